@@ -112,7 +112,33 @@ waypoints:
   EXPECT_GT(crossing["tiles"], middle["tiles"]);
 }
 
+TEST_F(CityFlight, AFrameLargerThanMemoryIsRenderedInRegions) {
+  const std::vector<std::string> outputs{"--outputs", "depth,segmentation,flow,normals",  "--samples", "4",
+                                         "--degrade", (folder_ / "degrade.yaml").string()};
+  const auto with = [&](std::vector<std::string> more) {
+    more.insert(more.end(), outputs.begin(), outputs.end());
+    return more;
+  };
+  const json whole = render("whole", with({"--memory", "1"}));
+  EXPECT_EQ(whole["frames_divided"], 0);
+  for (const char* threads : {"1", "2"}) {
+    const std::string out = std::string("regions") + threads;
+    const json regions = render(out, with({"--memory", "0.005", "--threads", threads}));
+    EXPECT_GT(regions["frames_divided"], 5);
+    EXPECT_LT(regions["frames_divided"], regions["frames"]) << "some frames fit";
+    for (const char* key : {"frames", "tiles", "complete", "warnings"}) EXPECT_EQ(regions[key], whole[key]) << key;
+    tests::expect_same_files(folder_ / "whole", folder_ / out);
+  }
+#ifdef TILEFLIGHT_MPIRUN
+  const ProgramResult shared = tests::run_by_mpirun(2, arguments("shared", with({"--memory", "0.01"})));
+  ASSERT_EQ(shared.exit_code, 0) << shared.err;
+  tests::expect_same_files(folder_ / "whole", folder_ / "shared");
+#endif
+}
+
 TEST_F(CityFlight, AFrameThatDoesNotFitIsRefusedWithWhatWould) {
+  // A lidar looks all around, so that regions would need all tiles.
+  TinyPlace::write_file(folder_ / "flight.yaml", std::string(kFlight) + kSensors);
   const ProgramResult refused = run_tileflight(arguments("refused", {"--memory", "0.004"}));
   EXPECT_EQ(refused.exit_code, 1);
   EXPECT_EQ(tests::line_count(refused.err), 1) << refused.err;

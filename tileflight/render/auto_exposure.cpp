@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
-#include <memory>
+#include <utility>
 #include <variant>
 
 namespace tileflight::render {
@@ -24,25 +24,18 @@ double adaptation_fraction(const AutoExposure& options, double step_s) {
 
 double linear_luminance(const LinearRgb& light) { return 0.2126 * light[0] + 0.7152 * light[1] + 0.0722 * light[2]; }
 
-/// Summed row by row, so that the result does not depend on parallelism.
-double mean_light(const LinearImage& light, const imaging::FloatImage& vignette,
-                  const imaging::Image<std::uint8_t>& valid) {
-  double sum = 0.0;
-  std::int64_t count = 0;
-  for (std::size_t i = 0; i < light.pixels.size(); ++i) {
-    if (valid.pixels[i] == 0) continue;
-    sum += linear_luminance(light.pixels[i]) * (vignette.empty() ? 1.0 : static_cast<double>(vignette.pixels[i]));
-    ++count;
-  }
-  return count > 0 ? sum / static_cast<double>(count) : 0.0;
-}
-
 imaging::Image<std::uint8_t> valid_pixels(const imaging::Camera& camera) {
   imaging::Image<std::uint8_t> valid(camera.width(), camera.height());
   for (int y = 0; y < camera.height(); ++y) {
     for (int x = 0; x < camera.width(); ++x) valid(x, y) = camera.unproject(geometry::Vec2(x, y)).has_value() ? 1 : 0;
   }
   return valid;
+}
+
+RenderOptions cheaper(RenderOptions options) {
+  options.depth = false;
+  options.samples_per_pixel = 1;
+  return options;
 }
 
 }  // namespace
@@ -78,21 +71,50 @@ imaging::Camera metering_camera(const imaging::Camera& camera, int width) {
   return {std::visit(scaled, camera.model()), width, height};
 }
 
+LightMeter::LightMeter(const scene::Scene& scene, std::shared_ptr<const Appearance> appearance,
+                       const imaging::Camera& camera, const RenderOptions& options, const ImageFormation& formation)
+    : camera_(camera),
+      renderer_(scene, std::move(appearance), metering_camera(camera), cheaper(options)),
+      vignette_(make_vignette(formation, renderer_.camera().width(), renderer_.camera().height())),
+      valid_(valid_pixels(renderer_.camera())) {}
+
+LinearImage LightMeter::image(const geometry::SE3& T_local_camera) const {
+  return renderer_.render_light({1, 1, {T_local_camera}}).light;
+}
+
+/// Summed row by row, so that the result does not depend on parallelism.
+double LightMeter::mean_light(const LinearImage& light) const {
+  double sum = 0.0;
+  std::int64_t count = 0;
+  for (std::size_t i = 0; i < light.pixels.size(); ++i) {
+    if (valid_.pixels[i] == 0) continue;
+    sum += linear_luminance(light.pixels[i]) * (vignette_.empty() ? 1.0 : static_cast<double>(vignette_.pixels[i]));
+    ++count;
+  }
+  return count > 0 ? sum / static_cast<double>(count) : 0.0;
+}
+
+imaging::PixelRegion LightMeter::region(const imaging::PixelRegion& of) const {
+  // Pixel i's centre is at (i + 0.5) scale - 0.5 of the camera's image, whose pixel x reaches from x - 0.5 to x + 0.5.
+  const auto first_from = [](int bound, int size, int size_of_camera) {
+    return static_cast<int>(std::ceil(static_cast<double>(bound) * size / size_of_camera - 0.5));
+  };
+  const int width = renderer_.camera().width(), height = renderer_.camera().height();
+  return {first_from(of.x0, width, camera_.width()), first_from(of.y0, height, camera_.height()),
+          first_from(of.x1, width, camera_.width()), first_from(of.y1, height, camera_.height())};
+}
+
+std::vector<double> LightMeter::mean_lights(std::span<const geometry::StampedPose> frames) const {
+  std::vector<double> light(frames.size());
+  tbb::parallel_for(std::size_t{0}, frames.size(),
+                    [&](std::size_t i) { light[i] = mean_light(image(frames[i].T_local_camera)); });
+  return light;
+}
+
 std::vector<double> meter_light(const scene::Scene& scene, std::shared_ptr<const Appearance> appearance,
                                 const imaging::Camera& camera, const RenderOptions& options,
                                 const ImageFormation& formation, std::span<const geometry::StampedPose> frames) {
-  RenderOptions cheap = options;
-  cheap.depth = false;
-  cheap.samples_per_pixel = 1;
-  const imaging::Camera small = metering_camera(camera);
-  const CameraRenderer renderer(scene, std::move(appearance), small, cheap);
-  const imaging::FloatImage vignette = make_vignette(formation, small.width(), small.height());
-  const imaging::Image<std::uint8_t> valid = valid_pixels(small);
-  std::vector<double> light(frames.size());
-  tbb::parallel_for(std::size_t{0}, frames.size(), [&](std::size_t i) {
-    light[i] = mean_light(renderer.render_light({1, 1, {frames[i].T_local_camera}}).light, vignette, valid);
-  });
-  return light;
+  return LightMeter(scene, std::move(appearance), camera, options, formation).mean_lights(frames);
 }
 
 }  // namespace tileflight::render

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
 #include <vector>
@@ -30,8 +32,31 @@ std::vector<double> exposure_gains(const AutoExposure& options, std::span<const 
 /// pixels are stretched.
 imaging::Camera metering_camera(const imaging::Camera& camera, int width = 64);
 
-/// Mean linear light (Rec. 709 luminance, including vignetting) of the image at each pose within the lens's valid cone,
-/// at gain 1. Renders small images; the result does not depend on the number of threads.
+/// Meters frames by small images, rendered without exposure. Thread-safe; results do not depend on the number of
+/// threads. Scene and formation must outlive it.
+class LightMeter {
+ public:
+  LightMeter(const scene::Scene& scene, std::shared_ptr<const Appearance> appearance, const imaging::Camera& camera,
+             const RenderOptions& options, const ImageFormation& formation);
+
+  /// The small image at a pose, at gain 1.
+  LinearImage image(const geometry::SE3& T_local_camera) const;
+  /// Mean linear light (Rec. 709 luminance, including vignetting) of such an image within the lens's valid cone.
+  double mean_light(const LinearImage& light) const;
+  /// The mean light of the image at each pose.
+  std::vector<double> mean_lights(std::span<const geometry::StampedPose> frames) const;
+  /// The pixels of the small image whose centres lie in a region of the camera's image. Regions that cover the one
+  /// without overlap cover the other without overlap.
+  imaging::PixelRegion region(const imaging::PixelRegion& region_of_camera) const;
+
+ private:
+  imaging::Camera camera_;
+  CameraRenderer renderer_;
+  imaging::FloatImage vignette_;
+  imaging::Image<std::uint8_t> valid_;
+};
+
+/// Mean light, as LightMeter takes it, of the image at each pose.
 std::vector<double> meter_light(const scene::Scene& scene, std::shared_ptr<const Appearance> appearance,
                                 const imaging::Camera& camera, const RenderOptions& options,
                                 const ImageFormation& formation, std::span<const geometry::StampedPose> frames);

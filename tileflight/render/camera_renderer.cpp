@@ -21,8 +21,8 @@
 namespace tileflight::render {
 namespace {
 
-constexpr int kTileWidth = 64;  // pixels; a multiple of a beam's columns; the height, of its rows
-constexpr int kTileHeight = 32;
+// Threads share an image by tiles of this size.
+static_assert(kRegionStepX % TracedBeam::kColumns == 0 && kRegionStepY % TracedBeam::kRows == 0);
 
 int samples_along_axis(int samples_per_pixel) {
   for (int n = 1; n <= 4; ++n) {
@@ -31,46 +31,36 @@ int samples_along_axis(int samples_per_pixel) {
   throw InputError("samples per pixel", "must be 1, 4, 9 or 16, got " + std::to_string(samples_per_pixel));
 }
 
-struct PixelTile {
-  int x0, y0, x1, y1;  // pixels, end exclusive
-};
+using imaging::PixelRegion;
 
-/// Counts over the central rays of a part of the image; integer sums, so their order does not matter.
-struct ViewCounts {
-  float nearest_m = std::numeric_limits<float>::infinity();
-  std::int64_t valid = 0, surface = 0, back = 0;
+/// The tiles of a region, in rows.
+std::vector<PixelRegion> tiles_of(const PixelRegion& region) {
+  std::vector<PixelRegion> tiles;
+  for (int y = region.y0; y < region.y1; y += kRegionStepY) {
+    for (int x = region.x0; x < region.x1; x += kRegionStepX)
+      tiles.push_back({x, y, std::min(region.x1, x + kRegionStepX), std::min(region.y1, y + kRegionStepY)});
+  }
+  return tiles;
+}
 
-  void add(const ViewCounts& other) {
-    nearest_m = std::min(nearest_m, other.nearest_m);
-    valid += other.valid;
-    surface += other.surface;
-    back += other.back;
+/// `lanes`: the lanes with central rays, one bit each.
+TILEFLIGHT_LANE_INLINE void add_lanes(const scene::RayPacket8& packet, std::uint8_t lanes, ViewStatistics& view) {
+  std::int32_t hits = 0, backs = 0;
+  float nearest = std::numeric_limits<float>::infinity();
+  for (int i = 0; i < scene::RayPacket8::kLanes; ++i) {
+    const bool hit = (lanes >> i & 1) != 0 && packet.mesh[i] != scene::RayPacket8::kMiss;
+    const float slope = packet.normal_x[i] * packet.direction_x[i] + packet.normal_y[i] * packet.direction_y[i] +
+                        packet.normal_z[i] * packet.direction_z[i];
+    const float distance_m = hit ? packet.far[i] : std::numeric_limits<float>::infinity();
+    hits += hit ? 1 : 0;
+    backs += hit && slope > 0.0F ? 1 : 0;
+    nearest = distance_m < nearest ? distance_m : nearest;
   }
-  /// `lanes`: the lanes with central rays, one bit each.
-  TILEFLIGHT_LANE_INLINE void add_lanes(const scene::RayPacket8& packet, std::uint8_t lanes) {
-    std::int32_t hits = 0, backs = 0;
-    float nearest = std::numeric_limits<float>::infinity();
-    for (int i = 0; i < scene::RayPacket8::kLanes; ++i) {
-      const bool hit = (lanes >> i & 1) != 0 && packet.mesh[i] != scene::RayPacket8::kMiss;
-      const float slope = packet.normal_x[i] * packet.direction_x[i] + packet.normal_y[i] * packet.direction_y[i] +
-                          packet.normal_z[i] * packet.direction_z[i];
-      const float distance_m = hit ? packet.far[i] : std::numeric_limits<float>::infinity();
-      hits += hit ? 1 : 0;
-      backs += hit && slope > 0.0F ? 1 : 0;
-      nearest = distance_m < nearest ? distance_m : nearest;
-    }
-    valid += std::popcount(lanes);
-    surface += hits;
-    back += backs;
-    nearest_m = std::min(nearest_m, nearest);
-  }
-  ViewStatistics view() const {
-    const auto share = [](std::int64_t part, std::int64_t all) {
-      return all > 0 ? static_cast<double>(part) / static_cast<double>(all) : 0.0;
-    };
-    return {nearest_m, share(surface, valid), share(back, surface)};
-  }
-};
+  view.rays += std::popcount(lanes);
+  view.surfaces += hits;
+  view.back_faces += backs;
+  view.nearest_m = std::min(view.nearest_m, static_cast<double>(nearest));
+}
 
 TILEFLIGHT_LANE_INLINE imaging::Rgb8 encode_srgb(const Float4& squares) {
   Float4 roots;
@@ -94,7 +84,7 @@ SurfacePoint surface_point(const RayBlock& rays, const scene::RayPacket8& packet
 
 /// Calls `work(x, y)` for the first sample of each beam of a tile; `n` x `n` samples a pixel.
 template <class Work>
-TILEFLIGHT_LANE_INLINE void for_each_beam(const PixelTile& tile, int n, const Work& work) {
+TILEFLIGHT_LANE_INLINE void for_each_beam(const PixelRegion& tile, int n, const Work& work) {
   for (int y = tile.y0 * n; y < tile.y1 * n; y += TracedBeam::kRows) {
     for (int x = tile.x0 * n; x < tile.x1 * n; x += TracedBeam::kColumns) work(x, y);
   }
@@ -124,6 +114,19 @@ void require_a_pose_a_row(std::size_t poses, int height) {
 
 }  // namespace
 
+double ViewStatistics::surface_share() const { return static_cast<double>(surfaces) / static_cast<double>(rays); }
+
+double ViewStatistics::back_face_share() const {
+  return surfaces > 0 ? static_cast<double>(back_faces) / static_cast<double>(surfaces) : 0.0;
+}
+
+void ViewStatistics::add(const ViewStatistics& other) {
+  nearest_m = std::min(nearest_m, other.nearest_m);
+  rays += other.rays;
+  surfaces += other.surfaces;
+  back_faces += other.back_faces;
+}
+
 struct CameraRenderer::Impl {
   const scene::Scene& scene;
   std::shared_ptr<const Appearance> appearance;
@@ -149,44 +152,43 @@ struct CameraRenderer::Impl {
 
   int width() const { return camera.width(); }
   int height() const { return camera.height(); }
-  PixelTile tile(int index) const;
-  int tile_count() const;
+  std::vector<PixelRegion> tiles(const OptionalRegion& region) const;
   template <class Work>
-  ViewStatistics for_each_tile(const Work& work) const;
+  ViewStatistics for_each_tile(const OptionalRegion& region, const Work& work) const;
 
   imaging::FloatImage empty_depth() const;
   RowPoses rows_at(const ShutterPoses& poses, int moment) const;
-  ViewCounts trace_central(const PixelTile& tile, const RowPoses& poses, imaging::RgbImage* rgb,
-                           imaging::FloatImage* depth_m) const;
-  void visit_tile(const PixelTile& tile, const RowPoses& poses, const SurfaceVisitor& visitor) const;
+  ViewStatistics trace_central(const PixelRegion& tile, const RowPoses& poses, imaging::RgbImage* rgb,
+                               imaging::FloatImage* depth_m) const;
+  void visit_tile(const PixelRegion& tile, const RowPoses& poses, const SurfaceVisitor& visitor) const;
   TILEFLIGHT_LANE_INLINE void write_depth(const TracedBeam::Block& block, const scene::RayPacket8& packet,
                                           imaging::FloatImage& depth_m) const;
   std::array<LinearRgb, 8> shade_block(std::uint8_t valid, const scene::RayPacket8& packet,
                                        const SquaredColors8& squares) const;
-  void add_light(const PixelTile& tile, const RowPoses& poses, LinearImage& sum) const;
-  void scale_light(const PixelTile& tile, int moments, LinearImage& sum) const;
-  RenderedFrame render(std::span<const geometry::SE3> poses_of_rows) const;
-  LightFrame render_light(const ShutterPoses& poses) const;
+  void add_light(const PixelRegion& tile, const RowPoses& poses, LinearImage& sum) const;
+  void scale_light(const PixelRegion& tile, int moments, LinearImage& sum) const;
+  RenderedFrame render(std::span<const geometry::SE3> poses_of_rows, const OptionalRegion& region) const;
+  LightFrame render_light(const ShutterPoses& poses, const OptionalRegion& region) const;
 };
 
-int CameraRenderer::Impl::tile_count() const {
-  return ((width() + kTileWidth - 1) / kTileWidth) * ((height() + kTileHeight - 1) / kTileHeight);
-}
-
-PixelTile CameraRenderer::Impl::tile(int index) const {
-  const int columns = (width() + kTileWidth - 1) / kTileWidth;
-  const int x0 = index % columns * kTileWidth;
-  const int y0 = index / columns * kTileHeight;
-  return {x0, y0, std::min(width(), x0 + kTileWidth), std::min(height(), y0 + kTileHeight)};
+std::vector<PixelRegion> CameraRenderer::Impl::tiles(const OptionalRegion& region) const {
+  if (!region) return tiles_of({0, 0, width(), height()});
+  const auto is_bound = [](int at, int step, int end) { return at % step == 0 || at == end; };
+  const bool is_inside = region->x0 >= 0 && region->y0 >= 0 && region->x1 <= width() && region->y1 <= height();
+  if (!is_inside || region->x0 % kRegionStepX != 0 || region->y0 % kRegionStepY != 0 ||
+      !is_bound(region->x1, kRegionStepX, width()) || !is_bound(region->y1, kRegionStepY, height()))
+    throw std::invalid_argument("region: not bounded by the image's tiles");
+  return tiles_of(*region);
 }
 
 template <class Work>
-ViewStatistics CameraRenderer::Impl::for_each_tile(const Work& work) const {
-  std::vector<ViewCounts> counts(static_cast<std::size_t>(tile_count()));
-  tbb::parallel_for(0, tile_count(), [&](int i) { counts[static_cast<std::size_t>(i)] = work(tile(i)); });
-  ViewCounts all;
-  for (const ViewCounts& part : counts) all.add(part);
-  return all.view();
+ViewStatistics CameraRenderer::Impl::for_each_tile(const OptionalRegion& region, const Work& work) const {
+  const std::vector<PixelRegion> all = tiles(region);
+  std::vector<ViewStatistics> views(all.size());
+  tbb::parallel_for(std::size_t{0}, all.size(), [&](std::size_t i) { views[i] = work(all[i]); });
+  ViewStatistics sum;
+  for (const ViewStatistics& view : views) sum.add(view);
+  return sum;
 }
 
 imaging::FloatImage CameraRenderer::Impl::empty_depth() const {
@@ -209,10 +211,11 @@ void CameraRenderer::Impl::write_depth(const TracedBeam::Block& block, const sce
   });
 }
 
-TILEFLIGHT_WIDE_VECTORS ViewCounts CameraRenderer::Impl::trace_central(const PixelTile& tile, const RowPoses& poses,
-                                                                       imaging::RgbImage* rgb,
-                                                                       imaging::FloatImage* depth_m) const {
-  ViewCounts counts;
+TILEFLIGHT_WIDE_VECTORS ViewStatistics CameraRenderer::Impl::trace_central(const PixelRegion& tile,
+                                                                           const RowPoses& poses,
+                                                                           imaging::RgbImage* rgb,
+                                                                           imaging::FloatImage* depth_m) const {
+  ViewStatistics view;
   TracedBeam beam;
   SquaredColors8 squares;
   for_each_beam(tile, 1, [&](int x, int y) {
@@ -221,7 +224,7 @@ TILEFLIGHT_WIDE_VECTORS ViewCounts CameraRenderer::Impl::trace_central(const Pix
     for (int k = 0; k < beam.size; ++k) {
       const TracedBeam::Block& block = beam.blocks[static_cast<std::size_t>(k)];
       const scene::RayPacket8& packet = beam.packets[static_cast<std::size_t>(k)];
-      counts.add_lanes(packet, block.valid);
+      add_lanes(packet, block.valid, view);
       if (depth_m != nullptr) write_depth(block, packet, *depth_m);
       if (rgb == nullptr) continue;
       tracer.shade(block.valid, packet, beam.reads[static_cast<std::size_t>(k)], squares);
@@ -230,10 +233,10 @@ TILEFLIGHT_WIDE_VECTORS ViewCounts CameraRenderer::Impl::trace_central(const Pix
       });
     }
   });
-  return counts;
+  return view;
 }
 
-void CameraRenderer::Impl::visit_tile(const PixelTile& tile, const RowPoses& poses,
+void CameraRenderer::Impl::visit_tile(const PixelRegion& tile, const RowPoses& poses,
                                       const SurfaceVisitor& visitor) const {
   TracedBeam beam;
   for_each_beam(tile, 1, [&](int x0, int y0) {
@@ -263,7 +266,7 @@ std::array<LinearRgb, 8> CameraRenderer::Impl::shade_block(std::uint8_t valid, c
   return lanes;
 }
 
-void CameraRenderer::Impl::add_light(const PixelTile& tile, const RowPoses& poses, LinearImage& sum) const {
+void CameraRenderer::Impl::add_light(const PixelRegion& tile, const RowPoses& poses, LinearImage& sum) const {
   const RayTable& table = samples ? *samples : central;
   const int n = table.samples_along_axis();
   TracedBeam beam;
@@ -284,7 +287,7 @@ void CameraRenderer::Impl::add_light(const PixelTile& tile, const RowPoses& pose
   });
 }
 
-void CameraRenderer::Impl::scale_light(const PixelTile& tile, int moments, LinearImage& sum) const {
+void CameraRenderer::Impl::scale_light(const PixelRegion& tile, int moments, LinearImage& sum) const {
   const float scale = 1.0F / static_cast<float>(moments * options.samples_per_pixel);
   for (int y = tile.y0; y < tile.y1; ++y) {
     for (int x = tile.x0; x < tile.x1; ++x) {
@@ -293,23 +296,25 @@ void CameraRenderer::Impl::scale_light(const PixelTile& tile, int moments, Linea
   }
 }
 
-RenderedFrame CameraRenderer::Impl::render(std::span<const geometry::SE3> poses_of_rows) const {
+RenderedFrame CameraRenderer::Impl::render(std::span<const geometry::SE3> poses_of_rows,
+                                           const OptionalRegion& region) const {
   const RowPoses poses(poses_of_rows, scene.anchor());
   tracer.prepare(poses);
   RenderedFrame frame{imaging::RgbImage(width(), height()), empty_depth(), {}};
   imaging::FloatImage* depth_m = options.depth ? &frame.depth_m : nullptr;
-  frame.view = for_each_tile([&](const PixelTile& tile) { return trace_central(tile, poses, &frame.rgb, depth_m); });
+  frame.view =
+      for_each_tile(region, [&](const PixelRegion& tile) { return trace_central(tile, poses, &frame.rgb, depth_m); });
   return frame;
 }
 
-LightFrame CameraRenderer::Impl::render_light(const ShutterPoses& shutter) const {
+LightFrame CameraRenderer::Impl::render_light(const ShutterPoses& shutter, const OptionalRegion& region) const {
   LightFrame frame{LinearImage(width(), height()), empty_depth(), {}};
   std::vector<RowPoses> moments;
   for (int k = 0; k < shutter.moments; ++k) moments.push_back(rows_at(shutter, k));
   tracer.prepare(moments.front());
   const RowPoses& middle = moments[static_cast<std::size_t>(shutter.moments / 2)];
   imaging::FloatImage* depth_m = options.depth ? &frame.depth_m : nullptr;
-  frame.view = for_each_tile([&](const PixelTile& tile) {
+  frame.view = for_each_tile(region, [&](const PixelRegion& tile) {
     for (const RowPoses& poses : moments) add_light(tile, poses, frame.light);
     scale_light(tile, shutter.moments, frame.light);
     return trace_central(tile, middle, nullptr, depth_m);
@@ -329,16 +334,17 @@ CameraRenderer::~CameraRenderer() = default;
 const imaging::Camera& CameraRenderer::camera() const { return impl_->camera; }
 std::shared_ptr<const Appearance> CameraRenderer::appearance() const { return impl_->appearance; }
 
-RenderedFrame CameraRenderer::render(const geometry::SE3& T_local_camera) const {
-  return render_rows(std::span(&T_local_camera, 1));
+RenderedFrame CameraRenderer::render(const geometry::SE3& T_local_camera, const OptionalRegion& region) const {
+  return render_rows(std::span(&T_local_camera, 1), region);
 }
 
-RenderedFrame CameraRenderer::render_rows(std::span<const geometry::SE3> T_local_camera_of_row) const {
+RenderedFrame CameraRenderer::render_rows(std::span<const geometry::SE3> T_local_camera_of_row,
+                                          const OptionalRegion& region) const {
   const std::size_t rows = T_local_camera_of_row.size();
   require_a_pose_a_row(rows, impl_->height());
-  if (!impl_->samples && !impl_->shader) return impl_->render(T_local_camera_of_row);
+  if (!impl_->samples && !impl_->shader) return impl_->render(T_local_camera_of_row, region);
   ShutterPoses shutter{1, static_cast<int>(rows), {T_local_camera_of_row.begin(), T_local_camera_of_row.end()}};
-  LightFrame light = impl_->render_light(shutter);
+  LightFrame light = impl_->render_light(shutter, region);
   RenderedFrame frame{imaging::RgbImage(impl_->width(), impl_->height()), std::move(light.depth_m), light.view};
   const SrgbTables& srgb = SrgbTables::get();
   tbb::parallel_for(0, impl_->height(), [&](int y) {
@@ -347,21 +353,22 @@ RenderedFrame CameraRenderer::render_rows(std::span<const geometry::SE3> T_local
   return frame;
 }
 
-LightFrame CameraRenderer::render_light(const ShutterPoses& poses) const {
+LightFrame CameraRenderer::render_light(const ShutterPoses& poses, const OptionalRegion& region) const {
   const auto wanted = static_cast<std::size_t>(poses.moments) * static_cast<std::size_t>(poses.rows);
   if (poses.moments < 1 || poses.T_local_camera.size() != wanted ||
       (poses.rows != 1 && poses.rows != impl_->height())) {
     throw std::invalid_argument("ShutterPoses: times x (1 or height) poses are needed");
   }
-  return impl_->render_light(poses);
+  return impl_->render_light(poses, region);
 }
 
-void CameraRenderer::visit_surface(std::span<const geometry::SE3> T_local_camera_of_row,
-                                   const SurfaceVisitor& visitor) const {
+void CameraRenderer::visit_surface(std::span<const geometry::SE3> T_local_camera_of_row, const SurfaceVisitor& visitor,
+                                   const OptionalRegion& region) const {
   require_a_pose_a_row(T_local_camera_of_row.size(), impl_->height());
   const RowPoses poses(T_local_camera_of_row, impl_->scene.anchor());
   impl_->tracer.prepare(poses);
-  tbb::parallel_for(0, impl_->tile_count(), [&](int i) { impl_->visit_tile(impl_->tile(i), poses, visitor); });
+  const std::vector<PixelRegion> tiles = impl_->tiles(region);
+  tbb::parallel_for(std::size_t{0}, tiles.size(), [&](std::size_t i) { impl_->visit_tile(tiles[i], poses, visitor); });
 }
 
 }  // namespace tileflight::render

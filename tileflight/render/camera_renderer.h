@@ -11,6 +11,7 @@
 
 #include "tileflight/imaging/camera.h"
 #include "tileflight/imaging/image.h"
+#include "tileflight/imaging/pixel_region.h"
 #include "tileflight/render/linear_color.h"
 #include "tileflight/scene/scene.h"
 
@@ -30,11 +31,17 @@ struct RenderOptions {
   std::shared_ptr<const Daylight> daylight{};
 };
 
-/// Statistics of the pixels' central rays, for checks of a flight.
+/// What the pixels' central rays see, for checks of a flight.
 struct ViewStatistics {
-  double nearest_m = std::numeric_limits<double>::infinity();  ///< distance of the nearest surface seen
-  double surface_share = 0.0;    ///< of the pixels within the lens's valid cone, the fraction that see a surface
-  double back_face_share = 0.0;  ///< of the pixels that see a surface, the fraction that see its back face
+  double nearest_m = std::numeric_limits<double>::infinity();  ///< distance of the nearest surface
+  std::int64_t rays = 0;                                       ///< of the pixels within the lens's valid cone
+  std::int64_t surfaces = 0;                                   ///< rays that see a surface
+  std::int64_t back_faces = 0;                                 ///< of them, those that see its back face
+
+  double surface_share() const;    ///< of the rays; NaN if there are none
+  double back_face_share() const;  ///< of the surfaces; 0 if there are none
+  /// Adds the rays of other pixels.
+  void add(const ViewStatistics& other);
 };
 
 struct RenderedFrame {
@@ -71,6 +78,10 @@ struct SurfacePoint {
   std::array<float, 3> normal_local{};  ///< oriented by the triangle's winding, not unit length
 };
 
+/// A region of an image that is rendered alone: multiples of these, or the image's end, bound it.
+inline constexpr int kRegionStepX = 64, kRegionStepY = 32;
+using OptionalRegion = std::optional<imaging::PixelRegion>;
+
 /// Called once for each pixel within the lens's valid cone, from several threads at once and in any order.
 using SurfaceVisitor = std::function<void(const SurfacePoint& point)>;
 
@@ -92,13 +103,17 @@ class CameraRenderer {
   const imaging::Camera& camera() const;
   std::shared_ptr<const Appearance> appearance() const;
 
-  RenderedFrame render(const geometry::SE3& T_local_camera) const;
+  /// Each takes the region to render; without one, all pixels. The pixels outside it are black, and their depth is NaN;
+  /// those inside are the same as if all were rendered.
+  RenderedFrame render(const geometry::SE3& T_local_camera, const OptionalRegion& region = {}) const;
   /// Renders each row from its own pose (rolling shutter): one pose per row.
-  RenderedFrame render_rows(std::span<const geometry::SE3> T_local_camera_of_row) const;
+  RenderedFrame render_rows(std::span<const geometry::SE3> T_local_camera_of_row,
+                            const OptionalRegion& region = {}) const;
   /// Linear light averaged over the exposure. Throws std::invalid_argument if the number of poses is wrong.
-  LightFrame render_light(const ShutterPoses& poses) const;
+  LightFrame render_light(const ShutterPoses& poses, const OptionalRegion& region = {}) const;
   /// Geometry only, one ray per pixel: `T_local_camera_of_row` is one pose, or one per row.
-  void visit_surface(std::span<const geometry::SE3> T_local_camera_of_row, const SurfaceVisitor& visitor) const;
+  void visit_surface(std::span<const geometry::SE3> T_local_camera_of_row, const SurfaceVisitor& visitor,
+                     const OptionalRegion& region = {}) const;
 
  private:
   struct Impl;

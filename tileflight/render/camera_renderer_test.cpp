@@ -283,12 +283,12 @@ TEST(CameraRenderer, ViewTellsWhatIsNearAndFromWhichSide) {
   const CameraRenderer renderer(scene, imaging::make_pinhole(33, 21, 60.0), {});
   const ViewStatistics above = renderer.render(looking_down(kGround + Vec3(0, 0, 12.5))).view;
   EXPECT_NEAR(above.nearest_m, 12.5, 1e-4);
-  EXPECT_EQ(above.surface_share, 1.0);
-  EXPECT_EQ(above.back_face_share, 0.0);
+  EXPECT_EQ(above.surface_share(), 1.0);
+  EXPECT_EQ(above.back_face_share(), 0.0);
   const ViewStatistics ahead = renderer.render(looking_along(kGround + Vec3(0, 0, 2.0), Vec3(0, 1, 0))).view;
-  EXPECT_NEAR(ahead.surface_share, 10.0 / 21.0, 1e-9);
+  EXPECT_NEAR(ahead.surface_share(), 10.0 / 21.0, 1e-9);
   const SE3 T_up(geometry::Mat3(geometry::Mat3::Identity()), kGround + Vec3(0, 0, -3.0));
-  EXPECT_EQ(renderer.render(T_up).view.back_face_share, 1.0);
+  EXPECT_EQ(renderer.render(T_up).view.back_face_share(), 1.0);
 }
 
 TEST(CameraRenderer, SameBytesForAnyNumberOfThreads) {
@@ -344,6 +344,48 @@ TEST(CameraRenderer, LightIsAveragedOverTheExposure) {
         renderer.render_light({2, 1, {over_white}});
       },
       ThrowsMessage<std::invalid_argument>(HasSubstr("times x (1 or height) poses are needed")));
+}
+
+/// A photograph-like ground with a step, which every region of the image sees something of.
+Scene patterned_step() {
+  const auto image = texture(300, 200, [](int x, int y) { return grey(noise(x / 2, y / 2)); });
+  return Scene({ground(kGround, 100.0, image), ground(kGround + Vec3(15.0, 5.0, 4.0), 20.0, image)});
+}
+
+TEST(CameraRenderer, RegionsTogetherAreTheWhole) {
+  const Scene scene = patterned_step();
+  for (const Lens& lens : lenses()) {
+    for (const int samples : {1, 4}) {
+      const CameraRenderer renderer(scene, lens.camera, {.samples_per_pixel = samples});
+      const SE3 T = looking_along(kGround + Vec3(3.0, -2.0, 30.0), Vec3(0.3, 0.8, -0.7));
+      const RenderedFrame whole = renderer.render(T);
+      RenderedFrame sum = renderer.render(T, imaging::PixelRegion{0, 0, 64, 32});
+      for (const imaging::PixelRegion& region :
+           {imaging::PixelRegion{64, 0, lens.camera.width(), 32},
+            imaging::PixelRegion{0, 32, lens.camera.width(), lens.camera.height()}}) {
+        const RenderedFrame part = renderer.render(T, region);
+        EXPECT_EQ(part.rgb(0, 0), imaging::Rgb8{}) << "outside the region";
+        imaging::copy_region(region, part.rgb, sum.rgb);
+        imaging::copy_region(region, part.depth_m, sum.depth_m);
+        sum.view.add(part.view);
+      }
+      EXPECT_EQ(sum.rgb.pixels, whole.rgb.pixels) << lens.name;
+      EXPECT_EQ(std::memcmp(sum.depth_m.pixels.data(), whole.depth_m.pixels.data(),
+                            whole.depth_m.pixels.size() * sizeof(float)),
+                0);
+      EXPECT_EQ(sum.view.rays, whole.view.rays);
+      EXPECT_EQ(sum.view.surfaces, whole.view.surfaces);
+      EXPECT_EQ(sum.view.nearest_m, whole.view.nearest_m);
+    }
+  }
+}
+
+TEST(CameraRenderer, RefusesARegionThatCutsTiles) {
+  const Scene scene = patterned_step();
+  const CameraRenderer renderer(scene, imaging::make_pinhole(160, 120, 90.0), {});
+  for (const imaging::PixelRegion& region :
+       {imaging::PixelRegion{0, 0, 60, 32}, imaging::PixelRegion{0, 1, 64, 32}, imaging::PixelRegion{0, 0, 192, 32}})
+    EXPECT_THROW(renderer.render(looking_down(kGround + Vec3(0, 0, 9.0)), region), std::invalid_argument);
 }
 
 TEST(CameraRenderer, RefusesAnImpossibleNumberOfSamples) {

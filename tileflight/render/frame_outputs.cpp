@@ -84,7 +84,8 @@ std::span<const SceneObject> OutputRenderer::objects() const {
   return objects_ ? objects_->all() : std::span<const SceneObject>();
 }
 
-OutputImages OutputRenderer::render(std::span<const SE3> T_local_camera_of_row, std::span<const SE3> next) const {
+OutputImages OutputRenderer::render(std::span<const SE3> T_local_camera_of_row, std::span<const SE3> next,
+                                    const OptionalRegion& region) const {
   const imaging::Camera& camera = renderer_.camera();
   OutputImages images = make_blank_images(outputs_, camera.width(), camera.height(), !next.empty());
   const auto flow_px = [&](const SurfacePoint& at, const Vec3& point) -> std::array<float, 2> {
@@ -92,7 +93,7 @@ OutputImages OutputRenderer::render(std::span<const SE3> T_local_camera_of_row, 
     if (!pixel) return {kNaN, kNaN};
     return {static_cast<float>(pixel->x() - at.x), static_cast<float>(pixel->y() - at.y)};
   };
-  renderer_.visit_surface(T_local_camera_of_row, [&](const SurfacePoint& at) {
+  const auto visit = [&](const SurfacePoint& at) {
     if (outputs_.range) images.range_m(at.x, at.y) = at.hit ? at.distance_m : std::numeric_limits<float>::infinity();
     if (!at.hit) return;
     const SE3& T = pose_of_row(T_local_camera_of_row, at.y);
@@ -101,7 +102,8 @@ OutputImages OutputRenderer::render(std::span<const SE3> T_local_camera_of_row, 
     const Vec3 point = T * (static_cast<double>(at.distance_m) * vec3(at.ray_camera));
     if (!images.flow_px.empty()) images.flow_px(at.x, at.y) = flow_px(at, point);
     if (outputs_.visibility && (!place_ || place_(point))) images.visibility(at.x, at.y) = 255;
-  });
+  };
+  renderer_.visit_surface(T_local_camera_of_row, visit, region);
   return images;
 }
 

@@ -55,8 +55,10 @@ class OutputRenderer {
 
   /// The objects indexed by the object images; empty if these are not requested.
   std::span<const SceneObject> objects() const;
-  /// `T_local_camera_of_row`: one pose, or one per row; `next`: the same for the next frame, empty for the last frame.
-  OutputImages render(std::span<const geometry::SE3> T_local_camera_of_row, std::span<const geometry::SE3> next) const;
+  /// `T_local_camera_of_row`: one pose, or one per row; `next`: the same for the next frame, empty for the last frame;
+  /// `region`: the pixels to render, others have the values of pixels outside the lens's valid cone; default: all.
+  OutputImages render(std::span<const geometry::SE3> T_local_camera_of_row, std::span<const geometry::SE3> next,
+                      const OptionalRegion& region = {}) const;
 
  private:
   const CameraRenderer& renderer_;

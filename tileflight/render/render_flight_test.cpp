@@ -173,7 +173,7 @@ TEST(RenderFlight, WarnsOfBadPaths) {
 }
 
 TEST(RenderFlight, WarningsOfFramesThatAreNotKnownAreLeftOut) {
-  const FrameCheck good{.view = {.nearest_m = 5.0, .surface_share = 0.9, .back_face_share = 0.0},
+  const FrameCheck good{.view = {.nearest_m = 5.0, .rays = 10, .surfaces = 9, .back_faces = 0},
                         .surroundings = {},
                         .path_is_blocked = false};
   FrameCheck near = good, blocked = good;
@@ -187,12 +187,12 @@ TEST(RenderFlight, WarningsOfFramesThatAreNotKnownAreLeftOut) {
 }
 
 TEST(RenderFlight, FaultsAreNamedForPrograms) {
-  const FrameCheck good{.view = {.nearest_m = 5.0, .surface_share = 0.9, .back_face_share = 0.0}, .surroundings = {}};
+  const FrameCheck good{.view = {.nearest_m = 5.0, .rays = 10, .surfaces = 9, .back_faces = 0}, .surroundings = {}};
   FrameCheck inside = good, beside = good, behind = good;
   inside.surroundings.inside = true;
-  inside.view.back_face_share = 0.9;  // the fault is not reported twice
+  inside.view.back_faces = 8;  // the fault is not reported twice
   beside.surroundings.clearance_m = 0.1;
-  behind.view.back_face_share = 0.9;
+  behind.view.back_faces = 8;
   const std::vector<std::optional<FrameCheck>> checks{inside, good, inside, beside, behind};
   const std::vector<FlightFault> faults = find_flight_faults(checks, 3, 0.3);
   ASSERT_EQ(faults.size(), 3U);

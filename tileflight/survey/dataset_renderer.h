@@ -8,20 +8,13 @@
 
 #include "tileflight/render/render_flight.h"
 #include "tileflight/survey/frame_assignment.h"
+#include "tileflight/survey/part_renderer.h"
 #include "tileflight/survey/planned_flight.h"
 #include "tileflight/survey/render_stage.h"
 #include "tileflight/tiles/load.h"
 #include "tileflight/workflow/ranks.h"
 
 namespace tileflight::survey {
-
-/// Result of rendering a flight, all its parts together.
-struct RenderSummary {
-  double seconds = 0.0;  ///< rendering time
-  std::optional<render::AutoExposureState> exposure_after;
-  tiles::LoadedTiles tiles;  ///< without their content; triangles: the largest number in a scene. Valid after finish()
-  std::int64_t parts = 0;
-};
 
 /// Builds a flight's dataset: this process and others render frames, then the dataset is completed. With a video rate,
 /// the images are encoded to a video and decoded again, as in a recording camera: the dataset contains the decoded

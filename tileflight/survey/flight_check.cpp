@@ -49,20 +49,16 @@ struct ViewSample {
 
 ViewSample sample_view(const scene::Scene& scene, const std::vector<GridRay>& rays, const SE3& pose) {
   ViewSample out;
-  std::size_t backs = 0;
   for (const GridRay& r : rays) {
     const scene::Ray ray{pose.translation, pose.rotation * r.ray};
+    ++out.view.rays;
     const auto hit = scene.intersect(ray);
     if (!hit) continue;
+    ++out.view.surfaces;
     out.view.nearest_m = std::min(out.view.nearest_m, hit->distance_m);
-    backs += scene.normal(*hit).dot(ray.direction) > 0 ? 1 : 0;
+    out.view.back_faces += scene.normal(*hit).dot(ray.direction) > 0 ? 1 : 0;
     out.hits.push_back({r.pixel, ray.origin + hit->distance_m * ray.direction});
   }
-  const auto share = [](std::size_t part, std::size_t all) {
-    return all > 0 ? static_cast<double>(part) / static_cast<double>(all) : 0.0;
-  };
-  out.view.surface_share = share(out.hits.size(), rays.size());
-  out.view.back_face_share = share(backs, out.hits.size());
   return out;
 }
 
@@ -177,11 +173,10 @@ FlightCheck check_flight(const scene::Scene& scene, const PlannedFlight& mission
     render::FrameCheck& frame = found.frames[i];
     frame.surroundings = scene::find_surroundings(scene, pose.translation, options.max_clearance_m);
     frame.path_is_blocked = i + 1 < poses.size() && scene::path_hits_surface(scene, path_between(mission, i));
-    frame.view.surface_share = std::nan("");
     if (is_looked_at[i]) {
       const ViewSample seen = sample_view(scene, rays, pose);
       frame.view = seen.view;
-      found.views[i].surface_share = seen.view.surface_share;
+      found.views[i].surface_share = seen.view.surface_share();
       if (i + 1 < poses.size())
         found.views[i].flow_share = flow_share(seen, mission.calibration.camera, poses[i + 1].T_local_camera);
     }

@@ -18,6 +18,8 @@ using geometry::Vec3;
 using nlohmann::json;
 using tiles::BoundingSphere;
 
+constexpr double kSlack_m = 1.0;  // beyond what is looked for around a camera
+
 tiles::LoadOptions load_options_of(const PlannedFlight& mission, const RenderSettings& settings) {
   tiles::LoadOptions load = settings.load;
   load.uses = {transport::Use::kAnalyse};
@@ -68,7 +70,7 @@ FlightTiles::FlightTiles(const PlannedFlight& mission, const RenderSettings& set
 
 /// Spheres that hold all surfaces that FrameCheck looks for around a frame's camera, other than below it.
 void FlightTiles::add_frame_spheres() {
-  constexpr double kDetour = 1.5, kSlack_m = 1.0;  // the way to the next frame may be curved
+  constexpr double kDetour = 1.5;  // the way to the next frame may be curved
   const auto& poses = mission_.frames.poses;
   for (std::size_t i = 0; i < poses.size(); ++i) {
     const Vec3& here = poses[i].T_local_camera.translation;
@@ -121,19 +123,45 @@ std::optional<std::uintmax_t> FlightTiles::file_bytes(const tiles::CutContent& c
   return transport::is_data_uri(content.uri) ? std::nullopt : source_->size(content.uri);
 }
 
-std::function<bool(const BoundingSphere&)> FlightTiles::needs_of(std::size_t frame) const {
-  const auto first = cones_.begin() + static_cast<std::ptrdiff_t>(frame * cones_per_frame_);
-  const tiles::RefinementCriterion view =
-      tiles::flight_criterion({first, first + static_cast<std::ptrdiff_t>(cones_per_frame_)}, geometry::SE3(), 0.0);
-  return [view, around = surroundings_[frame]](const BoundingSphere& sphere) {
-    return view.intersects(sphere) || (sphere.center - around.center).norm() <= sphere.radius_m + around.radius_m ||
+std::vector<tiles::ViewCone> FlightTiles::cones_of(const FrameView& view) const {
+  if (view.region) {
+    const std::optional<tiles::ViewCone>& cone = region_cone(*view.region);
+    return cone ? region_view_cones(mission_, view.frame, *cone) : std::vector<tiles::ViewCone>();
+  }
+  const auto first = cones_.begin() + static_cast<std::ptrdiff_t>(view.frame * cones_per_frame_);
+  return {first, first + static_cast<std::ptrdiff_t>(cones_per_frame_)};
+}
+
+/// Cone of a region, and of what chromatic aberration moves into it from beside it.
+const std::optional<tiles::ViewCone>& FlightTiles::region_cone(const imaging::PixelRegion& region) const {
+  const auto [known, is_new] = region_cones_.try_emplace({region.x0, region.y0, region.x1, region.y1}, std::nullopt);
+  if (!is_new) return known->second;
+  const imaging::Camera& camera = mission_.calibration.camera;
+  const render::ImageFormation& formation = mission_.options.formation;
+  const double larger = std::max(std::abs(formation.chromatic_red), std::abs(formation.chromatic_blue));
+  const int margin_px = static_cast<int>(std::ceil(larger * std::max(camera.width(), camera.height())));
+  known->second = tiles::view_cone_of_region(
+      camera, {std::max(0, region.x0 - margin_px), std::max(0, region.y0 - margin_px),
+               std::min(camera.width(), region.x1 + margin_px), std::min(camera.height(), region.y1 + margin_px)});
+  return known->second;
+}
+
+std::function<bool(const BoundingSphere&)> FlightTiles::needs_of(const FrameView& view) const {
+  const std::vector<tiles::ViewCone> cones = cones_of(view);
+  tiles::RefinementCriterion seen{.intersects = [](const tiles::BoundingVolume&) { return false; }};
+  if (!cones.empty()) seen = tiles::flight_criterion(cones, geometry::SE3(), 0.0);
+  if (!view.has_checks) return [seen](const BoundingSphere& sphere) { return seen.intersects(sphere); };
+  BoundingSphere around = surroundings_[view.frame];
+  if (view.region) around.radius_m = std::max(around.radius_m, kInsideReach_m + kSlack_m);
+  return [seen, around](const BoundingSphere& sphere) {
+    return seen.intersects(sphere) || (sphere.center - around.center).norm() <= sphere.radius_m + around.radius_m ||
            is_below(sphere, around.center);
   };
 }
 
-std::vector<std::size_t> FlightTiles::places_for_frame(std::size_t frame) const {
-  const auto needs = needs_of(frame);
-  const std::vector<std::size_t>& contents = contents_of_group_[groups_.group_of_frame[frame]];
+std::vector<std::size_t> FlightTiles::places_for_view(const FrameView& view) const {
+  const auto needs = needs_of(view);
+  const std::vector<std::size_t>& contents = contents_of_group_[groups_.group_of_frame[view.frame]];
   std::vector<std::size_t> places;
   for (std::size_t place = 0; place < contents.size(); ++place) {
     if (needs(spheres_[contents[place]])) places.push_back(place);
@@ -141,9 +169,9 @@ std::vector<std::size_t> FlightTiles::places_for_frame(std::size_t frame) const 
   return places;
 }
 
-std::vector<tiles::CutContent> FlightTiles::contents_for_frame(std::size_t frame, double error_px) {
-  tiles::TileCut cut = select_group(groups_.group_of_frame[frame], error_px);
-  const auto needs = needs_of(frame);
+std::vector<tiles::CutContent> FlightTiles::contents_for_view(const FrameView& view, double error_px) {
+  tiles::TileCut cut = select_group(groups_.group_of_frame[view.frame], error_px);
+  const auto needs = needs_of(view);
   std::erase_if(cut.contents, [&](const tiles::CutContent& content) { return !needs(sphere_of(content)); });
   return std::move(cut.contents);
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -11,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "tileflight/imaging/pixel_region.h"
 #include "tileflight/survey/frame_groups.h"
 #include "tileflight/survey/planned_flight.h"
 #include "tileflight/survey/render_stage.h"
@@ -23,9 +25,18 @@
 
 namespace tileflight::survey {
 
-/// On a flight of several groups, surfaces farther away than this do not tell whether a camera is inside a solid: what
-/// is loaded for a frame must not depend on memory, and neither must what is found.
+/// On a flight of several groups, and at a frame that is rendered in regions, surfaces farther away than this do not
+/// tell whether a camera is inside a solid: what is loaded for a frame must not depend on memory, and neither must what
+/// is found.
 inline constexpr double kInsideReach_m = 64.0;
+
+/// What is rendered at once of a frame.
+struct FrameView {
+  std::size_t frame = 0;
+  /// Pixels of the image, bounded as CameraRenderer's regions; nullopt: all.
+  std::optional<imaging::PixelRegion> region{};
+  bool has_checks = true;  ///< whether what surrounds the camera (FrameCheck) is looked at too
+};
 
 /// The tiles of a flight: for each group of its frames (frame_groups.h) the cut that is fine enough for the nearest
 /// camera of the group; without a pixel error, the cut of a region for all frames. Contents are numbered over all cuts,
@@ -49,15 +60,17 @@ class FlightTiles {
   const std::vector<std::size_t>& contents_of_group(std::size_t group) const { return contents_of_group_[group]; }
   /// Those that a frame needs: what it may show, and what surrounds the camera (FrameCheck). As places in
   /// contents_of_group, ascending.
-  std::vector<std::size_t> places_for_frame(std::size_t frame) const;
+  std::vector<std::size_t> places_for_frame(std::size_t frame) const { return places_for_view({frame}); }
+  /// The same for a part of a frame. What surrounds the camera of a divided frame reaches to kInsideReach_m.
+  std::vector<std::size_t> places_for_view(const FrameView& view) const;
 
   /// Whether a region is loaded whole if it fits into memory, also what no frame shows.
   bool is_region() const { return !error_px_; }
   /// Pixel error that tiles are selected for; nullopt: a region's.
   const std::optional<double>& error_px() const { return error_px_; }
 
-  /// The cut that frame `frame`'s group would have with another pixel error: what the frame needs of it.
-  std::vector<tiles::CutContent> contents_for_frame(std::size_t frame, double error_px);
+  /// The cut that the frame's group would have with another pixel error: what the view needs of it.
+  std::vector<tiles::CutContent> contents_for_view(const FrameView& view, double error_px);
 
   /// Reads contents, in this order; an unreadable one is empty and states its failure. Throws InputError for the first
   /// of these unless LoadOptions::allow_incomplete.
@@ -80,7 +93,9 @@ class FlightTiles {
   void add_group(std::size_t group);
   std::size_t number_of(const tiles::CutContent& content);
   void add_frame_spheres();
-  std::function<bool(const tiles::BoundingSphere& sphere)> needs_of(std::size_t frame) const;
+  std::function<bool(const tiles::BoundingSphere& sphere)> needs_of(const FrameView& view) const;
+  std::vector<tiles::ViewCone> cones_of(const FrameView& view) const;
+  const std::optional<tiles::ViewCone>& region_cone(const imaging::PixelRegion& region) const;
   tiles::BoundingSphere sphere_of(const tiles::CutContent& content) const;
 
   const PlannedFlight& mission_;
@@ -98,6 +113,7 @@ class FlightTiles {
   std::vector<tiles::BoundingSphere> spheres_;       ///< of each content, local frame
   std::vector<std::vector<std::size_t>> contents_of_group_;
   std::map<std::pair<tiles::NodeId, std::size_t>, std::size_t> numbers_;
+  mutable std::map<std::array<int, 4>, std::optional<tiles::ViewCone>> region_cones_;  ///< by the region's bounds
   std::vector<std::string> first_warnings_;  ///< of the source before any content was read
   std::vector<std::optional<tiles::ContentRecord>> records_;
   std::vector<std::size_t> new_records_;

@@ -58,6 +58,11 @@ class FlightTilesTest : public testing::Test {
     for (std::size_t i = 0; i < frames.size(); ++i) frames[i] = i;
     return frames;
   }
+  std::vector<FrameView> all_views() const {
+    std::vector<FrameView> views;
+    for (const std::size_t frame : all_frames()) views.push_back({frame});
+    return views;
+  }
   /// The cut of the group, as seen by all its frames or refined for them and seen by one.
   tiles::TileCut cut_of(const std::vector<std::size_t>& group, std::optional<std::size_t> frame = {}) const {
     const auto source = transport::open_source(settings_.source);
@@ -135,10 +140,10 @@ TEST_F(FlightTilesTest, PartsCoverTheFlightWithinMemory) {
   for (const std::size_t frame : all_frames()) most_tiles = std::max(most_tiles, all.places_for_frame(frame).size());
   for (const std::uintmax_t limit : {kPlenty, (most_tiles + 8) * tile_bytes(), (most_tiles + 1) * tile_bytes()}) {
     FlightTiles tiles = open();
-    PartLoader loader(tiles, all_frames(), limit);
+    PartLoader loader(tiles, all_views(), limit);
     std::size_t next = 0, parts = 0;
-    while (next < loader.frames().size()) {
-      FlightPart part = loader.load(next);
+    while (next < loader.views().size()) {
+      FlightPart part = loader.load(next).value();
       ASSERT_EQ(part.begin, next);
       ASSERT_GT(part.end, part.begin);
       const std::size_t group = tiles.groups().group_of_frame[part.begin];
@@ -168,10 +173,10 @@ TEST_F(FlightTilesTest, PartsCoverTheFlightWithinMemory) {
 
 TEST_F(FlightTilesTest, WhatIsInMemoryIsNotReadAgain) {
   FlightTiles tiles = open();
-  PartLoader loader(tiles, all_frames(), kPlenty);
+  PartLoader loader(tiles, all_views(), kPlenty);
   std::size_t removed = 0;
-  for (std::size_t next = 0; next < loader.frames().size();) {
-    FlightPart part = loader.load(next);
+  for (std::size_t next = 0; next < loader.views().size();) {
+    FlightPart part = loader.load(next).value();
     for (std::size_t frame = part.begin; frame < part.end; ++frame) {
       const std::size_t group = tiles.groups().group_of_frame[frame];
       for (const std::size_t place : tiles.places_for_frame(frame)) {
@@ -185,15 +190,56 @@ TEST_F(FlightTilesTest, WhatIsInMemoryIsNotReadAgain) {
   EXPECT_GT(removed, 30U);
 }
 
-TEST_F(FlightTilesTest, AFrameThatDoesNotFitIsRefusedBeforeAndWhileLoading) {
+TEST_F(FlightTilesTest, ARegionNeedsWhatItsRaysMeet) {
+  FlightTiles tiles = open();
+  const imaging::Camera& camera = mission_.calibration.camera;
+  std::size_t fewest = tiles.content_count(), hits = 0;
+  for (const std::size_t frame : {std::size_t{3}, std::size_t{20}, std::size_t{30}}) {
+    std::vector<imaging::TexturedMesh> meshes;  // one a tile: its number is the tile's place
+    for (tiles::LoadedContent& content : tiles.read(tiles.contents_of_group(tiles.groups().group_of_frame[frame])))
+      meshes.push_back(std::move(content.meshes.at(0)));
+    const scene::Scene scene(std::move(meshes));
+    const SE3& T_local_camera = mission_.frames.poses[frame].T_local_camera;
+    for (const imaging::PixelRegion& region :
+         {imaging::PixelRegion{0, 0, 64, 32}, {64, 96, 192, 160}, {256, 160, 320, 240}}) {
+      const std::vector<std::size_t> places = tiles.places_for_view({frame, region, false});
+      fewest = std::min(fewest, places.size());
+      for (int y = region.y0; y < region.y1; ++y) {
+        for (int x = region.x0; x < region.x1; ++x) {
+          const auto ray = camera.unproject({static_cast<double>(x), static_cast<double>(y)});
+          if (!ray) continue;
+          const auto hit = scene.intersect({T_local_camera.translation, T_local_camera.rotation * *ray});
+          if (!hit) continue;
+          ++hits;
+          ASSERT_TRUE(std::ranges::binary_search(places, std::size_t{hit->mesh})) << frame << " " << x << " " << y;
+        }
+      }
+    }
+  }
+  EXPECT_GT(hits, 10000U);
+  EXPECT_LT(fewest, 12U) << "a region needs few of the tiles";
+}
+
+TEST_F(FlightTilesTest, AFrameThatDoesNotFitIsDividedOrRefused) {
+  FlightTiles tiles = open();
+  require_frames_fit(tiles, mission_, all_frames(), 30 * tile_bytes(), {});
+  PartLoader loader(tiles, all_views(), 20 * tile_bytes());
+  EXPECT_FALSE(loader.load(0));
+  EXPECT_GT(loader.estimated_bytes({0}), static_cast<double>(20 * tile_bytes()));
+  const std::string message =
+      tests::refusal_of([&] { require_frames_fit(tiles, mission_, all_frames(), 2 * tile_bytes(), {}); });
+  EXPECT_THAT(message, HasSubstr("the tiles of 64 x "));
+  EXPECT_THAT(message, HasSubstr(" GB of memory: raise the limit (--memory "));
+}
+
+TEST_F(FlightTilesTest, AFrameThatMayNotBeDividedIsRefused) {
+  mission_.options.formation.light.emplace();
   FlightTiles tiles = open();
   const std::string message =
-      tests::refusal_of([&] { require_frames_fit(tiles, all_frames(), 20 * tile_bytes(), {}); });
+      tests::refusal_of([&] { require_frames_fit(tiles, mission_, all_frames(), 20 * tile_bytes(), {}); });
+  EXPECT_THAT(message, HasSubstr("the tiles of frame "));
   EXPECT_THAT(message, HasSubstr(" need about "));
-  EXPECT_THAT(message, HasSubstr(" GB of memory: raise the limit (--memory "));
-  require_frames_fit(tiles, all_frames(), 47 * tile_bytes(), {});
-  PartLoader loader(tiles, all_frames(), 20 * tile_bytes());
-  EXPECT_THROW(loader.load(0), tiles::MemoryLimitExceeded);
+  require_frames_fit(tiles, mission_, all_frames(), 64 * tile_bytes(), {});
 }
 
 TEST(MemorySum, CountsATextureOfAFileOnce) {

@@ -38,8 +38,9 @@ double infinite_if_null(const json& value) {
 json to_json(const FrameRecord& frame) {
   const render::ViewStatistics& view = frame.check.view;
   return {{"exposure_ms", frame.exposure_ms},
-          {"surface_share", view.surface_share},
-          {"back_share", view.back_face_share},
+          {"rays", view.rays},
+          {"surfaces", view.surfaces},
+          {"back_faces", view.back_faces},
           {"nearest_m", finite_or_null(view.nearest_m)},
           {"clearance_m", finite_or_null(frame.check.surroundings.clearance_m)},
           {"above_ground_m", finite_or_null(frame.check.surroundings.above_ground_m)},
@@ -52,8 +53,9 @@ std::optional<FrameRecord> record_from_json(const json& note) {
   try {
     FrameRecord frame;
     frame.exposure_ms = note.at("exposure_ms").get<double>();
-    frame.check.view.surface_share = note.at("surface_share").get<double>();
-    frame.check.view.back_face_share = note.at("back_share").get<double>();
+    frame.check.view.rays = note.at("rays").get<std::int64_t>();
+    frame.check.view.surfaces = note.at("surfaces").get<std::int64_t>();
+    frame.check.view.back_faces = note.at("back_faces").get<std::int64_t>();
     frame.check.view.nearest_m = infinite_if_null(note.at("nearest_m"));
     frame.check.surroundings.clearance_m = infinite_if_null(note.at("clearance_m"));
     frame.check.surroundings.above_ground_m = infinite_if_null(note.at("above_ground_m"));

@@ -27,7 +27,9 @@ using workflow::test_support::ThreadRanks;
 
 FrameRecord frame_of(double exposure_ms, const std::string& cut) {
   FrameRecord frame{exposure_ms, {}, cut};
-  frame.check.view.surface_share = 1.0 / 3.0;
+  frame.check.view.rays = 3;
+  frame.check.view.surfaces = 2;
+  frame.check.view.back_faces = 1;
   frame.check.surroundings.above_ground_m = 12.5;
   frame.check.surroundings.inside = exposure_ms > 1.0;
   frame.check.path_is_blocked = exposure_ms > 1.0;
@@ -87,7 +89,9 @@ TEST(KeptFrames, ComeBackToThoseWhoMakeTheSame) {
     const auto frames = FrameStore(out, 1, 2).read_frames();
     ASSERT_EQ(frames.size(), 2U);
     EXPECT_EQ(frames.at(7).exposure_ms, near.exposure_ms);
-    EXPECT_EQ(frames.at(7).check.view.surface_share, near.check.view.surface_share);
+    EXPECT_EQ(frames.at(7).check.view.rays, near.check.view.rays);
+    EXPECT_EQ(frames.at(7).check.view.surfaces, near.check.view.surfaces);
+    EXPECT_EQ(frames.at(7).check.view.back_faces, near.check.view.back_faces);
     EXPECT_TRUE(std::isinf(frames.at(7).check.view.nearest_m));
     EXPECT_TRUE(std::isinf(frames.at(7).check.surroundings.clearance_m));
     EXPECT_EQ(frames.at(7).check.surroundings.above_ground_m, 12.5);

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "tileflight/base/formatted_text.h"
+#include "tileflight/survey/image_division.h"
 #include "tileflight/survey/part_loader.h"
 
 namespace tileflight::survey {
@@ -74,10 +75,10 @@ class MemoryEstimator {
   double geometry_bytes_ = 0.0, texture_bytes_ = 0.0;
 };
 
-std::vector<std::size_t> numbers_for(const FlightTiles& tiles, std::size_t frame) {
-  const std::vector<std::size_t>& all = tiles.contents_of_group(tiles.groups().group_of_frame[frame]);
+std::vector<std::size_t> numbers_for(const FlightTiles& tiles, const FrameView& view) {
+  const std::vector<std::size_t>& all = tiles.contents_of_group(tiles.groups().group_of_frame[view.frame]);
   std::vector<std::size_t> numbers;
-  for (const std::size_t place : tiles.places_for_frame(frame)) numbers.push_back(all[place]);
+  for (const std::size_t place : tiles.places_for_view(view)) numbers.push_back(all[place]);
   return numbers;
 }
 
@@ -100,8 +101,25 @@ std::size_t largest_frame(const FlightTiles& tiles, MemoryEstimator& estimator,
                           const std::vector<std::size_t>& frames) {
   std::vector<double> sizes;
   for (const std::size_t frame : frames)
-    sizes.push_back(estimator.sizes_of(contents_of(tiles, numbers_for(tiles, frame))).contents);
+    sizes.push_back(estimator.sizes_of(contents_of(tiles, numbers_for(tiles, {frame}))).contents);
   return frames[static_cast<std::size_t>(std::ranges::max_element(sizes) - sizes.begin())];
+}
+
+/// Of the smallest regions that a frame's image can be divided into, the one whose contents have the largest files.
+FrameView largest_region(const FlightTiles& tiles, MemoryEstimator& estimator, std::size_t frame,
+                         const imaging::Camera& camera) {
+  constexpr double kSmall = 0.0;  // bytes that no region keeps within
+  FrameView largest{frame};
+  double most = -1.0;
+  for (const imaging::PixelRegion& region : divide_image(
+           camera.width(), camera.height(), [](const auto&) { return 1.0; }, kSmall)) {
+    const FrameView view{frame, region, !largest.region};  // the first also has the tiles around the camera
+    const double size = estimator.sizes_of(contents_of(tiles, numbers_for(tiles, view))).contents;
+    if (size <= most) continue;
+    most = size;
+    largest = view;
+  }
+  return largest;
 }
 
 /// Whether even files that are very well compressed would fit.
@@ -122,29 +140,31 @@ double rounded_up(double value) {
   return std::ceil(value / unit) * unit;
 }
 
-/// A pixel error at which the frame fits; nullopt: none within reason.
-std::optional<double> fitting_error_px(FlightTiles& tiles, MemoryEstimator& estimator, std::size_t frame,
+/// A pixel error at which the view fits; nullopt: none within reason.
+std::optional<double> fitting_error_px(FlightTiles& tiles, MemoryEstimator& estimator, const FrameView& view,
                                        double limit_bytes) {
   constexpr double kStep = 1.3, kMost = 32.0, kMargin = 0.9;
   if (!tiles.error_px()) return std::nullopt;
   for (double factor = kStep; factor < kMost; factor *= kStep) {
     const double error_px = rounded_up(*tiles.error_px() * factor);
-    if (estimator.estimated_bytes(tiles.contents_for_frame(frame, error_px)) <= kMargin * limit_bytes) return error_px;
+    if (estimator.estimated_bytes(tiles.contents_for_view(view, error_px)) <= kMargin * limit_bytes) return error_px;
   }
   return std::nullopt;
 }
 
-tiles::MemoryLimitExceeded refusal(FlightTiles& tiles, MemoryEstimator& estimator, std::size_t frame,
+tiles::MemoryLimitExceeded refusal(FlightTiles& tiles, MemoryEstimator& estimator, const FrameView& view,
                                    double needed_bytes, double limit_bytes) {
-  const std::optional<double> error_px = fitting_error_px(tiles, estimator, frame, limit_bytes);
+  const std::optional<double> error_px = fitting_error_px(tiles, estimator, view, limit_bytes);
+  const std::string pixels =
+      view.region ? base::formatted("%d x %d pixels of ", view.region->width(), view.region->height()) : std::string();
   const std::string coarser = error_px           ? base::formatted("--pixel-error %g", *error_px)
                               : tiles.error_px() ? std::string("--pixel-error")
                                                  : std::string("--error, --pixel-error");
   return {tiles.name(),
-          base::formatted("the tiles of frame %zu need about %.2g GB, more than %.3g GB of memory: raise the limit "
+          base::formatted("the tiles of %sframe %zu need about %.2g GB, more than %.3g GB of memory: raise the limit "
                           "(--memory %g) or request coarser tiles (%s)",
-                          frame, 1e-9 * needed_bytes, 1e-9 * limit_bytes, rounded_up(1.1e-9 * needed_bytes),
-                          coarser.c_str())};
+                          pixels.c_str(), view.frame, 1e-9 * needed_bytes, 1e-9 * limit_bytes,
+                          rounded_up(1.1e-9 * needed_bytes), coarser.c_str())};
 }
 
 }  // namespace
@@ -156,7 +176,10 @@ void require_frames_fit(FlightTiles& tiles, const std::vector<std::size_t>& fram
   if (frames.empty() || surely_fits(tiles, max_memory_bytes)) return;
   MemoryEstimator estimator(tiles);
   const std::size_t frame = largest_frame(tiles, estimator, frames);
-  const std::vector<std::size_t> numbers = numbers_for(tiles, frame);
+  const FrameView view = may_divide_images(mission)
+                             ? largest_region(tiles, estimator, frame, mission.calibration.camera)
+                             : FrameView{frame};
+  const std::vector<std::size_t> numbers = numbers_for(tiles, view);
   if (numbers.empty()) return;
   report_progress(progress, 0, 0, "estimating memory");
   estimator.learn(evenly_chosen(numbers, kProbes));
@@ -169,7 +192,7 @@ void require_frames_fit(FlightTiles& tiles, const std::vector<std::size_t>& fram
     measured.learn({first, first + static_cast<std::ptrdiff_t>(std::min(kAtOnce, numbers.size() - k))});
     if (measured.learnt_bytes() <= limit) continue;
     const double needed = std::max(measured.learnt_bytes(), measured.estimated_bytes(contents));
-    throw refusal(tiles, measured, frame, needed, limit);
+    throw refusal(tiles, measured, view, needed, limit);
   }
 }
 

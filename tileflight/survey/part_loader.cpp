@@ -9,7 +9,6 @@
 #include <iterator>
 #include <limits>
 
-#include "tileflight/base/formatted_text.h"
 #include "tileflight/render/scene_memory.h"
 
 namespace tileflight::survey {
@@ -19,8 +18,8 @@ using imaging::TexturedMesh;
 
 /// Share of the memory limit that a part of several frames may take; the rest is for what is read ahead.
 constexpr double kPartShare = 0.75;
-/// Number of frames whose needs decide which contents are kept.
-constexpr std::size_t kFramesAhead = 64;
+/// Number of views whose needs decide which contents are kept.
+constexpr std::size_t kViewsAhead = 64;
 
 /// The distinct textures of meshes, in the order of their first use.
 std::vector<const imaging::RgbImage*> textures_of(const std::vector<TexturedMesh>& meshes) {
@@ -80,9 +79,9 @@ struct PartLoader::Background {
   }
 };
 
-PartLoader::PartLoader(FlightTiles& tiles, std::vector<std::size_t> frames, std::uintmax_t max_memory_bytes)
+PartLoader::PartLoader(FlightTiles& tiles, std::vector<FrameView> views, std::uintmax_t max_memory_bytes)
     : tiles_(tiles),
-      frames_(std::move(frames)),
+      views_(std::move(views)),
       max_memory_bytes_(max_memory_bytes),
       contents_(tiles.content_count()),
       background_(std::make_unique<Background>()) {
@@ -104,14 +103,42 @@ PartLoader::Contents PartLoader::contents_at(const std::vector<std::size_t>& pla
   return contents;
 }
 
-PartLoader::Contents PartLoader::contents_for(std::size_t frame) const {
-  return contents_at(tiles_.places_for_frame(frame), tiles_.groups().group_of_frame[frame]);
+PartLoader::Contents PartLoader::contents_for(const FrameView& view) const {
+  return contents_at(tiles_.places_for_view(view), tiles_.groups().group_of_frame[view.frame]);
 }
 
-FlightPart PartLoader::load(std::size_t begin, const Progress& progress) {
+double PartLoader::estimated_bytes(const FrameView& view) const {
+  const double bytes_per_file_byte = rendered_bytes_per_file_byte();
+  MemorySum known;
+  double others = 0.0;
+  for (const std::size_t i : contents_for(view)) {
+    if (contents_[i].memory) known.add(*contents_[i].memory, file_of_[i], true);
+    if (!contents_[i].memory) others += bytes_per_file_byte * file_bytes(i);
+  }
+  return static_cast<double>(known.bytes()) + others;
+}
+
+/// Size of a content's file; all count alike if the source does not know them.
+double PartLoader::file_bytes(std::size_t content) const {
+  return static_cast<double>(tiles_.file_bytes(tiles_.content(content)).value_or(1));
+}
+
+/// Of the contents that have been read; 0 if there are none.
+double PartLoader::rendered_bytes_per_file_byte() const {
+  double rendered = 0.0, files = 0.0;
+  for (std::size_t i = 0; i < contents_.size(); ++i) {
+    if (!contents_[i].memory) continue;
+    rendered += static_cast<double>(MemorySum().bytes_of(*contents_[i].memory, file_of_[i], true));
+    files += file_bytes(i);
+  }
+  return files > 0.0 ? rendered / files : 0.0;
+}
+
+std::optional<FlightPart> PartLoader::load(std::size_t begin, const Progress& progress) {
   std::vector<std::size_t> places;
-  FlightPart part{begin, choose_frames(begin, places, progress), {}};
-  part_ = contents_at(places, tiles_.groups().group_of_frame[frames_[begin]]);
+  FlightPart part{begin, choose_views(begin, places, progress), {}};
+  if (part.end == part.begin) return std::nullopt;
+  part_ = contents_at(places, tiles_.groups().group_of_frame[views_[begin].frame]);
   make_room(part_, {part_.begin(), part_.end()}, part.end, 0);
   part_meshes_.clear();
   for (const std::size_t i : part_) {
@@ -123,34 +150,36 @@ FlightPart PartLoader::load(std::size_t begin, const Progress& progress) {
   return part;
 }
 
-/// Fetches what the part needs, into memory and `places`. Returns the part's end.
-std::size_t PartLoader::choose_frames(std::size_t begin, std::vector<std::size_t>& places, const Progress& progress) {
+/// Fetches what the part needs, into memory and `places`. Returns the part's end; `begin` if its first view does not
+/// fit.
+std::size_t PartLoader::choose_views(std::size_t begin, std::vector<std::size_t>& places, const Progress& progress) {
   const std::vector<std::size_t>& group_of_frame = tiles_.groups().group_of_frame;
-  const std::size_t group = group_of_frame[frames_[begin]];
-  if (tiles_.is_region() && fetch(tiles_.contents_of_group(group), begin, max_memory_bytes_, progress)) {
+  const FrameView& first = views_[begin];
+  const std::size_t group = group_of_frame[first.frame];
+  if (tiles_.is_region() && !first.region &&
+      fetch(tiles_.contents_of_group(group), begin, max_memory_bytes_, progress)) {
     places.resize(tiles_.contents_of_group(group).size());
     for (std::size_t place = 0; place < places.size(); ++place) places[place] = place;
-    return frames_.size();
+    return views_.size();
   }
   const auto share = static_cast<std::uintmax_t>(kPartShare * static_cast<double>(max_memory_bytes_));
+  const auto belongs = [&](const FrameView& view) {
+    return group_of_frame[view.frame] == group && view.region == first.region;
+  };
   std::size_t end = begin;
-  for (; end < frames_.size() && group_of_frame[frames_[end]] == group; ++end) {
-    const std::vector<std::size_t> added = tiles_.places_for_frame(frames_[end]);
+  for (; end < views_.size() && belongs(views_[end]); ++end) {
+    const std::vector<std::size_t> added = tiles_.places_for_view(views_[end]);
     std::vector<std::size_t> wanted;
     std::ranges::set_union(places, added, std::back_inserter(wanted));
     const bool is_new = wanted.size() > places.size();
     if (is_new && !fetch(contents_at(wanted, group), begin, end == begin ? max_memory_bytes_ : share, progress)) break;
     places = std::move(wanted);
   }
-  if (end > begin) return end;
-  throw tiles::MemoryLimitExceeded(
-      tiles_.name(), base::formatted("the tiles of frame %zu need more than %.3g GB of memory: request coarser tiles "
-                                     "(--pixel-error, --error), or raise the limit (--memory)",
-                                     frames_[begin], 1e-9 * static_cast<double>(max_memory_bytes_)));
+  return end;
 }
 
 /// Reads those of the contents that are not in memory. Returns false, with some of them read, if a scene of all would
-/// take more than `limit_bytes`. `begin`: the frame from which on contents are needed.
+/// take more than `limit_bytes`. `begin`: the view from which on contents are needed.
 bool PartLoader::fetch(const Contents& contents, std::size_t begin, std::uintmax_t limit_bytes,
                        const Progress& progress) {
   const std::set<std::size_t> kept(contents.begin(), contents.end());
@@ -168,15 +197,15 @@ bool PartLoader::fetch(const Contents& contents, std::size_t begin, std::uintmax
 
 void PartLoader::prefetch(std::size_t begin) {
   const std::size_t threads = tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism);
-  if (begin == frames_.size() || threads < 2) return;
+  if (begin == views_.size() || threads < 2) return;
   background_->run([this, begin] { read_ahead(begin); });
 }
 
 void PartLoader::read_ahead(std::size_t begin) {
   std::set<std::size_t> kept;
-  const std::size_t end = std::min(frames_.size(), begin + kFramesAhead);
+  const std::size_t end = std::min(views_.size(), begin + kViewsAhead);
   for (std::size_t i = begin; i < end; ++i) {
-    const Contents wanted = contents_for(frames_[i]);
+    const Contents wanted = contents_for(views_[i]);
     kept.insert(wanted.begin(), wanted.end());
     while (true) {
       const std::uintmax_t free_bytes = make_room(part_, kept, begin, mean_bytes());
@@ -243,7 +272,7 @@ std::uintmax_t PartLoader::rendered_bytes(const Contents& contents) const {
   return sum.bytes();
 }
 
-/// Releases contents, those that frames from frames()[next] on need last first, until `rendered` (as a scene) and the
+/// Releases contents, those that views from views()[next] on need last first, until `rendered` (as a scene) and the
 /// rest leave `room_bytes` of the limit; never those that are `kept`. Returns what is left of the limit.
 std::uintmax_t PartLoader::make_room(const Contents& rendered, const std::set<std::size_t>& kept, std::size_t next,
                                      std::uintmax_t room_bytes) {
@@ -274,13 +303,13 @@ std::uintmax_t PartLoader::make_room(const Contents& rendered, const std::set<st
   return max_memory_bytes_ - std::min(max_memory_bytes_, sum.bytes());
 }
 
-/// The contents in the order in which frames from frames()[from] on need them; those needed by none of the next frames
+/// The contents in the order in which views from views()[from] on need them; those needed by none of the next views
 /// last.
 PartLoader::Contents PartLoader::by_next_use(Contents contents, std::size_t from) const {
   std::map<std::size_t, std::size_t> use;
   for (const std::size_t i : contents) use[i] = std::numeric_limits<std::size_t>::max();
-  for (std::size_t k = from; k < std::min(frames_.size(), from + kFramesAhead); ++k) {
-    for (const std::size_t i : contents_for(frames_[k])) {
+  for (std::size_t k = from; k < std::min(views_.size(), from + kViewsAhead); ++k) {
+    for (const std::size_t i : contents_for(views_[k])) {
       if (const auto at = use.find(i); at != use.end()) at->second = std::min(at->second, k);
     }
   }

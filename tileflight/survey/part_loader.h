@@ -42,31 +42,39 @@ class MemorySum {
   std::set<std::pair<std::size_t, std::size_t>> textures_;  ///< file, and number in it
 };
 
-/// Consecutive frames of one group, with the meshes of all contents that they need, in the order of the group's cut.
+/// Consecutive views of frames of one group, all of the same region, with the meshes of all contents that they need, in
+/// the order of the group's cut.
 struct FlightPart {
-  std::size_t begin = 0;  ///< index into PartLoader::frames()
+  std::size_t begin = 0;  ///< index into PartLoader::views()
   std::size_t end = 0;    ///< likewise, not included
   std::vector<imaging::TexturedMesh> meshes;
 };
 
-/// Loads the tiles of a flight part by part, within a memory limit: a part has as many frames as fit. A content that
-/// the next part needs too is kept, not read again, and contents that later frames need are read beside the rendering
-/// of a part. How frames are divided into parts changes no pixel. Not thread safe.
+/// Loads the tiles of a flight part by part, within a memory limit: a part has as many views of frames as fit. A
+/// content that the next part needs too is kept, not read again, and contents that later views need are read beside the
+/// rendering of a part. How views are divided into parts changes no pixel. Not thread safe.
 class PartLoader {
  public:
-  /// `frames`: those to load tiles for, ascending. `tiles` must outlive it, and nothing else may use it between
+  /// `views`: those to load tiles for, in this order. `tiles` must outlive it, and nothing else may use it between
   /// prefetch() and take_back().
-  PartLoader(FlightTiles& tiles, std::vector<std::size_t> frames, std::uintmax_t max_memory_bytes);
+  PartLoader(FlightTiles& tiles, std::vector<FrameView> views, std::uintmax_t max_memory_bytes);
   ~PartLoader();
   PartLoader(const PartLoader&) = delete;
   PartLoader& operator=(const PartLoader&) = delete;
 
-  const std::vector<std::size_t>& frames() const { return frames_; }
+  const std::vector<FrameView>& views() const { return views_; }
+  /// Takes other views, or another limit; what is in memory stays as far as the views need it and the limit allows. Not
+  /// while a part is out.
+  void set_views(std::vector<FrameView> views) { views_ = std::move(views); }
+  void set_limit(std::uintmax_t max_memory_bytes) { max_memory_bytes_ = max_memory_bytes; }
 
-  /// Loads the part that begins with frame `begin` of frames(). Throws InputError; MemoryLimitExceeded if that frame
-  /// alone does not fit.
-  FlightPart load(std::size_t begin, const Progress& progress = {});
-  /// Begins to read contents for frames from `begin` on, as far as they fit beside the last part, while it is rendered.
+  /// Loads the part that begins with view `begin` of views(); nullopt if that view alone does not fit. Throws
+  /// InputError.
+  std::optional<FlightPart> load(std::size_t begin, const Progress& progress = {});
+  /// What a scene of a view takes, as far as its contents have been read, and an estimate of the others from their
+  /// files' sizes.
+  double estimated_bytes(const FrameView& view) const;
+  /// Begins to read contents for views from `begin` on, as far as they fit beside the last part, while it is rendered.
   void prefetch(std::size_t begin);
   /// Takes the meshes of the last part back, once it is rendered. Throws InputError if a content that was read
   /// meanwhile is unreadable.
@@ -82,8 +90,10 @@ class PartLoader {
   using Contents = std::vector<std::size_t>;
 
   Contents contents_at(const std::vector<std::size_t>& places, std::size_t group) const;
-  Contents contents_for(std::size_t frame) const;
-  std::size_t choose_frames(std::size_t begin, std::vector<std::size_t>& places, const Progress& progress);
+  Contents contents_for(const FrameView& view) const;
+  double file_bytes(std::size_t content) const;
+  double rendered_bytes_per_file_byte() const;
+  std::size_t choose_views(std::size_t begin, std::vector<std::size_t>& places, const Progress& progress);
   bool fetch(const Contents& contents, std::size_t begin, std::uintmax_t limit_bytes, const Progress& progress);
   void read_ahead(std::size_t begin);
   void read(const Contents& batch);
@@ -96,7 +106,7 @@ class PartLoader {
   Contents by_next_use(Contents contents, std::size_t from) const;
 
   FlightTiles& tiles_;
-  std::vector<std::size_t> frames_;
+  std::vector<FrameView> views_;
   std::uintmax_t max_memory_bytes_;
   std::vector<Content> contents_;
   std::vector<std::size_t> file_of_;  ///< of each content: number of its file

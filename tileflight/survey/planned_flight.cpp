@@ -1,12 +1,29 @@
 #include "tileflight/survey/planned_flight.h"
 
+#include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "tileflight/flight/path.h"
 #include "tileflight/survey/flown_path.h"
 #include "tileflight/vehicle/flight_plan.h"
 
 namespace tileflight::survey {
+namespace {
+
+/// Poses of the camera at a frame, and if its shutter is open for some time, before and after it.
+std::vector<geometry::SE3> exposure_poses(const PlannedFlight& mission, std::size_t frame) {
+  const render::ImageFormation& formation = mission.options.formation;
+  const double open_s = formation.exposure_time_s * render::max_exposure_gain(formation) +
+                        std::abs(formation.line_delay_s) * mission.calibration.camera.height();
+  const geometry::StampedPose& pose = mission.frames.poses[frame];
+  std::vector<geometry::SE3> poses{pose.T_local_camera};
+  if (open_s == 0.0) return poses;
+  for (const double time_s : {pose.time_s - open_s, pose.time_s + open_s}) poses.push_back(mission.pose_at(time_s));
+  return poses;
+}
+
+}  // namespace
 
 PlannedFlight plan_flight(const RenderSettings& settings, const Progress& progress) {
   const RenderedFlightConfig& flight = settings.flight;
@@ -33,19 +50,33 @@ PlannedFlight plan_flight(const RenderSettings& settings, const Progress& progre
 }
 
 std::vector<tiles::ViewCone> flight_view_cones(const PlannedFlight& mission) {
-  const render::ImageFormation& formation = mission.options.formation;
-  const double open_s = formation.exposure_time_s * render::max_exposure_gain(formation) +
-                        std::abs(formation.line_delay_s) * mission.calibration.camera.height();
   std::vector<geometry::SE3> poses;
-  for (const geometry::StampedPose& pose : mission.frames.poses) {
-    poses.push_back(pose.T_local_camera);
-    if (open_s > 0.0) {
-      for (const double time_s : {pose.time_s - open_s, pose.time_s + open_s}) poses.push_back(mission.pose_at(time_s));
-    }
+  for (std::size_t frame = 0; frame < mission.frames.size(); ++frame) {
+    const std::vector<geometry::SE3> of_frame = exposure_poses(mission, frame);
+    poses.insert(poses.end(), of_frame.begin(), of_frame.end());
   }
   std::vector<tiles::ViewCone> cones = tiles::view_cones_along(mission.calibration.camera, poses);
-  const bool needs_all = mission.sensor_recorder->suite().needs_scene() || formation.light;  // shadow casters
-  return needs_all ? tiles::widen_to_all_directions(std::move(cones)) : cones;
+  return may_divide_images(mission) ? cones : tiles::widen_to_all_directions(std::move(cones));
+}
+
+std::vector<tiles::ViewCone> region_view_cones(const PlannedFlight& mission, std::size_t frame,
+                                               const tiles::ViewCone& cone) {
+  const std::vector<geometry::SE3> poses = exposure_poses(mission, frame);
+  double turn_rad = 0.0;  // during the exposure
+  for (const geometry::SE3& pose : poses)
+    turn_rad = std::max(turn_rad, pose.rotation.angularDistance(poses.front().rotation));
+  std::vector<tiles::ViewCone> cones;
+  for (const geometry::SE3& pose : poses) {
+    tiles::ViewCone& local = cones.emplace_back(cone);
+    local.position = pose.translation;
+    local.axis = pose.rotation * cone.axis;
+    local.half_angle_rad = std::min(std::numbers::pi, cone.half_angle_rad + turn_rad);
+  }
+  return cones;
+}
+
+bool may_divide_images(const PlannedFlight& mission) {
+  return !mission.sensor_recorder->suite().needs_scene() && !mission.options.formation.light;
 }
 
 FrameGroups group_flight_frames(const PlannedFlight& mission, const RenderSettings& settings) {

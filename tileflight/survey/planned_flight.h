@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <vector>
@@ -29,6 +30,15 @@ PlannedFlight plan_flight(const RenderSettings& settings, const Progress& progre
 /// The view cones of every image, including the camera's motion during exposure and readout: the same number of cones
 /// for each frame.
 std::vector<tiles::ViewCone> flight_view_cones(const PlannedFlight& mission);
+
+/// The same for a region of one image, `cone` being the region's (tiles::view_cone_of_region). Precondition: images may
+/// be divided.
+std::vector<tiles::ViewCone> region_view_cones(const PlannedFlight& mission, std::size_t frame,
+                                               const tiles::ViewCone& cone);
+
+/// Whether a region of an image depends on the tiles in its view alone: nothing casts shadows, and no other sensor
+/// needs the scene.
+bool may_divide_images(const PlannedFlight& mission);
 
 /// The frames in groups that each have their own selection of tiles (frame_groups.h). Without a pixel error they are
 /// one: the cut of a region is the same for all frames, however far they fly.

@@ -179,7 +179,7 @@ SamplePicture render_picture(PreviewContext& flight, const std::string& name, st
     imaging::encode_jpeg(sensed.rgb, 95);
     picture.encode_s = base::seconds_since(encoding);
     picture.thumbnail = make_thumbnail(sensed.rgb, flight.settings.picture_width);
-    picture.surface_share = sensed.check.view.surface_share;
+    picture.surface_share = sensed.check.view.surface_share();
   };
   render::render_flight(scene, flight.mission.calibration.camera, flight.frames(), flight.mission.pose_at, options,
                         sink);

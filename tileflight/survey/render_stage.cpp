@@ -156,7 +156,7 @@ std::vector<std::string> collect_warnings(const PlannedFlight& mission, const Re
   std::vector<std::string> warnings =
       render::flight_warnings(frame_checks(rendered.frames), 0, mission.options.clearance_m);
   const bool sees_nothing = std::all_of(rendered.frames.begin(), rendered.frames.end(),
-                                        [](const FrameRecord& frame) { return frame.check.view.surface_share <= 0.0; });
+                                        [](const FrameRecord& frame) { return frame.check.view.surfaces == 0; });
   if (sees_nothing) {
     geometry::Box3 flown;
     for (const geometry::StampedPose& pose : mission.frames.poses) flown.extend(pose.T_local_camera.translation);
@@ -223,6 +223,7 @@ json render_dataset(const RenderSettings& settings, const fs::path& out, bool re
           {"frames_per_second", summary.seconds > 0.0 ? static_cast<double>(frames) / summary.seconds : 0.0},
           {"tiles", summary.tiles.cut_size - summary.tiles.tiles_failed},
           {"parts", summary.parts},
+          {"frames_divided", summary.frames_divided},
           {"complete", summary.tiles.complete},
           {"triangles", summary.tiles.triangles},
           {"path_length", geometry::path_length_m(mission.frames)},

@@ -1,9 +1,9 @@
 #include "tileflight/tiles/view_criteria.h"
 
 #include <gmock/gmock.h>
-#include <nlohmann/json.hpp>
 
 #include <cmath>
+#include <nlohmann/json.hpp>
 #include <random>
 
 #include "tileflight/geometry/geodesy.h"
@@ -110,6 +110,45 @@ TEST(EyeOf, APanoramaLooksEverywhereAsSharpAsItsColumns) {
   EXPECT_NEAR(eye.pixels_per_rad, 1000.0 / kPi, 1e-6 * eye.pixels_per_rad);  // not endless at the poles
 }
 
+TEST(EyeOf, ARegionsConeHoldsItsPixelsAndLittleMore) {
+  Chance chance(5);
+  const std::vector<imaging::Camera> cameras{imaging::make_pinhole(640, 480, 95.0),
+                                             imaging::make_fisheye(333, 181, 150.0, {-0.02, 0.001, 0, 0}),
+                                             imaging::make_fisheye(200, 200, 170.0), imaging::make_panorama(256, 128)};
+  int checked = 0, blind = 0;
+  for (int trial = 0; trial < 400; ++trial) {
+    const imaging::Camera& camera = cameras[static_cast<std::size_t>(trial) % cameras.size()];
+    imaging::PixelRegion region;
+    region.x0 = static_cast<int>(chance.within(0, camera.width() - 1));
+    region.y0 = static_cast<int>(chance.within(0, camera.height() - 1));
+    region.x1 = std::min(camera.width(), region.x0 + static_cast<int>(chance.within(1, 90)));
+    region.y1 = std::min(camera.height(), region.y0 + static_cast<int>(chance.within(1, 60)));
+    const std::optional<ViewCone> cone = view_cone_of_region(camera, region);
+    double widest_rad = 0.0;
+    bool sees = false;
+    for (int y = region.y0; y < region.y1; ++y) {
+      for (int x = region.x0; x < region.x1; ++x) {
+        const auto ray = camera.unproject({static_cast<double>(x), static_cast<double>(y)});
+        if (!ray) continue;
+        sees = true;
+        ASSERT_TRUE(cone) << x << " " << y;
+        const double angle_rad = std::acos(std::clamp(ray->normalized().dot(cone->axis), -1.0, 1.0));
+        EXPECT_LE(angle_rad, cone->half_angle_rad) << x << " " << y;
+        widest_rad = std::max(widest_rad, angle_rad);
+        ++checked;
+      }
+    }
+    if (!sees) {
+      ++blind;
+      continue;
+    }
+    const double pixel_rad = 1.0 / 20.0;  // of the coarsest lens at its edge, the pixels' own size included
+    EXPECT_LE(cone->half_angle_rad, 1.1 * widest_rad + pixel_rad);
+  }
+  EXPECT_GT(checked, 100000);
+  EXPECT_GT(blind, 0);
+}
+
 TEST(WantedFlight, NothingWithinTheConeIsLeftOut) {
   Chance chance(2);
   int culled = 0;
@@ -132,8 +171,8 @@ TEST(WantedFlight, NothingWithinTheConeIsLeftOut) {
 /// A quadtree of `depth` levels over a square of 800 m, each tile with one content named by level and position; the
 /// error halves at each level, and is 0 for leaves.
 Json squares(int depth, double x, double y, double half, const std::string& name, double error) {
-  Json json = transport::test_support::tile(transport::test_support::box_volume(x, y, 0, half, half, 5), depth == 0 ? 0.0 : error,
-                                       name + ".glb");
+  Json json = transport::test_support::tile(transport::test_support::box_volume(x, y, 0, half, half, 5),
+                                            depth == 0 ? 0.0 : error, name + ".glb");
   if (depth == 0) return json;
   for (int child = 0; child < 4; ++child) {
     json["children"].push_back(squares(depth - 1, x + (child % 2 == 0 ? -0.5 : 0.5) * half,
@@ -202,8 +241,8 @@ TEST(WantedFlight, AllAroundMissesNothingAndAStricterErrorIsFiner) {
 TEST(WantedView, RefinesAsTheScreenSpaceErrorSays) {
   // One tile of error 10 m with a child below it, 100 m under a camera that looks down: 10 * 960 / 100 = 96 px.
   Json root = transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 20, 20, 5), 10, "root.glb");
-  root["children"] =
-      Json::array({transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 20, 20, 5), 0, "fine.glb")});
+  root["children"] = Json::array(
+      {transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 20, 20, 5), 0, "fine.glb")});
   MemorySource source(transport::test_support::tileset(root));
   TilesetTree tree(source);
   ViewerCamera camera{.T_local_camera = looking({0, 0, 105}, -Vec3::UnitZ())};
@@ -215,10 +254,11 @@ TEST(WantedView, RefinesAsTheScreenSpaceErrorSays) {
 
 TEST(WantedView, LeavesOutWhatLiesBesideAndBehindAndNeedsTheViewerWhereATileAsks) {
   Json root = transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 400, 400, 5), 100);
-  root["children"] = {transport::test_support::tile(transport::test_support::box_volume(60, 0, 0, 10, 10, 5), 0, "ahead.glb"),
-                      transport::test_support::tile(transport::test_support::box_volume(-60, 0, 0, 10, 10, 5), 0, "behind.glb"),
-                      transport::test_support::tile(transport::test_support::box_volume(60, 150, 0, 10, 10, 5), 0, "beside.glb"),
-                      transport::test_support::tile(transport::test_support::box_volume(80, 20, 0, 10, 10, 5), 0, "asks.glb")};
+  root["children"] = {
+      transport::test_support::tile(transport::test_support::box_volume(60, 0, 0, 10, 10, 5), 0, "ahead.glb"),
+      transport::test_support::tile(transport::test_support::box_volume(-60, 0, 0, 10, 10, 5), 0, "behind.glb"),
+      transport::test_support::tile(transport::test_support::box_volume(60, 150, 0, 10, 10, 5), 0, "beside.glb"),
+      transport::test_support::tile(transport::test_support::box_volume(80, 20, 0, 10, 10, 5), 0, "asks.glb")};
   root["children"][3]["viewerRequestVolume"] = transport::test_support::box_volume(500, 0, 0, 10, 10, 10);
   MemorySource source(transport::test_support::tileset(root));
   TilesetTree tree(source);

@@ -1,0 +1,237 @@
+#include "tileflight/render/frame_renderer.h"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <utility>
+
+#include "tileflight/flight/path.h"
+
+namespace tileflight::render {
+namespace {
+
+using geometry::SE3;
+using geometry::StampedPose;
+using geometry::Trajectory;
+using imaging::PixelRegion;
+
+bool has_shutter(const ImageFormation& formation) {
+  return formation.exposure_time_s > 0.0 || formation.line_delay_s != 0.0;
+}
+
+/// Poses for the shutter: the given function, else a spline through the frames.
+PoseFunction shutter_path(const PoseFunction& pose_at, const Trajectory& frames, const ImageFormation& formation) {
+  if (pose_at || !has_shutter(formation)) return pose_at;
+  if (frames.size() == 1) return [T = frames.poses[0].T_local_camera](double) { return T; };
+  return [path = flight::path_through_poses(frames)](double time_s) { return path.pose(time_s); };
+}
+
+/// Render options with the formation's light and haze.
+RenderOptions make_render_options(const FlightRenderOptions& options) {
+  const ImageFormation& formation = options.formation;
+  RenderOptions render = options.render;
+  render.haze_per_m = haze_per_m(formation);
+  render.haze_color = formation.haze_color;
+  if (formation.light) render.daylight = make_daylight(*formation.light, options.origin);
+  return render;
+}
+
+/// Points from one frame to the next: along the path, if known, in steps small enough to follow its bends.
+std::vector<geometry::Vec3> path_between(const StampedPose& from, const StampedPose& to, const PoseFunction& pose_at) {
+  constexpr double kStep_m = 0.5, kMostSteps = 32.0;
+  std::vector<geometry::Vec3> way{from.T_local_camera.translation};
+  const double length_m = (to.T_local_camera.translation - way.front()).norm();
+  const int steps = pose_at ? static_cast<int>(std::clamp(std::ceil(length_m / kStep_m), 1.0, kMostSteps)) : 1;
+  for (int k = 1; k < steps; ++k)
+    way.push_back(pose_at(from.time_s + (to.time_s - from.time_s) * k / steps).translation);
+  way.push_back(to.T_local_camera.translation);
+  return way;
+}
+
+void take_channel(std::size_t channel, const LinearImage& from, LinearImage& to) {
+  for (std::size_t i = 0; i < to.pixels.size(); ++i) to.pixels[i][channel] = from.pixels[i][channel];
+}
+
+}  // namespace
+
+FrameRange frame_range(const FlightRenderOptions& options, std::size_t frames) {
+  const std::size_t end = std::min(options.end_frame, frames);
+  return {std::min(options.first_frame, end), end};
+}
+
+FrameRenderer::FrameRenderer(const scene::Scene& scene, const imaging::Camera& camera, const Trajectory& frames,
+                             const PoseFunction& pose_at, const FlightRenderOptions& options)
+    : scene_(scene),
+      render_options_(make_render_options(options)),
+      renderer_(scene, camera, render_options_),
+      outputs_(renderer_, scene, options.outputs, options.scored_region),
+      has_outputs_(options.outputs.any()),
+      frames_(frames),
+      first_frame_(frame_range(options, frames.size()).begin),
+      formation_(options.formation),
+      path_(pose_at),
+      pose_at_(shutter_path(pose_at, frames, options.formation)),
+      clearance_m_(options.clearance_m),
+      inside_reach_m_(options.inside_reach_m),
+      vignette_(make_vignette(formation_, camera.width(), camera.height())),
+      exposure_(options.exposure_before) {
+  RenderOptions colour = render_options_;
+  colour.depth = false;
+  const auto with_lens = [&](double larger, std::optional<CameraRenderer>& renderer) {
+    if (larger != 0.0) renderer.emplace(scene, renderer_.appearance(), scale_focal_length(camera, larger), colour);
+  };
+  with_lens(formation_.chromatic_red, red_);
+  with_lens(formation_.chromatic_blue, blue_);
+  const FrameRange range = frame_range(options, frames.size());
+  if (!options.exposure_gains.empty()) {
+    const auto first = options.exposure_gains.begin() + static_cast<std::ptrdiff_t>(range.begin);
+    gains_.assign(first, first + static_cast<std::ptrdiff_t>(range.count()));
+  } else if (formation_.auto_exposure.target > 0.0) {
+    meter(scene, colour, range);
+  }
+}
+
+TracedFrame FrameRenderer::trace(std::size_t index) const {
+  TracedFrame frame = trace_region(index, {});
+  check_path(index, frame.check);
+  return frame;
+}
+
+void FrameRenderer::check_path(std::size_t index, FrameCheck& check) const {
+  check.surroundings =
+      scene::find_surroundings(scene_, frames_.poses[index].T_local_camera.translation, clearance_m_, inside_reach_m_);
+  check.path_is_blocked = is_blocked_after(index);
+}
+
+FlightFrame FrameRenderer::develop(TracedFrame traced) const {
+  FlightFrame frame;
+  frame.index = traced.index;
+  frame.time_s = frames_.poses[traced.index].time_s;
+  frame.exposure_ms = 1e3 * formation_.exposure_time_s * gain_of(traced.index);
+  frame.rgb = is_ideal(formation_)
+                  ? std::move(traced.rgb)
+                  : render::develop(traced.light, vignette_, formation_, gain_of(traced.index), traced.index);
+  frame.depth_m = std::move(traced.depth_m);
+  frame.outputs = std::move(traced.outputs);
+  frame.objects = traced.objects;
+  frame.check = traced.check;
+  return frame;
+}
+
+/// Computes the automatic exposure's gains of all frames, before the first is rendered.
+void FrameRenderer::meter(const scene::Scene& scene, const RenderOptions& options, const FrameRange& range) {
+  const std::span<const StampedPose> poses = std::span(frames_.poses).subspan(range.begin, range.count());
+  std::vector<double> times_s;
+  for (const StampedPose& pose : poses) times_s.push_back(pose.time_s);
+  const std::vector<double> light =
+      meter_light(scene, renderer_.appearance(), renderer_.camera(), options, formation_, poses);
+  gains_ = exposure_gains(formation_.auto_exposure, times_s, light, exposure_);
+}
+
+TracedFrame FrameRenderer::trace_region(std::size_t index, const OptionalRegion& region) const {
+  TracedFrame frame;
+  frame.index = index;
+  if (is_ideal(formation_)) {
+    RenderedFrame rendered = renderer_.render(frames_.poses[index].T_local_camera, region);
+    frame.rgb = std::move(rendered.rgb);
+    frame.depth_m = std::move(rendered.depth_m);
+    frame.check.view = rendered.view;
+  } else {
+    LightFrame light = trace_light(index, region);
+    frame.light = std::move(light.light);
+    frame.depth_m = std::move(light.depth_m);
+    frame.check.view = light.view;
+  }
+  if (has_outputs_) {
+    frame.outputs = outputs_.render(rows_of(index), rows_of(index + 1), region);
+    frame.objects = outputs_.objects();
+  }
+  return frame;
+}
+
+/// Renders red and blue through separate lenses if there is chromatic aberration.
+LightFrame FrameRenderer::trace_light(std::size_t index, const OptionalRegion& region) const {
+  const ShutterPoses poses = poses_of(index, gain_of(index));
+  LightFrame light = renderer_.render_light(poses, region);
+  if (red_) take_channel(0, red_->render_light(poses, region).light, light.light);
+  if (blue_) take_channel(2, blue_->render_light(poses, region).light, light.light);
+  return light;
+}
+
+bool FrameRenderer::is_blocked_after(std::size_t index) const {
+  const auto& poses = frames_.poses;
+  return index + 1 < poses.size() &&
+         scene::path_hits_surface(scene_, path_between(poses[index], poses[index + 1], path_));
+}
+
+double FrameRenderer::gain_of(std::size_t index) const {
+  const double automatic = gains_.empty() ? 1.0 : gains_[index - first_frame_];
+  return automatic * exposure_gain(formation_, frames_.poses[index].time_s);
+}
+
+ShutterPoses FrameRenderer::poses_of(std::size_t index, double gain) const {
+  const StampedPose& pose = frames_.poses[index];
+  if (!has_shutter(formation_)) return {1, 1, {pose.T_local_camera}};
+  return shutter_poses(formation_, pose_at_, pose.time_s, renderer_.camera().height(), gain);
+}
+
+/// Row poses at the middle of the exposure; empty beyond the last frame.
+std::vector<SE3> FrameRenderer::rows_of(std::size_t index) const {
+  if (index >= frames_.size()) return {};
+  const ShutterPoses poses = poses_of(index, 1.0);
+  const auto first = poses.T_local_camera.begin() + static_cast<std::ptrdiff_t>(poses.moments / 2) * poses.rows;
+  return {first, first + poses.rows};
+}
+
+void DividedFrame::add(const PixelRegion& region, TracedFrame part) {
+  number_objects(region, part);
+  frame_.check.view.add(part.check.view);
+  if (is_empty_) {
+    part.check = frame_.check;
+    frame_ = std::move(part);
+    is_empty_ = false;
+    return;
+  }
+  imaging::copy_region(region, part.rgb, frame_.rgb);
+  imaging::copy_region(region, part.light, frame_.light);
+  imaging::copy_region(region, part.depth_m, frame_.depth_m);
+  imaging::copy_region(region, part.outputs.range_m, frame_.outputs.range_m);
+  imaging::copy_region(region, part.outputs.normals, frame_.outputs.normals);
+  imaging::copy_region(region, part.outputs.objects, frame_.outputs.objects);
+  imaging::copy_region(region, part.outputs.flow_px, frame_.outputs.flow_px);
+  imaging::copy_region(region, part.outputs.visibility, frame_.outputs.visibility);
+}
+
+/// Replaces the numbers of the part's objects by those of this frame.
+void DividedFrame::number_objects(const PixelRegion& region, TracedFrame& part) {
+  imaging::Image<std::uint32_t>& labels = part.outputs.objects;
+  if (labels.empty()) return;
+  std::map<std::uint32_t, std::uint32_t> label_of;  // of this frame, by the part's
+  for (int y = region.y0; y < region.y1; ++y) {
+    for (int x = region.x0; x < region.x1; ++x) {
+      std::uint32_t& label = labels(x, y);
+      if (label == 0) continue;
+      const auto [known, is_first] = label_of.try_emplace(label, 0);
+      if (is_first) {
+        const SceneObject& object = part.objects[label - 1];
+        const auto [number, is_new] = numbers_.try_emplace({object.tile, object.mesh, object.feature},
+                                                           static_cast<std::uint32_t>(objects_.size()));
+        if (is_new) objects_.push_back(object);
+        known->second = number->second + 1;
+      }
+      label = known->second;
+    }
+  }
+}
+
+TracedFrame DividedFrame::take_frame() {
+  frame_.objects = objects_;
+  return std::move(frame_);
+}
+
+LightMeter make_light_meter(const scene::Scene& scene, const imaging::Camera& camera,
+                            const FlightRenderOptions& options) {
+  return {scene, std::make_shared<const Appearance>(scene), camera, make_render_options(options), options.formation};
+}
+
+}  // namespace tileflight::render

@@ -1,0 +1,112 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <span>
+#include <string>
+#include <tuple>
+#include <vector>
+
+#include "tileflight/geometry/trajectory.h"
+#include "tileflight/render/auto_exposure.h"
+#include "tileflight/render/camera_renderer.h"
+#include "tileflight/render/frame_outputs.h"
+#include "tileflight/render/image_formation.h"
+#include "tileflight/render/render_flight.h"
+
+namespace tileflight::render {
+
+/// Range of frames of a flight.
+struct FrameRange {
+  std::size_t begin = 0;
+  std::size_t end = 0;  ///< not included
+
+  std::size_t count() const { return end - begin; }
+};
+
+/// FlightRenderOptions::first_frame and end_frame within a flight of so many frames.
+FrameRange frame_range(const FlightRenderOptions& options, std::size_t frames);
+
+/// What rays find of a frame: all that depends on the scene.
+struct TracedFrame {
+  std::size_t index = 0;
+  imaging::RgbImage rgb;  ///< with an ideal image formation; else empty
+  LinearImage light;      ///< before exposure, with any other image formation; else empty
+  imaging::FloatImage depth_m;
+  OutputImages outputs;
+  std::span<const SceneObject> objects;  ///< of outputs.objects; valid as long as the renderer
+  FrameCheck check;
+};
+
+/// Renders frames of a flight in a scene; several threads may each render one. What is passed by reference must outlive
+/// it. With an automatic exposure whose gains are not given, it meters all frames of the range when it is made.
+class FrameRenderer {
+ public:
+  FrameRenderer(const scene::Scene& scene, const imaging::Camera& camera, const geometry::Trajectory& frames,
+                const PoseFunction& pose_at, const FlightRenderOptions& options);
+
+  /// State after the last frame of the range; nullopt without automatic exposure.
+  const std::optional<AutoExposureState>& exposure_after() const { return exposure_; }
+
+  /// A frame with its checks.
+  TracedFrame trace(std::size_t index) const;
+  /// A region of the frame (see CameraRenderer), for DividedFrame; of its checks, only the region's view.
+  TracedFrame trace_region(std::size_t index, const OptionalRegion& region) const;
+  /// Checks of the path at the frame, besides its view.
+  void check_path(std::size_t index, FrameCheck& check) const;
+  /// Exposes a frame. Does not use the scene.
+  FlightFrame develop(TracedFrame traced) const;
+
+ private:
+  void meter(const scene::Scene& scene, const RenderOptions& options, const FrameRange& range);
+  LightFrame trace_light(std::size_t index, const OptionalRegion& region) const;
+  bool is_blocked_after(std::size_t index) const;
+  double gain_of(std::size_t index) const;
+  ShutterPoses poses_of(std::size_t index, double gain) const;
+  std::vector<geometry::SE3> rows_of(std::size_t index) const;
+
+  const scene::Scene& scene_;
+  RenderOptions render_options_;
+  CameraRenderer renderer_;
+  OutputRenderer outputs_;
+  bool has_outputs_;
+  const geometry::Trajectory& frames_;
+  std::size_t first_frame_;
+  ImageFormation formation_;
+  PoseFunction path_;     // as given; may be empty
+  PoseFunction pose_at_;  // for the shutter
+  double clearance_m_, inside_reach_m_;
+  imaging::FloatImage vignette_;
+  std::optional<CameraRenderer> red_, blue_;  ///< set if the channel's image has another scale
+  std::optional<AutoExposureState> exposure_;
+  std::vector<double> gains_;  ///< of the automatic exposure, from first_frame_ on; empty: none
+};
+
+/// A frame whose regions are traced in several scenes, each with the tiles that its region shows.
+class DividedFrame {
+ public:
+  /// Takes the region's pixels; the part's other pixels are ignored. Regions must not overlap.
+  void add(const imaging::PixelRegion& region, TracedFrame part);
+  /// The frame's check, for what is not part of its view.
+  FrameCheck& check() { return frame_.check; }
+  /// The frame, once regions that cover it were added. Its objects live as long as this.
+  TracedFrame take_frame();
+
+ private:
+  using ObjectKey = std::tuple<std::string, std::uint32_t, std::uint32_t>;  ///< tile, mesh, feature
+
+  void number_objects(const imaging::PixelRegion& region, TracedFrame& part);
+
+  bool is_empty_ = true;
+  TracedFrame frame_;
+  std::vector<SceneObject> objects_;
+  std::map<ObjectKey, std::uint32_t> numbers_;  ///< index into objects_
+};
+
+/// The light meter of a flight's automatic exposure.
+LightMeter make_light_meter(const scene::Scene& scene, const imaging::Camera& camera,
+                            const FlightRenderOptions& options);
+
+}  // namespace tileflight::render

@@ -1,0 +1,62 @@
+#include "tileflight/survey/image_division.h"
+
+#include <gtest/gtest.h>
+
+#include <vector>
+
+#include "tileflight/render/camera_renderer.h"
+
+namespace tileflight::survey::image_division_test {
+namespace {
+
+using imaging::PixelRegion;
+
+/// How many regions hold each pixel of an image.
+std::vector<int> cover(int width, int height, const std::vector<PixelRegion>& regions) {
+  std::vector<int> count(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
+  for (const PixelRegion& region : regions) {
+    for (int y = region.y0; y < region.y1; ++y) {
+      for (int x = region.x0; x < region.x1; ++x) ++count[static_cast<std::size_t>(y * width + x)];
+    }
+  }
+  return count;
+}
+
+TEST(ImageDivision, CoversTheImageOnceByRegionsWithinTheBudget) {
+  for (const auto& [width, height] : {std::pair{1344, 756}, {320, 240}, {65, 33}, {1000, 20}, {30, 900}}) {
+    // What the lower half shows costs thrice as much.
+    const auto bytes_of = [&, h = height](const PixelRegion& region) {
+      double bytes = 0.0;
+      for (int y = region.y0; y < region.y1; ++y) bytes += region.width() * (y < h / 2 ? 1.0 : 3.0);
+      return bytes;
+    };
+    const double budget = width * height / 9.0;
+    const std::vector<PixelRegion> regions = divide_image(width, height, bytes_of, budget);
+    EXPECT_EQ(cover(width, height, regions), std::vector<int>(static_cast<std::size_t>(width * height), 1));
+    EXPECT_GE(regions.size(), 2U);
+    for (const PixelRegion& region : regions) {
+      EXPECT_TRUE(bytes_of(region) <= budget || !halves_of(region)) << region.x0 << " " << region.y0;
+      EXPECT_EQ(region.x0 % render::kRegionStepX, 0);
+      EXPECT_EQ(region.y0 % render::kRegionStepY, 0);
+    }
+  }
+}
+
+TEST(ImageDivision, DividesALargeImageInTwoEvenIfItFits) {
+  EXPECT_EQ(divide_image(
+                320, 240, [](const PixelRegion&) { return 0.0; }, 1.0)
+                .size(),
+            2U);
+}
+
+TEST(ImageDivision, TheSmallestRegionHasNoHalves) {
+  EXPECT_FALSE(halves_of({64, 32, 128, 64}));
+  EXPECT_FALSE(halves_of({128, 0, 129, 3}));
+  const auto halves = halves_of({64, 32, 192, 64});
+  ASSERT_TRUE(halves);
+  EXPECT_EQ(halves->first, (PixelRegion{64, 32, 128, 64}));
+  EXPECT_EQ(halves->second, (PixelRegion{128, 32, 192, 64}));
+}
+
+}  // namespace
+}  // namespace tileflight::survey::image_division_test

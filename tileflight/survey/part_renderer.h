@@ -1,0 +1,94 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "tileflight/render/frame_renderer.h"
+#include "tileflight/render/render_flight.h"
+#include "tileflight/scene/scene.h"
+#include "tileflight/survey/flight_tiles.h"
+#include "tileflight/survey/frame_assignment.h"
+#include "tileflight/survey/part_loader.h"
+#include "tileflight/survey/planned_flight.h"
+#include "tileflight/survey/render_stage.h"
+#include "tileflight/tiles/load.h"
+
+namespace tileflight::survey {
+
+/// Result of rendering a flight, all its parts together.
+struct RenderSummary {
+  double seconds = 0.0;  ///< rendering time
+  std::optional<render::AutoExposureState> exposure_after;
+  tiles::LoadedTiles tiles;         ///< without their content; triangles: the largest number in a scene
+  std::int64_t parts = 0;           ///< scenes that were built
+  std::int64_t frames_divided = 0;  ///< frames that were rendered in regions
+};
+
+/// Loads a flight's tiles and renders its frames, in as many parts as the memory limit requires. A frame whose tiles do
+/// not fit into memory together is divided: its image is rendered in regions, each with the tiles that it shows. The
+/// steps are called in order. Mission, settings and progress must outlive it.
+class PartRenderer {
+ public:
+  PartRenderer(const PlannedFlight& mission, const RenderSettings& settings, const Progress& progress);
+
+  /// Selects the tiles, and with them the frames that remain; refuses those that do not fit into memory.
+  void select(FrameAssignment& share);
+
+  /// Light of the frames in this rank's range (of a part: also of all before it, which no other process meters), for
+  /// set_light(); empty if the rank needs none of other ranks' frames.
+  std::string meter(const FrameAssignment& share);
+  /// `parts`: results of meter(), by rank.
+  void set_light(const std::vector<std::string>& parts);
+
+  /// Frames of `share` are passed to `sink`, which must have written a frame's files when it returns. `folder`: the
+  /// dataset's, for the data of other sensors.
+  RenderSummary run(const std::filesystem::path& folder, FrameAssignment& share, const render::FrameSink& sink);
+
+  /// Completes the summary by what all processes read; on the first rank. Throws InputError if no tile has a surface.
+  void complete(const FrameAssignment& share, RenderSummary& summary);
+
+ private:
+  struct LoadedPart {
+    scene::Scene scene;
+    render::FlightRenderOptions options;
+    std::size_t begin = 0, end = 0;  ///< of the loader's views
+  };
+  using PartWork = std::function<void(const LoadedPart& part)>;
+
+  bool has_auto_exposure() const;
+  bool is_metered() const;  ///< whether gains of the automatic exposure are still to be found
+  std::vector<FrameView> views_to_load(const FrameAssignment& share) const;
+  PartLoader& loader_for(std::vector<FrameView> views);
+  std::optional<LoadedPart> load(std::size_t begin, const FrameAssignment& share);
+  std::size_t release(LoadedPart part);
+  void render_part(const LoadedPart& part, const std::filesystem::path& folder, FrameAssignment& share,
+                   const render::FrameSink& sink, RenderSummary& summary);
+
+  std::vector<std::size_t> frames_to_divide(std::size_t begin) const;
+  std::vector<FrameView> divided_views(const std::vector<std::size_t>& frames) const;
+  void divide_further(std::size_t begin);
+  void for_each_region(const std::vector<std::size_t>& frames, const FrameAssignment& share, const PartWork& work);
+  std::vector<double> meter_divided(const std::vector<std::size_t>& frames, const FrameAssignment& share);
+  void render_divided(const std::vector<std::size_t>& frames, FrameAssignment& share, const render::FrameSink& sink,
+                      RenderSummary& summary);
+  std::vector<double> gains_of(const std::vector<std::size_t>& frames, const std::vector<double>& light,
+                               RenderSummary& summary) const;
+  std::uintmax_t bytes_of_traced_frame() const;
+
+  void keep_records(const FrameAssignment& share);
+
+  const PlannedFlight& mission_;
+  const RenderSettings& settings_;
+  const Progress& progress_;
+  std::uintmax_t max_memory_bytes_;
+  std::optional<FlightTiles> tiles_;
+  std::optional<PartLoader> loader_;
+  std::vector<double>
+      gains_;  ///< of the automatic exposure, for all frames up to this process's last; empty: not known yet, or none
+};
+
+}  // namespace tileflight::survey
