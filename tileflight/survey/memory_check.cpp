@@ -169,8 +169,8 @@ tiles::MemoryLimitExceeded refusal(FlightTiles& tiles, MemoryEstimator& estimato
 
 }  // namespace
 
-void require_frames_fit(FlightTiles& tiles, const std::vector<std::size_t>& frames, std::uintmax_t max_memory_bytes,
-                        const Progress& progress) {
+void require_frames_fit(FlightTiles& tiles, const PlannedFlight& mission, const std::vector<std::size_t>& frames,
+                        std::uintmax_t max_memory_bytes, const Progress& progress) {
   constexpr std::size_t kProbes = 24, kAtOnce = 32;
   constexpr double kSurely = 0.7;  // estimates may be that much too low
   if (frames.empty() || surely_fits(tiles, max_memory_bytes)) return;
