@@ -21,8 +21,10 @@
 namespace tileflight::render {
 namespace {
 
-// Threads share an image by tiles of this size.
-static_assert(kRegionStepX % TracedBeam::kColumns == 0 && kRegionStepY % TracedBeam::kRows == 0);
+// Threads share an image, or a region, by tiles of this size.
+constexpr int kTileWidth = 64, kTileHeight = 32;
+// Beams are the same in a region as in the whole image.
+static_assert(kRegionStep % TracedBeam::kColumns == 0 && kRegionStep % TracedBeam::kRows == 0);
 
 int samples_along_axis(int samples_per_pixel) {
   for (int n = 1; n <= 4; ++n) {
@@ -36,9 +38,9 @@ using imaging::PixelRegion;
 /// The tiles of a region, in rows.
 std::vector<PixelRegion> tiles_of(const PixelRegion& region) {
   std::vector<PixelRegion> tiles;
-  for (int y = region.y0; y < region.y1; y += kRegionStepY) {
-    for (int x = region.x0; x < region.x1; x += kRegionStepX)
-      tiles.push_back({x, y, std::min(region.x1, x + kRegionStepX), std::min(region.y1, y + kRegionStepY)});
+  for (int y = region.y0; y < region.y1; y += kTileHeight) {
+    for (int x = region.x0; x < region.x1; x += kTileWidth)
+      tiles.push_back({x, y, std::min(region.x1, x + kTileWidth), std::min(region.y1, y + kTileHeight)});
   }
   return tiles;
 }
@@ -173,11 +175,11 @@ struct CameraRenderer::Impl {
 
 std::vector<PixelRegion> CameraRenderer::Impl::tiles(const OptionalRegion& region) const {
   if (!region) return tiles_of({0, 0, width(), height()});
-  const auto is_bound = [](int at, int step, int end) { return at % step == 0 || at == end; };
+  const auto is_bound = [](int at, int end) { return at % kRegionStep == 0 || at == end; };
   const bool is_inside = region->x0 >= 0 && region->y0 >= 0 && region->x1 <= width() && region->y1 <= height();
-  if (!is_inside || region->x0 % kRegionStepX != 0 || region->y0 % kRegionStepY != 0 ||
-      !is_bound(region->x1, kRegionStepX, width()) || !is_bound(region->y1, kRegionStepY, height()))
-    throw std::invalid_argument("region: not bounded by the image's tiles");
+  if (!is_inside || region->x0 % kRegionStep != 0 || region->y0 % kRegionStep != 0 || !is_bound(region->x1, width()) ||
+      !is_bound(region->y1, height()))
+    throw std::invalid_argument("region: bounds must be multiples of the step, or the image's");
   return tiles_of(*region);
 }
 

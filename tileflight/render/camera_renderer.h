@@ -78,8 +78,8 @@ struct SurfacePoint {
   std::array<float, 3> normal_local{};  ///< oriented by the triangle's winding, not unit length
 };
 
-/// A region of an image that is rendered alone: multiples of these, or the image's end, bound it.
-inline constexpr int kRegionStepX = 64, kRegionStepY = 32;
+/// A region of an image that is rendered alone: multiples of this many pixels, or the image's end, bound it.
+inline constexpr int kRegionStep = 8;
 using OptionalRegion = std::optional<imaging::PixelRegion>;
 
 /// Called once for each pixel within the lens's valid cone, from several threads at once and in any order.

@@ -359,10 +359,10 @@ TEST(CameraRenderer, RegionsTogetherAreTheWhole) {
       const CameraRenderer renderer(scene, lens.camera, {.samples_per_pixel = samples});
       const SE3 T = looking_along(kGround + Vec3(3.0, -2.0, 30.0), Vec3(0.3, 0.8, -0.7));
       const RenderedFrame whole = renderer.render(T);
-      RenderedFrame sum = renderer.render(T, imaging::PixelRegion{0, 0, 64, 32});
+      RenderedFrame sum = renderer.render(T, imaging::PixelRegion{0, 0, 72, 40});
       for (const imaging::PixelRegion& region :
-           {imaging::PixelRegion{64, 0, lens.camera.width(), 32},
-            imaging::PixelRegion{0, 32, lens.camera.width(), lens.camera.height()}}) {
+           {imaging::PixelRegion{72, 0, lens.camera.width(), 40},
+            imaging::PixelRegion{0, 40, lens.camera.width(), lens.camera.height()}}) {
         const RenderedFrame part = renderer.render(T, region);
         EXPECT_EQ(part.rgb(0, 0), imaging::Rgb8{}) << "outside the region";
         imaging::copy_region(region, part.rgb, sum.rgb);
@@ -380,11 +380,11 @@ TEST(CameraRenderer, RegionsTogetherAreTheWhole) {
   }
 }
 
-TEST(CameraRenderer, RefusesARegionThatCutsTiles) {
+TEST(CameraRenderer, RefusesARegionThatCutsBeams) {
   const Scene scene = patterned_step();
   const CameraRenderer renderer(scene, imaging::make_pinhole(160, 120, 90.0), {});
   for (const imaging::PixelRegion& region :
-       {imaging::PixelRegion{0, 0, 60, 32}, imaging::PixelRegion{0, 1, 64, 32}, imaging::PixelRegion{0, 0, 192, 32}})
+       {imaging::PixelRegion{0, 0, 60, 32}, imaging::PixelRegion{0, 1, 64, 32}, imaging::PixelRegion{0, 0, 168, 32}})
     EXPECT_THROW(renderer.render(looking_down(kGround + Vec3(0, 0, 9.0)), region), std::invalid_argument);
 }
 

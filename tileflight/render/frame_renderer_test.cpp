@@ -77,7 +77,7 @@ class FramesInRegions : public testing::Test {
       const FlightFrame whole = renderer.develop(renderer.trace(index));
       DividedFrame divided;
       std::size_t fewest = kColumns * kColumns;
-      for (const PixelRegion& region : {PixelRegion{0, 0, 64, 96}, {64, 0, 160, 96}, {0, 96, 160, 120}}) {
+      for (const PixelRegion& region : {PixelRegion{0, 0, 56, 88}, {56, 0, 160, 88}, {0, 88, 160, 120}}) {
         std::vector<imaging::TexturedMesh> meshes = shown(index, region);
         fewest = std::min(fewest, meshes.size());
         const Scene scene(std::move(meshes), anchor);
@@ -144,7 +144,7 @@ TEST_F(FramesInRegions, AreMeteredAsTheWhole) {
   options_.formation.vignetting = 0.5;
   const LightMeter meter = make_light_meter(whole_, camera_, options_);
   LinearImage sum;
-  for (const PixelRegion& region : {PixelRegion{0, 0, 64, 96}, {64, 0, 160, 96}, {0, 96, 160, 120}}) {
+  for (const PixelRegion& region : {PixelRegion{0, 0, 56, 88}, {56, 0, 160, 88}, {0, 88, 160, 120}}) {
     const Scene scene(shown(1, region), whole_.anchor());
     const LightMeter part = make_light_meter(scene, camera_, options_);
     const LinearImage seen = part.image(frames_.poses[1].T_local_camera);

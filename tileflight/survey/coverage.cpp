@@ -30,6 +30,9 @@ namespace {
 
 using nlohmann::json;
 
+/// Share of the memory limit for the textures of a picture's scene, as they are rendered.
+constexpr std::uintmax_t kPictureDivisor = 4;
+
 /// The flight's lens and the sampled poses.
 struct FrameSampling {
   imaging::Camera camera;
@@ -82,7 +85,11 @@ class CellCoverage {
       cells_of_[id].push_back((wide(cell.x) * wide(grid.dims[1]) + wide(cell.y)) * wide(grid.dims[2]) + wide(cell.z));
     }
     cells_of_[id].shrink_to_fit();
+    bytes_ += cells_of_[id].size() * sizeof(std::uint64_t);
   }
+
+  /// Memory that it takes, or will take at most while it is finished.
+  std::uintmax_t bytes() const { return 2 * bytes_; }
 
   /// Once all contents are added: the occupied cells are those of the region's cut.
   void finish(const ContentIds& region_cut) {
@@ -121,6 +128,7 @@ class CellCoverage {
 
   tiles::Region region_;
   double edge_m_;
+  std::uintmax_t bytes_ = 0;                           ///< of cells_of_
   std::vector<std::vector<std::uint64_t>> cells_of_;   ///< of each content, numbers of cells of the region's grid
   std::vector<std::uint64_t> occupied_cells_;          ///< sorted
   std::vector<std::vector<std::uint32_t>> places_of_;  ///< of each content, indices into the occupied cells
@@ -446,7 +454,11 @@ nlohmann::json coverage(const CoverageSettings& settings, const fs::path& out, b
   CellCoverage cells(placement.region, settings.voxel_m, contents.size());
   contents.read_all(
       settings.load.allow_incomplete,
-      [&](std::uint32_t id, const tiles::LoadedContent& content) { cells.add(id, content); }, progress);
+      [&](std::uint32_t id, const tiles::LoadedContent& content) {
+        cells.add(id, content);
+        contents.reserve(cells.bytes());
+      },
+      progress);
   require_surface(contents, truth, name);
   FramePixelCounter(watch, contents, truth, tree, settings, progress).count(all);
   cells.finish(all.back().tiles.front());
@@ -461,6 +473,7 @@ nlohmann::json coverage(const CoverageSettings& settings, const fs::path& out, b
           ancestor_bytes(strategy_result.tiles.front(), contents, *source, tree);
   }
   const std::size_t worst = worst_frame(all.front());
+  contents.reserve(cells.bytes() + contents.max_memory_bytes() / kPictureDivisor);
   result["picture_frame"] = watch.frames[worst];
   base::write_folder(output, [&](const fs::path& temporary) {
     write_pictures(temporary, all, worst, watch, contents, truth, settings);

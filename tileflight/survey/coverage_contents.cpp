@@ -41,7 +41,21 @@ ContentFacts facts_of(const tiles::LoadedContent& content) {
 
 CoverageContents::CoverageContents(transport::TileSource& source, tiles::TilesetTree& tree,
                                    const geometry::SE3& T_local_tileset, std::uintmax_t max_memory_bytes)
-    : source_(source), tree_(tree), T_local_tileset_(T_local_tileset), max_memory_bytes_(max_memory_bytes) {}
+    : source_(source),
+      tree_(tree),
+      T_local_tileset_(T_local_tileset),
+      max_memory_bytes_(max_memory_bytes),
+      kept_limit_bytes_(max_memory_bytes / kKeptDivisor) {}
+
+void CoverageContents::reserve(std::uintmax_t bytes) {
+  const std::uintmax_t share = max_memory_bytes_ / kKeptDivisor;
+  kept_limit_bytes_ = share - std::min(share, bytes);
+  for (std::size_t id = kept_.size(); id-- > 0 && kept_bytes_ > kept_limit_bytes_;) {
+    if (!kept_[id]) continue;
+    kept_bytes_ -= static_cast<std::uintmax_t>(facts_[id].decoded_bytes);
+    kept_[id].reset();
+  }
+}
 
 ContentIds CoverageContents::add(const tiles::TileCut& cut) {
   ContentIds ids;
@@ -101,7 +115,7 @@ void CoverageContents::read_all(bool allow_incomplete,
 void CoverageContents::record(std::uint32_t id, tiles::LoadedContent content) {
   facts_[id] = facts_of(content);
   const auto bytes = static_cast<std::uintmax_t>(facts_[id].decoded_bytes);
-  if (kept_bytes_ + bytes > max_memory_bytes_ / kKeptDivisor) return;
+  if (kept_bytes_ + bytes > kept_limit_bytes_) return;
   kept_bytes_ += bytes;
   kept_[id] = std::move(content);
 }

@@ -46,6 +46,8 @@ class CoverageContents {
   const tiles::CutContent& operator[](std::size_t id) const { return all_.contents[id]; }
   const ContentFacts& facts(std::size_t id) const { return facts_[id]; }
   std::uintmax_t max_memory_bytes() const { return max_memory_bytes_; }
+  /// Sets how much of the memory limit others take, which is then not available to contents that are kept.
+  void reserve(std::uintmax_t bytes);
 
   /// Divides contents, in order, into groups of which each fits into memory as a scene.
   std::vector<ContentIds> scene_groups(const ContentIds& ids) const;
@@ -71,6 +73,7 @@ class CoverageContents {
   std::vector<ContentFacts> facts_;
   std::vector<std::optional<tiles::LoadedContent>> kept_;
   std::uintmax_t kept_bytes_ = 0;
+  std::uintmax_t kept_limit_bytes_;
 };
 
 }  // namespace tileflight::survey

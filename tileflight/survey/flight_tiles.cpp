@@ -124,25 +124,30 @@ std::optional<std::uintmax_t> FlightTiles::file_bytes(const tiles::CutContent& c
 }
 
 std::vector<tiles::ViewCone> FlightTiles::cones_of(const FrameView& view) const {
-  if (view.region) {
-    const std::optional<tiles::ViewCone>& cone = region_cone(*view.region);
-    return cone ? region_view_cones(mission_, view.frame, *cone) : std::vector<tiles::ViewCone>();
-  }
+  if (view.region) return region_view_cones(mission_, view.frame, region_cones(*view.region));
   const auto first = cones_.begin() + static_cast<std::ptrdiff_t>(view.frame * cones_per_frame_);
   return {first, first + static_cast<std::ptrdiff_t>(cones_per_frame_)};
 }
 
-/// Cone of a region, and of what chromatic aberration moves into it from beside it.
-const std::optional<tiles::ViewCone>& FlightTiles::region_cone(const imaging::PixelRegion& region) const {
-  const auto [known, is_new] = region_cones_.try_emplace({region.x0, region.y0, region.x1, region.y1}, std::nullopt);
+/// Cones that together hold a region, and what chromatic aberration moves into it from beside it: those of its cells,
+/// since one cone around all of it would hold much else.
+const std::vector<tiles::ViewCone>& FlightTiles::region_cones(const imaging::PixelRegion& region) const {
+  const auto [known, is_new] = region_cones_.try_emplace({region.x0, region.y0, region.x1, region.y1});
   if (!is_new) return known->second;
   const imaging::Camera& camera = mission_.calibration.camera;
   const render::ImageFormation& formation = mission_.options.formation;
   const double larger = std::max(std::abs(formation.chromatic_red), std::abs(formation.chromatic_blue));
   const int margin_px = static_cast<int>(std::ceil(larger * std::max(camera.width(), camera.height())));
-  known->second = tiles::view_cone_of_region(
-      camera, {std::max(0, region.x0 - margin_px), std::max(0, region.y0 - margin_px),
-               std::min(camera.width(), region.x1 + margin_px), std::min(camera.height(), region.y1 + margin_px)});
+  const int cell_px = std::max(8, std::min(region.width(), region.height()) / 2);
+  for (int y = region.y0; y < region.y1; y += cell_px) {
+    for (int x = region.x0; x < region.x1; x += cell_px) {
+      const auto cone =
+          tiles::view_cone_of_region(camera, {std::max(0, x - margin_px), std::max(0, y - margin_px),
+                                              std::min(camera.width(), std::min(region.x1, x + cell_px) + margin_px),
+                                              std::min(camera.height(), std::min(region.y1, y + cell_px) + margin_px)});
+      if (cone) known->second.push_back(*cone);
+    }
+  }
   return known->second;
 }
 

@@ -95,7 +95,7 @@ class FlightTiles {
   void add_frame_spheres();
   std::function<bool(const tiles::BoundingSphere& sphere)> needs_of(const FrameView& view) const;
   std::vector<tiles::ViewCone> cones_of(const FrameView& view) const;
-  const std::optional<tiles::ViewCone>& region_cone(const imaging::PixelRegion& region) const;
+  const std::vector<tiles::ViewCone>& region_cones(const imaging::PixelRegion& region) const;
   tiles::BoundingSphere sphere_of(const tiles::CutContent& content) const;
 
   const PlannedFlight& mission_;
@@ -113,7 +113,7 @@ class FlightTiles {
   std::vector<tiles::BoundingSphere> spheres_;       ///< of each content, local frame
   std::vector<std::vector<std::size_t>> contents_of_group_;
   std::map<std::pair<tiles::NodeId, std::size_t>, std::size_t> numbers_;
-  mutable std::map<std::array<int, 4>, std::optional<tiles::ViewCone>> region_cones_;  ///< by the region's bounds
+  mutable std::map<std::array<int, 4>, std::vector<tiles::ViewCone>> region_cones_;  ///< by the region's bounds
   std::vector<std::string> first_warnings_;  ///< of the source before any content was read
   std::vector<std::optional<tiles::ContentRecord>> records_;
   std::vector<std::size_t> new_records_;

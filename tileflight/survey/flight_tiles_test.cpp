@@ -228,7 +228,7 @@ TEST_F(FlightTilesTest, AFrameThatDoesNotFitIsDividedOrRefused) {
   EXPECT_GT(loader.estimated_bytes({0}), static_cast<double>(20 * tile_bytes()));
   const std::string message =
       tests::refusal_of([&] { require_frames_fit(tiles, mission_, all_frames(), 2 * tile_bytes(), {}); });
-  EXPECT_THAT(message, HasSubstr("the tiles of 64 x "));
+  EXPECT_THAT(message, HasSubstr("the tiles of 8 x 8 pixels of frame "));
   EXPECT_THAT(message, HasSubstr(" GB of memory: raise the limit (--memory "));
 }
 

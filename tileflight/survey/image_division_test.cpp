@@ -35,9 +35,9 @@ TEST(ImageDivision, CoversTheImageOnceByRegionsWithinTheBudget) {
     EXPECT_EQ(cover(width, height, regions), std::vector<int>(static_cast<std::size_t>(width * height), 1));
     EXPECT_GE(regions.size(), 2U);
     for (const PixelRegion& region : regions) {
-      EXPECT_TRUE(bytes_of(region) <= budget || !halves_of(region)) << region.x0 << " " << region.y0;
-      EXPECT_EQ(region.x0 % render::kRegionStepX, 0);
-      EXPECT_EQ(region.y0 % render::kRegionStepY, 0);
+      EXPECT_TRUE(bytes_of(region) <= budget || !halves_of(region, bytes_of)) << region.x0 << " " << region.y0;
+      EXPECT_EQ(region.x0 % render::kRegionStep, 0);
+      EXPECT_EQ(region.y0 % render::kRegionStep, 0);
     }
   }
 }
@@ -50,12 +50,20 @@ TEST(ImageDivision, DividesALargeImageInTwoEvenIfItFits) {
 }
 
 TEST(ImageDivision, TheSmallestRegionHasNoHalves) {
-  EXPECT_FALSE(halves_of({64, 32, 128, 64}));
-  EXPECT_FALSE(halves_of({128, 0, 129, 3}));
-  const auto halves = halves_of({64, 32, 192, 64});
+  const auto area = [](const PixelRegion& region) { return 1.0 * region.width() * region.height(); };
+  EXPECT_FALSE(halves_of({64, 32, 72, 40}, area));
+  EXPECT_FALSE(halves_of({128, 0, 129, 3}, area));
+  const auto halves = halves_of({64, 32, 96, 48}, area);
   ASSERT_TRUE(halves);
-  EXPECT_EQ(halves->first, (PixelRegion{64, 32, 128, 64}));
-  EXPECT_EQ(halves->second, (PixelRegion{128, 32, 192, 64}));
+  EXPECT_EQ(halves->first, (PixelRegion{64, 32, 80, 48}));
+  EXPECT_EQ(halves->second, (PixelRegion{80, 32, 96, 48}));
+}
+
+TEST(ImageDivision, HalvesLieSideBySideWhereEachRowShowsTheSame) {
+  const auto columns = [](const PixelRegion& region) { return 1.0 * region.width(); };
+  const auto halves = halves_of({0, 0, 80, 320}, columns);
+  ASSERT_TRUE(halves);
+  EXPECT_EQ(halves->first, (PixelRegion{0, 0, 40, 320}));
 }
 
 }  // namespace

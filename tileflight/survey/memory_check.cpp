@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <map>
 #include <optional>
 #include <set>
@@ -24,7 +25,7 @@ struct FileSizes {
 /// Memory of contents, estimated from the sizes of their files: geometry belongs to each content, textures to a file.
 class MemoryEstimator {
  public:
-  explicit MemoryEstimator(FlightTiles& tiles) : tiles_(tiles) {}
+  explicit MemoryEstimator(FlightTiles& tiles) : tiles_(&tiles) {}
 
   FileSizes sizes_of(const std::vector<CutContent>& contents) {
     FileSizes sizes;
@@ -39,10 +40,10 @@ class MemoryEstimator {
 
   /// Reads these contents, and learns from them what others take.
   void learn(const std::vector<std::size_t>& numbers) {
-    const std::vector<tiles::LoadedContent> loaded = tiles_.read(numbers);
+    const std::vector<tiles::LoadedContent> loaded = tiles_->read(numbers);
     std::vector<CutContent> contents;
     for (std::size_t k = 0; k < numbers.size(); ++k) {
-      contents.push_back(tiles_.content(numbers[k]));
+      contents.push_back(tiles_->content(numbers[k]));
       const ContentMemory memory = memory_of(loaded[k].meshes);
       geometry_bytes_ += static_cast<double>(memory.rendered_bytes);
       if (!files_.insert(contents.back().uri).second) continue;
@@ -64,11 +65,11 @@ class MemoryEstimator {
   /// All files count alike if the source does not know their sizes.
   double size_of(const CutContent& content) {
     const auto [known, is_new] = sizes_.emplace(content.uri, 1.0);
-    if (is_new) known->second = static_cast<double>(tiles_.file_bytes(content).value_or(1));
+    if (is_new) known->second = static_cast<double>(tiles_->file_bytes(content).value_or(1));
     return known->second;
   }
 
-  FlightTiles& tiles_;
+  FlightTiles* tiles_;
   std::map<std::string, double> sizes_;
   std::set<std::string> files_;  ///< learnt from
   FileSizes learnt_;
@@ -105,21 +106,38 @@ std::size_t largest_frame(const FlightTiles& tiles, MemoryEstimator& estimator,
   return frames[static_cast<std::size_t>(std::ranges::max_element(sizes) - sizes.begin())];
 }
 
-/// Of the smallest regions that a frame's image can be divided into, the one whose contents have the largest files.
-FrameView largest_region(const FlightTiles& tiles, MemoryEstimator& estimator, std::size_t frame,
-                         const imaging::Camera& camera) {
-  constexpr double kSmall = 0.0;  // bytes that no region keeps within
-  FrameView largest{frame};
-  double most = -1.0;
-  for (const imaging::PixelRegion& region : divide_image(
-           camera.width(), camera.height(), [](const auto&) { return 1.0; }, kSmall)) {
-    const FrameView view{frame, region, !largest.region};  // the first also has the tiles around the camera
-    const double size = estimator.sizes_of(contents_of(tiles, numbers_for(tiles, view))).contents;
-    if (size <= most) continue;
-    most = size;
-    largest = view;
+/// Of the regions that a frame is divided into, within the budget if possible, the one that needs most memory.
+FrameView most_demanding_region(const FlightTiles& tiles, MemoryEstimator& estimator, const imaging::Camera& camera,
+                                std::size_t frame, double budget_bytes) {
+  const auto bytes_of = [&](const FrameView& view) {
+    return estimator.estimated_bytes(contents_of(tiles, numbers_for(tiles, view)));
+  };
+  const RegionBytes bytes_of_region = [&](const imaging::PixelRegion& region) {
+    return bytes_of({frame, region, false});
+  };
+  std::vector<FrameView> views;
+  for (const auto& region : divide_image(camera.width(), camera.height(), bytes_of_region, budget_bytes))
+    views.push_back({frame, region, views.empty()});
+  std::vector<double> bytes;
+  std::ranges::transform(views, std::back_inserter(bytes), bytes_of);
+  return views[static_cast<std::size_t>(std::ranges::max_element(bytes) - bytes.begin())];
+}
+
+constexpr double kSurely = 0.7;  // of a limit: estimates may be that much too low
+
+/// Whether a view's contents do not fit, and what was learnt from reading them; nullopt: they fit.
+std::optional<MemoryEstimator> measure_excess(FlightTiles& tiles, MemoryEstimator& estimator, const FrameView& view,
+                                              double limit_bytes) {
+  constexpr std::size_t kAtOnce = 32;
+  const std::vector<std::size_t> numbers = numbers_for(tiles, view);
+  if (estimator.estimated_bytes(contents_of(tiles, numbers)) <= kSurely * limit_bytes) return std::nullopt;
+  MemoryEstimator measured(tiles);
+  for (std::size_t k = 0; k < numbers.size(); k += kAtOnce) {
+    const auto first = numbers.begin() + static_cast<std::ptrdiff_t>(k);
+    measured.learn({first, first + static_cast<std::ptrdiff_t>(std::min(kAtOnce, numbers.size() - k))});
+    if (measured.learnt_bytes() > limit_bytes) return measured;
   }
-  return largest;
+  return std::nullopt;
 }
 
 /// Whether even files that are very well compressed would fit.
@@ -171,29 +189,24 @@ tiles::MemoryLimitExceeded refusal(FlightTiles& tiles, MemoryEstimator& estimato
 
 void require_frames_fit(FlightTiles& tiles, const PlannedFlight& mission, const std::vector<std::size_t>& frames,
                         std::uintmax_t max_memory_bytes, const Progress& progress) {
-  constexpr std::size_t kProbes = 24, kAtOnce = 32;
-  constexpr double kSurely = 0.7;  // estimates may be that much too low
+  constexpr std::size_t kProbes = 24;
   if (frames.empty() || surely_fits(tiles, max_memory_bytes)) return;
   MemoryEstimator estimator(tiles);
-  const std::size_t frame = largest_frame(tiles, estimator, frames);
-  const FrameView view = may_divide_images(mission)
-                             ? largest_region(tiles, estimator, frame, mission.calibration.camera)
-                             : FrameView{frame};
+  FrameView view{largest_frame(tiles, estimator, frames)};
   const std::vector<std::size_t> numbers = numbers_for(tiles, view);
   if (numbers.empty()) return;
   report_progress(progress, 0, 0, "estimating memory");
   estimator.learn(evenly_chosen(numbers, kProbes));
   const auto limit = static_cast<double>(max_memory_bytes);
-  const std::vector<CutContent> contents = contents_of(tiles, numbers);
-  if (estimator.estimated_bytes(contents) <= kSurely * limit) return;
-  MemoryEstimator measured(tiles);
-  for (std::size_t k = 0; k < numbers.size(); k += kAtOnce) {
-    const auto first = numbers.begin() + static_cast<std::ptrdiff_t>(k);
-    measured.learn({first, first + static_cast<std::ptrdiff_t>(std::min(kAtOnce, numbers.size() - k))});
-    if (measured.learnt_bytes() <= limit) continue;
-    const double needed = std::max(measured.learnt_bytes(), measured.estimated_bytes(contents));
-    throw refusal(tiles, measured, view, needed, limit);
+  std::optional<MemoryEstimator> excess = measure_excess(tiles, estimator, view, limit);
+  if (excess && may_divide_images(mission)) {
+    view = most_demanding_region(tiles, estimator, mission.calibration.camera, view.frame, kSurely * limit);
+    excess = measure_excess(tiles, estimator, view, limit);
   }
+  if (!excess) return;
+  const double needed =
+      std::max(excess->learnt_bytes(), excess->estimated_bytes(contents_of(tiles, numbers_for(tiles, view))));
+  throw refusal(tiles, *excess, view, needed, limit);
 }
 
 }  // namespace tileflight::survey

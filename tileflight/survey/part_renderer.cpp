@@ -161,7 +161,7 @@ std::optional<PartRenderer::LoadedPart> PartRenderer::load(std::size_t begin, co
                     part->begin, part->end};
   // One after the other: each takes additional memory while it is built.
   loaded.scene.build_beam_tree();
-  loaded.scene.build_ray_tree();
+  if (first.has_checks) loaded.scene.build_ray_tree();  // else only if a rolling shutter asks for it
   render::FlightRenderOptions& options = loaded.options;
   options.first_frame = first.frame;
   options.end_frame = views[part->end - 1].frame + 1;
@@ -216,7 +216,7 @@ std::vector<std::size_t> PartRenderer::frames_to_divide(std::size_t begin) const
 
 /// The same regions of all the frames, those of one region together, so that they share its tiles.
 std::vector<FrameView> PartRenderer::divided_views(const std::vector<std::size_t>& frames) const {
-  constexpr double kRegionShare = 0.4;  // of the memory limit: room for the tiles that the other frames need besides
+  constexpr double kRegionShare = 0.75;  // of the memory limit: estimates may be too low
   const imaging::Camera& camera = mission_.calibration.camera;
   const std::vector<PixelRegion> regions = divide_image(
       camera.width(), camera.height(),
@@ -235,8 +235,11 @@ std::vector<FrameView> PartRenderer::divided_views(const std::vector<std::size_t
 void PartRenderer::divide_further(std::size_t begin) {
   std::vector<FrameView> views = loader_->views();
   const PixelRegion region = *views[begin].region;
-  const auto halves = halves_of(region);
-  if (!halves) throw frame_does_not_fit(*tiles_, views[begin].frame, max_memory_bytes_);
+  const std::size_t frame = views[begin].frame;
+  const auto halves = halves_of(region, [&](const PixelRegion& half) {
+    return loader_->estimated_bytes({frame, half, false});
+  });
+  if (!halves) throw frame_does_not_fit(*tiles_, frame, max_memory_bytes_);
   std::vector<FrameView> second;
   std::size_t end = begin;
   for (; end < views.size() && views[end].region == region; ++end) {

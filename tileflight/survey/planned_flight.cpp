@@ -60,19 +60,21 @@ std::vector<tiles::ViewCone> flight_view_cones(const PlannedFlight& mission) {
 }
 
 std::vector<tiles::ViewCone> region_view_cones(const PlannedFlight& mission, std::size_t frame,
-                                               const tiles::ViewCone& cone) {
+                                               const std::vector<tiles::ViewCone>& cones) {
   const std::vector<geometry::SE3> poses = exposure_poses(mission, frame);
   double turn_rad = 0.0;  // during the exposure
   for (const geometry::SE3& pose : poses)
     turn_rad = std::max(turn_rad, pose.rotation.angularDistance(poses.front().rotation));
-  std::vector<tiles::ViewCone> cones;
+  std::vector<tiles::ViewCone> local;
   for (const geometry::SE3& pose : poses) {
-    tiles::ViewCone& local = cones.emplace_back(cone);
-    local.position = pose.translation;
-    local.axis = pose.rotation * cone.axis;
-    local.half_angle_rad = std::min(std::numbers::pi, cone.half_angle_rad + turn_rad);
+    for (const tiles::ViewCone& cone : cones) {
+      local.push_back(cone);
+      local.back().position = pose.translation;
+      local.back().axis = pose.rotation * cone.axis;
+      local.back().half_angle_rad = std::min(std::numbers::pi, cone.half_angle_rad + turn_rad);
+    }
   }
-  return cones;
+  return local;
 }
 
 bool may_divide_images(const PlannedFlight& mission) {

@@ -31,10 +31,10 @@ PlannedFlight plan_flight(const RenderSettings& settings, const Progress& progre
 /// for each frame.
 std::vector<tiles::ViewCone> flight_view_cones(const PlannedFlight& mission);
 
-/// The same for a region of one image, `cone` being the region's (tiles::view_cone_of_region). Precondition: images may
-/// be divided.
+/// The same for parts of one image, `cones` being theirs in the camera's frame (tiles::view_cone_of_region).
+/// Precondition: images may be divided.
 std::vector<tiles::ViewCone> region_view_cones(const PlannedFlight& mission, std::size_t frame,
-                                               const tiles::ViewCone& cone);
+                                               const std::vector<tiles::ViewCone>& cones);
 
 /// Whether a region of an image depends on the tiles in its view alone: nothing casts shadows, and no other sensor
 /// needs the scene.
