@@ -176,6 +176,33 @@ TEST(ApiFlight, AVehicleStaysWhereItIsPutAndFliesOnFromThere) {
 }
 
 /// Angles are those of a body with y right and z down: nose down flies forward, right side down flies right.
+/// A plane that rises to the north by 30 degrees, 1 m below the origin.
+std::vector<imaging::TexturedMesh> slope() {
+  const auto height = [](double north_m) { return -1.0 + north_m * std::tan(std::numbers::pi / 6); };
+  imaging::TexturedMesh mesh;
+  mesh.name = "slope";
+  mesh.mesh.vertices = {{-50, -50, height(-50)}, {50, -50, height(-50)}, {50, 50, height(50)}, {-50, 50, height(50)}};
+  mesh.mesh.triangles = {{0, 1, 2}, {0, 2, 3}};
+  return {mesh};
+}
+
+TEST(ApiFlight, AContactThatLastsIsReportedAgainAndAgain) {
+  SimulatorOptions options;
+  options.settings = kMultirotor;
+  Simulator world(options, slope());
+  world.enable_api_control(true, "");
+  move_to(world, 0, 0, -6);
+  world.move_by_velocity(2, 0, 0, 5, 0, kKeep, "");
+  std::uint64_t before = 0;
+  for (int second = 0; second < 8; ++second) {
+    world.move_by_velocity(2, 0, 0, 1, 0, kKeep, "");
+    const CollisionInfo now = world.sim_get_collision_info("");
+    EXPECT_TRUE(now.has_collided) << second;
+    EXPECT_GT(now.time_stamp, before) << second;
+    before = now.time_stamp;
+  }
+}
+
 TEST(ApiFlight, AnglesAndRatesAreOfTheBody) {
   const auto world = ready();
   const auto reset = [&] { world->sim_set_vehicle_pose(pose(0, 0, -10), true, ""); };
