@@ -86,8 +86,9 @@ VehicleSettings read_vehicle(const std::string& name, StrictSection section, con
   vehicle.flies = type == "SimpleFlight" && !settings.computer_vision;
   vehicle.start_ned = read_position(section);
   vehicle.R_ned_body = read_orientation(section);
-  vehicle.armed =
-      section.choice_in_any_case("DefaultVehicleState", {"Inactive", "Armed", ""}).value_or("Inactive") == "Armed";
+  const std::string state =
+      section.choice_in_any_case("DefaultVehicleState", {"Armed", "Disarmed", "Inactive", ""}).value_or("");
+  vehicle.armed = state.empty() || state == "Armed";
   vehicle.allow_api_always = section.boolean("AllowAPIAlways").value_or(false);
   const bool passes = section.boolean("EnableCollisionPassthrogh").value_or(false);
   vehicle.enable_collisions = section.boolean("EnableCollisions").value_or(true) && !passes;

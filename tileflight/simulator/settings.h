@@ -36,7 +36,7 @@ struct VehicleSettings {
   bool flies = true;                                  ///< false: it stays where it is placed
   geometry::Vec3 start_ned = geometry::Vec3::Zero();  ///< global NED, metres
   Eigen::Quaterniond R_ned_body = Eigen::Quaterniond::Identity();
-  bool armed = false;             ///< DefaultVehicleState "Armed"
+  bool armed = true;              ///< at start and after reset: DefaultVehicleState is neither Disarmed nor Inactive
   bool allow_api_always = false;  ///< AllowAPIAlways: needs no enableApiControl
   bool enable_collisions = true;  ///< EnableCollisions and no EnableCollisionPassthrogh
   std::vector<CameraSettings> cameras;

@@ -72,7 +72,7 @@ class SimVehicle {
 
   /// One physics step; `time_s`: simulation time after it.
   void step(double time_s);
-  /// Returns to the start, disarmed, without API control.
+  /// Returns to the start without API control, armed as the settings say.
   void reset();
 
   VehicleCollision& collision() { return collision_; }

@@ -78,6 +78,7 @@ class Simulator {
   void enable_api_control(bool is_enabled, const std::string& vehicle);
   bool is_api_control_enabled(const std::string& vehicle) const;
   bool arm_disarm(bool arm, const std::string& vehicle);
+  /// False, and nothing changes: without API control (AirSim's answer), or to disarm a vehicle in the air.
   void sim_pause(bool is_paused);
   bool sim_is_paused() const;
   void sim_continue_for_time(double seconds);          ///< simulation time; blocks, then pauses
