@@ -128,11 +128,11 @@ TEST(ApiImages, SegmentationColoursAndInfraredFollowTheIds) {
   const auto world = simulator(kComputerVision);
   world->sim_set_vehicle_pose(pose(0, 0, -10), true, "");
   EXPECT_TRUE(world->sim_set_segmentation_object_id("NORTH.*", 7, true)) << "patterns have no case";
-  EXPECT_EQ(world->sim_get_segmentation_object_id("north wall"), 7);
+  EXPECT_EQ(world->sim_get_segmentation_object_id("north_wall"), 7);
   EXPECT_EQ(bgr_at(take(*world, kSegmentation, false), 128, 72), (std::array<int, 3>{195, 176, 115}));
   EXPECT_EQ(bgr_at(take(*world, kInfrared, false), 128, 72), (std::array<int, 3>{7, 7, 7}));
-  EXPECT_FALSE(world->sim_set_segmentation_object_id("North wall", 8, false)) << "plain names have";
-  EXPECT_TRUE(world->sim_set_segmentation_object_id("north wall", -1, false));
+  EXPECT_FALSE(world->sim_set_segmentation_object_id("North_wall", 8, false)) << "plain names have";
+  EXPECT_TRUE(world->sim_set_segmentation_object_id("north_wall", -1, false));
   EXPECT_EQ(bgr_at(take(*world, kSegmentation, false), 128, 72), (std::array<int, 3>{0, 0, 0})) << "hidden";
   EXPECT_EQ(world->sim_get_segmentation_object_id("no such"), -1);
   EXPECT_THAT(world->sim_list_scene_objects(".* wall"), testing::ElementsAre("east wall", "north wall"));

@@ -9,6 +9,7 @@
 #include "tileflight/ground_truth/ground_truth.h"
 #include "tileflight/place/extract.h"
 #include "tileflight/simulator/frames.h"
+#include "tileflight/simulator/object_names.h"
 #include "tileflight/simulator/simulator_impl.h"
 #include "tileflight/simulator/voxel_files.h"
 #include "tileflight/tiles/view_criteria.h"
@@ -69,7 +70,7 @@ std::optional<Vec3> find_object_center(const ResidentScene& place, const std::st
 /// reversed.
 MeshPositionVertexBuffersResponse make_vertex_buffers(const imaging::TexturedMesh& mesh, const SE3& T_ned_local) {
   MeshPositionVertexBuffersResponse buffers;
-  buffers.name = mesh.name;
+  buffers.name = tile_name(mesh.name);
   for (const Vec3& vertex : mesh.mesh.vertices) {
     const Vector3r ned = to_airsim(T_ned_local * vertex);
     buffers.vertices.insert(buffers.vertices.end(),

@@ -170,7 +170,7 @@ TEST(ApiScene, MeshesAreInUnrealsCentimetres) {
   const auto world = simulator(kComputerVision);
   const auto buffers = world->sim_get_mesh_position_vertex_buffers();
   ASSERT_EQ(buffers.size(), 3U);
-  EXPECT_EQ(buffers[1].name, "north wall");
+  EXPECT_EQ(buffers[1].name, "north_wall");
   EXPECT_EQ(buffers[1].vertices.size(), 24U);
   EXPECT_EQ(buffers[1].indices.size(), 36U);
   float least_north = 1e9F, highest = -1e9F;
@@ -181,7 +181,7 @@ TEST(ApiScene, MeshesAreInUnrealsCentimetres) {
   EXPECT_FLOAT_EQ(least_north, 2000.0F);
   EXPECT_FLOAT_EQ(highest, 4000.0F);
   EXPECT_TRUE(std::isnan(world->sim_get_object_pose("nothing").position.x_val));
-  EXPECT_NEAR(world->sim_get_object_pose("north wall").position.x_val, 20.5, 1e-4);
+  EXPECT_NEAR(world->sim_get_object_pose("north_wall").position.x_val, 20.5, 1e-4);
 }
 
 TEST(ApiScene, ARecordingKeepsItsIntervalAndItsPosesArePicturesPoses) {
@@ -235,7 +235,7 @@ TEST(ApiScene, WhatIsNotServedSaysWhy) {
   EXPECT_THAT(refusal_of([&] { world->refuse("simSetTimeOfDay"); }),
               HasSubstr("simSetTimeOfDay is not served here: light"));
   EXPECT_THAT(refusal_of([&] { world->sim_spawn_object("a", "b", {}, {}, false, false); }), HasSubstr("tiles"));
-  EXPECT_FALSE(world->sim_set_object_pose("north wall", {}, true));
+  EXPECT_FALSE(world->sim_set_object_pose("north_wall", {}, true));
 }
 
 }  // namespace
