@@ -152,7 +152,13 @@ bool Simulator::sim_create_voxel_grid(const Vector3r& position, int x, int y, in
                                       const std::string& file) {
   const Vec3 center = impl_->T_local_ned * checked_position(position, "simCreateVoxelGrid");
   const VoxelGridSpec spec = make_airsim_grid(center, Vec3(y, x, z), resolution, kMaxFileCells);
-  const std::filesystem::path path = impl_->file_access.resolve_writable(file);
+  std::filesystem::path path;
+  try {
+    path = impl_->file_access.resolve_writable(file);
+  } catch (const std::runtime_error& error) {
+    impl_->log_line("simCreateVoxelGrid: " + std::string(error.what()));
+    return false;  // AirSim's answer where it cannot write
+  }
   const geometry::VoxelGrid grid = voxelize_grid(impl_->working_set.triangles_in(spec.box, 0.0), spec);
   return write_airsim_binvox(path, grid, spec, impl_->settings.inverted_voxel_scale);
 }

@@ -133,7 +133,7 @@ void read_mode(StrictSection& root, Settings& settings) {
 }
 
 json parse_settings_json(const std::string& text, const std::string& name) {
-  if (text.find_first_not_of(" \t\r\n\xEF\xBB\xBF") == std::string::npos) return json::object();
+  if (is_blank(text)) return json::object();
   try {
     return json::parse(text, nullptr, true, true);
   } catch (const json::exception& error) {
@@ -169,6 +169,32 @@ Settings read_settings(const std::string& text, const std::string& name) {
   if (auto segmentation = root.section("SegmentationSettings")) read_segmentation(std::move(*segmentation), settings);
   if (auto defaults = root.section("CameraDefaults")) {
     settings.camera_defaults = read_camera("", std::move(*defaults), {});
+bool is_blank(const std::string& settings_text) {
+  return settings_text.find_first_not_of(" \t\r\n\xEF\xBB\xBF") == std::string::npos;
+}
+
+std::string default_settings_text() {
+  const Settings settings = read_settings("", "settings.json");
+  nlohmann::ordered_json text{{"SettingsVersion", 1.2},
+                              {"SimMode", "Multirotor"},
+                              {"ClockSpeed", settings.clock.speed},
+                              {"CameraDefaults", {{"CaptureSettings", nlohmann::ordered_json::array()}}},
+                              {"Vehicles", nlohmann::ordered_json::object()}};
+  for (std::size_t type = 0; type < settings.camera_defaults.captures.size(); ++type) {
+    const CaptureSettings& capture = settings.camera_defaults.captures[type];
+    text["CameraDefaults"]["CaptureSettings"].push_back(
+        {{"ImageType", type}, {"Width", capture.width}, {"Height", capture.height}, {"FOV_Degrees", capture.fov_deg}});
+  }
+  for (const VehicleSettings& vehicle : settings.vehicles) {
+    text["Vehicles"][vehicle.name] = {{"VehicleType", "SimpleFlight"},
+                                      {"DefaultVehicleState", vehicle.armed ? "Armed" : "Disarmed"},
+                                      {"X", vehicle.start_ned.x()},
+                                      {"Y", vehicle.start_ned.y()},
+                                      {"Z", vehicle.start_ned.z()}};
+  }
+  return text.dump(2);
+}
+
   }
   read_vehicles(root, settings);
   for (auto& [camera, entry] : root.named_sections("ExternalCameras"))

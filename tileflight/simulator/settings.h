@@ -93,6 +93,13 @@ Settings read_settings(const std::string& text, const std::string& name);
 /// The default cameras of every vehicle: front_center, front_right, front_left, bottom_center, back_center.
 std::vector<CameraSettings> default_cameras(const CameraSettings& defaults);
 
+/// Whether the text of a settings.json says nothing.
+bool is_blank(const std::string& settings_text);
+
+/// The settings that hold where none are given, as a settings.json: clients (AirSim's ROS wrapper) read SimMode and
+/// Vehicles from it.
+std::string default_settings_text();
+
 /// Resolves AirSim's camera aliases "0", "", "fpv" and so on; other names are returned unchanged.
 std::string resolve_camera_alias(const std::string& name);
 

@@ -51,6 +51,21 @@ TEST(Settings, NothingGivesAirSimsDefaults) {
   EXPECT_THAT(settings.warnings, IsEmpty());
 }
 
+/// AirSim's ROS wrapper reads mode and vehicles of what getSettingsString answers.
+TEST(Settings, WhereNoneAreGivenTheTextIsThatOfTheDefaults) {
+  const Settings given = read_settings(default_settings_text(), "settings.json");
+  const Settings none = read_settings("", "settings.json");
+  EXPECT_THAT(given.warnings, IsEmpty());
+  ASSERT_EQ(given.vehicles.size(), 1U);
+  EXPECT_EQ(given.vehicles[0].name, none.vehicles[0].name);
+  EXPECT_EQ(given.vehicles[0].armed, none.vehicles[0].armed);
+  EXPECT_EQ(names_of(given.vehicles[0].sensors), names_of(none.vehicles[0].sensors));
+  EXPECT_EQ(given.vehicles[0].cameras.size(), none.vehicles[0].cameras.size());
+  EXPECT_EQ(given.vehicles[0].cameras[0].captures[0].width, none.vehicles[0].cameras[0].captures[0].width);
+  EXPECT_THAT(default_settings_text(), HasSubstr("\"SettingsVersion\": 1.2"));
+  EXPECT_THAT(default_settings_text(), HasSubstr("\"SimMode\": \"Multirotor\""));
+}
+
 TEST(Settings, ComputerVisionHasItsOwnVehicleAndNoSensors) {
   const Settings settings = read_settings(R"({"SimMode": "ComputerVision"})", "settings.json");
   EXPECT_EQ(settings.vehicles[0].name, "ComputerVision");

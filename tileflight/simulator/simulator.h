@@ -91,7 +91,7 @@ class Simulator {
   std::vector<ImageResponse> sim_get_images(const std::vector<ImageRequest>& requests, const std::string& vehicle,
                                             bool external);
   std::vector<std::uint8_t> sim_get_image(const std::string& camera, int image_type, const std::string& vehicle,
-                                          bool external);
+                                          bool external, const std::string& annotation_name = "");
   void sim_set_vehicle_pose(const Pose& pose, bool ignore_collision, const std::string& vehicle);
   Pose sim_get_vehicle_pose(const std::string& vehicle) const;
   CameraInfo sim_get_camera_info(const std::string& camera, const std::string& vehicle, bool external) const;
@@ -132,6 +132,7 @@ class Simulator {
   bool sim_destroy_object(const std::string& name);
   std::vector<std::string> sim_list_assets() const;
   bool sim_create_voxel_grid(const Vector3r& position, int x, int y, int z, float resolution, const std::string& file);
+  /// False where the file must not or cannot be written (AirSim's answer); the log says why.
   bool sim_test_line_of_sight_to_point(const GeoPoint& point, const std::string& vehicle);
   bool sim_test_line_of_sight_between_points(const GeoPoint& from, const GeoPoint& to);
   std::vector<GeoPoint> sim_get_world_extents();
