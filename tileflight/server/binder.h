@@ -11,11 +11,12 @@
 namespace tileflight::server {
 
 /// The last argument of camera calls: whether the camera is external, or, for clients of API version 4, the name of an
-/// annotation layer (not supported).
+/// annotation layer.
 struct ExternalFlag {
   bool value = false;
 };
 
+  std::string annotation_name;
 /// Calls methods of a simulator. Templates accept another class with the same interface instead.
 class SimulatorCaller {
  public:
@@ -75,6 +76,14 @@ class MethodBinder {
     table_.add_variadic(name, [caller = caller_, name](std::span<const msgpack::object>, rpc::Encoder& out, double&) {
       caller.template call<&simulator::Simulator::refuse, void>(name);
       out.nil();
+  /// Registers a method that accepts any arguments and answers false: nothing has changed.
+  void accept_and_deny(const std::string& name) {
+    table_.add_variadic(name, [caller = caller_, name](std::span<const msgpack::object>, rpc::Encoder& out, double&) {
+      caller.template call<&simulator::Simulator::accept_without_effect, void>(name);
+      rpc::encode(out, false);
+    });
+  }
+
     });
   }
 
@@ -97,7 +106,7 @@ class MethodBinder {
     using Result = typename Types::Result;
     using Arguments = typename Types::Arguments;
     table_.template add<Result, std::tuple_element_t<I, Arguments>..., ExternalFlag>(
-        name, [caller = caller_](const std::tuple_element_t<I, Arguments>&... arguments, ExternalFlag external) {
+        name, [caller = caller_](const std::tuple_element_t<I, Arguments>&... arguments, const ExternalFlag& external) {
           return caller.template call<Method, Result>(arguments..., external.value);
         });
     table_.template add<Result, std::tuple_element_t<I, Arguments>...>(
@@ -113,7 +122,7 @@ class MethodBinder {
 /// rpc::decode() for ExternalFlag.
 inline void decode(const msgpack::object& value, ExternalFlag& result) {
   if (value.type == msgpack::type::STR || value.type == msgpack::type::BIN) {
-    result.value = false;
+    rpc::decode(value, result.annotation_name);
   } else {
     rpc::decode(value, result.value);
   }

@@ -171,6 +171,43 @@ TEST(ApiScene, ThePaletteHasAirSimsColoursAndNoneTwice) {
   EXPECT_EQ(default_segmentation_id("Ab1"), 5 + 97 + 98);
 }
 
+TEST(ApiScene, EverySegmentationIdHasAColourOfItsOwn) {
+  std::vector<bool> used(1U << 24U);
+  for (int id = 0; id <= kMaxSegmentationId; ++id) {
+    const imaging::Rgb8 c = segmentation_colour(id);
+    const std::size_t number = (std::size_t{c[0]} << 16U) | (std::size_t{c[1]} << 8U) | c[2];
+    ASSERT_FALSE(used[number]) << id;
+    used[number] = true;
+  }
+  EXPECT_EQ(segmentation_colour(7), segmentation_palette()[7]);
+  EXPECT_EQ(segmentation_colour(-1), segmentation_palette()[0]);
+}
+
+TEST(ApiScene, ObjectsAreListedWithTheirPosesInTheSameOrder) {
+  const auto world = simulator(kComputerVision);
+  const std::vector<std::string> names = world->sim_list_instance_segmentation_objects();
+  const std::vector<Pose> poses = world->sim_list_instance_segmentation_poses(true, false);
+  EXPECT_THAT(names, testing::ElementsAre("east_wall", "ground", "north_wall"));
+  ASSERT_EQ(poses.size(), names.size());
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const Pose alone = world->sim_get_object_pose(names[i]);
+    EXPECT_FLOAT_EQ(poses[i].position.x_val, alone.position.x_val) << names[i];
+    EXPECT_FLOAT_EQ(poses[i].position.y_val, alone.position.y_val) << names[i];
+  }
+  const std::vector<Vector3r> colours = world->sim_get_instance_segmentation_color_map();
+  ASSERT_EQ(colours.size(), 256U);
+  EXPECT_EQ(colours[7].x_val, 115.0F);
+  EXPECT_THAT(world->sim_list_scene_objects_tags("north.*"),
+              testing::ElementsAre(std::array<std::string, 2>{"north_wall", ""}));
+}
+
+TEST(ApiScene, TheDroneScriptsPatternForAllObjectsFindsThem) {
+  const auto world = simulator(kComputerVision);
+  EXPECT_TRUE(world->sim_set_segmentation_object_id("[\\w]*", 0, true));
+  for (const std::string& name : world->sim_list_scene_objects(".*"))
+    EXPECT_EQ(world->sim_get_segmentation_object_id(name), 0) << name;
+}
+
 TEST(ApiScene, MeshesAreInUnrealsCentimetres) {
   const auto world = simulator(kComputerVision);
   const auto buffers = world->sim_get_mesh_position_vertex_buffers();
@@ -235,10 +272,23 @@ TEST(ApiScene, ARecordingKeepsItsIntervalAndItsPosesArePicturesPoses) {
   EXPECT_NEAR(T.translation.z(), 0.355, 0.01);
 }
 
+TEST(ApiScene, WhatHasNoEffectIsToldOnce) {
+  std::vector<std::string> log;
+  SimulatorOptions options;
+  options.settings = kComputerVision;
+  Simulator world(options, meshes(), [&](const std::string& line) { log.push_back(line); });
+  for (int i = 0; i < 3; ++i) {
+    world.accept_without_effect("simSetTimeOfDay");
+    world.accept_without_effect("simSetTraceLine");
+  }
+  EXPECT_THAT(log, testing::ElementsAre(HasSubstr("warning: simSetTimeOfDay has no effect: light and shadows"),
+                                        HasSubstr("warning: simSetTraceLine has no effect: there is no display")));
+}
+
 TEST(ApiScene, WhatIsNotServedSaysWhy) {
   const auto world = simulator(kComputerVision);
-  EXPECT_THAT(refusal_of([&] { world->refuse("simSetTimeOfDay"); }),
-              HasSubstr("simSetTimeOfDay is not served here: light"));
+  EXPECT_THAT(refusal_of([&] { world->refuse("simSwapTextures"); }),
+              HasSubstr("simSwapTextures is not served here: the tiles' textures"));
   EXPECT_THAT(refusal_of([&] { world->sim_spawn_object("a", "b", {}, {}, false, false); }), HasSubstr("tiles"));
   EXPECT_FALSE(world->sim_set_object_pose("north_wall", {}, true));
 }

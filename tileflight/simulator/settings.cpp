@@ -45,8 +45,7 @@ RecordingSettings read_recording(StrictSection section) {
   for (StrictSection& entry : section.sections("Cameras")) {
     cameras.push_back({entry.text("CameraName").value_or(""), entry.integer("ImageType", 0, 0, kImageTypeCount - 1),
                        entry.boolean("PixelsAsFloat").value_or(false), entry.boolean("Compress").value_or(true),
-                       entry.text("VehicleName").value_or("")});
-    entry.ignore({"Annotation"});
+                       entry.text("VehicleName").value_or(""), entry.text("Annotation").value_or("")});
     entry.require_all_keys_used();
   }
   if (!cameras.empty()) recording.cameras = std::move(cameras);
@@ -62,6 +61,23 @@ void read_segmentation(StrictSection section, Settings& settings) {
   section.require_all_keys_used();
 }
 
+std::vector<AnnotationSettings> read_annotation_layers(StrictSection& root) {
+  constexpr int kColours = 0, kGreyscale = 1, kTextures = 2;  // Cosys-AirSim's types
+  std::vector<AnnotationSettings> layers;
+  for (StrictSection& entry : root.sections("Annotation")) {
+    const int type = entry.integer("Type", kColours, kColours, kTextures);
+    const bool direct = entry.boolean("SetDirect").value_or(false);
+    const AnnotationKind kind = type == kGreyscale  ? AnnotationKind::kGreyscale
+                                : type == kTextures ? AnnotationKind::kTexture
+                                : direct            ? AnnotationKind::kColour
+                                                    : AnnotationKind::kColourIndex;
+    layers.push_back({entry.required_text("Name"), kind});
+    entry.ignore({"Default", "ViewDistance", "TexturePath", "TexturePrefix"});
+    entry.require_all_keys_used();
+  }
+  return layers;
+}
+
 /// Replaces cameras of the same name, and appends the others.
 void put_cameras(std::vector<CameraSettings> own, std::vector<CameraSettings>& cameras) {
   for (CameraSettings& camera : own) {
@@ -74,7 +90,7 @@ void put_cameras(std::vector<CameraSettings> own, std::vector<CameraSettings>& c
   }
 }
 
-VehicleSettings read_vehicle(const std::string& name, StrictSection section, const Settings& settings,
+VehicleSettings read_vehicle(const std::string& name, StrictSection section, Settings& settings,
                              const std::vector<SensorSettings>& default_sensors) {
   VehicleSettings vehicle = default_vehicle(name, !settings.computer_vision, settings.camera_defaults);
   const std::string type = section
@@ -96,7 +112,7 @@ VehicleSettings read_vehicle(const std::string& name, StrictSection section, con
   for (auto& [camera, entry] : section.named_sections("Cameras"))
     cameras.push_back(read_camera(resolve_camera_alias(camera), std::move(entry), settings.camera_defaults));
   put_cameras(std::move(cameras), vehicle.cameras);
-  vehicle.sensors = read_sensors(section, "Sensors", vehicle.flies, default_sensors);
+  vehicle.sensors = read_sensors(section, "Sensors", vehicle.flies, default_sensors, settings.warnings);
   section.ignore({"AutoCreate", "PawnPath", "IsFpvVehicle", "EnableTrace", "DebugSymbolScale", "RC", "FollowDistance",
                   "UseSerial", "Model"});
   section.require_all_keys_used();
@@ -105,7 +121,8 @@ VehicleSettings read_vehicle(const std::string& name, StrictSection section, con
 
 void read_vehicles(StrictSection& root, Settings& settings) {
   const bool flies = !settings.computer_vision;
-  const std::vector<SensorSettings> sensors = read_sensors(root, "DefaultSensors", flies, default_sensors(flies));
+  const std::vector<SensorSettings> sensors =
+      read_sensors(root, "DefaultSensors", flies, default_sensors(flies), settings.warnings);
   auto entries = root.named_sections("Vehicles");
   if (entries.size() > kMaxVehicles)
     throw root.error("Vehicles", "more than " + std::to_string(kMaxVehicles) + " vehicles");
@@ -152,23 +169,6 @@ VehicleSettings default_vehicle(const std::string& name, bool flies, const Camer
   return vehicle;
 }
 
-Settings read_settings(const std::string& text, const std::string& name) {
-  const json document = parse_settings_json(text, name);
-  Settings settings;
-  StrictSection root(document, name, "", &settings.warnings);
-  read_mode(root, settings);
-  if (auto origin = root.section("OriginGeopoint")) settings.origin = read_origin(std::move(*origin));
-  settings.start_on_surface = root.boolean("StartOnSurface").value_or(true);
-  settings.inverted_voxel_scale = root.boolean("InvertedVoxelScale").value_or(false);
-  if (auto wind = root.section("Wind")) {
-    settings.wind_ned_m_s = read_position(*wind);
-    if (settings.wind_ned_m_s.norm() > 100.0) throw root.error("Wind", "more than 100 m/s");
-    wind->require_all_keys_used();
-  }
-  if (auto recording = root.section("Recording")) settings.recording = read_recording(std::move(*recording));
-  if (auto segmentation = root.section("SegmentationSettings")) read_segmentation(std::move(*segmentation), settings);
-  if (auto defaults = root.section("CameraDefaults")) {
-    settings.camera_defaults = read_camera("", std::move(*defaults), {});
 bool is_blank(const std::string& settings_text) {
   return settings_text.find_first_not_of(" \t\r\n\xEF\xBB\xBF") == std::string::npos;
 }
@@ -195,6 +195,24 @@ std::string default_settings_text() {
   return text.dump(2);
 }
 
+Settings read_settings(const std::string& text, const std::string& name) {
+  const json document = parse_settings_json(text, name);
+  Settings settings;
+  StrictSection root(document, name, "", &settings.warnings);
+  read_mode(root, settings);
+  if (auto origin = root.section("OriginGeopoint")) settings.origin = read_origin(std::move(*origin));
+  settings.start_on_surface = root.boolean("StartOnSurface").value_or(true);
+  settings.inverted_voxel_scale = root.boolean("InvertedVoxelScale").value_or(false);
+  if (auto wind = root.section("Wind")) {
+    settings.wind_ned_m_s = read_position(*wind);
+    if (settings.wind_ned_m_s.norm() > 100.0) throw root.error("Wind", "more than 100 m/s");
+    wind->require_all_keys_used();
+  }
+  if (auto recording = root.section("Recording")) settings.recording = read_recording(std::move(*recording));
+  if (auto segmentation = root.section("SegmentationSettings")) read_segmentation(std::move(*segmentation), settings);
+  settings.annotation_layers = read_annotation_layers(root);
+  if (auto defaults = root.section("CameraDefaults")) {
+    settings.camera_defaults = read_camera("", std::move(*defaults), {});
   }
   read_vehicles(root, settings);
   for (auto& [camera, entry] : root.named_sections("ExternalCameras"))

@@ -10,6 +10,7 @@
 #include "tileflight/geometry/geodesy.h"
 #include "tileflight/imaging/camera.h"
 #include "tileflight/simulator/airsim_types.h"
+#include "tileflight/simulator/annotation_layers.h"
 #include "tileflight/simulator/sensor_settings.h"
 
 namespace tileflight::simulator {
@@ -49,7 +50,8 @@ struct RecordingCamera {
   int image_type = 0;
   bool pixels_as_float = false;
   bool compress = true;
-  std::string vehicle;  ///< empty: every vehicle
+  std::string vehicle;     ///< empty: every vehicle
+  std::string annotation;  ///< the layer of images of type Annotation
 };
 
 /// Recording settings.
@@ -78,6 +80,7 @@ struct Settings {
   std::optional<std::string> address;
   geometry::Vec3 wind_ned_m_s = geometry::Vec3::Zero();
   RecordingSettings recording;
+  std::vector<AnnotationSettings> annotation_layers;  ///< Cosys-AirSim's "Annotation"
   bool random_ids = true;                 ///< SegmentationSettings.InitMethod: ids from the names, else all 0
   bool inverted_voxel_scale = false;      ///< own key "InvertedVoxelScale": write 1 / x in binvox files, as AirSim does
   std::vector<VehicleSettings> vehicles;  ///< at least one; the first one also has the name ""
@@ -90,15 +93,15 @@ struct Settings {
 /// key, cause).
 Settings read_settings(const std::string& text, const std::string& name);
 
-/// The default cameras of every vehicle: front_center, front_right, front_left, bottom_center, back_center.
-std::vector<CameraSettings> default_cameras(const CameraSettings& defaults);
-
 /// Whether the text of a settings.json says nothing.
 bool is_blank(const std::string& settings_text);
 
 /// The settings that hold where none are given, as a settings.json: clients (AirSim's ROS wrapper) read SimMode and
 /// Vehicles from it.
 std::string default_settings_text();
+
+/// The default cameras of every vehicle: front_center, front_right, front_left, bottom_center, back_center.
+std::vector<CameraSettings> default_cameras(const CameraSettings& defaults);
 
 /// Resolves AirSim's camera aliases "0", "", "fpv" and so on; other names are returned unchanged.
 std::string resolve_camera_alias(const std::string& name);

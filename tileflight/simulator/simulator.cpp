@@ -66,6 +66,7 @@ Simulator::Impl::Impl(const SimulatorOptions& o, SimulatorLog l, const Progress&
       geodetic_frame{geometry::LocalFrame(kDefaultOrigin), {}, Vec3::Zero(), false},
       file_access(options.output_root),
       segmentation_ids(settings.random_ids),
+      annotation_layers(settings.annotation_layers),
       clock(state_mutex, settings.clock, clock_hooks()) {
   initialize();
 }
@@ -78,6 +79,7 @@ Simulator::Impl::Impl(const SimulatorOptions& o, std::vector<imaging::TexturedMe
       geodetic_frame{geometry::LocalFrame(kDefaultOrigin), {}, Vec3::Zero(), false},
       file_access(options.output_root),
       segmentation_ids(settings.random_ids),
+      annotation_layers(settings.annotation_layers),
       clock(state_mutex, settings.clock, clock_hooks()) {
   initialize();
 }
