@@ -86,6 +86,8 @@ void add_scene_methods(MethodBinder<Caller>& bind) {
   bind.template add<&S::sim_test_line_of_sight_between_points>("simTestLineOfSightBetweenPoints");
   bind.template add<&S::sim_get_world_extents>("simGetWorldExtents");
   bind.template add<&S::sim_set_wind>("simSetWind");
+  bind.table().template add<bool, std::string>(
+      "simLoadLevel", [caller = bind.caller()](const std::string& name) { return caller.load_level(name); });
 }
 
 template <class Caller>
@@ -126,7 +128,6 @@ void add_ignored_and_unsupported_methods(MethodBinder<Caller>& bind) {
   }
   bind.accept_and_deny("simSetLightIntensity");
   for (const char* name : {"simSetExtForce",
-                           "simLoadLevel",
                            "simSwapTextures",
                            "simSetObjectMaterial",
                            "simSetObjectMaterialFromTexture",

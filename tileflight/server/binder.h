@@ -1,11 +1,13 @@
 #pragma once
 
 #include <cstddef>
+#include <memory>
 #include <string>
 #include <tuple>
 #include <utility>
 
 #include "tileflight/rpc/method_table.h"
+#include "tileflight/server/levels.h"
 #include "tileflight/simulator/simulator.h"
 
 namespace tileflight::server {
@@ -14,21 +16,24 @@ namespace tileflight::server {
 /// annotation layer.
 struct ExternalFlag {
   bool value = false;
+  std::string annotation_name;
 };
 
-  std::string annotation_name;
-/// Calls methods of a simulator. Templates accept another class with the same interface instead.
+/// Calls methods of the simulator that is served. Templates accept another class with the same interface instead.
 class SimulatorCaller {
  public:
-  explicit SimulatorCaller(simulator::Simulator& simulator) : simulator_(&simulator) {}
+  explicit SimulatorCaller(Levels& levels) : levels_(&levels) {}
 
   template <auto Method, class Result, class... Arguments>
   Result call(Arguments&&... arguments) const {
-    return (simulator_->*Method)(std::forward<Arguments>(arguments)...);
+    const std::shared_ptr<simulator::Simulator> simulator = levels_->current();
+    return (simulator.get()->*Method)(std::forward<Arguments>(arguments)...);
   }
 
+  bool load_level(const std::string& name) const { return levels_->load(name); }
+
  private:
-  simulator::Simulator* simulator_;
+  Levels* levels_;
 };
 
 /// Result and argument types of a simulator method.
@@ -71,11 +76,6 @@ class MethodBinder {
     });
   }
 
-  /// Registers a method that always fails with the simulator's reason why it is not supported.
-  void refuse(const std::string& name) {
-    table_.add_variadic(name, [caller = caller_, name](std::span<const msgpack::object>, rpc::Encoder& out, double&) {
-      caller.template call<&simulator::Simulator::refuse, void>(name);
-      out.nil();
   /// Registers a method that accepts any arguments and answers false: nothing has changed.
   void accept_and_deny(const std::string& name) {
     table_.add_variadic(name, [caller = caller_, name](std::span<const msgpack::object>, rpc::Encoder& out, double&) {
@@ -84,6 +84,11 @@ class MethodBinder {
     });
   }
 
+  /// Registers a method that always fails with the simulator's reason why it is not supported.
+  void refuse(const std::string& name) {
+    table_.add_variadic(name, [caller = caller_, name](std::span<const msgpack::object>, rpc::Encoder& out, double&) {
+      caller.template call<&simulator::Simulator::refuse, void>(name);
+      out.nil();
     });
   }
 

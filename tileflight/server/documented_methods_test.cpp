@@ -73,9 +73,8 @@ class DocumentedMethods : public testing::Test {
     return table_.call(rpc::Request({buffer.data(), buffer.size()})).error;
   }
 
-  std::unique_ptr<simulator::Simulator> world_ =
-      simulator::test_world::simulator(simulator::test_world::kComputerVision);
-  rpc::MethodTable table_ = make_method_table(*world_, [] { return rpc::ServerStatistics{}; });
+  Levels levels_{simulator::test_world::simulator(simulator::test_world::kComputerVision)};
+  rpc::MethodTable table_ = make_method_table(levels_, [] { return rpc::ServerStatistics{}; });
 };
 
 TEST_F(DocumentedMethods, AreThoseOfTheServer) {

@@ -44,7 +44,6 @@ std::string unsupported_reason(const std::string& call) {
   static const std::map<std::string, std::string> kReasons{
       {"simSpawnObject",
        "objects cannot be added to tiles; add them to the mesh, convert it (tileflight tile) and serve the result"},
-      {"simLoadLevel", "the place is fixed when the server starts; start another server on another port"},
       {"simSetObjectMaterial", kBakedTextures},
       {"simSetObjectMaterialFromTexture", kBakedTextures},
       {"simSwapTextures", kBakedTextures},

@@ -3,9 +3,11 @@ import contextlib
 import io
 import json
 import math
+import pathlib
 import signal
 import socket
 import struct
+import tempfile
 import threading
 import time
 import unittest
@@ -321,6 +323,30 @@ class Flying(unittest.TestCase):
 
 
 class Serving(unittest.TestCase):
+    def test_loads_the_levels_that_it_was_told_of(self):
+        with tempfile.TemporaryDirectory() as folder:
+            other = tiny_place.write(pathlib.Path(folder) / "other", name="other.glb")
+            with RunningServer(FLYING, "--level", f"Other={other}", "--level", "Broken=nowhere.json") as server:
+                with server.client() as client:
+                    self.assertEqual(client.simListSceneObjects(), ["place"])
+                    client.enableApiControl(True)
+                    self.assertTrue(client.takeoffAsync().get())
+                    for unknown in ("other", "Broken", str(other), ""):
+                        self.assertIs(client.simLoadLevel(unknown), False)
+                    self.assertEqual(client.simListSceneObjects(), ["place"])
+                    self.assertIs(client.simLoadLevel("Other"), True)
+                    self.assertEqual(client.simListSceneObjects(), ["other"])
+                    self.assertFalse(client.isApiControlEnabled())
+                    self.assertEqual(client.getMultirotorState().landed_state, airsim.LandedState.Landed)
+                code, _, err = server.stop()
+                self.assertEqual(code, 0)
+                self.assertIn("simLoadLevel('other'): the levels are: Broken, Other", err)
+
+    def test_a_level_is_a_name_and_a_source(self):
+        for wrong in ("Other", "=place", "Other="):
+            with self.assertRaisesRegex(RuntimeError, "--level '" + wrong + "': must be NAME=SOURCE"):
+                RunningServer(FLYING, "--level", wrong).__enter__()
+
     def test_ends_at_a_signal_while_a_task_is_running(self):
         for number in (signal.SIGTERM, signal.SIGINT):
             with RunningServer({**FLYING, "StepOnDemand": False}) as server:
