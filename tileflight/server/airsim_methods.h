@@ -126,11 +126,10 @@ void add_ignored_and_unsupported_methods(MethodBinder<Caller>& bind) {
         "setPositionControllerGains", "simEnableWeather", "simSetWeatherParameter", "simSetTimeOfDay"}) {
     bind.accept(name);
   }
-  bind.accept_and_deny("simSetLightIntensity");
+  for (const char* name : {"simSetLightIntensity", "simSetObjectMaterial", "simSetObjectMaterialFromTexture"})
+    bind.accept(name, false);
+  bind.accept("simSwapTextures", std::vector<std::string>());
   for (const char* name : {"simSetExtForce",
-                           "simSwapTextures",
-                           "simSetObjectMaterial",
-                           "simSetObjectMaterialFromTexture",
                            "simGetPresetLensSettings",
                            "simGetLensSettings",
                            "simSetPresetLensSettings",

@@ -76,12 +76,14 @@ class MethodBinder {
     });
   }
 
-  /// Registers a method that accepts any arguments and answers false: nothing has changed.
-  void accept_and_deny(const std::string& name) {
-    table_.add_variadic(name, [caller = caller_, name](std::span<const msgpack::object>, rpc::Encoder& out, double&) {
-      caller.template call<&simulator::Simulator::accept_without_effect, void>(name);
-      rpc::encode(out, false);
-    });
+  /// The same with an answer, which tells that nothing has changed.
+  template <class Answer>
+  void accept(const std::string& name, const Answer& answer) {
+    table_.add_variadic(name,
+                        [caller = caller_, name, answer](std::span<const msgpack::object>, rpc::Encoder& out, double&) {
+                          caller.template call<&simulator::Simulator::accept_without_effect, void>(name);
+                          rpc::encode(out, answer);
+                        });
   }
 
   /// Registers a method that always fails with the simulator's reason why it is not supported.

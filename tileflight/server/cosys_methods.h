@@ -31,8 +31,8 @@ void add_annotation_methods(MethodBinder<Caller>& bind) {
   bind.template add<&S::sim_get_annotation_object_color>("simGetAnnotationObjectColor");
   bind.template add<&S::sim_set_annotation_object_value>("simSetAnnotationObjectValue");
   bind.template add<&S::sim_get_annotation_object_value>("simGetAnnotationObjectValue");
-  bind.accept_and_deny("simSetAnnotationObjectTextureByPath");
-  bind.accept_and_deny("simEnableAnnotationObjectTextureByPath");
+  bind.accept("simSetAnnotationObjectTextureByPath", false);
+  bind.accept("simEnableAnnotationObjectTextureByPath", false);
   bind.table().template add<std::string, std::string, std::string>(
       "simGetAnnotationObjectTexturePath", [](const std::string&, const std::string&) { return std::string(); });
 }
@@ -57,7 +57,7 @@ void add_cosys_methods(MethodBinder<Caller>& bind) {
   bind.accept("setEchoData");
   for (const char* name : {"simSetWorldLightVisibility", "simSetWorldLightIntensity", "simSetVehicleLightVisibility",
                            "simSetVehicleLightIntensity"})
-    bind.accept_and_deny(name);
+    bind.accept(name, false);
   for (const char* name :
        {"simSetPhysicsRawKinematics", "getUWBData", "getUWBSensorData", "getWifiData", "getWifiSensorData"})
     bind.refuse(name);

@@ -32,6 +32,9 @@ std::string ineffective_reason(const std::string& call) {
       {"simSetWorldLightIntensity", kBakedLight},
       {"simSetVehicleLightVisibility", kBakedLight},
       {"simSetVehicleLightIntensity", kBakedLight},
+      {"simSwapTextures", kBakedTextures},
+      {"simSetObjectMaterial", kBakedTextures},
+      {"simSetObjectMaterialFromTexture", kBakedTextures},
   };
   if (const auto at = kReasons.find(call); at != kReasons.end()) return at->second;
   if (call.find("Texture") != std::string::npos) return "annotation layers of textures stay empty";
@@ -44,9 +47,6 @@ std::string unsupported_reason(const std::string& call) {
   static const std::map<std::string, std::string> kReasons{
       {"simSpawnObject",
        "objects cannot be added to tiles; add them to the mesh, convert it (tileflight tile) and serve the result"},
-      {"simSetObjectMaterial", kBakedTextures},
-      {"simSetObjectMaterialFromTexture", kBakedTextures},
-      {"simSwapTextures", kBakedTextures},
       {"simSetExtForce", "external forces are not simulated; simSetWind moves vehicles"},
       {"simSetPhysicsRawKinematics", "there is no second physics engine; set the pose with simSetKinematics"},
       {"getUWBData", kNoRadio},

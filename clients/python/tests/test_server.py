@@ -238,6 +238,7 @@ class AsTheScriptsSpeak(ByHand):
         self.nil_of(b"\xafsimSetTimeOfDay\x96\xc3\xa0\xc2\x01\x3c\xc3")
         self.nil_of(b"\xafsimSetTraceLine\x93\x94\x01\x00\x00\x01\x05\xa0")
         self.assertFalse(self.bool_of(b"\xb4simSetLightIntensity\x92\xa4Lamp\x64"))
+        self.assertEqual(self.ask(b"\x94\x00\x01\xafsimSwapTextures\x94\xa3tag\x00\x00\x00"), b"\x94\x01\x01\xc0\x90")
 
     def test_a_voxel_grid_into_a_bad_path_is_false(self):
         center = b"\x83\xa5x_val\x00\xa5y_val\x00\xa5z_val\x00"
