@@ -72,6 +72,8 @@ std::vector<AnnotationSettings> read_annotation_layers(StrictSection& root) {
                                 : direct            ? AnnotationKind::kColour
                                                     : AnnotationKind::kColourIndex;
     layers.push_back({entry.required_text("Name"), kind});
+    if (std::ranges::count(layers, layers.back().name, &AnnotationSettings::name) > 1)
+      throw entry.error("Name", "'" + layers.back().name + "' is given twice");
     entry.ignore({"Default", "ViewDistance", "TexturePath", "TexturePrefix"});
     entry.require_all_keys_used();
   }

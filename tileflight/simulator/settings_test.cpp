@@ -165,6 +165,8 @@ TEST(Settings, AnnotationLayersAreThoseOfCosys) {
   EXPECT_EQ(settings.annotation_layers[3].kind, AnnotationKind::kTexture);
   EXPECT_THAT(refusal_of(R"({"Annotation": [{"Type": 0}]})"), HasSubstr("Name"));
   EXPECT_THAT(refusal_of(R"({"Annotation": [{"Name": "a", "Type": 3}]})"), HasSubstr("Type"));
+  EXPECT_THAT(refusal_of(R"({"Annotation": [{"Name": "a"}, {"Name": "a", "Type": 1}]})"),
+              HasSubstr("'Annotation[1].Name' 'a' is given twice"));
 }
 
 TEST(Settings, LensesBeyondThePinhole) {
