@@ -1,12 +1,12 @@
-#include <nlohmann/json.hpp>
-
 #include <unistd.h>
 
 #include <chrono>
 #include <condition_variable>
 #include <fstream>
 #include <iostream>
+#include <map>
 #include <mutex>
+#include <nlohmann/json.hpp>
 #include <sstream>
 #include <stop_token>
 #include <thread>
@@ -20,6 +20,7 @@
 #include "source_options.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/server/extension_methods.h"
+#include "tileflight/server/levels.h"
 #include "tileflight/server/method_table.h"
 
 namespace tileflight::app {
@@ -31,6 +32,7 @@ struct ServeOptions {
   simulator::SimulatorOptions simulator;
   rpc::ServerOptions server;
   std::string settings, token_file, files, follow = "auto";
+  std::vector<std::string> levels;  ///< NAME=SOURCE
   std::vector<double> start_local;
   double memory_gb = 2.0;
   std::size_t message_mb = 64;
@@ -72,6 +74,31 @@ simulator::SimulatorOptions simulator_options(const ServeOptions& options) {
     result.ned_origin_local = geometry::Vec3{start[0], start[1], up_m};
   }
   return result;
+}
+
+/// The source of each level, by its name.
+std::map<std::string, std::string> level_sources(const std::vector<std::string>& levels) {
+  std::map<std::string, std::string> sources;
+  for (const std::string& level : levels) {
+    const std::size_t equals = level.find('=');
+    if (equals == std::string::npos || equals == 0 || equals + 1 == level.size())
+      throw InputError("--level '" + level + "'", "must be NAME=SOURCE");
+    if (!sources.emplace(level.substr(0, equals), level.substr(equals + 1)).second)
+      throw InputError("--level '" + level + "'", "the name is given twice");
+  }
+  return sources;
+}
+
+/// For a level: settings and limits of the command line, but no region, which is of SOURCE.
+simulator::SimulatorOptions level_options(simulator::SimulatorOptions options, const std::string& source) {
+  tiles::LoadOptions load;
+  load.error_m = options.load.error_m;
+  load.allow_incomplete = options.load.allow_incomplete;
+  load.source = options.load.source;
+  options.load = std::move(load);
+  options.ned_origin_local.reset();
+  options.source = source;
+  return options;
 }
 
 rpc::ServerOptions server_options(const ServeOptions& options, const simulator::Simulator& simulator) {
@@ -160,18 +187,23 @@ Output serve(const ServeOptions& options, const CommonOptions& common, const Pro
   const auto log = [quiet = common.quiet](const std::string& line) {
     if (!quiet) std::cerr << ("tileflight: " + line + "\n");
   };
-  simulator::Simulator simulator(simulator_options(options), log, progress);
+  const std::map<std::string, std::string> sources = level_sources(options.levels);
+  const simulator::SimulatorOptions first = simulator_options(options);
+  const auto open_level = [&](const std::string& source) {
+    return std::make_unique<simulator::Simulator>(level_options(first, source), log);
+  };
+  server::Levels levels(std::make_shared<simulator::Simulator>(first, log, progress), sources, open_level, log);
   if (isatty(STDERR_FILENO) == 1) std::cerr << "\r\033[K";  // clear the progress line
   std::unique_ptr<rpc::Server> server;
-  const rpc::ServerOptions settings = server_options(options, simulator);
-  server = std::make_unique<rpc::Server>(
-      server::make_method_table(simulator, [&server] { return server->statistics(); }), settings, log);
+  const rpc::ServerOptions settings = server_options(options, *levels.current());
+  server = std::make_unique<rpc::Server>(server::make_method_table(levels, [&server] { return server->statistics(); }),
+                                         settings, log);
   server->stop_at_signals();
   warn_of_other_machines(settings);
-  if (!common.quiet) warn_of_settings_address(settings, simulator);
-  announce(common, settings, server->port(), simulator);
+  if (!common.quiet) warn_of_settings_address(settings, *levels.current());
+  announce(common, settings, server->port(), *levels.current());
   server->run();
-  simulator.stop();
+  levels.stop();
   return {};
 }
 
@@ -216,6 +248,10 @@ void add_world_options(CLI::App& command, ServeOptions& options) {
                   "with tiles that follow the sensors, leave out those farther away, metres (default: all above the "
                   "horizon)")
       ->check(CLI::PositiveNumber);
+  command
+      .add_option("--level", options.levels,
+                  "NAME=SOURCE of a place that simLoadLevel(NAME) may load; may be given several times")
+      ->allow_extra_args(false);
   command.add_option("--files", options.files, "folder that clients may write files into (default: none)");
   command
       .add_option("--start-local", options.start_local,

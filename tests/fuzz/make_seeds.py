@@ -285,7 +285,9 @@ def rpc():
         "simPlotPoints": [[at], [1.0, 0.0, 0.0, 1.0], 10.0, -1.0, False], "getLidarData": ["", ""],
         "simTestLineOfSightBetweenPoints": [{"latitude": 1.0, "longitude": 2.0, "altitude": 3.0}, {}],
         "tfSetLens": ["0", {"model": "fisheye", "fov_degrees": 190, "k": [0.1, 0.0], "intrinsics": []}, "", False],
-        "tfStatistics": [], "tfCreateVoxelGrid": [at, at, 0.5], "nothing": [None, True, 200, "x" * 40]}
+        "tfStatistics": [], "tfCreateVoxelGrid": [at, at, 0.5], "nothing": [None, True, 200, "x" * 40],
+        "simGetObjectPose": ["tiles__3_0_0", True], "simLoadLevel": ["Home"], "getEchoData": ["", ""],
+        "simSetAnnotationObjectColor": ["layer", "[\\w]*", 1, 2, 3, True]}
     for i, (method, args) in enumerate(calls.items()):
         write(f"rpc/{method}", packed([0, i, method, args]))
     write("rpc/notification", packed([2, "reset", []]))

@@ -76,7 +76,8 @@ struct Fields<simulator::ImageRequest> {
   using T = simulator::ImageRequest;
   static constexpr auto list =
       std::tuple(field("camera_name", &T::camera_name), field("image_type", &T::image_type),
-                 field("pixels_as_float", &T::pixels_as_float), field("compress", &T::compress));
+                 field("pixels_as_float", &T::pixels_as_float), field("compress", &T::compress),
+                 field("annotation_name", &T::annotation_name));
 };
 
 template <>

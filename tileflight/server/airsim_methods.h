@@ -2,8 +2,10 @@
 
 #include "tileflight/server/airsim_fields.h"
 #include "tileflight/server/binder.h"
+#include "tileflight/server/cosys_methods.h"
 
-// Every method of AirSim's multirotor and computer-vision interface, under its RPC name.
+// Every method of AirSim's multirotor and computer-vision interface, under its RPC name; simGetImage, whose last
+// argument differs between versions: cosys_methods.h.
 namespace tileflight::server {
 
 template <class Caller>
@@ -35,7 +37,6 @@ template <class Caller>
 void add_camera_methods(MethodBinder<Caller>& bind) {
   using S = simulator::Simulator;
   bind.template add_camera_method<&S::sim_get_images>("simGetImages");
-  bind.template add_camera_method<&S::sim_get_image>("simGetImage");
   bind.template add_camera_method<&S::sim_get_camera_info>("simGetCameraInfo");
   bind.template add_camera_method<&S::sim_set_camera_pose>("simSetCameraPose");
   bind.template add_camera_method<&S::sim_set_camera_fov>("simSetCameraFov");
@@ -85,6 +86,8 @@ void add_scene_methods(MethodBinder<Caller>& bind) {
   bind.template add<&S::sim_test_line_of_sight_between_points>("simTestLineOfSightBetweenPoints");
   bind.template add<&S::sim_get_world_extents>("simGetWorldExtents");
   bind.template add<&S::sim_set_wind>("simSetWind");
+  bind.table().template add<bool, std::string>(
+      "simLoadLevel", [caller = bind.caller()](const std::string& name) { return caller.load_level(name); });
 }
 
 template <class Caller>
@@ -116,20 +119,17 @@ void add_flight_methods(MethodBinder<Caller>& bind) {
 /// Calls without an observable effect here, and calls that are not supported.
 template <class Caller>
 void add_ignored_and_unsupported_methods(MethodBinder<Caller>& bind) {
-  for (const char* name : {"simFlushPersistentMarkers", "simPlotPoints", "simPlotLineStrip", "simPlotLineList",
-                           "simPlotArrows", "simPlotStrings", "simPlotTransforms", "simPlotTransformsWithNames",
-                           "simSetTraceLine", "setAngleRateControllerGains", "setAngleLevelControllerGains",
-                           "setVelocityControllerGains", "setPositionControllerGains"}) {
+  for (const char* name :
+       {"simFlushPersistentMarkers", "simPlotPoints", "simPlotLineStrip", "simPlotLineList", "simPlotArrows",
+        "simPlotStrings", "simPlotTransforms", "simPlotTransformsWithNames", "simSetTraceLine",
+        "setAngleRateControllerGains", "setAngleLevelControllerGains", "setVelocityControllerGains",
+        "setPositionControllerGains", "simEnableWeather", "simSetWeatherParameter", "simSetTimeOfDay"}) {
     bind.accept(name);
   }
-  for (const char* name : {"simSetWeatherParameter",
-                           "simSetTimeOfDay",
-                           "simSetExtForce",
-                           "simLoadLevel",
-                           "simSwapTextures",
-                           "simSetObjectMaterial",
-                           "simSetObjectMaterialFromTexture",
-                           "simSetLightIntensity",
+  for (const char* name : {"simSetLightIntensity", "simSetObjectMaterial", "simSetObjectMaterialFromTexture"})
+    bind.accept(name, false);
+  bind.accept("simSwapTextures", std::vector<std::string>());
+  for (const char* name : {"simSetExtForce",
                            "simGetPresetLensSettings",
                            "simGetLensSettings",
                            "simSetPresetLensSettings",
@@ -155,11 +155,6 @@ void add_ignored_and_unsupported_methods(MethodBinder<Caller>& bind) {
                            "getCarState"}) {
     bind.refuse(name);
   }
-  bind.table().template add<void, bool>("simEnableWeather", [caller = bind.caller()](bool enable) {
-    using S = simulator::Simulator;
-    if (enable) return caller.template call<&S::refuse, void>("simEnableWeather");
-    caller.template call<&S::accept_without_effect, void>("simEnableWeather");
-  });
 }
 
 template <class Caller>
@@ -170,6 +165,7 @@ void add_airsim_methods(MethodBinder<Caller>& bind) {
   add_scene_methods(bind);
   add_flight_methods(bind);
   add_ignored_and_unsupported_methods(bind);
+  add_cosys_methods(bind);
 }
 
 }  // namespace tileflight::server

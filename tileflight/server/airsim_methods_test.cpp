@@ -111,7 +111,7 @@ const std::map<std::string, int> kArguments{{"ping", 0},
                                             {"startRecording", 0},
                                             {"stopRecording", 0},
                                             {"isRecording", 0},
-                                            {"simEnableWeather", 1},
+                                            {"simEnableWeather", -1},
                                             {"simSetWeatherParameter", -1},
                                             {"simSetTimeOfDay", -1},
                                             {"simSetWind", 1},
@@ -127,7 +127,7 @@ const std::map<std::string, int> kArguments{{"ping", 0},
                                             {"simSetTraceLine", -1},
                                             {"simRunConsoleCommand", 1},
                                             {"simAddVehicle", 4},
-                                            {"simLoadLevel", -1},
+                                            {"simLoadLevel", 1},
                                             {"simGetWorldExtents", 0},
                                             {"simTestLineOfSightToPoint", 2},
                                             {"simTestLineOfSightBetweenPoints", 2},
@@ -194,6 +194,45 @@ TEST(AirSimMethods, TakeWhatClientsOfVersionFourSend) {
   EXPECT_THAT(ask("simGetCameraInfo", "0", "").error, IsEmpty());
   EXPECT_THAT(ask("simSetCameraFov", "0", 60, "").error, IsEmpty());
   EXPECT_THAT(ask("simGetDistortionParams", "0", "").error, IsEmpty());
+  EXPECT_THAT(ask("simGetObjectPose", "wall", true).error, IsEmpty());
+  EXPECT_THAT(ask("simGetObjectPose", "wall").error, IsEmpty()) << "AirSim's client sends no frame";
+}
+
+TEST(AirSimMethods, TakeTheCallsThatCosysAdds) {
+  const std::map<std::string, int> methods{{"simListSceneObjectsTags", 1},
+                                           {"simListInstanceSegmentationObjects", 0},
+                                           {"simListInstanceSegmentationPoses", 2},
+                                           {"simGetInstanceSegmentationColorMap", 0},
+                                           {"simListAnnotationObjects", 1},
+                                           {"simListAnnotationPoses", 3},
+                                           {"simSetAnnotationObjectID", 4},
+                                           {"simGetAnnotationObjectID", 2},
+                                           {"simSetAnnotationObjectColor", 6},
+                                           {"simGetAnnotationObjectColor", 2},
+                                           {"simSetAnnotationObjectValue", 4},
+                                           {"simGetAnnotationObjectValue", 2},
+                                           {"simGetAnnotationObjectTexturePath", 2},
+                                           {"getGPULidarData", 2},
+                                           {"getEchoData", 2},
+                                           {"getComputerVisionState", 1},
+                                           {"simGetPhysicsRawKinematics", 1}};
+  for (const auto& [name, arguments] : methods)
+    EXPECT_THAT(ask(name, 1, 1, 1, 1, 1, 1, 1, 1).error,
+                HasSubstr("Expected: " + std::to_string(arguments) + ", got: 8"))
+        << name;
+  EXPECT_THAT(ask("simSetAnnotationObjectColor", "layer", "wall.*", 1, 2, 3, true).error, IsEmpty());
+  EXPECT_THAT(ask("simListAnnotationPoses", "layer", true, false).error, IsEmpty());
+}
+
+TEST(AirSimMethods, AnswerCosysInTheLayoutThatItsClientDecodes) {
+  const auto gpu = result_of(ask("getGPULidarData", "", ""));
+  EXPECT_THAT(keys(gpu.get().via.array.ptr[3]), testing::ElementsAre("time_stamp", "point_cloud", "pose"));
+  const auto echo = result_of(ask("getEchoData", "", ""));
+  EXPECT_THAT(keys(echo.get().via.array.ptr[3]),
+              testing::ElementsAre("time_stamp", "point_cloud", "groundtruth", "pose", "passive_beacons_point_cloud",
+                                   "passive_beacons_groundtruth"));
+  const auto state = result_of(ask("getComputerVisionState", ""));
+  EXPECT_THAT(keys(state.get().via.array.ptr[3]), testing::ElementsAre("kinematics_estimated", "timestamp"));
 }
 
 TEST(AirSimMethods, AnswerWithAllFieldsInTheirOrder) {

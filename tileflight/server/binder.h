@@ -1,33 +1,39 @@
 #pragma once
 
 #include <cstddef>
+#include <memory>
 #include <string>
 #include <tuple>
 #include <utility>
 
 #include "tileflight/rpc/method_table.h"
+#include "tileflight/server/levels.h"
 #include "tileflight/simulator/simulator.h"
 
 namespace tileflight::server {
 
 /// The last argument of camera calls: whether the camera is external, or, for clients of API version 4, the name of an
-/// annotation layer (not supported).
+/// annotation layer.
 struct ExternalFlag {
   bool value = false;
+  std::string annotation_name;
 };
 
-/// Calls methods of a simulator. Templates accept another class with the same interface instead.
+/// Calls methods of the simulator that is served. Templates accept another class with the same interface instead.
 class SimulatorCaller {
  public:
-  explicit SimulatorCaller(simulator::Simulator& simulator) : simulator_(&simulator) {}
+  explicit SimulatorCaller(Levels& levels) : levels_(&levels) {}
 
   template <auto Method, class Result, class... Arguments>
   Result call(Arguments&&... arguments) const {
-    return (simulator_->*Method)(std::forward<Arguments>(arguments)...);
+    const std::shared_ptr<simulator::Simulator> simulator = levels_->current();
+    return (simulator.get()->*Method)(std::forward<Arguments>(arguments)...);
   }
 
+  bool load_level(const std::string& name) const { return levels_->load(name); }
+
  private:
-  simulator::Simulator* simulator_;
+  Levels* levels_;
 };
 
 /// Result and argument types of a simulator method.
@@ -70,6 +76,16 @@ class MethodBinder {
     });
   }
 
+  /// The same with an answer, which tells that nothing has changed.
+  template <class Answer>
+  void accept(const std::string& name, const Answer& answer) {
+    table_.add_variadic(name,
+                        [caller = caller_, name, answer](std::span<const msgpack::object>, rpc::Encoder& out, double&) {
+                          caller.template call<&simulator::Simulator::accept_without_effect, void>(name);
+                          rpc::encode(out, answer);
+                        });
+  }
+
   /// Registers a method that always fails with the simulator's reason why it is not supported.
   void refuse(const std::string& name) {
     table_.add_variadic(name, [caller = caller_, name](std::span<const msgpack::object>, rpc::Encoder& out, double&) {
@@ -97,7 +113,7 @@ class MethodBinder {
     using Result = typename Types::Result;
     using Arguments = typename Types::Arguments;
     table_.template add<Result, std::tuple_element_t<I, Arguments>..., ExternalFlag>(
-        name, [caller = caller_](const std::tuple_element_t<I, Arguments>&... arguments, ExternalFlag external) {
+        name, [caller = caller_](const std::tuple_element_t<I, Arguments>&... arguments, const ExternalFlag& external) {
           return caller.template call<Method, Result>(arguments..., external.value);
         });
     table_.template add<Result, std::tuple_element_t<I, Arguments>...>(
@@ -113,7 +129,7 @@ class MethodBinder {
 /// rpc::decode() for ExternalFlag.
 inline void decode(const msgpack::object& value, ExternalFlag& result) {
   if (value.type == msgpack::type::STR || value.type == msgpack::type::BIN) {
-    result.value = false;
+    rpc::decode(value, result.annotation_name);
   } else {
     rpc::decode(value, result.value);
   }

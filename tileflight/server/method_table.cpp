@@ -5,10 +5,9 @@
 
 namespace tileflight::server {
 
-rpc::MethodTable make_method_table(simulator::Simulator& simulator,
-                                   const std::function<rpc::ServerStatistics()>& statistics) {
+rpc::MethodTable make_method_table(Levels& levels, const std::function<rpc::ServerStatistics()>& statistics) {
   rpc::MethodTable table;
-  MethodBinder<SimulatorCaller> bind(table, SimulatorCaller(simulator));
+  MethodBinder<SimulatorCaller> bind(table, SimulatorCaller(levels));
   add_airsim_methods(bind);
   add_extension_methods(bind, statistics);
   return table;

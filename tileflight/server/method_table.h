@@ -4,13 +4,13 @@
 
 #include "tileflight/rpc/method_table.h"
 #include "tileflight/rpc/server.h"
-#include "tileflight/simulator/simulator.h"
+#include "tileflight/server/levels.h"
 
 namespace tileflight::server {
 
-/// All methods that clients may call: AirSim's and the extensions, each a method of `simulator`, which must outlive the
-/// table. `statistics`: returns those of the server, for tfStatistics; called from the threads that answer requests.
-rpc::MethodTable make_method_table(simulator::Simulator& simulator,
-                                   const std::function<rpc::ServerStatistics()>& statistics);
+/// All methods that clients may call: AirSim's and the extensions, each a method of the simulator that is served.
+/// `levels` must outlive the table. `statistics`: returns those of the server, for tfStatistics; called from the
+/// threads that answer requests.
+rpc::MethodTable make_method_table(Levels& levels, const std::function<rpc::ServerStatistics()>& statistics);
 
 }  // namespace tileflight::server

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <string>
 #include <type_traits>
 
 namespace tileflight::server {
@@ -10,6 +11,8 @@ struct NullSimulatorCaller {
   Result call(Arguments&&...) const {
     if constexpr (!std::is_void_v<Result>) return Result{};
   }
+
+  bool load_level(const std::string& /*name*/) const { return false; }
 };
 
 }  // namespace tileflight::server

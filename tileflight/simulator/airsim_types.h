@@ -79,14 +79,17 @@ enum class ImageType : int {
   kInfrared = 7,
   kOpticalFlow = 8,
   kOpticalFlowVis = 9,
+  kLighting = 10,    ///< Cosys-AirSim's: what light falls on each surface
+  kAnnotation = 11,  ///< Cosys-AirSim's: a layer of labels
 };
-inline constexpr int kImageTypeCount = 10;
+inline constexpr int kImageTypeCount = 12;
 
 struct ImageRequest {
   std::string camera_name;
   int image_type = 0;  ///< may be any number from a client; checked by the simulator
   bool pixels_as_float = false;
   bool compress = true;
+  std::string annotation_name;  ///< Cosys-AirSim's: the layer of an image of type kAnnotation
 };
 
 struct ImageResponse {
@@ -119,6 +122,29 @@ struct LidarData {
   std::vector<float> point_cloud;  ///< x, y, z of each point
   Pose pose;                       ///< of the sensor, local NED
   std::vector<int> segmentation;   ///< one per point
+};
+
+/// Cosys-AirSim's.
+struct GPULidarData {
+  std::uint64_t time_stamp = 0;
+  std::vector<float> point_cloud;  ///< x, y, z, segmentation colour (red * 2^16 + green * 2^8 + blue), intensity
+  Pose pose;                       ///< of the sensor on the body
+};
+
+/// Cosys-AirSim's.
+struct EchoData {
+  std::uint64_t time_stamp = 0;
+  std::vector<float> point_cloud;        ///< x, y, z (sensor axes), attenuation in dB, way in metres, reflections
+  std::vector<std::string> groundtruth;  ///< the object of each point
+  Pose pose;                             ///< of the sensor on the body
+  std::vector<float> passive_beacons_point_cloud;  ///< always empty: there are no beacons
+  std::vector<std::string> passive_beacons_groundtruth;
+};
+
+/// Cosys-AirSim's.
+struct ComputerVisionState {
+  KinematicsState kinematics_estimated;
+  std::uint64_t timestamp = 0;
 };
 
 struct ImuData {

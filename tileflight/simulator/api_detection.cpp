@@ -37,7 +37,7 @@ DetectionInfo make_detection_info(const DetectedObject& seen, const ResidentScen
 DetectionFilter& Simulator::Impl::detection_filter(const std::string& camera_name, int image_type,
                                                    const std::string& vehicle_name, bool external) {
   if (image_type < 0 || image_type >= kImageTypeCount)
-    throw InputError("image type " + std::to_string(image_type), "is unknown; use 0 (Scene) to 9 (OpticalFlowVis)");
+    throw InputError("image type " + std::to_string(image_type), "is unknown; use 0 (Scene) to 11 (Annotation)");
   const SimCamera& chosen = camera(camera_name, vehicle_name, external);
   const std::string owner = external ? std::string() : slot(vehicle_name).vehicle->name();
   return detection_filters[owner + "/" + chosen.name() + "/" + std::to_string(image_type)];

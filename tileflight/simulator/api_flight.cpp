@@ -123,8 +123,10 @@ bool Simulator::arm_disarm(bool arm, const std::string& vehicle) {
   const std::lock_guard lock(impl_->state_mutex);
   SimVehicle& sim_vehicle = *impl_->slot(vehicle).vehicle;
   if (!sim_vehicle.settings().flies) return true;
-  if (!sim_vehicle.api_control && !sim_vehicle.settings().allow_api_always)
-    throw std::runtime_error("armDisarm: '" + sim_vehicle.name() + "' is not under API control (enableApiControl)");
+  if (!sim_vehicle.api_control && !sim_vehicle.settings().allow_api_always) {
+    impl_->log_line("armDisarm: ignored, '" + sim_vehicle.name() + "' is not under API control (enableApiControl)");
+    return false;
+  }
   if (!arm && !sim_vehicle.landed()) {
     impl_->log_line("armDisarm: '" + sim_vehicle.name() + "' is in the air and stays armed; land first");
     return false;

@@ -125,19 +125,45 @@ TEST(ApiFlight, CancelAndAnyNewTaskEndTheRunningOne) {
   EXPECT_FALSE(world->takeoff(20, ""));
 }
 
-TEST(ApiFlight, WithoutApiControlOrArmedNothingMoves) {
+TEST(ApiFlight, WithoutApiControlNothingMovesAndArmingAnswersFalse) {
   const auto world = simulator(kMultirotor);
   EXPECT_FALSE(world->takeoff(20, ""));
-  EXPECT_THAT(refusal_of([&] { world->arm_disarm(true, ""); }), HasSubstr("API control"));
+  EXPECT_FALSE(world->arm_disarm(true, "")) << "AirSim's answer";
   world->enable_api_control(true, "");
+  EXPECT_TRUE(world->arm_disarm(false, ""));
   EXPECT_FALSE(world->takeoff(20, "")) << "not armed";
   EXPECT_TRUE(world->arm_disarm(true, ""));
   EXPECT_TRUE(world->takeoff(20, ""));
   EXPECT_FALSE(world->arm_disarm(false, "")) << "in the air";
+}
+
+TEST(ApiFlight, VehiclesStartAndResetArmed) {
+  const auto world = simulator(kMultirotor);
+  world->enable_api_control(true, "");
+  EXPECT_TRUE(world->takeoff(20, "")) << "AirSim's vehicles are armed at start";
   world->reset();
   EXPECT_FALSE(world->is_api_control_enabled(""));
   EXPECT_NEAR(position(*world).z_val, -0.35, 0.01);
-  EXPECT_FALSE(world->takeoff(20, ""));
+  EXPECT_FALSE(world->takeoff(20, "")) << "API control is taken back";
+  world->enable_api_control(true, "");
+  world->arm_disarm(false, "");
+  world->reset();
+  world->enable_api_control(true, "");
+  EXPECT_TRUE(world->takeoff(20, "")) << "armed again";
+}
+
+TEST(ApiFlight, AVehicleOfTheStateDisarmedStartsAndResetsUnarmed) {
+  for (const char* state : {"Disarmed", "Inactive"}) {
+    const auto world = simulator(R"({"StepOnDemand": true, "Vehicles": {"A": {"DefaultVehicleState": ")" +
+                                 std::string(state) + R"("}}})");
+    for (const char* when : {"at start", "after reset"}) {
+      world->enable_api_control(true, "");
+      EXPECT_FALSE(world->takeoff(20, "")) << state << ' ' << when;
+      EXPECT_TRUE(world->arm_disarm(true, ""));
+      EXPECT_TRUE(world->takeoff(20, "")) << state << ' ' << when;
+      world->reset();
+    }
+  }
 }
 
 TEST(ApiFlight, AWallInTheWayIsACollision) {
@@ -148,6 +174,33 @@ TEST(ApiFlight, AWallInTheWayIsACollision) {
   EXPECT_TRUE(collision.has_collided);
   EXPECT_NEAR(collision.impact_point.x_val, kWallNorth_m, 0.05);
   EXPECT_LT(position(*world).x_val, kWallNorth_m);
+}
+
+/// A plane that rises to the north by 30 degrees, 1 m below the origin.
+std::vector<imaging::TexturedMesh> slope() {
+  const auto height = [](double north_m) { return -1.0 + north_m * std::tan(std::numbers::pi / 6); };
+  imaging::TexturedMesh mesh;
+  mesh.name = "slope";
+  mesh.mesh.vertices = {{-50, -50, height(-50)}, {50, -50, height(-50)}, {50, 50, height(50)}, {-50, 50, height(50)}};
+  mesh.mesh.triangles = {{0, 1, 2}, {0, 2, 3}};
+  return {mesh};
+}
+
+TEST(ApiFlight, AContactThatLastsIsReportedAgainAndAgain) {
+  SimulatorOptions options;
+  options.settings = kMultirotor;
+  Simulator world(options, slope());
+  world.enable_api_control(true, "");
+  move_to(world, 0, 0, -6);
+  world.move_by_velocity(2, 0, 0, 5, 0, kKeep, "");
+  std::uint64_t before = 0;
+  for (int second = 0; second < 8; ++second) {
+    world.move_by_velocity(2, 0, 0, 1, 0, kKeep, "");
+    const CollisionInfo now = world.sim_get_collision_info("");
+    EXPECT_TRUE(now.has_collided) << second;
+    EXPECT_GT(now.time_stamp, before) << second;
+    before = now.time_stamp;
+  }
 }
 
 TEST(ApiFlight, TheSameCommandsGiveTheSameFlightToTheLastBit) {

@@ -21,7 +21,7 @@ constexpr double kMaxPixels = 64e6;  // per call
 
 ImageType to_image_type(int image_type) {
   if (image_type < 0 || image_type >= kImageTypeCount)
-    throw InputError("image type " + std::to_string(image_type), "is unknown; use 0 (Scene) to 9 (OpticalFlowVis)");
+    throw InputError("image type " + std::to_string(image_type), "is unknown; use 0 (Scene) to 11 (Annotation)");
   return static_cast<ImageType>(image_type);
 }
 
@@ -42,7 +42,7 @@ std::vector<std::uint8_t> bgr_bytes(const imaging::RgbImage& image) {
   return bytes;
 }
 
-ImageResponse make_response(const PlannedImage& picture, const RenderLayers& layers, const std::vector<int>& ids) {
+ImageResponse make_response(const PlannedImage& picture, const RenderLayers& layers, const ObjectLabels& labels) {
   ImageResponse response;
   response.camera_name = picture.request.camera_name;
   response.camera_position = picture.pose.position;
@@ -53,10 +53,10 @@ ImageResponse make_response(const PlannedImage& picture, const RenderLayers& lay
   response.height = picture.view.lens.height();
   response.image_type = picture.request.image_type;
   if (response.pixels_as_float) {
-    response.image_data_float = to_float_pixels(picture.type, layers, picture.view.lens, ids);
+    response.image_data_float = to_float_pixels(picture.type, layers, picture.view.lens, labels);
     return response;
   }
-  const imaging::RgbImage image = to_colour_pixels(picture.type, layers, picture.view.lens, ids);
+  const imaging::RgbImage image = to_colour_pixels(picture.type, layers, picture.view.lens, labels);
   response.image_data_uint8 = response.compress ? imaging::encode_png_rgba(image) : bgr_bytes(image);
   return response;
 }
@@ -96,6 +96,14 @@ PlannedImages Simulator::Impl::plan_images(const std::vector<ImageRequest>& requ
   return planned;
 }
 
+/// By the values of RenderLayers::objects.
+std::vector<imaging::Rgb8> Simulator::Impl::annotation_colours(const ResidentScene& place,
+                                                               const std::string& layer) const {
+  std::vector<imaging::Rgb8> colours = annotation_layers.colours(layer, place.object_names());
+  colours.insert(colours.begin(), imaging::Rgb8{});
+  return colours;
+}
+
 /// Requires the mutex.
 void Simulator::Impl::remember_camera_poses(const PlannedImages& planned) {
   for (const auto& [owner, T_local_camera] : planned.camera_poses)
@@ -106,7 +114,7 @@ void Simulator::Impl::remember_camera_poses(const PlannedImages& planned) {
 std::vector<ImageResponse> Simulator::Impl::render_images(const PlannedImages& planned) {
   const auto start = std::chrono::steady_clock::now();
   const std::shared_ptr<const ResidentScene> place = working_set.load_for(planned.viewpoints);
-  std::vector<int> object_ids;
+  ObjectLabels labels;
   std::vector<ImageResponse> responses(planned.images.size());
   std::vector<bool> done(planned.images.size(), false);
   for (std::size_t i = 0; i < planned.images.size(); ++i) {
@@ -118,10 +126,12 @@ std::vector<ImageResponse> Simulator::Impl::render_images(const PlannedImages& p
       together.push_back(k);
       selection.add(planned.images[k].type);
     }
-    if (selection.objects && object_ids.empty()) object_ids = segmentation_ids_by_object(*place, segmentation_ids);
+    if (selection.objects && labels.ids.empty()) labels = ObjectLabels::of(*place, segmentation_ids);
     const RenderLayers layers = renderer.render(place, planned.images[i].view, selection);
     for (const std::size_t k : together) {
-      responses[k] = make_response(planned.images[k], layers, object_ids);
+      if (planned.images[k].type == ImageType::kAnnotation)
+        labels.annotation = annotation_colours(*place, planned.images[k].request.annotation_name);
+      responses[k] = make_response(planned.images[k], layers, labels);
       responses[k].time_stamp = planned.time_ns;
       responses[k].message = missing_tiles_message(*place);
       done[k] = true;
@@ -146,8 +156,10 @@ std::vector<ImageResponse> Simulator::sim_get_images(const std::vector<ImageRequ
 }
 
 std::vector<std::uint8_t> Simulator::sim_get_image(const std::string& camera, int image_type,
-                                                   const std::string& vehicle, bool external) {
-  return sim_get_images({{camera, image_type, false, true}}, vehicle, external).front().image_data_uint8;
+                                                   const std::string& vehicle, bool external,
+                                                   const std::string& annotation_name) {
+  const ImageRequest request{camera, image_type, false, true, annotation_name};
+  return sim_get_images({request}, vehicle, external).front().image_data_uint8;
 }
 
 /// A flying vehicle is placed as well, and stays there until its next command.

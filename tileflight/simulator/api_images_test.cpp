@@ -16,7 +16,7 @@ using std::numbers::pi;
 using testing::HasSubstr;
 
 constexpr int kDepth = 1, kRange = 2, kDepthVis = 3, kDisparity = 4, kSegmentation = 5, kNormals = 6, kInfrared = 7,
-              kFlow = 8;
+              kFlow = 8, kLighting = 10, kAnnotation = 11;
 
 ImageResponse take(Simulator& world, int type, bool as_float, const std::string& camera = "0") {
   return world.sim_get_images({{camera, type, as_float, false}}, "", false).at(0);
@@ -128,14 +128,71 @@ TEST(ApiImages, SegmentationColoursAndInfraredFollowTheIds) {
   const auto world = simulator(kComputerVision);
   world->sim_set_vehicle_pose(pose(0, 0, -10), true, "");
   EXPECT_TRUE(world->sim_set_segmentation_object_id("NORTH.*", 7, true)) << "patterns have no case";
-  EXPECT_EQ(world->sim_get_segmentation_object_id("north wall"), 7);
+  EXPECT_EQ(world->sim_get_segmentation_object_id("north_wall"), 7);
   EXPECT_EQ(bgr_at(take(*world, kSegmentation, false), 128, 72), (std::array<int, 3>{195, 176, 115}));
   EXPECT_EQ(bgr_at(take(*world, kInfrared, false), 128, 72), (std::array<int, 3>{7, 7, 7}));
-  EXPECT_FALSE(world->sim_set_segmentation_object_id("North wall", 8, false)) << "plain names have";
-  EXPECT_TRUE(world->sim_set_segmentation_object_id("north wall", -1, false));
+  EXPECT_FALSE(world->sim_set_segmentation_object_id("North_wall", 8, false)) << "plain names have";
+  EXPECT_TRUE(world->sim_set_segmentation_object_id("north_wall", -1, false));
   EXPECT_EQ(bgr_at(take(*world, kSegmentation, false), 128, 72), (std::array<int, 3>{0, 0, 0})) << "hidden";
   EXPECT_EQ(world->sim_get_segmentation_object_id("no such"), -1);
-  EXPECT_THAT(world->sim_list_scene_objects(".* wall"), testing::ElementsAre("east wall", "north wall"));
+  EXPECT_THAT(world->sim_list_scene_objects(".*_wall"), testing::ElementsAre("east_wall", "north_wall"));
+}
+
+TEST(ApiImages, IdsBeyondAByteHaveColoursOfTheirOwn) {
+  const auto world = simulator(kComputerVision);
+  world->sim_set_vehicle_pose(pose(0, 0, -10), true, "");
+  EXPECT_TRUE(world->sim_set_segmentation_object_id("north_wall", 1'000'000, false)) << "as scripts of Cosys-AirSim do";
+  const imaging::Rgb8 colour = segmentation_colour(1'000'000);
+  EXPECT_EQ(bgr_at(take(*world, kSegmentation, false), 128, 72), (std::array<int, 3>{colour[2], colour[1], colour[0]}));
+  EXPECT_EQ(bgr_at(take(*world, kInfrared, false), 128, 72), (std::array<int, 3>{255, 255, 255})) << "the brightest";
+}
+
+TEST(ApiImages, LightingIsWhiteSurfacesSinceTilesHoldTheirLight) {
+  const auto world = simulator(kComputerVision);
+  world->sim_set_vehicle_pose(pose(-100, 0, -5), true, "");
+  const ImageResponse light = take(*world, kLighting, false);
+  EXPECT_EQ(bgr_at(light, 128, 143), (std::array<int, 3>{255, 255, 255}));
+  EXPECT_EQ(bgr_at(light, 128, 0), (std::array<int, 3>{0, 0, 0})) << "the sky";
+  EXPECT_FLOAT_EQ(at(take(*world, kLighting, true), 128, 143), 1.0F);
+}
+
+TEST(ApiImages, AnnotationLayersShowTheLabelsOfClients) {
+  const auto world = simulator(R"({"SimMode": "ComputerVision", "Annotation": [
+    {"Name": "Direct", "Type": 0, "SetDirect": true}, {"Name": "Index", "Type": 0}, {"Name": "Grey", "Type": 1}]})");
+  world->sim_set_vehicle_pose(pose(0, 0, -10), true, "");
+  const auto seen = [&](const std::string& layer) {
+    return bgr_at(world->sim_get_images({{"0", kAnnotation, false, false, layer}}, "", false).at(0), 128, 72);
+  };
+  EXPECT_EQ(seen("Direct"), (std::array<int, 3>{0, 0, 0})) << "nothing is labelled yet";
+  EXPECT_TRUE(world->sim_set_annotation_object_color("Direct", "north.*", 10, 20, 30, true));
+  EXPECT_EQ(seen("Direct"), (std::array<int, 3>{30, 20, 10}));
+  EXPECT_EQ(world->sim_get_annotation_object_color("Direct", "north_wall"), "10,20,30");
+  EXPECT_TRUE(world->sim_set_annotation_object_id("Index", "north_wall", 7, false));
+  EXPECT_EQ(seen("Index"), (std::array<int, 3>{195, 176, 115})) << "the palette's colour of 7";
+  EXPECT_EQ(world->sim_get_annotation_object_id("Index", "north_wall"), 7);
+  EXPECT_TRUE(world->sim_set_annotation_object_value("Grey", "north_wall", 0.4F, false));
+  EXPECT_EQ(seen("Grey"), (std::array<int, 3>{102, 102, 102}));
+  EXPECT_FLOAT_EQ(world->sim_get_annotation_object_value("Grey", "north_wall"), 0.4F);
+  EXPECT_EQ(seen("Direct"), (std::array<int, 3>{30, 20, 10})) << "layers do not touch each other";
+  EXPECT_THAT(world->sim_get_image("0", kAnnotation, "", false, "Direct"), testing::SizeIs(testing::Gt(100U)));
+  EXPECT_THAT(refusal_of([&] { seen("Nothing"); }), HasSubstr("Direct, Grey, Index"));
+}
+
+TEST(ApiImages, LabelsThatDoNotFitTheirLayerAnswerFalse) {
+  const auto world = simulator(R"({"SimMode": "ComputerVision", "Annotation": [
+    {"Name": "Direct", "Type": 0, "SetDirect": true}, {"Name": "Grey", "Type": 1}]})");
+  EXPECT_FALSE(world->sim_set_annotation_object_color("Nothing", "north_wall", 1, 2, 3, false));
+  EXPECT_FALSE(world->sim_set_annotation_object_color("Grey", "north_wall", 1, 2, 3, false));
+  EXPECT_FALSE(world->sim_set_annotation_object_color("Direct", "north_wall", 1, 2, 256, false));
+  EXPECT_FALSE(world->sim_set_annotation_object_color("Direct", "nobody", 1, 2, 3, false));
+  EXPECT_FALSE(world->sim_set_annotation_object_id("Direct", "north_wall", 7, false)) << "a layer of colours";
+  EXPECT_FALSE(world->sim_set_annotation_object_value("Grey", "north_wall", NAN, false));
+  EXPECT_EQ(world->sim_get_annotation_object_color("Direct", "north_wall"), "");
+  EXPECT_EQ(world->sim_get_annotation_object_id("Direct", "north_wall"), -1);
+  EXPECT_EQ(world->sim_get_annotation_object_value("Direct", "north_wall"), 0.0F);
+  EXPECT_THAT(world->sim_list_annotation_objects("Direct"), testing::ElementsAre("east_wall", "ground", "north_wall"));
+  EXPECT_THAT(world->sim_list_annotation_poses("Direct", true, false), testing::SizeIs(3));
+  EXPECT_THAT(world->sim_list_annotation_objects("Nothing"), testing::IsEmpty());
 }
 
 TEST(ApiImages, NormalsAreUnrealsWorldAxes) {
@@ -221,7 +278,7 @@ TEST(ApiImages, WhatIsNotThereOrBeyondReasonIsRefusedInOneLine) {
     return refusal_of([&] { world->sim_get_images({{camera, type, false, true}}, vehicle, false); });
   };
   EXPECT_THAT(images("none", 0, ""), HasSubstr("front_center"));
-  EXPECT_THAT(images("0", 10, ""), HasSubstr("image type 10"));
+  EXPECT_THAT(images("0", 12, ""), HasSubstr("image type 12"));
   EXPECT_THAT(images("0", 0, "Drone9"), testing::StartsWith("Vehicle API for 'Drone9' is not available"));
   const std::vector<ImageRequest> many(257, ImageRequest{"0", 0, false, true});
   EXPECT_THAT(refusal_of([&] { world->sim_get_images(many, "", false); }), HasSubstr("256"));

@@ -15,25 +15,44 @@ constexpr const char* kNoManualControl =
     "remote control and motor commands are not simulated; use moveByVelocity or moveByAngleRatesThrottle";
 constexpr const char* kBakedLight =
     "light and shadows are part of the tiles' textures; tileflight render can light flights by sun and sky";
+constexpr const char* kNoWeather =
+    "weather is not simulated; tileflight render adds haze to images, simSetWind moves vehicles";
+constexpr const char* kNoRadio = "radio is not simulated; distances are measured by getDistanceSensorData";
 constexpr const char* kBakedTextures =
     "the tiles' textures cannot be changed; mark objects with simSetSegmentationObjectID";
+
+/// Why a call is accepted without effect.
+std::string ineffective_reason(const std::string& call) {
+  static const std::map<std::string, std::string> kReasons{
+      {"simEnableWeather", kNoWeather},
+      {"simSetWeatherParameter", kNoWeather},
+      {"simSetTimeOfDay", kBakedLight},
+      {"simSetLightIntensity", kBakedLight},
+      {"simSetWorldLightVisibility", kBakedLight},
+      {"simSetWorldLightIntensity", kBakedLight},
+      {"simSetVehicleLightVisibility", kBakedLight},
+      {"simSetVehicleLightIntensity", kBakedLight},
+      {"simSwapTextures", kBakedTextures},
+      {"simSetObjectMaterial", kBakedTextures},
+      {"simSetObjectMaterialFromTexture", kBakedTextures},
+  };
+  if (const auto at = kReasons.find(call); at != kReasons.end()) return at->second;
+  if (call.find("Texture") != std::string::npos) return "annotation layers of textures stay empty";
+  if (call.ends_with("Gains")) return "the quadrotor has its own controller";
+  return "there is no display";
+}
 
 /// Why an AirSim call is not supported, and the alternative.
 std::string unsupported_reason(const std::string& call) {
   static const std::map<std::string, std::string> kReasons{
       {"simSpawnObject",
        "objects cannot be added to tiles; add them to the mesh, convert it (tileflight tile) and serve the result"},
-      {"simLoadLevel", "the place is fixed when the server starts; start another server on another port"},
-      {"simSetTimeOfDay", kBakedLight},
-      {"simSetLightIntensity", kBakedLight},
-      {"simEnableWeather",
-       "weather is not simulated; tileflight render adds haze to images, simSetWind moves vehicles"},
-      {"simSetWeatherParameter",
-       "weather is not simulated; tileflight render adds haze to images, simSetWind moves vehicles"},
-      {"simSetObjectMaterial", kBakedTextures},
-      {"simSetObjectMaterialFromTexture", kBakedTextures},
-      {"simSwapTextures", kBakedTextures},
       {"simSetExtForce", "external forces are not simulated; simSetWind moves vehicles"},
+      {"simSetPhysicsRawKinematics", "there is no second physics engine; set the pose with simSetKinematics"},
+      {"getUWBData", kNoRadio},
+      {"getUWBSensorData", kNoRadio},
+      {"getWifiData", kNoRadio},
+      {"getWifiSensorData", kNoRadio},
       {"moveByRC", kNoManualControl},
       {"moveByManual", kNoManualControl},
       {"moveByMotorPWMs", kNoManualControl},
@@ -52,7 +71,11 @@ void Simulator::refuse(const std::string& name) const {
 }
 
 void Simulator::accept_without_effect(const std::string& name) {
-  impl_->log_line(name.substr(0, kMaxNameLength) + ": accepted, without effect");
+  {
+    const std::lock_guard lock(impl_->state_mutex);
+    if (!impl_->told_calls.insert(name).second) return;
+  }
+  impl_->log_line("warning: " + name + " has no effect: " + ineffective_reason(name));
 }
 
 bool Simulator::sim_run_console_command(const std::string& /*command*/) { return false; }

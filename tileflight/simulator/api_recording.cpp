@@ -19,7 +19,8 @@ std::vector<RecordingFrame> Simulator::Impl::capture_recording_frames() {
     std::vector<RecordingCamera> cameras;
     for (const RecordingCamera& camera : settings.recording.cameras) {
       if (!camera.vehicle.empty() && camera.vehicle != name) continue;
-      requests.push_back({camera.camera, camera.image_type, camera.pixels_as_float, camera.compress});
+      requests.push_back(
+          {camera.camera, camera.image_type, camera.pixels_as_float, camera.compress, camera.annotation});
       cameras.push_back(camera);
     }
     if (requests.empty()) continue;

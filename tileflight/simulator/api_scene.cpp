@@ -9,6 +9,7 @@
 #include "tileflight/ground_truth/ground_truth.h"
 #include "tileflight/place/extract.h"
 #include "tileflight/simulator/frames.h"
+#include "tileflight/simulator/object_names.h"
 #include "tileflight/simulator/simulator_impl.h"
 #include "tileflight/simulator/voxel_files.h"
 #include "tileflight/tiles/view_criteria.h"
@@ -69,7 +70,7 @@ std::optional<Vec3> find_object_center(const ResidentScene& place, const std::st
 /// reversed.
 MeshPositionVertexBuffersResponse make_vertex_buffers(const imaging::TexturedMesh& mesh, const SE3& T_ned_local) {
   MeshPositionVertexBuffersResponse buffers;
-  buffers.name = mesh.name;
+  buffers.name = tile_name(mesh.name);
   for (const Vec3& vertex : mesh.mesh.vertices) {
     const Vector3r ned = to_airsim(T_ned_local * vertex);
     buffers.vertices.insert(buffers.vertices.end(),
@@ -151,7 +152,13 @@ bool Simulator::sim_create_voxel_grid(const Vector3r& position, int x, int y, in
                                       const std::string& file) {
   const Vec3 center = impl_->T_local_ned * checked_position(position, "simCreateVoxelGrid");
   const VoxelGridSpec spec = make_airsim_grid(center, Vec3(y, x, z), resolution, kMaxFileCells);
-  const std::filesystem::path path = impl_->file_access.resolve_writable(file);
+  std::filesystem::path path;
+  try {
+    path = impl_->file_access.resolve_writable(file);
+  } catch (const std::runtime_error& error) {
+    impl_->log_line("simCreateVoxelGrid: " + std::string(error.what()));
+    return false;  // AirSim's answer where it cannot write
+  }
   const geometry::VoxelGrid grid = voxelize_grid(impl_->working_set.triangles_in(spec.box, 0.0), spec);
   return write_airsim_binvox(path, grid, spec, impl_->settings.inverted_voxel_scale);
 }

@@ -125,19 +125,24 @@ TEST(ApiScene, GridsBeyondReasonAreRefused) {
 
 TEST(ApiScene, FilesAreWrittenBelowTheFolderGivenAndNowhereElse) {
   const tests::TemporaryFolder folder;
-  const auto closed = simulator(kComputerVision);
-  const auto write = [](Simulator& world, const std::string& name) {
-    return refusal_of([&] { world.sim_create_voxel_grid({0, 0, 0}, 4, 4, 4, 1, name); });
-  };
-  EXPECT_THAT(write(*closed, "a.binvox"), HasSubstr("--files"));
+  std::vector<std::string> log;
   SimulatorOptions options;
+  options.settings = kComputerVision;
+  const auto note = [&](const std::string& line) { log.push_back(line); };
+  Simulator closed(options, meshes(), note);
+  EXPECT_FALSE(closed.sim_create_voxel_grid({0, 0, 0}, 4, 4, 4, 1, "a.binvox")) << "AirSim's answer";
+  EXPECT_THAT(log, testing::ElementsAre(HasSubstr("--files")));
   options.output_root = folder / "open";
-  const auto open = simulator(kComputerVision, options);
+  Simulator open(options, meshes(), note);
   std::filesystem::create_directory_symlink(folder.path(), folder / "open" / "link");
   for (const std::string& name : {std::string("../a"), std::string("/tmp/a"), std::string("x/../../a"), std::string(""),
-                                  std::string("link/a"), std::string("."), std::string("a\0b", 3)})
-    EXPECT_THAT(write(*open, name), HasSubstr("file: ")) << name;
-  EXPECT_EQ(write(*open, (folder / "open" / "whole.binvox").string()), "no refusal") << "an absolute name within";
+                                  std::string("link/a"), std::string("."), std::string("a\0b", 3)}) {
+    EXPECT_FALSE(open.sim_create_voxel_grid({0, 0, 0}, 4, 4, 4, 1, name)) << name;
+    EXPECT_THAT(log.back(), HasSubstr("file: ")) << name;
+  }
+  EXPECT_TRUE(open.sim_create_voxel_grid({0, 0, 0}, 4, 4, 4, 1, (folder / "open" / "whole.binvox").string()))
+      << "an absolute name within";
+  EXPECT_FALSE(open.sim_create_voxel_grid({0, 0, 0}, 4, 4, 4, 1, "whole.binvox/a")) << "in a file";
   EXPECT_TRUE(std::filesystem::exists(folder / "open" / "whole.binvox"));
   EXPECT_FALSE(std::filesystem::exists(folder / "a"));
 }
@@ -166,11 +171,48 @@ TEST(ApiScene, ThePaletteHasAirSimsColoursAndNoneTwice) {
   EXPECT_EQ(default_segmentation_id("Ab1"), 5 + 97 + 98);
 }
 
+TEST(ApiScene, EverySegmentationIdHasAColourOfItsOwn) {
+  std::vector<bool> used(1U << 24U);
+  for (int id = 0; id <= kMaxSegmentationId; ++id) {
+    const imaging::Rgb8 c = segmentation_colour(id);
+    const std::size_t number = (std::size_t{c[0]} << 16U) | (std::size_t{c[1]} << 8U) | c[2];
+    ASSERT_FALSE(used[number]) << id;
+    used[number] = true;
+  }
+  EXPECT_EQ(segmentation_colour(7), segmentation_palette()[7]);
+  EXPECT_EQ(segmentation_colour(-1), segmentation_palette()[0]);
+}
+
+TEST(ApiScene, ObjectsAreListedWithTheirPosesInTheSameOrder) {
+  const auto world = simulator(kComputerVision);
+  const std::vector<std::string> names = world->sim_list_instance_segmentation_objects();
+  const std::vector<Pose> poses = world->sim_list_instance_segmentation_poses(true, false);
+  EXPECT_THAT(names, testing::ElementsAre("east_wall", "ground", "north_wall"));
+  ASSERT_EQ(poses.size(), names.size());
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const Pose alone = world->sim_get_object_pose(names[i]);
+    EXPECT_FLOAT_EQ(poses[i].position.x_val, alone.position.x_val) << names[i];
+    EXPECT_FLOAT_EQ(poses[i].position.y_val, alone.position.y_val) << names[i];
+  }
+  const std::vector<Vector3r> colours = world->sim_get_instance_segmentation_color_map();
+  ASSERT_EQ(colours.size(), 256U);
+  EXPECT_EQ(colours[7].x_val, 115.0F);
+  EXPECT_THAT(world->sim_list_scene_objects_tags("north.*"),
+              testing::ElementsAre(std::array<std::string, 2>{"north_wall", ""}));
+}
+
+TEST(ApiScene, TheDroneScriptsPatternForAllObjectsFindsThem) {
+  const auto world = simulator(kComputerVision);
+  EXPECT_TRUE(world->sim_set_segmentation_object_id("[\\w]*", 0, true));
+  for (const std::string& name : world->sim_list_scene_objects(".*"))
+    EXPECT_EQ(world->sim_get_segmentation_object_id(name), 0) << name;
+}
+
 TEST(ApiScene, MeshesAreInUnrealsCentimetres) {
   const auto world = simulator(kComputerVision);
   const auto buffers = world->sim_get_mesh_position_vertex_buffers();
   ASSERT_EQ(buffers.size(), 3U);
-  EXPECT_EQ(buffers[1].name, "north wall");
+  EXPECT_EQ(buffers[1].name, "north_wall");
   EXPECT_EQ(buffers[1].vertices.size(), 24U);
   EXPECT_EQ(buffers[1].indices.size(), 36U);
   float least_north = 1e9F, highest = -1e9F;
@@ -181,7 +223,7 @@ TEST(ApiScene, MeshesAreInUnrealsCentimetres) {
   EXPECT_FLOAT_EQ(least_north, 2000.0F);
   EXPECT_FLOAT_EQ(highest, 4000.0F);
   EXPECT_TRUE(std::isnan(world->sim_get_object_pose("nothing").position.x_val));
-  EXPECT_NEAR(world->sim_get_object_pose("north wall").position.x_val, 20.5, 1e-4);
+  EXPECT_NEAR(world->sim_get_object_pose("north_wall").position.x_val, 20.5, 1e-4);
 }
 
 TEST(ApiScene, ARecordingKeepsItsIntervalAndItsPosesArePicturesPoses) {
@@ -230,12 +272,25 @@ TEST(ApiScene, ARecordingKeepsItsIntervalAndItsPosesArePicturesPoses) {
   EXPECT_NEAR(T.translation.z(), 0.355, 0.01);
 }
 
+TEST(ApiScene, WhatHasNoEffectIsToldOnce) {
+  std::vector<std::string> log;
+  SimulatorOptions options;
+  options.settings = kComputerVision;
+  Simulator world(options, meshes(), [&](const std::string& line) { log.push_back(line); });
+  for (int i = 0; i < 3; ++i) {
+    world.accept_without_effect("simSetTimeOfDay");
+    world.accept_without_effect("simSetTraceLine");
+  }
+  EXPECT_THAT(log, testing::ElementsAre(HasSubstr("warning: simSetTimeOfDay has no effect: light and shadows"),
+                                        HasSubstr("warning: simSetTraceLine has no effect: there is no display")));
+}
+
 TEST(ApiScene, WhatIsNotServedSaysWhy) {
   const auto world = simulator(kComputerVision);
-  EXPECT_THAT(refusal_of([&] { world->refuse("simSetTimeOfDay"); }),
-              HasSubstr("simSetTimeOfDay is not served here: light"));
+  EXPECT_THAT(refusal_of([&] { world->refuse("simSetExtForce"); }),
+              HasSubstr("simSetExtForce is not served here: external forces"));
   EXPECT_THAT(refusal_of([&] { world->sim_spawn_object("a", "b", {}, {}, false, false); }), HasSubstr("tiles"));
-  EXPECT_FALSE(world->sim_set_object_pose("north wall", {}, true));
+  EXPECT_FALSE(world->sim_set_object_pose("north_wall", {}, true));
 }
 
 }  // namespace

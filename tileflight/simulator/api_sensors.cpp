@@ -4,6 +4,7 @@
 #include <stdexcept>
 
 #include "tileflight/sensors/barometer.h"
+#include "tileflight/simulator/echo_sensor.h"
 #include "tileflight/simulator/frames.h"
 #include "tileflight/simulator/simulator_impl.h"
 
@@ -94,6 +95,54 @@ LidarData Simulator::get_lidar_data(const std::string& lidar, const std::string&
     const Vector3r p = taken.point(one);
     data.point_cloud.insert(data.point_cloud.end(), {p.x_val, p.y_val, p.z_val});
     data.segmentation.push_back(taken.segmentation_ids[one.object]);
+  }
+  return data;
+}
+
+namespace {
+
+/// The number that clients take the three bytes from; exact in a float.
+float to_colour_number(const imaging::Rgb8& colour) {
+  return static_cast<float>((std::uint32_t{colour[0]} << 16U) | (std::uint32_t{colour[1]} << 8U) | colour[2]);
+}
+
+}  // namespace
+
+GPULidarData Simulator::get_gpu_lidar_data(const std::string& lidar, const std::string& vehicle) {
+  const LidarCapture taken = capture_scan(*impl_, lidar, vehicle);
+  GPULidarData data;
+  data.time_stamp = taken.time_ns;
+  data.pose = to_airsim(taken.settings.T_body_sensor);
+  data.point_cloud.reserve(5 * taken.returns.size());
+  for (const LidarReturn& one : taken.returns) {
+    const Vector3r p = taken.point(one);
+    const float colour = to_colour_number(segmentation_colour(taken.segmentation_ids[one.object]));
+    data.point_cloud.insert(data.point_cloud.end(), {p.x_val, p.y_val, p.z_val, colour, one.intensity});
+  }
+  return data;
+}
+
+EchoData Simulator::get_echo_data(const std::string& echo, const std::string& vehicle) {
+  EchoData data;
+  EchoSettings settings;
+  SE3 T_local_sensor;
+  std::vector<SensorViewpoint> viewpoints;
+  {
+    const std::lock_guard lock(impl_->state_mutex);
+    const SimVehicle& sim_vehicle = *impl_->slot(vehicle).vehicle;
+    settings = std::get<EchoSettings>(find_sensor<EchoSettings>(sim_vehicle, echo, "echo").kind);
+    T_local_sensor = impl_->T_local_ned * sim_vehicle.state().T_ned_body * settings.T_body_sensor;
+    data.time_stamp = impl_->clock.time_ns();
+    viewpoints = impl_->viewpoints();
+  }
+  const auto place = impl_->working_set.load_for(viewpoints);
+  data.pose = to_airsim(settings.T_body_sensor);
+  for (const EchoReturn& one : sense_echoes(*place, settings, T_local_sensor)) {
+    const Vector3r p = to_airsim(one.point_sensor);
+    data.point_cloud.insert(data.point_cloud.end(),
+                            {p.x_val, p.y_val, p.z_val, static_cast<float>(one.attenuation_db),
+                             static_cast<float>(one.distance_m), static_cast<float>(one.reflections)});
+    data.groundtruth.push_back(place->object_names()[one.object]);
   }
   return data;
 }
@@ -214,6 +263,11 @@ void Simulator::sim_set_kinematics(const KinematicsState& state, bool /*ignore_c
   target.angular_acceleration_rad_s2 = checked_position(state.angular_acceleration, call);
   sim_vehicle.teleport(target);
   impl_->clock.wake();
+}
+
+ComputerVisionState Simulator::get_computer_vision_state(const std::string& vehicle) const {
+  const std::lock_guard lock(impl_->state_mutex);
+  return {to_kinematics_state(*impl_->slot(vehicle).vehicle), impl_->clock.time_ns()};
 }
 
 EnvironmentState Simulator::sim_get_ground_truth_environment(const std::string& vehicle) const {

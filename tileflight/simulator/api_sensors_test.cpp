@@ -121,6 +121,85 @@ TEST(ApiSensors, AScansRingsRiseAndItsFirstColumnIsAhead) {
   }
 }
 
+TEST(ApiSensors, AGpuLidarIsTheLidarWithColoursAndIntensities) {
+  const auto world = seeing();
+  world->sim_set_vehicle_pose(pose(2, 1, -6, 0.4), true, "");
+  world->sim_set_segmentation_object_id(".*", 7, true);
+  const GPULidarData gpu = world->get_gpu_lidar_data("local", "");
+  const LidarScanData scan = world->tf_lidar_scan("local", "");
+  ASSERT_EQ(gpu.point_cloud.size(), 5 * scan.intensity.size());
+  for (std::size_t i = 0; i < scan.intensity.size(); ++i) {
+    for (std::size_t k = 0; k < 3; ++k) ASSERT_EQ(gpu.point_cloud[5 * i + k], scan.point_cloud[3 * i + k]);
+    ASSERT_EQ(gpu.point_cloud[5 * i + 3], static_cast<float>((115 << 16) + (176 << 8) + 195)) << "the colour of 7";
+    ASSERT_EQ(gpu.point_cloud[5 * i + 4], scan.intensity[i]);
+  }
+  EXPECT_FLOAT_EQ(gpu.pose.position.x_val, 0.5F) << "of the sensor on the body";
+}
+
+/// Facing a wall, a ray at an angle of t to the wall's normal is mirrored 2 t away from the way back: with an opening
+/// angle of 10 degrees the echoes are those of a disc of 5 degrees.
+TEST(ApiSensors, TheEchoesOfAWallAreThoseOfTheDiscThatScattersBack) {
+  constexpr double kAhead_m = 5.0;
+  const auto world = simulator(R"({"SimMode": "ComputerVision", "Vehicles": {"Eye": {"Sensors": {"echo":
+    {"SensorType": 7, "Enabled": true, "X": 0, "Y": 0, "Z": 0, "NumberOfTraces": 20000, "DistanceLimit": 12,
+     "AttenuationPerDistance": 0.5, "AttenuationPerReflection": 2}}}}})");
+  world->sim_set_vehicle_pose(pose(static_cast<float>(kWallNorth_m - kAhead_m), 0, -20), true, "");
+  const EchoData data = world->get_echo_data("echo", "");
+  const std::size_t count = data.groundtruth.size();
+  ASSERT_EQ(data.point_cloud.size(), 6 * count);
+  const double share = (1.0 - std::cos(5.0 * pi / 180)) / 1.0;  // of the half sphere
+  EXPECT_NEAR(static_cast<double>(count), 20000 * share, 4.0);
+  double widest_rad = 0.0;
+  for (std::size_t i = 0; i < count; ++i) {
+    const float* p = &data.point_cloud[6 * i];
+    EXPECT_EQ(data.groundtruth[i], "north_wall");
+    EXPECT_NEAR(p[0], kAhead_m, 1e-3);
+    const double way_m = 2 * std::hypot(p[0], p[1], p[2]);
+    EXPECT_NEAR(p[3], -(0.5 * way_m + 2.0), 1e-3);
+    EXPECT_NEAR(p[4], way_m, 1e-3);
+    EXPECT_EQ(p[5], 1.0F);
+    widest_rad = std::max<double>(widest_rad, std::atan2(std::hypot(p[1], p[2]), p[0]));
+  }
+  EXPECT_LE(widest_rad, 5.0 * pi / 180 + 1e-6);
+}
+
+/// A ray into a right-angled corner comes back along itself after two reflections. The way is that to the sensor's
+/// mirror image.
+TEST(ApiSensors, ACornerEchoesByTwoReflections) {
+  const auto world = simulator(R"({"SimMode": "ComputerVision", "Vehicles": {"Eye": {"Sensors": {"echo":
+    {"SensorType": 7, "Enabled": true, "X": 0, "Y": 0, "Z": 0, "NumberOfTraces": 20000, "DistanceLimit": 20,
+     "ReflectionDistanceLimit": 20}}}}})");
+  const double ahead_m = 3.0, height_m = 2.0;
+  world->sim_set_vehicle_pose(pose(static_cast<float>(kWallNorth_m - ahead_m), 0, static_cast<float>(-height_m)), true,
+                              "");
+  const EchoData data = world->get_echo_data("", "");
+  int by_two = 0;
+  for (std::size_t i = 0; i < data.groundtruth.size(); ++i) {
+    const float* p = &data.point_cloud[6 * i];
+    if (p[5] != 2.0F) continue;
+    ++by_two;
+    const bool on_ground = data.groundtruth[i] == "ground";
+    const geometry::Vec3 last(p[0], p[1], p[2]);
+    const geometry::Vec3 image = on_ground ? geometry::Vec3(2 * ahead_m, 0, 0) : geometry::Vec3(0, 0, 2 * height_m);
+    EXPECT_NEAR(p[4], (last - image).norm() + last.norm(), 2e-3);
+  }
+  EXPECT_GT(by_two, 20);
+}
+
+TEST(ApiSensors, EchoesBeyondTheLimitsAreNotHeard) {
+  const auto count = [](const std::string& limits) {
+    const auto world = simulator(R"({"SimMode": "ComputerVision", "Vehicles": {"Eye": {"Sensors": {"echo": {"Z": 0,
+      "SensorType": 7, "Enabled": true, "NumberOfTraces": -1000)" +
+                                 limits + "}}}}}");
+    world->sim_set_vehicle_pose(pose(static_cast<float>(kWallNorth_m - 5.0), 0, -20), true, "");
+    return world->get_echo_data("", "").groundtruth.size();
+  };
+  EXPECT_NEAR(static_cast<double>(count(R"(, "DistanceLimit": 12)")), 1000 * 10.0 / 180.0, 2.0) << "in its plane";
+  EXPECT_EQ(count(R"(, "DistanceLimit": 9.9)"), 0U) << "there and back is 10 m";
+  EXPECT_EQ(count(R"(, "DistanceLimit": 12, "AttenuationPerDistance": 11)"), 0U) << "110 dB";
+  EXPECT_EQ(count(R"(, "DistanceLimit": 12, "SensorLowerAzimuthLimit": 10)"), 0U) << "it looks past the wall's middle";
+}
+
 TEST(ApiSensors, InFlightTheGpsIsLateAndTheImuFeelsTheThrust) {
   const auto world = simulator(kMultirotor);
   EXPECT_TRUE(world->get_gps_data("", "").is_valid);

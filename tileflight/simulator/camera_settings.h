@@ -22,9 +22,9 @@ Eigen::Quaterniond read_orientation(base::StrictSection& section);
 CameraSettings read_camera(const std::string& name, base::StrictSection section, const CameraSettings& defaults);
 
 /// Returns `sensors` with the additions, replacements and removals (by name) of a `Sensors` or `DefaultSensors` object.
-/// Throws InputError.
+/// `warnings`: gains a line for each sensor of a kind that is not simulated. Throws InputError.
 std::vector<SensorSettings> read_sensors(base::StrictSection& parent, const std::string& key, bool flies,
-                                         std::vector<SensorSettings> sensors);
+                                         std::vector<SensorSettings> sensors, std::vector<std::string>& warnings);
 
 /// Default sensors of a vehicle without sensor settings: imu, magnetometer, gps and barometer if it flies, else none.
 std::vector<SensorSettings> default_sensors(bool flies);

@@ -51,9 +51,9 @@ class Detections : public testing::Test {
 TEST_F(Detections, AreOfTheNamesThatWereAskedFor) {
   EXPECT_THAT(detected(), IsEmpty());
   look_for("NORTH*");
-  EXPECT_THAT(names_of(detected()), ElementsAre("north wall"));
+  EXPECT_THAT(names_of(detected()), ElementsAre("north_wall"));
   look_for("ground");
-  EXPECT_THAT(names_of(detected()), ElementsAre("ground", "north wall"));
+  EXPECT_THAT(names_of(detected()), ElementsAre("ground", "north_wall"));
   EXPECT_THAT(world_->sim_get_detections("0", 5, "", false), IsEmpty()) << "each kind of picture has its own filter";
   EXPECT_THAT(world_->sim_get_detections("4", 0, "", false), IsEmpty()) << "each camera, too";
   world_->sim_clear_detection_mesh_names("0", 0, "", false);
@@ -88,7 +88,7 @@ TEST_F(Detections, BoxesAreThoseOfThePixelsThatShowTheObject) {
 }
 
 TEST_F(Detections, AreRelativeToTheCamera) {
-  look_for("north wall");
+  look_for("north_wall");
   const DetectionInfo ahead = detected().at(0);
   EXPECT_NEAR(ahead.box3D.min.x_val, kWallNorth_m, 1e-4);
   EXPECT_NEAR(ahead.box3D.max.x_val, kWallNorth_m + 1.0, 1e-4);
@@ -107,16 +107,16 @@ TEST_F(Detections, AreRelativeToTheCamera) {
 }
 
 TEST_F(Detections, AreNoFartherThanTheRadius) {
-  look_for("north wall");
+  look_for("north_wall");
   const double away_m = std::hypot(kWallNorth_m + 0.5, 17.5, 10.0);
   world_->sim_set_detection_filter_radius("0", 0, static_cast<float>(100.0 * away_m + 1.0), "", false);
-  EXPECT_THAT(names_of(detected()), ElementsAre("north wall"));
+  EXPECT_THAT(names_of(detected()), ElementsAre("north_wall"));
   world_->sim_set_detection_filter_radius("0", 0, static_cast<float>(100.0 * away_m - 1.0), "", false);
   EXPECT_THAT(detected(), IsEmpty());
 }
 
 TEST_F(Detections, AreNotOfWhatIsHidden) {
-  look_for("east wall");
+  look_for("east_wall");
   world_->sim_set_vehicle_pose(pose(30, 0, -10, std::numbers::pi), true, "");  // behind the north wall, looking south
   EXPECT_THAT(detected(), IsEmpty());
 }
@@ -134,8 +134,8 @@ TEST_F(Detections, LeaveTheFlowOfPicturesAlone) {
 TEST_F(Detections, WhatCannotBeIsRefused) {
   EXPECT_THAT([&] { world_->sim_get_detections("nobody's", 0, "", false); },
               testing::ThrowsMessage<std::runtime_error>(HasSubstr("does not exist")));
-  EXPECT_THAT([&] { world_->sim_get_detections("0", 10, "", false); },
-              testing::ThrowsMessage<std::runtime_error>(HasSubstr("image type 10")));
+  EXPECT_THAT([&] { world_->sim_get_detections("0", 12, "", false); },
+              testing::ThrowsMessage<std::runtime_error>(HasSubstr("image type 12")));
   EXPECT_THAT([&] { world_->sim_set_detection_filter_radius("0", 0, NAN, "", false); },
               ThrowsMessage<std::runtime_error>(HasSubstr("the radius must be from 0 to 1e9 centimetres")));
   EXPECT_THAT([&] { look_for(std::string(2000, 'x')); },

@@ -121,7 +121,19 @@ std::vector<Out> transform_pixels(const imaging::Image<Pixel>& layer, const Func
   return out;
 }
 
-int palette_index(int id) { return std::clamp(id, 0, 255); }  // -1: hidden
+/// In grey, an id is its number as far as that goes; -1: hidden.
+double grey_share(int id) { return std::clamp(id, 0, 255) / 255.0; }
+
+/// The colour of each object in an image of labels.
+std::vector<Rgb8> colours_of(ImageType type, const ObjectLabels& labels) {
+  if (type == ImageType::kAnnotation) return labels.annotation;
+  std::vector<Rgb8> colours;
+  for (const int id : labels.ids) colours.push_back(segmentation_colour(id));
+  return colours;
+}
+
+/// Tiles hold their light in their textures, and nothing else lights them: a surface is white.
+double light_share(std::uint32_t object) { return object == 0 ? 0.0 : 1.0; }
 
 }  // namespace
 
@@ -140,6 +152,8 @@ void LayerSelection::add(ImageType type) {
       break;
     case ImageType::kSegmentation:
     case ImageType::kInfrared:
+    case ImageType::kLighting:
+    case ImageType::kAnnotation:
       objects = true;
       break;
     case ImageType::kSurfaceNormals:
@@ -205,14 +219,14 @@ RenderLayers ImageRenderer::render(const std::shared_ptr<const ResidentScene>& p
   return layers;
 }
 
-std::vector<int> segmentation_ids_by_object(const ResidentScene& place, const SegmentationIds& ids) {
+ObjectLabels ObjectLabels::of(const ResidentScene& place, const SegmentationIds& ids) {
   std::vector<int> all = ids.lookup(place.object_names());
   all.insert(all.begin(), 0);
-  return all;
+  return {std::move(all), {}};
 }
 
 std::vector<float> to_float_pixels(ImageType type, const RenderLayers& layers, const Camera& lens,
-                                   const std::vector<int>& ids) {
+                                   const ObjectLabels& labels) {
   switch (type) {
     case ImageType::kScene:
       return transform_pixels<float>(layers.rgb, [](const Rgb8& p) { return p[0] / 255.0F; });
@@ -226,12 +240,16 @@ std::vector<float> to_float_pixels(ImageType type, const RenderLayers& layers, c
     case ImageType::kDisparityNormalized:
       return transform_pixels<float>(layers.depth_m, [&](float d) { return static_cast<float>(disparity(d, lens)); });
     case ImageType::kSegmentation:
-      return transform_pixels<float>(layers.objects, [&](std::uint32_t object) {
-        return segmentation_palette()[static_cast<std::size_t>(palette_index(ids[object]))][0] / 255.0F;
+    case ImageType::kAnnotation:
+      return transform_pixels<float>(layers.objects, [colours = colours_of(type, labels)](std::uint32_t object) {
+        return colours[object][0] / 255.0F;
       });
     case ImageType::kInfrared:
+      return transform_pixels<float>(
+          layers.objects, [&](std::uint32_t object) { return static_cast<float>(grey_share(labels.ids[object])); });
+    case ImageType::kLighting:
       return transform_pixels<float>(layers.objects,
-                                     [&](std::uint32_t object) { return palette_index(ids[object]) / 255.0F; });
+                                     [](std::uint32_t object) { return static_cast<float>(light_share(object)); });
     case ImageType::kSurfaceNormals:
       return transform_pixels<float>(layers.normals_local, [](const auto& n) { return normal_colour(n)[0] / 255.0F; });
     case ImageType::kOpticalFlow:
@@ -243,7 +261,7 @@ std::vector<float> to_float_pixels(ImageType type, const RenderLayers& layers, c
 }
 
 imaging::RgbImage to_colour_pixels(ImageType type, const RenderLayers& layers, const Camera& lens,
-                                   const std::vector<int>& ids) {
+                                   const ObjectLabels& labels) {
   imaging::RgbImage image;
   image.width = lens.width();
   image.height = lens.height();
@@ -263,13 +281,17 @@ imaging::RgbImage to_colour_pixels(ImageType type, const RenderLayers& layers, c
       image.pixels = transform_pixels<Rgb8>(layers.depth_m, [&](float d) { return grey(disparity(d, lens)); });
       break;
     case ImageType::kSegmentation:
-      image.pixels = transform_pixels<Rgb8>(layers.objects, [&](std::uint32_t object) {
-        return segmentation_palette()[static_cast<std::size_t>(palette_index(ids[object]))];
-      });
+    case ImageType::kAnnotation:
+      image.pixels = transform_pixels<Rgb8>(
+          layers.objects, [colours = colours_of(type, labels)](std::uint32_t object) { return colours[object]; });
       break;
     case ImageType::kInfrared:
-      image.pixels = transform_pixels<Rgb8>(
-          layers.objects, [&](std::uint32_t object) { return grey(palette_index(ids[object]) / 255.0); });
+      image.pixels = transform_pixels<Rgb8>(layers.objects,
+                                            [&](std::uint32_t object) { return grey(grey_share(labels.ids[object])); });
+      break;
+    case ImageType::kLighting:
+      image.pixels =
+          transform_pixels<Rgb8>(layers.objects, [](std::uint32_t object) { return grey(light_share(object)); });
       break;
     case ImageType::kSurfaceNormals:
       image.pixels = transform_pixels<Rgb8>(layers.normals_local, normal_colour);

@@ -67,14 +67,19 @@ class ImageRenderer {
 /// All parameters of a lens: equal lenses have equal keys.
 std::vector<double> lens_key(const imaging::Camera& lens);
 
-/// Segmentation id of each value of RenderLayers::objects; index 0 is "no object".
-std::vector<int> segmentation_ids_by_object(const ResidentScene& place, const SegmentationIds& ids);
+/// What an image shows the objects as, by the values of RenderLayers::objects; index 0 is "no object".
+struct ObjectLabels {
+  std::vector<int> ids;                   ///< segmentation ids
+  std::vector<imaging::Rgb8> annotation;  ///< of the annotation layer asked for; empty: none was
+
+  static ObjectLabels of(const ResidentScene& place, const SegmentationIds& ids);
+};
 
 /// Converts to one number per pixel, top row first (AirSim's red channel).
 std::vector<float> to_float_pixels(ImageType type, const RenderLayers& layers, const imaging::Camera& lens,
-                                   const std::vector<int>& ids);
+                                   const ObjectLabels& labels);
 /// Converts to colours.
 imaging::RgbImage to_colour_pixels(ImageType type, const RenderLayers& layers, const imaging::Camera& lens,
-                                   const std::vector<int>& ids);
+                                   const ObjectLabels& labels);
 
 }  // namespace tileflight::simulator

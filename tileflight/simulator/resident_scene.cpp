@@ -5,18 +5,12 @@
 #include <set>
 
 #include "tileflight/place/require_surface.h"
+#include "tileflight/simulator/object_names.h"
 
 namespace tileflight::simulator {
 namespace {
 
 using imaging::TexturedMesh;
-
-/// The name of an object for clients: the feature's own name, or its tile's file and its number in it.
-std::string display_name(const render::SceneObject& object) {
-  if (!object.name.empty()) return object.name;
-  const std::string tile = object.tile.empty() ? "surface" : object.tile;
-  return object.feature == imaging::kNoFeature ? tile : tile + "#" + std::to_string(object.feature);
-}
 
 ResidentPart::FeatureBounds feature_bounds(const TexturedMesh& mesh) {
   ResidentPart::FeatureBounds bounds;
@@ -112,7 +106,7 @@ ResidentScene::ResidentScene(std::vector<ResidentTile> tiles, const Parts& whole
   tile_of_mesh_.resize(scene_.meshes().size(), 0);
   std::set<std::string> distinct;
   for (const render::SceneObject& object : objects_.all()) {
-    object_names_.push_back(display_name(object));
+    object_names_.push_back(client_name(object));
     distinct.insert(object_names_.back());
   }
   if (has_surface_) distinct_names_.assign(distinct.begin(), distinct.end());

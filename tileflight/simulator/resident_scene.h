@@ -64,7 +64,7 @@ class ResidentScene {
   const scene::Scene& scene() const { return scene_; }
   const std::shared_ptr<const render::Appearance>& appearance() const { return appearance_; }
   const render::SceneObjects& objects() const { return objects_; }
-  /// For each of objects().all(), the name under which clients know it.
+  /// For each of objects().all(), the name under which clients know it (object_names.h).
   const std::vector<std::string>& object_names() const { return object_names_; }
   /// For each of objects().all(), the bounds of all its triangles, local frame.
   const std::vector<geometry::Box3>& object_bounds() const { return object_bounds_; }

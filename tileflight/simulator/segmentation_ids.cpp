@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <map>
 #include <set>
 
 #include "tileflight/base/input_error.h"
@@ -11,8 +12,6 @@ namespace tileflight::simulator {
 namespace {
 
 using imaging::Rgb8;
-
-constexpr std::size_t kMaxRules = 10000;
 
 std::array<Rgb8, 256> make_palette() {
   std::array<Rgb8, 256> palette{};
@@ -37,7 +36,39 @@ std::array<Rgb8, 256> make_palette() {
   return palette;
 }
 
+// Colours as numbers of 24 bits. Multiplication by an odd number permutes them (modulo 2^24), so the n-th colour beyond
+// the palette is the n-th of this permutation, of which those of the palette are left out.
+constexpr std::uint32_t kColourMask = 0xFFFFFFU;
+constexpr std::uint32_t kStep = 0x9E3779U;      // odd: near the golden ratio of 2^24, so that neighbours differ
+constexpr std::uint32_t kStepBack = 0xB382C9U;  // its inverse modulo 2^24
+
+std::uint32_t to_number(const Rgb8& colour) {
+  return (std::uint32_t{colour[0]} << 16U) | (std::uint32_t{colour[1]} << 8U) | colour[2];
+}
+
+/// Where the permutation has the palette's colours, ascending.
+std::array<std::uint32_t, 256> make_palette_positions() {
+  std::array<std::uint32_t, 256> positions{};
+  std::ranges::transform(segmentation_palette(), positions.begin(),
+                         [](const Rgb8& colour) { return (to_number(colour) * kStepBack) & kColourMask; });
+  std::ranges::sort(positions);
+  return positions;
+}
+
 }  // namespace
+
+Rgb8 segmentation_colour(int id) {
+  static const std::array<std::uint32_t, 256> kTaken = make_palette_positions();
+  const auto number = static_cast<std::uint32_t>(std::max(id, 0));
+  if (number < segmentation_palette().size()) return segmentation_palette()[number];
+  auto position = number - static_cast<std::uint32_t>(segmentation_palette().size());
+  for (const std::uint32_t taken : kTaken) {
+    if (taken <= position) ++position;
+  }
+  const std::uint32_t colour = (position * kStep) & kColourMask;
+  return {static_cast<std::uint8_t>(colour >> 16U), static_cast<std::uint8_t>(colour >> 8U),
+          static_cast<std::uint8_t>(colour)};
+}
 
 const std::array<Rgb8, 256>& segmentation_palette() {
   static const std::array<Rgb8, 256> kPalette = make_palette();
@@ -54,31 +85,15 @@ int default_segmentation_id(const std::string& name) {
 }
 
 bool SegmentationIds::set(const std::string& name, int id, bool is_pattern, const std::vector<std::string>& names) {
-  if (id < -1 || id > 255) throw InputError("segmentation id " + std::to_string(id), "must be from -1 to 255");
-  const std::shared_ptr<const NamePattern> pattern =
-      is_pattern ? std::make_shared<const NamePattern>(name, NamePattern::Case::kIgnored) : nullptr;
-  const bool any = std::ranges::any_of(
-      names, [&](const std::string& known) { return pattern ? pattern->matches(known) : known == name; });
+  if (id < -1 || id > kMaxSegmentationId)
+    throw InputError("segmentation id " + std::to_string(id),
+                     "must be from -1 to " + std::to_string(kMaxSegmentationId));
   const std::lock_guard lock(mutex_);
-  if (!pattern) {
-    if (!any) return false;
-    by_name_[name] = id;
-  } else {
-    std::erase_if(patterns_, [&](const Rule& rule) { return rule.name == name; });
-    if (patterns_.size() >= kMaxRules)
-      throw InputError("segmentation ids", "more than " + std::to_string(kMaxRules) + " patterns");
-    patterns_.push_back({name, pattern, id});
-    std::erase_if(by_name_, [&](const auto& entry) { return pattern->matches(entry.first); });
-  }
-  return any;
+  return rules_.set(name, id, is_pattern, names);
 }
 
 int SegmentationIds::find_id(const std::string& name) const {
-  if (const auto at = by_name_.find(name); at != by_name_.end()) return at->second;
-  for (auto rule = patterns_.rbegin(); rule != patterns_.rend(); ++rule) {
-    if (rule->pattern->matches(name)) return rule->id;
-  }
-  return by_names_ ? default_segmentation_id(name) : 0;
+  return rules_.find(name).value_or(by_names_ ? default_segmentation_id(name) : 0);
 }
 
 int SegmentationIds::lookup(const std::string& name) const {

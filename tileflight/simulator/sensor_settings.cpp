@@ -1,6 +1,7 @@
 #include "tileflight/simulator/sensor_settings.h"
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 
 #include "tileflight/base/strict_section.h"
@@ -82,30 +83,72 @@ DistanceSensorSettings read_distance(StrictSection& s, bool flies) {
   return d;
 }
 
-LidarSettings read_lidar(StrictSection& s, bool flies) {
+LidarSettings default_lidar(bool flies) {
   LidarSettings l;
   if (!flies) {
     l.upper_deg = 10.0;
     l.lower_deg = -10.0;
   }
+  return l;
+}
+
+/// Cosys-AirSim's defaults of its lidar on the graphics card.
+LidarSettings default_gpu_lidar() {
+  LidarSettings l;
+  l.channels = 64;
+  l.range_m = 50.0;
+  l.points_per_second = 64.0 * 2048.0 * l.rotations_per_second;
+  l.horizontal_to_deg = 360.0;
+  l.in_sensor_frame = true;
+  return l;
+}
+
+/// `l`: the defaults of its kind. Cosys-AirSim counts the columns of a revolution (MeasurementsPerCycle), AirSim the
+/// points of a second.
+LidarSettings read_lidar(StrictSection& s, bool flies, LidarSettings l) {
   l.channels = s.integer("NumberOfChannels", l.channels, 1, 1024);
   l.range_m = s.number("Range", l.range_m, 0.01, 1e5);
   l.rotations_per_second = s.number("RotationsPerSecond", l.rotations_per_second, 0.01, 1000.0);
   l.points_per_second = s.number("PointsPerSecond", l.points_per_second, 1.0, 1e8);
+  if (s.has("MeasurementsPerCycle"))
+    l.points_per_second = s.integer("MeasurementsPerCycle", 512, 1, 100'000) * l.rotations_per_second * l.channels;
   l.horizontal_from_deg = s.number("HorizontalFOVStart", l.horizontal_from_deg, -360.0, 360.0);
   l.horizontal_to_deg = s.number("HorizontalFOVEnd", l.horizontal_to_deg, -360.0, 360.0);
   l.upper_deg = s.number("VerticalFOVUpper", l.upper_deg, -90.0, 90.0);
   l.lower_deg = s.number("VerticalFOVLower", l.lower_deg, -90.0, 90.0);
-  l.in_sensor_frame = s.choice_in_any_case("DataFrame", {"VehicleInertialFrame", "SensorLocalFrame"})
-                          .value_or("VehicleInertialFrame") == "SensorLocalFrame";
+  if (const auto frame = s.choice_in_any_case("DataFrame", {"VehicleInertialFrame", "SensorLocalFrame"}))
+    l.in_sensor_frame = *frame == "SensorLocalFrame";
   l.T_body_sensor = SE3(read_orientation(s), read_position(s, default_place(flies)));
   if (l.points_per_second / l.rotations_per_second > 4e6)
     throw s.error("PointsPerSecond", "more than four million points per revolution");
-  s.ignore({"DrawDebugPoints", "ExternalController"});
+  s.ignore({"DrawDebugPoints", "ExternalController", "DrawSensor", "DrawMode", "Resolution", "GroundTruth",
+            "InstanceSegmentation", "IgnoreMarked", "GenerateIntensity"});
   return l;
 }
 
-SensorKind read_kind(int type, StrictSection& section, bool flies) {
+EchoSettings read_echo(StrictSection& s, bool flies) {
+  EchoSettings e;
+  e.traces = s.integer("NumberOfTraces", e.traces, -100'000, 1'000'000);
+  e.azimuth_from_deg = s.number("SensorLowerAzimuthLimit", e.azimuth_from_deg, -180.0, 180.0);
+  e.azimuth_to_deg = s.number("SensorUpperAzimuthLimit", e.azimuth_to_deg, e.azimuth_from_deg, 180.0);
+  e.elevation_from_deg = s.number("SensorLowerElevationLimit", e.elevation_from_deg, -90.0, 90.0);
+  e.elevation_to_deg = s.number("SensorUpperElevationLimit", e.elevation_to_deg, e.elevation_from_deg, 90.0);
+  e.opening_angle_deg = s.number("ReflectionOpeningAngle", e.opening_angle_deg, 0.0, 180.0);
+  e.attenuation_db_m = s.number("AttenuationPerDistance", e.attenuation_db_m, 0.0, 1e3);
+  e.attenuation_db_reflection = s.number("AttenuationPerReflection", e.attenuation_db_reflection, 0.0, 1e3);
+  e.attenuation_limit_db = s.number("AttenuationLimit", e.attenuation_limit_db, -1e4, 0.0);
+  e.max_distance_m = s.number("DistanceLimit", e.max_distance_m, 0.01, 1e4);
+  e.max_reflections = s.integer("ReflectionLimit", e.max_reflections, 1, 100);
+  e.max_reflection_distance_m = s.number("ReflectionDistanceLimit", e.max_reflection_distance_m, 0.0, 1e4);
+  e.T_body_sensor = SE3(read_orientation(s), read_position(s, default_place(flies)));
+  s.ignore({"SenseActive", "MeasurementFrequency", "SensorDiameter", "RunParallel", "runParallel", "IgnoreMarked",
+            "DrawReflectedPoints", "DrawReflectedLines", "DrawReflectedPaths", "DrawInitialPoints",
+            "DrawExternalPoints", "DrawBounceLines", "DrawPassiveSources", "DrawPassiveLines", "DrawSensor"});
+  return e;
+}
+
+/// nullopt: one of Cosys-AirSim's that is not simulated (its template, ultra-wide band, Wi-Fi).
+std::optional<SensorKind> read_kind(int type, StrictSection& section, bool flies) {
   switch (type) {
     case 1:
       return read_barometer(section);
@@ -118,23 +161,36 @@ SensorKind read_kind(int type, StrictSection& section, bool flies) {
     case 5:
       return read_distance(section, flies);
     case 6:
-      return read_lidar(section, flies);
+      return read_lidar(section, flies, default_lidar(flies));
+    case 7:
+      return read_echo(section, flies);
+    case 8:
+      return read_lidar(section, flies, default_gpu_lidar());
+    case 9:
+    case 10:
+    case 11:
+      section.ignore(section.keys());
+      return std::nullopt;
     default:
-      throw section.error("SensorType", "must be from 1 (barometer) to 6 (lidar)");
+      throw section.error("SensorType", "must be from 1 (barometer) to 8 (GPU lidar)");
   }
 }
 
 }  // namespace
 
 std::vector<SensorSettings> read_sensors(StrictSection& parent, const std::string& key, bool flies,
-                                         std::vector<SensorSettings> sensors) {
+                                         std::vector<SensorSettings> sensors, std::vector<std::string>& warnings) {
   for (auto& [name, section] : parent.named_sections(key)) {
     const auto known = std::ranges::find(sensors, name, &SensorSettings::name);
     const bool enabled = section.boolean("Enabled").value_or(false);
     const bool only_switches = !section.has("SensorType") && known != sensors.end();
     const int type = section.integer("SensorType", 0, 0, 100);
-    if (!only_switches) {
-      SensorSettings sensor{name, read_kind(type, section, flies)};
+    const auto kind = only_switches ? std::nullopt : read_kind(type, section, flies);
+    if (!only_switches && !kind)
+      warnings.emplace_back(
+          section.error("SensorType", std::to_string(type) + " is not simulated: the sensor is left out").what());
+    if (kind) {
+      SensorSettings sensor{name, *kind};
       if (known != sensors.end()) {
         *known = std::move(sensor);
       } else if (enabled) {

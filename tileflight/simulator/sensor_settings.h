@@ -65,8 +65,23 @@ struct LidarSettings {
   bool in_sensor_frame = false;                                 ///< DataFrame "SensorLocalFrame"
 };
 
+/// A sonar or radar of Cosys-AirSim, with its keys and defaults.
+struct EchoSettings {
+  geometry::SE3 T_body_sensor;
+  int traces = 1000;  ///< rays; below 0: that many in the sensor's horizontal plane
+  double azimuth_from_deg = -90.0, azimuth_to_deg = 90.0;      ///< clockwise from x, seen from above
+  double elevation_from_deg = -90.0, elevation_to_deg = 90.0;  ///< positive is up
+  double opening_angle_deg = 10.0;                             ///< scattered around the mirrored direction
+  double attenuation_db_m = 0.0;                               ///< per metre of the way
+  double attenuation_db_reflection = 0.0;
+  double attenuation_limit_db = -100.0;
+  double max_distance_m = 10.0;  ///< of the whole way
+  int max_reflections = 3;
+  double max_reflection_distance_m = 0.4;  ///< between two reflections
+};
+
 using SensorKind = std::variant<BarometerSettings, ImuSettings, GpsSettings, MagnetometerSettings,
-                                DistanceSensorSettings, LidarSettings>;
+                                DistanceSensorSettings, LidarSettings, EchoSettings>;
 
 struct SensorSettings {
   std::string name;

@@ -45,8 +45,7 @@ RecordingSettings read_recording(StrictSection section) {
   for (StrictSection& entry : section.sections("Cameras")) {
     cameras.push_back({entry.text("CameraName").value_or(""), entry.integer("ImageType", 0, 0, kImageTypeCount - 1),
                        entry.boolean("PixelsAsFloat").value_or(false), entry.boolean("Compress").value_or(true),
-                       entry.text("VehicleName").value_or("")});
-    entry.ignore({"Annotation"});
+                       entry.text("VehicleName").value_or(""), entry.text("Annotation").value_or("")});
     entry.require_all_keys_used();
   }
   if (!cameras.empty()) recording.cameras = std::move(cameras);
@@ -62,6 +61,25 @@ void read_segmentation(StrictSection section, Settings& settings) {
   section.require_all_keys_used();
 }
 
+std::vector<AnnotationSettings> read_annotation_layers(StrictSection& root) {
+  constexpr int kColours = 0, kGreyscale = 1, kTextures = 2;  // Cosys-AirSim's types
+  std::vector<AnnotationSettings> layers;
+  for (StrictSection& entry : root.sections("Annotation")) {
+    const int type = entry.integer("Type", kColours, kColours, kTextures);
+    const bool direct = entry.boolean("SetDirect").value_or(false);
+    const AnnotationKind kind = type == kGreyscale  ? AnnotationKind::kGreyscale
+                                : type == kTextures ? AnnotationKind::kTexture
+                                : direct            ? AnnotationKind::kColour
+                                                    : AnnotationKind::kColourIndex;
+    layers.push_back({entry.required_text("Name"), kind});
+    if (std::ranges::count(layers, layers.back().name, &AnnotationSettings::name) > 1)
+      throw entry.error("Name", "'" + layers.back().name + "' is given twice");
+    entry.ignore({"Default", "ViewDistance", "TexturePath", "TexturePrefix"});
+    entry.require_all_keys_used();
+  }
+  return layers;
+}
+
 /// Replaces cameras of the same name, and appends the others.
 void put_cameras(std::vector<CameraSettings> own, std::vector<CameraSettings>& cameras) {
   for (CameraSettings& camera : own) {
@@ -74,7 +92,7 @@ void put_cameras(std::vector<CameraSettings> own, std::vector<CameraSettings>& c
   }
 }
 
-VehicleSettings read_vehicle(const std::string& name, StrictSection section, const Settings& settings,
+VehicleSettings read_vehicle(const std::string& name, StrictSection section, Settings& settings,
                              const std::vector<SensorSettings>& default_sensors) {
   VehicleSettings vehicle = default_vehicle(name, !settings.computer_vision, settings.camera_defaults);
   const std::string type = section
@@ -86,8 +104,9 @@ VehicleSettings read_vehicle(const std::string& name, StrictSection section, con
   vehicle.flies = type == "SimpleFlight" && !settings.computer_vision;
   vehicle.start_ned = read_position(section);
   vehicle.R_ned_body = read_orientation(section);
-  vehicle.armed =
-      section.choice_in_any_case("DefaultVehicleState", {"Inactive", "Armed", ""}).value_or("Inactive") == "Armed";
+  const std::string state =
+      section.choice_in_any_case("DefaultVehicleState", {"Armed", "Disarmed", "Inactive", ""}).value_or("");
+  vehicle.armed = state.empty() || state == "Armed";
   vehicle.allow_api_always = section.boolean("AllowAPIAlways").value_or(false);
   const bool passes = section.boolean("EnableCollisionPassthrogh").value_or(false);
   vehicle.enable_collisions = section.boolean("EnableCollisions").value_or(true) && !passes;
@@ -95,7 +114,7 @@ VehicleSettings read_vehicle(const std::string& name, StrictSection section, con
   for (auto& [camera, entry] : section.named_sections("Cameras"))
     cameras.push_back(read_camera(resolve_camera_alias(camera), std::move(entry), settings.camera_defaults));
   put_cameras(std::move(cameras), vehicle.cameras);
-  vehicle.sensors = read_sensors(section, "Sensors", vehicle.flies, default_sensors);
+  vehicle.sensors = read_sensors(section, "Sensors", vehicle.flies, default_sensors, settings.warnings);
   section.ignore({"AutoCreate", "PawnPath", "IsFpvVehicle", "EnableTrace", "DebugSymbolScale", "RC", "FollowDistance",
                   "UseSerial", "Model"});
   section.require_all_keys_used();
@@ -104,7 +123,8 @@ VehicleSettings read_vehicle(const std::string& name, StrictSection section, con
 
 void read_vehicles(StrictSection& root, Settings& settings) {
   const bool flies = !settings.computer_vision;
-  const std::vector<SensorSettings> sensors = read_sensors(root, "DefaultSensors", flies, default_sensors(flies));
+  const std::vector<SensorSettings> sensors =
+      read_sensors(root, "DefaultSensors", flies, default_sensors(flies), settings.warnings);
   auto entries = root.named_sections("Vehicles");
   if (entries.size() > kMaxVehicles)
     throw root.error("Vehicles", "more than " + std::to_string(kMaxVehicles) + " vehicles");
@@ -132,7 +152,7 @@ void read_mode(StrictSection& root, Settings& settings) {
 }
 
 json parse_settings_json(const std::string& text, const std::string& name) {
-  if (text.find_first_not_of(" \t\r\n\xEF\xBB\xBF") == std::string::npos) return json::object();
+  if (is_blank(text)) return json::object();
   try {
     return json::parse(text, nullptr, true, true);
   } catch (const json::exception& error) {
@@ -151,6 +171,32 @@ VehicleSettings default_vehicle(const std::string& name, bool flies, const Camer
   return vehicle;
 }
 
+bool is_blank(const std::string& settings_text) {
+  return settings_text.find_first_not_of(" \t\r\n\xEF\xBB\xBF") == std::string::npos;
+}
+
+std::string default_settings_text() {
+  const Settings settings = read_settings("", "settings.json");
+  nlohmann::ordered_json text{{"SettingsVersion", 1.2},
+                              {"SimMode", "Multirotor"},
+                              {"ClockSpeed", settings.clock.speed},
+                              {"CameraDefaults", {{"CaptureSettings", nlohmann::ordered_json::array()}}},
+                              {"Vehicles", nlohmann::ordered_json::object()}};
+  for (std::size_t type = 0; type < settings.camera_defaults.captures.size(); ++type) {
+    const CaptureSettings& capture = settings.camera_defaults.captures[type];
+    text["CameraDefaults"]["CaptureSettings"].push_back(
+        {{"ImageType", type}, {"Width", capture.width}, {"Height", capture.height}, {"FOV_Degrees", capture.fov_deg}});
+  }
+  for (const VehicleSettings& vehicle : settings.vehicles) {
+    text["Vehicles"][vehicle.name] = {{"VehicleType", "SimpleFlight"},
+                                      {"DefaultVehicleState", vehicle.armed ? "Armed" : "Disarmed"},
+                                      {"X", vehicle.start_ned.x()},
+                                      {"Y", vehicle.start_ned.y()},
+                                      {"Z", vehicle.start_ned.z()}};
+  }
+  return text.dump(2);
+}
+
 Settings read_settings(const std::string& text, const std::string& name) {
   const json document = parse_settings_json(text, name);
   Settings settings;
@@ -166,6 +212,7 @@ Settings read_settings(const std::string& text, const std::string& name) {
   }
   if (auto recording = root.section("Recording")) settings.recording = read_recording(std::move(*recording));
   if (auto segmentation = root.section("SegmentationSettings")) read_segmentation(std::move(*segmentation), settings);
+  settings.annotation_layers = read_annotation_layers(root);
   if (auto defaults = root.section("CameraDefaults")) {
     settings.camera_defaults = read_camera("", std::move(*defaults), {});
   }

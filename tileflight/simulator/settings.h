@@ -10,6 +10,7 @@
 #include "tileflight/geometry/geodesy.h"
 #include "tileflight/imaging/camera.h"
 #include "tileflight/simulator/airsim_types.h"
+#include "tileflight/simulator/annotation_layers.h"
 #include "tileflight/simulator/sensor_settings.h"
 
 namespace tileflight::simulator {
@@ -36,7 +37,7 @@ struct VehicleSettings {
   bool flies = true;                                  ///< false: it stays where it is placed
   geometry::Vec3 start_ned = geometry::Vec3::Zero();  ///< global NED, metres
   Eigen::Quaterniond R_ned_body = Eigen::Quaterniond::Identity();
-  bool armed = false;             ///< DefaultVehicleState "Armed"
+  bool armed = true;              ///< at start and after reset: DefaultVehicleState is neither Disarmed nor Inactive
   bool allow_api_always = false;  ///< AllowAPIAlways: needs no enableApiControl
   bool enable_collisions = true;  ///< EnableCollisions and no EnableCollisionPassthrogh
   std::vector<CameraSettings> cameras;
@@ -49,7 +50,8 @@ struct RecordingCamera {
   int image_type = 0;
   bool pixels_as_float = false;
   bool compress = true;
-  std::string vehicle;  ///< empty: every vehicle
+  std::string vehicle;     ///< empty: every vehicle
+  std::string annotation;  ///< the layer of images of type Annotation
 };
 
 /// Recording settings.
@@ -78,6 +80,7 @@ struct Settings {
   std::optional<std::string> address;
   geometry::Vec3 wind_ned_m_s = geometry::Vec3::Zero();
   RecordingSettings recording;
+  std::vector<AnnotationSettings> annotation_layers;  ///< Cosys-AirSim's "Annotation"
   bool random_ids = true;                 ///< SegmentationSettings.InitMethod: ids from the names, else all 0
   bool inverted_voxel_scale = false;      ///< own key "InvertedVoxelScale": write 1 / x in binvox files, as AirSim does
   std::vector<VehicleSettings> vehicles;  ///< at least one; the first one also has the name ""
@@ -89,6 +92,13 @@ struct Settings {
 /// Parses a settings.json (comments allowed; empty: all defaults). `name` appears in messages. Throws InputError (name,
 /// key, cause).
 Settings read_settings(const std::string& text, const std::string& name);
+
+/// Whether the text of a settings.json says nothing.
+bool is_blank(const std::string& settings_text);
+
+/// The settings that hold where none are given, as a settings.json: clients (AirSim's ROS wrapper) read SimMode and
+/// Vehicles from it.
+std::string default_settings_text();
 
 /// The default cameras of every vehicle: front_center, front_right, front_left, bottom_center, back_center.
 std::vector<CameraSettings> default_cameras(const CameraSettings& defaults);

@@ -51,6 +51,21 @@ TEST(Settings, NothingGivesAirSimsDefaults) {
   EXPECT_THAT(settings.warnings, IsEmpty());
 }
 
+/// AirSim's ROS wrapper reads mode and vehicles of what getSettingsString answers.
+TEST(Settings, WhereNoneAreGivenTheTextIsThatOfTheDefaults) {
+  const Settings given = read_settings(default_settings_text(), "settings.json");
+  const Settings none = read_settings("", "settings.json");
+  EXPECT_THAT(given.warnings, IsEmpty());
+  ASSERT_EQ(given.vehicles.size(), 1U);
+  EXPECT_EQ(given.vehicles[0].name, none.vehicles[0].name);
+  EXPECT_EQ(given.vehicles[0].armed, none.vehicles[0].armed);
+  EXPECT_EQ(names_of(given.vehicles[0].sensors), names_of(none.vehicles[0].sensors));
+  EXPECT_EQ(given.vehicles[0].cameras.size(), none.vehicles[0].cameras.size());
+  EXPECT_EQ(given.vehicles[0].cameras[0].captures[0].width, none.vehicles[0].cameras[0].captures[0].width);
+  EXPECT_THAT(default_settings_text(), HasSubstr("\"SettingsVersion\": 1.2"));
+  EXPECT_THAT(default_settings_text(), HasSubstr("\"SimMode\": \"Multirotor\""));
+}
+
 TEST(Settings, ComputerVisionHasItsOwnVehicleAndNoSensors) {
   const Settings settings = read_settings(R"({"SimMode": "ComputerVision"})", "settings.json");
   EXPECT_EQ(settings.vehicles[0].name, "ComputerVision");
@@ -106,9 +121,52 @@ TEST(Settings, WrongValuesAreRefusedInOneLineThatNamesThePlace) {
   EXPECT_THAT(refusal_of(R"({"Vehicles": {"A": {"X": 1e300}}})"), HasSubstr("settings.json: 'Vehicles.A.X'"));
   EXPECT_THAT(refusal_of(R"({"CameraDefaults": {"CaptureSettings": [{"Width": 1000000}]}})"),
               HasSubstr("CameraDefaults.CaptureSettings[0].Width"));
-  EXPECT_THAT(refusal_of(R"({"Vehicles": {"A": {"Sensors": {"L": {"SensorType": 9}}}}})"), HasSubstr("Sensors.L"));
+  EXPECT_THAT(refusal_of(R"({"Vehicles": {"A": {"Sensors": {"L": {"SensorType": 12}}}}})"), HasSubstr("Sensors.L"));
   for (const char* text : {"{", R"({"ClockSpeed": "fast"})", R"({"Vehicles": 3})"})
     EXPECT_EQ(refusal_of(text).find('\n'), std::string::npos);
+}
+
+TEST(Settings, CosysSensorsAreReadAndThoseOfOtherKindsAreLeftOutWithAWarning) {
+  const Settings settings = read_settings(R"({"SettingsVersion": 2.0, "Vehicles": {"A": {"Sensors": {
+    "echo": {"SensorType": 7, "Enabled": true, "NumberOfTraces": -90, "SensorLowerAzimuthLimit": -45, "SenseActive": true,
+             "MeasurementFrequency": 5, "AttenuationPerDistance": 0.5, "DrawSensor": false, "Z": -0.5},
+    "gpulidar": {"SensorType": 8, "Enabled": true, "NumberOfChannels": 32, "MeasurementsPerCycle": 512, "Resolution": 1024,
+                 "GroundTruth": true, "InstanceSegmentation": true},
+    "lidar": {"SensorType": 6, "Enabled": true, "MeasurementsPerCycle": 100},
+    "uwb": {"SensorType": 10, "Enabled": true, "anything": 1}}}}})",
+                                          "settings.json");
+  EXPECT_THAT(settings.warnings, ElementsAre(HasSubstr("'Vehicles.A.Sensors.uwb.SensorType' 10 is not simulated")));
+  const std::vector<SensorSettings>& sensors = settings.vehicles[0].sensors;
+  EXPECT_THAT(names_of(sensors), ElementsAre("imu", "magnetometer", "gps", "barometer", "echo", "gpulidar", "lidar"));
+  const auto& echo = std::get<EchoSettings>(sensors[4].kind);
+  EXPECT_EQ(echo.traces, -90);
+  EXPECT_EQ(echo.azimuth_from_deg, -45.0);
+  EXPECT_EQ(echo.max_distance_m, 10.0);
+  EXPECT_NEAR(echo.T_body_sensor.translation.z(), -0.5, 1e-12);
+  const auto& gpu = std::get<LidarSettings>(sensors[5].kind);
+  EXPECT_NEAR(gpu.points_per_second, 32 * 512 * 10.0, 1e-6);
+  EXPECT_EQ(gpu.range_m, 50.0);
+  EXPECT_TRUE(gpu.in_sensor_frame);
+  EXPECT_NEAR(std::get<LidarSettings>(sensors[6].kind).points_per_second, 16 * 100 * 10.0, 1e-6);
+}
+
+TEST(Settings, AnnotationLayersAreThoseOfCosys) {
+  const Settings settings = read_settings(R"({"Annotation": [
+    {"Name": "Direct", "Type": 0, "Default": true, "SetDirect": true, "ViewDistance": 10},
+    {"Name": "Index", "Type": 0, "Default": true, "SetDirect": false}, {"Name": "Grey", "Type": 1},
+    {"Name": "Texture", "Type": 2, "SetDirect": false, "TexturePath": "/Game/A", "TexturePrefix": "T"}]})",
+                                          "settings.json");
+  EXPECT_THAT(settings.warnings, IsEmpty());
+  ASSERT_EQ(settings.annotation_layers.size(), 4U);
+  EXPECT_EQ(settings.annotation_layers[0].name, "Direct");
+  EXPECT_EQ(settings.annotation_layers[0].kind, AnnotationKind::kColour);
+  EXPECT_EQ(settings.annotation_layers[1].kind, AnnotationKind::kColourIndex);
+  EXPECT_EQ(settings.annotation_layers[2].kind, AnnotationKind::kGreyscale);
+  EXPECT_EQ(settings.annotation_layers[3].kind, AnnotationKind::kTexture);
+  EXPECT_THAT(refusal_of(R"({"Annotation": [{"Type": 0}]})"), HasSubstr("Name"));
+  EXPECT_THAT(refusal_of(R"({"Annotation": [{"Name": "a", "Type": 3}]})"), HasSubstr("Type"));
+  EXPECT_THAT(refusal_of(R"({"Annotation": [{"Name": "a"}, {"Name": "a", "Type": 1}]})"),
+              HasSubstr("'Annotation[1].Name' 'a' is given twice"));
 }
 
 TEST(Settings, LensesBeyondThePinhole) {

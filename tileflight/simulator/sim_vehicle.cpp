@@ -77,7 +77,7 @@ std::shared_ptr<const vehicle::Task> SimVehicle::command(const vehicle::Command&
   if (!flight_) {
     const bool on_ground = vehicle::touches(obstacles_, position_local(), options_.radius_m + 0.02);
     flight_ = std::make_unique<vehicle::Vehicle>(options_, obstacles_, position_local(), yaw_local_rad(), on_ground);
-    collisions_seen_ = 0;
+    contact_seen_s_ = 0.0;
   }
   task_ = flight_->command(command);
   return task_;
@@ -116,12 +116,12 @@ void SimVehicle::step(double time_s) {
   state_.acceleration_m_s2 = (state_.velocity_m_s - before.velocity_m_s) / options_.step_s;
   state_.angular_acceleration_rad_s2 =
       (state_.angular_velocity_rad_s - before.angular_velocity_rad_s) / options_.step_s;
-  if (flight_->collisions() > collisions_seen_) record_collision(time_s);
+  const auto& contact = flight_->last_contact();
+  if (contact && contact->time_s > contact_seen_s_) record_contact(*contact, time_s);
 }
 
-void SimVehicle::record_collision(double time_s) {
-  collisions_seen_ = flight_->collisions();
-  const vehicle::Collision& last = *flight_->last_collision();
+void SimVehicle::record_contact(const vehicle::Collision& last, double time_s) {
+  contact_seen_s_ = last.time_s;
   const SE3 T_ned_local = T_local_ned_.inverse();
   collision_ = {
       true, time_s, T_ned_local * last.point, T_ned_local.rotation * last.normal, state_.T_ned_body.translation, 0.0};

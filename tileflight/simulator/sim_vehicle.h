@@ -20,7 +20,7 @@ struct VehicleState {
   geometry::Vec3 angular_acceleration_rad_s2 = geometry::Vec3::Zero();
 };
 
-/// The latest collision of a vehicle.
+/// The latest collision of a vehicle; a contact that lasts is one at each step, as AirSim reports it.
 struct VehicleCollision {
   bool unread = false;  ///< not read by a client since
   double time_s = 0.0;  ///< simulation time
@@ -72,7 +72,7 @@ class SimVehicle {
 
   /// One physics step; `time_s`: simulation time after it.
   void step(double time_s);
-  /// Returns to the start, disarmed, without API control.
+  /// Returns to the start without API control, armed as the settings say.
   void reset();
 
   VehicleCollision& collision() { return collision_; }
@@ -85,7 +85,7 @@ class SimVehicle {
 
  private:
   VehicleState simulated_state() const;
-  void record_collision(double time_s);
+  void record_contact(const vehicle::Collision& last, double time_s);
 
   VehicleSettings settings_;
   geometry::SE3 T_local_ned_;
@@ -94,7 +94,7 @@ class SimVehicle {
   geometry::SE3 T_ned_home_;
   VehicleState state_;
   std::unique_ptr<vehicle::Vehicle> flight_;  ///< null: it stays where it was placed
-  std::int64_t collisions_seen_ = 0;
+  double contact_seen_s_ = 0.0;               ///< of the flight's clock
   std::shared_ptr<const vehicle::Task> task_;
   VehicleCollision collision_;
   std::vector<SimCamera> cameras_;

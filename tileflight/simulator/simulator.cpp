@@ -66,6 +66,7 @@ Simulator::Impl::Impl(const SimulatorOptions& o, SimulatorLog l, const Progress&
       geodetic_frame{geometry::LocalFrame(kDefaultOrigin), {}, Vec3::Zero(), false},
       file_access(options.output_root),
       segmentation_ids(settings.random_ids),
+      annotation_layers(settings.annotation_layers),
       clock(state_mutex, settings.clock, clock_hooks()) {
   initialize();
 }
@@ -78,6 +79,7 @@ Simulator::Impl::Impl(const SimulatorOptions& o, std::vector<imaging::TexturedMe
       geodetic_frame{geometry::LocalFrame(kDefaultOrigin), {}, Vec3::Zero(), false},
       file_access(options.output_root),
       segmentation_ids(settings.random_ids),
+      annotation_layers(settings.annotation_layers),
       clock(state_mutex, settings.clock, clock_hooks()) {
   initialize();
 }
@@ -123,15 +125,17 @@ void Simulator::Impl::set_frames() {
       kMicro * kGaussPerTesla;
 }
 
-/// A flying vehicle stands on the surface below its start; one that starts below the ground stands on the ground.
+/// A flying vehicle stands on the surface below its start; one that starts below the ground stands on the ground. A
+/// vehicle that does not fly stays at its start, unless that is in the ground or below it: then it stands there, too.
 SE3 Simulator::Impl::find_home_pose(const VehicleSettings& vehicle) const {
   SE3 home(vehicle.R_ned_body, vehicle.start_ned);
-  if (!vehicle.flies) return home;
   const Vec3 start = T_local_ned * vehicle.start_ned;
   auto ground = working_set.surface_z(start.x(), start.y(), start.z() + kBelowGround_m);
   if (!ground) ground = working_set.surface_z(start.x(), start.y(), kMaxCoordinate_m);
-  const double radius_m = vehicle::VehicleOptions{}.radius_m + kGroundClearance_m;
-  if (ground) home.translation = T_local_ned.inverse() * Vec3(start.x(), start.y(), *ground + radius_m);
+  const double standing_z = ground.value_or(start.z()) + vehicle::VehicleOptions{}.radius_m + kGroundClearance_m;
+  if (ground && (vehicle.flies || start.z() < standing_z))
+    home.translation = T_local_ned.inverse() * Vec3(start.x(), start.y(), standing_z);
+  if (!vehicle.flies) return home;
   // The vehicle stands level.
   home.rotation = Eigen::Quaterniond(Eigen::AngleAxisd(heading_rad(vehicle.R_ned_body), Vec3::UnitZ()));
   return home;
@@ -281,7 +285,9 @@ std::vector<std::string> Simulator::warnings() const { return impl_->warnings; }
 bool Simulator::ping() const { return true; }
 int Simulator::get_server_version() const { return 1; }
 int Simulator::get_min_required_client_version() const { return 1; }
-std::string Simulator::get_settings_string() const { return impl_->options.settings; }
+std::string Simulator::get_settings_string() const {
+  return is_blank(impl_->options.settings) ? default_settings_text() : impl_->options.settings;
+}
 
 std::vector<std::string> Simulator::list_vehicles() const {
   const std::lock_guard lock(impl_->state_mutex);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <chrono>
 #include <filesystem>
 #include <functional>
@@ -77,6 +78,7 @@ class Simulator {
   void reset();
   void enable_api_control(bool is_enabled, const std::string& vehicle);
   bool is_api_control_enabled(const std::string& vehicle) const;
+  /// False, and nothing changes: without API control (AirSim's answer), or to disarm a vehicle in the air.
   bool arm_disarm(bool arm, const std::string& vehicle);
   void sim_pause(bool is_paused);
   bool sim_is_paused() const;
@@ -84,13 +86,13 @@ class Simulator {
   void sim_continue_for_frames(std::uint32_t frames);  ///< clock steps; blocks, then pauses
   GeoPoint get_home_geo_point(const std::string& vehicle) const;
   std::vector<std::string> list_vehicles() const;
-  std::string get_settings_string() const;
+  std::string get_settings_string() const;  ///< as given; without any, default_settings_text()
 
   // Images and cameras.
   std::vector<ImageResponse> sim_get_images(const std::vector<ImageRequest>& requests, const std::string& vehicle,
                                             bool external);
   std::vector<std::uint8_t> sim_get_image(const std::string& camera, int image_type, const std::string& vehicle,
-                                          bool external);
+                                          bool external, const std::string& annotation_name = "");
   void sim_set_vehicle_pose(const Pose& pose, bool ignore_collision, const std::string& vehicle);
   Pose sim_get_vehicle_pose(const std::string& vehicle) const;
   CameraInfo sim_get_camera_info(const std::string& camera, const std::string& vehicle, bool external) const;
@@ -130,6 +132,7 @@ class Simulator {
                                const Vector3r& scale, bool physics, bool is_blueprint);
   bool sim_destroy_object(const std::string& name);
   std::vector<std::string> sim_list_assets() const;
+  /// False where the file must not or cannot be written (AirSim's answer); the log says why.
   bool sim_create_voxel_grid(const Vector3r& position, int x, int y, int z, float resolution, const std::string& file);
   bool sim_test_line_of_sight_to_point(const GeoPoint& point, const std::string& vehicle);
   bool sim_test_line_of_sight_between_points(const GeoPoint& from, const GeoPoint& to);
@@ -189,14 +192,37 @@ class Simulator {
   void stop_recording();
   bool is_recording() const;
 
+  // Calls that Cosys-AirSim adds. What is in memory is listed, whatever `only_visible`; poses are global NED with and
+  // without `ned`: there is no other world frame.
+  GPULidarData get_gpu_lidar_data(const std::string& lidar, const std::string& vehicle);
+  EchoData get_echo_data(const std::string& echo, const std::string& vehicle);
+  ComputerVisionState get_computer_vision_state(const std::string& vehicle) const;
+  std::vector<std::array<std::string, 2>> sim_list_scene_objects_tags(const std::string& name_regex);  ///< without tags
+  std::vector<std::string> sim_list_instance_segmentation_objects();
+  /// In the order of the objects.
+  std::vector<Pose> sim_list_instance_segmentation_poses(bool ned, bool only_visible);
+  /// Red, green, blue (0 to 255) of the ids from 0 to 255.
+  std::vector<Vector3r> sim_get_instance_segmentation_color_map() const;
+  std::vector<std::string> sim_list_annotation_objects(const std::string& layer);  ///< none for an unknown layer
+  std::vector<Pose> sim_list_annotation_poses(const std::string& layer, bool ned, bool only_visible);
+  // Labels of objects, see AnnotationLayers.
+  bool sim_set_annotation_object_id(const std::string& layer, const std::string& name, int id, bool is_name_regex);
+  int sim_get_annotation_object_id(const std::string& layer, const std::string& name) const;
+  bool sim_set_annotation_object_color(const std::string& layer, const std::string& name, int red, int green, int blue,
+                                       bool is_name_regex);
+  std::string sim_get_annotation_object_color(const std::string& layer, const std::string& name) const;
+  bool sim_set_annotation_object_value(const std::string& layer, const std::string& name, float value,
+                                       bool is_name_regex);
+  float sim_get_annotation_object_value(const std::string& layer, const std::string& name) const;
+
   // Remaining AirSim calls.
   void sim_set_wind(const Vector3r& wind);
   bool sim_add_vehicle(const std::string& name, const std::string& type, const Pose& pose,
                        const std::string& pawn_path);
   bool sim_run_console_command(const std::string& command);
   void sim_print_log_message(const std::string& message, const std::string& parameter, int severity);
-  /// Accepts calls without effect here or on anything a client reads (simPlot..., simFlushPersistentMarkers,
-  /// simSetTraceLine, simEnableWeather(false), controller gains). `name`: the call's name in AirSim's interface.
+  /// Accepts calls without effect here or on anything a client reads (simPlot..., weather, light, controller gains), so
+  /// that scripts run on; the log warns of each once. `name`: the call's name in AirSim's interface.
   void accept_without_effect(const std::string& name);
   /// Throws std::runtime_error that states why this AirSim call is not supported.
   [[noreturn]] void refuse(const std::string& name) const;

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "tileflight/base/require.h"
+#include "tileflight/simulator/annotation_layers.h"
 #include "tileflight/simulator/client_file_access.h"
 #include "tileflight/simulator/detection.h"
 #include "tileflight/simulator/image_renderer.h"
@@ -76,6 +77,7 @@ struct Simulator::Impl {
   geometry::SE3 T_local_ned;
   ClientFileAccess file_access;
   SegmentationIds segmentation_ids;
+  AnnotationLayers annotation_layers;
   ImageRenderer renderer;
   std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
   std::atomic<std::uint64_t> images{0};
@@ -89,6 +91,7 @@ struct Simulator::Impl {
   std::map<std::string, DetectionFilter> detection_filters;  ///< by vehicle, camera and image type
   std::shared_ptr<const ResidentScene> obstacle_scene;       ///< obstacles of the vehicles
   geometry::Vec3 wind_ned_m_s = geometry::Vec3::Zero();
+  std::set<std::string> told_calls;  ///< without effect, of which the log tells already
   std::unique_ptr<Recorder> recorder;
   double next_record_s = 0.0;
   SimulationClock clock;  ///< last member: its thread ends first
@@ -118,6 +121,7 @@ struct Simulator::Impl {
   /// Stores the poses from which the next images' optical flow is computed.
   void remember_camera_poses(const PlannedImages& planned);
   std::vector<ImageResponse> render_images(const PlannedImages& planned);
+  std::vector<imaging::Rgb8> annotation_colours(const ResidentScene& place, const std::string& layer) const;
 
   // Detections (api_detection.cpp).
   DetectionFilter& detection_filter(const std::string& camera, int image_type, const std::string& vehicle,

@@ -7,6 +7,7 @@
 #include <random>
 #include <thread>
 
+#include "tileflight/simulator/settings.h"
 #include "tileflight/simulator/test_world.h"
 
 namespace tileflight::simulator::simulator_test {
@@ -83,6 +84,28 @@ TEST(Simulator, ARecordingOfTheSettingsBeginsWithTheServer) {
   const auto closed = [] { simulator(R"({"Recording": {"Enabled": true}})"); };
   EXPECT_THAT([&] { closed(); }, ThrowsMessage<std::runtime_error>(HasSubstr("there is nowhere to record to")))
       << "there is nowhere to write";
+}
+
+TEST(Simulator, AVehicleThatDoesNotFlyDoesNotStartInTheGround) {
+  const auto down_of = [](const std::string& z) {
+    return simulator(R"({"SimMode": "ComputerVision", "Vehicles": {"Eye": {"Z": )" + z + "}}}")
+        ->sim_get_vehicle_pose("")
+        .position.z_val;
+  };
+  const float start = simulator(kComputerVision)->sim_get_vehicle_pose("").position.z_val;
+  EXPECT_NEAR(start, -0.355, 1e-3) << "as high as one that flies";
+  EXPECT_NEAR(down_of("0.3") + 0.3, -0.355, 1e-3) << "not below the ground";
+  EXPECT_NEAR(down_of("-5"), 0.0, 1e-6) << "in the air it stays where the settings put it";
+  const auto world = simulator(kComputerVision);
+  world->sim_set_vehicle_pose(pose(3, 4, -9), true, "");
+  world->reset();
+  EXPECT_NEAR(world->sim_get_vehicle_pose("").position.z_val, -0.355, 1e-3);
+}
+
+TEST(Simulator, TellsItsSettings) {
+  EXPECT_EQ(simulator(kMultirotor)->get_settings_string(), kMultirotor) << "as they were given";
+  for (const char* nothing : {"", " \n"})
+    EXPECT_EQ(simulator(nothing)->get_settings_string(), default_settings_text()) << "those that hold";
 }
 
 TEST(Simulator, VehiclesCanBeAdded) {

@@ -32,8 +32,8 @@ inline std::vector<imaging::TexturedMesh> meshes() {
   using geometry::Box3;
   using geometry::Vec3;
   return {box("ground", Box3(Vec3(-200, -200, -1), Vec3(200, 200, 0)), {90, 140, 60}),
-          box("north wall", Box3(Vec3(-60, kWallNorth_m, 0), Vec3(25, kWallNorth_m + 1, 40)), kWallColour),
-          box("east wall", Box3(Vec3(kWallEast_m, -60, 0), Vec3(kWallEast_m + 1, 15, 40)), {60, 60, 200})};
+          box("north-wall", Box3(Vec3(-60, kWallNorth_m, 0), Vec3(25, kWallNorth_m + 1, 40)), kWallColour),
+          box("east-wall", Box3(Vec3(kWallEast_m, -60, 0), Vec3(kWallEast_m + 1, 15, 40)), {60, 60, 200})};
 }
 
 inline constexpr const char* kComputerVision = R"({"SimMode": "ComputerVision", "StepOnDemand": true})";

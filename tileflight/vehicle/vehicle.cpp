@@ -13,6 +13,11 @@ using geometry::Vec3;
 constexpr double kMaxLandingSpeed_m_s = 1.5;
 constexpr double kMinLandingNormalZ = 0.7;
 
+/// Contacts no farther apart are one that lasts: a vehicle that slides bounces a little.
+constexpr double kSameContact_s = 0.1;
+/// Along the surface; a vehicle that takes off or lands is slower.
+constexpr double kSliding_m_s = 0.5;
+
 bool is_setting_down(const Contact& contact, double impact_m_s) {
   return impact_m_s <= kMaxLandingSpeed_m_s && contact.normal.z() >= kMinLandingNormalZ;
 }
@@ -134,7 +139,12 @@ void Vehicle::handle_collision(const Vec3& from) {
   state_.body.position_m = contact->center;
   touching_ = true;
   const bool setting_down = is_setting_down(*contact, impact_m_s);
-  if (!setting_down) record_collision(*contact, impact_m_s);
+  if (!setting_down || lasts_or_slides(*contact))
+    last_contact_ = Collision{time_s() + options_.step_s, contact->point, contact->normal, impact_m_s};
+  if (!setting_down) {
+    last_collision_ = last_contact_;
+    ++collisions_;
+  }
   if (options_.collision == CollisionPolicy::kStop && !setting_down) {
     crashed_ = true;
     come_to_rest();
@@ -144,9 +154,10 @@ void Vehicle::handle_collision(const Vec3& from) {
   state_.body.velocity_m_s = bounce_velocity(state_.body.velocity_m_s, contact->normal, options_.bounce);
 }
 
-void Vehicle::record_collision(const Contact& contact, double impact_m_s) {
-  last_collision_ = Collision{time_s() + options_.step_s, contact.point, contact.normal, impact_m_s};
-  ++collisions_;
+bool Vehicle::lasts_or_slides(const Contact& contact) const {
+  const Vec3& velocity = state_.body.velocity_m_s;
+  const Vec3 along = velocity - contact.normal.dot(velocity) * contact.normal;
+  return along.norm() >= kSliding_m_s || (last_contact_ && time_s() - last_contact_->time_s <= kSameContact_s);
 }
 
 void Vehicle::come_to_rest() {

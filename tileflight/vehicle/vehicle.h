@@ -75,13 +75,16 @@ class Vehicle {
   bool landed() const { return landed_; }
   const std::optional<Collision>& last_collision() const { return last_collision_; }
   std::int64_t collisions() const { return collisions_; }
+  /// The latest contact: a collision, or one that lasts or slides where each touch alone would be soft. A vehicle that
+  /// sets down or takes off makes none.
+  const std::optional<Collision>& last_contact() const { return last_contact_; }
   const VehicleOptions& options() const { return options_; }
 
  private:
   GuidanceInput guidance_input() const;
   void step_flight();
   void handle_collision(const geometry::Vec3& from);
-  void record_collision(const Contact& contact, double impact_m_s);
+  bool lasts_or_slides(const Contact& contact) const;
   void come_to_rest();
   void end_task(Outcome outcome);
   void finish_guidance(const GuidanceOutput& guided);
@@ -100,7 +103,7 @@ class Vehicle {
   bool touching_ = false;
   bool landed_ = false;
   bool crashed_ = false;
-  std::optional<Collision> last_collision_;
+  std::optional<Collision> last_collision_, last_contact_;
   std::int64_t collisions_ = 0;
 };
 

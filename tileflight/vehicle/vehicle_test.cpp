@@ -189,6 +189,34 @@ TEST(Vehicle, AWallStopsOrBouncesItOrIsNotThere) {
   EXPECT_EQ(hovering(options, wall).run(path_of({{60, 0, kStart_m}}, 8)), Outcome::kFinished);
 }
 
+/// Pressed against a slope of 30 degrees each touch is soft, as in a landing.
+TEST(Vehicle, ASlopeThatItSlidesAlongIsAContactThatLasts) {
+  const Vec3 normal(-std::sin(pi / 6), 0, std::cos(pi / 6));
+  VehicleOptions options;
+  options.collision = CollisionPolicy::kBounce;
+  Vehicle vehicle = hovering(options, test_support::plane(normal, normal.z() * kStart_m - 1.0));
+  FlyVelocity onwards;
+  onwards.velocity_m_s = {2, 0, 0};
+  onwards.duration_s = 20;
+  vehicle.command(onwards);
+  wait(vehicle, 4.0);
+  for (int second = 0; second < 8; ++second) {
+    wait(vehicle, 1.0);
+    ASSERT_TRUE(vehicle.last_contact());
+    EXPECT_GT(vehicle.last_contact()->time_s, vehicle.time_s() - 0.5) << second;
+  }
+  EXPECT_GT(vehicle.state().position_m.z(), kStart_m + 1.0) << "it slides up the slope";
+}
+
+TEST(Vehicle, TakingOffAndLandingAreNoContacts) {
+  VehicleOptions options;
+  options.collision = CollisionPolicy::kBounce;
+  Vehicle vehicle(options, test_support::level_ground(0.0), {0, 0, options.radius_m}, 0.0, true);
+  EXPECT_EQ(vehicle.run(TakeOff{}), Outcome::kFinished);
+  EXPECT_EQ(vehicle.run(Land{0.5, 30}), Outcome::kFinished);
+  EXPECT_FALSE(vehicle.last_contact());
+}
+
 TEST(Vehicle, ABallInTheWayStopsIt) {
   const Vec3 center(20, 0.8, kStart_m);
   Vehicle vehicle = hovering({}, test_support::sphere(center, 2.0));

@@ -1,4 +1,5 @@
-"""`tileflight serve` on the tiny place, on any free port, for as long as a with block."""
+"""`tileflight serve` on the tiny place, on any free port, for as long as a with block. Without settings: time goes on by
+itself, as for AirSim's scripts."""
 import json
 import os
 import pathlib
@@ -12,7 +13,7 @@ import tileflight_airsim as airsim
 
 class RunningServer:
     def __init__(self, settings=None, *options, token=None):
-        self.settings, self.options, self.token = settings or {}, options, token
+        self.settings, self.options, self.token = settings, options, token
 
     def __enter__(self):
         self._folder = tempfile.TemporaryDirectory()
@@ -20,11 +21,15 @@ class RunningServer:
         self.files = folder / "files"
         self.files.mkdir()
         tileset = tiny_place.write(folder / "place")
-        (folder / "settings.json").write_text(json.dumps({"SettingsVersion": 1.2, "StepOnDemand": True, **self.settings}))
+        settings = []
+        if self.settings is not None:
+            settings = ["--settings", str(folder / "settings.json")]
+            (folder / "settings.json").write_text(
+                json.dumps({"SettingsVersion": 1.2, "StepOnDemand": True, **self.settings}))
         token = ["--token", self.token] if self.token else []
         self.process = subprocess.Popen(
-            [os.environ["TILEFLIGHT_BINARY"], "serve", str(tileset), "--settings", str(folder / "settings.json"),
-             "--port", "0", "--json", "--threads", "2", "--files", str(self.files), *token, *self.options],
+            [os.environ["TILEFLIGHT_BINARY"], "serve", str(tileset), *settings, "--port", "0", "--json",
+             "--threads", "2", "--files", str(self.files), *token, *self.options],
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         self.listening = json.loads(self._first_object())
         self.port = self.listening["port"]

@@ -1,10 +1,13 @@
 """The client against a running `tileflight serve`. TILEFLIGHT_BINARY names the program."""
 import contextlib
 import io
+import json
 import math
+import pathlib
 import signal
 import socket
 import struct
+import tempfile
 import threading
 import time
 import unittest
@@ -116,8 +119,7 @@ class Looking(unittest.TestCase):
         self.assertGreater(grid.occupied_count, 0)
         self.assertTrue(self.client.simCreateVoxelGrid(center, 8, 8, 8, 1.0, "box.binvox"))
         self.assertTrue((self.server.files / "box.binvox").read_bytes().startswith(b"#binvox 1\ndim 8 8 8\n"))
-        with self.assertRaises(airsim.RPCError):
-            self.client.simCreateVoxelGrid(center, 8, 8, 8, 1.0, "../outside.binvox")
+        self.assertIs(self.client.simCreateVoxelGrid(center, 8, 8, 8, 1.0, "../outside.binvox"), False)
 
     def test_errors_are_strings_and_the_connection_stays(self):
         with self.assertRaisesRegex(airsim.RPCError, "^rpclib: function 'simGetImages' .called with 3 arg.s.. threw"):
@@ -146,7 +148,7 @@ class Looking(unittest.TestCase):
         self.assertGreater(statistics.server.methods["simGetImages"]["calls"], 0)
 
 
-class AsTheOldClientSpeaks(unittest.TestCase):
+class ByHand(unittest.TestCase):
     """Bytes by hand: texts as raw, as clients with use_bin_type=False pack them; answers as they unpack them."""
 
     @classmethod
@@ -173,6 +175,8 @@ class AsTheOldClientSpeaks(unittest.TestCase):
         unpacker.feed(answer)
         return any(True for _ in unpacker)
 
+
+class AsTheOldClientSpeaks(ByHand):
     def test_ping(self):
         self.assertEqual(self.ask(b"\x94\x00\x00\xa4ping\x90"), b"\x94\x01\x00\xc0\xc3")
 
@@ -214,7 +218,72 @@ class AsTheOldClientSpeaks(unittest.TestCase):
         self.assertEqual(refused, b"\x94\x01\x03\xda" + struct.pack(">H", len(text)) + text + b"\xc0")
 
 
+class AsTheScriptsSpeak(ByHand):
+    """What AirSim's and Cosys-AirSim's own scripts send, byte for byte, and go on after."""
+
+    def nil_of(self, request):
+        self.assertEqual(self.ask(b"\x94\x00\x01" + request), b"\x94\x01\x01\xc0\xc0")
+
+    def bool_of(self, request):
+        answer = self.ask(b"\x94\x00\x01" + request)
+        self.assertEqual(answer[:4], b"\x94\x01\x01\xc0")
+        return {b"\xc2": False, b"\xc3": True}[answer[4:]]
+
+    def test_segmentation_finds_all_objects(self):
+        self.assertTrue(self.bool_of(b"\xbasimSetSegmentationObjectID\x93\xa5[\\w]*\x00\xc3"))
+
+    def test_weather_light_and_lines_are_answered(self):
+        self.nil_of(b"\xb0simEnableWeather\x91\xc3")
+        self.nil_of(b"\xb6simSetWeatherParameter\x92\x07\xcb" + struct.pack(">d", 0.5))
+        self.nil_of(b"\xafsimSetTimeOfDay\x96\xc3\xa0\xc2\x01\x3c\xc3")
+        self.nil_of(b"\xafsimSetTraceLine\x93\x94\x01\x00\x00\x01\x05\xa0")
+        self.assertFalse(self.bool_of(b"\xb4simSetLightIntensity\x92\xa4Lamp\x64"))
+        self.assertEqual(self.ask(b"\x94\x00\x01\xafsimSwapTextures\x94\xa3tag\x00\x00\x00"), b"\x94\x01\x01\xc0\x90")
+
+    def test_a_voxel_grid_into_a_bad_path_is_false(self):
+        center = b"\x83\xa5x_val\x00\xa5y_val\x00\xa5z_val\x00"
+        self.assertFalse(self.bool_of(b"\xb2simCreateVoxelGrid\x96" + center + b"\x04\x04\x04\x01\xa7/no/way"))
+
+    def test_poses_of_objects_with_and_without_a_frame(self):
+        plain = self.ask(b"\x94\x00\x01\xb0simGetObjectPose\x91\xa5place")
+        self.assertTrue(plain.startswith(b"\x94\x01\x01\xc0\x82\xa8position\x83\xa5x_val\xca"), plain)
+        self.assertNotIn(b"\x7f\xc0\x00\x00", plain)  # not NaN: the tile place.glb is there
+        self.assertEqual(self.ask(b"\x94\x00\x01\xb0simGetObjectPose\x92\xa5place\xc3"), plain)
+
+    def test_lists_of_instance_segmentation(self):
+        names = self.ask(b"\x94\x00\x01\xda\x00\x22simListInstanceSegmentationObjects\x90")
+        self.assertEqual(names, b"\x94\x01\x01\xc0\x91\xa5place")
+
+    def test_lighting(self):
+        request = (b"\x94\x00\x02\xacsimGetImages\x92\x91\x85\xabcamera_name\xa10\xaaimage_type\x0a\xafpixels_as_float"
+                   b"\xc2\xa8compress\xc2\xafannotation_name\xa0\xa0")
+        self.assertTrue(self.ask(request).startswith(b"\x94\x01\x02\xc0\x91\x8c\xb0image_data_uint8\xc6"))
+
+
 class Flying(unittest.TestCase):
+    def test_arming_as_airsim_does(self):
+        with RunningServer(FLYING) as server, server.client() as client:
+            self.assertIs(client.armDisarm(True), False)  # no API control yet
+            client.enableApiControl(True)
+            self.assertTrue(client.takeoffAsync().get())  # armed from the start
+            client.reset()
+            client.enableApiControl(True)
+            self.assertTrue(client.takeoffAsync().get())
+
+    def test_without_settings_their_text_is_that_of_the_defaults(self):
+        with RunningServer() as server, server.client() as client:
+            settings = json.loads(client.getSettingsString())
+            self.assertEqual((settings["SettingsVersion"], settings["SimMode"]), (1.2, "Multirotor"))
+            self.assertEqual(list(settings["Vehicles"]), client.listVehicles())
+
+    def test_a_warning_is_told_once(self):
+        with RunningServer(FLYING) as server:
+            with server.client() as client:
+                for _ in range(3):
+                    client.simEnableWeather(True)
+            _, _, err = server.stop()
+            self.assertEqual(err.count("warning: simEnableWeather has no effect"), 1, err)
+
     def test_a_flight(self):
         with RunningServer(FLYING) as server, server.client() as client:
             client.enableApiControl(True)
@@ -255,6 +324,30 @@ class Flying(unittest.TestCase):
 
 
 class Serving(unittest.TestCase):
+    def test_loads_the_levels_that_it_was_told_of(self):
+        with tempfile.TemporaryDirectory() as folder:
+            other = tiny_place.write(pathlib.Path(folder) / "other", name="other.glb")
+            with RunningServer(FLYING, "--level", f"Other={other}", "--level", "Broken=nowhere.json") as server:
+                with server.client() as client:
+                    self.assertEqual(client.simListSceneObjects(), ["place"])
+                    client.enableApiControl(True)
+                    self.assertTrue(client.takeoffAsync().get())
+                    for unknown in ("other", "Broken", str(other), ""):
+                        self.assertIs(client.simLoadLevel(unknown), False)
+                    self.assertEqual(client.simListSceneObjects(), ["place"])
+                    self.assertIs(client.simLoadLevel("Other"), True)
+                    self.assertEqual(client.simListSceneObjects(), ["other"])
+                    self.assertFalse(client.isApiControlEnabled())
+                    self.assertEqual(client.getMultirotorState().landed_state, airsim.LandedState.Landed)
+                code, _, err = server.stop()
+                self.assertEqual(code, 0)
+                self.assertIn("simLoadLevel('other'): the levels are: Broken, Other", err)
+
+    def test_a_level_is_a_name_and_a_source(self):
+        for wrong in ("Other", "=place", "Other="):
+            with self.assertRaisesRegex(RuntimeError, "--level '" + wrong + "': must be NAME=SOURCE"):
+                RunningServer(FLYING, "--level", wrong).__enter__()
+
     def test_ends_at_a_signal_while_a_task_is_running(self):
         for number in (signal.SIGTERM, signal.SIGINT):
             with RunningServer({**FLYING, "StepOnDemand": False}) as server:

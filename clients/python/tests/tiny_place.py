@@ -47,16 +47,16 @@ def _glb():
     return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
 
 
-def write(folder):
-    """The path of the tileset.json."""
+def write(folder, name="place.glb"):
+    """The path of the tileset.json; `name`: of its tile's file."""
     folder = pathlib.Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "place.glb").write_bytes(_glb())
+    (folder / name).write_bytes(_glb())
     middle = GROUND_M + BOX_M / 2
     box = [0, 0, middle, HALF_M, 0, 0, 0, HALF_M, 0, 0, 0, BOX_M / 2 + 0.1]
     tileset = folder / "tileset.json"
     tileset.write_text(json.dumps({
         "asset": {"version": "1.1", "copyright": "Tiny Place, CC0"}, "geometricError": 16,
         "root": {"boundingVolume": {"box": box}, "geometricError": 0, "refine": "REPLACE",
-                 "content": {"uri": "place.glb"}}}))
+                 "content": {"uri": name}}}))
     return tileset
