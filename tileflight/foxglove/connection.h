@@ -32,8 +32,9 @@ class Connection {
   bool has_unsent() const { return current_.has_value() || session_.has_next(); }
   std::chrono::steady_clock::duration since_progress() const;
 
-  std::string fault;        ///< the reason for which it is to be closed; empty: none
-  bool is_leaving = false;  ///< the server stops
+  std::string fault;          ///< the reason for which it is to be closed; empty: none
+  bool is_leaving = false;    ///< the server stops
+  bool is_explained = false;  ///< its end needs no line: the client said goodbye, or the reason is logged
 
  private:
   bool send_fragment();

@@ -75,6 +75,7 @@ struct Server::Impl {
   int send(lws* socket);
   int check_progress(lws* socket);
   void wake_connections();
+  void accept_goodbye(lws* socket);
   void close(lws* socket);
   void forget_stranger(lws* socket);
 
@@ -117,7 +118,10 @@ void Server::Impl::listen() {
        {nullptr, nullptr, 0, 0, 0, nullptr, 0}}};
   lws_context_creation_info info{};
   info.port = options.port;
-  info.iface = options.address == "0.0.0.0" ? nullptr : options.address.c_str();
+  const bool is_ipv6 = options.address.find(':') != std::string::npos;
+  const bool is_any = options.address == "0.0.0.0" || options.address == "::";
+  const std::string address = options.address == "localhost" ? "127.0.0.1" : options.address;
+  info.iface = is_any ? nullptr : address.c_str();
   info.protocols = kProtocols.data();
   info.gid = info.uid = -1;
   info.user = this;
@@ -125,8 +129,8 @@ void Server::Impl::listen() {
   info.timeout_secs_ah_idle = kHandshake_s;
   info.max_http_header_pool = static_cast<unsigned short>(options.max_clients + kSpareConnections);
   info.fd_limit_per_thread = static_cast<unsigned>(options.max_clients) + kSpareConnections;
-  info.options =
-      LWS_SERVER_OPTION_EXPLICIT_VHOSTS | LWS_SERVER_OPTION_FAIL_UPON_UNABLE_TO_BIND | LWS_SERVER_OPTION_DISABLE_IPV6;
+  info.options = LWS_SERVER_OPTION_EXPLICIT_VHOSTS | LWS_SERVER_OPTION_FAIL_UPON_UNABLE_TO_BIND;
+  if (!is_ipv6) info.options |= LWS_SERVER_OPTION_DISABLE_IPV6;
   context = lws_create_context(&info);
   lws_vhost* host = context != nullptr ? lws_create_vhost(context, &info) : nullptr;
   port = host != nullptr ? static_cast<std::uint16_t>(std::max(0, lws_get_vhost_listen_port(host))) : 0;
@@ -184,6 +188,9 @@ int Server::Impl::handle(lws* socket, lws_callback_reasons reason, std::string_v
       return send(socket);
     case LWS_CALLBACK_TIMER:
       return check_progress(socket);
+    case LWS_CALLBACK_WS_PEER_INITIATED_CLOSE:
+      accept_goodbye(socket);
+      return 0;
     case LWS_CALLBACK_CLOSED:
       close(socket);
       return 0;
@@ -235,6 +242,7 @@ int Server::Impl::receive(lws* socket, std::string_view fragment) {
       changed.notify_all();
     } catch (const ProtocolError& error) {
       fault = error.what();
+      connection.is_explained = true;
     }
   }
   if (fault.empty()) {
@@ -263,8 +271,9 @@ int Server::Impl::check_progress(lws* socket) {
   bool is_silent = false;
   {
     const std::lock_guard lock(mutex);
-    const Connection& connection = connections.at(socket);
+    Connection& connection = connections.at(socket);
     is_silent = connection.has_unsent() && connection.since_progress() >= options.max_silence;
+    connection.is_explained = is_silent;
   }
   if (is_silent) {
     log_client(socket, "closed: it does not read");
@@ -279,7 +288,10 @@ void Server::Impl::wake_connections() {
   {
     const std::lock_guard lock(mutex);
     for (auto& [socket, connection] : connections) {
-      if (!connection.fault.empty()) faulty.emplace_back(socket, std::exchange(connection.fault, {}));
+      if (!connection.fault.empty()) {
+        connection.is_explained = true;
+        faulty.emplace_back(socket, std::exchange(connection.fault, {}));
+      }
       if (connection.has_unsent() || connection.is_leaving) lws_callback_on_writable(socket);
     }
   }
@@ -289,14 +301,26 @@ void Server::Impl::wake_connections() {
   }
 }
 
-void Server::Impl::close(lws* socket) {
+void Server::Impl::accept_goodbye(lws* socket) {
   const std::lock_guard lock(mutex);
-  const auto at = connections.find(socket);
-  if (at == connections.end()) return;
-  dropped += at->second.session().dropped();
-  connections.erase(at);
-  ++changes;
-  changed.notify_all();
+  connections.at(socket).is_explained = true;
+}
+
+/// The library itself closes connections that break the rules of WebSockets (RFC 6455).
+void Server::Impl::close(lws* socket) {
+  bool is_explained = false;
+  {
+    const std::lock_guard lock(mutex);
+    const auto at = connections.find(socket);
+    if (at == connections.end()) return;
+    is_explained = at->second.is_explained || is_stopping;
+    dropped += at->second.session().dropped();
+    connections.erase(at);
+    ++changes;
+    changed.notify_all();
+  }
+  if (!is_explained)
+    log_client(socket, "is gone without a goodbye: the connection broke, or it broke the rules of WebSockets");
 }
 
 /// Called for every socket; a client's has ceased to be a stranger's.
@@ -344,10 +368,11 @@ std::uint64_t Server::subscription_changes() const {
 
 bool Server::wait_for_subscriber(const std::stop_token& stop) const {
   std::unique_lock lock(impl_->mutex);
-  return impl_->changed.wait(lock, stop, [this] {
+  impl_->changed.wait(lock, stop, [this] {
     return std::ranges::any_of(impl_->connections,
                                [](const auto& one) { return one.second.session().has_subscriptions(); });
   });
+  return !stop.stop_requested();
 }
 
 void Server::publish(ChannelId channel, std::uint64_t time_ns, std::string bytes) {

@@ -15,7 +15,7 @@
 namespace tileflight::foxglove {
 
 struct ServerOptions {
-  std::string address = "127.0.0.1";  ///< of this machine; 0.0.0.0 for all of its networks
+  std::string address = "127.0.0.1";  ///< of this machine, or "localhost"; 0.0.0.0 or :: for all of its networks
   std::uint16_t port = 0;             ///< 0: any free port
   std::string name = "tileflight";    ///< shown by clients
   std::size_t max_clients = 64;
@@ -56,7 +56,7 @@ class Server {
   bool is_subscribed(ChannelId channel) const;
   /// Counts subscriptions and ends of subscriptions since the start.
   std::uint64_t subscription_changes() const;
-  /// Waits until any client has subscribed to any channel. Returns false if `stop` was requested first.
+  /// Waits until any client has subscribed to any channel. Returns false if `stop` was requested.
   bool wait_for_subscriber(const std::stop_token& stop) const;
 
   /// Sends a message to the channel's subscribers. Never waits.

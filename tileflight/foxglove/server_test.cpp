@@ -236,6 +236,24 @@ TEST_F(FoxgloveServer, GarbageClosesItsConnectionWithOneLine) {
   EXPECT_THAT(*good.read_data(), HasSubstr("still here"));
 }
 
+TEST_F(FoxgloveServer, OnlyAnEndWithoutAGoodbyeIsLogged) {
+  start();
+  {
+    TestWebSocket polite(server_->port());
+    polite.send_raw(TestWebSocket::frame_head(0x88, 0));
+    EXPECT_TRUE(polite.is_closed_by_server());
+  }
+  ASSERT_TRUE(soon([&] { return server_->statistics().clients == 0; }));
+  EXPECT_THAT(log(), IsEmpty());
+  {
+    TestWebSocket rude(server_->port());
+    rude.send_raw(TestWebSocket::frame_head(0xF1, 2) + "{}");  // reserved bits are set (section 5.2)
+    EXPECT_TRUE(rude.is_closed_by_server());
+  }
+  EXPECT_TRUE(soon([&] { return log().size() == 1; }));
+  EXPECT_THAT(log(), ElementsAre(HasSubstr("without a goodbye")));
+}
+
 TEST_F(FoxgloveServer, AMessageInSmallPiecesIsPutTogether) {
   start();
   TestWebSocket viewer(server_->port());
@@ -359,6 +377,7 @@ TEST_F(FoxgloveServer, WaitingForASubscriberEndsWithOneOrWithAStop) {
   TestWebSocket viewer(server_->port());
   viewer.send_text(subscribe_text(images_));
   EXPECT_TRUE(server_->wait_for_subscriber(std::stop_token()));
+  EXPECT_FALSE(server_->wait_for_subscriber(stop.get_token())) << "a stop comes before a subscriber";
 }
 
 TEST_F(FoxgloveServer, WhatWaitsIsSentBeforeTheEnd) {
