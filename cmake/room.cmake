@@ -13,7 +13,7 @@ if(TILEFLIGHT_TESTS OR TILEFLIGHT_BENCHMARKS)
 endif()
 
 # Rooms of which nothing is worth a slow compiler: what they do is soon done, or waits for a disk or a network.
-set(TILEFLIGHT_QUICKLY_COMPILED report rpc foxglove server experiment systems study)
+set(TILEFLIGHT_QUICKLY_COMPILED report rpc foxglove server streaming experiment systems study)
 
 function(tileflight_room NAME)
   cmake_parse_arguments(ROOM "" "" "USES;TESTS;PUBLIC;PRIVATE;HEADERS" ${ARGN})
