@@ -7,7 +7,6 @@
 #include <condition_variable>
 #include <map>
 #include <mutex>
-#include <set>
 #include <thread>
 #include <utility>
 
@@ -24,11 +23,18 @@ constexpr int kHandshake_s = 10;            ///< for a connection to become a We
 constexpr milliseconds kGoodbye{500};       ///< for clients to answer the goodbye
 constexpr unsigned kSpareConnections = 32;  ///< beyond the clients: those that are refused, or ask for something else
 
+/// Where a connection comes from, while it is there.
 std::string peer_of(lws* socket) {
   std::array<char, 64> name{};
-  lws_get_peer_simple(socket, name.data(), name.size());
-  return name.data();
+  const bool is_known = lws_get_peer_simple(socket, name.data(), name.size()) != nullptr;
+  return is_known ? name.data() : "(gone)";
 }
+
+/// A socket of a client, before and after it became a WebSocket.
+struct Peer {
+  std::string name;
+  bool is_explained = false;  ///< it became a WebSocket, or why it did not is logged
+};
 
 std::string new_session_id() {
   return std::to_string(std::chrono::system_clock::now().time_since_epoch() / milliseconds(1));
@@ -52,7 +58,7 @@ struct Server::Impl {
   ClientSession::Channels channels;
   ChannelId next_channel = 1;
   std::map<lws*, Connection> connections;
-  std::set<lws*> strangers;  ///< sockets that are no WebSocket of the protocol yet; the server's thread only
+  std::map<lws*, Peer> peers;  ///< of all sockets; the server's thread only
   std::uint64_t changes = 0;
   std::uint64_t refused = 0;
   std::uint64_t dropped = 0;  ///< for clients that are gone
@@ -77,10 +83,11 @@ struct Server::Impl {
   void wake_connections();
   void accept_goodbye(lws* socket);
   void close(lws* socket);
-  void forget_stranger(lws* socket);
+  void forget_peer(lws* socket);
 
   void log_client(lws* socket, const std::string& what) const {
-    if (log) log("foxglove client " + peer_of(socket) + " " + what);
+    const auto peer = peers.find(socket);
+    if (log && peer != peers.end()) log("foxglove client " + peer->second.name + " " + what);
   }
   /// For each client; one whose answers exceed their limit is to be closed. The mutex must be held.
   template <class Action>
@@ -171,10 +178,10 @@ int Server::Impl::dispatch(lws* socket, lws_callback_reasons reason, void* /*use
 int Server::Impl::handle(lws* socket, lws_callback_reasons reason, std::string_view bytes) {
   switch (reason) {
     case LWS_CALLBACK_SERVER_NEW_CLIENT_INSTANTIATED:
-      strangers.insert(socket);
+      peers[socket].name = peer_of(socket);
       return 0;
     case LWS_CALLBACK_WSI_DESTROY:
-      forget_stranger(socket);
+      forget_peer(socket);
       return 0;
     case LWS_CALLBACK_HTTP:
       return refuse(socket, "asks for a page; open this address as a Foxglove WebSocket");
@@ -203,7 +210,7 @@ int Server::Impl::handle(lws* socket, lws_callback_reasons reason, std::string_v
 }
 
 int Server::Impl::refuse(lws* socket, const std::string& why) {
-  strangers.erase(socket);
+  peers[socket].is_explained = true;
   log_client(socket, "refused: " + why);
   return -1;
 }
@@ -220,7 +227,7 @@ int Server::Impl::admit(lws* socket) {
 }
 
 int Server::Impl::open(lws* socket) {
-  strangers.erase(socket);
+  peers[socket].is_explained = true;
   const std::lock_guard lock(mutex);
   connections.try_emplace(socket, socket, ClientSession(options.name, session_id, channels, parameters, options.queue));
   lws_callback_on_writable(socket);
@@ -323,9 +330,12 @@ void Server::Impl::close(lws* socket) {
     log_client(socket, "is gone without a goodbye: the connection broke, or it broke the rules of WebSockets");
 }
 
-/// Called for every socket; a client's has ceased to be a stranger's.
-void Server::Impl::forget_stranger(lws* socket) {
-  if (strangers.erase(socket) != 0) log_client(socket, "closed: it did not become a WebSocket");
+/// The last that is heard of a socket; those of the server itself were never a peer's.
+void Server::Impl::forget_peer(lws* socket) {
+  const auto peer = peers.find(socket);
+  if (peer == peers.end()) return;
+  if (!peer->second.is_explained) log_client(socket, "closed: it did not become a WebSocket");
+  peers.erase(peer);
 }
 
 Server::Server(const ServerOptions& options, ParameterAccess parameters, Log log)
