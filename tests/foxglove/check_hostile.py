@@ -20,10 +20,14 @@ SETTINGS = {"SimMode": "ComputerVision", "StepOnDemand": True,
 
 
 def is_closed(client):
-    """Reads to the end; a reset is one, too."""
+    """Reads until the server says goodbye (a close frame with a reason) or ends the connection; a reset is an end, too."""
     try:
-        while client.recv(1 << 16):
-            pass
+        read = b""
+        while b"\x88\x02" not in read:
+            more = client.recv(1 << 16)
+            if not more:
+                break
+            read = read[-1:] + more
     except ConnectionError:
         pass
     return True
