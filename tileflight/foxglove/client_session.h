@@ -24,6 +24,7 @@ struct OpenChannel {
   Channel channel;
   std::uint64_t time_ns = 0;
   std::shared_ptr<const std::string> last;
+  bool is_refusal_told = false;  ///< that a message of it was too large
 };
 
 /// One message to a client: a text, or a binary message of a head and a body.

@@ -82,6 +82,7 @@ struct Server::Impl {
   int check_progress(lws* socket);
   void wake_connections();
   void accept_goodbye(lws* socket);
+  void refuse_message(ChannelId channel, std::size_t bytes);
   void close(lws* socket);
   void forget_peer(lws* socket);
 
@@ -308,6 +309,21 @@ void Server::Impl::wake_connections() {
   }
 }
 
+/// Told once of each channel, to the log and to viewers: it would wait for a place that it cannot get.
+void Server::Impl::refuse_message(ChannelId channel, std::size_t bytes) {
+  std::string line;
+  {
+    const std::lock_guard lock(mutex);
+    const auto at = channels.find(channel);
+    if (at == channels.end() || std::exchange(at->second.is_refusal_told, true)) return;
+    line = at->second.channel.topic + ": a message of " + std::to_string(bytes) + " bytes is not sent; at most " +
+           std::to_string(options.queue.max_bytes) + " are";
+    for_each_session([&](ClientSession& session) { session.send_status(StatusLevel::kWarning, line); });
+    lws_cancel_service(context);
+  }
+  if (log) log("foxglove: " + line);
+}
+
 void Server::Impl::accept_goodbye(lws* socket) {
   const std::lock_guard lock(mutex);
   connections.at(socket).is_explained = true;
@@ -386,6 +402,7 @@ bool Server::wait_for_subscriber(const std::stop_token& stop) const {
 }
 
 void Server::publish(ChannelId channel, std::uint64_t time_ns, std::string bytes) {
+  if (bytes.size() > impl_->options.queue.max_bytes) return impl_->refuse_message(channel, bytes.size());
   const auto shared = std::make_shared<const std::string>(std::move(bytes));
   const std::lock_guard lock(impl_->mutex);
   const auto at = impl_->channels.find(channel);

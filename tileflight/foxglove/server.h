@@ -37,7 +37,8 @@ struct ServerStatistics {
 /// that sends what is not of the protocol is disconnected; others are not affected. Thread-safe.
 class Server {
  public:
-  /// Receives one line for each connection that is refused or closed for a fault. Called by the server's thread.
+  /// Receives one line for each connection that is refused, lost or closed for a fault, by the server's thread, and for
+  /// each channel whose messages are too large, by the publishing one.
   using Log = std::function<void(const std::string& line)>;
 
   /// Starts listening, in a thread of its own. Throws InputError if that address and port cannot be used.
@@ -59,7 +60,7 @@ class Server {
   /// Waits until any client has subscribed to any channel. Returns false if `stop` was requested.
   bool wait_for_subscriber(const std::stop_token& stop) const;
 
-  /// Sends a message to the channel's subscribers. Never waits.
+  /// Sends a message to the channel's subscribers, unless it is larger than QueueLimits::max_bytes. Never waits.
   void publish(ChannelId channel, std::uint64_t time_ns, std::string bytes);
   /// Tells all clients the time.
   void publish_time(std::uint64_t time_ns);

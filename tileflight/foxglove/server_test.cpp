@@ -328,6 +328,19 @@ TEST_F(FoxgloveServer, AClientThatNeverReadsMissesMessagesAndOthersDoNot) {
   EXPECT_THAT(log(), IsEmpty());
 }
 
+TEST_F(FoxgloveServer, AMessageThatIsTooLargeIsToldOnce) {
+  ServerOptions options;
+  options.queue.max_bytes = 1000;
+  start(options);
+  TestWebSocket viewer(server_->port());
+  subscribe(viewer, images_, 1);
+  for (int i = 0; i < 2; ++i) server_->publish(images_, 1, std::string(1001, 'x'));
+  server_->publish(images_, 2, std::string(1000, 'x'));
+  EXPECT_THAT(viewer.read_text_with("status"), HasSubstr("/image: a message of 1001 bytes is not sent"));
+  EXPECT_EQ(viewer.read_data()->substr(0, 13), message_data_head(1, 2));
+  EXPECT_THAT(log(), ElementsAre(HasSubstr("at most 1000 are")));
+}
+
 TEST_F(FoxgloveServer, AClientThatReadsNothingForLongIsClosed) {
   ServerOptions options;
   options.max_silence = milliseconds(100);
