@@ -20,6 +20,7 @@ void add_commands(CLI::App& app, CommonOptions& common, Selection& selection) {
   add_run(app, common, selection);
   add_study(app, common, selection);
   add_report(app, common, selection);
+  add_play(app, common, selection);
   add_serve(app, common, selection);
   add_completion(app, common, selection);
 }

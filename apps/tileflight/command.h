@@ -71,6 +71,7 @@ void add_compare(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_run(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_study(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_report(CLI::App& app, CommonOptions& common, Selection& selection);
+void add_play(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_serve(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_completion(CLI::App& app, CommonOptions& common, Selection& selection);
 

@@ -16,6 +16,7 @@
 #endif
 
 #include "command.h"
+#include "foxglove_view.h"
 #include "region_options.h"
 #include "source_options.h"
 #include "tileflight/base/input_error.h"
@@ -31,6 +32,7 @@ struct ServeOptions {
   SourceArguments source_arguments;
   simulator::SimulatorOptions simulator;
   rpc::ServerOptions server;
+  FoxgloveOptions foxglove;
   std::string settings, token_file, files, follow = "auto";
   std::vector<std::string> levels;  ///< NAME=SOURCE
   std::vector<double> start_local;
@@ -125,20 +127,22 @@ void warn_of_settings_address(const rpc::ServerOptions& options, const simulator
 
 /// Prints what users need to connect as soon as the server listens.
 void announce(const CommonOptions& common, const rpc::ServerOptions& options, int port,
-              const simulator::Simulator& simulator) {
+              const std::optional<FoxgloveView>& foxglove, const simulator::Simulator& simulator) {
   const std::vector<std::string> vehicles = simulator.list_vehicles();
   if (common.json) {
-    const nlohmann::json line = {{"address", options.address},
-                                 {"port", port},
-                                 {"token", !options.token.empty()},
-                                 {"vehicles", vehicles},
-                                 {"mode", simulator.tf_statistics().mode},
-                                 {"warnings", simulator.warnings()}};
+    nlohmann::json line = {{"address", options.address},
+                           {"port", port},
+                           {"token", !options.token.empty()},
+                           {"vehicles", vehicles},
+                           {"mode", simulator.tf_statistics().mode},
+                           {"warnings", simulator.warnings()}};
+    if (foxglove) line["foxglove_port"] = foxglove->port();
     std::cout << line.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) << std::endl;
   } else if (!common.quiet) {
     for (const std::string& warning : simulator.warnings()) std::cerr << "tileflight: " << warning << "\n";
     std::cout << "listening at " << endpoint(options.address, port) << ", vehicle";
     for (const std::string& vehicle : vehicles) std::cout << " " << vehicle;
+    if (foxglove) std::cout << ", viewers at ws://" << endpoint(options.address, foxglove->port());
     std::cout << "; press Ctrl-C to stop" << std::endl;
   }
 }
@@ -201,7 +205,10 @@ Output serve(const ServeOptions& options, const CommonOptions& common, const Pro
   server->stop_at_signals();
   warn_of_other_machines(settings);
   if (!common.quiet) warn_of_settings_address(settings, *levels.current());
-  announce(common, settings, server->port(), *levels.current());
+  std::optional<FoxgloveView> foxglove;
+  if (options.foxglove.is_wanted)
+    foxglove.emplace([&levels] { return levels.current(); }, options.foxglove, settings, log);
+  announce(common, settings, server->port(), foxglove, *levels.current());
   server->run();
   levels.stop();
   return {};
@@ -269,6 +276,7 @@ void add_serve(CLI::App& app, CommonOptions& common, Selection& selection) {
   command->add_option("SOURCE", options->simulator.source, kSourceHelp)->required();
   add_world_options(*command, *options);
   add_server_options(*command, options);
+  add_foxglove_options(*command, options->foxglove);
   add_region_options(*command, options->region);
   add_source_options(*command, options->source_arguments);
   add_common_options(*command, common);

@@ -84,10 +84,10 @@ class CommandsTest(unittest.TestCase):
         self.assertIn("KeyboardInterrupt", done.stderr)
         self.assertFalse(out.exists())
 
-    def test_every_command_but_the_server_is_here(self):
+    def test_every_command_but_the_servers_is_here(self):
         from tileflight import _core
 
-        names = {command["name"] for command in _core._commands()} - {"serve", "completion", "scene stadium"} | {"make_stadium"}
+        names = {command["name"] for command in _core._commands()} - {"serve", "play", "completion", "scene stadium"} | {"make_stadium"}
         self.assertEqual(set(tf.commands.__all__), names)
         for name in names:
             self.assertTrue(callable(getattr(tf, name)), name)

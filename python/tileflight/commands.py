@@ -17,8 +17,8 @@ from typing import Any, Callable
 from . import _core
 
 _NAMES = {"scene stadium": "make_stadium"}
-#: A server that runs until a signal (`Simulator` is the same within the process), and what only a shell has a use for.
-_LEFT_OUT = {"serve", "completion"}
+#: Servers that run until a signal (`Simulator` is the same within the process), and what only a shell has a use for.
+_LEFT_OUT = {"serve", "play", "completion"}
 #: Options of the terminal, which a function has no use for.
 _TERMINAL = {"json", "quiet"}
 

@@ -16,7 +16,7 @@ using tests::run_tileflight;
 
 const std::vector<std::vector<std::string>> kCommands{
     {"scene", "stadium"}, {"tile"},  {"inspect"},  {"extract"}, {"preview"}, {"render"}, {"ingest"}, {"export"},
-    {"odometry"},         {"align"}, {"evaluate"}, {"compare"}, {"run"},     {"report"}, {"serve"}};
+    {"odometry"},         {"align"}, {"evaluate"}, {"compare"}, {"run"},     {"report"}, {"serve"},  {"play"}};
 
 TEST(CommandLine, EveryCommandHasHelpWithAnExample) {
   for (std::vector<std::string> command : kCommands) {
@@ -85,7 +85,8 @@ TEST(CommandLine, WorkThatFailsIsOneLineAndExitCodeOne) {
       {"compare", "/nonexistent/a.json", "/nonexistent/b.json"},
       {"run", "/nonexistent.yaml", "--out", out},
       {"report", "/nonexistent"},
-      {"serve", "/nonexistent/tileset.json", "--port", "0"}};
+      {"serve", "/nonexistent/tileset.json", "--port", "0"},
+      {"play", "/nonexistent", "--foxglove", "--port", "0"}};
   for (const std::vector<std::string>& call : calls) {
     const ProgramResult result = run_tileflight(call);
     EXPECT_EQ(result.exit_code, 1) << call[0];

@@ -45,7 +45,7 @@ def check_contents(files: dict[str, set[str]], program: pathlib.Path) -> None:
     assert "/usr/include/tileflight/odometry/odometry.h" in files["tileflight-dev"]
     assert "/usr/lib/python3/dist-packages/tileflight/_core.pyi" in files["python3-tileflight"]
     examples = {name.split("/examples/")[1] for name in files["tileflight-examples"] if "/examples/" in name}
-    assert {"stadium.yaml", "consumer/CMakeLists.txt", "python/learn_navigation.py"} <= examples, examples
+    assert {"stadium.yaml", "consumer/CMakeLists.txt", "foxglove/play.json", "python/learn_navigation.py"} <= examples, examples
 
 
 def use_extracted(root: pathlib.Path, python: str) -> None:

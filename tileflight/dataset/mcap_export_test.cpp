@@ -148,7 +148,7 @@ TEST(McapWriter, MessagesComeBackInTheirChunks) {
 }
 
 TEST(RosMessages, DefinitionsHoldAllTheirParts) {
-  const McapWriter::Schema schema = ros::schema("tf2_msgs/msg/TFMessage");
+  const MessageSchema schema = ros::schema("tf2_msgs/msg/TFMessage");
   EXPECT_EQ(schema.encoding, "ros2msg");
   for (const char* part :
        {"MSG: geometry_msgs/TransformStamped", "MSG: std_msgs/Header", "MSG: builtin_interfaces/Time",

@@ -193,7 +193,7 @@ McapWriter::~McapWriter() {
 }
 
 std::uint16_t McapWriter::add_channel(const std::string& topic, const std::string& message_encoding,
-                                      const Schema& schema) {
+                                      const MessageSchema& schema) {
   const auto next_schema = static_cast<std::uint16_t>(impl_->schema_ids.size() + 1);  // 0 means "without schema"
   const auto [known, is_new] = impl_->schema_ids.emplace(schema.name, next_schema);
   std::string records;

@@ -6,6 +6,8 @@
 #include <string>
 #include <string_view>
 
+#include "tileflight/dataset/message_schema.h"
+
 namespace tileflight::dataset {
 
 /// Writes an MCAP file (https://mcap.dev/spec, major version 0): messages in uncompressed chunks of some megabytes,
@@ -20,13 +22,8 @@ class McapWriter {
   McapWriter(const McapWriter&) = delete;
   McapWriter& operator=(const McapWriter&) = delete;
 
-  struct Schema {
-    std::string name;      ///< "sensor_msgs/msg/Imu"
-    std::string encoding;  ///< of `text`: "ros2msg"
-    std::string text;
-  };
   /// Adds a channel of messages of one type; schemas of the same name are written once. Returns the channel's number.
-  std::uint16_t add_channel(const std::string& topic, const std::string& message_encoding, const Schema& schema);
+  std::uint16_t add_channel(const std::string& topic, const std::string& message_encoding, const MessageSchema& schema);
 
   /// Messages should be added in time order.
   void add_message(std::uint16_t channel, std::int64_t time_ns, std::string_view bytes);

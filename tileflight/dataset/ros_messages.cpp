@@ -3,8 +3,10 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <map>
 #include <numeric>
+#include <span>
 #include <variant>
 
 #include "tileflight/dataset/cdr.h"
@@ -30,6 +32,30 @@ const std::map<std::string, Definition>& definitions() {
       {"geometry_msgs/TransformStamped",
        {"std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform\n",
         {"std_msgs/Header", "geometry_msgs/Transform"}}},
+      {"geometry_msgs/Point", {"float64 x\nfloat64 y\nfloat64 z\n", {}}},
+      {"geometry_msgs/Pose",
+       {"geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n",
+        {"geometry_msgs/Point", "geometry_msgs/Quaternion"}}},
+      {"geometry_msgs/PoseStamped",
+       {"std_msgs/Header header\ngeometry_msgs/Pose pose\n", {"std_msgs/Header", "geometry_msgs/Pose"}}},
+      {"geometry_msgs/PoseWithCovariance",
+       {"geometry_msgs/Pose pose\nfloat64[36] covariance\n", {"geometry_msgs/Pose"}}},
+      {"geometry_msgs/Twist",
+       {"geometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular\n", {"geometry_msgs/Vector3"}}},
+      {"geometry_msgs/TwistWithCovariance",
+       {"geometry_msgs/Twist twist\nfloat64[36] covariance\n", {"geometry_msgs/Twist"}}},
+      {"nav_msgs/Odometry",
+       {"std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/PoseWithCovariance pose\n"
+        "geometry_msgs/TwistWithCovariance twist\n",
+        {"std_msgs/Header", "geometry_msgs/PoseWithCovariance", "geometry_msgs/TwistWithCovariance"}}},
+      {"nav_msgs/Path",
+       {"std_msgs/Header header\ngeometry_msgs/PoseStamped[] poses\n",
+        {"std_msgs/Header", "geometry_msgs/PoseStamped"}}},
+      {"rosgraph_msgs/Clock", {"builtin_interfaces/Time clock\n", {"builtin_interfaces/Time"}}},
+      {"sensor_msgs/Image",
+       {"std_msgs/Header header\nuint32 height\nuint32 width\nstring encoding\nuint8 is_bigendian\nuint32 step\n"
+        "uint8[] data\n",
+        {"std_msgs/Header"}}},
       {"tf2_msgs/TFMessage", {"geometry_msgs/TransformStamped[] transforms\n", {"geometry_msgs/TransformStamped"}}},
       {"sensor_msgs/CompressedImage", {"std_msgs/Header header\nstring format\nuint8[] data\n", {"std_msgs/Header"}}},
       {"sensor_msgs/RegionOfInterest",
@@ -77,15 +103,29 @@ void collect_dependencies(const std::string& name, std::vector<std::string>& par
 constexpr std::array<double, 9> kUnknownCovariance{};  ///< all zeros
 constexpr std::array<double, 9> kNoEstimate{-1.0, 0, 0, 0, 0, 0, 0, 0, 0};
 
-CdrWriter begin_message(const Header& head) {
+constexpr std::array<double, 36> kUnknownCovariance6{};
+
+CdrWriter& put(CdrWriter& writer, std::int64_t time_ns) {
   constexpr std::int64_t kSecond_ns = 1000000000;
+  writer.number(static_cast<std::int32_t>(time_ns / kSecond_ns));
+  return writer.number(static_cast<std::uint32_t>(time_ns % kSecond_ns));
+}
+
+CdrWriter& put(CdrWriter& writer, const Header& head) { return put(writer, head.time_ns).text(head.frame_id); }
+
+CdrWriter begin_message(const Header& head) {
   CdrWriter writer;
-  writer.number(static_cast<std::int32_t>(head.time_ns / kSecond_ns));
-  writer.number(static_cast<std::uint32_t>(head.time_ns % kSecond_ns)).text(head.frame_id);
+  put(writer, head);
   return writer;
 }
 
 CdrWriter& put(CdrWriter& writer, const geometry::Vec3& v) { return writer.number(v.x()).number(v.y()).number(v.z()); }
+
+/// A pose or a transform, whose fields are the same.
+CdrWriter& put(CdrWriter& writer, const geometry::SE3& T) {
+  const Eigen::Quaterniond& q = T.rotation;
+  return put(writer, T.translation).array(std::array{q.x(), q.y(), q.z(), q.w()});
+}
 
 struct Lens {
   std::string name;
@@ -107,7 +147,7 @@ Lens lens_of(const imaging::CameraModel& model) {
 
 }  // namespace
 
-McapWriter::Schema schema(const std::string& name) {
+MessageSchema schema(const std::string& name) {
   const std::size_t slash = name.find('/');
   const std::string short_name = name.substr(0, slash) + name.substr(name.rfind('/'));
   std::vector<std::string> parts;
@@ -120,6 +160,14 @@ McapWriter::Schema schema(const std::string& name) {
 
 std::string compressed_image(const Header& head, std::string_view format, std::string_view file_bytes) {
   return begin_message(head).text(format).blob(file_bytes).bytes();
+}
+
+std::string depth_image(const Header& head, const imaging::FloatImage& depth_m) {
+  CdrWriter writer = begin_message(head);
+  writer.number(static_cast<std::uint32_t>(depth_m.height)).number(static_cast<std::uint32_t>(depth_m.width));
+  writer.text("32FC1").number(std::uint8_t{0}).number(static_cast<std::uint32_t>(depth_m.width * sizeof(float)));
+  const auto bytes = std::as_bytes(std::span(depth_m.pixels));
+  return writer.blob({reinterpret_cast<const char*>(bytes.data()), bytes.size()}).bytes();
 }
 
 std::string camera_info(const Header& head, const imaging::Camera& camera) {
@@ -140,14 +188,34 @@ std::string camera_info(const Header& head, const imaging::Camera& camera) {
 }
 
 std::string transform(const Header& head, const std::string& child_frame_id, const geometry::SE3& T_frame_child) {
-  constexpr std::int64_t kSecond_ns = 1000000000;
   CdrWriter writer;
   writer.number(std::uint32_t{1});  // number of transforms
-  writer.number(static_cast<std::int32_t>(head.time_ns / kSecond_ns));
-  writer.number(static_cast<std::uint32_t>(head.time_ns % kSecond_ns)).text(head.frame_id).text(child_frame_id);
-  put(writer, T_frame_child.translation);
-  const Eigen::Quaterniond& q = T_frame_child.rotation;
-  return writer.array(std::array{q.x(), q.y(), q.z(), q.w()}).bytes();
+  put(writer, head).text(child_frame_id);
+  return put(writer, T_frame_child).bytes();
+}
+
+std::string odometry(const Header& head, const std::string& child_frame_id, const geometry::SE3& T_frame_child,
+                     const Velocity& velocity) {
+  CdrWriter writer = begin_message(head);
+  writer.text(child_frame_id);
+  put(writer, T_frame_child).array(kUnknownCovariance6);
+  put(writer, velocity.linear_m_s);
+  return put(writer, velocity.angular_rad_s).array(kUnknownCovariance6).bytes();
+}
+
+std::string path(const Header& head, const std::vector<geometry::StampedPose>& poses) {
+  CdrWriter writer = begin_message(head);
+  writer.number(static_cast<std::uint32_t>(poses.size()));
+  for (const geometry::StampedPose& pose : poses) {
+    put(writer, Header{std::llround(1e9 * pose.time_s), head.frame_id});
+    put(writer, pose.T_local_camera);
+  }
+  return writer.bytes();
+}
+
+std::string clock(std::int64_t time_ns) {
+  CdrWriter writer;
+  return put(writer, time_ns).bytes();
 }
 
 std::string imu(const Header& head, const ImuReading& reading) {

@@ -8,14 +8,14 @@
 #include "tileflight/dataset/dataset.h"
 #include "tileflight/dataset/imu_files.h"
 #include "tileflight/dataset/lidar_files.h"
-#include "tileflight/dataset/mcap_writer.h"
+#include "tileflight/dataset/message_schema.h"
 
 /// ROS 2 messages (common_interfaces, Humble), encoded as by its middleware, with their definitions, so that Foxglove
 /// and ROS 2's own tools can show them without further files.
 namespace tileflight::dataset::ros {
 
 /// The definition of a message and of all nested types. Throws std::out_of_range for an unknown name.
-McapWriter::Schema schema(const std::string& name);
+MessageSchema schema(const std::string& name);
 
 /// Time stamp and coordinate frame.
 struct Header {
@@ -25,8 +25,24 @@ struct Header {
 
 /// sensor_msgs/msg/CompressedImage; `format` is "jpeg" or "png".
 std::string compressed_image(const Header& head, std::string_view format, std::string_view file_bytes);
+/// sensor_msgs/msg/Image of encoding 32FC1: metres along the axis, infinite where there is no surface (REP 118).
+std::string depth_image(const Header& head, const imaging::FloatImage& depth_m);
 /// sensor_msgs/msg/CameraInfo: plumb_bob, equidistant, or no name (and a pinhole's K) for other lenses.
 std::string camera_info(const Header& head, const imaging::Camera& camera);
+
+/// Velocities in the axes of the frame that moves.
+struct Velocity {
+  geometry::Vec3 linear_m_s = geometry::Vec3::Zero();
+  geometry::Vec3 angular_rad_s = geometry::Vec3::Zero();
+};
+/// nav_msgs/msg/Odometry, covariances unknown (zero).
+std::string odometry(const Header& head, const std::string& child_frame_id, const geometry::SE3& T_frame_child,
+                     const Velocity& velocity);
+/// nav_msgs/msg/Path: poses in the header's frame.
+std::string path(const Header& head, const std::vector<geometry::StampedPose>& poses);
+/// rosgraph_msgs/msg/Clock
+std::string clock(std::int64_t time_ns);
+
 /// tf2_msgs/msg/TFMessage with one transform.
 std::string transform(const Header& head, const std::string& child_frame_id, const geometry::SE3& T_frame_child);
 /// sensor_msgs/msg/Imu without orientation.

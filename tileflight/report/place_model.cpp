@@ -24,10 +24,7 @@ geometry::TriangleMesh simplify_surface(const std::vector<imaging::TexturedMesh>
 
 }  // namespace
 
-PlaceModel read_place_model(const std::vector<std::filesystem::path>& mesh_glbs, const PlaceModelOptions& options) {
-  std::vector<imaging::TexturedMesh> source;
-  for (const std::filesystem::path& file : mesh_glbs)
-    std::ranges::move(tiling::read_mesh_source(file, {}).meshes, std::back_inserter(source));
+PlaceModel make_place_model(const std::vector<imaging::TexturedMesh>& source, const PlaceModelOptions& options) {
   PlaceModel model;
   std::vector<const imaging::TexturedMesh*> meshes;
   for (const imaging::TexturedMesh& mesh : source) {
@@ -39,6 +36,13 @@ PlaceModel read_place_model(const std::vector<std::filesystem::path>& mesh_glbs,
   const double texel_m = std::sqrt(geometry::surface_area_m2(surface) / texels);
   model.mesh = tiling::transfer_colors(surface, tiling::SurfaceColors(meshes), {texel_m, options.texture_px}).mesh;
   return model;
+}
+
+PlaceModel read_place_model(const std::vector<std::filesystem::path>& mesh_glbs, const PlaceModelOptions& options) {
+  std::vector<imaging::TexturedMesh> source;
+  for (const std::filesystem::path& file : mesh_glbs)
+    std::ranges::move(tiling::read_mesh_source(file, {}).meshes, std::back_inserter(source));
+  return make_place_model(source, options);
 }
 
 }  // namespace tileflight::report

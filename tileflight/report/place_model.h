@@ -20,9 +20,12 @@ struct PlaceModel {
   std::size_t source_triangles = 0;
 };
 
-/// Reads the mesh.glb of a run's truth, or of some of its blocks, simplifies it and paints the result from the source's
-/// textures and colours (simplification/surface_simplification.h, tiling/painted_surface.h). Deterministic for any
-/// number of threads. Throws InputError.
+/// Simplifies the meshes and paints the result from their textures and colours
+/// (simplification/surface_simplification.h, tiling/painted_surface.h). Deterministic for any number of threads. There
+/// must be a triangle.
+PlaceModel make_place_model(const std::vector<imaging::TexturedMesh>& source, const PlaceModelOptions& options = {});
+
+/// The same of the mesh.glb of a run's truth, or of some of its blocks. Throws InputError.
 PlaceModel read_place_model(const std::vector<std::filesystem::path>& mesh_glbs, const PlaceModelOptions& options = {});
 
 }  // namespace tileflight::report

@@ -13,6 +13,7 @@
 #include "tileflight/base/progress.h"
 #include "tileflight/simulator/airsim_types.h"
 #include "tileflight/simulator/extension_types.h"
+#include "tileflight/simulator/observation.h"
 #include "tileflight/tiles/load.h"
 
 namespace tileflight::simulator {
@@ -237,6 +238,14 @@ class Simulator {
   VoxelGridData tf_create_voxel_grid(const Vector3r& center, const Vector3r& size, float resolution);
   LidarScanData tf_lidar_scan(const std::string& lidar, const std::string& vehicle);
   void tf_set_lens(const std::string& camera, const LensDescription& lens, const std::string& vehicle, bool external);
+
+  // For viewers: what they look at changes nothing that a client reads.
+  Observation observe() const;
+  /// As sim_get_images(), without effect on optical flow.
+  std::vector<ImageResponse> view_images(const std::vector<ImageRequest>& requests, const std::string& vehicle);
+  ObservedScan view_scan(const std::string& lidar, const std::string& vehicle);
+  /// Copies of the meshes in memory, local frame. nullopt: they have more triangles than `max_triangles`.
+  std::optional<std::vector<imaging::TexturedMesh>> view_meshes(std::size_t max_triangles) const;
 
   struct Impl;
 

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "tileflight/rpc/server.h"
+#include "tileflight/streaming/live_view.h"
+
+namespace tileflight::app {
+
+/// `serve --foxglove`.
+struct FoxgloveOptions {
+  bool is_wanted = false;
+  std::uint16_t port = 8765;  ///< Foxglove's default
+  double image_rate_hz = 10.0;
+};
+
+void add_foxglove_options(CLI::App& command, FoxgloveOptions& options);
+
+/// The simulator as viewers of Foxglove's protocol see it, at the same address as `server`. With a token for clients,
+/// viewers, who have none, may only watch.
+class FoxgloveView {
+ public:
+  using Log = std::function<void(const std::string& line)>;
+
+  /// Throws InputError if the port cannot be used.
+  FoxgloveView(streaming::LiveView::CurrentSimulator simulator, const FoxgloveOptions& options,
+               const rpc::ServerOptions& server, const Log& log);
+  ~FoxgloveView();
+  FoxgloveView(const FoxgloveView&) = delete;
+  FoxgloveView& operator=(const FoxgloveView&) = delete;
+
+  std::uint16_t port() const;
+
+ private:
+  struct Parts;
+  std::unique_ptr<Parts> parts_;
+};
+
+}  // namespace tileflight::app

@@ -1,0 +1,145 @@
+#include "tileflight/streaming/dataset_player.h"
+
+#include <cmath>
+#include <utility>
+
+#include "tileflight/base/input_error.h"
+#include "tileflight/dataset/ros_messages.h"
+#include "tileflight/streaming/viewer_channels.h"
+
+namespace tileflight::streaming {
+namespace {
+
+using WallClock = std::chrono::steady_clock;
+
+constexpr std::size_t kMaxPathPoses = 10000;
+
+/// The true poses; of very many, some.
+std::vector<geometry::StampedPose> drawn_path(const geometry::Trajectory& truth) {
+  const std::size_t step = truth.size() / kMaxPathPoses + 1;
+  std::vector<geometry::StampedPose> poses;
+  for (std::size_t i = 0; i < truth.size(); i += step) poses.push_back(truth.poses[i]);
+  return poses;
+}
+
+bool truth_value(const foxglove::Parameter& wanted) {
+  if (const auto* value = std::get_if<bool>(&wanted.value)) return *value;
+  throw InputError(wanted.name, "must be true or false");
+}
+
+double rate_value(const foxglove::Parameter& wanted) {
+  const auto* value = std::get_if<double>(&wanted.value);
+  if (value == nullptr || !(*value > 0.0) || *value > kMaxPlayRate)
+    throw InputError(wanted.name, "must be a number above 0, and 1000 at most");
+  return *value;
+}
+
+}  // namespace
+
+DatasetPlayer::DatasetPlayer(const dataset::Dataset& dataset, const PlayOptions& options)
+    : dataset_(dataset),
+      listed_(dataset::list_messages(dataset, {.depth = true, .odometry = true})),
+      clock_(options.rate, options.is_paused),
+      loop_(options.loop) {
+  if (listed_.messages.empty()) throw InputError(dataset.folder.string(), "holds nothing to play");
+}
+
+foxglove::ParameterAccess DatasetPlayer::parameters() {
+  foxglove::ParameterAccess access;
+  access.read = [this] {
+    const std::lock_guard lock(mutex_);
+    return std::vector<foxglove::Parameter>{{"rate", clock_.rate()}, {"paused", clock_.is_paused()}, {"loop", loop_}};
+  };
+  access.write = [this](const foxglove::Parameter& wanted) { set_parameter(wanted); };
+  return access;
+}
+
+void DatasetPlayer::set_parameter(const foxglove::Parameter& wanted) {
+  const std::lock_guard lock(mutex_);
+  const auto now = WallClock::now();
+  if (wanted.name == "rate") {
+    clock_.set_rate(rate_value(wanted), now);
+  } else if (wanted.name == "paused") {
+    clock_.set_paused(truth_value(wanted), now);
+  } else if (wanted.name == "loop") {
+    loop_ = truth_value(wanted);
+  } else {
+    throw InputError(wanted.name.substr(0, 100), "is no parameter here; there are rate, paused and loop");
+  }
+  changed_.notify_all();
+}
+
+void DatasetPlayer::open(foxglove::Server& server, const std::optional<PlaceGlb>& place) {
+  for (const dataset::MessageTopic& topic : listed_.topics) {
+    channels_.push_back(server.add_channel(ros_channel(topic.name, topic.type)));
+    topics_.push_back(topic.name);
+  }
+  const std::int64_t begin_ns = listed_.messages.front().time_ns;
+  const auto send_once = [&](foxglove::Channel channel, std::string bytes) {
+    topics_.push_back(channel.topic);
+    server.publish(server.add_channel(std::move(channel)), static_cast<std::uint64_t>(begin_ns), std::move(bytes));
+  };
+  if (dataset_.groundtruth)
+    send_once(ros_channel("/path", "nav_msgs/msg/Path", true),
+              dataset::ros::path({begin_ns, dataset::kMapFrame}, drawn_path(*dataset_.groundtruth)));
+  if (place)
+    send_once(scene_channel("/place"),
+              scene_update(place->bytes, dataset::kMapFrame, static_cast<std::uint64_t>(begin_ns), place->attribution));
+}
+
+std::vector<std::string> DatasetPlayer::topics() const { return topics_; }
+
+double DatasetPlayer::duration_s() const {
+  return static_cast<double>(listed_.messages.back().time_ns - listed_.messages.front().time_ns) * 1e-9;
+}
+
+std::uint64_t DatasetPlayer::play(foxglove::Server& server, const std::stop_token& stop) {
+  if (!server.wait_for_subscriber(stop)) return 0;
+  std::uint64_t sent = 0;
+  do {
+    sent += play_once(server, stop);
+  } while (!stop.stop_requested() && is_looping());
+  return sent;
+}
+
+std::uint64_t DatasetPlayer::play_once(foxglove::Server& server, const std::stop_token& stop) {
+  restart_clock();
+  std::uint64_t sent = 0;
+  for (const dataset::DatasetMessage& message : listed_.messages) {
+    if (!wait_until_due(message.time_ns, stop)) break;
+    const auto time_ns = static_cast<std::uint64_t>(message.time_ns);
+    server.publish_time(time_ns);
+    const foxglove::ChannelId channel = channels_[message.topic];
+    if (!server.is_subscribed(channel)) continue;
+    server.publish(channel, time_ns, message.make());
+    ++sent;
+  }
+  return sent;
+}
+
+bool DatasetPlayer::is_looping() const {
+  const std::lock_guard lock(mutex_);
+  return loop_;
+}
+
+void DatasetPlayer::restart_clock() {
+  const std::lock_guard lock(mutex_);
+  clock_.set_time(listed_.messages.front().time_ns, WallClock::now());
+}
+
+bool DatasetPlayer::wait_until_due(std::int64_t time_ns, const std::stop_token& stop) {
+  std::unique_lock lock(mutex_);
+  while (!stop.stop_requested()) {
+    const std::optional<PlaybackClock::WallTime> due = clock_.due(time_ns);
+    if (due && *due <= WallClock::now()) return true;
+    const auto is_changed = [this, due, time_ns] { return clock_.due(time_ns) != due; };
+    if (due) {
+      changed_.wait_until(lock, stop, *due, is_changed);
+    } else {
+      changed_.wait(lock, stop, is_changed);
+    }
+  }
+  return false;
+}
+
+}  // namespace tileflight::streaming

@@ -1,0 +1,63 @@
+#pragma once
+
+#include <condition_variable>
+#include <cstdint>
+#include <mutex>
+#include <optional>
+#include <stop_token>
+#include <vector>
+
+#include "tileflight/dataset/dataset_messages.h"
+#include "tileflight/foxglove/parameter.h"
+#include "tileflight/foxglove/server.h"
+#include "tileflight/streaming/place_glb.h"
+#include "tileflight/streaming/playback_clock.h"
+
+namespace tileflight::streaming {
+
+struct PlayOptions {
+  double rate = 1.0;       ///< recorded seconds per second, above zero and at most kMaxPlayRate
+  bool loop = false;       ///< begin again at the end
+  bool is_paused = false;  ///< wait for a viewer to set the parameter `paused` to false
+};
+inline constexpr double kMaxPlayRate = 1000.0;
+
+/// Plays a dataset to viewers: the messages of list_messages() with depth and odometry, the whole true path as /path
+/// and the place as /place (both sent once to each viewer), at the dataset's times. Only what a viewer has subscribed
+/// to is read.
+class DatasetPlayer {
+ public:
+  /// `dataset` must outlive the player. Throws InputError: files that cannot be read, no messages.
+  DatasetPlayer(const dataset::Dataset& dataset, const PlayOptions& options);
+
+  /// The parameters `rate`, `paused` and `loop`, which viewers may set.
+  foxglove::ParameterAccess parameters();
+
+  /// Adds the channels. `place`: what is shown as /place.
+  void open(foxglove::Server& server, const std::optional<PlaceGlb>& place);
+  std::vector<std::string> topics() const;
+  double duration_s() const;
+
+  /// Waits for the first subscription, then plays until the end (with `loop`: for ever) or until `stop`. Returns the
+  /// number of messages sent. Throws InputError for a file that cannot be read.
+  std::uint64_t play(foxglove::Server& server, const std::stop_token& stop);
+
+ private:
+  void set_parameter(const foxglove::Parameter& wanted);
+  bool is_looping() const;
+  void restart_clock();
+  /// Waits until a message is due. Returns false if `stop` came first.
+  bool wait_until_due(std::int64_t time_ns, const std::stop_token& stop);
+  std::uint64_t play_once(foxglove::Server& server, const std::stop_token& stop);
+
+  const dataset::Dataset& dataset_;
+  dataset::DatasetMessages listed_;
+  std::vector<foxglove::ChannelId> channels_;  ///< of each topic
+  std::vector<std::string> topics_;            ///< all, with those that are sent once
+  mutable std::mutex mutex_;                   ///< guards the members below
+  std::condition_variable_any changed_;
+  PlaybackClock clock_;
+  bool loop_;
+};
+
+}  // namespace tileflight::streaming

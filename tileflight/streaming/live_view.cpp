@@ -1,0 +1,348 @@
+#include "tileflight/streaming/live_view.h"
+
+#include <algorithm>
+#include <chrono>
+#include <condition_variable>
+#include <limits>
+#include <optional>
+#include <utility>
+
+#include "tileflight/base/input_error.h"
+#include "tileflight/dataset/dataset_messages.h"
+#include "tileflight/dataset/ros_messages.h"
+#include "tileflight/imaging/image_files.h"
+#include "tileflight/streaming/place_glb.h"
+#include "tileflight/streaming/viewer_channels.h"
+
+namespace tileflight::streaming {
+namespace {
+
+using dataset::kMapFrame;
+using dataset::ros::Header;
+using Seconds = std::chrono::duration<double>;
+using WallTime = std::chrono::steady_clock::time_point;
+
+constexpr std::size_t kMaxPathPosesShown = 5000;
+constexpr std::chrono::seconds kPathPeriod{1};
+constexpr double kPathStep_m = 0.25;
+constexpr std::size_t kMaxPlaceTriangles = 8'000'000;
+/// AirSim's depth where there is no surface.
+constexpr float kNoSurface_m = 65504.0F;
+
+std::string frame_of(const std::string& vehicle, const std::string& part) { return vehicle + "/" + part; }
+
+Header header(std::uint64_t time_ns, const std::string& frame) { return {static_cast<std::int64_t>(time_ns), frame}; }
+
+std::string jpeg_of(const simulator::ImageResponse& image, int quality) {
+  imaging::RgbImage rgb(image.width, image.height);
+  for (std::size_t i = 0; i < rgb.pixels.size(); ++i) {
+    const std::uint8_t* bgr = image.image_data_uint8.data() + 3 * i;
+    rgb.pixels[i] = {bgr[2], bgr[1], bgr[0]};
+  }
+  const std::vector<std::byte> bytes = imaging::encode_jpeg(rgb, quality);
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
+
+imaging::FloatImage depth_of(const simulator::ImageResponse& image) {
+  imaging::FloatImage depth_m(image.width, image.height);
+  std::ranges::transform(image.image_data_float, depth_m.pixels.begin(), [](float metres) {
+    return metres >= kNoSurface_m ? std::numeric_limits<float>::infinity() : metres;
+  });
+  return depth_m;
+}
+
+std::vector<dataset::ScanPoint> points_of(const simulator::ObservedScan& scan) {
+  std::vector<dataset::ScanPoint> points(scan.points_m.size());
+  for (std::size_t i = 0; i < points.size(); ++i)
+    points[i] = {scan.points_m[i], scan.intensities[i], scan.times_s[i], scan.rings[i]};
+  return points;
+}
+
+bool is_same(const geometry::SE3& a, const geometry::SE3& b) {
+  return a.translation == b.translation && a.rotation.coeffs() == b.rotation.coeffs();
+}
+
+/// Whether time and all poses are the same: clients may also place vehicles while time stands still.
+bool is_same(const simulator::Observation& a, const simulator::Observation& b) {
+  const auto same_camera = [](const simulator::ObservedCamera& x, const simulator::ObservedCamera& y) {
+    return is_same(x.T_body_camera, y.T_body_camera);
+  };
+  const auto same_vehicle = [&](const simulator::ObservedVehicle& x, const simulator::ObservedVehicle& y) {
+    return x.name == y.name && is_same(x.T_local_body, y.T_local_body) &&
+           std::ranges::equal(x.cameras, y.cameras, same_camera);
+  };
+  return a.time_ns == b.time_ns && std::ranges::equal(a.vehicles, b.vehicles, same_vehicle);
+}
+
+/// Keeps every second pose once there are too many, so that a path of any length stays whole.
+void add_to_path(std::vector<geometry::StampedPose>& path, const geometry::StampedPose& pose) {
+  if (!path.empty()) {
+    const geometry::Vec3 way = pose.T_local_camera.translation - path.back().T_local_camera.translation;
+    if (way.norm() < kPathStep_m) return;
+  }
+  path.push_back(pose);
+  if (path.size() <= kMaxPathPosesShown) return;
+  for (std::size_t i = 0; 2 * i < path.size(); ++i) path[i] = path[2 * i];
+  path.resize((path.size() + 1) / 2);
+}
+
+void wait(Seconds time, const std::stop_token& stop) {
+  std::mutex mutex;
+  std::condition_variable_any wake;
+  std::unique_lock lock(mutex);
+  wake.wait_for(lock, stop, time, [] { return false; });
+}
+
+}  // namespace
+
+LiveView::LiveView(CurrentSimulator simulator, const LiveOptions& options, Log log)
+    : simulator_(std::move(simulator)),
+      options_(options),
+      log_(std::move(log)),
+      image_rate_hz_(options.image_rate_hz) {}
+
+LiveView::~LiveView() { stop(); }
+
+void LiveView::start(foxglove::Server& server) {
+  server_ = &server;
+  tf_ = server.add_channel(ros_channel("/tf", "tf2_msgs/msg/TFMessage"));
+  clock_ = server.add_channel(ros_channel("/clock", "rosgraph_msgs/msg/Clock"));
+  place_ = server.add_channel(scene_channel("/place"));
+  shown_ = simulator_();
+  add_channels(simulator_()->observe());
+  thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
+}
+
+void LiveView::stop() {
+  thread_ = {};
+  place_thread_ = {};
+}
+
+foxglove::ParameterAccess LiveView::parameters() {
+  foxglove::ParameterAccess access;
+  access.read = [this] {
+    return std::vector<foxglove::Parameter>{{"paused", simulator_()->sim_is_paused()},
+                                            {"image_rate_hz", image_rate_hz()}};
+  };
+  access.write = [this](const foxglove::Parameter& wanted) { set_parameter(wanted); };
+  return access;
+}
+
+void LiveView::set_parameter(const foxglove::Parameter& wanted) {
+  if (wanted.name == "paused") {
+    if (!options_.may_pause)
+      throw InputError("paused", "cannot be set: the server's clients need a token, viewers have none");
+    const auto* value = std::get_if<bool>(&wanted.value);
+    if (value == nullptr) throw InputError("paused", "must be true or false");
+    return simulator_()->sim_pause(*value);
+  }
+  if (wanted.name != "image_rate_hz")
+    throw InputError(wanted.name.substr(0, 100), "is no parameter here; there are paused and image_rate_hz");
+  const auto* value = std::get_if<double>(&wanted.value);
+  if (value == nullptr || !(*value >= 0.1 && *value <= kMaxImageRate_hz))
+    throw InputError("image_rate_hz", "must be a number from 0.1 to 60");
+  const std::lock_guard lock(mutex_);
+  image_rate_hz_ = *value;
+}
+
+double LiveView::image_rate_hz() const {
+  const std::lock_guard lock(mutex_);
+  return image_rate_hz_;
+}
+
+/// While nothing moves, what is there is sent once to those who subscribe.
+void LiveView::run(const std::stop_token& stop) {
+  std::optional<simulator::Observation> last;  ///< of which pictures were sent
+  std::uint64_t last_changes = 0;
+  WallTime next_images{}, next_paths{};
+  while (server_->wait_for_subscriber(stop)) {
+    const WallTime begin = std::chrono::steady_clock::now();
+    const std::uint64_t changes = server_->subscription_changes();
+    const bool is_other_audience = changes != std::exchange(last_changes, changes);
+    follow_level();
+    const simulator::Observation now = simulator_()->observe();
+    const Seconds image_period(1.0 / image_rate_hz());
+    if (is_other_audience || !last || !is_same(now, *last)) {
+      const Due due{is_other_audience || begin >= next_images, is_other_audience || begin >= next_paths};
+      if (due.images) next_images = begin + std::chrono::duration_cast<WallTime::duration>(image_period);
+      if (due.paths) next_paths = begin + kPathPeriod;
+      try {
+        publish(now, due, stop);
+      } catch (const std::exception& error) {
+        report(error.what());
+      }
+      if (due.images && due.paths) last = now;
+    }
+    const Seconds period = std::min(Seconds(1.0 / options_.pose_rate_hz), image_period);
+    wait(period - (std::chrono::steady_clock::now() - begin), stop);
+  }
+}
+
+/// Another level has other vehicles, paths and place.
+void LiveView::follow_level() {
+  const std::shared_ptr<simulator::Simulator> current = simulator_();
+  if (shown_.lock() == current) return;
+  shown_ = current;
+  for (const auto& [name, channels] : vehicles_) remove_channels(channels);
+  vehicles_.clear();
+  place_thread_ = {};
+}
+
+void LiveView::publish(const simulator::Observation& now, const Due& due, const std::stop_token& stop) {
+  add_channels(now);
+  server_->publish_time(now.time_ns);
+  if (is_wanted(clock_))
+    server_->publish(clock_, now.time_ns, dataset::ros::clock(static_cast<std::int64_t>(now.time_ns)));
+  if (is_wanted(tf_)) publish_transforms(now);
+  if (is_wanted(place_)) start_place();
+  for (const simulator::ObservedVehicle& vehicle : now.vehicles) {
+    VehicleChannels& channels = vehicles_.at(vehicle.name);
+    publish_state(now.time_ns, vehicle, channels);
+    add_to_path(channels.flown, {static_cast<double>(now.time_ns) * 1e-9, vehicle.T_local_body});
+    if (due.paths && is_wanted(channels.path))
+      server_->publish(channels.path, now.time_ns, dataset::ros::path(header(now.time_ns, kMapFrame), channels.flown));
+    if (!due.images) continue;
+    for (const simulator::ObservedCamera& camera : vehicle.cameras) {
+      if (!stop.stop_requested()) publish_camera(vehicle, camera, channels.cameras.at(camera.name));
+    }
+    for (const simulator::ObservedLidar& lidar : vehicle.lidars) {
+      if (!stop.stop_requested()) publish_scan(vehicle, lidar, channels.lidars.at(lidar.name));
+    }
+  }
+}
+
+/// Vehicles may have come since, or gone.
+void LiveView::add_channels(const simulator::Observation& now) {
+  std::erase_if(vehicles_, [&](const auto& known) {
+    const bool is_gone =
+        std::ranges::find(now.vehicles, known.first, &simulator::ObservedVehicle::name) == now.vehicles.end();
+    if (is_gone) remove_channels(known.second);
+    return is_gone;
+  });
+  for (const simulator::ObservedVehicle& vehicle : now.vehicles) {
+    if (!vehicles_.contains(vehicle.name)) vehicles_.emplace(vehicle.name, channels_of(vehicle));
+  }
+}
+
+LiveView::VehicleChannels LiveView::channels_of(const simulator::ObservedVehicle& vehicle) {
+  const std::string root = "/" + vehicle.name;
+  const auto add = [this](const std::string& topic, const std::string& type) {
+    return server_->add_channel(ros_channel(topic, type));
+  };
+  VehicleChannels channels;
+  for (const simulator::ObservedCamera& camera : vehicle.cameras) {
+    const std::string of_camera = root + "/" + camera.name;
+    channels.cameras[camera.name] = {add(of_camera + "/image/compressed", "sensor_msgs/msg/CompressedImage"),
+                                     add(of_camera + "/camera_info", "sensor_msgs/msg/CameraInfo"),
+                                     add(of_camera + "/depth", "sensor_msgs/msg/Image")};
+  }
+  for (const simulator::ObservedLidar& lidar : vehicle.lidars)
+    channels.lidars[lidar.name] = add(root + "/" + lidar.name + "/points", "sensor_msgs/msg/PointCloud2");
+  channels.odometry = add(root + "/odometry", "nav_msgs/msg/Odometry");
+  channels.path = add(root + "/path", "nav_msgs/msg/Path");
+  channels.gnss = add(root + "/gnss", "sensor_msgs/msg/NavSatFix");
+  channels.motion = server_->add_channel(motion_channel(root + "/motion"));
+  return channels;
+}
+
+void LiveView::remove_channels(const VehicleChannels& channels) {
+  for (const auto& [name, camera] : channels.cameras) {
+    for (const foxglove::ChannelId one : {camera.image, camera.info, camera.depth}) server_->remove_channel(one);
+  }
+  for (const auto& [name, lidar] : channels.lidars) server_->remove_channel(lidar);
+  for (const foxglove::ChannelId one : {channels.odometry, channels.path, channels.gnss, channels.motion})
+    server_->remove_channel(one);
+}
+
+void LiveView::publish_transforms(const simulator::Observation& now) {
+  const auto send = [&](const std::string& parent, const std::string& child, const geometry::SE3& T_parent_child) {
+    server_->publish(tf_, now.time_ns, dataset::ros::transform(header(now.time_ns, parent), child, T_parent_child));
+  };
+  for (const simulator::ObservedVehicle& vehicle : now.vehicles) {
+    send(kMapFrame, vehicle.name, vehicle.T_local_body);
+    for (const simulator::ObservedCamera& camera : vehicle.cameras)
+      send(vehicle.name, frame_of(vehicle.name, camera.name), camera.T_body_camera);
+    for (const simulator::ObservedLidar& lidar : vehicle.lidars)
+      send(vehicle.name, frame_of(vehicle.name, lidar.name), lidar.T_body_lidar);
+  }
+}
+
+void LiveView::publish_state(std::uint64_t time_ns, const simulator::ObservedVehicle& vehicle,
+                             const VehicleChannels& channels) {
+  const Header in_map = header(time_ns, kMapFrame);
+  if (is_wanted(channels.odometry))
+    server_->publish(channels.odometry, time_ns,
+                     dataset::ros::odometry(in_map, vehicle.name, vehicle.T_local_body,
+                                            {vehicle.velocity_m_s, vehicle.angular_velocity_rad_s}));
+  if (is_wanted(channels.motion))
+    server_->publish(channels.motion, time_ns,
+                     motion_text({vehicle.T_local_body, vehicle.velocity_m_s, vehicle.angular_velocity_rad_s}));
+  if (is_wanted(channels.gnss)) {
+    const geometry::Geodetic position{vehicle.latitude_deg, vehicle.longitude_deg, {vehicle.height_m}};
+    const dataset::GpsFix fix{static_cast<double>(time_ns) * 1e-9, position, 0.0, 0.0};
+    server_->publish(channels.gnss, time_ns, dataset::ros::nav_sat_fix(header(time_ns, vehicle.name), fix));
+  }
+}
+
+/// Picture and depth of one call are of the same moment.
+void LiveView::publish_camera(const simulator::ObservedVehicle& vehicle, const simulator::ObservedCamera& camera,
+                              const CameraChannels& channels) {
+  using simulator::ImageType;
+  const std::string frame = frame_of(vehicle.name, camera.name);
+  std::vector<simulator::ImageRequest> requests;
+  if (is_wanted(channels.image)) requests.push_back({camera.name, static_cast<int>(ImageType::kScene), false, false});
+  if (is_wanted(channels.depth))
+    requests.push_back({camera.name, static_cast<int>(ImageType::kDepthPlanar), true, false});
+  if (requests.empty() && !is_wanted(channels.info)) return;
+  std::uint64_t time_ns = simulator_()->observe().time_ns;
+  if (!requests.empty()) {
+    const std::vector<simulator::ImageResponse> images = simulator_()->view_images(requests, vehicle.name);
+    time_ns = images.front().time_stamp;
+    const Header head = header(time_ns, frame);
+    for (const simulator::ImageResponse& image : images) {
+      if (image.pixels_as_float) {
+        server_->publish(channels.depth, time_ns, dataset::ros::depth_image(head, depth_of(image)));
+      } else {
+        server_->publish(channels.image, time_ns,
+                         dataset::ros::compressed_image(head, "jpeg", jpeg_of(image, options_.jpeg_quality)));
+      }
+    }
+  }
+  if (is_wanted(channels.info))
+    server_->publish(channels.info, time_ns, dataset::ros::camera_info(header(time_ns, frame), camera.scene_lens));
+}
+
+void LiveView::publish_scan(const simulator::ObservedVehicle& vehicle, const simulator::ObservedLidar& lidar,
+                            foxglove::ChannelId channel) {
+  if (!is_wanted(channel)) return;
+  const simulator::ObservedScan scan = simulator_()->view_scan(lidar.name, vehicle.name);
+  const Header head = header(scan.time_ns, frame_of(vehicle.name, lidar.name));
+  server_->publish(channel, scan.time_ns, dataset::ros::point_cloud(head, points_of(scan)));
+}
+
+void LiveView::start_place() {
+  if (!place_thread_.joinable()) place_thread_ = std::jthread([this] { publish_place(); });
+}
+
+void LiveView::report(const std::string& failure) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (!reported_.insert(failure).second) return;
+  }
+  if (log_) log_("foxglove view: " + failure);
+  server_->warn(failure);
+}
+
+void LiveView::publish_place() try {
+  const std::shared_ptr<simulator::Simulator> simulator = simulator_();
+  const auto meshes = simulator->view_meshes(kMaxPlaceTriangles);
+  if (!meshes) return report("/place: more than 8 million triangles are in memory, which are too many to show");
+  const std::optional<PlaceGlb> glb = make_place_glb(*meshes, simulator->tf_statistics().attribution);
+  if (!glb) return report("/place: there are no triangles in memory");
+  const std::uint64_t time_ns = simulator->observe().time_ns;
+  server_->publish(place_, time_ns, scene_update(glb->bytes, kMapFrame, time_ns, glb->attribution));
+} catch (const std::exception& error) {
+  report(error.what());
+}
+
+}  // namespace tileflight::streaming
