@@ -256,12 +256,13 @@ RotorStates Simulator::get_rotor_states(const std::string& vehicle) const {
   const std::lock_guard lock(impl_->state_mutex);
   const SimVehicle& sim_vehicle = impl_->require_multirotor(vehicle, "getRotorStates");
   const vehicle::QuadrotorOptions& options = sim_vehicle.options().quadrotor;
-  const vehicle::RotorSpeeds speeds = sim_vehicle.rotor_speeds_rad_s();
+  const std::vector<vehicle::Rotor> rotors = sim_vehicle.rotors();
+  const std::vector<double> speeds = sim_vehicle.rotor_speeds_rad_s();
   RotorStates states;
   states.timestamp = impl_->clock.time_ns();
-  for (int i = 0; i < vehicle::kRotors; ++i) {
+  for (std::size_t i = 0; i < rotors.size(); ++i) {
     const double squared = speeds[i] * speeds[i];
-    const double spin = options.rotors[static_cast<std::size_t>(i)].spin;
+    const double spin = rotors[i].spin;
     states.rotors.push_back({static_cast<float>(options.thrust_n_s2 * squared),
                              static_cast<float>(-spin * options.torque_nm_s2 * squared),
                              static_cast<float>(spin * speeds[i])});

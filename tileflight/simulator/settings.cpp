@@ -81,9 +81,12 @@ VehicleSettings read_vehicle(const std::string& name, StrictSection section, con
                                .choice_in_any_case("VehicleType", {"SimpleFlight", "ComputerVision", "ExternalPhysics",
                                                                    "PX4Multirotor", "ArduCopter", "PhysXCar"})
                                .value_or(settings.computer_vision ? "ComputerVision" : "SimpleFlight");
-  if (type == "PX4Multirotor" || type == "ArduCopter" || type == "PhysXCar")
-    throw section.error("VehicleType", "'" + type + "' is not simulated; use SimpleFlight or ComputerVision");
-  vehicle.flies = type == "SimpleFlight" && !settings.computer_vision;
+  if (type == "PX4Multirotor" || type == "PhysXCar")
+    throw section.error("VehicleType", "'" + type + "' is not simulated; use SimpleFlight, ArduCopter or ComputerVision");
+  vehicle.autopilot = read_autopilot(type, section);
+  if (vehicle.autopilot && settings.computer_vision)
+    throw section.error("VehicleType", "an autopilot flies in the mode Multirotor and with its physics only");
+  vehicle.flies = (type == "SimpleFlight" || vehicle.autopilot) && !settings.computer_vision;
   vehicle.start_ned = read_position(section);
   vehicle.R_ned_body = read_orientation(section);
   vehicle.armed =
@@ -110,6 +113,8 @@ void read_vehicles(StrictSection& root, Settings& settings) {
     throw root.error("Vehicles", "more than " + std::to_string(kMaxVehicles) + " vehicles");
   for (auto& [name, entry] : entries)
     settings.vehicles.push_back(read_vehicle(name, std::move(entry), settings, sensors));
+  settings.clock.by_autopilots =
+      std::ranges::any_of(settings.vehicles, [](const VehicleSettings& one) { return one.autopilot.has_value(); });
   if (!settings.vehicles.empty()) return;
   settings.vehicles.push_back(default_vehicle(settings.computer_vision ? "ComputerVision" : "SimpleFlight",
                                               !settings.computer_vision, settings.camera_defaults));

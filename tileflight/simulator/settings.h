@@ -10,6 +10,7 @@
 #include "tileflight/geometry/geodesy.h"
 #include "tileflight/imaging/camera.h"
 #include "tileflight/simulator/airsim_types.h"
+#include "tileflight/simulator/autopilot_settings.h"
 #include "tileflight/simulator/sensor_settings.h"
 
 namespace tileflight::simulator {
@@ -39,6 +40,7 @@ struct VehicleSettings {
   bool armed = false;             ///< DefaultVehicleState "Armed"
   bool allow_api_always = false;  ///< AllowAPIAlways: needs no enableApiControl
   bool enable_collisions = true;  ///< EnableCollisions and no EnableCollisionPassthrogh
+  std::optional<AutopilotSettings> autopilot;  ///< flies the vehicle in place of clients
   std::vector<CameraSettings> cameras;
   std::vector<SensorSettings> sensors;
 };
@@ -66,6 +68,7 @@ struct RecordingSettings {
 struct ClockSettings {
   double speed = 1.0;      ///< seconds of simulation time per wall-clock second
   bool on_demand = false;  ///< own key "StepOnDemand": time advances only while a task runs, as fast as possible
+  bool by_autopilots = false;  ///< autopilots' packets advance time; there is a vehicle with one
 };
 
 /// Contents of a settings.json, with AirSim's defaults for missing keys.

@@ -15,10 +15,12 @@
 #include <vector>
 
 #include "tileflight/base/require.h"
+#include "tileflight/simulator/ardupilot_port.h"
 #include "tileflight/simulator/client_file_access.h"
 #include "tileflight/simulator/detection.h"
 #include "tileflight/simulator/image_renderer.h"
 #include "tileflight/simulator/lidar_scanner.h"
+#include "tileflight/simulator/lockstep_vehicle.h"
 #include "tileflight/simulator/recorder.h"
 #include "tileflight/simulator/segmentation_ids.h"
 #include "tileflight/simulator/sensor_readings.h"
@@ -36,6 +38,8 @@ inline double clamp_duration_s(float seconds, const char* call) {
   base::require(!std::isnan(seconds), call, "the time is not a number");
   return std::clamp(static_cast<double>(seconds), 0.0, kMaxDuration_s);
 }
+
+inline constexpr double kHistory_s = 0.5;  ///< kept of each vehicle's states
 
 /// A vehicle with its state history and sensor noise.
 struct VehicleSlot {
@@ -91,7 +95,9 @@ struct Simulator::Impl {
   geometry::Vec3 wind_ned_m_s = geometry::Vec3::Zero();
   std::unique_ptr<Recorder> recorder;
   double next_record_s = 0.0;
-  SimulationClock clock;  ///< last member: its thread ends first
+  LockstepTimes lockstep_times;
+  SimulationClock clock;  ///< its thread ends before what it uses
+  std::vector<std::unique_ptr<ArduPilotPort>> ardupilot_ports;  ///< stopped after the clock
 
   // Setup (simulator.cpp).
   void initialize();
@@ -100,6 +106,7 @@ struct Simulator::Impl {
   geometry::SE3 find_home_pose(const VehicleSettings& vehicle) const;
   vehicle::ObstacleQuery obstacle_query();
   SimulationClock::Hooks clock_hooks();
+  void open_autopilot_ports();
   void log_line(const std::string& line) const;
 
   // Lookups; the mutex must be held. Throw InputError or std::runtime_error.
