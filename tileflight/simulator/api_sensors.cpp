@@ -24,13 +24,6 @@ const SensorSettings& find_sensor(const SimVehicle& sim_vehicle, const std::stri
   throw std::runtime_error("No " + std::string(kind) + " with name " + name.substr(0, 100) + " exist on vehicle");
 }
 
-/// A distinct seed for each sensor of each vehicle, the same in every run.
-std::uint64_t sensor_seed(const std::string& vehicle, const std::string& sensor) {
-  std::uint64_t seed = 1469598103934665603ULL;  // FNV-1a
-  for (const char c : vehicle + "/" + sensor) seed = (seed ^ static_cast<unsigned char>(c)) * 1099511628211ULL;
-  return seed;
-}
-
 SensorNoiseState& find_noise_state(VehicleSlot& one, const std::string& sensor) {
   const auto [at, is_new] = one.sensor_noises.try_emplace(sensor);
   if (is_new) at->second.seed = sensor_seed(one.vehicle->name(), sensor);

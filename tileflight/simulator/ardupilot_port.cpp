@@ -10,10 +10,6 @@ namespace {
 
 using std::chrono::milliseconds;
 
-/// After this silence of an autopilot other vehicles no longer wait for it.
-constexpr milliseconds kSilence{5000};
-constexpr milliseconds kPoll{100};
-
 std::vector<double> motor_outputs(const autopilot::ServoPacket& packet, std::size_t motors) {
   std::vector<double> outputs;
   for (std::size_t i = 0; i < motors; ++i) outputs.push_back(autopilot::servo_output(packet.pwm[i]));
@@ -35,30 +31,26 @@ void ArduPilotPort::stop() {
 }
 
 void ArduPilotPort::run(const std::stop_token& stop) {
-  milliseconds silent{0};
-  bool connected = false;
+  using WallClock = std::chrono::steady_clock;
+  std::optional<WallClock::time_point> heard;  // while it is connected
   while (!stop.stop_requested()) {
-    if (const auto datagram = port_.receive(kPoll)) {
-      take(*datagram);
-      silent = milliseconds{0};
-      connected = true;
-      continue;
-    }
-    silent += kPoll;
-    if (!connected || silent < kSilence) continue;
-    connected = false;
+    const auto datagram = port_.receive(kAutopilotPoll);
+    if (datagram && take(*datagram)) heard = WallClock::now();
+    if (!heard || WallClock::now() < *heard + kAutopilotSilence) continue;
+    heard.reset();
     log_.line("silence", "vehicle '" + vehicle_.name() + "': ArduPilot is silent; the vehicle waits for it");
     vehicle_.leave();
   }
 }
 
-void ArduPilotPort::take(const std::string& datagram) {
+/// Whether it was a servo packet.
+bool ArduPilotPort::take(const std::string& datagram) {
   autopilot::ServoPacket packet;
   try {
     packet = autopilot::read_servo_packet(datagram);
   } catch (const InputError& error) {
     log_.line("malformed", "vehicle '" + vehicle_.name() + "': " + error.what());
-    return;
+    return false;
   }
   const autopilot::FrameRequest request = lockstep_.receive(packet.frame_count, packet.frame_rate);
   if (request.restarted) {
@@ -66,12 +58,18 @@ void ArduPilotPort::take(const std::string& datagram) {
     vehicle_.restart();
   }
   report_rate(packet.frame_rate);
+  if (make_steps(packet, request)) port_.answer(answer_);
+  return true;
+}
+
+/// False: the simulator stops.
+bool ArduPilotPort::make_steps(const autopilot::ServoPacket& packet, const autopilot::FrameRequest& request) {
   const std::vector<double> outputs = motor_outputs(packet, vehicle_.motors());
   for (int i = 0; i < request.steps; ++i) {
-    if (!vehicle_.step(outputs, request.step_s)) return;
+    if (!vehicle_.step(outputs, request.step_s)) return false;
   }
   if (request.steps > 0) answer_ = autopilot::state_line(vehicle_.ardupilot_state());
-  port_.answer(answer_);
+  return true;
 }
 
 void ArduPilotPort::report_rate(int frame_rate) {

@@ -26,7 +26,8 @@ class ArduPilotPort {
 
  private:
   void run(const std::stop_token& stop);
-  void take(const std::string& datagram);
+  bool take(const std::string& datagram);
+  bool make_steps(const autopilot::ServoPacket& packet, const autopilot::FrameRequest& request);
   void report_rate(int frame_rate);
 
   LockstepVehicle vehicle_;

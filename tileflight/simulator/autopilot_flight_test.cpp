@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <chrono>
+#include <cmath>
 #include <mutex>
 #include <thread>
 
@@ -128,6 +129,30 @@ TEST(AutopilotFlight, CamerasAndLidarAreServedWhileItFlies) {
   EXPECT_NEAR(nlohmann::json::parse(line).at("rng_1").get<double>(), height_m + 0.2, 0.02);
   // The clock of all else follows in steps of 3 ms.
   EXPECT_NEAR(simulator->tf_statistics().sim_seconds, copter.seen().time_s, 0.0035);
+}
+
+/// Ground that rises by a quarter towards the east (14 degrees).
+TEST(AutopilotFlight, ArmsOnASlopeTakesOffAndLandsOnIt) {
+  imaging::TexturedMesh slope = test_world::meshes().front();
+  for (Vec3& vertex : slope.mesh.vertices) vertex.z() += 0.25 * vertex.x();
+  SimulatorOptions options;
+  options.settings = kCopter;
+  const Simulator simulator(options, {slope});
+  const auto tilt_deg = [](const Observation& seen) {
+    return std::acos((seen.R_ned_body * Vec3::UnitZ()).z()) * 180.0 / std::acos(-1.0);
+  };
+  Copter copter(simulator, {{0, 0, -4}, {3, 3, -4}, {0, 0, -4}});
+  while (copter.seen().time_s < 0.9) {
+    copter.frame();
+    ASSERT_LT(copter.seen().position_m.norm(), 1e-4);
+    ASSERT_LT(copter.seen().gyro_rad_s.norm(), 1e-3);
+    ASSERT_NEAR(tilt_deg(copter.seen()), 14.04, 0.5);
+  }
+  copter.fly(60.0);
+  EXPECT_TRUE(copter.autopilot().landed());
+  for (int i = 0; i < 2 * kRate; ++i) copter.frame();  // its motors off
+  EXPECT_NEAR(tilt_deg(copter.seen()), 14.04, 0.5);
+  EXPECT_LT(copter.seen().velocity_m_s.norm(), 1e-3);
 }
 
 TEST(AutopilotFlight, AgainTheSameFrameGivesTheSameAnswerAndNoStep) {

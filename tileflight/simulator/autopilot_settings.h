@@ -11,12 +11,14 @@ namespace tileflight::simulator {
 /// The interfaces of autopilots that fly vehicles.
 enum class AutopilotKind {
   kArduPilot,  ///< VehicleType ArduCopter: ArduPilot's JSON interface, UDP
+  kPx4,        ///< VehicleType PX4Multirotor: PX4's simulator interface, MAVLink over TCP
 };
 
 /// An autopilot that flies a vehicle: where it is expected, and what it flies.
 struct AutopilotSettings {
   AutopilotKind kind = AutopilotKind::kArduPilot;
-  int port = 9002;  ///< ControlPort, on which the simulator listens; 0: any free one
+  int port = 9002;       ///< ControlPort or TcpPort, on which the simulator listens; 0: any free one
+  bool lockstep = true;  ///< of PX4: LockStep
   autopilot::AirframeKind airframe = autopilot::AirframeKind::kQuadX;
   double thrust_expo = 0.65;  ///< of the motors: own key ThrustExpo; default as of the autopilot's parameters
 };

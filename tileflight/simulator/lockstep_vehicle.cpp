@@ -1,9 +1,11 @@
 #include "tileflight/simulator/lockstep_vehicle.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 #include "tileflight/simulator/frames.h"
+#include "tileflight/simulator/hil_readings.h"
 #include "tileflight/simulator/simulator_impl.h"
 
 namespace tileflight::simulator {
@@ -30,7 +32,7 @@ void LockstepVehicle::join() {
 void LockstepVehicle::restart() {
   const std::lock_guard lock(simulator_.state_mutex);
   join();
-  slot_.vehicle->reset();
+  slot_.vehicle->return_to_start();
   slot_.history.clear();
   slot_.sensor_noises.clear();
   elapsed_s_ = 0.0;
@@ -94,6 +96,29 @@ autopilot::ArduPilotState LockstepVehicle::ardupilot_state() const {
   state.wind_m_s = vehicle.wind_ned_m_s();
   state.airspeed_m_s = wind_relative_m_s.norm();
   return state;
+}
+
+/// At the vehicle's own time, which may be a step before the clock's.
+SensorContext LockstepVehicle::sensor_context() const {
+  const std::uint64_t ahead_ns =
+      static_cast<std::uint64_t>(std::llround(std::max(0.0, time_s_ - simulator_.clock.time_s()) * 1e9));
+  return {
+      *slot_.vehicle, slot_.history, simulator_.geodetic_frame, time_s_, simulator_.clock.time_ns() + ahead_ns, true};
+}
+
+autopilot::HilSensor LockstepVehicle::hil_sensor(std::uint64_t time_us, bool slow) {
+  const std::lock_guard lock(simulator_.state_mutex);
+  return simulator::hil_sensor(sensor_context(), slot_.sensor_noises, time_us, slow);
+}
+
+std::optional<autopilot::HilGps> LockstepVehicle::hil_gps(std::uint64_t time_us) {
+  const std::lock_guard lock(simulator_.state_mutex);
+  return simulator::hil_gps(sensor_context(), slot_.sensor_noises, time_us);
+}
+
+autopilot::HilStateQuaternion LockstepVehicle::hil_state(std::uint64_t time_us) const {
+  const std::lock_guard lock(simulator_.state_mutex);
+  return simulator::hil_state(sensor_context(), time_us);
 }
 
 const std::string& LockstepVehicle::name() const { return slot_.vehicle->name(); }

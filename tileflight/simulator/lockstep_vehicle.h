@@ -1,15 +1,24 @@
 #pragma once
 
+#include <chrono>
 #include <map>
+#include <optional>
 #include <span>
 #include <string>
 
 #include "tileflight/autopilot/ardupilot_packet.h"
+#include "tileflight/autopilot/hil_messages.h"
 #include "tileflight/simulator/simulator.h"
 
 namespace tileflight::simulator {
 
+/// After this silence of an autopilot other vehicles no longer wait for it.
+inline constexpr std::chrono::milliseconds kAutopilotSilence{5000};
+/// How often a thread that waits for an autopilot looks whether it has to end.
+inline constexpr std::chrono::milliseconds kAutopilotPoll{100};
+
 struct VehicleSlot;
+struct SensorContext;
 
 /// How far each connected autopilot has brought its vehicle, simulation time. The clock follows the one that is behind.
 /// Guarded by the simulator's mutex.
@@ -41,6 +50,10 @@ class LockstepVehicle {
 
   /// The vehicle's true state, relative to its start.
   autopilot::ArduPilotState ardupilot_state() const;
+  /// The same and the readings of its sensors for PX4 (hil_readings.h); `time_us`: their stamp.
+  autopilot::HilSensor hil_sensor(std::uint64_t time_us, bool slow);
+  std::optional<autopilot::HilGps> hil_gps(std::uint64_t time_us);
+  autopilot::HilStateQuaternion hil_state(std::uint64_t time_us) const;
   const std::string& name() const;
   /// Number of its motors.
   std::size_t motors() const;
@@ -49,6 +62,7 @@ class LockstepVehicle {
 
  private:
   void join();
+  SensorContext sensor_context() const;
   std::vector<double> ranges_m() const;
 
   Simulator::Impl& simulator_;

@@ -1,8 +1,7 @@
 #include "tileflight/simulator/settings.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
+#include <nlohmann/json.hpp>
 #include <utility>
 
 #include "tileflight/base/input_error.h"
@@ -16,7 +15,6 @@ namespace {
 using base::StrictSection;
 using geometry::Vec3;
 using nlohmann::json;
-
 
 /// AirSim's keys for features that do not exist here: a window, a graphics card, a game.
 const std::vector<std::string> kIgnoredKeys{
@@ -81,8 +79,9 @@ VehicleSettings read_vehicle(const std::string& name, StrictSection section, con
                                .choice_in_any_case("VehicleType", {"SimpleFlight", "ComputerVision", "ExternalPhysics",
                                                                    "PX4Multirotor", "ArduCopter", "PhysXCar"})
                                .value_or(settings.computer_vision ? "ComputerVision" : "SimpleFlight");
-  if (type == "PX4Multirotor" || type == "PhysXCar")
-    throw section.error("VehicleType", "'" + type + "' is not simulated; use SimpleFlight, ArduCopter or ComputerVision");
+  if (type == "PhysXCar")
+    throw section.error("VehicleType",
+                        "cars are not simulated; use SimpleFlight, ArduCopter, PX4Multirotor or ComputerVision");
   vehicle.autopilot = read_autopilot(type, section);
   if (vehicle.autopilot && settings.computer_vision)
     throw section.error("VehicleType", "an autopilot flies in the mode Multirotor and with its physics only");

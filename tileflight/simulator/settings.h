@@ -37,9 +37,9 @@ struct VehicleSettings {
   bool flies = true;                                  ///< false: it stays where it is placed
   geometry::Vec3 start_ned = geometry::Vec3::Zero();  ///< global NED, metres
   Eigen::Quaterniond R_ned_body = Eigen::Quaterniond::Identity();
-  bool armed = false;             ///< DefaultVehicleState "Armed"
-  bool allow_api_always = false;  ///< AllowAPIAlways: needs no enableApiControl
-  bool enable_collisions = true;  ///< EnableCollisions and no EnableCollisionPassthrogh
+  bool armed = false;                          ///< DefaultVehicleState "Armed"
+  bool allow_api_always = false;               ///< AllowAPIAlways: needs no enableApiControl
+  bool enable_collisions = true;               ///< EnableCollisions and no EnableCollisionPassthrogh
   std::optional<AutopilotSettings> autopilot;  ///< flies the vehicle in place of clients
   std::vector<CameraSettings> cameras;
   std::vector<SensorSettings> sensors;
@@ -66,8 +66,8 @@ struct RecordingSettings {
 
 /// Settings of the simulation clock.
 struct ClockSettings {
-  double speed = 1.0;      ///< seconds of simulation time per wall-clock second
-  bool on_demand = false;  ///< own key "StepOnDemand": time advances only while a task runs, as fast as possible
+  double speed = 1.0;          ///< seconds of simulation time per wall-clock second
+  bool on_demand = false;      ///< own key "StepOnDemand": time advances only while a task runs, as fast as possible
   bool by_autopilots = false;  ///< autopilots' packets advance time; there is a vehicle with one
 };
 

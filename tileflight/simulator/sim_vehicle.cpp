@@ -59,13 +59,17 @@ void SimVehicle::place_multirotor() {
                       frd_from_flu(state_.angular_velocity_rad_s)});
 }
 
-void SimVehicle::reset() {
+void SimVehicle::return_to_start() {
   teleport({T_ned_home_});
   if (multirotor_) {
     multirotor_->reset();
     state_ = simulated_state(multirotor_->state());
   }
   collision_ = {};
+}
+
+void SimVehicle::reset() {
+  return_to_start();
   api_control = false;
   armed = settings_.armed;
   cameras_.clear();

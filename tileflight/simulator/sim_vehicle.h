@@ -82,7 +82,9 @@ class SimVehicle {
   void step(double time_s);
   /// One physics step of a vehicle with an autopilot. `outputs`: of the motors, 0 to 1.
   void step_motors(std::span<const double> outputs, double step_s, double time_s);
-  /// Returns to the start, disarmed, without API control.
+  /// Returns to the start pose, at rest.
+  void return_to_start();
+  /// The same, disarmed, without API control, with the settings' cameras.
   void reset();
 
   VehicleCollision& collision() { return collision_; }

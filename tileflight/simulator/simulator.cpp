@@ -99,14 +99,21 @@ void Simulator::Impl::initialize() {
   if (settings.recording.enabled) begin_recording();
   clock.start();
   for (const auto& port : ardupilot_ports) port->start();
+  for (const auto& port : px4_ports) port->start();
 }
 
 void Simulator::Impl::open_autopilot_ports() {
   for (const auto& one : vehicles) {
     const auto& autopilot = one->vehicle->settings().autopilot;
     if (!autopilot) continue;
-    ardupilot_ports.push_back(
-        std::make_unique<ArduPilotPort>(LockstepVehicle(*this, *one), options.autopilot_address, autopilot->port, log));
+    const LockstepVehicle vehicle(*this, *one);
+    if (autopilot->kind == AutopilotKind::kArduPilot) {
+      ardupilot_ports.push_back(
+          std::make_unique<ArduPilotPort>(vehicle, options.autopilot_address, autopilot->port, log));
+    } else {
+      const Px4Pace pace{autopilot->lockstep, settings.clock.speed, settings.clock.on_demand};
+      px4_ports.push_back(std::make_unique<Px4Port>(vehicle, options.autopilot_address, autopilot->port, pace, log));
+    }
   }
 }
 
@@ -285,6 +292,7 @@ void Simulator::stop() {
   }
   impl_->clock.stop();
   for (const auto& port : impl_->ardupilot_ports) port->stop();
+  for (const auto& port : impl_->px4_ports) port->stop();
 }
 
 std::optional<int> Simulator::settings_port() const { return impl_->settings.port; }
@@ -294,11 +302,15 @@ std::vector<std::string> Simulator::warnings() const { return impl_->warnings; }
 std::vector<AutopilotEndpoint> Simulator::autopilots() const {
   const std::lock_guard lock(impl_->state_mutex);
   std::vector<AutopilotEndpoint> endpoints;
-  for (const auto& port : impl_->ardupilot_ports) {
-    const LockstepVehicle& vehicle = port->vehicle();
-    endpoints.push_back({vehicle.name(), "ArduPilot JSON, UDP", impl_->options.autopilot_address, port->port(),
-                         vehicle.home(), vehicle.home_heading_deg()});
-  }
+  const auto add = [&](const auto& ports, const char* protocol) {
+    for (const auto& port : ports) {
+      const LockstepVehicle& vehicle = port->vehicle();
+      endpoints.push_back({vehicle.name(), protocol, impl_->options.autopilot_address, port->port(), vehicle.home(),
+                           vehicle.home_heading_deg()});
+    }
+  };
+  add(impl_->ardupilot_ports, "ArduPilot JSON, UDP");
+  add(impl_->px4_ports, "PX4 HIL, TCP");
   return endpoints;
 }
 

@@ -21,6 +21,7 @@
 #include "tileflight/simulator/image_renderer.h"
 #include "tileflight/simulator/lidar_scanner.h"
 #include "tileflight/simulator/lockstep_vehicle.h"
+#include "tileflight/simulator/px4_port.h"
 #include "tileflight/simulator/recorder.h"
 #include "tileflight/simulator/segmentation_ids.h"
 #include "tileflight/simulator/sensor_readings.h"
@@ -98,6 +99,7 @@ struct Simulator::Impl {
   LockstepTimes lockstep_times;
   SimulationClock clock;  ///< its thread ends before what it uses
   std::vector<std::unique_ptr<ArduPilotPort>> ardupilot_ports;  ///< stopped after the clock
+  std::vector<std::unique_ptr<Px4Port>> px4_ports;              ///< the same
 
   // Setup (simulator.cpp).
   void initialize();
