@@ -1,8 +1,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <cmath>
 #include <mutex>
+#include <thread>
 
 #include "tileflight/autopilot/test_px4_client.h"
 #include "tileflight/base/input_error.h"
@@ -151,6 +153,34 @@ TEST(Px4Flight, AnAutopilotThatDiesLeavesItsVehicleAndTheNextFindsItAtTheStart) 
   second.fly(60.0);
   EXPECT_TRUE(second.autopilot().landed());
   EXPECT_EQ(simulator->get_multirotor_state("PX4").landed_state, 0);
+}
+
+TEST(Px4Flight, WithoutAnAnswerThereIsNoStep) {
+  const auto simulator = world(kFast);
+  Px4Ears ears(port_of(*simulator));
+  const auto answer = [&] { ears.client().send(frame_of(controls(ears.sensor.time_us, 0.0F), 0)); };
+  for (int i = 0; i < 10; ++i) {
+    ASSERT_TRUE(ears.hear());
+    if (i < 9) answer();
+  }
+  const std::uint64_t asked_us = ears.sensor.time_us;
+  ears.client().send(frame_of(controls(asked_us - 4000, 0.0F), 0));  // the last answer again
+  const double before_s = simulator->tf_statistics().sim_seconds;
+  std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  EXPECT_EQ(simulator->tf_statistics().sim_seconds, before_s);
+  answer();
+  ASSERT_TRUE(ears.hear());
+  EXPECT_EQ(ears.sensor.time_us, asked_us + 4000);
+}
+
+TEST(Px4Flight, WithoutLockstepTimeGoesOn) {
+  const auto simulator = world(R"({"ClockSpeed": 4, "Vehicles": {"PX4": {"VehicleType": "PX4Multirotor",
+    "TcpPort": 0, "LockStep": false}}})");
+  Px4Ears ears(port_of(*simulator));
+  ASSERT_TRUE(ears.hear());
+  ears.client().send(frame_of(controls(ears.sensor.time_us, 1.0F), 0));
+  while (ears.sensor.time_us < 2'000'000) ASSERT_TRUE(ears.hear());
+  EXPECT_GT(1e-3 * ears.state.altitude_mm, simulator->get_home_geo_point("PX4").altitude + 1.0);  // full thrust
 }
 
 TEST(Px4Flight, BeforeItsFirstOutputsTimeGoesOnForPx4ToStart) {
