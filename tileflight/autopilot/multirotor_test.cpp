@@ -4,8 +4,14 @@
 
 #include <cmath>
 #include <cstring>
+#include <fstream>
+#include <map>
 #include <numbers>
+#include <sstream>
+#include <string>
+#include <tuple>
 
+#include "tests/source_folder.h"
 #include "tileflight/vehicle/test_obstacles.h"
 
 namespace tileflight::autopilot::multirotor_test {
@@ -98,6 +104,23 @@ TEST(Multirotor, HasTheQuadrotorsMassAndInertia) {
   EXPECT_NEAR(frame.body.mass_kg, options.body.mass_kg, 1e-12);
   EXPECT_LT((frame.body.inertia_kg_m2 - options.body.inertia_kg_m2).cwiseAbs().maxCoeff(), 1e-5);
   EXPECT_NEAR(hover_share(make_airframe(AirframeKind::kHexaX)), hover_share(frame), 1e-9);
+}
+
+/// The parameters that users give to ArduCopter describe this vehicle.
+TEST(Multirotor, IsTheOneOfTheExamplesParameters) {
+  for (const auto& [name, kind, frame_class] :
+       {std::tuple{"quad", AirframeKind::kQuadX, 1.0}, std::tuple{"hexa", AirframeKind::kHexaX, 2.0}}) {
+    std::ifstream file(tests::source_folder() / ("examples/ardupilot-" + std::string(name) + "-x.parm"));
+    std::map<std::string, double> parameters;
+    for (std::string line; std::getline(file, line);) {
+      std::istringstream words(line);
+      std::string key;
+      if (!line.empty() && line.front() != '#' && words >> key) words >> parameters[key];
+    }
+    EXPECT_EQ(parameters["FRAME_CLASS"], frame_class);
+    EXPECT_EQ(parameters["FRAME_TYPE"], 1.0);  // X
+    EXPECT_NEAR(parameters["MOT_THST_HOVER"], hover_share(make_airframe(kind)), 0.01);
+  }
 }
 
 /// Where each motor lies (forward, right) and how it turns the nose when it alone speeds up: clockwise seen from above
