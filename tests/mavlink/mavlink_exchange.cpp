@@ -111,6 +111,7 @@ void read_all() {
       print_read<HilSensor>(*frame);
       print_read<HilGps>(*frame);
       print_read<HilStateQuaternion>(*frame);
+      print_read<DistanceSensor>(*frame);
     }
   }
 }
@@ -126,5 +127,6 @@ int main(int count, char** words) {
     write_some<HilSensor>();
     write_some<HilGps>();
     write_some<HilStateQuaternion>();
+    write_some<DistanceSensor>();
   }
 }

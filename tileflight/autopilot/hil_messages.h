@@ -99,6 +99,34 @@ struct HilStateQuaternion {
   }
 };
 
+/// Where a distance sensor points, body axes (MAV_SENSOR_ORIENTATION); every eighth of a turn to the right of forward
+/// adds 1 to kForward.
+enum SensorOrientation : std::uint8_t {
+  kForward = 0,
+  kUp = 24,
+  kDown = 25,
+  kByQuaternion = 100,
+};
+
+/// One distance, along the sensor's x axis.
+struct DistanceSensor {
+  static constexpr MavlinkMessage kMessage{132, 85, 39};
+  std::uint32_t time_ms = 0;
+  std::uint16_t min_cm = 0, max_cm = 0, distance_cm = 0;
+  std::uint8_t type = 0;  ///< MAV_DISTANCE_SENSOR; 0: laser
+  std::uint8_t id = 0, orientation = kForward;
+  std::uint8_t variance_cm2 = 255;  ///< 255: unknown
+  float horizontal_fov_rad = 0, vertical_fov_rad = 0;
+  std::array<float, 4> attitude_wxyz{};  ///< of kByQuaternion: sensor to body
+  std::uint8_t signal_quality = 0;       ///< 0: unknown
+
+  template <class Self, class Visitor>
+  static void visit(Self& m, const Visitor& v) {
+    v(m.time_ms), v(m.min_cm), v(m.max_cm), v(m.distance_cm), v(m.type), v(m.id), v(m.orientation);
+    v(m.variance_cm2), v(m.horizontal_fov_rad), v(m.vertical_fov_rad), v(m.attitude_wxyz), v(m.signal_quality);
+  }
+};
+
 /// Checksum seed and length of one of the messages above; nullopt for others.
 std::optional<MavlinkMessage> known_message(std::uint32_t number);
 

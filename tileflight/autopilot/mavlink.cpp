@@ -62,7 +62,7 @@ std::string encode_frame(const MavlinkMessage& message, const MavlinkFrame& fram
 
 std::optional<MavlinkMessage> known_message(std::uint32_t number) {
   for (const MavlinkMessage& one : {Heartbeat::kMessage, HilActuatorControls::kMessage, HilSensor::kMessage,
-                                    HilGps::kMessage, HilStateQuaternion::kMessage}) {
+                                    HilGps::kMessage, HilStateQuaternion::kMessage, DistanceSensor::kMessage}) {
     if (one.number == number) return one;
   }
   return std::nullopt;

@@ -43,6 +43,7 @@ TEST(Mavlink, PayloadsHaveTheLengthsOfTheMessageSet) {
   EXPECT_EQ(encode_payload(HilActuatorControls{}).size(), HilActuatorControls::kMessage.bytes);
   EXPECT_EQ(encode_payload(HilSensor{}).size(), HilSensor::kMessage.bytes);
   EXPECT_EQ(encode_payload(HilGps{}).size(), HilGps::kMessage.bytes);
+  EXPECT_EQ(encode_payload(DistanceSensor{}).size(), DistanceSensor::kMessage.bytes);
   EXPECT_EQ(encode_payload(HilStateQuaternion{}).size(), HilStateQuaternion::kMessage.bytes);
 }
 

@@ -9,6 +9,7 @@
 
 #include <cmath>
 #include <cstdint>
+#include <map>
 #include <numbers>
 #include <optional>
 #include <string>
@@ -69,6 +70,10 @@ class Px4Ears {
         heard_ += frame->payload;
         if (frame->message == HilStateQuaternion::kMessage.number)
           state = decode_payload<HilStateQuaternion>(frame->payload);
+        if (frame->message == DistanceSensor::kMessage.number) {
+          const auto read = decode_payload<DistanceSensor>(frame->payload);
+          distances[read.id] = read;
+        }
         if (frame->message == HilGps::kMessage.number) gps = decode_payload<HilGps>(frame->payload);
         if (frame->message != HilSensor::kMessage.number) continue;
         sensor = decode_payload<HilSensor>(frame->payload);
@@ -85,6 +90,7 @@ class Px4Ears {
   HilSensor sensor;
   HilStateQuaternion state;
   std::optional<HilGps> gps;
+  std::map<int, DistanceSensor> distances;  ///< the last of each sensor
 
  private:
   TcpClient client_;

@@ -15,6 +15,12 @@ using geometry::Vec3;
 constexpr double kPascalPerHectopascal = 100.0, kCelsius_k = 273.15;
 constexpr std::uint8_t kSatellites = 10;
 
+SensorNoiseState& noise_of(const SensorContext& now, SensorNoises& noises, const std::string& name) {
+  const auto [at, is_new] = noises.try_emplace(name);
+  if (is_new) at->second.seed = sensor_seed(now.vehicle.name(), name);
+  return at->second;
+}
+
 /// Settings and noise of the vehicle's first sensor of a kind.
 template <class Settings>
 std::pair<Settings, SensorNoiseState&> first_sensor(const SensorContext& now, SensorNoises& noises) {
@@ -26,9 +32,7 @@ std::pair<Settings, SensorNoiseState&> first_sensor(const SensorContext& now, Se
     name = sensor.name;
     break;
   }
-  const auto [at, is_new] = noises.try_emplace(name);
-  if (is_new) at->second.seed = sensor_seed(now.vehicle.name(), name);
-  return {settings, at->second};
+  return {settings, noise_of(now, noises, name)};
 }
 
 std::array<float, 3> floats(const Vector3r& v) { return {v.x_val, v.y_val, v.z_val}; }
@@ -44,6 +48,19 @@ Integer whole(double value) {
 
 std::array<std::int16_t, 3> hundredths(const Vec3& v) {
   return {whole<std::int16_t>(100.0 * v.x()), whole<std::int16_t>(100.0 * v.y()), whole<std::int16_t>(100.0 * v.z())};
+}
+
+/// The named orientation of an axis (forward, right, down), if it is within a degree of one.
+std::uint8_t orientation_of(const Vec3& axis) {
+  const double least_cosine = std::cos(radians(1.0));
+  if (axis.z() > least_cosine) return autopilot::kDown;
+  if (axis.z() < -least_cosine) return autopilot::kUp;
+  for (int eighth = 0; eighth < 8; ++eighth) {
+    const double turned_rad = radians(45.0 * eighth);
+    if (axis.dot(Vec3(std::cos(turned_rad), std::sin(turned_rad), 0.0)) > least_cosine)
+      return static_cast<std::uint8_t>(autopilot::kForward + eighth);
+  }
+  return autopilot::kByQuaternion;
 }
 
 }  // namespace
@@ -88,6 +105,24 @@ std::optional<autopilot::HilGps> hil_gps(const SensorContext& now, SensorNoises&
   message.course_cdeg = whole<std::uint16_t>(100.0 * (course_deg < 0.0 ? course_deg + 360.0 : course_deg));
   message.fix_type = static_cast<std::uint8_t>(reading.gnss.fix_type);
   message.satellites = kSatellites;
+  return message;
+}
+
+autopilot::DistanceSensor hil_distance(const SensorContext& now, SensorNoises& noises, const SensorSettings& sensor,
+                                       double distance_m, std::uint8_t id, std::uint64_t time_us) {
+  const auto& settings = std::get<DistanceSensorSettings>(sensor.kind);
+  const DistanceSensorData reading = read_distance(settings, now, distance_m, noise_of(now, noises, sensor.name));
+  const Eigen::Quaterniond& q = settings.T_body_sensor.rotation;
+  autopilot::DistanceSensor message;
+  message.time_ms = static_cast<std::uint32_t>(time_us / 1000);
+  message.min_cm = whole<std::uint16_t>(100.0 * settings.min_m);
+  message.max_cm = whole<std::uint16_t>(100.0 * settings.max_m);
+  message.distance_cm = whole<std::uint16_t>(100.0 * reading.distance);
+  message.id = id;
+  message.orientation = orientation_of(q * Vec3::UnitX());
+  if (message.orientation == autopilot::kByQuaternion)
+    message.attitude_wxyz = {static_cast<float>(q.w()), static_cast<float>(q.x()), static_cast<float>(q.y()),
+                             static_cast<float>(q.z())};
   return message;
 }
 

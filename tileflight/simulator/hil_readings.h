@@ -20,6 +20,11 @@ autopilot::HilSensor hil_sensor(const SensorContext& now, SensorNoises& noises, 
 /// Position and velocity as the vehicle's first receiver reads them; nullopt until it has started.
 std::optional<autopilot::HilGps> hil_gps(const SensorContext& now, SensorNoises& noises, std::uint64_t time_us);
 
+/// What one distance sensor reads. `distance_m`: to the nearest surface along its axis. `id`: its number on the
+/// vehicle.
+autopilot::DistanceSensor hil_distance(const SensorContext& now, SensorNoises& noises, const SensorSettings& sensor,
+                                       double distance_m, std::uint8_t id, std::uint64_t time_us);
+
 /// The true state.
 autopilot::HilStateQuaternion hil_state(const SensorContext& now, std::uint64_t time_us);
 

@@ -63,18 +63,18 @@ void LockstepVehicle::leave() {
   simulator_.clock.wake();
 }
 
-std::vector<double> LockstepVehicle::ranges_m() const {
+std::vector<std::pair<const SensorSettings*, double>> LockstepVehicle::distances_m() const {
   const vehicle::ObstacleQuery first_surface = simulator_.obstacle_query();
-  std::vector<double> ranges_m;
+  std::vector<std::pair<const SensorSettings*, double>> distances_m;
   for (const SensorSettings& sensor : slot_.vehicle->settings().sensors) {
     const auto* settings = std::get_if<DistanceSensorSettings>(&sensor.kind);
     if (settings == nullptr) continue;
     const SE3 T = simulator_.T_local_ned * slot_.vehicle->state().T_ned_body * settings->T_body_sensor;
     const auto hit = first_surface(T.translation, T * Vec3(settings->max_m, 0.0, 0.0));
     const double distance_m = hit ? (hit->point - T.translation).norm() : settings->max_m;
-    ranges_m.push_back(std::max(distance_m, settings->min_m));
+    distances_m.emplace_back(&sensor, std::max(distance_m, settings->min_m));
   }
-  return ranges_m;
+  return distances_m;
 }
 
 autopilot::ArduPilotState LockstepVehicle::ardupilot_state() const {
@@ -91,7 +91,7 @@ autopilot::ArduPilotState LockstepVehicle::ardupilot_state() const {
   state.position_m = now.T_ned_body.translation - vehicle.home().translation;
   state.R_ned_body = now.T_ned_body.rotation;
   state.velocity_m_s = now.velocity_m_s;
-  state.ranges_m = ranges_m();
+  for (const auto& [sensor, distance_m] : distances_m()) state.ranges_m.push_back(distance_m);
   state.wind_vane = autopilot::wind_vane(wind_relative_m_s);
   state.wind_m_s = vehicle.wind_ned_m_s();
   state.airspeed_m_s = wind_relative_m_s.norm();
@@ -119,6 +119,15 @@ std::optional<autopilot::HilGps> LockstepVehicle::hil_gps(std::uint64_t time_us)
 autopilot::HilStateQuaternion LockstepVehicle::hil_state(std::uint64_t time_us) const {
   const std::lock_guard lock(simulator_.state_mutex);
   return simulator::hil_state(sensor_context(), time_us);
+}
+
+std::vector<autopilot::DistanceSensor> LockstepVehicle::hil_distances(std::uint64_t time_us) {
+  const std::lock_guard lock(simulator_.state_mutex);
+  std::vector<autopilot::DistanceSensor> messages;
+  for (const auto& [sensor, distance_m] : distances_m())
+    messages.push_back(hil_distance(sensor_context(), slot_.sensor_noises, *sensor, distance_m,
+                                    static_cast<std::uint8_t>(messages.size()), time_us));
+  return messages;
 }
 
 const std::string& LockstepVehicle::name() const { return slot_.vehicle->name(); }

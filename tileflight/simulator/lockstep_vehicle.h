@@ -5,6 +5,8 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "tileflight/autopilot/ardupilot_packet.h"
 #include "tileflight/autopilot/hil_messages.h"
@@ -19,6 +21,7 @@ inline constexpr std::chrono::milliseconds kAutopilotPoll{100};
 
 struct VehicleSlot;
 struct SensorContext;
+struct SensorSettings;
 
 /// How far each connected autopilot has brought its vehicle, simulation time. The clock follows the one that is behind.
 /// Guarded by the simulator's mutex.
@@ -54,6 +57,7 @@ class LockstepVehicle {
   autopilot::HilSensor hil_sensor(std::uint64_t time_us, bool slow);
   std::optional<autopilot::HilGps> hil_gps(std::uint64_t time_us);
   autopilot::HilStateQuaternion hil_state(std::uint64_t time_us) const;
+  std::vector<autopilot::DistanceSensor> hil_distances(std::uint64_t time_us);
   const std::string& name() const;
   /// Number of its motors.
   std::size_t motors() const;
@@ -63,7 +67,8 @@ class LockstepVehicle {
  private:
   void join();
   SensorContext sensor_context() const;
-  std::vector<double> ranges_m() const;
+  /// True distances that the vehicle's distance sensors measure, at most the greatest that they can.
+  std::vector<std::pair<const SensorSettings*, double>> distances_m() const;
 
   Simulator::Impl& simulator_;
   VehicleSlot& slot_;

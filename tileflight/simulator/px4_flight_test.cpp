@@ -116,6 +116,26 @@ TEST(Px4Flight, SensorsAreThoseOfTheVehicle) {
   EXPECT_NEAR(0.01 * ears.state.acceleration_mg[2] / 10.0, -1.0, 0.01);
 }
 
+/// The wall is 20 m north of the start; sensors look down, north, and north but up by 30 degrees.
+TEST(Px4Flight, DistanceSensorsLookWhereTheirSettingsSay) {
+  const auto simulator =
+      world(R"({"StepOnDemand": true, "Vehicles": {"PX4": {"VehicleType": "PX4Multirotor", "TcpPort": 0,
+    "Sensors": {"A": {"SensorType": 5, "Enabled": true, "Pitch": -90, "MinDistance": 0.1, "NoiseSigma": 0},
+                "B": {"SensorType": 5, "Enabled": true, "MaxDistance": 30, "NoiseSigma": 0},
+                "C": {"SensorType": 5, "Enabled": true, "Pitch": 30, "MaxDistance": 30, "NoiseSigma": 0}}}}})");
+  Px4Ears ears(port_of(*simulator));
+  ASSERT_TRUE(ears.hear());
+  ASSERT_EQ(ears.distances.size(), 3U);
+  EXPECT_EQ(ears.distances[0].orientation, autopilot::kDown);
+  EXPECT_NEAR(ears.distances[0].distance_cm, 20, 2);  // it stands 0.2 m high
+  EXPECT_EQ(ears.distances[0].min_cm, 10);
+  EXPECT_EQ(ears.distances[1].orientation, autopilot::kForward);
+  EXPECT_NEAR(ears.distances[1].distance_cm, 2000, 2);
+  EXPECT_EQ(ears.distances[2].orientation, autopilot::kByQuaternion);
+  EXPECT_NEAR(ears.distances[2].distance_cm, 2000 / std::cos(std::acos(-1.0) / 6.0), 3);
+  EXPECT_NEAR(ears.distances[2].attitude_wxyz[2], std::sin(std::acos(-1.0) / 12.0), 1e-6);  // nose up about right
+}
+
 TEST(Px4Flight, HostileBytesAreOneLineEachAndTheSimulatorLives) {
   LinesOfPx4 lines;
   const auto simulator = world(kFast, &lines);

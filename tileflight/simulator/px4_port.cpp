@@ -10,7 +10,7 @@ using std::chrono::milliseconds;
 
 constexpr double kPx4Step_s = 0.004;
 constexpr std::uint64_t kPx4Step_us = 4000, kPx4Start_us = 1'000'000;
-/// Of the steps: magnetometer and barometer 50 times a second, receiver 10 times, heartbeat once.
+/// Of the steps: magnetometer, barometer and distance sensors 50 times a second, receiver 10 times, heartbeat once.
 constexpr std::uint64_t kSlowSteps = 5, kGpsSteps = 25, kHeartbeatSteps = 250;
 /// So long an autopilot that is ready may take to answer the first sensors before time goes by the wall clock.
 constexpr milliseconds kFirstAnswer{2000};
@@ -74,6 +74,9 @@ void Px4Port::send_step(Session& session) {
   bytes += frame(session, vehicle_.hil_state(now_us));
   if (step % kGpsSteps == 0) {
     if (const auto gps = vehicle_.hil_gps(now_us)) bytes += frame(session, *gps);
+  }
+  if (step % kSlowSteps == 0) {
+    for (const autopilot::DistanceSensor& one : vehicle_.hil_distances(now_us)) bytes += frame(session, one);
   }
   bytes += frame(session, vehicle_.hil_sensor(now_us, step % kSlowSteps == 0));  // last: PX4 answers to it
   port_.send(bytes);
