@@ -19,6 +19,11 @@ constexpr unsigned kModeArmed = 128;
 
 std::uint64_t stamp_us(std::uint64_t step) { return kPx4Start_us + step * kPx4Step_us; }
 
+/// Of the wall clock, for a step without an answer; long enough to look whether one has come.
+milliseconds wall_step(double speed) {
+  return std::max(milliseconds(1), milliseconds(std::lround(1e3 * kPx4Step_s / speed)));
+}
+
 }  // namespace
 
 Px4Port::Px4Port(LockstepVehicle vehicle, const std::string& address, int port, const Px4Pace& pace, SimulatorLog log)
@@ -85,11 +90,9 @@ void Px4Port::send_step(Session& session) {
 /// Whether to go on: with outputs that answer the sensors, or because time goes by the wall clock still.
 bool Px4Port::wait_for_controls(Session& session, const std::stop_token& stop) {
   const auto since = WallClock::now();
-  const auto patience = [&]() -> milliseconds {
-    if (session.controlled && pace_.lockstep) return kAutopilotSilence;
-    return session.step == 0 ? kFirstAnswer
-                             : milliseconds(static_cast<int>(std::lround(1e3 * kPx4Step_s / pace_.speed)));
-  }();
+  const milliseconds patience = session.controlled && pace_.lockstep ? kAutopilotSilence
+                                : session.step == 0                  ? kFirstAnswer
+                                                                     : wall_step(pace_.speed);
   while (!stop.stop_requested() && port_.connected()) {
     while (const auto received = session.reader.next()) {
       if (take(session, *received)) return true;
