@@ -54,7 +54,7 @@ function(tileflight_room NAME)
   endif()
 
   # What reads foreign bytes tells the fuzzer which ways it took.
-  set(FUZZED base geometry imaging rpc foxglove transport tile_contents tiles flight_logs tiling)
+  set(FUZZED base geometry imaging rpc foxglove autopilot transport tile_contents tiles flight_logs tiling)
   if(TILEFLIGHT_FUZZ AND NAME IN_LIST FUZZED)
     target_compile_options(${TARGET} PRIVATE -fsanitize=fuzzer-no-link)
   endif()

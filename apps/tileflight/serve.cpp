@@ -20,6 +20,7 @@
 #include "region_options.h"
 #include "source_options.h"
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/number_text.h"
 #include "tileflight/server/extension_methods.h"
 #include "tileflight/server/levels.h"
 #include "tileflight/server/method_table.h"
@@ -68,6 +69,7 @@ simulator::SimulatorOptions simulator_options(const ServeOptions& options) {
   result.residency = options.follow == "auto"     ? TileResidency::kAuto
                      : options.follow == "region" ? TileResidency::kRegion
                                                   : TileResidency::kFollow;
+  result.autopilot_address = options.server.address;
   result.max_memory_bytes = static_cast<std::uintmax_t>(options.memory_gb * 1e9);
   if (!options.files.empty()) result.output_root = options.files;
   const std::vector<double>& start = options.start_local;
@@ -125,6 +127,28 @@ void warn_of_settings_address(const rpc::ServerOptions& options, const simulator
   std::cerr << "tileflight: LocalHostIp in the settings is ignored; set the address with --bind\n";
 }
 
+nlohmann::json autopilots_json(const simulator::Simulator& simulator) {
+  nlohmann::json list = nlohmann::json::array();
+  for (const simulator::AutopilotEndpoint& one : simulator.autopilots()) {
+    list.push_back({{"vehicle", one.vehicle},
+                    {"protocol", one.protocol},
+                    {"address", one.address},
+                    {"port", one.port},
+                    {"home", {one.home.latitude, one.home.longitude, one.home.altitude, one.home_heading_deg}}});
+  }
+  return list;
+}
+
+/// Which autopilots are waited for, and the home position that they have to be started with.
+void announce_autopilots(const simulator::Simulator& simulator) {
+  for (const simulator::AutopilotEndpoint& one : simulator.autopilots()) {
+    std::cout << "vehicle " << one.vehicle << " waits for its autopilot at " << endpoint(one.address, one.port) << " ("
+              << one.protocol << "), home " << base::rounded_text(one.home.latitude, 7) << ","
+              << base::rounded_text(one.home.longitude, 7) << "," << base::rounded_text(one.home.altitude, 2) << ","
+              << base::rounded_text(one.home_heading_deg, 1) << std::endl;
+  }
+}
+
 /// Prints what users need to connect as soon as the server listens.
 void announce(const CommonOptions& common, const rpc::ServerOptions& options, int port,
               const std::optional<FoxgloveView>& foxglove, const simulator::Simulator& simulator) {
@@ -134,6 +158,7 @@ void announce(const CommonOptions& common, const rpc::ServerOptions& options, in
                            {"port", port},
                            {"token", !options.token.empty()},
                            {"vehicles", vehicles},
+                           {"autopilots", autopilots_json(simulator)},
                            {"mode", simulator.tf_statistics().mode},
                            {"warnings", simulator.warnings()}};
     if (foxglove) line["foxglove_port"] = foxglove->port();
@@ -144,6 +169,7 @@ void announce(const CommonOptions& common, const rpc::ServerOptions& options, in
     for (const std::string& vehicle : vehicles) std::cout << " " << vehicle;
     if (foxglove) std::cout << ", viewers at ws://" << endpoint(options.address, foxglove->port());
     std::cout << "; press Ctrl-C to stop" << std::endl;
+    announce_autopilots(simulator);
   }
 }
 

@@ -295,6 +295,25 @@ def rpc():
     write("rpc/claim", b"\x94\x00\x00\xdd\xff\xff\xff\xff")
 
 
+def mavlink_frame(message, crc_extra, payload, sequence=0):
+    body = bytes([len(payload), 0, 0, sequence, 1, 1]) + message.to_bytes(3, "little") + payload
+    crc = 0xFFFF
+    for byte in body + bytes([crc_extra]):
+        crc ^= byte
+        for _ in range(8):
+            crc = crc >> 1 ^ (0x8408 if crc & 1 else 0)
+    return b"\xfd" + body + struct.pack("<H", crc)
+
+
+def autopilots():
+    write("servo/sixteen", struct.pack("<HHI16H", 18458, 400, 7, *[1500] * 16))
+    write("servo/thirty_two", struct.pack("<HHI32H", 29569, 1200, 8, *range(900, 2180, 40)))
+    controls = struct.pack("<QQ16fB", 1004000, 1, *[0.5] * 4, *[0.0] * 12, 129)
+    heartbeat = mavlink_frame(0, 50, struct.pack("<IBBBBB", 0, 2, 12, 81, 4, 3))
+    write("mavlink/controls", heartbeat + mavlink_frame(93, 47, controls, 1))
+    write("mavlink/damaged", b"noise" + mavlink_frame(93, 48, controls) + mavlink_frame(76, 152, bytes(33)) + heartbeat)
+
+
 if __name__ == "__main__":
     points_and_instances()
     subtrees()
@@ -305,3 +324,4 @@ if __name__ == "__main__":
     calibrations()
     meshes()
     rpc()
+    autopilots()

@@ -25,13 +25,6 @@ const SensorSettings& find_sensor(const SimVehicle& sim_vehicle, const std::stri
   throw std::runtime_error("No " + std::string(kind) + " with name " + name.substr(0, 100) + " exist on vehicle");
 }
 
-/// A distinct seed for each sensor of each vehicle, the same in every run.
-std::uint64_t sensor_seed(const std::string& vehicle, const std::string& sensor) {
-  std::uint64_t seed = 1469598103934665603ULL;  // FNV-1a
-  for (const char c : vehicle + "/" + sensor) seed = (seed ^ static_cast<unsigned char>(c)) * 1099511628211ULL;
-  return seed;
-}
-
 SensorNoiseState& find_noise_state(VehicleSlot& one, const std::string& sensor) {
   const auto [at, is_new] = one.sensor_noises.try_emplace(sensor);
   if (is_new) at->second.seed = sensor_seed(one.vehicle->name(), sensor);
@@ -310,12 +303,13 @@ RotorStates Simulator::get_rotor_states(const std::string& vehicle) const {
   const std::lock_guard lock(impl_->state_mutex);
   const SimVehicle& sim_vehicle = impl_->require_multirotor(vehicle, "getRotorStates");
   const vehicle::QuadrotorOptions& options = sim_vehicle.options().quadrotor;
-  const vehicle::RotorSpeeds speeds = sim_vehicle.rotor_speeds_rad_s();
+  const std::vector<vehicle::Rotor> rotors = sim_vehicle.rotors();
+  const std::vector<double> speeds = sim_vehicle.rotor_speeds_rad_s();
   RotorStates states;
   states.timestamp = impl_->clock.time_ns();
-  for (int i = 0; i < vehicle::kRotors; ++i) {
+  for (std::size_t i = 0; i < rotors.size(); ++i) {
     const double squared = speeds[i] * speeds[i];
-    const double spin = options.rotors[static_cast<std::size_t>(i)].spin;
+    const double spin = rotors[i].spin;
     states.rotors.push_back({static_cast<float>(options.thrust_n_s2 * squared),
                              static_cast<float>(-spin * options.torque_nm_s2 * squared),
                              static_cast<float>(spin * speeds[i])});

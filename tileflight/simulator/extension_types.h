@@ -98,4 +98,14 @@ struct GroundTruthReport {
   std::string extract_json;  ///< content of the folder's extract.json
 };
 
+/// Where a vehicle waits for its autopilot, and where it stands.
+struct AutopilotEndpoint {
+  std::string vehicle;
+  std::string protocol;  ///< "ArduPilot JSON, UDP"
+  std::string address;
+  int port = 0;
+  GeoPoint home;
+  double home_heading_deg = 0.0;  ///< clockwise from north
+};
+
 }  // namespace tileflight::simulator

@@ -89,6 +89,12 @@ Vec3 GeodeticFrame::to_ned(const GeoPoint& point) const {
   return T_local_ned.inverse() * local_frame.local_from_geodetic({point.latitude, point.longitude, {point.altitude}});
 }
 
+std::uint64_t sensor_seed(const std::string& vehicle, const std::string& sensor) {
+  std::uint64_t seed = 1469598103934665603ULL;  // FNV-1a
+  for (const char c : vehicle + "/" + sensor) seed = (seed ^ static_cast<unsigned char>(c)) * 1099511628211ULL;
+  return seed;
+}
+
 double clamp_atmosphere_height_m(double height_m) { return std::clamp(height_m, -4999.0, 10999.0); }
 
 void StateHistory::add(double time_s, const VehicleState& state, double keep_s) {

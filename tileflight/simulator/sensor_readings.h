@@ -50,6 +50,9 @@ struct SensorNoiseState {
   std::array<double, 6> biases{};  ///< first-order Gauss-Markov processes
 };
 
+/// A distinct seed for each sensor of each vehicle, the same in every run.
+std::uint64_t sensor_seed(const std::string& vehicle, const std::string& sensor);
+
 /// Context of a sensor reading.
 struct SensorContext {
   const SimVehicle& vehicle;

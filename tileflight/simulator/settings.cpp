@@ -1,8 +1,7 @@
 #include "tileflight/simulator/settings.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
+#include <nlohmann/json.hpp>
 #include <utility>
 
 #include "tileflight/base/input_error.h"
@@ -16,7 +15,6 @@ namespace {
 using base::StrictSection;
 using geometry::Vec3;
 using nlohmann::json;
-
 
 /// AirSim's keys for features that do not exist here: a window, a graphics card, a game.
 const std::vector<std::string> kIgnoredKeys{
@@ -99,9 +97,13 @@ VehicleSettings read_vehicle(const std::string& name, StrictSection section, Set
                                .choice_in_any_case("VehicleType", {"SimpleFlight", "ComputerVision", "ExternalPhysics",
                                                                    "PX4Multirotor", "ArduCopter", "PhysXCar"})
                                .value_or(settings.computer_vision ? "ComputerVision" : "SimpleFlight");
-  if (type == "PX4Multirotor" || type == "ArduCopter" || type == "PhysXCar")
-    throw section.error("VehicleType", "'" + type + "' is not simulated; use SimpleFlight or ComputerVision");
-  vehicle.flies = type == "SimpleFlight" && !settings.computer_vision;
+  if (type == "PhysXCar")
+    throw section.error("VehicleType",
+                        "cars are not simulated; use SimpleFlight, ArduCopter, PX4Multirotor or ComputerVision");
+  vehicle.autopilot = read_autopilot(type, section);
+  if (vehicle.autopilot && settings.computer_vision)
+    throw section.error("VehicleType", "an autopilot flies in the mode Multirotor and with its physics only");
+  vehicle.flies = (type == "SimpleFlight" || vehicle.autopilot) && !settings.computer_vision;
   vehicle.start_ned = read_position(section);
   vehicle.R_ned_body = read_orientation(section);
   const std::string state =
@@ -130,6 +132,8 @@ void read_vehicles(StrictSection& root, Settings& settings) {
     throw root.error("Vehicles", "more than " + std::to_string(kMaxVehicles) + " vehicles");
   for (auto& [name, entry] : entries)
     settings.vehicles.push_back(read_vehicle(name, std::move(entry), settings, sensors));
+  settings.clock.by_autopilots =
+      std::ranges::any_of(settings.vehicles, [](const VehicleSettings& one) { return one.autopilot.has_value(); });
   if (!settings.vehicles.empty()) return;
   settings.vehicles.push_back(default_vehicle(settings.computer_vision ? "ComputerVision" : "SimpleFlight",
                                               !settings.computer_vision, settings.camera_defaults));

@@ -11,6 +11,7 @@
 #include "tileflight/imaging/camera.h"
 #include "tileflight/simulator/airsim_types.h"
 #include "tileflight/simulator/annotation_layers.h"
+#include "tileflight/simulator/autopilot_settings.h"
 #include "tileflight/simulator/sensor_settings.h"
 
 namespace tileflight::simulator {
@@ -40,6 +41,7 @@ struct VehicleSettings {
   bool armed = true;              ///< at start and after reset: DefaultVehicleState is neither Disarmed nor Inactive
   bool allow_api_always = false;  ///< AllowAPIAlways: needs no enableApiControl
   bool enable_collisions = true;  ///< EnableCollisions and no EnableCollisionPassthrogh
+  std::optional<AutopilotSettings> autopilot;  ///< flies the vehicle in place of clients
   std::vector<CameraSettings> cameras;
   std::vector<SensorSettings> sensors;
 };
@@ -66,8 +68,9 @@ struct RecordingSettings {
 
 /// Settings of the simulation clock.
 struct ClockSettings {
-  double speed = 1.0;      ///< seconds of simulation time per wall-clock second
-  bool on_demand = false;  ///< own key "StepOnDemand": time advances only while a task runs, as fast as possible
+  double speed = 1.0;          ///< seconds of simulation time per wall-clock second
+  bool on_demand = false;      ///< own key "StepOnDemand": time advances only while a task runs, as fast as possible
+  bool by_autopilots = false;  ///< autopilots' packets advance time; there is a vehicle with one
 };
 
 /// Contents of a settings.json, with AirSim's defaults for missing keys.

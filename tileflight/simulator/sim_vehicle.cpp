@@ -1,7 +1,9 @@
 #include "tileflight/simulator/sim_vehicle.h"
 
+#include <algorithm>
 #include <utility>
 
+#include "tileflight/base/input_error.h"
 #include "tileflight/simulator/frames.h"
 
 namespace tileflight::simulator {
@@ -35,15 +37,39 @@ void SimVehicle::set_home(const SE3& T_ned_body) {
   teleport({T_ned_home_});
 }
 
+void SimVehicle::settle_at_home() {
+  if (!settings_.autopilot) return;
+  multirotor_ = std::make_unique<autopilot::Multirotor>(autopilot::make_airframe(settings_.autopilot->airframe),
+                                                        obstacles_, options_.wind, position_local(), yaw_local_rad());
+  state_ = simulated_state(multirotor_->state());
+  T_ned_home_ = state_.T_ned_body;
+}
+
 void SimVehicle::teleport(const VehicleState& state) {
   cancel();
   flight_.reset();
   state_ = state;
+  if (multirotor_) place_multirotor();
+}
+
+/// The autopilot's vehicle goes on from the state that it was placed in.
+void SimVehicle::place_multirotor() {
+  const SE3 T_local_body = T_local_ned_ * state_.T_ned_body * T_flu_frd().inverse();
+  multirotor_->place({T_local_body.translation, T_local_ned_.rotation * state_.velocity_m_s, T_local_body.rotation,
+                      frd_from_flu(state_.angular_velocity_rad_s)});
+}
+
+void SimVehicle::return_to_start() {
+  teleport({T_ned_home_});
+  if (multirotor_) {
+    multirotor_->reset();
+    state_ = simulated_state(multirotor_->state());
+  }
+  collision_ = {};
 }
 
 void SimVehicle::reset() {
-  teleport({T_ned_home_});
-  collision_ = {};
+  return_to_start();
   api_control = false;
   armed = settings_.armed;
   cameras_.clear();
@@ -74,6 +100,8 @@ double SimVehicle::yaw_local_rad() const {
 
 std::shared_ptr<const vehicle::Task> SimVehicle::command(const vehicle::Command& command) {
   vehicle::check(command);
+  if (settings_.autopilot)
+    throw InputError("vehicle '" + settings_.name + "'", "is flown by its autopilot; send commands to that");
   if (!flight_) {
     const bool on_ground = vehicle::touches(obstacles_, position_local(), options_.radius_m + 0.02);
     flight_ = std::make_unique<vehicle::Vehicle>(options_, obstacles_, position_local(), yaw_local_rad(), on_ground);
@@ -87,19 +115,34 @@ void SimVehicle::cancel() {
   if (flight_) flight_->cancel();
 }
 
-bool SimVehicle::landed() const { return flight_ ? flight_->landed() : true; }
+bool SimVehicle::landed() const {
+  if (multirotor_) return multirotor_->touching();
+  return flight_ ? flight_->landed() : true;
+}
 
-vehicle::RotorSpeeds SimVehicle::rotor_speeds_rad_s() const {
-  return flight_ ? flight_->rotor_speeds_rad_s() : vehicle::RotorSpeeds(vehicle::RotorSpeeds::Zero());
+std::vector<vehicle::Rotor> SimVehicle::rotors() const {
+  if (multirotor_) return multirotor_->airframe().rotors;
+  return {options_.quadrotor.rotors.begin(), options_.quadrotor.rotors.end()};
+}
+
+std::vector<double> SimVehicle::rotor_speeds_rad_s() const {
+  if (multirotor_) return multirotor_->rotor_speeds_rad_s();
+  std::vector<double> speeds(vehicle::kRotors, 0.0);
+  if (flight_) std::ranges::copy(flight_->rotor_speeds_rad_s(), speeds.begin());
+  return speeds;
+}
+
+Vec3 SimVehicle::wind_ned_m_s() const {
+  return ned_from_enu(multirotor_ ? multirotor_->wind_m_s() : options_.wind.mean_m_s);
 }
 
 void SimVehicle::set_wind(const Vec3& wind_local_m_s) {
   options_.wind.mean_m_s = wind_local_m_s;
   if (flight_) flight_->set_wind(wind_local_m_s);
+  if (multirotor_) multirotor_->set_wind(wind_local_m_s);
 }
 
-VehicleState SimVehicle::simulated_state() const {
-  const vehicle::RigidBodyState& body = flight_->state();
+VehicleState SimVehicle::simulated_state(const vehicle::RigidBodyState& body) const {
   const SE3 T_ned_local = T_local_ned_.inverse();
   VehicleState state;
   state.T_ned_body = T_ned_local * SE3(body.R_local_body, body.position_m) * T_flu_frd();
@@ -112,12 +155,36 @@ void SimVehicle::step(double time_s) {
   if (!flight_) return;
   const VehicleState before = state_;
   flight_->step();
-  state_ = simulated_state();
+  state_ = simulated_state(flight_->state());
   state_.acceleration_m_s2 = (state_.velocity_m_s - before.velocity_m_s) / options_.step_s;
   state_.angular_acceleration_rad_s2 =
       (state_.angular_velocity_rad_s - before.angular_velocity_rad_s) / options_.step_s;
   const auto& contact = flight_->last_contact();
   if (contact && contact->time_s > contact_seen_s_) record_contact(*contact, time_s);
+}
+
+void SimVehicle::step_motors(std::span<const double> outputs, double step_s, double time_s) {
+  std::vector<double> shares;
+  for (const double output : outputs)
+    shares.push_back(autopilot::thrust_share(output, settings_.autopilot->thrust_expo));
+  const Vec3 turned_before = state_.angular_velocity_rad_s;
+  multirotor_->step(shares, step_s);
+  state_ = simulated_state(multirotor_->state());
+  const Vec3 gravity(0.0, 0.0, vehicle::kStandardGravity_m_s2);
+  state_.acceleration_m_s2 =
+      state_.T_ned_body.rotation * frd_from_flu(multirotor_->inertial().accelerometer_m_s2) + gravity;
+  state_.angular_acceleration_rad_s2 = (state_.angular_velocity_rad_s - turned_before) / step_s;
+  if (multirotor_->impact()) record_impact(time_s);
+}
+
+/// Setting down gently is no collision, as for vehicle::Vehicle.
+void SimVehicle::record_impact(double time_s) {
+  constexpr double kLanding_m_s = 1.5, kLandingNormalZ = 0.7;
+  const autopilot::Impact& last = *multirotor_->impact();
+  if (last.speed_m_s <= kLanding_m_s && last.normal.z() >= kLandingNormalZ) return;
+  const SE3 T_ned_local = T_local_ned_.inverse();
+  collision_ = {
+      true, time_s, T_ned_local * last.point, T_ned_local.rotation * last.normal, state_.T_ned_body.translation, 0.0};
 }
 
 void SimVehicle::record_contact(const vehicle::Collision& last, double time_s) {

@@ -2,9 +2,11 @@
 
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
+#include "tileflight/autopilot/multirotor.h"
 #include "tileflight/simulator/settings.h"
 #include "tileflight/simulator/sim_camera.h"
 #include "tileflight/vehicle/vehicle.h"
@@ -30,8 +32,8 @@ struct VehicleCollision {
   double depth_m = 0.0;
 };
 
-/// A simulated vehicle: flown by vehicle::Vehicle after the first command, or kept where it is placed. Not thread-safe:
-/// part of the simulator's state.
+/// A simulated vehicle: flown by vehicle::Vehicle after the first command, or by an autopilot that drives its motors,
+/// or kept where it is placed. Not thread-safe: part of the simulator's state.
 class SimVehicle {
  public:
   /// `T_local_ned`: pose of NED in the scene. `obstacles`: of the scene, in its local frame.
@@ -45,6 +47,9 @@ class SimVehicle {
   /// Start pose, global NED; for flying vehicles above `start_ned` or on the ground there.
   void set_home(const geometry::SE3& T_ned_body);
   const geometry::SE3& home() const { return T_ned_home_; }
+  /// Lets a vehicle with an autopilot settle on the ground below its home, which moves there. Requires the obstacles.
+  void settle_at_home();
+  bool has_autopilot() const { return settings_.autopilot.has_value(); }
   /// Radius of the collision sphere, metres.
   double radius_m() const { return options_.radius_m; }
 
@@ -61,18 +66,25 @@ class SimVehicle {
   /// On the ground with its rotors off.
   bool landed() const;
   /// Moved by physics; otherwise it stays where it was placed.
-  bool is_flying() const { return flight_ != nullptr; }
+  bool is_flying() const { return flight_ || multirotor_; }
   double yaw_local_rad() const;  ///< counter-clockwise from east
   geometry::Vec3 position_local() const { return T_local_ned_ * state_.T_ned_body.translation; }
   const vehicle::VehicleOptions& options() const { return options_; }
-  /// Zero if it does not fly.
-  vehicle::RotorSpeeds rotor_speeds_rad_s() const;
+  std::vector<vehicle::Rotor> rotors() const;
+  /// By rotor; zero if it does not fly.
+  std::vector<double> rotor_speeds_rad_s() const;
+  /// The air's velocity at the vehicle, global NED.
+  geometry::Vec3 wind_ned_m_s() const;
   /// Sets the mean wind, also in flight.
   void set_wind(const geometry::Vec3& wind_local_m_s);
 
-  /// One physics step; `time_s`: simulation time after it.
+  /// One physics step; `time_s`: simulation time after it. Of a vehicle with an autopilot nothing moves.
   void step(double time_s);
-  /// Returns to the start without API control, armed as the settings say.
+  /// One physics step of a vehicle with an autopilot. `outputs`: of the motors, 0 to 1.
+  void step_motors(std::span<const double> outputs, double step_s, double time_s);
+  /// Returns to the start pose, at rest.
+  void return_to_start();
+  /// The same, without API control, armed as the settings say, with the settings' cameras.
   void reset();
 
   VehicleCollision& collision() { return collision_; }
@@ -84,8 +96,10 @@ class SimVehicle {
   bool armed = false;
 
  private:
-  VehicleState simulated_state() const;
+  VehicleState simulated_state(const vehicle::RigidBodyState& body) const;
   void record_contact(const vehicle::Collision& last, double time_s);
+  void record_impact(double time_s);
+  void place_multirotor();
 
   VehicleSettings settings_;
   geometry::SE3 T_local_ned_;
@@ -93,8 +107,9 @@ class SimVehicle {
   vehicle::VehicleOptions options_;
   geometry::SE3 T_ned_home_;
   VehicleState state_;
-  std::unique_ptr<vehicle::Vehicle> flight_;  ///< null: it stays where it was placed
-  double contact_seen_s_ = 0.0;               ///< of the flight's clock
+  std::unique_ptr<vehicle::Vehicle> flight_;           ///< null: it stays where it was placed
+  std::unique_ptr<autopilot::Multirotor> multirotor_;  ///< of a vehicle with an autopilot, once settled
+  double contact_seen_s_ = 0.0;                        ///< of the flight's clock
   std::shared_ptr<const vehicle::Task> task_;
   VehicleCollision collision_;
   std::vector<SimCamera> cameras_;

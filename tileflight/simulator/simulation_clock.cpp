@@ -10,7 +10,7 @@ namespace {
 constexpr std::chrono::milliseconds kMaxLag{100};
 constexpr int kMaxStepsWithoutYield = 8;  // steps
 constexpr std::chrono::microseconds kYieldSleep{20};
-/// Start time with StepOnDemand, instead of the wall clock, so that time stamps are reproducible.
+/// Start time with StepOnDemand and with autopilots, instead of the wall clock, so that time stamps are reproducible.
 constexpr std::uint64_t kOnDemandStart_ns = 1'000'000'000;
 
 std::uint64_t wall_ns() {
@@ -24,7 +24,7 @@ SimulationClock::SimulationClock(std::mutex& state, const ClockSettings& clock, 
     : state_(state),
       clock_(clock),
       hooks_(std::move(hooks)),
-      start_ns_(clock.on_demand ? kOnDemandStart_ns : wall_ns()) {}
+      start_ns_(clock.on_demand || clock.by_autopilots ? kOnDemandStart_ns : wall_ns()) {}
 
 SimulationClock::~SimulationClock() { stop(); }
 
@@ -51,8 +51,15 @@ void SimulationClock::set_paused(bool paused) {
 }
 
 bool SimulationClock::may_step() const {
+  constexpr double kRounding_s = 1e-9;
+  if (clock_.by_autopilots && static_cast<double>(steps_ + 1) * kStep_s > limit_s_ + kRounding_s) return false;
   if (run_until_) return true;
-  return !paused_ && (!clock_.on_demand || hooks_.busy());
+  return !paused_ && (clock_.by_autopilots || !clock_.on_demand || hooks_.busy());
+}
+
+void SimulationClock::allow_until(double time_s) {
+  limit_s_ = std::max(limit_s_, time_s);
+  wake();
 }
 
 bool SimulationClock::wait(std::unique_lock<std::mutex>& lock, const std::function<bool()>& done) {
@@ -64,13 +71,13 @@ bool SimulationClock::wait(std::unique_lock<std::mutex>& lock, const std::functi
 void SimulationClock::run_steps(std::unique_lock<std::mutex>& lock, std::int64_t steps) {
   const std::int64_t until = steps_ + steps;
   run_until_ = std::max(until, run_until_.value_or(until));
-  wake_.notify_all();
+  wake();
   step_done_.wait(lock, [&] { return stopping_ || steps_ >= until || !run_until_; });
 }
 
 /// Sleeps until the next step is due by the wall clock; the mutex is released meanwhile.
 void SimulationClock::wait_until_due(std::unique_lock<std::mutex>& lock) {
-  if (clock_.on_demand) return;
+  if (clock_.on_demand || clock_.by_autopilots) return;
   const auto now = WallClock::now();
   if (next_step_ < now - kMaxLag) next_step_ = now - kMaxLag;
   if (next_step_ > now) {
@@ -98,11 +105,14 @@ void SimulationClock::run() {
       paused_ = true;
     }
     const double now_s = time_s();
+    in_step_ = true;
     lock.unlock();
     if (hooks_.after_step) hooks_.after_step(now_s);
     step_done_.notify_all();
     yield_to_waiters();
     lock.lock();
+    in_step_ = false;
+    if (clock_.by_autopilots) step_done_.notify_all();
   }
 }
 

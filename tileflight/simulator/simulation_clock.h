@@ -13,7 +13,7 @@
 namespace tileflight::simulator {
 
 /// The simulation's clock. It advances in steps of kStep_s, in step with the wall clock (times ClockSpeed), or on
-/// demand as fast as possible while there is work. Steps run with the mutex held, in the clock's own thread; nothing
+/// demand as fast as possible while there is work, or as far as autopilots have advanced. Steps run with the mutex held, in the clock's own thread; nothing
 /// else advances time. On a slow machine simulation time runs slower, and no step is skipped.
 class SimulationClock {
  public:
@@ -43,6 +43,12 @@ class SimulationClock {
   bool paused() const { return paused_; }
   bool stopped() const { return stopping_; }
   void set_paused(bool paused);
+  /// Whether autopilots may advance: not paused.
+  bool advancing() const { return !paused_ || run_until_.has_value(); }
+  /// With ClockSettings::by_autopilots: time may advance up to here.
+  void allow_until(double time_s);
+  /// Whether all steps that may be made now have been made, with all that follows each of them.
+  bool settled() const { return !in_step_ && !may_step(); }
   /// Notifies the clock of a change: a task has started or ended.
   void wake() {
     wake_.notify_all();
@@ -73,6 +79,8 @@ class SimulationClock {
   std::uint64_t start_ns_ = 0;
   bool paused_ = false;
   std::optional<std::int64_t> run_until_;  ///< step number at which to pause
+  double limit_s_ = 0.0;  ///< up to which autopilots have advanced
+  bool in_step_ = false;
   bool stopping_ = false;
   WallClock::time_point next_step_{};
   int steps_without_rest_ = 0;  ///< used only by the clock's thread

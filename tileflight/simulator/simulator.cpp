@@ -96,8 +96,27 @@ void Simulator::Impl::initialize() {
   for (const CameraSettings& external : settings.external_cameras) external_cameras.emplace_back(external);
   for (const VehicleSettings& vehicle : settings.vehicles) add_vehicle(vehicle, find_home_pose(vehicle));
   obstacle_scene = working_set.load_for(viewpoints());
+  for (const auto& one : vehicles) one->vehicle->settle_at_home();
+  open_autopilot_ports();
   if (settings.recording.enabled) begin_recording();
   clock.start();
+  for (const auto& port : ardupilot_ports) port->start();
+  for (const auto& port : px4_ports) port->start();
+}
+
+void Simulator::Impl::open_autopilot_ports() {
+  for (const auto& one : vehicles) {
+    const auto& autopilot = one->vehicle->settings().autopilot;
+    if (!autopilot) continue;
+    const LockstepVehicle vehicle(*this, *one);
+    if (autopilot->kind == AutopilotKind::kArduPilot) {
+      ardupilot_ports.push_back(
+          std::make_unique<ArduPilotPort>(vehicle, options.autopilot_address, autopilot->port, log));
+    } else {
+      const Px4Pace pace{autopilot->lockstep, settings.clock.speed, settings.clock.on_demand};
+      px4_ports.push_back(std::make_unique<Px4Port>(vehicle, options.autopilot_address, autopilot->port, pace, log));
+    }
+  }
 }
 
 /// Sets NED's origin: as requested, else on the surface at the local frame's origin, else at the centre of the place.
@@ -167,10 +186,10 @@ vehicle::ObstacleQuery Simulator::Impl::obstacle_query() {
 SimulationClock::Hooks Simulator::Impl::clock_hooks() {
   SimulationClock::Hooks hooks;
   hooks.step = [this](double time_s) {
-    constexpr double kKeep_s = 0.5;
     for (const auto& one : vehicles) {
+      if (one->vehicle->has_autopilot()) continue;  // its own steps are others
       one->vehicle->step(time_s);
-      one->history.add(time_s, one->vehicle->state(), kKeep_s);
+      one->history.add(time_s, one->vehicle->state(), kHistory_s);
     }
   };
   hooks.busy = [this] { return std::ranges::any_of(vehicles, [](const auto& one) { return one->vehicle->busy(); }); };
@@ -276,11 +295,28 @@ void Simulator::stop() {
     for (const auto& one : impl_->vehicles) one->vehicle->cancel();
   }
   impl_->clock.stop();
+  for (const auto& port : impl_->ardupilot_ports) port->stop();
+  for (const auto& port : impl_->px4_ports) port->stop();
 }
 
 std::optional<int> Simulator::settings_port() const { return impl_->settings.port; }
 std::optional<std::string> Simulator::settings_address() const { return impl_->settings.address; }
 std::vector<std::string> Simulator::warnings() const { return impl_->warnings; }
+
+std::vector<AutopilotEndpoint> Simulator::autopilots() const {
+  const std::lock_guard lock(impl_->state_mutex);
+  std::vector<AutopilotEndpoint> endpoints;
+  const auto add = [&](const auto& ports, const char* protocol) {
+    for (const auto& port : ports) {
+      const LockstepVehicle& vehicle = port->vehicle();
+      endpoints.push_back({vehicle.name(), protocol, impl_->options.autopilot_address, port->port(), vehicle.home(),
+                           vehicle.home_heading_deg()});
+    }
+  };
+  add(impl_->ardupilot_ports, "ArduPilot JSON, UDP");
+  add(impl_->px4_ports, "PX4 HIL, TCP");
+  return endpoints;
+}
 
 bool Simulator::ping() const { return true; }
 int Simulator::get_server_version() const { return 1; }

@@ -38,6 +38,7 @@ struct SimulatorOptions {
   double max_distance_m = std::numeric_limits<double>::infinity();
   /// Tiles that could not be read are requested again after this time, if tiles follow the sensors.
   std::chrono::milliseconds retry_after{10'000};
+  std::string autopilot_address = "127.0.0.1";  ///< on which ports of autopilots are opened
   bool prefetch = true;  ///< whether the tiles that come next are read beside; no result depends on it
   /// Root of clients' file names. nullopt: calls that write files are refused.
   std::optional<std::filesystem::path> output_root;
@@ -71,6 +72,8 @@ class Simulator {
   std::optional<std::string> settings_address() const;
   /// Warnings about settings and place for the user, one line each.
   std::vector<std::string> warnings() const;
+  /// Where autopilots are waited for.
+  std::vector<AutopilotEndpoint> autopilots() const;
 
   // General.
   bool ping() const;

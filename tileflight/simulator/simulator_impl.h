@@ -16,10 +16,13 @@
 
 #include "tileflight/base/require.h"
 #include "tileflight/simulator/annotation_layers.h"
+#include "tileflight/simulator/ardupilot_port.h"
 #include "tileflight/simulator/client_file_access.h"
 #include "tileflight/simulator/detection.h"
 #include "tileflight/simulator/image_renderer.h"
 #include "tileflight/simulator/lidar_scanner.h"
+#include "tileflight/simulator/lockstep_vehicle.h"
+#include "tileflight/simulator/px4_port.h"
 #include "tileflight/simulator/recorder.h"
 #include "tileflight/simulator/segmentation_ids.h"
 #include "tileflight/simulator/sensor_readings.h"
@@ -37,6 +40,8 @@ inline double clamp_duration_s(float seconds, const char* call) {
   base::require(!std::isnan(seconds), call, "the time is not a number");
   return std::clamp(static_cast<double>(seconds), 0.0, kMaxDuration_s);
 }
+
+inline constexpr double kHistory_s = 0.5;  ///< kept of each vehicle's states
 
 /// A vehicle with its state history and sensor noise.
 struct VehicleSlot {
@@ -94,7 +99,10 @@ struct Simulator::Impl {
   std::set<std::string> told_calls;  ///< without effect, of which the log tells already
   std::unique_ptr<Recorder> recorder;
   double next_record_s = 0.0;
-  SimulationClock clock;  ///< last member: its thread ends first
+  LockstepTimes lockstep_times;
+  SimulationClock clock;                                        ///< its thread ends before what it uses
+  std::vector<std::unique_ptr<ArduPilotPort>> ardupilot_ports;  ///< stopped after the clock
+  std::vector<std::unique_ptr<Px4Port>> px4_ports;              ///< the same
 
   // Setup (simulator.cpp).
   void initialize();
@@ -103,6 +111,7 @@ struct Simulator::Impl {
   geometry::SE3 find_home_pose(const VehicleSettings& vehicle) const;
   vehicle::ObstacleQuery obstacle_query();
   SimulationClock::Hooks clock_hooks();
+  void open_autopilot_ports();
   void log_line(const std::string& line) const;
 
   // Lookups; the mutex must be held. Throw InputError or std::runtime_error.

@@ -11,11 +11,6 @@ namespace {
 
 using geometry::Vec3;
 
-Vec3 drag_n(const QuadrotorOptions& o, const Vec3& through_air) {
-  return -(o.linear_drag_n_s_m.cwiseProduct(through_air) +
-           o.quadratic_drag_n_s2_m2.cwiseProduct(through_air.cwiseAbs().cwiseProduct(through_air)));
-}
-
 void require_positive(double value, const std::string& name) {
   if (!std::isfinite(value) || value <= 0.0) throw InputError("quadrotor", name + " must be more than 0");
 }
@@ -24,16 +19,7 @@ void require_positive(double value, const std::string& name) {
 
 Wrench quadrotor_wrench(const QuadrotorOptions& options, const RigidBodyState& state, const RotorSpeeds& speeds_rad_s,
                         const Vec3& wind_m_s) {
-  Vec3 force = drag_n(options, state.R_local_body.conjugate() * (state.velocity_m_s - wind_m_s));
-  Vec3 torque = Vec3::Zero();
-  for (int i = 0; i < kRotors; ++i) {
-    const Rotor& rotor = options.rotors[i];
-    const double squared = speeds_rad_s[i] * speeds_rad_s[i];
-    const Vec3 thrust(0, 0, options.thrust_n_s2 * squared);
-    force += thrust;
-    torque += rotor.position_m.cross(thrust) - Vec3(0, 0, rotor.spin * options.torque_nm_s2 * squared);
-  }
-  return {state.R_local_body * force - Vec3(0, 0, options.body.mass_kg * kStandardGravity_m_s2), torque};
+  return multirotor_wrench(options, state, speeds_rad_s, wind_m_s);
 }
 
 QuadrotorState integrate(const QuadrotorOptions& options, const QuadrotorState& state,

@@ -2,20 +2,13 @@
 
 #include <array>
 
-#include "tileflight/vehicle/rigid_body.h"
+#include "tileflight/vehicle/multirotor_wrench.h"
 
 namespace tileflight::vehicle {
 
-inline constexpr double kStandardGravity_m_s2 = 9.80665;
 inline constexpr int kRotors = 4;
 
 using RotorSpeeds = Eigen::Array<double, kRotors, 1>;  ///< radians per second, not negative
-
-/// Position and direction of rotation of a rotor.
-struct Rotor {
-  geometry::Vec3 position_m;  ///< body frame
-  double spin = 1.0;          ///< seen from above: 1 counter-clockwise, -1 clockwise
-};
 
 /// A quadrotor in X form: AirSim's generic one (MIT licence; MultiRotorParams.hpp, RotorParams.hpp), a 450 mm frame
 /// with GWS 9x5 propellers as the UIUC propeller database measured them. Inertia: a box of 0.78 kg, 0.18 x 0.11 x 0.04
@@ -42,9 +35,7 @@ struct QuadrotorState {
   RotorSpeeds rotor_speeds_rad_s = RotorSpeeds::Zero();
 };
 
-/// Force and torque on the vehicle by rotors, air and gravity: thrusts k w^2 along the body's z axis, reaction torques
-/// against the spins (Mahony, Kumar and Corke, IEEE Robotics & Automation Magazine 19(3), 2012), and linear and
-/// quadratic drag by body axis against the velocity relative to the air.
+/// multirotor_wrench() of a quadrotor.
 Wrench quadrotor_wrench(const QuadrotorOptions& options, const RigidBodyState& state, const RotorSpeeds& speeds_rad_s,
                         const geometry::Vec3& wind_m_s);
 

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <string_view>
+
+namespace tileflight::autopilot {
+
+/// A TCP port that this program listens on, for one peer at a time. While one is connected, others wait in the queue.
+class TcpPort {
+ public:
+  /// `port` 0: any free one. Throws InputError if the address is none of this machine, or the port is taken.
+  TcpPort(const std::string& address, std::uint16_t port);
+  ~TcpPort();
+  TcpPort(const TcpPort&) = delete;
+  TcpPort& operator=(const TcpPort&) = delete;
+
+  std::uint16_t port() const;
+  /// Waits for a peer; ends the connection of the last one. False if none comes in time.
+  bool accept(std::chrono::milliseconds patience);
+  bool connected() const;
+  /// What the peer has sent, at most 64 KiB; empty if nothing comes in time, or the connection has ended.
+  std::string receive(std::chrono::milliseconds patience);
+  /// Ends the connection of a peer that does not read for a second.
+  void send(std::string_view bytes);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace tileflight::autopilot

@@ -1,0 +1,29 @@
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "tileflight/autopilot/airframe.h"
+#include "tileflight/base/strict_section.h"
+
+namespace tileflight::simulator {
+
+/// The interfaces of autopilots that fly vehicles.
+enum class AutopilotKind {
+  kArduPilot,  ///< VehicleType ArduCopter: ArduPilot's JSON interface, UDP
+  kPx4,        ///< VehicleType PX4Multirotor: PX4's simulator interface, MAVLink over TCP
+};
+
+/// An autopilot that flies a vehicle: where it is expected, and what it flies.
+struct AutopilotSettings {
+  AutopilotKind kind = AutopilotKind::kArduPilot;
+  int port = 9002;       ///< ControlPort or TcpPort, on which the simulator listens; 0: any free one
+  bool lockstep = true;  ///< of PX4: LockStep
+  autopilot::AirframeKind airframe = autopilot::AirframeKind::kQuadX;
+  double thrust_expo = 0.65;  ///< of the motors: own key ThrustExpo; default as of the autopilot's parameters
+};
+
+/// Reads the keys of a vehicle that an autopilot flies, by its VehicleType; nullopt for other types. Throws InputError.
+std::optional<AutopilotSettings> read_autopilot(const std::string& vehicle_type, base::StrictSection& vehicle);
+
+}  // namespace tileflight::simulator

@@ -1,0 +1,79 @@
+#pragma once
+
+#include <chrono>
+#include <map>
+#include <optional>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "tileflight/autopilot/ardupilot_packet.h"
+#include "tileflight/autopilot/hil_messages.h"
+#include "tileflight/simulator/simulator.h"
+
+namespace tileflight::simulator {
+
+/// After this silence of an autopilot other vehicles no longer wait for it.
+inline constexpr std::chrono::milliseconds kAutopilotSilence{5000};
+/// How often a thread that waits for an autopilot looks whether it has to end.
+inline constexpr std::chrono::milliseconds kAutopilotPoll{100};
+
+struct VehicleSlot;
+struct SensorContext;
+struct SensorSettings;
+
+/// How far each connected autopilot has brought its vehicle, simulation time. The clock follows the one that is behind.
+/// Guarded by the simulator's mutex.
+class LockstepTimes {
+ public:
+  void set(const VehicleSlot* vehicle, double time_s) { times_s_[vehicle] = time_s; }
+  void remove(const VehicleSlot* vehicle) { times_s_.erase(vehicle); }
+  bool contains(const VehicleSlot* vehicle) const { return times_s_.contains(vehicle); }
+  /// Infinite if there are none.
+  double least_s() const;
+
+ private:
+  std::map<const VehicleSlot*, double> times_s_;
+};
+
+/// A vehicle in lockstep with its autopilot: it moves when the autopilot says so, and the simulation's clock, and with
+/// it all else, follows. Of several such vehicles none is ahead of another by more than a step. For one thread.
+class LockstepVehicle {
+ public:
+  LockstepVehicle(Simulator::Impl& simulator, VehicleSlot& vehicle) : simulator_(simulator), slot_(vehicle) {}
+
+  /// Back to the start, for an autopilot that starts anew.
+  void restart();
+  /// Advances by a step, then waits for the clock and all that it drives (tiles, recordings). Waits first while the
+  /// simulation is paused or another vehicle is behind. `outputs`: of the motors, 0 to 1. False: the simulator stops.
+  bool step(std::span<const double> outputs, double step_s);
+  /// The autopilot is silent: the vehicle stays as it is, and others no longer wait for it.
+  void leave();
+
+  /// The vehicle's true state, relative to its start.
+  autopilot::ArduPilotState ardupilot_state() const;
+  /// The same and the readings of its sensors for PX4 (hil_readings.h); `time_us`: their stamp.
+  autopilot::HilSensor hil_sensor(std::uint64_t time_us, bool slow);
+  std::optional<autopilot::HilGps> hil_gps(std::uint64_t time_us);
+  autopilot::HilStateQuaternion hil_state(std::uint64_t time_us) const;
+  std::vector<autopilot::DistanceSensor> hil_distances(std::uint64_t time_us);
+  const std::string& name() const;
+  /// Number of its motors.
+  std::size_t motors() const;
+  GeoPoint home() const;
+  double home_heading_deg() const;
+
+ private:
+  void join();
+  SensorContext sensor_context() const;
+  /// True distances that the vehicle's distance sensors measure, at most the greatest that they can.
+  std::vector<std::pair<const SensorSettings*, double>> distances_m() const;
+
+  Simulator::Impl& simulator_;
+  VehicleSlot& slot_;
+  double time_s_ = 0.0;     ///< simulation time of the vehicle
+  double elapsed_s_ = 0.0;  ///< since the autopilot's start
+};
+
+}  // namespace tileflight::simulator

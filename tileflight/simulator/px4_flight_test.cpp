@@ -1,0 +1,237 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cmath>
+#include <mutex>
+#include <thread>
+
+#include "tileflight/autopilot/test_px4_client.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/simulator/settings.h"
+#include "tileflight/simulator/test_world.h"
+
+/// Vehicles that a scripted autopilot flies in PX4's place.
+namespace tileflight::simulator::px4_flight_test {
+namespace {
+
+using autopilot::HilActuatorControls;
+using autopilot::test_support::frame_of;
+using autopilot::test_support::Px4Ears;
+using autopilot::test_support::ScriptedPx4;
+using testing::HasSubstr;
+
+constexpr const char* kFast = R"({"StepOnDemand": true, "Vehicles": {"PX4": {"VehicleType": "PX4Multirotor",
+  "UseSerial": false, "UseTcp": true, "TcpPort": 0, "LockStep": true}}})";
+
+/// Lines that the simulator has logged.
+struct LinesOfPx4 {
+  std::mutex mutex;
+  std::vector<std::string> lines;
+
+  SimulatorLog log() {
+    return [this](const std::string& line) {
+      const std::lock_guard lock(mutex);
+      lines.push_back(line);
+    };
+  }
+  std::size_t count(const std::string& part) {
+    const std::lock_guard lock(mutex);
+    return static_cast<std::size_t>(
+        std::ranges::count_if(lines, [&](const std::string& line) { return line.find(part) != std::string::npos; }));
+  }
+};
+
+std::unique_ptr<Simulator> world(const std::string& settings, LinesOfPx4* lines = nullptr) {
+  SimulatorOptions options;
+  options.settings = settings;
+  return std::make_unique<Simulator>(options, test_world::meshes(), lines ? lines->log() : SimulatorLog{});
+}
+
+std::uint16_t port_of(const Simulator& simulator) {
+  return static_cast<std::uint16_t>(simulator.autopilots().at(0).port);
+}
+
+HilActuatorControls controls(std::uint64_t time_us, float output) {
+  HilActuatorControls message;
+  message.time_us = time_us;
+  message.mode = 129;
+  message.controls.fill(output);
+  return message;
+}
+
+TEST(Px4Flight, TakesOffFliesASquareAndLands) {
+  const auto simulator = world(kFast);
+  const auto points = autopilot::test_support::square(10.0, 4.0);
+  ScriptedPx4 px4(port_of(*simulator), points);
+  px4.fly(90.0);
+  EXPECT_TRUE(px4.autopilot().landed());
+  EXPECT_EQ(px4.autopilot().points_reached(), points.size());
+  EXPECT_LT(px4.observation().position_m.norm(), 1.0);
+  EXPECT_EQ(simulator->get_multirotor_state("PX4").landed_state, 0);
+}
+
+TEST(Px4Flight, SamePacketsSameBytes) {
+  const auto once = [] {
+    const auto simulator = world(kFast);
+    ScriptedPx4 px4(port_of(*simulator), {{0, 0, -3}, {4, 0, -3}});
+    px4.fly(10.0);
+    return px4.ears().heard();
+  };
+  const std::string first = once();
+  EXPECT_GT(first.size(), 250'000U);
+  EXPECT_TRUE(first == once());
+}
+
+/// At rest on level ground: gravity, the Earth's field, the pressure and the place, each with its sensor's noise.
+TEST(Px4Flight, SensorsAreThoseOfTheVehicle) {
+  const auto simulator = world(kFast);
+  Px4Ears ears(port_of(*simulator));
+  geometry::Vec3 force = geometry::Vec3::Zero(), field = geometry::Vec3::Zero();
+  constexpr int kRounds = 500;
+  float first_force = 0.0F;
+  bool noisy = false;
+  for (int i = 0; i < kRounds; ++i) {
+    ASSERT_TRUE(ears.hear());
+    EXPECT_EQ(ears.sensor.time_us, 1'000'000U + 4000U * static_cast<unsigned>(i));
+    EXPECT_EQ((ears.sensor.updated & 0x3FU), 0x3FU);
+    EXPECT_EQ((ears.sensor.updated & 0x1C0U) != 0, i % 5 == 0);
+    const auto& a = ears.sensor.accelerometer_m_s2;
+    const auto& m = ears.sensor.magnetometer_gauss;
+    if (i == 0) first_force = a[2];
+    noisy = noisy || a[2] != first_force;
+    force += geometry::Vec3(a[0], a[1], a[2]) / kRounds;
+    field += geometry::Vec3(m[0], m[1], m[2]) / kRounds;
+    ears.client().send(frame_of(controls(ears.sensor.time_us, 0.0F), 0));
+  }
+  EXPECT_TRUE(noisy);
+  EXPECT_LT((force - geometry::Vec3(0, 0, -9.80665)).norm(), 0.1);
+  EXPECT_NEAR(field.norm(), 0.5, 0.25);
+  ASSERT_TRUE(ears.gps.has_value());
+  const GeoPoint home = simulator->get_home_geo_point("PX4");
+  EXPECT_NEAR(1e-7 * ears.gps->latitude_e7_deg, home.latitude, 1e-5);
+  EXPECT_NEAR(1e-7 * ears.gps->longitude_e7_deg, home.longitude, 1e-5);
+  EXPECT_NEAR(1e-3 * ears.gps->altitude_mm, home.altitude, 1.0);
+  EXPECT_NEAR(1e-7 * ears.state.latitude_e7_deg, home.latitude, 2e-7);
+  EXPECT_NEAR(0.01 * ears.state.acceleration_mg[2] / 10.0, -1.0, 0.01);
+}
+
+/// The wall is 20 m north of the start; sensors look down, north, and north but up by 30 degrees.
+TEST(Px4Flight, DistanceSensorsLookWhereTheirSettingsSay) {
+  const auto simulator =
+      world(R"({"StepOnDemand": true, "Vehicles": {"PX4": {"VehicleType": "PX4Multirotor", "TcpPort": 0,
+    "Sensors": {"A": {"SensorType": 5, "Enabled": true, "Pitch": -90, "MinDistance": 0.1, "NoiseSigma": 0},
+                "B": {"SensorType": 5, "Enabled": true, "MaxDistance": 30, "NoiseSigma": 0},
+                "C": {"SensorType": 5, "Enabled": true, "Pitch": 30, "MaxDistance": 30, "NoiseSigma": 0}}}}})");
+  Px4Ears ears(port_of(*simulator));
+  ASSERT_TRUE(ears.hear());
+  ASSERT_EQ(ears.distances.size(), 3U);
+  EXPECT_EQ(ears.distances[0].orientation, autopilot::kDown);
+  EXPECT_NEAR(ears.distances[0].distance_cm, 20, 2);  // it stands 0.2 m high
+  EXPECT_EQ(ears.distances[0].min_cm, 10);
+  EXPECT_EQ(ears.distances[1].orientation, autopilot::kForward);
+  EXPECT_NEAR(ears.distances[1].distance_cm, 2000, 2);
+  EXPECT_EQ(ears.distances[2].orientation, autopilot::kByQuaternion);
+  EXPECT_NEAR(ears.distances[2].distance_cm, 2000 / std::cos(std::acos(-1.0) / 6.0), 3);
+  EXPECT_NEAR(ears.distances[2].attitude_wxyz[2], std::sin(std::acos(-1.0) / 12.0), 1e-6);  // nose up about right
+}
+
+TEST(Px4Flight, HostileBytesAreOneLineEachAndTheSimulatorLives) {
+  LinesOfPx4 lines;
+  const auto simulator = world(kFast, &lines);
+  Px4Ears ears(port_of(*simulator));
+  for (int i = 0; i < 50; ++i) {
+    ASSERT_TRUE(ears.hear());
+    const std::uint64_t now_us = ears.sensor.time_us;
+    std::string wrong = frame_of(controls(now_us, 0.9F), 0);
+    wrong[15] = static_cast<char>(wrong[15] ^ 0x55);
+    ears.client().send("GET / HTTP/1.1\r\n\r\n" + wrong);
+    if (i > 0) {
+      ears.client().send(frame_of(controls(now_us - 4000 * 2, 0.9F), 0));  // stale, from the third on
+      ears.client().send(frame_of(controls(now_us + 900'000, 0.9F), 0));   // future
+    }
+    ears.client().send(frame_of(controls(now_us, NAN), 0));
+  }
+  ASSERT_TRUE(ears.hear());
+  EXPECT_NEAR(1e-3 * ears.state.altitude_mm, simulator->get_home_geo_point("PX4").altitude, 0.01);  // has not moved
+  for (const char* what : {"damaged", "stamped before", "stamped after", "not a number"})
+    EXPECT_THAT(lines.count(what), testing::AllOf(testing::Ge(1U), testing::Le(3U))) << what;
+}
+
+TEST(Px4Flight, AnAutopilotThatDiesLeavesItsVehicleAndTheNextFindsItAtTheStart) {
+  LinesOfPx4 lines;
+  const auto simulator = world(kFast, &lines);
+  {
+    ScriptedPx4 first(port_of(*simulator), {{0, 0, -10}});
+    while (first.time_s() < 5.0) ASSERT_TRUE(first.round());
+    EXPECT_LT(first.observation().position_m.z(), -2.0);
+  }
+  ScriptedPx4 second(port_of(*simulator), {{0, 0, -3}});
+  ASSERT_TRUE(second.round());
+  EXPECT_EQ(second.ears().sensor.time_us, 1'000'000U);
+  EXPECT_EQ(lines.count("connection has ended"), 1U);
+  second.fly(60.0);
+  EXPECT_TRUE(second.autopilot().landed());
+  EXPECT_EQ(simulator->get_multirotor_state("PX4").landed_state, 0);
+}
+
+TEST(Px4Flight, WithoutAnAnswerThereIsNoStep) {
+  const auto simulator = world(kFast);
+  Px4Ears ears(port_of(*simulator));
+  const auto answer = [&] { ears.client().send(frame_of(controls(ears.sensor.time_us, 0.0F), 0)); };
+  for (int i = 0; i < 10; ++i) {
+    ASSERT_TRUE(ears.hear());
+    if (i < 9) answer();
+  }
+  const std::uint64_t asked_us = ears.sensor.time_us;
+  ears.client().send(frame_of(controls(asked_us - 4000, 0.0F), 0));  // the last answer again
+  const double before_s = simulator->tf_statistics().sim_seconds;
+  std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  EXPECT_EQ(simulator->tf_statistics().sim_seconds, before_s);
+  answer();
+  ASSERT_TRUE(ears.hear());
+  EXPECT_EQ(ears.sensor.time_us, asked_us + 4000);
+}
+
+TEST(Px4Flight, WithoutLockstepTimeGoesOn) {
+  const auto simulator = world(R"({"ClockSpeed": 4, "Vehicles": {"PX4": {"VehicleType": "PX4Multirotor",
+    "TcpPort": 0, "LockStep": false}}})");
+  Px4Ears ears(port_of(*simulator));
+  ASSERT_TRUE(ears.hear());
+  ears.client().send(frame_of(controls(ears.sensor.time_us, 1.0F), 0));
+  while (ears.sensor.time_us < 2'000'000) ASSERT_TRUE(ears.hear());
+  EXPECT_GT(1e-3 * ears.state.altitude_mm, simulator->get_home_geo_point("PX4").altitude + 1.0);  // full thrust
+}
+
+TEST(Px4Flight, BeforeItsFirstOutputsTimeGoesOnForPx4ToStart) {
+  const auto simulator = world(R"({"ClockSpeed": 4, "Vehicles": {"PX4": {"VehicleType": "PX4Multirotor",
+    "TcpPort": 0}}})");
+  Px4Ears ears(port_of(*simulator));
+  for (int i = 0; i < 20; ++i) ASSERT_TRUE(ears.hear());
+  EXPECT_EQ(ears.sensor.time_us, 1'000'000U + 19U * 4000U);
+}
+
+TEST(Px4Flight, SettingsAreThoseOfAirSim) {
+  const Settings settings = read_settings(R"({"Vehicles": {"PX4": {"VehicleType": "PX4Multirotor", "UseSerial": false,
+    "UseTcp": true, "TcpPort": 4561, "LockStep": false, "ControlIp": "127.0.0.1", "ControlPortLocal": 14540,
+    "ControlPortRemote": 14580, "LocalHostIp": "127.0.0.1", "QgcHostIp": "", "Model": "Hexacopter"}}})",
+                                          "s");
+  EXPECT_THAT(settings.warnings, testing::IsEmpty());
+  const auto& px4 = settings.vehicles.at(0).autopilot;
+  ASSERT_TRUE(px4.has_value());
+  EXPECT_EQ(px4->kind, AutopilotKind::kPx4);
+  EXPECT_EQ(px4->port, 4561);
+  EXPECT_FALSE(px4->lockstep);
+  EXPECT_EQ(px4->airframe, autopilot::AirframeKind::kHexaX);
+  EXPECT_EQ(px4->thrust_expo, 0.0);
+  for (const char* refused :
+       {R"("UseSerial": true)", R"("UseTcp": false)", R"("TcpPort": -1)", R"("Model": "Tricopter")"}) {
+    EXPECT_THROW(
+        read_settings(R"({"Vehicles": {"PX4": {"VehicleType": "PX4Multirotor", )" + std::string(refused) + "}}}", "s"),
+        InputError)
+        << refused;
+  }
+}
+
+}  // namespace
+}  // namespace tileflight::simulator::px4_flight_test

@@ -1,0 +1,158 @@
+#include "tileflight/simulator/px4_port.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace tileflight::simulator {
+namespace {
+
+using std::chrono::milliseconds;
+
+constexpr double kPx4Step_s = 0.004;
+constexpr std::uint64_t kPx4Step_us = 4000, kPx4Start_us = 1'000'000;
+/// Of the steps: magnetometer, barometer and distance sensors 50 times a second, receiver 10 times, heartbeat once.
+constexpr std::uint64_t kSlowSteps = 5, kGpsSteps = 25, kHeartbeatSteps = 250;
+/// So long an autopilot that is ready may take to answer the first sensors before time goes by the wall clock.
+constexpr milliseconds kFirstAnswer{2000};
+constexpr milliseconds kMaxLagOfPx4{100};
+constexpr unsigned kModeArmed = 128;
+
+std::uint64_t stamp_us(std::uint64_t step) { return kPx4Start_us + step * kPx4Step_us; }
+
+/// Of the wall clock, for a step without an answer; long enough to look whether one has come.
+milliseconds wall_step(double speed) {
+  return std::max(milliseconds(1), milliseconds(std::lround(1e3 * kPx4Step_s / speed)));
+}
+
+}  // namespace
+
+Px4Port::Px4Port(LockstepVehicle vehicle, const std::string& address, int port, const Px4Pace& pace, SimulatorLog log)
+    : vehicle_(vehicle), port_(address, static_cast<std::uint16_t>(port)), pace_(pace), log_(std::move(log)) {}
+
+void Px4Port::start() {
+  thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
+}
+
+void Px4Port::stop() {
+  thread_.request_stop();
+  if (thread_.joinable()) thread_.join();
+}
+
+void Px4Port::log(const std::string& kind, const std::string& text) {
+  log_.line(kind, "vehicle '" + vehicle_.name() + "': " + text);
+}
+
+void Px4Port::run(const std::stop_token& stop) {
+  while (!stop.stop_requested()) {
+    if (!port_.accept(kAutopilotPoll)) continue;
+    log("start", "PX4 has connected; the vehicle is at its start");
+    serve_peer(stop);
+    vehicle_.leave();
+    if (!stop.stop_requested()) log("end", "PX4's connection has ended; the vehicle waits for the next");
+  }
+}
+
+void Px4Port::serve_peer(const std::stop_token& stop) {
+  Session session;
+  session.outputs.assign(vehicle_.motors(), 0.0);
+  session.due = WallClock::now();
+  vehicle_.restart();
+  while (!stop.stop_requested() && port_.connected()) {
+    send_step(session);
+    if (!wait_for_controls(session, stop)) return;
+    keep_pace(session);
+    if (!vehicle_.step(session.outputs, kPx4Step_s)) return;
+    ++session.step;
+  }
+}
+
+template <class Message>
+std::string Px4Port::frame(Session& session, const Message& message) const {
+  return autopilot::encode_frame(Message::kMessage,
+                                 {.sequence = session.sequence++, .payload = autopilot::encode_payload(message)});
+}
+
+void Px4Port::send_step(Session& session) {
+  const std::uint64_t step = session.step, now_us = stamp_us(step);
+  std::string bytes;
+  if (step % kHeartbeatSteps == 0) bytes += frame(session, autopilot::Heartbeat{});
+  bytes += frame(session, vehicle_.hil_state(now_us));
+  if (step % kGpsSteps == 0) {
+    if (const auto gps = vehicle_.hil_gps(now_us)) bytes += frame(session, *gps);
+  }
+  if (step % kSlowSteps == 0) {
+    for (const autopilot::DistanceSensor& one : vehicle_.hil_distances(now_us)) bytes += frame(session, one);
+  }
+  bytes += frame(session, vehicle_.hil_sensor(now_us, step % kSlowSteps == 0));  // last: PX4 answers to it
+  port_.send(bytes);
+}
+
+/// Whether to go on: with outputs that answer the sensors, or because time goes by the wall clock still.
+bool Px4Port::wait_for_controls(Session& session, const std::stop_token& stop) {
+  const auto since = WallClock::now();
+  const milliseconds patience = session.controlled && pace_.lockstep ? kAutopilotSilence
+                                : session.step == 0                  ? kFirstAnswer
+                                                                     : wall_step(pace_.speed);
+  while (!stop.stop_requested() && port_.connected()) {
+    while (const auto received = session.reader.next()) {
+      if (take(session, *received)) return true;
+    }
+    report_damage(session);
+    const auto left = std::chrono::ceil<milliseconds>(since + patience - WallClock::now());
+    if (left.count() > 0) {
+      session.reader.push(port_.receive(std::min(left, kAutopilotPoll)));
+      continue;
+    }
+    if (!session.controlled || !pace_.lockstep) return true;
+    log("silence", "PX4 is silent; the vehicle waits for it");
+    vehicle_.leave();
+    session.reader.push(port_.receive(kAutopilotPoll));
+  }
+  return false;
+}
+
+/// Whether it is an answer to the sensors.
+bool Px4Port::take(Session& session, const autopilot::MavlinkFrame& received) {
+  if (received.message != autopilot::HilActuatorControls::kMessage.number) return false;
+  const auto controls = autopilot::decode_payload<autopilot::HilActuatorControls>(received.payload);
+  switch (session.gate.receive(controls.time_us, stamp_us(session.step))) {
+    case autopilot::ControlVerdict::kAnswer:
+      break;
+    case autopilot::ControlVerdict::kRepetition:
+      return false;
+    case autopilot::ControlVerdict::kStale:
+      log("stale", "PX4's outputs are stamped before the last ones; they are ignored");
+      return false;
+    case autopilot::ControlVerdict::kFuture:
+      log("future", "PX4's outputs are stamped after the sensors' time; they are ignored");
+      return false;
+  }
+  const bool armed = (controls.mode & kModeArmed) != 0;
+  for (std::size_t i = 0; i < session.outputs.size(); ++i) {
+    const double output = armed ? controls.controls[i] : 0.0;
+    if (std::isnan(output)) log("NaN", "an output of PX4 is not a number; that motor stops");
+    session.outputs[i] = output;
+  }
+  session.controlled = true;
+  return true;
+}
+
+void Px4Port::report_damage(Session& session) {
+  const std::uint64_t damaged = session.reader.wrong_checksums() + session.reader.noise_bytes();
+  if (damaged == session.damaged) return;
+  session.damaged = damaged;
+  log("damage", "what PX4 sent is damaged: " + std::to_string(session.reader.wrong_checksums()) +
+                    " frames with a wrong checksum, " + std::to_string(session.reader.noise_bytes()) +
+                    " bytes outside frames");
+}
+
+void Px4Port::keep_pace(Session& session) const {
+  if (pace_.as_fast_as_possible && pace_.lockstep) return;
+  const auto now = WallClock::now();
+  session.due = std::max(session.due, now - kMaxLagOfPx4);
+  std::this_thread::sleep_until(session.due);
+  session.due +=
+      std::chrono::duration_cast<WallClock::duration>(std::chrono::duration<double>(kPx4Step_s / pace_.speed));
+}
+
+}  // namespace tileflight::simulator

@@ -1,0 +1,72 @@
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <stop_token>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "tileflight/autopilot/control_gate.h"
+#include "tileflight/autopilot/hil_messages.h"
+#include "tileflight/autopilot/limited_log.h"
+#include "tileflight/autopilot/tcp_port.h"
+#include "tileflight/simulator/lockstep_vehicle.h"
+
+namespace tileflight::simulator {
+
+/// How fast a vehicle with PX4 flies.
+struct Px4Pace {
+  bool lockstep = true;              ///< each step waits for PX4's outputs; else it goes by the wall clock
+  double speed = 1.0;                ///< simulated seconds in one of the wall clock
+  bool as_fast_as_possible = false;  ///< lockstep alone paces it
+};
+
+/// PX4's simulator interface for one vehicle: a thread that waits for PX4 at a TCP port, sends it sensors every 4 ms of
+/// simulated time, and drives the motors with what it answers. Until PX4 has sent its first outputs, and without
+/// lockstep, time goes by the wall clock.
+class Px4Port {
+ public:
+  /// Listens. Throws InputError if it cannot.
+  Px4Port(LockstepVehicle vehicle, const std::string& address, int port, const Px4Pace& pace, SimulatorLog log);
+
+  void start();
+  /// After the clock has stopped. May be called twice.
+  void stop();
+  std::uint16_t port() const { return port_.port(); }
+  const LockstepVehicle& vehicle() const { return vehicle_; }
+
+ private:
+  using WallClock = std::chrono::steady_clock;
+
+  /// State of one connection.
+  struct Session {
+    autopilot::MavlinkReader reader;
+    autopilot::ControlGate gate;
+    std::vector<double> outputs;
+    std::uint64_t step = 0;   ///< number of the sensors sent last
+    bool controlled = false;  ///< PX4 has sent outputs
+    std::uint8_t sequence = 0;
+    std::uint64_t damaged = 0;  ///< frames reported
+    WallClock::time_point due;  ///< when the next step may be made
+  };
+
+  void run(const std::stop_token& stop);
+  void serve_peer(const std::stop_token& stop);
+  void send_step(Session& session);
+  bool wait_for_controls(Session& session, const std::stop_token& stop);
+  bool take(Session& session, const autopilot::MavlinkFrame& received);
+  void report_damage(Session& session);
+  void keep_pace(Session& session) const;
+  void log(const std::string& kind, const std::string& text);
+  template <class Message>
+  std::string frame(Session& session, const Message& message) const;
+
+  LockstepVehicle vehicle_;
+  autopilot::TcpPort port_;
+  Px4Pace pace_;
+  autopilot::LimitedLog log_;
+  std::jthread thread_;
+};
+
+}  // namespace tileflight::simulator
