@@ -27,7 +27,7 @@ std::vector<Pose> Simulator::sim_list_instance_segmentation_poses(bool /*ned*/, 
 
 std::vector<Vector3r> Simulator::sim_get_instance_segmentation_color_map() const {
   std::vector<Vector3r> colours;
-  for (const imaging::Rgb8& c : segmentation_palette())
+  for (const imaging::Rgb8& c : labels::segmentation_palette())
     colours.push_back({static_cast<float>(c[0]), static_cast<float>(c[1]), static_cast<float>(c[2])});
   return colours;
 }

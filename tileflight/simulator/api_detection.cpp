@@ -1,8 +1,8 @@
 #include <cmath>
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/labels/name_pattern.h"
 #include "tileflight/simulator/frames.h"
-#include "tileflight/simulator/name_pattern.h"
 #include "tileflight/simulator/simulator_impl.h"
 
 namespace tileflight::simulator {
@@ -46,7 +46,7 @@ DetectionFilter& Simulator::Impl::detection_filter(const std::string& camera_nam
 void Simulator::sim_add_detection_filter_mesh_name(const std::string& camera, int image_type,
                                                    const std::string& mesh_name, const std::string& vehicle,
                                                    bool external) {
-  const NamePattern readable(wildcards_to_regex(mesh_name), NamePattern::Case::kIgnored);
+  const labels::NamePattern readable(wildcards_to_regex(mesh_name), labels::NamePattern::Case::kIgnored);
   const std::lock_guard lock(impl_->state_mutex);
   DetectionFilter& filter = impl_->detection_filter(camera, image_type, vehicle, external);
   if (filter.names.size() >= kMaxNames)

@@ -142,7 +142,7 @@ TEST(ApiImages, IdsBeyondAByteHaveColoursOfTheirOwn) {
   const auto world = simulator(kComputerVision);
   world->sim_set_vehicle_pose(pose(0, 0, -10), true, "");
   EXPECT_TRUE(world->sim_set_segmentation_object_id("north_wall", 1'000'000, false)) << "as scripts of Cosys-AirSim do";
-  const imaging::Rgb8 colour = segmentation_colour(1'000'000);
+  const imaging::Rgb8 colour = labels::segmentation_colour(1'000'000);
   EXPECT_EQ(bgr_at(take(*world, kSegmentation, false), 128, 72), (std::array<int, 3>{colour[2], colour[1], colour[0]}));
   EXPECT_EQ(bgr_at(take(*world, kInfrared, false), 128, 72), (std::array<int, 3>{255, 255, 255})) << "the brightest";
 }

@@ -7,9 +7,9 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/text_fields.h"
 #include "tileflight/ground_truth/ground_truth.h"
+#include "tileflight/labels/object_names.h"
 #include "tileflight/place/extract.h"
 #include "tileflight/simulator/frames.h"
-#include "tileflight/simulator/object_names.h"
 #include "tileflight/simulator/simulator_impl.h"
 #include "tileflight/simulator/voxel_files.h"
 #include "tileflight/tiles/view_criteria.h"
@@ -70,7 +70,7 @@ std::optional<Vec3> find_object_center(const ResidentScene& place, const std::st
 /// reversed.
 MeshPositionVertexBuffersResponse make_vertex_buffers(const imaging::TexturedMesh& mesh, const SE3& T_ned_local) {
   MeshPositionVertexBuffersResponse buffers;
-  buffers.name = tile_name(mesh.name);
+  buffers.name = labels::tile_name(mesh.name);
   for (const Vec3& vertex : mesh.mesh.vertices) {
     const Vector3r ned = to_airsim(T_ned_local * vertex);
     buffers.vertices.insert(buffers.vertices.end(),
@@ -84,7 +84,7 @@ MeshPositionVertexBuffersResponse make_vertex_buffers(const imaging::TexturedMes
 }  // namespace
 
 std::vector<std::string> Simulator::sim_list_scene_objects(const std::string& name_regex) {
-  const NamePattern pattern(name_regex, NamePattern::Case::kHeeded);
+  const labels::NamePattern pattern(name_regex, labels::NamePattern::Case::kHeeded);
   std::vector<std::string> names = scene_object_names(*impl_);
   std::erase_if(names, [&](const std::string& name) { return !pattern.matches(name); });
   return names;

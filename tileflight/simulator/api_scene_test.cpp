@@ -7,8 +7,6 @@
 
 #include "tests/temporary_folder.h"
 #include "tileflight/dataset/dataset.h"
-#include "tileflight/simulator/name_pattern.h"
-#include "tileflight/simulator/segmentation_ids.h"
 #include "tileflight/simulator/test_world.h"
 
 namespace tileflight::simulator::api_scene_test {
@@ -145,42 +143,6 @@ TEST(ApiScene, FilesAreWrittenBelowTheFolderGivenAndNowhereElse) {
   EXPECT_FALSE(open.sim_create_voxel_grid({0, 0, 0}, 4, 4, 4, 1, "whole.binvox/a")) << "in a file";
   EXPECT_TRUE(std::filesystem::exists(folder / "open" / "whole.binvox"));
   EXPECT_FALSE(std::filesystem::exists(folder / "a"));
-}
-
-TEST(ApiScene, PatternsMatchWholeNamesInLinearTime) {
-  EXPECT_TRUE(NamePattern("north.*", NamePattern::Case::kHeeded).matches("north wall"));
-  EXPECT_FALSE(NamePattern("north", NamePattern::Case::kHeeded).matches("north wall"));
-  EXPECT_FALSE(NamePattern("NORTH.*", NamePattern::Case::kHeeded).matches("north wall"));
-  EXPECT_TRUE(NamePattern("NORTH.*", NamePattern::Case::kIgnored).matches("north wall"));
-  // A backtracking matcher would not finish on these.
-  EXPECT_FALSE(NamePattern("(a+)+$", NamePattern::Case::kHeeded).matches(std::string(5000, 'a') + "!"));
-  EXPECT_FALSE(NamePattern("(a|aa)*(b|c)*d{0,50}x", NamePattern::Case::kHeeded).matches(std::string(5000, 'a')));
-  EXPECT_THAT(refusal_of([] { NamePattern("(", NamePattern::Case::kHeeded); }), HasSubstr("regular expression"));
-  EXPECT_THAT(refusal_of([] { NamePattern("(a)\\1", NamePattern::Case::kHeeded); }), HasSubstr("regular expression"));
-  EXPECT_THAT(refusal_of([] { NamePattern("((((a{1000}){1000}){1000}){1000})", NamePattern::Case::kHeeded); }),
-              HasSubstr("pattern"));
-  EXPECT_THAT(refusal_of([] { NamePattern(std::string(1001, 'a'), NamePattern::Case::kHeeded); }), HasSubstr("1000"));
-}
-
-TEST(ApiScene, ThePaletteHasAirSimsColoursAndNoneTwice) {
-  const auto& palette = segmentation_palette();
-  EXPECT_EQ(palette[1], (imaging::Rgb8{153, 108, 6}));
-  EXPECT_EQ(palette[2], (imaging::Rgb8{112, 105, 191}));
-  EXPECT_EQ(palette[7], (imaging::Rgb8{115, 176, 195}));
-  EXPECT_EQ(std::set<imaging::Rgb8>(palette.begin(), palette.end()).size(), 256U);
-  EXPECT_EQ(default_segmentation_id("Ab1"), 5 + 97 + 98);
-}
-
-TEST(ApiScene, EverySegmentationIdHasAColourOfItsOwn) {
-  std::vector<bool> used(1U << 24U);
-  for (int id = 0; id <= kMaxSegmentationId; ++id) {
-    const imaging::Rgb8 c = segmentation_colour(id);
-    const std::size_t number = (std::size_t{c[0]} << 16U) | (std::size_t{c[1]} << 8U) | c[2];
-    ASSERT_FALSE(used[number]) << id;
-    used[number] = true;
-  }
-  EXPECT_EQ(segmentation_colour(7), segmentation_palette()[7]);
-  EXPECT_EQ(segmentation_colour(-1), segmentation_palette()[0]);
 }
 
 TEST(ApiScene, ObjectsAreListedWithTheirPosesInTheSameOrder) {

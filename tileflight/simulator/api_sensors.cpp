@@ -109,7 +109,7 @@ GPULidarData Simulator::get_gpu_lidar_data(const std::string& lidar, const std::
   data.point_cloud.reserve(5 * taken.returns.size());
   for (const LidarReturn& one : taken.returns) {
     const Vector3r p = taken.point(one);
-    const float colour = to_colour_number(segmentation_colour(taken.segmentation_ids[one.object]));
+    const float colour = to_colour_number(labels::segmentation_colour(taken.segmentation_ids[one.object]));
     data.point_cloud.insert(data.point_cloud.end(), {p.x_val, p.y_val, p.z_val, colour, one.intensity});
   }
   return data;

@@ -4,7 +4,7 @@
 #include <cctype>
 #include <memory>
 
-#include "tileflight/simulator/name_pattern.h"
+#include "tileflight/labels/name_pattern.h"
 
 namespace tileflight::simulator {
 namespace {
@@ -56,9 +56,10 @@ std::string wildcards_to_regex(const std::string& text) {
 
 std::vector<DetectedObject> detect_objects(const ResidentScene& place, const imaging::Image<std::uint32_t>& objects,
                                            const geometry::SE3& T_camera_local, const DetectionFilter& filter) {
-  std::vector<std::unique_ptr<NamePattern>> patterns;
+  std::vector<std::unique_ptr<labels::NamePattern>> patterns;
   for (const std::string& name : filter.names)
-    patterns.push_back(std::make_unique<NamePattern>(wildcards_to_regex(name), NamePattern::Case::kIgnored));
+    patterns.push_back(
+        std::make_unique<labels::NamePattern>(wildcards_to_regex(name), labels::NamePattern::Case::kIgnored));
   std::vector<DetectedObject> seen = find_object_boxes(objects, place.object_names().size());
   for (std::uint32_t i = 0; i < seen.size(); ++i) seen[i].object = i;
   std::erase_if(seen, [&](const DetectedObject& one) {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "tileflight/simulator/name_pattern.h"
+#include "tileflight/labels/name_pattern.h"
 #include "tileflight/simulator/test_world.h"
 
 namespace tileflight::simulator::detection_test {
@@ -24,7 +24,7 @@ std::vector<std::string> names_of(const std::vector<DetectionInfo>& detections) 
 }
 
 bool matches(const std::string& wildcards, const std::string& name) {
-  return NamePattern(wildcards_to_regex(wildcards), NamePattern::Case::kIgnored).matches(name);
+  return labels::NamePattern(wildcards_to_regex(wildcards), labels::NamePattern::Case::kIgnored).matches(name);
 }
 
 TEST(Wildcards, StarsAreAnyTextAndQuestionMarksACharacter) {

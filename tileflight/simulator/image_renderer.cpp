@@ -128,7 +128,7 @@ double grey_share(int id) { return std::clamp(id, 0, 255) / 255.0; }
 std::vector<Rgb8> colours_of(ImageType type, const ObjectLabels& labels) {
   if (type == ImageType::kAnnotation) return labels.annotation;
   std::vector<Rgb8> colours;
-  for (const int id : labels.ids) colours.push_back(segmentation_colour(id));
+  for (const int id : labels.ids) colours.push_back(labels::segmentation_colour(id));
   return colours;
 }
 
@@ -219,7 +219,7 @@ RenderLayers ImageRenderer::render(const std::shared_ptr<const ResidentScene>& p
   return layers;
 }
 
-ObjectLabels ObjectLabels::of(const ResidentScene& place, const SegmentationIds& ids) {
+ObjectLabels ObjectLabels::of(const ResidentScene& place, const labels::SegmentationIds& ids) {
   std::vector<int> all = ids.lookup(place.object_names());
   all.insert(all.begin(), 0);
   return {std::move(all), {}};

@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "tileflight/imaging/camera.h"
+#include "tileflight/labels/segmentation_ids.h"
 #include "tileflight/render/camera_renderer.h"
 #include "tileflight/simulator/resident_scene.h"
-#include "tileflight/simulator/segmentation_ids.h"
 
 namespace tileflight::simulator {
 
@@ -72,7 +72,7 @@ struct ObjectLabels {
   std::vector<int> ids;                   ///< segmentation ids
   std::vector<imaging::Rgb8> annotation;  ///< of the annotation layer asked for; empty: none was
 
-  static ObjectLabels of(const ResidentScene& place, const SegmentationIds& ids);
+  static ObjectLabels of(const ResidentScene& place, const labels::SegmentationIds& ids);
 };
 
 /// Converts to one number per pixel, top row first (AirSim's red channel).

@@ -4,8 +4,8 @@
 #include <iterator>
 #include <set>
 
+#include "tileflight/labels/object_names.h"
 #include "tileflight/place/require_surface.h"
-#include "tileflight/simulator/object_names.h"
 
 namespace tileflight::simulator {
 namespace {
@@ -106,7 +106,7 @@ ResidentScene::ResidentScene(std::vector<ResidentTile> tiles, const Parts& whole
   tile_of_mesh_.resize(scene_.meshes().size(), 0);
   std::set<std::string> distinct;
   for (const render::SceneObject& object : objects_.all()) {
-    object_names_.push_back(client_name(object));
+    object_names_.push_back(labels::client_name(object));
     distinct.insert(object_names_.back());
   }
   if (has_surface_) distinct_names_.assign(distinct.begin(), distinct.end());

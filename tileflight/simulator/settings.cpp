@@ -59,18 +59,18 @@ void read_segmentation(StrictSection section, Settings& settings) {
   section.require_all_keys_used();
 }
 
-std::vector<AnnotationSettings> read_annotation_layers(StrictSection& root) {
+std::vector<labels::AnnotationSettings> read_annotation_layers(StrictSection& root) {
   constexpr int kColours = 0, kGreyscale = 1, kTextures = 2;  // Cosys-AirSim's types
-  std::vector<AnnotationSettings> layers;
+  std::vector<labels::AnnotationSettings> layers;
   for (StrictSection& entry : root.sections("Annotation")) {
     const int type = entry.integer("Type", kColours, kColours, kTextures);
     const bool direct = entry.boolean("SetDirect").value_or(false);
-    const AnnotationKind kind = type == kGreyscale  ? AnnotationKind::kGreyscale
-                                : type == kTextures ? AnnotationKind::kTexture
-                                : direct            ? AnnotationKind::kColour
-                                                    : AnnotationKind::kColourIndex;
+    const labels::AnnotationKind kind = type == kGreyscale  ? labels::AnnotationKind::kGreyscale
+                                        : type == kTextures ? labels::AnnotationKind::kTexture
+                                        : direct            ? labels::AnnotationKind::kColour
+                                                            : labels::AnnotationKind::kColourIndex;
     layers.push_back({entry.required_text("Name"), kind});
-    if (std::ranges::count(layers, layers.back().name, &AnnotationSettings::name) > 1)
+    if (std::ranges::count(layers, layers.back().name, &labels::AnnotationSettings::name) > 1)
       throw entry.error("Name", "'" + layers.back().name + "' is given twice");
     entry.ignore({"Default", "ViewDistance", "TexturePath", "TexturePrefix"});
     entry.require_all_keys_used();

@@ -9,8 +9,8 @@
 
 #include "tileflight/geometry/geodesy.h"
 #include "tileflight/imaging/camera.h"
+#include "tileflight/labels/annotation_layers.h"
 #include "tileflight/simulator/airsim_types.h"
-#include "tileflight/simulator/annotation_layers.h"
 #include "tileflight/simulator/autopilot_settings.h"
 #include "tileflight/simulator/sensor_settings.h"
 
@@ -83,7 +83,7 @@ struct Settings {
   std::optional<std::string> address;
   geometry::Vec3 wind_ned_m_s = geometry::Vec3::Zero();
   RecordingSettings recording;
-  std::vector<AnnotationSettings> annotation_layers;  ///< Cosys-AirSim's "Annotation"
+  std::vector<labels::AnnotationSettings> annotation_layers;  ///< Cosys-AirSim's "Annotation"
   bool random_ids = true;                 ///< SegmentationSettings.InitMethod: ids from the names, else all 0
   bool inverted_voxel_scale = false;      ///< own key "InvertedVoxelScale": write 1 / x in binvox files, as AirSim does
   std::vector<VehicleSettings> vehicles;  ///< at least one; the first one also has the name ""

@@ -159,10 +159,10 @@ TEST(Settings, AnnotationLayersAreThoseOfCosys) {
   EXPECT_THAT(settings.warnings, IsEmpty());
   ASSERT_EQ(settings.annotation_layers.size(), 4U);
   EXPECT_EQ(settings.annotation_layers[0].name, "Direct");
-  EXPECT_EQ(settings.annotation_layers[0].kind, AnnotationKind::kColour);
-  EXPECT_EQ(settings.annotation_layers[1].kind, AnnotationKind::kColourIndex);
-  EXPECT_EQ(settings.annotation_layers[2].kind, AnnotationKind::kGreyscale);
-  EXPECT_EQ(settings.annotation_layers[3].kind, AnnotationKind::kTexture);
+  EXPECT_EQ(settings.annotation_layers[0].kind, labels::AnnotationKind::kColour);
+  EXPECT_EQ(settings.annotation_layers[1].kind, labels::AnnotationKind::kColourIndex);
+  EXPECT_EQ(settings.annotation_layers[2].kind, labels::AnnotationKind::kGreyscale);
+  EXPECT_EQ(settings.annotation_layers[3].kind, labels::AnnotationKind::kTexture);
   EXPECT_THAT(refusal_of(R"({"Annotation": [{"Type": 0}]})"), HasSubstr("Name"));
   EXPECT_THAT(refusal_of(R"({"Annotation": [{"Name": "a", "Type": 3}]})"), HasSubstr("Type"));
   EXPECT_THAT(refusal_of(R"({"Annotation": [{"Name": "a"}, {"Name": "a", "Type": 1}]})"),

@@ -15,7 +15,8 @@
 #include <vector>
 
 #include "tileflight/base/require.h"
-#include "tileflight/simulator/annotation_layers.h"
+#include "tileflight/labels/annotation_layers.h"
+#include "tileflight/labels/segmentation_ids.h"
 #include "tileflight/simulator/ardupilot_port.h"
 #include "tileflight/simulator/client_file_access.h"
 #include "tileflight/simulator/detection.h"
@@ -24,7 +25,6 @@
 #include "tileflight/simulator/lockstep_vehicle.h"
 #include "tileflight/simulator/px4_port.h"
 #include "tileflight/simulator/recorder.h"
-#include "tileflight/simulator/segmentation_ids.h"
 #include "tileflight/simulator/sensor_readings.h"
 #include "tileflight/simulator/settings.h"
 #include "tileflight/simulator/sim_vehicle.h"
@@ -81,8 +81,8 @@ struct Simulator::Impl {
   GeodeticFrame geodetic_frame;
   geometry::SE3 T_local_ned;
   ClientFileAccess file_access;
-  SegmentationIds segmentation_ids;
-  AnnotationLayers annotation_layers;
+  labels::SegmentationIds segmentation_ids;
+  labels::AnnotationLayers annotation_layers;
   ImageRenderer renderer;
   std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
   std::atomic<std::uint64_t> images{0};

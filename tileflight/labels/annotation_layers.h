@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "tileflight/imaging/image.h"
-#include "tileflight/simulator/name_rules.h"
+#include "tileflight/labels/name_rules.h"
 
-namespace tileflight::simulator {
+namespace tileflight::labels {
 
 /// What an annotation layer holds for each object (Cosys-AirSim's types 0, 1, 2, and its two modes of colours).
 enum class AnnotationKind { kColour, kColourIndex, kGreyscale, kTexture };
@@ -64,4 +64,4 @@ class AnnotationLayers {
   std::map<std::string, Layer> layers_;
 };
 
-}  // namespace tileflight::simulator
+}  // namespace tileflight::labels

@@ -1,10 +1,10 @@
-#include "tileflight/simulator/name_pattern.h"
+#include "tileflight/labels/name_pattern.h"
 
 #include <re2/re2.h>
 
 #include "tileflight/base/input_error.h"
 
-namespace tileflight::simulator {
+namespace tileflight::labels {
 namespace {
 
 constexpr std::size_t kMaxPatternLength = 1000;
@@ -39,4 +39,4 @@ NamePattern::~NamePattern() = default;
 
 bool NamePattern::matches(const std::string& name) const { return re2::RE2::FullMatch(name, impl_->expression); }
 
-}  // namespace tileflight::simulator
+}  // namespace tileflight::labels

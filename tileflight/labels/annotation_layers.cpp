@@ -1,12 +1,12 @@
-#include "tileflight/simulator/annotation_layers.h"
+#include "tileflight/labels/annotation_layers.h"
 
 #include <algorithm>
 #include <cmath>
 
 #include "tileflight/base/input_error.h"
-#include "tileflight/simulator/segmentation_ids.h"
+#include "tileflight/labels/segmentation_ids.h"
 
-namespace tileflight::simulator {
+namespace tileflight::labels {
 namespace {
 
 using imaging::Rgb8;
@@ -88,4 +88,4 @@ std::vector<Rgb8> AnnotationLayers::colours(const std::string& layer, const std:
   return colours;
 }
 
-}  // namespace tileflight::simulator
+}  // namespace tileflight::labels

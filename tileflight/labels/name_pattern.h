@@ -3,7 +3,7 @@
 #include <memory>
 #include <string>
 
-namespace tileflight::simulator {
+namespace tileflight::labels {
 
 /// A client's regular expression for whole names. Matching takes time linear in the name's length for any expression
 /// (RE2: no backtracking), with bounded memory; features that need backtracking (backreferences, lookahead) are not
@@ -25,4 +25,4 @@ class NamePattern {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace tileflight::simulator
+}  // namespace tileflight::labels

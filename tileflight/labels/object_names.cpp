@@ -1,11 +1,11 @@
-#include "tileflight/simulator/object_names.h"
+#include "tileflight/labels/object_names.h"
 
 #include <algorithm>
 #include <string_view>
 
 #include "tileflight/base/sha256.h"
 
-namespace tileflight::simulator {
+namespace tileflight::labels {
 namespace {
 
 bool is_letter_or_digit(char c) { return (c >= '0' && c <= '9') || (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z'); }
@@ -78,4 +78,4 @@ std::string client_name(const render::SceneObject& object) {
   return to_word_name(file_of(object.tile) + "#" + std::to_string(object.feature));
 }
 
-}  // namespace tileflight::simulator
+}  // namespace tileflight::labels

@@ -1,13 +1,13 @@
-#include "tileflight/simulator/object_names.h"
+#include "tileflight/labels/object_names.h"
 
 #include <gmock/gmock.h>
 
 #include <set>
 #include <vector>
 
-#include "tileflight/simulator/name_pattern.h"
+#include "tileflight/labels/name_pattern.h"
 
-namespace tileflight::simulator::object_names_test {
+namespace tileflight::labels::object_names_test {
 namespace {
 
 constexpr std::uint32_t kNone = imaging::kNoFeature;
@@ -77,4 +77,4 @@ TEST(ObjectNames, AreWordsAndDifferent) {
 }
 
 }  // namespace
-}  // namespace tileflight::simulator::object_names_test
+}  // namespace tileflight::labels::object_names_test

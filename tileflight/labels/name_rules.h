@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "tileflight/base/input_error.h"
-#include "tileflight/simulator/name_pattern.h"
+#include "tileflight/labels/name_pattern.h"
 
-namespace tileflight::simulator {
+namespace tileflight::labels {
 
 /// What clients have set for objects by name or by pattern, which also holds for objects that come later. The latest
 /// rule that matches a name holds. Not thread-safe.
@@ -58,4 +58,4 @@ class NameRules {
   std::map<std::string, Value> by_name_;  ///< later than all patterns that match
 };
 
-}  // namespace tileflight::simulator
+}  // namespace tileflight::labels

@@ -4,7 +4,7 @@
 
 #include "tileflight/render/scene_objects.h"
 
-namespace tileflight::simulator {
+namespace tileflight::labels {
 
 /// A name of word characters (letters, digits, `_`), as AirSim's scripts expect: their patterns are `[\w]*`. It depends
 /// on `name` alone, so that it is the same whichever tiles are in memory. A name of words joined by single `-`, `/` or
@@ -20,4 +20,4 @@ std::string tile_name(const std::string& mesh_name);
 /// are to_word_name(); a feature without a name is `FILE#NUMBER` in word characters; the rest of a tile is tile_name().
 std::string client_name(const render::SceneObject& object);
 
-}  // namespace tileflight::simulator
+}  // namespace tileflight::labels

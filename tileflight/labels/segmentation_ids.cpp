@@ -1,4 +1,4 @@
-#include "tileflight/simulator/segmentation_ids.h"
+#include "tileflight/labels/segmentation_ids.h"
 
 #include <algorithm>
 #include <cctype>
@@ -8,7 +8,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/random_numbers.h"
 
-namespace tileflight::simulator {
+namespace tileflight::labels {
 namespace {
 
 using imaging::Rgb8;
@@ -109,4 +109,4 @@ std::vector<int> SegmentationIds::lookup(const std::vector<std::string>& names) 
   return ids;
 }
 
-}  // namespace tileflight::simulator
+}  // namespace tileflight::labels

@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "tileflight/imaging/image.h"
-#include "tileflight/simulator/name_rules.h"
+#include "tileflight/labels/name_rules.h"
 
-namespace tileflight::simulator {
+namespace tileflight::labels {
 
 /// The largest id: as many as Cosys-AirSim has colours. AirSim's scripts use those up to 255.
 inline constexpr int kMaxSegmentationId = 2'743'999;
@@ -46,4 +46,4 @@ class SegmentationIds {
   NameRules<int> rules_;
 };
 
-}  // namespace tileflight::simulator
+}  // namespace tileflight::labels
