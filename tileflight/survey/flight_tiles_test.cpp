@@ -53,6 +53,11 @@ class FlightTilesTest : public testing::Test {
   FlightTiles open() const { return {mission_, settings_, {}}; }
   /// All tiles have as many triangles.
   std::uintmax_t tile_bytes() const { return memory_of(open().read({0})[0].meshes).rendered_bytes; }
+  /// As many tiles, of a frame or of a region.
+  MemoryLimits limits(int count) const {
+    const auto bytes = static_cast<double>(tile_bytes()) * count;
+    return {bytes, bytes};
+  }
   std::vector<std::size_t> all_frames() const {
     std::vector<std::size_t> frames(mission_.frames.size());
     for (std::size_t i = 0; i < frames.size(); ++i) frames[i] = i;
@@ -222,12 +227,12 @@ TEST_F(FlightTilesTest, ARegionNeedsWhatItsRaysMeet) {
 
 TEST_F(FlightTilesTest, AFrameThatDoesNotFitIsDividedOrRefused) {
   FlightTiles tiles = open();
-  require_frames_fit(tiles, mission_, all_frames(), 30 * tile_bytes(), {});
+  require_frames_fit(tiles, mission_, all_frames(), limits(30), {});
   PartLoader loader(tiles, all_views(), 20 * tile_bytes());
   EXPECT_FALSE(loader.load(0));
   EXPECT_GT(loader.estimated_bytes({0}), static_cast<double>(20 * tile_bytes()));
   const std::string message =
-      tests::refusal_of([&] { require_frames_fit(tiles, mission_, all_frames(), 2 * tile_bytes(), {}); });
+      tests::refusal_of([&] { require_frames_fit(tiles, mission_, all_frames(), limits(2), {}); });
   EXPECT_THAT(message, HasSubstr("the tiles of 8 x 8 pixels of frame "));
   EXPECT_THAT(message, HasSubstr(" GB of memory: raise the limit (--memory "));
 }
@@ -236,10 +241,10 @@ TEST_F(FlightTilesTest, AFrameThatMayNotBeDividedIsRefused) {
   mission_.options.formation.light.emplace();
   FlightTiles tiles = open();
   const std::string message =
-      tests::refusal_of([&] { require_frames_fit(tiles, mission_, all_frames(), 20 * tile_bytes(), {}); });
+      tests::refusal_of([&] { require_frames_fit(tiles, mission_, all_frames(), limits(20), {}); });
   EXPECT_THAT(message, HasSubstr("the tiles of frame "));
   EXPECT_THAT(message, HasSubstr(" need about "));
-  require_frames_fit(tiles, mission_, all_frames(), 64 * tile_bytes(), {});
+  require_frames_fit(tiles, mission_, all_frames(), limits(64), {});
 }
 
 TEST(MemorySum, CountsATextureOfAFileOnce) {

@@ -171,8 +171,10 @@ std::optional<double> fitting_error_px(FlightTiles& tiles, MemoryEstimator& esti
 }
 
 tiles::MemoryLimitExceeded refusal(FlightTiles& tiles, MemoryEstimator& estimator, const FrameView& view,
-                                   double needed_bytes, double limit_bytes) {
+                                   double needed_bytes, const MemoryLimits& limits) {
+  const double limit_bytes = view.region ? limits.region : limits.frame;
   const std::optional<double> error_px = fitting_error_px(tiles, estimator, view, limit_bytes);
+  const double memory_bytes = limits.frame * needed_bytes / limit_bytes;  // with the images of a divided frame
   const std::string pixels =
       view.region ? base::formatted("%d x %d pixels of ", view.region->width(), view.region->height()) : std::string();
   const std::string coarser = error_px           ? base::formatted("--pixel-error %g", *error_px)
@@ -181,32 +183,31 @@ tiles::MemoryLimitExceeded refusal(FlightTiles& tiles, MemoryEstimator& estimato
   return {tiles.name(),
           base::formatted("the tiles of %sframe %zu need about %.2g GB, more than %.3g GB of memory: raise the limit "
                           "(--memory %g) or request coarser tiles (%s)",
-                          pixels.c_str(), view.frame, 1e-9 * needed_bytes, 1e-9 * limit_bytes,
-                          rounded_up(1.1e-9 * needed_bytes), coarser.c_str())};
+                          pixels.c_str(), view.frame, 1e-9 * memory_bytes, 1e-9 * limits.frame,
+                          rounded_up(1.1e-9 * memory_bytes), coarser.c_str())};
 }
 
 }  // namespace
 
 void require_frames_fit(FlightTiles& tiles, const PlannedFlight& mission, const std::vector<std::size_t>& frames,
-                        std::uintmax_t max_memory_bytes, const Progress& progress) {
+                        const MemoryLimits& limits, const Progress& progress) {
   constexpr std::size_t kProbes = 24;
-  if (frames.empty() || surely_fits(tiles, max_memory_bytes)) return;
+  if (frames.empty() || surely_fits(tiles, static_cast<std::uintmax_t>(limits.frame))) return;
   MemoryEstimator estimator(tiles);
   FrameView view{largest_frame(tiles, estimator, frames)};
   const std::vector<std::size_t> numbers = numbers_for(tiles, view);
   if (numbers.empty()) return;
   report_progress(progress, 0, 0, "estimating memory");
   estimator.learn(evenly_chosen(numbers, kProbes));
-  const auto limit = static_cast<double>(max_memory_bytes);
-  std::optional<MemoryEstimator> excess = measure_excess(tiles, estimator, view, limit);
+  std::optional<MemoryEstimator> excess = measure_excess(tiles, estimator, view, limits.frame);
   if (excess && may_divide_images(mission)) {
-    view = most_demanding_region(tiles, estimator, mission.calibration.camera, view.frame, kSurely * limit);
-    excess = measure_excess(tiles, estimator, view, limit);
+    view = most_demanding_region(tiles, estimator, mission.calibration.camera, view.frame, kSurely * limits.region);
+    excess = measure_excess(tiles, estimator, view, limits.region);
   }
   if (!excess) return;
   const double needed =
       std::max(excess->learnt_bytes(), excess->estimated_bytes(contents_of(tiles, numbers_for(tiles, view))));
-  throw refusal(tiles, *excess, view, needed, limit);
+  throw refusal(tiles, *excess, view, needed, limits);
 }
 
 }  // namespace tileflight::survey

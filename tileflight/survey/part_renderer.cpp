@@ -61,7 +61,8 @@ void PartRenderer::select(FrameAssignment& share) {
   share.set_cut(tiles_->cut_hash());
   std::vector<std::size_t> frames;
   for (const FrameView& view : views_to_load(share)) frames.push_back(view.frame);
-  require_frames_fit(*tiles_, mission_, frames, max_memory_bytes_, progress_);
+  const MemoryLimits limits{static_cast<double>(max_memory_bytes_), bytes_for_tiles(1)};
+  require_frames_fit(*tiles_, mission_, frames, limits, progress_);
 }
 
 std::string PartRenderer::meter(const FrameAssignment& share) {
@@ -215,15 +216,16 @@ std::vector<std::size_t> PartRenderer::frames_to_divide(std::size_t begin) const
 }
 
 /// The same regions of all the frames, those of one region together, so that they share its tiles.
-std::vector<FrameView> PartRenderer::divided_views(const std::vector<std::size_t>& frames) const {
-  constexpr double kRegionShare = 0.75;  // of the memory limit: estimates may be too low
+std::vector<FrameView> PartRenderer::divided_views(const std::vector<std::size_t>& frames,
+                                                   double bytes_for_tiles) const {
+  constexpr double kRegionShare = 0.9;  // estimates may be too low
   const imaging::Camera& camera = mission_.calibration.camera;
   const std::vector<PixelRegion> regions = divide_image(
       camera.width(), camera.height(),
       [&](const PixelRegion& region) {
         return loader_->estimated_bytes({frames.front(), region, false});
       },
-      kRegionShare * static_cast<double>(max_memory_bytes_));
+      kRegionShare * bytes_for_tiles);
   std::vector<FrameView> views;
   for (const PixelRegion& region : regions) {
     for (const std::size_t frame : frames) views.push_back({frame, region, region == regions.front()});
@@ -254,9 +256,9 @@ void PartRenderer::divide_further(std::size_t begin) {
 void PartRenderer::for_each_region(const std::vector<std::size_t>& frames, const FrameAssignment& share,
                                    const PartWork& work) {
   std::vector<FrameView> whole = loader_->views();
-  const std::uintmax_t images = (frames.size() + 1) * bytes_of_traced_frame();
-  loader_->set_limit(std::max(max_memory_bytes_ / 2, max_memory_bytes_ - std::min(images, max_memory_bytes_)));
-  loader_->set_views(divided_views(frames));
+  const double for_tiles = bytes_for_tiles(frames.size());
+  loader_->set_limit(static_cast<std::uintmax_t>(for_tiles));
+  loader_->set_views(divided_views(frames, for_tiles));
   for (std::size_t next = 0; next < loader_->views().size();) {
     if (std::optional<LoadedPart> part = load(next, share)) {
       loader_->prefetch(part->end);
@@ -334,6 +336,15 @@ void PartRenderer::render_divided(const std::vector<std::size_t>& frames, FrameA
   });
   report_progress(progress_, static_cast<std::int64_t>(assigned.back()) + 1,
                   static_cast<std::int64_t>(mission_.frames.size()), "frames rendered");
+}
+
+/// What a region's scene may take beside so many frames that are being traced, and one that is written.
+double PartRenderer::bytes_for_tiles(std::size_t frames) const {
+  // A scene that is being built takes more than it does later; where many scenes follow each other, one will show it.
+  constexpr double kTilesShare = 0.7, kLeastShare = 0.4;
+  const auto limit = static_cast<double>(max_memory_bytes_);
+  const auto images = static_cast<double>((frames + 1) * bytes_of_traced_frame());
+  return std::max(kLeastShare * limit, kTilesShare * limit - images);
 }
 
 /// Upper bound of what a frame takes until it is developed, and as it is written.

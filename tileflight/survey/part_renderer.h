@@ -69,7 +69,7 @@ class PartRenderer {
                    const render::FrameSink& sink, RenderSummary& summary);
 
   std::vector<std::size_t> frames_to_divide(std::size_t begin) const;
-  std::vector<FrameView> divided_views(const std::vector<std::size_t>& frames) const;
+  std::vector<FrameView> divided_views(const std::vector<std::size_t>& frames, double bytes_for_tiles) const;
   void divide_further(std::size_t begin);
   void for_each_region(const std::vector<std::size_t>& frames, const FrameAssignment& share, const PartWork& work);
   std::vector<double> meter_divided(const std::vector<std::size_t>& frames, const FrameAssignment& share);
@@ -77,6 +77,7 @@ class PartRenderer {
                       RenderSummary& summary);
   std::vector<double> gains_of(const std::vector<std::size_t>& frames, const std::vector<double>& light,
                                RenderSummary& summary) const;
+  double bytes_for_tiles(std::size_t frames) const;
   std::uintmax_t bytes_of_traced_frame() const;
 
   void keep_records(const FrameAssignment& share);
