@@ -14,14 +14,14 @@
 namespace tileflight::foxglove {
 
 /// A client of its own for tests: RFC 6455 over a plain socket, without any library, so that it can also send what no
-/// library would. Reading gives up after ten seconds.
+/// library would. Reading gives up after a minute.
 class TestWebSocket {
  public:
   /// Connects; `protocol` empty: no more than that.
   explicit TestWebSocket(std::uint16_t port, const std::string& protocol = "foxglove.websocket.v1",
                          int receive_buffer_bytes = 0) {
     socket_ = ::socket(AF_INET, SOCK_STREAM, 0);
-    const timeval patience{10, 0};
+    const timeval patience{60, 0};
     const int at_once = 1;
     ::setsockopt(socket_, IPPROTO_TCP, TCP_NODELAY, &at_once, sizeof at_once);
     ::setsockopt(socket_, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
@@ -102,7 +102,7 @@ class TestWebSocket {
       if (!message->is_text && !message->bytes.empty() && message->bytes[0] == 1) return message->bytes;
     return std::nullopt;
   }
-  /// Reads until the server says goodbye or closes the connection; false if neither happens within ten seconds.
+  /// Reads until the server says goodbye or closes the connection; false if neither happens within a minute.
   bool is_closed_by_server() {
     while (read().has_value()) continue;
     return has_goodbye_ || is_at_end_;
