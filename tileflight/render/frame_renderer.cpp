@@ -36,9 +36,16 @@ RenderOptions make_render_options(const FlightRenderOptions& options) {
   return render;
 }
 
-/// Points from one frame to the next: along the path, if known, in steps small enough to follow its bends.
-std::vector<geometry::Vec3> path_between(const StampedPose& from, const StampedPose& to, const PoseFunction& pose_at) {
+void take_channel(std::size_t channel, const LinearImage& from, LinearImage& to) {
+  for (std::size_t i = 0; i < to.pixels.size(); ++i) to.pixels[i][channel] = from.pixels[i][channel];
+}
+
+}  // namespace
+
+std::vector<geometry::Vec3> path_to_next_frame(const Trajectory& frames, std::size_t index,
+                                               const PoseFunction& pose_at) {
   constexpr double kStep_m = 0.5, kMostSteps = 32.0;
+  const StampedPose &from = frames.poses[index], &to = frames.poses[index + 1];
   std::vector<geometry::Vec3> way{from.T_local_camera.translation};
   const double length_m = (to.T_local_camera.translation - way.front()).norm();
   const int steps = pose_at ? static_cast<int>(std::clamp(std::ceil(length_m / kStep_m), 1.0, kMostSteps)) : 1;
@@ -47,12 +54,6 @@ std::vector<geometry::Vec3> path_between(const StampedPose& from, const StampedP
   way.push_back(to.T_local_camera.translation);
   return way;
 }
-
-void take_channel(std::size_t channel, const LinearImage& from, LinearImage& to) {
-  for (std::size_t i = 0; i < to.pixels.size(); ++i) to.pixels[i][channel] = from.pixels[i][channel];
-}
-
-}  // namespace
 
 FrameRange frame_range(const FlightRenderOptions& options, std::size_t frames) {
   const std::size_t end = std::min(options.end_frame, frames);
@@ -159,9 +160,7 @@ LightFrame FrameRenderer::trace_light(std::size_t index, const OptionalRegion& r
 }
 
 bool FrameRenderer::is_blocked_after(std::size_t index) const {
-  const auto& poses = frames_.poses;
-  return index + 1 < poses.size() &&
-         scene::path_hits_surface(scene_, path_between(poses[index], poses[index + 1], path_));
+  return index + 1 < frames_.size() && scene::path_hits_surface(scene_, path_to_next_frame(frames_, index, path_));
 }
 
 double FrameRenderer::gain_of(std::size_t index) const {

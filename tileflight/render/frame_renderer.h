@@ -29,6 +29,11 @@ struct FrameRange {
 /// FlightRenderOptions::first_frame and end_frame within a flight of so many frames.
 FrameRange frame_range(const FlightRenderOptions& options, std::size_t frames);
 
+/// Points of the camera's way from a frame to the next (FrameCheck::path_is_blocked): along the path, if `pose_at` is
+/// given, in steps small enough to follow its bends. Precondition: there is a next frame.
+std::vector<geometry::Vec3> path_to_next_frame(const geometry::Trajectory& frames, std::size_t index,
+                                               const PoseFunction& pose_at);
+
 /// What rays find of a frame: all that depends on the scene.
 struct TracedFrame {
   std::size_t index = 0;

@@ -6,6 +6,7 @@
 
 #include "tileflight/base/files.h"
 #include "tileflight/base/string_lists.h"
+#include "tileflight/render/frame_renderer.h"
 #include "tileflight/tiles/cut_reader.h"
 #include "tileflight/tiles/region_reader.h"
 #include "tileflight/transport/open_source.h"
@@ -38,6 +39,13 @@ std::unique_ptr<transport::TileSource> open_permitted(const std::string& source,
 bool is_below(const BoundingSphere& sphere, const Vec3& point) {
   return (sphere.center - point).head<2>().norm() <= sphere.radius_m &&
          sphere.center.z() - sphere.radius_m <= point.z();
+}
+
+double distance_to_segment_m(const Vec3& point, const Vec3& a, const Vec3& b) {
+  const Vec3 along = b - a;
+  const double length2 = along.squaredNorm();
+  const double at = length2 > 0.0 ? std::clamp((point - a).dot(along) / length2, 0.0, 1.0) : 0.0;
+  return (point - a - at * along).norm();
 }
 
 }  // namespace
@@ -156,11 +164,27 @@ std::function<bool(const BoundingSphere&)> FlightTiles::needs_of(const FrameView
   tiles::RefinementCriterion seen{.intersects = [](const tiles::BoundingVolume&) { return false; }};
   if (!cones.empty()) seen = tiles::flight_criterion(cones, geometry::SE3(), 0.0);
   if (!view.has_checks) return [seen](const BoundingSphere& sphere) { return seen.intersects(sphere); };
-  BoundingSphere around = surroundings_[view.frame];
-  if (view.region) around.radius_m = std::max(around.radius_m, kInsideReach_m + kSlack_m);
-  return [seen, around](const BoundingSphere& sphere) {
+  if (view.region) return needs_of_first_region(view.frame, std::move(seen));
+  return [seen, around = surroundings_[view.frame]](const BoundingSphere& sphere) {
     return seen.intersects(sphere) || (sphere.center - around.center).norm() <= sphere.radius_m + around.radius_m ||
            is_below(sphere, around.center);
+  };
+}
+
+/// Of a divided frame, the way to the next is followed closely: the sphere around all of it may be large.
+std::function<bool(const BoundingSphere&)> FlightTiles::needs_of_first_region(std::size_t frame,
+                                                                              tiles::RefinementCriterion seen) const {
+  const Vec3& here = mission_.frames.poses[frame].T_local_camera.translation;
+  std::vector<Vec3> way{here};
+  if (frame + 1 < mission_.frames.size()) way = render::path_to_next_frame(mission_.frames, frame, mission_.pose_at);
+  const double near_m = mission_.options.clearance_m + kSlack_m;
+  return [seen = std::move(seen), here, way, near_m](const BoundingSphere& sphere) {
+    if (seen.intersects(sphere) || is_below(sphere, here)) return true;
+    if ((sphere.center - here).norm() <= sphere.radius_m + kInsideReach_m + kSlack_m) return true;
+    for (std::size_t i = 0; i + 1 < way.size(); ++i) {
+      if (distance_to_segment_m(sphere.center, way[i], way[i + 1]) <= sphere.radius_m + near_m) return true;
+    }
+    return false;
   };
 }
 

@@ -61,7 +61,8 @@ class FlightTiles {
   /// Those that a frame needs: what it may show, and what surrounds the camera (FrameCheck). As places in
   /// contents_of_group, ascending.
   std::vector<std::size_t> places_for_frame(std::size_t frame) const { return places_for_view({frame}); }
-  /// The same for a part of a frame. What surrounds the camera of a divided frame reaches to kInsideReach_m.
+  /// The same for a part of a frame. What surrounds the camera of a divided frame reaches to
+  /// kInsideReach_m, and along the way to the next frame.
   std::vector<std::size_t> places_for_view(const FrameView& view) const;
 
   /// Whether a region is loaded whole if it fits into memory, also what no frame shows.
@@ -94,6 +95,8 @@ class FlightTiles {
   std::size_t number_of(const tiles::CutContent& content);
   void add_frame_spheres();
   std::function<bool(const tiles::BoundingSphere& sphere)> needs_of(const FrameView& view) const;
+  std::function<bool(const tiles::BoundingSphere& sphere)> needs_of_first_region(std::size_t frame,
+                                                                                 tiles::RefinementCriterion seen) const;
   std::vector<tiles::ViewCone> cones_of(const FrameView& view) const;
   const std::vector<tiles::ViewCone>& region_cones(const imaging::PixelRegion& region) const;
   tiles::BoundingSphere sphere_of(const tiles::CutContent& content) const;
