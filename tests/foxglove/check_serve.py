@@ -104,7 +104,7 @@ def main():
         import running_server
         import tileflight_airsim as airsim
     except ImportError as missing:
-        programs.skip(str(missing))
+        programs.npm_packages.skip(str(missing))
     check_still(running_server, airsim, work)
     check_flight(running_server, work)
 

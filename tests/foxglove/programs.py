@@ -1,15 +1,16 @@
 """What the tests of this folder share: npm's packages, a rendered flight, programs that run for as long as a with block."""
 import json
 import pathlib
-import shutil
 import signal
 import socket
 import struct
 import subprocess
 import sys
 
-SKIPPED = 77
 HERE = pathlib.Path(__file__).parent
+sys.path.insert(0, str(HERE.parent))
+import npm_packages  # noqa: E402
+
 CAMERA = """cam0:
   camera_model: pinhole
   intrinsics: [76.0, 76.0, 79.5, 59.5]
@@ -33,23 +34,9 @@ sensors:
 """
 
 
-def skip(why):
-    print(f"skipped: {why}")
-    sys.exit(SKIPPED)
-
-
 def install(work):
-    """The packages of package-lock.json, once, with the viewer beside them."""
-    if not shutil.which("node") or not shutil.which("npm"):
-        skip("node and npm are not installed")
-    work.mkdir(parents=True, exist_ok=True)
-    for name in ("package.json", "package-lock.json", "watch.mjs"):
-        shutil.copy(HERE / name, work / name)
-    if (work / "node_modules/@foxglove/ws-protocol").is_dir():
-        return
-    done = subprocess.run(["npm", "ci", "--no-audit", "--no-fund"], cwd=work, capture_output=True, text=True, timeout=120)
-    if done.returncode != 0:
-        skip("npm ci failed: " + (done.stderr.strip().splitlines() or ["without a word"])[-1])
+    """The packages of package-lock.json, with the viewer beside them."""
+    npm_packages.install(HERE, work, "watch.mjs")
 
 
 def tiny_place(work):

@@ -12,7 +12,9 @@ import subprocess
 import sys
 import zlib
 
-SKIPPED = 77
+sys.path.insert(0, str(pathlib.Path(__file__).parents[1]))
+from npm_packages import install  # noqa: E402
+
 FRAMES = 3
 CAMERA = """cam0:
   camera_model: pinhole
@@ -21,25 +23,6 @@ CAMERA = """cam0:
   distortion_coeffs: [0.01, 0.0, 0.0, 0.0]
   resolution: [32, 24]
 """
-
-
-def skip(why):
-    print(f"skipped: {why}")
-    sys.exit(SKIPPED)
-
-
-def install(source, work):
-    """The packages of package-lock.json, once."""
-    if not shutil.which("node") or not shutil.which("npm"):
-        skip("node and npm are not installed")
-    work.mkdir(parents=True, exist_ok=True)
-    for name in ("package.json", "package-lock.json", "check_mcap.mjs"):
-        shutil.copy(source / name, work / name)
-    if (work / "node_modules/@mcap/core").is_dir():
-        return
-    done = subprocess.run(["npm", "ci", "--no-audit", "--no-fund"], cwd=work, capture_output=True, text=True, timeout=120)
-    if done.returncode != 0:
-        skip("npm ci failed: " + (done.stderr.strip().splitlines() or ["without a word"])[-1])
 
 
 def png(width, height, shade):
@@ -106,7 +89,7 @@ def check(read):
 
 def main():
     tileflight, source, work = sys.argv[1], pathlib.Path(sys.argv[2]), pathlib.Path(sys.argv[3])
-    install(source, work)
+    install(source, work, "check_mcap.mjs")
     write_dataset(work / "dataset")
     mcap = work / "flight.mcap"
     subprocess.run([tileflight, "export", work / "dataset", "--layout", "mcap", "--out", mcap, "--force", "--quiet"], check=True)

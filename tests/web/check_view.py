@@ -3,45 +3,19 @@
 Usage: check_view.py WRITE_SYNTHETIC_REPORT WORK_FOLDER [CHROMIUM [OPTION]]; `check_view.py --types WEB_FOLDER WORK_FOLDER` checks the types of
 the view's sources instead. Exits with 77 (skipped) where there is no node or browser, npm cannot fetch, or the program was built without the view.
 """
-import fcntl
 import pathlib
 import shutil
 import subprocess
 import sys
 
-SKIPPED = 77
 HERE = pathlib.Path(__file__).parent
-
-
-def skip(why):
-    print(f"skipped: {why}")
-    sys.exit(SKIPPED)
-
-
-def install(work):
-    """The packages of package-lock.json, once for as long as it is the same; tests that run at once wait for each other."""
-    if not shutil.which("node") or not shutil.which("npm"):
-        skip("node and npm are not installed")
-    work.mkdir(parents=True, exist_ok=True)
-    with open(work / "lock", "w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        wanted = (HERE / "package-lock.json").read_text()
-        fetched = work / "fetched"
-        shutil.copy(HERE / "check_view.mjs", work)
-        if fetched.exists() and fetched.read_text() == wanted:
-            return
-        for name in ("package.json", "package-lock.json"):
-            shutil.copy(HERE / name, work)
-        command = ["npm", "ci", "--prefer-offline", "--ignore-scripts", "--no-audit", "--no-fund"]
-        done = subprocess.run(command, cwd=work, capture_output=True, text=True, timeout=200)
-        if done.returncode != 0:
-            skip("npm ci failed: " + (done.stderr.strip().splitlines() or ["without a word"])[-1])
-        fetched.write_text(wanted)
+sys.path.insert(0, str(HERE.parent))
+from npm_packages import install, skip  # noqa: E402
 
 
 def check_types(web, work):
     """tsc, in a folder that has the sources and the types beside each other."""
-    install(work)
+    install(HERE, work, "check_view.mjs")
     sources = work / "types"
     shutil.rmtree(sources, ignore_errors=True)
     shutil.copytree(web / "src", sources / "src")
@@ -52,7 +26,7 @@ def check_types(web, work):
 def check_view(writer, work, chromium=None, *options):
     if not chromium or chromium.endswith("NOTFOUND"):
         skip("no chromium here")
-    install(work)
+    install(HERE, work, "check_view.mjs")
     run, pictures = work / "run", work / "pictures"
     shutil.rmtree(run, ignore_errors=True)
     pictures.mkdir(exist_ok=True)

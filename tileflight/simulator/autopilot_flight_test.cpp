@@ -21,33 +21,11 @@ using autopilot::test_support::ScriptedAutopilot;
 using autopilot::test_support::UdpClient;
 using geometry::Vec3;
 using testing::HasSubstr;
+using test_world::LoggedLines;
+using test_world::world;
 
 constexpr const char* kCopter = R"({"Vehicles": {"Copter": {"VehicleType": "ArduCopter", "ControlPort": 0}}})";
 constexpr int kRate = 400;
-
-/// Lines that the simulator has logged.
-struct Lines {
-  std::mutex mutex;
-  std::vector<std::string> lines;
-
-  SimulatorLog log() {
-    return [this](const std::string& line) {
-      const std::lock_guard lock(mutex);
-      lines.push_back(line);
-    };
-  }
-  std::size_t count(const std::string& part) {
-    const std::lock_guard lock(mutex);
-    return static_cast<std::size_t>(
-        std::ranges::count_if(lines, [&](const std::string& line) { return line.find(part) != std::string::npos; }));
-  }
-};
-
-std::unique_ptr<Simulator> world(const std::string& settings, Lines* lines = nullptr) {
-  SimulatorOptions options;
-  options.settings = settings;
-  return std::make_unique<Simulator>(options, test_world::meshes(), lines ? lines->log() : SimulatorLog{});
-}
 
 /// An autopilot at the port of one of the simulator's vehicles.
 class Copter {
@@ -167,7 +145,7 @@ TEST(AutopilotFlight, AgainTheSameFrameGivesTheSameAnswerAndNoStep) {
 }
 
 TEST(AutopilotFlight, ARestartedAutopilotFindsItsVehicleAtTheStart) {
-  Lines lines;
+  LoggedLines lines;
   const auto simulator = world(kCopter, &lines);
   {
     Copter first(*simulator, {{0, 0, -5}, {20, 0, -5}});
@@ -206,7 +184,7 @@ TEST(AutopilotFlight, APauseHoldsTheAnswerBack) {
 }
 
 TEST(AutopilotFlight, HostileDatagramsAreOneLineEachAndTheSimulatorLives) {
-  Lines lines;
+  LoggedLines lines;
   const auto simulator = world(kCopter, &lines);
   Copter copter(*simulator, {{0, 0, -3}});
   copter.frame();
@@ -224,7 +202,7 @@ TEST(AutopilotFlight, HostileDatagramsAreOneLineEachAndTheSimulatorLives) {
 }
 
 TEST(AutopilotFlight, TwoAutopilotsKeepInStepUntilOneDies) {
-  Lines lines;
+  LoggedLines lines;
   const auto simulator = world(R"({"Vehicles": {
     "A": {"VehicleType": "ArduCopter", "ControlPort": 0, "Y": -5},
     "B": {"VehicleType": "ArduCopter", "ControlPort": 0, "Y": 5}}})",

@@ -20,33 +20,11 @@ using autopilot::test_support::frame_of;
 using autopilot::test_support::Px4Ears;
 using autopilot::test_support::ScriptedPx4;
 using testing::HasSubstr;
+using test_world::LoggedLines;
+using test_world::world;
 
 constexpr const char* kFast = R"({"StepOnDemand": true, "Vehicles": {"PX4": {"VehicleType": "PX4Multirotor",
   "UseSerial": false, "UseTcp": true, "TcpPort": 0, "LockStep": true}}})";
-
-/// Lines that the simulator has logged.
-struct LinesOfPx4 {
-  std::mutex mutex;
-  std::vector<std::string> lines;
-
-  SimulatorLog log() {
-    return [this](const std::string& line) {
-      const std::lock_guard lock(mutex);
-      lines.push_back(line);
-    };
-  }
-  std::size_t count(const std::string& part) {
-    const std::lock_guard lock(mutex);
-    return static_cast<std::size_t>(
-        std::ranges::count_if(lines, [&](const std::string& line) { return line.find(part) != std::string::npos; }));
-  }
-};
-
-std::unique_ptr<Simulator> world(const std::string& settings, LinesOfPx4* lines = nullptr) {
-  SimulatorOptions options;
-  options.settings = settings;
-  return std::make_unique<Simulator>(options, test_world::meshes(), lines ? lines->log() : SimulatorLog{});
-}
 
 std::uint16_t port_of(const Simulator& simulator) {
   return static_cast<std::uint16_t>(simulator.autopilots().at(0).port);
@@ -137,7 +115,7 @@ TEST(Px4Flight, DistanceSensorsLookWhereTheirSettingsSay) {
 }
 
 TEST(Px4Flight, HostileBytesAreOneLineEachAndTheSimulatorLives) {
-  LinesOfPx4 lines;
+  LoggedLines lines;
   const auto simulator = world(kFast, &lines);
   Px4Ears ears(port_of(*simulator));
   for (int i = 0; i < 50; ++i) {
@@ -159,7 +137,7 @@ TEST(Px4Flight, HostileBytesAreOneLineEachAndTheSimulatorLives) {
 }
 
 TEST(Px4Flight, AnAutopilotThatDiesLeavesItsVehicleAndTheNextFindsItAtTheStart) {
-  LinesOfPx4 lines;
+  LoggedLines lines;
   const auto simulator = world(kFast, &lines);
   {
     ScriptedPx4 first(port_of(*simulator), {{0, 0, -10}});

@@ -1,7 +1,9 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <utility>
 #include <vector>
@@ -39,15 +41,38 @@ inline std::vector<imaging::TexturedMesh> meshes() {
 inline constexpr const char* kComputerVision = R"({"SimMode": "ComputerVision", "StepOnDemand": true})";
 inline constexpr const char* kMultirotor = R"({"SimMode": "Multirotor", "StepOnDemand": true})";
 
-inline std::unique_ptr<Simulator> simulator(const std::string& settings, SimulatorOptions options = {}) {
+inline std::unique_ptr<Simulator> simulator(const std::string& settings, SimulatorOptions options = {},
+                                            const SimulatorLog& log = {}) {
   options.settings = settings;
-  return std::make_unique<Simulator>(options, meshes());
+  return std::make_unique<Simulator>(options, meshes(), log);
 }
 
 /// A pose at north, east and down, with a yaw clockwise from north.
 inline Pose pose(float north, float east, float down, double yaw_rad = 0.0) {
   const auto half = static_cast<float>(yaw_rad / 2);
   return {{north, east, down}, {std::cos(half), 0.0F, 0.0F, std::sin(half)}};
+}
+
+/// Lines that the simulator has logged.
+struct LoggedLines {
+  std::mutex mutex;
+  std::vector<std::string> lines;
+
+  SimulatorLog log() {
+    return [this](const std::string& line) {
+      const std::lock_guard lock(mutex);
+      lines.push_back(line);
+    };
+  }
+  std::size_t count(const std::string& part) {
+    const std::lock_guard lock(mutex);
+    return static_cast<std::size_t>(
+        std::ranges::count_if(lines, [&](const std::string& line) { return line.find(part) != std::string::npos; }));
+  }
+};
+
+inline std::unique_ptr<Simulator> world(const std::string& settings, LoggedLines* lines = nullptr) {
+  return simulator(settings, {}, lines != nullptr ? lines->log() : SimulatorLog());
 }
 
 }  // namespace tileflight::simulator::test_world
