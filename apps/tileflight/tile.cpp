@@ -265,7 +265,7 @@ void add_options(CLI::App& command, TileOptions& options) {
       .add_option("--jpeg-quality", options.tileset.jpeg_quality, "JPEG quality of the textures, 1 to 100 (default 90)")
       ->check(CLI::Range(1, 100));
   command.add_option("--copyright", options.tileset.copyright, "attribution, written into every tile");
-  command.add_flag("--no-textures", options.no_textures, "write no textures");
+  command.add_flag("--no-textures", options.no_textures, "read no textures: tiles show the colours of materials and vertices");
   command
       .add_option("--memory", options.memory_gb,
                   "memory limit, GB (default: half of the machine's); a mesh that needs more is tiled out of core, in "
