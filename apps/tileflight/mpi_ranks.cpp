@@ -184,10 +184,12 @@ void abort_ranks() {
   std::_Exit(1);
 }
 
+int ranks_on_this_machine() { return std::max(1, told_by_mpirun("OMPI_COMM_WORLD_LOCAL_SIZE")); }
+
 std::size_t threads_by_default() {
   const long cores = sysconf(_SC_NPROCESSORS_ONLN);
   const auto usable = static_cast<long>(std::max(1U, std::thread::hardware_concurrency()));
-  const long share = std::max(1L, cores / std::max(1, told_by_mpirun("OMPI_COMM_WORLD_LOCAL_SIZE")));
+  const long share = std::max(1L, cores / ranks_on_this_machine());
   return static_cast<std::size_t>(std::min(usable, share));
 }
 

@@ -25,6 +25,9 @@ void refuse_ranks();
 /// Terminates all processes of mpirun, for a failure that only this one knows of.
 [[noreturn]] void abort_ranks();
 
+/// Number of processes that mpirun runs on this machine; 1 without mpirun.
+int ranks_on_this_machine();
+
 /// Default number of threads: the machine's cores divided among the processes that mpirun runs on it, at most the
 /// number available to this process.
 std::size_t threads_by_default();

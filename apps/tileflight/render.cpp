@@ -151,8 +151,9 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
                                  ->check(CLI::PositiveNumber);
   CLI::Option* memory = command
                             ->add_option("--memory", options->memory_gb,
-                                         "memory limit for tiles, GB (default: half of the machine's); a flight that "
-                                         "needs more is rendered in several passes, with identical pixels")
+                                         "memory limit for tiles, GB, of each process (default: half of the machine's, "
+                                         "divided among its processes); a flight that needs more is rendered in "
+                                         "several passes, with identical pixels")
                             ->check(CLI::PositiveNumber);
   command->add_flag("--resume", options->settings.resume,
                     "keep finished frames beside the output until it is complete, and reuse those of an interrupted "
@@ -201,6 +202,9 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
         return {r, render_summary(r, options->out)};
       }
       options->settings.part = frame_range(options->frames);
+      std::optional<std::uintmax_t>& memory_bytes = options->settings.max_memory_bytes;  // of each process
+      if (!memory_bytes)
+        memory_bytes = place::default_memory_bytes() / static_cast<unsigned>(ranks_on_this_machine());
       const nlohmann::json r = run_among_ranks([&](workflow::Ranks* ranks) {
         return survey::render_dataset(options->settings, options->out, shared.force, progress, ranks);
       });

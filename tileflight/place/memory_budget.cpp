@@ -29,26 +29,32 @@ std::optional<std::uintmax_t> read_number(const std::filesystem::path& file) {
   return number;
 }
 
-/// What the control group (version 2) of this process and the groups around it still allow.
-std::uintmax_t control_group_bytes() {
-  const std::filesystem::path top = "/sys/fs/cgroup";
-  const std::string line = read_line("/proc/self/cgroup").value_or("");
-  if (!line.starts_with("0::/")) return kUnlimited;
-  std::uintmax_t least = kUnlimited;
-  for (std::filesystem::path group = top / line.substr(4); group.native().starts_with(top.native());
-       group = group.parent_path()) {
-    const auto limit = read_number(group / "memory.max"), used = read_number(group / "memory.current");
-    if (limit && used) least = std::min(least, *limit - std::min(*limit, *used));
-  }
-  return least;
+ControlGroupMemory own_control_group() {
+  return control_group_memory("/sys/fs/cgroup", read_line("/proc/self/cgroup").value_or(""));
 }
 
 }  // namespace
 
+ControlGroupMemory control_group_memory(const std::filesystem::path& top, std::string_view line) {
+  ControlGroupMemory memory{kUnlimited, kUnlimited};
+  constexpr std::string_view kVersion2 = "0::/";
+  if (!line.starts_with(kVersion2)) return memory;
+  std::filesystem::path group = top / line.substr(kVersion2.size());
+  for (; group.native().starts_with(top.native()); group = group.parent_path()) {
+    const auto limit = read_number(group / "memory.max"), used = read_number(group / "memory.current");
+    if (!limit) continue;
+    memory.limit = std::min(memory.limit, *limit);
+    memory.left = std::min(memory.left, *limit - std::min(*limit, used.value_or(0)));
+  }
+  return memory;
+}
+
 std::uintmax_t default_memory_bytes() {
   const long pages = sysconf(_SC_PHYS_PAGES), page_bytes = sysconf(_SC_PAGESIZE);
-  if (pages <= 0 || page_bytes <= 0) return std::numeric_limits<std::uintmax_t>::max();
-  return static_cast<std::uintmax_t>(pages) / 2 * static_cast<std::uintmax_t>(page_bytes);
+  std::uintmax_t machine = kUnlimited;
+  if (pages > 0 && page_bytes > 0)
+    machine = static_cast<std::uintmax_t>(pages) * static_cast<std::uintmax_t>(page_bytes);
+  return std::min(machine, own_control_group().limit) / 2;
 }
 
 std::optional<std::uintmax_t> meminfo_bytes(std::string_view text, std::string_view key) {
@@ -69,7 +75,7 @@ std::optional<std::uintmax_t> meminfo_bytes(std::string_view text, std::string_v
 std::uintmax_t available_memory_bytes() {
   std::ifstream in("/proc/meminfo");
   const std::string text((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
-  return std::min(meminfo_bytes(text, "MemAvailable").value_or(kUnlimited), control_group_bytes());
+  return std::min(meminfo_bytes(text, "MemAvailable").value_or(kUnlimited), own_control_group().left);
 }
 
 }  // namespace tileflight::place

@@ -2,6 +2,11 @@
 
 #include <gmock/gmock.h>
 
+#include <fstream>
+#include <limits>
+
+#include "tests/temporary_folder.h"
+
 namespace tileflight::place::memory_budget_test {
 namespace {
 
@@ -17,6 +22,27 @@ TEST(MemoryBudget, ReadsTheKernelsTable) {
 TEST(MemoryBudget, IsWithinTheMachine) {
   EXPECT_GT(available_memory_bytes(), 1U << 20);
   EXPECT_LE(available_memory_bytes(), 2 * default_memory_bytes() + (1U << 20));
+}
+
+TEST(MemoryBudget, TheTightestControlGroupAroundAProcessCounts) {
+  constexpr std::uintmax_t kUnlimited = std::numeric_limits<std::uintmax_t>::max();
+  const tests::TemporaryFolder folder;
+  const auto write = [&](const std::filesystem::path& file, const char* text) {
+    std::filesystem::create_directories((folder.path() / file).parent_path());
+    std::ofstream(folder.path() / file) << text;
+  };
+  write("slice/memory.max", "4000000\n");
+  write("slice/memory.current", "3900000\n");
+  write("slice/job/memory.max", "1000000\n");
+  write("slice/job/memory.current", "300000\n");
+  write("slice/free/memory.max", "max\n");
+  const auto of = [&](const char* line) { return control_group_memory(folder.path(), line); };
+  EXPECT_EQ(of("0::/slice/job").limit, 1000000U);
+  EXPECT_EQ(of("0::/slice/job").left, 100000U);  // what the slice still has
+  EXPECT_EQ(of("0::/slice/free").limit, 4000000U);
+  EXPECT_EQ(of("0::/").limit, kUnlimited);
+  EXPECT_EQ(of("7:memory:/slice/job").limit, kUnlimited);  // version 1
+  EXPECT_EQ(of("").left, kUnlimited);
 }
 
 }  // namespace
