@@ -133,6 +133,28 @@ TEST_F(CityFlight, AFrameLargerThanMemoryIsRenderedInRegions) {
 #endif
 }
 
+TEST_F(CityFlight, APreviewShowsCoarserTilesWhereThoseOfAFrameDoNotFit) {
+  const auto preview = [&](const std::string& out, const std::string& gigabytes) {
+    std::vector<std::string> words = arguments(out, {"--memory", gigabytes});
+    words[0] = "preview";
+    const ProgramResult result = run_tileflight(words);
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    return result.exit_code == 0 ? json::parse(result.out) : json();
+  };
+  const json whole = preview("whole", "1"), small = preview("small", "0.004");
+  ASSERT_EQ(small["pictures"].size(), 3U);
+  double coarsest_px = 1.0;
+  for (std::size_t k = 0; k < 3; ++k) {
+    EXPECT_EQ(whole["pictures"][k]["pixel_error"], 1.0);
+    EXPECT_LE(small["pictures"][k]["tiles"], whole["pictures"][k]["tiles"]);
+    coarsest_px = std::max(coarsest_px, small["pictures"][k]["pixel_error"].get<double>());
+  }
+  EXPECT_GT(coarsest_px, 1.0);
+  EXPECT_EQ(small["cost"]["tiles"], whole["cost"]["tiles"]) << "what render will read";
+  EXPECT_THAT(small["warnings"].dump(), HasSubstr("coarser tiles, of up to"));
+  EXPECT_THAT(whole["warnings"].dump(), testing::Not(HasSubstr("coarser tiles")));
+}
+
 TEST_F(CityFlight, AFrameThatDoesNotFitIsRefusedWithWhatWould) {
   // A lidar looks all around, so that regions would need all tiles.
   TinyPlace::write_file(folder_ / "flight.yaml", std::string(kFlight) + kSensors);

@@ -113,15 +113,16 @@ struct SamplePicture {
   std::int64_t tiles = 0;
   std::uintmax_t file_bytes = 0, memory_bytes = 0;
   double load_s = 0.0, render_s = 0.0, encode_s = 0.0;
+  std::optional<double> error_px;  ///< of its tiles, if the flight's views select them
 };
 
-/// The criterion of the tiles that `render` loads for the frames of a group; `frame`: for that one only.
+/// The criterion of the tiles that `render` loads for the frames of a group at this screen-space error; nullopt: those
+/// of the region. `frame`: for that one only.
 tiles::RefinementCriterion criterion_of(const PreviewContext& flight, const std::vector<std::size_t>& group,
-                                        std::optional<std::size_t> frame = {}) {
+                                        const std::optional<double>& error_px, std::optional<std::size_t> frame = {}) {
   const RenderSettings& render = flight.settings.render;
   const tiles::Placement& placement = flight.place.placement();
-  if (!render.error_px)
-    return tiles::region_criterion(placement.region, placement.T_local_tileset, render.load.error_m);
+  if (!error_px) return tiles::region_criterion(placement.region, placement.T_local_tileset, render.load.error_m);
   const std::vector<tiles::ViewCone> all = flight_view_cones(flight.mission);
   const std::size_t per_frame = all.size() / flight.frames().size();
   std::vector<tiles::ViewCone> cones;
@@ -131,35 +132,45 @@ tiles::RefinementCriterion criterion_of(const PreviewContext& flight, const std:
     const auto first = all.begin() + static_cast<std::ptrdiff_t>(i * per_frame);
     cones.insert(cones.end(), first, first + static_cast<std::ptrdiff_t>(per_frame));
   }
-  return tiles::limit_refinement(
-      tiles::flight_criterion(std::move(cones), placement.T_local_tileset, *render.error_px, part),
-      render.load.error_m);
+  return tiles::limit_refinement(tiles::flight_criterion(std::move(cones), placement.T_local_tileset, *error_px, part),
+                                 render.load.error_m);
 }
 
 imaging::RgbImage make_thumbnail(const imaging::RgbImage& image, int width) {
   return image.width > width ? report::downscale(image, width) : image;
 }
 
-/// Renders an image as `render` would, from the same tiles.
+/// The tiles that the picture's frame shows, as `render` selects them, or coarser ones if they do not fit into memory:
+/// `render` would divide the frame. Sets the picture's `error_px`.
+place::PlacePart read_tiles_of(PreviewContext& flight, const FrameGroups& groups, SamplePicture& picture,
+                               const Progress& progress) {
+  constexpr double kCoarsest = 256.0;  // times the error asked for
+  const std::vector<std::size_t>& group = groups.frames[groups.group_of_frame[picture.frame]];
+  const std::optional<double>& wanted_px = flight.settings.render.error_px;
+  for (double coarser = 1.0; coarser <= (wanted_px ? kCoarsest : 1.0); coarser *= 2.0) {
+    if (wanted_px) picture.error_px = coarser * *wanted_px;
+    const tiles::TileCut cut = flight.place.select_cut(criterion_of(flight, group, picture.error_px, picture.frame));
+    if (auto part = flight.place.read(cut, true, flight.memory, progress)) return std::move(*part);
+  }
+  throw tiles::MemoryLimitExceeded(flight.place.name(),
+                                   "the part of the place that frame " + std::to_string(picture.frame) +
+                                       " sees needs more memory than the limit: request coarser tiles (--error, "
+                                       "--pixel-error) or raise the limit (--memory)");
+}
+
+/// Renders an image as `render` would, from the same tiles where they fit into memory.
 SamplePicture render_picture(PreviewContext& flight, const std::string& name, std::size_t frame,
                              std::vector<place::MissingTile>& missing, const Progress& progress) {
   SamplePicture picture{.name = name, .frame = frame, .thumbnail = {}};
   auto start = std::chrono::steady_clock::now();
   const FrameGroups groups = group_flight_frames(flight.mission, flight.settings.render);
-  const std::size_t group = groups.group_of_frame[frame];
-  const tiles::TileCut cut = flight.place.select_cut(criterion_of(flight, groups.frames[group], frame));
-  auto part = flight.place.read(cut, true, flight.memory, progress);
-  if (!part) {
-    throw tiles::MemoryLimitExceeded(flight.place.name(),
-                                     "the part of the place that frame " + std::to_string(frame) +
-                                         " sees needs more memory than the limit: request coarser tiles (--error, "
-                                         "--pixel-error) or raise the limit (--memory)");
-  }
-  missing.insert(missing.end(), part->missing.begin(), part->missing.end());
-  picture.tiles = part->tiles;
-  picture.file_bytes = part->file_bytes;
-  picture.memory_bytes = part->memory_bytes;
-  const scene::Scene scene(place::with_placeholder(std::move(part->meshes)), groups.anchors[group]);
+  place::PlacePart part = read_tiles_of(flight, groups, picture, progress);
+  missing.insert(missing.end(), part.missing.begin(), part.missing.end());
+  picture.tiles = part.tiles;
+  picture.file_bytes = part.file_bytes;
+  picture.memory_bytes = part.memory_bytes;
+  const geometry::Vec3& anchor = groups.anchors[groups.group_of_frame[frame]];
+  const scene::Scene scene(place::with_placeholder(std::move(part.meshes)), anchor);
   scene.build_beam_tree();
   render::FlightRenderOptions options = flight.mission.options;
   options.first_frame = frame;
@@ -214,7 +225,8 @@ CutSize measure_cut(PreviewContext& flight) {
   std::set<std::string> uris;
   std::set<std::pair<tiles::NodeId, std::size_t>> contents;
   for (const std::vector<std::size_t>& group : group_flight_frames(flight.mission, flight.settings.render).frames) {
-    for (const tiles::CutContent& content : flight.place.select_cut(criterion_of(flight, group)).contents) {
+    const auto wanted = criterion_of(flight, group, flight.settings.render.error_px);
+    for (const tiles::CutContent& content : flight.place.select_cut(wanted).contents) {
       uris.insert(content.uri);
       contents.emplace(content.node, content.content);
     }
@@ -391,6 +403,7 @@ json pictures_json(const PreviewContext& flight, const std::vector<SamplePicture
                    {"time_s", flight.frames().poses[p.frame].time_s},
                    {"surface_share", p.surface_share},
                    {"tiles", p.tiles},
+                   {"pixel_error", p.error_px ? json(*p.error_px) : json()},
                    {"seconds", {{"load", p.load_s}, {"render", p.render_s}, {"encode", p.encode_s}}}});
   }
   return out;
@@ -457,6 +470,23 @@ std::vector<std::string> collect_warnings(const PreviewContext& flight, const Fl
 
 void append(std::vector<std::string> lines, std::vector<std::string>& warnings) {
   warnings.insert(warnings.end(), lines.begin(), lines.end());
+}
+
+/// A line if pictures show coarser tiles than the flight will; empty if not.
+std::vector<std::string> coarser_picture_warnings(const PreviewContext& flight,
+                                                  const std::vector<SamplePicture>& pictures) {
+  double largest_px = 0.0;
+  std::string names;
+  for (const SamplePicture& p : pictures) {
+    if (!p.error_px || !(*p.error_px > *flight.settings.render.error_px)) continue;
+    names += (names.empty() ? "" : ", ") + p.name + ".jpg";
+    largest_px = std::max(largest_px, *p.error_px);
+  }
+  if (names.empty()) return {};
+  return {
+      base::formatted("%s: coarser tiles, of up to %.3g pixels of error, because of the memory limit (--memory); "
+                      "`render` divides such frames, which takes longer than estimated here",
+                      names.c_str(), largest_px)};
 }
 
 /// Data from which the files are written.
@@ -555,6 +585,7 @@ json preview(const PreviewSettings& settings, const fs::path& out, bool replace,
   std::vector<std::string> warnings = collect_warnings(flight, check, faults);
   if (around.is_coarser)
     warnings.emplace_back("the path was checked against coarser tiles because of the memory limit (--memory)");
+  append(coarser_picture_warnings(flight, pictures), warnings);
   append(missing_tile_warnings(missing), warnings);
   append(flight.place.warnings(), warnings);
   const json found = describe(flight, check, pictures, faults, warnings);
