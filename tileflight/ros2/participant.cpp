@@ -37,10 +37,12 @@ class Lines {
  public:
   explicit Lines(Participant::Log log) : log_(std::move(log)) {}
 
-  void add(std::string line) {
+  void add(const std::string& line) { add(line, line); }
+  /// Not if there was one with this key.
+  void add(std::string line, const std::string& key) {
     const std::lock_guard lock(mutex_);
     if (line.size() > kMaxLineBytes) line = line.substr(0, kMaxLineBytes) + "…";
-    if (shown_.size() >= kMaxLines || !shown_.insert(line).second) return;
+    if (shown_.size() >= kMaxLines || !shown_.insert(key.substr(0, kMaxLineBytes)).second) return;
     last_ = line;
     if (!log_) return;
     log_("ROS 2: " + line);
@@ -51,12 +53,13 @@ class Lines {
     return last_;
   }
 
-  /// A line of CycloneDDS, with its head (time, thread) and a line feed. Its warnings are of malformed and oversize
-  /// messages, lost sockets, and the like.
+  /// A line of CycloneDDS. Its warnings are of malformed and oversize messages, lost sockets, and the like, with
+  /// numbers and bytes that senders can vary: each kind is shown once.
   static void write(void* lines, const dds_log_data_t* data) {
     std::string text(data->message, data->size);
     while (!text.empty() && text.back() == '\n') text.pop_back();
-    static_cast<Lines*>(lines)->add("CycloneDDS: " + text);
+    const std::string kind = text.substr(0, text.find_first_of("0123456789(<"));
+    static_cast<Lines*>(lines)->add("CycloneDDS: " + text.substr(0, text.find(" <")), "CycloneDDS: " + kind);
   }
 
  private:

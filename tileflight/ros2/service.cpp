@@ -25,7 +25,7 @@ namespace {
 using Endpoint = std::unique_ptr<dds_builtintopic_endpoint_t, decltype(&dds_builtintopic_free_endpoint)>;
 
 constexpr std::size_t kMaxWaiting = 16;
-constexpr std::chrono::milliseconds kClientsReader{200};
+constexpr std::chrono::seconds kClientsReader{5};
 
 struct Request {
   ServiceMessage message;
