@@ -178,6 +178,8 @@ class Peer {
     qos.transport().use_builtin_transports = false;
     const auto transport = std::make_shared<eprosima::fastdds::rtps::UDPv4TransportDescriptor>();
     transport->interfaceWhiteList.emplace_back("127.0.0.1");  // as rmw_fastrtps_cpp with ROS_LOCALHOST_ONLY=1
+    transport->receiveBufferSize =
+        4U << 20U;  // a burst of fragments of an image of a megabyte fits (sysctl net.core.rmem_max)
     qos.transport().user_transports.push_back(transport);
     participant_ =
         DomainParticipantFactory::get_instance()->create_participant(domain, qos, &discovered_, StatusMask::none());
