@@ -95,7 +95,7 @@ void announce_player(const CommonOptions& common, const PlayCommandOptions& opti
                            {"warnings", dataset.warnings}};
     if (port) line["address"] = options.server.address;
     if (port) line["port"] = *port;
-    if (network) line["ros2"] = ros2_text(options.ros2, *network);
+    if (network) line["ros2"] = ros2_json(options.ros2, *network);
     std::cout << line.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) << std::endl;
   } else if (!common.quiet) {
     for (const std::string& warning : dataset.warnings) std::cerr << "tileflight: " << warning << "\n";

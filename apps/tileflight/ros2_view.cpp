@@ -19,9 +19,10 @@ constexpr double kPoseRate_hz = 100.0;
 
 /// The view stops before the sink goes.
 struct Ros2View::Parts {
-  Parts(const streaming::LiveView::CurrentSimulator& simulator, const Ros2Options& options, bool may_control,
+  Parts(const streaming::LiveView::CurrentSimulator& simulator, const Ros2Options& wanted, bool may_control,
         const Log& log)
-      : participant(options.participant, log),
+      : options(wanted),
+        participant(options.participant, log),
         sink(participant),
         view(simulator, {.image_rate_hz = options.image_rate_hz, .pose_rate_hz = kPoseRate_hz}, log) {
     view.start(sink);
@@ -31,6 +32,7 @@ struct Ros2View::Parts {
   Parts(const Parts&) = delete;
   Parts& operator=(const Parts&) = delete;
 
+  Ros2Options options;
   ros2::Participant participant;
   streaming::Ros2Sink sink;
   streaming::LiveView view;
@@ -40,12 +42,15 @@ struct Ros2View::Parts {
 Ros2View::Ros2View(streaming::LiveView::CurrentSimulator simulator, const Ros2Options& options,
                    const rpc::ServerOptions& server, const Log& log)
     : parts_(std::make_unique<Parts>(std::move(simulator), options, server.token.empty(), log)) {
-  warn_of_ros2_network(options, network(), server.token.empty() ? "can watch and control the vehicles" : "can watch");
+  warn_of_ros2_network(options, parts_->participant.network(),
+                       server.token.empty() ? "can watch and control the vehicles" : "can watch");
 }
 
 Ros2View::~Ros2View() = default;
 
-std::string Ros2View::network() const { return parts_->participant.network(); }
+std::string Ros2View::text() const { return ros2_text(parts_->options, parts_->participant.network()); }
+
+nlohmann::json Ros2View::json() const { return ros2_json(parts_->options, parts_->participant.network()); }
 
 CLI::Option* add_ros2_options(CLI::App& command, Ros2Options& options) {
   using ros2::Release;

@@ -42,7 +42,8 @@ class Ros2View {
   Ros2View(const Ros2View&) = delete;
   Ros2View& operator=(const Ros2View&) = delete;
 
-  std::string network() const;
+  std::string text() const;     ///< as ros2_text()
+  nlohmann::json json() const;  ///< as ros2_json()
 
  private:
   struct Parts;

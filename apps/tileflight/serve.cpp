@@ -153,7 +153,7 @@ void announce_autopilots(const simulator::Simulator& simulator) {
 
 /// Prints what users need to connect as soon as the server listens.
 void announce(const CommonOptions& common, const rpc::ServerOptions& options, int port,
-              const std::optional<FoxgloveView>& foxglove, const std::string& ros2,
+              const std::optional<FoxgloveView>& foxglove, const std::optional<Ros2View>& ros2,
               const simulator::Simulator& simulator) {
   const std::vector<std::string> vehicles = simulator.list_vehicles();
   if (common.json) {
@@ -165,14 +165,14 @@ void announce(const CommonOptions& common, const rpc::ServerOptions& options, in
                            {"mode", simulator.tf_statistics().mode},
                            {"warnings", simulator.warnings()}};
     if (foxglove) line["foxglove_port"] = foxglove->port();
-    if (!ros2.empty()) line["ros2"] = ros2;
+    if (ros2) line["ros2"] = ros2->json();
     std::cout << line.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) << std::endl;
   } else if (!common.quiet) {
     for (const std::string& warning : simulator.warnings()) std::cerr << "tileflight: " << warning << "\n";
     std::cout << "listening at " << endpoint(options.address, port) << ", vehicle";
     for (const std::string& vehicle : vehicles) std::cout << " " << vehicle;
     if (foxglove) std::cout << ", viewers at ws://" << endpoint(options.address, foxglove->port());
-    if (!ros2.empty()) std::cout << ", " << ros2;
+    if (ros2) std::cout << ", " << ros2->text();
     std::cout << "; press Ctrl-C to stop" << std::endl;
     announce_autopilots(simulator);
   }
@@ -241,8 +241,7 @@ Output serve(const ServeOptions& options, const CommonOptions& common, const Pro
     foxglove.emplace([&levels] { return levels.current(); }, options.foxglove, settings, log);
   std::optional<Ros2View> ros2;
   if (options.ros2.is_wanted) ros2.emplace([&levels] { return levels.current(); }, options.ros2, settings, log);
-  announce(common, settings, server->port(), foxglove, ros2 ? ros2_text(options.ros2, ros2->network()) : "",
-           *levels.current());
+  announce(common, settings, server->port(), foxglove, ros2, *levels.current());
   server->run();
   levels.stop();
   return {};

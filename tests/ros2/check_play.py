@@ -132,7 +132,7 @@ def check_late(tileflight, peer, flight):
 def check_both(tileflight, work, peer, flight):
     arguments = ["play", flight, "--ros2", "--domain", peers.DOMAIN, "--foxglove", "--port", 0]
     with programs.Program(tileflight, *arguments) as player:
-        assert player.said["port"] > 0 and "ROS 2 domain" in player.said["ros2"], player.said
+        assert player.said["port"] > 0 and player.said["ros2"]["domain"] == peers.DOMAIN, player.said
         seen = peers.ask(peer, "read", "-", 20, *peers.wish("/odometry", TYPES["/odometry"], 20))
         assert seen["rt/odometry"]["count"] >= 20
         assert player.stop(signal.SIGTERM) == (0, [])

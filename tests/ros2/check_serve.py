@@ -146,7 +146,7 @@ def main():
     arguments = ["serve", programs.tiny_place(work), "--settings", work / "settings.json", "--port", 0, "--ros2",
                  "--domain", peers.DOMAIN, "--ros2-rate", 30]
     with programs.Program(tileflight, *arguments) as server:
-        assert "127.0.0.1 alone" in server.said["ros2"], server.said
+        assert server.said["ros2"] == {"domain": peers.DOMAIN, "network": "127.0.0.1 alone"}, server.said
         check_discovery(peer)
         check_messages(peer, work)
         check_orders(peer, work)

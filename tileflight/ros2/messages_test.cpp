@@ -106,7 +106,8 @@ TEST(Ros2Messages, ABoolIsReadAndAResponseWritten) {
 /// Gids of 24 octets (Humble) or 16; the lists of readers and writers in that order.
 TEST(Ros2Messages, ANodeTellsWhatIsItsOwn) {
   const Guid participant{1, 2, 3}, reader{4}, writer{5};
-  for (const auto& [release, gid] : {std::pair{Release::kHumble, 24}, std::pair{Release::kIronAndLater, 16}}) {
+  for (const Release release : {Release::kHumble, Release::kIronAndLater}) {
+    const int gid = release == Release::kHumble ? 24 : 16;
     const std::string cdr = participant_entities_info(release, participant,
                                                       {.name = "tileflight", .readers = {reader}, .writers = {writer}});
     CdrReader in(cdr, "info");
