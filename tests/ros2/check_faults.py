@@ -82,7 +82,7 @@ def check_refusals(tileflight, work):
         return done.stderr
 
     place = work / "place/tileset.json"
-    assert "nothing0" in refused("serve", place, "--port", 0, "--ros2", "--ros2-interface", "nothing0", "--quiet")
+    assert "nothing0" in refused("serve", place, "--port", 0, "--ros2", "--ros2-interface", "nothing0")
     assert "no name or address" in refused("serve", place, "--port", 0, "--ros2", "--ros2-interface", "<x>", "--quiet")
     assert "232" in refused("serve", place, "--ros2", "--domain", 233, code=2)
     assert "--ros2" in refused("play", work, code=2)

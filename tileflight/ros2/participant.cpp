@@ -9,6 +9,7 @@
 #include <mutex>
 #include <set>
 #include <utility>
+#include <vector>
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/ros2/configuration.h"
@@ -44,9 +45,18 @@ class Lines {
     if (line.size() > kMaxLineBytes) line = line.substr(0, kMaxLineBytes) + "…";
     if (shown_.size() >= kMaxLines || !shown_.insert(key.substr(0, kMaxLineBytes)).second) return;
     last_ = line;
-    if (!log_) return;
-    log_("ROS 2: " + line);
-    if (shown_.size() == kMaxLines) log_("ROS 2: further lines are not shown");
+    if (is_open_) {
+      show(line);
+    } else {
+      before_.push_back(line);
+    }
+    if (shown_.size() == kMaxLines) show("further lines are not shown");
+  }
+  /// Shows what was said so far: where joining fails, the error says it.
+  void open() {
+    const std::lock_guard lock(mutex_);
+    is_open_ = true;
+    for (const std::string& line : std::exchange(before_, {})) show(line);
   }
   std::string last() const {
     const std::lock_guard lock(mutex_);
@@ -63,8 +73,14 @@ class Lines {
   }
 
  private:
+  void show(const std::string& line) const {
+    if (log_) log_("ROS 2: " + line);
+  }
+
   Participant::Log log_;
-  mutable std::mutex mutex_;
+  mutable std::mutex mutex_;  ///< guards the members below
+  bool is_open_ = false;
+  std::vector<std::string> before_;
   std::set<std::string> shown_;
   std::string last_;
 };
@@ -118,6 +134,7 @@ void Participant::Impl::open() {
   const std::string user_data = "enclave=/;";
   dds_qset_userdata(qos.get(), user_data.data(), user_data.size());
   participant = checked(dds_create_participant(options.domain, qos.get(), nullptr));
+  lines.open();
 }
 
 void Participant::Impl::add_or_remove(Kind kind, dds_entity_t entity, bool is_added) {
