@@ -13,7 +13,7 @@ if(TILEFLIGHT_TESTS OR TILEFLIGHT_BENCHMARKS)
 endif()
 
 # Rooms of which nothing is worth a slow compiler: what they do is soon done, or waits for a disk or a network.
-set(TILEFLIGHT_QUICKLY_COMPILED report rpc foxglove server streaming experiment systems study)
+set(TILEFLIGHT_QUICKLY_COMPILED report rpc foxglove ros2 server streaming experiment systems study)
 
 function(tileflight_room NAME)
   cmake_parse_arguments(ROOM "" "" "USES;TESTS;PUBLIC;PRIVATE;HEADERS" ${ARGN})
@@ -54,7 +54,7 @@ function(tileflight_room NAME)
   endif()
 
   # What reads foreign bytes tells the fuzzer which ways it took.
-  set(FUZZED base geometry imaging rpc foxglove autopilot transport tile_contents tiles flight_logs tiling)
+  set(FUZZED base geometry imaging rpc foxglove ros2 autopilot transport tile_contents tiles flight_logs tiling)
   if(TILEFLIGHT_FUZZ AND NAME IN_LIST FUZZED)
     target_compile_options(${TARGET} PRIVATE -fsanitize=fuzzer-no-link)
   endif()

@@ -21,6 +21,7 @@ set(_tileflight_package_SQLite::SQLite3 SQLite3)
 set(_tileflight_package_CURL::libcurl CURL)
 set(_tileflight_package_EXPAT::EXPAT EXPAT)
 set(_tileflight_package_OpenSSL::Crypto OpenSSL COMPONENTS Crypto)
+set(_tileflight_package_CycloneDDS::ddsc CycloneDDS CONFIG)
 
 # PkgConfig::NAME → modules of pkg-config, where they are not called NAME.
 set(_tileflight_modules_exif libexif)

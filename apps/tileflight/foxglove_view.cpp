@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "tileflight/foxglove/server.h"
+#include "tileflight/streaming/foxglove_sink.h"
 
 namespace tileflight::app {
 namespace {
@@ -22,8 +23,9 @@ struct FoxgloveView::Parts {
   Parts(streaming::LiveView::CurrentSimulator simulator, const FoxgloveOptions& options,
         const rpc::ServerOptions& rpc_server, const Log& log)
       : view(std::move(simulator), live_options(options, rpc_server), log),
-        server(viewer_options(options, rpc_server), view.parameters(), log) {
-    view.start(server);
+        server(viewer_options(options, rpc_server), view.parameters(), log),
+        sink(server) {
+    view.start(sink);
   }
   ~Parts() { view.stop(); }
   Parts(const Parts&) = delete;
@@ -31,6 +33,7 @@ struct FoxgloveView::Parts {
 
   streaming::LiveView view;
   foxglove::Server server;
+  streaming::FoxgloveSink sink;
 };
 
 FoxgloveView::FoxgloveView(streaming::LiveView::CurrentSimulator simulator, const FoxgloveOptions& options,

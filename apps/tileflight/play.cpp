@@ -4,10 +4,13 @@
 #include <optional>
 
 #include "command.h"
+#include "ros2_view.h"
 #include "source_options.h"
 #include "stop_signals.h"
 #include "tileflight/rpc/server.h"
 #include "tileflight/streaming/dataset_player.h"
+#include "tileflight/streaming/foxglove_sink.h"
+#include "tileflight/streaming/ros2_sink.h"
 
 namespace tileflight::app {
 namespace {
@@ -19,6 +22,7 @@ struct PlayCommandOptions {
   streaming::PlayOptions play;
   foxglove::ServerOptions server{.port = 8765, .name = "tileflight play"};
   bool foxglove = false;
+  Ros2Options ros2;
 };
 
 /// Ctrl-C before the playing began.
@@ -37,19 +41,68 @@ std::optional<streaming::PlaceGlb> place_of(const PlayCommandOptions& options, c
   return streaming::read_place_glb(options.place, source_options(options.source_arguments), dataset, progress);
 }
 
+/// Who is played to: Foxglove's viewers, ROS 2's nodes, or both.
+class Audience {
+ public:
+  using Log = std::function<void(const std::string& line)>;
+
+  Audience(const PlayCommandOptions& options, foxglove::ParameterAccess parameters, const Log& log) {
+    if (options.foxglove) {
+      server_.emplace(options.server, std::move(parameters), log);
+      viewers_.emplace(*server_);
+      sinks_.push_back(&*viewers_);
+    }
+    if (options.ros2.is_wanted) {
+      participant_.emplace(options.ros2.participant, log);
+      warn_of_ros2_network(options.ros2, participant_->network(), "can watch");
+      nodes_.emplace(*participant_);
+      sinks_.push_back(&*nodes_);
+    }
+    all_.emplace(sinks_);
+  }
+
+  streaming::MessageSink& sink() { return *all_; }
+  std::optional<int> port() const { return server_ ? std::optional<int>(server_->port()) : std::nullopt; }
+  std::optional<std::string> ros2_network() const {
+    return participant_ ? std::optional(participant_->network()) : std::nullopt;
+  }
+  void wait_until_sent() const {
+    constexpr std::chrono::seconds kLastMessages{5};
+    if (server_) server_->wait_until_sent(kLastMessages);
+    if (nodes_) nodes_->wait_until_acknowledged(kLastMessages);
+  }
+  std::uint64_t dropped() const { return server_ ? server_->statistics().messages_dropped : 0; }
+
+ private:
+  std::optional<foxglove::Server> server_;
+  std::optional<ros2::Participant> participant_;
+  std::optional<streaming::FoxgloveSink> viewers_;
+  std::optional<streaming::Ros2Sink> nodes_;
+  std::vector<streaming::MessageSink*> sinks_;
+  std::optional<streaming::SeveralSinks> all_;
+};
+
 /// Prints what users need to connect as soon as the server listens.
 void announce_player(const CommonOptions& common, const PlayCommandOptions& options,
-                     const streaming::DatasetPlayer& player, const dataset::Dataset& dataset, int port) {
+                     const streaming::DatasetPlayer& player, const dataset::Dataset& dataset,
+                     const Audience& audience) {
+  const std::optional<int> port = audience.port();
+  const std::optional<std::string> network = audience.ros2_network();
   if (common.json) {
-    const nlohmann::json line = {{"address", options.server.address}, {"port", port},
-                                 {"topics", player.topics()},         {"frames", dataset.frames.size()},
-                                 {"seconds", player.duration_s()},    {"warnings", dataset.warnings}};
+    nlohmann::json line = {{"topics", player.topics()},
+                           {"frames", dataset.frames.size()},
+                           {"seconds", player.duration_s()},
+                           {"warnings", dataset.warnings}};
+    if (port) line["address"] = options.server.address;
+    if (port) line["port"] = *port;
+    if (network) line["ros2"] = ros2_json(options.ros2, *network);
     std::cout << line.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) << std::endl;
   } else if (!common.quiet) {
     for (const std::string& warning : dataset.warnings) std::cerr << "tileflight: " << warning << "\n";
-    std::cout << "listening at ws://" << options.server.address << ":" << port << ", " << player.topics().size()
-              << " topics of " << player.duration_s() << " s; plays when a viewer subscribes; press Ctrl-C to stop"
-              << std::endl;
+    if (port) std::cout << "listening at ws://" << options.server.address << ":" << *port << ", ";
+    if (network) std::cout << ros2_text(options.ros2, *network) << ", ";
+    std::cout << player.topics().size() << " topics of " << player.duration_s()
+              << " s; plays when a viewer subscribes; press Ctrl-C to stop" << std::endl;
   }
 }
 
@@ -61,31 +114,29 @@ void warn_of_watchers(const foxglove::ServerOptions& options) {
 }
 
 Output play(const PlayCommandOptions& options, const CommonOptions& common, const Progress& progress) try {
-  constexpr std::chrono::seconds kLastMessages{5};
   const StopSignals signals;
   const dataset::Dataset dataset = dataset::read_dataset(options.dataset, options.camera);
   streaming::DatasetPlayer player(dataset, options.play);
   const auto place = place_of(options, dataset, stoppable(progress, signals.token()));
-  warn_of_watchers(options.server);
-  foxglove::Server server(options.server, player.parameters(), [quiet = common.quiet](const std::string& line) {
+  if (options.foxglove) warn_of_watchers(options.server);
+  Audience audience(options, player.parameters(), [quiet = common.quiet](const std::string& line) {
     if (!quiet) std::cerr << ("tileflight: " + line + "\n");
   });
-  player.open(server, place);
-  announce_player(common, options, player, dataset, server.port());
-  const std::uint64_t sent = player.play(server, signals.token());
-  if (!signals.token().stop_requested()) server.wait_until_sent(kLastMessages);
+  player.open(audience.sink(), place);
+  announce_player(common, options, player, dataset, audience);
+  const std::uint64_t sent = player.play(audience.sink(), signals.token());
+  if (!signals.token().stop_requested()) audience.wait_until_sent();
   if (common.json) return {};
-  const std::uint64_t dropped = server.statistics().messages_dropped;
-  return {{}, std::to_string(sent) + " messages, " + std::to_string(dropped) + " dropped for slow viewers\n"};
+  return {{},
+          std::to_string(sent) + " messages, " + std::to_string(audience.dropped()) + " dropped for slow viewers\n"};
 } catch (const Interrupted&) {
   return {};
 }
 
 void add_player_options(CLI::App& command, PlayCommandOptions& options) {
-  command
-      .add_flag("--foxglove", options.foxglove,
-                "to Foxglove, Lichtblick and other viewers of the Foxglove WebSocket protocol")
-      ->required();
+  command.add_flag("--foxglove", options.foxglove,
+                   "to Foxglove, Lichtblick and other viewers of the Foxglove WebSocket protocol");
+  add_ros2_options(command, options.ros2);
   command.add_option("--port", options.server.port, "TCP port; 0: any free one")
       ->check(CLI::Range(0, 65535))
       ->capture_default_str();
@@ -95,7 +146,8 @@ void add_player_options(CLI::App& command, PlayCommandOptions& options) {
       ->check(CLI::Range(0.001, streaming::kMaxPlayRate))
       ->capture_default_str();
   command.add_flag("--loop", options.play.loop, "begin again at the end");
-  command.add_flag("--paused", options.play.is_paused, "begin when a viewer sets the parameter `paused` to false");
+  command.add_flag("--paused", options.play.is_paused, "begin when a viewer sets the parameter `paused` to false")
+      ->needs("--foxglove");
   command.add_option("--place", options.place,
                      "show this place, too: a truth folder, or a tileset (any SOURCE), read around the path");
   command.add_option("--camera", options.camera.calibration,
@@ -114,6 +166,7 @@ void add_play(CLI::App& app, CommonOptions& common, Selection& selection) {
   add_source_options(*command, options->source_arguments);
   add_common_options(*command, common);
   command->callback([options, &selection] {
+    if (!options->foxglove && !options->ros2.is_wanted) throw CLI::RequiredError("--foxglove or --ros2");
     selection.is_server = true;
     selection.run = [options](const CommonOptions& shared, const Progress& progress) {
       return play(*options, shared, progress);

@@ -18,6 +18,7 @@
 #include "command.h"
 #include "foxglove_view.h"
 #include "region_options.h"
+#include "ros2_view.h"
 #include "source_options.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/number_text.h"
@@ -34,6 +35,7 @@ struct ServeOptions {
   simulator::SimulatorOptions simulator;
   rpc::ServerOptions server;
   FoxgloveOptions foxglove;
+  Ros2Options ros2;
   std::string settings, token_file, files, follow = "auto";
   std::vector<std::string> levels;  ///< NAME=SOURCE
   std::vector<double> start_local;
@@ -151,7 +153,8 @@ void announce_autopilots(const simulator::Simulator& simulator) {
 
 /// Prints what users need to connect as soon as the server listens.
 void announce(const CommonOptions& common, const rpc::ServerOptions& options, int port,
-              const std::optional<FoxgloveView>& foxglove, const simulator::Simulator& simulator) {
+              const std::optional<FoxgloveView>& foxglove, const std::optional<Ros2View>& ros2,
+              const simulator::Simulator& simulator) {
   const std::vector<std::string> vehicles = simulator.list_vehicles();
   if (common.json) {
     nlohmann::json line = {{"address", options.address},
@@ -162,12 +165,14 @@ void announce(const CommonOptions& common, const rpc::ServerOptions& options, in
                            {"mode", simulator.tf_statistics().mode},
                            {"warnings", simulator.warnings()}};
     if (foxglove) line["foxglove_port"] = foxglove->port();
+    if (ros2) line["ros2"] = ros2->json();
     std::cout << line.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) << std::endl;
   } else if (!common.quiet) {
     for (const std::string& warning : simulator.warnings()) std::cerr << "tileflight: " << warning << "\n";
     std::cout << "listening at " << endpoint(options.address, port) << ", vehicle";
     for (const std::string& vehicle : vehicles) std::cout << " " << vehicle;
     if (foxglove) std::cout << ", viewers at ws://" << endpoint(options.address, foxglove->port());
+    if (ros2) std::cout << ", " << ros2->text();
     std::cout << "; press Ctrl-C to stop" << std::endl;
     announce_autopilots(simulator);
   }
@@ -234,7 +239,9 @@ Output serve(const ServeOptions& options, const CommonOptions& common, const Pro
   std::optional<FoxgloveView> foxglove;
   if (options.foxglove.is_wanted)
     foxglove.emplace([&levels] { return levels.current(); }, options.foxglove, settings, log);
-  announce(common, settings, server->port(), foxglove, *levels.current());
+  std::optional<Ros2View> ros2;
+  if (options.ros2.is_wanted) ros2.emplace([&levels] { return levels.current(); }, options.ros2, settings, log);
+  announce(common, settings, server->port(), foxglove, ros2, *levels.current());
   server->run();
   levels.stop();
   return {};
@@ -303,6 +310,7 @@ void add_serve(CLI::App& app, CommonOptions& common, Selection& selection) {
   add_world_options(*command, *options);
   add_server_options(*command, options);
   add_foxglove_options(*command, options->foxglove);
+  add_ros2_rate_option(*command, *add_ros2_options(*command, options->ros2), options->ros2);
   add_region_options(*command, options->region);
   add_source_options(*command, options->source_arguments);
   add_common_options(*command, common);

@@ -21,7 +21,7 @@ SETTINGS = {
         "SensorType": 6, "Enabled": True, "NumberOfChannels": 8, "PointsPerSecond": 20000}}}},
 }
 TOPICS = ["/eye/front_center/image/compressed", "/eye/front_center/camera_info", "/eye/front_center/depth",
-          "/eye/scan/points", "/eye/odometry", "/eye/path", "/eye/gnss", "/eye/motion", "/tf", "/clock", "/place"]
+          "/eye/scan/points", "/eye/odometry", "/eye/path", "/eye/gnss", "/eye/motion", "/tf", "/tf_static", "/clock", "/place"]
 
 
 def check_picture(seen, work, client, airsim):
@@ -49,9 +49,12 @@ def check_pose(seen, client):
     position = seen["messages"]["/eye/odometry"][0]["value"]["pose"]["pose"]["position"]
     expected = (pose.position.y_val, pose.position.x_val, GROUND_M - pose.position.z_val)
     assert all(math.isclose(position[axis], value, abs_tol=1e-4) for axis, value in zip("xyz", expected)), position
-    moved = {m["value"]["transforms"][0]["child_frame_id"]: m["value"]["transforms"][0] for m in seen["messages"]["/tf"]}
-    assert moved["eye"]["header"]["frame_id"] == "map" and moved["eye/front_center"]["header"]["frame_id"] == "eye"
-    assert moved["eye"]["transform"]["translation"] == position
+    moved = {t["child_frame_id"]: t for topic in ("/tf", "/tf_static") for m in seen["messages"][topic] for t in m["value"]["transforms"]}
+    parents = {child: t["header"]["frame_id"] for child, t in moved.items()}
+    assert parents["eye/odom"] == "map" and parents["eye/base_link"] == "eye/odom", parents
+    assert parents["eye/front_center_optical"] == parents["eye/scan"] == "eye/base_link", parents
+    assert moved["eye/base_link"]["transform"]["translation"] == position
+    assert set(moved["eye/odom"]["transform"]["translation"].values()) == {0}
     motion = seen["messages"]["/eye/motion"][0]["value"]
     assert math.isclose(motion["attitude_deg"]["heading"], 0, abs_tol=1e-3) and motion["speed"] == 0
     time = seen["messages"]["/clock"][0]["value"]["clock"]
@@ -63,7 +66,7 @@ def check_still(running_server, airsim, work):
     with running_server.RunningServer(SETTINGS, "--foxglove", "--foxglove-port", "0") as server:
         client = server.client()
         client.simSetVehiclePose(airsim.Pose(airsim.Vector3r(5, 1, -4), airsim.to_quaternion(0, 0, 0)), True)
-        wish = {"topics": TOPICS, "counts": {topic: 1 for topic in TOPICS} | {"/tf": 7}, "save": str(work)}
+        wish = {"topics": TOPICS, "counts": {topic: 1 for topic in TOPICS}, "save": str(work)}
         seen = programs.watch(work, server.listening["foxglove_port"], wish, "foxglove.sdk.v1")
         assert seen["protocol"] == "foxglove.sdk.v1" and seen["info"]["name"] == "tileflight serve"
         assert set(TOPICS) < set(seen["channels"]) and "/eye/back_center/depth" in seen["channels"]

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes the seeds of all targets but tileset and foxglove, and of content those of points and instances: small, valid files.
+"""Writes the seeds of all targets but tileset, foxglove and ros2, and of content those of points and instances: small, valid files.
 
     tests/fuzz/make_seeds.py            (writes into tests/fuzz/seeds)
 """

@@ -7,8 +7,8 @@ import pathlib
 import re
 import sys
 
-INCLUDE = re.compile(r'^\s*#\s*include\s+"tileflight/([a-z_]+)/')
-ROW = re.compile(r"^\|\s*(\d+)\s*\|\s*`([a-z_]+)`\s*\|[^|]*\|\s*([^|]*?)\s*\|\s*$")
+INCLUDE = re.compile(r'^\s*#\s*include\s+"tileflight/([a-z_0-9]+)/')
+ROW = re.compile(r"^\|\s*(\d+)\s*\|\s*`([a-z_0-9]+)`\s*\|[^|]*\|\s*([^|]*?)\s*\|\s*$")
 TESTS = "; tests:"
 FORBIDDEN_NAMES = {"utils", "util", "common", "helpers", "io", "misc"}
 
@@ -19,14 +19,14 @@ def allowed_edges(table_text):
     levels = {m[2]: int(m[1]) for m in rows if m}
     direct = {}
     for m in filter(None, rows):
-        direct[m[2]] = {u for u in re.findall(r"[a-z_]+", m[3].split(TESTS)[0]) if u in levels}
+        direct[m[2]] = {u for u in re.findall(r"[a-z_0-9]+", m[3].split(TESTS)[0]) if u in levels}
     return {room: closure(room, direct) for room in direct}
 
 
 def test_edges(table_text, allowed):
     """room -> set of rooms whose headers its tests may include, too."""
     rows = filter(None, map(ROW.match, table_text.splitlines()))
-    direct = {m[2]: re.findall(r"[a-z_]+", m[3].partition(TESTS)[2]) for m in rows}
+    direct = {m[2]: re.findall(r"[a-z_0-9]+", m[3].partition(TESTS)[2]) for m in rows}
     return {room: allowed[room].union(*(allowed[u] for u in uses if u in allowed)) for room, uses in direct.items()}
 
 

@@ -16,8 +16,8 @@ import subprocess
 import sys
 
 LARGEST = 32
-INCLUDE = re.compile(r'^\s*#\s*include\s+"tileflight/([a-z_]+)/([a-z_0-9]+)\.h"')
-ALONE = re.compile(r"^- `([a-z_]+)` → `([a-z_]+)`:")
+INCLUDE = re.compile(r'^\s*#\s*include\s+"tileflight/([a-z_0-9]+)/([a-z_0-9]+)\.h"')
+ALONE = re.compile(r"^- `([a-z_0-9]+)` → `([a-z_0-9]+)`:")
 FILE = re.compile(r"(?<![<\w/.*{])([a-z_0-9]+\.(?:h|cpp|md|py|ts|cmake))\b")
 FUNCTION = re.compile(r"(?<![\w:.>~])((?:[a-z_]+::)*)([A-Za-z_]\w*)\(\)")
 OUTSIDE = {"std", "cv", "numpy"}  # namespaces of others

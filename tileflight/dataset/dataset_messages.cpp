@@ -39,7 +39,7 @@ class MessageLister {
   MessageLister(const Dataset& dataset, const MessageSelection& selection) : dataset_(dataset) {
     add_frames();
     if (selection.depth) add_depth();
-    add_truth();
+    add_truth(selection.static_transforms);
     if (selection.odometry) add_odometry();
     add_positions();
     add_imu();
@@ -52,7 +52,7 @@ class MessageLister {
 
  private:
   std::size_t topic(const std::string& name, const std::string& type) {
-    listed_.topics.push_back({name, type});
+    listed_.topics.push_back({name, type, false});
     return listed_.topics.size() - 1;
   }
 
@@ -100,20 +100,32 @@ class MessageLister {
           });
   }
 
-  void add_truth() {
+  void add_truth(bool static_transforms) {
+    if (static_transforms) add_static_transforms();
     if (!dataset_.groundtruth) return;
     const std::size_t transforms = topic("/tf", "tf2_msgs/msg/TFMessage");
-    const geometry::SE3 T_cam_imu = dataset_.calibration.T_cam_imu;
     for (const geometry::StampedPose& pose : dataset_.groundtruth->poses) {
       add(pose.time_s, transforms, kMapFrame,
           [T = pose.T_local_camera](const ros::Header& head) { return ros::transform(head, kCameraFrame, T); });
-      add(pose.time_s, transforms, kCameraFrame,
-          [T_cam_imu](const ros::Header& head) { return ros::transform(head, kImu, T_cam_imu); });
+      if (!static_transforms) add_imu_transform(pose.time_s, transforms);
     }
     if (!fs::is_regular_file(dataset_.folder / "lidar" / "poses.txt")) return;
     for (const geometry::StampedPose& pose : geometry::read_tum(dataset_.folder / "lidar" / "poses.txt").poses)
       add(pose.time_s, transforms, kMapFrame,
           [T = pose.T_local_camera](const ros::Header& head) { return ros::transform(head, kLidar, T); });
+  }
+
+  void add_imu_transform(double time_s, std::size_t topic_index) {
+    add(time_s, topic_index, kCameraFrame, [T_cam_imu = dataset_.calibration.T_cam_imu](const ros::Header& head) {
+      return ros::transform(head, kImu, T_cam_imu);
+    });
+  }
+
+  void add_static_transforms() {
+    if (dataset_.frames.empty()) return;
+    const std::size_t transforms = topic("/tf_static", "tf2_msgs/msg/TFMessage");
+    listed_.topics[transforms].is_latched = true;
+    add_imu_transform(dataset_.frames.front().time_s, transforms);
   }
 
   void add_positions() {

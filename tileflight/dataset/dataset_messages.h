@@ -16,8 +16,9 @@ inline const std::string kMapFrame = "map", kCameraFrame = "camera";
 
 /// Messages of one type under one topic.
 struct MessageTopic {
-  std::string name;  ///< "/camera/image/compressed"
-  std::string type;  ///< "sensor_msgs/msg/CompressedImage"
+  std::string name;         ///< "/camera/image/compressed"
+  std::string type;         ///< "sensor_msgs/msg/CompressedImage"
+  bool is_latched = false;  ///< sent once, and wanted by those who come later
 };
 
 /// A message to be made when it is wanted: images and scans are not all in memory at once.
@@ -37,6 +38,8 @@ struct DatasetMessages {
 struct MessageSelection {
   bool depth = false;     ///< /camera/depth: images in metres (32FC1), infinite where there is no surface
   bool odometry = false;  ///< /odometry: the true poses of the camera with their velocities
+  /// /tf_static: camera to IMU once, at the begin, instead of at each pose in /tf
+  bool static_transforms = false;
 };
 
 /// Lists the messages of a dataset: /camera/image/compressed, /camera/camera_info, /tf (map to camera, IMU and lidar,

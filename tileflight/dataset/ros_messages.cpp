@@ -127,6 +127,17 @@ CdrWriter& put(CdrWriter& writer, const geometry::SE3& T) {
   return put(writer, T.translation).array(std::array{q.x(), q.y(), q.z(), q.w()});
 }
 
+/// sensor_msgs/msg/Image: the pixels as they lie in memory, row by row.
+template <class Image>
+std::string image_message(const Header& head, std::string_view encoding, const Image& image) {
+  CdrWriter writer = begin_message(head);
+  writer.number(static_cast<std::uint32_t>(image.height)).number(static_cast<std::uint32_t>(image.width));
+  const auto row_bytes = static_cast<std::uint32_t>(static_cast<std::size_t>(image.width) * sizeof image.pixels[0]);
+  writer.text(encoding).number(std::uint8_t{0}).number(row_bytes);
+  const auto bytes = std::as_bytes(std::span(image.pixels));
+  return writer.blob({reinterpret_cast<const char*>(bytes.data()), bytes.size()}).bytes();
+}
+
 struct Lens {
   std::string name;
   std::vector<double> coefficients;
@@ -162,12 +173,10 @@ std::string compressed_image(const Header& head, std::string_view format, std::s
   return begin_message(head).text(format).blob(file_bytes).bytes();
 }
 
+std::string rgb_image(const Header& head, const imaging::RgbImage& image) { return image_message(head, "rgb8", image); }
+
 std::string depth_image(const Header& head, const imaging::FloatImage& depth_m) {
-  CdrWriter writer = begin_message(head);
-  writer.number(static_cast<std::uint32_t>(depth_m.height)).number(static_cast<std::uint32_t>(depth_m.width));
-  writer.text("32FC1").number(std::uint8_t{0}).number(static_cast<std::uint32_t>(depth_m.width * sizeof(float)));
-  const auto bytes = std::as_bytes(std::span(depth_m.pixels));
-  return writer.blob({reinterpret_cast<const char*>(bytes.data()), bytes.size()}).bytes();
+  return image_message(head, "32FC1", depth_m);
 }
 
 std::string camera_info(const Header& head, const imaging::Camera& camera) {
@@ -187,11 +196,15 @@ std::string camera_info(const Header& head, const imaging::Camera& camera) {
   return writer.bytes();
 }
 
-std::string transform(const Header& head, const std::string& child_frame_id, const geometry::SE3& T_frame_child) {
+std::string transforms(const std::vector<FrameTransform>& transforms) {
   CdrWriter writer;
-  writer.number(std::uint32_t{1});  // number of transforms
-  put(writer, head).text(child_frame_id);
-  return put(writer, T_frame_child).bytes();
+  writer.number(static_cast<std::uint32_t>(transforms.size()));
+  for (const FrameTransform& one : transforms) put(put(writer, one.head).text(one.child_frame_id), one.T_frame_child);
+  return writer.bytes();
+}
+
+std::string transform(const Header& head, const std::string& child_frame_id, const geometry::SE3& T_frame_child) {
+  return transforms({{head, child_frame_id, T_frame_child}});
 }
 
 std::string odometry(const Header& head, const std::string& child_frame_id, const geometry::SE3& T_frame_child,

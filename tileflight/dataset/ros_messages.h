@@ -25,6 +25,8 @@ struct Header {
 
 /// sensor_msgs/msg/CompressedImage; `format` is "jpeg" or "png".
 std::string compressed_image(const Header& head, std::string_view format, std::string_view file_bytes);
+/// sensor_msgs/msg/Image of encoding rgb8.
+std::string rgb_image(const Header& head, const imaging::RgbImage& image);
 /// sensor_msgs/msg/Image of encoding 32FC1: metres along the axis, infinite where there is no surface (REP 118).
 std::string depth_image(const Header& head, const imaging::FloatImage& depth_m);
 /// sensor_msgs/msg/CameraInfo: plumb_bob, equidistant, or no name (and a pinhole's K) for other lenses.
@@ -43,6 +45,13 @@ std::string path(const Header& head, const std::vector<geometry::StampedPose>& p
 /// rosgraph_msgs/msg/Clock
 std::string clock(std::int64_t time_ns);
 
+struct FrameTransform {
+  Header head;
+  std::string child_frame_id;
+  geometry::SE3 T_frame_child;
+};
+/// tf2_msgs/msg/TFMessage
+std::string transforms(const std::vector<FrameTransform>& transforms);
 /// tf2_msgs/msg/TFMessage with one transform.
 std::string transform(const Header& head, const std::string& child_frame_id, const geometry::SE3& T_frame_child);
 /// sensor_msgs/msg/Imu without orientation.

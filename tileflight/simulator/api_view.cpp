@@ -1,5 +1,7 @@
+#include <algorithm>
 #include <variant>
 
+#include "tileflight/base/input_error.h"
 #include "tileflight/simulator/frames.h"
 #include "tileflight/simulator/simulator_impl.h"
 
@@ -20,6 +22,7 @@ ObservedVehicle observed(const Simulator::Impl& impl, const SimVehicle& vehicle)
   seen.T_local_body = impl.T_local_ned * state.T_ned_body * T_flu_frd().inverse();
   seen.velocity_m_s = frd_from_flu(state.T_ned_body.rotation.conjugate() * state.velocity_m_s);
   seen.angular_velocity_rad_s = frd_from_flu(state.angular_velocity_rad_s);
+  seen.flies = vehicle.settings().flies;
   const geometry::Geodetic position = impl.geodetic_frame.to_geodetic(state.T_ned_body.translation);
   seen.latitude_deg = position.latitude_deg;
   seen.longitude_deg = position.longitude_deg;
@@ -29,6 +32,7 @@ ObservedVehicle observed(const Simulator::Impl& impl, const SimVehicle& vehicle)
     const auto* lidar = std::get_if<LidarSettings>(&sensor.kind);
     if (lidar != nullptr)
       seen.lidars.push_back({sensor.name, T_flu_frd() * lidar->T_body_sensor * T_flu_frd().inverse()});
+    if (std::holds_alternative<ImuSettings>(sensor.kind)) seen.imus.push_back(sensor.name);
   }
   return seen;
 }
@@ -51,6 +55,23 @@ std::vector<ImageResponse> Simulator::view_images(const std::vector<ImageRequest
     planned = impl_->plan_images(requests, vehicle, false);
   }
   return impl_->render_images(planned);
+}
+
+ObservedMotion Simulator::view_imu(const std::string& imu, const std::string& vehicle) {
+  const std::lock_guard lock(impl_->state_mutex);
+  VehicleSlot& one = impl_->slot(vehicle);
+  const auto& sensors = one.vehicle->settings().sensors;
+  const auto sensor = std::ranges::find(sensors, imu, &SensorSettings::name);
+  const auto* settings = sensor == sensors.end() ? nullptr : std::get_if<ImuSettings>(&sensor->kind);
+  if (settings == nullptr) throw InputError(vehicle, "has no IMU of the name " + imu);
+  SensorNoiseState& noise = one.view_noises[imu];
+  noise.seed = sensor_seed(vehicle, imu);
+  const SensorContext now{*one.vehicle,           one.history,
+                          impl_->geodetic_frame,  impl_->clock.time_s(),
+                          impl_->clock.time_ns(), one.vehicle->is_flying()};
+  const ImuData reading = read_imu(*settings, now, noise);
+  const auto flu = [](const Vector3r& v) { return frd_from_flu({v.x_val, v.y_val, v.z_val}); };
+  return {reading.time_stamp, flu(reading.angular_velocity), flu(reading.linear_acceleration)};
 }
 
 ObservedScan Simulator::view_scan(const std::string& lidar, const std::string& vehicle) {

@@ -31,12 +31,21 @@ struct ObservedVehicle {
   double latitude_deg = 0.0, longitude_deg = 0.0, height_m = 0.0;  ///< WGS84, above the ellipsoid
   std::vector<ObservedCamera> cameras;
   std::vector<ObservedLidar> lidars;
+  std::vector<std::string> imus;  ///< at the body's origin, with its axes
+  bool flies = false;             ///< else it is a camera by itself
 };
 
 /// The simulation at one time.
 struct Observation {
   std::uint64_t time_ns = 0;
   std::vector<ObservedVehicle> vehicles;
+};
+
+/// What an inertial unit measures, in body axes.
+struct ObservedMotion {
+  std::uint64_t time_ns = 0;
+  geometry::Vec3 angular_rate_rad_s = geometry::Vec3::Zero();
+  geometry::Vec3 specific_force_m_s2 = geometry::Vec3::Zero();  ///< at rest: gravity upwards
 };
 
 /// Points of a complete scan from one pose, in the lidar's axes.

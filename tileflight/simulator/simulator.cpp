@@ -338,6 +338,7 @@ void Simulator::reset() {
     one->vehicle->reset();
     one->history.clear();
     one->sensor_noises.clear();
+    one->view_noises.clear();
   }
   impl_->external_cameras.clear();
   for (const CameraSettings& camera : impl_->settings.external_cameras) impl_->external_cameras.emplace_back(camera);

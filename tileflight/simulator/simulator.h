@@ -247,8 +247,20 @@ class Simulator {
   /// As sim_get_images(), without effect on optical flow.
   std::vector<ImageResponse> view_images(const std::vector<ImageRequest>& requests, const std::string& vehicle);
   ObservedScan view_scan(const std::string& lidar, const std::string& vehicle);
+  /// With noise of its own.
+  ObservedMotion view_imu(const std::string& imu, const std::string& vehicle);
   /// Copies of the meshes in memory, local frame. nullopt: they have more triangles than `max_triangles`.
   std::optional<std::vector<imaging::TexturedMesh>> view_meshes(std::size_t max_triangles) const;
+
+  // For nodes that command and do not wait. The vehicle is taken under API control and armed, and what it did ends.
+  // Throw InputError for a vehicle that cannot do that, or values out of range.
+  /// Flies with this velocity (x along the heading, y left, z up) and turn (counter-clockwise) for this time of the
+  /// simulation, then hovers.
+  void start_velocity(const geometry::Vec3& velocity_m_s, double yaw_rate_rad_s, double duration_s,
+                      const std::string& vehicle);
+  /// A vehicle that flies begins to fly there, at 5 m/s at most, and turns to the pose's heading; a camera by itself is
+  /// there at once. Body axes x forward, y left, z up.
+  void start_pose(const geometry::SE3& T_local_body, const std::string& vehicle);
 
   struct Impl;
 

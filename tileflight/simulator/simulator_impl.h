@@ -48,6 +48,7 @@ struct VehicleSlot {
   std::unique_ptr<SimVehicle> vehicle;
   StateHistory history;
   std::map<std::string, SensorNoiseState> sensor_noises;  ///< by the sensor's name
+  std::map<std::string, SensorNoiseState> view_noises;    ///< of what viewers see, by the sensor's name
 };
 
 /// A requested image, independent of the simulator's state.

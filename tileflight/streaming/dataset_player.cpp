@@ -38,7 +38,7 @@ double rate_value(const foxglove::Parameter& wanted) {
 
 DatasetPlayer::DatasetPlayer(const dataset::Dataset& dataset, const PlayOptions& options)
     : dataset_(dataset),
-      listed_(dataset::list_messages(dataset, {.depth = true, .odometry = true})),
+      listed_(dataset::list_messages(dataset, {.depth = true, .odometry = true, .static_transforms = true})),
       clock_(options.rate, options.is_paused),
       loop_(options.loop) {
   if (listed_.messages.empty()) throw InputError(dataset.folder.string(), "holds nothing to play");
@@ -69,15 +69,17 @@ void DatasetPlayer::set_parameter(const foxglove::Parameter& wanted) {
   changed_.notify_all();
 }
 
-void DatasetPlayer::open(foxglove::Server& server, const std::optional<PlaceGlb>& place) {
+void DatasetPlayer::open(MessageSink& sink, const std::optional<PlaceGlb>& place) {
   for (const dataset::MessageTopic& topic : listed_.topics) {
-    channels_.push_back(server.add_channel(ros_channel(topic.name, topic.type)));
+    channels_.push_back(sink.add_channel(ros_channel(topic.name, topic.type, topic.is_latched)));
     topics_.push_back(topic.name);
   }
+  clock_channel_ = sink.add_channel(ros_channel("/clock", "rosgraph_msgs/msg/Clock"));
+  topics_.emplace_back("/clock");
   const std::int64_t begin_ns = listed_.messages.front().time_ns;
   const auto send_once = [&](foxglove::Channel channel, std::string bytes) {
     topics_.push_back(channel.topic);
-    server.publish(server.add_channel(std::move(channel)), static_cast<std::uint64_t>(begin_ns), std::move(bytes));
+    sink.publish(sink.add_channel(std::move(channel)), static_cast<std::uint64_t>(begin_ns), std::move(bytes));
   };
   if (dataset_.groundtruth)
     send_once(ros_channel("/path", "nav_msgs/msg/Path", true),
@@ -93,26 +95,28 @@ double DatasetPlayer::duration_s() const {
   return static_cast<double>(listed_.messages.back().time_ns - listed_.messages.front().time_ns) * 1e-9;
 }
 
-std::uint64_t DatasetPlayer::play(foxglove::Server& server, const std::stop_token& stop) {
-  if (!server.wait_for_subscriber(stop)) return 0;
+std::uint64_t DatasetPlayer::play(MessageSink& sink, const std::stop_token& stop) {
+  if (!sink.wait_for_audience(stop)) return 0;
   std::uint64_t sent = 0;
   do {
-    sent += play_once(server, stop);
+    sent += play_once(sink, stop);
   } while (!stop.stop_requested() && is_looping());
   return sent;
 }
 
-std::uint64_t DatasetPlayer::play_once(foxglove::Server& server, const std::stop_token& stop) {
+std::uint64_t DatasetPlayer::play_once(MessageSink& sink, const std::stop_token& stop) {
   restart_clock();
   std::uint64_t sent = 0;
   for (const dataset::DatasetMessage& message : listed_.messages) {
     if (!wait_until_due(message.time_ns, stop)) break;
     const auto time_ns = static_cast<std::uint64_t>(message.time_ns);
-    server.publish_time(time_ns);
-    const foxglove::ChannelId channel = channels_[message.topic];
-    if (!server.is_subscribed(channel)) continue;
-    server.publish(channel, time_ns, message.make());
-    ++sent;
+    sink.publish_time(time_ns);
+    if (sink.is_wanted(clock_channel_)) sink.publish(clock_channel_, time_ns, dataset::ros::clock(message.time_ns));
+    const MessageSink::ChannelId channel = channels_[message.topic];
+    const bool is_wanted = sink.is_wanted(channel);
+    if (!is_wanted && !listed_.topics[message.topic].is_latched) continue;
+    sink.publish(channel, time_ns, message.make());
+    if (is_wanted) ++sent;
   }
   return sent;
 }

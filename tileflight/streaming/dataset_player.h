@@ -9,7 +9,7 @@
 
 #include "tileflight/dataset/dataset_messages.h"
 #include "tileflight/foxglove/parameter.h"
-#include "tileflight/foxglove/server.h"
+#include "tileflight/streaming/message_sink.h"
 #include "tileflight/streaming/place_glb.h"
 #include "tileflight/streaming/playback_clock.h"
 
@@ -22,9 +22,9 @@ struct PlayOptions {
 };
 inline constexpr double kMaxPlayRate = 1000.0;
 
-/// Plays a dataset to viewers: the messages of list_messages() with depth and odometry, the whole true path as /path
-/// and the place as /place (both sent once to each viewer), at the dataset's times. Only what a viewer has subscribed
-/// to is read.
+/// Plays a dataset to viewers and nodes: the messages of list_messages() with depth, odometry and /tf_static, /clock,
+/// the whole true path as /path and the place as /place (both sent once to each viewer), at the dataset's times. Only
+/// what a viewer has subscribed to is read.
 class DatasetPlayer {
  public:
   /// `dataset` must outlive the player. Throws InputError: files that cannot be read, no messages.
@@ -34,13 +34,13 @@ class DatasetPlayer {
   foxglove::ParameterAccess parameters();
 
   /// Adds the channels. `place`: what is shown as /place.
-  void open(foxglove::Server& server, const std::optional<PlaceGlb>& place);
+  void open(MessageSink& sink, const std::optional<PlaceGlb>& place);
   std::vector<std::string> topics() const;
   double duration_s() const;
 
   /// Waits for the first subscription, then plays until the end (with `loop`: for ever) or until `stop`. Returns the
   /// number of messages sent. Throws InputError for a file that cannot be read.
-  std::uint64_t play(foxglove::Server& server, const std::stop_token& stop);
+  std::uint64_t play(MessageSink& sink, const std::stop_token& stop);
 
  private:
   void set_parameter(const foxglove::Parameter& wanted);
@@ -48,13 +48,14 @@ class DatasetPlayer {
   void restart_clock();
   /// Waits until a message is due. Returns false if `stop` came first.
   bool wait_until_due(std::int64_t time_ns, const std::stop_token& stop);
-  std::uint64_t play_once(foxglove::Server& server, const std::stop_token& stop);
+  std::uint64_t play_once(MessageSink& sink, const std::stop_token& stop);
 
   const dataset::Dataset& dataset_;
   dataset::DatasetMessages listed_;
-  std::vector<foxglove::ChannelId> channels_;  ///< of each topic
-  std::vector<std::string> topics_;            ///< all, with those that are sent once
-  mutable std::mutex mutex_;                   ///< guards the members below
+  std::vector<MessageSink::ChannelId> channels_;  ///< of each topic
+  MessageSink::ChannelId clock_channel_ = 0;
+  std::vector<std::string> topics_;  ///< all, with those that are sent once
+  mutable std::mutex mutex_;         ///< guards the members below
   std::condition_variable_any changed_;
   PlaybackClock clock_;
   bool loop_;

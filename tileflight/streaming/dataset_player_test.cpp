@@ -11,6 +11,7 @@
 #include "tileflight/dataset/dataset.h"
 #include "tileflight/foxglove/server_message.h"
 #include "tileflight/foxglove/test_web_socket.h"
+#include "tileflight/streaming/foxglove_sink.h"
 
 namespace tileflight::streaming::dataset_player_test {
 namespace {
@@ -59,14 +60,15 @@ class DatasetPlayerTest : public testing::Test {
 TEST_F(DatasetPlayerTest, PlaysAfterTheFirstSubscriptionUntilTheEnd) {
   DatasetPlayer player(dataset_, {.rate = 100.0});
   foxglove::Server server({}, player.parameters());
-  player.open(server, std::nullopt);
+  FoxgloveSink sink(server);
+  player.open(sink, std::nullopt);
   EXPECT_THAT(player.topics(), testing::UnorderedElementsAre("/camera/image/compressed", "/camera/camera_info", "/tf",
-                                                             "/odometry", "/path"));
+                                                             "/tf_static", "/clock", "/odometry", "/path"));
   EXPECT_NEAR(player.duration_s(), 0.2, 1e-9);
   TestWebSocket viewer(server.port());
   const json channel = subscribe(viewer, "/odometry");
   EXPECT_EQ(channel["schemaName"], "nav_msgs/msg/Odometry");
-  EXPECT_EQ(player.play(server, {}), std::uint64_t{kFrames}) << "nothing else is sent";
+  EXPECT_EQ(player.play(sink, {}), std::uint64_t{kFrames}) << "nothing else is sent";
   for (int i = 0; i < kFrames; ++i) {
     const auto time_ns = static_cast<std::uint64_t>(std::llround((10.0 + 0.1 * i) * 1e9));
     EXPECT_EQ(viewer.read_data()->substr(0, 13), foxglove::message_data_head(1, time_ns));
@@ -76,10 +78,11 @@ TEST_F(DatasetPlayerTest, PlaysAfterTheFirstSubscriptionUntilTheEnd) {
 TEST_F(DatasetPlayerTest, AViewerStartsItChangesItsRateAndSeesBoth) {
   DatasetPlayer player(dataset_, {.rate = 100.0, .is_paused = true});
   foxglove::Server server({}, player.parameters());
-  player.open(server, PlaceGlb{"glTF", {}});
+  FoxgloveSink sink(server);
+  player.open(sink, PlaceGlb{"glTF", {}});
   TestWebSocket viewer(server.port());
   std::uint64_t sent = 0;
-  std::jthread playing([&](const std::stop_token& stop) { sent = player.play(server, stop); });
+  std::jthread playing([&](const std::stop_token& stop) { sent = player.play(sink, stop); });
   EXPECT_EQ(subscribe(viewer, "/place")["schemaName"], "foxglove.SceneUpdate");
   EXPECT_THAT(*viewer.read_data(), HasSubstr("Z2xURg==")) << "what is sent once is there in a pause, too";
   for (const auto& [name, value, why] :
@@ -100,10 +103,11 @@ TEST_F(DatasetPlayerTest, AViewerStartsItChangesItsRateAndSeesBoth) {
 TEST_F(DatasetPlayerTest, ALoopBeginsAgainUntilItIsStopped) {
   DatasetPlayer player(dataset_, {.rate = 10.0, .loop = true});
   foxglove::Server server({}, player.parameters());
-  player.open(server, std::nullopt);
+  FoxgloveSink sink(server);
+  player.open(sink, std::nullopt);
   TestWebSocket viewer(server.port());
   subscribe(viewer, "/odometry");
-  std::jthread playing([&](const std::stop_token& stop) { player.play(server, stop); });
+  std::jthread playing([&](const std::stop_token& stop) { player.play(sink, stop); });
   for (int i = 0; i < 3 * kFrames; ++i) {
     const auto time_ns = static_cast<std::uint64_t>(std::llround((10.0 + 0.1 * (i % kFrames)) * 1e9));
     EXPECT_EQ(viewer.read_data()->substr(0, 13), foxglove::message_data_head(1, time_ns));
@@ -113,15 +117,16 @@ TEST_F(DatasetPlayerTest, ALoopBeginsAgainUntilItIsStopped) {
 TEST_F(DatasetPlayerTest, AStopEndsAWaitAndAPause) {
   DatasetPlayer player(dataset_, {.is_paused = true});
   foxglove::Server server({}, player.parameters());
-  player.open(server, std::nullopt);
+  FoxgloveSink sink(server);
+  player.open(sink, std::nullopt);
   std::uint64_t sent = 1;
-  std::jthread waiting([&](const std::stop_token& stop) { sent = player.play(server, stop); });
+  std::jthread waiting([&](const std::stop_token& stop) { sent = player.play(sink, stop); });
   waiting = {};
   EXPECT_EQ(sent, 0U);
   TestWebSocket viewer(server.port());
   subscribe(viewer, "/odometry");
   server.wait_for_subscriber({});
-  waiting = std::jthread([&](const std::stop_token& stop) { sent = player.play(server, stop); });
+  waiting = std::jthread([&](const std::stop_token& stop) { sent = player.play(sink, stop); });
   waiting = {};
   EXPECT_EQ(sent, 0U);
 }
@@ -129,11 +134,12 @@ TEST_F(DatasetPlayerTest, AStopEndsAWaitAndAPause) {
 TEST_F(DatasetPlayerTest, AFileThatVanishesIsAnInputError) {
   DatasetPlayer player(dataset_, {.rate = 100.0});
   foxglove::Server server({}, player.parameters());
-  player.open(server, std::nullopt);
+  FoxgloveSink sink(server);
+  player.open(sink, std::nullopt);
   TestWebSocket viewer(server.port());
   subscribe(viewer, "/camera/image/compressed");
   std::filesystem::remove(dataset_.frames[1].image);
-  EXPECT_THROW(player.play(server, {}), InputError);
+  EXPECT_THROW(player.play(sink, {}), InputError);
 }
 
 }  // namespace

@@ -30,15 +30,24 @@ constexpr std::size_t kMaxPlaceTriangles = 8'000'000;
 constexpr float kNoSurface_m = 65504.0F;
 
 std::string frame_of(const std::string& vehicle, const std::string& part) { return vehicle + "/" + part; }
+std::string body_frame(const std::string& vehicle) { return frame_of(vehicle, "base_link"); }
+std::string odometry_frame(const std::string& vehicle) { return frame_of(vehicle, "odom"); }
+std::string camera_frame(const std::string& vehicle, const std::string& camera) {
+  return frame_of(vehicle, camera + "_optical");
+}
 
 Header header(std::uint64_t time_ns, const std::string& frame) { return {static_cast<std::int64_t>(time_ns), frame}; }
 
-std::string jpeg_of(const simulator::ImageResponse& image, int quality) {
+imaging::RgbImage rgb_of(const simulator::ImageResponse& image) {
   imaging::RgbImage rgb(image.width, image.height);
   for (std::size_t i = 0; i < rgb.pixels.size(); ++i) {
     const std::uint8_t* bgr = image.image_data_uint8.data() + 3 * i;
     rgb.pixels[i] = {bgr[2], bgr[1], bgr[0]};
   }
+  return rgb;
+}
+
+std::string jpeg_of(const imaging::RgbImage& rgb, int quality) {
   const std::vector<std::byte> bytes = imaging::encode_jpeg(rgb, quality);
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
@@ -58,8 +67,27 @@ std::vector<dataset::ScanPoint> points_of(const simulator::ObservedScan& scan) {
   return points;
 }
 
+/// The sensors on their vehicles, and where odometry begins.
+std::vector<dataset::ros::FrameTransform> static_transforms_of(const simulator::Observation& now) {
+  std::vector<dataset::ros::FrameTransform> all;
+  for (const simulator::ObservedVehicle& vehicle : now.vehicles) {
+    const Header on_body = header(now.time_ns, body_frame(vehicle.name));
+    all.push_back({header(now.time_ns, kMapFrame), odometry_frame(vehicle.name), {}});
+    for (const simulator::ObservedCamera& camera : vehicle.cameras)
+      all.push_back({on_body, camera_frame(vehicle.name, camera.name), camera.T_body_camera});
+    for (const simulator::ObservedLidar& lidar : vehicle.lidars)
+      all.push_back({on_body, frame_of(vehicle.name, lidar.name), lidar.T_body_lidar});
+    for (const std::string& imu : vehicle.imus) all.push_back({on_body, frame_of(vehicle.name, imu), {}});
+  }
+  return all;
+}
+
 bool is_same(const geometry::SE3& a, const geometry::SE3& b) {
   return a.translation == b.translation && a.rotation.coeffs() == b.rotation.coeffs();
+}
+
+bool is_same(const dataset::ros::FrameTransform& a, const dataset::ros::FrameTransform& b) {
+  return a.child_frame_id == b.child_frame_id && is_same(a.T_frame_child, b.T_frame_child);
 }
 
 /// Whether time and all poses are the same: clients may also place vehicles while time stands still.
@@ -103,11 +131,12 @@ LiveView::LiveView(CurrentSimulator simulator, const LiveOptions& options, Log l
 
 LiveView::~LiveView() { stop(); }
 
-void LiveView::start(foxglove::Server& server) {
-  server_ = &server;
-  tf_ = server.add_channel(ros_channel("/tf", "tf2_msgs/msg/TFMessage"));
-  clock_ = server.add_channel(ros_channel("/clock", "rosgraph_msgs/msg/Clock"));
-  place_ = server.add_channel(scene_channel("/place"));
+void LiveView::start(MessageSink& sink) {
+  sink_ = &sink;
+  tf_ = sink.add_channel(ros_channel("/tf", "tf2_msgs/msg/TFMessage"));
+  tf_static_ = sink.add_channel(ros_channel("/tf_static", "tf2_msgs/msg/TFMessage", true));
+  clock_ = sink.add_channel(ros_channel("/clock", "rosgraph_msgs/msg/Clock"));
+  place_ = sink.add_channel(scene_channel("/place"));
   shown_ = simulator_();
   add_channels(simulator_()->observe());
   thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
@@ -155,9 +184,9 @@ void LiveView::run(const std::stop_token& stop) {
   std::optional<simulator::Observation> last;  ///< of which pictures were sent
   std::uint64_t last_changes = 0;
   WallTime next_images{}, next_paths{};
-  while (server_->wait_for_subscriber(stop)) {
+  while (sink_->wait_for_audience(stop)) {
     const WallTime begin = std::chrono::steady_clock::now();
-    const std::uint64_t changes = server_->subscription_changes();
+    const std::uint64_t changes = sink_->audience_changes();
     const bool is_other_audience = changes != std::exchange(last_changes, changes);
     follow_level();
     const simulator::Observation now = simulator_()->observe();
@@ -185,14 +214,16 @@ void LiveView::follow_level() {
   shown_ = current;
   for (const auto& [name, channels] : vehicles_) remove_channels(channels);
   vehicles_.clear();
+  static_transforms_.clear();
   place_thread_ = {};
 }
 
 void LiveView::publish(const simulator::Observation& now, const Due& due, const std::stop_token& stop) {
   add_channels(now);
-  server_->publish_time(now.time_ns);
+  sink_->publish_time(now.time_ns);
   if (is_wanted(clock_))
-    server_->publish(clock_, now.time_ns, dataset::ros::clock(static_cast<std::int64_t>(now.time_ns)));
+    sink_->publish(clock_, now.time_ns, dataset::ros::clock(static_cast<std::int64_t>(now.time_ns)));
+  publish_static_transforms(now);
   if (is_wanted(tf_)) publish_transforms(now);
   if (is_wanted(place_)) start_place();
   for (const simulator::ObservedVehicle& vehicle : now.vehicles) {
@@ -200,7 +231,8 @@ void LiveView::publish(const simulator::Observation& now, const Due& due, const 
     publish_state(now.time_ns, vehicle, channels);
     add_to_path(channels.flown, {static_cast<double>(now.time_ns) * 1e-9, vehicle.T_local_body});
     if (due.paths && is_wanted(channels.path))
-      server_->publish(channels.path, now.time_ns, dataset::ros::path(header(now.time_ns, kMapFrame), channels.flown));
+      sink_->publish(channels.path, now.time_ns, dataset::ros::path(header(now.time_ns, kMapFrame), channels.flown));
+    for (const auto& [imu, channel] : channels.imus) publish_imu(vehicle, imu, channel);
     if (!due.images) continue;
     for (const simulator::ObservedCamera& camera : vehicle.cameras) {
       if (!stop.stop_requested()) publish_camera(vehicle, camera, channels.cameras.at(camera.name));
@@ -227,70 +259,96 @@ void LiveView::add_channels(const simulator::Observation& now) {
 LiveView::VehicleChannels LiveView::channels_of(const simulator::ObservedVehicle& vehicle) {
   const std::string root = "/" + vehicle.name;
   const auto add = [this](const std::string& topic, const std::string& type) {
-    return server_->add_channel(ros_channel(topic, type));
+    return sink_->add_channel(ros_channel(topic, type));
   };
   VehicleChannels channels;
   for (const simulator::ObservedCamera& camera : vehicle.cameras) {
     const std::string of_camera = root + "/" + camera.name;
-    channels.cameras[camera.name] = {add(of_camera + "/image/compressed", "sensor_msgs/msg/CompressedImage"),
+    channels.cameras[camera.name] = {add(of_camera + "/image", "sensor_msgs/msg/Image"),
+                                     add(of_camera + "/image/compressed", "sensor_msgs/msg/CompressedImage"),
                                      add(of_camera + "/camera_info", "sensor_msgs/msg/CameraInfo"),
                                      add(of_camera + "/depth", "sensor_msgs/msg/Image")};
   }
   for (const simulator::ObservedLidar& lidar : vehicle.lidars)
     channels.lidars[lidar.name] = add(root + "/" + lidar.name + "/points", "sensor_msgs/msg/PointCloud2");
+  for (const std::string& imu : vehicle.imus)
+    channels.imus[imu] = add(root + "/" + imu + "/data_raw", "sensor_msgs/msg/Imu");
   channels.odometry = add(root + "/odometry", "nav_msgs/msg/Odometry");
   channels.path = add(root + "/path", "nav_msgs/msg/Path");
   channels.gnss = add(root + "/gnss", "sensor_msgs/msg/NavSatFix");
-  channels.motion = server_->add_channel(motion_channel(root + "/motion"));
+  channels.motion = sink_->add_channel(motion_channel(root + "/motion"));
   return channels;
 }
 
 void LiveView::remove_channels(const VehicleChannels& channels) {
   for (const auto& [name, camera] : channels.cameras) {
-    for (const foxglove::ChannelId one : {camera.image, camera.info, camera.depth}) server_->remove_channel(one);
+    for (const ChannelId one : {camera.image, camera.compressed, camera.info, camera.depth}) sink_->remove_channel(one);
   }
-  for (const auto& [name, lidar] : channels.lidars) server_->remove_channel(lidar);
-  for (const foxglove::ChannelId one : {channels.odometry, channels.path, channels.gnss, channels.motion})
-    server_->remove_channel(one);
+  for (const auto& [name, lidar] : channels.lidars) sink_->remove_channel(lidar);
+  for (const auto& [name, imu] : channels.imus) sink_->remove_channel(imu);
+  for (const ChannelId one : {channels.odometry, channels.path, channels.gnss, channels.motion})
+    sink_->remove_channel(one);
 }
 
 void LiveView::publish_transforms(const simulator::Observation& now) {
-  const auto send = [&](const std::string& parent, const std::string& child, const geometry::SE3& T_parent_child) {
-    server_->publish(tf_, now.time_ns, dataset::ros::transform(header(now.time_ns, parent), child, T_parent_child));
-  };
-  for (const simulator::ObservedVehicle& vehicle : now.vehicles) {
-    send(kMapFrame, vehicle.name, vehicle.T_local_body);
-    for (const simulator::ObservedCamera& camera : vehicle.cameras)
-      send(vehicle.name, frame_of(vehicle.name, camera.name), camera.T_body_camera);
-    for (const simulator::ObservedLidar& lidar : vehicle.lidars)
-      send(vehicle.name, frame_of(vehicle.name, lidar.name), lidar.T_body_lidar);
-  }
+  std::vector<dataset::ros::FrameTransform> moving;
+  for (const simulator::ObservedVehicle& vehicle : now.vehicles)
+    moving.push_back(
+        {header(now.time_ns, odometry_frame(vehicle.name)), body_frame(vehicle.name), vehicle.T_local_body});
+  sink_->publish(tf_, now.time_ns, dataset::ros::transforms(moving));
+}
+
+/// Once, and when a client has placed a camera otherwise: who comes later gets the last message.
+void LiveView::publish_static_transforms(const simulator::Observation& now) {
+  std::vector<dataset::ros::FrameTransform> all = static_transforms_of(now);
+  const auto same = [](const auto& a, const auto& b) { return is_same(a, b); };
+  if (std::ranges::equal(all, static_transforms_, same)) return;
+  sink_->publish(tf_static_, now.time_ns, dataset::ros::transforms(all));
+  static_transforms_ = std::move(all);
 }
 
 void LiveView::publish_state(std::uint64_t time_ns, const simulator::ObservedVehicle& vehicle,
                              const VehicleChannels& channels) {
-  const Header in_map = header(time_ns, kMapFrame);
+  const Header origin = header(time_ns, odometry_frame(vehicle.name));
   if (is_wanted(channels.odometry))
-    server_->publish(channels.odometry, time_ns,
-                     dataset::ros::odometry(in_map, vehicle.name, vehicle.T_local_body,
-                                            {vehicle.velocity_m_s, vehicle.angular_velocity_rad_s}));
+    sink_->publish(channels.odometry, time_ns,
+                   dataset::ros::odometry(origin, body_frame(vehicle.name), vehicle.T_local_body,
+                                          {vehicle.velocity_m_s, vehicle.angular_velocity_rad_s}));
   if (is_wanted(channels.motion))
-    server_->publish(channels.motion, time_ns,
-                     motion_text({vehicle.T_local_body, vehicle.velocity_m_s, vehicle.angular_velocity_rad_s}));
+    sink_->publish(channels.motion, time_ns,
+                   motion_text({vehicle.T_local_body, vehicle.velocity_m_s, vehicle.angular_velocity_rad_s}));
   if (is_wanted(channels.gnss)) {
     const geometry::Geodetic position{vehicle.latitude_deg, vehicle.longitude_deg, {vehicle.height_m}};
     const dataset::GpsFix fix{static_cast<double>(time_ns) * 1e-9, position, 0.0, 0.0};
-    server_->publish(channels.gnss, time_ns, dataset::ros::nav_sat_fix(header(time_ns, vehicle.name), fix));
+    sink_->publish(channels.gnss, time_ns, dataset::ros::nav_sat_fix(header(time_ns, body_frame(vehicle.name)), fix));
   }
+}
+
+void LiveView::publish_picture(const Header& head, const imaging::RgbImage& picture, const CameraChannels& channels) {
+  const auto time_ns = static_cast<std::uint64_t>(head.time_ns);
+  if (is_wanted(channels.image)) sink_->publish(channels.image, time_ns, dataset::ros::rgb_image(head, picture));
+  if (is_wanted(channels.compressed))
+    sink_->publish(channels.compressed, time_ns,
+                   dataset::ros::compressed_image(head, "jpeg", jpeg_of(picture, options_.jpeg_quality)));
+}
+
+void LiveView::publish_imu(const simulator::ObservedVehicle& vehicle, const std::string& imu, ChannelId channel) {
+  if (!is_wanted(channel)) return;
+  const simulator::ObservedMotion motion = simulator_()->view_imu(imu, vehicle.name);
+  const dataset::ImuReading reading{static_cast<double>(motion.time_ns) * 1e-9, motion.angular_rate_rad_s,
+                                    motion.specific_force_m_s2};
+  sink_->publish(channel, motion.time_ns,
+                 dataset::ros::imu(header(motion.time_ns, frame_of(vehicle.name, imu)), reading));
 }
 
 /// Picture and depth of one call are of the same moment.
 void LiveView::publish_camera(const simulator::ObservedVehicle& vehicle, const simulator::ObservedCamera& camera,
                               const CameraChannels& channels) {
   using simulator::ImageType;
-  const std::string frame = frame_of(vehicle.name, camera.name);
+  const std::string frame = camera_frame(vehicle.name, camera.name);
   std::vector<simulator::ImageRequest> requests;
-  if (is_wanted(channels.image)) requests.push_back({camera.name, static_cast<int>(ImageType::kScene), false, false});
+  if (is_wanted(channels.image) || is_wanted(channels.compressed))
+    requests.push_back({camera.name, static_cast<int>(ImageType::kScene), false, false});
   if (is_wanted(channels.depth))
     requests.push_back({camera.name, static_cast<int>(ImageType::kDepthPlanar), true, false});
   if (requests.empty() && !is_wanted(channels.info)) return;
@@ -301,23 +359,22 @@ void LiveView::publish_camera(const simulator::ObservedVehicle& vehicle, const s
     const Header head = header(time_ns, frame);
     for (const simulator::ImageResponse& image : images) {
       if (image.pixels_as_float) {
-        server_->publish(channels.depth, time_ns, dataset::ros::depth_image(head, depth_of(image)));
+        sink_->publish(channels.depth, time_ns, dataset::ros::depth_image(head, depth_of(image)));
       } else {
-        server_->publish(channels.image, time_ns,
-                         dataset::ros::compressed_image(head, "jpeg", jpeg_of(image, options_.jpeg_quality)));
+        publish_picture(head, rgb_of(image), channels);
       }
     }
   }
   if (is_wanted(channels.info))
-    server_->publish(channels.info, time_ns, dataset::ros::camera_info(header(time_ns, frame), camera.scene_lens));
+    sink_->publish(channels.info, time_ns, dataset::ros::camera_info(header(time_ns, frame), camera.scene_lens));
 }
 
 void LiveView::publish_scan(const simulator::ObservedVehicle& vehicle, const simulator::ObservedLidar& lidar,
-                            foxglove::ChannelId channel) {
+                            ChannelId channel) {
   if (!is_wanted(channel)) return;
   const simulator::ObservedScan scan = simulator_()->view_scan(lidar.name, vehicle.name);
   const Header head = header(scan.time_ns, frame_of(vehicle.name, lidar.name));
-  server_->publish(channel, scan.time_ns, dataset::ros::point_cloud(head, points_of(scan)));
+  sink_->publish(channel, scan.time_ns, dataset::ros::point_cloud(head, points_of(scan)));
 }
 
 void LiveView::start_place() {
@@ -329,8 +386,8 @@ void LiveView::report(const std::string& failure) {
     const std::lock_guard lock(mutex_);
     if (!reported_.insert(failure).second) return;
   }
-  if (log_) log_("foxglove view: " + failure);
-  server_->warn(failure);
+  if (log_) log_("live view: " + failure);
+  sink_->warn(failure);
 }
 
 void LiveView::publish_place() try {
@@ -340,7 +397,7 @@ void LiveView::publish_place() try {
   const std::optional<PlaceGlb> glb = make_place_glb(*meshes, simulator->tf_statistics().attribution);
   if (!glb) return report("/place: there are no triangles in memory");
   const std::uint64_t time_ns = simulator->observe().time_ns;
-  server_->publish(place_, time_ns, scene_update(glb->bytes, kMapFrame, time_ns, glb->attribution));
+  sink_->publish(place_, time_ns, scene_update(glb->bytes, kMapFrame, time_ns, glb->attribution));
 } catch (const std::exception& error) {
   report(error.what());
 }

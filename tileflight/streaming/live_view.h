@@ -12,10 +12,11 @@
 #include <thread>
 #include <vector>
 
+#include "tileflight/dataset/ros_messages.h"
 #include "tileflight/foxglove/parameter.h"
-#include "tileflight/foxglove/server.h"
 #include "tileflight/geometry/trajectory.h"
 #include "tileflight/simulator/simulator.h"
+#include "tileflight/streaming/message_sink.h"
 
 namespace tileflight::streaming {
 
@@ -27,9 +28,11 @@ struct LiveOptions {
 };
 inline constexpr double kMaxImageRate_hz = 60.0;
 
-/// Shows a running simulator to viewers, at the simulation's times. For each vehicle V, camera C and lidar L:
-/// /V/C/image/compressed, /V/C/camera_info, /V/C/depth, /V/L/points, /V/odometry, /V/path, /V/gnss, /V/motion (numbers
-/// for plots); and /tf, /clock and /place (what is in memory when the first viewer subscribes to it, sent once).
+/// Shows a running simulator to viewers and nodes, at the simulation's times. For each vehicle V, camera C, lidar L and
+/// IMU I: /V/C/image, /V/C/image/compressed, /V/C/camera_info, /V/C/depth, /V/L/points, /V/I/data_raw, /V/odometry,
+/// /V/path, /V/gnss, /V/motion (numbers for plots); and /tf, /tf_static, /clock and /place (what is in memory when the
+/// first viewer subscribes to it, sent once). Frames (REP 103, 105): map, V/odom (the same: the pose is the true one),
+/// V/base_link, V/C_optical, V/L, V/I.
 /// Only what a viewer has subscribed to is rendered; without subscribers nothing is done, and nothing that a client of
 /// the simulator reads depends on viewers.
 class LiveView {
@@ -46,18 +49,19 @@ class LiveView {
   /// The parameters `paused`, of the simulation, and `image_rate_hz`, which viewers may set.
   foxglove::ParameterAccess parameters();
 
-  /// Adds the channels and begins to publish, in a thread of its own, until stop(). `server` must live until then.
-  void start(foxglove::Server& server);
+  /// Adds the channels and begins to publish, in a thread of its own, until stop(). `sink` must live until then.
+  void start(MessageSink& sink);
   void stop();
 
  private:
+  using ChannelId = MessageSink::ChannelId;
   struct CameraChannels {
-    foxglove::ChannelId image = 0, info = 0, depth = 0;
+    ChannelId image = 0, compressed = 0, info = 0, depth = 0;
   };
   struct VehicleChannels {
     std::map<std::string, CameraChannels> cameras;
-    std::map<std::string, foxglove::ChannelId> lidars;
-    foxglove::ChannelId odometry = 0, path = 0, gnss = 0, motion = 0;
+    std::map<std::string, ChannelId> lidars, imus;
+    ChannelId odometry = 0, path = 0, gnss = 0, motion = 0;
     std::vector<geometry::StampedPose> flown;  ///< T_local_body
   };
 
@@ -74,18 +78,22 @@ class LiveView {
   VehicleChannels channels_of(const simulator::ObservedVehicle& vehicle);
   void remove_channels(const VehicleChannels& channels);
   void publish_transforms(const simulator::Observation& now);
+  void publish_static_transforms(const simulator::Observation& now);
   void publish_state(std::uint64_t time_ns, const simulator::ObservedVehicle& vehicle, const VehicleChannels& channels);
   void publish_camera(const simulator::ObservedVehicle& vehicle, const simulator::ObservedCamera& camera,
                       const CameraChannels& channels);
+  void publish_picture(const dataset::ros::Header& head, const imaging::RgbImage& picture,
+                       const CameraChannels& channels);
+  void publish_imu(const simulator::ObservedVehicle& vehicle, const std::string& imu, ChannelId channel);
   void publish_scan(const simulator::ObservedVehicle& vehicle, const simulator::ObservedLidar& lidar,
-                    foxglove::ChannelId channel);
+                    ChannelId channel);
   void start_place();
   void publish_place();
   /// Logs a failure, each once, and shows it to viewers: a tile that cannot be read must not end the view.
   void report(const std::string& failure);
   void set_parameter(const foxglove::Parameter& wanted);
   double image_rate_hz() const;
-  bool is_wanted(foxglove::ChannelId channel) const { return server_->is_subscribed(channel); }
+  bool is_wanted(ChannelId channel) const { return sink_->is_wanted(channel); }
 
   CurrentSimulator simulator_;
   std::weak_ptr<simulator::Simulator> shown_;  ///< the simulator that channels and place belong to
@@ -94,10 +102,11 @@ class LiveView {
   mutable std::mutex mutex_;  ///< guards the next two
   double image_rate_hz_;
   std::set<std::string> reported_;
-  foxglove::Server* server_ = nullptr;
+  MessageSink* sink_ = nullptr;
   std::map<std::string, VehicleChannels> vehicles_;
-  foxglove::ChannelId tf_ = 0, clock_ = 0, place_ = 0;
-  std::jthread place_thread_;  ///< simplifying a place takes seconds
+  ChannelId tf_ = 0, tf_static_ = 0, clock_ = 0, place_ = 0;
+  std::vector<dataset::ros::FrameTransform> static_transforms_;  ///< as they were sent
+  std::jthread place_thread_;                                    ///< simplifying a place takes seconds
   std::jthread thread_;
 };
 

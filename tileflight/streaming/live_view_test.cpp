@@ -13,6 +13,7 @@
 #include "tileflight/foxglove/test_web_socket.h"
 #include "tileflight/imaging/image_files.h"
 #include "tileflight/simulator/test_world.h"
+#include "tileflight/streaming/foxglove_sink.h"
 
 namespace tileflight::streaming::live_view_test {
 namespace {
@@ -36,7 +37,8 @@ class LiveViewTest : public testing::Test {
     simulator_->sim_set_vehicle_pose(pose(10, 0, -5), true, "eye");
     view_ = std::make_unique<LiveView>([this] { return current(); }, options);
     server_ = std::make_unique<foxglove::Server>(foxglove::ServerOptions{}, view_->parameters());
-    view_->start(*server_);
+    sink_ = std::make_unique<FoxgloveSink>(*server_);
+    view_->start(*sink_);
     viewer_ = std::make_unique<TestWebSocket>(server_->port());
     const json advertised = json::parse(viewer_->read_text_with("advertise"));
     for (const json& channel : advertised["channels"]) channels_[channel["topic"]] = channel;
@@ -75,6 +77,7 @@ class LiveViewTest : public testing::Test {
   std::shared_ptr<simulator::Simulator> simulator_;
   std::unique_ptr<LiveView> view_;
   std::unique_ptr<foxglove::Server> server_;
+  std::unique_ptr<FoxgloveSink> sink_;
   std::unique_ptr<TestWebSocket> viewer_;
   std::map<std::string, json> channels_;
 };
@@ -86,8 +89,9 @@ TEST_F(LiveViewTest, ChannelsAreThoseOfTheVehicle) {
   std::vector<std::string> topics;
   for (const auto& [topic, channel] : channels_) topics.push_back(topic);
   for (const char* topic :
-       {"/tf", "/clock", "/place", "/eye/odometry", "/eye/path", "/eye/gnss", "/eye/motion", "/eye/scanner/points",
-        "/eye/front_center/image/compressed", "/eye/front_center/camera_info", "/eye/bottom_center/depth"})
+       {"/tf", "/tf_static", "/clock", "/place", "/eye/odometry", "/eye/path", "/eye/gnss", "/eye/motion",
+        "/eye/scanner/points", "/eye/front_center/image", "/eye/front_center/image/compressed",
+        "/eye/front_center/camera_info", "/eye/bottom_center/depth"})
     EXPECT_THAT(topics, Contains(topic));
 }
 

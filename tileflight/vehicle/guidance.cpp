@@ -38,6 +38,11 @@ class YawReference {
     setpoint.yaw_rad = yaw_rad_;
     setpoint.yaw_rate_rad_s = change / step_s;
   }
+  /// Whether it is at its target.
+  bool is_reached(const Setpoint& setpoint) const {
+    constexpr double kSame_rad = 1e-3;
+    return std::abs(wrap_angle_rad(target(setpoint) - yaw_rad_)) < kSame_rad;
+  }
 
  private:
   double step_to_target(const Setpoint& setpoint, double step_s) const {
@@ -143,6 +148,7 @@ struct GuidanceFactory {
       guided.finished = ahead_m >= path.length_m() && (end - position).norm() <= c.arrival_m;
       guided.hold_position = end;
       yaw.update(guided.setpoint, now.step_s);
+      if (c.turns_first && !yaw.is_reached(guided.setpoint)) guided.finished = false;
       return guided;
     };
   }

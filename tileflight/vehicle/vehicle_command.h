@@ -56,7 +56,8 @@ struct FollowPath {
   /// Default: AirSim's, the distance flown in 0.8 s (adaptive: 0.6 s), at least 0.75 m.
   std::optional<double> lookahead_m;
   bool adaptive_lookahead = true;
-  double arrival_m = 0.5;  ///< AirSim's
+  double arrival_m = 0.5;    ///< AirSim's
+  bool turns_first = false;  ///< finished only once the yaw is reached, too
   double timeout_s = kNoTimeout_s;
 };
 

@@ -1,0 +1,96 @@
+#include "ros2_view.h"
+
+#include <iostream>
+#include <map>
+#include <optional>
+#include <utility>
+
+#include "tileflight/ros2/configuration.h"
+#include "tileflight/streaming/ros2_control.h"
+#include "tileflight/streaming/ros2_sink.h"
+
+namespace tileflight::app {
+namespace {
+
+/// Poses and inertial units between pictures.
+constexpr double kPoseRate_hz = 100.0;
+
+}  // namespace
+
+/// The view stops before the sink goes.
+struct Ros2View::Parts {
+  Parts(const streaming::LiveView::CurrentSimulator& simulator, const Ros2Options& wanted, bool may_control,
+        const Log& log)
+      : options(wanted),
+        participant(options.participant, log),
+        sink(participant),
+        view(simulator, {.image_rate_hz = options.image_rate_hz, .pose_rate_hz = kPoseRate_hz}, log) {
+    view.start(sink);
+    if (may_control) control.emplace(participant, simulator);
+  }
+  ~Parts() { view.stop(); }
+  Parts(const Parts&) = delete;
+  Parts& operator=(const Parts&) = delete;
+
+  Ros2Options options;
+  ros2::Participant participant;
+  streaming::Ros2Sink sink;
+  streaming::LiveView view;
+  std::optional<streaming::Ros2Control> control;
+};
+
+Ros2View::Ros2View(streaming::LiveView::CurrentSimulator simulator, const Ros2Options& options,
+                   const rpc::ServerOptions& server, const Log& log)
+    : parts_(std::make_unique<Parts>(std::move(simulator), options, server.token.empty(), log)) {
+  warn_of_ros2_network(options, parts_->participant.network(),
+                       server.token.empty() ? "can watch and control the vehicles" : "can watch");
+}
+
+Ros2View::~Ros2View() = default;
+
+std::string Ros2View::text() const { return ros2_text(parts_->options, parts_->participant.network()); }
+
+nlohmann::json Ros2View::json() const { return ros2_json(parts_->options, parts_->participant.network()); }
+
+CLI::Option* add_ros2_options(CLI::App& command, Ros2Options& options) {
+  using ros2::Release;
+  CLI::Option* wanted = command.add_flag("--ros2", options.is_wanted, "to ROS 2's nodes (RViz, rosbag2), by DDS");
+  command.add_option("--domain", options.participant.domain, "ROS 2 domain (default: ROS_DOMAIN_ID, else 0)")
+      ->envname("ROS_DOMAIN_ID")
+      ->check(CLI::Range(0U, ros2::kMaxDomain));
+  command
+      .add_option("--ros2-interface", options.participant.interface_name,
+                  "network for ROS 2, e.g. eth0: nodes on other machines can join (default: what CYCLONEDDS_URI says, "
+                  "else this machine alone)")
+      ->needs(wanted);
+  const std::map<std::string, Release> releases{
+      {"humble", Release::kHumble}, {"iron", Release::kIronAndLater}, {"jazzy", Release::kIronAndLater}};
+  command.add_option("--ros2-release", options.participant.release, "ROS 2 release of the nodes (default: humble)")
+      ->transform(CLI::CheckedTransformer(releases))
+      ->needs(wanted);
+  return wanted;
+}
+
+void add_ros2_rate_option(CLI::App& command, CLI::Option& wanted, Ros2Options& options) {
+  command.add_option("--ros2-rate", options.image_rate_hz, "pictures and scans per second for ROS 2, at most")
+      ->check(CLI::Range(0.1, streaming::kMaxImageRate_hz))
+      ->needs(&wanted)
+      ->capture_default_str();
+}
+
+nlohmann::json ros2_json(const Ros2Options& options, const std::string& network) {
+  return {{"domain", options.participant.domain}, {"network", network}};
+}
+
+std::string ros2_text(const Ros2Options& options, const std::string& network) {
+  return "ROS 2 domain " + std::to_string(options.participant.domain) + " (" + network + ")";
+}
+
+void warn_of_ros2_network(const Ros2Options& options, const std::string& network, const std::string& may) {
+  const std::string& name = options.participant.interface_name;
+  if (network == "127.0.0.1 alone" || name == "lo" || name == "127.0.0.1") return;
+  std::cerr << "tileflight: warning: ROS 2 can be reached from other machines (" << network
+            << "), it is not encrypted, and anyone who joins the domain " << may << "\n";
+}
+
+}  // namespace tileflight::app

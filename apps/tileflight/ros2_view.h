@@ -1,0 +1,53 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "tileflight/ros2/participant.h"
+#include "tileflight/rpc/server.h"
+#include "tileflight/streaming/live_view.h"
+
+namespace tileflight::app {
+
+/// `--ros2` of `serve` and `play`.
+struct Ros2Options {
+  bool is_wanted = false;
+  ros2::ParticipantOptions participant;
+  double image_rate_hz = 20.0;  ///< of `serve`
+};
+
+/// Adds --ros2 and what only goes with it, apart from the rate.
+CLI::Option* add_ros2_options(CLI::App& command, Ros2Options& options);
+void add_ros2_rate_option(CLI::App& command, CLI::Option& wanted, Ros2Options& options);
+
+/// For `--json`: domain and network.
+nlohmann::json ros2_json(const Ros2Options& options, const std::string& network);
+/// "ROS 2 domain 0 (127.0.0.1 alone)"
+std::string ros2_text(const Ros2Options& options, const std::string& network);
+/// Warns on stderr if others may join from other machines; `may`: what anyone may do then.
+void warn_of_ros2_network(const Ros2Options& options, const std::string& network, const std::string& may);
+
+/// The simulator as nodes of ROS 2 see it. With a token for clients, nodes, who have none, may only watch.
+class Ros2View {
+ public:
+  using Log = std::function<void(const std::string& line)>;
+
+  /// Throws InputError if the domain cannot be joined.
+  Ros2View(streaming::LiveView::CurrentSimulator simulator, const Ros2Options& options,
+           const rpc::ServerOptions& server, const Log& log);
+  ~Ros2View();
+  Ros2View(const Ros2View&) = delete;
+  Ros2View& operator=(const Ros2View&) = delete;
+
+  std::string text() const;     ///< as ros2_text()
+  nlohmann::json json() const;  ///< as ros2_json()
+
+ private:
+  struct Parts;
+  std::unique_ptr<Parts> parts_;
+};
+
+}  // namespace tileflight::app
