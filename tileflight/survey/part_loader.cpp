@@ -1,5 +1,8 @@
 #include "tileflight/survey/part_loader.h"
 
+#ifdef __linux__
+#include <malloc.h>
+#endif
 #include <tbb/global_control.h>
 #include <tbb/task_arena.h>
 #include <tbb/task_group.h>
@@ -16,10 +19,20 @@ namespace {
 
 using imaging::TexturedMesh;
 
-/// Share of the memory limit that a part of several frames may take; the rest is for what is read ahead.
-constexpr double kPartShare = 0.75;
+/// Share of the memory limit that a part of several frames may take; the rest is for what is read ahead, and for what
+/// building a scene takes until it is done.
+constexpr double kPartShare = 0.65;
+constexpr double kBuildingShare = 0.15;
 /// Number of views whose needs decide which contents are kept.
 constexpr std::size_t kViewsAhead = 64;
+
+/// Returns free pages between those in use to the system. A scene leaves many: over a long flight, the process would
+/// come to take 1.5 times what it has allocated.
+void return_free_pages() {
+#ifdef __GLIBC__
+  malloc_trim(0);
+#endif
+}
 
 /// The distinct textures of meshes, in the order of their first use.
 std::vector<const imaging::RgbImage*> textures_of(const std::vector<TexturedMesh>& meshes) {
@@ -139,7 +152,7 @@ std::optional<FlightPart> PartLoader::load(std::size_t begin, const Progress& pr
   FlightPart part{begin, choose_views(begin, places, progress), {}};
   if (part.end == part.begin) return std::nullopt;
   part_ = contents_at(places, tiles_.groups().group_of_frame[views_[begin].frame]);
-  make_room(part_, {part_.begin(), part_.end()}, part.end, 0);
+  make_room(part_, {part_.begin(), part_.end()}, part.end, bytes_for_building());
   part_meshes_.clear();
   for (const std::size_t i : part_) {
     Content& content = contents_[i];
@@ -185,7 +198,7 @@ bool PartLoader::fetch(const Contents& contents, std::size_t begin, std::uintmax
   const std::set<std::size_t> kept(contents.begin(), contents.end());
   while (true) {
     if (rendered_bytes(contents) > limit_bytes) return false;
-    const std::uintmax_t room = make_room({}, kept, begin, 0);
+    const std::uintmax_t room = make_room({}, kept, begin, bytes_for_building());
     const Contents batch = next_batch(contents, room);
     if (batch.empty()) return true;
     const auto missing = std::ranges::count_if(contents, [&](std::size_t i) { return !contents_[i].is_decoded; });
@@ -208,13 +221,19 @@ void PartLoader::read_ahead(std::size_t begin) {
     const Contents wanted = contents_for(views_[i]);
     kept.insert(wanted.begin(), wanted.end());
     while (true) {
-      const std::uintmax_t free_bytes = make_room(part_, kept, begin, mean_bytes());
+      const std::uintmax_t reserved = bytes_for_building();
+      const std::uintmax_t left = make_room(part_, kept, begin, reserved + mean_bytes());
+      const std::uintmax_t free_bytes = left - std::min(left, reserved);
       const Contents batch = next_batch(wanted, free_bytes);
       if (background_->stops || (!batch.empty() && batch.size() * mean_bytes() > free_bytes)) return;
       if (batch.empty()) break;
       read(batch);
     }
   }
+}
+
+std::uintmax_t PartLoader::bytes_for_building() const {
+  return static_cast<std::uintmax_t>(kBuildingShare * static_cast<double>(max_memory_bytes_));
 }
 
 /// Missing ones of the contents, as many as are likely to fit into a part of `room_bytes`, at least one; those of one
@@ -327,6 +346,7 @@ void PartLoader::take_back(std::vector<TexturedMesh> meshes) {
     next = end;
   }
   part_.clear();
+  return_free_pages();
 }
 
 }  // namespace tileflight::survey

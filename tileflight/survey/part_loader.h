@@ -96,6 +96,7 @@ class PartLoader {
   std::size_t choose_views(std::size_t begin, std::vector<std::size_t>& places, const Progress& progress);
   bool fetch(const Contents& contents, std::size_t begin, std::uintmax_t limit_bytes, const Progress& progress);
   void read_ahead(std::size_t begin);
+  std::uintmax_t bytes_for_building() const;
   void read(const Contents& batch);
   void share_textures(std::size_t file, std::vector<imaging::TexturedMesh>& meshes);
   Contents next_batch(const Contents& contents, std::uintmax_t room_bytes) const;
