@@ -1,6 +1,7 @@
 #include <unistd.h>
 
 #include <chrono>
+#include <cmath>
 #include <condition_variable>
 #include <fstream>
 #include <iostream>
@@ -18,9 +19,11 @@
 #include "command.h"
 #include "foxglove_view.h"
 #include "region_options.h"
+#include "serve_session.h"
 #include "source_options.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/number_text.h"
+#include "tileflight/base/sha256.h"
 #include "tileflight/server/extension_methods.h"
 #include "tileflight/server/levels.h"
 #include "tileflight/server/method_table.h"
@@ -34,6 +37,7 @@ struct ServeOptions {
   simulator::SimulatorOptions simulator;
   rpc::ServerOptions server;
   FoxgloveOptions foxglove;
+  SessionOptions session;
   std::string settings, token_file, files, follow = "auto";
   std::vector<std::string> levels;  ///< NAME=SOURCE
   std::vector<double> start_local;
@@ -91,6 +95,34 @@ std::map<std::string, std::string> level_sources(const std::vector<std::string>&
       throw InputError("--level '" + level + "'", "the name is given twice");
   }
   return sources;
+}
+
+/// The options on which answers depend, as one would type them: a session can be repeated only with the same.
+std::string world_text(const ServeOptions& options) {
+  std::ostringstream text;
+  text.precision(17);
+  const auto numbers = [&text](const char* option, const std::vector<double>& values) {
+    if (values.empty()) return;
+    text << option;
+    for (std::size_t i = 0; i < values.size(); ++i) text << (i == 0 ? ' ' : ',') << values[i];
+  };
+  text << "--follow " << options.follow << " --memory " << options.memory_gb << " --pixel-error "
+       << options.simulator.error_px << " --error " << options.region.error_m;
+  if (std::isfinite(options.simulator.max_distance_m)) text << " --view-distance " << options.simulator.max_distance_m;
+  numbers(" --center", options.region.center);
+  numbers(" --center-local", options.region.center_local);
+  numbers(" --size", options.region.size);
+  numbers(" --origin", options.region.origin);
+  numbers(" --start-local", options.start_local);
+  if (options.region.allow_incomplete) text << " --allow-incomplete";
+  for (const std::string& file : options.region.region_files) {
+    base::Sha256 hash;
+    hash.add(file_text(file, "a region"));
+    text << " --region FILE of SHA-256 " << hash.hex();
+  }
+  for (const std::string& level : options.levels) text << " --level " << level.substr(0, level.find('=')) << "=SOURCE";
+  if (!options.files.empty()) text << " --files FOLDER";
+  return text.str();
 }
 
 /// For a level: settings and limits of the command line, but no region, which is of SOURCE.
@@ -218,24 +250,43 @@ Output serve(const ServeOptions& options, const CommonOptions& common, const Pro
     if (!quiet) std::cerr << ("tileflight: " + line + "\n");
   };
   const std::map<std::string, std::string> sources = level_sources(options.levels);
-  const simulator::SimulatorOptions first = simulator_options(options);
+  simulator::SimulatorOptions first = simulator_options(options);
+  const auto options_of_level = [&first](const std::string& source) { return level_options(first, source); };
+  if (!options.session.replay.empty())
+    return replay(options.session.replay, {first, sources, options_of_level, world_text(options)}, log, progress);
+  std::unique_ptr<server::SessionRecorder> recorder;
+  if (!options.session.record.empty())
+    recorder = start_recording(options.session.record, world_text(options), first, log);
   const auto open_level = [&](const std::string& source) {
-    return std::make_unique<simulator::Simulator>(level_options(first, source), log);
+    simulator::SimulatorOptions of_level = options_of_level(source);
+    if (recorder) {
+      of_level.clock_start_ns = session_start_ns(of_level);
+      recorder->begin_level(*of_level.clock_start_ns);
+    }
+    return std::make_unique<simulator::Simulator>(of_level, log);
   };
   server::Levels levels(std::make_shared<simulator::Simulator>(first, log, progress), sources, open_level, log);
   if (isatty(STDERR_FILENO) == 1) std::cerr << "\r\033[K";  // clear the progress line
   std::unique_ptr<rpc::Server> server;
   const rpc::ServerOptions settings = server_options(options, *levels.current());
+  rpc::Server::Caller caller;
+  if (recorder) {
+    caller = [&](const rpc::MethodTable& methods, std::uint64_t client, const rpc::Request& request) {
+      return recorder->call(levels, methods, client, request);
+    };
+  }
   server = std::make_unique<rpc::Server>(server::make_method_table(levels, [&server] { return server->statistics(); }),
-                                         settings, log);
+                                         settings, log, caller);
   server->stop_at_signals();
   warn_of_other_machines(settings);
   if (!common.quiet) warn_of_settings_address(settings, *levels.current());
   std::optional<FoxgloveView> foxglove;
   if (options.foxglove.is_wanted)
-    foxglove.emplace([&levels] { return levels.current(); }, options.foxglove, settings, log);
+    foxglove.emplace([&levels] { return levels.current(); }, options.foxglove,
+                     settings.token.empty() && recorder == nullptr, settings, log);
   announce(common, settings, server->port(), foxglove, *levels.current());
   server->run();
+  if (recorder) recorder->finish(levels);
   levels.stop();
   return {};
 }
@@ -303,11 +354,12 @@ void add_serve(CLI::App& app, CommonOptions& common, Selection& selection) {
   add_world_options(*command, *options);
   add_server_options(*command, options);
   add_foxglove_options(*command, options->foxglove);
+  add_session_options(*command, options->session);
   add_region_options(*command, options->region);
   add_source_options(*command, options->source_arguments);
   add_common_options(*command, common);
   command->callback([options, &selection] {
-    selection.is_server = true;
+    selection.is_server = options->session.replay.empty();
     selection.run = [options](const CommonOptions& shared, const Progress& progress) {
       return serve(*options, shared, progress);
     };

@@ -53,14 +53,11 @@ class Px4Port {
 
   void run(const std::stop_token& stop);
   void serve_peer(const std::stop_token& stop);
-  void send_step(Session& session);
   bool wait_for_controls(Session& session, const std::stop_token& stop);
   bool take(Session& session, const autopilot::MavlinkFrame& received);
   void report_damage(Session& session);
   void keep_pace(Session& session) const;
   void log(const std::string& kind, const std::string& text);
-  template <class Message>
-  std::string frame(Session& session, const Message& message) const;
 
   LockstepVehicle vehicle_;
   autopilot::TcpPort port_;

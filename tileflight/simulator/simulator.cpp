@@ -33,6 +33,13 @@ SimulatorOptions with_settings(SimulatorOptions options, const Settings& setting
   return options;
 }
 
+ClockSettings clock_settings(const SimulatorOptions& options, const Settings& settings) {
+  ClockSettings clock = settings.clock;
+  clock.driven = options.repeats_session;
+  clock.start_ns = options.clock_start_ns;
+  return clock;
+}
+
 }  // namespace
 
 Vec3 checked_position(const Vector3r& position, const char* what) {
@@ -67,7 +74,7 @@ Simulator::Impl::Impl(const SimulatorOptions& o, SimulatorLog l, const Progress&
       file_access(options.output_root),
       segmentation_ids(settings.random_ids),
       annotation_layers(settings.annotation_layers),
-      clock(state_mutex, settings.clock, clock_hooks()) {
+      clock(state_mutex, clock_settings(options, settings), clock_hooks()) {
   initialize();
 }
 
@@ -80,7 +87,7 @@ Simulator::Impl::Impl(const SimulatorOptions& o, std::vector<imaging::TexturedMe
       file_access(options.output_root),
       segmentation_ids(settings.random_ids),
       annotation_layers(settings.annotation_layers),
-      clock(state_mutex, settings.clock, clock_hooks()) {
+      clock(state_mutex, clock_settings(options, settings), clock_hooks()) {
   initialize();
 }
 
@@ -109,7 +116,9 @@ void Simulator::Impl::open_autopilot_ports() {
     const auto& autopilot = one->vehicle->settings().autopilot;
     if (!autopilot) continue;
     const LockstepVehicle vehicle(*this, *one);
-    if (autopilot->kind == AutopilotKind::kArduPilot) {
+    if (options.repeats_session) {
+      repeated_vehicles.emplace(vehicle.name(), vehicle);
+    } else if (autopilot->kind == AutopilotKind::kArduPilot) {
       ardupilot_ports.push_back(
           std::make_unique<ArduPilotPort>(vehicle, options.autopilot_address, autopilot->port, log));
     } else {
