@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "tileflight/geometry/transform.h"
+
 namespace tileflight::simulator {
 
 /// What an autopilot did to its vehicle, in the order in which it took effect: a recorded session has all of it.
@@ -22,6 +24,9 @@ struct AutopilotEvent {
   std::vector<double> outputs;  ///< kStep: of the motors, 0 to 1
   std::uint64_t number = 0;     ///< kSensors: of the message
   std::string bytes;            ///< kSensors: what was sent
+  /// Of the vehicle afterwards; not part of a session's file. Body x forward, y left, z up.
+  geometry::SE3 T_local_body;
+  bool touches = false;  ///< the vehicle touches a surface
 };
 
 /// Receives each event as it takes effect, with the simulator's mutex held.

@@ -44,6 +44,8 @@ void LockstepVehicle::note(AutopilotEvent event) const {
   event.vehicle = slot_.vehicle->name();
   event.tick = simulator_.clock.steps();
   event.time_s = time_s_;
+  event.T_local_body = simulator_.T_local_ned * slot_.vehicle->state().T_ned_body * T_flu_frd();
+  event.touches = slot_.vehicle->landed();
   simulator_.options.journal(event);
 }
 
