@@ -21,6 +21,7 @@
 #include "region_options.h"
 #include "serve_session.h"
 #include "source_options.h"
+#include "tileflight/autopilot/shared_ports.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/number_text.h"
 #include "tileflight/base/sha256.h"
@@ -172,13 +173,15 @@ nlohmann::json autopilots_json(const simulator::Simulator& simulator) {
 }
 
 /// Which autopilots are waited for, and the home position that they have to be started with.
-void announce_autopilots(const simulator::Simulator& simulator) {
+std::vector<std::string> autopilot_lines(const simulator::Simulator& simulator) {
+  std::vector<std::string> lines;
   for (const simulator::AutopilotEndpoint& one : simulator.autopilots()) {
-    std::cout << "vehicle " << one.vehicle << " waits for its autopilot at " << endpoint(one.address, one.port) << " ("
-              << one.protocol << "), home " << base::rounded_text(one.home.latitude, 7) << ","
-              << base::rounded_text(one.home.longitude, 7) << "," << base::rounded_text(one.home.altitude, 2) << ","
-              << base::rounded_text(one.home_heading_deg, 1) << std::endl;
+    lines.push_back("vehicle " + one.vehicle + " waits for its autopilot at " + endpoint(one.address, one.port) + " (" +
+                    one.protocol + "), home " + base::rounded_text(one.home.latitude, 7) + "," +
+                    base::rounded_text(one.home.longitude, 7) + "," + base::rounded_text(one.home.altitude, 2) + "," +
+                    base::rounded_text(one.home_heading_deg, 1));
   }
+  return lines;
 }
 
 /// Prints what users need to connect as soon as the server listens.
@@ -201,7 +204,7 @@ void announce(const CommonOptions& common, const rpc::ServerOptions& options, in
     for (const std::string& vehicle : vehicles) std::cout << " " << vehicle;
     if (foxglove) std::cout << ", viewers at ws://" << endpoint(options.address, foxglove->port());
     std::cout << "; press Ctrl-C to stop" << std::endl;
-    announce_autopilots(simulator);
+    for (const std::string& line : autopilot_lines(simulator)) std::cout << line << std::endl;
   }
 }
 
@@ -251,6 +254,7 @@ Output serve(const ServeOptions& options, const CommonOptions& common, const Pro
   };
   const std::map<std::string, std::string> sources = level_sources(options.levels);
   simulator::SimulatorOptions first = simulator_options(options);
+  first.autopilot_ports = std::make_shared<autopilot::SharedPorts>();
   const auto options_of_level = [&first](const std::string& source) { return level_options(first, source); };
   if (!options.session.replay.empty())
     return replay(options.session.replay, {first, sources, options_of_level, world_text(options)}, log, progress);
@@ -263,7 +267,9 @@ Output serve(const ServeOptions& options, const CommonOptions& common, const Pro
       of_level.clock_start_ns = session_start_ns(of_level);
       recorder->begin_level(*of_level.clock_start_ns);
     }
-    return std::make_unique<simulator::Simulator>(of_level, log);
+    auto level = std::make_unique<simulator::Simulator>(of_level, log);
+    for (const std::string& line : autopilot_lines(*level)) log(line);
+    return level;
   };
   server::Levels levels(std::make_shared<simulator::Simulator>(first, log, progress), sources, open_level, log);
   if (isatty(STDERR_FILENO) == 1) std::cerr << "\r\033[K";  // clear the progress line

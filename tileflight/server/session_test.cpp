@@ -5,6 +5,7 @@
 #include <thread>
 
 #include "tests/temporary_folder.h"
+#include "tileflight/autopilot/shared_ports.h"
 #include "tileflight/autopilot/test_ardupilot_client.h"
 #include "tileflight/autopilot/test_px4_client.h"
 #include "tileflight/base/files.h"
@@ -35,18 +36,21 @@ std::string message(std::uint32_t id, const std::string& method, const auto&... 
 struct World {
   explicit World(const std::string& settings, const std::filesystem::path& file)
       : recorder(std::make_unique<SessionRecorder>(file, SessionHeader{"test", "meshes", settings, "", 7}, nullptr)),
-        levels(open(settings, false, 7, recorder->journal()), {{"Next", "next"}}, [this, settings](const std::string&) {
-          recorder->begin_level(8);
-          return open(settings, false, 8, recorder->journal());
-        }) {}
+        levels(open(settings, false, 7, recorder->journal(), 0.0, ports), {{"Next", "next"}},
+               [this, settings](const std::string&) {
+                 recorder->begin_level(8);
+                 return open(settings, false, 8, recorder->journal(), 0.0, ports);
+               }) {}
 
   static std::unique_ptr<Simulator> open(const std::string& settings, bool repeats, std::uint64_t start_ns,
-                                         const simulator::AutopilotJournal& journal, double lift_m = 0.0) {
+                                         const simulator::AutopilotJournal& journal, double lift_m = 0.0,
+                                         const std::shared_ptr<autopilot::SharedPorts>& ports = nullptr) {
     simulator::SimulatorOptions options;
     options.settings = settings;
     options.repeats_session = repeats;
     options.clock_start_ns = start_ns;
     options.journal = journal;
+    options.autopilot_ports = ports;
     auto meshes = simulator::test_world::meshes();
     for (auto& vertex : meshes[1].mesh.vertices) vertex.y() += lift_m;
     return std::make_unique<Simulator>(options, std::move(meshes));
@@ -63,6 +67,7 @@ struct World {
   }
 
   std::unique_ptr<SessionRecorder> recorder;
+  std::shared_ptr<autopilot::SharedPorts> ports = std::make_shared<autopilot::SharedPorts>();
   Levels levels;
   rpc::MethodTable methods = make_method_table(levels, [] { return rpc::ServerStatistics{}; });
 };
@@ -193,6 +198,89 @@ TEST(Sessions, RepeatWhatAutopilotsDid) {
   EXPECT_GT(result.autopilot_events, 4000U);
   EXPECT_GT(result.answers_compared, result.calls + 1400U);
   EXPECT_EQ(result.differences, 0U) << result.first_difference->what << " at step " << result.first_difference->tick;
+}
+
+/// The level's vehicle waits at the same port, and autopilots fly it from its start.
+TEST(Sessions, HandPortsOfAutopilotsToTheNextLevel) {
+  const tests::TemporaryFolder folder;
+  World world(R"({"Vehicles": {"Copter": {"VehicleType": "ArduCopter", "ControlPort": 0}, "PX4": {"Y": 5,
+    "VehicleType": "PX4Multirotor", "UseSerial": false, "UseTcp": true, "TcpPort": 0}}})",
+              folder / "session");
+  const auto before = world.levels.current()->autopilots();
+  const autopilot::test_support::UdpClient copter(static_cast<std::uint16_t>(before[0].port));
+  const auto climb = [&](std::uint32_t frames) {
+    std::string line;
+    for (std::uint32_t frame = 0; frame < frames; ++frame)
+      line = copter.ask(autopilot::test_support::servo_datagram(400, frame, {1800, 1800, 1800, 1800}));
+    return autopilot::test_support::parse_state(line);
+  };
+  EXPECT_LT(climb(400).position_m.z(), -0.3);
+  const std::string yes = world.ask(1, message(1, "simLoadLevel", "Next"));
+  EXPECT_TRUE(rpc::decode_response(yes).result().as<bool>());
+  const auto after = world.levels.current()->autopilots();
+  EXPECT_EQ(after[0].port, before[0].port);
+  EXPECT_EQ(after[1].port, before[1].port);
+  EXPECT_NEAR(climb(1).position_m.z(), 0.0, 1e-3);
+  EXPECT_LT(climb(400).position_m.z(), -0.3);
+  std::thread other([&] {
+    autopilot::test_support::ScriptedPx4 px4(static_cast<std::uint16_t>(after[1].port), {{0, 0, -3}});
+    px4.fly(1.0);
+    EXPECT_NEAR(px4.time_s(), 1.0, 0.01);
+  });
+  climb(500);
+  other.join();
+  world.ask(1, message(2, "simGetVehiclePose", "Copter"));
+  world.ask(1, message(3, "simGetImage", "bottom_center", 0, "Copter", false));
+  std::this_thread::sleep_for(std::chrono::milliseconds(10));
+}
+});
+const autopilot::test_support::UdpClient copter(port(0));
+for (std::uint32_t frame = 0; flying; ++frame)
+  copter.ask(autopilot::test_support::servo_datagram(400, frame, {1750, 1750, 1750, 1750}));
+px4_thread.join();
+client.join();
+world.stop();
+const ReplayResult result = repeat(folder / "session");
+EXPECT_GT(result.calls, 30U);
+EXPECT_GT(result.autopilot_events, 4000U);
+EXPECT_GT(result.answers_compared, result.calls + 1400U);
+EXPECT_EQ(result.differences, 0U) << result.first_difference->what << " at step " << result.first_difference->tick;
+}
+
+/// The level's vehicle waits at the same port, and autopilots fly it from its start.
+TEST(Sessions, HandPortsOfAutopilotsToTheNextLevel) {
+  const tests::TemporaryFolder folder;
+  World world(R"({"Vehicles": {"Copter": {"VehicleType": "ArduCopter", "ControlPort": 0}, "PX4": {"Y": 5,
+    "VehicleType": "PX4Multirotor", "UseSerial": false, "UseTcp": true, "TcpPort": 0}}})",
+              folder / "session");
+  const auto before = world.levels.current()->autopilots();
+  const autopilot::test_support::UdpClient copter(static_cast<std::uint16_t>(before[0].port));
+  const auto climb = [&](std::uint32_t frames) {
+    std::string line;
+    for (std::uint32_t frame = 0; frame < frames; ++frame)
+      line = copter.ask(autopilot::test_support::servo_datagram(400, frame, {1800, 1800, 1800, 1800}));
+    return autopilot::test_support::parse_state(line);
+  };
+  EXPECT_LT(climb(400).position_m.z(), -0.3);
+  const std::string yes = world.ask(1, message(1, "simLoadLevel", "Next"));
+  EXPECT_TRUE(rpc::decode_response(yes).result().as<bool>());
+  const auto after = world.levels.current()->autopilots();
+  EXPECT_EQ(after[0].port, before[0].port);
+  EXPECT_EQ(after[1].port, before[1].port);
+  EXPECT_NEAR(climb(1).position_m.z(), 0.0, 1e-3);
+  EXPECT_LT(climb(400).position_m.z(), -0.3);
+  {
+    autopilot::test_support::ScriptedPx4 px4(static_cast<std::uint16_t>(after[1].port), {{0, 0, -3}});
+    std::thread other([&] { climb(500); });
+    px4.fly(1.0);
+    other.join();
+    EXPECT_NEAR(px4.time_s(), 1.0, 0.01);
+  }
+  world.ask(1, message(2, "simGetVehiclePose", "Copter"));
+  world.stop();
+  const ReplayResult result = repeat(folder / "session");
+  EXPECT_EQ(result.differences, 0U) << result.first_difference->what << " at step " << result.first_difference->tick;
+  EXPECT_EQ(result.calls, 2U);
 }
 
 /// A file as a killed server leaves it, cut anywhere, is a session up to its last whole record.

@@ -40,7 +40,7 @@ void LockstepVehicle::join() {
 
 /// For the journal of a recorded session.
 void LockstepVehicle::note(AutopilotEvent event) const {
-  if (!simulator_.options.journal) return;
+  if (!simulator_.options.journal || simulator_.clock.stopped()) return;
   event.vehicle = slot_.vehicle->name();
   event.tick = simulator_.clock.steps();
   event.time_s = time_s_;

@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
+
+#include "tileflight/simulator/ardupilot_port.h"
 
 namespace tileflight::simulator {
 namespace {
@@ -20,8 +23,8 @@ milliseconds wall_step(double speed) {
 
 }  // namespace
 
-Px4Port::Px4Port(LockstepVehicle vehicle, const std::string& address, int port, const Px4Pace& pace, SimulatorLog log)
-    : vehicle_(vehicle), port_(address, static_cast<std::uint16_t>(port)), pace_(pace), log_(std::move(log)) {}
+Px4Port::Px4Port(LockstepVehicle vehicle, std::shared_ptr<Port> port, const Px4Pace& pace, SimulatorLog log)
+    : vehicle_(vehicle), shared_(std::move(port)), port_(shared_->port), pace_(pace), log_(std::move(log)) {}
 
 void Px4Port::start() {
   thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
@@ -37,6 +40,7 @@ void Px4Port::log(const std::string& kind, const std::string& text) {
 }
 
 void Px4Port::run(const std::stop_token& stop) {
+  const auto in_use = wait_for_port(*shared_, stop);
   while (!stop.stop_requested()) {
     if (!port_.accept(kAutopilotPoll)) continue;
     log("start", "PX4 has connected; the vehicle is at its start");

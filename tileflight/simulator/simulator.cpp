@@ -112,18 +112,21 @@ void Simulator::Impl::initialize() {
 }
 
 void Simulator::Impl::open_autopilot_ports() {
+  const auto ports = options.autopilot_ports ? options.autopilot_ports : std::make_shared<autopilot::SharedPorts>();
+  const std::string& address = options.autopilot_address;
   for (const auto& one : vehicles) {
     const auto& autopilot = one->vehicle->settings().autopilot;
     if (!autopilot) continue;
     const LockstepVehicle vehicle(*this, *one);
+    const auto port = static_cast<std::uint16_t>(autopilot->port);
     if (options.repeats_session) {
       repeated_vehicles.emplace(vehicle.name(), vehicle);
     } else if (autopilot->kind == AutopilotKind::kArduPilot) {
       ardupilot_ports.push_back(
-          std::make_unique<ArduPilotPort>(vehicle, options.autopilot_address, autopilot->port, log));
+          std::make_unique<ArduPilotPort>(vehicle, ports->udp(vehicle.name(), address, port), log));
     } else {
       const Px4Pace pace{autopilot->lockstep, settings.clock.speed, settings.clock.on_demand};
-      px4_ports.push_back(std::make_unique<Px4Port>(vehicle, options.autopilot_address, autopilot->port, pace, log));
+      px4_ports.push_back(std::make_unique<Px4Port>(vehicle, ports->tcp(vehicle.name(), address, port), pace, log));
     }
   }
 }

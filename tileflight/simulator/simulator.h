@@ -17,6 +17,10 @@
 #include "tileflight/simulator/observation.h"
 #include "tileflight/tiles/load.h"
 
+namespace tileflight::autopilot {
+class SharedPorts;
+}
+
 namespace tileflight::simulator {
 
 /// Policy for loading tiles.
@@ -46,6 +50,8 @@ struct SimulatorOptions {
   /// Origin of NED in the local frame (east, north, up); a z of NaN: on the surface. Default: on the surface at the
   /// local frame's origin, or if there is none, at the centre of the place.
   std::optional<geometry::Vec3> ned_origin_local;
+  /// Ports of autopilots that several worlds use, one after another; nullptr: its own.
+  std::shared_ptr<autopilot::SharedPorts> autopilot_ports;
   AutopilotJournal journal;  ///< of a session that is recorded
   /// A recorded session is repeated: time goes where advance_to() says, and autopilots do what apply() says, without
   /// their ports.
