@@ -192,15 +192,27 @@ class Viewer:
             {"id": n, "channelId": n} for n in range(1, 40)]}).encode()))
 
     def _read(self):
-        while True:
-            try:
-                more = self._link.recv(1 << 20)
-            except OSError as error:
-                more, self.failure = b"", str(error)
-            if not more:
-                self.failure = self.failure or "the server has closed the viewer's connection"
-                return
-            self.bytes += len(more)
+        try:
+            stream = self._link.makefile("rb")
+            while b"\r\n" != stream.readline():  # the rest of the handshake
+                pass
+            while True:
+                self._read_frame(stream)
+        except OSError as error:
+            self.failure = str(error)
+
+    def _read_frame(self, stream):
+        """A frame of a server (RFC 6455, section 5.2); pings are answered."""
+        head = stream.read(2)
+        if len(head) < 2 or head[0] & 15 == 8:
+            raise OSError("the server has closed the viewer's connection")
+        size = head[1]
+        if size >= 126:
+            size = int.from_bytes(stream.read(2 if size == 126 else 8), "big")
+        payload = stream.read(size)
+        self.bytes += len(payload)
+        if head[0] & 15 == 9:
+            self._link.sendall(struct.pack(">BB4x", 0x8A, 0x80 | len(payload)) + payload)
 
 
 def memory_kb(pid):

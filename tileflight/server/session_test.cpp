@@ -230,53 +230,6 @@ TEST(Sessions, HandPortsOfAutopilotsToTheNextLevel) {
   climb(500);
   other.join();
   world.ask(1, message(2, "simGetVehiclePose", "Copter"));
-  world.ask(1, message(3, "simGetImage", "bottom_center", 0, "Copter", false));
-  std::this_thread::sleep_for(std::chrono::milliseconds(10));
-}
-});
-const autopilot::test_support::UdpClient copter(port(0));
-for (std::uint32_t frame = 0; flying; ++frame)
-  copter.ask(autopilot::test_support::servo_datagram(400, frame, {1750, 1750, 1750, 1750}));
-px4_thread.join();
-client.join();
-world.stop();
-const ReplayResult result = repeat(folder / "session");
-EXPECT_GT(result.calls, 30U);
-EXPECT_GT(result.autopilot_events, 4000U);
-EXPECT_GT(result.answers_compared, result.calls + 1400U);
-EXPECT_EQ(result.differences, 0U) << result.first_difference->what << " at step " << result.first_difference->tick;
-}
-
-/// The level's vehicle waits at the same port, and autopilots fly it from its start.
-TEST(Sessions, HandPortsOfAutopilotsToTheNextLevel) {
-  const tests::TemporaryFolder folder;
-  World world(R"({"Vehicles": {"Copter": {"VehicleType": "ArduCopter", "ControlPort": 0}, "PX4": {"Y": 5,
-    "VehicleType": "PX4Multirotor", "UseSerial": false, "UseTcp": true, "TcpPort": 0}}})",
-              folder / "session");
-  const auto before = world.levels.current()->autopilots();
-  const autopilot::test_support::UdpClient copter(static_cast<std::uint16_t>(before[0].port));
-  const auto climb = [&](std::uint32_t frames) {
-    std::string line;
-    for (std::uint32_t frame = 0; frame < frames; ++frame)
-      line = copter.ask(autopilot::test_support::servo_datagram(400, frame, {1800, 1800, 1800, 1800}));
-    return autopilot::test_support::parse_state(line);
-  };
-  EXPECT_LT(climb(400).position_m.z(), -0.3);
-  const std::string yes = world.ask(1, message(1, "simLoadLevel", "Next"));
-  EXPECT_TRUE(rpc::decode_response(yes).result().as<bool>());
-  const auto after = world.levels.current()->autopilots();
-  EXPECT_EQ(after[0].port, before[0].port);
-  EXPECT_EQ(after[1].port, before[1].port);
-  EXPECT_NEAR(climb(1).position_m.z(), 0.0, 1e-3);
-  EXPECT_LT(climb(400).position_m.z(), -0.3);
-  {
-    autopilot::test_support::ScriptedPx4 px4(static_cast<std::uint16_t>(after[1].port), {{0, 0, -3}});
-    std::thread other([&] { climb(500); });
-    px4.fly(1.0);
-    other.join();
-    EXPECT_NEAR(px4.time_s(), 1.0, 0.01);
-  }
-  world.ask(1, message(2, "simGetVehiclePose", "Copter"));
   world.stop();
   const ReplayResult result = repeat(folder / "session");
   EXPECT_EQ(result.differences, 0U) << result.first_difference->what << " at step " << result.first_difference->tick;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "tileflight/simulator/frames.h"
 #include "tileflight/simulator/hil_readings.h"
@@ -15,7 +16,9 @@ using geometry::SE3;
 using geometry::Vec3;
 
 /// Of PX4's steps: magnetometer, barometer and distance sensors 50 times a second, receiver 10 times, heartbeat once.
-constexpr std::uint64_t kSlowSteps = 5, kGpsSteps = 25, kHeartbeatSteps = 250;
+/// Optical flow 25 times, odometry 31 times.
+constexpr std::uint64_t kSlowSteps = 5, kGpsSteps = 25, kHeartbeatSteps = 250, kFlowSteps = 10, kOdometrySteps = 8;
+constexpr double kFlowRange_m = 100.0;
 
 template <class Message>
 std::string frame(std::uint8_t& sequence, const Message& message) {
@@ -54,6 +57,7 @@ void LockstepVehicle::put_at_start() {
   slot_.history.clear();
   slot_.sensor_noises.clear();
   elapsed_s_ = 0.0;
+  flow_ = {};
 }
 
 void LockstepVehicle::restart() {
@@ -70,6 +74,14 @@ void LockstepVehicle::move(std::span<const double> outputs, double step_s) {
   elapsed_s_ += step_s;
   slot_.vehicle->step_motors(outputs, step_s, time_s_);
   slot_.history.add(time_s_, slot_.vehicle->state(), kHistory_s);
+  if (slot_.vehicle->settings().autopilot->optical_flow) flow_.add(slot_.vehicle->state(), distance_below_m(), step_s);
+}
+
+std::optional<double> LockstepVehicle::distance_below_m() const {
+  const SE3 T = simulator_.T_local_ned * slot_.vehicle->state().T_ned_body;
+  const auto hit = simulator_.obstacle_query()(T.translation, T * Vec3(0.0, 0.0, kFlowRange_m));
+  if (!hit) return std::nullopt;
+  return std::max(1e-3, (hit->point - T.translation).norm());
 }
 
 std::string LockstepVehicle::apply(const AutopilotEvent& event) {
@@ -182,6 +194,11 @@ std::string LockstepVehicle::read_px4_sensors(std::uint64_t step, std::uint8_t& 
     for (const auto& [sensor, distance_m] : distances_m())
       bytes += frame(sequence, hil_distance(now, noises, *sensor, distance_m, id++, now_us));
   }
+  const AutopilotSettings& settings = *slot_.vehicle->settings().autopilot;
+  if (settings.optical_flow && step % kFlowSteps == 0 && step > 0)
+    bytes += frame(sequence, hil_flow(now, noises, std::exchange(flow_, {}), distance_below_m(), now_us));
+  if (settings.vision_odometry && step % kOdometrySteps == 0)
+    bytes += frame(sequence, hil_odometry(now, noises, now_us));
   return bytes + frame(sequence, hil_sensor(now, noises, now_us, slow));  // last: PX4 answers to it
 }
 

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "tileflight/autopilot/ardupilot_packet.h"
+#include "tileflight/simulator/hil_readings.h"
 #include "tileflight/simulator/simulator.h"
 
 namespace tileflight::simulator {
@@ -74,6 +75,8 @@ class LockstepVehicle {
   void move(std::span<const double> outputs, double step_s);
   std::string read_px4_sensors(std::uint64_t step, std::uint8_t& sequence);
   void note(AutopilotEvent event) const;
+  /// To the surface below, along the body's z axis; nullopt: none within the range of a flow sensor.
+  std::optional<double> distance_below_m() const;
   SensorContext sensor_context() const;
   /// True distances that the vehicle's distance sensors measure, at most the greatest that they can.
   std::vector<std::pair<const SensorSettings*, double>> distances_m() const;
@@ -82,6 +85,7 @@ class LockstepVehicle {
   VehicleSlot& slot_;
   double time_s_ = 0.0;                 ///< simulation time of the vehicle
   double elapsed_s_ = 0.0;              ///< since the autopilot's start
+  FlowIntegral flow_;                   ///< since it was sent last
   std::uint8_t repeated_sequence_ = 0;  ///< of frames, in a session that is repeated
 };
 
