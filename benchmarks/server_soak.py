@@ -1,7 +1,9 @@
 #!/usr/bin/env python3
 """Mixed random calls of many clients at `tileflight serve`, of which some are killed at random and some send nonsense.
 
-    PYTHONPATH=clients/python benchmarks/server_soak.py --binary build/release/bin/tileflight --minutes 60 --clients 8
+    PYTHONPATH=clients/python benchmarks/server_soak.py --binary build/release/bin/tileflight --minutes 60 --clients 8 --all
+
+--all: with an autopilot that flies a third vehicle (and is killed and started again, too), and a viewer that watches all there is.
 
 Fails unless the server lives, every answer is well formed, no call is stuck at the end, and the server's memory after
 the first quarter of the time stays the same within --memory-tolerance.
@@ -15,13 +17,15 @@ import random
 import signal
 import socket
 import statistics
+import struct
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
-sys.path[:0] = [str(ROOT / "clients/python"), str(ROOT / "clients/python/tests")]
+sys.path[:0] = [str(ROOT / "clients/python"), str(ROOT / "clients/python/tests"), str(ROOT / "tests/foxglove")]
 import tileflight_airsim as airsim  # noqa: E402
 import tiny_place  # noqa: E402
 
@@ -34,6 +38,10 @@ SETTINGS = {
     "Vehicles": {name: {"VehicleType": "SimpleFlight", "X": 0, "Y": 4 * i, "Z": 0, "Sensors": {"Lidar1": LIDAR}}
                  for i, name in enumerate(VEHICLES)},
 }
+
+
+COPTER = {"VehicleType": "ArduCopter", "ControlPort": 0, "Y": -8}
+AUTOPILOT_RATE = 400
 
 
 def hostile_number(rng):
@@ -144,6 +152,69 @@ def run_client(port, seed):
             client = airsim.MultirotorClient(port=port, timeout_value=PATIENCE_S)
 
 
+def run_autopilot(port):
+    """Until killed: up and down between 2 and 12 m, all motors alike, in real time where the machine keeps up."""
+    begin = time.monotonic()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
+        link.settimeout(PATIENCE_S)
+        link.connect(("127.0.0.1", port))
+        height = climb = 0.0
+        frame = 0
+        while True:
+            goal = 12 if int(frame / AUTOPILOT_RATE / 15) % 2 else 2
+            pulse = round(min(1900, max(1100, 1715 + 60 * (max(-2, min(2, goal - height)) - climb))))
+            link.send(struct.pack("<HHI16H", 18458, AUTOPILOT_RATE, frame, *[pulse] * 16))
+            state = json.loads(link.recv(65536))
+            frame += 1
+            if abs(state["timestamp"] - frame / AUTOPILOT_RATE) > 1e-6:
+                raise SystemExit(f"time has drifted: {state['timestamp']} s after {frame} frames")
+            height, climb = -state["position"][2], -state["velocity"][2]
+            if not -1 < height < 30:
+                raise SystemExit(f"the vehicle is at {height} m")
+            time.sleep(max(0, begin + frame / AUTOPILOT_RATE - time.monotonic()))
+
+
+class Viewer:
+    """Watches every channel that there is or comes, and reads as fast as it can."""
+
+    def __init__(self, port):
+        import programs
+
+        self.bytes = 0
+        self.failure = None
+        self._frame = programs.frame
+        self._link, accepted = programs.connect(port)
+        if not accepted:
+            raise SystemExit("soak: the viewer was not accepted")
+        self._link.settimeout(60)
+        threading.Thread(target=self._read, daemon=True).start()
+        self._link.sendall(self._frame(json.dumps({"op": "subscribe", "subscriptions": [
+            {"id": n, "channelId": n} for n in range(1, 40)]}).encode()))
+
+    def _read(self):
+        try:
+            stream = self._link.makefile("rb")
+            while b"\r\n" != stream.readline():  # the rest of the handshake
+                pass
+            while True:
+                self._read_frame(stream)
+        except OSError as error:
+            self.failure = str(error)
+
+    def _read_frame(self, stream):
+        """A frame of a server (RFC 6455, section 5.2); pings are answered."""
+        head = stream.read(2)
+        if len(head) < 2 or head[0] & 15 == 8:
+            raise OSError("the server has closed the viewer's connection")
+        size = head[1]
+        if size >= 126:
+            size = int.from_bytes(stream.read(2 if size == 126 else 8), "big")
+        payload = stream.read(size)
+        self.bytes += len(payload)
+        if head[0] & 15 == 9:
+            self._link.sendall(struct.pack(">BB4x", 0x8A, 0x80 | len(payload)) + payload)
+
+
 def memory_kb(pid):
     for line in pathlib.Path(f"/proc/{pid}/status").read_text().splitlines():
         if line.startswith("VmRSS:"):
@@ -156,21 +227,32 @@ def start_client(port, seed):
                             stderr=subprocess.PIPE, text=True)
 
 
-def start_server(binary, source, folder):
-    (folder / "settings.json").write_text(json.dumps(SETTINGS))
+def start_autopilot(port):
+    return subprocess.Popen([sys.executable, __file__, "--autopilot-of", str(port)], stderr=subprocess.PIPE, text=True)
+
+
+def start_server(binary, source, folder, everything):
+    settings, more = json.loads(json.dumps(SETTINGS)), []
+    if everything:
+        settings["Vehicles"]["Copter"] = COPTER
+        more = ["--foxglove", "--foxglove-port", "0", "--foxglove-rate", "10"]
+    (folder / "settings.json").write_text(json.dumps(settings))
     process = subprocess.Popen([binary, "serve", str(source), "--settings", str(folder / "settings.json"), "--port", "0",
-                                "--json", "--quiet", "--threads", "2"], stdout=subprocess.PIPE, text=True)
+                                "--json", "--quiet", "--threads", "2", *more], stdout=subprocess.PIPE, text=True)
     text = ""
     for line in process.stdout:
         text += line
         if line.startswith("}"):
-            return process, json.loads(text)["port"]
+            return process, json.loads(text)
     raise RuntimeError("the server did not start")
 
 
 class Soak:
-    def __init__(self, server, port, clients, seed):
-        self.server, self.port, self.rng, self.seed = server, port, random.Random(seed), seed
+    def __init__(self, server, listening, clients, seed):
+        self.server, self.port, self.rng, self.seed = server, listening["port"], random.Random(seed), seed
+        self.autopilot_port = listening["autopilots"][0]["port"] if listening["autopilots"] else None
+        self.autopilot = start_autopilot(self.autopilot_port) if self.autopilot_port else None
+        self.viewer = Viewer(listening["foxglove_port"]) if "foxglove_port" in listening else None
         self.clients = [self.next_client() for _ in range(clients)]
         self.killed, self.samples = 0, []
 
@@ -184,8 +266,10 @@ class Soak:
         while (now := time.monotonic()) < begin + seconds:
             time.sleep(0.1)
             self.samples.append((now - begin, memory_kb(self.server.pid)))
-            for client in self.clients:
+            for client in [*self.clients, *([self.autopilot] if self.autopilot else [])]:
                 self.check_alive(client)
+            if self.viewer and self.viewer.failure:
+                raise SystemExit("soak: " + self.viewer.failure)
             if now > next_kill:
                 next_kill = now + self.rng.uniform(0.3, 2.0)
                 self.kill_one()
@@ -194,6 +278,11 @@ class Soak:
             client.kill()
             client.communicate()
 
+    def stop_autopilot(self):
+        if self.autopilot:
+            self.autopilot.kill()
+            self.autopilot.communicate()
+
     def check_alive(self, client):
         if self.server.poll() is not None:
             raise SystemExit(f"soak: the server has ended with {self.server.returncode}")
@@ -201,6 +290,9 @@ class Soak:
             raise SystemExit("soak: a client has failed: " + client.stderr.read())
 
     def kill_one(self):
+        if self.autopilot and self.rng.random() < 0.05:
+            self.stop_autopilot()
+            self.autopilot = start_autopilot(self.autopilot_port)
         i = self.rng.randrange(len(self.clients))
         self.clients[i].kill()
         self.clients[i].communicate()
@@ -234,17 +326,22 @@ def main():
     parser.add_argument("--clients", type=int, default=8)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--memory-tolerance", type=float, default=0.02)
+    parser.add_argument("--all", action="store_true", help="with an autopilot and a viewer")
+    parser.add_argument("--autopilot-of", type=int, help=argparse.SUPPRESS)
     parser.add_argument("--client-of", type=int, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.client_of:
         return run_client(options.client_of, options.seed)
+    if options.autopilot_of:
+        return run_autopilot(options.autopilot_of)
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
-        server, port = start_server(options.binary, options.source or tiny_place.write(folder / "place"), folder)
+        server, listening = start_server(options.binary, options.source or tiny_place.write(folder / "place"), folder, options.all)
         try:
-            soak = Soak(server, port, options.clients, 1000 * options.seed)
+            soak = Soak(server, listening, options.clients, 1000 * options.seed)
             soak.run(60 * options.minutes)
-            seen = check_nothing_is_stuck(port)
+            seen = check_nothing_is_stuck(listening["port"])
+            soak.stop_autopilot()
             server.send_signal(signal.SIGTERM)
             code = server.wait(timeout=60)
         finally:
@@ -254,7 +351,9 @@ def main():
     print(f"{60 * options.minutes:.0f} s, {options.clients} clients, {soak.killed} killed, "
           f"{seen.server.requests} requests, {seen.server.connections_cut} connections cut, "
           f"{seen.simulator.images} images; memory {before:.1f} -> {after:.1f} MB ({after / before - 1:+.2%}); "
-          f"exit code {code}\nby eighths of the time: " + " ".join(f"{mb:.1f}" for mb in memory))
+          f"exit code {code}"
+          + (f"; {seen.simulator.sim_seconds:.0f} s simulated, {soak.viewer.bytes / 1e6:.0f} MB to the viewer" if soak.viewer else "")
+          + "\nby eighths of the time: " + " ".join(f"{mb:.1f}" for mb in memory))
     if code != 0:
         raise SystemExit("soak: the server did not end cleanly")
     if abs(after / before - 1) > options.memory_tolerance:

@@ -8,10 +8,6 @@
 namespace tileflight::app {
 namespace {
 
-streaming::LiveOptions live_options(const FoxgloveOptions& options, const rpc::ServerOptions& server) {
-  return {.image_rate_hz = options.image_rate_hz, .may_pause = server.token.empty()};
-}
-
 foxglove::ServerOptions viewer_options(const FoxgloveOptions& options, const rpc::ServerOptions& server) {
   return {.address = server.address, .port = options.port, .name = "tileflight serve"};
 }
@@ -20,9 +16,9 @@ foxglove::ServerOptions viewer_options(const FoxgloveOptions& options, const rpc
 
 /// The view has the parameters behind the server, and stops before the server goes.
 struct FoxgloveView::Parts {
-  Parts(streaming::LiveView::CurrentSimulator simulator, const FoxgloveOptions& options,
+  Parts(streaming::LiveView::CurrentSimulator simulator, const FoxgloveOptions& options, bool may_pause,
         const rpc::ServerOptions& rpc_server, const Log& log)
-      : view(std::move(simulator), live_options(options, rpc_server), log),
+      : view(std::move(simulator), {.image_rate_hz = options.image_rate_hz, .may_pause = may_pause}, log),
         server(viewer_options(options, rpc_server), view.parameters(), log),
         sink(server) {
     view.start(sink);
@@ -37,8 +33,8 @@ struct FoxgloveView::Parts {
 };
 
 FoxgloveView::FoxgloveView(streaming::LiveView::CurrentSimulator simulator, const FoxgloveOptions& options,
-                           const rpc::ServerOptions& server, const Log& log)
-    : parts_(std::make_unique<Parts>(std::move(simulator), options, server, log)) {}
+                           bool may_pause, const rpc::ServerOptions& server, const Log& log)
+    : parts_(std::make_unique<Parts>(std::move(simulator), options, may_pause, server, log)) {}
 
 FoxgloveView::~FoxgloveView() = default;
 

@@ -21,13 +21,13 @@ struct FoxgloveOptions {
 void add_foxglove_options(CLI::App& command, FoxgloveOptions& options);
 
 /// The simulator as viewers of Foxglove's protocol see it, at the same address as `server`. With a token for clients,
-/// viewers, who have none, may only watch.
+/// which viewers do not have, and in a recorded session they may only watch.
 class FoxgloveView {
  public:
   using Log = std::function<void(const std::string& line)>;
 
-  /// Throws InputError if the port cannot be used.
-  FoxgloveView(streaming::LiveView::CurrentSimulator simulator, const FoxgloveOptions& options,
+  /// `may_pause`: whether viewers may pause the simulation. Throws InputError if the port cannot be used.
+  FoxgloveView(streaming::LiveView::CurrentSimulator simulator, const FoxgloveOptions& options, bool may_pause,
                const rpc::ServerOptions& server, const Log& log);
   ~FoxgloveView();
   FoxgloveView(const FoxgloveView&) = delete;

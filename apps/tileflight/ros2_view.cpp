@@ -39,11 +39,11 @@ struct Ros2View::Parts {
   std::optional<streaming::Ros2Control> control;
 };
 
-Ros2View::Ros2View(streaming::LiveView::CurrentSimulator simulator, const Ros2Options& options,
-                   const rpc::ServerOptions& server, const Log& log)
-    : parts_(std::make_unique<Parts>(std::move(simulator), options, server.token.empty(), log)) {
+Ros2View::Ros2View(streaming::LiveView::CurrentSimulator simulator, const Ros2Options& options, bool may_control,
+                   const Log& log)
+    : parts_(std::make_unique<Parts>(std::move(simulator), options, may_control, log)) {
   warn_of_ros2_network(options, parts_->participant.network(),
-                       server.token.empty() ? "can watch and control the vehicles" : "can watch");
+                       may_control ? "can watch and control the vehicles" : "can watch");
 }
 
 Ros2View::~Ros2View() = default;

@@ -7,7 +7,6 @@
 #include <string>
 
 #include "tileflight/ros2/participant.h"
-#include "tileflight/rpc/server.h"
 #include "tileflight/streaming/live_view.h"
 
 namespace tileflight::app {
@@ -30,14 +29,15 @@ std::string ros2_text(const Ros2Options& options, const std::string& network);
 /// Warns on stderr if others may join from other machines; `may`: what anyone may do then.
 void warn_of_ros2_network(const Ros2Options& options, const std::string& network, const std::string& may);
 
-/// The simulator as nodes of ROS 2 see it. With a token for clients, nodes, who have none, may only watch.
+/// The simulator as nodes of ROS 2 see it.
 class Ros2View {
  public:
   using Log = std::function<void(const std::string& line)>;
 
-  /// Throws InputError if the domain cannot be joined.
-  Ros2View(streaming::LiveView::CurrentSimulator simulator, const Ros2Options& options,
-           const rpc::ServerOptions& server, const Log& log);
+  /// `may_control`: nodes may fly and reset vehicles, else they only watch. Throws InputError if the domain cannot be
+  /// joined.
+  Ros2View(streaming::LiveView::CurrentSimulator simulator, const Ros2Options& options, bool may_control,
+           const Log& log);
   ~Ros2View();
   Ros2View(const Ros2View&) = delete;
   Ros2View& operator=(const Ros2View&) = delete;

@@ -1,6 +1,7 @@
 #include <unistd.h>
 
 #include <chrono>
+#include <cmath>
 #include <condition_variable>
 #include <fstream>
 #include <iostream>
@@ -19,9 +20,12 @@
 #include "foxglove_view.h"
 #include "region_options.h"
 #include "ros2_view.h"
+#include "serve_session.h"
 #include "source_options.h"
+#include "tileflight/autopilot/shared_ports.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/number_text.h"
+#include "tileflight/base/sha256.h"
 #include "tileflight/server/extension_methods.h"
 #include "tileflight/server/levels.h"
 #include "tileflight/server/method_table.h"
@@ -36,6 +40,7 @@ struct ServeOptions {
   rpc::ServerOptions server;
   FoxgloveOptions foxglove;
   Ros2Options ros2;
+  SessionOptions session;
   std::string settings, token_file, files, follow = "auto";
   std::vector<std::string> levels;  ///< NAME=SOURCE
   std::vector<double> start_local;
@@ -95,6 +100,34 @@ std::map<std::string, std::string> level_sources(const std::vector<std::string>&
   return sources;
 }
 
+/// The options on which answers depend, as one would type them: a session can be repeated only with the same.
+std::string world_text(const ServeOptions& options) {
+  std::ostringstream text;
+  text.precision(17);
+  const auto numbers = [&text](const char* option, const std::vector<double>& values) {
+    if (values.empty()) return;
+    text << option;
+    for (std::size_t i = 0; i < values.size(); ++i) text << (i == 0 ? ' ' : ',') << values[i];
+  };
+  text << "--follow " << options.follow << " --memory " << options.memory_gb << " --pixel-error "
+       << options.simulator.error_px << " --error " << options.region.error_m;
+  if (std::isfinite(options.simulator.max_distance_m)) text << " --view-distance " << options.simulator.max_distance_m;
+  numbers(" --center", options.region.center);
+  numbers(" --center-local", options.region.center_local);
+  numbers(" --size", options.region.size);
+  numbers(" --origin", options.region.origin);
+  numbers(" --start-local", options.start_local);
+  if (options.region.allow_incomplete) text << " --allow-incomplete";
+  for (const std::string& file : options.region.region_files) {
+    base::Sha256 hash;
+    hash.add(file_text(file, "a region"));
+    text << " --region FILE of SHA-256 " << hash.hex();
+  }
+  for (const std::string& level : options.levels) text << " --level " << level.substr(0, level.find('=')) << "=SOURCE";
+  if (!options.files.empty()) text << " --files FOLDER";
+  return text.str();
+}
+
 /// For a level: settings and limits of the command line, but no region, which is of SOURCE.
 simulator::SimulatorOptions level_options(simulator::SimulatorOptions options, const std::string& source) {
   tiles::LoadOptions load;
@@ -142,13 +175,15 @@ nlohmann::json autopilots_json(const simulator::Simulator& simulator) {
 }
 
 /// Which autopilots are waited for, and the home position that they have to be started with.
-void announce_autopilots(const simulator::Simulator& simulator) {
+std::vector<std::string> autopilot_lines(const simulator::Simulator& simulator) {
+  std::vector<std::string> lines;
   for (const simulator::AutopilotEndpoint& one : simulator.autopilots()) {
-    std::cout << "vehicle " << one.vehicle << " waits for its autopilot at " << endpoint(one.address, one.port) << " ("
-              << one.protocol << "), home " << base::rounded_text(one.home.latitude, 7) << ","
-              << base::rounded_text(one.home.longitude, 7) << "," << base::rounded_text(one.home.altitude, 2) << ","
-              << base::rounded_text(one.home_heading_deg, 1) << std::endl;
+    lines.push_back("vehicle " + one.vehicle + " waits for its autopilot at " + endpoint(one.address, one.port) + " (" +
+                    one.protocol + "), home " + base::rounded_text(one.home.latitude, 7) + "," +
+                    base::rounded_text(one.home.longitude, 7) + "," + base::rounded_text(one.home.altitude, 2) + "," +
+                    base::rounded_text(one.home_heading_deg, 1));
   }
+  return lines;
 }
 
 /// Prints what users need to connect as soon as the server listens.
@@ -174,7 +209,7 @@ void announce(const CommonOptions& common, const rpc::ServerOptions& options, in
     if (foxglove) std::cout << ", viewers at ws://" << endpoint(options.address, foxglove->port());
     if (ros2) std::cout << ", " << ros2->text();
     std::cout << "; press Ctrl-C to stop" << std::endl;
-    announce_autopilots(simulator);
+    for (const std::string& line : autopilot_lines(simulator)) std::cout << line << std::endl;
   }
 }
 
@@ -223,26 +258,50 @@ Output serve(const ServeOptions& options, const CommonOptions& common, const Pro
     if (!quiet) std::cerr << ("tileflight: " + line + "\n");
   };
   const std::map<std::string, std::string> sources = level_sources(options.levels);
-  const simulator::SimulatorOptions first = simulator_options(options);
+  simulator::SimulatorOptions first = simulator_options(options);
+  first.autopilot_ports = std::make_shared<autopilot::SharedPorts>();
+  const auto options_of_level = [&first](const std::string& source) { return level_options(first, source); };
+  if (!options.session.replay.empty())
+    return replay(options.session.replay, {first, sources, options_of_level, world_text(options)}, log, progress);
+  std::unique_ptr<server::SessionRecorder> recorder;
+  if (!options.session.record.empty())
+    recorder = start_recording(options.session.record, world_text(options), first, log);
   const auto open_level = [&](const std::string& source) {
-    return std::make_unique<simulator::Simulator>(level_options(first, source), log);
+    simulator::SimulatorOptions of_level = options_of_level(source);
+    if (recorder) {
+      of_level.clock_start_ns = session_start_ns(of_level);
+      recorder->begin_level(*of_level.clock_start_ns);
+    }
+    auto level = std::make_unique<simulator::Simulator>(of_level, log);
+    for (const std::string& line : autopilot_lines(*level)) log(line);
+    return level;
   };
   server::Levels levels(std::make_shared<simulator::Simulator>(first, log, progress), sources, open_level, log);
   if (isatty(STDERR_FILENO) == 1) std::cerr << "\r\033[K";  // clear the progress line
   std::unique_ptr<rpc::Server> server;
   const rpc::ServerOptions settings = server_options(options, *levels.current());
+  rpc::Server::Caller caller;
+  if (recorder) {
+    caller = [&](const rpc::MethodTable& methods, std::uint64_t client, const rpc::Request& request) {
+      return recorder->call(levels, methods, client, request);
+    };
+  }
   server = std::make_unique<rpc::Server>(server::make_method_table(levels, [&server] { return server->statistics(); }),
-                                         settings, log);
+                                         settings, log, caller);
   server->stop_at_signals();
   warn_of_other_machines(settings);
   if (!common.quiet) warn_of_settings_address(settings, *levels.current());
+  // Viewers and nodes have no token, and what they order is not recorded.
+  const bool may_control = settings.token.empty() && recorder == nullptr;
   std::optional<FoxgloveView> foxglove;
   if (options.foxglove.is_wanted)
-    foxglove.emplace([&levels] { return levels.current(); }, options.foxglove, settings, log);
+    foxglove.emplace([&levels] { return levels.current(); }, options.foxglove, may_control, settings, log);
   std::optional<Ros2View> ros2;
-  if (options.ros2.is_wanted) ros2.emplace([&levels] { return levels.current(); }, options.ros2, settings, log);
+  if (options.ros2.is_wanted)
+    ros2.emplace([&levels] { return levels.current(); }, options.ros2, may_control, log);
   announce(common, settings, server->port(), foxglove, ros2, *levels.current());
   server->run();
+  if (recorder) recorder->finish(levels);
   levels.stop();
   return {};
 }
@@ -311,11 +370,12 @@ void add_serve(CLI::App& app, CommonOptions& common, Selection& selection) {
   add_server_options(*command, options);
   add_foxglove_options(*command, options->foxglove);
   add_ros2_rate_option(*command, *add_ros2_options(*command, options->ros2), options->ros2);
+  add_session_options(*command, options->session);
   add_region_options(*command, options->region);
   add_source_options(*command, options->source_arguments);
   add_common_options(*command, common);
   command->callback([options, &selection] {
-    selection.is_server = true;
+    selection.is_server = options->session.replay.empty();
     selection.run = [options](const CommonOptions& shared, const Progress& progress) {
       return serve(*options, shared, progress);
     };

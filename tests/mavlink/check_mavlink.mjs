@@ -38,7 +38,7 @@ async function parse(bytes) {
 }
 
 const written = ours("write", "");
-assert.equal(new Set(written.map((line) => line.number)).size, 6);
+assert.equal(new Set(written.map((line) => line.number)).size, 8);
 const packets = await parse(Buffer.concat(written.map((line) => Buffer.from(line.bytes, "hex"))));
 assert.equal(packets.length, written.length, "packets with a right checksum");
 packets.forEach((packet, i) => {

@@ -112,6 +112,8 @@ void read_all() {
       print_read<HilGps>(*frame);
       print_read<HilStateQuaternion>(*frame);
       print_read<DistanceSensor>(*frame);
+      print_read<HilOpticalFlow>(*frame);
+      print_read<Odometry>(*frame);
     }
   }
 }
@@ -128,5 +130,7 @@ int main(int count, char** words) {
     write_some<HilGps>();
     write_some<HilStateQuaternion>();
     write_some<DistanceSensor>();
+    write_some<HilOpticalFlow>();
+    write_some<Odometry>();
   }
 }

@@ -47,6 +47,7 @@ BASES = {
         {"camera": "camera.yaml", "fps": 2, "vehicle": {}, "mission": MISSION, "sensors": SENSORS},
         {"camera": "camera.yaml", "fps": 2, "waypoints": [{"position": [0, 0, 9]}, {"position": [9, 0, 9]}]},
         {"camera": "camera.yaml", "trajectory": "path.txt"},
+        {"camera": "camera.yaml", "fps": 2, "autopilot": {"kind": "px4"}},
     ],
     "sensors": [SENSORS],
     "study": [{"places": {"a": "experiment.yaml", "b": {"experiment": "experiment.yaml"}}, "cameras": {"wide": "camera.yaml"}, "systems": {"dso": {"adapter": "system"}},

@@ -249,6 +249,19 @@ json vehicle_defaults(const tf::vehicle::VehiclePlan& plan) {
           {"landed", plan.landed}};
 }
 
+json autopilot_defaults(const tf::vehicle::AutopilotPlan& plan) {
+  return {{"model", plan.hexarotor ? "hexarotor" : "quadrotor"},
+          {"start", numbers(plan.start_m)},
+          {"start_heading_deg", plan.start_heading_deg},
+          {"wind_m_s", numbers(plan.wind_m_s)},
+          {"mount", plan.mount.gimbal ? "gimbal" : "fixed"},
+          {"pitch_deg", plan.mount.pitch_deg},
+          {"offset_m", numbers(plan.mount.offset_m)},
+          {"duration_s", plan.duration_s},
+          {"connect_timeout_s", plan.connect_timeout_s},
+          {"silence_s", plan.silence_s}};
+}
+
 /// Of a flight with a mission of every command, in the order of the schema.
 json mission_defaults(const tf::vehicle::FlightPlan& plan) {
   using namespace tf::vehicle;
@@ -289,6 +302,7 @@ mission:
 - {do: turn, heading_deg: 9}
 - {do: turn_rate, yaw_rate_deg_s: 9}
 )";
+constexpr const char* kAutopilot = "camera: cam.yaml\nfps: 2\nautopilot: {kind: px4}\n";
 constexpr const char* kSensors =
     "imu: {}\ngnss: {}\nattitude: {}\nbarometer: {}\nmagnetometer: {}\nrange_finder: {}\nlidar: {}\n";
 constexpr const char* kWaypoints =
@@ -300,6 +314,7 @@ constexpr const char* kExperiment =
 
 int print_defaults(const fs::path& folder) {
   const auto plan = tf::vehicle::read_flight_plan(written(folder, "mission.yaml", kMission));
+  const auto by_autopilot = tf::vehicle::read_flight_plan(written(folder, "autopilot.yaml", kAutopilot));
   written(folder, "sensors.yaml", kSensors);
   const fs::path flight = written(folder, "waypoints.yaml", kWaypoints);
   const auto waypoints = tf::vehicle::read_flight_plan(flight);
@@ -319,6 +334,7 @@ int print_defaults(const fs::path& folder) {
                     {"sensors", sensors},
                     {"flight.vehicle", vehicle_defaults(*plan.vehicle)},
                     {"flight.mission", mission_defaults(plan)},
+                    {"flight.autopilot", autopilot_defaults(*by_autopilot.autopilot)},
                     {"flight",
                      {{"speed_m_s", waypoints.limits.speed_m_s},
                       {"acceleration_m_s2", waypoints.limits.acceleration_m_s2},

@@ -127,6 +127,49 @@ struct DistanceSensor {
   }
 };
 
+/// Motion of the image of a camera that looks down, as angles, and what a gyro beside it measured meanwhile. Axes
+/// forward, right, down. Turning about an axis makes its flow positive; so does moving forward for y, and moving left
+/// for x.
+struct HilOpticalFlow {
+  static constexpr MavlinkMessage kMessage{114, 237, 44};
+  std::uint64_t time_us = 0;
+  std::uint32_t integration_us = 0;  ///< over which flow and gyro are integrated
+  std::array<float, 2> flow_rad{};   ///< about x, y
+  std::array<float, 3> gyro_rad{};
+  std::uint32_t distance_age_us = 0;
+  float distance_m = -1;  ///< to what the image's middle shows; negative: unknown
+  std::int16_t temperature_cdeg = 0;
+  std::uint8_t id = 0, quality = 0;  ///< 0: bad
+
+  template <class Self, class Visitor>
+  static void visit(Self& m, const Visitor& v) {
+    v(m.time_us), v(m.integration_us), v(m.flow_rad), v(m.gyro_rad), v(m.distance_age_us), v(m.distance_m);
+    v(m.temperature_cdeg), v(m.id), v(m.quality);
+  }
+};
+
+/// Pose and velocity as an odometry estimates them.
+struct Odometry {
+  static constexpr MavlinkMessage kMessage{331, 91, 233};
+  std::uint64_t time_us = 0;
+  std::array<float, 3> position_m{};
+  std::array<float, 4> attitude_wxyz{1, 0, 0, 0};  ///< body to the pose's frame
+  std::array<float, 3> velocity_m_s{};             ///< body
+  std::array<float, 3> rates_rad_s{};              ///< body
+  /// Upper triangles of matrices of 6 x 6, row by row: of position and rotation, of velocity and rates.
+  std::array<float, 21> pose_covariance{}, velocity_covariance{};
+  std::uint8_t frame = 1, child_frame = 12;  ///< MAV_FRAME_LOCAL_NED, MAV_FRAME_BODY_FRD
+  std::uint8_t resets = 0;
+  std::uint8_t estimator = 2;  ///< MAV_ESTIMATOR_TYPE_VISION
+  std::int8_t quality = 0;     ///< percent; 0: unknown
+
+  template <class Self, class Visitor>
+  static void visit(Self& m, const Visitor& v) {
+    v(m.time_us), v(m.position_m), v(m.attitude_wxyz), v(m.velocity_m_s), v(m.rates_rad_s), v(m.pose_covariance);
+    v(m.velocity_covariance), v(m.frame), v(m.child_frame), v(m.resets), v(m.estimator), v(m.quality);
+  }
+};
+
 /// Checksum seed and length of one of the messages above; nullopt for others.
 std::optional<MavlinkMessage> known_message(std::uint32_t number);
 

@@ -61,8 +61,9 @@ std::string encode_frame(const MavlinkMessage& message, const MavlinkFrame& fram
 }
 
 std::optional<MavlinkMessage> known_message(std::uint32_t number) {
-  for (const MavlinkMessage& one : {Heartbeat::kMessage, HilActuatorControls::kMessage, HilSensor::kMessage,
-                                    HilGps::kMessage, HilStateQuaternion::kMessage, DistanceSensor::kMessage}) {
+  for (const MavlinkMessage& one :
+       {Heartbeat::kMessage, HilActuatorControls::kMessage, HilSensor::kMessage, HilGps::kMessage,
+        HilStateQuaternion::kMessage, DistanceSensor::kMessage, HilOpticalFlow::kMessage, Odometry::kMessage}) {
     if (one.number == number) return one;
   }
   return std::nullopt;

@@ -74,6 +74,9 @@ class Px4Ears {
           const auto read = decode_payload<DistanceSensor>(frame->payload);
           distances[read.id] = read;
         }
+        if (frame->message == HilOpticalFlow::kMessage.number)
+          flows.push_back(decode_payload<HilOpticalFlow>(frame->payload));
+        if (frame->message == Odometry::kMessage.number) odometries.push_back(decode_payload<Odometry>(frame->payload));
         if (frame->message == HilGps::kMessage.number) gps = decode_payload<HilGps>(frame->payload);
         if (frame->message != HilSensor::kMessage.number) continue;
         sensor = decode_payload<HilSensor>(frame->payload);
@@ -91,6 +94,8 @@ class Px4Ears {
   HilStateQuaternion state;
   std::optional<HilGps> gps;
   std::map<int, DistanceSensor> distances;  ///< the last of each sensor
+  std::vector<HilOpticalFlow> flows;
+  std::vector<Odometry> odometries;
 
  private:
   TcpClient client_;

@@ -31,9 +31,10 @@ void enable_keepalive(asio::ip::tcp::socket& socket) {
 
 }  // namespace
 
-Connection::Connection(asio::ip::tcp::socket socket, ServerContext& service)
+Connection::Connection(asio::ip::tcp::socket socket, ServerContext& service, std::uint64_t number)
     : socket_(std::move(socket)),
       service_(service),
+      number_(number),
       client_(endpoint_text(socket_)),
       authenticated_(service.options.token.empty()),
       scanner_(message_limits()),
@@ -200,7 +201,8 @@ void Connection::execute_in_worker(std::string message) {
   ++service_.counters.running;
   try {
     const Request request(std::move(message));
-    Response result = service_.methods.call(request);
+    Response result =
+        service_.caller ? service_.caller(service_.methods, number_, request) : service_.methods.call(request);
     if (service_.methods.contains(request.method())) {
       service_.counters.add_call(request.method(), result.failed, result.seconds);
     }

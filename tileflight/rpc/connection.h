@@ -22,6 +22,7 @@ struct ServerContext {
   WorkerPool& workers;
   ServerCounters& counters;
   Server::Log log;
+  Server::Caller caller;
   std::function<void()> on_bytes_held;               ///< called when a connection holds more bytes than before
   std::function<void(class Connection*)> on_closed;  ///< called when a connection is closed
 };
@@ -30,7 +31,8 @@ struct ServerContext {
 /// (bytes) -> waiting_ (whole messages) -> a worker -> responses_ (bytes) -> the socket.
 class Connection : public std::enable_shared_from_this<Connection> {
  public:
-  Connection(asio::ip::tcp::socket socket, ServerContext& service);
+  /// `number`: of the connection, from 1.
+  Connection(asio::ip::tcp::socket socket, ServerContext& service, std::uint64_t number);
 
   void start();
   /// Closes the connection if its message, its reading of a response or its token is overdue.
@@ -61,6 +63,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
 
   asio::ip::tcp::socket socket_;
   ServerContext& service_;
+  std::uint64_t number_;
   std::string client_;  ///< address and port, for the log
   bool open_ = true;
   bool authenticated_;

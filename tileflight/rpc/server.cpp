@@ -52,7 +52,7 @@ double timer_period_s(const ServerLimits& limits) {
 bool is_loopback(const std::string& address) { return parse_address(address).is_loopback(); }
 
 struct Server::Impl {
-  Impl(MethodTable table, const ServerOptions& server_options, Server::Log log)
+  Impl(MethodTable table, const ServerOptions& server_options, Server::Log log, Server::Caller caller)
       : methods(std::move(table)),
         options(server_options),
         acceptor(open_acceptor(network, options)),
@@ -64,6 +64,7 @@ struct Server::Impl {
                 workers,
                 counters,
                 std::move(log),
+                std::move(caller),
                 [this] { close_largest_holder(); },
                 [this](Connection* connection) { remove_connection(connection); }} {}
 
@@ -110,9 +111,8 @@ void Server::Impl::add(tcp::socket socket) {
     if (context.log) context.log("a client was refused: there are " + std::to_string(connections.size()) + " already");
     return;
   }
-  const auto connection = std::make_shared<Connection>(std::move(socket), context);
+  const auto connection = std::make_shared<Connection>(std::move(socket), context, ++counters.accepted);
   connections.insert(connection);
-  ++counters.accepted;
   counters.connections = connections.size();
   connection->start();
 }
@@ -161,8 +161,8 @@ void Server::Impl::close_all() {
   for (const auto& connection : all) connection->close();
 }
 
-Server::Server(MethodTable methods, const ServerOptions& options, Log log)
-    : impl_(std::make_unique<Impl>(std::move(methods), options, std::move(log))) {}
+Server::Server(MethodTable methods, const ServerOptions& options, Log log, Caller caller)
+    : impl_(std::make_unique<Impl>(std::move(methods), options, std::move(log), std::move(caller))) {}
 
 Server::~Server() = default;
 

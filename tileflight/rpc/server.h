@@ -51,9 +51,11 @@ class Server {
   /// Receives one line for each connection that is closed or refused, with the reason. Called by the thread in run() or
   /// by a worker.
   using Log = std::function<void(const std::string& line)>;
+  /// Makes a call in place of MethodTable::call(), from any thread. `client`: number of the connection, from 1.
+  using Caller = std::function<Response(const MethodTable& methods, std::uint64_t client, const Request& request)>;
 
   /// Starts listening. Throws InputError if that address and port cannot be used.
-  Server(MethodTable methods, const ServerOptions& options, Log log = {});
+  Server(MethodTable methods, const ServerOptions& options, Log log = {}, Caller caller = {});
   /// Waits for running calls.
   ~Server();
   Server(const Server&) = delete;

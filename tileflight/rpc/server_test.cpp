@@ -289,6 +289,25 @@ TEST_F(ServerTest, ClientsBeyondTheNumberAreRefused) {
   EXPECT_EQ(server_->statistics().connections_refused, 1U);
 }
 
+/// A hundred that ask for 8 MB and do not read: those that find a place are cut in time, the others are refused, each
+/// with a line; then others are served, and nothing is held.
+TEST_F(ServerTest, AHundredSlowClientsAreALineEach) {
+  start({.limits = {.max_connections = 16, .max_held_bytes = 64U << 20U, .write_timeout_s = 0.3}});
+  std::vector<std::unique_ptr<TestClient>> slow;
+  for (std::uint32_t i = 0; i < 100; ++i) {
+    slow.push_back(std::make_unique<TestClient>(server_->port()));
+    slow.back()->send(request_bytes(i, "blob", 8 << 20));
+  }
+  const auto told = [this] {
+    const ServerStatistics seen = server_->statistics();
+    return seen.connections_cut + seen.connections_refused;
+  };
+  EXPECT_TRUE(soon([&] { return told() == 100 && server_->statistics().connections == 0; })) << told();
+  EXPECT_EQ(log().size(), 100U);
+  EXPECT_TRUE(serves());
+  EXPECT_TRUE(soon([this] { return server_->statistics().held_bytes == 0; }));
+}
+
 TEST_F(ServerTest, AClientThatSendsNoMoreStillGetsItsAnswers) {
   start({.limits = {.max_running_per_connection = 2, .max_pending_per_connection = 4, .message_timeout_s = 0.05}});
   TestClient one = client();

@@ -18,8 +18,8 @@ std::vector<double> motor_outputs(const autopilot::ServoPacket& packet, std::siz
 
 }  // namespace
 
-ArduPilotPort::ArduPilotPort(LockstepVehicle vehicle, const std::string& address, int port, SimulatorLog log)
-    : vehicle_(vehicle), port_(address, static_cast<std::uint16_t>(port)), log_(std::move(log)) {}
+ArduPilotPort::ArduPilotPort(LockstepVehicle vehicle, std::shared_ptr<Port> port, SimulatorLog log)
+    : vehicle_(vehicle), port_(std::move(port)), log_(std::move(log)) {}
 
 void ArduPilotPort::start() {
   thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
@@ -32,9 +32,10 @@ void ArduPilotPort::stop() {
 
 void ArduPilotPort::run(const std::stop_token& stop) {
   using WallClock = std::chrono::steady_clock;
+  const auto in_use = wait_for_port(*port_, stop);
   std::optional<WallClock::time_point> heard;  // while it is connected
   while (!stop.stop_requested()) {
-    const auto datagram = port_.receive(kAutopilotPoll);
+    const auto datagram = port_->port.receive(kAutopilotPoll);
     if (datagram && take(*datagram)) heard = WallClock::now();
     if (!heard || WallClock::now() < *heard + kAutopilotSilence) continue;
     heard.reset();
@@ -58,7 +59,7 @@ bool ArduPilotPort::take(const std::string& datagram) {
     vehicle_.restart();
   }
   report_rate(packet.frame_rate);
-  if (make_steps(packet, request)) port_.answer(answer_);
+  if (make_steps(packet, request)) port_->port.answer(answer_);
   return true;
 }
 

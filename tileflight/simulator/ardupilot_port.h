@@ -1,27 +1,41 @@
 #pragma once
 
+#include <memory>
+#include <mutex>
 #include <stop_token>
 #include <string>
 #include <thread>
 
 #include "tileflight/autopilot/frame_lockstep.h"
 #include "tileflight/autopilot/limited_log.h"
-#include "tileflight/autopilot/udp_port.h"
+#include "tileflight/autopilot/shared_ports.h"
 #include "tileflight/simulator/lockstep_vehicle.h"
 
 namespace tileflight::simulator {
 
+/// Waits until nobody else uses a port; without the lock: it is to stop.
+template <class Port>
+std::unique_lock<std::mutex> wait_for_port(Port& port, const std::stop_token& stop) {
+  std::unique_lock lock(port.in_use, std::try_to_lock);
+  while (!lock && !stop.stop_requested()) {
+    std::this_thread::sleep_for(kAutopilotPoll);
+    lock = std::unique_lock(port.in_use, std::try_to_lock);
+  }
+  return lock;
+}
+
 /// ArduPilot's JSON interface for one vehicle: a thread that takes servo packets from a UDP port, lets the vehicle make
-/// the steps that they ask for, and answers with its state.
+/// the steps that they ask for, and answers with its state. It begins once nobody else uses the port.
 class ArduPilotPort {
  public:
-  /// Listens. Throws InputError if it cannot.
-  ArduPilotPort(LockstepVehicle vehicle, const std::string& address, int port, SimulatorLog log);
+  using Port = autopilot::SharedPort<autopilot::UdpPort>;
+
+  ArduPilotPort(LockstepVehicle vehicle, std::shared_ptr<Port> port, SimulatorLog log);
 
   void start();
   /// After the clock has stopped. May be called twice.
   void stop();
-  std::uint16_t port() const { return port_.port(); }
+  std::uint16_t port() const { return port_->port.port(); }
   const LockstepVehicle& vehicle() const { return vehicle_; }
 
  private:
@@ -31,7 +45,7 @@ class ArduPilotPort {
   void report_rate(int frame_rate);
 
   LockstepVehicle vehicle_;
-  autopilot::UdpPort port_;
+  std::shared_ptr<Port> port_;
   autopilot::LimitedLog log_;
   autopilot::FrameLockstep lockstep_;
   int frame_rate_ = 0;

@@ -20,9 +20,9 @@ using autopilot::test_support::Observation;
 using autopilot::test_support::ScriptedAutopilot;
 using autopilot::test_support::UdpClient;
 using geometry::Vec3;
-using testing::HasSubstr;
 using test_world::LoggedLines;
 using test_world::world;
+using testing::HasSubstr;
 
 constexpr const char* kCopter = R"({"Vehicles": {"Copter": {"VehicleType": "ArduCopter", "ControlPort": 0}}})";
 constexpr int kRate = 400;
@@ -208,6 +208,7 @@ TEST(AutopilotFlight, TwoAutopilotsKeepInStepUntilOneDies) {
     "B": {"VehicleType": "ArduCopter", "ControlPort": 0, "Y": 5}}})",
                                &lines);
   Copter a(*simulator, {{0, 0, -3}}), b(*simulator, {{0, 0, -4}}, 1);
+  a.frame();
   b.frame(250);
   std::atomic<bool> done{false};
   std::atomic<double> b_s{b.seen().time_s};

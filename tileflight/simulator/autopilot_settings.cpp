@@ -31,6 +31,9 @@ AutopilotSettings read_px4(base::StrictSection& vehicle) {
   settings.port = vehicle.integer("TcpPort", 4560, 0, 65535);
   settings.lockstep = vehicle.boolean("LockStep").value_or(true);
   settings.thrust_expo = vehicle.number("ThrustExpo", kPx4Expo, 0.0, 1.0);
+  settings.optical_flow = vehicle.boolean("OpticalFlow").value_or(false);
+  settings.vision_odometry =
+      vehicle.choice_in_any_case("VisionOdometry", {"None", "TruthWithNoise"}).value_or("None") != "None";
   vehicle.ignore(kIgnoredOfPx4);
   return settings;
 }

@@ -20,7 +20,9 @@ struct AutopilotSettings {
   int port = 9002;       ///< ControlPort or TcpPort, on which the simulator listens; 0: any free one
   bool lockstep = true;  ///< of PX4: LockStep
   autopilot::AirframeKind airframe = autopilot::AirframeKind::kQuadX;
-  double thrust_expo = 0.65;  ///< of the motors: own key ThrustExpo; default as of the autopilot's parameters
+  bool optical_flow = false;     ///< of PX4: own key OpticalFlow, sends HIL_OPTICAL_FLOW
+  bool vision_odometry = false;  ///< of PX4: own key VisionOdometry, sends ODOMETRY
+  double thrust_expo = 0.65;     ///< of the motors: own key ThrustExpo; default as of the autopilot's parameters
 };
 
 /// Reads the keys of a vehicle that an autopilot flies, by its VehicleType; nullopt for other types. Throws InputError.

@@ -1,9 +1,11 @@
 #include "tileflight/simulator/hil_readings.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
+#include "tileflight/base/random_numbers.h"
 #include "tileflight/sensors/barometer.h"
 #include "tileflight/simulator/frames.h"
 
@@ -19,6 +21,12 @@ SensorNoiseState& noise_of(const SensorContext& now, SensorNoises& noises, const
   const auto [at, is_new] = noises.try_emplace(name);
   if (is_new) at->second.seed = sensor_seed(now.vehicle.name(), name);
   return at->second;
+}
+
+/// Three standard normal numbers, the same for the same time.
+Vec3 white_noise(const SensorContext& now, SensorNoises& noises, const std::string& name, std::uint64_t which) {
+  const auto normals = base::normal_variates(base::stream_key(noise_of(now, noises, name).seed, which), now.time_ns);
+  return {normals[0], normals[1], normals[2]};
 }
 
 /// Settings and noise of the vehicle's first sensor of a kind.
@@ -123,6 +131,58 @@ autopilot::DistanceSensor hil_distance(const SensorContext& now, SensorNoises& n
   if (message.orientation == autopilot::kByQuaternion)
     message.attitude_wxyz = {static_cast<float>(q.w()), static_cast<float>(q.x()), static_cast<float>(q.y()),
                              static_cast<float>(q.z())};
+  return message;
+}
+
+/// Of what is at distance d on the axis of a camera with axes forward, right, down that moves by v and turns by w: w_x
+/// - v_y / d and w_y + v_x / d (Longuet-Higgins, Prazdny 1980, at the image's middle).
+void FlowIntegral::add(const VehicleState& state, std::optional<double> distance_m, double step_s) {
+  const Vec3& turning = state.angular_velocity_rad_s;
+  const Vec3 velocity_m_s = state.T_ned_body.rotation.conjugate() * state.velocity_m_s;
+  const double per_m = distance_m ? 1.0 / *distance_m : 0.0;
+  flow_rad += step_s * Eigen::Vector2d(turning.x() - velocity_m_s.y() * per_m, turning.y() + velocity_m_s.x() * per_m);
+  gyro_rad += step_s * turning;
+  duration_s += step_s;
+  sees_surface = sees_surface && distance_m.has_value();
+}
+
+autopilot::HilOpticalFlow hil_flow(const SensorContext& now, SensorNoises& noises, const FlowIntegral& flow,
+                                   std::optional<double> distance_m, std::uint64_t time_us) {
+  constexpr double kSigma_rad_s = 0.02;
+  constexpr std::uint8_t kGood = 255;
+  const Vec3 noise = white_noise(now, noises, "optical flow", 0) * (kSigma_rad_s * flow.duration_s);
+  autopilot::HilOpticalFlow message;
+  message.time_us = time_us;
+  message.integration_us = whole<std::uint32_t>(1e6 * flow.duration_s);
+  message.flow_rad = {static_cast<float>(flow.flow_rad.x() + noise.x()),
+                      static_cast<float>(flow.flow_rad.y() + noise.y())};
+  message.gyro_rad = floats(flow.gyro_rad);
+  message.distance_m = distance_m ? static_cast<float>(*distance_m) : -1.0F;
+  message.quality = flow.sees_surface ? kGood : 0;
+  return message;
+}
+
+autopilot::Odometry hil_odometry(const SensorContext& now, SensorNoises& noises, std::uint64_t time_us) {
+  constexpr double kPosition_m = 0.05, kRotation_rad = 0.01, kVelocity_m_s = 0.05, kRate_rad_s = 0.01;
+  constexpr std::array<std::size_t, 6> kDiagonal{0, 6, 11, 15, 18, 20};
+  const VehicleState& state = now.vehicle.state();
+  const auto noise = [&](std::uint64_t which) { return white_noise(now, noises, "vision odometry", which); };
+  const Vec3 turned_rad = kRotation_rad * noise(1);
+  const Eigen::Quaterniond small(Eigen::AngleAxisd(turned_rad.norm(), turned_rad.normalized()));
+  const Eigen::Quaterniond q = state.T_ned_body.rotation * small;
+  const Vec3 velocity_m_s = state.T_ned_body.rotation.conjugate() * state.velocity_m_s;
+  autopilot::Odometry message;
+  message.time_us = time_us;
+  message.position_m = floats(state.T_ned_body.translation - now.vehicle.home().translation + kPosition_m * noise(0));
+  message.attitude_wxyz = {static_cast<float>(q.w()), static_cast<float>(q.x()), static_cast<float>(q.y()),
+                           static_cast<float>(q.z())};
+  message.velocity_m_s = floats(velocity_m_s + kVelocity_m_s * noise(2));
+  message.rates_rad_s = floats(state.angular_velocity_rad_s + kRate_rad_s * noise(3));
+  for (std::size_t i = 0; i < kDiagonal.size(); ++i) {
+    const double pose = i < 3 ? kPosition_m : kRotation_rad, motion = i < 3 ? kVelocity_m_s : kRate_rad_s;
+    message.pose_covariance[kDiagonal[i]] = static_cast<float>(pose * pose);
+    message.velocity_covariance[kDiagonal[i]] = static_cast<float>(motion * motion);
+  }
   return message;
 }
 

@@ -25,6 +25,25 @@ std::optional<autopilot::HilGps> hil_gps(const SensorContext& now, SensorNoises&
 autopilot::DistanceSensor hil_distance(const SensorContext& now, SensorNoises& noises, const SensorSettings& sensor,
                                        double distance_m, std::uint8_t id, std::uint64_t time_us);
 
+/// Image motion and turning of a camera at the vehicle's centre that looks along its z axis, summed up step by step.
+struct FlowIntegral {
+  Eigen::Vector2d flow_rad = Eigen::Vector2d::Zero();
+  geometry::Vec3 gyro_rad = geometry::Vec3::Zero();
+  double duration_s = 0.0;
+  bool sees_surface = true;  ///< at each step
+
+  /// `distance_m`: along the axis to the surface in the image's middle; nullopt: there is none in sight.
+  void add(const VehicleState& state, std::optional<double> distance_m, double step_s);
+};
+
+/// The flow as a sensor measures it, with white noise of 0.02 rad/s. Quality 0 where no surface was in sight.
+autopilot::HilOpticalFlow hil_flow(const SensorContext& now, SensorNoises& noises, const FlowIntegral& flow,
+                                   std::optional<double> distance_m, std::uint64_t time_us);
+
+/// A stand-in for odometry: the true pose from the start, and the true velocity, with white noise (5 cm, 0.01 rad, 5
+/// cm/s), as its covariances say.
+autopilot::Odometry hil_odometry(const SensorContext& now, SensorNoises& noises, std::uint64_t time_us);
+
 /// The true state.
 autopilot::HilStateQuaternion hil_state(const SensorContext& now, std::uint64_t time_us);
 

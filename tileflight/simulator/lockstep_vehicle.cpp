@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "tileflight/simulator/frames.h"
 #include "tileflight/simulator/hil_readings.h"
@@ -13,6 +14,17 @@ namespace {
 
 using geometry::SE3;
 using geometry::Vec3;
+
+/// Of PX4's steps: magnetometer, barometer and distance sensors 50 times a second, receiver 10 times, heartbeat once.
+/// Optical flow 25 times, odometry 31 times.
+constexpr std::uint64_t kSlowSteps = 5, kGpsSteps = 25, kHeartbeatSteps = 250, kFlowSteps = 10, kOdometrySteps = 8;
+constexpr double kFlowRange_m = 100.0;
+
+template <class Message>
+std::string frame(std::uint8_t& sequence, const Message& message) {
+  return autopilot::encode_frame(Message::kMessage,
+                                 {.sequence = sequence++, .payload = autopilot::encode_payload(message)});
+}
 
 }  // namespace
 
@@ -29,13 +41,62 @@ void LockstepVehicle::join() {
   simulator_.lockstep_times.set(&slot_, time_s_);
 }
 
-void LockstepVehicle::restart() {
-  const std::lock_guard lock(simulator_.state_mutex);
-  join();
+/// For the journal of a recorded session.
+void LockstepVehicle::note(AutopilotEvent event) const {
+  if (!simulator_.options.journal || simulator_.clock.stopped()) return;
+  event.vehicle = slot_.vehicle->name();
+  event.tick = simulator_.clock.steps();
+  event.time_s = time_s_;
+  event.T_local_body = simulator_.T_local_ned * slot_.vehicle->state().T_ned_body * T_flu_frd();
+  event.touches = slot_.vehicle->landed();
+  simulator_.options.journal(event);
+}
+
+void LockstepVehicle::put_at_start() {
   slot_.vehicle->return_to_start();
   slot_.history.clear();
   slot_.sensor_noises.clear();
   elapsed_s_ = 0.0;
+  flow_ = {};
+}
+
+void LockstepVehicle::restart() {
+  std::unique_lock lock(simulator_.state_mutex);
+  SimulationClock& clock = simulator_.clock;
+  clock.wait(lock, [&] { return clock.turn_is_free() && clock.settled(); });
+  join();
+  put_at_start();
+  note({.kind = AutopilotEvent::Kind::kRestart});
+}
+
+/// `time_s_`, the vehicle's time, has come to the end of the step.
+void LockstepVehicle::move(std::span<const double> outputs, double step_s) {
+  elapsed_s_ += step_s;
+  slot_.vehicle->step_motors(outputs, step_s, time_s_);
+  slot_.history.add(time_s_, slot_.vehicle->state(), kHistory_s);
+  if (slot_.vehicle->settings().autopilot->optical_flow) flow_.add(slot_.vehicle->state(), distance_below_m(), step_s);
+}
+
+std::optional<double> LockstepVehicle::distance_below_m() const {
+  const SE3 T = simulator_.T_local_ned * slot_.vehicle->state().T_ned_body;
+  const auto hit = simulator_.obstacle_query()(T.translation, T * Vec3(0.0, 0.0, kFlowRange_m));
+  if (!hit) return std::nullopt;
+  return std::max(1e-3, (hit->point - T.translation).norm());
+}
+
+std::string LockstepVehicle::apply(const AutopilotEvent& event) {
+  const std::lock_guard lock(simulator_.state_mutex);
+  time_s_ = event.time_s;
+  if (event.kind == AutopilotEvent::Kind::kSensors) return read_px4_sensors(event.number, repeated_sequence_);
+  if (event.kind == AutopilotEvent::Kind::kStep) {
+    base::require(event.outputs.size() == motors(), "vehicle '" + name() + "'",
+                  "has another number of motors than in the session");
+    move(event.outputs, event.step_s);
+  } else {
+    put_at_start();
+    repeated_sequence_ = 0;
+  }
+  return {};
 }
 
 bool LockstepVehicle::step(std::span<const double> outputs, double step_s) {
@@ -43,12 +104,14 @@ bool LockstepVehicle::step(std::span<const double> outputs, double step_s) {
   SimulationClock& clock = simulator_.clock;
   LockstepTimes& times = simulator_.lockstep_times;
   join();
-  clock.wait(lock, [&] { return clock.advancing() && clock.settled() && times.least_s() >= time_s_; });
+  clock.wait(
+      lock, [&] { return clock.advancing() && clock.settled() && clock.turn_is_free() && times.least_s() >= time_s_; });
   if (clock.stopped()) return false;
   time_s_ += step_s;
-  elapsed_s_ += step_s;
-  slot_.vehicle->step_motors(outputs, step_s, time_s_);
-  slot_.history.add(time_s_, slot_.vehicle->state(), kHistory_s);
+  move(outputs, step_s);
+  note({.kind = AutopilotEvent::Kind::kStep,
+        .step_s = step_s,
+        .outputs = std::vector<double>(outputs.begin(), outputs.end())});
   times.set(&slot_, time_s_);
   clock.allow_until(times.least_s());
   clock.wait(lock, [&] { return clock.settled(); });
@@ -106,28 +169,37 @@ SensorContext LockstepVehicle::sensor_context() const {
       *slot_.vehicle, slot_.history, simulator_.geodetic_frame, time_s_, simulator_.clock.time_ns() + ahead_ns, true};
 }
 
-autopilot::HilSensor LockstepVehicle::hil_sensor(std::uint64_t time_us, bool slow) {
-  const std::lock_guard lock(simulator_.state_mutex);
-  return simulator::hil_sensor(sensor_context(), slot_.sensor_noises, time_us, slow);
+std::string LockstepVehicle::px4_sensors(std::uint64_t step, std::uint8_t& sequence) {
+  std::unique_lock lock(simulator_.state_mutex);
+  SimulationClock& clock = simulator_.clock;
+  clock.wait(lock, [&] { return clock.turn_is_free() && clock.settled(); });
+  std::string bytes = read_px4_sensors(step, sequence);
+  note({.kind = AutopilotEvent::Kind::kSensors, .number = step, .bytes = bytes});
+  return bytes;
 }
 
-std::optional<autopilot::HilGps> LockstepVehicle::hil_gps(std::uint64_t time_us) {
-  const std::lock_guard lock(simulator_.state_mutex);
-  return simulator::hil_gps(sensor_context(), slot_.sensor_noises, time_us);
-}
-
-autopilot::HilStateQuaternion LockstepVehicle::hil_state(std::uint64_t time_us) const {
-  const std::lock_guard lock(simulator_.state_mutex);
-  return simulator::hil_state(sensor_context(), time_us);
-}
-
-std::vector<autopilot::DistanceSensor> LockstepVehicle::hil_distances(std::uint64_t time_us) {
-  const std::lock_guard lock(simulator_.state_mutex);
-  std::vector<autopilot::DistanceSensor> messages;
-  for (const auto& [sensor, distance_m] : distances_m())
-    messages.push_back(hil_distance(sensor_context(), slot_.sensor_noises, *sensor, distance_m,
-                                    static_cast<std::uint8_t>(messages.size()), time_us));
-  return messages;
+std::string LockstepVehicle::read_px4_sensors(std::uint64_t step, std::uint8_t& sequence) {
+  const std::uint64_t now_us = px4_stamp_us(step);
+  const SensorContext now = sensor_context();
+  SensorNoises& noises = slot_.sensor_noises;
+  const bool slow = step % kSlowSteps == 0;
+  std::string bytes;
+  if (step % kHeartbeatSteps == 0) bytes += frame(sequence, autopilot::Heartbeat{});
+  bytes += frame(sequence, hil_state(now, now_us));
+  if (step % kGpsSteps == 0) {
+    if (const auto gps = hil_gps(now, noises, now_us)) bytes += frame(sequence, *gps);
+  }
+  if (slow) {
+    std::uint8_t id = 0;
+    for (const auto& [sensor, distance_m] : distances_m())
+      bytes += frame(sequence, hil_distance(now, noises, *sensor, distance_m, id++, now_us));
+  }
+  const AutopilotSettings& settings = *slot_.vehicle->settings().autopilot;
+  if (settings.optical_flow && step % kFlowSteps == 0 && step > 0)
+    bytes += frame(sequence, hil_flow(now, noises, std::exchange(flow_, {}), distance_below_m(), now_us));
+  if (settings.vision_odometry && step % kOdometrySteps == 0)
+    bytes += frame(sequence, hil_odometry(now, noises, now_us));
+  return bytes + frame(sequence, hil_sensor(now, noises, now_us, slow));  // last: PX4 answers to it
 }
 
 const std::string& LockstepVehicle::name() const { return slot_.vehicle->name(); }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <chrono>
+#include <cstdint>
 #include <map>
 #include <optional>
 #include <span>
@@ -9,7 +10,7 @@
 #include <vector>
 
 #include "tileflight/autopilot/ardupilot_packet.h"
-#include "tileflight/autopilot/hil_messages.h"
+#include "tileflight/simulator/hil_readings.h"
 #include "tileflight/simulator/simulator.h"
 
 namespace tileflight::simulator {
@@ -18,6 +19,10 @@ namespace tileflight::simulator {
 inline constexpr std::chrono::milliseconds kAutopilotSilence{5000};
 /// How often a thread that waits for an autopilot looks whether it has to end.
 inline constexpr std::chrono::milliseconds kAutopilotPoll{100};
+
+/// PX4's steps, and the time stamp of the sensors sent for one.
+inline constexpr double kPx4Step_s = 0.004;
+constexpr std::uint64_t px4_stamp_us(std::uint64_t step) { return 1'000'000 + step * 4000; }
 
 struct VehicleSlot;
 struct SensorContext;
@@ -48,16 +53,16 @@ class LockstepVehicle {
   /// Advances by a step, then waits for the clock and all that it drives (tiles, recordings). Waits first while the
   /// simulation is paused or another vehicle is behind. `outputs`: of the motors, 0 to 1. False: the simulator stops.
   bool step(std::span<const double> outputs, double step_s);
+  /// Repeats an event of a recorded session; returns what is sent.
+  std::string apply(const AutopilotEvent& event);
   /// The autopilot is silent: the vehicle stays as it is, and others no longer wait for it.
   void leave();
 
   /// The vehicle's true state, relative to its start.
   autopilot::ArduPilotState ardupilot_state() const;
-  /// The same and the readings of its sensors for PX4 (hil_readings.h); `time_us`: their stamp.
-  autopilot::HilSensor hil_sensor(std::uint64_t time_us, bool slow);
-  std::optional<autopilot::HilGps> hil_gps(std::uint64_t time_us);
-  autopilot::HilStateQuaternion hil_state(std::uint64_t time_us) const;
-  std::vector<autopilot::DistanceSensor> hil_distances(std::uint64_t time_us);
+  /// What is sent to PX4 for a step of 4 ms: the readings of the sensors that are due at it, and the true state, as
+  /// MAVLink frames numbered by `sequence`, which goes on.
+  std::string px4_sensors(std::uint64_t step, std::uint8_t& sequence);
   const std::string& name() const;
   /// Number of its motors.
   std::size_t motors() const;
@@ -66,14 +71,22 @@ class LockstepVehicle {
 
  private:
   void join();
+  void put_at_start();
+  void move(std::span<const double> outputs, double step_s);
+  std::string read_px4_sensors(std::uint64_t step, std::uint8_t& sequence);
+  void note(AutopilotEvent event) const;
+  /// To the surface below, along the body's z axis; nullopt: none within the range of a flow sensor.
+  std::optional<double> distance_below_m() const;
   SensorContext sensor_context() const;
   /// True distances that the vehicle's distance sensors measure, at most the greatest that they can.
   std::vector<std::pair<const SensorSettings*, double>> distances_m() const;
 
   Simulator::Impl& simulator_;
   VehicleSlot& slot_;
-  double time_s_ = 0.0;     ///< simulation time of the vehicle
-  double elapsed_s_ = 0.0;  ///< since the autopilot's start
+  double time_s_ = 0.0;                 ///< simulation time of the vehicle
+  double elapsed_s_ = 0.0;              ///< since the autopilot's start
+  FlowIntegral flow_;                   ///< since it was sent last
+  std::uint8_t repeated_sequence_ = 0;  ///< of frames, in a session that is repeated
 };
 
 }  // namespace tileflight::simulator

@@ -19,9 +19,9 @@ using autopilot::HilActuatorControls;
 using autopilot::test_support::frame_of;
 using autopilot::test_support::Px4Ears;
 using autopilot::test_support::ScriptedPx4;
-using testing::HasSubstr;
 using test_world::LoggedLines;
 using test_world::world;
+using testing::HasSubstr;
 
 constexpr const char* kFast = R"({"StepOnDemand": true, "Vehicles": {"PX4": {"VehicleType": "PX4Multirotor",
   "UseSerial": false, "UseTcp": true, "TcpPort": 0, "LockStep": true}}})";
@@ -112,6 +112,53 @@ TEST(Px4Flight, DistanceSensorsLookWhereTheirSettingsSay) {
   EXPECT_EQ(ears.distances[2].orientation, autopilot::kByQuaternion);
   EXPECT_NEAR(ears.distances[2].distance_cm, 2000 / std::cos(std::acos(-1.0) / 6.0), 3);
   EXPECT_NEAR(ears.distances[2].attitude_wxyz[2], std::sin(std::acos(-1.0) / 12.0), 1e-6);  // nose up about right
+}
+
+/// The flow, without what turning makes, is velocity by distance.
+TEST(Px4Flight, OpticalFlowAndOdometryAreThoseOfTheFlight) {
+  const auto simulator =
+      world(R"({"StepOnDemand": true, "Vehicles": {"PX4": {"VehicleType": "PX4Multirotor", "TcpPort": 0,
+    "OpticalFlow": true, "VisionOdometry": "TruthWithNoise"}}})");
+  ScriptedPx4 px4(port_of(*simulator), {{0, 0, -5}, {6, 3, -5}});
+  double error_m_s = 0.0, fastest_m_s = 0.0, turned_rad = 0.0, position_error_m = 0.0, velocity_error_m_s = 0.0,
+         rotation_error_rad = 0.0;
+  std::size_t flows = 0, odometries = 0;
+  while (!px4.autopilot().landed() && px4.time_s() < 60.0 && px4.round()) {
+    if (px4.ears().flows.size() > flows) {
+      const autopilot::HilOpticalFlow& flow = px4.ears().flows[flows++];
+      ASSERT_EQ(flow.integration_us, 40'000U);
+      ASSERT_EQ(flow.quality, 255);
+      const Eigen::Vector2d seen_m_s =
+          flow.distance_m / 0.04 *
+          Eigen::Vector2d(flow.flow_rad[1] - flow.gyro_rad[1], -(flow.flow_rad[0] - flow.gyro_rad[0]));
+      const auto now = px4.observation();
+      const Eigen::Vector2d true_m_s = (now.R_ned_body.conjugate() * now.velocity_m_s).head<2>();
+      error_m_s += (seen_m_s - true_m_s).squaredNorm() / 2.0;
+      fastest_m_s = std::max(fastest_m_s, true_m_s.norm());
+      turned_rad = std::max(turned_rad, std::abs(static_cast<double>(flow.gyro_rad[1])));
+    }
+    if (px4.ears().odometries.size() > odometries) {
+      const autopilot::Odometry& seen = px4.ears().odometries[odometries++];
+      const auto truth = px4.observation();
+      const auto v = [](const auto& a) { return geometry::Vec3(a[0], a[1], a[2]); };
+      const Eigen::Quaterniond q(seen.attitude_wxyz[0], seen.attitude_wxyz[1], seen.attitude_wxyz[2],
+                                 seen.attitude_wxyz[3]);
+      position_error_m += (v(seen.position_m) - truth.position_m).squaredNorm() / 3.0;
+      velocity_error_m_s += (q * v(seen.velocity_m_s) - truth.velocity_m_s).squaredNorm() / 3.0;
+      rotation_error_rad += std::pow(q.angularDistance(truth.R_ned_body), 2) / 3.0;
+    }
+  }
+  ASSERT_TRUE(px4.autopilot().landed());
+  ASSERT_GT(flows, 400U);
+  ASSERT_GT(odometries, 500U);
+  EXPECT_GT(turned_rad, 0.002);
+  EXPECT_GT(fastest_m_s, 2.0);
+  EXPECT_LT(std::sqrt(error_m_s / static_cast<double>(flows)), 0.12);  // of 0.02 rad/s at up to 5 m
+  const auto rms = [&](double sum) { return std::sqrt(sum / static_cast<double>(odometries)); };
+  EXPECT_NEAR(rms(position_error_m), 0.05, 0.01);
+  EXPECT_NEAR(rms(velocity_error_m_s), 0.05, 0.02);
+  EXPECT_NEAR(rms(rotation_error_rad), 0.01, 0.002);
+  EXPECT_FLOAT_EQ(px4.ears().odometries.back().pose_covariance[0], 0.0025F);
 }
 
 TEST(Px4Flight, HostileBytesAreOneLineEachAndTheSimulatorLives) {

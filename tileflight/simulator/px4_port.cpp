@@ -2,22 +2,19 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
+
+#include "tileflight/simulator/ardupilot_port.h"
 
 namespace tileflight::simulator {
 namespace {
 
 using std::chrono::milliseconds;
 
-constexpr double kPx4Step_s = 0.004;
-constexpr std::uint64_t kPx4Step_us = 4000, kPx4Start_us = 1'000'000;
-/// Of the steps: magnetometer, barometer and distance sensors 50 times a second, receiver 10 times, heartbeat once.
-constexpr std::uint64_t kSlowSteps = 5, kGpsSteps = 25, kHeartbeatSteps = 250;
 /// So long an autopilot that is ready may take to answer the first sensors before time goes by the wall clock.
 constexpr milliseconds kFirstAnswer{2000};
 constexpr milliseconds kMaxLagOfPx4{100};
 constexpr unsigned kModeArmed = 128;
-
-std::uint64_t stamp_us(std::uint64_t step) { return kPx4Start_us + step * kPx4Step_us; }
 
 /// Of the wall clock, for a step without an answer; long enough to look whether one has come.
 milliseconds wall_step(double speed) {
@@ -26,8 +23,8 @@ milliseconds wall_step(double speed) {
 
 }  // namespace
 
-Px4Port::Px4Port(LockstepVehicle vehicle, const std::string& address, int port, const Px4Pace& pace, SimulatorLog log)
-    : vehicle_(vehicle), port_(address, static_cast<std::uint16_t>(port)), pace_(pace), log_(std::move(log)) {}
+Px4Port::Px4Port(LockstepVehicle vehicle, std::shared_ptr<Port> port, const Px4Pace& pace, SimulatorLog log)
+    : vehicle_(vehicle), shared_(std::move(port)), port_(shared_->port), pace_(pace), log_(std::move(log)) {}
 
 void Px4Port::start() {
   thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
@@ -43,6 +40,7 @@ void Px4Port::log(const std::string& kind, const std::string& text) {
 }
 
 void Px4Port::run(const std::stop_token& stop) {
+  const auto in_use = wait_for_port(*shared_, stop);
   while (!stop.stop_requested()) {
     if (!port_.accept(kAutopilotPoll)) continue;
     log("start", "PX4 has connected; the vehicle is at its start");
@@ -58,33 +56,12 @@ void Px4Port::serve_peer(const std::stop_token& stop) {
   session.due = WallClock::now();
   vehicle_.restart();
   while (!stop.stop_requested() && port_.connected()) {
-    send_step(session);
+    port_.send(vehicle_.px4_sensors(session.step, session.sequence));
     if (!wait_for_controls(session, stop)) return;
     keep_pace(session);
     if (!vehicle_.step(session.outputs, kPx4Step_s)) return;
     ++session.step;
   }
-}
-
-template <class Message>
-std::string Px4Port::frame(Session& session, const Message& message) const {
-  return autopilot::encode_frame(Message::kMessage,
-                                 {.sequence = session.sequence++, .payload = autopilot::encode_payload(message)});
-}
-
-void Px4Port::send_step(Session& session) {
-  const std::uint64_t step = session.step, now_us = stamp_us(step);
-  std::string bytes;
-  if (step % kHeartbeatSteps == 0) bytes += frame(session, autopilot::Heartbeat{});
-  bytes += frame(session, vehicle_.hil_state(now_us));
-  if (step % kGpsSteps == 0) {
-    if (const auto gps = vehicle_.hil_gps(now_us)) bytes += frame(session, *gps);
-  }
-  if (step % kSlowSteps == 0) {
-    for (const autopilot::DistanceSensor& one : vehicle_.hil_distances(now_us)) bytes += frame(session, one);
-  }
-  bytes += frame(session, vehicle_.hil_sensor(now_us, step % kSlowSteps == 0));  // last: PX4 answers to it
-  port_.send(bytes);
 }
 
 /// Whether to go on: with outputs that answer the sensors, or because time goes by the wall clock still.
@@ -115,7 +92,7 @@ bool Px4Port::wait_for_controls(Session& session, const std::stop_token& stop) {
 bool Px4Port::take(Session& session, const autopilot::MavlinkFrame& received) {
   if (received.message != autopilot::HilActuatorControls::kMessage.number) return false;
   const auto controls = autopilot::decode_payload<autopilot::HilActuatorControls>(received.payload);
-  switch (session.gate.receive(controls.time_us, stamp_us(session.step))) {
+  switch (session.gate.receive(controls.time_us, px4_stamp_us(session.step))) {
     case autopilot::ControlVerdict::kAnswer:
       break;
     case autopilot::ControlVerdict::kRepetition:

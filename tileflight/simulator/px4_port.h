@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <memory>
 #include <stop_token>
 #include <string>
 #include <thread>
@@ -10,7 +11,7 @@
 #include "tileflight/autopilot/control_gate.h"
 #include "tileflight/autopilot/hil_messages.h"
 #include "tileflight/autopilot/limited_log.h"
-#include "tileflight/autopilot/tcp_port.h"
+#include "tileflight/autopilot/shared_ports.h"
 #include "tileflight/simulator/lockstep_vehicle.h"
 
 namespace tileflight::simulator {
@@ -24,16 +25,17 @@ struct Px4Pace {
 
 /// PX4's simulator interface for one vehicle: a thread that waits for PX4 at a TCP port, sends it sensors every 4 ms of
 /// simulated time, and drives the motors with what it answers. Until PX4 has sent its first outputs, and without
-/// lockstep, time goes by the wall clock.
+/// lockstep, time goes by the wall clock. It begins once nobody else uses the port.
 class Px4Port {
  public:
-  /// Listens. Throws InputError if it cannot.
-  Px4Port(LockstepVehicle vehicle, const std::string& address, int port, const Px4Pace& pace, SimulatorLog log);
+  using Port = autopilot::SharedPort<autopilot::TcpPort>;
+
+  Px4Port(LockstepVehicle vehicle, std::shared_ptr<Port> port, const Px4Pace& pace, SimulatorLog log);
 
   void start();
   /// After the clock has stopped. May be called twice.
   void stop();
-  std::uint16_t port() const { return port_.port(); }
+  std::uint16_t port() const { return shared_->port.port(); }
   const LockstepVehicle& vehicle() const { return vehicle_; }
 
  private:
@@ -53,17 +55,15 @@ class Px4Port {
 
   void run(const std::stop_token& stop);
   void serve_peer(const std::stop_token& stop);
-  void send_step(Session& session);
   bool wait_for_controls(Session& session, const std::stop_token& stop);
   bool take(Session& session, const autopilot::MavlinkFrame& received);
   void report_damage(Session& session);
   void keep_pace(Session& session) const;
   void log(const std::string& kind, const std::string& text);
-  template <class Message>
-  std::string frame(Session& session, const Message& message) const;
 
   LockstepVehicle vehicle_;
-  autopilot::TcpPort port_;
+  std::shared_ptr<Port> shared_;
+  autopilot::TcpPort& port_;  ///< of shared_
   Px4Pace pace_;
   autopilot::LimitedLog log_;
   std::jthread thread_;

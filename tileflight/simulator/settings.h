@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <map>
 #include <optional>
 #include <string>
@@ -71,6 +72,9 @@ struct ClockSettings {
   double speed = 1.0;          ///< seconds of simulation time per wall-clock second
   bool on_demand = false;      ///< own key "StepOnDemand": time advances only while a task runs, as fast as possible
   bool by_autopilots = false;  ///< autopilots' packets advance time; there is a vehicle with one
+  /// Time advances only where SimulationClock::drive_to() says so, as fast as possible: a recorded session is repeated.
+  bool driven = false;
+  std::optional<std::uint64_t> start_ns;  ///< time stamp of the start; nullopt: as the clock has it
 };
 
 /// Contents of a settings.json, with AirSim's defaults for missing keys.

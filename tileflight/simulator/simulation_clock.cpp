@@ -20,11 +20,15 @@ std::uint64_t wall_ns() {
 
 }  // namespace
 
+std::uint64_t default_start_ns(const ClockSettings& clock) {
+  return clock.on_demand || clock.by_autopilots ? kOnDemandStart_ns : wall_ns();
+}
+
 SimulationClock::SimulationClock(std::mutex& state, const ClockSettings& clock, Hooks hooks)
     : state_(state),
       clock_(clock),
       hooks_(std::move(hooks)),
-      start_ns_(clock.on_demand || clock.by_autopilots ? kOnDemandStart_ns : wall_ns()) {}
+      start_ns_(clock.start_ns ? *clock.start_ns : default_start_ns(clock)) {}
 
 SimulationClock::~SimulationClock() { stop(); }
 
@@ -52,6 +56,7 @@ void SimulationClock::set_paused(bool paused) {
 
 bool SimulationClock::may_step() const {
   constexpr double kRounding_s = 1e-9;
+  if (clock_.driven) return steps_ < driven_to_;
   if (clock_.by_autopilots && static_cast<double>(steps_ + 1) * kStep_s > limit_s_ + kRounding_s) return false;
   if (run_until_) return true;
   return !paused_ && (clock_.by_autopilots || !clock_.on_demand || hooks_.busy());
@@ -63,6 +68,7 @@ void SimulationClock::allow_until(double time_s) {
 }
 
 bool SimulationClock::wait(std::unique_lock<std::mutex>& lock, const std::function<bool()>& done) {
+  end_turn();
   wake_.notify_all();
   step_done_.wait(lock, [&] { return stopping_ || done(); });
   return done();
@@ -71,13 +77,36 @@ bool SimulationClock::wait(std::unique_lock<std::mutex>& lock, const std::functi
 void SimulationClock::run_steps(std::unique_lock<std::mutex>& lock, std::int64_t steps) {
   const std::int64_t until = steps_ + steps;
   run_until_ = std::max(until, run_until_.value_or(until));
+  end_turn();
   wake();
   step_done_.wait(lock, [&] { return stopping_ || steps_ >= until || !run_until_; });
 }
 
+bool SimulationClock::take_turn(std::unique_lock<std::mutex>& lock) {
+  ++turns_wanted_;
+  step_done_.wait(lock, [&] { return stopping_ || (!turn_owner_ && !in_step_ && (turn_is_next_ || !step_is_due_)); });
+  --turns_wanted_;
+  turn_is_next_ = false;
+  if (stopping_) return false;
+  turn_owner_ = std::this_thread::get_id();
+  return true;
+}
+
+void SimulationClock::end_turn() {
+  if (turn_owner_ != std::this_thread::get_id()) return;
+  turn_owner_.reset();
+  wake();
+}
+
+void SimulationClock::drive_to(std::unique_lock<std::mutex>& lock, std::int64_t step) {
+  driven_to_ = std::max(driven_to_, step);
+  wake();
+  step_done_.wait(lock, [&] { return stopping_ || (steps_ >= step && !in_step_); });
+}
+
 /// Sleeps until the next step is due by the wall clock; the mutex is released meanwhile.
 void SimulationClock::wait_until_due(std::unique_lock<std::mutex>& lock) {
-  if (clock_.on_demand || clock_.by_autopilots) return;
+  if (clock_.on_demand || clock_.by_autopilots || clock_.driven) return;
   const auto now = WallClock::now();
   if (next_step_ < now - kMaxLag) next_step_ = now - kMaxLag;
   if (next_step_ > now) {
@@ -96,6 +125,7 @@ void SimulationClock::run() {
       continue;
     }
     wait_until_due(lock);
+    wait_for_turn(lock);
     if (stopping_ || !may_step()) continue;
     ++steps_;
     hooks_.step(time_s());
@@ -112,8 +142,18 @@ void SimulationClock::run() {
     yield_to_waiters();
     lock.lock();
     in_step_ = false;
-    if (clock_.by_autopilots) step_done_.notify_all();
+    turn_is_next_ = turns_wanted_ > 0;
+    if (clock_.by_autopilots || clock_.driven || turn_is_next_) step_done_.notify_all();
   }
+}
+
+/// Waits while a thread has the turn, or is to get it before this step.
+void SimulationClock::wait_for_turn(std::unique_lock<std::mutex>& lock) {
+  if (!turn_owner_ && !turn_is_next_) return;
+  step_is_due_ = true;
+  wake_.wait(lock, [&] { return stopping_ || (!turn_owner_ && !turn_is_next_); });
+  step_is_due_ = false;
+  if (!may_step()) step_done_.notify_all();
 }
 
 /// Without it, this thread would reacquire the mutex before a thread that it has notified.

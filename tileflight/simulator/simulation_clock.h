@@ -12,9 +12,13 @@
 
 namespace tileflight::simulator {
 
+/// Time stamp of a clock's start: the wall clock's, or with StepOnDemand and with autopilots a constant.
+std::uint64_t default_start_ns(const ClockSettings& clock);
+
 /// The simulation's clock. It advances in steps of kStep_s, in step with the wall clock (times ClockSpeed), or on
-/// demand as fast as possible while there is work, or as far as autopilots have advanced. Steps run with the mutex held, in the clock's own thread; nothing
-/// else advances time. On a slow machine simulation time runs slower, and no step is skipped.
+/// demand as fast as possible while there is work, or as far as autopilots have advanced. Steps run with the mutex
+/// held, in the clock's own thread; nothing else advances time. On a slow machine simulation time runs slower, and no
+/// step is skipped.
 class SimulationClock {
  public:
   static constexpr double kStep_s = 0.003;  ///< AirSim's
@@ -55,11 +59,25 @@ class SimulationClock {
     step_done_.notify_all();
   }
   /// Waits until the condition holds or the clock is stopped; the condition is checked after each step. Returns whether
-  /// it holds.
+  /// it holds. A thread that has the turn gives it up.
   bool wait(std::unique_lock<std::mutex>& lock, const std::function<bool()>& done);
   /// Runs this number of steps, then pauses. Returns when they are done, or the clock is stopped or paused by another
-  /// thread.
+  /// thread. A thread that has the turn gives it up.
   void run_steps(std::unique_lock<std::mutex>& lock, std::int64_t steps);
+
+  // The turn orders what a recorded session does: while a thread has it, no step is made and no other thread gets it;
+  // steps that are due and threads that wait alternate. Without a recording nobody takes it.
+  /// Waits for the turn. False, and without it: the clock is stopped.
+  bool take_turn(std::unique_lock<std::mutex>& lock);
+  /// Ends this thread's turn; none: nothing.
+  void end_turn();
+  bool turn_is_free() const { return !turn_owner_; }
+  /// Steps made so far.
+  std::int64_t steps() const { return steps_; }
+  std::uint64_t start_ns() const { return start_ns_; }
+  /// With ClockSettings::driven: makes steps up to this number; returns when they are made, with all that follows each
+  /// of them.
+  void drive_to(std::unique_lock<std::mutex>& lock, std::int64_t step);
 
  private:
   using WallClock = std::chrono::steady_clock;
@@ -68,6 +86,7 @@ class SimulationClock {
   void run();
   bool may_step() const;
   void wait_until_due(std::unique_lock<std::mutex>& lock);
+  void wait_for_turn(std::unique_lock<std::mutex>& lock);
   void yield_to_waiters();
 
   std::mutex& state_;
@@ -79,9 +98,14 @@ class SimulationClock {
   std::uint64_t start_ns_ = 0;
   bool paused_ = false;
   std::optional<std::int64_t> run_until_;  ///< step number at which to pause
-  double limit_s_ = 0.0;  ///< up to which autopilots have advanced
+  double limit_s_ = 0.0;                   ///< up to which autopilots have advanced
   bool in_step_ = false;
   bool stopping_ = false;
+  std::optional<std::thread::id> turn_owner_;
+  int turns_wanted_ = 0;       ///< threads that wait for the turn
+  bool turn_is_next_ = false;  ///< before the next step
+  bool step_is_due_ = false;   ///< before the next turn but for turn_is_next_
+  std::int64_t driven_to_ = 0;
   WallClock::time_point next_step_{};
   int steps_without_rest_ = 0;  ///< used only by the clock's thread
   std::thread thread_;

@@ -33,6 +33,13 @@ SimulatorOptions with_settings(SimulatorOptions options, const Settings& setting
   return options;
 }
 
+ClockSettings clock_settings(const SimulatorOptions& options, const Settings& settings) {
+  ClockSettings clock = settings.clock;
+  clock.driven = options.repeats_session;
+  clock.start_ns = options.clock_start_ns;
+  return clock;
+}
+
 }  // namespace
 
 Vec3 checked_position(const Vector3r& position, const char* what) {
@@ -67,7 +74,7 @@ Simulator::Impl::Impl(const SimulatorOptions& o, SimulatorLog l, const Progress&
       file_access(options.output_root),
       segmentation_ids(settings.random_ids),
       annotation_layers(settings.annotation_layers),
-      clock(state_mutex, settings.clock, clock_hooks()) {
+      clock(state_mutex, clock_settings(options, settings), clock_hooks()) {
   initialize();
 }
 
@@ -80,7 +87,7 @@ Simulator::Impl::Impl(const SimulatorOptions& o, std::vector<imaging::TexturedMe
       file_access(options.output_root),
       segmentation_ids(settings.random_ids),
       annotation_layers(settings.annotation_layers),
-      clock(state_mutex, settings.clock, clock_hooks()) {
+      clock(state_mutex, clock_settings(options, settings), clock_hooks()) {
   initialize();
 }
 
@@ -105,16 +112,21 @@ void Simulator::Impl::initialize() {
 }
 
 void Simulator::Impl::open_autopilot_ports() {
+  const auto ports = options.autopilot_ports ? options.autopilot_ports : std::make_shared<autopilot::SharedPorts>();
+  const std::string& address = options.autopilot_address;
   for (const auto& one : vehicles) {
     const auto& autopilot = one->vehicle->settings().autopilot;
     if (!autopilot) continue;
     const LockstepVehicle vehicle(*this, *one);
-    if (autopilot->kind == AutopilotKind::kArduPilot) {
+    const auto port = static_cast<std::uint16_t>(autopilot->port);
+    if (options.repeats_session) {
+      repeated_vehicles.emplace(vehicle.name(), vehicle);
+    } else if (autopilot->kind == AutopilotKind::kArduPilot) {
       ardupilot_ports.push_back(
-          std::make_unique<ArduPilotPort>(vehicle, options.autopilot_address, autopilot->port, log));
+          std::make_unique<ArduPilotPort>(vehicle, ports->udp(vehicle.name(), address, port), log));
     } else {
       const Px4Pace pace{autopilot->lockstep, settings.clock.speed, settings.clock.on_demand};
-      px4_ports.push_back(std::make_unique<Px4Port>(vehicle, options.autopilot_address, autopilot->port, pace, log));
+      px4_ports.push_back(std::make_unique<Px4Port>(vehicle, ports->tcp(vehicle.name(), address, port), pace, log));
     }
   }
 }

@@ -12,9 +12,14 @@
 
 #include "tileflight/base/progress.h"
 #include "tileflight/simulator/airsim_types.h"
+#include "tileflight/simulator/autopilot_event.h"
 #include "tileflight/simulator/extension_types.h"
 #include "tileflight/simulator/observation.h"
 #include "tileflight/tiles/load.h"
+
+namespace tileflight::autopilot {
+class SharedPorts;
+}
 
 namespace tileflight::simulator {
 
@@ -45,6 +50,13 @@ struct SimulatorOptions {
   /// Origin of NED in the local frame (east, north, up); a z of NaN: on the surface. Default: on the surface at the
   /// local frame's origin, or if there is none, at the centre of the place.
   std::optional<geometry::Vec3> ned_origin_local;
+  /// Ports of autopilots that several worlds use, one after another; nullptr: its own.
+  std::shared_ptr<autopilot::SharedPorts> autopilot_ports;
+  AutopilotJournal journal;  ///< of a session that is recorded
+  /// A recorded session is repeated: time goes where advance_to() says, and autopilots do what apply() says, without
+  /// their ports.
+  bool repeats_session = false;
+  std::optional<std::uint64_t> clock_start_ns;  ///< time stamp of the start; nullopt: as the settings have it
 };
 
 /// Receives one-line messages about events not visible to a caller (tiles that fail, ignored commands). Called from any
@@ -74,6 +86,29 @@ class Simulator {
   std::vector<std::string> warnings() const;
   /// Where autopilots are waited for.
   std::vector<AutopilotEndpoint> autopilots() const;
+
+  /// The right to be the only one that changes or reads the world, for a call of a recorded session: time stands, and
+  /// other turns wait, until it ends or the call waits for the simulation (which ends it). For one thread.
+  class Turn {
+   public:
+    /// Waits for the turn.
+    explicit Turn(Simulator& simulator);
+    ~Turn();
+    Turn(const Turn&) = delete;
+    Turn& operator=(const Turn&) = delete;
+    std::int64_t tick() const { return tick_; }  ///< steps that the clock had made when it began
+
+   private:
+    Simulator& simulator_;
+    std::int64_t tick_ = 0;
+  };
+  std::int64_t tick() const;  ///< steps that the clock has made
+  std::uint64_t clock_start_ns() const;
+  /// With SimulatorOptions::repeats_session: advances to that step, as fast as possible.
+  void advance_to(std::int64_t tick);
+  /// The same: repeats what an autopilot did, at the present step. What is sent to it: kSensors. Throws InputError for
+  /// a vehicle without an autopilot.
+  std::string apply(const AutopilotEvent& event);
 
   // General.
   bool ping() const;

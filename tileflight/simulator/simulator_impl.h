@@ -104,6 +104,7 @@ struct Simulator::Impl {
   SimulationClock clock;                                        ///< its thread ends before what it uses
   std::vector<std::unique_ptr<ArduPilotPort>> ardupilot_ports;  ///< stopped after the clock
   std::vector<std::unique_ptr<Px4Port>> px4_ports;              ///< the same
+  std::map<std::string, LockstepVehicle> repeated_vehicles;     ///< by name; of a session that is repeated
 
   // Setup (simulator.cpp).
   void initialize();

@@ -160,7 +160,9 @@ foxglove::ParameterAccess LiveView::parameters() {
 void LiveView::set_parameter(const foxglove::Parameter& wanted) {
   if (wanted.name == "paused") {
     if (!options_.may_pause)
-      throw InputError("paused", "cannot be set: the server's clients need a token, viewers have none");
+      throw InputError(
+          "paused",
+          "cannot be set: viewers may only watch, since clients need a token here or the session is recorded");
     const auto* value = std::get_if<bool>(&wanted.value);
     if (value == nullptr) throw InputError("paused", "must be true or false");
     return simulator_()->sim_pause(*value);

@@ -6,6 +6,7 @@
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/scene/scene.h"
+#include "tileflight/simulator/autopilot_flight.h"
 #include "tileflight/transport/open_source.h"
 #include "tileflight/vehicle/vehicle_flight.h"
 
@@ -80,10 +81,31 @@ vehicle::ObstacleQuery make_obstacle_query(std::shared_ptr<const scene::Scene> p
   };
 }
 
+/// An autopilot's flight among the tiles that the settings choose for images.
+FlownPath fly_by_autopilot(const vehicle::FlightPlan& plan, const RenderSettings& settings, const Progress& progress) {
+  simulator::SimulatorOptions options;
+  options.source = settings.source;
+  options.load = settings.load;
+  options.load.uses = {transport::Use::kAnalyse};
+  options.residency = settings.error_px ? simulator::TileResidency::kFollow : simulator::TileResidency::kRegion;
+  options.error_px = settings.error_px.value_or(options.error_px);
+  options.max_memory_bytes = settings.max_memory_bytes.value_or(options.max_memory_bytes);
+  const simulator::AutopilotFlight flown = simulator::fly_autopilot(*plan.autopilot, std::move(options), progress);
+  json report = {{"outcome", flown.outcome == "landed" ? "finished" : flown.outcome},
+                 {"duration_s", flown.path.end_s() - flown.path.start_s()},
+                 {"autopilot",
+                  {{"kind", plan.autopilot->is_px4 ? "px4" : "ardupilot"},
+                   {"steps", flown.steps},
+                   {"airborne_s", flown.airborne_s},
+                   {"home", {flown.home.latitude, flown.home.longitude, flown.home.altitude}}}}};
+  return {flown.path, vehicle::sample_frames(flown.path, plan), std::move(report)};
+}
+
 }  // namespace
 
 FlownPath fly_plan(const vehicle::FlightPlan& plan, const RenderSettings& settings, const imaging::Camera& camera,
                    const Progress& progress) {
+  if (plan.autopilot) return fly_by_autopilot(plan, settings, progress);
   if (!plan.vehicle) return {vehicle::build_path(plan), vehicle::frame_poses(plan), nullptr};
   const bool collides = plan.vehicle->options.collision != vehicle::CollisionPolicy::kOff;
   const vehicle::ObstacleQuery obstacles =

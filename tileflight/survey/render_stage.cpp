@@ -152,6 +152,14 @@ void add_vehicle_warnings(const json& vehicle, std::vector<std::string>& warning
   }
 }
 
+/// Each process would have it fly again.
+void require_undivided_autopilot(const RenderSettings& settings) {
+  if (vehicle::read_flight_plan(settings.flight.flight).autopilot)
+    throw InputError(settings.flight.flight.string(),
+                     "an autopilot flies once: render its flight in one process, or name that dataset's "
+                     "groundtruth.txt as 'trajectory'");
+}
+
 std::vector<std::string> collect_warnings(const PlannedFlight& mission, const RenderedFrames& rendered) {
   std::vector<std::string> warnings =
       render::flight_warnings(frame_checks(rendered.frames), 0, mission.options.clearance_m);
@@ -188,6 +196,7 @@ base::OutputFolder render_output(const RenderSettings& settings, const fs::path&
 }
 
 FramePlan plan_frame_parts(const RenderSettings& settings, int parts, const Progress& progress) {
+  require_undivided_autopilot(settings);
   constexpr std::size_t kFewFrames = 8;  // less is not worth reading the tiles again
   const PlannedFlight mission = plan_flight(settings, progress);
   const std::size_t frames = mission.frames.size();
@@ -205,6 +214,7 @@ json render_dataset(const RenderSettings& settings, const fs::path& out, bool re
   workflow::Ranks& ranks = given_ranks == nullptr ? alone : *given_ranks;
   const Progress shown = ranks.rank() == 0 ? progress : Progress();
   PlannedFlight mission;
+  if (settings.part || ranks.count() > 1) require_undivided_autopilot(settings);
   run_collectively(ranks, [&] { mission = plan_flight(settings, shown); });
   if (settings.part) return render_part(mission, settings, out, shown);
   std::vector<std::string> notes;

@@ -70,11 +70,21 @@ void check_vehicle(const StrictSection& section, const FlightPlan& plan) {
   if (!plan.waypoints.empty()) throw section.error("mission", "and 'waypoints' are both given; keep one of the two");
 }
 
+/// An autopilot has a mission of its own.
+void check_autopilot(const StrictSection& section, const FlightPlan& plan) {
+  if (plan.vehicle || plan.poses || !plan.waypoints.empty() || !plan.mission.empty())
+    throw section.error("autopilot",
+                        "flies a mission of its own; leave out vehicle, trajectory, waypoints and mission");
+  if (plan.smoothing) throw section.error("smooth", "applies to a 'trajectory' only");
+  if (!plan.fps) throw section.error("fps", "is missing; an autopilot's flight does not define frames");
+}
+
 /// Checks that the plan states exactly one kind of path and when to take images.
 void check_plan(const StrictSection& section, const FlightPlan& plan) {
   if (plan.camera.empty()) throw section.error("camera", "is missing; name the calibration file");
   if (plan.poses && !plan.waypoints.empty())
     throw section.error("waypoints", "and 'trajectory' are both given; keep one of the two");
+  if (plan.autopilot) return check_autopilot(section, plan);
   check_vehicle(section, plan);
   if (!plan.poses && plan.mission.empty() && plan.waypoints.size() < 2)
     throw section.error("waypoints", "must be at least two, or 'trajectory' must name a TUM file");
@@ -110,6 +120,7 @@ FlightPlan read_flight_plan(const std::filesystem::path& file) {
   plan.waypoints = read_waypoints(section);
   if (auto vehicle = section.section("vehicle")) plan.vehicle = read_vehicle(*vehicle);
   plan.mission = read_mission(section);
+  if (auto autopilot = section.section("autopilot")) plan.autopilot = read_autopilot_plan(*autopilot, file);
   plan.limits = read_limits(section);
   plan.fps = section.positive_number("fps");
   plan.max_frames = read_max_frames(section);
@@ -131,6 +142,10 @@ std::vector<std::filesystem::path> referenced_files(const std::filesystem::path&
 }
 
 flight::Path build_path(const FlightPlan& plan) {
+  if (plan.autopilot)
+    throw InputError("flight",
+                     "an autopilot's path is known only after its flight: render it, then name the dataset's "
+                     "groundtruth.txt as 'trajectory'");
   if (plan.vehicle) return fly(plan).path;
   if (!plan.poses) return flight::path_through_waypoints(plan.waypoints, plan.limits);
   return plan.smoothing ? flight::smooth_path(*plan.poses, *plan.smoothing).path

@@ -8,6 +8,7 @@
 #include "tileflight/flight/smoothing.h"
 #include "tileflight/flight/waypoint.h"
 #include "tileflight/geometry/trajectory.h"
+#include "tileflight/vehicle/autopilot_plan.h"
 #include "tileflight/vehicle/vehicle_plan.h"
 
 namespace tileflight::vehicle {
@@ -21,6 +22,7 @@ struct FlightPlan {
   std::vector<flight::Waypoint> waypoints;  ///< used if there are no poses
   std::optional<VehiclePlan> vehicle;       ///< key `vehicle`; without it the camera itself follows the path
   std::vector<MissionStep> mission;         ///< key `mission`: used if there is neither; needs a vehicle
+  std::optional<AutopilotPlan> autopilot;   ///< key `autopilot`: in place of all these
   flight::SpeedLimits limits;
   std::filesystem::path sensors_file;  ///< for sensors::read_sensor_suite; empty: none
   std::optional<double> fps;           ///< without it: one frame at each pose of the file
@@ -36,7 +38,8 @@ FlightPlan read_flight_plan(const std::filesystem::path& file);
 std::vector<std::filesystem::path> referenced_files(const std::filesystem::path& file);
 
 /// The path of the plan: along its poses, through its waypoints, or as its vehicle flies waypoints or mission without
-/// obstacles (vehicle_flight.h flies them among obstacles).
+/// obstacles (vehicle_flight.h flies them among obstacles). Throws InputError for an autopilot's flight, whose path is
+/// known only after it.
 flight::Path build_path(const FlightPlan& plan);
 
 /// The poses at which frames are taken: the file's own poses (evaluated on the smoothed path, if it is smoothed), or

@@ -146,6 +146,13 @@ class TrackingErrorAccumulator {
 
 }  // namespace
 
+SE3 mounted_camera_pose(const SE3& T_local_body, const CameraMount& mount) {
+  RigidBodyState state;
+  state.R_local_body = T_local_body.rotation;
+  state.position_m = T_local_body.translation;
+  return camera_pose(state, mount, fixed_R_body_camera(mount));
+}
+
 VehicleFlight fly_along(const flight::Path& planned, const std::vector<flight::Waypoint>& waypoints,
                         const flight::SpeedLimits& limits, const VehiclePlan& plan, const ObstacleQuery& obstacles) {
   const CameraMount& mount = plan.mount;
@@ -178,7 +185,6 @@ VehicleFlight fly_mission(const std::vector<MissionStep>& mission, const Vehicle
                           const ObstacleQuery& obstacles) {
   if (mission.empty()) throw InputError("mission", "has no commands");
   const CameraMount& mount = plan.mount;
-  const Eigen::Quaterniond R_level_camera = fixed_R_body_camera(mount);
   Setpoint start;
   start.yaw_rad = plan.start_yaw_rad;
   start.position_m = plan.start_m - level_orientation(start.yaw_rad) * mount.offset_m;
@@ -186,8 +192,10 @@ VehicleFlight fly_mission(const std::vector<MissionStep>& mission, const Vehicle
   Vehicle vehicle(plan.options, obstacles, start.position_m, start.yaw_rad, plan.landed);
   if (!plan.landed) settle(vehicle, start, obstacles);
 
-  CameraPathRecorder recorder([&](const RigidBodyState& s, double) { return camera_pose(s, mount, R_level_camera); },
-                              vehicle);
+  const auto pose_of = [&](const RigidBodyState& s, double) {
+    return mounted_camera_pose({s.R_local_body, s.position_m}, mount);
+  };
+  CameraPathRecorder recorder(pose_of, vehicle);
   const double settled_s = vehicle.time_s();
   Outcome outcome = Outcome::kFinished;
   std::vector<MissionResult> results;

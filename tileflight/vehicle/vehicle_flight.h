@@ -34,6 +34,10 @@ struct VehicleFlight {
   std::optional<Collision> last_collision;  ///< on the path's clock
 };
 
+/// The camera's pose on a vehicle without a plan for it: its mount's pitch, and the body's attitude or, with a gimbal,
+/// its yaw. `T_local_body`: x forward, y left, z up, at the centre of mass.
+geometry::SE3 mounted_camera_pose(const geometry::SE3& T_local_body, const CameraMount& mount);
+
 /// Flies along a planned camera path (path_through_waypoints): its position, velocity and acceleration are the
 /// reference at each time, and the vehicle's yaw is the camera's. The vehicle hovers at the start until wind and
 /// controller have settled; this is not part of the flight. A collision that stops it ends the flight. Throws

@@ -48,15 +48,6 @@ CollisionPolicy read_collision(StrictSection& section) {
   return word == "stop" ? CollisionPolicy::kStop : CollisionPolicy::kBounce;
 }
 
-CameraMount read_mount(StrictSection& section) {
-  CameraMount mount;
-  mount.gimbal = section.choice("mount", {"gimbal", "fixed"}).value_or("gimbal") == "gimbal";
-  mount.pitch_deg = section.number("pitch_deg").value_or(mount.pitch_deg);
-  if (std::abs(mount.pitch_deg) > 90.0) throw section.error("pitch_deg", "must be from -90 to 90");
-  mount.offset_m = read_vector(section, "offset_m", mount.offset_m);
-  return mount;
-}
-
 void read_quadrotor(StrictSection& section, VehicleOptions& options) {
   QuadrotorOptions& quadrotor = options.quadrotor;
   quadrotor.body.mass_kg = section.positive_number("mass_kg").value_or(quadrotor.body.mass_kg);
@@ -153,6 +144,15 @@ Command read_command(const std::string& word, StrictSection& step) {
 }
 
 }  // namespace
+
+CameraMount read_mount(StrictSection& section) {
+  CameraMount mount;
+  mount.gimbal = section.choice("mount", {"gimbal", "fixed"}).value_or("gimbal") == "gimbal";
+  mount.pitch_deg = section.number("pitch_deg").value_or(mount.pitch_deg);
+  if (std::abs(mount.pitch_deg) > 90.0) throw section.error("pitch_deg", "must be from -90 to 90");
+  mount.offset_m = read_vector(section, "offset_m", mount.offset_m);
+  return mount;
+}
 
 VehiclePlan read_vehicle(StrictSection& section) {
   VehiclePlan plan;

@@ -33,6 +33,9 @@ struct VehiclePlan {
   bool landed = false;                              ///< a mission starts with the rotors off
 };
 
+/// Reads the keys mount, pitch_deg, offset_m. Throws InputError (file, line, key).
+CameraMount read_mount(base::StrictSection& section);
+
 /// Reads `vehicle:`. Keys: wind_m_s, turbulence, height_above_ground_m, seed, collision, restitution, friction,
 /// radius_m, mount, pitch_deg, offset_m, start, start_heading_deg, landed, mass_kg, linear_drag, quadratic_drag,
 /// max_tilt_deg. Throws InputError (file, line, key).

@@ -1,0 +1,27 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "tileflight/flight/path.h"
+#include "tileflight/simulator/simulator.h"
+#include "tileflight/vehicle/autopilot_plan.h"
+
+namespace tileflight::simulator {
+
+/// A flight by an autopilot, from its first step.
+struct AutopilotFlight {
+  flight::Path path;        ///< of the camera, from 0 s
+  std::string outcome;      ///< "landed" or "time is over"
+  double airborne_s = 0.0;  ///< when it had left the ground; 0: it never did
+  std::int64_t steps = 0;   ///< of the autopilot
+  GeoPoint home;
+};
+
+/// Flies an autopilot's vehicle over a place, until it has landed and its motors have stood for half a second, or the
+/// plan's time is over. `options`: source, tiles and limits; the rest is set here. The same packets give the same path.
+/// Throws InputError if the autopilot's command ends or falls silent before, or never makes a step.
+AutopilotFlight fly_autopilot(const vehicle::AutopilotPlan& plan, SimulatorOptions options,
+                              const Progress& progress = {});
+
+}  // namespace tileflight::simulator
