@@ -67,6 +67,9 @@ Vec3 so3_log(const Eigen::Quaterniond& rotation) {
   return 2.0 * std::atan2(sine, w) / sine * v;
 }
 
+Mat3 so3_right_jacobian(const Vec3& omega_rad) { return left_jacobian(-omega_rad); }
+Mat3 so3_right_jacobian_inverse(const Vec3& omega_rad) { return left_jacobian_inverse(-omega_rad); }
+
 Mat4 SE3::matrix() const { return homogeneous(rotation.toRotationMatrix(), translation); }
 
 SE3 SE3::exp(const Vec6& twist) {
