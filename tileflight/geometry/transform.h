@@ -18,10 +18,6 @@ Mat3 skew(const Vec3& v);
 /// Rotation vector (axis times angle, radians) to unit quaternion, and the inverse (angle in [0, pi]).
 Eigen::Quaterniond so3_exp(const Vec3& omega_rad);
 Vec3 so3_log(const Eigen::Quaterniond& rotation);
-/// The right Jacobian of SO(3) and its inverse: so3_exp(omega + d) = so3_exp(omega) so3_exp(J d) to first order in d.
-/// Barfoot, State Estimation for Robotics, (7.77); the inverse for angles below 2 pi.
-Mat3 so3_right_jacobian(const Vec3& omega_rad);
-Mat3 so3_right_jacobian_inverse(const Vec3& omega_rad);
 
 /// Rigid motion. `T_a_b` maps coordinates in frame b to frame a: p_a = T_a_b * p_b.
 struct SE3 {

@@ -29,6 +29,16 @@ struct ImuNoise {
   double gyroscope_random_walk = 1.9393e-5;     ///< rad/s^2/sqrt(Hz)
 };
 
+/// What is known of an inertial unit besides its readings.
+struct ImuModel {
+  ImuNoise noise;
+  geometry::SE3 T_imu_camera;  ///< inverse of Kalibr's T_cam_imu
+  double gravity_m_s2 = 9.80665;
+  double gyroscope_bias_sigma = 0.1;      ///< of the first bias, rad/s
+  double accelerometer_bias_sigma = 0.5;  ///< m/s^2
+  double mounting_sigma_rad = 0.005;      ///< of the given rotation, about each axis
+};
+
 /// The samples of the same motion played backwards: times and angular rates change their signs, specific forces do not
 /// (an acceleration is a second derivative). The gyroscope's biases change their signs, too.
 std::vector<ImuSample> reversed(const std::vector<ImuSample>& samples);

@@ -1,5 +1,7 @@
 #include "tileflight/inertial/inertial_factor.h"
 
+#include "tileflight/geometry/so3_jacobians.h"
+
 namespace tileflight::inertial {
 
 using geometry::Mat3;

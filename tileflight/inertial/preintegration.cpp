@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "tileflight/geometry/so3_jacobians.h"
+
 namespace tileflight::inertial {
 namespace {
 

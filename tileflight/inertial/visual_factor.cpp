@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "tileflight/geometry/so3_jacobians.h"
+
 namespace tileflight::inertial {
 
 using geometry::Mat3;
