@@ -30,8 +30,9 @@ void give_up(const std::string& reason, const std::string& what_to_do, const std
              InertialAlignment& result) {
   result.metric = false;
   result.reason = reason;
+  // Certain, but no reason against a verdict: alignment finds the scale, as it does for every monocular map.
   result.doubts.push_back(
-      {"the map's scale is not known, its units are arbitrary: " + reason, where, "certain", what_to_do});
+      {"the map's scale is not known, its units are arbitrary: " + reason, where, "possible", what_to_do});
 }
 
 struct Clock {
