@@ -4,6 +4,7 @@
 #include "command.h"
 #include "doubts_text.h"
 #include "number_text.h"
+#include "tileflight/survey/inertial_readings.h"
 #include "tileflight/survey/track.h"
 #include "tileflight/systems/run_system.h"
 
@@ -21,6 +22,7 @@ struct OdometryCommandOptions {
   double min_parallax_deg = 0.0;
   bool active_points_only = false;
   bool deterministic = false;
+  std::string mode = "mono";
   std::string system;  ///< empty: the built-in odometry, in this process
   systems::ProcessLimits limits;
   double memory_limit_gb = 0.0;
@@ -78,8 +80,9 @@ void add_system_options(CLI::App& command, OdometryCommandOptions& options) {
       ->check(CLI::PositiveNumber)
       ->needs(system)
       ->group("Other systems");
-  for (const char* own : {"--from", "--to", "--every", "--reverse", "--camera", "--mask", "--init-from", "--colmap",
-                          "--debug-pictures", "--rectify", "--fixed-intrinsics", "--loop-closure", "--no-check"})
+  for (const char* own :
+       {"--from", "--to", "--every", "--reverse", "--camera", "--mask", "--init-from", "--colmap", "--debug-pictures",
+        "--rectify", "--fixed-intrinsics", "--loop-closure", "--no-check", "--mode", "--gravity"})
     system->excludes(command.get_option(own));
   system->group("Other systems");
 }
@@ -111,6 +114,10 @@ std::string odometry_summary(const nlohmann::json& result, const std::string& ou
   text << out << ": " << result["frames_tracked"] << " of " << result["frames"] << " frames tracked, "
        << result["keyframes"] << " keyframes, " << result["points"] << " points, "
        << rounded(result["frames_per_second"], 3) << " frames per second\n";
+  if (result["scale"] == "metric") {
+    text << "metric and level: scale to " << rounded(100.0 * result["inertial"]["sigma_log_scale"].get<double>(), 2)
+         << " % (one sigma), vertical to " << rounded(result["inertial"]["sigma_up_deg"], 3) << " degrees\n";
+  }
   text << doubts_text(result);
   return text.str();
 }
@@ -129,6 +136,14 @@ void add_odometry(CLI::App& app, CommonOptions& common, Selection& selection) {
   command->add_option("--from", options->range.from, "first frame, by index");
   CLI::Option* to = command->add_option("--to", options->to, "end frame, by index (not included)");
   command->add_option("--every", options->range.every, "use every n-th frame")->check(CLI::PositiveNumber);
+  command
+      ->add_option("--mode", options->mode,
+                   "mono: one camera, scale unknown; inertial: with the dataset's imu.csv, map and path in metres and "
+                   "level (stereo and stereo-inertial do not exist yet)")
+      ->capture_default_str();
+  command->add_option("--gravity", options->extras.gravity_m_s2, "gravity at the place, m/s^2, for --mode inertial")
+      ->check(CLI::Range(9.7, 9.9))
+      ->capture_default_str();
   command->add_flag("--reverse", options->range.reverse, "process the frames in reverse order");
   add_extras(*command, *options);
   CLI::Option* rectify = command->add_option("--rectify", options->rectify_fov_deg,
@@ -157,6 +172,7 @@ void add_odometry(CLI::App& app, CommonOptions& common, Selection& selection) {
     options->settings.map.dense = !options->active_points_only;
     selection.run = [options](const CommonOptions& shared, const Progress& progress) -> Output {
       if (!options->system.empty()) return run_other_system(*options, shared, progress);
+      options->extras.mode = survey::parse_odometry_mode("--mode", options->mode);
       const nlohmann::json result = survey::track(options->dataset, options->out, shared.force, options->settings,
                                                   options->range, progress, options->extras);
       if (result["frames_tracked"].get<std::int64_t>() == 0) {

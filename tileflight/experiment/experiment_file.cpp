@@ -207,10 +207,22 @@ void read_repetition(StrictSection& section, OdometryConfig& odometry) {
                         "applies to the built-in odometry only; an external command chooses its own frame order");
 }
 
+void read_mode(StrictSection& section, OdometryConfig& odometry) {
+  survey::TrackOptions& options = odometry.track_options;
+  const auto mode = section.choice("mode", {"mono", "inertial"});
+  if (mode == "inertial") options.mode = survey::OdometryMode::kInertial;
+  if (mode && !odometry.command.empty())
+    throw section.error("mode", "applies to the built-in odometry only; an external command reads what it wants");
+  options.gravity_m_s2 = section.number("gravity").value_or(options.gravity_m_s2);
+  if (!(options.gravity_m_s2 >= 9.7 && options.gravity_m_s2 <= 9.9))
+    throw section.error("gravity", "must lie between 9.7 and 9.9 m/s^2");
+}
+
 OdometryConfig read_odometry(StrictSection section) {
   OdometryConfig odometry;
   odometry.command = section.text("command").value_or("");
   odometry.options = read_odometry_options(section);
+  read_mode(section, odometry);
   odometry.track_options.mask = optional_path(section, "mask");
   odometry.track_options.rectify_fov_deg = section.number("rectify_fov");
   if (const auto& fov_deg = odometry.track_options.rectify_fov_deg; fov_deg && !(*fov_deg > 0.0 && *fov_deg < 180.0))

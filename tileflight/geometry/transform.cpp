@@ -3,35 +3,13 @@
 #include <cmath>
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/geometry/so3_jacobians.h"
 
 namespace tileflight::geometry {
 namespace {
 
 /// Below this angle the Taylor series of the coefficients are accurate to double precision.
 constexpr double kSmallAngle_rad = 1e-4;
-
-/// The left Jacobian of SO(3), Barfoot (2017) equation (7.37): translation of exp(twist) = V * first part of the twist.
-Mat3 left_jacobian(const Vec3& omega_rad) {
-  const double angle = omega_rad.norm();
-  const double angle2 = angle * angle;
-  const bool small = angle < kSmallAngle_rad;
-  const double half_sine = std::sin(0.5 * angle);
-  const double a = small ? 0.5 - angle2 / 24.0 : 2.0 * half_sine * half_sine / angle2;  // (1 - cos) / angle^2
-  const double b = small ? 1.0 / 6.0 - angle2 / 120.0 : (angle - std::sin(angle)) / (angle2 * angle);
-  const Mat3 w = skew(omega_rad);
-  return Mat3::Identity() + a * w + b * w * w;
-}
-
-/// Inverse of left_jacobian(), Barfoot equation (7.38); the cotangent of half the angle is finite for angles below 2
-/// pi.
-Mat3 left_jacobian_inverse(const Vec3& omega_rad) {
-  const double angle = omega_rad.norm();
-  const double half = 0.5 * angle;
-  const double c = angle < kSmallAngle_rad ? 1.0 / 12.0 + angle * angle / 720.0
-                                           : (1.0 - half * std::cos(half) / std::sin(half)) / (angle * angle);
-  const Mat3 w = skew(omega_rad);
-  return Mat3::Identity() - 0.5 * w + c * w * w;
-}
 
 Mat4 homogeneous(const Mat3& linear, const Vec3& translation) {
   Mat4 m = Mat4::Identity();
@@ -71,13 +49,13 @@ Mat4 SE3::matrix() const { return homogeneous(rotation.toRotationMatrix(), trans
 
 SE3 SE3::exp(const Vec6& twist) {
   const Vec3 omega_rad = twist.tail<3>();
-  return {so3_exp(omega_rad), left_jacobian(omega_rad) * twist.head<3>()};
+  return {so3_exp(omega_rad), so3_left_jacobian(omega_rad) * twist.head<3>()};
 }
 
 Vec6 SE3::log() const {
   const Vec3 omega_rad = so3_log(rotation);
   Vec6 twist;
-  twist << left_jacobian_inverse(omega_rad) * translation, omega_rad;
+  twist << so3_left_jacobian_inverse(omega_rad) * translation, omega_rad;
   return twist;
 }
 

@@ -16,6 +16,7 @@
 #include "tileflight/imaging/camera.h"
 #include "tileflight/imaging/image.h"
 #include "tileflight/imaging/photometric.h"
+#include "tileflight/inertial/align_to_gravity.h"
 #include "tileflight/mapping/systematic_displacement.h"
 #include "tileflight/photometry/options.h"
 #include "tileflight/tracking/frame_quality.h"
@@ -61,6 +62,9 @@ struct Priors {
   std::function<std::optional<imaging::FloatImage>(std::int64_t index)>
       depth_m;  ///< depth image of frame `index`, metres along the optical axis, not finite or 0 where unknown; sets
                 ///< the scale
+  std::optional<inertial::InertialInput> inertial;  ///< readings on the images' clock, or nearly: map and trajectory
+                                                    ///< are given in metres and level, if the readings show the scale;
+                                                    ///< not together with poses or depth
 };
 
 /// A keyframe with its points, for a debug image.
@@ -100,8 +104,10 @@ struct OdometryResult {
   std::int64_t frames_tracked = 0;
   std::vector<FrameQuality> quality;  ///< of every image read, in order
   std::optional<mapping::SystematicDisplacement>
-      systematic_displacement;       ///< from the residuals of all keyframes; none if there are too few
-  std::vector<LoopClosure> loops;    ///< loops used to correct the poses and the map
+      systematic_displacement;     ///< from the residuals of all keyframes; none if there are too few
+  std::vector<LoopClosure> loops;  ///< loops used to correct the poses and the map
+  std::optional<inertial::InertialAlignment> inertial;  ///< with Priors::inertial and a map; without `metric` map and
+                                                        ///< trajectory are as without readings
   std::int64_t relocalizations = 0;  ///< how often tracking failed and was recovered on an older keyframe
   bool lost = false;                 ///< tracking ended before the last image, or never started
   std::string lost_reason;           ///< if lost: the frame and the reason
@@ -148,9 +154,11 @@ struct FrameResult {
 ///   window, after some five to seven keyframes, and its images move along.
 /// - Loop closure (OdometryOptions::loops) runs once, in finish(), over all keyframes. It never changes tracking.
 /// - Frame and scale of the priors are applied in finish(); T_world_map() gives them before.
-/// Before the map, initialization begins anew with a later image whenever its corners are lost; after it there is no
-/// restart: a lost odometry stays lost and keeps its map. Tracking the whole sequence backwards, too, and choosing
-/// between both directions is not done here but by the `odometry` command, with a second odometry (tracking_doubts.h).
+/// - Readings of an inertial unit (Priors::inertial) are used in finish(), over all keyframes. They never change
+/// tracking. Before the map, initialization begins anew with a later image whenever its corners are lost; after it
+/// there is no restart: a lost odometry stays lost and keeps its map. Tracking the whole sequence backwards, too, and
+/// choosing between both directions is not done here but by the `odometry` command, with a second odometry
+/// (tracking_doubts.h).
 ///
 /// One thread at a time may use an object; it computes on all threads of TBB. The result does not depend on their
 /// number. An InputError of add() leaves the odometry as it was, so that the next image may be added. A moved-from

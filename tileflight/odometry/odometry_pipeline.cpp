@@ -35,6 +35,13 @@ void require_later(const FrameStamp& before, const InputFrame& frame) {
     throw InputError(where, "its index is not greater than that of the frame before, " + std::to_string(before.index));
 }
 
+/// The samples decide on frame and scale, and so would poses or depth.
+void require_one_scale(const Priors& priors, bool has_prior_pose) {
+  if (priors.inertial && (has_prior_pose || !priors.poses.empty() || priors.depth_m))
+    throw InputError("odometry",
+                     "poses or depth and an inertial unit are both given; scale and frame come from one of them");
+}
+
 bool is_finite(const geometry::SE3& T) { return T.translation.allFinite() && T.rotation.coeffs().allFinite(); }
 
 }  // namespace
@@ -47,7 +54,9 @@ OdometryPipeline::OdometryPipeline(const imaging::Calibration& calibration, cons
       observer_(std::move(extras.keyframe_observer)),
       preprocessor_(calibration, std::move(extras.photometric), std::move(priors_.mask), options_),
       mapper_(preprocessor_.lens(), options_),
-      state_(InitializationState{initialization::Initializer(preprocessor_.lens(), options_.initialization), {}, 0}) {}
+      state_(InitializationState{initialization::Initializer(preprocessor_.lens(), options_.initialization), {}, 0}) {
+  require_one_scale(priors_, false);
+}
 
 FrameResult OdometryPipeline::add(InputFrame frame, const std::optional<geometry::SE3>& T_world_camera) {
   require_usable(frame, T_world_camera);
@@ -78,6 +87,7 @@ void OdometryPipeline::require_usable(const InputFrame& frame,
   if (!T_world_camera) return;
   if (priors_given_at_once_)
     throw InputError(where, "has a prior pose, but all prior poses were given at the start; give them in one way");
+  require_one_scale(priors_, true);
   if (!is_finite(*T_world_camera)) throw InputError(where, "its prior pose is not finite");
 }
 
@@ -307,7 +317,7 @@ OdometryResult OdometryPipeline::result_in_map_frame() const {
             : (result.frames == 0 ? "no pictures" : std::get<InitializationState>(state_).initializer.failure_reason());
   result.quality = frame_qualities(log_, mapper_);
   if (state == nullptr) return result;
-  set_path_and_map(log_, mapper_, preprocessor_.lens().lenses[0], options_, result);
+  set_path_and_map(log_, mapper_, preprocessor_.lens().lenses[0], options_, priors_.inertial, result);
   result.systematic_displacement = mapper_.systematic_residuals().estimate();
   result.camera = photometry::apply_delta(preprocessor_.camera(), mapper_.intrinsics_delta());
   return result;
@@ -326,7 +336,7 @@ std::optional<geometry::Sim3> OdometryPipeline::T_world_map() const {
   OdometryOptions options = options_;
   options.loops.enabled = false;
   OdometryResult now;
-  set_path_and_map(log_, mapper_, preprocessor_.lens().lenses[0], options, now);
+  set_path_and_map(log_, mapper_, preprocessor_.lens().lenses[0], options, {}, now);
   return find_T_world_map(preprocessor_.camera(), priors_, state->initialization_end_s, now);
 }
 

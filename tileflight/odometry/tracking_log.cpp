@@ -119,6 +119,47 @@ geometry::Trajectory frame_trajectory(const std::vector<TrackedFrame>& frames,
   return trajectory;
 }
 
+/// Keyframes as the inertial alignment takes them: with the covariances of the window, inflated as for FrameQuality.
+std::vector<inertial::VisualKeyframe> visual_keyframes(const std::vector<mapping::KeyframeRecord>& keyframes,
+                                                       const std::vector<mapping::StepUncertainty>& steps) {
+  Eigen::Matrix<double, 6, 1> inflation;
+  inflation << Eigen::Vector3d::Constant(kPositionSigmaInflation), Eigen::Vector3d::Constant(kRotationSigmaInflation);
+  std::vector<inertial::VisualKeyframe> list;
+  for (std::size_t k = 0; k < keyframes.size(); ++k) {
+    // A left twist of T_camera_before is, but for its sign, a right twist of its inverse.
+    list.push_back({keyframes[k].time_s, keyframes[k].T_map_camera,
+                    inflation.asDiagonal() * steps[k].pose * inflation.asDiagonal(),
+                    kPositionSigmaInflation * kPositionSigmaInflation * steps[k].log_scale});
+  }
+  return list;
+}
+
+void rescale_qualities(const inertial::InertialAlignment& alignment, std::vector<FrameQuality>& quality) {
+  for (FrameQuality& q : quality) {
+    if (q.keyframe < 0) continue;
+    q.sigma_position *= alignment.scale[static_cast<std::size_t>(q.keyframe)];
+    q.distance_to_keyframe *= alignment.scale[static_cast<std::size_t>(q.keyframe)];
+  }
+}
+
+/// Makes keyframes and points metric and level, if the readings show how.
+void align_to_gravity(const TrackingLog& log, const mapping::Mapper& mapper, const inertial::InertialInput& readings,
+                      CorrectedMap& map, OdometryResult& result) {
+  const geometry::Trajectory images = frame_trajectory(log.tracked, poses_by_id(map.keyframes), map.scale);
+  result.inertial =
+      inertial::align_to_gravity(visual_keyframes(map.keyframes, mapper.step_uncertainties()), images, readings);
+  const inertial::InertialAlignment& found = *result.inertial;
+  if (!found.metric) return;
+  std::map<int, double> change;
+  for (std::size_t k = 0; k < map.keyframes.size(); ++k) {
+    map.keyframes[k].T_map_camera = found.T_world_camera[k];
+    change[map.keyframes[k].id] = found.scale[k];
+  }
+  for (const auto& [id, factor] : change) map.scale.try_emplace(id, 1.0).first->second *= factor;
+  loops::rescale_points(change, map.points);
+  rescale_qualities(found, result.quality);
+}
+
 }  // namespace
 
 std::vector<FrameQuality> frame_qualities(const TrackingLog& log, const mapping::Mapper& mapper) {
@@ -153,9 +194,11 @@ geometry::PointCloud map_so_far(const mapping::Mapper& mapper, const MapOptions&
 }
 
 void set_path_and_map(const TrackingLog& log, const mapping::Mapper& mapper, const photometry::Lens& lens,
-                      const OdometryOptions& options, OdometryResult& result) {
+                      const OdometryOptions& options, const std::optional<inertial::InertialInput>& readings,
+                      OdometryResult& result) {
   CorrectedMap map{mapper.keyframes(), mapper.points(), {}};
   if (options.loops.enabled) close_loops(log, lens, options.loops, map, result);
+  if (readings) align_to_gravity(log, mapper, *readings, map, result);
   const std::map<int, geometry::SE3> poses = poses_by_id(map.keyframes);
   std::vector<int> ids;
   for (const mapping::KeyframeRecord& keyframe : map.keyframes) {

@@ -48,8 +48,10 @@ geometry::Trajectory keyframes_so_far(const mapping::Mapper& mapper);
 geometry::PointCloud map_so_far(const mapping::Mapper& mapper, const MapOptions& options);
 
 /// Sets trajectory, keyframes, map and loops of `result`, after loop closure if the options ask for it (its processor
-/// time is added to the result's). `lens`: of the full image.
+/// time is added to the result's); with an inertial unit's readings also `inertial`, by which path, map and qualities
+/// are made metric and level, if it is. `lens`: of the full image.
 void set_path_and_map(const TrackingLog& log, const mapping::Mapper& mapper, const photometry::Lens& lens,
-                      const OdometryOptions& options, OdometryResult& result);
+                      const OdometryOptions& options, const std::optional<inertial::InertialInput>& readings,
+                      OdometryResult& result);
 
 }  // namespace tileflight::odometry

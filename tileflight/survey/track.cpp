@@ -25,6 +25,7 @@
 #include "tileflight/odometry/debug_image.h"
 #include "tileflight/odometry/run_comparison.h"
 #include "tileflight/odometry/tracking_doubts.h"
+#include "tileflight/survey/inertial_readings.h"
 
 namespace tileflight::survey {
 namespace fs = std::filesystem;
@@ -241,6 +242,23 @@ json describe(const odometry::OdometryResult& result, const SkippedFrames& skipp
       {"frames_per_second", result.wall_time_s > 0 ? static_cast<double>(result.frames) / result.wall_time_s : 0.0}};
 }
 
+/// Mode, and whether lengths are in metres; with an inertial unit what it showed, as `inertial` and inertial.csv.
+void describe_scale(OdometryMode mode, const odometry::OdometryResult& result, const fs::path& folder, Doubts& doubts,
+                    json& about) {
+  const bool is_metric = result.inertial && result.inertial->metric;
+  about["mode"] = to_string(mode);
+  about["scale"] = is_metric ? "metric" : "unknown";
+  if (!result.inertial) return;
+  about["inertial"] = inertial_json(*result.inertial);
+  doubts.insert(doubts.end(), result.inertial->doubts.begin(), result.inertial->doubts.end());
+  if (is_metric) base::write_file(folder / "inertial.csv", inertial_csv(*result.inertial, result.keyframes));
+}
+
+void require_one_scale(const TrackOptions& extras) {
+  if (extras.mode == OdometryMode::kInertial && !extras.init_from.empty())
+    throw InputError("--init-from", "and --mode inertial both decide on frame and scale; use one of them");
+}
+
 std::string shell_path(const fs::path& path) { return base::shell_word(fs::absolute(path).string()); }
 
 std::string replace_placeholder(std::string command, const std::string& name, const std::string& value) {
@@ -311,18 +329,21 @@ void remove_files(const fs::path& folder) {
 /// Tracks one dataset's images in either direction.
 class DatasetTracker {
  public:
+  /// `readings`: of the dataset's inertial unit, if the mode uses it.
   DatasetTracker(const dataset::Dataset& data, const TrackingCamera& view, const odometry::OdometryOptions& options,
-                 FrameRange range, const TrackOptions& extras)
+                 FrameRange range, const TrackOptions& extras, std::optional<inertial::InertialInput> readings)
       : view_(view),
         options_(options),
         extras_(extras),
         photometric_(read_photometric_calibration(data, view)),
+        readings_(std::move(readings)),
         reverse_(range.reverse) {
     for (const bool reverse : {false, true}) {
       range.reverse = reverse;
       frames_[reverse] = select_frames(data, range);
     }
     priors_ = make_priors(extras, frames_[reverse_], reverse_, view);
+    priors_.inertial = played_readings(reverse_);
   }
   DatasetTracker(const DatasetTracker&) = delete;  // depth priors refer to the frames
   DatasetTracker& operator=(const DatasetTracker&) = delete;
@@ -361,6 +382,7 @@ class DatasetTracker {
       reverse_times(same_times);
       reverse_ = !reverse_;
       priors_ = pictures_alone;
+      priors_.inertial = played_readings(reverse_);
       remove_files(pictures);
       result = run(pictures, progress);
     }
@@ -371,6 +393,13 @@ class DatasetTracker {
   }
 
  private:
+  /// The inertial unit's readings in the order of play.
+  std::optional<inertial::InertialInput> played_readings(bool reverse) const {
+    std::optional<inertial::InertialInput> played = readings_;
+    if (played && reverse) played->samples = inertial::reversed(played->samples);
+    return played;
+  }
+
   odometry::OdometryResult track_direction(bool reverse, const odometry::OdometryOptions& options,
                                            const odometry::Priors& aids, const fs::path& debug_pictures,
                                            SkippedFrames& skipped, const Progress& progress) const {
@@ -388,6 +417,7 @@ class DatasetTracker {
   const odometry::OdometryOptions& options_;
   const TrackOptions& extras_;
   std::optional<imaging::PhotometricCalibration> photometric_;
+  std::optional<inertial::InertialInput> readings_;
   std::array<std::vector<dataset::Frame>, 2> frames_;  ///< forwards, backwards
   odometry::Priors priors_;
   bool reverse_;  ///< direction of the chosen run
@@ -400,13 +430,17 @@ class DatasetTracker {
 nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool replace,
                      const odometry::OdometryOptions& options, const FrameRange& range, const Progress& progress,
                      const TrackOptions& extras) {
+  require_one_scale(extras);
   const dataset::Dataset data = dataset::read_dataset(dataset_folder, {extras.camera, extras.camera_id});
   const TrackingCamera view = make_tracking_camera(data.calibration, extras.rectify_fov_deg);
   if (extras.colmap) dataset::require_colmap_lens(view.calibration.camera);
   json about;
   const base::OutputFolder output =
       odometry_output_folder(out, replace, {dataset_folder, extras.camera, extras.mask, extras.init_from});
-  DatasetTracker tracking(data, view, options, range, extras);
+  std::vector<std::string> warnings = add_rectification_warning(data.warnings, data.calibration, view);
+  std::optional<inertial::InertialInput> readings;
+  if (extras.mode == OdometryMode::kInertial) readings = read_inertial_input(data, extras.gravity_m_s2, warnings);
+  DatasetTracker tracking(data, view, options, range, extras, std::move(readings));
   const auto write = [&](const fs::path& temporary, const fs::path& pictures) {
     odometry::OdometryResult result = tracking.run(pictures, progress);
     const std::optional<odometry::RunAgreement> second =
@@ -419,10 +453,10 @@ nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool r
       fs::create_directory(temporary / "colmap");
       dataset::write_colmap(temporary / "colmap", colmap_model(calibration.camera, result, frames));
     }
-    about = describe(result, tracking.skipped(), add_rectification_warning(data.warnings, data.calibration, view));
-    about["doubts"] = evaluation::to_json(odometry::find_doubts(
+    about = describe(result, tracking.skipped(), warnings);
+    Doubts doubts = odometry::find_doubts(
         result, static_cast<std::int64_t>(frames.size()) - tracking.skipped().frames,
-        [&](std::int64_t frame) { return frames[static_cast<std::size_t>(frame)].id; }, second));
+        [&](std::int64_t frame) { return frames[static_cast<std::size_t>(frame)].id; }, second);
     about["backwards"] = reverse;
     about["dispersion"] = tracking.dispersion() ? json{{"pictures", tracking.dispersion()->pictures},
                                                        {"position", tracking.dispersion()->position},
@@ -433,7 +467,10 @@ nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool r
     if (reverse) {
       reverse_times(result.trajectory);
       reverse_times(result.keyframes);
+      if (result.inertial) result.inertial = inertial::reversed(std::move(*result.inertial));
     }
+    describe_scale(extras.mode, result, temporary, doubts, about);
+    about["doubts"] = evaluation::to_json(doubts);
     base::write_file(temporary / "quality.csv", quality_csv(result.quality, frames, reverse));
     geometry::write_tum(temporary / "trajectory.txt", result.trajectory);
     geometry::write_tum(temporary / "keyframes.txt", result.keyframes);

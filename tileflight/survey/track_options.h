@@ -6,8 +6,21 @@
 
 namespace tileflight::survey {
 
+/// What the built-in odometry takes besides the images of one camera.
+enum class OdometryMode {
+  kMono,     ///< nothing: the map's scale is unknown
+  kInertial  ///< an inertial unit: the map is metric and level, if the flight shows its scale
+};
+
+/// "mono" or "inertial". Throws InputError that names `where` and the modes for other words, and for "stereo" and
+/// "stereo-inertial", which do not exist yet.
+OdometryMode parse_odometry_mode(const std::string& where, const std::string& word);
+std::string to_string(OdometryMode mode);
+
 /// Optional inputs and outputs of the built-in odometry besides the images.
 struct TrackOptions {
+  OdometryMode mode = OdometryMode::kMono;
+  double gravity_m_s2 = 9.80665;          ///< at the place; for kInertial
   std::filesystem::path camera;           ///< calibration that replaces the dataset's
   std::string camera_id;                  ///< which of several cameras in it
   std::filesystem::path mask;             ///< image of the frames' size; dark pixels are ignored

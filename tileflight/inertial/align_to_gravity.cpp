@@ -1,0 +1,235 @@
+#include "tileflight/inertial/align_to_gravity.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "tileflight/base/input_error.h"
+#include "tileflight/geometry/angles.h"
+#include "tileflight/inertial/gyroscope_comparison.h"
+#include "tileflight/inertial/imu_check.h"
+#include "tileflight/inertial/inertial_start.h"
+
+namespace tileflight::inertial {
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+using geometry::SE3;
+using geometry::Vec3;
+
+std::string number(double value, const char* format = "%.3g") {
+  char digits[32];
+  std::snprintf(digits, sizeof digits, format, value);
+  return digits;
+}
+
+/// The result without a scale, for this reason.
+void give_up(const std::string& reason, const std::string& what_to_do, const std::string& where,
+             InertialAlignment& result) {
+  result.metric = false;
+  result.reason = reason;
+  // Certain, but no reason against a verdict: alignment finds the scale, as it does for every monocular map.
+  result.doubts.push_back(
+      {"the map's scale is not known, its units are arbitrary: " + reason, where, "possible", what_to_do});
+}
+
+struct Clock {
+  double offset_s = 0.0, sigma_s = 0.1;
+};
+
+/// The clocks' offset by the rotations, and whether units and mounting fit them. nullopt if they do not, which is said
+/// in `result`.
+std::optional<Clock> compare_rotations(const geometry::Trajectory& images, const InertialInput& input,
+                                       const InertialLimits& limits, InertialAlignment& result) {
+  const Eigen::Quaterniond& R_imu_camera = input.model.T_imu_camera.rotation;
+  const GyroscopeComparison turns = compare_gyroscope(images, input.samples, R_imu_camera);
+  if (!turns.determined) return Clock{};
+  if (turns.rate_factor > 20.0 && turns.rate_factor < 160.0) {
+    give_up(
+        "the gyroscope's rates are " + number(turns.rate_factor) + " times the camera's: they are in degrees a second",
+        "give them in radians a second", input.where, result);
+    return std::nullopt;
+  }
+  const double turned_rad = turns.R_imu_camera.angularDistance(R_imu_camera);
+  if (turns.best_share > 0.8 && turns.best_share - turns.explained_share > 0.2 &&
+      turned_rad > limits.max_mounting_error_rad) {
+    give_up("the unit is mounted otherwise than the calibration's T_cam_imu says: the rotations of both differ by " +
+                number(turned_rad / geometry::kRadiansPerDegree) + " degrees",
+            "correct T_cam_imu in camera.yaml, or the order and signs of the unit's axes", input.where, result);
+    return std::nullopt;
+  }
+  return Clock{turns.offset_s, std::clamp(3.0 * turns.sigma_s, 0.002, 0.1)};
+}
+
+double covered_share(const VisualInertialProblem& problem) {
+  double covered_s = 0.0;
+  const auto& keyframes = problem.keyframes();
+  for (std::size_t k = 0; k + 1 < keyframes.size(); ++k) {
+    if (problem.has_samples(k)) covered_s += keyframes[k + 1].time_s - keyframes[k].time_s;
+  }
+  return covered_s / (keyframes.back().time_s - keyframes.front().time_s);
+}
+
+/// Levenberg and Marquardt's iteration until the cost hardly falls.
+VisualInertialState optimized(const VisualInertialProblem& problem, VisualInertialState state) {
+  constexpr int kMost = 60;
+  double damping = 1e-6;
+  SparseLeastSquares at = problem.linearize(state);
+  for (int iteration = 0; iteration < kMost && damping < 1e6; ++iteration) {
+    const auto step = at.step(damping);
+    if (!step) {
+      damping = std::max(10.0 * damping, 1e-6);
+      continue;
+    }
+    VisualInertialState next = problem.moved(state, *step);
+    SparseLeastSquares there = problem.linearize(next);
+    if (!(there.cost() < at.cost())) {
+      if (step->cwiseAbs().maxCoeff() < 1e-9) break;
+      damping *= 10.0;
+      continue;
+    }
+    const bool settled = at.cost() - there.cost() < 1e-9 * at.cost() + 1e-9;
+    state = std::move(next);
+    at = std::move(there);
+    damping = std::max(0.1 * damping, 1e-12);
+    if (settled) break;
+  }
+  return state;
+}
+
+/// Root mean square of the samples' residuals over their sigmas.
+double residual_ratio(const VisualInertialProblem& problem, const VisualInertialState& state) {
+  double sum = 0.0;
+  int count = 0;
+  for (std::size_t k = 0; k + 1 < state.states.size(); ++k) {
+    const auto between = problem.preintegrate_step(k, state.time_offset_s, state.states[k].bias);
+    if (!between) continue;
+    const auto r =
+        inertial_residual(*between, state.states[k], state.states[k + 1], problem.model().gravity_m_s2).value;
+    sum += r.dot(between->covariance.ldlt().solve(r));
+    count += 9;
+  }
+  return count > 0 ? std::sqrt(sum / count) : 0.0;
+}
+
+void set_uncertainties(const VisualInertialProblem& problem, const VisualInertialState& state,
+                       InertialAlignment& result) {
+  const auto information = problem.linearize(state).information();
+  VectorXd mean = VectorXd::Zero(problem.unknowns());
+  for (Index k = 0; k < problem.keyframe_count(); ++k)
+    mean[VisualInertialProblem::kKeyframeSize * k + kStateSize] = 1.0 / static_cast<double>(problem.keyframe_count());
+  result.sigma_log_scale = std::sqrt(variance_of(information, mean));
+  result.sigma_time_offset_s =
+      std::sqrt(variance_of(information, VectorXd::Unit(problem.unknowns(), problem.time_offset_column())));
+  const geometry::Mat3 R = state.states.front().T_world_imu.rotation.toRotationMatrix();
+  double tilt = 0.0;  // variance about the two horizontal axes
+  for (const Index axis : {0, 1}) {
+    VectorXd about = VectorXd::Zero(problem.unknowns());
+    about.segment<3>(kRotation) = R.row(axis);
+    tilt += variance_of(information, about);
+  }
+  result.sigma_up_rad = std::sqrt(tilt);
+}
+
+/// Path, scales, velocities and biases, moved so that the first keyframe is at the origin.
+void set_path(const VisualInertialState& state, InertialAlignment& result) {
+  const Vec3 origin = (state.states.front().T_world_imu * state.T_imu_camera).translation;
+  double sum = 0.0;
+  for (std::size_t k = 0; k < state.states.size(); ++k) {
+    SE3 T_world_camera = state.states[k].T_world_imu * state.T_imu_camera;
+    T_world_camera.translation -= origin;
+    result.T_world_camera.push_back(T_world_camera);
+    result.scale.push_back(std::exp(state.log_scale[k]));
+    result.velocity_m_s.push_back(state.states[k].velocity_m_s);
+    result.bias.push_back(state.states[k].bias);
+    sum += state.log_scale[k];
+  }
+  result.mean_scale = std::exp(sum / static_cast<double>(state.states.size()));
+}
+
+/// Whether what was found deserves belief; sets `metric`.
+void judge(const InertialInput& input, const InertialLimits& limits, InertialAlignment& result) {
+  if (!(result.sigma_log_scale <= limits.max_sigma_log_scale)) {
+    const std::string sigma = std::isfinite(result.sigma_log_scale) && result.sigma_log_scale < 1.0
+                                  ? "its standard deviation is " + number(100.0 * result.sigma_log_scale) + " %"
+                                  : "nothing determines it";
+    give_up(
+        "the flight's accelerations do not show it (" + sigma + ")",
+        "fly with changes of speed and direction, since at constant velocity no accelerometer can measure a distance",
+        input.where, result);
+  } else if (result.residual_ratio > limits.max_residual_ratio) {
+    give_up("the unit's readings do not fit the camera's path (residuals of " + number(result.residual_ratio) +
+                " times their sigmas)",
+            "check T_cam_imu, the clocks, and the noise that imu.yaml states", input.where, result);
+  } else {
+    result.metric = true;
+  }
+}
+
+void require_common_time(const std::vector<VisualKeyframe>& keyframes, const InertialInput& input) {
+  const double from_s = input.samples.front().time_s, to_s = input.samples.back().time_s;
+  if (from_s < keyframes.back().time_s && to_s > keyframes.front().time_s) return;
+  throw InputError(input.where, "its times, " + number(from_s, "%.3f") + " to " + number(to_s, "%.3f") +
+                                    " s, and the images', " + number(keyframes.front().time_s, "%.3f") + " to " +
+                                    number(keyframes.back().time_s, "%.3f") +
+                                    " s, have nothing in common; give both in the same clock");
+}
+
+/// Solves the problem with the clock known so far, and says what became of it.
+void solve(const VisualInertialProblem& problem, const InertialInput& input, const InertialLimits& limits,
+           InertialAlignment& result) {
+  const auto start = inertial_start(problem);
+  if (!start)
+    return give_up("no scale fits both the unit's readings and the camera's path",
+                   "record more of the flight, with changes of speed and direction; check T_cam_imu", input.where,
+                   result);
+  const VisualInertialState state = optimized(problem, *start);
+  result.time_offset_s = state.time_offset_s;
+  result.mounting_correction_rad = state.T_imu_camera.rotation.angularDistance(input.model.T_imu_camera.rotation);
+  result.residual_ratio = residual_ratio(problem, state);
+  set_uncertainties(problem, state, result);
+  judge(input, limits, result);
+  if (result.metric) set_path(state, result);
+}
+
+}  // namespace
+
+InertialAlignment reversed(InertialAlignment alignment) {
+  const auto turn = [](auto& list) { std::reverse(list.begin(), list.end()); };
+  turn(alignment.T_world_camera);
+  turn(alignment.scale);
+  turn(alignment.velocity_m_s);
+  turn(alignment.bias);
+  for (Vec3& velocity : alignment.velocity_m_s) velocity = -velocity;
+  for (ImuBias& bias : alignment.bias) bias.gyroscope_rad_s = -bias.gyroscope_rad_s;
+  alignment.time_offset_s = -alignment.time_offset_s;
+  return alignment;
+}
+
+InertialAlignment align_to_gravity(const std::vector<VisualKeyframe>& keyframes, const geometry::Trajectory& images,
+                                   const InertialInput& input, const InertialLimits& limits) {
+  const ImuCheck check = check_readings(input.samples, input.model.noise, input.where);
+  InertialAlignment result;
+  result.doubts = check.doubts;
+  if (keyframes.size() < 3) {
+    give_up("there are only " + std::to_string(keyframes.size()) + " keyframes", "use more images", input.where,
+            result);
+    return result;
+  }
+  require_common_time(keyframes, input);
+  const auto clock = compare_rotations(images, input, limits, result);
+  if (!clock) return result;
+  const VisualInertialProblem problem(keyframes, input.samples, check, input.model, clock->offset_s, clock->sigma_s);
+  result.covered_share = covered_share(problem);
+  if (result.covered_share < limits.min_covered_share) {
+    give_up("the unit's readings cover only " + number(100.0 * result.covered_share, "%.0f") + " % of the flight",
+            "record the unit without gaps", input.where, result);
+    return result;
+  }
+  solve(problem, input, limits, result);
+  return result;
+}
+
+}  // namespace tileflight::inertial

@@ -1,0 +1,63 @@
+#pragma once
+
+// A monocular path and an inertial unit's samples: the path in metres and level, or why it is not known.
+
+#include <string>
+#include <vector>
+
+#include "tileflight/base/doubt.h"
+#include "tileflight/geometry/trajectory.h"
+#include "tileflight/inertial/imu_samples.h"
+#include "tileflight/inertial/visual_keyframe.h"
+
+namespace tileflight::inertial {
+
+/// What is given.
+struct InertialInput {
+  std::vector<ImuSample> samples;
+  ImuModel model;
+  std::string where = "imu.csv";  ///< name of the samples in messages
+};
+
+/// From when on the scale counts as known. Chosen by hand.
+struct InertialLimits {
+  double max_sigma_log_scale = 0.02;      ///< of the scale's mean over the flight
+  double max_residual_ratio = 4.0;        ///< root mean square of the samples' residuals over their sigmas
+  double min_covered_share = 0.5;         ///< of the flight's time, with whole samples
+  double max_mounting_error_rad = 0.087;  ///< between the given mounting and that which the rotations show
+};
+
+/// What the samples say of the path. Vectors have an entry for each keyframe. Without `metric` only `reason`, `doubts`
+/// and the numbers that are known are set.
+struct InertialAlignment {
+  bool metric = false;
+  std::string reason;  ///< why the scale is not known; empty if it is
+  Doubts doubts;
+
+  std::vector<geometry::SE3> T_world_camera;  ///< metres, z up; the first keyframe is at the origin and the map's
+                                              ///< heading is kept
+  std::vector<double> scale;                  ///< metres per map unit
+  std::vector<geometry::Vec3> velocity_m_s;   ///< of the unit, in the world's axes
+  std::vector<ImuBias> bias;
+
+  double mean_scale = 0.0;
+  double sigma_log_scale = 0.0;  ///< of the logarithm of the mean scale
+  double sigma_up_rad = 0.0;     ///< of the vertical at the first keyframe
+  double time_offset_s = 0.0;    ///< the unit's clock minus the camera's
+  double sigma_time_offset_s = 0.0;
+  double mounting_correction_rad = 0.0;  ///< angle between the given and the estimated T_cam_imu
+  double covered_share = 0.0;            ///< of the time between first and last keyframe, with whole samples
+  double residual_ratio = 0.0;  ///< root mean square of the samples' residuals over their sigmas; 1 if these are right
+};
+
+/// The same of the motion played the other way: times and velocities, the gyroscope's biases and the clocks' offset
+/// change their signs, and the order of the keyframes.
+InertialAlignment reversed(InertialAlignment alignment);
+
+/// Estimates scale, vertical, velocities and biases, with the clocks' offset, and corrects the path by them
+/// (visual_inertial_problem.h). `images`: poses of all images in the map, for the clocks' offset. Throws InputError for
+/// samples of which no estimate can be made (imu_check.h), also if they and the images have no time in common.
+InertialAlignment align_to_gravity(const std::vector<VisualKeyframe>& keyframes, const geometry::Trajectory& images,
+                                   const InertialInput& input, const InertialLimits& limits = {});
+
+}  // namespace tileflight::inertial

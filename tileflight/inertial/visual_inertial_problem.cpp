@@ -1,0 +1,182 @@
+#include "tileflight/inertial/visual_inertial_problem.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+#include "tileflight/geometry/so3_jacobians.h"
+
+namespace tileflight::inertial {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using geometry::Mat3;
+using geometry::SE3;
+using geometry::Vec3;
+
+// A unit without noise is still sampled, and its readings are linear between samples to these densities only.
+constexpr double kLeastRateDensity = 1e-5, kLeastForceDensity = 1e-4;
+constexpr double kLeastRateWalk = 1e-7, kLeastForceWalk = 1e-6;
+// Pictures are sampled, too: a step's errors are no smaller than this share of its length, and this angle.
+constexpr double kLeastStepShare = 3e-4, kLeastTurn_rad = 2e-5;
+constexpr double kLeastLogScaleStep = 1e-5;
+// Sigmas from which on a step counts less: 95 % of good ones are below (chi square of six). The first steps after the
+// odometry's initialisation can be off by more than their covariances say.
+constexpr double kStepWidth = 3.55;
+
+ImuNoise floored(const ImuNoise& noise) {
+  return {.accelerometer_noise_density = std::max(noise.accelerometer_noise_density, kLeastForceDensity),
+          .accelerometer_random_walk = std::max(noise.accelerometer_random_walk, kLeastForceWalk),
+          .gyroscope_noise_density = std::max(noise.gyroscope_noise_density, kLeastRateDensity),
+          .gyroscope_random_walk = std::max(noise.gyroscope_random_walk, kLeastRateWalk)};
+}
+
+MatrixXd inverse(const MatrixXd& covariance) {
+  return covariance.ldlt().solve(MatrixXd::Identity(covariance.rows(), covariance.cols()));
+}
+
+Index column_of(std::size_t keyframe) { return VisualInertialProblem::kKeyframeSize * static_cast<Index>(keyframe); }
+
+// How long the readings at both ends go on, and how much of it a step may need at the first offset.
+constexpr double kGoesOn_s = 0.25, kMayNeed_s = 0.02;
+
+std::vector<ImuSample> going_on(const std::vector<ImuSample>& samples) {
+  std::vector<ImuSample> longer = samples;
+  ImuSample before = samples.front(), after = samples.back();
+  before.time_s -= kGoesOn_s;
+  after.time_s += kGoesOn_s;
+  longer.insert(longer.begin(), before);
+  longer.push_back(after);
+  return longer;
+}
+
+}  // namespace
+
+VisualInertialProblem::VisualInertialProblem(const std::vector<VisualKeyframe>& keyframes,
+                                             const std::vector<ImuSample>& samples, const ImuCheck& check,
+                                             const ImuModel& model, double time_offset_s, double time_offset_sigma_s)
+    : keyframes_(keyframes),
+      samples_(going_on(samples)),
+      model_(model),
+      time_offset_s_(time_offset_s),
+      time_offset_sigma_s_(time_offset_sigma_s) {
+  for (std::size_t k = 0; k + 1 < keyframes.size(); ++k) {
+    const double from_s = keyframes[k].time_s + time_offset_s, to_s = keyframes[k + 1].time_s + time_offset_s;
+    has_samples_.push_back(from_s >= samples.front().time_s - kMayNeed_s &&
+                           to_s <= samples.back().time_s + kMayNeed_s && check.covers(from_s, to_s));
+  }
+}
+
+std::optional<Preintegration> VisualInertialProblem::preintegrate_step(std::size_t k, double time_offset_s,
+                                                                       const ImuBias& bias) const {
+  if (!has_samples_[k]) return std::nullopt;
+  return preintegrate(samples_, keyframes_[k].time_s + time_offset_s, keyframes_[k + 1].time_s + time_offset_s, bias,
+                      floored(model_.noise));
+}
+
+VisualStep VisualInertialProblem::visual_step(std::size_t k) const {
+  VisualStep step{keyframes_[k].T_map_camera.inverse() * keyframes_[k + 1].T_map_camera,
+                  keyframes_[k + 1].step_covariance};
+  const double least = kLeastStepShare * step.T_first_second.translation.norm();
+  step.covariance.diagonal().head<3>().array() += least * least + 1e-12;
+  step.covariance.diagonal().tail<3>().array() += kLeastTurn_rad * kLeastTurn_rad;
+  return step;
+}
+
+void VisualInertialProblem::add_inertial(std::size_t k, const VisualInertialState& at, SparseLeastSquares& sum) const {
+  constexpr double h = 5e-4;  // seconds
+  const ImuState &first = at.states[k], &second = at.states[k + 1];
+  const auto between = preintegrate_step(k, at.time_offset_s, first.bias);
+  if (!between) return;
+  const auto value_at = [&](const Preintegration& p) {
+    return VectorXd(inertial_residual(p, first, second, model_.gravity_m_s2).value);
+  };
+  const auto earlier = preintegrate_step(k, at.time_offset_s - h, first.bias);
+  const auto later = preintegrate_step(k, at.time_offset_s + h, first.bias);
+  const VectorXd by_offset =
+      earlier && later ? VectorXd((value_at(*later) - value_at(*earlier)) / (2 * h)) : VectorXd::Zero(9);
+  const InertialResidual r = inertial_residual(*between, first, second, model_.gravity_m_s2);
+  sum.add(r.value, inverse(between->covariance),
+          {{column_of(k), r.by_first}, {column_of(k + 1), r.by_second}, {time_offset_column(), by_offset}});
+}
+
+void VisualInertialProblem::add_visual(std::size_t k, const VisualInertialState& at, SparseLeastSquares& sum) const {
+  const VisualStep step = visual_step(k);
+  const VisualResidual r = visual_residual(step, at.states[k], at.states[k + 1], at.T_imu_camera, at.log_scale[k]);
+  sum.add_robust(r.value, inverse(step.covariance), kStepWidth,
+                 {{column_of(k), r.by_first},
+                  {column_of(k) + kStateSize, r.by_log_scale},
+                  {column_of(k + 1), r.by_second},
+                  {time_offset_column() + 1, r.by_mounting}});
+}
+
+/// Forster (47) and (48), and the same for the scale.
+void VisualInertialProblem::add_walks(std::size_t k, const VisualInertialState& at, SparseLeastSquares& sum) const {
+  const double dt = keyframes_[k + 1].time_s - keyframes_[k].time_s;
+  const ImuNoise noise = floored(model_.noise);
+  const ImuBias &a = at.states[k].bias, &b = at.states[k + 1].bias;
+  Eigen::Matrix<double, 7, 1> residual, variance;
+  residual << b.gyroscope_rad_s - a.gyroscope_rad_s, b.accelerometer_m_s2 - a.accelerometer_m_s2,
+      at.log_scale[k + 1] - at.log_scale[k];
+  variance << Vec3::Constant(noise.gyroscope_random_walk * noise.gyroscope_random_walk * dt),
+      Vec3::Constant(noise.accelerometer_random_walk * noise.accelerometer_random_walk * dt),
+      keyframes_[k + 1].step_log_scale_variance + kLeastLogScaleStep * kLeastLogScaleStep;
+  const MatrixXd one = MatrixXd::Identity(7, 7);  // biases and scale are the last unknowns of a keyframe
+  sum.add(residual, variance.cwiseInverse().asDiagonal().toDenseMatrix(),
+          {{column_of(k) + kGyroscopeBias, -one}, {column_of(k + 1) + kGyroscopeBias, one}});
+}
+
+SparseLeastSquares VisualInertialProblem::measurements(const VisualInertialState& at) const {
+  SparseLeastSquares sum(unknowns());
+  for (std::size_t k = 0; k + 1 < keyframes_.size(); ++k) {
+    add_inertial(k, at, sum);
+    add_visual(k, at, sum);
+    add_walks(k, at, sum);
+  }
+  return sum;
+}
+
+void VisualInertialProblem::add_priors(const VisualInertialState& at, SparseLeastSquares& sum) const {
+  const auto add = [&](const VectorXd& residual, double sigma, Index column, const MatrixXd& derivative) {
+    sum.add(residual, MatrixXd::Identity(residual.size(), residual.size()) / (sigma * sigma), {{column, derivative}});
+  };
+  const MatrixXd one = MatrixXd::Identity(3, 3);
+  const ImuState& first = at.states.front();
+  add(first.bias.gyroscope_rad_s, model_.gyroscope_bias_sigma, kGyroscopeBias, one);
+  add(first.bias.accelerometer_m_s2, model_.accelerometer_bias_sigma, kAccelerometerBias, one);
+  const Vec3 turned = geometry::so3_log(model_.T_imu_camera.rotation.conjugate() * at.T_imu_camera.rotation);
+  add(turned, model_.mounting_sigma_rad, time_offset_column() + 1, geometry::so3_right_jacobian_inverse(turned));
+  add(VectorXd::Constant(1, at.time_offset_s - time_offset_s_), time_offset_sigma_s_, time_offset_column(),
+      MatrixXd::Identity(1, 1));
+  // Position and heading are not observable; they are held where they are. Scale and velocities are held so loosely
+  // that nothing is told by it, only that the equations stay regular where the samples stop.
+  const Mat3 R = first.T_world_imu.rotation.toRotationMatrix();
+  add(VectorXd::Zero(3), 1e-3, kPosition, one);
+  add(VectorXd::Zero(1), 1e-4, kRotation, R.row(2));
+  for (std::size_t k = 0; k < at.states.size(); ++k) {
+    add(VectorXd::Zero(3), 1e3, column_of(k) + kVelocity, one);
+    add(VectorXd::Zero(1), 10.0, column_of(k) + kStateSize, MatrixXd::Identity(1, 1));
+  }
+}
+
+SparseLeastSquares VisualInertialProblem::linearize(const VisualInertialState& at) const {
+  SparseLeastSquares sum = measurements(at);
+  add_priors(at, sum);
+  return sum;
+}
+
+VisualInertialState VisualInertialProblem::moved(const VisualInertialState& from, const VectorXd& step) const {
+  VisualInertialState to = from;
+  for (std::size_t k = 0; k < from.states.size(); ++k) {
+    to.states[k] = perturbed(from.states[k], step.segment<kStateSize>(column_of(k)));
+    to.log_scale[k] += step[column_of(k) + kStateSize];
+  }
+  to.time_offset_s += step[time_offset_column()];
+  to.T_imu_camera = SE3(from.T_imu_camera.rotation * geometry::so3_exp(step.segment<3>(time_offset_column() + 1)),
+                        from.T_imu_camera.translation);
+  return to;
+}
+
+}  // namespace tileflight::inertial
