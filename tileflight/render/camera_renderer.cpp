@@ -132,32 +132,26 @@ void ViewStatistics::add(const ViewStatistics& other) {
 struct CameraRenderer::Impl {
   const scene::Scene& scene;
   std::shared_ptr<const Appearance> appearance;
-  imaging::Camera camera;
   RenderOptions options;
   BlockTracer tracer;
-  std::optional<DaylightShader> shader;     // set if `daylight` is used
-  std::shared_ptr<const RayTable> central;  // one ray per pixel
-  std::shared_ptr<const RayTable> samples;  // set if there are several samples per pixel
+  std::optional<DaylightShader> shader;  // set if `daylight` is used
+  std::shared_ptr<const CameraRays> rays;
 
-  /// `tables`: those of the same camera, to share.
-  Impl(const scene::Scene& s, std::shared_ptr<const Appearance> a, imaging::Camera c, const RenderOptions& o,
-       const Impl* tables = nullptr)
+  Impl(const scene::Scene& s, std::shared_ptr<const Appearance> a, std::shared_ptr<const CameraRays> r,
+       const RenderOptions& o)
       : scene(s),
         appearance(std::move(a)),
-        camera(std::move(c)),
         options(o),
         tracer(scene, *appearance, options.background, options.daylight ? 0.0 : options.haze_per_m,
-               options.haze_color.value_or(options.background)) {
+               options.haze_color.value_or(options.background)),
+        rays(std::move(r)) {
     if (options.daylight) shader.emplace(scene, options.daylight, haze_of(options));
-    const int n = samples_along_axis(options.samples_per_pixel);
-    central = tables != nullptr ? tables->central : std::make_shared<const RayTable>(camera, 1);
-    if (n == 1) return;
-    const bool has_same = tables != nullptr && tables->samples && tables->samples->samples_along_axis() == n;
-    samples = has_same ? tables->samples : std::make_shared<const RayTable>(camera, n);
+    if (rays->samples_along_axis() != samples_along_axis(options.samples_per_pixel))
+      throw std::invalid_argument("rays of another number of samples");
   }
 
-  int width() const { return camera.width(); }
-  int height() const { return camera.height(); }
+  int width() const { return rays->camera.width(); }
+  int height() const { return rays->camera.height(); }
   std::vector<PixelRegion> tiles(const OptionalRegion& region) const;
   template <class Work>
   ViewStatistics for_each_tile(const OptionalRegion& region, const Work& work) const;
@@ -212,10 +206,10 @@ RowPoses CameraRenderer::Impl::rows_at(const ShutterPoses& poses, int moment) co
 
 void CameraRenderer::Impl::write_depth(const TracedBeam::Block& block, const scene::RayPacket8& packet,
                                        imaging::FloatImage& depth_m) const {
-  const RayBlock& rays = central->block(block.column, block.row);
+  const RayBlock& own = rays->central.block(block.column, block.row);
   for_each_lane(block, [&](int i, int x, int y) {
     const bool hit = packet.mesh[i] != scene::RayPacket8::kMiss;
-    depth_m(x, y) = hit ? packet.far[i] * rays.z[i] : std::numeric_limits<float>::infinity();
+    depth_m(x, y) = hit ? packet.far[i] * own.z[i] : std::numeric_limits<float>::infinity();
   });
 }
 
@@ -227,7 +221,7 @@ TILEFLIGHT_WIDE_VECTORS ViewStatistics CameraRenderer::Impl::trace_central(const
   TracedBeam beam;
   SquaredColors8 squares;
   for_each_beam(tile, 1, [&](int x, int y) {
-    tracer.cast(*central, x, y, poses, beam);
+    tracer.cast(rays->central, x, y, poses, beam);
     if (rgb != nullptr) tracer.compute_texture_reads(beam);
     for (int k = 0; k < beam.size; ++k) {
       const TracedBeam::Block& block = beam.blocks[static_cast<std::size_t>(k)];
@@ -248,12 +242,12 @@ void CameraRenderer::Impl::visit_tile(const PixelRegion& tile, const RowPoses& p
                                       const SurfaceVisitor& visitor) const {
   TracedBeam beam;
   for_each_beam(tile, 1, [&](int x0, int y0) {
-    tracer.cast(*central, x0, y0, poses, beam);
+    tracer.cast(rays->central, x0, y0, poses, beam);
     for (int k = 0; k < beam.size; ++k) {
       const TracedBeam::Block& block = beam.blocks[static_cast<std::size_t>(k)];
       for_each_lane(block, [&](int i, int x, int y) {
         SurfacePoint point =
-            surface_point(central->block(block.column, block.row), beam.packets[static_cast<std::size_t>(k)], i);
+            surface_point(rays->central.block(block.column, block.row), beam.packets[static_cast<std::size_t>(k)], i);
         point.x = x;
         point.y = y;
         visitor(point);
@@ -275,7 +269,7 @@ std::array<LinearRgb, 8> CameraRenderer::Impl::shade_block(std::uint8_t valid, c
 }
 
 void CameraRenderer::Impl::add_light(const PixelRegion& tile, const RowPoses& poses, LinearImage& sum) const {
-  const RayTable& table = samples ? *samples : *central;
+  const RayTable& table = rays->samples ? *rays->samples : rays->central;
   const int n = table.samples_along_axis();
   TracedBeam beam;
   SquaredColors8 squares;
@@ -335,15 +329,19 @@ CameraRenderer::CameraRenderer(const scene::Scene& scene, imaging::Camera camera
 
 CameraRenderer::CameraRenderer(const scene::Scene& scene, std::shared_ptr<const Appearance> appearance,
                                imaging::Camera camera, RenderOptions options)
-    : impl_(std::make_unique<Impl>(scene, std::move(appearance), std::move(camera), options)) {}
+    : CameraRenderer(
+          scene, std::move(appearance),
+          std::make_shared<const CameraRays>(std::move(camera), samples_along_axis(options.samples_per_pixel)),
+          options) {}
 
 CameraRenderer::CameraRenderer(const scene::Scene& scene, std::shared_ptr<const Appearance> appearance,
-                               const CameraRenderer& other, RenderOptions options)
-    : impl_(std::make_unique<Impl>(scene, std::move(appearance), other.camera(), options, other.impl_.get())) {}
+                               std::shared_ptr<const CameraRays> rays, RenderOptions options)
+    : impl_(std::make_unique<Impl>(scene, std::move(appearance), std::move(rays), options)) {}
 
 CameraRenderer::~CameraRenderer() = default;
 
-const imaging::Camera& CameraRenderer::camera() const { return impl_->camera; }
+const imaging::Camera& CameraRenderer::camera() const { return impl_->rays->camera; }
+std::shared_ptr<const CameraRays> CameraRenderer::rays() const { return impl_->rays; }
 const RenderOptions& CameraRenderer::options() const { return impl_->options; }
 std::shared_ptr<const Appearance> CameraRenderer::appearance() const { return impl_->appearance; }
 
@@ -355,7 +353,7 @@ RenderedFrame CameraRenderer::render_rows(std::span<const geometry::SE3> T_local
                                           const OptionalRegion& region) const {
   const std::size_t rows = T_local_camera_of_row.size();
   require_a_pose_a_row(rows, impl_->height());
-  if (!impl_->samples && !impl_->shader) return impl_->render(T_local_camera_of_row, region);
+  if (!impl_->rays->samples && !impl_->shader) return impl_->render(T_local_camera_of_row, region);
   ShutterPoses shutter{1, static_cast<int>(rows), {T_local_camera_of_row.begin(), T_local_camera_of_row.end()}};
   LightFrame light = impl_->render_light(shutter, region);
   RenderedFrame frame{imaging::RgbImage(impl_->width(), impl_->height()), std::move(light.depth_m), light.view};

@@ -17,8 +17,9 @@
 
 namespace tileflight::render {
 
-class Appearance;  // appearance.h
-class Daylight;    // daylight.h
+class Appearance;   // appearance.h
+struct CameraRays;  // ray_table.h
+class Daylight;     // daylight.h
 
 struct RenderOptions {
   bool depth = true;
@@ -66,6 +67,7 @@ struct ShutterPoses {
   int rows = 1;                               ///< 1 or the image's height
   std::vector<geometry::SE3> T_local_camera;  ///< moments x rows: moment k of row y is [k * rows + y]
   std::vector<float> scene_times{};           ///< scene::Ray::time at each of these; empty: 0 for all
+  std::vector<double> times_s{};              ///< of each, on the clock of the poses; not used by CameraRenderer
 };
 
 /// Intersection of the ray through a pixel's centre.
@@ -97,9 +99,9 @@ class CameraRenderer {
   /// With an appearance shared with other cameras in the same scene.
   CameraRenderer(const scene::Scene& scene, std::shared_ptr<const Appearance> appearance, imaging::Camera camera,
                  RenderOptions options);
-  /// The camera of another renderer, whose tables of rays it shares, in another scene or light.
-  CameraRenderer(const scene::Scene& scene, std::shared_ptr<const Appearance> appearance, const CameraRenderer& other,
-                 RenderOptions options);
+  /// With the rays of another renderer's camera, in another scene or light.
+  CameraRenderer(const scene::Scene& scene, std::shared_ptr<const Appearance> appearance,
+                 std::shared_ptr<const CameraRays> rays, RenderOptions options);
   ~CameraRenderer();
   CameraRenderer(const CameraRenderer&) = delete;
   CameraRenderer& operator=(const CameraRenderer&) = delete;
@@ -107,6 +109,8 @@ class CameraRenderer {
   const imaging::Camera& camera() const;
   const RenderOptions& options() const;
   std::shared_ptr<const Appearance> appearance() const;
+  /// To be shared: they are as large as the image, and know nothing of the scene.
+  std::shared_ptr<const CameraRays> rays() const;
 
   /// Each takes the region to render; without one, all pixels. The pixels outside it are black, and their depth is NaN;
   /// those inside are the same as if all were rendered.

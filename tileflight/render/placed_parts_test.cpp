@@ -213,7 +213,7 @@ TEST_F(PlacedParts, AreWhereTheyAreAtEachRowsTimeAndAtEachMomentOfTheExposure) {
 TEST_F(PlacedParts, ASharedTableOfRaysGivesTheSamePicture) {
   const scene::Scene parts = placed({0.7}), other = placed({0.2});
   const CameraRenderer first(parts, camera, {.samples_per_pixel = 4});
-  const CameraRenderer shared(other, std::make_shared<const Appearance>(other), first, first.options());
+  const CameraRenderer shared(other, std::make_shared<const Appearance>(other), first.rays(), first.options());
   const CameraRenderer own(other, camera, {.samples_per_pixel = 4});
   EXPECT_EQ(shared.render(kView).rgb.pixels, own.render(kView).rgb.pixels);
 }
