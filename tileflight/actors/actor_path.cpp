@@ -18,7 +18,6 @@ constexpr double kMaxLength_m = 200e3;  // of a way
 constexpr double kAboveRoad_m = 2.0;    // where a height is given, the road is the surface below this
 constexpr double kFromAbove_m = 1e5;    // else it is the uppermost
 constexpr int kSmoothed = 4;            // samples to either side whose heights are averaged: captured roads are bumpy
-constexpr double kVelocityStep_s = 1e-3;
 
 void check(const ActorRoute& route, const char* name) {
   if (route.points.empty()) throw InputError(name, "has no place; give 'position' or 'path'");
@@ -173,21 +172,29 @@ void ActorPath::put_on_ground(const ActorRoute& route, const GroundHeight& groun
   }
 }
 
+double ActorPath::along_s(double time_s) const {
+  const double along_s = time_s - start_s_, duration_s = samples_.back().time_s;
+  return loops_ && along_s > duration_s ? std::fmod(along_s, duration_s) : along_s;
+}
+
+/// The samples before and after a time; twice the same where it stands.
+std::pair<const ActorPath::Sample*, const ActorPath::Sample*> ActorPath::around(double time_s) const {
+  const auto next = std::ranges::upper_bound(samples_, along_s(time_s), {}, &Sample::time_s);
+  if (next == samples_.begin()) return {&samples_.front(), &samples_.front()};
+  if (next == samples_.end()) return {&samples_.back(), &samples_.back()};
+  return {&*(next - 1), &*next};
+}
+
 ActorPath::Sample ActorPath::at(double time_s) const {
-  double along_s = time_s - start_s_;
-  const double duration_s = samples_.back().time_s;
-  if (loops_ && along_s > duration_s) along_s = std::fmod(along_s, duration_s);
-  const auto next = std::ranges::upper_bound(samples_, along_s, {}, &Sample::time_s);
-  if (next == samples_.begin()) return samples_.front();
-  if (next == samples_.end()) return samples_.back();
-  const Sample &a = *(next - 1), &b = *next;
-  const double share = (along_s - a.time_s) / (b.time_s - a.time_s);
-  const auto between = [share](double from, double to) { return from + share * (to - from); };
-  Sample at = a;
-  at.position = a.position + share * (b.position - a.position);
-  at.heading_rad = between(a.heading_rad, b.heading_rad);
-  at.pitch = between(a.pitch, b.pitch);
-  at.roll = between(a.roll, b.roll);
+  const auto [from, to] = around(time_s);
+  if (from == to) return *from;
+  const double share = (along_s(time_s) - from->time_s) / (to->time_s - from->time_s);
+  const auto between = [share](double a, double b) { return a + share * (b - a); };
+  Sample at = *from;
+  at.position = from->position + share * (to->position - from->position);
+  at.heading_rad = between(from->heading_rad, to->heading_rad);
+  at.pitch = between(from->pitch, to->pitch);
+  at.roll = between(from->roll, to->roll);
   return at;
 }
 
@@ -200,7 +207,8 @@ SE3 ActorPath::pose(double time_s) const {
 }
 
 Vec3 ActorPath::velocity(double time_s) const {
-  return (at(time_s + kVelocityStep_s).position - at(time_s - kVelocityStep_s).position) / (2 * kVelocityStep_s);
+  const auto [from, to] = around(time_s);
+  return from == to ? Vec3(Vec3::Zero()) : Vec3((to->position - from->position) / (to->time_s - from->time_s));
 }
 
 }  // namespace tileflight::actors

@@ -2,6 +2,7 @@
 
 #include <functional>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "tileflight/geometry/transform.h"
@@ -55,6 +56,8 @@ class ActorPath {
 
   void lay_out(const ActorRoute& route);
   void put_on_ground(const ActorRoute& route, const GroundHeight& ground, const char* name);
+  double along_s(double time_s) const;  ///< since the start, or the last return to it
+  std::pair<const Sample*, const Sample*> around(double time_s) const;
   Sample at(double time_s) const;
 
   std::vector<Sample> samples_;  ///< by time
