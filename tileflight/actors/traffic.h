@@ -28,7 +28,7 @@ struct ActorPlan {
   ActorRoute route;
 };
 
-/// Reads the list `actors` of a FLIGHT file's section (docs/moving-objects.md); empty without it. Throws InputError.
+/// Reads the list `actors` of a FLIGHT file's section; empty without it. Throws InputError (file, line, key).
 std::vector<ActorPlan> read_actors(base::StrictSection& flight);
 /// The same of a file.
 std::vector<ActorPlan> read_actors(const std::filesystem::path& flight_file);

@@ -11,8 +11,8 @@
 
 namespace tileflight::survey {
 
-/// Writes where a flight's actors are and what of them is seen (docs/moving-objects.md): a file of each frame,
-/// boxes/000000.json, and coco.json of them all. Frames may be added in any order, by several threads and processes.
+/// Writes where a flight's actors are and what of them is seen: a file of each frame, boxes/000000.json, and coco.json
+/// of them all. Frames may be added in any order, by several threads and processes.
 class ActorLabels {
  public:
   /// `traffic` null: nothing is written.
