@@ -28,12 +28,13 @@ PathPoint point_of(const std::vector<double>& numbers, double speed_m_s) {
 }
 
 std::vector<PathPoint> read_path(StrictSection& actor, double speed_m_s) {
+  std::vector<StrictSection> places = actor.sections("path");
   if (const auto position = actor.numbers("position", 2, 3)) {
-    if (actor.has("path")) throw actor.error("position", "and 'path' are both given; keep one of the two");
+    if (!places.empty()) throw actor.error("position", "and 'path' are both given; keep one of the two");
     return {point_of(*position, speed_m_s)};
   }
   std::vector<PathPoint> points;
-  for (StrictSection& place : actor.sections("path")) {
+  for (StrictSection& place : places) {
     const auto at = place.numbers("at", 2, 3);
     if (!at) throw place.error("at", "is missing; give [east, north] or [east, north, up] in metres");
     points.push_back(point_of(*at, place.number("speed_m_s", speed_m_s, 0.01, 200.0)));
