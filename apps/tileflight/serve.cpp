@@ -43,6 +43,7 @@ struct ServeOptions {
   SessionOptions session;
   std::string settings, token_file, files, follow = "auto";
   std::vector<std::string> levels;  ///< NAME=SOURCE
+  std::vector<std::string> assets;  ///< NAME=FILE
   std::vector<double> start_local;
   double memory_gb = 2.0;
   std::size_t message_mb = 64;
@@ -64,6 +65,20 @@ std::string token_of(const std::string& file) {
   return token;
 }
 
+/// Values of an option NAME=VALUE, by their names. `form`: how they are written.
+std::map<std::string, std::string> named_values(const std::vector<std::string>& entries, const std::string& option,
+                                                const std::string& form) {
+  std::map<std::string, std::string> values;
+  for (const std::string& entry : entries) {
+    const std::size_t equals = entry.find('=');
+    if (equals == std::string::npos || equals == 0 || equals + 1 == entry.size())
+      throw InputError(option + " '" + entry + "'", "must be " + form);
+    if (!values.emplace(entry.substr(0, equals), entry.substr(equals + 1)).second)
+      throw InputError(option + " '" + entry + "'", "the name is given twice");
+  }
+  return values;
+}
+
 simulator::SimulatorOptions simulator_options(const ServeOptions& options) {
   using simulator::TileResidency;
   simulator::SimulatorOptions result = options.simulator;
@@ -79,25 +94,13 @@ simulator::SimulatorOptions simulator_options(const ServeOptions& options) {
   result.autopilot_address = options.server.address;
   result.max_memory_bytes = static_cast<std::uintmax_t>(options.memory_gb * 1e9);
   if (!options.files.empty()) result.output_root = options.files;
+  for (const auto& [name, file] : named_values(options.assets, "--asset", "NAME=FILE")) result.assets[name] = file;
   const std::vector<double>& start = options.start_local;
   if (!start.empty()) {
     const double up_m = start.size() > 2 ? start[2] : std::numeric_limits<double>::quiet_NaN();
     result.ned_origin_local = geometry::Vec3{start[0], start[1], up_m};
   }
   return result;
-}
-
-/// The source of each level, by its name.
-std::map<std::string, std::string> level_sources(const std::vector<std::string>& levels) {
-  std::map<std::string, std::string> sources;
-  for (const std::string& level : levels) {
-    const std::size_t equals = level.find('=');
-    if (equals == std::string::npos || equals == 0 || equals + 1 == level.size())
-      throw InputError("--level '" + level + "'", "must be NAME=SOURCE");
-    if (!sources.emplace(level.substr(0, equals), level.substr(equals + 1)).second)
-      throw InputError("--level '" + level + "'", "the name is given twice");
-  }
-  return sources;
 }
 
 /// The options on which answers depend, as one would type them: a session can be repeated only with the same.
@@ -123,6 +126,8 @@ std::string world_text(const ServeOptions& options) {
     hash.add(file_text(file, "a region"));
     text << " --region FILE of SHA-256 " << hash.hex();
   }
+  for (const auto& [name, file] : named_values(options.assets, "--asset", "NAME=FILE"))
+    text << " --asset " << name << "=FILE of SHA-256 " << base::sha256_hex_of_file(file);
   for (const std::string& level : options.levels) text << " --level " << level.substr(0, level.find('=')) << "=SOURCE";
   if (!options.files.empty()) text << " --files FOLDER";
   return text.str();
@@ -257,7 +262,7 @@ Output serve(const ServeOptions& options, const CommonOptions& common, const Pro
   const auto log = [quiet = common.quiet](const std::string& line) {
     if (!quiet) std::cerr << ("tileflight: " + line + "\n");
   };
-  const std::map<std::string, std::string> sources = level_sources(options.levels);
+  const std::map<std::string, std::string> sources = named_values(options.levels, "--level", "NAME=SOURCE");
   simulator::SimulatorOptions first = simulator_options(options);
   first.autopilot_ports = std::make_shared<autopilot::SharedPorts>();
   const auto options_of_level = [&first](const std::string& source) { return level_options(first, source); };
@@ -350,6 +355,11 @@ void add_world_options(CLI::App& command, ServeOptions& options) {
   command
       .add_option("--level", options.levels,
                   "NAME=SOURCE of a place that simLoadLevel(NAME) may load; may be given several times")
+      ->allow_extra_args(false);
+  command
+      .add_option("--asset", options.assets,
+                  "NAME=FILE of a model (.glb, .gltf, .obj, .ply) that simSpawnObject may spawn as NAME; may be given "
+                  "several times")
       ->allow_extra_args(false);
   command.add_option("--files", options.files, "folder that clients may write files into (default: none)");
   command

@@ -5,6 +5,7 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "tileflight/actors/traffic.h"
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/json_file.h"
@@ -37,6 +38,7 @@ void read(const std::string& kind, const fs::path& file) {
   }
   if (kind == "flight" || kind == "sensors") {
     if (kind == "flight") tf::vehicle::read_flight_plan(file);
+    if (kind == "flight") tf::actors::read_actors(file);
     tf::sensors::read_sensor_suite(file, 1, {});
   }
 }
@@ -318,6 +320,8 @@ int print_defaults(const fs::path& folder) {
   written(folder, "sensors.yaml", kSensors);
   const fs::path flight = written(folder, "waypoints.yaml", kWaypoints);
   const auto waypoints = tf::vehicle::read_flight_plan(flight);
+  const tf::actors::ActorPlan actor =
+      tf::actors::read_actors(written(folder, "actors.yaml", "actors: [{position: [0, 0]}]\n")).at(0);
   const auto experiment = tf::experiment::read_experiment(written(folder, "experiment.yaml", kExperiment));
   const tf::survey::RenderedFlightConfig& render = *experiment.simulated->render;
   const json degrade = degrade_defaults(*render.degrade);
@@ -341,7 +345,13 @@ int print_defaults(const fs::path& folder) {
                       {"yaw_rate_deg_s", waypoints.limits.yaw_rate_deg_s},
                       {"waypoints[].yaw_deg", waypoints.waypoints.at(0).yaw_deg},
                       {"waypoints[].pitch_deg", waypoints.waypoints.at(0).pitch_deg},
-                      {"waypoints[].roll_deg", waypoints.waypoints.at(0).roll_deg}}}}
+                      {"waypoints[].roll_deg", waypoints.waypoints.at(0).roll_deg},
+                      {"actors[].model", tf::actors::make_model(actor.model).name},
+                      {"actors[].scale", actor.scale},
+                      {"actors[].yaw_deg", actor.route.yaw_deg},
+                      {"actors[].start_s", actor.route.start_s},
+                      {"actors[].loop", actor.route.loops},
+                      {"actors[].on_ground", actor.route.follows_ground}}}}
                    .dump()
             << "\n";
   return 0;

@@ -66,6 +66,12 @@ std::vector<std::shared_ptr<const PartAppearance>> appearances_of(const scene::S
   std::vector<std::shared_ptr<const PartAppearance>> parts(scene.parts().size());
   tbb::parallel_for(std::size_t{0}, parts.size(),
                     [&](std::size_t i) { parts[i] = std::make_shared<const PartAppearance>(scene.parts()[i]); });
+  std::unordered_map<const scene::ScenePart*, std::shared_ptr<const PartAppearance>> of_placed;
+  for (const scene::PlacedPart& placed : scene.placed()) {
+    std::shared_ptr<const PartAppearance>& appearance = of_placed[placed.part.get()];
+    if (!appearance) appearance = std::make_shared<const PartAppearance>(placed.part);
+    parts.push_back(appearance);
+  }
   return parts;
 }
 

@@ -67,7 +67,7 @@ class PartAppearance {
 class Appearance {
  public:
   explicit Appearance(const scene::Scene& scene);
-  /// From the appearances of the scene's parts, in their order.
+  /// From the appearances of the scene's parts, in their order, and of its placed parts.
   explicit Appearance(std::vector<std::shared_ptr<const PartAppearance>> parts);
 
   const Material& material(std::uint32_t mesh) const { return materials_[mesh]; }

@@ -18,6 +18,7 @@ TILEFLIGHT_LANE_INLINE void rotate_row(const RayBlock& rays, int row, const Trac
     packet.origin_x[i] = pose.origin[0];
     packet.origin_y[i] = pose.origin[1];
     packet.origin_z[i] = pose.origin[2];
+    packet.time[i] = pose.scene_time;
     packet.direction_x[i] = r[0] * rays.x[i] + r[1] * rays.y[i] + r[2] * rays.z[i];
     packet.direction_y[i] = r[3] * rays.x[i] + r[4] * rays.y[i] + r[5] * rays.z[i];
     packet.direction_z[i] = r[6] * rays.x[i] + r[7] * rays.y[i] + r[8] * rays.z[i];
@@ -84,6 +85,24 @@ TILEFLIGHT_LANE_INLINE TextureGradients8 gather_gradients(const LaneTextures& te
     lanes.max_level[i] = static_cast<float>(shade.max_level);
   }
   return lanes;
+}
+
+/// Gradients of a placed part's textures are in its own frame: g_scene = M^-T g_part for points p_scene = M p_part + t.
+void turn_gradients(const scene::Scene& scene, const RayPacket8& packet, TextureGradients8& lanes) {
+  for (int i = 0; i < RayPacket8::kLanes; ++i) {
+    if (packet.mesh[i] == RayPacket8::kMiss || packet.mesh[i] < scene.first_placed_mesh()) continue;
+    const Eigen::Affine3d pose =
+        scene.placed_pose(scene.placed_of_mesh(packet.mesh[i]), static_cast<double>(packet.time[i]));
+    const Eigen::Matrix3f turn = pose.linear().inverse().transpose().cast<float>();
+    const Eigen::Vector3f s = turn * Eigen::Vector3f(lanes.s_x[i], lanes.s_y[i], lanes.s_z[i]);
+    const Eigen::Vector3f t = turn * Eigen::Vector3f(lanes.t_x[i], lanes.t_y[i], lanes.t_z[i]);
+    lanes.s_x[i] = s.x();
+    lanes.s_y[i] = s.y();
+    lanes.s_z[i] = s.z();
+    lanes.t_x[i] = t.x();
+    lanes.t_y[i] = t.y();
+    lanes.t_z[i] = t.z();
+  }
 }
 
 TILEFLIGHT_LANE_INLINE TextureRead read_of(const TriangleShading& shade, const RayPacket8& packet,
@@ -159,7 +178,9 @@ TILEFLIGHT_WIDE_VECTORS void BlockTracer::compute_texture_reads(TracedBeam& beam
   for (std::size_t k = 0; k < size; ++k) {
     const RayPacket8& packet = beam.packets[k];
     const LaneTextures textures = textures_of(packet, appearance_);
-    const Footprints8 footprints = compute_footprints(packet, gather_gradients(textures));
+    TextureGradients8 gradients = gather_gradients(textures);
+    if (!scene_.placed().empty()) turn_gradients(scene_, packet, gradients);
+    const Footprints8 footprints = compute_footprints(packet, gradients);
     BlockTextureReads& reads = beam.reads[k];
     for (std::size_t i = 0; i < reads.material.size(); ++i) {
       reads.material[i] = textures.material[i];

@@ -17,6 +17,7 @@ namespace tileflight::render {
 struct TracerPose {
   std::array<float, 9> rotation{};  ///< row-major, camera to local
   std::array<float, 3> origin{};    ///< metres
+  float scene_time = 0.0F;          ///< scene::Ray::time
 
   TracerPose() = default;
   TracerPose(const geometry::SE3& T_local_camera, const geometry::Vec3& anchor);
@@ -25,9 +26,11 @@ struct TracerPose {
 /// Camera poses during the readout of an image: one for all rows, or one for each row (rolling shutter).
 class RowPoses {
  public:
-  /// One pose, or one per row.
-  RowPoses(std::span<const geometry::SE3> T_local_camera, const geometry::Vec3& anchor) {
+  /// One pose, or one per row. `scene_times`: of the scene (scene::Ray::time) at each; empty: 0 for all.
+  RowPoses(std::span<const geometry::SE3> T_local_camera, const geometry::Vec3& anchor,
+           std::span<const float> scene_times = {}) {
     for (const geometry::SE3& T : T_local_camera) poses_.emplace_back(T, anchor);
+    for (std::size_t i = 0; i < scene_times.size(); ++i) poses_[i].scene_time = scene_times[i];
   }
   bool has_single_pose() const { return poses_.size() == 1; }
   /// `row`: pixel row; rows beyond the last use the last pose.

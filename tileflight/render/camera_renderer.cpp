@@ -132,28 +132,26 @@ void ViewStatistics::add(const ViewStatistics& other) {
 struct CameraRenderer::Impl {
   const scene::Scene& scene;
   std::shared_ptr<const Appearance> appearance;
-  imaging::Camera camera;
   RenderOptions options;
   BlockTracer tracer;
   std::optional<DaylightShader> shader;  // set if `daylight` is used
-  RayTable central;                      // one ray per pixel
-  std::optional<RayTable> samples;       // set if there are several samples per pixel
+  std::shared_ptr<const CameraRays> rays;
 
-  Impl(const scene::Scene& s, std::shared_ptr<const Appearance> a, imaging::Camera c, const RenderOptions& o)
+  Impl(const scene::Scene& s, std::shared_ptr<const Appearance> a, std::shared_ptr<const CameraRays> r,
+       const RenderOptions& o)
       : scene(s),
         appearance(std::move(a)),
-        camera(std::move(c)),
         options(o),
         tracer(scene, *appearance, options.background, options.daylight ? 0.0 : options.haze_per_m,
                options.haze_color.value_or(options.background)),
-        central(camera, 1) {
+        rays(std::move(r)) {
     if (options.daylight) shader.emplace(scene, options.daylight, haze_of(options));
-    const int n = samples_along_axis(options.samples_per_pixel);
-    if (n > 1) samples.emplace(camera, n);
+    if (rays->samples_along_axis() != samples_along_axis(options.samples_per_pixel))
+      throw std::invalid_argument("rays of another number of samples");
   }
 
-  int width() const { return camera.width(); }
-  int height() const { return camera.height(); }
+  int width() const { return rays->camera.width(); }
+  int height() const { return rays->camera.height(); }
   std::vector<PixelRegion> tiles(const OptionalRegion& region) const;
   template <class Work>
   ViewStatistics for_each_tile(const OptionalRegion& region, const Work& work) const;
@@ -201,15 +199,17 @@ imaging::FloatImage CameraRenderer::Impl::empty_depth() const {
 RowPoses CameraRenderer::Impl::rows_at(const ShutterPoses& poses, int moment) const {
   const std::span<const geometry::SE3> all(poses.T_local_camera);
   const auto rows = static_cast<std::size_t>(poses.rows);
-  return {all.subspan(static_cast<std::size_t>(moment) * rows, rows), scene.anchor()};
+  const std::size_t first = static_cast<std::size_t>(moment) * rows;
+  const std::span<const float> times(poses.scene_times);
+  return {all.subspan(first, rows), scene.anchor(), times.empty() ? times : times.subspan(first, rows)};
 }
 
 void CameraRenderer::Impl::write_depth(const TracedBeam::Block& block, const scene::RayPacket8& packet,
                                        imaging::FloatImage& depth_m) const {
-  const RayBlock& rays = central.block(block.column, block.row);
+  const RayBlock& own = rays->central.block(block.column, block.row);
   for_each_lane(block, [&](int i, int x, int y) {
     const bool hit = packet.mesh[i] != scene::RayPacket8::kMiss;
-    depth_m(x, y) = hit ? packet.far[i] * rays.z[i] : std::numeric_limits<float>::infinity();
+    depth_m(x, y) = hit ? packet.far[i] * own.z[i] : std::numeric_limits<float>::infinity();
   });
 }
 
@@ -221,7 +221,7 @@ TILEFLIGHT_WIDE_VECTORS ViewStatistics CameraRenderer::Impl::trace_central(const
   TracedBeam beam;
   SquaredColors8 squares;
   for_each_beam(tile, 1, [&](int x, int y) {
-    tracer.cast(central, x, y, poses, beam);
+    tracer.cast(rays->central, x, y, poses, beam);
     if (rgb != nullptr) tracer.compute_texture_reads(beam);
     for (int k = 0; k < beam.size; ++k) {
       const TracedBeam::Block& block = beam.blocks[static_cast<std::size_t>(k)];
@@ -242,12 +242,12 @@ void CameraRenderer::Impl::visit_tile(const PixelRegion& tile, const RowPoses& p
                                       const SurfaceVisitor& visitor) const {
   TracedBeam beam;
   for_each_beam(tile, 1, [&](int x0, int y0) {
-    tracer.cast(central, x0, y0, poses, beam);
+    tracer.cast(rays->central, x0, y0, poses, beam);
     for (int k = 0; k < beam.size; ++k) {
       const TracedBeam::Block& block = beam.blocks[static_cast<std::size_t>(k)];
       for_each_lane(block, [&](int i, int x, int y) {
         SurfacePoint point =
-            surface_point(central.block(block.column, block.row), beam.packets[static_cast<std::size_t>(k)], i);
+            surface_point(rays->central.block(block.column, block.row), beam.packets[static_cast<std::size_t>(k)], i);
         point.x = x;
         point.y = y;
         visitor(point);
@@ -269,7 +269,7 @@ std::array<LinearRgb, 8> CameraRenderer::Impl::shade_block(std::uint8_t valid, c
 }
 
 void CameraRenderer::Impl::add_light(const PixelRegion& tile, const RowPoses& poses, LinearImage& sum) const {
-  const RayTable& table = samples ? *samples : central;
+  const RayTable& table = rays->samples ? *rays->samples : rays->central;
   const int n = table.samples_along_axis();
   TracedBeam beam;
   SquaredColors8 squares;
@@ -329,11 +329,20 @@ CameraRenderer::CameraRenderer(const scene::Scene& scene, imaging::Camera camera
 
 CameraRenderer::CameraRenderer(const scene::Scene& scene, std::shared_ptr<const Appearance> appearance,
                                imaging::Camera camera, RenderOptions options)
-    : impl_(std::make_unique<Impl>(scene, std::move(appearance), std::move(camera), options)) {}
+    : CameraRenderer(
+          scene, std::move(appearance),
+          std::make_shared<const CameraRays>(std::move(camera), samples_along_axis(options.samples_per_pixel)),
+          options) {}
+
+CameraRenderer::CameraRenderer(const scene::Scene& scene, std::shared_ptr<const Appearance> appearance,
+                               std::shared_ptr<const CameraRays> rays, RenderOptions options)
+    : impl_(std::make_unique<Impl>(scene, std::move(appearance), std::move(rays), options)) {}
 
 CameraRenderer::~CameraRenderer() = default;
 
-const imaging::Camera& CameraRenderer::camera() const { return impl_->camera; }
+const imaging::Camera& CameraRenderer::camera() const { return impl_->rays->camera; }
+std::shared_ptr<const CameraRays> CameraRenderer::rays() const { return impl_->rays; }
+const RenderOptions& CameraRenderer::options() const { return impl_->options; }
 std::shared_ptr<const Appearance> CameraRenderer::appearance() const { return impl_->appearance; }
 
 RenderedFrame CameraRenderer::render(const geometry::SE3& T_local_camera, const OptionalRegion& region) const {
@@ -344,7 +353,7 @@ RenderedFrame CameraRenderer::render_rows(std::span<const geometry::SE3> T_local
                                           const OptionalRegion& region) const {
   const std::size_t rows = T_local_camera_of_row.size();
   require_a_pose_a_row(rows, impl_->height());
-  if (!impl_->samples && !impl_->shader) return impl_->render(T_local_camera_of_row, region);
+  if (!impl_->rays->samples && !impl_->shader) return impl_->render(T_local_camera_of_row, region);
   ShutterPoses shutter{1, static_cast<int>(rows), {T_local_camera_of_row.begin(), T_local_camera_of_row.end()}};
   LightFrame light = impl_->render_light(shutter, region);
   RenderedFrame frame{imaging::RgbImage(impl_->width(), impl_->height()), std::move(light.depth_m), light.view};
@@ -358,6 +367,7 @@ RenderedFrame CameraRenderer::render_rows(std::span<const geometry::SE3> T_local
 LightFrame CameraRenderer::render_light(const ShutterPoses& poses, const OptionalRegion& region) const {
   const auto wanted = static_cast<std::size_t>(poses.moments) * static_cast<std::size_t>(poses.rows);
   if (poses.moments < 1 || poses.T_local_camera.size() != wanted ||
+      (!poses.scene_times.empty() && poses.scene_times.size() != wanted) ||
       (poses.rows != 1 && poses.rows != impl_->height())) {
     throw std::invalid_argument("ShutterPoses: times x (1 or height) poses are needed");
   }
@@ -365,9 +375,11 @@ LightFrame CameraRenderer::render_light(const ShutterPoses& poses, const Optiona
 }
 
 void CameraRenderer::visit_surface(std::span<const geometry::SE3> T_local_camera_of_row, const SurfaceVisitor& visitor,
-                                   const OptionalRegion& region) const {
+                                   const OptionalRegion& region, std::span<const float> scene_times) const {
   require_a_pose_a_row(T_local_camera_of_row.size(), impl_->height());
-  const RowPoses poses(T_local_camera_of_row, impl_->scene.anchor());
+  if (!scene_times.empty() && scene_times.size() != T_local_camera_of_row.size())
+    throw std::invalid_argument("one time of the scene a pose");
+  const RowPoses poses(T_local_camera_of_row, impl_->scene.anchor(), scene_times);
   impl_->tracer.prepare(poses);
   const std::vector<PixelRegion> tiles = impl_->tiles(region);
   tbb::parallel_for(std::size_t{0}, tiles.size(), [&](std::size_t i) { impl_->visit_tile(tiles[i], poses, visitor); });

@@ -17,8 +17,9 @@
 
 namespace tileflight::render {
 
-class Appearance;  // appearance.h
-class Daylight;    // daylight.h
+class Appearance;   // appearance.h
+struct CameraRays;  // ray_table.h
+class Daylight;     // daylight.h
 
 struct RenderOptions {
   bool depth = true;
@@ -65,6 +66,8 @@ struct ShutterPoses {
   int moments = 1;
   int rows = 1;                               ///< 1 or the image's height
   std::vector<geometry::SE3> T_local_camera;  ///< moments x rows: moment k of row y is [k * rows + y]
+  std::vector<float> scene_times{};           ///< scene::Ray::time at each of these; empty: 0 for all
+  std::vector<double> times_s{};              ///< of each, on the clock of the poses; not used by CameraRenderer
 };
 
 /// Intersection of the ray through a pixel's centre.
@@ -96,12 +99,18 @@ class CameraRenderer {
   /// With an appearance shared with other cameras in the same scene.
   CameraRenderer(const scene::Scene& scene, std::shared_ptr<const Appearance> appearance, imaging::Camera camera,
                  RenderOptions options);
+  /// With the rays of another renderer's camera, in another scene or light.
+  CameraRenderer(const scene::Scene& scene, std::shared_ptr<const Appearance> appearance,
+                 std::shared_ptr<const CameraRays> rays, RenderOptions options);
   ~CameraRenderer();
   CameraRenderer(const CameraRenderer&) = delete;
   CameraRenderer& operator=(const CameraRenderer&) = delete;
 
   const imaging::Camera& camera() const;
+  const RenderOptions& options() const;
   std::shared_ptr<const Appearance> appearance() const;
+  /// To be shared: they are as large as the image, and know nothing of the scene.
+  std::shared_ptr<const CameraRays> rays() const;
 
   /// Each takes the region to render; without one, all pixels. The pixels outside it are black, and their depth is NaN;
   /// those inside are the same as if all were rendered.
@@ -111,9 +120,10 @@ class CameraRenderer {
                             const OptionalRegion& region = {}) const;
   /// Linear light averaged over the exposure. Throws std::invalid_argument if the number of poses is wrong.
   LightFrame render_light(const ShutterPoses& poses, const OptionalRegion& region = {}) const;
-  /// Geometry only, one ray per pixel: `T_local_camera_of_row` is one pose, or one per row.
+  /// Geometry only, one ray per pixel: `T_local_camera_of_row` is one pose, or one per row; `scene_times`: of the scene
+  /// at each (scene::Ray::time), empty: 0.
   void visit_surface(std::span<const geometry::SE3> T_local_camera_of_row, const SurfaceVisitor& visitor,
-                     const OptionalRegion& region = {}) const;
+                     const OptionalRegion& region = {}, std::span<const float> scene_times = {}) const;
 
  private:
   struct Impl;

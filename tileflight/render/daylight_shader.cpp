@@ -56,6 +56,7 @@ std::uint8_t sunlit_lanes(const scene::Scene& scene, std::uint8_t hits, const Ra
     shadow.origin_x[i] = packet.origin_x[i] + t * packet.direction_x[i] + off * n[0];
     shadow.origin_y[i] = packet.origin_y[i] + t * packet.direction_y[i] + off * n[1];
     shadow.origin_z[i] = packet.origin_z[i] + t * packet.direction_z[i] + off * n[2];
+    shadow.time[i] = packet.time[i];
     shadow.direction_x[i] = toward_sun[0];
     shadow.direction_y[i] = toward_sun[1];
     shadow.direction_z[i] = toward_sun[2];

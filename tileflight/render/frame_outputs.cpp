@@ -47,9 +47,14 @@ OutputImages make_blank_images(const OutputChannels& outputs, int width, int hei
 
 std::optional<Vec2> project_by_rows(const imaging::Camera& camera, std::span<const SE3> T_local_camera_of_row,
                                     const Vec3& point) {
+  return project_by_rows(camera, T_local_camera_of_row, [&point](int) { return point; });
+}
+
+std::optional<Vec2> project_by_rows(const imaging::Camera& camera, std::span<const SE3> T_local_camera_of_row,
+                                    const PointOfRow& point) {
   const auto projected = [&](int row) {
     const SE3& T = pose_of_row(T_local_camera_of_row, row);
-    return camera.project(T.rotation.conjugate() * (point - T.translation));
+    return camera.project(T.rotation.conjugate() * (point(row) - T.translation));
   };
   const int last_row = camera.height() - 1;
   if (T_local_camera_of_row.size() == 1) {
@@ -86,10 +91,36 @@ std::span<const SceneObject> OutputRenderer::objects() const {
 
 OutputImages OutputRenderer::render(std::span<const SE3> T_local_camera_of_row, std::span<const SE3> next,
                                     const OptionalRegion& region) const {
-  const imaging::Camera& camera = renderer_.camera();
+  return render(renderer_, T_local_camera_of_row, next, {}, region);
+}
+
+namespace {
+
+float time_of_row(std::span<const float> times, int row) {
+  return times.empty() ? 0.0F : times[times.size() == 1 ? 0 : static_cast<std::size_t>(row)];
+}
+
+/// Where a point that is seen at this frame is at the next one, by row.
+PointOfRow next_point(const MovingFrame& moving, const SurfacePoint& at, const Vec3& point) {
+  const bool is_placed = moving.scene != nullptr && at.mesh >= moving.scene->first_placed_mesh();
+  if (!is_placed) return [point](int) { return point; };
+  const std::size_t placed = moving.scene->placed_of_mesh(at.mesh);
+  const double time = time_of_row(moving.scene_times, at.y);
+  const Vec3 of_part = moving.scene->placed_pose(placed, time).inverse() * point;
+  return [&moving, placed, of_part](int row) -> Vec3 {
+    return moving.next->placed_pose(placed, time_of_row(moving.next_scene_times, row)) * of_part;
+  };
+}
+
+}  // namespace
+
+OutputImages OutputRenderer::render(const CameraRenderer& renderer, std::span<const SE3> T_local_camera_of_row,
+                                    std::span<const SE3> next, const MovingFrame& moving,
+                                    const OptionalRegion& region) const {
+  const imaging::Camera& camera = renderer.camera();
   OutputImages images = make_blank_images(outputs_, camera.width(), camera.height(), !next.empty());
   const auto flow_px = [&](const SurfacePoint& at, const Vec3& point) -> std::array<float, 2> {
-    const auto pixel = project_by_rows(camera, next, point);
+    const auto pixel = project_by_rows(camera, next, next_point(moving, at, point));
     if (!pixel) return {kNaN, kNaN};
     return {static_cast<float>(pixel->x() - at.x), static_cast<float>(pixel->y() - at.y)};
   };
@@ -103,7 +134,7 @@ OutputImages OutputRenderer::render(std::span<const SE3> T_local_camera_of_row, 
     if (!images.flow_px.empty()) images.flow_px(at.x, at.y) = flow_px(at, point);
     if (outputs_.visibility && (!place_ || place_(point))) images.visibility(at.x, at.y) = 255;
   };
-  renderer_.visit_surface(T_local_camera_of_row, visit, region);
+  renderer.visit_surface(T_local_camera_of_row, visit, region, moving.scene_times);
   return images;
 }
 

@@ -46,6 +46,21 @@ std::optional<geometry::Vec2> project_by_rows(const imaging::Camera& camera,
                                               std::span<const geometry::SE3> T_local_camera_of_row,
                                               const geometry::Vec3& point);
 
+/// A frame of a scene whose placed parts move, for OutputRenderer::render.
+struct MovingFrame {
+  const scene::Scene* scene = nullptr;      ///< at this frame
+  std::span<const float> scene_times;       ///< of each row (or of the one pose)
+  const scene::Scene* next = nullptr;       ///< at the next frame, with the same placed parts; null for the last one
+  std::span<const float> next_scene_times;  ///< of its rows
+};
+
+/// Where a point is at the time of a row.
+using PointOfRow = std::function<geometry::Vec3(int row)>;
+/// The same for a point that moves; slowly enough to move by far less than a row from one row to the next.
+std::optional<geometry::Vec2> project_by_rows(const imaging::Camera& camera,
+                                              std::span<const geometry::SE3> T_local_camera_of_row,
+                                              const PointOfRow& point);
+
 /// Renders the outputs of frames; several threads may each render one. Renderer and scene must outlive it.
 class OutputRenderer {
  public:
@@ -59,6 +74,11 @@ class OutputRenderer {
   /// `region`: the pixels to render, others have the values of pixels outside the lens's valid cone; default: all.
   OutputImages render(std::span<const geometry::SE3> T_local_camera_of_row, std::span<const geometry::SE3> next,
                       const OptionalRegion& region = {}) const;
+  /// The same for placed parts that move, seen by `renderer`, which is in the scene of `moving`. The flow of a point of
+  /// a placed part is to where that point is in the next frame.
+  OutputImages render(const CameraRenderer& renderer, std::span<const geometry::SE3> T_local_camera_of_row,
+                      std::span<const geometry::SE3> next, const MovingFrame& moving,
+                      const OptionalRegion& region) const;
 
  private:
   const CameraRenderer& renderer_;

@@ -36,6 +36,15 @@ RenderOptions make_render_options(const FlightRenderOptions& options) {
   return render;
 }
 
+/// The place with what is placed in it, from one time to another; nullopt: nothing is.
+std::optional<scene::Scene> with_placed_parts(const scene::Scene& place, const PlacedParts& placed, double from_s,
+                                              double to_s) {
+  if (!placed) return std::nullopt;
+  std::vector<scene::PlacedPart> parts = placed(from_s, to_s);
+  if (parts.empty()) return std::nullopt;
+  return scene::Scene(place.parts(), std::move(parts));
+}
+
 void take_channel(std::size_t channel, const LinearImage& from, LinearImage& to) {
   for (std::size_t i = 0; i < to.pixels.size(); ++i) to.pixels[i][channel] = from.pixels[i][channel];
 }
@@ -64,8 +73,10 @@ FrameRenderer::FrameRenderer(const scene::Scene& scene, const imaging::Camera& c
                              const PoseFunction& pose_at, const FlightRenderOptions& options)
     : scene_(scene),
       render_options_(make_render_options(options)),
-      renderer_(scene, camera, render_options_),
-      outputs_(renderer_, scene, options.outputs, options.scored_region),
+      placed_(options.placed),
+      with_placed_(with_placed_parts(scene, placed_, frames.poses.front().time_s, frames.poses.front().time_s)),
+      renderer_(with_placed_ ? *with_placed_ : scene, camera, render_options_),
+      outputs_(renderer_, with_placed_ ? *with_placed_ : scene, options.outputs, options.scored_region),
       has_outputs_(options.outputs.any()),
       frames_(frames),
       first_frame_(frame_range(options, frames.size()).begin),
@@ -79,7 +90,9 @@ FrameRenderer::FrameRenderer(const scene::Scene& scene, const imaging::Camera& c
   RenderOptions colour = render_options_;
   colour.depth = false;
   const auto with_lens = [&](double larger, std::optional<CameraRenderer>& renderer) {
-    if (larger != 0.0) renderer.emplace(scene, renderer_.appearance(), scale_focal_length(camera, larger), colour);
+    if (larger == 0.0) return;
+    renderer.emplace(with_placed_ ? *with_placed_ : scene, renderer_.appearance(), scale_focal_length(camera, larger),
+                     colour);
   };
   with_lens(formation_.chromatic_red, red_);
   with_lens(formation_.chromatic_blue, blue_);
@@ -129,33 +142,85 @@ void FrameRenderer::meter(const scene::Scene& scene, const RenderOptions& option
   gains_ = exposure_gains(formation_.auto_exposure, times_s, light, exposure_);
 }
 
+/// A frame's poses, and the scene while its shutter is open.
+struct FrameRenderer::Moment {
+  ShutterPoses rows;                  ///< at the middle of the exposure
+  ShutterPoses exposure;              ///< all of it
+  std::optional<scene::Scene> scene;  ///< if any parts are placed
+};
+
+/// The renderers of a frame: this object's own, or those in the frame's scene.
+struct FrameRenderer::Cameras {
+  const CameraRenderer *all, *red, *blue;  ///< red, blue: null if they are as all
+  std::vector<std::unique_ptr<const CameraRenderer>> own{};
+};
+
+FrameRenderer::Cameras FrameRenderer::cameras_in(const scene::Scene* scene) const {
+  const auto address = [](const std::optional<CameraRenderer>& one) { return one ? &*one : nullptr; };
+  Cameras cameras{&renderer_, address(red_), address(blue_)};
+  if (scene == nullptr) return cameras;
+  for (const CameraRenderer** camera : {&cameras.all, &cameras.red, &cameras.blue}) {
+    if (*camera == nullptr) continue;
+    cameras.own.push_back(std::make_unique<const CameraRenderer>(*scene, renderer_.appearance(), (*camera)->rays(),
+                                                                 (*camera)->options()));
+    *camera = cameras.own.back().get();
+  }
+  return cameras;
+}
+
+/// Without exposure only the rows, which do not depend on the gain: the next frame's may not be known here.
+FrameRenderer::Moment FrameRenderer::moment_of(std::size_t index, bool is_exposed) const {
+  Moment moment{rows_of(index), {}, {}};
+  if (index >= frames_.size()) return moment;
+  if (is_exposed) moment.exposure = poses_of(index, gain_of(index));
+  if (!with_placed_) return moment;
+  double from_s = frames_.poses[index].time_s, to_s = from_s;
+  for (const ShutterPoses* poses : {&moment.rows, &moment.exposure}) {
+    for (const double time_s : poses->times_s) {
+      from_s = std::min(from_s, time_s);
+      to_s = std::max(to_s, time_s);
+    }
+  }
+  for (ShutterPoses* poses : {&moment.rows, &moment.exposure}) {
+    for (const double time_s : poses->times_s)
+      poses->scene_times.push_back(to_s > from_s ? static_cast<float>((time_s - from_s) / (to_s - from_s)) : 0.0F);
+  }
+  moment.scene = with_placed_parts(scene_, placed_, from_s, to_s);
+  return moment;
+}
+
 TracedFrame FrameRenderer::trace_region(std::size_t index, const OptionalRegion& region) const {
   TracedFrame frame;
   frame.index = index;
+  const Moment moment = moment_of(index, true);
+  const Cameras cameras = cameras_in(moment.scene ? &*moment.scene : nullptr);
   if (is_ideal(formation_)) {
-    RenderedFrame rendered = renderer_.render(frames_.poses[index].T_local_camera, region);
+    RenderedFrame rendered = cameras.all->render(frames_.poses[index].T_local_camera, region);
     frame.rgb = std::move(rendered.rgb);
     frame.depth_m = std::move(rendered.depth_m);
     frame.check.view = rendered.view;
   } else {
-    LightFrame light = trace_light(index, region);
+    LightFrame light = trace_light(cameras, moment.exposure, region);
     frame.light = std::move(light.light);
     frame.depth_m = std::move(light.depth_m);
     frame.check.view = light.view;
   }
   if (has_outputs_) {
-    frame.outputs = outputs_.render(rows_of(index), rows_of(index + 1), region);
+    const Moment next = moment_of(index + 1, false);
+    const MovingFrame moving{moment.scene ? &*moment.scene : nullptr, moment.rows.scene_times,
+                             next.scene ? &*next.scene : nullptr, next.rows.scene_times};
+    frame.outputs = outputs_.render(*cameras.all, moment.rows.T_local_camera, next.rows.T_local_camera, moving, region);
     frame.objects = outputs_.objects();
   }
   return frame;
 }
 
 /// Renders red and blue through separate lenses if there is chromatic aberration.
-LightFrame FrameRenderer::trace_light(std::size_t index, const OptionalRegion& region) const {
-  const ShutterPoses poses = poses_of(index, gain_of(index));
-  LightFrame light = renderer_.render_light(poses, region);
-  if (red_) take_channel(0, red_->render_light(poses, region).light, light.light);
-  if (blue_) take_channel(2, blue_->render_light(poses, region).light, light.light);
+LightFrame FrameRenderer::trace_light(const Cameras& cameras, const ShutterPoses& poses,
+                                      const OptionalRegion& region) const {
+  LightFrame light = cameras.all->render_light(poses, region);
+  if (cameras.red != nullptr) take_channel(0, cameras.red->render_light(poses, region).light, light.light);
+  if (cameras.blue != nullptr) take_channel(2, cameras.blue->render_light(poses, region).light, light.light);
   return light;
 }
 
@@ -170,16 +235,20 @@ double FrameRenderer::gain_of(std::size_t index) const {
 
 ShutterPoses FrameRenderer::poses_of(std::size_t index, double gain) const {
   const StampedPose& pose = frames_.poses[index];
-  if (!has_shutter(formation_)) return {1, 1, {pose.T_local_camera}};
+  if (!has_shutter(formation_)) return {1, 1, {pose.T_local_camera}, {}, {pose.time_s}};
   return shutter_poses(formation_, pose_at_, pose.time_s, renderer_.camera().height(), gain);
 }
 
-/// Row poses at the middle of the exposure; empty beyond the last frame.
-std::vector<SE3> FrameRenderer::rows_of(std::size_t index) const {
+/// At the middle of the exposure: one moment; empty beyond the last frame.
+ShutterPoses FrameRenderer::rows_of(std::size_t index) const {
   if (index >= frames_.size()) return {};
   const ShutterPoses poses = poses_of(index, 1.0);
-  const auto first = poses.T_local_camera.begin() + static_cast<std::ptrdiff_t>(poses.moments / 2) * poses.rows;
-  return {first, first + poses.rows};
+  const auto first = static_cast<std::ptrdiff_t>(poses.moments / 2) * poses.rows, last = first + poses.rows;
+  return {1,
+          poses.rows,
+          {poses.T_local_camera.begin() + first, poses.T_local_camera.begin() + last},
+          {},
+          {poses.times_s.begin() + first, poses.times_s.begin() + last}};
 }
 
 void DividedFrame::add(const PixelRegion& region, TracedFrame part) {

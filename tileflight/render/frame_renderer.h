@@ -66,14 +66,20 @@ class FrameRenderer {
 
  private:
   void meter(const scene::Scene& scene, const RenderOptions& options, const FrameRange& range);
-  LightFrame trace_light(std::size_t index, const OptionalRegion& region) const;
+  struct Moment;
+  struct Cameras;
+  LightFrame trace_light(const Cameras& cameras, const ShutterPoses& poses, const OptionalRegion& region) const;
+  Moment moment_of(std::size_t index, bool is_exposed) const;
+  Cameras cameras_in(const scene::Scene* scene) const;
   bool is_blocked_after(std::size_t index) const;
   double gain_of(std::size_t index) const;
   ShutterPoses poses_of(std::size_t index, double gain) const;
-  std::vector<geometry::SE3> rows_of(std::size_t index) const;
+  ShutterPoses rows_of(std::size_t index) const;
 
   const scene::Scene& scene_;
   RenderOptions render_options_;
+  PlacedParts placed_;
+  std::optional<scene::Scene> with_placed_;  ///< at some time, for what does not depend on poses; set if any are placed
   CameraRenderer renderer_;
   OutputRenderer outputs_;
   bool has_outputs_;

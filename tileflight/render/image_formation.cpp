@@ -210,7 +210,8 @@ ShutterPoses shutter_poses(const ImageFormation& formation, const PoseFunction& 
     const double moment_s = open_s * ((k + 0.5) / poses.moments - 0.5);
     for (int y = 0; y < poses.rows; ++y) {
       const double row_s = poses.rows == 1 ? 0.0 : (y - 0.5 * (height - 1)) * formation.line_delay_s;
-      poses.T_local_camera.push_back(pose_at(time_s + moment_s + row_s));
+      poses.times_s.push_back(time_s + moment_s + row_s);
+      poses.T_local_camera.push_back(pose_at(poses.times_s.back()));
     }
   }
   return poses;

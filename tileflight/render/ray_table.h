@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
+#include <utility>
 #include <vector>
 
 #include "tileflight/imaging/camera.h"
@@ -38,6 +40,18 @@ class RayTable {
   int block_rows_;
   std::vector<RayBlock> blocks_;
   std::vector<std::uint8_t> valid_;
+};
+
+/// A camera with its tables.
+struct CameraRays {
+  imaging::Camera camera;
+  RayTable central;                 ///< one ray per pixel
+  std::optional<RayTable> samples;  ///< set if there are several samples per pixel
+
+  CameraRays(imaging::Camera of, int samples_along_axis) : camera(std::move(of)), central(camera, 1) {
+    if (samples_along_axis > 1) samples.emplace(camera, samples_along_axis);
+  }
+  int samples_along_axis() const { return samples ? samples->samples_along_axis() : 1; }
 };
 
 }  // namespace tileflight::render

@@ -18,10 +18,17 @@
 
 namespace tileflight::render {
 
+/// Things that move beside the place: their parts, with poses at even steps from one time to another, seconds on the
+/// clock of the frames (one pose if the times are equal). Always the same parts, names and order. Called from several
+/// threads.
+using PlacedParts = std::function<std::vector<scene::PlacedPart>(double from_s, double to_s)>;
+
 struct FlightRenderOptions {
   RenderOptions render;
   ImageFormation formation;
   OutputChannels outputs;
+  /// Shown in frames and their outputs; the automatic exposure and the checks of the path do not heed them.
+  PlacedParts placed{};
   std::optional<geometry::Geodetic> origin{};  ///< of the local frame; required by ImageFormation::light
   RegionPredicate scored_region;               ///< for OutputChannels::visibility; empty: everything counts
   /// Range of frames to render: from `first_frame` up to, not including, `end_frame`. They keep their numbers, and are

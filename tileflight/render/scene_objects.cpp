@@ -36,7 +36,8 @@ struct TileTables {
 SceneObjects::SceneObjects(const scene::Scene& scene) {
   std::map<std::string, TileTables> tiles;
   std::map<std::tuple<std::string, std::uint32_t, std::uint32_t>, std::uint32_t> known;
-  for (const TexturedMesh& mesh : scene.meshes()) {
+  for (std::uint32_t m = 0; m < scene.first_placed_mesh(); ++m) {
+    const TexturedMesh& mesh = scene.meshes()[m];
     TileTables& tile = tiles[mesh.name];
     const std::uint32_t table = tile.first_mesh.try_emplace(mesh.features.get(), tile.meshes).first->second;
     ++tile.meshes;
@@ -51,11 +52,26 @@ SceneObjects::SceneObjects(const scene::Scene& scene) {
       own.features.emplace_back(feature, at->second);
     }
   }
+  add_placed(scene);
+}
+
+SceneObjects::SceneObjects(SceneObjects without_placed, const scene::Scene& scene)
+    : objects_(std::move(without_placed.objects_)), meshes_(std::move(without_placed.meshes_)) {
+  add_placed(scene);
+}
+
+void SceneObjects::add_placed(const scene::Scene& scene) {
+  for (const scene::PlacedPart& placed : scene.placed()) {
+    const auto object = static_cast<std::uint32_t>(objects_.size());
+    objects_.push_back({.tile = placed.name, .feature = kNoFeature, .is_placed = true});
+    for (const TexturedMesh& mesh : placed.part->meshes())
+      meshes_.push_back({&mesh, object, {NumberedFeature{kNoFeature, object}}, true});
+  }
 }
 
 std::uint32_t SceneObjects::index_of(std::uint32_t mesh, std::uint32_t triangle) const {
   const MeshObjects& own = meshes_[mesh];
-  if (own.mesh->feature_ids.empty()) return own.tile_object;
+  if (own.is_placed || own.mesh->feature_ids.empty()) return own.tile_object;
   return index_of_feature(mesh, own.mesh->feature_ids[own.mesh->mesh.triangles[triangle][0]]);
 }
 

@@ -38,6 +38,13 @@ LinearRgb interpolate_vertex_colors(const imaging::TexturedMesh& mesh, const sce
   return light;
 }
 
+/// Texture gradients are by metres of the part; of a placed part that is scaled these are others than the scene's.
+double footprint_in_part_m(const scene::Scene& scene, const scene::Hit& hit, double footprint_m) {
+  if (hit.mesh < scene.first_placed_mesh()) return footprint_m;
+  const Eigen::Affine3d pose = scene.placed_pose(scene.placed_of_mesh(hit.mesh), hit.time);
+  return footprint_m / std::cbrt(pose.linear().determinant());
+}
+
 }  // namespace
 
 LinearRgb surface_color(const scene::Scene& scene, const Appearance& appearance, const scene::Hit& hit,
@@ -47,8 +54,10 @@ LinearRgb surface_color(const scene::Scene& scene, const Appearance& appearance,
   const auto multiply = [&light](const LinearRgb& by) {
     for (std::size_t c = 0; c < 3; ++c) light[c] *= by[c];
   };
-  if (material.texture.pyramid != nullptr)
-    multiply(sample_texture(material, appearance.triangle_shading(material, hit.triangle), hit, footprint_m));
+  if (material.texture.pyramid != nullptr) {
+    multiply(sample_texture(material, appearance.triangle_shading(material, hit.triangle), hit,
+                            footprint_in_part_m(scene, hit, footprint_m)));
+  }
   if (material.vertex_colors != nullptr) multiply(interpolate_vertex_colors(scene.meshes()[hit.mesh], hit));
   return light;
 }

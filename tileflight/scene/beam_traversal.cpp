@@ -11,6 +11,11 @@
 //                   no ray slips between two triangles.
 //   inverse depth   1 / z of the hit, which is r . n / (n . a) with the normal n = (b - a) x (c - a).
 //
+// A placed part has coordinates q of its own, p = M q + t. A beam goes through its tree in these: with the origin
+// q_o = M^-1 (o - t), the axis vector e of the beam's frame becomes M^T e for corners, since e . (p - o) = M^T e . (q -
+// q_o), and M^-1 e for normals, since M^-1 r is the ray in the part. So x, y and z of the beam's frame, and all that is
+// computed from them, are the same as if the part's corners were in the scene.
+//
 // The nearest triangle has the largest inverse depth; ties are resolved by mesh and triangle number. So hits do not
 // depend on the order of traversal.
 #include <algorithm>
@@ -20,9 +25,11 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <utility>
 
 #include "tileflight/base/simd.h"
 #include "tileflight/scene/beam_tree.h"
+#include "tileflight/scene/part_motion.h"
 
 namespace tileflight::scene {
 namespace {
@@ -99,6 +106,8 @@ TILEFLIGHT_LANE_INLINE void edge_normal(const Vector3x8& a, const Vector3x8& b, 
 /// The rays and their nearest hits so far.
 struct Beam {
   Vector3 origin, axis_x, axis_y, axis_z;  ///< of the beam's frame, in scene axes
+  Vector3 normal_x, normal_y, normal_z;  ///< the same axes, for normals: others where space is scaled (traverse_placed)
+  float time;
   Float8 ray_x[kPackets], ray_y[kPackets];
   Float8 direction_z[kPackets];         ///< z component of the ray's original direction
   Float8 low_x, high_x, low_y, high_y;  ///< rectangles, one packet per lane; low > high for unused lanes
@@ -135,9 +144,12 @@ TILEFLIGHT_LANE_INLINE BeamFrustum::Side side_of(const Vector3& normal, const Ve
   return side;
 }
 
+TILEFLIGHT_LANE_INLINE float magnitude(const Vector3& v) { return std::abs(v.x) + std::abs(v.y) + std::abs(v.z); }
+
+/// `reach_m`: of all coordinates.
 TILEFLIGHT_LANE_INLINE BeamFrustum make_frustum(const Beam& beam, float reach_m) {
   const Vector3& o = beam.origin;
-  const float slack = kBoxSlack * (reach_m + std::abs(o.x) + std::abs(o.y) + std::abs(o.z));
+  const float slack = kBoxSlack * (reach_m + magnitude(o));
   const Vector3 &x = beam.axis_x, &y = beam.axis_y, &z = beam.axis_z;
   BeamFrustum pyramid;
   pyramid.sides[0] = side_of(minus(x, scaled(z, beam.min_x)), o, slack, false);
@@ -184,6 +196,10 @@ TILEFLIGHT_LANE_INLINE bool build_frame(std::span<const RayPacket8> packets, Bea
   beam.axis_x = scaled(x, 1.0F / std::sqrt(dot(x, x)));
   beam.axis_y = cross(z, beam.axis_x);
   beam.axis_z = z;
+  beam.normal_x = beam.axis_x;
+  beam.normal_y = beam.axis_y;
+  beam.normal_z = beam.axis_z;
+  beam.time = first.time[0];
   return true;
 }
 
@@ -286,7 +302,9 @@ TILEFLIGHT_LANE_INLINE unsigned set_up_planes(const Beam& beam, const Vector3x8&
   const Float8 volume = facets.normal.x * a.x + facets.normal.y * a.y + facets.normal.z * a.z;
   const Float8 per_volume = 1.0F / volume;
   Vector3x8 n;
-  to_beam(beam, facets.normal, n);
+  dot_axis(facets.normal, beam.normal_x, n.x);
+  dot_axis(facets.normal, beam.normal_y, n.y);
+  dot_axis(facets.normal, beam.normal_z, n.z);
   facets.inverse_depth[0] = n.x * per_volume;
   facets.inverse_depth[1] = n.y * per_volume;
   facets.inverse_depth[2] = n.z * per_volume;
@@ -423,6 +441,29 @@ TILEFLIGHT_LANE_INLINE std::size_t push_children(const BeamNode& node, std::uint
   return size;
 }
 
+Vector3 vector3(const Eigen::Vector3f& v) { return {v.x(), v.y(), v.z()}; }
+Eigen::Vector3f eigen(const Vector3& v) { return {v.x, v.y, v.z}; }
+
+/// Expresses the beam's frame in a placed part's coordinates; returns the reach of all coordinates on the way there.
+float enter_part(const BeamBranch& part, Beam& beam) {
+  const PartTransform to = part.motion->transform(beam.time);
+  const Eigen::Vector3f origin = eigen(beam.origin);
+  beam.origin = vector3(to.point_to_part(origin));
+  for (auto [axis, normal] : {std::pair(&Beam::axis_x, &Beam::normal_x), std::pair(&Beam::axis_y, &Beam::normal_y),
+                              std::pair(&Beam::axis_z, &Beam::normal_z)}) {
+    const Eigen::Vector3f e = eigen(beam.*axis);
+    beam.*axis = vector3(to.scene_part.transpose() * e);
+    beam.*normal = vector3(to.part_scene * e);
+  }
+  // Distances along an axis are in the scene's metres: so many of them is a metre of the part at most.
+  const float scale = std::max(1.0F, to.scene_part.norm());
+  return scale * (part.reach_m + magnitude(beam.origin)) + origin.cwiseAbs().sum() + to.origin.cwiseAbs().sum();
+}
+
+/// Casts the beam through a placed part's tree. Apart from traverse(), whose loop it would slow down.
+__attribute__((noinline)) TILEFLIGHT_WIDE_VECTORS void traverse_placed(const BeamBranch& part, std::size_t packets,
+                                                                       Beam& beam);
+
 TILEFLIGHT_LANE_INLINE void traverse(BeamNode::Child root, std::span<const BeamBranch> branches,
                                      const BeamFrustum& pyramid, std::size_t packets, Beam& beam) {
   std::array<Entry, kStackSize> stack;
@@ -433,6 +474,10 @@ TILEFLIGHT_LANE_INLINE void traverse(BeamNode::Child root, std::span<const BeamB
     if (entry.depth_m > beam.max_depth) continue;
     if ((entry.child & 2U) != 0) {
       const BeamBranch& part = branches[entry.child >> 2U];
+      if (part.motion != nullptr) {
+        traverse_placed(part, packets, beam);
+        continue;
+      }
       entry = {entry.depth_m, part.first_mesh, part.root};
     }
     if ((entry.child & 1U) == 0) {
@@ -443,6 +488,34 @@ TILEFLIGHT_LANE_INLINE void traverse(BeamNode::Child root, std::span<const BeamB
     intersect_leaf(*reinterpret_cast<const BeamLeaf*>(entry.child & ~BeamNode::Child{1}), entry.first_mesh, beam);
     if (beam.updated_packets != 0) tighten_bound(packets, beam);
   }
+}
+
+void traverse_placed(const BeamBranch& part, std::size_t packets, Beam& beam) {
+  const Vector3 outside[7] = {beam.origin,   beam.axis_x,   beam.axis_y,  beam.axis_z,
+                              beam.normal_x, beam.normal_y, beam.normal_z};
+  const float reach_m = enter_part(part, beam);
+  const BeamFrustum pyramid = make_frustum(beam, reach_m);
+  std::array<Entry, kStackSize / 2 + 1> stack;
+  std::size_t size = 0;
+  stack[size++] = {-std::numeric_limits<float>::infinity(), part.first_mesh, part.root};
+  while (size > 0) {
+    const Entry entry = stack[--size];
+    if (entry.depth_m > beam.max_depth) continue;
+    if ((entry.child & 1U) == 0) {
+      const auto& node = *reinterpret_cast<const BeamNode*>(entry.child);
+      size = push_children(node, entry.first_mesh, pyramid, beam.max_depth, stack.data(), size);
+      continue;
+    }
+    intersect_leaf(*reinterpret_cast<const BeamLeaf*>(entry.child & ~BeamNode::Child{1}), entry.first_mesh, beam);
+    if (beam.updated_packets != 0) tighten_bound(packets, beam);
+  }
+  beam.origin = outside[0];
+  beam.axis_x = outside[1];
+  beam.axis_y = outside[2];
+  beam.axis_z = outside[3];
+  beam.normal_x = outside[4];
+  beam.normal_y = outside[5];
+  beam.normal_z = outside[6];
 }
 
 TILEFLIGHT_LANE_INLINE void write_hits(const Beam& beam, int p, RayPacket8& packet) {

@@ -40,14 +40,18 @@ using BvhHandle = std::unique_ptr<std::remove_pointer_t<RTCBVH>, ReleaseBvh>;
 /// concerns leaves. 0 if memory is insufficient.
 BeamNode::Child build_beam_nodes(RTCBuildArguments arguments, std::vector<RTCBuildPrimitive>& boxes);
 
+class PartMotion;  // part_motion.h
+
 /// A tree within a larger one (part_tree.h): its meshes are numbered from `first_mesh` on.
 struct BeamBranch {
   BeamNode::Child root = 0;
   std::uint32_t first_mesh = 0;
+  const PartMotion* motion = nullptr;  ///< of a placed part; null: the tree's coordinates are those of the larger one
+  float reach_m = 0.0F;                ///< of a placed part: largest absolute coordinate of a corner, in its own frame
 };
 
 /// Casts a beam through the tree below `root`, whose parts are `branches`. `reach_m`: largest absolute coordinate of a
-/// corner. As BeamTree::intersect.
+/// corner. As BeamTree::intersect, except that normals of hits on placed parts are in the part's frame.
 bool intersect_beam(BeamNode::Child root, std::span<const BeamBranch> branches, float reach_m,
                     std::span<RayPacket8> beam);
 
@@ -61,8 +65,8 @@ class BeamTree {
   /// Throws std::runtime_error if memory is insufficient. Keeps no reference to `meshes`, which have a triangle.
   BeamTree(const std::vector<imaging::TexturedMesh>& meshes, const geometry::Vec3& anchor, DeviceHandle device);
 
-  /// Scene::intersect for beams. Returns false, without changing `beam`, if the rays diverge too much (some 60 degrees
-  /// from their mean): then cast them one by one.
+  /// Scene::intersect for beams, which have one time. Returns false, without changing `beam`, if the rays diverge too
+  /// much (some 60 degrees from their mean): then cast them one by one.
   bool intersect(std::span<RayPacket8> beam) const;
 
   BeamNode::Child root() const { return root_; }

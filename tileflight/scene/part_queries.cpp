@@ -18,14 +18,14 @@ constexpr float kReachSlack = 1e-5F;
 constexpr RTCIntersectContextFlags kCoherent = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
 alignas(32) constexpr int kAllPacketLanes[8] = {-1, -1, -1, -1, -1, -1, -1, -1};  // disabled by far limits
 
-std::vector<Eigen::AlignedBox3f> float_boxes(const std::vector<std::shared_ptr<const ScenePart>>& parts) {
+std::vector<Eigen::AlignedBox3f> float_boxes(const std::vector<QueriedPart>& parts, const geometry::Vec3& anchor) {
   std::vector<Eigen::AlignedBox3f> boxes(parts.size());
   for (std::size_t i = 0; i < parts.size(); ++i) {
-    const geometry::Box3& box = parts[i]->bounds();
-    if (parts[i]->triangle_count() == 0) continue;
+    const geometry::Box3& box = parts[i].motion ? parts[i].motion->bounds() : parts[i].part->bounds();
+    if (parts[i].part->triangle_count() == 0) continue;
     // Rounding keeps the order of numbers, so these are the bounds of the rounded corners, too.
-    boxes[i].min() = (box.min() - parts[i]->frame().anchor()).cast<float>();
-    boxes[i].max() = (box.max() - parts[i]->frame().anchor()).cast<float>();
+    boxes[i].min() = (box.min() - anchor).cast<float>();
+    boxes[i].max() = (box.max() - anchor).cast<float>();
   }
   return boxes;
 }
@@ -136,6 +136,64 @@ PacketSlabs packet_slabs(const RayPacket8& packet, const SlackAt& slack_at) {
   return slabs;
 }
 
+void to_part(const PartTransform& to, RTCRay& ray) {
+  const Eigen::Vector3f origin = to.point_to_part({ray.org_x, ray.org_y, ray.org_z});
+  const Eigen::Vector3f direction = to.part_scene * Eigen::Vector3f(ray.dir_x, ray.dir_y, ray.dir_z);
+  ray.org_x = origin.x();
+  ray.org_y = origin.y();
+  ray.org_z = origin.z();
+  ray.dir_x = direction.x();
+  ray.dir_y = direction.y();
+  ray.dir_z = direction.z();
+}
+
+void lane_to_part(const PartTransform& to, int i, RayPacket8& packet) {
+  const Eigen::Vector3f origin = to.point_to_part({packet.origin_x[i], packet.origin_y[i], packet.origin_z[i]});
+  const Eigen::Vector3f direction =
+      to.part_scene * Eigen::Vector3f(packet.direction_x[i], packet.direction_y[i], packet.direction_z[i]);
+  packet.origin_x[i] = origin.x();
+  packet.origin_y[i] = origin.y();
+  packet.origin_z[i] = origin.z();
+  packet.direction_x[i] = direction.x();
+  packet.direction_y[i] = direction.y();
+  packet.direction_z[i] = direction.z();
+}
+
+void rotate_lane_normal(const PartTransform& to, RayPacket8& packet, int i) {
+  const Eigen::Vector3f normal =
+      to.normals * Eigen::Vector3f(packet.normal_x[i], packet.normal_y[i], packet.normal_z[i]);
+  packet.normal_x[i] = normal.x();
+  packet.normal_y[i] = normal.y();
+  packet.normal_z[i] = normal.z();
+}
+
+/// The transforms of a packet's lanes to a part, each at its own time. Lanes of a row of pixels have the same.
+class PacketTransforms {
+ public:
+  explicit PacketTransforms(const PartMotion* motion) : motion_(motion) {}
+
+  void to_part(RayPacket8& packet) {
+    if (motion_ == nullptr) return;
+    for (int i = 0; i < RayPacket8::kLanes; ++i) lane_to_part(at(packet.time[i]), i, packet);
+  }
+  void rotate_normal(RayPacket8& packet, int lane) {
+    if (motion_ != nullptr) rotate_lane_normal(at(packet.time[lane]), packet, lane);
+  }
+
+ private:
+  const PartTransform& at(float time) {
+    if (!is_set_ || time != time_) transform_ = motion_->transform(time);
+    time_ = time;
+    is_set_ = true;
+    return transform_;
+  }
+
+  const PartMotion* motion_;
+  bool is_set_ = false;
+  float time_ = 0.0F;
+  PartTransform transform_;
+};
+
 RTCIntersectContext context_of(RTCIntersectContextFlags flags) {
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
@@ -145,14 +203,19 @@ RTCIntersectContext context_of(RTCIntersectContextFlags flags) {
 
 }  // namespace
 
-PartQueries::PartQueries(std::vector<std::shared_ptr<const ScenePart>> parts)
+PartQueries::PartQueries(std::vector<QueriedPart> parts, const SceneFrame& frame)
     : parts_(std::move(parts)),
-      reach_m_(largest_box_coordinate(float_boxes(parts_))),
-      tree_(float_boxes(parts_), parts_.front()->frame().device()) {
+      reach_m_(largest_box_coordinate(float_boxes(parts_, frame.anchor()))),
+      tree_(float_boxes(parts_, frame.anchor()), frame.device()) {
   std::size_t next = 0;
-  for (const auto& part : parts_) {
+  for (std::size_t i = 0; i < parts_.size(); ++i) {
     first_mesh_.push_back(static_cast<std::uint32_t>(next));
-    next += part->meshes().size();
+    next += parts_[i].part->meshes().size();
+    if (!parts_[i].motion) {
+      first_placed_mesh_ = static_cast<std::uint32_t>(next);
+    } else {
+      placed_.insert(placed_.end(), parts_[i].part->meshes().size(), static_cast<std::uint32_t>(i));
+    }
   }
 }
 
@@ -166,11 +229,13 @@ void PartQueries::intersect(RTCRayHit& query) const {
   tree_.visit_parts(slabs, [&](std::size_t part) {
     RTCRayHit found = query;
     found.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-    rtcIntersect1(parts_[part]->ray_tree().scene.get(), &context, &found);
+    if (parts_[part].motion) to_part(parts_[part].motion->transform(query.ray.time), found.ray);
+    rtcIntersect1(tree_of(part), &context, &found);
     if (found.hit.geomID == RTC_INVALID_GEOMETRY_ID) return true;
     found.hit.geomID += first_mesh_[part];
     if (!is_better(found.ray.tfar, found.hit.geomID, query.ray.tfar, query.hit.geomID)) return true;
-    query = found;
+    query.hit = found.hit;
+    query.ray.tfar = found.ray.tfar;
     slabs.far = query.ray.tfar;
     return true;
   });
@@ -180,7 +245,10 @@ void PartQueries::test_occlusion(RTCRay& ray) const {
   const RaySlabs slabs = ray_slabs(ray, slack_at(ray.org_x, ray.org_y, ray.org_z));
   RTCIntersectContext context = context_of(RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT);
   tree_.visit_parts(slabs, [&](std::size_t part) {
-    rtcOccluded1(parts_[part]->ray_tree().scene.get(), &context, &ray);
+    RTCRay own = ray;
+    if (parts_[part].motion) to_part(parts_[part].motion->transform(ray.time), own);
+    rtcOccluded1(tree_of(part), &context, &own);
+    ray.tfar = own.tfar;
     return ray.tfar >= 0.0F;
   });
 }
@@ -191,13 +259,16 @@ void PartQueries::intersect(RayPacket8& packet) const {
   tree_.visit_parts(slabs, [&](std::size_t part) {
     RayPacket8 found = packet;
     std::fill_n(found.mesh, RayPacket8::kLanes, RayPacket8::kMiss);
-    rtcIntersect8(kAllPacketLanes, parts_[part]->ray_tree().scene.get(), &context,
-                  reinterpret_cast<RTCRayHit8*>(&found));
+    PacketTransforms transforms(parts_[part].motion.get());
+    transforms.to_part(found);
+    rtcIntersect8(kAllPacketLanes, tree_of(part), &context, reinterpret_cast<RTCRayHit8*>(&found));
     for (int i = 0; i < slabs.count; ++i) {
       const int lane = slabs.lanes[i];
       if (found.mesh[lane] == RayPacket8::kMiss) continue;
       const std::uint32_t mesh = found.mesh[lane] + first_mesh_[part];
-      if (is_better(found.far[lane], mesh, packet.far[lane], packet.mesh[lane])) take_lane(found, lane, mesh, packet);
+      if (!is_better(found.far[lane], mesh, packet.far[lane], packet.mesh[lane])) continue;
+      take_lane(found, lane, mesh, packet);
+      transforms.rotate_normal(packet, lane);
     }
     slabs.update(packet);
     return true;
@@ -208,21 +279,42 @@ void PartQueries::test_occlusion(RayPacket8& packet) const {
   PacketSlabs slabs = packet_slabs(packet, [this](float x, float y, float z) { return slack_at(x, y, z); });
   RTCIntersectContext context = context_of(kCoherent);
   tree_.visit_parts(slabs, [&](std::size_t part) {
-    rtcOccluded8(kAllPacketLanes, parts_[part]->ray_tree().scene.get(), &context, reinterpret_cast<RTCRay8*>(&packet));
+    RayPacket8 own = packet;
+    PacketTransforms(parts_[part].motion.get()).to_part(own);
+    rtcOccluded8(kAllPacketLanes, tree_of(part), &context, reinterpret_cast<RTCRay8*>(&own));
+    std::copy_n(own.far, RayPacket8::kLanes, packet.far);
     slabs.update(packet);
     return true;
   });
 }
 
 bool PartQueries::intersect(std::span<RayPacket8> beam) const {
-  return intersect_beam(tree_.root(), branches(), reach_m_, beam);
+  if (!intersect_beam(tree_.root(), branches(), reach_m_, beam)) return false;
+  if (!placed_.empty()) rotate_normals(beam);
+  return true;
 }
+
+/// Of hits on placed parts, into the scene's frame.
+void PartQueries::rotate_normals(std::span<RayPacket8> beam) const {
+  for (RayPacket8& packet : beam) {
+    for (int i = 0; i < RayPacket8::kLanes; ++i) {
+      if (packet.mesh[i] == RayPacket8::kMiss || packet.mesh[i] < first_placed_mesh_) continue;
+      const QueriedPart& part = parts_[placed_[packet.mesh[i] - first_placed_mesh_]];
+      rotate_lane_normal(part.motion->transform(beam.front().time[0]), packet, i);
+    }
+  }
+}
+
+RTCScene PartQueries::tree_of(std::size_t part) const { return parts_[part].part->ray_tree().scene.get(); }
 
 const std::vector<BeamBranch>& PartQueries::branches() const {
   return branches_.get([this] {
     std::vector<BeamBranch> branches(parts_.size());
     tbb::parallel_for(std::size_t{0}, parts_.size(), [&](std::size_t i) {
-      if (parts_[i]->triangle_count() > 0) branches[i] = {parts_[i]->beam_tree().root(), first_mesh_[i]};
+      const QueriedPart& part = parts_[i];
+      if (part.part->triangle_count() == 0) return;
+      const BeamTree& tree = part.part->beam_tree();
+      branches[i] = {tree.root(), first_mesh_[i], part.motion.get(), tree.reach_m()};
     });
     return branches;
   });

@@ -11,21 +11,28 @@
 #include "tileflight/scene/beam_tree.h"
 #include "tileflight/scene/lazy_tree.h"
 #include "tileflight/scene/packets.h"
+#include "tileflight/scene/part_motion.h"
 #include "tileflight/scene/part_tree.h"
-#include "tileflight/scene/scene_part.h"
 
 namespace tileflight::scene {
 
+/// A part of a scene.
+struct QueriedPart {
+  std::shared_ptr<const ScenePart> part;
+  std::shared_ptr<const PartMotion> motion;  ///< of a placed part; null: its frame is the scene's
+};
+
 /// Queries over several parts, as over one tree of all their triangles: meshes are numbered across the parts, in their
-/// order. A tree over the parts chooses those that a query meets; their own trees answer. A part's tree for rays is
-/// built by the first ray that meets the part.
+/// order. A tree over the parts chooses those that a query meets; their own trees answer, placed parts' in their own
+/// coordinates, into which the query is transformed. A part's tree for rays is built by the first ray that meets the
+/// part.
 class PartQueries {
  public:
-  /// There is a triangle. Throws std::runtime_error if memory is insufficient.
-  explicit PartQueries(std::vector<std::shared_ptr<const ScenePart>> parts);
+  /// There is a triangle. `frame`: of the scene. Throws std::runtime_error if memory is insufficient.
+  PartQueries(std::vector<QueriedPart> parts, const SceneFrame& frame);
 
   /// As rtcIntersect1 and rtcOccluded1, with meshes as geometry numbers. Of equally near surfaces of several parts the
-  /// first part's counts.
+  /// first part's counts. The ray's time is the scene's.
   void intersect(RTCRayHit& query) const;
   void test_occlusion(RTCRay& ray) const;
   /// As Scene's functions of the same names.
@@ -34,17 +41,22 @@ class PartQueries {
   bool intersect(std::span<RayPacket8> beam) const;
   void build_beam_trees() const { branches(); }
 
-  /// Calls `look(part)` for the parts whose box is nearer to the point (relative to the anchor) than `radius()`, which
-  /// may shrink between calls.
+  /// Calls `look(part)`, a QueriedPart, for those whose box is nearer to the point (relative to the anchor) than
+  /// `radius()`, which may shrink between calls.
   template <class Radius, class Look>
   void visit_near(const float (&point)[3], const Radius& radius, const Look& look) const;
 
  private:
   const std::vector<BeamBranch>& branches() const;
   float slack_at(float x, float y, float z) const;
+  RTCScene tree_of(std::size_t part) const;
 
-  std::vector<std::shared_ptr<const ScenePart>> parts_;
+  void rotate_normals(std::span<RayPacket8> beam) const;
+
+  std::vector<QueriedPart> parts_;
   std::vector<std::uint32_t> first_mesh_;  ///< of each part
+  std::vector<std::uint32_t> placed_;      ///< for each mesh from first_placed_mesh_ on, its part
+  std::uint32_t first_placed_mesh_ = 0;    ///< of placed parts, which follow the others
   float reach_m_;                          ///< largest absolute coordinate of a box
   PartTree tree_;
   mutable LazyTree<std::vector<BeamBranch>> branches_;
@@ -75,7 +87,7 @@ template <class Radius, class Look>
 void PartQueries::visit_near(const float (&point)[3], const Radius& radius, const Look& look) const {
   const PointBoxes<Radius> query{point, radius, slack_at(point[0], point[1], point[2])};
   tree_.visit_parts(query, [&](std::size_t part) {
-    look(*parts_[part]);
+    look(parts_[part]);
     return true;
   });
 }

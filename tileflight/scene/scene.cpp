@@ -46,6 +46,7 @@ RTCRay embree_ray(const Ray& ray, const geometry::Vec3& anchor, double max_dista
   r.dir_y = static_cast<float>(ray.direction.y());
   r.dir_z = static_cast<float>(ray.direction.z());
   r.tfar = static_cast<float>(max_distance_m);
+  r.time = static_cast<float>(ray.time);
   r.mask = 0xFFFFFFFFU;
   return r;
 }
@@ -57,37 +58,56 @@ std::array<geometry::Vec3, 3> corners(const geometry::TriangleMesh& mesh, std::u
 
 /// State of Embree's point query: the tree's triangles, and the nearest distance so far.
 struct NearestSearch {
-  const std::vector<imaging::TexturedMesh>* meshes;
   geometry::Vec3 point;
   double distance_m;  ///< of the nearest surface found so far, or the limit
   double slack_m;     ///< bound on the rounding of the tree's float boxes
+  double time = 0.0;
   bool found = false;
+  const std::vector<imaging::TexturedMesh>* meshes = nullptr;  ///< of the part that is searched
+  const Eigen::Affine3d* pose = nullptr;                       ///< of the part, if it is placed
+  double part_per_scene = 1.0;                                 ///< no length is longer in the part than so many times
 
   float radius() const { return static_cast<float>((distance_m + slack_m) * (1.0 + 1e-6)); }
+  float part_radius() const { return static_cast<float>(part_per_scene) * radius(); }
 };
 
 bool look_at_triangle(RTCPointQueryFunctionArguments* asked) {
   auto& search = *static_cast<NearestSearch*>(asked->userPtr);
-  const auto p = corners((*search.meshes)[asked->geomID].mesh, asked->primID);
+  auto p = corners((*search.meshes)[asked->geomID].mesh, asked->primID);
+  if (search.pose != nullptr) {
+    for (geometry::Vec3& corner : p) corner = *search.pose * corner;
+  }
   const double distance_m = (geometry::closest_point_on_triangle(search.point, p[0], p[1], p[2]) - search.point).norm();
   if (distance_m > search.distance_m) return false;
   search.distance_m = distance_m;
   search.found = true;
-  asked->query->radius = search.radius();
+  asked->query->radius = search.part_radius();
   return true;
 }
 
-/// Brings `search` up to date with the part's surfaces.
-void search_part(const ScenePart& part, const float (&position)[3], NearestSearch& search) {
+/// Brings `search` up to date with the part's surfaces. `from`: its point, relative to the part's anchor.
+void search_part(const ScenePart& part, const geometry::Vec3& from, NearestSearch& search) {
   search.meshes = &part.meshes();
   RTCPointQuery query{};
-  query.x = position[0];
-  query.y = position[1];
-  query.z = position[2];
-  query.radius = search.radius();
+  query.x = static_cast<float>(from.x());
+  query.y = static_cast<float>(from.y());
+  query.z = static_cast<float>(from.z());
+  query.radius = search.part_radius();
   RTCPointQueryContext context;
   rtcInitPointQueryContext(&context);
   rtcPointQuery(part.ray_tree().scene.get(), &query, &context, look_at_triangle, &search);
+}
+
+/// The same for a placed part.
+void search_part(const QueriedPart& placed, NearestSearch search, NearestSearch& result) {
+  const Eigen::Affine3d pose = placed.motion->pose(search.time);
+  const geometry::Mat3 inverse = pose.linear().inverse();
+  search.pose = &pose;
+  search.part_per_scene = inverse.norm();
+  const geometry::Vec3 from = inverse * (search.point - pose.translation()) - placed.part->frame().anchor();
+  search_part(*placed.part, from, search);
+  result.distance_m = search.distance_m;
+  result.found = search.found;
 }
 
 /// Distance along the ray to the triangle's plane in double precision; `distance_m` if the plane is edge-on.
@@ -102,31 +122,56 @@ double plane_distance(const Ray& ray, const std::array<geometry::Vec3, 3>& p, do
 
 struct Scene::Impl {
   std::vector<std::shared_ptr<const ScenePart>> parts;
-  std::shared_ptr<ScenePart> own;                    ///< the only part, of a scene that was made of meshes
-  std::vector<const imaging::TexturedMesh*> meshes;  ///< of all parts
+  std::vector<PlacedPart> placed;
+  std::vector<std::shared_ptr<const PartMotion>> motions;  ///< of the placed parts
+  std::shared_ptr<ScenePart> own;                          ///< the only part, of a scene that was made of meshes
+  std::vector<const imaging::TexturedMesh*> meshes;        ///< of all parts
+  std::uint32_t first_placed_mesh = 0;
+  std::vector<std::uint32_t> placed_of_mesh;  ///< from there on
   geometry::Box3 bounds;
   geometry::Vec3 anchor;
   std::size_t triangle_count = 0;
 
-  explicit Impl(std::vector<std::shared_ptr<const ScenePart>> all) : parts(std::move(all)) {
-    for (const auto& part : parts) {
-      for (const imaging::TexturedMesh& mesh : part->meshes()) meshes.push_back(&mesh);
-      bounds.extend(part->bounds());
-      triangle_count += part->triangle_count();
+  explicit Impl(std::vector<std::shared_ptr<const ScenePart>> all, std::vector<PlacedPart> at = {})
+      : parts(std::move(all)), placed(std::move(at)), anchor(parts.front()->frame().anchor()) {
+    for (const auto& part : parts) add(*part, part->bounds());
+    first_placed_mesh = static_cast<std::uint32_t>(meshes.size());
+    for (std::size_t i = 0; i < placed.size(); ++i) {
+      motions.push_back(std::make_shared<const PartMotion>(placed[i], anchor));
+      add(*placed[i].part, motions.back()->bounds());
+      placed_of_mesh.resize(meshes.size() - first_placed_mesh, static_cast<std::uint32_t>(i));
     }
     if (triangle_count == 0) throw InputError("scene", "contains no triangle; is the region empty?");
-    anchor = parts.front()->frame().anchor();
   }
 
-  bool is_whole() const { return parts.size() == 1; }
+  bool is_whole() const { return parts.size() == 1 && placed.empty(); }
   /// Precondition: is_whole().
   RTCScene rays() const { return parts.front()->ray_tree().scene.get(); }
   /// Precondition: not is_whole().
   const PartQueries& queries() {
-    return *queries_.get([this] { return std::make_unique<PartQueries>(parts); });
+    return *queries_.get([this] { return std::make_unique<PartQueries>(queried(), parts.front()->frame()); });
+  }
+  std::array<geometry::Vec3, 3> corners_of(const Hit& hit) const {
+    auto p = corners(meshes[hit.mesh]->mesh, hit.triangle);
+    if (hit.mesh < first_placed_mesh) return p;
+    const Eigen::Affine3d pose = motions[placed_of_mesh[hit.mesh - first_placed_mesh]]->pose(hit.time);
+    for (geometry::Vec3& corner : p) corner = pose * corner;
+    return p;
   }
 
  private:
+  void add(const ScenePart& part, const geometry::Box3& box) {
+    for (const imaging::TexturedMesh& mesh : part.meshes()) meshes.push_back(&mesh);
+    bounds.extend(box);
+    triangle_count += part.triangle_count();
+  }
+  std::vector<QueriedPart> queried() const {
+    std::vector<QueriedPart> all;
+    for (const auto& part : parts) all.push_back({part, nullptr});
+    for (std::size_t i = 0; i < placed.size(); ++i) all.push_back({placed[i].part, motions[i]});
+    return all;
+  }
+
   LazyTree<std::unique_ptr<PartQueries>> queries_;
 };
 
@@ -147,13 +192,15 @@ Scene::Scene(std::vector<imaging::TexturedMesh> meshes, const std::optional<geom
   impl_->own = part;
 }
 
-Scene::Scene(std::vector<std::shared_ptr<const ScenePart>> parts) {
+Scene::Scene(std::vector<std::shared_ptr<const ScenePart>> parts) : Scene(std::move(parts), {}) {}
+
+Scene::Scene(std::vector<std::shared_ptr<const ScenePart>> parts, std::vector<PlacedPart> placed) {
   assert(!parts.empty());
   assert(std::ranges::all_of(parts, [&](const auto& part) {
     return part->frame().device() == parts.front()->frame().device() &&
            part->frame().anchor() == parts.front()->frame().anchor();
   }));
-  impl_ = std::make_unique<Impl>(std::move(parts));
+  impl_ = std::make_unique<Impl>(std::move(parts), std::move(placed));
 }
 
 Scene::~Scene() = default;
@@ -162,6 +209,17 @@ Scene& Scene::operator=(Scene&&) noexcept = default;
 
 Scene::Meshes Scene::meshes() const { return Meshes(impl_->meshes); }
 const std::vector<std::shared_ptr<const ScenePart>>& Scene::parts() const { return impl_->parts; }
+
+const std::vector<PlacedPart>& Scene::placed() const { return impl_->placed; }
+std::uint32_t Scene::first_placed_mesh() const { return impl_->first_placed_mesh; }
+
+std::size_t Scene::placed_of_mesh(std::uint32_t mesh) const {
+  assert(mesh >= impl_->first_placed_mesh);
+  return impl_->placed_of_mesh[mesh - impl_->first_placed_mesh];
+}
+
+Eigen::Affine3d Scene::placed_pose(std::size_t placed, double time) const { return impl_->motions[placed]->pose(time); }
+const geometry::Box3& Scene::placed_bounds(std::size_t placed) const { return impl_->motions[placed]->bounds(); }
 
 std::vector<imaging::TexturedMesh> Scene::release_meshes() && {
   const std::unique_ptr<Impl> ended = std::move(impl_);  // Embree uses the triangles until then; they do not move
@@ -175,6 +233,7 @@ std::size_t Scene::triangle_count() const { return impl_->triangle_count; }
 
 void Scene::build_ray_tree() const {
   tbb::parallel_for(std::size_t{0}, impl_->parts.size(), [&](std::size_t i) { impl_->parts[i]->build_ray_tree(); });
+  for (const PlacedPart& placed : impl_->placed) placed.part->build_ray_tree();
   if (!impl_->is_whole()) impl_->queries();
 }
 
@@ -195,9 +254,9 @@ std::optional<Hit> Scene::intersect(const Ray& ray, double max_distance_m) const
     impl_->queries().intersect(query);
   }
   if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return std::nullopt;
-  const auto triangle = corners(impl_->meshes[query.hit.geomID]->mesh, query.hit.primID);
-  const double distance_m = plane_distance(ray, triangle, query.ray.tfar);
-  return Hit{distance_m, query.hit.geomID, query.hit.primID, query.hit.u, query.hit.v};
+  Hit hit{query.ray.tfar, query.hit.geomID, query.hit.primID, query.hit.u, query.hit.v, ray.time};
+  hit.distance_m = plane_distance(ray, impl_->corners_of(hit), hit.distance_m);
+  return hit;
 }
 
 bool Scene::is_occluded(const Ray& ray, double max_distance_m) const {
@@ -212,17 +271,21 @@ bool Scene::is_occluded(const Ray& ray, double max_distance_m) const {
   return query.tfar < 0.0F;
 }
 
-std::optional<double> Scene::distance_to_surface_m(const geometry::Vec3& point, double within_m) const {
+std::optional<double> Scene::distance_to_surface_m(const geometry::Vec3& point, double within_m, double time) const {
   constexpr double kFloatStep = 1e-6;  // relative to a coordinate, some eight times the precision of floats
   const geometry::Vec3 from = point - impl_->anchor;
   const double largest_m = from.norm() + impl_->bounds.sizes().norm();
-  NearestSearch search{nullptr, point, within_m, kFloatStep * largest_m};
-  const float position[3] = {static_cast<float>(from.x()), static_cast<float>(from.y()), static_cast<float>(from.z())};
+  NearestSearch search{point, within_m, kFloatStep * largest_m, time};
   if (impl_->is_whole()) {
-    search_part(*impl_->parts.front(), position, search);
+    search_part(*impl_->parts.front(), from, search);
   } else {
+    const Eigen::Vector3f position = from.cast<float>();
     impl_->queries().visit_near(
-        position, [&] { return search.radius(); }, [&](const ScenePart& part) { search_part(part, position, search); });
+        {position.x(), position.y(), position.z()}, [&] { return search.radius(); },
+        [&](const QueriedPart& one) {
+          if (one.motion) return search_part(one, search, search);
+          search_part(*one.part, from, search);
+        });
   }
   return search.found ? std::optional(search.distance_m) : std::nullopt;
 }
@@ -252,7 +315,7 @@ void Scene::test_occlusion(RayPacket8& packet) const {
 
 geometry::Vec3 Scene::position(const Hit& hit) const {
   assert(hit.mesh < impl_->meshes.size());
-  const auto p = corners(impl_->meshes[hit.mesh]->mesh, hit.triangle);
+  const auto p = impl_->corners_of(hit);
   const double u = hit.u;
   const double v = hit.v;
   return p[0] + u * (p[1] - p[0]) + v * (p[2] - p[0]);
@@ -260,7 +323,7 @@ geometry::Vec3 Scene::position(const Hit& hit) const {
 
 geometry::Vec3 Scene::normal(const Hit& hit) const {
   assert(hit.mesh < impl_->meshes.size());
-  const auto p = corners(impl_->meshes[hit.mesh]->mesh, hit.triangle);
+  const auto p = impl_->corners_of(hit);
   const geometry::Vec3 area_normal = (p[1] - p[0]).cross(p[2] - p[0]);
   const double length = area_normal.norm();
   return length > 0.0 ? geometry::Vec3(area_normal / length) : geometry::Vec3(geometry::Vec3::Zero());

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "tileflight/imaging/textured_mesh.h"
-#include "tileflight/scene/scene_part.h"
+#include "tileflight/scene/placed_part.h"
 
 namespace tileflight::scene {
 
@@ -21,11 +21,13 @@ struct Hit {
   std::uint32_t mesh = 0;      ///< index into Scene::meshes()
   std::uint32_t triangle = 0;  ///< index into that mesh's triangles
   float u = 0.0F, v = 0.0F;    ///< barycentric weights of corners 1 and 2
+  double time = 0.0;           ///< the ray's
 };
 
 struct Ray {
   geometry::Vec3 origin;     ///< local frame, metres
   geometry::Vec3 direction;  ///< unit length
+  double time = 0.0;         ///< of the scene, 0 to 1, for placed parts that move (placed_part.h)
 };
 
 /// A static scene in a local frame: textured triangles, and acceleration structures for two kinds of queries. Single
@@ -39,6 +41,10 @@ struct Ray {
 /// loaded whole. A scene of parts shares the parts' trees with other scenes and adds a small tree over the parts, so
 /// that one more tile costs its own tree only: for the server, whose tiles come and go. Both give the same hits, to the
 /// last bit (except that of surfaces at exactly the same distance, rays and packets may name another).
+///
+/// Parts may also be placed (placed_part.h): cars, people, what clients of the server set up. Another pose costs a new
+/// scene, which shares all parts' trees. They answer queries in their own coordinates, so hits agree with those on the
+/// same meshes moved to their place within float rounding.
 class Scene {
  public:
   /// A view of the meshes of all parts, in their order.
@@ -85,12 +91,23 @@ class Scene {
   explicit Scene(std::vector<imaging::TexturedMesh> meshes, const std::optional<geometry::Vec3>& anchor = {});
   /// A scene of these parts, at least one, all of one SceneFrame. Throws InputError if there is no triangle.
   explicit Scene(std::vector<std::shared_ptr<const ScenePart>> parts);
+  /// With placed parts beside them, whose meshes follow. Throws InputError also for a wrong pose.
+  Scene(std::vector<std::shared_ptr<const ScenePart>> parts, std::vector<PlacedPart> placed);
   ~Scene();
   Scene(Scene&&) noexcept;
   Scene& operator=(Scene&&) noexcept;
 
   Meshes meshes() const;
   const std::vector<std::shared_ptr<const ScenePart>>& parts() const;
+  const std::vector<PlacedPart>& placed() const;
+  /// The number of meshes of parts() alone: those from here on are of placed parts, in the parts' own coordinates.
+  std::uint32_t first_placed_mesh() const;
+  /// Index into placed(). Precondition: mesh >= first_placed_mesh().
+  std::size_t placed_of_mesh(std::uint32_t mesh) const;
+  /// Its pose at a time of the scene: p_local = pose * p_part.
+  Eigen::Affine3d placed_pose(std::size_t placed, double time) const;
+  /// Around it at all times of the scene, local frame.
+  const geometry::Box3& placed_bounds(std::size_t placed) const;
   /// Ends a scene that was made of meshes, and returns them.
   std::vector<imaging::TexturedMesh> release_meshes() &&;
   const geometry::Box3& bounds() const;  ///< of all vertices, local frame
@@ -107,11 +124,11 @@ class Scene {
   /// Whether any surface lies within `max_distance_m` along the ray.
   bool is_occluded(const Ray& ray, double max_distance_m) const;
   /// Distance from a point to the nearest surface; nullopt if it exceeds `within_m`.
-  std::optional<double> distance_to_surface_m(const geometry::Vec3& point, double within_m) const;
+  std::optional<double> distance_to_surface_m(const geometry::Vec3& point, double within_m, double time = 0.0) const;
   /// Nearest hits of eight rays at once, in floats relative to anchor(); see packets.h.
   void intersect(RayPacket8& packet) const;
-  /// Nearest hits of a beam: one to eight packets of neighbouring rays with a common origin. Every lane, enabled or
-  /// not, needs a direction; near and far limits are not supported. Three times as fast as packets.
+  /// Nearest hits of a beam: one to eight packets of neighbouring rays with a common origin and time. Every lane,
+  /// enabled or not, needs a direction; near and far limits are not supported. Three times as fast as packets.
   void intersect(std::span<RayPacket8> beam) const;
   /// Occlusion test of eight rays: sets `far` to -infinity in lanes where a surface lies between near and far; nothing
   /// else of the packet changes. Disabled lanes stay disabled.

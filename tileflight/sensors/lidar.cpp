@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/random_numbers.h"
@@ -139,22 +140,36 @@ struct Lidar::BeamReturn {
   double intensity = 0.0;
 };
 
-Lidar::Lidar(const scene::Scene& scene, LidarOptions options)
-    : scene_(scene), options_(std::move(options)), appearance_(std::make_shared<const render::Appearance>(scene)) {
+namespace {
+
+/// The scene with what moves in it, from one time to another; nullopt: nothing does.
+std::optional<scene::Scene> with_placed(const scene::Scene& scene, const render::PlacedParts& placed, double from_s,
+                                        double to_s) {
+  if (!placed) return std::nullopt;
+  return scene::Scene(scene.parts(), placed(from_s, to_s));
+}
+
+}  // namespace
+
+Lidar::Lidar(const scene::Scene& scene, LidarOptions options, render::PlacedParts placed)
+    : scene_(scene), options_(std::move(options)), placed_(std::move(placed)) {
   check(options_);
+  const std::optional<scene::Scene> all = with_placed(scene_, placed_, 0.0, 0.0);
+  appearance_ = std::make_shared<const render::Appearance>(all ? *all : scene_);
   if (is_periodic(options_.pattern)) beams_ = generate_beams(options_.pattern, 0);
 }
 
-Lidar::BeamReturn Lidar::trace_beam(const LidarBeam& beam, std::uint64_t counter, const SE3& T_local_lidar) const {
-  const scene::Ray ray{T_local_lidar.translation, T_local_lidar.rotation * beam.direction};
+Lidar::BeamReturn Lidar::trace_beam(const scene::Scene& scene, const LidarBeam& beam, std::uint64_t counter,
+                                    const SE3& T_local_lidar, double time) const {
+  const scene::Ray ray{T_local_lidar.translation, T_local_lidar.rotation * beam.direction, time};
   // Noise can bring surfaces slightly beyond the range into it.
   const double reach_m = options_.max_range_m * (1.0 + 6.0 * options_.range_sigma_share) + 6.0 * options_.range_sigma_m;
-  const auto hit = scene_.intersect(ray, reach_m);
+  const auto hit = scene.intersect(ray, reach_m);
   if (!hit) return {};
-  const double cosine = std::abs(scene_.normal(*hit).dot(ray.direction));
+  const double cosine = std::abs(scene.normal(*hit).dot(ray.direction));
   const double albedo =
       std::min(1.0, options_.albedo_gain *
-                        render::Reflectance(scene_, *appearance_).at(*hit, options_.divergence_rad * hit->distance_m));
+                        render::Reflectance(scene, *appearance_).at(*hit, options_.divergence_rad * hit->distance_m));
   const std::array<float, 4> n = base::normal_variates(base::stream_key(options_.seed, kLidarNoise), counter);
   const double distance_m = hit->distance_m, threshold = std::pow(distance_m / options_.white_range_m, 2);
   const bool lost = albedo * cosine * std::exp(options_.signal_spread * n[1]) < threshold ||
@@ -175,6 +190,11 @@ LidarScan Lidar::scan(std::uint64_t number, double start_s, const render::PoseFu
   const SE3 T_local_start = T_local_camera_at(start_s) * options_.T_camera_lidar;
   const SE3 T_start_local = T_local_start.inverse();
   const std::uint64_t first_counter = base::splitmix64_hash(number);
+  double duration_s = 0.0;
+  for (const LidarBeam& beam : beams) duration_s = std::max(duration_s, static_cast<double>(beam.time_s));
+  const std::optional<scene::Scene> own_scene = with_placed(scene_, placed_, start_s, start_s + duration_s);
+  const scene::Scene& scene = own_scene ? *own_scene : scene_;
+  const bool is_moving = duration_s > 0.0 && options_.motion != ScanMotion::kFrozen;
   std::vector<LidarPoint> points(beams.size());
   std::vector<char> returned(beams.size());
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, beams.size(), 256), [&](const auto& range) {
@@ -183,7 +203,8 @@ LidarScan Lidar::scan(std::uint64_t number, double start_s, const render::PoseFu
       const SE3 T_local_lidar = options_.motion == ScanMotion::kFrozen
                                     ? T_local_start
                                     : T_local_camera_at(start_s + beam.time_s) * options_.T_camera_lidar;
-      const BeamReturn shot = trace_beam(beam, first_counter + i, T_local_lidar);
+      const BeamReturn shot =
+          trace_beam(scene, beam, first_counter + i, T_local_lidar, is_moving ? beam.time_s / duration_s : 0.0);
       returned[i] = shot.returned ? 1 : 0;
       const Vec3 own_frame = shot.range_m * beam.direction;
       const Vec3 position =

@@ -8,6 +8,7 @@
 
 #include "tileflight/render/appearance.h"
 #include "tileflight/render/image_formation.h"
+#include "tileflight/render/render_flight.h"
 #include "tileflight/scene/scene.h"
 #include "tileflight/sensors/lidar_pattern.h"
 
@@ -81,18 +82,21 @@ struct LidarScan {
 /// threads, and a scan depends only on its number and time.
 class Lidar {
  public:
-  /// Throws InputError for options out of range. The scene must outlive it.
-  Lidar(const scene::Scene& scene, LidarOptions options);
+  /// `placed`: what moves in the scene besides. Throws InputError for options out of range. The scene must outlive it.
+  Lidar(const scene::Scene& scene, LidarOptions options, render::PlacedParts placed = {});
 
   /// Simulates scan `number`, which starts at `start_s`.
   LidarScan scan(std::uint64_t number, double start_s, const render::PoseFunction& T_local_camera_at) const;
 
  private:
   struct BeamReturn;
-  BeamReturn trace_beam(const LidarBeam& beam, std::uint64_t counter, const geometry::SE3& T_local_lidar) const;
+  /// `time`: of the scene (scene::Ray::time).
+  BeamReturn trace_beam(const scene::Scene& scene, const LidarBeam& beam, std::uint64_t counter,
+                        const geometry::SE3& T_local_lidar, double time) const;
 
   const scene::Scene& scene_;
   LidarOptions options_;
+  render::PlacedParts placed_;
   std::shared_ptr<const render::Appearance> appearance_;
   std::vector<LidarBeam> beams_;  ///< of every scan, if all scans have the same beams
 };

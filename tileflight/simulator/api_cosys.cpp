@@ -13,7 +13,7 @@ std::vector<std::array<std::string, 2>> Simulator::sim_list_scene_objects_tags(c
 std::vector<std::string> Simulator::sim_list_instance_segmentation_objects() { return sim_list_scene_objects(".*"); }
 
 std::vector<Pose> Simulator::sim_list_instance_segmentation_poses(bool /*ned*/, bool /*only_visible*/) {
-  const auto place = impl_->working_set.current();
+  const auto place = impl_->place_now();
   if (!place->has_surface()) return {};
   std::map<std::string, geometry::Box3> bounds;  // in the order of the names
   for (std::size_t i = 0; i < place->object_names().size(); ++i)

@@ -28,6 +28,12 @@ DetectionInfo make_detection_info(const DetectedObject& seen, const ResidentScen
   // Tiles' objects have no axes of their own: NED's are used.
   const SE3 T_local_object(T_local_ned.rotation, middle);
   info.relative_pose = to_airsim(T_camera_local * T_local_object);
+  if (seen.object < place.first_placed_object()) return info;
+  const Eigen::Affine3d pose = place.scene().placed_pose(seen.object - place.first_placed_object(), 0.0);
+  const SE3 T_local_part(geometry::Mat3(pose.rotation()), pose.translation());
+  SE3 T_camera_object = T_camera_local * T_local_part * T_flu_frd().inverse();
+  if (T_camera_object.rotation.w() < 0.0) T_camera_object.rotation.coeffs() *= -1.0;  // the same rotation
+  info.relative_pose = to_airsim(T_camera_object);
   return info;
 }
 
@@ -80,7 +86,8 @@ std::vector<DetectionInfo> Simulator::sim_get_detections(const std::string& came
     planned = impl_->plan_images({{camera, image_type, false, false}}, vehicle, external);
   }
   if (filter.names.empty()) return {};
-  const auto place = impl_->working_set.load_for(planned.viewpoints);
+  const auto place = impl_->world_objects.populate(impl_->working_set.load_for(planned.viewpoints), planned.objects,
+                                                   impl_->T_local_ned);
   if (!place->has_surface()) return {};
   const CameraView& shot = planned.images.front().view;
   const RenderLayers layers = impl_->renderer.render(place, shot, {.objects = true});

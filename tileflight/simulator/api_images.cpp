@@ -5,9 +5,9 @@
 
 #include "tileflight/base/elapsed_time.h"
 #include "tileflight/base/input_error.h"
+#include "tileflight/imaging/png_rgba.h"
 #include "tileflight/simulator/camera_settings.h"
 #include "tileflight/simulator/frames.h"
-#include "tileflight/imaging/png_rgba.h"
 #include "tileflight/simulator/simulator_impl.h"
 
 namespace tileflight::simulator {
@@ -61,6 +61,18 @@ ImageResponse make_response(const PlannedImage& picture, const RenderLayers& lay
   return response;
 }
 
+/// For each object, where a point of it was at the picture before, in the local frame, by where it is; one that was not
+/// there then counts as if it had stood still.
+std::vector<Eigen::Affine3d> moved_since(const std::vector<WorldObject>& before, const std::vector<WorldObject>& now,
+                                         const SE3& T_local_ned) {
+  std::vector<Eigen::Affine3d> moved(now.size(), Eigen::Affine3d::Identity());
+  for (std::size_t i = 0; i < now.size(); ++i) {
+    const auto old = std::ranges::find(before, now[i].name, &WorldObject::name);
+    if (old != before.end()) moved[i] = local_pose(*old, T_local_ned) * local_pose(now[i], T_local_ned).inverse();
+  }
+  return moved;
+}
+
 std::string missing_tiles_message(const ResidentScene& place) {
   if (place.loaded().tiles_failed == 0) return {};
   return std::to_string(place.loaded().tiles_failed) + " tiles could not be read: parts of the place may be missing";
@@ -75,6 +87,7 @@ PlannedImages Simulator::Impl::plan_images(const std::vector<ImageRequest>& requ
   PlannedImages planned;
   planned.time_ns = clock.time_ns();
   planned.viewpoints = viewpoints();
+  planned.objects = world_objects.now();
   const Vec3 origin = ned_origin(vehicle_name, external);
   double pixels = 0.0;
   for (const ImageRequest& request : requests) {
@@ -85,8 +98,10 @@ PlannedImages Simulator::Impl::plan_images(const std::vector<ImageRequest>& requ
     picture.view.lens = taken.lens(request.image_type);
     picture.view.T_local_camera = T_local_ned * T_ned * T_frd_optical();
     const std::string owner = (external ? std::string("/") : slot(vehicle_name).vehicle->name() + "/") + taken.name();
-    if (const auto last = last_camera_poses.find(owner); last != last_camera_poses.end())
-      picture.view.T_local_previous = last->second;
+    if (const auto last = last_pictures.find(owner); last != last_pictures.end()) {
+      picture.view.T_local_previous = last->second.T_local_camera;
+      picture.view.moved = moved_since(*last->second.objects, *planned.objects, T_local_ned);
+    }
     planned.camera_poses.insert_or_assign(owner, picture.view.T_local_camera);
     picture.key = make_render_key(picture.view, owner);
     pixels += static_cast<double>(picture.view.lens.width()) * picture.view.lens.height();
@@ -107,13 +122,14 @@ std::vector<imaging::Rgb8> Simulator::Impl::annotation_colours(const ResidentSce
 /// Requires the mutex.
 void Simulator::Impl::remember_camera_poses(const PlannedImages& planned) {
   for (const auto& [owner, T_local_camera] : planned.camera_poses)
-    last_camera_poses.insert_or_assign(owner, T_local_camera);
+    last_pictures.insert_or_assign(owner, LatestPicture{T_local_camera, planned.objects});
 }
 
 /// Runs without the mutex. Images with the same rays are rendered once.
 std::vector<ImageResponse> Simulator::Impl::render_images(const PlannedImages& planned) {
   const auto start = std::chrono::steady_clock::now();
-  const std::shared_ptr<const ResidentScene> place = working_set.load_for(planned.viewpoints);
+  const std::shared_ptr<const ResidentScene> place =
+      world_objects.populate(working_set.load_for(planned.viewpoints), planned.objects, T_local_ned);
   ObjectLabels labels;
   std::vector<ImageResponse> responses(planned.images.size());
   std::vector<bool> done(planned.images.size(), false);

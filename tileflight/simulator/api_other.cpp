@@ -45,8 +45,6 @@ std::string ineffective_reason(const std::string& call) {
 /// Why an AirSim call is not supported, and the alternative.
 std::string unsupported_reason(const std::string& call) {
   static const std::map<std::string, std::string> kReasons{
-      {"simSpawnObject",
-       "objects cannot be added to tiles; add them to the mesh, convert it (tileflight tile) and serve the result"},
       {"simSetExtForce", "external forces are not simulated; simSetWind moves vehicles"},
       {"simSetPhysicsRawKinematics", "there is no second physics engine; set the pose with simSetKinematics"},
       {"getUWBData", kNoRadio},

@@ -52,9 +52,7 @@ bool has_line_of_sight(const scene::Scene& scene, const Vec3& from, const Vec3& 
                             length_m - kSurfaceTolerance_m);
 }
 
-std::vector<std::string> scene_object_names(const Simulator::Impl& impl) {
-  return impl.working_set.current()->distinct_names();
-}
+std::vector<std::string> scene_object_names(Simulator::Impl& impl) { return impl.place_now()->distinct_names(); }
 
 /// Centre of the bounds of the objects with this name, local frame.
 std::optional<Vec3> find_object_center(const ResidentScene& place, const std::string& name) {
@@ -103,7 +101,7 @@ int Simulator::sim_get_segmentation_object_id(const std::string& mesh_name) {
 }
 
 std::vector<MeshPositionVertexBuffersResponse> Simulator::sim_get_mesh_position_vertex_buffers() {
-  const auto place = impl_->working_set.current();
+  const auto place = impl_->working_set.current();  // of the tiles
   std::size_t vertices = 0;
   for (const imaging::TexturedMesh& mesh : place->scene().meshes()) vertices += mesh.mesh.vertices.size();
   if (vertices > kMaxMeshVertices)
@@ -123,30 +121,49 @@ Pose Simulator::sim_get_object_pose(const std::string& name) {
       if (one->vehicle->name() == name) return to_airsim(one->vehicle->state().T_ned_body);
     }
   }
+  if (const auto object = impl_->world_objects.find(name)) return to_airsim(object->T_ned_object);
   const auto middle = find_object_center(*impl_->working_set.current(), name);
   if (!middle) return {{kNaN, kNaN, kNaN}, {kNaN, kNaN, kNaN, kNaN}};
   return to_airsim(SE3(Eigen::Quaterniond::Identity(), impl_->T_local_ned.inverse() * *middle));
 }
 
-bool Simulator::sim_set_object_pose(const std::string& /*name*/, const Pose& /*pose*/, bool /*teleport*/) {
-  return false;  // as AirSim's answer for objects that cannot be moved
+bool Simulator::sim_set_object_pose(const std::string& name, const Pose& pose, bool /*teleport*/) {
+  const auto object = impl_->world_objects.find(name);
+  if (!object) return false;  // AirSim's answer for objects that cannot be moved
+  const SE3 target = merge_pose(pose, object->T_ned_object, "simSetObjectPose");
+  if (!impl_->world_objects.move(name, target)) return false;
+  impl_->update_obstacles();
+  return true;
 }
 
 Vector3r Simulator::sim_get_object_scale(const std::string& name) {
+  if (const auto object = impl_->world_objects.find(name)) return to_airsim(object->scale);
   return find_object_center(*impl_->working_set.current(), name) ? Vector3r{1.0F, 1.0F, 1.0F}
                                                                  : Vector3r{kNaN, kNaN, kNaN};
 }
 
-bool Simulator::sim_set_object_scale(const std::string& /*name*/, const Vector3r& /*scale*/) { return false; }
-
-std::string Simulator::sim_spawn_object(const std::string& /*name*/, const std::string& /*asset*/, const Pose& /*pose*/,
-                                        const Vector3r& /*scale*/, bool /*physics*/, bool /*is_blueprint*/) {
-  refuse("simSpawnObject");
+bool Simulator::sim_set_object_scale(const std::string& name, const Vector3r& scale) {
+  if (!impl_->world_objects.rescale(name, to_vec3(scale))) return false;
+  impl_->update_obstacles();
+  return true;
 }
 
-bool Simulator::sim_destroy_object(const std::string& /*name*/) { return false; }
+std::string Simulator::sim_spawn_object(const std::string& name, const std::string& asset, const Pose& pose,
+                                        const Vector3r& scale, bool /*physics*/, bool /*is_blueprint*/) {
+  const SE3 target = merge_pose(pose, SE3(), "simSpawnObject");
+  const std::string spawned =
+      impl_->world_objects.spawn(name, asset, target, to_vec3(scale), impl_->working_set.current()->distinct_names());
+  impl_->update_obstacles();
+  return spawned;
+}
 
-std::vector<std::string> Simulator::sim_list_assets() const { return {}; }
+bool Simulator::sim_destroy_object(const std::string& name) {
+  if (!impl_->world_objects.destroy(name)) return false;
+  impl_->update_obstacles();
+  return true;
+}
+
+std::vector<std::string> Simulator::sim_list_assets() const { return impl_->world_objects.assets(); }
 
 bool Simulator::sim_create_voxel_grid(const Vector3r& position, int x, int y, int z, float resolution,
                                       const std::string& file) {
@@ -178,12 +195,11 @@ bool Simulator::sim_test_line_of_sight_to_point(const GeoPoint& point, const std
     const std::lock_guard lock(impl_->state_mutex);
     from = impl_->slot(vehicle).vehicle->position_local();
   }
-  return has_line_of_sight(impl_->working_set.current()->scene(), from, to);
+  return has_line_of_sight(impl_->place_now()->scene(), from, to);
 }
 
 bool Simulator::sim_test_line_of_sight_between_points(const GeoPoint& from, const GeoPoint& to) {
-  return has_line_of_sight(impl_->working_set.current()->scene(),
-                           impl_->T_local_ned * impl_->geodetic_frame.to_ned(from),
+  return has_line_of_sight(impl_->place_now()->scene(), impl_->T_local_ned * impl_->geodetic_frame.to_ned(from),
                            impl_->T_local_ned * impl_->geodetic_frame.to_ned(to));
 }
 
@@ -212,7 +228,7 @@ Coverage Simulator::tf_coverage(const std::string& camera, const std::string& ve
     const std::lock_guard lock(impl_->state_mutex);
     planned = impl_->plan_images({{camera, 0, false, false}}, vehicle, external);
   }
-  const auto place = impl_->working_set.load_for(planned.viewpoints);
+  const auto place = impl_->place_for(planned.viewpoints);
   const CameraView& shot = planned.images.front().view;
   const double pixels_per_rad = tiles::view_cone_of(shot.lens).pixels_per_rad;
   imaging::FloatImage error_px(shot.lens.width(), shot.lens.height(), -1.0F);

@@ -251,7 +251,6 @@ TEST(ApiScene, WhatIsNotServedSaysWhy) {
   const auto world = simulator(kComputerVision);
   EXPECT_THAT(refusal_of([&] { world->refuse("simSetExtForce"); }),
               HasSubstr("simSetExtForce is not served here: external forces"));
-  EXPECT_THAT(refusal_of([&] { world->sim_spawn_object("a", "b", {}, {}, false, false); }), HasSubstr("tiles"));
   EXPECT_FALSE(world->sim_set_object_pose("north_wall", {}, true));
 }
 

@@ -70,7 +70,7 @@ LidarCapture capture_scan(Simulator::Impl& impl, const std::string& lidar, const
     taken.time_ns = impl.clock.time_ns();
     viewpoints = impl.viewpoints();
   }
-  const auto place = impl.working_set.load_for(viewpoints);
+  const auto place = impl.place_for(viewpoints);
   taken.returns = scan_lidar(*place, taken.settings, impl.T_local_ned * taken.T_ned_sensor);
   taken.segmentation_ids = impl.segmentation_ids.lookup(place->object_names());
   return taken;
@@ -128,7 +128,7 @@ EchoData Simulator::get_echo_data(const std::string& echo, const std::string& ve
     data.time_stamp = impl_->clock.time_ns();
     viewpoints = impl_->viewpoints();
   }
-  const auto place = impl_->working_set.load_for(viewpoints);
+  const auto place = impl_->place_for(viewpoints);
   data.pose = to_airsim(settings.T_body_sensor);
   for (const EchoReturn& one : sense_echoes(*place, settings, T_local_sensor)) {
     const Vector3r p = to_airsim(one.point_sensor);
@@ -194,7 +194,7 @@ DistanceSensorData Simulator::get_distance_sensor_data(const std::string& distan
     const std::lock_guard lock(impl_->state_mutex);
     viewpoints = impl_->viewpoints();
   }
-  const auto place = impl_->working_set.load_for(viewpoints);
+  const auto place = impl_->place_for(viewpoints);
   const std::lock_guard lock(impl_->state_mutex);
   VehicleSlot& one = impl_->slot(vehicle);
   const SensorSettings& sensor = find_sensor<DistanceSensorSettings>(*one.vehicle, distance_sensor, "distance sensor");

@@ -89,7 +89,7 @@ ObservedScan Simulator::view_scan(const std::string& lidar, const std::string& v
     scan.time_ns = impl_->clock.time_ns();
     viewpoints = impl_->viewpoints();
   }
-  const auto place = impl_->working_set.load_for(viewpoints);
+  const auto place = impl_->place_for(viewpoints);
   for (const LidarReturn& one : scan_lidar(*place, settings, T_local_sensor)) {
     scan.points_m.push_back(frd_from_flu(one.point_sensor).cast<float>());
     scan.intensities.push_back(one.intensity);
@@ -102,7 +102,7 @@ ObservedScan Simulator::view_scan(const std::string& lidar, const std::string& v
 std::optional<std::vector<imaging::TexturedMesh>> Simulator::view_meshes(std::size_t max_triangles) const {
   const std::shared_ptr<const ResidentScene> place = impl_->working_set.current();
   if (!place || place->scene().triangle_count() > max_triangles) return std::nullopt;
-  const scene::Scene::Meshes meshes = place->scene().meshes();
+  const scene::Scene::Meshes meshes = place->scene().meshes();  // of the tiles: objects come and go
   return std::vector<imaging::TexturedMesh>(meshes.begin(), meshes.end());
 }
 

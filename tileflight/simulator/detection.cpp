@@ -19,6 +19,18 @@ Box3 transform_box(const Box3& box, const geometry::SE3& T) {
   return around;
 }
 
+/// Objects beside the tiles have a box of their own, which fits them however they are turned.
+Box3 bounds_in_camera(const ResidentScene& place, std::uint32_t object, const geometry::SE3& T_camera_local) {
+  if (object < place.first_placed_object()) return transform_box(place.object_bounds()[object], T_camera_local);
+  const std::size_t placed = object - place.first_placed_object();
+  Eigen::Affine3d pose = place.scene().placed_pose(placed, 0.0);
+  pose = Eigen::Translation3d(T_camera_local.translation) * T_camera_local.rotation * pose;
+  const Box3& own = place.scene().placed()[placed].part->bounds();
+  Box3 around;
+  for (int i = 0; i < 8; ++i) around.extend(Vec3(pose * own.corner(static_cast<Box3::CornerType>(i))));
+  return around;
+}
+
 /// The bounding rectangle of each object in an image, by object index.
 std::vector<DetectedObject> find_object_boxes(const imaging::Image<std::uint32_t>& objects, std::size_t count) {
   std::vector<DetectedObject> boxes(count);
@@ -69,7 +81,7 @@ std::vector<DetectedObject> detect_objects(const ResidentScene& place, const ima
     const std::string& name = place.object_names()[one.object];
     return std::ranges::none_of(patterns, [&](const auto& pattern) { return pattern->matches(name); });
   });
-  for (DetectedObject& one : seen) one.bounds_camera = transform_box(place.object_bounds()[one.object], T_camera_local);
+  for (DetectedObject& one : seen) one.bounds_camera = bounds_in_camera(place, one.object, T_camera_local);
   return seen;
 }
 

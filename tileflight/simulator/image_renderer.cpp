@@ -67,7 +67,10 @@ class LayerWriter {
   }
 
  private:
-  void write_flow(const render::SurfacePoint& point, const Vec3& surface_local) const {
+  void write_flow(const render::SurfacePoint& point, Vec3 surface_local) const {
+    const scene::Scene& scene = place_.scene();
+    if (point.mesh >= scene.first_placed_mesh())
+      surface_local = view_.moved[scene.placed_of_mesh(point.mesh)] * surface_local;
     const auto before = view_.lens.project(T_previous_local_ * surface_local);
     if (!before) return;
     layers_.flow_px(point.x, point.y) = {static_cast<float>(point.x - before->x()),
@@ -183,25 +186,33 @@ std::vector<double> lens_key(const Camera& lens) {
 
 std::shared_ptr<const render::CameraRenderer> ImageRenderer::camera_renderer(
     const std::shared_ptr<const ResidentScene>& place, const Camera& lens) {
-  std::vector<double> key = lens_key(lens);
+  const std::vector<double> key = lens_key(lens);
+  std::shared_ptr<const render::CameraRays> rays;
   {
     const std::lock_guard lock(mutex_);
-    const auto at = std::ranges::find_if(
-        cache_, [&](const CachedRenderer& kept) { return kept.place == place && kept.lens == key; });
+    const auto at = std::ranges::find(cache_, key, &CachedRenderer::lens);
     if (at != cache_.end()) {
       cache_.splice(cache_.begin(), cache_, at);
-      return at->renderer;
+      if (at->place == place) return at->renderer;
+      rays = at->rays;
     }
   }
-  auto made = std::make_shared<const render::CameraRenderer>(place->scene(), place->appearance(), lens,
-                                                             render::RenderOptions{.depth = false});
+  const render::RenderOptions options{.depth = false};
+  const auto made =
+      rays ? std::make_shared<const render::CameraRenderer>(place->scene(), place->appearance(), rays, options)
+           : std::make_shared<const render::CameraRenderer>(place->scene(), place->appearance(), lens, options);
   const std::lock_guard lock(mutex_);
-  std::erase_if(cache_, [&](const CachedRenderer& kept) { return kept.place != place; });
-  cache_.push_front({std::move(key), place, made});
+  std::erase_if(cache_, [&](const CachedRenderer& kept) { return kept.lens == key; });
+  for (CachedRenderer& kept : cache_) {
+    if (kept.place == place) continue;
+    kept.renderer = nullptr;
+    kept.place = nullptr;
+  }
+  cache_.push_front({key, made->rays(), static_cast<double>(lens.width()) * lens.height(), place, made});
   double pixels = 0.0;
   std::size_t count = 0;
   std::erase_if(cache_, [&](const CachedRenderer& kept) {
-    pixels += static_cast<double>(kept.renderer->camera().width()) * kept.renderer->camera().height();
+    pixels += kept.pixels;
     return ++count > 1 && (count > kMaxRenderers || pixels > kMaxCachedPixels);
   });
   return made;

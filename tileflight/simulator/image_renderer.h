@@ -23,6 +23,8 @@ struct CameraView {
   imaging::Camera lens;
   geometry::SE3 T_local_camera;                   ///< camera axes of images: x right, y down, z forward
   std::optional<geometry::SE3> T_local_previous;  ///< camera pose of the previous image, for optical flow
+  /// For each object beside the tiles, where a point of it was then, by where it is, in the local frame.
+  std::vector<Eigen::Affine3d> moved{};
 };
 
 /// Results for the pixels' central rays; layers that were not requested are empty.
@@ -56,12 +58,14 @@ class ImageRenderer {
  private:
   struct CachedRenderer {
     std::vector<double> lens;  ///< lens_key()
-    std::shared_ptr<const ResidentScene> place;
+    std::shared_ptr<const render::CameraRays> rays;
+    double pixels = 0.0;
+    std::shared_ptr<const ResidentScene> place;  ///< null, as the renderer, once there is another
     std::shared_ptr<const render::CameraRenderer> renderer;
   };
 
   std::mutex mutex_;
-  std::list<CachedRenderer> cache_;  ///< most recently used first
+  std::list<CachedRenderer> cache_;  ///< one for each lens, most recently used first
 };
 
 /// All parameters of a lens: equal lenses have equal keys.

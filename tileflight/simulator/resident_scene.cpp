@@ -96,21 +96,61 @@ ResidentScene::ResidentScene(std::vector<ResidentTile> tiles, const Parts& whole
         return scene_of(parts_ = or_placeholder(parts, frame));
       }()),
       appearance_(appearance_of(parts_)),
-      objects_(scene_),
-      object_bounds_(compute_object_bounds(parts_, objects_)),
       loaded_(std::move(loaded)) {
+  auto labels = std::make_shared<Labels>(Labels{render::SceneObjects(scene_), {}, {}});
+  object_bounds_ = compute_object_bounds(parts_, labels->objects);
+  first_placed_object_ = static_cast<std::uint32_t>(object_bounds_.size());
   scene_.build_beam_tree();
   for (std::size_t tile = 0; tile < tiles_.size(); ++tile)
     tile_of_mesh_.insert(tile_of_mesh_.end(), tiles_[tile].mesh_count, static_cast<std::uint32_t>(tile));
   if (tiles_.empty()) tiles_.push_back({});
   tile_of_mesh_.resize(scene_.meshes().size(), 0);
   std::set<std::string> distinct;
-  for (const render::SceneObject& object : objects_.all()) {
-    object_names_.push_back(labels::client_name(object));
-    distinct.insert(object_names_.back());
+  for (const render::SceneObject& object : labels->objects.all()) {
+    labels->names.push_back(labels::client_name(object));
+    distinct.insert(labels->names.back());
   }
-  if (has_surface_) distinct_names_.assign(distinct.begin(), distinct.end());
+  if (has_surface_) labels->distinct.assign(distinct.begin(), distinct.end());
+  labels_ = std::move(labels);
   loaded_.triangles = has_surface_ ? scene_.triangle_count() : 0;
+}
+
+std::shared_ptr<const ResidentScene::Labels> ResidentScene::labels_with(const Labels& place,
+                                                                        const scene::Scene& scene) {
+  auto labels = std::make_shared<Labels>(Labels{render::SceneObjects(place.objects, scene), place.names, {}});
+  std::set<std::string> distinct(place.distinct.begin(), place.distinct.end());
+  for (const scene::PlacedPart& placed : scene.placed()) {
+    labels->names.push_back(placed.name);
+    distinct.insert(placed.name);
+  }
+  labels->distinct.assign(distinct.begin(), distinct.end());
+  return labels;
+}
+
+ResidentScene::ResidentScene(const ResidentScene& place, const std::vector<PlacedObject>& objects,
+                             const ResidentScene* same)
+    : tiles_(place.tiles_),
+      tile_of_mesh_(place.tile_of_mesh_),
+      has_surface_(place.has_surface_ || !objects.empty()),
+      parts_(place.parts_),
+      scene_([&] {
+        std::vector<scene::PlacedPart> placed;
+        for (const PlacedObject& object : objects) placed.push_back({object.name, object.part->scene(), {object.pose}});
+        return scene::Scene(place.scene().parts(), std::move(placed));
+      }()),
+      first_placed_object_(static_cast<std::uint32_t>(place.object_names().size())),
+      object_bounds_(place.object_bounds_),
+      loaded_(place.loaded_) {
+  scene_.build_beam_tree();
+  tiles_.push_back({});  // of the objects
+  tile_of_mesh_.resize(scene_.meshes().size(), static_cast<std::uint32_t>(tiles_.size() - 1));
+  for (std::size_t i = 0; i < objects.size(); ++i) object_bounds_.push_back(scene_.placed_bounds(i));
+  appearance_ = same != nullptr ? same->appearance_ : appearance_of([&] {
+    Parts all = parts_;
+    for (const PlacedObject& object : objects) all.push_back(object.part);
+    return all;
+  }());
+  labels_ = same != nullptr ? same->labels_ : labels_with(*place.labels_, scene_);
 }
 
 std::optional<std::vector<TexturedMesh>> ResidentScene::copy_meshes(const TileKey& key) const {

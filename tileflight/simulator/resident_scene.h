@@ -51,6 +51,13 @@ struct ResidentTile {
   std::shared_ptr<const ResidentPart> part;  ///< its own; null in a scene of one part for all tiles
 };
 
+/// An object beside the tiles.
+struct PlacedObject {
+  std::string name;
+  std::shared_ptr<const ResidentPart> part;
+  Eigen::Affine3d pose;  ///< p_local = pose * p_part
+};
+
 /// A working set: the tiles in memory, prepared for ray casting and rendering. Immutable and shared by all users;
 /// replaced by a new one when other tiles are needed.
 class ResidentScene {
@@ -61,15 +68,21 @@ class ResidentScene {
   /// A scene of one part that holds the meshes of all tiles.
   ResidentScene(std::vector<ResidentTile> tiles, std::shared_ptr<const ResidentPart> whole, LoadedRegion loaded);
 
+  /// The tiles of `place`, which has no objects beside them, with these. Names and appearance are those of `same`, if
+  /// it has the same place and objects, in other poses.
+  ResidentScene(const ResidentScene& place, const std::vector<PlacedObject>& objects, const ResidentScene* same);
+
   const scene::Scene& scene() const { return scene_; }
   const std::shared_ptr<const render::Appearance>& appearance() const { return appearance_; }
-  const render::SceneObjects& objects() const { return objects_; }
+  const render::SceneObjects& objects() const { return labels_->objects; }
   /// For each of objects().all(), the name under which clients know it (object_names.h).
-  const std::vector<std::string>& object_names() const { return object_names_; }
+  const std::vector<std::string>& object_names() const { return labels_->names; }
   /// For each of objects().all(), the bounds of all its triangles, local frame.
   const std::vector<geometry::Box3>& object_bounds() const { return object_bounds_; }
+  /// The first of objects().all() that is beside the tiles: its index counts those of scene().placed() from there on.
+  std::uint32_t first_placed_object() const { return first_placed_object_; }
   /// Object names without duplicates, sorted.
-  const std::vector<std::string>& distinct_names() const { return distinct_names_; }
+  const std::vector<std::string>& distinct_names() const { return labels_->distinct; }
   /// Geometric error of the tile that a mesh of the scene belongs to.
   double geometric_error_m(std::uint32_t mesh) const { return tiles_[tile_of_mesh_[mesh]].geometric_error_m; }
   std::uint32_t tile_of_mesh(std::uint32_t mesh) const { return tile_of_mesh_[mesh]; }
@@ -83,6 +96,13 @@ class ResidentScene {
  private:
   using Parts = std::vector<std::shared_ptr<const ResidentPart>>;
 
+  struct Labels {
+    render::SceneObjects objects;
+    std::vector<std::string> names;     ///< of the objects
+    std::vector<std::string> distinct;  ///< sorted
+  };
+  static std::shared_ptr<const Labels> labels_with(const Labels& place, const scene::Scene& scene);
+
   /// `whole`: the single part, or none.
   ResidentScene(std::vector<ResidentTile> tiles, const Parts& whole, const scene::SceneFrame& frame,
                 LoadedRegion loaded);
@@ -93,10 +113,9 @@ class ResidentScene {
   Parts parts_;
   scene::Scene scene_;
   std::shared_ptr<const render::Appearance> appearance_;
-  render::SceneObjects objects_;
+  std::shared_ptr<const Labels> labels_;
+  std::uint32_t first_placed_object_ = 0;
   std::vector<geometry::Box3> object_bounds_;
-  std::vector<std::string> object_names_;
-  std::vector<std::string> distinct_names_;
   LoadedRegion loaded_;
 };
 

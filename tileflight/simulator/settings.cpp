@@ -201,6 +201,15 @@ std::string default_settings_text() {
   return text.dump(2);
 }
 
+std::map<std::string, std::filesystem::path> read_assets(StrictSection section) {
+  std::map<std::string, std::filesystem::path> assets;
+  for (const std::string& name : section.keys()) {
+    if (const auto file = section.path(name)) assets[name] = *file;
+  }
+  section.require_all_keys_used();
+  return assets;
+}
+
 Settings read_settings(const std::string& text, const std::string& name) {
   const json document = parse_settings_json(text, name);
   Settings settings;
@@ -214,6 +223,7 @@ Settings read_settings(const std::string& text, const std::string& name) {
     if (settings.wind_ned_m_s.norm() > 100.0) throw root.error("Wind", "more than 100 m/s");
     wind->require_all_keys_used();
   }
+  if (auto assets = root.section("Assets")) settings.assets = read_assets(std::move(*assets));
   if (auto recording = root.section("Recording")) settings.recording = read_recording(std::move(*recording));
   if (auto segmentation = root.section("SegmentationSettings")) read_segmentation(std::move(*segmentation), settings);
   settings.annotation_layers = read_annotation_layers(root);

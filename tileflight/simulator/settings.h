@@ -3,6 +3,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <filesystem>
 #include <map>
 #include <optional>
 #include <string>
@@ -88,8 +89,10 @@ struct Settings {
   geometry::Vec3 wind_ned_m_s = geometry::Vec3::Zero();
   RecordingSettings recording;
   std::vector<labels::AnnotationSettings> annotation_layers;  ///< Cosys-AirSim's "Annotation"
-  bool random_ids = true;                 ///< SegmentationSettings.InitMethod: ids from the names, else all 0
-  bool inverted_voxel_scale = false;      ///< own key "InvertedVoxelScale": write 1 / x in binvox files, as AirSim does
+  bool random_ids = true;             ///< SegmentationSettings.InitMethod: ids from the names, else all 0
+  bool inverted_voxel_scale = false;  ///< own key "InvertedVoxelScale": write 1 / x in binvox files, as AirSim does
+  /// Own key "Assets": files of models that clients may spawn, by name.
+  std::map<std::string, std::filesystem::path> assets;
   std::vector<VehicleSettings> vehicles;  ///< at least one; the first one also has the name ""
   std::vector<CameraSettings> external_cameras;
   CameraSettings camera_defaults;     ///< for vehicles added later

@@ -40,6 +40,13 @@ ClockSettings clock_settings(const SimulatorOptions& options, const Settings& se
   return clock;
 }
 
+/// Of the command line and of the settings.
+AssetFiles asset_files(const SimulatorOptions& options, const Settings& settings) {
+  AssetFiles files = options.assets;
+  files.insert(settings.assets.begin(), settings.assets.end());
+  return files;
+}
+
 }  // namespace
 
 Vec3 checked_position(const Vector3r& position, const char* what) {
@@ -70,6 +77,7 @@ Simulator::Impl::Impl(const SimulatorOptions& o, SimulatorLog l, const Progress&
       log(std::move(l)),
       settings(read_settings(options.settings, options.settings_name)),
       working_set(with_settings(options, settings), log, progress),
+      world_objects(asset_files(options, settings)),
       geodetic_frame{geometry::LocalFrame(kDefaultOrigin), {}, Vec3::Zero(), false},
       file_access(options.output_root),
       segmentation_ids(settings.random_ids),
@@ -83,6 +91,7 @@ Simulator::Impl::Impl(const SimulatorOptions& o, std::vector<imaging::TexturedMe
       log(std::move(l)),
       settings(read_settings(options.settings, options.settings_name)),
       working_set(with_settings(options, settings), std::move(meshes), log),
+      world_objects(asset_files(options, settings)),
       geodetic_frame{geometry::LocalFrame(kDefaultOrigin), {}, Vec3::Zero(), false},
       file_access(options.output_root),
       segmentation_ids(settings.random_ids),
@@ -213,7 +222,7 @@ SimulationClock::Hooks Simulator::Impl::clock_hooks() {
         views = viewpoints();
       }
       try {
-        const auto place = working_set.load_for(views);
+        const auto place = place_for(views);
         const std::lock_guard lock(state_mutex);
         obstacle_scene = place;
       } catch (const InputError& error) {
@@ -223,6 +232,20 @@ SimulationClock::Hooks Simulator::Impl::clock_hooks() {
     record_if_due(time_s);
   };
   return hooks;
+}
+
+std::shared_ptr<const ResidentScene> Simulator::Impl::place_for(std::span<const SensorViewpoint> viewpoints) {
+  return world_objects.populate(working_set.load_for(viewpoints), world_objects.now(), T_local_ned);
+}
+
+std::shared_ptr<const ResidentScene> Simulator::Impl::place_now() {
+  return world_objects.populate(working_set.current(), world_objects.now(), T_local_ned);
+}
+
+void Simulator::Impl::update_obstacles() {
+  const auto place = place_now();
+  const std::lock_guard lock(state_mutex);
+  obstacle_scene = place;
 }
 
 VehicleSlot& Simulator::Impl::slot(const std::string& name) {
@@ -354,7 +377,7 @@ void Simulator::reset() {
   }
   impl_->external_cameras.clear();
   for (const CameraSettings& camera : impl_->settings.external_cameras) impl_->external_cameras.emplace_back(camera);
-  impl_->last_camera_poses.clear();
+  impl_->last_pictures.clear();
   impl_->clock.wake();
 }
 

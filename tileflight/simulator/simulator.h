@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <functional>
 #include <limits>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -47,6 +48,8 @@ struct SimulatorOptions {
   bool prefetch = true;  ///< whether the tiles that come next are read beside; no result depends on it
   /// Root of clients' file names. nullopt: calls that write files are refused.
   std::optional<std::filesystem::path> output_root;
+  /// Models that clients may spawn beside the built-in ones, by their names (--asset; the settings may name more).
+  std::map<std::string, std::filesystem::path> assets;
   /// Origin of NED in the local frame (east, north, up); a z of NaN: on the surface. Default: on the surface at the
   /// local frame's origin, or if there is none, at the centre of the place.
   std::optional<geometry::Vec3> ned_origin_local;
@@ -164,6 +167,7 @@ class Simulator {
   int sim_get_segmentation_object_id(const std::string& mesh_name);
   std::vector<MeshPositionVertexBuffersResponse> sim_get_mesh_position_vertex_buffers();
   Pose sim_get_object_pose(const std::string& name);
+  /// Of objects that clients spawned; false for others. Objects are moved at once, with and without `teleport`.
   bool sim_set_object_pose(const std::string& name, const Pose& pose, bool teleport);
   Vector3r sim_get_object_scale(const std::string& name);
   bool sim_set_object_scale(const std::string& name, const Vector3r& scale);

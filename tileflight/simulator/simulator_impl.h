@@ -31,6 +31,7 @@
 #include "tileflight/simulator/simulation_clock.h"
 #include "tileflight/simulator/simulator.h"
 #include "tileflight/simulator/working_set.h"
+#include "tileflight/simulator/world_objects.h"
 
 namespace tileflight::simulator {
 
@@ -66,6 +67,13 @@ struct PlannedImages {
   std::vector<SensorViewpoint> viewpoints;
   std::map<std::string, geometry::SE3> camera_poses;  ///< by vehicle and camera: current pose, local frame
   std::uint64_t time_ns = 0;
+  ObjectList objects;
+};
+
+/// When a camera took its latest picture, for optical flow.
+struct LatestPicture {
+  geometry::SE3 T_local_camera;
+  ObjectList objects;
 };
 
 /// The simulator's state. One mutex guards all mutable state; rendering, scans and tile loading run without it, on
@@ -78,6 +86,7 @@ struct Simulator::Impl {
   SimulatorLog log;
   Settings settings;
   WorkingSet working_set;
+  WorldObjects world_objects;
   std::vector<std::string> warnings;
   GeodeticFrame geodetic_frame;
   geometry::SE3 T_local_ned;
@@ -93,7 +102,7 @@ struct Simulator::Impl {
   mutable std::mutex state_mutex;  ///< guards the members below
   std::vector<std::unique_ptr<VehicleSlot>> vehicles;
   std::vector<SimCamera> external_cameras;
-  std::map<std::string, geometry::SE3> last_camera_poses;    ///< by vehicle and camera: previous pose, local
+  std::map<std::string, LatestPicture> last_pictures;        ///< by vehicle and camera
   std::map<std::string, DetectionFilter> detection_filters;  ///< by vehicle, camera and image type
   std::shared_ptr<const ResidentScene> obstacle_scene;       ///< obstacles of the vehicles
   geometry::Vec3 wind_ned_m_s = geometry::Vec3::Zero();
@@ -126,6 +135,12 @@ struct Simulator::Impl {
   /// Origin of a vehicle's local NED in global NED; of external cameras zero.
   geometry::Vec3 ned_origin(const std::string& vehicle, bool external) const;
   std::vector<SensorViewpoint> viewpoints() const;
+
+  // The tiles with the objects of clients; without the mutex.
+  std::shared_ptr<const ResidentScene> place_for(std::span<const SensorViewpoint> viewpoints);
+  std::shared_ptr<const ResidentScene> place_now();
+  /// Shows vehicles the objects as they are now.
+  void update_obstacles();
 
   // Images (api_images.cpp).
   PlannedImages plan_images(const std::vector<ImageRequest>& requests, const std::string& vehicle, bool external) const;

@@ -20,6 +20,7 @@
 #include "tileflight/place/version.h"
 #include "tileflight/scene/scene.h"
 #include "tileflight/sensors/gnss.h"
+#include "tileflight/survey/actor_labels.h"
 #include "tileflight/survey/flight_faults.h"
 #include "tileflight/survey/frame_output_writer.h"
 #include "tileflight/survey/part_renderer.h"
@@ -168,6 +169,7 @@ struct DatasetRenderer::Impl {
                  .png = settings.png,
                  .build_folder = share.build_folder()}),
         outputs_(writer_.temporary_folder(), settings.flight.outputs, share.segmentation_runs_folder()),
+        labels_(writer_.temporary_folder(), mission.traffic),
         reorder_buffer_([this](const imaging::RgbImage& image) { video_->add(image); }) {
     if (settings.flight.video && share.is_first_rank()) {
       const imaging::Camera& camera = mission.calibration.camera;
@@ -197,6 +199,7 @@ struct DatasetRenderer::Impl {
 
   void take(const render::FlightFrame& frame) {
     outputs_.add(frame);
+    labels_.add(frame, mission_.frames.poses[frame.index].T_local_camera);
     if (!settings_.flight.video) {
       writer_.add_frame(frame.index, frame.time_s, frame.exposure_ms, frame.rgb);
       return;
@@ -214,6 +217,8 @@ struct DatasetRenderer::Impl {
       writer_.add_existing_frame(i, mission_.frames.poses[i].time_s, frames[i].exposure_ms);
     }
     outputs_.finish();
+    const imaging::Camera& camera = mission_.calibration.camera;
+    labels_.finish(frames.size(), camera.width(), camera.height(), settings_.png ? ".png" : ".jpg");
     write_metadata(writer_, mission_, settings_, summary_, frames);
     writer_.finish();
     return frames;
@@ -236,6 +241,7 @@ struct DatasetRenderer::Impl {
   PartRenderer part_renderer_;
   dataset::DatasetWriter writer_;
   FrameOutputWriter outputs_;
+  ActorLabels labels_;
   std::optional<dataset::VideoWriter> video_;  ///< only on the first rank
   FrameReorderBuffer reorder_buffer_;
   RenderSummary summary_;

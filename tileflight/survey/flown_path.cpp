@@ -45,26 +45,13 @@ json vehicle_report(const VehicleFlight& flown) {
   return report;
 }
 
-/// View cones in all directions along the path as planned without obstacles.
-std::vector<tiles::ViewCone> surrounding_view_cones(const flight::Path& path, const imaging::Camera& camera) {
+/// Along the path as planned without obstacles.
+std::vector<geometry::SE3> poses_along(const flight::Path& path) {
   std::vector<geometry::SE3> poses;
   for (double time_s = path.start_s(); time_s < path.end_s(); time_s += kLookingEvery_s)
     poses.push_back(path.pose(time_s));
   poses.push_back(path.pose(path.end_s()));
-  return tiles::widen_to_all_directions(tiles::view_cones_along(camera, poses));
-}
-
-std::shared_ptr<const scene::Scene> load_obstacle_scene(const vehicle::FlightPlan& plan, const RenderSettings& settings,
-                                                        const imaging::Camera& camera, const Progress& progress) {
-  tiles::LoadOptions load = settings.load;
-  load.uses = {transport::Use::kAnalyse};
-  load.textures = false;
-  if (settings.max_memory_bytes) load.max_memory_bytes = *settings.max_memory_bytes;
-  if (settings.error_px) load.flight = {surrounding_view_cones(vehicle::build_path(plan), camera), *settings.error_px};
-  const auto source = transport::open_source(settings.source, settings.load.source);
-  tiles::LoadedTiles tiles = tiles::load_region(*source, transport::redact_source(settings.source), load, progress);
-  if (tiles.meshes.empty()) return nullptr;
-  return std::make_shared<const scene::Scene>(std::move(tiles.meshes));
+  return poses;
 }
 
 vehicle::ObstacleQuery make_obstacle_query(std::shared_ptr<const scene::Scene> place) {
@@ -103,13 +90,30 @@ FlownPath fly_by_autopilot(const vehicle::FlightPlan& plan, const RenderSettings
 
 }  // namespace
 
+std::shared_ptr<const scene::Scene> load_surroundings(const RenderSettings& settings, const imaging::Camera& camera,
+                                                      const std::vector<geometry::SE3>& poses,
+                                                      const Progress& progress) {
+  tiles::LoadOptions load = settings.load;
+  load.uses = {transport::Use::kAnalyse};
+  load.textures = false;
+  if (settings.max_memory_bytes) load.max_memory_bytes = *settings.max_memory_bytes;
+  if (settings.error_px)
+    load.flight = {tiles::widen_to_all_directions(tiles::view_cones_along(camera, poses)), *settings.error_px};
+  const auto source = transport::open_source(settings.source, settings.load.source);
+  tiles::LoadedTiles tiles = tiles::load_region(*source, transport::redact_source(settings.source), load, progress);
+  if (tiles.meshes.empty()) return nullptr;
+  return std::make_shared<const scene::Scene>(std::move(tiles.meshes));
+}
+
 FlownPath fly_plan(const vehicle::FlightPlan& plan, const RenderSettings& settings, const imaging::Camera& camera,
                    const Progress& progress) {
   if (plan.autopilot) return fly_by_autopilot(plan, settings, progress);
   if (!plan.vehicle) return {vehicle::build_path(plan), vehicle::frame_poses(plan), nullptr};
   const bool collides = plan.vehicle->options.collision != vehicle::CollisionPolicy::kOff;
   const vehicle::ObstacleQuery obstacles =
-      collides ? make_obstacle_query(load_obstacle_scene(plan, settings, camera, progress)) : nullptr;
+      collides
+          ? make_obstacle_query(load_surroundings(settings, camera, poses_along(vehicle::build_path(plan)), progress))
+          : nullptr;
   const VehicleFlight flown = vehicle::fly(plan, obstacles);
   return {flown.path, vehicle::sample_frames(flown.path, plan), vehicle_report(flown)};
 }

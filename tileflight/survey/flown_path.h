@@ -1,9 +1,12 @@
 #pragma once
 
+#include <memory>
 #include <nlohmann/json.hpp>
+#include <vector>
 
 #include "tileflight/flight/path.h"
 #include "tileflight/imaging/camera.h"
+#include "tileflight/scene/scene.h"
 #include "tileflight/survey/render_stage.h"
 #include "tileflight/vehicle/flight_plan.h"
 
@@ -15,6 +18,13 @@ struct FlownPath {
   geometry::Trajectory frames;  ///< a pose for each image
   nlohmann::json vehicle;       ///< content of vehicle.json (docs/vehicles.md); null without a vehicle
 };
+
+/// The surface around these points for collisions and for what stands on it: the tiles that a camera there would want,
+/// in all directions, if the settings have a pixel error, else their region; without textures. Null if there is no
+/// triangle. Throws InputError.
+std::shared_ptr<const scene::Scene> load_surroundings(const RenderSettings& settings, const imaging::Camera& camera,
+                                                      const std::vector<geometry::SE3>& poses,
+                                                      const Progress& progress);
 
 /// The plan's own path, or the one that its vehicle flies. If collisions are enabled, the tiles around that path (as
 /// planned without obstacles), or of the settings' region, are loaded first and used as obstacles. Throws InputError,

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
+#include "tileflight/actors/traffic.h"
 #include "tileflight/imaging/camera.h"
 #include "tileflight/render/render_flight.h"
 #include "tileflight/survey/frame_groups.h"
@@ -21,6 +22,7 @@ struct PlannedFlight {
   render::PoseFunction pose_at;  ///< pose at any time, for the shutter
   render::FlightRenderOptions options;
   std::shared_ptr<SensorRecorder> sensor_recorder;  ///< sensors besides the camera
+  std::shared_ptr<const actors::Traffic> traffic;   ///< cars and people; null without any
   nlohmann::json vehicle;                           ///< flight record of the vehicle; null without one
 };
 

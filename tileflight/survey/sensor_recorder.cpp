@@ -85,7 +85,7 @@ void SensorRecorder::record(const scene::Scene& scene, const OptionalFrame& fram
 /// Only complete scans are recorded.
 void SensorRecorder::scan(const scene::Scene& scene, double from_s, double to_s, const fs::path& folder) {
   base::make_folder(folder / "lidar");
-  const sensors::Lidar lidar(scene, *suite_.lidar);
+  const sensors::Lidar lidar(scene, *suite_.lidar, placed_);
   const double period_s = sensors::scan_period_s(suite_.lidar->pattern);
   for (std::uint64_t number = first_index_from(from_s, start_s(), period_s);; ++number) {
     const double scan_s = start_s() + static_cast<double>(number) * period_s;

@@ -9,6 +9,7 @@
 
 #include "tileflight/flight/path.h"
 #include "tileflight/geometry/geodesy.h"
+#include "tileflight/render/render_flight.h"
 #include "tileflight/scene/scene.h"
 #include "tileflight/sensors/sensor_suite.h"
 
@@ -21,6 +22,9 @@ class SensorRecorder {
   SensorRecorder(sensors::SensorSuite suite, flight::Path path, geometry::Trajectory frames);
 
   const sensors::SensorSuite& suite() const { return suite_; }
+
+  /// What moves in the scenes of record() besides; empty: nothing. Range finders do not see it.
+  void set_placed(render::PlacedParts placed) { placed_ = std::move(placed); }
 
   /// Simulates lidar scans and ranges that start between frame `begin`'s and frame `end`'s time (exclusive), and writes
   /// scans into the dataset's folder immediately. A flight may be recorded in several parts, in order, or by several
@@ -53,6 +57,7 @@ class SensorRecorder {
   void write_scan_lists(double shift_s, const std::filesystem::path& folder) const;
 
   sensors::SensorSuite suite_;
+  render::PlacedParts placed_;
   flight::Path path_;
   geometry::Trajectory frames_;
   std::vector<sensors::RangeSample> ranges_;

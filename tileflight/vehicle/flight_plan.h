@@ -29,8 +29,8 @@ struct FlightPlan {
   std::optional<int> max_frames;
 };
 
-/// Reads FLIGHT.yaml; unknown keys are errors that name the nearest known key. The keys `sensors` and `sensors_file`
-/// are accepted and left to sensors::read_sensor_suite. Throws InputError.
+/// Reads FLIGHT.yaml; unknown keys are errors that name the nearest known key. The keys `sensors`, `sensors_file`
+/// and `actors` are accepted and left to sensors::read_sensor_suite and actors::read_actors. Throws InputError.
 FlightPlan read_flight_plan(const std::filesystem::path& file);
 
 /// FLIGHT.yaml itself and the files that it names (camera, trajectory, sensors_file), whether they exist or not. Throws
