@@ -23,6 +23,7 @@
 #include "serve_session.h"
 #include "source_options.h"
 #include "tileflight/autopilot/shared_ports.h"
+#include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/number_text.h"
 #include "tileflight/base/sha256.h"
