@@ -124,6 +124,26 @@ TEST_F(AlignCommand, FindsTheMapsPlaceWithoutAStart) {
   EXPECT_LT(error_m(given), 0.05);
 }
 
+// A map whose lengths are 0.4 % too long, a little off its place: the scale of a metric one is held, and its error
+// told.
+TEST_F(AlignCommand, TheScaleOfAMetricMapIsHeldAndItsErrorTold) {
+  const PointCloud map = transformed(kTrue, geometry::read_cloud(folder_ / "map.ply"));
+  std::filesystem::create_directories(folder_ / "odometry");
+  geometry::write_cloud(folder_ / "odometry/map.ply",
+                        transformed(Sim3(1.004, geometry::so3_exp({0.0, 0.0, 0.01}), {0.5, -0.3, 0.2}), map));
+  const auto align_as = [&](const std::string& scale) {
+    std::ofstream(folder_ / "odometry/odometry.json") << R"({"scale": ")" << scale << R"(", "doubts": []})";
+    run({"align", path("odometry"), "--to", path("truth"), "--out", path("metric.json")});
+    return read_json(folder_ / "metric.json");
+  };
+  const json free = align_as("unknown");
+  EXPECT_NEAR(free.at("scale").get<double>(), 1.0 / 1.004, 3e-4);
+  EXPECT_FALSE(free.contains("scale_error"));
+  const json held = align_as("metric");
+  EXPECT_NEAR(held.at("scale").get<double>(), 1.0, 1e-9);
+  EXPECT_NEAR(held.at("scale_error").get<double>(), 0.004, 5e-4);
+}
+
 TEST_F(AlignCommand, RegionsAreAlignedOnAndHeldOut) {
   const json transform = align({"--start", "geometry", "--method", "point-to-mesh", "--find-regions"});
   EXPECT_LT(error_m(transform), 0.05) << transform.at("note");

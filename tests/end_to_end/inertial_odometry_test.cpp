@@ -5,7 +5,6 @@
 #include <nlohmann/json.hpp>
 
 #include "tests/run_program.h"
-#include "tests/shared_result.h"
 #include "tests/temporary_folder.h"
 #include "tileflight/base/files.h"
 #include "tileflight/dataset/dataset.h"
@@ -23,8 +22,6 @@ using ::testing::HasSubstr;
 using tests::ProgramResult;
 using tests::run_tileflight;
 
-constexpr int kFrames = 130;
-
 void write_readings(const fs::path& folder, const std::vector<inertial::ImuSample>& samples, double per_m_s2 = 1.0) {
   std::vector<dataset::ImuReading> readings;
   for (const inertial::ImuSample& sample : samples)
@@ -33,13 +30,13 @@ void write_readings(const fs::path& folder, const std::vector<inertial::ImuSampl
 }
 
 /// Times begin at 1 s, so that no reading is before 0.
-void write_flight(const fs::path& folder) {
-  flights::InertialFlight flight = flights::fly(flights::lively_camera, kFrames);
+void write_flight(const fs::path& folder, int frames) {
+  flights::InertialFlight flight = flights::fly(flights::lively_camera, frames);
   imaging::Calibration calibration = flight.sequence.calibration;
   calibration.T_cam_imu = flights::kT_imu_camera.inverse();
   dataset::DatasetWriter writer(folder, calibration, {});
   geometry::Trajectory truth;
-  for (int i = 0; i < kFrames; ++i) {
+  for (int i = 0; i < frames; ++i) {
     const double time_s = 1.0 + i / flights::kInertialFps;
     writer.add_frame(i, time_s, 0.0, flight.sequence.images[i]);
     truth.poses.push_back({time_s, flight.sequence.truth[i]});
@@ -56,8 +53,6 @@ void write_flight(const fs::path& folder) {
 
 class InertialOdometry : public ::testing::Test {
  protected:
-  InertialOdometry() { tests::SharedResult{"inertial-flight", &write_flight}.copy_to(dataset_); }
-
   ProgramResult call(const std::string& out, const std::vector<std::string>& more) const {
     std::vector<std::string> words{"odometry", dataset_.string(), "--out", (folder_ / out).string(),
                                    "--json",   "--no-check"};
@@ -74,7 +69,7 @@ class InertialOdometry : public ::testing::Test {
     const auto path = geometry::read_tum(folder_ / out / "trajectory.txt"),
                truth = geometry::read_tum(dataset_ / "groundtruth.txt");
     const auto rigid =
-        evaluation::evaluate_trajectory(path, truth, {.alignment = evaluation::TrajectoryAlignment::kSe3});
+        evaluation::evaluate_trajectory(path, truth, {.alignment = evaluation::TrajectoryAlignment::kSE3});
     const auto scaled =
         evaluation::evaluate_trajectory(path, truth, {.alignment = evaluation::TrajectoryAlignment::kSim3});
     EXPECT_NEAR(scaled.scale, 1.0, 0.015) << out;
@@ -100,6 +95,7 @@ class InertialOdometry : public ::testing::Test {
 };
 
 TEST_F(InertialOdometry, MapAndPathAreMetricAndLevelInBothDirections) {
+  write_flight(dataset_, 150);
   const json about = run("forwards", {"--mode", "inertial"});
   EXPECT_EQ(about["mode"], "inertial");
   ASSERT_EQ(about["scale"], "metric") << about["inertial"];
@@ -108,11 +104,13 @@ TEST_F(InertialOdometry, MapAndPathAreMetricAndLevelInBothDirections) {
   expect_metric("forwards");
   const std::string table = base::read_text(folder_ / "forwards/inertial.csv");
   EXPECT_EQ(std::count(table.begin(), table.end(), '\n'), 1 + about["keyframes"].get<int>());
-  ASSERT_EQ(run("backwards", {"--mode", "inertial", "--reverse"})["scale"], "metric");
+  const json reversed = run("backwards", {"--mode", "inertial", "--reverse"});
+  ASSERT_EQ(reversed["scale"], "metric") << reversed["inertial"];
   expect_metric("backwards");
 }
 
 TEST_F(InertialOdometry, WithoutTheModeTheReadingsAreNotUsed) {
+  write_flight(dataset_, 45);
   const json about = run("mono", {});
   EXPECT_EQ(about["mode"], "mono");
   EXPECT_EQ(about["scale"], "unknown");
@@ -121,6 +119,7 @@ TEST_F(InertialOdometry, WithoutTheModeTheReadingsAreNotUsed) {
 }
 
 TEST_F(InertialOdometry, WhatCannotBeIsRefusedInOneLine) {
+  write_flight(dataset_, 3);
   expect_refused({"--mode", "stereo"}, "--mode: \"stereo\" does not exist yet");
   expect_refused({"--mode", "stereo-inertial"}, "--mode: \"stereo-inertial\" does not exist yet");
   expect_refused({"--mode", "lidar"}, "--mode: \"lidar\" is no mode; use mono or inertial");

@@ -118,6 +118,8 @@ json odometry_defaults(const tf::experiment::OdometryConfig& o) {
           {"loop_closure", o.options.loops.enabled},
           {"fixed_intrinsics", !o.options.window.refine_intrinsics},
           {"seed", o.options.initialization.seed},
+          {"mode", tf::survey::to_string(o.track_options.mode)},
+          {"gravity", o.track_options.gravity_m_s2},
           {"colmap", o.track_options.colmap},
           {"debug_pictures", o.debug_pictures},
           {"runs", o.runs},

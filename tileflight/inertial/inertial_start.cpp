@@ -77,7 +77,7 @@ struct ScaleAndGravity {
 };
 
 std::optional<ScaleAndGravity> solve_triples(const VisualInertialProblem& problem, const std::vector<LongStep>& steps) {
-  constexpr std::size_t kFewest = 4;
+  constexpr std::size_t kFewest = 2;  // six equations for four unknowns
   const auto camera = [&](std::size_t k) { return problem.keyframes()[k].T_map_camera.translation; };
   const auto lever = [&](std::size_t k) {
     return Vec3(R_map_imu(problem, k) * problem.model().T_imu_camera.translation);

@@ -163,6 +163,33 @@ Doubts icp_doubts(const alignment::IcpResult& result) {
   return doubts;
 }
 
+/// Whether the map's odometry says that it is in metres (odometry.json).
+bool is_metric(const MapInputs& map) {
+  const fs::path file = map.map / "odometry.json";
+  if (!fs::is_directory(map.map) || !fs::exists(file)) return false;
+  const json about = json::parse(base::read_text(file), nullptr, false);
+  return about.is_object() && about.contains("scale") && about["scale"] == "metric";
+}
+
+/// The options with the scale of a metric map held at 1. A given start keeps what was asked for.
+alignment::AlignMapOptions hold_metric_scale(alignment::AlignMapOptions options) {
+  options.icp.scale = options.trajectory.scale = alignment::ScaleMode::kFixed;
+  return options;
+}
+
+/// By how much a metric map's lengths are too long, as a share: from the scale that the surface would choose.
+json scale_error(const geometry::PointCloud& cloud, const json& transform, const AlignTarget& target,
+                 alignment::AlignMapOptions options) {
+  geometry::Mat4 matrix;
+  for (std::size_t r = 0; r < 4; ++r)
+    for (std::size_t c = 0; c < 4; ++c)
+      matrix(static_cast<Eigen::Index>(r), static_cast<Eigen::Index>(c)) = transform["matrix"][r][c].get<double>();
+  const geometry::Sim3 T_local_map = geometry::Sim3::from_matrix(matrix);
+  options.icp.scale = alignment::ScaleMode::kEstimated;
+  const alignment::IcpResult free = refine_to_surface(cloud, T_local_map, target, options);
+  return free.converged ? json(T_local_map.scale / free.T_target_source.scale - 1.0) : json(nullptr);
+}
+
 /// How much of a truth in blocks was read.
 void add_blocks(const AlignTarget& target, json& result) {
   if (target.blocks > 1) result["truth_blocks"] = {{"read", target.blocks_read}, {"of", target.blocks}};
@@ -177,9 +204,12 @@ nlohmann::json align(const MapInputs& map, const fs::path& target_path, const al
       target_path, [&](const auto& origin) { return reach_of_map(map, cloud, options, origin); }, progress);
   alignment::AlignMapOptions chosen = options;
   if (chosen.icp.regions.empty()) chosen.icp.regions = target.regions;
+  const bool metric = options.start != alignment::AlignmentStart::kGiven && is_metric(map);
+  if (metric) chosen = hold_metric_scale(std::move(chosen));
 
   if (chosen.use_all_evidence && target.index) {
     json result = register_flight(map, target, chosen, progress);
+    if (metric) result["scale_error"] = scale_error(cloud, result, target, chosen);
     add_blocks(target, result);
     base::write_file(out, result.dump(2) + "\n");
     return result;
@@ -193,6 +223,7 @@ nlohmann::json align(const MapInputs& map, const fs::path& target_path, const al
   if (target.index) {
     result["to_surface"] = alignment::to_json(refine_to_surface(cloud, aligned.result.T_target_source, target, chosen));
   }
+  if (metric && target.index) result["scale_error"] = scale_error(cloud, result, target, chosen);
   if (!regions.aligned_on.empty() || !regions.held_out.empty()) result["regions"] = alignment::to_json(regions);
   result["start"] = start;
   Doubts doubts = odometry_doubts(map);

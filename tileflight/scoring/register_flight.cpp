@@ -95,15 +95,23 @@ registration::RegistrationEvidence gather_evidence(const MapInputs& map, const s
   return evidence;
 }
 
+/// The placement without its change of scale, about the map's middle.
+geometry::Sim3 with_unit_scale(const geometry::Sim3& T, const geometry::PointCloud& cloud) {
+  geometry::Vec3 middle = geometry::Vec3::Zero();
+  for (const geometry::Vec3& p : cloud.positions) middle += p / static_cast<double>(cloud.size());
+  return {1.0, T.rotation, T * middle - T.rotation * middle};
+}
+
 /// Candidate poses whose ground looks like that in the images.
 std::vector<geometry::Sim3> candidates_by_appearance(const scene::Scene& scene, const PictureFinder& finder,
                                                      const dataset::Dataset& dataset,
                                                      const registration::RegistrationEvidence& evidence,
-                                                     const geometry::PointCloud& cloud) {
+                                                     const geometry::PointCloud& cloud, alignment::ScaleMode scale) {
   const localization::PlaceRecognizer recognizer(scene, scene.bounds(), {}, finder.appearance());
   std::vector<geometry::Sim3> places;
   for (const auto& candidate : recognizer.find(make_flight_evidence(dataset, evidence.path, cloud, evidence.up)))
-    places.push_back(candidate.T_local_map);
+    places.push_back(scale == alignment::ScaleMode::kFixed ? with_unit_scale(candidate.T_local_map, cloud)
+                                                           : candidate.T_local_map);
   return places;
 }
 
@@ -206,7 +214,7 @@ json register_flight(const MapInputs& map, const AlignTarget& target, const alig
   const bool may_look = options.start == AlignmentStart::kAuto || options.start == AlignmentStart::kGeometry;
   if (may_look && finder) {
     services.find_places_by_appearance = [&] {
-      return candidates_by_appearance(*place.scene, *finder, *dataset, evidence, cloud);
+      return candidates_by_appearance(*place.scene, *finder, *dataset, evidence, cloud, options.icp.scale);
     };
   }
   if (may_look)
