@@ -181,6 +181,7 @@ OutputImages OutputRenderer::render(const CameraRenderer& renderer, std::span<co
     if (outputs_.normals) images.normals(at.x, at.y) = visible_normal(at, T);
     if (outputs_.objects || (outputs_.placed_objects && is_placed(moving, at)))
       images.objects(at.x, at.y) = 1 + objects_->index_of(at.mesh, at.triangle);
+    if (images.flow_px.empty() && !outputs_.visibility) return;
     const Vec3 point = T * (static_cast<double>(at.distance_m) * vec3(at.ray_camera));
     if (!images.flow_px.empty()) images.flow_px(at.x, at.y) = flow_px(at, point);
     if (outputs_.visibility && (!place_ || place_(point))) images.visibility(at.x, at.y) = 255;
