@@ -169,6 +169,10 @@ TEST_F(Actors, TheSameBytesForAnyNumberOfThreadsAndAPlaceWithoutThemIsAsBefore) 
   ASSERT_EQ(render("one", "flight.yaml", one).exit_code, 0);
   ASSERT_EQ(render("two", "flight.yaml", two).exit_code, 0);
   tests::expect_same_files(folder_ / "one", folder_ / "two");
+  // Boxes and masks do not depend on the outputs asked for: without a segmentation, only pixels around actors are
+  // looked at.
+  ASSERT_EQ(render("pictures", "flight.yaml", {}).exit_code, 0);
+  EXPECT_EQ(read("pictures/coco.json"), read("one/coco.json"));
   ASSERT_EQ(render("bare", "bare.yaml", outputs).exit_code, 0);
   EXPECT_FALSE(std::filesystem::exists(folder_ / "bare" / "coco.json"));
   const auto with = imaging::read_gray16(folder_ / "one" / "segmentation" / "000002.png");

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <utility>
+#include <vector>
 
 namespace tileflight::render {
 namespace {
@@ -37,7 +38,7 @@ OutputImages make_blank_images(const OutputChannels& outputs, int width, int hei
   OutputImages images;
   if (outputs.range) images.range_m = {width, height, kNaN};
   if (outputs.normals) images.normals = {width, height, {kNaN, kNaN, kNaN}};
-  if (outputs.objects) images.objects = {width, height, 0};
+  if (outputs.objects || outputs.placed_objects) images.objects = {width, height, 0};
   if (outputs.flow && has_next) images.flow_px = {width, height, {kNaN, kNaN}};
   if (outputs.visibility) images.visibility = {width, height, 0};
   return images;
@@ -82,7 +83,7 @@ std::optional<Vec2> project_by_rows(const imaging::Camera& camera, std::span<con
 OutputRenderer::OutputRenderer(const CameraRenderer& renderer, const scene::Scene& scene, const OutputChannels& outputs,
                                RegionPredicate place)
     : renderer_(renderer), outputs_(outputs), place_(std::move(place)) {
-  if (outputs.objects) objects_.emplace(scene);
+  if (outputs.objects || outputs.placed_objects) objects_.emplace(scene);
 }
 
 std::span<const SceneObject> OutputRenderer::objects() const {
@@ -100,10 +101,59 @@ float time_of_row(std::span<const float> times, int row) {
   return times.empty() ? 0.0F : times[times.size() == 1 ? 0 : static_cast<std::size_t>(row)];
 }
 
+bool is_placed(const MovingFrame& moving, const SurfacePoint& at) {
+  return moving.scene != nullptr && at.mesh >= moving.scene->first_placed_mesh();
+}
+
+/// Around a placed part in the image of any row, with a margin for what bends between its box's corners; nullopt: it is
+/// behind the camera. All of the image if a part of the box is.
+std::optional<imaging::PixelRegion> region_of_placed(const imaging::Camera& camera, std::span<const SE3> rows,
+                                                     const geometry::Box3& box) {
+  constexpr double kMargin_px = 16.0, kMarginShare = 0.15;
+  Eigen::AlignedBox2d seen;
+  bool is_cut = false;
+  for (const std::size_t row : {std::size_t{0}, rows.size() / 2, rows.size() - 1}) {
+    for (int i = 0; i < 8; ++i) {
+      const Vec3 corner = rows[row].inverse() * box.corner(static_cast<geometry::Box3::CornerType>(i));
+      const auto pixel = camera.project(corner);
+      if (pixel) seen.extend(*pixel);
+      is_cut = is_cut || !pixel;
+    }
+    if (box.contains(rows[row].translation)) return imaging::PixelRegion{0, 0, camera.width(), camera.height()};
+  }
+  if (seen.isEmpty()) return std::nullopt;
+  if (is_cut) return imaging::PixelRegion{0, 0, camera.width(), camera.height()};
+  const Vec2 margin = kMarginShare * seen.sizes() + Vec2::Constant(kMargin_px);
+  const Vec2 low = (seen.min() - margin).cwiseMax(-1e6), high = (seen.max() + margin).cwiseMin(1e6);
+  return imaging::PixelRegion{static_cast<int>(low.x()), static_cast<int>(low.y()), static_cast<int>(high.x()),
+                              static_cast<int>(high.y())};
+}
+
+/// The tiles of the region (default: of the image) in which placed parts may be seen.
+std::vector<imaging::PixelRegion> tiles_with_placed(const imaging::Camera& camera, std::span<const SE3> rows,
+                                                    const MovingFrame& moving, const OptionalRegion& region) {
+  constexpr int kTile = 8 * kRegionStep;
+  if (moving.scene == nullptr) return {};
+  std::vector<imaging::PixelRegion> parts, tiles;
+  for (std::size_t i = 0; i < moving.scene->placed().size(); ++i) {
+    if (const auto part = region_of_placed(camera, rows, moving.scene->placed_bounds(i))) parts.push_back(*part);
+  }
+  const imaging::PixelRegion all = region.value_or(imaging::PixelRegion{0, 0, camera.width(), camera.height()});
+  for (int y = all.y0; y < all.y1; y += kTile) {
+    for (int x = all.x0; x < all.x1; x += kTile) {
+      const imaging::PixelRegion tile{x, y, std::min(all.x1, x + kTile), std::min(all.y1, y + kTile)};
+      const auto meets = [&](const imaging::PixelRegion& part) {
+        return part.x0 < tile.x1 && part.x1 >= tile.x0 && part.y0 < tile.y1 && part.y1 >= tile.y0;
+      };
+      if (std::ranges::any_of(parts, meets)) tiles.push_back(tile);
+    }
+  }
+  return tiles;
+}
+
 /// Where a point that is seen at this frame is at the next one, by row.
 PointOfRow next_point(const MovingFrame& moving, const SurfacePoint& at, const Vec3& point) {
-  const bool is_placed = moving.scene != nullptr && at.mesh >= moving.scene->first_placed_mesh();
-  if (!is_placed) return [point](int) { return point; };
+  if (!is_placed(moving, at)) return [point](int) { return point; };
   const std::size_t placed = moving.scene->placed_of_mesh(at.mesh);
   const double time = time_of_row(moving.scene_times, at.y);
   const Vec3 of_part = moving.scene->placed_pose(placed, time).inverse() * point;
@@ -129,12 +179,19 @@ OutputImages OutputRenderer::render(const CameraRenderer& renderer, std::span<co
     if (!at.hit) return;
     const SE3& T = pose_of_row(T_local_camera_of_row, at.y);
     if (outputs_.normals) images.normals(at.x, at.y) = visible_normal(at, T);
-    if (outputs_.objects) images.objects(at.x, at.y) = 1 + objects_->index_of(at.mesh, at.triangle);
+    if (outputs_.objects || (outputs_.placed_objects && is_placed(moving, at)))
+      images.objects(at.x, at.y) = 1 + objects_->index_of(at.mesh, at.triangle);
+    if (images.flow_px.empty() && !outputs_.visibility) return;
     const Vec3 point = T * (static_cast<double>(at.distance_m) * vec3(at.ray_camera));
     if (!images.flow_px.empty()) images.flow_px(at.x, at.y) = flow_px(at, point);
     if (outputs_.visibility && (!place_ || place_(point))) images.visibility(at.x, at.y) = 255;
   };
-  renderer.visit_surface(T_local_camera_of_row, visit, region, moving.scene_times);
+  if (outputs_.has_whole_images()) {
+    renderer.visit_surface(T_local_camera_of_row, visit, region, moving.scene_times);
+    return images;
+  }
+  for (const imaging::PixelRegion& tile : tiles_with_placed(camera, T_local_camera_of_row, moving, region))
+    renderer.visit_surface(T_local_camera_of_row, visit, tile, moving.scene_times);
   return images;
 }
 

@@ -19,8 +19,11 @@ struct OutputChannels {
   bool objects = false;
   bool flow = false;
   bool visibility = false;
+  /// The objects that are placed parts, and no others; alone, it costs only the pixels around these.
+  bool placed_objects = false;
 
-  bool any() const { return range || normals || objects || flow || visibility; }
+  bool any() const { return has_whole_images() || placed_objects; }
+  bool has_whole_images() const { return range || normals || objects || flow || visibility; }
 };
 
 /// Values for the ray through each pixel's centre, at the middle of the exposure, each row at its own time. Outputs

@@ -354,8 +354,8 @@ std::uintmax_t PartRenderer::bytes_of_traced_frame() const {
   const std::uintmax_t bytes_per_pixel =
       sizeof(render::LinearRgb) + sizeof(imaging::Rgb8) + if_wanted(mission_.options.render.depth, sizeof(float)) +
       if_wanted(outputs.range, sizeof(float)) + if_wanted(outputs.normals, 3 * sizeof(float)) +
-      if_wanted(outputs.objects, sizeof(std::uint32_t)) + if_wanted(outputs.flow, 2 * sizeof(float)) +
-      if_wanted(outputs.visibility, 1);
+      if_wanted(outputs.objects || outputs.placed_objects, sizeof(std::uint32_t)) +
+      if_wanted(outputs.flow, 2 * sizeof(float)) + if_wanted(outputs.visibility, 1);
   const imaging::Camera& camera = mission_.calibration.camera;
   return bytes_per_pixel * static_cast<std::uintmax_t>(camera.width()) * static_cast<std::uintmax_t>(camera.height());
 }

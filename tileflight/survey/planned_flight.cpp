@@ -79,7 +79,7 @@ PlannedFlight plan_flight(const RenderSettings& settings, const Progress& progre
     mission.options.placed = [traffic = mission.traffic](double from_s, double to_s) {
       return traffic->placed(from_s, to_s);
     };
-    mission.options.outputs.objects = true;  // for the boxes of what is visible
+    mission.options.outputs.placed_objects = true;  // for the boxes of what is visible
     mission.sensor_recorder->set_placed(mission.options.placed);
   }
   if (flight.degrade) mission.options.formation = *flight.degrade;
