@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "tileflight/flight/path.h"
+#include "tileflight/render/appearance.h"
 
 namespace tileflight::render {
 namespace {

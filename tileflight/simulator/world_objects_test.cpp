@@ -8,6 +8,7 @@
 #include "tests/temporary_folder.h"
 #include "tileflight/actors/models.h"
 #include "tileflight/base/input_error.h"
+#include "tileflight/labels/segmentation_ids.h"
 #include "tileflight/simulator/frames.h"
 #include "tileflight/simulator/test_world.h"
 #include "tileflight/tiling/glb_writer.h"
@@ -62,7 +63,8 @@ TEST(WorldObjects, ASpawnedBoxIsSeenAsWhatItMeasures) {
   EXPECT_NEAR(depth_at(*world, 80, 58), 9.0, 1e-4) << "2 m long, so its face is a metre nearer than its middle";
   const std::vector<float> image = depth(*world);
   int columns = 0, rows = 0;
-  for (int x = 0; x < 160; ++x) columns += std::abs(image[static_cast<std::size_t>(160 * 60 + x)] - 9.0F) < 1e-3F ? 1 : 0;
+  for (int x = 0; x < 160; ++x)
+    columns += std::abs(image[static_cast<std::size_t>(160 * 60 + x)] - 9.0F) < 1e-3F ? 1 : 0;
   for (int y = 0; y < 120; ++y) rows += std::abs(image[static_cast<std::size_t>(160 * y + 80)] - 9.0F) < 1e-3F ? 1 : 0;
   EXPECT_NEAR(columns, 80.0 * 4 / 9, 1.0) << "4 m wide";
   EXPECT_NEAR(rows, 80.0 * 3 / 9, 1.0) << "3 m high";
@@ -139,11 +141,13 @@ TEST(WorldObjects, WrongOnesAreRefusedWithAReason) {
   EXPECT_THAT(spawn("", "Cube", kOnce, {}), HasSubstr("name"));
   EXPECT_THAT(spawn(std::string(101, 'a'), "Cube", kOnce, {}), HasSubstr("name"));
   EXPECT_THAT(spawn("a\nb", "Cube", kOnce, {}), HasSubstr("control"));
-  for (const float bad : {0.0F, -1.0F, NAN, INFINITY, 1e9F}) EXPECT_THAT(spawn("a", "Cube", {1, bad, 1}, {}), HasSubstr("scale"));
+  for (const float bad : {0.0F, -1.0F, NAN, INFINITY, 1e9F})
+    EXPECT_THAT(spawn("a", "Cube", {1, bad, 1}, {}), HasSubstr("scale"));
   EXPECT_THAT(spawn("a", "Cube", kOnce, pose(1e9F, 0, 0)), HasSubstr("coordinate"));
   world->sim_spawn_object("b", "Cube", {}, kOnce, false, false);
   EXPECT_THAT(refusal_of([&] { world->sim_set_object_scale("b", {1, 1, 0}); }), HasSubstr("scale"));
-  EXPECT_THAT(refusal_of([&] { world->sim_set_object_pose("b", pose(0, INFINITY, 0), true); }), HasSubstr("coordinate"));
+  EXPECT_THAT(refusal_of([&] { world->sim_set_object_pose("b", pose(0, INFINITY, 0), true); }),
+              HasSubstr("coordinate"));
 }
 
 TEST(WorldObjects, ThereIsALimit) {
