@@ -44,9 +44,11 @@ struct PreviewContext {
   const PreviewSettings& settings;
   PlannedFlight mission;
   place::PlaceReader place;
-  std::uintmax_t memory;
+  std::uintmax_t memory;        ///< limit for tiles
+  std::uintmax_t checks_bytes;  ///< of it, taken by the tiles along the path; at most half
 
   const geometry::Trajectory& frames() const { return mission.frames; }
+  std::uintmax_t memory_left() const { return memory - checks_bytes; }
   const geometry::SE3& pose(std::size_t i) const { return mission.frames.poses[i].T_local_camera; }
 };
 
@@ -95,7 +97,7 @@ SurroundingTiles read_surroundings(PreviewContext& flight, const Progress& progr
         place::restrict_to_box(tiles::limit_refinement(tiles::flight_criterion(cones, T_local_tileset, 1.0),
                                                        flight.settings.render.load.error_m),
                                Box3(path_box.min() - around, path_box.max() + around), T_local_tileset);
-    if (auto part = flight.place.read(flight.place.select_cut(wanted), false, flight.memory, progress))
+    if (auto part = flight.place.read(flight.place.select_cut(wanted), false, flight.memory / 2, progress))
       return {std::move(*part), &detail != kDetails.data()};
   }
   throw tiles::MemoryLimitExceeded(flight.place.name(),
@@ -150,7 +152,7 @@ place::PlacePart read_tiles_of(PreviewContext& flight, const FrameGroups& groups
   for (double coarser = 1.0; coarser <= (wanted_px ? kCoarsest : 1.0); coarser *= 2.0) {
     if (wanted_px) picture.error_px = coarser * *wanted_px;
     const tiles::TileCut cut = flight.place.select_cut(criterion_of(flight, group, picture.error_px, picture.frame));
-    if (auto part = flight.place.read(cut, true, flight.memory, progress)) return std::move(*part);
+    if (auto part = flight.place.read(cut, true, flight.memory_left(), progress)) return std::move(*part);
   }
   throw tiles::MemoryLimitExceeded(flight.place.name(),
                                    "the part of the place that frame " + std::to_string(picture.frame) +
@@ -516,7 +518,8 @@ PreviewFigures draw_figures(PreviewContext& flight, const scene::Scene& scene, c
   const render::GroundGrid grid =
       place::fit_ground_grid(map_bounds(map, std::max(10.0, above_m)), flight.settings.map_pixels);
   const place::GroundView view = place::render_ground_view(
-      flight.place, grid, {.error_m = grid.pixel_m, .top_down = {}, .max_memory_bytes = flight.memory}, progress);
+      flight.place, grid, {.error_m = grid.pixel_m, .top_down = {}, .max_memory_bytes = flight.memory_left()},
+      progress);
   missing.insert(missing.end(), view.missing.begin(), view.missing.end());
   const imaging::Camera& camera = flight.mission.calibration.camera;
   report::PlaceMap figure{.title = place::source_display_name(flight.settings.render.source) + ": " +
@@ -571,10 +574,11 @@ json preview(const PreviewSettings& settings, const fs::path& out, bool replace,
   PreviewContext flight{
       settings, plan_flight(settings.render, progress),
       place::PlaceReader(settings.render.source, preview_load_options(settings.render), transport::Use::kAnalyse),
-      settings.render.max_memory_bytes.value_or(place::default_memory_bytes())};
+      settings.render.max_memory_bytes.value_or(place::default_memory_bytes()), 0};
   if (flight.frames().empty()) throw InputError(settings.render.flight.flight.string(), "has no frames");
   std::vector<place::MissingTile> missing;
   SurroundingTiles around = read_surroundings(flight, progress);
+  flight.checks_bytes = around.part.memory_bytes;
   std::move(around.part.missing.begin(), around.part.missing.end(), std::back_inserter(missing));
   const scene::Scene scene(place::with_placeholder(std::move(around.part.meshes)), flight.pose(0).translation);
   const FlightCheck check = check_flight(scene, flight.mission, settings.check, progress);
