@@ -4,7 +4,6 @@ bounded memory.
 Usage: check_faults.py TILEFLIGHT WORK_FOLDER FAST_DDS_PEER, with PYTHONPATH=clients/python
 Exits with 77 (skipped) where there is no Fast DDS.
 """
-import json
 import math
 import random
 import signal
@@ -13,7 +12,6 @@ import subprocess
 import time
 
 import peers
-from peers import programs
 
 SETTINGS = {
     "SimMode": "Multirotor",
@@ -90,10 +88,7 @@ def check_refusals(tileflight, work):
 
 def main():
     tileflight, work, peer = peers.arguments()
-    (work / "settings.json").write_text(json.dumps(SETTINGS))
-    arguments = ["serve", programs.tiny_place(work), "--settings", work / "settings.json", "--port", 0, "--ros2",
-                 "--domain", peers.DOMAIN, "--ros2-rate", 30]
-    with programs.Program(tileflight, *arguments) as server:
+    with peers.serve(tileflight, work, SETTINGS) as server:
         check_malformed(peer, work)
         check_noise(peer)
         check_slow_reader(server, peer)

@@ -9,10 +9,8 @@ import shutil
 import signal
 import sys
 import time
-import json
 
 import peers
-from peers import programs
 
 SETTINGS = {
     "SimMode": "Multirotor",
@@ -142,10 +140,7 @@ def print_latency(peer):
 
 def main():
     tileflight, work, peer = peers.arguments()
-    (work / "settings.json").write_text(json.dumps(SETTINGS))
-    arguments = ["serve", programs.tiny_place(work), "--settings", work / "settings.json", "--port", 0, "--ros2",
-                 "--domain", peers.DOMAIN, "--ros2-rate", 30]
-    with programs.Program(tileflight, *arguments) as server:
+    with peers.serve(tileflight, work, SETTINGS) as server:
         assert server.said["ros2"] == {"domain": peers.DOMAIN, "network": "127.0.0.1 alone"}, server.said
         check_discovery(peer)
         check_messages(peer, work)

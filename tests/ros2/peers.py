@@ -93,3 +93,10 @@ def cdr(*parts):
         else:
             body += b"\0" * (-len(body) % struct.calcsize(kind)) + struct.pack("<" + kind, part)
     return b"\0\1\0\0" + body
+
+
+def serve(tileflight, work, settings):
+    """`serve --ros2` of the tiny place, as a program to be used with `with`."""
+    (work / "settings.json").write_text(json.dumps(settings))
+    return programs.Program(tileflight, "serve", programs.tiny_place(work), "--settings", work / "settings.json", "--port", 0,
+                            "--ros2", "--domain", DOMAIN, "--ros2-rate", 30)

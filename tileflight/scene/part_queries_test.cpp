@@ -10,6 +10,7 @@
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/scene/scene.h"
+#include "tileflight/scene/test_rays.h"
 #include "tileflight/scene/test_shapes.h"
 
 namespace tileflight::scene::part_queries_test {
@@ -17,6 +18,8 @@ namespace {
 
 using geometry::Vec3;
 using imaging::TexturedMesh;
+using test_rays::beam_of;
+using test_rays::directions_around;
 using test_shapes::soup;
 using test_shapes::uniform;
 using test_shapes::uniform_vector;
@@ -82,34 +85,6 @@ Tiles cube() {
     }
   }
   return tiles;
-}
-
-std::array<RayPacket8, 8> beam_of(const Vec3& origin, const std::array<Vec3, 64>& directions, const Vec3& anchor) {
-  std::array<RayPacket8, 8> packets;
-  for (int ray = 0; ray < 64; ++ray) {
-    RayPacket8& packet = packets[static_cast<std::size_t>(ray / 8)];
-    const int lane = ray % 8;
-    if (lane == 0) packet.reset();
-    const Eigen::Vector3f o = (origin - anchor).cast<float>();
-    const Eigen::Vector3f d = directions[static_cast<std::size_t>(ray)].cast<float>();
-    packet.origin_x[lane] = o.x();
-    packet.origin_y[lane] = o.y();
-    packet.origin_z[lane] = o.z();
-    packet.direction_x[lane] = d.x();
-    packet.direction_y[lane] = d.y();
-    packet.direction_z[lane] = d.z();
-  }
-  return packets;
-}
-
-std::array<Vec3, 64> directions_around(const Vec3& forward, double step) {
-  const Vec3 z = forward.normalized(), x = z.unitOrthogonal(), y = z.cross(x);
-  std::array<Vec3, 64> directions;
-  for (std::size_t i = 0; i < 64; ++i) {
-    const double column = static_cast<double>(i % 8) - 3.5, row = static_cast<double>(i / 8) - 3.5;
-    directions[i] = (z + step * column * x + step * row * y).normalized();
-  }
-  return directions;
 }
 
 template <std::size_t N>

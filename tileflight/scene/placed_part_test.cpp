@@ -10,6 +10,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/scene/beam_tree.h"
 #include "tileflight/scene/scene.h"
+#include "tileflight/scene/test_rays.h"
 #include "tileflight/scene/test_shapes.h"
 
 namespace tileflight::scene::placed_part_test {
@@ -18,6 +19,8 @@ namespace {
 using geometry::SE3;
 using geometry::Vec3;
 using imaging::TexturedMesh;
+using test_rays::beam_of;
+using test_rays::directions_around;
 using test_shapes::soup;
 using test_shapes::uniform;
 using test_shapes::uniform_vector;
@@ -79,35 +82,6 @@ struct World {
     return Scene(std::move(all), anchor);
   }
 };
-
-std::array<RayPacket8, 8> beam_of(const Vec3& origin, const std::array<Vec3, 64>& directions, const Vec3& anchor,
-                                  double time) {
-  std::array<RayPacket8, 8> packets;
-  for (std::size_t ray = 0; ray < 64; ++ray) {
-    RayPacket8& packet = packets[ray / 8];
-    const std::size_t lane = ray % 8;
-    if (lane == 0) packet.reset();
-    const Eigen::Vector3f o = (origin - anchor).cast<float>(), d = directions[ray].cast<float>();
-    packet.origin_x[lane] = o.x();
-    packet.origin_y[lane] = o.y();
-    packet.origin_z[lane] = o.z();
-    packet.direction_x[lane] = d.x();
-    packet.direction_y[lane] = d.y();
-    packet.direction_z[lane] = d.z();
-    packet.time[lane] = static_cast<float>(time);
-  }
-  return packets;
-}
-
-std::array<Vec3, 64> directions_around(const Vec3& forward, double step) {
-  const Vec3 z = forward.normalized(), x = z.unitOrthogonal(), y = z.cross(x);
-  std::array<Vec3, 64> directions;
-  for (std::size_t i = 0; i < 64; ++i) {
-    const double column = static_cast<double>(i % 8) - 3.5, row = static_cast<double>(i / 8) - 3.5;
-    directions[i] = (z + step * column * x + step * row * y).normalized();
-  }
-  return directions;
-}
 
 /// How many answers differed: rays that graze an edge may, within rounding.
 struct Count {
