@@ -26,7 +26,6 @@
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/number_text.h"
-#include "tileflight/base/sha256.h"
 #include "tileflight/server/extension_methods.h"
 #include "tileflight/server/levels.h"
 #include "tileflight/server/method_table.h"
@@ -122,11 +121,8 @@ std::string world_text(const ServeOptions& options) {
   numbers(" --origin", options.region.origin);
   numbers(" --start-local", options.start_local);
   if (options.region.allow_incomplete) text << " --allow-incomplete";
-  for (const std::string& file : options.region.region_files) {
-    base::Sha256 hash;
-    hash.add(file_text(file, "a region"));
-    text << " --region FILE of SHA-256 " << hash.hex();
-  }
+  for (const std::string& file : options.region.region_files)
+    text << " --region FILE of SHA-256 " << base::sha256_hex_of_file(file);
   for (const auto& [name, file] : named_values(options.assets, "--asset", "NAME=FILE"))
     text << " --asset " << name << "=FILE of SHA-256 " << base::sha256_hex_of_file(file);
   for (const std::string& level : options.levels) text << " --level " << level.substr(0, level.find('=')) << "=SOURCE";
