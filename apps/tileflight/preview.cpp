@@ -1,4 +1,4 @@
-#include "tileflight/survey/preview.h"
+#include "tileflight/preview/preview.h"
 
 #include <nlohmann/json.hpp>
 
@@ -6,6 +6,7 @@
 #include "region_options.h"
 #include "source_options.h"
 #include "tileflight/experiment/experiment_file.h"
+#include "tileflight/preview/preview_text.h"
 
 namespace tileflight::app {
 
@@ -13,7 +14,7 @@ void add_preview(CLI::App& app, CommonOptions& common, Selection& selection) {
   struct Options {
     RegionOptions region;
     SourceArguments source_arguments;
-    survey::PreviewSettings settings;
+    preview::PreviewSettings settings;
     std::string flight, degrade, out;
     double pixel_error = 1.0;
     double memory_gb = 0.0;
@@ -69,8 +70,8 @@ void add_preview(CLI::App& app, CommonOptions& common, Selection& selection) {
         auto degrade = base::StrictSection::load(options->degrade);
         experiment::read_degrade(degrade, settings.flight);
       }
-      const nlohmann::json found = survey::preview(options->settings, options->out, shared.force, progress);
-      return {found, survey::preview_text(found, options->out)};
+      const nlohmann::json found = preview::preview_flight(options->settings, options->out, shared.force, progress);
+      return {found, preview::preview_text(found, options->out)};
     };
   });
 }

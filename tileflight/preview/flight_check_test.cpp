@@ -1,4 +1,4 @@
-#include "tileflight/survey/flight_check.h"
+#include "tileflight/preview/flight_check.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace tileflight::survey::flight_check_test {
+namespace tileflight::preview::flight_check_test {
 namespace {
 
 using geometry::SE3;
@@ -35,15 +35,15 @@ SE3 north(const Vec3& at) {
   return {r, at};
 }
 
-PlannedFlight mission_of(const std::vector<SE3>& poses, double fov_deg = 90.0) {
-  PlannedFlight mission;
+survey::PlannedFlight mission_of(const std::vector<SE3>& poses, double fov_deg = 90.0) {
+  survey::PlannedFlight mission;
   mission.calibration.camera = imaging::make_pinhole(400, 300, fov_deg);
   for (std::size_t i = 0; i < poses.size(); ++i)
     mission.frames.poses.push_back({0.1 * static_cast<double>(i), poses[i]});
   return mission;
 }
 
-FlightCheck checked(const scene::Scene& scene, const PlannedFlight& mission) {
+FlightCheck checked(const scene::Scene& scene, const survey::PlannedFlight& mission) {
   return check_flight(scene, mission, {}, {});
 }
 
@@ -158,4 +158,4 @@ TEST(FlightCheckTest, TheFootprintEndsAtTheReachAndWhereThePlaceEnds) {
 }
 
 }  // namespace
-}  // namespace tileflight::survey::flight_check_test
+}  // namespace tileflight::preview::flight_check_test

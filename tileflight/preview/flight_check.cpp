@@ -1,4 +1,4 @@
-#include "tileflight/survey/flight_check.h"
+#include "tileflight/preview/flight_check.h"
 
 #include <tbb/parallel_for.h>
 
@@ -11,7 +11,7 @@
 
 #include "tileflight/base/order_statistics.h"
 
-namespace tileflight::survey {
+namespace tileflight::preview {
 namespace {
 
 using geometry::SE3;
@@ -81,7 +81,7 @@ double flow_share(const ViewSample& from, const imaging::Camera& camera, const S
   return base::upper_median(std::move(ways));
 }
 
-std::optional<InitializationCheck> check_initialization(const ViewSample& first, const PlannedFlight& mission,
+std::optional<InitializationCheck> check_initialization(const ViewSample& first, const survey::PlannedFlight& mission,
                                                         const FlightCheckOptions& options) {
   constexpr double kStillSeen = 0.2;  // share of the points that the first frame sees
   const auto& poses = mission.frames.poses;
@@ -110,7 +110,7 @@ std::vector<bool> select_evenly(std::size_t size, std::size_t most) {
   return chosen;
 }
 
-std::vector<Vec3> path_between(const PlannedFlight& mission, std::size_t i) {
+std::vector<Vec3> path_between(const survey::PlannedFlight& mission, std::size_t i) {
   constexpr int kSteps = 8;
   const auto &from = mission.frames.poses[i], &to = mission.frames.poses[i + 1];
   std::vector<Vec3> way{from.T_local_camera.translation};
@@ -159,8 +159,8 @@ std::vector<Vec2> border_pixels(const imaging::Camera& camera) {
 
 }  // namespace
 
-FlightCheck check_flight(const scene::Scene& scene, const PlannedFlight& mission, const FlightCheckOptions& options,
-                         const Progress& progress) {
+FlightCheck check_flight(const scene::Scene& scene, const survey::PlannedFlight& mission,
+                         const FlightCheckOptions& options, const Progress& progress) {
   const auto& poses = mission.frames.poses;
   const std::vector<GridRay> rays = grid_rays(mission.calibration.camera, options.rays_per_side);
   const std::vector<bool> is_looked_at = select_evenly(poses.size(), options.max_views);
@@ -256,4 +256,4 @@ std::vector<Vec2> footprint(const scene::Scene& scene, const imaging::Camera& ca
   return outline;
 }
 
-}  // namespace tileflight::survey
+}  // namespace tileflight::preview

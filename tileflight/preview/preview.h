@@ -2,20 +2,10 @@
 
 #include <filesystem>
 #include <nlohmann/json_fwd.hpp>
-#include <string>
 
-#include "tileflight/survey/flight_check.h"
-#include "tileflight/survey/render_stage.h"
+#include "tileflight/preview/previewed_flight.h"
 
-namespace tileflight::survey {
-
-/// Settings of preview().
-struct PreviewSettings {
-  RenderSettings render;  ///< the flight as it will be rendered
-  FlightCheckOptions check;
-  int map_pixels = 1100;    ///< pixels along the ground's longer side
-  int picture_width = 960;  ///< width of the written images
-};
+namespace tileflight::preview {
 
 /// Checks a flight before it is rendered. Writes into `out`, atomically:
 ///   map.png       path over the place, with viewing directions and the footprints of the first, middle, last image
@@ -27,10 +17,7 @@ struct PreviewSettings {
 /// lack of memory, which is reported); the images use the tiles from which the flight is rendered. The cost is
 /// estimated from the three images: tiles and bytes of the cut are exact, memory and seconds approximate. Missing tiles
 /// are reported as warnings. Throws InputError.
-nlohmann::json preview(const PreviewSettings& settings, const std::filesystem::path& out, bool replace,
-                       const Progress& progress = {});
+nlohmann::json preview_flight(const PreviewSettings& settings, const std::filesystem::path& out, bool replace,
+                              const Progress& progress = {});
 
-/// A readable summary of preview.json.
-std::string preview_text(const nlohmann::json& found, const std::filesystem::path& out);
-
-}  // namespace tileflight::survey
+}  // namespace tileflight::preview

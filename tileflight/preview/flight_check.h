@@ -9,7 +9,7 @@
 #include "tileflight/scene/scene.h"
 #include "tileflight/survey/planned_flight.h"
 
-namespace tileflight::survey {
+namespace tileflight::preview {
 
 /// Thresholds of a flight's warnings.
 struct FlightCheckOptions {
@@ -47,8 +47,8 @@ struct FlightCheck {
 };
 
 /// Checks clearance, views and initialization of a flight against the scene's surfaces.
-FlightCheck check_flight(const scene::Scene& scene, const PlannedFlight& mission, const FlightCheckOptions& options,
-                         const Progress& progress);
+FlightCheck check_flight(const scene::Scene& scene, const survey::PlannedFlight& mission,
+                         const FlightCheckOptions& options, const Progress& progress);
 
 /// All faults: those of render::flight_faults, then `view_nearly_empty`, `nothing_below`, `too_fast`.
 std::vector<render::FlightFault> find_faults(const FlightCheck& check, const FlightCheckOptions& options);
@@ -61,4 +61,4 @@ std::optional<std::string> initialization_warning(const FlightCheck& check, cons
 std::vector<geometry::Vec2> footprint(const scene::Scene& scene, const imaging::Camera& camera,
                                       const geometry::SE3& T_local_camera, double reach_m);
 
-}  // namespace tileflight::survey
+}  // namespace tileflight::preview
