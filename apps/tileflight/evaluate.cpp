@@ -47,6 +47,11 @@ std::string wasserstein_text(const json& w) {
          " of the surface seen\n";
 }
 
+std::string moving_text(const json& moving) {
+  return "on moving objects: " + moving["points"].dump() + " points (" + percent_text(moving["share"]) +
+         "), left out of all scores\n";
+}
+
 Output evaluate_map(const EvaluateOptions& options, const Progress& progress) {
   const MapOptions map = map_options(options);
   std::vector<std::filesystem::path> inputs = files_named(map);
@@ -54,7 +59,9 @@ Output evaluate_map(const EvaluateOptions& options, const Progress& progress) {
   const scoring::EvaluationSettings settings =
       options.settings_file.empty() ? options.settings : experiment::read_evaluation_file(options.settings_file);
   const std::filesystem::path out = options.out;
-  prepare_output_files({out, out.parent_path() / "errors.ply", scoring::seen_surface_file(out)}, inputs);
+  prepare_output_files({out, out.parent_path() / "errors.ply", scoring::seen_surface_file(out),
+                        scoring::moving_points_file(out)},
+                       inputs);
   const json m = scoring::evaluate(map_inputs(map), options.truth, options.transform, settings, options.out, progress);
   std::ostringstream text;
   text << options.out << ": " << m["map"]["correspondences"] << " of " << m["map"]["points"] << " points within "
@@ -66,6 +73,7 @@ Output evaluate_map(const EvaluateOptions& options, const Progress& progress) {
     text << "to the surface: median " << rounded(m["surface"]["median"]) << " m\n";
   }
   text << wasserstein_text(m["wasserstein"]);
+  if (m.contains("moving_objects")) text << moving_text(m["moving_objects"]);
   if (!m["trajectory"].is_null())
     text << "ATE RMSE " << rounded(m["trajectory"]["ate_rmse"]) << " m over " << rounded(m["trajectory"]["path_length"])
          << " m\n";

@@ -255,6 +255,7 @@ json to_json(const Metrics& metrics) {
                  {"wasserstein", metrics.wasserstein ? to_json(*metrics.wasserstein) : json(nullptr)},
                  {"error_budget", metrics.error_budget ? to_json(*metrics.error_budget) : json(nullptr)}};
   if (metrics.regions) object["regions"] = to_json(*metrics.regions);
+  if (metrics.moving) object["moving_objects"] = to_json(*metrics.moving);
   object["doubts"] = to_json(metrics.doubts);
   return object;
 }
@@ -271,6 +272,7 @@ Metrics metrics_from_json(const json& object, const std::string& where) {
     metrics.wasserstein = read_voxel_wasserstein(*wasserstein);
   if (const auto budget = reader.section("error_budget")) metrics.error_budget = read_error_budget(*budget);
   if (const auto regions = reader.section("regions")) metrics.regions = read_region_scores(*regions);
+  if (const auto moving = reader.section("moving_objects")) metrics.moving = read_moving_points(*moving);
   metrics.doubts = read_doubts(reader);  // absent in older files
   reader.require_all_keys_used();
   return metrics;
@@ -280,16 +282,20 @@ std::filesystem::path errors_file(const std::filesystem::path& metrics_json) {
   return metrics_json.parent_path() / "errors.ply";
 }
 
-void write_metrics(const std::filesystem::path& metrics_json, const Metrics& metrics, PointErrors errors) {
+void write_point_errors(const std::filesystem::path& ply, PointErrors errors, double cutoff_m) {
   geometry::PointCloud cloud = std::move(errors.aligned_map);
-  cloud.scalars[kVoxelScalar] = as_floats(errors.voxel_m, metrics.map.cutoff_m);
+  cloud.scalars[kVoxelScalar] = as_floats(errors.voxel_m, cutoff_m);
   if (!errors.surface_m.empty()) {
-    cloud.scalars[kSurfaceScalar] = as_floats(errors.surface_m, metrics.map.cutoff_m);
+    cloud.scalars[kSurfaceScalar] = as_floats(errors.surface_m, cutoff_m);
     std::vector<float>& over = cloud.scalars[kRegionScalar];
     over.assign(cloud.size(), 1.0f);
     for (std::size_t i = 0; i < errors.over_region.size(); ++i) over[i] = errors.over_region[i] ? 1.0f : 0.0f;
   }
-  geometry::write_cloud(errors_file(metrics_json), cloud);
+  geometry::write_cloud(ply, cloud);
+}
+
+void write_metrics(const std::filesystem::path& metrics_json, const Metrics& metrics, PointErrors errors) {
+  write_point_errors(errors_file(metrics_json), std::move(errors), metrics.map.cutoff_m);
   base::write_file(metrics_json, to_json(metrics).dump(2) + "\n");
 }
 

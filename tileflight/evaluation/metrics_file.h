@@ -8,6 +8,7 @@
 #include "tileflight/evaluation/error_budget.h"
 #include "tileflight/evaluation/map_entropy.h"
 #include "tileflight/evaluation/metrics.h"
+#include "tileflight/evaluation/moving_points.h"
 #include "tileflight/evaluation/region_scores.h"
 #include "tileflight/evaluation/voxel_wasserstein.h"
 
@@ -22,6 +23,7 @@ struct Metrics {
   std::optional<VoxelWasserstein> wasserstein;
   std::optional<ErrorBudget> error_budget;
   std::optional<RegionScores> regions;  ///< if the alignment had regions; else the key is absent
+  std::optional<MovingPoints> moving;   ///< if the flight's moving things are known; else the key is absent
   Doubts doubts;                        ///< warnings about possible errors in the scores
 };
 
@@ -42,6 +44,9 @@ struct PointErrors {
 /// `surface_distance` and `over_region` (1 or 0). Distances rounded to float stay on the same side of the cut-off, so
 /// that reading them gives the same correspondences. Throws InputError.
 void write_metrics(const std::filesystem::path& metrics_json, const Metrics& metrics, PointErrors errors);
+
+/// Writes a cloud with the same scalars. Throws InputError.
+void write_point_errors(const std::filesystem::path& ply, PointErrors errors, double cutoff_m);
 
 /// Data needed to compare a run with another.
 struct MetricsFile {

@@ -23,7 +23,7 @@ constexpr std::array kRunFiles{".lock",           ".file-hashes",      ".tilefli
                                "figures/*.csv",   "tables/*.csv",      "tables/*.tex",      "transform.json",
                                "metrics.json",    "errors.ply",        "seen.ply",          "failed.txt",
                                "comparison.json", "failure.json",      "reproduction.json", "reproduction.csv",
-                               "lost-frames.csv", "missed-places.csv", "ablation.csv"};
+                               "lost-frames.csv", "missed-places.csv", "ablation.csv",      "moving.ply"};
 
 /// Runs of earlier versions have no marker.
 bool has_stage_records(const fs::path& folder) {

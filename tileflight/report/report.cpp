@@ -42,7 +42,7 @@ std::vector<Section> sections_of(const RunFolder& run, const ReportContents& c, 
       {"view", "The place, the maps and the flights", view_section(run, options.view)},
       {"errors", "Map error",
        columns(figure("error-histogram") + figure("error-cumulative")) + table("percentiles") + table("surface") +
-           table("quality") + table("budget")},
+           table("quality") + table("moving-objects") + table("budget")},
       {"comparison", "Simulated against second flight",
        table("verdict") + table("missing-parts") + table("comparison") + table("runs") + table("failure")},
       {"frames", "Images of the flights", figure("frames")},

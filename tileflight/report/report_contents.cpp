@@ -73,6 +73,7 @@ ReportContents build_contents(const RunFolder& run) {
   contents.tables = {{"percentiles", percentiles_table(run.flights)},
                      {"surface", surface_table(run.flights)},
                      {"quality", quality_table(run.flights)},
+                     {"moving-objects", moving_table(run.flights)},
                      {"budget", budget_table(run.flights)},
                      {"verdict", map_comparison_table(run.results)},
                      {"missing-parts", missing_parts_table(run.results)},

@@ -124,6 +124,19 @@ Table quality_table(const std::vector<FlightRun>& flights) {
   return table;
 }
 
+Table moving_table(const std::vector<FlightRun>& flights) {
+  Table table = table_of("Points on moving objects: left out of all other scores", flights);
+  const auto of = [](const char* pointer) { return std::string("/moving_objects") + pointer; };
+  add_row(table, "Points", flights, [&](const json& values) { return format_count(number_at(values, of("/points"))); });
+  add_row(table, "Share of the map", flights, percent_cell(of("/share")));
+  add_row(table, "Mean distance to the surface, m", flights, number_cell(of("/surface/mean"), 4));
+  add_row(table, "RMS distance of the map to the surface with them, m", flights,
+          number_cell(of("/with_them/surface/rmse"), 4));
+  add_row(table, "Mean distance of the map to the voxel centres with them, m", flights,
+          number_cell(of("/with_them/voxel/mean"), 4));
+  return table;
+}
+
 Table budget_table(const std::vector<FlightRun>& flights) {
   Table table = table_of("What makes up the distance to the surface, m", flights);
   const std::vector<std::pair<std::string, std::string>> parts{

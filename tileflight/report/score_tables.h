@@ -16,6 +16,8 @@ Table regions_table(const std::vector<FlightRun>& flights);
 Table quality_table(const std::vector<FlightRun>& flights);
 /// Error budget of the distance to the surface, both flights.
 Table budget_table(const std::vector<FlightRun>& flights);
+/// Points on moving objects, which are in no other score, both flights.
+Table moving_table(const std::vector<FlightRun>& flights);
 /// Each repeated odometry run, and their spread.
 Table runs_table(const std::vector<FlightRun>& flights);
 /// Predictions of the simulated flight about the frames that the other one lost and the places it missed.

@@ -25,6 +25,7 @@ TEST(ScoreTables, AreEmptyForRunsWithoutThem) {
   EXPECT_TRUE(regions_table(none).rows.empty());
   EXPECT_TRUE(quality_table(none).rows.empty());
   EXPECT_TRUE(budget_table(none).rows.empty());
+  EXPECT_TRUE(moving_table(none).rows.empty());
   EXPECT_TRUE(runs_table(none).rows.empty());
   EXPECT_TRUE(failure_table({{"failure", nullptr}}).rows.empty());
 }
@@ -59,6 +60,19 @@ TEST(ScoreTables, BudgetsSayHowAPartIsKnown) {
   const Table table = budget_table(flights_with({{"error_budget", budget}}, json::object()));
   ASSERT_THAT(table.rows, SizeIs(2));
   EXPECT_THAT(table.rows[0], ElementsAre("Alignment", "0.0123, estimated", "\u2013"));
+}
+
+TEST(ScoreTables, PointsOnMovingObjectsAreTold) {
+  const json moving{{"points", 1200},
+                    {"share", 0.125},
+                    {"surface", {{"mean", 0.81}}},
+                    {"with_them", {{"surface", {{"rmse", 0.4}}}, {"voxel", {{"mean", nullptr}}}}}};
+  const Table table = moving_table(flights_with({{"moving_objects", moving}}, json::object()));
+  ASSERT_THAT(table.rows, SizeIs(4));
+  EXPECT_THAT(table.rows[0], ElementsAre("Points", "1,200", "\u2013"));
+  EXPECT_THAT(table.rows[1], ElementsAre("Share of the map", "12.5\u00A0%", "\u2013"));
+  EXPECT_EQ(table.rows[2][1], "0.8100");
+  EXPECT_EQ(table.rows[3][1], "0.4000");
 }
 
 TEST(ScoreTables, RunsAreListedWithTheirSpread) {

@@ -101,6 +101,14 @@ Doubts dataset_doubts(const fs::path& folder) {
   return doubts;
 }
 
+Doubts moving_doubts(const evaluation::MovingPoints& moving, double share_margin) {
+  const auto apart = static_cast<double>(moving.apart.points), all = static_cast<double>(moving.with_them.points);
+  if (!(apart > share_margin * all)) return {};
+  return {{std::to_string(moving.apart.points) + " of the map's " + std::to_string(moving.with_them.points) +
+               " points are on moving objects; they are left out of the scores, but odometry and alignment used them",
+           "evaluation", "possible", "compare with_them of moving_objects in metrics.json; fly the place without actors"}};
+}
+
 void append_distinct(Doubts& doubts, const Doubts& more) {
   for (const Doubt& doubt : more) {
     const auto same = [&](const Doubt& d) { return d.what == doubt.what && d.where == doubt.where; };

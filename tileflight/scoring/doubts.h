@@ -5,6 +5,7 @@
 #include <string>
 
 #include "tileflight/base/doubt.h"
+#include "tileflight/evaluation/moving_points.h"
 #include "tileflight/scoring/map_inputs.h"
 
 namespace tileflight::scoring {
@@ -21,6 +22,11 @@ Doubts truth_doubts(const nlohmann::json& extract_json);
 
 /// Doubts about the images: warnings of `render` or `ingest` (dataset.yaml).
 Doubts dataset_doubts(const std::filesystem::path& dataset_folder);
+
+/// A doubt if points on moving things are more than `share_margin` of the map. They are in no score, but the alignment
+/// and the odometry used them; up to this share (EvaluationSettings::share_margin) no share of map points can differ by
+/// more than what counts as equal, with or without them.
+Doubts moving_doubts(const evaluation::MovingPoints& moving, double share_margin);
 
 /// Appends doubts that are not yet in the list (compared by what and where).
 void append_distinct(Doubts& doubts, const Doubts& more);

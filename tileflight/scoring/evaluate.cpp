@@ -25,6 +25,7 @@
 #include "tileflight/place/extract.h"
 #include "tileflight/place/truth_region.h"
 #include "tileflight/scoring/doubts.h"
+#include "tileflight/scoring/points_on_actors.h"
 #include "tileflight/scoring/truth_surface.h"
 
 namespace tileflight::scoring {
@@ -256,7 +257,7 @@ evaluation::MapEvaluation score_without_surface(geometry::PointCloud cloud, cons
 /// All doubts about the scores: those of the map, its transform, the truth and the images, and those that the scores
 /// show.
 Doubts score_doubts(const MapInputs& map, const json& about_truth, const fs::path& transform_file,
-                    const evaluation::Metrics& metrics) {
+                    const EvaluationSettings& settings, const evaluation::Metrics& metrics) {
   Doubts doubts = read_doubts(transform_file);
   append_distinct(doubts, odometry_doubts(map));
   append_distinct(doubts, truth_doubts(about_truth));
@@ -279,10 +280,13 @@ Doubts score_doubts(const MapInputs& map, const json& about_truth, const fs::pat
            "check the map over the truth in the report: the transform may be wrong, or the place another"});
     }
   }
+  if (metrics.moving) append_distinct(doubts, moving_doubts(*metrics.moving, settings.share_margin));
   return doubts;
 }
 
 }  // namespace
+
+fs::path moving_points_file(const fs::path& metrics_json) { return metrics_json.parent_path() / "moving.ply"; }
 
 fs::path seen_surface_file(const fs::path& metrics_json) { return metrics_json.parent_path() / "seen.ply"; }
 
@@ -293,6 +297,12 @@ nlohmann::json evaluate(const MapInputs& map, const fs::path& truth_folder, cons
   const geometry::Sim3 T_surface_map = read_transform_of(transform_file, "to_surface");
   const Truth truth = read_truth(truth_folder);
   const TrajectoryPair poses = read_poses(map);
+  const std::optional<PointsOnActors> on_actors = find_points_on_actors(map, cloud, T_surface_map);
+  ApartPoints apart;
+  if (on_actors && on_actors->count() > 0) {
+    apart = measure_apart(take_points_on_actors(*on_actors, map, cloud), T_published_map, T_surface_map, truth.folder,
+                          truth.region);
+  }
   const std::optional<double> path_m = distance_to_true_poses_m(poses, T_surface_map, cloud);
   const geometry::PointCloud on_surface = geometry::transformed(T_surface_map, positions_and_normals(cloud));
 
@@ -300,6 +310,7 @@ nlohmann::json evaluate(const MapInputs& map, const fs::path& truth_folder, cons
   evaluation::MapEvaluation score =
       score_without_surface(std::move(cloud), T_published_map, truth, poses, settings, progress, index);
   evaluation::Metrics& metrics = score.metrics;
+  std::optional<std::vector<double>> static_m;
   // A truth of points alone has cells but no surface.
   if (truth.folder.has_mesh()) {
     RegionPart part = select_over_region(on_surface, truth, map);
@@ -328,11 +339,14 @@ nlohmann::json evaluate(const MapInputs& map, const fs::path& truth_folder, cons
                                   .within_m = settings.cutoff_m});
     score.errors.over_region = std::move(part.is_over);
     write_seen_surface(out, seen, seen_m);
+    static_m = surface_m;
   } else {
     metrics.wasserstein = evaluation::voxel_wasserstein(score.errors.aligned_map, truth.folder.read_surface_samples(),
                                                         wasserstein_options(settings));
   }
-  metrics.doubts = score_doubts(map, truth.extract_json, transform_file, metrics);
+  if (on_actors) metrics.moving = score_apart(*on_actors, apart, score.errors.voxel_m, static_m, settings.cutoff_m);
+  metrics.doubts = score_doubts(map, truth.extract_json, transform_file, settings, metrics);
+  write_apart_points(moving_points_file(out), apart, settings.cutoff_m);
   evaluation::write_metrics(out, metrics, std::move(score.errors));
   return evaluation::to_json(metrics);
 }

@@ -1,6 +1,7 @@
 #include "tileflight/survey/actor_labels.h"
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -10,6 +11,7 @@
 #include "tileflight/base/formatted_text.h"
 #include "tileflight/base/json_file.h"
 #include "tileflight/base/make_folder.h"
+#include "tileflight/base/strict_section.h"
 
 namespace tileflight::survey {
 namespace {
@@ -83,7 +85,44 @@ json box_of(const actors::Traffic& traffic, std::size_t actor, double time_s, co
           {"rotation_camera", listed(T_camera_local.rotation * state.T_local_actor.rotation)}};
 }
 
+geometry::Vec3 read_vector(base::StrictSection& box, const char* key) {
+  const auto v = box.numbers(key, 3, 3);
+  if (!v) throw box.error(key, "is missing");
+  return {(*v)[0], (*v)[1], (*v)[2]};
+}
+
+Eigen::Quaterniond read_rotation(base::StrictSection& box) {
+  const auto v = box.numbers("rotation", 4, 4);
+  if (!v) throw box.error("rotation", "is missing");
+  const Eigen::Quaterniond rotation((*v)[3], (*v)[0], (*v)[1], (*v)[2]);
+  if (std::abs(rotation.norm() - 1.0) > 1e-6) throw box.error("rotation", "must be a unit quaternion");
+  return rotation;
+}
+
 }  // namespace
+
+bool ActorBox::has_same_place(const ActorBox& other) const {
+  return T_local_box.translation == other.T_local_box.translation &&
+         T_local_box.rotation.coeffs() == other.T_local_box.rotation.coeffs() && size_m == other.size_m;
+}
+
+bool has_actor_boxes(const std::filesystem::path& dataset_folder) {
+  return std::filesystem::is_directory(dataset_folder / "boxes");
+}
+
+std::vector<ActorBox> read_actor_boxes(const std::filesystem::path& dataset_folder, const std::string& frame_id) {
+  const std::filesystem::path file = dataset_folder / "boxes" / (frame_id + ".json");
+  const json frame = base::read_json(file);
+  base::StrictSection section(frame, file);
+  section.require("boxes");
+  std::vector<ActorBox> boxes;
+  for (base::StrictSection& box : section.sections("boxes")) {
+    boxes.push_back(
+        {box.required_text("actor"), {read_rotation(box), read_vector(box, "center")}, read_vector(box, "size")});
+    if (!(boxes.back().size_m.minCoeff() > 0.0)) throw box.error("size", "must be positive");
+  }
+  return boxes;
+}
 
 ActorLabels::ActorLabels(std::filesystem::path dataset_folder, std::shared_ptr<const actors::Traffic> traffic)
     : folder_(std::move(dataset_folder)), traffic_(std::move(traffic)) {

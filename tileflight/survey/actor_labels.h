@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <filesystem>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "tileflight/actors/traffic.h"
@@ -27,5 +28,20 @@ class ActorLabels {
   std::filesystem::path folder_;
   std::shared_ptr<const actors::Traffic> traffic_;
 };
+
+/// Where an actor is in one frame.
+struct ActorBox {
+  std::string actor;
+  geometry::SE3 T_local_box;  ///< axes forward, left, up; origin in the middle
+  geometry::Vec3 size_m;      ///< along these axes
+
+  bool has_same_place(const ActorBox& other) const;
+};
+
+/// Whether a dataset has boxes of actors.
+bool has_actor_boxes(const std::filesystem::path& dataset_folder);
+/// Reads the boxes of a frame ("000000"), those of all actors. Throws InputError (file, key) if they are missing or
+/// broken.
+std::vector<ActorBox> read_actor_boxes(const std::filesystem::path& dataset_folder, const std::string& frame_id);
 
 }  // namespace tileflight::survey
