@@ -47,7 +47,7 @@ BASES = {
         {"camera": "camera.yaml", "fps": 2, "vehicle": {}, "mission": MISSION, "sensors": SENSORS},
         {"camera": "camera.yaml", "fps": 2, "waypoints": [{"position": [0, 0, 9]}, {"position": [9, 0, 9]}]},
         {"camera": "camera.yaml", "fps": 2, "waypoints": [{"position": [0, 0, 9]}, {"position": [9, 0, 9]}],
-         "actors": [{"path": [{"at": [0, 0]}, {"at": [9, 0]}]}, {"model": "person", "position": [1, 2]}]},
+         "actors": [{"path": [{"at": [0, 0]}, {"at": [9, 0]}]}, {"model": "person", "position": [1, 2]}], "weather": {}},
         {"camera": "camera.yaml", "trajectory": "path.txt"},
         {"camera": "camera.yaml", "fps": 2, "autopilot": {"kind": "px4"}},
     ],

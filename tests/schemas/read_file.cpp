@@ -14,6 +14,7 @@
 #include "tileflight/experiment/stage_options.h"
 #include "tileflight/geometry/angles.h"
 #include "tileflight/imaging/camera.h"
+#include "tileflight/render/weather.h"
 #include "tileflight/sensors/sensor_suite.h"
 #include "tileflight/study/study_file.h"
 #include "tileflight/systems/adapter.h"
@@ -39,6 +40,7 @@ void read(const std::string& kind, const fs::path& file) {
   if (kind == "flight" || kind == "sensors") {
     if (kind == "flight") tf::vehicle::read_flight_plan(file);
     if (kind == "flight") tf::actors::read_actors(file);
+    if (kind == "flight") tf::render::read_weather(file);
     tf::sensors::read_sensor_suite(file, 1, {});
   }
 }
@@ -324,6 +326,8 @@ int print_defaults(const fs::path& folder) {
   const auto waypoints = tf::vehicle::read_flight_plan(flight);
   const tf::actors::ActorPlan actor =
       tf::actors::read_actors(written(folder, "actors.yaml", "actors: [{position: [0, 0]}]\n")).at(0);
+  const tf::render::WeatherOptions weather =
+      tf::render::read_weather(written(folder, "weather.yaml", "weather: {}\n")).value();
   const auto experiment = tf::experiment::read_experiment(written(folder, "experiment.yaml", kExperiment));
   const tf::survey::RenderedFlightConfig& render = *experiment.simulated->render;
   const json degrade = degrade_defaults(*render.degrade);
@@ -348,6 +352,11 @@ int print_defaults(const fs::path& folder) {
                       {"waypoints[].yaw_deg", waypoints.waypoints.at(0).yaw_deg},
                       {"waypoints[].pitch_deg", waypoints.waypoints.at(0).pitch_deg},
                       {"waypoints[].roll_deg", waypoints.waypoints.at(0).roll_deg},
+                      {"weather.base_height_m", weather.base_height_m},
+                      {"weather.rain_mm_per_h", weather.rain_mm_per_h},
+                      {"weather.snow_mm_per_h", weather.snow_mm_per_h},
+                      {"weather.wetness", weather.wetness},
+                      {"weather.streak_exposure_s", weather.streak_exposure_s},
                       {"actors[].model", tf::actors::make_model(actor.model).name},
                       {"actors[].scale", actor.scale},
                       {"actors[].yaw_deg", actor.route.yaw_deg},

@@ -14,6 +14,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/simd.h"
 #include "tileflight/render/appearance.h"
+#include "tileflight/render/atmosphere.h"
 #include "tileflight/render/block_tracer.h"
 #include "tileflight/render/daylight_shader.h"
 #include "tileflight/render/ray_table.h"
@@ -110,6 +111,15 @@ Haze haze_of(const RenderOptions& options) {
   return haze;
 }
 
+std::optional<Atmosphere> atmosphere_of(const RenderOptions& options, const scene::Scene& scene) {
+  if (!options.weather || options.weather->is_clear()) return std::nullopt;
+  return Atmosphere(*options.weather, options.daylight, options.background, scene.anchor().z());
+}
+
+double direct_sun_of(const RenderOptions& options) {
+  return options.weather ? direct_sun_share(*options.weather, options.daylight->sun().elevation_rad) : 1.0;
+}
+
 void require_a_pose_a_row(std::size_t poses, int height) {
   if (poses != 1 && poses != static_cast<std::size_t>(height)) throw std::invalid_argument("one pose a row");
 }
@@ -135,6 +145,7 @@ struct CameraRenderer::Impl {
   RenderOptions options;
   BlockTracer tracer;
   std::optional<DaylightShader> shader;  // set if `daylight` is used
+  std::optional<Atmosphere> atmosphere;  // set if there is weather
   std::shared_ptr<const CameraRays> rays;
 
   Impl(const scene::Scene& s, std::shared_ptr<const Appearance> a, std::shared_ptr<const CameraRays> r,
@@ -144,8 +155,9 @@ struct CameraRenderer::Impl {
         options(o),
         tracer(scene, *appearance, options.background, options.daylight ? 0.0 : options.haze_per_m,
                options.haze_color.value_or(options.background)),
+        atmosphere(atmosphere_of(options, scene)),
         rays(std::move(r)) {
-    if (options.daylight) shader.emplace(scene, options.daylight, haze_of(options));
+    if (options.daylight) shader.emplace(scene, options.daylight, haze_of(options), direct_sun_of(options));
     if (rays->samples_along_axis() != samples_along_axis(options.samples_per_pixel))
       throw std::invalid_argument("rays of another number of samples");
   }
@@ -160,6 +172,8 @@ struct CameraRenderer::Impl {
   RowPoses rows_at(const ShutterPoses& poses, int moment) const;
   ViewStatistics trace_central(const PixelRegion& tile, const RowPoses& poses, imaging::RgbImage* rgb,
                                imaging::FloatImage* depth_m) const;
+  void write_air(const TracedBeam::Block& block, const scene::RayPacket8& packet, const SquaredColors8& squares,
+                 imaging::RgbImage& rgb) const;
   void visit_tile(const PixelRegion& tile, const RowPoses& poses, const SurfaceVisitor& visitor) const;
   TILEFLIGHT_LANE_INLINE void write_depth(const TracedBeam::Block& block, const scene::RayPacket8& packet,
                                           imaging::FloatImage& depth_m) const;
@@ -230,12 +244,26 @@ TILEFLIGHT_WIDE_VECTORS ViewStatistics CameraRenderer::Impl::trace_central(const
       if (depth_m != nullptr) write_depth(block, packet, *depth_m);
       if (rgb == nullptr) continue;
       tracer.shade(block.valid, packet, beam.reads[static_cast<std::size_t>(k)], squares);
+      if (atmosphere) {
+        atmosphere->wet_surfaces(block.valid, packet, squares);
+        write_air(block, packet, squares, *rgb);
+        continue;
+      }
       for_each_lane(block, [&](int i, int column, int row) {
         (*rgb)(column, row) = encode_srgb(squares[static_cast<std::size_t>(i)]);
       });
     }
   });
   return view;
+}
+
+/// Colours of a block that was shaded, as they arrive through the air.
+void CameraRenderer::Impl::write_air(const TracedBeam::Block& block, const scene::RayPacket8& packet,
+                                     const SquaredColors8& squares, imaging::RgbImage& rgb) const {
+  std::array<LinearRgb, 8> lanes = shade_block(block.valid, packet, squares);
+  atmosphere->add_air(block.valid, packet, lanes);
+  for_each_lane(block,
+                [&](int i, int x, int y) { rgb(x, y) = SrgbTables::get().encode(lanes[static_cast<std::size_t>(i)]); });
 }
 
 void CameraRenderer::Impl::visit_tile(const PixelRegion& tile, const RowPoses& poses,
@@ -280,7 +308,9 @@ void CameraRenderer::Impl::add_light(const PixelRegion& tile, const RowPoses& po
       const TracedBeam::Block& block = beam.blocks[static_cast<std::size_t>(k)];
       const scene::RayPacket8& packet = beam.packets[static_cast<std::size_t>(k)];
       tracer.shade(block.valid, packet, beam.reads[static_cast<std::size_t>(k)], squares);
-      const std::array<LinearRgb, 8> lanes = shade_block(block.valid, packet, squares);
+      if (atmosphere) atmosphere->wet_surfaces(block.valid, packet, squares);
+      std::array<LinearRgb, 8> lanes = shade_block(block.valid, packet, squares);
+      if (atmosphere) atmosphere->add_air(block.valid, packet, lanes);
       for_each_lane(block, [&](int i, int x, int y) {
         LinearRgb& light = sum(x / n, y / n);
         for (std::size_t c = 0; c < 3; ++c) light[c] += lanes[static_cast<std::size_t>(i)][c];
@@ -342,6 +372,7 @@ CameraRenderer::~CameraRenderer() = default;
 
 const imaging::Camera& CameraRenderer::camera() const { return impl_->rays->camera; }
 std::shared_ptr<const CameraRays> CameraRenderer::rays() const { return impl_->rays; }
+const geometry::Vec3& CameraRenderer::anchor() const { return impl_->scene.anchor(); }
 const RenderOptions& CameraRenderer::options() const { return impl_->options; }
 std::shared_ptr<const Appearance> CameraRenderer::appearance() const { return impl_->appearance; }
 

@@ -13,6 +13,7 @@
 #include "tileflight/imaging/image.h"
 #include "tileflight/imaging/pixel_region.h"
 #include "tileflight/render/linear_color.h"
+#include "tileflight/render/weather.h"
 #include "tileflight/scene/scene.h"
 
 namespace tileflight::render {
@@ -30,6 +31,8 @@ struct RenderOptions {
   /// Light by sun and sky: textures are taken as reflectance, and the sky is the background. Null: textures are shown
   /// as they are.
   std::shared_ptr<const Daylight> daylight{};
+  /// Null, or clear: none. What falls is not drawn here (streaks.h), but for the light that it takes and gives.
+  std::shared_ptr<const WeatherOptions> weather{};
 };
 
 /// What the pixels' central rays see, for checks of a flight.
@@ -108,6 +111,7 @@ class CameraRenderer {
 
   const imaging::Camera& camera() const;
   const RenderOptions& options() const;
+  const geometry::Vec3& anchor() const;  ///< of the scene
   std::shared_ptr<const Appearance> appearance() const;
   /// To be shared: they are as large as the image, and know nothing of the scene.
   std::shared_ptr<const CameraRays> rays() const;

@@ -87,9 +87,16 @@ const DaylightOptions& checked(const DaylightOptions& settings) {
   return settings;
 }
 
+/// The same with a direction in the plane of the horizon.
+SunPosition sun_on_horizon(SunPosition sun) {
+  sun.direction = {std::sin(sun.azimuth_rad), std::cos(sun.azimuth_rad), 0.0};
+  return sun;
+}
+
 SunPosition require_risen_sun(const DaylightOptions& settings, const geometry::Geodetic& origin) {
   const SunPosition sun = sun_position(*checked(settings).utc_s, origin, standard_air(origin.height.m));
   if (sun.elevation_rad > 0.0) return sun;
+  if (settings.allows_night) return sun_on_horizon(sun);
   const std::string place = base::formatted("latitude %.4f, longitude %.4f", origin.latitude_deg, origin.longitude_deg);
   throw InputError("light", base::formatted("the sun is %.1f degrees below the horizon at that time",
                                             -sun.elevation_rad * kDegrees) +
@@ -122,6 +129,18 @@ void validate_daylight_options(const DaylightOptions& s) {
   base::require(std::abs(s.exposure_stops) <= 20.0, "light: exposure", "must lie between -20 and 20 stops");
 }
 
+double twilight_dimming(double sun_elevation_rad) {
+  constexpr double kDarkest = 1.0 / 64.0, kLogAtHorizon = 2.88;  // of lux
+  const double degrees = sun_elevation_rad * kDegrees, x = degrees / 90.0;
+  if (degrees >= 0.0) return 1.0;
+  const auto dimmed = [&](double a, double b, double c, double d) {
+    return std::max(kDarkest, std::pow(10.0, a + x * (b + x * (c + x * d)) - kLogAtHorizon));
+  };
+  if (degrees > -0.8) return dimmed(2.88, 22.26, -207.64, 1034.30);
+  if (degrees > -5.0) return dimmed(2.88, 21.81, -258.11, -858.36);
+  return kDarkest;
+}
+
 PhotometricRgb sky_illuminance(const Sky& sky, const Vec3& normal) { return illuminance(sky_patches(sky), normal); }
 
 std::shared_ptr<const Daylight> make_daylight(const DaylightOptions& settings,
@@ -136,11 +155,14 @@ Daylight::Daylight(const DaylightOptions& settings, const geometry::Geodetic& or
     : sun_(require_risen_sun(settings, origin)),
       toward_sun_(as_floats(sun_.direction)),
       sky_(sun_.direction, settings.turbidity) {
-  const PhotometricRgb sun = sun_illuminance(sun_.elevation_rad, sun_.distance_au, settings.turbidity,
-                                             standard_air(origin.height.m).pressure_hpa);
+  PhotometricRgb sun{};
+  if (sun_.elevation_rad > 0.0)
+    sun = sun_illuminance(sun_.elevation_rad, sun_.distance_au, settings.turbidity,
+                          standard_air(origin.height.m).pressure_hpa);
   PhotometricRgb level_sun = sun, level = sky_illuminance(sky_, Vec3::UnitZ());
   for (std::size_t c = 0; c < 3; ++c) level_sun[c] *= sun_.direction.z(), level[c] += level_sun[c];
   picture_per_klx_ = picture_units(settings, level);
+  for (double& unit : picture_per_klx_) unit *= twilight_dimming(sun_.elevation_rad);
   sunlight_ = to_picture_units(sun);
   build_diffuse_table(settings.ground_albedo, level);
   build_horizon_table();
@@ -202,7 +224,8 @@ LinearRgb Daylight::horizon(const std::array<float, 3>& direction) const {
 LinearRgb Daylight::sky(const std::array<float, 3>& d) const {
   if (d[2] <= 0.0F) return horizon(d);
   constexpr float kCosOfRadius = 0.99998917F;  // cosine of 0.2667 degrees
-  if (d[0] * toward_sun_[0] + d[1] * toward_sun_[1] + d[2] * toward_sun_[2] > kCosOfRadius) {
+  if (sun_.elevation_rad > 0.0 &&
+      d[0] * toward_sun_[0] + d[1] * toward_sun_[1] + d[2] * toward_sun_[2] > kCosOfRadius) {
     LinearRgb disc = sunlight_;
     const float largest = std::max({disc[0], disc[1], disc[2]});
     for (float& channel : disc) channel *= kDiscWhites / largest;

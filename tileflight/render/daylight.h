@@ -26,7 +26,15 @@ struct DaylightOptions {
   double ground_albedo = 0.2;   ///< fraction of light that the ground reflects upwards, 0..1
   double exposure_stops = 0.0;  ///< brightness change in stops (factors of two)
   WhiteBalance white_balance = WhiteBalance::kLevelGround;
+  /// With the sun below the horizon: the sky of a sun on the horizon, dimmed as twilight is (twilight_dimming).
+  /// Default: that is an error.
+  bool allows_night = false;
 };
+
+/// Light of the sky with the sun below the horizon, relative to that with the sun on it: the polynomials of the
+/// "Explanatory Supplement to the Astronomical Almanac" (Seidelmann 1992, section 9.32), but at least 1/64, as a
+/// camera's exposure follows. 1 with the sun above.
+double twilight_dimming(double sun_elevation_rad);
 
 /// Throws InputError (option, cause) if a value is out of range. The time may be missing here.
 void validate_daylight_options(const DaylightOptions& settings);
@@ -36,7 +44,7 @@ void validate_daylight_options(const DaylightOptions& settings);
 class Daylight {
  public:
   /// `origin`: of the local frame. Throws InputError for settings out of range, a missing time, and a sun below the
-  /// horizon, stating its position: the sky model is valid only by day.
+  /// horizon (unless night is allowed), stating its position: the sky model is valid only by day.
   Daylight(const DaylightOptions& settings, const geometry::Geodetic& origin);
 
   const SunPosition& sun() const { return sun_; }

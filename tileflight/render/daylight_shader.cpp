@@ -89,7 +89,9 @@ std::array<LinearRgb, 8> DaylightShader::shade(std::uint8_t valid, const scene::
   const SrgbTables& srgb = SrgbTables::get();
   const ShadingNormals8 facets = compute_shading_normals(packet, daylight_->toward_sun());
   const std::uint8_t hits = hit_lanes(valid, packet);
-  const std::uint8_t lit = sunlit_lanes(scene_, hits, packet, facets, daylight_->toward_sun());
+  const std::uint8_t lit =
+      direct_share_ > 0.0F ? sunlit_lanes(scene_, hits, packet, facets, daylight_->toward_sun()) : std::uint8_t{0};
+  const float scattered = (1.0F - direct_share_) * std::max(0.0F, daylight_->toward_sun()[2]);
   std::array<LinearRgb, 8> result{};
   for (std::size_t i = 0; i < result.size(); ++i) {
     if ((valid >> i & 1U) == 0) continue;
@@ -99,7 +101,8 @@ std::array<LinearRgb, 8> DaylightShader::shade(std::uint8_t valid, const scene::
       continue;
     }
     LinearRgb light = daylight_->diffuse(facets.normal[i]);
-    const float sun = (lit >> i & 1U) != 0 ? facets.sun_cosine[i] : 0.0F;
+    const float direct = (lit >> i & 1U) != 0 ? direct_share_ * facets.sun_cosine[i] : 0.0F;
+    const float sun = direct + scattered * 0.5F * (1.0F + facets.normal[i][2]);
     for (int c = 0; c < 3; ++c) {
       const auto channel = static_cast<std::size_t>(c);
       const float albedo = srgb.decode(std::sqrt(squares[i][c]));

@@ -22,9 +22,11 @@ struct Haze {
 /// casts hard shadows; sky and ground light is not occluded. No allocation, no virtual call.
 class DaylightShader {
  public:
-  /// The scene must outlive it.
-  DaylightShader(const scene::Scene& scene, std::shared_ptr<const Daylight> light, const Haze& haze)
-      : scene_(scene), daylight_(std::move(light)), haze_(haze) {}
+  /// The scene must outlive it. `direct_share`: of the sun's light that comes straight; the rest comes evenly from
+  /// above, as much of it on level ground, and casts no shadows.
+  DaylightShader(const scene::Scene& scene, std::shared_ptr<const Daylight> light, const Haze& haze,
+                 double direct_share = 1.0)
+      : scene_(scene), daylight_(std::move(light)), haze_(haze), direct_share_(static_cast<float>(direct_share)) {}
 
   /// Linear light of the valid lanes of a block that was cast and shaded without haze; may exceed 1.
   std::array<LinearRgb, 8> shade(std::uint8_t valid, const scene::RayPacket8& packet,
@@ -36,6 +38,7 @@ class DaylightShader {
   const scene::Scene& scene_;
   std::shared_ptr<const Daylight> daylight_;
   Haze haze_;
+  float direct_share_;
 };
 
 }  // namespace tileflight::render

@@ -154,6 +154,26 @@ TEST(Daylight, RefusesWhatItCannotLight) {
   EXPECT_NE(refusal(settings).find("ground albedo"), std::string::npos);
 }
 
+TEST(Daylight, NightIsDarkIfItIsAllowed) {
+  DaylightOptions settings = at_time("2024-03-20T05:00:00Z");
+  settings.allows_night = true;
+  const Daylight night(settings, kPlace);
+  EXPECT_LT(night.sun().elevation_rad, -0.5);
+  EXPECT_EQ(night.sunlight(), (LinearRgb{0, 0, 0}));
+  for (const float channel : night.diffuse({0, 0, 1})) EXPECT_NEAR(channel, 1.0 / 64.0, 1e-3);
+  for (const float channel : night.sky({0.0F, 0.6F, 0.8F})) EXPECT_TRUE(std::isfinite(channel));
+  // Civil twilight ends at 6 degrees; the published illuminances are 758 lx at 0 and 10.4 lx at -5 degrees.
+  EXPECT_EQ(twilight_dimming(0.01), 1.0);
+  EXPECT_NEAR(twilight_dimming(-1e-9), 1.0, 1e-6);
+  EXPECT_NEAR(twilight_dimming(-0.8 * kPi / 180.0), 0.62, 0.02);
+  EXPECT_NEAR(twilight_dimming(-4.0 * kPi / 180.0), 29.9 / 758.0, 0.001);
+  EXPECT_EQ(twilight_dimming(-0.5), 1.0 / 64.0);
+  settings = at_time("2024-03-20T17:00:00Z");
+  const Daylight day(settings, kPlace);
+  settings.allows_night = true;
+  EXPECT_EQ(Daylight(settings, kPlace).diffuse({0, 0, 1}), day.diffuse({0, 0, 1}));
+}
+
 TEST(Daylight, SaysWhereTheSunStands) {
   SunPosition sun;
   sun.elevation_rad = 0.5 * kPi / 3.0;

@@ -21,19 +21,22 @@ bool has_shutter(const ImageFormation& formation) {
 }
 
 /// Poses for the shutter: the given function, else a spline through the frames.
-PoseFunction shutter_path(const PoseFunction& pose_at, const Trajectory& frames, const ImageFormation& formation) {
-  if (pose_at || !has_shutter(formation)) return pose_at;
+PoseFunction shutter_path(const PoseFunction& pose_at, const Trajectory& frames, bool is_needed) {
+  if (pose_at || !is_needed) return pose_at;
   if (frames.size() == 1) return [T = frames.poses[0].T_local_camera](double) { return T; };
   return [path = flight::path_through_poses(frames)](double time_s) { return path.pose(time_s); };
 }
 
-/// Render options with the formation's light and haze.
+bool has_precipitation(const RenderOptions& options) { return options.weather && options.weather->has_precipitation(); }
+
+/// Render options with the formation's light and haze, and the depth that rain and snow need.
 RenderOptions make_render_options(const FlightRenderOptions& options) {
   const ImageFormation& formation = options.formation;
   RenderOptions render = options.render;
   render.haze_per_m = haze_per_m(formation);
   render.haze_color = formation.haze_color;
   if (formation.light) render.daylight = make_daylight(*formation.light, options.origin);
+  render.depth = render.depth || has_precipitation(render);
   return render;
 }
 
@@ -79,15 +82,17 @@ FrameRenderer::FrameRenderer(const scene::Scene& scene, const imaging::Camera& c
       renderer_(with_placed_ ? *with_placed_ : scene, camera, render_options_),
       outputs_(renderer_, with_placed_ ? *with_placed_ : scene, options.outputs, options.scored_region),
       has_outputs_(options.outputs.any()),
+      has_depth_(options.render.depth),
       frames_(frames),
       first_frame_(frame_range(options, frames.size()).begin),
       formation_(options.formation),
       path_(pose_at),
-      pose_at_(shutter_path(pose_at, frames, options.formation)),
+      pose_at_(shutter_path(pose_at, frames, has_shutter(options.formation) || has_precipitation(options.render))),
       clearance_m_(options.clearance_m),
       inside_reach_m_(options.inside_reach_m),
       vignette_(make_vignette(formation_, camera.width(), camera.height())),
       exposure_(options.exposure_before) {
+  if (has_precipitation(render_options_)) streaks_.emplace(render_options_, scene.anchor().z());
   RenderOptions colour = render_options_;
   colour.depth = false;
   const auto with_lens = [&](double larger, std::optional<CameraRenderer>& renderer) {
@@ -123,7 +128,7 @@ FlightFrame FrameRenderer::develop(TracedFrame traced) const {
   frame.index = traced.index;
   frame.time_s = frames_.poses[traced.index].time_s;
   frame.exposure_ms = 1e3 * formation_.exposure_time_s * gain_of(traced.index);
-  frame.rgb = is_ideal(formation_)
+  frame.rgb = traced.light.empty()
                   ? std::move(traced.rgb)
                   : render::develop(traced.light, vignette_, formation_, gain_of(traced.index), traced.index);
   frame.depth_m = std::move(traced.depth_m);
@@ -195,7 +200,7 @@ TracedFrame FrameRenderer::trace_region(std::size_t index, const OptionalRegion&
   frame.index = index;
   const Moment moment = moment_of(index, true);
   const Cameras cameras = cameras_in(moment.scene ? &*moment.scene : nullptr);
-  if (is_ideal(formation_)) {
+  if (is_ideal(formation_) && !streaks_) {
     RenderedFrame rendered = cameras.all->render(frames_.poses[index].T_local_camera, region);
     frame.rgb = std::move(rendered.rgb);
     frame.depth_m = std::move(rendered.depth_m);
@@ -205,6 +210,8 @@ TracedFrame FrameRenderer::trace_region(std::size_t index, const OptionalRegion&
     frame.light = std::move(light.light);
     frame.depth_m = std::move(light.depth_m);
     frame.check.view = light.view;
+    if (streaks_) streaks_->draw(renderer_.camera(), streak_shutter(index), frame.depth_m, region, frame.light);
+    if (!has_depth_) frame.depth_m = {};
   }
   if (has_outputs_) {
     const Moment next = moment_of(index + 1, false);
@@ -238,6 +245,13 @@ ShutterPoses FrameRenderer::poses_of(std::size_t index, double gain) const {
   const StampedPose& pose = frames_.poses[index];
   if (!has_shutter(formation_)) return {1, 1, {pose.T_local_camera}, {}, {pose.time_s}};
   return shutter_poses(formation_, pose_at_, pose.time_s, renderer_.camera().height(), gain);
+}
+
+/// The camera's own shutter, or that of the weather for a camera whose exposure takes no time.
+StreakShutter FrameRenderer::streak_shutter(std::size_t index) const {
+  const double open_s = formation_.exposure_time_s > 0.0 ? formation_.exposure_time_s * gain_of(index)
+                                                         : render_options_.weather->streak_exposure_s;
+  return {pose_at_, frames_.poses[index].time_s, open_s, formation_.line_delay_s};
 }
 
 /// At the middle of the exposure: one moment; empty beyond the last frame.

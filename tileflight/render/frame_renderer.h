@@ -15,6 +15,7 @@
 #include "tileflight/render/frame_outputs.h"
 #include "tileflight/render/image_formation.h"
 #include "tileflight/render/render_flight.h"
+#include "tileflight/render/streaks.h"
 
 namespace tileflight::render {
 
@@ -37,8 +38,8 @@ std::vector<geometry::Vec3> path_to_next_frame(const geometry::Trajectory& frame
 /// What rays find of a frame: all that depends on the scene.
 struct TracedFrame {
   std::size_t index = 0;
-  imaging::RgbImage rgb;  ///< with an ideal image formation; else empty
-  LinearImage light;      ///< before exposure, with any other image formation; else empty
+  imaging::RgbImage rgb;  ///< with an ideal image formation and nothing that falls; else empty
+  LinearImage light;      ///< before exposure, in all other cases; else empty
   imaging::FloatImage depth_m;
   OutputImages outputs;
   std::span<const SceneObject> objects;  ///< of outputs.objects; valid as long as the renderer
@@ -75,6 +76,7 @@ class FrameRenderer {
   double gain_of(std::size_t index) const;
   ShutterPoses poses_of(std::size_t index, double gain) const;
   ShutterPoses rows_of(std::size_t index) const;
+  StreakShutter streak_shutter(std::size_t index) const;
 
   const scene::Scene& scene_;
   RenderOptions render_options_;
@@ -83,6 +85,8 @@ class FrameRenderer {
   CameraRenderer renderer_;
   OutputRenderer outputs_;
   bool has_outputs_;
+  bool has_depth_;                         ///< of the frames that are handed out
+  std::optional<StreakRenderer> streaks_;  ///< set if it rains or snows
   const geometry::Trajectory& frames_;
   std::size_t first_frame_;
   ImageFormation formation_;

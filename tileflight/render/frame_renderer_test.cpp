@@ -140,6 +140,20 @@ TEST_F(FramesInRegions, AreTheSameWithEveryEffect) {
   expect_same_frames();
 }
 
+TEST_F(FramesInRegions, AreTheSameInFogAndRain) {
+  WeatherOptions weather{.fog_visibility_m = 200.0, .scale_height_m = 30.0, .rain_mm_per_h = 40.0, .wetness = 0.7};
+  options_.render.weather = std::make_shared<const WeatherOptions>(weather);
+  expect_same_frames();
+  weather.snow_mm_per_h = 2.0;
+  options_.render.weather = std::make_shared<const WeatherOptions>(weather);
+  options_.formation.exposure_time_s = 0.004;
+  options_.formation.exposure_samples = 3;
+  options_.formation.line_delay_s = 2e-5;
+  options_.formation.chromatic_red = 0.002;
+  options_.formation.auto_exposure = {.target = 0.2, .time_constant_s = 0.2};
+  expect_same_frames();
+}
+
 TEST_F(FramesInRegions, AreMeteredAsTheWhole) {
   options_.formation.vignetting = 0.5;
   const LightMeter meter = make_light_meter(whole_, camera_, options_);

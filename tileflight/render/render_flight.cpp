@@ -102,6 +102,7 @@ FlightRenderReport render_flight(const scene::Scene& scene, const imaging::Camer
                                  const PoseFunction& pose_at, const FlightRenderOptions& options, const FrameSink& sink,
                                  const Progress& progress) {
   validate_image_formation(options.formation);
+  if (options.render.weather) validate_weather(*options.render.weather);
   if (frames.empty()) throw InputError("flight", "there are no frames to render");
   if (options.max_frames_in_memory < 1) throw InputError("frames in flight", "must be at least 1");
   const auto start = std::chrono::steady_clock::now();

@@ -86,6 +86,9 @@ void add_scene_methods(MethodBinder<Caller>& bind) {
   bind.template add<&S::sim_test_line_of_sight_between_points>("simTestLineOfSightBetweenPoints");
   bind.template add<&S::sim_get_world_extents>("simGetWorldExtents");
   bind.template add<&S::sim_set_wind>("simSetWind");
+  bind.template add<&S::sim_set_time_of_day>("simSetTimeOfDay");
+  bind.template add<&S::sim_enable_weather>("simEnableWeather");
+  bind.template add<&S::sim_set_weather_parameter>("simSetWeatherParameter");
   bind.table().template add<bool, std::string>(
       "simLoadLevel", [caller = bind.caller()](const std::string& name) { return caller.load_level(name); });
 }
@@ -119,11 +122,10 @@ void add_flight_methods(MethodBinder<Caller>& bind) {
 /// Calls without an observable effect here, and calls that are not supported.
 template <class Caller>
 void add_ignored_and_unsupported_methods(MethodBinder<Caller>& bind) {
-  for (const char* name :
-       {"simFlushPersistentMarkers", "simPlotPoints", "simPlotLineStrip", "simPlotLineList", "simPlotArrows",
-        "simPlotStrings", "simPlotTransforms", "simPlotTransformsWithNames", "simSetTraceLine",
-        "setAngleRateControllerGains", "setAngleLevelControllerGains", "setVelocityControllerGains",
-        "setPositionControllerGains", "simEnableWeather", "simSetWeatherParameter", "simSetTimeOfDay"}) {
+  for (const char* name : {"simFlushPersistentMarkers", "simPlotPoints", "simPlotLineStrip", "simPlotLineList",
+                           "simPlotArrows", "simPlotStrings", "simPlotTransforms", "simPlotTransformsWithNames",
+                           "simSetTraceLine", "setAngleRateControllerGains", "setAngleLevelControllerGains",
+                           "setVelocityControllerGains", "setPositionControllerGains"}) {
     bind.accept(name);
   }
   for (const char* name : {"simSetLightIntensity", "simSetObjectMaterial", "simSetObjectMaterialFromTexture"})

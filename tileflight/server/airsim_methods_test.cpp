@@ -111,9 +111,9 @@ const std::map<std::string, int> kArguments{{"ping", 0},
                                             {"startRecording", 0},
                                             {"stopRecording", 0},
                                             {"isRecording", 0},
-                                            {"simEnableWeather", -1},
-                                            {"simSetWeatherParameter", -1},
-                                            {"simSetTimeOfDay", -1},
+                                            {"simEnableWeather", 1},
+                                            {"simSetWeatherParameter", 2},
+                                            {"simSetTimeOfDay", 6},
                                             {"simSetWind", 1},
                                             {"simFlushPersistentMarkers", -1},
                                             {"simPlotPoints", -1},
@@ -183,6 +183,16 @@ TEST(AirSimMethods, TakeWhatThePythonClientSends) {
   EXPECT_THAT(ask("simCreateVoxelGrid", at, 10.0, 10, 10, 0.5, "a.binvox").error, IsEmpty()) << "packed as 10";
   EXPECT_THAT(ask("simCreateVoxelGrid", at, 10.5, 10, 10, 0.5, "a.binvox").error,
               HasSubstr("argument 2: expected an integer, got a float"));
+}
+
+TEST(AirSimMethods, TakeTimeOfDayAndWeatherAsThePythonClientSendsThem) {
+  EXPECT_THAT(ask("simSetTimeOfDay", true, "2018-02-12 15:20:00", true, 1, 60, true).error, IsEmpty());
+  EXPECT_THAT(ask("simSetTimeOfDay", false, "", false, 1, 60, true).error, IsEmpty());
+  EXPECT_THAT(ask("simSetTimeOfDay", true, "", false, 0.5, 0.1, true).error, IsEmpty());
+  EXPECT_THAT(ask("simEnableWeather", true).error, IsEmpty());
+  EXPECT_THAT(ask("simSetWeatherParameter", 7, 0.25).error, IsEmpty());
+  EXPECT_THAT(ask("simSetWeatherParameter", 0, 1).error, IsEmpty());
+  EXPECT_THAT(ask("simSetWeatherParameter", "Fog", 1).error, HasSubstr("argument 1: expected an integer"));
 }
 
 TEST(AirSimMethods, TakeWhatClientsOfVersionFourSend) {

@@ -73,6 +73,12 @@ std::vector<Eigen::Affine3d> moved_since(const std::vector<WorldObject>& before,
   return moved;
 }
 
+/// A camera moves as its vehicle does.
+void add_motion(const VehicleState& state, const SE3& T_local_ned, CameraView& view) {
+  view.velocity_m_s = T_local_ned.rotation * state.velocity_m_s;
+  view.angular_velocity_rad_s = T_local_ned.rotation * (state.T_ned_body.rotation * state.angular_velocity_rad_s);
+}
+
 std::string missing_tiles_message(const ResidentScene& place) {
   if (place.loaded().tiles_failed == 0) return {};
   return std::to_string(place.loaded().tiles_failed) + " tiles could not be read: parts of the place may be missing";
@@ -88,6 +94,7 @@ PlannedImages Simulator::Impl::plan_images(const std::vector<ImageRequest>& requ
   planned.time_ns = clock.time_ns();
   planned.viewpoints = viewpoints();
   planned.objects = world_objects.now();
+  planned.outlook = outdoors.outlook(clock.time_s(), enu_from_ned(wind_ned_m_s));
   const Vec3 origin = ned_origin(vehicle_name, external);
   double pixels = 0.0;
   for (const ImageRequest& request : requests) {
@@ -97,6 +104,7 @@ PlannedImages Simulator::Impl::plan_images(const std::vector<ImageRequest>& requ
     picture.pose = to_airsim(SE3(T_ned.rotation, T_ned.translation - origin));
     picture.view.lens = taken.lens(request.image_type);
     picture.view.T_local_camera = T_local_ned * T_ned * T_frd_optical();
+    if (!external) add_motion(slot(vehicle_name).vehicle->state(), T_local_ned, picture.view);
     const std::string owner = (external ? std::string("/") : slot(vehicle_name).vehicle->name() + "/") + taken.name();
     if (const auto last = last_pictures.find(owner); last != last_pictures.end()) {
       picture.view.T_local_previous = last->second.T_local_camera;
@@ -143,7 +151,7 @@ std::vector<ImageResponse> Simulator::Impl::render_images(const PlannedImages& p
       selection.add(planned.images[k].type);
     }
     if (selection.objects && labels.ids.empty()) labels = ObjectLabels::of(*place, segmentation_ids);
-    const RenderLayers layers = renderer.render(place, planned.images[i].view, selection);
+    const RenderLayers layers = renderer.render(place, planned.images[i].view, selection, planned.outlook);
     for (const std::size_t k : together) {
       if (planned.images[k].type == ImageType::kAnnotation)
         labels.annotation = annotation_colours(*place, planned.images[k].request.annotation_name);

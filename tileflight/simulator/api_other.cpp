@@ -14,9 +14,8 @@ constexpr std::size_t kMaxNameLength = 100;
 constexpr const char* kNoManualControl =
     "remote control and motor commands are not simulated; use moveByVelocity or moveByAngleRatesThrottle";
 constexpr const char* kBakedLight =
-    "light and shadows are part of the tiles' textures; tileflight render can light flights by sun and sky";
-constexpr const char* kNoWeather =
-    "weather is not simulated; tileflight render adds haze to images, simSetWind moves vehicles";
+    "there are no lamps, and light and shadows are part of the tiles' textures; simSetTimeOfDay lights the place by "
+    "sun and sky";
 constexpr const char* kNoRadio = "radio is not simulated; distances are measured by getDistanceSensorData";
 constexpr const char* kBakedTextures =
     "the tiles' textures cannot be changed; mark objects with simSetSegmentationObjectID";
@@ -24,17 +23,10 @@ constexpr const char* kBakedTextures =
 /// Why a call is accepted without effect.
 std::string ineffective_reason(const std::string& call) {
   static const std::map<std::string, std::string> kReasons{
-      {"simEnableWeather", kNoWeather},
-      {"simSetWeatherParameter", kNoWeather},
-      {"simSetTimeOfDay", kBakedLight},
-      {"simSetLightIntensity", kBakedLight},
-      {"simSetWorldLightVisibility", kBakedLight},
-      {"simSetWorldLightIntensity", kBakedLight},
-      {"simSetVehicleLightVisibility", kBakedLight},
-      {"simSetVehicleLightIntensity", kBakedLight},
-      {"simSwapTextures", kBakedTextures},
-      {"simSetObjectMaterial", kBakedTextures},
-      {"simSetObjectMaterialFromTexture", kBakedTextures},
+      {"simSetLightIntensity", kBakedLight},        {"simSetWorldLightVisibility", kBakedLight},
+      {"simSetWorldLightIntensity", kBakedLight},   {"simSetVehicleLightVisibility", kBakedLight},
+      {"simSetVehicleLightIntensity", kBakedLight}, {"simSwapTextures", kBakedTextures},
+      {"simSetObjectMaterial", kBakedTextures},     {"simSetObjectMaterialFromTexture", kBakedTextures},
   };
   if (const auto at = kReasons.find(call); at != kReasons.end()) return at->second;
   if (call.find("Texture") != std::string::npos) return "annotation layers of textures stay empty";
@@ -68,12 +60,14 @@ void Simulator::refuse(const std::string& name) const {
   throw std::runtime_error(name.substr(0, kMaxNameLength) + " is not served here: " + unsupported_reason(name));
 }
 
-void Simulator::accept_without_effect(const std::string& name) {
+void Simulator::accept_without_effect(const std::string& name) { tell_once(name, ineffective_reason(name)); }
+
+void Simulator::tell_once(const std::string& call, const std::string& reason) {
   {
     const std::lock_guard lock(impl_->state_mutex);
-    if (!impl_->told_calls.insert(name).second) return;
+    if (!impl_->told_calls.insert(call).second) return;
   }
-  impl_->log_line("warning: " + name + " has no effect: " + ineffective_reason(name));
+  impl_->log_line("warning: " + call + " has no effect: " + reason);
 }
 
 bool Simulator::sim_run_console_command(const std::string& /*command*/) { return false; }
@@ -100,7 +94,8 @@ bool Simulator::sim_add_vehicle(const std::string& name, const std::string& type
   vehicle.R_ned_body = checked_rotation(pose.orientation, "simAddVehicle");
   const geometry::SE3 home = impl_->find_home_pose(vehicle);
   const std::lock_guard lock(impl_->state_mutex);
-  if (impl_->vehicles.size() >= kMaxVehicles) throw InputError("simAddVehicle", "there are " + std::to_string(kMaxVehicles) + " vehicles already");
+  if (impl_->vehicles.size() >= kMaxVehicles)
+    throw InputError("simAddVehicle", "there are " + std::to_string(kMaxVehicles) + " vehicles already");
   const bool known =
       std::ranges::any_of(impl_->vehicles, [&](const auto& one) { return one->vehicle->name() == name; });
   if (known) return false;

@@ -240,10 +240,10 @@ TEST(ApiScene, WhatHasNoEffectIsToldOnce) {
   options.settings = kComputerVision;
   Simulator world(options, meshes(), [&](const std::string& line) { log.push_back(line); });
   for (int i = 0; i < 3; ++i) {
-    world.accept_without_effect("simSetTimeOfDay");
+    world.accept_without_effect("simSetLightIntensity");
     world.accept_without_effect("simSetTraceLine");
   }
-  EXPECT_THAT(log, testing::ElementsAre(HasSubstr("warning: simSetTimeOfDay has no effect: light and shadows"),
+  EXPECT_THAT(log, testing::ElementsAre(HasSubstr("warning: simSetLightIntensity has no effect: there are no lamps"),
                                         HasSubstr("warning: simSetTraceLine has no effect: there is no display")));
 }
 

@@ -7,6 +7,9 @@
 #include <type_traits>
 #include <variant>
 
+#include "tileflight/render/daylight.h"
+#include "tileflight/render/streaks.h"
+
 namespace tileflight::simulator {
 namespace {
 
@@ -184,20 +187,39 @@ std::vector<double> lens_key(const Camera& lens) {
   return key;
 }
 
+/// Kept until there is another light.
+std::shared_ptr<const render::Daylight> ImageRenderer::daylight(const Sunlight& sunlight) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (lit_for_ == sunlight) return daylight_;
+  }
+  auto made = std::make_shared<const render::Daylight>(
+      render::DaylightOptions{
+          .utc_s = sunlight.utc_s, .white_balance = render::WhiteBalance::kDaylight, .allows_night = true},
+      sunlight.place());
+  const std::lock_guard lock(mutex_);
+  lit_for_ = sunlight;
+  return daylight_ = std::move(made);
+}
+
 std::shared_ptr<const render::CameraRenderer> ImageRenderer::camera_renderer(
-    const std::shared_ptr<const ResidentScene>& place, const Camera& lens) {
+    const std::shared_ptr<const ResidentScene>& place, const Camera& lens, const Outlook* outlook) {
   const std::vector<double> key = lens_key(lens);
+  const Outlook seen = outlook != nullptr ? *outlook : Outlook();
   std::shared_ptr<const render::CameraRays> rays;
   {
     const std::lock_guard lock(mutex_);
     const auto at = std::ranges::find(cache_, key, &CachedRenderer::lens);
     if (at != cache_.end()) {
       cache_.splice(cache_.begin(), cache_, at);
-      if (at->place == place) return at->renderer;
+      if (at->place == place && (outlook == nullptr || at->outlook.needs_same_renderer(seen))) return at->renderer;
       rays = at->rays;
     }
   }
-  const render::RenderOptions options{.depth = false};
+  render::RenderOptions options{.depth = false};
+  if (seen.sunlight) options.daylight = daylight(*seen.sunlight);
+  options.weather = seen.weather;
+  options.depth = seen.weather && seen.weather->has_precipitation();  // what falls is hidden by surfaces
   const auto made =
       rays ? std::make_shared<const render::CameraRenderer>(place->scene(), place->appearance(), rays, options)
            : std::make_shared<const render::CameraRenderer>(place->scene(), place->appearance(), lens, options);
@@ -208,7 +230,7 @@ std::shared_ptr<const render::CameraRenderer> ImageRenderer::camera_renderer(
     kept.renderer = nullptr;
     kept.place = nullptr;
   }
-  cache_.push_front({key, made->rays(), static_cast<double>(lens.width()) * lens.height(), place, made});
+  cache_.push_front({key, made->rays(), static_cast<double>(lens.width()) * lens.height(), seen, place, made});
   double pixels = 0.0;
   std::size_t count = 0;
   std::erase_if(cache_, [&](const CachedRenderer& kept) {
@@ -218,11 +240,32 @@ std::shared_ptr<const render::CameraRenderer> ImageRenderer::camera_renderer(
   return made;
 }
 
+/// The camera's exposure takes no time, but that of what falls does: meanwhile it goes on as it moves.
+imaging::RgbImage ImageRenderer::render_colours(const render::CameraRenderer& renderer, const CameraView& shot,
+                                                double time_s) {
+  const auto& weather = renderer.options().weather;
+  if (!weather || !weather->has_precipitation()) return renderer.render(shot.T_local_camera).rgb;
+  render::LightFrame frame = renderer.render_light({1, 1, {shot.T_local_camera}});
+  const auto pose_at = [&](double at_s) {
+    const double later_s = at_s - time_s;
+    const Vec3 turned = later_s * shot.angular_velocity_rad_s;
+    const Eigen::Quaterniond turn(
+        Eigen::AngleAxisd(turned.norm(), turned.norm() > 0.0 ? turned.normalized() : Vec3::UnitZ()));
+    return SE3(turn * shot.T_local_camera.rotation, shot.T_local_camera.translation + later_s * shot.velocity_m_s);
+  };
+  const render::StreakRenderer streaks(renderer.options(), renderer.anchor().z());
+  streaks.draw(shot.lens, {pose_at, time_s, weather->streak_exposure_s, 0.0}, frame.depth_m, {}, frame.light);
+  imaging::RgbImage image(frame.light.width, frame.light.height);
+  std::ranges::transform(frame.light.pixels, image.pixels.begin(),
+                         [](const render::LinearRgb& light) { return render::SrgbTables::get().encode(light); });
+  return image;
+}
+
 RenderLayers ImageRenderer::render(const std::shared_ptr<const ResidentScene>& place, const CameraView& shot,
-                                   const LayerSelection& selection) {
-  const auto renderer = this->camera_renderer(place, shot.lens);
+                                   const LayerSelection& selection, const Outlook& outlook) {
+  const auto renderer = this->camera_renderer(place, shot.lens, selection.rgb ? &outlook : nullptr);
   RenderLayers layers = empty_layers(shot.lens.width(), shot.lens.height(), selection);
-  if (selection.rgb) layers.rgb = renderer->render(shot.T_local_camera).rgb;
+  if (selection.rgb) layers.rgb = render_colours(*renderer, shot, outlook.time_s);
   if (selection.geometry()) {
     const LayerWriter notes(*place, shot, selection, layers);
     renderer->visit_surface(std::span(&shot.T_local_camera, 1), std::cref(notes));

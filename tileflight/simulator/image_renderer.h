@@ -6,6 +6,7 @@
 #include <optional>
 #include <vector>
 
+#include "tileflight/geometry/geodesy.h"
 #include "tileflight/imaging/camera.h"
 #include "tileflight/labels/segmentation_ids.h"
 #include "tileflight/render/camera_renderer.h"
@@ -18,11 +19,33 @@ inline constexpr float kSkyDistance_m = 65504.0F;
 /// Baseline of the virtual stereo pair used for disparity.
 inline constexpr double kStereoBaseline_m = 0.25;
 
+/// Light by the sun and the sky at a place and a time.
+struct Sunlight {
+  double utc_s = 0.0;
+  double latitude_deg = 0.0, longitude_deg = 0.0, height_m = 0.0;
+
+  bool operator==(const Sunlight&) const = default;
+  geometry::Geodetic place() const { return {latitude_deg, longitude_deg, {height_m}}; }
+};
+
+/// What scene images show besides the place: light and weather at a time.
+struct Outlook {
+  double time_s = 0.0;                                    ///< of the simulation: where drops and flakes are
+  std::optional<Sunlight> sunlight;                       ///< nullopt: the light of the textures
+  std::shared_ptr<const render::WeatherOptions> weather;  ///< null: clear
+
+  bool needs_same_renderer(const Outlook& other) const {
+    return sunlight == other.sunlight && weather == other.weather;
+  }
+};
+
 /// A self-contained view to render, independent of the simulator's state.
 struct CameraView {
   imaging::Camera lens;
-  geometry::SE3 T_local_camera;                   ///< camera axes of images: x right, y down, z forward
-  std::optional<geometry::SE3> T_local_previous;  ///< camera pose of the previous image, for optical flow
+  geometry::SE3 T_local_camera;                          ///< camera axes of images: x right, y down, z forward
+  std::optional<geometry::SE3> T_local_previous;         ///< camera pose of the previous image, for optical flow
+  geometry::Vec3 velocity_m_s = geometry::Vec3::Zero();  ///< local frame
+  geometry::Vec3 angular_velocity_rad_s = geometry::Vec3::Zero();  ///< local frame
   /// For each object beside the tiles, where a point of it was then, by where it is, in the local frame.
   std::vector<Eigen::Affine3d> moved{};
 };
@@ -49,23 +72,31 @@ struct LayerSelection {
 class ImageRenderer {
  public:
   /// Renders the requested layers: one pass over the pixels for colour, one for all geometric layers.
+  /// `outlook`: light and weather of the colours; geometric layers do not depend on it.
   RenderLayers render(const std::shared_ptr<const ResidentScene>& place, const CameraView& shot,
-                      const LayerSelection& selection);
-  /// The renderer for a lens.
+                      const LayerSelection& selection, const Outlook& outlook = {});
+  /// The renderer for a lens, in any light; or in this one.
   std::shared_ptr<const render::CameraRenderer> camera_renderer(const std::shared_ptr<const ResidentScene>& place,
-                                                                const imaging::Camera& lens);
+                                                                const imaging::Camera& lens,
+                                                                const Outlook* outlook = nullptr);
 
  private:
   struct CachedRenderer {
     std::vector<double> lens;  ///< lens_key()
     std::shared_ptr<const render::CameraRays> rays;
     double pixels = 0.0;
+    Outlook outlook;                             ///< its time does not matter
     std::shared_ptr<const ResidentScene> place;  ///< null, as the renderer, once there is another
     std::shared_ptr<const render::CameraRenderer> renderer;
   };
 
+  std::shared_ptr<const render::Daylight> daylight(const Sunlight& sunlight);
+  imaging::RgbImage render_colours(const render::CameraRenderer& renderer, const CameraView& shot, double time_s);
+
   std::mutex mutex_;
-  std::list<CachedRenderer> cache_;  ///< one for each lens, most recently used first
+  std::optional<Sunlight> lit_for_;
+  std::shared_ptr<const render::Daylight> daylight_;  ///< of lit_for_
+  std::list<CachedRenderer> cache_;                   ///< one for each lens, most recently used first
 };
 
 /// All parameters of a lens: equal lenses have equal keys.

@@ -260,6 +260,16 @@ class Simulator {
 
   // Remaining AirSim calls.
   void sim_set_wind(const Vector3r& wind);
+  /// Pictures by the light of sun and sky at `start_datetime` (YYYY-MM-DD hh:mm:ss in the time zone of the place's
+  /// longitude, an hour less in summer time; empty: the simulation's time stamp), which then goes on with the
+  /// simulation's clock times `celestial_clock_speed`, in steps of `update_interval_s`. Not enabled: the light of the
+  /// tiles' textures again. Enabled without `move_sun`: nothing changes. A place without a georeference stays as it is;
+  /// the log says so.
+  void sim_set_time_of_day(bool is_enabled, const std::string& start_datetime, bool is_start_datetime_dst,
+                           float celestial_clock_speed, float update_interval_s, bool move_sun);
+  void sim_enable_weather(bool enable);
+  /// `parameter`: AirSim's WeatherParameter; `value`: 0 to 1 (values beyond count as these), see weather_of_parameters().
+  void sim_set_weather_parameter(int parameter, float value);
   bool sim_add_vehicle(const std::string& name, const std::string& type, const Pose& pose,
                        const std::string& pawn_path);
   bool sim_run_console_command(const std::string& command);
@@ -304,6 +314,9 @@ class Simulator {
   struct Impl;
 
  private:
+  /// Logs that a call has no effect, and why, once.
+  void tell_once(const std::string& call, const std::string& reason);
+
   std::unique_ptr<Impl> impl_;
 };
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <cmath>
@@ -52,6 +53,39 @@ struct VehicleSlot {
   std::map<std::string, SensorNoiseState> view_noises;    ///< of what viewers see, by the sensor's name
 };
 
+/// Time of day and weather, as clients set them.
+class Outdoors {
+ public:
+  /// Number of AirSim's WeatherParameter with an effect here: Rain, Roadwetness, Snow, Dust, Fog.
+  enum Parameter { kRain = 0, kRoadWetness = 1, kSnow = 2, kDust = 6, kFog = 7, kEnabled = 8 };
+
+  /// The sun moves from `start` on, at `clock_s` of the simulation, by `speed` seconds a second, every `interval_s` (0:
+  /// always).
+  void set_time_of_day(const Sunlight& start, double clock_s, double speed, double interval_s);
+  void end_time_of_day() { celestial_clock_.reset(); }
+  void enable_weather(bool enable);
+  /// False: a parameter without effect. `value`: 0 to 1.
+  bool set_parameter(int parameter, double value);
+
+  /// What pictures show at this time of the simulation. `wind_m_s`: east, north, up.
+  Outlook outlook(double clock_s, const geometry::Vec3& wind_m_s) const;
+
+ private:
+  struct CelestialClock {
+    Sunlight start;
+    double clock_s, speed, interval_s;
+  };
+  std::optional<CelestialClock> celestial_clock_;
+  bool has_weather_ = false;
+  std::array<double, 9> values_{};
+  /// The weather of the latest outlook: kept as long as nothing changes, so that renderers are.
+  mutable std::shared_ptr<const render::WeatherOptions> weather_;
+};
+
+/// The weather of AirSim's parameters (0 to 1 each): fog's visibility 5000 m (20 / 5000)^fog, dust's 5000 m (50 /
+/// 5000)^dust, rain 100 mm/h rain^2, snow 10 mm/h snow^2, wetness as it is; 0 is none of it.
+render::WeatherOptions weather_of_parameters(double fog, double dust, double rain, double snow, double wetness);
+
 /// A requested image, independent of the simulator's state.
 struct PlannedImage {
   ImageRequest request;
@@ -68,6 +102,7 @@ struct PlannedImages {
   std::map<std::string, geometry::SE3> camera_poses;  ///< by vehicle and camera: current pose, local frame
   std::uint64_t time_ns = 0;
   ObjectList objects;
+  Outlook outlook;
 };
 
 /// When a camera took its latest picture, for optical flow.
@@ -106,6 +141,7 @@ struct Simulator::Impl {
   std::map<std::string, DetectionFilter> detection_filters;  ///< by vehicle, camera and image type
   std::shared_ptr<const ResidentScene> obstacle_scene;       ///< obstacles of the vehicles
   geometry::Vec3 wind_ned_m_s = geometry::Vec3::Zero();
+  Outdoors outdoors;
   std::set<std::string> told_calls;  ///< without effect, of which the log tells already
   std::unique_ptr<Recorder> recorder;
   double next_record_s = 0.0;

@@ -121,6 +121,7 @@ void write_metadata(dataset::DatasetWriter& writer, const PlannedFlight& mission
   for (const auto& [key, value] : faults_to_metadata(faults)) writer.describe(key, value);
   if (const auto& light = mission.options.formation.light)
     writer.describe("light", describe_sun_position(make_daylight(*light, summary.tiles.local_frame->origin())->sun()));
+  if (const auto& weather = mission.options.render.weather) writer.describe("weather", describe_weather(*weather));
   mission.sensor_recorder->write(summary.tiles.local_frame, mission.frames.poses.front().time_s,
                                  writer.temporary_folder());
   for (const auto& [key, value] : mission.sensor_recorder->description()) writer.describe(key, value);

@@ -84,6 +84,10 @@ PlannedFlight plan_flight(const RenderSettings& settings, const Progress& progre
   }
   if (flight.degrade) mission.options.formation = *flight.degrade;
   mission.options.formation.seed = settings.seed;
+  if (auto weather = render::read_weather(flight.flight)) {
+    weather->seed = settings.seed;
+    mission.options.render.weather = std::make_shared<const render::WeatherOptions>(*weather);
+  }
   mission.calibration.line_delay_s = mission.options.formation.line_delay_s;
   return mission;
 }

@@ -29,8 +29,9 @@ struct FlightPlan {
   std::optional<int> max_frames;
 };
 
-/// Reads FLIGHT.yaml; unknown keys are errors that name the nearest known key. The keys `sensors`, `sensors_file`
-/// and `actors` are accepted and left to sensors::read_sensor_suite and actors::read_actors. Throws InputError.
+/// Reads FLIGHT.yaml; unknown keys are errors that name the nearest known key. The keys `sensors`, `sensors_file`,
+/// `actors` and `weather` are accepted and left to sensors::read_sensor_suite, actors::read_actors and
+/// render::read_weather. Throws InputError.
 FlightPlan read_flight_plan(const std::filesystem::path& file);
 
 /// FLIGHT.yaml itself and the files that it names (camera, trajectory, sensors_file), whether they exist or not. Throws

@@ -1,0 +1,126 @@
+// `render` of flights with weather: what is recorded, refused, and the same for any number of threads, processes and
+// parts.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "tests/mpirun.h"
+#include "tests/run_program.h"
+#include "tests/same_files.h"
+#include "tests/tiny_city.h"
+#include "tests/tiny_place.h"
+#include "tileflight/dataset/dataset.h"
+#include "tileflight/imaging/image_files.h"
+
+namespace tileflight::weather_test {
+namespace {
+
+using testing::HasSubstr;
+using tests::ProgramResult;
+using tests::run_tileflight;
+using tests::TinyCity;
+using tests::TinyPlace;
+
+constexpr const char* kFlight = R"(camera: camera.yaml
+fps: 0.5
+speed_m_s: 40
+acceleration_m_s2: 40
+max_frames: 6
+waypoints:
+  - {position: [-500, -300, 160], yaw_deg: 90, pitch_deg: -40}
+  - {position: [500, -280, 170], yaw_deg: 60, pitch_deg: -30}
+)";
+constexpr const char* kWeather = R"(weather:
+  fog_visibility_m: 900
+  scale_height_m: 80
+  base_height_m: 100
+  rain_mm_per_h: 40
+  wetness: 0.5
+  wind_m_s: [4, -1]
+)";
+constexpr const char* kDegrade =
+    "exposure_time: 0.004\nexposure_samples: 3\nline_delay: 0.00005\nwhite_electrons: 4000\n";
+
+class Weather : public testing::Test {
+ protected:
+  Weather() {
+    TinyCity::write(folder_ / "place");
+    TinyPlace::write_file(folder_ / "camera.yaml", TinyPlace::kCamera);
+    TinyPlace::write_file(folder_ / "degrade.yaml", kDegrade);
+    write_flight(kWeather);
+  }
+  void write_flight(const std::string& weather) const {
+    TinyPlace::write_file(folder_ / "flight.yaml", kFlight + weather);
+  }
+  std::vector<std::string> arguments(const std::string& out, const std::vector<std::string>& more) const {
+    std::vector<std::string> words{
+        "render", (folder_ / "place").string(), "--flight", (folder_ / "flight.yaml").string(),
+        "--out",  (folder_ / out).string(),     "--json"};
+    words.insert(words.end(), more.begin(), more.end());
+    return words;
+  }
+  nlohmann::json render(const std::string& out, const std::vector<std::string>& more = {}) const {
+    const ProgramResult result = run_tileflight(arguments(out, more));
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    return result.exit_code == 0 ? nlohmann::json::parse(result.out) : nlohmann::json();
+  }
+  std::vector<imaging::Rgb8> picture(const std::string& out) const {
+    return imaging::read_rgb(folder_ / out / "images" / "000003.png").pixels;
+  }
+
+  tests::TemporaryFolder folder_;
+};
+
+TEST_F(Weather, IsTheSameInPartsRegionsAndProcesses) {
+  const std::vector<std::string> more{"--outputs", "depth", "--degrade", (folder_ / "degrade.yaml").string()};
+  const auto with = [&](std::vector<std::string> words) {
+    words.insert(words.end(), more.begin(), more.end());
+    return words;
+  };
+  render("whole", with({"--memory", "1", "--threads", "1"}));
+  EXPECT_GT(render("regions", with({"--memory", "0.005", "--threads", "2"}))["frames_divided"], 0);
+  tests::expect_same_files(folder_ / "whole", folder_ / "regions");
+#ifdef TILEFLIGHT_MPIRUN
+  const ProgramResult shared = tests::run_by_mpirun(2, arguments("shared", with({"--memory", "0.01"})));
+  ASSERT_EQ(shared.exit_code, 0) << shared.err;
+  tests::expect_same_files(folder_ / "whole", folder_ / "shared");
+#endif
+}
+
+TEST_F(Weather, IsRecordedAndChangesPicturesAlone) {
+  render("wet", {"--png", "--outputs", "depth"});
+  write_flight("");
+  render("dry", {"--png", "--outputs", "depth"});
+  write_flight("weather: {}\n");
+  render("clear", {"--png", "--outputs", "depth"});
+  EXPECT_NE(picture("wet"), picture("dry"));
+  EXPECT_EQ(picture("clear"), picture("dry"));
+  for (const char* file : {"depth/000003.exr", "groundtruth.txt"})
+    EXPECT_EQ(tests::file_text(folder_ / "wet" / file), tests::file_text(folder_ / "dry" / file)) << file;
+  EXPECT_THAT(
+      tests::file_text(folder_ / "wet" / "dataset.yaml"),
+      HasSubstr("fog_visibility_m: 900, scale_height_m: 80, base_height_m: 100, rain_mm_per_h: 40, wetness: 0.5, "
+                "wind_east_m_s: 4, wind_north_m_s: -1"));
+  EXPECT_THAT(tests::file_text(folder_ / "dry" / "dataset.yaml"), testing::Not(HasSubstr("weather")));
+}
+
+TEST_F(Weather, WhatIsWrongIsNamedInOneLine) {
+  const auto refusal = [&](const std::string& weather) {
+    write_flight("weather: " + weather + "\n");
+    const ProgramResult result = run_tileflight(arguments("wrong", {}));
+    EXPECT_EQ(result.exit_code, 1) << weather;
+    EXPECT_EQ(std::ranges::count(result.err, '\n'), 1) << result.err;
+    return result.err;
+  };
+  EXPECT_THAT(refusal("{fog_visibility: 100}"), HasSubstr("fog_visibility_m"));
+  EXPECT_THAT(refusal("{fog_visibility_m: 0}"), HasSubstr("weather.fog_visibility_m"));
+  EXPECT_THAT(refusal("{rain_mm_per_h: 1000}"), HasSubstr("300"));
+  EXPECT_THAT(refusal("{wetness: .nan}"), HasSubstr("wetness"));
+  EXPECT_THAT(refusal("{wind_m_s: [300, 0]}"), HasSubstr("100 m/s"));
+  EXPECT_THAT(refusal("rain"), HasSubstr("weather"));
+}
+
+}  // namespace
+}  // namespace tileflight::weather_test
