@@ -1,9 +1,12 @@
 // Accuracy and speed of the odometry on whole sequences.
 //
-//   odometry_benchmark [--runs N] [--threads N] [--loop-closure] [--fixed-intrinsics] [PART-OF-A-NAME...]
+//   odometry_benchmark [--runs N] [--threads N] [--loop-closure] [--fixed-intrinsics] [--set NAME=VALUE]
+//                      [PART-OF-A-NAME...]
 //
-// `synthetic` needs no data; other sequences are read from $TILEFLIGHT_TEST_DATA and skipped if missing. Processor time
-// is that of all threads, without decoding of images, which has its own column.
+// `begin`: images read until there is a map; `first`: the first image with a pose, which may be one before.
+// --set changes an option for an experiment; see kSettings. `synthetic` needs no data; other sequences are read from
+// $TILEFLIGHT_TEST_DATA and skipped if missing. Processor time is that of all threads, without decoding of images,
+// which has its own column.
 
 #include <tbb/global_control.h>
 
@@ -13,6 +16,8 @@
 #include <cstring>
 #include <fstream>
 #include <functional>
+#include <limits>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -44,13 +49,14 @@ struct Sequence {
 /// The images of a sequence to use, and their order.
 struct Order {
   std::size_t from = 0;
+  std::size_t to = std::numeric_limits<std::size_t>::max();  ///< exclusive
   std::size_t every = 1;
   bool reverse = false;
   int passes = 1;  ///< number of passes, alternating forwards and backwards
 
   std::vector<std::size_t> of(std::size_t frames) const {
     std::vector<std::size_t> indices;
-    for (std::size_t i = from; i < frames; i += every) indices.push_back(i);
+    for (std::size_t i = from; i < std::min(frames, to); i += every) indices.push_back(i);
     if (reverse) std::reverse(indices.begin(), indices.end());
     const std::vector<std::size_t> once = indices;
     for (int pass = 1; pass < passes; ++pass) {
@@ -69,6 +75,7 @@ struct Case {
 
 struct Outcome {
   odometry::OdometryResult result;
+  std::size_t begin = 0;  ///< images read until there is a map
   double ate_m = -1.0;
   double path_m = 0.0;
   double decoding_s = 0.0;
@@ -158,9 +165,39 @@ std::optional<Sequence> synthetic() {
   for (int i = 0; i < kFrames; ++i) {
     const double s = i / 30.0;
     const auto pose = photometry::test_support::look_along(Vec3(4.0 * s, 5.0 * s, 20.0 + 0.5 * std::sin(s)),
-                                                    Vec3(0.3 * std::sin(0.7 * s), 1.0, -1.0));
+                                                           Vec3(0.3 * std::sin(0.7 * s), 1.0, -1.0));
     images->push_back(scene.render(pose));
     sequence.truth.push_back(pose.translation);
+  }
+  sequence.frames = images->size();
+  sequence.picture = [images](std::size_t i) { return (*images)[i]; };
+  return sequence;
+}
+
+/// A drive along a valley with two turns, looking ahead; rendered here. `speed_m` of a picture.
+std::optional<Sequence> drive(double speed_m) {
+  constexpr int kFrames = 60;
+  photometry::test_support::Relief relief;
+  relief.height_m = [](double x, double y) {
+    return 4.0 + 4.0 * std::sin(0.21 * x + 1.0) * std::cos(0.17 * y) + 0.7 * std::sin(0.9 * x) * std::sin(0.8 * y);
+  };
+  relief.highest_m = 9.0;
+  relief.texel_m = 0.4;
+  const imaging::Camera camera = imaging::make_pinhole(640, 260, 82.0);
+  const photometry::test_support::ReliefCamera scene(camera, relief);
+  auto images = std::make_shared<std::vector<RgbImage>>();
+  Sequence sequence;
+  sequence.calibration.camera = camera;
+  Vec3 position(0, 0, 10.5);
+  for (int i = 0; i < kFrames; ++i) {
+    // A junction at pictures 4 to 16 and one at 34 to 46: 60 degrees each.
+    const auto turned = [i](int from) { return std::clamp((i - from) / 12.0, 0.0, 1.0) * 1.05; };
+    const double heading = turned(4) - turned(34);
+    const Vec3 ahead(std::sin(heading), std::cos(heading), -0.12);
+    const auto pose = photometry::test_support::look_along(position, ahead);
+    images->push_back(scene.render(pose));
+    sequence.truth.push_back(position);
+    position += speed_m * Vec3(ahead.x(), ahead.y(), 0.0);
   }
   sequence.frames = images->size();
   sequence.picture = [images](std::size_t i) { return (*images)[i]; };
@@ -188,9 +225,37 @@ std::vector<Case> all_cases() {
   for (const std::size_t from : {5U, 10U, 15U, 20U, 25U, 100U}) {
     cases.push_back({"seven_scenes_500/from" + std::to_string(from), rooms, {.from = from}});
   }
+  for (const std::size_t from : {0U, 100U, 200U, 300U}) {
+    for (const bool reverse : {false, true}) {
+      cases.push_back({"rooms/" + std::to_string(from) + "-" + std::to_string(from + 200) + (reverse ? "r" : ""),
+                       rooms,
+                       {.from = from, .to = from + 200, .reverse = reverse}});
+      cases.push_back(
+          {"rooms/" + std::to_string(from) + "-" + std::to_string(from + 200) + "/every2" + (reverse ? "r" : ""),
+           rooms,
+           {.from = from, .to = from + 200, .every = 2, .reverse = reverse}});
+    }
+  }
   const auto kitti = once([] { return dataset_sequence("sequences/kitti_seq1_51frames"); });
   cases.push_back({"kitti_seq1_51frames", kitti, {}});
   cases.push_back({"kitti_seq1_51frames/reversed", kitti, {.reverse = true}});
+  for (const std::size_t from : {0U, 8U, 16U, 24U, 30U}) {
+    for (const bool reverse : {false, true}) {
+      cases.push_back({"kitti_part/" + std::to_string(from) + "-" + std::to_string(from + 20) + (reverse ? "r" : ""),
+                       kitti,
+                       {.from = from, .to = from + 20, .reverse = reverse}});
+    }
+  }
+  cases.push_back({"kitti_every2", kitti, {.every = 2}});
+  cases.push_back({"kitti_every2r", kitti, {.every = 2, .reverse = true}});
+  for (const double speed_m : {0.25, 0.5, 1.0}) {
+    const auto turns = once([speed_m] { return drive(speed_m); });
+    const std::string name = "drive/" + std::to_string(speed_m).substr(0, 4);
+    cases.push_back({name, turns, {}});
+    cases.push_back({name + "/reversed", turns, {.reverse = true}});
+    cases.push_back({name + "/from20", turns, {.from = 20}});
+    cases.push_back({name + "/every2", turns, {.every = 2}});
+  }
   cases.push_back({"euroc_V1_01_static", once([] { return dataset_sequence("sequences/euroc_V1_01_static"); }), {}});
   const auto flight = once([] { return machangara(1008, kAll); });
   for (const std::size_t from : {0U, 60U, 150U, 240U, 330U}) {
@@ -256,7 +321,14 @@ Outcome run(const Sequence& sequence, const Order& order, const odometry::Odomet
   };
   reset_peak_memory();
   const double memory_before_mb = memory_mb(), begin_s = odometry::cpu_time_s();
-  outcome.result = odometry::run_odometry(sequence.calibration, nullptr, source, options);
+  odometry::Odometry odometry(sequence.calibration, options);
+  while (!odometry.lost()) {
+    auto frame = source();
+    if (!frame) break;
+    const bool tracked = odometry.add(std::move(*frame)).status == odometry::FrameStatus::kTracked;
+    if (tracked && outcome.begin == 0) outcome.begin = next;
+  }
+  outcome.result = odometry.finish();
   outcome.processor_s = odometry::cpu_time_s() - begin_s - outcome.decoding_s;
   outcome.memory_mb = peak_memory_mb() - memory_before_mb;
   score(sequence, indices, outcome);
@@ -264,8 +336,9 @@ Outcome run(const Sequence& sequence, const Order& order, const odometry::Odomet
 }
 
 void print_header() {
-  std::printf("%-30s %9s %8s %8s | %6s %6s | %6s %6s %6s %6s %6s | %6s %5s %6s\n", "sequence", "tracked", "ATE m",
-              "% path", "CPU ms", "decode", "start", "pict", "track", "trace", "keyfr", "fps", "keyf", "MB");
+  std::printf("%-30s %9s %5s %5s %8s %8s | %6s %6s | %6s %6s %6s %6s %6s | %6s %5s %6s\n", "sequence", "tracked",
+              "begin", "first", "ATE m", "% path", "CPU ms", "decode", "start", "pict", "track", "trace", "keyfr",
+              "fps", "keyf", "MB");
 }
 
 void print_intrinsics(const imaging::Camera& camera) {
@@ -278,14 +351,38 @@ void print(const std::string& name, const Outcome& outcome, const odometry::Odom
   const double frames = std::max<double>(1.0, static_cast<double>(r.frames));
   const auto ms = [frames](double s) { return 1e3 * s / frames; };
   const odometry::StageTimes& cpu = r.cpu_time;
-  std::printf("%-30s %4lld/%-4lld %8.4f %8.4f | %6.2f %6.2f | %6.2f %6.2f %6.2f %6.2f %6.2f | %6.1f %5zu %6.0f%s%s\n",
-              name.c_str(), static_cast<long long>(r.frames_tracked), static_cast<long long>(r.frames), outcome.ate_m,
-              outcome.path_m > 0 ? 100.0 * outcome.ate_m / outcome.path_m : 0.0, ms(outcome.processor_s),
-              ms(outcome.decoding_s), ms(cpu.initialization), ms(cpu.preprocessing), ms(cpu.tracking), ms(cpu.tracing),
-              ms(cpu.keyframes), frames / r.wall_time_s, r.keyframes.size(), outcome.memory_mb, r.lost ? "  " : "",
-              r.lost ? r.lost_reason.c_str() : "");
+  const auto& poses = r.trajectory.poses;
+  const long first = poses.empty() ? -1 : std::lround(poses.front().time_s);
+  std::printf(
+      "%-30s %4lld/%-4lld %5zu %5ld %8.4f %8.4f | %6.2f %6.2f | %6.2f %6.2f %6.2f %6.2f %6.2f | %6.1f %5zu %6.0f%s%s\n",
+      name.c_str(), static_cast<long long>(r.frames_tracked), static_cast<long long>(r.frames), outcome.begin, first,
+      outcome.ate_m, outcome.path_m > 0 ? 100.0 * outcome.ate_m / outcome.path_m : 0.0, ms(outcome.processor_s),
+      ms(outcome.decoding_s), ms(cpu.initialization), ms(cpu.preprocessing), ms(cpu.tracking), ms(cpu.tracing),
+      ms(cpu.keyframes), frames / r.wall_time_s, r.keyframes.size(), outcome.memory_mb, r.lost ? "  " : "",
+      r.lost ? r.lost_reason.c_str() : "");
   if (options.window.refine_intrinsics && r.camera) print_intrinsics(*r.camera);
   std::fflush(stdout);
+}
+
+/// Options that --set changes.
+bool set_option(const std::string& text, odometry::OdometryOptions& options) {
+  const std::map<std::string, double*> kSettings{
+      {"min_parallax_rad", &options.initialization.min_parallax_rad},
+      {"fallback_parallax_rad", &options.initialization.fallback_parallax_rad},
+      {"sufficient_parallax_rad", &options.initialization.sufficient_parallax_rad},
+      {"max_cost_ratio", &options.initialization.max_cost_ratio},
+      {"max_median_residual_px", &options.initialization.max_median_residual_px},
+      {"buffer_mb", &options.initialization.buffer_mb},
+      {"keyframe_flow_share", &options.window.keyframe_flow_share},
+      {"keyframe_log_brightness", &options.window.keyframe_log_brightness},
+      {"marginal_weight", &options.window.marginal_weight},
+      {"focal_sigma", &options.window.focal_sigma},
+      {"principal_point_sigma", &options.window.principal_point_sigma}};
+  const std::size_t equals = text.find('=');
+  const auto setting = kSettings.find(text.substr(0, equals));
+  if (equals == std::string::npos || setting == kSettings.end()) return false;
+  *setting->second = std::stod(text.substr(equals + 1));
+  return true;
 }
 
 }  // namespace
@@ -300,6 +397,11 @@ int main(int argc, char** argv) {
       runs = std::stoi(argv[++i]);
     } else if (std::strcmp(argv[i], "--threads") == 0 && i + 1 < argc) {
       limit.emplace(tbb::global_control::max_allowed_parallelism, std::stoul(argv[++i]));
+    } else if (std::strcmp(argv[i], "--set") == 0 && i + 1 < argc) {
+      if (!set_option(argv[++i], options)) {
+        std::fprintf(stderr, "odometry_benchmark: no option %s\n", argv[i]);
+        return 1;
+      }
     } else if (std::strcmp(argv[i], "--loop-closure") == 0) {
       options.loops.enabled = true;
     } else if (std::strcmp(argv[i], "--fixed-intrinsics") == 0) {

@@ -80,6 +80,8 @@ py::dict finish(Odometry& odometry) {
   out["camera"] = result.camera ? py::cast(*result.camera) : py::object(py::none());
   out["frames"] = result.frames;
   out["frames_tracked"] = result.frames_tracked;
+  out["frames_before_start"] = result.frames_before_start;
+  out["frames_tracked_backwards"] = result.frames_tracked_backwards;
   out["lost"] = result.lost;
   out["lost_reason"] = result.lost_reason;
   return out;
@@ -126,7 +128,7 @@ void bind_odometry(py::module_& module) {
           "As estimated now: points (N, 3) in map units, colors (N, 3), and named values (N).")
       .def("finish", &finish,
            "Ends the odometry: a dictionary with trajectory, keyframes, map, camera (refined), frames, frames_tracked, "
-           "lost, lost_reason.");
+           "frames_before_start, frames_tracked_backwards, lost, lost_reason.");
 }
 
 }  // namespace tileflight::python

@@ -23,6 +23,8 @@ class OdometryTest(unittest.TestCase):
         np.testing.assert_allclose(result["trajectory"]["times"], rows[:, 0], atol=1e-9)
         np.testing.assert_allclose(result["trajectory"]["poses"][:, :3, 3], rows[:, 1:4], atol=1e-8)
         self.assertEqual(len(result["map"]["points"]), written["points"])
+        for key in ("frames_before_start", "frames_tracked_backwards"):
+            self.assertEqual(result[key], written[key])
 
         score = tf.evaluate_trajectory(**result["trajectory"], true_times=flight.times, true_poses=flight.poses)
         self.assertLess(score["ate_rmse"], 0.1)

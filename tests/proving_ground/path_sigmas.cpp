@@ -1,6 +1,7 @@
 #include "path_sigmas.h"
 
 #include <algorithm>
+#include <iterator>
 #include <nlohmann/json.hpp>
 
 #include "tileflight/alignment/umeyama.h"
@@ -62,11 +63,41 @@ double scale_of(const std::vector<PosePair>& pairs) {
   return alignment::umeyama(estimate, truth, alignment::ScaleMode::kEstimated).T_target_source.scale;
 }
 
+/// Sums of squared errors over the stated sigmas of steps from keyframes.
+struct SquaredSigmas {
+  explicit SquaredSigmas(const std::vector<PosePair>& of) : pairs(of), scale(scale_of(of)) {}
+
+  const std::vector<PosePair>& pairs;
+  double scale;
+  double position = 0.0, rotation = 0.0;
+  int counted = 0;
+
+  /// Each picture rests on the keyframe before it in `pictures`.
+  void add(const std::vector<PictureQuality>& pictures) {
+    constexpr double kSameTime_s = 1e-5;
+    const PosePair* reference = nullptr;
+    for (const PictureQuality& picture : pictures) {
+      const auto pair = std::ranges::find_if(
+          pairs, [&](const PosePair& p) { return std::abs(p.time_s - picture.time_s) < kSameTime_s; });
+      if (!picture.tracked || pair == pairs.end()) continue;
+      if (reference && picture.sigma_position > 0.0 && picture.sigma_rotation_rad > 0.0) {
+        const geometry::SE3 stated = reference->estimate.inverse() * pair->estimate;
+        const geometry::SE3 real = reference->truth.inverse() * pair->truth;
+        const double off = (stated.translation - real.translation / scale).norm() / picture.sigma_position;
+        const double turned = stated.rotation.angularDistance(real.rotation) / picture.sigma_rotation_rad;
+        position += off * off;
+        rotation += turned * turned;
+        ++counted;
+      }
+      if (picture.keyframe) reference = &*pair;
+    }
+  }
+};
+
 }  // namespace
 
 std::optional<PathSigmas> path_sigmas(const fs::path& odometry, const geometry::Trajectory& truth) {
   constexpr int kFewest = 10;
-  constexpr double kSameTime_s = 1e-5;
   const std::vector<PosePair> pairs = pose_pairs(geometry::read_tum(odometry / "trajectory.txt"), truth);
   if (pairs.size() < 3) return std::nullopt;
   std::vector<PictureQuality> pictures = read_quality(odometry / "quality.csv");
@@ -74,27 +105,17 @@ std::optional<PathSigmas> path_sigmas(const fs::path& odometry, const geometry::
   if (!state.contains("dispersion") || state["dispersion"].is_null()) return std::nullopt;
   // A flight that was tracked backwards has its keyframes after the pictures that rest on them.
   if (state.value("backwards", false)) std::ranges::reverse(pictures);
-  const double scale = scale_of(pairs);
-  const PosePair* reference = nullptr;
-  PathSigmas sum;
-  int counted = 0;
-  for (const PictureQuality& picture : pictures) {
-    const auto pair = std::ranges::find_if(
-        pairs, [&](const PosePair& p) { return std::abs(p.time_s - picture.time_s) < kSameTime_s; });
-    if (!picture.tracked || pair == pairs.end()) continue;
-    if (reference && picture.sigma_position > 0.0 && picture.sigma_rotation_rad > 0.0) {
-      const geometry::SE3 stated = reference->estimate.inverse() * pair->estimate;
-      const geometry::SE3 real = reference->truth.inverse() * pair->truth;
-      const double off = (stated.translation - real.translation / scale).norm() / picture.sigma_position;
-      const double turned = stated.rotation.angularDistance(real.rotation) / picture.sigma_rotation_rad;
-      sum.position += off * off;
-      sum.rotation += turned * turned;
-      ++counted;
-    }
-    if (picture.keyframe) reference = &*pair;
-  }
-  if (counted < kFewest) return std::nullopt;
-  return PathSigmas{sum.position / counted, sum.rotation / counted};
+  // Those before the start rest on the keyframe after them.
+  const auto start =
+      pictures.begin() + std::min<std::ptrdiff_t>(std::ssize(pictures), state.value("frames_before_start", 0));
+  const auto from_start = std::find_if(start, pictures.end(), [](const PictureQuality& p) { return p.keyframe; });
+  std::vector<PictureQuality> before(std::make_reverse_iterator(start), pictures.rend());
+  if (from_start != pictures.end()) before.insert(before.begin(), *from_start);
+  SquaredSigmas sum(pairs);
+  sum.add(before);
+  sum.add({start, pictures.end()});
+  if (sum.counted < kFewest) return std::nullopt;
+  return PathSigmas{sum.position / sum.counted, sum.rotation / sum.counted};
 }
 
 }  // namespace tileflight::proving_ground

@@ -5,7 +5,6 @@
 #include <algorithm>
 
 #include "tileflight/mapping/densify.h"
-#include "tileflight/mapping/marginalization.h"
 #include "tileflight/mapping/normal_equations.h"
 #include "tileflight/mapping/tracer.h"
 #include "tileflight/photometry/pixel_selector.h"
@@ -22,6 +21,20 @@ IntrinsicsInformation intrinsics_information(const photometry::WindowOptions& op
 }
 
 }  // namespace
+
+Mapper::Mapper(const Mapper& other, photometry::LensPyramid& lens)
+    : lens_(lens),
+      applied_delta_(other.applied_delta_),
+      options_(other.options_),
+      window_(other.window_),
+      spacing_(other.spacing_),
+      selection_block_px_(other.selection_block_px_),
+      next_id_(other.next_id_),
+      residual_variance_(other.residual_variance_),
+      step_uncertainties_(other.step_uncertainties_),
+      systematic_residuals_(other.systematic_residuals_),
+      retired_points_(other.retired_points_),
+      retired_keyframes_(other.retired_keyframes_) {}
 
 WindowResult Mapper::initialize(std::vector<photometry::Keyframe> keyframes) {
   constexpr int kRounds = 3;

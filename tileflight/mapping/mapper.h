@@ -10,6 +10,7 @@
 #include "tileflight/mapping/activation.h"
 #include "tileflight/mapping/keyframe_policy.h"
 #include "tileflight/mapping/map.h"
+#include "tileflight/mapping/marginalization.h"
 #include "tileflight/mapping/step_uncertainty.h"
 #include "tileflight/mapping/systematic_residuals.h"
 #include "tileflight/mapping/window_optimizer.h"
@@ -40,10 +41,17 @@ class Mapper {
  public:
   /// `lens` must outlive the Mapper; it is updated when intrinsics are estimated.
   Mapper(photometry::LensPyramid& lens, const photometry::OdometryOptions& options) : lens_(lens), options_(options) {}
+  /// A copy that goes its own way, with its own lens: a copy of the other's.
+  Mapper(const Mapper& other, photometry::LensPyramid& lens);
+  Mapper(const Mapper&) = delete;
+  Mapper& operator=(const Mapper&) = delete;
 
   /// Adds the first keyframes, with poses and already traced immature points; activates points and optimises them
   /// jointly.
   WindowResult initialize(std::vector<photometry::Keyframe> keyframes);
+  /// After initialize() and before anything else: the oldest keyframe becomes the newest, so that keyframes may be
+  /// added in the opposite order of time.
+  void reverse_order() { reverse_keyframes(window_); }
   /// Makes a keyframe with new immature points; it is not added to the window.
   photometry::Keyframe make_keyframe(const KeyframeCandidate& source);
 

@@ -119,4 +119,22 @@ void add_keyframe(photometry::Window& window, photometry::Keyframe keyframe) {
   window.keyframes.push_back(std::move(keyframe));
 }
 
+void reverse_keyframes(photometry::Window& window) {
+  const int n = window.size();
+  std::vector<int> order;
+  for (int slot = n - 1; slot >= 0; --slot) {
+    for (int i = 0; i < 8; ++i) order.push_back(8 * slot + i);
+  }
+  for (int i = 8 * n; i < window.unknowns(); ++i) order.push_back(i);
+  window.H_prior = MatrixXd(window.H_prior(order, order));
+  window.b_prior = VectorXd(window.b_prior(order));
+  std::reverse(window.keyframes.begin(), window.keyframes.end());
+  for (photometry::Keyframe& keyframe : window.keyframes) {
+    for (photometry::ActivePoint& point : keyframe.points) {
+      point.recent_states.fill(photometry::ResidualState::kGood);  // of the newest keyframes, which are others now
+      for (photometry::Observation& observation : point.observations) observation.target = n - 1 - observation.target;
+    }
+  }
+}
+
 }  // namespace tileflight::mapping

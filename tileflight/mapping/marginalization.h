@@ -40,4 +40,8 @@ void add_intrinsics_unknowns(photometry::Window& window, const IntrinsicsInforma
 /// Appends a keyframe; the prior grows by its unknowns, zero but for the prior on its brightness (DSO, eq. 9).
 void add_keyframe(photometry::Window& window, photometry::Keyframe keyframe);
 
+/// Reverses the order of the keyframes: slot i becomes slot size - 1 - i, in the prior and the observations, too. What
+/// the window estimates stays the same.
+void reverse_keyframes(photometry::Window& window);
+
 }  // namespace tileflight::mapping

@@ -147,6 +147,37 @@ TEST(Marginalization, LinearisesAboutTheFirstEstimate) {
   EXPECT_LT((at_zero.b_prior - moved.b_prior).norm(), 1e-4 * at_zero.b_prior.norm());
 }
 
+TEST(Marginalization, ReversingTheKeyframesPermutesTheSystemAndKeepsThePriorsEnergy) {
+  constexpr int kKeyframes = 4;
+  photometry::Window window = test_support::random_window(kKeyframes, 9, 5, true);
+  std::mt19937 random(6);
+  window.H_prior =
+      MatrixXd::NullaryExpr(window.unknowns(), window.unknowns(), [&] { return std::normal_distribution<>()(random); });
+  window.H_prior = (window.H_prior * window.H_prior.transpose()).eval();
+  window.b_prior = VectorXd::NullaryExpr(window.unknowns(), [&] { return std::normal_distribution<>()(random); });
+  const auto system_of = [](photometry::Window& w) {
+    return build_normal_equations(w, make_host_target_pairs(w), all_points(w), 0.0);
+  };
+  const auto energy_of = [](const photometry::Window& w) {
+    const VectorXd delta = stacked_delta(w);
+    return delta.dot(w.H_prior * delta) + 2.0 * w.b_prior.dot(delta);
+  };
+  for (photometry::Keyframe& keyframe : window.keyframes) keyframe.delta = 0.01 * photometry::Vec8::Random();
+  window.intrinsics.delta = 0.01 * photometry::IntrinsicsDelta::Random();
+  photometry::Window reversed = window;
+  reverse_keyframes(reversed);
+  EXPECT_NEAR(energy_of(reversed), energy_of(window), 1e-9 * std::abs(energy_of(window)));
+  const NormalEquations before = system_of(window), after = system_of(reversed);
+  const auto position = [&](int unknown) {
+    return unknown < 8 * kKeyframes ? 8 * (kKeyframes - 1 - unknown / 8) + unknown % 8 : unknown;
+  };
+  for (int i = 0; i < window.unknowns(); ++i) {
+    EXPECT_NEAR(after.b[position(i)], before.b[i], 1e-4 * before.b.cwiseAbs().maxCoeff());
+    for (int j = 0; j < window.unknowns(); ++j)
+      EXPECT_NEAR(after.H(position(i), position(j)), before.H(i, j), 1e-4 * before.H.cwiseAbs().maxCoeff());
+  }
+}
+
 TEST(Marginalization, RemovingAKeyframeRenumbersObservations) {
   photometry::Window window = test_support::random_window(4, 3, 7);
   window.keyframes[1].points.clear();

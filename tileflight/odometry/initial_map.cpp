@@ -38,7 +38,6 @@ class InitialMapBuilder {
   InitialMap build() {
     rectify_frames();
     mapper_.initialize(make_keyframes());
-    align_earlier_frames();
     align_frames();
     set_last_frame();
     for (const std::size_t pick : picks_) map_.keyframes.push_back(offset_ + pick);
@@ -49,7 +48,6 @@ class InitialMapBuilder {
  private:
   void rectify_frames();
   std::vector<photometry::Keyframe> make_keyframes();
-  void align_earlier_frames();
   void align_frames();
   void set_last_frame();
 
@@ -128,33 +126,6 @@ std::vector<photometry::Keyframe> InitialMapBuilder::make_keyframes() {
   return keyframes;
 }
 
-/// Aligns the images before the first keyframe to it, from the nearest to the farthest.
-void InitialMapBuilder::align_earlier_frames() {
-  if (offset_ == 0) return;
-  const ReferenceKeyframe reference = reference_keyframe(0);
-  std::vector<std::pair<std::size_t, tracking::ImageAlignment>> found;
-  tracking::ImageAlignmentState state;
-  geometry::SE3 velocity;
-  double velocity_s = 0.0;  // time interval of `velocity`
-  for (std::size_t i = offset_; i-- > 0;) {
-    tracking::ImageAlignmentState guess = state;
-    guess.T_target_reference = velocity * state.T_target_reference;
-    const auto pyramid = preprocessor_.make_pyramid(frames_[i]);
-    const double interval_s = frames_[i].time_s - frames_[i + 1].time_s;
-    const photometry::RollingShutter shutter = photometry::make_rolling_shutter(
-        preprocessor_.readout_s(), {state.T_target_reference, interval_s, velocity, velocity_s});
-    tracking::ImageAlignment alignment = tracking::align_image(preprocessor_.lens(), reference.pixels, *pyramid, guess,
-                                                               options_.tracking, {}, 0, shutter);
-    if (!alignment.converged) break;
-    velocity_s = interval_s;
-    velocity = alignment.state.T_target_reference * state.T_target_reference.inverse();
-    state = alignment.state;
-    found.emplace_back(i, alignment);
-  }
-  std::reverse(found.begin(), found.end());
-  for (const auto& [i, alignment] : found) record(frames_[i], reference, alignment.state.T_target_reference, alignment);
-}
-
 /// Aligns the images of the initialization window to the keyframe before each.
 void InitialMapBuilder::align_frames() {
   tracking::ImageAlignmentState state;
@@ -193,8 +164,11 @@ void InitialMapBuilder::set_last_frame() {
 
 }  // namespace
 
-void InitializationState::drop_unneeded(std::size_t limit) {
-  while (frames.size() > limit && first < initializer.first_frame()) {
+void InitializationState::drop_unneeded(double limit_mb) {
+  const auto kept_mb = [&] {  // all have one size
+    return 1e-6 * static_cast<double>(frames.size() * frames.front().image.pixels.size() * sizeof(imaging::Rgb8));
+  };
+  while (first < initializer.first_frame() && kept_mb() > limit_mb) {
     frames.pop_front();
     ++first;
   }

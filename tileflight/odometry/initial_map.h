@@ -20,8 +20,9 @@ struct InitializationState {
   std::deque<InputFrame> frames;
   std::size_t first = 0;  ///< the initializer's number of frames.front()
 
-  /// Drops images that the initializer no longer needs, while more than `limit` are kept.
-  void drop_unneeded(std::size_t limit);
+  /// Drops images that the initializer no longer needs, the oldest first, while more than `limit_mb` megabytes are
+  /// kept.
+  void drop_unneeded(double limit_mb);
   /// Position in `frames` of the reference image of an initialization.
   std::size_t reference_position(const initialization::InitializationResult& start) const {
     return start.first_frame - first;
@@ -34,9 +35,8 @@ struct InitialMap {
   std::vector<std::size_t> keyframes;  ///< positions in InitializationState::frames of the window's keyframes
 };
 
-/// Makes the first keyframes and aligns the other images to them: those between the keyframes, and those before the
-/// first one, backwards until one does not align. With a rolling shutter, the images of `state` that belong to the
-/// initialization are rectified in place.
+/// Makes the first keyframes and aligns the images between them. With a rolling shutter, the images of `state` that
+/// belong to the initialization are rectified in place.
 InitialMap make_initial_map(const initialization::InitializationResult& start, InitializationState& state,
                             Preprocessor& preprocessor, mapping::Mapper& mapper,
                             const photometry::OdometryOptions& options);

@@ -43,7 +43,7 @@ using FrameSource = std::function<std::optional<InputFrame>()>;
 
 /// Processor time of all threads by stage, seconds. Reading the images is not included.
 struct StageTimes {
-  double initialization = 0.0;  ///< everything up to the first map
+  double initialization = 0.0;  ///< everything up to the first map, and tracking backwards from it
   double preprocessing = 0.0;   ///< luma and pyramids, after initialization
   double tracking = 0.0;        ///< alignment to the keyframe
   double tracing = 0.0;         ///< depth search for immature points
@@ -102,7 +102,9 @@ struct OdometryResult {
                                           ///< initialization failed
   std::int64_t frames = 0;                ///< read
   std::int64_t frames_tracked = 0;
-  std::vector<FrameQuality> quality;  ///< of every image read, in order
+  std::int64_t frames_before_start = 0;       ///< of `frames`: before the first keyframe of the first map
+  std::int64_t frames_tracked_backwards = 0;  ///< of those: with a pose, by tracking backwards from the first map
+  std::vector<FrameQuality> quality;          ///< of every image read, in order
   std::optional<mapping::SystematicDisplacement>
       systematic_displacement;     ///< from the residuals of all keyframes; none if there are too few
   std::vector<LoopClosure> loops;  ///< loops used to correct the poses and the map
@@ -149,7 +151,10 @@ struct FrameResult {
 ///
 /// What add() returns is the estimate of that moment; finish() knows more:
 /// - Images before the map (kInitializing) get their poses when initialization succeeds: those of its window, and those
-///   before it by tracking backwards from the first keyframe until an image does not align.
+///   before it by tracking backwards from the first keyframe, with keyframes of their own where the first map does not
+///   reach. trajectory() has them from then on. They are kept until then, OdometryOptions::initialization.buffer_mb
+///   megabytes of them (or those of one attempt, if these are more); the call that makes the map tracks them all, and
+///   takes as much longer. Images that were dropped, or that do not align, stay without a pose.
 /// - Poses are relative to keyframes. A keyframe's pose and its points are optimised further until it leaves the
 ///   window, after some five to seven keyframes, and its images move along.
 /// - Loop closure (OdometryOptions::loops) runs once, in finish(), over all keyframes. It never changes tracking.

@@ -4,15 +4,17 @@
 //
 //   initializing ──first map──→ tracking ⇄ recovering ──too many failures──→ lost
 //
-// Before the first map, images are collected until their parallax gives one. After it each image is aligned to the
-// reference keyframe, and some become keyframes. Images that do not align are compared with all keyframes of the window
-// until one does, or until there are too many of them. A lost odometry stays lost; its map remains.
+// Before the first map, images are collected until their parallax gives one; those before its first keyframe are then
+// tracked backwards (backward_tracking.h). After it each image is aligned to the reference keyframe, and some become
+// keyframes (frame_tracker.h). Images that do not align are compared with all keyframes of the window until one does,
+// or until there are too many of them. A lost odometry stays lost; its map remains.
 
 #include <optional>
 #include <string>
 #include <variant>
 
 #include "tileflight/mapping/mapper.h"
+#include "tileflight/odometry/frame_tracker.h"
 #include "tileflight/odometry/initial_map.h"
 #include "tileflight/odometry/odometry.h"
 #include "tileflight/odometry/preprocessor.h"
@@ -35,8 +37,8 @@ class OdometryPipeline {
   std::string progress_text() const;
 
   geometry::Trajectory trajectory() const { return trajectory_so_far(log_, mapper_); }
-  geometry::Trajectory keyframes() const { return keyframes_so_far(mapper_); }
-  geometry::PointCloud map() const { return map_so_far(mapper_, options_.map); }
+  geometry::Trajectory keyframes() const { return keyframes_so_far(log_, mapper_); }
+  geometry::PointCloud map() const { return map_so_far(log_, mapper_, options_.map); }
   /// See Odometry::T_world_map().
   std::optional<geometry::Sim3> T_world_map() const;
   /// The result so far, in the frame and scale of the priors.
@@ -51,19 +53,7 @@ class OdometryPipeline {
   // initializing
   void initialize(InitializationState& state, InputFrame frame);
 
-  // tracking and recovering
-  void track(TrackingState& state, const InputFrame& frame);
-  photometry::RollingShutter predict_rolling_shutter(const TrackingState& state, const InputFrame& frame) const;
-  tracking::ImageAlignment best_alignment(const TrackingState& state, const photometry::Pyramid& pyramid,
-                                          const photometry::RollingShutter& shutter) const;
-  std::optional<tracking::ImageAlignment> recover(TrackingState& state, const photometry::Pyramid& pyramid);
-  void fail(Failures& failures, const InputFrame& frame, const tracking::ImageAlignment& alignment) const;
-  void follow(TrackingState& state, const InputFrame& frame, std::shared_ptr<const photometry::Pyramid> pyramid,
-              const photometry::RollingShutter& shutter, const tracking::ImageAlignment& alignment);
-  bool needs_keyframe(const TrackingState& state, const tracking::ImageAlignment& alignment) const;
-  void make_keyframe(TrackingState& state, const InputFrame& frame, std::shared_ptr<const photometry::Pyramid> pyramid,
-                     const photometry::AffineBrightness& brightness, const tracking::ImageAlignment& alignment);
-  void report_keyframe(const InputFrame& frame, int slot);
+  FrameTracker tracker() { return {options_, preprocessor_, mapper_, log_, observer_}; }
 
   OdometryOptions options_;
   Priors priors_;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include "tileflight/base/formatted_text.h"
 
@@ -67,14 +68,21 @@ void check_scale_drift(const OdometryResult& result, const FrameName& name_of, c
   const auto beyond = [&](const tracking::FrameQuality& q) {
     return q.tracked && q.sigma_log_scale > limits.sigma_log_scale;
   };
-  const auto first = std::find_if(result.quality.begin(), result.quality.end(), beyond);
-  if (first == result.quality.end()) return;
+  // The deviation grows away from the start, in both directions.
+  const auto start = result.quality.begin() + result.frames_before_start;
+  const auto first = std::find_if(start, result.quality.end(), beyond);
+  const auto last = std::find_if(std::make_reverse_iterator(start), result.quality.rend(), beyond);
+  std::string where;
+  if (last != result.quality.rend()) where = "up to " + frames_text(*last, *last, name_of);
+  if (first != result.quality.end())
+    where += (where.empty() ? "from " : " and from ") + frames_text(*first, *first, name_of) + " on";
+  if (where.empty()) return;
   double end = 0.0;
   for (const tracking::FrameQuality& q : result.quality) end = std::max(end, q.sigma_log_scale);
   doubts.push_back({"the scale may have drifted: few points or little parallax constrained it (at least " +
                         percent_text(end) + " by the residuals alone)",
-                    std::string(kWhere) + ", from " + frames_text(*first, *first, name_of) + " on", "likely",
-                    "keep moving while turning, or use only the part before"});
+                    std::string(kWhere) + ", " + where, "likely",
+                    "keep moving while turning, or use only the other part"});
 }
 
 /// Reports velocity changes that last for one image only, relative to the flight's 95th percentile of speed.

@@ -105,6 +105,15 @@ TEST(TrackingDoubts, AScaleCarriedByLittleIsNamedFromItsFrameOn) {
   expect_only(doubts_about(result), "scale may have drifted", "odometry, from frame f30 on");
 }
 
+TEST(TrackingDoubts, AScaleCarriedByLittleIsNamedOnBothSidesOfTheStart) {
+  OdometryResult result = good_flight();
+  result.frames_before_start = 20;
+  for (int i = 0; i < 10; ++i) result.quality[i].sigma_log_scale = 0.02;
+  expect_only(doubts_about(result), "scale may have drifted", "odometry, up to frame f9");
+  for (int i = 50; i < 60; ++i) result.quality[i].sigma_log_scale = 0.02;
+  expect_only(doubts_about(result), "scale may have drifted", "odometry, up to frame f9 and from frame f50 on");
+}
+
 TEST(TrackingDoubts, PicturesThatJumpAwayAndBackAreNamed) {
   OdometryResult result = good_flight();
   for (int i = 40; i < 46; ++i) result.trajectory.poses[i].T_local_camera.translation += Vec3(0, 4.8, 0);

@@ -1,9 +1,11 @@
 #include "tileflight/odometry/tracking_log.h"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <cmath>
 #include <map>
 
+#include "tileflight/mapping/normal_equations.h"
 #include "tileflight/odometry/stage_timer.h"
 
 namespace tileflight::odometry {
@@ -35,32 +37,55 @@ void fill_quality(const tracking::ImageAlignment& alignment, FrameQuality& quali
   set_pose_sigmas(quality.rmse * quality.rmse * covariance.topLeftCorner<6, 6>(), quality);
 }
 
-/// Variance of the logarithm of the scale at each keyframe, accumulated since the first one.
-std::vector<double> log_scale_variances(const std::vector<mapping::StepUncertainty>& steps) {
-  std::vector<double> variance(steps.size(), 0.0);
-  for (std::size_t k = 1; k < steps.size(); ++k) variance[k] = variance[k - 1] + steps[k].log_scale;
-  return variance;
-}
-
-/// What the quality of an image needs to know of the map.
-struct QualityBasis {
-  const std::vector<mapping::KeyframeRecord>& keyframes;  ///< by id
-  const std::vector<mapping::StepUncertainty>& steps;
-  const std::vector<double>& log_scale_variance;
+/// All keyframes in order of time, those made backwards first. A keyframe's position is its id + `first`.
+struct KeyframePath {
+  std::vector<mapping::KeyframeRecord> keyframes;
+  std::vector<mapping::StepUncertainty> steps;  ///< of each: to the keyframe before, or, if made backwards, after it
+  std::vector<double> log_scale_variance;       ///< of each: of log(scale here / scale at the first one)
+  int first = 0;                                ///< position of the keyframe with id 0
 };
 
-FrameQuality tracked_quality(const TrackedFrame& frame, const QualityBasis& map) {
+KeyframePath keyframe_path(const TrackingLog& log, const mapping::Mapper& mapper) {
+  KeyframePath path{log.earlier.keyframes, log.earlier.steps, {}, static_cast<int>(log.earlier.keyframes.size())};
+  const std::vector<mapping::KeyframeRecord> later = mapper.keyframes();
+  for (mapping::KeyframeRecord& keyframe : path.keyframes)
+    keyframe.T_map_camera = later.front().T_map_camera * keyframe.T_map_camera;
+  path.keyframes.insert(path.keyframes.end(), later.begin(), later.end());
+  path.steps.insert(path.steps.end(), mapper.step_uncertainties().begin(), mapper.step_uncertainties().end());
+  const auto first = static_cast<std::size_t>(path.first);
+  std::vector<double>& variance = path.log_scale_variance;
+  variance.assign(path.steps.size(), 0.0);
+  for (std::size_t k = first + 1; k < variance.size(); ++k) variance[k] = variance[k - 1] + path.steps[k].log_scale;
+  for (std::size_t k = first; k-- > 0;) variance[k] = variance[k + 1] + path.steps[k].log_scale;
+  return path;
+}
+
+/// All points, those of the keyframes made backwards last.
+std::vector<mapping::MapPoint> all_points(const TrackingLog& log, const mapping::Mapper& mapper) {
+  std::vector<mapping::MapPoint> points = mapper.points();
+  points.insert(points.end(), log.earlier.points.begin(), log.earlier.points.end());
+  return points;
+}
+
+/// The keyframe to which the one at `position` was tracked; -1: none.
+int reference_of_keyframe(const KeyframePath& path, int position) {
+  if (position == path.first) return -1;
+  return position > path.first ? position - 1 : position + 1;
+}
+
+FrameQuality tracked_quality(const TrackedFrame& frame, const KeyframePath& path) {
   FrameQuality q{.frame = frame.index, .time_s = frame.time_s, .tracked = true};
-  q.is_keyframe = map.keyframes[frame.keyframe].frame_index == frame.index;
-  q.keyframe = q.is_keyframe ? frame.keyframe - 1 : frame.keyframe;
+  const int position = frame.keyframe + path.first;
+  q.is_keyframe = path.keyframes[position].frame_index == frame.index;
+  q.keyframe = q.is_keyframe ? reference_of_keyframe(path, position) : position;
   fill_quality(frame.alignment, q);
-  q.sigma_log_scale = kPositionSigmaInflation * std::sqrt(map.log_scale_variance[frame.keyframe]);
+  q.sigma_log_scale = kPositionSigmaInflation * std::sqrt(path.log_scale_variance[position]);
   geometry::SE3 T_camera_keyframe = frame.T_camera_keyframe;
-  if (q.is_keyframe && frame.keyframe > 0) {
-    T_camera_keyframe = map.keyframes[frame.keyframe].T_map_camera.inverse() * map.keyframes[q.keyframe].T_map_camera;
-    set_pose_sigmas(map.steps[frame.keyframe].pose, q);
+  if (q.is_keyframe && q.keyframe >= 0) {
+    T_camera_keyframe = path.keyframes[position].T_map_camera.inverse() * path.keyframes[q.keyframe].T_map_camera;
+    set_pose_sigmas(path.steps[position].pose, q);
   }
-  q.known_points = map.steps[frame.keyframe].known_points;
+  q.known_points = path.steps[position].known_points;
   q.distance_to_keyframe = T_camera_keyframe.translation.norm();
   return q;
 }
@@ -120,16 +145,26 @@ geometry::Trajectory frame_trajectory(const std::vector<TrackedFrame>& frames,
 }
 
 /// Keyframes as the inertial alignment takes them: with the covariances of the window, inflated as for FrameQuality.
-std::vector<inertial::VisualKeyframe> visual_keyframes(const std::vector<mapping::KeyframeRecord>& keyframes,
-                                                       const std::vector<mapping::StepUncertainty>& steps) {
+/// `keyframes`: those of the path, corrected.
+std::vector<inertial::VisualKeyframe> visual_keyframes(const KeyframePath& path,
+                                                       const std::vector<mapping::KeyframeRecord>& keyframes) {
   Eigen::Matrix<double, 6, 1> inflation;
   inflation << Eigen::Vector3d::Constant(kPositionSigmaInflation), Eigen::Vector3d::Constant(kRotationSigmaInflation);
   std::vector<inertial::VisualKeyframe> list;
   for (std::size_t k = 0; k < keyframes.size(); ++k) {
-    // A left twist of T_camera_before is, but for its sign, a right twist of its inverse.
+    // A left twist of T_camera_before is, but for its sign, a right twist of its inverse. A step made backwards has a
+    // left twist of that inverse, which the adjoint takes to its other side.
+    const bool is_backwards = k > 0 && k <= static_cast<std::size_t>(path.first);
+    const mapping::StepUncertainty& step = path.steps[is_backwards ? k - 1 : k];
+    Eigen::Matrix<double, 6, 6> covariance = step.pose;
+    if (is_backwards) {
+      const Eigen::Matrix<double, 6, 6> other_side =
+          mapping::adjoint(keyframes[k].T_map_camera.inverse() * keyframes[k - 1].T_map_camera);
+      covariance = other_side * covariance * other_side.transpose();
+    }
     list.push_back({keyframes[k].time_s, keyframes[k].T_map_camera,
-                    inflation.asDiagonal() * steps[k].pose * inflation.asDiagonal(),
-                    kPositionSigmaInflation * kPositionSigmaInflation * steps[k].log_scale});
+                    inflation.asDiagonal() * covariance * inflation.asDiagonal(),
+                    kPositionSigmaInflation * kPositionSigmaInflation * step.log_scale});
   }
   return list;
 }
@@ -143,11 +178,10 @@ void rescale_qualities(const inertial::InertialAlignment& alignment, std::vector
 }
 
 /// Makes keyframes and points metric and level, if the readings show how.
-void align_to_gravity(const TrackingLog& log, const mapping::Mapper& mapper, const inertial::InertialInput& readings,
+void align_to_gravity(const TrackingLog& log, const KeyframePath& path, const inertial::InertialInput& readings,
                       CorrectedMap& map, OdometryResult& result) {
   const geometry::Trajectory images = frame_trajectory(log.tracked, poses_by_id(map.keyframes), map.scale);
-  result.inertial =
-      inertial::align_to_gravity(visual_keyframes(map.keyframes, mapper.step_uncertainties()), images, readings);
+  result.inertial = inertial::align_to_gravity(visual_keyframes(path, map.keyframes), images, readings);
   const inertial::InertialAlignment& found = *result.inertial;
   if (!found.metric) return;
   std::map<int, double> change;
@@ -162,43 +196,46 @@ void align_to_gravity(const TrackingLog& log, const mapping::Mapper& mapper, con
 
 }  // namespace
 
+std::int64_t frames_before(double time_s, const TrackingLog& log) {
+  return std::ranges::count_if(log.read, [&](const FrameStamp& frame) { return frame.time_s < time_s; });
+}
+
 std::vector<FrameQuality> frame_qualities(const TrackingLog& log, const mapping::Mapper& mapper) {
-  const std::vector<mapping::KeyframeRecord> keyframes = mapper.keyframes();
-  const std::vector<double> log_scale_variance = log_scale_variances(mapper.step_uncertainties());
-  const QualityBasis map{keyframes, mapper.step_uncertainties(), log_scale_variance};
+  const KeyframePath path = keyframe_path(log, mapper);
   std::map<std::int64_t, const TrackedFrame*> tracked;
   for (const TrackedFrame& frame : log.tracked) tracked[frame.index] = &frame;
   std::vector<FrameQuality> qualities;
   for (const auto& [index, time_s] : log.read) {
     const auto found = tracked.find(index);
     qualities.push_back(found == tracked.end() ? FrameQuality{.frame = index, .time_s = time_s}
-                                               : tracked_quality(*found->second, map));
+                                               : tracked_quality(*found->second, path));
   }
   return qualities;
 }
 
 FrameQuality last_frame_quality(const TrackingLog& log, const mapping::Mapper& mapper) {
-  const std::vector<mapping::KeyframeRecord> keyframes = mapper.keyframes();
-  const std::vector<double> log_scale_variance = log_scale_variances(mapper.step_uncertainties());
-  return tracked_quality(log.tracked.back(), {keyframes, mapper.step_uncertainties(), log_scale_variance});
+  return tracked_quality(log.tracked.back(), keyframe_path(log, mapper));
 }
 
 geometry::Trajectory trajectory_so_far(const TrackingLog& log, const mapping::Mapper& mapper) {
-  return frame_trajectory(log.tracked, poses_by_id(mapper.keyframes()), {});
+  return frame_trajectory(log.tracked, poses_by_id(keyframe_path(log, mapper).keyframes), {});
 }
 
-geometry::Trajectory keyframes_so_far(const mapping::Mapper& mapper) { return keyframe_trajectory(mapper.keyframes()); }
+geometry::Trajectory keyframes_so_far(const TrackingLog& log, const mapping::Mapper& mapper) {
+  return keyframe_trajectory(keyframe_path(log, mapper).keyframes);
+}
 
-geometry::PointCloud map_so_far(const mapping::Mapper& mapper, const MapOptions& options) {
-  return mapping::make_point_cloud(mapper.points(), poses_by_id(mapper.keyframes()), options);
+geometry::PointCloud map_so_far(const TrackingLog& log, const mapping::Mapper& mapper, const MapOptions& options) {
+  return mapping::make_point_cloud(all_points(log, mapper), poses_by_id(keyframe_path(log, mapper).keyframes), options);
 }
 
 void set_path_and_map(const TrackingLog& log, const mapping::Mapper& mapper, const photometry::Lens& lens,
                       const OdometryOptions& options, const std::optional<inertial::InertialInput>& readings,
                       OdometryResult& result) {
-  CorrectedMap map{mapper.keyframes(), mapper.points(), {}};
+  const KeyframePath path = keyframe_path(log, mapper);
+  CorrectedMap map{path.keyframes, all_points(log, mapper), {}};
   if (options.loops.enabled) close_loops(log, lens, options.loops, map, result);
-  if (readings) align_to_gravity(log, mapper, *readings, map, result);
+  if (readings) align_to_gravity(log, path, *readings, map, result);
   const std::map<int, geometry::SE3> poses = poses_by_id(map.keyframes);
   std::vector<int> ids;
   for (const mapping::KeyframeRecord& keyframe : map.keyframes) {

@@ -18,7 +18,16 @@ struct TrackedFrame {
   double time_s = 0.0;
   int keyframe = 0;  ///< id
   geometry::SE3 T_camera_keyframe;
-  tracking::ImageAlignment alignment;  ///< to `keyframe`; for a keyframe, to the previous keyframe
+  tracking::ImageAlignment alignment;  ///< to `keyframe`; for a keyframe, to the one it was tracked to
+};
+
+/// Keyframes before the first one, made backwards in time (backward_tracking.h), with their points. Their ids are
+/// negative: -1 is the nearest to the first keyframe, whose id is 0.
+struct EarlierMap {
+  std::int64_t frames_tracked = 0;                 ///< images before the first keyframe that have a pose
+  std::vector<mapping::KeyframeRecord> keyframes;  ///< in order of time; T_map_camera: with the first keyframe as map
+  std::vector<mapping::StepUncertainty> steps;     ///< of each, relative to the keyframe after it
+  std::vector<mapping::MapPoint> points;           ///< hosted by them
 };
 
 /// An image that was read.
@@ -31,10 +40,14 @@ struct FrameStamp {
 struct TrackingLog {
   std::vector<FrameStamp> read;       ///< every image, in order
   std::vector<TrackedFrame> tracked;  ///< those with a pose, in order of time
+  EarlierMap earlier;                 ///< set once, with the first map
   std::int64_t relocalizations = 0;
   std::vector<loops::LoopKeyframe> loop_keyframes;  ///< all keyframes in order of id; filled for loop closure only
   StageTimes cpu_time;
 };
+
+/// Number of images read before a time.
+std::int64_t frames_before(double time_s, const TrackingLog& log);
 
 /// Quality of every image read, in order.
 std::vector<FrameQuality> frame_qualities(const TrackingLog& log, const mapping::Mapper& mapper);
@@ -43,9 +56,9 @@ FrameQuality last_frame_quality(const TrackingLog& log, const mapping::Mapper& m
 
 /// T_map_camera of every image with a pose, and of the keyframes, without loop closure.
 geometry::Trajectory trajectory_so_far(const TrackingLog& log, const mapping::Mapper& mapper);
-geometry::Trajectory keyframes_so_far(const mapping::Mapper& mapper);
+geometry::Trajectory keyframes_so_far(const TrackingLog& log, const mapping::Mapper& mapper);
 /// The points that pass the options' filters, without loop closure.
-geometry::PointCloud map_so_far(const mapping::Mapper& mapper, const MapOptions& options);
+geometry::PointCloud map_so_far(const TrackingLog& log, const mapping::Mapper& mapper, const MapOptions& options);
 
 /// Sets trajectory, keyframes, map and loops of `result`, after loop closure if the options ask for it (its processor
 /// time is added to the result's); with an inertial unit's readings also `inertial`, by which path, map and qualities

@@ -7,7 +7,9 @@ namespace tileflight::photometry {
 /// Initialization of the first map (initializer.h). Not DSO's method; the values are chosen by hand.
 struct InitializationOptions {
   int corners = 900;                ///< corners tracked from the first image on
-  int max_frames = 90;              ///< images buffered while waiting for parallax; beyond that the oldest are dropped
+  int max_frames = 90;              ///< images over which parallax is waited for, from one first image
+  double buffer_mb = 512.0;         ///< images kept to be tracked backwards from the first map, megabytes (3 bytes a
+                                    ///< pixel); beyond that the oldest are dropped, but never those of the attempt
   double min_parallax_rad = 0.026;  ///< median angle between rays after the best rotation, before initialization is
                                     ///< tried
   double fallback_parallax_rad = 0.009;   ///< same, used when the tracks are about to be lost

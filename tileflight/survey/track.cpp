@@ -229,9 +229,15 @@ json describe(const odometry::OdometryResult& result, const SkippedFrames& skipp
     warnings.push_back(std::to_string(skipped.frames) +
                        " images could not be decoded and were left out; the first: " + skipped.first_reason);
   }
+  if (const std::int64_t without_pose = result.frames_before_start - result.frames_tracked_backwards; without_pose > 0)
+    warnings.push_back(std::to_string(without_pose) + " of " + std::to_string(result.frames_before_start) +
+                       " images before the start have no pose: they do not align with the map when tracked backwards, "
+                       "or are more than are kept");
   return {
       {"frames", result.frames},
       {"frames_tracked", result.frames_tracked},
+      {"frames_before_start", result.frames_before_start},
+      {"frames_tracked_backwards", result.frames_tracked_backwards},
       {"frames_skipped", skipped.frames},
       {"warnings", warnings},
       {"lost", result.lost},

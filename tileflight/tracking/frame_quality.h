@@ -4,9 +4,10 @@
 
 namespace tileflight::tracking {
 
-/// How well an image was tracked. Standard deviations are of the pose relative to the previous keyframe (`keyframe`),
-/// in map units. They follow from the curvature of the residuals and a factor for correlated errors (rescale_sigmas()
-/// in run_comparison.h calibrates them for a flight); 0 for the first keyframe and for images without a pose.
+/// How well an image was tracked. Standard deviations are of the pose relative to the keyframe that it was tracked to
+/// (`keyframe`: the previous one, or, before the first map's first keyframe, the next one), in map units. They follow
+/// from the curvature of the residuals and a factor for correlated errors (rescale_sigmas() in run_comparison.h
+/// calibrates them for a flight); 0 for the first keyframe and for images without a pose.
 struct FrameQuality {
   std::int64_t frame = 0;  ///< InputFrame::index
   double time_s = 0.0;
@@ -21,7 +22,8 @@ struct FrameQuality {
   double distance_to_keyframe = 0.0;  ///< distance between the camera centres of image and keyframe
   double sigma_position = 0.0;        ///< of the camera's position, root of the covariance's trace
   double sigma_rotation_rad = 0.0;    ///< root of the trace
-  double sigma_log_scale = 0.0;  ///< of log(map scale here / map scale at the start); grows from keyframe to keyframe
+  double sigma_log_scale = 0.0;  ///< of log(map scale here / map scale at the first map's first keyframe); grows from
+                                 ///< keyframe to keyframe, away from that one
 };
 
 }  // namespace tileflight::tracking
