@@ -5,6 +5,10 @@
 //   FloorWatertight  the same with Embree's robust flag, which the renderer uses so that no ray slips through an edge
 //   Beams            Scene::intersect of the same rays in beams of eight packets, as the renderer casts them
 //   RgbAndDepth      CameraRenderer::render, one sample a pixel, filtered texture
+//   Light            CameraRenderer::render_light, linear light and depth: at one moment from one pose, at one moment
+//                    from a pose for each row (rolling shutter), at three moments from one pose each (motion blur), and
+//                    at three moments from a pose for each row; the camera flies at 10 m/s and turns by 30 degrees a
+//                    second
 //
 // To compare on an idle machine: render_benchmark --benchmark_min_time=3
 #include <benchmark/benchmark.h>
@@ -16,6 +20,7 @@
 
 #include "tests/height_field.h"
 #include "tileflight/render/camera_renderer.h"
+#include "tileflight/render/image_formation.h"
 #include "tileflight/render/ray_table.h"
 #include "tileflight/scene/packets.h"
 #include "tileflight/scene/scene.h"
@@ -182,6 +187,27 @@ void render_frame(benchmark::State& state) {
       benchmark::Counter(static_cast<double>(kWidth) * kHeight, benchmark::Counter::kIsIterationInvariantRate);
 }
 
+/// `exposure_s` 0: one moment; `line_delay_s` 0: a global shutter.
+void render_light(benchmark::State& state, double exposure_s, double line_delay_s) {
+  const render::CameraRenderer renderer(shared_scene(), camera(), {});
+  render::ImageFormation formation;
+  formation.exposure_time_s = exposure_s;
+  formation.exposure_samples = 3;
+  formation.line_delay_s = line_delay_s;
+  const auto pose_at = [](double time_s) {
+    geometry::SE3 T = pose();
+    T.translation += Vec3(6.0, 8.0, 0.5) * time_s;
+    T.rotation = geometry::so3_exp(Vec3(0.1, 0.2, 0.48) * time_s) * T.rotation;
+    return T;
+  };
+  const render::ShutterPoses poses = render::shutter_poses(formation, pose_at, 0.0, kHeight);
+  for (auto _ : state) benchmark::DoNotOptimize(renderer.render_light(poses));
+  state.counters["rays/s"] =
+      benchmark::Counter(static_cast<double>(kWidth) * kHeight, benchmark::Counter::kIsIterationInvariantRate);
+}
+
+constexpr double kExposure_s = 0.006, kLineDelay_s = 6e-6;
+
 BENCHMARK(floor_of_embree)->Name("Floor")->Unit(benchmark::kMillisecond)->MeasureProcessCPUTime()->UseRealTime();
 BENCHMARK(floor_watertight)
     ->Name("FloorWatertight")
@@ -190,5 +216,25 @@ BENCHMARK(floor_watertight)
     ->UseRealTime();
 BENCHMARK(intersect_beams)->Name("Beams")->Unit(benchmark::kMillisecond)->MeasureProcessCPUTime()->UseRealTime();
 BENCHMARK(render_frame)->Name("RgbAndDepth")->Unit(benchmark::kMillisecond)->MeasureProcessCPUTime()->UseRealTime();
+BENCHMARK_CAPTURE(render_light, global, 0.0, 0.0)
+    ->Name("Light/global")
+    ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime()
+    ->UseRealTime();
+BENCHMARK_CAPTURE(render_light, rolling, 0.0, kLineDelay_s)
+    ->Name("Light/rolling")
+    ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime()
+    ->UseRealTime();
+BENCHMARK_CAPTURE(render_light, blurred, kExposure_s, 0.0)
+    ->Name("Light/blurred")
+    ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime()
+    ->UseRealTime();
+BENCHMARK_CAPTURE(render_light, blurred_and_rolling, kExposure_s, kLineDelay_s)
+    ->Name("Light/blurred_and_rolling")
+    ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime()
+    ->UseRealTime();
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include "tileflight/base/simd.h"
 #include "tileflight/render/footprint.h"
 #include "tileflight/render/linear_color.h"
+#include "tileflight/scene/beam_tree.h"
 
 namespace tileflight::render {
 namespace {
@@ -146,6 +147,8 @@ TracerPose::TracerPose(const geometry::SE3& T_local_camera, const geometry::Vec3
   }
 }
 
+static_assert(BlockTracer::kMostMoments == scene::kMostMovingBeams);
+
 BlockTracer::BlockTracer(const scene::Scene& scene, const Appearance& appearance, const imaging::Rgb8& background,
                          double haze_per_m, const imaging::Rgb8& haze_color)
     : scene_(scene), appearance_(appearance), haze_per_m_(static_cast<float>(haze_per_m)) {
@@ -157,8 +160,11 @@ BlockTracer::BlockTracer(const scene::Scene& scene, const Appearance& appearance
   background_squares_[3] = 0.0F;
 }
 
-TILEFLIGHT_WIDE_VECTORS void BlockTracer::cast(const RayTable& table, int x, int y, const RowPoses& poses,
-                                               TracedBeam& beam) const {
+namespace {
+
+/// Fills the beam's packets; returns those in use.
+TILEFLIGHT_LANE_INLINE std::span<RayPacket8> fill_beam(const RayTable& table, int x, int y, const RowPoses& poses,
+                                                       TracedBeam& beam) {
   collect_blocks(table, x, y, beam);
   const int n = table.samples_along_axis();
   for (int k = 0; k < beam.size; ++k) {
@@ -167,9 +173,25 @@ TILEFLIGHT_WIDE_VECTORS void BlockTracer::cast(const RayTable& table, int x, int
     fill_packet(table.block(block.column, block.row), block.valid, poses.at_row(row / n), poses.at_row((row + 1) / n),
                 beam.packets[k]);
   }
-  const std::span packets(beam.packets.data(), static_cast<std::size_t>(beam.size));
-  if (poses.has_single_pose() && !packets.empty()) return scene_.intersect(packets);
-  for (RayPacket8& packet : packets) scene_.intersect(packet);
+  return std::span(beam.packets).first(static_cast<std::size_t>(beam.size));
+}
+
+}  // namespace
+
+TILEFLIGHT_WIDE_VECTORS void BlockTracer::cast(const RayTable& table, int x, int y, const RowPoses& poses,
+                                               TracedBeam& beam) const {
+  const std::span<RayPacket8> packets = fill_beam(table, x, y, poses, beam);
+  if (packets.empty()) return;
+  poses.has_single_pose() ? scene_.intersect(packets) : scene_.intersect_moving(std::span(&packets, 1));
+}
+
+TILEFLIGHT_WIDE_VECTORS void BlockTracer::cast_moments(const RayTable& table, int x, int y,
+                                                       std::span<const RowPoses> moments,
+                                                       std::span<TracedBeam> beams) const {
+  std::array<std::span<RayPacket8>, kMostMoments> all;
+  for (std::size_t k = 0; k < moments.size(); ++k) all[k] = fill_beam(table, x, y, moments[k], beams[k]);
+  if (all[0].empty()) return;
+  scene_.intersect_moving(std::span(all).first(moments.size()));
 }
 
 TILEFLIGHT_WIDE_VECTORS void BlockTracer::compute_texture_reads(TracedBeam& beam) const {

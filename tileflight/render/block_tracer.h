@@ -71,12 +71,16 @@ class BlockTracer {
   BlockTracer(const scene::Scene& scene, const Appearance& appearance, const imaging::Rgb8& background,
               double haze_per_m, const imaging::Rgb8& haze_color);
 
-  /// Builds the scene's acceleration structure for such poses in advance, while all cores are available.
-  void prepare(const RowPoses& poses) const {
-    poses.has_single_pose() ? scene_.build_beam_tree() : scene_.build_ray_tree();
-  }
+  /// How many moments cast_moments() takes at most.
+  static constexpr std::size_t kMostMoments = 4;
+
+  /// Builds the scene's acceleration structure in advance, while all cores are available.
+  void prepare() const { scene_.build_beam_tree(); }
   /// Intersects the samples from (x, y) of the table on; both are multiples of the beam's size.
   void cast(const RayTable& table, int x, int y, const RowPoses& poses, TracedBeam& beam) const;
+  /// The same samples at several moments of an exposure, with one traversal for all; one beam a moment.
+  void cast_moments(const RayTable& table, int x, int y, std::span<const RowPoses> moments,
+                    std::span<TracedBeam> beams) const;
   /// Computes `beam.reads` of a beam that was cast, and prefetches the texels that shading will read.
   void compute_texture_reads(TracedBeam& beam) const;
   /// Computes the colours of a packet's samples.

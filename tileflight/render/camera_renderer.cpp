@@ -120,6 +120,14 @@ double direct_sun_of(const RenderOptions& options) {
   return options.weather ? direct_sun_share(*options.weather, options.daylight->sun().elevation_rad) : 1.0;
 }
 
+/// The moments of an exposure.
+struct LightMoments {
+  std::span<const RowPoses> all;
+  std::size_t at_once;  ///< so many are cast together
+
+  std::size_t middle() const { return all.size() / 2; }
+};
+
 void require_a_pose_a_row(std::size_t poses, int height) {
   if (poses != 1 && poses != static_cast<std::size_t>(height)) throw std::invalid_argument("one pose a row");
 }
@@ -177,12 +185,15 @@ struct CameraRenderer::Impl {
   void visit_tile(const PixelRegion& tile, const RowPoses& poses, const SurfaceVisitor& visitor) const;
   TILEFLIGHT_LANE_INLINE void write_depth(const TracedBeam::Block& block, const scene::RayPacket8& packet,
                                           imaging::FloatImage& depth_m) const;
+  void add_view(const TracedBeam& beam, imaging::FloatImage& depth_m, ViewStatistics& view) const;
   std::array<LinearRgb, 8> shade_block(std::uint8_t valid, const scene::RayPacket8& packet,
                                        const SquaredColors8& squares) const;
-  void add_light(const PixelRegion& tile, const RowPoses& poses, LinearImage& sum) const;
+  void add_light(const PixelRegion& tile, const LightMoments& moments, LightFrame& frame, ViewStatistics& view) const;
+  void add_light(const TracedBeam& beam, int samples_along_axis, LinearImage& sum) const;
   void scale_light(const PixelRegion& tile, int moments, LinearImage& sum) const;
   RenderedFrame render(std::span<const geometry::SE3> poses_of_rows, const OptionalRegion& region) const;
   LightFrame render_light(const ShutterPoses& poses, const OptionalRegion& region) const;
+  std::size_t moments_at_once(std::span<const RowPoses> moments) const;
 };
 
 std::vector<PixelRegion> CameraRenderer::Impl::tiles(const OptionalRegion& region) const {
@@ -296,27 +307,54 @@ std::array<LinearRgb, 8> CameraRenderer::Impl::shade_block(std::uint8_t valid, c
   return lanes;
 }
 
-void CameraRenderer::Impl::add_light(const PixelRegion& tile, const RowPoses& poses, LinearImage& sum) const {
-  const RayTable& table = rays->samples ? *rays->samples : rays->central;
-  const int n = table.samples_along_axis();
-  TracedBeam beam;
+/// A beam that was cast, with its texture reads.
+void CameraRenderer::Impl::add_light(const TracedBeam& beam, int samples_along_axis, LinearImage& sum) const {
+  const int n = samples_along_axis;
   SquaredColors8 squares;
-  for_each_beam(tile, n, [&](int x0, int y0) {
-    tracer.cast(table, x0, y0, poses, beam);
-    tracer.compute_texture_reads(beam);
-    for (int k = 0; k < beam.size; ++k) {
-      const TracedBeam::Block& block = beam.blocks[static_cast<std::size_t>(k)];
-      const scene::RayPacket8& packet = beam.packets[static_cast<std::size_t>(k)];
-      tracer.shade(block.valid, packet, beam.reads[static_cast<std::size_t>(k)], squares);
-      if (atmosphere) atmosphere->wet_surfaces(block.valid, packet, squares);
-      std::array<LinearRgb, 8> lanes = shade_block(block.valid, packet, squares);
-      if (atmosphere) atmosphere->add_air(block.valid, packet, lanes);
-      for_each_lane(block, [&](int i, int x, int y) {
-        LinearRgb& light = sum(x / n, y / n);
-        for (std::size_t c = 0; c < 3; ++c) light[c] += lanes[static_cast<std::size_t>(i)][c];
-      });
-    }
-  });
+  for (int k = 0; k < beam.size; ++k) {
+    const TracedBeam::Block& block = beam.blocks[static_cast<std::size_t>(k)];
+    const scene::RayPacket8& packet = beam.packets[static_cast<std::size_t>(k)];
+    tracer.shade(block.valid, packet, beam.reads[static_cast<std::size_t>(k)], squares);
+    if (atmosphere) atmosphere->wet_surfaces(block.valid, packet, squares);
+    std::array<LinearRgb, 8> lanes = shade_block(block.valid, packet, squares);
+    if (atmosphere) atmosphere->add_air(block.valid, packet, lanes);
+    for_each_lane(block, [&](int i, int x, int y) {
+      LinearRgb& light = sum(x / n, y / n);
+      for (std::size_t c = 0; c < 3; ++c) light[c] += lanes[static_cast<std::size_t>(i)][c];
+    });
+  }
+}
+
+/// Adds the light of all moments and, of the middle one, if it has central rays, depth and view.
+void CameraRenderer::Impl::add_light(const PixelRegion& tile, const LightMoments& moments, LightFrame& frame,
+                                     ViewStatistics& view) const {
+  const RayTable& table = rays->samples ? *rays->samples : rays->central;
+  std::array<TracedBeam, BlockTracer::kMostMoments> beams;
+  for (std::size_t first = 0; first < moments.all.size(); first += moments.at_once) {
+    const std::size_t count = std::min(moments.at_once, moments.all.size() - first);
+    for_each_beam(tile, table.samples_along_axis(), [&](int x0, int y0) {
+      if (count == 1) {
+        tracer.cast(table, x0, y0, moments.all[first], beams[0]);
+      } else {
+        tracer.cast_moments(table, x0, y0, moments.all.subspan(first, count), beams);
+      }
+      for (std::size_t k = 0; k < count; ++k) {
+        tracer.compute_texture_reads(beams[k]);
+        add_light(beams[k], table.samples_along_axis(), frame.light);
+        if (first + k == moments.middle() && !rays->samples) add_view(beams[k], frame.depth_m, view);
+      }
+    });
+  }
+}
+
+/// Depth and view of central rays.
+void CameraRenderer::Impl::add_view(const TracedBeam& beam, imaging::FloatImage& depth_m, ViewStatistics& view) const {
+  for (int k = 0; k < beam.size; ++k) {
+    const TracedBeam::Block& block = beam.blocks[static_cast<std::size_t>(k)];
+    const scene::RayPacket8& packet = beam.packets[static_cast<std::size_t>(k)];
+    add_lanes(packet, block.valid, view);
+    if (options.depth) write_depth(block, packet, depth_m);
+  }
 }
 
 void CameraRenderer::Impl::scale_light(const PixelRegion& tile, int moments, LinearImage& sum) const {
@@ -331,7 +369,7 @@ void CameraRenderer::Impl::scale_light(const PixelRegion& tile, int moments, Lin
 RenderedFrame CameraRenderer::Impl::render(std::span<const geometry::SE3> poses_of_rows,
                                            const OptionalRegion& region) const {
   const RowPoses poses(poses_of_rows, scene.anchor());
-  tracer.prepare(poses);
+  tracer.prepare();
   RenderedFrame frame{imaging::RgbImage(width(), height()), empty_depth(), {}};
   imaging::FloatImage* depth_m = options.depth ? &frame.depth_m : nullptr;
   frame.view =
@@ -343,15 +381,21 @@ LightFrame CameraRenderer::Impl::render_light(const ShutterPoses& shutter, const
   LightFrame frame{LinearImage(width(), height()), empty_depth(), {}};
   std::vector<RowPoses> moments;
   for (int k = 0; k < shutter.moments; ++k) moments.push_back(rows_at(shutter, k));
-  tracer.prepare(moments.front());
-  const RowPoses& middle = moments[static_cast<std::size_t>(shutter.moments / 2)];
+  tracer.prepare();
+  const LightMoments all{moments, moments_at_once(moments)};
   imaging::FloatImage* depth_m = options.depth ? &frame.depth_m : nullptr;
   frame.view = for_each_tile(region, [&](const PixelRegion& tile) {
-    for (const RowPoses& poses : moments) add_light(tile, poses, frame.light);
+    ViewStatistics view;
+    add_light(tile, all, frame, view);
     scale_light(tile, shutter.moments, frame.light);
-    return trace_central(tile, middle, nullptr, depth_m);
+    return rays->samples ? trace_central(tile, all.all[all.middle()], nullptr, depth_m) : view;
   });
   return frame;
+}
+
+/// Moments of a global shutter are beams of one origin each, which cost less than what they would share.
+std::size_t CameraRenderer::Impl::moments_at_once(std::span<const RowPoses> moments) const {
+  return moments.front().has_single_pose() ? 1 : std::min(moments.size(), BlockTracer::kMostMoments);
 }
 
 CameraRenderer::CameraRenderer(const scene::Scene& scene, imaging::Camera camera, RenderOptions options)
@@ -411,7 +455,7 @@ void CameraRenderer::visit_surface(std::span<const geometry::SE3> T_local_camera
   if (!scene_times.empty() && scene_times.size() != T_local_camera_of_row.size())
     throw std::invalid_argument("one time of the scene a pose");
   const RowPoses poses(T_local_camera_of_row, impl_->scene.anchor(), scene_times);
-  impl_->tracer.prepare(poses);
+  impl_->tracer.prepare();
   const std::vector<PixelRegion> tiles = impl_->tiles(region);
   tbb::parallel_for(std::size_t{0}, tiles.size(), [&](std::size_t i) { impl_->visit_tile(tiles[i], poses, visitor); });
 }

@@ -18,7 +18,6 @@
 //
 // The nearest triangle has the largest inverse depth; ties are resolved by mesh and triangle number. So hits do not
 // depend on the order of traversal.
-#include <algorithm>
 #include <array>
 #include <bit>
 #include <cassert>
@@ -28,90 +27,23 @@
 #include <utility>
 
 #include "tileflight/base/simd.h"
+#include "tileflight/scene/beam_steps.h"
 #include "tileflight/scene/beam_tree.h"
 #include "tileflight/scene/part_motion.h"
 
 namespace tileflight::scene {
 namespace {
 
-using base::Float8;
-using base::horizontal_min;
-using base::Int8;
-using base::sign_mask;
+using namespace beam_steps;
 
 constexpr int kPackets = 8;
-constexpr float kMaxSlope = 1.7F;             // maximum |x| and |y| of a ray
-constexpr float kNoHitInverseDepth = 1e-30F;  // inverse depth if nothing was hit
-constexpr float kFar = 1e30F;                 // beyond all coordinates; finite, so that its product with 0 is 0
-
-/// At most seven children are deferred per level; Embree's builder makes at most 32 levels, and a tree of parts stands
-/// above the parts' trees.
-constexpr std::size_t kStackSize = 2 * 32 * 7 + 1;
-
-/// Bound on the rounding error of a box or a plane, relative to the largest coordinate.
-constexpr float kBoxSlack = 4e-6F;
-/// Bound on the rounding error of a corner's x and y on the plane z = 1, relative to 1.
-constexpr float kPlaneSlack = 4e-6F;
-
-struct Vector3 {
-  float x, y, z;
-};
-
-TILEFLIGHT_LANE_INLINE float dot(const Vector3& a, const Vector3& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-TILEFLIGHT_LANE_INLINE Vector3 cross(const Vector3& a, const Vector3& b) {
-  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-}
-TILEFLIGHT_LANE_INLINE Vector3 scaled(const Vector3& a, float by) { return {a.x * by, a.y * by, a.z * by}; }
-TILEFLIGHT_LANE_INLINE Vector3 minus(const Vector3& a, const Vector3& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
-
-// This file is compiled with -Wno-psabi, so that these may return vectors: since they are always inlined, no calling
-// convention is involved.
-TILEFLIGHT_LANE_INLINE Float8 lane_min(const Float8& a, const Float8& b) { return a < b ? a : b; }
-TILEFLIGHT_LANE_INLINE Float8 lane_max(const Float8& a, const Float8& b) { return a > b ? a : b; }
-TILEFLIGHT_LANE_INLINE Float8 lane_abs(const Float8& a) { return (Float8)((Int8)a & 0x7FFFFFFF); }
-
-TILEFLIGHT_LANE_INLINE Float8 load(const float (&from)[8]) {
-  Float8 lanes;
-  base::load_float8(from, lanes);
-  return lanes;
-}
-
-/// Eight vectors.
-struct Vector3x8 {
-  Float8 x, y, z;
-};
-
-TILEFLIGHT_LANE_INLINE void subtract(const Vector3x8& a, const Vector3x8& b, Vector3x8& to) {
-  to.x = a.x - b.x;
-  to.y = a.y - b.y;
-  to.z = a.z - b.z;
-}
-
-TILEFLIGHT_LANE_INLINE void cross(const Vector3x8& a, const Vector3x8& b, Vector3x8& to) {
-  to.x = a.y * b.z - a.z * b.y;
-  to.y = a.z * b.x - a.x * b.z;
-  to.z = a.x * b.y - a.y * b.x;
-}
-
-/// 2 a x b.
-TILEFLIGHT_LANE_INLINE void edge_normal(const Vector3x8& a, const Vector3x8& b, Vector3x8& to) {
-  Vector3x8 edge, sum;
-  subtract(a, b, edge);
-  sum.x = a.x + b.x;
-  sum.y = a.y + b.y;
-  sum.z = a.z + b.z;
-  cross(edge, sum, to);
-}
 
 /// The rays and their nearest hits so far.
-struct Beam {
-  Vector3 origin, axis_x, axis_y, axis_z;  ///< of the beam's frame, in scene axes
-  Vector3 normal_x, normal_y, normal_z;  ///< the same axes, for normals: others where space is scaled (traverse_placed)
+struct Beam : BeamFrame, BeamBounds {
   float time;
   Float8 ray_x[kPackets], ray_y[kPackets];
   Float8 direction_z[kPackets];         ///< z component of the ray's original direction
   Float8 low_x, high_x, low_y, high_y;  ///< rectangles, one packet per lane; low > high for unused lanes
-  float min_x, max_x, min_y, max_y;     ///< bounding rectangle of all packets
 
   Float8 inverse_depth[kPackets];
   Float8 weight_a[kPackets], weight_b[kPackets], weight_c[kPackets];  ///< not normalised to sum 1
@@ -123,88 +55,15 @@ struct Beam {
   unsigned updated_packets = 0;                         ///< packets whose hits changed since `max_depth` was set
 };
 
-/// The four sides of the pyramid around the beam, and its axis, arranged for testing eight boxes at once: for each
-/// axis, the relevant faces of the boxes.
-struct BeamFrustum {
-  struct Side {
-    float x, y, z;
-    float offset;  ///< a box is outside if its innermost corner is below
-    bool high[3];  ///< that corner is on the upper face of the axis
-  };
-  Side sides[4];
-  Side depth;  ///< for the nearest corner along the axis
-};
-
-TILEFLIGHT_LANE_INLINE BeamFrustum::Side side_of(const Vector3& normal, const Vector3& origin, float slack,
-                                                 bool nearest) {
-  BeamFrustum::Side side{normal.x, normal.y, normal.z, dot(normal, origin) - slack, {}};
-  side.high[0] = (normal.x > 0.0F) != nearest;
-  side.high[1] = (normal.y > 0.0F) != nearest;
-  side.high[2] = (normal.z > 0.0F) != nearest;
-  return side;
-}
-
-TILEFLIGHT_LANE_INLINE float magnitude(const Vector3& v) { return std::abs(v.x) + std::abs(v.y) + std::abs(v.z); }
-
-/// `reach_m`: of all coordinates.
-TILEFLIGHT_LANE_INLINE BeamFrustum make_frustum(const Beam& beam, float reach_m) {
-  const Vector3& o = beam.origin;
-  const float slack = kBoxSlack * (reach_m + magnitude(o));
-  const Vector3 &x = beam.axis_x, &y = beam.axis_y, &z = beam.axis_z;
-  BeamFrustum pyramid;
-  pyramid.sides[0] = side_of(minus(x, scaled(z, beam.min_x)), o, slack, false);
-  pyramid.sides[1] = side_of(minus(scaled(z, beam.max_x), x), o, slack, false);
-  pyramid.sides[2] = side_of(minus(y, scaled(z, beam.min_y)), o, slack, false);
-  pyramid.sides[3] = side_of(minus(scaled(z, beam.max_y), y), o, slack, false);
-  pyramid.depth = side_of(z, o, -slack, true);
-  return pyramid;
-}
-
-/// Signed distances of the eight boxes' corners from the side; negative is outside.
-TILEFLIGHT_LANE_INLINE void plane_distances(const BeamFrustum::Side& side, const BeamNode& node, Float8& inside) {
-  const Float8 x = load(side.high[0] ? node.high[0] : node.low[0]);
-  const Float8 y = load(side.high[1] ? node.high[1] : node.low[1]);
-  const Float8 z = load(side.high[2] ? node.high[2] : node.low[2]);
-  inside = side.x * x + side.y * y + side.z * z - side.offset;
-}
-
-/// A direction perpendicular to `z`.
-TILEFLIGHT_LANE_INLINE Vector3 any_perpendicular(const Vector3& z) {
-  const Vector3 other = std::abs(z.x) < 0.6F ? Vector3{1.0F, 0.0F, 0.0F} : Vector3{0.0F, 1.0F, 0.0F};
-  return minus(other, scaled(z, dot(other, z)));
-}
-
 /// Builds the beam's frame; false if the rays have no mean direction.
 TILEFLIGHT_LANE_INLINE bool build_frame(std::span<const RayPacket8> packets, Beam& beam) {
   Vector3x8 sums{};
-  for (const RayPacket8& packet : packets) {
-    sums.x += load(packet.direction_x);
-    sums.y += load(packet.direction_y);
-    sums.z += load(packet.direction_z);
-  }
-  Vector3 sum{0.0F, 0.0F, 0.0F};
-  for (int i = 0; i < 8; ++i) sum = {sum.x + sums.x[i], sum.y + sums.y[i], sum.z + sums.z[i]};
-  const float length = std::sqrt(dot(sum, sum));
-  if (!(length > 0.0F && length < kFar)) return false;
-  const Vector3 z = scaled(sum, 1.0F / length);
+  add_directions(packets, sums);
   const RayPacket8& first = packets.front();
-  const Vector3 row{first.direction_x[3] - first.direction_x[0], first.direction_y[3] - first.direction_y[0],
-                    first.direction_z[3] - first.direction_z[0]};
-  Vector3 x = minus(row, scaled(z, dot(row, z)));
-  if (!(dot(x, x) > 1e-20F)) x = any_perpendicular(z);
+  if (!build_axes(sums, first, beam)) return false;
   beam.origin = {first.origin_x[0], first.origin_y[0], first.origin_z[0]};
-  beam.axis_x = scaled(x, 1.0F / std::sqrt(dot(x, x)));
-  beam.axis_y = cross(z, beam.axis_x);
-  beam.axis_z = z;
-  beam.normal_x = beam.axis_x;
-  beam.normal_y = beam.axis_y;
-  beam.normal_z = beam.axis_z;
   beam.time = first.time[0];
   return true;
-}
-
-TILEFLIGHT_LANE_INLINE void dot_axis(const Vector3x8& v, const Vector3& axis, Float8& to) {
-  to = axis.x * v.x + axis.y * v.y + axis.z * v.z;
 }
 
 /// Transforms the rays to the beam's frame and computes their rectangles; false if a ray is too far from the axis.
@@ -213,14 +72,7 @@ TILEFLIGHT_LANE_INLINE bool transform_rays(std::span<const RayPacket8> packets, 
   beam.low_x = beam.low_y = none;
   beam.high_x = beam.high_y = -none;
   for (std::size_t p = 0; p < packets.size(); ++p) {
-    const RayPacket8& packet = packets[p];
-    const Vector3x8 ray{load(packet.direction_x), load(packet.direction_y), load(packet.direction_z)};
-    Float8 x, y;
-    dot_axis(ray, beam.axis_x, x);
-    dot_axis(ray, beam.axis_y, y);
-    dot_axis(ray, beam.axis_z, beam.direction_z[p]);
-    beam.ray_x[p] = x / beam.direction_z[p];
-    beam.ray_y[p] = y / beam.direction_z[p];
+    to_plane(beam, packets[p], beam.ray_x[p], beam.ray_y[p], beam.direction_z[p]);
     if (!(horizontal_min(beam.direction_z[p]) > 0.0F)) return false;
     beam.low_x[p] = horizontal_min(beam.ray_x[p]);
     beam.low_y[p] = horizontal_min(beam.ray_y[p]);
@@ -231,7 +83,7 @@ TILEFLIGHT_LANE_INLINE bool transform_rays(std::span<const RayPacket8> packets, 
   beam.min_y = horizontal_min(beam.low_y);
   beam.max_x = -horizontal_min(-beam.high_x);
   beam.max_y = -horizontal_min(-beam.high_y);
-  return beam.min_x > -kMaxSlope && beam.max_x < kMaxSlope && beam.min_y > -kMaxSlope && beam.max_y < kMaxSlope;
+  return is_narrow(beam);
 }
 
 /// Resets the hits; disabled lanes get an inverse depth above any hit.
@@ -248,71 +100,6 @@ TILEFLIGHT_LANE_INLINE void clear_hits(std::span<const RayPacket8> packets, Beam
   }
 }
 
-/// Eight triangles, prepared for tests against the beam's rays.
-struct alignas(32) TriangleSetup8 {
-  Float8 edge_bc[3], edge_ca[3], edge_ab[3];  ///< edge functions, positive inside
-  Float8 inverse_depth[3];
-  Vector3x8 normal;                     ///< n, oriented by the winding, in scene axes
-  Float8 low_x, high_x, low_y, high_y;  ///< bounding rectangle of the triangle on the plane z = 1
-};
-
-/// A corner of each triangle, relative to the beam's origin.
-TILEFLIGHT_LANE_INLINE void from_origin(const Beam& beam, const float (&corner)[3][8], Vector3x8& to) {
-  to.x = load(corner[0]) - beam.origin.x;
-  to.y = load(corner[1]) - beam.origin.y;
-  to.z = load(corner[2]) - beam.origin.z;
-}
-
-TILEFLIGHT_LANE_INLINE void to_beam(const Beam& beam, const Vector3x8& v, Vector3x8& to) {
-  dot_axis(v, beam.axis_x, to.x);
-  dot_axis(v, beam.axis_y, to.y);
-  dot_axis(v, beam.axis_z, to.z);
-}
-
-/// Bounding rectangle of the projected corners; the whole plane unless all corners are in front.
-TILEFLIGHT_LANE_INLINE void bound(const Vector3x8& a, const Vector3x8& b, const Vector3x8& c, TriangleSetup8& facets) {
-  const Float8 nearest = lane_min(lane_min(a.z, b.z), c.z);
-  const Float8 a_1 = 1.0F / a.z, b_1 = 1.0F / b.z, c_1 = 1.0F / c.z;
-  const Float8 xs[3] = {a.x * a_1, b.x * b_1, c.x * c_1};
-  const Float8 ys[3] = {a.y * a_1, b.y * b_1, c.y * c_1};
-  const Float8 all = Float8{} + kFar;
-  const Int8 in_front = nearest > kNoHitInverseDepth;
-  facets.low_x = in_front ? lane_min(lane_min(xs[0], xs[1]), xs[2]) - kPlaneSlack : -all;
-  facets.low_y = in_front ? lane_min(lane_min(ys[0], ys[1]), ys[2]) - kPlaneSlack : -all;
-  facets.high_x = in_front ? lane_max(lane_max(xs[0], xs[1]), xs[2]) + kPlaneSlack : all;
-  facets.high_y = in_front ? lane_max(lane_max(ys[0], ys[1]), ys[2]) + kPlaneSlack : all;
-}
-
-/// `turn`: the sign bit of n . a in each lane.
-TILEFLIGHT_LANE_INLINE void flip_signs(const Vector3x8& normal, const Int8& turn, Float8 (&to)[3]) {
-  to[0] = (Float8)((Int8)normal.x ^ turn);
-  to[1] = (Float8)((Int8)normal.y ^ turn);
-  to[2] = (Float8)((Int8)normal.z ^ turn);
-}
-
-/// Planes of the triangles, from their corners relative to the origin but in scene axes, which keeps the precision of
-/// large level surfaces. `turn`: the sign bit of n . a in each lane; returns the bits of the triangles that are not
-/// seen edge-on.
-TILEFLIGHT_LANE_INLINE unsigned set_up_planes(const Beam& beam, const Vector3x8& a, const Vector3x8& b,
-                                              const Vector3x8& c, TriangleSetup8& facets, Int8& turn) {
-  Vector3x8 ab, ac;
-  subtract(b, a, ab);
-  subtract(c, a, ac);
-  cross(ab, ac, facets.normal);
-  const Float8 volume = facets.normal.x * a.x + facets.normal.y * a.y + facets.normal.z * a.z;
-  const Float8 per_volume = 1.0F / volume;
-  Vector3x8 n;
-  dot_axis(facets.normal, beam.normal_x, n.x);
-  dot_axis(facets.normal, beam.normal_y, n.y);
-  dot_axis(facets.normal, beam.normal_z, n.z);
-  facets.inverse_depth[0] = n.x * per_volume;
-  facets.inverse_depth[1] = n.y * per_volume;
-  facets.inverse_depth[2] = n.z * per_volume;
-  turn = (Int8)volume & std::numeric_limits<std::int32_t>::min();
-  const Float8 xy = lane_max(lane_abs(facets.inverse_depth[0]), lane_abs(facets.inverse_depth[1]));
-  return sign_mask(lane_max(xy, lane_abs(facets.inverse_depth[2])) < kFar);
-}
-
 /// Bits of the triangles that the beam may hit.
 TILEFLIGHT_LANE_INLINE unsigned set_up_triangles(const Beam& beam, const BeamLeaf& leaf, TriangleSetup8& facets) {
   Vector3x8 corners[3], a, b, c;
@@ -326,7 +113,8 @@ TILEFLIGHT_LANE_INLINE unsigned set_up_triangles(const Beam& beam, const BeamLea
   const unsigned places = near & ((1U << leaf.count) - 1U);
   if (places == 0) return 0;
   Int8 turn;
-  const unsigned seen = set_up_planes(beam, corners[0], corners[1], corners[2], facets, turn);
+  Float8 per_volume;
+  const unsigned seen = set_up_planes(beam, corners[0], corners[1], corners[2], facets, turn, per_volume);
   Vector3x8 edge;
   edge_normal(b, c, edge);
   flip_signs(edge, turn, facets.edge_bc);
@@ -335,11 +123,6 @@ TILEFLIGHT_LANE_INLINE unsigned set_up_triangles(const Beam& beam, const BeamLea
   edge_normal(a, b, edge);
   flip_signs(edge, turn, facets.edge_ab);
   return places & seen;
-}
-
-TILEFLIGHT_LANE_INLINE void evaluate_plane(const Float8 (&coefficients)[3], int place, const Float8& x, const Float8& y,
-                                           Float8& value) {
-  value = coefficients[0][place] * x + coefficients[1][place] * y + coefficients[2][place];
 }
 
 /// Lanes where the triangle is nearer than the hit so far, or equally near and first by its numbers.
@@ -408,39 +191,6 @@ TILEFLIGHT_LANE_INLINE void tighten_bound(std::size_t packets, Beam& beam) {
   beam.max_depth = 1.0F / least;
 }
 
-struct Entry {
-  float depth_m;
-  std::uint32_t first_mesh;  ///< of the part that the child belongs to
-  BeamNode::Child child;
-};
-
-/// Prefetches a child while others are processed.
-TILEFLIGHT_LANE_INLINE void prefetch(BeamNode::Child child) {
-  const auto* bytes = reinterpret_cast<const char*>(child & ~BeamNode::Child{1});
-  for (std::size_t line = 0; line < sizeof(BeamLeaf); line += 64) __builtin_prefetch(bytes + line);
-}
-
-/// Pushes the children that intersect the pyramid, the nearest on top.
-TILEFLIGHT_LANE_INLINE std::size_t push_children(const BeamNode& node, std::uint32_t first_mesh,
-                                                 const BeamFrustum& pyramid, float farthest, Entry* stack,
-                                                 std::size_t size) {
-  Float8 inside[4], depths;
-  for (int side = 0; side < 4; ++side) plane_distances(pyramid.sides[side], node, inside[side]);
-  plane_distances(pyramid.depth, node, depths);
-  const Int8 outside =
-      (Int8)inside[0] | (Int8)inside[1] | (Int8)inside[2] | (Int8)inside[3] | (Int8)(farthest - depths);
-  const std::size_t bottom = size;
-  for (unsigned children = ~sign_mask((Int8)outside) & 0xFFU; children != 0; children &= children - 1) {
-    const int k = std::countr_zero(children);
-    const float depth_m = depths[k];
-    std::size_t at = size++;
-    for (; at > bottom && stack[at - 1].depth_m < depth_m; --at) stack[at] = stack[at - 1];
-    stack[at] = {depth_m, first_mesh, node.child[k]};
-    if ((node.child[k] & 2U) == 0) prefetch(node.child[k]);
-  }
-  return size;
-}
-
 Vector3 vector3(const Eigen::Vector3f& v) { return {v.x(), v.y(), v.z()}; }
 Eigen::Vector3f eigen(const Vector3& v) { return {v.x, v.y, v.z}; }
 
@@ -494,7 +244,7 @@ void traverse_placed(const BeamBranch& part, std::size_t packets, Beam& beam) {
   const Vector3 outside[7] = {beam.origin,   beam.axis_x,   beam.axis_y,  beam.axis_z,
                               beam.normal_x, beam.normal_y, beam.normal_z};
   const float reach_m = enter_part(part, beam);
-  const BeamFrustum pyramid = make_frustum(beam, reach_m);
+  const BeamFrustum pyramid = make_frustum(beam, beam, reach_m);
   std::array<Entry, kStackSize / 2 + 1> stack;
   std::size_t size = 0;
   stack[size++] = {-std::numeric_limits<float>::infinity(), part.first_mesh, part.root};
@@ -537,7 +287,7 @@ TILEFLIGHT_WIDE_VECTORS bool cast_beam(BeamNode::Child root, std::span<const Bea
   Beam beam;
   if (!build_frame(packets, beam) || !transform_rays(packets, beam)) return false;
   clear_hits(packets, beam);
-  traverse(root, branches, make_frustum(beam, reach_m), packets.size(), beam);
+  traverse(root, branches, make_frustum(beam, beam, reach_m), packets.size(), beam);
   for (std::size_t p = 0; p < packets.size(); ++p) write_hits(beam, static_cast<int>(p), packets[p]);
   return true;
 }

@@ -2,6 +2,7 @@
 
 #include <embree3/rtcore.h>
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -55,6 +56,14 @@ struct BeamBranch {
 bool intersect_beam(BeamNode::Child root, std::span<const BeamBranch> branches, float reach_m,
                     std::span<RayPacket8> beam);
 
+/// As many beams are cast at once by intersect_moving_beams().
+inline constexpr std::size_t kMostMovingBeams = 4;
+
+/// Casts beams whose rays each have their own origin and time, all near each other, with one traversal (moving_beam.cpp).
+/// Each of `beams` has one to eight packets. Otherwise as intersect_beam().
+bool intersect_moving_beams(BeamNode::Child root, std::span<const BeamBranch> branches, float reach_m,
+                            std::span<const std::span<RayPacket8>> beams);
+
 /// A bounding volume hierarchy over the triangles of a list of meshes, for beams: up to 64 rays with a common origin
 /// and similar directions, such as a block of a camera's pixels. The tree is traversed once per beam with its enclosing
 /// pyramid, and each candidate triangle is tested against eight rays at a time by its three edge functions (Davidovic
@@ -68,6 +77,8 @@ class BeamTree {
   /// Scene::intersect for beams, which have one time. Returns false, without changing `beam`, if the rays diverge too
   /// much (some 60 degrees from their mean): then cast them one by one.
   bool intersect(std::span<RayPacket8> beam) const;
+  /// Scene::intersect_moving, with the same exception.
+  bool intersect_moving(std::span<const std::span<RayPacket8>> beams) const;
 
   BeamNode::Child root() const { return root_; }
   float reach_m() const { return reach_m_; }

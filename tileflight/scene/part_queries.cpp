@@ -294,13 +294,20 @@ bool PartQueries::intersect(std::span<RayPacket8> beam) const {
   return true;
 }
 
+bool PartQueries::intersect_moving(std::span<const std::span<RayPacket8>> beams) const {
+  if (!intersect_moving_beams(tree_.root(), branches(), reach_m_, beams)) return false;
+  if (placed_.empty()) return true;
+  for (const std::span<RayPacket8> beam : beams) rotate_normals(beam);
+  return true;
+}
+
 /// Of hits on placed parts, into the scene's frame.
 void PartQueries::rotate_normals(std::span<RayPacket8> beam) const {
   for (RayPacket8& packet : beam) {
     for (int i = 0; i < RayPacket8::kLanes; ++i) {
       if (packet.mesh[i] == RayPacket8::kMiss || packet.mesh[i] < first_placed_mesh_) continue;
       const QueriedPart& part = parts_[placed_[packet.mesh[i] - first_placed_mesh_]];
-      rotate_lane_normal(part.motion->transform(beam.front().time[0]), packet, i);
+      rotate_lane_normal(part.motion->transform(packet.time[i]), packet, i);
     }
   }
 }

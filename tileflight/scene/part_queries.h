@@ -39,6 +39,7 @@ class PartQueries {
   void intersect(RayPacket8& packet) const;
   void test_occlusion(RayPacket8& packet) const;
   bool intersect(std::span<RayPacket8> beam) const;
+  bool intersect_moving(std::span<const std::span<RayPacket8>> beams) const;
   void build_beam_trees() const { branches(); }
 
   /// Calls `look(part)`, a QueriedPart, for those whose box is nearer to the point (relative to the anchor) than

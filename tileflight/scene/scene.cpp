@@ -305,6 +305,15 @@ void Scene::intersect(std::span<RayPacket8> beam) const {
   for (RayPacket8& packet : beam) intersect(packet);
 }
 
+void Scene::intersect_moving(std::span<const std::span<RayPacket8>> beams) const {
+  const bool done = impl_->is_whole() ? impl_->parts.front()->beam_tree().intersect_moving(beams)
+                                      : impl_->queries().intersect_moving(beams);
+  if (done) return;
+  for (const std::span<RayPacket8> beam : beams) {
+    for (RayPacket8& packet : beam) intersect(packet);
+  }
+}
+
 void Scene::test_occlusion(RayPacket8& packet) const {
   if (!impl_->is_whole()) return impl_->queries().test_occlusion(packet);
   RTCIntersectContext context;

@@ -130,6 +130,11 @@ class Scene {
   /// Nearest hits of a beam: one to eight packets of neighbouring rays with a common origin and time. Every lane,
   /// enabled or not, needs a direction; near and far limits are not supported. Three times as fast as packets.
   void intersect(std::span<RayPacket8> beam) const;
+  /// The same for beams of a camera that moves: each ray has its own origin and time, all rays of all beams near each
+  /// other. At most kMostMovingBeams (beam_tree.h) at once, which share one traversal: neighbouring rays at the moments
+  /// of an exposure. A ray's hit is that of a beam from its origin, within rounding; if all origins are equal (and so
+  /// are the times, or nothing is placed), a single beam's results are the same to the last bit.
+  void intersect_moving(std::span<const std::span<RayPacket8>> beams) const;
   /// Occlusion test of eight rays: sets `far` to -infinity in lanes where a surface lies between near and far; nothing
   /// else of the packet changes. Disabled lanes stay disabled.
   void test_occlusion(RayPacket8& packet) const;
