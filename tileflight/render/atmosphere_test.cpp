@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 
+#include "tileflight/base/strict_section.h"
 #include "tileflight/base/text_parsing.h"
 #include "tileflight/render/daylight.h"
 #include "tileflight/render/render_flight.h"

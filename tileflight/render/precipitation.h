@@ -5,6 +5,7 @@
 #include <functional>
 #include <vector>
 
+#include "tileflight/geometry/mesh.h"
 #include "tileflight/geometry/transform.h"
 #include "tileflight/render/weather.h"
 

@@ -5,6 +5,7 @@
 
 #include "tileflight/base/number_text.h"
 #include "tileflight/base/require.h"
+#include "tileflight/base/strict_section.h"
 #include "tileflight/render/precipitation.h"
 
 namespace tileflight::render {

@@ -2,12 +2,14 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <map>
 #include <optional>
 #include <string>
 
-#include "tileflight/base/strict_section.h"
 #include "tileflight/geometry/transform.h"
+
+namespace tileflight::base {
+class StrictSection;
+}
 
 namespace tileflight::render {
 

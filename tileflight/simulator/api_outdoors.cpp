@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <regex>
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/require.h"
@@ -21,15 +22,29 @@ double visibility_m(double value, double clearest_m, double thickest_m) {
   return value > 0.0 ? clearest_m * std::pow(thickest_m / clearest_m, value) : 0.0;
 }
 
+/// Scripts write 2019-6-17 7:5:0 and 24:00:00, too: seconds since 1970 if that were UTC; nullopt for anything else.
+std::optional<double> loose_time_s(const std::string& text) {
+  static const std::regex kForm(R"(\s*(\d{4})-(\d{1,2})-(\d{1,2})[ T]+(\d{1,2}):(\d{1,2}):(\d{1,2})\s*)");
+  constexpr std::size_t kMostCharacters = 40;
+  std::smatch parts;
+  if (text.size() > kMostCharacters || !std::regex_match(text, parts, kForm)) return std::nullopt;
+  const auto two = [&](std::size_t i) { return parts[i].length() == 1 ? "0" + parts[i].str() : parts[i].str(); };
+  const bool is_midnight = parts[4] == "24";
+  const auto time_s = base::parse_iso_time_s(parts[1].str() + "-" + two(2) + "-" + two(3) + " " +
+                                             (is_midnight ? "00" : two(4)) + ":" + two(5) + ":" + two(6));
+  return time_s && is_midnight ? *time_s + kSecondsOfDay : time_s;
+}
+
 /// A client's date and time in UTC. Without an offset of its own it is in the time zone of the longitude: AirSim takes
 /// that of the computer, which would make pictures depend on it.
 double start_utc_s(const std::string& text, bool is_summer_time, double longitude_deg) {
   constexpr std::size_t kMostCharacters = 100;
-  const std::optional<double> time_s = base::parse_iso_time_s(text);
+  std::optional<double> time_s = base::parse_iso_time_s(text);
+  const bool has_offset = time_s && !base::parse_iso_time_s(text + "Z");
+  if (!time_s) time_s = loose_time_s(text);
   if (!time_s)
     throw InputError("simSetTimeOfDay", "'" + text.substr(0, kMostCharacters) +
                                             "' is no date and time; give one such as 2018-02-12 15:20:00");
-  const bool has_offset = !base::parse_iso_time_s(text + "Z");
   if (has_offset) return *time_s;
   return *time_s - kSecondsOfHour * (std::round(longitude_deg / 15.0) + (is_summer_time ? 1.0 : 0.0));
 }

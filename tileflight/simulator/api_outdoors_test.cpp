@@ -61,6 +61,7 @@ TEST(ApiOutdoors, ShadowsAreWhereTheSunIsAtThePlacesTime) {
   // Zone time of 78.5 degrees west is UTC - 5; in summer time, an hour later is the same.
   for (const auto& [start, is_summer_time] : {std::pair("2018-02-12 10:00:00", false),
                                               {"2018-02-12 11:00:00", true},
+                                              {"2018-2-12 10:0:0", false},
                                               {"2018-02-12T15:00:00Z", false},
                                               {"2018-02-12T15:00:00Z", true}}) {
     world->sim_set_time_of_day(true, start, is_summer_time, 1, 60, true);
@@ -137,6 +138,9 @@ TEST(ApiOutdoors, WhatCannotBeSaysSoInOneLine) {
     return refusal_of([&] { world->sim_set_time_of_day(true, start, false, speed, interval_s, true); });
   };
   EXPECT_THAT(refused("yesterday", 1, 60), HasSubstr("'yesterday' is no date and time; give one such as 2018-02-12"));
+  EXPECT_EQ(refused("2022-11-03 24:00:00", 1, 60), "no refusal");
+  EXPECT_THAT(refused("2022-11-03 25:00:00", 1, 60), HasSubstr("is no date and time"));
+  EXPECT_THAT(refused(std::string(100000, '1'), 1, 60), HasSubstr("is no date and time"));
   EXPECT_THAT(refused("2018-02-30 10:00:00", 1, 60), HasSubstr("is no date and time"));
   EXPECT_THAT(refused("2218-02-12 10:00:00", 1, 60), HasSubstr("1900"));
   EXPECT_THAT(refused("2018-02-12 10:00:00", NAN, 60), HasSubstr("the clock's speed"));

@@ -24,6 +24,39 @@ def depth_request(camera):
     return airsim.ImageRequest(camera, airsim.ImageType.DepthPlanar, pixels_as_float=True, compress=False)
 
 
+class Outdoors(unittest.TestCase):
+    def test_weather_and_time_of_day_change_pictures_and_go_again(self):
+        """The calls of AirSim's weather.py and time_of_day.py, with what each shows."""
+        origin = {"Latitude": 47.641468, "Longitude": -122.140165, "Altitude": 122}
+        with RunningServer({**LOOKING, "OriginGeopoint": origin}) as server, server.client() as client:
+            def seen():
+                return client.simGetImages([airsim.ImageRequest("0", 0, False, False)])[0].image_data_uint8
+
+            client.simSetVehiclePose(airsim.Pose(airsim.Vector3r(0, 0, -2)), True)
+            plain = seen()
+            client.simEnableWeather(True)
+            for parameter in (airsim.WeatherParameter.Rain, airsim.WeatherParameter.Roadwetness,
+                              airsim.WeatherParameter.Snow, airsim.WeatherParameter.Dust, airsim.WeatherParameter.Fog):
+                client.simSetWeatherParameter(parameter, 0.75)
+                self.assertNotEqual(seen(), plain, parameter)
+                client.simSetWeatherParameter(parameter, 0.0)
+                self.assertEqual(seen(), plain, parameter)
+            client.simSetWeatherParameter(airsim.WeatherParameter.Fog, 0.25)
+            thin = seen()
+            client.simSetWeatherParameter(airsim.WeatherParameter.Fog, 0.5)
+            self.assertNotIn(seen(), (thin, plain))
+            client.simEnableWeather(False)
+            self.assertEqual(seen(), plain)
+            client.simSetTimeOfDay(True, start_datetime="2018-02-12 15:20:00", is_start_datetime_dst=True,
+                                   celestial_clock_speed=0, update_interval_secs=1, move_sun=True)
+            afternoon = seen()
+            self.assertNotEqual(afternoon, plain)
+            client.simSetTimeOfDay(True, start_datetime="2018-02-12 02:20:00", celestial_clock_speed=0)
+            self.assertLess(sum(seen()), sum(afternoon) / 2)
+            client.simSetTimeOfDay(False)
+            self.assertEqual(seen(), plain)
+
+
 class Looking(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
