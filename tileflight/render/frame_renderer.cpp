@@ -195,8 +195,13 @@ TracedFrame FrameRenderer::trace_region(std::size_t index, const OptionalRegion&
   frame.index = index;
   const Moment moment = moment_of(index, true);
   const Cameras cameras = cameras_in(moment.scene ? &*moment.scene : nullptr);
+  bool has_all_outputs = !has_outputs_;
   if (is_ideal(formation_)) {
-    RenderedFrame rendered = cameras.all->render(frames_.poses[index].T_local_camera, region);
+    const SE3& T_local_camera = frames_.poses[index].T_local_camera;
+    std::optional<RenderedFrame> with_outputs;
+    if (moment.scene) with_outputs = outputs_.render_picture(*cameras.all, T_local_camera, region, frame.outputs);
+    has_all_outputs = has_all_outputs || with_outputs;
+    RenderedFrame rendered = with_outputs ? std::move(*with_outputs) : cameras.all->render(T_local_camera, region);
     frame.rgb = std::move(rendered.rgb);
     frame.depth_m = std::move(rendered.depth_m);
     frame.check.view = rendered.view;
@@ -206,13 +211,13 @@ TracedFrame FrameRenderer::trace_region(std::size_t index, const OptionalRegion&
     frame.depth_m = std::move(light.depth_m);
     frame.check.view = light.view;
   }
-  if (has_outputs_) {
+  if (!has_all_outputs) {
     const Moment next = moment_of(index + 1, false);
     const MovingFrame moving{moment.scene ? &*moment.scene : nullptr, moment.rows.scene_times,
                              next.scene ? &*next.scene : nullptr, next.rows.scene_times};
     frame.outputs = outputs_.render(*cameras.all, moment.rows.T_local_camera, next.rows.T_local_camera, moving, region);
-    frame.objects = outputs_.objects();
   }
+  if (has_outputs_) frame.objects = outputs_.objects();
   return frame;
 }
 
