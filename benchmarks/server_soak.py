@@ -3,7 +3,8 @@
 
     PYTHONPATH=clients/python benchmarks/server_soak.py --binary build/release/bin/tileflight --minutes 60 --clients 8 --all
 
---all: with an autopilot that flies a third vehicle (and is killed and started again, too), and a viewer that watches all there is.
+--all: with an autopilot that flies a third vehicle (and is killed and started again, too), a viewer that watches all there is, and
+ROS 2 open to nodes on this machine (domain 87).
 
 Fails unless the server lives, every answer is well formed, no call is stuck at the end, and the server's memory after
 the first quarter of the time stays the same within --memory-tolerance.
@@ -235,7 +236,7 @@ def start_server(binary, source, folder, everything):
     settings, more = json.loads(json.dumps(SETTINGS)), []
     if everything:
         settings["Vehicles"]["Copter"] = COPTER
-        more = ["--foxglove", "--foxglove-port", "0", "--foxglove-rate", "10"]
+        more = ["--foxglove", "--foxglove-port", "0", "--foxglove-rate", "10", "--ros2", "--domain", "87"]
     (folder / "settings.json").write_text(json.dumps(settings))
     process = subprocess.Popen([binary, "serve", str(source), "--settings", str(folder / "settings.json"), "--port", "0",
                                 "--json", "--quiet", "--threads", "2", *more], stdout=subprocess.PIPE, text=True)

@@ -295,6 +295,22 @@ def rpc():
     write("rpc/claim", b"\x94\x00\x00\xdd\xff\xff\xff\xff")
 
 
+def sessions():
+    """Records of `serve --record`: the first says what the session was of."""
+    blob = lambda content: struct.pack(">BB", 0xC4, len(content)) + content
+    record = lambda kind, number, *values: b"\x93" + packed(kind) + packed(number) + bytes([0x90 | len(values)]) + b"".join(values)
+    answer = bytes(range(16))
+    header = record(0, 0, packed("tileflight session"), packed(1), *(map(blob, (b"tileflight 1", b"place", b"{}", b"serve"))), packed(7))
+    call = record(1, 0, packed(1), packed(3), blob(packed([0, 1, "ping", []])))
+    step = record(3, 0, packed(1), packed("Copter"), packed(3), packed(0.01), packed(0.0025), packed([0.5] * 4), packed(None))
+    sensors = record(3, 9, packed(2), packed("PX4"), packed(4), packed(0.01), packed(0.0), packed([]), blob(answer))
+    end = record(5, 0, packed(9))
+    write("session/whole", header + call + record(2, 0, blob(answer), packed(False), packed(3)) + step + sensors + record(4, 0, packed(8)) + end)
+    write("session/cut", header + call[:-3])
+    write("session/backwards", header + record(2, 5, blob(answer), packed(True), packed(-1)) + header + end + call)
+    write("session/claim", header + b"\x93\x01\x00\xdd\xff\xff\xff\xff")
+
+
 def mavlink_frame(message, crc_extra, payload, sequence=0):
     body = bytes([len(payload), 0, 0, sequence, 1, 1]) + message.to_bytes(3, "little") + payload
     crc = 0xFFFF
@@ -324,4 +340,5 @@ if __name__ == "__main__":
     calibrations()
     meshes()
     rpc()
+    sessions()
     autopilots()

@@ -89,9 +89,10 @@ TILEFLIGHT_LANE_INLINE TextureGradients8 gather_gradients(const LaneTextures& te
 }
 
 /// Gradients of a placed part's textures are in its own frame: g_scene = M^-T g_part for points p_scene = M p_part + t.
-void turn_gradients(const scene::Scene& scene, const RayPacket8& packet, TextureGradients8& lanes) {
+void turn_gradients(const scene::Scene& scene, const RayPacket8& packet, const LaneTextures& textures,
+                    TextureGradients8& lanes) {
   for (int i = 0; i < RayPacket8::kLanes; ++i) {
-    if (packet.mesh[i] == RayPacket8::kMiss || packet.mesh[i] < scene.first_placed_mesh()) continue;
+    if (textures.shade[i] == &kNoTexture || packet.mesh[i] < scene.first_placed_mesh()) continue;
     const Eigen::Affine3d pose =
         scene.placed_pose(scene.placed_of_mesh(packet.mesh[i]), static_cast<double>(packet.time[i]));
     const Eigen::Matrix3f turn = pose.linear().inverse().transpose().cast<float>();
@@ -201,7 +202,7 @@ TILEFLIGHT_WIDE_VECTORS void BlockTracer::compute_texture_reads(TracedBeam& beam
     const RayPacket8& packet = beam.packets[k];
     const LaneTextures textures = textures_of(packet, appearance_);
     TextureGradients8 gradients = gather_gradients(textures);
-    if (!scene_.placed().empty()) turn_gradients(scene_, packet, gradients);
+    if (!scene_.placed().empty()) turn_gradients(scene_, packet, textures, gradients);
     const Footprints8 footprints = compute_footprints(packet, gradients);
     BlockTextureReads& reads = beam.reads[k];
     for (std::size_t i = 0; i < reads.material.size(); ++i) {

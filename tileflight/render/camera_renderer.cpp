@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cassert>
 #include <cmath>
 #include <optional>
 #include <stdexcept>
@@ -179,9 +180,11 @@ struct CameraRenderer::Impl {
   imaging::FloatImage empty_depth() const;
   RowPoses rows_at(const ShutterPoses& poses, int moment) const;
   ViewStatistics trace_central(const PixelRegion& tile, const RowPoses& poses, imaging::RgbImage* rgb,
-                               imaging::FloatImage* depth_m) const;
+                               imaging::FloatImage* depth_m, const SurfaceVisitor* placed = nullptr) const;
   void write_air(const TracedBeam::Block& block, const scene::RayPacket8& packet, const SquaredColors8& squares,
                  imaging::RgbImage& rgb) const;
+  void visit_placed(const TracedBeam::Block& block, const scene::RayPacket8& packet,
+                    const SurfaceVisitor& placed) const;
   void visit_tile(const PixelRegion& tile, const RowPoses& poses, const SurfaceVisitor& visitor) const;
   TILEFLIGHT_LANE_INLINE void write_depth(const TracedBeam::Block& block, const scene::RayPacket8& packet,
                                           imaging::FloatImage& depth_m) const;
@@ -191,7 +194,8 @@ struct CameraRenderer::Impl {
   void add_light(const PixelRegion& tile, const LightMoments& moments, LightFrame& frame, ViewStatistics& view) const;
   void add_light(const TracedBeam& beam, int samples_along_axis, LinearImage& sum) const;
   void scale_light(const PixelRegion& tile, int moments, LinearImage& sum) const;
-  RenderedFrame render(std::span<const geometry::SE3> poses_of_rows, const OptionalRegion& region) const;
+  RenderedFrame render(std::span<const geometry::SE3> poses_of_rows, const OptionalRegion& region,
+                       const SurfaceVisitor* placed = nullptr) const;
   LightFrame render_light(const ShutterPoses& poses, const OptionalRegion& region) const;
   std::size_t moments_at_once(std::span<const RowPoses> moments) const;
 };
@@ -238,10 +242,23 @@ void CameraRenderer::Impl::write_depth(const TracedBeam::Block& block, const sce
   });
 }
 
+void CameraRenderer::Impl::visit_placed(const TracedBeam::Block& block, const scene::RayPacket8& packet,
+                                        const SurfaceVisitor& placed) const {
+  const std::uint32_t first = scene.first_placed_mesh();
+  for_each_lane(block, [&](int i, int x, int y) {
+    if (packet.mesh[i] == scene::RayPacket8::kMiss || packet.mesh[i] < first) return;
+    SurfacePoint point = surface_point(rays->central.block(block.column, block.row), packet, i);
+    point.x = x;
+    point.y = y;
+    placed(point);
+  });
+}
+
 TILEFLIGHT_WIDE_VECTORS ViewStatistics CameraRenderer::Impl::trace_central(const PixelRegion& tile,
                                                                            const RowPoses& poses,
                                                                            imaging::RgbImage* rgb,
-                                                                           imaging::FloatImage* depth_m) const {
+                                                                           imaging::FloatImage* depth_m,
+                                                                           const SurfaceVisitor* placed) const {
   ViewStatistics view;
   TracedBeam beam;
   SquaredColors8 squares;
@@ -253,6 +270,7 @@ TILEFLIGHT_WIDE_VECTORS ViewStatistics CameraRenderer::Impl::trace_central(const
       const scene::RayPacket8& packet = beam.packets[static_cast<std::size_t>(k)];
       add_lanes(packet, block.valid, view);
       if (depth_m != nullptr) write_depth(block, packet, *depth_m);
+      if (placed != nullptr) visit_placed(block, packet, *placed);
       if (rgb == nullptr) continue;
       tracer.shade(block.valid, packet, beam.reads[static_cast<std::size_t>(k)], squares);
       if (atmosphere) {
@@ -366,14 +384,14 @@ void CameraRenderer::Impl::scale_light(const PixelRegion& tile, int moments, Lin
   }
 }
 
-RenderedFrame CameraRenderer::Impl::render(std::span<const geometry::SE3> poses_of_rows,
-                                           const OptionalRegion& region) const {
+RenderedFrame CameraRenderer::Impl::render(std::span<const geometry::SE3> poses_of_rows, const OptionalRegion& region,
+                                           const SurfaceVisitor* placed) const {
   const RowPoses poses(poses_of_rows, scene.anchor());
   tracer.prepare();
   RenderedFrame frame{imaging::RgbImage(width(), height()), empty_depth(), {}};
   imaging::FloatImage* depth_m = options.depth ? &frame.depth_m : nullptr;
-  frame.view =
-      for_each_tile(region, [&](const PixelRegion& tile) { return trace_central(tile, poses, &frame.rgb, depth_m); });
+  frame.view = for_each_tile(
+      region, [&](const PixelRegion& tile) { return trace_central(tile, poses, &frame.rgb, depth_m, placed); });
   return frame;
 }
 
@@ -424,11 +442,19 @@ RenderedFrame CameraRenderer::render(const geometry::SE3& T_local_camera, const 
   return render_rows(std::span(&T_local_camera, 1), region);
 }
 
+bool CameraRenderer::samples_are_central() const { return !impl_->rays->samples && !impl_->shader; }
+
+RenderedFrame CameraRenderer::render(const geometry::SE3& T_local_camera, const OptionalRegion& region,
+                                     const SurfaceVisitor& placed) const {
+  assert(samples_are_central());
+  return impl_->render(std::span(&T_local_camera, 1), region, &placed);
+}
+
 RenderedFrame CameraRenderer::render_rows(std::span<const geometry::SE3> T_local_camera_of_row,
                                           const OptionalRegion& region) const {
   const std::size_t rows = T_local_camera_of_row.size();
   require_a_pose_a_row(rows, impl_->height());
-  if (!impl_->rays->samples && !impl_->shader) return impl_->render(T_local_camera_of_row, region);
+  if (samples_are_central()) return impl_->render(T_local_camera_of_row, region);
   ShutterPoses shutter{1, static_cast<int>(rows), {T_local_camera_of_row.begin(), T_local_camera_of_row.end()}};
   LightFrame light = impl_->render_light(shutter, region);
   RenderedFrame frame{imaging::RgbImage(impl_->width(), impl_->height()), std::move(light.depth_m), light.view};

@@ -119,6 +119,12 @@ class CameraRenderer {
   /// Each takes the region to render; without one, all pixels. The pixels outside it are black, and their depth is NaN;
   /// those inside are the same as if all were rendered.
   RenderedFrame render(const geometry::SE3& T_local_camera, const OptionalRegion& region = {}) const;
+  /// The same, and calls `placed` as visit_surface() would, but for pixels that show a placed part alone: without rays
+  /// of their own. Precondition: samples_are_central().
+  RenderedFrame render(const geometry::SE3& T_local_camera, const OptionalRegion& region,
+                       const SurfaceVisitor& placed) const;
+  /// Whether render() makes a pixel of the ray through its centre alone.
+  bool samples_are_central() const;
   /// Renders each row from its own pose (rolling shutter): one pose per row.
   RenderedFrame render_rows(std::span<const geometry::SE3> T_local_camera_of_row,
                             const OptionalRegion& region = {}) const;

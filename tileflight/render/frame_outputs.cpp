@@ -195,4 +195,13 @@ OutputImages OutputRenderer::render(const CameraRenderer& renderer, std::span<co
   return images;
 }
 
+std::optional<RenderedFrame> OutputRenderer::render_picture(const CameraRenderer& renderer, const SE3& T_local_camera,
+                                                            const OptionalRegion& region, OutputImages& images) const {
+  if (!outputs_.placed_objects || outputs_.has_whole_images() || !renderer.samples_are_central()) return std::nullopt;
+  images = make_blank_images(outputs_, renderer.camera().width(), renderer.camera().height(), false);
+  return renderer.render(T_local_camera, region, [&](const SurfacePoint& at) {
+    images.objects(at.x, at.y) = 1 + objects_->index_of(at.mesh, at.triangle);
+  });
+}
+
 }  // namespace tileflight::render

@@ -83,6 +83,11 @@ class OutputRenderer {
                       std::span<const geometry::SE3> next, const MovingFrame& moving,
                       const OptionalRegion& region) const;
 
+  /// A picture with its placed objects, of the same rays, where these are all that is asked for and `renderer` makes a
+  /// pixel of its central ray; nullopt: it does not. `images`: what render() gives.
+  std::optional<RenderedFrame> render_picture(const CameraRenderer& renderer, const geometry::SE3& T_local_camera,
+                                              const OptionalRegion& region, OutputImages& images) const;
+
  private:
   const CameraRenderer& renderer_;
   OutputChannels outputs_;

@@ -200,8 +200,13 @@ TracedFrame FrameRenderer::trace_region(std::size_t index, const OptionalRegion&
   frame.index = index;
   const Moment moment = moment_of(index, true);
   const Cameras cameras = cameras_in(moment.scene ? &*moment.scene : nullptr);
+  bool has_all_outputs = !has_outputs_;
   if (is_ideal(formation_) && !streaks_) {
-    RenderedFrame rendered = cameras.all->render(frames_.poses[index].T_local_camera, region);
+    const SE3& T_local_camera = frames_.poses[index].T_local_camera;
+    std::optional<RenderedFrame> with_outputs;
+    if (moment.scene) with_outputs = outputs_.render_picture(*cameras.all, T_local_camera, region, frame.outputs);
+    has_all_outputs = has_all_outputs || with_outputs;
+    RenderedFrame rendered = with_outputs ? std::move(*with_outputs) : cameras.all->render(T_local_camera, region);
     frame.rgb = std::move(rendered.rgb);
     frame.depth_m = std::move(rendered.depth_m);
     frame.check.view = rendered.view;
@@ -213,13 +218,13 @@ TracedFrame FrameRenderer::trace_region(std::size_t index, const OptionalRegion&
     if (streaks_) streaks_->draw(renderer_.camera(), streak_shutter(index), frame.depth_m, region, frame.light);
     if (!has_depth_) frame.depth_m = {};
   }
-  if (has_outputs_) {
+  if (!has_all_outputs) {
     const Moment next = moment_of(index + 1, false);
     const MovingFrame moving{moment.scene ? &*moment.scene : nullptr, moment.rows.scene_times,
                              next.scene ? &*next.scene : nullptr, next.rows.scene_times};
     frame.outputs = outputs_.render(*cameras.all, moment.rows.T_local_camera, next.rows.T_local_camera, moving, region);
-    frame.objects = outputs_.objects();
   }
+  if (has_outputs_) frame.objects = outputs_.objects();
   return frame;
 }
 

@@ -113,6 +113,7 @@ AnswerHash hash_at(Values values, std::size_t i) {
 std::int64_t tick_at(Values values, std::size_t i) {
   const auto tick = value_at<std::int64_t>(values, i);
   if (tick < 0) throw rpc::DecodeError("a step is negative");
+  if (tick > kMaxTick) throw rpc::DecodeError("it would take years");
   return tick;
 }
 

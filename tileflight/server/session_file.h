@@ -17,6 +17,10 @@ namespace tileflight::server {
 // (docs/sessions.md), in the order in which things took effect. A file that ends within a record, since the server was
 // killed, is complete up to there.
 
+/// Steps of the clock in a session, at most: three years of 3 ms. A file that claims more is damaged, rather
+/// than repeated for ever.
+inline constexpr std::int64_t kMaxTick = std::int64_t{1} << 35;
+
 /// First record: what the session was of.
 struct SessionHeader {
   std::string program;         ///< that wrote it, with its version

@@ -81,10 +81,16 @@ class RunningCalls {
  public:
   RunningCalls(Levels& levels, const rpc::MethodTable& methods, AnswerComparison& answers)
       : levels_(levels), methods_(methods), answers_(answers) {}
+  /// Ends calls that wait still, as the session's end did.
+  ~RunningCalls() { levels_.stop(); }
+  RunningCalls(const RunningCalls&) = delete;
+  RunningCalls& operator=(const RunningCalls&) = delete;
 
   /// Begins a call; returns when it is over, or waits for the simulation.
   void begin(const RecordedCall& call) {
     std::erase_if(running_, [](const Running& one) { return one.is_done->load(); });
+    if (running_.size() >= kMostRunning)
+      throw InputError("session", "has more calls that wait at once than a server takes; the file is damaged");
     std::promise<void> begun;
     std::future<void> has_turn = begun.get_future();
     auto is_done = std::make_shared<std::atomic<bool>>(false);
@@ -99,6 +105,9 @@ class RunningCalls {
   }
 
  private:
+  /// A server has at most 256 threads for calls (rpc::ServerLimits); here some that are over may still end.
+  static constexpr std::size_t kMostRunning = 1024;
+
   struct Running {
     std::jthread thread;
     std::shared_ptr<std::atomic<bool>> is_done;
@@ -175,7 +184,6 @@ ReplayResult replay_session(const std::filesystem::path& file, std::uint64_t rec
       report_progress(progress, ++done, static_cast<std::int64_t>(records), "repeating the session");
     }
     result.simulated_s = static_cast<double>(levels.current()->tick()) * simulator::SimulationClock::kStep_s;
-    levels.stop();  // ends calls that wait still, as the session's end did
   }
   answers.add_to(result);
   return result;

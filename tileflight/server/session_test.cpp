@@ -285,5 +285,27 @@ TEST(Sessions, OfDamagedFilesAreRefusedInOneLine) {
   EXPECT_THAT([&] { summarize_session(file); }, ThrowsMessage<InputError>(HasSubstr("is no session")));
 }
 
+/// Files of strangers, whole by their form.
+TEST(Sessions, ThatNobodyRecordedEndInOneLine) {
+  const tests::TemporaryFolder folder;
+  int count = 0;
+  const auto write = [&](const std::vector<SessionRecord>& records) {
+    const auto file = folder / ("session" + std::to_string(++count));
+    SessionWriter writer(file, {"test", "meshes", kTwoDrones, "", 7});
+    for (const SessionRecord& record : records) EXPECT_TRUE(writer.add(record));
+    return file;
+  };
+  const auto never = write({RecordedEnd{kMaxTick + 1}});
+  EXPECT_THAT([&] { summarize_session(never); }, ThrowsMessage<InputError>(HasSubstr("it would take years")));
+  // A call waits for its take-off when the file turns out to be of another world.
+  RecordedEvent step;
+  step.event.kind = simulator::AutopilotEvent::Kind::kStep;
+  step.event.vehicle = "nobody";
+  const auto strange = write({RecordedCall{0, 1, 0, message(1, "takeoff", 20.0, "A")}, step});
+  EXPECT_THAT([&] { repeat(strange); }, ThrowsMessage<InputError>(HasSubstr("vehicle 'nobody'")));
+  const auto no_call = write({RecordedCall{0, 1, 0, "nonsense"}, RecordedAnswer{0, {}, false, 1}});
+  EXPECT_EQ(repeat(no_call).differences, 1U) << "nothing is the answer to what is no call";
+}
+
 }  // namespace
 }  // namespace tileflight::server::session_test
