@@ -16,6 +16,7 @@
 #include "tileflight/imaging/camera.h"
 #include "tileflight/sensors/sensor_suite.h"
 #include "tileflight/study/study_file.h"
+#include "tileflight/survey/flight_cameras.h"
 #include "tileflight/systems/adapter.h"
 #include "tileflight/vehicle/flight_plan.h"
 
@@ -39,6 +40,9 @@ void read(const std::string& kind, const fs::path& file) {
   if (kind == "flight" || kind == "sensors") {
     if (kind == "flight") tf::vehicle::read_flight_plan(file);
     if (kind == "flight") tf::actors::read_actors(file);
+    tf::survey::RenderedFlightConfig flight;
+    flight.flight = file;
+    if (kind == "flight") tf::survey::read_flight_cameras(flight);
     tf::sensors::read_sensor_suite(file, 1, {});
   }
 }
@@ -348,6 +352,7 @@ int print_defaults(const fs::path& folder) {
                       {"waypoints[].yaw_deg", waypoints.waypoints.at(0).yaw_deg},
                       {"waypoints[].pitch_deg", waypoints.waypoints.at(0).pitch_deg},
                       {"waypoints[].roll_deg", waypoints.waypoints.at(0).roll_deg},
+                      {"cameras[].offset_s", tf::survey::MountedCamera().offset_s},
                       {"actors[].model", tf::actors::make_model(actor.model).name},
                       {"actors[].scale", actor.scale},
                       {"actors[].yaw_deg", actor.route.yaw_deg},

@@ -253,7 +253,7 @@ json estimate_cost(PreviewContext& flight, const std::vector<SamplePicture>& pic
     encode_s += p.encode_s / static_cast<double>(pictures.size());
   }
   const double per_tile = tiles > 0 ? static_cast<double>(size.tiles) / tiles : 0.0;
-  const double frames = static_cast<double>(flight.frames().size());
+  const auto frames = static_cast<double>(flight.mission.image_count());
   const int threads = tbb::this_task_arena::max_concurrency();
   const double memory_all = memory * per_tile, parts = std::ceil(memory_all / static_cast<double>(flight.memory));
   const double loading_s = load_s * per_tile;
@@ -589,6 +589,8 @@ json preview(const PreviewSettings& settings, const fs::path& out, bool replace,
   std::vector<std::string> warnings = collect_warnings(flight, check, faults);
   if (around.is_coarser)
     warnings.emplace_back("the path was checked against coarser tiles because of the memory limit (--memory)");
+  if (const std::size_t cameras = flight.mission.camera_count(); cameras > 1)
+    warnings.push_back("pictures, views and tiles are those of the first of " + std::to_string(cameras) + " cameras");
   append(coarser_picture_warnings(flight, pictures), warnings);
   append(missing_tile_warnings(missing), warnings);
   append(flight.place.warnings(), warnings);
