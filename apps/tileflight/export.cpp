@@ -16,23 +16,25 @@ std::vector<std::string> layouts() {
   return names;
 }
 
-Output exported_folder(const dataset::Dataset& source, const dataset::CameraChoice& camera, const std::string& layout,
+Output exported_folder(const dataset::Rig& source, const dataset::CameraChoice& camera, const std::string& layout,
                        const std::string& out, bool replace, const Progress& progress) {
   const dataset::ExportResult result =
-      dataset::export_dataset(source, layout, out, replace, progress, {camera.calibration});
+      dataset::export_rig(source, layout, out, replace, progress, {camera.calibration});
   std::ostringstream text;
   text << out << ": " << result.frames << " frames\n";
   for (const std::string& note : result.notes) text << "note: " << note << "\n";
   return {{{"frames", result.frames}, {"layout", layout}, {"notes", result.notes}}, text.str()};
 }
 
-Output exported_mcap(const dataset::Dataset& source, const std::string& out, bool replace, const Progress& progress) {
+Output exported_mcap(const dataset::Rig& source, const std::string& out, bool replace, const Progress& progress) {
   const dataset::McapResult result = dataset::export_mcap(source, out, replace, progress);
   std::ostringstream text;
   text << out << ": " << result.messages << " messages, " << result.topics.size() << " topics\n";
-  return {
-      {{"frames", source.frames.size()}, {"layout", kMcap}, {"messages", result.messages}, {"topics", result.topics}},
-      text.str()};
+  return {{{"frames", source.cameras.front().dataset.frames.size()},
+           {"layout", kMcap},
+           {"messages", result.messages},
+           {"topics", result.topics}},
+          text.str()};
 }
 
 }  // namespace
@@ -49,12 +51,13 @@ void add_export(CLI::App& app, CommonOptions& common, Selection& selection) {
   command->add_option("--layout", options->layout, "layout to write")->required()->check(CLI::IsMember(layouts()));
   command->add_option("--out", options->out, "folder to write (mcap: file)")->required();
   command->add_option("--camera", options->camera.calibration,
-                      "calibration instead of the dataset's: Kalibr, OpenCV, COLMAP, DSO or VSLAM-LAB");
+                      "one of a rig's cameras, by its name (default: all); or a calibration instead of the "
+                      "dataset's: Kalibr, OpenCV, COLMAP, DSO or VSLAM-LAB");
   command->add_option("--camera-id", options->camera.camera_id, "camera to use if the calibration holds several");
   add_common_options(*command, common);
   command->callback([options, &selection] {
     selection.run = [options](const CommonOptions& shared, const Progress& progress) -> Output {
-      const dataset::Dataset source = dataset::read_dataset(options->dataset, options->camera);
+      const dataset::Rig source = dataset::read_rig(options->dataset, options->camera);
       if (options->layout != kMcap)
         return exported_folder(source, options->camera, options->layout, options->out, shared.force, progress);
       base::prepare_output_file(options->out, {options->dataset, options->camera.calibration});

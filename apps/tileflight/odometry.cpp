@@ -33,7 +33,8 @@ constexpr double kDegreesOfRadian = 180.0 / std::numbers::pi;
 void add_extras(CLI::App& command, OdometryCommandOptions& options) {
   survey::TrackOptions& extras = options.extras;
   command.add_option("--camera", extras.camera,
-                     "calibration instead of the dataset's: Kalibr, OpenCV, COLMAP, DSO or VSLAM-LAB");
+                     "one of a rig's cameras, by its name (default: the first); or a calibration instead of the "
+                     "dataset's: Kalibr, OpenCV, COLMAP, DSO or VSLAM-LAB");
   command.add_option("--camera-id", extras.camera_id, "camera to use if the calibration holds several");
   command.add_option("--mask", extras.mask,
                      "image of the frames' size; black pixels are ignored (e.g. the drone's own body)");

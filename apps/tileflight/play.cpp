@@ -151,7 +151,8 @@ void add_player_options(CLI::App& command, PlayCommandOptions& options) {
   command.add_option("--place", options.place,
                      "show this place, too: a truth folder, or a tileset (any SOURCE), read around the path");
   command.add_option("--camera", options.camera.calibration,
-                     "calibration instead of the dataset's: Kalibr, OpenCV, COLMAP, DSO or VSLAM-LAB");
+                     "one of a rig's cameras, by its name (default: the first); or a calibration instead of the "
+                     "dataset's: Kalibr, OpenCV, COLMAP, DSO or VSLAM-LAB");
   command.add_option("--camera-id", options.camera.camera_id, "camera to use if the calibration holds several");
 }
 

@@ -50,6 +50,7 @@ BASES = {
          "actors": [{"path": [{"at": [0, 0]}, {"at": [9, 0]}]}, {"model": "person", "position": [1, 2]}], "weather": {}},
         {"camera": "camera.yaml", "trajectory": "path.txt"},
         {"camera": "camera.yaml", "fps": 2, "autopilot": {"kind": "px4"}},
+        {"cameras": [{"name": "left", "camera": "camera.yaml"}, {"name": "right", "camera": "camera.yaml", "degrade": DEGRADE}], "trajectory": "path.txt"},
     ],
     "sensors": [SENSORS],
     "study": [{"places": {"a": "experiment.yaml", "b": {"experiment": "experiment.yaml"}}, "cameras": {"wide": "camera.yaml"}, "systems": {"dso": {"adapter": "system"}},
@@ -71,6 +72,7 @@ NOT_PROBED = {
     "thresholds": "must hold threshold of a study", "backwards": "excludes command", "mode": "excludes command", "position": "of a waypoint", "version": "a command",
     "telemetry_offset": "needs telemetry", "pattern": "has a file of its own here", "kind": "of a rendered flight is never video", "max_frames": "checked by its own numbers below", "resolution": "of two keys",
     "azimuth_range_deg": "in order", "points": "multiples of three", "look_at": "excludes angles", "direction": "not zero", "wind_m_s": "limited in length",
+    "camera_id": "names a camera of a file", "T_body_camera": "must be a rigid motion",
 }
 # Numbers that the program limits by another key, or by the size of things, which a schema does not say.
 LIMITED_BY_OTHERS = {"max_range_m", "min_gain", "max_gain", "max_keyframes", "columns", "rows", "points_per_second", "lidar.rate_hz"}
@@ -348,6 +350,7 @@ def default_faults(schemas, program, folder):
             kind, _, path = f"{section}.{key}".partition(".")
             flat.setdefault(kind, {})[path] = value
     flat["flight"].update({f"sensors.{key}": value for key, value in flat["sensors"].items()})
+    flat["flight"].update({f"cameras[].degrade.{key}": value for key, value in flat["degrade"].items()})
     for at in ("simulated.render.degrade", "real.render.degrade", "variants[].degrade"):
         flat["experiment"].update({f"{at}.{key}": value for key, value in flat["degrade"].items()})
     for key, value in list(flat["experiment"].items()):
@@ -386,6 +389,9 @@ def shape_faults(schemas):
     degrade = shared.get("degrade", (None, {}))[1].get("properties")
     if degrade != schemas["degrade"]["properties"]:
         faults.append("degrade of experiment differs from degrade.schema.json")
+    of_camera = schemas["flight"]["$defs"]["camera_degrade"]["properties"]
+    if of_camera != {key: part for key, part in schemas["degrade"]["properties"].items() if not key.startswith("video_")}:
+        faults.append("camera_degrade of flight differs from degrade.schema.json without its video")
     if schemas["flight"]["$defs"]["sensors"]["properties"] != schemas["sensors"]["properties"]:
         faults.append("sensors of flight differs from sensors.schema.json")
     return faults

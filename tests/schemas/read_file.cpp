@@ -17,6 +17,7 @@
 #include "tileflight/render/weather.h"
 #include "tileflight/sensors/sensor_suite.h"
 #include "tileflight/study/study_file.h"
+#include "tileflight/survey/flight_cameras.h"
 #include "tileflight/systems/adapter.h"
 #include "tileflight/vehicle/flight_plan.h"
 
@@ -41,6 +42,9 @@ void read(const std::string& kind, const fs::path& file) {
     if (kind == "flight") tf::vehicle::read_flight_plan(file);
     if (kind == "flight") tf::actors::read_actors(file);
     if (kind == "flight") tf::render::read_weather(file);
+    tf::survey::RenderedFlightConfig flight;
+    flight.flight = file;
+    if (kind == "flight") tf::survey::read_flight_cameras(flight);
     tf::sensors::read_sensor_suite(file, 1, {});
   }
 }
@@ -357,6 +361,7 @@ int print_defaults(const fs::path& folder) {
                       {"weather.snow_mm_per_h", weather.snow_mm_per_h},
                       {"weather.wetness", weather.wetness},
                       {"weather.streak_exposure_s", weather.streak_exposure_s},
+                      {"cameras[].offset_s", tf::survey::MountedCamera().offset_s},
                       {"actors[].model", tf::actors::make_model(actor.model).name},
                       {"actors[].scale", actor.scale},
                       {"actors[].yaw_deg", actor.route.yaw_deg},

@@ -93,6 +93,8 @@ bool StrictSection::has(const std::string& key) const { return !value_.member(ke
 
 bool StrictSection::is_map(const std::string& key) const { return value_.member(key).is_map(); }
 
+bool StrictSection::is_list(const std::string& key) const { return value_.member(key).is_list(); }
+
 std::optional<std::string> StrictSection::text(const std::string& key) {
   const DocumentValue value = take(key);
   if (value.is_null()) return std::nullopt;

@@ -31,6 +31,8 @@ class StrictSection {
   bool has(const std::string& key) const;
   /// Whether the key's value is a map.
   bool is_map(const std::string& key) const;
+  /// Whether it is a list.
+  bool is_list(const std::string& key) const;
 
   // Values of keys; nullopt if the key is absent or without a value.
 

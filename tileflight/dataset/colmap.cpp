@@ -85,11 +85,56 @@ Observations project_points(const ColmapModel& model) {
   return all;
 }
 
-std::string cameras_text(const imaging::Camera& camera, const Lens& lens) {
-  std::string text = "# CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]\n1 " + lens.model + " " + std::to_string(camera.width()) +
-                     " " + std::to_string(camera.height());
+std::string camera_line(std::size_t id, const imaging::Camera& camera) {
+  const Lens lens = lens_of(camera);
+  std::string text = std::to_string(id) + " " + lens.model + " " + std::to_string(camera.width()) + " " +
+                     std::to_string(camera.height());
   for (const double number : lens.numbers) append(text, number);
   return text + "\n";
+}
+
+std::string cameras_text(const ColmapModel& model) {
+  std::string text = "# CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]\n" + camera_line(1, model.camera);
+  for (std::size_t i = 0; i < model.others.size(); ++i) text += camera_line(i + 2, model.others[i].camera);
+  return text;
+}
+
+void append_pose(std::string& text, const geometry::SE3& T) {
+  const Eigen::Quaterniond& q = T.rotation;
+  for (const double value : {q.w(), q.x(), q.y(), q.z()}) append(text, value);
+  for (int i = 0; i < 3; ++i) append(text, T.translation[i]);
+}
+
+/// The first camera is the rig's frame.
+std::string rigs_text(const ColmapModel& model) {
+  std::string text =
+      "# RIG_ID NUM_SENSORS REF_SENSOR_TYPE REF_SENSOR_ID SENSORS[] as SENSOR_TYPE SENSOR_ID HAS_POSE QW QX QY QZ TX "
+      "TY TZ "
+      "(rig to sensor)\n1 " +
+      std::to_string(model.others.size() + 1) + " CAMERA 1";
+  for (std::size_t i = 0; i < model.others.size(); ++i) {
+    text += " CAMERA " + std::to_string(i + 2) + " 1";
+    append_pose(text, model.others[i].T_camera_first);
+  }
+  return text + "\n";
+}
+
+std::string frames_text(const ColmapModel& model) {
+  std::string text =
+      "# FRAME_ID RIG_ID RIG_FROM_WORLD[QW QX QY QZ TX TY TZ] NUM_DATA_IDS DATA_IDS[] as SENSOR_TYPE SENSOR_ID "
+      "DATA_ID\n";
+  for (std::size_t i = 0; i < model.instants.size(); ++i) {
+    const ColmapModel::Image& image = model.images[model.instants[i].front()];
+    const geometry::SE3 T_camera_first =
+        image.camera == 0 ? geometry::SE3() : model.others[image.camera - 1].T_camera_first;
+    text += std::to_string(i + 1) + " 1";
+    append_pose(text, T_camera_first.inverse() * image.T_world_camera.inverse());
+    text += " " + std::to_string(model.instants[i].size());
+    for (const std::size_t k : model.instants[i])
+      text += " CAMERA " + std::to_string(model.images[k].camera + 1) + " " + std::to_string(k + 1);
+    text += "\n";
+  }
+  return text;
 }
 
 std::string images_text(const ColmapModel& model, const Observations& observations) {
@@ -97,11 +142,9 @@ std::string images_text(const ColmapModel& model, const Observations& observatio
       "# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME (world to camera)\n# POINTS2D[] as X Y POINT3D_ID\n";
   for (std::size_t k = 0; k < model.images.size(); ++k) {
     const geometry::SE3 T_camera_world = model.images[k].T_world_camera.inverse();
-    const Eigen::Quaterniond& q = T_camera_world.rotation;
     text += std::to_string(k + 1);
-    for (const double value : {q.w(), q.x(), q.y(), q.z()}) append(text, value);
-    for (int i = 0; i < 3; ++i) append(text, T_camera_world.translation[i]);
-    text += " 1 " + model.images[k].name + "\n";
+    append_pose(text, T_camera_world);
+    text += " " + std::to_string(model.images[k].camera + 1) + " " + model.images[k].name + "\n";
     for (const Observations::Pixel& pixel : observations.by_image[k]) {
       append(text, pixel.at.x() + kPixelCentre);
       append(text, pixel.at.y() + kPixelCentre);
@@ -131,11 +174,14 @@ std::string points_text(const ColmapModel& model, const Observations& observatio
 void require_colmap_lens(const imaging::Camera& camera) { lens_of(camera); }
 
 void write_colmap(const std::filesystem::path& folder, const ColmapModel& model) {
-  const Lens lens = lens_of(model.camera);
+  const std::string cameras = cameras_text(model);
   const Observations observations = project_points(model);
-  base::write_file(folder / "cameras.txt", cameras_text(model.camera, lens));
+  base::write_file(folder / "cameras.txt", cameras);
   base::write_file(folder / "images.txt", images_text(model, observations));
   base::write_file(folder / "points3D.txt", points_text(model, observations));
+  if (model.others.empty()) return;
+  base::write_file(folder / "rigs.txt", rigs_text(model));
+  base::write_file(folder / "frames.txt", frames_text(model));
 }
 
 }  // namespace tileflight::dataset

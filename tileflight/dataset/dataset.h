@@ -50,10 +50,13 @@ struct Dataset {
   std::vector<std::string> warnings;  ///< tolerated problems, one line each (no times.txt, images left out, ...)
 };
 
-/// A calibration that replaces the one in a dataset's layout.
+/// Which camera of a dataset, and a calibration that replaces the one in its layout.
 struct CameraChoice {
-  std::filesystem::path calibration;  ///< any format of imaging::read_calibration; empty: the dataset's own
+  /// Any format of imaging::read_calibration; empty: the dataset's own. If there is no such file, but the dataset has a
+  /// camera of this name (rig_camera_names), it chooses that camera.
+  std::filesystem::path calibration;
   std::string camera_id;  ///< which of several cameras in the file (imaging::camera_ids); empty: the only one
+  std::string name{};     ///< which camera of a rig (rig_camera_names); empty: the first
 };
 
 /// Reads and checks a dataset folder: every frame's image exists, every line is well-formed, times strictly increase,
@@ -66,6 +69,7 @@ struct CameraChoice {
 ///   rgb.txt                 TUM RGB-D, and VSLAM-LAB before 2025-09: depth.txt, groundtruth.txt; without a
 ///   calibration.yaml
 ///                           that of freiburg1, 2 or 3 by the folder's name.
+/// Of a rig's cameras it reads the first, or the chosen one (rig.h reads all).
 /// Frames that a list names but that have no file are left out (warned).
 /// With a `camera` the layout's own calibration may be missing; the given one is scaled to images of the same aspect
 /// ratio (warned), and if it has no IMU extrinsics, the layout's T_cam_imu is kept. Throws InputError (file, line,
@@ -96,6 +100,8 @@ class DatasetWriter {
     /// If given, the dataset is built here (same file system; created if missing) and kept if finish() is not called:
     /// for several processes that write together or one after the other. Only one of them calls finish().
     std::filesystem::path build_folder{};
+    /// A camera's part of a larger dataset: built in `build_folder`, where finish() leaves it.
+    bool is_part = false;
   };
   DatasetWriter(std::filesystem::path folder, imaging::Calibration calibration, Options options);
   ~DatasetWriter();

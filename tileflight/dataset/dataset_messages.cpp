@@ -34,11 +34,35 @@ ros::Velocity velocity_at(const std::vector<geometry::StampedPose>& poses, std::
   return {R_camera_local * (way_m / seconds), geometry::so3_log(T.rotation) / seconds};
 }
 
+/// A camera whose messages are listed.
+struct ListedCamera {
+  std::string frame_id;          ///< also the begin of its topics
+  geometry::SE3 T_first_camera;  ///< on the first camera
+  double timeshift_s = 0.0;      ///< added to its times
+  const Dataset* dataset = nullptr;
+};
+
+std::vector<ListedCamera> cameras_of(const Rig& rig) {
+  std::vector<ListedCamera> cameras;
+  const geometry::SE3 T_first_body = rig.cameras.front().T_body_camera.inverse();
+  for (const RigCamera& camera : rig.cameras)
+    cameras.push_back({camera.name.empty() ? kCameraFrame : camera.name, T_first_body * camera.T_body_camera,
+                       camera.timeshift_s, &camera.dataset});
+  return cameras;
+}
+
+/// What is not of one camera's images is of the first camera's dataset.
 class MessageLister {
  public:
-  MessageLister(const Dataset& dataset, const MessageSelection& selection) : dataset_(dataset) {
-    add_frames();
-    if (selection.depth) add_depth();
+  MessageLister(std::vector<ListedCamera> cameras, const MessageSelection& selection)
+      : cameras_(std::move(cameras)),
+        dataset_(*cameras_.front().dataset),
+        first_frame_(cameras_.front().frame_id),
+        shift_s_(cameras_.front().timeshift_s) {
+    for (const ListedCamera& camera : cameras_) add_frames(camera);
+    for (const ListedCamera& camera : cameras_) {
+      if (selection.depth) add_depth(camera);
+    }
     add_truth(selection.static_transforms);
     if (selection.odometry) add_odometry();
     add_positions();
@@ -63,29 +87,30 @@ class MessageLister {
     listed_.messages.push_back({time_ns, topic, [=] { return make(ros::Header{time_ns, frame_id}); }});
   }
 
-  void add_frames() {
-    const std::size_t images = topic("/camera/image/compressed", "sensor_msgs/msg/CompressedImage");
-    const std::size_t infos = topic("/camera/camera_info", "sensor_msgs/msg/CameraInfo");
-    const imaging::Camera& camera = dataset_.calibration.camera;
-    for (const Frame& frame : dataset_.frames) {
-      add(frame.time_s, infos, kCameraFrame,
-          [camera](const ros::Header& head) { return ros::camera_info(head, camera); });
-      add(frame.time_s, images, kCameraFrame, [image = frame.image](const ros::Header& head) {
+  void add_frames(const ListedCamera& listed) {
+    const std::size_t images = topic("/" + listed.frame_id + "/image/compressed", "sensor_msgs/msg/CompressedImage");
+    const std::size_t infos = topic("/" + listed.frame_id + "/camera_info", "sensor_msgs/msg/CameraInfo");
+    const imaging::Camera& camera = listed.dataset->calibration.camera;
+    for (const Frame& frame : listed.dataset->frames) {
+      const double time_s = frame.time_s + listed.timeshift_s;
+      add(time_s, infos, listed.frame_id, [camera](const ros::Header& head) { return ros::camera_info(head, camera); });
+      add(time_s, images, listed.frame_id, [image = frame.image](const ros::Header& head) {
         const char* format = image.extension() == ".png" ? "png" : "jpeg";
         return ros::compressed_image(head, format, base::read_text(image));
       });
     }
   }
 
-  void add_depth() {
-    const bool has_depth = std::ranges::any_of(dataset_.frames, [](const Frame& one) { return !one.depth.empty(); });
-    if (!has_depth) return;
-    const std::size_t images = topic("/camera/depth", "sensor_msgs/msg/Image");
-    for (const Frame& frame : dataset_.frames) {
+  void add_depth(const ListedCamera& listed) {
+    const std::vector<Frame>& frames = listed.dataset->frames;
+    if (std::ranges::all_of(frames, [](const Frame& one) { return one.depth.empty(); })) return;
+    const std::size_t images = topic("/" + listed.frame_id + "/depth", "sensor_msgs/msg/Image");
+    for (const Frame& frame : frames) {
       if (frame.depth.empty()) continue;
-      add(frame.time_s, images, kCameraFrame, [&dataset = dataset_, frame](const ros::Header& head) {
-        return ros::depth_image(head, *read_depth(dataset, frame));
-      });
+      add(frame.time_s + listed.timeshift_s, images, listed.frame_id,
+          [dataset = listed.dataset, frame](const ros::Header& head) {
+            return ros::depth_image(head, *read_depth(*dataset, frame));
+          });
     }
   }
 
@@ -94,20 +119,22 @@ class MessageLister {
     const std::size_t topic_index = topic("/odometry", "nav_msgs/msg/Odometry");
     const std::vector<geometry::StampedPose>& poses = dataset_.groundtruth->poses;
     for (std::size_t i = 0; i < poses.size(); ++i)
-      add(poses[i].time_s, topic_index, kMapFrame,
-          [T = poses[i].T_local_camera, v = velocity_at(poses, i)](const ros::Header& head) {
-            return ros::odometry(head, kCameraFrame, T, v);
+      add(poses[i].time_s + shift_s_, topic_index, kMapFrame,
+          [T = poses[i].T_local_camera, v = velocity_at(poses, i), frame = first_frame_](const ros::Header& head) {
+            return ros::odometry(head, frame, T, v);
           });
   }
 
   void add_truth(bool static_transforms) {
-    if (static_transforms) add_static_transforms();
+    if (static_transforms || cameras_.size() > 1) add_static_transforms(static_transforms);
     if (!dataset_.groundtruth) return;
     const std::size_t transforms = topic("/tf", "tf2_msgs/msg/TFMessage");
     for (const geometry::StampedPose& pose : dataset_.groundtruth->poses) {
-      add(pose.time_s, transforms, kMapFrame,
-          [T = pose.T_local_camera](const ros::Header& head) { return ros::transform(head, kCameraFrame, T); });
-      if (!static_transforms) add_imu_transform(pose.time_s, transforms);
+      add(pose.time_s + shift_s_, transforms, kMapFrame,
+          [T = pose.T_local_camera, frame = first_frame_](const ros::Header& head) {
+            return ros::transform(head, frame, T);
+          });
+      if (!static_transforms) add_imu_transform(pose.time_s + shift_s_, transforms);
     }
     if (!fs::is_regular_file(dataset_.folder / "lidar" / "poses.txt")) return;
     for (const geometry::StampedPose& pose : geometry::read_tum(dataset_.folder / "lidar" / "poses.txt").poses)
@@ -116,23 +143,32 @@ class MessageLister {
   }
 
   void add_imu_transform(double time_s, std::size_t topic_index) {
-    add(time_s, topic_index, kCameraFrame, [T_cam_imu = dataset_.calibration.T_cam_imu](const ros::Header& head) {
+    add(time_s, topic_index, first_frame_, [T_cam_imu = dataset_.calibration.T_cam_imu](const ros::Header& head) {
       return ros::transform(head, kImu, T_cam_imu);
     });
   }
 
-  void add_static_transforms() {
+  /// One message of all: a node that comes later gets the last one only.
+  void add_static_transforms(bool with_imu) {
     if (dataset_.frames.empty()) return;
     const std::size_t transforms = topic("/tf_static", "tf2_msgs/msg/TFMessage");
     listed_.topics[transforms].is_latched = true;
-    add_imu_transform(dataset_.frames.front().time_s, transforms);
+    std::vector<std::pair<std::string, geometry::SE3>> fixed;
+    if (with_imu) fixed.emplace_back(kImu, dataset_.calibration.T_cam_imu);
+    for (std::size_t c = 1; c < cameras_.size(); ++c)
+      fixed.emplace_back(cameras_[c].frame_id, cameras_[c].T_first_camera);
+    add(dataset_.frames.front().time_s + shift_s_, transforms, first_frame_, [fixed](const ros::Header& head) {
+      std::vector<ros::FrameTransform> all;
+      for (const auto& [frame, T] : fixed) all.push_back({head, frame, T});
+      return ros::transforms(all);
+    });
   }
 
   void add_positions() {
     if (dataset_.gps.empty()) return;
     const std::size_t fixes = topic("/gnss", "sensor_msgs/msg/NavSatFix");
     for (const GpsFix& fix : dataset_.gps)
-      add(fix.time_s, fixes, kCameraFrame, [fix](const ros::Header& head) { return ros::nav_sat_fix(head, fix); });
+      add(fix.time_s, fixes, first_frame_, [fix](const ros::Header& head) { return ros::nav_sat_fix(head, fix); });
   }
 
   void add_imu() {
@@ -179,14 +215,21 @@ class MessageLister {
     }
   }
 
-  const Dataset& dataset_;
+  std::vector<ListedCamera> cameras_;
+  const Dataset& dataset_;  ///< the first camera's
+  std::string first_frame_;
+  double shift_s_;
   DatasetMessages listed_;
 };
 
 }  // namespace
 
 DatasetMessages list_messages(const Dataset& dataset, const MessageSelection& selection) {
-  return MessageLister(dataset, selection).take();
+  return MessageLister({{kCameraFrame, {}, 0.0, &dataset}}, selection).take();
+}
+
+DatasetMessages list_messages(const Rig& rig, const MessageSelection& selection) {
+  return MessageLister(cameras_of(rig), selection).take();
 }
 
 }  // namespace tileflight::dataset

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "tileflight/dataset/dataset.h"
+#include "tileflight/dataset/rig.h"
 
 namespace tileflight::dataset {
 
@@ -41,6 +42,12 @@ struct MessageSelection {
   /// /tf_static: camera to IMU once, at the begin, instead of at each pose in /tf
   bool static_transforms = false;
 };
+
+/// Lists the messages of a rig: of each camera NAME, whose frame has its name, /NAME/image/compressed,
+/// /NAME/camera_info and, if selected, /NAME/depth; the first camera's poses in /tf, those of the others on it in
+/// /tf_static; times on the body's clock; all else as of a single camera. `rig` must outlive the messages. Throws
+/// InputError (file, cause).
+DatasetMessages list_messages(const Rig& rig, const MessageSelection& selection = {});
 
 /// Lists the messages of a dataset: /camera/image/compressed, /camera/camera_info, /tf (map to camera, IMU and lidar,
 /// if the true poses are known) and, if present, /imu, /gnss, /barometer, /magnetometer, /range and /lidar. `dataset`

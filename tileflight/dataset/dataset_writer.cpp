@@ -34,7 +34,8 @@ fs::path make_temporary(const fs::path& target) {
   std::error_code error;
   fs::create_directories(target.parent_path(), error);
   const fs::path temporary = base::make_temporary_path(target);
-  if (!fs::create_directory(temporary, error)) throw InputError(target.string(), "cannot be created: " + error.message());
+  if (!fs::create_directory(temporary, error))
+    throw InputError(target.string(), "cannot be created: " + error.message());
   return temporary;
 }
 
@@ -119,7 +120,7 @@ DatasetWriter::DatasetWriter(fs::path folder, imaging::Calibration calibration, 
   impl_->target = base::resolve_folder(folder);
   impl_->calibration = std::move(calibration);
   impl_->options = std::move(options);
-  base::require_writable(impl_->output);
+  if (!impl_->options.is_part) base::require_writable(impl_->output);
   temporary_ = impl_->options.build_folder.empty() ? make_temporary(impl_->target) : impl_->options.build_folder;
   base::make_folder(temporary_ / "images");
 }
@@ -168,6 +169,7 @@ void DatasetWriter::finish() {
   const std::lock_guard lock(impl_->mutex);
   if (impl_->timings.empty()) throw InputError(impl_->target.string(), "no frames were written");
   impl_->write_lists(temporary_);
+  if (impl_->options.is_part) return;
   fs::path built = temporary_;
   if (!impl_->options.build_folder.empty()) {
     // Old files must never be in a folder that later renders continue.

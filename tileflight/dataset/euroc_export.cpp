@@ -58,7 +58,13 @@ std::string rate_text(double rate_hz) {
   return text + "\n";
 }
 
-void write_camera(const Dataset& dataset, const fs::path& folder) {
+/// On the clock of the body.
+std::string stamp_of(const RigCamera& camera, std::size_t frame) {
+  return std::to_string(geometry::to_nanoseconds(camera.dataset.frames[frame].time_s + camera.timeshift_s));
+}
+
+void write_camera(const RigCamera& rig_camera, const fs::path& folder) {
+  const Dataset& dataset = rig_camera.dataset;
   const Lens lens = lens_of(dataset);
   const imaging::Camera& camera = dataset.calibration.camera;
   fs::create_directories(folder);
@@ -68,8 +74,8 @@ void write_camera(const Dataset& dataset, const fs::path& folder) {
                        "]\ncamera_model: pinhole\nintrinsics: " + list_text(lens.focal) + "\ndistortion_model: " +
                        lens.distortion + "\ndistortion_coefficients: " + list_text(lens.coefficients) + "\n");
   std::string list = "#timestamp [ns],filename\n";
-  for (const Frame& frame : dataset.frames) {
-    const std::string name = std::to_string(geometry::to_nanoseconds(frame.time_s));
+  for (std::size_t i = 0; i < dataset.frames.size(); ++i) {
+    const std::string name = stamp_of(rig_camera, i);
     list += name + "," + name + ".png\n";
   }
   base::write_file(folder / "data.csv", list);
@@ -96,9 +102,12 @@ void write_imu(const Dataset& dataset, const fs::path& folder, std::vector<std::
   base::write_file(folder / "sensor.yaml", text);
 }
 
-std::vector<geometry::StampedPose> body_poses(const Dataset& dataset) {
-  std::vector<geometry::StampedPose> poses = dataset.groundtruth->poses;
-  for (geometry::StampedPose& pose : poses) pose.T_local_camera = pose.T_local_camera * dataset.calibration.T_cam_imu;
+std::vector<geometry::StampedPose> body_poses(const RigCamera& camera) {
+  std::vector<geometry::StampedPose> poses = camera.dataset.groundtruth->poses;
+  for (geometry::StampedPose& pose : poses) {
+    pose.T_local_camera = pose.T_local_camera * camera.dataset.calibration.T_cam_imu;
+    pose.time_s += camera.timeshift_s;
+  }
   return poses;
 }
 
@@ -150,7 +159,8 @@ NumberTable biases_of(const Dataset& dataset) {
 }
 
 /// Writes poses and velocities of the body, which is the IMU, and its biases if known.
-void write_truth(const Dataset& dataset, const fs::path& folder) {
+void write_truth(const RigCamera& camera, const fs::path& folder) {
+  const Dataset& dataset = camera.dataset;
   fs::create_directories(folder);
   const bool has_biases = fs::is_regular_file(dataset.folder / "imu_bias.csv");
   const NumberTable biases = has_biases ? biases_of(dataset) : NumberTable();
@@ -162,7 +172,7 @@ void write_truth(const Dataset& dataset, const fs::path& folder) {
         ",b_w_RS_S_x [rad s^-1],b_w_RS_S_y [rad s^-1],b_w_RS_S_z [rad s^-1],"
         "b_a_RS_S_x [m s^-2],b_a_RS_S_y [m s^-2],b_a_RS_S_z [m s^-2]";
   text += '\n';
-  const std::vector<geometry::StampedPose> poses = body_poses(dataset);
+  const std::vector<geometry::StampedPose> poses = body_poses(camera);
   const auto add = [&text](const auto& numbers) {
     for (const double number : numbers) {
       text += ',';
@@ -183,17 +193,22 @@ void write_truth(const Dataset& dataset, const fs::path& folder) {
 
 }  // namespace
 
-void write_euroc(const Dataset& dataset, const fs::path& folder, std::vector<std::string>& notes,
-                 const Progress& progress) {
+void write_euroc(const Rig& rig, const fs::path& folder, std::vector<std::string>& notes, const Progress& progress) {
   const fs::path mav = folder / "mav0";
-  write_camera(dataset, mav / "cam0");
-  if (!dataset.imu.empty()) write_imu(dataset, mav / "imu0", notes);
-  if (dataset.groundtruth) write_truth(dataset, mav / "state_groundtruth_estimate0");
-  if (dataset.calibration.line_delay_s != 0.0)
-    notes.push_back("sensor.yaml cannot store the rolling shutter; it is left out");
-  write_png_frames(
-      dataset, mav / "cam0" / "data",
-      [&](std::size_t i) { return std::to_string(geometry::to_nanoseconds(dataset.frames[i].time_s)); }, progress);
+  const RigCamera& first = rig.cameras.front();
+  const auto folder_of = [&](std::size_t c) { return mav / ("cam" + std::to_string(c)); };
+  for (std::size_t c = 0; c < rig.cameras.size(); ++c) write_camera(rig.cameras[c], folder_of(c));
+  if (!first.dataset.imu.empty()) write_imu(first.dataset, mav / "imu0", notes);
+  if (first.dataset.groundtruth) write_truth(first, mav / "state_groundtruth_estimate0");
+  for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
+    const RigCamera& camera = rig.cameras[c];
+    if (camera.dataset.calibration.line_delay_s != 0.0 && c == 0)
+      notes.push_back("sensor.yaml cannot store the rolling shutter; it is left out");
+    if (camera.timeshift_s != 0.0)
+      notes.push_back("times of cam" + std::to_string(c) + " are on the clock of the IMU, as EuRoC's are");
+    write_png_frames(
+        camera.dataset, folder_of(c) / "data", [&](std::size_t i) { return stamp_of(camera, i); }, progress);
+  }
 }
 
 }  // namespace tileflight::dataset::exports

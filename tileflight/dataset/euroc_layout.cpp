@@ -19,9 +19,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-fs::path camera_folder(const fs::path& folder) {
-  for (const char* name : {"mav0/cam0", "cam0"})
-    if (fs::is_regular_file(folder / name / "data.csv")) return folder / name;
+fs::path camera_folder(const fs::path& folder, const std::string& name = "cam0") {
+  for (const fs::path& sensors : {folder / "mav0", folder})
+    if (fs::is_regular_file(sensors / name / "data.csv")) return sensors / name;
   return {};
 }
 
@@ -105,10 +105,17 @@ std::optional<geometry::Trajectory> read_truth(const fs::path& file, const geome
 
 bool is_euroc(const fs::path& folder) { return !camera_folder(folder).empty(); }
 
+std::vector<std::string> euroc_cameras(const fs::path& folder) {
+  std::vector<std::string> names;
+  for (std::string name = "cam0"; !camera_folder(folder, name).empty(); name = "cam" + std::to_string(names.size()))
+    names.push_back(name);
+  return names.size() > 1 ? names : std::vector<std::string>{};
+}
+
 Dataset read_euroc(const fs::path& folder, const CameraChoice& camera_choice) {
   Dataset dataset;
   dataset.folder = folder;
-  const fs::path camera = camera_folder(folder);
+  const fs::path camera = camera_folder(folder, camera_choice.name.empty() ? "cam0" : camera_choice.name);
   dataset.frames = read_frames(camera, dataset.warnings);
   dataset.calibration = camera_choice.calibration.empty()
                             ? read_sensor(camera / "sensor.yaml")

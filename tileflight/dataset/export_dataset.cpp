@@ -40,15 +40,19 @@ const std::vector<std::string>& export_layouts() {
 
 ExportResult export_dataset(const Dataset& dataset, const std::string& layout, const fs::path& folder, bool replace,
                             const Progress& progress, std::vector<fs::path> inputs) {
-  inputs.push_back(dataset.folder);
+  return export_rig(rig_of(dataset), layout, folder, replace, progress, std::move(inputs));
+}
+
+ExportResult export_rig(const Rig& rig, const std::string& layout, const fs::path& folder, bool replace,
+                        const Progress& progress, std::vector<fs::path> inputs) {
+  for (const RigCamera& camera : rig.cameras) inputs.push_back(camera.dataset.folder);
   for (const Layout& known : known_layouts()) {
     if (known.name != layout) continue;
-    ExportResult result{dataset.frames.size(), {}};
+    ExportResult result{rig.cameras.front().dataset.frames.size(), {}};
     // Other tools write the same layouts: only the marker identifies ours.
     const base::OutputFolder output{
         .folder = folder, .command = "export", .replace = replace, .inputs = std::move(inputs), .legacy = {}};
-    base::write_folder(output,
-                       [&](const fs::path& temporary) { known.write(dataset, temporary, result.notes, progress); });
+    base::write_folder(output, [&](const fs::path& temporary) { known.write(rig, temporary, result.notes, progress); });
     return result;
   }
   throw InputError("layout '" + layout + "'",

@@ -7,6 +7,7 @@
 
 #include "tileflight/base/progress.h"
 #include "tileflight/dataset/dataset.h"
+#include "tileflight/dataset/rig.h"
 
 namespace tileflight::dataset {
 
@@ -19,7 +20,7 @@ struct ExportResult {
   std::vector<std::string> notes;  ///< data that the layout cannot store
 };
 
-/// Writes a dataset in another layout, atomically:
+/// Writes a dataset's cameras in another layout, atomically:
 ///   tum-mono  images/, times.txt, camera.txt, pcalib.txt, vignette.png, groundtruthSync.txt; image files are copied
 ///   euroc     mav0/cam0 (PNG, named by nanoseconds), mav0/imu0 and mav0/state_groundtruth_estimate0 if known (poses
 ///             and velocities of the IMU, its biases if imu_bias.csv has them); radial-tangential or equidistant lens
@@ -28,10 +29,16 @@ struct ExportResult {
 ///   colmap    images/ copied, sparse/0/ with COLMAP's text model of known poses, without points
 ///   vslamlab  rgb_0/ (copied), rgb.csv, calibration.yaml, groundtruth.csv, imu_0.csv, depth_0/ (16-bit PNG): a
 ///   sequence
-///             of VSLAM-LAB; its body is the camera; pinhole, radtan (4, 5, 8) or equidistant lens
+///             of VSLAM-LAB; its body is the first camera; pinhole, radtan (4, 5, 8) or equidistant lens
+/// Of a rig, euroc has each camera (cam0, cam1, …, with their T_BS); kitti a rectified pair as image_0 and image_1 (P0,
+/// P1); colmap each camera in a folder of its own, with rigs.txt and frames.txt (COLMAP 3.12); vslamlab a pair as rgb_0
+/// and rgb_1; tum-mono the first camera. Cameras that a layout has no place for are noted.
 /// Throws InputError: an unknown layout, a lens that the layout does not support (with a remedy), a layout that needs
 /// poses for a dataset without, an existing folder unless it may be replaced (base/output_folder.h). `inputs`: files
 /// that were read in addition to the dataset.
+ExportResult export_rig(const Rig& rig, const std::string& layout, const std::filesystem::path& folder, bool replace,
+                        const Progress& progress = {}, std::vector<std::filesystem::path> inputs = {});
+/// The same of a single camera.
 ExportResult export_dataset(const Dataset& dataset, const std::string& layout, const std::filesystem::path& folder,
                             bool replace, const Progress& progress = {},
                             std::vector<std::filesystem::path> inputs = {});

@@ -38,6 +38,20 @@ void copy_bytes(const fs::path& from, const fs::path& to) {
 
 }  // namespace
 
+void note_cameras_left_out(const Rig& rig, std::size_t held, std::vector<std::string>& notes) {
+  for (std::size_t c = held; c < rig.cameras.size(); ++c)
+    notes.push_back("camera " + rig.cameras[c].name + " has no place in this layout; export it alone (--camera " +
+                    rig.cameras[c].name + ")");
+}
+
+std::vector<std::array<std::size_t, 2>> stereo_pairs(const Rig& rig) {
+  std::vector<std::array<std::size_t, 2>> pairs;
+  for (const RigInstant& instant : rig_instants(rig)) {
+    if (instant.frames[0] && instant.frames[1]) pairs.push_back({*instant.frames[0], *instant.frames[1]});
+  }
+  return pairs;
+}
+
 double frame_rate_hz(const Dataset& dataset) {
   if (dataset.frames.size() < 2) return 1.0;
   const double span_s = dataset.frames.back().time_s - dataset.frames.front().time_s;

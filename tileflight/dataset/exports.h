@@ -1,5 +1,7 @@
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <filesystem>
 #include <functional>
 #include <string>
@@ -7,24 +9,31 @@
 
 #include "tileflight/base/progress.h"
 #include "tileflight/dataset/dataset.h"
+#include "tileflight/dataset/rig.h"
 
 /// One writer per layout of export_dataset; each fills an empty folder. `notes` receives the data that the layout
 /// cannot store. All throw InputError.
 namespace tileflight::dataset::exports {
 
-using LayoutWriter = std::function<void(const Dataset& dataset, const std::filesystem::path& folder,
+using LayoutWriter = std::function<void(const Rig& rig, const std::filesystem::path& folder,
                                         std::vector<std::string>& notes, const Progress& progress)>;
 
-void write_tum_mono(const Dataset& dataset, const std::filesystem::path& folder, std::vector<std::string>& notes,
+void write_tum_mono(const Rig& rig, const std::filesystem::path& folder, std::vector<std::string>& notes,
                     const Progress& progress);
-void write_euroc(const Dataset& dataset, const std::filesystem::path& folder, std::vector<std::string>& notes,
+void write_euroc(const Rig& rig, const std::filesystem::path& folder, std::vector<std::string>& notes,
                  const Progress& progress);
-void write_kitti(const Dataset& dataset, const std::filesystem::path& folder, std::vector<std::string>& notes,
+void write_kitti(const Rig& rig, const std::filesystem::path& folder, std::vector<std::string>& notes,
                  const Progress& progress);
-void write_vslam_lab(const Dataset& dataset, const std::filesystem::path& folder, std::vector<std::string>& notes,
+void write_vslam_lab(const Rig& rig, const std::filesystem::path& folder, std::vector<std::string>& notes,
                      const Progress& progress);
-void write_colmap_folder(const Dataset& dataset, const std::filesystem::path& folder, std::vector<std::string>& notes,
+void write_colmap_folder(const Rig& rig, const std::filesystem::path& folder, std::vector<std::string>& notes,
                          const Progress& progress);
+
+/// Notes that a layout holds the first cameras only, if there are more.
+void note_cameras_left_out(const Rig& rig, std::size_t held, std::vector<std::string>& notes);
+
+/// The instants at which the first two cameras took an image, of a rig of two or more.
+std::vector<std::array<std::size_t, 2>> stereo_pairs(const Rig& rig);
 
 /// Returns the file name of a frame.
 using FrameNamer = std::function<std::string(std::size_t index)>;

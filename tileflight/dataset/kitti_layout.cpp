@@ -18,11 +18,14 @@ namespace {
 namespace fs = std::filesystem;
 using Row12 = std::array<double, 12>;
 
-fs::path image_folder(const fs::path& folder) {
+fs::path image_folder(const fs::path& folder, const std::string& camera = "") {
+  if (!camera.empty()) return folder / camera;
   for (const char* name : {"image_0", "image_l"})
     if (fs::is_directory(folder / name)) return folder / name;
   return {};
 }
+
+bool is_right(const std::string& camera) { return camera == "image_1" || camera == "image_r"; }
 
 /// Lines of 12 numbers, each with or without a label ("P0:").
 std::vector<Row12> read_rows(const fs::path& file) {
@@ -48,9 +51,18 @@ std::vector<Row12> read_rows(const fs::path& file) {
   return rows;
 }
 
-imaging::Calibration read_calib(const fs::path& file, const fs::path& first_image) {
-  const Row12 p0 = read_rows(file).front();
-  if (!(p0[0] > 0.0 && p0[5] > 0.0)) throw InputError(file.string(), "the focal lengths of P0 must be above 0");
+/// P0, or P1 of the right camera.
+Row12 read_projection(const fs::path& file, bool right) {
+  const std::vector<Row12> rows = read_rows(file);
+  if (right && rows.size() < 2) throw InputError(file.string(), "has no P1, for the right camera");
+  const Row12& p = rows[right ? 1 : 0];
+  if (!(p[0] > 0.0 && p[5] > 0.0))
+    throw InputError(file.string(), std::string("the focal lengths of ") + (right ? "P1" : "P0") + " must be above 0");
+  return p;
+}
+
+imaging::Calibration read_calib(const fs::path& file, bool right, const fs::path& first_image) {
+  const Row12 p0 = read_projection(file, right);
   const imaging::GrayImage image = imaging::read_gray(first_image);  // calib.txt has no image size
   imaging::Calibration calibration;
   calibration.camera =
@@ -58,6 +70,7 @@ imaging::Calibration read_calib(const fs::path& file, const fs::path& first_imag
   return calibration;
 }
 
+/// Those of the left camera.
 geometry::Trajectory read_poses(const fs::path& file, const std::vector<Frame>& frames) {
   const std::vector<Row12> rows = read_rows(file);
   if (rows.size() != frames.size())
@@ -75,10 +88,23 @@ geometry::Trajectory read_poses(const fs::path& file, const std::vector<Frame>& 
 
 bool is_kitti(const fs::path& folder) { return !image_folder(folder).empty(); }
 
+std::vector<std::string> kitti_cameras(const fs::path& folder) {
+  const std::string first = image_folder(folder).filename().string();
+  const std::string second = first == "image_0" ? "image_1" : "image_r";
+  return fs::is_directory(folder / second) ? std::vector{first, second} : std::vector<std::string>{};
+}
+
+/// P = K [I | t], where t maps the first camera's frame to this one's (Geiger et al., IJRR 2013, equation 5).
+geometry::SE3 kitti_mount(const fs::path& folder, const std::string& camera) {
+  const Row12 p = read_projection(folder / "calib.txt", is_right(camera));
+  const geometry::Vec3 t((p[3] - p[2] * p[11]) / p[0], (p[7] - p[6] * p[11]) / p[5], p[11]);
+  return {Eigen::Quaterniond::Identity(), -t};
+}
+
 Dataset read_kitti(const fs::path& folder, const CameraChoice& camera) {
   Dataset dataset;
   dataset.folder = folder;
-  const std::vector<fs::path> images = list_images(image_folder(folder));
+  const std::vector<fs::path> images = list_images(image_folder(folder, camera.name));
   if (fs::is_regular_file(folder / "times.txt")) {
     dataset.frames = read_timed_frames(images, folder / "times.txt", dataset.warnings);
   } else {
@@ -86,9 +112,15 @@ Dataset read_kitti(const fs::path& folder, const CameraChoice& camera) {
     dataset.frames = make_uniform_frames(images, kKittiPeriod_s);
     dataset.warnings.push_back(folder.string() + ": no times.txt; frames are assumed to be 0.1 s apart");
   }
-  dataset.calibration = camera.calibration.empty() ? read_calib(folder / "calib.txt", images.front())
-                                                   : read_chosen_camera(camera, dataset);
+  dataset.calibration = camera.calibration.empty()
+                            ? read_calib(folder / "calib.txt", is_right(camera.name), images.front())
+                            : read_chosen_camera(camera, dataset);
   if (fs::is_regular_file(folder / "poses.txt")) dataset.groundtruth = read_poses(folder / "poses.txt", dataset.frames);
+  if (!is_right(camera.name)) return dataset;
+  if (dataset.groundtruth) {
+    for (geometry::StampedPose& pose : dataset.groundtruth->poses)
+      pose.T_local_camera = pose.T_local_camera * kitti_mount(folder, camera.name);
+  }
   return dataset;
 }
 

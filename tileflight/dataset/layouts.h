@@ -28,6 +28,10 @@ Dataset read_images_folder(const std::filesystem::path& folder, const CameraChoi
 /// image_l/ or image_0/ (KITTI odometry).
 bool is_kitti(const std::filesystem::path& folder);
 Dataset read_kitti(const std::filesystem::path& folder, const CameraChoice& camera);
+/// The names of its folders of images, the left one first; empty if there is one.
+std::vector<std::string> kitti_cameras(const std::filesystem::path& folder);
+/// Pose of one of them in the first one's frame, by the projection matrices of calib.txt.
+geometry::SE3 kitti_mount(const std::filesystem::path& folder, const std::string& camera);
 
 /// rgb.csv (VSLAM-LAB).
 bool is_vslam_lab(const std::filesystem::path& folder);
@@ -40,5 +44,7 @@ Dataset read_tum_rgbd(const std::filesystem::path& folder, const CameraChoice& c
 /// mav0/cam0/ or cam0/ (EuRoC, ASL layout).
 bool is_euroc(const std::filesystem::path& folder);
 Dataset read_euroc(const std::filesystem::path& folder, const CameraChoice& camera);
+/// cam0, cam1 and so on; empty if there is one.
+std::vector<std::string> euroc_cameras(const std::filesystem::path& folder);
 
 }  // namespace tileflight::dataset::layouts

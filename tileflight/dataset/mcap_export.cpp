@@ -6,10 +6,11 @@
 
 namespace tileflight::dataset {
 
-McapResult export_mcap(const Dataset& dataset, const std::filesystem::path& file, bool replace,
-                       const Progress& progress) {
+namespace {
+
+McapResult write_messages(const DatasetMessages& recording, const std::filesystem::path& file, bool replace,
+                          const Progress& progress) {
   McapWriter writer(file, "ros2", replace);
-  const DatasetMessages recording = list_messages(dataset);
   McapResult result{recording.messages.size(), {}};
   std::vector<std::uint16_t> channels;
   for (const MessageTopic& topic : recording.topics) {
@@ -23,6 +24,17 @@ McapResult export_mcap(const Dataset& dataset, const std::filesystem::path& file
   }
   writer.finish();
   return result;
+}
+
+}  // namespace
+
+McapResult export_mcap(const Dataset& dataset, const std::filesystem::path& file, bool replace,
+                       const Progress& progress) {
+  return write_messages(list_messages(dataset), file, replace, progress);
+}
+
+McapResult export_mcap(const Rig& rig, const std::filesystem::path& file, bool replace, const Progress& progress) {
+  return write_messages(list_messages(rig), file, replace, progress);
 }
 
 }  // namespace tileflight::dataset

@@ -7,6 +7,7 @@
 
 #include "tileflight/base/progress.h"
 #include "tileflight/dataset/dataset.h"
+#include "tileflight/dataset/rig.h"
 
 namespace tileflight::dataset {
 
@@ -21,5 +22,7 @@ struct McapResult {
 /// /magnetometer, /range and /lidar. Throws InputError (file, cause), also for an existing file unless `replace`.
 McapResult export_mcap(const Dataset& dataset, const std::filesystem::path& file, bool replace,
                        const Progress& progress = {});
+/// The same of all cameras of a rig: topics and frames by their names (list_messages).
+McapResult export_mcap(const Rig& rig, const std::filesystem::path& file, bool replace, const Progress& progress = {});
 
 }  // namespace tileflight::dataset

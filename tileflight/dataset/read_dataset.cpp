@@ -1,9 +1,13 @@
+#include <algorithm>
 #include <filesystem>
+#include <utility>
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/string_lists.h"
 #include "tileflight/dataset/dataset_metadata.h"
 #include "tileflight/dataset/frame_list.h"
 #include "tileflight/dataset/layouts.h"
+#include "tileflight/dataset/rig.h"
 #include "tileflight/dataset/scaled_calibration.h"
 #include "tileflight/imaging/image_files.h"
 
@@ -36,6 +40,35 @@ imaging::Calibration read_camera(const fs::path& folder) {
   throw InputError(
       folder.string(),
       "has no camera calibration: add camera.yaml (Kalibr) or camera.txt (DSO), or name a file (--camera)");
+}
+
+/// The folder of the chosen camera of a rig; `camera` is then left with what remains to be chosen.
+fs::path choose_camera(const fs::path& folder, CameraChoice& camera) {
+  if (camera.name.empty() && (camera.calibration.empty() || fs::exists(camera.calibration))) return folder;
+  const std::vector<std::string> names = rig_camera_names(folder);
+  if (camera.name.empty()) {
+    if (std::ranges::find(names, camera.calibration.string()) == names.end()) {
+      if (names.empty() || camera.calibration.has_extension() || camera.calibration.has_parent_path()) return folder;
+      throw InputError(folder.string(), "has no camera " + camera.calibration.string() + ", only " +
+                                            base::joined(names) + "; and there is no such calibration file");
+    }
+    camera.name = camera.calibration.string();
+    camera.calibration.clear();
+  }
+  if (std::ranges::find(names, camera.name) == names.end())
+    throw InputError(folder.string(), "has no camera " + camera.name + ", only " + base::joined(names));
+  if (!fs::is_directory(folder / "images")) return folder;
+  const bool is_first = camera.name == names.front();
+  const std::string name = std::exchange(camera.name, "");
+  return is_first ? folder : folder / "cameras" / name;
+}
+
+/// Where what a rig's body carries besides cameras is, for a folder of one of its cameras: the rig's.
+fs::path folder_of_body(const fs::path& folder) {
+  const fs::path rig = fs::absolute(folder / ".").lexically_normal().parent_path().parent_path().parent_path();
+  const bool is_part =
+      fs::absolute(folder / ".").lexically_normal().parent_path().parent_path().filename() == "cameras";
+  return is_part && fs::is_regular_file(rig / "camchain.yaml") ? rig : folder;
 }
 
 }  // namespace
@@ -83,9 +116,10 @@ Dataset read_images_folder(const fs::path& folder, const CameraChoice& camera) {
   dataset.vignette = first_file(folder, {"vignette.png"});
   if (const fs::path file = first_file(folder, {"groundtruth.txt"}); !file.empty())
     dataset.groundtruth = geometry::read_tum(file);
-  if (const fs::path file = first_file(folder, {"gps.csv"}); !file.empty()) dataset.gps = read_gps_csv(file);
-  dataset.imu = first_file(folder, {"imu.csv"});
-  dataset.imu_noise = first_file(folder, {"imu.yaml"});
+  const fs::path body = folder_of_body(folder);
+  if (const fs::path file = first_file(body, {"gps.csv"}); !file.empty()) dataset.gps = read_gps_csv(file);
+  dataset.imu = first_file(body, {"imu.csv"});
+  dataset.imu_noise = first_file(body, {"imu.yaml"});
   if (fs::is_directory(folder / "depth"))
     for (Frame& frame : dataset.frames) frame.depth = first_file(folder / "depth", {(frame.id + ".exr").c_str()});
   if (const fs::path file = first_file(folder, {"dataset.yaml"}); !file.empty()) dataset.metadata = read_metadata(file);
@@ -99,8 +133,10 @@ bool has_foreign_layout(const fs::path& folder) {
                                                   layouts::is_euroc(folder) || layouts::is_tum_rgbd(folder));
 }
 
-Dataset read_dataset(const fs::path& folder, const CameraChoice& camera) {
-  if (!fs::is_directory(folder)) throw InputError(folder.string(), "no such dataset folder");
+Dataset read_dataset(const fs::path& folder_or_rig, const CameraChoice& choice) {
+  if (!fs::is_directory(folder_or_rig)) throw InputError(folder_or_rig.string(), "no such dataset folder");
+  CameraChoice camera = choice;
+  const fs::path folder = choose_camera(folder_or_rig, camera);
   Dataset dataset;
   if (fs::is_directory(folder / "images")) {
     dataset = layouts::read_images_folder(folder, camera);

@@ -8,8 +8,9 @@ namespace tileflight::dataset::exports {
 
 namespace fs = std::filesystem;
 
-void write_tum_mono(const Dataset& dataset, const fs::path& folder, std::vector<std::string>& notes,
-                    const Progress& progress) {
+void write_tum_mono(const Rig& rig, const fs::path& folder, std::vector<std::string>& notes, const Progress& progress) {
+  const Dataset& dataset = rig.cameras.front().dataset;
+  note_cameras_left_out(rig, 1, notes);
   if (!imaging::has_dso_model(dataset.calibration.camera))
     throw InputError(dataset.folder.string(),
                      "DSO's camera.txt cannot describe this lens; use a pinhole, fov, radtan or equidistant camera");

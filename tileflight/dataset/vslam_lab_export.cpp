@@ -1,6 +1,7 @@
 // A sequence of VSLAM-LAB in its present form, as read by vslam_lab_layout.cpp. The body is the camera rgb_0, so that
 // groundtruth.csv has its poses whether a program takes them for the body's or for the camera's.
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "tileflight/base/files.h"
@@ -37,7 +38,9 @@ std::string motion_text(const geometry::SE3& T) {
   return text + "]";
 }
 
-std::string camera_text(const Dataset& dataset, double depth_units_per_m) {
+/// `T_BS`: of a camera whose images are in the folder `name`.
+std::string camera_text(const Dataset& dataset, const std::string& name, const geometry::SE3& T_BS,
+                        double depth_units_per_m) {
   const auto lens = imaging::vslam_lab_lens_text(dataset.calibration.camera);
   if (!lens)
     throw InputError(dataset.folder.string(),
@@ -47,11 +50,11 @@ std::string camera_text(const Dataset& dataset, double depth_units_per_m) {
   const char* const kind = has_depth                                                  ? "rgb+depth"
                            : is_gray(imaging::read_rgb(dataset.frames.front().image)) ? "gray"
                                                                                       : "rgb";
-  std::string text = "  - {cam_name: rgb_0,\n     cam_type: " + std::string(kind) + ",\n     ";
+  std::string text = "  - {cam_name: " + name + ",\n     cam_type: " + std::string(kind) + ",\n     ";
   if (has_depth)
     text += "depth_name: depth_0,\n     depth_factor: " + imaging::format_number(depth_units_per_m) + ",\n     ";
   return text + *lens + ",\n     fps: " + imaging::format_number(frame_rate_hz(dataset)) +
-         ",\n     T_BS: " + motion_text({}) + "\n    }\n";
+         ",\n     T_BS: " + motion_text(T_BS) + "\n    }\n";
 }
 
 /// The keys are OKVIS2's. What a dataset does not state are its usual priors; the ranges hold all readings.
@@ -109,14 +112,30 @@ std::string readings_csv(const std::vector<ImuReading>& readings) {
   return text;
 }
 
-std::string frames_csv(const Dataset& dataset, bool as_png, bool with_depth) {
+/// An image of the pair as it is listed: its time and its file.
+std::string listed_image(const RigCamera& camera, std::size_t frame, const std::string& folder, bool as_png) {
+  const Frame& one = camera.dataset.frames[frame];
+  return std::to_string(geometry::to_nanoseconds(one.time_s + camera.timeshift_s)) + "," + folder + "/" +
+         frame_stem(frame) + (as_png ? ".png" : one.image.extension().string());
+}
+
+/// A line for each frame or, with two cameras, for each instant at which both took one.
+std::string frames_csv(const Rig& rig, bool as_png, bool with_depth) {
+  const bool is_pair = rig.cameras.size() > 1;
+  const RigCamera& first = rig.cameras.front();
+  std::vector<std::array<std::size_t, 2>> lines;
+  if (is_pair) lines = stereo_pairs(rig);
+  for (std::size_t i = 0; !is_pair && i < first.dataset.frames.size(); ++i) lines.push_back({i, i});
   std::string text = "ts_rgb_0 (ns),path_rgb_0";
+  if (is_pair) text += ",ts_rgb_1 (ns),path_rgb_1";
   text += with_depth ? ",ts_depth_0 (ns),path_depth_0\n" : "\n";
-  for (std::size_t i = 0; i < dataset.frames.size(); ++i) {
-    const Frame& frame = dataset.frames[i];
-    const std::string time = std::to_string(geometry::to_nanoseconds(frame.time_s));
-    text += time + ",rgb_0/" + frame_stem(i) + (as_png ? ".png" : frame.image.extension().string());
-    if (with_depth) text += frame.depth.empty() ? ",," : "," + time + ",depth_0/" + frame_stem(i) + ".png";
+  for (const auto& [left, right] : lines) {
+    const std::string image = listed_image(first, left, "rgb_0", as_png);
+    text += image;
+    if (is_pair) text += "," + listed_image(rig.cameras[1], right, "rgb_1", as_png);
+    const bool has_depth = with_depth && !first.dataset.frames[left].depth.empty();
+    if (with_depth && !has_depth) text += ",,";
+    if (has_depth) text += "," + image.substr(0, image.find(',')) + ",depth_0/" + frame_stem(left) + ".png";
     text += '\n';
   }
   return text;
@@ -134,10 +153,16 @@ void write_depth_images(const Dataset& dataset, const fs::path& folder, double u
 
 }  // namespace
 
-void write_vslam_lab(const Dataset& dataset, const fs::path& folder, std::vector<std::string>& notes,
+void write_vslam_lab(const Rig& rig, const fs::path& folder, std::vector<std::string>& notes,
                      const Progress& progress) {
+  const Dataset& dataset = rig.cameras.front().dataset;
+  note_cameras_left_out(rig, 2, notes);
   const double depth_units_per_m = finest_depth_units_per_m(dataset);
-  std::string calibration = "%YAML 1.2\n---\ncameras:\n" + camera_text(dataset, depth_units_per_m);
+  std::string calibration = "%YAML 1.2\n---\ncameras:\n" + camera_text(dataset, "rgb_0", {}, depth_units_per_m);
+  if (rig.cameras.size() > 1) {
+    const geometry::SE3 T_first_second = rig.cameras[0].T_body_camera.inverse() * rig.cameras[1].T_body_camera;
+    calibration += camera_text(rig.cameras[1].dataset, "rgb_1", T_first_second, 0.0);
+  }
   if (!dataset.imu.empty()) {
     const std::vector<ImuReading> readings = read_imu_csv(dataset.imu);
     base::write_file(folder / "imu_0.csv", readings_csv(readings));
@@ -148,18 +173,24 @@ void write_vslam_lab(const Dataset& dataset, const fs::path& folder, std::vector
   }
   base::write_file(folder / "calibration.yaml", calibration);
   if (dataset.groundtruth) base::write_file(folder / "groundtruth.csv", poses_csv(*dataset.groundtruth));
-  const bool as_png = !std::ranges::all_of(dataset.frames, is_listed_kind);
-  base::write_file(folder / "rgb.csv", frames_csv(dataset, as_png, depth_units_per_m > 0.0));
+  const std::size_t cameras = std::min<std::size_t>(2, rig.cameras.size());
+  const bool as_png =
+      !std::all_of(rig.cameras.begin(), rig.cameras.begin() + static_cast<std::ptrdiff_t>(cameras),
+                   [](const RigCamera& camera) { return std::ranges::all_of(camera.dataset.frames, is_listed_kind); });
+  base::write_file(folder / "rgb.csv", frames_csv(rig, as_png, depth_units_per_m > 0.0));
   if (depth_units_per_m > 0.0) {
     write_depth_images(dataset, folder / "depth_0", depth_units_per_m);
     notes.push_back("depth_0 has 16-bit depths in steps of 1/" + imaging::format_number(depth_units_per_m) + " m");
   }
   if (dataset.calibration.line_delay_s != 0.0)
     notes.push_back("calibration.yaml cannot store the rolling shutter; it is left out");
-  if (as_png)
-    write_png_frames(dataset, folder / "rgb_0", frame_stem, progress);
-  else
-    copy_frames(dataset, folder / "rgb_0", frame_stem, progress);
+  for (std::size_t c = 0; c < cameras; ++c) {
+    const fs::path images = folder / ("rgb_" + std::to_string(c));
+    if (as_png)
+      write_png_frames(rig.cameras[c].dataset, images, frame_stem, progress);
+    else
+      copy_frames(rig.cameras[c].dataset, images, frame_stem, progress);
+  }
 }
 
 }  // namespace tileflight::dataset::exports

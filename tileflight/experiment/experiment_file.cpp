@@ -9,6 +9,7 @@
 #include "tileflight/base/text_fields.h"
 #include "tileflight/experiment/command_files.h"
 #include "tileflight/experiment/stage_options.h"
+#include "tileflight/render/image_formation_section.h"
 
 namespace tileflight::experiment {
 namespace fs = std::filesystem;
@@ -324,7 +325,7 @@ void read_degrade(StrictSection& section, survey::RenderedFlightConfig& flight) 
   if (megabits && *megabits <= 0.0) throw section.error("video_bitrate", "must be positive (Mbit/s)");
   if (crf) flight.video = dataset::VideoCompression{.crf = *crf};
   if (megabits) flight.video = dataset::VideoCompression{.megabits_per_s = *megabits};
-  flight.degrade = read_image_formation(section);
+  flight.degrade = render::read_image_formation(section);
 }
 
 std::vector<fs::path> command_input_files(const Experiment& experiment) {

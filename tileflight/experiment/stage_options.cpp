@@ -4,7 +4,6 @@
 #include <numbers>
 
 #include "tileflight/alignment/transform_file.h"
-#include "tileflight/base/text_parsing.h"
 
 namespace tileflight::experiment {
 namespace {
@@ -28,48 +27,6 @@ void read_method(StrictSection& section, alignment::AlignMapOptions& options) {
   if (*word == "point-to-point") options.icp.method = IcpMethod::kPointToPoint;
   if (*word == "point-to-plane") options.icp.method = IcpMethod::kPointToPlane;
   if (*word == "point-to-mesh") options.icp.method = IcpMethod::kPointToMesh;
-}
-
-/// The section's presence enables it.
-render::AutoExposure read_auto_exposure(StrictSection& section) {
-  constexpr double kMiddleGrey = 0.18;
-  render::AutoExposure a;
-  a.target = section.positive_number("target").value_or(kMiddleGrey);
-  a.time_constant_s = section.number("time_constant").value_or(a.time_constant_s);
-  a.min_gain = section.positive_number("min_gain").value_or(a.min_gain);
-  a.max_gain = section.positive_number("max_gain").value_or(a.max_gain);
-  section.require_all_keys_used();
-  return a;
-}
-
-/// `light: {model: baked | sun-and-sky, time, turbidity, ground_albedo, exposure, white_balance}`.
-std::optional<render::DaylightOptions> read_light(StrictSection& section) {
-  const bool is_baked = section.choice("model", {"baked", "sun-and-sky"}).value_or("sun-and-sky") == "baked";
-  render::DaylightOptions light;
-  if (const auto time = section.text("time")) {
-    light.utc_s = base::parse_iso_time_s(*time);
-    if (!light.utc_s) throw section.error("time", "must be a valid date and time such as 2024-03-20T17:00:00Z");
-  }
-  light.turbidity = section.number("turbidity").value_or(light.turbidity);
-  light.ground_albedo = section.number("ground_albedo").value_or(light.ground_albedo);
-  light.exposure_stops = section.number("exposure").value_or(light.exposure_stops);
-  if (section.choice("white_balance", {"ground", "daylight"}).value_or("ground") == "daylight")
-    light.white_balance = render::WhiteBalance::kDaylight;
-  section.require_all_keys_used();
-  return is_baked ? std::nullopt : std::optional(light);
-}
-
-/// `key: [red, green, blue]`, 0 to 255.
-std::optional<imaging::Rgb8> read_color(StrictSection& section, const std::string& key) {
-  const auto values = section.numbers(key, 3, 3);
-  if (!values) return std::nullopt;
-  imaging::Rgb8 color;
-  for (std::size_t c = 0; c < 3; ++c) {
-    if (!((*values)[c] >= 0.0 && (*values)[c] <= 255.0))
-      throw section.error(key, "must be three numbers from 0 to 255");
-    color[c] = static_cast<std::uint8_t>(std::lround((*values)[c]));
-  }
-  return color;
 }
 
 /// `key: [{center: [x, y, z], size: [east, north, up]}]`, metres, local frame.
@@ -97,41 +54,6 @@ double read_ratio_margin(StrictSection& section, const std::string& key, double 
 }
 
 }  // namespace
-
-/// Keys: light {read_light}, haze_visibility (m), haze_color, chromatic_red, chromatic_blue, exposure_time,
-/// exposure_samples, line_delay (s), vignetting, auto_exposure {target, time_constant (s), min_gain, max_gain},
-/// exposure_drift, exposure_drift_period (s), exposure_steps [{time, gain}], white_electrons, read_noise_electrons,
-/// gamma, sharpening, sharpening_radius (px).
-render::ImageFormation read_image_formation(StrictSection& section) {
-  render::ImageFormation f;
-  const auto number = [&section](const std::string& key, double& value) {
-    value = section.number(key).value_or(value);
-  };
-  if (auto light = section.section("light")) f.light = read_light(*light);
-  number("haze_visibility", f.haze_visibility_m);
-  f.haze_color = read_color(section, "haze_color");
-  number("chromatic_red", f.chromatic_red);
-  number("chromatic_blue", f.chromatic_blue);
-  number("exposure_time", f.exposure_time_s);
-  f.exposure_samples = section.integer("exposure_samples").value_or(f.exposure_samples);
-  number("line_delay", f.line_delay_s);
-  number("vignetting", f.vignetting);
-  if (auto automatic = section.section("auto_exposure")) f.auto_exposure = read_auto_exposure(*automatic);
-  number("exposure_drift", f.exposure_drift);
-  number("exposure_drift_period", f.exposure_drift_period_s);
-  for (StrictSection& step : section.sections("exposure_steps")) {
-    f.exposure_steps.push_back({step.number("time").value_or(0.0), step.number("gain").value_or(1.0)});
-    step.require_all_keys_used();
-  }
-  number("white_electrons", f.white_electrons);
-  number("read_noise_electrons", f.read_noise_electrons);
-  number("gamma", f.gamma);
-  number("sharpening", f.sharpening);
-  number("sharpening_radius", f.sharpening_radius_px);
-  section.require_all_keys_used();
-  render::validate_image_formation(f);
-  return f;
-}
 
 namespace {
 

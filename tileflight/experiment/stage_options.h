@@ -3,7 +3,6 @@
 #include "tileflight/alignment/align_map.h"
 #include "tileflight/base/strict_section.h"
 #include "tileflight/odometry/odometry.h"
-#include "tileflight/render/image_formation.h"
 #include "tileflight/scoring/evaluation_settings.h"
 
 namespace tileflight::experiment {
@@ -14,7 +13,6 @@ using base::StrictSection;
 // function reads and checks its keys; unknown ones are errors that name the nearest known key. Throw InputError (file,
 // line, key).
 
-render::ImageFormation read_image_formation(StrictSection& section);
 odometry::OdometryOptions read_odometry_options(StrictSection& section);
 alignment::AlignMapOptions read_alignment_options(StrictSection& section);
 scoring::EvaluationSettings read_evaluation_settings(StrictSection& section);

@@ -5,6 +5,7 @@
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/text_parsing.h"
+#include "tileflight/render/image_formation_section.h"
 
 namespace tileflight::experiment::stage_options_test {
 namespace {
@@ -13,7 +14,7 @@ using testing::HasSubstr;
 
 render::ImageFormation formation(const std::string& text) {
   StrictSection section(base::DocumentValue(YAML::Load(text)), "degrade.yaml", "");
-  return read_image_formation(section);
+  return render::read_image_formation(section);
 }
 
 std::string fault(const std::string& text) {

@@ -30,6 +30,25 @@ Calibration read_calibration(const std::filesystem::path& file, const std::strin
 /// from that of the preceding camera and T_cn_cnm1. Throws InputError.
 Calibration read_kalibr_camera(const std::filesystem::path& file, const std::string& camera_id);
 
+/// A camera of a Kalibr camchain, on the body that carries the chain.
+struct ChainCamera {
+  std::string name;              ///< "cam0" or, in camchains written here, its key `name`
+  std::filesystem::path folder;  ///< key `folder` of camchains written here: of its images; else empty
+  Calibration calibration;
+  /// Camera to body: key `T_body_cam` of camchains written here. Without it the body is the first camera, and the poses
+  /// are those of T_cn_cnm1 or, where that is missing, of T_cam_imu.
+  geometry::SE3 T_body_cam;
+  double timeshift_cam_imu_s = 0.0;  ///< time on the body's clock = time stamp of the image + this
+};
+
+/// Reads all cameras of a Kalibr camchain: cam0, cam1, and so on, each as read_kalibr_camera. Throws InputError (file,
+/// camera, key, cause): a camera of which neither T_cn_cnm1 nor T_cam_imu says where it is, both with different
+/// statements, a time shift of more than a second, a number left out.
+std::vector<ChainCamera> read_camchain(const std::filesystem::path& file);
+
+/// Writes a camchain for Kalibr's users, with T_cn_cnm1 and T_cam_imu of each, which read_camchain reads again.
+void write_camchain(const std::filesystem::path& file, const std::vector<ChainCamera>& cameras);
+
 /// Reads OpenCV's FileStorage as YAML or XML, and ROS's camera_info YAML: camera_matrix (cameraMatrix, K),
 /// distortion_coefficients (distCoeffs, D), image_width and image_height (width and height, image_size), and
 /// distortion_model (plumb_bob, rational_polynomial, equidistant, fisheye) or fisheye_model (0 or 1). Four coefficients

@@ -54,6 +54,61 @@ TEST(CameraIds, OfKalibrsChainAreItsCameras) {
   EXPECT_THAT(refusal_of([&] { read_calibration(file, "cam1"); }), HasSubstr(": cam1: "));
 }
 
+TEST(Camchain, IsWrittenAndReadAgain) {
+  const TemporaryFolder folder;
+  const auto file = folder / "camchain.yaml";
+  base::write_file(file, kStereo);
+  std::vector<ChainCamera> cameras = read_camchain(file);
+  ASSERT_EQ(cameras.size(), 2U);
+  EXPECT_TRUE(cameras[0].T_body_cam.matrix().isIdentity(0.0)) << "the body is the first camera";
+  // cam1's origin: 0 = R p + t, with T_cn_cnm1 = (R, t).
+  EXPECT_LT((cameras[1].T_body_cam.translation - geometry::Vec3(-0.1, 0, 0)).norm(), 1e-12);
+  cameras[0].name = "left";
+  cameras[1].folder = "cameras/right";
+  cameras[1].timeshift_cam_imu_s = -0.0125;
+  cameras[1].T_body_cam.translation.z() = 1.0 / 3.0;
+  cameras[1].calibration.T_cam_imu = cameras[1].T_body_cam.inverse() * cameras[0].calibration.T_cam_imu;
+  write_camchain(file, cameras);
+  const std::vector<ChainCamera> again = read_camchain(file);
+  ASSERT_EQ(again.size(), 2U);
+  EXPECT_EQ(again[0].name, "left");
+  EXPECT_EQ(again[1].folder, "cameras/right");
+  EXPECT_EQ(again[1].timeshift_cam_imu_s, -0.0125);
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_LT((again[i].T_body_cam.matrix() - cameras[i].T_body_cam.matrix()).cwiseAbs().maxCoeff(), 1e-14);
+    EXPECT_LT(
+        (again[i].calibration.T_cam_imu.matrix() - cameras[i].calibration.T_cam_imu.matrix()).cwiseAbs().maxCoeff(),
+        1e-14);
+    EXPECT_EQ(again[i].calibration.camera.width(), 640);
+  }
+  // Without our keys, as Kalibr reads it, the same rig.
+  std::string text = base::read_text(file);
+  for (std::size_t at; (at = text.find("  T_body_cam:")) != std::string::npos;) text.replace(at, 13, "  other:");
+  base::write_file(file, text);
+  EXPECT_LT((read_camchain(file)[1].T_body_cam.matrix() - cameras[1].T_body_cam.matrix()).cwiseAbs().maxCoeff(), 1e-14);
+}
+
+TEST(Camchain, WhatIsWrongIsSaidWithTheCamera) {
+  const TemporaryFolder folder;
+  const auto file = folder / "camchain.yaml";
+  const auto refusal = [&](const std::string& from, const std::string& to) {
+    std::string text(kStereo);
+    text.replace(text.find(from), from.size(), to);
+    base::write_file(file, text);
+    return refusal_of([&] { read_camchain(file); });
+  };
+  const std::string chain = "T_cn_cnm1: [[0, 1, 0, 0], [-1, 0, 0, -0.1], [0, 0, 1, 0], [0, 0, 0, 1]]";
+  EXPECT_THAT(refusal(chain, "T_cn_cnm1: [[0, 2, 0, 0], [-1, 0, 0, -0.1], [0, 0, 1, 0], [0, 0, 0, 1]]"),
+              HasSubstr("cam1: \"T_cn_cnm1\" is not a rigid motion"));
+  EXPECT_THAT(refusal(chain, "rostopic: /cam1"), HasSubstr("cam1: neither \"T_cn_cnm1\" nor \"T_cam_imu\""));
+  EXPECT_THAT(refusal(chain, chain + "\n  T_cam_imu: [[1, 0, 0, 3], [0, 1, 0, 1], [0, 0, 1, 0], [0, 0, 0, 1]]"),
+              HasSubstr("put the camera at different places"));
+  EXPECT_THAT(refusal(chain, chain + "\n  timeshift_cam_imu: 5000000"), HasSubstr("it must be in seconds"));
+  EXPECT_THAT(refusal("cam1:", "cam3:"), HasSubstr("has no camera \"cam1\""));
+  base::write_file(file, "{}\n");
+  EXPECT_THAT(refusal_of([&] { read_camchain(file); }), HasSubstr("this is not a Kalibr camchain"));
+}
+
 TEST(CameraIds, OfColmapAreItsNumbers) {
   const TemporaryFolder folder;
   const auto file = folder / "cameras.txt";

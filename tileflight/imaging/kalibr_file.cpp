@@ -118,12 +118,57 @@ std::string lens_lines(const ExtendedUnifiedModel& m) {
   return lens_lines("eucm", {m.alpha, m.beta, m.fx, m.fy, m.cx, m.cy}, distortion_lines("none", "[]"));
 }
 
-std::string transform_lines(const geometry::SE3& T_cam_imu) {
-  const geometry::Mat3 r = T_cam_imu.rotation.toRotationMatrix();
-  std::string text = "  T_cam_imu:\n";
-  for (int row = 0; row < 3; ++row)
-    text += "  - " + list({r(row, 0), r(row, 1), r(row, 2), T_cam_imu.translation[row]}) + "\n";
+std::string transform_lines(const std::string& key, const geometry::SE3& T) {
+  const geometry::Mat3 r = T.rotation.toRotationMatrix();
+  std::string text = "  " + key + ":\n";
+  for (int row = 0; row < 3; ++row) text += "  - " + list({r(row, 0), r(row, 1), r(row, 2), T.translation[row]}) + "\n";
   return text + "  - " + list({0, 0, 0, 1}) + "\n";
+}
+
+std::string camera_lines(const std::string& id, const Calibration& calibration) {
+  const Camera& camera = calibration.camera;
+  std::string text = id + ":\n" + std::visit([](const auto& m) { return lens_lines(m); }, camera.model());
+  text += "  resolution: [" + std::to_string(camera.width()) + ", " + std::to_string(camera.height()) + "]\n";
+  text += "  rostopic: /" + id + "/image_raw\n";
+  text += transform_lines("T_cam_imu", calibration.T_cam_imu);
+  if (calibration.line_delay_s > 0.0) text += "  line_delay: " + format_number(calibration.line_delay_s) + "\n";
+  return text;
+}
+
+/// t_imu = t_cam + shift (github.com/ethz-asl/kalibr/wiki/yaml-formats).
+double read_timeshift(const YAML::Node& camera, const std::string& file) {
+  const YAML::Node node = camera["timeshift_cam_imu"];
+  if (!node) return 0.0;
+  constexpr double kMost_s = 1.0;
+  const double shift_s = yaml_scalar<double>(node, "timeshift_cam_imu", file);
+  if (!(std::abs(shift_s) <= kMost_s))
+    throw InputError(file, "\"timeshift_cam_imu\" is " + format_number(shift_s) +
+                               ": it must be in seconds, at most one second either way");
+  return shift_s;
+}
+
+/// Kalibr writes both transforms; files put together by hand may not agree.
+void require_agreement(const geometry::SE3& by_chain, const geometry::SE3& by_imu, const std::string& file) {
+  constexpr double kRounding_m = 0.01, kRounding_rad = 0.01;
+  const geometry::SE3 between = by_chain.inverse() * by_imu;
+  const bool agrees = between.translation.norm() <= kRounding_m &&
+                      between.rotation.angularDistance(Eigen::Quaterniond::Identity()) <= kRounding_rad;
+  if (!agrees)
+    throw InputError(file, "\"T_cn_cnm1\" and \"T_cam_imu\" put the camera at different places: keep the right one");
+}
+
+/// Pose of a camera in the frame of the one before it. `T_cam_imu`: of both.
+geometry::SE3 pose_in_chain(const YAML::Node& camera, const YAML::Node& before, const geometry::SE3& T_cam_imu,
+                            const geometry::SE3& T_before_imu, const std::string& file) {
+  const bool has_chain = camera["T_cn_cnm1"].IsDefined();
+  const bool has_imu = camera["T_cam_imu"].IsDefined() && before["T_cam_imu"].IsDefined();
+  if (!has_chain && !has_imu)
+    throw InputError(file, "neither \"T_cn_cnm1\" nor \"T_cam_imu\" of both says where it is beside the one before");
+  const geometry::SE3 by_imu = T_before_imu * T_cam_imu.inverse();
+  if (!has_chain) return by_imu;
+  const geometry::SE3 by_chain = read_transform(camera["T_cn_cnm1"], "T_cn_cnm1", file).inverse();
+  if (has_imu) require_agreement(by_chain, by_imu, file);
+  return by_chain;
 }
 
 }  // namespace
@@ -144,14 +189,49 @@ Calibration read_kalibr_camera(const std::filesystem::path& file, const std::str
   return calibration;
 }
 
-void write_kalibr(const std::filesystem::path& file, const Calibration& calibration) {
-  const Camera& camera = calibration.camera;
-  std::string text = "cam0:\n" + std::visit([](const auto& m) { return lens_lines(m); }, camera.model());
-  text += "  resolution: [" + std::to_string(camera.width()) + ", " + std::to_string(camera.height()) + "]\n";
-  text += "  rostopic: /cam0/image_raw\n";
-  text += transform_lines(calibration.T_cam_imu);
-  if (calibration.line_delay_s > 0.0) text += "  line_delay: " + format_number(calibration.line_delay_s) + "\n";
+std::vector<ChainCamera> read_camchain(const std::filesystem::path& file) {
+  const YAML::Node root = load_calibration_yaml(file);
+  std::size_t named = 0;
+  for (const std::string& id : camera_ids(file)) named += root[id].IsMap() ? 1 : 0;
+  if (named == 0) throw InputError(file.string(), "has no camera \"cam0\": this is not a Kalibr camchain");
+  std::vector<ChainCamera> cameras;
+  geometry::SE3 T_first_cam;
+  YAML::Node before;
+  while (cameras.size() < named) {
+    const std::string id = "cam" + std::to_string(cameras.size());
+    const std::string where = file.string() + ": " + id;
+    ChainCamera next{id, {}, read_kalibr_camera(file, id), {}, 0.0};
+    const YAML::Node camera = root[id];
+    if (!cameras.empty())
+      T_first_cam = T_first_cam * pose_in_chain(camera, before, next.calibration.T_cam_imu,
+                                                cameras.back().calibration.T_cam_imu, where);
+    before.reset(camera);
+    next.T_body_cam = camera["T_body_cam"] ? read_transform(camera["T_body_cam"], "T_body_cam", where) : T_first_cam;
+    next.timeshift_cam_imu_s = read_timeshift(camera, where);
+    if (camera["name"]) next.name = yaml_scalar<std::string>(camera["name"], "name", where);
+    if (camera["folder"]) next.folder = yaml_scalar<std::string>(camera["folder"], "folder", where);
+    cameras.push_back(std::move(next));
+  }
+  return cameras;
+}
+
+void write_camchain(const std::filesystem::path& file, const std::vector<ChainCamera>& cameras) {
+  std::string text;
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    const ChainCamera& camera = cameras[i];
+    text += camera_lines("cam" + std::to_string(i), camera.calibration);
+    if (i > 0) text += transform_lines("T_cn_cnm1", camera.T_body_cam.inverse() * cameras[i - 1].T_body_cam);
+    if (camera.timeshift_cam_imu_s != 0.0)
+      text += "  timeshift_cam_imu: " + format_number(camera.timeshift_cam_imu_s) + "\n";
+    if (!camera.name.empty()) text += "  name: " + camera.name + "\n";
+    if (!camera.folder.empty()) text += "  folder: " + camera.folder.string() + "\n";
+    text += transform_lines("T_body_cam", camera.T_body_cam);
+  }
   base::write_file(file, text);
+}
+
+void write_kalibr(const std::filesystem::path& file, const Calibration& calibration) {
+  base::write_file(file, camera_lines("cam0", calibration));
 }
 
 }  // namespace tileflight::imaging

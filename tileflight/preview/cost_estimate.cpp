@@ -53,7 +53,7 @@ json estimate_cost(PreviewedFlight& flight, const std::vector<SamplePicture>& pi
     encode_s += p.encode_s / static_cast<double>(pictures.size());
   }
   const double per_tile = tiles > 0 ? static_cast<double>(size.tiles) / tiles : 0.0;
-  const double frames = static_cast<double>(flight.frames().size());
+  const auto frames = static_cast<double>(flight.mission.image_count());
   const int threads = tbb::this_task_arena::max_concurrency();
   const double memory_all = memory * per_tile, parts = std::ceil(memory_all / static_cast<double>(flight.memory));
   const double loading_s = load_s * per_tile;

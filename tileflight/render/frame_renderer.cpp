@@ -49,6 +49,13 @@ std::optional<scene::Scene> with_placed_parts(const scene::Scene& place, const P
   return scene::Scene(place.parts(), std::move(parts));
 }
 
+std::shared_ptr<const Appearance> appearance_of(const scene::Scene& scene,
+                                                const std::optional<scene::Scene>& with_placed,
+                                                const FlightRenderOptions& options) {
+  if (options.appearance && !with_placed) return options.appearance;
+  return std::make_shared<const Appearance>(with_placed ? *with_placed : scene);
+}
+
 void take_channel(std::size_t channel, const LinearImage& from, LinearImage& to) {
   for (std::size_t i = 0; i < to.pixels.size(); ++i) to.pixels[i][channel] = from.pixels[i][channel];
 }
@@ -79,7 +86,8 @@ FrameRenderer::FrameRenderer(const scene::Scene& scene, const imaging::Camera& c
       render_options_(make_render_options(options)),
       placed_(options.placed),
       with_placed_(with_placed_parts(scene, placed_, frames.poses.front().time_s, frames.poses.front().time_s)),
-      renderer_(with_placed_ ? *with_placed_ : scene, camera, render_options_),
+      renderer_(with_placed_ ? *with_placed_ : scene, appearance_of(scene, with_placed_, options), camera,
+                render_options_),
       outputs_(renderer_, with_placed_ ? *with_placed_ : scene, options.outputs, options.scored_region),
       has_outputs_(options.outputs.any()),
       has_depth_(options.render.depth),
@@ -319,7 +327,7 @@ TracedFrame DividedFrame::take_frame() {
 
 LightMeter make_light_meter(const scene::Scene& scene, const imaging::Camera& camera,
                             const FlightRenderOptions& options) {
-  return {scene, std::make_shared<const Appearance>(scene), camera, make_render_options(options), options.formation};
+  return {scene, appearance_of(scene, {}, options), camera, make_render_options(options), options.formation};
 }
 
 }  // namespace tileflight::render

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <functional>
 #include <limits>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -10,6 +11,7 @@
 
 #include "tileflight/base/progress.h"
 #include "tileflight/geometry/trajectory.h"
+#include "tileflight/render/appearance.h"
 #include "tileflight/render/auto_exposure.h"
 #include "tileflight/render/camera_renderer.h"
 #include "tileflight/render/frame_outputs.h"
@@ -30,7 +32,9 @@ struct FlightRenderOptions {
   /// Shown in frames and their outputs; the automatic exposure and the checks of the path do not heed them.
   PlacedParts placed{};
   std::optional<geometry::Geodetic> origin{};  ///< of the local frame; required by ImageFormation::light
-  RegionPredicate scored_region;               ///< for OutputChannels::visibility; empty: everything counts
+  /// Of the scene, without what is placed in it, if it is shared with other cameras; null: made here.
+  std::shared_ptr<const Appearance> appearance{};
+  RegionPredicate scored_region;  ///< for OutputChannels::visibility; empty: everything counts
   /// Range of frames to render: from `first_frame` up to, not including, `end_frame`. They keep their numbers, and are
   /// identical to those of the whole flight.
   std::size_t first_frame = 0;

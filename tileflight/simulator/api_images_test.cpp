@@ -266,6 +266,18 @@ TEST(ApiImages, ImageAndPoseAreOfTheSameMomentOfTheSimulation) {
   EXPECT_TRUE(world->sim_is_paused());
 }
 
+TEST(ApiImages, AllCamerasOfAVehicleAreOfOneInstant) {
+  const auto world = simulator(kComputerVision);
+  for (int step = 0; step < 3; ++step) {
+    world->sim_continue_for_time(0.017);
+    const std::vector<ImageResponse> images = world->sim_get_images(
+        {{"front_left", 0, false, false}, {"front_right", kDepth, true, false}, {"bottom_center", 0, false, false}}, "",
+        false);
+    ASSERT_EQ(images.size(), 3U);
+    for (const ImageResponse& image : images) EXPECT_EQ(image.time_stamp, images.front().time_stamp);
+  }
+}
+
 TEST(ApiImages, ExternalCamerasStandInTheWorld) {
   const auto world = simulator(R"({"SimMode": "ComputerVision", "ExternalCameras": {"tower": {"X": 5, "Z": -10}}})");
   const ImageResponse depth = world->sim_get_images({{"tower", kDepth, true, false}}, "", true).at(0);

@@ -18,6 +18,7 @@
 #include "tileflight/place/version.h"
 #include "tileflight/render/camera_renderer.h"
 #include "tileflight/survey/coverage_contents.h"
+#include "tileflight/survey/flight_cameras.h"
 #include "tileflight/survey/tile_coverage.h"
 #include "tileflight/survey/tile_strategies.h"
 #include "tileflight/tiles/view_cone_tree.h"
@@ -44,7 +45,12 @@ struct FrameSampling {
 
 FrameSampling sample_frames(const CoverageSettings& settings) {
   const vehicle::FlightPlan plan = vehicle::read_flight_plan(settings.flight);
-  FrameSampling watch{imaging::read_calibration(plan.camera).camera, vehicle::frame_poses(plan), {}};
+  RenderedFlightConfig flight;
+  flight.flight = settings.flight;
+  const MountedCamera camera = read_flight_cameras(flight).front();  // of a rig, the first
+  FrameSampling watch{camera.calibration.camera, vehicle::frame_poses(plan), {}};
+  for (geometry::StampedPose& pose : watch.trajectory.poses)
+    pose.T_local_camera = pose.T_local_camera * camera.T_body_camera;
   const std::size_t all = watch.trajectory.size();
   if (all == 0) throw InputError(settings.flight.string(), "has no frames");
   const std::size_t count = std::min<std::size_t>(all, static_cast<std::size_t>(settings.frames));

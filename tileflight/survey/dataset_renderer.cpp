@@ -13,6 +13,7 @@
 #include "tileflight/dataset/attitude_csv.h"
 #include "tileflight/dataset/encode_queue.h"
 #include "tileflight/dataset/video.h"
+#include "tileflight/imaging/calibration_files.h"
 #include "tileflight/imaging/photometric.h"
 #include "tileflight/place/extract.h"
 #include "tileflight/place/memory_budget.h"
@@ -33,18 +34,18 @@ namespace {
 /// Simulated receiver positions along the path, if the place is georeferenced.
 std::vector<dataset::GpsFix> simulate_gps(const PlannedFlight& mission,
                                           const std::optional<geometry::LocalFrame>& frame, std::uint64_t seed) {
-  if (!frame || mission.frames.size() < 2) return {};
+  if (!frame || mission.body.size() < 2) return {};
   std::vector<dataset::GpsFix> fixes;
   const sensors::GnssOptions options =
       mission.sensor_recorder->suite().gnss.value_or(sensors::GnssOptions{.seed = seed});
-  for (const sensors::GnssFix& fix : sensors::simulate_gnss(mission.frames, options)) {
+  for (const sensors::GnssFix& fix : sensors::simulate_gnss(mission.body, options)) {
     fixes.push_back(
         {fix.time_s, frame->geodetic_from_local(fix.position), fix.horizontal_sigma_m, fix.vertical_sigma_m});
   }
   return fixes;
 }
 
-/// Simulated gimbal measurements of the camera's attitude, if the place is georeferenced.
+/// Simulated gimbal measurements of the first camera's attitude, if the place is georeferenced.
 std::vector<dataset::CameraAttitude> simulate_camera_attitude(const PlannedFlight& mission,
                                                               const std::optional<geometry::LocalFrame>& frame,
                                                               std::uint64_t seed) {
@@ -96,35 +97,69 @@ class FrameReorderBuffer {
 };
 
 /// Writes the inverse of the camera's response, and its vignetting.
-void write_photometric(const PlannedFlight& mission, const fs::path& folder) {
-  const imaging::Camera& camera = mission.calibration.camera;
+void write_photometric(const PlannedCamera& planned, const fs::path& folder) {
+  const imaging::Camera& camera = planned.calibration.camera;
   const imaging::PhotometricCalibration calibration =
-      render::photometric_calibration(mission.options.formation, camera.width(), camera.height());
+      render::photometric_calibration(planned.options.formation, camera.width(), camera.height());
   imaging::write_pcalib(folder / "pcalib.txt", calibration.inverse_response);
   if (!calibration.vignette.empty()) imaging::write_vignette(folder / "vignette.png", calibration.vignette);
 }
 
-/// Writes the dataset's metadata.
-void write_metadata(dataset::DatasetWriter& writer, const PlannedFlight& mission, const RenderSettings& settings,
-                    const RenderSummary& summary, const std::vector<FrameRecord>& frames) {
-  if (settings.flight.outputs.photometric) write_photometric(mission, writer.temporary_folder());
-  writer.set_groundtruth(mission.frames);
-  const std::vector<dataset::GpsFix> gps = simulate_gps(mission, summary.tiles.local_frame, settings.seed);
-  if (!gps.empty()) writer.set_gps(gps);
-  const auto attitudes = simulate_camera_attitude(mission, summary.tiles.local_frame, settings.seed);
-  if (!attitudes.empty()) dataset::write_attitude_csv(writer.temporary_folder() / "attitude.csv", attitudes);
+/// Where a camera's files are in its flight's dataset; the first camera's are where a single one's are.
+fs::path folder_of(const PlannedFlight& mission, std::size_t camera) {
+  return camera == 0 ? fs::path(".") : fs::path("cameras") / mission.camera(camera).name;
+}
+
+/// The names of a rig's cameras; none if the flight has a `camera`.
+std::vector<std::string> camera_names(const PlannedFlight& mission) {
+  std::vector<std::string> names;
+  for (std::size_t c = 0; c < mission.camera_count() && !mission.name.empty(); ++c)
+    names.push_back(mission.camera(c).name);
+  return names;
+}
+
+void write_rig(const PlannedFlight& mission, const fs::path& folder) {
+  std::vector<imaging::ChainCamera> chain;
+  for (std::size_t c = 0; c < mission.camera_count(); ++c) {
+    const PlannedCamera& camera = mission.camera(c);
+    chain.push_back({camera.name, folder_of(mission, c), camera.calibration, camera.T_body_camera, camera.timeshift_s});
+  }
+  imaging::write_camchain(folder / "camchain.yaml", chain);
+}
+
+/// Writes what is known of one camera's images.
+void write_camera_metadata(dataset::DatasetWriter& writer, const PlannedFlight& mission, std::size_t number,
+                           const RenderSettings& settings, const RenderSummary& summary,
+                           const std::vector<FrameRecord>& frames) {
+  const PlannedCamera& camera = mission.camera(number);
+  if (settings.flight.outputs.photometric) write_photometric(camera, writer.temporary_folder());
+  writer.set_groundtruth(camera.frames);
   for (const auto& [key, value] : description(settings, summary.tiles)) writer.describe(key, value);
   const std::optional<geometry::LocalFrame>& frame = summary.tiles.local_frame;
   for (const auto& [key, value] : place::describe_frame(frame ? std::optional(frame->origin()) : std::nullopt))
     writer.describe(key, value);
-  const auto faults = render::find_flight_faults(frame_checks(frames), 0, mission.options.clearance_m);
+  const auto faults = render::find_flight_faults(frame_checks(frames), 0, camera.options.clearance_m);
   for (const auto& [key, value] : faults_to_metadata(faults)) writer.describe(key, value);
-  if (const auto& light = mission.options.formation.light)
+  if (const auto& light = camera.options.formation.light)
     writer.describe("light", describe_sun_position(make_daylight(*light, summary.tiles.local_frame->origin())->sun()));
-  if (const auto& weather = mission.options.render.weather) writer.describe("weather", describe_weather(*weather));
-  mission.sensor_recorder->write(summary.tiles.local_frame, mission.frames.poses.front().time_s,
+  if (const auto& weather = camera.options.render.weather) writer.describe("weather", describe_weather(*weather));
+  const std::vector<std::string> names = camera_names(mission);
+  if (names.empty()) return;
+  writer.describe("camera", camera.name);
+  writer.describe("cameras", base::joined(names));
+}
+
+/// Writes what is known of the flight besides its images.
+void write_flight_metadata(dataset::DatasetWriter& writer, const PlannedFlight& mission, const RenderSettings& settings,
+                           const RenderSummary& summary) {
+  const std::vector<dataset::GpsFix> gps = simulate_gps(mission, summary.tiles.local_frame, settings.seed);
+  if (!gps.empty()) writer.set_gps(gps);
+  const auto attitudes = simulate_camera_attitude(mission, summary.tiles.local_frame, settings.seed);
+  if (!attitudes.empty()) dataset::write_attitude_csv(writer.temporary_folder() / "attitude.csv", attitudes);
+  mission.sensor_recorder->write(summary.tiles.local_frame, mission.body.poses.front().time_s,
                                  writer.temporary_folder());
   for (const auto& [key, value] : mission.sensor_recorder->description()) writer.describe(key, value);
+  if (!mission.name.empty()) write_rig(mission, writer.temporary_folder());
   if (!mission.vehicle.is_null()) {
     base::write_file(writer.temporary_folder() / "vehicle.json", mission.vehicle.dump(2) + "\n");
   }
@@ -135,11 +170,13 @@ double frame_rate(const geometry::Trajectory& frames) {
   return (static_cast<double>(frames.size()) - 1.0) / (frames.poses.back().time_s - frames.poses.front().time_s);
 }
 
-/// Shifts times so that the video starts at 0.
-geometry::Trajectory to_video_clock(geometry::Trajectory frames) {
-  const double start_s = frames.poses.front().time_s;
-  for (geometry::StampedPose& pose : frames.poses) pose.time_s -= start_s;
-  return frames;
+/// Shifts all times so that the flight starts at 0, as its videos do.
+void to_video_clock(PlannedFlight& mission) {
+  const double start_s = mission.body.poses.front().time_s;
+  for (geometry::StampedPose& pose : mission.body.poses) pose.time_s -= start_s;
+  for (std::size_t c = 0; c < mission.camera_count(); ++c) {
+    for (geometry::StampedPose& pose : mission.camera(c).frames.poses) pose.time_s -= start_s;
+  }
 }
 
 /// Adds the video's decoded frames to the dataset.
@@ -154,6 +191,38 @@ void add_video_frames(const fs::path& video, const geometry::Trajectory& frames,
   queue.finish();
 }
 
+/// FrameAssignment::segmentation_runs_folder of one camera.
+fs::path runs_folder(const FrameAssignment& share, const PlannedFlight& mission, std::size_t camera) {
+  const fs::path runs = share.segmentation_runs_folder();
+  return camera == 0 || runs.empty() ? runs : runs / mission.camera(camera).name;
+}
+
+/// What is written of one camera. Not to be moved: it refers to itself.
+struct CameraFiles {
+  CameraFiles(const PlannedFlight& mission, std::size_t camera, const RenderSettings& settings,
+              const FrameAssignment& share, const fs::path& out, const dataset::DatasetWriter::Options& options)
+      : writer(out, mission.camera(camera).calibration, options),
+        outputs(writer.temporary_folder(), settings.flight.outputs, runs_folder(share, mission, camera)),
+        labels(writer.temporary_folder(), mission.traffic),
+        reorder_buffer([this](const imaging::RgbImage& image) { video->add(image); }) {
+    if (!settings.flight.video || !share.is_first_rank()) return;
+    const imaging::Camera& lens = mission.camera(camera).calibration.camera;
+    video.emplace(video_file(), lens.width(), lens.height(),
+                  dataset::VideoOptions{.frames_per_second = frame_rate(mission.camera(camera).frames),
+                                        .compression = *settings.flight.video});
+  }
+  CameraFiles(const CameraFiles&) = delete;
+  CameraFiles& operator=(const CameraFiles&) = delete;
+
+  fs::path video_file() const { return writer.temporary_folder() / "video.mp4"; }
+
+  dataset::DatasetWriter writer;
+  FrameOutputWriter outputs;
+  ActorLabels labels;
+  std::optional<dataset::VideoWriter> video;  ///< only on the first rank
+  FrameReorderBuffer reorder_buffer;
+};
+
 }  // namespace
 
 struct DatasetRenderer::Impl {
@@ -162,25 +231,26 @@ struct DatasetRenderer::Impl {
       : mission_(mission),
         settings_(settings),
         share_(share),
-        part_renderer_(mission_, settings, progress),
-        writer_(out, mission.calibration,
-                {.replace = replace,
-                 .command = "render",
-                 .inputs = render_input_files(settings),
-                 .png = settings.png,
-                 .build_folder = share.build_folder()}),
-        outputs_(writer_.temporary_folder(), settings.flight.outputs, share.segmentation_runs_folder()),
-        labels_(writer_.temporary_folder(), mission.traffic),
-        reorder_buffer_([this](const imaging::RgbImage& image) { video_->add(image); }) {
-    if (settings.flight.video && share.is_first_rank()) {
-      const imaging::Camera& camera = mission.calibration.camera;
-      video_.emplace(video_file(), camera.width(), camera.height(),
-                     dataset::VideoOptions{.frames_per_second = frame_rate(mission.frames),
-                                           .compression = *settings.flight.video});
+        images_(mission_),
+        part_renderer_(mission_, settings, progress) {
+    cameras_.push_back(
+        std::make_unique<CameraFiles>(mission_, 0, settings, share, out,
+                                      dataset::DatasetWriter::Options{.replace = replace,
+                                                                      .command = "render",
+                                                                      .inputs = render_input_files(settings),
+                                                                      .png = settings.png,
+                                                                      .build_folder = share.build_folder()}));
+    for (std::size_t c = 1; c < mission_.camera_count(); ++c) {
+      const fs::path folder = folder_of(mission_, c);
+      cameras_.push_back(std::make_unique<CameraFiles>(
+          mission_, c, settings, share, out / folder,
+          dataset::DatasetWriter::Options{.png = settings.png,
+                                          .build_folder = cameras_.front()->writer.temporary_folder() / folder,
+                                          .is_part = true}));
     }
   }
 
-  /// Renders this process's frames.
+  /// Renders this process's images.
   void render(workflow::Ranks& ranks) {
     run_collectively(ranks, [&] { part_renderer_.select(share_); });
     std::string light;
@@ -189,8 +259,8 @@ struct DatasetRenderer::Impl {
     const auto start = std::chrono::steady_clock::now();
     double loading_s = 0.0;
     run_collectively(ranks, [&] {
-      summary_ = part_renderer_.run(writer_.temporary_folder(), share_,
-                                    [&](const render::FlightFrame& frame) { take(frame); });
+      summary_ = part_renderer_.run(cameras_.front()->writer.temporary_folder(), share_,
+                                    [&](std::size_t camera, const render::FlightFrame& frame) { take(camera, frame); });
       loading_s = base::seconds_since(start) - summary_.seconds;
     });
     summary_.seconds = base::seconds_since(start) - loading_s;  // includes the time spent waiting for other ranks
@@ -198,53 +268,66 @@ struct DatasetRenderer::Impl {
     recorder.set_recorded(ranks.all_gather(recorder.recorded()));
   }
 
-  void take(const render::FlightFrame& frame) {
-    outputs_.add(frame);
-    labels_.add(frame, mission_.frames.poses[frame.index].T_local_camera);
+  void take(std::size_t camera, const render::FlightFrame& frame) {
+    CameraFiles& files = *cameras_[camera];
+    files.outputs.add(frame);
+    files.labels.add(frame, mission_.camera(camera).frames.poses[frame.index].T_local_camera);
     if (!settings_.flight.video) {
-      writer_.add_frame(frame.index, frame.time_s, frame.exposure_ms, frame.rgb);
+      files.writer.add_frame(frame.index, frame.time_s, frame.exposure_ms, frame.rgb);
       return;
     }
-    if (share_.store() != nullptr) share_.store()->add_picture(frame.index, frame.rgb);
-    if (share_.renders_all_frames()) reorder_buffer_.add(frame.index, frame.rgb);
+    if (share_.store() != nullptr) share_.store()->add_picture(images_.number_of(camera, frame.index), frame.rgb);
+    if (share_.renders_all_frames()) files.reorder_buffer.add(frame.index, frame.rgb);
   }
 
-  /// Completes the dataset after every process has rendered its frames; called by the first rank.
+  /// Completes the dataset after every process has rendered its images; called by the first rank.
   std::vector<FrameRecord> finish() {
     part_renderer_.complete(share_, summary_);
-    const std::vector<FrameRecord> frames = share_.collect_frames();
-    if (settings_.flight.video) apply_video_codec(frames);
-    for (std::size_t i = 0; i < frames.size(); ++i) {
-      writer_.add_existing_frame(i, mission_.frames.poses[i].time_s, frames[i].exposure_ms);
-    }
-    outputs_.finish();
-    const imaging::Camera& camera = mission_.calibration.camera;
-    labels_.finish(frames.size(), camera.width(), camera.height(), settings_.png ? ".png" : ".jpg");
-    write_metadata(writer_, mission_, settings_, summary_, frames);
-    writer_.finish();
+    const std::vector<FrameRecord> images = share_.collect_frames();
+    if (settings_.flight.video) to_video_clock(mission_);
+    for (std::size_t c = cameras_.size(); c-- > 0;) finish_camera(c, frames_of(c, images));
+    return images;
+  }
+
+  std::vector<FrameRecord> frames_of(std::size_t camera, const std::vector<FrameRecord>& images) const {
+    std::vector<FrameRecord> frames;
+    for (std::size_t i = 0; i < mission_.camera(camera).frames.size(); ++i)
+      frames.push_back(images[images_.number_of(camera, i)]);
     return frames;
   }
 
-  fs::path video_file() const { return writer_.temporary_folder() / "video.mp4"; }
-  void apply_video_codec(const std::vector<FrameRecord>& frames) {
+  /// The first camera is the last: its folder is the dataset.
+  void finish_camera(std::size_t number, const std::vector<FrameRecord>& frames) {
+    const PlannedCamera& camera = mission_.camera(number);
+    CameraFiles& files = *cameras_[number];
+    if (settings_.flight.video) apply_video_codec(number, frames);
+    for (std::size_t i = 0; i < frames.size(); ++i) {
+      files.writer.add_existing_frame(i, camera.frames.poses[i].time_s, frames[i].exposure_ms);
+    }
+    files.outputs.finish();
+    const imaging::Camera& lens = camera.calibration.camera;
+    files.labels.finish(frames.size(), lens.width(), lens.height(), settings_.png ? ".png" : ".jpg");
+    write_camera_metadata(files.writer, mission_, number, settings_, summary_, frames);
+    if (number == 0) write_flight_metadata(files.writer, mission_, settings_, summary_);
+    files.writer.finish();
+  }
+
+  void apply_video_codec(std::size_t number, const std::vector<FrameRecord>& frames) {
+    CameraFiles& files = *cameras_[number];
     for (std::size_t i = 0; !share_.renders_all_frames() && i < frames.size(); ++i)
-      video_->add(share_.store()->read_picture(i));
-    video_->finish();
-    mission_.frames = to_video_clock(mission_.frames);
+      files.video->add(share_.store()->read_picture(images_.number_of(number, i)));
+    files.video->finish();
     std::vector<double> exposures_ms;
     for (const FrameRecord& frame : frames) exposures_ms.push_back(frame.exposure_ms);
-    add_video_frames(video_file(), mission_.frames, exposures_ms, writer_);
+    add_video_frames(files.video_file(), mission_.camera(number).frames, exposures_ms, files.writer);
   }
 
   PlannedFlight mission_;
   const RenderSettings& settings_;
   FrameAssignment& share_;
+  ImageOrder images_;
   PartRenderer part_renderer_;
-  dataset::DatasetWriter writer_;
-  FrameOutputWriter outputs_;
-  ActorLabels labels_;
-  std::optional<dataset::VideoWriter> video_;  ///< only on the first rank
-  FrameReorderBuffer reorder_buffer_;
+  std::vector<std::unique_ptr<CameraFiles>> cameras_;
   RenderSummary summary_;
 };
 

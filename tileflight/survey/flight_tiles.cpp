@@ -21,10 +21,36 @@ using tiles::BoundingSphere;
 
 constexpr double kSlack_m = 1.0;  // beyond what is looked for around a camera
 
-tiles::LoadOptions load_options_of(const PlannedFlight& mission, const RenderSettings& settings) {
+/// The view cones of each image.
+std::vector<std::vector<tiles::ViewCone>> image_view_cones(const PlannedFlight& mission, const ImageOrder& images) {
+  std::vector<std::vector<tiles::ViewCone>> by_image(images.count());
+  for (std::size_t camera = 0; camera < mission.camera_count(); ++camera) {
+    const std::vector<tiles::ViewCone> all = flight_view_cones(mission, camera);
+    const std::size_t frames = mission.camera(camera).frames.size();
+    for (std::size_t frame = 0; frame < frames; ++frame) {
+      const auto per_frame = static_cast<std::ptrdiff_t>(all.size() / frames);
+      const auto first = all.begin() + static_cast<std::ptrdiff_t>(frame) * per_frame;
+      by_image[images.number_of(camera, frame)].assign(first, first + per_frame);
+    }
+  }
+  return by_image;
+}
+
+FrameGroups group_by_body(const PlannedFlight& mission, const ImageOrder& images, const RenderSettings& settings) {
+  std::vector<Vec3> positions;
+  for (std::size_t i = 0; i < images.count(); ++i)
+    positions.push_back(body_position(mission.camera(images[i].camera), images[i].frame));
+  return group_images(positions, mission, settings);
+}
+
+tiles::LoadOptions load_options_of(const std::vector<std::vector<tiles::ViewCone>>& cones,
+                                   const RenderSettings& settings) {
   tiles::LoadOptions load = settings.load;
   load.uses = {transport::Use::kAnalyse};
-  if (settings.error_px) load.flight = {flight_view_cones(mission), *settings.error_px};
+  if (!settings.error_px) return load;
+  load.flight = {{}, *settings.error_px};
+  for (const std::vector<tiles::ViewCone>& of_image : cones)
+    load.flight->view_cones.insert(load.flight->view_cones.end(), of_image.begin(), of_image.end());
   return load;
 }
 
@@ -52,14 +78,14 @@ double distance_to_segment_m(const Vec3& point, const Vec3& a, const Vec3& b) {
 
 FlightTiles::FlightTiles(const PlannedFlight& mission, const RenderSettings& settings, const Progress& progress)
     : mission_(mission),
-      load_(load_options_of(mission, settings)),
+      images_(mission),
+      cones_(image_view_cones(mission, images_)),
+      load_(load_options_of(cones_, settings)),
       error_px_(settings.error_px),
       name_(transport::redact_source(settings.source)),
       source_(open_permitted(settings.source, load_)),
       tree_(*source_),
-      cones_(flight_view_cones(mission)),
-      cones_per_frame_(cones_.size() / mission.frames.size()),
-      groups_(group_flight_frames(mission, settings)) {
+      groups_(group_by_body(mission, images_, settings)) {
   report_progress(progress, 0, 0, "reading the tileset");
   tiles::require_supported_extensions(tree_.tileset(tree_.root()), name_);
   placement_ = tiles::resolve_placement(tree_, load_, name_);
@@ -79,11 +105,12 @@ FlightTiles::FlightTiles(const PlannedFlight& mission, const RenderSettings& set
 /// Spheres that hold all surfaces that FrameCheck looks for around a frame's camera, other than below it.
 void FlightTiles::add_frame_spheres() {
   constexpr double kDetour = 1.5;  // the way to the next frame may be curved
-  const auto& poses = mission_.frames.poses;
-  for (std::size_t i = 0; i < poses.size(); ++i) {
+  for (std::size_t image = 0; image < images_.count(); ++image) {
+    const std::size_t i = images_[image].frame;
+    const auto& poses = camera_of(image).frames.poses;
     const Vec3& here = poses[i].T_local_camera.translation;
     const Vec3& next = poses[std::min(i + 1, poses.size() - 1)].T_local_camera.translation;
-    const double near_m = std::max(mission_.options.clearance_m, kDetour * (next - here).norm()) + kSlack_m;
+    const double near_m = std::max(camera_of(image).options.clearance_m, kDetour * (next - here).norm()) + kSlack_m;
     surroundings_.push_back({here, groups_.count() > 1 ? std::max(near_m, kInsideReach_m + kSlack_m) : near_m});
   }
 }
@@ -93,11 +120,8 @@ tiles::TileCut FlightTiles::select_group(std::size_t group, double error_px) {
   if (load.flight) {
     load.flight->error_px = error_px;
     load.flight->view_cones.clear();
-    for (const std::size_t frame : groups_.frames[group]) {
-      const auto first = cones_.begin() + static_cast<std::ptrdiff_t>(frame * cones_per_frame_);
-      load.flight->view_cones.insert(load.flight->view_cones.end(), first,
-                                     first + static_cast<std::ptrdiff_t>(cones_per_frame_));
-    }
+    for (const std::size_t image : groups_.frames[group])
+      load.flight->view_cones.insert(load.flight->view_cones.end(), cones_[image].begin(), cones_[image].end());
   }
   return tiles::select_cut(tree_, tiles::request_criterion(placement_, load));
 }
@@ -132,18 +156,19 @@ std::optional<std::uintmax_t> FlightTiles::file_bytes(const tiles::CutContent& c
 }
 
 std::vector<tiles::ViewCone> FlightTiles::cones_of(const FrameView& view) const {
-  if (view.region) return region_view_cones(mission_, view.frame, region_cones(*view.region));
-  const auto first = cones_.begin() + static_cast<std::ptrdiff_t>(view.frame * cones_per_frame_);
-  return {first, first + static_cast<std::ptrdiff_t>(cones_per_frame_)};
+  if (!view.region) return cones_[view.frame];
+  const ImageId& image = images_[view.frame];
+  return region_view_cones(mission_.camera(image.camera), image.frame, region_cones(image.camera, *view.region));
 }
 
 /// Cones that together hold a region, and what chromatic aberration moves into it from beside it: those of its cells,
 /// since one cone around all of it would hold much else.
-const std::vector<tiles::ViewCone>& FlightTiles::region_cones(const imaging::PixelRegion& region) const {
-  const auto [known, is_new] = region_cones_.try_emplace({region.x0, region.y0, region.x1, region.y1});
+const std::vector<tiles::ViewCone>& FlightTiles::region_cones(std::size_t number,
+                                                              const imaging::PixelRegion& region) const {
+  const auto [known, is_new] = region_cones_.try_emplace({number, {region.x0, region.y0, region.x1, region.y1}});
   if (!is_new) return known->second;
-  const imaging::Camera& camera = mission_.calibration.camera;
-  const render::ImageFormation& formation = mission_.options.formation;
+  const imaging::Camera& camera = mission_.camera(number).calibration.camera;
+  const render::ImageFormation& formation = mission_.camera(number).options.formation;
   const double larger = std::max(std::abs(formation.chromatic_red), std::abs(formation.chromatic_blue));
   const int margin_px = static_cast<int>(std::ceil(larger * std::max(camera.width(), camera.height())));
   const int cell_px = std::max(8, std::min(region.width(), region.height()) / 2);
@@ -171,13 +196,15 @@ std::function<bool(const BoundingSphere&)> FlightTiles::needs_of(const FrameView
   };
 }
 
-/// Of a divided frame, the way to the next is followed closely: the sphere around all of it may be large.
-std::function<bool(const BoundingSphere&)> FlightTiles::needs_of_first_region(std::size_t frame,
+/// Of a divided image, the way to the camera's next is followed closely: the sphere around all of it may be large.
+std::function<bool(const BoundingSphere&)> FlightTiles::needs_of_first_region(std::size_t image,
                                                                               tiles::RefinementCriterion seen) const {
-  const Vec3& here = mission_.frames.poses[frame].T_local_camera.translation;
+  const PlannedCamera& camera = camera_of(image);
+  const std::size_t frame = images_[image].frame;
+  const Vec3& here = camera.frames.poses[frame].T_local_camera.translation;
   std::vector<Vec3> way{here};
-  if (frame + 1 < mission_.frames.size()) way = render::path_to_next_frame(mission_.frames, frame, mission_.pose_at);
-  const double near_m = mission_.options.clearance_m + kSlack_m;
+  if (frame + 1 < camera.frames.size()) way = render::path_to_next_frame(camera.frames, frame, camera.pose_at);
+  const double near_m = camera.options.clearance_m + kSlack_m;
   return [seen = std::move(seen), here, way, near_m](const BoundingSphere& sphere) {
     if (seen.intersects(sphere) || is_below(sphere, here)) return true;
     if ((sphere.center - here).norm() <= sphere.radius_m + kInsideReach_m + kSlack_m) return true;

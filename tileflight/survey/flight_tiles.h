@@ -30,9 +30,9 @@ namespace tileflight::survey {
 /// is found.
 inline constexpr double kInsideReach_m = 64.0;
 
-/// What is rendered at once of a frame.
+/// What is rendered at once of an image.
 struct FrameView {
-  std::size_t frame = 0;
+  std::size_t frame = 0;  ///< number of the image (ImageOrder); with one camera, of the frame
   /// Pixels of the image, bounded as CameraRenderer's regions; nullopt: all.
   std::optional<imaging::PixelRegion> region{};
   bool has_checks = true;  ///< whether what surrounds the camera (FrameCheck) is looked at too
@@ -49,6 +49,7 @@ class FlightTiles {
   const std::string& name() const { return name_; }  ///< of the source, for messages
   const tiles::Placement& placement() const { return placement_; }
   const FrameGroups& groups() const { return groups_; }
+  const ImageOrder& images() const { return images_; }
   /// SHA-256 that names all cuts: that of a single group's cut (TileCut::hash), or over those of all groups.
   const std::string& cut_hash() const { return cut_.hash; }
   std::size_t content_count() const { return cut_.contents.size(); }
@@ -60,7 +61,7 @@ class FlightTiles {
   const std::vector<std::size_t>& contents_of_group(std::size_t group) const { return contents_of_group_[group]; }
   /// Those that a frame needs: what it may show, and what surrounds the camera (FrameCheck). As places in
   /// contents_of_group, ascending.
-  std::vector<std::size_t> places_for_frame(std::size_t frame) const { return places_for_view({frame}); }
+  std::vector<std::size_t> places_for_frame(std::size_t image) const { return places_for_view({image}); }
   /// The same for a part of a frame. What surrounds the camera of a divided frame reaches to
   /// kInsideReach_m, and along the way to the next frame.
   std::vector<std::size_t> places_for_view(const FrameView& view) const;
@@ -95,28 +96,30 @@ class FlightTiles {
   std::size_t number_of(const tiles::CutContent& content);
   void add_frame_spheres();
   std::function<bool(const tiles::BoundingSphere& sphere)> needs_of(const FrameView& view) const;
-  std::function<bool(const tiles::BoundingSphere& sphere)> needs_of_first_region(std::size_t frame,
+  std::function<bool(const tiles::BoundingSphere& sphere)> needs_of_first_region(std::size_t image,
                                                                                  tiles::RefinementCriterion seen) const;
   std::vector<tiles::ViewCone> cones_of(const FrameView& view) const;
-  const std::vector<tiles::ViewCone>& region_cones(const imaging::PixelRegion& region) const;
+  const std::vector<tiles::ViewCone>& region_cones(std::size_t number, const imaging::PixelRegion& region) const;
+  const PlannedCamera& camera_of(std::size_t image) const { return mission_.camera(images_[image].camera); }
   tiles::BoundingSphere sphere_of(const tiles::CutContent& content) const;
 
   const PlannedFlight& mission_;
+  ImageOrder images_;
+  std::vector<std::vector<tiles::ViewCone>> cones_;  ///< of each image
   tiles::LoadOptions load_;
   std::optional<double> error_px_;
   std::string name_;
   std::unique_ptr<transport::TileSource> source_;
   tiles::TilesetTree tree_;
   tiles::Placement placement_;
-  std::vector<tiles::ViewCone> cones_;  ///< the same number for each frame
-  std::size_t cones_per_frame_;
   FrameGroups groups_;
-  std::vector<tiles::BoundingSphere> surroundings_;  ///< of each frame, local frame
+  std::vector<tiles::BoundingSphere> surroundings_;  ///< of each image, local frame
   tiles::TileCut cut_;                               ///< all contents by number
   std::vector<tiles::BoundingSphere> spheres_;       ///< of each content, local frame
   std::vector<std::vector<std::size_t>> contents_of_group_;
   std::map<std::pair<tiles::NodeId, std::size_t>, std::size_t> numbers_;
-  mutable std::map<std::array<int, 4>, std::vector<tiles::ViewCone>> region_cones_;  ///< by the region's bounds
+  /// By camera and the region's bounds.
+  mutable std::map<std::pair<std::size_t, std::array<int, 4>>, std::vector<tiles::ViewCone>> region_cones_;
   std::vector<std::string> first_warnings_;  ///< of the source before any content was read
   std::vector<std::optional<tiles::ContentRecord>> records_;
   std::vector<std::size_t> new_records_;

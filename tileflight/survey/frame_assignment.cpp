@@ -56,11 +56,11 @@ void FrameAssignment::set_cut(const std::string& cut) {
   end_ = ranks_.rank() + 1 == ranks_.count() ? own.end : first_of(ranks_.rank() + 1);
 }
 
-void FrameAssignment::add(const render::FlightFrame& frame) {
+void FrameAssignment::add(std::size_t image, const render::FlightFrame& frame) {
   if (store_ == nullptr) {
-    own_frames_[frame.index] = make_record(frame, cut_);
+    own_frames_[image] = make_record(frame, cut_);
   } else {
-    store_->add(frame.index, make_record(frame, cut_));
+    store_->add(image, make_record(frame, cut_));
   }
 }
 

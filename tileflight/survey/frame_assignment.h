@@ -13,8 +13,9 @@
 
 namespace tileflight::survey {
 
-/// The frames of a flight that this process renders. Each rank has a range of consecutive frames, so that it needs the
-/// tiles of its part of the flight only; frames that earlier runs have not finished are divided evenly.
+/// The images of a flight that this process renders, by their numbers (ImageOrder); with one camera, its frames. Each
+/// rank has a range of consecutive frames, so that it needs the tiles of its part of the flight only; frames that
+/// earlier runs have not finished are divided evenly.
 class FrameAssignment {
  public:
   /// `kept`: store that shares finished frames with other ranks and later runs, the same for all ranks; null: this
@@ -47,8 +48,8 @@ class FrameAssignment {
   bool has_all_frames() const { return ranks_.count() == 1 && !part_; }  ///< whether its range is the whole flight
   /// Whether this process renders the frame: it is in its range and not finished.
   bool is_assigned(std::size_t index) const { return index >= begin_ && index < end_ && !is_finished_[index]; }
-  /// Reports that all files of a frame are written. Thread-safe.
-  void add(const render::FlightFrame& frame);
+  /// Reports that all files of an image, the frame of its camera, are written. Thread-safe.
+  void add(std::size_t image, const render::FlightFrame& frame);
 
   /// Number of frames that were already finished at the start.
   std::size_t frames_resumed() const { return resumed_; }

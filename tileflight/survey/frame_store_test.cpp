@@ -152,7 +152,7 @@ TEST(FrameShare, IsEachFrameOnceWithoutThoseThatAreThere) {
       render::FlightFrame frame;
       frame.index = i;
       frame.exposure_ms = static_cast<double>(i);
-      share.add(frame);
+      share.add(i, frame);
     }
     rank.all_gather("");
     EXPECT_THAT(refusal_of([&] { share.collect_frames(); }),

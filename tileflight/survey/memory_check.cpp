@@ -201,7 +201,8 @@ void require_frames_fit(FlightTiles& tiles, const PlannedFlight& mission, const 
   estimator.learn(evenly_chosen(numbers, kProbes));
   std::optional<MemoryEstimator> excess = measure_excess(tiles, estimator, view, limits.frame);
   if (excess && may_divide_images(mission)) {
-    view = most_demanding_region(tiles, estimator, mission.calibration.camera, view.frame, kSurely * limits.region);
+    const imaging::Camera& camera = mission.camera(tiles.images()[view.frame].camera).calibration.camera;
+    view = most_demanding_region(tiles, estimator, camera, view.frame, kSurely * limits.region);
     excess = measure_excess(tiles, estimator, view, limits.region);
   }
   if (!excess) return;

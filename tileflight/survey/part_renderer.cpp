@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <numeric>
@@ -19,7 +20,6 @@ namespace tileflight::survey {
 namespace {
 
 namespace fs = std::filesystem;
-using imaging::PixelRegion;
 
 /// Region of the output `visibility`.
 render::RegionPredicate visibility_region_test(const RenderSettings& settings, const tiles::Region& region) {
@@ -39,13 +39,6 @@ std::vector<FrameView> views_between(std::size_t begin, std::size_t end) {
   std::vector<FrameView> views;
   for (std::size_t frame = begin; frame < end; ++frame) views.push_back({frame});
   return views;
-}
-
-tiles::MemoryLimitExceeded frame_does_not_fit(const FlightTiles& tiles, std::size_t frame, std::uintmax_t limit) {
-  return {tiles.name(),
-          base::formatted("the tiles of frame %zu need more than %.3g GB of memory: request coarser tiles "
-                          "(--pixel-error, --error), or raise the limit (--memory)",
-                          frame, 1e-9 * static_cast<double>(limit))};
 }
 
 }  // namespace
@@ -72,7 +65,7 @@ std::string PartRenderer::meter(const FrameAssignment& share) {
   for (std::size_t next = 0; next < loader_->views().size();) {
     std::vector<double> means;
     if (std::optional<LoadedPart> part = load(next, share)) {
-      means = render::meter_flight(part->scene, mission_.calibration.camera, mission_.frames, part->options);
+      means = meter_part(*part, share);
       next = release(std::move(*part));
     } else {
       const std::vector<std::size_t> frames = frames_to_divide(next);
@@ -84,29 +77,58 @@ std::string PartRenderer::meter(const FrameAssignment& share) {
   return light.dump();
 }
 
-void PartRenderer::set_light(const std::vector<std::string>& parts) {
-  std::vector<double> light, times_s;
-  for (const std::string& part : parts) {
-    if (part.empty()) return;
-    for (const nlohmann::json& mean : nlohmann::json::parse(part)) light.push_back(mean.get<double>());
+/// The mean light of the part's images; 0 where a camera has no automatic exposure.
+std::vector<double> PartRenderer::meter_part(const LoadedPart& part, const FrameAssignment& share) const {
+  std::vector<std::vector<double>> by_camera(mission_.camera_count());
+  for (std::size_t c = 0; c < by_camera.size(); ++c) {
+    const PlannedCamera& camera = mission_.camera(c);
+    const std::size_t frames = frames_in(part, c).size();
+    if (frames > 0 && camera.options.formation.auto_exposure.target > 0.0)
+      by_camera[c] =
+          render::meter_flight(part.scene, camera.calibration.camera, camera.frames, options_for(part, c, share));
+    by_camera[c].resize(frames, 0.0);
   }
-  for (std::size_t i = 0; i < light.size(); ++i) times_s.push_back(mission_.frames.poses[i].time_s);
-  std::optional<render::AutoExposureState> settled;
-  gains_ = render::exposure_gains(mission_.options.formation.auto_exposure, times_s, light, settled);
+  std::vector<double> means;
+  for (std::size_t view = part.begin; view < part.end; ++view) {
+    const ImageId& image = images()[loader_->views()[view].frame];
+    means.push_back(by_camera[image.camera][image.frame - frames_in(part, image.camera).begin]);
+  }
+  return means;
 }
 
-RenderSummary PartRenderer::run(const fs::path& folder, FrameAssignment& share, const render::FrameSink& sink) {
+void PartRenderer::set_light(const std::vector<std::string>& parts) {
+  std::vector<double> all;
+  for (const std::string& part : parts) {
+    if (part.empty()) return;
+    for (const nlohmann::json& mean : nlohmann::json::parse(part)) all.push_back(mean.get<double>());
+  }
+  std::vector<std::vector<double>> light(mission_.camera_count()), times_s(mission_.camera_count());
+  for (std::size_t image = 0; image < all.size(); ++image) {
+    const ImageId& id = images()[image];
+    light[id.camera].push_back(all[image]);
+    times_s[id.camera].push_back(mission_.camera(id.camera).frames.poses[id.frame].time_s);
+  }
+  gains_.resize(mission_.camera_count());
+  for (std::size_t c = 0; c < gains_.size(); ++c) {
+    const render::AutoExposure& automatic = mission_.camera(c).options.formation.auto_exposure;
+    std::optional<render::AutoExposureState> settled;
+    if (automatic.target > 0.0) gains_[c] = render::exposure_gains(automatic, times_s[c], light[c], settled);
+  }
+}
+
+RenderSummary PartRenderer::run(const fs::path& folder, FrameAssignment& share, const CameraFrameSink& sink) {
   RenderSummary summary;
+  summary.exposure_after.resize(mission_.camera_count());
   loader_for(views_to_load(share));
   for (std::size_t next = 0; next < loader_->views().size();) {
     if (std::optional<LoadedPart> part = load(next, share)) {
       loader_->prefetch(part->end);
-      part->options.exposure_before = summary.exposure_after;
       render_part(*part, folder, share, sink, summary);
       next = release(std::move(*part));
     } else {
       const std::vector<std::size_t> frames = frames_to_divide(next);
-      render_divided(frames, share, sink, summary);
+      for (const std::vector<std::size_t>& of_camera : by_camera(frames))
+        render_divided(of_camera, share, sink, summary);
       next += frames.size();
     }
   }
@@ -126,7 +148,12 @@ void PartRenderer::complete(const FrameAssignment& share, RenderSummary& summary
   summary.tiles.triangles = largest;
 }
 
-bool PartRenderer::has_auto_exposure() const { return mission_.options.formation.auto_exposure.target > 0.0; }
+bool PartRenderer::has_auto_exposure() const {
+  for (std::size_t c = 0; c < mission_.camera_count(); ++c) {
+    if (mission_.camera(c).options.formation.auto_exposure.target > 0.0) return true;
+  }
+  return false;
+}
 
 bool PartRenderer::is_metered() const { return has_auto_exposure() && gains_.empty(); }
 
@@ -153,211 +180,98 @@ std::optional<PartRenderer::LoadedPart> PartRenderer::load(std::size_t begin, co
   if (!part) return std::nullopt;
   const std::vector<FrameView>& views = loader_->views();
   const FrameView& first = views[part->begin];
-  if (!first.region && part->end - part->begin == mission_.frames.size())
+  if (!first.region && part->end - part->begin == images().count())
     place::require_surface(part->meshes, tiles_->summary().points > 0, tiles_->name());
   const FrameGroups& groups = tiles_->groups();
   // The same for all parts of a group, so that surfaces are bit-identical in each.
   const geometry::Vec3& anchor = groups.anchors[groups.group_of_frame[first.frame]];
-  LoadedPart loaded{scene::Scene(place::with_placeholder(std::move(part->meshes)), anchor), mission_.options,
-                    part->begin, part->end};
+  LoadedPart loaded{scene::Scene(place::with_placeholder(std::move(part->meshes)), anchor), nullptr, part->begin,
+                    part->end, groups.count() > 1 || first.region};
   // One after the other: each takes additional memory while it is built.
   loaded.scene.build_beam_tree();
   if (first.has_checks) loaded.scene.build_ray_tree();  // else only if a rolling shutter asks for it
-  render::FlightRenderOptions& options = loaded.options;
-  options.first_frame = first.frame;
-  options.end_frame = views[part->end - 1].frame + 1;
+  if (mission_.camera_count() > 1) loaded.appearance = std::make_shared<const render::Appearance>(loaded.scene);
+  return loaded;
+}
+
+/// The camera's frames among the part's images.
+workflow::IndexRange PartRenderer::frames_in(const LoadedPart& part, std::size_t camera) const {
+  const std::vector<FrameView>& views = loader_->views();
+  return images().frames_between(camera, views[part.begin].frame, views[part.end - 1].frame + 1);
+}
+
+render::FlightRenderOptions PartRenderer::options_for(const LoadedPart& part, std::size_t camera,
+                                                      const FrameAssignment& share) const {
+  render::FlightRenderOptions options = mission_.camera(camera).options;
+  const workflow::IndexRange frames = frames_in(part, camera);
+  options.first_frame = frames.begin;
+  options.end_frame = frames.end;
   const std::optional<geometry::LocalFrame>& local_frame = tiles_->placement().local_frame;
   if (local_frame) options.origin = local_frame->origin();
+  options.appearance = part.appearance;
   options.scored_region = visibility_region_test(settings_, tiles_->placement().region);
-  options.exposure_gains = gains_;
-  if (groups.count() > 1 || first.region) options.inside_reach_m = kInsideReach_m;
-  if (share.store() != nullptr) options.frame_filter = [&share](std::size_t index) { return share.is_assigned(index); };
-  return loaded;
+  if (!gains_.empty()) options.exposure_gains = gains_[camera];
+  if (part.is_partial) options.inside_reach_m = kInsideReach_m;
+  if (share.store() != nullptr) {
+    options.frame_filter = [this, camera, &share](std::size_t frame) {
+      return share.is_assigned(images().number_of(camera, frame));
+    };
+  }
+  return options;
 }
 
 /// Returns the loader's next view.
 std::size_t PartRenderer::release(LoadedPart part) {
+  part.appearance.reset();  // it holds the scene's trees
   loader_->take_back(std::move(part.scene).release_meshes());
   return part.end;
 }
 
-void PartRenderer::render_part(const LoadedPart& part, const fs::path& folder, FrameAssignment& share,
-                               const render::FrameSink& sink, RenderSummary& summary) {
-  mission_.sensor_recorder->record(part.scene, tiles_->placement().local_frame, part.options.first_frame,
-                                   part.options.end_frame, folder);
-  const auto take = [&](const render::FlightFrame& frame) {
-    sink(frame);
-    share.add(frame);
+/// Between the times of the part's first image and the next part's.
+void PartRenderer::record_sensors(const LoadedPart& part, const fs::path& folder) const {
+  constexpr double kEver = std::numeric_limits<double>::infinity();
+  const std::size_t begin = loader_->views()[part.begin].frame, end = loader_->views()[part.end - 1].frame + 1;
+  const auto time_s = [&](std::size_t image) {
+    const PlannedCamera& camera = camera_of(image);
+    return camera.frames.poses[images()[image].frame].time_s + camera.timeshift_s;
   };
-  const render::FlightRenderReport report = render::render_flight(
-      part.scene, mission_.calibration.camera, mission_.frames, mission_.pose_at, part.options, take, progress_);
-  summary.exposure_after = report.exposure_after;
-  summary.seconds += report.seconds;
+  mission_.sensor_recorder->record(part.scene, tiles_->placement().local_frame, begin == 0 ? -kEver : time_s(begin),
+                                   end == images().count() ? kEver : time_s(end), folder);
+}
+
+void PartRenderer::render_part(const LoadedPart& part, const fs::path& folder, FrameAssignment& share,
+                               const CameraFrameSink& sink, RenderSummary& summary) {
+  record_sensors(part, folder);
+  for (std::size_t c = 0; c < mission_.camera_count(); ++c) {
+    const PlannedCamera& camera = mission_.camera(c);
+    render::FlightRenderOptions options = options_for(part, c, share);
+    if (options.first_frame == options.end_frame) continue;
+    options.exposure_before = summary.exposure_after[c];
+    const auto take = [&](const render::FlightFrame& frame) {
+      sink(c, frame);
+      share.add(images().number_of(c, frame.index), frame);
+    };
+    const render::FlightRenderReport report = render::render_flight(
+        part.scene, camera.calibration.camera, camera.frames, camera.pose_at, options, take, progress_of(part, c));
+    summary.exposure_after[c] = report.exposure_after;
+    summary.seconds += report.seconds;
+  }
   summary.tiles.triangles = std::max(summary.tiles.triangles, static_cast<std::int64_t>(part.scene.triangle_count()));
   ++summary.parts;
 }
 
-/// The frame of view `begin`, and those after it that do not fit into memory either, as many as are traced together.
-std::vector<std::size_t> PartRenderer::frames_to_divide(std::size_t begin) const {
-  constexpr std::uintmax_t kShare = 8;  // of the memory limit, for images that are being traced
-  constexpr std::size_t kMost = 16;
-  const std::vector<FrameView>& views = loader_->views();
-  if (!may_divide_images(mission_)) throw frame_does_not_fit(*tiles_, views[begin].frame, max_memory_bytes_);
-  const std::vector<std::size_t>& group_of_frame = tiles_->groups().group_of_frame;
-  const std::size_t most = std::clamp<std::size_t>(max_memory_bytes_ / kShare / bytes_of_traced_frame(), 1, kMost);
-  std::vector<std::size_t> frames;
-  for (std::size_t i = begin; i < views.size() && frames.size() < most; ++i) {
-    if (group_of_frame[views[i].frame] != group_of_frame[views[begin].frame]) break;
-    const bool is_large = loader_->estimated_bytes(views[i]) > static_cast<double>(max_memory_bytes_);
-    if (i > begin && !is_large) break;
-    frames.push_back(views[i].frame);
+/// Of a rig, all its images are counted: those of the cameras before are done for this part, those of the cameras after
+/// are not.
+Progress PartRenderer::progress_of(const LoadedPart& part, std::size_t camera) const {
+  if (mission_.camera_count() == 1 || !progress_) return progress_;
+  std::size_t others = 0;
+  for (std::size_t c = 0; c < mission_.camera_count(); ++c) {
+    if (c != camera) others += c < camera ? frames_in(part, c).end : frames_in(part, c).begin;
   }
-  return frames;
-}
-
-/// The same regions of all the frames, those of one region together, so that they share its tiles.
-std::vector<FrameView> PartRenderer::divided_views(const std::vector<std::size_t>& frames,
-                                                   double bytes_for_tiles) const {
-  constexpr double kRegionShare = 0.9;  // estimates may be too low
-  const imaging::Camera& camera = mission_.calibration.camera;
-  const std::vector<PixelRegion> regions = divide_image(
-      camera.width(), camera.height(),
-      [&](const PixelRegion& region) {
-        return loader_->estimated_bytes({frames.front(), region, false});
-      },
-      kRegionShare * bytes_for_tiles);
-  std::vector<FrameView> views;
-  for (const PixelRegion& region : regions) {
-    for (const std::size_t frame : frames) views.push_back({frame, region, region == regions.front()});
-  }
-  return views;
-}
-
-/// Halves the region of the view that did not fit, for it and the views of the region after it.
-void PartRenderer::divide_further(std::size_t begin) {
-  std::vector<FrameView> views = loader_->views();
-  const PixelRegion region = *views[begin].region;
-  const std::size_t frame = views[begin].frame;
-  const auto halves = halves_of(region, [&](const PixelRegion& half) {
-    return loader_->estimated_bytes({frame, half, false});
-  });
-  if (!halves) throw frame_does_not_fit(*tiles_, frame, max_memory_bytes_);
-  std::vector<FrameView> second;
-  std::size_t end = begin;
-  for (; end < views.size() && views[end].region == region; ++end) {
-    second.push_back({views[end].frame, halves->second, false});
-    views[end].region = halves->first;
-  }
-  views.insert(views.begin() + static_cast<std::ptrdiff_t>(end), second.begin(), second.end());
-  loader_->set_views(std::move(views));
-}
-
-/// Calls `work` with a scene for each part of the frames' regions.
-void PartRenderer::for_each_region(const std::vector<std::size_t>& frames, const FrameAssignment& share,
-                                   const PartWork& work) {
-  std::vector<FrameView> whole = loader_->views();
-  const double for_tiles = bytes_for_tiles(frames.size());
-  loader_->set_limit(static_cast<std::uintmax_t>(for_tiles));
-  loader_->set_views(divided_views(frames, for_tiles));
-  for (std::size_t next = 0; next < loader_->views().size();) {
-    if (std::optional<LoadedPart> part = load(next, share)) {
-      loader_->prefetch(part->end);
-      work(*part);
-      next = release(std::move(*part));
-    } else {
-      divide_further(next);
-    }
-  }
-  loader_->set_limit(max_memory_bytes_);
-  loader_->set_views(std::move(whole));
-}
-
-std::vector<double> PartRenderer::meter_divided(const std::vector<std::size_t>& frames, const FrameAssignment& share) {
-  std::map<std::size_t, render::LinearImage> images;
-  std::vector<double> light;
-  for_each_region(frames, share, [&](const LoadedPart& part) {
-    const render::LightMeter meter = render::make_light_meter(part.scene, mission_.calibration.camera, part.options);
-    for (std::size_t i = part.begin; i < part.end; ++i) {
-      const FrameView& view = loader_->views()[i];
-      const render::LinearImage seen = meter.image(mission_.frames.poses[view.frame].T_local_camera);
-      render::LinearImage& image = images.try_emplace(view.frame, seen.width, seen.height).first->second;
-      imaging::copy_region(meter.region(*view.region), seen, image);
-    }
-    if (part.end < loader_->views().size()) return;
-    for (const auto& [frame, image] : images) light.push_back(meter.mean_light(image));
-  });
-  return light;
-}
-
-/// Gains of the automatic exposure, for all frames up to the last of these; only those of these are set.
-std::vector<double> PartRenderer::gains_of(const std::vector<std::size_t>& frames, const std::vector<double>& light,
-                                           RenderSummary& summary) const {
-  std::vector<double> times_s;
-  for (const std::size_t frame : frames) times_s.push_back(mission_.frames.poses[frame].time_s);
-  const std::vector<double> found =
-      render::exposure_gains(mission_.options.formation.auto_exposure, times_s, light, summary.exposure_after);
-  std::vector<double> gains(frames.back() + 1, 1.0);
-  for (std::size_t k = 0; k < frames.size(); ++k) gains[frames[k]] = found[k];
-  return gains;
-}
-
-void PartRenderer::render_divided(const std::vector<std::size_t>& frames, FrameAssignment& share,
-                                  const render::FrameSink& sink, RenderSummary& summary) {
-  std::vector<double> gains = gains_;
-  if (is_metered()) gains = gains_of(frames, meter_divided(frames, share), summary);
-  std::vector<std::size_t> assigned = frames;
-  std::erase_if(assigned, [&](std::size_t frame) { return !share.is_assigned(frame); });
-  if (assigned.empty()) return;
-  summary.frames_divided += static_cast<std::int64_t>(assigned.size());
-  std::map<std::size_t, render::DividedFrame> divided;
-  for_each_region(assigned, share, [&](const LoadedPart& part) {
-    const auto start = std::chrono::steady_clock::now();
-    render::FlightRenderOptions options = part.options;
-    options.exposure_gains = gains;
-    const render::FrameRenderer renderer(part.scene, mission_.calibration.camera, mission_.frames, mission_.pose_at,
-                                         options);
-    for (std::size_t i = part.begin; i < part.end; ++i) {
-      const FrameView& view = loader_->views()[i];
-      render::DividedFrame& frame = divided[view.frame];
-      frame.add(*view.region, renderer.trace_region(view.frame, view.region));
-      if (view.has_checks) renderer.check_path(view.frame, frame.check());
-    }
-    const auto largest = static_cast<std::int64_t>(part.scene.triangle_count());
-    summary.tiles.triangles = std::max(summary.tiles.triangles, largest);
-    ++summary.parts;
-    if (part.end == loader_->views().size()) {
-      for (auto& [index, frame] : divided) {
-        const render::FlightFrame finished = renderer.develop(frame.take_frame());
-        sink(finished);
-        share.add(finished);
-      }
-    }
-    summary.seconds += base::seconds_since(start);
-  });
-  report_progress(progress_, static_cast<std::int64_t>(assigned.back()) + 1,
-                  static_cast<std::int64_t>(mission_.frames.size()), "frames rendered");
-}
-
-/// What a region's scene may take beside so many frames that are being traced, and one that is written.
-double PartRenderer::bytes_for_tiles(std::size_t frames) const {
-  // A scene that is being built takes more than it does later; where many scenes follow each other, one will show it.
-  constexpr double kTilesShare = 0.7, kLeastShare = 0.4;
-  const auto limit = static_cast<double>(max_memory_bytes_);
-  const auto images = static_cast<double>((frames + 1) * bytes_of_traced_frame());
-  return std::max(kLeastShare * limit, kTilesShare * limit - images);
-}
-
-/// Upper bound of what a frame takes until it is developed, and as it is written.
-std::uintmax_t PartRenderer::bytes_of_traced_frame() const {
-  const render::OutputChannels& outputs = mission_.options.outputs;
-  const auto if_wanted = [](bool is_wanted, std::uintmax_t bytes) { return is_wanted ? bytes : 0; };
-  const std::uintmax_t bytes_per_pixel =
-      sizeof(render::LinearRgb) + sizeof(imaging::Rgb8) + if_wanted(mission_.options.render.depth, sizeof(float)) +
-      if_wanted(outputs.range, sizeof(float)) + if_wanted(outputs.normals, 3 * sizeof(float)) +
-      if_wanted(outputs.objects || outputs.placed_objects, sizeof(std::uint32_t)) +
-      if_wanted(outputs.flow, 2 * sizeof(float)) + if_wanted(outputs.visibility, 1);
-  const imaging::Camera& camera = mission_.calibration.camera;
-  return bytes_per_pixel * static_cast<std::uintmax_t>(camera.width()) * static_cast<std::uintmax_t>(camera.height());
+  return [this, others](std::int64_t done, std::int64_t, std::string_view what) {
+    const auto images = static_cast<std::int64_t>(this->images().count());
+    progress_(std::min(images, static_cast<std::int64_t>(others) + done), images, what);
+  };
 }
 
 /// What was read is kept before any frame that shows it.

@@ -3,6 +3,8 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <map>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -21,16 +23,19 @@ namespace tileflight::survey {
 
 /// Result of rendering a flight, all its parts together.
 struct RenderSummary {
-  double seconds = 0.0;  ///< rendering time
-  std::optional<render::AutoExposureState> exposure_after;
+  double seconds = 0.0;                                                    ///< rendering time
+  std::vector<std::optional<render::AutoExposureState>> exposure_after{};  ///< of each camera
   tiles::LoadedTiles tiles;         ///< without their content; triangles: the largest number in a scene
   std::int64_t parts = 0;           ///< scenes that were built
-  std::int64_t frames_divided = 0;  ///< frames that were rendered in regions
+  std::int64_t frames_divided = 0;  ///< images that were rendered in regions
 };
 
-/// Loads a flight's tiles and renders its frames, in as many parts as the memory limit requires. A frame whose tiles do
-/// not fit into memory together is divided: its image is rendered in regions, each with the tiles that it shows. The
-/// steps are called in order. Mission, settings and progress must outlive it.
+/// Consumes a finished frame of one of the flight's cameras; as render::FrameSink.
+using CameraFrameSink = std::function<void(std::size_t camera, const render::FlightFrame& frame)>;
+
+/// Loads a flight's tiles and renders its images, in as many parts as the memory limit requires; the cameras of a rig
+/// share a part's scene. An image whose tiles do not fit into memory together is divided: it is rendered in regions,
+/// each with the tiles that it shows. The steps are called in order. Mission, settings and progress must outlive it.
 class PartRenderer {
  public:
   PartRenderer(const PlannedFlight& mission, const RenderSettings& settings, const Progress& progress);
@@ -44,9 +49,9 @@ class PartRenderer {
   /// `parts`: results of meter(), by rank.
   void set_light(const std::vector<std::string>& parts);
 
-  /// Frames of `share` are passed to `sink`, which must have written a frame's files when it returns. `folder`: the
+  /// Images of `share` are passed to `sink`, which must have written a frame's files when it returns. `folder`: the
   /// dataset's, for the data of other sensors.
-  RenderSummary run(const std::filesystem::path& folder, FrameAssignment& share, const render::FrameSink& sink);
+  RenderSummary run(const std::filesystem::path& folder, FrameAssignment& share, const CameraFrameSink& sink);
 
   /// Completes the summary by what all processes read; on the first rank. Throws InputError if no tile has a surface.
   void complete(const FrameAssignment& share, RenderSummary& summary);
@@ -54,28 +59,39 @@ class PartRenderer {
  private:
   struct LoadedPart {
     scene::Scene scene;
-    render::FlightRenderOptions options;
-    std::size_t begin = 0, end = 0;  ///< of the loader's views
+    std::shared_ptr<const render::Appearance> appearance;  ///< shared by the cameras of a rig; null for a single one
+    std::size_t begin = 0, end = 0;                        ///< of the loader's views
+    bool is_partial = false;                               ///< of a flight's several groups, or of an image
   };
   using PartWork = std::function<void(const LoadedPart& part)>;
 
   bool has_auto_exposure() const;
   bool is_metered() const;  ///< whether gains of the automatic exposure are still to be found
+  const ImageOrder& images() const { return tiles_->images(); }
+  const PlannedCamera& camera_of(std::size_t image) const { return mission_.camera(images()[image].camera); }
   std::vector<FrameView> views_to_load(const FrameAssignment& share) const;
   PartLoader& loader_for(std::vector<FrameView> views);
   std::optional<LoadedPart> load(std::size_t begin, const FrameAssignment& share);
   std::size_t release(LoadedPart part);
+  workflow::IndexRange frames_in(const LoadedPart& part, std::size_t camera) const;
+  render::FlightRenderOptions options_for(const LoadedPart& part, std::size_t camera,
+                                          const FrameAssignment& share) const;
+  std::vector<double> meter_part(const LoadedPart& part, const FrameAssignment& share) const;
+  Progress progress_of(const LoadedPart& part, std::size_t camera) const;
+  void record_sensors(const LoadedPart& part, const std::filesystem::path& folder) const;
   void render_part(const LoadedPart& part, const std::filesystem::path& folder, FrameAssignment& share,
-                   const render::FrameSink& sink, RenderSummary& summary);
+                   const CameraFrameSink& sink, RenderSummary& summary);
 
   std::vector<std::size_t> frames_to_divide(std::size_t begin) const;
   std::vector<FrameView> divided_views(const std::vector<std::size_t>& frames, double bytes_for_tiles) const;
   void divide_further(std::size_t begin);
   void for_each_region(const std::vector<std::size_t>& frames, const FrameAssignment& share, const PartWork& work);
-  std::vector<double> meter_divided(const std::vector<std::size_t>& frames, const FrameAssignment& share);
-  void render_divided(const std::vector<std::size_t>& frames, FrameAssignment& share, const render::FrameSink& sink,
+  std::vector<std::vector<std::size_t>> by_camera(const std::vector<std::size_t>& images) const;
+  std::vector<double> meter_divided(const std::vector<std::size_t>& images, const FrameAssignment& share);
+  std::map<std::size_t, double> meter_regions(const std::vector<std::size_t>& images, const FrameAssignment& share);
+  void render_divided(const std::vector<std::size_t>& images, FrameAssignment& share, const CameraFrameSink& sink,
                       RenderSummary& summary);
-  std::vector<double> gains_of(const std::vector<std::size_t>& frames, const std::vector<double>& light,
+  std::vector<double> gains_of(const std::vector<std::size_t>& images, const std::map<std::size_t, double>& light,
                                RenderSummary& summary) const;
   double bytes_for_tiles(std::size_t frames) const;
   std::uintmax_t bytes_of_traced_frame() const;
@@ -88,8 +104,8 @@ class PartRenderer {
   std::uintmax_t max_memory_bytes_;
   std::optional<FlightTiles> tiles_;
   std::optional<PartLoader> loader_;
-  std::vector<double>
-      gains_;  ///< of the automatic exposure, for all frames up to this process's last; empty: not known yet, or none
+  /// Of the automatic exposure by camera, for all its frames up to this process's last; empty: not known yet, or none.
+  std::vector<std::vector<double>> gains_;
 };
 
 }  // namespace tileflight::survey

@@ -4,22 +4,27 @@
 #include <cmath>
 #include <numbers>
 
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/random_numbers.h"
 #include "tileflight/flight/path.h"
+#include "tileflight/survey/flight_cameras.h"
 #include "tileflight/survey/flown_path.h"
 #include "tileflight/vehicle/flight_plan.h"
 
 namespace tileflight::survey {
 namespace {
 
+constexpr double kMostImages = 1e7;
+
 /// Poses of the camera at a frame, and if its shutter is open for some time, before and after it.
-std::vector<geometry::SE3> exposure_poses(const PlannedFlight& mission, std::size_t frame) {
-  const render::ImageFormation& formation = mission.options.formation;
+std::vector<geometry::SE3> exposure_poses(const PlannedCamera& camera, std::size_t frame) {
+  const render::ImageFormation& formation = camera.options.formation;
   const double open_s = formation.exposure_time_s * render::max_exposure_gain(formation) +
-                        std::abs(formation.line_delay_s) * mission.calibration.camera.height();
-  const geometry::StampedPose& pose = mission.frames.poses[frame];
+                        std::abs(formation.line_delay_s) * camera.calibration.camera.height();
+  const geometry::StampedPose& pose = camera.frames.poses[frame];
   std::vector<geometry::SE3> poses{pose.T_local_camera};
   if (open_s == 0.0) return poses;
-  for (const double time_s : {pose.time_s - open_s, pose.time_s + open_s}) poses.push_back(mission.pose_at(time_s));
+  for (const double time_s : {pose.time_s - open_s, pose.time_s + open_s}) poses.push_back(camera.pose_at(time_s));
   return poses;
 }
 
@@ -54,57 +59,164 @@ std::shared_ptr<const actors::Traffic> plan_traffic(const RenderSettings& settin
   return std::make_shared<const actors::Traffic>(std::move(plans), ground);
 }
 
+/// The product, exactly one of the two where the other is the identity.
+geometry::SE3 composed(const geometry::SE3& T_a_b, const geometry::SE3& T_b_c) {
+  if (T_b_c.matrix().isIdentity(0.0)) return T_a_b;
+  return T_a_b.matrix().isIdentity(0.0) ? T_b_c : T_a_b * T_b_c;
+}
+
+/// The body's poses at the moments of a camera's exposures, on the flight's clock: those of the flight's instants, or
+/// of the camera's own rate from the first to the last of them; later by its offset, as far as the path goes.
+geometry::Trajectory exposure_instants(const MountedCamera& camera, const flight::Path& path,
+                                       const geometry::Trajectory& body) {
+  constexpr double kRounding_s = 1e-9;
+  if (!camera.fps && camera.offset_s == 0.0) return body;
+  std::vector<double> times_s;
+  const double start_s = body.poses.front().time_s, end_s = body.poses.back().time_s + kRounding_s;
+  for (std::size_t i = 0; camera.fps && start_s + static_cast<double>(i) / *camera.fps <= end_s; ++i)
+    times_s.push_back(start_s + static_cast<double>(i) / *camera.fps);
+  for (std::size_t i = 0; !camera.fps && i < body.size(); ++i) times_s.push_back(body.poses[i].time_s);
+  geometry::Trajectory instants;
+  for (const double time_s : times_s) {
+    const double exposed_s = time_s + camera.offset_s;
+    if (exposed_s >= path.start_s() - kRounding_s && exposed_s <= path.end_s() + kRounding_s)
+      instants.poses.push_back({exposed_s, path.pose(exposed_s)});
+  }
+  if (instants.empty()) throw InputError("camera " + camera.name, "takes no image during the flight");
+  return instants;
+}
+
+/// Cameras of a rig have noise of their own.
+std::uint64_t noise_seed(std::uint64_t seed, std::size_t camera) {
+  return camera == 0 ? seed : base::stream_key(seed, camera);
+}
+
+PlannedCamera plan_camera(const MountedCamera& mount, std::size_t number, const flight::Path& path,
+                          const geometry::Trajectory& body, const RenderSettings& settings) {
+  const RenderedFlightConfig& flight = settings.flight;
+  PlannedCamera camera{.name = mount.name,
+                       .calibration = mount.calibration,
+                       .T_body_camera = mount.T_body_camera,
+                       .timeshift_s = mount.timeshift_s,
+                       .frames = exposure_instants(mount, path, body),
+                       .pose_at = {},
+                       .options = {}};
+  for (geometry::StampedPose& pose : camera.frames.poses) {
+    pose.T_local_camera = composed(pose.T_local_camera, camera.T_body_camera);
+    pose.time_s -= camera.timeshift_s;
+  }
+  camera.pose_at = [path, T_body_camera = camera.T_body_camera, shift_s = camera.timeshift_s](double time_s) {
+    return composed(path.pose(time_s + shift_s), T_body_camera);
+  };
+  camera.options.render = {.depth = flight.outputs.depth, .samples_per_pixel = flight.samples_per_pixel};
+  camera.options.outputs = flight.outputs.to_frame_outputs();
+  if (flight.degrade) camera.options.formation = *flight.degrade;
+  if (mount.degrade) camera.options.formation = *mount.degrade;
+  camera.options.formation.seed = noise_seed(settings.seed, number);
+  camera.calibration.line_delay_s = camera.options.formation.line_delay_s;
+  return camera;
+}
+
+/// Before any of them is planned.
+void require_few_images(const std::vector<MountedCamera>& cameras, const geometry::Trajectory& body) {
+  const double span_s = body.poses.back().time_s - body.poses.front().time_s;
+  double images = 0.0;
+  for (const MountedCamera& camera : cameras)
+    images += camera.fps ? span_s * *camera.fps + 1.0 : static_cast<double>(body.size());
+  if (images > kMostImages)
+    throw InputError("flight", "its cameras take more than ten million images; lower 'fps' or set 'max_frames'");
+}
+
+/// The flight file's weather, the same for all cameras; null if it names none.
+std::shared_ptr<const render::WeatherOptions> read_seeded_weather(const RenderSettings& settings) {
+  auto weather = render::read_weather(settings.flight.flight);
+  if (!weather) return nullptr;
+  weather->seed = settings.seed;
+  return std::make_shared<const render::WeatherOptions>(*weather);
+}
+
+/// Cars and people are seen by all cameras, each by its own clock.
+void show_traffic(PlannedFlight& mission) {
+  const auto placed_at = [&mission](double shift_s) {
+    return [traffic = mission.traffic, shift_s](double from_s, double to_s) {
+      return traffic->placed(from_s + shift_s, to_s + shift_s);
+    };
+  };
+  for (std::size_t i = 0; i < mission.camera_count(); ++i) {
+    render::FlightRenderOptions& options = mission.camera(i).options;
+    options.placed = placed_at(mission.camera(i).timeshift_s);
+    options.outputs.placed_objects = true;  // for the boxes of what is visible
+  }
+  mission.sensor_recorder->set_placed(placed_at(0.0));
+}
+
 }  // namespace
+
+ImageOrder::ImageOrder(const PlannedFlight& mission) : numbers_(mission.camera_count()) {
+  for (std::size_t camera = 0; camera < mission.camera_count(); ++camera) {
+    numbers_[camera].resize(mission.camera(camera).frames.size());
+    for (std::size_t frame = 0; frame < numbers_[camera].size(); ++frame) images_.push_back({camera, frame});
+  }
+  std::ranges::stable_sort(
+      images_, {}, [&](const ImageId& image) { return mission.camera(image.camera).frames.poses[image.frame].time_s; });
+  for (std::size_t i = 0; i < images_.size(); ++i) numbers_[images_[i].camera][images_[i].frame] = i;
+}
+
+workflow::IndexRange ImageOrder::frames_between(std::size_t camera, std::size_t begin, std::size_t end) const {
+  const std::vector<std::size_t>& numbers = numbers_[camera];
+  const auto first_from = [&](std::size_t image) {
+    return static_cast<std::size_t>(std::ranges::lower_bound(numbers, image) - numbers.begin());
+  };
+  return {first_from(begin), first_from(end)};
+}
+
+std::size_t PlannedFlight::image_count() const {
+  std::size_t images = 0;
+  for (std::size_t i = 0; i < camera_count(); ++i) images += camera(i).frames.size();
+  return images;
+}
 
 PlannedFlight plan_flight(const RenderSettings& settings, const Progress& progress) {
   const RenderedFlightConfig& flight = settings.flight;
   const vehicle::FlightPlan plan = vehicle::read_flight_plan(flight.flight);
+  const std::vector<MountedCamera> cameras = read_flight_cameras(flight);
   PlannedFlight mission;
-  mission.calibration = imaging::read_calibration(flight.camera.empty() ? plan.camera : flight.camera);
-  if (flight.width) mission.calibration.camera = mission.calibration.camera.scaled_to(*flight.width, *flight.height);
-  FlownPath flown = fly_plan(plan, settings, mission.calibration.camera, progress);
-  mission.frames = std::move(flown.frames);
+  const MountedCamera& first = cameras.front();
+  FlownPath flown = fly_plan(plan, settings, first.calibration.camera, progress);
+  mission.body = std::move(flown.frames);
   mission.vehicle = std::move(flown.vehicle);
-  if (flight.max_frames && mission.frames.size() > static_cast<std::size_t>(*flight.max_frames)) {
-    mission.frames.poses.resize(static_cast<std::size_t>(*flight.max_frames));
+  if (flight.max_frames && mission.body.size() > static_cast<std::size_t>(*flight.max_frames)) {
+    mission.body.poses.resize(static_cast<std::size_t>(*flight.max_frames));
   }
-  const flight::Path path = flown.path;
-  mission.pose_at = [path](double time_s) { return path.pose(time_s); };
+  require_few_images(cameras, mission.body);
+  static_cast<PlannedCamera&>(mission) = plan_camera(first, 0, flown.path, mission.body, settings);
+  for (std::size_t i = 1; i < cameras.size(); ++i)
+    mission.others.push_back(plan_camera(cameras[i], i, flown.path, mission.body, settings));
+  const geometry::SE3 T_body_imu = composed(first.T_body_camera, first.calibration.T_cam_imu);
   mission.sensor_recorder = std::make_shared<SensorRecorder>(
-      sensors::read_sensor_suite(flight.flight, settings.seed, mission.calibration.T_cam_imu), path, mission.frames);
-  mission.options.render = {.depth = flight.outputs.depth, .samples_per_pixel = flight.samples_per_pixel};
-  mission.options.outputs = flight.outputs.to_frame_outputs();
+      sensors::read_sensor_suite(flight.flight, settings.seed, T_body_imu), flown.path, mission.body);
   mission.traffic = plan_traffic(settings, mission, progress);
-  if (mission.traffic) {
-    mission.options.placed = [traffic = mission.traffic](double from_s, double to_s) {
-      return traffic->placed(from_s, to_s);
-    };
-    mission.options.outputs.placed_objects = true;  // for the boxes of what is visible
-    mission.sensor_recorder->set_placed(mission.options.placed);
+  if (const auto weather = read_seeded_weather(settings)) {
+    for (std::size_t i = 0; i < mission.camera_count(); ++i) mission.camera(i).options.render.weather = weather;
   }
-  if (flight.degrade) mission.options.formation = *flight.degrade;
-  mission.options.formation.seed = settings.seed;
-  if (auto weather = render::read_weather(flight.flight)) {
-    weather->seed = settings.seed;
-    mission.options.render.weather = std::make_shared<const render::WeatherOptions>(*weather);
-  }
-  mission.calibration.line_delay_s = mission.options.formation.line_delay_s;
+  if (mission.traffic) show_traffic(mission);
   return mission;
 }
 
-std::vector<tiles::ViewCone> flight_view_cones(const PlannedFlight& mission) {
+std::vector<tiles::ViewCone> flight_view_cones(const PlannedFlight& mission, std::size_t camera) {
+  const PlannedCamera& seen_by = mission.camera(camera);
   std::vector<geometry::SE3> poses;
-  for (std::size_t frame = 0; frame < mission.frames.size(); ++frame) {
-    const std::vector<geometry::SE3> of_frame = exposure_poses(mission, frame);
+  for (std::size_t frame = 0; frame < seen_by.frames.size(); ++frame) {
+    const std::vector<geometry::SE3> of_frame = exposure_poses(seen_by, frame);
     poses.insert(poses.end(), of_frame.begin(), of_frame.end());
   }
-  std::vector<tiles::ViewCone> cones = tiles::view_cones_along(mission.calibration.camera, poses);
+  std::vector<tiles::ViewCone> cones = tiles::view_cones_along(seen_by.calibration.camera, poses);
   return may_divide_images(mission) ? cones : tiles::widen_to_all_directions(std::move(cones));
 }
 
-std::vector<tiles::ViewCone> region_view_cones(const PlannedFlight& mission, std::size_t frame,
+std::vector<tiles::ViewCone> region_view_cones(const PlannedCamera& camera, std::size_t frame,
                                                const std::vector<tiles::ViewCone>& cones) {
-  const std::vector<geometry::SE3> poses = exposure_poses(mission, frame);
+  const std::vector<geometry::SE3> poses = exposure_poses(camera, frame);
   double turn_rad = 0.0;  // during the exposure
   for (const geometry::SE3& pose : poses)
     turn_rad = std::max(turn_rad, pose.rotation.angularDistance(poses.front().rotation));
@@ -121,13 +233,29 @@ std::vector<tiles::ViewCone> region_view_cones(const PlannedFlight& mission, std
 }
 
 bool may_divide_images(const PlannedFlight& mission) {
-  return !mission.sensor_recorder->suite().needs_scene() && !mission.options.formation.light;
+  for (std::size_t i = 0; i < mission.camera_count(); ++i) {
+    if (mission.camera(i).options.formation.light) return false;
+  }
+  return !mission.sensor_recorder->suite().needs_scene();
+}
+
+geometry::Vec3 body_position(const PlannedCamera& camera, std::size_t frame) {
+  return camera.frames.poses[frame].T_local_camera * camera.T_body_camera.inverse().translation;
+}
+
+FrameGroups group_images(const std::vector<geometry::Vec3>& body_positions, const PlannedFlight& mission,
+                         const RenderSettings& settings) {
+  FrameGroups groups = settings.error_px ? group_frames(body_positions) : single_group(body_positions);
+  // The same whatever cameras there are, so that each takes the same images beside others as alone.
+  if (groups.count() == 1 && !mission.body.empty())
+    groups.anchors.front() = mission.body.poses[mission.body.size() / 2].T_local_camera.translation;
+  return groups;
 }
 
 FrameGroups group_flight_frames(const PlannedFlight& mission, const RenderSettings& settings) {
   std::vector<geometry::Vec3> positions;
-  for (const geometry::StampedPose& pose : mission.frames.poses) positions.push_back(pose.T_local_camera.translation);
-  return settings.error_px ? group_frames(positions) : single_group(positions);
+  for (std::size_t i = 0; i < mission.frames.size(); ++i) positions.push_back(body_position(mission, i));
+  return group_images(positions, mission, settings);
 }
 
 }  // namespace tileflight::survey

@@ -29,9 +29,8 @@ using nlohmann::json;
 /// (docs/vehicles.md).
 constexpr double kFarOff_m = 5.0;
 
-/// Everything besides the program that determines the frames: equal inputs give equal frames.
-json frame_inputs(const PlannedFlight& mission, const RenderSettings& settings) {
-  std::string numbers;
+/// Path and lens of a camera, as bytes.
+void append_camera(const PlannedCamera& planned, std::string& numbers) {
   const auto add = [&numbers](const auto& values) {
     for (const double value : values) numbers.append(reinterpret_cast<const char*>(&value), sizeof value);
   };
@@ -40,15 +39,15 @@ json frame_inputs(const PlannedFlight& mission, const RenderSettings& settings) 
     add(T.rotation.coeffs());
   };
   constexpr int kBetween = 4;  // number of times between two frames at which the path is sampled
-  const auto& poses = mission.frames.poses;
+  const auto& poses = planned.frames.poses;
   for (std::size_t i = 0; i < poses.size(); ++i) {
     add(std::array{poses[i].time_s});
     add_pose(poses[i].T_local_camera);
     for (int k = 1; k < kBetween && i + 1 < poses.size(); ++k) {
-      add_pose(mission.pose_at(poses[i].time_s + (poses[i + 1].time_s - poses[i].time_s) * k / kBetween));
+      add_pose(planned.pose_at(poses[i].time_s + (poses[i + 1].time_s - poses[i].time_s) * k / kBetween));
     }
   }
-  const imaging::Camera& camera = mission.calibration.camera;
+  const imaging::Camera& camera = planned.calibration.camera;
   constexpr int kAcross = 16;  // number of rays used to compare lenses
   for (int i = 0; i <= kAcross * kAcross; ++i) {
     const geometry::Vec2 pixel((camera.width() - 1.0) * (i % kAcross) / kAcross,
@@ -56,6 +55,12 @@ json frame_inputs(const PlannedFlight& mission, const RenderSettings& settings) 
     add(pixel);
     if (const auto ray = camera.unproject(pixel)) add(*ray);
   }
+}
+
+/// Everything besides the program that determines the frames: equal inputs give equal frames.
+json frame_inputs(const PlannedFlight& mission, const RenderSettings& settings) {
+  std::string numbers;
+  for (std::size_t c = 0; c < mission.camera_count(); ++c) append_camera(mission.camera(c), numbers);
   return {{"program", place::program_fingerprint()},
           {"settings", base::sha256_hex(settings.asked.dump())},  // hashed: may hold private paths
           {"source", transport::redact_source(settings.source)},
@@ -86,7 +91,7 @@ struct RenderedFrames {
 /// Renders the frames of a part into the store. Frames that are there from other tiles are rendered again.
 json render_part(const PlannedFlight& mission, const RenderSettings& settings, const fs::path& out,
                  const Progress& progress) {
-  const std::size_t frames = mission.frames.size();
+  const std::size_t frames = mission.image_count();
   const workflow::IndexRange part{settings.part->begin, std::min(settings.part->end, frames)};
   if (part.begin >= part.end) throw InputError("--frames", "the flight has frames 0 to " + std::to_string(frames - 1));
   FrameStore::prepare(out, frame_inputs(mission, settings), workflow::Share::kPart);
@@ -104,7 +109,7 @@ json render_part(const PlannedFlight& mission, const RenderSettings& settings, c
 /// `kept`: null if one process renders everything.
 RenderedFrames render_assigned(const PlannedFlight& mission, const RenderSettings& settings, const fs::path& out,
                                bool replace, const FrameStore* kept, workflow::Ranks& ranks, const Progress& progress) {
-  FrameAssignment share(ranks, kept, mission.frames.size());
+  FrameAssignment share(ranks, kept, mission.image_count());
   std::unique_ptr<DatasetRenderer> renderer;
   run_collectively(
       ranks, [&] { renderer = std::make_unique<DatasetRenderer>(mission, settings, out, replace, share, progress); });
@@ -129,11 +134,11 @@ RenderedFrames render_with_store(const PlannedFlight& mission, const RenderSetti
   });
   std::optional<FrameStore> kept;
   run_collectively(ranks, [&] { kept.emplace(out, ranks.rank(), ranks.count()); });
-  const TerminationMessageScope last_words(ranks, *kept, mission.frames.size());
+  const TerminationMessageScope last_words(ranks, *kept, mission.image_count());
   RenderedFrames rendered = render_assigned(mission, settings, out, replace, &*kept, ranks, progress);
   if (ranks.rank() == 0) kept->remove();
   if (rendered.resumed > 0) {
-    notes.push_back(std::to_string(rendered.resumed) + " of " + std::to_string(mission.frames.size()) +
+    notes.push_back(std::to_string(rendered.resumed) + " of " + std::to_string(mission.image_count()) +
                     " frames were reused from an earlier render");
   }
   return rendered;
@@ -160,9 +165,23 @@ void require_undivided_autopilot(const RenderSettings& settings) {
                      "groundtruth.txt as 'trajectory'");
 }
 
+/// What is wrong with the path of each camera.
+std::vector<std::string> path_warnings(const PlannedFlight& mission, const std::vector<FrameRecord>& images) {
+  const ImageOrder order(mission);
+  std::vector<std::string> warnings;
+  for (std::size_t c = 0; c < mission.camera_count(); ++c) {
+    const PlannedCamera& camera = mission.camera(c);
+    std::vector<FrameRecord> frames;
+    for (std::size_t i = 0; i < camera.frames.size(); ++i) frames.push_back(images[order.number_of(c, i)]);
+    const std::string whose = camera.name.empty() ? "" : "camera " + camera.name + ", ";
+    for (const std::string& warning : render::flight_warnings(frame_checks(frames), 0, camera.options.clearance_m))
+      warnings.push_back(whose + warning);
+  }
+  return warnings;
+}
+
 std::vector<std::string> collect_warnings(const PlannedFlight& mission, const RenderedFrames& rendered) {
-  std::vector<std::string> warnings =
-      render::flight_warnings(frame_checks(rendered.frames), 0, mission.options.clearance_m);
+  std::vector<std::string> warnings = path_warnings(mission, rendered.frames);
   const bool sees_nothing = std::all_of(rendered.frames.begin(), rendered.frames.end(),
                                         [](const FrameRecord& frame) { return frame.check.view.surfaces == 0; });
   if (sees_nothing) {
@@ -199,7 +218,7 @@ FramePlan plan_frame_parts(const RenderSettings& settings, int parts, const Prog
   require_undivided_autopilot(settings);
   constexpr std::size_t kFewFrames = 8;  // less is not worth reading the tiles again
   const PlannedFlight mission = plan_flight(settings, progress);
-  const std::size_t frames = mission.frames.size();
+  const std::size_t frames = mission.image_count();
   const std::size_t count = std::clamp(static_cast<std::size_t>(std::max(1, parts)), std::size_t{1},
                                        std::max<std::size_t>(1, frames / kFewFrames));
   return {.parts = workflow::balanced_ranges(std::vector<double>(frames, 1.0), count),
@@ -227,6 +246,7 @@ json render_dataset(const RenderSettings& settings, const fs::path& out, bool re
   const RenderSummary& summary = rendered.summary;
   const auto frames = static_cast<std::int64_t>(rendered.frames.size());
   return {{"frames", frames},
+          {"cameras", mission.camera_count()},
           {"frames_taken_up", rendered.resumed},
           {"ranks", ranks.count()},
           {"seconds", summary.seconds},
@@ -236,7 +256,7 @@ json render_dataset(const RenderSettings& settings, const fs::path& out, bool re
           {"frames_divided", summary.frames_divided},
           {"complete", summary.tiles.complete},
           {"triangles", summary.tiles.triangles},
-          {"path_length", geometry::path_length_m(mission.frames)},
+          {"path_length", geometry::path_length_m(mission.body)},
           {"warnings", warnings}};
 }
 

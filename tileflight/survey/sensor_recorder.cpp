@@ -65,11 +65,9 @@ std::string motion_name(sensors::ScanMotion motion) {
 SensorRecorder::SensorRecorder(sensors::SensorSuite suite, flight::Path path, geometry::Trajectory frames)
     : suite_(std::move(suite)), path_(std::move(path)), frames_(std::move(frames)) {}
 
-void SensorRecorder::record(const scene::Scene& scene, const OptionalFrame& frame, std::size_t begin, std::size_t end,
+void SensorRecorder::record(const scene::Scene& scene, const OptionalFrame& frame, double from_s, double to_s,
                             const fs::path& folder) {
   if (suite_.magnetometer) sensors::magnetic_field_at(suite_.magnetic_field, frame);  // refuses before the work
-  const double from_s = frames_.poses[begin].time_s;
-  const double to_s = end < frames_.size() ? frames_.poses[end].time_s : std::numeric_limits<double>::infinity();
   if (suite_.lidar) scan(scene, from_s, to_s, folder);
   if (suite_.range_finder) {
     const auto times = render::make_sample_times("range finder", start_s(), end_s(), suite_.range_finder->rate_hz);

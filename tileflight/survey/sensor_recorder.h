@@ -15,8 +15,8 @@
 
 namespace tileflight::survey {
 
-/// Simulates the sensors besides the camera on a rendered flight: records them from the first to the last frame's time,
-/// on the frames' clock, and writes them beside the images (docs/formats.md, "A dataset folder").
+/// Simulates the sensors besides the cameras on a rendered flight: records them from its first to its last instant, on
+/// the flight's clock, and writes them beside the images (docs/formats.md, "A dataset folder").
 class SensorRecorder {
  public:
   SensorRecorder(sensors::SensorSuite suite, flight::Path path, geometry::Trajectory frames);
@@ -26,11 +26,12 @@ class SensorRecorder {
   /// What moves in the scenes of record() besides; empty: nothing. Range finders do not see it.
   void set_placed(render::PlacedParts placed) { placed_ = std::move(placed); }
 
-  /// Simulates lidar scans and ranges that start between frame `begin`'s and frame `end`'s time (exclusive), and writes
-  /// scans into the dataset's folder immediately. A flight may be recorded in several parts, in order, or by several
-  /// processes; the files are the same. Throws InputError if a sensor needs a georeferenced place and it is not.
-  void record(const scene::Scene& scene, const std::optional<geometry::LocalFrame>& frame, std::size_t begin,
-              std::size_t end, const std::filesystem::path& folder);
+  /// Simulates lidar scans and ranges that start from one time up to, not including, another, and writes scans into the
+  /// dataset's folder immediately. A flight may be recorded in several parts, in order, from -infinity to infinity, or
+  /// by several processes; the files are the same. Throws InputError if a sensor needs a georeferenced place and it is
+  /// not.
+  void record(const scene::Scene& scene, const std::optional<geometry::LocalFrame>& frame, double from_s, double to_s,
+              const std::filesystem::path& folder);
 
   /// What record() has recorded here, for set_recorded() in this or another process: bytes.
   std::string recorded() const;

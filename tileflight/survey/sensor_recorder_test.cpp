@@ -39,6 +39,13 @@ sensors::SensorSuite suite() {
   return suite;
 }
 
+/// The time of a frame, as the border between two parts.
+double at(std::size_t frame) {
+  const double ever = std::numeric_limits<double>::infinity();
+  if (frame == 0) return -ever;
+  return frame < frames().size() ? frames().poses[frame].time_s : ever;
+}
+
 SensorRecorder files() { return {suite(), flight::path_through_poses(frames()), frames()}; }
 
 TEST(SensorRecorder, AFlightInPartsGivesTheSameFiles) {
@@ -47,10 +54,10 @@ TEST(SensorRecorder, AFlightInPartsGivesTheSameFiles) {
   fs::create_directories(folder / "whole");
   fs::create_directories(folder / "parts");
   SensorRecorder whole = files(), parts = files();
-  whole.record(scene, {}, 0, 21, folder / "whole");
-  parts.record(scene, {}, 0, 6, folder / "parts");
-  parts.record(scene, {}, 6, 7, folder / "parts");
-  parts.record(scene, {}, 7, 21, folder / "parts");
+  whole.record(scene, {}, at(0), at(21), folder / "whole");
+  parts.record(scene, {}, at(0), at(6), folder / "parts");
+  parts.record(scene, {}, at(6), at(7), folder / "parts");
+  parts.record(scene, {}, at(7), at(21), folder / "parts");
   whole.write({}, 3.0, folder / "whole");
   parts.write({}, 3.0, folder / "parts");
   std::size_t compared = 0;
@@ -70,9 +77,9 @@ TEST(SensorRecorder, SeveralProcessesGiveTheSameFiles) {
   fs::create_directories(folder / "whole");
   fs::create_directories(folder / "shared");
   SensorRecorder whole = files(), first = files(), idle = files(), second = files();
-  whole.record(scene, {}, 0, 21, folder / "whole");
-  first.record(scene, {}, 0, 9, folder / "shared");
-  second.record(scene, {}, 9, 21, folder / "shared");
+  whole.record(scene, {}, at(0), at(21), folder / "whole");
+  first.record(scene, {}, at(0), at(9), folder / "shared");
+  second.record(scene, {}, at(9), at(21), folder / "shared");
   first.set_recorded({first.recorded(), idle.recorded(), second.recorded()});
   whole.write({}, 3.0, folder / "whole");
   first.write({}, 3.0, folder / "shared");
@@ -84,7 +91,7 @@ TEST(SensorRecorder, SeveralProcessesGiveTheSameFiles) {
 TEST(SensorRecorder, TimesAreTheDatasetsClock) {
   const tests::TemporaryFolder folder;
   SensorRecorder sensors = files();
-  sensors.record(ground(), {}, 0, 21, folder / ".");
+  sensors.record(ground(), {}, at(0), at(21), folder / ".");
   sensors.write({}, 0.0, folder / ".");  // a video's clock begins with its first picture
   EXPECT_NEAR(dataset::read_imu_csv(folder / "imu.csv").back().time_s, 2.0, 1e-9);
   EXPECT_NEAR(dataset::read_number_table(folder / "range.csv").rows.at(7)[0], 1.0, 1e-9);
@@ -97,11 +104,11 @@ TEST(SensorRecorder, OnTheEarthTheFieldAndTheHeightAreTheEarths) {
   suite.magnetometer = sensors::MagnetometerOptions{.noise_ut = 0.0};
   suite.barometer = sensors::BarometerOptions{.noise_pa = 0.0, .drift_pa = 0.0};
   SensorRecorder sensors(suite, flight::path_through_poses(frames()), frames());
-  EXPECT_THAT(tests::refusal_of([&] { sensors.record(ground(), {}, 0, 21, folder / "."); }),
+  EXPECT_THAT(tests::refusal_of([&] { sensors.record(ground(), {}, at(0), at(21), folder / "."); }),
               HasSubstr("the place is not georeferenced"));
   // Quito, Ecuador: 2800 m above the ellipsoid; the geoid (EGM96) lies some 26 m above it there.
   const geometry::LocalFrame quito({-0.2, -78.5, {2800.0}});
-  sensors.record(ground(), quito, 0, 21, folder / ".");
+  sensors.record(ground(), quito, at(0), at(21), folder / ".");
   sensors.write(quito, 3.0, folder / ".");
   const auto field = dataset::read_number_table(folder / "magnetometer.csv").rows.at(0);
   EXPECT_NEAR(Vec3(field[1], field[2], field[3]).norm(), 29.0, 1.0);

@@ -61,6 +61,18 @@ flight::SpeedLimits read_limits(StrictSection& plan) {
   return limits;
 }
 
+/// `cameras: camchain.yaml`, or a list of cameras that each name a file.
+std::vector<std::filesystem::path> read_camera_files(StrictSection& plan) {
+  if (!plan.is_list("cameras")) {
+    const auto chain = plan.path("cameras");
+    return chain ? std::vector{*chain} : std::vector<std::filesystem::path>{};
+  }
+  std::vector<std::filesystem::path> files;
+  for (StrictSection& camera : plan.sections("cameras")) files.push_back(camera.path("camera").value_or(""));
+  if (files.empty()) throw plan.error("cameras", "lists no camera; give at least one");
+  return files;
+}
+
 /// Only waypoints and missions can be flown by a vehicle, and a mission requires one.
 void check_vehicle(const StrictSection& section, const FlightPlan& plan) {
   if (plan.vehicle && plan.poses)
@@ -81,7 +93,10 @@ void check_autopilot(const StrictSection& section, const FlightPlan& plan) {
 
 /// Checks that the plan states exactly one kind of path and when to take images.
 void check_plan(const StrictSection& section, const FlightPlan& plan) {
-  if (plan.camera.empty()) throw section.error("camera", "is missing; name the calibration file");
+  if (!plan.camera.empty() && !plan.cameras.empty())
+    throw section.error("cameras", "and 'camera' are both given; keep one of the two");
+  if (plan.camera.empty() && plan.cameras.empty())
+    throw section.error("camera", "is missing; name the calibration file");
   if (plan.poses && !plan.waypoints.empty())
     throw section.error("waypoints", "and 'trajectory' are both given; keep one of the two");
   if (plan.autopilot) return check_autopilot(section, plan);
@@ -115,6 +130,7 @@ FlightPlan read_flight_plan(const std::filesystem::path& file) {
   StrictSection section = StrictSection::load(file);
   FlightPlan plan;
   plan.camera = section.path("camera").value_or("");
+  plan.cameras = read_camera_files(section);
   const auto trajectory = section.path("trajectory");
   plan.smoothing = flight::read_smoothing(section, std::nullopt);
   plan.waypoints = read_waypoints(section);
@@ -140,6 +156,7 @@ std::vector<std::filesystem::path> referenced_files(const std::filesystem::path&
   for (const char* key : {"camera", "trajectory", "sensors_file"}) {
     if (const auto named = section.path(key)) files.push_back(*named);
   }
+  for (const std::filesystem::path& camera : read_camera_files(section)) files.push_back(camera);
   return files;
 }
 

@@ -15,8 +15,9 @@ namespace tileflight::vehicle {
 
 /// Contents of a FLIGHT file. Paths in it are relative to the file and are resolved here.
 struct FlightPlan {
-  std::filesystem::path camera;               ///< Kalibr camchain or DSO camera.txt
-  std::optional<geometry::Trajectory> poses;  ///< the file's poses (TUM), if the plan names one
+  std::filesystem::path camera;                ///< Kalibr camchain or DSO camera.txt; empty if there are `cameras`
+  std::vector<std::filesystem::path> cameras;  ///< key `cameras`: the calibration files of a rig
+  std::optional<geometry::Trajectory> poses;   ///< the file's poses (TUM), if the plan names one
   std::optional<flight::SmoothingOptions>
       smoothing;                            ///< key `smooth`: of the path along `poses`; none: interpolates them
   std::vector<flight::Waypoint> waypoints;  ///< used if there are no poses
@@ -31,11 +32,11 @@ struct FlightPlan {
 
 /// Reads FLIGHT.yaml; unknown keys are errors that name the nearest known key. The keys `sensors`, `sensors_file`,
 /// `actors` and `weather` are accepted and left to sensors::read_sensor_suite, actors::read_actors and
-/// render::read_weather. Throws InputError.
+/// render::read_weather, and of `cameras` all but the files' names to who renders them. Throws InputError.
 FlightPlan read_flight_plan(const std::filesystem::path& file);
 
-/// FLIGHT.yaml itself and the files that it names (camera, trajectory, sensors_file), whether they exist or not. Throws
-/// InputError if the file cannot be read.
+/// FLIGHT.yaml itself and the files that it names (camera, cameras, trajectory, sensors_file), whether they exist or
+/// not. Throws InputError if the file cannot be read.
 std::vector<std::filesystem::path> referenced_files(const std::filesystem::path& file);
 
 /// The path of the plan: along its poses, through its waypoints, or as its vehicle flies waypoints or mission without

@@ -1,0 +1,231 @@
+// PartRenderer's images that are rendered in regions.
+#include <algorithm>
+#include <chrono>
+#include <map>
+#include <utility>
+
+#include "tileflight/base/elapsed_time.h"
+#include "tileflight/base/formatted_text.h"
+#include "tileflight/survey/image_division.h"
+#include "tileflight/survey/part_renderer.h"
+
+namespace tileflight::survey {
+
+using imaging::PixelRegion;
+
+namespace {
+
+std::uintmax_t traced_bytes(const PlannedCamera& planned) {
+  const render::OutputChannels& outputs = planned.options.outputs;
+  const auto if_wanted = [](bool is_wanted, std::uintmax_t bytes) { return is_wanted ? bytes : 0; };
+  const std::uintmax_t bytes_per_pixel =
+      sizeof(render::LinearRgb) + sizeof(imaging::Rgb8) + if_wanted(planned.options.render.depth, sizeof(float)) +
+      if_wanted(outputs.range, sizeof(float)) + if_wanted(outputs.normals, 3 * sizeof(float)) +
+      if_wanted(outputs.objects || outputs.placed_objects, sizeof(std::uint32_t)) +
+      if_wanted(outputs.flow, 2 * sizeof(float)) + if_wanted(outputs.visibility, 1);
+  const imaging::Camera& camera = planned.calibration.camera;
+  return bytes_per_pixel * static_cast<std::uintmax_t>(camera.width()) * static_cast<std::uintmax_t>(camera.height());
+}
+
+tiles::MemoryLimitExceeded frame_does_not_fit(const FlightTiles& tiles, std::size_t frame, std::uintmax_t limit) {
+  return {tiles.name(),
+          base::formatted("the tiles of frame %zu need more than %.3g GB of memory: request coarser tiles "
+                          "(--pixel-error, --error), or raise the limit (--memory)",
+                          frame, 1e-9 * static_cast<double>(limit))};
+}
+
+}  // namespace
+
+/// The frame of view `begin`, and those after it that do not fit into memory either, as many as are traced together.
+std::vector<std::size_t> PartRenderer::frames_to_divide(std::size_t begin) const {
+  constexpr std::uintmax_t kShare = 8;  // of the memory limit, for images that are being traced
+  constexpr std::size_t kMost = 16;
+  const std::vector<FrameView>& views = loader_->views();
+  if (!may_divide_images(mission_)) throw frame_does_not_fit(*tiles_, views[begin].frame, max_memory_bytes_);
+  const std::vector<std::size_t>& group_of_frame = tiles_->groups().group_of_frame;
+  const std::size_t most = std::clamp<std::size_t>(max_memory_bytes_ / kShare / bytes_of_traced_frame(), 1, kMost);
+  std::vector<std::size_t> frames;
+  for (std::size_t i = begin; i < views.size() && frames.size() < most; ++i) {
+    if (group_of_frame[views[i].frame] != group_of_frame[views[begin].frame]) break;
+    const bool is_large = loader_->estimated_bytes(views[i]) > static_cast<double>(max_memory_bytes_);
+    if (i > begin && !is_large) break;
+    frames.push_back(views[i].frame);
+  }
+  return frames;
+}
+
+/// The same regions of all the images, which are one camera's; those of one region together, so that they share its
+/// tiles.
+std::vector<FrameView> PartRenderer::divided_views(const std::vector<std::size_t>& frames,
+                                                   double bytes_for_tiles) const {
+  constexpr double kRegionShare = 0.9;  // estimates may be too low
+  const imaging::Camera& camera = camera_of(frames.front()).calibration.camera;
+  const std::vector<PixelRegion> regions = divide_image(
+      camera.width(), camera.height(),
+      [&](const PixelRegion& region) {
+        return loader_->estimated_bytes({frames.front(), region, false});
+      },
+      kRegionShare * bytes_for_tiles);
+  std::vector<FrameView> views;
+  for (const PixelRegion& region : regions) {
+    for (const std::size_t frame : frames) views.push_back({frame, region, region == regions.front()});
+  }
+  return views;
+}
+
+/// Halves the region of the view that did not fit, for it and the views of the region after it.
+void PartRenderer::divide_further(std::size_t begin) {
+  std::vector<FrameView> views = loader_->views();
+  const PixelRegion region = *views[begin].region;
+  const std::size_t frame = views[begin].frame;
+  const auto halves = halves_of(region, [&](const PixelRegion& half) {
+    return loader_->estimated_bytes({frame, half, false});
+  });
+  if (!halves) throw frame_does_not_fit(*tiles_, frame, max_memory_bytes_);
+  std::vector<FrameView> second;
+  std::size_t end = begin;
+  for (; end < views.size() && views[end].region == region; ++end) {
+    second.push_back({views[end].frame, halves->second, false});
+    views[end].region = halves->first;
+  }
+  views.insert(views.begin() + static_cast<std::ptrdiff_t>(end), second.begin(), second.end());
+  loader_->set_views(std::move(views));
+}
+
+/// Calls `work` with a scene for each part of the frames' regions.
+void PartRenderer::for_each_region(const std::vector<std::size_t>& frames, const FrameAssignment& share,
+                                   const PartWork& work) {
+  std::vector<FrameView> whole = loader_->views();
+  const double for_tiles = bytes_for_tiles(frames.size());
+  loader_->set_limit(static_cast<std::uintmax_t>(for_tiles));
+  loader_->set_views(divided_views(frames, for_tiles));
+  for (std::size_t next = 0; next < loader_->views().size();) {
+    if (std::optional<LoadedPart> part = load(next, share)) {
+      loader_->prefetch(part->end);
+      work(*part);
+      next = release(std::move(*part));
+    } else {
+      divide_further(next);
+    }
+  }
+  loader_->set_limit(max_memory_bytes_);
+  loader_->set_views(std::move(whole));
+}
+
+/// Images by their cameras, in the order of each camera's first.
+std::vector<std::vector<std::size_t>> PartRenderer::by_camera(const std::vector<std::size_t>& all) const {
+  std::map<std::size_t, std::vector<std::size_t>> found;
+  for (const std::size_t image : all) found[images()[image].camera].push_back(image);
+  std::vector<std::vector<std::size_t>> result;
+  for (auto& [camera, of_camera] : found) result.push_back(std::move(of_camera));
+  return result;
+}
+
+/// As meter_part(), of images that are divided.
+std::vector<double> PartRenderer::meter_divided(const std::vector<std::size_t>& all, const FrameAssignment& share) {
+  std::map<std::size_t, double> light;
+  for (const std::vector<std::size_t>& of_camera : by_camera(all)) {
+    if (camera_of(of_camera.front()).options.formation.auto_exposure.target > 0.0)
+      light.merge(meter_regions(of_camera, share));
+  }
+  std::vector<double> means;
+  for (const std::size_t image : all) means.push_back(light[image]);
+  return means;
+}
+
+/// Mean light of one camera's images.
+std::map<std::size_t, double> PartRenderer::meter_regions(const std::vector<std::size_t>& of_camera,
+                                                          const FrameAssignment& share) {
+  const PlannedCamera& camera = camera_of(of_camera.front());
+  std::map<std::size_t, render::LinearImage> pictures;
+  std::map<std::size_t, double> light;
+  for_each_region(of_camera, share, [&](const LoadedPart& part) {
+    const render::FlightRenderOptions options = options_for(part, images()[of_camera.front()].camera, share);
+    const render::LightMeter meter = render::make_light_meter(part.scene, camera.calibration.camera, options);
+    for (std::size_t i = part.begin; i < part.end; ++i) {
+      const FrameView& view = loader_->views()[i];
+      const std::size_t frame = images()[view.frame].frame;
+      const render::LinearImage seen = meter.image(camera.frames.poses[frame].T_local_camera);
+      render::LinearImage& picture = pictures.try_emplace(view.frame, seen.width, seen.height).first->second;
+      imaging::copy_region(meter.region(*view.region), seen, picture);
+    }
+    if (part.end < loader_->views().size()) return;
+    for (const auto& [image, picture] : pictures) light[image] = meter.mean_light(picture);
+  });
+  return light;
+}
+
+/// Gains of the automatic exposure, for all frames of these images' camera up to the last of them; only those of these
+/// are set.
+std::vector<double> PartRenderer::gains_of(const std::vector<std::size_t>& of_camera,
+                                           const std::map<std::size_t, double>& light, RenderSummary& summary) const {
+  const PlannedCamera& camera = camera_of(of_camera.front());
+  std::vector<double> times_s, means;
+  for (const std::size_t image : of_camera) {
+    times_s.push_back(camera.frames.poses[images()[image].frame].time_s);
+    means.push_back(light.at(image));
+  }
+  const std::vector<double> found = render::exposure_gains(camera.options.formation.auto_exposure, times_s, means,
+                                                           summary.exposure_after[images()[of_camera.front()].camera]);
+  std::vector<double> gains(images()[of_camera.back()].frame + 1, 1.0);
+  for (std::size_t k = 0; k < of_camera.size(); ++k) gains[images()[of_camera[k]].frame] = found[k];
+  return gains;
+}
+
+void PartRenderer::render_divided(const std::vector<std::size_t>& of_camera, FrameAssignment& share,
+                                  const CameraFrameSink& sink, RenderSummary& summary) {
+  const std::size_t number = images()[of_camera.front()].camera;
+  const PlannedCamera& camera = mission_.camera(number);
+  std::vector<double> gains = gains_.empty() ? std::vector<double>() : gains_[number];
+  if (gains.empty() && camera.options.formation.auto_exposure.target > 0.0)
+    gains = gains_of(of_camera, meter_regions(of_camera, share), summary);
+  std::vector<std::size_t> assigned = of_camera;
+  std::erase_if(assigned, [&](std::size_t image) { return !share.is_assigned(image); });
+  if (assigned.empty()) return;
+  summary.frames_divided += static_cast<std::int64_t>(assigned.size());
+  std::map<std::size_t, render::DividedFrame> divided;
+  for_each_region(assigned, share, [&](const LoadedPart& part) {
+    const auto start = std::chrono::steady_clock::now();
+    render::FlightRenderOptions options = options_for(part, number, share);
+    options.exposure_gains = gains;
+    const render::FrameRenderer renderer(part.scene, camera.calibration.camera, camera.frames, camera.pose_at, options);
+    for (std::size_t i = part.begin; i < part.end; ++i) {
+      const FrameView& view = loader_->views()[i];
+      const std::size_t index = images()[view.frame].frame;
+      render::DividedFrame& frame = divided[view.frame];
+      frame.add(*view.region, renderer.trace_region(index, view.region));
+      if (view.has_checks) renderer.check_path(index, frame.check());
+    }
+    const auto largest = static_cast<std::int64_t>(part.scene.triangle_count());
+    summary.tiles.triangles = std::max(summary.tiles.triangles, largest);
+    ++summary.parts;
+    if (part.end == loader_->views().size()) {
+      for (auto& [image, frame] : divided) {
+        const render::FlightFrame finished = renderer.develop(frame.take_frame());
+        sink(number, finished);
+        share.add(image, finished);
+      }
+    }
+    summary.seconds += base::seconds_since(start);
+  });
+  report_progress(progress_, static_cast<std::int64_t>(assigned.back()) + 1,
+                  static_cast<std::int64_t>(images().count()), "frames rendered");
+}
+
+/// What a region's scene may take beside so many frames that are being traced, and one that is written.
+double PartRenderer::bytes_for_tiles(std::size_t frames) const {
+  // A scene that is being built takes more than it does later; where many scenes follow each other, one will show it.
+  constexpr double kTilesShare = 0.7, kLeastShare = 0.4;
+  const auto limit = static_cast<double>(max_memory_bytes_);
+  const auto images = static_cast<double>((frames + 1) * bytes_of_traced_frame());
+  return std::max(kLeastShare * limit, kTilesShare * limit - images);
+}
+
+/// Upper bound of what an image takes until it is developed, and as it is written.
+std::uintmax_t PartRenderer::bytes_of_traced_frame() const {
+  std::uintmax_t most = 0;
+  for (std::size_t c = 0; c < mission_.camera_count(); ++c) most = std::max(most, traced_bytes(mission_.camera(c)));
+  return most;
+}
+
+}  // namespace tileflight::survey

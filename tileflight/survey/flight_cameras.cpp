@@ -1,0 +1,153 @@
+#include "tileflight/survey/flight_cameras.h"
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/strict_section.h"
+#include "tileflight/flight/path.h"
+#include "tileflight/imaging/calibration_files.h"
+#include "tileflight/render/image_formation_section.h"
+
+namespace tileflight::survey {
+namespace {
+
+using base::StrictSection;
+using geometry::SE3;
+using geometry::Vec3;
+
+constexpr std::size_t kLongestName = 64;
+
+/// A name becomes that of a folder and of a topic.
+bool is_plain_name(const std::string& name) {
+  const auto is_plain = [](unsigned char c) { return std::isalnum(c) != 0 || c == '-' || c == '_'; };
+  return !name.empty() && name.size() <= kLongestName && std::ranges::all_of(name, is_plain);
+}
+
+/// Kalibr's convention: 16 numbers, row by row.
+std::optional<SE3> read_mount_matrix(StrictSection& camera) {
+  const auto numbers = camera.numbers("T_body_camera", 16, 16);
+  if (!numbers) return std::nullopt;
+  const Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>> m(numbers->data());
+  const geometry::Mat3 rotation = m.topLeftCorner<3, 3>();
+  constexpr double kRounding = 1e-3;
+  if (!(rotation.transpose() * rotation).isIdentity(kRounding) || rotation.determinant() < 0.0 ||
+      !m.row(3).isApprox(Eigen::RowVector4d(0, 0, 0, 1), kRounding))
+    throw camera.error("T_body_camera", "is not a rigid motion (rotation and translation)");
+  return SE3(rotation, m.topRightCorner<3, 1>());
+}
+
+/// Angles as those of a waypoint, from the body's own direction.
+SE3 read_mount(StrictSection& camera) {
+  const std::optional<SE3> matrix = read_mount_matrix(camera);
+  const auto position = camera.numbers("position", 3, 3);
+  const auto yaw = camera.number("yaw_deg"), pitch = camera.number("pitch_deg"), roll = camera.number("roll_deg");
+  const bool has_angles = yaw || pitch || roll;
+  if (matrix && (position || has_angles))
+    throw camera.error("T_body_camera", "and position or angles are both given; keep one of the two");
+  if (matrix) return *matrix;
+  SE3 T_body_camera;
+  if (position) T_body_camera.translation = Vec3(position->data());
+  if (has_angles)
+    T_body_camera.rotation = (flight::camera_orientation(0, 0, 0).conjugate() *
+                              flight::camera_orientation(yaw.value_or(0.0), pitch.value_or(0.0), roll.value_or(0.0)))
+                                 .normalized();
+  return T_body_camera;
+}
+
+imaging::Calibration read_lens(StrictSection& camera) {
+  const auto file = camera.path("camera");
+  if (!file) throw camera.error("camera", "is missing; name the calibration file");
+  const auto id = camera.text("camera_id");
+  imaging::Calibration calibration = id ? imaging::read_calibration(*file, *id) : imaging::read_calibration(*file);
+  if (const auto sides = camera.numbers("resolution", 2, 2)) {
+    constexpr double kLeast = 16.0, kMost = 65536.0;
+    for (const double side : *sides) {
+      if (side != std::floor(side) || side < kLeast || side > kMost)
+        throw camera.error("resolution", "must be width and height, 16 to 65536 pixels");
+    }
+    calibration.camera = calibration.camera.scaled_to(static_cast<int>(sides->at(0)), static_cast<int>(sides->at(1)));
+  }
+  return calibration;
+}
+
+MountedCamera read_camera(StrictSection camera, const std::optional<render::ImageFormation>& degrade) {
+  constexpr double kLargestOffset_s = 10.0;
+  MountedCamera mounted;
+  mounted.name = camera.text("name").value_or("");
+  if (!is_plain_name(mounted.name))
+    throw camera.error("name", "is required, of up to 64 letters, digits, '-' and '_': it names a folder");
+  mounted.calibration = read_lens(camera);
+  mounted.T_body_camera = read_mount(camera);
+  mounted.fps = camera.positive_number("fps");
+  mounted.offset_s = camera.number("offset_s", 0.0, -kLargestOffset_s, kLargestOffset_s);
+  if (auto own = camera.section("degrade"))
+    mounted.degrade = render::read_image_formation(*own, degrade.value_or(render::ImageFormation{}));
+  camera.require_all_keys_used();
+  return mounted;
+}
+
+std::vector<MountedCamera> read_list(StrictSection& flight, const std::optional<render::ImageFormation>& degrade) {
+  std::vector<MountedCamera> cameras;
+  for (const StrictSection& camera : flight.sections("cameras")) cameras.push_back(read_camera(camera, degrade));
+  return cameras;
+}
+
+std::vector<MountedCamera> read_chain(const std::filesystem::path& file) {
+  std::vector<MountedCamera> cameras;
+  for (imaging::ChainCamera& camera : imaging::read_camchain(file)) {
+    if (!is_plain_name(camera.name))
+      throw InputError(file.string(),
+                       "the name of a camera may have up to 64 letters, digits, '-' and '_': \"" + camera.name + "\"");
+    cameras.push_back(
+        {camera.name, std::move(camera.calibration), camera.T_body_cam, {}, 0.0, camera.timeshift_cam_imu_s, {}});
+  }
+  return cameras;
+}
+
+/// Names are those of folders, also where case does not count.
+void require_distinct_names(const StrictSection& flight, const std::vector<MountedCamera>& cameras) {
+  std::vector<std::string> names;
+  for (const MountedCamera& camera : cameras) {
+    names.push_back(camera.name);
+    std::ranges::transform(names.back(), names.back().begin(), [](unsigned char c) { return std::tolower(c); });
+  }
+  std::ranges::sort(names);
+  const auto twice = std::ranges::adjacent_find(names);
+  if (twice != names.end()) throw flight.error("cameras", "two cameras are called '" + *twice + "'");
+}
+
+/// One inertial unit: where the first camera's calibration says.
+void place_imu(std::vector<MountedCamera>& cameras) {
+  const SE3 T_body_imu = cameras.front().T_body_camera * cameras.front().calibration.T_cam_imu;
+  for (std::size_t i = 1; i < cameras.size(); ++i)
+    cameras[i].calibration.T_cam_imu = cameras[i].T_body_camera.inverse() * T_body_imu;
+}
+
+}  // namespace
+
+std::vector<MountedCamera> read_flight_cameras(const RenderedFlightConfig& flight) {
+  StrictSection file = StrictSection::load(flight.flight);
+  std::vector<MountedCamera> cameras;
+  const bool is_list = file.is_list("cameras");
+  if (is_list || file.path("cameras")) {
+    if (!flight.camera.empty())
+      throw file.error("cameras", "are a rig's; a calibration can replace that of a flight with one 'camera' only");
+    cameras = is_list ? read_list(file, flight.degrade) : read_chain(*file.path("cameras"));
+    require_distinct_names(file, cameras);
+    place_imu(cameras);
+  } else {
+    const auto camera = file.path("camera");
+    cameras.resize(1);
+    cameras.front().calibration =
+        imaging::read_calibration(flight.camera.empty() ? camera.value_or("") : flight.camera);
+  }
+  if (flight.width) {
+    for (MountedCamera& camera : cameras)
+      camera.calibration.camera = camera.calibration.camera.scaled_to(*flight.width, *flight.height);
+  }
+  return cameras;
+}
+
+}  // namespace tileflight::survey

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "tileflight/imaging/camera.h"
+#include "tileflight/render/image_formation.h"
+#include "tileflight/survey/flight_settings.h"
+
+namespace tileflight::survey {
+
+/// A camera as it is mounted on what flies. The body's axes are those of a camera that looks where the path does: x
+/// right, y down, z forward.
+struct MountedCamera {
+  std::string name;  ///< empty: the only camera of a flight, which is the body itself
+  imaging::Calibration calibration;
+  geometry::SE3 T_body_camera;
+  std::optional<double> fps;  ///< of its own, from the flight's start on; nullopt: the flight's frames
+  double offset_s = 0.0;      ///< its exposures are centred so much later than the flight's instants
+  /// Its clock is so much behind the body's: an image stamped t is exposed at t + timeshift_s (Kalibr's
+  /// timeshift_cam_imu).
+  double timeshift_s = 0.0;
+  std::optional<render::ImageFormation> degrade;  ///< its own degradations; nullopt: the flight's
+};
+
+/// The cameras of a FLIGHT file: that of `camera`, or those of `cameras` (docs/rigs.md), which is a Kalibr camchain or
+/// a list whose entries have the keys name, camera, camera_id, resolution, T_body_camera | position with yaw_deg,
+/// pitch_deg and roll_deg, fps, offset_s, degrade. The settings' camera replaces that of `camera`, their image size
+/// that of each. T_cam_imu of the cameras after the first follow from the first one's. Throws InputError (file, line,
+/// key).
+std::vector<MountedCamera> read_flight_cameras(const RenderedFlightConfig& flight);
+
+}  // namespace tileflight::survey
