@@ -1,6 +1,6 @@
 """CPU time of Scene images in weather and by daylight, relative to plain ones.
 
-Usage: PYTHONPATH=clients/python python3 benchmarks/weather_cost.py TILEFLIGHT TILESET [IMAGES]
+Usage: PYTHONPATH=clients/python /usr/bin/python3 benchmarks/weather_cost.py TILEFLIGHT TILESET [IMAGES]
 TILESET is the stadium's (`tileflight scene stadium DIR` writes DIR/twin). Serves it on one thread and asks for images of 640 x 480 pixels from a circle
 around the stadium; the time is what the server's process spends, so that other work on the machine counts little.
 """

@@ -27,10 +27,11 @@ constexpr const char* kFlight = R"(camera: camera.yaml
 fps: 0.5
 speed_m_s: 40
 acceleration_m_s2: 40
-max_frames: 6
 waypoints:
   - {position: [-500, -300, 160], yaw_deg: 90, pitch_deg: -40}
   - {position: [500, -280, 170], yaw_deg: 60, pitch_deg: -30}
+  - {position: [300, 200, 165], yaw_deg: -60, pitch_deg: -35}
+  - {position: [-500, -290, 160], yaw_deg: -120, pitch_deg: -30}
 )";
 constexpr const char* kWeather = R"(weather:
   fog_visibility_m: 900
@@ -74,7 +75,8 @@ class Weather : public testing::Test {
 };
 
 TEST_F(Weather, IsTheSameInPartsRegionsAndProcesses) {
-  const std::vector<std::string> more{"--outputs", "depth", "--degrade", (folder_ / "degrade.yaml").string()};
+  const std::vector<std::string> more{"--outputs", "depth",     "--samples",
+                                      "4",         "--degrade", (folder_ / "degrade.yaml").string()};
   const auto with = [&](std::vector<std::string> words) {
     words.insert(words.end(), more.begin(), more.end());
     return words;

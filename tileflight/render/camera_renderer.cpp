@@ -74,6 +74,36 @@ TILEFLIGHT_LANE_INLINE imaging::Rgb8 encode_srgb(const Float4& squares) {
           static_cast<std::uint8_t>(values[2])};
 }
 
+/// A curve over positive numbers up to a power of two, by straight pieces: 128 an octave, found by a number's own bits.
+/// Below the last of its octaves it is that of the least number.
+class PositiveCurve {
+ public:
+  /// `of`: the curve; `most`: the exponent of the largest number.
+  PositiveCurve(const std::function<double(double)>& of, int most)
+      : first_(index_of(std::ldexp(1.0F, most - kOctaves))) {
+    for (std::uint32_t i = 0; i <= kOctaves * kPieces + 1; ++i)
+      values_[i] = static_cast<float>(of(number_of(first_ + i)));
+    most_ = std::ldexp(1.0F, most);
+    least_ = std::ldexp(1.0F, most - kOctaves);
+  }
+  float at(float x) const {
+    const float within = std::clamp(x, least_, most_);
+    const auto bits = std::bit_cast<std::uint32_t>(within);
+    const float* piece = &values_[(bits >> kShift) - first_];
+    const float share = static_cast<float>(bits & ((1U << kShift) - 1U)) * (1.0F / static_cast<float>(1U << kShift));
+    return piece[0] + share * (piece[1] - piece[0]);
+  }
+
+ private:
+  static constexpr std::uint32_t kOctaves = 24, kPieces = 128, kShift = 23 - 7;
+  static std::uint32_t index_of(float x) { return std::bit_cast<std::uint32_t>(x) >> kShift; }
+  static double number_of(std::uint32_t index) { return std::bit_cast<float>(index << kShift); }
+
+  std::uint32_t first_;
+  float least_ = 0.0F, most_ = 0.0F;
+  std::array<float, kOctaves * kPieces + 2> values_{};
+};
+
 SurfacePoint surface_point(const RayBlock& rays, const scene::RayPacket8& packet, int lane) {
   SurfacePoint point;
   point.ray_camera = {rays.x[lane], rays.y[lane], rays.z[lane]};
@@ -289,10 +319,19 @@ TILEFLIGHT_WIDE_VECTORS ViewStatistics CameraRenderer::Impl::trace_central(const
 /// Colours of a block that was shaded, as they arrive through the air.
 void CameraRenderer::Impl::write_air(const TracedBeam::Block& block, const scene::RayPacket8& packet,
                                      const SquaredColors8& squares, imaging::RgbImage& rgb) const {
-  std::array<LinearRgb, 8> lanes = shade_block(block.valid, packet, squares);
+  static const PositiveCurve decode([](double square) { return srgb_decode(std::sqrt(square)); }, 17);
+  static const PositiveCurve encode([](double light) { return srgb_encode(light) + 0.5; }, 0);
+  std::array<LinearRgb, 8> lanes;
+  for (std::size_t i = 0; i < lanes.size(); ++i) {
+    const bool is_valid = (block.valid >> i & 1U) != 0;
+    for (int c = 0; c < 3; ++c) lanes[i][static_cast<std::size_t>(c)] = is_valid ? decode.at(squares[i][c]) : 0.0F;
+  }
   atmosphere->add_air(block.valid, packet, lanes);
-  for_each_lane(block,
-                [&](int i, int x, int y) { rgb(x, y) = SrgbTables::get().encode(lanes[static_cast<std::size_t>(i)]); });
+  for_each_lane(block, [&](int i, int x, int y) {
+    imaging::Rgb8& pixel = rgb(x, y);
+    for (std::size_t c = 0; c < 3; ++c)
+      pixel[c] = static_cast<std::uint8_t>(encode.at(lanes[static_cast<std::size_t>(i)][c]));
+  });
 }
 
 void CameraRenderer::Impl::visit_tile(const PixelRegion& tile, const RowPoses& poses,

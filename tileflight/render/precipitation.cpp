@@ -23,11 +23,10 @@ std::uint64_t cell_key(std::uint64_t key, const ParticleClass::Cell& cell) {
   return key;
 }
 
-/// Knuth 1969, volume 2, section 3.4.1: products of uniform numbers; for small means.
-int poisson_of(base::SplitMix64& random, double mean) {
-  const double limit = std::exp(-mean);
+/// Knuth 1969, volume 2, section 3.4.1: products of uniform numbers; for small means, given as exp(-mean).
+int poisson_of(base::SplitMix64& random, double empty_share) {
   int count = 0;
-  for (double product = uniform_of(random); product > limit; product *= uniform_of(random)) ++count;
+  for (double product = uniform_of(random); product > empty_share; product *= uniform_of(random)) ++count;
   return count;
 }
 
@@ -71,6 +70,7 @@ ParticleClass::ParticleClass(PrecipitationKind kind, const SizeDistribution& siz
   mean_diameter_m_ = 1e-3 * (is_rain ? mean_mm : flake_diameter_mm(mean_mm));
   velocity_m_s_ = wind_m_s - (is_rain ? drop_speed_m_s(mean_mm) : flake_speed_m_s(mean_mm)) * Vec3::UnitZ();
   cell_m_ = std::min(kLargestCell_m, std::cbrt(kMeanPerCell / std::max(count_per_m3_, 1e-9)));
+  empty_share_ = std::exp(-count_per_m3_ * cell_m_ * cell_m_ * cell_m_);
 }
 
 std::array<ParticleClass::Cell, 2> ParticleClass::cells_of(const geometry::Box3& box, double time_s) const {
@@ -98,7 +98,7 @@ double ParticleClass::diameter_m(double uniform) const {
 
 void ParticleClass::add_particles(const Cell& cell, double time_s, std::vector<Particle>& particles) const {
   base::SplitMix64 random(cell_key(key_, cell));
-  const int count = poisson_of(random, count_per_m3_ * cell_m_ * cell_m_ * cell_m_);
+  const int count = poisson_of(random, empty_share_);
   const Vec3 corner = middle_of(cell, time_s) - Vec3::Constant(0.5 * cell_m_);
   for (int i = 0; i < count; ++i) {
     Vec3 share;

@@ -74,6 +74,7 @@ class ParticleClass {
   PrecipitationKind kind_;
   double slope_per_mm_, low_mm_, high_mm_;
   double count_per_m3_, mean_diameter_m_, cell_m_;
+  double empty_share_;  ///< of the cells, those without a particle
   geometry::Vec3 velocity_m_s_;
   std::uint64_t key_;
 };

@@ -158,13 +158,23 @@ std::optional<Streak> streak_of(const imaging::Camera& camera, const RowShutter&
   }
   const double distance_m = middle.norm();
   if (distance_m < kNearestParticle_m) return std::nullopt;
-  const double focal_px = pixels_per_radian(camera, middle);
   const auto from = camera.project(in_camera(row, 0)), to = camera.project(in_camera(row, 2));
-  if (focal_px == 0.0 || !from || !to) return std::nullopt;
+  if (!from || !to) return std::nullopt;
+  // Far outside of the image, beyond what size and defocus may reach.
+  const double widest_px = camera.width() + camera.height();
+  const Vec2 low = from->cwiseMin(*to), high = from->cwiseMax(*to);
+  const double size_rad = (particle.diameter_m + kAperture_m) / distance_m;
+  const double spread_px = 4.0 + 4.0 * widest_px * size_rad;
+  if (high.x() < -spread_px || high.y() < -spread_px || low.x() > camera.width() + spread_px ||
+      low.y() > camera.height() + spread_px)
+    return std::nullopt;
+  const double focal_px = pixels_per_radian(camera, middle);
+  if (focal_px == 0.0) return std::nullopt;
   const double size_px = focal_px * particle.diameter_m / distance_m;
   const double defocus_px = focal_px * kAperture_m / distance_m;
   Streak streak{*from, *to, std::max(1.0, size_px + defocus_px), 0.0, middle.z(), distance_m, {}};
   streak.opacity = 0.25 * std::numbers::pi * size_px * size_px / (streak.width_px * streak_length_px(streak));
+  if (streak.opacity < kLeastOpacity) return std::nullopt;
   const double reach_px = 0.5 * (streak.width_px + streak_length_px(streak)) + 1.0;
   const Vec2 centre = 0.5 * (*from + *to);
   const bool is_seen = centre.x() > -reach_px && centre.y() > -reach_px && centre.x() < camera.width() + reach_px &&

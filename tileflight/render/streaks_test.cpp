@@ -151,7 +151,7 @@ TEST(Streaks, OfARollingShutterAreWhereTheRowsSeeThem) {
   int compared = 0;
   for (const Streak& streak : renderer.streaks(kCamera, rolling)) {
     const Vec2 middle = 0.5 * (streak.from_px + streak.to_px);
-    if (middle.y() < 1.0 || middle.y() > 238.0 || streak.distance_m > 1.0) continue;  // within reach of each class
+    if (middle.y() < 1.0 || middle.y() > 238.0 || streak.distance_m > 0.8) continue;  // within reach of each class
     const double row_s = 2.0 + (std::lround(middle.y()) - 119.5) * delay_s;
     double nearest_px = 1e9;
     if (++compared > 20) break;
@@ -172,7 +172,7 @@ TEST(Streaks, OfTwoCamerasAreTheSameDrops) {
   for (const Streak& streak : seen_left) {
     const Vec2 expected = streak.from_px - Vec2(focal_px() * 0.2 / streak.depth_m, 0.0);
     const bool is_inside = expected.x() > 5.0 && expected.y() > 5.0 && expected.y() < 235.0;
-    if (!is_inside || streak.distance_m > 1.0) continue;  // nearer than what any class is drawn to
+    if (!is_inside || streak.distance_m > 0.8) continue;  // nearer than what any class is drawn to
     ++compared;
     EXPECT_TRUE(
         std::ranges::any_of(seen_right, [&](const Streak& one) { return (one.from_px - expected).norm() < 1e-6; }));
