@@ -124,7 +124,10 @@ std::optional<InitializationResult> Initializer::add(std::shared_ptr<const photo
   if (parallax_.size() < kMinPictures || parallax_.back() < std::max(least, kGrowth * last_try_parallax_))
     return std::nullopt;
   last_try_parallax_ = parallax_.back();
-  return try_initialize();
+  auto result = try_initialize();
+  // A minority of the corners gets one attempt: what is left of them may be those that were followed wrongly.
+  if (!result && followed < kMinShareLeft * static_cast<double>(corners_.size())) restart(previous_);
+  return result;
 }
 
 std::vector<SE3> Initializer::motion_candidates(std::size_t picture) const {
