@@ -94,7 +94,8 @@ std::vector<CornerTrack> Initializer::corner_tracks(const std::vector<std::size_
 std::optional<InitializationResult> Initializer::add(std::shared_ptr<const photometry::Pyramid> pyramid,
                                                      const std::optional<SE3>& T_world_camera) {
   constexpr double kGrowth = 1.15;        // factor by which parallax must grow before the next attempt
-  constexpr double kMinShareLeft = 0.25;  // of the corners
+  constexpr double kMinShareLeft = 0.25;  // of the corners that were followed into the second picture: fast motion
+                                          // loses most at once, and those that are left are enough
   ++frame_count_;
   T_world_last_ = T_world_camera;
   if (!previous_) {
@@ -102,10 +103,11 @@ std::optional<InitializationResult> Initializer::add(std::shared_ptr<const photo
     return std::nullopt;
   }
   const int followed = advance_tracks(*pyramid);
-  const bool too_few =
-      followed < options_.min_tracks || followed < kMinShareLeft * static_cast<double>(corners_.size());
+  if (parallax_.size() == 1) followed_at_first_ = followed;
+  const bool too_few = followed < options_.min_tracks || followed < kMinShareLeft * followed_at_first_;
   const bool too_long = parallax_.size() >= static_cast<std::size_t>(options_.max_frames);
   if (too_few || too_long) {
+    corners_were_lost_ = corners_were_lost_ || too_few;
     restart(std::move(pyramid));
     return std::nullopt;
   }
@@ -122,7 +124,10 @@ std::optional<InitializationResult> Initializer::add(std::shared_ptr<const photo
   if (parallax_.size() < kMinPictures || parallax_.back() < std::max(least, kGrowth * last_try_parallax_))
     return std::nullopt;
   last_try_parallax_ = parallax_.back();
-  return try_initialize();
+  auto result = try_initialize();
+  // A minority of the corners gets one attempt: what is left of them may be those that were followed wrongly.
+  if (!result && followed < kMinShareLeft * static_cast<double>(corners_.size())) restart(previous_);
+  return result;
 }
 
 std::vector<SE3> Initializer::motion_candidates(std::size_t picture) const {
@@ -197,7 +202,8 @@ std::string Initializer::failure_reason() const {
   const double degrees = max_parallax_ * 180.0 / std::numbers::pi;
   const std::string seen = std::to_string(degrees).substr(0, 4) + " degrees";
   if (max_parallax_ < options_.min_parallax_rad)
-    return "no parallax: rays moved by at most " + seen + " after removing the best rotation";
+    return "no parallax: rays moved by at most " + seen + " after removing the best rotation" +
+           (corners_were_lost_ ? "; from image to image the view changed so much that corners were lost before" : "");
   return "initialization failed: the parallax is " + seen + ", but no rigid motion fits the tracks (last residual " +
          std::to_string(last_fit_px_).substr(0, 4) + " px)";
 }

@@ -68,6 +68,8 @@ class Initializer {
   std::optional<geometry::SE3> T_world_first_, T_world_last_;
   std::size_t frame_count_ = 0;  ///< images added so far
   std::size_t first_frame_ = 0;
+  int followed_at_first_ = 0;       ///< corners found again in the image after the first
+  bool corners_were_lost_ = false;  ///< too few were left to wait for parallax any longer
   double last_try_parallax_ = 0.0;
   double max_parallax_ = 0.0;
   double last_fit_px_ = 0.0;

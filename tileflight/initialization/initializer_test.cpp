@@ -114,6 +114,35 @@ TEST(Initializer, StartsAgainAfterImagesInWhichNothingIsTracked) {
   expect_truth(*result, flown);
 }
 
+/// The picture with all but its last columns black.
+std::shared_ptr<const photometry::Pyramid> mostly_black(const SE3& T_local_camera) {
+  const Ground& g = ground();
+  imaging::RgbImage image = photometry::test_support::ReliefCamera(g.camera, g.relief).render(T_local_camera);
+  for (int y = 0; y < image.height; ++y) {
+    for (int x = 0; x < image.width * 78 / 100; ++x) image(x, y) = {};
+  }
+  return std::make_shared<const photometry::Pyramid>(
+      photometry::build_pyramid(photometry::luminance(image, nullptr), kLevels));
+}
+
+/// Most corners are lost at the first step, as by fast motion; those that are left are followed on and suffice.
+TEST(Initializer, StartsWithTheFewCornersThatAreFollowedFromTheFirstStepOn) {
+  Initializer initializer(ground().lens, {});
+  EXPECT_FALSE(initializer.add(ground().picture(flown(0))));
+  std::optional<InitializationResult> result;
+  for (int i = 1; i < 40 && !result; ++i) result = initializer.add(mostly_black(flown(i)));
+  ASSERT_TRUE(result) << initializer.failure_reason();
+  EXPECT_EQ(result->first_frame, 0U);
+}
+
+TEST(Initializer, SaysThatCornersWereLost) {
+  Initializer initializer(ground().lens, {});
+  EXPECT_FALSE(initialize(
+      initializer, [](int i) { return look_along(Vec3(0, 0, 12), Vec3(0.9 * i, 1.0, -0.9)); }, 6));
+  EXPECT_THAT(initializer.failure_reason(), HasSubstr("no parallax: rays moved by at most 0."));
+  EXPECT_THAT(initializer.failure_reason(), HasSubstr("corners were lost"));
+}
+
 TEST(Initializer, WaitsWhileTheCameraOnlyTurns) {
   Initializer initializer(ground().lens, {});
   EXPECT_FALSE(initialize(
