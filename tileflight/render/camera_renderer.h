@@ -114,12 +114,16 @@ class CameraRenderer {
 
   /// Each takes the region to render; without one, all pixels. The pixels outside it are black, and their depth is NaN;
   /// those inside are the same as if all were rendered.
-  RenderedFrame render(const geometry::SE3& T_local_camera, const OptionalRegion& region = {}) const;
+  /// `visitor`, if any, is called as by visit_surface() for the same pixels, whose rays are cast once for both.
+  RenderedFrame render(const geometry::SE3& T_local_camera, const OptionalRegion& region = {},
+                       const SurfaceVisitor& visitor = {}) const;
   /// Renders each row from its own pose (rolling shutter): one pose per row.
-  RenderedFrame render_rows(std::span<const geometry::SE3> T_local_camera_of_row,
-                            const OptionalRegion& region = {}) const;
-  /// Linear light averaged over the exposure. Throws std::invalid_argument if the number of poses is wrong.
-  LightFrame render_light(const ShutterPoses& poses, const OptionalRegion& region = {}) const;
+  RenderedFrame render_rows(std::span<const geometry::SE3> T_local_camera_of_row, const OptionalRegion& region = {},
+                            const SurfaceVisitor& visitor = {}) const;
+  /// Linear light averaged over the exposure; `visitor` sees its middle moment. Throws std::invalid_argument if the
+  /// number of poses is wrong.
+  LightFrame render_light(const ShutterPoses& poses, const OptionalRegion& region = {},
+                          const SurfaceVisitor& visitor = {}) const;
   /// Geometry only, one ray per pixel: `T_local_camera_of_row` is one pose, or one per row; `scene_times`: of the scene
   /// at each (scene::Ray::time), empty: 0.
   void visit_surface(std::span<const geometry::SE3> T_local_camera_of_row, const SurfaceVisitor& visitor,

@@ -92,7 +92,9 @@ std::span<const SceneObject> OutputRenderer::objects() const {
 
 OutputImages OutputRenderer::render(std::span<const SE3> T_local_camera_of_row, std::span<const SE3> next,
                                     const OptionalRegion& region) const {
-  return render(renderer_, T_local_camera_of_row, next, {}, region);
+  return render(renderer_, T_local_camera_of_row, next, {}, region, [&](const SurfaceVisitor& visitor) {
+    if (visitor) renderer_.visit_surface(T_local_camera_of_row, visitor, region);
+  });
 }
 
 namespace {
@@ -165,8 +167,8 @@ PointOfRow next_point(const MovingFrame& moving, const SurfacePoint& at, const V
 }  // namespace
 
 OutputImages OutputRenderer::render(const CameraRenderer& renderer, std::span<const SE3> T_local_camera_of_row,
-                                    std::span<const SE3> next, const MovingFrame& moving,
-                                    const OptionalRegion& region) const {
+                                    std::span<const SE3> next, const MovingFrame& moving, const OptionalRegion& region,
+                                    const SurfacePass& pass) const {
   const imaging::Camera& camera = renderer.camera();
   OutputImages images = make_blank_images(outputs_, camera.width(), camera.height(), !next.empty());
   const auto flow_px = [&](const SurfacePoint& at, const Vec3& point) -> std::array<float, 2> {
@@ -187,9 +189,10 @@ OutputImages OutputRenderer::render(const CameraRenderer& renderer, std::span<co
     if (outputs_.visibility && (!place_ || place_(point))) images.visibility(at.x, at.y) = 255;
   };
   if (outputs_.has_whole_images()) {
-    renderer.visit_surface(T_local_camera_of_row, visit, region, moving.scene_times);
+    pass(visit);
     return images;
   }
+  pass({});
   for (const imaging::PixelRegion& tile : tiles_with_placed(camera, T_local_camera_of_row, moving, region))
     renderer.visit_surface(T_local_camera_of_row, visit, tile, moving.scene_times);
   return images;

@@ -195,31 +195,41 @@ TracedFrame FrameRenderer::trace_region(std::size_t index, const OptionalRegion&
   frame.index = index;
   const Moment moment = moment_of(index, true);
   const Cameras cameras = cameras_in(moment.scene ? &*moment.scene : nullptr);
-  if (is_ideal(formation_)) {
-    RenderedFrame rendered = cameras.all->render(frames_.poses[index].T_local_camera, region);
-    frame.rgb = std::move(rendered.rgb);
-    frame.depth_m = std::move(rendered.depth_m);
-    frame.check.view = rendered.view;
-  } else {
-    LightFrame light = trace_light(cameras, moment.exposure, region);
-    frame.light = std::move(light.light);
-    frame.depth_m = std::move(light.depth_m);
-    frame.check.view = light.view;
+  const auto trace = [&](const SurfaceVisitor& visitor) { trace_picture(cameras, moment, region, visitor, frame); };
+  if (!has_outputs_) {
+    trace({});
+    return frame;
   }
-  if (has_outputs_) {
-    const Moment next = moment_of(index + 1, false);
-    const MovingFrame moving{moment.scene ? &*moment.scene : nullptr, moment.rows.scene_times,
-                             next.scene ? &*next.scene : nullptr, next.rows.scene_times};
-    frame.outputs = outputs_.render(*cameras.all, moment.rows.T_local_camera, next.rows.T_local_camera, moving, region);
-    frame.objects = outputs_.objects();
-  }
+  const Moment next = moment_of(index + 1, false);
+  const MovingFrame moving{moment.scene ? &*moment.scene : nullptr, moment.rows.scene_times,
+                           next.scene ? &*next.scene : nullptr, next.rows.scene_times};
+  frame.outputs =
+      outputs_.render(*cameras.all, moment.rows.T_local_camera, next.rows.T_local_camera, moving, region, trace);
+  frame.objects = outputs_.objects();
   return frame;
 }
 
+/// Colour and depth of a frame. The middle moment of the exposure has the rows' poses, so `visitor` sees what the
+/// frame's outputs are of.
+void FrameRenderer::trace_picture(const Cameras& cameras, const Moment& moment, const OptionalRegion& region,
+                                  const SurfaceVisitor& visitor, TracedFrame& frame) const {
+  if (is_ideal(formation_)) {
+    RenderedFrame rendered = cameras.all->render(frames_.poses[frame.index].T_local_camera, region, visitor);
+    frame.rgb = std::move(rendered.rgb);
+    frame.depth_m = std::move(rendered.depth_m);
+    frame.check.view = rendered.view;
+    return;
+  }
+  LightFrame light = trace_light(cameras, moment.exposure, region, visitor);
+  frame.light = std::move(light.light);
+  frame.depth_m = std::move(light.depth_m);
+  frame.check.view = light.view;
+}
+
 /// Renders red and blue through separate lenses if there is chromatic aberration.
-LightFrame FrameRenderer::trace_light(const Cameras& cameras, const ShutterPoses& poses,
-                                      const OptionalRegion& region) const {
-  LightFrame light = cameras.all->render_light(poses, region);
+LightFrame FrameRenderer::trace_light(const Cameras& cameras, const ShutterPoses& poses, const OptionalRegion& region,
+                                      const SurfaceVisitor& visitor) const {
+  LightFrame light = cameras.all->render_light(poses, region, visitor);
   if (cameras.red != nullptr) take_channel(0, cameras.red->render_light(poses, region).light, light.light);
   if (cameras.blue != nullptr) take_channel(2, cameras.blue->render_light(poses, region).light, light.light);
   return light;

@@ -222,10 +222,12 @@ RenderLayers ImageRenderer::render(const std::shared_ptr<const ResidentScene>& p
                                    const LayerSelection& selection) {
   const auto renderer = this->camera_renderer(place, shot.lens);
   RenderLayers layers = empty_layers(shot.lens.width(), shot.lens.height(), selection);
-  if (selection.rgb) layers.rgb = renderer->render(shot.T_local_camera).rgb;
-  if (selection.geometry()) {
-    const LayerWriter notes(*place, shot, selection, layers);
-    renderer->visit_surface(std::span(&shot.T_local_camera, 1), std::cref(notes));
+  const LayerWriter notes(*place, shot, selection, layers);
+  const render::SurfaceVisitor visitor = selection.geometry() ? std::cref(notes) : render::SurfaceVisitor();
+  if (selection.rgb) {
+    layers.rgb = renderer->render(shot.T_local_camera, {}, visitor).rgb;
+  } else if (visitor) {
+    renderer->visit_surface(std::span(&shot.T_local_camera, 1), visitor);
   }
   return layers;
 }

@@ -48,7 +48,7 @@ struct LayerSelection {
 /// Renders images and caches renderers between them. Thread-safe; several images may be rendered at once.
 class ImageRenderer {
  public:
-  /// Renders the requested layers: one pass over the pixels for colour, one for all geometric layers.
+  /// Renders the requested layers; rays are cast once for all of them.
   RenderLayers render(const std::shared_ptr<const ResidentScene>& place, const CameraView& shot,
                       const LayerSelection& selection);
   /// The renderer for a lens.
