@@ -13,9 +13,10 @@ namespace {
 
 using scene::RayPacket8;
 
-TILEFLIGHT_LANE_INLINE void rotate_row(const RayBlock& rays, int row, const TracerPose& pose, RayPacket8& packet) {
+TILEFLIGHT_LANE_INLINE void rotate_lanes(const RayBlock& rays, int from, int to, const TracerPose& pose,
+                                         RayPacket8& packet) {
   const std::array<float, 9>& r = pose.rotation;
-  for (int i = row * RayBlock::kColumns; i < (row + 1) * RayBlock::kColumns; ++i) {
+  for (int i = from; i < to; ++i) {
     packet.origin_x[i] = pose.origin[0];
     packet.origin_y[i] = pose.origin[1];
     packet.origin_z[i] = pose.origin[2];
@@ -29,8 +30,12 @@ TILEFLIGHT_LANE_INLINE void rotate_row(const RayBlock& rays, int row, const Trac
 TILEFLIGHT_LANE_INLINE void fill_packet(const RayBlock& rays, std::uint8_t valid, const TracerPose& upper,
                                         const TracerPose& lower, RayPacket8& packet) {
   packet.reset();
-  rotate_row(rays, 0, upper, packet);
-  rotate_row(rays, 1, lower, packet);
+  if (&upper == &lower) {
+    rotate_lanes(rays, 0, RayBlock::kLanes, upper, packet);
+  } else {
+    rotate_lanes(rays, 0, RayBlock::kColumns, upper, packet);
+    rotate_lanes(rays, RayBlock::kColumns, RayBlock::kLanes, lower, packet);
+  }
   if (valid == 0xFF) return;
   for (int i = 0; i < RayPacket8::kLanes; ++i) {
     if ((valid >> i & 1) == 0) packet.disable_lane(i);

@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "tileflight/base/simd.h"
 #include "tileflight/render/appearance.h"
 #include "tileflight/render/ray_table.h"
 #include "tileflight/scene/packets.h"
@@ -63,6 +64,16 @@ struct TracedBeam {
   std::array<scene::RayPacket8, 8> packets;  ///< `mesh` is kMiss if nothing is hit or the lane is not valid
   std::array<BlockTextureReads, 8> reads;
 };
+
+/// Calls `work(lane, x, y)` for each valid sample of a block.
+template <class Work>
+TILEFLIGHT_LANE_INLINE void for_each_lane(const TracedBeam::Block& block, const Work& work) {
+  for (int i = 0; i < RayBlock::kLanes; ++i) {
+    if ((block.valid >> i & 1) == 0) continue;
+    work(i, block.column * RayBlock::kColumns + i % RayBlock::kColumns,
+         block.row * RayBlock::kRows + i / RayBlock::kColumns);
+  }
+}
 
 /// Casts and shades blocks of samples. The inner loop of rendering: no allocation, no virtual call.
 class BlockTracer {

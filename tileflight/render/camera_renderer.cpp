@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <bit>
-#include <cassert>
 #include <cmath>
 #include <optional>
 #include <stdexcept>
@@ -17,6 +16,7 @@
 #include "tileflight/render/appearance.h"
 #include "tileflight/render/atmosphere.h"
 #include "tileflight/render/block_tracer.h"
+#include "tileflight/render/central_rays.h"
 #include "tileflight/render/daylight_shader.h"
 #include "tileflight/render/ray_table.h"
 
@@ -45,25 +45,6 @@ std::vector<PixelRegion> tiles_of(const PixelRegion& region) {
       tiles.push_back({x, y, std::min(region.x1, x + kTileWidth), std::min(region.y1, y + kTileHeight)});
   }
   return tiles;
-}
-
-/// `lanes`: the lanes with central rays, one bit each.
-TILEFLIGHT_LANE_INLINE void add_lanes(const scene::RayPacket8& packet, std::uint8_t lanes, ViewStatistics& view) {
-  std::int32_t hits = 0, backs = 0;
-  float nearest = std::numeric_limits<float>::infinity();
-  for (int i = 0; i < scene::RayPacket8::kLanes; ++i) {
-    const bool hit = (lanes >> i & 1) != 0 && packet.mesh[i] != scene::RayPacket8::kMiss;
-    const float slope = packet.normal_x[i] * packet.direction_x[i] + packet.normal_y[i] * packet.direction_y[i] +
-                        packet.normal_z[i] * packet.direction_z[i];
-    const float distance_m = hit ? packet.far[i] : std::numeric_limits<float>::infinity();
-    hits += hit ? 1 : 0;
-    backs += hit && slope > 0.0F ? 1 : 0;
-    nearest = distance_m < nearest ? distance_m : nearest;
-  }
-  view.rays += std::popcount(lanes);
-  view.surfaces += hits;
-  view.back_faces += backs;
-  view.nearest_m = std::min(view.nearest_m, static_cast<double>(nearest));
 }
 
 TILEFLIGHT_LANE_INLINE imaging::Rgb8 encode_srgb(const Float4& squares) {
@@ -104,33 +85,11 @@ class PositiveCurve {
   std::array<float, kOctaves * kPieces + 2> values_{};
 };
 
-SurfacePoint surface_point(const RayBlock& rays, const scene::RayPacket8& packet, int lane) {
-  SurfacePoint point;
-  point.ray_camera = {rays.x[lane], rays.y[lane], rays.z[lane]};
-  point.hit = packet.mesh[lane] != scene::RayPacket8::kMiss;
-  if (!point.hit) return point;
-  point.mesh = packet.mesh[lane];
-  point.triangle = packet.triangle[lane];
-  point.distance_m = packet.far[lane];
-  point.normal_local = {packet.normal_x[lane], packet.normal_y[lane], packet.normal_z[lane]};
-  return point;
-}
-
 /// Calls `work(x, y)` for the first sample of each beam of a tile; `n` x `n` samples a pixel.
 template <class Work>
 TILEFLIGHT_LANE_INLINE void for_each_beam(const PixelRegion& tile, int n, const Work& work) {
   for (int y = tile.y0 * n; y < tile.y1 * n; y += TracedBeam::kRows) {
     for (int x = tile.x0 * n; x < tile.x1 * n; x += TracedBeam::kColumns) work(x, y);
-  }
-}
-
-/// Calls `work(lane, x, y)` for each valid sample of a block.
-template <class Work>
-TILEFLIGHT_LANE_INLINE void for_each_lane(const TracedBeam::Block& block, const Work& work) {
-  for (int i = 0; i < RayBlock::kLanes; ++i) {
-    if ((block.valid >> i & 1) == 0) continue;
-    work(i, block.column * RayBlock::kColumns + i % RayBlock::kColumns,
-         block.row * RayBlock::kRows + i / RayBlock::kColumns);
   }
 }
 
@@ -165,19 +124,6 @@ void require_a_pose_a_row(std::size_t poses, int height) {
 
 }  // namespace
 
-double ViewStatistics::surface_share() const { return static_cast<double>(surfaces) / static_cast<double>(rays); }
-
-double ViewStatistics::back_face_share() const {
-  return surfaces > 0 ? static_cast<double>(back_faces) / static_cast<double>(surfaces) : 0.0;
-}
-
-void ViewStatistics::add(const ViewStatistics& other) {
-  nearest_m = std::min(nearest_m, other.nearest_m);
-  rays += other.rays;
-  surfaces += other.surfaces;
-  back_faces += other.back_faces;
-}
-
 struct CameraRenderer::Impl {
   const scene::Scene& scene;
   std::shared_ptr<const Appearance> appearance;
@@ -209,24 +155,20 @@ struct CameraRenderer::Impl {
 
   imaging::FloatImage empty_depth() const;
   RowPoses rows_at(const ShutterPoses& poses, int moment) const;
-  ViewStatistics trace_central(const PixelRegion& tile, const RowPoses& poses, imaging::RgbImage* rgb,
-                               imaging::FloatImage* depth_m, const SurfaceVisitor* placed = nullptr) const;
+  ViewStatistics trace_central(const PixelRegion& tile, const RowPoses& poses, const CentralRays& wanted,
+                               imaging::RgbImage* rgb) const;
   void write_air(const TracedBeam::Block& block, const scene::RayPacket8& packet, const SquaredColors8& squares,
                  imaging::RgbImage& rgb) const;
-  void visit_placed(const TracedBeam::Block& block, const scene::RayPacket8& packet,
-                    const SurfaceVisitor& placed) const;
-  void visit_tile(const PixelRegion& tile, const RowPoses& poses, const SurfaceVisitor& visitor) const;
-  TILEFLIGHT_LANE_INLINE void write_depth(const TracedBeam::Block& block, const scene::RayPacket8& packet,
-                                          imaging::FloatImage& depth_m) const;
-  void add_view(const TracedBeam& beam, imaging::FloatImage& depth_m, ViewStatistics& view) const;
   std::array<LinearRgb, 8> shade_block(std::uint8_t valid, const scene::RayPacket8& packet,
                                        const SquaredColors8& squares) const;
-  void add_light(const PixelRegion& tile, const LightMoments& moments, LightFrame& frame, ViewStatistics& view) const;
+  void add_light(const PixelRegion& tile, const LightMoments& moments, const CentralRays& wanted, LinearImage& sum,
+                 ViewStatistics& view) const;
   void add_light(const TracedBeam& beam, int samples_along_axis, LinearImage& sum) const;
   void scale_light(const PixelRegion& tile, int moments, LinearImage& sum) const;
+  CentralRays wanted(imaging::FloatImage& depth_m, const SurfaceVisitor& visitor) const;
   RenderedFrame render(std::span<const geometry::SE3> poses_of_rows, const OptionalRegion& region,
-                       const SurfaceVisitor* placed = nullptr) const;
-  LightFrame render_light(const ShutterPoses& poses, const OptionalRegion& region) const;
+                       const SurfaceVisitor& visitor) const;
+  LightFrame render_light(const ShutterPoses& poses, const OptionalRegion& region, const SurfaceVisitor& visitor) const;
   std::size_t moments_at_once(std::span<const RowPoses> moments) const;
 };
 
@@ -263,45 +205,21 @@ RowPoses CameraRenderer::Impl::rows_at(const ShutterPoses& poses, int moment) co
   return {all.subspan(first, rows), scene.anchor(), times.empty() ? times : times.subspan(first, rows)};
 }
 
-void CameraRenderer::Impl::write_depth(const TracedBeam::Block& block, const scene::RayPacket8& packet,
-                                       imaging::FloatImage& depth_m) const {
-  const RayBlock& own = rays->central.block(block.column, block.row);
-  for_each_lane(block, [&](int i, int x, int y) {
-    const bool hit = packet.mesh[i] != scene::RayPacket8::kMiss;
-    depth_m(x, y) = hit ? packet.far[i] * own.z[i] : std::numeric_limits<float>::infinity();
-  });
-}
-
-void CameraRenderer::Impl::visit_placed(const TracedBeam::Block& block, const scene::RayPacket8& packet,
-                                        const SurfaceVisitor& placed) const {
-  const std::uint32_t first = scene.first_placed_mesh();
-  for_each_lane(block, [&](int i, int x, int y) {
-    if (packet.mesh[i] == scene::RayPacket8::kMiss || packet.mesh[i] < first) return;
-    SurfacePoint point = surface_point(rays->central.block(block.column, block.row), packet, i);
-    point.x = x;
-    point.y = y;
-    placed(point);
-  });
-}
-
+/// Casts the central rays. `rgb`: of the picture, null: only what is wanted of the rays.
 TILEFLIGHT_WIDE_VECTORS ViewStatistics CameraRenderer::Impl::trace_central(const PixelRegion& tile,
                                                                            const RowPoses& poses,
-                                                                           imaging::RgbImage* rgb,
-                                                                           imaging::FloatImage* depth_m,
-                                                                           const SurfaceVisitor* placed) const {
+                                                                           const CentralRays& wanted,
+                                                                           imaging::RgbImage* rgb) const {
   ViewStatistics view;
   TracedBeam beam;
   SquaredColors8 squares;
   for_each_beam(tile, 1, [&](int x, int y) {
     tracer.cast(rays->central, x, y, poses, beam);
     if (rgb != nullptr) tracer.compute_texture_reads(beam);
-    for (int k = 0; k < beam.size; ++k) {
+    note_central(beam, rays->central, wanted, view);
+    for (int k = 0; rgb != nullptr && k < beam.size; ++k) {
       const TracedBeam::Block& block = beam.blocks[static_cast<std::size_t>(k)];
       const scene::RayPacket8& packet = beam.packets[static_cast<std::size_t>(k)];
-      add_lanes(packet, block.valid, view);
-      if (depth_m != nullptr) write_depth(block, packet, *depth_m);
-      if (placed != nullptr) visit_placed(block, packet, *placed);
-      if (rgb == nullptr) continue;
       tracer.shade(block.valid, packet, beam.reads[static_cast<std::size_t>(k)], squares);
       if (atmosphere) {
         atmosphere->wet_surfaces(block.valid, packet, squares);
@@ -331,24 +249,6 @@ void CameraRenderer::Impl::write_air(const TracedBeam::Block& block, const scene
     imaging::Rgb8& pixel = rgb(x, y);
     for (std::size_t c = 0; c < 3; ++c)
       pixel[c] = static_cast<std::uint8_t>(encode.at(lanes[static_cast<std::size_t>(i)][c]));
-  });
-}
-
-void CameraRenderer::Impl::visit_tile(const PixelRegion& tile, const RowPoses& poses,
-                                      const SurfaceVisitor& visitor) const {
-  TracedBeam beam;
-  for_each_beam(tile, 1, [&](int x0, int y0) {
-    tracer.cast(rays->central, x0, y0, poses, beam);
-    for (int k = 0; k < beam.size; ++k) {
-      const TracedBeam::Block& block = beam.blocks[static_cast<std::size_t>(k)];
-      for_each_lane(block, [&](int i, int x, int y) {
-        SurfacePoint point =
-            surface_point(rays->central.block(block.column, block.row), beam.packets[static_cast<std::size_t>(k)], i);
-        point.x = x;
-        point.y = y;
-        visitor(point);
-      });
-    }
   });
 }
 
@@ -382,9 +282,9 @@ void CameraRenderer::Impl::add_light(const TracedBeam& beam, int samples_along_a
   }
 }
 
-/// Adds the light of all moments and, of the middle one, if it has central rays, depth and view.
-void CameraRenderer::Impl::add_light(const PixelRegion& tile, const LightMoments& moments, LightFrame& frame,
-                                     ViewStatistics& view) const {
+/// Adds the light of all moments, and hands on the middle one's central rays, if these are what is cast.
+void CameraRenderer::Impl::add_light(const PixelRegion& tile, const LightMoments& moments, const CentralRays& wanted,
+                                     LinearImage& sum, ViewStatistics& view) const {
   const RayTable& table = rays->samples ? *rays->samples : rays->central;
   std::array<TracedBeam, BlockTracer::kMostMoments> beams;
   for (std::size_t first = 0; first < moments.all.size(); first += moments.at_once) {
@@ -397,20 +297,10 @@ void CameraRenderer::Impl::add_light(const PixelRegion& tile, const LightMoments
       }
       for (std::size_t k = 0; k < count; ++k) {
         tracer.compute_texture_reads(beams[k]);
-        add_light(beams[k], table.samples_along_axis(), frame.light);
-        if (first + k == moments.middle() && !rays->samples) add_view(beams[k], frame.depth_m, view);
+        add_light(beams[k], table.samples_along_axis(), sum);
+        if (first + k == moments.middle() && !rays->samples) note_central(beams[k], table, wanted, view);
       }
     });
-  }
-}
-
-/// Depth and view of central rays.
-void CameraRenderer::Impl::add_view(const TracedBeam& beam, imaging::FloatImage& depth_m, ViewStatistics& view) const {
-  for (int k = 0; k < beam.size; ++k) {
-    const TracedBeam::Block& block = beam.blocks[static_cast<std::size_t>(k)];
-    const scene::RayPacket8& packet = beam.packets[static_cast<std::size_t>(k)];
-    add_lanes(packet, block.valid, view);
-    if (options.depth) write_depth(block, packet, depth_m);
   }
 }
 
@@ -423,29 +313,34 @@ void CameraRenderer::Impl::scale_light(const PixelRegion& tile, int moments, Lin
   }
 }
 
+CentralRays CameraRenderer::Impl::wanted(imaging::FloatImage& depth_m, const SurfaceVisitor& visitor) const {
+  return {options.depth ? &depth_m : nullptr, visitor ? &visitor : nullptr, scene.first_placed_mesh()};
+}
+
 RenderedFrame CameraRenderer::Impl::render(std::span<const geometry::SE3> poses_of_rows, const OptionalRegion& region,
-                                           const SurfaceVisitor* placed) const {
+                                           const SurfaceVisitor& visitor) const {
   const RowPoses poses(poses_of_rows, scene.anchor());
   tracer.prepare();
   RenderedFrame frame{imaging::RgbImage(width(), height()), empty_depth(), {}};
-  imaging::FloatImage* depth_m = options.depth ? &frame.depth_m : nullptr;
-  frame.view = for_each_tile(
-      region, [&](const PixelRegion& tile) { return trace_central(tile, poses, &frame.rgb, depth_m, placed); });
+  const CentralRays central = wanted(frame.depth_m, visitor);
+  frame.view =
+      for_each_tile(region, [&](const PixelRegion& tile) { return trace_central(tile, poses, central, &frame.rgb); });
   return frame;
 }
 
-LightFrame CameraRenderer::Impl::render_light(const ShutterPoses& shutter, const OptionalRegion& region) const {
+LightFrame CameraRenderer::Impl::render_light(const ShutterPoses& shutter, const OptionalRegion& region,
+                                              const SurfaceVisitor& visitor) const {
   LightFrame frame{LinearImage(width(), height()), empty_depth(), {}};
   std::vector<RowPoses> moments;
   for (int k = 0; k < shutter.moments; ++k) moments.push_back(rows_at(shutter, k));
   tracer.prepare();
   const LightMoments all{moments, moments_at_once(moments)};
-  imaging::FloatImage* depth_m = options.depth ? &frame.depth_m : nullptr;
+  const CentralRays central = wanted(frame.depth_m, visitor);
   frame.view = for_each_tile(region, [&](const PixelRegion& tile) {
     ViewStatistics view;
-    add_light(tile, all, frame, view);
+    add_light(tile, all, central, frame.light, view);
     scale_light(tile, shutter.moments, frame.light);
-    return rays->samples ? trace_central(tile, all.all[all.middle()], nullptr, depth_m) : view;
+    return rays->samples ? trace_central(tile, all.all[all.middle()], central, nullptr) : view;
   });
   return frame;
 }
@@ -477,25 +372,18 @@ const geometry::Vec3& CameraRenderer::anchor() const { return impl_->scene.ancho
 const RenderOptions& CameraRenderer::options() const { return impl_->options; }
 std::shared_ptr<const Appearance> CameraRenderer::appearance() const { return impl_->appearance; }
 
-RenderedFrame CameraRenderer::render(const geometry::SE3& T_local_camera, const OptionalRegion& region) const {
-  return render_rows(std::span(&T_local_camera, 1), region);
-}
-
-bool CameraRenderer::samples_are_central() const { return !impl_->rays->samples && !impl_->shader; }
-
 RenderedFrame CameraRenderer::render(const geometry::SE3& T_local_camera, const OptionalRegion& region,
-                                     const SurfaceVisitor& placed) const {
-  assert(samples_are_central());
-  return impl_->render(std::span(&T_local_camera, 1), region, &placed);
+                                     const SurfaceVisitor& visitor) const {
+  return render_rows(std::span(&T_local_camera, 1), region, visitor);
 }
 
 RenderedFrame CameraRenderer::render_rows(std::span<const geometry::SE3> T_local_camera_of_row,
-                                          const OptionalRegion& region) const {
+                                          const OptionalRegion& region, const SurfaceVisitor& visitor) const {
   const std::size_t rows = T_local_camera_of_row.size();
   require_a_pose_a_row(rows, impl_->height());
-  if (samples_are_central()) return impl_->render(T_local_camera_of_row, region);
+  if (!impl_->rays->samples && !impl_->shader) return impl_->render(T_local_camera_of_row, region, visitor);
   ShutterPoses shutter{1, static_cast<int>(rows), {T_local_camera_of_row.begin(), T_local_camera_of_row.end()}};
-  LightFrame light = impl_->render_light(shutter, region);
+  LightFrame light = impl_->render_light(shutter, region, visitor);
   RenderedFrame frame{imaging::RgbImage(impl_->width(), impl_->height()), std::move(light.depth_m), light.view};
   const SrgbTables& srgb = SrgbTables::get();
   tbb::parallel_for(0, impl_->height(), [&](int y) {
@@ -504,14 +392,15 @@ RenderedFrame CameraRenderer::render_rows(std::span<const geometry::SE3> T_local
   return frame;
 }
 
-LightFrame CameraRenderer::render_light(const ShutterPoses& poses, const OptionalRegion& region) const {
+LightFrame CameraRenderer::render_light(const ShutterPoses& poses, const OptionalRegion& region,
+                                        const SurfaceVisitor& visitor) const {
   const auto wanted = static_cast<std::size_t>(poses.moments) * static_cast<std::size_t>(poses.rows);
   if (poses.moments < 1 || poses.T_local_camera.size() != wanted ||
       (!poses.scene_times.empty() && poses.scene_times.size() != wanted) ||
       (poses.rows != 1 && poses.rows != impl_->height())) {
     throw std::invalid_argument("ShutterPoses: times x (1 or height) poses are needed");
   }
-  return impl_->render_light(poses, region);
+  return impl_->render_light(poses, region, visitor);
 }
 
 void CameraRenderer::visit_surface(std::span<const geometry::SE3> T_local_camera_of_row, const SurfaceVisitor& visitor,
@@ -521,8 +410,9 @@ void CameraRenderer::visit_surface(std::span<const geometry::SE3> T_local_camera
     throw std::invalid_argument("one time of the scene a pose");
   const RowPoses poses(T_local_camera_of_row, impl_->scene.anchor(), scene_times);
   impl_->tracer.prepare();
-  const std::vector<PixelRegion> tiles = impl_->tiles(region);
-  tbb::parallel_for(std::size_t{0}, tiles.size(), [&](std::size_t i) { impl_->visit_tile(tiles[i], poses, visitor); });
+  impl_->for_each_tile(region, [&](const PixelRegion& tile) {
+    return impl_->trace_central(tile, poses, {nullptr, &visitor, impl_->scene.first_placed_mesh()}, nullptr);
+  });
 }
 
 }  // namespace tileflight::render

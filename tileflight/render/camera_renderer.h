@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <concepts>
 #include <cstdint>
 #include <functional>
 #include <limits>
@@ -88,8 +89,22 @@ struct SurfacePoint {
 inline constexpr int kRegionStep = 8;
 using OptionalRegion = std::optional<imaging::PixelRegion>;
 
-/// Called once for each pixel within the lens's valid cone, from several threads at once and in any order.
-using SurfaceVisitor = std::function<void(const SurfacePoint& point)>;
+/// The pixels for which a SurfaceVisitor is called.
+enum class VisitedPixels {
+  kAll,     ///< all within the lens's valid cone
+  kPlaced,  ///< of them, those that show a placed part of the scene
+};
+
+/// Called once for each of its pixels, from several threads at once and in any order; not at all if it is empty.
+struct SurfaceVisitor {
+  SurfaceVisitor() = default;
+  template <std::invocable<const SurfacePoint&> Visit>
+  SurfaceVisitor(Visit what, VisitedPixels which = VisitedPixels::kAll) : visit(std::move(what)), pixels(which) {}
+  explicit operator bool() const { return static_cast<bool>(visit); }
+
+  std::function<void(const SurfacePoint& point)> visit;
+  VisitedPixels pixels = VisitedPixels::kAll;
+};
 
 /// Renders frames of one camera in one scene by ray casting; textured, lit or unlit, both faces of surfaces. Texture
 /// reads are filtered over the pixel's footprint (mip levels, several trilinear probes along its long axis), which
@@ -118,18 +133,16 @@ class CameraRenderer {
 
   /// Each takes the region to render; without one, all pixels. The pixels outside it are black, and their depth is NaN;
   /// those inside are the same as if all were rendered.
-  RenderedFrame render(const geometry::SE3& T_local_camera, const OptionalRegion& region = {}) const;
-  /// The same, and calls `placed` as visit_surface() would, but for pixels that show a placed part alone: without rays
-  /// of their own. Precondition: samples_are_central().
-  RenderedFrame render(const geometry::SE3& T_local_camera, const OptionalRegion& region,
-                       const SurfaceVisitor& placed) const;
-  /// Whether render() makes a pixel of the ray through its centre alone.
-  bool samples_are_central() const;
+  /// `visitor`, if any, is called as by visit_surface() for the same pixels, whose rays are cast once for both.
+  RenderedFrame render(const geometry::SE3& T_local_camera, const OptionalRegion& region = {},
+                       const SurfaceVisitor& visitor = {}) const;
   /// Renders each row from its own pose (rolling shutter): one pose per row.
-  RenderedFrame render_rows(std::span<const geometry::SE3> T_local_camera_of_row,
-                            const OptionalRegion& region = {}) const;
-  /// Linear light averaged over the exposure. Throws std::invalid_argument if the number of poses is wrong.
-  LightFrame render_light(const ShutterPoses& poses, const OptionalRegion& region = {}) const;
+  RenderedFrame render_rows(std::span<const geometry::SE3> T_local_camera_of_row, const OptionalRegion& region = {},
+                            const SurfaceVisitor& visitor = {}) const;
+  /// Linear light averaged over the exposure; `visitor` sees its middle moment. Throws std::invalid_argument if the
+  /// number of poses is wrong.
+  LightFrame render_light(const ShutterPoses& poses, const OptionalRegion& region = {},
+                          const SurfaceVisitor& visitor = {}) const;
   /// Geometry only, one ray per pixel: `T_local_camera_of_row` is one pose, or one per row; `scene_times`: of the scene
   /// at each (scene::Ray::time), empty: 0.
   void visit_surface(std::span<const geometry::SE3> T_local_camera_of_row, const SurfaceVisitor& visitor,

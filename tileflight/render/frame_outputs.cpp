@@ -92,7 +92,9 @@ std::span<const SceneObject> OutputRenderer::objects() const {
 
 OutputImages OutputRenderer::render(std::span<const SE3> T_local_camera_of_row, std::span<const SE3> next,
                                     const OptionalRegion& region) const {
-  return render(renderer_, T_local_camera_of_row, next, {}, region);
+  return render(renderer_, T_local_camera_of_row, next, {}, [&](const SurfaceVisitor& visitor) {
+    if (visitor) renderer_.visit_surface(T_local_camera_of_row, visitor, region);
+  });
 }
 
 namespace {
@@ -103,52 +105,6 @@ float time_of_row(std::span<const float> times, int row) {
 
 bool is_placed(const MovingFrame& moving, const SurfacePoint& at) {
   return moving.scene != nullptr && at.mesh >= moving.scene->first_placed_mesh();
-}
-
-/// Around a placed part in the image of any row, with a margin for what bends between its box's corners; nullopt: it is
-/// behind the camera. All of the image if a part of the box is.
-std::optional<imaging::PixelRegion> region_of_placed(const imaging::Camera& camera, std::span<const SE3> rows,
-                                                     const geometry::Box3& box) {
-  constexpr double kMargin_px = 16.0, kMarginShare = 0.15;
-  Eigen::AlignedBox2d seen;
-  bool is_cut = false;
-  for (const std::size_t row : {std::size_t{0}, rows.size() / 2, rows.size() - 1}) {
-    for (int i = 0; i < 8; ++i) {
-      const Vec3 corner = rows[row].inverse() * box.corner(static_cast<geometry::Box3::CornerType>(i));
-      const auto pixel = camera.project(corner);
-      if (pixel) seen.extend(*pixel);
-      is_cut = is_cut || !pixel;
-    }
-    if (box.contains(rows[row].translation)) return imaging::PixelRegion{0, 0, camera.width(), camera.height()};
-  }
-  if (seen.isEmpty()) return std::nullopt;
-  if (is_cut) return imaging::PixelRegion{0, 0, camera.width(), camera.height()};
-  const Vec2 margin = kMarginShare * seen.sizes() + Vec2::Constant(kMargin_px);
-  const Vec2 low = (seen.min() - margin).cwiseMax(-1e6), high = (seen.max() + margin).cwiseMin(1e6);
-  return imaging::PixelRegion{static_cast<int>(low.x()), static_cast<int>(low.y()), static_cast<int>(high.x()),
-                              static_cast<int>(high.y())};
-}
-
-/// The tiles of the region (default: of the image) in which placed parts may be seen.
-std::vector<imaging::PixelRegion> tiles_with_placed(const imaging::Camera& camera, std::span<const SE3> rows,
-                                                    const MovingFrame& moving, const OptionalRegion& region) {
-  constexpr int kTile = 8 * kRegionStep;
-  if (moving.scene == nullptr) return {};
-  std::vector<imaging::PixelRegion> parts, tiles;
-  for (std::size_t i = 0; i < moving.scene->placed().size(); ++i) {
-    if (const auto part = region_of_placed(camera, rows, moving.scene->placed_bounds(i))) parts.push_back(*part);
-  }
-  const imaging::PixelRegion all = region.value_or(imaging::PixelRegion{0, 0, camera.width(), camera.height()});
-  for (int y = all.y0; y < all.y1; y += kTile) {
-    for (int x = all.x0; x < all.x1; x += kTile) {
-      const imaging::PixelRegion tile{x, y, std::min(all.x1, x + kTile), std::min(all.y1, y + kTile)};
-      const auto meets = [&](const imaging::PixelRegion& part) {
-        return part.x0 < tile.x1 && part.x1 >= tile.x0 && part.y0 < tile.y1 && part.y1 >= tile.y0;
-      };
-      if (std::ranges::any_of(parts, meets)) tiles.push_back(tile);
-    }
-  }
-  return tiles;
 }
 
 /// Where a point that is seen at this frame is at the next one, by row.
@@ -166,7 +122,7 @@ PointOfRow next_point(const MovingFrame& moving, const SurfacePoint& at, const V
 
 OutputImages OutputRenderer::render(const CameraRenderer& renderer, std::span<const SE3> T_local_camera_of_row,
                                     std::span<const SE3> next, const MovingFrame& moving,
-                                    const OptionalRegion& region) const {
+                                    const SurfacePass& pass) const {
   const imaging::Camera& camera = renderer.camera();
   OutputImages images = make_blank_images(outputs_, camera.width(), camera.height(), !next.empty());
   const auto flow_px = [&](const SurfacePoint& at, const Vec3& point) -> std::array<float, 2> {
@@ -186,22 +142,8 @@ OutputImages OutputRenderer::render(const CameraRenderer& renderer, std::span<co
     if (!images.flow_px.empty()) images.flow_px(at.x, at.y) = flow_px(at, point);
     if (outputs_.visibility && (!place_ || place_(point))) images.visibility(at.x, at.y) = 255;
   };
-  if (outputs_.has_whole_images()) {
-    renderer.visit_surface(T_local_camera_of_row, visit, region, moving.scene_times);
-    return images;
-  }
-  for (const imaging::PixelRegion& tile : tiles_with_placed(camera, T_local_camera_of_row, moving, region))
-    renderer.visit_surface(T_local_camera_of_row, visit, tile, moving.scene_times);
+  pass({visit, outputs_.has_whole_images() ? VisitedPixels::kAll : VisitedPixels::kPlaced});
   return images;
-}
-
-std::optional<RenderedFrame> OutputRenderer::render_picture(const CameraRenderer& renderer, const SE3& T_local_camera,
-                                                            const OptionalRegion& region, OutputImages& images) const {
-  if (!outputs_.placed_objects || outputs_.has_whole_images() || !renderer.samples_are_central()) return std::nullopt;
-  images = make_blank_images(outputs_, renderer.camera().width(), renderer.camera().height(), false);
-  return renderer.render(T_local_camera, region, [&](const SurfacePoint& at) {
-    images.objects(at.x, at.y) = 1 + objects_->index_of(at.mesh, at.triangle);
-  });
 }
 
 }  // namespace tileflight::render

@@ -64,6 +64,10 @@ std::optional<geometry::Vec2> project_by_rows(const imaging::Camera& camera,
                                               std::span<const geometry::SE3> T_local_camera_of_row,
                                               const PointOfRow& point);
 
+/// Casts the rays of a frame's pixels, once, and calls the visitor for them, unless it is empty: as
+/// CameraRenderer::render does, whose picture is made on the way.
+using SurfacePass = std::function<void(const SurfaceVisitor& visitor)>;
+
 /// Renders the outputs of frames; several threads may each render one. Renderer and scene must outlive it.
 class OutputRenderer {
  public:
@@ -78,15 +82,9 @@ class OutputRenderer {
   OutputImages render(std::span<const geometry::SE3> T_local_camera_of_row, std::span<const geometry::SE3> next,
                       const OptionalRegion& region = {}) const;
   /// The same for placed parts that move, seen by `renderer`, which is in the scene of `moving`. The flow of a point of
-  /// a placed part is to where that point is in the next frame.
+  /// a placed part is to where that point is in the next frame. `pass` is called once, and casts the same rays.
   OutputImages render(const CameraRenderer& renderer, std::span<const geometry::SE3> T_local_camera_of_row,
-                      std::span<const geometry::SE3> next, const MovingFrame& moving,
-                      const OptionalRegion& region) const;
-
-  /// A picture with its placed objects, of the same rays, where these are all that is asked for and `renderer` makes a
-  /// pixel of its central ray; nullopt: it does not. `images`: what render() gives.
-  std::optional<RenderedFrame> render_picture(const CameraRenderer& renderer, const geometry::SE3& T_local_camera,
-                                              const OptionalRegion& region, OutputImages& images) const;
+                      std::span<const geometry::SE3> next, const MovingFrame& moving, const SurfacePass& pass) const;
 
  private:
   const CameraRenderer& renderer_;

@@ -208,38 +208,42 @@ TracedFrame FrameRenderer::trace_region(std::size_t index, const OptionalRegion&
   frame.index = index;
   const Moment moment = moment_of(index, true);
   const Cameras cameras = cameras_in(moment.scene ? &*moment.scene : nullptr);
-  bool has_all_outputs = !has_outputs_;
-  if (is_ideal(formation_) && !streaks_) {
-    const SE3& T_local_camera = frames_.poses[index].T_local_camera;
-    std::optional<RenderedFrame> with_outputs;
-    if (moment.scene) with_outputs = outputs_.render_picture(*cameras.all, T_local_camera, region, frame.outputs);
-    has_all_outputs = has_all_outputs || with_outputs;
-    RenderedFrame rendered = with_outputs ? std::move(*with_outputs) : cameras.all->render(T_local_camera, region);
-    frame.rgb = std::move(rendered.rgb);
-    frame.depth_m = std::move(rendered.depth_m);
-    frame.check.view = rendered.view;
-  } else {
-    LightFrame light = trace_light(cameras, moment.exposure, region);
-    frame.light = std::move(light.light);
-    frame.depth_m = std::move(light.depth_m);
-    frame.check.view = light.view;
-    if (streaks_) streaks_->draw(renderer_.camera(), streak_shutter(index), frame.depth_m, region, frame.light);
-    if (!has_depth_) frame.depth_m = {};
+  const auto trace = [&](const SurfaceVisitor& visitor) { trace_picture(cameras, moment, region, visitor, frame); };
+  if (!has_outputs_) {
+    trace({});
+    return frame;
   }
-  if (!has_all_outputs) {
-    const Moment next = moment_of(index + 1, false);
-    const MovingFrame moving{moment.scene ? &*moment.scene : nullptr, moment.rows.scene_times,
-                             next.scene ? &*next.scene : nullptr, next.rows.scene_times};
-    frame.outputs = outputs_.render(*cameras.all, moment.rows.T_local_camera, next.rows.T_local_camera, moving, region);
-  }
-  if (has_outputs_) frame.objects = outputs_.objects();
+  const Moment next = moment_of(index + 1, false);
+  const MovingFrame moving{moment.scene ? &*moment.scene : nullptr, moment.rows.scene_times,
+                           next.scene ? &*next.scene : nullptr, next.rows.scene_times};
+  frame.outputs = outputs_.render(*cameras.all, moment.rows.T_local_camera, next.rows.T_local_camera, moving, trace);
+  frame.objects = outputs_.objects();
   return frame;
 }
 
+/// Colour and depth of a frame. The middle moment of the exposure has the rows' poses, so `visitor` sees what the
+/// frame's outputs are of.
+void FrameRenderer::trace_picture(const Cameras& cameras, const Moment& moment, const OptionalRegion& region,
+                                  const SurfaceVisitor& visitor, TracedFrame& frame) const {
+  if (is_ideal(formation_) && !streaks_) {
+    RenderedFrame rendered = cameras.all->render(frames_.poses[frame.index].T_local_camera, region, visitor);
+    frame.rgb = std::move(rendered.rgb);
+    frame.depth_m = std::move(rendered.depth_m);
+    frame.check.view = rendered.view;
+    return;
+  }
+  LightFrame light = trace_light(cameras, moment.exposure, region, visitor);
+  frame.light = std::move(light.light);
+  frame.depth_m = std::move(light.depth_m);
+  frame.check.view = light.view;
+  if (streaks_) streaks_->draw(renderer_.camera(), streak_shutter(frame.index), frame.depth_m, region, frame.light);
+  if (!has_depth_) frame.depth_m = {};
+}
+
 /// Renders red and blue through separate lenses if there is chromatic aberration.
-LightFrame FrameRenderer::trace_light(const Cameras& cameras, const ShutterPoses& poses,
-                                      const OptionalRegion& region) const {
-  LightFrame light = cameras.all->render_light(poses, region);
+LightFrame FrameRenderer::trace_light(const Cameras& cameras, const ShutterPoses& poses, const OptionalRegion& region,
+                                      const SurfaceVisitor& visitor) const {
+  LightFrame light = cameras.all->render_light(poses, region, visitor);
   if (cameras.red != nullptr) take_channel(0, cameras.red->render_light(poses, region).light, light.light);
   if (cameras.blue != nullptr) take_channel(2, cameras.blue->render_light(poses, region).light, light.light);
   return light;

@@ -69,7 +69,10 @@ class FrameRenderer {
   void meter(const scene::Scene& scene, const RenderOptions& options, const FrameRange& range);
   struct Moment;
   struct Cameras;
-  LightFrame trace_light(const Cameras& cameras, const ShutterPoses& poses, const OptionalRegion& region) const;
+  void trace_picture(const Cameras& cameras, const Moment& moment, const OptionalRegion& region,
+                     const SurfaceVisitor& visitor, TracedFrame& frame) const;
+  LightFrame trace_light(const Cameras& cameras, const ShutterPoses& poses, const OptionalRegion& region,
+                         const SurfaceVisitor& visitor) const;
   Moment moment_of(std::size_t index, bool is_exposed) const;
   Cameras cameras_in(const scene::Scene* scene) const;
   bool is_blocked_after(std::size_t index) const;

@@ -31,7 +31,7 @@ class Response {
     }
   }
   float value(float light) const {
-    if (gamma_ <= 0.0) return SrgbTables::get().encode(light);
+    if (gamma_ <= 0.0) return srgb_.encode(light);
     const float position = std::sqrt(std::clamp(light, 0.0F, 1.0F)) * kSteps;
     const auto below = static_cast<std::size_t>(position);
     return power_[below] + (position - static_cast<float>(below)) * (power_[below + 1] - power_[below]);
@@ -39,6 +39,7 @@ class Response {
 
  private:
   static constexpr int kSteps = 4096;
+  const SrgbTables& srgb_ = SrgbTables::get();
   double gamma_;
   std::array<float, kSteps + 2> power_{};
 };
@@ -94,17 +95,18 @@ void sharpen(ValueImage& values, double amount, double radius_px) {
   }
 }
 
-imaging::RgbImage rounded(const ValueImage& values) {
-  imaging::RgbImage image(values.width, values.height);
-  std::transform(values.pixels.begin(), values.pixels.end(), image.pixels.begin(),
-                 [](const std::array<float, 3>& value) {
-                   imaging::Rgb8 pixel;
-                   for (std::size_t c = 0; c < 3; ++c) {
-                     pixel[c] = static_cast<std::uint8_t>(std::clamp(value[c], 0.0F, 255.0F) + 0.5F);
-                   }
-                   return pixel;
-                 });
-  return image;
+imaging::Rgb8 rounded(const std::array<float, 3>& value) {
+  imaging::Rgb8 pixel;
+  for (std::size_t c = 0; c < 3; ++c) pixel[c] = static_cast<std::uint8_t>(std::clamp(value[c], 0.0F, 255.0F) + 0.5F);
+  return pixel;
+}
+
+/// Calls `work(x, y)` for all pixels, on all cores.
+template <class Work>
+void for_each_pixel(int width, int height, const Work& work) {
+  tbb::parallel_for(0, height, [&](int y) {
+    for (int x = 0; x < width; ++x) work(x, y);
+  });
 }
 
 void check_auto_exposure(const AutoExposure& a) {
@@ -235,25 +237,32 @@ imaging::FloatImage make_vignette(const ImageFormation& formation, int width, in
 imaging::RgbImage develop(const LinearImage& light, const imaging::FloatImage& vignette,
                           const ImageFormation& formation, double gain, std::uint64_t frame) {
   assert(vignette.empty() || vignette.pixels.size() == light.pixels.size());
-  ValueImage values(light.width, light.height);
   const Response response(formation.gamma);
   const std::uint64_t key = base::stream_key(base::stream_key(formation.seed, kSensorNoiseStream), frame);
   const bool noisy = formation.white_electrons > 0.0;
-  tbb::parallel_for(0, light.height, [&](int y) {
-    for (int x = 0; x < light.width; ++x) {
-      const float falloff = vignette.empty() ? 1.0F : vignette(x, y);
-      const float factor = falloff * static_cast<float>(gain);
-      const auto index =
-          static_cast<std::uint64_t>(y) * static_cast<std::uint64_t>(light.width) + static_cast<std::uint64_t>(x);
-      const std::array<float, 4> normal = noisy ? base::normal_variates(key, index) : std::array<float, 4>{};
-      for (std::size_t c = 0; c < 3; ++c) {
-        const float exposed = factor * light(x, y)[c];
-        values(x, y)[c] = response.value(noisy ? with_noise(exposed, normal[c], formation) : exposed);
-      }
+  const auto value_at = [&](int x, int y) {
+    const float falloff = vignette.empty() ? 1.0F : vignette(x, y);
+    const float factor = falloff * static_cast<float>(gain);
+    const auto index =
+        static_cast<std::uint64_t>(y) * static_cast<std::uint64_t>(light.width) + static_cast<std::uint64_t>(x);
+    const std::array<float, 4> normal = noisy ? base::normal_variates(key, index) : std::array<float, 4>{};
+    std::array<float, 3> value;
+    for (std::size_t c = 0; c < 3; ++c) {
+      const float exposed = factor * light(x, y)[c];
+      value[c] = response.value(noisy ? with_noise(exposed, normal[c], formation) : exposed);
     }
-  });
-  if (formation.sharpening > 0.0) sharpen(values, formation.sharpening, formation.sharpening_radius_px);
-  return rounded(values);
+    return value;
+  };
+  imaging::RgbImage image(light.width, light.height);
+  if (formation.sharpening <= 0.0) {
+    for_each_pixel(light.width, light.height, [&](int x, int y) { image(x, y) = rounded(value_at(x, y)); });
+    return image;
+  }
+  ValueImage values(light.width, light.height);
+  for_each_pixel(light.width, light.height, [&](int x, int y) { values(x, y) = value_at(x, y); });
+  sharpen(values, formation.sharpening, formation.sharpening_radius_px);
+  for_each_pixel(light.width, light.height, [&](int x, int y) { image(x, y) = rounded(values(x, y)); });
+  return image;
 }
 
 imaging::PhotometricCalibration photometric_calibration(const ImageFormation& formation, int width, int height) {

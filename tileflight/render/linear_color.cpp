@@ -1,7 +1,6 @@
 #include "tileflight/render/linear_color.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "tileflight/base/srgb.h"
 
@@ -22,18 +21,6 @@ SrgbTables::SrgbTables() {
     const double root = static_cast<double>(i) / kSteps;
     encoded_[i] = static_cast<float>(srgb_encode(root * root));
   }
-}
-
-float SrgbTables::decode(float encoded) const {
-  const float clamped = std::clamp(encoded, 0.0F, 255.0F);
-  const int below = static_cast<int>(clamped);
-  return linear_[below] + (clamped - static_cast<float>(below)) * (linear_[below + 1] - linear_[below]);
-}
-
-float SrgbTables::encode(float linear) const {
-  const float position = std::sqrt(std::clamp(linear, 0.0F, 1.0F)) * static_cast<float>(kSteps);
-  const int below = static_cast<int>(position);
-  return encoded_[below] + (position - static_cast<float>(below)) * (encoded_[below + 1] - encoded_[below]);
 }
 
 imaging::Rgb8 SrgbTables::encode(const LinearRgb& light) const {

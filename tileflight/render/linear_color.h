@@ -1,6 +1,9 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cmath>
+#include <cstddef>
 #include <cstdint>
 
 #include "tileflight/imaging/image.h"
@@ -32,5 +35,18 @@ class SrgbTables {
   std::array<float, 257> linear_{};
   std::array<float, kSteps + 2> encoded_{};
 };
+
+// In the inner loops of rendering.
+inline float SrgbTables::decode(float encoded) const {
+  const float clamped = std::clamp(encoded, 0.0F, 255.0F);
+  const auto below = static_cast<std::size_t>(static_cast<int>(clamped));
+  return linear_[below] + (clamped - static_cast<float>(below)) * (linear_[below + 1] - linear_[below]);
+}
+
+inline float SrgbTables::encode(float linear) const {
+  const float position = std::sqrt(std::clamp(linear, 0.0F, 1.0F)) * static_cast<float>(kSteps);
+  const auto below = static_cast<std::size_t>(static_cast<int>(position));
+  return encoded_[below] + (position - static_cast<float>(below)) * (encoded_[below + 1] - encoded_[below]);
+}
 
 }  // namespace tileflight::render

@@ -2,8 +2,10 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
+#include <array>
 #include <cmath>
 #include <cstring>
+#include <span>
 
 #include "tileflight/render/camera_renderer.h"
 #include "tileflight/render/image_formation.h"
@@ -115,6 +117,46 @@ TEST_P(ShutterKinds, ChecksOfTheViewAreThoseOfTheMiddleMoment) {
   EXPECT_EQ(view.rays, middle.rays);
   EXPECT_NEAR(static_cast<double>(view.surfaces), static_cast<double>(middle.surfaces), 1.0);
   EXPECT_NEAR(view.nearest_m, middle.nearest_m, 1e-4);
+}
+
+/// What visitors see: mesh, triangle and distance of each pixel; no value: no ray.
+using Seen = imaging::Image<std::array<float, 3>>;
+
+SurfaceVisitor writer_to(Seen& seen) {
+  seen = Seen(kWidth, kHeight, {-1.0F, -1.0F, -1.0F});
+  return [&seen](const SurfacePoint& at) {
+    seen(at.x, at.y) = {at.hit ? static_cast<float>(at.mesh) : -0.5F, static_cast<float>(at.triangle), at.distance_m};
+  };
+}
+
+TEST(OnePass, PictureAndVisitorGetWhatTheyGetAlone) {
+  const Scene scene = place();
+  const SE3 T = pose_at(0.3);
+  for (const int samples : {1, 4}) {
+    const CameraRenderer renderer(scene, imaging::make_fisheye(kWidth, kHeight, 100.0), {.samples_per_pixel = samples});
+    for (const OptionalRegion& region : {OptionalRegion(), OptionalRegion(imaging::PixelRegion{8, 16, 40, 45})}) {
+      Seen together, alone;
+      const RenderedFrame frame = renderer.render(T, region, writer_to(together));
+      const RenderedFrame picture = renderer.render(T, region);
+      renderer.visit_surface(std::span(&T, 1), writer_to(alone), region);
+      EXPECT_EQ(together.pixels, alone.pixels);
+      EXPECT_EQ(frame.rgb.pixels, picture.rgb.pixels);
+      EXPECT_EQ(frame.view.surfaces, picture.view.surfaces);
+      EXPECT_EQ(
+          std::memcmp(frame.depth_m.pixels.data(), picture.depth_m.pixels.data(), 4 * frame.depth_m.pixels.size()), 0);
+    }
+  }
+}
+
+TEST(OnePass, VisitorSeesTheMiddleMomentOfAnExposure) {
+  const Scene scene = place();
+  const CameraRenderer renderer(scene, imaging::make_fisheye(kWidth, kHeight, 100.0), {});
+  const ShutterPoses shutter = shutter_poses({.exposure_time_s = 0.02}, pose_at, 0.3, kHeight);
+  const SE3 middle = pose_at(0.3);
+  Seen together, alone;
+  renderer.render_light(shutter, {}, writer_to(together));
+  renderer.visit_surface(std::span(&middle, 1), writer_to(alone));
+  EXPECT_EQ(together.pixels, alone.pixels);
 }
 
 INSTANTIATE_TEST_SUITE_P(Of, ShutterKinds,

@@ -36,9 +36,13 @@ std::vector<double> make_render_key(const CameraView& shot, const std::string& c
 }
 
 std::vector<std::uint8_t> bgr_bytes(const imaging::RgbImage& image) {
-  std::vector<std::uint8_t> bytes;
-  bytes.reserve(image.pixels.size() * 3);
-  for (const imaging::Rgb8& p : image.pixels) bytes.insert(bytes.end(), {p[2], p[1], p[0]});
+  std::vector<std::uint8_t> bytes(image.pixels.size() * 3);
+  std::uint8_t* to = bytes.data();
+  for (const imaging::Rgb8& p : image.pixels) {
+    *to++ = p[2];
+    *to++ = p[1];
+    *to++ = p[0];
+  }
   return bytes;
 }
 

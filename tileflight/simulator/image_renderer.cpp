@@ -242,10 +242,10 @@ std::shared_ptr<const render::CameraRenderer> ImageRenderer::camera_renderer(
 
 /// The camera's exposure takes no time, but that of what falls does: meanwhile it goes on as it moves.
 imaging::RgbImage ImageRenderer::render_colours(const render::CameraRenderer& renderer, const CameraView& shot,
-                                                double time_s) {
+                                                double time_s, const render::SurfaceVisitor& visitor) {
   const auto& weather = renderer.options().weather;
-  if (!weather || !weather->has_precipitation()) return renderer.render(shot.T_local_camera).rgb;
-  render::LightFrame frame = renderer.render_light({1, 1, {shot.T_local_camera}});
+  if (!weather || !weather->has_precipitation()) return renderer.render(shot.T_local_camera, {}, visitor).rgb;
+  render::LightFrame frame = renderer.render_light({1, 1, {shot.T_local_camera}}, {}, visitor);
   const auto pose_at = [&](double at_s) {
     const double later_s = at_s - time_s;
     const Vec3 turned = later_s * shot.angular_velocity_rad_s;
@@ -265,10 +265,12 @@ RenderLayers ImageRenderer::render(const std::shared_ptr<const ResidentScene>& p
                                    const LayerSelection& selection, const Outlook& outlook) {
   const auto renderer = this->camera_renderer(place, shot.lens, selection.rgb ? &outlook : nullptr);
   RenderLayers layers = empty_layers(shot.lens.width(), shot.lens.height(), selection);
-  if (selection.rgb) layers.rgb = render_colours(*renderer, shot, outlook.time_s);
-  if (selection.geometry()) {
-    const LayerWriter notes(*place, shot, selection, layers);
-    renderer->visit_surface(std::span(&shot.T_local_camera, 1), std::cref(notes));
+  const LayerWriter notes(*place, shot, selection, layers);
+  const render::SurfaceVisitor visitor = selection.geometry() ? std::cref(notes) : render::SurfaceVisitor();
+  if (selection.rgb) {
+    layers.rgb = render_colours(*renderer, shot, outlook.time_s, visitor);
+  } else if (visitor) {
+    renderer->visit_surface(std::span(&shot.T_local_camera, 1), visitor);
   }
   return layers;
 }

@@ -71,7 +71,7 @@ struct LayerSelection {
 /// Renders images and caches renderers between them. Thread-safe; several images may be rendered at once.
 class ImageRenderer {
  public:
-  /// Renders the requested layers: one pass over the pixels for colour, one for all geometric layers.
+  /// Renders the requested layers; rays are cast once for all of them.
   /// `outlook`: light and weather of the colours; geometric layers do not depend on it.
   RenderLayers render(const std::shared_ptr<const ResidentScene>& place, const CameraView& shot,
                       const LayerSelection& selection, const Outlook& outlook = {});
@@ -91,7 +91,8 @@ class ImageRenderer {
   };
 
   std::shared_ptr<const render::Daylight> daylight(const Sunlight& sunlight);
-  imaging::RgbImage render_colours(const render::CameraRenderer& renderer, const CameraView& shot, double time_s);
+  imaging::RgbImage render_colours(const render::CameraRenderer& renderer, const CameraView& shot, double time_s,
+                                   const render::SurfaceVisitor& visitor);
 
   std::mutex mutex_;
   std::optional<Sunlight> lit_for_;
