@@ -214,6 +214,7 @@ TEST(WorldObjects, StandInTheWayOfVehiclesRaysAndSensors) {
   const CollisionInfo hit = world->sim_get_collision_info("");
   EXPECT_TRUE(hit.has_collided);
   EXPECT_NEAR(hit.impact_point.x_val, 11.5, 0.05);
+  EXPECT_EQ(hit.object_name, "wall");
   EXPECT_LT(world->sim_get_vehicle_pose("").position.x_val, 11.5);
 }
 

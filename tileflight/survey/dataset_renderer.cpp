@@ -119,6 +119,7 @@ void write_metadata(dataset::DatasetWriter& writer, const PlannedFlight& mission
     writer.describe(key, value);
   const auto faults = render::find_flight_faults(frame_checks(frames), 0, mission.options.clearance_m);
   for (const auto& [key, value] : faults_to_metadata(faults)) writer.describe(key, value);
+  for (const auto& [key, value] : faults_to_metadata(find_actor_faults(mission))) writer.describe(key, value);
   if (const auto& light = mission.options.formation.light)
     writer.describe("light", describe_sun_position(make_daylight(*light, summary.tiles.local_frame->origin())->sun()));
   mission.sensor_recorder->write(summary.tiles.local_frame, mission.frames.poses.front().time_s,

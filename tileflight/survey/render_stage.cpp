@@ -13,6 +13,7 @@
 #include "tileflight/dataset/dataset.h"
 #include "tileflight/place/version.h"
 #include "tileflight/survey/dataset_renderer.h"
+#include "tileflight/survey/flight_faults.h"
 #include "tileflight/survey/frame_assignment.h"
 #include "tileflight/survey/planned_flight.h"
 #include "tileflight/tiles/placement.h"
@@ -163,6 +164,8 @@ void require_undivided_autopilot(const RenderSettings& settings) {
 std::vector<std::string> collect_warnings(const PlannedFlight& mission, const RenderedFrames& rendered) {
   std::vector<std::string> warnings =
       render::flight_warnings(frame_checks(rendered.frames), 0, mission.options.clearance_m);
+  const std::vector<std::string> of_actors = render::fault_warnings(find_actor_faults(mission));
+  warnings.insert(warnings.end(), of_actors.begin(), of_actors.end());
   const bool sees_nothing = std::all_of(rendered.frames.begin(), rendered.frames.end(),
                                         [](const FrameRecord& frame) { return frame.check.view.surfaces == 0; });
   if (sees_nothing) {
