@@ -59,9 +59,9 @@ Output evaluate_map(const EvaluateOptions& options, const Progress& progress) {
   const scoring::EvaluationSettings settings =
       options.settings_file.empty() ? options.settings : experiment::read_evaluation_file(options.settings_file);
   const std::filesystem::path out = options.out;
-  prepare_output_files({out, out.parent_path() / "errors.ply", scoring::seen_surface_file(out),
-                        scoring::moving_points_file(out)},
-                       inputs);
+  prepare_output_files(
+      {out, out.parent_path() / "errors.ply", scoring::seen_surface_file(out), scoring::moving_points_file(out)},
+      inputs);
   const json m = scoring::evaluate(map_inputs(map), options.truth, options.transform, settings, options.out, progress);
   std::ostringstream text;
   text << options.out << ": " << m["map"]["correspondences"] << " of " << m["map"]["points"] << " points within "

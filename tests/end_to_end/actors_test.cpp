@@ -196,5 +196,52 @@ TEST_F(Actors, AWrongOneIsNamed) {
   EXPECT_THAT(render("wrong", "wrong.yaml", {}).err, ::testing::HasSubstr("model"));
 }
 
+TEST_F(Actors, InTheCamerasWayAreAWarning) {
+  TinyPlace::write_file(folder_ / "through.yaml", R"(camera: camera.yaml
+fps: 4
+speed_m_s: 4
+max_frames: 8
+waypoints:
+  - {position: [-4, 0, 109], yaw_deg: 90, pitch_deg: -20}
+  - {position: [6, 0, 109], yaw_deg: 90, pitch_deg: -20}
+actors:
+  - {name: kite, model: box, on_ground: false, position: [0, 0, 109], scale: 3}
+)");
+  const auto told = render("through", "through.yaml", {});
+  ASSERT_EQ(told.exit_code, 0) << told.err;
+  EXPECT_THAT(told.out, ::testing::HasSubstr("the camera is inside an actor (kite)"));
+  EXPECT_THAT(told.out, ::testing::HasSubstr("goes through an actor (kite)"));
+  const dataset::Dataset out = dataset::read_dataset(folder_ / "through");
+  EXPECT_TRUE(out.metadata.contains("warnings.camera_inside_actor"));
+  ASSERT_EQ(render("away", "flight.yaml", {}).exit_code, 0);
+  EXPECT_FALSE(dataset::read_dataset(folder_ / "away").metadata.contains("warnings.camera_inside_actor"));
+}
+
+TEST_F(Actors, StopAVehicle) {
+  const auto mission = [&](const char* name, double kite_east) {
+    TinyPlace::write_file(folder_ / name, R"(camera: camera.yaml
+fps: 4
+mission:
+  - {do: go_to, position: [12, 0, 112], speed_m_s: 4}
+vehicle: {start: [-8, 0, 112], collision: stop, radius_m: 0.4}
+actors:
+  - {name: kite, model: box, on_ground: false, scale: 4, speed_m_s: 1, path: [{at: [)" +
+                                              std::to_string(kite_east) + ", 0, 112]}, {at: [" +
+                                              std::to_string(kite_east + 3) + ", 0, 112]}]}\n");
+    const auto told = render(std::string(name) + ".out", name, {});
+    EXPECT_EQ(told.exit_code, 0) << told.err;
+    return read(std::string(name) + ".out/vehicle.json");
+  };
+  const json met = mission("met.yaml", 2.0);
+  EXPECT_EQ(met["outcome"], "collided");
+  EXPECT_EQ(met["last_collision"]["actor"], "kite");
+  // The box's western side, which has gone on at 1 m/s for up to three metres.
+  const double at_s = met["last_collision"]["time_s"];
+  EXPECT_NEAR(met["last_collision"]["point"][0].get<double>(), 2.0 - 2.0 + std::min(3.0, at_s), 0.15);
+  EXPECT_GT(at_s, 1.0);
+  EXPECT_NEAR(std::abs(met["last_collision"]["normal"][0].get<double>()), 1.0, 1e-3);
+  EXPECT_EQ(mission("clear.yaml", 30.0)["outcome"], "finished");
+}
+
 }  // namespace
 }  // namespace tileflight::actors_test

@@ -10,6 +10,7 @@
 #include <sstream>
 
 #include "tileflight/base/order_statistics.h"
+#include "tileflight/survey/flight_faults.h"
 
 namespace tileflight::preview {
 namespace {
@@ -164,7 +165,10 @@ FlightCheck check_flight(const scene::Scene& scene, const survey::PlannedFlight&
   const auto& poses = mission.frames.poses;
   const std::vector<GridRay> rays = grid_rays(mission.calibration.camera, options.rays_per_side);
   const std::vector<bool> is_looked_at = select_evenly(poses.size(), options.max_views);
-  FlightCheck found{std::vector<render::FrameCheck>(poses.size()), std::vector<ViewCheck>(poses.size()), {}};
+  FlightCheck found{std::vector<render::FrameCheck>(poses.size()),
+                    std::vector<ViewCheck>(poses.size()),
+                    find_actor_faults(mission),
+                    {}};
   scene.build_ray_tree();
   std::mutex progress_mutex;
   std::int64_t done = 0;
@@ -191,6 +195,7 @@ FlightCheck check_flight(const scene::Scene& scene, const survey::PlannedFlight&
 std::vector<render::FlightFault> find_faults(const FlightCheck& check, const FlightCheckOptions& options) {
   const std::vector<std::optional<render::FrameCheck>> known(check.frames.begin(), check.frames.end());
   std::vector<render::FlightFault> faults = render::find_flight_faults(known, 0, options.min_clearance_m);
+  faults.insert(faults.end(), check.of_actors.begin(), check.of_actors.end());
   const std::size_t count = check.frames.size();
   const auto share = [&](std::size_t i) { return check.views[i].surface_share; };
   faults.push_back(

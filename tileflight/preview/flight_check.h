@@ -43,6 +43,7 @@ struct InitializationCheck {
 struct FlightCheck {
   std::vector<render::FrameCheck> frames;  ///< clearance up to max_clearance_m; view and path by the rays of the grid
   std::vector<ViewCheck> views;
+  std::vector<render::FlightFault> of_actors;         ///< find_actor_faults()
   std::optional<InitializationCheck> initialization;  ///< nullopt: a single frame, or no visible surface
 };
 
@@ -50,7 +51,7 @@ struct FlightCheck {
 FlightCheck check_flight(const scene::Scene& scene, const survey::PlannedFlight& mission,
                          const FlightCheckOptions& options, const Progress& progress);
 
-/// All faults: those of render::flight_faults, then `view_nearly_empty`, `nothing_below`, `too_fast`.
+/// All faults: those of render::flight_faults, those of actors, then `view_nearly_empty`, `nothing_below`, `too_fast`.
 std::vector<render::FlightFault> find_faults(const FlightCheck& check, const FlightCheckOptions& options);
 /// A warning about too little parallax at the start; nullopt if there is enough.
 std::optional<std::string> initialization_warning(const FlightCheck& check, const FlightCheckOptions& options);

@@ -80,8 +80,12 @@ std::vector<FlightFault> find_flight_faults(Checks checks, std::size_t first_fra
 }
 
 std::vector<std::string> flight_warnings(Checks checks, std::size_t first_frame, double clearance_m) {
+  return fault_warnings(find_flight_faults(checks, first_frame, clearance_m));
+}
+
+std::vector<std::string> fault_warnings(const std::vector<FlightFault>& faults) {
   std::vector<std::string> warnings;
-  for (const FlightFault& fault : find_flight_faults(checks, first_frame, clearance_m)) {
+  for (const FlightFault& fault : faults) {
     for (std::size_t i = 0; i < fault.frames.size(); ++i) {
       const std::size_t first = fault.frames[i];
       while (i + 1 < fault.frames.size() && fault.frames[i + 1] == fault.frames[i] + 1) ++i;

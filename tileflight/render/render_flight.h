@@ -98,6 +98,8 @@ std::vector<FlightFault> find_flight_faults(std::span<const std::optional<FrameC
 /// The faults as text, one line for each run of consecutive frames.
 std::vector<std::string> flight_warnings(std::span<const std::optional<FrameCheck>> checks, std::size_t first_frame,
                                          double clearance_m);
+/// The same of faults that are known.
+std::vector<std::string> fault_warnings(const std::vector<FlightFault>& faults);
 
 /// Renders a frame at each pose of `frames` and passes it to `sink`; rendering and sink run concurrently. Frames
 /// (pixels and exposures) do not depend on the number of threads. `pose_at` gives the poses at the moments and rows of

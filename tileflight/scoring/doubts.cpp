@@ -106,7 +106,8 @@ Doubts moving_doubts(const evaluation::MovingPoints& moving, double share_margin
   if (!(apart > share_margin * all)) return {};
   return {{std::to_string(moving.apart.points) + " of the map's " + std::to_string(moving.with_them.points) +
                " points are on moving objects; they are left out of the scores, but odometry and alignment used them",
-           "evaluation", "possible", "compare with_them of moving_objects in metrics.json; fly the place without actors"}};
+           "evaluation", "possible",
+           "compare with_them of moving_objects in metrics.json; fly the place without actors"}};
 }
 
 void append_distinct(Doubts& doubts, const Doubts& more) {

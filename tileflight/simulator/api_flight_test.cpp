@@ -173,6 +173,7 @@ TEST(ApiFlight, AWallInTheWayIsACollision) {
   const CollisionInfo collision = world->sim_get_collision_info("");
   EXPECT_TRUE(collision.has_collided);
   EXPECT_NEAR(collision.impact_point.x_val, kWallNorth_m, 0.05);
+  EXPECT_EQ(collision.object_name, "surface") << "the place itself";
   EXPECT_LT(position(*world).x_val, kWallNorth_m);
 }
 

@@ -229,7 +229,7 @@ CollisionInfo to_collision_info(const Simulator::Impl& impl, const SimVehicle& s
   info.normal = to_airsim(last.normal_ned);
   info.impact_point = to_airsim(Vec3(last.point_ned - sim_vehicle.start_ned()));
   info.position = to_airsim(Vec3(last.position_ned - sim_vehicle.start_ned()));
-  info.object_name = "surface";
+  info.object_name = last.object.empty() ? "surface" : last.object;
   info.object_id = 0;
   return info;
 }

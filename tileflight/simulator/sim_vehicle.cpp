@@ -89,7 +89,8 @@ void SimVehicle::sweep_to(const SE3& T_ned_body, double time_s) {
                   T_ned_local * contact->point,
                   T_ned_local.rotation * contact->normal,
                   reached.translation,
-                  (to - contact->center).norm()};
+                  (to - contact->center).norm(),
+                  contact->object};
   }
   teleport({reached});
 }
@@ -191,7 +192,8 @@ void SimVehicle::record_contact(const vehicle::Collision& last, double time_s) {
   contact_seen_s_ = last.time_s;
   const SE3 T_ned_local = T_local_ned_.inverse();
   collision_ = {
-      true, time_s, T_ned_local * last.point, T_ned_local.rotation * last.normal, state_.T_ned_body.translation, 0.0};
+      true, time_s,     T_ned_local * last.point, T_ned_local.rotation * last.normal, state_.T_ned_body.translation,
+      0.0,  last.object};
 }
 
 }  // namespace tileflight::simulator

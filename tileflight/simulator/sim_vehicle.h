@@ -30,6 +30,7 @@ struct VehicleCollision {
   geometry::Vec3 normal_ned = geometry::Vec3::Zero();
   geometry::Vec3 position_ned = geometry::Vec3::Zero();
   double depth_m = 0.0;
+  std::string object{};  ///< name of the object that was hit; empty: the place
 };
 
 /// A simulated vehicle: flown by vehicle::Vehicle after the first command, or by an autopilot that drives its motors,

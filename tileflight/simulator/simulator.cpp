@@ -200,7 +200,9 @@ vehicle::ObstacleQuery Simulator::Impl::obstacle_query() {
     if (!hit) return std::nullopt;
     const Vec3 normal = scene.normal(*hit);
     if (normal.squaredNorm() <= 0.0) return std::nullopt;
-    return vehicle::SurfaceHit{scene.position(*hit), normal};
+    const bool is_object = hit->mesh >= scene.first_placed_mesh();
+    return vehicle::SurfaceHit{scene.position(*hit), normal,
+                               is_object ? scene.placed()[scene.placed_of_mesh(hit->mesh)].name : std::string()};
   };
 }
 

@@ -199,7 +199,7 @@ TEST(WorldObjects, StandInTheWayOfVehiclesRaysAndSensors) {
     "L": {"SensorType": 6, "Enabled": true, "NumberOfChannels": 4, "PointsPerSecond": 4000, "RotationsPerSecond": 10,
           "VerticalFOVUpper": 5, "VerticalFOVLower": -5, "Range": 60}}}}})");
   world->enable_api_control(true, "");
-  world->sim_spawn_object("wall", "Cube", pose(12, 0, -5), {1, 20, 20}, false, false);
+  const std::string wall = world->sim_spawn_object("wall", "Cube", pose(12, 0, -5), {1, 20, 20}, false, false);
   EXPECT_NEAR(world->get_distance_sensor_data("D", "A").distance, 11.5, 0.3);
   const LidarScanData scan = world->tf_lidar_scan("L", "A");
   float nearest_ahead = 1e9F;
@@ -214,6 +214,7 @@ TEST(WorldObjects, StandInTheWayOfVehiclesRaysAndSensors) {
   const CollisionInfo hit = world->sim_get_collision_info("");
   EXPECT_TRUE(hit.has_collided);
   EXPECT_NEAR(hit.impact_point.x_val, 11.5, 0.05);
+  EXPECT_EQ(hit.object_name, wall);
   EXPECT_LT(world->sim_get_vehicle_pose("").position.x_val, 11.5);
 }
 

@@ -140,6 +140,7 @@ void write_camera_metadata(dataset::DatasetWriter& writer, const PlannedFlight& 
     writer.describe(key, value);
   const auto faults = render::find_flight_faults(frame_checks(frames), 0, camera.options.clearance_m);
   for (const auto& [key, value] : faults_to_metadata(faults)) writer.describe(key, value);
+  for (const auto& [key, value] : faults_to_metadata(find_actor_faults(mission, number))) writer.describe(key, value);
   if (const auto& light = camera.options.formation.light)
     writer.describe("light", describe_sun_position(make_daylight(*light, summary.tiles.local_frame->origin())->sun()));
   if (const auto& weather = camera.options.render.weather) writer.describe("weather", describe_weather(*weather));

@@ -1,9 +1,12 @@
 #include "tileflight/survey/flight_faults.h"
 
+#include <algorithm>
 #include <charconv>
 #include <optional>
 #include <sstream>
 #include <utility>
+
+#include "tileflight/actors/encounters.h"
 
 namespace tileflight::survey {
 namespace {
@@ -26,10 +29,37 @@ std::string fault_description(const std::string& key) {
   if (key == "camera_inside_surface") return "the camera is inside or under a surface";
   if (key == "surfaces_seen_from_behind") return "most surfaces are seen from behind";
   if (key == "path_through_surface") return "the path to the next frame goes through a surface";
+  if (key == "camera_inside_actor") return "the camera is inside an actor";
+  if (key == "path_through_actor") return "on the way to the next frame the camera goes through an actor";
   return "";
 }
 
+/// "taxi, Ann and 3 more".
+std::string listed(const std::vector<std::string>& names) {
+  constexpr std::size_t kMost = 3;
+  std::string text;
+  for (std::size_t i = 0; i < std::min(kMost, names.size()); ++i) text += (i > 0 ? ", " : "") + names[i];
+  return names.size() > kMost ? text + " and " + std::to_string(names.size() - kMost) + " more" : text;
+}
+
 }  // namespace
+
+std::vector<render::FlightFault> find_actor_faults(const PlannedFlight& mission, std::size_t camera) {
+  std::vector<render::FlightFault> faults;
+  if (!mission.traffic) return faults;
+  const PlannedCamera& taking = mission.camera(camera);
+  geometry::Trajectory frames = taking.frames;
+  for (geometry::StampedPose& pose : frames.poses) pose.time_s += taking.timeshift_s;  // the actors' clock
+  const auto pose_at = [&taking](double time_s) { return taking.pose_at(time_s - taking.timeshift_s); };
+  const actors::Encounters met =
+      actors::find_encounters(*mission.traffic, frames, taking.pose_at ? render::PoseFunction(pose_at) : nullptr);
+  const auto add = [&](const char* key, const std::vector<std::size_t>& frames, const auto& names) {
+    if (!frames.empty()) faults.push_back({key, fault_description(key) + " (" + listed(names) + ")", frames});
+  };
+  add("camera_inside_actor", met.inside, met.inside_of);
+  add("path_through_actor", met.through, met.through_what);
+  return faults;
+}
 
 std::string format_frame_ranges(const std::vector<std::size_t>& frames) {
   std::string text;

@@ -6,12 +6,16 @@
 #include <vector>
 
 #include "tileflight/render/render_flight.h"
+#include "tileflight/survey/planned_flight.h"
 
 namespace tileflight::survey {
 
 /// Formats frame indices as "3-7,12,20-21" for a file. Parsing ignores malformed parts.
 std::string format_frame_ranges(const std::vector<std::size_t>& frames);
 std::vector<std::size_t> parse_frame_ranges(const std::string& runs);
+
+/// `camera_inside_actor` and `path_through_actor` of one camera's frames of a flight with actors, where there are any.
+std::vector<render::FlightFault> find_actor_faults(const PlannedFlight& mission, std::size_t camera = 0);
 
 /// Entries of dataset.yaml for a rendered flight's faults: `warnings.KEY: "3-7,12"` for each of render::flight_faults,
 /// with the frames at which the camera is inside or near a surface, sees none, or whose path intersects one. No

@@ -4,6 +4,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "tileflight/actors/encounters.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/scene/scene.h"
 #include "tileflight/simulator/autopilot_flight.h"
@@ -30,6 +31,7 @@ json vehicle_report(const VehicleFlight& flown) {
     const vehicle::Collision& c = *flown.last_collision;
     report["last_collision"] = {
         {"time_s", c.time_s}, {"point", numbers(c.point)}, {"normal", numbers(c.normal)}, {"impact_m_s", c.impact_m_s}};
+    if (!c.object.empty()) report["last_collision"]["actor"] = c.object;
   }
   if (flown.tracking) {
     report["tracking"] = {{"rms_m", flown.tracking->rms_m},
@@ -68,6 +70,31 @@ vehicle::ObstacleQuery make_obstacle_query(std::shared_ptr<const scene::Scene> p
   };
 }
 
+/// The first of the place's surface and the actors'.
+vehicle::ObstacleQuery with_actors(vehicle::ObstacleQuery place, std::shared_ptr<const actors::Traffic> traffic,
+                                   std::shared_ptr<const actors::ActorSurfaces> surfaces) {
+  return [place = std::move(place), traffic = std::move(traffic), surfaces = std::move(surfaces)](
+             const Vec3& from, const Vec3& to) -> std::optional<vehicle::SurfaceHit> {
+    const auto of_place = place ? place(from, to) : std::nullopt;
+    const auto of_actor = surfaces->first_hit(from, to);
+    if (!of_actor || (of_place && (of_place->point - from).norm() <= of_actor->distance_m)) return of_place;
+    return vehicle::SurfaceHit{from + of_actor->distance_m * (to - from).normalized(), of_actor->normal,
+                               traffic->plans()[of_actor->actor].name};
+  };
+}
+
+/// Heights of the place's surface below and around actors.
+actors::GroundHeight ground_below(std::shared_ptr<const scene::Scene> place) {
+  if (!place) return {};
+  return [place = std::move(place)](double x, double y, double below_z) -> std::optional<double> {
+    const double top_m = std::min(below_z, place->bounds().max().z() + 1.0);
+    const double down_m = top_m - place->bounds().min().z() + 1.0;
+    if (down_m <= 0.0) return std::nullopt;
+    const auto hit = place->intersect({{x, y, top_m}, -geometry::Vec3::UnitZ()}, down_m);
+    return hit ? std::optional(top_m - hit->distance_m) : std::nullopt;
+  };
+}
+
 /// An autopilot's flight among the tiles that the settings choose for images.
 FlownPath fly_by_autopilot(const vehicle::FlightPlan& plan, const RenderSettings& settings, const Progress& progress) {
   simulator::SimulatorOptions options;
@@ -85,7 +112,7 @@ FlownPath fly_by_autopilot(const vehicle::FlightPlan& plan, const RenderSettings
                    {"steps", flown.steps},
                    {"airborne_s", flown.airborne_s},
                    {"home", {flown.home.latitude, flown.home.longitude, flown.home.altitude}}}}};
-  return {flown.path, vehicle::sample_frames(flown.path, plan), std::move(report)};
+  return {flown.path, vehicle::sample_frames(flown.path, plan), std::move(report), nullptr};
 }
 
 }  // namespace
@@ -105,17 +132,43 @@ std::shared_ptr<const scene::Scene> load_surroundings(const RenderSettings& sett
   return std::make_shared<const scene::Scene>(std::move(tiles.meshes));
 }
 
+std::shared_ptr<const actors::Traffic> plan_traffic(const RenderSettings& settings, const imaging::Camera& camera,
+                                                    std::vector<geometry::SE3> poses, const Progress& progress) {
+  std::vector<actors::ActorPlan> plans = actors::read_actors(settings.flight.flight);
+  if (plans.empty()) return nullptr;
+  const bool needs_ground =
+      std::ranges::any_of(plans, [](const actors::ActorPlan& plan) { return plan.route.follows_ground; });
+  actors::GroundHeight ground;
+  if (needs_ground) {
+    constexpr double kEvery_m = 10.0;
+    const double camera_up_m = poses.front().translation.z();
+    for (const geometry::Vec3& point : actors::points_along(plans, kEvery_m, camera_up_m))
+      poses.emplace_back(Eigen::Quaterniond::Identity(), point);
+    ground = ground_below(load_surroundings(settings, camera, poses, progress));
+  }
+  return std::make_shared<const actors::Traffic>(std::move(plans), ground);
+}
+
 FlownPath fly_plan(const vehicle::FlightPlan& plan, const RenderSettings& settings, const imaging::Camera& camera,
                    const Progress& progress) {
   if (plan.autopilot) return fly_by_autopilot(plan, settings, progress);
-  if (!plan.vehicle) return {vehicle::build_path(plan), vehicle::frame_poses(plan), nullptr};
+  if (!plan.vehicle) return {vehicle::build_path(plan), vehicle::frame_poses(plan), nullptr, nullptr};
   const bool collides = plan.vehicle->options.collision != vehicle::CollisionPolicy::kOff;
-  const vehicle::ObstacleQuery obstacles =
-      collides
-          ? make_obstacle_query(load_surroundings(settings, camera, poses_along(vehicle::build_path(plan)), progress))
-          : nullptr;
-  const VehicleFlight flown = vehicle::fly(plan, obstacles);
-  return {flown.path, vehicle::sample_frames(flown.path, plan), vehicle_report(flown)};
+  if (!collides) {
+    const VehicleFlight flown = vehicle::fly(plan);
+    return {flown.path, vehicle::sample_frames(flown.path, plan), vehicle_report(flown), nullptr};
+  }
+  const std::vector<geometry::SE3> planned = poses_along(vehicle::build_path(plan));
+  vehicle::ObstacleQuery obstacles = make_obstacle_query(load_surroundings(settings, camera, planned, progress));
+  auto traffic = plan_traffic(settings, camera, planned, progress);
+  vehicle::FlightClock clock;
+  if (traffic) {
+    const auto surfaces = std::make_shared<actors::ActorSurfaces>(traffic);
+    clock = [surfaces](double time_s) { surfaces->set_time(time_s); };
+    obstacles = with_actors(std::move(obstacles), traffic, surfaces);
+  }
+  const VehicleFlight flown = vehicle::fly(plan, obstacles, clock);
+  return {flown.path, vehicle::sample_frames(flown.path, plan), vehicle_report(flown), std::move(traffic)};
 }
 
 }  // namespace tileflight::survey

@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
+#include "tileflight/actors/traffic.h"
 #include "tileflight/flight/path.h"
 #include "tileflight/imaging/camera.h"
 #include "tileflight/scene/scene.h"
@@ -17,6 +18,7 @@ struct FlownPath {
   flight::Path path;
   geometry::Trajectory frames;  ///< a pose for each image
   nlohmann::json vehicle;       ///< content of vehicle.json (docs/vehicles.md); null without a vehicle
+  std::shared_ptr<const actors::Traffic> traffic;  ///< among which the vehicle flew; null: it met none
 };
 
 /// The surface around these points for collisions and for what stands on it: the tiles that a camera there would want,
@@ -26,9 +28,14 @@ std::shared_ptr<const scene::Scene> load_surroundings(const RenderSettings& sett
                                                       const std::vector<geometry::SE3>& poses,
                                                       const Progress& progress);
 
+/// The actors of the settings' flight on the ground that a camera at `poses` sees, its heights about that of the first
+/// pose unless given; null without any. Throws InputError.
+std::shared_ptr<const actors::Traffic> plan_traffic(const RenderSettings& settings, const imaging::Camera& camera,
+                                                    std::vector<geometry::SE3> poses, const Progress& progress);
+
 /// The plan's own path, or the one that its vehicle flies. If collisions are enabled, the tiles around that path (as
-/// planned without obstacles), or of the settings' region, are loaded first and used as obstacles. Throws InputError,
-/// also if a flight ends before its first image.
+/// planned without obstacles), or of the settings' region, are loaded first and used as obstacles, and actors are
+/// obstacles where they are at each time of the path. Throws InputError, also if a flight ends before its first image.
 FlownPath fly_plan(const vehicle::FlightPlan& plan, const RenderSettings& settings, const imaging::Camera& camera,
                    const Progress& progress);
 

@@ -28,37 +28,6 @@ std::vector<geometry::SE3> exposure_poses(const PlannedCamera& camera, std::size
   return poses;
 }
 
-/// Heights of the place's surface below and around actors.
-actors::GroundHeight ground_below(std::shared_ptr<const scene::Scene> place) {
-  if (!place) return {};
-  return [place = std::move(place)](double x, double y, double below_z) -> std::optional<double> {
-    const double top_m = std::min(below_z, place->bounds().max().z() + 1.0);
-    const double down_m = top_m - place->bounds().min().z() + 1.0;
-    if (down_m <= 0.0) return std::nullopt;
-    const auto hit = place->intersect({{x, y, top_m}, -geometry::Vec3::UnitZ()}, down_m);
-    return hit ? std::optional(top_m - hit->distance_m) : std::nullopt;
-  };
-}
-
-std::shared_ptr<const actors::Traffic> plan_traffic(const RenderSettings& settings, const PlannedFlight& mission,
-                                                    const Progress& progress) {
-  std::vector<actors::ActorPlan> plans = actors::read_actors(settings.flight.flight);
-  if (plans.empty()) return nullptr;
-  const bool needs_ground =
-      std::ranges::any_of(plans, [](const actors::ActorPlan& plan) { return plan.route.follows_ground; });
-  actors::GroundHeight ground;
-  if (needs_ground) {
-    constexpr double kEvery_m = 10.0;
-    std::vector<geometry::SE3> poses;
-    for (const geometry::StampedPose& pose : mission.frames.poses) poses.push_back(pose.T_local_camera);
-    const double camera_up_m = poses.front().translation.z();
-    for (const geometry::Vec3& point : actors::points_along(plans, kEvery_m, camera_up_m))
-      poses.emplace_back(Eigen::Quaterniond::Identity(), point);
-    ground = ground_below(load_surroundings(settings, mission.calibration.camera, poses, progress));
-  }
-  return std::make_shared<const actors::Traffic>(std::move(plans), ground);
-}
-
 /// The product, exactly one of the two where the other is the identity.
 geometry::SE3 composed(const geometry::SE3& T_a_b, const geometry::SE3& T_b_c) {
   if (T_b_c.matrix().isIdentity(0.0)) return T_a_b;
@@ -195,7 +164,10 @@ PlannedFlight plan_flight(const RenderSettings& settings, const Progress& progre
   const geometry::SE3 T_body_imu = composed(first.T_body_camera, first.calibration.T_cam_imu);
   mission.sensor_recorder = std::make_shared<SensorRecorder>(
       sensors::read_sensor_suite(flight.flight, settings.seed, T_body_imu), flown.path, mission.body);
-  mission.traffic = plan_traffic(settings, mission, progress);
+  std::vector<geometry::SE3> flown_poses;
+  for (const geometry::StampedPose& pose : mission.frames.poses) flown_poses.push_back(pose.T_local_camera);
+  mission.traffic =
+      flown.traffic ? flown.traffic : plan_traffic(settings, mission.calibration.camera, flown_poses, progress);
   if (const auto weather = read_seeded_weather(settings)) {
     for (std::size_t i = 0; i < mission.camera_count(); ++i) mission.camera(i).options.render.weather = weather;
   }

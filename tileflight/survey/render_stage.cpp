@@ -13,6 +13,7 @@
 #include "tileflight/dataset/dataset.h"
 #include "tileflight/place/version.h"
 #include "tileflight/survey/dataset_renderer.h"
+#include "tileflight/survey/flight_faults.h"
 #include "tileflight/survey/frame_assignment.h"
 #include "tileflight/survey/planned_flight.h"
 #include "tileflight/tiles/placement.h"
@@ -175,6 +176,8 @@ std::vector<std::string> path_warnings(const PlannedFlight& mission, const std::
     for (std::size_t i = 0; i < camera.frames.size(); ++i) frames.push_back(images[order.number_of(c, i)]);
     const std::string whose = camera.name.empty() ? "" : "camera " + camera.name + ", ";
     for (const std::string& warning : render::flight_warnings(frame_checks(frames), 0, camera.options.clearance_m))
+      warnings.push_back(whose + warning);
+    for (const std::string& warning : render::fault_warnings(find_actor_faults(mission, c)))
       warnings.push_back(whose + warning);
   }
   return warnings;

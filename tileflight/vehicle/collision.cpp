@@ -43,7 +43,7 @@ std::optional<Contact> contact_ahead(const ObstacleQuery& obstacles, const Vec3&
   const double sine = std::max(-normal.dot(direction), kMinSine);
   const double way_m = (hit->point - from).norm() - radius_m / sine;
   if (way_m >= length_m) return std::nullopt;
-  return Contact{from + std::max(0.0, way_m) * direction, hit->point, normal};
+  return Contact{from + std::max(0.0, way_m) * direction, hit->point, normal, hit->object};
 }
 
 /// The nearest surface that a sphere at rest intersects, with the centre moved out of it.
@@ -58,7 +58,7 @@ std::optional<Contact> contact_around(const ObstacleQuery& obstacles, const Vec3
     const double distance_m = normal.dot(center - hit->point);
     if (distance_m >= least_m) continue;
     least_m = distance_m;
-    deepest = Contact{center + (radius_m - distance_m) * normal, hit->point, normal};
+    deepest = Contact{center + (radius_m - distance_m) * normal, hit->point, normal, hit->object};
   }
   return deepest;
 }

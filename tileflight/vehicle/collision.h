@@ -2,6 +2,7 @@
 
 #include <functional>
 #include <optional>
+#include <string>
 
 #include "tileflight/geometry/transform.h"
 
@@ -11,6 +12,7 @@ namespace tileflight::vehicle {
 struct SurfaceHit {
   geometry::Vec3 point;
   geometry::Vec3 normal;
+  std::string object{};  ///< name of what was hit, as the query calls it; empty: the place
 };
 
 /// Ray query: the first surface on the segment between two points (local frame), or nothing. A function, so that a
@@ -22,6 +24,7 @@ struct Contact {
   geometry::Vec3 center;
   geometry::Vec3 point;   ///< surface point that was hit
   geometry::Vec3 normal;  ///< unit length, from the surface to the sphere
+  std::string object{};   ///< SurfaceHit::object
 };
 
 /// First contact of a sphere that moves along a segment: its centre keeps at least `radius_m` from the plane of each

@@ -140,7 +140,7 @@ void Vehicle::handle_collision(const Vec3& from) {
   touching_ = true;
   const bool setting_down = is_setting_down(*contact, impact_m_s);
   if (!setting_down || lasts_or_slides(*contact))
-    last_contact_ = Collision{time_s() + options_.step_s, contact->point, contact->normal, impact_m_s};
+    last_contact_ = Collision{time_s() + options_.step_s, contact->point, contact->normal, impact_m_s, contact->object};
   if (!setting_down) {
     last_collision_ = last_contact_;
     ++collisions_;

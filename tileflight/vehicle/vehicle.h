@@ -45,6 +45,7 @@ struct Collision {
   geometry::Vec3 point;   ///< on the surface
   geometry::Vec3 normal;  ///< unit length, towards the vehicle
   double impact_m_s = 0.0;
+  std::string object{};  ///< SurfaceHit::object
 };
 
 /// A quadrotor under command, in wind and among obstacles, with its own clock. It moves only in step(); the same

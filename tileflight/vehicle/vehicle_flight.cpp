@@ -154,13 +154,15 @@ SE3 mounted_camera_pose(const SE3& T_local_body, const CameraMount& mount) {
 }
 
 VehicleFlight fly_along(const flight::Path& planned, const std::vector<flight::Waypoint>& waypoints,
-                        const flight::SpeedLimits& limits, const VehiclePlan& plan, const ObstacleQuery& obstacles) {
+                        const flight::SpeedLimits& limits, const VehiclePlan& plan, const ObstacleQuery& obstacles,
+                        const FlightClock& clock) {
   const CameraMount& mount = plan.mount;
   const double begin_s = planned.start_s();
   Setpoint start = make_setpoint(planned, mount, begin_s);
   start.velocity_m_s.setZero();
   start.acceleration_m_s2.setZero();
   start.yaw_rate_rad_s = 0.0;
+  if (clock) clock(0.0);
   Vehicle vehicle(vehicle_options_for(plan, limits), obstacles, start.position_m, start.yaw_rad);
   settle(vehicle, start, obstacles);
 
@@ -174,6 +176,7 @@ VehicleFlight fly_along(const flight::Path& planned, const std::vector<flight::W
   const auto reference = [&](double time_s) { return make_setpoint(planned, mount, begin_s + time_s); };
   const Outcome outcome = vehicle.run(TrackReference{reference, planned.end_s() - begin_s}, [&](const Vehicle& v) {
     recorder.after_step(v);
+    if (clock) clock(recorder.time_s(v));
     tracking.add(camera_position(v.state(), mount), begin_s + recorder.time_s(v));
   });
   return {recorder.finish(vehicle), outcome,
@@ -182,13 +185,14 @@ VehicleFlight fly_along(const flight::Path& planned, const std::vector<flight::W
 }
 
 VehicleFlight fly_mission(const std::vector<MissionStep>& mission, const VehiclePlan& plan,
-                          const ObstacleQuery& obstacles) {
+                          const ObstacleQuery& obstacles, const FlightClock& clock) {
   if (mission.empty()) throw InputError("mission", "has no commands");
   const CameraMount& mount = plan.mount;
   Setpoint start;
   start.yaw_rad = plan.start_yaw_rad;
   start.position_m = plan.start_m - level_orientation(start.yaw_rad) * mount.offset_m;
   start.holds_position = {true, true, true};
+  if (clock) clock(0.0);
   Vehicle vehicle(plan.options, obstacles, start.position_m, start.yaw_rad, plan.landed);
   if (!plan.landed) settle(vehicle, start, obstacles);
 
@@ -201,7 +205,10 @@ VehicleFlight fly_mission(const std::vector<MissionStep>& mission, const Vehicle
   std::vector<MissionResult> results;
   for (const MissionStep& step : mission) {
     const double started_s = recorder.time_s(vehicle);
-    const Outcome ended = vehicle.run(step.command, [&](const Vehicle& v) { recorder.after_step(v); });
+    const Outcome ended = vehicle.run(step.command, [&](const Vehicle& v) {
+      recorder.after_step(v);
+      if (clock) clock(recorder.time_s(v));
+    });
     results.push_back({step.name, ended, started_s, recorder.time_s(vehicle)});
     if (ended == Outcome::kCollided || outcome == Outcome::kFinished) outcome = ended;
     if (ended == Outcome::kCollided) break;
@@ -214,11 +221,11 @@ VehicleFlight fly_mission(const std::vector<MissionStep>& mission, const Vehicle
           shift_time(vehicle.last_collision(), settled_s)};
 }
 
-VehicleFlight fly(const FlightPlan& plan, const ObstacleQuery& obstacles) {
+VehicleFlight fly(const FlightPlan& plan, const ObstacleQuery& obstacles, const FlightClock& clock) {
   assert(plan.vehicle);
-  if (!plan.mission.empty()) return fly_mission(plan.mission, *plan.vehicle, obstacles);
+  if (!plan.mission.empty()) return fly_mission(plan.mission, *plan.vehicle, obstacles, clock);
   return fly_along(flight::path_through_waypoints(plan.waypoints, plan.limits), plan.waypoints, plan.limits,
-                   *plan.vehicle, obstacles);
+                   *plan.vehicle, obstacles, clock);
 }
 
 }  // namespace tileflight::vehicle

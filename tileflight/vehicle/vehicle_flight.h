@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -34,6 +35,9 @@ struct VehicleFlight {
   std::optional<Collision> last_collision;  ///< on the path's clock
 };
 
+/// Told the path's time before what moves among the obstacles is asked about: before the flight 0, then each step's.
+using FlightClock = std::function<void(double time_s)>;
+
 /// The camera's pose on a vehicle without a plan for it: its mount's pitch, and the body's attitude or, with a gimbal,
 /// its yaw. `T_local_body`: x forward, y left, z up, at the centre of mass.
 geometry::SE3 mounted_camera_pose(const geometry::SE3& T_local_body, const CameraMount& mount);
@@ -44,14 +48,14 @@ geometry::SE3 mounted_camera_pose(const geometry::SE3& T_local_body, const Camer
 /// InputError if it touches an obstacle at the start, or if a gimbal camera is rolled by more than 60 degrees.
 VehicleFlight fly_along(const flight::Path& planned, const std::vector<flight::Waypoint>& waypoints,
                         const flight::SpeedLimits& limits, const VehiclePlan& vehicle,
-                        const ObstacleQuery& obstacles = {});
+                        const ObstacleQuery& obstacles = {}, const FlightClock& clock = {});
 
 /// Flies a mission, one command after the other: commands that time out are abandoned, and a collision that stops the
 /// vehicle ends the mission. Throws InputError for an empty mission.
 VehicleFlight fly_mission(const std::vector<MissionStep>& mission, const VehiclePlan& vehicle,
-                          const ObstacleQuery& obstacles = {});
+                          const ObstacleQuery& obstacles = {}, const FlightClock& clock = {});
 
 /// Flies the plan's waypoints or mission; the plan must have a vehicle.
-VehicleFlight fly(const FlightPlan& plan, const ObstacleQuery& obstacles = {});
+VehicleFlight fly(const FlightPlan& plan, const ObstacleQuery& obstacles = {}, const FlightClock& clock = {});
 
 }  // namespace tileflight::vehicle
