@@ -1,8 +1,8 @@
 #include "tests/fuzz/memory_file.h"
 #include "tileflight/base/input_error.h"
-#include "tileflight/imaging/camera.h"
+#include "tileflight/imaging/calibration_files.h"
 
-/// A camera's calibration of any bytes: Kalibr, OpenCV, ROS, COLMAP or DSO.
+/// A camera's calibration of any bytes: Kalibr, OpenCV, ROS, COLMAP or DSO; and all cameras of a camchain.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace tileflight;
   const fuzz::MemoryFile file(data, size);
@@ -10,6 +10,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     imaging::read_calibration(file.path());
   } catch (const InputError&) {
     // one clear line is what broken input is worth
+  }
+  try {
+    imaging::read_camchain(file.path());
+  } catch (const InputError&) {
   }
   return 0;
 }

@@ -65,8 +65,8 @@ Rig rig_of(Dataset dataset) {
 
 Rig read_rig(const fs::path& folder, const CameraChoice& choice) {
   const std::vector<std::string> names = rig_camera_names(folder);
-  const bool is_chosen = !choice.name.empty() || std::ranges::count(names, choice.calibration.string()) > 0;
-  if (names.size() < 2 || is_chosen) return rig_of(read_dataset(folder, choice));
+  const bool is_name = !choice.calibration.empty() && !fs::exists(choice.calibration);
+  if (names.size() < 2 || !choice.name.empty() || is_name) return rig_of(read_dataset(folder, choice));
   if (!choice.calibration.empty())
     throw InputError(choice.calibration.string(), "cannot replace the calibrations of several cameras");
   if (fs::is_directory(folder / "images")) return read_rendered_rig(folder, choice);

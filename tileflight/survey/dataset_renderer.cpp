@@ -195,7 +195,8 @@ void add_video_frames(const fs::path& video, const geometry::Trajectory& frames,
 /// FrameAssignment::segmentation_runs_folder of one camera.
 fs::path runs_folder(const FrameAssignment& share, const PlannedFlight& mission, std::size_t camera) {
   const fs::path runs = share.segmentation_runs_folder();
-  return camera == 0 || runs.empty() ? runs : runs / mission.camera(camera).name;
+  if (camera == 0 || runs.empty()) return runs;
+  return runs.parent_path() / (runs.filename().string() + "-" + mission.camera(camera).name);
 }
 
 /// What is written of one camera. Not to be moved: it refers to itself.

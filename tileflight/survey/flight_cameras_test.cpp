@@ -172,7 +172,7 @@ TEST_F(FlightCameras, WhatIsWrongIsSaidInOneLine) {
   EXPECT_THAT(refusal("cameras: [{name: ../a, camera: camera.yaml}]\n"), HasSubstr("it names a folder"));
   EXPECT_THAT(refusal("cameras: [3]\n"), HasSubstr("must be a map of keys"));
   EXPECT_THAT(refusal("cameras: none.yaml\n"), HasSubstr("none.yaml"));
-  EXPECT_THAT(refusal(entry(", fsp: 3")), HasSubstr("did you mean 'fps'?"));
+  EXPECT_THAT(refusal(entry(", fsp: 3")), HasSubstr("'cameras[0].fsp' is not a key here; there are T_body_camera, camera"));
   EXPECT_THAT(refusal(entry(", fps: 1e9")), HasSubstr("more than ten million images; lower 'fps'"));
   EXPECT_THAT(refusal(entry(", offset_s: 40000000")), HasSubstr("out of range: from -10 to 10"));
   EXPECT_THAT(refusal(entry(", offset_s: -9")), HasSubstr("camera a: takes no image during the flight"));

@@ -33,6 +33,7 @@ std::string describe_frame_ranges(const std::vector<std::size_t>& frames);
 ///                    pictures/000012.png  its image, if a video is encoded first
 ///                    tiles/0123….json     what tiles were found to hold, for the summary; named by its content
 ///                    segmentation.runs/   SegmentationWriter's data of frames
+///                    segmentation.runs-NAME/   the same of a rig's further cameras
 ///                    dataset/      becomes the dataset
 ///                    members/      locks of the processes that render (workflow/build_folder.h)
 /// Several processes (on machines that share the folder) may add frames. Frames added by a process that died are kept
