@@ -268,7 +268,8 @@ class Simulator {
   void sim_set_time_of_day(bool is_enabled, const std::string& start_datetime, bool is_start_datetime_dst,
                            float celestial_clock_speed, float update_interval_s, bool move_sun);
   void sim_enable_weather(bool enable);
-  /// `parameter`: AirSim's WeatherParameter; `value`: 0 to 1 (values beyond count as these), see weather_of_parameters().
+  /// `parameter`: AirSim's WeatherParameter; `value`: 0 to 1 (values beyond count as these), see
+  /// weather_of_parameters().
   void sim_set_weather_parameter(int parameter, float value);
   bool sim_add_vehicle(const std::string& name, const std::string& type, const Pose& pose,
                        const std::string& pawn_path);
