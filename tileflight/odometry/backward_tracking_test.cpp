@@ -183,12 +183,16 @@ TEST(BackwardTracking, WhatDoesNotAlignStaysWithoutAPose) {
 TEST(BackwardTracking, TheBufferHasItsLimit) {
   const Sequence& flight = turning_flight();
   OdometryOptions options = patient_options();
-  options.initialization.buffer_mb = 12.0 * 320 * 220 * 3 / 1e6;  // twelve pictures
+  const auto start = static_cast<std::int64_t>(images_to_start(flight, options));
+  const std::int64_t before_start = run(flight, options).frames_before_start;
+  constexpr std::int64_t kEarlier = 6;  // pictures before the attempt that succeeds, which are kept, too
+  ASSERT_GT(before_start, kEarlier);
+  options.initialization.buffer_mb = static_cast<double>(start - before_start + kEarlier) * 320 * 220 * 3 / 1e6;
   const OdometryResult result = run(flight, options);
   EXPECT_GT(result.frames_tracked_backwards, 0);
-  EXPECT_LT(result.frames_tracked_backwards, 12);
-  EXPECT_GT(result.frames_before_start, 12);
-  EXPECT_EQ(images_to_start(flight, options), images_to_start(flight, patient_options()));
+  EXPECT_LE(result.frames_tracked_backwards, kEarlier + 1) << "the picture that makes the map comes after the limit";
+  EXPECT_EQ(result.frames_before_start, before_start);
+  EXPECT_EQ(static_cast<std::int64_t>(images_to_start(flight, options)), start);
 }
 
 TEST(BackwardTracking, ARollingShutterIsTrackedBackwards) {

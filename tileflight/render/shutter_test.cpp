@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <cstring>
+#include <ostream>
 #include <span>
 
 #include "tileflight/render/camera_renderer.h"
@@ -58,6 +59,9 @@ struct Shutter {
   double line_delay_s;
   int samples;  ///< a pixel
 };
+
+/// Names of tests do not show bytes.
+void PrintTo(const Shutter& of, std::ostream* to) { *to << of.name; }
 
 class ShutterKinds : public testing::TestWithParam<Shutter> {};
 
