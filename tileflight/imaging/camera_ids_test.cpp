@@ -107,6 +107,11 @@ TEST(Camchain, WhatIsWrongIsSaidWithTheCamera) {
   EXPECT_THAT(refusal("cam1:", "cam3:"), HasSubstr("has no camera \"cam1\""));
   base::write_file(file, "{}\n");
   EXPECT_THAT(refusal_of([&] { read_camchain(file); }), HasSubstr("this is not a Kalibr camchain"));
+  for (const char* other : {"# Camera list\n1 OPENCV_FISHEYE 640 480 300 301 320 240 0.01 0.002 0 0\n",
+                            "%YAML:1.0\nCamera0.model: OPENCV_FISHEYE\nCamera0.fx: 436.25\n", "[cam0]\n"}) {
+    base::write_file(file, other);
+    EXPECT_THAT(refusal_of([&] { read_camchain(file); }), HasSubstr("this is not a Kalibr camchain"));
+  }
 }
 
 TEST(CameraIds, OfColmapAreItsNumbers) {

@@ -135,6 +135,19 @@ std::string camera_lines(const std::string& id, const Calibration& calibration) 
   return text;
 }
 
+/// Sections cam0, cam1, ... of a camchain.
+std::size_t count_chain_cameras(const YAML::Node& root) {
+  if (!root.IsMap()) return 0;
+  std::size_t count = 0;
+  for (const auto& entry : root) {
+    if (!entry.first.IsScalar() || !entry.second.IsMap()) continue;
+    const std::string& key = entry.first.Scalar();
+    const bool is_numbered = key.size() > 3 && key.find_first_not_of("0123456789", 3) == std::string::npos;
+    count += key.starts_with("cam") && is_numbered ? 1 : 0;
+  }
+  return count;
+}
+
 /// t_imu = t_cam + shift (github.com/ethz-asl/kalibr/wiki/yaml-formats).
 double read_timeshift(const YAML::Node& camera, const std::string& file) {
   const YAML::Node node = camera["timeshift_cam_imu"];
@@ -191,8 +204,7 @@ Calibration read_kalibr_camera(const std::filesystem::path& file, const std::str
 
 std::vector<ChainCamera> read_camchain(const std::filesystem::path& file) {
   const YAML::Node root = load_calibration_yaml(file);
-  std::size_t named = 0;
-  for (const std::string& id : camera_ids(file)) named += root[id].IsMap() ? 1 : 0;
+  const std::size_t named = count_chain_cameras(root);
   if (named == 0) throw InputError(file.string(), "has no camera \"cam0\": this is not a Kalibr camchain");
   std::vector<ChainCamera> cameras;
   geometry::SE3 T_first_cam;
