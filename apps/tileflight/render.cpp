@@ -82,7 +82,7 @@ std::string render_summary(const nlohmann::json& r, const std::string& out) {
   std::ostringstream text;
   text << out << ": " << r["frames"] << " frames, " << rounded(r["frames_per_second"], 3) << " per second\n";
   if (const auto divided = r["frames_divided"].get<std::int64_t>(); divided > 0)
-    text << divided << " of them were rendered in regions, since their tiles do not fit into memory together: more "
+    text << divided << " of them were rendered in several scenes, since their tiles do not fit into memory together: more "
          << "memory (--memory) is faster\n";
   for (const auto& warning : r["warnings"]) text << "note: " << warning.get<std::string>() << "\n";
   return text.str();

@@ -133,6 +133,31 @@ TEST_F(CityFlight, AFrameLargerThanMemoryIsRenderedInRegions) {
 #endif
 }
 
+TEST_F(CityFlight, FramesOfOneRayAPixelAreRenderedInLayers) {
+  TinyPlace::write_file(folder_ / "degrade.yaml", R"(line_delay: 0.00002
+vignetting: 0.3
+auto_exposure: {target: 0.25, time_constant: 3}
+)");
+  const std::vector<std::string> outputs{"--outputs", "depth,segmentation,flow,normals", "--degrade",
+                                         (folder_ / "degrade.yaml").string()};
+  const auto with = [&](std::vector<std::string> more) {
+    more.insert(more.end(), outputs.begin(), outputs.end());
+    return more;
+  };
+  const json whole = render("whole", with({"--memory", "1"}));
+  EXPECT_EQ(whole["frames_divided"], 0);
+  const json layers = render("layers", with({"--memory", "0.005", "--threads", "1"}));
+  EXPECT_GT(layers["frames_divided"], 2);
+  EXPECT_LT(layers["frames_divided"], layers["frames"]) << "some frames fit";
+  for (const char* key : {"frames", "tiles", "complete", "warnings"}) EXPECT_EQ(layers[key], whole[key]) << key;
+  tests::expect_same_files(folder_ / "whole", folder_ / "layers");
+#ifdef TILEFLIGHT_MPIRUN
+  const ProgramResult shared = tests::run_by_mpirun(2, arguments("shared", with({"--memory", "0.01"})));
+  ASSERT_EQ(shared.exit_code, 0) << shared.err;
+  tests::expect_same_files(folder_ / "whole", folder_ / "shared");
+#endif
+}
+
 TEST_F(CityFlight, APreviewShowsCoarserTilesWhereThoseOfAFrameDoNotFit) {
   const auto preview = [&](const std::string& out, const std::string& gigabytes) {
     std::vector<std::string> words = arguments(out, {"--memory", gigabytes});

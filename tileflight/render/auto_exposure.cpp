@@ -73,13 +73,17 @@ imaging::Camera metering_camera(const imaging::Camera& camera, int width) {
 
 LightMeter::LightMeter(const scene::Scene& scene, std::shared_ptr<const Appearance> appearance,
                        const imaging::Camera& camera, const RenderOptions& options, const ImageFormation& formation)
-    : camera_(camera),
-      renderer_(scene, std::move(appearance), metering_camera(camera), cheaper(options)),
+    : renderer_(scene, std::move(appearance), metering_camera(camera), cheaper(options)),
       vignette_(make_vignette(formation, renderer_.camera().width(), renderer_.camera().height())),
       valid_(valid_pixels(renderer_.camera())) {}
 
 LinearImage LightMeter::image(const geometry::SE3& T_local_camera) const {
   return renderer_.render_light({1, 1, {T_local_camera}}).light;
+}
+
+LinearImage LightMeter::layer(const geometry::SE3& T_local_camera, imaging::Image<LayerSurface>& surfaces) const {
+  surfaces = {renderer_.camera().width(), renderer_.camera().height()};
+  return renderer_.render_light({1, 1, {T_local_camera}}, {}, noting_surfaces(surfaces)).light;
 }
 
 /// Summed row by row, so that the result does not depend on parallelism.
@@ -92,16 +96,6 @@ double LightMeter::mean_light(const LinearImage& light) const {
     ++count;
   }
   return count > 0 ? sum / static_cast<double>(count) : 0.0;
-}
-
-imaging::PixelRegion LightMeter::region(const imaging::PixelRegion& of) const {
-  // Pixel i's centre is at (i + 0.5) scale - 0.5 of the camera's image, whose pixel x reaches from x - 0.5 to x + 0.5.
-  const auto first_from = [](int bound, int size, int size_of_camera) {
-    return static_cast<int>(std::ceil(static_cast<double>(bound) * size / size_of_camera - 0.5));
-  };
-  const int width = renderer_.camera().width(), height = renderer_.camera().height();
-  return {first_from(of.x0, width, camera_.width()), first_from(of.y0, height, camera_.height()),
-          first_from(of.x1, width, camera_.width()), first_from(of.y1, height, camera_.height())};
 }
 
 std::vector<double> LightMeter::mean_lights(std::span<const geometry::StampedPose> frames) const {

@@ -41,16 +41,14 @@ class LightMeter {
 
   /// The small image at a pose, at gain 1.
   LinearImage image(const geometry::SE3& T_local_camera) const;
+  /// The same of a layer; `surfaces` is set to what its pixels show.
+  LinearImage layer(const geometry::SE3& T_local_camera, imaging::Image<LayerSurface>& surfaces) const;
   /// Mean linear light (Rec. 709 luminance, including vignetting) of such an image within the lens's valid cone.
   double mean_light(const LinearImage& light) const;
   /// The mean light of the image at each pose.
   std::vector<double> mean_lights(std::span<const geometry::StampedPose> frames) const;
-  /// The pixels of the small image whose centres lie in a region of the camera's image. Regions that cover the one
-  /// without overlap cover the other without overlap.
-  imaging::PixelRegion region(const imaging::PixelRegion& region_of_camera) const;
 
  private:
-  imaging::Camera camera_;
   CameraRenderer renderer_;
   imaging::FloatImage vignette_;
   imaging::Image<std::uint8_t> valid_;

@@ -124,6 +124,14 @@ void require_a_pose_a_row(std::size_t poses, int height) {
 
 }  // namespace
 
+SurfaceVisitor noting_surfaces(imaging::Image<LayerSurface>& surfaces, const SurfaceVisitor& visitor) {
+  const bool visits_all = visitor && visitor.pixels == VisitedPixels::kAll;  // layers have no placed parts
+  return [&surfaces, visits_all, visit = visitor.visit](const SurfacePoint& point) {
+    if (point.hit) surfaces(point.x, point.y) = {point.mesh, point.nearness, point.distance_m, point.is_back_face};
+    if (visits_all) visit(point);
+  };
+}
+
 struct CameraRenderer::Impl {
   const scene::Scene& scene;
   std::shared_ptr<const Appearance> appearance;

@@ -15,6 +15,7 @@
 #include "tileflight/imaging/pixel_region.h"
 #include "tileflight/render/linear_color.h"
 #include "tileflight/render/weather.h"
+#include "tileflight/scene/packets.h"
 #include "tileflight/scene/scene.h"
 
 namespace tileflight::render {
@@ -76,11 +77,13 @@ struct ShutterPoses {
 
 /// Intersection of the ray through a pixel's centre.
 struct SurfacePoint {
-  int x = 0, y = 0;                     ///< pixel
-  bool hit = false;                     ///< false: nothing is hit, and all members below except ray_camera are 0
-  std::uint32_t mesh = 0;               ///< index into Scene::meshes()
-  std::uint32_t triangle = 0;           ///< index into that mesh's triangles
-  float distance_m = 0.0F;              ///< along the ray
+  int x = 0, y = 0;            ///< pixel
+  bool hit = false;            ///< false: nothing is hit, and all members below except ray_camera are 0
+  std::uint32_t mesh = 0;      ///< index into Scene::meshes()
+  std::uint32_t triangle = 0;  ///< index into that mesh's triangles
+  float distance_m = 0.0F;     ///< along the ray
+  float nearness = 0.0F;       ///< scene::RayPacket8::nearness
+  bool is_back_face = false;
   std::array<float, 3> ray_camera{};    ///< unit, camera frame
   std::array<float, 3> normal_local{};  ///< oriented by the triangle's winding, not unit length
 };
@@ -105,6 +108,19 @@ struct SurfaceVisitor {
   std::function<void(const SurfacePoint& point)> visit;
   VisitedPixels pixels = VisitedPixels::kAll;
 };
+
+/// The surface that a pixel shows of a layer: a scene with some of a place's meshes.
+struct LayerSurface {
+  static constexpr std::uint32_t kNone = scene::RayPacket8::kMiss;
+
+  std::uint32_t mesh = kNone;  ///< of the layer's scene; kNone: no surface
+  float nearness = 0.0F;       ///< scene::RayPacket8::nearness
+  float distance_m = 0.0F;     ///< along the ray
+  bool is_back_face = false;
+};
+
+/// A visitor that writes the surfaces into an image, which must outlive it, and hands on what it sees.
+SurfaceVisitor noting_surfaces(imaging::Image<LayerSurface>& surfaces, const SurfaceVisitor& visitor = {});
 
 /// Renders frames of one camera in one scene by ray casting; textured, lit or unlit, both faces of surfaces. Texture
 /// reads are filtered over the pixel's footprint (mip levels, several trilinear probes along its long axis), which

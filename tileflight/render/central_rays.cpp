@@ -9,17 +9,21 @@
 namespace tileflight::render {
 namespace {
 
+/// Cosine of the angle between ray and normal, times their lengths; positive for a back face.
+TILEFLIGHT_LANE_INLINE float slope_of(const scene::RayPacket8& packet, int lane) {
+  return packet.normal_x[lane] * packet.direction_x[lane] + packet.normal_y[lane] * packet.direction_y[lane] +
+         packet.normal_z[lane] * packet.direction_z[lane];
+}
+
 /// `lanes`: the lanes with central rays, one bit each.
 TILEFLIGHT_LANE_INLINE void add_lanes(const scene::RayPacket8& packet, std::uint8_t lanes, ViewStatistics& view) {
   std::int32_t hits = 0, backs = 0;
   float nearest = std::numeric_limits<float>::infinity();
   for (int i = 0; i < scene::RayPacket8::kLanes; ++i) {
     const bool hit = (lanes >> i & 1) != 0 && packet.mesh[i] != scene::RayPacket8::kMiss;
-    const float slope = packet.normal_x[i] * packet.direction_x[i] + packet.normal_y[i] * packet.direction_y[i] +
-                        packet.normal_z[i] * packet.direction_z[i];
     const float distance_m = hit ? packet.far[i] : std::numeric_limits<float>::infinity();
     hits += hit ? 1 : 0;
-    backs += hit && slope > 0.0F ? 1 : 0;
+    backs += hit && slope_of(packet, i) > 0.0F ? 1 : 0;
     nearest = distance_m < nearest ? distance_m : nearest;
   }
   view.rays += std::popcount(lanes);
@@ -36,6 +40,8 @@ TILEFLIGHT_LANE_INLINE SurfacePoint surface_point(const RayBlock& rays, const sc
   point.mesh = packet.mesh[lane];
   point.triangle = packet.triangle[lane];
   point.distance_m = packet.far[lane];
+  point.nearness = packet.nearness[lane];
+  point.is_back_face = slope_of(packet, lane) > 0.0F;
   point.normal_local = {packet.normal_x[lane], packet.normal_y[lane], packet.normal_z[lane]};
   return point;
 }

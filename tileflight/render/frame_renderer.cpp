@@ -62,6 +62,13 @@ void take_channel(std::size_t channel, const LinearImage& from, LinearImage& to)
 
 }  // namespace
 
+bool has_one_ray_per_pixel(const FlightRenderOptions& options) {
+  const ImageFormation& formation = options.formation;
+  return options.render.samples_per_pixel == 1 &&
+         (formation.exposure_time_s == 0.0 || formation.exposure_samples == 1) && formation.chromatic_red == 0.0 &&
+         formation.chromatic_blue == 0.0 && !options.placed && !has_precipitation(options.render);
+}
+
 std::vector<geometry::Vec3> path_to_next_frame(const Trajectory& frames, std::size_t index,
                                                const PoseFunction& pose_at) {
   constexpr double kStep_m = 0.5, kMostSteps = 32.0;
@@ -203,12 +210,23 @@ FrameRenderer::Moment FrameRenderer::moment_of(std::size_t index, bool is_expose
   return moment;
 }
 
-TracedFrame FrameRenderer::trace_region(std::size_t index, const OptionalRegion& region) const {
+TracedLayer FrameRenderer::trace_layer(std::size_t index) const {
+  const imaging::Camera& camera = renderer_.camera();
+  TracedLayer layer{{}, imaging::Image<LayerSurface>(camera.width(), camera.height())};
+  layer.frame = trace_rays(index, {}, &layer.surfaces);
+  return layer;
+}
+
+/// `surfaces`: what the rays meet is written there, too; null: it is not.
+TracedFrame FrameRenderer::trace_rays(std::size_t index, const OptionalRegion& region,
+                                      imaging::Image<LayerSurface>* surfaces) const {
   TracedFrame frame;
   frame.index = index;
   const Moment moment = moment_of(index, true);
   const Cameras cameras = cameras_in(moment.scene ? &*moment.scene : nullptr);
-  const auto trace = [&](const SurfaceVisitor& visitor) { trace_picture(cameras, moment, region, visitor, frame); };
+  const auto trace = [&](const SurfaceVisitor& visitor) {
+    trace_picture(cameras, moment, region, surfaces == nullptr ? visitor : noting_surfaces(*surfaces, visitor), frame);
+  };
   if (!has_outputs_) {
     trace({});
     return frame;
@@ -281,52 +299,6 @@ ShutterPoses FrameRenderer::rows_of(std::size_t index) const {
           {poses.T_local_camera.begin() + first, poses.T_local_camera.begin() + last},
           {},
           {poses.times_s.begin() + first, poses.times_s.begin() + last}};
-}
-
-void DividedFrame::add(const PixelRegion& region, TracedFrame part) {
-  number_objects(region, part);
-  frame_.check.view.add(part.check.view);
-  if (is_empty_) {
-    part.check = frame_.check;
-    frame_ = std::move(part);
-    is_empty_ = false;
-    return;
-  }
-  imaging::copy_region(region, part.rgb, frame_.rgb);
-  imaging::copy_region(region, part.light, frame_.light);
-  imaging::copy_region(region, part.depth_m, frame_.depth_m);
-  imaging::copy_region(region, part.outputs.range_m, frame_.outputs.range_m);
-  imaging::copy_region(region, part.outputs.normals, frame_.outputs.normals);
-  imaging::copy_region(region, part.outputs.objects, frame_.outputs.objects);
-  imaging::copy_region(region, part.outputs.flow_px, frame_.outputs.flow_px);
-  imaging::copy_region(region, part.outputs.visibility, frame_.outputs.visibility);
-}
-
-/// Replaces the numbers of the part's objects by those of this frame.
-void DividedFrame::number_objects(const PixelRegion& region, TracedFrame& part) {
-  imaging::Image<std::uint32_t>& labels = part.outputs.objects;
-  if (labels.empty()) return;
-  std::map<std::uint32_t, std::uint32_t> label_of;  // of this frame, by the part's
-  for (int y = region.y0; y < region.y1; ++y) {
-    for (int x = region.x0; x < region.x1; ++x) {
-      std::uint32_t& label = labels(x, y);
-      if (label == 0) continue;
-      const auto [known, is_first] = label_of.try_emplace(label, 0);
-      if (is_first) {
-        const SceneObject& object = part.objects[label - 1];
-        const auto [number, is_new] = numbers_.try_emplace({object.tile, object.mesh, object.feature},
-                                                           static_cast<std::uint32_t>(objects_.size()));
-        if (is_new) objects_.push_back(object);
-        known->second = number->second + 1;
-      }
-      label = known->second;
-    }
-  }
-}
-
-TracedFrame DividedFrame::take_frame() {
-  frame_.objects = objects_;
-  return std::move(frame_);
 }
 
 LightMeter make_light_meter(const scene::Scene& scene, const imaging::Camera& camera,

@@ -2,11 +2,8 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <map>
 #include <optional>
 #include <span>
-#include <string>
-#include <tuple>
 #include <vector>
 
 #include "tileflight/geometry/trajectory.h"
@@ -46,6 +43,16 @@ struct TracedFrame {
   FrameCheck check;
 };
 
+/// A frame as it looks in a scene with some of a place's meshes, for LayeredFrame.
+struct TracedLayer {
+  TracedFrame frame;
+  imaging::Image<LayerSurface> surfaces;
+};
+
+/// Whether each pixel of a frame is what one ray finds, so that frames can be traced in layers: one sample a pixel, one
+/// moment of exposure, one lens for all colours, nothing placed, and nothing that falls.
+bool has_one_ray_per_pixel(const FlightRenderOptions& options);
+
 /// Renders frames of a flight in a scene; several threads may each render one. What is passed by reference must outlive
 /// it. With an automatic exposure whose gains are not given, it meters all frames of the range when it is made.
 class FrameRenderer {
@@ -59,7 +66,11 @@ class FrameRenderer {
   /// A frame with its checks.
   TracedFrame trace(std::size_t index) const;
   /// A region of the frame (see CameraRenderer), for DividedFrame; of its checks, only the region's view.
-  TracedFrame trace_region(std::size_t index, const OptionalRegion& region) const;
+  TracedFrame trace_region(std::size_t index, const OptionalRegion& region) const {
+    return trace_rays(index, region, nullptr);
+  }
+  /// A layer of the frame, for LayeredFrame, without checks. Precondition: has_one_ray_per_pixel() of the options.
+  TracedLayer trace_layer(std::size_t index) const;
   /// Checks of the path at the frame, besides its view.
   void check_path(std::size_t index, FrameCheck& check) const;
   /// Exposes a frame. Does not use the scene.
@@ -69,6 +80,7 @@ class FrameRenderer {
   void meter(const scene::Scene& scene, const RenderOptions& options, const FrameRange& range);
   struct Moment;
   struct Cameras;
+  TracedFrame trace_rays(std::size_t index, const OptionalRegion& region, imaging::Image<LayerSurface>* surfaces) const;
   void trace_picture(const Cameras& cameras, const Moment& moment, const OptionalRegion& region,
                      const SurfaceVisitor& visitor, TracedFrame& frame) const;
   LightFrame trace_light(const Cameras& cameras, const ShutterPoses& poses, const OptionalRegion& region,
@@ -100,27 +112,6 @@ class FrameRenderer {
   std::optional<CameraRenderer> red_, blue_;  ///< set if the channel's image has another scale
   std::optional<AutoExposureState> exposure_;
   std::vector<double> gains_;  ///< of the automatic exposure, from first_frame_ on; empty: none
-};
-
-/// A frame whose regions are traced in several scenes, each with the tiles that its region shows.
-class DividedFrame {
- public:
-  /// Takes the region's pixels; the part's other pixels are ignored. Regions must not overlap.
-  void add(const imaging::PixelRegion& region, TracedFrame part);
-  /// The frame's check, for what is not part of its view.
-  FrameCheck& check() { return frame_.check; }
-  /// The frame, once regions that cover it were added. Its objects live as long as this.
-  TracedFrame take_frame();
-
- private:
-  using ObjectKey = std::tuple<std::string, std::uint32_t, std::uint32_t>;  ///< tile, mesh, feature
-
-  void number_objects(const imaging::PixelRegion& region, TracedFrame& part);
-
-  bool is_empty_ = true;
-  TracedFrame frame_;
-  std::vector<SceneObject> objects_;
-  std::map<ObjectKey, std::uint32_t> numbers_;  ///< index into objects_
 };
 
 /// The light meter of a flight's automatic exposure.

@@ -273,6 +273,7 @@ TILEFLIGHT_LANE_INLINE void write_hits(const Beam& beam, int p, RayPacket8& pack
   const Float8 sum = beam.weight_a[p] + beam.weight_b[p] + beam.weight_c[p];
   const Float8 scale = 1.0F / (sum > 0.0F ? sum : Float8{} + 1.0F);
   base::store_float8(hit ? 1.0F / (beam.inverse_depth[p] * beam.direction_z[p]) : load(packet.far), packet.far);
+  base::store_float8(beam.inverse_depth[p], packet.nearness);
   base::store_float8(beam.normal[p].x, packet.normal_x);
   base::store_float8(beam.normal[p].y, packet.normal_y);
   base::store_float8(beam.normal[p].z, packet.normal_z);

@@ -437,6 +437,7 @@ TILEFLIGHT_LANE_INLINE void write_moving_hits(const MovingRays& rays, RayPacket8
   const Float8 sum = rays.weight_a + rays.weight_b + rays.weight_c;
   const Float8 scale = 1.0F / (sum > 0.0F ? sum : Float8{} + 1.0F);
   base::store_float8(hit ? 1.0F / (rays.inverse_depth * rays.direction_z) : load(packet.far), packet.far);
+  base::store_float8(rays.inverse_depth, packet.nearness);
   base::store_float8(rays.normal.x, packet.normal_x);
   base::store_float8(rays.normal.y, packet.normal_y);
   base::store_float8(rays.normal.z, packet.normal_z);

@@ -7,7 +7,7 @@ namespace tileflight::scene {
 
 /// Eight rays and their hits, one per lane, for renderers: the caller fills the rays, Scene::intersect fills the hits.
 /// Everything is relative to Scene::anchor(). Neighbouring rays should be in neighbouring lanes. The layout is that of
-/// Embree's RTCRayHit8, so that no copy is needed.
+/// Embree's RTCRayHit8, with `nearness` after it, so that no copy is needed.
 struct alignas(32) RayPacket8 {
   static constexpr int kLanes = 8;
   static constexpr std::uint32_t kMiss = 0xFFFFFFFFU;
@@ -28,6 +28,9 @@ struct alignas(32) RayPacket8 {
   std::uint32_t triangle[8];
   std::uint32_t mesh[8];  ///< kMiss: no hit
   std::uint32_t instance[8];
+  /// Larger for a nearer hit of the same ray, also one in another scene with the same anchor; of equal ones, that of
+  /// the lower mesh counts as the nearer. Set for hits only; finer than `far`, which is rounded from it.
+  float nearness[8];
 
   /// Resets all members except origin and direction, as required before each query: all lanes enabled, no far limit.
   void reset() {
@@ -43,6 +46,7 @@ struct alignas(32) RayPacket8 {
       triangle[i] = 0;
       mesh[i] = kMiss;
       instance[i] = kMiss;
+      nearness[i] = 0.0F;
     }
   }
   /// Disables lane `i` for the next query; it will report a miss.

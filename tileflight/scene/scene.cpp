@@ -20,7 +20,7 @@
 namespace tileflight::scene {
 
 // RayPacket8 is passed to Embree without conversion.
-static_assert(sizeof(RayPacket8) == sizeof(RTCRayHit8) && alignof(RayPacket8) == alignof(RTCRayHit8));
+static_assert(offsetof(RayPacket8, nearness) == sizeof(RTCRayHit8) && alignof(RayPacket8) == alignof(RTCRayHit8));
 static_assert(offsetof(RayPacket8, near) == offsetof(RTCRayHit8, ray.tnear));
 static_assert(offsetof(RayPacket8, direction_x) == offsetof(RTCRayHit8, ray.dir_x));
 static_assert(offsetof(RayPacket8, far) == offsetof(RTCRayHit8, ray.tfar));
@@ -291,11 +291,15 @@ std::optional<double> Scene::distance_to_surface_m(const geometry::Vec3& point, 
 }
 
 void Scene::intersect(RayPacket8& packet) const {
-  if (!impl_->is_whole()) return impl_->queries().intersect(packet);
-  RTCIntersectContext context;
-  rtcInitIntersectContext(&context);
-  context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
-  rtcIntersect8(kAllLanes, impl_->rays(), &context, reinterpret_cast<RTCRayHit8*>(&packet));
+  if (impl_->is_whole()) {
+    RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+    rtcIntersect8(kAllLanes, impl_->rays(), &context, reinterpret_cast<RTCRayHit8*>(&packet));
+  } else {
+    impl_->queries().intersect(packet);
+  }
+  for (int i = 0; i < RayPacket8::kLanes; ++i) packet.nearness[i] = 1.0F / packet.far[i];
 }
 
 void Scene::intersect(std::span<RayPacket8> beam) const {

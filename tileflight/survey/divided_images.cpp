@@ -1,4 +1,4 @@
-// PartRenderer's images that are rendered in regions.
+// PartRenderer's images that are rendered in regions or layers.
 #include <algorithm>
 #include <chrono>
 #include <map>
@@ -6,6 +6,7 @@
 
 #include "tileflight/base/elapsed_time.h"
 #include "tileflight/base/formatted_text.h"
+#include "tileflight/render/frame_parts.h"
 #include "tileflight/survey/image_division.h"
 #include "tileflight/survey/part_renderer.h"
 
@@ -17,12 +18,14 @@ namespace {
 
 std::uintmax_t traced_bytes(const PlannedCamera& planned) {
   const render::OutputChannels& outputs = planned.options.outputs;
+  const bool has_layers = render::has_one_ray_per_pixel(planned.options);
   const auto if_wanted = [](bool is_wanted, std::uintmax_t bytes) { return is_wanted ? bytes : 0; };
   const std::uintmax_t bytes_per_pixel =
       sizeof(render::LinearRgb) + sizeof(imaging::Rgb8) + if_wanted(planned.options.render.depth, sizeof(float)) +
       if_wanted(outputs.range, sizeof(float)) + if_wanted(outputs.normals, 3 * sizeof(float)) +
       if_wanted(outputs.objects || outputs.placed_objects, sizeof(std::uint32_t)) +
-      if_wanted(outputs.flow, 2 * sizeof(float)) + if_wanted(outputs.visibility, 1);
+      if_wanted(outputs.flow, 2 * sizeof(float)) + if_wanted(outputs.visibility, 1) +
+      if_wanted(has_layers, sizeof(render::LayerSurface));
   const imaging::Camera& camera = planned.calibration.camera;
   return bytes_per_pixel * static_cast<std::uintmax_t>(camera.width()) * static_cast<std::uintmax_t>(camera.height());
 }
@@ -38,15 +41,23 @@ tiles::MemoryLimitExceeded frame_does_not_fit(const FlightTiles& tiles, std::siz
 
 /// The frame of view `begin`, and those after it that do not fit into memory either, as many as are traced together.
 std::vector<std::size_t> PartRenderer::frames_to_divide(std::size_t begin) const {
-  constexpr std::uintmax_t kShare = 8;  // of the memory limit, for images that are being traced
-  constexpr std::size_t kMost = 16;
+  struct Most {
+    std::uintmax_t memory_part;  // of the memory limit, for images that are being traced
+    std::size_t frames;
+  };
   const std::vector<FrameView>& views = loader_->views();
   if (!may_divide_images(mission_)) throw frame_does_not_fit(*tiles_, views[begin].frame, max_memory_bytes_);
+  const bool are_layered = has_layers(views[begin].frame);
+  // Layers read each tile once for all images; what regions of different groups share is little.
+  const Most most = are_layered ? Most{5, 64} : Most{8, 16};
   const std::vector<std::size_t>& group_of_frame = tiles_->groups().group_of_frame;
-  const std::size_t most = std::clamp<std::size_t>(max_memory_bytes_ / kShare / bytes_of_traced_frame(), 1, kMost);
+  const std::size_t count =
+      std::clamp<std::size_t>(max_memory_bytes_ / most.memory_part / bytes_of_traced_frame(), 1, most.frames);
   std::vector<std::size_t> frames;
-  for (std::size_t i = begin; i < views.size() && frames.size() < most; ++i) {
-    if (group_of_frame[views[i].frame] != group_of_frame[views[begin].frame]) break;
+  for (std::size_t i = begin; i < views.size() && frames.size() < count; ++i) {
+    const bool is_together =
+        are_layered ? has_layers(views[i].frame) : group_of_frame[views[i].frame] == group_of_frame[views[begin].frame];
+    if (!is_together) break;
     const bool is_large = loader_->estimated_bytes(views[i]) > static_cast<double>(max_memory_bytes_);
     if (i > begin && !is_large) break;
     frames.push_back(views[i].frame);
@@ -73,8 +84,40 @@ std::vector<FrameView> PartRenderer::divided_views(const std::vector<std::size_t
   return views;
 }
 
-/// Halves the region of the view that did not fit, for it and the views of the region after it.
+/// The images' layers, those of the same contents together.
+std::vector<FrameView> PartRenderer::layers_of(const std::vector<std::size_t>& frames, double bytes_for_tiles) const {
+  constexpr double kLayerShare = 0.75;  // contents that the next image alone needs stay in memory beside the scene
+  const std::vector<ContentRange> layers = loader_->divide_contents(frames, kLayerShare * bytes_for_tiles);
+  std::vector<FrameView> views;
+  for (const ContentRange& layer : layers) {
+    for (const std::size_t frame : frames) {
+      const FrameView view{frame, {}, false, layer};
+      // Of an image that shows nothing, its first layer is the sky.
+      if (layer == layers.front() || loader_->needs_contents(view)) views.push_back(view);
+    }
+  }
+  return views;
+}
+
+/// For the checks of the images' paths, regions that are as small as can be; then the images' layers.
+std::vector<FrameView> PartRenderer::checks_and_layers_of(const std::vector<std::size_t>& frames,
+                                                          double bytes_for_tiles) const {
+  const imaging::Camera& camera = camera_of(frames.front()).calibration.camera;
+  const PixelRegion corner{0, 0, std::min(render::kRegionStep, camera.width()),
+                           std::min(render::kRegionStep, camera.height())};
+  std::vector<FrameView> views;
+  for (const std::size_t frame : frames) views.push_back({frame, corner, true});
+  const std::vector<FrameView> layers = layers_of(frames, bytes_for_tiles);
+  views.insert(views.end(), layers.begin(), layers.end());
+  return views;
+}
+
+/// Divides what the view that did not fit was to show, for it and the views after it.
 void PartRenderer::divide_further(std::size_t begin) {
+  loader_->views()[begin].contents ? divide_layer(begin) : divide_region(begin);
+}
+
+void PartRenderer::divide_region(std::size_t begin) {
   std::vector<FrameView> views = loader_->views();
   const PixelRegion region = *views[begin].region;
   const std::size_t frame = views[begin].frame;
@@ -92,13 +135,27 @@ void PartRenderer::divide_further(std::size_t begin) {
   loader_->set_views(std::move(views));
 }
 
-/// Calls `work` with a scene for each part of the frames' regions.
-void PartRenderer::for_each_region(const std::vector<std::size_t>& frames, const FrameAssignment& share,
-                                   const PartWork& work) {
+void PartRenderer::divide_layer(std::size_t begin) {
+  std::vector<FrameView> views = loader_->views();
+  const ContentRange layer = *views[begin].contents;
+  const std::size_t middle = layer.begin + (layer.end - layer.begin) / 2;
+  if (middle == layer.begin) throw frame_does_not_fit(*tiles_, views[begin].frame, max_memory_bytes_);
+  std::vector<FrameView> second;
+  std::size_t end = begin;
+  for (; end < views.size() && views[end].contents == layer; ++end) {
+    second.push_back({views[end].frame, {}, false, ContentRange{middle, layer.end}});
+    views[end].contents = {layer.begin, middle};
+  }
+  views.insert(views.begin() + static_cast<std::ptrdiff_t>(end), second.begin(), second.end());
+  loader_->set_views(std::move(views));
+}
+
+/// Calls `work` with a scene for each part of the views, which are divided further where they do not fit.
+void PartRenderer::for_each_view(std::vector<FrameView> views, double bytes_for_tiles, const FrameAssignment& share,
+                                 const PartWork& work) {
   std::vector<FrameView> whole = loader_->views();
-  const double for_tiles = bytes_for_tiles(frames.size());
-  loader_->set_limit(static_cast<std::uintmax_t>(for_tiles));
-  loader_->set_views(divided_views(frames, for_tiles));
+  loader_->set_limit(static_cast<std::uintmax_t>(bytes_for_tiles));
+  loader_->set_views(std::move(views));
   for (std::size_t next = 0; next < loader_->views().size();) {
     if (std::optional<LoadedPart> part = load(next, share)) {
       loader_->prefetch(part->end);
@@ -126,31 +183,31 @@ std::vector<double> PartRenderer::meter_divided(const std::vector<std::size_t>& 
   std::map<std::size_t, double> light;
   for (const std::vector<std::size_t>& of_camera : by_camera(all)) {
     if (camera_of(of_camera.front()).options.formation.auto_exposure.target > 0.0)
-      light.merge(meter_regions(of_camera, share));
+      light.merge(meter_layers(of_camera, share));
   }
   std::vector<double> means;
   for (const std::size_t image : all) means.push_back(light[image]);
   return means;
 }
 
-/// Mean light of one camera's images.
-std::map<std::size_t, double> PartRenderer::meter_regions(const std::vector<std::size_t>& of_camera,
-                                                          const FrameAssignment& share) {
+/// Mean light of one camera's images. The light meter's pixels are of one ray each, whatever the camera's are.
+std::map<std::size_t, double> PartRenderer::meter_layers(const std::vector<std::size_t>& of_camera,
+                                                         const FrameAssignment& share) {
   const PlannedCamera& camera = camera_of(of_camera.front());
-  std::map<std::size_t, render::LinearImage> pictures;
+  std::map<std::size_t, render::LayeredFrame> pictures;
   std::map<std::size_t, double> light;
-  for_each_region(of_camera, share, [&](const LoadedPart& part) {
+  const double for_tiles = bytes_for_tiles(of_camera.size());
+  for_each_view(layers_of(of_camera, for_tiles), for_tiles, share, [&](const LoadedPart& part) {
     const render::FlightRenderOptions options = options_for(part, images()[of_camera.front()].camera, share);
     const render::LightMeter meter = render::make_light_meter(part.scene, camera.calibration.camera, options);
     for (std::size_t i = part.begin; i < part.end; ++i) {
       const FrameView& view = loader_->views()[i];
-      const std::size_t frame = images()[view.frame].frame;
-      const render::LinearImage seen = meter.image(camera.frames.poses[frame].T_local_camera);
-      render::LinearImage& picture = pictures.try_emplace(view.frame, seen.width, seen.height).first->second;
-      imaging::copy_region(meter.region(*view.region), seen, picture);
+      render::TracedLayer layer;
+      layer.frame.light = meter.layer(camera.frames.poses[images()[view.frame].frame].T_local_camera, layer.surfaces);
+      pictures[view.frame].add(std::move(layer), part.mesh_ranks);
     }
     if (part.end < loader_->views().size()) return;
-    for (const auto& [image, picture] : pictures) light[image] = meter.mean_light(picture);
+    for (auto& [image, picture] : pictures) light[image] = meter.mean_light(picture.take_frame().light);
   });
   return light;
 }
@@ -175,32 +232,62 @@ std::vector<double> PartRenderer::gains_of(const std::vector<std::size_t>& of_ca
 void PartRenderer::render_divided(const std::vector<std::size_t>& of_camera, FrameAssignment& share,
                                   const CameraFrameSink& sink, RenderSummary& summary) {
   const std::size_t number = images()[of_camera.front()].camera;
-  const PlannedCamera& camera = mission_.camera(number);
   std::vector<double> gains = gains_.empty() ? std::vector<double>() : gains_[number];
-  if (gains.empty() && camera.options.formation.auto_exposure.target > 0.0)
-    gains = gains_of(of_camera, meter_regions(of_camera, share), summary);
+  if (gains.empty() && mission_.camera(number).options.formation.auto_exposure.target > 0.0)
+    gains = gains_of(of_camera, meter_layers(of_camera, share), summary);
   std::vector<std::size_t> assigned = of_camera;
   std::erase_if(assigned, [&](std::size_t image) { return !share.is_assigned(image); });
   if (assigned.empty()) return;
   summary.frames_divided += static_cast<std::int64_t>(assigned.size());
-  std::map<std::size_t, render::DividedFrame> divided;
-  for_each_region(assigned, share, [&](const LoadedPart& part) {
+  const double for_tiles = bytes_for_tiles(assigned.size());
+  if (has_layers(assigned.front())) {
+    compose<render::LayeredFrame>(assigned, checks_and_layers_of(assigned, for_tiles), gains, share, sink, summary);
+  } else {
+    compose<render::DividedFrame>(assigned, divided_views(assigned, for_tiles), gains, share, sink, summary);
+  }
+  report_progress(progress_, static_cast<std::int64_t>(assigned.back()) + 1,
+                  static_cast<std::int64_t>(images().count()), "frames rendered");
+}
+
+namespace {
+
+/// Adds a part of a frame; of a layered one, a region is there for the checks of the path alone.
+void add_view(const render::FrameRenderer& renderer, std::size_t index, const FrameView& view,
+              std::span<const std::uint32_t>, render::DividedFrame& frame) {
+  frame.add(*view.region, renderer.trace_region(index, view.region));
+}
+void add_view(const render::FrameRenderer& renderer, std::size_t index, const FrameView& view,
+              std::span<const std::uint32_t> mesh_ranks, render::LayeredFrame& frame) {
+  if (view.contents) frame.add(renderer.trace_layer(index), mesh_ranks);
+}
+
+}  // namespace
+
+/// Renders the views of one camera's images, and hands on the images that they are parts of.
+template <class Frame>
+void PartRenderer::compose(const std::vector<std::size_t>& of_camera, std::vector<FrameView> views,
+                           const std::vector<double>& exposure_gains, FrameAssignment& share,
+                           const CameraFrameSink& sink, RenderSummary& summary) {
+  const std::size_t number = images()[of_camera.front()].camera;
+  const PlannedCamera& camera = mission_.camera(number);
+  std::map<std::size_t, Frame> frames;
+  for_each_view(std::move(views), bytes_for_tiles(of_camera.size()), share, [&](const LoadedPart& part) {
     const auto start = std::chrono::steady_clock::now();
     render::FlightRenderOptions options = options_for(part, number, share);
-    options.exposure_gains = gains;
+    options.exposure_gains = exposure_gains;
+    options.first_frame = images()[of_camera.front()].frame;
+    options.end_frame = images()[of_camera.back()].frame + 1;
     const render::FrameRenderer renderer(part.scene, camera.calibration.camera, camera.frames, camera.pose_at, options);
     for (std::size_t i = part.begin; i < part.end; ++i) {
       const FrameView& view = loader_->views()[i];
       const std::size_t index = images()[view.frame].frame;
-      render::DividedFrame& frame = divided[view.frame];
-      frame.add(*view.region, renderer.trace_region(index, view.region));
-      if (view.has_checks) renderer.check_path(index, frame.check());
+      add_view(renderer, index, view, part.mesh_ranks, frames[view.frame]);
+      if (view.has_checks) renderer.check_path(index, frames[view.frame].check());
     }
-    const auto largest = static_cast<std::int64_t>(part.scene.triangle_count());
-    summary.tiles.triangles = std::max(summary.tiles.triangles, largest);
+    summary.tiles.triangles = std::max(summary.tiles.triangles, static_cast<std::int64_t>(part.scene.triangle_count()));
     ++summary.parts;
     if (part.end == loader_->views().size()) {
-      for (auto& [image, frame] : divided) {
+      for (auto& [image, frame] : frames) {
         const render::FlightFrame finished = renderer.develop(frame.take_frame());
         sink(number, finished);
         share.add(image, finished);
@@ -208,8 +295,6 @@ void PartRenderer::render_divided(const std::vector<std::size_t>& of_camera, Fra
     }
     summary.seconds += base::seconds_since(start);
   });
-  report_progress(progress_, static_cast<std::int64_t>(assigned.back()) + 1,
-                  static_cast<std::int64_t>(images().count()), "frames rendered");
 }
 
 /// What a region's scene may take beside so many frames that are being traced, and one that is written.

@@ -30,12 +30,23 @@ namespace tileflight::survey {
 /// is found.
 inline constexpr double kInsideReach_m = 64.0;
 
+/// Contents whose numbers (FlightTiles) lie between two.
+struct ContentRange {
+  std::size_t begin = 0;
+  std::size_t end = 0;  ///< not included
+
+  bool contains(std::size_t content) const { return content >= begin && content < end; }
+  bool operator==(const ContentRange&) const = default;
+};
+
 /// What is rendered at once of an image.
 struct FrameView {
   std::size_t frame = 0;  ///< number of the image (ImageOrder); with one camera, of the frame
   /// Pixels of the image, bounded as CameraRenderer's regions; nullopt: all.
   std::optional<imaging::PixelRegion> region{};
   bool has_checks = true;  ///< whether what surrounds the camera (FrameCheck) is looked at too
+  /// A layer of the image (render::LayeredFrame): the tiles of these contents alone; nullopt: all.
+  std::optional<ContentRange> contents{};
 };
 
 /// The tiles of a flight: for each group of its frames (frame_groups.h) the cut that is fine enough for the nearest

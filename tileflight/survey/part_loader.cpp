@@ -117,7 +117,49 @@ PartLoader::Contents PartLoader::contents_at(const std::vector<std::size_t>& pla
 }
 
 PartLoader::Contents PartLoader::contents_for(const FrameView& view) const {
-  return contents_at(tiles_.places_for_view(view), tiles_.groups().group_of_frame[view.frame]);
+  return contents_at(places_for(view), tiles_.groups().group_of_frame[view.frame]);
+}
+
+std::vector<std::size_t> PartLoader::places_for(const FrameView& view) const {
+  if (!view.contents) return tiles_.places_for_view(view);
+  const auto [known, is_new] = places_of_layers_.try_emplace(view.frame);
+  if (is_new) known->second = tiles_.places_for_view({view.frame, view.region, view.has_checks});
+  const std::vector<std::size_t>& contents = tiles_.contents_of_group(tiles_.groups().group_of_frame[view.frame]);
+  std::vector<std::size_t> places;
+  std::ranges::copy_if(known->second, std::back_inserter(places),
+                       [&](std::size_t place) { return view.contents->contains(contents[place]); });
+  return places;
+}
+
+void PartLoader::set_views(std::vector<FrameView> views) {
+  views_ = std::move(views);
+  std::erase_if(places_of_layers_, [this](const auto& known) {
+    return std::ranges::none_of(views_, [&](const FrameView& view) { return view.frame == known.first; });
+  });
+}
+
+std::vector<ContentRange> PartLoader::divide_contents(const std::vector<std::size_t>& images,
+                                                      double budget_bytes) const {
+  std::set<std::size_t> needed;
+  for (const std::size_t image : images) {
+    const Contents of_image = contents_for({image, {}, false, ContentRange{0, contents_.size()}});
+    needed.insert(of_image.begin(), of_image.end());
+  }
+  const double bytes_per_file_byte = rendered_bytes_per_file_byte();
+  std::vector<ContentRange> layers;
+  double bytes = 0.0;
+  for (const std::size_t i : needed) {
+    const double own = contents_[i].memory
+                           ? static_cast<double>(MemorySum().bytes_of(*contents_[i].memory, file_of_[i], true))
+                           : bytes_per_file_byte * file_bytes(i);
+    bytes += own;
+    if (layers.empty() || bytes > budget_bytes) {
+      layers.push_back({i, i});
+      bytes = own;
+    }
+    layers.back().end = i + 1;
+  }
+  return layers;
 }
 
 double PartLoader::estimated_bytes(const FrameView& view) const {
@@ -149,7 +191,7 @@ double PartLoader::rendered_bytes_per_file_byte() const {
 
 std::optional<FlightPart> PartLoader::load(std::size_t begin, const Progress& progress) {
   std::vector<std::size_t> places;
-  FlightPart part{begin, choose_views(begin, places, progress), {}};
+  FlightPart part{begin, choose_views(begin, places, progress), {}, {}};
   if (part.end == part.begin) return std::nullopt;
   part_ = contents_at(places, tiles_.groups().group_of_frame[views_[begin].frame]);
   make_room(part_, {part_.begin(), part_.end()}, part.end, bytes_for_building());
@@ -157,6 +199,8 @@ std::optional<FlightPart> PartLoader::load(std::size_t begin, const Progress& pr
   for (const std::size_t i : part_) {
     Content& content = contents_[i];
     part_meshes_.push_back(content.meshes.size());
+    part.places.insert(part.places.end(), content.meshes.size(),
+                       static_cast<std::uint32_t>(places[part_meshes_.size() - 1]));
     std::move(content.meshes.begin(), content.meshes.end(), std::back_inserter(part.meshes));
     content.meshes.clear();
   }
@@ -169,7 +213,7 @@ std::size_t PartLoader::choose_views(std::size_t begin, std::vector<std::size_t>
   const std::vector<std::size_t>& group_of_frame = tiles_.groups().group_of_frame;
   const FrameView& first = views_[begin];
   const std::size_t group = group_of_frame[first.frame];
-  if (tiles_.is_region() && !first.region &&
+  if (tiles_.is_region() && !first.region && !first.contents &&
       fetch(tiles_.contents_of_group(group), begin, max_memory_bytes_, progress)) {
     places.resize(tiles_.contents_of_group(group).size());
     for (std::size_t place = 0; place < places.size(); ++place) places[place] = place;
@@ -177,11 +221,11 @@ std::size_t PartLoader::choose_views(std::size_t begin, std::vector<std::size_t>
   }
   const auto share = static_cast<std::uintmax_t>(kPartShare * static_cast<double>(max_memory_bytes_));
   const auto belongs = [&](const FrameView& view) {
-    return group_of_frame[view.frame] == group && view.region == first.region;
+    return group_of_frame[view.frame] == group && view.region == first.region && view.contents == first.contents;
   };
   std::size_t end = begin;
   for (; end < views_.size() && belongs(views_[end]); ++end) {
-    const std::vector<std::size_t> added = tiles_.places_for_view(views_[end]);
+    const std::vector<std::size_t> added = places_for(views_[end]);
     std::vector<std::size_t> wanted;
     std::ranges::set_union(places, added, std::back_inserter(wanted));
     const bool is_new = wanted.size() > places.size();

@@ -42,12 +42,13 @@ class MemorySum {
   std::set<std::pair<std::size_t, std::size_t>> textures_;  ///< file, and number in it
 };
 
-/// Consecutive views of frames of one group, all of the same region, with the meshes of all contents that they need, in
-/// the order of the group's cut.
+/// Consecutive views of frames of one group, all of the same region and layer, with the meshes of all contents that
+/// they need, in the order of the group's cut.
 struct FlightPart {
   std::size_t begin = 0;  ///< index into PartLoader::views()
   std::size_t end = 0;    ///< likewise, not included
   std::vector<imaging::TexturedMesh> meshes;
+  std::vector<std::uint32_t> places;  ///< of each mesh: its content's place in FlightTiles::contents_of_group
 };
 
 /// Loads the tiles of a flight part by part, within a memory limit: a part has as many views of frames as fit. A
@@ -65,7 +66,7 @@ class PartLoader {
   const std::vector<FrameView>& views() const { return views_; }
   /// Takes other views, or another limit; what is in memory stays as far as the views need it and the limit allows. Not
   /// while a part is out.
-  void set_views(std::vector<FrameView> views) { views_ = std::move(views); }
+  void set_views(std::vector<FrameView> views);
   void set_limit(std::uintmax_t max_memory_bytes) { max_memory_bytes_ = max_memory_bytes; }
 
   /// Loads the part that begins with view `begin` of views(); nullopt if that view alone does not fit. Throws
@@ -74,6 +75,11 @@ class PartLoader {
   /// What a scene of a view takes, as far as its contents have been read, and an estimate of the others from their
   /// files' sizes.
   double estimated_bytes(const FrameView& view) const;
+  /// Divides the contents that any of these images needs into layers, none of which is likely to take more in a scene
+  /// (unless it is a single content), in the order of their numbers.
+  std::vector<ContentRange> divide_contents(const std::vector<std::size_t>& images, double budget_bytes) const;
+  /// Whether a view needs any content at all.
+  bool needs_contents(const FrameView& view) const { return !contents_for(view).empty(); }
   /// Begins to read contents for views from `begin` on, as far as they fit beside the last part, while it is rendered.
   void prefetch(std::size_t begin);
   /// Takes the meshes of the last part back, once it is rendered. Throws InputError if a content that was read
@@ -91,6 +97,7 @@ class PartLoader {
 
   Contents contents_at(const std::vector<std::size_t>& places, std::size_t group) const;
   Contents contents_for(const FrameView& view) const;
+  std::vector<std::size_t> places_for(const FrameView& view) const;
   double file_bytes(std::size_t content) const;
   double rendered_bytes_per_file_byte() const;
   std::size_t choose_views(std::size_t begin, std::vector<std::size_t>& places, const Progress& progress);
@@ -116,6 +123,8 @@ class PartLoader {
   std::uintmax_t known_bytes_ = 0, known_ = 0;  ///< of the contents read so far: decoded, and their number
   std::map<std::pair<std::size_t, std::size_t>, std::weak_ptr<const imaging::RgbImage>> textures_;
   std::unique_ptr<Background> background_;
+  /// Places that whole images need, of which each layer takes its own; of the images of the views.
+  mutable std::map<std::size_t, std::vector<std::size_t>> places_of_layers_;
 };
 
 }  // namespace tileflight::survey

@@ -180,13 +180,17 @@ std::optional<PartRenderer::LoadedPart> PartRenderer::load(std::size_t begin, co
   if (!part) return std::nullopt;
   const std::vector<FrameView>& views = loader_->views();
   const FrameView& first = views[part->begin];
-  if (!first.region && part->end - part->begin == images().count())
+  if (!first.region && !first.contents && part->end - part->begin == images().count())
     place::require_surface(part->meshes, tiles_->summary().points > 0, tiles_->name());
   const FrameGroups& groups = tiles_->groups();
   // The same for all parts of a group, so that surfaces are bit-identical in each.
   const geometry::Vec3& anchor = groups.anchors[groups.group_of_frame[first.frame]];
-  LoadedPart loaded{scene::Scene(place::with_placeholder(std::move(part->meshes)), anchor), nullptr, part->begin,
-                    part->end, groups.count() > 1 || first.region};
+  LoadedPart loaded{scene::Scene(place::with_placeholder(std::move(part->meshes)), anchor),
+                    nullptr,
+                    part->begin,
+                    part->end,
+                    groups.count() > 1 || first.region || first.contents,
+                    std::move(part->places)};
   // One after the other: each takes additional memory while it is built.
   loaded.scene.build_beam_tree();
   if (first.has_checks) loaded.scene.build_ray_tree();  // else only if a rolling shutter asks for it

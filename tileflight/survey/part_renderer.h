@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "tileflight/render/frame_parts.h"
 #include "tileflight/render/frame_renderer.h"
 #include "tileflight/render/render_flight.h"
 #include "tileflight/scene/scene.h"
@@ -27,15 +28,17 @@ struct RenderSummary {
   std::vector<std::optional<render::AutoExposureState>> exposure_after{};  ///< of each camera
   tiles::LoadedTiles tiles;         ///< without their content; triangles: the largest number in a scene
   std::int64_t parts = 0;           ///< scenes that were built
-  std::int64_t frames_divided = 0;  ///< images that were rendered in regions
+  std::int64_t frames_divided = 0;  ///< images that were rendered in regions or layers
 };
 
 /// Consumes a finished frame of one of the flight's cameras; as render::FrameSink.
 using CameraFrameSink = std::function<void(std::size_t camera, const render::FlightFrame& frame)>;
 
 /// Loads a flight's tiles and renders its images, in as many parts as the memory limit requires; the cameras of a rig
-/// share a part's scene. An image whose tiles do not fit into memory together is divided: it is rendered in regions,
-/// each with the tiles that it shows. The steps are called in order. Mission, settings and progress must outlive it.
+/// share a part's scene. An image whose tiles do not fit into memory together is divided. If each of its pixels is of
+/// one ray, it is rendered in layers, each with some of its tiles, together with other such images, so that each tile
+/// is read once for all of them; else in regions, each with the tiles that it shows. The steps are called in order.
+/// Mission, settings and progress must outlive it.
 class PartRenderer {
  public:
   PartRenderer(const PlannedFlight& mission, const RenderSettings& settings, const Progress& progress);
@@ -62,6 +65,7 @@ class PartRenderer {
     std::shared_ptr<const render::Appearance> appearance;  ///< shared by the cameras of a rig; null for a single one
     std::size_t begin = 0, end = 0;                        ///< of the loader's views
     bool is_partial = false;                               ///< of a flight's several groups, or of an image
+    std::vector<std::uint32_t> mesh_ranks;                 ///< FlightPart::places
   };
   using PartWork = std::function<void(const LoadedPart& part)>;
 
@@ -84,13 +88,23 @@ class PartRenderer {
 
   std::vector<std::size_t> frames_to_divide(std::size_t begin) const;
   std::vector<FrameView> divided_views(const std::vector<std::size_t>& frames, double bytes_for_tiles) const;
+  std::vector<FrameView> layers_of(const std::vector<std::size_t>& frames, double bytes_for_tiles) const;
+  std::vector<FrameView> checks_and_layers_of(const std::vector<std::size_t>& frames, double bytes_for_tiles) const;
   void divide_further(std::size_t begin);
-  void for_each_region(const std::vector<std::size_t>& frames, const FrameAssignment& share, const PartWork& work);
+  void divide_region(std::size_t begin);
+  void divide_layer(std::size_t begin);
+  void for_each_view(std::vector<FrameView> views, double bytes_for_tiles, const FrameAssignment& share,
+                     const PartWork& work);
   std::vector<std::vector<std::size_t>> by_camera(const std::vector<std::size_t>& images) const;
   std::vector<double> meter_divided(const std::vector<std::size_t>& images, const FrameAssignment& share);
-  std::map<std::size_t, double> meter_regions(const std::vector<std::size_t>& images, const FrameAssignment& share);
+  std::map<std::size_t, double> meter_layers(const std::vector<std::size_t>& images, const FrameAssignment& share);
   void render_divided(const std::vector<std::size_t>& images, FrameAssignment& share, const CameraFrameSink& sink,
                       RenderSummary& summary);
+  template <class Frame>
+  void compose(const std::vector<std::size_t>& images, std::vector<FrameView> views,
+               const std::vector<double>& exposure_gains, FrameAssignment& share, const CameraFrameSink& sink,
+               RenderSummary& summary);
+  bool has_layers(std::size_t image) const { return render::has_one_ray_per_pixel(camera_of(image).options); }
   std::vector<double> gains_of(const std::vector<std::size_t>& images, const std::map<std::size_t, double>& light,
                                RenderSummary& summary) const;
   double bytes_for_tiles(std::size_t frames) const;

@@ -1,0 +1,70 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <span>
+#include <string>
+#include <tuple>
+#include <vector>
+
+#include "tileflight/imaging/image.h"
+#include "tileflight/imaging/pixel_region.h"
+#include "tileflight/render/frame_renderer.h"
+#include "tileflight/render/scene_objects.h"
+
+// Frames of a place that does not fit into memory: each is traced in several scenes that hold some of its tiles.
+namespace tileflight::render {
+
+/// The objects of a frame whose scenes number them differently.
+class FrameObjects {
+ public:
+  /// The object's label in the frame: 1 + its index.
+  std::uint32_t label_of(const SceneObject& object);
+  std::span<const SceneObject> all() const { return objects_; }
+  /// Drops objects that the image does not show, and numbers the others anew.
+  void keep_shown(imaging::Image<std::uint32_t>& labels);
+
+ private:
+  using Key = std::tuple<std::string, std::uint32_t, std::uint32_t>;  ///< tile, mesh, feature
+
+  std::vector<SceneObject> objects_;
+  std::map<Key, std::uint32_t> numbers_;  ///< index into objects_
+};
+
+/// A frame whose regions are traced in several scenes, each with the tiles that its region shows.
+class DividedFrame {
+ public:
+  /// Takes the region's pixels; the part's other pixels are ignored. Regions must not overlap.
+  void add(const imaging::PixelRegion& region, TracedFrame part);
+  /// The frame's check, for what is not part of its view.
+  FrameCheck& check() { return frame_.check; }
+  /// The frame, once regions that cover it were added. Its objects live as long as this.
+  TracedFrame take_frame();
+
+ private:
+  bool is_empty_ = true;
+  TracedFrame frame_;
+  FrameObjects objects_;
+};
+
+/// A frame that is traced whole in several scenes, each with some of the tiles that it shows: every pixel is of the
+/// nearest surface of all. The scenes must have one anchor.
+class LayeredFrame {
+ public:
+  /// Takes the pixels that are nearer than those of the layers before. `ranks`: of the layer's meshes, their places in
+  /// the order of all the frame's meshes, since of equally near surfaces that of the first mesh is shown.
+  void add(TracedLayer layer, std::span<const std::uint32_t> ranks);
+  /// The frame's check, for what is not part of its view.
+  FrameCheck& check() { return frame_.check; }
+  /// The frame, once all layers were added. Its objects live as long as this.
+  TracedFrame take_frame();
+
+ private:
+  ViewStatistics view() const;
+
+  TracedFrame frame_;
+  imaging::Image<LayerSurface> nearest_;  ///< `mesh`: its rank
+  FrameObjects objects_;
+};
+
+}  // namespace tileflight::render
