@@ -10,6 +10,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/json_file.h"
 #include "tileflight/evaluation/metrics_file.h"
+#include "tileflight/events/event_options.h"
 #include "tileflight/experiment/experiment_file.h"
 #include "tileflight/experiment/stage_options.h"
 #include "tileflight/geometry/angles.h"
@@ -332,6 +333,7 @@ int print_defaults(const fs::path& folder) {
       tf::actors::read_actors(written(folder, "actors.yaml", "actors: [{position: [0, 0]}]\n")).at(0);
   const tf::render::WeatherOptions weather =
       tf::render::read_weather(written(folder, "weather.yaml", "weather: {}\n")).value();
+  const tf::events::EventOptions events;
   const auto experiment = tf::experiment::read_experiment(written(folder, "experiment.yaml", kExperiment));
   const tf::survey::RenderedFlightConfig& render = *experiment.simulated->render;
   const json degrade = degrade_defaults(*render.degrade);
@@ -362,6 +364,17 @@ int print_defaults(const fs::path& folder) {
                       {"weather.wetness", weather.wetness},
                       {"weather.streak_exposure_s", weather.streak_exposure_s},
                       {"cameras[].offset_s", tf::survey::MountedCamera().offset_s},
+                      {"events.positive_threshold", events.positive_threshold},
+                      {"events.negative_threshold", events.negative_threshold},
+                      {"events.threshold_sigma", events.threshold_sigma},
+                      {"events.dark_light", events.dark_light},
+                      {"events.refractory_s", events.refractory_s},
+                      {"events.leak_rate_hz", events.leak_rate_hz},
+                      {"events.shot_noise_rate_hz", events.shot_noise_rate_hz},
+                      {"events.max_motion_px", events.max_motion_px},
+                      {"events.max_change", events.max_change},
+                      {"events.max_step_s", events.max_step_s},
+                      {"events.max_rate_hz", events.max_rate_hz},
                       {"actors[].model", tf::actors::make_model(actor.model).name},
                       {"actors[].scale", actor.scale},
                       {"actors[].yaw_deg", actor.route.yaw_deg},
