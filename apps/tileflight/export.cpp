@@ -4,14 +4,17 @@
 #include "tileflight/base/output_folder.h"
 #include "tileflight/dataset/export_dataset.h"
 #include "tileflight/dataset/mcap_export.h"
+#include "tileflight/events/dsec_export.h"
 
 namespace tileflight::app {
 namespace {
 
 const char* const kMcap = "mcap";  ///< one file; the others are folders
+const char* const kDsec = "dsec";  ///< of event cameras
 
 std::vector<std::string> layouts() {
   std::vector<std::string> names = dataset::export_layouts();
+  names.emplace_back(kDsec);
   names.emplace_back(kMcap);
   return names;
 }
@@ -19,7 +22,8 @@ std::vector<std::string> layouts() {
 Output exported_folder(const dataset::Rig& source, const dataset::CameraChoice& camera, const std::string& layout,
                        const std::string& out, bool replace, const Progress& progress) {
   const dataset::ExportResult result =
-      dataset::export_rig(source, layout, out, replace, progress, {camera.calibration});
+      layout == kDsec ? events::export_dsec(source, out, replace, progress, {camera.calibration})
+                      : dataset::export_rig(source, layout, out, replace, progress, {camera.calibration});
   std::ostringstream text;
   text << out << ": " << result.frames << " frames\n";
   for (const std::string& note : result.notes) text << "note: " << note << "\n";

@@ -10,6 +10,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/json_file.h"
 #include "tileflight/evaluation/metrics_file.h"
+#include "tileflight/events/event_options.h"
 #include "tileflight/experiment/experiment_file.h"
 #include "tileflight/experiment/stage_options.h"
 #include "tileflight/geometry/angles.h"
@@ -298,6 +299,21 @@ json mission_defaults(const tf::vehicle::FlightPlan& plan) {
   return result;
 }
 
+json event_defaults(const std::string& prefix) {
+  const tf::events::EventOptions events;
+  return {{prefix + "positive_threshold", events.positive_threshold},
+          {prefix + "negative_threshold", events.negative_threshold},
+          {prefix + "threshold_sigma", events.threshold_sigma},
+          {prefix + "dark_light", events.dark_light},
+          {prefix + "refractory_s", events.refractory_s},
+          {prefix + "leak_rate_hz", events.leak_rate_hz},
+          {prefix + "shot_noise_rate_hz", events.shot_noise_rate_hz},
+          {prefix + "max_motion_px", events.max_motion_px},
+          {prefix + "max_change", events.max_change},
+          {prefix + "max_step_s", events.max_step_s},
+          {prefix + "max_rate_hz", events.max_rate_hz}};
+}
+
 constexpr const char* kMission = R"(camera: cam.yaml
 fps: 2
 speed_m_s:
@@ -326,8 +342,8 @@ int print_defaults(const fs::path& folder) {
   const auto plan = tf::vehicle::read_flight_plan(written(folder, "mission.yaml", kMission));
   const auto by_autopilot = tf::vehicle::read_flight_plan(written(folder, "autopilot.yaml", kAutopilot));
   written(folder, "sensors.yaml", kSensors);
-  const fs::path flight = written(folder, "waypoints.yaml", kWaypoints);
-  const auto waypoints = tf::vehicle::read_flight_plan(flight);
+  const fs::path flight_file = written(folder, "waypoints.yaml", kWaypoints);
+  const auto waypoints = tf::vehicle::read_flight_plan(flight_file);
   const tf::actors::ActorPlan actor =
       tf::actors::read_actors(written(folder, "actors.yaml", "actors: [{position: [0, 0]}]\n")).at(0);
   const tf::render::WeatherOptions weather =
@@ -335,7 +351,26 @@ int print_defaults(const fs::path& folder) {
   const auto experiment = tf::experiment::read_experiment(written(folder, "experiment.yaml", kExperiment));
   const tf::survey::RenderedFlightConfig& render = *experiment.simulated->render;
   const json degrade = degrade_defaults(*render.degrade);
-  const json sensors = sensor_defaults(tf::sensors::read_sensor_suite(flight, 1, {}));
+  const json sensors = sensor_defaults(tf::sensors::read_sensor_suite(flight_file, 1, {}));
+  json flight = {{"speed_m_s", waypoints.limits.speed_m_s},
+                 {"acceleration_m_s2", waypoints.limits.acceleration_m_s2},
+                 {"yaw_rate_deg_s", waypoints.limits.yaw_rate_deg_s},
+                 {"waypoints[].yaw_deg", waypoints.waypoints.at(0).yaw_deg},
+                 {"waypoints[].pitch_deg", waypoints.waypoints.at(0).pitch_deg},
+                 {"waypoints[].roll_deg", waypoints.waypoints.at(0).roll_deg},
+                 {"weather.base_height_m", weather.base_height_m},
+                 {"weather.rain_mm_per_h", weather.rain_mm_per_h},
+                 {"weather.snow_mm_per_h", weather.snow_mm_per_h},
+                 {"weather.wetness", weather.wetness},
+                 {"weather.streak_exposure_s", weather.streak_exposure_s},
+                 {"cameras[].offset_s", tf::survey::MountedCamera().offset_s},
+                 {"actors[].model", tf::actors::make_model(actor.model).name},
+                 {"actors[].scale", actor.scale},
+                 {"actors[].yaw_deg", actor.route.yaw_deg},
+                 {"actors[].start_s", actor.route.start_s},
+                 {"actors[].loop", actor.route.loops},
+                 {"actors[].on_ground", actor.route.follows_ground}};
+  for (const char* prefix : {"events.", "cameras[].events."}) flight.update(event_defaults(prefix));
   std::cout << json{{"experiment.alignment", alignment_defaults(experiment.alignment)},
                     {"experiment.evaluation", evaluation_defaults(experiment.evaluation)},
                     {"experiment.odometry", odometry_defaults(experiment.odometry)},
@@ -349,25 +384,7 @@ int print_defaults(const fs::path& folder) {
                     {"flight.vehicle", vehicle_defaults(*plan.vehicle)},
                     {"flight.mission", mission_defaults(plan)},
                     {"flight.autopilot", autopilot_defaults(*by_autopilot.autopilot)},
-                    {"flight",
-                     {{"speed_m_s", waypoints.limits.speed_m_s},
-                      {"acceleration_m_s2", waypoints.limits.acceleration_m_s2},
-                      {"yaw_rate_deg_s", waypoints.limits.yaw_rate_deg_s},
-                      {"waypoints[].yaw_deg", waypoints.waypoints.at(0).yaw_deg},
-                      {"waypoints[].pitch_deg", waypoints.waypoints.at(0).pitch_deg},
-                      {"waypoints[].roll_deg", waypoints.waypoints.at(0).roll_deg},
-                      {"weather.base_height_m", weather.base_height_m},
-                      {"weather.rain_mm_per_h", weather.rain_mm_per_h},
-                      {"weather.snow_mm_per_h", weather.snow_mm_per_h},
-                      {"weather.wetness", weather.wetness},
-                      {"weather.streak_exposure_s", weather.streak_exposure_s},
-                      {"cameras[].offset_s", tf::survey::MountedCamera().offset_s},
-                      {"actors[].model", tf::actors::make_model(actor.model).name},
-                      {"actors[].scale", actor.scale},
-                      {"actors[].yaw_deg", actor.route.yaw_deg},
-                      {"actors[].start_s", actor.route.start_s},
-                      {"actors[].loop", actor.route.loops},
-                      {"actors[].on_ground", actor.route.follows_ground}}}}
+                    {"flight", flight}}
                    .dump()
             << "\n";
   return 0;

@@ -29,26 +29,6 @@ PoseFunction shutter_path(const PoseFunction& pose_at, const Trajectory& frames,
 
 bool has_precipitation(const RenderOptions& options) { return options.weather && options.weather->has_precipitation(); }
 
-/// Render options with the formation's light and haze, and the depth that rain and snow need.
-RenderOptions make_render_options(const FlightRenderOptions& options) {
-  const ImageFormation& formation = options.formation;
-  RenderOptions render = options.render;
-  render.haze_per_m = haze_per_m(formation);
-  render.haze_color = formation.haze_color;
-  if (formation.light) render.daylight = make_daylight(*formation.light, options.origin);
-  render.depth = render.depth || has_precipitation(render);
-  return render;
-}
-
-/// The place with what is placed in it, from one time to another; nullopt: nothing is.
-std::optional<scene::Scene> with_placed_parts(const scene::Scene& place, const PlacedParts& placed, double from_s,
-                                              double to_s) {
-  if (!placed) return std::nullopt;
-  std::vector<scene::PlacedPart> parts = placed(from_s, to_s);
-  if (parts.empty()) return std::nullopt;
-  return scene::Scene(place.parts(), std::move(parts));
-}
-
 std::shared_ptr<const Appearance> appearance_of(const scene::Scene& scene,
                                                 const std::optional<scene::Scene>& with_placed,
                                                 const FlightRenderOptions& options) {
@@ -67,6 +47,24 @@ bool has_one_ray_per_pixel(const FlightRenderOptions& options) {
   return options.render.samples_per_pixel == 1 &&
          (formation.exposure_time_s == 0.0 || formation.exposure_samples == 1) && formation.chromatic_red == 0.0 &&
          formation.chromatic_blue == 0.0 && !options.placed && !has_precipitation(options.render);
+}
+
+RenderOptions make_render_options(const FlightRenderOptions& options) {
+  const ImageFormation& formation = options.formation;
+  RenderOptions render = options.render;
+  render.haze_per_m = haze_per_m(formation);
+  render.haze_color = formation.haze_color;
+  if (formation.light) render.daylight = make_daylight(*formation.light, options.origin);
+  render.depth = render.depth || has_precipitation(render);
+  return render;
+}
+
+std::optional<scene::Scene> with_placed_parts(const scene::Scene& place, const PlacedParts& placed, double from_s,
+                                              double to_s) {
+  if (!placed) return std::nullopt;
+  std::vector<scene::PlacedPart> parts = placed(from_s, to_s);
+  if (parts.empty()) return std::nullopt;
+  return scene::Scene(place.parts(), std::move(parts));
 }
 
 std::vector<geometry::Vec3> path_to_next_frame(const Trajectory& frames, std::size_t index,

@@ -27,6 +27,13 @@ struct FrameRange {
 /// FlightRenderOptions::first_frame and end_frame within a flight of so many frames.
 FrameRange frame_range(const FlightRenderOptions& options, std::size_t frames);
 
+/// The options of a camera's pictures: with the formation's light and haze, and the depth that rain and snow need.
+RenderOptions make_render_options(const FlightRenderOptions& options);
+
+/// The place with what is placed in it, from one time to another; nullopt: nothing is.
+std::optional<scene::Scene> with_placed_parts(const scene::Scene& place, const PlacedParts& placed, double from_s,
+                                              double to_s);
+
 /// Points of the camera's way from a frame to the next (FrameCheck::path_is_blocked): along the path, if `pose_at` is
 /// given, in steps small enough to follow its bends. Precondition: there is a next frame.
 std::vector<geometry::Vec3> path_to_next_frame(const geometry::Trajectory& frames, std::size_t index,

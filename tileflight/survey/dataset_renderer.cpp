@@ -13,6 +13,7 @@
 #include "tileflight/dataset/attitude_csv.h"
 #include "tileflight/dataset/encode_queue.h"
 #include "tileflight/dataset/video.h"
+#include "tileflight/events/event_recorder.h"
 #include "tileflight/imaging/calibration_files.h"
 #include "tileflight/imaging/photometric.h"
 #include "tileflight/place/extract.h"
@@ -30,6 +31,8 @@
 namespace tileflight::survey {
 namespace fs = std::filesystem;
 namespace {
+
+constexpr const char* kEventsFile = "events.h5";
 
 /// Simulated receiver positions along the path, if the place is georeferenced.
 std::vector<dataset::GpsFix> simulate_gps(const PlannedFlight& mission,
@@ -266,8 +269,60 @@ struct DatasetRenderer::Impl {
       loading_s = base::seconds_since(start) - summary_.seconds;
     });
     summary_.seconds = base::seconds_since(start) - loading_s;  // includes the time spent waiting for other ranks
+    record_events(ranks);
     SensorRecorder& recorder = *mission_.sensor_recorder;
     recorder.set_recorded(ranks.all_gather(recorder.recorded()));
+  }
+
+  /// Records event cameras, each by one process, from the flight's first frame to its last: what a pixel sends depends
+  /// on all that it has seen. All processes know the counts then.
+  void record_events(workflow::Ranks& ranks) {
+    if (!mission_.has_events() || (ranks.count() == 1 && !share_.is_first_rank())) return;
+    std::vector<std::unique_ptr<events::EventRecorder>> recorders(cameras_.size());
+    nlohmann::json counts = nlohmann::json::array();
+    run_collectively(ranks, [&] {
+      int event_cameras = 0;
+      for (std::size_t c = 0; c < cameras_.size(); ++c) {
+        if (mission_.camera(c).events && event_cameras++ % ranks.count() == ranks.rank())
+          recorders[c] = make_recorder(c);
+      }
+      part_renderer_.record_events(recorders, share_);
+      for (std::size_t c = 0; c < cameras_.size(); ++c) {
+        if (recorders[c]) counts.push_back(finish_recorder(c, *recorders[c]));
+      }
+    });
+    for (const std::string& part : ranks.all_gather(counts.dump())) {
+      for (const nlohmann::json& of_camera : nlohmann::json::parse(part))
+        event_counts_[of_camera[0].get<std::size_t>()] = {of_camera[1], of_camera[2], of_camera[3]};
+    }
+  }
+
+  std::unique_ptr<events::EventRecorder> make_recorder(std::size_t number) const {
+    const PlannedCamera& camera = mission_.camera(number);
+    return std::make_unique<events::EventRecorder>(camera.calibration.camera, camera.pose_at, *camera.events,
+                                                   camera.frames,
+                                                   cameras_[number]->writer.temporary_folder() / kEventsFile);
+  }
+
+  /// The file's clock is the dataset's, which starts at 0 beside a video.
+  nlohmann::json finish_recorder(std::size_t number, events::EventRecorder& recorder) const {
+    const double start_s = settings_.flight.video ? mission_.body.poses.front().time_s : 0.0;
+    recorder.finish(mission_.camera(number).frames.poses.front().time_s - start_s);
+    const events::EventCounts& counts = recorder.counts();
+    return {number, counts.events, counts.positive, counts.samples};
+  }
+
+  void describe_events(std::size_t number) {
+    const auto found = event_counts_.find(number);
+    if (found == event_counts_.end()) return;
+    const events::EventCounts& counts = found->second;
+    dataset::DatasetWriter& writer = cameras_[number]->writer;
+    writer.describe("events.file", kEventsFile);
+    writer.describe("events.count", std::to_string(counts.events));
+    writer.describe("events.brighter", std::to_string(counts.positive));
+    writer.describe("events.light_samples", std::to_string(counts.samples));
+    writer.describe("events.camera", events::describe_event_options(*mission_.camera(number).events));
+    summary_.events += counts.events;
   }
 
   void take(std::size_t camera, const render::FlightFrame& frame) {
@@ -309,6 +364,7 @@ struct DatasetRenderer::Impl {
     files.outputs.finish();
     const imaging::Camera& lens = camera.calibration.camera;
     files.labels.finish(frames.size(), lens.width(), lens.height(), settings_.png ? ".png" : ".jpg");
+    describe_events(number);
     write_camera_metadata(files.writer, mission_, number, settings_, summary_, frames);
     if (number == 0) write_flight_metadata(files.writer, mission_, settings_, summary_);
     files.writer.finish();
@@ -330,6 +386,7 @@ struct DatasetRenderer::Impl {
   ImageOrder images_;
   PartRenderer part_renderer_;
   std::vector<std::unique_ptr<CameraFiles>> cameras_;
+  std::map<std::size_t, events::EventCounts> event_counts_;  ///< of the event cameras, by their numbers
   RenderSummary summary_;
 };
 

@@ -84,6 +84,7 @@ MountedCamera read_camera(StrictSection camera, const std::optional<render::Imag
   mounted.offset_s = camera.number("offset_s", 0.0, -kLargestOffset_s, kLargestOffset_s);
   if (auto own = camera.section("degrade"))
     mounted.degrade = render::read_image_formation(*own, degrade.value_or(render::ImageFormation{}));
+  mounted.events = events::read_event_options(camera);
   camera.require_all_keys_used();
   return mounted;
 }
@@ -136,12 +137,15 @@ std::vector<MountedCamera> read_flight_cameras(const RenderedFlightConfig& fligh
       throw file.error("cameras", "are a rig's; a calibration can replace that of a flight with one 'camera' only");
     cameras = is_list ? read_list(file, flight.degrade) : read_chain(*file.path("cameras"));
     require_distinct_names(file, cameras);
+    if (file.has("events"))
+      throw file.error("events", "of a rig stands in the entry of its camera; write 'cameras' as a list");
     place_imu(cameras);
   } else {
     const auto camera = file.path("camera");
     cameras.resize(1);
     cameras.front().calibration =
         imaging::read_calibration(flight.camera.empty() ? camera.value_or("") : flight.camera);
+    cameras.front().events = events::read_event_options(file);
   }
   if (flight.width) {
     for (MountedCamera& camera : cameras)

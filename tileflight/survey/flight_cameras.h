@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "tileflight/events/event_options.h"
 #include "tileflight/imaging/camera.h"
 #include "tileflight/render/image_formation.h"
 #include "tileflight/survey/flight_settings.h"
@@ -22,13 +23,14 @@ struct MountedCamera {
   /// timeshift_cam_imu).
   double timeshift_s = 0.0;
   std::optional<render::ImageFormation> degrade;  ///< its own degradations; nullopt: the flight's
+  std::optional<events::EventOptions> events{};   ///< of an event camera with the same lens; nullopt: it is none
 };
 
 /// The cameras of a FLIGHT file: that of `camera`, or those of `cameras` (docs/rigs.md), which is a Kalibr camchain or
 /// a list whose entries have the keys name, camera, camera_id, resolution, T_body_camera | position with yaw_deg,
-/// pitch_deg and roll_deg, fps, offset_s, degrade. The settings' camera replaces that of `camera`, their image size
-/// that of each. T_cam_imu of the cameras after the first follow from the first one's. Throws InputError (file, line,
-/// key).
+/// pitch_deg and roll_deg, fps, offset_s, degrade, events (that of `camera` stands beside it). The settings' camera
+/// replaces that of `camera`, their image size that of each. T_cam_imu of the cameras after the first follow from the
+/// first one's. Throws InputError (file, line, key).
 std::vector<MountedCamera> read_flight_cameras(const RenderedFlightConfig& flight);
 
 }  // namespace tileflight::survey

@@ -10,6 +10,7 @@
 
 #include "tileflight/base/elapsed_time.h"
 #include "tileflight/base/formatted_text.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/place/extract.h"
 #include "tileflight/place/memory_budget.h"
 #include "tileflight/place/require_surface.h"
@@ -133,8 +134,51 @@ RenderSummary PartRenderer::run(const fs::path& folder, FrameAssignment& share, 
     }
   }
   keep_records(share);
-  loader_.reset();
+  if (!mission_.has_events()) loader_.reset();
   return summary;
+}
+
+void PartRenderer::record_events(const std::vector<std::unique_ptr<events::EventRecorder>>& recorders,
+                                 const FrameAssignment& share) {
+  const auto is_recorded = [](const std::unique_ptr<events::EventRecorder>& recorder) { return recorder != nullptr; };
+  const bool is_needed = std::ranges::any_of(recorders, is_recorded);
+  if (is_needed) loader_for(views_between(0, images().count()));
+  for (std::size_t next = 0; is_needed && next < loader_->views().size();) {
+    std::optional<LoadedPart> part = load(next, share);
+    if (!part)
+      throw InputError("events", "the tiles of image " + std::to_string(next) +
+                                     " do not fit into memory together; raise the limit (--memory) or request coarser "
+                                     "tiles");
+    loader_->prefetch(part->end);
+    for (std::size_t c = 0; c < recorders.size(); ++c) {
+      if (recorders[c]) record_camera_events(*part, c, share, *recorders[c]);
+    }
+    next = release(std::move(*part));
+    report_progress(progress_, static_cast<std::int64_t>(next), static_cast<std::int64_t>(images().count()),
+                    "frames with their events");
+  }
+  loader_.reset();
+}
+
+/// From the part's first frame of the camera to the next part's.
+void PartRenderer::record_camera_events(const LoadedPart& part, std::size_t camera, const FrameAssignment& share,
+                                        events::EventRecorder& recorder) const {
+  const render::FlightRenderOptions options = options_for(part, camera, share);
+  const auto first = static_cast<std::int64_t>(loader_->views()[part.begin].frame);
+  const std::size_t of_camera = options.end_frame - options.first_frame;
+  const auto shown = [&](std::size_t done) {
+    const auto images = static_cast<std::int64_t>(part.end - part.begin);
+    report_progress(progress_, first + images * static_cast<std::int64_t>(done) / static_cast<std::int64_t>(of_camera),
+                    static_cast<std::int64_t>(this->images().count()), "frames with their events");
+  };
+  try {
+    recorder.record({part.scene, render::make_render_options(options), options.placed, part.appearance},
+                    options.first_frame, options.end_frame, shown);
+  } catch (const InputError& error) {
+    const std::string& name = mission_.camera(camera).name;
+    if (name.empty()) throw;
+    throw InputError("camera " + name, error.what());
+  }
 }
 
 void PartRenderer::complete(const FrameAssignment& share, RenderSummary& summary) {

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "tileflight/events/event_recorder.h"
 #include "tileflight/render/frame_parts.h"
 #include "tileflight/render/frame_renderer.h"
 #include "tileflight/render/render_flight.h"
@@ -29,6 +30,7 @@ struct RenderSummary {
   tiles::LoadedTiles tiles;         ///< without their content; triangles: the largest number in a scene
   std::int64_t parts = 0;           ///< scenes that were built
   std::int64_t frames_divided = 0;  ///< images that were rendered in regions or layers
+  std::uint64_t events = 0;         ///< of all event cameras; known once they are finished
 };
 
 /// Consumes a finished frame of one of the flight's cameras; as render::FrameSink.
@@ -55,6 +57,11 @@ class PartRenderer {
   /// Images of `share` are passed to `sink`, which must have written a frame's files when it returns. `folder`: the
   /// dataset's, for the data of other sensors.
   RenderSummary run(const std::filesystem::path& folder, FrameAssignment& share, const CameraFrameSink& sink);
+
+  /// Records event cameras from the flight's first frame to its last; `recorders`: by camera, null where none is
+  /// recorded here. Called after run(), whose tiles it uses as far as they are in memory.
+  void record_events(const std::vector<std::unique_ptr<events::EventRecorder>>& recorders,
+                     const FrameAssignment& share);
 
   /// Completes the summary by what all processes read; on the first rank. Throws InputError if no tile has a surface.
   void complete(const FrameAssignment& share, RenderSummary& summary);
@@ -109,6 +116,9 @@ class PartRenderer {
                                RenderSummary& summary) const;
   double bytes_for_tiles(std::size_t frames) const;
   std::uintmax_t bytes_of_traced_frame() const;
+
+  void record_camera_events(const LoadedPart& part, std::size_t camera, const FrameAssignment& share,
+                            events::EventRecorder& recorder) const;
 
   void keep_records(const FrameAssignment& share);
 

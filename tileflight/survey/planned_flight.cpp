@@ -16,6 +16,15 @@ namespace {
 
 constexpr double kMostImages = 1e7;
 
+/// Of an event camera, poses on the way to the next frame and there.
+void append_way_to_next(const PlannedCamera& camera, std::size_t frame, std::vector<geometry::SE3>& poses) {
+  constexpr int kPoses = 4;
+  if (!camera.events) return;
+  const std::vector<geometry::StampedPose>& frames = camera.frames.poses;
+  const double from_s = frames[frame].time_s, to_s = frames[std::min(frame + 1, frames.size() - 1)].time_s;
+  for (int k = 1; k <= kPoses; ++k) poses.push_back(camera.pose_at(from_s + (to_s - from_s) * k / kPoses));
+}
+
 /// Poses of the camera at a frame, and if its shutter is open for some time, before and after it.
 std::vector<geometry::SE3> exposure_poses(const PlannedCamera& camera, std::size_t frame) {
   const render::ImageFormation& formation = camera.options.formation;
@@ -23,6 +32,7 @@ std::vector<geometry::SE3> exposure_poses(const PlannedCamera& camera, std::size
                         std::abs(formation.line_delay_s) * camera.calibration.camera.height();
   const geometry::StampedPose& pose = camera.frames.poses[frame];
   std::vector<geometry::SE3> poses{pose.T_local_camera};
+  append_way_to_next(camera, frame, poses);
   if (open_s == 0.0) return poses;
   for (const double time_s : {pose.time_s - open_s, pose.time_s + open_s}) poses.push_back(camera.pose_at(time_s));
   return poses;
@@ -69,7 +79,8 @@ PlannedCamera plan_camera(const MountedCamera& mount, std::size_t number, const 
                        .timeshift_s = mount.timeshift_s,
                        .frames = exposure_instants(mount, path, body),
                        .pose_at = {},
-                       .options = {}};
+                       .options = {},
+                       .events = {}};
   for (geometry::StampedPose& pose : camera.frames.poses) {
     pose.T_local_camera = composed(pose.T_local_camera, camera.T_body_camera);
     pose.time_s -= camera.timeshift_s;
@@ -83,6 +94,8 @@ PlannedCamera plan_camera(const MountedCamera& mount, std::size_t number, const 
   if (mount.degrade) camera.options.formation = *mount.degrade;
   camera.options.formation.seed = noise_seed(settings.seed, number);
   camera.calibration.line_delay_s = camera.options.formation.line_delay_s;
+  camera.events = mount.events;
+  if (camera.events) camera.events->seed = camera.options.formation.seed;
   return camera;
 }
 
@@ -143,6 +156,13 @@ std::size_t PlannedFlight::image_count() const {
   std::size_t images = 0;
   for (std::size_t i = 0; i < camera_count(); ++i) images += camera(i).frames.size();
   return images;
+}
+
+bool PlannedFlight::has_events() const {
+  for (std::size_t i = 0; i < camera_count(); ++i) {
+    if (camera(i).events) return true;
+  }
+  return false;
 }
 
 PlannedFlight plan_flight(const RenderSettings& settings, const Progress& progress) {
@@ -208,7 +228,7 @@ bool may_divide_images(const PlannedFlight& mission) {
   for (std::size_t i = 0; i < mission.camera_count(); ++i) {
     if (mission.camera(i).options.formation.light) return false;
   }
-  return !mission.sensor_recorder->suite().needs_scene();
+  return !mission.has_events() && !mission.sensor_recorder->suite().needs_scene();
 }
 
 geometry::Vec3 body_position(const PlannedCamera& camera, std::size_t frame) {

@@ -3,10 +3,12 @@
 #include <cstddef>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "tileflight/actors/traffic.h"
+#include "tileflight/events/event_options.h"
 #include "tileflight/imaging/camera.h"
 #include "tileflight/render/render_flight.h"
 #include "tileflight/survey/frame_groups.h"
@@ -26,6 +28,7 @@ struct PlannedCamera {
   geometry::Trajectory frames;   ///< the camera's pose for each image
   render::PoseFunction pose_at;  ///< the camera's pose at any time, for the shutter
   render::FlightRenderOptions options;
+  std::optional<events::EventOptions> events;  ///< nullopt: it is no event camera
 };
 
 /// A flight that is ready to be rendered: as planned for its first camera, and for the others of a rig.
@@ -39,6 +42,7 @@ struct PlannedFlight : PlannedCamera {
   std::size_t camera_count() const { return 1 + others.size(); }
   const PlannedCamera& camera(std::size_t i) const { return i == 0 ? *this : others[i - 1]; }
   std::size_t image_count() const;  ///< of all cameras
+  bool has_events() const;          ///< whether any is an event camera
   PlannedCamera& camera(std::size_t i) { return i == 0 ? *this : others[i - 1]; }
 };
 
@@ -70,8 +74,8 @@ class ImageOrder {
 /// Plans the flight of the settings' files. Throws InputError.
 PlannedFlight plan_flight(const RenderSettings& settings, const Progress& progress);
 
-/// The view cones of every image of one camera, including its motion during exposure and readout: the same number of
-/// cones for each frame.
+/// The view cones of every image of one camera, including its motion during exposure and readout, and to the next frame
+/// if it is an event camera: the same number of cones for each frame.
 std::vector<tiles::ViewCone> flight_view_cones(const PlannedFlight& mission, std::size_t camera = 0);
 
 /// The same for parts of one image, `cones` being theirs in the camera's frame (tiles::view_cone_of_region).
@@ -80,7 +84,7 @@ std::vector<tiles::ViewCone> region_view_cones(const PlannedCamera& camera, std:
                                                const std::vector<tiles::ViewCone>& cones);
 
 /// Whether a region of an image depends on the tiles in its view alone: nothing casts shadows, and no other sensor
-/// needs the scene.
+/// needs the scene, nor does an event camera.
 bool may_divide_images(const PlannedFlight& mission);
 
 /// The frames of the first camera in groups that each have their own selection of tiles (frame_groups.h). Without a

@@ -249,6 +249,7 @@ json render_dataset(const RenderSettings& settings, const fs::path& out, bool re
   const RenderSummary& summary = rendered.summary;
   const auto frames = static_cast<std::int64_t>(rendered.frames.size());
   return {{"frames", frames},
+          {"events", summary.events},
           {"cameras", mission.camera_count()},
           {"frames_taken_up", rendered.resumed},
           {"ranks", ranks.count()},

@@ -143,6 +143,7 @@ FlightPlan read_flight_plan(const std::filesystem::path& file) {
   section.section("sensors");  // accepted here, but read by sensors::read_sensor_suite
   section.sections("actors");  // likewise, by actors::read_actors
   section.section("weather");  // likewise, by render::read_weather
+  section.section("events");   // likewise, by survey::read_flight_cameras
   plan.sensors_file = section.path("sensors_file").value_or("");
   section.require_all_keys_used();
   if (trajectory) plan.poses = geometry::read_tum(*trajectory);
