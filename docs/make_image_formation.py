@@ -3,13 +3,11 @@
 Usage: make_image_formation.py TILEFLIGHT TILESET OUT.jpg
 TILESET is the stadium's `world` (`tileflight scene stadium DIR` writes DIR/world). The page is put together by Chromium.
 """
-import base64
-import json
 import pathlib
-import re
-import subprocess
 import sys
 import tempfile
+
+from chromium_sheet import run, write_sheet
 
 CAMERA = """cam0:
   camera_model: pinhole
@@ -56,17 +54,11 @@ EFFECTS = [
 ]
 
 
-# Draws the cells two by two and leaves the sheet as the page's text.
-PAGE = """<!DOCTYPE html><meta charset="utf-8"><body><script>
-const {pictures, cells, half: [width, height]} = DATA;
-const cell = [2 * width + 8, height + 28];
-const load = (png) => new Promise((done) => { const image = new Image(); image.onload = () => done(image); image.src = "data:image/png;base64," + png; });
-Promise.all(pictures.map(load)).then((images) => {
-  const sheet = document.createElement("canvas");
-  sheet.width = 2 * cell[0]; sheet.height = Math.ceil(cells.length / 2) * cell[1];
-  const draw = sheet.getContext("2d");
-  draw.fillStyle = "white"; draw.fillRect(0, 0, sheet.width, sheet.height);
-  draw.fillStyle = "black"; draw.font = "14px 'DejaVu Sans', sans-serif"; draw.imageSmoothingQuality = "high";
+# Draws the cells two by two.
+SCRIPT = """
+  const {cells, half: [width, height]} = data;
+  const cell = [2 * width + 8, height + 28];
+  const [sheet, draw] = makeSheet(2 * cell[0], Math.ceil(cells.length / 2) * cell[1]);
   cells.forEach(({name, off, on, x, y, size}, i) => {
     const [left, top] = [i % 2 * cell[0] + 4, Math.floor(i / 2) * cell[1] + 3];
     draw.imageSmoothingEnabled = size >= 1;
@@ -77,15 +69,7 @@ Promise.all(pictures.map(load)).then((images) => {
     draw.fillText(name, left + 4, top + height + 17);
   });
   document.body.textContent = sheet.toDataURL("image/jpeg", 0.7);
-});
-</script></body>"""
-
-
-def run(command):
-    result = subprocess.run(command, capture_output=True, text=True)
-    if result.returncode != 0:
-        sys.exit(f"{command[0]}: {result.stderr.strip()}")
-    return result.stdout
+"""
 
 
 def render(tileflight, tileset, folder, name, degrade, options):
@@ -95,18 +79,6 @@ def render(tileflight, tileset, folder, name, degrade, options):
     run([tileflight, "render", tileset, "--flight", str(folder / "flight.yaml"), "--center", "35.310344,-80.740007,190", "--size", "500,500,150",
          "--out", str(out), "--png", "--quiet", *more, *options])
     return out / "images" / f"{FRAME:06d}.png"
-
-
-def put_together(pictures, cells, sheet, folder):
-    """Writes the sheet: `pictures` are PNG files, `cells` name which two of them stand side by side and what of them is shown."""
-    data = {"pictures": [base64.b64encode(picture.read_bytes()).decode() for picture in pictures], "cells": cells, "half": CELL}
-    page = folder / "sheet.html"
-    page.write_text(PAGE.replace("DATA", json.dumps(data), 1), encoding="utf-8")
-    text = run(["chromium", "--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=60000", "--dump-dom", page.as_uri()])
-    found = re.search(r"data:image/jpeg;base64,([A-Za-z0-9+/=]+)", text)
-    if not found:
-        sys.exit("chromium: drew no sheet")
-    pathlib.Path(sheet).write_bytes(base64.b64decode(found[1]))
 
 
 def main(tileflight, tileset, sheet):
@@ -119,7 +91,7 @@ def main(tileflight, tileset, sheet):
         for index, (effect, degrade, options, (x, y), size) in enumerate(EFFECTS, 1):
             pictures.append(render(tileflight, tileset, folder, f"on{index}", degrade, options))
             cells.append({"name": effect, "off": 0, "on": index, "x": x, "y": y, "size": size})
-        put_together(pictures, cells, sheet, folder)
+        write_sheet(sheet, pictures, {"cells": cells, "half": CELL}, SCRIPT, folder)
 
 
 if __name__ == "__main__":

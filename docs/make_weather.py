@@ -3,13 +3,11 @@
 Usage: make_weather.py TILEFLIGHT TILESET OUT.jpg
 TILESET is the stadium's `world` (`tileflight scene stadium DIR` writes DIR/world). The page is put together by Chromium.
 """
-import base64
-import json
 import pathlib
-import re
-import subprocess
 import sys
 import tempfile
+
+from chromium_sheet import run, write_sheet
 
 CAMERA = """cam0:
   camera_model: pinhole
@@ -39,31 +37,17 @@ VIEWS = [
     ("evening, 19:10 in March, sun and sky", "", "light: {time: 2024-03-20T19:10:00-04:00, white_balance: daylight}"),
     ("the same evening in mist", "fog_visibility_m: 1500\nscale_height_m: 60", "light: {time: 2024-03-20T19:10:00-04:00, white_balance: daylight}"),
 ]
-PAGE = """<!DOCTYPE html><meta charset="utf-8"><body><script>
-const {pictures, names, cell: [width, height]} = DATA;
-const load = (png) => new Promise((done) => { const image = new Image(); image.onload = () => done(image); image.src = "data:image/png;base64," + png; });
-Promise.all(pictures.map(load)).then((images) => {
-  const sheet = document.createElement("canvas");
-  sheet.width = 2 * (width + 6); sheet.height = Math.ceil(images.length / 2) * (height + 26);
-  const draw = sheet.getContext("2d");
-  draw.fillStyle = "white"; draw.fillRect(0, 0, sheet.width, sheet.height);
-  draw.fillStyle = "black"; draw.font = "14px 'DejaVu Sans', sans-serif"; draw.imageSmoothingQuality = "high";
+SCRIPT = """
+  const {names, cell: [width, height]} = data;
+  const [sheet, draw] = makeSheet(2 * (width + 6), Math.ceil(images.length / 2) * (height + 26));
   images.forEach((image, i) => {
     const [left, top] = [i % 2 * (width + 6) + 3, Math.floor(i / 2) * (height + 26) + 3];
     draw.drawImage(image, 0, 0, image.width, image.height, left, top, width, height);
     draw.fillText(names[i], left + 2, top + height + 17);
   });
   document.body.textContent = sheet.toDataURL("image/jpeg", 0.8);
-});
-</script></body>"""
+"""
 CELL = (540, 330)  # pixels of each view
-
-
-def run(command):
-    result = subprocess.run(command, capture_output=True, text=True)
-    if result.returncode != 0:
-        sys.exit(f"{command[0]}: {result.stderr.strip()}")
-    return result.stdout
 
 
 def render(tileflight, tileset, folder, number, weather, degrade):
@@ -83,14 +67,7 @@ def main(tileflight, tileset, sheet):
         folder = pathlib.Path(name)
         (folder / "camera.yaml").write_text(CAMERA, encoding="utf-8")
         pictures = [render(tileflight, tileset, folder, i, weather, degrade) for i, (_, weather, degrade) in enumerate(VIEWS)]
-        data = {"pictures": [base64.b64encode(picture.read_bytes()).decode() for picture in pictures], "names": [view[0] for view in VIEWS], "cell": CELL}
-        page = folder / "sheet.html"
-        page.write_text(PAGE.replace("DATA", json.dumps(data), 1), encoding="utf-8")
-        text = run(["chromium", "--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=60000", "--dump-dom", page.as_uri()])
-        found = re.search(r"data:image/jpeg;base64,([A-Za-z0-9+/=]+)", text)
-        if not found:
-            sys.exit("chromium: drew no sheet")
-        pathlib.Path(sheet).write_bytes(base64.b64decode(found[1]))
+        write_sheet(sheet, pictures, {"names": [view[0] for view in VIEWS], "cell": CELL}, SCRIPT, folder)
 
 
 if __name__ == "__main__":

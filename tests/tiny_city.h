@@ -14,6 +14,17 @@ class TinyCity {
  public:
   static constexpr double kHalf_m = 640.0;  ///< x and y from -640 to 640
   static constexpr int kLevels = 4;
+  /// Across the place, around a corner, and back over the first part: seven cubes.
+  static constexpr const char* kFlight = R"(camera: camera.yaml
+fps: 0.5
+speed_m_s: 40
+acceleration_m_s2: 40
+waypoints:
+  - {position: [-500, -300, 160], yaw_deg: 90, pitch_deg: -40}
+  - {position: [500, -280, 170], yaw_deg: 60, pitch_deg: -30}
+  - {position: [300, 200, 165], yaw_deg: -60, pitch_deg: -35}
+  - {position: [-500, -290, 160], yaw_deg: -120, pitch_deg: -30}
+)";
 
   static void write(const std::filesystem::path& folder) {
     std::filesystem::create_directories(folder);

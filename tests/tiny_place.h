@@ -27,6 +27,20 @@ class TinyPlace {
   resolution: [320, 240]
 )";
 
+  /// A short flight over the place with an IMU and a lidar, for `camera` or `cameras` before it.
+  static std::string path_with_sensors(int frames) {
+    return "max_frames: " + std::to_string(frames) + R"(
+fps: 8
+speed_m_s: 8
+waypoints:
+  - {position: [-10, -18, 112], yaw_deg: 20, pitch_deg: -30}
+  - {position: [10, -15, 113], yaw_deg: 30, pitch_deg: -35}
+sensors:
+  imu: {rate_hz: 50}
+  lidar: {pattern: raster, columns: 20, rows: 10, horizontal_fov_deg: 60, vertical_fov_deg: 40, rate_hz: 8}
+)";
+  }
+
   static double height(double x, double y) { return 100.0 + 3.0 * std::sin(x / 7.0) * std::cos(y / 9.0); }
 
   /// Writes tileset.json and its five tiles into `folder`.

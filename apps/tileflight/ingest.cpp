@@ -1,4 +1,6 @@
+#include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
@@ -21,24 +23,63 @@ void set_time_offset(const std::string& text, survey::IngestedFlightConfig& flig
   flight.telemetry_offset_s = *seconds;
 }
 
+/// `paths`: PATH of a single camera, or of a rig PATH or NAME=PATH of each.
+void set_videos(const std::vector<std::string>& paths, survey::IngestedFlightConfig& flight) {
+  for (const std::string& text : paths) {
+    const std::size_t sign = std::filesystem::exists(text) ? std::string::npos : text.find('=');
+    if (sign == std::string::npos) {
+      flight.videos.push_back({"", text});
+    } else {
+      flight.videos.push_back({text.substr(0, sign), text.substr(sign + 1)});
+    }
+  }
+  const auto has_name = [](const survey::CameraVideo& one) { return !one.camera.empty(); };
+  const auto named = static_cast<std::size_t>(std::ranges::count_if(flight.videos, has_name));
+  if (named != 0 && named != paths.size())
+    throw CLI::ValidationError("VIDEO", "give all cameras a name (NAME=PATH), or none");
+  for (const survey::CameraVideo& one : flight.videos) {
+    if (has_name(one) && std::ranges::count(flight.videos, one.camera, &survey::CameraVideo::camera) > 1)
+      throw CLI::ValidationError("VIDEO", "camera " + one.camera + " is given twice");
+  }
+  if (paths.size() > 1 || named > 0) return;
+  flight.video = flight.videos.front().video;
+  flight.videos.clear();
+}
+
+std::string synchronisation_text(const nlohmann::json& found) {
+  std::ostringstream text;
+  for (const nlohmann::json& camera : found["cameras"])
+    text << camera["name"].get<std::string>() << ": " << camera["frames"] << " frames, " << camera["matched"] << " of "
+         << camera["pairs"] << " of one instant with the first camera's, largest skew "
+         << 1e3 * camera["largest_skew_s"].get<double>() << " ms, " << camera["missing"] << " missing\n";
+  return text.str();
+}
+
 }  // namespace
 
 void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection) {
   struct Options {
     survey::IngestedFlightConfig flight;
-    std::string video, camera, telemetry, truth, groundtruth, out, time_offset;
+    std::vector<std::string> videos;
+    std::string camera, telemetry, truth, groundtruth, out, time_offset;
     double to_s = 0.0, fps = 0.0, takeoff_height_m = 0.0;
   };
   auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("ingest", "turn a filmed flight into a dataset");
   command->footer(
       "Example:\n  tileflight ingest flight.mp4 --camera camera.yaml --telemetry flight.srt --telemetry-height "
-      "ellipsoid --every 4 --out dataset");
-  command->add_option("VIDEO", options->video, "video file or folder of images")->required();
+      "ellipsoid --every 4 --out dataset\n"
+      "  tileflight ingest left=cam0.mp4 right=cam1.mp4 --camera camchain.yaml --out rig");
+  command
+      ->add_option(
+          "VIDEO", options->videos,
+          "video file or folder of images; of a rig, one of each camera, in the order of the calibration or as "
+          "NAME=PATH")
+      ->required();
   command
       ->add_option("--camera", options->camera,
                    "calibration: Kalibr camchain, OpenCV YAML or XML, COLMAP cameras.txt, DSO camera.txt or VSLAM-LAB "
-                   "calibration.yaml")
+                   "calibration.yaml; of a rig, its camchain or a file with `cameras`")
       ->required();
   command->add_option("--camera-id", options->flight.camera_id,
                       "camera to use if the calibration holds several: cam1 (Kalibr), 2 (COLMAP's CAMERA_ID)");
@@ -59,10 +100,17 @@ void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection) {
   CLI::Option* fps =
       command->add_option("--fps", options->fps, "frame rate of an image folder without times.txt, frames per second")
           ->check(CLI::PositiveNumber);
+  command
+      ->add_option("--sync-tolerance", options->flight.sync_tolerance_s,
+                   "images of a rig's cameras that differ by no more are of one instant, seconds")
+      ->check(CLI::Range(1e-9, 10.0))
+      ->capture_default_str();
   command->add_option("--out", options->out, "dataset folder to write")->required();
   add_common_options(*command, common);
   command->callback([options, to, fps, takeoff, &selection] {
-    options->flight.video = options->video;
+    set_videos(options->videos, options->flight);
+    if (!options->flight.videos.empty() && !options->flight.camera_id.empty())
+      throw CLI::ValidationError("--camera-id", "is of a single camera; name a rig's by NAME=PATH");
     options->flight.camera = options->camera;
     options->flight.telemetry = options->telemetry;
     options->flight.groundtruth = options->groundtruth;
@@ -77,6 +125,7 @@ void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection) {
           survey::ingest_dataset(options->flight, options->truth, options->out, shared.force, progress);
       std::ostringstream text;
       text << options->out << ": " << r["frames"] << " frames, " << r["positions"] << " positions\n";
+      if (r.contains("synchronisation")) text << synchronisation_text(r["synchronisation"]);
       for (const auto& warning : r["warnings"]) text << "note: " << warning.get<std::string>() << "\n";
       return {r, text.str()};
     };

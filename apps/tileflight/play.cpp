@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <chrono>
 #include <iostream>
 #include <nlohmann/json.hpp>
@@ -7,6 +8,8 @@
 #include "ros2_view.h"
 #include "source_options.h"
 #include "stop_signals.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/string_lists.h"
 #include "tileflight/rpc/server.h"
 #include "tileflight/streaming/dataset_player.h"
 #include "tileflight/streaming/foxglove_sink.h"
@@ -17,7 +20,8 @@ namespace {
 
 struct PlayCommandOptions {
   std::string dataset, place;
-  dataset::CameraChoice camera;
+  std::vector<std::string> cameras;  ///< names of a rig's, or a calibration
+  std::string camera_id;
   SourceArguments source_arguments;
   streaming::PlayOptions play;
   foxglove::ServerOptions server{.port = 8765, .name = "tileflight play"};
@@ -33,6 +37,38 @@ Progress stoppable(const Progress& progress, const std::stop_token& stop) {
     if (stop.stop_requested()) throw Interrupted();
     if (progress) progress(done, total, what);
   };
+}
+
+/// All cameras, with the chosen ones in `play`; or the dataset's only (or first) one with another calibration.
+dataset::Rig read_played(const PlayCommandOptions& options, streaming::PlayOptions& play) {
+  const std::vector<std::string> names = dataset::rig_camera_names(options.dataset);
+  const auto is_name = [&names](const std::string& word) { return std::ranges::find(names, word) != names.end(); };
+  if (options.cameras.size() == 1 && !is_name(options.cameras.front()))
+    return dataset::rig_of(dataset::read_dataset(
+        options.dataset, {.calibration = options.cameras.front(), .camera_id = options.camera_id}));
+  for (const std::string& word : options.cameras) {
+    if (!is_name(word))
+      throw InputError(options.dataset,
+                       "has no camera " + word + (names.empty() ? "" : ", only " + base::joined(names)));
+  }
+  play.cameras = options.cameras;
+  return dataset::read_rig(options.dataset);
+}
+
+/// How many images are played, and what is to be said of them.
+struct PlayedFrames {
+  std::size_t count = 0;
+  std::vector<std::string> warnings;
+};
+
+PlayedFrames frames_of(const dataset::Rig& rig, const std::vector<std::string>& chosen) {
+  PlayedFrames frames;
+  for (const dataset::RigCamera& camera : rig.cameras) {
+    const bool is_played = chosen.empty() || std::ranges::find(chosen, camera.name) != chosen.end();
+    if (is_played) frames.count += camera.dataset.frames.size();
+    base::add_distinct(camera.dataset.warnings, frames.warnings);
+  }
+  return frames;
 }
 
 std::optional<streaming::PlaceGlb> place_of(const PlayCommandOptions& options, const dataset::Dataset& dataset,
@@ -84,21 +120,20 @@ class Audience {
 
 /// Prints what users need to connect as soon as the server listens.
 void announce_player(const CommonOptions& common, const PlayCommandOptions& options,
-                     const streaming::DatasetPlayer& player, const dataset::Dataset& dataset,
-                     const Audience& audience) {
+                     const streaming::DatasetPlayer& player, const PlayedFrames& frames, const Audience& audience) {
   const std::optional<int> port = audience.port();
   const std::optional<std::string> network = audience.ros2_network();
   if (common.json) {
     nlohmann::json line = {{"topics", player.topics()},
-                           {"frames", dataset.frames.size()},
+                           {"frames", frames.count},
                            {"seconds", player.duration_s()},
-                           {"warnings", dataset.warnings}};
+                           {"warnings", frames.warnings}};
     if (port) line["address"] = options.server.address;
     if (port) line["port"] = *port;
     if (network) line["ros2"] = ros2_json(options.ros2, *network);
     std::cout << line.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) << std::endl;
   } else if (!common.quiet) {
-    for (const std::string& warning : dataset.warnings) std::cerr << "tileflight: " << warning << "\n";
+    for (const std::string& warning : frames.warnings) std::cerr << "tileflight: " << warning << "\n";
     if (port) std::cout << "listening at ws://" << options.server.address << ":" << *port << ", ";
     if (network) std::cout << ros2_text(options.ros2, *network) << ", ";
     std::cout << player.topics().size() << " topics of " << player.duration_s()
@@ -115,15 +150,16 @@ void warn_of_watchers(const foxglove::ServerOptions& options) {
 
 Output play(const PlayCommandOptions& options, const CommonOptions& common, const Progress& progress) try {
   const StopSignals signals;
-  const dataset::Dataset dataset = dataset::read_dataset(options.dataset, options.camera);
-  streaming::DatasetPlayer player(dataset, options.play);
-  const auto place = place_of(options, dataset, stoppable(progress, signals.token()));
+  streaming::PlayOptions settings = options.play;
+  const dataset::Rig rig = read_played(options, settings);
+  streaming::DatasetPlayer player(rig, settings);
+  const auto place = place_of(options, rig.cameras.front().dataset, stoppable(progress, signals.token()));
   if (options.foxglove) warn_of_watchers(options.server);
   Audience audience(options, player.parameters(), [quiet = common.quiet](const std::string& line) {
     if (!quiet) std::cerr << ("tileflight: " + line + "\n");
   });
   player.open(audience.sink(), place);
-  announce_player(common, options, player, dataset, audience);
+  announce_player(common, options, player, frames_of(rig, settings.cameras), audience);
   const std::uint64_t sent = player.play(audience.sink(), signals.token());
   if (!signals.token().stop_requested()) audience.wait_until_sent();
   if (common.json) return {};
@@ -150,10 +186,10 @@ void add_player_options(CLI::App& command, PlayCommandOptions& options) {
       ->needs("--foxglove");
   command.add_option("--place", options.place,
                      "show this place, too: a truth folder, or a tileset (any SOURCE), read around the path");
-  command.add_option("--camera", options.camera.calibration,
-                     "one of a rig's cameras, by its name (default: the first); or a calibration instead of the "
+  command.add_option("--camera", options.cameras,
+                     "of a rig's cameras those of these names (default: all); or a calibration instead of the "
                      "dataset's: Kalibr, OpenCV, COLMAP, DSO or VSLAM-LAB");
-  command.add_option("--camera-id", options.camera.camera_id, "camera to use if the calibration holds several");
+  command.add_option("--camera-id", options.camera_id, "camera to use if the calibration holds several");
 }
 
 }  // namespace

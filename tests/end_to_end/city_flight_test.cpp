@@ -24,18 +24,6 @@ using tests::run_tileflight;
 using tests::TinyCity;
 using tests::TinyPlace;
 
-// Across the place, around a corner, and back over the first part: seven cubes.
-constexpr const char* kFlight = R"(camera: camera.yaml
-fps: 0.5
-speed_m_s: 40
-acceleration_m_s2: 40
-waypoints:
-  - {position: [-500, -300, 160], yaw_deg: 90, pitch_deg: -40}
-  - {position: [500, -280, 170], yaw_deg: 60, pitch_deg: -30}
-  - {position: [300, 200, 165], yaw_deg: -60, pitch_deg: -35}
-  - {position: [-500, -290, 160], yaw_deg: -120, pitch_deg: -30}
-)";
-
 constexpr const char* kSensors = R"(sensors:
   imu: {rate_hz: 20}
   range_finder: {rate_hz: 1}
@@ -52,7 +40,7 @@ class CityFlight : public testing::Test {
   CityFlight() {
     TinyCity::write(folder_ / "place");
     TinyPlace::write_file(folder_ / "camera.yaml", TinyPlace::kCamera);
-    TinyPlace::write_file(folder_ / "flight.yaml", kFlight);
+    TinyPlace::write_file(folder_ / "flight.yaml", TinyCity::kFlight);
     TinyPlace::write_file(folder_ / "degrade.yaml", kDegrade);
   }
 
@@ -89,7 +77,7 @@ TEST_F(CityFlight, MemoryChangesNoByte) {
 }
 
 TEST_F(CityFlight, ThreadsAndOtherSensorsChangeNothingInParts) {
-  TinyPlace::write_file(folder_ / "flight.yaml", std::string(kFlight) + kSensors);
+  TinyPlace::write_file(folder_ / "flight.yaml", std::string(TinyCity::kFlight) + kSensors);
   render("whole", {"--memory", "1", "--threads", "1"});
   render("parts", {"--memory", "0.0095", "--threads", "2"});
   tests::expect_same_files(folder_ / "whole", folder_ / "parts");
@@ -182,7 +170,7 @@ TEST_F(CityFlight, APreviewShowsCoarserTilesWhereThoseOfAFrameDoNotFit) {
 
 TEST_F(CityFlight, AFrameThatDoesNotFitIsRefusedWithWhatWould) {
   // A lidar looks all around, so that regions would need all tiles.
-  TinyPlace::write_file(folder_ / "flight.yaml", std::string(kFlight) + kSensors);
+  TinyPlace::write_file(folder_ / "flight.yaml", std::string(TinyCity::kFlight) + kSensors);
   const ProgramResult refused = run_tileflight(arguments("refused", {"--memory", "0.004"}));
   EXPECT_EQ(refused.exit_code, 1);
   EXPECT_EQ(tests::line_count(refused.err), 1) << refused.err;
@@ -227,7 +215,7 @@ TEST_F(CityFlight, WhatAKilledRenderLeftIsTakenUp) {
 
 #ifdef TILEFLIGHT_MPIRUN
 TEST_F(CityFlight, ProcessesChangeNoByte) {
-  TinyPlace::write_file(folder_ / "flight.yaml", std::string(kFlight) + kSensors);
+  TinyPlace::write_file(folder_ / "flight.yaml", std::string(TinyCity::kFlight) + kSensors);
   const std::vector<std::string> more{"--outputs", "segmentation", "--degrade", (folder_ / "degrade.yaml").string(),
                                       "--memory",  "0.0095"};
   render("alone", more);

@@ -18,18 +18,6 @@ using tests::ProgramResult;
 using tests::run_tileflight;
 using tests::TinyPlace;
 
-constexpr const char* kFlight = R"(camera: camera.yaml
-fps: 8
-speed_m_s: 8
-max_frames: 17
-waypoints:
-  - {position: [-10, -18, 112], yaw_deg: 20, pitch_deg: -30}
-  - {position: [10, -15, 113], yaw_deg: 30, pitch_deg: -35}
-sensors:
-  imu: {rate_hz: 50}
-  lidar: {pattern: raster, columns: 20, rows: 10, horizontal_fov_deg: 60, vertical_fov_deg: 40, rate_hz: 8}
-)";
-
 constexpr const char* kDegrade = R"(exposure_time: 0.002
 auto_exposure: {target: 0.25, time_constant: 0.2}
 white_electrons: 5000
@@ -40,7 +28,7 @@ class FrameTasks : public ::testing::Test {
   FrameTasks() {
     TinyPlace::write(folder_ / "place");
     TinyPlace::write_file(folder_ / "camera.yaml", TinyPlace::kCamera);
-    TinyPlace::write_file(folder_ / "flight.yaml", kFlight);
+    TinyPlace::write_file(folder_ / "flight.yaml", "camera: camera.yaml\n" + TinyPlace::path_with_sensors(17));
     TinyPlace::write_file(folder_ / "degrade.yaml", kDegrade);
   }
   ProgramResult render(const std::string& out, const std::vector<std::string>& more) const {

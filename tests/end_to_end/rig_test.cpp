@@ -13,6 +13,7 @@
 #include "tests/tiny_place.h"
 #include "tileflight/dataset/depth_images.h"
 #include "tileflight/dataset/imu_files.h"
+#include "tileflight/imaging/image_files.h"
 
 namespace tileflight::rig_test {
 namespace {
@@ -29,16 +30,7 @@ using tests::ProgramResult;
 using tests::run_tileflight;
 using tests::TinyPlace;
 
-constexpr const char* kPath = R"(fps: 8
-speed_m_s: 8
-max_frames: 7
-waypoints:
-  - {position: [-10, -18, 112], yaw_deg: 20, pitch_deg: -30}
-  - {position: [10, -15, 113], yaw_deg: 30, pitch_deg: -35}
-sensors:
-  imu: {rate_hz: 50}
-  lidar: {pattern: raster, columns: 20, rows: 10, horizontal_fov_deg: 60, vertical_fov_deg: 40, rate_hz: 8}
-)";
+const std::string kPath = TinyPlace::path_with_sensors(7);
 constexpr const char* kLeft = "  - {name: left, camera: camera.yaml}\n";
 constexpr const char* kRight = "  - {name: right, camera: camera.yaml, position: [0.5, 0.1, 0], yaw_deg: 4}\n";
 constexpr const char* kDown =
@@ -120,6 +112,48 @@ TEST_F(RenderedRig, HasOfEachCameraWhatItTakesAlone) {
   EXPECT_FALSE(fs::exists(folder_ / "rig/cameras/right/imu.csv")) << "the body has one inertial unit";
 }
 
+TEST_F(RenderedRig, IsTheSameRigWhenItsPicturesAreIngested) {
+  write_flight("pair", std::string("cameras:\n") + kLeft + kDown);
+  const fs::path rig = folder_ / "pair";
+  render("pair", "pair");
+  const auto ingest = [&](const std::vector<std::string>& more) {
+    std::vector<std::string> words{
+        "ingest",  "--camera",      (rig / "camchain.yaml").string(),  "--out", (folder_ / "again").string(), "--json",
+        "--force", "--groundtruth", (rig / "groundtruth.txt").string()};
+    words.insert(words.end(), more.begin(), more.end());
+    return run_tileflight(words);
+  };
+  const ProgramResult told = ingest({"down=" + (rig / "cameras/down").string(), "left=" + rig.string()});
+  ASSERT_EQ(told.exit_code, 0) << told.err;
+  const json found = json::parse(told.out);
+  EXPECT_EQ(found["warnings"], json::array());
+  EXPECT_EQ(found["synchronisation"]["cameras"][1]["matched"], 4);
+  for (const char* file : {"times.txt", "camera.yaml", "camera.txt", "images/000003.jpg", "cameras/down/times.txt",
+                           "cameras/down/images/000003.jpg"})
+    EXPECT_TRUE(file_text(rig / file) == file_text(folder_ / "again" / file)) << file;
+  const dataset::Rig before = dataset::read_rig(rig), after = dataset::read_rig(folder_ / "again");
+  ASSERT_EQ(after.cameras.size(), 2U);
+  for (std::size_t c = 0; c < 2; ++c) {
+    EXPECT_EQ(after.cameras[c].name, before.cameras[c].name);
+    EXPECT_LT((after.cameras[c].dataset.calibration.T_cam_imu.matrix() -
+               before.cameras[c].dataset.calibration.T_cam_imu.matrix())
+                  .norm(),
+              1e-12);
+    EXPECT_LT((after.cameras[c].T_body_camera.matrix() - before.cameras[c].T_body_camera.matrix()).norm(), 1e-12);
+    const auto &a = after.cameras[c].dataset.groundtruth->poses, &b = before.cameras[c].dataset.groundtruth->poses;
+    ASSERT_EQ(c == 0 ? a.size() : 4U, b.size());
+    for (const geometry::StampedPose& pose : b) {
+      const auto again = geometry::interpolate(*after.cameras[c].dataset.groundtruth, pose.time_s);
+      ASSERT_TRUE(again.has_value());
+      EXPECT_LT((again->matrix() - pose.T_local_camera.matrix()).norm(), 1e-6);
+    }
+  }
+  EXPECT_THAT(ingest({"left=" + rig.string(), "up=" + rig.string()}).err,
+              HasSubstr("camchain.yaml: has the cameras left, down, none is called up"));
+  EXPECT_THAT(ingest({rig.string(), rig.string(), rig.string()}).err, HasSubstr("say which is which: NAME=PATH"));
+  EXPECT_THAT(ingest({"left=" + rig.string(), rig.string()}).err, HasSubstr("give all cameras a name"));
+}
+
 TEST_F(RenderedRig, IsReadAsOneOrAsAllOfItsCameras) {
   render("rig", "rig", with("degrade.yaml"));
   const fs::path rig_folder = folder_ / "rig";
@@ -145,6 +179,39 @@ TEST_F(RenderedRig, IsReadAsOneOrAsAllOfItsCameras) {
   ASSERT_EQ(instants.size(), 7U);
   EXPECT_THAT(instants[2].frames, ElementsAre(2U, 2U, 1U));
   EXPECT_THAT(instants[3].frames, ElementsAre(3U, 3U, std::nullopt));
+}
+
+/// Two cameras in one place whose clocks differ: pictures of one true instant show the same drops and the same car.
+TEST_F(RenderedRig, DropsAndActorsGoByTheFlightsClock) {
+  const std::string camera = TinyPlace::kCamera;
+  const std::string where = "  T_cn_cnm1: [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n";
+  std::string second = camera;
+  second.replace(second.find("cam0"), 4, "cam1");
+  TinyPlace::write_file(folder_ / "chain.yaml", camera + second + where + "  timeshift_cam_imu: 0.125\n");
+  TinyPlace::write_file(
+      folder_ / "wet.yaml",
+      std::string("cameras: chain.yaml\n") + kPath +
+          "weather: {rain_mm_per_h: 60}\nactors:\n  - {name: taxi, model: car, speed_m_s: 12, path: [{at: [-8, 0]}, "
+          "{at: [20, 4]}]}\n");
+  const ProgramResult result =
+      run_tileflight({"render", (folder_ / "place").string(), "--flight", (folder_ / "wet.yaml").string(), "--out",
+                      (folder_ / "wet").string(), "--png"});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const dataset::Rig rig = dataset::read_rig(folder_ / "wet");
+  const auto& first = rig.cameras[0].dataset.frames;
+  const auto& other = rig.cameras[1].dataset.frames;
+  ASSERT_EQ(first.size(), other.size());
+  std::size_t changed = 0;
+  for (std::size_t i = 0; i < first.size(); ++i) {
+    EXPECT_NEAR(first[i].time_s - other[i].time_s, 0.125, 1e-12);
+    const imaging::RgbImage a = imaging::read_rgb(first[i].image), b = imaging::read_rgb(other[i].image);
+    int largest = 0;
+    for (std::size_t p = 0; p < a.pixels.size(); ++p)
+      for (std::size_t c = 0; c < 3; ++c) largest = std::max(largest, std::abs(a.pixels[p][c] - b.pixels[p][c]));
+    EXPECT_LE(largest, 1) << "picture " << i;
+    if (i > 0 && a.pixels != imaging::read_rgb(first[i - 1].image).pixels) ++changed;
+  }
+  EXPECT_EQ(changed, first.size() - 1);
 }
 
 /// A pixel's point by the left depth, seen by the right camera, has the depth that the right one measured there.

@@ -23,16 +23,6 @@ using tests::run_tileflight;
 using tests::TinyCity;
 using tests::TinyPlace;
 
-constexpr const char* kFlight = R"(camera: camera.yaml
-fps: 0.5
-speed_m_s: 40
-acceleration_m_s2: 40
-waypoints:
-  - {position: [-500, -300, 160], yaw_deg: 90, pitch_deg: -40}
-  - {position: [500, -280, 170], yaw_deg: 60, pitch_deg: -30}
-  - {position: [300, 200, 165], yaw_deg: -60, pitch_deg: -35}
-  - {position: [-500, -290, 160], yaw_deg: -120, pitch_deg: -30}
-)";
 constexpr const char* kWeather = R"(weather:
   fog_visibility_m: 900
   scale_height_m: 80
@@ -53,7 +43,7 @@ class Weather : public testing::Test {
     write_flight(kWeather);
   }
   void write_flight(const std::string& weather) const {
-    TinyPlace::write_file(folder_ / "flight.yaml", kFlight + weather);
+    TinyPlace::write_file(folder_ / "flight.yaml", TinyCity::kFlight + weather);
   }
   std::vector<std::string> arguments(const std::string& out, const std::vector<std::string>& more) const {
     std::vector<std::string> words{

@@ -102,6 +102,42 @@ def check_whole(tileflight, work, flight, tileset, protocol):
     check_place(seen)
 
 
+RIG = {"left": "", "right": "cameras/right", "down": "cameras/down"}  # name: folder
+
+
+def check_rig(tileflight, work, rig):
+    """All cameras at once: of each its pictures, lens and depth, in a frame of its name."""
+    with programs.Program(tileflight, "play", rig, "--foxglove", "--port", 0, "--rate", 4) as player:
+        seen = programs.watch(work, player.said["port"], {"save": str(work)}, "foxglove.sdk.v1")
+        assert player.end() == (0, [])
+    assert programs.layout_topics("play-rig.json") <= {*seen["channels"], "/place"}
+    pictures = 0
+    for name, folder in RIG.items():
+        files = sorted((rig / folder / "images").iterdir())
+        images = seen["messages"][f"/{name}/image/compressed"]
+        pictures += len(files)
+        assert len(images) == len(seen["messages"][f"/{name}/camera_info"]) == len(seen["messages"][f"/{name}/depth"]) == len(files) > 10
+        for message, file, row in zip(images, files, (rig / folder / "times.txt").read_text().splitlines()):
+            assert close(message["time"] * 1e-9, float(row.split()[1])) and message["value"]["header"]["frame_id"] == name
+            assert message["value"]["data"]["sha256"] == hashlib.sha256(file.read_bytes()).hexdigest(), file
+    assert player.said["frames"] == pictures
+    moving = [t for m in seen["messages"]["/tf"] for t in m["value"]["transforms"]]
+    assert {(t["header"]["frame_id"], t["child_frame_id"]) for t in moving} == {("map", "left")}
+    (fixed,) = seen["messages"]["/tf_static"]
+    mounts = {t["child_frame_id"]: t for t in fixed["value"]["transforms"]}
+    assert set(mounts) == {"right", "down", "imu"} and {t["header"]["frame_id"] for t in mounts.values()} == {"left"}
+    assert mounts["right"]["transform"]["translation"] == {"x": 0.3, "y": 0, "z": 0}, mounts["right"]
+
+
+def check_chosen(tileflight, rig):
+    with programs.Program(tileflight, "play", rig, "--foxglove", "--port", 0, "--camera", "right", "--camera", "down") as player:
+        pictures = [topic for topic in player.said["topics"] if topic.endswith("/image/compressed")]
+        assert pictures == ["/right/image/compressed", "/down/image/compressed"], player.said
+        assert player.stop(signal.SIGINT) == (0, [])
+    done = subprocess.run([tileflight, "play", rig, "--foxglove", "--port", "0", "--camera", "up"], capture_output=True, text=True, check=False)
+    assert done.returncode == 1 and "has no camera up, only left, right, down" in done.stderr, done
+
+
 def check_loop(tileflight, work, flight):
     with programs.Program(tileflight, "play", flight, "--foxglove", "--port", 0, "--rate", 50, "--loop") as player:
         frames = player.said["frames"]
@@ -134,6 +170,9 @@ def main():
         check_whole(tileflight, work, flight, tileset, protocol)
     check_loop(tileflight, work, flight)
     check_refusals(tileflight, work, flight)
+    rig = programs.render_rig(tileflight, work)
+    check_rig(tileflight, work, rig)
+    check_chosen(tileflight, rig)
 
 
 main()

@@ -56,6 +56,22 @@ def render_flight(tileflight, work):
     return work / "flight", tileset
 
 
+def render_rig(tileflight, work):
+    """The same flight by three cameras, of which one takes every second picture, with depth and an IMU."""
+    tileset = tiny_place(work)
+    (work / "camera.yaml").write_text(CAMERA)
+    cameras = """cameras:
+  - {name: left, camera: camera.yaml}
+  - {name: right, camera: camera.yaml, position: [0.3, 0, 0]}
+  - {name: down, camera: camera.yaml, pitch_deg: -60, fps: 5}
+"""
+    flight = FLIGHT.replace("camera: camera.yaml\n", cameras)
+    (work / "rig.yaml").write_text(flight[:flight.index("  lidar")])
+    subprocess.run([tileflight, "render", tileset, "--flight", work / "rig.yaml", "--out", work / "rig", "--depth",
+                    "--force", "--quiet"], check=True)
+    return work / "rig"
+
+
 class Program:
     """The program with these arguments and --json; `said` is the object that it prints once it listens."""
 

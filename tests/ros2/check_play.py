@@ -138,12 +138,53 @@ def check_both(tileflight, work, peer, flight):
         assert player.stop(signal.SIGTERM) == (0, [])
 
 
+def check_rig(tileflight, work, peer):
+    """All cameras at once, and one /tf_static with the frames of all."""
+    rig = programs.render_rig(tileflight, work)
+    cameras = ("left", "right", "down")
+    images = {f"/{name}/image/compressed": "sensor_msgs/msg/CompressedImage" for name in cameras}
+    infos = {f"/{name}/camera_info": "sensor_msgs/msg/CameraInfo" for name in cameras}
+    topics = {**images, **infos, "/tf_static": TYPES["/tf_static"]}
+    read = work / "read_rig"
+    shutil.rmtree(read, ignore_errors=True)
+    read.mkdir()
+    with programs.Program(tileflight, "play", rig, "--ros2", "--domain", peers.DOMAIN, "--rate", 2) as player:
+        assert set(topics) < set(player.said["topics"]), player.said
+        words = [word for topic, name in topics.items()
+                 for word in peers.wish(topic, name, 100000, latched=topic in LATCHED)]
+        reader = peers.start(peer, "read", read, 12, *words)
+        assert player.end() == (0, []), "it ends with the dataset"
+        seen = peers.result(reader)
+    for name in cameras:
+        folder = rig if name == "left" else rig / "cameras" / name
+        files = sorted((folder / "images").iterdir())
+        known = {file.read_bytes() for file in files}
+        came = peers.files(read, list(topics).index(f"/{name}/image/compressed"))
+        # Playing begins with the first reader: others may come after some messages.
+        assert 0.9 * len(files) - 2 <= len(came) <= len(files), (name, len(came), len(files))
+        for data in came:
+            message = peers.Cdr(data)
+            _, frame = message.header()
+            assert frame == name and any(data.rstrip(b"\0").endswith(file.rstrip(b"\0")) for file in known), name
+        assert seen[f"rt/{name}/camera_info"]["count"] >= 0.9 * len(files) - 2, seen
+    fixed = peers.files(read, list(topics).index("/tf_static"))
+    assert len(fixed) == 1
+    message = peers.Cdr(fixed[0])
+    frames = []
+    for _ in range(message.number("I")):
+        _, parent = message.header()
+        frames.append((parent, message.text()))
+        message.numbers("d", 7)
+    assert sorted(frames) == [("left", "down"), ("left", "imu"), ("left", "right")], frames
+
+
 def main():
     tileflight, work, peer = peers.arguments()
     flight, _ = programs.render_flight(tileflight, work)
     check_whole(tileflight, work, peer, flight)
     check_late(tileflight, peer, flight)
     check_both(tileflight, work, peer, flight)
+    check_rig(tileflight, work, peer)
 
 
 main()

@@ -350,6 +350,7 @@ int print_defaults(const fs::path& folder) {
       tf::render::read_weather(written(folder, "weather.yaml", "weather: {}\n")).value();
   const auto experiment = tf::experiment::read_experiment(written(folder, "experiment.yaml", kExperiment));
   const tf::survey::RenderedFlightConfig& render = *experiment.simulated->render;
+  const tf::survey::IngestedFlightConfig ingest{};
   const json degrade = degrade_defaults(*render.degrade);
   const json sensors = sensor_defaults(tf::sensors::read_sensor_suite(flight_file, 1, {}));
   json flight = {{"speed_m_s", waypoints.limits.speed_m_s},
@@ -379,6 +380,8 @@ int print_defaults(const fs::path& folder) {
                      {{"voxel", experiment.truth.voxel_m}, {"samples_per_m2", experiment.truth.samples_per_m2}}},
                     {"experiment", {{"seed", experiment.seed}, {"simulated.kind", experiment.simulated->kind}}},
                     {"experiment.simulated.render", {{"samples_per_pixel", render.samples_per_pixel}}},
+                    {"experiment.simulated.ingest", {{"sync_tolerance", ingest.sync_tolerance_s}}},
+                    {"experiment.real.ingest", {{"sync_tolerance", ingest.sync_tolerance_s}}},
                     {"degrade", degrade},
                     {"sensors", sensors},
                     {"flight.vehicle", vehicle_defaults(*plan.vehicle)},

@@ -183,6 +183,34 @@ async function checkPlaying(page) {
   await page.keyboard.press('Home');
 }
 
+/** A rig's flight has a camera to choose, and the page without the view one to unfold. */
+async function checkCameras(page) {
+  const list = page.locator('#view-camera-simulated');
+  expect((await list.locator('option').allTextContents()).join() === 'left,right,down', `cameras: ${await list.textContent()}`);
+  expect((await page.locator('#view-camera-real').count()) === 0, 'a single camera can be chosen');
+  const shown = page.locator('.view-picture.simulated');
+  const seen = new Set();
+  for (const name of ['left', 'right', 'down']) {
+    await list.selectOption({ label: name });
+    const said = await shown.locator('figcaption').textContent();
+    expect(said === `Simulated flight, camera ${name}, image at 0.00 s`, `the chosen camera's picture says: ${said}`);
+    seen.add(await shown.locator('img').evaluate(async (image) => {
+      await image.decode();
+      const canvas = document.createElement('canvas');
+      [canvas.width, canvas.height] = [1, 1];
+      canvas.getContext('2d').drawImage(image, 0, 0, 1, 1);
+      return canvas.getContext('2d').getImageData(0, 0, 1, 1).data.slice(0, 3).join();
+    }));
+  }
+  expect(seen.size === 3, `the cameras' pictures are the same: ${[...seen]}`);
+  const folded = page.locator('figure.frames details.camera');
+  expect((await folded.count()) === 2, `${await folded.count()} cameras to unfold`);
+  await folded.first().locator('summary').click();
+  expect(await folded.first().locator('img').first().isVisible(), 'an unfolded camera shows nothing');
+  await page.locator('#view').scrollIntoViewIfNeeded();
+  await page.locator('.view-pictures').screenshot({ path: `${folder}/cameras.png` });
+}
+
 async function checkKeyboard(page) {
   await page.evaluate(() => {
     document.activeElement.blur();
@@ -193,7 +221,7 @@ async function checkKeyboard(page) {
     await page.keyboard.press('Tab');
     reached.add(await page.evaluate(() => document.activeElement.id || document.activeElement.tagName));
   }
-  for (const wanted of ['CANVAS', 'view-layer-place', 'view-color-source', 'view-look-top', 'view-play', 'view-time', 'view-speed']) {
+  for (const wanted of ['CANVAS', 'view-layer-place', 'view-color-source', 'view-look-top', 'view-play', 'view-time', 'view-speed', 'view-camera-simulated']) {
     expect(reached.has(wanted), `Tab does not reach ${wanted}`);
   }
 }
@@ -239,6 +267,7 @@ async function checkView() {
   await checkPicking(page);
   await checkLooks(page);
   await checkPlaying(page);
+  await checkCameras(page);
   await checkKeyboard(page);
   await checkAccessibility(page, 'light');
   await page.screenshot({ path: `${folder}/page-light.png`, fullPage: true });

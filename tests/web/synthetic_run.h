@@ -14,6 +14,7 @@
 #include "tileflight/geometry/cloud_files.h"
 #include "tileflight/geometry/geodesy.h"
 #include "tileflight/geometry/trajectory.h"
+#include "tileflight/imaging/calibration_files.h"
 #include "tileflight/imaging/image_files.h"
 #include "tileflight/tiling/glb_writer.h"
 
@@ -28,6 +29,7 @@ class SyntheticRun {
     std::string kind = "surrogate";
     bool second_flight = true;
     std::size_t map_points = 20000;
+    bool rig = false;  ///< the simulated flight has the cameras left, right (0.1 s later) and down (half the rate)
   };
 
   SyntheticRun(std::filesystem::path folder, Options options)
@@ -241,12 +243,36 @@ class SyntheticRun {
     geometry::write_tum(dataset / "groundtruth.txt", path);
   }
 
+  /// The pictures of further cameras, which are those of the first in other colours.
+  static void write_other_cameras(const std::filesystem::path& dataset) {
+    imaging::Calibration calibration;
+    calibration.camera = imaging::make_pinhole(320, 180, 90.0);
+    const geometry::SE3 beside(Eigen::Quaterniond::Identity(), Vec3(0.3, 0, 0));
+    imaging::write_camchain(dataset / "camchain.yaml", {{"left", ".", calibration, {}, 0.0},
+                                                        {"right", "cameras/right", calibration, beside, -0.1},
+                                                        {"down", "cameras/down", calibration, beside, 0.0}});
+    for (const std::string name : {"right", "down"}) {
+      const std::filesystem::path folder = dataset / "cameras" / name;
+      std::filesystem::create_directories(folder / "images");
+      std::ofstream times(folder / "times.txt");
+      for (int i = 0; i < 21; i += name == "down" ? 2 : 1) {
+        std::string id = std::to_string(i);
+        id.insert(0, 6 - id.size(), '0');
+        imaging::RgbImage image = picture(6 * i, false);
+        for (auto& pixel : image.pixels) std::swap(pixel[0], pixel[name == "down" ? 1 : 2]);
+        imaging::write_rgb(folder / "images" / (id + ".jpg"), image);
+        times << id << ' ' << 1.2 * i + (name == "right" ? 0.1 : 0.0) << " 5\n";
+      }
+    }
+  }
+
   /// Writes the flight's folder and returns its part of results.json.
   nlohmann::json write_flight(const std::string& key, double noise_m, unsigned seed) const {
     const bool second = key == "real";
     const std::filesystem::path flight = folder_ / key;
     const geometry::Trajectory path = flight_path(second ? 6 : 0, 0);
     write_dataset(flight / "dataset", path, second);
+    if (options_.rig && !second) write_other_cameras(flight / "dataset");
     std::filesystem::create_directories(flight / "odometry");
     const geometry::Sim3 T_local_map(2.5, Eigen::Quaterniond(0.8, 0.1, -0.3, 0.5), Vec3(5, -7, 40));
     geometry::write_tum(flight / "odometry/trajectory.txt",

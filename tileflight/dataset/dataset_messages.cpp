@@ -59,9 +59,14 @@ class MessageLister {
         dataset_(*cameras_.front().dataset),
         first_frame_(cameras_.front().frame_id),
         shift_s_(cameras_.front().timeshift_s) {
-    for (const ListedCamera& camera : cameras_) add_frames(camera);
+    const auto is_shown = [&wanted = selection.cameras](const ListedCamera& camera) {
+      return wanted.empty() || std::ranges::find(wanted, camera.frame_id) != wanted.end();
+    };
     for (const ListedCamera& camera : cameras_) {
-      if (selection.depth) add_depth(camera);
+      if (is_shown(camera)) add_frames(camera);
+    }
+    for (const ListedCamera& camera : cameras_) {
+      if (selection.depth && is_shown(camera)) add_depth(camera);
     }
     add_truth(selection.static_transforms);
     if (selection.odometry) add_odometry();

@@ -41,6 +41,8 @@ struct MessageSelection {
   bool odometry = false;  ///< /odometry: the true poses of the camera with their velocities
   /// /tf_static: camera to IMU once, at the begin, instead of at each pose in /tf
   bool static_transforms = false;
+  /// Of a rig: the cameras whose images are listed, by name; empty: all. Frames and all else are as without it.
+  std::vector<std::string> cameras{};
 };
 
 /// Lists the messages of a rig: of each camera NAME, whose frame has its name, /NAME/image/compressed,

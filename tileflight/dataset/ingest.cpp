@@ -20,6 +20,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
+/// Of times on another clock.
+constexpr double kRounding_s = 1e-9;
+
 struct TimeSpan {
   double first = 0.0, last = 0.0;
 };
@@ -78,10 +81,21 @@ void add_ranges(DatasetWriter& writer, const IngestOptions& options, const TimeS
   if (!table.rows.empty()) write_number_table(writer.temporary_folder() / "range.csv", table);
 }
 
-void add_groundtruth(DatasetWriter& writer, const geometry::Trajectory& all, const std::string& name,
+/// The file's poses as those of the camera; none without a file.
+geometry::Trajectory read_groundtruth(const IngestOptions& options) {
+  if (options.groundtruth.empty()) return {};
+  geometry::Trajectory trajectory = geometry::read_tum(options.groundtruth);
+  for (geometry::StampedPose& pose : trajectory.poses) {
+    pose.time_s += options.groundtruth_offset_s;
+    pose.T_local_camera = pose.T_local_camera * options.T_truth_camera;
+  }
+  return trajectory;
+}
+
+void add_groundtruth(DatasetWriter& writer, const geometry::Trajectory& all, const IngestOptions& options,
                      const TimeSpan& frames, IngestResult& result) {
   if (all.empty()) return;
-  require_overlap(name, {all.poses.front().time_s, all.poses.back().time_s}, frames);
+  require_overlap(options.groundtruth.string(), {all.poses.front().time_s, all.poses.back().time_s}, frames);
   geometry::Trajectory trajectory;
   trajectory.poses = crop_to_span(all.poses, frames, [](const geometry::StampedPose& pose) { return pose.time_s; });
   result.groundtruth_poses = trajectory.size();
@@ -103,11 +117,12 @@ void describe(DatasetWriter& writer, const IngestOptions& options, const ScaledC
 /// What the log and the true path know of the frames' time span, and where all of it came from.
 void finish(DatasetWriter& writer, const IngestOptions& options, const ScaledCalibration& fitted,
             const geometry::Trajectory& groundtruth, IngestResult& result) {
-  const TimeSpan frames{result.first_time_s, result.last_time_s};
-  add_gps(writer, options, frames, result);
-  add_attitudes(writer, options, frames);
-  add_ranges(writer, options, frames);
-  add_groundtruth(writer, groundtruth, options.groundtruth.string(), frames, result);
+  const TimeSpan frames{result.times_s.front(), result.times_s.back()};
+  const TimeSpan on_body{frames.first + options.timeshift_s, frames.last + options.timeshift_s};
+  add_gps(writer, options, on_body, result);
+  add_attitudes(writer, options, on_body);
+  add_ranges(writer, options, on_body);
+  add_groundtruth(writer, groundtruth, options, frames, result);
   describe(writer, options, fitted);
   writer.finish();
 }
@@ -121,6 +136,10 @@ void require_covers_excerpt(const IngestOptions& options, double end_s, double p
                                                          format_seconds(*options.excerpt.to_s));
 }
 
+void require_some(const IngestOptions& options, std::size_t frames) {
+  if (frames == 0) throw InputError(options.video_or_images.string(), "no image lies within the excerpt");
+}
+
 DatasetWriter::Options writer_options(const IngestOptions& options) {
   DatasetWriter::Options out;
   out.replace = options.replace;
@@ -129,36 +148,53 @@ DatasetWriter::Options writer_options(const IngestOptions& options) {
   for (const fs::path& input : {options.video_or_images, options.calibration, options.groundtruth})
     out.inputs.push_back(input);
   out.jpeg_quality = options.jpeg_quality;
+  out.build_folder = options.part_folder;
+  out.is_part = !options.part_folder.empty();
   return out;
+}
+
+ScaledCalibration fitted_calibration(const IngestOptions& options, IngestResult& result) {
+  const int width = result.width, height = result.height;
+  ScaledCalibration fitted =
+      options.lens ? scaled_calibration(options.calibration.string(), *options.lens, width, height, result.notes)
+                   : read_scaled_calibration(options.calibration, options.camera_id, width, height, result.notes);
+  result.calibration = fitted.calibration;
+  return fitted;
 }
 
 void ingest_video(const IngestOptions& options, const fs::path& folder, const geometry::Trajectory& groundtruth,
                   const Progress& progress, IngestResult& result) {
   const VideoInfo info = probe_video(options.video_or_images);
   const double period_s = info.frames_per_second > 0.0 ? 1.0 / info.frames_per_second : kDefaultFramePeriod_s;
-  if (info.duration_s > 0.0) require_covers_excerpt(options, info.duration_s, period_s);
+  const double shift_s = options.timeshift_s;
+  if (info.duration_s > 0.0) require_covers_excerpt(options, info.duration_s + shift_s, period_s);
   result.width = info.width;
   result.height = info.height;
-  const ScaledCalibration fitted =
-      read_scaled_calibration(options.calibration, options.camera_id, info.width, info.height, result.notes);
+  const ScaledCalibration fitted = fitted_calibration(options, result);
   DatasetWriter writer(folder, fitted.calibration, writer_options(options));
 
   const double end_s = options.excerpt.to_s.value_or(info.duration_s);
   const auto expected =
       static_cast<std::int64_t>((end_s - options.excerpt.from_s) / (period_s * options.excerpt.every));
   EncodeQueue queue(writer);
+  double last_time_s = 0.0;
   const auto on_frame = [&](std::int64_t index, double time_s, const imaging::RgbImage& image) {
-    if (index == 0) result.first_time_s = time_s;
-    result.last_time_s = time_s;
-    result.frames = static_cast<std::size_t>(index) + 1;
-    queue.add(static_cast<std::size_t>(index), time_s, 0.0, image);
+    last_time_s = time_s;
+    if (!options.is_wanted || options.is_wanted(time_s, period_s)) {
+      queue.add(result.times_s.size(), time_s, 0.0, image);
+      result.times_s.push_back(time_s);
+    }
     report_progress(progress, index + 1, std::max(expected, index + 1), "decoding video");
     return true;
   };
-  read_video(options.video_or_images, options.excerpt, on_frame);
+  VideoExcerpt own_clock = options.excerpt;
+  own_clock.from_s = std::max(0.0, own_clock.from_s - shift_s);
+  if (own_clock.to_s) *own_clock.to_s -= shift_s;
+  read_video(options.video_or_images, own_clock, on_frame);
   queue.finish();
+  require_some(options, result.times_s.size());
   // The container's duration may be wrong, so the frames decide.
-  require_covers_excerpt(options, result.last_time_s + period_s * options.excerpt.every, period_s);
+  require_covers_excerpt(options, last_time_s + shift_s + period_s * options.excerpt.every, period_s);
 
   finish(writer, options, fitted, groundtruth, result);
 }
@@ -198,13 +234,17 @@ std::vector<Frame> select_excerpt(const std::vector<Frame>& frames, const Ingest
     throw InputError(options.video_or_images.string(), "the step of the excerpt must be 1 or more frames");
   const double period_s =
       frames.size() > 1 ? (frames.back().time_s - frames.front().time_s) / static_cast<double>(frames.size() - 1) : 0.0;
-  require_covers_excerpt(options, frames.back().time_s + period_s, period_s);
+  require_covers_excerpt(options, frames.back().time_s + options.timeshift_s + period_s, period_s);
   std::vector<Frame> inside;
-  for (const Frame& frame : frames)
-    if (frame.time_s >= excerpt.from_s && (!excerpt.to_s || frame.time_s < *excerpt.to_s)) inside.push_back(frame);
+  for (const Frame& frame : frames) {
+    const double time_s = frame.time_s + options.timeshift_s + (options.timeshift_s == 0.0 ? 0.0 : kRounding_s);
+    if (time_s >= excerpt.from_s && (!excerpt.to_s || time_s < *excerpt.to_s)) inside.push_back(frame);
+  }
   std::vector<Frame> kept;
-  for (std::size_t i = 0; i < inside.size(); i += static_cast<std::size_t>(excerpt.every)) kept.push_back(inside[i]);
-  if (kept.empty()) throw InputError(options.video_or_images.string(), "no image lies within the excerpt");
+  for (std::size_t i = 0; i < inside.size(); i += static_cast<std::size_t>(excerpt.every)) {
+    if (!options.is_wanted || options.is_wanted(inside[i].time_s, period_s)) kept.push_back(inside[i]);
+  }
+  require_some(options, kept.size());
   return kept;
 }
 
@@ -229,11 +269,8 @@ void ingest_images(const IngestOptions& options, const fs::path& folder, const g
   const imaging::RgbImage first = imaging::read_rgb(frames.front().image);
   result.width = first.width;
   result.height = first.height;
-  result.frames = frames.size();
-  result.first_time_s = frames.front().time_s;
-  result.last_time_s = frames.back().time_s;
-  const ScaledCalibration fitted =
-      read_scaled_calibration(options.calibration, options.camera_id, first.width, first.height, result.notes);
+  for (const Frame& frame : frames) result.times_s.push_back(frame.time_s);
+  const ScaledCalibration fitted = fitted_calibration(options, result);
   DatasetWriter writer(folder, fitted.calibration, writer_options(options));
   std::mutex mutex;
   std::int64_t done = 0;
@@ -251,13 +288,13 @@ IngestResult ingest(const IngestOptions& options, const fs::path& dataset_folder
   if (options.jpeg_quality < 1 || options.jpeg_quality > 100) throw InputError("jpeg_quality", "must be from 1 to 100");
   if (!fs::exists(options.video_or_images))
     throw InputError(options.video_or_images.string(), "no such video file or image folder");
-  const geometry::Trajectory groundtruth =
-      options.groundtruth.empty() ? geometry::Trajectory{} : geometry::read_tum(options.groundtruth);
+  const geometry::Trajectory groundtruth = read_groundtruth(options);
   IngestResult result;
   if (fs::is_directory(options.video_or_images))
     ingest_images(options, dataset_folder, groundtruth, progress, result);
   else
     ingest_video(options, dataset_folder, groundtruth, progress, result);
+  result.frames = result.times_s.size();
   return result;
 }
 

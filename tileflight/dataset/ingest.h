@@ -2,7 +2,9 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <functional>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -36,22 +38,32 @@ struct IngestOptions {
   /// Capture times for a folder without times.txt, by file name; empty: unknown. Images that are not in the map are
   /// left out (with a note).
   std::map<std::string, ImageTime> image_times;
-  std::vector<GpsFix> gps;                         ///< from the flight's log, on the log's clock
-  std::vector<CameraAttitude> attitudes;           ///< camera attitudes of the same log
-  std::vector<RangeReading> ranges;                ///< range finder of the same log
-  double gps_time_offset_s = 0.0;                  ///< video time = log time + this
-  std::filesystem::path groundtruth;               ///< TUM poses on the video's clock; may be empty
-  int jpeg_quality = 95;                           ///< for a video's frames; image files are copied
-  bool replace = false;                            ///< replaces an existing dataset folder
-  std::vector<std::filesystem::path> inputs{};     ///< files the caller has read besides those named here
+  std::vector<GpsFix> gps;                      ///< from the flight's log, on the log's clock
+  std::vector<CameraAttitude> attitudes;        ///< camera attitudes of the same log
+  std::vector<RangeReading> ranges;             ///< range finder of the same log
+  double gps_time_offset_s = 0.0;               ///< video time = log time + this
+  std::filesystem::path groundtruth;            ///< TUM poses on the video's clock; may be empty
+  int jpeg_quality = 95;                        ///< for a video's frames; image files are copied
+  bool replace = false;                         ///< replaces an existing dataset folder
+  std::vector<std::filesystem::path> inputs{};  ///< files the caller has read besides those named here
+  std::optional<imaging::Calibration> lens{};   ///< in place of the one in the file `calibration`
+  double timeshift_s = 0.0;  ///< of a rig's camera (rig.h): the excerpt and the log are on the body's clock
+  /// Poses of the camera, on its clock: those of `groundtruth`, later by `groundtruth_offset_s`, times this.
+  geometry::SE3 T_truth_camera{};
+  double groundtruth_offset_s = 0.0;
+  /// Which frames of the excerpt are taken, by their time and the time between two; empty: each.
+  std::function<bool(double time_s, double period_s)> is_wanted{};
+  /// Where a camera's part of a rig's dataset is built, and left (ingest_rig.h). Empty: a dataset of its own.
+  std::filesystem::path part_folder{};
   std::map<std::string, std::string> description;  ///< additional keys of dataset.yaml, "a.b" nests
 };
 
 /// Result of ingest().
 struct IngestResult {
   std::size_t frames = 0;
-  double first_time_s = 0.0, last_time_s = 0.0;  ///< on the video's clock, which is the dataset's
+  std::vector<double> times_s;  ///< of the frames, on the video's clock, which is the dataset's
   int width = 0, height = 0;
+  imaging::Calibration calibration;   ///< for images of this size
   std::size_t gps_fixes = 0;          ///< within the excerpt, plus one on either side
   std::size_t groundtruth_poses = 0;  ///< within the excerpt, plus one on either side
   std::vector<std::string> notes;     ///< e.g. that the calibration was scaled

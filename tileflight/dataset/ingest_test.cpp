@@ -15,10 +15,10 @@ namespace tileflight::dataset::ingest_test {
 namespace {
 
 namespace fs = std::filesystem;
+using test_support::moving_picture;
 using testing::AllOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
-using test_support::moving_picture;
 using tests::refusal_of;
 
 constexpr int kWidth = 96;
@@ -82,8 +82,8 @@ TEST_F(IngestTest, ExcerptKeepsTheVideosClock) {
   options.excerpt = {0.5, 1.5, 3};
   const IngestResult result = ingest(options, folder / "set");
   EXPECT_EQ(result.frames, 10U);
-  EXPECT_NEAR(result.first_time_s, 0.5, 1e-4);
-  EXPECT_NEAR(result.last_time_s, 1.4, 1e-4);
+  EXPECT_NEAR(result.times_s.front(), 0.5, 1e-4);
+  EXPECT_NEAR(result.times_s.back(), 1.4, 1e-4);
   const Dataset dataset = read_dataset(folder / "set");
   EXPECT_NEAR(dataset.frames[1].time_s, 0.6, 1e-4);
   // Log and truth: what lies within, and one on each side.
@@ -91,8 +91,8 @@ TEST_F(IngestTest, ExcerptKeepsTheVideosClock) {
   EXPECT_LE(dataset.gps.front().time_s, 0.5);
   EXPECT_GE(dataset.gps.back().time_s, 1.4);
   EXPECT_LE(dataset.gps.back().time_s, 1.51);
-  EXPECT_LE(dataset.groundtruth->poses.front().time_s, result.first_time_s);
-  EXPECT_GE(dataset.groundtruth->poses.back().time_s, result.last_time_s);
+  EXPECT_LE(dataset.groundtruth->poses.front().time_s, result.times_s.front());
+  EXPECT_GE(dataset.groundtruth->poses.back().time_s, result.times_s.back());
   EXPECT_EQ(dataset.groundtruth->size(), result.groundtruth_poses);
 }
 
@@ -249,7 +249,7 @@ TEST_F(IngestTest, ImagesWithoutTimes) {
   options.image_rate_hz = 10.0;
   const IngestResult result = ingest(options, folder / "set");
   EXPECT_EQ(result.frames, 4U);
-  EXPECT_DOUBLE_EQ(result.last_time_s, 0.3);
+  EXPECT_DOUBLE_EQ(result.times_s.back(), 0.3);
   EXPECT_THAT(result.notes, ElementsAre(HasSubstr("10.000 frames per second")));
   EXPECT_EQ(read_dataset(folder / "set").frames[2].image.filename(), "000002.png");
   fs::remove_all(folder / "set");

@@ -36,6 +36,10 @@ geometry::SE3 kitti_mount(const std::filesystem::path& folder, const std::string
 /// rgb.csv (VSLAM-LAB).
 bool is_vslam_lab(const std::filesystem::path& folder);
 Dataset read_vslam_lab(const std::filesystem::path& folder, const CameraChoice& camera);
+/// rgb_0, rgb_1 and so on; empty if there is one.
+std::vector<std::string> vslam_lab_cameras(const std::filesystem::path& folder);
+/// Pose of one of them on the body, by its T_BS.
+geometry::SE3 vslam_lab_mount(const std::filesystem::path& folder, const std::string& camera);
 
 /// rgb.txt (TUM RGB-D).
 bool is_tum_rgbd(const std::filesystem::path& folder);

@@ -22,6 +22,9 @@ struct RigCamera {
 /// The cameras of one body; at least one.
 struct Rig {
   std::vector<RigCamera> cameras;
+  /// Pictures of different cameras whose times differ by no more are of one instant: what was ingested says so in its
+  /// dataset.yaml (`synchronisation.tolerance_s`).
+  double sync_tolerance_s = 1e-4;
 };
 
 /// What the cameras took at one instant.
@@ -30,9 +33,14 @@ struct RigInstant {
   std::vector<std::optional<std::size_t>> frames;  ///< by camera: index into its frames; nullopt: it took none
 };
 
+/// Why cameras cannot have these names, which become those of folders, topics and frames; nullopt if they can: up to 64
+/// letters, digits, '-' and '_', none a frame of exports and viewers (map, odom, base_link, imu, lidar, ...), no two
+/// equal whatever the case and where '-' counts as '_'.
+std::optional<std::string> fault_of_camera_names(const std::vector<std::string>& names);
+
 /// Names of the cameras of a dataset's folder: those in camchain.yaml of a rendered rig, cam0, cam1, … of EuRoC's
-/// layout, image_0 and image_1 (or image_l and image_r) of KITTI's. Empty if it has a single camera. Throws InputError
-/// for a camchain.yaml that cannot be read.
+/// layout, image_0 and image_1 (or image_l and image_r) of KITTI's, rgb_0, rgb_1, … of VSLAM-LAB's. Empty if it has a
+/// single camera. Throws InputError for a camchain.yaml that cannot be read, or whose names no camera can have.
 std::vector<std::string> rig_camera_names(const std::filesystem::path& folder);
 
 /// Reads all cameras of a dataset; of a dataset with one camera, that one. Throws InputError as read_dataset.
@@ -42,7 +50,7 @@ Rig read_rig(const std::filesystem::path& folder, const CameraChoice& camera = {
 Rig rig_of(Dataset dataset);
 
 /// The frames of all cameras, those of one instant together: frames of different cameras are of one instant if their
-/// times differ by at most `tolerance_s`. In order of time.
-std::vector<RigInstant> rig_instants(const Rig& rig, double tolerance_s = 1e-4);
+/// times differ by at most `tolerance_s` (nullopt: the rig's own). In order of time.
+std::vector<RigInstant> rig_instants(const Rig& rig, std::optional<double> tolerance_s = {});
 
 }  // namespace tileflight::dataset

@@ -152,6 +152,42 @@ TEST_F(RigTest, VslamLabHasThePairBesideEachOther) {
   EXPECT_EQ(read_dataset(folder_ / "vslamlab").frames.size(), 4U) << "the first camera is read";
 }
 
+TEST_F(RigTest, VslamLabHasAllCamerasWithTheirMounts) {
+  write(kTurned, 0.0, 0.025);
+  exported("vslamlab");
+  const fs::path folder = folder_ / "vslamlab";
+  EXPECT_THAT(rig_camera_names(folder), ElementsAre("rgb_0", "rgb_1"));
+  const Rig rig = read_rig(folder);
+  ASSERT_EQ(rig.cameras.size(), 2U);
+  expect_near(rig.cameras[0].T_body_camera.inverse() * rig.cameras[1].T_body_camera, kTurned);
+  EXPECT_EQ(rig_instants(rig).size(), std::size_t{kFrames});
+  for (int i = 0; i < kFrames; ++i) {
+    EXPECT_EQ(rig.cameras[1].dataset.frames[i].image.parent_path().filename(), "rgb_1");
+    expect_near(rig.cameras[1].dataset.groundtruth->poses[i].T_local_camera, body_pose(i) * kTurned);
+  }
+  EXPECT_EQ(read_dataset(folder, {.calibration = "rgb_1", .camera_id = {}}).frames[2].image.filename(), "000002.png");
+  EXPECT_THAT(refusal_of([&] { read_dataset(folder, {.calibration = "rgb_2", .camera_id = {}}); }),
+              HasSubstr("has no camera rgb_2, only rgb_0, rgb_1"));
+}
+
+TEST_F(RigTest, VslamLabMayHaveFewerPicturesOfAnotherCamera) {
+  write(kTurned);
+  exported("vslamlab");
+  const fs::path folder = folder_ / "vslamlab";
+  std::string list = base::read_text(folder / "rgb.csv");
+  const std::string second = ",1100000000,rgb_1/000001.png";
+  ASSERT_NE(list.find(second), std::string::npos);
+  list.replace(list.find(second), second.size(), ",,");
+  base::write_file(folder / "rgb.csv", list);
+  const std::vector<RigInstant> instants = rig_instants(read_rig(folder));
+  ASSERT_EQ(instants.size(), std::size_t{kFrames});
+  EXPECT_THAT(instants[1].frames, ElementsAre(1U, std::nullopt));
+  std::string calibration = base::read_text(folder / "calibration.yaml");
+  calibration.replace(calibration.find("rgb_1"), 5, "rgb_7");
+  base::write_file(folder / "calibration.yaml", calibration);
+  EXPECT_THAT(refusal_of([&] { read_rig(folder); }), HasSubstr("rgb_1"));
+}
+
 TEST_F(RigTest, MessagesAreOfEachCameraByItsName) {
   write(kTurned);
   const Rig rig = read_rig(folder_ / "rig");
@@ -198,6 +234,8 @@ TEST_F(RigTest, ABrokenChainIsSaidInOneLine) {
   EXPECT_THAT(broken("folder: cameras/right", "folder: ../../etc"),
               HasSubstr("is not a file within the dataset's folder"));
   EXPECT_THAT(broken("cam1:", "cam2:"), HasSubstr("cam1"));
+  EXPECT_THAT(broken("name: right", "name: base_link"), HasSubstr("no camera can be called 'base_link'"));
+  EXPECT_THAT(broken("name: right", "name: ../x"), HasSubstr("a camera's name is that of a folder"));
   EXPECT_THAT(broken("folder: cameras/right", "folder: cameras/none"), HasSubstr("no such dataset folder"));
   base::write_file(file, good);
   EXPECT_THAT(refusal_of([&] { read_dataset(folder_ / "rig", {.calibration = "middle", .camera_id = {}}); }),

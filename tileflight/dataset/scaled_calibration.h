@@ -23,4 +23,8 @@ std::string size_text(int width, int height);
 ScaledCalibration read_scaled_calibration(const std::filesystem::path& file, const std::string& camera_id, int width,
                                           int height, std::vector<std::string>& notes);
 
+/// The same of a calibration that has been read. `name`: for messages.
+ScaledCalibration scaled_calibration(const std::string& name, imaging::Calibration calibration, int width, int height,
+                                     std::vector<std::string>& notes);
+
 }  // namespace tileflight::dataset

@@ -1,6 +1,7 @@
 // A sequence of VSLAM-LAB (https://github.com/VSLAM-LAB/VSLAM-LAB): rgb.csv "ts_rgb_0 (ns),path_rgb_0[,ts_depth_0
-// (ns),path_depth_0]", calibration.yaml, groundtruth.csv "ts (ns),tx (m),ty (m),tz (m),qx,qy,qz,qw" of the body (as
-// T_BS), imu_0.csv. From 2025-09 to 2025-12 the columns were ts_rgb0 (s), path_rgb0 and ts, and the readings imu.csv.
+// (ns),path_depth_0][,ts_rgb_1 (ns),path_rgb_1]", calibration.yaml, groundtruth.csv "ts (ns),tx (m),ty (m),tz
+// (m),qx,qy,qz,qw" of the body (as T_BS), imu_0.csv. From 2025-09 to 2025-12 the columns were ts_rgb0 (s), path_rgb0
+// and ts, and the readings imu.csv.
 #include <cmath>
 #include <cstdint>
 
@@ -48,15 +49,15 @@ class CsvTable {
   }
 
   /// Column whose name, up to its unit, is one of these.
-  std::optional<std::size_t> find(std::initializer_list<std::string_view> names) const {
+  std::optional<std::size_t> find(const std::vector<std::string>& names) const {
     for (std::size_t i = 0; i < names_.size(); ++i)
-      for (const std::string_view name : names)
+      for (const std::string& name : names)
         if (trimmed(std::string_view(names_[i]).substr(0, names_[i].find_first_of("(["))) == name) return i;
     return std::nullopt;
   }
-  std::size_t require(std::initializer_list<std::string_view> names) const {
+  std::size_t require(const std::vector<std::string>& names) const {
     if (const auto column = find(names)) return *column;
-    throw InputError(file_, "has no column \"" + std::string(*names.begin()) + "\", only " + base::joined(names_));
+    throw InputError(file_, "has no column \"" + names.front() + "\", only " + base::joined(names_));
   }
   TimeUnit unit_of(std::size_t column) const {
     const std::string& name = names_[column];
@@ -105,14 +106,25 @@ class CsvTable {
   int number_ = 1;
 };
 
-std::vector<Frame> listed_frames(const fs::path& folder, std::vector<std::string>& warnings) {
+const std::string kFirst = "rgb_0";
+
+/// A column of a camera's: "ts_rgb_1" and, until 2025-12, "ts_rgb1".
+std::vector<std::string> column_names(const std::string& what, const std::string& number) {
+  return {what + "_" + number, what + number};
+}
+
+/// Images of one camera: "rgb_1". Rows may have none of it.
+std::vector<Frame> listed_frames(const fs::path& folder, const std::string& camera,
+                                 std::vector<std::string>& warnings) {
   const fs::path file = folder / "rgb.csv";
   CsvTable table(file);
-  const std::size_t time = table.require({"ts_rgb_0", "ts_rgb0"});
-  const std::size_t path = table.require({"path_rgb_0", "path_rgb0"});
-  const auto depth = table.find({"path_depth_0", "path_depth0"});
+  const std::string number = camera.substr(camera.find('_') + 1);
+  const std::size_t time = table.require(column_names("ts_rgb", number));
+  const std::size_t path = table.require(column_names("path_rgb", number));
+  const auto depth = table.find(column_names("path_depth", number));
   std::vector<Frame> frames;
   while (table.next()) {
+    if (camera != kFirst && table.cell(path).empty()) continue;
     Frame frame{.image = file_within(folder, table.cell(path), table.where()), .time_s = table.time_s(time)};
     frame.id = frame.image.stem().string();
     if (depth && !table.cell(*depth).empty()) {
@@ -151,15 +163,28 @@ std::optional<geometry::Trajectory> listed_poses(const fs::path& file, const geo
 
 bool is_vslam_lab(const fs::path& folder) { return fs::is_regular_file(folder / "rgb.csv"); }
 
+std::vector<std::string> vslam_lab_cameras(const fs::path& folder) {
+  const CsvTable table(folder / "rgb.csv");
+  std::vector<std::string> names;
+  for (std::string number = "0"; table.find(column_names("path_rgb", number)); number = std::to_string(names.size()))
+    names.push_back("rgb_" + number);
+  return names.size() > 1 ? names : std::vector<std::string>{};
+}
+
+geometry::SE3 vslam_lab_mount(const fs::path& folder, const std::string& camera) {
+  return imaging::read_vslam_lab_camera(folder / "calibration.yaml", camera).T_body_cam;
+}
+
 Dataset read_vslam_lab(const fs::path& folder, const CameraChoice& camera) {
   Dataset dataset;
   dataset.folder = folder;
-  dataset.frames = listed_frames(folder, dataset.warnings);
+  const std::string& name = camera.name.empty() ? kFirst : camera.name;
+  dataset.frames = listed_frames(folder, name, dataset.warnings);
   const fs::path calibration_file = folder / "calibration.yaml";
   imaging::VslamLabCamera own;
   if (fs::is_regular_file(calibration_file)) {
     try {
-      own = imaging::read_vslam_lab_camera(calibration_file);
+      own = imaging::read_vslam_lab_camera(calibration_file, name);
       dataset.imu_noise = calibration_file;
     } catch (const InputError& error) {
       if (camera.calibration.empty()) throw;

@@ -159,9 +159,22 @@ std::string flight_text(StrictSection& root, const std::string& name) {
   return meaning_without(*flight, {"render"}) + "render:\n" + meaning_without(*render, {"memory"});
 }
 
+/// `video: PATH`, or of a rig `video: {NAME: PATH, ...}`.
+void read_videos(StrictSection& section, survey::IngestedFlightConfig& ingest) {
+  constexpr double kLongest_s = 10.0, kShortest_s = 1e-9;
+  ingest.sync_tolerance_s = section.number("sync_tolerance", ingest.sync_tolerance_s, kShortest_s, kLongest_s);
+  if (!section.is_map("video")) {
+    ingest.video = required_path(section, "video");
+    return;
+  }
+  StrictSection videos = *section.section("video");
+  for (const std::string& camera : videos.keys()) ingest.videos.push_back({camera, required_path(videos, camera)});
+  if (ingest.videos.empty()) throw section.error("video", "names no camera; give each its video or folder");
+}
+
 survey::IngestedFlightConfig read_ingest(StrictSection section) {
   survey::IngestedFlightConfig ingest;
-  ingest.video = required_path(section, "video");
+  read_videos(section, ingest);
   ingest.camera = required_path(section, "camera");
   ingest.camera_id = section.text("camera_id").value_or("");
   ingest.telemetry = optional_path(section, "telemetry");

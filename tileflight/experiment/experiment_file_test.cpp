@@ -47,6 +47,24 @@ TEST_F(ExperimentFile, TheLogsOffsetIsGivenFoundOrLeftToTheAlignment) {
   EXPECT_THAT(fault("", ", telemetry: log.srt, telemetry_offset: automatic"), HasSubstr("must be a number"));
 }
 
+TEST_F(ExperimentFile, AFilmedRigHasAVideoForEachCamera) {
+  base::write_file(
+      folder_ / "rig.yaml",
+      "place: {source: tileset.json}\nsimulated:\n  ingest: {video: {left: film.mp4, right: r/images}, camera: "
+      "camera.yaml, sync_tolerance: 0.004}\n");
+  const survey::IngestedFlightConfig rig = *read_experiment(folder_ / "rig.yaml").simulated->ingest;
+  ASSERT_EQ(rig.videos.size(), 2U);
+  EXPECT_EQ(rig.videos[0].camera, "left");
+  EXPECT_EQ(rig.videos[1].video, folder_ / "r/images");
+  EXPECT_TRUE(rig.video.empty());
+  EXPECT_EQ(rig.sync_tolerance_s, 0.004);
+  EXPECT_TRUE(ingest("").videos.empty());
+  EXPECT_THAT(fault("", ", sync_tolerance: 0"), HasSubstr("sync_tolerance"));
+  base::write_file(folder_ / "rig.yaml",
+                   "place: {source: tileset.json}\nsimulated: {ingest: {video: {}, camera: c.yaml}}\n");
+  EXPECT_THAT(tests::refusal_of([&] { read_experiment(folder_ / "rig.yaml"); }), HasSubstr("names no camera"));
+}
+
 TEST_F(ExperimentFile, MemoryIsNoChangeOfAFlightAndAPixelErrorIs) {
   const Experiment plain = read("", ""), limited = read(", memory: 1.5", ""), other = read(", memory: 2", ""),
                    seen = read(", pixel_error: 2, memory: 2", "");

@@ -268,7 +268,11 @@ json Pipeline::dataset_inputs(const FlightStages& f) const {
     for (const fs::path& file : {ingest.video, ingest.telemetry, ingest.groundtruth}) {
       inputs["files"].push_back(file.empty() ? json() : json(cache_.content_hash(file)));
     }
+    for (const survey::CameraVideo& one : ingest.videos) inputs["files"].push_back(cache_.content_hash(one.video));
     inputs["camera"] = FileHashCache::hash_yaml_content(ingest.camera);
+    if (ingest.videos.empty()) return inputs;
+    for (const fs::path& file : vehicle::referenced_files(ingest.camera))
+      inputs["rig"].push_back(FileHashCache::hash_yaml_content(file));
   }
   return inputs;
 }

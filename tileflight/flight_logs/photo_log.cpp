@@ -117,6 +117,7 @@ PhotoLog read_photo_log(const fs::path& folder) {
         std::to_string(turned) +
         " photos have a rotation flag, which is ignored: they are used as stored, like the images of a calibration");
   }
+  log.start_utc_s = photos.front().time_s;
   for (const Photo& photo : photos)
     log.times[photo.name] = {photo.time_s - photos.front().time_s, 1e3 * photo.tags.exposure_s.value_or(0.0)};
   log.telemetry = telemetry_of(photos);

@@ -17,6 +17,7 @@ struct PhotoTime {
 
 /// Times and positions read from the tags of a flight's photos (photo_tags.h).
 struct PhotoLog {
+  double start_utc_s = 0.0;                ///< of the first photo with a time, since 1970, by the camera's clock
   std::map<std::string, PhotoTime> times;  ///< by file name; all photos with a capture time
   Telemetry telemetry;                     ///< photos that also have a position; may have no fixes
   std::size_t photos = 0;                  ///< JPEG files in the folder

@@ -43,7 +43,8 @@ struct ChainCamera {
 
 /// Reads all cameras of a Kalibr camchain: cam0, cam1, and so on, each as read_kalibr_camera. Throws InputError (file,
 /// camera, key, cause): a camera of which neither T_cn_cnm1 nor T_cam_imu says where it is, both with different
-/// statements, a time shift of more than a second, a number left out.
+/// statements, one more than 10 m away from the one before or the IMU (millimetres), a time shift of more than a
+/// second, a number left out.
 std::vector<ChainCamera> read_camchain(const std::filesystem::path& file);
 
 /// Writes a camchain for Kalibr's users, with T_cn_cnm1 and T_cam_imu of each, which read_camchain reads again.

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "tileflight/base/files.h"
+#include "tileflight/base/number_text.h"
 #include "tileflight/imaging/calibration_checks.h"
 
 namespace tileflight::imaging {
@@ -49,9 +50,14 @@ geometry::SE3 checked_rigid_motion(std::span<const double> rows, const std::stri
   const geometry::Mat4 m = Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(rows.data());
   const geometry::Mat3 rotation = m.topLeftCorner<3, 3>();
   constexpr double kRounding = 1e-3;  // files contain few digits
-  const bool rigid = m.allFinite() && (rotation.transpose() * rotation).isIdentity(kRounding) &&
-                     rotation.determinant() > 0 && m.row(3).isApprox(Eigen::RowVector4d(0, 0, 0, 1), kRounding);
-  if (!rigid) throw InputError(file, "\"" + key + "\" is not a rigid motion (rotation and translation)");
+  const std::string not_rigid = "\"" + key + "\" is not a rigid motion (rotation and translation)";
+  if (!m.allFinite() || !m.row(3).isApprox(Eigen::RowVector4d(0, 0, 0, 1), kRounding))
+    throw InputError(file, not_rigid);
+  const geometry::Mat3 product = rotation.transpose() * rotation;
+  if (!product.isIdentity(kRounding))
+    throw InputError(file, not_rigid + ": its 3x3 part is not orthonormal, but off by " +
+                               base::rounded_text((product - geometry::Mat3::Identity()).cwiseAbs().maxCoeff(), 3));
+  if (rotation.determinant() < 0) throw InputError(file, not_rigid + ": its 3x3 part is a reflection");
   return {rotation, m.topRightCorner<3, 1>()};
 }
 

@@ -99,7 +99,15 @@ TEST(Camchain, WhatIsWrongIsSaidWithTheCamera) {
   };
   const std::string chain = "T_cn_cnm1: [[0, 1, 0, 0], [-1, 0, 0, -0.1], [0, 0, 1, 0], [0, 0, 0, 1]]";
   EXPECT_THAT(refusal(chain, "T_cn_cnm1: [[0, 2, 0, 0], [-1, 0, 0, -0.1], [0, 0, 1, 0], [0, 0, 0, 1]]"),
-              HasSubstr("cam1: \"T_cn_cnm1\" is not a rigid motion"));
+              HasSubstr("cam1: \"T_cn_cnm1\" is not a rigid motion (rotation and translation): its 3x3 part is not "
+                        "orthonormal, but off by 3.000"));
+  EXPECT_THAT(refusal(chain, "T_cn_cnm1: [[0, 1, 0, 0], [1, 0, 0, -0.1], [0, 0, 1, 0], [0, 0, 0, 1]]"),
+              HasSubstr("is a reflection"));
+  EXPECT_THAT(refusal(chain, "T_cn_cnm1: [[0, 1, 0, 0], [-1, 0, 0, -110], [0, 0, 1, 0], [0, 0, 0, 1]]"),
+              HasSubstr("cam1: \"T_cn_cnm1\" puts the camera 110.0 m from the one before, too far for one body: "
+                        "translations are in metres, not millimetres"));
+  EXPECT_THAT(refusal("[0, 1, 0, 1]", "[0, 1, 0, 35]"), HasSubstr("camchain.yaml: cam0: \"T_cam_imu\" puts the camera "
+                                                                  "35.0 m from the IMU"));
   EXPECT_THAT(refusal(chain, "rostopic: /cam1"), HasSubstr("cam1: neither \"T_cn_cnm1\" nor \"T_cam_imu\""));
   EXPECT_THAT(refusal(chain, chain + "\n  T_cam_imu: [[1, 0, 0, 3], [0, 1, 0, 1], [0, 0, 1, 0], [0, 0, 0, 1]]"),
               HasSubstr("put the camera at different places"));

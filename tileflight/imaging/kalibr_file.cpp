@@ -6,6 +6,7 @@
 
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/number_text.h"
 #include "tileflight/base/text_fields.h"
 #include "tileflight/imaging/calibration_checks.h"
 #include "tileflight/imaging/calibration_files.h"
@@ -170,6 +171,25 @@ void require_agreement(const geometry::SE3& by_chain, const geometry::SE3& by_im
     throw InputError(file, "\"T_cn_cnm1\" and \"T_cam_imu\" put the camera at different places: keep the right one");
 }
 
+/// Translations in millimetres are the usual mistake of files put together by hand.
+void require_on_one_body(const geometry::SE3& T, const std::string& key, const std::string& other,
+                         const std::string& file) {
+  constexpr double kFarthest_m = 10.0;
+  const double distance_m = T.translation.norm();
+  if (distance_m <= kFarthest_m) return;
+  throw InputError(file, "\"" + key + "\" puts the camera " + base::rounded_text(distance_m, 1) + " m from " + other +
+                             ", too far for one body: translations are in metres, not millimetres");
+}
+
+/// What a camchain of others says of a camera; `is_first`: T_cn_cnm1 means nothing there.
+void require_probable(const YAML::Node& camera, bool is_first, const std::string& file) {
+  if (camera["T_body_cam"]) return;  // written here: a flight may have whatever rig it asks for
+  if (!is_first && camera["T_cn_cnm1"])
+    require_on_one_body(read_transform(camera["T_cn_cnm1"], "T_cn_cnm1", file), "T_cn_cnm1", "the one before", file);
+  if (camera["T_cam_imu"])
+    require_on_one_body(read_transform(camera["T_cam_imu"], "T_cam_imu", file), "T_cam_imu", "the IMU", file);
+}
+
 /// Pose of a camera in the frame of the one before it. `T_cam_imu`: of both.
 geometry::SE3 pose_in_chain(const YAML::Node& camera, const YAML::Node& before, const geometry::SE3& T_cam_imu,
                             const geometry::SE3& T_before_imu, const std::string& file) {
@@ -214,6 +234,7 @@ std::vector<ChainCamera> read_camchain(const std::filesystem::path& file) {
     const std::string where = file.string() + ": " + id;
     ChainCamera next{id, {}, read_kalibr_camera(file, id), {}, 0.0};
     const YAML::Node camera = root[id];
+    require_probable(camera, cameras.empty(), where);
     if (!cameras.empty())
       T_first_cam = T_first_cam * pose_in_chain(camera, before, next.calibration.T_cam_imu,
                                                 cameras.back().calibration.T_cam_imu, where);

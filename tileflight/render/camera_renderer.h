@@ -35,6 +35,7 @@ struct RenderOptions {
   std::shared_ptr<const Daylight> daylight{};
   /// Null, or clear: none. What falls is not drawn here (streaks.h), but for the light that it takes and gives.
   std::shared_ptr<const WeatherOptions> weather{};
+  double weather_offset_s = 0.0;  ///< time on the weather's clock = a frame's + this
 };
 
 /// What the pixels' central rays see, for checks of a flight.

@@ -284,7 +284,7 @@ ShutterPoses FrameRenderer::poses_of(std::size_t index, double gain) const {
 StreakShutter FrameRenderer::streak_shutter(std::size_t index) const {
   const double open_s = formation_.exposure_time_s > 0.0 ? formation_.exposure_time_s * gain_of(index)
                                                          : render_options_.weather->streak_exposure_s;
-  return {pose_at_, frames_.poses[index].time_s, open_s, formation_.line_delay_s};
+  return {pose_at_, frames_.poses[index].time_s, open_s, formation_.line_delay_s, render_options_.weather_offset_s};
 }
 
 /// At the middle of the exposure: one moment; empty beyond the last frame.

@@ -297,7 +297,7 @@ std::vector<Streak> StreakRenderer::streaks(const imaging::Camera& camera, const
     for (const ParticleClass& one : kind.classes) {
       view.reach_m = nearer * reach_of(one);
       view.margin_m = rows.reach_m(one.velocity_m_s().norm());
-      const std::vector<Particle> particles = seen_particles(one, view, shutter.time_s);
+      const std::vector<Particle> particles = seen_particles(one, view, shutter.time_s + shutter.weather_offset_s);
       std::vector<std::optional<Streak>> found(particles.size());
       tbb::parallel_for(std::size_t{0}, particles.size(), [&](std::size_t i) {
         found[i] = streak_of(camera, rows, particles[i], one.velocity_m_s(), shutter.time_s);

@@ -19,6 +19,7 @@ struct StreakShutter {
   double time_s = 0.0;
   double open_s = 0.01;
   double line_delay_s = 0.0;
+  double weather_offset_s = 0.0;  ///< time on the weather's clock = time_s + this
 };
 
 /// Image of a particle that moved while the shutter was open: a rectangle from where it was to where it went.

@@ -162,6 +162,21 @@ TEST(Streaks, OfARollingShutterAreWhereTheRowsSeeThem) {
   EXPECT_GT(compared, 10);
 }
 
+TEST(Streaks, OfACameraWithAnotherClockAreThoseOfTheTrueInstant) {
+  const StreakRenderer renderer({.weather = shared({.rain_mm_per_h = 5.0})}, 0.0);
+  const SE3 T = looking_along({0, 0, 0}, {0, 1, 0});
+  const auto expected = renderer.streaks(kCamera, still(T, 7.5, 0.001));
+  StreakShutter late = still(T, 7.25, 0.001);
+  late.weather_offset_s = 0.25;
+  const auto found = renderer.streaks(kCamera, late);
+  ASSERT_EQ(found.size(), expected.size());
+  ASSERT_GT(found.size(), 100U);
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    EXPECT_LT((found[i].from_px - expected[i].from_px).norm(), 1e-6);
+    EXPECT_LT((found[i].to_px - expected[i].to_px).norm(), 1e-6);
+  }
+}
+
 TEST(Streaks, OfTwoCamerasAreTheSameDrops) {
   // A stereo pair: each drop of the left picture, moved by its disparity, is one of the right.
   const StreakRenderer renderer({.weather = shared({.rain_mm_per_h = 5.0})}, 0.0);

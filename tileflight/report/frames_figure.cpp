@@ -1,3 +1,6 @@
+#include <algorithm>
+#include <cmath>
+
 #include "tileflight/report/figures.h"
 #include "tileflight/report/frame_pairs.h"
 #include "tileflight/report/number_format.h"
@@ -22,14 +25,48 @@ std::string pair_note(const FramePair& pair) {
   return "Cameras " + format_fixed(pair.distance_m, 1) + " m and " + format_fixed(pair.angle_deg, 0) + "\u00B0 apart.";
 }
 
-Html pairs_of(const FlightRun& first, const FlightRun& second) {
+Html pairs_of(const FlightRun& first, const FlightRun& second, const std::vector<FramePair>& pairs) {
   Html rows;
-  for (const FramePair& pair : frame_pairs(first, second, kPairs)) {
+  for (const FramePair& pair : pairs) {
     rows += element("div", {{"class", "pair"}},
                     frame_cell(first, pair.first) + frame_cell(second, pair.second) +
                         element("p", {{"class", "note"}}, text(pair_note(pair))));
   }
   return rows;
+}
+
+const FrameFile& nearest(const std::vector<FrameFile>& frames, double time_s) {
+  return *std::ranges::min_element(frames, {},
+                                   [time_s](const FrameFile& frame) { return std::abs(frame.time_s - time_s); });
+}
+
+/// What the other cameras of a rig took when `shown` were taken, each camera to be unfolded.
+Html other_cameras_of(const FlightRun& flight, const std::vector<FrameFile>& shown) {
+  constexpr std::size_t kMostCameras = 8;
+  Html all;
+  const std::size_t count = std::min(kMostCameras, flight.other_cameras.size());
+  for (std::size_t c = 0; c < count; ++c) {
+    const CameraFrames& camera = flight.other_cameras[c];
+    FlightRun of_camera;
+    of_camera.key = flight.key;
+    of_camera.label = flight.label + " flight, camera " + camera.name;
+    Html cells;
+    for (const FrameFile& frame : shown) cells += frame_cell(of_camera, nearest(camera.frames, frame.time_s));
+    all += element("details", {{"class", "camera"}},
+                   element("summary", text(of_camera.label)) + element("div", {{"class", "pair"}}, cells));
+  }
+  return all;
+}
+
+/// " Camera left; …" of a rig's flights.
+std::string camera_note(const std::vector<const FlightRun*>& flights) {
+  std::string note;
+  for (const FlightRun* flight : flights) {
+    if (flight->other_cameras.empty()) continue;
+    note += " Those of the " + flight->label + " flight are camera " + flight->camera +
+            "'s; unfold another camera for its images of the same moments.";
+  }
+  return note;
 }
 
 }  // namespace
@@ -41,13 +78,22 @@ Figure frames_figure(const RunFolder& run) {
   }
   if (flights.empty()) return {};
   if (flights.size() == 2) {
-    return {"frames", "frames", pairs_of(*flights[0], *flights[1]),
-            "Images of both flights with the most similar views."};
+    const std::vector<FramePair> pairs = frame_pairs(*flights[0], *flights[1], kPairs);
+    std::vector<FrameFile> first, second;
+    for (const FramePair& pair : pairs) {
+      first.push_back(pair.first);
+      second.push_back(pair.second);
+    }
+    return {"frames", "frames",
+            pairs_of(*flights[0], *flights[1], pairs) + other_cameras_of(*flights[0], first) +
+                other_cameras_of(*flights[1], second),
+            "Images of both flights with the most similar views." + camera_note(flights)};
   }
+  const std::vector<FrameFile> shown = pick_evenly(flights[0]->frames, 2 * kPairs);
   Html cells;
-  for (const FrameFile& frame : pick_evenly(flights[0]->frames, 2 * kPairs)) cells += frame_cell(*flights[0], frame);
-  return {"frames", "frames", element("div", {{"class", "pair"}}, cells),
-          "Images of the " + flights[0]->label + " flight."};
+  for (const FrameFile& frame : shown) cells += frame_cell(*flights[0], frame);
+  return {"frames", "frames", element("div", {{"class", "pair"}}, cells) + other_cameras_of(*flights[0], shown),
+          "Images of the " + flights[0]->label + " flight." + camera_note(flights)};
 }
 
 }  // namespace tileflight::report

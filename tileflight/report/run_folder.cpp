@@ -10,6 +10,7 @@
 #include "tileflight/geometry/cloud_files.h"
 #include "tileflight/geometry/geodesy.h"
 #include "tileflight/ground_truth/truth_folder.h"
+#include "tileflight/imaging/calibration_files.h"
 #include "tileflight/report/key_figures.h"
 #include "tileflight/report/number_format.h"
 
@@ -41,6 +42,27 @@ std::vector<FrameFile> read_frames(const fs::path& dataset) {
     }
   }
   return frames;
+}
+
+/// A camera's folder as camchain.yaml names it; nothing outside of the dataset.
+bool is_within(const fs::path& folder) {
+  const fs::path inside = folder.lexically_normal();
+  return !inside.empty() && !inside.is_absolute() && *inside.begin() != "..";
+}
+
+/// The further cameras of a rig's dataset; those without images are left out.
+void read_other_cameras(const fs::path& dataset, FlightRun& flight) {
+  if (!fs::exists(dataset / "camchain.yaml")) return;
+  const std::vector<imaging::ChainCamera> chain = imaging::read_camchain(dataset / "camchain.yaml");
+  if (chain.size() < 2) return;
+  flight.camera = chain.front().name;
+  for (std::size_t i = 1; i < chain.size(); ++i) {
+    if (!is_within(chain[i].folder)) continue;
+    CameraFrames camera{chain[i].name, read_frames(dataset / chain[i].folder)};
+    for (FrameFile& frame : camera.frames)
+      frame.time_s += chain[i].timeshift_cam_imu_s - chain.front().timeshift_cam_imu_s;
+    if (!camera.frames.empty()) flight.other_cameras.push_back(std::move(camera));
+  }
 }
 
 geometry::Sim3 read_transform(const fs::path& file) {
@@ -130,6 +152,7 @@ FlightRun read_flight(const fs::path& folder, const std::string& key, const json
   const fs::path dataset = folder / key / "dataset";
   flight.frames = read_frames(dataset);
   if (flight.frames.empty()) missing.push_back(key + "/dataset contains no images");
+  read_other_cameras(dataset, flight);
   if (fs::exists(dataset / "groundtruth.txt")) flight.truth = geometry::read_tum(dataset / "groundtruth.txt");
   const std::optional<geometry::LocalFrame> frame = local_frame(results);
   if (frame && fs::exists(dataset / "gps.csv")) flight.telemetry = read_telemetry(dataset / "gps.csv", *frame);

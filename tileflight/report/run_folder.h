@@ -17,12 +17,20 @@ struct FrameFile {
   double time_s = 0.0;
 };
 
+/// The images of a rig's camera.
+struct CameraFrames {
+  std::string name;
+  std::vector<FrameFile> frames;  ///< times on the clock of the rig's first camera
+};
+
 /// The data of one flight in a run folder, in the local frame.
 struct FlightRun {
-  std::string key;        ///< "simulated" or "real"
-  std::string label;      ///< "Simulated", "Surrogate", …
-  nlohmann::json values;  ///< the flight's part of results.json
-  std::vector<FrameFile> frames;
+  std::string key;                               ///< "simulated" or "real"
+  std::string label;                             ///< "Simulated", "Surrogate", …
+  nlohmann::json values;                         ///< the flight's part of results.json
+  std::vector<FrameFile> frames;                 ///< of the only camera, or of a rig's first
+  std::string camera;                            ///< its name; empty: the only one
+  std::vector<CameraFrames> other_cameras;       ///< of a rig, in its order
   std::optional<geometry::Trajectory> estimate;  ///< odometry's poses, aligned
   std::optional<geometry::Trajectory> truth;     ///< true poses
   std::vector<geometry::Vec3> telemetry;         ///< positions from gps.csv

@@ -146,6 +146,8 @@ body:has(#show-real:not(:checked)) .maps .layer.real { display: none; }
 .pair { display: grid; grid-template-columns: repeat(2, minmax(0, 1fr)); gap: .4rem 1rem; margin-bottom: 1rem; }
 .frame img { display: block; width: 100%; height: auto; border-bottom: 3px solid var(--simulated); }
 .frame.real img { border-color: var(--real); }
+.camera { margin-bottom: 1rem; }
+.camera summary { cursor: pointer; margin-bottom: .4rem; }
 .frame p, .note { margin: .25rem 0 0; font-size: .88rem; color: var(--quiet); }
 .note { grid-column: 1 / -1; }
 .note:empty { display: none; }

@@ -198,20 +198,32 @@ std::vector<std::string> jpegs_within(const std::vector<imaging::RgbImage>& pict
   return jpegs;
 }
 
-json frames_layer(DataBlocks& blocks, const FlightRun& flight, double start_s, const ViewBudget& budget) {
+/// The images of one of `cameras`, which share the budget.
+json frames_layer(DataBlocks& blocks, const std::vector<FrameFile>& all, double start_s, const ViewBudget& budget,
+                  std::size_t cameras) {
+  const std::size_t most_bytes = budget.max_frame_bytes / cameras;
   std::vector<FrameFile> files;
-  for (const std::size_t i : choose_evenly(flight.frames.size(), budget.max_frames)) files.push_back(flight.frames[i]);
-  const std::vector<std::string> jpegs =
-      jpegs_within(small_pictures(files, budget.frame_width_px), budget.max_frame_bytes);
+  for (const std::size_t i : choose_evenly(all.size(), (budget.max_frames + cameras - 1) / cameras))
+    files.push_back(all[i]);
+  const std::vector<std::string> jpegs = jpegs_within(small_pictures(files, budget.frame_width_px), most_bytes);
   json frames = json::array();
   std::size_t bytes = 0;
-  for (std::size_t i = 0; i < jpegs.size() && bytes + jpegs[i].size() <= budget.max_frame_bytes; ++i) {
+  for (std::size_t i = 0; i < jpegs.size() && bytes + jpegs[i].size() <= most_bytes; ++i) {
     json frame = blocks.add_bytes(jpegs[i]);
     frame["time_s"] = files[i].time_s - start_s;
     frames.push_back(frame);
     bytes += jpegs[i].size();
   }
   return frames;
+}
+
+json other_camera_layers(DataBlocks& blocks, const FlightRun& flight, double start_s, const ViewBudget& budget) {
+  json cameras = json::array();
+  for (const CameraFrames& camera : flight.other_cameras)
+    cameras.push_back(
+        {{"name", camera.name},
+         {"frames", frames_layer(blocks, camera.frames, start_s, budget, 1 + flight.other_cameras.size())}});
+  return cameras;
 }
 
 /// The earliest time in all of a flight's data.
@@ -244,7 +256,9 @@ json flight_layers(DataBlocks& blocks, const FlightRun& flight, double start_s, 
           {"truth", path_layer(blocks, flight.truth, start_s, budget)},
           {"half_width", half_width},
           {"half_height", half_height},
-          {"frames", frames_layer(blocks, flight, start_s, budget)},
+          {"frames", frames_layer(blocks, flight.frames, start_s, budget, 1 + flight.other_cameras.size())},
+          {"camera", flight.camera},
+          {"other_cameras", other_camera_layers(blocks, flight, start_s, budget)},
           {"pictures", flight.frames.size()}};
 }
 

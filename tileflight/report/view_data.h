@@ -15,7 +15,7 @@ struct ViewBudget {
   std::size_t max_cells = 150'000;            ///< beyond it, cells are merged into cells twice as wide until they fit
   std::size_t max_map_points = 100'000;       ///< per flight's map; beyond it, points are evenly subsampled
   std::size_t max_poses = 1500;               ///< per path; beyond it, poses are evenly subsampled
-  std::size_t max_frames = 60;                ///< images per flight
+  std::size_t max_frames = 60;                ///< images per flight, of all cameras of a rig together
   int frame_width_px = 400;
   std::size_t max_frame_bytes = 1'000'000;  ///< for all images of a flight together
 };

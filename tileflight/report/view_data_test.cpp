@@ -1,17 +1,18 @@
 #include "tileflight/report/view_data.h"
 
 #include <gmock/gmock.h>
-#include <nlohmann/json.hpp>
 #include <zlib.h>
 
 #include <cmath>
 #include <cstring>
+#include <nlohmann/json.hpp>
 #include <span>
 
 #include "tests/temporary_folder.h"
 #include "tests/web/synthetic_run.h"
 #include "tileflight/base/files.h"
 #include "tileflight/imaging/image_files.h"
+#include "tileflight/report/figures.h"
 #include "tileflight/report/page_script.h"
 #include "tileflight/report/view_section.h"
 
@@ -158,6 +159,38 @@ TEST_F(ViewDataTest, BudgetsHold) {
     EXPECT_EQ(flight["truth"]["bytes"], 20 * 8 * 4);
     EXPECT_EQ(flight["frames"].size(), 4U);
   }
+}
+
+TEST_F(ViewDataTest, ARigsCamerasShareTheBudgetAndAreOnOneClock) {
+  tests::SyntheticRun(folder_ / "rig", {.map_points = 300, .rig = true}).write();
+  const RunFolder run = read_run_folder(folder_ / "rig");
+  const FlightRun& rig = run.flights[0];
+  EXPECT_EQ(rig.camera, "left");
+  ASSERT_EQ(rig.other_cameras.size(), 2U);
+  EXPECT_EQ(rig.other_cameras[0].name, "right");
+  EXPECT_EQ(rig.other_cameras[0].frames.size(), rig.frames.size());
+  EXPECT_EQ(rig.other_cameras[1].frames.size(), 11U);
+  for (std::size_t i = 0; i < rig.frames.size(); ++i)
+    EXPECT_NEAR(rig.other_cameras[0].frames[i].time_s, rig.frames[i].time_s, 1e-9) << "its shift is known";
+  EXPECT_TRUE(run.flights[1].other_cameras.empty());
+  ViewBudget budget = small();
+  budget.max_frames = 12;
+  const Unpacked view(view_data(run, budget));
+  const json& flight = view.header["flights"][0];
+  EXPECT_EQ(flight["camera"], "left");
+  EXPECT_EQ(flight["frames"].size(), 4U);
+  EXPECT_EQ(view.header["flights"][1]["frames"].size(), 12U);
+  for (std::size_t c = 0; c < 2; ++c) {
+    const json& frames = flight["other_cameras"][c]["frames"];
+    ASSERT_EQ(frames.size(), 4U);
+    EXPECT_EQ(frames[0]["time_s"].get<double>() + flight["start_s"].get<double>(),
+              rig.other_cameras[c].frames[0].time_s);
+    EXPECT_EQ(imaging::decode_rgb(view.numbers<std::byte>(frames[3]), "frame").width, 64);
+  }
+  const std::string html = frames_figure(run).content.str();
+  EXPECT_THAT(html, HasSubstr("<summary>Simulated flight, camera right</summary>"));
+  EXPECT_THAT(html, HasSubstr("<summary>Simulated flight, camera down</summary>"));
+  EXPECT_THAT(frames_figure(read_run_folder(run_)).content.str(), Not(HasSubstr("<summary>")));
 }
 
 TEST_F(ViewDataTest, PointsFarBesideThePlaceDoNotCoarsenTheOthers) {

@@ -36,12 +36,13 @@ double rate_value(const foxglove::Parameter& wanted) {
 
 }  // namespace
 
-DatasetPlayer::DatasetPlayer(const dataset::Dataset& dataset, const PlayOptions& options)
-    : dataset_(dataset),
-      listed_(dataset::list_messages(dataset, {.depth = true, .odometry = true, .static_transforms = true})),
+DatasetPlayer::DatasetPlayer(const dataset::Rig& rig, const PlayOptions& options)
+    : dataset_(rig.cameras.front().dataset),
+      listed_(dataset::list_messages(
+          rig, {.depth = true, .odometry = true, .static_transforms = true, .cameras = options.cameras})),
       clock_(options.rate, options.is_paused),
       loop_(options.loop) {
-  if (listed_.messages.empty()) throw InputError(dataset.folder.string(), "holds nothing to play");
+  if (listed_.messages.empty()) throw InputError(dataset_.folder.string(), "holds nothing to play");
 }
 
 foxglove::ParameterAccess DatasetPlayer::parameters() {

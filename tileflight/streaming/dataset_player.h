@@ -5,6 +5,7 @@
 #include <mutex>
 #include <optional>
 #include <stop_token>
+#include <string>
 #include <vector>
 
 #include "tileflight/dataset/dataset_messages.h"
@@ -19,16 +20,18 @@ struct PlayOptions {
   double rate = 1.0;       ///< recorded seconds per second, above zero and at most kMaxPlayRate
   bool loop = false;       ///< begin again at the end
   bool is_paused = false;  ///< wait for a viewer to set the parameter `paused` to false
+  /// Of a rig: MessageSelection::cameras.
+  std::vector<std::string> cameras{};
 };
 inline constexpr double kMaxPlayRate = 1000.0;
 
-/// Plays a dataset to viewers and nodes: the messages of list_messages() with depth, odometry and /tf_static, /clock,
-/// the whole true path as /path and the place as /place (both sent once to each viewer), at the dataset's times. Only
-/// what a viewer has subscribed to is read.
+/// Plays a dataset, of one camera or a rig, to viewers and nodes: the messages of list_messages() with depth, odometry
+/// and /tf_static, /clock, the whole true path (of a rig: the first camera's) as /path and the place as /place (both
+/// sent once to each viewer), at the dataset's times. Only what a viewer has subscribed to is read.
 class DatasetPlayer {
  public:
-  /// `dataset` must outlive the player. Throws InputError: files that cannot be read, no messages.
-  DatasetPlayer(const dataset::Dataset& dataset, const PlayOptions& options);
+  /// `rig` must outlive the player. Throws InputError: files that cannot be read, no messages.
+  DatasetPlayer(const dataset::Rig& rig, const PlayOptions& options);
 
   /// The parameters `rate`, `paused` and `loop`, which viewers may set.
   foxglove::ParameterAccess parameters();
@@ -50,7 +53,7 @@ class DatasetPlayer {
   bool wait_until_due(std::int64_t time_ns, const std::stop_token& stop);
   std::uint64_t play_once(MessageSink& sink, const std::stop_token& stop);
 
-  const dataset::Dataset& dataset_;
+  const dataset::Dataset& dataset_;  ///< the first camera's
   dataset::DatasetMessages listed_;
   std::vector<MessageSink::ChannelId> channels_;  ///< of each topic
   MessageSink::ChannelId clock_channel_ = 0;

@@ -34,7 +34,7 @@ class DatasetPlayerTest : public testing::Test {
     }
     writer.set_groundtruth(truth);
     writer.finish();
-    dataset_ = dataset::read_dataset(folder_ / "flight");
+    rig_ = dataset::read_rig(folder_ / "flight");
   }
 
   /// Subscribes to a topic, and returns what was advertised of it.
@@ -54,11 +54,11 @@ class DatasetPlayerTest : public testing::Test {
   }
 
   tests::TemporaryFolder folder_;
-  dataset::Dataset dataset_;
+  dataset::Rig rig_;
 };
 
 TEST_F(DatasetPlayerTest, PlaysAfterTheFirstSubscriptionUntilTheEnd) {
-  DatasetPlayer player(dataset_, {.rate = 100.0});
+  DatasetPlayer player(rig_, {.rate = 100.0});
   foxglove::Server server({}, player.parameters());
   FoxgloveSink sink(server);
   player.open(sink, std::nullopt);
@@ -76,7 +76,7 @@ TEST_F(DatasetPlayerTest, PlaysAfterTheFirstSubscriptionUntilTheEnd) {
 }
 
 TEST_F(DatasetPlayerTest, AViewerStartsItChangesItsRateAndSeesBoth) {
-  DatasetPlayer player(dataset_, {.rate = 100.0, .is_paused = true});
+  DatasetPlayer player(rig_, {.rate = 100.0, .is_paused = true});
   foxglove::Server server({}, player.parameters());
   FoxgloveSink sink(server);
   player.open(sink, PlaceGlb{"glTF", {}});
@@ -101,7 +101,7 @@ TEST_F(DatasetPlayerTest, AViewerStartsItChangesItsRateAndSeesBoth) {
 }
 
 TEST_F(DatasetPlayerTest, ALoopBeginsAgainUntilItIsStopped) {
-  DatasetPlayer player(dataset_, {.rate = 10.0, .loop = true});
+  DatasetPlayer player(rig_, {.rate = 10.0, .loop = true});
   foxglove::Server server({}, player.parameters());
   FoxgloveSink sink(server);
   player.open(sink, std::nullopt);
@@ -115,7 +115,7 @@ TEST_F(DatasetPlayerTest, ALoopBeginsAgainUntilItIsStopped) {
 }
 
 TEST_F(DatasetPlayerTest, AStopEndsAWaitAndAPause) {
-  DatasetPlayer player(dataset_, {.is_paused = true});
+  DatasetPlayer player(rig_, {.is_paused = true});
   foxglove::Server server({}, player.parameters());
   FoxgloveSink sink(server);
   player.open(sink, std::nullopt);
@@ -131,14 +131,33 @@ TEST_F(DatasetPlayerTest, AStopEndsAWaitAndAPause) {
   EXPECT_EQ(sent, 0U);
 }
 
+TEST_F(DatasetPlayerTest, ARigHasTopicsOfEachCameraOrOfThoseChosen) {
+  dataset::Rig rig;
+  const geometry::SE3 beside(Eigen::Quaterniond::Identity(), {0.25, 0, 0});
+  for (const auto& [name, mount] : {std::pair("left", geometry::SE3()), std::pair("right", beside)})
+    rig.cameras.push_back({name, mount, 0.0, rig_.cameras[0].dataset});
+  const auto topics_of = [&](std::vector<std::string> cameras) {
+    DatasetPlayer player(rig, {.rate = 100.0, .cameras = std::move(cameras)});
+    foxglove::Server server({}, player.parameters());
+    FoxgloveSink sink(server);
+    player.open(sink, std::nullopt);
+    return player.topics();
+  };
+  EXPECT_THAT(topics_of({}),
+              testing::UnorderedElementsAre("/left/image/compressed", "/left/camera_info", "/right/image/compressed",
+                                            "/right/camera_info", "/tf", "/tf_static", "/clock", "/odometry", "/path"));
+  EXPECT_THAT(topics_of({"right"}), testing::UnorderedElementsAre("/right/image/compressed", "/right/camera_info",
+                                                                  "/tf", "/tf_static", "/clock", "/odometry", "/path"));
+}
+
 TEST_F(DatasetPlayerTest, AFileThatVanishesIsAnInputError) {
-  DatasetPlayer player(dataset_, {.rate = 100.0});
+  DatasetPlayer player(rig_, {.rate = 100.0});
   foxglove::Server server({}, player.parameters());
   FoxgloveSink sink(server);
   player.open(sink, std::nullopt);
   TestWebSocket viewer(server.port());
   subscribe(viewer, "/camera/image/compressed");
-  std::filesystem::remove(dataset_.frames[1].image);
+  std::filesystem::remove(rig_.cameras[0].dataset.frames[1].image);
   EXPECT_THROW(player.play(sink, {}), InputError);
 }
 

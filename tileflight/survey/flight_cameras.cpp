@@ -1,11 +1,10 @@
 #include "tileflight/survey/flight_cameras.h"
 
-#include <algorithm>
-#include <cctype>
 #include <cmath>
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/strict_section.h"
+#include "tileflight/dataset/rig.h"
 #include "tileflight/flight/path.h"
 #include "tileflight/imaging/calibration_files.h"
 #include "tileflight/render/image_formation_section.h"
@@ -16,14 +15,6 @@ namespace {
 using base::StrictSection;
 using geometry::SE3;
 using geometry::Vec3;
-
-constexpr std::size_t kLongestName = 64;
-
-/// A name becomes that of a folder and of a topic.
-bool is_plain_name(const std::string& name) {
-  const auto is_plain = [](unsigned char c) { return std::isalnum(c) != 0 || c == '-' || c == '_'; };
-  return !name.empty() && name.size() <= kLongestName && std::ranges::all_of(name, is_plain);
-}
 
 /// Kalibr's convention: 16 numbers, row by row.
 std::optional<SE3> read_mount_matrix(StrictSection& camera) {
@@ -76,8 +67,8 @@ MountedCamera read_camera(StrictSection camera, const std::optional<render::Imag
   constexpr double kLargestOffset_s = 10.0;
   MountedCamera mounted;
   mounted.name = camera.text("name").value_or("");
-  if (!is_plain_name(mounted.name))
-    throw camera.error("name", "is required, of up to 64 letters, digits, '-' and '_': it names a folder");
+  if (mounted.name.empty()) throw camera.error("name", "is required: it is that of the camera's folder");
+  if (const auto fault = dataset::fault_of_camera_names({mounted.name})) throw camera.error("name", *fault);
   mounted.calibration = read_lens(camera);
   mounted.T_body_camera = read_mount(camera);
   mounted.fps = camera.positive_number("fps");
@@ -92,31 +83,24 @@ MountedCamera read_camera(StrictSection camera, const std::optional<render::Imag
 std::vector<MountedCamera> read_list(StrictSection& flight, const std::optional<render::ImageFormation>& degrade) {
   std::vector<MountedCamera> cameras;
   for (const StrictSection& camera : flight.sections("cameras")) cameras.push_back(read_camera(camera, degrade));
+  if (cameras.empty()) throw flight.error("cameras", "lists no camera; give at least one");
   return cameras;
 }
 
 std::vector<MountedCamera> read_chain(const std::filesystem::path& file) {
   std::vector<MountedCamera> cameras;
   for (imaging::ChainCamera& camera : imaging::read_camchain(file)) {
-    if (!is_plain_name(camera.name))
-      throw InputError(file.string(),
-                       "the name of a camera may have up to 64 letters, digits, '-' and '_': \"" + camera.name + "\"");
     cameras.push_back(
         {camera.name, std::move(camera.calibration), camera.T_body_cam, {}, 0.0, camera.timeshift_cam_imu_s, {}});
   }
   return cameras;
 }
 
-/// Names are those of folders, also where case does not count.
-void require_distinct_names(const StrictSection& flight, const std::vector<MountedCamera>& cameras) {
+/// Throws InputError (file, cause).
+void require_usable_names(const std::filesystem::path& file, const std::vector<MountedCamera>& cameras) {
   std::vector<std::string> names;
-  for (const MountedCamera& camera : cameras) {
-    names.push_back(camera.name);
-    std::ranges::transform(names.back(), names.back().begin(), [](unsigned char c) { return std::tolower(c); });
-  }
-  std::ranges::sort(names);
-  const auto twice = std::ranges::adjacent_find(names);
-  if (twice != names.end()) throw flight.error("cameras", "two cameras are called '" + *twice + "'");
+  for (const MountedCamera& camera : cameras) names.push_back(camera.name);
+  if (const auto fault = dataset::fault_of_camera_names(names)) throw InputError(file.string(), *fault);
 }
 
 /// One inertial unit: where the first camera's calibration says.
@@ -126,7 +110,23 @@ void place_imu(std::vector<MountedCamera>& cameras) {
     cameras[i].calibration.T_cam_imu = cameras[i].T_body_camera.inverse() * T_body_imu;
 }
 
+/// A rig's cameras, as `file` has them, checked and with the rig's one IMU.
+std::vector<MountedCamera> placed(const std::filesystem::path& file, std::vector<MountedCamera> cameras) {
+  require_usable_names(file, cameras);
+  place_imu(cameras);
+  return cameras;
+}
+
+std::vector<MountedCamera> read_rig_chain(const std::filesystem::path& file) { return placed(file, read_chain(file)); }
+
 }  // namespace
+
+std::vector<MountedCamera> read_rig_cameras(const std::filesystem::path& file) {
+  StrictSection root = StrictSection::load(file);
+  if (!root.has("cameras")) return read_rig_chain(file);
+  return root.is_list("cameras") ? placed(file, read_list(root, std::nullopt))
+                                 : read_rig_chain(root.path("cameras").value_or(""));
+}
 
 std::vector<MountedCamera> read_flight_cameras(const RenderedFlightConfig& flight) {
   StrictSection file = StrictSection::load(flight.flight);
@@ -135,11 +135,9 @@ std::vector<MountedCamera> read_flight_cameras(const RenderedFlightConfig& fligh
   if (is_list || file.path("cameras")) {
     if (!flight.camera.empty())
       throw file.error("cameras", "are a rig's; a calibration can replace that of a flight with one 'camera' only");
-    cameras = is_list ? read_list(file, flight.degrade) : read_chain(*file.path("cameras"));
-    require_distinct_names(file, cameras);
+    cameras = is_list ? placed(flight.flight, read_list(file, flight.degrade)) : read_rig_chain(*file.path("cameras"));
     if (file.has("events"))
       throw file.error("events", "of a rig stands in the entry of its camera; write 'cameras' as a list");
-    place_imu(cameras);
   } else {
     const auto camera = file.path("camera");
     cameras.resize(1);

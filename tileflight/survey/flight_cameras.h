@@ -33,4 +33,8 @@ struct MountedCamera {
 /// first one's. Throws InputError (file, line, key).
 std::vector<MountedCamera> read_flight_cameras(const RenderedFlightConfig& flight);
 
+/// The cameras of a rig that was flown: those of a Kalibr camchain, or of `cameras` of a FLIGHT file (whose other keys
+/// are left alone). Throws InputError (file, line, key).
+std::vector<MountedCamera> read_rig_cameras(const std::filesystem::path& file);
+
 }  // namespace tileflight::survey

@@ -166,13 +166,22 @@ TEST_F(FlightCameras, WhatIsWrongIsSaidInOneLine) {
   };
   EXPECT_THAT(refusal("cameras: []\n"), HasSubstr("'cameras' lists no camera; give at least one"));
   EXPECT_THAT(refusal("camera: camera.yaml\n" + entry("")), HasSubstr("'camera' are both given"));
-  EXPECT_THAT(refusal(entry("") + "  - {name: A, camera: camera.yaml}\n"), HasSubstr("two cameras are called 'a'"));
+  EXPECT_THAT(refusal(entry("") + "  - {name: A, camera: camera.yaml}\n"),
+              HasSubstr("flight.yaml: two cameras are called 'A'"));
   EXPECT_THAT(refusal("cameras: [{name: a}]\n"), HasSubstr("is missing; name the calibration file"));
   EXPECT_THAT(refusal("cameras: [{camera: camera.yaml}]\n"), HasSubstr("'cameras[0].name' is required"));
-  EXPECT_THAT(refusal("cameras: [{name: ../a, camera: camera.yaml}]\n"), HasSubstr("it names a folder"));
+  EXPECT_THAT(refusal("cameras: [{name: ../a, camera: camera.yaml}]\n"),
+              HasSubstr("'cameras[0].name' a camera's name is that of a folder"));
+  for (const char* frame : {"map", "odom", "base_link", "Base-Link", "imu", "lidar"})
+    EXPECT_THAT(refusal("cameras: [{name: " + std::string(frame) + ", camera: camera.yaml}]\n"),
+                HasSubstr("no camera can be called '" + std::string(frame) + "': that frame is another one"));
+  EXPECT_THAT(refusal("cameras: [{name: a-b, camera: camera.yaml}, {name: a_b, camera: camera.yaml}]\n"),
+              HasSubstr("two cameras are called 'a_b'"))
+      << "their topics would be one";
   EXPECT_THAT(refusal("cameras: [3]\n"), HasSubstr("must be a map of keys"));
   EXPECT_THAT(refusal("cameras: none.yaml\n"), HasSubstr("none.yaml"));
-  EXPECT_THAT(refusal(entry(", fsp: 3")), HasSubstr("'cameras[0].fsp' is not a key here; there are T_body_camera, camera"));
+  EXPECT_THAT(refusal(entry(", fsp: 3")),
+              HasSubstr("'cameras[0].fsp' is not a key here; there are T_body_camera, camera"));
   EXPECT_THAT(refusal(entry(", fps: 1e9")), HasSubstr("more than ten million images; lower 'fps'"));
   EXPECT_THAT(refusal(entry(", offset_s: 40000000")), HasSubstr("out of range: from -10 to 10"));
   EXPECT_THAT(refusal(entry(", offset_s: -9")), HasSubstr("camera a: takes no image during the flight"));
@@ -184,6 +193,28 @@ TEST_F(FlightCameras, WhatIsWrongIsSaidInOneLine) {
   RenderSettings replaced = settings_with(kStereo);
   replaced.flight.camera = folder_ / "camera.yaml";
   EXPECT_THAT(tests::refusal_of([&] { plan_flight(replaced, {}); }), HasSubstr("one 'camera' only"));
+}
+
+TEST_F(FlightCameras, ARigsFileIsAChainOrAFlight) {
+  settings_with(kStereo);
+  const std::vector<MountedCamera> listed = read_rig_cameras(folder_ / "flight.yaml");
+  ASSERT_EQ(listed.size(), 2U);
+  imaging::write_camchain(folder_ / "chain.yaml",
+                          {{"left", ".", listed[0].calibration, listed[0].T_body_camera, 0.0},
+                           {"right", "cameras/right", listed[1].calibration, listed[1].T_body_camera, 0.004}});
+  base::write_file(folder_ / "named.yaml", "cameras: chain.yaml\n");
+  for (const char* file : {"chain.yaml", "named.yaml"}) {
+    const std::vector<MountedCamera> chained = read_rig_cameras(folder_ / file);
+    ASSERT_EQ(chained.size(), 2U) << file;
+    EXPECT_EQ(chained[1].name, "right");
+    EXPECT_EQ(chained[1].timeshift_s, 0.004);
+    EXPECT_TRUE(chained[1].T_body_camera.matrix().isApprox(listed[1].T_body_camera.matrix(), 1e-12));
+  }
+  base::write_file(folder_ / "empty.yaml", "cameras: []\n");
+  EXPECT_THAT(tests::refusal_of([&] { read_rig_cameras(folder_ / "empty.yaml"); }), HasSubstr("lists no camera"));
+  EXPECT_THAT(tests::refusal_of([&] { read_rig_cameras(folder_ / "none.yaml"); }), HasSubstr("none.yaml"));
+  base::write_file(folder_ / "other.yaml", "fps: 3\n");
+  EXPECT_THAT(tests::refusal_of([&] { read_rig_cameras(folder_ / "other.yaml"); }), HasSubstr("not a Kalibr camchain"));
 }
 
 TEST_F(FlightCameras, ThousandCamerasAreAFlightOrTooManyImages) {

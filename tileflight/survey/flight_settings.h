@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "tileflight/dataset/video.h"
 #include "tileflight/flight/smoothing.h"
@@ -31,11 +32,18 @@ struct RenderedFlightConfig {
       video;  ///< video_crf, video_bitrate: H.264 compression of the frames; nullopt: none
 };
 
-/// Section `ingest:`: a filmed flight. Keys: video, camera, camera_id, telemetry, telemetry_height, takeoff_height,
-/// telemetry_offset, groundtruth, from, to, every, fps.
-struct IngestedFlightConfig {
+/// What one camera of a rig took.
+struct CameraVideo {
+  std::string camera;           ///< its name in the rig's file; empty: by the order there
   std::filesystem::path video;  ///< video file or folder of images
-  std::filesystem::path camera;
+};
+
+/// Section `ingest:`: a filmed flight. Keys: video, camera, camera_id, telemetry, telemetry_height, takeoff_height,
+/// telemetry_offset, groundtruth, from, to, every, fps, sync_tolerance.
+struct IngestedFlightConfig {
+  std::filesystem::path video;      ///< video file or folder of images; empty if there are `videos`
+  std::vector<CameraVideo> videos;  ///< video: {NAME: PATH, ...}, of a rig's cameras
+  std::filesystem::path camera;     ///< calibration; of a rig: what read_rig_cameras reads
   std::string
       camera_id;  ///< which of several cameras in the file: COLMAP's CAMERA_ID, Kalibr's cam0; empty: the only one
   std::filesystem::path telemetry;           ///< flight_logs::read_telemetry; empty: none
@@ -47,7 +55,8 @@ struct IngestedFlightConfig {
   double from_s = 0.0;
   std::optional<double> to_s;
   int every = 1;
-  std::optional<double> fps;  ///< frame rate of an image folder without times
+  std::optional<double> fps;       ///< frame rate of an image folder without times
+  double sync_tolerance_s = 1e-3;  ///< of a rig: images that differ by no more are of one instant
 };
 
 }  // namespace tileflight::survey

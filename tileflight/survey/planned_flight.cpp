@@ -139,8 +139,10 @@ ImageOrder::ImageOrder(const PlannedFlight& mission) : numbers_(mission.camera_c
     numbers_[camera].resize(mission.camera(camera).frames.size());
     for (std::size_t frame = 0; frame < numbers_[camera].size(); ++frame) images_.push_back({camera, frame});
   }
-  std::ranges::stable_sort(
-      images_, {}, [&](const ImageId& image) { return mission.camera(image.camera).frames.poses[image.frame].time_s; });
+  std::ranges::stable_sort(images_, {}, [&](const ImageId& image) {
+    const PlannedCamera& camera = mission.camera(image.camera);
+    return camera.frames.poses[image.frame].time_s + camera.timeshift_s;
+  });
   for (std::size_t i = 0; i < images_.size(); ++i) numbers_[images_[i].camera][images_[i].frame] = i;
 }
 
@@ -189,7 +191,11 @@ PlannedFlight plan_flight(const RenderSettings& settings, const Progress& progre
   mission.traffic =
       flown.traffic ? flown.traffic : plan_traffic(settings, mission.calibration.camera, flown_poses, progress);
   if (const auto weather = read_seeded_weather(settings)) {
-    for (std::size_t i = 0; i < mission.camera_count(); ++i) mission.camera(i).options.render.weather = weather;
+    for (std::size_t i = 0; i < mission.camera_count(); ++i) {
+      PlannedCamera& camera = mission.camera(i);
+      camera.options.render.weather = weather;
+      camera.options.render.weather_offset_s = camera.timeshift_s;  // drops fall by the flight's clock
+    }
   }
   if (mission.traffic) show_traffic(mission);
   return mission;

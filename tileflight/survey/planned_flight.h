@@ -52,9 +52,9 @@ struct ImageId {
   std::size_t frame = 0;
 };
 
-/// All images of a flight in the order of their times, those of one instant in the order of their cameras. Images are
-/// numbered by it; with a single camera their numbers are those of its frames. Any range of images is a range of each
-/// camera's frames.
+/// All images of a flight in the order of their times on its clock, those of one instant in the order of their cameras.
+/// Images are numbered by it; with a single camera their numbers are those of its frames. Any range of images is a
+/// range of each camera's frames.
 class ImageOrder {
  public:
   explicit ImageOrder(const PlannedFlight& mission);

@@ -69,7 +69,8 @@ base::OutputFolder render_output(const RenderSettings& settings, const std::file
 
 /// Converts a filmed flight to a dataset folder of the same layout, written atomically. Log positions become gps.csv
 /// (ellipsoidal heights). `truth`: a folder written by extract(), from whose surface the height of the take-off point
-/// is determined if it is needed and not given; empty: none. Throws InputError.
+/// is determined if it is needed and not given; empty: none. With `videos`: the dataset of a rig, and in the summary
+/// `synchronisation`; a camera whose pictures do not go with the others' is a warning. Throws InputError.
 nlohmann::json ingest_dataset(const IngestedFlightConfig& flight, const std::filesystem::path& truth,
                               const std::filesystem::path& out, bool replace, const Progress& progress = {});
 

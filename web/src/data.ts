@@ -40,6 +40,12 @@ export interface FrameHeader extends Block {
   time_s: number;
 }
 
+/** A further camera of a rig. */
+export interface CameraHeader {
+  name: string;
+  frames: FrameHeader[];
+}
+
 export interface FlightHeader {
   key: string;
   label: string;
@@ -49,7 +55,10 @@ export interface FlightHeader {
   truth: Block | null;
   half_width: number;
   half_height: number;
+  /** Of the only camera, or of a rig's first. */
   frames: FrameHeader[];
+  camera: string;
+  other_cameras: CameraHeader[];
   pictures: number;
 }
 

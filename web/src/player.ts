@@ -11,27 +11,58 @@ export function frameAt(frames: FrameHeader[], time_s: number): number {
   return found;
 }
 
+/** The pictures of one camera. */
+class CameraPictures {
+  readonly addresses: string[];
+
+  constructor(
+    data: ViewData,
+    readonly name: string,
+    readonly frames: FrameHeader[],
+  ) {
+    this.addresses = frames.map((frame) => URL.createObjectURL(new Blob([data.raw(frame)], { type: 'image/jpeg' })));
+  }
+}
+
 class PictureStrip {
   readonly figure: HTMLElement;
   private readonly image = make('img', { alt: '' });
   private readonly caption = make('figcaption');
-  private readonly addresses: string[] = [];
+  private readonly cameras: CameraPictures[];
+  private camera = 0;
   private shown = -1;
+  private time_s = 0;
 
   constructor(
     data: ViewData,
     private readonly flight: FlightHeader,
   ) {
-    for (const frame of flight.frames) this.addresses.push(URL.createObjectURL(new Blob([data.raw(frame)], { type: 'image/jpeg' })));
+    const all = [{ name: flight.camera, frames: flight.frames }, ...flight.other_cameras];
+    this.cameras = all.filter((c) => c.frames.length > 0).map((c) => new CameraPictures(data, c.name, c.frames));
     this.figure = make('figure', { class: `view-picture ${flight.key}` }, this.image, this.caption);
+    if (this.cameras.length > 1) this.figure.prepend(this.cameraChoice());
+  }
+
+  private cameraChoice(): HTMLElement {
+    const list = make('select', { id: `view-camera-${this.flight.key}` });
+    this.cameras.forEach((camera, i) => list.append(make('option', { value: String(i) }, camera.name)));
+    list.addEventListener('change', () => {
+      this.camera = Number(list.value);
+      this.shown = -1;
+      this.show(this.time_s);
+    });
+    return make('label', {}, `Camera of the ${this.flight.label} flight `, list);
   }
 
   show(time_s: number): void {
-    const index = frameAt(this.flight.frames, time_s);
+    this.time_s = time_s;
+    const camera = this.cameras[this.camera]!;
+    const index = frameAt(camera.frames, time_s);
     if (index === this.shown) return;
     this.shown = index;
-    const taken = `${this.flight.label} flight, image at ${number(this.flight.start_s + this.flight.frames[index]!.time_s, 2)} s`;
-    this.image.src = this.addresses[index]!;
+    const by = camera.name ? `, camera ${camera.name}` : '';
+    const taken = `${this.flight.label} flight${by}, image at ${number(this.flight.start_s + camera.frames[index]!.time_s, 2)} s`;
+    this.image.src = camera.addresses[index]!;
     this.image.alt = taken;
     this.caption.textContent = taken;
   }
