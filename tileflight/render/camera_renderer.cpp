@@ -124,6 +124,8 @@ void require_a_pose_a_row(std::size_t poses, int height) {
 
 }  // namespace
 
+static_assert(LayerSurface::kNone == scene::RayPacket8::kMiss);
+
 SurfaceVisitor noting_surfaces(imaging::Image<LayerSurface>& surfaces, const SurfaceVisitor& visitor) {
   const bool visits_all = visitor && visitor.pixels == VisitedPixels::kAll;  // layers have no placed parts
   return [&surfaces, visits_all, visit = visitor.visit](const SurfacePoint& point) {

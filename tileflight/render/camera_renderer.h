@@ -15,7 +15,6 @@
 #include "tileflight/imaging/pixel_region.h"
 #include "tileflight/render/linear_color.h"
 #include "tileflight/render/weather.h"
-#include "tileflight/scene/packets.h"
 #include "tileflight/scene/scene.h"
 
 namespace tileflight::render {
@@ -112,7 +111,7 @@ struct SurfaceVisitor {
 
 /// The surface that a pixel shows of a layer: a scene with some of a place's meshes.
 struct LayerSurface {
-  static constexpr std::uint32_t kNone = scene::RayPacket8::kMiss;
+  static constexpr std::uint32_t kNone = 0xFFFFFFFFU;
 
   std::uint32_t mesh = kNone;  ///< of the layer's scene; kNone: no surface
   float nearness = 0.0F;       ///< scene::RayPacket8::nearness
