@@ -81,6 +81,7 @@ nlohmann::json render_in_tasks(const survey::RenderSettings& settings, const std
 std::string render_summary(const nlohmann::json& r, const std::string& out) {
   std::ostringstream text;
   text << out << ": " << r["frames"] << " frames, " << rounded(r["frames_per_second"], 3) << " per second\n";
+  if (const auto events = r["events"].get<std::uint64_t>(); events > 0) text << events << " events\n";
   if (const auto divided = r["frames_divided"].get<std::int64_t>(); divided > 0)
     text << divided << " of them were rendered in several scenes, since their tiles do not fit into memory together: more "
          << "memory (--memory) is faster\n";

@@ -18,7 +18,6 @@ namespace {
 // Streams of random numbers; others are in render, sensors.
 constexpr std::uint64_t kThresholdStream = 40, kNoiseStream = 41, kPhaseStream = 42;
 constexpr double kNever = std::numeric_limits<double>::infinity();
-constexpr std::size_t kMostAtOnce = std::size_t{1} << 25;
 constexpr double kNoiseAtWhite = 0.25;  // v2e: share of the dark noise rate
 
 /// 64 random bits of a pixel's n-th number.
@@ -45,12 +44,13 @@ struct EventPixels::Step {
   double begin_s, end_s;
 };
 
-EventPixels::EventPixels(int width, int height, const EventOptions& options)
+EventPixels::EventPixels(int width, int height, const EventOptions& options, std::size_t most_at_once)
     : width_(width),
       height_(height),
       options_(options),
       noise_key_(base::stream_key(options.seed, kNoiseStream)),
       leak_per_s_(options.leak_rate_hz * options.positive_threshold),
+      most_at_once_(most_at_once),
       pixels_(static_cast<std::size_t>(width) * static_cast<std::size_t>(height)) {
   for (std::size_t i = 0; i < pixels_.size(); ++i) pixels_[i].thresholds = pixel_thresholds(options, i);
 }
@@ -148,7 +148,7 @@ std::vector<Event> EventPixels::advance(const imaging::FloatImage& log_light, do
   std::atomic<std::size_t> count{0};
   tbb::parallel_for(0, height_, [&](int y) {
     std::vector<Event>& row = rows[static_cast<std::size_t>(y)];
-    for (int x = 0; x < width_ && count < kMostAtOnce; ++x) {
+    for (int x = 0; x < width_ && count < most_at_once_; ++x) {
       const auto index = static_cast<std::size_t>(y) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(x);
       advance_pixel(pixels_[index], index, log_light.pixels[index], step, [&](double at_s, bool is_positive) {
         row.push_back({static_cast<std::uint32_t>(std::max(0.0, (at_s - origin_s) * 1e6)),
@@ -158,8 +158,8 @@ std::vector<Event> EventPixels::advance(const imaging::FloatImage& log_light, do
     }
     count += row.size();
   });
-  if (count >= kMostAtOnce)
-    throw InputError("events", "more than " + std::to_string(kMostAtOnce) +
+  if (count >= most_at_once_)
+    throw InputError("events", "more than " + std::to_string(most_at_once_) +
                                    " events between two samples of the light; raise the thresholds or the refractory "
                                    "time");
   time_s_ = time_s;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -32,15 +33,15 @@ PixelThresholds pixel_thresholds(const EventOptions& options, std::uint64_t inde
 /// not depend on the number of threads.
 class EventPixels {
  public:
-  /// The options are checked already.
-  EventPixels(int width, int height, const EventOptions& options);
+  /// The options are checked already. `most_at_once`: events that advance() makes at most.
+  EventPixels(int width, int height, const EventOptions& options, std::size_t most_at_once = std::size_t{1} << 24U);
 
   /// The pixels begin to look at a time, seconds; `log_light`: the natural logarithm of light + dark_light.
   void start(const imaging::FloatImage& log_light, double time_s);
   /// The instant of the last sample is seen in another way (with other tiles): no event comes of the difference.
   void replace(const imaging::FloatImage& log_light);
   /// The events up to a later time, at which this is seen: in the order of their times, then of rows and columns. Event
-  /// times are microseconds, rounded down, since `origin_s`. Throws InputError if they are too many to hold (2^25).
+  /// times are microseconds, rounded down, since `origin_s`. Throws InputError for `most_at_once` or more.
   std::vector<Event> advance(const imaging::FloatImage& log_light, double time_s, double origin_s);
 
  private:
@@ -64,6 +65,7 @@ class EventPixels {
   EventOptions options_;
   std::uint64_t noise_key_;
   double leak_per_s_;
+  std::size_t most_at_once_;
   double time_s_ = 0.0;
   std::vector<Pixel> pixels_;
 };

@@ -9,7 +9,7 @@
 #include <functional>
 #include <numbers>
 
-#include "tileflight/base/input_error.h"
+#include "tests/refusal.h"
 
 namespace tileflight::events::event_pixels_test {
 namespace {
@@ -209,9 +209,11 @@ TEST(EventPixels, AnotherSeedIsAnotherCamera) {
 TEST(EventPixels, MoreEventsThanCanBeHeldAreRefused) {
   EventOptions options = ideal();
   options.positive_threshold = 0.01;
-  EventPixels pixels(2048, 1024, options);
-  pixels.start(uniform(2048, 1024, -7.0), 0.0);
-  EXPECT_THROW(pixels.advance(uniform(2048, 1024, 0.0), 0.001, 0.0), InputError);
+  EventPixels pixels(20, 10, options, 100000);
+  pixels.start(uniform(20, 10, -7.0), 0.0);
+  EXPECT_EQ(pixels.advance(uniform(20, 10, -4.0), 0.001, 0.0).size(), 200U * 299U);
+  EXPECT_THAT(tests::refusal_of([&] { pixels.advance(uniform(20, 10, 2.0), 0.002, 0.0); }),
+              testing::HasSubstr("events between two samples of the light; raise the thresholds"));
 }
 
 }  // namespace
