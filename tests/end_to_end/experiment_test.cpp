@@ -363,6 +363,48 @@ TEST_F(Experiment, AnotherProgramCanDoTheOdometry) {
   EXPECT_THAT(failed.err, ::testing::HasSubstr("cannot start"));
 }
 
+/// A rig, rendered and then ingested from its own pictures: both are datasets of all cameras, which the report shows.
+TEST_F(Experiment, ARigHasAllItsCamerasInTheReport) {
+  const std::string own = (folder_ / "out/simulated/odometry").string();
+  std::string flight = TinyExperiments::flight(70);
+  const std::string one = "camera: camera.yaml\n";
+  flight.replace(flight.find(one), one.size(),
+                 "cameras:\n  - {name: left, camera: camera.yaml}\n  - {name: right, camera: camera.yaml, position: "
+                 "[0.3, 0, 0], resolution: [160, 120]}\n");
+  TinyPlace::write_file(folder_ / "flight.yaml", flight);
+  const std::string odometry = "odometry:\n  command: cp " + own + "/trajectory.txt " + own + "/map.ply {out}\n";
+  TinyPlace::write_file(folder_ / "experiment.yaml", TinyExperiments::without_real() + odometry);
+  ProgramResult result = run("rig");
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  fs::rename(folder_ / "rig/simulated/dataset", folder_ / "flown");
+  TinyPlace::write_file(folder_ / "experiment.yaml", TinyExperiments::without_real() + odometry +
+                                                         R"(real:
+  kind: surrogate
+  ingest:
+    video: {left: flown, right: flown/cameras/right}
+    camera: flown/camchain.yaml
+    groundtruth: flown/groundtruth.txt
+)");
+  result = run("both");
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  for (const char* key : {"simulated", "real"}) {
+    const fs::path dataset = folder_ / "both" / key / "dataset";
+    EXPECT_TRUE(file_text(dataset / "cameras/right/times.txt") == file_text(folder_ / "flown/cameras/right/times.txt"));
+    EXPECT_TRUE(fs::exists(dataset / "camchain.yaml"));
+  }
+  const std::string page = file_text(folder_ / "both/report.html");
+  EXPECT_THAT(page, ::testing::HasSubstr("<summary>Simulated flight, camera right</summary>"));
+  EXPECT_THAT(page, ::testing::HasSubstr("<summary>Surrogate flight, camera right</summary>"));
+  const auto before = stage_times("both");
+  ASSERT_EQ(run("both").exit_code, 0);
+  EXPECT_EQ(stage_times("both"), before);
+  // Another camera's files are inputs, too.
+  TinyPlace::write_file(folder_ / "flown/cameras/right/times.txt", "000000 0 0\n000001 0.1 0\n");
+  ASSERT_EQ(run("both").exit_code, 0);
+  EXPECT_NE(stage_times("both"), before);
+  EXPECT_THAT(file_text(folder_ / "both/real/dataset/dataset.yaml"), ::testing::HasSubstr("right stops at 0.1 s"));
+}
+
 TEST_F(Experiment, OdometryTakesWhatItsCommandTakes) {
   imaging::GrayImage mask(320, 240, 255);
   for (int y = 200; y < 240; ++y) std::fill_n(&mask(0, y), 320, std::uint8_t{0});

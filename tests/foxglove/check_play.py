@@ -107,8 +107,9 @@ RIG = {"left": "", "right": "cameras/right", "down": "cameras/down"}  # name: fo
 
 def check_rig(tileflight, work, rig):
     """All cameras at once: of each its pictures, lens and depth, in a frame of its name."""
-    with programs.Program(tileflight, "play", rig, "--foxglove", "--port", 0, "--rate", 4) as player:
-        seen = programs.watch(work, player.said["port"], {"save": str(work)}, "foxglove.sdk.v1")
+    with programs.Program(tileflight, "play", rig, "--foxglove", "--port", 0, "--rate", 4, "--paused") as player:
+        wish = {"set": [{"name": "paused", "value": False}], "save": str(work)}
+        seen = programs.watch(work, player.said["port"], wish, "foxglove.sdk.v1")
         assert player.end() == (0, [])
     assert programs.layout_topics("play-rig.json") <= {*seen["channels"], "/place"}
     pictures = 0
