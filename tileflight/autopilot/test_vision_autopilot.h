@@ -54,9 +54,7 @@ class VisionEstimator {
   /// Whether vision has come of late.
   bool sees() const { return last_seen_s_ && now_.time_s - *last_seen_s_ < 0.5; }
 
-  Observation observation() const {
-    return {now_.time_s - 1.0, now_.position_m, now_.velocity_m_s, now_.R, gyro_};
-  }
+  Observation observation() const { return {now_.time_s - 1.0, now_.position_m, now_.velocity_m_s, now_.R, gyro_}; }
 
  private:
   static constexpr int kReadingsAtRest = 200;

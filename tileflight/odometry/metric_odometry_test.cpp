@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <vector>
 
@@ -29,20 +30,26 @@ MetricOdometryOptions options_for(const InertialFlight& flight) {
   return options;
 }
 
-/// Feeds a flight, with black images from `dark_from` to `dark_to`.
-std::vector<MetricResult> feed(const InertialFlight& flight, MetricOdometry& odometry, std::size_t dark_from = 0,
-                               std::size_t dark_to = 0) {
+/// Feeds a flight that begins at `begin_s`.
+std::vector<MetricResult> feed(const InertialFlight& flight, MetricOdometry& odometry, double begin_s = 0.0) {
   std::vector<MetricResult> results;
   std::size_t next = 0;
   const auto& readings = flight.readings.samples;
   for (std::size_t i = 0; i < flight.sequence.images.size(); ++i) {
     const double time_s = static_cast<double>(i) / test_support::kInertialFps;
-    for (; next < readings.size() && readings[next].time_s <= time_s; ++next) odometry.add_reading(readings[next]);
-    imaging::RgbImage image = flight.sequence.images[i];
-    if (i >= dark_from && i < dark_to) image = imaging::RgbImage(image.width, image.height, imaging::Rgb8{});
-    results.push_back(odometry.add(std::move(image), time_s));
+    for (; next < readings.size() && readings[next].time_s <= time_s; ++next) {
+      inertial::ImuSample reading = readings[next];
+      reading.time_s += begin_s;
+      odometry.add_reading(reading);
+    }
+    results.push_back(odometry.add(flight.sequence.images[i], begin_s + time_s));
   }
   return results;
+}
+
+const InertialFlight& lively_flight() {
+  static const InertialFlight kFlight = fly(lively_camera, 210);
+  return kFlight;
 }
 
 /// What an estimate should be: the unit's true motion, with the first estimate's place and heading as its frame.
@@ -63,7 +70,7 @@ struct Truth {
 };
 
 TEST(MetricOdometryTest, PathVelocityAndVerticalAreTrueFromWhenTheScaleIsKnown) {
-  const InertialFlight flight = fly(lively_camera, 210);
+  const InertialFlight& flight = lively_flight();
   MetricOdometry odometry(flight.sequence.calibration, options_for(flight));
   const auto results = feed(flight, odometry);
   ASSERT_EQ(results.front().status, MetricStatus::kStarting);
@@ -90,14 +97,46 @@ TEST(MetricOdometryTest, PathVelocityAndVerticalAreTrueFromWhenTheScaleIsKnown) 
     ++count;
   }
   ASSERT_GT(count, 60);
-  std::printf("count %d pos %.3f vel %.3f norm %.2f tilt %.2f deg sigma %.4f\n", count, std::sqrt(position2 / count),
-              std::sqrt(velocity2 / count), std::sqrt(normalized2 / count), tilt_rad / geometry::kRadiansPerDegree,
-              results.back().estimate->sigma_log_scale);
   EXPECT_LT(std::sqrt(position2 / count), 0.1);
   EXPECT_LT(std::sqrt(velocity2 / count), 0.1);
   EXPECT_LT(std::sqrt(normalized2 / count), 2.0);
   EXPECT_LT(tilt_rad, 1.0 * geometry::kRadiansPerDegree);
   EXPECT_EQ(odometry.restarts(), 0);
+}
+
+// Black images from when it is metric until it is lost: no estimates, and then a new map, which goes on from the pose
+// before. The flight is played again from its start for it, half a second later.
+TEST(MetricOdometryTest, ALostMapIsFollowedByANewOneThatGoesOnFromItsPose) {
+  const InertialFlight& flight = lively_flight();
+  MetricOdometry odometry(flight.sequence.calibration, options_for(flight));
+  const auto first = feed(flight, odometry);
+  ASSERT_EQ(first.back().status, MetricStatus::kMetric);
+  const Vec3 left = first.back().estimate->T_world_imu.translation;
+  const double again_s = static_cast<double>(flight.sequence.images.size()) / test_support::kInertialFps;
+  for (int i = 0; i < 12; ++i) {
+    const imaging::RgbImage black(320, 240, imaging::Rgb8{});
+    const MetricResult result = odometry.add(black, again_s + i / test_support::kInertialFps);
+    EXPECT_FALSE(result.estimate);
+    EXPECT_EQ(result.status, i < 10   ? MetricStatus::kNotAligned
+                             : i > 10 ? MetricStatus::kStarting
+                                      : MetricStatus::kLost);
+    EXPECT_THAT(result.reason, testing::Not(testing::IsEmpty()));
+  }
+  EXPECT_EQ(odometry.restarts(), 1);
+  const auto second = feed(flight, odometry, again_s + 0.5);
+  const auto begun = std::ranges::find_if(second, [](const MetricResult& one) { return one.estimate.has_value(); });
+  ASSERT_NE(begun, second.end());
+  EXPECT_LT((begun->estimate->T_world_imu.translation - left).norm(), 1e-9);
+  EXPECT_EQ(odometry.restarts(), 1);
+}
+
+TEST(MetricOdometryTest, AtConstantVelocityThereIsNoEstimate) {
+  const InertialFlight flight = fly(steady_camera, 60);
+  MetricOdometry odometry(flight.sequence.calibration, options_for(flight));
+  for (const MetricResult& result : feed(flight, odometry)) {
+    EXPECT_FALSE(result.estimate);
+    EXPECT_THAT(result.reason, testing::Not(testing::IsEmpty()));
+  }
 }
 
 }  // namespace

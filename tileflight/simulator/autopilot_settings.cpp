@@ -55,8 +55,9 @@ AutopilotSettings read_ardupilot(base::StrictSection& vehicle) {
   settings.port = vehicle.integer("ControlPort", 9002, 0, 65535);
   settings.thrust_expo = vehicle.number("ThrustExpo", kArduPilotExpo, 0.0, 1.0);
   if (vehicle.has("VisionOdometry"))
-    throw vehicle.error("VisionOdometry", "ArduPilot's JSON interface has no message for it: ArduPilot takes vision over "
-                                          "a serial port of its own (docs/autopilots.md)");
+    throw vehicle.error("VisionOdometry",
+                        "ArduPilot's JSON interface has no message for it: ArduPilot takes vision over "
+                        "a serial port of its own (docs/autopilots.md)");
   // The state goes back to where the servo packets come from.
   vehicle.ignore({"UdpIp", "UdpPort", "LocalHostIp", "UseSerial"});
   return settings;

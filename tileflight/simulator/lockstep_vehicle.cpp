@@ -203,7 +203,8 @@ void LockstepVehicle::look(const std::optional<PlannedImages>& exposure, std::ui
 /// What is sent of vision at a step.
 std::optional<autopilot::Odometry> LockstepVehicle::vision_at(std::uint64_t step, const SensorContext& now) {
   if (slot_.vision) return slot_.vision->message_at(step);
-  const bool is_due = slot_.vehicle->settings().autopilot->vision.source == VisionSource::kTruth && step % kOdometrySteps == 0;
+  const bool is_due =
+      slot_.vehicle->settings().autopilot->vision.source == VisionSource::kTruth && step % kOdometrySteps == 0;
   return is_due ? std::optional(hil_odometry(now, slot_.sensor_noises, px4_stamp_us(step))) : std::nullopt;
 }
 

@@ -96,8 +96,7 @@ void check_vision(VehicleSettings& vehicle, StrictSection& section) {
   std::string& camera = vehicle.autopilot->vision.camera;
   camera = resolve_camera_alias(camera);
   const auto named = std::ranges::find(vehicle.cameras, camera, &CameraSettings::name);
-  if (named == vehicle.cameras.end())
-    throw section.error("VisionCamera", "the vehicle has no camera '" + camera + "'");
+  if (named == vehicle.cameras.end()) throw section.error("VisionCamera", "the vehicle has no camera '" + camera + "'");
   constexpr int kLeastSide_px = 64;
   const CaptureSettings& capture = named->captures[static_cast<std::size_t>(ImageType::kScene)];
   if (std::min(capture.width, capture.height) < kLeastSide_px)

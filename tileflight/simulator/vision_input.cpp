@@ -22,6 +22,8 @@ constexpr double kHourPerSecond = 1.0 / 3600.0;
 constexpr double kMicroGravity = 1e-6 * vehicle::kStandardGravity_m_s2;
 /// Of biases that are left after a calibration at rest.
 constexpr double kGyroscopeBias_rad_s = 0.005, kAccelerometerBias_m_s2 = 0.05;
+/// The settings' mounting is exact.
+constexpr double kMounting_rad = 0.001;
 /// Least noise that an estimator assumes, so that its weights stay finite.
 constexpr double kLeastDensity = 1e-6;
 constexpr std::uint8_t kLocalFrd = 20;  ///< MAV_FRAME_LOCAL_FRD
@@ -85,6 +87,7 @@ inertial::ImuModel imu_model(const ImuSettings& settings, double interval_s, con
     *density = std::max(*density, kLeastDensity);
   model.T_imu_camera = T_body_camera * T_frd_optical();
   model.gravity_m_s2 = vehicle::kStandardGravity_m_s2;
+  model.mounting_sigma_rad = kMounting_rad;
   model.gyroscope_bias_sigma = kGyroscopeBias_rad_s;
   model.accelerometer_bias_sigma = kAccelerometerBias_m_s2;
   return model;
@@ -104,12 +107,12 @@ autopilot::Odometry vision_message(const odometry::MetricEstimate& estimate, std
   message.rates_rad_s = float_triple(estimate.angular_rate_rad_s);
   message.pose_covariance =
       upper_triangle(turned(estimate.position_covariance_m2), turned(estimate.rotation_covariance_rad2));
-  message.velocity_covariance =
-      upper_triangle(R_body_up * estimate.velocity_covariance_m2_s2 * R_body_up.transpose(),
-                     sigma_rate_rad_s * sigma_rate_rad_s * Mat3::Identity());
+  message.velocity_covariance = upper_triangle(R_body_up * estimate.velocity_covariance_m2_s2 * R_body_up.transpose(),
+                                               sigma_rate_rad_s * sigma_rate_rad_s * Mat3::Identity());
   message.frame = kLocalFrd;
   message.resets = static_cast<std::uint8_t>(resets);
-  message.quality = static_cast<std::int8_t>(std::clamp(std::lround(100.0 * (1.0 - estimate.saturated_share)), 1L, 100L));
+  message.quality =
+      static_cast<std::int8_t>(std::clamp(std::lround(100.0 * (1.0 - estimate.saturated_share)), 1L, 100L));
   return message;
 }
 
@@ -163,7 +166,8 @@ void VisionInput::tell(const odometry::MetricResult& result, double time_s) {
   if (log_ && (begins || (is_lost && was_metric_))) {
     const std::string when = base::rounded_text(time_s, 1) + " s after its start";
     log_("vehicle '" + vehicle_ + "': its vision, camera " + settings_.camera + ", " +
-         (begins ? "is metric " + when + ", scale to " + base::rounded_text(100.0 * result.estimate->sigma_log_scale, 1) + " %"
+         (begins ? "is metric " + when + ", scale to " +
+                       base::rounded_text(100.0 * result.estimate->sigma_log_scale, 1) + " %"
                  : "is lost " + when + " (" + result.reason + "); ODOMETRY stops until a new map is metric"));
   }
   if (begins) was_metric_ = true;
