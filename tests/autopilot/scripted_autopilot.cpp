@@ -1,6 +1,8 @@
-// scripted_autopilot ardupilot|px4 PORT END AT_S NORTH,EAST,DOWN…
+// scripted_autopilot ardupilot|px4|px4-vision PORT END AT_S NORTH,EAST,DOWN…
 //
 // Flies the points by ArduPilot's JSON interface or PX4's simulator interface, from the vehicle's start, and lands.
+// px4-vision: by its inertial unit, barometer and ODOMETRY, whatever else it is told; it prints its own path and the
+// true one, `seconds, true north, east, down, its own, messages of vision`, five times a second.
 // END: `lands`, or what it does at AT_S seconds: `dies` (with a last word and exit status 3), `hangs`. After landing it
 // goes on, as a real one does, until it is not answered any more.
 #include <chrono>
@@ -12,6 +14,7 @@
 
 #include "tileflight/autopilot/test_ardupilot_client.h"
 #include "tileflight/autopilot/test_px4_client.h"
+#include "tileflight/autopilot/test_vision_autopilot.h"
 
 namespace {
 
@@ -46,6 +49,19 @@ void fly_px4(std::uint16_t port, std::vector<Vec3> points, const std::string& en
   while (px4.round()) end_at(end, at_s, px4.time_s());
 }
 
+void fly_by_vision(std::uint16_t port, std::vector<Vec3> points, const std::string& end, double at_s) {
+  support::VisionPx4 px4(port, std::move(points));
+  for (double next_s = 0.0; px4.round(); end_at(end, at_s, px4.time_s())) {
+    if (px4.time_s() < next_s) continue;
+    next_s += 0.2;
+    const Vec3& own = px4.estimator().observation().position_m;
+    const Vec3& true_m = px4.truth().position_m;
+    std::printf("%.2f, %.3f, %.3f, %.3f, %.3f, %.3f, %.3f, %zu\n", px4.time_s(), true_m.x(), true_m.y(), true_m.z(),
+                own.x(), own.y(), own.z(), px4.ears().odometries.size());
+    std::fflush(stdout);
+  }
+}
+
 }  // namespace
 
 int main(int count, char** words) {
@@ -59,6 +75,10 @@ int main(int count, char** words) {
     points.push_back(point);
   }
   const double at_s = std::stod(words[4]);
+  if (kind == "px4-vision") {
+    fly_by_vision(port, points, end, at_s);
+    return 0;
+  }
   kind == "px4" ? fly_px4(port, points, end, at_s) : fly_ardupilot(port, points, end, at_s);
   return 0;
 }

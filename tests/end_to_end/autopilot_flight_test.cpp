@@ -112,6 +112,9 @@ TEST_F(AutopilotFlights, ThatFailAreOneLine) {
   EXPECT_THAT(refused("fps: 2\nautopilot: {kind: ardupilot, command: no-such-program}\n"),
               HasSubstr("has ended (exit status 127) without a step"));
   EXPECT_THAT(refused("fps: 2\nautopilot: {kind: betaflight}\n"), HasSubstr("ardupilot"));
+  EXPECT_THAT(refused("fps: 2\nautopilot: {kind: ardupilot, vision: {source: odometry}}\n"), HasSubstr("px4 only"));
+  EXPECT_THAT(refused("fps: 2\nautopilot: {kind: px4, vision: {source: gps}}\n"), HasSubstr("odometry"));
+  EXPECT_THAT(refused("fps: 2\nautopilot: {kind: px4, vision: {width: 10}}\n"), HasSubstr("64"));
   EXPECT_THAT(refused("fps: 2\nvehicle: {}\nautopilot: {kind: px4}\n"), HasSubstr("a mission of its own"));
 }
 

@@ -103,6 +103,27 @@ class Px4Ears {
   std::string heard_;
 };
 
+/// The true state as its message tells it: NED from `home`, by a small place's radii of the Earth.
+inline Observation true_state(const HilStateQuaternion& home, const HilStateQuaternion& now) {
+  constexpr double kEquator_m = 6378137.0, kFlattening = 1.0 / 298.257223563;
+  constexpr double kRadiansPerUnit = 1e-7 * std::numbers::pi / 180.0;
+  const double latitude_rad = home.latitude_e7_deg * kRadiansPerUnit;
+  const double e2 = kFlattening * (2.0 - kFlattening), w2 = 1.0 - e2 * std::pow(std::sin(latitude_rad), 2);
+  const double across_m = kEquator_m / std::sqrt(w2), along_m = across_m * (1.0 - e2) / w2;
+  const auto v = [](const auto& a) { return geometry::Vec3(a[0], a[1], a[2]); };
+  Observation seen;
+  seen.time_s = 1e-6 * static_cast<double>(now.time_us) - 1.0;
+  seen.position_m = {
+      (now.latitude_e7_deg - home.latitude_e7_deg) * kRadiansPerUnit * along_m,
+      (now.longitude_e7_deg - home.longitude_e7_deg) * kRadiansPerUnit * across_m * std::cos(latitude_rad),
+      -1e-3 * (now.altitude_mm - home.altitude_mm)};
+  seen.velocity_m_s = 0.01 * v(now.velocity_ned_cm_s);
+  seen.R_ned_body =
+      Eigen::Quaterniond(now.attitude_wxyz[0], now.attitude_wxyz[1], now.attitude_wxyz[2], now.attitude_wxyz[3]);
+  seen.gyro_rad_s = v(now.rates_rad_s);
+  return seen;
+}
+
 /// The scripted autopilot in PX4's place: it sees the true state, as far as its message tells it, and the gyro.
 class ScriptedPx4 {
  public:
@@ -129,26 +150,11 @@ class ScriptedPx4 {
   Px4Ears& ears() { return ears_; }
   const ScriptedAutopilot& autopilot() const { return autopilot_; }
 
-  /// NED from the first position, by a small place's radii of the Earth.
+  /// From the first position; the gyro's reading.
   Observation observation() {
-    const HilStateQuaternion& now = ears_.state;
-    if (!home_) home_ = now;
-    constexpr double kEquator_m = 6378137.0, kFlattening = 1.0 / 298.257223563;
-    constexpr double kRadiansPerUnit = 1e-7 * std::numbers::pi / 180.0;
-    const double latitude_rad = home_->latitude_e7_deg * kRadiansPerUnit;
-    const double e2 = kFlattening * (2.0 - kFlattening), w2 = 1.0 - e2 * std::pow(std::sin(latitude_rad), 2);
-    const double across_m = kEquator_m / std::sqrt(w2), along_m = across_m * (1.0 - e2) / w2;
-    const auto v = [](const auto& a) { return geometry::Vec3(a[0], a[1], a[2]); };
-    Observation seen;
-    seen.time_s = time_s();
-    seen.position_m = {
-        (now.latitude_e7_deg - home_->latitude_e7_deg) * kRadiansPerUnit * along_m,
-        (now.longitude_e7_deg - home_->longitude_e7_deg) * kRadiansPerUnit * across_m * std::cos(latitude_rad),
-        -1e-3 * (now.altitude_mm - home_->altitude_mm)};
-    seen.velocity_m_s = 0.01 * v(now.velocity_ned_cm_s);
-    seen.R_ned_body =
-        Eigen::Quaterniond(now.attitude_wxyz[0], now.attitude_wxyz[1], now.attitude_wxyz[2], now.attitude_wxyz[3]);
-    seen.gyro_rad_s = v(ears_.sensor.gyro_rad_s);
+    if (!home_) home_ = ears_.state;
+    Observation seen = true_state(*home_, ears_.state);
+    seen.gyro_rad_s = {ears_.sensor.gyro_rad_s[0], ears_.sensor.gyro_rad_s[1], ears_.sensor.gyro_rad_s[2]};
     return seen;
   }
 

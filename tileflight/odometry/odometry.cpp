@@ -42,6 +42,9 @@ std::int64_t Odometry::frames() const { return pipeline().frames(); }
 std::string Odometry::progress_text() const { return pipeline().progress_text(); }
 geometry::Trajectory Odometry::trajectory() const { return pipeline().trajectory(); }
 geometry::Trajectory Odometry::keyframes() const { return pipeline().keyframes(); }
+std::vector<inertial::VisualKeyframe> Odometry::latest_keyframes(std::size_t count) const {
+  return pipeline().latest_keyframes(count);
+}
 geometry::PointCloud Odometry::map() const { return pipeline().map(); }
 std::optional<geometry::Sim3> Odometry::T_world_map() const { return pipeline().T_world_map(); }
 

@@ -198,6 +198,9 @@ class Odometry {
   geometry::Trajectory trajectory() const;
   geometry::Trajectory keyframes() const;
   geometry::PointCloud map() const;
+  /// The latest keyframes, at most `count`, with what the window says of the steps between them, in map units, as
+  /// inertial::align_to_gravity() takes them. Takes time in proportion to the flight.
+  std::vector<inertial::VisualKeyframe> latest_keyframes(std::size_t count) const;
   /// From the map to the frame and scale of the priors, as estimated now; nullopt without priors or before the map.
   /// Throws InputError if the priors do not determine it, as finish() does.
   std::optional<geometry::Sim3> T_world_map() const;

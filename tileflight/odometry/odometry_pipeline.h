@@ -38,6 +38,9 @@ class OdometryPipeline {
 
   geometry::Trajectory trajectory() const { return trajectory_so_far(log_, mapper_); }
   geometry::Trajectory keyframes() const { return keyframes_so_far(log_, mapper_); }
+  std::vector<inertial::VisualKeyframe> latest_keyframes(std::size_t count) const {
+    return latest_keyframes_so_far(log_, mapper_, count);
+  }
   geometry::PointCloud map() const { return map_so_far(log_, mapper_, options_.map); }
   /// See Odometry::T_world_map().
   std::optional<geometry::Sim3> T_world_map() const;

@@ -225,6 +225,15 @@ geometry::Trajectory keyframes_so_far(const TrackingLog& log, const mapping::Map
   return keyframe_trajectory(keyframe_path(log, mapper).keyframes);
 }
 
+std::vector<inertial::VisualKeyframe> latest_keyframes_so_far(const TrackingLog& log, const mapping::Mapper& mapper,
+                                                              std::size_t count) {
+  const KeyframePath path = keyframe_path(log, mapper);
+  std::vector<inertial::VisualKeyframe> keyframes = visual_keyframes(path, path.keyframes);
+  const std::size_t surplus = keyframes.size() > count ? keyframes.size() - count : 0;
+  keyframes.erase(keyframes.begin(), keyframes.begin() + static_cast<std::ptrdiff_t>(surplus));
+  return keyframes;
+}
+
 geometry::PointCloud map_so_far(const TrackingLog& log, const mapping::Mapper& mapper, const MapOptions& options) {
   return mapping::make_point_cloud(all_points(log, mapper), poses_by_id(keyframe_path(log, mapper).keyframes), options);
 }

@@ -57,6 +57,9 @@ FrameQuality last_frame_quality(const TrackingLog& log, const mapping::Mapper& m
 /// T_map_camera of every image with a pose, and of the keyframes, without loop closure.
 geometry::Trajectory trajectory_so_far(const TrackingLog& log, const mapping::Mapper& mapper);
 geometry::Trajectory keyframes_so_far(const TrackingLog& log, const mapping::Mapper& mapper);
+/// The latest keyframes, at most `count`, in order of time.
+std::vector<inertial::VisualKeyframe> latest_keyframes_so_far(const TrackingLog& log, const mapping::Mapper& mapper,
+                                                              std::size_t count);
 /// The points that pass the options' filters, without loop closure.
 geometry::PointCloud map_so_far(const TrackingLog& log, const mapping::Mapper& mapper, const MapOptions& options);
 

@@ -9,7 +9,7 @@
 #include <string>
 #include <variant>
 
-#include "tileflight/simulator/autopilot_event.h"
+#include "tileflight/simulator/simulator.h"
 
 namespace tileflight::server {
 

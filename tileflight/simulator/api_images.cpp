@@ -172,6 +172,15 @@ std::vector<ImageResponse> Simulator::Impl::render_images(const PlannedImages& p
   return responses;
 }
 
+/// Runs without the mutex.
+imaging::RgbImage Simulator::Impl::render_colours(const PlannedImages& planned) {
+  const std::shared_ptr<const ResidentScene> place =
+      world_objects.populate(working_set.load_for(planned.viewpoints), planned.objects, T_local_ned);
+  LayerSelection colours;
+  colours.add(ImageType::kScene);
+  return renderer.render(place, planned.images.front().view, colours, planned.outlook).rgb;
+}
+
 std::vector<ImageResponse> Simulator::sim_get_images(const std::vector<ImageRequest>& requests,
                                                      const std::string& vehicle, bool external) {
   PlannedImages planned;

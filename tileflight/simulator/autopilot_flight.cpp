@@ -108,6 +108,25 @@ class FlightRecord {
   WallClock::time_point heard_ = WallClock::now();
 };
 
+/// Keys of the vehicle for its vision, with a camera of its own.
+nlohmann::json vision_keys(const vehicle::VisionPlan& vision) {
+  if (vision.source == vehicle::VisionPlan::Source::kNone) return nlohmann::json::object();
+  if (vision.source == vehicle::VisionPlan::Source::kTruth) return {{"VisionOdometry", "TruthWithNoise"}};
+  const Vec3 place = frd_from_flu(vision.offset_m);
+  const nlohmann::json capture = {
+      {"ImageType", 0}, {"Width", vision.width}, {"Height", vision.height}, {"FOV_Degrees", vision.fov_deg}};
+  const nlohmann::json camera = {{"X", place.x()},
+                                 {"Y", place.y()},
+                                 {"Z", place.z()},
+                                 {"Pitch", vision.pitch_deg},
+                                 {"CaptureSettings", nlohmann::json::array({capture})}};
+  return {{"VisionOdometry", "FromPictures"},
+          {"VisionCamera", "vision"},
+          {"VisionRate", vision.rate_hz},
+          {"VisionLatency", vision.latency_s},
+          {"Cameras", {{"vision", camera}}}};
+}
+
 /// The plan as a settings.json, with a range finder that looks down.
 std::string settings_text(const vehicle::AutopilotPlan& plan) {
   nlohmann::json vehicle = {
@@ -117,6 +136,8 @@ std::string settings_text(const vehicle::AutopilotPlan& plan) {
       {"Yaw", plan.start_heading_deg},
       {"Sensors", {{"Down", {{"SensorType", 5}, {"Enabled", true}, {"Pitch", -90}, {"MaxDistance", 100}}}}}};
   if (plan.is_px4) vehicle.update({{"UseSerial", false}, {"UseTcp", true}, {"LockStep", true}});
+  vehicle.update(vision_keys(plan.vision));
+  if (!plan.gnss) vehicle["Sensors"]["gps"] = {{"SensorType", 3}, {"Enabled", false}};
   if (plan.thrust_expo) vehicle["ThrustExpo"] = *plan.thrust_expo;
   const Vec3 wind = ned_from_enu(plan.wind_m_s);
   return nlohmann::json{{"StepOnDemand", true},

@@ -22,6 +22,19 @@ autopilot::AirframeKind read_airframe(base::StrictSection& vehicle) {
   return model == "Hexacopter" ? autopilot::AirframeKind::kHexaX : autopilot::AirframeKind::kQuadX;
 }
 
+VisionSettings read_vision(base::StrictSection& vehicle) {
+  VisionSettings vision;
+  const std::string source =
+      vehicle.choice_in_any_case("VisionOdometry", {"None", "TruthWithNoise", "FromPictures"}).value_or("None");
+  vision.source = source == "TruthWithNoise" ? VisionSource::kTruth
+                  : source == "FromPictures" ? VisionSource::kPictures
+                                             : VisionSource::kNone;
+  vision.camera = vehicle.text("VisionCamera").value_or(vision.camera);
+  vision.rate_hz = vehicle.number("VisionRate", vision.rate_hz, 1.0, 125.0);
+  vision.latency_s = vehicle.number("VisionLatency", vision.latency_s, 0.0, 1.0);
+  return vision;
+}
+
 AutopilotSettings read_px4(base::StrictSection& vehicle) {
   AutopilotSettings settings{.kind = AutopilotKind::kPx4};
   if (vehicle.boolean("UseSerial").value_or(false))
@@ -32,8 +45,7 @@ AutopilotSettings read_px4(base::StrictSection& vehicle) {
   settings.lockstep = vehicle.boolean("LockStep").value_or(true);
   settings.thrust_expo = vehicle.number("ThrustExpo", kPx4Expo, 0.0, 1.0);
   settings.optical_flow = vehicle.boolean("OpticalFlow").value_or(false);
-  settings.vision_odometry =
-      vehicle.choice_in_any_case("VisionOdometry", {"None", "TruthWithNoise"}).value_or("None") != "None";
+  settings.vision = read_vision(vehicle);
   vehicle.ignore(kIgnoredOfPx4);
   return settings;
 }
@@ -42,6 +54,10 @@ AutopilotSettings read_ardupilot(base::StrictSection& vehicle) {
   AutopilotSettings settings;
   settings.port = vehicle.integer("ControlPort", 9002, 0, 65535);
   settings.thrust_expo = vehicle.number("ThrustExpo", kArduPilotExpo, 0.0, 1.0);
+  if (vehicle.has("VisionOdometry"))
+    throw vehicle.error("VisionOdometry",
+                        "ArduPilot's JSON interface has no message for it: ArduPilot takes vision over "
+                        "a serial port of its own (docs/autopilots.md)");
   // The state goes back to where the servo packets come from.
   vehicle.ignore({"UdpIp", "UdpPort", "LocalHostIp", "UseSerial"});
   return settings;

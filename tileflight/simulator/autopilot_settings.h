@@ -14,15 +14,30 @@ enum class AutopilotKind {
   kPx4,        ///< VehicleType PX4Multirotor: PX4's simulator interface, MAVLink over TCP
 };
 
+/// Whence an autopilot's vision input, the message ODOMETRY, comes.
+enum class VisionSource {
+  kNone,
+  kTruth,     ///< the true pose and velocity with white noise
+  kPictures,  ///< the built-in odometry, on a camera's pictures and the inertial unit's readings
+};
+
+struct VisionSettings {
+  VisionSource source = VisionSource::kNone;
+  // Of kPictures:
+  std::string camera = "bottom_center";  ///< of the vehicle
+  double rate_hz = 15.0;                 ///< of its pictures; rounded to whole steps of the autopilot between them
+  double latency_s = 0.1;                ///< from the exposure to the message
+};
+
 /// An autopilot that flies a vehicle: where it is expected, and what it flies.
 struct AutopilotSettings {
   AutopilotKind kind = AutopilotKind::kArduPilot;
   int port = 9002;       ///< ControlPort or TcpPort, on which the simulator listens; 0: any free one
   bool lockstep = true;  ///< of PX4: LockStep
   autopilot::AirframeKind airframe = autopilot::AirframeKind::kQuadX;
-  bool optical_flow = false;     ///< of PX4: own key OpticalFlow, sends HIL_OPTICAL_FLOW
-  bool vision_odometry = false;  ///< of PX4: own key VisionOdometry, sends ODOMETRY
-  double thrust_expo = 0.65;     ///< of the motors: own key ThrustExpo; default as of the autopilot's parameters
+  bool optical_flow = false;  ///< of PX4: own key OpticalFlow, sends HIL_OPTICAL_FLOW
+  VisionSettings vision;      ///< of PX4: own keys VisionOdometry, VisionCamera, VisionRate, VisionLatency
+  double thrust_expo = 0.65;  ///< of the motors: own key ThrustExpo; default as of the autopilot's parameters
 };
 
 /// Reads the keys of a vehicle that an autopilot flies, by its VehicleType; nullopt for other types. Throws InputError.

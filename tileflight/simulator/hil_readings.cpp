@@ -96,6 +96,8 @@ autopilot::HilSensor hil_sensor(const SensorContext& now, SensorNoises& noises, 
 }
 
 std::optional<autopilot::HilGps> hil_gps(const SensorContext& now, SensorNoises& noises, std::uint64_t time_us) {
+  const auto is_receiver = [](const SensorSettings& one) { return std::holds_alternative<GpsSettings>(one.kind); };
+  if (std::ranges::none_of(now.vehicle.settings().sensors, is_receiver)) return std::nullopt;
   const auto [settings, noise] = first_sensor<GpsSettings>(now, noises);
   const GpsData reading = read_gps(settings, now, noise);
   if (!reading.is_valid) return std::nullopt;

@@ -17,7 +17,7 @@ using SensorNoises = std::map<std::string, SensorNoiseState>;
 /// defaults where there are none. `slow`: magnetometer and barometer are new, too.
 autopilot::HilSensor hil_sensor(const SensorContext& now, SensorNoises& noises, std::uint64_t time_us, bool slow);
 
-/// Position and velocity as the vehicle's first receiver reads them; nullopt until it has started.
+/// Position and velocity as the vehicle's first receiver reads them; nullopt until it has started, or without one.
 std::optional<autopilot::HilGps> hil_gps(const SensorContext& now, SensorNoises& noises, std::uint64_t time_us);
 
 /// What one distance sensor reads. `distance_m`: to the nearest surface along its axis. `id`: its number on the

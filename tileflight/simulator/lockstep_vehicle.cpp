@@ -56,6 +56,7 @@ void LockstepVehicle::put_at_start() {
   slot_.vehicle->return_to_start();
   slot_.history.clear();
   slot_.sensor_noises.clear();
+  if (slot_.vision) slot_.vision->restart();
   elapsed_s_ = 0.0;
   flow_ = {};
 }
@@ -85,9 +86,15 @@ std::optional<double> LockstepVehicle::distance_below_m() const {
 }
 
 std::string LockstepVehicle::apply(const AutopilotEvent& event) {
-  const std::lock_guard lock(simulator_.state_mutex);
+  std::unique_lock lock(simulator_.state_mutex);
   time_s_ = event.time_s;
-  if (event.kind == AutopilotEvent::Kind::kSensors) return read_px4_sensors(event.number, repeated_sequence_);
+  if (event.kind == AutopilotEvent::Kind::kSensors) {
+    std::string bytes = read_px4_sensors(event.number, repeated_sequence_);
+    const auto exposure = exposure_at(event.number);
+    lock.unlock();
+    look(exposure, event.number);
+    return bytes;
+  }
   if (event.kind == AutopilotEvent::Kind::kStep) {
     base::require(event.outputs.size() == motors(), "vehicle '" + name() + "'",
                   "has another number of motors than in the session");
@@ -175,7 +182,30 @@ std::string LockstepVehicle::px4_sensors(std::uint64_t step, std::uint8_t& seque
   clock.wait(lock, [&] { return clock.turn_is_free() && clock.settled(); });
   std::string bytes = read_px4_sensors(step, sequence);
   note({.kind = AutopilotEvent::Kind::kSensors, .number = step, .bytes = bytes});
+  const auto exposure = exposure_at(step);
+  lock.unlock();
+  look(exposure, step);
   return bytes;
+}
+
+std::optional<PlannedImages> LockstepVehicle::exposure_at(std::uint64_t step) const {
+  if (!slot_.vision || !slot_.vision->is_exposure(step)) return std::nullopt;
+  ImageRequest picture;
+  picture.camera_name = slot_.vision->camera();
+  picture.image_type = static_cast<int>(ImageType::kScene);
+  return simulator_.plan_images({picture}, slot_.vehicle->name(), false);
+}
+
+void LockstepVehicle::look(const std::optional<PlannedImages>& exposure, std::uint64_t step) {
+  if (exposure) slot_.vision->add_picture(simulator_.render_colours(*exposure), step, px4_stamp_us(step));
+}
+
+/// What is sent of vision at a step.
+std::optional<autopilot::Odometry> LockstepVehicle::vision_at(std::uint64_t step, const SensorContext& now) {
+  if (slot_.vision) return slot_.vision->message_at(step);
+  const bool is_due =
+      slot_.vehicle->settings().autopilot->vision.source == VisionSource::kTruth && step % kOdometrySteps == 0;
+  return is_due ? std::optional(hil_odometry(now, slot_.sensor_noises, px4_stamp_us(step))) : std::nullopt;
 }
 
 std::string LockstepVehicle::read_px4_sensors(std::uint64_t step, std::uint8_t& sequence) {
@@ -197,9 +227,10 @@ std::string LockstepVehicle::read_px4_sensors(std::uint64_t step, std::uint8_t& 
   const AutopilotSettings& settings = *slot_.vehicle->settings().autopilot;
   if (settings.optical_flow && step % kFlowSteps == 0 && step > 0)
     bytes += frame(sequence, hil_flow(now, noises, std::exchange(flow_, {}), distance_below_m(), now_us));
-  if (settings.vision_odometry && step % kOdometrySteps == 0)
-    bytes += frame(sequence, hil_odometry(now, noises, now_us));
-  return bytes + frame(sequence, hil_sensor(now, noises, now_us, slow));  // last: PX4 answers to it
+  if (const auto seen = vision_at(step, now)) bytes += frame(sequence, *seen);
+  const autopilot::HilSensor sensor = hil_sensor(now, noises, now_us, slow);
+  if (slot_.vision) slot_.vision->add_reading(sensor);
+  return bytes + frame(sequence, sensor);  // last: PX4 answers to it
 }
 
 const std::string& LockstepVehicle::name() const { return slot_.vehicle->name(); }

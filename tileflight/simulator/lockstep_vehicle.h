@@ -24,6 +24,7 @@ inline constexpr std::chrono::milliseconds kAutopilotPoll{100};
 inline constexpr double kPx4Step_s = 0.004;
 constexpr std::uint64_t px4_stamp_us(std::uint64_t step) { return 1'000'000 + step * 4000; }
 
+struct PlannedImages;
 struct VehicleSlot;
 struct SensorContext;
 struct SensorSettings;
@@ -61,7 +62,8 @@ class LockstepVehicle {
   /// The vehicle's true state, relative to its start.
   autopilot::ArduPilotState ardupilot_state() const;
   /// What is sent to PX4 for a step of 4 ms: the readings of the sensors that are due at it, and the true state, as
-  /// MAVLink frames numbered by `sequence`, which goes on.
+  /// MAVLink frames numbered by `sequence`, which goes on. If its vision takes a picture at this step, it is rendered
+  /// and tracked before this returns.
   std::string px4_sensors(std::uint64_t step, std::uint8_t& sequence);
   const std::string& name() const;
   /// Number of its motors.
@@ -74,6 +76,11 @@ class LockstepVehicle {
   void put_at_start();
   void move(std::span<const double> outputs, double step_s);
   std::string read_px4_sensors(std::uint64_t step, std::uint8_t& sequence);
+  std::optional<autopilot::Odometry> vision_at(std::uint64_t step, const SensorContext& now);
+  /// The picture that its vision takes at this step; nullopt: none. The mutex must be held.
+  std::optional<PlannedImages> exposure_at(std::uint64_t step) const;
+  /// Without the mutex.
+  void look(const std::optional<PlannedImages>& exposure, std::uint64_t step);
   void note(AutopilotEvent event) const;
   /// To the surface below, along the body's z axis; nullopt: none within the range of a flow sensor.
   std::optional<double> distance_below_m() const;

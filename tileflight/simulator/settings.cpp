@@ -90,6 +90,19 @@ void put_cameras(std::vector<CameraSettings> own, std::vector<CameraSettings>& c
   }
 }
 
+/// The camera of an autopilot's vision must be there. `vehicle`: with its cameras.
+void check_vision(VehicleSettings& vehicle, StrictSection& section) {
+  if (!vehicle.autopilot || vehicle.autopilot->vision.source != VisionSource::kPictures) return;
+  std::string& camera = vehicle.autopilot->vision.camera;
+  camera = resolve_camera_alias(camera);
+  const auto named = std::ranges::find(vehicle.cameras, camera, &CameraSettings::name);
+  if (named == vehicle.cameras.end()) throw section.error("VisionCamera", "the vehicle has no camera '" + camera + "'");
+  constexpr int kLeastSide_px = 64;
+  const CaptureSettings& capture = named->captures[static_cast<std::size_t>(ImageType::kScene)];
+  if (std::min(capture.width, capture.height) < kLeastSide_px)
+    throw section.error("VisionCamera", "its pictures are too small for odometry; at least 64 pixels a side");
+}
+
 VehicleSettings read_vehicle(const std::string& name, StrictSection section, Settings& settings,
                              const std::vector<SensorSettings>& default_sensors) {
   VehicleSettings vehicle = default_vehicle(name, !settings.computer_vision, settings.camera_defaults);
@@ -116,6 +129,7 @@ VehicleSettings read_vehicle(const std::string& name, StrictSection section, Set
   for (auto& [camera, entry] : section.named_sections("Cameras"))
     cameras.push_back(read_camera(resolve_camera_alias(camera), std::move(entry), settings.camera_defaults));
   put_cameras(std::move(cameras), vehicle.cameras);
+  check_vision(vehicle, section);
   vehicle.sensors = read_sensors(section, "Sensors", vehicle.flies, default_sensors, settings.warnings);
   section.ignore({"AutoCreate", "PawnPath", "IsFpvVehicle", "EnableTrace", "DebugSymbolScale", "RC", "FollowDistance",
                   "UseSerial", "Model"});

@@ -186,6 +186,9 @@ void Simulator::Impl::add_vehicle(VehicleSettings vehicle, const SE3& home) {
   added->vehicle =
       std::make_unique<SimVehicle>(std::move(vehicle), T_local_ned, obstacle_query(), enu_from_ned(wind_ned_m_s));
   added->vehicle->set_home(home);
+  const VehicleSettings& own = added->vehicle->settings();
+  if (own.autopilot && own.autopilot->vision.source == VisionSource::kPictures)
+    added->vision = std::make_unique<VisionInput>(own, kPx4Step_s, log);
   vehicles.push_back(std::move(added));
 }
 

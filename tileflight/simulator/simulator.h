@@ -11,9 +11,9 @@
 #include <string>
 #include <vector>
 
+#include "tileflight/autopilot/autopilot_event.h"
 #include "tileflight/base/progress.h"
 #include "tileflight/simulator/airsim_types.h"
-#include "tileflight/simulator/autopilot_event.h"
 #include "tileflight/simulator/extension_types.h"
 #include "tileflight/simulator/observation.h"
 #include "tileflight/tiles/load.h"
@@ -23,6 +23,10 @@ class SharedPorts;
 }
 
 namespace tileflight::simulator {
+
+// Types of another room that appear in this interface.
+using autopilot::AutopilotEvent;
+using autopilot::AutopilotJournal;
 
 /// Policy for loading tiles.
 enum class TileResidency {

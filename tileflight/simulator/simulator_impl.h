@@ -31,6 +31,7 @@
 #include "tileflight/simulator/sim_vehicle.h"
 #include "tileflight/simulator/simulation_clock.h"
 #include "tileflight/simulator/simulator.h"
+#include "tileflight/simulator/vision_input.h"
 #include "tileflight/simulator/working_set.h"
 #include "tileflight/simulator/world_objects.h"
 
@@ -51,6 +52,7 @@ struct VehicleSlot {
   StateHistory history;
   std::map<std::string, SensorNoiseState> sensor_noises;  ///< by the sensor's name
   std::map<std::string, SensorNoiseState> view_noises;    ///< of what viewers see, by the sensor's name
+  std::unique_ptr<VisionInput> vision;  ///< of an autopilot that gets it from pictures; used by the autopilot's thread
 };
 
 /// Time of day and weather, as clients set them.
@@ -183,6 +185,8 @@ struct Simulator::Impl {
   /// Stores the poses from which the next images' optical flow is computed.
   void remember_camera_poses(const PlannedImages& planned);
   std::vector<ImageResponse> render_images(const PlannedImages& planned);
+  /// The first one's colours.
+  imaging::RgbImage render_colours(const PlannedImages& planned);
   std::vector<imaging::Rgb8> annotation_colours(const ResidentScene& place, const std::string& layer) const;
 
   // Detections (api_detection.cpp).

@@ -7,7 +7,7 @@
 
 #include "tileflight/geometry/transform.h"
 
-namespace tileflight::simulator {
+namespace tileflight::autopilot {
 
 /// What an autopilot did to its vehicle, in the order in which it took effect: a recorded session has all of it.
 struct AutopilotEvent {
@@ -32,4 +32,4 @@ struct AutopilotEvent {
 /// Receives each event as it takes effect, with the simulator's mutex held.
 using AutopilotJournal = std::function<void(const AutopilotEvent&)>;
 
-}  // namespace tileflight::simulator
+}  // namespace tileflight::autopilot
