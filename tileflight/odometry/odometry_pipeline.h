@@ -45,6 +45,7 @@ class OdometryPipeline {
   OdometryResult result() const;
 
  private:
+  void count_other_images(const InputFrame& frame);
   void require_usable(const InputFrame& frame, const std::optional<geometry::SE3>& T_world_camera) const;
   FrameResult frame_result(const FrameStamp& frame) const;
   std::optional<geometry::SE3> prior_pose(const InputFrame& frame) const;
@@ -52,6 +53,9 @@ class OdometryPipeline {
 
   // initializing
   void initialize(InitializationState& state, InputFrame frame);
+  /// The map of the frame just added, by static stereo, or else of all frames, by their motion; nullopt: none yet.
+  std::optional<InitialMap> find_initial_map(InitializationState& state);
+  StereoResult stereo_result() const;
 
   FrameTracker tracker() { return {options_, preprocessor_, mapper_, log_, observer_}; }
 

@@ -36,6 +36,12 @@ struct FrameStamp {
   double time_s = 0.0;
 };
 
+/// Images of another camera of the rig.
+struct OtherImageCount {
+  std::int64_t frames = 0;
+  std::int64_t blind = 0;  ///< of those: they show nothing
+};
+
 /// Grows with each image; nothing in it is changed later. Poses are relative to keyframes, so that they follow them.
 struct TrackingLog {
   std::vector<FrameStamp> read;       ///< every image, in order
@@ -43,6 +49,7 @@ struct TrackingLog {
   EarlierMap earlier;                 ///< set once, with the first map
   std::int64_t relocalizations = 0;
   std::vector<loops::LoopKeyframe> loop_keyframes;  ///< all keyframes in order of id; filled for loop closure only
+  std::vector<OtherImageCount> other_images;        ///< by OdometryExtras::other_cameras
   StageTimes cpu_time;
 };
 

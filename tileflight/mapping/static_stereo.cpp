@@ -1,0 +1,150 @@
+#include "tileflight/mapping/static_stereo.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+
+#include "tileflight/mapping/activation.h"
+#include "tileflight/mapping/tracer.h"
+#include "tileflight/mapping/window_optimizer.h"
+
+namespace tileflight::mapping {
+namespace {
+
+using Status = photometry::ImmaturePoint::Status;
+
+/// Share of the searched points that must match for a picture to be used. Chosen by hand: chance matches are a few
+/// percent, repeating texture and occlusion leave well over a half.
+constexpr double kLeastMatched = 0.15, kWellMatched = 0.5;
+
+bool is_matched(const StereoMatches& matches, double share) { return matches.found >= share * matches.searched; }
+
+/// The points after a search in one stereo picture.
+struct SearchedPoints {
+  std::vector<photometry::ImmaturePoint> points;
+  StereoMatches matches;
+};
+
+/// Outcome of a search for one point: only an unambiguous match replaces what was known of it.
+enum class SearchOutcome : std::uint8_t { kOutside, kFailed, kFound };
+
+SearchOutcome search(const photometry::Lens& lens, const photometry::PyramidLevel& picture,
+               const photometry::PairTransform& pair, const photometry::TracingOptions& options, float huber,
+               photometry::ImmaturePoint& point) {
+  photometry::ImmaturePoint traced = point;
+  trace_point(lens, picture, pair, options, huber, traced);
+  if (traced.status == Status::kOutside) return SearchOutcome::kOutside;
+  if (traced.status == Status::kSkipped && point.has_depth()) return SearchOutcome::kFound;  // by another camera
+  if (traced.status != Status::kGood || !(traced.quality > options.min_quality)) return SearchOutcome::kFailed;
+  point = traced;
+  return SearchOutcome::kFound;
+}
+
+SearchedPoints search_all(const photometry::Lens& lens, const photometry::PyramidLevel& picture,
+                          const photometry::PairTransform& pair, const photometry::TracingOptions& options, float huber,
+                          std::vector<photometry::ImmaturePoint> points) {
+  SearchedPoints result{std::move(points), {}};
+  std::vector<SearchOutcome> outcomes(result.points.size());
+  tbb::parallel_for(std::size_t{0}, result.points.size(), [&](std::size_t i) {
+    outcomes[i] = search(lens, picture, pair, options, huber, result.points[i]);
+  });
+  for (const SearchOutcome outcome : outcomes) {
+    result.matches.searched += outcome != SearchOutcome::kOutside;
+    result.matches.found += outcome == SearchOutcome::kFound;
+  }
+  return result;
+}
+
+double mean_grey(const photometry::PyramidLevel& picture) {
+  constexpr int kStride = 4;
+  double sum = 0.0;
+  int count = 0;
+  for (int y = 0; y < picture.height; y += kStride) {
+    for (int x = 0; x < picture.width; x += kStride, ++count) sum += picture.intensity(x, y);
+  }
+  return sum / std::max(count, 1);
+}
+
+/// Search in the picture of one camera, with the brightness that gives more matches.
+SearchedPoints trace_in_camera(const photometry::Window& window, const photometry::OdometryOptions& options,
+                               std::size_t camera, photometry::Keyframe& keyframe) {
+  photometry::TracingOptions tracing = options.tracing;
+  tracing.max_search_share = tracing.stereo_search_share;
+  photometry::StereoPicture& picture = keyframe.stereo[camera];
+  const photometry::PyramidLevel& level = picture.pyramid->levels[0];
+  const auto traced = [&] {
+    return search_all(window.stereo_cameras[camera].lens, level,
+                      photometry::stereo_transform(window, keyframe, static_cast<int>(camera)), tracing,
+                      options.window.huber, keyframe.immature);
+  };
+  SearchedPoints first = traced();
+  if (is_matched(first.matches, kWellMatched)) return first;
+  const double own = mean_grey(keyframe.pyramid->levels[0]), other = mean_grey(level);
+  if (!(own > 0.0) || !(other > 0.0)) return first;
+  const photometry::AffineBrightness before = picture.brightness_linear;
+  picture.brightness_linear = {std::log(other / own), 0.0};
+  SearchedPoints second = traced();
+  if (second.matches.found > first.matches.found) return second;
+  picture.brightness_linear = before;
+  return first;
+}
+
+bool has_stereo_depth(const photometry::ImmaturePoint& point) {
+  constexpr float kLargestShare = 0.25F;  // half interval over the inverse distance; chosen by hand
+  return point.has_depth() && point.rho() > 0.0F &&
+         0.5F * (point.rho_max - point.rho_min) <= kLargestShare * point.rho();
+}
+
+}  // namespace
+
+std::vector<StereoMatches> trace_stereo(const photometry::Window& window, const photometry::OdometryOptions& options,
+                                        photometry::Keyframe& keyframe) {
+  constexpr int kFewest = 20;  // searched points on which a judgement of the picture rests
+  std::vector<StereoMatches> matches(keyframe.stereo.size());
+  for (std::size_t c = 0; c < keyframe.stereo.size(); ++c) {
+    if (!keyframe.stereo[c].pyramid) continue;
+    SearchedPoints found = trace_in_camera(window, options, c, keyframe);
+    matches[c] = found.matches;
+    if (found.matches.searched >= kFewest && !is_matched(found.matches, kLeastMatched)) {
+      keyframe.stereo[c].pyramid.reset();
+      continue;
+    }
+    keyframe.immature = std::move(found.points);
+  }
+  return matches;
+}
+
+int start_from_stereo(photometry::Window& window, const photometry::Lens& lens,
+                      const photometry::OdometryOptions& options) {
+  constexpr int kIterations = 8, kRounds = 2, kFewest = 50;  // the last in the header
+  photometry::Keyframe& keyframe = window.keyframes.at(0);
+  std::vector<std::optional<photometry::ActivePoint>> points(keyframe.immature.size());
+  tbb::parallel_for(std::size_t{0}, points.size(), [&](std::size_t i) {
+    if (has_stereo_depth(keyframe.immature[i]))
+      points[i] = try_activation(window, lens, 0, keyframe.immature[i], options.window, 1);
+  });
+  std::vector<photometry::ImmaturePoint> waiting;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (points[i]) keyframe.points.push_back(std::move(*points[i]));
+    else waiting.push_back(keyframe.immature[i]);
+  }
+  for (int round = 0; round < kRounds; ++round) {
+    optimize_window(window, lens, options.window, kIterations);
+    relinearize(window, 0);
+  }
+  remove_bad_residuals(window);
+  std::erase_if(keyframe.points, [](const photometry::ActivePoint& point) {
+    return point.stereo_observations.empty() || !(point.rho > 0.0F);
+  });
+  if (static_cast<int>(keyframe.points.size()) < kFewest) {
+    keyframe.points.clear();
+    return 0;
+  }
+  keyframe.activated_points = static_cast<std::int64_t>(keyframe.points.size());
+  keyframe.immature = std::move(waiting);
+  return static_cast<int>(keyframe.points.size());
+}
+
+}  // namespace tileflight::mapping
