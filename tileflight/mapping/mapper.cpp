@@ -127,7 +127,7 @@ void Mapper::trace_stereo_pictures(const KeyframeCandidate& source, photometry::
       keyframe.stereo[c].brightness_linear = before.stereo_brightness(static_cast<int>(c));
   }
   const std::vector<photometry::StereoPicture> given = keyframe.stereo;
-  const std::vector<StereoMatches> matches = trace_stereo(window_, options_, keyframe);
+  const std::vector<StereoMatches> matches = trace_stereo(window_, lens_.lenses[0], options_, keyframe);
   for (std::size_t c = 0; c < matches.size(); ++c) {
     StereoRecord& record = stereo_records_[c];
     record.keyframes += given[c].pyramid != nullptr;

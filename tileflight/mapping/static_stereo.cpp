@@ -30,32 +30,83 @@ struct SearchedPoints {
 /// Outcome of a search for one point: only an unambiguous match replaces what was known of it.
 enum class SearchOutcome : std::uint8_t { kOutside, kFailed, kFound };
 
-SearchOutcome search(const photometry::Lens& lens, const photometry::PyramidLevel& picture,
-               const photometry::PairTransform& pair, const photometry::TracingOptions& options, float huber,
-               photometry::ImmaturePoint& point) {
-  photometry::ImmaturePoint traced = point;
-  trace_point(lens, picture, pair, options, huber, traced);
-  if (traced.status == Status::kOutside) return SearchOutcome::kOutside;
-  if (traced.status == Status::kSkipped && point.has_depth()) return SearchOutcome::kFound;  // by another camera
-  if (traced.status != Status::kGood || !(traced.quality > options.min_quality)) return SearchOutcome::kFailed;
-  point = traced;
-  return SearchOutcome::kFound;
+photometry::PairTransform inverse(const photometry::PairTransform& pair) {
+  return {pair.R.transpose(), -(pair.R.transpose() * pair.t), 1.0F / pair.gain, -pair.offset / pair.gain};
 }
 
-SearchedPoints search_all(const photometry::Lens& lens, const photometry::PyramidLevel& picture,
-                          const photometry::PairTransform& pair, const photometry::TracingOptions& options, float huber,
-                          std::vector<photometry::ImmaturePoint> points) {
-  SearchedPoints result{std::move(points), {}};
-  std::vector<SearchOutcome> outcomes(result.points.size());
-  tbb::parallel_for(std::size_t{0}, result.points.size(), [&](std::size_t i) {
-    outcomes[i] = search(lens, picture, pair, options, huber, result.points[i]);
-  });
-  for (const SearchOutcome outcome : outcomes) {
-    result.matches.searched += outcome != SearchOutcome::kOutside;
-    result.matches.found += outcome == SearchOutcome::kFound;
+/// Search from a keyframe in one of its stereo pictures, and back.
+class StereoSearch {
+ public:
+  StereoSearch(const photometry::Lens& own_lens, const photometry::Window& window, const photometry::Keyframe& keyframe,
+               std::size_t camera, const photometry::OdometryOptions& options)
+      : own_lens_(own_lens),
+        lens_(window.stereo_cameras[camera].lens),
+        own_(keyframe.pyramid->levels[0]),
+        picture_(keyframe.stereo[camera].pyramid->levels[0]),
+        pair_(photometry::stereo_transform(window, keyframe, static_cast<int>(camera))),
+        back_(inverse(pair_)),
+        options_(options),
+        tracing_(options.tracing) {
+    // The tracer takes at most so many steps, which shall not be longer than a pixel.
+    constexpr double kLongest_px = 126.0;
+    const double size = picture_.width + picture_.height;
+    tracing_.max_search_share = std::min(tracing_.stereo_search_share, kLongest_px / size);
   }
-  return result;
-}
+
+  SearchedPoints operator()(std::vector<photometry::ImmaturePoint> points) const {
+    SearchedPoints result{std::move(points), {}};
+    std::vector<SearchOutcome> outcomes(result.points.size());
+    tbb::parallel_for(std::size_t{0}, result.points.size(),
+                      [&](std::size_t i) { outcomes[i] = search(result.points[i]); });
+    for (const SearchOutcome outcome : outcomes) {
+      result.matches.searched += outcome != SearchOutcome::kOutside;
+      result.matches.found += outcome == SearchOutcome::kFound;
+    }
+    return result;
+  }
+
+ private:
+  SearchOutcome search(photometry::ImmaturePoint& point) const {
+    photometry::ImmaturePoint traced = point;
+    trace_point(lens_, picture_, pair_, tracing_, options_.window.huber, traced);
+    if (traced.status == Status::kOutside) return SearchOutcome::kOutside;
+    if (traced.status == Status::kSkipped && point.has_depth()) return SearchOutcome::kFound;  // by another camera
+    if (traced.status != Status::kGood || traced.quality < kLeastQuality || !leads_back(traced))
+      return SearchOutcome::kFailed;
+    traced.quality = std::max(traced.quality, kConfirmedQuality);
+    point = traced;
+    return SearchOutcome::kFound;
+  }
+
+  /// Whether the same search from the match in the stereo picture finds the point's pixel again: not so for repeating
+  /// texture, for what the other camera does not see, and for chance.
+  bool leads_back(const photometry::ImmaturePoint& point) const {
+    constexpr float kNear_px = 1.0F;
+    photometry::WarpedPatch there;
+    if (!photometry::warp_patch(lens_, point.patch, pair_.R, pair_.t, point.rho(), there)) return false;
+    const auto patch = photometry::make_patch(picture_, lens_, there.pixel, options_.window.gradient_weight);
+    if (!patch) return false;
+    photometry::ImmaturePoint back;
+    back.patch = *patch;
+    trace_point(own_lens_, own_, back_, tracing_, options_.window.huber, back);
+    Eigen::Vector2f pixel;
+    return back.status == Status::kGood &&
+           own_lens_.project<float>(back_.R * patch->ray + back.rho() * back_.t, pixel) &&
+           (pixel - point.patch.pixel).norm() < kNear_px;
+  }
+
+  // Second-best over best energy: below the first a match is not tried; one that leads back counts as unambiguous for
+  // activation (TracingOptions::min_quality). Chosen by hand.
+  static constexpr float kLeastQuality = 1.2F, kConfirmedQuality = 4.0F;
+
+  const photometry::Lens& own_lens_;
+  const photometry::Lens& lens_;
+  const photometry::PyramidLevel& own_;
+  const photometry::PyramidLevel& picture_;
+  photometry::PairTransform pair_, back_;
+  const photometry::OdometryOptions& options_;
+  photometry::TracingOptions tracing_;
+};
 
 double mean_grey(const photometry::PyramidLevel& picture) {
   constexpr int kStride = 4;
@@ -68,20 +119,16 @@ double mean_grey(const photometry::PyramidLevel& picture) {
 }
 
 /// Search in the picture of one camera, with the brightness that gives more matches.
-SearchedPoints trace_in_camera(const photometry::Window& window, const photometry::OdometryOptions& options,
-                               std::size_t camera, photometry::Keyframe& keyframe) {
-  photometry::TracingOptions tracing = options.tracing;
-  tracing.max_search_share = tracing.stereo_search_share;
+SearchedPoints trace_in_camera(const photometry::Lens& own_lens, const photometry::Window& window,
+                               const photometry::OdometryOptions& options, std::size_t camera,
+                               photometry::Keyframe& keyframe) {
   photometry::StereoPicture& picture = keyframe.stereo[camera];
-  const photometry::PyramidLevel& level = picture.pyramid->levels[0];
   const auto traced = [&] {
-    return search_all(window.stereo_cameras[camera].lens, level,
-                      photometry::stereo_transform(window, keyframe, static_cast<int>(camera)), tracing,
-                      options.window.huber, keyframe.immature);
+    return StereoSearch(own_lens, window, keyframe, camera, options)(keyframe.immature);
   };
   SearchedPoints first = traced();
   if (is_matched(first.matches, kWellMatched)) return first;
-  const double own = mean_grey(keyframe.pyramid->levels[0]), other = mean_grey(level);
+  const double own = mean_grey(keyframe.pyramid->levels[0]), other = mean_grey(picture.pyramid->levels[0]);
   if (!(own > 0.0) || !(other > 0.0)) return first;
   const photometry::AffineBrightness before = picture.brightness_linear;
   picture.brightness_linear = {std::log(other / own), 0.0};
@@ -99,13 +146,13 @@ bool has_stereo_depth(const photometry::ImmaturePoint& point) {
 
 }  // namespace
 
-std::vector<StereoMatches> trace_stereo(const photometry::Window& window, const photometry::OdometryOptions& options,
-                                        photometry::Keyframe& keyframe) {
+std::vector<StereoMatches> trace_stereo(const photometry::Window& window, const photometry::Lens& lens,
+                                        const photometry::OdometryOptions& options, photometry::Keyframe& keyframe) {
   constexpr int kFewest = 20;  // searched points on which a judgement of the picture rests
   std::vector<StereoMatches> matches(keyframe.stereo.size());
   for (std::size_t c = 0; c < keyframe.stereo.size(); ++c) {
     if (!keyframe.stereo[c].pyramid) continue;
-    SearchedPoints found = trace_in_camera(window, options, c, keyframe);
+    SearchedPoints found = trace_in_camera(lens, window, options, c, keyframe);
     matches[c] = found.matches;
     if (found.matches.searched >= kFewest && !is_matched(found.matches, kLeastMatched)) {
       keyframe.stereo[c].pyramid.reset();

@@ -15,15 +15,16 @@ namespace tileflight::mapping {
 /// What a search in one stereo picture came to.
 struct StereoMatches {
   int searched = 0;  ///< points whose epipolar curve lies in the picture
-  int found = 0;     ///< of those: with an unambiguous match
+  int found = 0;     ///< of those: with a match that leads back
 };
 
-/// Searches the keyframe's immature points in its stereo pictures, by camera of the window. If few points of a picture
+/// Searches the keyframe's immature points in its stereo pictures, by camera of the window. A match counts if the search
+/// from it leads back to the point. `lens`: the reference camera's. If few points of a picture
 /// match, another brightness is tried for it, from the means of both pictures; if few match then, too, the picture is
 /// taken from the keyframe: it shows something else (a covered lens, a wrong calibration). The result does not depend on
 /// the number of threads.
-std::vector<StereoMatches> trace_stereo(const photometry::Window& window, const photometry::OdometryOptions& options,
-                                        photometry::Keyframe& keyframe);
+std::vector<StereoMatches> trace_stereo(const photometry::Window& window, const photometry::Lens& lens,
+                                        const photometry::OdometryOptions& options, photometry::Keyframe& keyframe);
 
 /// Activates those immature points of a window's only keyframe that its stereo pictures have determined, and optimises
 /// them: a map from one instant. Returns the number of points that are left; the window is without points if they are too
