@@ -4,8 +4,8 @@
 #include "command.h"
 #include "doubts_text.h"
 #include "number_text.h"
-#include "tileflight/survey/track_inputs.h"
 #include "tileflight/survey/track.h"
+#include "tileflight/survey/track_inputs.h"
 #include "tileflight/systems/run_system.h"
 
 namespace tileflight::app {
@@ -139,10 +139,11 @@ void add_odometry(CLI::App& app, CommonOptions& common, Selection& selection) {
   CLI::Option* to = command->add_option("--to", options->to, "end frame, by index (not included)");
   command->add_option("--every", options->range.every, "use every n-th frame")->check(CLI::PositiveNumber);
   command
-      ->add_option("--mode", options->mode,
-                   "mono: one camera, scale unknown; inertial: with the dataset's imu.csv, map and path in metres and "
-                   "level; stereo: with the rig's other cameras, map and path in metres (stereo-inertial does not exist "
-                   "yet)")
+      ->add_option(
+          "--mode", options->mode,
+          "mono: one camera, scale unknown; inertial: with the dataset's imu.csv, map and path in metres and "
+          "level; stereo: with the rig's other cameras, map and path in metres (stereo-inertial does not exist "
+          "yet)")
       ->capture_default_str();
   command->add_option("--gravity", options->extras.gravity_m_s2, "gravity at the place, m/s^2, for --mode inertial")
       ->check(CLI::Range(9.7, 9.9))

@@ -152,9 +152,9 @@ class StereoResiduals {
       const photometry::StereoPicture& picture = host_.stereo[c];
       is_good_[c] = false;
       if (!picture.pyramid) continue;
-      const photometry::RhoLinearization one = photometry::evaluate_rho(
-          window_.stereo_cameras[c].lens, picture.pyramid->levels[0], patch_, rho,
-          photometry::stereo_transform(window_, host_, static_cast<int>(c)), options_.huber);
+      const photometry::RhoLinearization one =
+          photometry::evaluate_rho(window_.stereo_cameras[c].lens, picture.pyramid->levels[0], patch_, rho,
+                                   photometry::stereo_transform(window_, host_, static_cast<int>(c)), options_.huber);
       if (one.state != photometry::ResidualState::kGood) continue;
       const float threshold = std::max(host_.energy_threshold, picture.energy_threshold);
       sum.energy += options_.stereo_weight * std::min(one.energy, threshold);

@@ -32,8 +32,8 @@ struct KeyframeCandidate {
 
 /// What the keyframes' stereo pictures gave, of one camera.
 struct StereoRecord {
-  int keyframes = 0;  ///< with a picture
-  int unmatched = 0;  ///< of those: the picture shows something else, and was not used
+  int keyframes = 0;                     ///< with a picture
+  int unmatched = 0;                     ///< of those: the picture shows something else, and was not used
   std::int64_t searched = 0, found = 0;  ///< points, as StereoMatches
 };
 
@@ -63,8 +63,8 @@ class Mapper {
   bool start(const KeyframeCandidate& source);
   /// Before initialize(): the map will be that of the reference camera alone.
   void use_no_stereo() { window_.stereo_cameras.clear(); }
-  /// After initialize() or start() and before anything else: the oldest keyframe becomes the newest, so that keyframes may be
-  /// added in the opposite order of time.
+  /// After initialize() or start() and before anything else: the oldest keyframe becomes the newest, so that keyframes
+  /// may be added in the opposite order of time.
   void reverse_order() { reverse_keyframes(window_); }
   /// Makes a keyframe with new immature points; it is not added to the window.
   photometry::Keyframe make_keyframe(const KeyframeCandidate& source);

@@ -63,7 +63,8 @@ void marginalize_points(photometry::Window& window, const std::vector<HostTarget
     }
     const photometry::Keyframe& host = window.keyframes[ref.host];
     for (photometry::Observation& observation : window.keyframes[ref.host].points[ref.index].stereo_observations)
-      move_stereo_to_linearization_point(observation.linearization, host.stereo_delta.segment<2>(2 * observation.target));
+      move_stereo_to_linearization_point(observation.linearization,
+                                         host.stereo_delta.segment<2>(2 * observation.target));
   }
   const NormalEquations system = build_normal_equations(window, pairs, points, 0.0);
   window.H_prior += weight * system.H;
@@ -132,8 +133,7 @@ void add_stereo_unknowns(photometry::Window& window) {
     const photometry::StereoPicture& picture = keyframe.stereo[c];
     const int at = n + 2 * static_cast<int>(c);
     window.H_prior.diagonal().segment<2>(at) = picture.brightness_information;
-    window.b_prior[at] =
-        picture.brightness_information[0] * (picture.brightness_linear.a - picture.brightness_prior.a);
+    window.b_prior[at] = picture.brightness_information[0] * (picture.brightness_linear.a - picture.brightness_prior.a);
     window.b_prior[at + 1] =
         picture.brightness_information[1] * (picture.brightness_linear.b - picture.brightness_prior.b);
   }
@@ -170,8 +170,7 @@ void reverse_keyframes(photometry::Window& window) {
   if (window.has_stereo()) {
     for (int slot = n - 1; slot >= 0; --slot) blocks.push_back(n + slot);
   }
-  const std::vector<int> order =
-      unknowns_of_blocks(blocks, 8 * static_cast<int>(blocks.size()), window.unknowns());
+  const std::vector<int> order = unknowns_of_blocks(blocks, 8 * static_cast<int>(blocks.size()), window.unknowns());
   window.H_prior = MatrixXd(window.H_prior(order, order));
   window.b_prior = VectorXd(window.b_prior(order));
   std::reverse(window.keyframes.begin(), window.keyframes.end());

@@ -37,8 +37,8 @@ struct IntrinsicsInformation {
 /// Adds focal lengths and principal point as unknowns to an empty window.
 void add_intrinsics_unknowns(photometry::Window& window, const IntrinsicsInformation& information);
 
-/// Appends a keyframe; the prior grows by its unknowns, zero but for the prior on its brightness (DSO, eq. 9) and on that
-/// of its stereo pictures.
+/// Appends a keyframe; the prior grows by its unknowns, zero but for the prior on its brightness (DSO, eq. 9) and on
+/// that of its stereo pictures.
 void add_keyframe(photometry::Window& window, photometry::Keyframe keyframe);
 
 /// Reverses the order of the keyframes: slot i becomes slot size - 1 - i, in the prior and the observations, too. What

@@ -185,8 +185,12 @@ class NormalEquationsBuilder {
 
   ChunkSums sum_chunk(const std::vector<PointRef>& points, const Chunk& chunk) const {
     const std::size_t n = blocks_;
-    ChunkSums sums{chunk.host, std::vector<PairSums>(n_), std::vector<LensSums>(lens_ ? n_ : 0),
-                   PairSums{}, std::vector<AlignedFloat8>(8 * n * n), std::vector<AlignedFloat8>(n)};
+    ChunkSums sums{chunk.host,
+                   std::vector<PairSums>(n_),
+                   std::vector<LensSums>(lens_ ? n_ : 0),
+                   PairSums{},
+                   std::vector<AlignedFloat8>(8 * n * n),
+                   std::vector<AlignedFloat8>(n)};
     add_points(points, chunk, sums);
     return sums;
   }

@@ -33,8 +33,8 @@ std::vector<photometry::HostTargetPrecalc> make_stereo_pairs(const photometry::W
 /// Adjoint of a rigid motion on twists (translation first): T exp(x) = exp(Ad x) T.
 Eigen::Matrix<double, 6, 6> adjoint(const geometry::SE3& T);
 
-/// H x = -b over the unknowns of keyframes and of intrinsics or stereo pictures, with the points eliminated (Schur complement). b = J^T W r,
-/// the negative of DSO's b in eq. 10.
+/// H x = -b over the unknowns of keyframes and of intrinsics or stereo pictures, with the points eliminated (Schur
+/// complement). b = J^T W r, the negative of DSO's b in eq. 10.
 struct NormalEquations {
   Eigen::MatrixXd H;
   Eigen::VectorXd b;

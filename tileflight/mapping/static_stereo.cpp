@@ -17,7 +17,7 @@ using Status = photometry::ImmaturePoint::Status;
 
 /// Share of the searched points that must match for a picture to be used. Chosen by hand: chance matches are a few
 /// percent, repeating texture and occlusion leave well over a half.
-constexpr double kLeastMatched = 0.15, kWellMatched = 0.5;
+constexpr double kLeastMatched = 0.2, kWellMatched = 0.5;
 
 bool is_matched(const StereoMatches& matches, double share) { return matches.found >= share * matches.searched; }
 
@@ -71,11 +71,23 @@ class StereoSearch {
     trace_point(lens_, picture_, pair_, tracing_, options_.window.huber, traced);
     if (traced.status == Status::kOutside) return SearchOutcome::kOutside;
     if (traced.status == Status::kSkipped && point.has_depth()) return SearchOutcome::kFound;  // by another camera
-    if (traced.status != Status::kGood || traced.quality < kLeastQuality || !leads_back(traced))
+    if (traced.status != Status::kGood || traced.quality < kLeastQuality || !resembles(traced) || !leads_back(traced))
       return SearchOutcome::kFailed;
     traced.quality = std::max(traced.quality, kConfirmedQuality);
     point = traced;
     return SearchOutcome::kFound;
+  }
+
+  /// Whether the match explains most of the patch's contrast: a smooth patch fits smooth places anywhere.
+  bool resembles(const photometry::ImmaturePoint& point) const {
+    constexpr float kUnexplained = 0.25F, kNoise = 4.0F;  // share; squared grey values; chosen by hand
+    const photometry::RhoLinearization match =
+        photometry::evaluate_rho(lens_, picture_, point.patch, point.rho(), pair_, options_.window.huber);
+    const Eigen::Map<const Eigen::Array<float, photometry::kPatternSize, 1>> grey(point.patch.intensity.data()),
+        weight(point.patch.weight.data());
+    const float contrast = pair_.gain * pair_.gain * (weight * (grey - grey.mean()).square()).sum();
+    return match.state == photometry::ResidualState::kGood &&
+           match.energy < kUnexplained * contrast + kNoise * photometry::kPatternSize;
   }
 
   /// Whether the same search from the match in the stereo picture finds the point's pixel again: not so for repeating
@@ -123,9 +135,7 @@ SearchedPoints trace_in_camera(const photometry::Lens& own_lens, const photometr
                                const photometry::OdometryOptions& options, std::size_t camera,
                                photometry::Keyframe& keyframe) {
   photometry::StereoPicture& picture = keyframe.stereo[camera];
-  const auto traced = [&] {
-    return StereoSearch(own_lens, window, keyframe, camera, options)(keyframe.immature);
-  };
+  const auto traced = [&] { return StereoSearch(own_lens, window, keyframe, camera, options)(keyframe.immature); };
   SearchedPoints first = traced();
   if (is_matched(first.matches, kWellMatched)) return first;
   const double own = mean_grey(keyframe.pyramid->levels[0]), other = mean_grey(picture.pyramid->levels[0]);
@@ -174,8 +184,10 @@ int start_from_stereo(photometry::Window& window, const photometry::Lens& lens,
   });
   std::vector<photometry::ImmaturePoint> waiting;
   for (std::size_t i = 0; i < points.size(); ++i) {
-    if (points[i]) keyframe.points.push_back(std::move(*points[i]));
-    else waiting.push_back(keyframe.immature[i]);
+    if (points[i])
+      keyframe.points.push_back(std::move(*points[i]));
+    else
+      waiting.push_back(keyframe.immature[i]);
   }
   for (int round = 0; round < kRounds; ++round) {
     optimize_window(window, lens, options.window, kIterations);

@@ -18,17 +18,17 @@ struct StereoMatches {
   int found = 0;     ///< of those: with a match that leads back
 };
 
-/// Searches the keyframe's immature points in its stereo pictures, by camera of the window. A match counts if the search
-/// from it leads back to the point. `lens`: the reference camera's. If few points of a picture
-/// match, another brightness is tried for it, from the means of both pictures; if few match then, too, the picture is
-/// taken from the keyframe: it shows something else (a covered lens, a wrong calibration). The result does not depend on
-/// the number of threads.
+/// Searches the keyframe's immature points in its stereo pictures, by camera of the window. A match counts if the
+/// search from it leads back to the point. `lens`: the reference camera's. If few points of a picture match, another
+/// brightness is tried for it, from the means of both pictures; if few match then, too, the picture is taken from the
+/// keyframe: it shows something else (a covered lens, a wrong calibration). The result does not depend on the number of
+/// threads.
 std::vector<StereoMatches> trace_stereo(const photometry::Window& window, const photometry::Lens& lens,
                                         const photometry::OdometryOptions& options, photometry::Keyframe& keyframe);
 
 /// Activates those immature points of a window's only keyframe that its stereo pictures have determined, and optimises
-/// them: a map from one instant. Returns the number of points that are left; the window is without points if they are too
-/// few or too far away to start from (fewer than 50 known to a quarter of their distance).
+/// them: a map from one instant. Returns the number of points that are left; the window is without points if they are
+/// too few or too far away to start from (fewer than 50 known to a quarter of their distance).
 int start_from_stereo(photometry::Window& window, const photometry::Lens& lens,
                       const photometry::OdometryOptions& options);
 

@@ -129,8 +129,7 @@ StepUncertainty step_uncertainty(photometry::Window& window, int slot, double re
   double variance = here.by_unknowns.dot(covariance * here.by_unknowns);
   for (const LogDepthEstimate& point : known) {
     const double w_here = point.seen_in[slot] ? point.information / here.information : 0.0;
-    const double w_there =
-        point.seen_in[slot - 1] && !out.is_metric ? point.information / there.information : 0.0;
+    const double w_there = point.seen_in[slot - 1] && !out.is_metric ? point.information / there.information : 0.0;
     if (point.information > 0) variance += (w_here - w_there) * (w_here - w_there) / point.information;
   }
   out.log_scale = std::min(variance, kUnknown);

@@ -53,8 +53,7 @@ class Linearizer {
       for (photometry::Observation& observation : window_.keyframes[ref.host].points[ref.index].observations) {
         classify_observation(host, observation.state != photometry::ResidualState::kOutside, observation, energy);
       }
-      for (photometry::Observation& observation :
-           window_.keyframes[ref.host].points[ref.index].stereo_observations) {
+      for (photometry::Observation& observation : window_.keyframes[ref.host].points[ref.index].stereo_observations) {
         classify_stereo(host, observation.state != photometry::ResidualState::kOutside, observation, energy);
       }
     });
@@ -111,8 +110,8 @@ class Linearizer {
 
   void classify_stereo(const photometry::Keyframe& host, bool inside, photometry::Observation& observation,
                        Energy& energy) const {
-    const float threshold = std::max(
-        host.energy_threshold, host.stereo[static_cast<std::size_t>(observation.target)].energy_threshold);
+    const float threshold =
+        std::max(host.energy_threshold, host.stereo[static_cast<std::size_t>(observation.target)].energy_threshold);
     classify(threshold, inside, options_.stereo_weight, observation, energy);
   }
 

@@ -42,7 +42,8 @@ struct InputFrame {
   double time_s = 0.0;       ///< increases from image to image
   double exposure_ms = 0.0;  ///< 0: unknown
   imaging::RgbImage image;   ///< colour is used for map points only; tracking uses luma
-  std::vector<OtherImage> others = {};  ///< at the same instant, by OdometryExtras::other_cameras; those left out took none
+  std::vector<OtherImage> others =
+      {};  ///< at the same instant, by OdometryExtras::other_cameras; those left out took none
 };
 
 /// Another camera on the same body, exposed at the same instants as the reference camera, whose images the frames are.
@@ -104,14 +105,25 @@ struct LoopClosure {
   int inliers = 0;            ///< feature matches consistent with the loop
 };
 
+/// How corners seen by two cameras of a rig at one instant agree with its calibration.
+struct RigFit {
+  int matches = 0;            ///< corners that fit
+  double rotation_rad = 0.0;  ///< by which the other camera would have to be turned
+  double behind_share = 0.0;  ///< of the corners with parallax: how many would be behind the cameras
+};
+
 /// What another camera of the rig gave.
 struct OtherCameraResult {
   std::string name;
-  std::int64_t frames = 0;        ///< with a picture of it
-  std::int64_t frames_blind = 0;  ///< of those: the picture shows nothing
-  int keyframes = 0;              ///< with a picture that shows something
-  int keyframes_unmatched = 0;    ///< of those: nothing in it matches the reference camera's picture
-  double matched_share = 0.0;     ///< of the points that were searched for in its pictures; 0: none
+  std::int64_t frames = 0;             ///< with a picture of it
+  std::int64_t frames_blind = 0;       ///< of those: the picture shows nothing
+  int keyframes = 0;                   ///< with a picture that shows something
+  int keyframes_unmatched = 0;         ///< of those: nothing in it matches the reference camera's picture
+  double matched_share = 0.0;          ///< of the points that were searched for in its pictures; 0: none
+  std::int64_t last_frame = -1;        ///< InputFrame::index of the last with a picture of it; -1: none
+  std::int64_t frames_after_last = 0;  ///< all frames after that one
+  std::optional<RigFit> fit;  ///< the one with the median rotation of up to three instants; none if too few corners are
+                              ///< seen by both cameras
 };
 
 /// What static stereo gave.
@@ -141,7 +153,7 @@ struct OdometryResult {
   std::vector<LoopClosure> loops;  ///< loops used to correct the poses and the map
   std::optional<inertial::InertialAlignment> inertial;  ///< with Priors::inertial and a map; without `metric` map and
                                                         ///< trajectory are as without readings
-  std::optional<StereoResult> stereo;  ///< with OdometryExtras::other_cameras
+  std::optional<StereoResult> stereo;                   ///< with OdometryExtras::other_cameras
   std::int64_t relocalizations = 0;  ///< how often tracking failed and was recovered on an older keyframe
   bool lost = false;                 ///< tracking ended before the last image, or never started
   std::string lost_reason;           ///< if lost: the frame and the reason

@@ -1,10 +1,12 @@
 #include "tileflight/odometry/odometry_pipeline.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/odometry/backward_tracking.h"
 #include "tileflight/odometry/prior_alignment.h"
+#include "tileflight/odometry/rig_check.h"
 #include "tileflight/odometry/stage_timer.h"
 
 namespace tileflight::odometry {
@@ -32,8 +34,9 @@ OdometryOptions options_with(OdometryOptions options, const OdometryExtras& extr
   if (extras.other_cameras.empty()) return options;
   const Priors& priors = extras.priors;
   if (priors.inertial || !priors.poses.empty() || priors.depth_m)
-    throw InputError("odometry",
-                     "other cameras and poses, depth or an inertial unit are given; scale and frame come from one of them");
+    throw InputError(
+        "odometry",
+        "other cameras and poses, depth or an inertial unit are given; scale and frame come from one of them");
   options.window.refine_intrinsics = false;
   return options;
 }
@@ -54,8 +57,9 @@ OdometryPipeline::OdometryPipeline(const imaging::Calibration& calibration, cons
       state_(InitializationState{initialization::Initializer(preprocessor_.lens(), options_.initialization), {}, 0}) {
   require_one_scale(priors_, false);
   if (!preprocessor_.stereo().empty() && calibration.line_delay_s != 0.0)
-    throw InputError("odometry",
-                     "the camera has a rolling shutter (line_delay), which static stereo does not correct; use it alone");
+    throw InputError(
+        "odometry",
+        "the camera has a rolling shutter (line_delay), which static stereo does not correct; use it alone");
   log_.other_images.resize(preprocessor_.stereo().cameras().size());
 }
 
@@ -64,7 +68,7 @@ FrameResult OdometryPipeline::add(InputFrame frame, const std::optional<geometry
   const FrameStamp stamp{frame.index, frame.time_s};
   if (lost()) return frame_result(stamp);
   preprocessor_.find_valid_region(frame.image);
-  count_other_images(frame);
+  inspect_other_images(frame);
   log_.read.push_back(stamp);
   if (auto* const tracking = std::get_if<TrackingState>(&state_)) {
     tracker().track(*tracking, frame);
@@ -96,12 +100,29 @@ void OdometryPipeline::require_usable(const InputFrame& frame,
   if (!is_finite(*T_world_camera)) throw InputError(where, "its prior pose is not finite");
 }
 
-void OdometryPipeline::count_other_images(const InputFrame& frame) {
-  for (std::size_t c = 0; c < frame.others.size(); ++c) {
-    const imaging::RgbImage& image = frame.others[c].image;
-    log_.other_images[c].frames += !image.empty();
-    log_.other_images[c].blind += !image.empty() && is_blind(image);
+void OdometryPipeline::inspect_other_images(const InputFrame& frame) {
+  constexpr int kChecks = 3, kInterval = 10;  // images with something in them, from one check to the next
+  for (std::size_t c = 0; c < log_.other_images.size(); ++c) {
+    OtherImageCount& count = log_.other_images[c];
+    ++count.since_last;
+    if (c >= frame.others.size() || frame.others[c].image.empty()) continue;
+    ++count.frames;
+    count.last = frame.index;
+    count.since_last = 0;
+    if (is_blind(frame.others[c].image)) {
+      ++count.blind;
+    } else if (count.checks < kChecks && (count.frames - count.blind - 1) % kInterval == 0) {
+      ++count.checks;
+      check_other_image(frame, c);
+    }
   }
+}
+
+void OdometryPipeline::check_other_image(const InputFrame& frame, std::size_t camera) {
+  const std::vector<photometry::StereoPicture> pictures = preprocessor_.stereo_pictures(frame);
+  const auto fit = check_rig(preprocessor_.lens(), *preprocessor_.make_pyramid(frame),
+                             preprocessor_.stereo().stereo_cameras()[camera], pictures[camera].pyramid->levels[0]);
+  if (fit) log_.other_images[camera].fits.push_back(*fit);
 }
 
 bool OdometryPipeline::lost() const {
@@ -176,16 +197,23 @@ std::optional<InitialMap> OdometryPipeline::find_initial_map(InitializationState
 StereoResult OdometryPipeline::stereo_result() const {
   StereoResult result{.metric = std::holds_alternative<TrackingState>(state_) && mapper_.window().has_stereo()};
   const std::vector<OtherCamera>& cameras = preprocessor_.stereo().cameras();
+  const auto median_fit = [](std::vector<RigFit> fits) {
+    std::ranges::sort(fits, {}, &RigFit::rotation_rad);
+    return fits.empty() ? std::nullopt : std::optional(fits[fits.size() / 2]);
+  };
   for (std::size_t c = 0; c < cameras.size(); ++c) {
     const mapping::StereoRecord& record = mapper_.stereo_records()[c];
-    result.cameras.push_back({.name = cameras[c].name,
-                              .frames = log_.other_images[c].frames,
-                              .frames_blind = log_.other_images[c].blind,
-                              .keyframes = record.keyframes,
-                              .keyframes_unmatched = record.unmatched,
-                              .matched_share = record.searched > 0 ? static_cast<double>(record.found) /
-                                                                         static_cast<double>(record.searched)
-                                                                   : 0.0});
+    result.cameras.push_back(
+        {.name = cameras[c].name,
+         .frames = log_.other_images[c].frames,
+         .frames_blind = log_.other_images[c].blind,
+         .keyframes = record.keyframes,
+         .keyframes_unmatched = record.unmatched,
+         .matched_share =
+             record.searched > 0 ? static_cast<double>(record.found) / static_cast<double>(record.searched) : 0.0,
+         .last_frame = log_.other_images[c].last,
+         .frames_after_last = log_.other_images[c].since_last,
+         .fit = median_fit(log_.other_images[c].fits)});
   }
   return result;
 }

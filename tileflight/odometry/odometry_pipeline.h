@@ -45,7 +45,9 @@ class OdometryPipeline {
   OdometryResult result() const;
 
  private:
-  void count_other_images(const InputFrame& frame);
+  /// Counts the frame's images by the rig's other cameras, and compares the first ones with the rig's calibration.
+  void inspect_other_images(const InputFrame& frame);
+  void check_other_image(const InputFrame& frame, std::size_t camera);
   void require_usable(const InputFrame& frame, const std::optional<geometry::SE3>& T_world_camera) const;
   FrameResult frame_result(const FrameStamp& frame) const;
   std::optional<geometry::SE3> prior_pose(const InputFrame& frame) const;

@@ -24,9 +24,10 @@ void require_stereo_camera(const OtherCamera& camera) {
   if (!t.allFinite() || !camera.T_other_reference.rotation.coeffs().allFinite())
     throw InputError(camera_text(camera), "its pose on the rig is not finite");
   if (t.norm() < 1e-4)
-    throw InputError(camera_text(camera),
-                     "is where the reference camera is (less than 0.1 mm away), so that it shows no distances; give the "
-                     "poses of the rig's cameras");
+    throw InputError(
+        camera_text(camera),
+        "is where the reference camera is (less than 0.1 mm away), so that it shows no distances; give the "
+        "poses of the rig's cameras");
 }
 
 photometry::StereoPicture make_picture(bool known, double log_exposure_ratio) {
@@ -49,14 +50,16 @@ bool is_blind(const imaging::RgbImage& picture) {
   int seen = 0, visible = 0;
   for (int y = 2; y + 2 < picture.height; y += kStride) {
     for (int x = 2; x + 2 < picture.width; x += kStride, ++seen)
-      visible += std::abs(grey(x + 2, y) - grey(x - 2, y)) > kVisible || std::abs(grey(x, y + 2) - grey(x, y - 2)) > kVisible;
+      visible +=
+          std::abs(grey(x + 2, y) - grey(x - 2, y)) > kVisible || std::abs(grey(x, y + 2) - grey(x, y - 2)) > kVisible;
   }
   return visible <= kLeastShare * seen;
 }
 
 StereoInput::StereoInput(std::vector<OtherCamera> cameras) : cameras_(std::move(cameras)) {
   if (cameras_.size() > photometry::kMaxStereoCameras)
-    throw InputError("odometry", std::to_string(cameras_.size()) + " cameras are given besides the reference camera; at most " +
+    throw InputError("odometry", std::to_string(cameras_.size()) +
+                                     " cameras are given besides the reference camera; at most " +
                                      std::to_string(photometry::kMaxStereoCameras) + " can be used");
   for (const OtherCamera& camera : cameras_) require_stereo_camera(camera);
 }
@@ -88,10 +91,9 @@ std::vector<photometry::StereoPicture> StereoInput::pictures(const InputFrame& f
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
     const bool taken = c < frame.others.size() && !frame.others[c].image.empty() && !is_blind(frame.others[c].image);
     const auto& photometric = cameras_[c].photometric;
-    const bool known = taken && has_photometric && photometric && frame.exposure_ms > 0.0 &&
-                       frame.others[c].exposure_ms > 0.0;
-    pictures.push_back(
-        make_picture(known, known ? std::log(frame.others[c].exposure_ms / frame.exposure_ms) : 0.0));
+    const bool known =
+        taken && has_photometric && photometric && frame.exposure_ms > 0.0 && frame.others[c].exposure_ms > 0.0;
+    pictures.push_back(make_picture(known, known ? std::log(frame.others[c].exposure_ms / frame.exposure_ms) : 0.0));
     if (taken)
       pictures.back().pyramid = pyramids_.make(frame.others[c].image, photometric ? &*photometric : nullptr, 1);
   }

@@ -16,15 +16,16 @@ bool is_blind(const imaging::RgbImage& picture);
 
 class StereoInput {
  public:
-  /// Throws InputError for more than photometry::kMaxStereoCameras cameras, for one without an image size, for one whose
-  /// place is that of the reference camera, and for a rolling shutter.
+  /// Throws InputError for more than photometry::kMaxStereoCameras cameras, for one without an image size, for one
+  /// whose place is that of the reference camera, and for a rolling shutter.
   explicit StereoInput(std::vector<OtherCamera> cameras);
 
   bool empty() const { return cameras_.empty(); }
   std::vector<photometry::StereoCamera> stereo_cameras() const;
   const std::vector<OtherCamera>& cameras() const { return cameras_; }
 
-  /// Throws InputError if the frame has more pictures than there are cameras, or one of another size than its calibration's.
+  /// Throws InputError if the frame has more pictures than there are cameras, or one of another size than its
+  /// calibration's.
   void require_usable(const InputFrame& frame) const;
   /// A keyframe's stereo pictures; without a pyramid where there is none or one that shows nothing.
   /// `has_photometric`: whether the reference camera has a photometric calibration.

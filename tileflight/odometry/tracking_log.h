@@ -39,7 +39,11 @@ struct FrameStamp {
 /// Images of another camera of the rig.
 struct OtherImageCount {
   std::int64_t frames = 0;
-  std::int64_t blind = 0;  ///< of those: they show nothing
+  std::int64_t blind = 0;       ///< of those: they show nothing
+  std::int64_t last = -1;       ///< index of the last frame with one
+  std::int64_t since_last = 0;  ///< frames after it
+  int checks = 0;               ///< comparisons with the rig's calibration
+  std::vector<RigFit> fits;     ///< their results, where there are any
 };
 
 /// Grows with each image; nothing in it is changed later. Poses are relative to keyframes, so that they follow them.

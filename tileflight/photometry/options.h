@@ -47,7 +47,8 @@ struct TrackingOptions {
 };
 
 /// Depth search for immature points along their epipolar curves (tracer.h); DSO, section 3.2. All but `slack_px` and
-/// `stereo_search_share` (chosen by hand) have the values of DSO's implementation, which multiplies the outlier energy by 1.2 here.
+/// `stereo_search_share` (chosen by hand) have the values of DSO's implementation, which multiplies the outlier energy
+/// by 1.2 here.
 struct TracingOptions {
   double max_search_share = 0.027;          ///< longest search in pixels, as a share of width + height
   double stereo_search_share = 0.1;         ///< the same in a stereo camera's picture, where nothing is known before

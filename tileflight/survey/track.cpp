@@ -275,8 +275,8 @@ json describe(const odometry::OdometryResult& result, const SkippedFrames& skipp
       {"frames_per_second", result.wall_time_s > 0 ? static_cast<double>(result.frames) / result.wall_time_s : 0.0}};
 }
 
-/// Mode, and whether lengths are in metres; what the rig's other cameras showed, as `stereo`; with an inertial unit what
-/// it showed, as `inertial` and inertial.csv.
+/// Mode, and whether lengths are in metres; what the rig's other cameras showed, as `stereo`; with an inertial unit
+/// what it showed, as `inertial` and inertial.csv.
 void describe_scale(OdometryMode mode, const odometry::OdometryResult& result, const fs::path& folder, Doubts& doubts,
                     json& about) {
   const bool is_metric = result.inertial && result.inertial->metric;
@@ -475,8 +475,7 @@ nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool r
   require_one_scale(extras);
   std::vector<std::string> rig_warnings;
   std::optional<StereoRig> rig;
-  if (extras.mode == OdometryMode::kStereo)
-    rig = read_stereo_rig(dataset_folder, extras.camera.string(), rig_warnings);
+  if (extras.mode == OdometryMode::kStereo) rig = read_stereo_rig(dataset_folder, extras.camera.string(), rig_warnings);
   const dataset::Dataset data =
       rig ? rig->reference : dataset::read_dataset(dataset_folder, {extras.camera, extras.camera_id});
   const TrackingCamera view = make_tracking_camera(data.calibration, extras.rectify_fov_deg);
@@ -525,7 +524,8 @@ nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool r
     geometry::write_cloud(temporary / "map.ply", result.map);
     imaging::write_kalibr(temporary / "camera.yaml", calibration);
     if (options.loops.enabled) about["loops"] = describe_loops(result.loops, frames);
-    about["intrinsics"] = intrinsics_json(calibration.camera, result.camera && options.window.refine_intrinsics && !rig);
+    about["intrinsics"] =
+        intrinsics_json(calibration.camera, result.camera && options.window.refine_intrinsics && !rig);
     base::write_file(temporary / "odometry.json", about.dump(2) + "\n");
   };
   base::write_folder(output, [&](const fs::path& temporary) {

@@ -113,12 +113,14 @@ StereoRig read_stereo_rig(const std::filesystem::path& folder, const std::string
               " (the nearest: " + base::formatted("%.3g", 1e3 * offset_s) + " ms)";
     warnings.push_back(nearest + ": it is not used");
   }
-  if (used.empty()) throw InputError(folder.string(), nearest + "; --mode stereo needs pictures of one instant: use --mode mono");
+  if (used.empty())
+    throw InputError(folder.string(), nearest + "; --mode stereo needs pictures of one instant: use --mode mono");
   for (const dataset::RigInstant& instant : instants) {
     if (!instant.frames[first]) continue;
     auto& frames = stereo.other_frames[rig.cameras[first].dataset.frames[*instant.frames[first]].time_s];
     for (const std::size_t c : used)
-      frames.push_back(instant.frames[c] ? std::optional(rig.cameras[c].dataset.frames[*instant.frames[c]]) : std::nullopt);
+      frames.push_back(instant.frames[c] ? std::optional(rig.cameras[c].dataset.frames[*instant.frames[c]])
+                                         : std::nullopt);
   }
   stereo.reference = std::move(rig.cameras[first].dataset);
   return stereo;
@@ -133,6 +135,11 @@ json stereo_json(const odometry::StereoResult& stereo) {
                        {"keyframes", camera.keyframes},
                        {"keyframes_unmatched", camera.keyframes_unmatched},
                        {"matched_share", camera.matched_share}});
+    json& fit = cameras.back()["fit"];
+    if (camera.fit)
+      fit = {{"matches", camera.fit->matches},
+             {"rotation_deg", camera.fit->rotation_rad / geometry::kRadiansPerDegree},
+             {"behind_share", camera.fit->behind_share}};
   }
   return {{"metric", stereo.metric}, {"cameras", cameras}};
 }

@@ -1,7 +1,7 @@
 #pragma once
 
-// What the odometry takes of a dataset besides the images of one camera (its inertial unit, the rig's other cameras), and
-// what it made of it, as files.
+// What the odometry takes of a dataset besides the images of one camera (its inertial unit, the rig's other cameras),
+// and what it made of it, as files.
 
 #include <cstddef>
 #include <filesystem>
@@ -42,8 +42,8 @@ struct StereoRig {
 inline constexpr double kSameInstant_s = 1e-4;
 
 /// Reads a dataset with several cameras. The reference camera is the first, or the one that `camera` names. Cameras
-/// without a picture at an instant of the reference camera are left out, with a line in `warnings`. Throws InputError for
-/// a dataset with one camera, if `camera` is no name, and if no other camera is left.
+/// without a picture at an instant of the reference camera are left out, with a line in `warnings`. Throws InputError
+/// for a dataset with one camera, if `camera` is no name, and if no other camera is left.
 StereoRig read_stereo_rig(const std::filesystem::path& folder, const std::string& camera,
                           std::vector<std::string>& warnings);
 
