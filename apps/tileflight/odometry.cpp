@@ -4,8 +4,8 @@
 #include "command.h"
 #include "doubts_text.h"
 #include "number_text.h"
-#include "tileflight/survey/inertial_readings.h"
 #include "tileflight/survey/track.h"
+#include "tileflight/survey/track_inputs.h"
 #include "tileflight/systems/run_system.h"
 
 namespace tileflight::app {
@@ -115,7 +115,8 @@ std::string odometry_summary(const nlohmann::json& result, const std::string& ou
   text << out << ": " << result["frames_tracked"] << " of " << result["frames"] << " frames tracked, "
        << result["keyframes"] << " keyframes, " << result["points"] << " points, "
        << rounded(result["frames_per_second"], 3) << " frames per second\n";
-  if (result["scale"] == "metric") {
+  if (result["scale"] == "metric" && result.contains("stereo")) text << "metric by the rig's other cameras\n";
+  if (result["scale"] == "metric" && result.contains("inertial")) {
     text << "metric and level: scale to " << rounded(100.0 * result["inertial"]["sigma_log_scale"].get<double>(), 2)
          << " % (one sigma), vertical to " << rounded(result["inertial"]["sigma_up_deg"], 3) << " degrees\n";
   }
@@ -138,9 +139,11 @@ void add_odometry(CLI::App& app, CommonOptions& common, Selection& selection) {
   CLI::Option* to = command->add_option("--to", options->to, "end frame, by index (not included)");
   command->add_option("--every", options->range.every, "use every n-th frame")->check(CLI::PositiveNumber);
   command
-      ->add_option("--mode", options->mode,
-                   "mono: one camera, scale unknown; inertial: with the dataset's imu.csv, map and path in metres and "
-                   "level (stereo and stereo-inertial do not exist yet)")
+      ->add_option(
+          "--mode", options->mode,
+          "mono: one camera, scale unknown; inertial: with the dataset's imu.csv, map and path in metres and "
+          "level; stereo: with the rig's other cameras, map and path in metres (stereo-inertial does not exist "
+          "yet)")
       ->capture_default_str();
   command->add_option("--gravity", options->extras.gravity_m_s2, "gravity at the place, m/s^2, for --mode inertial")
       ->check(CLI::Range(9.7, 9.9))

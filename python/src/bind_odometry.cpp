@@ -34,21 +34,34 @@ odometry::OdometryOptions options_from(const py::kwargs& settings) {
   return options;
 }
 
+using OtherCameraArguments = std::vector<std::pair<imaging::Camera, InputArray<double>>>;
+
 std::unique_ptr<Odometry> make_odometry(const imaging::Camera& camera, double line_delay_s,
-                                        const py::kwargs& settings) {
+                                        const OtherCameraArguments& other_cameras, const py::kwargs& settings) {
   imaging::Calibration calibration;
   calibration.camera = camera;
   calibration.line_delay_s = line_delay_s;
-  return std::make_unique<Odometry>(calibration, options_from(settings));
+  odometry::OdometryExtras extras;
+  for (const auto& [lens, T_other_reference] : other_cameras) {
+    odometry::OtherCamera other;
+    other.name = std::to_string(extras.other_cameras.size());
+    other.calibration.camera = lens;
+    other.T_other_reference = rigid_motion_from(T_other_reference, "other_cameras");
+    extras.other_cameras.push_back(other);
+  }
+  return std::make_unique<Odometry>(calibration, options_from(settings), std::move(extras));
 }
 
 FrameResult add(Odometry& odometry, const InputArray<std::uint8_t>& image, double time_s,
-                const std::optional<InputArray<double>>& prior) {
-  imaging::RgbImage pixels = image_from_array(image);
+                const std::optional<InputArray<double>>& prior,
+                const std::vector<std::optional<InputArray<std::uint8_t>>>& others) {
+  odometry::InputFrame frame{.index = odometry.frames(), .time_s = time_s, .image = image_from_array(image)};
+  for (const auto& other : others)
+    frame.others.push_back({other ? image_from_array(*other) : imaging::RgbImage(), 0.0});
   std::optional<geometry::SE3> T_world_camera;
   if (prior) T_world_camera = rigid_motion_from(*prior, "prior");
   const py::gil_scoped_release unlocked;
-  return odometry.add(std::move(pixels), time_s, T_world_camera);
+  return odometry.add(std::move(frame), T_world_camera);
 }
 
 py::dict cloud_to_arrays(geometry::PointCloud cloud) {
@@ -82,6 +95,7 @@ py::dict finish(Odometry& odometry) {
   out["frames_tracked"] = result.frames_tracked;
   out["frames_before_start"] = result.frames_before_start;
   out["frames_tracked_backwards"] = result.frames_tracked_backwards;
+  out["metric"] = result.stereo && result.stereo->metric;
   out["lost"] = result.lost;
   out["lost_reason"] = result.lost_reason;
   return out;
@@ -112,11 +126,17 @@ void bind_odometry(py::module_& module) {
                        "Direct Sparse Odometry (Engel, Koltun, Cremers, TPAMI 2018): images in, one at a time; poses "
                        "and a map out. One thread at a time may use an object.")
       .def(py::init(&make_odometry), arg("camera"), arg("line_delay") = 0.0,
-           "camera: the lens of the images. line_delay: seconds from row to row of a rolling shutter. Further keywords "
+           arg("other_cameras") = OtherCameraArguments{},
+           "camera: the lens of the images. line_delay: seconds from row to row of a rolling shutter. other_cameras: "
+           "(lens, T_other_camera (4, 4), metres) of each other camera of a rig; map and poses are then in metres. "
+           "Further keywords "
            "are the keys of an experiment's `odometry:` section.")
-      .def("add", &add, arg("image"), arg("time"), arg("prior") = py::none(),
-           "Processes the next image, (height, width, 3) or (height, width) uint8, at a time in seconds; prior: "
-           "T_world_camera (4, 4) if it is known. Returns a TrackedFrame.")
+      .def(
+          "add", &add, arg("image"), arg("time"), arg("prior") = py::none(),
+          arg("others") = std::vector<std::optional<InputArray<std::uint8_t>>>{},
+          "Processes the next image, (height, width, 3) or (height, width) uint8, at a time in seconds; prior: "
+          "T_world_camera (4, 4) if it is known; others: the other cameras' images of the same instant, None where one "
+          "took none. Returns a TrackedFrame.")
       .def_property_readonly("lost", &Odometry::lost)
       .def_property_readonly("frames", &Odometry::frames)
       .def_property_readonly(
@@ -128,7 +148,7 @@ void bind_odometry(py::module_& module) {
           "As estimated now: points (N, 3) in map units, colors (N, 3), and named values (N).")
       .def("finish", &finish,
            "Ends the odometry: a dictionary with trajectory, keyframes, map, camera (refined), frames, frames_tracked, "
-           "frames_before_start, frames_tracked_backwards, lost, lost_reason.");
+           "frames_before_start, frames_tracked_backwards, metric, lost, lost_reason.");
 }
 
 }  // namespace tileflight::python

@@ -120,9 +120,9 @@ TEST_F(InertialOdometry, WithoutTheModeTheReadingsAreNotUsed) {
 
 TEST_F(InertialOdometry, WhatCannotBeIsRefusedInOneLine) {
   write_flight(dataset_, 3);
-  expect_refused({"--mode", "stereo"}, "--mode: \"stereo\" does not exist yet");
+  expect_refused({"--mode", "stereo"}, "has one camera; --mode stereo needs several on one body");
   expect_refused({"--mode", "stereo-inertial"}, "--mode: \"stereo-inertial\" does not exist yet");
-  expect_refused({"--mode", "lidar"}, "--mode: \"lidar\" is no mode; use mono or inertial");
+  expect_refused({"--mode", "lidar"}, "--mode: \"lidar\" is no mode; use mono, inertial or stereo");
   expect_refused({"--mode", "inertial", "--init-from", (dataset_ / "groundtruth.txt").string()},
                  "--init-from: and --mode inertial both decide on frame and scale");
   const auto samples = flights::fly(flights::lively_camera, 2).readings.samples;

@@ -138,6 +138,54 @@ void apply_outcomes(photometry::Keyframe& host, const std::vector<Outcome>& fate
 
 }  // namespace
 
+namespace {
+
+/// Residuals of a point in the stereo pictures of its host, by inverse distance only.
+class StereoResiduals {
+ public:
+  StereoResiduals(const photometry::Window& window, const photometry::Keyframe& host, const photometry::Patch& patch,
+                  const photometry::WindowOptions& options)
+      : window_(window), host_(host), patch_(patch), options_(options), is_good_(host.stereo.size(), false) {}
+
+  void add(float rho, photometry::RhoLinearization& sum) {
+    for (std::size_t c = 0; c < host_.stereo.size(); ++c) {
+      const photometry::StereoPicture& picture = host_.stereo[c];
+      is_good_[c] = false;
+      if (!picture.pyramid) continue;
+      const photometry::RhoLinearization one =
+          photometry::evaluate_rho(window_.stereo_cameras[c].lens, picture.pyramid->levels[0], patch_, rho,
+                                   photometry::stereo_transform(window_, host_, static_cast<int>(c)), options_.huber);
+      if (one.state != photometry::ResidualState::kGood) continue;
+      const float threshold = std::max(host_.energy_threshold, picture.energy_threshold);
+      sum.energy += options_.stereo_weight * std::min(one.energy, threshold);
+      if (one.energy > threshold) continue;
+      is_good_[c] = true;
+      sum.H += options_.stereo_weight * one.H;
+      sum.b += options_.stereo_weight * one.b;
+    }
+  }
+
+  /// Of the last inverse distance.
+  std::vector<photometry::Observation> good_observations() const {
+    std::vector<photometry::Observation> good;
+    for (std::size_t c = 0; c < is_good_.size(); ++c) {
+      if (!is_good_[c]) continue;
+      good.emplace_back();
+      good.back().target = static_cast<int>(c);
+    }
+    return good;
+  }
+
+ private:
+  const photometry::Window& window_;
+  const photometry::Keyframe& host_;
+  const photometry::Patch& patch_;
+  const photometry::WindowOptions& options_;
+  std::vector<bool> is_good_;
+};
+
+}  // namespace
+
 std::vector<photometry::PairTransform> pair_transforms_from(const photometry::Window& window, int host) {
   const geometry::SE3 T_map_host = window.keyframes[host].T_camera_map().inverse();
   std::vector<photometry::PairTransform> pairs(window.size());
@@ -157,6 +205,7 @@ std::optional<photometry::ActivePoint> try_activation(const photometry::Window& 
   const int n = window.size();
   std::vector<photometry::ResidualState> states(n, photometry::ResidualState::kOutside);
   std::vector<float> energies(n, 0.0F);
+  StereoResiduals stereo(window, window.keyframes[host], point.patch, options);
   const auto evaluate = [&](float rho) {
     photometry::RhoLinearization sum;
     for (int t = 0; t < n; ++t) {
@@ -175,6 +224,7 @@ std::optional<photometry::ActivePoint> try_activation(const photometry::Window& 
       sum.H += one.H;
       sum.b += one.b;
     }
+    stereo.add(rho, sum);
     return sum;
   };
   // Damping schedule, chosen by hand.
@@ -207,7 +257,8 @@ std::optional<photometry::ActivePoint> try_activation(const photometry::Window& 
     observation.target = t;
     active.observations.push_back(observation);
   }
-  if (static_cast<int>(active.observations.size()) < min_good) return std::nullopt;
+  active.stereo_observations = stereo.good_observations();
+  if (static_cast<int>(active.observations.size() + active.stereo_observations.size()) < min_good) return std::nullopt;
   return active;
 }
 

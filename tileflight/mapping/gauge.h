@@ -6,8 +6,9 @@
 
 namespace tileflight::mapping {
 
-/// Unobservable directions of the window's unknowns: position and rotation of the map frame (6) and its scale (1), at
-/// the linearisation points. One row per unknown, 7 columns; the rows of brightness and intrinsics are zero.
+/// Unobservable directions of the window's unknowns: position and rotation of the map frame (6) and, without stereo
+/// cameras, its scale (1), at the linearisation points. One row per unknown, a column for each direction; the rows of
+/// brightness and intrinsics are zero.
 Eigen::MatrixXd gauge_nullspace(const photometry::Window& window);
 
 /// Projects x onto the complement of the gauge directions (the columns of `directions`).

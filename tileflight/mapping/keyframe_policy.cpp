@@ -56,7 +56,8 @@ bool is_well_observed(const photometry::ActivePoint& point) {
   constexpr float kMinInformation = 50.0F;
   constexpr int kMinResiduals = 3;
   constexpr int kMinObservations = 4;
-  return static_cast<int>(point.observations.size()) >= kMinResiduals && point.good_observations >= kMinObservations &&
+  const std::size_t residuals = point.observations.size() + point.stereo_observations.size();
+  return static_cast<int>(residuals) >= kMinResiduals && point.good_observations >= kMinObservations &&
          point.information > kMinInformation;
 }
 

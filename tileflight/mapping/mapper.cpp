@@ -6,6 +6,7 @@
 
 #include "tileflight/mapping/densify.h"
 #include "tileflight/mapping/normal_equations.h"
+#include "tileflight/mapping/static_stereo.h"
 #include "tileflight/mapping/tracer.h"
 #include "tileflight/photometry/pixel_selector.h"
 
@@ -22,6 +23,12 @@ IntrinsicsInformation intrinsics_information(const photometry::WindowOptions& op
 
 }  // namespace
 
+Mapper::Mapper(photometry::LensPyramid& lens, const photometry::OdometryOptions& options,
+               std::vector<photometry::StereoCamera> stereo_cameras)
+    : lens_(lens), options_(options), stereo_records_(stereo_cameras.size()) {
+  window_.stereo_cameras = std::move(stereo_cameras);
+}
+
 Mapper::Mapper(const Mapper& other, photometry::LensPyramid& lens)
     : lens_(lens),
       applied_delta_(other.applied_delta_),
@@ -34,7 +41,8 @@ Mapper::Mapper(const Mapper& other, photometry::LensPyramid& lens)
       step_uncertainties_(other.step_uncertainties_),
       systematic_residuals_(other.systematic_residuals_),
       retired_points_(other.retired_points_),
-      retired_keyframes_(other.retired_keyframes_) {}
+      retired_keyframes_(other.retired_keyframes_),
+      stereo_records_(other.stereo_records_) {}
 
 WindowResult Mapper::initialize(std::vector<photometry::Keyframe> keyframes) {
   constexpr int kRounds = 3;
@@ -60,6 +68,20 @@ WindowResult Mapper::initialize(std::vector<photometry::Keyframe> keyframes) {
   for (int slot = 0; slot < window_.size(); ++slot)
     step_uncertainties_.push_back(step_uncertainty(window_, slot, residual_variance_));
   return result;
+}
+
+bool Mapper::start(const KeyframeCandidate& source) {
+  const std::vector<photometry::StereoCamera> cameras = window_.stereo_cameras;
+  mapping::add_keyframe(window_, make_keyframe(source));
+  if (start_from_stereo(window_, lens_.lenses[0], options_) > 0) {
+    step_uncertainties_.push_back(step_uncertainty(window_, 0, residual_variance_));
+    return true;
+  }
+  window_ = {};
+  window_.stereo_cameras = cameras;
+  stereo_records_.assign(cameras.size(), {});
+  selection_block_px_ = next_id_ = 0;
+  return false;
 }
 
 photometry::Keyframe Mapper::make_keyframe(const KeyframeCandidate& source) {
@@ -91,7 +113,28 @@ photometry::Keyframe Mapper::make_keyframe(const KeyframeCandidate& source) {
     if (source.image != nullptr) point.color = (*source.image)(pixel.x, pixel.y);
     keyframe.immature.push_back(point);
   }
+  if (window_.has_stereo()) trace_stereo_pictures(source, keyframe);
   return keyframe;
+}
+
+/// Gives the keyframe its stereo pictures, with the brightness of the keyframe before, and traces its points in them.
+void Mapper::trace_stereo_pictures(const KeyframeCandidate& source, photometry::Keyframe& keyframe) {
+  keyframe.stereo = source.stereo;
+  keyframe.stereo.resize(window_.stereo_cameras.size());
+  if (!window_.keyframes.empty()) {
+    const photometry::Keyframe& before = window_.keyframes.back();
+    for (std::size_t c = 0; c < keyframe.stereo.size(); ++c)
+      keyframe.stereo[c].brightness_linear = before.stereo_brightness(static_cast<int>(c));
+  }
+  const std::vector<photometry::StereoPicture> given = keyframe.stereo;
+  const std::vector<StereoMatches> matches = trace_stereo(window_, lens_.lenses[0], options_, keyframe);
+  for (std::size_t c = 0; c < matches.size(); ++c) {
+    StereoRecord& record = stereo_records_[c];
+    record.keyframes += given[c].pyramid != nullptr;
+    record.unmatched += given[c].pyramid != nullptr && keyframe.stereo[c].pyramid == nullptr;
+    record.searched += matches[c].searched;
+    record.found += matches[c].found;
+  }
 }
 
 void Mapper::trace(const photometry::Pyramid& picture, const geometry::SE3& T_camera_map,

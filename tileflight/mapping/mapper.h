@@ -27,6 +27,14 @@ struct KeyframeCandidate {
   photometry::AffineBrightness brightness;
   photometry::AffineBrightness brightness_prior;
   Eigen::Vector2d brightness_information = Eigen::Vector2d::Zero();
+  std::vector<photometry::StereoPicture> stereo;  ///< by stereo camera, its brightness that of the prior; empty: none
+};
+
+/// What the keyframes' stereo pictures gave, of one camera.
+struct StereoRecord {
+  int keyframes = 0;                     ///< with a picture
+  int unmatched = 0;                     ///< of those: the picture shows something else, and was not used
+  std::int64_t searched = 0, found = 0;  ///< points, as StereoMatches
 };
 
 /// A keyframe of the trajectory; its pose is final once it has left the window.
@@ -39,8 +47,9 @@ struct KeyframeRecord {
 
 class Mapper {
  public:
-  /// `lens` must outlive the Mapper; it is updated when intrinsics are estimated.
-  Mapper(photometry::LensPyramid& lens, const photometry::OdometryOptions& options) : lens_(lens), options_(options) {}
+  /// `lens` must outlive the Mapper; it is updated when intrinsics are estimated, which excludes stereo cameras.
+  Mapper(photometry::LensPyramid& lens, const photometry::OdometryOptions& options,
+         std::vector<photometry::StereoCamera> stereo_cameras = {});
   /// A copy that goes its own way, with its own lens: a copy of the other's.
   Mapper(const Mapper& other, photometry::LensPyramid& lens);
   Mapper(const Mapper&) = delete;
@@ -49,8 +58,13 @@ class Mapper {
   /// Adds the first keyframes, with poses and already traced immature points; activates points and optimises them
   /// jointly.
   WindowResult initialize(std::vector<photometry::Keyframe> keyframes);
-  /// After initialize() and before anything else: the oldest keyframe becomes the newest, so that keyframes may be
-  /// added in the opposite order of time.
+  /// Starts a map from one instant, metric by its stereo pictures: the first keyframe, with points that these have
+  /// determined. Returns false, and leaves no trace, if they determine too few (start_from_stereo()).
+  bool start(const KeyframeCandidate& source);
+  /// Before initialize(): the map will be that of the reference camera alone.
+  void use_no_stereo() { window_.stereo_cameras.clear(); }
+  /// After initialize() or start() and before anything else: the oldest keyframe becomes the newest, so that keyframes
+  /// may be added in the opposite order of time.
   void reverse_order() { reverse_keyframes(window_); }
   /// Makes a keyframe with new immature points; it is not added to the window.
   photometry::Keyframe make_keyframe(const KeyframeCandidate& source);
@@ -75,10 +89,13 @@ class Mapper {
   /// Uncertainty of each keyframe so far (by id) relative to the previous one, at the time it was added; zero for the
   /// first.
   const std::vector<StepUncertainty>& step_uncertainties() const { return step_uncertainties_; }
+  /// By stereo camera, over all keyframes so far.
+  const std::vector<StereoRecord>& stereo_records() const { return stereo_records_; }
   /// Systematic part of the good residuals of all keyframes so far.
   const SystematicResiduals& systematic_residuals() const { return systematic_residuals_; }
 
  private:
+  void trace_stereo_pictures(const KeyframeCandidate& source, photometry::Keyframe& keyframe);
   void update_lens();
   void retire_keyframes();
   void observe_in_newest();
@@ -101,6 +118,7 @@ class Mapper {
   SystematicResiduals systematic_residuals_;
   std::vector<MapPoint> retired_points_;
   std::vector<KeyframeRecord> retired_keyframes_;
+  std::vector<StereoRecord> stereo_records_;
 };
 
 }  // namespace tileflight::mapping

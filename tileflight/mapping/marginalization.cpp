@@ -22,6 +22,23 @@ void move_to_linearization_point(photometry::Linearization& lin, const photometr
   lin.sums.Ar -= lin.sums.gA.transpose() * pixel + lin.sums.AA * light;
 }
 
+/// The same for a residual in a stereo picture, whose brightness has moved by `light_delta`.
+void move_stereo_to_linearization_point(photometry::Linearization& lin, const Eigen::Vector2d& light_delta) {
+  const Eigen::Vector2f light = light_delta.cast<float>();
+  lin.sums.gr -= lin.sums.gA * light;
+  lin.sums.Ar -= lin.sums.AA * light;
+}
+
+/// Numbers of the unknowns in blocks of eight, in the order given; then those from `rest` to `end`.
+std::vector<int> unknowns_of_blocks(const std::vector<int>& blocks, int rest, int end) {
+  std::vector<int> unknowns;
+  for (const int block : blocks) {
+    for (int i = 0; i < 8; ++i) unknowns.push_back(8 * block + i);
+  }
+  for (int i = rest; i < end; ++i) unknowns.push_back(i);
+  return unknowns;
+}
+
 MatrixXd symmetric_pseudo_inverse(const Mat8& A) {
   // Directions without information are excluded from the elimination (pseudo-inverse). The floor is chosen by hand.
   const Eigen::SelfAdjointEigenSolver<Mat8> eigen(A);
@@ -44,6 +61,10 @@ void marginalize_points(photometry::Window& window, const std::vector<HostTarget
           pairs[ref.host * n + observation.target].d_relative_d_host * window.keyframes[ref.host].delta;
       move_to_linearization_point(observation.linearization, relative, window.intrinsics.delta);
     }
+    const photometry::Keyframe& host = window.keyframes[ref.host];
+    for (photometry::Observation& observation : window.keyframes[ref.host].points[ref.index].stereo_observations)
+      move_stereo_to_linearization_point(observation.linearization,
+                                         host.stereo_delta.segment<2>(2 * observation.target));
   }
   const NormalEquations system = build_normal_equations(window, pairs, points, 0.0);
   window.H_prior += weight * system.H;
@@ -72,7 +93,9 @@ QuadraticPrior marginalize_keyframe(const QuadraticPrior& prior, int slot) {
 }
 
 void remove_keyframe(photometry::Window& window, int slot) {
-  const QuadraticPrior prior = marginalize_keyframe({window.H_prior, window.b_prior}, slot);
+  QuadraticPrior prior{window.H_prior, window.b_prior};
+  if (window.has_stereo()) prior = marginalize_keyframe(prior, window.size() + slot);
+  prior = marginalize_keyframe(prior, slot);
   window.H_prior = prior.H;
   window.b_prior = prior.b;
   window.keyframes.erase(window.keyframes.begin() + slot);
@@ -98,8 +121,28 @@ void add_intrinsics_unknowns(photometry::Window& window, const IntrinsicsInforma
   window.b_prior = VectorXd::Zero(window.intrinsics.unknowns());
 }
 
+namespace {
+
+/// Adds the unknowns of the newest keyframe's stereo pictures at the end of the prior.
+void add_stereo_unknowns(photometry::Window& window) {
+  const photometry::Keyframe& keyframe = window.keyframes.back();
+  const int n = window.unknowns() - 8;
+  window.H_prior.conservativeResizeLike(MatrixXd::Zero(n + 8, n + 8));
+  window.b_prior.conservativeResizeLike(VectorXd::Zero(n + 8));
+  for (std::size_t c = 0; c < keyframe.stereo.size(); ++c) {
+    const photometry::StereoPicture& picture = keyframe.stereo[c];
+    const int at = n + 2 * static_cast<int>(c);
+    window.H_prior.diagonal().segment<2>(at) = picture.brightness_information;
+    window.b_prior[at] = picture.brightness_information[0] * (picture.brightness_linear.a - picture.brightness_prior.a);
+    window.b_prior[at + 1] =
+        picture.brightness_information[1] * (picture.brightness_linear.b - picture.brightness_prior.b);
+  }
+}
+
+}  // namespace
+
 void add_keyframe(photometry::Window& window, photometry::Keyframe keyframe) {
-  const int n = 8 * window.size(), lens = window.intrinsics.unknowns();
+  const int n = 8 * window.size(), lens = window.unknowns() - n;  // the rest: of the lens or the stereo pictures
   MatrixXd H = MatrixXd::Zero(n + 8 + lens, n + 8 + lens);
   VectorXd b = VectorXd::Zero(n + 8 + lens);
   H.topLeftCorner(n, n) = window.H_prior.topLeftCorner(n, n);
@@ -117,15 +160,17 @@ void add_keyframe(photometry::Window& window, photometry::Keyframe keyframe) {
   window.b_prior[n + 7] =
       keyframe.brightness_information[1] * (keyframe.brightness_linear.b - keyframe.brightness_prior.b);
   window.keyframes.push_back(std::move(keyframe));
+  if (window.has_stereo()) add_stereo_unknowns(window);
 }
 
 void reverse_keyframes(photometry::Window& window) {
   const int n = window.size();
-  std::vector<int> order;
-  for (int slot = n - 1; slot >= 0; --slot) {
-    for (int i = 0; i < 8; ++i) order.push_back(8 * slot + i);
+  std::vector<int> blocks;
+  for (int slot = n - 1; slot >= 0; --slot) blocks.push_back(slot);
+  if (window.has_stereo()) {
+    for (int slot = n - 1; slot >= 0; --slot) blocks.push_back(n + slot);
   }
-  for (int i = 8 * n; i < window.unknowns(); ++i) order.push_back(i);
+  const std::vector<int> order = unknowns_of_blocks(blocks, 8 * static_cast<int>(blocks.size()), window.unknowns());
   window.H_prior = MatrixXd(window.H_prior(order, order));
   window.b_prior = VectorXd(window.b_prior(order));
   std::reverse(window.keyframes.begin(), window.keyframes.end());

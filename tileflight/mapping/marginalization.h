@@ -19,7 +19,7 @@ struct QuadraticPrior {
   Eigen::MatrixXd H;
   Eigen::VectorXd b;
 };
-/// Eliminates the 8 unknowns of `slot` by the Schur complement: DSO, eq. 16 to 18.
+/// Eliminates the 8 unknowns of `slot`, or of any other block of eight, by the Schur complement: DSO, eq. 16 to 18.
 QuadraticPrior marginalize_keyframe(const QuadraticPrior& prior, int slot);
 
 /// Removes a keyframe from the window: marginalises its unknowns in the prior, removes observations in it, and
@@ -37,7 +37,8 @@ struct IntrinsicsInformation {
 /// Adds focal lengths and principal point as unknowns to an empty window.
 void add_intrinsics_unknowns(photometry::Window& window, const IntrinsicsInformation& information);
 
-/// Appends a keyframe; the prior grows by its unknowns, zero but for the prior on its brightness (DSO, eq. 9).
+/// Appends a keyframe; the prior grows by its unknowns, zero but for the prior on its brightness (DSO, eq. 9) and on
+/// that of its stereo pictures.
 void add_keyframe(photometry::Window& window, photometry::Keyframe keyframe);
 
 /// Reverses the order of the keyframes: slot i becomes slot size - 1 - i, in the prior and the observations, too. What

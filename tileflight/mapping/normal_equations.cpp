@@ -112,6 +112,18 @@ TILEFLIGHT_LANE_INLINE void rho_coupling(const photometry::Linearization& lin, c
   coupling = gg_rho[0] * r.x + gg_rho[1] * r.y + lin.d_pixel_d_rho[0] * r.p + lin.d_pixel_d_rho[1] * r.q;
 }
 
+/// Adds a residual in the host's stereo picture `camera` to the sums by the brightness of these pictures (two lanes a
+/// camera). Returns the off-diagonal entries between them and rho.
+TILEFLIGHT_LANE_INLINE void add_stereo(const photometry::Linearization& lin, int camera, PairSums& sums,
+                                       base::Float8& rho_coupling) {
+  const Eigen::Vector2f by_rho = lin.sums.gA.transpose() * lin.d_pixel_d_rho;
+  for (int i = 0; i < 2; ++i) {
+    for (int j = i; j < 2; ++j) sums.H[2 * camera + i][2 * camera + j] += lin.sums.AA(i, j);
+    sums.b[2 * camera + i] += lin.sums.Ar[i];
+    rho_coupling[2 * camera + i] += by_rho[i];
+  }
+}
+
 /// The rows of a pair's d_relative_d_host.
 struct alignas(sizeof(base::Float8)) HostRows {
   std::array<base::Float8, 8> rows{};
@@ -148,12 +160,13 @@ struct ChunkSums {
   int host = 0;
   std::vector<PairSums> pairs;
   std::vector<LensSums> lens;  ///< by target; empty where the lens is not estimated
+  PairSums stereo;             ///< by the brightness of the host's stereo pictures
   std::vector<AlignedFloat8> H_schur;
   std::vector<AlignedFloat8> b_schur;
 };
 
 /// Windows are small, so a point's coupling with all unknowns (eight numbers per keyframe, and a last block for the
-/// intrinsics) is kept on the stack.
+/// intrinsics or for the stereo pictures of its host) is kept on the stack.
 constexpr int kMaxBlocks = 32;
 
 class NormalEquationsBuilder {
@@ -163,16 +176,21 @@ class NormalEquationsBuilder {
         pairs_(pairs),
         n_(window.size()),
         lens_(window.intrinsics.estimated),
-        blocks_(n_ + (lens_ ? 1 : 0)),
+        stereo_(window.has_stereo()),
+        blocks_(n_ + (lens_ || stereo_ ? 1 : 0)),
         damping_(static_cast<float>(1.0 + rho_damping)) {
-    assert(blocks_ <= kMaxBlocks);
+    assert(blocks_ <= kMaxBlocks && !(lens_ && stereo_));
     for (const HostTargetPair& pair : pairs) rows_.push_back(host_rows(pair.d_relative_d_host));
   }
 
   ChunkSums sum_chunk(const std::vector<PointRef>& points, const Chunk& chunk) const {
     const std::size_t n = blocks_;
-    ChunkSums sums{chunk.host, std::vector<PairSums>(n_), std::vector<LensSums>(lens_ ? n_ : 0),
-                   std::vector<AlignedFloat8>(8 * n * n), std::vector<AlignedFloat8>(n)};
+    ChunkSums sums{chunk.host,
+                   std::vector<PairSums>(n_),
+                   std::vector<LensSums>(lens_ ? n_ : 0),
+                   PairSums{},
+                   std::vector<AlignedFloat8>(8 * n * n),
+                   std::vector<AlignedFloat8>(n)};
     add_points(points, chunk, sums);
     return sums;
   }
@@ -191,6 +209,7 @@ class NormalEquationsBuilder {
           b[p][i] += pair.b[i];
         }
       }
+      if (stereo_) add_stereo_sums(chunk, system);
       subtract_schur(chunk, system);
     }
     system.H.triangularView<Eigen::StrictlyLower>() = system.H.transpose();
@@ -205,13 +224,24 @@ class NormalEquationsBuilder {
 
  private:
   void subtract_schur(const ChunkSums& chunk, NormalEquations& system) const {
-    const int size = window_.unknowns();
+    const int size = stereo_ ? 8 * blocks_ : window_.unknowns();
+    const int to_host = stereo_ ? 8 * chunk.host : 0;  // from the last block to the unknowns of the host's pictures
+    const auto unknown = [&](int i) { return i < 8 * n_ ? i : i + to_host; };
     for (int row = 0; row < size; ++row) {
       for (int column = row; column < size; ++column) {
         // DSO, eq. 17 and 18: H_aa - H_ab H_bb^-1 H_ba, b_a - H_ab H_bb^-1 b_b.
-        system.H(row, column) -= chunk.H_schur[static_cast<std::size_t>(row) * blocks_ + column / 8].value[column % 8];
+        system.H(unknown(row), unknown(column)) -=
+            chunk.H_schur[static_cast<std::size_t>(row) * blocks_ + column / 8].value[column % 8];
       }
-      system.b[row] -= chunk.b_schur[row / 8].value[row % 8];
+      system.b[unknown(row)] -= chunk.b_schur[row / 8].value[row % 8];
+    }
+  }
+
+  void add_stereo_sums(const ChunkSums& chunk, NormalEquations& system) const {
+    const int at = window_.stereo_unknown(chunk.host);
+    for (int i = 0; i < 8; ++i) {
+      for (int j = i; j < 8; ++j) system.H(at + i, at + j) += chunk.stereo.H[i][j];
+      system.b[at + i] += chunk.stereo.b[i];
     }
   }
 
@@ -244,6 +274,14 @@ class NormalEquationsBuilder {
         H_rho_rho += lin.d_pixel_d_rho.dot(lin.sums.gg * lin.d_pixel_d_rho);
         b_rho += lin.d_pixel_d_rho.dot(lin.sums.gr);
         touched |= (1U << observation.target) | (1U << chunk.host);
+      }
+      for (const photometry::Observation& observation : point.stereo_observations) {
+        if (observation.state != photometry::ResidualState::kGood) continue;
+        const photometry::Linearization& lin = observation.linearization;
+        add_stereo(lin, observation.target, sums.stereo, coupling[n_]);
+        H_rho_rho += lin.d_pixel_d_rho.dot(lin.sums.gg * lin.d_pixel_d_rho);
+        b_rho += lin.d_pixel_d_rho.dot(lin.sums.gr);
+        touched |= 1U << n_;
       }
       point.information = H_rho_rho;
       if (H_rho_rho < kMinInformation) continue;
@@ -313,7 +351,8 @@ class NormalEquationsBuilder {
   std::vector<HostRows> rows_;
   int n_;
   bool lens_;
-  int blocks_;  ///< blocks of eight unknowns: one per keyframe, and one for the intrinsics
+  bool stereo_;
+  int blocks_;  ///< blocks of eight unknowns: one per keyframe, and one for the intrinsics or a host's stereo pictures
   float damping_;
 };
 
@@ -354,6 +393,22 @@ std::vector<HostTargetPair> make_host_target_pairs(const photometry::Window& win
       pair.d_relative_d_host.topLeftCorner<6, 6>() = -adjoint(T_linear);
       pair.d_relative_d_host(6, 6) = -1.0;
       pair.d_relative_d_host(7, 7) = -gain;
+    }
+  }
+  return pairs;
+}
+
+std::vector<photometry::HostTargetPrecalc> make_stereo_pairs(const photometry::Window& window) {
+  const std::size_t cameras = window.stereo_cameras.size();
+  std::vector<photometry::HostTargetPrecalc> pairs(cameras * window.keyframes.size());
+  for (std::size_t h = 0; h < window.keyframes.size(); ++h) {
+    const photometry::Keyframe& host = window.keyframes[h];
+    for (std::size_t c = 0; c < host.stereo.size(); ++c) {
+      photometry::HostTargetPrecalc& pair = pairs[h * cameras + c];
+      pair.current = photometry::stereo_transform(window, host, static_cast<int>(c));
+      pair.R_linear = pair.current.R;
+      pair.t_linear = pair.current.t;
+      pair.gain_linear = static_cast<float>(std::exp(host.stereo[c].brightness_linear.a));
     }
   }
   return pairs;
@@ -407,6 +462,14 @@ void back_substitute(photometry::Window& window, const std::vector<HostTargetPai
         if (window.intrinsics.estimated)
           b += (lin.sums.gg * lin.d_pixel_d_rho).dot(lin.d_pixel_d_intrinsics * lens_step);
       }
+      for (const photometry::Observation& observation : point.stereo_observations) {
+        if (observation.state != photometry::ResidualState::kGood) continue;
+        const photometry::Linearization& lin = observation.linearization;
+        const Eigen::Vector2f light =
+            x.segment<2>(window.stereo_unknown(points[i].host) + 2 * observation.target).cast<float>();
+        H += lin.d_pixel_d_rho.dot(lin.sums.gg * lin.d_pixel_d_rho);
+        b += lin.d_pixel_d_rho.dot(lin.sums.gr + lin.sums.gA * light);
+      }
       // Second row of DSO, eq. 16: x_b = -H_bb^-1 (b_b + H_ba x_a), since b is of opposite sign here.
       point.step = H < kMinInformation ? 0.0F : -b / (H * damping);
     }
@@ -417,6 +480,8 @@ VectorXd stacked_delta(const photometry::Window& window) {
   VectorXd delta(window.unknowns());
   for (int i = 0; i < window.size(); ++i) delta.segment<8>(8 * i) = window.keyframes[i].delta;
   if (window.intrinsics.estimated) delta.tail<kLensUnknowns>() = window.intrinsics.delta;
+  if (!window.has_stereo()) return delta;
+  for (int i = 0; i < window.size(); ++i) delta.segment<8>(window.stereo_unknown(i)) = window.keyframes[i].stereo_delta;
   return delta;
 }
 

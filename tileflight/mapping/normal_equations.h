@@ -5,6 +5,9 @@
 // through their relative pose and brightness, so sums are kept per pair and transformed to both keyframes' unknowns
 // once:
 //   x_rel = x_target + M x_host,   M = diag(-Ad(T_target_host), -1, -gain).
+// A residual of a point in its host's stereo picture (static stereo) depends on the inverse distance and on the
+// brightness of that picture only, since the cameras are fixed to each other: it has no part in the poses but through
+// the elimination of the point.
 
 #include <vector>
 
@@ -23,11 +26,15 @@ struct HostTargetPair {
 /// All host-target pairs of a window, at index host * size + target.
 std::vector<HostTargetPair> make_host_target_pairs(const photometry::Window& window);
 
+/// Transforms from each keyframe to its stereo pictures, at index host * cameras + camera. Those of a keyframe without
+/// that picture are not set.
+std::vector<photometry::HostTargetPrecalc> make_stereo_pairs(const photometry::Window& window);
+
 /// Adjoint of a rigid motion on twists (translation first): T exp(x) = exp(Ad x) T.
 Eigen::Matrix<double, 6, 6> adjoint(const geometry::SE3& T);
 
-/// H x = -b over the unknowns of keyframes and intrinsics, with the points eliminated (Schur complement). b = J^T W r,
-/// the negative of DSO's b in eq. 10.
+/// H x = -b over the unknowns of keyframes and of intrinsics or stereo pictures, with the points eliminated (Schur
+/// complement). b = J^T W r, the negative of DSO's b in eq. 10.
 struct NormalEquations {
   Eigen::MatrixXd H;
   Eigen::VectorXd b;
@@ -50,7 +57,7 @@ NormalEquations build_normal_equations(photometry::Window& window, const std::ve
 void back_substitute(photometry::Window& window, const std::vector<HostTargetPair>& pairs,
                      const std::vector<PointRef>& points, const Eigen::VectorXd& x, double rho_damping);
 
-/// Stacked deltas of all keyframes, and of the intrinsics if estimated, from their linearisation points.
+/// Stacked deltas of all keyframes, and of the intrinsics or stereo pictures, from their linearisation points.
 Eigen::VectorXd stacked_delta(const photometry::Window& window);
 
 }  // namespace tileflight::mapping

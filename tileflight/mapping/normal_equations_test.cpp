@@ -44,6 +44,11 @@ TEST(NormalEquations, SchurSolutionIsTheDenseOneWithTheLens) {
   expect_schur_solution_is_the_dense_one(test_support::random_window(4, 25, 1, true));
 }
 
+TEST(NormalEquations, SchurSolutionIsTheDenseOneWithStereoPictures) {
+  expect_schur_solution_is_the_dense_one(test_support::random_window(4, 25, 1, false, 1));
+  expect_schur_solution_is_the_dense_one(test_support::random_window(3, 40, 8, false, 4));
+}
+
 TEST(NormalEquations, SkipObservationsThatAreNotGood) {
   photometry::Window window = test_support::random_window(3, 10, 2);
   const auto pairs = make_host_target_pairs(window);
@@ -116,6 +121,60 @@ TEST(Marginalization, PointsAndAKeyframeLeaveTheSolutionOfTheFullProblem) {
 
 TEST(Marginalization, PointsAndAKeyframeLeaveTheSolutionOfTheFullProblemWithTheLens) {
   expect_marginalization_keeps_the_solution(test_support::random_window(4, 20, 5, true));
+}
+
+TEST(Marginalization, PointsAndAKeyframeLeaveTheSolutionOfTheFullProblemWithStereoPictures) {
+  photometry::Window window = test_support::random_window(4, 20, 5, false, 2);
+  const auto pairs = make_host_target_pairs(window);
+  const auto points = all_points(window);
+  const int n = window.unknowns();
+  window.H_prior.diagonal().array() += 1.0;
+  NormalEquations full = test_support::dense_equations(window, pairs, points);
+  full.H.topLeftCorner(n, n) += window.H_prior;
+  full.b.head(n) += window.b_prior;
+  const VectorXd x_full = -full.H.ldlt().solve(full.b);
+  marginalize_points(window, pairs, points, 1.0);
+  for (photometry::Keyframe& keyframe : window.keyframes) keyframe.points.clear();
+  remove_keyframe(window, 0);
+  ASSERT_EQ(window.H_prior.rows(), window.unknowns());
+  const VectorXd x = -window.H_prior.ldlt().solve(window.b_prior);
+  VectorXd expected(window.unknowns());
+  expected << x_full.segment(8, 24), x_full.segment(40, 24);  // keyframes 1 to 3, and their stereo pictures
+  EXPECT_LT((x - expected).norm(), 1e-4 * expected.norm());
+}
+
+TEST(Marginalization, LinearisesStereoPicturesAboutTheFirstEstimate) {
+  photometry::Window at_zero = test_support::random_window(3, 15, 6, false, 2), moved = at_zero;
+  const auto pairs = make_host_target_pairs(at_zero);
+  for (photometry::Keyframe& keyframe : moved.keyframes) {
+    keyframe.stereo_delta = 0.01 * photometry::Vec8::Random();
+    for (photometry::ActivePoint& point : keyframe.points) {
+      for (photometry::Observation& o : point.stereo_observations) {
+        const Eigen::Vector2f light = keyframe.stereo_delta.segment<2>(2 * o.target).cast<float>();
+        o.linearization.sums.gr += o.linearization.sums.gA * light;
+        o.linearization.sums.Ar += o.linearization.sums.AA * light;
+      }
+    }
+  }
+  marginalize_points(at_zero, pairs, all_points(at_zero), 1.0);
+  marginalize_points(moved, pairs, all_points(moved), 1.0);
+  EXPECT_LT((at_zero.H_prior - moved.H_prior).norm(), 1e-9 * at_zero.H_prior.norm());
+  EXPECT_LT((at_zero.b_prior - moved.b_prior).norm(), 1e-4 * at_zero.b_prior.norm());
+}
+
+TEST(Marginalization, ReversingTheKeyframesTakesTheirStereoPicturesAlong) {
+  constexpr int kKeyframes = 3;
+  photometry::Window window = test_support::random_window(kKeyframes, 9, 5, false, 2);
+  const VectorXd prior = window.H_prior.diagonal(), b = window.b_prior;
+  for (int i = 0; i < window.unknowns(); ++i) window.H_prior(i, i) += i;
+  reverse_keyframes(window);
+  for (int block = 0; block < 2 * kKeyframes; ++block) {
+    const int from = block < kKeyframes ? kKeyframes - 1 - block : 3 * kKeyframes - 1 - block;
+    for (int i = 0; i < 8; ++i) {
+      EXPECT_EQ(window.H_prior(8 * block + i, 8 * block + i), prior[8 * from + i] + 8 * from + i);
+      EXPECT_EQ(window.b_prior[8 * block + i], b[8 * from + i]);
+    }
+  }
 }
 
 TEST(Marginalization, LinearisesAboutTheFirstEstimate) {

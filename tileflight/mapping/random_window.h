@@ -36,18 +36,36 @@ inline photometry::Linearization random_linearization(std::mt19937& random) {
   return lin;
 }
 
-/// Random window. `lens`: the intrinsics are unknowns too.
-inline photometry::Window random_window(int keyframes, int points_each, std::uint32_t seed, bool lens = false) {
+/// Random residuals of a point in stereo pictures: without derivatives by the pose, which they do not have.
+inline std::vector<photometry::Observation> random_stereo_observations(int cameras, std::mt19937& random) {
+  std::vector<photometry::Observation> observations(static_cast<std::size_t>(cameras));
+  for (int c = 0; c < cameras; ++c) {
+    observations[c].target = c;
+    observations[c].linearization = random_linearization(random);
+    observations[c].linearization.d_pixel_d_pose.setZero();
+  }
+  return observations;
+}
+
+/// Random window. `lens`: the intrinsics are unknowns too. `stereo_cameras`: each keyframe has pictures of so many.
+inline photometry::Window random_window(int keyframes, int points_each, std::uint32_t seed, bool lens = false,
+                                        int stereo_cameras = 0) {
   std::mt19937 random(seed);
   std::normal_distribution<float> normal(0.0F, 1.0F);
   photometry::Window window;
   if (lens) add_intrinsics_unknowns(window, {1.0, 1.0, 1.0});
+  window.stereo_cameras.resize(static_cast<std::size_t>(stereo_cameras));
   for (int i = 0; i < keyframes; ++i) {
     photometry::Keyframe keyframe;
     keyframe.id = i;
     keyframe.T_camera_map_linear = random_pose(random, 0.5);
     keyframe.brightness_linear = {0.1 * i, 1.0 - i};
     keyframe.brightness_information = {1.0, 0.5};
+    keyframe.stereo.resize(window.stereo_cameras.size());
+    for (photometry::StereoPicture& picture : keyframe.stereo) {
+      picture.brightness_linear = {0.05 * i, 0.5};
+      picture.brightness_information = {0.7, 0.9};
+    }
     for (int p = 0; p < points_each; ++p) {
       photometry::ActivePoint point;
       point.rho = 1.0F;
@@ -61,6 +79,7 @@ inline photometry::Window random_window(int keyframes, int points_each, std::uin
         }
         point.observations.push_back(observation);
       }
+      point.stereo_observations = random_stereo_observations(stereo_cameras, random);
       keyframe.points.push_back(point);
     }
     add_keyframe(window, std::move(keyframe));
@@ -68,16 +87,25 @@ inline photometry::Window random_window(int keyframes, int points_each, std::uin
   return window;
 }
 
-/// Dense normal equations without the prior. Unknowns: 8 per keyframe, then 4 intrinsics if estimated, then one per
-/// point in the order of `points`.
+/// Adds one residual with the derivatives J of its pixel (rows 0, 1) and brightness (2, 3); the sums are the quadratic
+/// form over these four.
+inline void add_dense(const photometry::PatternSums& s, const Eigen::MatrixXd& J, NormalEquations& dense) {
+  Eigen::Matrix4d W;
+  W << s.gg.cast<double>(), s.gA.cast<double>(), s.gA.transpose().cast<double>(), s.AA.cast<double>();
+  Eigen::Vector4d r;
+  r << s.gr.cast<double>(), s.Ar.cast<double>();
+  dense.H += J.transpose() * W * J;
+  dense.b += J.transpose() * r;
+}
+
+/// Dense normal equations without the prior. Unknowns: 8 per keyframe, then 4 intrinsics if estimated, or 8 per
+/// keyframe for its stereo pictures, then one per point in the order of `points`.
 inline NormalEquations dense_equations(const photometry::Window& window, const std::vector<HostTargetPair>& pairs,
                                        const std::vector<PointRef>& points) {
   const int n = window.size(), unknowns = window.unknowns() + static_cast<int>(points.size());
   NormalEquations dense{Eigen::MatrixXd::Zero(unknowns, unknowns), Eigen::VectorXd::Zero(unknowns)};
   for (std::size_t i = 0; i < points.size(); ++i) {
     for (const photometry::Observation& o : window.keyframes[points[i].host].points[points[i].index].observations) {
-      const photometry::PatternSums& s = o.linearization.sums;
-      // Rows: pixel (2) and brightness (2) by all unknowns; the sums are the quadratic form over these four.
       Eigen::MatrixXd J = Eigen::MatrixXd::Zero(4, unknowns);
       Eigen::Matrix<double, 4, 8> relative = Eigen::Matrix<double, 4, 8>::Zero();
       relative.topLeftCorner<2, 6>() = o.linearization.d_pixel_d_pose.cast<double>();
@@ -86,12 +114,14 @@ inline NormalEquations dense_equations(const photometry::Window& window, const s
       J.middleCols<8>(8 * points[i].host) = relative * pairs[points[i].host * n + o.target].d_relative_d_host;
       if (window.intrinsics.estimated) J.block<2, 4>(0, 8 * n) = o.linearization.d_pixel_d_intrinsics.cast<double>();
       J.block<2, 1>(0, window.unknowns() + i) = o.linearization.d_pixel_d_rho.cast<double>();
-      Eigen::Matrix4d W;
-      W << s.gg.cast<double>(), s.gA.cast<double>(), s.gA.transpose().cast<double>(), s.AA.cast<double>();
-      Eigen::Vector4d r;
-      r << s.gr.cast<double>(), s.Ar.cast<double>();
-      dense.H += J.transpose() * W * J;
-      dense.b += J.transpose() * r;
+      add_dense(o.linearization.sums, J, dense);
+    }
+    for (const photometry::Observation& o :
+         window.keyframes[points[i].host].points[points[i].index].stereo_observations) {
+      Eigen::MatrixXd J = Eigen::MatrixXd::Zero(4, unknowns);
+      J.block<2, 2>(2, window.stereo_unknown(points[i].host) + 2 * o.target).setIdentity();
+      J.block<2, 1>(0, window.unknowns() + i) = o.linearization.d_pixel_d_rho.cast<double>();
+      add_dense(o.linearization.sums, J, dense);
     }
   }
   return dense;

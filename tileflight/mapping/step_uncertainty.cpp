@@ -42,6 +42,14 @@ LogDepthEstimate estimate_log_depth(const photometry::Window& window, const std:
       out.by_unknowns.tail<4>() += lin.d_pixel_d_intrinsics.cast<double>().transpose() * gg_rho;
     out.seen_in[observation.target] = true;
   }
+  for (const photometry::Observation& observation : point.stereo_observations) {
+    if (observation.state != photometry::ResidualState::kGood) continue;
+    const photometry::Linearization& lin = observation.linearization;
+    const Eigen::Vector2d by_rho = lin.d_pixel_d_rho.cast<double>();
+    H += by_rho.dot(lin.sums.gg.cast<double>() * by_rho);
+    out.by_unknowns.segment<2>(window.stereo_unknown(ref.host) + 2 * observation.target) +=
+        lin.sums.gA.cast<double>().transpose() * by_rho;
+  }
   out.information = H * point.rho * point.rho / residual_variance;
   out.by_unknowns *= H > 0 ? -1.0 / (H * point.rho) : 0.0;
   return out;
@@ -109,8 +117,10 @@ StepUncertainty step_uncertainty(photometry::Window& window, int slot, double re
   const LocalScale here = local_scale(known, slot, window.unknowns());
   out.known_points = here.known_points;
   out.points = here.points;
+  out.is_metric = window.has_stereo();
   if (slot < 1) return out;
-  const LocalScale there = local_scale(known, slot - 1, window.unknowns());
+  LocalScale there = local_scale(known, slot - 1, window.unknowns());
+  if (out.is_metric) there.by_unknowns.setZero();  // the stereo cameras fix the scale, not the keyframe before
   const MatrixXd covariance = covariance_with_fixed(keyframe_information(window, pairs, points) / residual_variance,
                                                     slot - 1, there.by_unknowns);
   out.pose = covariance.block<6, 6>(8 * slot, 8 * slot);
@@ -119,7 +129,7 @@ StepUncertainty step_uncertainty(photometry::Window& window, int slot, double re
   double variance = here.by_unknowns.dot(covariance * here.by_unknowns);
   for (const LogDepthEstimate& point : known) {
     const double w_here = point.seen_in[slot] ? point.information / here.information : 0.0;
-    const double w_there = point.seen_in[slot - 1] ? point.information / there.information : 0.0;
+    const double w_there = point.seen_in[slot - 1] && !out.is_metric ? point.information / there.information : 0.0;
     if (point.information > 0) variance += (w_here - w_there) * (w_here - w_there) / point.information;
   }
   out.log_scale = std::min(variance, kUnknown);

@@ -13,6 +13,7 @@ struct StepUncertainty {
   Eigen::Matrix<double, 6, 6> pose = Eigen::Matrix<double, 6, 6>::Zero();  ///< covariance of the left twist of
                                                                            ///< T_camera_before; translation first
   double log_scale = 0.0;  ///< variance of log(scale at the keyframe / scale at the previous one)
+  bool is_metric = false;  ///< with stereo cameras: `log_scale` is that of log(scale at the keyframe / true scale)
   int known_points = 0;    ///< points visible in the keyframe with a distance known to a tenth
   int points = 0;          ///< all points of the window visible in the keyframe
 };

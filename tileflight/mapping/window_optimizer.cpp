@@ -42,6 +42,7 @@ class Linearizer {
       lens_ = lens_.apply_delta(window_.intrinsics.value());
       lens_linear_ = lens_.apply_delta(window_.intrinsics.linear);
     }
+    if (window_.has_stereo()) stereo_pairs_ = make_stereo_pairs(window_);
     return parallel_sum(points, [&](const PointRef& ref, Energy& energy) { linearize_point(ref, pairs, energy); });
   }
 
@@ -51,6 +52,9 @@ class Linearizer {
       const photometry::Keyframe& host = window_.keyframes[ref.host];
       for (photometry::Observation& observation : window_.keyframes[ref.host].points[ref.index].observations) {
         classify_observation(host, observation.state != photometry::ResidualState::kOutside, observation, energy);
+      }
+      for (photometry::Observation& observation : window_.keyframes[ref.host].points[ref.index].stereo_observations) {
+        classify_stereo(host, observation.state != photometry::ResidualState::kOutside, observation, energy);
       }
     });
   }
@@ -86,17 +90,45 @@ class Linearizer {
       observation.raw_energy = value.energy;
       classify_observation(host, value.state == photometry::ResidualState::kGood, observation, energy);
     }
+    for (photometry::Observation& observation : point.stereo_observations)
+      linearize_stereo(ref.host, point, observation, energy);
+  }
+
+  /// A residual in the host's own stereo picture. Its energy and sums have the weight of the coupling.
+  void linearize_stereo(int slot, const photometry::ActivePoint& point, photometry::Observation& observation,
+                        Energy& energy) const {
+    const photometry::Keyframe& host = window_.keyframes[slot];
+    const auto camera = static_cast<std::size_t>(observation.target);
+    const photometry::ResidualValue value = photometry::evaluate_residual(
+        window_.stereo_cameras[camera].lens, host.stereo[camera].pyramid->levels[0], point.patch, point.rho,
+        stereo_pairs_[static_cast<std::size_t>(slot) * window_.stereo_cameras.size() + camera], options_.huber,
+        &observation.linearization);
+    observation.raw_energy = value.energy;
+    observation.linearization.sums *= options_.stereo_weight;
+    classify_stereo(host, value.state == photometry::ResidualState::kGood, observation, energy);
+  }
+
+  void classify_stereo(const photometry::Keyframe& host, bool inside, photometry::Observation& observation,
+                       Energy& energy) const {
+    const float threshold =
+        std::max(host.energy_threshold, host.stereo[static_cast<std::size_t>(observation.target)].energy_threshold);
+    classify(threshold, inside, options_.stereo_weight, observation, energy);
   }
 
   void classify_observation(const photometry::Keyframe& host, bool inside, photometry::Observation& observation,
                             Energy& energy) const {
     const float threshold = std::max(host.energy_threshold, window_.keyframes[observation.target].energy_threshold);
+    classify(threshold, inside, 1.0F, observation, energy);
+  }
+
+  static void classify(float threshold, bool inside, float weight, photometry::Observation& observation,
+                       Energy& energy) {
     observation.state = photometry::ResidualState::kOutside;
     if (inside)
       observation.state =
           observation.raw_energy > threshold ? photometry::ResidualState::kOutlier : photometry::ResidualState::kGood;
     // A residual that leaves the image keeps its last energy, so that leaving does not lower the total.
-    if (inside) observation.energy = std::min(observation.raw_energy, threshold);
+    if (inside) observation.energy = weight * std::min(observation.raw_energy, threshold);
     energy.residuals += observation.energy;
     if (observation.state != photometry::ResidualState::kGood) return;
     energy.good += observation.energy;
@@ -107,6 +139,7 @@ class Linearizer {
   photometry::Lens lens_;
   photometry::Lens lens_linear_;  ///< only used if the intrinsics are estimated
   const photometry::WindowOptions& options_;
+  std::vector<photometry::HostTargetPrecalc> stereo_pairs_;  ///< as make_stereo_pairs
 };
 
 /// Step of the keyframes' and lens unknowns: (H + lambda diag H) x = -b (DSO, eq. 10 and 14, damped), solved with a
@@ -138,6 +171,7 @@ void save_state(photometry::Window& window) {
   window.intrinsics.delta_backup = window.intrinsics.delta;
   for (photometry::Keyframe& keyframe : window.keyframes) {
     keyframe.delta_backup = keyframe.delta;
+    keyframe.stereo_delta_backup = keyframe.stereo_delta;
     for (photometry::ActivePoint& point : keyframe.points) point.rho_backup = point.rho;
   }
 }
@@ -147,6 +181,8 @@ void apply_step(photometry::Window& window, const VectorXd& x) {
   for (int i = 0; i < window.size(); ++i) {
     photometry::Keyframe& keyframe = window.keyframes[i];
     keyframe.delta = keyframe.delta_backup + x.segment<8>(8 * i);
+    if (window.has_stereo())
+      keyframe.stereo_delta = keyframe.stereo_delta_backup + x.segment<8>(window.stereo_unknown(i));
     for (photometry::ActivePoint& point : keyframe.points) point.rho = point.rho_backup + point.step;
   }
 }
@@ -155,6 +191,7 @@ void restore_state(photometry::Window& window) {
   window.intrinsics.delta = window.intrinsics.delta_backup;
   for (photometry::Keyframe& keyframe : window.keyframes) {
     keyframe.delta = keyframe.delta_backup;
+    keyframe.stereo_delta = keyframe.stereo_delta_backup;
     for (photometry::ActivePoint& point : keyframe.points) point.rho = point.rho_backup;
   }
 }
@@ -165,6 +202,19 @@ bool is_converged(const VectorXd& x, const photometry::Window& window, double fo
   double largest = window.intrinsics.estimated ? x.tail<4>().cwiseAbs().maxCoeff() : 0.0;
   for (int i = 0; i < window.size(); ++i) largest = std::max(largest, x.segment<6>(8 * i).cwiseAbs().maxCoeff());
   return largest * focal_px < kSmallest_px;
+}
+
+/// Threshold for residuals with these energies; reorders them.
+float energy_threshold(std::vector<float>& energies) {
+  // Values and formula of the authors' implementation (26, weight 0.5, 70th percentile, factor 1.5); the paper has
+  // none. 26^2 over 8 pixels is 9.2^2 squared grey values per pixel.
+  constexpr double kQuantile = 0.7;
+  constexpr float kFactor = 1.5F;
+  constexpr float kConstant = 26.0F;  ///< root of an energy per pattern; weighted 0.5
+  const auto nth = energies.begin() + static_cast<std::ptrdiff_t>(kQuantile * static_cast<double>(energies.size() - 1));
+  std::nth_element(energies.begin(), nth, energies.end());
+  const float root = 0.5F * kConstant + 0.5F * kFactor * std::sqrt(*nth);
+  return root * root;
 }
 
 float angle_between(const Eigen::Vector3f& a, const Eigen::Vector3f& b) {
@@ -221,6 +271,11 @@ void relinearize(photometry::Window& window, int slot) {
   keyframe.T_camera_map_linear = keyframe.T_camera_map();
   keyframe.brightness_linear = keyframe.brightness();
   keyframe.delta.setZero();
+  if (!window.has_stereo()) return;
+  window.b_prior += window.H_prior.middleCols<8>(window.stereo_unknown(slot)) * keyframe.stereo_delta;
+  for (std::size_t c = 0; c < keyframe.stereo.size(); ++c)
+    keyframe.stereo[c].brightness_linear = keyframe.stereo_brightness(static_cast<int>(c));
+  keyframe.stereo_delta.setZero();
 }
 
 void relinearize_intrinsics(photometry::Window& window) {
@@ -233,6 +288,39 @@ void relinearize_intrinsics(photometry::Window& window) {
     for (photometry::ImmaturePoint& point : keyframe.immature) point.patch.ray_linear = point.patch.ray;
   }
 }
+
+namespace {
+
+/// The part of remove_bad_residuals() for a point's residuals in the stereo pictures of its host.
+void remove_bad_stereo(const photometry::Window& window, int host, photometry::ActivePoint& point) {
+  for (photometry::Observation& observation : point.stereo_observations) {
+    if (observation.state != photometry::ResidualState::kGood || observation.counted) continue;
+    observation.counted = true;
+    ++point.good_observations;
+    const photometry::PairTransform pair =
+        photometry::stereo_transform(window, window.keyframes[host], observation.target);
+    const Eigen::Vector3f unrotated = pair.R.transpose() * (pair.R * point.patch.ray + point.rho * pair.t);
+    point.parallax_rad = std::max(point.parallax_rad, angle_between(unrotated, point.patch.ray));
+  }
+  std::erase_if(point.stereo_observations,
+                [](const photometry::Observation& o) { return o.state != photometry::ResidualState::kGood; });
+}
+
+/// The part of update_energy_threshold() for the stereo pictures of a keyframe.
+void update_stereo_thresholds(photometry::Keyframe& keyframe) {
+  std::vector<std::vector<float>> energies(keyframe.stereo.size());
+  for (const photometry::ActivePoint& point : keyframe.points) {
+    for (const photometry::Observation& observation : point.stereo_observations) {
+      if (observation.state != photometry::ResidualState::kOutside)
+        energies[static_cast<std::size_t>(observation.target)].push_back(observation.raw_energy);
+    }
+  }
+  for (std::size_t c = 0; c < energies.size(); ++c) {
+    if (!energies[c].empty()) keyframe.stereo[c].energy_threshold = energy_threshold(energies[c]);
+  }
+}
+
+}  // namespace
 
 void remove_bad_residuals(photometry::Window& window) {
   const int newest = window.size() - 1;
@@ -251,18 +339,16 @@ void remove_bad_residuals(photometry::Window& window) {
       }
       std::erase_if(point.observations,
                     [](const photometry::Observation& o) { return o.state != photometry::ResidualState::kGood; });
+      remove_bad_stereo(window, h, point);
     }
     if (h == newest) continue;
-    std::erase_if(window.keyframes[h].points, [](const photometry::ActivePoint& p) { return p.observations.empty(); });
+    std::erase_if(window.keyframes[h].points, [](const photometry::ActivePoint& p) {
+      return p.observations.empty() && p.stereo_observations.empty();
+    });
   }
 }
 
 void update_energy_threshold(photometry::Window& window, int slot) {
-  // Values and formula of the authors' implementation (26, weight 0.5, 70th percentile, factor 1.5); the paper has
-  // none. 26^2 over 8 pixels is 9.2^2 squared grey values per pixel.
-  constexpr double kQuantile = 0.7;
-  constexpr float kFactor = 1.5F;
-  constexpr float kConstant = 26.0F;  ///< root of an energy per pattern; weighted 0.5
   std::vector<float> energies;
   for (const photometry::Keyframe& host : window.keyframes) {
     for (const photometry::ActivePoint& point : host.points) {
@@ -273,11 +359,8 @@ void update_energy_threshold(photometry::Window& window, int slot) {
       }
     }
   }
-  if (energies.empty()) return;
-  const auto nth = energies.begin() + static_cast<std::ptrdiff_t>(kQuantile * static_cast<double>(energies.size() - 1));
-  std::nth_element(energies.begin(), nth, energies.end());
-  const float root = 0.5F * kConstant + 0.5F * kFactor * std::sqrt(*nth);
-  window.keyframes[slot].energy_threshold = root * root;
+  if (!energies.empty()) window.keyframes[slot].energy_threshold = energy_threshold(energies);
+  update_stereo_thresholds(window.keyframes[slot]);
 }
 
 }  // namespace tileflight::mapping

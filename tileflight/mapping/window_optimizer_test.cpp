@@ -98,6 +98,50 @@ WindowErrors errors_of(const photometry::Window& window) {
   return errors;
 }
 
+/// The true window, in which each keyframe also has the picture of a camera half a metre to the right.
+photometry::Window true_stereo_window() {
+  static const photometry::Window kWindow = [] {
+    photometry::Window window;
+    const SE3 T_right_left(Eigen::Quaterniond::Identity(), geometry::Vec3(-0.5, 0, 0));
+    window.stereo_cameras.push_back({flight().lens.lenses[0], T_right_left});
+    for (const photometry::Keyframe& mono : true_window().keyframes) {
+      photometry::Keyframe keyframe = mono;
+      const imaging::RgbImage image = photometry::test_support::ReliefCamera(flight().camera, flight().relief)
+                                          .render((T_right_left * mono.T_camera_map()).inverse());
+      keyframe.stereo.resize(1);
+      keyframe.stereo[0].brightness_information = {1e3, 1.0};
+      keyframe.stereo[0].pyramid = std::make_shared<const photometry::Pyramid>(
+          photometry::build_pyramid(photometry::luminance(image, nullptr), 1));
+      for (photometry::ActivePoint& point : keyframe.points) point.stereo_observations.resize(1);
+      add_keyframe(window, std::move(keyframe));
+    }
+    return window;
+  }();
+  return kWindow;
+}
+
+TEST(OptimizeWindow, FindsTheScaleByStereoPictures) {
+  const photometry::Lens& lens = flight().lens.lenses[0];
+  photometry::Window window = true_stereo_window();
+  constexpr double kScale = 1.03;  // a map too large
+  for (photometry::Keyframe& keyframe : window.keyframes) {
+    keyframe.T_camera_map_linear.translation *= kScale;
+    for (photometry::ActivePoint& point : keyframe.points) point.rho /= static_cast<float>(kScale);
+  }
+  const auto baseline_m = [](const photometry::Window& w) {
+    const SE3 T = w.keyframes[kKeyframes - 1].T_camera_map() * w.keyframes[0].T_camera_map().inverse();
+    return T.translation.norm();
+  };
+  const double truth_m = baseline_m(true_stereo_window());
+  EXPECT_NEAR(baseline_m(window) / truth_m, kScale, 1e-3);
+  photometry::Window again = window;
+  optimize_window(window, lens, flight().options.window, 30);
+  EXPECT_NEAR(baseline_m(window) / truth_m, 1.0, 0.008) << "0.02 pixels of disparity";
+  const tbb::global_control one_thread(tbb::global_control::max_allowed_parallelism, 1);
+  optimize_window(again, lens, flight().options.window, 30);
+  EXPECT_EQ(baseline_m(again), baseline_m(window)) << "the same for any number of threads";
+}
+
 TEST(OptimizeWindow, FindsTheTruePosesAndInverseDistances) {
   const photometry::Lens& lens = flight().lens.lenses[0];
   const photometry::WindowOptions& options = flight().options.window;

@@ -8,7 +8,7 @@ namespace tileflight::odometry {
 namespace {
 
 /// The state in which the image before the first keyframe finds tracking. `after`: the image after that keyframe, whose
-/// motion to it goes on.
+/// motion to it goes on; the same as `first` in a map from one instant, which knows no motion.
 TrackingState state_at_first_keyframe(const mapping::Mapper& mapper, const photometry::LensPyramid& lens,
                                       const TrackedFrame& first, const TrackedFrame& after) {
   TrackingState state;
@@ -67,7 +67,8 @@ void track_backwards(const std::deque<InputFrame>& frames, std::size_t count, co
   map.reverse_order();
   TrackingLog found;
   FrameTracker tracker(options, backwards, map, found, observer);
-  TrackingState state = state_at_first_keyframe(map, backwards.lens(), log.tracked.at(0), log.tracked.at(1));
+  TrackingState state =
+      state_at_first_keyframe(map, backwards.lens(), log.tracked.at(0), log.tracked.at(log.tracked.size() > 1 ? 1 : 0));
   for (std::size_t i = count; i-- > 0 && !tracker.lost(state);) tracker.track(state, frames[i]);
 
   const auto next = static_cast<int>(mapper.step_uncertainties().size());

@@ -131,11 +131,21 @@ void FrameTracker::fail(Failures& failures, const InputFrame& frame, const track
                     std::to_string(static_cast<int>(100 * alignment.inside_share)) + " % of its points in view)";
 }
 
+/// A map that began at one instant has the distances of static stereo alone, which may be off by a tenth where the
+/// parallax between the cameras is weak: its first keyframes follow one another sooner, while the displacement by such
+/// an error is still within the reach of the residuals.
 bool FrameTracker::needs_keyframe(const TrackingState& state, const tracking::ImageAlignment& alignment) const {
+  constexpr std::size_t kYoungMap = 4;  // keyframes
+  constexpr double kSooner = 0.4;       // of the usual flow; both chosen by hand
   const mapping::TrackingChange change{
       tracking::optical_flow(preprocessor_.lens(), state.reference.pixels, alignment.state.T_target_reference),
       alignment.state.a, state.last.rmse, state.reference.first_rmse};
   const imaging::Camera& camera = preprocessor_.camera();
+  if (mapper_.window().has_stereo() && mapper_.step_uncertainties().size() < kYoungMap) {
+    photometry::WindowOptions sooner = options_.window;
+    sooner.keyframe_flow_share *= kSooner;
+    return mapping::needs_keyframe(change, camera.width(), camera.height(), sooner);
+  }
   return mapping::needs_keyframe(change, camera.width(), camera.height(), options_.window);
 }
 
@@ -146,8 +156,10 @@ void FrameTracker::make_keyframe(TrackingState& state, const InputFrame& frame,
   const StageTimer clock(log_.cpu_time.keyframes);
   const auto knowledge =
       preprocessor_.is_brightness_known(frame) ? BrightnessKnowledge::kKnown : BrightnessKnowledge::kFree;
-  mapper_.add_keyframe(make_keyframe_candidate(frame, std::move(pyramid), state.last.T_camera_map, brightness,
-                                               preprocessor_.brightness_prior(frame), knowledge));
+  mapping::KeyframeCandidate candidate = make_keyframe_candidate(
+      frame, std::move(pyramid), state.last.T_camera_map, brightness, preprocessor_.brightness_prior(frame), knowledge);
+  if (mapper_.window().has_stereo()) candidate.stereo = preprocessor_.stereo_pictures(frame);
+  mapper_.add_keyframe(candidate);
   const int newest = mapper_.window().size() - 1;
   state.reference = make_reference_keyframe(mapper_, preprocessor_.lens(), newest);
   // The optimisation moved the keyframe slightly; the motion between the last two images is kept.

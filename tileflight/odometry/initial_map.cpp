@@ -166,12 +166,34 @@ void InitialMapBuilder::set_last_frame() {
 
 void InitializationState::drop_unneeded(double limit_mb) {
   const auto kept_mb = [&] {  // all have one size
-    return 1e-6 * static_cast<double>(frames.size() * frames.front().image.pixels.size() * sizeof(imaging::Rgb8));
+    std::size_t pixels = frames.front().image.pixels.size();
+    for (const OtherImage& other : frames.front().others) pixels += other.image.pixels.size();
+    return 1e-6 * static_cast<double>(frames.size() * pixels * sizeof(imaging::Rgb8));
   };
   while (first < initializer.first_frame() && kept_mb() > limit_mb) {
     frames.pop_front();
     ++first;
   }
+}
+
+std::optional<InitialMap> make_stereo_map(const InitializationState& state,
+                                          const std::shared_ptr<const photometry::Pyramid>& pyramid,
+                                          Preprocessor& preprocessor, mapping::Mapper& mapper) {
+  const InputFrame& frame = state.frames.back();
+  const photometry::AffineBrightness prior = preprocessor.brightness_prior(frame);
+  mapping::KeyframeCandidate candidate =
+      make_keyframe_candidate(frame, pyramid, geometry::SE3(), prior, prior, BrightnessKnowledge::kFixed);
+  candidate.stereo = preprocessor.stereo_pictures(frame);
+  const bool sees = std::ranges::any_of(candidate.stereo, [](const auto& p) { return p.pyramid != nullptr; });
+  if (!sees || !mapper.start(candidate)) return std::nullopt;
+  InitialMap map;
+  map.keyframes = {state.frames.size() - 1};
+  map.tracking.initialization_end_s = frame.time_s;
+  map.tracking.reference = make_reference_keyframe(mapper, preprocessor.lens(), 0);
+  map.tracking.last.T_camera_map = map.tracking.reference.T_camera_map;
+  map.tracking.last.time_s = frame.time_s;
+  map.tracked.push_back({frame.index, frame.time_s, map.tracking.reference.keyframe, geometry::SE3(), {}});
+  return map;
 }
 
 InitialMap make_initial_map(const initialization::InitializationResult& start, InitializationState& state,

@@ -4,6 +4,8 @@
 
 #include <cstddef>
 #include <deque>
+#include <memory>
+#include <optional>
 #include <vector>
 
 #include "tileflight/initialization/initializer.h"
@@ -34,6 +36,12 @@ struct InitialMap {
   std::vector<TrackedFrame> tracked;   ///< images with a pose, in order of time
   std::vector<std::size_t> keyframes;  ///< positions in InitializationState::frames of the window's keyframes
 };
+
+/// A map from the last image of `state` alone, metric by the rig's other cameras: its first keyframe. nullopt if they
+/// show too few distances.
+std::optional<InitialMap> make_stereo_map(const InitializationState& state,
+                                          const std::shared_ptr<const photometry::Pyramid>& pyramid,
+                                          Preprocessor& preprocessor, mapping::Mapper& mapper);
 
 /// Makes the first keyframes and aligns the images between them. With a rolling shutter, the images of `state` that
 /// belong to the initialization are rectified in place.

@@ -57,8 +57,10 @@ OdometryResult Odometry::finish() {
 
 OdometryResult run_odometry(const imaging::Calibration& calibration, const imaging::PhotometricCalibration* photometric,
                             const FrameSource& next_frame, const OdometryOptions& options, const Progress& progress,
-                            const Priors& aids, const KeyframeObserver& observer) {
-  OdometryExtras extras{.photometric = {}, .priors = aids, .keyframe_observer = observer};
+                            const Priors& aids, const KeyframeObserver& observer,
+                            const std::vector<OtherCamera>& other_cameras) {
+  OdometryExtras extras{
+      .photometric = {}, .priors = aids, .keyframe_observer = observer, .other_cameras = other_cameras};
   if (photometric != nullptr) extras.photometric = *photometric;
   Odometry odometry(calibration, options, std::move(extras));
   while (!odometry.lost()) {

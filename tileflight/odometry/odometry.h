@@ -30,12 +30,28 @@ using photometry::MapOptions;
 using photometry::OdometryOptions;
 using tracking::FrameQuality;
 
+/// A picture of another camera of the rig.
+struct OtherImage {
+  imaging::RgbImage image;   ///< empty: the camera took none
+  double exposure_ms = 0.0;  ///< 0: unknown
+};
+
 /// One input image of the odometry. It carries no ground truth.
 struct InputFrame {
   std::int64_t index = 0;    ///< frame index in the dataset; increases from image to image
   double time_s = 0.0;       ///< increases from image to image
   double exposure_ms = 0.0;  ///< 0: unknown
   imaging::RgbImage image;   ///< colour is used for map points only; tracking uses luma
+  std::vector<OtherImage> others =
+      {};  ///< at the same instant, by OdometryExtras::other_cameras; those left out took none
+};
+
+/// Another camera on the same body, exposed at the same instants as the reference camera, whose images the frames are.
+struct OtherCamera {
+  std::string name;  ///< for messages
+  imaging::Calibration calibration;
+  std::optional<imaging::PhotometricCalibration> photometric;
+  geometry::SE3 T_other_reference;  ///< metres; taken as exact, like the calibrations of a rig
 };
 
 /// Supplies the images in order; returns nullopt after the last one. Called from one thread.
@@ -89,6 +105,33 @@ struct LoopClosure {
   int inliers = 0;            ///< feature matches consistent with the loop
 };
 
+/// How corners seen by two cameras of a rig at one instant agree with its calibration.
+struct RigFit {
+  int matches = 0;            ///< corners that fit
+  double rotation_rad = 0.0;  ///< by which the other camera would have to be turned
+  double behind_share = 0.0;  ///< of the corners with parallax: how many would be behind the cameras
+};
+
+/// What another camera of the rig gave.
+struct OtherCameraResult {
+  std::string name;
+  std::int64_t frames = 0;             ///< with a picture of it
+  std::int64_t frames_blind = 0;       ///< of those: the picture shows nothing
+  int keyframes = 0;                   ///< with a picture that shows something
+  int keyframes_unmatched = 0;         ///< of those: nothing in it matches the reference camera's picture
+  double matched_share = 0.0;          ///< of the points that were searched for in its pictures; 0: none
+  std::int64_t last_frame = -1;        ///< InputFrame::index of the last with a picture of it; -1: none
+  std::int64_t frames_after_last = 0;  ///< all frames after that one
+  std::optional<RigFit> fit;  ///< the one with the median rotation of up to three instants; none if too few corners are
+                              ///< seen by both cameras
+};
+
+/// What static stereo gave.
+struct StereoResult {
+  bool metric = false;  ///< map and trajectory are in metres; else they are those of the reference camera alone
+  std::vector<OtherCameraResult> cameras;  ///< by OdometryExtras::other_cameras
+};
+
 struct OdometryResult {
   geometry::Trajectory trajectory;  ///< T_map_camera of every tracked frame; without priors the scale is arbitrary
                                     ///< (monocular)
@@ -110,6 +153,7 @@ struct OdometryResult {
   std::vector<LoopClosure> loops;  ///< loops used to correct the poses and the map
   std::optional<inertial::InertialAlignment> inertial;  ///< with Priors::inertial and a map; without `metric` map and
                                                         ///< trajectory are as without readings
+  std::optional<StereoResult> stereo;                   ///< with OdometryExtras::other_cameras
   std::int64_t relocalizations = 0;  ///< how often tracking failed and was recovered on an older keyframe
   bool lost = false;                 ///< tracking ended before the last image, or never started
   std::string lost_reason;           ///< if lost: the frame and the reason
@@ -122,6 +166,10 @@ struct OdometryExtras {
   std::optional<imaging::PhotometricCalibration> photometric;  ///< response and vignetting; none: taken as ideal
   Priors priors;
   KeyframeObserver keyframe_observer;
+  std::vector<OtherCamera> other_cameras;  ///< at most 4; static stereo with them makes map and trajectory metric from
+                                           ///< the first image on. The calibrations are held, as that of one rig. Not
+                                           ///< together with an inertial unit, prior poses or depth, nor with rolling
+                                           ///< shutters
 };
 
 /// What became of an image when it was added.
@@ -170,7 +218,7 @@ struct FrameResult {
 /// odometry is like one after finish().
 class Odometry {
  public:
-  /// Throws InputError if the calibration has no image size.
+  /// Throws InputError if the calibration has no image size, and for other cameras that cannot be used.
   explicit Odometry(const imaging::Calibration& calibration, const OdometryOptions& options = {},
                     OdometryExtras extras = {});
   Odometry(Odometry&&) noexcept;
@@ -224,6 +272,6 @@ class Odometry {
 OdometryResult run_odometry(const imaging::Calibration& calibration, const imaging::PhotometricCalibration* photometric,
                             const FrameSource& next_frame, const OdometryOptions& options,
                             const Progress& progress = {}, const Priors& aids = {},
-                            const KeyframeObserver& observer = {});
+                            const KeyframeObserver& observer = {}, const std::vector<OtherCamera>& other_cameras = {});
 
 }  // namespace tileflight::odometry

@@ -1,10 +1,12 @@
 #include "tileflight/odometry/odometry_pipeline.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/odometry/backward_tracking.h"
 #include "tileflight/odometry/prior_alignment.h"
+#include "tileflight/odometry/rig_check.h"
 #include "tileflight/odometry/stage_timer.h"
 
 namespace tileflight::odometry {
@@ -27,20 +29,38 @@ void require_one_scale(const Priors& priors, bool has_prior_pose) {
                      "poses or depth and an inertial unit are both given; scale and frame come from one of them");
 }
 
+/// The rig decides on the scale, and its calibration is held.
+OdometryOptions options_with(OdometryOptions options, const OdometryExtras& extras) {
+  if (extras.other_cameras.empty()) return options;
+  const Priors& priors = extras.priors;
+  if (priors.inertial || !priors.poses.empty() || priors.depth_m)
+    throw InputError(
+        "odometry",
+        "other cameras and poses, depth or an inertial unit are given; scale and frame come from one of them");
+  options.window.refine_intrinsics = false;
+  return options;
+}
+
 bool is_finite(const geometry::SE3& T) { return T.translation.allFinite() && T.rotation.coeffs().allFinite(); }
 
 }  // namespace
 
 OdometryPipeline::OdometryPipeline(const imaging::Calibration& calibration, const OdometryOptions& options,
                                    OdometryExtras extras)
-    : options_(options),
+    : options_(options_with(options, extras)),
       priors_(std::move(extras.priors)),
       priors_given_at_once_(!priors_.poses.empty()),
       observer_(std::move(extras.keyframe_observer)),
-      preprocessor_(calibration, std::move(extras.photometric), std::move(priors_.mask), options_),
-      mapper_(preprocessor_.lens(), options_),
+      preprocessor_(calibration, std::move(extras.photometric), std::move(priors_.mask), options_,
+                    std::move(extras.other_cameras)),
+      mapper_(preprocessor_.lens(), options_, preprocessor_.stereo().stereo_cameras()),
       state_(InitializationState{initialization::Initializer(preprocessor_.lens(), options_.initialization), {}, 0}) {
   require_one_scale(priors_, false);
+  if (!preprocessor_.stereo().empty() && calibration.line_delay_s != 0.0)
+    throw InputError(
+        "odometry",
+        "the camera has a rolling shutter (line_delay), which static stereo does not correct; use it alone");
+  log_.other_images.resize(preprocessor_.stereo().cameras().size());
 }
 
 FrameResult OdometryPipeline::add(InputFrame frame, const std::optional<geometry::SE3>& T_world_camera) {
@@ -48,6 +68,7 @@ FrameResult OdometryPipeline::add(InputFrame frame, const std::optional<geometry
   const FrameStamp stamp{frame.index, frame.time_s};
   if (lost()) return frame_result(stamp);
   preprocessor_.find_valid_region(frame.image);
+  inspect_other_images(frame);
   log_.read.push_back(stamp);
   if (auto* const tracking = std::get_if<TrackingState>(&state_)) {
     tracker().track(*tracking, frame);
@@ -69,11 +90,39 @@ void OdometryPipeline::require_usable(const InputFrame& frame,
   }
   if (!std::isfinite(frame.time_s)) throw InputError(where, "its time is not a finite number of seconds");
   if (!log_.read.empty()) require_later(log_.read.back(), frame);
+  preprocessor_.stereo().require_usable(frame);
   if (!T_world_camera) return;
+  if (!preprocessor_.stereo().empty())
+    throw InputError(where, "has a prior pose, but the scale comes from the rig's cameras; give one of them");
   if (priors_given_at_once_)
     throw InputError(where, "has a prior pose, but all prior poses were given at the start; give them in one way");
   require_one_scale(priors_, true);
   if (!is_finite(*T_world_camera)) throw InputError(where, "its prior pose is not finite");
+}
+
+void OdometryPipeline::inspect_other_images(const InputFrame& frame) {
+  constexpr int kChecks = 3, kInterval = 10;  // images with something in them, from one check to the next
+  for (std::size_t c = 0; c < log_.other_images.size(); ++c) {
+    OtherImageCount& count = log_.other_images[c];
+    ++count.since_last;
+    if (c >= frame.others.size() || frame.others[c].image.empty()) continue;
+    ++count.frames;
+    count.last = frame.index;
+    count.since_last = 0;
+    if (is_blind(frame.others[c].image)) {
+      ++count.blind;
+    } else if (count.checks < kChecks && (count.frames - count.blind - 1) % kInterval == 0) {
+      ++count.checks;
+      check_other_image(frame, c);
+    }
+  }
+}
+
+void OdometryPipeline::check_other_image(const InputFrame& frame, std::size_t camera) {
+  const std::vector<photometry::StereoPicture> pictures = preprocessor_.stereo_pictures(frame);
+  const auto fit = check_rig(preprocessor_.lens(), *preprocessor_.make_pyramid(frame),
+                             preprocessor_.stereo().stereo_cameras()[camera], pictures[camera].pyramid->levels[0]);
+  if (fit) log_.other_images[camera].fits.push_back(*fit);
 }
 
 bool OdometryPipeline::lost() const {
@@ -117,23 +166,57 @@ std::optional<geometry::SE3> OdometryPipeline::prior_pose(const InputFrame& fram
 
 void OdometryPipeline::initialize(InitializationState& state, InputFrame frame) {
   const StageTimer clock(log_.cpu_time.initialization);
-  const auto pyramid = preprocessor_.make_pyramid(frame);
   state.frames.push_back(std::move(frame));
-  const std::optional<initialization::InitializationResult> start =
-      state.initializer.add(pyramid, prior_pose(state.frames.back()));
-  if (!start) {
+  std::optional<InitialMap> map = find_initial_map(state);
+  if (!map) {
     state.drop_unneeded(options_.initialization.buffer_mb);
     return;
   }
-  InitialMap map = make_initial_map(*start, state, preprocessor_, mapper_, options_);
-  log_.tracked = std::move(map.tracked);
-  for (std::size_t slot = 0; slot < map.keyframes.size(); ++slot)
-    tracker().report_keyframe(state.frames[map.keyframes[slot]], static_cast<int>(slot));
-  track_backwards(state.frames, map.keyframes.front(), options_, preprocessor_, mapper_, observer_, log_);
-  state_ = std::move(map.tracking);
+  log_.tracked = std::move(map->tracked);
+  for (std::size_t slot = 0; slot < map->keyframes.size(); ++slot)
+    tracker().report_keyframe(state.frames[map->keyframes[slot]], static_cast<int>(slot));
+  track_backwards(state.frames, map->keyframes.front(), options_, preprocessor_, mapper_, observer_, log_);
+  state_ = std::move(map->tracking);
+}
+
+std::optional<InitialMap> OdometryPipeline::find_initial_map(InitializationState& state) {
+  const auto pyramid = preprocessor_.make_pyramid(state.frames.back());
+  if (mapper_.window().has_stereo()) {
+    std::optional<InitialMap> map = make_stereo_map(state, pyramid, preprocessor_, mapper_);
+    if (map) return map;
+  }
+  const std::optional<initialization::InitializationResult> start =
+      state.initializer.add(pyramid, prior_pose(state.frames.back()));
+  if (!start) return std::nullopt;
+  mapper_.use_no_stereo();  // the map has a scale of its own
+  return make_initial_map(*start, state, preprocessor_, mapper_, options_);
 }
 
 // ---- result ----
+
+StereoResult OdometryPipeline::stereo_result() const {
+  StereoResult result{.metric = std::holds_alternative<TrackingState>(state_) && mapper_.window().has_stereo()};
+  const std::vector<OtherCamera>& cameras = preprocessor_.stereo().cameras();
+  const auto median_fit = [](std::vector<RigFit> fits) {
+    std::ranges::sort(fits, {}, &RigFit::rotation_rad);
+    return fits.empty() ? std::nullopt : std::optional(fits[fits.size() / 2]);
+  };
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    const mapping::StereoRecord& record = mapper_.stereo_records()[c];
+    result.cameras.push_back(
+        {.name = cameras[c].name,
+         .frames = log_.other_images[c].frames,
+         .frames_blind = log_.other_images[c].blind,
+         .keyframes = record.keyframes,
+         .keyframes_unmatched = record.unmatched,
+         .matched_share =
+             record.searched > 0 ? static_cast<double>(record.found) / static_cast<double>(record.searched) : 0.0,
+         .last_frame = log_.other_images[c].last,
+         .frames_after_last = log_.other_images[c].since_last,
+         .fit = median_fit(log_.other_images[c].fits)});
+  }
+  return result;
+}
 
 OdometryResult OdometryPipeline::result_in_map_frame() const {
   const auto* const state = std::get_if<TrackingState>(&state_);
@@ -150,6 +233,7 @@ OdometryResult OdometryPipeline::result_in_map_frame() const {
         state != nullptr
             ? state->failures.reason
             : (result.frames == 0 ? "no pictures" : std::get<InitializationState>(state_).initializer.failure_reason());
+  if (!preprocessor_.stereo().empty()) result.stereo = stereo_result();
   result.quality = frame_qualities(log_, mapper_);
   if (state == nullptr) return result;
   result.frames_tracked_backwards = log_.earlier.frames_tracked;

@@ -48,6 +48,9 @@ class OdometryPipeline {
   OdometryResult result() const;
 
  private:
+  /// Counts the frame's images by the rig's other cameras, and compares the first ones with the rig's calibration.
+  void inspect_other_images(const InputFrame& frame);
+  void check_other_image(const InputFrame& frame, std::size_t camera);
   void require_usable(const InputFrame& frame, const std::optional<geometry::SE3>& T_world_camera) const;
   FrameResult frame_result(const FrameStamp& frame) const;
   std::optional<geometry::SE3> prior_pose(const InputFrame& frame) const;
@@ -55,6 +58,9 @@ class OdometryPipeline {
 
   // initializing
   void initialize(InitializationState& state, InputFrame frame);
+  /// The map of the frame just added, by static stereo, or else of all frames, by their motion; nullopt: none yet.
+  std::optional<InitialMap> find_initial_map(InitializationState& state);
+  StereoResult stereo_result() const;
 
   FrameTracker tracker() { return {options_, preprocessor_, mapper_, log_, observer_}; }
 

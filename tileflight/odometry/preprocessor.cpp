@@ -8,13 +8,14 @@ namespace tileflight::odometry {
 
 Preprocessor::Preprocessor(const imaging::Calibration& calibration,
                            std::optional<imaging::PhotometricCalibration> photometric, imaging::GrayImage mask,
-                           const photometry::OdometryOptions& options)
+                           const photometry::OdometryOptions& options, std::vector<OtherCamera> other_cameras)
     : calibration_(calibration),
       photometric_(std::move(photometric)),
       mask_(std::move(mask)),
       lens_(photometry::build_lens_pyramid(
           calibration.camera,
-          photometry::pyramid_levels(calibration.camera.width(), calibration.camera.height(), options))) {}
+          photometry::pyramid_levels(calibration.camera.width(), calibration.camera.height(), options))),
+      stereo_(std::move(other_cameras)) {}
 
 void Preprocessor::find_valid_region(const imaging::RgbImage& image) {
   if (valid_region_found_) return;

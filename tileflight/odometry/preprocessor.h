@@ -7,6 +7,7 @@
 
 #include "tileflight/imaging/camera.h"
 #include "tileflight/odometry/odometry.h"
+#include "tileflight/odometry/stereo_input.h"
 #include "tileflight/photometry/keyframe.h"
 #include "tileflight/photometry/pyramid.h"
 #include "tileflight/photometry/rolling_shutter.h"
@@ -18,9 +19,10 @@ namespace tileflight::odometry {
 /// first image that is not dark, and the Mapper refines the intrinsics.
 class Preprocessor {
  public:
-  /// `mask`: see Priors::mask.
+  /// `mask`: see Priors::mask. Throws InputError for other cameras that cannot be used.
   Preprocessor(const imaging::Calibration& calibration, std::optional<imaging::PhotometricCalibration> photometric,
-               imaging::GrayImage mask, const photometry::OdometryOptions& options);
+               imaging::GrayImage mask, const photometry::OdometryOptions& options,
+               std::vector<OtherCamera> other_cameras = {});
 
   const imaging::Camera& camera() const { return calibration_.camera; }
   photometry::LensPyramid& lens() { return lens_; }
@@ -33,6 +35,11 @@ class Preprocessor {
   void find_valid_region(const imaging::RgbImage& image);
 
   std::shared_ptr<const photometry::Pyramid> make_pyramid(const InputFrame& frame);
+  /// The frame's pictures by the rig's other cameras, for a keyframe.
+  std::vector<photometry::StereoPicture> stereo_pictures(const InputFrame& frame) {
+    return stereo_.pictures(frame, photometric_.has_value());
+  }
+  const StereoInput& stereo() const { return stereo_; }
   /// Pyramid of the image rectified to a global shutter.
   std::shared_ptr<const photometry::Pyramid> rectify(const photometry::Pyramid& pyramid,
                                                      const photometry::RowRectifier& rectifier);
@@ -53,6 +60,7 @@ class Preprocessor {
   imaging::GrayImage mask_;
   photometry::LensPyramid lens_;
   photometry::PyramidPool pyramids_;
+  StereoInput stereo_;
   bool valid_region_found_ = false;  ///< on an image that is not dark
 };
 

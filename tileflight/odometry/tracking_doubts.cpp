@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <numbers>
 
 #include "tileflight/base/formatted_text.h"
+#include "tileflight/base/order_statistics.h"
 
 namespace tileflight::odometry {
 namespace {
@@ -63,8 +65,22 @@ void check_residuals(const OdometryResult& result, const FrameName& name_of, con
        "check these frames for blur, an obstruction in front of the lens or rotation in place; leave them out"});
 }
 
+void check_metric_scale(const OdometryResult& result, const DoubtThresholds& limits, Doubts& doubts) {
+  std::vector<double> sigmas;
+  for (const tracking::FrameQuality& q : result.quality) {
+    if (q.tracked) sigmas.push_back(q.sigma_log_scale);
+  }
+  if (sigmas.empty()) return;
+  const double sigma = base::median(sigmas);
+  if (sigma <= limits.sigma_metric_scale) return;
+  doubts.push_back({"the scale is known to " + percent_text(sigma) +
+                        " only (one sigma): what the cameras see is too far away for the distance between them",
+                    kWhere, "likely", "use cameras further apart, or fly lower"});
+}
+
 void check_scale_drift(const OdometryResult& result, const FrameName& name_of, const DoubtThresholds& limits,
                        Doubts& doubts) {
+  if (result.stereo && result.stereo->metric) return check_metric_scale(result, limits, doubts);
   const auto beyond = [&](const tracking::FrameQuality& q) {
     return q.tracked && q.sigma_log_scale > limits.sigma_log_scale;
   };
@@ -148,6 +164,64 @@ void check_second_run(const OdometryResult& result, const std::optional<RunAgree
        "likely", "track parts of the flight separately (--from, --to) and compare them"});
 }
 
+/// Reports what contradicts the calibration of a rig's camera.
+void check_rig_fit(const OtherCameraResult& camera, const DoubtThresholds& limits, Doubts& doubts) {
+  if (!camera.fit) return;
+  constexpr double kDegrees = 180.0 / std::numbers::pi;
+  if (camera.fit->behind_share > 0.5) {
+    doubts.push_back({"camera " + camera.name +
+                          " is on the other side of the reference camera than its calibration says: " +
+                          percent_text(camera.fit->behind_share) +
+                          " of what both see would be behind them (cameras or their poses exchanged)",
+                      kWhere, "likely", "exchange the two cameras, or correct T_cn_cnm1 (T_body_cam)"});
+  } else if (camera.fit->rotation_rad > limits.rig_rotation_rad) {
+    doubts.push_back({"camera " + camera.name + " is not where its calibration says: it is turned by about " +
+                          base::formatted("%.2g", kDegrees * camera.fit->rotation_rad) + " degrees against it",
+                      kWhere, "likely", "calibrate the rig"});
+  }
+}
+
+/// Reports where a rig's camera was of no use.
+void check_other_images(const OtherCameraResult& camera, const OdometryResult& result, const FrameName& name_of,
+                        const DoubtThresholds& limits, Doubts& doubts) {
+  constexpr int kFewKeyframes = 3;
+  constexpr std::int64_t kFewFrames = 5;
+  const std::string what = "camera " + camera.name;
+  if (camera.frames_blind > 0) {
+    doubts.push_back({what + " shows nothing in " + count_text(camera.frames_blind) + " of " +
+                          count_text(camera.frames) + " images: there the map rests on the other cameras alone",
+                      kWhere, "certain", "uncover or repair the camera"});
+  }
+  if (camera.keyframes_unmatched >= kFewKeyframes &&
+      camera.keyframes_unmatched > limits.unmatched_share * camera.keyframes) {
+    doubts.push_back({"nothing matches between " + what + " and the reference camera in " +
+                          count_text(camera.keyframes_unmatched) + " of " + count_text(camera.keyframes) + " keyframes",
+                      kWhere, "likely", "check the rig's calibration, and that the camera is not covered"});
+  }
+  const std::int64_t usual = camera.frames > 0 ? result.frames / camera.frames : 0;
+  if (camera.frames_after_last > std::max(kFewFrames, 3 * usual)) {
+    const std::string last =
+        camera.last_frame < 0 ? "it has none" : "its last is at frame " + name_of(camera.last_frame);
+    doubts.push_back({what + " has no image in the last " + count_text(camera.frames_after_last) + " frames (" + last +
+                          "): there the map rests on the other cameras alone",
+                      kWhere, "certain", "look for what stopped it; use the part before (--to)"});
+  }
+}
+
+void check_stereo(const OdometryResult& result, const FrameName& name_of, const DoubtThresholds& limits,
+                  Doubts& doubts) {
+  if (!result.stereo) return;
+  if (!result.stereo->metric)
+    doubts.push_back(
+        {"the map has no metric scale: when it began, the rig's other cameras showed no distances, and it is "
+         "that of the reference camera alone",
+         kWhere, "certain", "check the other cameras' images and the rig's calibration"});
+  for (const OtherCameraResult& camera : result.stereo->cameras) {
+    check_rig_fit(camera, limits, doubts);
+    check_other_images(camera, result, name_of, limits, doubts);
+  }
+}
+
 }  // namespace
 
 Doubts find_doubts(const OdometryResult& result, std::int64_t frames, const FrameName& name_of,
@@ -156,6 +230,7 @@ Doubts find_doubts(const OdometryResult& result, std::int64_t frames, const Fram
   check_completeness(result, frames, limits, doubts);
   if (result.frames_tracked == 0) return doubts;
   check_length(result, limits, doubts);
+  check_stereo(result, name_of, limits, doubts);
   check_second_run(result, second, name_of, limits, doubts);
   check_residuals(result, name_of, limits, doubts);
   check_scale_drift(result, name_of, limits, doubts);

@@ -23,7 +23,10 @@ struct DoubtThresholds {
                                 ///< more than "possible"
   double systematic_likely_px = 0.15;
   double systematic_sigmas = 2.0;
-  double disagreement = 0.007;  ///< between the forward and backward runs, as a share of the path length
+  double sigma_metric_scale = 0.01;  ///< the same where stereo cameras give the scale, of its middle value
+  double rig_rotation_rad = 0.0044;  ///< of a rig's camera against its calibration (a quarter of a degree)
+  double unmatched_share = 0.2;      ///< of the keyframes, without a match in a camera's picture
+  double disagreement = 0.007;       ///< between the forward and backward runs, as a share of the path length
 };
 
 /// Warnings, most certain first; empty for a flight that went well. `frames`: number of input images; `name_of`: image

@@ -55,8 +55,11 @@ KeyframePath keyframe_path(const TrackingLog& log, const mapping::Mapper& mapper
   const auto first = static_cast<std::size_t>(path.first);
   std::vector<double>& variance = path.log_scale_variance;
   variance.assign(path.steps.size(), 0.0);
-  for (std::size_t k = first + 1; k < variance.size(); ++k) variance[k] = variance[k - 1] + path.steps[k].log_scale;
-  for (std::size_t k = first; k-- > 0;) variance[k] = variance[k + 1] + path.steps[k].log_scale;
+  const auto grow = [&](std::size_t from, std::size_t to) {
+    variance[to] = path.steps[to].log_scale + (path.steps[to].is_metric ? 0.0 : variance[from]);
+  };
+  for (std::size_t k = first + 1; k < variance.size(); ++k) grow(k - 1, k);
+  for (std::size_t k = first; k-- > 0;) grow(k + 1, k);
   return path;
 }
 

@@ -36,6 +36,16 @@ struct FrameStamp {
   double time_s = 0.0;
 };
 
+/// Images of another camera of the rig.
+struct OtherImageCount {
+  std::int64_t frames = 0;
+  std::int64_t blind = 0;       ///< of those: they show nothing
+  std::int64_t last = -1;       ///< index of the last frame with one
+  std::int64_t since_last = 0;  ///< frames after it
+  int checks = 0;               ///< comparisons with the rig's calibration
+  std::vector<RigFit> fits;     ///< their results, where there are any
+};
+
 /// Grows with each image; nothing in it is changed later. Poses are relative to keyframes, so that they follow them.
 struct TrackingLog {
   std::vector<FrameStamp> read;       ///< every image, in order
@@ -43,6 +53,7 @@ struct TrackingLog {
   EarlierMap earlier;                 ///< set once, with the first map
   std::int64_t relocalizations = 0;
   std::vector<loops::LoopKeyframe> loop_keyframes;  ///< all keyframes in order of id; filled for loop closure only
+  std::vector<OtherImageCount> other_images;        ///< by OdometryExtras::other_cameras
   StageTimes cpu_time;
 };
 

@@ -14,4 +14,9 @@ PairTransform pair_transform(const SE3& T_target_host, const AffineBrightness& h
   return pair;
 }
 
+PairTransform stereo_transform(const Window& window, const Keyframe& keyframe, int camera) {
+  return pair_transform(window.stereo_cameras[static_cast<std::size_t>(camera)].T_stereo_reference, {},
+                        keyframe.stereo_brightness(camera));
+}
+
 }  // namespace tileflight::photometry

@@ -51,6 +51,26 @@ struct Observation {
   Linearization linearization;
 };
 
+/// A camera beside the reference camera, exposed at the same instants (static stereo: Wang, Schwoerer, Cremers, "Stereo
+/// DSO", ICCV 2017). The reference camera is the one whose pictures are keyframes.
+struct StereoCamera {
+  Lens lens;  ///< level 0
+  SE3 T_stereo_reference;
+};
+
+/// More cannot be used: their brightness parameters fill one block of eight unknowns.
+inline constexpr int kMaxStereoCameras = 4;
+
+/// What a stereo camera took at a keyframe's instant. Its brightness is relative to the keyframe's own picture: e^a I +
+/// b of the stereo picture is where the keyframe has I.
+struct StereoPicture {
+  std::shared_ptr<const Pyramid> pyramid;  ///< level 0 is enough; null: no picture, or one that shows nothing
+  AffineBrightness brightness_linear;
+  AffineBrightness brightness_prior;
+  Eigen::Vector2d brightness_information = Eigen::Vector2d::Zero();
+  float energy_threshold = 8.0F * 12.0F * 12.0F;  ///< as that of a keyframe
+};
+
 /// A point in the window's optimisation.
 struct ActivePoint {
   Patch patch;
@@ -67,6 +87,7 @@ struct ActivePoint {
   std::int64_t last_frame = 0;
   std::array<std::uint8_t, 3> color{};
   std::vector<Observation> observations;
+  std::vector<Observation> stereo_observations;  ///< in the host's stereo pictures; `target`: index of the camera
 };
 
 /// One keyframe of the window. T_camera_map = exp(delta[0..5]) * T_camera_map_linear, brightness = brightness_linear +
@@ -90,9 +111,17 @@ struct Keyframe {
   std::vector<ImmaturePoint> out_of_view;  ///< left the newest keyframe's view; used for the dense map only
   std::vector<ActivePoint> points;
   std::int64_t activated_points = 0;  ///< points it has activated so far
+  std::vector<StereoPicture> stereo;  ///< by camera of the window; empty in a window without stereo cameras
+  Vec8 stereo_delta = Vec8::Zero();   ///< of (a, b) of each stereo picture, from its linearisation point
+  Vec8 stereo_delta_backup = Vec8::Zero();
 
   SE3 T_camera_map() const { return SE3::exp(delta.head<6>()) * T_camera_map_linear; }
   AffineBrightness brightness() const { return {brightness_linear.a + delta[6], brightness_linear.b + delta[7]}; }
+  /// Brightness of a stereo picture, relative to the keyframe's.
+  AffineBrightness stereo_brightness(int camera) const {
+    const AffineBrightness& linear = stereo[static_cast<std::size_t>(camera)].brightness_linear;
+    return {linear.a + stereo_delta[2 * camera], linear.b + stereo_delta[2 * camera + 1]};
+  }
 };
 
 /// Focal lengths and principal point as unknowns shared by all keyframes: value() = linear + delta, with first-estimate
@@ -108,20 +137,28 @@ struct IntrinsicsEstimate {
 };
 
 /// The sliding window. The prior left by marginalised points and keyframes (DSO, eq. 19) is the energy delta^T H delta
-/// + 2 b^T delta over the stacked deltas: 8 for each keyframe in the order of `keyframes`, oldest first, then 4 for the
-/// intrinsics if they are estimated.
+/// + 2 b^T delta over the stacked deltas: 8 for each keyframe in the order of `keyframes`, oldest first; then 4 for the
+/// intrinsics if they are estimated, or, with stereo cameras, 8 for the stereo pictures of each keyframe (two a camera,
+/// the rest without information). A rig's calibration is taken as given: never both.
 struct Window {
   std::vector<Keyframe> keyframes;
   IntrinsicsEstimate intrinsics;
+  std::vector<StereoCamera> stereo_cameras;  ///< at most kMaxStereoCameras
   Eigen::MatrixXd H_prior;
   Eigen::VectorXd b_prior;
 
   int size() const { return static_cast<int>(keyframes.size()); }
-  int unknowns() const { return 8 * size() + intrinsics.unknowns(); }
+  bool has_stereo() const { return !stereo_cameras.empty(); }
+  /// First unknown of a keyframe's stereo pictures.
+  int stereo_unknown(int slot) const { return 8 * (size() + slot); }
+  int unknowns() const { return (has_stereo() ? 16 : 8) * size() + intrinsics.unknowns(); }
 };
 
 /// Transform and brightness transfer from host to target (DSO, eq. 4 and 6): gain = e^(a_t - a_h), offset = b_t - gain
 /// b_h.
 PairTransform pair_transform(const SE3& T_target_host, const AffineBrightness& host, const AffineBrightness& target);
+
+/// The same from a keyframe to its stereo picture `camera`.
+PairTransform stereo_transform(const Window& window, const Keyframe& keyframe, int camera);
 
 }  // namespace tileflight::photometry

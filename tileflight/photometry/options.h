@@ -46,10 +46,12 @@ struct TrackingOptions {
   int max_failed_frames = 30;     ///< consecutive failed frames after which the odometry is lost
 };
 
-/// Depth search for immature points along their epipolar curves (tracer.h); DSO, section 3.2. All but `slack_px`
-/// (chosen by hand) have the values of DSO's implementation, which multiplies the outlier energy by 1.2 here.
+/// Depth search for immature points along their epipolar curves (tracer.h); DSO, section 3.2. All but `slack_px` and
+/// `stereo_search_share` (chosen by hand) have the values of DSO's implementation, which multiplies the outlier energy
+/// by 1.2 here.
 struct TracingOptions {
   double max_search_share = 0.027;          ///< longest search in pixels, as a share of width + height
+  double stereo_search_share = 0.1;         ///< the same in a stereo camera's picture, where nothing is known before
   double slack_px = 2.0;                    ///< search interval below which a point is not traced any more
   float min_quality = 3.0F;                 ///< second-best over best match, for activation
   float outlier_energy_per_pixel = 144.0F;  ///< squared grey values
@@ -74,6 +76,8 @@ struct WindowOptions {
   double focal_sigma = 0.02;        ///< standard deviation of the given focal length, as a share of it
   double aspect_sigma = 5e-4;       ///< of fx / fy relative to the given ratio
   double principal_point_sigma = 0.0015;  ///< of the principal point, in focal lengths
+  float stereo_weight = 1.0F;  ///< of a residual in a stereo picture over one in a keyframe (the coupling factor of
+                               ///< Stereo DSO); chosen by hand
 };
 
 /// Which points are written to the map (map.h). The values are chosen by hand.

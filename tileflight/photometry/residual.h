@@ -23,6 +23,11 @@ struct PatternSums {
   Eigen::Matrix2f AA = Eigen::Matrix2f::Zero();
   Eigen::Vector2f gr = Eigen::Vector2f::Zero();
   Eigen::Vector2f Ar = Eigen::Vector2f::Zero();
+
+  PatternSums& operator*=(float weight) {
+    gg *= weight, gA *= weight, AA *= weight, gr *= weight, Ar *= weight;
+    return *this;
+  }
 };
 
 struct Linearization {

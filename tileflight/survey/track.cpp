@@ -25,7 +25,7 @@
 #include "tileflight/odometry/debug_image.h"
 #include "tileflight/odometry/run_comparison.h"
 #include "tileflight/odometry/tracking_doubts.h"
-#include "tileflight/survey/inertial_readings.h"
+#include "tileflight/survey/track_inputs.h"
 
 namespace tileflight::survey {
 namespace fs = std::filesystem;
@@ -73,13 +73,17 @@ std::vector<dataset::Frame> select_frames(const dataset::Dataset& data, const Fr
 }
 
 /// Images that could not be decoded.
-struct SkippedFrames {
+struct SkippedImages {
   std::int64_t frames = 0;
   std::string first_reason;
 };
 
+struct SkippedFrames : SkippedImages {
+  SkippedImages of_others;  ///< of a rig's other cameras
+};
+
 /// nullopt if the file is broken or missing, which is counted.
-std::optional<imaging::RgbImage> read_or_skip(const dataset::Frame& frame, SkippedFrames& skipped) {
+std::optional<imaging::RgbImage> read_or_skip(const dataset::Frame& frame, SkippedImages& skipped) {
   try {
     return imaging::read_rgb(frame.image);
   } catch (const InputError& error) {
@@ -88,10 +92,27 @@ std::optional<imaging::RgbImage> read_or_skip(const dataset::Frame& frame, Skipp
   }
 }
 
+/// What the other cameras took at a frame's instant.
+std::vector<odometry::OtherImage> read_others(const StereoRig* rig, const dataset::Frame& frame,
+                                              SkippedFrames& skipped) {
+  std::vector<odometry::OtherImage> others;
+  if (rig == nullptr) return others;
+  const auto taken = rig->other_frames.find(frame.time_s);
+  if (taken == rig->other_frames.end()) return others;
+  for (const std::optional<dataset::Frame>& other : taken->second) {
+    others.emplace_back();
+    if (!other) continue;
+    others.back().image = read_or_skip(*other, skipped.of_others).value_or(imaging::RgbImage());
+    others.back().exposure_ms = other->exposure_ms;
+  }
+  return others;
+}
+
 /// Reads the chosen images one by one. Times are negated in reverse order; reverse_times() restores them.
+/// `rig`: whose other cameras' images are read, too; null: none.
 odometry::FrameSource make_frame_source(const std::vector<dataset::Frame>& frames, bool reverse,
-                                        const TrackingCamera& view, SkippedFrames& skipped) {
-  return [&, reverse, at = std::size_t{0}]() mutable -> std::optional<odometry::InputFrame> {
+                                        const TrackingCamera& view, const StereoRig* rig, SkippedFrames& skipped) {
+  return [&, rig, reverse, at = std::size_t{0}]() mutable -> std::optional<odometry::InputFrame> {
     for (; at < frames.size(); ++at) {
       const dataset::Frame& frame = frames[at];
       auto image = read_or_skip(frame, skipped);
@@ -100,7 +121,8 @@ odometry::FrameSource make_frame_source(const std::vector<dataset::Frame>& frame
       return odometry::InputFrame{.index = static_cast<std::int64_t>(at++),
                                   .time_s = reverse ? -frame.time_s : frame.time_s,
                                   .exposure_ms = frame.exposure_ms,
-                                  .image = view.rectifier ? (*view.rectifier)(*image) : std::move(*image)};
+                                  .image = view.rectifier ? (*view.rectifier)(*image) : std::move(*image),
+                                  .others = read_others(rig, frame, skipped)};
     }
     return std::nullopt;
   };
@@ -229,6 +251,11 @@ json describe(const odometry::OdometryResult& result, const SkippedFrames& skipp
     warnings.push_back(std::to_string(skipped.frames) +
                        " images could not be decoded and were left out; the first: " + skipped.first_reason);
   }
+  if (skipped.of_others.frames > 0) {
+    warnings.push_back(std::to_string(skipped.of_others.frames) +
+                       " images of the other cameras could not be decoded and were left out; the first: " +
+                       skipped.of_others.first_reason);
+  }
   if (const std::int64_t without_pose = result.frames_before_start - result.frames_tracked_backwards; without_pose > 0)
     warnings.push_back(std::to_string(without_pose) + " of " + std::to_string(result.frames_before_start) +
                        " images before the start have no pose: they do not align with the map when tracked backwards, "
@@ -248,12 +275,15 @@ json describe(const odometry::OdometryResult& result, const SkippedFrames& skipp
       {"frames_per_second", result.wall_time_s > 0 ? static_cast<double>(result.frames) / result.wall_time_s : 0.0}};
 }
 
-/// Mode, and whether lengths are in metres; with an inertial unit what it showed, as `inertial` and inertial.csv.
+/// Mode, and whether lengths are in metres; what the rig's other cameras showed, as `stereo`; with an inertial unit
+/// what it showed, as `inertial` and inertial.csv.
 void describe_scale(OdometryMode mode, const odometry::OdometryResult& result, const fs::path& folder, Doubts& doubts,
                     json& about) {
   const bool is_metric = result.inertial && result.inertial->metric;
+  const bool is_metric_by_stereo = result.stereo && result.stereo->metric;
   about["mode"] = to_string(mode);
-  about["scale"] = is_metric ? "metric" : "unknown";
+  about["scale"] = is_metric || is_metric_by_stereo ? "metric" : "unknown";
+  if (result.stereo) about["stereo"] = stereo_json(*result.stereo);
   if (!result.inertial) return;
   about["inertial"] = inertial_json(*result.inertial);
   doubts.insert(doubts.end(), result.inertial->doubts.begin(), result.inertial->doubts.end());
@@ -261,8 +291,9 @@ void describe_scale(OdometryMode mode, const odometry::OdometryResult& result, c
 }
 
 void require_one_scale(const TrackOptions& extras) {
-  if (extras.mode == OdometryMode::kInertial && !extras.init_from.empty())
-    throw InputError("--init-from", "and --mode inertial both decide on frame and scale; use one of them");
+  if (extras.mode != OdometryMode::kMono && !extras.init_from.empty())
+    throw InputError("--init-from",
+                     "and --mode " + to_string(extras.mode) + " both decide on frame and scale; use one of them");
 }
 
 std::string shell_path(const fs::path& path) { return base::shell_word(fs::absolute(path).string()); }
@@ -335,14 +366,17 @@ void remove_files(const fs::path& folder) {
 /// Tracks one dataset's images in either direction.
 class DatasetTracker {
  public:
-  /// `readings`: of the dataset's inertial unit, if the mode uses it.
+  /// `readings`: of the dataset's inertial unit, if the mode uses it. `rig`: whose other cameras are used, too; null:
+  /// none.
   DatasetTracker(const dataset::Dataset& data, const TrackingCamera& view, const odometry::OdometryOptions& options,
-                 FrameRange range, const TrackOptions& extras, std::optional<inertial::InertialInput> readings)
+                 FrameRange range, const TrackOptions& extras, std::optional<inertial::InertialInput> readings,
+                 const StereoRig* rig)
       : view_(view),
         options_(options),
         extras_(extras),
         photometric_(read_photometric_calibration(data, view)),
         readings_(std::move(readings)),
+        rig_(rig),
         reverse_(range.reverse) {
     for (const bool reverse : {false, true}) {
       range.reverse = reverse;
@@ -415,8 +449,9 @@ class DatasetTracker {
     };
     return odometry::run_odometry(playback_calibration(view_.calibration, reverse),
                                   photometric_ ? &*photometric_ : nullptr,
-                                  make_frame_source(frames, reverse, view_, skipped), options, counted, aids,
-                                  make_debug_observer(debug_pictures, frames));
+                                  make_frame_source(frames, reverse, view_, rig_, skipped), options, counted, aids,
+                                  make_debug_observer(debug_pictures, frames),
+                                  rig_ != nullptr ? rig_->others : std::vector<odometry::OtherCamera>{});
   }
 
   const TrackingCamera& view_;
@@ -424,6 +459,7 @@ class DatasetTracker {
   const TrackOptions& extras_;
   std::optional<imaging::PhotometricCalibration> photometric_;
   std::optional<inertial::InertialInput> readings_;
+  const StereoRig* rig_;
   std::array<std::vector<dataset::Frame>, 2> frames_;  ///< forwards, backwards
   odometry::Priors priors_;
   bool reverse_;  ///< direction of the chosen run
@@ -437,16 +473,21 @@ nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool r
                      const odometry::OdometryOptions& options, const FrameRange& range, const Progress& progress,
                      const TrackOptions& extras) {
   require_one_scale(extras);
-  const dataset::Dataset data = dataset::read_dataset(dataset_folder, {extras.camera, extras.camera_id});
+  std::vector<std::string> rig_warnings;
+  std::optional<StereoRig> rig;
+  if (extras.mode == OdometryMode::kStereo) rig = read_stereo_rig(dataset_folder, extras.camera.string(), rig_warnings);
+  const dataset::Dataset data =
+      rig ? rig->reference : dataset::read_dataset(dataset_folder, {extras.camera, extras.camera_id});
   const TrackingCamera view = make_tracking_camera(data.calibration, extras.rectify_fov_deg);
   if (extras.colmap) dataset::require_colmap_lens(view.calibration.camera);
   json about;
   const base::OutputFolder output =
       odometry_output_folder(out, replace, {dataset_folder, extras.camera, extras.mask, extras.init_from});
   std::vector<std::string> warnings = add_rectification_warning(data.warnings, data.calibration, view);
+  warnings.insert(warnings.end(), rig_warnings.begin(), rig_warnings.end());
   std::optional<inertial::InertialInput> readings;
   if (extras.mode == OdometryMode::kInertial) readings = read_inertial_input(data, extras.gravity_m_s2, warnings);
-  DatasetTracker tracking(data, view, options, range, extras, std::move(readings));
+  DatasetTracker tracking(data, view, options, range, extras, std::move(readings), rig ? &*rig : nullptr);
   const auto write = [&](const fs::path& temporary, const fs::path& pictures) {
     odometry::OdometryResult result = tracking.run(pictures, progress);
     const std::optional<odometry::RunAgreement> second =
@@ -483,7 +524,8 @@ nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool r
     geometry::write_cloud(temporary / "map.ply", result.map);
     imaging::write_kalibr(temporary / "camera.yaml", calibration);
     if (options.loops.enabled) about["loops"] = describe_loops(result.loops, frames);
-    about["intrinsics"] = intrinsics_json(calibration.camera, result.camera && options.window.refine_intrinsics);
+    about["intrinsics"] =
+        intrinsics_json(calibration.camera, result.camera && options.window.refine_intrinsics && !rig);
     base::write_file(temporary / "odometry.json", about.dump(2) + "\n");
   };
   base::write_folder(output, [&](const fs::path& temporary) {

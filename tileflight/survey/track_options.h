@@ -8,12 +8,13 @@ namespace tileflight::survey {
 
 /// What the built-in odometry takes besides the images of one camera.
 enum class OdometryMode {
-  kMono,     ///< nothing: the map's scale is unknown
-  kInertial  ///< an inertial unit: the map is metric and level, if the flight shows its scale
+  kMono,      ///< nothing: the map's scale is unknown
+  kInertial,  ///< an inertial unit: the map is metric and level, if the flight shows its scale
+  kStereo     ///< the rig's other cameras: the map is metric
 };
 
-/// "mono" or "inertial". Throws InputError that names `where` and the modes for other words, and for "stereo" and
-/// "stereo-inertial", which do not exist yet.
+/// "mono", "inertial" or "stereo". Throws InputError that names `where` and the modes for other words, and for
+/// "stereo-inertial", which does not exist yet.
 OdometryMode parse_odometry_mode(const std::string& where, const std::string& word);
 std::string to_string(OdometryMode mode);
 

@@ -1,0 +1,197 @@
+#include "tileflight/survey/track_inputs.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <nlohmann/json.hpp>
+
+#include "tileflight/base/formatted_text.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/text_fields.h"
+#include "tileflight/dataset/imu_files.h"
+#include "tileflight/dataset/rig.h"
+#include "tileflight/geometry/angles.h"
+#include "tileflight/imaging/photometric.h"
+#include "tileflight/inertial/imu_check.h"
+
+namespace tileflight::survey {
+namespace {
+
+using nlohmann::json;
+
+json axes_json(const geometry::Vec3& v) { return {v.x(), v.y(), v.z()}; }
+
+inertial::ImuNoise read_noise(const dataset::Dataset& data, std::vector<std::string>& warnings) {
+  if (data.imu_noise.empty()) {
+    warnings.push_back("the inertial unit's noise is not stated (imu.yaml); that of an ADIS16448 is assumed");
+    return {};
+  }
+  const dataset::ImuCalibration noise = dataset::read_imu_noise(data.imu_noise);
+  return {.accelerometer_noise_density = noise.accelerometer_noise_density,
+          .accelerometer_random_walk = noise.accelerometer_random_walk,
+          .gyroscope_noise_density = noise.gyroscope_noise_density,
+          .gyroscope_random_walk = noise.gyroscope_random_walk};
+}
+
+std::size_t reference_camera(const dataset::Rig& rig, const std::string& name) {
+  if (name.empty()) return 0;
+  std::string names;
+  for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
+    if (rig.cameras[c].name == name) return c;
+    names += (names.empty() ? "" : ", ") + rig.cameras[c].name;
+  }
+  throw InputError("--camera", "\"" + name + "\" is none of the rig's cameras (" + names +
+                                   "), whose own calibrations --mode stereo takes");
+}
+
+/// Smallest difference of a frame's time to one of the reference camera, seconds.
+double smallest_offset_s(const dataset::RigCamera& reference, const dataset::RigCamera& other) {
+  double smallest = std::numeric_limits<double>::infinity();
+  for (const dataset::Frame& frame : other.dataset.frames) {
+    const double time_s = frame.time_s + other.timeshift_s - reference.timeshift_s;
+    const auto& frames = reference.dataset.frames;
+    const auto next = std::ranges::lower_bound(frames, time_s, {}, &dataset::Frame::time_s);
+    if (next != frames.end()) smallest = std::min(smallest, next->time_s - time_s);
+    if (next != frames.begin()) smallest = std::min(smallest, time_s - std::prev(next)->time_s);
+  }
+  return smallest;
+}
+
+odometry::OtherCamera other_camera(const dataset::RigCamera& reference, const dataset::RigCamera& camera) {
+  odometry::OtherCamera other{.name = camera.name,
+                              .calibration = camera.dataset.calibration,
+                              .photometric = {},
+                              .T_other_reference = camera.T_body_camera.inverse() * reference.T_body_camera};
+  if (!camera.dataset.pcalib.empty() || !camera.dataset.vignette.empty())
+    other.photometric = imaging::read_photometric(camera.dataset.pcalib, camera.dataset.vignette);
+  return other;
+}
+
+}  // namespace
+
+OdometryMode parse_odometry_mode(const std::string& where, const std::string& word) {
+  if (word == "mono") return OdometryMode::kMono;
+  if (word == "inertial") return OdometryMode::kInertial;
+  if (word == "stereo") return OdometryMode::kStereo;
+  if (word == "stereo-inertial")
+    throw InputError(where, "\"stereo-inertial\" does not exist yet; use mono, inertial or stereo");
+  throw InputError(where, "\"" + word + "\" is no mode; use mono, inertial or stereo");
+}
+
+std::string to_string(OdometryMode mode) {
+  switch (mode) {
+    case OdometryMode::kInertial:
+      return "inertial";
+    case OdometryMode::kStereo:
+      return "stereo";
+    case OdometryMode::kMono:
+      break;
+  }
+  return "mono";
+}
+
+StereoRig read_stereo_rig(const std::filesystem::path& folder, const std::string& camera,
+                          std::vector<std::string>& warnings) {
+  dataset::Rig rig = dataset::read_rig(folder);
+  if (rig.cameras.size() < 2)
+    throw InputError(folder.string(), "has one camera; --mode stereo needs several on one body: use --mode mono");
+  const std::size_t first = reference_camera(rig, camera);
+  const std::vector<dataset::RigInstant> instants = dataset::rig_instants(rig, kSameInstant_s);
+  StereoRig stereo;
+  std::vector<std::size_t> used;
+  std::string nearest;
+  for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
+    if (c == first) continue;
+    if (std::ranges::any_of(instants, [&](const auto& at) { return at.frames[first] && at.frames[c]; })) {
+      used.push_back(c);
+      stereo.others.push_back(other_camera(rig.cameras[first], rig.cameras[c]));
+      continue;
+    }
+    const double offset_s = smallest_offset_s(rig.cameras[first], rig.cameras[c]);
+    nearest = "camera " + rig.cameras[c].name + " has no picture within " +
+              base::formatted("%.1f", 1e3 * kSameInstant_s) + " ms of one of camera " + rig.cameras[first].name +
+              " (the nearest: " + base::formatted("%.3g", 1e3 * offset_s) + " ms)";
+    warnings.push_back(nearest + ": it is not used");
+  }
+  if (used.empty())
+    throw InputError(folder.string(), nearest + "; --mode stereo needs pictures of one instant: use --mode mono");
+  for (const dataset::RigInstant& instant : instants) {
+    if (!instant.frames[first]) continue;
+    auto& frames = stereo.other_frames[rig.cameras[first].dataset.frames[*instant.frames[first]].time_s];
+    for (const std::size_t c : used)
+      frames.push_back(instant.frames[c] ? std::optional(rig.cameras[c].dataset.frames[*instant.frames[c]])
+                                         : std::nullopt);
+  }
+  stereo.reference = std::move(rig.cameras[first].dataset);
+  return stereo;
+}
+
+json stereo_json(const odometry::StereoResult& stereo) {
+  json cameras = json::array();
+  for (const odometry::OtherCameraResult& camera : stereo.cameras) {
+    cameras.push_back({{"name", camera.name},
+                       {"frames", camera.frames},
+                       {"frames_blind", camera.frames_blind},
+                       {"keyframes", camera.keyframes},
+                       {"keyframes_unmatched", camera.keyframes_unmatched},
+                       {"matched_share", camera.matched_share}});
+    json& fit = cameras.back()["fit"];
+    if (camera.fit)
+      fit = {{"matches", camera.fit->matches},
+             {"rotation_deg", camera.fit->rotation_rad / geometry::kRadiansPerDegree},
+             {"behind_share", camera.fit->behind_share}};
+  }
+  return {{"metric", stereo.metric}, {"cameras", cameras}};
+}
+
+inertial::InertialInput read_inertial_input(const dataset::Dataset& data, double gravity_m_s2,
+                                            std::vector<std::string>& warnings) {
+  if (data.imu.empty())
+    throw InputError(data.folder.string(),
+                     "has no readings of an inertial unit (imu.csv), which --mode inertial needs; use --mode mono");
+  inertial::InertialInput input;
+  input.where = data.imu.string();
+  for (const dataset::ImuReading& reading : dataset::read_imu_csv(data.imu))
+    input.samples.push_back({reading.time_s, reading.angular_rate_rad_s, reading.specific_force_m_s2});
+  input.model.noise = read_noise(data, warnings);
+  input.model.T_imu_camera = data.calibration.T_cam_imu.inverse();
+  input.model.gravity_m_s2 = gravity_m_s2;
+  inertial::check_readings(input.samples, input.model.noise, input.where);
+  return input;
+}
+
+json inertial_json(const inertial::InertialAlignment& a) {
+  json result = {{"reason", a.reason}, {"covered_share", a.covered_share}};
+  if (!a.metric) return result;
+  result["scale"] = a.mean_scale;
+  result["sigma_log_scale"] = a.sigma_log_scale;
+  result["sigma_up_deg"] = a.sigma_up_rad / geometry::kRadiansPerDegree;
+  result["time_offset_s"] = a.time_offset_s;
+  result["sigma_time_offset_s"] = a.sigma_time_offset_s;
+  result["mounting_correction_deg"] = a.mounting_correction_rad / geometry::kRadiansPerDegree;
+  result["residual_ratio"] = a.residual_ratio;
+  result["gyroscope_bias_rad_s"] = axes_json(a.bias.front().gyroscope_rad_s);
+  result["accelerometer_bias_m_s2"] = axes_json(a.bias.front().accelerometer_m_s2);
+  return result;
+}
+
+std::string inertial_csv(const inertial::InertialAlignment& a, const geometry::Trajectory& keyframes) {
+  std::string table =
+      "time_s,scale,vx,vy,vz,gyroscope_bias_x,gyroscope_bias_y,gyroscope_bias_z,accelerometer_bias_x,"
+      "accelerometer_bias_y,accelerometer_bias_z\n";
+  for (std::size_t k = 0; k < a.scale.size(); ++k) {
+    base::append_number(table, keyframes.poses[k].time_s);
+    table += ',';
+    base::append_number(table, a.scale[k]);
+    for (const geometry::Vec3& v : {a.velocity_m_s[k], a.bias[k].gyroscope_rad_s, a.bias[k].accelerometer_m_s2}) {
+      for (int axis = 0; axis < 3; ++axis) {
+        table += ',';
+        base::append_number(table, v[axis]);
+      }
+    }
+    table += '\n';
+  }
+  return table;
+}
+
+}  // namespace tileflight::survey
