@@ -101,7 +101,7 @@ h3 { font-size: 1rem; margin: 0 0 .4rem; }
 .notice { margin: 0 0 1.2rem; padding: .7rem 1.1rem; border: 1px dashed var(--quiet); color: var(--quiet); max-width: 62rem; font-size: .92rem; }
 .notice ul { margin: .2rem 0 0; padding-left: 1.2rem; }
 nav ul { display: flex; flex-wrap: wrap; gap: .3rem 1.2rem; list-style: none; margin: 0; padding: 0; font-size: .92rem; }
-.first-screen { display: grid; grid-template-columns: minmax(0, 1.25fr) minmax(0, 1fr); gap: 2rem; align-items: start; margin-top: 1.4rem; }
+.first-screen { display: grid; grid-template-columns: minmax(min-content, 1.25fr) minmax(0, 1fr); gap: 2rem; align-items: start; margin-top: 1.4rem; }
 .columns { display: grid; grid-template-columns: repeat(2, minmax(0, 1fr)); gap: 1.6rem 2rem; align-items: start; }
 .columns > :only-child { grid-column: 1 / -1; max-width: 42rem; }
 figure { margin: 0 0 1.4rem; }
