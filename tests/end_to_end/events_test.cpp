@@ -197,6 +197,31 @@ TEST_F(Events, EachCameraOfARigHasItsOwn) {
   EXPECT_EQ(recording("alone").events, recording("one").events);
 }
 
+TEST_F(Events, AreExportedAsASequenceOfDsec) {
+  write_rig(std::string(", events: ") + kEvents);
+  render("rig");
+  const auto exported = [&](const std::string& dataset, const std::string& out) {
+    return run_tileflight(
+        {"export", (folder_ / dataset).string(), "--layout", "dsec", "--out", (folder_ / out).string()});
+  };
+  const ProgramResult result = exported("rig", "dsec");
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const std::filesystem::path events = folder_ / "dsec" / "events";
+  EXPECT_EQ(tests::file_text(events / "right" / "events.h5"),
+            tests::file_text(folder_ / "rig" / "cameras" / "right" / "events.h5"));
+  for (const char* side : {"left", "right"}) {
+    const ProgramResult read = tests::run_command(
+        {"/usr/bin/python3", (tests::source_folder() / "tests" / "events" / "check_dsec.py").string(),
+         (events / side / "events.h5").string(), (events / side / "rectify_map.h5").string()});
+    EXPECT_TRUE(read.exit_code == 0 || read.exit_code == 77) << read.err;
+  }
+  write_flight("");
+  render("none");
+  const ProgramResult refused = exported("none", "wrong");
+  EXPECT_EQ(refused.exit_code, 1);
+  EXPECT_THAT(refused.err, HasSubstr("has no events.h5; render the flight with 'events'"));
+}
+
 TEST_F(Events, WhatMovesIsSeen) {
   const std::string still = "{threshold_sigma: 0, leak_rate_hz: 0, shot_noise_rate_hz: 0}";
   const std::string hover = R"(camera: camera.yaml

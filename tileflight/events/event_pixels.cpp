@@ -28,6 +28,13 @@ std::uint64_t random_bits(std::uint64_t key, std::uint64_t index, std::uint64_t 
 /// Uniform in (0, 1], from the upper 40 bits.
 double uniform_of(std::uint64_t bits) { return static_cast<double>((bits >> 24U) + 1U) * 0x1p-40; }
 
+/// When a difference that grows by `slope` a second reaches a threshold; kNever if it does not.
+double next_crossing_s(const PixelThresholds& thresholds, double difference, double slope, double now_s) {
+  if (slope == 0.0) return kNever;
+  const double way = slope > 0.0 ? thresholds.positive - difference : -thresholds.negative - difference;
+  return now_s + std::max(0.0, way / slope);  // not before now, by rounding
+}
+
 float at_least(float value) { return std::max(value, static_cast<float>(kLeastThreshold)); }
 
 }  // namespace
@@ -100,10 +107,8 @@ bool EventPixels::is_noise_positive(const Pixel& pixel, std::uint64_t index) con
 template <class Sink>
 void EventPixels::advance_pixel(Pixel& pixel, std::uint64_t index, float log_light, const Step& step,
                                 const Sink& sink) const {
-  const double duration_s = step.end_s - step.begin_s;
-  const double change_per_s = (static_cast<double>(log_light) - static_cast<double>(pixel.log_light)) / duration_s;
-  const double slope = change_per_s + leak_per_s_;
-  const double first = pixel.log_light;
+  const double first = pixel.log_light, last = log_light;
+  const double change_per_s = (last - first) / (step.end_s - step.begin_s), slope = change_per_s + leak_per_s_;
   pixel.log_light = log_light;
   double now_s = step.begin_s;
   while (true) {
@@ -113,10 +118,7 @@ void EventPixels::advance_pixel(Pixel& pixel, std::uint64_t index, float log_lig
       now_s = pixel.released_s;
     }
     while (pixel.noise_s < now_s) draw_next_noise(pixel, index);
-    double crossing_s = kNever;
-    if (slope > 0.0) crossing_s = now_s + (pixel.thresholds.positive - pixel.difference) / slope;
-    if (slope < 0.0) crossing_s = now_s - (pixel.thresholds.negative + pixel.difference) / slope;
-    crossing_s = std::max(crossing_s, now_s);  // rounding
+    const double crossing_s = next_crossing_s(pixel.thresholds, pixel.difference, slope, now_s);
     const bool is_noise = pixel.noise_s < crossing_s;
     const double next_s = std::min(crossing_s, pixel.noise_s);
     if (next_s > step.end_s) {

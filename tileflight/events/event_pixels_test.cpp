@@ -211,7 +211,7 @@ TEST(EventPixels, MoreEventsThanCanBeHeldAreRefused) {
   options.positive_threshold = 0.01;
   EventPixels pixels(20, 10, options, 100000);
   pixels.start(uniform(20, 10, -7.0), 0.0);
-  EXPECT_EQ(pixels.advance(uniform(20, 10, -4.0), 0.001, 0.0).size(), 200U * 299U);
+  EXPECT_EQ(pixels.advance(uniform(20, 10, -4.005), 0.001, 0.0).size(), 200U * 299U);
   EXPECT_THAT(tests::refusal_of([&] { pixels.advance(uniform(20, 10, 2.0), 0.002, 0.0); }),
               testing::HasSubstr("events between two samples of the light; raise the thresholds"));
 }
