@@ -21,7 +21,7 @@ def flight_text(cameras):
     """The example's flight with so many left cameras."""
     text = (EXAMPLE / "stadium-stereo.yaml").read_text(encoding="utf-8")
     before, rest = text.split("cameras:\n", 1)
-    after = rest[rest.index("fps:"):]
+    after = rest[rest.index("\nfps:") + 1:]
     listed = "".join(f"  - {{name: c{i}, camera: {EXAMPLE}/camera-90.yaml, position: [{0.3 * i}, 0, 0]}}\n" for i in range(cameras))
     return before + "cameras:\n" + listed + after
 

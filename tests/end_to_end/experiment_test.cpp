@@ -374,9 +374,10 @@ TEST_F(Experiment, ARigHasAllItsCamerasInTheReport) {
   TinyPlace::write_file(folder_ / "flight.yaml", flight);
   const std::string odometry = "odometry:\n  command: cp " + own + "/trajectory.txt " + own + "/map.ply {out}\n";
   TinyPlace::write_file(folder_ / "experiment.yaml", TinyExperiments::without_real() + odometry);
-  ProgramResult result = run("rig");
+  fs::copy(folder_ / "out", folder_ / "both", fs::copy_options::recursive);
+  ProgramResult result = run("both");
   ASSERT_EQ(result.exit_code, 0) << result.err;
-  fs::rename(folder_ / "rig/simulated/dataset", folder_ / "flown");
+  fs::copy(folder_ / "both/simulated/dataset", folder_ / "flown", fs::copy_options::recursive);
   TinyPlace::write_file(folder_ / "experiment.yaml", TinyExperiments::without_real() + odometry +
                                                          R"(real:
   kind: surrogate

@@ -248,9 +248,11 @@ class SyntheticRun {
     imaging::Calibration calibration;
     calibration.camera = imaging::make_pinhole(320, 180, 90.0);
     const geometry::SE3 beside(Eigen::Quaterniond::Identity(), Vec3(0.3, 0, 0));
+    imaging::Calibration of_others = calibration;
+    of_others.T_cam_imu = beside.inverse();
     imaging::write_camchain(dataset / "camchain.yaml", {{"left", ".", calibration, {}, 0.0},
-                                                        {"right", "cameras/right", calibration, beside, -0.1},
-                                                        {"down", "cameras/down", calibration, beside, 0.0}});
+                                                        {"right", "cameras/right", of_others, beside, -0.1},
+                                                        {"down", "cameras/down", of_others, beside, 0.0}});
     for (const std::string name : {"right", "down"}) {
       const std::filesystem::path folder = dataset / "cameras" / name;
       std::filesystem::create_directories(folder / "images");

@@ -13,11 +13,13 @@ constexpr int kThumbnailPixels = 640;
 
 std::string seconds_text(double time_s) { return format_fixed(time_s, 2) + " s"; }
 
-Html frame_cell(const FlightRun& flight, const FrameFile& frame) {
-  const std::string alt = flight.label + " flight, image at " + seconds_text(frame.time_s);
+/// `camera`: of a rig's other than the first; else empty.
+Html frame_cell(const FlightRun& flight, const FrameFile& frame, const std::string& camera = "") {
+  const std::string by = camera.empty() ? "" : ", camera " + camera;
+  const std::string alt = flight.label + " flight" + by + ", image at " + seconds_text(frame.time_s);
   const Html image = empty_element("img", {{"src", thumbnail_uri(frame.image, kThumbnailPixels)}, {"alt", alt}});
   return element("div", {{"class", "frame " + flight.key}},
-                 image + element("p", text(flight.label + ", " + seconds_text(frame.time_s))));
+                 image + element("p", text(flight.label + by + ", " + seconds_text(frame.time_s))));
 }
 
 std::string pair_note(const FramePair& pair) {
@@ -47,13 +49,11 @@ Html other_cameras_of(const FlightRun& flight, const std::vector<FrameFile>& sho
   const std::size_t count = std::min(kMostCameras, flight.other_cameras.size());
   for (std::size_t c = 0; c < count; ++c) {
     const CameraFrames& camera = flight.other_cameras[c];
-    FlightRun of_camera;
-    of_camera.key = flight.key;
-    of_camera.label = flight.label + " flight, camera " + camera.name;
     Html cells;
-    for (const FrameFile& frame : shown) cells += frame_cell(of_camera, nearest(camera.frames, frame.time_s));
+    for (const FrameFile& frame : shown) cells += frame_cell(flight, nearest(camera.frames, frame.time_s), camera.name);
     all += element("details", {{"class", "camera"}},
-                   element("summary", text(of_camera.label)) + element("div", {{"class", "pair"}}, cells));
+                   element("summary", text(flight.label + " flight, camera " + camera.name)) +
+                       element("div", {{"class", "pair"}}, cells));
   }
   return all;
 }

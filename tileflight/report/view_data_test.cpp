@@ -190,6 +190,7 @@ TEST_F(ViewDataTest, ARigsCamerasShareTheBudgetAndAreOnOneClock) {
   const std::string html = frames_figure(run).content.str();
   EXPECT_THAT(html, HasSubstr("<summary>Simulated flight, camera right</summary>"));
   EXPECT_THAT(html, HasSubstr("<summary>Simulated flight, camera down</summary>"));
+  EXPECT_THAT(html, HasSubstr("alt=\"Simulated flight, camera down, image at "));
   EXPECT_THAT(frames_figure(read_run_folder(run_)).content.str(), Not(HasSubstr("<summary>")));
 }
 
