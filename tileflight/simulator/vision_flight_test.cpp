@@ -94,13 +94,13 @@ struct SeenPath {
 TEST(VisionFlight, ASquareOverTheStadiumWithoutAReceiver) {
   const auto folder = base::make_temporary_path(std::filesystem::temp_directory_path() / "tileflight-stadium");
   const base::RemovedOnExit removal(folder);
-  stadium::write_stadium(folder, {1, 0.25});
+  stadium::write_stadium(folder, {1, 0.15});
   LoggedLines lines;
   SimulatorOptions options;
   options.source = (folder / "world" / "tileset.json").string();
   options.settings = kWithoutReceiver;
   Simulator simulator(options, lines.log());
-  constexpr double kSide_m = 16.0, kHeight_m = 14.0;
+  constexpr double kSide_m = 14.0, kHeight_m = 12.0;
   std::vector<Vec3> points = autopilot::test_support::lively_start(kHeight_m);
   const std::size_t lively = points.size();
   for (const Vec3& point : autopilot::test_support::square(kSide_m, kHeight_m)) points.push_back(point);
@@ -126,13 +126,13 @@ TEST(VisionFlight, ASquareOverTheStadiumWithoutAReceiver) {
   EXPECT_FALSE(px4.ears().gps.has_value());
   EXPECT_EQ(lines.count("is metric"), 1U);
   EXPECT_GT(path.count, 200);
-  EXPECT_LT(path.worst_m, 0.02 * 4.0 * kSide_m);
+  EXPECT_LT(path.worst_m, 0.03 * 4.0 * kSide_m);
   EXPECT_LT(path.worst_sigmas, 4.0);
   EXPECT_LT(path.velocity_error_m_s(), 0.15);
   EXPECT_LT((px4.truth().position_m - begun_m).norm(), 2.0);  // back where the square began
   RecordProperty("worst_m", std::to_string(path.worst_m));
-  std::printf("path: %d messages, worst %.2f m, %.1f sigmas, velocity %.3f m/s, %.1f s flown\n", path.count,
-              path.worst_m, path.worst_sigmas, path.velocity_error_m_s(), px4.time_s());
+  RecordProperty("velocity_error_m_s", std::to_string(path.velocity_error_m_s()));
+  RecordProperty("worst_sigmas", std::to_string(path.worst_sigmas));
 }
 
 /// Then the camera looks at the sky.
