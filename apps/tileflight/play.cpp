@@ -186,9 +186,11 @@ void add_player_options(CLI::App& command, PlayCommandOptions& options) {
       ->needs("--foxglove");
   command.add_option("--place", options.place,
                      "show this place, too: a truth folder, or a tileset (any SOURCE), read around the path");
-  command.add_option("--camera", options.cameras,
-                     "of a rig's cameras those of these names (default: all); or a calibration instead of the "
-                     "dataset's: Kalibr, OpenCV, COLMAP, DSO or VSLAM-LAB");
+  command
+      .add_option("--camera", options.cameras,
+                  "of a rig's cameras those of these names (default: all); or a calibration instead of the "
+                  "dataset's: Kalibr, OpenCV, COLMAP, DSO or VSLAM-LAB")
+      ->allow_extra_args(false);
   command.add_option("--camera-id", options.camera_id, "camera to use if the calibration holds several");
 }
 

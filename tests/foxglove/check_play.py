@@ -131,7 +131,7 @@ def check_rig(tileflight, work, rig):
 
 
 def check_chosen(tileflight, rig):
-    with programs.Program(tileflight, "play", rig, "--foxglove", "--port", 0, "--camera", "right", "--camera", "down") as player:
+    with programs.Program(tileflight, "play", "--foxglove", "--port", 0, "--camera", "right", "--camera", "down", rig) as player:
         pictures = [topic for topic in player.said["topics"] if topic.endswith("/image/compressed")]
         assert pictures == ["/right/image/compressed", "/down/image/compressed"], player.said
         assert player.stop(signal.SIGINT) == (0, [])

@@ -48,6 +48,7 @@ TEST_F(ExperimentFile, TheLogsOffsetIsGivenFoundOrLeftToTheAlignment) {
 }
 
 TEST_F(ExperimentFile, AFilmedRigHasAVideoForEachCamera) {
+  std::filesystem::create_directories(folder_ / "r/images");
   base::write_file(
       folder_ / "rig.yaml",
       "place: {source: tileset.json}\nsimulated:\n  ingest: {video: {left: film.mp4, right: r/images}, camera: "
@@ -60,7 +61,6 @@ TEST_F(ExperimentFile, AFilmedRigHasAVideoForEachCamera) {
   EXPECT_EQ(rig.sync_tolerance_s, 0.004);
   EXPECT_TRUE(ingest("").videos.empty());
   EXPECT_THAT(fault("", ", sync_tolerance: 0"), HasSubstr("sync_tolerance"));
-  std::filesystem::create_directories(folder_ / "r/images");
   base::write_file(folder_ / "rig.yaml",
                    "place: {source: tileset.json}\nsimulated: {ingest: {video: {}, camera: c.yaml}}\n");
   EXPECT_THAT(tests::refusal_of([&] { read_experiment(folder_ / "rig.yaml"); }), HasSubstr("names no camera"));
