@@ -22,7 +22,7 @@ using dataset::ros::Header;
 using Seconds = std::chrono::duration<double>;
 using WallTime = std::chrono::steady_clock::time_point;
 
-constexpr std::size_t kMaxPathPosesShown = 5000;
+constexpr std::size_t kMaxPathPosesShown = 1000;  // reached within 250 m: what is kept does not grow for long
 constexpr std::chrono::seconds kPathPeriod{1};
 constexpr double kPathStep_m = 0.25;
 constexpr std::size_t kMaxPlaceTriangles = 8'000'000;
