@@ -35,6 +35,23 @@ class OdometryTest(unittest.TestCase):
         with self.assertRaisesRegex(tf.InputError, "max_keyframs"):
             tf.Odometry(camera, max_keyframs=6)
 
+    def test_another_camera_makes_the_first_image_metric(self):
+        camera = tf.Camera.pinhole(320, 240, 80)
+        beside = np.eye(4)
+        beside[0, 3] = -0.2
+        grains = np.random.default_rng(1).uniform(30, 220, (60, 90)).repeat(4, axis=0).repeat(4, axis=1)
+        smooth = sum(np.roll(grains, (y, x), (0, 1)) for y in range(4) for x in range(4)) / 16
+        wall = smooth.astype(np.uint8)
+        left, right = np.ascontiguousarray(wall[:240, :320]), np.ascontiguousarray(wall[:240, 8:328])
+
+        odometry = tf.Odometry(camera, other_cameras=[(camera, beside)])
+        self.assertEqual(odometry.add(left, 0.0, others=[right]).status, "tracked")
+        self.assertEqual(odometry.add(left, 0.1, others=[None]).status, "tracked")
+        self.assertTrue(odometry.finish()["metric"])
+        self.assertEqual(tf.Odometry(camera).add(left, 0.0).status, "initializing")
+        with self.assertRaisesRegex(tf.InputError, "is where the reference camera is"):
+            tf.Odometry(camera, other_cameras=[(camera, np.eye(4))])
+
     def test_images_are_checked(self):
         odometry = tf.Odometry(tf.Camera.pinhole(64, 48, 80))
         with self.assertRaisesRegex(ValueError, r"an image must have shape \(height, width, 3\)"):
