@@ -8,7 +8,8 @@
 int main(int argc, char** argv) {
   if (argc != 2) return std::fputs("usage: write_synthetic_report DIR\n", stderr), 2;
   try {
-    tileflight::tests::SyntheticRun(argv[1], {.name = "Bowl <script>alert('named by a stranger')</script> & co.", .rig = true})
+    tileflight::tests::SyntheticRun(argv[1],
+                                    {.name = "Bowl <script>alert('named by a stranger')</script> & co.", .rig = true})
         .write();
     tileflight::report::write_report(argv[1]);
   } catch (const std::exception& error) {
