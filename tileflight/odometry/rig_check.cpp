@@ -91,7 +91,7 @@ Vec3 fit_rotation_to_planes(const std::vector<RayMatch>& matches, const Vec3& ba
 std::optional<RigFit> check_rig(const photometry::LensPyramid& lens, const photometry::Pyramid& own,
                                 const photometry::StereoCamera& camera, const photometry::PyramidLevel& other) {
   constexpr std::size_t kFewest = 40;
-  constexpr double kFits_px = 1.5, kLeastShare = 0.5, kClearParallax_px = 1.5;
+  constexpr double kFits_px = 1.5, kLeastShare = 0.5, kClearParallax_px = 1.5, kVisible_px = 0.6;
   const std::vector<RayMatch> matches = match_corners(lens, own, turned_picture(lens, own, camera, other));
   if (matches.size() < kFewest) return std::nullopt;
   const double pixel_rad = 1.0 / lens.lenses[0].focal_px();
@@ -101,18 +101,23 @@ std::optional<RigFit> check_rig(const photometry::LensPyramid& lens, const photo
   const Vec3 w = fit_rotation_to_planes(matches, baseline, 0.5 * pixel_rad);
   const Eigen::Quaterniond turn = geometry::so3_exp(w);
   RigFit fit{.rotation_rad = w.norm()};
+  double as_given = 0.0;  // sum of squared distances without the rotation
   int before = 0, behind = 0;
   for (const RayMatch& match : matches) {
     const Vec3 turned = turn * match.other;
     Vec3 normal;
     if (std::abs(plane_distance(match, turned, baseline, normal)) > kFits_px * pixel_rad) continue;
     ++fit.matches;
+    const double distance = plane_distance(match, match.other, baseline, normal);
+    as_given += distance * distance;
     const Vec3 towards = baseline - match.own * match.own.dot(baseline);
     const double parallax_rad = turned.dot(towards) / std::max(towards.norm(), 1e-3);
     before += parallax_rad > kClearParallax_px * pixel_rad;
     behind += parallax_rad < -kClearParallax_px * pixel_rad;
   }
   if (fit.matches < kLeastShare * static_cast<double>(matches.size())) return std::nullopt;
+  // A turn that the view hardly shows follows the corners' own errors, a few tenths of a pixel.
+  if (as_given < fit.matches * kVisible_px * kVisible_px * pixel_rad * pixel_rad) fit.rotation_rad = 0.0;
   if (before + behind > 0) fit.behind_share = static_cast<double>(behind) / (before + behind);
   return fit;
 }
