@@ -108,7 +108,7 @@ struct LoopClosure {
 /// How corners seen by two cameras of a rig at one instant agree with its calibration.
 struct RigFit {
   int matches = 0;            ///< corners that fit
-  double rotation_rad = 0.0;  ///< by which the other camera would have to be turned
+  double rotation_rad = 0.0;  ///< by which the other camera would have to be turned; 0: by nothing that its images show
   double behind_share = 0.0;  ///< of the corners with parallax: how many would be behind the cameras
 };
 

@@ -177,7 +177,9 @@ TEST(StereoOdometry, SaysThatExchangedCamerasContradictTheirCalibration) {
 
 TEST(StereoOdometry, SaysThatATurnedCameraContradictsItsCalibration) {
   constexpr double kTurned_rad = 2.0 * std::numbers::pi / 180.0;
-  for (int axis = 0; axis < 3; ++axis) {
+  // A turn about the vertical moves corners across their epipolar lines in the image's corners only, here by less than
+  // is judged.
+  for (const int axis : {0, 2}) {
     SCOPED_TRACE(axis);
     StereoFlight turned = flight();
     turned.others[0].T_other_reference = T_right_left(kTurned_rad * Vec3::Unit(axis));
