@@ -66,8 +66,10 @@ void write_rig(const fs::path& folder, double late_s = 0.0) {
   fs::create_directories(folder / "cameras");
   write_camera(folder / "cameras/right", pictures().right, late_s);
   const imaging::Calibration& calibration = pictures().left.calibration;
+  imaging::Calibration of_right = pictures().right.calibration;
+  of_right.T_cam_imu = kT_left_right.inverse() * calibration.T_cam_imu;
   imaging::write_camchain(folder / "camchain.yaml", {{"left", ".", calibration, {}, 0.0},
-                                                     {"right", "cameras/right", calibration, kT_left_right, 0.0}});
+                                                     {"right", "cameras/right", of_right, kT_left_right, 0.0}});
 }
 
 class StereoOdometryCommand : public ::testing::Test {
