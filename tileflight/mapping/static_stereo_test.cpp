@@ -257,10 +257,9 @@ TEST(StaticStereo, TheEnergysDerivativesAreTheNumericOnes) {
     const Eigen::Vector3d half(lin.d_pixel_d_rho.dot(lin.sums.gr), lin.sums.Ar[0], lin.sums.Ar[1]);
     // What each derivative would be if all residuals of the pattern were of one sign (Cauchy and Schwarz): the Jacobian
     // by rho is that of the pattern's middle (DSO, section 2.3), so it may err by a small part of this.
-    const Eigen::Vector3d largest =
-        2.0 * std::sqrt(value.energy) *
-        Eigen::Vector3d(std::sqrt(lin.d_pixel_d_rho.dot(lin.sums.gg * lin.d_pixel_d_rho)), std::sqrt(lin.sums.AA(0, 0)),
-                        std::sqrt(lin.sums.AA(1, 1)));
+    const Eigen::Vector3d largest = 2.0 * std::sqrt(value.energy) *
+                                    Eigen::Vector3d(std::sqrt(lin.d_pixel_d_rho.dot(lin.sums.gg * lin.d_pixel_d_rho)),
+                                                    std::sqrt(lin.sums.AA(0, 0)), std::sqrt(lin.sums.AA(1, 1)));
     const Eigen::Vector3d steps(0.01 * rho, 0.02, 0.5);
     for (int d = 0; d < 3; ++d) {
       const auto difference = [&](double times) {
