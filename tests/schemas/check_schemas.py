@@ -49,7 +49,7 @@ BASES = {
         {"camera": "camera.yaml", "fps": 2, "waypoints": [{"position": [0, 0, 9]}, {"position": [9, 0, 9]}],
          "actors": [{"path": [{"at": [0, 0]}, {"at": [9, 0]}]}, {"model": "person", "position": [1, 2]}], "weather": {}, "events": {}},
         {"camera": "camera.yaml", "trajectory": "path.txt"},
-        {"camera": "camera.yaml", "fps": 2, "autopilot": {"kind": "px4"}},
+        {"camera": "camera.yaml", "fps": 2, "autopilot": {"kind": "px4", "vision": {}}},
         {"cameras": [{"name": "left", "camera": "camera.yaml"}, {"name": "right", "camera": "camera.yaml", "degrade": DEGRADE, "events": {}}], "trajectory": "path.txt"},
     ],
     "sensors": [SENSORS],

@@ -268,6 +268,15 @@ json autopilot_defaults(const tf::vehicle::AutopilotPlan& plan) {
           {"mount", plan.mount.gimbal ? "gimbal" : "fixed"},
           {"pitch_deg", plan.mount.pitch_deg},
           {"offset_m", numbers(plan.mount.offset_m)},
+          {"gnss", plan.gnss},
+          {"vision.source", plan.vision.source == tf::vehicle::VisionPlan::Source::kNone ? "none" : "another"},
+          {"vision.rate_hz", plan.vision.rate_hz},
+          {"vision.latency_s", plan.vision.latency_s},
+          {"vision.width", plan.vision.width},
+          {"vision.height", plan.vision.height},
+          {"vision.fov_deg", plan.vision.fov_deg},
+          {"vision.pitch_deg", plan.vision.pitch_deg},
+          {"vision.offset_m", numbers(plan.vision.offset_m)},
           {"duration_s", plan.duration_s},
           {"connect_timeout_s", plan.connect_timeout_s},
           {"silence_s", plan.silence_s}};
@@ -328,7 +337,7 @@ mission:
 - {do: turn, heading_deg: 9}
 - {do: turn_rate, yaw_rate_deg_s: 9}
 )";
-constexpr const char* kAutopilot = "camera: cam.yaml\nfps: 2\nautopilot: {kind: px4}\n";
+constexpr const char* kAutopilot = "camera: cam.yaml\nfps: 2\nautopilot: {kind: px4, vision: {}}\n";
 constexpr const char* kSensors =
     "imu: {}\ngnss: {}\nattitude: {}\nbarometer: {}\nmagnetometer: {}\nrange_finder: {}\nlidar: {}\n";
 constexpr const char* kWaypoints =
