@@ -17,6 +17,8 @@ import shutil
 import statistics
 import subprocess
 
+from accuracy_lines import metric_rows, print_line, print_scale_and_path
+
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 T_CAM_IMU = "[[0.0, -1.0, 0.0, 0.02], [0.0, 0.0, -1.0, -0.05], [1.0, 0.0, 0.0, -0.10], [0.0, 0.0, 0.0, 1.0]]"
 
@@ -121,24 +123,16 @@ def measure(program, out, dataset, seed, frames=None):
 
 
 def describe(place, rows):
-    metric = [row for row in rows if row["scale"] == "metric"]
-    print(f"{place}: {len(metric)} of {len(rows)} metric")
-
-    def line(name, values, unit):
-        print(f"  {name}: mean {statistics.mean(values):.3f}, spread {statistics.pstdev(values):.3f}, "
-              f"largest {max(values, key=abs):.3f} {unit}")
-
+    metric = metric_rows(place, rows)
     if not metric:
         return
-    line("scale's error", [100 * row["scale_error"] for row in metric], "%")
-    line("  stated sigma", [100 * row["inertial"]["sigma_log_scale"] for row in metric], "%")
-    line("vertical's error", [row["tilt_deg"] for row in metric], "degrees")
-    line("ATE without correction of scale", [100 * row["ate_share"] for row in metric], "% of the path")
-    line("ATE with it", [100 * row["ate_sim3_share"] for row in metric], "% of the path")
-    line("clocks' offset", [1000 * row["inertial"]["time_offset_s"] for row in metric], "ms")
+    print_scale_and_path(metric)
+    print_line("sigma of the scale, as stated", [100 * row["inertial"]["sigma_log_scale"] for row in metric], "%")
+    print_line("vertical's error", [row["tilt_deg"] for row in metric], "degrees")
+    print_line("clocks' offset", [1000 * row["inertial"]["time_offset_s"] for row in metric], "ms")
     ratios = [row["cpu_s"] / row["cpu_mono_s"] for row in metric if row["cpu_mono_s"]]
     if ratios:
-        line("processor time over mono", ratios, f"(of {len(ratios)} seeds)")
+        print_line("processor time over mono", ratios, f"(of {len(ratios)} seeds)")
 
 
 def main():

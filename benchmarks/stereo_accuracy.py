@@ -13,8 +13,9 @@ import os
 import pathlib
 import random
 import resource
-import statistics
 import subprocess
+
+from accuracy_lines import metric_rows, print_line, print_scale_and_path
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 BASELINE_M = 0.2
@@ -106,20 +107,12 @@ def measure(program, out, dataset, seed):
 
 
 def describe(name, rows):
-    metric = [row for row in rows if row["scale"] == "metric"]
-    print(f"{name}: {len(metric)} of {len(rows)} metric")
-
-    def line(title, values, unit):
-        print(f"  {title}: mean {statistics.mean(values):.3f}, spread {statistics.pstdev(values):.3f}, "
-              f"largest {max(values, key=abs):.3f} {unit}")
-
+    metric = metric_rows(name, rows)
     if not metric:
         return
-    line("scale's error", [100 * row["scale_error"] for row in metric], "%")
-    line("ATE without correction of scale", [100 * row["ate_share"] for row in metric], "% of the path")
-    line("ATE with it", [100 * row["ate_sim3_share"] for row in metric], "% of the path")
-    line("matched", [100 * row["matched_share"] for row in metric], "% of the points searched")
-    line("processor time over mono", [row["cpu_s"] / row["cpu_mono_s"] for row in metric], "")
+    print_scale_and_path(metric)
+    print_line("matched", [100 * row["matched_share"] for row in metric], "% of the points searched")
+    print_line("processor time over mono", [row["cpu_s"] / row["cpu_mono_s"] for row in metric], "")
 
 
 def main():

@@ -9,6 +9,7 @@
 
 #include "tests/background_program.h"
 #include "tests/mpirun.h"
+#include "tests/render_command.h"
 #include "tests/run_program.h"
 #include "tests/same_files.h"
 #include "tests/tiny_city.h"
@@ -45,16 +46,10 @@ class CityFlight : public testing::Test {
   }
 
   std::vector<std::string> arguments(const std::string& out, const std::vector<std::string>& more) const {
-    std::vector<std::string> words{
-        "render", (folder_ / "place").string(), "--flight", (folder_ / "flight.yaml").string(),
-        "--out",  (folder_ / out).string(),     "--json"};
-    words.insert(words.end(), more.begin(), more.end());
-    return words;
+    return tests::render_words(folder_.path(), out, more);
   }
   json render(const std::string& out, const std::vector<std::string>& more) const {
-    const ProgramResult result = run_tileflight(arguments(out, more));
-    EXPECT_EQ(result.exit_code, 0) << result.err;
-    return result.exit_code == 0 ? json::parse(result.out) : json();
+    return tests::render_json(folder_.path(), out, more);
   }
 
   tests::TemporaryFolder folder_;

@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "tests/mpirun.h"
+#include "tests/render_command.h"
 #include "tests/run_program.h"
 #include "tests/same_files.h"
 #include "tests/source_folder.h"
@@ -66,16 +67,10 @@ class Events : public testing::Test {
                               "}\nmax_frames: 9\n" + kPath);
   }
   std::vector<std::string> arguments(const std::string& out, const std::vector<std::string>& more) const {
-    std::vector<std::string> words{
-        "render", (folder_ / "place").string(), "--flight", (folder_ / "flight.yaml").string(),
-        "--out",  (folder_ / out).string(),     "--json"};
-    words.insert(words.end(), more.begin(), more.end());
-    return words;
+    return tests::render_words(folder_.path(), out, more);
   }
   nlohmann::json render(const std::string& out, const std::vector<std::string>& more = {}) const {
-    const ProgramResult result = run_tileflight(arguments(out, more));
-    EXPECT_EQ(result.exit_code, 0) << result.err;
-    return result.exit_code == 0 ? nlohmann::json::parse(result.out) : nlohmann::json();
+    return tests::render_json(folder_.path(), out, more);
   }
   events::EventRecording recording(const std::string& dataset) const {
     return events::read_dsec_file(folder_ / dataset / "events.h5");

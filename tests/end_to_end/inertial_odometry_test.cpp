@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "tests/refused_command.h"
 #include "tests/run_program.h"
 #include "tests/temporary_folder.h"
 #include "tileflight/base/files.h"
@@ -18,7 +19,6 @@ namespace {
 namespace fs = std::filesystem;
 namespace flights = odometry::test_support;
 using nlohmann::json;
-using ::testing::HasSubstr;
 using tests::ProgramResult;
 using tests::run_tileflight;
 
@@ -83,10 +83,7 @@ class InertialOdometry : public ::testing::Test {
         << out;
   }
   void expect_refused(const std::vector<std::string>& more, const std::string& message) const {
-    const ProgramResult result = call("refused", more);
-    EXPECT_EQ(result.exit_code, 1);
-    EXPECT_THAT(result.err, HasSubstr(message));
-    EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << result.err;
+    tests::expect_one_line_refusal(call("refused", more), message);
     EXPECT_FALSE(fs::exists(folder_ / "refused"));
   }
 

@@ -5,6 +5,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "tests/refused_command.h"
 #include "tests/run_program.h"
 #include "tests/temporary_folder.h"
 #include "tileflight/dataset/dataset.h"
@@ -93,10 +94,7 @@ class StereoOdometryCommand : public ::testing::Test {
     EXPECT_NEAR(scaled.scale, 1.0, 0.01) << out;
   }
   void expect_refused(const std::vector<std::string>& more, const std::string& message) const {
-    const ProgramResult result = call("refused", more);
-    EXPECT_EQ(result.exit_code, 1);
-    EXPECT_THAT(result.err, HasSubstr(message));
-    EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << result.err;
+    tests::expect_one_line_refusal(call("refused", more), message);
     EXPECT_FALSE(fs::exists(folder_ / "refused"));
   }
 

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "tests/mpirun.h"
+#include "tests/render_command.h"
 #include "tests/run_program.h"
 #include "tests/same_files.h"
 #include "tests/tiny_city.h"
@@ -46,16 +47,10 @@ class Weather : public testing::Test {
     TinyPlace::write_file(folder_ / "flight.yaml", TinyCity::kFlight + weather);
   }
   std::vector<std::string> arguments(const std::string& out, const std::vector<std::string>& more) const {
-    std::vector<std::string> words{
-        "render", (folder_ / "place").string(), "--flight", (folder_ / "flight.yaml").string(),
-        "--out",  (folder_ / out).string(),     "--json"};
-    words.insert(words.end(), more.begin(), more.end());
-    return words;
+    return tests::render_words(folder_.path(), out, more);
   }
   nlohmann::json render(const std::string& out, const std::vector<std::string>& more = {}) const {
-    const ProgramResult result = run_tileflight(arguments(out, more));
-    EXPECT_EQ(result.exit_code, 0) << result.err;
-    return result.exit_code == 0 ? nlohmann::json::parse(result.out) : nlohmann::json();
+    return tests::render_json(folder_.path(), out, more);
   }
   std::vector<imaging::Rgb8> picture(const std::string& out) const {
     return imaging::read_rgb(folder_ / out / "images" / "000003.png").pixels;
