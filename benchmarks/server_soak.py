@@ -3,8 +3,8 @@
 
     PYTHONPATH=clients/python benchmarks/server_soak.py --binary build/release/bin/tileflight --minutes 60 --clients 8 --all
 
---all: with an autopilot that flies a third vehicle (and is killed and started again, too), a viewer that watches all there is, and
-ROS 2 open to nodes on this machine (domain 87).
+--all: with autopilots that fly two more vehicles by ArduPilot's and PX4's interfaces (and are killed and started again, too), a viewer
+that watches all there is, and ROS 2 open to nodes on this machine (domain 87).
 
 Fails unless the server lives, every answer is well formed, no call is stuck at the end, and the server's memory after
 the first quarter of the time stays the same within --memory-tolerance.
@@ -41,8 +41,12 @@ SETTINGS = {
 }
 
 
-COPTER = {"VehicleType": "ArduCopter", "ControlPort": 0, "Y": -8}
+FLOWN = {"Copter": {"VehicleType": "ArduCopter", "ControlPort": 0, "Y": -8},
+         "Px4": {"VehicleType": "PX4Multirotor", "TcpPort": 0, "X": 8, "OpticalFlow": True, "VisionOdometry": "TruthWithNoise"}}
 AUTOPILOT_RATE = 400
+HIL_ACTUATOR_CONTROLS, HIL_SENSOR, HIL_STATE_QUATERNION = 93, 107, 115  # messages of MAVLink's common set
+HIL_ACTUATOR_CONTROLS_CRC_EXTRA = 47
+ARMED = 129
 
 
 def hostile_number(rng):
@@ -153,7 +157,11 @@ def run_client(port, seed):
             client = airsim.MultirotorClient(port=port, timeout_value=PATIENCE_S)
 
 
-def run_autopilot(port):
+def goal_m(time_s):
+    return 12 if int(time_s / 15) % 2 else 2
+
+
+def run_ardupilot(port):
     """Until killed: up and down between 2 and 12 m, all motors alike, in real time where the machine keeps up."""
     begin = time.monotonic()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
@@ -162,8 +170,8 @@ def run_autopilot(port):
         height = climb = 0.0
         frame = 0
         while True:
-            goal = 12 if int(frame / AUTOPILOT_RATE / 15) % 2 else 2
-            pulse = round(min(1900, max(1100, 1715 + 60 * (max(-2, min(2, goal - height)) - climb))))
+            to_climb = max(-2, min(2, goal_m(frame / AUTOPILOT_RATE) - height))
+            pulse = round(min(1900, max(1100, 1715 + 60 * (to_climb - climb))))
             link.send(struct.pack("<HHI16H", 18458, AUTOPILOT_RATE, frame, *[pulse] * 16))
             state = json.loads(link.recv(65536))
             frame += 1
@@ -173,6 +181,57 @@ def run_autopilot(port):
             if not -1 < height < 30:
                 raise SystemExit(f"the vehicle is at {height} m")
             time.sleep(max(0, begin + frame / AUTOPILOT_RATE - time.monotonic()))
+
+
+def x25(octets):
+    """MAVLink's check sum."""
+    crc = 0xFFFF
+    for octet in octets:
+        t = octet ^ (crc & 0xFF)
+        t = (t ^ (t << 4)) & 0xFF
+        crc = (crc >> 8) ^ (t << 8) ^ (t << 3) ^ (t >> 4)
+    return crc & 0xFFFF
+
+
+def mavlink_frame(stream):
+    """(number, payload) of the next MAVLink 2 frame, unsigned as the simulator's are; zeros cut from the payload's end are put back."""
+    head = stream.read(10)
+    if len(head) < 10:
+        raise SystemExit("the simulator has closed PX4's connection")
+    if head[0] != 0xFD or head[2]:
+        raise SystemExit(f"no MAVLink frame: {head.hex()}")
+    payload, crc = stream.read(head[1]), stream.read(2)
+    assert len(payload) == head[1] and len(crc) == 2
+    return int.from_bytes(head[7:10], "little"), payload.ljust(255, b"\0")
+
+
+def actuator_controls(time_us, output, sequence):
+    payload = struct.pack("<QQ16fB", time_us, 1, *[output] * 16, ARMED)
+    checked = struct.pack("<BBBBBB", len(payload), 0, 0, sequence % 256, 1, 1) + HIL_ACTUATOR_CONTROLS.to_bytes(3, "little") + payload
+    return b"\xfd" + checked + struct.pack("<H", x25(checked + bytes([HIL_ACTUATOR_CONTROLS_CRC_EXTRA])))
+
+
+def run_px4(port):
+    """Until killed: as run_ardupilot, in lockstep by time stamps, as fast as the server's clock goes."""
+    with socket.create_connection(("127.0.0.1", port), timeout=PATIENCE_S) as link:
+        stream = link.makefile("rb")
+        ground = None
+        height = climb = sequence = last_us = 0
+        while True:
+            number, payload = mavlink_frame(stream)
+            if number == HIL_STATE_QUATERNION:
+                altitude, _, _, down = struct.unpack_from("<i3h", payload, 44)
+                ground = altitude if ground is None else ground
+                height, climb = 1e-3 * (altitude - ground), -0.01 * down
+            if number != HIL_SENSOR:
+                continue
+            time_us, = struct.unpack_from("<Q", payload)
+            if time_us <= last_us or not -1 < height < 30:
+                raise SystemExit(f"time went from {last_us} to {time_us} us; the vehicle is at {height} m")
+            last_us = time_us
+            to_climb = max(-2, min(2, goal_m(1e-6 * time_us) - height))
+            link.sendall(actuator_controls(time_us, min(0.9, max(0.2, 0.59 + 0.06 * (to_climb - climb))), sequence))
+            sequence += 1
 
 
 class Viewer:
@@ -228,14 +287,26 @@ def start_client(port, seed):
                             stderr=subprocess.PIPE, text=True)
 
 
-def start_autopilot(port):
-    return subprocess.Popen([sys.executable, __file__, "--autopilot-of", str(port)], stderr=subprocess.PIPE, text=True)
+class Autopilot:
+    """A process that flies a vehicle; killed and started again now and then."""
+
+    def __init__(self, listening):
+        self.kind, self.port = "px4" if "PX4" in listening["protocol"] else "ardupilot", listening["port"]
+        self.start()
+
+    def start(self):
+        self.process = subprocess.Popen([sys.executable, __file__, f"--{self.kind}-of", str(self.port)], stderr=subprocess.PIPE,
+                                        text=True)
+
+    def stop(self):
+        self.process.kill()
+        self.process.communicate()
 
 
 def start_server(binary, source, folder, everything):
     settings, more = json.loads(json.dumps(SETTINGS)), []
     if everything:
-        settings["Vehicles"]["Copter"] = COPTER
+        settings["Vehicles"].update(FLOWN)
         more = ["--foxglove", "--foxglove-port", "0", "--foxglove-rate", "10", "--ros2", "--domain", "87"]
     (folder / "settings.json").write_text(json.dumps(settings))
     process = subprocess.Popen([binary, "serve", str(source), "--settings", str(folder / "settings.json"), "--port", "0",
@@ -251,8 +322,7 @@ def start_server(binary, source, folder, everything):
 class Soak:
     def __init__(self, server, listening, clients, seed):
         self.server, self.port, self.rng, self.seed = server, listening["port"], random.Random(seed), seed
-        self.autopilot_port = listening["autopilots"][0]["port"] if listening["autopilots"] else None
-        self.autopilot = start_autopilot(self.autopilot_port) if self.autopilot_port else None
+        self.autopilots = [Autopilot(one) for one in listening["autopilots"]]
         self.viewer = Viewer(listening["foxglove_port"]) if "foxglove_port" in listening else None
         self.clients = [self.next_client() for _ in range(clients)]
         self.killed, self.samples = 0, []
@@ -267,7 +337,7 @@ class Soak:
         while (now := time.monotonic()) < begin + seconds:
             time.sleep(0.1)
             self.samples.append((now - begin, memory_kb(self.server.pid)))
-            for client in [*self.clients, *([self.autopilot] if self.autopilot else [])]:
+            for client in [*self.clients, *(one.process for one in self.autopilots)]:
                 self.check_alive(client)
             if self.viewer and self.viewer.failure:
                 raise SystemExit("soak: " + self.viewer.failure)
@@ -279,11 +349,6 @@ class Soak:
             client.kill()
             client.communicate()
 
-    def stop_autopilot(self):
-        if self.autopilot:
-            self.autopilot.kill()
-            self.autopilot.communicate()
-
     def check_alive(self, client):
         if self.server.poll() is not None:
             raise SystemExit(f"soak: the server has ended with {self.server.returncode}")
@@ -291,9 +356,10 @@ class Soak:
             raise SystemExit("soak: a client has failed: " + client.stderr.read())
 
     def kill_one(self):
-        if self.autopilot and self.rng.random() < 0.05:
-            self.stop_autopilot()
-            self.autopilot = start_autopilot(self.autopilot_port)
+        for autopilot in self.autopilots:
+            if self.rng.random() < 0.05:
+                autopilot.stop()
+                autopilot.start()
         i = self.rng.randrange(len(self.clients))
         self.clients[i].kill()
         self.clients[i].communicate()
@@ -327,14 +393,17 @@ def main():
     parser.add_argument("--clients", type=int, default=8)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--memory-tolerance", type=float, default=0.02)
-    parser.add_argument("--all", action="store_true", help="with an autopilot and a viewer")
-    parser.add_argument("--autopilot-of", type=int, help=argparse.SUPPRESS)
+    parser.add_argument("--all", action="store_true", help="with autopilots, a viewer and ROS 2")
+    parser.add_argument("--ardupilot-of", type=int, help=argparse.SUPPRESS)
+    parser.add_argument("--px4-of", type=int, help=argparse.SUPPRESS)
     parser.add_argument("--client-of", type=int, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.client_of:
         return run_client(options.client_of, options.seed)
-    if options.autopilot_of:
-        return run_autopilot(options.autopilot_of)
+    if options.ardupilot_of:
+        return run_ardupilot(options.ardupilot_of)
+    if options.px4_of:
+        return run_px4(options.px4_of)
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
         server, listening = start_server(options.binary, options.source or tiny_place.write(folder / "place"), folder, options.all)
@@ -342,7 +411,8 @@ def main():
             soak = Soak(server, listening, options.clients, 1000 * options.seed)
             soak.run(60 * options.minutes)
             seen = check_nothing_is_stuck(listening["port"])
-            soak.stop_autopilot()
+            for autopilot in soak.autopilots:
+                autopilot.stop()
             server.send_signal(signal.SIGTERM)
             code = server.wait(timeout=60)
         finally:
