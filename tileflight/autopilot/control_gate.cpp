@@ -1,5 +1,7 @@
 #include "tileflight/autopilot/control_gate.h"
 
+#include <algorithm>
+
 namespace tileflight::autopilot {
 
 ControlVerdict ControlGate::receive(std::uint64_t control_us, std::uint64_t sensor_us) {
@@ -14,7 +16,8 @@ ControlVerdict ControlGate::receive(std::uint64_t control_us, std::uint64_t sens
   constexpr std::int64_t kMaxEarlierLag_us = 100'000;  // by which the first message may have been late
   if (ahead_us > ahead_us_ + kMaxEarlierLag_us) return ControlVerdict::kFuture;
   last_us_ = control_us;
-  return ControlVerdict::kAnswer;
+  ahead_us_ = std::max(ahead_us_, ahead_us);
+  return ahead_us > ahead_us_ - step_us_ ? ControlVerdict::kAnswer : ControlVerdict::kLate;
 }
 
 }  // namespace tileflight::autopilot

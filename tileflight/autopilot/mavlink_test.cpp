@@ -111,17 +111,27 @@ TEST(Mavlink, PassesOverSignatures) {
 }
 
 TEST(ControlGate, StampsDecide) {
-  ControlGate gate;
+  ControlGate gate(4000);
   EXPECT_EQ(gate.receive(1'000'000, 1'000'000), ControlVerdict::kAnswer);
   EXPECT_EQ(gate.receive(1'004'000, 1'004'000), ControlVerdict::kAnswer);
   EXPECT_EQ(gate.receive(1'004'000, 1'008'000), ControlVerdict::kRepetition);
   EXPECT_EQ(gate.receive(1'000'000, 1'008'000), ControlVerdict::kStale);
   EXPECT_EQ(gate.receive(9'000'000, 1'008'000), ControlVerdict::kFuture);
   EXPECT_EQ(gate.receive(1'008'000, 1'008'000), ControlVerdict::kAnswer);
+  EXPECT_EQ(gate.receive(1'012'000, 1'016'000), ControlVerdict::kLate);
+  EXPECT_EQ(gate.receive(1'016'000, 1'016'000), ControlVerdict::kAnswer);
+}
+
+TEST(ControlGate, AFirstAnswerToEarlierSensorsDoesNotMakeLaterOnesAnswers) {
+  ControlGate gate(4000);
+  EXPECT_EQ(gate.receive(1'000'000, 1'020'000), ControlVerdict::kAnswer);  // the sensors' clock is not known yet
+  EXPECT_EQ(gate.receive(1'020'000, 1'024'000), ControlVerdict::kAnswer);
+  EXPECT_EQ(gate.receive(1'024'500, 1'024'000), ControlVerdict::kAnswer);
+  EXPECT_EQ(gate.receive(1'026'000, 1'030'000), ControlVerdict::kLate);
 }
 
 TEST(ControlGate, TheAutopilotsClockMayHaveItsOwnZero) {
-  ControlGate gate;
+  ControlGate gate(4000);
   EXPECT_EQ(gate.receive(5'000, 1'000'000), ControlVerdict::kAnswer);
   EXPECT_EQ(gate.receive(9'000, 1'004'000), ControlVerdict::kAnswer);
   EXPECT_EQ(gate.receive(800'000, 1'008'000), ControlVerdict::kFuture);

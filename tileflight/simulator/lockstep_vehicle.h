@@ -21,8 +21,9 @@ inline constexpr std::chrono::milliseconds kAutopilotSilence{5000};
 inline constexpr std::chrono::milliseconds kAutopilotPoll{100};
 
 /// PX4's steps, and the time stamp of the sensors sent for one.
-inline constexpr double kPx4Step_s = 0.004;
-constexpr std::uint64_t px4_stamp_us(std::uint64_t step) { return 1'000'000 + step * 4000; }
+inline constexpr std::int64_t kPx4Step_us = 4000;
+inline constexpr double kPx4Step_s = 1e-6 * kPx4Step_us;
+constexpr std::uint64_t px4_stamp_us(std::uint64_t step) { return 1'000'000 + step * kPx4Step_us; }
 
 struct PlannedImages;
 struct VehicleSlot;

@@ -218,6 +218,33 @@ TEST(Px4Flight, WithoutAnAnswerThereIsNoStep) {
   EXPECT_EQ(ears.sensor.time_us, asked_us + 4000);
 }
 
+/// PX4 sends outputs every 50 ms only while its rate controller is off; both sides would wait for ever.
+TEST(Px4Flight, AfterAMissedAnswerTimeGoesByTheWallClockUntilItKeepsInStep) {
+  LoggedLines lines;
+  const auto simulator = world(kFast, &lines);
+  Px4Ears ears(port_of(*simulator));
+  const auto answer = [&] { ears.client().send(frame_of(controls(ears.sensor.time_us, 0.0F), 0)); };
+  for (int i = 0; i < 10; ++i) {
+    ASSERT_TRUE(ears.hear());
+    if (i < 9) answer();
+  }
+  for (int i = 0; i < 36; ++i) {
+    ASSERT_TRUE(ears.hear()) << i;
+    if (i % 12 == 0) answer();
+  }
+  EXPECT_EQ(lines.count("time goes by the wall clock"), 1U);
+  for (int i = 0; i < 50; ++i) {  // answers to older sensors are on the way still
+    answer();
+    ASSERT_TRUE(ears.hear());
+  }
+  std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  while (simulator->tf_statistics().sim_seconds + 1.0 > 1e-6 * static_cast<double>(ears.sensor.time_us) + 0.0035)
+    ASSERT_TRUE(ears.hear());  // up to the sensors that are waited for
+  const double before_s = simulator->tf_statistics().sim_seconds;
+  std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  EXPECT_EQ(simulator->tf_statistics().sim_seconds, before_s);
+}
+
 TEST(Px4Flight, WithoutLockstepTimeGoesOn) {
   const auto simulator = world(R"({"ClockSpeed": 4, "Vehicles": {"PX4": {"VehicleType": "PX4Multirotor",
     "TcpPort": 0, "LockStep": false}}})");

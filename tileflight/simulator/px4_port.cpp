@@ -13,6 +13,13 @@ using std::chrono::milliseconds;
 
 /// So long an autopilot that is ready may take to answer the first sensors before time goes by the wall clock.
 constexpr milliseconds kFirstAnswer{2000};
+/// So long a step waits for its answer. PX4 does not answer all sensors: where its rate controller is off (between
+/// modes, say) it sends outputs every 50 ms, and waits for time to go on, as the simulator waits for it.
+constexpr milliseconds kMissedAnswer{2000};
+/// A step this often where nothing has come for long, in case PX4 waits for time.
+constexpr milliseconds kSilentStep{1000};
+/// Answers in a row after which each step waits for one again.
+constexpr int kAnswersInStep = 2;
 constexpr milliseconds kMaxLagOfPx4{100};
 constexpr unsigned kModeArmed = 128;
 
@@ -64,36 +71,56 @@ void Px4Port::serve_peer(const std::stop_token& stop) {
   }
 }
 
-/// Whether to go on: with outputs that answer the sensors, or because time goes by the wall clock still.
+milliseconds Px4Port::patience(const Session& session) const {
+  if (in_step(session)) return kMissedAnswer;
+  if (session.step == 0) return kFirstAnswer;
+  return is_silent(session) ? kSilentStep : wall_step(pace_.speed);
+}
+
+bool Px4Port::in_step(const Session& session) const {
+  return pace_.lockstep && session.answers >= session.answers_needed;
+}
+
+bool Px4Port::is_silent(const Session& session) const {
+  return pace_.lockstep && session.heard && WallClock::now() - *session.heard > kAutopilotSilence;
+}
+
+/// Whether to go on: with outputs that answer the sensors, or because time goes by the wall clock.
 bool Px4Port::wait_for_controls(Session& session, const std::stop_token& stop) {
-  const auto since = WallClock::now();
-  const milliseconds patience = session.controlled && pace_.lockstep ? kAutopilotSilence
-                                : session.step == 0                  ? kFirstAnswer
-                                                                     : wall_step(pace_.speed);
+  if (is_silent(session)) vehicle_.leave();
+  const auto end = WallClock::now() + patience(session);
   while (!stop.stop_requested() && port_.connected()) {
     while (const auto received = session.reader.next()) {
       if (take(session, *received)) return true;
     }
     report_damage(session);
-    const auto left = std::chrono::ceil<milliseconds>(since + patience - WallClock::now());
-    if (left.count() > 0) {
-      session.reader.push(port_.receive(std::min(left, kAutopilotPoll)));
-      continue;
+    const auto left = std::chrono::ceil<milliseconds>(end - WallClock::now());
+    if (left.count() <= 0) {
+      miss(session);
+      return true;
     }
-    if (!session.controlled || !pace_.lockstep) return true;
-    log("silence", "PX4 is silent; the vehicle waits for it");
-    vehicle_.leave();
-    session.reader.push(port_.receive(kAutopilotPoll));
+    session.reader.push(port_.receive(std::min(left, kAutopilotPoll)));
   }
   return false;
 }
 
-/// Whether it is an answer to the sensors.
+/// No answer has come to the sensors.
+void Px4Port::miss(Session& session) {
+  if (in_step(session))
+    log("unanswered", "PX4 has not answered the sensors; time goes by the wall clock until it does");
+  session.answers = 0;
+  if (session.heard) session.answers_needed = kAnswersInStep;
+  if (is_silent(session)) log("silence", "PX4 is silent; the vehicle all but stands until it answers");
+}
+
+/// Whether it is an answer to the sensors sent last.
 bool Px4Port::take(Session& session, const autopilot::MavlinkFrame& received) {
   if (received.message != autopilot::HilActuatorControls::kMessage.number) return false;
   const auto controls = autopilot::decode_payload<autopilot::HilActuatorControls>(received.payload);
-  switch (session.gate.receive(controls.time_us, px4_stamp_us(session.step))) {
+  const autopilot::ControlVerdict verdict = session.gate.receive(controls.time_us, px4_stamp_us(session.step));
+  switch (verdict) {
     case autopilot::ControlVerdict::kAnswer:
+    case autopilot::ControlVerdict::kLate:
       break;
     case autopilot::ControlVerdict::kRepetition:
       return false;
@@ -104,14 +131,20 @@ bool Px4Port::take(Session& session, const autopilot::MavlinkFrame& received) {
       log("future", "PX4's outputs are stamped after the sensors' time; they are ignored");
       return false;
   }
+  use_outputs(session, controls);
+  if (verdict == autopilot::ControlVerdict::kLate) return false;
+  ++session.answers;
+  return true;
+}
+
+void Px4Port::use_outputs(Session& session, const autopilot::HilActuatorControls& controls) {
+  session.heard = WallClock::now();
   const bool armed = (controls.mode & kModeArmed) != 0;
   for (std::size_t i = 0; i < session.outputs.size(); ++i) {
     const double output = armed ? controls.controls[i] : 0.0;
     if (std::isnan(output)) log("NaN", "an output of PX4 is not a number; that motor stops");
     session.outputs[i] = output;
   }
-  session.controlled = true;
-  return true;
 }
 
 void Px4Port::report_damage(Session& session) {

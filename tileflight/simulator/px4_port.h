@@ -3,6 +3,7 @@
 #include <chrono>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <stop_token>
 #include <string>
 #include <thread>
@@ -24,8 +25,9 @@ struct Px4Pace {
 };
 
 /// PX4's simulator interface for one vehicle: a thread that waits for PX4 at a TCP port, sends it sensors every 4 ms of
-/// simulated time, and drives the motors with what it answers. Until PX4 has sent its first outputs, and without
-/// lockstep, time goes by the wall clock. It begins once nobody else uses the port.
+/// simulated time, and drives the motors with what it answers. Until PX4 has sent its first outputs, where it leaves
+/// out an answer until it answers twice in a row, and without lockstep, time goes by the wall clock. It begins once
+/// nobody else uses the port.
 class Px4Port {
  public:
   using Port = autopilot::SharedPort<autopilot::TcpPort>;
@@ -44,10 +46,12 @@ class Px4Port {
   /// State of one connection.
   struct Session {
     autopilot::MavlinkReader reader;
-    autopilot::ControlGate gate;
+    autopilot::ControlGate gate{kPx4Step_us};
     std::vector<double> outputs;
-    std::uint64_t step = 0;   ///< number of the sensors sent last
-    bool controlled = false;  ///< PX4 has sent outputs
+    std::uint64_t step = 0;                      ///< number of the sensors sent last
+    int answers = 0;                             ///< in a row
+    int answers_needed = 1;                      ///< of them, until each step waits for one
+    std::optional<WallClock::time_point> heard;  ///< when PX4 sent its last outputs
     std::uint8_t sequence = 0;
     std::uint64_t damaged = 0;  ///< frames reported
     WallClock::time_point due;  ///< when the next step may be made
@@ -55,8 +59,13 @@ class Px4Port {
 
   void run(const std::stop_token& stop);
   void serve_peer(const std::stop_token& stop);
+  std::chrono::milliseconds patience(const Session& session) const;
+  bool in_step(const Session& session) const;
+  bool is_silent(const Session& session) const;
   bool wait_for_controls(Session& session, const std::stop_token& stop);
+  void miss(Session& session);
   bool take(Session& session, const autopilot::MavlinkFrame& received);
+  void use_outputs(Session& session, const autopilot::HilActuatorControls& controls);
   void report_damage(Session& session);
   void keep_pace(Session& session) const;
   void log(const std::string& kind, const std::string& text);
