@@ -3,8 +3,9 @@
 // Flies the points by ArduPilot's JSON interface or PX4's simulator interface, from the vehicle's start, and lands.
 // px4-vision: by its inertial unit, barometer and ODOMETRY, whatever else it is told; it prints its own path and the
 // true one, `seconds, true north, east, down, its own, messages of vision`, five times a second.
-// END: `lands`, or what it does at AT_S seconds: `dies` (with a last word and exit status 3), `hangs`. After landing it
-// goes on, as a real one does, until it is not answered any more.
+// END: `lands`, or what it does at AT_S seconds: `dies` (with a last word and exit status 3), `hangs`, `stammers` (of
+// ArduPilot: sends a packet that is none, and flies on). After landing it goes on, as a real one does, until it is not
+// answered any more.
 #include <chrono>
 #include <cstdio>
 #include <iostream>
@@ -23,7 +24,7 @@ using tileflight::geometry::Vec3;
 
 /// Returns unless it ends here.
 void end_at(const std::string& end, double at_s, double now_s) {
-  if (end == "lands" || now_s < at_s) return;
+  if (end == "lands" || end == "stammers" || now_s < at_s) return;
   std::cerr << "battery\nbattery empty at " << at_s << " s" << std::endl;
   if (end == "dies") std::exit(3);
   std::this_thread::sleep_for(std::chrono::hours(1));
@@ -35,8 +36,13 @@ void fly_ardupilot(std::uint16_t port, std::vector<Vec3> points, const std::stri
   support::ScriptedAutopilot autopilot(
       tileflight::autopilot::make_airframe(tileflight::autopilot::AirframeKind::kQuadX), std::move(points), 0.65);
   support::Observation seen;
+  bool stammers = end == "stammers";
   for (std::uint32_t frame = 0;; ++frame) {
     end_at(end, at_s, seen.time_s);
+    if (stammers && seen.time_s >= at_s) {
+      client.send("no packet");
+      stammers = false;
+    }
     const auto pwm = support::pulses(autopilot.outputs(seen, 1.0 / kRate));
     const std::string line = client.ask(support::servo_datagram(kRate, frame, pwm));
     if (line.empty()) return;

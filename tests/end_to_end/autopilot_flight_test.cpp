@@ -118,6 +118,15 @@ TEST_F(AutopilotFlights, ThatFailAreOneLine) {
   EXPECT_THAT(refused("fps: 2\nvehicle: {}\nautopilot: {kind: px4}\n"), HasSubstr("a mission of its own"));
 }
 
+TEST_F(AutopilotFlights, WhatTheSimulatorSaysOfThemIsKeptAndANote) {
+  const ProgramResult result = render(flight("ardupilot", "stammers 1 0,0,-8", ", duration_s: 3"), "data");
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const json told = json::parse(file_text(folder_ / "data/vehicle.json"))["autopilot"]["log"];
+  ASSERT_EQ(told.size(), 1U) << told;
+  EXPECT_THAT(told[0].get<std::string>(), HasSubstr("servo packet"));
+  EXPECT_THAT(json::parse(result.out)["warnings"], testing::Contains(told[0]));
+}
+
 TEST_F(AutopilotFlights, AreFlownOnce) {
   const ProgramResult result = render(flight("ardupilot", "lands 0 0,0,-8"), "data", {"--frames", "0:4", "--quiet"});
   EXPECT_EQ(result.exit_code, 1);

@@ -9,7 +9,9 @@
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/number_text.h"
@@ -32,6 +34,7 @@ constexpr double kAirborne_m = 0.3;
 constexpr double kStandingOutput = 0.02, kStanding_s = 0.5;
 /// So long a command that has ended may have others at work for it.
 constexpr double kAfterCommand_s = 2.0;
+constexpr std::size_t kMostLines = 50;
 constexpr std::chrono::milliseconds kLook{50};
 
 /// The camera's path, from what the autopilot does; follows the events in the threads of the simulator.
@@ -54,6 +57,14 @@ class FlightRecord {
     changed_.notify_all();
   }
 
+  /// What the simulator says of the flight; before its first step it says that an autopilot is there.
+  void say(const std::string& line) {
+    const std::lock_guard lock(mutex_);
+    if (steps_ == 0 || !outcome_.empty()) return;
+    if (lines_.size() < kMostLines) lines_.push_back(line);
+    ++said_;
+  }
+
   /// Waits a while; whether the flight is over.
   bool wait() {
     std::unique_lock lock(mutex_);
@@ -73,7 +84,9 @@ class FlightRecord {
   }
   AutopilotFlight result() const {
     const std::lock_guard lock(mutex_);
-    return {flight::path_through_poses(samples_), outcome_, airborne_s_, steps_, {}};
+    AutopilotFlight flown{flight::path_through_poses(samples_), outcome_, airborne_s_, steps_, {}, lines_};
+    if (said_ > lines_.size()) flown.lines.push_back("and " + std::to_string(said_ - lines_.size()) + " lines more");
+    return flown;
   }
 
  private:
@@ -82,6 +95,8 @@ class FlightRecord {
     samples_.poses.clear();
     elapsed_s_ = standing_s_ = airborne_s_ = 0.0;
     steps_ = 0;
+    lines_.clear();
+    said_ = 0;
     start_m_ = event.T_local_body.translation;
     sample(event);
   }
@@ -105,6 +120,8 @@ class FlightRecord {
   std::string outcome_;
   double elapsed_s_ = 0.0, standing_s_ = 0.0, airborne_s_ = 0.0;
   std::int64_t steps_ = 0;
+  std::vector<std::string> lines_;
+  std::size_t said_ = 0;
   WallClock::time_point heard_ = WallClock::now();
 };
 
@@ -212,7 +229,8 @@ AutopilotFlight fly_autopilot(const vehicle::AutopilotPlan& plan, SimulatorOptio
   options.settings_name = "autopilot";
   options.ned_origin_local = Vec3(plan.start_m.x(), plan.start_m.y(), std::numeric_limits<double>::quiet_NaN());
   options.journal = [&record](const AutopilotEvent& event) { record.add(event); };
-  Simulator simulator(options, {}, progress);
+  Simulator simulator(
+      options, [&record](const std::string& line) { record.say(line); }, progress);
   const AutopilotEndpoint at = simulator.autopilots().at(0);
   FlightWatch(plan, at, record).run(progress);
   simulator.stop();

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "tileflight/flight/path.h"
 #include "tileflight/simulator/simulator.h"
@@ -16,6 +17,7 @@ struct AutopilotFlight {
   double airborne_s = 0.0;  ///< when it had left the ground; 0: it never did
   std::int64_t steps = 0;   ///< of the autopilot
   GeoPoint home;
+  std::vector<std::string> lines;  ///< what the simulator said of it: vision that is lost, damaged messages; at most 51
 };
 
 /// Flies an autopilot's vehicle over a place, until it has landed and its motors have stood for half a second, or the

@@ -111,7 +111,8 @@ FlownPath fly_by_autopilot(const vehicle::FlightPlan& plan, const RenderSettings
                   {{"kind", plan.autopilot->is_px4 ? "px4" : "ardupilot"},
                    {"steps", flown.steps},
                    {"airborne_s", flown.airborne_s},
-                   {"home", {flown.home.latitude, flown.home.longitude, flown.home.altitude}}}}};
+                   {"home", {flown.home.latitude, flown.home.longitude, flown.home.altitude}},
+                   {"log", flown.lines}}}};
   return {flown.path, vehicle::sample_frames(flown.path, plan), std::move(report), nullptr};
 }
 

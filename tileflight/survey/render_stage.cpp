@@ -150,6 +150,8 @@ void add_vehicle_warnings(const json& vehicle, std::vector<std::string>& warning
   if (vehicle["outcome"] != "finished") {
     warnings.push_back("the vehicle did not finish: " + vehicle["outcome"].get<std::string>() + " (vehicle.json)");
   }
+  if (vehicle.contains("autopilot"))
+    for (const json& line : vehicle["autopilot"]["log"]) warnings.push_back(line);
   const double max_m = vehicle.contains("tracking") ? vehicle["tracking"]["max_m"].get<double>() : 0.0;
   if (max_m > kFarOff_m && vehicle["collisions"] == 0) {
     warnings.push_back(
