@@ -83,7 +83,8 @@ class Stage:
             if page != self.source / "README.md":
                 self.write(name, self.text(page))
         docs = self.source / "docs"
-        shutil.copytree(docs / "images", self.folder / "images", dirs_exist_ok=True)
+        for files in ("images", "flights"):
+            shutil.copytree(docs / files, self.folder / files, dirs_exist_ok=True)
         shutil.copytree(docs / "examples", self.folder / "examples", dirs_exist_ok=True, ignore=shutil.ignore_patterns("__pycache__"))
 
     def write(self, name, text):
