@@ -6,7 +6,8 @@
 Takes off, flies the corners north, east, south and west of the start, lands, and waits until the motors have stopped. DIR gets
 flight.csv (simulated time, true position north, east, down from the start, the autopilot's mode) and frames/ (two pictures a
 simulated second of the camera below). --by-vision: of PX4 without a receiver, whose vision says nothing before it has moved: the
-ground station's sticks take it up in altitude mode and sway it until its filter has a position. Needs pymavlink, which both autopilots' sources bring, and msgpack. Exit code 1: it did not
+ground station's sticks take it up in altitude mode and sway it until its filter has a position. --port 0: there is no server, as
+where a flight file's `autopilot: {command: …}` starts all this; then the autopilot's own position counts, and there are no pictures. Needs pymavlink, which both autopilots' sources bring, and msgpack. Exit code 1: it did not
 take off, missed a corner, or did not land.
 """
 import argparse
@@ -30,8 +31,8 @@ class Flight:
     def __init__(self, options):
         self.options = options
         self.link = mavutil.mavlink_connection(options.link or LINKS[options.autopilot], source_system=255)
-        self.truth = airsim.MultirotorClient(port=options.port)
-        self.vehicle = self.truth.listVehicles()[0]
+        self.truth = airsim.MultirotorClient(port=options.port) if options.port else None
+        self.vehicle = self.truth.listVehicles()[0] if self.truth else ""
         self.heard = {}
         self.offset = (0.0, 0.0)  # of the start in the filter's frame
         self.next_picture_s = 0.0
@@ -47,14 +48,21 @@ class Flight:
             message = self.link.recv_match(blocking=True, timeout=left)
             if message:
                 self.heard[message.get_type()] = message
-        state = self.truth.simGetGroundTruthKinematics(self.vehicle).position
+        now_s, at = self.true_position() if self.truth else self.own_position()
+        self.log.write(f"{now_s:.3f},{at.x_val:.3f},{at.y_val:.3f},{at.z_val:.3f},{self.link.flightmode}\n")
+        return at
+
+    def own_position(self):
+        own = self.heard.get("LOCAL_POSITION_NED")
+        return (1e-3 * own.time_boot_ms, airsim.Vector3r(own.x, own.y, own.z)) if own else (0.0, airsim.Vector3r())
+
+    def true_position(self):
         now_s = 1e-9 * self.truth.getMultirotorState(self.vehicle).timestamp
-        self.log.write(f"{now_s:.3f},{state.x_val:.3f},{state.y_val:.3f},{state.z_val:.3f},{self.link.flightmode}\n")
         if now_s >= self.next_picture_s:
             self.next_picture_s = now_s + 0.5
             image, = self.truth.simGetImages([airsim.ImageRequest("bottom_center", 0)], self.vehicle)
             (self.pictures / f"{round(1000 * now_s):08d}.png").write_bytes(image.image_data_uint8)
-        return state
+        return now_s, self.truth.simGetGroundTruthKinematics(self.vehicle).position
 
     def until(self, what, done, repeat=lambda: None):
         """Asks again every second until it is so."""
@@ -170,7 +178,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("autopilot", choices=list(LINKS))
     parser.add_argument("--link", help="of pymavlink (default: the autopilot's own)")
-    parser.add_argument("--port", type=int, default=41451, help="of tileflight serve")
+    parser.add_argument("--port", type=int, default=41451, help="of tileflight serve; 0: there is none")
     parser.add_argument("--side", type=float, default=40, help="metres")
     parser.add_argument("--height", type=float, default=25, help="metres above the start")
     parser.add_argument("--by-vision", action="store_true", help="of PX4 without a receiver")

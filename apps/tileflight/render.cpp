@@ -52,6 +52,12 @@ std::string frame_range_fault(const std::string& text) {
   return frame_range(text) ? "" : "must be the first frame and the one after the last, as in 0:100, got " + text;
 }
 
+/// Of the width or the height of --resolution.
+std::string pixel_count_fault(const std::string& text) {
+  const bool is_count = !text.empty() && text.find_first_not_of("0123456789") == std::string::npos;
+  return is_count ? "" : "must be W,H in pixels, as in 640,480, got " + text;
+}
+
 /// The frames in ranges, each a task, and a task that finishes the dataset.
 nlohmann::json render_in_tasks(const survey::RenderSettings& settings, const std::string& out,
                                const TaskArguments& tasks, const CommonOptions& common, const Progress& progress) {
@@ -128,6 +134,7 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
                    "W,H of the images, pixels: rescales the camera (same aspect ratio)")
       ->delimiter(',')
       ->expected(2)
+      ->check(pixel_count_fault)
       ->check(CLI::Range(16, 65536));
   CLI::Option* max_frames = command->add_option("--max-frames", options->max_frames, "render at most this many frames")
                                 ->check(CLI::Range(2, 10000000));

@@ -62,6 +62,8 @@ TEST(CommandLine, AMisspeltWordIsNamedWithTheNearest) {
        "extract: --block: must be a length above zero, in metres, or auto, got 0");
   says({"extract", "x", "--out", "y", "--threads", "0"}, "extract: --threads must be 1 to 1024, got 0");
   says({"extract", "x", "--out", "y", "--size", "1,2"}, "--size takes at least 3 comma-separated values, got 2");
+  says({"render", "x", "--flight", "f", "--out", "o", "--resolution", "640x480"},
+       "--resolution: must be W,H in pixels, as in 640,480, got 640x480");
   says({"export", "x", "--out", "y", "--layout", "eurok"}, "'eurok'; did you mean 'euroc'?");
   says({"extract", "x", "--out", "y", "z"}, "extract: ");
 }
