@@ -250,8 +250,7 @@ void LayeredFrame::add_packed(std::string_view packed) {
   }
   for_each_image(frame_, frame_, [&](auto& image, const auto&) {
     using Pixel = typename std::remove_cvref_t<decltype(image.pixels)>::value_type;
-    if ((bytes.take<std::uint8_t>() != 0) == image.empty())
-      throw std::logic_error("a packed layer has other outputs");
+    if ((bytes.take<std::uint8_t>() != 0) == image.empty()) throw std::logic_error("a packed layer has other outputs");
     if (image.empty()) return;
     const auto values = bytes.take_values<Pixel>(count);
     for (std::size_t k = 0; k < count; ++k) {

@@ -18,8 +18,8 @@ class Ranks {
   virtual int count() const = 0;  ///< number of processes
   /// Sends a text to every process and returns those of all, by rank. Blocks until all processes have called it.
   virtual std::vector<std::string> all_gather(const std::string& text) = 0;
-  /// Sends bytes to each process, those of `to[rank]`, and returns what each has sent to this one, by rank. Blocks until
-  /// all processes have called it. Precondition: as many as there are processes.
+  /// Sends bytes to each process, those of `to[rank]`, and returns what each has sent to this one, by rank. Blocks
+  /// until all processes have called it. Precondition: as many as there are processes.
   virtual std::vector<std::string> exchange(std::vector<std::string> to) = 0;
   /// Sets the message printed to standard error when this process is terminated because another one died or the job was
   /// cancelled; an empty text or no function: nothing is printed.
