@@ -165,11 +165,11 @@ class MpiRanks : public workflow::Ranks {
   }
 
   /// Waits without MPI's busy waiting, which occupies a core that others render on. Data moves while it is tested, so
-  /// the pauses are short at first.
+  /// the pauses are short at first; those of a long wait are a small part of it.
   template <class IsDone>
   static void wait(const IsDone& is_done) {
-    constexpr std::chrono::microseconds kShortest{20}, kLongest{2000};
-    for (auto pause = kShortest; !is_done(); pause = std::min(kLongest, pause + kShortest))
+    constexpr std::chrono::microseconds kShortest{20}, kLongest{10000};
+    for (auto pause = kShortest; !is_done(); pause = std::min(kLongest, pause + pause / 16 + kShortest / 16))
       std::this_thread::sleep_for(pause);
   }
   static void wait(MPI_Request& request) {

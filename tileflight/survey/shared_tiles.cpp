@@ -87,6 +87,7 @@ SharingCosts PartRenderer::sharing_costs(const std::vector<TileUses>& by_rank) c
     for (std::size_t rank = 0; rank < by_rank.size(); ++rank) {
       if (by_rank[rank][content] == 0) continue;
       is_used = true;
+      costs.scene_bytes += bytes * by_rank[rank][content];
       if (dealt_frames.emplace(rank, tile.uri).second) costs.frames_dealt_bytes += bytes;
     }
     if (is_used && dealt_tiles.emplace(rank_of_content_[content], tile.uri).second) costs.tiles_dealt_bytes += bytes;

@@ -16,9 +16,9 @@ struct TileWork {
   double cost = 0.0;
 };
 
-/// The share, from 0 to `shares` - 1, of each tile. Shares are compact and of about the same cost: the place is halved
-/// across its longest side again and again, where the costs of the halves are as the numbers of their shares, to half
-/// the cost of a tile in each step.
+/// The share, from 0 to `shares` - 1, of each tile. The place is halved across its longest side again and again, where
+/// the costs of the halves are as the numbers of their cells, to half the cost of a tile in each step. Each share has
+/// several of these cells, one of each neighbourhood, so that wherever a frame looks, its tiles are of all shares.
 std::vector<std::size_t> deal_tiles(const std::vector<TileWork>& tiles, std::size_t shares);
 
 /// In how many scenes a process would show each tile, if it rendered the frames of its range.
@@ -31,6 +31,7 @@ TileUses uses_from_bytes(const std::string& bytes);
 struct SharingCosts {
   double frames_dealt_bytes = 0.0;  ///< files that are read if each process renders a range of frames, all together
   double tiles_dealt_bytes = 0.0;   ///< files that are read if each process has a part of the tiles
+  double scene_bytes = 0.0;         ///< files of all scenes, a file as often as scenes show it
   double pixels = 0.0;              ///< of all frames
   std::size_t processes = 1;
 
