@@ -242,6 +242,23 @@ TEST_F(CityFlight, ProcessesThatShareTheTilesChangeNoByte) {
   expect_same(3, "layers", "0.003");  // each process's tiles in several scenes, and few images at once
 }
 
+TEST_F(CityFlight, ARigOfProcessesThatShareTheTilesChangesNoByte) {
+  std::string flight(TinyCity::kFlight);
+  flight.replace(flight.find("camera: camera.yaml"), 19, R"(cameras:
+  - {name: left, camera: camera.yaml, position: [0, 0.3, 0], yaw_deg: 20}
+  - {name: down, camera: camera.yaml, pitch_deg: -90, fps: 0.25})");
+  TinyPlace::write_file(folder_ / "flight.yaml", flight);
+  TinyPlace::write_file(folder_ / "degrade.yaml", kOneRayDegrade);
+  const std::vector<std::string> more{"--outputs", "depth,segmentation", "--degrade",
+                                      (folder_ / "degrade.yaml").string()};
+  EXPECT_EQ(render("alone", more)["cameras"], 2);
+  std::vector<std::string> shared = more;
+  shared.insert(shared.end(), {"--deal", "tiles"});
+  const ProgramResult result = tests::run_by_mpirun(3, arguments("shared", shared));
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  tests::expect_same_files(folder_ / "alone", folder_ / "shared");
+}
+
 TEST_F(CityFlight, ProcessesReadEachTileOnceIfTheyShareThem) {
   const auto tiles_read = [&](const std::string& deal) {
     const ProgramResult result = tests::run_by_mpirun(3, arguments(deal, {"--deal", deal, "--memory", "1"}));
