@@ -4,6 +4,7 @@ peak memory and bytes written, a line a run, as a Markdown table and as JSON.
 
     city_growth.py build/release/bin/tileflight /tmp/growth --copies 1 2 4 8
     city_growth.py build/release/bin/tileflight /tmp/growth --copies 4 --commands extract render --ranks 1 4
+    city_growth.py build/release/bin/tileflight /tmp/growth --copies 4 --commands render --ranks 1 4 --links
 
 Peak memory is that of one process (of ranks of MPI: the largest). The flight crosses each city from corner to corner,
 20 frames, 30 degrees down, 155 degrees wide. Results are removed after each run, the cities stay.
@@ -76,7 +77,7 @@ def commands(count, city, arguments):
         "coverage": [program, "coverage", source, "--flight", flight_file, "--frames", "20", "--width", "160", *memory,
                      *out],
         "render": [program, "render", source, "--flight", flight_file, "--pixel-error", str(arguments.pixel_error),
-                   *memory, *out],
+                   "--deal", arguments.deal, *memory, *out],
     }
 
 
@@ -87,6 +88,8 @@ def main():
     parser.add_argument("--copies", type=int, nargs="+", default=[1, 2, 4, 8], help="copies along each axis")
     parser.add_argument("--commands", nargs="+", default=["inspect", "extract", "coverage", "render"])
     parser.add_argument("--ranks", type=int, nargs="+", default=[1], help="processes of MPI, of extract and render")
+    parser.add_argument("--links", action="store_true", help="each copy's files are different ones (make_city.py)")
+    parser.add_argument("--deal", default="auto", help="of render with several ranks: tiles, frames or auto")
     parser.add_argument("--block", type=float, default=250, help="metres")
     parser.add_argument("--memory", type=float, default=1, help="GB, of coverage and render")
     parser.add_argument("--pixel-error", type=float, default=16, help="of render")
@@ -95,9 +98,10 @@ def main():
     print("| " + " | ".join(columns) + " |\n" + "| --- " * len(columns) + "|")
     rows = []
     for count in arguments.copies:
-        city = arguments.work / f"city{count * count}"
+        city = arguments.work / (f"city{count * count}" + ("links" if arguments.links else ""))
         maker = pathlib.Path(__file__).with_name("make_city.py")
-        subprocess.run([sys.executable, str(maker), str(count), str(city)], check=True)
+        links = ["--links"] if arguments.links else []
+        subprocess.run([sys.executable, str(maker), str(count), str(city), *links], check=True)
         (city / "camera.yaml").write_text(CAMERA)
         (city / "flight.yaml").write_text(flight(count))
         words = commands(count, city, arguments)

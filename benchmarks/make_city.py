@@ -3,9 +3,10 @@
 
     make_city.py 8 out/city64 --place ../shared/data/tilesets/machangara_photogrammetry
 
-The copies are the same files (a link), each under its own transform; so they are read and decoded as different tiles,
-while the disk holds them once. The tileset is not georeferenced. `--tree` puts them under a quadtree instead of one
-flat list of children.
+The copies are the same files (a link), each under its own transform, while the disk holds them once. tileflight decodes
+such a file once for several of its tiles, and holds its textures once; with `--links` each copy has a link of its own,
+so that its files are different ones, as in a real city. The tileset is not georeferenced. `--tree` puts the copies
+under a quadtree instead of one flat list of children.
 """
 import argparse
 import json
@@ -27,13 +28,13 @@ def box_around(boxes):
     return center + [half[0], 0, 0, 0, half[1], 0, 0, 0, half[2]]
 
 
-def copy_of(place, box, column, row, count):
+def copy_of(place, box, column, row, count, link):
     half = half_axes(box)
     x, y = ((2 * column - count + 1) * half[0], (2 * row - count + 1) * half[1])
     moved = [box[0] + x, box[1] + y] + box[2:]
     # A tile's volume is in its own frame, so the transform moves it with the content.
     tile = {"transform": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, x, y, 0, 1], "boundingVolume": {"box": box},
-            "geometricError": place["geometricError"], "content": {"uri": "place/tileset.json"}}
+            "geometricError": place["geometricError"], "content": {"uri": f"{link}/tileset.json"}}
     return tile, moved
 
 
@@ -60,11 +61,14 @@ def main():
     parser.add_argument("out", type=pathlib.Path, help="folder to write")
     parser.add_argument("--place", type=pathlib.Path,
                         default=pathlib.Path(os.environ.get("TILEFLIGHT_TEST_DATA", "../shared/data")) / "tilesets/machangara_photogrammetry")
+    parser.add_argument("--links", action="store_true", help="a link for each copy")
     parser.add_argument("--tree", action="store_true", help="a quadtree over the copies")
     arguments = parser.parse_args()
     place = json.loads((arguments.place / "tileset.json").read_text())
     box = place["root"]["boundingVolume"]["box"]
-    copies = [copy_of(place, box, column, row, arguments.count) for row in range(arguments.count) for column in range(arguments.count)]
+    cells = [(column, row) for row in range(arguments.count) for column in range(arguments.count)]
+    links = [f"place{i}" if arguments.links else "place" for i in range(len(cells))]
+    copies = [copy_of(place, box, *cell, arguments.count, link) for cell, link in zip(cells, links)]
     tiles, boxes = [c[0] for c in copies], [c[1] for c in copies]
     error = place["geometricError"]
     if arguments.tree:
@@ -73,9 +77,9 @@ def main():
         error *= arguments.count
         root = {"boundingVolume": {"box": box_around(boxes)}, "geometricError": error, "refine": "REPLACE", "children": tiles}
     arguments.out.mkdir(parents=True, exist_ok=True)
-    link = arguments.out / "place"
-    if not link.is_symlink():
-        link.symlink_to(arguments.place.resolve(), target_is_directory=True)
+    for link in (arguments.out / name for name in links):
+        if not link.is_symlink():
+            link.symlink_to(arguments.place.resolve(), target_is_directory=True)
     tileset = {"asset": {"version": "1.0"}, "geometricError": error, "root": root}
     (arguments.out / "tileset.json").write_text(json.dumps(tileset))
 

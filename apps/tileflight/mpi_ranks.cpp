@@ -126,11 +126,58 @@ class MpiRanks : public workflow::Ranks {
     return texts;
   }
 
+  std::vector<std::string> exchange(std::vector<std::string> to) override {
+    std::vector<std::uint64_t> sent, received(to.size());
+    for (const std::string& bytes : to) sent.push_back(bytes.size());
+    MPI_Request request = MPI_REQUEST_NULL;
+    MPI_Ialltoall(sent.data(), 1, MPI_UINT64_T, received.data(), 1, MPI_UINT64_T, MPI_COMM_WORLD, &request);
+    wait(request);
+    std::vector<std::string> from(to.size());
+    std::vector<MPI_Request> requests;
+    for (std::size_t r = 0; r < to.size(); ++r) {
+      if (static_cast<int>(r) == rank_) continue;
+      from[r].resize(received[r]);
+      for_each_piece(from[r], [&](char* piece, int bytes) {
+        MPI_Irecv(piece, bytes, MPI_CHAR, static_cast<int>(r), kExchangeTag, MPI_COMM_WORLD, &requests.emplace_back());
+      });
+      for_each_piece(to[r], [&](char* piece, int bytes) {
+        MPI_Isend(piece, bytes, MPI_CHAR, static_cast<int>(r), kExchangeTag, MPI_COMM_WORLD, &requests.emplace_back());
+      });
+    }
+    wait([&] {
+      int done = 0;
+      MPI_Testall(static_cast<int>(requests.size()), requests.data(), &done, MPI_STATUSES_IGNORE);
+      return done != 0;
+    });
+    from[static_cast<std::size_t>(rank_)] = std::move(to[static_cast<std::size_t>(rank_)]);
+    return from;
+  }
+
  private:
-  /// Waits without MPI's busy waiting, which occupies a core that others render on.
+  static constexpr int kExchangeTag = 1;
+
+  /// MPI counts bytes by int. Pieces from one process to another arrive in order.
+  template <class Work>
+  static void for_each_piece(std::string& bytes, const Work& work) {
+    constexpr std::size_t kMost = std::size_t{1} << 28;
+    for (std::size_t begin = 0; begin < bytes.size(); begin += kMost)
+      work(bytes.data() + begin, static_cast<int>(std::min(kMost, bytes.size() - begin)));
+  }
+
+  /// Waits without MPI's busy waiting, which occupies a core that others render on. Data moves while it is tested, so
+  /// the pauses are short at first; those of a long wait are a small part of it.
+  template <class IsDone>
+  static void wait(const IsDone& is_done) {
+    constexpr std::chrono::microseconds kShortest{20}, kLongest{10000};
+    for (auto pause = kShortest; !is_done(); pause = std::min(kLongest, pause + pause / 16 + kShortest / 16))
+      std::this_thread::sleep_for(pause);
+  }
   static void wait(MPI_Request& request) {
-    int done = 0;
-    while (MPI_Test(&request, &done, MPI_STATUS_IGNORE), done == 0) std::this_thread::sleep_for(milliseconds(2));
+    wait([&] {
+      int done = 0;
+      MPI_Test(&request, &done, MPI_STATUS_IGNORE);
+      return done != 0;
+    });
   }
 
   EndWatch end_watch_;  // created before MPI starts threads

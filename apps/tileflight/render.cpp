@@ -22,9 +22,9 @@ namespace {
 /// The options given, and the content of the files they name; without options that do not affect the images and those
 /// that may be secret.
 nlohmann::json asked(const CLI::App& command) {
-  const std::set<std::string> left_out{"out",      "threads", "json",  "quiet",  "force",
-                                       "resume",   "memory",  "cache", "header", "allow-host",
-                                       "no-cache", "frames",  "jobs",  "slurm",  "no-snakemake"};
+  const std::set<std::string> left_out{"out",    "threads", "json",         "quiet",      "force",    "resume",
+                                       "memory", "cache",   "header",       "allow-host", "no-cache", "frames",
+                                       "jobs",   "slurm",   "no-snakemake", "deal"};
   nlohmann::json options = nlohmann::json::object();
   for (const CLI::Option* option : command.get_options()) {
     const std::string name = option->get_single_name();
@@ -89,8 +89,11 @@ std::string render_summary(const nlohmann::json& r, const std::string& out) {
   text << out << ": " << r["frames"] << " frames, " << rounded(r["frames_per_second"], 3) << " per second\n";
   if (const auto events = r["events"].get<std::uint64_t>(); events > 0) text << events << " events\n";
   if (const auto divided = r["frames_divided"].get<std::int64_t>(); divided > 0)
-    text << divided << " of them were rendered in several scenes, since their tiles do not fit into memory together: more "
+    text << divided
+         << " of them were rendered in several scenes, since their tiles do not fit into memory together: more "
          << "memory (--memory) is faster\n";
+  if (r["dealt"] == "tiles")
+    text << r["ranks"] << " processes shared the tiles: each read a part of them and traced all frames against it\n";
   for (const auto& warning : r["warnings"]) text << "note: " << warning.get<std::string>() << "\n";
   return text.str();
 }
@@ -109,7 +112,7 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
     RegionOptions region;
     SourceArguments source_arguments;
     survey::RenderSettings settings;
-    std::string flight, out, outputs, degrade, camera, frames;
+    std::string flight, out, outputs, degrade, camera, frames, deal = "auto";
     TaskArguments tasks;
     std::vector<int> resolution;
     int max_frames = 0;
@@ -166,6 +169,11 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
   command->add_flag("--resume", options->settings.resume,
                     "keep finished frames beside the output until it is complete, and reuse those of an interrupted "
                     "render; always on under mpirun and where such frames exist");
+  command
+      ->add_option("--deal", options->deal,
+                   "what the processes of mpirun share: `frames` (each renders a range of them), `tiles` (each reads a "
+                   "part of them and traces all frames against it) or `auto`, what takes less processor time (default)")
+      ->check(CLI::IsMember({"auto", "frames", "tiles"}));
   CLI::Option* frames =
       command
           ->add_option("--frames", options->frames,
@@ -197,6 +205,9 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
       options->settings.flight.flight = options->flight;
       options->settings.flight.camera = options->camera;
       options->settings.inputs = {options->degrade};
+      options->settings.dealt = options->deal == "tiles"    ? survey::Dealt::kTiles
+                                : options->deal == "frames" ? survey::Dealt::kFrames
+                                                            : survey::Dealt::kAuto;
       survey::RenderOutputs& outputs = options->settings.flight.outputs;
       outputs = survey::parse_outputs(options->outputs,
                                       [](const std::string& what) { return InputError("--outputs", what); });
@@ -211,8 +222,7 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
       }
       options->settings.part = frame_range(options->frames);
       std::optional<std::uintmax_t>& memory_bytes = options->settings.max_memory_bytes;  // of each process
-      if (!memory_bytes)
-        memory_bytes = place::default_memory_bytes() / static_cast<unsigned>(ranks_on_this_machine());
+      if (!memory_bytes) memory_bytes = place::default_memory_bytes() / static_cast<unsigned>(ranks_on_this_machine());
       const nlohmann::json r = run_among_ranks([&](workflow::Ranks* ranks) {
         return survey::render_dataset(options->settings, options->out, shared.force, progress, ranks);
       });

@@ -2,6 +2,7 @@
 // processes, and after one was killed.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <signal.h>
 
 #include <chrono>
 #include <nlohmann/json.hpp>
@@ -209,6 +210,114 @@ TEST_F(CityFlight, WhatAKilledRenderLeftIsTakenUp) {
 }
 
 #ifdef TILEFLIGHT_MPIRUN
+/// Effects of one ray a pixel, some of which look at neighbouring pixels, rows or frames.
+constexpr const char* kOneRayDegrade = R"(line_delay: 0.00002
+vignetting: 0.3
+sharpening: 0.5
+white_electrons: 5000
+read_noise_electrons: 4
+auto_exposure: {target: 0.25, time_constant: 3}
+)";
+
+TEST_F(CityFlight, ProcessesThatShareTheTilesChangeNoByte) {
+  TinyPlace::write_file(folder_ / "degrade.yaml", kOneRayDegrade);
+  const auto with = [&](std::vector<std::string> more) {
+    more.insert(more.end(), {"--outputs", "depth,range,normals,segmentation,flow,visibility,photometric", "--degrade",
+                             (folder_ / "degrade.yaml").string()});
+    return more;
+  };
+  const json alone = render("alone", with({"--memory", "1"}));
+  EXPECT_EQ(alone["dealt"], nullptr);
+  const auto expect_same = [&](int count, const std::string& out, const std::string& gigabytes) {
+    const ProgramResult result =
+        tests::run_by_mpirun(count, arguments(out, with({"--deal", "tiles", "--memory", gigabytes})));
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+    const json shared = json::parse(result.out);
+    EXPECT_EQ(shared["dealt"], "tiles");
+    for (const char* key : {"frames", "tiles", "complete", "warnings"}) EXPECT_EQ(shared[key], alone[key]) << key;
+    tests::expect_same_files(folder_ / "alone", folder_ / out);
+  };
+  expect_same(2, "by2", "1");
+  expect_same(4, "by4", "1");
+  expect_same(3, "layers", "0.003");  // each process's tiles in several scenes, and few images at once
+}
+
+TEST_F(CityFlight, ARigOfProcessesThatShareTheTilesChangesNoByte) {
+  std::string flight(TinyCity::kFlight);
+  flight.replace(flight.find("camera: camera.yaml"), 19, R"(cameras:
+  - {name: left, camera: camera.yaml, position: [0, 0.3, 0], yaw_deg: 20}
+  - {name: down, camera: camera.yaml, pitch_deg: -90, fps: 0.25})");
+  TinyPlace::write_file(folder_ / "flight.yaml", flight);
+  TinyPlace::write_file(folder_ / "degrade.yaml", kOneRayDegrade);
+  const std::vector<std::string> more{"--outputs", "depth,segmentation", "--degrade",
+                                      (folder_ / "degrade.yaml").string()};
+  EXPECT_EQ(render("alone", more)["cameras"], 2);
+  std::vector<std::string> shared = more;
+  shared.insert(shared.end(), {"--deal", "tiles"});
+  const ProgramResult result = tests::run_by_mpirun(3, arguments("shared", shared));
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  tests::expect_same_files(folder_ / "alone", folder_ / "shared");
+}
+
+TEST_F(CityFlight, ProcessesReadEachTileOnceIfTheyShareThem) {
+  const auto tiles_read = [&](const std::string& deal) {
+    const ProgramResult result = tests::run_by_mpirun(3, arguments(deal, {"--deal", deal, "--memory", "1"}));
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    const json summary = json::parse(result.out);
+    EXPECT_EQ(summary["dealt"], deal);
+    return summary["tiles_read"].get<int>();
+  };
+  const json alone = render("alone", {"--memory", "1"});
+  const int by_tiles = tiles_read("tiles"), by_frames = tiles_read("frames");
+  EXPECT_LT(by_tiles, by_frames);
+  // The tiles beside a camera are read by the process that checks its path, too.
+  EXPECT_LT(by_tiles, alone["tiles_read"].get<int>() * 3 / 2);
+  tests::expect_same_files(folder_ / "tiles", folder_ / "frames");
+}
+
+TEST_F(CityFlight, TilesAreNotSharedWherePixelsTakeSeveralRays) {
+  const std::vector<std::string> more{"--samples", "4", "--deal"};
+  const auto deal = [&](const std::string& how) {
+    std::vector<std::string> words = more;
+    words.push_back(how);
+    return tests::run_by_mpirun(2, arguments(how, words));
+  };
+  const ProgramResult refused = deal("tiles"), automatic = deal("auto");
+  EXPECT_NE(refused.exit_code, 0);
+  EXPECT_THAT(refused.err, HasSubstr("tileflight: --deal tiles: a pixel takes several rays"));
+  ASSERT_EQ(automatic.exit_code, 0) << automatic.err;
+  EXPECT_EQ(json::parse(automatic.out)["dealt"], "frames");
+}
+
+TEST_F(CityFlight, AProcessOfThoseThatShareTheTilesDiesAndTheOthersFramesAreTakenUp) {
+  const std::vector<std::string> more{"--outputs", "segmentation,depth", "--threads", "1"};
+  std::vector<std::string> shared = more;
+  shared.insert(shared.end(), {"--deal", "tiles", "--memory", "0.003"});  // few images at once
+  render("whole", more);
+  const fs::path kept = folder_ / ".data.frames";
+  const auto finished = [&] {
+    std::error_code error;
+    std::size_t count = 0;
+    for (fs::directory_iterator entry(kept / "frames", error), end; !error && entry != end; entry.increment(error))
+      count += entry->path().extension() == ".json" ? 1 : 0;
+    return count;
+  };
+  ProgramResult result;
+  std::thread run([&] { result = tests::run_by_mpirun(2, arguments("data", shared)); });
+  while (finished() < 4 && !fs::exists(folder_ / "data")) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  const auto victim = tests::process_of_rank(1, (folder_ / "data").string());
+  EXPECT_TRUE(victim.has_value());
+  if (victim) ::kill(*victim, SIGKILL);
+  run.join();
+  EXPECT_THAT(result.err, HasSubstr("rank 1 of 2 died; ")) << result.err;
+  const std::size_t there = finished();
+  ASSERT_GE(there, 4U);
+  const ProgramResult rest = tests::run_by_mpirun(2, arguments("data", shared));
+  ASSERT_EQ(rest.exit_code, 0) << rest.err;
+  EXPECT_EQ(json::parse(rest.out)["frames_taken_up"], there);
+  tests::expect_same_files(folder_ / "whole", folder_ / "data");
+}
+
 TEST_F(CityFlight, ProcessesChangeNoByte) {
   TinyPlace::write_file(folder_ / "flight.yaml", std::string(TinyCity::kFlight) + kSensors);
   const std::vector<std::string> more{"--outputs", "segmentation", "--degrade", (folder_ / "degrade.yaml").string(),

@@ -3,8 +3,12 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <cstring>
 #include <functional>
+#include <stdexcept>
 #include <utility>
+
+#include "tileflight/base/raw_bytes.h"
 
 namespace tileflight::render {
 namespace {
@@ -13,8 +17,8 @@ using imaging::PixelRegion;
 using Labels = imaging::Image<std::uint32_t>;
 
 /// Calls `work` with each pair of images of two frames.
-template <class Frame, class Work>
-void for_each_image(Frame& from, TracedFrame& to, const Work& work) {
+template <class From, class To, class Work>
+void for_each_image(From& from, To& to, const Work& work) {
   work(from.rgb, to.rgb);
   work(from.light, to.light);
   work(from.depth_m, to.depth_m);
@@ -64,6 +68,70 @@ imaging::GrayImage merge_surfaces(const imaging::Image<LayerSurface>& layer, std
     }
   });
   return taken;
+}
+
+void append_text(std::string& bytes, const std::string& text) {
+  base::append_raw(bytes, static_cast<std::uint64_t>(text.size()));
+  bytes += text;
+}
+
+/// Reads what was appended, in the same order.
+class PackedBytes {
+ public:
+  explicit PackedBytes(std::string_view bytes) : bytes_(bytes) {}
+
+  std::string_view take(std::size_t size) {
+    if (size > bytes_.size()) throw std::logic_error("a packed layer ends early");
+    const std::string_view taken = bytes_.substr(0, size);
+    bytes_.remove_prefix(size);
+    return taken;
+  }
+  template <class Value>
+  Value take() {
+    Value value;
+    std::memcpy(&value, take(sizeof value).data(), sizeof value);
+    return value;
+  }
+  std::string take_text() { return std::string(take(take<std::uint64_t>())); }
+  template <class Value>
+  std::vector<Value> take_values(std::size_t count) {
+    std::vector<Value> values(count);
+    if (count > 0) std::memcpy(values.data(), take(count * sizeof(Value)).data(), count * sizeof(Value));
+    return values;
+  }
+
+ private:
+  std::string_view bytes_;
+};
+
+void append_object(std::string& bytes, const SceneObject& object) {
+  append_text(bytes, object.tile);
+  base::append_raw(bytes, object.mesh);
+  base::append_raw(bytes, object.feature);
+  append_text(bytes, object.name);
+}
+
+SceneObject take_object(PackedBytes& bytes) {
+  SceneObject object;
+  object.tile = bytes.take_text();
+  object.mesh = bytes.take<std::uint32_t>();
+  object.feature = bytes.take<std::uint32_t>();
+  object.name = bytes.take_text();
+  return object;
+}
+
+/// The values of an image at some of its pixels; of an empty image, none.
+template <class Pixel>
+void append_pixels(std::string& bytes, const imaging::Image<Pixel>& image, const std::vector<std::uint32_t>& at) {
+  base::append_raw(bytes, static_cast<std::uint8_t>(image.empty() ? 0 : 1));
+  if (image.empty()) return;
+  const std::size_t begin = bytes.size();
+  bytes.resize(begin + at.size() * sizeof(Pixel));
+  char* to = bytes.data() + begin;
+  for (const std::uint32_t i : at) {
+    std::memcpy(to, &image.pixels[i], sizeof(Pixel));
+    to += sizeof(Pixel);
+  }
 }
 
 }  // namespace
@@ -134,6 +202,66 @@ void LayeredFrame::add(TracedLayer layer, std::span<const std::uint32_t> ranks) 
       }
     });
   });
+}
+
+std::vector<std::uint32_t> LayeredFrame::pixels_with_surface() const {
+  std::vector<std::uint32_t> at;
+  for (std::size_t i = 0; i < nearest_.pixels.size(); ++i) {
+    if (nearest_.pixels[i].mesh != LayerSurface::kNone) at.push_back(static_cast<std::uint32_t>(i));
+  }
+  return at;
+}
+
+std::string LayeredFrame::packed(bool has_check) const {
+  std::string bytes;
+  base::append_raw(bytes, static_cast<std::uint8_t>(has_check ? 1 : 0));
+  if (has_check) base::append_raw(bytes, frame_.check);
+  const std::vector<std::uint32_t> at = pixels_with_surface();
+  base::append_raw(bytes, static_cast<std::uint64_t>(at.size()));
+  if (at.empty()) return bytes;
+  bytes.append(reinterpret_cast<const char*>(at.data()), at.size() * sizeof(at[0]));
+  base::append_raw(bytes, static_cast<std::uint64_t>(objects_.all().size()));
+  for (const SceneObject& object : objects_.all()) append_object(bytes, object);
+  append_pixels(bytes, nearest_, at);
+  for_each_image(frame_, frame_, [&](const auto& image, const auto&) { append_pixels(bytes, image, at); });
+  return bytes;
+}
+
+void LayeredFrame::add_packed(std::string_view packed) {
+  PackedBytes bytes(packed);
+  if (bytes.take<std::uint8_t>() != 0) {
+    const auto check = bytes.take<FrameCheck>();
+    frame_.check.surroundings = check.surroundings;
+    frame_.check.path_is_blocked = check.path_is_blocked;
+  }
+  const auto count = bytes.take<std::uint64_t>();
+  if (count == 0) return;
+  const auto at = bytes.take_values<std::uint32_t>(count);
+  if (at.back() >= nearest_.pixels.size()) throw std::logic_error("a packed layer is of a larger image");
+  std::vector<SceneObject> objects;
+  for (auto left = bytes.take<std::uint64_t>(); left > 0; --left) objects.push_back(take_object(bytes));
+  std::vector<std::uint8_t> is_taken(count, 0);
+  if (bytes.take<std::uint8_t>() == 0) throw std::logic_error("a packed layer has no surfaces");
+  const auto surfaces = bytes.take_values<LayerSurface>(count);
+  for (std::size_t k = 0; k < count; ++k) {
+    if (!is_before(surfaces[k], nearest_.pixels[at[k]])) continue;
+    nearest_.pixels[at[k]] = surfaces[k];
+    is_taken[k] = 1;
+  }
+  for_each_image(frame_, frame_, [&](auto& image, const auto&) {
+    using Pixel = typename std::remove_cvref_t<decltype(image.pixels)>::value_type;
+    if ((bytes.take<std::uint8_t>() != 0) == image.empty()) throw std::logic_error("a packed layer has other outputs");
+    if (image.empty()) return;
+    const auto values = bytes.take_values<Pixel>(count);
+    for (std::size_t k = 0; k < count; ++k) {
+      if (is_taken[k] != 0) image.pixels[at[k]] = values[k];
+    }
+  });
+  LabelMap label_in_frame(objects, objects_);
+  Labels& labels = frame_.outputs.objects;
+  for (std::size_t k = 0; k < count && !labels.empty(); ++k) {
+    if (is_taken[k] != 0) labels.pixels[at[k]] = label_in_frame(labels.pixels[at[k]]);
+  }
 }
 
 TracedFrame LayeredFrame::take_frame() {

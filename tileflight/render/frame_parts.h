@@ -4,6 +4,7 @@
 #include <map>
 #include <span>
 #include <string>
+#include <string_view>
 #include <tuple>
 #include <vector>
 
@@ -54,6 +55,12 @@ class LayeredFrame {
   /// Takes the pixels that are nearer than those of the layers before. `ranks`: of the layer's meshes, their places in
   /// the order of all the frame's meshes, since of equally near surfaces that of the first mesh is shown.
   void add(TracedLayer layer, std::span<const std::uint32_t> ranks);
+  /// What the layers so far show, for another process that has other layers of the frame: the pixels at which there is
+  /// a surface, and the check, if it was made here.
+  std::string packed(bool has_check) const;
+  /// Takes such pixels that are nearer than those of the layers before, and the check. Precondition: a layer was added,
+  /// of the same image with the same outputs. Throws std::logic_error if the bytes are none of packed().
+  void add_packed(std::string_view bytes);
   /// The frame's check, for what is not part of its view.
   FrameCheck& check() { return frame_.check; }
   /// The frame, once all layers were added. Its objects live as long as this.
@@ -61,6 +68,7 @@ class LayeredFrame {
 
  private:
   ViewStatistics view() const;
+  std::vector<std::uint32_t> pixels_with_surface() const;
 
   TracedFrame frame_;
   imaging::Image<LayerSurface> nearest_;  ///< `mesh`: its rank

@@ -200,17 +200,27 @@ class FramesInLayers : public testing::Test {
     const FrameRenderer renderer(whole_, camera_, frames_, {}, options_);
     std::mt19937 random(1);
     for (std::size_t index = 0; index < frames_.size(); ++index) {
-      LayeredFrame layered;
+      const FlightFrame whole = renderer.develop(renderer.trace(index));
+      LayeredFrame layered, own, of_another;
+      int number = 0;
       for (const std::vector<std::uint32_t>& ranks : layers(4, random)) {
-        std::vector<imaging::TexturedMesh> meshes;
-        for (const std::uint32_t rank : ranks) meshes.push_back(doubled_city()[rank]);
-        const Scene scene(std::move(meshes), whole_.anchor());
-        layered.add(FrameRenderer(scene, camera_, frames_, {}, options_).trace_layer(index), ranks);
+        add_layer(index, ranks, layered);
+        add_layer(index, ranks, number++ % 2 == 0 ? own : of_another);
       }
       renderer.check_path(index, layered.check());
-      const FlightFrame sum = renderer.develop(layered.take_frame());
-      expect_same_frame(sum, renderer.develop(renderer.trace(index)));
+      expect_same_frame(renderer.develop(layered.take_frame()), whole);
+      renderer.check_path(index, of_another.check());
+      own.add_packed(of_another.packed(true));
+      own.add_packed(LayeredFrame().packed(false));
+      expect_same_frame(renderer.develop(own.take_frame()), whole);
     }
+  }
+  /// A layer with these of the doubled city's meshes.
+  void add_layer(std::size_t index, const std::vector<std::uint32_t>& ranks, LayeredFrame& frame) const {
+    std::vector<imaging::TexturedMesh> meshes;
+    for (const std::uint32_t rank : ranks) meshes.push_back(doubled_city()[rank]);
+    const Scene scene(std::move(meshes), whole_.anchor());
+    frame.add(FrameRenderer(scene, camera_, frames_, {}, options_).trace_layer(index), ranks);
   }
   /// The meshes' numbers, dealt to layers, in increasing order.
   std::vector<std::vector<std::uint32_t>> layers(std::size_t count, std::mt19937& random) const {
@@ -256,6 +266,17 @@ TEST_F(FramesInLayers, AreMeteredAsTheWhole) {
   }
   const LightMeter meter = make_light_meter(whole_, camera_, options_);
   EXPECT_EQ(meter.mean_light(sum.take_frame().light), meter_flight(whole_, camera_, frames_, options_)[1]);
+}
+
+TEST_F(FramesInLayers, RefusePackedLayersOfAnotherImage) {
+  LayeredFrame own, other;
+  add_layer(0, {0, 1, 2}, own);
+  options_.outputs.range = false;
+  add_layer(0, {3, 4, 12}, other);
+  const std::string packed = other.packed(false);
+  EXPECT_THROW(own.add_packed(packed), std::logic_error);
+  EXPECT_THROW(other.add_packed(packed.substr(0, packed.size() / 2)), std::logic_error);
+  EXPECT_THROW(LayeredFrame().add_packed(packed), std::logic_error);
 }
 
 TEST_F(FramesInLayers, ShowNoObjectThatIsHidden) {

@@ -11,6 +11,7 @@
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/output_folder.h"
+#include "tileflight/ground_truth/cell_sets.h"
 #include "tileflight/ground_truth/voxelize.h"
 #include "tileflight/imaging/image_files.h"
 #include "tileflight/place/memory_budget.h"
@@ -75,55 +76,35 @@ struct StrategyResult {
   const ContentIds& tiles_at(std::size_t frame) const { return tiles[strategy.is_fixed ? 0 : frame]; }
 };
 
-/// The region's occupied cells that each content touches.
+/// The region's cells that each content touches.
 class CellCoverage {
  public:
   CellCoverage(const tiles::Region& region, double edge_m, std::size_t contents)
-      : region_(region), edge_m_(edge_m), cells_of_(contents) {}
+      : region_(region), edge_m_(edge_m), cells_(contents) {}
 
   void add(std::uint32_t id, const tiles::LoadedContent& content) {
     const geometry::TriangleMesh mesh = scene::merge_meshes(content.meshes);
     if (mesh.triangles.empty()) return;
-    const geometry::VoxelGrid grid = ground_truth::voxelize(mesh, region_.box(), edge_m_);
-    const auto wide = [](std::int32_t number) { return static_cast<std::uint64_t>(number); };
-    for (const geometry::Cell& cell : grid.occupied) {
-      if (is_outside(grid.center(cell))) continue;
-      cells_of_[id].push_back((wide(cell.x) * wide(grid.dims[1]) + wide(cell.y)) * wide(grid.dims[2]) + wide(cell.z));
-    }
-    cells_of_[id].shrink_to_fit();
-    bytes_ += cells_of_[id].size() * sizeof(std::uint64_t);
+    geometry::VoxelGrid grid = ground_truth::voxelize(mesh, region_.box(), edge_m_);
+    std::erase_if(grid.occupied, [&](const geometry::Cell& cell) { return is_outside(grid.center(cell)); });
+    cells_.set(id, grid);
   }
 
-  /// Memory that it takes, or will take at most while it is finished.
-  std::uintmax_t bytes() const { return 2 * bytes_; }
+  std::uintmax_t bytes() const { return cells_.bytes(); }
 
   /// Once all contents are added: the occupied cells are those of the region's cut.
   void finish(const ContentIds& region_cut) {
-    for (const std::uint32_t id : region_cut)
-      occupied_cells_.insert(occupied_cells_.end(), cells_of_[id].begin(), cells_of_[id].end());
-    std::sort(occupied_cells_.begin(), occupied_cells_.end());
-    occupied_cells_.erase(std::unique(occupied_cells_.begin(), occupied_cells_.end()), occupied_cells_.end());
-    for (std::vector<std::uint64_t>& cells : cells_of_) {
-      std::vector<std::uint32_t> places;
-      for (const std::uint64_t cell : cells) {
-        const auto at = std::lower_bound(occupied_cells_.begin(), occupied_cells_.end(), cell);
-        if (at != occupied_cells_.end() && *at == cell)
-          places.push_back(static_cast<std::uint32_t>(at - occupied_cells_.begin()));
-      }
-      places_of_.push_back(std::move(places));
-      cells = {};
-    }
+    region_cut_ = region_cut;
+    occupied_ = cells_.count_covered(region_cut, std::vector<ContentIds>{region_cut}).front();
   }
 
-  std::size_t occupied() const { return occupied_cells_.size(); }
+  std::int64_t occupied() const { return occupied_; }
 
-  double share(const ContentIds& ids) const {
-    std::vector<bool> found(occupied_cells_.size());
-    for (const std::uint32_t id : ids) {
-      for (const std::uint32_t cell : places_of_[id]) found[cell] = true;
-    }
-    const auto count = std::count(found.begin(), found.end(), true);
-    return occupied_cells_.empty() ? 0.0 : static_cast<double>(count) / static_cast<double>(occupied_cells_.size());
+  /// Of the occupied cells, the share that one of these has at most.
+  double largest_share(const std::vector<ContentIds>& tiles) const {
+    const std::vector<std::int64_t> counts = cells_.count_covered(region_cut_, tiles);
+    return occupied_ == 0 ? 0.0
+                          : static_cast<double>(*std::ranges::max_element(counts)) / static_cast<double>(occupied_);
   }
 
  private:
@@ -134,10 +115,9 @@ class CellCoverage {
 
   tiles::Region region_;
   double edge_m_;
-  std::uintmax_t bytes_ = 0;                           ///< of cells_of_
-  std::vector<std::vector<std::uint64_t>> cells_of_;   ///< of each content, numbers of cells of the region's grid
-  std::vector<std::uint64_t> occupied_cells_;          ///< sorted
-  std::vector<std::vector<std::uint32_t>> places_of_;  ///< of each content, indices into the occupied cells
+  ground_truth::CellSets cells_;
+  ContentIds region_cut_;
+  std::int64_t occupied_ = 0;
 };
 
 std::vector<StrategyResult> select_tiles(const std::vector<TileStrategy>& strategies, const FrameSampling& watch,
@@ -468,10 +448,7 @@ nlohmann::json coverage(const CoverageSettings& settings, const fs::path& out, b
   require_surface(contents, truth, name);
   FramePixelCounter(watch, contents, truth, tree, settings, progress).count(all);
   cells.finish(all.back().tiles.front());
-  for (StrategyResult& strategy_result : all) {
-    for (const ContentIds& ids : strategy_result.tiles)
-      strategy_result.cells_share = std::max(strategy_result.cells_share, cells.share(ids));
-  }
+  for (StrategyResult& strategy_result : all) strategy_result.cells_share = cells.largest_share(strategy_result.tiles);
   json result = result_json(settings, watch, all, contents, truth, cells);
   for (const StrategyResult& strategy_result : all) {
     if (strategy_result.strategy.is_fixed)

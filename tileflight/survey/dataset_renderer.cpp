@@ -258,20 +258,35 @@ struct DatasetRenderer::Impl {
   /// Renders this process's images.
   void render(workflow::Ranks& ranks) {
     run_collectively(ranks, [&] { part_renderer_.select(share_); });
+    const auto sink = [&](std::size_t camera, const render::FlightFrame& frame) { take(camera, frame); };
+    if (part_renderer_.deal_out_tiles(ranks, share_)) {
+      summary_ = part_renderer_.run_together(ranks, share_, sink);
+    } else {
+      render_range(ranks, sink);
+    }
+    summary_.tiles_read = 0;
+    for (const std::string& count : ranks.all_gather(std::to_string(part_renderer_.read_count())))
+      summary_.tiles_read += std::stoll(count);
+    record_events(ranks);
+    SensorRecorder& recorder = *mission_.sensor_recorder;
+    recorder.set_recorded(ranks.all_gather(recorder.recorded()));
+  }
+
+  /// Renders this process's range of images.
+  void render_range(workflow::Ranks& ranks, const CameraFrameSink& sink) {
     std::string light;
-    run_collectively(ranks, [&] { light = part_renderer_.meter(share_); });
+    run_collectively(ranks, [&] {
+      part_renderer_.require_fit(share_);
+      light = part_renderer_.meter(share_);
+    });
     part_renderer_.set_light(ranks.all_gather(light));
     const auto start = std::chrono::steady_clock::now();
     double loading_s = 0.0;
     run_collectively(ranks, [&] {
-      summary_ = part_renderer_.run(cameras_.front()->writer.temporary_folder(), share_,
-                                    [&](std::size_t camera, const render::FlightFrame& frame) { take(camera, frame); });
+      summary_ = part_renderer_.run(cameras_.front()->writer.temporary_folder(), share_, sink);
       loading_s = base::seconds_since(start) - summary_.seconds;
     });
     summary_.seconds = base::seconds_since(start) - loading_s;  // includes the time spent waiting for other ranks
-    record_events(ranks);
-    SensorRecorder& recorder = *mission_.sensor_recorder;
-    recorder.set_recorded(ranks.all_gather(recorder.recorded()));
   }
 
   /// Records event cameras, each by one process, from the flight's first frame to its last: what a pixel sends depends

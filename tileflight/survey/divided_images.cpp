@@ -99,12 +99,16 @@ std::vector<FrameView> PartRenderer::layers_of(const std::vector<std::size_t>& f
   return views;
 }
 
+/// As small as a region can be: for the checks of an image's path.
+PixelRegion PartRenderer::corner_of(const PlannedCamera& planned) const {
+  const imaging::Camera& camera = planned.calibration.camera;
+  return {0, 0, std::min(render::kRegionStep, camera.width()), std::min(render::kRegionStep, camera.height())};
+}
+
 /// For the checks of the images' paths, regions that are as small as can be; then the images' layers.
 std::vector<FrameView> PartRenderer::checks_and_layers_of(const std::vector<std::size_t>& frames,
                                                           double bytes_for_tiles) const {
-  const imaging::Camera& camera = camera_of(frames.front()).calibration.camera;
-  const PixelRegion corner{0, 0, std::min(render::kRegionStep, camera.width()),
-                           std::min(render::kRegionStep, camera.height())};
+  const PixelRegion corner = corner_of(camera_of(frames.front()));
   std::vector<FrameView> views;
   for (const std::size_t frame : frames) views.push_back({frame, corner, true});
   const std::vector<FrameView> layers = layers_of(frames, bytes_for_tiles);

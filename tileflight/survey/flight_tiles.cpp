@@ -235,6 +235,7 @@ std::vector<tiles::CutContent> FlightTiles::contents_for_view(const FrameView& v
 std::vector<tiles::LoadedContent> FlightTiles::read(const std::vector<std::size_t>& contents) {
   tiles::TileCut part;
   for (const std::size_t content : contents) part.contents.push_back(cut_.contents[content]);
+  read_count_ += static_cast<std::int64_t>(contents.size());
   std::vector<tiles::LoadedContent> loaded =
       tiles::read_cut(*source_, tree_, part, placement_.T_local_tileset, load_.textures);
   for (std::size_t i = 0; i < contents.size(); ++i) {

@@ -65,6 +65,9 @@ class FlightTiles {
   const std::string& cut_hash() const { return cut_.hash; }
   std::size_t content_count() const { return cut_.contents.size(); }
   const tiles::CutContent& content(std::size_t content) const { return cut_.contents[content]; }
+  const geometry::Vec3& center(std::size_t content) const { return spheres_[content].center; }  ///< local frame
+  /// How often contents were read.
+  std::int64_t read_count() const { return read_count_; }
   /// Size of a content's file, if the source knows it.
   std::optional<std::uintmax_t> file_bytes(const tiles::CutContent& content) const;
 
@@ -134,6 +137,7 @@ class FlightTiles {
   std::vector<std::string> first_warnings_;  ///< of the source before any content was read
   std::vector<std::optional<tiles::ContentRecord>> records_;
   std::vector<std::size_t> new_records_;
+  std::int64_t read_count_ = 0;
 };
 
 }  // namespace tileflight::survey

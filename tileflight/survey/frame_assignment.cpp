@@ -56,6 +56,11 @@ void FrameAssignment::set_cut(const std::string& cut) {
   end_ = ranks_.rank() + 1 == ranks_.count() ? own.end : first_of(ranks_.rank() + 1);
 }
 
+void FrameAssignment::render_together() {
+  begin_ = 0;
+  end_ = is_finished_.size();
+}
+
 void FrameAssignment::add(std::size_t image, const render::FlightFrame& frame) {
   if (store_ == nullptr) {
     own_frames_[image] = make_record(frame, cut_);

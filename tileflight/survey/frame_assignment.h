@@ -39,6 +39,8 @@ class FrameAssignment {
 
   /// Sets the tile cut; frames rendered from another cut are rendered again.
   void set_cut(const std::string& cut);
+  /// Has all ranks render every frame together: each rank's range is all frames then, and each finishes some.
+  void render_together();
   /// This rank's range of frames, finished ones included. The ranges of all ranks follow each other and cover all
   /// frames, or those of the part. Valid after set_cut().
   std::size_t begin() const { return begin_; }

@@ -126,10 +126,14 @@ std::vector<std::size_t> PartLoader::places_for(const FrameView& view) const {
   if (is_new) known->second = tiles_.places_for_view({view.frame, view.region, view.has_checks});
   const std::vector<std::size_t>& contents = tiles_.contents_of_group(tiles_.groups().group_of_frame[view.frame]);
   std::vector<std::size_t> places;
-  std::ranges::copy_if(known->second, std::back_inserter(places),
-                       [&](std::size_t place) { return view.contents->contains(contents[place]); });
+  std::ranges::copy_if(known->second, std::back_inserter(places), [&](std::size_t place) {
+    const std::size_t content = contents[place];
+    return view.contents->contains(content) && (is_own_.empty() || is_own_[content]);
+  });
   return places;
 }
+
+void PartLoader::set_own_contents(std::vector<bool> is_own) { is_own_ = std::move(is_own); }
 
 void PartLoader::set_views(std::vector<FrameView> views) {
   views_ = std::move(views);

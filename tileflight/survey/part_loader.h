@@ -68,6 +68,8 @@ class PartLoader {
   /// while a part is out.
   void set_views(std::vector<FrameView> views);
   void set_limit(std::uintmax_t max_memory_bytes) { max_memory_bytes_ = max_memory_bytes; }
+  /// Of layers, other contents than these are left to other processes. `is_own`: by content.
+  void set_own_contents(std::vector<bool> is_own);
 
   /// Loads the part that begins with view `begin` of views(); nullopt if that view alone does not fit. Throws
   /// InputError.
@@ -118,6 +120,7 @@ class PartLoader {
   std::uintmax_t max_memory_bytes_;
   std::vector<Content> contents_;
   std::vector<std::size_t> file_of_;  ///< of each content: number of its file
+  std::vector<bool> is_own_;          ///< set_own_contents(); empty: all are
   Contents part_;                     ///< contents of the last part
   std::vector<std::size_t> part_meshes_;
   std::uintmax_t known_bytes_ = 0, known_ = 0;  ///< of the contents read so far: decoded, and their number

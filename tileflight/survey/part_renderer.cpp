@@ -53,6 +53,9 @@ PartRenderer::PartRenderer(const PlannedFlight& mission, const RenderSettings& s
 void PartRenderer::select(FrameAssignment& share) {
   tiles_.emplace(mission_, settings_, progress_);
   share.set_cut(tiles_->cut_hash());
+}
+
+void PartRenderer::require_fit(const FrameAssignment& share) {
   std::vector<std::size_t> frames;
   for (const FrameView& view : views_to_load(share)) frames.push_back(view.frame);
   const MemoryLimits limits{static_cast<double>(max_memory_bytes_), bytes_for_tiles(1)};
@@ -248,17 +251,23 @@ workflow::IndexRange PartRenderer::frames_in(const LoadedPart& part, std::size_t
   return images().frames_between(camera, views[part.begin].frame, views[part.end - 1].frame + 1);
 }
 
+/// Of all the camera's frames.
+render::FlightRenderOptions PartRenderer::options_of(std::size_t camera) const {
+  render::FlightRenderOptions options = mission_.camera(camera).options;
+  const std::optional<geometry::LocalFrame>& local_frame = tiles_->placement().local_frame;
+  if (local_frame) options.origin = local_frame->origin();
+  options.scored_region = visibility_region_test(settings_, tiles_->placement().region);
+  if (!gains_.empty()) options.exposure_gains = gains_[camera];
+  return options;
+}
+
 render::FlightRenderOptions PartRenderer::options_for(const LoadedPart& part, std::size_t camera,
                                                       const FrameAssignment& share) const {
-  render::FlightRenderOptions options = mission_.camera(camera).options;
+  render::FlightRenderOptions options = options_of(camera);
   const workflow::IndexRange frames = frames_in(part, camera);
   options.first_frame = frames.begin;
   options.end_frame = frames.end;
-  const std::optional<geometry::LocalFrame>& local_frame = tiles_->placement().local_frame;
-  if (local_frame) options.origin = local_frame->origin();
   options.appearance = part.appearance;
-  options.scored_region = visibility_region_test(settings_, tiles_->placement().region);
-  if (!gains_.empty()) options.exposure_gains = gains_[camera];
   if (part.is_partial) options.inside_reach_m = kInsideReach_m;
   if (share.store() != nullptr) {
     options.frame_filter = [this, camera, &share](std::size_t frame) {

@@ -19,7 +19,9 @@
 #include "tileflight/survey/part_loader.h"
 #include "tileflight/survey/planned_flight.h"
 #include "tileflight/survey/render_stage.h"
+#include "tileflight/survey/tile_shares.h"
 #include "tileflight/tiles/load.h"
+#include "tileflight/workflow/ranks.h"
 
 namespace tileflight::survey {
 
@@ -30,6 +32,8 @@ struct RenderSummary {
   tiles::LoadedTiles tiles;         ///< without their content; triangles: the largest number in a scene
   std::int64_t parts = 0;           ///< scenes that were built
   std::int64_t frames_divided = 0;  ///< images that were rendered in regions or layers
+  bool are_tiles_dealt = false;     ///< several processes shared the tiles, not the frames
+  std::int64_t tiles_read = 0;      ///< by all processes together, repeated readings included
   std::uint64_t events = 0;         ///< of all event cameras; known once they are finished
 };
 
@@ -39,14 +43,22 @@ using CameraFrameSink = std::function<void(std::size_t camera, const render::Fli
 /// Loads a flight's tiles and renders its images, in as many parts as the memory limit requires; the cameras of a rig
 /// share a part's scene. An image whose tiles do not fit into memory together is divided. If each of its pixels is of
 /// one ray, it is rendered in layers, each with some of its tiles, together with other such images, so that each tile
-/// is read once for all of them; else in regions, each with the tiles that it shows. The steps are called in order.
+/// is read once for all of them; else in regions, each with the tiles that it shows. Several processes each render a
+/// range of the images (meter(), set_light(), run()), or share the tiles: each traces every image against its part of
+/// them, as layers (deal_out_tiles(), run_together()). The steps are called in order.
 /// Mission, settings and progress must outlive it.
 class PartRenderer {
  public:
   PartRenderer(const PlannedFlight& mission, const RenderSettings& settings, const Progress& progress);
 
-  /// Selects the tiles, and with them the frames that remain; refuses those that do not fit into memory.
+  /// Selects the tiles, and with them the frames that remain.
   void select(FrameAssignment& share);
+  /// Decides whether the processes share the tiles rather than the frames, and says so: as the settings want, else by
+  /// what would be read. Called by all processes; the same result in each. Throws InputError (CollectiveError) if that
+  /// is asked for and cannot be.
+  bool deal_out_tiles(workflow::Ranks& ranks, FrameAssignment& share);
+  /// Refuses frames of this process that do not fit into memory.
+  void require_fit(const FrameAssignment& share);
 
   /// Light of the frames in this rank's range (of a part: also of all before it, which no other process meters), for
   /// set_light(); empty if the rank needs none of other ranks' frames.
@@ -57,6 +69,12 @@ class PartRenderer {
   /// Images of `share` are passed to `sink`, which must have written a frame's files when it returns. `folder`: the
   /// dataset's, for the data of other sensors.
   RenderSummary run(const std::filesystem::path& folder, FrameAssignment& share, const CameraFrameSink& sink);
+
+  /// The same of processes that share the tiles. Called by all of them; throws on all if one fails.
+  RenderSummary run_together(workflow::Ranks& ranks, FrameAssignment& share, const CameraFrameSink& sink);
+
+  /// How often tiles were read by this process.
+  std::int64_t read_count() const { return tiles_->read_count(); }
 
   /// Records event cameras from the flight's first frame to its last; `recorders`: by camera, null where none is
   /// recorded here. Called after run(), whose tiles it uses as far as they are in memory.
@@ -75,6 +93,18 @@ class PartRenderer {
     std::vector<std::uint32_t> mesh_ranks;                 ///< FlightPart::places
   };
   using PartWork = std::function<void(const LoadedPart& part)>;
+  using LayeredFrames = std::map<std::size_t, render::LayeredFrame>;  ///< by image
+  /// Images that processes trace together.
+  struct Together {
+    workflow::Ranks& ranks;
+    FrameAssignment& share;
+    std::vector<std::size_t> images;                     ///< of one camera
+    std::map<std::size_t, std::size_t> rank_of_check{};  ///< by image; empty: there are no checks
+
+    std::size_t own_rank() const { return static_cast<std::size_t>(ranks.rank()); }
+    /// The process that completes an image: they take turns.
+    std::size_t rank_of(std::size_t image) const;
+  };
 
   bool has_auto_exposure() const;
   bool is_metered() const;  ///< whether gains of the automatic exposure are still to be found
@@ -85,6 +115,7 @@ class PartRenderer {
   std::optional<LoadedPart> load(std::size_t begin, const FrameAssignment& share);
   std::size_t release(LoadedPart part);
   workflow::IndexRange frames_in(const LoadedPart& part, std::size_t camera) const;
+  render::FlightRenderOptions options_of(std::size_t camera) const;
   render::FlightRenderOptions options_for(const LoadedPart& part, std::size_t camera,
                                           const FrameAssignment& share) const;
   std::vector<double> meter_part(const LoadedPart& part, const FrameAssignment& share) const;
@@ -111,6 +142,20 @@ class PartRenderer {
   void compose(const std::vector<std::size_t>& images, std::vector<FrameView> views,
                const std::vector<double>& exposure_gains, FrameAssignment& share, const CameraFrameSink& sink,
                RenderSummary& summary);
+  std::string why_tiles_are_not_dealt() const;
+  TileUses uses_of(const FrameAssignment& share) const;
+  SharingCosts sharing_costs(const std::vector<TileUses>& by_rank) const;
+  std::size_t images_together(workflow::Ranks& ranks) const;
+  imaging::PixelRegion corner_of(const PlannedCamera& camera) const;
+  std::size_t rank_of_check(std::size_t image, std::size_t ranks) const;
+  std::vector<FrameView> views_together(const Together& together, double bytes_for_tiles) const;
+  LayeredFrames compose_together(const Together& together,
+                                 const std::function<void(const LoadedPart&, LayeredFrames&)>& trace);
+  std::map<std::size_t, double> meter_together(const Together& together);
+  void render_together(const std::vector<std::size_t>& images, workflow::Ranks& ranks, FrameAssignment& share,
+                       const CameraFrameSink& sink, RenderSummary& summary);
+  void finish_together(const Together& together, const std::vector<double>& gains, LayeredFrames frames,
+                       const CameraFrameSink& sink) const;
   bool has_layers(std::size_t image) const { return render::has_one_ray_per_pixel(camera_of(image).options); }
   std::vector<double> gains_of(const std::vector<std::size_t>& images, const std::map<std::size_t, double>& light,
                                RenderSummary& summary) const;
@@ -128,6 +173,7 @@ class PartRenderer {
   std::uintmax_t max_memory_bytes_;
   std::optional<FlightTiles> tiles_;
   std::optional<PartLoader> loader_;
+  std::vector<std::size_t> rank_of_content_;  ///< whose part of the tiles it is; empty: tiles are not dealt out
   /// Of the automatic exposure by camera, for all its frames up to this process's last; empty: not known yet, or none.
   std::vector<std::vector<double>> gains_;
 };

@@ -260,6 +260,8 @@ json render_dataset(const RenderSettings& settings, const fs::path& out, bool re
           {"tiles", summary.tiles.cut_size - summary.tiles.tiles_failed},
           {"parts", summary.parts},
           {"frames_divided", summary.frames_divided},
+          {"dealt", ranks.count() == 1 ? nullptr : json(summary.are_tiles_dealt ? "tiles" : "frames")},
+          {"tiles_read", summary.tiles_read},
           {"complete", summary.tiles.complete},
           {"triangles", summary.tiles.triangles},
           {"path_length", geometry::path_length_m(mission.body)},

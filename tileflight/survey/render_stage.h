@@ -15,6 +15,13 @@
 
 namespace tileflight::survey {
 
+/// What several processes share out among them (PartRenderer).
+enum class Dealt {
+  kAuto,    ///< what takes less processor time
+  kFrames,  ///< each renders a range of frames
+  kTiles,   ///< each traces all frames against its part of the tiles
+};
+
 /// Settings for rendering a flight through tiles as a sensor dataset.
 struct RenderSettings {
   std::string source;       ///< SOURCE of the contract
@@ -27,6 +34,7 @@ struct RenderSettings {
   /// Memory limit for tiles. A flight that needs more is rendered in several passes from the same tiles. Default: half
   /// of the machine's memory.
   std::optional<std::uintmax_t> max_memory_bytes;
+  Dealt dealt = Dealt::kAuto;
   /// Region of the output `visibility`, local frame. Default: the region of `load`, else everything.
   std::optional<geometry::Box3> scored;
   std::vector<std::filesystem::path> inputs;  ///< all input files; none is ever replaced

@@ -18,6 +18,9 @@ class Ranks {
   virtual int count() const = 0;  ///< number of processes
   /// Sends a text to every process and returns those of all, by rank. Blocks until all processes have called it.
   virtual std::vector<std::string> all_gather(const std::string& text) = 0;
+  /// Sends bytes to each process, those of `to[rank]`, and returns what each has sent to this one, by rank. Blocks
+  /// until all processes have called it. Precondition: as many as there are processes.
+  virtual std::vector<std::string> exchange(std::vector<std::string> to) = 0;
   /// Sets the message printed to standard error when this process is terminated because another one died or the job was
   /// cancelled; an empty text or no function: nothing is printed.
   virtual void set_termination_message(std::function<std::string()> last_words) = 0;
@@ -59,6 +62,7 @@ class SingleRank : public Ranks {
   int rank() const override { return 0; }
   int count() const override { return 1; }
   std::vector<std::string> all_gather(const std::string& text) override { return {text}; }
+  std::vector<std::string> exchange(std::vector<std::string> to) override { return to; }
   void set_termination_message(std::function<std::string()>) override {}
 };
 

@@ -35,7 +35,17 @@ class ThreadRanks {
     Rank(ThreadRanks& all, int rank) : all_(all), rank_(rank) {}
     int rank() const override { return rank_; }
     int count() const override { return all_.count_; }
-    std::vector<std::string> all_gather(const std::string& text) override { return all_.exchange(rank_, text); }
+    std::vector<std::string> all_gather(const std::string& text) override {
+      std::vector<std::string> texts;
+      for (const std::vector<std::string>& of_rank : all_.gather(rank_, {text})) texts.push_back(of_rank.front());
+      return texts;
+    }
+    std::vector<std::string> exchange(std::vector<std::string> to) override {
+      std::vector<std::string> from;
+      for (const std::vector<std::string>& of_rank : all_.gather(rank_, std::move(to)))
+        from.push_back(of_rank[static_cast<std::size_t>(rank_)]);
+      return from;
+    }
     void set_termination_message(std::function<std::string()>) override {}
 
    private:
@@ -43,9 +53,9 @@ class ThreadRanks {
     int rank_;
   };
 
-  std::vector<std::string> exchange(int rank, const std::string& text) {
+  std::vector<std::vector<std::string>> gather(int rank, std::vector<std::string> texts) {
     std::unique_lock lock(mutex_);
-    given_[static_cast<std::size_t>(rank)] = text;
+    given_[static_cast<std::size_t>(rank)] = std::move(texts);
     const int round = round_;
     if (++here_ == count_) {
       taken_ = given_;
@@ -61,7 +71,7 @@ class ThreadRanks {
   int count_;
   std::mutex mutex_;
   std::condition_variable changed_;
-  std::vector<std::string> given_, taken_;
+  std::vector<std::vector<std::string>> given_, taken_;
   int here_ = 0, round_ = 0;
 };
 
