@@ -103,6 +103,31 @@ def take(port, vehicle, camera, kind, seconds):
     return frames, time.monotonic() - begin
 
 
+def processor_ms(pid):
+    """User and system time of a process since its start."""
+    fields = pathlib.Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return 1e3 * (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def processor_time_a_call(server, port, camera, kind, calls):
+    """Milliseconds of processor time that the server takes for a call, from one client after another."""
+    reader = Reader(port)
+    requests = [airsim.ImageRequest(camera, t, f, False).to_msgpack() for t, f in KINDS[kind]]
+    pose = airsim.Pose(airsim.Vector3r(0, 0, -20)).to_msgpack()
+
+    def frame(i):
+        pose["position"]["x_val"] = 0.1 * (i % 100)
+        reader.call("simSetVehiclePose", pose, True, "Eye0")
+        reader.call("simGetImages", requests, "Eye0", False)
+
+    frame(0)
+    frame(1)
+    begin = processor_ms(server.pid)
+    for i in range(calls):
+        frame(i)
+    return (processor_ms(server.pid) - begin) / calls
+
+
 def frames_per_second(port, clients, camera, kind, seconds):
     processes = [subprocess.Popen([sys.executable, __file__, "--client-of", str(port), "--take",
                                    json.dumps([f"Eye{i}", camera, kind, seconds])], stdout=subprocess.PIPE, text=True)

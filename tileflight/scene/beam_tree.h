@@ -39,7 +39,7 @@ using BvhHandle = std::unique_ptr<std::remove_pointer_t<RTCBVH>, ReleaseBvh>;
 
 /// Builds the nodes over the boxes, up to eight children a node, in the memory of `arguments.bvh`; the caller sets what
 /// concerns leaves. 0 if memory is insufficient.
-BeamNode::Child build_beam_nodes(RTCBuildArguments arguments, std::vector<RTCBuildPrimitive>& boxes);
+BeamNode::Child build_beam_nodes(RTCBuildArguments arguments, std::span<RTCBuildPrimitive> boxes);
 
 class PartMotion;  // part_motion.h
 
