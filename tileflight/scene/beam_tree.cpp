@@ -38,7 +38,28 @@ class TriangleSource {
   std::vector<std::vector<Eigen::Vector3f>> corners_;  ///< of each mesh's vertices
 };
 
-/// Bounding boxes of all triangles, mesh by mesh, and the largest absolute coordinate.
+/// What the tree is built over: one triangle, or two successive ones that share an edge, which halves the work. A box's
+/// primID is the first triangle, with this bit if there is a second.
+constexpr std::uint32_t kPair = 0x80000000U;
+
+constexpr unsigned kMostGroups = 4;  ///< of a leaf, which has room for eight triangles
+
+bool share_edge(const geometry::Triangle& a, const geometry::Triangle& b) {
+  const auto is_of_a = [&](std::uint32_t vertex) { return vertex == a[0] || vertex == a[1] || vertex == a[2]; };
+  return int{is_of_a(b[0])} + int{is_of_a(b[1])} + int{is_of_a(b[2])} >= 2;
+}
+
+/// Calls `work(first, count)` for each triangle or pair of a mesh.
+template <class Work>
+void for_each_group(std::span<const geometry::Triangle> triangles, const Work& work) {
+  for (std::size_t t = 0; t < triangles.size();) {
+    const std::size_t count = t + 1 < triangles.size() && share_edge(triangles[t], triangles[t + 1]) ? 2 : 1;
+    work(t, count);
+    t += count;
+  }
+}
+
+/// The boxes of all groups, mesh by mesh, and the largest absolute coordinate.
 struct TriangleBoxes {
   std::unique_ptr<RTCBuildPrimitive[]> boxes;  ///< not a vector, which would write all of it once more, by one thread
   std::size_t count = 0;
@@ -46,26 +67,35 @@ struct TriangleBoxes {
 };
 
 /// Writes the boxes of a mesh; returns its largest absolute coordinate.
-float write_boxes(const TriangleSource& place, std::size_t m, RTCBuildPrimitive* boxes) {
+float write_boxes(const TriangleSource& place, std::size_t m, RTCBuildPrimitive* box) {
   const std::span<const Eigen::Vector3f> corners = place.corners(m);
   const std::span<const geometry::Triangle> triangles = place.triangles(m);
   float reach_m = 0.0F;
-  for (std::size_t t = 0; t < triangles.size(); ++t) {
-    const Eigen::Vector3f &a = corners[triangles[t][0]], &b = corners[triangles[t][1]], &c = corners[triangles[t][2]];
-    const Eigen::Vector3f low = a.cwiseMin(b).cwiseMin(c), high = a.cwiseMax(b).cwiseMax(c);
-    boxes[t] = {low.x(),  low.y(),  low.z(),  static_cast<std::uint32_t>(m),
-                high.x(), high.y(), high.z(), static_cast<std::uint32_t>(t)};
+  for_each_group(triangles, [&](std::size_t first, std::size_t count) {
+    Eigen::Vector3f low = corners[triangles[first][0]], high = low;
+    for (const geometry::Triangle& triangle : triangles.subspan(first, count)) {
+      for (const std::uint32_t vertex : triangle) {
+        low = low.cwiseMin(corners[vertex]);
+        high = high.cwiseMax(corners[vertex]);
+      }
+    }
+    const auto id = static_cast<std::uint32_t>(first) | (count == 2 ? kPair : 0U);
+    *box++ = {low.x(), low.y(), low.z(), static_cast<std::uint32_t>(m), high.x(), high.y(), high.z(), id};
     reach_m = std::max(reach_m, std::max(-low.minCoeff(), high.maxCoeff()));
-  }
+  });
   return reach_m;
 }
 
 TriangleBoxes boxes_of(const TriangleSource& place) {
+  std::vector<std::size_t> counts(place.mesh_count());
+  tbb::parallel_for(std::size_t{0}, counts.size(), [&](std::size_t m) {
+    for_each_group(place.triangles(m), [&](std::size_t, std::size_t) { ++counts[m]; });
+  });
   std::vector<std::size_t> first{0};
-  for (std::size_t m = 0; m < place.mesh_count(); ++m) first.push_back(first.back() + place.triangles(m).size());
+  for (const std::size_t count : counts) first.push_back(first.back() + count);
   TriangleBoxes all{std::unique_ptr<RTCBuildPrimitive[]>(new RTCBuildPrimitive[first.back()]), first.back(), 0.0F};
-  std::vector<float> reaches_m(place.mesh_count());
-  tbb::parallel_for(std::size_t{0}, place.mesh_count(),
+  std::vector<float> reaches_m(counts.size());
+  tbb::parallel_for(std::size_t{0}, counts.size(),
                     [&](std::size_t m) { reaches_m[m] = write_boxes(place, m, &all.boxes[first[m]]); });
   for (const float reach_m : reaches_m) all.reach_m = std::max(all.reach_m, reach_m);
   return all;
@@ -99,20 +129,27 @@ void set_bounds(void* parent, const RTCBounds** bounds, unsigned count, void*) {
   }
 }
 
+void put_triangle(const TriangleSource& place, std::uint32_t mesh, std::uint32_t triangle, std::size_t at,
+                  BeamLeaf& leaf) {
+  leaf.mesh[at] = mesh;
+  leaf.triangle[at] = triangle;
+  for (std::size_t which = 0; which < 3; ++which) {
+    const Eigen::Vector3f& corner = place.corners(mesh)[place.triangle(mesh, triangle)[which]];
+    for (int axis = 0; axis < 3; ++axis) leaf.corner[which][axis][at] = corner[axis];
+  }
+}
+
 void* create_leaf(RTCThreadLocalAllocator allocator, const RTCBuildPrimitive* boxes, std::size_t count, void* user) {
   const auto& place = *static_cast<const TriangleSource*>(user);
   auto* leaf = new (rtcThreadLocalAlloc(allocator, sizeof(BeamLeaf), alignof(BeamLeaf))) BeamLeaf;
-  leaf->count = static_cast<std::uint32_t>(count);
-  for (std::size_t i = 0; i < 8; ++i) {
-    const RTCBuildPrimitive& box = boxes[std::min(i, count - 1)];
-    leaf->mesh[i] = box.geomID;
-    leaf->triangle[i] = box.primID;
-    const geometry::Triangle& triangle = place.triangle(box.geomID, box.primID);
-    for (std::size_t which = 0; which < 3; ++which) {
-      const Eigen::Vector3f& corner = place.corners(box.geomID)[triangle[which]];
-      for (int axis = 0; axis < 3; ++axis) leaf->corner[which][axis][i] = corner[axis];
-    }
+  leaf->count = 0;
+  for (const RTCBuildPrimitive& box : std::span(boxes, count)) {
+    const std::uint32_t triangle = box.primID & ~kPair;
+    put_triangle(place, box.geomID, triangle, leaf->count++, *leaf);
+    if ((box.primID & kPair) != 0) put_triangle(place, box.geomID, triangle + 1, leaf->count++, *leaf);
   }
+  for (std::size_t i = leaf->count; i < 8; ++i)
+    put_triangle(place, leaf->mesh[leaf->count - 1], leaf->triangle[leaf->count - 1], i, *leaf);
   return reinterpret_cast<void*>(reinterpret_cast<BeamNode::Child>(leaf) | 1U);
 }
 
@@ -136,11 +173,11 @@ BeamTree::BeamTree(const std::vector<imaging::TexturedMesh>& meshes, const geome
   const TriangleBoxes triangles = boxes_of(place);
   reach_m_ = triangles.reach_m;
   RTCBuildArguments arguments = rtcDefaultBuildArguments();
-  arguments.sahBlockSize = 8;
+  arguments.sahBlockSize = kMostGroups;
   // What fits into a leaf is not divided, although its node has room for more children: a leaf costs the same however
   // many triangles it has.
-  arguments.minLeafSize = 8;
-  arguments.maxLeafSize = 8;
+  arguments.minLeafSize = kMostGroups;
+  arguments.maxLeafSize = kMostGroups;
   arguments.bvh = memory_.get();
   arguments.createLeaf = create_leaf;
   arguments.userPtr = &place;
