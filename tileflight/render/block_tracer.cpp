@@ -175,10 +175,24 @@ BlockTracer::BlockTracer(const scene::Scene& scene, const Appearance& appearance
 
 namespace {
 
+/// Prefetches the rays of the next beam on the right.
+TILEFLIGHT_LANE_INLINE void prefetch_rays(const RayTable& table, int x, int y) {
+  const int left = x / RayBlock::kColumns + TracedBeam::kColumns / RayBlock::kColumns;
+  const int right = std::min(left + TracedBeam::kColumns / RayBlock::kColumns, table.block_columns());
+  const int bottom = std::min((y + TracedBeam::kRows) / RayBlock::kRows, table.block_rows());
+  if (left >= right) return;
+  for (int row = y / RayBlock::kRows; row < bottom; ++row) {
+    const auto* bytes = reinterpret_cast<const char*>(&table.block(left, row));
+    const auto size = static_cast<int>(sizeof(RayBlock)) * (right - left);
+    for (int line = 0; line < size; line += 64) __builtin_prefetch(bytes + line);
+  }
+}
+
 /// Fills the beam's packets; returns those in use.
 TILEFLIGHT_LANE_INLINE std::span<RayPacket8> fill_beam(const RayTable& table, int x, int y, const RowPoses& poses,
                                                        TracedBeam& beam) {
   collect_blocks(table, x, y, beam);
+  prefetch_rays(table, x, y);
   const int n = table.samples_along_axis();
   for (int k = 0; k < beam.size; ++k) {
     const TracedBeam::Block& block = beam.blocks[k];
