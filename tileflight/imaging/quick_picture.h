@@ -9,8 +9,8 @@
 
 namespace tileflight::imaging {
 
-/// A picture in an eighth of a PNG's time, for files that this program alone reads again, soon: the differences to the
-/// pixels on the left, compressed by Zstandard, behind a mark and the size.
+/// A picture in less than a tenth of a PNG's time, for files that this program alone reads again, soon: the differences
+/// to the pixels on the left, compressed by Zstandard, behind a mark and the size.
 std::vector<std::byte> encode_quick_picture(const RgbImage& image);
 
 /// The same pixels. Throws InputError (name, cause) for anything else than a whole picture.
