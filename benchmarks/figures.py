@@ -105,9 +105,10 @@ def weather_figures(benchmark, text):
 
 def server_figures(benchmark, text):
     figures = []
-    for m in re.finditer(r"^\| (\d+ x \d+ \S+) \| ([\d.]+) \| ([\d.]+) \|$", text, re.M):
+    for m in re.finditer(r"^\| (\d+ x \d+ \S+) \| ([\d.]+) \| ([\d.]+) \| ([\d.]+) \|$", text, re.M):
         figures.append(Figure(benchmark, f"{m[1]}, 1 client", float(m[2]), "images/s"))
         figures.append(Figure(benchmark, f"{m[1]}, 4 clients", float(m[3]), "images/s", float(m[3]) / float(m[2]), "1 client"))
+        figures.append(Figure(benchmark, f"{m[1]}, a call", float(m[4]), "CPU ms"))
     return figures
 
 

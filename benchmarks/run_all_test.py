@@ -86,6 +86,10 @@ class Parsers(unittest.TestCase):
                          ("place, geometry: server, 20 ms, no cache", 2.0, 1.31, "12.0 MB"))
 
     def test_what_is_counted_a_second_is_worse_when_less(self):
+        rates = figures.server_figures("server", "| 640 x 480 RGB | 40.0 | 50.0 | 26.5 |\n")
+        self.assertEqual([(f.work, f.value, f.unit) for f in rates],
+                         [("640 x 480 RGB, 1 client", 40.0, "images/s"), ("640 x 480 RGB, 4 clients", 50.0, "images/s"),
+                          ("640 x 480 RGB, a call", 26.5, "CPU ms")])
         before = Figure("server", "640 x 480", 40.0, "images/s")
         self.assertEqual(Figure("server", "640 x 480", 20.0, "images/s").worse_than(before), 2.0)
         self.assertEqual(Figure("server", "640 x 480", 80.0, "images/s").worse_than(before), 0.5)

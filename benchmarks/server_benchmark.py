@@ -5,7 +5,8 @@
         --source out/stadium/place/twin/tileset.json
 
 An image is one frame: scene alone, or scene, depth and segmentation of one instant in one call. Uncompressed; the
-vehicle is moved before each, so that nothing can be answered twice. Clients are processes that read the answers' bytes
+vehicle is moved before each, so that nothing can be answered twice. Processor time is the server's, of one client, the
+smallest of three times: unlike the rates it hardly depends on what else the machine does. Clients are processes that read the answers' bytes
 without decoding them, which in Python takes longer than rendering.
 
 With --fly, a camera crosses a place whose tiles follow it, in a straight line at --speed, and takes pictures all the
@@ -83,8 +84,8 @@ class Reader:
                 return answer[3]
 
 
-def take(port, vehicle, camera, kind, seconds):
-    """(frames, seconds)"""
+def frame_taker(port, vehicle, camera, kind):
+    """A function that moves the vehicle and takes the i-th frame; the first two are taken."""
     reader = Reader(port)
     requests = [airsim.ImageRequest(camera, t, f, False).to_msgpack() for t, f in KINDS[kind]]
     pose = airsim.Pose(airsim.Vector3r(0, 0, -20)).to_msgpack()
@@ -96,11 +97,32 @@ def take(port, vehicle, camera, kind, seconds):
 
     frame(0)
     frame(1)
+    return frame
+
+
+def take(port, vehicle, camera, kind, seconds):
+    """(frames, seconds)"""
+    frame = frame_taker(port, vehicle, camera, kind)
     begin, frames = time.monotonic(), 0
     while time.monotonic() < begin + seconds:
         frame(frames)
         frames += 1
     return frames, time.monotonic() - begin
+
+
+def processor_ms(pid):
+    """User and system time of a process since its start."""
+    fields = pathlib.Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return 1e3 * (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def processor_time_a_call(server, port, camera, kind, calls):
+    """Milliseconds of processor time that the server takes for a call of one client."""
+    frame = frame_taker(port, "Eye0", camera, kind)
+    begin = processor_ms(server.pid)
+    for i in range(calls):
+        frame(i)
+    return (processor_ms(server.pid) - begin) / calls
 
 
 def frames_per_second(port, clients, camera, kind, seconds):
@@ -210,11 +232,13 @@ def main():
                 report_flight(port, options)
                 print(f"peak {peak_memory_gb(server.pid):.2f} GB")
                 return
-            print("| images/s | 1 client | 4 clients |\n| --- | ---: | ---: |")
+            print("| images/s | 1 client | 4 clients | processor ms a call |\n| --- | ---: | ---: | ---: |")
             for camera, (width, height) in SIZES.items():
                 for kind in KINDS:
                     one, four = (frames_per_second(port, n, camera, kind, options.seconds) for n in (1, 4))
-                    print(f"| {width} x {height} {kind} | {one:.1f} | {four:.1f} |", flush=True)
+                    calls = max(5, round(5e6 / (width * height)))
+                    processor = min(processor_time_a_call(server, port, camera, kind, calls) for _ in range(3))
+                    print(f"| {width} x {height} {kind} | {one:.1f} | {four:.1f} | {processor:.1f} |", flush=True)
             ping_ms, taken_ms, own_ms = overhead(port)
             print(f"ping {ping_ms:.3f} ms; a picture of 256 x 144 {taken_ms:.3f} ms, of which the protocol {own_ms:.3f} ms")
         finally:

@@ -14,7 +14,6 @@
 #include "tests/temporary_folder.h"
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
-#include "tileflight/imaging/fast_png.h"
 
 namespace tileflight::imaging::image_files_test {
 namespace {
@@ -261,15 +260,6 @@ TEST(Exr, TruncatedDamagedAndHuge) {
   huge.replace(window + 8, 8, std::string("\xFF\xFF\xFF\x3F\xFF\xFF\xFF\x3F"));
   base::write_file(folder / "huge.exr", huge);
   EXPECT_THAT(tests::refusal_of([&] { read_exr(folder / "huge.exr"); }), HasSubstr("1073741824x1073741824"));
-}
-
-TEST(Png, QuickOnesHoldTheSamePixels) {
-  RgbImage image(67, 41);
-  for (std::size_t i = 0; i < image.pixels.size(); ++i) {
-    const auto value = static_cast<std::uint8_t>(i * i * 31 + i / 67 * 5);
-    image.pixels[i] = {value, static_cast<std::uint8_t>(value * 3), static_cast<std::uint8_t>(i)};
-  }
-  EXPECT_EQ(decode_rgb(encode_png_fast(image), "quick").pixels, image.pixels);
 }
 
 }  // namespace

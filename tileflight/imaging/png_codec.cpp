@@ -5,7 +5,6 @@
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/imaging/codecs.h"
-#include "tileflight/imaging/fast_png.h"
 
 namespace tileflight::imaging {
 
@@ -109,8 +108,6 @@ Gray16Image luma16(const Image<std::array<std::uint16_t, 3>>& rgb) {
   return gray;
 }
 
-constexpr int kUsual = 6, kQuick = 1;  // compression levels
-
 class Writer {
  public:
   Writer() {
@@ -121,7 +118,7 @@ class Writer {
   Writer(const Writer&) = delete;
   Writer& operator=(const Writer&) = delete;
 
-  bool write(int width, int height, int bits, int color_type, int level, png_bytepp rows) {
+  bool write(int width, int height, int bits, int color_type, png_bytepp rows) {
     if (setjmp(fault_.jump) != 0) return false;
     png_set_write_fn(
         png_, this,
@@ -133,8 +130,7 @@ class Writer {
         [](png_structp) {});
     png_set_IHDR(png_, info_, static_cast<png_uint_32>(width), static_cast<png_uint_32>(height), bits, color_type,
                  PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
-    png_set_compression_level(png_, level);
-    if (level == kQuick) png_set_filter(png_, PNG_FILTER_TYPE_BASE, PNG_FILTER_SUB);
+    png_set_compression_level(png_, 6);
     png_write_info(png_, info_);
     if (bits == 16) png_set_swap(png_);
     png_write_image(png_, rows);
@@ -153,10 +149,10 @@ class Writer {
 };
 
 template <class Pixel>
-std::vector<std::byte> encode(const Image<Pixel>& image, int bits, int color_type, int level = kUsual) {
+std::vector<std::byte> encode(const Image<Pixel>& image, int bits, int color_type) {
   std::vector<png_bytep> rows = row_pointers(const_cast<Image<Pixel>&>(image));  // libpng does not modify it
   Writer writer;
-  if (!writer.write(image.width, image.height, bits, color_type, level, rows.data()))
+  if (!writer.write(image.width, image.height, bits, color_type, rows.data()))
     throw InputError("PNG of " + std::to_string(image.width) + "x" + std::to_string(image.height), writer.message());
   return writer.take_bytes();
 }
@@ -186,7 +182,6 @@ DecodedImage decode_png(std::span<const std::byte> bytes, const std::string& nam
 }  // namespace codecs
 
 std::vector<std::byte> encode_png(const RgbImage& image) { return encode(image, 8, PNG_COLOR_TYPE_RGB); }
-std::vector<std::byte> encode_png_fast(const RgbImage& image) { return encode(image, 8, PNG_COLOR_TYPE_RGB, kQuick); }
 std::vector<std::byte> encode_png(const Gray16Image& image) { return encode(image, 16, PNG_COLOR_TYPE_GRAY); }
 std::vector<std::byte> encode_png(const GrayImage& image) { return encode(image, 8, PNG_COLOR_TYPE_GRAY); }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 
 #include "tileflight/base/simd.h"
 #include "tileflight/render/footprint.h"
@@ -13,28 +14,34 @@ namespace {
 
 using scene::RayPacket8;
 
-TILEFLIGHT_LANE_INLINE void rotate_lanes(const RayBlock& rays, int from, int to, const TracerPose& pose,
-                                         RayPacket8& packet) {
+/// Rotates the rays of a block's rows `from` on, whose lanes are those of `Lanes` from its first on.
+template <class Lanes>
+TILEFLIGHT_LANE_INLINE void rotate_lanes(const RayBlock& rays, int from, const TracerPose& pose, RayPacket8& packet) {
+  const auto put = [&](const Lanes& lanes, float(&to)[RayPacket8::kLanes]) {
+    std::memcpy(to + from, &lanes, sizeof(lanes));
+  };
+  Lanes x, y, z;
+  std::memcpy(&x, rays.x + from, sizeof(x));
+  std::memcpy(&y, rays.y + from, sizeof(y));
+  std::memcpy(&z, rays.z + from, sizeof(z));
   const std::array<float, 9>& r = pose.rotation;
-  for (int i = from; i < to; ++i) {
-    packet.origin_x[i] = pose.origin[0];
-    packet.origin_y[i] = pose.origin[1];
-    packet.origin_z[i] = pose.origin[2];
-    packet.time[i] = pose.scene_time;
-    packet.direction_x[i] = r[0] * rays.x[i] + r[1] * rays.y[i] + r[2] * rays.z[i];
-    packet.direction_y[i] = r[3] * rays.x[i] + r[4] * rays.y[i] + r[5] * rays.z[i];
-    packet.direction_z[i] = r[6] * rays.x[i] + r[7] * rays.y[i] + r[8] * rays.z[i];
-  }
+  put(r[0] * x + r[1] * y + r[2] * z, packet.direction_x);
+  put(r[3] * x + r[4] * y + r[5] * z, packet.direction_y);
+  put(r[6] * x + r[7] * y + r[8] * z, packet.direction_z);
+  put(Lanes{} + pose.origin[0], packet.origin_x);
+  put(Lanes{} + pose.origin[1], packet.origin_y);
+  put(Lanes{} + pose.origin[2], packet.origin_z);
+  put(Lanes{} + pose.scene_time, packet.time);
 }
 
 TILEFLIGHT_LANE_INLINE void fill_packet(const RayBlock& rays, std::uint8_t valid, const TracerPose& upper,
                                         const TracerPose& lower, RayPacket8& packet) {
   packet.reset();
   if (&upper == &lower) {
-    rotate_lanes(rays, 0, RayBlock::kLanes, upper, packet);
+    rotate_lanes<Float8>(rays, 0, upper, packet);
   } else {
-    rotate_lanes(rays, 0, RayBlock::kColumns, upper, packet);
-    rotate_lanes(rays, RayBlock::kColumns, RayBlock::kLanes, lower, packet);
+    rotate_lanes<Float4>(rays, 0, upper, packet);
+    rotate_lanes<Float4>(rays, RayBlock::kColumns, lower, packet);
   }
   if (valid == 0xFF) return;
   for (int i = 0; i < RayPacket8::kLanes; ++i) {
@@ -124,7 +131,7 @@ TILEFLIGHT_LANE_INLINE TextureRead read_of(const TriangleShading& shade, const R
           footprints.lod[lane]};
 }
 
-void prefetch_shading(const RayPacket8& packet, const Appearance& appearance) {
+TILEFLIGHT_LANE_INLINE void prefetch_hits(const RayPacket8& packet, const Appearance& appearance) {
   for (int i = 0; i < RayPacket8::kLanes; ++i) {
     if (packet.mesh[i] == RayPacket8::kMiss) continue;
     __builtin_prefetch(&appearance.triangle_shading(appearance.material(packet.mesh[i]), packet.triangle[i]));
@@ -168,10 +175,24 @@ BlockTracer::BlockTracer(const scene::Scene& scene, const Appearance& appearance
 
 namespace {
 
+/// Prefetches the rays of the next beam on the right.
+TILEFLIGHT_LANE_INLINE void prefetch_rays(const RayTable& table, int x, int y) {
+  const int left = x / RayBlock::kColumns + TracedBeam::kColumns / RayBlock::kColumns;
+  const int right = std::min(left + TracedBeam::kColumns / RayBlock::kColumns, table.block_columns());
+  const int bottom = std::min((y + TracedBeam::kRows) / RayBlock::kRows, table.block_rows());
+  if (left >= right) return;
+  for (int row = y / RayBlock::kRows; row < bottom; ++row) {
+    const auto* bytes = reinterpret_cast<const char*>(&table.block(left, row));
+    const auto size = static_cast<int>(sizeof(RayBlock)) * (right - left);
+    for (int line = 0; line < size; line += 64) __builtin_prefetch(bytes + line);
+  }
+}
+
 /// Fills the beam's packets; returns those in use.
 TILEFLIGHT_LANE_INLINE std::span<RayPacket8> fill_beam(const RayTable& table, int x, int y, const RowPoses& poses,
                                                        TracedBeam& beam) {
   collect_blocks(table, x, y, beam);
+  prefetch_rays(table, x, y);
   const int n = table.samples_along_axis();
   for (int k = 0; k < beam.size; ++k) {
     const TracedBeam::Block& block = beam.blocks[k];
@@ -200,9 +221,12 @@ TILEFLIGHT_WIDE_VECTORS void BlockTracer::cast_moments(const RayTable& table, in
   scene_.intersect_moving(std::span(all).first(moments.size()));
 }
 
+void BlockTracer::prefetch_shading(const TracedBeam& beam) const {
+  for (std::size_t k = 0; k < static_cast<std::size_t>(beam.size); ++k) prefetch_hits(beam.packets[k], appearance_);
+}
+
 TILEFLIGHT_WIDE_VECTORS void BlockTracer::compute_texture_reads(TracedBeam& beam) const {
   const auto size = static_cast<std::size_t>(beam.size);
-  for (std::size_t k = 0; k < size; ++k) prefetch_shading(beam.packets[k], appearance_);
   for (std::size_t k = 0; k < size; ++k) {
     const RayPacket8& packet = beam.packets[k];
     const LaneTextures textures = textures_of(packet, appearance_);

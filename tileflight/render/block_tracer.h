@@ -92,6 +92,8 @@ class BlockTracer {
   /// The same samples at several moments of an exposure, with one traversal for all; one beam a moment.
   void cast_moments(const RayTable& table, int x, int y, std::span<const RowPoses> moments,
                     std::span<TracedBeam> beams) const;
+  /// Prefetches what compute_texture_reads() needs of a beam that was cast.
+  void prefetch_shading(const TracedBeam& beam) const;
   /// Computes `beam.reads` of a beam that was cast, and prefetches the texels that shading will read.
   void compute_texture_reads(TracedBeam& beam) const;
   /// Computes the colours of a packet's samples.

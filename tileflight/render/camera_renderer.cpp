@@ -93,6 +93,42 @@ TILEFLIGHT_LANE_INLINE void for_each_beam(const PixelRegion& tile, int n, const 
   }
 }
 
+/// Casts, reads and shades beams one after the other in these three steps, in which three beams are at once: what a
+/// step needs from memory was prefetched a step before and arrives while other beams are computed.
+template <class Cast, class Shade>
+class BeamPipeline {
+ public:
+  /// `cast(x, y, beam)`; `shade(beam)` of a beam with its texture reads.
+  BeamPipeline(const BlockTracer& tracer, const Cast& cast, const Shade& shade)
+      : tracer_(tracer), cast_(cast), shade_(shade) {}
+
+  void push(int x, int y) {
+    TracedBeam& beam = beams_[count_ % kSteps];
+    cast_(x, y, beam);
+    tracer_.prefetch_shading(beam);
+    if (count_ >= 1) read(count_ - 1);
+    if (count_ >= 2) shade(count_ - 2);
+    ++count_;
+  }
+  void finish() {
+    if (count_ >= 1) read(count_ - 1);
+    if (count_ >= 2) shade(count_ - 2);
+    if (count_ >= 1) shade(count_ - 1);
+    count_ = 0;
+  }
+
+ private:
+  static constexpr std::size_t kSteps = 3;
+  void read(std::size_t i) { tracer_.compute_texture_reads(beams_[i % kSteps]); }
+  void shade(std::size_t i) { shade_(beams_[i % kSteps]); }
+
+  const BlockTracer& tracer_;
+  const Cast& cast_;
+  const Shade& shade_;
+  std::array<TracedBeam, kSteps> beams_;
+  std::size_t count_ = 0;  ///< beams that were cast
+};
+
 Haze haze_of(const RenderOptions& options) {
   Haze haze{options.haze_per_m, {}};
   if (!options.haze_color) return haze;
@@ -167,6 +203,7 @@ struct CameraRenderer::Impl {
   RowPoses rows_at(const ShutterPoses& poses, int moment) const;
   ViewStatistics trace_central(const PixelRegion& tile, const RowPoses& poses, const CentralRays& wanted,
                                imaging::RgbImage* rgb) const;
+  void write_colors(const TracedBeam& beam, imaging::RgbImage& rgb) const;
   void write_air(const TracedBeam::Block& block, const scene::RayPacket8& packet, const SquaredColors8& squares,
                  imaging::RgbImage& rgb) const;
   std::array<LinearRgb, 8> shade_block(std::uint8_t valid, const scene::RayPacket8& packet,
@@ -216,32 +253,44 @@ RowPoses CameraRenderer::Impl::rows_at(const ShutterPoses& poses, int moment) co
 }
 
 /// Casts the central rays. `rgb`: of the picture, null: only what is wanted of the rays.
-TILEFLIGHT_WIDE_VECTORS ViewStatistics CameraRenderer::Impl::trace_central(const PixelRegion& tile,
-                                                                           const RowPoses& poses,
-                                                                           const CentralRays& wanted,
-                                                                           imaging::RgbImage* rgb) const {
+ViewStatistics CameraRenderer::Impl::trace_central(const PixelRegion& tile, const RowPoses& poses,
+                                                   const CentralRays& wanted, imaging::RgbImage* rgb) const {
   ViewStatistics view;
-  TracedBeam beam;
-  SquaredColors8 squares;
-  for_each_beam(tile, 1, [&](int x, int y) {
-    tracer.cast(rays->central, x, y, poses, beam);
-    if (rgb != nullptr) tracer.compute_texture_reads(beam);
+  if (rgb == nullptr) {
+    TracedBeam beam;
+    for_each_beam(tile, 1, [&](int x, int y) {
+      tracer.cast(rays->central, x, y, poses, beam);
+      note_central(beam, rays->central, wanted, view);
+    });
+    return view;
+  }
+  const auto cast = [&](int x, int y, TracedBeam& beam) { tracer.cast(rays->central, x, y, poses, beam); };
+  const auto shade = [&](const TracedBeam& beam) {
     note_central(beam, rays->central, wanted, view);
-    for (int k = 0; rgb != nullptr && k < beam.size; ++k) {
-      const TracedBeam::Block& block = beam.blocks[static_cast<std::size_t>(k)];
-      const scene::RayPacket8& packet = beam.packets[static_cast<std::size_t>(k)];
-      tracer.shade(block.valid, packet, beam.reads[static_cast<std::size_t>(k)], squares);
-      if (atmosphere) {
-        atmosphere->wet_surfaces(block.valid, packet, squares);
-        write_air(block, packet, squares, *rgb);
-        continue;
-      }
-      for_each_lane(block, [&](int i, int column, int row) {
-        (*rgb)(column, row) = encode_srgb(squares[static_cast<std::size_t>(i)]);
-      });
-    }
-  });
+    write_colors(beam, *rgb);
+  };
+  BeamPipeline pipeline(tracer, cast, shade);
+  for_each_beam(tile, 1, [&](int x, int y) { pipeline.push(x, y); });
+  pipeline.finish();
   return view;
+}
+
+/// Colours of a beam's samples, which are pixels.
+TILEFLIGHT_WIDE_VECTORS void CameraRenderer::Impl::write_colors(const TracedBeam& beam, imaging::RgbImage& rgb) const {
+  SquaredColors8 squares;
+  for (int k = 0; k < beam.size; ++k) {
+    const TracedBeam::Block& block = beam.blocks[static_cast<std::size_t>(k)];
+    const scene::RayPacket8& packet = beam.packets[static_cast<std::size_t>(k)];
+    tracer.shade(block.valid, packet, beam.reads[static_cast<std::size_t>(k)], squares);
+    if (atmosphere) {
+      atmosphere->wet_surfaces(block.valid, packet, squares);
+      write_air(block, packet, squares, rgb);
+      continue;
+    }
+    for_each_lane(block, [&](int i, int column, int row) {
+      rgb(column, row) = encode_srgb(squares[static_cast<std::size_t>(i)]);
+    });
+  }
 }
 
 /// Colours of a block that was shaded, as they arrive through the air.
@@ -269,7 +318,9 @@ std::array<LinearRgb, 8> CameraRenderer::Impl::shade_block(std::uint8_t valid, c
   std::array<LinearRgb, 8> lanes{};
   for (std::size_t i = 0; i < lanes.size(); ++i) {
     if ((valid >> i & 1U) == 0) continue;
-    for (int c = 0; c < 3; ++c) lanes[i][static_cast<std::size_t>(c)] = srgb.decode(std::sqrt(squares[i][c]));
+    Float4 roots;
+    for (int c = 0; c < 4; ++c) roots[c] = std::sqrt(squares[i][c]);
+    for (int c = 0; c < 3; ++c) lanes[i][static_cast<std::size_t>(c)] = srgb.decode(roots[c]);
   }
   return lanes;
 }
@@ -305,8 +356,9 @@ void CameraRenderer::Impl::add_light(const PixelRegion& tile, const LightMoments
       } else {
         tracer.cast_moments(table, x0, y0, moments.all.subspan(first, count), beams);
       }
+      for (std::size_t k = 0; k < count; ++k) tracer.prefetch_shading(beams[k]);
+      for (std::size_t k = 0; k < count; ++k) tracer.compute_texture_reads(beams[k]);
       for (std::size_t k = 0; k < count; ++k) {
-        tracer.compute_texture_reads(beams[k]);
         add_light(beams[k], table.samples_along_axis(), sum);
         if (first + k == moments.middle() && !rays->samples) note_central(beams[k], table, wanted, view);
       }

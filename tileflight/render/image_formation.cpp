@@ -6,8 +6,10 @@
 #include <array>
 #include <cassert>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <numbers>
+#include <span>
 #include <string>
 #include <variant>
 #include <vector>
@@ -15,33 +17,54 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/random_numbers.h"
 #include "tileflight/base/require.h"
+#include "tileflight/base/simd.h"
 
 namespace tileflight::render {
 namespace {
 
 constexpr std::uint64_t kSensorNoiseStream = 16;
 
-/// Response G of the formation, 0..1 to 0..255; tabulated if it is a power law.
+using base::Float8;
+
+/// Pixels that are developed together, and the numbers of their channels; a multiple of eight.
+constexpr int kRunPixels = 128, kRunNumbers = 3 * kRunPixels;
+using Run = std::array<float, kRunNumbers>;
+
+/// Response G of the formation, 0..1 to 0..255, by a table over the square root of light, where both curves are nearly
+/// straight.
 class Response {
  public:
-  explicit Response(double gamma) : gamma_(gamma) {
-    for (std::size_t i = 0; gamma > 0.0 && i < power_.size(); ++i) {
-      const double root = static_cast<double>(i) / kSteps;
-      power_[i] = static_cast<float>(255.0 * std::pow(std::min(1.0, root * root), 1.0 / gamma));
+  explicit Response(double gamma) {
+    for (std::size_t i = 0; i < values_.size(); ++i) {
+      const double root = static_cast<double>(i) / kSteps, light = std::min(1.0, root * root);
+      values_[i] = static_cast<float>(gamma > 0.0 ? 255.0 * std::pow(light, 1.0 / gamma) : srgb_encode(light));
     }
   }
-  float value(float light) const {
-    if (gamma_ <= 0.0) return srgb_.encode(light);
-    const float position = std::sqrt(std::clamp(light, 0.0F, 1.0F)) * kSteps;
-    const auto below = static_cast<std::size_t>(position);
-    return power_[below] + (position - static_cast<float>(below)) * (power_[below + 1] - power_[below]);
+  /// Replaces light by values, `count` rounded up to eight.
+  TILEFLIGHT_WIDE_VECTORS void apply(int count, float* numbers) const {
+    for (int i = 0; i < count; i += base::kLanes) {
+      Float8 light;
+      base::load_float8(numbers + i, light);
+      light = light > 0.0F ? light : Float8{};
+      light = light < 1.0F ? light : Float8{} + 1.0F;
+      Float8 position;
+      base::square_root(light, position);
+      position *= static_cast<float>(kSteps);
+      const auto below = __builtin_convertvector(position, base::Int8);
+      const Float8 share = position - __builtin_convertvector(below, Float8);
+      Float8 from, to;
+      for (int lane = 0; lane < base::kLanes; ++lane) {
+        const float* piece = &values_[static_cast<std::size_t>(below[lane])];
+        from[lane] = piece[0];
+        to[lane] = piece[1];
+      }
+      base::store_float8(from + share * (to - from), numbers + i);
+    }
   }
 
  private:
   static constexpr int kSteps = 4096;
-  const SrgbTables& srgb_ = SrgbTables::get();
-  double gamma_;
-  std::array<float, kSteps + 2> power_{};
+  std::array<float, kSteps + 2> values_{};
 };
 
 /// Values 0..255 before rounding.
@@ -95,18 +118,30 @@ void sharpen(ValueImage& values, double amount, double radius_px) {
   }
 }
 
-imaging::Rgb8 rounded(const std::array<float, 3>& value) {
-  imaging::Rgb8 pixel;
-  for (std::size_t c = 0; c < 3; ++c) pixel[c] = static_cast<std::uint8_t>(std::clamp(value[c], 0.0F, 255.0F) + 0.5F);
-  return pixel;
+/// Values as bytes, `count` rounded up to eight.
+TILEFLIGHT_WIDE_VECTORS void round_values(int count, const float* values, std::uint8_t* bytes) {
+  for (int i = 0; i < count; i += base::kLanes) {
+    Float8 value;
+    base::load_float8(values + i, value);
+    value = value < 0.0F ? Float8{} : value;
+    value = value > 255.0F ? Float8{} + 255.0F : value;
+    const auto rounded = __builtin_convertvector(value + 0.5F, base::Int8);
+    for (int lane = 0; lane < base::kLanes; ++lane) bytes[i + lane] = static_cast<std::uint8_t>(rounded[lane]);
+  }
 }
 
-/// Calls `work(x, y)` for all pixels, on all cores.
+/// Calls `work(x, y, pixels)` for runs of at most kRunPixels pixels of a row, on all cores.
 template <class Work>
-void for_each_pixel(int width, int height, const Work& work) {
+void for_each_run(int width, int height, const Work& work) {
   tbb::parallel_for(0, height, [&](int y) {
-    for (int x = 0; x < width; ++x) work(x, y);
+    for (int x = 0; x < width; x += kRunPixels) work(x, y, std::min(kRunPixels, width - x));
   });
+}
+
+void write_pixels(int pixels, const float* values, imaging::Rgb8* to) {
+  std::array<std::uint8_t, kRunNumbers> bytes;
+  round_values(3 * pixels, values, bytes.data());
+  std::memcpy(to, bytes.data(), 3 * static_cast<std::size_t>(pixels));
 }
 
 void check_auto_exposure(const AutoExposure& a) {
@@ -118,14 +153,52 @@ void check_auto_exposure(const AutoExposure& a) {
                 "image formation: auto exposure's gains", "must be positive, the smallest not above the largest");
 }
 
-/// Photon and read noise of one channel, in units of white. Photon counts are Poisson; their normal approximation has
-/// the same mean and variance, and read noise hides the difference at a few electrons.
-float with_noise(float light, float normal, const ImageFormation& formation) {
-  const auto white = static_cast<float>(formation.white_electrons);
-  const auto read = static_cast<float>(formation.read_noise_electrons);
-  const float electrons = std::max(0.0F, light) * white;
-  return (electrons + std::sqrt(electrons + read * read) * normal) / white;
+/// Adds photon and read noise, light in units of white, `count` rounded up to eight. Photon counts are Poisson; their
+/// normal approximation has the same mean and variance, and read noise hides the difference at a few electrons.
+TILEFLIGHT_WIDE_VECTORS void add_noise(int count, const float* normals, float white, float read, float* numbers) {
+  for (int i = 0; i < count; i += base::kLanes) {
+    Float8 light, normal, spread;
+    base::load_float8(numbers + i, light);
+    base::load_float8(normals + i, normal);
+    const Float8 electrons = (light > 0.0F ? light : Float8{}) * white;
+    base::square_root(electrons + read * read, spread);
+    base::store_float8((electrons + spread * normal) / white, numbers + i);
+  }
 }
+
+/// From light to values.
+class Sensor {
+ public:
+  Sensor(const ImageFormation& formation, double gain, std::uint64_t frame)
+      : response_(formation.gamma),
+        gain_(static_cast<float>(gain)),
+        white_(static_cast<float>(formation.white_electrons)),
+        read_(static_cast<float>(formation.read_noise_electrons)),
+        key_(base::stream_key(base::stream_key(formation.seed, kSensorNoiseStream), frame)) {}
+
+  /// `vignette`: of the pixels, or null; `first`: the first pixel's number, which selects its noise.
+  void expose(std::span<const LinearRgb> light, const float* vignette, std::uint64_t first, Run& run) const {
+    const int count = 3 * static_cast<int>(light.size());
+    for (std::size_t i = 0; i < light.size(); ++i) {
+      const float factor = (vignette != nullptr ? vignette[i] : 1.0F) * gain_;
+      for (std::size_t c = 0; c < 3; ++c) run[3 * i + c] = factor * light[i][c];
+    }
+    if (white_ > 0.0F) {
+      Run normals{};
+      for (std::size_t i = 0; i < light.size(); ++i) {
+        const std::array<float, 4> normal = base::normal_variates(key_, first + i);
+        std::copy_n(normal.begin(), 3, normals.begin() + static_cast<std::ptrdiff_t>(3 * i));
+      }
+      add_noise(count, normals.data(), white_, read_, run.data());
+    }
+    response_.apply(count, run.data());
+  }
+
+ private:
+  Response response_;
+  float gain_, white_, read_;
+  std::uint64_t key_;
+};
 
 }  // namespace
 
@@ -237,31 +310,34 @@ imaging::FloatImage make_vignette(const ImageFormation& formation, int width, in
 imaging::RgbImage develop(const LinearImage& light, const imaging::FloatImage& vignette,
                           const ImageFormation& formation, double gain, std::uint64_t frame) {
   assert(vignette.empty() || vignette.pixels.size() == light.pixels.size());
-  const Response response(formation.gamma);
-  const std::uint64_t key = base::stream_key(base::stream_key(formation.seed, kSensorNoiseStream), frame);
-  const bool noisy = formation.white_electrons > 0.0;
-  const auto value_at = [&](int x, int y) {
-    const float falloff = vignette.empty() ? 1.0F : vignette(x, y);
-    const float factor = falloff * static_cast<float>(gain);
-    const auto index =
-        static_cast<std::uint64_t>(y) * static_cast<std::uint64_t>(light.width) + static_cast<std::uint64_t>(x);
-    const std::array<float, 4> normal = noisy ? base::normal_variates(key, index) : std::array<float, 4>{};
-    std::array<float, 3> value;
-    for (std::size_t c = 0; c < 3; ++c) {
-      const float exposed = factor * light(x, y)[c];
-      value[c] = response.value(noisy ? with_noise(exposed, normal[c], formation) : exposed);
-    }
-    return value;
+  const Sensor sensor(formation, gain, frame);
+  const auto expose = [&](int x, int y, int pixels, Run& run) {
+    const auto first =
+        static_cast<std::size_t>(y) * static_cast<std::size_t>(light.width) + static_cast<std::size_t>(x);
+    sensor.expose(std::span(light.pixels).subspan(first, static_cast<std::size_t>(pixels)),
+                  vignette.empty() ? nullptr : &vignette.pixels[first], first, run);
   };
   imaging::RgbImage image(light.width, light.height);
   if (formation.sharpening <= 0.0) {
-    for_each_pixel(light.width, light.height, [&](int x, int y) { image(x, y) = rounded(value_at(x, y)); });
+    for_each_run(light.width, light.height, [&](int x, int y, int pixels) {
+      Run run{};
+      expose(x, y, pixels, run);
+      write_pixels(pixels, run.data(), &image(x, y));
+    });
     return image;
   }
   ValueImage values(light.width, light.height);
-  for_each_pixel(light.width, light.height, [&](int x, int y) { values(x, y) = value_at(x, y); });
+  for_each_run(light.width, light.height, [&](int x, int y, int pixels) {
+    Run run{};
+    expose(x, y, pixels, run);
+    std::memcpy(values(x, y).data(), run.data(), 3 * sizeof(float) * static_cast<std::size_t>(pixels));
+  });
   sharpen(values, formation.sharpening, formation.sharpening_radius_px);
-  for_each_pixel(light.width, light.height, [&](int x, int y) { image(x, y) = rounded(values(x, y)); });
+  for_each_run(light.width, light.height, [&](int x, int y, int pixels) {
+    Run run{};
+    std::memcpy(run.data(), values(x, y).data(), 3 * sizeof(float) * static_cast<std::size_t>(pixels));
+    write_pixels(pixels, run.data(), &image(x, y));
+  });
   return image;
 }
 

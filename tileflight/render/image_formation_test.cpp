@@ -4,10 +4,13 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
+#include <random>
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/random_numbers.h"
 #include "tileflight/render/render_flight.h"
 #include "tileflight/render/test_scenes.h"
 
@@ -285,6 +288,43 @@ TEST(ImageFormation, RefusesValuesOutOfRange) {
               ThrowsMessage<InputError>(HasSubstr("sharpening: must lie between 0 and 10")));
   EXPECT_THAT([&] { validate_image_formation({.sharpening_radius_px = 0.0}); },
               ThrowsMessage<InputError>(HasSubstr("sharpening radius: must lie between 0.1 and 20")));
+}
+
+/// One channel of a pixel by the formation's formulas, in the order that image_formation.h lists.
+std::uint8_t developed_channel(float light, float factor, float normal, const ImageFormation& formation) {
+  const auto white = static_cast<float>(formation.white_electrons);
+  const auto read = static_cast<float>(formation.read_noise_electrons);
+  float exposed = factor * light;
+  if (white > 0.0F) {
+    const float electrons = std::max(0.0F, exposed) * white;
+    exposed = (electrons + std::sqrt(electrons + read * read) * normal) / white;
+  }
+  return static_cast<std::uint8_t>(SrgbTables::get().encode(exposed) + 0.5F);
+}
+
+/// Rows are developed in runs of many pixels at once, whose ends fall anywhere within a row.
+TEST(ImageFormation, RunsOfPixelsAreThosePixelByPixelToTheByte) {
+  std::mt19937 random(5);
+  std::uniform_real_distribution<float> anywhere(-0.1F, 1.3F);
+  for (const int width : {1, 7, 128, 129, 301}) {
+    for (const double white : {0.0, 6000.0}) {
+      LinearImage light(width, 5);
+      for (LinearRgb& pixel : light.pixels) pixel = {anywhere(random), anywhere(random), anywhere(random)};
+      ImageFormation formation{.seed = 3, .vignetting = 0.4, .white_electrons = white};
+      formation.read_noise_electrons = white > 0.0 ? 12.0 : 0.0;
+      const imaging::FloatImage vignette = make_vignette(formation, width, 5);
+      const imaging::RgbImage image = develop(light, vignette, formation, 1.1, 9);
+      const std::uint64_t key = base::stream_key(base::stream_key(3, 16), 9);  // 16: the sensor's noise
+      for (std::size_t i = 0; i < light.pixels.size(); ++i) {
+        const std::array<float, 4> normal = base::normal_variates(key, i);
+        for (std::size_t c = 0; c < 3; ++c) {
+          ASSERT_EQ(image.pixels[i][c],
+                    developed_channel(light.pixels[i][c], vignette.pixels[i] * 1.1F, normal[c], formation))
+              << width << " " << white << " " << i;
+        }
+      }
+    }
+  }
 }
 
 }  // namespace

@@ -69,25 +69,37 @@ inline std::uint64_t load_pair(const MipLevel& mip, std::ptrdiff_t texel) {
   return bits >> (8 * static_cast<unsigned>(beyond));
 }
 
-/// Unpacks the low three bytes of two words to floats: the first word's texel to elements 0 to 2, the second's to 4 to
-/// 6.
-TILEFLIGHT_LANE_INLINE void unpack(std::uint64_t first, std::uint64_t second, Float8& texels) {
-  using Bytes = std::uint8_t __attribute__((vector_size(16)));
-  using Shorts = std::uint16_t __attribute__((vector_size(16)));
-  using Longs = std::uint64_t __attribute__((vector_size(16)));
-  const auto bytes = (Bytes)Longs{(first & 0xFFFFFFFFU) | (second << 32U), 0};
-  const auto shorts =
-      (Shorts)__builtin_shufflevector(bytes, Bytes{}, 0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23);
-  texels = __builtin_convertvector(__builtin_convertvector(shorts, base::Int8), Float8);
+/// Pairs of horizontally adjacent texels of the upper and the lower row (load_pair()), as floats: rows in halves,
+/// elements 3 and 7 are undefined.
+TILEFLIGHT_LANE_INLINE void unpack(std::uint64_t upper, std::uint64_t lower, Float8& left, Float8& right) {
+  using Bytes = std::uint8_t __attribute__((vector_size(32)));
+  using Longs = std::uint64_t __attribute__((vector_size(32)));
+  const auto rows = (Bytes)Longs{upper, upper, lower, lower};
+  const Bytes zero{};
+  // Each element takes a byte and three zeros.
+  left = __builtin_convertvector(
+      (base::Int8)__builtin_shufflevector(rows, zero, 0, 32, 32, 32, 1, 32, 32, 32, 2, 32, 32, 32, 3, 32, 32, 32, 16,
+                                          48, 48, 48, 17, 48, 48, 48, 18, 48, 48, 48, 19, 48, 48, 48),
+      Float8);
+  right = __builtin_convertvector(
+      (base::Int8)__builtin_shufflevector(rows, zero, 3, 32, 32, 32, 4, 32, 32, 32, 5, 32, 32, 32, 6, 32, 32, 32, 19,
+                                          48, 48, 48, 20, 48, 48, 48, 21, 48, 48, 48, 22, 48, 48, 48),
+      Float8);
 }
 
-/// Bilinear mean of four squared texels: the `left` and `right` ones of the upper (0) and the lower row (1).
-TILEFLIGHT_LANE_INLINE Float4 interpolate_squares(const std::uint64_t (&left)[2], const std::uint64_t (&right)[2],
-                                                  float fx, float fy) {
-  Float8 a, b;
-  unpack(left[0], left[1], a);
-  unpack(right[0], right[1], b);
-  const Float8 rows = a * a * (1.0F - fx) + b * b * fx;
+/// Horizontal means of the squared texels of two rows, of each half a row.
+TILEFLIGHT_LANE_INLINE void interpolate_rows(std::uint64_t upper, std::uint64_t lower, const Float8& left_weight,
+                                             const Float8& right_weight, Float8& rows) {
+  Float8 left, right;
+  unpack(upper, lower, left, right);
+  rows = left * left * left_weight + right * right * right_weight;
+}
+
+/// Bilinear mean of four squared texels: pairs of the upper and the lower row.
+TILEFLIGHT_LANE_INLINE Float4 interpolate_squares(std::uint64_t upper_pair, std::uint64_t lower_pair, float fx,
+                                                  float fy) {
+  Float8 rows;
+  interpolate_rows(upper_pair, lower_pair, Float8{} + (1.0F - fx), Float8{} + fx, rows);
   Float4 upper, lower;
   std::memcpy(&upper, &rows, sizeof(upper));
   std::memcpy(&lower, reinterpret_cast<const char*>(&rows) + sizeof(upper), sizeof(lower));
@@ -100,9 +112,11 @@ inline Float4 bilinear_at_border(const Texture& texture, const MipLevel& mip, in
   const int right = wrap_index(x0 + 1, mip.width, texture.wrap_s);
   const int top = wrap_index(y0, mip.height, texture.wrap_t);
   const int bottom = wrap_index(y0 + 1, mip.height, texture.wrap_t);
-  const auto texel = [&](int x, int y) { return load_pair(mip, static_cast<std::ptrdiff_t>(y) * mip.width + x); };
-  return interpolate_squares({texel(left, top), texel(left, bottom)}, {texel(right, top), texel(right, bottom)}, fx,
-                             fy);
+  const auto pair = [&](int y) {
+    const auto texel = [&](int x) { return load_pair(mip, static_cast<std::ptrdiff_t>(y) * mip.width + x); };
+    return (texel(left) & 0xFFFFFFU) | texel(right) << 24U;
+  };
+  return interpolate_squares(pair(top), pair(bottom), fx, fy);
 }
 
 /// Bilinear mean of squared texels; (x, y) in texels, centres at integers.
@@ -120,7 +134,7 @@ TILEFLIGHT_LANE_INLINE Float4 bilinear_squares(const Texture& texture, const Mip
   std::uint64_t pairs[2];
   std::memcpy(&pairs[0], mip.texels + upper, sizeof(pairs[0]));
   std::memcpy(&pairs[1], mip.texels + upper + row, sizeof(pairs[1]));
-  return interpolate_squares(pairs, {pairs[0] >> 24U, pairs[1] >> 24U}, fx, fy);
+  return interpolate_squares(pairs[0], pairs[1], fx, fy);
 }
 
 /// Sum of the probes' bilinear reads at one level.
@@ -138,6 +152,88 @@ TILEFLIGHT_LANE_INLINE Float4 probes_at_level(const Texture& texture, int level,
     sum += bilinear_squares(texture, mip, x, y);
   }
   return sum;
+}
+
+/// Four numbers of two adjacent levels: for column and row of the finer one, and of the coarser one.
+struct LevelPair {
+  const MipLevel* mip[2];
+  Float4 size;
+  base::Int4 last_pair;     ///< largest index of a texel with a right, or lower, neighbour
+  Float4 positions, steps;  ///< of a read's first probe and from probe to probe, texels, centres at integers
+};
+
+TILEFLIGHT_LANE_INLINE void set_up_pair(const Texture& texture, int level, const TextureRead& read, LevelPair& pair) {
+  const MipLevel &fine = texture.pyramid->level(level), &coarse = texture.pyramid->level(level + 1);
+  const base::Int4 size{fine.width, fine.height, coarse.width, coarse.height};
+  pair.mip[0] = &fine;
+  pair.mip[1] = &coarse;
+  pair.size = __builtin_convertvector(size, Float4);
+  pair.last_pair = size - 2;
+  const Float4 center{read.s, read.t, read.s, read.t}, step{read.step_s, read.step_t, read.step_s, read.step_t};
+  const float first = -0.5F * static_cast<float>(read.probes - 1);
+  pair.positions = (center + first * step) * pair.size - 0.5F;
+  pair.steps = step * pair.size;
+}
+
+TILEFLIGHT_LANE_INLINE bool has_negative(const base::Int4& numbers) {
+#ifdef __SSE2__
+  return _mm_movemask_ps((__m128)numbers) != 0;
+#else
+  return (numbers[0] | numbers[1] | numbers[2] | numbers[3]) < 0;
+#endif
+}
+
+/// Bilinear means of squared texels at a position of both levels, the finer level's in the lower half.
+TILEFLIGHT_LANE_INLINE void bilinear_squares(const Texture& texture, const LevelPair& pair, const Float4& positions,
+                                             Float8& squares) {
+  base::Int4 first = __builtin_convertvector(positions, base::Int4);
+  first += __builtin_convertvector(first, Float4) > positions;  // rounded down
+  const Float4 fraction = positions - __builtin_convertvector(first, Float4);
+  bool inside = !has_negative(first | (pair.last_pair - first));
+  std::ptrdiff_t at[2], row[2];
+  for (int i = 0; i < 2; ++i) {
+    row[i] = 3 * static_cast<std::ptrdiff_t>(pair.mip[i]->width);
+    at[i] = first[2 * i + 1] * row[i] + 3 * static_cast<std::ptrdiff_t>(first[2 * i]);
+    inside &= at[i] + row[i] <= pair.mip[i]->last_load - pair.mip[i]->texels;
+  }
+  if (!inside) [[unlikely]] {
+    Float4 one[2];
+    for (int i = 0; i < 2; ++i) {
+      one[i] = bilinear_at_border(texture, *pair.mip[i], first[2 * i], first[2 * i + 1], fraction[2 * i],
+                                  fraction[2 * i + 1]);
+    }
+    squares = __builtin_shufflevector(one[0], one[1], 0, 1, 2, 3, 4, 5, 6, 7);
+    return;
+  }
+  const Float4 rest = 1.0F - fraction;
+  Float8 rows[2];
+  for (int i = 0; i < 2; ++i) {
+    std::uint64_t upper = 0, lower = 0;
+    std::memcpy(&upper, pair.mip[i]->texels + at[i], sizeof(upper));
+    std::memcpy(&lower, pair.mip[i]->texels + at[i] + row[i], sizeof(lower));
+    interpolate_rows(upper, lower, Float8{} + rest[2 * i], Float8{} + fraction[2 * i], rows[i]);
+  }
+  const Float8 uppers = __builtin_shufflevector(rows[0], rows[1], 0, 1, 2, 3, 8, 9, 10, 11);
+  const Float8 lowers = __builtin_shufflevector(rows[0], rows[1], 4, 5, 6, 7, 12, 13, 14, 15);
+  squares = uppers * __builtin_shufflevector(rest, rest, 1, 1, 1, 1, 3, 3, 3, 3) +
+            lowers * __builtin_shufflevector(fraction, fraction, 1, 1, 1, 1, 3, 3, 3, 3);
+}
+
+/// Sums of the probes' bilinear reads at a level and at the next coarser one: probes_at_level() of both, to the bit.
+TILEFLIGHT_LANE_INLINE void probes_at_levels(const Texture& texture, int level, const TextureRead& read, Float4& fine,
+                                             Float4& coarse) {
+  LevelPair pair;
+  set_up_pair(texture, level, read, pair);
+  Float4 positions = pair.positions;
+  Float8 sum, squares;
+  bilinear_squares(texture, pair, positions, sum);
+  for (int i = 1; i < read.probes; ++i) {
+    positions += pair.steps;
+    bilinear_squares(texture, pair, positions, squares);
+    sum += squares;
+  }
+  std::memcpy(&fine, &sum, sizeof(fine));
+  std::memcpy(&coarse, reinterpret_cast<const char*>(&sum) + sizeof(fine), sizeof(coarse));
 }
 
 }  // namespace sampling
@@ -163,8 +259,13 @@ TILEFLIGHT_LANE_INLINE Float4 sample_squares(const Texture& texture, TextureRead
   read.t = sampling::wrap_coordinate(read.t, texture.wrap_t);
   const int level = static_cast<int>(read.lod);
   const float blend = read.lod - static_cast<float>(level);
-  Float4 sum = sampling::probes_at_level(texture, level, read);
-  if (blend > 0.0F) sum += (sampling::probes_at_level(texture, level + 1, read) - sum) * blend;
+  Float4 sum, coarse;
+  if (blend > 0.0F) {
+    sampling::probes_at_levels(texture, level, read, sum, coarse);
+    sum += (coarse - sum) * blend;
+  } else {
+    sum = sampling::probes_at_level(texture, level, read);
+  }
   return sum * (1.0F / static_cast<float>(read.probes));
 }
 

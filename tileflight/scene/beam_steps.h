@@ -290,6 +290,7 @@ TILEFLIGHT_LANE_INLINE std::size_t push_children(const BeamNode& node, std::uint
   const std::size_t bottom = size;
   for (unsigned children = ~sign_mask((Int8)outside) & 0xFFU; children != 0; children &= children - 1) {
     const int k = std::countr_zero(children);
+    if (node.child[k] == 0) continue;  // its empty box is within the rounding errors of coordinates beyond all measure
     const float depth_m = depths[k];
     std::size_t at = size++;
     for (; at > bottom && stack[at - 1].depth_m < depth_m; --at) stack[at] = stack[at - 1];

@@ -39,7 +39,7 @@ using BvhHandle = std::unique_ptr<std::remove_pointer_t<RTCBVH>, ReleaseBvh>;
 
 /// Builds the nodes over the boxes, up to eight children a node, in the memory of `arguments.bvh`; the caller sets what
 /// concerns leaves. 0 if memory is insufficient.
-BeamNode::Child build_beam_nodes(RTCBuildArguments arguments, std::vector<RTCBuildPrimitive>& boxes);
+BeamNode::Child build_beam_nodes(RTCBuildArguments arguments, std::span<RTCBuildPrimitive> boxes);
 
 class PartMotion;  // part_motion.h
 
@@ -59,8 +59,8 @@ bool intersect_beam(BeamNode::Child root, std::span<const BeamBranch> branches, 
 /// As many beams are cast at once by intersect_moving_beams().
 inline constexpr std::size_t kMostMovingBeams = 4;
 
-/// Casts beams whose rays each have their own origin and time, all near each other, with one traversal (moving_beam.cpp).
-/// Each of `beams` has one to eight packets. Otherwise as intersect_beam().
+/// Casts beams whose rays each have their own origin and time, all near each other, with one traversal
+/// (moving_beam.cpp). Each of `beams` has one to eight packets. Otherwise as intersect_beam().
 bool intersect_moving_beams(BeamNode::Child root, std::span<const BeamBranch> branches, float reach_m,
                             std::span<const std::span<RayPacket8>> beams);
 

@@ -1,8 +1,13 @@
 #include "tileflight/scene/embree_tree.h"
 
+#include <tbb/parallel_for.h>
+
+#include <memory>
 #include <stdexcept>
 #include <string>
+#include <type_traits>
 #include <utility>
+#include <vector>
 
 namespace tileflight::scene {
 namespace {
@@ -22,15 +27,18 @@ void fill_vertices(RTCGeometry geometry, const geometry::TriangleMesh& mesh, con
   }
 }
 
-void attach_mesh(RTCDevice device, RTCScene scene, const geometry::TriangleMesh& mesh, const geometry::Vec3& anchor,
-                 unsigned id) {
-  RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
-  fill_vertices(geometry, mesh, anchor);
-  rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, mesh.triangles.data(), 0,
+struct ReleaseGeometry {
+  void operator()(RTCGeometry geometry) const { rtcReleaseGeometry(geometry); }
+};
+using GeometryHandle = std::unique_ptr<std::remove_pointer_t<RTCGeometry>, ReleaseGeometry>;
+
+GeometryHandle new_geometry(RTCDevice device, const geometry::TriangleMesh& mesh, const geometry::Vec3& anchor) {
+  GeometryHandle geometry(rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE));
+  fill_vertices(geometry.get(), mesh, anchor);
+  rtcSetSharedGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, mesh.triangles.data(), 0,
                              sizeof(geometry::Triangle), mesh.triangles.size());
-  rtcCommitGeometry(geometry);
-  rtcAttachGeometryByID(scene, geometry, id);
-  rtcReleaseGeometry(geometry);
+  rtcCommitGeometry(geometry.get());
+  return geometry;
 }
 
 }  // namespace
@@ -47,9 +55,12 @@ EmbreeTree build_embree_tree(const std::vector<imaging::TexturedMesh>& meshes, c
   tree.device = std::move(device);
   tree.scene.reset(rtcNewScene(tree.device.get()));
   rtcSetSceneFlags(tree.scene.get(), RTC_SCENE_FLAG_ROBUST);
+  std::vector<GeometryHandle> geometries(meshes.size());
+  tbb::parallel_for(std::size_t{0}, meshes.size(), [&](std::size_t i) {
+    if (!meshes[i].mesh.triangles.empty()) geometries[i] = new_geometry(tree.device.get(), meshes[i].mesh, anchor);
+  });
   for (std::size_t i = 0; i < meshes.size(); ++i) {
-    if (meshes[i].mesh.triangles.empty()) continue;
-    attach_mesh(tree.device.get(), tree.scene.get(), meshes[i].mesh, anchor, static_cast<unsigned>(i));
+    if (geometries[i]) rtcAttachGeometryByID(tree.scene.get(), geometries[i].get(), static_cast<unsigned>(i));
   }
   rtcCommitScene(tree.scene.get());
   if (rtcGetDeviceError(tree.device.get()) != RTC_ERROR_NONE) throw_embree("the tree was not built", tree.device.get());

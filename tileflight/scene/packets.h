@@ -34,23 +34,31 @@ struct alignas(32) RayPacket8 {
 
   /// Resets all members except origin and direction, as required before each query: all lanes enabled, no far limit.
   void reset() {
-    for (int i = 0; i < kLanes; ++i) {
-      near[i] = 0.0F;
-      time[i] = 0.0F;
-      far[i] = kInfinity;
-      mask[i] = kMiss;
-      id[i] = 0;
-      flags[i] = 0;
-      normal_x[i] = normal_y[i] = normal_z[i] = 0.0F;
-      u[i] = v[i] = 0.0F;
-      triangle[i] = 0;
-      mesh[i] = kMiss;
-      instance[i] = kMiss;
-      nearness[i] = 0.0F;
-    }
+    // One array after the other: vector stores, where a common loop becomes a `rep stos`, which takes longer.
+    fill(near, 0.0F);
+    fill(time, 0.0F);
+    fill(far, kInfinity);
+    fill(mask, kMiss);
+    fill(id, 0U);
+    fill(flags, 0U);
+    fill(normal_x, 0.0F);
+    fill(normal_y, 0.0F);
+    fill(normal_z, 0.0F);
+    fill(u, 0.0F);
+    fill(v, 0.0F);
+    fill(triangle, 0U);
+    fill(mesh, kMiss);
+    fill(instance, kMiss);
+    fill(nearness, 0.0F);
   }
   /// Disables lane `i` for the next query; it will report a miss.
   void disable_lane(int i) { far[i] = -kInfinity; }
+
+ private:
+  template <class Number>
+  static void fill(Number (&numbers)[kLanes], Number with) {
+    for (Number& number : numbers) number = with;
+  }
 };
 
 }  // namespace tileflight::scene

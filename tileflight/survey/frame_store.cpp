@@ -10,8 +10,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/make_folder.h"
 #include "tileflight/dataset/frame_list.h"
-#include "tileflight/imaging/fast_png.h"
-#include "tileflight/imaging/image_files.h"
+#include "tileflight/imaging/quick_picture.h"
 
 namespace tileflight::survey {
 namespace fs = std::filesystem;
@@ -77,6 +76,10 @@ std::optional<std::size_t> index_of(const fs::path& note) {
   return index;
 }
 
+fs::path picture_file(const fs::path& folder, std::size_t index) {
+  return folder / "pictures" / (dataset::frame_id(index) + ".picture");
+}
+
 }  // namespace
 
 std::vector<std::optional<render::FrameCheck>> frame_checks(const std::vector<FrameRecord>& frames) {
@@ -123,13 +126,13 @@ void FrameStore::add(std::size_t index, const FrameRecord& frame) const {
 
 void FrameStore::add_picture(std::size_t index, const imaging::RgbImage& picture) const {
   base::make_folder(folder_.path() / "pictures");
-  const std::vector<std::byte> bytes = imaging::encode_png_fast(picture);
-  base::write_file(folder_.path() / "pictures" / (dataset::frame_id(index) + ".png"),
-                   {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+  const std::vector<std::byte> bytes = imaging::encode_quick_picture(picture);
+  base::write_file(picture_file(folder_.path(), index), {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
 }
 
 imaging::RgbImage FrameStore::read_picture(std::size_t index) const {
-  return imaging::read_rgb(folder_.path() / "pictures" / (dataset::frame_id(index) + ".png"));
+  const fs::path file = picture_file(folder_.path(), index);
+  return imaging::decode_quick_picture(base::read_bytes(file), file.string());
 }
 
 void FrameStore::add_tiles(const json& records) const {

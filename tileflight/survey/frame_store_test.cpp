@@ -202,5 +202,17 @@ TEST(KeptFrames, WhatTilesHoldIsKeptOnceForEachContent) {
   EXPECT_THAT(second.read_tiles(), testing::UnorderedElementsAre(json{{"3", "grass"}}, json{{"4", "stone"}}));
 }
 
+TEST(FrameStore, KeepsPicturesToTheByte) {
+  const TemporaryFolder folder;
+  const fs::path out = folder / "data";
+  FrameStore::prepare(out, {});
+  imaging::RgbImage picture(13, 7);
+  for (std::size_t i = 0; i < picture.pixels.size(); ++i)
+    picture.pixels[i] = {static_cast<std::uint8_t>(7 * i), static_cast<std::uint8_t>(255 - i), std::uint8_t{9}};
+  FrameStore(out, 0, 1).add_picture(12, picture);
+  EXPECT_EQ(FrameStore(out, 0, 1).read_picture(12).pixels, picture.pixels);
+  EXPECT_THAT(refusal_of([&] { FrameStore(out, 0, 1).read_picture(13); }), HasSubstr("000013.picture"));
+}
+
 }  // namespace
 }  // namespace tileflight::survey::frame_store_test
