@@ -116,7 +116,7 @@ std::string odometry_summary(const nlohmann::json& result, const std::string& ou
        << result["keyframes"] << " keyframes, " << result["points"] << " points, "
        << rounded(result["frames_per_second"], 3) << " frames per second\n";
   if (result["scale"] == "metric" && result.contains("stereo")) text << "metric by the rig's other cameras\n";
-  if (result["scale"] == "metric" && result.contains("inertial")) {
+  if (result.contains("inertial") && result["inertial"].contains("sigma_up_deg")) {
     text << "metric and level: scale to " << rounded(100.0 * result["inertial"]["sigma_log_scale"].get<double>(), 2)
          << " % (one sigma), vertical to " << rounded(result["inertial"]["sigma_up_deg"], 3) << " degrees\n";
   }
@@ -142,12 +142,15 @@ void add_odometry(CLI::App& app, CommonOptions& common, Selection& selection) {
       ->add_option(
           "--mode", options->mode,
           "mono: one camera, scale unknown; inertial: with the dataset's imu.csv, map and path in metres and "
-          "level; stereo: with the rig's other cameras, map and path in metres (stereo-inertial does not exist "
-          "yet)")
+          "level; stereo: with the rig's other cameras, map and path in metres; stereo-inertial: with both, in metres "
+          "and level")
       ->capture_default_str();
-  command->add_option("--gravity", options->extras.gravity_m_s2, "gravity at the place, m/s^2, for --mode inertial")
+  command->add_option("--gravity", options->extras.gravity_m_s2, "gravity at the place, m/s^2, with an inertial unit")
       ->check(CLI::Range(9.7, 9.9))
       ->capture_default_str();
+  command->add_flag("--tight", options->extras.inertial_in_window,
+                    "with an inertial unit: its readings are also residuals of the window (no more accurate on the "
+                    "example flights, and slower)");
   command->add_flag("--reverse", options->range.reverse, "process the frames in reverse order");
   add_extras(*command, *options);
   CLI::Option* rectify = command->add_option("--rectify", options->rectify_fov_deg,

@@ -106,6 +106,14 @@ TEST_F(InertialOdometry, MapAndPathAreMetricAndLevelInBothDirections) {
   expect_metric("backwards");
 }
 
+TEST_F(InertialOdometry, WithReadingsInTheWindowMapAndPathAreMetricAndLevelToo) {
+  write_flight(dataset_, 150);
+  const json about = run("tight", {"--mode", "inertial", "--tight"});
+  ASSERT_EQ(about["scale"], "metric") << about["inertial"];
+  EXPECT_GT(about["inertial"]["coupled_since_s"], 0.0);
+  expect_metric("tight");
+}
+
 TEST_F(InertialOdometry, WithoutTheModeTheReadingsAreNotUsed) {
   write_flight(dataset_, 45);
   const json about = run("mono", {});
@@ -118,8 +126,9 @@ TEST_F(InertialOdometry, WithoutTheModeTheReadingsAreNotUsed) {
 TEST_F(InertialOdometry, WhatCannotBeIsRefusedInOneLine) {
   write_flight(dataset_, 3);
   expect_refused({"--mode", "stereo"}, "has one camera; --mode stereo needs several on one body");
-  expect_refused({"--mode", "stereo-inertial"}, "--mode: \"stereo-inertial\" does not exist yet");
-  expect_refused({"--mode", "lidar"}, "--mode: \"lidar\" is no mode; use mono, inertial or stereo");
+  expect_refused({"--mode", "stereo-inertial"}, "has one camera; --mode stereo needs several on one body");
+  expect_refused({"--mode", "lidar"}, "--mode: \"lidar\" is no mode; use mono, inertial, stereo or stereo-inertial");
+  expect_refused({"--mode", "mono", "--tight"}, "--tight: puts an inertial unit's readings into the window");
   expect_refused({"--mode", "inertial", "--init-from", (dataset_ / "groundtruth.txt").string()},
                  "--init-from: and --mode inertial both decide on frame and scale");
   const auto samples = flights::fly(flights::lively_camera, 2).readings.samples;

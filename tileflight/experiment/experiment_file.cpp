@@ -223,7 +223,7 @@ void read_repetition(StrictSection& section, OdometryConfig& odometry) {
 
 void read_mode(StrictSection& section, OdometryConfig& odometry) {
   survey::TrackOptions& options = odometry.track_options;
-  const auto mode = section.choice("mode", {"mono", "inertial", "stereo"});
+  const auto mode = section.choice("mode", {"mono", "inertial", "stereo", "stereo-inertial"});
   if (mode) options.mode = survey::parse_odometry_mode("odometry.mode", *mode);
   if (mode && !odometry.command.empty())
     throw section.error("mode", "applies to the built-in odometry only; an external command reads what it wants");

@@ -31,8 +31,9 @@ void give_up(const std::string& reason, const std::string& what_to_do, const std
   result.metric = false;
   result.reason = reason;
   // Certain, but no reason against a verdict: alignment finds the scale, as it does for every monocular map.
-  result.doubts.push_back(
-      {"the map's scale is not known, its units are arbitrary: " + reason, where, "possible", what_to_do});
+  const std::string what =
+      result.was_metric ? "the map is not level: " : "the map's scale is not known, its units are arbitrary: ";
+  result.doubts.push_back({what + reason, where, "possible", what_to_do});
 }
 
 struct Clock {
@@ -114,6 +115,21 @@ double residual_ratio(const VisualInertialProblem& problem, const VisualInertial
   return count > 0 ? std::sqrt(sum / count) : 0.0;
 }
 
+/// See InertialAlignment::latest_covariance.
+Mat12 latest_covariance(const VisualInertialProblem& problem, const VisualInertialState& state,
+                        const Eigen::SparseMatrix<double>& information) {
+  const Index at = VisualInertialProblem::kKeyframeSize * (problem.keyframe_count() - 1);
+  const geometry::Mat3 R = state.states.back().T_world_imu.rotation.toRotationMatrix();
+  Eigen::MatrixXd functions = Eigen::MatrixXd::Zero(problem.unknowns(), 12);
+  functions.block<3, 2>(at + kRotation, 0) = R.topRows<2>().transpose();
+  functions(at + kStateSize, 2) = 1.0;
+  functions.block<3, 3>(at + kVelocity, 3) = R;
+  functions.block<3, 3>(at + kRotation, 3) =
+      geometry::skew(R.transpose() * state.states.back().velocity_m_s).transpose();
+  functions.block<6, 6>(at + kGyroscopeBias, 6).setIdentity();
+  return covariance_of(information, functions);
+}
+
 void set_uncertainties(const VisualInertialProblem& problem, const VisualInertialState& state,
                        InertialAlignment& result) {
   const auto information = problem.linearize(state).information();
@@ -131,6 +147,7 @@ void set_uncertainties(const VisualInertialProblem& problem, const VisualInertia
     tilt += variance_of(information, about);
   }
   result.sigma_up_rad = std::sqrt(tilt);
+  result.latest_covariance = latest_covariance(problem, state, information);
 }
 
 /// Path, scales, velocities and biases, moved so that the first keyframe is at the origin.
@@ -187,6 +204,7 @@ void solve(const VisualInertialProblem& problem, const InertialInput& input, con
                    result);
   const VisualInertialState state = optimized(problem, *start);
   result.time_offset_s = state.time_offset_s;
+  result.T_imu_camera = state.T_imu_camera;
   result.mounting_correction_rad = state.T_imu_camera.rotation.angularDistance(input.model.T_imu_camera.rotation);
   result.residual_ratio = residual_ratio(problem, state);
   set_uncertainties(problem, state, result);
@@ -205,6 +223,7 @@ InertialAlignment reversed(InertialAlignment alignment) {
   for (Vec3& velocity : alignment.velocity_m_s) velocity = -velocity;
   for (ImuBias& bias : alignment.bias) bias.gyroscope_rad_s = -bias.gyroscope_rad_s;
   alignment.time_offset_s = -alignment.time_offset_s;
+  alignment.latest_covariance.setZero();
   return alignment;
 }
 
@@ -213,6 +232,7 @@ InertialAlignment align_to_gravity(const std::vector<VisualKeyframe>& keyframes,
   const ImuCheck check = check_readings(input.samples, input.model.noise, input.where);
   InertialAlignment result;
   result.doubts = check.doubts;
+  result.was_metric = !keyframes.empty() && keyframes.front().is_metric;
   if (keyframes.size() < 3) {
     give_up("there are only " + std::to_string(keyframes.size()) + " keyframes", "use more images", input.where,
             result);

@@ -12,6 +12,8 @@
 
 namespace tileflight::inertial {
 
+using Mat12 = Eigen::Matrix<double, 12, 12>;
+
 /// What is given.
 struct InertialInput {
   std::vector<ImuSample> samples;
@@ -31,7 +33,8 @@ struct InertialLimits {
 /// and the numbers that are known are set.
 struct InertialAlignment {
   bool metric = false;
-  std::string reason;  ///< why the scale is not known; empty if it is
+  bool was_metric = false;  ///< the map was in metres before; without `metric` it still is, but not level
+  std::string reason;       ///< why the scale is not known, or the vertical of a map in metres; empty if it is
   Doubts doubts;
 
   std::vector<geometry::SE3> T_world_camera;  ///< metres, z up; the first keyframe is at the origin and the map's
@@ -39,6 +42,11 @@ struct InertialAlignment {
   std::vector<double> scale;                  ///< metres per map unit
   std::vector<geometry::Vec3> velocity_m_s;   ///< of the unit, in the world's axes
   std::vector<ImuBias> bias;
+
+  /// Of the unit at the latest keyframe: tilt about the world's x and y axis, the scale's logarithm, velocity in the
+  /// unit's axes, gyroscope's and accelerometer's bias. What comes after may take it for a prior.
+  Mat12 latest_covariance = Mat12::Zero();
+  geometry::SE3 T_imu_camera;  ///< the given one, its rotation refined
 
   double mean_scale = 0.0;
   double sigma_log_scale = 0.0;  ///< of the logarithm of the mean scale
@@ -51,7 +59,7 @@ struct InertialAlignment {
 };
 
 /// The same of the motion played the other way: times and velocities, the gyroscope's biases and the clocks' offset
-/// change their signs, and the order of the keyframes.
+/// change their signs, and the order of the keyframes. `latest_covariance` is not kept.
 InertialAlignment reversed(InertialAlignment alignment);
 
 /// Estimates scale, vertical, velocities and biases, with the clocks' offset, and corrects the path by them

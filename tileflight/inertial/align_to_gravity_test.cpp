@@ -114,6 +114,46 @@ TEST(AlignToGravity, AnExactPathBecomesMetricAndLevel) {
   EXPECT_NEAR(found.velocity_m_s[10].norm(), flight.motion.velocity(t).norm(), 0.02);
 }
 
+// The state of the latest keyframe as a prior: the squared normalised error of its twelve numbers is 12 in the mean.
+TEST(AlignToGravity, TheLatestStatesCovarianceIsThatOfManyFlights) {
+  const Flight flight;
+  double squares = 0.0;
+  constexpr int kFlights = 24;
+  for (unsigned seed = 1; seed <= kFlights; ++seed) {
+    const auto keyframes = flight.keyframes(0.5, 0.02, seed);
+    const InertialInput input = flight.input(seed);
+    const InertialAlignment found = align_to_gravity(keyframes, flight.images(), input);
+    ASSERT_TRUE(found.metric) << seed << ": " << found.reason;
+    const double t = keyframes.back().time_s;
+    const Eigen::Quaterniond R = found.T_world_camera.back().rotation * found.T_imu_camera.rotation.conjugate();
+    const Vec3 up_error = R * (flight.motion.rotation(t).conjugate() * Vec3::UnitZ());
+    Eigen::Matrix<double, 9, 1> error;  // the biases have wandered by an unknown amount at the end
+    error << up_error.y(), -up_error.x(), std::log(found.scale.back() / flight.scale),
+        R.conjugate() * found.velocity_m_s.back() - flight.motion.rotation(t).conjugate() * flight.motion.velocity(t),
+        found.bias.back().gyroscope_rad_s - kBias.gyroscope_rad_s;
+    // A rotation e about the world's axes takes the true vertical to (e_y, -e_x): the tilt found is the opposite one.
+    error.head<2>() *= -1.0;
+    const Eigen::Matrix<double, 9, 9> covariance = found.latest_covariance.topLeftCorner<9, 9>();
+    squares += error.dot(covariance.ldlt().solve(error)) / kFlights;
+  }
+  EXPECT_GT(squares, 0.4 * 9.0);
+  EXPECT_LT(squares, 2.0 * 9.0);
+}
+
+TEST(AlignToGravity, AMapInMetresKeepsItsScaleAndBecomesLevel) {
+  Flight flight;
+  flight.scale = 1.0;
+  flight.motion = steady_motion();  // of which the readings alone do not know the scale
+  auto keyframes = flight.keyframes(0.5, 0.01);
+  for (VisualKeyframe& keyframe : keyframes) keyframe.is_metric = true, keyframe.step_log_scale_variance = 1e-6;
+  const InertialAlignment found = align_to_gravity(keyframes, flight.images(), flight.input());
+  ASSERT_TRUE(found.metric) << found.reason;
+  EXPECT_TRUE(found.was_metric);
+  EXPECT_NEAR(found.mean_scale, 1.0, 4e-3);
+  EXPECT_LT(found.sigma_log_scale, 2e-3);
+  EXPECT_LT(up_error_rad(flight, keyframes, found), 3.0 * found.sigma_up_rad);
+}
+
 // The square of an error over its sigma is 1 in the mean of many flights; 24 of them give that to a third.
 TEST(AlignToGravity, TheSigmaIsThatOfManyFlights) {
   const Flight flight;

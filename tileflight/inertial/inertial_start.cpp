@@ -1,6 +1,7 @@
 #include "tileflight/inertial/inertial_start.h"
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <cmath>
 
 namespace tileflight::inertial {
@@ -99,7 +100,14 @@ std::optional<ScaleAndGravity> solve_triples(const VisualInertialProblem& proble
     b += A.transpose() * y;
     ++triples;
   }
-  if (triples < kFewest) return std::nullopt;
+  if (problem.keyframes().front().is_metric) {  // the scale is one
+    if (triples == 0) return std::nullopt;
+    const double gravity_scale = H.bottomRightCorner<3, 3>().trace(), known = 1e9 * (H(0, 0) + gravity_scale);
+    H(0, 0) += known;
+    b[0] += known;
+  } else if (triples < kFewest) {
+    return std::nullopt;
+  }
   const Eigen::Vector4d x = H.completeOrthogonalDecomposition().solve(b);
   if (!(x[0] > 0.0) || !(x.tail<3>().norm() > 0.0)) return std::nullopt;
   return ScaleAndGravity{x[0], x.tail<3>()};
@@ -132,7 +140,10 @@ VisualInertialState make_states(const VisualInertialProblem& problem, const Scal
 }  // namespace
 
 std::optional<VisualInertialState> inertial_start(const VisualInertialProblem& problem, double spacing_s) {
-  if (problem.keyframes().size() < 3) return std::nullopt;
+  const auto& keyframes = problem.keyframes();
+  if (keyframes.size() < 3) return std::nullopt;
+  if (keyframes.front().is_metric)  // gravity alone shows in less time
+    spacing_s = std::min(spacing_s, 0.3 * (keyframes.back().time_s - keyframes.front().time_s));
   const ImuBias bias = gyroscope_bias(problem);
   const auto found = solve_triples(problem, long_steps(problem, bias, spacing_s));
   if (!found) return std::nullopt;

@@ -50,4 +50,11 @@ double variance_of(const Eigen::SparseMatrix<double>& information, const Eigen::
   return std::isfinite(variance) && variance > 0.0 ? variance : HUGE_VAL;
 }
 
+Eigen::MatrixXd covariance_of(const Eigen::SparseMatrix<double>& information, const Eigen::MatrixXd& coefficients) {
+  const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> factors(information);
+  if (factors.info() != Eigen::Success || !(factors.vectorD().array() > 0.0).all())
+    return Eigen::MatrixXd::Constant(coefficients.cols(), coefficients.cols(), HUGE_VAL);
+  return coefficients.transpose() * factors.solve(coefficients);
+}
+
 }  // namespace tileflight::inertial

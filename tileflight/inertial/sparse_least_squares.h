@@ -45,5 +45,7 @@ class SparseLeastSquares {
 /// Variance of the linear function with the given coefficients of unknowns whose covariance is the inverse of
 /// `information`; infinite if that is singular.
 double variance_of(const Eigen::SparseMatrix<double>& information, const Eigen::VectorXd& coefficients);
+/// Covariance of several linear functions, the columns of `coefficients`; not finite if `information` is singular.
+Eigen::MatrixXd covariance_of(const Eigen::SparseMatrix<double>& information, const Eigen::MatrixXd& coefficients);
 
 }  // namespace tileflight::inertial

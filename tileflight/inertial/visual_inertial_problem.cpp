@@ -22,6 +22,7 @@ constexpr double kLeastRateWalk = 1e-7, kLeastForceWalk = 1e-6;
 // Pictures are sampled, too: a step's errors are no smaller than this share of its length, and this angle.
 constexpr double kLeastStepShare = 3e-4, kLeastTurn_rad = 2e-5;
 constexpr double kLeastLogScaleStep = 1e-5;
+constexpr double kLeastMetricLogScale = 2e-4;  // of a rig's calibration
 // Sigmas from which on a step counts less: 95 % of good ones are below (chi square of six). The first steps after the
 // odometry's initialisation can be off by more than their covariances say.
 constexpr double kStepWidth = 3.55;
@@ -157,7 +158,15 @@ void VisualInertialProblem::add_priors(const VisualInertialState& at, SparseLeas
   add(VectorXd::Zero(1), 1e-4, kRotation, R.row(2));
   for (std::size_t k = 0; k < at.states.size(); ++k) {
     add(VectorXd::Zero(3), 1e3, column_of(k) + kVelocity, one);
-    add(VectorXd::Zero(1), 10.0, column_of(k) + kStateSize, MatrixXd::Identity(1, 1));
+    const VisualKeyframe& keyframe = keyframes_[k];
+    if (keyframe.is_metric) {
+      // What is wrong with the rig's scale is wrong at all keyframes alike: together they say what one of them does.
+      const double variance = keyframe.step_log_scale_variance + kLeastMetricLogScale * kLeastMetricLogScale;
+      add(VectorXd::Constant(1, at.log_scale[k]), std::sqrt(variance * static_cast<double>(at.states.size())),
+          column_of(k) + kStateSize, MatrixXd::Identity(1, 1));
+    } else {
+      add(VectorXd::Zero(1), 10.0, column_of(k) + kStateSize, MatrixXd::Identity(1, 1));
+    }
   }
 }
 

@@ -3,8 +3,8 @@
 // Camera odometry's keyframes and an inertial unit's samples as one least-squares problem. Unknown are, at each
 // keyframe, the unit's pose, velocity and biases and the logarithm of the map's scale, and once the clocks' offset and
 // the unit's mounting. The scale wanders from keyframe to keyframe as far as the odometry says that it may (a monocular
-// map's does), the biases as the unit's noise says. The world's z axis points up, so that gravity is no unknown but the
-// poses' tilt.
+// map's does; a metric one's stays near one), the biases as the unit's noise says. The world's z axis points up, so
+// that gravity is no unknown but the poses' tilt.
 //
 // Visual-inertial smoothing over keyframes: Forster et al. 2017, VII; scale and gravity in the same problem as the
 // biases: Campos, Montiel, Tardós, "Inertial-Only Optimization for Visual-Inertial Initialization", ICRA 2020, (13),

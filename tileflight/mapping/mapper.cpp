@@ -149,11 +149,13 @@ void Mapper::trace(const photometry::Pyramid& picture, const geometry::SE3& T_ca
 WindowResult Mapper::add_keyframe(const KeyframeCandidate& source) {
   trace(*source.pyramid, source.T_camera_map, source.brightness);
   mapping::add_keyframe(window_, make_keyframe(source));
+  take_readings(source);
   flag_for_marginalization(window_, lens_.lenses[0], options_.window);
   observe_in_newest();
   activate_points(window_, lens_.lenses[0], options_, spacing_);
-  const WindowResult result = optimize_window(window_, lens_.lenses[0], options_.window, options_.window.iterations);
-  relinearize(window_, window_.size() - 1);
+  const WindowResult result = optimize_window(window_, lens_.lenses[0], options_.window, options_.window.iterations,
+                                              inertial_ ? &*inertial_ : nullptr);
+  relinearize_newest();
   systematic_residuals_.add(window_, window_.size() - 1, lens_.lenses[0]);
   update_lens();
   remove_bad_residuals(window_);
@@ -161,6 +163,29 @@ WindowResult Mapper::add_keyframe(const KeyframeCandidate& source) {
   step_uncertainties_.push_back(step_uncertainty(window_, window_.size() - 1, residual_variance_));
   retire_keyframes();
   return result;
+}
+
+void Mapper::couple(const InertialStart& start, const InertialCalibration& calibration) {
+  // The readings are used again by the smoothing over all keyframes, which takes the window's steps for the images'
+  // alone: here they count half. With ten times as much the scale of example flights is known half as well.
+  constexpr double kShare = 0.5;
+  inertial_.emplace(window_, start, calibration, kShare * residual_variance_);
+}
+
+void Mapper::take_readings(const KeyframeCandidate& source) {
+  if (!inertial_) return;
+  if (source.readings) {
+    inertial_->add_keyframe(window_, *source.readings);
+  } else {
+    uncouple();
+  }
+}
+
+void Mapper::relinearize_newest() {
+  const int newest = window_.size() - 1;
+  const Eigen::VectorXd before = stacked_delta(window_);
+  relinearize(window_, newest);
+  if (inertial_) inertial_->relinearize_newest(before - stacked_delta(window_));
 }
 
 void Mapper::observe_in_newest() {
@@ -194,7 +219,10 @@ void Mapper::update_lens() {
 
 void Mapper::retire_keyframes() {
   std::vector<RetiredPoint> left;
+  const Eigen::MatrixXd H_before = window_.H_prior;
+  const Eigen::VectorXd b_before = window_.b_prior;
   retire_points(window_, options_.window, left);
+  if (inertial_) inertial_->add_to_prior(window_.H_prior - H_before, window_.b_prior - b_before);
   for (const RetiredPoint& point : left) {
     if (point.point.good_observations > 0) retired_points_.push_back(window_point(point.point, point.host));
   }
@@ -204,6 +232,7 @@ void Mapper::retire_keyframes() {
     archive_dense_points(slot);
     retired_keyframes_.push_back(
         {keyframe.id, keyframe.frame_index, keyframe.time_s, keyframe.T_camera_map().inverse()});
+    if (inertial_) inertial_->remove_keyframe(window_, slot);
     remove_keyframe(window_, slot);
   }
 }

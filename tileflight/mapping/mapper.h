@@ -8,6 +8,7 @@
 
 #include "tileflight/imaging/image.h"
 #include "tileflight/mapping/activation.h"
+#include "tileflight/mapping/inertial_window.h"
 #include "tileflight/mapping/keyframe_policy.h"
 #include "tileflight/mapping/map.h"
 #include "tileflight/mapping/marginalization.h"
@@ -28,6 +29,8 @@ struct KeyframeCandidate {
   photometry::AffineBrightness brightness_prior;
   Eigen::Vector2d brightness_information = Eigen::Vector2d::Zero();
   std::vector<photometry::StereoPicture> stereo;  ///< by stereo camera, its brightness that of the prior; empty: none
+  std::optional<inertial::Preintegration> readings = {};  ///< since the newest keyframe; without them a window that is
+                                                          ///< coupled to an inertial unit is so no more
 };
 
 /// What the keyframes' stereo pictures gave, of one camera.
@@ -50,7 +53,7 @@ class Mapper {
   /// `lens` must outlive the Mapper; it is updated when intrinsics are estimated, which excludes stereo cameras.
   Mapper(photometry::LensPyramid& lens, const photometry::OdometryOptions& options,
          std::vector<photometry::StereoCamera> stereo_cameras = {});
-  /// A copy that goes its own way, with its own lens: a copy of the other's.
+  /// A copy that goes its own way, with its own lens: a copy of the other's. It is not coupled to an inertial unit.
   Mapper(const Mapper& other, photometry::LensPyramid& lens);
   Mapper(const Mapper&) = delete;
   Mapper& operator=(const Mapper&) = delete;
@@ -74,6 +77,12 @@ class Mapper {
              const photometry::AffineBrightness& light);
   /// Adds a keyframe: the steps of DSO, section 3, in order.
   WindowResult add_keyframe(const KeyframeCandidate& source);
+
+  /// Couples the window to an inertial unit from the newest keyframe on; what the readings before it said is `start`.
+  void couple(const InertialStart& start, const InertialCalibration& calibration);
+  void uncouple() { inertial_.reset(); }
+  /// The unit in the window; null: not coupled.
+  const InertialWindow* inertial() const { return inertial_ ? &*inertial_ : nullptr; }
 
   const photometry::Window& window() const { return window_; }
   /// Change of focal lengths and principal point from the given ones; zero if they are not estimated.
@@ -100,6 +109,8 @@ class Mapper {
   void retire_keyframes();
   void observe_in_newest();
   void update_noise(const WindowResult& result);
+  void take_readings(const KeyframeCandidate& source);
+  void relinearize_newest();
   /// Map point of an active point.
   MapPoint window_point(const photometry::ActivePoint& point, int host) const;
   /// Archives the candidates of a leaving keyframe that were never activated (densify.h).
@@ -110,6 +121,7 @@ class Mapper {
                                                                                      ///< to lens_
   const photometry::OdometryOptions& options_;
   photometry::Window window_;
+  std::optional<InertialWindow> inertial_;
   ActivationSpacing spacing_;
   int selection_block_px_ = 0;  ///< block size of the last keyframe (pixel_selector.h)
   int next_id_ = 0;

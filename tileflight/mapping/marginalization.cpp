@@ -6,6 +6,8 @@
 #include <cassert>
 #include <utility>
 
+#include "tileflight/geometry/decompositions.h"
+
 namespace tileflight::mapping {
 namespace {
 
@@ -88,6 +90,27 @@ QuadraticPrior marginalize_keyframe(const QuadraticPrior& prior, int slot) {
   const VectorXd kept_scale = scale(order);
   MatrixXd H_new = kept_scale.asDiagonal() * (H_aa - K * H_ab.transpose()) * kept_scale.asDiagonal();
   const VectorXd b_new = kept_scale.asDiagonal() * (b(order) - K * b(out));
+  H_new = (0.5 * (H_new + H_new.transpose())).eval();
+  return {H_new, b_new};
+}
+
+QuadraticPrior marginalize_unknowns(const QuadraticPrior& prior, const std::vector<int>& leaving) {
+  constexpr double kRelativeFloor = 1e-12;  // as in marginalize_keyframe()
+  std::vector<int> kept;
+  for (int i = 0; i < static_cast<int>(prior.b.size()); ++i) {
+    if (!std::ranges::binary_search(leaving, i)) kept.push_back(i);
+  }
+  const VectorXd scale = (prior.H.diagonal().cwiseAbs().array() + 1e-12).sqrt();
+  const MatrixXd H = scale.cwiseInverse().asDiagonal() * prior.H * scale.cwiseInverse().asDiagonal();
+  const VectorXd b = scale.cwiseInverse().asDiagonal() * prior.b;
+  const geometry::SymmetricEigen eigen = geometry::symmetric_eigen(H(leaving, leaving));
+  const double floor = kRelativeFloor * std::max(eigen.values.maxCoeff(), 0.0);
+  const VectorXd inverse = (eigen.values.array() > floor).select(eigen.values.array().inverse(), 0.0);
+  const MatrixXd H_ab = H(kept, leaving);
+  const MatrixXd K = H_ab * eigen.vectors * inverse.asDiagonal() * eigen.vectors.transpose();
+  const VectorXd kept_scale = scale(kept);
+  MatrixXd H_new = kept_scale.asDiagonal() * (H(kept, kept) - K * H_ab.transpose()) * kept_scale.asDiagonal();
+  const VectorXd b_new = kept_scale.asDiagonal() * (b(kept) - K * b(leaving));
   H_new = (0.5 * (H_new + H_new.transpose())).eval();
   return {H_new, b_new};
 }

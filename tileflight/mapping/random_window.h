@@ -127,4 +127,14 @@ inline NormalEquations dense_equations(const photometry::Window& window, const s
   return dense;
 }
 
+/// Matrix of the window's photometric residuals with the points eliminated, in double.
+inline Eigen::MatrixXd dense_reduced(photometry::Window& window) {
+  const std::vector<PointRef> points = all_points(window);
+  const NormalEquations dense = dense_equations(window, make_host_target_pairs(window), points);
+  const int n = window.unknowns();
+  const Eigen::MatrixXd across = dense.H.topRightCorner(n, points.size());
+  const Eigen::VectorXd inverse = dense.H.diagonal().tail(points.size()).cwiseInverse();
+  return dense.H.topLeftCorner(n, n) - across * inverse.asDiagonal() * across.transpose();
+}
+
 }  // namespace tileflight::mapping::test_support

@@ -7,6 +7,7 @@
 
 #include "tileflight/geometry/decompositions.h"
 #include "tileflight/mapping/gauge.h"
+#include "tileflight/mapping/inertial_window.h"
 #include "tileflight/mapping/normal_equations.h"
 
 namespace tileflight::mapping {
@@ -34,8 +35,9 @@ double prior_energy(const photometry::Window& window) {
 /// Evaluates all observations at the current state, with derivatives.
 class Linearizer {
  public:
-  Linearizer(photometry::Window& window, const photometry::Lens& lens, const photometry::WindowOptions& options)
-      : window_(window), lens_(lens), options_(options) {}
+  Linearizer(photometry::Window& window, const photometry::Lens& lens, const photometry::WindowOptions& options,
+             const InertialWindow* inertial)
+      : window_(window), lens_(lens), options_(options), inertial_(inertial) {}
 
   Energy linearize(const std::vector<HostTargetPair>& pairs, const std::vector<PointRef>& points) {
     if (window_.intrinsics.estimated) {
@@ -74,7 +76,7 @@ class Linearizer {
       total.good += part.good;
       total.good_count += part.good_count;
     }
-    total.prior = prior_energy(window_);
+    total.prior = inertial_ != nullptr ? inertial_->energy(window_) : prior_energy(window_);
     return total;
   }
 
@@ -139,6 +141,7 @@ class Linearizer {
   photometry::Lens lens_;
   photometry::Lens lens_linear_;  ///< only used if the intrinsics are estimated
   const photometry::WindowOptions& options_;
+  const InertialWindow* inertial_;
   std::vector<photometry::HostTargetPrecalc> stereo_pairs_;  ///< as make_stereo_pairs
 };
 
@@ -224,11 +227,11 @@ float angle_between(const Eigen::Vector3f& a, const Eigen::Vector3f& b) {
 }  // namespace
 
 WindowResult optimize_window(photometry::Window& window, const photometry::Lens& lens,
-                             const photometry::WindowOptions& options, int iterations) {
+                             const photometry::WindowOptions& options, int iterations, InertialWindow* inertial) {
   constexpr double kSettledShare = 1e-4;  // share of the energy; iteration ends after a step that changes less. Chosen
                                           // by hand
   const std::vector<PointRef> points = all_points(window);
-  Linearizer linearizer(window, lens, options);
+  Linearizer linearizer(window, lens, options, inertial);
   std::vector<HostTargetPair> pairs = make_host_target_pairs(window);
   Energy energy = linearizer.linearize(pairs, points);
   update_energy_threshold(window, window.size() - 1);
@@ -238,11 +241,17 @@ WindowResult optimize_window(photometry::Window& window, const photometry::Lens&
   WindowResult result;
   for (; result.iterations < iterations; ++result.iterations) {
     const NormalEquations system = build_normal_equations(window, pairs, points, lambda);
-    const VectorXd x = solve_damped(system, window, lambda);
-    if (!x.allFinite()) break;
+    const VectorXd step =
+        inertial != nullptr ? inertial->solve(system, window, lambda) : solve_damped(system, window, lambda);
+    if (!step.allFinite()) break;
+    const VectorXd x = step.head(window.unknowns());
     back_substitute(window, pairs, points, x, lambda);
     save_state(window);
     apply_step(window, x);
+    if (inertial != nullptr) {
+      inertial->save_state();
+      inertial->apply_step(step.tail(step.size() - x.size()));
+    }
     update_rays(window, lens, points);
     pairs = make_host_target_pairs(window);
     const Energy after = linearizer.linearize(pairs, points);
@@ -252,6 +261,7 @@ WindowResult optimize_window(photometry::Window& window, const photometry::Lens&
       lambda *= 0.25;
     } else {
       restore_state(window);
+      if (inertial != nullptr) inertial->restore_state();
       update_rays(window, lens, points);
       pairs = make_host_target_pairs(window);
       energy = linearizer.linearize(pairs, points);

@@ -8,6 +8,8 @@
 
 namespace tileflight::mapping {
 
+class InertialWindow;
+
 struct WindowResult {
   double rmse = 0.0;  ///< of good residuals, grey values per pixel
   int good_residuals = 0;
@@ -17,8 +19,11 @@ struct WindowResult {
 /// Gauss-Newton with light damping; a step that raises the energy is undone. Residuals above their keyframes' threshold
 /// contribute the threshold to the energy and nothing to the gradient. If the window estimates intrinsics, `lens` may
 /// be any lens of the camera: the window's own intrinsics are applied to it, and rays of active points are updated.
+/// `inertial`: readings that are part of the problem, with their own unknowns and a prior that stands for the window's;
+/// null: none.
 WindowResult optimize_window(photometry::Window& window, const photometry::Lens& lens,
-                             const photometry::WindowOptions& options, int iterations);
+                             const photometry::WindowOptions& options, int iterations,
+                             InertialWindow* inertial = nullptr);
 
 /// Moves the keyframe's linearisation point to its present value; allowed only while the prior does not depend on its
 /// pose.

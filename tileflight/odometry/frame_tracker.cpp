@@ -34,15 +34,28 @@ photometry::RollingShutter FrameTracker::predict_rolling_shutter(const TrackingS
        state.failures.none() ? last.interval_s : 0.0});
 }
 
-tracking::ImageAlignment FrameTracker::best_alignment(const TrackingState& state, const photometry::Pyramid& pyramid,
-                                                      const photometry::RollingShutter& shutter) const {
+/// Poses relative to the reference from which the alignment may begin, the best one first. What the readings of a
+/// coupled unit say is better than that the motion goes on; without scale and velocity only their rotation is known.
+std::vector<geometry::SE3> FrameTracker::hypotheses(const TrackingState& state, double time_s) const {
   const LastFrame& last = state.last;
   const geometry::SE3 T_last_reference = last.T_camera_map * state.reference.T_camera_map.inverse();
   const int turns = state.failures.none() ? 1 : 3;
+  std::vector<geometry::SE3> poses = tracking::motion_hypotheses(T_last_reference, last.T_last_before_last, turns);
+  if (guide_ == nullptr) return poses;
+  if (const auto T_camera_map = guide_->predict(state, mapper_, time_s)) {
+    const bool is_first = mapper_.inertial() != nullptr || !state.failures.none();
+    poses.insert(poses.begin() + (is_first ? 0 : 1), *T_camera_map * state.reference.T_camera_map.inverse());
+  }
+  return poses;
+}
+
+tracking::ImageAlignment FrameTracker::best_alignment(const TrackingState& state, const photometry::Pyramid& pyramid,
+                                                      double time_s, const photometry::RollingShutter& shutter) const {
+  const LastFrame& last = state.last;
   const double accepted = options_.tracking.accept_ratio * (last.rmse > 0 ? last.rmse : options_.tracking.huber);
   tracking::ImageAlignment best;
   bool first = true;
-  for (const geometry::SE3& pose : tracking::motion_hypotheses(T_last_reference, last.T_last_before_last, turns)) {
+  for (const geometry::SE3& pose : hypotheses(state, time_s)) {
     const tracking::ImageAlignmentState start{pose, last.a, last.b};
     const tracking::ImageAlignment result =
         tracking::align_image(preprocessor_.lens(), state.reference.pixels, pyramid, start, options_.tracking,
@@ -59,7 +72,7 @@ void FrameTracker::track(TrackingState& state, const InputFrame& frame) {
   auto pyramid = time_stage(log_.cpu_time.preprocessing, [&] { return preprocessor_.make_pyramid(frame); });
   photometry::RollingShutter shutter = predict_rolling_shutter(state, frame);
   tracking::ImageAlignment alignment =
-      time_stage(log_.cpu_time.tracking, [&] { return best_alignment(state, *pyramid, shutter); });
+      time_stage(log_.cpu_time.tracking, [&] { return best_alignment(state, *pyramid, frame.time_s, shutter); });
   if (!alignment.converged) {
     const auto found = time_stage(log_.cpu_time.tracking, [&] { return recover(state, *pyramid); });
     if (!found) {
@@ -159,6 +172,8 @@ void FrameTracker::make_keyframe(TrackingState& state, const InputFrame& frame,
   mapping::KeyframeCandidate candidate = make_keyframe_candidate(
       frame, std::move(pyramid), state.last.T_camera_map, brightness, preprocessor_.brightness_prior(frame), knowledge);
   if (mapper_.window().has_stereo()) candidate.stereo = preprocessor_.stereo_pictures(frame);
+  if (mapper_.inertial() != nullptr)
+    candidate.readings = guide_->between(mapper_.window().keyframes.back().time_s, frame.time_s, mapper_);
   mapper_.add_keyframe(candidate);
   const int newest = mapper_.window().size() - 1;
   state.reference = make_reference_keyframe(mapper_, preprocessor_.lens(), newest);
@@ -167,6 +182,7 @@ void FrameTracker::make_keyframe(TrackingState& state, const InputFrame& frame,
   state.last.a = state.last.b = 0.0;
   log_.tracked.push_back({frame.index, frame.time_s, state.reference.keyframe, geometry::SE3(), alignment});
   report_keyframe(frame, newest);
+  if (guide_ != nullptr) guide_->update(log_, mapper_);
 }
 
 /// Shows a new keyframe to the observer and keeps its features for loop closure.

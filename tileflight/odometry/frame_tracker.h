@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "tileflight/mapping/mapper.h"
+#include "tileflight/odometry/inertial_guide.h"
 #include "tileflight/odometry/odometry.h"
 #include "tileflight/odometry/preprocessor.h"
 #include "tileflight/odometry/tracking_log.h"
@@ -18,10 +19,15 @@ namespace tileflight::odometry {
 /// One step of tracking on what others own: the map that grows, and the log of what was tracked.
 class FrameTracker {
  public:
-  /// All must outlive the tracker. `observer` may be empty.
+  /// All must outlive the tracker. `observer` may be empty, `guide` null: there is no inertial unit.
   FrameTracker(const OdometryOptions& options, Preprocessor& preprocessor, mapping::Mapper& mapper, TrackingLog& log,
-               const KeyframeObserver& observer)
-      : options_(options), preprocessor_(preprocessor), mapper_(mapper), log_(log), observer_(observer) {}
+               const KeyframeObserver& observer, InertialGuide* guide = nullptr)
+      : options_(options),
+        preprocessor_(preprocessor),
+        mapper_(mapper),
+        log_(log),
+        observer_(observer),
+        guide_(guide) {}
 
   /// Aligns the next image; records it, makes it a keyframe, or counts it as a failure.
   void track(TrackingState& state, const InputFrame& frame);
@@ -32,7 +38,8 @@ class FrameTracker {
 
  private:
   photometry::RollingShutter predict_rolling_shutter(const TrackingState& state, const InputFrame& frame) const;
-  tracking::ImageAlignment best_alignment(const TrackingState& state, const photometry::Pyramid& pyramid,
+  std::vector<geometry::SE3> hypotheses(const TrackingState& state, double time_s) const;
+  tracking::ImageAlignment best_alignment(const TrackingState& state, const photometry::Pyramid& pyramid, double time_s,
                                           const photometry::RollingShutter& shutter) const;
   std::optional<tracking::ImageAlignment> recover(TrackingState& state, const photometry::Pyramid& pyramid);
   void fail(Failures& failures, const InputFrame& frame, const tracking::ImageAlignment& alignment) const;
@@ -47,6 +54,7 @@ class FrameTracker {
   mapping::Mapper& mapper_;
   TrackingLog& log_;
   const KeyframeObserver& observer_;
+  InertialGuide* guide_;
 };
 
 }  // namespace tileflight::odometry

@@ -2,6 +2,9 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include <algorithm>
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/geometry/angles.h"
@@ -18,9 +21,10 @@ using test_support::steady_camera;
 using ::testing::HasSubstr;
 using ::testing::ThrowsMessage;
 
-OdometryResult track(const InertialFlight& flight, bool with_readings) {
+OdometryResult track(const InertialFlight& flight, bool with_readings, bool in_window = false) {
   Priors priors;
   if (with_readings) priors.inertial = flight.readings;
+  priors.inertial_in_window = in_window;
   return run_odometry(flight.sequence.calibration, nullptr, flight.sequence.source(), test_support::small_options(), {},
                       priors);
 }
@@ -59,16 +63,63 @@ TEST(InertialFlightTest, ARenderedFlightBecomesMetricAndLevel) {
   EXPECT_LT(errors[errors.size() / 2], 0.15);  // from 12 m above
 }
 
-// Tracking does not see the readings: but for frame and scale nothing changes.
-TEST(InertialFlightTest, ReadingsDoNotChangeTracking) {
+// Outside of the window, readings help where images alone do not align: but for frame and scale nothing changes.
+TEST(InertialFlightTest, ReadingsDoNotChangeTrackingThatWorks) {
   const InertialFlight flight = fly(lively_camera, 60);
   const OdometryResult mono = track(flight, false), with = track(flight, true);
   EXPECT_FALSE(mono.inertial);
   ASSERT_TRUE(with.inertial);
+  ASSERT_FALSE(with.coupled_since_s);
   ASSERT_EQ(mono.quality.size(), with.quality.size());
   for (std::size_t i = 0; i < mono.quality.size(); ++i) EXPECT_EQ(mono.quality[i].rmse, with.quality[i].rmse);
   EXPECT_EQ(mono.keyframe_frame_indices, with.keyframe_frame_indices);
   EXPECT_EQ(mono.map.size(), with.map.size());
+}
+
+TEST(InertialFlightTest, ReadingsAreInTheWindowFromWhenOnTheScaleIsKnown) {
+  const InertialFlight flight = fly(lively_camera, 130);
+  const OdometryResult mono = track(flight, false), with = track(flight, true, true);
+  EXPECT_FALSE(track(flight, true).coupled_since_s);
+  ASSERT_TRUE(with.coupled_since_s);
+  EXPECT_LT(*with.coupled_since_s, 3.5);
+  ASSERT_EQ(with.frames_tracked, mono.frames_tracked);
+  EXPECT_LT(test_support::relative_ate(with.trajectory, flight.sequence.truth),
+            1.5 * test_support::relative_ate(mono.trajectory, flight.sequence.truth));
+}
+
+TEST(InertialFlightTest, TheResultDoesNotDependOnTheNumberOfThreads) {
+  const InertialFlight flight = fly(lively_camera, 120);
+  const auto track_with = [&](int threads) {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+    return track(flight, true, true);
+  };
+  const OdometryResult one = track_with(1), four = track_with(4);
+  ASSERT_TRUE(one.coupled_since_s);
+  EXPECT_EQ(one.coupled_since_s, four.coupled_since_s);
+  expect_same(one, four);
+}
+
+/// Looks ahead and down, and turns about the vertical by `turn_rad` between `from` and `to` (seconds).
+std::function<SE3(double)> turning_camera(double turn_rad, double from, double to) {
+  return [=](double t) {
+    const double s = std::clamp((t - from) / (to - from), 0.0, 1.0), share = s * s * s * (s * (6.0 * s - 15.0) + 10.0);
+    const SE3 T = lively_camera(t);
+    return SE3(Eigen::Quaterniond(Eigen::AngleAxisd(turn_rad * share, Vec3::UnitZ())) * T.rotation, T.translation);
+  };
+}
+
+// Images that show nothing while the camera turns by 35 degrees: afterwards it sees something of what it saw before,
+// but from a direction that no image led to.
+TEST(InertialFlightTest, ATurnBehindBlindImagesIsSurvivedWithReadingsOnly) {
+  InertialFlight flight = fly(turning_camera(0.9, 3.0, 3.3), 130);
+  for (int i = 89; i < 101; ++i)
+    std::ranges::fill(flight.sequence.images[static_cast<std::size_t>(i)].pixels,
+                      std::array<std::uint8_t, 3>{90, 90, 90});
+  const OdometryResult mono = track(flight, false), with = track(flight, true);
+  EXPECT_LE(mono.frames_tracked, 89);
+  EXPECT_GE(with.frames_tracked, 130 - 12);
+  EXPECT_FALSE(with.lost) << with.lost_reason;
+  EXPECT_LT(test_support::relative_ate(with.trajectory, flight.sequence.truth), 0.01);
 }
 
 TEST(InertialFlightTest, AtConstantVelocityTheMapIsTheMonocularOne) {

@@ -81,6 +81,9 @@ struct Priors {
   std::optional<inertial::InertialInput> inertial;  ///< readings on the images' clock, or nearly: map and trajectory
                                                     ///< are given in metres and level, if the readings show the scale;
                                                     ///< not together with poses or depth
+  bool inertial_in_window = false;  ///< the readings are also residuals of the window, from when on the keyframes so
+                                    ///< far show scale and vertical (tight coupling); else they help where an image
+                                    ///< alone does not align
 };
 
 /// A keyframe with its points, for a debug image.
@@ -153,11 +156,13 @@ struct OdometryResult {
   std::vector<LoopClosure> loops;  ///< loops used to correct the poses and the map
   std::optional<inertial::InertialAlignment> inertial;  ///< with Priors::inertial and a map; without `metric` map and
                                                         ///< trajectory are as without readings
-  std::optional<StereoResult> stereo;                   ///< with OdometryExtras::other_cameras
-  std::int64_t relocalizations = 0;  ///< how often tracking failed and was recovered on an older keyframe
-  bool lost = false;                 ///< tracking ended before the last image, or never started
-  std::string lost_reason;           ///< if lost: the frame and the reason
-  double wall_time_s = 0.0;          ///< wall time of the run, image decoding included
+  std::optional<double> coupled_since_s;  ///< time of the keyframe from which on the readings were part of the window;
+                                          ///< none: they never were
+  std::optional<StereoResult> stereo;     ///< with OdometryExtras::other_cameras
+  std::int64_t relocalizations = 0;       ///< how often tracking failed and was recovered on an older keyframe
+  bool lost = false;                      ///< tracking ended before the last image, or never started
+  std::string lost_reason;                ///< if lost: the frame and the reason
+  double wall_time_s = 0.0;               ///< wall time of the run, image decoding included
   StageTimes cpu_time;
 };
 
@@ -168,8 +173,7 @@ struct OdometryExtras {
   KeyframeObserver keyframe_observer;
   std::vector<OtherCamera> other_cameras;  ///< at most 4; static stereo with them makes map and trajectory metric from
                                            ///< the first image on. The calibrations are held, as that of one rig. Not
-                                           ///< together with an inertial unit, prior poses or depth, nor with rolling
-                                           ///< shutters
+                                           ///< together with prior poses or depth, nor with rolling shutters
 };
 
 /// What became of an image when it was added.
@@ -207,8 +211,9 @@ struct FrameResult {
 ///   window, after some five to seven keyframes, and its images move along.
 /// - Loop closure (OdometryOptions::loops) runs once, in finish(), over all keyframes. It never changes tracking.
 /// - Frame and scale of the priors are applied in finish(); T_world_map() gives them before.
-/// - Readings of an inertial unit (Priors::inertial) are used in finish(), over all keyframes. They never change
-/// tracking. Before the map, initialization begins anew with a later image whenever its corners are lost; after it
+/// - Readings of an inertial unit (Priors::inertial) are used in finish(), over all keyframes. Before, they only help
+///   where an image does not align; with Priors::inertial_in_window they are part of the window. Before the map,
+///   initialization begins anew with a later image whenever its corners are lost; after it
 /// there is no restart: a lost odometry stays lost and keeps its map. Tracking the whole sequence backwards, too, and
 /// choosing between both directions is not done here but by the `odometry` command, with a second odometry
 /// (tracking_doubts.h).

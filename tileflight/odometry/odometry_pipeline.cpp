@@ -33,10 +33,8 @@ void require_one_scale(const Priors& priors, bool has_prior_pose) {
 OdometryOptions options_with(OdometryOptions options, const OdometryExtras& extras) {
   if (extras.other_cameras.empty()) return options;
   const Priors& priors = extras.priors;
-  if (priors.inertial || !priors.poses.empty() || priors.depth_m)
-    throw InputError(
-        "odometry",
-        "other cameras and poses, depth or an inertial unit are given; scale and frame come from one of them");
+  if (!priors.poses.empty() || priors.depth_m)
+    throw InputError("odometry", "other cameras and poses or depth are given; scale and frame come from one of them");
   options.window.refine_intrinsics = false;
   return options;
 }
@@ -56,6 +54,7 @@ OdometryPipeline::OdometryPipeline(const imaging::Calibration& calibration, cons
       mapper_(preprocessor_.lens(), options_, preprocessor_.stereo().stereo_cameras()),
       state_(InitializationState{initialization::Initializer(preprocessor_.lens(), options_.initialization), {}, 0}) {
   require_one_scale(priors_, false);
+  if (priors_.inertial) guide_.emplace(*priors_.inertial, priors_.inertial_in_window);
   if (!preprocessor_.stereo().empty() && calibration.line_delay_s != 0.0)
     throw InputError(
         "odometry",
@@ -239,6 +238,7 @@ OdometryResult OdometryPipeline::result_in_map_frame() const {
   result.frames_tracked_backwards = log_.earlier.frames_tracked;
   result.frames_before_start = frames_before(mapper_.keyframes().front().time_s, log_);
   set_path_and_map(log_, mapper_, preprocessor_.lens().lenses[0], options_, priors_.inertial, result);
+  if (guide_) result.coupled_since_s = guide_->coupled_since_s();
   result.systematic_displacement = mapper_.systematic_residuals().estimate();
   result.camera = photometry::apply_delta(preprocessor_.camera(), mapper_.intrinsics_delta());
   return result;

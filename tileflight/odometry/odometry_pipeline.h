@@ -62,7 +62,7 @@ class OdometryPipeline {
   std::optional<InitialMap> find_initial_map(InitializationState& state);
   StereoResult stereo_result() const;
 
-  FrameTracker tracker() { return {options_, preprocessor_, mapper_, log_, observer_}; }
+  FrameTracker tracker() { return {options_, preprocessor_, mapper_, log_, observer_, guide_ ? &*guide_ : nullptr}; }
 
   OdometryOptions options_;
   Priors priors_;
@@ -72,6 +72,7 @@ class OdometryPipeline {
   mapping::Mapper mapper_;
   std::variant<InitializationState, TrackingState> state_;
   TrackingLog log_;
+  std::optional<InertialGuide> guide_;  ///< with Priors::inertial
 };
 
 }  // namespace tileflight::odometry

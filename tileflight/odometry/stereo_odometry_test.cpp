@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/inertial/smooth_motion.h"
 #include "tileflight/odometry/rig_check.h"
 #include "tileflight/odometry/stereo_input.h"
 #include "tileflight/odometry/synthetic_flight.h"
@@ -240,6 +241,55 @@ TEST(IsBlind, TellsBlackAndCoveredPicturesFromOthers) {
   }
   EXPECT_TRUE(is_blind(covered));
   EXPECT_FALSE(is_blind(flight().right[0]));
+}
+
+/// The readings along the flight's path, of a unit that sits where the camera is.
+inertial::InertialInput readings() {
+  const auto camera = [](double t) {
+    const double s = 2.0 * t;
+    return photometry::test_support::look_along(Vec3(3.0 * s, 5.0 * s, 12.0 + 0.5 * std::sin(s)),
+                                                Vec3(0.3 * std::sin(s), 1.0, -1.1));
+  };
+  const inertial::test_support::SmoothMotion motion{[=](double t) { return Vec3(camera(t).translation); },
+                                                    [=](double t) { return camera(t).rotation; }};
+  inertial::InertialInput input;
+  input.samples = motion.readings(-0.1, kFrames / 30.0 + 0.1, 200.0, {{0.005, -0.01, 0.01}, {0.02, -0.01, 0.03}});
+  inertial::test_support::add_noise({}, 200.0, 2, input.samples);
+  input.model.accelerometer_bias_sigma = 0.05;
+  return input;
+}
+
+// Less than a second, whose accelerations do not show the scale: it is the rig's; the readings add the vertical.
+TEST(StereoOdometry, WithAnInertialUnitTheMapIsLevelToo) {
+  Priors priors;
+  priors.inertial = readings();
+  Odometry odometry(flight().left.calibration, options(),
+                    {.photometric = {}, .priors = priors, .keyframe_observer = {}, .other_cameras = flight().others});
+  for (std::size_t i = 0; i < flight().right.size(); ++i) odometry.add(flight().frame(i));
+  const OdometryResult result = odometry.finish();
+  ASSERT_EQ(result.frames_tracked, kFrames);
+  ASSERT_TRUE(result.stereo && result.stereo->metric);
+  ASSERT_TRUE(result.inertial && result.inertial->metric) << result.inertial->reason;
+  EXPECT_TRUE(result.inertial->was_metric);
+  EXPECT_LT(std::abs(scale_error(result)), 0.005);
+  const geometry::Sim3 T = test_support::similarity_to_truth(result.trajectory, flight().left.truth);
+  EXPECT_LT(std::acos((T.rotation * Vec3::UnitZ()).z()), 0.02);
+}
+
+TEST(StereoOdometry, WithReadingsThatShowNothingTheMapIsTheRigs) {
+  Priors priors;
+  priors.inertial = readings();
+  priors.inertial->samples.resize(60);  // of 200
+  Odometry odometry(flight().left.calibration, options(),
+                    {.photometric = {}, .priors = priors, .keyframe_observer = {}, .other_cameras = flight().others});
+  for (std::size_t i = 0; i < flight().right.size(); ++i) odometry.add(flight().frame(i));
+  const OdometryResult result = odometry.finish(), rig = track(flight());
+  ASSERT_TRUE(result.stereo && result.stereo->metric);
+  ASSERT_TRUE(result.inertial);
+  EXPECT_FALSE(result.inertial->metric);
+  ASSERT_FALSE(result.inertial->doubts.empty());
+  EXPECT_NE(result.inertial->doubts.back().what.find("the map is not level"), std::string::npos);
+  EXPECT_EQ(result.map.positions, rig.map.positions);
 }
 
 }  // namespace

@@ -16,10 +16,26 @@ namespace {
 /// (tests/proving_ground) against their true poses.
 constexpr double kPositionSigmaInflation = 2.2, kRotationSigmaInflation = 2.7;
 
+/// A flight shorter than this has so few keyframes that the images between them are needed, too, to know its scale.
+/// Chosen by hand.
+constexpr double kShort_s = 8.0;
+
 /// Sets the standard deviations of a pose from the covariance of its left twist.
 void set_pose_sigmas(const Eigen::Matrix<double, 6, 6>& covariance, FrameQuality& quality) {
   quality.sigma_position = kPositionSigmaInflation * std::sqrt(covariance.topLeftCorner<3, 3>().trace());
   quality.sigma_rotation_rad = kRotationSigmaInflation * std::sqrt(covariance.bottomRightCorner<3, 3>().trace());
+}
+
+/// Covariance of the left twist of T_target_reference, not inflated.
+Eigen::Matrix<double, 6, 6> pose_covariance(const tracking::ImageAlignment& alignment) {
+  const Eigen::Matrix<double, 8, 8> H = alignment.information;
+  const photometry::Vec8 scale = (H.diagonal().array() + 1e-9).sqrt().inverse();
+  Eigen::Matrix<double, 8, 8> A = scale.asDiagonal() * H * scale.asDiagonal();
+  A.diagonal().array() += 1e-9;
+  const Eigen::Matrix<double, 8, 8> covariance =
+      scale.asDiagonal() * A.ldlt().solve(Eigen::Matrix<double, 8, 8>::Identity()) * scale.asDiagonal();
+  const double rmse = alignment.finest_rmse();
+  return rmse * rmse * covariance.topLeftCorner<6, 6>();
 }
 
 /// Copies the alignment's statistics.
@@ -28,13 +44,7 @@ void fill_quality(const tracking::ImageAlignment& alignment, FrameQuality& quali
   quality.rmse = alignment.finest_rmse();
   quality.inside_share = alignment.inside_share;
   quality.saturated_share = alignment.saturated_share;
-  const Eigen::Matrix<double, 8, 8> H = alignment.information;
-  const photometry::Vec8 scale = (H.diagonal().array() + 1e-9).sqrt().inverse();
-  Eigen::Matrix<double, 8, 8> A = scale.asDiagonal() * H * scale.asDiagonal();
-  A.diagonal().array() += 1e-9;
-  const Eigen::Matrix<double, 8, 8> covariance =
-      scale.asDiagonal() * A.ldlt().solve(Eigen::Matrix<double, 8, 8>::Identity()) * scale.asDiagonal();
-  set_pose_sigmas(quality.rmse * quality.rmse * covariance.topLeftCorner<6, 6>(), quality);
+  set_pose_sigmas(pose_covariance(alignment), quality);
 }
 
 /// All keyframes in order of time, those made backwards first. A keyframe's position is its id + `first`.
@@ -43,10 +53,15 @@ struct KeyframePath {
   std::vector<mapping::StepUncertainty> steps;  ///< of each: to the keyframe before, or, if made backwards, after it
   std::vector<double> log_scale_variance;       ///< of each: of log(scale here / scale at the first one)
   int first = 0;                                ///< position of the keyframe with id 0
+  bool is_metric = false;                       ///< by static stereo
 };
 
 KeyframePath keyframe_path(const TrackingLog& log, const mapping::Mapper& mapper) {
-  KeyframePath path{log.earlier.keyframes, log.earlier.steps, {}, static_cast<int>(log.earlier.keyframes.size())};
+  KeyframePath path{log.earlier.keyframes,
+                    log.earlier.steps,
+                    {},
+                    static_cast<int>(log.earlier.keyframes.size()),
+                    mapper.window().has_stereo()};
   const std::vector<mapping::KeyframeRecord> later = mapper.keyframes();
   for (mapping::KeyframeRecord& keyframe : path.keyframes)
     keyframe.T_map_camera = later.front().T_map_camera * keyframe.T_map_camera;
@@ -147,12 +162,17 @@ geometry::Trajectory frame_trajectory(const std::vector<TrackedFrame>& frames,
   return trajectory;
 }
 
+/// As standard deviations are in FrameQuality.
+Eigen::Matrix<double, 6, 6> inflated(const Eigen::Matrix<double, 6, 6>& covariance) {
+  Eigen::Matrix<double, 6, 1> inflation;
+  inflation << Eigen::Vector3d::Constant(kPositionSigmaInflation), Eigen::Vector3d::Constant(kRotationSigmaInflation);
+  return inflation.asDiagonal() * covariance * inflation.asDiagonal();
+}
+
 /// Keyframes as the inertial alignment takes them: with the covariances of the window, inflated as for FrameQuality.
 /// `keyframes`: those of the path, corrected.
 std::vector<inertial::VisualKeyframe> visual_keyframes(const KeyframePath& path,
                                                        const std::vector<mapping::KeyframeRecord>& keyframes) {
-  Eigen::Matrix<double, 6, 1> inflation;
-  inflation << Eigen::Vector3d::Constant(kPositionSigmaInflation), Eigen::Vector3d::Constant(kRotationSigmaInflation);
   std::vector<inertial::VisualKeyframe> list;
   for (std::size_t k = 0; k < keyframes.size(); ++k) {
     // A left twist of T_camera_before is, but for its sign, a right twist of its inverse. A step made backwards has a
@@ -165,11 +185,68 @@ std::vector<inertial::VisualKeyframe> visual_keyframes(const KeyframePath& path,
           mapping::adjoint(keyframes[k].T_map_camera.inverse() * keyframes[k - 1].T_map_camera);
       covariance = other_side * covariance * other_side.transpose();
     }
-    list.push_back({keyframes[k].time_s, keyframes[k].T_map_camera,
-                    inflation.asDiagonal() * covariance * inflation.asDiagonal(),
-                    kPositionSigmaInflation * kPositionSigmaInflation * step.log_scale});
+    list.push_back({keyframes[k].time_s, keyframes[k].T_map_camera, inflated(covariance),
+                    kPositionSigmaInflation * kPositionSigmaInflation * step.log_scale, path.is_metric});
   }
   return list;
+}
+
+/// The keyframes, and between them images, at least `spacing_s` apart: more instants for a flight with few keyframes.
+/// The errors of images are taken to be independent of each other, which makes them count less than they might.
+struct Nodes {
+  std::vector<inertial::VisualKeyframe> list;
+  std::vector<std::size_t> keyframes;  ///< positions of the keyframes in `list`
+};
+
+Nodes nodes_with_images(const TrackingLog& log, const KeyframePath& path,
+                        const std::vector<inertial::VisualKeyframe>& keyframes, const std::map<int, double>& scale,
+                        double spacing_s) {
+  Nodes nodes;
+  Eigen::Matrix<double, 6, 6> of_last = Eigen::Matrix<double, 6, 6>::Zero();  // of the last node, if it is an image
+  const auto append = [&](inertial::VisualKeyframe node) {
+    if (!nodes.list.empty()) {  // its error as a right twist of the step, in the axes of this node
+      const Eigen::Matrix<double, 6, 6> carried =
+          mapping::adjoint(node.T_map_camera.inverse() * nodes.list.back().T_map_camera);
+      node.step_covariance += carried * of_last * carried.transpose();
+    }
+    nodes.list.push_back(node);
+  };
+  auto frame = log.tracked.begin();
+  const auto append_images = [&](double until_s) {  // the last one is the spacing before that
+    for (; frame != log.tracked.end() && frame->time_s < until_s; ++frame) {
+      if (nodes.list.empty() || frame->time_s - nodes.list.back().time_s < spacing_s ||
+          until_s - frame->time_s < spacing_s || frame->alignment.rmse.empty())
+        continue;
+      const auto host = static_cast<std::size_t>(frame->keyframe + path.first);
+      geometry::SE3 T_keyframe_camera = frame->T_camera_keyframe.inverse();
+      if (!scale.empty()) T_keyframe_camera.translation *= scale.at(frame->keyframe);
+      const Eigen::Matrix<double, 6, 6> covariance = inflated(pose_covariance(frame->alignment));
+      append({frame->time_s, keyframes[host].T_map_camera * T_keyframe_camera, covariance, 0.0, path.is_metric});
+      of_last = covariance;
+    }
+  };
+  for (std::size_t k = 0; k < keyframes.size(); ++k) {
+    append_images(keyframes[k].time_s);
+    nodes.keyframes.push_back(nodes.list.size());
+    append(keyframes[k]);
+    of_last.setZero();
+  }
+  append_images(HUGE_VAL);
+  return nodes;
+}
+
+/// The entries of the nodes that are keyframes.
+inertial::InertialAlignment at_keyframes(const Nodes& nodes, inertial::InertialAlignment found) {
+  const auto keep = [&](auto& list) {
+    auto kept = std::remove_reference_t<decltype(list)>();
+    for (const std::size_t k : nodes.keyframes) kept.push_back(list[k]);
+    list = std::move(kept);
+  };
+  keep(found.T_world_camera);
+  keep(found.scale);
+  keep(found.velocity_m_s);
+  keep(found.bias);
+  return found;
 }
 
 void rescale_qualities(const inertial::InertialAlignment& alignment, std::vector<FrameQuality>& quality) {
@@ -184,7 +261,14 @@ void rescale_qualities(const inertial::InertialAlignment& alignment, std::vector
 void align_to_gravity(const TrackingLog& log, const KeyframePath& path, const inertial::InertialInput& readings,
                       CorrectedMap& map, OdometryResult& result) {
   const geometry::Trajectory images = frame_trajectory(log.tracked, poses_by_id(map.keyframes), map.scale);
-  result.inertial = inertial::align_to_gravity(visual_keyframes(path, map.keyframes), images, readings);
+  const std::vector<inertial::VisualKeyframe> keyframes = visual_keyframes(path, map.keyframes);
+  result.inertial = inertial::align_to_gravity(keyframes, images, readings);
+  if (!result.inertial->metric && keyframes.back().time_s - keyframes.front().time_s < kShort_s) {
+    constexpr double kSpacing_s = 0.3;  // chosen by hand
+    const Nodes nodes = nodes_with_images(log, path, keyframes, map.scale, kSpacing_s);
+    inertial::InertialAlignment more = inertial::align_to_gravity(nodes.list, images, readings);
+    if (more.metric) result.inertial = at_keyframes(nodes, std::move(more));
+  }
   const inertial::InertialAlignment& found = *result.inertial;
   if (!found.metric) return;
   std::map<int, double> change;

@@ -285,12 +285,15 @@ void describe_scale(OdometryMode mode, const odometry::OdometryResult& result, c
   about["scale"] = is_metric || is_metric_by_stereo ? "metric" : "unknown";
   if (result.stereo) about["stereo"] = stereo_json(*result.stereo);
   if (!result.inertial) return;
-  about["inertial"] = inertial_json(*result.inertial);
+  about["inertial"] = inertial_json(*result.inertial, result.coupled_since_s);
   doubts.insert(doubts.end(), result.inertial->doubts.begin(), result.inertial->doubts.end());
   if (is_metric) base::write_file(folder / "inertial.csv", inertial_csv(*result.inertial, result.keyframes));
 }
 
 void require_one_scale(const TrackOptions& extras) {
+  if (extras.inertial_in_window && !uses_inertial_unit(extras.mode))
+    throw InputError("--tight", "puts an inertial unit's readings into the window, which --mode " +
+                                    to_string(extras.mode) + " does not use; use it with inertial or stereo-inertial");
   if (extras.mode != OdometryMode::kMono && !extras.init_from.empty())
     throw InputError("--init-from",
                      "and --mode " + to_string(extras.mode) + " both decide on frame and scale; use one of them");
@@ -383,7 +386,7 @@ class DatasetTracker {
       frames_[reverse] = select_frames(data, range);
     }
     priors_ = make_priors(extras, frames_[reverse_], reverse_, view);
-    priors_.inertial = played_readings(reverse_);
+    give_readings();
   }
   DatasetTracker(const DatasetTracker&) = delete;  // depth priors refer to the frames
   DatasetTracker& operator=(const DatasetTracker&) = delete;
@@ -422,7 +425,7 @@ class DatasetTracker {
       reverse_times(same_times);
       reverse_ = !reverse_;
       priors_ = pictures_alone;
-      priors_.inertial = played_readings(reverse_);
+      give_readings();
       remove_files(pictures);
       result = run(pictures, progress);
     }
@@ -434,10 +437,10 @@ class DatasetTracker {
 
  private:
   /// The inertial unit's readings in the order of play.
-  std::optional<inertial::InertialInput> played_readings(bool reverse) const {
-    std::optional<inertial::InertialInput> played = readings_;
-    if (played && reverse) played->samples = inertial::reversed(played->samples);
-    return played;
+  void give_readings() {
+    priors_.inertial = readings_;
+    priors_.inertial_in_window = extras_.inertial_in_window;
+    if (readings_ && reverse_) priors_.inertial->samples = inertial::reversed(readings_->samples);
   }
 
   odometry::OdometryResult track_direction(bool reverse, const odometry::OdometryOptions& options,
@@ -475,7 +478,7 @@ nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool r
   require_one_scale(extras);
   std::vector<std::string> rig_warnings;
   std::optional<StereoRig> rig;
-  if (extras.mode == OdometryMode::kStereo) rig = read_stereo_rig(dataset_folder, extras.camera.string(), rig_warnings);
+  if (uses_other_cameras(extras.mode)) rig = read_stereo_rig(dataset_folder, extras.camera.string(), rig_warnings);
   const dataset::Dataset data =
       rig ? rig->reference : dataset::read_dataset(dataset_folder, {extras.camera, extras.camera_id});
   const TrackingCamera view = make_tracking_camera(data.calibration, extras.rectify_fov_deg);
@@ -486,7 +489,7 @@ nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool r
   std::vector<std::string> warnings = add_rectification_warning(data.warnings, data.calibration, view);
   warnings.insert(warnings.end(), rig_warnings.begin(), rig_warnings.end());
   std::optional<inertial::InertialInput> readings;
-  if (extras.mode == OdometryMode::kInertial) readings = read_inertial_input(data, extras.gravity_m_s2, warnings);
+  if (uses_inertial_unit(extras.mode)) readings = read_inertial_input(data, extras.gravity_m_s2, warnings);
   DatasetTracker tracking(data, view, options, range, extras, std::move(readings), rig ? &*rig : nullptr);
   const auto write = [&](const fs::path& temporary, const fs::path& pictures) {
     odometry::OdometryResult result = tracking.run(pictures, progress);

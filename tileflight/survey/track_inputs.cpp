@@ -73,9 +73,8 @@ OdometryMode parse_odometry_mode(const std::string& where, const std::string& wo
   if (word == "mono") return OdometryMode::kMono;
   if (word == "inertial") return OdometryMode::kInertial;
   if (word == "stereo") return OdometryMode::kStereo;
-  if (word == "stereo-inertial")
-    throw InputError(where, "\"stereo-inertial\" does not exist yet; use mono, inertial or stereo");
-  throw InputError(where, "\"" + word + "\" is no mode; use mono, inertial or stereo");
+  if (word == "stereo-inertial") return OdometryMode::kStereoInertial;
+  throw InputError(where, "\"" + word + "\" is no mode; use mono, inertial, stereo or stereo-inertial");
 }
 
 std::string to_string(OdometryMode mode) {
@@ -84,6 +83,8 @@ std::string to_string(OdometryMode mode) {
       return "inertial";
     case OdometryMode::kStereo:
       return "stereo";
+    case OdometryMode::kStereoInertial:
+      return "stereo-inertial";
     case OdometryMode::kMono:
       break;
   }
@@ -160,8 +161,9 @@ inertial::InertialInput read_inertial_input(const dataset::Dataset& data, double
   return input;
 }
 
-json inertial_json(const inertial::InertialAlignment& a) {
+json inertial_json(const inertial::InertialAlignment& a, const std::optional<double>& coupled_since_s) {
   json result = {{"reason", a.reason}, {"covered_share", a.covered_share}};
+  if (coupled_since_s) result["coupled_since_s"] = *coupled_since_s;
   if (!a.metric) return result;
   result["scale"] = a.mean_scale;
   result["sigma_log_scale"] = a.sigma_log_scale;

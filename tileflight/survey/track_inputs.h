@@ -25,7 +25,8 @@ inertial::InertialInput read_inertial_input(const dataset::Dataset& data, double
                                             std::vector<std::string>& warnings);
 
 /// `inertial` of odometry.json (docs/formats.md).
-nlohmann::json inertial_json(const inertial::InertialAlignment& alignment);
+nlohmann::json inertial_json(const inertial::InertialAlignment& alignment,
+                             const std::optional<double>& coupled_since_s);
 
 /// inertial.csv: scale, velocity and biases at each keyframe.
 std::string inertial_csv(const inertial::InertialAlignment& alignment, const geometry::Trajectory& keyframes);
