@@ -153,7 +153,9 @@ dataset::Dataset write_rig(const fs::path& folder, const imaging::Camera& right)
   chain[1].folder = "cameras/right";
   chain[1].calibration.camera = right;
   chain[1].T_body_cam.translation.x() = 0.2;
+  chain[1].calibration.T_cam_imu = chain[1].T_body_cam.inverse();
   imaging::write_camchain(folder / "camchain.yaml", chain);
+  imaging::write_kalibr(folder / "cameras/right/camera.yaml", chain[1].calibration);
   return dataset::read_dataset(folder);
 }
 
