@@ -16,7 +16,8 @@ import statistics
 import subprocess
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
-OURS = ("mono", "stereo", "inertial", "stereo-inertial")
+OURS = ("mono", "stereo", "inertial")
+SYSTEMS = (*OURS, "openvins", "openvins-stereo", "orb-slam3", "orb-slam3-stereo", "orb-slam3-inertial", "orb-slam3-stereo-inertial")
 BASELINE_M = 0.2
 FRAMES = 400
 # Middle of the figure on the ground (east, north), height of the ground there, heading, degrees right of north.
@@ -103,7 +104,8 @@ def scores(program, dataset, folder):
         return {"tracked": 0.0}
     frames = sum(not line.startswith("#") for line in (dataset / "groundtruth.txt").read_text().splitlines())
     poses = sum(not line.startswith("#") for line in trajectory.read_text().splitlines())
-    row = {"tracked": poses / frames, "scale": json.loads((folder / "odometry.json").read_text()).get("scale")}
+    about = json.loads((folder / "odometry.json").read_text())
+    row = {"tracked": poses / frames, "scale": about.get("system", about).get("scale")}
     for kind in ("se3", "sim3"):
         metrics = folder / f"{kind}.json"
         done = run(program, "evaluate", "--trajectory", trajectory, "--truth-trajectory", dataset / "groundtruth.txt", "--alignment",
@@ -130,7 +132,7 @@ def main():
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--places", default=",".join(PLACES))
     parser.add_argument("--heights", default=",".join(map(str, HEIGHTS)))
-    parser.add_argument("--systems", default="mono,stereo,inertial,orb-slam3,orb-slam3-stereo,orb-slam3-stereo-inertial,openvins,openvins-stereo")
+    parser.add_argument("--systems", default=",".join(SYSTEMS))
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     found, rows = sources(arguments.program, arguments.out), {}
