@@ -85,14 +85,21 @@ def render(program, out, source, flight, seed):
     return folder
 
 
+def read_about(folder):
+    file = folder / "odometry.json"
+    return json.loads(file.read_text()) if file.exists() else {}
+
+
 def odometry(program, dataset, out, system, seed):
-    """Runs a system, and gives its folder; None: not installed, or not for this dataset."""
+    """Runs a system unless it has been, and gives its folder; None: not installed, not for this dataset, or it failed."""
     folder = out / f"{dataset.name}-{system}"
-    words = ["--mode", system, "--no-check"] if system in OURS else ["--system", system]
-    if not (folder / "odometry.json").exists():
+    completed = lambda about: about.get("system", {}).get("completed", bool(about))
+    if not completed(read_about(folder)):
+        words = ["--mode", system, "--no-check"] if system in OURS else ["--system", system]
         done = run(program, "odometry", dataset, *words, "--out", folder, "--seed", seed, "--force", check=False)
-        if not (folder / "odometry.json").exists():
-            print(f"{dataset.name}, {system}: {done.stderr.strip() or done.stdout.strip()}", flush=True)
+        about = read_about(folder)
+        if not completed(about):
+            print(f"{dataset.name}, {system}: {about.get('lost_reason') or done.stderr.strip()}", flush=True)
             return None
     return folder
 
@@ -100,11 +107,9 @@ def odometry(program, dataset, out, system, seed):
 def scores(program, dataset, folder):
     """ATE with the scale held and corrected, the scale's error, path length, share of the frames tracked."""
     trajectory = folder / "trajectory.txt"
-    if not trajectory.exists():
-        return {"tracked": 0.0}
     frames = sum(not line.startswith("#") for line in (dataset / "groundtruth.txt").read_text().splitlines())
     poses = sum(not line.startswith("#") for line in trajectory.read_text().splitlines())
-    about = json.loads((folder / "odometry.json").read_text())
+    about = read_about(folder)
     row = {"tracked": poses / frames, "scale": about.get("system", about).get("scale")}
     for kind in ("se3", "sim3"):
         metrics = folder / f"{kind}.json"
@@ -118,11 +123,14 @@ def scores(program, dataset, folder):
 
 
 def describe(place, height, system, rows):
+    """A row of the table: means of magnitudes over the seeds; scale's error only where the system gives metres."""
     rows = [row for row in rows if "scale_error" in row]
-    if rows:
-        mean = {key: statistics.mean(abs(row[key]) for row in rows) for key in ("ate_se3_m", "ate_sim3_m", "scale_error", "tracked")}
-        print(f"| {place}, {height} m | {system} | {len(rows)} | {100 * mean['tracked']:.0f} % | {100 * mean['scale_error']:.2f} % | "
-              f"{mean['ate_se3_m']:.3f} | {mean['ate_sim3_m']:.3f} |", flush=True)
+    if not rows:
+        return
+    mean = {key: statistics.mean(abs(row[key]) for row in rows) for key in ("ate_se3_m", "ate_sim3_m", "scale_error", "tracked")}
+    metric = all(row["scale"] == "metric" for row in rows)
+    scale = f"{100 * mean['scale_error']:.2f} % | {mean['ate_se3_m']:.3f}" if metric else "unknown | –"
+    print(f"| {place}, {height} m | {system} | {100 * mean['tracked']:.0f} % | {scale} | {mean['ate_sim3_m']:.3f} |", flush=True)
 
 
 def main():
