@@ -8,6 +8,7 @@
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/dataset/export_dataset.h"
+#include "tileflight/dataset/rig.h"
 #include "tileflight/imaging/image_files.h"
 #include "tileflight/imaging/rectify.h"
 #include "tileflight/systems/lens_support.h"
@@ -19,13 +20,12 @@ namespace {
 /// An adapter's word for this program's own layout.
 constexpr const char* kOwnLayout = "tileflight";
 
-/// Where the layouts that read_dataset() knows keep an input; the first is this program's own.
+/// Where the layouts that read_dataset() knows keep an input; the first is this program's own. Empty: see has_input().
 std::vector<const char*> places_of(Input input) {
   switch (input) {
     case Input::kImages:
-      return {};
     case Input::kStereo:
-      return {"images_right", "image_1", "image_r", "mav0/cam1", "cam1", "rgb_1"};
+      return {};
     case Input::kDepth:
       return {"depth", "depth_0"};
     case Input::kImu:
@@ -37,6 +37,7 @@ std::vector<const char*> places_of(Input input) {
 }
 
 bool has_input(const dataset::Dataset& dataset, Input input) {
+  if (input == Input::kStereo) return dataset::rig_camera_names(dataset.folder).size() > 1;
   const auto places = places_of(input);
   return places.empty() ||
          std::ranges::any_of(places, [&](const char* place) { return fs::exists(dataset.folder / place); });
@@ -64,6 +65,22 @@ bool knows_lens(const Adapter& adapter, const imaging::Camera& camera) {
     // A plain pinhole is a pinhole-radtan without distortion.
     return known == "any" || known == lens || (lens == "pinhole" && known == "pinhole-radtan");
   });
+}
+
+bool takes(const Adapter& adapter, Input input) { return std::ranges::count(adapter.inputs, input) > 0; }
+
+bool lies_in_own_layout(const dataset::Dataset& dataset) { return fs::exists(dataset.folder / "images"); }
+
+/// Of a system that takes several cameras: the other ones are handed over as they are, or not at all.
+std::string why_cameras_cannot_be_handed(const Adapter& adapter, const dataset::Dataset& dataset) {
+  for (const dataset::RigCamera& camera : dataset::read_rig(dataset.folder).cameras) {
+    const imaging::Camera& lens = camera.dataset.calibration.camera;
+    if (!knows_lens(adapter, lens))
+      return "does not know the lens " + lens_name(lens) + ", and the images of several cameras are not rectified";
+  }
+  if (adapter.layout == kOwnLayout && !lies_in_own_layout(dataset))
+    return "takes several cameras in this program's own layout only; `tileflight ingest` makes such a dataset";
+  return "";
 }
 
 /// Other sensors' files of a dataset in this program's layout, which exports read beside the images.
@@ -133,11 +150,15 @@ void describe_rectification(const Adapter& adapter, const imaging::Calibration& 
 
 std::string why_not_applicable(const Adapter& adapter, const dataset::Dataset& dataset) {
   for (const Input input : adapter.inputs) {
-    if (!has_input(dataset, input))
-      return "needs " + description(input) + ", and the dataset has no " + places_of(input).front();
+    if (has_input(dataset, input)) continue;
+    const auto places = places_of(input);
+    return "needs " + description(input) + ", and the dataset has " +
+           (places.empty() ? "none" : std::string("no ") + places.front());
   }
-  const bool needs_depth = std::ranges::count(adapter.inputs, Input::kDepth) > 0;
-  if (needs_depth && !knows_lens(adapter, dataset.calibration.camera))
+  if (takes(adapter, Input::kStereo)) {
+    if (const std::string why = why_cameras_cannot_be_handed(adapter, dataset); !why.empty()) return why;
+  }
+  if (takes(adapter, Input::kDepth) && !knows_lens(adapter, dataset.calibration.camera))
     return "does not know the lens " + lens_name(dataset.calibration.camera) + ", and depth images are not rectified";
   return "";
 }
@@ -147,7 +168,7 @@ HandedDataset hand_over(const Adapter& adapter, const dataset::Dataset& dataset,
   HandedDataset handed{.folder = dataset.folder, .calibration = dataset.calibration, .notes = {}};
   dataset::Dataset source = dataset;
   const bool rectifies = !knows_lens(adapter, dataset.calibration.camera);
-  const bool wants_own_layout = adapter.layout == kOwnLayout && !fs::exists(dataset.folder / "images");
+  const bool wants_own_layout = adapter.layout == kOwnLayout && !lies_in_own_layout(dataset);
   if (rectifies || wants_own_layout) {
     handed.folder = scratch / (rectifies ? "rectified" : "dataset");
     std::optional<imaging::Camera> pinhole;
@@ -159,7 +180,10 @@ HandedDataset hand_over(const Adapter& adapter, const dataset::Dataset& dataset,
   }
   if (adapter.layout == kOwnLayout) return handed;
   handed.folder = scratch / adapter.layout;
-  const dataset::ExportResult result = dataset::export_dataset(source, adapter.layout, handed.folder, false, progress);
+  // Several cameras are neither rectified nor rewritten (why_not_applicable), so that they are those of the folder.
+  const dataset::Rig cameras =
+      takes(adapter, Input::kStereo) ? dataset::read_rig(dataset.folder) : dataset::rig_of(source);
+  const dataset::ExportResult result = dataset::export_rig(cameras, adapter.layout, handed.folder, false, progress);
   handed.notes.insert(handed.notes.end(), result.notes.begin(), result.notes.end());
   if (adapter.layout == "kitti") handed.T_cam_lidar = read_lidar_pose(handed.folder / "calib.txt");
   return handed;

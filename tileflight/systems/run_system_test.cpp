@@ -8,8 +8,10 @@
 
 #include "tests/run_program.h"
 #include "tests/temporary_folder.h"
+#include "tileflight/dataset/rig.h"
 #include "tileflight/geometry/cloud_files.h"
 #include "tileflight/geometry/trajectory.h"
+#include "tileflight/imaging/calibration_files.h"
 #include "tileflight/systems/handed_dataset.h"
 #include "tileflight/systems/lens_support.h"
 #include "tileflight/systems/test_adapters.h"
@@ -137,6 +139,55 @@ TEST_F(RunSystem, AnIndexBeyondTheFramesIsAFault) {
   const json about =
       run("leaves: {trajectory: {times: frame-indices}}\n", "echo 9 0 0 0 0 0 0 1 > $OUT/trajectory.txt");
   EXPECT_THAT(about["system"]["reason"].get<std::string>(), HasSubstr("has a pose for frame 9"));
+}
+
+/// A rig of two cameras, the second in `cameras/right`, 0.2 m beside the first.
+dataset::Dataset write_rig(const fs::path& folder, const imaging::Camera& right) {
+  write_dataset(folder, kCamera);
+  write_dataset(folder / "cameras/right", right);
+  std::vector<imaging::ChainCamera> chain(2);
+  chain[0].name = "left";
+  chain[0].folder = ".";
+  chain[0].calibration.camera = kCamera;
+  chain[1].name = "right";
+  chain[1].folder = "cameras/right";
+  chain[1].calibration.camera = right;
+  chain[1].T_body_cam.translation.x() = 0.2;
+  chain[1].calibration.T_cam_imu = chain[1].T_body_cam.inverse();
+  imaging::write_camchain(folder / "camchain.yaml", chain);
+  imaging::write_kalibr(folder / "cameras/right/camera.yaml", chain[1].calibration);
+  return dataset::read_dataset(folder);
+}
+
+TEST(HandedDataset, ASystemForSeveralCamerasGetsThoseOfARenderedRig) {
+  const tests::TemporaryFolder folder;
+  const dataset::Dataset data = write_rig(folder / "data", kCamera);
+  Adapter adapter = write_adapter(folder / "mine", "", "");
+  adapter.layout = "euroc";
+  const auto second_camera_of = [&](const char* scratch) {
+    fs::create_directory(folder / scratch);
+    return hand_over(adapter, data, folder / scratch).folder / "mav0/cam1/data.csv";
+  };
+  EXPECT_FALSE(fs::exists(second_camera_of("mono"))) << "what it does not take";
+  adapter.inputs.push_back(Input::kStereo);
+  EXPECT_EQ(why_not_applicable(adapter, data), "");
+  EXPECT_TRUE(fs::exists(second_camera_of("stereo")));
+  const dataset::Rig rig = dataset::read_rig(folder / "stereo/euroc");
+  ASSERT_EQ(rig.cameras.size(), 2U);
+  EXPECT_EQ(rig.cameras[1].dataset.frames.size(), data.frames.size());
+  const geometry::SE3 T_left_right = rig.cameras[0].T_body_camera.inverse() * rig.cameras[1].T_body_camera;
+  EXPECT_NEAR((T_left_right.translation - geometry::Vec3(0.2, 0, 0)).norm(), 0.0, 1e-9);
+}
+
+TEST(HandedDataset, SeveralCamerasThatItCannotHandOverAreNotApplicable) {
+  const tests::TemporaryFolder folder;
+  Adapter adapter = write_adapter(folder / "mine", "", "");
+  adapter.inputs.push_back(Input::kStereo);
+  adapter.lenses = {"pinhole"};
+  EXPECT_EQ(why_not_applicable(adapter, write_dataset(folder / "one", kCamera)),
+            "needs a second camera, and the dataset has none");
+  EXPECT_EQ(why_not_applicable(adapter, write_rig(folder / "two", imaging::make_fisheye(64, 48, 150.0))),
+            "does not know the lens pinhole-equi, and the images of several cameras are not rectified");
 }
 
 TEST(HandedDataset, AnUnknownLensIsRectifiedToItsPinholeVisibly) {
