@@ -9,19 +9,16 @@ Each flight is rendered once: two pinholes of 90 degrees, 640 x 480, 0.2 m apart
 import argparse
 import json
 import math
-import os
 import pathlib
 import random
 import statistics
 import subprocess
 
-ROOT = pathlib.Path(__file__).resolve().parent.parent
+from stereo_accuracy import BASELINE_M, PLACES, sources
+
 OURS = ("mono", "stereo", "inertial")
 SYSTEMS = (*OURS, "openvins", "openvins-stereo", "orb-slam3", "orb-slam3-stereo", "orb-slam3-inertial", "orb-slam3-stereo-inertial")
-BASELINE_M = 0.2
 FRAMES = 400
-# Middle of the figure on the ground (east, north), height of the ground there, heading, degrees right of north.
-PLACES = {"stadium": (0.0, 0.0, 0.0, 10.0), "machangara": (262.0, -160.0, 2888.0, 110.0)}
 # Height over ground: half length and half width of the figure, speed, pitch.
 HEIGHTS = {12: (14.0, 7.0, 5.0, -45.0), 30: (24.0, 12.0, 7.0, -60.0)}
 CAMERA = """cam0:
@@ -32,17 +29,6 @@ CAMERA = """cam0:
   resolution: [640, 480]
 """
 T_CAM_IMU = "  T_cam_imu: [[0.0, -1.0, 0.0, 0.05], [0.0, 0.0, -1.0, 0.02], [1.0, 0.0, 0.0, -0.03], [0.0, 0.0, 0.0, 1.0]]\n"
-
-
-def sources(program, out):
-    data = pathlib.Path(os.environ.get("TILEFLIGHT_TEST_DATA", ROOT / "../../shared/data"))
-    if not (out / "stadium").exists():
-        run(program, "scene", "stadium", out / "stadium")
-    found = {"stadium": [out / "stadium/twin", "--origin", "35.310344,-80.740007,190"]}
-    tileset = data / "tilesets/machangara_photogrammetry/tileset.json"
-    if tileset.exists():
-        found["machangara"] = [tileset, "--origin", "-0.24,-78.52,0"]
-    return found
 
 
 def run(program, *words, check=True):

@@ -211,11 +211,14 @@ void check_other_images(const OtherCameraResult& camera, const OdometryResult& r
 void check_stereo(const OdometryResult& result, const FrameName& name_of, const DoubtThresholds& limits,
                   Doubts& doubts) {
   if (!result.stereo) return;
-  if (!result.stereo->metric)
-    doubts.push_back(
-        {"the map has no metric scale: when it began, the rig's other cameras showed no distances, and it is "
-         "that of the reference camera alone",
-         kWhere, "certain", "check the other cameras' images and the rig's calibration"});
+  if (!result.stereo->metric) {
+    const bool by_readings = result.inertial && result.inertial->metric;
+    const std::string what = by_readings ? "the rig gave the map no scale, the inertial unit did: when it began, the "
+                                           "rig's other cameras showed no distances"
+                                         : "the map has no metric scale: when it began, the rig's other cameras showed "
+                                           "no distances, and it is that of the reference camera alone";
+    doubts.push_back({what, kWhere, "certain", "check the other cameras' images and the rig's calibration"});
+  }
   for (const OtherCameraResult& camera : result.stereo->cameras) {
     check_rig_fit(camera, limits, doubts);
     check_other_images(camera, result, name_of, limits, doubts);

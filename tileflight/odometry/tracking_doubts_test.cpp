@@ -233,6 +233,16 @@ TEST(SecondOpinion, DispersionIsOneWhereTheSigmasAreRight) {
   EXPECT_DOUBLE_EQ(quality[0].sigma_rotation_rad, 0.1);  // not below a half
 }
 
+TEST(TrackingDoubts, ARigWithoutScaleIsSaidAndWhereTheScaleIsFromThen) {
+  OdometryResult result = good_flight();
+  result.stereo.emplace().metric = false;
+  ASSERT_EQ(doubts_about(result).size(), 1U);
+  EXPECT_NE(doubts_about(result)[0].what.find("the map has no metric scale"), std::string::npos);
+  result.inertial.emplace().metric = true;
+  ASSERT_EQ(doubts_about(result).size(), 1U);
+  EXPECT_NE(doubts_about(result)[0].what.find("the inertial unit did"), std::string::npos);
+}
+
 TEST(SecondOpinion, OnlyPicturesThatBothHaveCount) {
   const geometry::Trajectory path = good_flight().trajectory;
   geometry::Trajectory part = path;
