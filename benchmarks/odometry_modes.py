@@ -3,8 +3,8 @@
     python3 benchmarks/odometry_modes.py build/release/bin/tileflight --out /tmp/modes [--frames 160]
 
 The stadium's example flight with two cameras of 90 degrees, 1008 pixels wide, 0.2 m apart, and the inertial unit of
-inertial_accuracy.py: mono, inertial, inertial with the intrinsics held (--fixed-intrinsics) and with the readings in the window
-(--tight), stereo, stereo-inertial.
+inertial_accuracy.py: mono, mono with the intrinsics held (--fixed-intrinsics, as all others do), inertial, with the readings in
+the window (--tight), stereo, stereo-inertial.
 """
 
 import argparse
@@ -15,8 +15,8 @@ from inertial_accuracy import ROOT, T_CAM_IMU, path_errors, read_tum, run, tilt_
 
 MODES = {
     "mono": ["--mode", "mono"],
+    "mono, fixed intrinsics": ["--mode", "mono", "--fixed-intrinsics"],
     "inertial": ["--mode", "inertial"],
-    "inertial, fixed intrinsics": ["--mode", "inertial", "--fixed-intrinsics"],
     "inertial, tight": ["--mode", "inertial", "--tight"],
     "stereo": ["--mode", "stereo"],
     "stereo-inertial": ["--mode", "stereo-inertial"],

@@ -156,8 +156,10 @@ void add_odometry(CLI::App& app, CommonOptions& common, Selection& selection) {
   CLI::Option* rectify = command->add_option("--rectify", options->rectify_fov_deg,
                                              "rectify the images to a pinhole of this horizontal field of view, "
                                              "degrees (for comparison; by default the lens model itself is used)");
-  command->add_flag("--fixed-intrinsics{false}", options->settings.window.refine_intrinsics,
-                    "keep the calibration's focal lengths and principal point (by default they are refined)");
+  command->add_flag(
+      "--fixed-intrinsics{false}", options->settings.window.refine_intrinsics,
+      "keep the calibration's focal lengths and principal point (by default they are refined, except with "
+      "an inertial unit or a rig)");
   add_map_filters(*command, *options);
   command
       ->add_option("--seed", options->settings.initialization.seed,

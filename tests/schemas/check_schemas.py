@@ -69,7 +69,7 @@ NOT_PROBED = {
     "inclination_deg": "goes with two others", "strength_ut": "goes with two others", "find_regions": "excludes regions", "T_cam_lidar": "must be a rigid motion",
     "seed": "any whole number of 32 bits", "video_crf": "excludes video_bitrate", "smooth": "for a trajectory", "sensors_file": "names a file",
     "center": "goes together with size", "center_local": "goes together with size", "size": "goes together with center", "threshold": "one of evaluation.thresholds",
-    "thresholds": "must hold threshold of a study", "backwards": "excludes command", "mode": "excludes command", "position": "of a waypoint", "version": "a command",
+    "thresholds": "must hold threshold of a study", "backwards": "excludes command", "mode": "excludes command", "tight": "needs mode: inertial", "position": "of a waypoint", "version": "a command",
     "telemetry_offset": "needs telemetry", "pattern": "has a file of its own here", "kind": "of a rendered flight is never video", "max_frames": "checked by its own numbers below", "resolution": "of two keys",
     "azimuth_range_deg": "in order", "points": "multiples of three", "look_at": "excludes angles", "direction": "not zero", "wind_m_s": "limited in length",
     "camera_id": "names a camera of a file", "T_body_camera": "must be a rigid motion",

@@ -126,6 +126,7 @@ json odometry_defaults(const tf::experiment::OdometryConfig& o) {
           {"fixed_intrinsics", !o.options.window.refine_intrinsics},
           {"seed", o.options.initialization.seed},
           {"mode", tf::survey::to_string(o.track_options.mode)},
+          {"tight", o.track_options.inertial_in_window},
           {"gravity", o.track_options.gravity_m_s2},
           {"colmap", o.track_options.colmap},
           {"debug_pictures", o.debug_pictures},

@@ -227,6 +227,10 @@ void read_mode(StrictSection& section, OdometryConfig& odometry) {
   if (mode) options.mode = survey::parse_odometry_mode("odometry.mode", *mode);
   if (mode && !odometry.command.empty())
     throw section.error("mode", "applies to the built-in odometry only; an external command reads what it wants");
+  options.inertial_in_window = section.boolean("tight").value_or(options.inertial_in_window);
+  if (options.inertial_in_window && !survey::uses_inertial_unit(options.mode))
+    throw section.error(
+        "tight", "puts an inertial unit's readings into the window, which needs 'mode: inertial' or 'stereo-inertial'");
   options.gravity_m_s2 = section.number("gravity").value_or(options.gravity_m_s2);
   if (!(options.gravity_m_s2 >= 9.7 && options.gravity_m_s2 <= 9.9))
     throw section.error("gravity", "must lie between 9.7 and 9.9 m/s^2");

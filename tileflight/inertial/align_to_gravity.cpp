@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <numeric>
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/geometry/angles.h"
@@ -98,6 +99,41 @@ VisualInertialState optimized(const VisualInertialProblem& problem, VisualInerti
     if (settled) break;
   }
   return state;
+}
+
+struct Solution {
+  VisualInertialState state;
+  double cost = 0.0;
+};
+
+/// The least cost that iterations from closed-form starts lead to: at the clocks' offset that rotations show, and
+/// without one, since a flight that hardly turns shows an offset that is off by far, and steps that count less where
+/// they do not fit make a wrong scale a minimum, too. nullopt without any start. `rival`: the other minimum, where it
+/// is another.
+std::optional<Solution> best_solution(const VisualInertialProblem& problem, std::optional<Solution>& rival) {
+  constexpr double kSame_s = 5e-3;
+  std::vector<double> offsets_s = {problem.time_offset_s()};
+  if (std::abs(offsets_s[0]) > kSame_s) offsets_s.push_back(0.0);
+  std::optional<Solution> best;
+  for (const double offset_s : offsets_s) {
+    auto start = inertial_start(problem, offset_s);
+    if (!start) continue;
+    Solution found{optimized(problem, std::move(*start)), 0.0};
+    found.cost = problem.linearize(found.state).cost();
+    if (best) rival = found.cost < best->cost ? *best : found;
+    if (!best || found.cost < best->cost) best = std::move(found);
+  }
+  return best;
+}
+
+/// Whether another scale fits nearly as well.
+bool is_ambiguous(const Solution& best, const std::optional<Solution>& rival, double sigma_log_scale) {
+  constexpr double kSigmas = 3.0;
+  if (!rival || rival->cost - best.cost > kSigmas * kSigmas) return false;
+  const auto mean = [](const std::vector<double>& list) {
+    return std::accumulate(list.begin(), list.end(), 0.0) / static_cast<double>(list.size());
+  };
+  return std::abs(mean(rival->state.log_scale) - mean(best.state.log_scale)) > kSigmas * sigma_log_scale;
 }
 
 /// Root mean square of the samples' residuals over their sigmas.
@@ -197,18 +233,22 @@ void require_common_time(const std::vector<VisualKeyframe>& keyframes, const Ine
 /// Solves the problem with the clock known so far, and says what became of it.
 void solve(const VisualInertialProblem& problem, const InertialInput& input, const InertialLimits& limits,
            InertialAlignment& result) {
-  const auto start = inertial_start(problem);
-  if (!start)
+  std::optional<Solution> rival;
+  const std::optional<Solution> best = best_solution(problem, rival);
+  if (!best)
     return give_up("no scale fits both the unit's readings and the camera's path",
                    "record more of the flight, with changes of speed and direction; check T_cam_imu", input.where,
                    result);
-  const VisualInertialState state = optimized(problem, *start);
+  const VisualInertialState& state = best->state;
   result.time_offset_s = state.time_offset_s;
   result.T_imu_camera = state.T_imu_camera;
   result.mounting_correction_rad = state.T_imu_camera.rotation.angularDistance(input.model.T_imu_camera.rotation);
   result.residual_ratio = residual_ratio(problem, state);
   set_uncertainties(problem, state, result);
   judge(input, limits, result);
+  if (result.metric && is_ambiguous(*best, rival, result.sigma_log_scale))
+    give_up("two scales fit the unit's readings and the camera's path nearly alike",
+            "fly with more changes of speed and direction, and turn", input.where, result);
   if (result.metric) set_path(state, result);
 }
 

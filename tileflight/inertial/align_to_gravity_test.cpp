@@ -211,6 +211,48 @@ TEST(AlignToGravity, ClocksThatDifferAreFound) {
   }
 }
 
+// A flight that hardly turns, whose images' rotations lag behind by chance: the clocks' offset that they show is no
+// more than a hint.
+TEST(AlignToGravity, AnOffsetThatRotationsHardlyShowIsNotBelieved) {
+  Flight flight;
+  const auto turn = [](double t) {
+    return Eigen::Quaterniond(Eigen::AngleAxisd(0.03 * std::sin(0.9 * t), Vec3::UnitY()) *
+                              Eigen::AngleAxisd(0.02 * std::cos(0.7 * t), Vec3::UnitX()));
+  };
+  flight.motion.rotation = turn;
+  Flight late = flight;
+  late.motion.rotation = [turn](double t) { return turn(t - 0.14); };
+  geometry::Trajectory images = late.images();
+  std::mt19937 random(1);
+  std::normal_distribution<double> normal(0.0, 1e-4);
+  for (geometry::StampedPose& pose : images.poses)
+    pose.T_local_camera.rotation =
+        pose.T_local_camera.rotation * geometry::so3_exp(Vec3(normal(random), normal(random), normal(random)));
+  for (unsigned seed = 1; seed < 6; ++seed) {
+    const auto keyframes = flight.keyframes(0.5, 0.02, seed);
+    const InertialAlignment found = align_to_gravity(keyframes, images, flight.input(seed));
+    ASSERT_TRUE(found.metric) << seed << ": " << found.reason;
+    EXPECT_NEAR(found.mean_scale / flight.scale, 1.0, 0.015) << seed;
+    EXPECT_LT(std::abs(found.time_offset_s), 0.03) << seed;
+  }
+}
+
+TEST(InertialStart, IsForTheGivenOffsetOfTheClocks) {
+  Flight flight;
+  flight.clock_offset_s = 0.3;
+  const auto keyframes = flight.keyframes();
+  const InertialInput input = flight.input();
+  const ImuCheck check = check_readings(input.samples, input.model.noise, "imu.csv");
+  const VisualInertialProblem problem(keyframes, input.samples, check, input.model, 0.0, 0.1);
+  const auto error = [&](double offset_s) {
+    const VisualInertialState start = inertial_start(problem, offset_s).value();
+    EXPECT_EQ(start.time_offset_s, offset_s);
+    return std::abs(start.log_scale[0] - std::log(flight.scale));
+  };
+  EXPECT_LT(error(0.3), 0.5 * error(0.0));
+  EXPECT_LT(error(0.3), 0.02);
+}
+
 TEST(AlignToGravity, ASlightlyTurnedUnitIsCorrected) {
   const Flight flight;
   InertialInput input = flight.input();

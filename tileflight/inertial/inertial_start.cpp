@@ -16,13 +16,13 @@ Eigen::Quaterniond R_map_imu(const VisualInertialProblem& problem, std::size_t k
 }
 
 /// Least squares for the bias that turns the samples as the camera turned; two Gauss-Newton steps.
-ImuBias gyroscope_bias(const VisualInertialProblem& problem) {
+ImuBias gyroscope_bias(const VisualInertialProblem& problem, double time_offset_s) {
   ImuBias bias;
   for (int iteration = 0; iteration < 2; ++iteration) {
     Mat3 H = 1e-9 * Mat3::Identity();
     Vec3 b = Vec3::Zero();
     for (std::size_t k = 0; k + 1 < problem.keyframes().size(); ++k) {
-      const auto between = problem.preintegrate_step(k, problem.time_offset_s(), bias);
+      const auto between = problem.preintegrate_step(k, time_offset_s, bias);
       if (!between) continue;
       const Vec3 residual = geometry::so3_log(between->increment.rotation.conjugate() *
                                               R_map_imu(problem, k).conjugate() * R_map_imu(problem, k + 1));
@@ -49,14 +49,15 @@ struct LongStep {
 };
 
 /// Steps of at least `spacing_s`, one after the other; where samples are missing, the next begins behind.
-std::vector<LongStep> long_steps(const VisualInertialProblem& problem, const ImuBias& bias, double spacing_s) {
+std::vector<LongStep> long_steps(const VisualInertialProblem& problem, double time_offset_s, const ImuBias& bias,
+                                 double spacing_s) {
   std::vector<LongStep> steps;
   std::size_t first = 0;
   Increment sum;
   double duration_s = 0.0;
   const auto begin_at = [&](std::size_t k) { first = k, sum = {}, duration_s = 0.0; };
   for (std::size_t k = 0; k + 1 < problem.keyframes().size(); ++k) {
-    const auto between = problem.preintegrate_step(k, problem.time_offset_s(), bias);
+    const auto between = problem.preintegrate_step(k, time_offset_s, bias);
     if (!between) {
       begin_at(k + 1);
       continue;
@@ -115,13 +116,13 @@ std::optional<ScaleAndGravity> solve_triples(const VisualInertialProblem& proble
 
 /// States at the keyframes for a scale and a direction of gravity.
 VisualInertialState make_states(const VisualInertialProblem& problem, const ScaleAndGravity& found,
-                                const ImuBias& bias) {
+                                double time_offset_s, const ImuBias& bias) {
   const auto& keyframes = problem.keyframes();
   const Eigen::Quaterniond R_world_map =
       Eigen::Quaterniond::FromTwoVectors(-found.gravity_m_s2.normalized(), Vec3::UnitZ());
   VisualInertialState start;
   start.T_imu_camera = problem.model().T_imu_camera;
-  start.time_offset_s = problem.time_offset_s();
+  start.time_offset_s = time_offset_s;
   start.log_scale.assign(keyframes.size(), std::log(found.scale));
   for (const VisualKeyframe& keyframe : keyframes) {
     const SE3 T_world_camera(R_world_map * keyframe.T_map_camera.rotation,
@@ -139,15 +140,16 @@ VisualInertialState make_states(const VisualInertialProblem& problem, const Scal
 
 }  // namespace
 
-std::optional<VisualInertialState> inertial_start(const VisualInertialProblem& problem, double spacing_s) {
+std::optional<VisualInertialState> inertial_start(const VisualInertialProblem& problem, double time_offset_s,
+                                                  double spacing_s) {
   const auto& keyframes = problem.keyframes();
   if (keyframes.size() < 3) return std::nullopt;
   if (keyframes.front().is_metric)  // gravity alone shows in less time
     spacing_s = std::min(spacing_s, 0.3 * (keyframes.back().time_s - keyframes.front().time_s));
-  const ImuBias bias = gyroscope_bias(problem);
-  const auto found = solve_triples(problem, long_steps(problem, bias, spacing_s));
+  const ImuBias bias = gyroscope_bias(problem, time_offset_s);
+  const auto found = solve_triples(problem, long_steps(problem, time_offset_s, bias, spacing_s));
   if (!found) return std::nullopt;
-  return make_states(problem, *found, bias);
+  return make_states(problem, *found, time_offset_s, bias);
 }
 
 }  // namespace tileflight::inertial

@@ -1,6 +1,7 @@
 #pragma once
 
-// A first guess of scale, gravity, velocities and the gyroscope's bias, in closed form.
+// A first guess of scale, gravity, velocities and the gyroscope's bias, in closed form, for a given offset of the
+// clocks.
 
 #include <optional>
 
@@ -13,6 +14,7 @@ namespace tileflight::inertial {
 /// accelerometer's bias (IV-B, (12)). The keyframes of a triple are at least `spacing_s` apart, since the positions'
 /// errors count less the longer the time. nullopt if the samples cover fewer than two such triples (one, of a metric
 /// map), or if no positive scale fits.
-std::optional<VisualInertialState> inertial_start(const VisualInertialProblem& problem, double spacing_s = 0.7);
+std::optional<VisualInertialState> inertial_start(const VisualInertialProblem& problem, double time_offset_s,
+                                                  double spacing_s = 0.7);
 
 }  // namespace tileflight::inertial

@@ -65,8 +65,8 @@ WindowResult Mapper::initialize(std::vector<photometry::Keyframe> keyframes) {
   update_lens();
   remove_bad_residuals(window_);
   update_noise(result);
-  for (int slot = 0; slot < window_.size(); ++slot)
-    step_uncertainties_.push_back(step_uncertainty(window_, slot, residual_variance_));
+  for (int slot = 0; slot < window_.size(); ++slot) add_step(slot);
+  update_steps();
   return result;
 }
 
@@ -74,7 +74,7 @@ bool Mapper::start(const KeyframeCandidate& source) {
   const std::vector<photometry::StereoCamera> cameras = window_.stereo_cameras;
   mapping::add_keyframe(window_, make_keyframe(source));
   if (start_from_stereo(window_, lens_.lenses[0], options_) > 0) {
-    step_uncertainties_.push_back(step_uncertainty(window_, 0, residual_variance_));
+    add_step(0);
     return true;
   }
   window_ = {};
@@ -160,7 +160,8 @@ WindowResult Mapper::add_keyframe(const KeyframeCandidate& source) {
   update_lens();
   remove_bad_residuals(window_);
   update_noise(result);
-  step_uncertainties_.push_back(step_uncertainty(window_, window_.size() - 1, residual_variance_));
+  add_step(window_.size() - 1);
+  update_steps();
   retire_keyframes();
   return result;
 }
@@ -178,6 +179,20 @@ void Mapper::take_readings(const KeyframeCandidate& source) {
     inertial_->add_keyframe(window_, *source.readings);
   } else {
     uncouple();
+  }
+}
+
+void Mapper::add_step(int slot) {
+  step_uncertainties_.push_back(step_uncertainty(window_, slot, residual_variance_));
+  if (slot > 0) step_uncertainties_.back().before = window_.keyframes[slot - 1].id;
+}
+
+/// Steps between keyframes that are in the window have its latest poses.
+void Mapper::update_steps() {
+  for (int slot = 1; slot < window_.size(); ++slot) {
+    const photometry::Keyframe &before = window_.keyframes[slot - 1], &keyframe = window_.keyframes[slot];
+    StepUncertainty& step = step_uncertainties_[static_cast<std::size_t>(keyframe.id)];
+    if (step.before == before.id) step.T_before_keyframe = before.T_camera_map() * keyframe.T_camera_map().inverse();
   }
 }
 

@@ -95,8 +95,8 @@ class Mapper {
   /// All points so far: those that left the window and those in it.
   std::vector<MapPoint> points() const;
   std::size_t active_points() const;
-  /// Uncertainty of each keyframe so far (by id) relative to the previous one, at the time it was added; zero for the
-  /// first.
+  /// Step of each keyframe so far (by id) from the previous one, with its uncertainty at the time it was added; zero
+  /// for the first.
   const std::vector<StepUncertainty>& step_uncertainties() const { return step_uncertainties_; }
   /// By stereo camera, over all keyframes so far.
   const std::vector<StereoRecord>& stereo_records() const { return stereo_records_; }
@@ -111,6 +111,8 @@ class Mapper {
   void update_noise(const WindowResult& result);
   void take_readings(const KeyframeCandidate& source);
   void relinearize_newest();
+  void add_step(int slot);
+  void update_steps();
   /// Map point of an active point.
   MapPoint window_point(const photometry::ActivePoint& point, int host) const;
   /// Archives the candidates of a leaving keyframe that were never activated (densify.h).

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <random>
 #include <set>
 
@@ -45,7 +46,10 @@ class MappedFlight {
       KeyframeCandidate source = candidate(2 * k, image);
       source.T_camera_map = disturbed(source.T_camera_map, random);
       given_error_m_ = std::max(given_error_m_, error_m(k, source.T_camera_map.inverse()));
+      std::set<int> in_window = {k};
+      for (const photometry::Keyframe& keyframe : mapper_.window().keyframes) in_window.insert(keyframe.id);
       mapper_.add_keyframe(source);
+      note_steps(in_window);
       largest_window_ = std::max(largest_window_, mapper_.window().size());
       const KeyframeRecord newest = mapper_.keyframes().back();
       largest_error_m_ = std::max(largest_error_m_, error_m(newest.id, newest.T_map_camera));
@@ -60,8 +64,17 @@ class MappedFlight {
   double given_error_m() const { return given_error_m_; }
   double largest_error_m() const { return largest_error_m_; }
   int largest_window() const { return largest_window_; }
+  /// By keyframe: its pose in the axes of the keyframe before, after the last optimisation of both.
+  const std::map<int, SE3>& steps() const { return steps_; }
 
  private:
+  void note_steps(const std::set<int>& optimized) {
+    const std::vector<KeyframeRecord> all = mapper_.keyframes();
+    for (std::size_t k = 1; k < all.size(); ++k) {
+      if (optimized.contains(all[k].id) && optimized.contains(all[k - 1].id))
+        steps_[all[k].id] = all[k - 1].T_map_camera.inverse() * all[k].T_map_camera;
+    }
+  }
   KeyframeCandidate candidate(int image_index, const imaging::RgbImage& image) const {
     KeyframeCandidate source;
     source.frame_index = image_index;
@@ -92,6 +105,7 @@ class MappedFlight {
   Mapper mapper_{flight_.lens, flight_.options};
   double given_error_m_ = 0.0, largest_error_m_ = 0.0;
   int largest_window_ = 0;
+  std::map<int, SE3> steps_;
 };
 
 const MappedFlight& mapped() {
@@ -130,6 +144,23 @@ TEST(Mapper, KeepsARecordOfEveryKeyframeAndASmallWindow) {
   EXPECT_EQ(mapper.window().keyframes.back().id, kKeyframes - 1);
   EXPECT_EQ(mapper.step_uncertainties().size(), all.size());
   EXPECT_TRUE(mapper.intrinsics_delta().isZero(0)) << "it was not to be estimated";
+}
+
+TEST(Mapper, StepsAreThoseWhenBothKeyframesWereLastInTheWindow) {
+  const std::vector<StepUncertainty>& steps = mapped().mapper().step_uncertainties();
+  const std::vector<KeyframeRecord> keyframes = mapped().mapper().keyframes();
+  ASSERT_EQ(mapped().steps().size(), steps.size() - 1);
+  EXPECT_EQ(steps[0].before, -1);
+  int moved_later = 0;
+  for (const auto& [id, expected] : mapped().steps()) {
+    const StepUncertainty& step = steps[static_cast<std::size_t>(id)];
+    EXPECT_EQ(step.before, id - 1);
+    EXPECT_LT((step.T_before_keyframe.matrix() - expected.matrix()).norm(), 1e-12) << id;
+    const SE3 latest = keyframes[static_cast<std::size_t>(id - 1)].T_map_camera.inverse() *
+                       keyframes[static_cast<std::size_t>(id)].T_map_camera;
+    moved_later += (latest.matrix() - expected.matrix()).norm() > 1e-9;
+  }
+  EXPECT_GT(moved_later, 0) << "no keyframe outlived its neighbour";
 }
 
 TEST(Mapper, PointsLieOnTheGroundThoseThatLeftTheWindowToo) {

@@ -14,8 +14,12 @@ struct StepUncertainty {
                                                                            ///< T_camera_before; translation first
   double log_scale = 0.0;  ///< variance of log(scale at the keyframe / scale at the previous one)
   bool is_metric = false;  ///< with stereo cameras: `log_scale` is that of log(scale at the keyframe / true scale)
-  int known_points = 0;    ///< points visible in the keyframe with a distance known to a tenth
-  int points = 0;          ///< all points of the window visible in the keyframe
+  int before = -1;         ///< id of the keyframe before; -1: none
+  geometry::SE3 T_before_keyframe;  ///< pose in the axes of the keyframe before when both were last in the window, set
+                                    ///< by the Mapper. Of two that leave at different times the one that stays is moved
+                                    ///< further by what later keyframes see of it
+  int known_points = 0;             ///< points visible in the keyframe with a distance known to a tenth
+  int points = 0;                   ///< all points of the window visible in the keyframe
 };
 
 /// Uncertainty of the window's keyframe `slot`, with residuals linearised at the present state. `residual_variance`: of

@@ -76,6 +76,12 @@ Vec3 displacement_at(const std::vector<BackwardMotion>& motions, double time_s) 
   return (1.0 - share) * before->displacement_m + share * at->displacement_m;
 }
 
+/// As Odometry does it where it is given the readings.
+MetricOdometryOptions with_held_intrinsics(MetricOdometryOptions options) {
+  options.odometry.window.refine_intrinsics = false;
+  return options;
+}
+
 }  // namespace
 
 OdometryOptions live_odometry_options() {
@@ -90,7 +96,9 @@ OdometryOptions live_odometry_options() {
 }
 
 MetricOdometry::MetricOdometry(const imaging::Calibration& calibration, MetricOdometryOptions options)
-    : calibration_(calibration), options_(std::move(options)), odometry_(calibration_, options_.odometry) {}
+    : calibration_(calibration),
+      options_(with_held_intrinsics(std::move(options))),
+      odometry_(calibration_, options_.odometry) {}
 
 void MetricOdometry::add_reading(const inertial::ImuSample& reading) {
   if (!readings_.empty() && !(reading.time_s > readings_.back().time_s)) return;

@@ -29,8 +29,11 @@ void require_one_scale(const Priors& priors, bool has_prior_pose) {
                      "poses or depth and an inertial unit are both given; scale and frame come from one of them");
 }
 
-/// The rig decides on the scale, and its calibration is held.
+/// With an inertial unit the intrinsics are held: estimated anew at each keyframe they bend the path by hundredths of a
+/// degree that no covariance of a step knows, and gravity turns these into accelerations. With a rig, which decides on
+/// the scale, its calibration is held as well.
 OdometryOptions options_with(OdometryOptions options, const OdometryExtras& extras) {
+  if (extras.priors.inertial) options.window.refine_intrinsics = false;
   if (extras.other_cameras.empty()) return options;
   const Priors& priors = extras.priors;
   if (!priors.poses.empty() || priors.depth_m)

@@ -169,6 +169,20 @@ Eigen::Matrix<double, 6, 6> inflated(const Eigen::Matrix<double, 6, 6>& covarian
   return inflation.asDiagonal() * covariance * inflation.asDiagonal();
 }
 
+/// The keyframes with the poses that the steps lead to, as they were when both ends were last in the window; the last
+/// pose is kept. A keyframe that stays long in the window is seen at its end by few points, from far away: the least
+/// error of the lens moves it against its neighbours by many times what the step's covariance says.
+std::vector<mapping::KeyframeRecord> keyframes_by_steps(const KeyframePath& path) {
+  std::vector<mapping::KeyframeRecord> keyframes = path.keyframes;
+  for (std::size_t k = keyframes.size(); k-- > 1;) {
+    const bool is_backwards = k <= static_cast<std::size_t>(path.first);
+    const geometry::SE3 T_this_before =
+        is_backwards ? path.steps[k - 1].T_before_keyframe : path.steps[k].T_before_keyframe.inverse();
+    keyframes[k - 1].T_map_camera = keyframes[k].T_map_camera * T_this_before;
+  }
+  return keyframes;
+}
+
 /// Keyframes as the inertial alignment takes them: with the covariances of the window, inflated as for FrameQuality.
 /// `keyframes`: those of the path, corrected.
 std::vector<inertial::VisualKeyframe> visual_keyframes(const KeyframePath& path,
@@ -260,8 +274,10 @@ void rescale_qualities(const inertial::InertialAlignment& alignment, std::vector
 /// Makes keyframes and points metric and level, if the readings show how.
 void align_to_gravity(const TrackingLog& log, const KeyframePath& path, const inertial::InertialInput& readings,
                       CorrectedMap& map, OdometryResult& result) {
-  const geometry::Trajectory images = frame_trajectory(log.tracked, poses_by_id(map.keyframes), map.scale);
-  const std::vector<inertial::VisualKeyframe> keyframes = visual_keyframes(path, map.keyframes);
+  // Closed loops are in the latest poses only.
+  const std::vector<mapping::KeyframeRecord> poses = map.scale.empty() ? keyframes_by_steps(path) : map.keyframes;
+  const geometry::Trajectory images = frame_trajectory(log.tracked, poses_by_id(poses), map.scale);
+  const std::vector<inertial::VisualKeyframe> keyframes = visual_keyframes(path, poses);
   result.inertial = inertial::align_to_gravity(keyframes, images, readings);
   if (!result.inertial->metric && keyframes.back().time_s - keyframes.front().time_s < kShort_s) {
     constexpr double kSpacing_s = 0.3;  // chosen by hand
@@ -315,7 +331,7 @@ geometry::Trajectory keyframes_so_far(const TrackingLog& log, const mapping::Map
 std::vector<inertial::VisualKeyframe> latest_keyframes_so_far(const TrackingLog& log, const mapping::Mapper& mapper,
                                                               std::size_t count) {
   const KeyframePath path = keyframe_path(log, mapper);
-  std::vector<inertial::VisualKeyframe> keyframes = visual_keyframes(path, path.keyframes);
+  std::vector<inertial::VisualKeyframe> keyframes = visual_keyframes(path, keyframes_by_steps(path));
   const std::size_t surplus = keyframes.size() > count ? keyframes.size() - count : 0;
   keyframes.erase(keyframes.begin(), keyframes.begin() + static_cast<std::ptrdiff_t>(surplus));
   return keyframes;

@@ -527,8 +527,8 @@ nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool r
     geometry::write_cloud(temporary / "map.ply", result.map);
     imaging::write_kalibr(temporary / "camera.yaml", calibration);
     if (options.loops.enabled) about["loops"] = describe_loops(result.loops, frames);
-    about["intrinsics"] =
-        intrinsics_json(calibration.camera, result.camera && options.window.refine_intrinsics && !rig);
+    about["intrinsics"] = intrinsics_json(
+        calibration.camera, result.camera && options.window.refine_intrinsics && !rig && !result.inertial);
     base::write_file(temporary / "odometry.json", about.dump(2) + "\n");
   };
   base::write_folder(output, [&](const fs::path& temporary) {
