@@ -105,22 +105,47 @@ std::string part_of_frames_summary(const nlohmann::json& r) {
   return text.str();
 }
 
+struct RenderArguments {
+  RegionOptions region;
+  SourceArguments source_arguments;
+  survey::RenderSettings settings;
+  std::string flight, out, outputs, degrade, camera, frames, deal = "auto";
+  TaskArguments tasks;
+  std::vector<int> resolution;
+  int max_frames = 0;
+  bool depth = false;
+  double pixel_error = 1.0;
+  double memory_gb = 0.0;
+};
+
+/// What the flight takes of the command line and of the files that it names. `by_flight`: tiles by the flight's views
+/// although a region is given.
+void complete_settings(RenderArguments& options, const CLI::App& command, bool by_flight) {
+  options.settings.asked = asked(command);
+  options.settings.load = load_options(options.region);
+  options.settings.load.source = source_options(options.source_arguments);
+  const bool has_region = options.settings.load.center || options.settings.load.center_local;
+  if (by_flight || !has_region) options.settings.error_px = options.pixel_error;
+  options.settings.flight.flight = options.flight;
+  options.settings.flight.camera = options.camera;
+  options.settings.inputs = {options.degrade};
+  options.settings.dealt = options.deal == "tiles"    ? survey::Dealt::kTiles
+                           : options.deal == "frames" ? survey::Dealt::kFrames
+                                                      : survey::Dealt::kAuto;
+  survey::RenderOutputs& outputs = options.settings.flight.outputs;
+  outputs =
+      survey::parse_outputs(options.outputs, [](const std::string& what) { return InputError("--outputs", what); });
+  outputs.depth = outputs.depth || options.depth;
+  if (!options.degrade.empty()) {
+    auto degrade = base::StrictSection::load(options.degrade);
+    experiment::read_degrade(degrade, options.settings.flight);
+  }
+}
+
 }  // namespace
 
 void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
-  struct Options {
-    RegionOptions region;
-    SourceArguments source_arguments;
-    survey::RenderSettings settings;
-    std::string flight, out, outputs, degrade, camera, frames, deal = "auto";
-    TaskArguments tasks;
-    std::vector<int> resolution;
-    int max_frames = 0;
-    bool depth = false;
-    double pixel_error = 1.0;
-    double memory_gb = 0.0;
-  };
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<RenderArguments>();
   CLI::App* command = app.add_subcommand("render", "render a flight over tiles as a simulated sensor dataset");
   command->footer(
       "Example:\n  tileflight render tiles/tileset.json --flight examples/machangara-flight-simulated.yaml --out "
@@ -197,25 +222,7 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
     }
     selection.has_ranks = !options->tasks.wanted() && options->frames.empty();
     selection.run = [options, command, by_flight](const CommonOptions& shared, const Progress& progress) -> Output {
-      options->settings.asked = asked(*command);
-      options->settings.load = load_options(options->region);
-      options->settings.load.source = source_options(options->source_arguments);
-      const bool has_region = options->settings.load.center || options->settings.load.center_local;
-      if (by_flight || !has_region) options->settings.error_px = options->pixel_error;
-      options->settings.flight.flight = options->flight;
-      options->settings.flight.camera = options->camera;
-      options->settings.inputs = {options->degrade};
-      options->settings.dealt = options->deal == "tiles"    ? survey::Dealt::kTiles
-                                : options->deal == "frames" ? survey::Dealt::kFrames
-                                                            : survey::Dealt::kAuto;
-      survey::RenderOutputs& outputs = options->settings.flight.outputs;
-      outputs = survey::parse_outputs(options->outputs,
-                                      [](const std::string& what) { return InputError("--outputs", what); });
-      outputs.depth = outputs.depth || options->depth;
-      if (!options->degrade.empty()) {
-        auto degrade = base::StrictSection::load(options->degrade);
-        experiment::read_degrade(degrade, options->settings.flight);
-      }
+      complete_settings(*options, *command, by_flight);
       if (options->tasks.wanted()) {
         const nlohmann::json r = render_in_tasks(options->settings, options->out, options->tasks, shared, progress);
         return {r, render_summary(r, options->out)};

@@ -1,11 +1,14 @@
 """Follows the tutorial's first half in an empty folder: its files are written, its commands run, in order.
 
-    run_tutorial.py TUTORIAL.md PROGRAM
+    run_tutorial.py TUTORIAL.md PROGRAM [COMMAND FOLDER]
+
+COMMAND is one that was run already, for several tests: its last word is copied from FOLDER, which it wrote.
 """
 
 import os
 import pathlib
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -13,7 +16,7 @@ import tempfile
 END = "## Your own place"
 
 
-def main(page, program):
+def main(page, program, made=None, made_folder=None):
     text, found, _ = pathlib.Path(page).read_text(encoding="utf-8").partition(END)
     if not found:
         sys.exit(f"run_tutorial: no heading {END!r}")
@@ -29,8 +32,14 @@ def main(page, program):
             elif kind == "sh":
                 for line in block.splitlines():
                     print(f"$ {line}", flush=True)
-                    subprocess.run(line, shell=True, cwd=folder, env=environment, check=True)
+                    if line == made:
+                        shutil.copytree(made_folder, pathlib.Path(folder, line.split()[-1]))
+                        made = None
+                    else:
+                        subprocess.run(line, shell=True, cwd=folder, env=environment, check=True)
                     commands += 1
+        if made:
+            sys.exit(f"run_tutorial: {made!r} is no command of the tutorial")
         if commands < 9 or not pathlib.Path(folder, "run", "report.html").stat().st_size:
             sys.exit("run_tutorial: the tutorial has lost commands, or made no report")
 

@@ -203,6 +203,7 @@ place:
   source: place/tileset.json
   center_local: [0, 0, 100]
   size: [80, 80, 20]
+alignment: {start: true-poses}
 simulated:
   render: {flight: flight.yaml, max_frames: 50}
 variants:

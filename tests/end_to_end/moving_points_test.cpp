@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "tests/run_program.h"
+#include "tests/shared_stadium.h"
 #include "tests/temporary_folder.h"
 #include "tileflight/geometry/cloud_files.h"
 #include "tileflight/geometry/trajectory_files.h"
@@ -107,13 +108,13 @@ TEST_F(MovingPoints, AreCountedApart) {
   std::ofstream(folder_ / "camera.yaml") << kCamera;
   std::ofstream(folder_ / "flight.yaml") << flight();
   const std::string origin = "35.310344,-80.740007,190";
-  call({"scene", "stadium", path("place")});
-  call({"render", path("place/twin"), "--origin", origin, "--flight", path("flight.yaml"), "--out", path("dataset")});
+  const std::string place = (tests::shared_stadium().made() / "twin").string();
+  call({"render", place, "--origin", origin, "--flight", path("flight.yaml"), "--out", path("dataset")});
   call({"odometry", path("dataset"), "--out", path("odometry"), "--no-check"});
-  call({"extract", path("place/twin"), "--origin", origin, "--center-local", "-110,-100,0", "--size", "260,220,80",
-        "--out", path("truth")});
-  call({"align", path("odometry"), "--dataset", path("dataset"), "--to", path("truth"), "--out",
-        path("transform.json")});
+  call({"extract", place, "--origin", origin, "--center-local", "-110,-100,0", "--size", "260,220,80", "--out",
+        path("truth")});
+  call({"align", path("odometry"), "--dataset", path("dataset"), "--to", path("truth"), "--start", "true-poses",
+        "--out", path("transform.json")});
   const json with = scores("with");
   const json& moving = with["moving_objects"];
   const std::size_t on = points_on_actors();

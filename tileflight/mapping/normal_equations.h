@@ -11,27 +11,10 @@
 
 #include <vector>
 
+#include "tileflight/mapping/host_target_pairs.h"
 #include "tileflight/photometry/keyframe.h"
 
 namespace tileflight::mapping {
-
-using Mat8 = Eigen::Matrix<double, 8, 8>;
-
-/// Quantities shared by all residuals of one host and target.
-struct HostTargetPair {
-  photometry::HostTargetPrecalc frame;
-  Mat8 d_relative_d_host = Mat8::Zero();  ///< M above, at the linearisation point
-};
-
-/// All host-target pairs of a window, at index host * size + target.
-std::vector<HostTargetPair> make_host_target_pairs(const photometry::Window& window);
-
-/// Transforms from each keyframe to its stereo pictures, at index host * cameras + camera. Those of a keyframe without
-/// that picture are not set.
-std::vector<photometry::HostTargetPrecalc> make_stereo_pairs(const photometry::Window& window);
-
-/// Adjoint of a rigid motion on twists (translation first): T exp(x) = exp(Ad x) T.
-Eigen::Matrix<double, 6, 6> adjoint(const geometry::SE3& T);
 
 /// H x = -b over the unknowns of keyframes and of intrinsics or stereo pictures, with the points eliminated (Schur
 /// complement). b = J^T W r, the negative of DSO's b in eq. 10.

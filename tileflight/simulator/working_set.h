@@ -91,7 +91,18 @@ class WorkingSet {
   };
   /// kNoRoom: memory is needed for scenes that come first; kInterrupted: somebody waits, or the cells do not lie ahead.
   enum class Outcome { kMade, kTooLarge, kNoRoom, kInterrupted };
-  struct Attempt;  ///< working_set.cpp
+  /// Counts a waiting caller while it exists.
+  class Waiting {
+   public:
+    explicit Waiting(std::atomic<int>& count) : count_(count) { ++count_; }
+    ~Waiting() { --count_; }
+    Waiting(const Waiting&) = delete;
+    Waiting& operator=(const Waiting&) = delete;
+
+   private:
+    std::atomic<int>& count_;
+  };
+  struct Attempt;  ///< working_set_attempt.cpp
   enum class When { kNow, kAhead };
   using Lock = std::unique_lock<std::mutex>;
 

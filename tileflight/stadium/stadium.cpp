@@ -122,6 +122,7 @@ void write_stadium(const std::filesystem::path& folder, const StadiumOptions& op
   tileset.copyright = kAttribution;
   tileset.T_ecef_local = T_ecef_site();
   tiling::write_tileset(folder / "world", place.world, tileset, named(progress, "world"));
+  if (!options.twin) return;
   tiling::PhotogrammetryOptions photogrammetry;
   photogrammetry.seed = seed + 99U;
   tiling::write_tileset(folder / "twin", tiling::simulate_photogrammetry(place.solid, photogrammetry), tileset,

@@ -17,6 +17,7 @@ inline constexpr double kStadiumHeightM = 190.0;  ///< ellipsoidal height of the
 struct StadiumOptions {
   std::uint64_t seed = 1;
   double texture_scale = 1.0;  ///< 1: full texture resolution; tests use lower values
+  bool twin = true;            ///< false: only `world`
 };
 
 /// Describes output folders of write_stadium() that were written before markers existed.

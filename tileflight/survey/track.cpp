@@ -1,11 +1,7 @@
 #include "tileflight/survey/track.h"
 
-#include <sys/wait.h>
-
 #include <algorithm>
 #include <array>
-#include <cstdlib>
-#include <fstream>
 #include <iomanip>
 #include <nlohmann/json.hpp>
 #include <sstream>
@@ -13,15 +9,12 @@
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/output_folder.h"
-#include "tileflight/base/shell_word.h"
 #include "tileflight/dataset/colmap.h"
 #include "tileflight/dataset/dataset.h"
 #include "tileflight/evaluation/doubts_json.h"
 #include "tileflight/geometry/cloud_files.h"
 #include "tileflight/geometry/trajectory.h"
 #include "tileflight/imaging/image_files.h"
-#include "tileflight/imaging/photometric.h"
-#include "tileflight/imaging/rectify.h"
 #include "tileflight/odometry/debug_image.h"
 #include "tileflight/odometry/run_comparison.h"
 #include "tileflight/odometry/tracking_doubts.h"
@@ -32,144 +25,6 @@ namespace fs = std::filesystem;
 namespace {
 
 using nlohmann::json;
-
-/// How the images are used: unchanged, or rectified.
-struct TrackingCamera {
-  imaging::Camera native;
-  imaging::Calibration calibration;  ///< of the images as tracked
-  std::optional<imaging::Rectifier> rectifier;
-};
-
-TrackingCamera make_tracking_camera(const imaging::Calibration& calibration, std::optional<double> rectify_fov_deg) {
-  TrackingCamera view{calibration.camera, calibration, std::nullopt};
-  if (!rectify_fov_deg) return view;
-  view.calibration.camera = imaging::make_pinhole(view.native.width(), view.native.height(), *rectify_fov_deg);
-  view.calibration.line_delay_s = 0.0;  // a rectified image's rows are not the sensor's
-  view.rectifier.emplace(view.native, view.calibration.camera);
-  return view;
-}
-
-void require_size(const fs::path& file, int width, int height, const imaging::Camera& camera) {
-  if (width == camera.width() && height == camera.height()) return;
-  throw InputError(file.string(), "is " + std::to_string(width) + "x" + std::to_string(height) +
-                                      ", the calibration is for " + std::to_string(camera.width()) + "x" +
-                                      std::to_string(camera.height()) +
-                                      "; use images and a calibration of the same size");
-}
-
-/// The frames of the range. In reverse order, times are relative to the last frame, because odometry needs increasing
-/// times.
-std::vector<dataset::Frame> select_frames(const dataset::Dataset& data, const FrameRange& range) {
-  const std::size_t end = std::min(range.to.value_or(data.frames.size()), data.frames.size());
-  if (range.from >= end) {
-    throw InputError(data.folder.string(), "no frames from " + std::to_string(range.from) + " to " +
-                                               std::to_string(end) + " (the dataset has " +
-                                               std::to_string(data.frames.size()) + ")");
-  }
-  std::vector<dataset::Frame> frames;
-  for (std::size_t i = range.from; i < end; i += range.every) frames.push_back(data.frames[i]);
-  if (range.reverse) std::reverse(frames.begin(), frames.end());
-  return frames;
-}
-
-/// Images that could not be decoded.
-struct SkippedImages {
-  std::int64_t frames = 0;
-  std::string first_reason;
-};
-
-struct SkippedFrames : SkippedImages {
-  SkippedImages of_others;  ///< of a rig's other cameras
-};
-
-/// nullopt if the file is broken or missing, which is counted.
-std::optional<imaging::RgbImage> read_or_skip(const dataset::Frame& frame, SkippedImages& skipped) {
-  try {
-    return imaging::read_rgb(frame.image);
-  } catch (const InputError& error) {
-    if (skipped.frames++ == 0) skipped.first_reason = error.what();
-    return std::nullopt;
-  }
-}
-
-/// What the other cameras took at a frame's instant.
-std::vector<odometry::OtherImage> read_others(const StereoRig* rig, const dataset::Frame& frame,
-                                              SkippedFrames& skipped) {
-  std::vector<odometry::OtherImage> others;
-  if (rig == nullptr) return others;
-  const auto taken = rig->other_frames.find(frame.time_s);
-  if (taken == rig->other_frames.end()) return others;
-  for (const std::optional<dataset::Frame>& other : taken->second) {
-    others.emplace_back();
-    if (!other) continue;
-    others.back().image = read_or_skip(*other, skipped.of_others).value_or(imaging::RgbImage());
-    others.back().exposure_ms = other->exposure_ms;
-  }
-  return others;
-}
-
-/// Reads the chosen images one by one. Times are negated in reverse order; reverse_times() restores them.
-/// `rig`: whose other cameras' images are read, too; null: none.
-odometry::FrameSource make_frame_source(const std::vector<dataset::Frame>& frames, bool reverse,
-                                        const TrackingCamera& view, const StereoRig* rig, SkippedFrames& skipped) {
-  return [&, rig, reverse, at = std::size_t{0}]() mutable -> std::optional<odometry::InputFrame> {
-    for (; at < frames.size(); ++at) {
-      const dataset::Frame& frame = frames[at];
-      auto image = read_or_skip(frame, skipped);
-      if (!image) continue;
-      require_size(frame.image, image->width, image->height, view.native);
-      return odometry::InputFrame{.index = static_cast<std::int64_t>(at++),
-                                  .time_s = reverse ? -frame.time_s : frame.time_s,
-                                  .exposure_ms = frame.exposure_ms,
-                                  .image = view.rectifier ? (*view.rectifier)(*image) : std::move(*image),
-                                  .others = read_others(rig, frame, skipped)};
-    }
-    return std::nullopt;
-  };
-}
-
-void reverse_times(geometry::Trajectory& trajectory) {
-  for (geometry::StampedPose& pose : trajectory.poses) pose.time_s = -pose.time_s;
-  std::reverse(trajectory.poses.begin(), trajectory.poses.end());
-}
-
-std::optional<imaging::PhotometricCalibration> read_photometric_calibration(const dataset::Dataset& data,
-                                                                            const TrackingCamera& view) {
-  if (data.pcalib.empty() && data.vignette.empty()) return std::nullopt;
-  imaging::PhotometricCalibration photometric = imaging::read_photometric(data.pcalib, data.vignette);
-  if (photometric.vignette.empty()) return photometric;
-  require_size(data.vignette, photometric.vignette.width, photometric.vignette.height, view.native);
-  if (!view.rectifier) return photometric;
-  photometric.vignette = (*view.rectifier)(photometric.vignette);
-  // Outside the lens's image circle the images are black, whatever they are divided by.
-  for (float& value : photometric.vignette.pixels) value = value > 0.0F ? value : 1.0F;
-  return photometric;
-}
-
-odometry::Priors make_priors(const TrackOptions& extras, const std::vector<dataset::Frame>& frames, bool reverse,
-                             const TrackingCamera& view) {
-  odometry::Priors aids;
-  if (!extras.mask.empty()) {
-    aids.mask = imaging::read_gray(extras.mask);
-    require_size(extras.mask, aids.mask.width, aids.mask.height, view.native);
-    if (view.rectifier) aids.mask = (*view.rectifier)(aids.mask);
-  }
-  if (extras.init_from.empty()) return aids;
-  if (!fs::is_directory(extras.init_from)) {
-    aids.poses = geometry::read_tum(extras.init_from);
-    if (aids.poses.empty()) throw InputError(extras.init_from.string(), "has no poses to initialize from");
-    if (reverse) reverse_times(aids.poses);
-    return aids;
-  }
-  aids.depth_m = [&frames, &view, folder = extras.init_from](std::int64_t index) -> std::optional<imaging::FloatImage> {
-    const fs::path file = folder / (frames[static_cast<std::size_t>(index)].id + ".exr");
-    if (!fs::exists(file)) return std::nullopt;
-    const imaging::FloatImage depth_m = imaging::read_exr(file);
-    require_size(file, depth_m.width, depth_m.height, view.native);
-    return view.rectifier ? (*view.rectifier)(depth_m) : depth_m;
-  };
-  return aids;
-}
 
 odometry::KeyframeObserver make_debug_observer(const fs::path& folder, const std::vector<dataset::Frame>& frames) {
   if (folder.empty()) return {};
@@ -290,6 +145,18 @@ void describe_scale(OdometryMode mode, const odometry::OdometryResult& result, c
   if (is_metric) base::write_file(folder / "inertial.csv", inertial_csv(*result.inertial, result.keyframes));
 }
 
+json dispersion_json(const std::optional<odometry::Dispersion>& dispersion) {
+  if (!dispersion) return nullptr;
+  return {{"pictures", dispersion->pictures}, {"position", dispersion->position}, {"rotation", dispersion->rotation}};
+}
+
+/// Of a run in reverse order, to the order of the dataset.
+void restore_times(odometry::OdometryResult& result) {
+  reverse_times(result.trajectory);
+  reverse_times(result.keyframes);
+  if (result.inertial) result.inertial = inertial::reversed(std::move(*result.inertial));
+}
+
 void require_one_scale(const TrackOptions& extras) {
   if (extras.inertial_in_window && !uses_inertial_unit(extras.mode))
     throw InputError("--tight", "puts an inertial unit's readings into the window, which --mode " +
@@ -297,52 +164,6 @@ void require_one_scale(const TrackOptions& extras) {
   if (extras.mode != OdometryMode::kMono && !extras.init_from.empty())
     throw InputError("--init-from",
                      "and --mode " + to_string(extras.mode) + " both decide on frame and scale; use one of them");
-}
-
-std::string shell_path(const fs::path& path) { return base::shell_word(fs::absolute(path).string()); }
-
-std::string replace_placeholder(std::string command, const std::string& name, const std::string& value) {
-  for (std::size_t at = command.find(name); at != std::string::npos; at = command.find(name, at + value.size())) {
-    command.replace(at, name.size(), value);
-  }
-  return command;
-}
-
-void run_command(const std::string& command, const fs::path& folder, const fs::path& log) {
-  const std::string whole =
-      "cd " + shell_path(folder) + " && ( " + command + "\n) > " + shell_path(log) + " 2>&1 < /dev/null";
-  const int status = std::system(whole.c_str());
-  if (status == 0) return;
-  const std::string how =
-      WIFEXITED(status) ? "exit status " + std::to_string(WEXITSTATUS(status)) : "killed by a signal";
-  std::string last_line;
-  std::ifstream lines(log);
-  for (std::string line; std::getline(lines, line);) {
-    if (!line.empty()) last_line = line;
-  }
-  throw InputError("odometry.command", how + ": " + last_line);
-}
-
-json describe_command_result(const fs::path& out, std::size_t frames) {
-  const geometry::Trajectory trajectory = geometry::read_tum(out / "trajectory.txt");
-  const geometry::PointCloud map = geometry::read_cloud(out / "map.ply");
-  return {
-      {"frames", frames},           {"frames_tracked", trajectory.size()},
-      {"lost", trajectory.empty()}, {"lost_reason", trajectory.empty() ? "the external program tracked no frame" : ""},
-      {"keyframes", nullptr},       {"points", map.size()},
-      {"seconds", nullptr},         {"frames_per_second", nullptr}};
-}
-
-base::OutputFolder odometry_output_folder(const fs::path& out, bool replace, std::vector<fs::path> inputs) {
-  return {
-      .folder = out,
-      .command = "odometry",
-      .replace = replace,
-      .inputs = std::move(inputs),
-      .legacy = {.key_file = "odometry.json",
-                 .key_text = "frames_tracked",
-                 .files = {"trajectory.txt", "keyframes.txt", "map.ply", "quality.csv", "camera.yaml", "odometry.json",
-                           "command.log", "colmap/cameras.txt", "colmap/images.txt", "colmap/points3D.txt"}}};
 }
 
 /// Calls `work` with the folder for debug images while `out` is built in `temporary`: below it if the images are to be
@@ -472,6 +293,18 @@ class DatasetTracker {
 
 }  // namespace
 
+base::OutputFolder odometry_output_folder(const fs::path& out, bool replace, std::vector<fs::path> inputs) {
+  return {
+      .folder = out,
+      .command = "odometry",
+      .replace = replace,
+      .inputs = std::move(inputs),
+      .legacy = {.key_file = "odometry.json",
+                 .key_text = "frames_tracked",
+                 .files = {"trajectory.txt", "keyframes.txt", "map.ply", "quality.csv", "camera.yaml", "odometry.json",
+                           "command.log", "colmap/cameras.txt", "colmap/images.txt", "colmap/points3D.txt"}}};
+}
+
 nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool replace,
                      const odometry::OdometryOptions& options, const FrameRange& range, const Progress& progress,
                      const TrackOptions& extras) {
@@ -508,17 +341,10 @@ nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool r
         result, static_cast<std::int64_t>(frames.size()) - tracking.skipped().frames,
         [&](std::int64_t frame) { return frames[static_cast<std::size_t>(frame)].id; }, second);
     about["backwards"] = reverse;
-    about["dispersion"] = tracking.dispersion() ? json{{"pictures", tracking.dispersion()->pictures},
-                                                       {"position", tracking.dispersion()->position},
-                                                       {"rotation", tracking.dispersion()->rotation}}
-                                                : json(nullptr);
+    about["dispersion"] = dispersion_json(tracking.dispersion());
     about["residual_pattern_px"] =
         result.systematic_displacement ? json(result.systematic_displacement->rms_px) : json(nullptr);
-    if (reverse) {
-      reverse_times(result.trajectory);
-      reverse_times(result.keyframes);
-      if (result.inertial) result.inertial = inertial::reversed(std::move(*result.inertial));
-    }
+    if (reverse) restore_times(result);
     describe_scale(extras.mode, result, temporary, doubts, about);
     about["doubts"] = evaluation::to_json(doubts);
     base::write_file(temporary / "quality.csv", quality_csv(result.quality, frames, reverse));
@@ -534,24 +360,6 @@ nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool r
   base::write_folder(output, [&](const fs::path& temporary) {
     with_pictures_folder(extras.debug_pictures, output, temporary,
                          [&](const fs::path& pictures) { write(temporary, pictures); });
-  });
-  return about;
-}
-
-nlohmann::json track_with_command(const fs::path& dataset_folder, const fs::path& out, bool replace,
-                                  const std::string& command, const fs::path& folder) {
-  const dataset::Dataset data = dataset::read_dataset(dataset_folder);
-  json about;
-  base::write_folder(odometry_output_folder(out, replace, {dataset_folder}), [&](const fs::path& temporary) {
-    run_command(replace_placeholder(replace_placeholder(command, "{dataset}", shell_path(dataset_folder)), "{out}",
-                                    shell_path(temporary)),
-                folder, temporary / "command.log");
-    for (const char* name : {"trajectory.txt", "map.ply"}) {
-      if (!fs::exists(temporary / name))
-        throw InputError("odometry.command", std::string("did not write ") + name + " to {out}");
-    }
-    about = describe_command_result(temporary, data.frames.size());
-    if (!fs::exists(temporary / "odometry.json")) base::write_file(temporary / "odometry.json", about.dump(2) + "\n");
   });
   return about;
 }

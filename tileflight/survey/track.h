@@ -4,7 +4,9 @@
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
+#include <vector>
 
+#include "tileflight/base/output_folder.h"
 #include "tileflight/base/progress.h"
 #include "tileflight/odometry/odometry.h"
 #include "tileflight/survey/track_options.h"
@@ -29,6 +31,11 @@ struct FrameRange {
 nlohmann::json track(const std::filesystem::path& dataset_folder, const std::filesystem::path& out, bool replace,
                      const odometry::OdometryOptions& options, const FrameRange& range, const Progress& progress = {},
                      const TrackOptions& extras = {});
+
+/// The folder that the odometry writes, by whichever program: what is in one of an earlier version, and what may not be
+/// overwritten.
+base::OutputFolder odometry_output_folder(const std::filesystem::path& out, bool replace,
+                                          std::vector<std::filesystem::path> inputs);
 
 /// Runs an external odometry program instead: a shell command with {dataset} and {out} substituted (each quoted for the
 /// shell), executed in `folder`. It must write trajectory.txt and map.ply into {out}; odometry.json is added if it

@@ -11,10 +11,13 @@
 #include "tileflight/dataset/imu_files.h"
 #include "tileflight/dataset/rig.h"
 #include "tileflight/geometry/angles.h"
+#include "tileflight/geometry/trajectory.h"
+#include "tileflight/imaging/image_files.h"
 #include "tileflight/imaging/photometric.h"
 #include "tileflight/inertial/imu_check.h"
 
 namespace tileflight::survey {
+namespace fs = std::filesystem;
 namespace {
 
 using nlohmann::json;
@@ -65,6 +68,40 @@ odometry::OtherCamera other_camera(const dataset::RigCamera& reference, const da
   if (!camera.dataset.pcalib.empty() || !camera.dataset.vignette.empty())
     other.photometric = imaging::read_photometric(camera.dataset.pcalib, camera.dataset.vignette);
   return other;
+}
+
+void require_size(const fs::path& file, int width, int height, const imaging::Camera& camera) {
+  if (width == camera.width() && height == camera.height()) return;
+  throw InputError(file.string(), "is " + std::to_string(width) + "x" + std::to_string(height) +
+                                      ", the calibration is for " + std::to_string(camera.width()) + "x" +
+                                      std::to_string(camera.height()) +
+                                      "; use images and a calibration of the same size");
+}
+
+/// nullopt if the file is broken or missing, which is counted.
+std::optional<imaging::RgbImage> read_or_skip(const dataset::Frame& frame, SkippedImages& skipped) {
+  try {
+    return imaging::read_rgb(frame.image);
+  } catch (const InputError& error) {
+    if (skipped.frames++ == 0) skipped.first_reason = error.what();
+    return std::nullopt;
+  }
+}
+
+/// What the other cameras took at a frame's instant.
+std::vector<odometry::OtherImage> read_others(const StereoRig* rig, const dataset::Frame& frame,
+                                              SkippedFrames& skipped) {
+  std::vector<odometry::OtherImage> others;
+  if (rig == nullptr) return others;
+  const auto taken = rig->other_frames.find(frame.time_s);
+  if (taken == rig->other_frames.end()) return others;
+  for (const std::optional<dataset::Frame>& other : taken->second) {
+    others.emplace_back();
+    if (!other) continue;
+    others.back().image = read_or_skip(*other, skipped.of_others).value_or(imaging::RgbImage());
+    others.back().exposure_ms = other->exposure_ms;
+  }
+  return others;
 }
 
 }  // namespace
@@ -194,6 +231,89 @@ std::string inertial_csv(const inertial::InertialAlignment& a, const geometry::T
     table += '\n';
   }
   return table;
+}
+
+TrackingCamera make_tracking_camera(const imaging::Calibration& calibration, std::optional<double> rectify_fov_deg) {
+  TrackingCamera view{calibration.camera, calibration, std::nullopt};
+  if (!rectify_fov_deg) return view;
+  view.calibration.camera = imaging::make_pinhole(view.native.width(), view.native.height(), *rectify_fov_deg);
+  view.calibration.line_delay_s = 0.0;  // a rectified image's rows are not the sensor's
+  view.rectifier.emplace(view.native, view.calibration.camera);
+  return view;
+}
+
+std::vector<dataset::Frame> select_frames(const dataset::Dataset& data, const FrameRange& range) {
+  const std::size_t end = std::min(range.to.value_or(data.frames.size()), data.frames.size());
+  if (range.from >= end) {
+    throw InputError(data.folder.string(), "no frames from " + std::to_string(range.from) + " to " +
+                                               std::to_string(end) + " (the dataset has " +
+                                               std::to_string(data.frames.size()) + ")");
+  }
+  std::vector<dataset::Frame> frames;
+  for (std::size_t i = range.from; i < end; i += range.every) frames.push_back(data.frames[i]);
+  if (range.reverse) std::reverse(frames.begin(), frames.end());
+  return frames;
+}
+
+odometry::FrameSource make_frame_source(const std::vector<dataset::Frame>& frames, bool reverse,
+                                        const TrackingCamera& view, const StereoRig* rig, SkippedFrames& skipped) {
+  return [&, rig, reverse, at = std::size_t{0}]() mutable -> std::optional<odometry::InputFrame> {
+    for (; at < frames.size(); ++at) {
+      const dataset::Frame& frame = frames[at];
+      auto image = read_or_skip(frame, skipped);
+      if (!image) continue;
+      require_size(frame.image, image->width, image->height, view.native);
+      return odometry::InputFrame{.index = static_cast<std::int64_t>(at++),
+                                  .time_s = reverse ? -frame.time_s : frame.time_s,
+                                  .exposure_ms = frame.exposure_ms,
+                                  .image = view.rectifier ? (*view.rectifier)(*image) : std::move(*image),
+                                  .others = read_others(rig, frame, skipped)};
+    }
+    return std::nullopt;
+  };
+}
+
+void reverse_times(geometry::Trajectory& trajectory) {
+  for (geometry::StampedPose& pose : trajectory.poses) pose.time_s = -pose.time_s;
+  std::reverse(trajectory.poses.begin(), trajectory.poses.end());
+}
+
+std::optional<imaging::PhotometricCalibration> read_photometric_calibration(const dataset::Dataset& data,
+                                                                            const TrackingCamera& view) {
+  if (data.pcalib.empty() && data.vignette.empty()) return std::nullopt;
+  imaging::PhotometricCalibration photometric = imaging::read_photometric(data.pcalib, data.vignette);
+  if (photometric.vignette.empty()) return photometric;
+  require_size(data.vignette, photometric.vignette.width, photometric.vignette.height, view.native);
+  if (!view.rectifier) return photometric;
+  photometric.vignette = (*view.rectifier)(photometric.vignette);
+  // Outside the lens's image circle the images are black, whatever they are divided by.
+  for (float& value : photometric.vignette.pixels) value = value > 0.0F ? value : 1.0F;
+  return photometric;
+}
+
+odometry::Priors make_priors(const TrackOptions& extras, const std::vector<dataset::Frame>& frames, bool reverse,
+                             const TrackingCamera& view) {
+  odometry::Priors aids;
+  if (!extras.mask.empty()) {
+    aids.mask = imaging::read_gray(extras.mask);
+    require_size(extras.mask, aids.mask.width, aids.mask.height, view.native);
+    if (view.rectifier) aids.mask = (*view.rectifier)(aids.mask);
+  }
+  if (extras.init_from.empty()) return aids;
+  if (!fs::is_directory(extras.init_from)) {
+    aids.poses = geometry::read_tum(extras.init_from);
+    if (aids.poses.empty()) throw InputError(extras.init_from.string(), "has no poses to initialize from");
+    if (reverse) reverse_times(aids.poses);
+    return aids;
+  }
+  aids.depth_m = [&frames, &view, folder = extras.init_from](std::int64_t index) -> std::optional<imaging::FloatImage> {
+    const fs::path file = folder / (frames[static_cast<std::size_t>(index)].id + ".exr");
+    if (!fs::exists(file)) return std::nullopt;
+    const imaging::FloatImage depth_m = imaging::read_exr(file);
+    require_size(file, depth_m.width, depth_m.height, view.native);
+    return view.rectifier ? (*view.rectifier)(depth_m) : depth_m;
+  };
+  return aids;
 }
 
 }  // namespace tileflight::survey

@@ -1,9 +1,10 @@
 #pragma once
 
-// What the odometry takes of a dataset besides the images of one camera (its inertial unit, the rig's other cameras),
-// and what it made of it, as files.
+// What the odometry takes of a dataset: the images of one camera, its calibration, masks and priors, and by its mode
+// the inertial unit and the rig's other cameras; what these showed, as files.
 
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <map>
 #include <nlohmann/json_fwd.hpp>
@@ -12,9 +13,11 @@
 #include <vector>
 
 #include "tileflight/dataset/dataset.h"
+#include "tileflight/imaging/photometric.h"
+#include "tileflight/imaging/rectify.h"
 #include "tileflight/inertial/align_to_gravity.h"
 #include "tileflight/odometry/odometry.h"
-#include "tileflight/survey/track_options.h"
+#include "tileflight/survey/track.h"
 
 namespace tileflight::survey {
 
@@ -47,6 +50,47 @@ inline constexpr double kSameInstant_s = 1e-4;
 /// for a dataset with one camera, if `camera` is no name, and if no other camera is left.
 StereoRig read_stereo_rig(const std::filesystem::path& folder, const std::string& camera,
                           std::vector<std::string>& warnings);
+
+/// How the images are used: unchanged, or rectified.
+struct TrackingCamera {
+  imaging::Camera native;
+  imaging::Calibration calibration;  ///< of the images as tracked
+  std::optional<imaging::Rectifier> rectifier;
+};
+/// `rectify_fov_deg`: horizontal field of view of the pinhole to which images are rectified; none: they are unchanged.
+TrackingCamera make_tracking_camera(const imaging::Calibration& calibration, std::optional<double> rectify_fov_deg);
+
+/// The frames of the range. In reverse order, times are relative to the last frame, because odometry needs increasing
+/// times. Throws InputError if there are none.
+std::vector<dataset::Frame> select_frames(const dataset::Dataset& data, const FrameRange& range);
+
+/// Images that could not be decoded.
+struct SkippedImages {
+  std::int64_t frames = 0;
+  std::string first_reason;
+};
+
+struct SkippedFrames : SkippedImages {
+  SkippedImages of_others;  ///< of a rig's other cameras
+};
+
+/// Reads the chosen images one by one. Times are negated in reverse order; reverse_times() restores them.
+/// `rig`: whose other cameras' images are read, too; null: none. All arguments must outlive the source, which throws
+/// InputError for an image of another size than the calibration's.
+odometry::FrameSource make_frame_source(const std::vector<dataset::Frame>& frames, bool reverse,
+                                        const TrackingCamera& view, const StereoRig* rig, SkippedFrames& skipped);
+
+/// Poses in the opposite order, at negated times.
+void reverse_times(geometry::Trajectory& trajectory);
+
+/// The dataset's response and vignetting, of the images as tracked; none if it has no such files.
+std::optional<imaging::PhotometricCalibration> read_photometric_calibration(const dataset::Dataset& data,
+                                                                            const TrackingCamera& view);
+
+/// Mask, and poses or depth to initialize from, as the options name them. `frames` and `view` must outlive them. Throws
+/// InputError for files that cannot be read, and for images of another size than the calibration's.
+odometry::Priors make_priors(const TrackOptions& extras, const std::vector<dataset::Frame>& frames, bool reverse,
+                             const TrackingCamera& view);
 
 /// `stereo` of odometry.json (docs/formats.md).
 nlohmann::json stereo_json(const odometry::StereoResult& stereo);

@@ -3,7 +3,6 @@
 // Direct image alignment of a new image to a keyframe: DSO, section 3.1, step 1. Eight unknowns (pose, affine
 // brightness), coarse to fine.
 
-#include <array>
 #include <limits>
 #include <vector>
 
@@ -11,37 +10,9 @@
 #include "tileflight/photometry/options.h"
 #include "tileflight/photometry/pyramid.h"
 #include "tileflight/photometry/rolling_shutter.h"
+#include "tileflight/tracking/tracking_reference.h"
 
 namespace tileflight::tracking {
-
-/// A pixel of the keyframe with known inverse distance.
-struct ReferencePoint {
-  Eigen::Vector2f pixel;  ///< level 0
-  float rho = 0.0F;       ///< along the pixel's ray, in the keyframe
-  float weight = 1.0F;    ///< information of rho, for averaging on coarser levels
-};
-
-/// The aligned pixels of one level as arrays, padded with dummy pixels to a multiple of the SIMD width.
-struct ReferenceLevel {
-  std::vector<Eigen::Vector2f> pixels;    ///< without the padding
-  std::array<std::vector<float>, 3> ray;  ///< unit, by coordinate
-  std::vector<float> rho;
-  std::vector<float> intensity;
-
-  std::size_t size() const { return pixels.size(); }
-  Eigen::Vector3f ray_of(std::size_t i) const { return {ray[0][i], ray[1][i], ray[2][i]}; }
-  void add(const Eigen::Vector2f& pixel, const Eigen::Vector3f& unit_ray, float inverse_distance, float grey);
-  void pad();  ///< call once, after the last add()
-};
-
-struct TrackingReference {
-  std::vector<ReferenceLevel> levels;
-};
-
-/// Averages the points' inverse distances on each level and dilates them to neighbouring pixels, so that coarse levels
-/// are dense enough (DSO, section 3.1, step 1: projected and slightly dilated).
-TrackingReference make_tracking_reference(const photometry::LensPyramid& lens, const photometry::Pyramid& keyframe,
-                                          const std::vector<ReferencePoint>& points);
 
 /// Unknowns of the alignment: I_target = e^a I_reference + b (DSO, eq. 4 relative to the reference).
 struct ImageAlignmentState {
