@@ -117,29 +117,51 @@ TEST_F(CityFlight, AFrameLargerThanMemoryIsRenderedInRegions) {
 #endif
 }
 
-TEST_F(CityFlight, FramesOfOneRayAPixelAreRenderedInLayers) {
-  TinyPlace::write_file(folder_ / "degrade.yaml", R"(line_delay: 0.00002
+class CityFlightInLayers : public CityFlight {
+ protected:
+  /// The flight with all that fits, in layers because little does, and by processes of which some frames fit in each.
+  void expect_same_files() const {
+    TinyPlace::write_file(folder_ / "degrade.yaml", R"(line_delay: 0.00002
 vignetting: 0.3
 auto_exposure: {target: 0.25, time_constant: 3}
 )");
-  const std::vector<std::string> outputs{"--outputs", "depth,segmentation,flow,normals", "--degrade",
-                                         (folder_ / "degrade.yaml").string()};
-  const auto with = [&](std::vector<std::string> more) {
-    more.insert(more.end(), outputs.begin(), outputs.end());
-    return more;
-  };
-  const json whole = render("whole", with({"--memory", "1"}));
-  EXPECT_EQ(whole["frames_divided"], 0);
-  const json layers = render("layers", with({"--memory", "0.005", "--threads", "1"}));
-  EXPECT_GT(layers["frames_divided"], 2);
-  EXPECT_LT(layers["frames_divided"], layers["frames"]) << "some frames fit";
-  for (const char* key : {"frames", "tiles", "complete", "warnings"}) EXPECT_EQ(layers[key], whole[key]) << key;
-  tests::expect_same_files(folder_ / "whole", folder_ / "layers");
+    const std::vector<std::string> outputs{"--outputs", "depth,segmentation,flow,normals", "--degrade",
+                                           (folder_ / "degrade.yaml").string()};
+    const auto with = [&](std::vector<std::string> more) {
+      more.insert(more.end(), outputs.begin(), outputs.end());
+      return more;
+    };
+    const json whole = render("whole", with({"--memory", "1"}));
+    EXPECT_EQ(whole["frames_divided"], 0);
+    const json layers = render("layers", with({"--memory", "0.005", "--threads", "1"}));
+    EXPECT_GT(layers["frames_divided"], 2);
+    EXPECT_LT(layers["frames_divided"], layers["frames"]) << "some frames fit";
+    for (const char* key : {"frames", "tiles", "complete", "warnings"}) EXPECT_EQ(layers[key], whole[key]) << key;
+    tests::expect_same_files(folder_ / "whole", folder_ / "layers");
 #ifdef TILEFLIGHT_MPIRUN
-  const ProgramResult shared = tests::run_by_mpirun(2, arguments("shared", with({"--memory", "0.01"})));
-  ASSERT_EQ(shared.exit_code, 0) << shared.err;
-  tests::expect_same_files(folder_ / "whole", folder_ / "shared");
+    for (const std::string deal : {"frames", "tiles"}) {
+      const ProgramResult shared = tests::run_by_mpirun(2, arguments(deal, with({"--memory", "0.01", "--deal", deal})));
+      ASSERT_EQ(shared.exit_code, 0) << shared.err;
+      tests::expect_same_files(folder_ / "whole", folder_ / deal);
+    }
 #endif
+  }
+};
+
+TEST_F(CityFlightInLayers, FramesOfOneRayAPixel) { expect_same_files(); }
+
+TEST_F(CityFlightInLayers, WhatDrivesAndWhatFalls) {
+  TinyPlace::write_file(folder_ / "flight.yaml", std::string(TinyCity::kFlight) + R"(weather: {rain_mm_per_h: 30}
+actors:
+  - {name: t0, model: car, scale: 12, speed_m_s: 20, path: [{at: [-400, -240]}, {at: [100, -200]}, {at: [500, -180]}]}
+  - {name: bus, model: van, scale: 9, speed_m_s: 30, path: [{at: [350, -240]}, {at: [340, -100]}, {at: [300, 100]}]}
+  - {name: kite, model: sphere, on_ground: false, position: [0, -240, 130], scale: 15}
+)");
+  expect_same_files();
+  int visible = 0;
+  for (const json& annotation : json::parse(tests::file_text(folder_ / "layers/coco.json"))["annotations"])
+    visible += annotation["area"].get<int>() > 4 ? 1 : 0;
+  EXPECT_GT(visible, 5);
 }
 
 TEST_F(CityFlight, APreviewShowsCoarserTilesWhereThoseOfAFrameDoNotFit) {
@@ -240,6 +262,30 @@ TEST_F(CityFlight, ProcessesThatShareTheTilesChangeNoByte) {
   expect_same(2, "by2", "1");
   expect_same(4, "by4", "1");
   expect_same(3, "layers", "0.003");  // each process's tiles in several scenes, and few images at once
+}
+
+TEST_F(CityFlight, ProcessesShareTheTilesOfFramesThatAreNearEachOther) {
+  TinyPlace::write_file(folder_ / "flight.yaml", R"(camera: camera.yaml
+fps: 2
+max_frames: 9
+speed_m_s: 10
+waypoints:
+  - {position: [-20, 0, 115], yaw_deg: 90, pitch_deg: -30}
+  - {position: [20, 10, 90], yaw_deg: 60, pitch_deg: -20}
+)");
+  const auto tiles_read = [&](const std::string& out, const std::string& deal) {
+    const ProgramResult result =
+        tests::run_by_mpirun(3, arguments(out, {"--outputs", "depth,segmentation", "--memory", "1", "--deal", deal}));
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    const json summary = json::parse(result.out);
+    EXPECT_EQ(summary["dealt"], deal);
+    return summary["tiles_read"].get<int>();
+  };
+  const json alone = render("alone", {"--outputs", "depth,segmentation", "--memory", "1"});
+  EXPECT_THAT(alone["warnings"].dump(), HasSubstr("inside or under a surface")) << "it ends below the hills";
+  EXPECT_LT(2 * tiles_read("tiles", "tiles"), tiles_read("frames", "frames"));
+  tests::expect_same_files(folder_ / "alone", folder_ / "tiles");
+  tests::expect_same_files(folder_ / "alone", folder_ / "frames");
 }
 
 TEST_F(CityFlight, ARigOfProcessesThatShareTheTilesChangesNoByte) {

@@ -25,9 +25,9 @@
 
 namespace tileflight::survey {
 
-/// On a flight of several groups, and at a frame that is rendered in regions, surfaces farther away than this do not
-/// tell whether a camera is inside a solid: what is loaded for a frame must not depend on memory, and neither must what
-/// is found.
+/// On a flight with its own cuts, and at a frame that is rendered in regions or layers, surfaces farther away than this
+/// do not tell whether a camera is inside a solid: what is loaded for a frame must not depend on memory or processes,
+/// and neither must what is found.
 inline constexpr double kInsideReach_m = 64.0;
 
 /// Contents whose numbers (FlightTiles) lie between two.
@@ -35,6 +35,7 @@ struct ContentRange {
   std::size_t begin = 0;
   std::size_t end = 0;  ///< not included
 
+  bool empty() const { return begin == end; }
   bool contains(std::size_t content) const { return content >= begin && content < end; }
   bool operator==(const ContentRange&) const = default;
 };
@@ -45,7 +46,8 @@ struct FrameView {
   /// Pixels of the image, bounded as CameraRenderer's regions; nullopt: all.
   std::optional<imaging::PixelRegion> region{};
   bool has_checks = true;  ///< whether what surrounds the camera (FrameCheck) is looked at too
-  /// A layer of the image (render::LayeredFrame): the tiles of these contents alone; nullopt: all.
+  /// A layer of the image (render::LayeredFrame): the tiles of these contents alone, without what is placed among them;
+  /// none: what is placed, and the sky; nullopt: all.
   std::optional<ContentRange> contents{};
 };
 
