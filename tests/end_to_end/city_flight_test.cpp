@@ -153,8 +153,8 @@ TEST_F(CityFlightInLayers, FramesOfOneRayAPixel) { expect_same_files(); }
 TEST_F(CityFlightInLayers, WhatDrivesAndWhatFalls) {
   TinyPlace::write_file(folder_ / "flight.yaml", std::string(TinyCity::kFlight) + R"(weather: {rain_mm_per_h: 30}
 actors:
-  - {name: t0, model: car, scale: 12, speed_m_s: 20, path: [{at: [-400, -240]}, {at: [100, -200]}, {at: [500, -180]}]}
-  - {name: bus, model: van, scale: 9, speed_m_s: 30, path: [{at: [350, -240]}, {at: [340, -100]}, {at: [300, 100]}]}
+  - {name: t0, model: car, scale: 12, on_ground: false, speed_m_s: 20, path: [{at: [-400, -240, 103]}, {at: [500, -180, 103]}]}
+  - {name: bus, model: van, scale: 9, on_ground: false, speed_m_s: 30, path: [{at: [350, -240, 104]}, {at: [300, 100, 104]}]}
   - {name: kite, model: sphere, on_ground: false, position: [0, -240, 130], scale: 15}
 )");
   expect_same_files();
@@ -267,11 +267,11 @@ TEST_F(CityFlight, ProcessesThatShareTheTilesChangeNoByte) {
 TEST_F(CityFlight, ProcessesShareTheTilesOfFramesThatAreNearEachOther) {
   TinyPlace::write_file(folder_ / "flight.yaml", R"(camera: camera.yaml
 fps: 2
-max_frames: 9
 speed_m_s: 10
+acceleration_m_s2: 10
 waypoints:
   - {position: [-20, 0, 115], yaw_deg: 90, pitch_deg: -30}
-  - {position: [20, 10, 90], yaw_deg: 60, pitch_deg: -20}
+  - {position: [20, 10, 85], yaw_deg: 60, pitch_deg: -20}
 )");
   const auto tiles_read = [&](const std::string& out, const std::string& deal) {
     const ProgramResult result =
