@@ -153,14 +153,14 @@ TEST_F(CityFlightInLayers, FramesOfOneRayAPixel) { expect_same_files(); }
 TEST_F(CityFlightInLayers, WhatDrivesAndWhatFalls) {
   TinyPlace::write_file(folder_ / "flight.yaml", std::string(TinyCity::kFlight) + R"(weather: {rain_mm_per_h: 30}
 actors:
-  - {name: t0, model: car, scale: 12, on_ground: false, speed_m_s: 20, path: [{at: [-400, -240, 103]}, {at: [500, -180, 103]}]}
+  - {name: t0, model: car, scale: 12, on_ground: false, speed_m_s: 40, path: [{at: [-430, -300, 103]}, {at: [570, -270, 103]}]}
   - {name: bus, model: van, scale: 9, on_ground: false, speed_m_s: 30, path: [{at: [350, -240, 104]}, {at: [300, 100, 104]}]}
-  - {name: kite, model: sphere, on_ground: false, position: [0, -240, 130], scale: 15}
+  - {name: kite, model: sphere, scale: 25, on_ground: false, position: [0, -285, 110]}
 )");
   expect_same_files();
   int visible = 0;
-  for (const json& annotation : json::parse(tests::file_text(folder_ / "layers/coco.json"))["annotations"])
-    visible += annotation["area"].get<int>() > 4 ? 1 : 0;
+  const json coco = json::parse(tests::file_text(folder_ / "layers/coco.json"));
+  for (const json& annotation : coco["annotations"]) visible += annotation["area"].get<int>() > 4 ? 1 : 0;
   EXPECT_GT(visible, 5);
 }
 
