@@ -264,30 +264,6 @@ TEST_F(CityFlight, ProcessesThatShareTheTilesChangeNoByte) {
   expect_same(3, "layers", "0.003");  // each process's tiles in several scenes, and few images at once
 }
 
-TEST_F(CityFlight, ProcessesShareTheTilesOfFramesThatAreNearEachOther) {
-  TinyPlace::write_file(folder_ / "flight.yaml", R"(camera: camera.yaml
-fps: 2
-speed_m_s: 10
-acceleration_m_s2: 10
-waypoints:
-  - {position: [-20, 0, 115], yaw_deg: 90, pitch_deg: -30}
-  - {position: [20, 10, 85], yaw_deg: 60, pitch_deg: -20}
-)");
-  const auto tiles_read = [&](const std::string& out, const std::string& deal) {
-    const ProgramResult result =
-        tests::run_by_mpirun(3, arguments(out, {"--outputs", "depth,segmentation", "--memory", "1", "--deal", deal}));
-    EXPECT_EQ(result.exit_code, 0) << result.err;
-    const json summary = json::parse(result.out);
-    EXPECT_EQ(summary["dealt"], deal);
-    return summary["tiles_read"].get<int>();
-  };
-  const json alone = render("alone", {"--outputs", "depth,segmentation", "--memory", "1"});
-  EXPECT_THAT(alone["warnings"].dump(), HasSubstr("inside or under a surface")) << "it ends below the hills";
-  EXPECT_LT(2 * tiles_read("tiles", "tiles"), tiles_read("frames", "frames"));
-  tests::expect_same_files(folder_ / "alone", folder_ / "tiles");
-  tests::expect_same_files(folder_ / "alone", folder_ / "frames");
-}
-
 TEST_F(CityFlight, ARigOfProcessesThatShareTheTilesChangesNoByte) {
   std::string flight(TinyCity::kFlight);
   flight.replace(flight.find("camera: camera.yaml"), 19, R"(cameras:

@@ -111,7 +111,7 @@ void FlightTiles::add_frame_spheres() {
     const Vec3& here = poses[i].T_local_camera.translation;
     const Vec3& next = poses[std::min(i + 1, poses.size() - 1)].T_local_camera.translation;
     const double near_m = std::max(camera_of(image).options.clearance_m, kDetour * (next - here).norm()) + kSlack_m;
-    surroundings_.push_back({here, is_region() ? near_m : std::max(near_m, kInsideReach_m + kSlack_m)});
+    surroundings_.push_back({here, groups_.count() > 1 ? std::max(near_m, kInsideReach_m + kSlack_m) : near_m});
   }
 }
 

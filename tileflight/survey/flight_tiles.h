@@ -25,9 +25,9 @@
 
 namespace tileflight::survey {
 
-/// On a flight with its own cuts, and at a frame that is rendered in regions or layers, surfaces farther away than this
-/// do not tell whether a camera is inside a solid: what is loaded for a frame must not depend on memory or processes,
-/// and neither must what is found.
+/// On a flight of several groups, and at a frame that is rendered in regions, surfaces farther away than this do not
+/// tell whether a camera is inside a solid: what is loaded for a frame must not depend on memory, and neither must what
+/// is found.
 inline constexpr double kInsideReach_m = 64.0;
 
 /// Contents whose numbers (FlightTiles) lie between two.

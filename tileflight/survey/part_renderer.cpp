@@ -238,7 +238,7 @@ std::optional<PartRenderer::LoadedPart> PartRenderer::load(std::size_t begin, co
                     nullptr,
                     part->begin,
                     part->end,
-                    !tiles_->is_region() || first.region || first.contents,
+                    tiles_->groups().count() > 1 || first.region || first.contents,
                     std::move(part->places)};
   // One after the other: each takes additional memory while it is built.
   loaded.scene.build_beam_tree();

@@ -89,7 +89,7 @@ class PartRenderer {
     scene::Scene scene;
     std::shared_ptr<const render::Appearance> appearance;  ///< shared by the cameras of a rig; null for a single one
     std::size_t begin = 0, end = 0;                        ///< of the loader's views
-    bool is_partial = false;                               ///< of a place: not a region that is loaded whole
+    bool is_partial = false;                               ///< of a flight's several groups, or of an image
     std::vector<std::uint32_t> mesh_ranks;                 ///< FlightPart::places
   };
   using PartWork = std::function<void(const LoadedPart& part)>;

@@ -56,7 +56,8 @@ std::string PartRenderer::why_tiles_are_not_dealt() const {
     if (!render::has_one_ray_per_pixel(mission_.camera(c).options))
       return "a pixel takes several rays (samples, motion blur, chromatic aberration)";
   }
-  if (tiles_->is_region()) return "without a pixel error (--pixel-error) the path is checked against the whole region";
+  // The checks of its path look as far as the tiles of its only cut reach.
+  if (tiles_->groups().count() == 1) return "all frames are near each other and have one selection of tiles";
   return "";
 }
 
