@@ -74,8 +74,8 @@ def commands(count, city, arguments):
         "inspect": [program, "inspect", source],
         "extract": [program, "extract", source, *region, "--voxel", "1", "--block", str(arguments.block), *out],
         "extract-whole": [program, "extract", source, *region, "--voxel", "1", *out],
-        "coverage": [program, "coverage", source, "--flight", flight_file, "--frames", "20", "--width", "160", *memory,
-                     *out],
+        "coverage": [program, "coverage", source, "--flight", flight_file, *region, "--frames", "20", "--width", "160",
+                     *memory, *out],
         "render": [program, "render", source, "--flight", flight_file, "--pixel-error", str(arguments.pixel_error),
                    "--deal", arguments.deal, *memory, *out],
     }

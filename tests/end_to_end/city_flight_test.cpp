@@ -117,29 +117,51 @@ TEST_F(CityFlight, AFrameLargerThanMemoryIsRenderedInRegions) {
 #endif
 }
 
-TEST_F(CityFlight, FramesOfOneRayAPixelAreRenderedInLayers) {
-  TinyPlace::write_file(folder_ / "degrade.yaml", R"(line_delay: 0.00002
+class CityFlightInLayers : public CityFlight {
+ protected:
+  /// The flight with all that fits, in layers because little does, and by processes of which some frames fit in each.
+  void expect_same_files() const {
+    TinyPlace::write_file(folder_ / "degrade.yaml", R"(line_delay: 0.00002
 vignetting: 0.3
 auto_exposure: {target: 0.25, time_constant: 3}
 )");
-  const std::vector<std::string> outputs{"--outputs", "depth,segmentation,flow,normals", "--degrade",
-                                         (folder_ / "degrade.yaml").string()};
-  const auto with = [&](std::vector<std::string> more) {
-    more.insert(more.end(), outputs.begin(), outputs.end());
-    return more;
-  };
-  const json whole = render("whole", with({"--memory", "1"}));
-  EXPECT_EQ(whole["frames_divided"], 0);
-  const json layers = render("layers", with({"--memory", "0.005", "--threads", "1"}));
-  EXPECT_GT(layers["frames_divided"], 2);
-  EXPECT_LT(layers["frames_divided"], layers["frames"]) << "some frames fit";
-  for (const char* key : {"frames", "tiles", "complete", "warnings"}) EXPECT_EQ(layers[key], whole[key]) << key;
-  tests::expect_same_files(folder_ / "whole", folder_ / "layers");
+    const std::vector<std::string> outputs{"--outputs", "depth,segmentation,flow,normals", "--degrade",
+                                           (folder_ / "degrade.yaml").string()};
+    const auto with = [&](std::vector<std::string> more) {
+      more.insert(more.end(), outputs.begin(), outputs.end());
+      return more;
+    };
+    const json whole = render("whole", with({"--memory", "1"}));
+    EXPECT_EQ(whole["frames_divided"], 0);
+    const json layers = render("layers", with({"--memory", "0.005", "--threads", "1"}));
+    EXPECT_GT(layers["frames_divided"], 2);
+    EXPECT_LT(layers["frames_divided"], layers["frames"]) << "some frames fit";
+    for (const char* key : {"frames", "tiles", "complete", "warnings"}) EXPECT_EQ(layers[key], whole[key]) << key;
+    tests::expect_same_files(folder_ / "whole", folder_ / "layers");
 #ifdef TILEFLIGHT_MPIRUN
-  const ProgramResult shared = tests::run_by_mpirun(2, arguments("shared", with({"--memory", "0.01"})));
-  ASSERT_EQ(shared.exit_code, 0) << shared.err;
-  tests::expect_same_files(folder_ / "whole", folder_ / "shared");
+    for (const std::string deal : {"frames", "tiles"}) {
+      const ProgramResult shared = tests::run_by_mpirun(2, arguments(deal, with({"--memory", "0.01", "--deal", deal})));
+      ASSERT_EQ(shared.exit_code, 0) << shared.err;
+      tests::expect_same_files(folder_ / "whole", folder_ / deal);
+    }
 #endif
+  }
+};
+
+TEST_F(CityFlightInLayers, FramesOfOneRayAPixel) { expect_same_files(); }
+
+TEST_F(CityFlightInLayers, WhatDrivesAndWhatFalls) {
+  TinyPlace::write_file(folder_ / "flight.yaml", std::string(TinyCity::kFlight) + R"(weather: {rain_mm_per_h: 30}
+actors:
+  - {name: t0, model: car, scale: 12, on_ground: false, speed_m_s: 40, path: [{at: [-430, -300, 103]}, {at: [570, -270, 103]}]}
+  - {name: bus, model: van, scale: 9, on_ground: false, speed_m_s: 30, path: [{at: [350, -240, 104]}, {at: [300, 100, 104]}]}
+  - {name: kite, model: sphere, scale: 25, on_ground: false, position: [0, -285, 110]}
+)");
+  expect_same_files();
+  int visible = 0;
+  const json coco = json::parse(tests::file_text(folder_ / "layers/coco.json"));
+  for (const json& annotation : coco["annotations"]) visible += annotation["area"].get<int>() > 4 ? 1 : 0;
+  EXPECT_GT(visible, 5);
 }
 
 TEST_F(CityFlight, APreviewShowsCoarserTilesWhereThoseOfAFrameDoNotFit) {

@@ -162,11 +162,12 @@ void require_a_pose_a_row(std::size_t poses, int height) {
 
 static_assert(LayerSurface::kNone == scene::RayPacket8::kMiss);
 
-SurfaceVisitor noting_surfaces(imaging::Image<LayerSurface>& surfaces, const SurfaceVisitor& visitor) {
-  const bool visits_all = visitor && visitor.pixels == VisitedPixels::kAll;  // layers have no placed parts
-  return [&surfaces, visits_all, visit = visitor.visit](const SurfacePoint& point) {
+SurfaceVisitor noting_surfaces(imaging::Image<LayerSurface>& surfaces, const SurfaceVisitor& visitor,
+                               std::uint32_t first_placed_mesh) {
+  const bool visits = static_cast<bool>(visitor), visits_all = visitor.pixels == VisitedPixels::kAll;
+  return [=, &surfaces, visit = visitor.visit](const SurfacePoint& point) {
     if (point.hit) surfaces(point.x, point.y) = {point.mesh, point.nearness, point.distance_m, point.is_back_face};
-    if (visits_all) visit(point);
+    if (visits && (visits_all || (point.hit && point.mesh >= first_placed_mesh))) visit(point);
   };
 }
 

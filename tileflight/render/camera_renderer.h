@@ -109,7 +109,7 @@ struct SurfaceVisitor {
   VisitedPixels pixels = VisitedPixels::kAll;
 };
 
-/// The surface that a pixel shows of a layer: a scene with some of a place's meshes.
+/// The surface that a pixel shows of a layer: a scene with some of a place's meshes, or with what is placed in it.
 struct LayerSurface {
   static constexpr std::uint32_t kNone = 0xFFFFFFFFU;
 
@@ -120,7 +120,9 @@ struct LayerSurface {
 };
 
 /// A visitor that writes the surfaces into an image, which must outlive it, and hands on what it sees.
-SurfaceVisitor noting_surfaces(imaging::Image<LayerSurface>& surfaces, const SurfaceVisitor& visitor = {});
+/// `first_placed_mesh`: of the scene, for a visitor of placed parts alone.
+SurfaceVisitor noting_surfaces(imaging::Image<LayerSurface>& surfaces, const SurfaceVisitor& visitor = {},
+                               std::uint32_t first_placed_mesh = LayerSurface::kNone);
 
 /// Renders frames of one camera in one scene by ray casting; textured, lit or unlit, both faces of surfaces. Texture
 /// reads are filtered over the pixel's footprint (mip levels, several trilinear probes along its long axis), which

@@ -53,15 +53,21 @@ bool is_before(const LayerSurface& a, const LayerSurface& b) {
   return a.nearness > b.nearness || (a.nearness == b.nearness && a.mesh < b.mesh);
 }
 
+/// The place of a layer's mesh in the order of all the frame's meshes.
+std::uint32_t rank_of(const TracedLayer& layer, std::uint32_t mesh, std::span<const std::uint32_t> ranks) {
+  constexpr std::uint32_t kFirstPlacedRank = 1U << 31U;
+  return mesh < layer.first_placed_mesh ? ranks[mesh] : kFirstPlacedRank + (mesh - layer.first_placed_mesh);
+}
+
 /// Takes the layer's surfaces into `nearest` where they are before those there: at the pixels that are 255 in the
 /// result.
-imaging::GrayImage merge_surfaces(const imaging::Image<LayerSurface>& layer, std::span<const std::uint32_t> ranks,
+imaging::GrayImage merge_surfaces(const TracedLayer& layer, std::span<const std::uint32_t> ranks,
                                   imaging::Image<LayerSurface>& nearest) {
-  imaging::GrayImage taken(layer.width, layer.height);
-  tbb::parallel_for(0, layer.height, [&](int y) {
-    for (int x = 0; x < layer.width; ++x) {
-      LayerSurface surface = layer(x, y);
-      if (surface.mesh != LayerSurface::kNone) surface.mesh = ranks[surface.mesh];
+  imaging::GrayImage taken(nearest.width, nearest.height);
+  tbb::parallel_for(0, nearest.height, [&](int y) {
+    for (int x = 0; x < nearest.width; ++x) {
+      LayerSurface surface = layer.surfaces(x, y);
+      if (surface.mesh != LayerSurface::kNone) surface.mesh = rank_of(layer, surface.mesh, ranks);
       if (!is_before(surface, nearest(x, y))) continue;
       nearest(x, y) = surface;
       taken(x, y) = 255;
@@ -109,6 +115,7 @@ void append_object(std::string& bytes, const SceneObject& object) {
   base::append_raw(bytes, object.mesh);
   base::append_raw(bytes, object.feature);
   append_text(bytes, object.name);
+  base::append_raw(bytes, static_cast<std::uint8_t>(object.is_placed ? 1 : 0));
 }
 
 SceneObject take_object(PackedBytes& bytes) {
@@ -117,6 +124,7 @@ SceneObject take_object(PackedBytes& bytes) {
   object.mesh = bytes.take<std::uint32_t>();
   object.feature = bytes.take<std::uint32_t>();
   object.name = bytes.take_text();
+  object.is_placed = bytes.take<std::uint8_t>() != 0;
   return object;
 }
 
@@ -137,8 +145,8 @@ void append_pixels(std::string& bytes, const imaging::Image<Pixel>& image, const
 }  // namespace
 
 std::uint32_t FrameObjects::label_of(const SceneObject& object) {
-  const auto [number, is_new] =
-      numbers_.try_emplace({object.tile, object.mesh, object.feature}, static_cast<std::uint32_t>(objects_.size()));
+  const auto [number, is_new] = numbers_.try_emplace({object.is_placed, object.tile, object.mesh, object.feature},
+                                                     static_cast<std::uint32_t>(objects_.size()));
   if (is_new) objects_.push_back(object);
   return number->second + 1;
 }
@@ -183,7 +191,7 @@ TracedFrame DividedFrame::take_frame() {
 void LayeredFrame::add(TracedLayer layer, std::span<const std::uint32_t> ranks) {
   const bool is_first = nearest_.empty();
   if (is_first) nearest_ = {layer.surfaces.width, layer.surfaces.height};
-  const imaging::GrayImage taken = merge_surfaces(layer.surfaces, ranks, nearest_);
+  const imaging::GrayImage taken = merge_surfaces(layer, ranks, nearest_);
   Labels& labels = layer.frame.outputs.objects;
   LabelMap label_in_frame(layer.frame.objects, objects_);
   for (std::size_t i = 0; i < labels.pixels.size(); ++i)

@@ -26,7 +26,7 @@ class FrameObjects {
   void keep_shown(imaging::Image<std::uint32_t>& labels);
 
  private:
-  using Key = std::tuple<std::string, std::uint32_t, std::uint32_t>;  ///< tile, mesh, feature
+  using Key = std::tuple<bool, std::string, std::uint32_t, std::uint32_t>;  ///< is placed, tile, mesh, feature
 
   std::vector<SceneObject> objects_;
   std::map<Key, std::uint32_t> numbers_;  ///< index into objects_
@@ -48,12 +48,13 @@ class DividedFrame {
   FrameObjects objects_;
 };
 
-/// A frame that is traced whole in several scenes, each with some of the tiles that it shows: every pixel is of the
-/// nearest surface of all. The scenes must have one anchor.
+/// A frame that is traced whole in several scenes, each with some of the tiles that it shows, one of them with what is
+/// placed there: every pixel is of the nearest surface of all. The scenes must have one anchor.
 class LayeredFrame {
  public:
   /// Takes the pixels that are nearer than those of the layers before. `ranks`: of the layer's meshes, their places in
-  /// the order of all the frame's meshes, since of equally near surfaces that of the first mesh is shown.
+  /// the order of all the frame's meshes, below 2^31, since of equally near surfaces that of the first mesh is shown;
+  /// meshes of placed parts follow all others.
   void add(TracedLayer layer, std::span<const std::uint32_t> ranks);
   /// What the layers so far show, for another process that has other layers of the frame: the pixels at which there is
   /// a surface, and the check, if it was made here.

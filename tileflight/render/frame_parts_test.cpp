@@ -50,6 +50,7 @@ void expect_same_frame(const FlightFrame& a, const FlightFrame& b) {
     ASSERT_EQ(label == 0, expected == 0);
     if (label == 0) continue;
     ASSERT_EQ(a.objects[label - 1].tile, b.objects[expected - 1].tile);
+    ASSERT_EQ(a.objects[label - 1].is_placed, b.objects[expected - 1].is_placed);
   }
   EXPECT_EQ(a.exposure_ms, b.exposure_ms);
   EXPECT_EQ(a.check.view.rays, b.check.view.rays);
@@ -185,7 +186,38 @@ std::vector<imaging::TexturedMesh> doubled_city() {
   return meshes;
 }
 
-/// Frames in layers of randomly chosen meshes.
+/// Things that move over and through the city, and one that stands exactly where a plate is and is called as it is.
+PlacedParts moving_things() {
+  std::vector<imaging::TexturedMesh> meshes;
+  for (int k = 0; k < 2; ++k) {
+    meshes.push_back(
+        hills({0.0, 0.0, 1.5 * k}, 9.0, 6, texture(16, 16, [k](int x, int y) { return grey(noise(x, y, 7 + k)); })));
+  }
+  const scene::SceneFrame frame(Vec3::Zero());
+  const auto thing = std::make_shared<const scene::ScenePart>(std::move(meshes), frame);
+  imaging::TexturedMesh same = doubled_city()[12];
+  same.texture = texture(2, 2, [](int, int) { return grey(255); });
+  const auto plate = std::make_shared<const scene::ScenePart>(std::vector{std::move(same)}, frame);
+  return [thing, plate](double from_s, double to_s) {
+    std::vector<scene::PlacedPart> placed{{doubled_city()[12].name, plate, {Eigen::Affine3d::Identity()}}};
+    std::mt19937 random(5);
+    std::uniform_real_distribution<double> uniform(-1.0, 1.0);
+    for (int i = 0; i < 6; ++i) {
+      const Vec3 start(30.0 * uniform(random), 30.0 * uniform(random), 3.0 + 3.0 * uniform(random));
+      const Vec3 speed(12.0 * uniform(random), 12.0 * uniform(random), 2.0 * uniform(random));
+      scene::PlacedPart part{"thing" + std::to_string(i), thing, {}};
+      for (const double time_s : {from_s, to_s}) {
+        if (time_s == from_s && !part.poses.empty()) continue;
+        part.poses.push_back(
+            scene::placed_at(SE3(geometry::so3_exp(Vec3(0.1, 0.2, i + time_s)), start + time_s * speed)));
+      }
+      placed.push_back(std::move(part));
+    }
+    return placed;
+  };
+}
+
+/// Frames in layers of randomly chosen meshes; what is placed in them is a layer of its own.
 class FramesInLayers : public testing::Test {
  protected:
   FramesInLayers() {
@@ -204,23 +236,41 @@ class FramesInLayers : public testing::Test {
       LayeredFrame layered, own, of_another;
       int number = 0;
       for (const std::vector<std::uint32_t>& ranks : layers(4, random)) {
+        if (options_.placed && number == 2) {
+          add_placed(index, layered);
+          add_placed(index, index % 2 == 0 ? own : of_another);
+        }
         add_layer(index, ranks, layered);
         add_layer(index, ranks, number++ % 2 == 0 ? own : of_another);
       }
       renderer.check_path(index, layered.check());
-      expect_same_frame(renderer.develop(layered.take_frame()), whole);
+      expect_same_frame(finished(renderer, layered), whole);
       renderer.check_path(index, of_another.check());
       own.add_packed(of_another.packed(true));
       own.add_packed(LayeredFrame().packed(false));
-      expect_same_frame(renderer.develop(own.take_frame()), whole);
+      expect_same_frame(finished(renderer, own), whole);
     }
+  }
+  FlightFrame finished(const FrameRenderer& renderer, LayeredFrame& frame) const {
+    TracedFrame sum = frame.take_frame();
+    renderer.finish_layers(sum, whole_.anchor().z());
+    return renderer.develop(std::move(sum));
   }
   /// A layer with these of the doubled city's meshes.
   void add_layer(std::size_t index, const std::vector<std::uint32_t>& ranks, LayeredFrame& frame) const {
     std::vector<imaging::TexturedMesh> meshes;
     for (const std::uint32_t rank : ranks) meshes.push_back(doubled_city()[rank]);
     const Scene scene(std::move(meshes), whole_.anchor());
-    frame.add(FrameRenderer(scene, camera_, frames_, {}, options_).trace_layer(index), ranks);
+    FlightRenderOptions options = options_;
+    options.placed = {};
+    frame.add(FrameRenderer(scene, camera_, frames_, {}, options).trace_layer(index), ranks);
+  }
+  /// A layer with what is placed, and nothing else.
+  void add_placed(std::size_t index, LayeredFrame& frame) const {
+    imaging::TexturedMesh nothing;
+    nothing.mesh = {std::vector<Vec3>(3, Vec3::Zero()), {{0, 1, 2}}};
+    const Scene scene({nothing}, whole_.anchor());
+    frame.add(FrameRenderer(scene, camera_, frames_, {}, options_).trace_layer(index), {});
   }
   /// The meshes' numbers, dealt to layers, in increasing order.
   std::vector<std::vector<std::uint32_t>> layers(std::size_t count, std::mt19937& random) const {
@@ -247,6 +297,32 @@ TEST_F(FramesInLayers, AreTheSameWithEveryEffectOfOneRayAPixel) {
   options_.formation.haze_visibility_m = 300.0;
   options_.render.weather =
       std::make_shared<const WeatherOptions>(WeatherOptions{.fog_visibility_m = 200.0, .wetness = 0.7});
+  expect_same_frames();
+}
+
+TEST_F(FramesInLayers, AreTheSameWithThingsThatMove) {
+  options_.placed = moving_things();
+  options_.outputs.placed_objects = true;
+  const TracedFrame frame = FrameRenderer(whole_, camera_, frames_, {}, options_).trace(0);
+  const auto shown = std::ranges::count_if(frame.outputs.objects.pixels, [&](std::uint32_t label) {
+    return label > 0 && frame.objects[label - 1].is_placed;
+  });
+  EXPECT_GT(shown, 200);
+  expect_same_frames();
+  options_.formation.line_delay_s = 5e-4;
+  expect_same_frames();
+  options_.outputs = {.placed_objects = true};
+  options_.render.depth = false;
+  expect_same_frames();
+}
+
+TEST_F(FramesInLayers, AreTheSameInRainAndSnow) {
+  options_.placed = moving_things();
+  options_.render.weather = std::make_shared<const WeatherOptions>(
+      WeatherOptions{.fog_visibility_m = 200.0, .rain_mm_per_h = 40.0, .snow_mm_per_h = 2.0, .wetness = 0.7});
+  expect_same_frames();
+  options_.render.depth = false;
+  options_.formation.line_delay_s = 2e-5;
   expect_same_frames();
 }
 
@@ -305,9 +381,9 @@ TEST(HasOneRayPerPixel, NotWithWhatNeedsSeveral) {
   EXPECT_FALSE(with([](FlightRenderOptions& o) { o.render.samples_per_pixel = 4; }));
   EXPECT_FALSE(with([](FlightRenderOptions& o) { o.formation.exposure_time_s = 0.01; }));
   EXPECT_FALSE(with([](FlightRenderOptions& o) { o.formation.chromatic_blue = 0.001; }));
-  EXPECT_FALSE(with([](FlightRenderOptions& o) {
+  EXPECT_TRUE(with([](FlightRenderOptions& o) {
     o.render.weather = std::make_shared<const WeatherOptions>(WeatherOptions{.rain_mm_per_h = 3.0});
-  }));
+  })) << "drawn before the surfaces of all layers";
 }
 
 }  // namespace

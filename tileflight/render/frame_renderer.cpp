@@ -46,7 +46,7 @@ bool has_one_ray_per_pixel(const FlightRenderOptions& options) {
   const ImageFormation& formation = options.formation;
   return options.render.samples_per_pixel == 1 &&
          (formation.exposure_time_s == 0.0 || formation.exposure_samples == 1) && formation.chromatic_red == 0.0 &&
-         formation.chromatic_blue == 0.0 && !options.placed && !has_precipitation(options.render);
+         formation.chromatic_blue == 0.0;
 }
 
 RenderOptions make_render_options(const FlightRenderOptions& options) {
@@ -210,7 +210,9 @@ FrameRenderer::Moment FrameRenderer::moment_of(std::size_t index, bool is_expose
 
 TracedLayer FrameRenderer::trace_layer(std::size_t index) const {
   const imaging::Camera& camera = renderer_.camera();
-  TracedLayer layer{{}, imaging::Image<LayerSurface>(camera.width(), camera.height())};
+  TracedLayer layer{{},
+                    imaging::Image<LayerSurface>(camera.width(), camera.height()),
+                    (with_placed_ ? *with_placed_ : scene_).first_placed_mesh()};
   layer.frame = trace_rays(index, {}, &layer.surfaces);
   return layer;
 }
@@ -223,7 +225,13 @@ TracedFrame FrameRenderer::trace_rays(std::size_t index, const OptionalRegion& r
   const Moment moment = moment_of(index, true);
   const Cameras cameras = cameras_in(moment.scene ? &*moment.scene : nullptr);
   const auto trace = [&](const SurfaceVisitor& visitor) {
-    trace_picture(cameras, moment, region, surfaces == nullptr ? visitor : noting_surfaces(*surfaces, visitor), frame);
+    if (surfaces == nullptr) {
+      trace_picture(cameras, moment, region, visitor, frame);
+      if (streaks_) draw_streaks(*streaks_, region, frame);
+    } else {
+      const std::uint32_t first_placed = (moment.scene ? *moment.scene : scene_).first_placed_mesh();
+      trace_picture(cameras, moment, region, noting_surfaces(*surfaces, visitor, first_placed), frame);
+    }
   };
   if (!has_outputs_) {
     trace({});
@@ -252,8 +260,17 @@ void FrameRenderer::trace_picture(const Cameras& cameras, const Moment& moment, 
   frame.light = std::move(light.light);
   frame.depth_m = std::move(light.depth_m);
   frame.check.view = light.view;
-  if (streaks_) streaks_->draw(renderer_.camera(), streak_shutter(frame.index), frame.depth_m, region, frame.light);
+}
+
+/// Before the frame's surfaces. A depth that only they need is dropped.
+void FrameRenderer::draw_streaks(const StreakRenderer& streaks, const OptionalRegion& region,
+                                 TracedFrame& frame) const {
+  streaks.draw(renderer_.camera(), streak_shutter(frame.index), frame.depth_m, region, frame.light);
   if (!has_depth_) frame.depth_m = {};
+}
+
+void FrameRenderer::finish_layers(TracedFrame& frame, double anchor_z_m) const {
+  if (streaks_) draw_streaks(StreakRenderer(render_options_, anchor_z_m), {}, frame);
 }
 
 /// Renders red and blue through separate lenses if there is chromatic aberration.

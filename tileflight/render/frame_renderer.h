@@ -50,14 +50,15 @@ struct TracedFrame {
   FrameCheck check;
 };
 
-/// A frame as it looks in a scene with some of a place's meshes, for LayeredFrame.
+/// A frame as it looks in a scene with some of a place's meshes, or with what is placed in it, for LayeredFrame.
 struct TracedLayer {
   TracedFrame frame;
   imaging::Image<LayerSurface> surfaces;
+  std::uint32_t first_placed_mesh = LayerSurface::kNone;  ///< of the layer's scene
 };
 
 /// Whether each pixel of a frame is what one ray finds, so that frames can be traced in layers: one sample a pixel, one
-/// moment of exposure, one lens for all colours, nothing placed, and nothing that falls.
+/// moment of exposure, and one lens for all colours. (What falls is drawn before the surfaces of all layers.)
 bool has_one_ray_per_pixel(const FlightRenderOptions& options);
 
 /// Renders frames of a flight in a scene; several threads may each render one. What is passed by reference must outlive
@@ -76,8 +77,11 @@ class FrameRenderer {
   TracedFrame trace_region(std::size_t index, const OptionalRegion& region) const {
     return trace_rays(index, region, nullptr);
   }
-  /// A layer of the frame, for LayeredFrame, without checks. Precondition: has_one_ray_per_pixel() of the options.
+  /// A layer of the frame, for LayeredFrame, without checks, and without what falls. Precondition:
+  /// has_one_ray_per_pixel() of the options.
   TracedLayer trace_layer(std::size_t index) const;
+  /// Completes the sum of all layers: draws what falls. `anchor_z_m`: of the layers' scenes; this one is not used.
+  void finish_layers(TracedFrame& frame, double anchor_z_m) const;
   /// Checks of the path at the frame, besides its view.
   void check_path(std::size_t index, FrameCheck& check) const;
   /// Exposes a frame. Does not use the scene.
@@ -90,6 +94,7 @@ class FrameRenderer {
   TracedFrame trace_rays(std::size_t index, const OptionalRegion& region, imaging::Image<LayerSurface>* surfaces) const;
   void trace_picture(const Cameras& cameras, const Moment& moment, const OptionalRegion& region,
                      const SurfaceVisitor& visitor, TracedFrame& frame) const;
+  void draw_streaks(const StreakRenderer& streaks, const OptionalRegion& region, TracedFrame& frame) const;
   LightFrame trace_light(const Cameras& cameras, const ShutterPoses& poses, const OptionalRegion& region,
                          const SurfaceVisitor& visitor) const;
   Moment moment_of(std::size_t index, bool is_exposed) const;

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <chrono>
 #include <map>
+#include <type_traits>
 #include <utility>
 
 #include "tileflight/base/elapsed_time.h"
@@ -84,10 +85,19 @@ std::vector<FrameView> PartRenderer::divided_views(const std::vector<std::size_t
   return views;
 }
 
+/// The layers of one camera's images, those of the same contents together. The first is without contents if anything
+/// is placed in the images.
+std::vector<ContentRange> PartRenderer::divide_into_layers(const std::vector<std::size_t>& frames,
+                                                           double bytes_for_tiles) const {
+  constexpr double kLayerShare = 0.75;  // contents that the next image alone needs stay in memory beside the scene
+  std::vector<ContentRange> layers = loader_->divide_contents(frames, kLayerShare * bytes_for_tiles);
+  if (layers.empty() || camera_of(frames.front()).options.placed) layers.insert(layers.begin(), ContentRange{0, 0});
+  return layers;
+}
+
 /// The images' layers, those of the same contents together.
 std::vector<FrameView> PartRenderer::layers_of(const std::vector<std::size_t>& frames, double bytes_for_tiles) const {
-  constexpr double kLayerShare = 0.75;  // contents that the next image alone needs stay in memory beside the scene
-  const std::vector<ContentRange> layers = loader_->divide_contents(frames, kLayerShare * bytes_for_tiles);
+  const std::vector<ContentRange> layers = divide_into_layers(frames, bytes_for_tiles);
   std::vector<FrameView> views;
   for (const ContentRange& layer : layers) {
     for (const std::size_t frame : frames) {
@@ -278,6 +288,7 @@ void PartRenderer::compose(const std::vector<std::size_t>& of_camera, std::vecto
   for_each_view(std::move(views), bytes_for_tiles(of_camera.size()), share, [&](const LoadedPart& part) {
     const auto start = std::chrono::steady_clock::now();
     render::FlightRenderOptions options = options_for(part, number, share);
+    if (is_layer_of_tiles(part)) options.placed = {};
     options.exposure_gains = exposure_gains;
     options.first_frame = images()[of_camera.front()].frame;
     options.end_frame = images()[of_camera.back()].frame + 1;
@@ -292,7 +303,9 @@ void PartRenderer::compose(const std::vector<std::size_t>& of_camera, std::vecto
     ++summary.parts;
     if (part.end == loader_->views().size()) {
       for (auto& [image, frame] : frames) {
-        const render::FlightFrame finished = renderer.develop(frame.take_frame());
+        render::TracedFrame traced = frame.take_frame();
+        if constexpr (std::is_same_v<Frame, render::LayeredFrame>) renderer.finish_layers(traced, anchor_of(image).z());
+        const render::FlightFrame finished = renderer.develop(std::move(traced));
         sink(number, finished);
         share.add(image, finished);
       }

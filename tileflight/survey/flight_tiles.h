@@ -35,6 +35,7 @@ struct ContentRange {
   std::size_t begin = 0;
   std::size_t end = 0;  ///< not included
 
+  bool empty() const { return begin == end; }
   bool contains(std::size_t content) const { return content >= begin && content < end; }
   bool operator==(const ContentRange&) const = default;
 };
@@ -45,7 +46,8 @@ struct FrameView {
   /// Pixels of the image, bounded as CameraRenderer's regions; nullopt: all.
   std::optional<imaging::PixelRegion> region{};
   bool has_checks = true;  ///< whether what surrounds the camera (FrameCheck) is looked at too
-  /// A layer of the image (render::LayeredFrame): the tiles of these contents alone; nullopt: all.
+  /// A layer of the image (render::LayeredFrame): the tiles of these contents alone, without what is placed among them;
+  /// none: what is placed, and the sky; nullopt: all.
   std::optional<ContentRange> contents{};
 };
 

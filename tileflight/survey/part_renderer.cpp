@@ -220,6 +220,11 @@ PartLoader& PartRenderer::loader_for(std::vector<FrameView> views) {
   return *loader_;
 }
 
+/// The same for all parts of a group, so that surfaces are bit-identical in each.
+const geometry::Vec3& PartRenderer::anchor_of(std::size_t image) const {
+  return tiles_->groups().anchors[tiles_->groups().group_of_frame[image]];
+}
+
 /// nullopt: the part's first view alone does not fit.
 std::optional<PartRenderer::LoadedPart> PartRenderer::load(std::size_t begin, const FrameAssignment& share) {
   std::optional<FlightPart> part = loader_->load(begin, progress_);
@@ -229,14 +234,11 @@ std::optional<PartRenderer::LoadedPart> PartRenderer::load(std::size_t begin, co
   const FrameView& first = views[part->begin];
   if (!first.region && !first.contents && part->end - part->begin == images().count())
     place::require_surface(part->meshes, tiles_->summary().points > 0, tiles_->name());
-  const FrameGroups& groups = tiles_->groups();
-  // The same for all parts of a group, so that surfaces are bit-identical in each.
-  const geometry::Vec3& anchor = groups.anchors[groups.group_of_frame[first.frame]];
-  LoadedPart loaded{scene::Scene(place::with_placeholder(std::move(part->meshes)), anchor),
+  LoadedPart loaded{scene::Scene(place::with_placeholder(std::move(part->meshes)), anchor_of(first.frame)),
                     nullptr,
                     part->begin,
                     part->end,
-                    groups.count() > 1 || first.region || first.contents,
+                    tiles_->groups().count() > 1 || first.region || first.contents,
                     std::move(part->places)};
   // One after the other: each takes additional memory while it is built.
   loaded.scene.build_beam_tree();

@@ -110,6 +110,7 @@ class PartRenderer {
   bool is_metered() const;  ///< whether gains of the automatic exposure are still to be found
   const ImageOrder& images() const { return tiles_->images(); }
   const PlannedCamera& camera_of(std::size_t image) const { return mission_.camera(images()[image].camera); }
+  const geometry::Vec3& anchor_of(std::size_t image) const;  ///< of all scenes that show the image
   std::vector<FrameView> views_to_load(const FrameAssignment& share) const;
   PartLoader& loader_for(std::vector<FrameView> views);
   std::optional<LoadedPart> load(std::size_t begin, const FrameAssignment& share);
@@ -126,6 +127,7 @@ class PartRenderer {
 
   std::vector<std::size_t> frames_to_divide(std::size_t begin) const;
   std::vector<FrameView> divided_views(const std::vector<std::size_t>& frames, double bytes_for_tiles) const;
+  std::vector<ContentRange> divide_into_layers(const std::vector<std::size_t>& frames, double bytes_for_tiles) const;
   std::vector<FrameView> layers_of(const std::vector<std::size_t>& frames, double bytes_for_tiles) const;
   std::vector<FrameView> checks_and_layers_of(const std::vector<std::size_t>& frames, double bytes_for_tiles) const;
   void divide_further(std::size_t begin);
@@ -157,6 +159,11 @@ class PartRenderer {
   void finish_together(const Together& together, const std::vector<double>& gains, LayeredFrames frames,
                        const CameraFrameSink& sink) const;
   bool has_layers(std::size_t image) const { return render::has_one_ray_per_pixel(camera_of(image).options); }
+  /// A layer without what is placed in the images, which is a layer of its own.
+  bool is_layer_of_tiles(const LoadedPart& part) const {
+    const std::optional<ContentRange>& contents = loader_->views()[part.begin].contents;
+    return contents && !contents->empty();
+  }
   std::vector<double> gains_of(const std::vector<std::size_t>& images, const std::map<std::size_t, double>& light,
                                RenderSummary& summary) const;
   double bytes_for_tiles(std::size_t frames) const;

@@ -54,7 +54,7 @@ std::string PartRenderer::why_tiles_are_not_dealt() const {
     return "light, a lidar, a range finder or an event camera needs more of the place than a frame shows";
   for (std::size_t c = 0; c < mission_.camera_count(); ++c) {
     if (!render::has_one_ray_per_pixel(mission_.camera(c).options))
-      return "a pixel takes several rays (samples, motion blur, chromatic aberration), or something falls or drives";
+      return "a pixel takes several rays (samples, motion blur, chromatic aberration)";
   }
   // The checks of its path look as far as the tiles of its only cut reach.
   if (tiles_->groups().count() == 1) return "all frames are near each other and have one selection of tiles";
@@ -174,9 +174,7 @@ std::vector<FrameView> PartRenderer::views_together(const Together& together, do
   for (const auto& [image, rank] : together.rank_of_check) {
     if (rank == together.own_rank()) views.push_back({image, corner_of(camera_of(image)), true});
   }
-  constexpr double kLayerShare = 0.75;  // as layers_of()
-  std::vector<ContentRange> layers = loader_->divide_contents(together.images, kLayerShare * bytes_for_tiles);
-  if (layers.empty()) layers.push_back({0, 0});
+  const std::vector<ContentRange> layers = divide_into_layers(together.images, bytes_for_tiles);
   for (const ContentRange& layer : layers) {
     for (const std::size_t image : together.images) {
       const FrameView view{image, {}, false, layer};
@@ -256,6 +254,7 @@ void PartRenderer::render_together(const std::vector<std::size_t>& of_camera, wo
     together.rank_of_check[image] = rank_of_check(image, static_cast<std::size_t>(ranks.count()));
   LayeredFrames frames = compose_together(together, [&](const LoadedPart& part, LayeredFrames& traced) {
     render::FlightRenderOptions options = options_for(part, number, share);
+    if (is_layer_of_tiles(part)) options.placed = {};
     options.exposure_gains = gains;
     options.first_frame = images()[together.images.front()].frame;
     options.end_frame = images()[together.images.back()].frame + 1;
@@ -284,10 +283,13 @@ void PartRenderer::finish_together(const Together& together, const std::vector<d
   options.exposure_gains = gains;
   options.first_frame = images()[together.images.front()].frame;
   options.end_frame = images()[together.images.back()].frame + 1;
+  options.placed = {};
   const scene::Scene nothing(place::with_placeholder({}), geometry::Vec3::Zero());  // developing needs none
   const render::FrameRenderer renderer(nothing, camera.calibration.camera, camera.frames, camera.pose_at, options);
   tbb::parallel_for_each(frames, [&](LayeredFrames::value_type& frame) {
-    const render::FlightFrame finished = renderer.develop(frame.second.take_frame());
+    render::TracedFrame traced = frame.second.take_frame();
+    renderer.finish_layers(traced, anchor_of(frame.first).z());
+    const render::FlightFrame finished = renderer.develop(std::move(traced));
     sink(number, finished);
     together.share.add(frame.first, finished);
   });
