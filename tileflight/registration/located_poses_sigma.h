@@ -25,7 +25,8 @@ enum class PathCoverage {
 /// - kWhole: a path that bends is the same in sample and whole, so the bend is no error, however much a leg of it
 /// pulls.
 ///   The estimates' second differences leave out what changes slowly along the path (Wolter, Introduction to Variance
-///   Estimation, 2nd edition, chapter 8: contrasts of a systematic sample). For fewer than eight poses as kParts.
+///   Estimation, 2nd edition, chapter 8: contrasts of a systematic sample), but also errors that are shared for longer.
+///   Hence twice that, and at most the jackknife, which counts all. For fewer than eight poses as kParts.
 ///
 /// NaN for fewer than four poses.
 double similarity_sigma_m(const std::vector<LocatedPose>& poses, const alignment::PointSpread& points,
