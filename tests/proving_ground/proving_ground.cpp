@@ -5,7 +5,6 @@
 // --keep all. Everything is drawn from --seed. Several calls' flights in one table: --summarise FOLDER FOLDER
 
 #include <CLI/CLI.hpp>
-#include <nlohmann/json.hpp>
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
@@ -13,6 +12,7 @@
 #include <iostream>
 #include <map>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 
 #include "outcome.h"
@@ -155,8 +155,11 @@ scoring::MapInputs known_inputs(const FlightDraw& draw, const fs::path& folder) 
   return map;
 }
 
-/// The place's own are left out: here its tiles are the truth, whatever they say of themselves.
-void add_doubts(const json& object, Outcome& outcome) {
+/// Each stage's list holds those of the stages before, as it knows them by now. The place's own are left out: here its
+/// tiles are the truth, whatever they say of themselves.
+void take_doubts(const json& object, Outcome& outcome) {
+  outcome.doubts.clear();
+  outcome.withheld = false;
   for (const json& doubt : object.value("doubts", json::array())) {
     if (doubt.at("where") == "truth") continue;
     const std::string what = doubt.at("what");
@@ -189,17 +192,17 @@ Outcome fly(const Field& field, const FlightDraw& draw, const std::string& name,
     outcome.frames = tracked.at("frames");
     outcome.tracked = tracked.at("frames_tracked");
     outcome.stage = "odometry";
-    add_doubts(tracked, outcome);
+    take_doubts(tracked, outcome);
     const scoring::MapInputs map = known_inputs(draw, folder);
     const json transform = scoring::align(map, field.truth, {}, folder / "transform.json");
     outcome.stage = "align";
     outcome.sigma_m = sigma_of(transform);
-    add_doubts(transform, outcome);
+    take_doubts(transform, outcome);
     const geometry::Trajectory truth = geometry::read_tum(folder / "dataset/groundtruth.txt");
     outcome.errors =
         true_errors(scoring::read_map(map.map), geometry::read_tum(map.trajectory), truth, matrix_of(transform));
     outcome.path_sigmas = path_sigmas(folder / "odometry", truth);
-    add_doubts(scoring::evaluate(map, field.truth, folder / "transform.json", {}, folder / "metrics.json"), outcome);
+    take_doubts(scoring::evaluate(map, field.truth, folder / "transform.json", {}, folder / "metrics.json"), outcome);
     outcome.stage = "evaluate";
   } catch (const InputError& error) {
     outcome.error = error.what();

@@ -25,14 +25,18 @@ std::string frames_text(const tracking::FrameQuality& first, const tracking::Fra
   return from == to ? "frame " + from : "frames " + from + " to " + to;
 }
 
+/// Images without a pose. Tracking goes on only in the same map, so the others' poses and points are as good as without
+/// the gap: where few are missing, the result is only smaller.
 void check_completeness(const OdometryResult& result, std::int64_t frames, const DoubtThresholds& limits,
                         Doubts& doubts) {
   const std::string share = count_text(result.frames_tracked) + " of " + count_text(frames) + " frames have a pose";
+  const auto given = static_cast<double>(frames);
+  const double missing = given - static_cast<double>(result.frames_tracked);
   if (result.lost) {
     doubts.push_back({"the flight was not tracked to its end (" + share + "): " + result.lost_reason, kWhere, "certain",
                       "use the tracked part, or a flight that can be tracked throughout"});
-  } else if (static_cast<double>(result.frames_tracked) < limits.min_tracked_share * static_cast<double>(frames)) {
-    doubts.push_back({share, kWhere, "certain",
+  } else if (static_cast<double>(result.frames_tracked) < limits.min_tracked_share * given) {
+    doubts.push_back({share, kWhere, missing > limits.few_missing_share * given ? "certain" : "possible",
                       "look up the frames without a pose in quality.csv; choose another part of the flight"});
   }
 }
@@ -44,7 +48,8 @@ void check_length(const OdometryResult& result, const DoubtThresholds& limits, D
        kWhere, "likely", "use a longer part of the flight"});
 }
 
-/// Reports the images with a large share of saturated residuals, from the first to the last.
+/// Reports the images with a large share of saturated residuals, from the first to the last. A few that still align by
+/// most of their points are a small part of the flight.
 void check_residuals(const OdometryResult& result, const FrameName& name_of, const DoubtThresholds& limits,
                      Doubts& doubts) {
   const tracking::FrameQuality *first = nullptr, *last = nullptr;
@@ -58,14 +63,19 @@ void check_residuals(const OdometryResult& result, const FrameName& name_of, con
     worst = std::max(worst, q.saturated_share);
   }
   if (bad == 0) return;
+  const bool is_small = worst <= limits.saturated_likely_share &&
+                        bad <= limits.saturated_likely_frames * static_cast<double>(result.frames_tracked);
   doubts.push_back(
       {"tracking residuals are high in " + count_text(bad) + " frames: up to " + percent_text(worst) +
            " of the points do not match their keyframe",
-       std::string(kWhere) + ", " + frames_text(*first, *last, name_of), "likely",
+       std::string(kWhere) + ", " + frames_text(*first, *last, name_of), is_small ? "possible" : "likely",
        "check these frames for blur, an obstruction in front of the lens or rotation in place; leave them out"});
 }
 
+bool has_metric_scale(const OdometryResult& result) { return result.stereo && result.stereo->metric; }
+
 void check_metric_scale(const OdometryResult& result, const DoubtThresholds& limits, Doubts& doubts) {
+  if (!has_metric_scale(result)) return;
   std::vector<double> sigmas;
   for (const tracking::FrameQuality& q : result.quality) {
     if (q.tracked) sigmas.push_back(q.sigma_log_scale);
@@ -80,7 +90,7 @@ void check_metric_scale(const OdometryResult& result, const DoubtThresholds& lim
 
 void check_scale_drift(const OdometryResult& result, const FrameName& name_of, const DoubtThresholds& limits,
                        Doubts& doubts) {
-  if (result.stereo && result.stereo->metric) return check_metric_scale(result, limits, doubts);
+  if (has_metric_scale(result)) return;
   const auto beyond = [&](const tracking::FrameQuality& q) {
     return q.tracked && q.sigma_log_scale > limits.sigma_log_scale;
   };
@@ -234,11 +244,20 @@ Doubts find_doubts(const OdometryResult& result, std::int64_t frames, const Fram
   if (result.frames_tracked == 0) return doubts;
   check_length(result, limits, doubts);
   check_stereo(result, name_of, limits, doubts);
-  check_second_run(result, second, name_of, limits, doubts);
+  check_metric_scale(result, limits, doubts);
+  const Doubts path = find_path_doubts(result, name_of, second, limits);
+  doubts.insert(doubts.end(), path.begin(), path.end());
   check_residuals(result, name_of, limits, doubts);
-  check_scale_drift(result, name_of, limits, doubts);
   check_jumps(result, name_of, limits, doubts);
   check_calibration(result, limits, doubts);
+  return doubts;
+}
+
+Doubts find_path_doubts(const OdometryResult& result, const FrameName& name_of,
+                        const std::optional<RunAgreement>& second, const DoubtThresholds& limits) {
+  Doubts doubts;
+  check_second_run(result, second, name_of, limits, doubts);
+  check_scale_drift(result, name_of, limits, doubts);
   return doubts;
 }
 

@@ -14,11 +14,14 @@ namespace tileflight::odometry {
 /// Thresholds above which a warning is reported. Measured on the flights of the proving ground (tests/proving_ground);
 /// docs/trust.md describes them.
 struct DoubtThresholds {
-  double min_tracked_share = 0.95;  ///< share of the images
-  std::int64_t min_frames = 20;     ///< tracked frames; fewer are not enough for a judgement
-  double saturated_share = 0.13;    ///< share of an image's points with a residual above the cut-off
-  double sigma_log_scale = 0.0013;  ///< standard deviation of log(scale at the end / scale at the start)
-  double velocity_change = 1.5;     ///< between two images, in units of the flight's 95th percentile of speed
+  double min_tracked_share = 0.95;        ///< share of the images
+  double few_missing_share = 0.2;         ///< of the images: as many without a pose leave a verdict on the rest
+  std::int64_t min_frames = 20;           ///< tracked frames; fewer are not enough for a judgement
+  double saturated_share = 0.13;          ///< share of an image's points with a residual above the cut-off
+  double saturated_likely_share = 0.3;    ///< from which on, or from that share of the images on with more than the one
+  double saturated_likely_frames = 0.05;  ///< above, the warning is more than "possible"
+  double sigma_log_scale = 0.0013;        ///< standard deviation of log(scale at the end / scale at the start)
+  double velocity_change = 1.5;           ///< between two images, in units of the flight's 95th percentile of speed
   double systematic_px = 0.04;  ///< displacement common to the keyframes; from `systematic_likely_px` on the warning is
                                 ///< more than "possible"
   double systematic_likely_px = 0.15;
@@ -34,6 +37,11 @@ struct DoubtThresholds {
 Doubts find_doubts(const OdometryResult& result, std::int64_t frames,
                    const std::function<std::string(std::int64_t)>& name_of,
                    const std::optional<RunAgreement>& second = {}, const DoubtThresholds& limits = {});
+
+/// Those of find_doubts() that suspect the path as a whole: the two directions disagree, or the scale may have drifted.
+/// An independent measurement of the path answers them.
+Doubts find_path_doubts(const OdometryResult& result, const std::function<std::string(std::int64_t)>& name_of,
+                        const std::optional<RunAgreement>& second = {}, const DoubtThresholds& limits = {});
 
 /// Which of two runs over the same images to use.
 enum class RunChoice {

@@ -87,8 +87,14 @@ TEST(TrackingDoubts, NoStartIsOneDoubt) {
 
 TEST(TrackingDoubts, GapsAndFewFramesAreSaid) {
   OdometryResult result = good_flight();
-  result.frames_tracked = 50;
+  result.frames_tracked = 57;
+  EXPECT_TRUE(doubts_about(result).empty());
+  result.frames_tracked = 50;  // the others are in one map: a verdict on it is possible
   expect_only(doubts_about(result), "50 of 60", "odometry");
+  EXPECT_EQ(doubts_about(result)[0].how_sure, "possible");
+  result.frames_tracked = 40;
+  expect_only(doubts_about(result), "40 of 60", "odometry");
+  EXPECT_EQ(doubts_about(result)[0].how_sure, "certain");
   result.frames_tracked = 12;
   expect_only(doubts_about(result, 12), "only 12 frames", "odometry");
 }
@@ -97,6 +103,28 @@ TEST(TrackingDoubts, FramesThatFitBadlyAreNamed) {
   OdometryResult result = good_flight();
   for (const int i : {20, 21, 24}) result.quality[i].saturated_share = 0.3 + 0.01 * i;
   expect_only(doubts_about(result), "residuals are high in 3 frames: up to 54 %", "odometry, frames f20 to f24");
+  EXPECT_EQ(doubts_about(result)[0].how_sure, "likely");
+}
+
+TEST(TrackingDoubts, AFewFramesThatFitByMostOfTheirPointsAreASmallPart) {
+  OdometryResult result = good_flight();
+  for (const int i : {20, 21, 24}) result.quality[i].saturated_share = 0.19;
+  expect_only(doubts_about(result), "residuals are high in 3 frames: up to 19 %", "odometry, frames f20 to f24");
+  EXPECT_EQ(doubts_about(result)[0].how_sure, "possible");
+  result.quality[25].saturated_share = 0.19;  // more than one of twenty
+  EXPECT_EQ(doubts_about(result)[0].how_sure, "likely");
+}
+
+TEST(TrackingDoubts, ThoseAboutThePathAsAWholeAreKnown) {
+  OdometryResult result = good_flight();
+  result.quality[20].saturated_share = 0.5;
+  for (int i = 30; i < 60; ++i) result.quality[i].sigma_log_scale = 0.02;
+  const RunAgreement apart{60, 0.08, 0.2, 3.04};
+  const Doubts path = find_path_doubts(result, name_of, apart);
+  ASSERT_EQ(path.size(), 2U);
+  EXPECT_NE(path[0].what.find("differ by 8 %"), std::string::npos);
+  EXPECT_NE(path[1].what.find("scale may have drifted"), std::string::npos);
+  EXPECT_EQ(doubts_about(result, 60, apart).size(), 3U);
 }
 
 TEST(TrackingDoubts, AScaleCarriedByLittleIsNamedFromItsFrameOn) {

@@ -6,9 +6,9 @@
 #include <numbers>
 
 #include "tileflight/alignment/jackknife.h"
-#include "tileflight/alignment/pose_alignment.h"
 #include "tileflight/alignment/similarity_chart.h"
 #include "tileflight/base/input_error.h"
+#include "tileflight/registration/located_poses_sigma.h"
 #include "tileflight/registration/registration_doubts.h"
 
 namespace tileflight::registration {
@@ -168,15 +168,11 @@ std::vector<LocatedPose> extract_poses(const LocatedPictures& pictures) {
   return poses;
 }
 
-/// Similarity of the inlier poses: rotation by their mean, translation and scale by the positions (pose_alignment.h).
-Sim3 fit_inlier_poses(const std::vector<LocatedPose>& poses, const std::vector<bool>& agrees) {
-  std::vector<geometry::SE3> in_map, found;
-  for (std::size_t i = 0; i < poses.size(); ++i) {
-    if (!agrees[i]) continue;
-    in_map.push_back(poses[i].T_map_camera);
-    found.push_back(poses[i].T_local_camera);
-  }
-  return alignment::fit_poses(in_map, found);
+std::vector<LocatedPose> select_poses(const std::vector<LocatedPose>& poses, const std::vector<bool>& selected) {
+  std::vector<LocatedPose> some;
+  for (std::size_t i = 0; i < poses.size(); ++i)
+    if (selected[i]) some.push_back(poses[i]);
+  return some;
 }
 
 double rms_position_error_m(const std::vector<LocatedPose>& poses, const Sim3& T, const std::vector<bool>& counted) {
@@ -233,21 +229,6 @@ std::vector<bool> readmit_bent_segments(const std::vector<LocatedPose>& poses, c
   return used;
 }
 
-/// Jackknife over segments of the path.
-double picture_sigma_m(const std::vector<LocatedPose>& poses, const std::vector<bool>& agrees, const Sim3& T,
-                       const alignment::PointSpread& points) {
-  std::vector<LocatedPose> agreeing;
-  for (std::size_t i = 0; i < poses.size(); ++i)
-    if (agrees[i]) agreeing.push_back(poses[i]);
-  constexpr std::size_t kMostGroups = 8;
-  const std::size_t groups = std::min(kMostGroups, agreeing.size() / 2);
-  return alignment::jackknife_sigma_m(T, groups, points, [&](std::size_t group) {
-    std::vector<bool> selected(agreeing.size());
-    for (std::size_t i = 0; i < selected.size(); ++i) selected[i] = i * groups / selected.size() != group;
-    return fit_inlier_poses(agreeing, selected);
-  });
-}
-
 std::optional<PictureAgreement> StartRefiner::check_pictures(Sim3& T, std::size_t pictures, PictureDetail detail,
                                                              double* sigma_m) const {
   if (!services_.locate_pictures) return std::nullopt;
@@ -261,11 +242,15 @@ std::optional<PictureAgreement> StartRefiner::check_pictures(Sim3& T, std::size_
     const LocatedPosesFit fit = fit_located_poses(poses, T);
     if (fit.inliers < kFewest) return picture_agreement(located, fit.is_inlier, T, evidence_.path);
     const std::vector<bool> used = detail == PictureDetail::kFine ? readmit_bent_segments(poses, fit) : fit.is_inlier;
-    const Sim3 carried = fit_inlier_poses(poses, used);
+    const std::vector<LocatedPose> inliers = select_poses(poses, used);
+    const Sim3 carried = similarity_of(inliers);
     agreement = picture_agreement(located, fit.is_inlier, carried, evidence_.path);
     T = carried;
-    if (sigma_m != nullptr)
-      *sigma_m = picture_sigma_m(poses, used, carried, alignment::compute_spread(coarse_points_.positions));
+    if (sigma_m != nullptr) {
+      const PathCoverage coverage =
+          10 * inliers.size() >= 9 * located.tried ? PathCoverage::kWhole : PathCoverage::kParts;
+      *sigma_m = similarity_sigma_m(inliers, alignment::compute_spread(coarse_points_.positions), coverage);
+    }
     if (agreement->located == agreement->tried) break;
   }
   return agreement;

@@ -3,7 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "tileflight/alignment/umeyama.h"
 #include "tileflight/base/input_error.h"
+#include "tileflight/registration/located_poses_sigma.h"
 #include "tileflight/registration/test_flights.h"
 
 namespace tileflight::registration::register_map_test {
@@ -165,9 +167,65 @@ TEST(RegisterMap, APathThatBreaksIsSaid) {
   EXPECT_THAT(all_doubts(r), HasSubstr("the path is distorted"));
 }
 
+/// Located images of the curved path, one at each pose, and `scale` times as large as that; the map's path lies aside
+/// by `bend_m` times the square of the share of the path.
+LocatedPictures located_on_bent_path(const Flight& flight, double bend_m, double scale) {
+  LocatedPictures located{.tried = flight.map.size()};
+  for (std::size_t k = 0; k < flight.map.size(); ++k) {
+    const double share = static_cast<double>(k) / static_cast<double>(flight.map.size() - 1);
+    LocatedPose pose{flight.map.poses[k].T_local_camera, flight.local.poses[k].T_local_camera};
+    pose.T_map_camera.translation +=
+        T_local_map().inverse().rotation * Vec3(0.0, 0.0, bend_m * share * share) / T_local_map().scale;
+    pose.T_local_camera.translation *= scale;
+    pose.information.diagonal() << 1e4, 1e4, 1e4, 1e6, 1e6, 1e6;
+    located.found.push_back({k, pose, 0.9});
+  }
+  return located;
+}
+
+/// RMS error of that path after the best similarity, as a share of its length.
+double path_error_share(const LocatedPictures& located) {
+  std::vector<Vec3> in_map, found;
+  double length_m = 0.0, squares = 0.0;
+  for (const LocatedPicture& picture : located.found) {
+    in_map.push_back(picture.found.T_map_camera.translation);
+    found.push_back(picture.found.T_local_camera.translation);
+    if (found.size() > 1) length_m += (found.back() - found[found.size() - 2]).norm();
+  }
+  const Sim3 T = alignment::umeyama(in_map, found).T_target_source;
+  for (std::size_t k = 0; k < found.size(); ++k) squares += (T * in_map[k] - found[k]).squaredNorm();
+  return std::sqrt(squares / static_cast<double>(found.size())) / length_m;
+}
+
+/// How sure the doubt is about a path that bends by a share of its length; empty: none.
+std::string doubt_about_bent_path(double share, double scale = 1.0) {
+  const Flight flight = simulate_map(curved_path(), 20);
+  const double bend_m = share / path_error_share(located_on_bent_path(flight, 1.0, scale));
+  const LocatedPictures located = located_on_bent_path(flight, bend_m, scale);
+  RegistrationServices services;
+  services.locate_pictures = [&](const Sim3&, std::size_t, PictureDetail) { return located; };
+  Sim3 start = T_local_map();
+  start.scale *= scale;
+  start.translation *= scale;
+  const RegistrationResult r =
+      register_map(flight.points, {.path = flight.map, .starts = {start}}, the_place().surface, services, options());
+  for (const Doubt& doubt : r.doubts)
+    if (doubt.what.find("the path is distorted") != std::string::npos) return doubt.how_sure;
+  return "";
+}
+
+TEST(RegisterMap, APathIsWrongFromOnePercentOfItsLengthOn) {
+  for (const double scale : {1.0, 0.05}) {  // of 100 m and of 5 m
+    EXPECT_EQ(doubt_about_bent_path(0.0045, scale), "") << scale;
+    EXPECT_EQ(doubt_about_bent_path(0.0075, scale), "possible") << scale;
+    EXPECT_EQ(doubt_about_bent_path(0.0105, scale), "likely") << scale;
+    EXPECT_EQ(doubt_about_bent_path(0.02, scale), "certain") << scale;
+  }
+}
+
 TEST(RegisterMap, APathThatBendsALittleIsCarriedWhole) {
-  // The last three of twenty are off by 0.1 to 0.16 m: too little for a doubt about the path, but a transform that
-  // ignores it would state too small a sigma.
+  // The last are off by 0.1 m and more: too little for a doubt about the path, but a transform that ignores them would
+  // not be the best one of all poses, and state too small a sigma.
   const Flight flight = simulate_map(curved_path());
   Flight bent = flight;
   for (std::size_t k = 17; k < bent.map.size(); ++k) {
@@ -184,7 +242,12 @@ TEST(RegisterMap, APathThatBendsALittleIsCarriedWhole) {
   EXPECT_LT(r.pictures->inliers, r.pictures->located);
   EXPECT_EQ(r.method, "pictures");
   EXPECT_LT(r.pictures->worst_m, 0.2);  // spread over the whole path
-  EXPECT_GT(r.sigma_m, 0.5 * rms_distance_m(flight.points, r.T_local_map, T_local_map()));
+  std::vector<LocatedPose> all;
+  for (std::size_t k = 0; k < bent.map.size(); ++k)
+    all.push_back({bent.map.poses[k].T_local_camera, bent.local.poses[k].T_local_camera});
+  const double error_m = rms_distance_m(flight.points, r.T_local_map, similarity_of(all));
+  EXPECT_LT(error_m, 0.25 * rms_distance_m(flight.points, T_local_map(), similarity_of(all)));
+  EXPECT_GT(r.sigma_m, 0.5 * error_m);
 }
 
 TEST(RegisterMap, NeighboursThatAreFoundFarOffDoNotCount) {

@@ -26,13 +26,19 @@ bool is_recognised(const RegistrationResult& r) { return r.method == "pictures";
 
 // ---- images ----
 
-/// Compares the path with its located images, to detect an odometry that drifts or jumps.
+/// Compares the path with its located images, to detect an odometry that drifts or jumps. A path counts as wrong from
+/// one percent of its length on; less is an error that the path's scores have, too.
 void check_path(RegistrationResult& r) {
   const PictureAgreement& p = *r.pictures;
-  constexpr double kPathShare = 0.005, kLeast_m = 0.05;
-  if (p.path_error_m > std::max(kLeast_m, kPathShare * p.path_length_m)) {
+  constexpr double kMentioned = 0.005, kWrong = 0.009, kCertain = 0.015;  // of the length; kWrong with some reserve
+  constexpr double kLeast_m = 0.02;                                       // what images may be located wrongly
+  if (p.path_error_m > std::max(kLeast_m, kMentioned * p.path_length_m)) {
+    const double share = p.path_error_m / p.path_length_m;
     add_doubt(
-        r, kOdometry, p.path_error_m > 3.0 * kPathShare * p.path_length_m ? "certain" : "likely",
+        r, kOdometry,
+        share > kCertain ? "certain"
+        : share > kWrong ? "likely"
+                         : "possible",
         base::formatted("the path is distorted: the positions of %zu localized images differ by %.2f m (RMS) from "
                         "the best fit of the path, which is %.1f m long",
                         p.located, p.path_error_m, p.path_length_m),

@@ -18,6 +18,7 @@
 #include "tileflight/scene/scene.h"
 #include "tileflight/scoring/doubts.h"
 #include "tileflight/scoring/flight_evidence.h"
+#include "tileflight/scoring/path_doubts.h"
 #include "tileflight/scoring/picture_finder.h"
 #include "tileflight/scoring/up_from_imu.h"
 #include "tileflight/tiling/mesh_source.h"
@@ -228,6 +229,7 @@ json register_flight(const MapInputs& map, const AlignTarget& target, const alig
                                  {*target.index, target.mesh, target.regions}, services, registration, progress);
   json result = to_json(found);
   Doubts doubts = odometry_doubts(map);
+  if (found.method == "pictures" && !doubts.empty()) answer_path_doubts(map, *found.pictures, doubts);
   append_distinct(doubts, found.doubts);
   result["doubts"] = evaluation::to_json(doubts);
   alignment::IcpOptions published = alignment::final_icp_options();

@@ -337,9 +337,12 @@ nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool r
       dataset::write_colmap(temporary / "colmap", colmap_model(calibration.camera, result, frames));
     }
     about = describe(result, tracking.skipped(), warnings);
-    Doubts doubts = odometry::find_doubts(
-        result, static_cast<std::int64_t>(frames.size()) - tracking.skipped().frames,
-        [&](std::int64_t frame) { return frames[static_cast<std::size_t>(frame)].id; }, second);
+    const auto name_of = [&](std::int64_t frame) { return frames[static_cast<std::size_t>(frame)].id; };
+    Doubts doubts = odometry::find_doubts(result, static_cast<std::int64_t>(frames.size()) - tracking.skipped().frames,
+                                          name_of, second);
+    about["path_doubts"] = json::array();
+    for (const Doubt& doubt : odometry::find_path_doubts(result, name_of, second))
+      about["path_doubts"].push_back(doubt.what);
     about["backwards"] = reverse;
     about["dispersion"] = dispersion_json(tracking.dispersion());
     about["residual_pattern_px"] =
