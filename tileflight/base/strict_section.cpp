@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
+#include <set>
 
 #include "tileflight/base/files.h"
 #include "tileflight/base/known_keys.h"
@@ -34,6 +36,28 @@ std::optional<std::vector<T>> list_of(const DocumentValue& value, const Convert&
   return result;
 }
 
+/// Throws InputError for a key that a map has twice, which YAML forbids and yaml-cpp accepts: one of the two would be
+/// ignored. `seen`: positions of the maps and lists that were looked through, as aliases repeat them.
+void require_unique_keys(const YAML::Node& node, const std::filesystem::path& file, std::set<int>& seen) {
+  if ((!node.IsMap() && !node.IsSequence()) || !seen.insert(node.Mark().pos).second) return;
+  if (node.IsSequence()) {
+    for (const YAML::Node& entry : node) require_unique_keys(entry, file, seen);
+    return;
+  }
+  std::map<std::string, int> line_of;
+  for (const auto& entry : node) {
+    const YAML::Node& key = entry.first;
+    const int line = key.Mark().line + 1;
+    if (key.IsScalar()) {
+      const auto [first, is_new] = line_of.emplace(key.Scalar(), line);
+      if (!is_new)
+        throw InputError(file.string() + ":" + std::to_string(line),
+                         "'" + first->first + "' is there twice, first in line " + std::to_string(first->second));
+    }
+    require_unique_keys(entry.second, file, seen);
+  }
+}
+
 std::string number_text(double value) {
   std::string text;
   append_number(text, value);
@@ -60,6 +84,8 @@ StrictSection StrictSection::load(const std::filesystem::path& file) {
   const std::string text = read_text(file, kLargestFileBytes);
   try {
     const YAML::Node root = YAML::Load(text);
+    std::set<int> seen;
+    require_unique_keys(root, file, seen);
     if (root.IsMap()) return {DocumentValue(root), file, ""};
   } catch (const YAML::Exception& fault) {
     throw InputError(file.string() + ":" + std::to_string(fault.mark.line + 1), "not valid YAML: " + fault.msg);

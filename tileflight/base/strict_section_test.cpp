@@ -51,6 +51,21 @@ TEST_F(YamlFile, ValuesOfEachKind) {
   EXPECT_NO_THROW(section.require_all_keys_used());
 }
 
+/// One of the two would be ignored without a word.
+TEST_F(YamlFile, AKeyThatIsThereTwiceIsRefused) {
+  const auto nothing = [](StrictSection&) {};
+  EXPECT_THAT(fault("a: 1\nb: 2\na: 3\n", nothing), HasSubstr("a.yaml:3: 'a' is there twice, first in line 1"));
+  EXPECT_THAT(fault("m: [{x: 1}, {n: {x: 1, x: 2}}]\n", nothing), HasSubstr("a.yaml:1: 'x' is there twice"));
+  EXPECT_EQ(load("a: &shared {x: 1}\nb: *shared\nc: {a: 1, b: {a: 2}}\n").keys().size(), 3U);
+  // Aliases of aliases: as many maps as lines, however often each is repeated.
+  std::string nested = "k0: &k0 {x: 1}\n";
+  for (int i = 1; i < 40; ++i) {
+    const std::string name = "k" + std::to_string(i), before = "*k" + std::to_string(i - 1);
+    nested += name + ": &" + name + " [" + before + " , " + before + " , " + before + " ]\n";
+  }
+  EXPECT_EQ(load(nested).keys().size(), 40U);
+}
+
 /// `part:` with nothing after it is a section whose keys all have their defaults, not a section that is absent.
 TEST_F(YamlFile, AKeyWithoutAValueIsAnEmptySection) {
   StrictSection section = load("part:\nentries:\n  -\n  - {a: 2}\nnamed:\n  first:\n  second: {a: 3}\n");

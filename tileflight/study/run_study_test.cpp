@@ -91,6 +91,20 @@ TEST_F(RunStudy, RunsEachTaskOnceAndGathersTheResults) {
   EXPECT_THAT(tests::file_text(made_.folder / "out/tables/ranking.tex"), HasSubstr("\\toprule"));
 }
 
+/// The stand-in's path is 0.05 m off, of a limit of 1 m, and lacks one of ten frames.
+TEST_F(RunStudy, AFrameWithoutAPoseScoresNothing) {
+  const json study = run(std::string(test_support::StudyFolder::kStudy) + "rank_by: ate\n");
+  EXPECT_NEAR(study["ranking"][0]["score"], 0.9 * 0.95, 1e-12);
+}
+
+TEST_F(RunStudy, ExceptionsMustLeaveARun) {
+  EXPECT_THAT(
+      refusal_of([&] {
+        plan("places: {one: first.yaml}\nsystems: {good: {adapter: adapters/good}}\nexcept: [{system: good}]\n");
+      }),
+      HasSubstr("leave nothing to run"));
+}
+
 /// A map that shrank to a point on the surface has perfect distances.
 TEST_F(RunStudy, AMapInADoubtedPlaceShowsNoDistances) {
   const json before = run()["runs"][0];

@@ -53,9 +53,11 @@ StudyPlace read_place(StrictSection& places, const std::string& name) {
   if (section.has("flights")) {
     const std::vector<std::string> chosen = section.required_texts("flights");
     for (const std::string& flight : chosen) {
+      if (std::ranges::count(chosen, flight) > 1) throw section.error("flights", "has '" + flight + "' twice");
       if (!std::ranges::count(place.flights, flight))
         throw section.error("flights", "has '" + flight + "', which is no flight of " + place.experiment.string());
     }
+    if (chosen.empty()) throw section.error("flights", "is empty: leave it out for all flights");
     place.flights = chosen;
   }
   section.require_all_keys_used();

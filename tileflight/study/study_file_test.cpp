@@ -57,6 +57,13 @@ TEST_F(StudyFileTest, FaultsAreNamed) {
   EXPECT_THAT(refusal("places: {a/b: first.yaml}\nsystems: {good: }\n"), HasSubstr("names hold letters"));
   EXPECT_THAT(refusal("places: {one: {experiment: second.yaml, flights: [real]}}\nsystems: {good: }\n"),
               HasSubstr("which is no flight of"));
+  EXPECT_THAT(refusal("places: {one: {experiment: first.yaml, flights: [real, real]}}\nsystems: {good: }\n"),
+              HasSubstr("has 'real' twice"));
+  EXPECT_THAT(refusal("places: {one: {experiment: first.yaml, flights: []}}\nsystems: {good: }\n"),
+              HasSubstr("is empty"));
+  EXPECT_THAT(refusal("places: {one: first.yaml, one: second.yaml}\nsystems: {good: }\n"), HasSubstr("is there twice"));
+  EXPECT_THAT(refusal(with("systems: {good: }\n")), HasSubstr("'systems' is there twice"));
+  EXPECT_THAT(refusal("places: {one: first.yaml}\nsystems: {good: }\nrepetitions: 0\n"), HasSubstr("out of range"));
   EXPECT_THAT(refusal("places: {one: first.yaml}\nsystems: {colmpa: }\n"), HasSubstr("has no adapter"));
   EXPECT_THAT(refusal(with("except:\n  - {system: godo}\n")), HasSubstr("did you mean 'good'?"));
   EXPECT_THAT(refusal(with("except:\n  - {reason: none}\n")), HasSubstr("excludes everything"));

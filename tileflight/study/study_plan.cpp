@@ -6,6 +6,7 @@
 #include <sstream>
 
 #include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/base/number_text.h"
 #include "tileflight/base/program_path.h"
 #include "tileflight/base/shell_word.h"
@@ -204,6 +205,7 @@ StudyPlan make_plan(const StudyFile& study, const PlanOptions& options) {
       }
     }
   }
+  if (plan.runs.empty()) throw InputError(study.file.string(), "has exceptions that leave nothing to run");
   plan.tasks.push_back(make.report_task(plan.runs));
   return plan;
 }

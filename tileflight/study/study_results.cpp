@@ -111,7 +111,14 @@ bool is_installed(const json& plan, const json& run) {
   return plan.at("systems").at(run.at("system").get<std::string>()).at("installed");
 }
 
-/// 0 for a run that failed, or whose map or path cannot be registered; none where there is nothing to score it by.
+/// Share of the dataset's frames that have a pose.
+double tracked_share(const json& run) {
+  const double frames = run.at("frames").get<double>();
+  return frames > 0.0 ? std::min(1.0, run.at("frames_tracked").get<double>() / frames) : 0.0;
+}
+
+/// 0 for a run that failed, or whose map or path cannot be registered; none where there is nothing to score it by. A
+/// frame without a pose scores nothing: the path's error is that of the others, and three poses always fit.
 std::optional<double> score_of(const json& run, const json& plan) {
   const bool by_path = plan.at("rank_by") == "ate";
   const bool makes_map = plan.at("systems").at(run.at("system").get<std::string>()).at("map");
@@ -122,7 +129,7 @@ std::optional<double> score_of(const json& run, const json& plan) {
   const std::string fault = run.at("not_scored");
   if (value.is_null()) return fault.empty() || fault == kNotScoredYet ? std::nullopt : std::optional(0.0);
   if (!by_path) return value.get<double>();
-  return std::max(0.0, 1.0 - value.get<double>() / plan.at("ate_limit_m").get<double>());
+  return tracked_share(run) * std::max(0.0, 1.0 - value.get<double>() / plan.at("ate_limit_m").get<double>());
 }
 
 std::vector<ScoredRun> scored_runs(json& runs, const json& plan) {

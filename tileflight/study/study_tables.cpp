@@ -69,7 +69,7 @@ Table ranking_table(const json& study) {
   const std::string threshold = report::format_shortest(study.at("threshold_m").get<double>());
   Table table{.caption = by_path ? "Systems by their paths: score 1 for a perfect path, 0 from an error of " +
                                        report::format_shortest(study.at("ate_limit_m").get<double>()) +
-                                       " m on, and for a failed run"
+                                       " m on, for a frame without a pose, and for a failed run"
                                  : "Systems by their maps: F-score at " + threshold + " m, 0 for a failed run",
               .header = {"System", "Score", "95 % interval", "Over", "Flights", "Failed runs", "Frames tracked",
                          "Median to surface, m", "Path error (ATE), m", "Time, s", "Processor time, s", "Memory, MB"},

@@ -11,6 +11,7 @@
 #include <charconv>
 #include <chrono>
 #include <csignal>
+#include <cstdint>
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
@@ -31,6 +32,16 @@ using Clock = std::chrono::steady_clock;
 
 constexpr std::chrono::milliseconds kSamplingInterval{20};
 constexpr std::chrono::seconds kGracePeriod{5};
+
+/// The largest file that a command may write, and the longest log: more is a fault that would fill the disk.
+constexpr rlim_t kLargestFileBytes = rlim_t{16} << 30;
+constexpr std::uintmax_t kLargestLogBytes = std::uintmax_t{256} << 20, kKeptLogBytes = std::uintmax_t{1} << 20;
+
+std::uintmax_t size_of(const fs::path& file) {
+  std::error_code missing;
+  const std::uintmax_t bytes = fs::file_size(file, missing);
+  return missing ? 0 : bytes;
+}
 
 std::atomic<int> asked_to_end{0};
 
@@ -123,6 +134,8 @@ void signal_all(pid_t leader, int signal) {
   dup2(output, STDERR_FILENO);
   for (const auto& [name, value] : environment) setenv(name.c_str(), value.c_str(), 1);
   for (const int signal : {SIGPIPE, SIGXFSZ, SIGINT, SIGTERM}) std::signal(signal, SIG_DFL);
+  const rlimit largest{.rlim_cur = kLargestFileBytes, .rlim_max = kLargestFileBytes};
+  setrlimit(RLIMIT_FSIZE, &largest);
   execl("/bin/sh", "sh", "-c", command.c_str(), static_cast<char*>(nullptr));
   _exit(127);
 }
@@ -177,6 +190,7 @@ void end_processes(pid_t leader, Reaper& reaper) {
 std::string ProcessReport::outcome() const {
   if (out_of_time) return "stopped after " + base::rounded_text(seconds, 1) + " s, the time limit";
   if (out_of_memory) return "stopped at " + base::rounded_text(peak_memory_mb, 0) + " MB, the memory limit";
+  if (out_of_log) return "stopped after it had printed " + std::to_string(kLargestLogBytes >> 20) + " MB";
   if (exit_status > 128) {
     const int signal = exit_status - 128;
     return "killed by signal " + std::to_string(signal) + " (" + strsignal(signal) + ")";
@@ -202,11 +216,14 @@ ProcessReport run_measured(const std::string& command, const fs::path& folder,
     report.peak_memory_mb = std::max(report.peak_memory_mb, resident_mb);
     report.out_of_memory = limits.memory_mb > 0.0 && resident_mb > limits.memory_mb;
     report.out_of_time = limits.seconds > 0.0 && elapsed_s() > limits.seconds;
-    if (report.out_of_memory || report.out_of_time) break;
+    report.out_of_log = size_of(log) > kLargestLogBytes;
+    if (report.was_stopped()) break;
     std::this_thread::sleep_for(kSamplingInterval);
   }
   report.seconds = elapsed_s();
   end_processes(leader, reaper);
+  std::error_code ignored;
+  if (report.out_of_log) fs::resize_file(log, kKeptLogBytes, ignored);
   prctl(PR_SET_CHILD_SUBREAPER, 0);
   if (const int signal = asked_to_end; signal != 0)
     throw InputError(command, std::string("was stopped by a signal (") + strsignal(signal) + ")");

@@ -49,7 +49,8 @@ TEST_F(MeasuredProcess, ProcessorTimeAndMemoryAreThoseOfAllItsProcesses) {
   EXPECT_GE(two.peak_memory_mb, 60.0);
   EXPECT_GE(two.seconds, 0.3);
   // An orphan counts, too: nobody of the command waits for it.
-  const ProcessReport orphan = run(std::string("(") + kWork + "&) ; sleep 1.5");
+  const ProcessReport orphan =
+      run(std::string("((") + kWork + "; touch done) &); while [ ! -e done ]; do sleep 0.05; done");
   EXPECT_GE(orphan.cpu_seconds, 0.3);
 }
 
@@ -68,6 +69,14 @@ TEST_F(MeasuredProcess, StopsAtTheMemoryLimit) {
   EXPECT_TRUE(report.out_of_memory);
   EXPECT_GT(report.peak_memory_mb, 200.0);
   EXPECT_THAT(report.outcome(), HasSubstr("the memory limit"));
+}
+
+TEST_F(MeasuredProcess, StopsWhatPrintsForEver) {
+  const ProcessReport report = run("yes 'the same for ever'", {.seconds = 600});
+  EXPECT_TRUE(report.out_of_log);
+  EXPECT_FALSE(report.succeeded());
+  EXPECT_EQ(report.outcome(), "stopped after it had printed 256 MB");
+  EXPECT_EQ(std::filesystem::file_size(folder_ / "log"), 1U << 20);
 }
 
 TEST_F(MeasuredProcess, NothingSurvivesACommandThatEnds) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <fstream>
 #include <map>
+#include <new>
 #include <nlohmann/json.hpp>
 #include <thread>
 #include <variant>
@@ -89,7 +90,7 @@ void take_over_results(const Adapter& adapter, const dataset::Dataset& dataset, 
   about["lost"] = false;
   about["lost_reason"] = "";
   if (adapter.map.empty()) return;
-  if (!fs::exists(output / adapter.map)) throw InputError(adapter.title, "left no " + adapter.map);
+  require_result_file(adapter, output, adapter.map);
   const geometry::PointCloud map = geometry::read_cloud(output / adapter.map);
   about["points"] = map.size();
   geometry::write_cloud(folder / "map.ply", map);
@@ -156,13 +157,14 @@ class SystemRun {
                                               folder / "system.log", options_.limits);
     describe(handed, report);
     std::string reason = report.succeeded() ? "" : report.outcome();
-    if (report.exit_status != 0 && !report.out_of_time && !report.out_of_memory)
-      reason += ": " + last_line(folder / "system.log");
+    if (report.exit_status != 0 && !report.was_stopped()) reason += ": " + last_line(folder / "system.log");
     if (report.succeeded()) {
       try {
         take_over_results(adapter_, dataset_, handed, output, folder, about_);
       } catch (const InputError& fault) {
         reason = fault.what();
+      } catch (const std::bad_alloc&) {
+        reason = "its map does not fit into this machine's memory";
       }
     }
     fs::remove_all(scratch);

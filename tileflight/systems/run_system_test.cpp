@@ -87,6 +87,22 @@ TEST_F(RunSystem, FailuresAreResultsWithTheirReason) {
   EXPECT_THAT(limited["system"]["reason"].get<std::string>(), HasSubstr("the time limit"));
 }
 
+/// What a system leaves is hostile: it fails, and the program and a study go on.
+TEST_F(RunSystem, WhatCannotBeReadIsAFailure) {
+  const auto reason = [&](const std::string& script) {
+    const std::string truth = "cp \"$DATASET/groundtruth.txt\" \"$OUT/trajectory.txt\"; cd \"$OUT\"; ";
+    const json about = run("leaves: {map: map.ply}\n", truth + script);
+    EXPECT_EQ(about["system"]["completed"], false);
+    return about["system"]["reason"].get<std::string>();
+  };
+  EXPECT_THAT(reason("echo 5 nan 0 0 0 0 0 1 > trajectory.txt"), HasSubstr("'nan' is not a finite number"));
+  EXPECT_THAT(reason("rm trajectory.txt; mkdir trajectory.txt"), HasSubstr("left trajectory.txt, which is no file"));
+  EXPECT_THAT(reason("mkfifo map.ply"), HasSubstr("left map.ply, which is no file"));
+  EXPECT_THAT(reason("truncate -s 5G map.ply"), HasSubstr("left map.ply of 5 GB; at most 4 GB are read"));
+  EXPECT_THAT(reason("truncate -s 20G map.ply"), HasSubstr("File size limit exceeded"));
+  EXPECT_THAT(reason("printf 'nan 0 0\\n1 2 3\\n' > map.ply"), HasSubstr("map.ply"));
+}
+
 TEST_F(RunSystem, WithoutWhatItNeedsItIsNotApplicableAndNotRun) {
   const Adapter adapter = write_adapter(folder_ / "mine", "", "echo ran");
   Adapter inertial = adapter;

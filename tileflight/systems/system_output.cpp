@@ -73,11 +73,24 @@ SE3 sensor_from_camera(const Adapter& adapter, const HandedDataset& handed) {
 
 }  // namespace
 
+void require_result_file(const Adapter& adapter, const fs::path& output, const std::string& name) {
+  constexpr std::uintmax_t kLargestBytes = std::uintmax_t{4} << 30;
+  std::error_code fault;
+  const fs::file_status status = fs::status(output / name, fault);
+  if (!fs::exists(status)) throw InputError(adapter.title, "left no " + name);
+  if (!fs::is_regular_file(status)) throw InputError(adapter.title, "left " + name + ", which is no file");
+  const std::uintmax_t bytes = fs::file_size(output / name, fault);
+  if (fault) throw InputError(adapter.title, "left " + name + ", which cannot be read: " + fault.message());
+  if (bytes > kLargestBytes)
+    throw InputError(adapter.title, "left " + name + " of " + std::to_string(bytes >> 30) + " GB; at most " +
+                                        std::to_string(kLargestBytes >> 30) + " GB are read");
+}
+
 Trajectory read_estimated_path(const Adapter& adapter, const fs::path& output, const dataset::Dataset& dataset,
                                const HandedDataset& handed) {
   const PathConvention& convention = adapter.path;
   const fs::path file = output / convention.file;
-  if (!fs::exists(file)) throw InputError(adapter.title, "left no " + convention.file);
+  require_result_file(adapter, output, convention.file);
   Trajectory path;
   bool times_are_indices = convention.times == "frame-indices";
   if (convention.is_colmap_model) {

@@ -10,9 +10,12 @@
 
 namespace tileflight::systems {
 
+/// Throws InputError unless the system left a file of this name, of at most 4 GB.
+void require_result_file(const Adapter& adapter, const std::filesystem::path& output, const std::string& name);
+
 /// Reads the path that a system left in `output`, by its convention, as camera-to-world poses at the frames' times.
-/// Poses of an inertial unit or a lidar are moved to the camera. Throws InputError: no such file, malformed lines, a
-/// frame that the dataset does not have, a sensor whose pose is unknown.
+/// Poses of an inertial unit or a lidar are moved to the camera. Throws InputError: no such file (or a huge one),
+/// malformed lines, a frame that the dataset does not have, a sensor whose pose is unknown.
 geometry::Trajectory read_estimated_path(const Adapter& adapter, const std::filesystem::path& output,
                                          const dataset::Dataset& dataset, const HandedDataset& handed);
 

@@ -7,10 +7,13 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <chrono>
+#include <csignal>
 #include <fstream>
 #include <sstream>
 #include <string>
 #include <system_error>
+#include <thread>
 
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
@@ -54,11 +57,33 @@ void write_owner(int lock) {
   if (::ftruncate(lock, 0) != 0 || ::pwrite(lock, text.data(), text.size(), 0) < 0) return;  // the owner is unknown
 }
 
+/// Whether the owner of a lock was killed, so that only what it had started still holds the lock.
+bool is_owner_gone(const fs::path& lock) {
+  std::istringstream text(base::read_text(lock, kMaxLockBytes));
+  pid_t process = 0;
+  std::string host;
+  return (text >> process >> host) && host == host_name() && ::kill(process, 0) != 0 && errno == ESRCH;
+}
+
+/// Returns whether the lock was got. Waits for the rest of a killed owner, which is about to end (guarded_program.h).
+bool try_lock(int lock, const fs::path& file) {
+  constexpr std::chrono::milliseconds kPoll{50}, kPatience{30000};
+  for (auto waited = 0 * kPoll;; waited += kPoll) {
+    if (::flock(lock, LOCK_EX | LOCK_NB) == 0) return true;
+    const int fault = errno;
+    if (fault != EWOULDBLOCK || !is_owner_gone(file) || waited >= kPatience) {
+      errno = fault;
+      return false;
+    }
+    std::this_thread::sleep_for(kPoll);
+  }
+}
+
 int lock_folder(const fs::path& folder) {
   const fs::path file = folder / FolderLock::kFile;
   const int lock = ::open(file.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0666);
   if (lock < 0) throw InputError(file.string(), "cannot be written: " + std::system_category().message(errno));
-  if (::flock(lock, LOCK_EX | LOCK_NB) == 0) {
+  if (try_lock(lock, file)) {
     write_owner(lock);
     return lock;
   }

@@ -1,16 +1,7 @@
 #include "tileflight/workflow/run_tasks.h"
 
-#include <fcntl.h>
-#include <sys/prctl.h>
-#include <sys/wait.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <cctype>
-#include <cerrno>
-#include <csignal>
-#include <cstdlib>
-#include <cstring>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <sstream>
@@ -19,6 +10,7 @@
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/make_folder.h"
+#include "tileflight/workflow/guarded_program.h"
 
 namespace tileflight::workflow {
 namespace fs = std::filesystem;
@@ -63,34 +55,8 @@ case $state in
 esac
 )";
 
-/// Runs a program in `folder`; its output goes to `log`, or to this process's standard error. It ends with this
-/// process. Returns the exit status, 128 + signal, or 127 if there is no such program.
-int run_program(const std::vector<std::string>& words, const fs::path& folder, const fs::path& log) {
-  std::vector<char*> arguments;
-  for (const std::string& word : words) arguments.push_back(const_cast<char*>(word.c_str()));
-  arguments.push_back(nullptr);
-  const pid_t child = fork();
-  if (child < 0) throw InputError(words.front(), std::string("cannot be started: ") + std::strerror(errno));
-  if (child == 0) {
-    prctl(PR_SET_PDEATHSIG, SIGTERM);
-    const int output = log.empty() ? dup(STDERR_FILENO) : open(log.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0666);
-    const int input = open("/dev/null", O_RDONLY);
-    if (output < 0 || input < 0 || chdir(folder.c_str()) != 0) _exit(126);
-    dup2(input, STDIN_FILENO);
-    dup2(output, STDOUT_FILENO);
-    dup2(output, STDERR_FILENO);
-    for (const int signal : {SIGPIPE, SIGXFSZ}) std::signal(signal, SIG_DFL);
-    execvp(arguments[0], arguments.data());
-    _exit(127);
-  }
-  int status = 0;
-  while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
-  }
-  return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-}
-
 bool has_program(const std::string& name) {
-  return run_program({"sh", "-c", "command -v " + name}, "/", "/dev/null") == 0;
+  return run_guarded({"sh", "-c", "command -v " + name}, "/", "/dev/null") == 0;
 }
 
 bool is_up_to_date(const Task& task, const fs::path& folder) {
@@ -127,7 +93,7 @@ void run_one_by_one(const std::vector<Task>& tasks, const fs::path& folder, cons
     if (is_up_to_date(task, folder)) continue;
     const bool has_inputs =
         std::ranges::all_of(task.inputs, [&](const std::string& input) { return fs::exists(folder / input); });
-    const bool done = has_inputs && run_program({"sh", "tasks/" + task.name + ".sh"}, folder,
+    const bool done = has_inputs && run_guarded({"sh", "tasks/" + task.name + ".sh"}, folder,
                                                 folder / "logs" / (task.name + ".txt")) == 0;
     if (!done && failed == nullptr) failed = &task;
   }
@@ -158,7 +124,7 @@ void run_with_snakemake(const std::vector<Task>& tasks, const fs::path& folder, 
     words.insert(words.end(), {"--cores", std::to_string(std::max(options.jobs, options.cores))});
   }
   report_progress(progress, 0, 0, "snakemake is running the tasks (" + (folder / "logs/snakemake.txt").string() + ")");
-  const int status = run_program(words, folder, folder / "logs/snakemake.txt");
+  const int status = run_guarded(words, folder, folder / "logs/snakemake.txt");
   if (status == 0) return;
   for (const Task& task : tasks) {
     if (!is_up_to_date(task, folder)) throw failed_task(task, folder);
