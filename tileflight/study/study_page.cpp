@@ -288,14 +288,15 @@ std::string verdict_text(const json& study) {
 }  // namespace
 
 std::string study_page(const json& study, const fs::path& folder) {
-  const Html header = element("header", element("h1", text(study.at("name").get<std::string>())) +
-                                            element("p", {{"class", "subtitle"}},
-                                                    text(std::to_string(study.at("systems").size()) + " systems on " +
-                                                         std::to_string(study.at("flights").size()) + " flights, " +
-                                                         std::to_string(study.at("repetitions").get<int>()) +
-                                                         " repetitions each, all maps registered by the same rule.")) +
-                                            element("p", {{"class", "verdict"}}, text(verdict_text(study))) +
-                                            report::doubts_panel(study));
+  const int runs = study.at("repetitions").get<int>();
+  const std::string repetitions = runs == 1 ? "one repetition" : std::to_string(runs) + " repetitions";
+  const Html header = element(
+      "header", element("h1", text(study.at("name").get<std::string>())) +
+                    element("p", {{"class", "subtitle"}},
+                            text(std::to_string(study.at("systems").size()) + " systems on " +
+                                 std::to_string(study.at("flights").size()) + " flights, " + repetitions +
+                                 " each, all maps registered by the same rule.")) +
+                    element("p", {{"class", "verdict"}}, text(verdict_text(study))) + report::doubts_panel(study));
   const Html files = element("p", text("Beside this page: ") + link("study.json") + text(", ") +
                                       link("tables/ranking.csv") + text(", ") + link("tables/ranking.tex") +
                                       text(", ") + link("tables/runs.csv") + text(", ") + link("Snakefile"));
