@@ -61,7 +61,7 @@ void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection) {
   struct Options {
     survey::IngestedFlightConfig flight;
     std::vector<std::string> videos;
-    std::string camera, telemetry, truth, groundtruth, out, time_offset;
+    std::string camera, telemetry, imu, imu_noise, truth, groundtruth, out, time_offset;
     double to_s = 0.0, fps = 0.0, takeoff_height_m = 0.0;
   };
   auto options = std::make_shared<Options>();
@@ -93,6 +93,14 @@ void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection) {
                       "seconds to add to the log's times to get the video's; auto: estimated from the motion in both");
   command->add_option("--truth", options->truth,
                       "folder written by `extract`; the height of the take-off point is taken from its surface");
+  CLI::Option* imu = command->add_option(
+      "--imu", options->imu, "readings of an inertial unit: EuRoC's imu0/data.csv or VSLAM-LAB's imu_0.csv");
+  command->add_option("--imu-noise", options->imu_noise, "its noise: Kalibr's imu.yaml or EuRoC's imu0/sensor.yaml")
+      ->needs(imu);
+  command
+      ->add_option("--imu-time-offset", options->flight.imu_time_offset_s,
+                   "seconds to add to its times to get the video's; odometry finds what is left of it")
+      ->needs(imu);
   command->add_option("--groundtruth", options->groundtruth, "true poses (TUM), times on the video's clock");
   command->add_option("--from", options->flight.from_s, "start of the excerpt, seconds");
   CLI::Option* to = command->add_option("--to", options->to_s, "end of the excerpt, seconds");
@@ -113,6 +121,8 @@ void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection) {
       throw CLI::ValidationError("--camera-id", "is of a single camera; name a rig's by NAME=PATH");
     options->flight.camera = options->camera;
     options->flight.telemetry = options->telemetry;
+    options->flight.imu = options->imu;
+    options->flight.imu_noise = options->imu_noise;
     options->flight.groundtruth = options->groundtruth;
     set_time_offset(options->time_offset, options->flight);
     if (options->flight.estimates_telemetry_offset && options->telemetry.empty())
@@ -124,7 +134,9 @@ void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection) {
       const nlohmann::json r =
           survey::ingest_dataset(options->flight, options->truth, options->out, shared.force, progress);
       std::ostringstream text;
-      text << options->out << ": " << r["frames"] << " frames, " << r["positions"] << " positions\n";
+      text << options->out << ": " << r["frames"] << " frames, " << r["positions"] << " positions";
+      if (!options->imu.empty()) text << ", " << r["imu_readings"] << " readings of the inertial unit";
+      text << "\n";
       if (r.contains("synchronisation")) text << synchronisation_text(r["synchronisation"]);
       for (const auto& warning : r["warnings"]) text << "note: " << warning.get<std::string>() << "\n";
       return {r, text.str()};

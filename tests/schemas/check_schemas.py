@@ -36,9 +36,9 @@ BASES = {
     "experiment": [
         {"place": {"source": "stadium:twin"}, "truth": {}, "alignment": {"regions": [BOX], "held_out": [BOX]}, "evaluation": {}, "odometry": {},
          "simulated": {"render": {"flight": "waypoints.yaml", "degrade": DEGRADE}},
-         "real": {"ingest": {"video": "video", "camera": "camera.yaml", "telemetry": "log.csv"}},
+         "real": {"ingest": {"video": "video", "camera": "camera.yaml", "telemetry": "log.csv", "imu": "imu.csv"}},
          "variants": [{"name": "a", "place": {}, "odometry": {}, "degrade": DEGRADE}]},
-        {"place": {"source": "stadium:twin"}, "simulated": {"ingest": {"video": "video", "camera": "camera.yaml", "telemetry": "log.csv"}},
+        {"place": {"source": "stadium:twin"}, "simulated": {"ingest": {"video": "video", "camera": "camera.yaml", "telemetry": "log.csv", "imu": "imu.csv"}},
          "real": {"kind": "surrogate", "render": {"flight": "waypoints.yaml", "degrade": DEGRADE}}},
         {"place": {"source": "stadium:twin"}, "simulated": {"render": {"follow": "real"}}, "real": {"ingest": {"video": "video", "camera": "camera.yaml"}}},
     ],

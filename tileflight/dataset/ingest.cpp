@@ -10,6 +10,7 @@
 #include "tileflight/base/number_text.h"
 #include "tileflight/dataset/encode_queue.h"
 #include "tileflight/dataset/frame_list.h"
+#include "tileflight/dataset/imu_files.h"
 #include "tileflight/dataset/number_table.h"
 #include "tileflight/dataset/scaled_calibration.h"
 #include "tileflight/imaging/image_files.h"
@@ -81,6 +82,22 @@ void add_ranges(DatasetWriter& writer, const IngestOptions& options, const TimeS
   if (!table.rows.empty()) write_number_table(writer.temporary_folder() / "range.csv", table);
 }
 
+/// Readings of an inertial unit on the video's clock. A unit's clock is rarely the video's: odometry that finds the
+/// rest of the offset needs readings beyond the frames.
+void add_imu(DatasetWriter& writer, const IngestOptions& options, const TimeSpan& frames, IngestResult& result) {
+  constexpr double kBeyond_s = 1.0;
+  if (options.imu.empty()) return;
+  std::vector<ImuReading> readings = read_imu_csv(options.imu);
+  for (ImuReading& reading : readings) reading.time_s += options.imu_time_offset_s;
+  require_overlap(options.imu.string(), {readings.front().time_s, readings.back().time_s}, frames);
+  readings = crop_to_span(readings, {frames.first - kBeyond_s, frames.last + kBeyond_s},
+                          [](const ImuReading& reading) { return reading.time_s; });
+  result.imu_readings = readings.size();
+  write_imu_csv(writer.temporary_folder() / "imu.csv", readings);
+  if (!options.imu_noise.empty())
+    write_imu_yaml(writer.temporary_folder() / "imu.yaml", read_imu_noise(options.imu_noise));
+}
+
 /// The file's poses as those of the camera; none without a file.
 geometry::Trajectory read_groundtruth(const IngestOptions& options) {
   if (options.groundtruth.empty()) return {};
@@ -111,6 +128,7 @@ void describe(DatasetWriter& writer, const IngestOptions& options, const ScaledC
   if (options.excerpt.to_s) writer.describe("excerpt.to_s", base::fixed_text(*options.excerpt.to_s));
   writer.describe("excerpt.every", std::to_string(options.excerpt.every));
   if (!options.gps.empty()) writer.describe("gps_time_offset_s", base::fixed_text(options.gps_time_offset_s));
+  if (!options.imu.empty()) writer.describe("imu_time_offset_s", base::fixed_text(options.imu_time_offset_s));
   for (const auto& [key, value] : options.description) writer.describe(key, value);
 }
 
@@ -122,6 +140,7 @@ void finish(DatasetWriter& writer, const IngestOptions& options, const ScaledCal
   add_gps(writer, options, on_body, result);
   add_attitudes(writer, options, on_body);
   add_ranges(writer, options, on_body);
+  add_imu(writer, options, on_body, result);
   add_groundtruth(writer, groundtruth, options, frames, result);
   describe(writer, options, fitted);
   writer.finish();
@@ -145,7 +164,8 @@ DatasetWriter::Options writer_options(const IngestOptions& options) {
   out.replace = options.replace;
   out.command = "ingest";
   out.inputs = options.inputs;
-  for (const fs::path& input : {options.video_or_images, options.calibration, options.groundtruth})
+  for (const fs::path& input :
+       {options.video_or_images, options.calibration, options.imu, options.imu_noise, options.groundtruth})
     out.inputs.push_back(input);
   out.jpeg_quality = options.jpeg_quality;
   out.build_folder = options.part_folder;

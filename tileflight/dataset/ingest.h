@@ -42,6 +42,9 @@ struct IngestOptions {
   std::vector<CameraAttitude> attitudes;        ///< camera attitudes of the same log
   std::vector<RangeReading> ranges;             ///< range finder of the same log
   double gps_time_offset_s = 0.0;               ///< video time = log time + this
+  std::filesystem::path imu;                    ///< readings, for read_imu_csv(); may be empty
+  std::filesystem::path imu_noise;              ///< of the unit, for read_imu_noise(); may be empty
+  double imu_time_offset_s = 0.0;               ///< video time = the unit's time + this
   std::filesystem::path groundtruth;            ///< TUM poses on the video's clock; may be empty
   int jpeg_quality = 95;                        ///< for a video's frames; image files are copied
   bool replace = false;                         ///< replaces an existing dataset folder
@@ -65,14 +68,16 @@ struct IngestResult {
   int width = 0, height = 0;
   imaging::Calibration calibration;   ///< for images of this size
   std::size_t gps_fixes = 0;          ///< within the excerpt, plus one on either side
+  std::size_t imu_readings = 0;       ///< within the excerpt and a second on either side
   std::size_t groundtruth_poses = 0;  ///< within the excerpt, plus one on either side
   std::vector<std::string> notes;     ///< e.g. that the calibration was scaled
 };
 
 /// Writes the flight as a dataset folder, atomically; the bytes do not depend on the number of threads. A calibration
 /// for another size of the same aspect ratio is scaled (with a note). Throws InputError (file, cause, remedy): an
-/// excerpt that the video does not cover, a calibration for another aspect ratio, telemetry or ground truth that does
-/// not overlap the frames in time, and errors of read_video, read_calibration and DatasetWriter.
+/// excerpt that the video does not cover, a calibration for another aspect ratio, telemetry, readings or ground truth
+/// that do not overlap the frames in time, and errors of read_video, read_calibration, read_imu_csv, read_imu_noise and
+/// DatasetWriter.
 IngestResult ingest(const IngestOptions& options, const std::filesystem::path& dataset_folder,
                     const Progress& progress = {});
 

@@ -58,6 +58,7 @@ IngestOptions options_of(const RigIngestOptions& rig, std::size_t number, const 
   options.gps.clear();
   options.attitudes.clear();
   options.ranges.clear();
+  options.imu.clear();
   options.excerpt.every = 1;
   return options;
 }
@@ -114,7 +115,8 @@ base::OutputFolder output_of(const RigIngestOptions& rig, const fs::path& folder
                             .inputs = rig.common.inputs,
                             .legacy = unmarked_dataset()};
   for (const IngestedCamera& camera : rig.cameras) output.inputs.push_back(camera.video_or_images);
-  for (const fs::path& input : {rig.common.calibration, rig.common.groundtruth}) output.inputs.push_back(input);
+  for (const fs::path& input : {rig.common.calibration, rig.common.imu, rig.common.imu_noise, rig.common.groundtruth})
+    output.inputs.push_back(input);
   return output;
 }
 

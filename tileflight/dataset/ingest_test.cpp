@@ -7,6 +7,7 @@
 #include "tests/temporary_folder.h"
 #include "tests/test_data.h"
 #include "tileflight/base/files.h"
+#include "tileflight/dataset/imu_files.h"
 #include "tileflight/dataset/number_table.h"
 #include "tileflight/dataset/test_pictures.h"
 #include "tileflight/imaging/image_files.h"
@@ -174,6 +175,27 @@ TEST_F(IngestTest, RangesOfTheLogAreOnTheVideosClock) {
   EXPECT_NEAR(table.rows[0][0], 0.35, 1e-9);
   EXPECT_EQ(table.rows[0][1], 12.0);
   EXPECT_NEAR(table.rows[3][0], 0.95, 1e-9);
+}
+
+TEST_F(IngestTest, ReadingsOfAnInertialUnitAreOnTheVideosClock) {
+  options.excerpt = {.from_s = 0.5, .to_s = 1.0};
+  std::string readings = "#timestamp [ns],w_x,w_y,w_z,a_x,a_y,a_z\n";
+  for (int i = 0; i < 500; ++i) readings += std::to_string(100'000'000'000 + 10'000'000LL * i) + ",0.1,0,0,0,0,9.8\n";
+  options.imu = folder / "readings.csv";
+  options.imu_noise = folder / "noise.yaml";
+  base::write_file(options.imu, readings);
+  write_imu_yaml(options.imu_noise, {100.0, 2e-3, 3e-3, 1.7e-4, 2e-5});
+  EXPECT_THAT(error(), AllOf(HasSubstr("readings.csv"), HasSubstr("do not overlap in time; check the time offset")));
+  options.imu_time_offset_s = -101.0;
+  const IngestResult result = ingest(options, folder / "set");
+  const Dataset dataset = read_dataset(folder / "set");
+  const std::vector<ImuReading> kept = read_imu_csv(dataset.imu);
+  ASSERT_EQ(kept.size(), result.imu_readings);
+  EXPECT_NEAR(kept.front().time_s, result.times_s.front() - 1.0, 0.011);  // a second beyond the frames, and one more
+  EXPECT_NEAR(kept.back().time_s, result.times_s.back() + 1.0, 0.011);
+  EXPECT_EQ(kept[7].angular_rate_rad_s.x(), 0.1);
+  EXPECT_EQ(read_imu_noise(dataset.imu_noise).accelerometer_random_walk, 3e-3);
+  EXPECT_EQ(dataset.metadata.at("imu_time_offset_s"), "-101");
 }
 
 TEST_F(IngestTest, ACameraOfSeveralIsNamed) {

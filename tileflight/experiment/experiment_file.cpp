@@ -178,6 +178,11 @@ survey::IngestedFlightConfig read_ingest(StrictSection section) {
   ingest.camera = required_path(section, "camera");
   ingest.camera_id = section.text("camera_id").value_or("");
   ingest.telemetry = optional_path(section, "telemetry");
+  ingest.imu = optional_path(section, "imu");
+  ingest.imu_noise = optional_path(section, "imu_noise");
+  ingest.imu_time_offset_s = section.number("imu_time_offset").value_or(0.0);
+  if (ingest.imu.empty() && (!ingest.imu_noise.empty() || ingest.imu_time_offset_s != 0.0))
+    throw section.error("imu", "is missing, but 'imu_noise' or 'imu_time_offset' are there; give its readings");
   ingest.groundtruth = optional_path(section, "groundtruth");
   ingest.telemetry_height = section.choice("telemetry_height", {"ellipsoid", "sea-level", "takeoff"}).value_or("");
   ingest.takeoff_height_m = section.number("takeoff_height");

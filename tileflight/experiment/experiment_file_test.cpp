@@ -47,6 +47,28 @@ TEST_F(ExperimentFile, TheLogsOffsetIsGivenFoundOrLeftToTheAlignment) {
   EXPECT_THAT(fault("", ", telemetry: log.srt, telemetry_offset: automatic"), HasSubstr("must be a number"));
 }
 
+TEST_F(ExperimentFile, AFilmedFlightMayHaveAnInertialUnit) {
+  base::write_file(folder_ / "imu.csv", "");
+  const survey::IngestedFlightConfig with = ingest(", imu: imu.csv, imu_time_offset: 2.5");
+  EXPECT_EQ(with.imu, folder_ / "imu.csv");
+  EXPECT_EQ(with.imu_time_offset_s, 2.5);
+  EXPECT_TRUE(with.imu_noise.empty());
+  EXPECT_TRUE(ingest("").imu.empty());
+  EXPECT_THAT(fault("", ", imu_time_offset: 2.5"), HasSubstr("give its readings"));
+}
+
+TEST_F(ExperimentFile, ReadingsInTheWindowNeedAnInertialUnit) {
+  const auto odometry = [&](const std::string& keys) {
+    base::write_file(folder_ / "o.yaml", "place: {source: tileset.json}\nodometry: {" + keys +
+                                             "}\nsimulated: {ingest: {video: film.mp4, camera: camera.yaml}}\n");
+    return read_experiment(folder_ / "o.yaml").odometry.track_options;
+  };
+  EXPECT_TRUE(odometry("mode: inertial, tight: true").inertial_in_window);
+  EXPECT_TRUE(odometry("mode: stereo-inertial, tight: true").inertial_in_window);
+  EXPECT_FALSE(odometry("mode: inertial").inertial_in_window);
+  EXPECT_THAT(tests::refusal_of([&] { odometry("tight: true"); }), HasSubstr("needs 'mode: inertial'"));
+}
+
 TEST_F(ExperimentFile, AFilmedRigHasAVideoForEachCamera) {
   std::filesystem::create_directories(folder_ / "r/images");
   base::write_file(

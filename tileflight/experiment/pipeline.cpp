@@ -268,6 +268,9 @@ json Pipeline::dataset_inputs(const FlightStages& f) const {
     for (const fs::path& file : {ingest.video, ingest.telemetry, ingest.groundtruth}) {
       inputs["files"].push_back(file.empty() ? json() : json(cache_.content_hash(file)));
     }
+    for (const fs::path& file : {ingest.imu, ingest.imu_noise}) {
+      if (!file.empty()) inputs["imu"].push_back(cache_.content_hash(file));
+    }
     for (const survey::CameraVideo& one : ingest.videos) inputs["files"].push_back(cache_.content_hash(one.video));
     inputs["camera"] = FileHashCache::hash_yaml_content(ingest.camera);
     if (ingest.videos.empty()) return inputs;

@@ -79,8 +79,9 @@ std::vector<fs::path> input_files(const Experiment& experiment) {
       add((*flight)->render->source);
     }
     if ((*flight)->ingest) {
-      for (const fs::path& file : {(*flight)->ingest->video, (*flight)->ingest->camera, (*flight)->ingest->telemetry,
-                                   (*flight)->ingest->groundtruth}) {
+      for (const fs::path& file :
+           {(*flight)->ingest->video, (*flight)->ingest->camera, (*flight)->ingest->telemetry, (*flight)->ingest->imu,
+            (*flight)->ingest->imu_noise, (*flight)->ingest->groundtruth}) {
         add(file);
       }
     }

@@ -8,10 +8,11 @@ void SparseLeastSquares::add(const Eigen::VectorXd& residual, const Eigen::Matri
                              std::initializer_list<JacobianBlock> derivatives) {
   cost_ += residual.dot(weight * residual);
   for (const JacobianBlock& a : derivatives) {
-    const Eigen::MatrixXd weighted = a.derivative.transpose() * weight;
+    const Eigen::MatrixXd weighted = a.derivative.transpose().lazyProduct(weight);  // small: no blocking
     gradient_.segment(a.column, a.derivative.cols()) += weighted * residual;
     for (const JacobianBlock& b : derivatives) {
-      const Eigen::MatrixXd block = weighted * b.derivative;
+      if (b.column > a.column) continue;  // the lower triangle is enough
+      const Eigen::MatrixXd block = weighted.lazyProduct(b.derivative);
       for (Eigen::Index i = 0; i < block.rows(); ++i)
         for (Eigen::Index j = 0; j < block.cols(); ++j)
           if (block(i, j) != 0.0)
@@ -27,16 +28,20 @@ void SparseLeastSquares::add_robust(const Eigen::VectorXd& residual, const Eigen
   cost_ += c * c * std::log1p(square / (c * c)) - factor * square;
 }
 
-Eigen::SparseMatrix<double> SparseLeastSquares::information() const {
+Eigen::SparseMatrix<double> SparseLeastSquares::lower_triangle() const {
   Eigen::SparseMatrix<double> H(gradient_.size(), gradient_.size());
   H.setFromTriplets(entries_.begin(), entries_.end());
   return H;
 }
 
+Eigen::SparseMatrix<double> SparseLeastSquares::information() const {
+  return lower_triangle().selfadjointView<Eigen::Lower>();
+}
+
 std::optional<Eigen::VectorXd> SparseLeastSquares::step(double damping) const {
-  Eigen::SparseMatrix<double> H = information();
+  Eigen::SparseMatrix<double> H = lower_triangle();
   for (Eigen::Index i = 0; i < H.rows(); ++i) H.coeffRef(i, i) *= 1.0 + damping;
-  const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> factors(H);
+  const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> factors(H);  // reads that triangle
   if (factors.info() != Eigen::Success) return std::nullopt;
   const Eigen::VectorXd x = factors.solve(-gradient_);
   if (!x.allFinite()) return std::nullopt;

@@ -37,7 +37,9 @@ class SparseLeastSquares {
   std::optional<Eigen::VectorXd> step(double damping) const;
 
  private:
-  std::vector<Eigen::Triplet<double>> entries_;
+  Eigen::SparseMatrix<double> lower_triangle() const;
+
+  std::vector<Eigen::Triplet<double>> entries_;  ///< of the lower triangle, and of whole blocks on the diagonal
   Eigen::VectorXd gradient_;
   double cost_ = 0.0;
 };

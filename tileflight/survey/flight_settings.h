@@ -51,6 +51,9 @@ struct IngestedFlightConfig {
   std::optional<double> takeoff_height_m;    ///< of the take-off point above the ellipsoid, for heights above it
   std::optional<double> telemetry_offset_s;  ///< added to the log's times; none: estimated during alignment
   bool estimates_telemetry_offset = false;   ///< telemetry_offset: auto; estimated from the motion seen by both
+  std::filesystem::path imu;                 ///< readings of an inertial unit (dataset::read_imu_csv); empty: none
+  std::filesystem::path imu_noise;           ///< dataset::read_imu_noise; empty: not known
+  double imu_time_offset_s = 0.0;            ///< added to the unit's times to get the video's
   std::filesystem::path groundtruth;         ///< TUM poses for scoring; empty: none
   double from_s = 0.0;
   std::optional<double> to_s;

@@ -124,6 +124,7 @@ geometry::Trajectory estimate_camera_path(dataset::IngestOptions options, const 
                                           const Progress& progress) {
   const TemporaryFolder folder(out);
   options.gps.clear();
+  options.imu.clear();
   options.groundtruth.clear();
   dataset::ingest(options, folder.path() / "dataset", progress);
   track(folder.path() / "dataset", folder.path() / "odometry", false, {}, {}, progress);
@@ -172,6 +173,9 @@ dataset::IngestOptions options_of(const IngestedFlightConfig& flight, const std:
                                  .calibration = flight.camera,
                                  .camera_id = flight.camera_id,
                                  .excerpt = {.from_s = flight.from_s, .to_s = flight.to_s, .every = flight.every},
+                                 .imu = flight.imu,
+                                 .imu_noise = flight.imu_noise,
+                                 .imu_time_offset_s = flight.imu_time_offset_s,
                                  .groundtruth = flight.groundtruth,
                                  .replace = replace,
                                  .inputs = {flight.telemetry, truth},
@@ -186,6 +190,7 @@ nlohmann::json summary_of(const dataset::IngestResult& result, const nlohmann::j
           {"last_time_s", result.times_s.back()},
           {"resolution", {result.width, result.height}},
           {"positions", result.gps_fixes},
+          {"imu_readings", result.imu_readings},
           {"time_offset", time_offset},
           {"true_poses", result.groundtruth_poses}};
 }
