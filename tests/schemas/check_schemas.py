@@ -143,6 +143,7 @@ class Reader:
         self.write("experiment.yaml", {"place": {"source": "stadium:twin"}, "simulated": {"render": {"flight": "waypoints.yaml"}}, "real": {"kind": "surrogate", "render": {"flight": "waypoints.yaml"}}})
         self.write("system/adapter.yaml", {"name": "own", "takes": {"inputs": ["images"], "lenses": ["any"]}})
         (folder / "log.csv").write_text("t,lat,lon,height\n")
+        (folder / "imu.csv").write_text("#timestamp [ns],w_x,w_y,w_z,a_x,a_y,a_z\n")
         (folder / "path.txt").write_text("0 0 0 9 0 0 0 1\n1 9 0 9 0 0 0 1\n")
         self.process = subprocess.Popen([program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
