@@ -16,14 +16,9 @@ import random
 import struct
 import subprocess
 
+from outside_systems import CAMERA
+
 LIDARS = ("os1-64", "vlp-16", "livox-mid-40")
-CAMERA = """cam0:
-  camera_model: pinhole
-  intrinsics: [320.0, 320.0, 319.5, 239.5]
-  distortion_model: radtan
-  distortion_coeffs: [0.0, 0.0, 0.0, 0.0]
-  resolution: [640, 480]
-"""
 WAYPOINTS = ((-40, 0, 2.0, 0), (-20, 1, 2.5, 8), (0, -1, 2.0, -8), (20, 0, 3.0, 5), (40, 1, 2.0, 0))
 
 
