@@ -82,21 +82,12 @@ void add_ranges(DatasetWriter& writer, const IngestOptions& options, const TimeS
   if (!table.rows.empty()) write_number_table(writer.temporary_folder() / "range.csv", table);
 }
 
-/// Readings of an inertial unit on the video's clock. A unit's clock is rarely the video's: odometry that finds the
-/// rest of the offset needs readings beyond the frames.
-void add_imu(DatasetWriter& writer, const IngestOptions& options, const TimeSpan& frames, IngestResult& result) {
-  constexpr double kBeyond_s = 1.0;
-  if (options.imu.empty()) return;
-  std::vector<ImuReading> readings = read_imu_csv(options.imu);
-  for (ImuReading& reading : readings) reading.time_s += options.imu_time_offset_s;
-  require_overlap(options.imu.string(), {readings.front().time_s, readings.back().time_s}, frames);
-  readings = crop_to_span(readings, {frames.first - kBeyond_s, frames.last + kBeyond_s},
-                          [](const ImuReading& reading) { return reading.time_s; });
-  result.imu_readings = readings.size();
-  write_imu_csv(writer.temporary_folder() / "imu.csv", readings);
-  if (!options.imu_noise.empty())
-    write_imu_yaml(writer.temporary_folder() / "imu.yaml", read_imu_noise(options.imu_noise));
-}
+/// What is known beside the images, read before them, since a fault there is found in no time.
+struct Companions {
+  geometry::Trajectory groundtruth;  ///< of the camera, on the video's clock
+  std::vector<ImuReading> readings;  ///< on the video's clock
+  std::optional<ImuCalibration> noise;
+};
 
 /// The file's poses as those of the camera; none without a file.
 geometry::Trajectory read_groundtruth(const IngestOptions& options) {
@@ -107,6 +98,30 @@ geometry::Trajectory read_groundtruth(const IngestOptions& options) {
     pose.T_local_camera = pose.T_local_camera * options.T_truth_camera;
   }
   return trajectory;
+}
+
+Companions read_companions(const IngestOptions& options) {
+  Companions given;
+  given.groundtruth = read_groundtruth(options);
+  if (options.imu.empty()) return given;
+  given.readings = read_imu_csv(options.imu);
+  for (ImuReading& reading : given.readings) reading.time_s += options.imu_time_offset_s;
+  if (!options.imu_noise.empty()) given.noise = read_imu_noise(options.imu_noise);
+  return given;
+}
+
+/// A unit's clock is rarely the video's: odometry that finds the rest of the offset needs readings beyond the frames.
+void add_imu(DatasetWriter& writer, const Companions& given, const IngestOptions& options, const TimeSpan& frames,
+             IngestResult& result) {
+  constexpr double kBeyond_s = 1.0;
+  if (given.readings.empty()) return;
+  require_overlap(options.imu.string(), {given.readings.front().time_s, given.readings.back().time_s}, frames);
+  const std::vector<ImuReading> readings =
+      crop_to_span(given.readings, {frames.first - kBeyond_s, frames.last + kBeyond_s},
+                   [](const ImuReading& reading) { return reading.time_s; });
+  result.imu_readings = readings.size();
+  write_imu_csv(writer.temporary_folder() / "imu.csv", readings);
+  if (given.noise) write_imu_yaml(writer.temporary_folder() / "imu.yaml", *given.noise);
 }
 
 void add_groundtruth(DatasetWriter& writer, const geometry::Trajectory& all, const IngestOptions& options,
@@ -134,14 +149,14 @@ void describe(DatasetWriter& writer, const IngestOptions& options, const ScaledC
 
 /// What the log and the true path know of the frames' time span, and where all of it came from.
 void finish(DatasetWriter& writer, const IngestOptions& options, const ScaledCalibration& fitted,
-            const geometry::Trajectory& groundtruth, IngestResult& result) {
+            const Companions& given, IngestResult& result) {
   const TimeSpan frames{result.times_s.front(), result.times_s.back()};
   const TimeSpan on_body{frames.first + options.timeshift_s, frames.last + options.timeshift_s};
   add_gps(writer, options, on_body, result);
   add_attitudes(writer, options, on_body);
   add_ranges(writer, options, on_body);
-  add_imu(writer, options, on_body, result);
-  add_groundtruth(writer, groundtruth, options, frames, result);
+  add_imu(writer, given, options, on_body, result);
+  add_groundtruth(writer, given.groundtruth, options, frames, result);
   describe(writer, options, fitted);
   writer.finish();
 }
@@ -182,7 +197,7 @@ ScaledCalibration fitted_calibration(const IngestOptions& options, IngestResult&
   return fitted;
 }
 
-void ingest_video(const IngestOptions& options, const fs::path& folder, const geometry::Trajectory& groundtruth,
+void ingest_video(const IngestOptions& options, const fs::path& folder, const Companions& given,
                   const Progress& progress, IngestResult& result) {
   const VideoInfo info = probe_video(options.video_or_images);
   const double period_s = info.frames_per_second > 0.0 ? 1.0 / info.frames_per_second : kDefaultFramePeriod_s;
@@ -216,7 +231,7 @@ void ingest_video(const IngestOptions& options, const fs::path& folder, const ge
   // The container's duration may be wrong, so the frames decide.
   require_covers_excerpt(options, last_time_s + shift_s + period_s * options.excerpt.every, period_s);
 
-  finish(writer, options, fitted, groundtruth, result);
+  finish(writer, options, fitted, given, result);
 }
 
 /// Images in time order.
@@ -283,7 +298,7 @@ void add_image(DatasetWriter& writer, std::size_t index, const Frame& frame, int
   writer.add_frame(index, frame.time_s, frame.exposure_ms, image);
 }
 
-void ingest_images(const IngestOptions& options, const fs::path& folder, const geometry::Trajectory& groundtruth,
+void ingest_images(const IngestOptions& options, const fs::path& folder, const Companions& given,
                    const Progress& progress, IngestResult& result) {
   const std::vector<Frame> frames = select_excerpt(image_frames(options, result.notes), options);
   const imaging::RgbImage first = imaging::read_rgb(frames.front().image);
@@ -299,7 +314,7 @@ void ingest_images(const IngestOptions& options, const fs::path& folder, const g
     const std::lock_guard lock(mutex);
     report_progress(progress, ++done, static_cast<std::int64_t>(frames.size()), "copying images");
   });
-  finish(writer, options, fitted, groundtruth, result);
+  finish(writer, options, fitted, given, result);
 }
 
 }  // namespace
@@ -308,12 +323,12 @@ IngestResult ingest(const IngestOptions& options, const fs::path& dataset_folder
   if (options.jpeg_quality < 1 || options.jpeg_quality > 100) throw InputError("jpeg_quality", "must be from 1 to 100");
   if (!fs::exists(options.video_or_images))
     throw InputError(options.video_or_images.string(), "no such video file or image folder");
-  const geometry::Trajectory groundtruth = read_groundtruth(options);
+  const Companions given = read_companions(options);
   IngestResult result;
   if (fs::is_directory(options.video_or_images))
-    ingest_images(options, dataset_folder, groundtruth, progress, result);
+    ingest_images(options, dataset_folder, given, progress, result);
   else
-    ingest_video(options, dataset_folder, groundtruth, progress, result);
+    ingest_video(options, dataset_folder, given, progress, result);
   result.frames = result.times_s.size();
   return result;
 }

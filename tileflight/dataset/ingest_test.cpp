@@ -198,6 +198,15 @@ TEST_F(IngestTest, ReadingsOfAnInertialUnitAreOnTheVideosClock) {
   EXPECT_EQ(dataset.metadata.at("imu_time_offset_s"), "-101");
 }
 
+TEST_F(IngestTest, FaultsOfReadingsAreFoundBeforeTheFirstImage) {
+  int images = 0;
+  options.is_wanted = [&](double, double) { return ++images > 0; };
+  options.imu = folder / "readings.csv";
+  base::write_file(options.imu, "3000000000,0,0,0,0,0,9.8\n2000000000,0,0,0,0,0,9.8\n");
+  EXPECT_THAT(error(), AllOf(HasSubstr("readings.csv"), HasSubstr("line 2")));
+  EXPECT_EQ(images, 0);
+}
+
 TEST_F(IngestTest, ACameraOfSeveralIsNamed) {
   options.calibration = folder / "cameras.txt";
   base::write_file(options.calibration, "1 PINHOLE 96 64 80 80 48 32\n4 PINHOLE 192 128 180 180 96 64\n");
