@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 #include <numeric>
 
 #include "tileflight/base/input_error.h"
@@ -202,6 +203,13 @@ void set_path(const VisualInertialState& state, InertialAlignment& result) {
   result.mean_scale = std::exp(sum / static_cast<double>(state.states.size()));
 }
 
+/// Whether the iteration ran away to where only the priors hold it, which make the scale look sure.
+bool ran_away(const VisualInertialState& state) {
+  constexpr double kFastest_m_s = 1000.0;
+  return std::ranges::any_of(state.states,
+                             [](const ImuState& at) { return !(at.velocity_m_s.norm() < kFastest_m_s); });
+}
+
 /// Whether what was found deserves belief; sets `metric`.
 void judge(const InertialInput& input, const InertialLimits& limits, InertialAlignment& result) {
   if (!(result.sigma_log_scale <= limits.max_sigma_log_scale)) {
@@ -245,6 +253,7 @@ void solve(const VisualInertialProblem& problem, const InertialInput& input, con
   result.mounting_correction_rad = state.T_imu_camera.rotation.angularDistance(input.model.T_imu_camera.rotation);
   result.residual_ratio = residual_ratio(problem, state);
   set_uncertainties(problem, state, result);
+  if (ran_away(state)) result.sigma_log_scale = std::numeric_limits<double>::infinity();
   judge(input, limits, result);
   if (result.metric && is_ambiguous(*best, rival, result.sigma_log_scale))
     give_up("two scales fit the unit's readings and the camera's path nearly alike",

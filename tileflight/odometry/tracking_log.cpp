@@ -283,7 +283,7 @@ void align_to_gravity(const TrackingLog& log, const KeyframePath& path, const in
     constexpr double kSpacing_s = 0.3;  // chosen by hand
     const Nodes nodes = nodes_with_images(log, path, keyframes, map.scale, kSpacing_s);
     inertial::InertialAlignment more = inertial::align_to_gravity(nodes.list, images, readings);
-    if (more.metric) result.inertial = at_keyframes(nodes, std::move(more));
+    result.inertial = more.metric ? at_keyframes(nodes, std::move(more)) : std::move(more);
   }
   const inertial::InertialAlignment& found = *result.inertial;
   if (!found.metric) return;
