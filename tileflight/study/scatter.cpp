@@ -44,11 +44,21 @@ class Axis {
   }
   double to_px(double value) const { return low_px_ + (scaled(value) - low_) / (high_ - low_) * (high_px_ - low_px_); }
   std::vector<double> ticks() const {
+    if (!logarithmic_) return linear_ticks(low_, high_);
+    constexpr std::size_t kFewest = 3;
+    const std::vector<double> values = logarithmic_ticks();
+    return values.size() < kFewest ? linear_ticks(std::pow(10.0, low_), std::pow(10.0, high_)) : values;
+  }
+
+ private:
+  static std::vector<double> linear_ticks(double low, double high) {
     std::vector<double> values;
-    if (!logarithmic_) {
-      for (const double tick : report::nice_ticks(low_, high_, kTicks)) values.push_back(tick + 0.0);  // no "-0"
-      return values;
-    }
+    for (const double tick : report::nice_ticks(low, high, kTicks)) values.push_back(tick + 0.0);  // no "-0"
+    return values;
+  }
+  /// 1, 2, 5, 10, …
+  std::vector<double> logarithmic_ticks() const {
+    std::vector<double> values;
     for (int power = static_cast<int>(std::floor(low_)); power <= static_cast<int>(std::ceil(high_)); ++power) {
       for (const double digit : {1.0, 2.0, 5.0}) {
         const double value = digit * std::pow(10.0, power);
@@ -57,8 +67,6 @@ class Axis {
     }
     return values;
   }
-
- private:
   double scaled(double value) const { return logarithmic_ ? std::log10(value) : value; }
 
   bool logarithmic_;
