@@ -30,6 +30,19 @@ std::optional<double> estimate_relative_scale(const geometry::Trajectory& first,
   return similarity && similarity->scale > 0.0 ? std::optional(similarity->scale) : std::nullopt;
 }
 
+/// Camera centres moved by the similarity; without one, since paths that run against each other fit at no positive
+/// scale, all at the other path's middle, the best that scale zero does.
+std::vector<geometry::Vec3> aligned_centres(const std::optional<geometry::Sim3>& similarity,
+                                            const std::vector<geometry::SE3>& from,
+                                            const std::vector<geometry::SE3>& to) {
+  std::vector<geometry::Vec3> moved;
+  geometry::Vec3 middle = geometry::Vec3::Zero();
+  for (const geometry::SE3& pose : to) middle += pose.translation / static_cast<double>(to.size());
+  for (const geometry::SE3& pose : from)
+    moved.push_back(similarity ? geometry::Vec3(*similarity * pose.translation) : middle);
+  return moved;
+}
+
 }  // namespace
 
 std::optional<RunAgreement> measure_agreement(const geometry::Trajectory& first, const geometry::Trajectory& second,
@@ -42,21 +55,21 @@ std::optional<RunAgreement> measure_agreement(const geometry::Trajectory& first,
     to.push_back(first.poses[a].T_local_camera);
   }
   const auto similarity = similarity_from_poses(from, to);
-  if (!similarity || !(similarity->scale > 0.0)) return std::nullopt;
+  const std::vector<geometry::Vec3> moved = aligned_centres(similarity, from, to);
   RunAgreement result{.pictures = pairs.size()};
   double path = 0.0, path_moved = 0.0, squares = 0.0, worst = 0.0;
   for (std::size_t i = 0; i < pairs.size(); ++i) {
-    const double distance = (*similarity * from[i].translation - to[i].translation).norm();
+    const double distance = (moved[i] - to[i].translation).norm();
     squares += distance * distance;
     if (i > 0) {
       path += (to[i].translation - to[i - 1].translation).norm();
-      path_moved += similarity->scale * (from[i].translation - from[i - 1].translation).norm();
+      path_moved += (moved[i] - moved[i - 1]).norm();
     }
     if (distance <= worst) continue;
     worst = distance;
     result.worst_time_s = first.poses[pairs[i].first].time_s;
   }
-  path = std::min(path, path_moved);
+  if (path_moved > 0.0) path = std::min(path, path_moved);
   if (!(path > 0.0)) return std::nullopt;
   result.rms_share = std::sqrt(squares / static_cast<double>(pairs.size())) / path;
   result.worst_share = worst / path;

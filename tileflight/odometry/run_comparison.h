@@ -22,7 +22,8 @@ struct RunAgreement {
 
 /// nullopt with fewer than `least` images in common, or with a path of zero length. The rotation of the similarity
 /// comes from the orientations, so a straight path is enough. The path length is the shorter one of both after
-/// alignment, so that a run whose scale collapsed is not divided by the longer path of the other.
+/// alignment, so that a run whose scale collapsed is not divided by the longer path of the other. Paths that
+/// no positive scale brings together disagree by the size of the first.
 std::optional<RunAgreement> measure_agreement(const geometry::Trajectory& first, const geometry::Trajectory& second,
                                               std::size_t least = 5);
 

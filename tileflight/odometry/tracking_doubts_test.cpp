@@ -218,6 +218,22 @@ TEST(SecondOpinion, AScaleThatChangedHalfWayIsSeen) {
   EXPECT_NEAR(measure_agreement(path, other)->rms_share, measure_agreement(other, path)->rms_share, 0.02);
 }
 
+TEST(SecondOpinion, PathsThatRunAgainstEachOtherDisagree) {
+  geometry::Trajectory first, second;
+  for (int i = 0; i < 60; ++i) {
+    first.poses.push_back({0.1 * i, at(i, 0, 0)});
+    second.poses.push_back({0.1 * i, at(-0.2 * i, 0, 0)});
+  }
+  const auto found = measure_agreement(first, second);
+  ASSERT_TRUE(found);
+  EXPECT_NEAR(found->rms_share, std::sqrt((60.0 * 60.0 - 1.0) / 12.0) / 59.0,
+              1e-9);  // of 60 equal steps about the middle
+  const OdometryResult good = good_flight();
+  OdometryResult worse = good;
+  for (tracking::FrameQuality& q : worse.quality) q.rmse = 7.0, q.saturated_share = 0.2;
+  EXPECT_EQ(choose_run(worse, good, found), RunChoice::kSecond);
+}
+
 /// Two runs with errors of `noise` (position, per axis) and `turn_rad` (about one axis), sigmas stated as given.
 std::optional<Dispersion> dispersion_of(double noise, double turn_rad, double stated_position, double stated_rotation) {
   std::mt19937 random(4);
