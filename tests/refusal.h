@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <exception>
 #include <string>
 
 #include "tileflight/base/input_error.h"
@@ -17,6 +18,17 @@ std::string refusal_of(const Call& call) {
     const std::string line = error.what();
     EXPECT_EQ(line.find('\n'), std::string::npos) << line;
     return line;
+  }
+  return "no error";
+}
+
+/// What any exception of `call` says; "no error" if there is none.
+template <typename Call>
+std::string message_of(const Call& call) {
+  try {
+    call();
+  } catch (const std::exception& error) {
+    return error.what();
   }
   return "no error";
 }

@@ -10,7 +10,7 @@ import re
 import statistics
 import sys
 
-NO_FUNCTION = re.compile(r"(template <.*?> )?\s*(namespace|class|struct|enum|union|extern|if|for|while|switch|else|do|try|catch|return|\}|.*= )")
+NO_FUNCTION = re.compile(r"(template <.*?> )?\s*((namespace|class|struct|enum|union|extern|if|for|while|switch|else|do|try|catch|return)\b|\}|.*= )")
 ONE_LINE = re.compile(r"\)[\w\s]*\{.*\}$")
 CONTINUED = (";", "}", "{")
 LONG = 60

@@ -39,7 +39,7 @@ def check_malformed(peer, work):
 def check_slow_reader(server, peer):
     """A reliable reader that stops, with images of a megabyte 30 times a second: others get them, memory stays."""
     slow = peers.start(peer, "read", "-", 100, *peers.wish(IMAGE, "sensor_msgs/msg/Image", 100000))
-    time.sleep(5)
+    time.sleep(3)
     slow.send_signal(signal.SIGSTOP)
     time.sleep(2)
     before = server.memory_mb()
@@ -53,7 +53,7 @@ def check_slow_reader(server, peer):
 
 def check_vanishing(server, peer):
     """Many that come one after the other and go without a goodbye."""
-    for _ in range(5):
+    for _ in range(3):
         many = [peers.start(peer, "read", "-", 100, *peers.wish(IMAGE, "sensor_msgs/msg/Image", 100000, reliable=r)) for r in (True, False)]
         time.sleep(1.5)
         for one in many:

@@ -19,12 +19,12 @@ struct PathPoint {
   double speed_m_s = 1.0;      ///< at this place; between two it changes evenly along the way
 };
 
-/// Where an actor goes.
+/// Route of an actor.
 struct ActorRoute {
   std::vector<PathPoint> points;  ///< at least one, which it stands on
   double yaw_deg = 0.0;           ///< heading clockwise from north, of one that stands
   double start_s = 0.0;           ///< when it leaves the first point, where it stands before
-  bool loops = false;             ///< returns to the first point and goes on; else it stands at the last
+  bool loops = false;             ///< returns to the first point and repeats; else it stops at the last
   bool follows_ground = true;     ///< else it keeps the points' heights, and stays upright
   double length_m = 4.0;          ///< distances between which the ground's slope is taken: along the way, and across
   double width_m = 1.6;

@@ -29,7 +29,7 @@ struct Encounters {
 Encounters find_encounters(const Traffic& traffic, const geometry::Trajectory& frames,
                            const std::function<geometry::SE3(double time_s)>& pose_at);
 
-/// Where a segment meets the surface of an actor.
+/// Intersection of a segment with the surface of an actor.
 struct ActorHit {
   std::size_t actor = 0;
   double distance_m = 0.0;  ///< from the segment's start

@@ -33,7 +33,7 @@ std::vector<ActorPlan> read_actors(base::StrictSection& flight);
 /// The same of a file.
 std::vector<ActorPlan> read_actors(const std::filesystem::path& flight_file);
 
-/// Where an actor is at a time.
+/// Pose of an actor at a time.
 struct ActorState {
   geometry::SE3 T_local_actor;  ///< x forward, y left, z up
   geometry::Vec3 velocity_m_s;  ///< local frame

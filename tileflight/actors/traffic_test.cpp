@@ -6,6 +6,7 @@
 #include <fstream>
 #include <numbers>
 
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 #include "tileflight/base/input_error.h"
 
@@ -76,18 +77,9 @@ TEST(ActorPath, FollowsTheGroundWithItsSlopes) {
   EXPECT_NEAR(path(route, bridge).pose(5).translation.z(), 6.0, 1e-9) << "without one, the uppermost";
 }
 
-std::string refusal_of(const std::function<void()>& call) {
-  try {
-    call();
-  } catch (const InputError& error) {
-    return error.what();
-  }
-  return "no refusal";
-}
-
 TEST(ActorPath, WrongRoutesAreRefused) {
   const auto refusal = [](const ActorRoute& route, const GroundHeight& ground = level) {
-    return refusal_of([&] { path(route, ground); });
+    return tests::refusal_of([&] { path(route, ground); });
   };
   EXPECT_THAT(refusal({}), HasSubstr("actor: has no place"));
   EXPECT_THAT(refusal({.points = {at(0, 0, 1), at(0, 0, 1)}}), HasSubstr("the same"));
@@ -130,7 +122,7 @@ TEST_F(ActorFile, NamesModelsPathsAndSpeeds) {
 
 TEST_F(ActorFile, WhatIsWrongIsNamed) {
   const auto refusal = [&](const std::string& actor) {
-    return refusal_of([&] { read("actors:\n  - {" + actor + "}\n"); });
+    return tests::refusal_of([&] { read("actors:\n  - {" + actor + "}\n"); });
   };
   EXPECT_THAT(refusal("model: tank, position: [0, 0]"), HasSubstr("model"));
   EXPECT_THAT(refusal("model: car"), HasSubstr("path"));
@@ -140,8 +132,9 @@ TEST_F(ActorFile, WhatIsWrongIsNamed) {
   EXPECT_THAT(refusal("position: [0, 0], speed_m_s: 1000"), HasSubstr("speed_m_s"));
   EXPECT_THAT(refusal("position: [0, 0], color: [1, 2, 300]"), HasSubstr("color"));
   EXPECT_THAT(refusal("position: [0, 0], wheels: 4"), HasSubstr("wheels"));
-  EXPECT_THAT(refusal_of([&] { read("actors:\n  - {name: a, position: [0, 0]}\n  - {name: a, position: [0, 0]}\n"); }),
-              HasSubstr("twice"));
+  EXPECT_THAT(
+      tests::refusal_of([&] { read("actors:\n  - {name: a, position: [0, 0]}\n  - {name: a, position: [0, 0]}\n"); }),
+      HasSubstr("twice"));
 }
 
 TEST(Traffic, PosesOfASceneAreThoseOfItsTimes) {

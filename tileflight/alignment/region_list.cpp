@@ -1,11 +1,11 @@
 #include "tileflight/alignment/region_list.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <cmath>
+#include <nlohmann/json.hpp>
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/geometry/json_numbers.h"
 
 namespace tileflight::alignment {
 
@@ -15,11 +15,10 @@ using nlohmann::json;
 
 namespace {
 
-json numbers(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
-
 json boxes_json(const std::vector<Box3>& boxes) {
   json list = json::array();
-  for (const Box3& box : boxes) list.push_back({{"center", numbers(box.center())}, {"size", numbers(box.sizes())}});
+  for (const Box3& box : boxes)
+    list.push_back({{"center", geometry::json_numbers(box.center())}, {"size", geometry::json_numbers(box.sizes())}});
   return list;
 }
 

@@ -6,6 +6,7 @@
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/json_file.h"
+#include "tileflight/geometry/json_numbers.h"
 
 namespace tileflight::alignment {
 
@@ -56,8 +57,6 @@ geometry::Sim3 similarity_from(const Mat4& matrix, const std::string& where) {
   }
 }
 
-json as_json_list(const geometry::Vec3& v) { return {v.x(), v.y(), v.z()}; }
-
 json to_json(const AlignmentUncertainty& u) {
   constexpr double kDegrees = 57.29577951308232;
   json rows = json::array();
@@ -65,8 +64,8 @@ json to_json(const AlignmentUncertainty& u) {
     const geometry::Vec7 row = u.covariance.row(r).transpose();
     rows.push_back(std::vector<double>(row.begin(), row.end()));
   }
-  return {{"translation_sigma", as_json_list(u.translation_sigma_m)},
-          {"rotation_sigma_deg", as_json_list(kDegrees * u.rotation_sigma_rad)},
+  return {{"translation_sigma", geometry::json_numbers(u.translation_sigma_m)},
+          {"rotation_sigma_deg", geometry::json_numbers(kDegrees * u.rotation_sigma_rad)},
           {"scale_sigma", u.scale_sigma},
           {"rms_motion_sigma", u.rms_motion_sigma_m},
           {"covariance", rows}};

@@ -11,7 +11,7 @@
 
 namespace tileflight::autopilot {
 
-/// What ArduPilot sends to a simulator by its JSON interface (ArduPilot, libraries/SITL/examples/JSON/readme.md).
+/// Packet from ArduPilot to a simulator in its JSON interface (ArduPilot, libraries/SITL/examples/JSON/readme.md).
 struct ServoPacket {
   std::uint16_t frame_rate = 0;         ///< wanted steps a second
   std::uint32_t frame_count = 0;        ///< counts the steps that ArduPilot has made
@@ -32,7 +32,7 @@ struct WindVane {
   double speed_m_s = 0.0;
 };
 
-/// What a simulator sends back. NED; body axes forward, right, down.
+/// Answer of the simulator. NED; body axes forward, right, down.
 struct ArduPilotState {
   double time_s = 0.0;  ///< since the autopilot started
   geometry::Vec3 gyro_rad_s = geometry::Vec3::Zero();

@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 
+#include "tests/refusal.h"
 #include "tileflight/autopilot/frame_lockstep.h"
 #include "tileflight/autopilot/limited_log.h"
 #include "tileflight/autopilot/test_ardupilot_client.h"
@@ -183,8 +184,10 @@ TEST(UdpPort, AnswersWhereDatagramsComeFrom) {
 
 TEST(UdpPort, RefusesAPortThatIsTakenAndAnAddressThatIsNone) {
   const UdpPort first("127.0.0.1", 0);
-  EXPECT_THROW(UdpPort("127.0.0.1", first.port()), InputError);
-  EXPECT_THROW(UdpPort("somewhere", 0), InputError);
+  EXPECT_THAT(tests::refusal_of([&] { const UdpPort second("127.0.0.1", first.port()); }),
+              testing::HasSubstr("choose another ControlPort"));
+  EXPECT_THAT(tests::refusal_of([] { const UdpPort none("somewhere", 0); }),
+              testing::HasSubstr("address somewhere: is not an IPv4 or IPv6 address"));
 }
 
 }  // namespace

@@ -9,7 +9,8 @@
 
 namespace tileflight::autopilot {
 
-/// What an autopilot did to its vehicle, in the order in which it took effect: a recorded session has all of it.
+/// An action of an autopilot on its vehicle; a recorded session holds all of them in the order in which they took
+/// effect.
 struct AutopilotEvent {
   enum class Kind : std::uint8_t {
     kRestart = 0,  ///< the vehicle was put back to its start

@@ -5,7 +5,7 @@
 
 namespace tileflight::autopilot {
 
-/// What a message with outputs means for lockstep.
+/// Meaning of a message with outputs for lockstep.
 enum class ControlVerdict {
   kAnswer,      ///< to the sensors sent last: make the next step
   kLate,        ///< to earlier sensors: outputs to use, but no answer

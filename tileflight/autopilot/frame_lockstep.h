@@ -5,7 +5,7 @@
 
 namespace tileflight::autopilot {
 
-/// What a frame of the autopilot asks the simulator to do before it answers.
+/// Steps that a frame of the autopilot requests before the answer.
 struct FrameRequest {
   bool restarted = false;  ///< the autopilot has started anew: first return to the start
   int steps = 0;           ///< number of steps; 0: the answer was lost, send the last one again

@@ -40,7 +40,7 @@ struct HilActuatorControls {
   }
 };
 
-/// What HilSensor::updated says is new.
+/// Bits of HilSensor::updated: the readings that are new.
 enum HilSensorField : std::uint32_t {
   kAccelerometerUpdated = 0x7,
   kGyroUpdated = 0x38,
@@ -99,7 +99,7 @@ struct HilStateQuaternion {
   }
 };
 
-/// Where a distance sensor points, body axes (MAV_SENSOR_ORIENTATION); every eighth of a turn to the right of forward
+/// Direction of a distance sensor, body axes (MAV_SENSOR_ORIENTATION); every eighth of a turn to the right of forward
 /// adds 1 to kForward.
 enum SensorOrientation : std::uint8_t {
   kForward = 0,

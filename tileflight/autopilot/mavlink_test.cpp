@@ -6,6 +6,7 @@
 #include <cmath>
 #include <vector>
 
+#include "tests/refusal.h"
 #include "tileflight/autopilot/control_gate.h"
 #include "tileflight/autopilot/hil_messages.h"
 #include "tileflight/autopilot/tcp_port.h"
@@ -152,7 +153,8 @@ TEST(TcpPort, OnePeerAtATime) {
   EXPECT_FALSE(port.connected());
   const test_support::TcpClient second(port.port());
   EXPECT_TRUE(port.accept(std::chrono::seconds(10)));
-  EXPECT_THROW(TcpPort("127.0.0.1", port.port()), InputError);
+  EXPECT_THAT(tests::refusal_of([&] { const TcpPort taken("127.0.0.1", port.port()); }),
+              testing::HasSubstr("choose another TcpPort"));
 }
 
 /// Its memory stays bounded: what does not fit into the socket ends the connection.

@@ -11,7 +11,7 @@
 
 namespace tileflight::autopilot {
 
-/// What an ideal inertial unit at the centre of mass measured over the last step: means of the angular rate and of the
+/// Readings of an ideal inertial unit at the centre of mass over the last step: means of the angular rate and of the
 /// specific force (acceleration without gravity, ground contact included), body axes forward, left, up.
 struct InertialReading {
   geometry::Vec3 gyro_rad_s = geometry::Vec3::Zero();

@@ -12,7 +12,7 @@
 
 namespace tileflight::autopilot {
 
-/// A port that one after another uses: who reads from it holds `in_use`.
+/// A port used by several owners in turn: the reader holds `in_use`.
 template <class Port>
 struct SharedPort {
   SharedPort(const std::string& address, std::uint16_t number) : port(address, number) {}

@@ -21,7 +21,7 @@ class TcpPort {
   /// Waits for a peer; ends the connection of the last one. False if none comes in time.
   bool accept(std::chrono::milliseconds patience);
   bool connected() const;
-  /// What the peer has sent, at most 64 KiB; empty if nothing comes in time, or the connection has ended.
+  /// Bytes that the peer has sent, at most 64 KiB; empty if none arrive in time, or the connection has ended.
   std::string receive(std::chrono::milliseconds patience);
   /// Ends the connection of a peer that does not read for a second.
   void send(std::string_view bytes);

@@ -19,7 +19,7 @@ inline const std::string kMapFrame = "map", kCameraFrame = "camera";
 struct MessageTopic {
   std::string name;         ///< "/camera/image/compressed"
   std::string type;         ///< "sensor_msgs/msg/CompressedImage"
-  bool is_latched = false;  ///< sent once, and wanted by those who come later
+  bool is_latched = false;  ///< sent once and kept for later subscribers
 };
 
 /// A message to be made when it is wanted: images and scans are not all in memory at once.

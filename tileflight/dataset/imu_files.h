@@ -24,7 +24,7 @@ struct ImuCalibration {
 };
 
 /// imu.csv with the columns of EuRoC's imu0/data.csv: time in whole nanoseconds, angular rate, specific force. A first
-/// line of names without '#' is accepted, as VSLAM-LAB's imu_0.csv has it ("ts (ns),wx (rad s^-1), ..."); times are in
+/// header without '#' is accepted, as in VSLAM-LAB's imu_0.csv ("ts (ns),wx (rad s^-1), ..."); times are in
 /// seconds if it says so ("timestamp [s]"). Reading throws InputError (file, line, cause): malformed or non-finite
 /// numbers, times that do not increase.
 std::vector<ImuReading> read_imu_csv(const std::filesystem::path& file);

@@ -11,6 +11,7 @@
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/make_folder.h"
+#include "tileflight/base/raw_bytes.h"
 #include "tileflight/base/text_fields.h"
 #include "tileflight/dataset/frame_list.h"
 #include "tileflight/imaging/image_files.h"
@@ -139,10 +140,6 @@ imaging::GrayImage to_infrared(const imaging::Gray16Image& ids) {
   return grey;
 }
 
-void write_png(const fs::path& file, const std::vector<std::byte>& bytes) {
-  base::write_file(file, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
-}
-
 }  // namespace
 
 SegmentationWriter::SegmentationWriter(fs::path dataset_folder, const SegmentationOptions& options)
@@ -195,8 +192,10 @@ void SegmentationWriter::write_frame(const std::string& name, const Ids& ids) co
     pixel = std::fill_n(pixel, run.pixels, id_of[run.label]);
   }
   const std::string file = name + ".png";
-  if (options_.segmentation) write_png(folder_ / "segmentation" / file, imaging::encode_png(image));
-  if (options_.infrared) write_png(folder_ / "infrared" / file, imaging::encode_png(to_infrared(image)));
+  if (options_.segmentation)
+    base::write_file(folder_ / "segmentation" / file, base::as_text(imaging::encode_png(image)));
+  if (options_.infrared)
+    base::write_file(folder_ / "infrared" / file, base::as_text(imaging::encode_png(to_infrared(image))));
 }
 
 void SegmentationWriter::write_table(const Ids& ids) const {

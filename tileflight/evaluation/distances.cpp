@@ -16,13 +16,6 @@ using geometry::Vec3;
 
 namespace {
 
-void check(const PointCloud& cloud, const char* name) {
-  if (cloud.empty()) throw InputError(name, "has no points; there is nothing to score");
-  for (std::size_t i = 0; i < cloud.size(); ++i) {
-    if (!cloud.positions[i].allFinite()) throw InputError(name, "point " + std::to_string(i) + " is not finite");
-  }
-}
-
 /// Share of the distances up to each of the increasing thresholds. Empty without distances.
 std::vector<double> shares_within(const std::vector<double>& thresholds_m, const std::vector<double>& distances) {
   if (distances.empty()) return {};
@@ -62,6 +55,13 @@ Histogram histogram_of(const std::vector<double>& kept, double cutoff_m, int bin
 }
 
 }  // namespace
+
+void require_scorable(const PointCloud& cloud, const char* name) {
+  if (cloud.empty()) throw InputError(name, "has no points; there is nothing to score");
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    if (!cloud.positions[i].allFinite()) throw InputError(name, "point " + std::to_string(i) + " is not finite");
+  }
+}
 
 double share_within(const std::vector<double>& distances, double threshold_m) {
   if (distances.empty()) return std::numeric_limits<double>::quiet_NaN();
@@ -126,13 +126,13 @@ double area_under_curve(const std::vector<double>& thresholds_m, const std::vect
 
 std::vector<double> cloud_distances(const PointCloud& points, const PointCloud& targets, const char* what,
                                     const char* target_name, double radius_m) {
-  check(targets, target_name);
+  require_scorable(targets, target_name);
   return cloud_distances(points, geometry::NearestIndex(targets.positions), what, radius_m);
 }
 
 std::vector<double> cloud_distances(const PointCloud& points, const geometry::NearestIndex& targets, const char* what,
                                     double radius_m) {
-  check(points, what);
+  require_scorable(points, what);
   return nearest_distances(points.positions, radius_m, [&](const Vec3& p, double within_m) -> std::optional<double> {
     const auto nearest = targets.nearest(p, within_m);
     return nearest ? std::optional(nearest->distance_m) : std::nullopt;
@@ -140,7 +140,7 @@ std::vector<double> cloud_distances(const PointCloud& points, const geometry::Ne
 }
 
 std::vector<double> surface_distances(const PointCloud& points, const geometry::TriangleIndex& surface) {
-  check(points, "map");
+  require_scorable(points, "map");
   constexpr double kAnywhere = std::numeric_limits<double>::infinity();
   return nearest_distances(points.positions, kAnywhere, [&](const Vec3& p, double within_m) -> std::optional<double> {
     const auto nearest = surface.nearest(p, within_m);

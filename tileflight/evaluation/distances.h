@@ -12,6 +12,9 @@ namespace tileflight::evaluation {
 // Distances of map points, measured once and scored in several ways. All are in metres, one per point, in the order of
 // the points.
 
+/// Throws InputError for an empty cloud or one with a point that is not finite; `name` names it.
+void require_scorable(const geometry::PointCloud& cloud, const char* name);
+
 /// Distance from each point to the nearest of `targets`; infinity if nothing lies within `radius_m`. Throws InputError
 /// for empty or non-finite clouds (`what` names the points, `target_name` the targets).
 std::vector<double> cloud_distances(const geometry::PointCloud& points, const geometry::PointCloud& targets,

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "tileflight/base/strict_section.h"
+#include "tileflight/evaluation/distance_statistics.h"
 #include "tileflight/evaluation/distances.h"
 
 namespace tileflight::evaluation {
@@ -15,33 +16,18 @@ using nlohmann::json;
 
 namespace {
 
-json distances_json(const DistanceStatistics& s) {
-  return {{"points", s.count}, {"mean", s.mean}, {"std", s.std}, {"median", s.median}, {"rmse", s.rmse}};
-}
-
-DistanceStatistics read_distances(StrictSection reader) {
-  DistanceStatistics s;
-  s.count = reader.required_count("points");
-  s.mean = reader.required_number("mean");
-  s.std = reader.required_number("std");
-  s.median = reader.required_number("median");
-  s.rmse = reader.required_number("rmse");
-  reader.require_all_keys_used();
-  return s;
-}
-
 json point_scores_json(const PointScores& scores) {
   return {{"points", scores.points},
-          {"voxel", distances_json(scores.voxel)},
-          {"surface", scores.surface ? distances_json(*scores.surface) : json(nullptr)}};
+          {"voxel", distance_statistics_json(scores.voxel)},
+          {"surface", scores.surface ? distance_statistics_json(*scores.surface) : json(nullptr)}};
 }
 
 PointScores read_point_scores(StrictSection& reader) {
   PointScores scores{.points = reader.required_count("points"),
-                     .voxel = read_distances(reader.required_section("voxel")),
+                     .voxel = read_distance_statistics(reader.required_section("voxel")),
                      .surface = std::nullopt};
   reader.require("surface");
-  if (const auto surface = reader.section("surface")) scores.surface = read_distances(*surface);
+  if (const auto surface = reader.section("surface")) scores.surface = read_distance_statistics(*surface);
   return scores;
 }
 

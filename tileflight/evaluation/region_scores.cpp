@@ -1,10 +1,11 @@
 #include "tileflight/evaluation/region_scores.h"
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include <algorithm>
-
 #include "tileflight/base/strict_section.h"
+#include "tileflight/evaluation/distance_statistics.h"
+#include "tileflight/geometry/json_numbers.h"
 
 namespace tileflight::evaluation {
 
@@ -30,28 +31,6 @@ DistanceStatistics score_of(const std::vector<Vec3>& points, const std::vector<d
   return compute_statistics(std::move(taken));
 }
 
-json statistics_json(const DistanceStatistics& s) {
-  return {{"points", s.count}, {"mean", s.mean}, {"std", s.std}, {"median", s.median}, {"rmse", s.rmse}};
-}
-
-json numbers(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
-
-DistanceStatistics read_region_statistics(StrictSection& reader) {
-  DistanceStatistics s;
-  s.count = reader.required_count("points");
-  s.mean = reader.required_number("mean");
-  s.std = reader.required_number("std");
-  s.median = reader.required_number("median");
-  s.rmse = reader.required_number("rmse");
-  return s;
-}
-
-DistanceStatistics read_whole(StrictSection reader) {
-  const DistanceStatistics s = read_region_statistics(reader);
-  reader.require_all_keys_used();
-  return s;
-}
-
 Vec3 read_vector(StrictSection& reader, const std::string& key) {
   const std::vector<double> v = reader.required_numbers(key);
   if (v.size() != 3) throw reader.error(key, "must be three numbers");
@@ -66,7 +45,7 @@ RegionScore read_region(StrictSection reader) {
   const std::string use = reader.required_text("use");
   if (use != "held-out" && use != "aligned-on") throw reader.error("use", "must be \"aligned-on\" or \"held-out\"");
   region.held_out = use == "held-out";
-  region.distances = read_region_statistics(reader);
+  region.distances = take_distance_statistics(reader);
   reader.require_all_keys_used();
   return region;
 }
@@ -93,19 +72,21 @@ RegionScores score_regions(const std::vector<Vec3>& points, const std::vector<do
 json to_json(const RegionScores& scores) {
   json each = json::array();
   for (const RegionScore& region : scores.each) {
-    json entry = statistics_json(region.distances);
+    json entry = distance_statistics_json(region.distances);
     entry["use"] = region.held_out ? "held-out" : "aligned-on";
-    entry["center"] = numbers(region.box.center());
-    entry["size"] = numbers(region.box.sizes());
+    entry["center"] = geometry::json_numbers(region.box.center());
+    entry["size"] = geometry::json_numbers(region.box.sizes());
     each.push_back(std::move(entry));
   }
-  return {{"aligned_on", statistics_json(scores.aligned_on)}, {"held_out", statistics_json(scores.held_out)}, {"each", each}};
+  return {{"aligned_on", distance_statistics_json(scores.aligned_on)},
+          {"held_out", distance_statistics_json(scores.held_out)},
+          {"each", each}};
 }
 
 RegionScores read_region_scores(StrictSection reader) {
   RegionScores scores;
-  scores.aligned_on = read_whole(reader.required_section("aligned_on"));
-  scores.held_out = read_whole(reader.required_section("held_out"));
+  scores.aligned_on = read_distance_statistics(reader.required_section("aligned_on"));
+  scores.held_out = read_distance_statistics(reader.required_section("held_out"));
   reader.require("each");
   for (const StrictSection& region : reader.sections("each")) scores.each.push_back(read_region(region));
   reader.require_all_keys_used();

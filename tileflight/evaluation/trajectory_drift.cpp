@@ -34,11 +34,11 @@ std::optional<std::size_t> first_pose_beyond(const std::vector<double>& path_m, 
   return static_cast<std::size_t>(end - path_m.begin());
 }
 
-SE3 motion(const Trajectory& trajectory, std::size_t from, std::size_t to) {
+}  // namespace
+
+SE3 relative_motion(const Trajectory& trajectory, std::size_t from, std::size_t to) {
   return trajectory.poses[from].T_local_camera.inverse() * trajectory.poses[to].T_local_camera;
 }
-
-}  // namespace
 
 double choose_segment_length_m(double path_length_m) {
   if (!(path_length_m > 0.0) || !std::isfinite(path_length_m)) return 0.0;
@@ -61,7 +61,7 @@ PathDrift compute_path_drift(const Trajectory& estimate, const Trajectory& truth
     for (std::size_t from = 0; from < truth.size(); ++from) {
       const auto to = first_pose_beyond(path_m, from, stretches * drift.segment_length_m);
       if (!to) break;
-      const SE3 error = motion(truth, from, *to).inverse() * motion(estimate, from, *to);
+      const SE3 error = relative_motion(truth, from, *to).inverse() * relative_motion(estimate, from, *to);
       const double grown_m = path_m[*to] - path_m[from];
       translation += error.translation.norm() / grown_m;
       rotation_rad_m += geometry::so3_log(error.rotation).norm() / grown_m;

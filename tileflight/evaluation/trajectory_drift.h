@@ -4,6 +4,9 @@
 
 namespace tileflight::evaluation {
 
+/// T_from_to: pose `to` of a trajectory relative to pose `from`.
+geometry::SE3 relative_motion(const geometry::Trajectory& trajectory, std::size_t from, std::size_t to);
+
 /// Segment length for measuring drift: the largest of 1, 2 and 5 times a power of ten that is at most a tenth of the
 /// path, and at most 100 m. 0 for a path of zero length.
 double choose_segment_length_m(double path_length_m);

@@ -115,10 +115,6 @@ std::vector<std::size_t> milestones(const Trajectory& trajectory, double length_
   return result;
 }
 
-SE3 relative_motion(const Trajectory& trajectory, std::size_t from, std::size_t to) {
-  return trajectory.poses[from].T_local_camera.inverse() * trajectory.poses[to].T_local_camera;
-}
-
 /// Errors of the motions from each of the poses to the next of them: Sturm et al. 2012, (1).
 StepErrors motion_errors(const PairedTrajectories& poses, const std::vector<std::size_t>& stones) {
   StepErrors errors;

@@ -55,7 +55,7 @@ struct VoxelWasserstein {
 struct VoxelWassersteinOptions {
   double voxel_m = 3.0;         ///< MapEval's for outdoor maps
   std::size_t min_points = 10;  ///< of either cloud, at least 2; MapEval's program takes 100, for lidar
-  int neighborhood_voxels = 5;  ///< neighbours are at most so many voxels away along each axis
+  int neighborhood_voxels = 5;  ///< neighbours are at most this many voxels away along each axis
 };
 
 /// Time and memory in proportion to the points and the voxels that hold them. Deterministic for any number of threads.

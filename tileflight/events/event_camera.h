@@ -20,7 +20,7 @@ namespace tileflight::events {
 /// Takes the events of a time, which follow those before.
 using EventSink = std::function<void(const std::vector<Event>& events)>;
 
-/// What an event camera looks at for a while.
+/// The view of an event camera during an interval.
 struct EventScene {
   const scene::Scene& scene;
   render::RenderOptions render;                            ///< light, haze and weather; depth is not needed

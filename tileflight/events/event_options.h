@@ -35,7 +35,7 @@ struct EventOptions {
   double max_change = 0.0;     ///< largest change of log light between two samples, of all but 1 of 1000 pixels; 0: any
   double max_step_s = 0.01;    ///< longest time between two samples
 
-  /// More events than so many a second and pixel, on average over the picture and from one frame to the next, are an
+  /// More events per second and pixel than this, averaged over the picture and from one frame to the next, are an
   /// error.
   double max_rate_hz = 1000.0;
 };

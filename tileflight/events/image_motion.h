@@ -13,7 +13,7 @@
 
 namespace tileflight::events {
 
-/// What the pixels of a picture see: filled by a renderer's SurfaceVisitor.
+/// Surfaces seen by the pixels of a picture: filled by a renderer's SurfaceVisitor.
 struct SeenSurface {
   static constexpr std::uint32_t kPlace = std::numeric_limits<std::uint32_t>::max();
 

@@ -15,7 +15,7 @@ struct Channel {
   std::string schema_name;      ///< "sensor_msgs/msg/Imu"
   std::string schema_encoding;  ///< "ros2msg" or "jsonschema"
   std::string schema;           ///< the definition of the messages
-  /// Whether the last message is kept for those who subscribe later: for what is published once, or seldom.
+  /// Whether the last message is kept for later subscribers: for topics published once, or seldom.
   bool is_latched = false;
 };
 

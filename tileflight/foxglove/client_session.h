@@ -61,7 +61,7 @@ class ClientSession {
 
   bool is_subscribed(ChannelId channel) const { return subscriptions_.contains(channel); }
   bool has_subscriptions() const { return !subscriptions_.empty(); }
-  /// What is to be sent next: answers, then the time, then messages.
+  /// Data to send next: answers, then the time, then messages.
   std::optional<OutgoingMessage> next();
   bool has_next() const { return !answers_.empty() || time_ns_ || !queue_.empty(); }
   std::uint64_t dropped() const { return queue_.dropped(); }

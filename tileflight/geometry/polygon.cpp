@@ -29,19 +29,15 @@ std::vector<Vec2> flattened(std::span<const Vec3> corners) {
   return out;
 }
 
-double twice_area(const Vec2& a, const Vec2& b, const Vec2& c) {
-  return (b.x() - a.x()) * (c.y() - a.y()) - (b.y() - a.y()) * (c.x() - a.x());
-}
-
 bool triangle_contains(const Vec2& a, const Vec2& b, const Vec2& c, const Vec2& p) {
-  return twice_area(a, b, p) >= 0 && twice_area(b, c, p) >= 0 && twice_area(c, a, p) >= 0;
+  return twice_area_xy(a, b, p) >= 0 && twice_area_xy(b, c, p) >= 0 && twice_area_xy(c, a, p) >= 0;
 }
 
 /// Whether the corner between its two neighbours in `ring` is an ear.
 bool is_ear(const std::vector<Vec2>& places, const std::vector<std::size_t>& ring, std::size_t at) {
   const std::size_t n = ring.size(), before = (at + n - 1) % n, after = (at + 1) % n;
   const Vec2 &a = places[ring[before]], &b = places[ring[at]], &c = places[ring[after]];
-  if (twice_area(a, b, c) <= 0) return false;
+  if (twice_area_xy(a, b, c) <= 0) return false;
   for (std::size_t k = 0; k < n; ++k) {
     if (k == before || k == at || k == after) continue;
     const Vec2& p = places[ring[k]];

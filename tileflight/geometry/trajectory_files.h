@@ -21,9 +21,9 @@ struct TrajectoryFile {
   bool has_times() const { return format != TrajectoryFormat::kKitti; }
 };
 
-/// Reads a trajectory in any of the formats, told from its first line of numbers: commas are EuRoC's, 8 numbers TUM's,
-/// 12 numbers KITTI's. Throws InputError (file, line, cause) as read_tum() does, for a matrix that is no rotation, and
-/// for a file of another format or without poses.
+/// Reads a trajectory in any of the formats, recognised by its first line of numbers: commas are EuRoC's, 8 numbers
+/// TUM's, 12 numbers KITTI's. Throws InputError (file, line, cause) as read_tum() does, for a matrix that is no
+/// rotation, and for a file of another format or without poses.
 TrajectoryFile read_trajectory(const std::filesystem::path& file);
 
 /// EuRoC's data.csv of poses (Burri et al., IJRR 2016): time, position and quaternion; columns after these 8 are

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/raw_bytes.h"
 
 namespace tileflight::ground_truth {
 namespace {
@@ -19,11 +20,7 @@ void append_number(std::string& bytes, std::uint64_t value) {
   bytes += static_cast<char>(value);
 }
 
-void append_length(std::string& bytes, double value) {
-  bytes.append(reinterpret_cast<const char*>(&value), sizeof value);
-}
-
-/// Reads what the two functions above wrote.
+/// Reads what append_number() and base::append_raw() wrote.
 class CountReader {
  public:
   CountReader(std::string_view bytes, const std::string& name) : bytes_(bytes), name_(name) {}
@@ -75,9 +72,9 @@ void QuantizationFloor::add(const std::vector<double>& distances_m) {
 
 std::string QuantizationFloor::to_bytes() const {
   std::string bytes;
-  append_length(bytes, largest_m_);
+  base::append_raw(bytes, largest_m_);
   append_number(bytes, far_.size());
-  for (const double d : far_) append_length(bytes, d);
+  for (const double d : far_) base::append_raw(bytes, d);
   std::size_t next = 0;
   for (std::size_t i = 0; i < counts_.size(); ++i) {
     if (counts_[i] == 0) continue;

@@ -140,4 +140,13 @@ std::string format_number(double value) {
   return text;
 }
 
+std::string number_list(std::span<const double> values) {
+  std::string text = "[";
+  for (const double value : values) text += (text.size() > 1 ? ", " : "") + format_number(value);
+  return text + "]";
+}
+std::string number_list(std::initializer_list<double> values) {
+  return number_list(std::span(values.begin(), values.size()));
+}
+
 }  // namespace tileflight::imaging

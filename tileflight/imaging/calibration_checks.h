@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <initializer_list>
 #include <span>
 #include <string>
 #include <vector>
@@ -45,5 +46,8 @@ NamedDistortion parse_opencv_distortion(const std::string& where, std::span<cons
 
 /// Shortest text that reads back as the same number.
 std::string format_number(double value);
+/// "[1, 2.5]", a list in YAML, of numbers by format_number().
+std::string number_list(std::span<const double> values);
+std::string number_list(std::initializer_list<double> values);
 
 }  // namespace tileflight::imaging

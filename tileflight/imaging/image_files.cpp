@@ -8,6 +8,7 @@
 
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/raw_bytes.h"
 #include "tileflight/imaging/codecs.h"
 
 namespace tileflight::imaging {
@@ -56,10 +57,6 @@ std::string lower_extension(const std::filesystem::path& file) {
   return extension;
 }
 
-void write_bytes(const std::filesystem::path& file, const std::vector<std::byte>& bytes) {
-  base::write_file(file, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
-}
-
 bool is_png(const std::filesystem::path& file) {
   const std::string extension = lower_extension(file);
   if (extension == ".png") return true;
@@ -98,13 +95,13 @@ std::vector<std::byte> encode_jpeg(const RgbImage& image, int quality) {
 }
 
 void write_rgb(const std::filesystem::path& file, const RgbImage& image, int jpeg_quality) {
-  write_bytes(file, is_png(file) ? encode_png(image) : encode_jpeg(image, jpeg_quality));
+  base::write_file(file, base::as_text(is_png(file) ? encode_png(image) : encode_jpeg(image, jpeg_quality)));
 }
 
 void write_gray(const std::filesystem::path& file, const GrayImage& image, int jpeg_quality) {
-  write_bytes(file, is_png(file)
-                        ? encode_png(image)
-                        : codecs::encode_jpeg(image.pixels.data(), image.width, image.height, 1, jpeg_quality));
+  base::write_file(file, base::as_text(is_png(file) ? encode_png(image)
+                                                    : codecs::encode_jpeg(image.pixels.data(), image.width,
+                                                                          image.height, 1, jpeg_quality)));
 }
 
 }  // namespace tileflight::imaging

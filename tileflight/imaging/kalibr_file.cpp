@@ -73,41 +73,34 @@ double read_line_delay(const YAML::Node& camera, const std::string& file) {
   return delay;
 }
 
-std::string list(std::span<const double> values) {
-  std::string text = "[";
-  for (const double value : values) text += (text.size() > 1 ? ", " : "") + format_number(value);
-  return text + "]";
-}
-std::string list(std::initializer_list<double> values) { return list(std::span(values.begin(), values.size())); }
-
 std::string distortion_lines(const std::string& name, const std::string& coefficients) {
   return "  distortion_model: " + name + "\n  distortion_coeffs: " + coefficients + "\n";
 }
 
 std::string radtan_lines(const std::array<double, 4>& d) {
-  return distortion_lines("radtan", list({d[0], d[1], d[2], d[3]}));
+  return distortion_lines("radtan", number_list({d[0], d[1], d[2], d[3]}));
 }
 
 /// camera_model, intrinsics and distortion.
 std::string lens_lines(const std::string& model, std::initializer_list<double> intrinsics,
                        const std::string& distortion) {
-  return "  camera_model: " + model + "\n  intrinsics: " + list(intrinsics) + "\n" + distortion;
+  return "  camera_model: " + model + "\n  intrinsics: " + number_list(intrinsics) + "\n" + distortion;
 }
 std::string lens_lines(const PinholeRadtan& m) {
   return lens_lines("pinhole", {m.fx, m.fy, m.cx, m.cy}, radtan_lines(m.d));
 }
 std::string lens_lines(const PinholeRational& m) {
-  return lens_lines("pinhole", {m.fx, m.fy, m.cx, m.cy}, distortion_lines("rational", list(m.d)));
+  return lens_lines("pinhole", {m.fx, m.fy, m.cx, m.cy}, distortion_lines("rational", number_list(m.d)));
 }
 std::string lens_lines(const Equirectangular& m) {
   return lens_lines("equirectangular", {m.fx, m.fy, m.cx, m.cy}, distortion_lines("none", "[]"));
 }
 std::string lens_lines(const KannalaBrandt& m) {
   return lens_lines("pinhole", {m.fx, m.fy, m.cx, m.cy},
-                    distortion_lines("equidistant", list({m.k[0], m.k[1], m.k[2], m.k[3]})));
+                    distortion_lines("equidistant", number_list({m.k[0], m.k[1], m.k[2], m.k[3]})));
 }
 std::string lens_lines(const FovModel& m) {
-  return lens_lines("pinhole", {m.fx, m.fy, m.cx, m.cy}, distortion_lines("fov", list({m.w})));
+  return lens_lines("pinhole", {m.fx, m.fy, m.cx, m.cy}, distortion_lines("fov", number_list({m.w})));
 }
 std::string lens_lines(const DoubleSphere& m) {
   return lens_lines("ds", {m.xi, m.alpha, m.fx, m.fy, m.cx, m.cy}, distortion_lines("none", "[]"));
@@ -122,8 +115,9 @@ std::string lens_lines(const ExtendedUnifiedModel& m) {
 std::string transform_lines(const std::string& key, const geometry::SE3& T) {
   const geometry::Mat3 r = T.rotation.toRotationMatrix();
   std::string text = "  " + key + ":\n";
-  for (int row = 0; row < 3; ++row) text += "  - " + list({r(row, 0), r(row, 1), r(row, 2), T.translation[row]}) + "\n";
-  return text + "  - " + list({0, 0, 0, 1}) + "\n";
+  for (int row = 0; row < 3; ++row)
+    text += "  - " + number_list({r(row, 0), r(row, 1), r(row, 2), T.translation[row]}) + "\n";
+  return text + "  - " + number_list({0, 0, 0, 1}) + "\n";
 }
 
 std::string camera_lines(const std::string& id, const Calibration& calibration) {

@@ -175,35 +175,29 @@ VslamLabCamera find_camera(const YAML::Node& root, const std::string& camera_id,
   throw InputError(file, "has no camera \"" + camera_id + "\" in VSLAM-LAB's form (`cameras`, or Camera.fx)");
 }
 
-std::string list_text(std::initializer_list<double> values) {
-  std::string text = "[";
-  for (const double value : values) text += (text.size() > 1 ? ", " : "") + format_number(value);
-  return text + "]";
-}
-
 /// focal_length, principal_point and distortion of a pinhole.
 template <class Model>
 std::string lens_entries(const Model& m, const std::string& type, const std::string& coefficients) {
   return "cam_model: pinhole,\n     " +
          (type.empty() ? std::string()
                        : "distortion_type: " + type + ",\n     distortion_coefficients: " + coefficients + ",\n     ") +
-         "focal_length: " + list_text({m.fx, m.fy}) + ",\n     principal_point: " + list_text({m.cx, m.cy});
+         "focal_length: " + number_list({m.fx, m.fy}) + ",\n     principal_point: " + number_list({m.cx, m.cy});
 }
 
 std::optional<std::string> lens_entries_of(const CameraModel& model) {
   if (const auto* m = std::get_if<PinholeRadtan>(&model)) {
     const auto& d = m->d;
     if (d == std::array<double, 4>{}) return lens_entries(*m, "", "");
-    return lens_entries(*m, "radtan4", list_text({d[0], d[1], d[2], d[3]}));
+    return lens_entries(*m, "radtan4", number_list({d[0], d[1], d[2], d[3]}));
   }
   if (const auto* m = std::get_if<KannalaBrandt>(&model))
-    return lens_entries(*m, "equid4", list_text({m->k[0], m->k[1], m->k[2], m->k[3]}));
+    return lens_entries(*m, "equid4", number_list({m->k[0], m->k[1], m->k[2], m->k[3]}));
   const auto* m = std::get_if<PinholeRational>(&model);
   if (m == nullptr || std::any_of(m->d.begin() + 8, m->d.end(), [](double s) { return s != 0.0; })) return {};
   const auto& d = m->d;
   if (d[5] == 0.0 && d[6] == 0.0 && d[7] == 0.0)
-    return lens_entries(*m, "radtan5", list_text({d[0], d[1], d[2], d[3], d[4]}));
-  return lens_entries(*m, "radtan8", list_text({d[0], d[1], d[2], d[3], d[4], d[5], d[6], d[7]}));
+    return lens_entries(*m, "radtan5", number_list({d[0], d[1], d[2], d[3], d[4]}));
+  return lens_entries(*m, "radtan8", number_list({d[0], d[1], d[2], d[3], d[4], d[5], d[6], d[7]}));
 }
 
 }  // namespace

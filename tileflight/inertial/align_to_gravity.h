@@ -14,22 +14,22 @@ namespace tileflight::inertial {
 
 using Mat12 = Eigen::Matrix<double, 12, 12>;
 
-/// What is given.
+/// Input of align_to_gravity().
 struct InertialInput {
   std::vector<ImuSample> samples;
   ImuModel model;
   std::string where = "imu.csv";  ///< name of the samples in messages
 };
 
-/// From when on the scale counts as known. Chosen by hand.
+/// Conditions for the scale to count as known. Chosen by hand.
 struct InertialLimits {
   double max_sigma_log_scale = 0.02;      ///< of the scale's mean over the flight
   double max_residual_ratio = 4.0;        ///< root mean square of the samples' residuals over their sigmas
   double min_covered_share = 0.5;         ///< of the flight's time, with whole samples
-  double max_mounting_error_rad = 0.087;  ///< between the given mounting and that which the rotations show
+  double max_mounting_error_rad = 0.087;  ///< between the given mounting and the one estimated from the rotations
 };
 
-/// What the samples say of the path. Vectors have an entry for each keyframe. Without `metric` only `reason`, `doubts`
+/// Result of align_to_gravity(). Vectors have an entry for each keyframe. Without `metric` only `reason`, `doubts`
 /// and the numbers that are known are set.
 struct InertialAlignment {
   bool metric = false;
@@ -44,7 +44,7 @@ struct InertialAlignment {
   std::vector<ImuBias> bias;
 
   /// Of the unit at the latest keyframe: tilt about the world's x and y axis, the scale's logarithm, velocity in the
-  /// unit's axes, gyroscope's and accelerometer's bias. What comes after may take it for a prior.
+  /// unit's axes, gyroscope's and accelerometer's bias. A prior for later estimates.
   Mat12 latest_covariance = Mat12::Zero();
   geometry::SE3 T_imu_camera;  ///< the given one, its rotation refined
 
@@ -58,8 +58,8 @@ struct InertialAlignment {
   double residual_ratio = 0.0;  ///< root mean square of the samples' residuals over their sigmas; 1 if these are right
 };
 
-/// The same of the motion played the other way: times and velocities, the gyroscope's biases and the clocks' offset
-/// change their signs, and the order of the keyframes. `latest_covariance` is not kept.
+/// Result for the same motion played backwards: times, velocities, the gyroscope's biases and the clocks' offset change
+/// their signs, and keyframes their order. `latest_covariance` is not kept.
 InertialAlignment reversed(InertialAlignment alignment);
 
 /// Estimates scale, vertical, velocities and biases, with the clocks' offset, and corrects the path by them

@@ -1,6 +1,6 @@
 #pragma once
 
-// The camera's turning against the gyroscope's: offset of the clocks, units, and how the unit is mounted.
+// The camera's rotation rates compared with the gyroscope's: offset of the clocks, units, mounting of the unit.
 
 #include <span>
 #include <string>
@@ -10,7 +10,7 @@
 
 namespace tileflight::inertial {
 
-/// What comparing both says. Shares are of the variance of the gyroscope's mean rates from image to image.
+/// Result of compare_gyroscope(). Shares are of the variance of the gyroscope's mean rates from image to image.
 struct GyroscopeComparison {
   bool determined = false;  ///< whether offset, factor and rotation are known
   double offset_s = 0.0;    ///< the unit's clock minus the camera's

@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/order_statistics.h"
 
 namespace tileflight::inertial {
 namespace {
@@ -29,12 +30,6 @@ Vec6 values(const ImuSample& sample) {
   return v;
 }
 
-double median(std::vector<double> list) {
-  const auto middle = list.begin() + static_cast<std::ptrdiff_t>(list.size() / 2);
-  std::nth_element(list.begin(), middle, list.end());
-  return *middle;
-}
-
 void require_numbers(const std::vector<ImuSample>& samples, const std::string& where) {
   if (samples.size() < 2) throw InputError(where, "has fewer than two readings of the inertial unit");
   for (std::size_t i = 0; i < samples.size(); ++i) {
@@ -50,7 +45,7 @@ void require_numbers(const std::vector<ImuSample>& samples, const std::string& w
 void require_gravity(const std::vector<ImuSample>& samples, const std::string& where) {
   std::vector<double> sizes;
   for (const ImuSample& sample : samples) sizes.push_back(sample.specific_force_m_s2.norm());
-  const double size = median(std::move(sizes));
+  const double size = base::upper_median(std::move(sizes));
   if (size > 0.7 && size < 1.4)
     throw InputError(where, "the specific force is " + text(size) +
                                 " in size at the median: it is in g; give it in m/s^2 (1 g = 9.80665 m/s^2)");
@@ -153,7 +148,7 @@ ImuCheck check_readings(const std::vector<ImuSample>& samples, const ImuNoise& n
   require_gravity(samples, where);
   std::vector<double> intervals;
   for (std::size_t i = 1; i < samples.size(); ++i) intervals.push_back(samples[i].time_s - samples[i - 1].time_s);
-  const double interval_s = median(std::move(intervals));
+  const double interval_s = base::upper_median(std::move(intervals));
   ImuCheck check{.rate_hz = 1.0 / interval_s, .unusable = {}, .doubts = {}};
   report("the inertial unit's readings stop", "record without gaps", where, find_gaps(samples, interval_s), check);
   if (noise.gyroscope_noise_density > 0.0 && noise.accelerometer_noise_density > 0.0) {

@@ -1,6 +1,6 @@
 #pragma once
 
-// Whether an inertial unit's readings are what they should be: units, gaps, values that stand still or saturate.
+// Checks of an inertial unit's readings: units, gaps, values that are stuck or saturated.
 
 #include <string>
 #include <vector>
@@ -20,11 +20,11 @@ struct ImuCheck {
   std::vector<UnusableSpan> unusable;  ///< in order of time
   Doubts doubts;                       ///< what was found and left out, one for each kind
 
-  /// Whether the readings from `from_s` to `to_s` are whole.
+  /// Whether the readings from `from_s` to `to_s` have no unusable span.
   bool covers(double from_s, double to_s) const;
 };
 
-/// Looks for gaps (an interval over three times the median), readings that repeat themselves for a tenth of a second,
+/// Finds gaps (an interval over three times the median), readings that repeat themselves for a tenth of a second,
 /// and saturated axes; the latter two only if the unit has noise. `where` names the readings. Throws InputError for
 /// readings that no estimate can rest on: fewer than two, not finite, times that do not increase, a specific force in g
 /// or without gravity, a unit that never changes.

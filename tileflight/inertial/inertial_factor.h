@@ -1,6 +1,6 @@
 #pragma once
 
-// What the samples between two instants say of the states there: residual and derivatives.
+// Residual of the states at two instants against the samples between them, with derivatives.
 
 #include "tileflight/inertial/preintegration.h"
 
@@ -33,7 +33,7 @@ InertialResidual inertial_residual(const Preintegration& between, const ImuState
 /// The state moved by a perturbation in the order above.
 ImuState perturbed(const ImuState& state, const Eigen::Matrix<double, kStateSize, 1>& change);
 
-/// The state after the samples of `between`, as the samples have it: Forster (32).
+/// The state after `between`, predicted from its samples: Forster (32).
 ImuState predicted(const Preintegration& between, const ImuState& first, double gravity_m_s2);
 
 }  // namespace tileflight::inertial

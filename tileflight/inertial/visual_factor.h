@@ -1,6 +1,6 @@
 #pragma once
 
-// What a camera's odometry says of the states of an inertial unit at two keyframes: residual and derivatives.
+// Residual of an inertial unit's states at two keyframes against the camera's odometry, with derivatives.
 
 #include "tileflight/inertial/inertial_factor.h"
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tileflight/geometry/decompositions.h"
 #include "tileflight/geometry/so3_jacobians.h"
 
 namespace tileflight::inertial {
@@ -32,10 +33,6 @@ ImuNoise floored(const ImuNoise& noise) {
           .accelerometer_random_walk = std::max(noise.accelerometer_random_walk, kLeastForceWalk),
           .gyroscope_noise_density = std::max(noise.gyroscope_noise_density, kLeastRateDensity),
           .gyroscope_random_walk = std::max(noise.gyroscope_random_walk, kLeastRateWalk)};
-}
-
-MatrixXd inverse(const MatrixXd& covariance) {
-  return covariance.ldlt().solve(MatrixXd::Identity(covariance.rows(), covariance.cols()));
 }
 
 Index column_of(std::size_t keyframe) { return VisualInertialProblem::kKeyframeSize * static_cast<Index>(keyframe); }
@@ -99,14 +96,14 @@ void VisualInertialProblem::add_inertial(std::size_t k, const VisualInertialStat
   const VectorXd by_offset =
       earlier && later ? VectorXd((value_at(*later) - value_at(*earlier)) / (2 * h)) : VectorXd::Zero(9);
   const InertialResidual r = inertial_residual(*between, first, second, model_.gravity_m_s2);
-  sum.add(r.value, inverse(between->covariance),
+  sum.add(r.value, geometry::symmetric_inverse(between->covariance),
           {{column_of(k), r.by_first}, {column_of(k + 1), r.by_second}, {time_offset_column(), by_offset}});
 }
 
 void VisualInertialProblem::add_visual(std::size_t k, const VisualInertialState& at, SparseLeastSquares& sum) const {
   const VisualStep step = visual_step(k);
   const VisualResidual r = visual_residual(step, at.states[k], at.states[k + 1], at.T_imu_camera, at.log_scale[k]);
-  sum.add_robust(r.value, inverse(step.covariance), kStepWidth,
+  sum.add_robust(r.value, geometry::symmetric_inverse(step.covariance), kStepWidth,
                  {{column_of(k), r.by_first},
                   {column_of(k) + kStateSize, r.by_log_scale},
                   {column_of(k + 1), r.by_second},

@@ -2,9 +2,9 @@
 
 // Camera odometry's keyframes and an inertial unit's samples as one least-squares problem. Unknown are, at each
 // keyframe, the unit's pose, velocity and biases and the logarithm of the map's scale, and once the clocks' offset and
-// the unit's mounting. The scale wanders from keyframe to keyframe as far as the odometry says that it may (a monocular
-// map's does; a metric one's stays near one), the biases as the unit's noise says. The world's z axis points up, so
-// that gravity is no unknown but the poses' tilt.
+// the unit's mounting. The scale is a random walk with the odometry's variance (that of a monocular map drifts; that of
+// a metric one stays near one), the biases are one with the unit's noise. The world's z axis points up, so that the
+// direction of gravity is part of the poses.
 //
 // Visual-inertial smoothing over keyframes: Forster et al. 2017, VII; scale and gravity in the same problem as the
 // biases: Campos, Montiel, Tardós, "Inertial-Only Optimization for Visual-Inertial Initialization", ICRA 2020, (13),
@@ -29,9 +29,9 @@ struct VisualInertialState {
 
 class VisualInertialProblem {
  public:
-  /// `keyframes` and `model` must outlive the problem. `time_offset_sigma_s`: of `time_offset_s`, known beforehand.
-  /// Which steps have whole samples is decided here, by that offset, so that the cost has no jumps where the offset
-  /// moves: before the first sample and after the last one their readings go on for a short while.
+  /// `keyframes` and `model` must outlive the problem. `time_offset_sigma_s`: of the prior `time_offset_s`. Which steps
+  /// are covered by samples is decided here, for that offset, so that the cost has no jumps where the offset changes:
+  /// the first and the last reading are extended by a short time.
   VisualInertialProblem(const std::vector<VisualKeyframe>& keyframes, const std::vector<ImuSample>& samples,
                         const ImuCheck& check, const ImuModel& model, double time_offset_s, double time_offset_sigma_s);
 
@@ -40,14 +40,14 @@ class VisualInertialProblem {
   Eigen::Index keyframe_count() const { return static_cast<Eigen::Index>(keyframes_.size()); }
   Eigen::Index time_offset_column() const { return kKeyframeSize * keyframe_count(); }
 
-  /// Whether the samples from keyframe `k` to the next one are whole.
+  /// Whether the samples cover the time from keyframe `k` to the next one.
   bool has_samples(std::size_t k) const { return has_samples_[k]; }
-  /// These samples; nullopt if they are not whole.
+  /// These samples, preintegrated; nullopt if they do not cover it.
   std::optional<Preintegration> preintegrate_step(std::size_t k, double time_offset_s, const ImuBias& bias) const;
   /// The camera's step from keyframe `k` to the next one.
   VisualStep visual_step(std::size_t k) const;
 
-  /// The measurements alone: what they leave open is singular.
+  /// The measurements alone; singular in directions that they do not determine.
   SparseLeastSquares measurements(const VisualInertialState& at) const;
   /// Measurements, what was known before, and position and heading of the first keyframe held.
   SparseLeastSquares linearize(const VisualInertialState& at) const;
@@ -64,7 +64,7 @@ class VisualInertialProblem {
   void add_priors(const VisualInertialState& at, SparseLeastSquares& sum) const;
 
   const std::vector<VisualKeyframe>& keyframes_;
-  std::vector<ImuSample> samples_;  ///< with what goes on at both ends
+  std::vector<ImuSample> samples_;  ///< extended at both ends
   const ImuModel& model_;
   double time_offset_s_, time_offset_sigma_s_;
   std::vector<bool> has_samples_;

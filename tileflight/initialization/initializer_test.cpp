@@ -26,7 +26,9 @@ struct Ground {
   photometry::LensPyramid lens = photometry::build_lens_pyramid(camera, kLevels);
 
   Ground() {
-    relief.height_m = [](double x, double y) { return 1.5 * std::sin(0.35 * x) * std::cos(0.28 * y + 0.5); };
+    relief.height_m = [](double x, double y) {
+      return 1.5 * photometry::test_support::sine(0.35 * x) * photometry::test_support::cosine(0.28 * y + 0.5);
+    };
     relief.highest_m = 1.5;
     relief.texel_m = 0.6;
   }

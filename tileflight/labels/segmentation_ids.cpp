@@ -42,15 +42,11 @@ constexpr std::uint32_t kColourMask = 0xFFFFFFU;
 constexpr std::uint32_t kStep = 0x9E3779U;      // odd: near the golden ratio of 2^24, so that neighbours differ
 constexpr std::uint32_t kStepBack = 0xB382C9U;  // its inverse modulo 2^24
 
-std::uint32_t to_number(const Rgb8& colour) {
-  return (std::uint32_t{colour[0]} << 16U) | (std::uint32_t{colour[1]} << 8U) | colour[2];
-}
-
 /// Where the permutation has the palette's colours, ascending.
 std::array<std::uint32_t, 256> make_palette_positions() {
   std::array<std::uint32_t, 256> positions{};
   std::ranges::transform(segmentation_palette(), positions.begin(),
-                         [](const Rgb8& colour) { return (to_number(colour) * kStepBack) & kColourMask; });
+                         [](const Rgb8& colour) { return (colour_number(colour) * kStepBack) & kColourMask; });
   std::ranges::sort(positions);
   return positions;
 }

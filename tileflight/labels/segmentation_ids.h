@@ -19,6 +19,10 @@ const std::array<imaging::Rgb8, 256>& segmentation_palette();
 
 /// The colour of an id: of the palette, or one of our own that no other id has; black for -1.
 imaging::Rgb8 segmentation_colour(int id);
+/// A colour as one number: red, green, blue from the highest byte down.
+inline std::uint32_t colour_number(const imaging::Rgb8& colour) {
+  return (std::uint32_t{colour[0]} << 16U) | (std::uint32_t{colour[1]} << 8U) | colour[2];
+}
 
 /// AirSim's default id of an object: (5 + the sum of the ASCII codes of the letters, and of the ASCII characters that
 /// follow them, in its lower-cased name) modulo 256.

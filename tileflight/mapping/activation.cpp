@@ -136,10 +136,6 @@ void apply_outcomes(photometry::Keyframe& host, const std::vector<Outcome>& fate
   host.immature.resize(kept);
 }
 
-}  // namespace
-
-namespace {
-
 /// Residuals of a point in the stereo pictures of its host, by inverse distance only.
 class StereoResiduals {
  public:
@@ -184,6 +180,95 @@ class StereoResiduals {
   std::vector<bool> is_good_;
 };
 
+/// Residuals of a point of keyframe `host` in the other keyframes of the window and in its host's stereo pictures, by
+/// inverse distance only.
+class PointResiduals {
+ public:
+  PointResiduals(const photometry::Window& window, const photometry::Lens& lens, int host,
+                 const std::vector<photometry::PairTransform>& pairs, const photometry::Patch& patch,
+                 const photometry::WindowOptions& options)
+      : window_(window),
+        lens_(lens),
+        host_(host),
+        pairs_(pairs),
+        patch_(patch),
+        huber_(options.huber),
+        states_(static_cast<std::size_t>(window.size()), photometry::ResidualState::kOutside),
+        stereo_(window, window.keyframes[host], patch, options) {}
+
+  photometry::RhoLinearization evaluate(float rho) {
+    photometry::RhoLinearization sum;
+    for (int t = 0; t < window_.size(); ++t) {
+      if (t != host_) states_[t] = add(t, rho, sum);
+    }
+    stereo_.add(rho, sum);
+    return sum;
+  }
+
+  /// Keyframes in which the last inverse distance has no outlier.
+  std::vector<photometry::Observation> good_observations() const {
+    std::vector<photometry::Observation> good;
+    for (int t = 0; t < window_.size(); ++t) {
+      if (t == host_ || states_[t] != photometry::ResidualState::kGood) continue;
+      good.emplace_back();
+      good.back().target = t;
+    }
+    return good;
+  }
+  std::vector<photometry::Observation> good_stereo_observations() const { return stereo_.good_observations(); }
+
+ private:
+  /// Adds the residual in keyframe `target`. An outlier counts with the energy at the threshold and has no gradient.
+  photometry::ResidualState add(int target, float rho, photometry::RhoLinearization& sum) const {
+    const photometry::Keyframe& keyframe = window_.keyframes[target];
+    const photometry::RhoLinearization one =
+        photometry::evaluate_rho(lens_, keyframe.pyramid->levels[0], patch_, rho, pairs_[target], huber_);
+    if (one.state != photometry::ResidualState::kGood) return one.state;
+    const float threshold = std::max(window_.keyframes[host_].energy_threshold, keyframe.energy_threshold);
+    sum.energy += std::min(one.energy, threshold);
+    if (one.energy > threshold) return photometry::ResidualState::kOutlier;
+    sum.H += one.H;
+    sum.b += one.b;
+    return one.state;
+  }
+
+  const photometry::Window& window_;
+  const photometry::Lens& lens_;
+  int host_;
+  const std::vector<photometry::PairTransform>& pairs_;
+  const photometry::Patch& patch_;
+  float huber_;
+  std::vector<photometry::ResidualState> states_;
+  StereoResiduals stereo_;
+};
+
+/// An inverse distance and the linearization there.
+struct RhoMinimum {
+  float rho;
+  photometry::RhoLinearization linearization;
+};
+
+/// Levenberg-Marquardt over the inverse distance. Number of iterations and damping schedule, chosen by hand.
+RhoMinimum minimize_over_rho(PointResiduals& residuals, float rho) {
+  constexpr int kIterations = 4;
+  float lambda = 0.1F;
+  photometry::RhoLinearization best = residuals.evaluate(rho);
+  for (int i = 0; i < kIterations && best.H > 0; ++i) {
+    const float candidate = rho - best.b / (best.H * (1.0F + lambda));
+    const photometry::RhoLinearization next = residuals.evaluate(candidate);
+    if (next.energy < best.energy && next.H > 0) {
+      const float change = std::abs(candidate - rho);
+      rho = candidate;
+      best = next;
+      lambda *= 0.5F;
+      if (change < 1e-4F * std::abs(rho)) break;
+    } else {
+      lambda *= 5.0F;
+    }
+  }
+  return {rho, residuals.evaluate(rho)};
+}
+
 }  // namespace
 
 std::vector<photometry::PairTransform> pair_transforms_from(const photometry::Window& window, int host) {
@@ -201,63 +286,17 @@ std::optional<photometry::ActivePoint> try_activation(const photometry::Window& 
                                                       int host, const std::vector<photometry::PairTransform>& pairs,
                                                       const photometry::ImmaturePoint& point,
                                                       const photometry::WindowOptions& options, int min_good) {
-  constexpr int kIterations = 4;
-  const int n = window.size();
-  std::vector<photometry::ResidualState> states(n, photometry::ResidualState::kOutside);
-  std::vector<float> energies(n, 0.0F);
-  StereoResiduals stereo(window, window.keyframes[host], point.patch, options);
-  const auto evaluate = [&](float rho) {
-    photometry::RhoLinearization sum;
-    for (int t = 0; t < n; ++t) {
-      if (t == host) continue;
-      const photometry::RhoLinearization one = photometry::evaluate_rho(lens, window.keyframes[t].pyramid->levels[0],
-                                                                        point.patch, rho, pairs[t], options.huber);
-      const float threshold = std::max(window.keyframes[host].energy_threshold, window.keyframes[t].energy_threshold);
-      states[t] = one.state;
-      energies[t] = std::min(one.energy, threshold);
-      if (one.state != photometry::ResidualState::kGood) continue;
-      sum.energy += energies[t];
-      if (one.energy > threshold) {
-        states[t] = photometry::ResidualState::kOutlier;
-        continue;
-      }
-      sum.H += one.H;
-      sum.b += one.b;
-    }
-    stereo.add(rho, sum);
-    return sum;
-  };
-  // Damping schedule, chosen by hand.
-  float rho = point.rho(), lambda = 0.1F;
-  photometry::RhoLinearization best = evaluate(rho);
-  for (int i = 0; i < kIterations && best.H > 0; ++i) {
-    const float candidate = rho - best.b / (best.H * (1.0F + lambda));
-    const photometry::RhoLinearization next = evaluate(candidate);
-    if (next.energy < best.energy && next.H > 0) {
-      const float change = std::abs(candidate - rho);
-      rho = candidate;
-      best = next;
-      lambda *= 0.5F;
-      if (change < 1e-4F * std::abs(rho)) break;
-    } else {
-      lambda *= 5.0F;
-    }
-  }
-  best = evaluate(rho);
-  if (!(rho > 0) || !(best.H > 0)) return std::nullopt;
+  PointResiduals residuals(window, lens, host, pairs, point.patch, options);
+  const auto [rho, at_rho] = minimize_over_rho(residuals, point.rho());
+  if (!(rho > 0) || !(at_rho.H > 0)) return std::nullopt;
   photometry::ActivePoint active;
   active.patch = point.patch;
   active.rho = rho;
-  active.information = best.H;
+  active.information = at_rho.H;
   active.color = point.color;
   active.first_frame = active.last_frame = window.keyframes[host].frame_index;
-  for (int t = 0; t < n; ++t) {
-    if (t == host || states[t] != photometry::ResidualState::kGood) continue;
-    photometry::Observation observation;
-    observation.target = t;
-    active.observations.push_back(observation);
-  }
-  active.stereo_observations = stereo.good_observations();
+  active.observations = residuals.good_observations();
+  active.stereo_observations = residuals.good_stereo_observations();
   if (static_cast<int>(active.observations.size() + active.stereo_observations.size()) < min_good) return std::nullopt;
   return active;
 }

@@ -17,7 +17,9 @@ namespace tileflight::mapping::test_support {
 class RenderedFlight {
  public:
   RenderedFlight() {
-    relief.height_m = [](double x, double y) { return 2.0 * std::sin(0.15 * x) * std::cos(0.12 * y); };
+    relief.height_m = [](double x, double y) {
+      return 2.0 * photometry::test_support::sine(0.15 * x) * photometry::test_support::cosine(0.12 * y);
+    };
     relief.highest_m = 2.0;
     relief.texel_m = 0.7;
   }
@@ -32,14 +34,14 @@ class RenderedFlight {
   /// True pose of image i; the map frame is the relief's.
   static geometry::SE3 T_camera_map(int i) {
     return photometry::test_support::look_along(geometry::Vec3(0.5 * i, 0.35 * i, 20.0 + 0.1 * i),
-                                         geometry::Vec3(0.01 * i, 1.0, -0.9))
+                                                geometry::Vec3(0.01 * i, 1.0, -0.9))
         .inverse();
   }
   /// True inverse distance along a ray of image i, 1/m; 0: sky.
   float rho(int i, const Eigen::Vector3f& ray) const {
     const geometry::SE3 T_map_camera = T_camera_map(i).inverse();
-    const double distance_m =
-        photometry::test_support::hit_distance(relief, T_map_camera.translation, T_map_camera.rotation * ray.cast<double>());
+    const double distance_m = photometry::test_support::hit_distance(relief, T_map_camera.translation,
+                                                                     T_map_camera.rotation * ray.cast<double>());
     return distance_m > 0.0 ? static_cast<float>(1.0 / distance_m) : 0.0F;
   }
   /// Patches of up to `count` pixels of image i that see the ground.

@@ -19,7 +19,7 @@ struct WindowResult {
 /// Gauss-Newton with light damping; a step that raises the energy is undone. Residuals above their keyframes' threshold
 /// contribute the threshold to the energy and nothing to the gradient. If the window estimates intrinsics, `lens` may
 /// be any lens of the camera: the window's own intrinsics are applied to it, and rays of active points are updated.
-/// `inertial`: readings that are part of the problem, with their own unknowns and a prior that stands for the window's;
+/// `inertial`: readings that are part of the problem, with their own unknowns and a prior that replaces the window's;
 /// null: none.
 WindowResult optimize_window(photometry::Window& window, const photometry::Lens& lens,
                              const photometry::WindowOptions& options, int iterations,

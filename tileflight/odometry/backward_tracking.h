@@ -1,7 +1,7 @@
 #pragma once
 
 // The images before the first keyframe are tracked backwards in time, by the same steps as those after it: from the
-// first map on, with a copy of it that grows in the opposite direction. The map that goes on forwards is not touched,
+// first map on, with a copy of it that grows in the opposite direction. The forward map is not changed,
 // so that later images have the same poses, to the last bit, with or without earlier ones.
 
 #include <cstddef>

@@ -26,7 +26,9 @@ constexpr int kTurning = 24;  ///< pictures that turn
 
 Relief hills() {
   Relief relief;
-  relief.height_m = [](double x, double y) { return 3.0 * std::sin(0.2 * x + 1.0) * std::cos(0.17 * y); };
+  relief.height_m = [](double x, double y) {
+    return 3.0 * photometry::test_support::sine(0.2 * x + 1.0) * photometry::test_support::cosine(0.17 * y);
+  };
   relief.highest_m = 3.0;
   relief.texel_m = 0.5;
   return relief;

@@ -64,7 +64,7 @@ struct MetricResult {
 ///
 /// - Scale and vertical are those of the latest keyframes, estimated again at each new one. What changes by that turns
 ///   and scales the map about the unit's present place and heading: the path has no jumps. If the readings of late do
-///   not show the scale (hovering), the last one that was known goes on, with what the window says that it may wander.
+///   not show the scale (hovering), the last known scale is used, with the drift that the window states for it.
 /// - A step from one image to the next that the readings contradict (an image that is aligned wrongly) is replaced by
 ///   theirs: they are far better than a tenth of a metre for a tenth of a second.
 /// - The velocity is that of the keyframes and readings together, carried on by the readings, and corrected by that

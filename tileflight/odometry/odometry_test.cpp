@@ -14,26 +14,28 @@ namespace {
 using geometry::SE3;
 using geometry::Vec3;
 using photometry::test_support::Relief;
-using ::testing::HasSubstr;
-using ::testing::ThrowsMessage;
 using test_support::relative_ate;
 using test_support::render_sequence;
 using test_support::Sequence;
 using test_support::small_options;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
 /// Nearly flat ground seen obliquely from above through a wide lens: its mirror solution defeats two-view
 /// initialization. The first `frames` of 50.
 Sequence over_flat_ground(std::size_t frames) {
   static const Sequence kAll = [] {
     Relief relief;
-    relief.height_m = [](double x, double y) { return 0.6 * std::sin(0.3 * x) * std::cos(0.2 * y); };
+    relief.height_m = [](double x, double y) {
+      return 0.6 * photometry::test_support::sine(0.3 * x) * photometry::test_support::cosine(0.2 * y);
+    };
     relief.highest_m = 0.6;
     relief.texel_m = 0.8;
     std::vector<SE3> truth;
     for (int i = 0; i < 50; ++i) {
       const double s = i / 30.0;
       truth.push_back(photometry::test_support::look_along(Vec3(4.0 * s, 5.0 * s, 20.0 + 0.5 * std::sin(s)),
-                                                    Vec3(0.3 * std::sin(0.7 * s), 1.0, -1.0)));
+                                                           Vec3(0.3 * std::sin(0.7 * s), 1.0, -1.0)));
     }
     return render_sequence(imaging::make_fisheye(320, 200, 130.0), relief, truth);
   }();
@@ -58,13 +60,15 @@ TEST(Odometry, FollowsAFlightOverNearlyFlatGround) {
 TEST(Odometry, FollowsForwardFlightThroughHills) {
   Relief relief;
   relief.height_m = [](double x, double y) {
-    return 4.0 * std::sin(0.2 * x + 1.0) * std::cos(0.13 * y) + 0.02 * x * x;
+    return 4.0 * photometry::test_support::sine(0.2 * x + 1.0) * photometry::test_support::cosine(0.13 * y) +
+           0.02 * x * x;
   };
   relief.highest_m = 60.0;
   relief.texel_m = 0.5;
   std::vector<SE3> truth;
   for (int i = 0; i < 50; ++i)
-    truth.push_back(photometry::test_support::look_along(Vec3(0.2 * std::sin(0.1 * i), 0.25 * i, 8.0), Vec3(0, 1, -0.25)));
+    truth.push_back(
+        photometry::test_support::look_along(Vec3(0.2 * std::sin(0.1 * i), 0.25 * i, 8.0), Vec3(0, 1, -0.25)));
   const Sequence sequence = render_sequence(imaging::make_pinhole(320, 220, 80.0), relief, truth);
   const OdometryResult result = run_odometry(sequence.calibration, nullptr, sequence.source(), small_options());
   EXPECT_FALSE(result.lost) << result.lost_reason;

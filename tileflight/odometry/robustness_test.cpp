@@ -59,7 +59,9 @@ std::vector<int> counted(int from, int to, int step = 1) {
 template <class Pose>
 Sequence over_rolling_ground(int frames, const Pose& pose) {
   photometry::test_support::Relief relief;
-  relief.height_m = [](double x, double y) { return 1.5 * std::sin(0.25 * x) * std::cos(0.2 * y); };
+  relief.height_m = [](double x, double y) {
+    return 1.5 * photometry::test_support::sine(0.25 * x) * photometry::test_support::cosine(0.2 * y);
+  };
   relief.highest_m = 1.5;
   relief.texel_m = 0.8;
   std::vector<SE3> truth;
@@ -72,7 +74,7 @@ const Sequence& level_flight() {
   static const Sequence kAll = over_rolling_ground(50, [](int i) {
     const double s = i / 30.0;
     return photometry::test_support::look_along(Vec3(4.0 * s, 5.0 * s, 20.0 + 0.5 * std::sin(s)),
-                                         Vec3(0.3 * std::sin(0.7 * s), 1.0, -1.0));
+                                                Vec3(0.3 * std::sin(0.7 * s), 1.0, -1.0));
   });
   return kAll;
 }
@@ -106,7 +108,8 @@ TEST(Robustness, AShortOcclusionIsPassed) {
 
 TEST(Robustness, BlurredPicturesAreFollowed) {
   const auto pose = [](double i) {
-    return photometry::test_support::look_along(Vec3(0.13 * i, 0.16 * i, 20.0), Vec3(0.3 * std::sin(0.03 * i), 1.0, -1.0));
+    return photometry::test_support::look_along(Vec3(0.13 * i, 0.16 * i, 20.0),
+                                                Vec3(0.3 * std::sin(0.03 * i), 1.0, -1.0));
   };
   // Some images are means over the exposure time, which is most of the frame interval.
   constexpr int kFirst = 26, kLast = 31, kParts = 4;
@@ -129,7 +132,7 @@ TEST(Robustness, ATurnOnTheSpotIsFollowed) {
     const double moved = i < 30 ? i : (i < 50 ? 30 : i - 20);               // stands still for twenty pictures
     const double turned = i < 30 ? 0.0 : (i < 50 ? 0.03 * (i - 30) : 0.6);  // and turns by 34 degrees
     return photometry::test_support::look_along(Vec3(0.14 * moved, 0.17 * moved, 20.0),
-                                         Vec3(std::sin(turned), std::cos(turned), -1.0));
+                                                Vec3(std::sin(turned), std::cos(turned), -1.0));
   });
   expect_all_followed(sequence);
 }
@@ -140,7 +143,7 @@ TEST(Robustness, ALongTurnOnTheSpotKeepsTheScale) {
     const double moved = i < 35 ? i : (i < 75 ? 35 : i - 40);
     const double turned = i < 35 ? 0.0 : (i < 75 ? 0.04 * (i - 35) : 1.6);
     return photometry::test_support::look_along(Vec3(0.14 * moved, 0.17 * moved, 20.0),
-                                         Vec3(std::sin(turned), std::cos(turned), -1.0));
+                                                Vec3(std::sin(turned), std::cos(turned), -1.0));
   });
   expect_followed(sequence, 105);
 }
@@ -163,7 +166,8 @@ TEST(Robustness, LevelGroundFromStraightAboveIsEnoughForAStart) {
     truth.push_back(photometry::test_support::look_along(Vec3(0.17 * i, 0.02 * i, 12.0), Vec3(0.01, 0.02, -1.0)));
   const test_support::Sequence sequence = test_support::render_sequence(
       imaging::Camera(imaging::PinholeRadtan{242, 242, 139.5, 99.5, {}}, 280, 200), level, truth);
-  const OdometryResult result = run_odometry(sequence.calibration, nullptr, sequence.source(), test_support::small_options());
+  const OdometryResult result =
+      run_odometry(sequence.calibration, nullptr, sequence.source(), test_support::small_options());
   EXPECT_FALSE(result.lost) << result.lost_reason;
   EXPECT_GE(result.frames_tracked, 55);
   EXPECT_LT(test_support::relative_ate(result.trajectory, sequence.truth), 0.01);

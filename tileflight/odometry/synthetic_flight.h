@@ -98,7 +98,9 @@ inline std::vector<double> height_errors_m(const photometry::test_support::Relie
 /// Hilly ground seen obliquely from 12 m above while moving sideways and forwards; 30 images a second.
 inline photometry::test_support::Relief hilly_ground() {
   photometry::test_support::Relief relief;
-  relief.height_m = [](double x, double y) { return 1.5 * std::sin(0.35 * x) * std::cos(0.28 * y + 0.5); };
+  relief.height_m = [](double x, double y) {
+    return 1.5 * photometry::test_support::sine(0.35 * x) * photometry::test_support::cosine(0.28 * y + 0.5);
+  };
   relief.highest_m = 1.5;
   relief.texel_m = 0.6;
   return relief;
@@ -108,7 +110,7 @@ inline std::vector<geometry::SE3> path_over_ground(int frames) {
   for (int i = 0; i < frames; ++i) {
     const double s = i / 30.0;
     truth.push_back(photometry::test_support::look_along(geometry::Vec3(3.0 * s, 5.0 * s, 12.0 + 0.5 * std::sin(s)),
-                                                  geometry::Vec3(0.3 * std::sin(s), 1.0, -1.1)));
+                                                         geometry::Vec3(0.3 * std::sin(s), 1.0, -1.1)));
   }
   return truth;
 }

@@ -12,7 +12,9 @@ namespace tileflight::odometry::test_support {
 /// Gentle hills, height amplitude 1.2 m, finest texture wavelength 0.5 m.
 inline photometry::test_support::Relief hilly_terrain() {
   photometry::test_support::Relief relief;
-  relief.height_m = [](double x, double y) { return 1.2 * std::sin(0.3 * x) * std::cos(0.25 * y); };
+  relief.height_m = [](double x, double y) {
+    return 1.2 * photometry::test_support::sine(0.3 * x) * photometry::test_support::cosine(0.25 * y);
+  };
   relief.highest_m = 1.2;
   relief.texel_m = 0.5;
   return relief;
@@ -38,7 +40,7 @@ class KeyframeMaker {
   /// True inverse distance along a ray of the camera; 0: sky.
   float rho(const geometry::SE3& T_local_camera, const Eigen::Vector3f& ray) const {
     const double distance = photometry::test_support::hit_distance(scene_.relief(), T_local_camera.translation,
-                                                            T_local_camera.rotation * ray.cast<double>());
+                                                                   T_local_camera.rotation * ray.cast<double>());
     return distance > 0 ? static_cast<float>(1.0 / distance) : 0.0F;
   }
 

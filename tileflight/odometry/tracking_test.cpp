@@ -31,7 +31,9 @@ struct TwoViews {
   photometry::Pyramid a, b;
 
   TwoViews() {
-    relief.height_m = [](double x, double y) { return 2.0 * std::sin(0.15 * x) * std::cos(0.12 * y); };
+    relief.height_m = [](double x, double y) {
+      return 2.0 * photometry::test_support::sine(0.15 * x) * photometry::test_support::cosine(0.12 * y);
+    };
     relief.highest_m = 2.0;
     relief.texel_m = 0.7;
     const photometry::test_support::ReliefCamera scene(camera, relief);

@@ -52,7 +52,7 @@ nlohmann::json extract(const ExtractSettings& settings, const std::filesystem::p
 /// The folder that extract() writes.
 base::OutputFolder extract_output(const ExtractSettings& settings, const std::filesystem::path& folder, bool replace);
 
-/// What extract() would take, from the region's cut and a few of its tiles; nothing is written.
+/// Cost of extract(), estimated from the region's cut and a few of its tiles; nothing is written.
 /// {dry_run: true, estimate: {...}, tiles_probed, spread, memory_limit_bytes}. Throws InputError as extract() would.
 nlohmann::json preview_extract(const ExtractSettings& settings, const std::filesystem::path& folder, bool replace,
                                const Progress& progress = {});

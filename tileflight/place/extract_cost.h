@@ -10,7 +10,7 @@
 
 namespace tileflight::place {
 
-/// What an extraction takes, estimated from some of its tiles.
+/// Cost of an extraction, estimated from some of its tiles.
 struct ExtractCost {
   double tiles = 0.0;
   std::size_t tiles_probed = 0;

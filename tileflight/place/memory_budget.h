@@ -11,7 +11,7 @@ namespace tileflight::place {
 /// (Linux; a container's limit).
 std::uintmax_t default_memory_bytes();
 
-/// Memory that a new program can take without others having to give up theirs: what the kernel calls available, and at
+/// Memory that a new program can take without displacing others: what the kernel calls available, and at
 /// most what the control group of this process allows (Linux). The largest number if that is not known.
 std::uintmax_t available_memory_bytes();
 

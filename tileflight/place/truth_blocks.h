@@ -13,7 +13,7 @@
 
 namespace tileflight::place {
 
-/// What a region's ground truth holds, over all its blocks.
+/// Totals of a region's ground truth over all its blocks.
 struct TruthCounts {
   explicit TruthCounts(double voxel_m) : floor(voxel_m) {}
 
@@ -63,7 +63,7 @@ class TruthBlocks {
   std::unique_ptr<Impl> impl_;
 };
 
-/// What a job in parts would make.
+/// Division of a job into parts.
 struct BlockPlan {
   double edge_m = 0.0;  ///< of a block, whole voxels
   int parts = 0;
@@ -74,7 +74,7 @@ struct BlockPlan {
 /// Cuts the blocks of `settings` into `parts`, fewer if there are fewer blocks. Throws InputError.
 BlockPlan plan_truth_blocks(const ExtractSettings& settings, const std::filesystem::path& output, int parts);
 
-/// Where the finished blocks of an output are kept until it is complete.
+/// Folder of an output's finished blocks until it is complete.
 std::filesystem::path block_build_folder(const std::filesystem::path& output);
 
 }  // namespace tileflight::place

@@ -11,10 +11,10 @@ namespace tileflight::registration {
 /// (alignment/pose_alignment.h). Throws InputError for none.
 geometry::Sim3 similarity_of(const std::vector<LocatedPose>& poses);
 
-/// Where located poses lie on their path.
+/// Distribution of located poses along their path.
 enum class PathCoverage {
   kWhole,  ///< evenly spread over all of it
-  kParts   ///< parts of it have none
+  kParts   ///< parts of it have no located pose
 };
 
 /// Standard deviation of similarity_of() `poses`, which are in the path's order, as displacement of the map's points

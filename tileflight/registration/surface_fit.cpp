@@ -2,11 +2,8 @@
 
 #include <tbb/parallel_for.h>
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <map>
 
 #include "tileflight/alignment/constraint.h"
 #include "tileflight/alignment/fixed_point.h"
@@ -14,8 +11,8 @@
 #include "tileflight/alignment/ordered_sum.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/order_statistics.h"
-#include "tileflight/geometry/decompositions.h"
 #include "tileflight/geometry/morton_order.h"
+#include "tileflight/registration/surface_information.h"
 
 namespace tileflight::registration {
 
@@ -25,17 +22,6 @@ using geometry::Vec3;
 using geometry::Vec7;
 
 namespace {
-
-/// Kernel scale in sigmas: a residual of three sigmas has a quarter of the full weight.
-constexpr double kSurfaceKernel = 3.0;
-
-/// Weight rho'(z) / (2 z) of Geman and McClure's kernel.
-double kernel_weight(double z2) {
-  const double ratio = z2 / (kSurfaceKernel * kSurfaceKernel);
-  return 1.0 / ((1.0 + ratio) * (1.0 + ratio));
-}
-
-double kernel_cost(double z2) { return z2 / (1.0 + z2 / (kSurfaceKernel * kSurfaceKernel)); }
 
 /// The points used, relative to their centre; y = T p relative to `target_center`.
 struct Source {
@@ -91,12 +77,6 @@ struct Step {
   double noise = 1.0;
 };
 
-/// A match with its residual and weight.
-struct Residual {
-  Vec3 y, normal;
-  double residual_m = 0.0, sigma_m = 1.0;
-};
-
 struct Sums {
   std::size_t matched = 0;
   double squares = 0.0;  ///< sum of squared distances, square metres
@@ -128,7 +108,7 @@ class SurfaceFitter {
   alignment::Evaluation evaluate(const Sim3& T) {
     const Sums sums = alignment::ordered_sum<Sums>(source_.points.size(), [&](std::size_t begin, std::size_t end) {
       Sums part;
-      Residual r;
+      SurfaceResidual r;
       for (std::size_t i = begin; i < end; ++i) {
         if (!residual(T, i, r)) continue;
         const double z2 = r.residual_m * r.residual_m / (r.sigma_m * r.sigma_m);
@@ -149,21 +129,21 @@ class SurfaceFitter {
   }
 
   /// All matches at T.
-  std::vector<Residual> residuals(const Sim3& T, std::vector<std::size_t>* which = nullptr) {
-    std::vector<Residual> all(source_.points.size());
+  SurfaceMatches matches(const Sim3& T) {
+    std::vector<SurfaceResidual> all(source_.points.size());
     std::vector<std::uint8_t> found(source_.points.size());
     tbb::parallel_for(std::size_t{0}, all.size(), [&](std::size_t i) { found[i] = residual(T, i, all[i]) ? 1 : 0; });
-    std::vector<Residual> inliers;
+    SurfaceMatches matches;
     for (std::size_t i = 0; i < all.size(); ++i) {
       if (found[i] == 0) continue;
-      inliers.push_back(all[i]);
-      if (which != nullptr) which->push_back(i);
+      matches.residuals.push_back(all[i]);
+      if (!source_.keyframe.empty()) matches.keyframes.push_back(source_.keyframe[i]);
     }
-    return inliers;
+    return matches;
   }
 
  private:
-  bool residual(const Sim3& T, std::size_t i, Residual& r) {
+  bool residual(const Sim3& T, std::size_t i, SurfaceResidual& r) {
     alignment::Match match;
     r.y = T * source_.points[i];
     if (!matcher_->find(i, r.y, match) || match.distance_m > step_.radius_m) return false;
@@ -219,12 +199,12 @@ class SurfaceFitter {
 
 /// The factor on the points' own sigmas with which half of the residuals lie within 0.6745 sigmas, as those of a normal
 /// distribution do.
-double estimate_noise(const std::vector<Residual>& residuals, double noise_now, double floor_m) {
+double estimate_noise(const std::vector<SurfaceResidual>& residuals, double noise_now, double floor_m) {
   if (residuals.empty()) return noise_now;
   constexpr double kHalf = 0.6745, kLeast = 1e-3, kMost = 1e3;
   const auto middle = [&](double factor) {
     std::vector<double> ratios;
-    for (const Residual& r : residuals) {
+    for (const SurfaceResidual& r : residuals) {
       const double own2 = std::max(0.0, r.sigma_m * r.sigma_m - floor_m * floor_m) / (noise_now * noise_now);
       ratios.push_back(std::abs(r.residual_m) / std::sqrt(factor * factor * own2 + floor_m * floor_m));
     }
@@ -239,104 +219,53 @@ double estimate_noise(const std::vector<Residual>& residuals, double noise_now, 
   return std::sqrt(least * most);
 }
 
-/// Sums of g g^T over clusters of matches, g being a cluster's sum of gradients; with the small-sample correction for
-/// the number of clusters.
-template <class Key>
-Mat7 clustered_scatter(const std::vector<Vec7>& gradients, const std::vector<Key>& keys) {
-  std::map<Key, Vec7> sums;
-  for (std::size_t i = 0; i < gradients.size(); ++i) {
-    auto [at, is_new] = sums.try_emplace(keys[i], Vec7::Zero());
-    at->second += gradients[i];
-  }
-  Mat7 middle = Mat7::Zero();
-  for (const auto& [key, g] : sums) middle += g * g.transpose();
-  const auto clusters = static_cast<double>(sums.size());
-  return clusters > 1.0 ? Mat7(middle * clusters / (clusters - 1.0)) : middle;
-}
-
-using Cube = std::array<std::int64_t, 3>;
-
-Cube cube_key(const Vec3& y, double edge_m) {
-  const Vec3 cell = (y / edge_m).array().floor();
-  return {static_cast<std::int64_t>(cell.x()), static_cast<std::int64_t>(cell.y()),
-          static_cast<std::int64_t>(cell.z())};
-}
-
-/// Hessian of the surface alone in metres (rotation and scale times the length), and the gradient scatter including
-/// correlations between neighbours and between points of one keyframe.
-struct ShapeInformation {
-  Mat7 hessian = Mat7::Zero(), gradient_scatter = Mat7::Zero();
+/// Where the fit ended, on the centred source.
+struct FittedPose {
+  alignment::FixedPointResult end;
+  double noise = 1.0;  ///< SurfaceFit::noise_factor
+  int iterations = 0;
 };
 
-ShapeInformation shape_information(const std::vector<Residual>& residuals, const std::vector<std::size_t>& which,
-                                   const Source& source) {
-  constexpr double kBlocksAcross = 10.0;  // number of cubes along the RMS extent of the map
-  const double edge_m = std::max(1.0, 2.0 * source.length_m / kBlocksAcross);
-  ShapeInformation information;
-  std::vector<Vec7> gradients;
-  std::vector<Cube> cubes;
-  std::vector<std::size_t> keyframes;
-  std::vector<std::pair<Cube, std::size_t>> both;
-  for (std::size_t k = 0; k < residuals.size(); ++k) {
-    const Residual& r = residuals[k];
-    const double z2 = r.residual_m * r.residual_m / (r.sigma_m * r.sigma_m);
-    const double weight = kernel_weight(z2) / (r.sigma_m * r.sigma_m);
-    const Vec7 jacobian = alignment::plane_jacobian(r.y, r.normal, source.length_m);
-    information.hessian += weight * jacobian * jacobian.transpose();
-    gradients.push_back(weight * r.residual_m * jacobian);
-    cubes.push_back(cube_key(r.y, edge_m));
-    if (source.keyframe.empty()) continue;
-    keyframes.push_back(source.keyframe[which[k]]);
-    both.emplace_back(cubes.back(), keyframes.back());
+/// Fits from coarse to fine with the stated noise, then alternates between fitting at the finest radius and estimating
+/// the noise and the correlation of the residuals. Leaves `fitter` at the finest step.
+FittedPose fit_pose(SurfaceFitter& fitter, const Source& source, const Sim3& start, const SurfaceFitOptions& options) {
+  const alignment::EvaluateFunction evaluate = [&](const Sim3& T) { return fitter.evaluate(T); };
+  FittedPose fitted;
+  fitted.end.T = start;
+  const auto run = [&](const Step& step) {
+    fitter.start_level(step);
+    fitted.end =
+        alignment::iterate_fixed_point(evaluate, fitted.end.T, {true, 1e-3, 3},
+                                       {0.0, options.step_m, options.max_iterations}, source.spread, source.length_m);
+    fitted.iterations += fitted.end.iterations;
+  };
+  constexpr double kTolerance = 0.25;  // as a share of the radius; chosen by hand
+  double& noise = fitted.noise;
+  noise = source.rays.empty() ? options.surface_sigma_m : 1.0;
+  for (const double radius_m : options.radii_m) run({radius_m, kTolerance * radius_m, noise});
+  const double last_m = options.radii_m.back();
+  constexpr int kRounds = 3;
+  for (int round = 0; round < kRounds; ++round) {
+    fitter.start_level({last_m, 0.0, noise});
+    noise = estimate_noise(fitter.matches(fitted.end.T).residuals, noise, options.surface_sigma_m);
+    fitter.start_level({last_m, 0.0, noise});
+    fitter.set_discount(information_discount(shape_information(fitter.matches(fitted.end.T), source.length_m)));
+    run({last_m, 0.0, noise});
   }
-  information.gradient_scatter = clustered_scatter(gradients, cubes);
-  if (!keyframes.empty())
-    information.gradient_scatter += clustered_scatter(gradients, keyframes) - clustered_scatter(gradients, both);
-  return information;
+  return fitted;
 }
 
-/// Inverse of the sandwich covariance H^-1 middle H^-1, i.e. H middle^-1 H, limited to the points' own information H.
-SimilarityEstimate sandwich_estimate(const ShapeInformation& information, const Sim3& T, const Source& source) {
-  SimilarityEstimate estimate{T, source.target_center, Mat7::Zero()};
-  const Vec7 scale = (information.hessian.diagonal().array() + 1e-30).sqrt().inverse();
-  const Mat7 H = scale.asDiagonal() * information.hessian * scale.asDiagonal();
-  const Eigen::SelfAdjointEigenSolver<Mat7> eigen(H);
-  constexpr double kOpen = 1e-6;
-  Mat7 result = Mat7::Zero();
-  const Mat7 middle = eigen.eigenvectors().transpose() *
-                      (scale.asDiagonal() * information.gradient_scatter * scale.asDiagonal()) * eigen.eigenvectors();
-  // In the directions that the surface constrains: covariance = D^-1 M D^-1 with D the eigenvalues.
-  std::vector<int> held;
-  for (int k = 0; k < 7; ++k)
-    if (eigen.eigenvalues()[k] > kOpen) held.push_back(k);
-  const auto n = static_cast<Eigen::Index>(held.size());
-  Eigen::MatrixXd covariance(n, n), basis(7, n);
-  for (Eigen::Index a = 0; a < n; ++a) {
-    basis.col(a) = eigen.eigenvectors().col(held[static_cast<std::size_t>(a)]);
-    for (Eigen::Index b = 0; b < n; ++b) {
-      const int i = held[static_cast<std::size_t>(a)], j = held[static_cast<std::size_t>(b)];
-      covariance(a, b) = middle(i, j) / (eigen.eigenvalues()[i] * eigen.eigenvalues()[j]);
-      if (a == b) covariance(a, b) += 1.0 / eigen.eigenvalues()[i];  // the points' own noise
-    }
+/// Sets which share of the points agrees with the surface, and how well the surface constrains the transform.
+void describe_agreement(const std::vector<SurfaceResidual>& residuals, const Source& source, alignment::ScaleMode scale,
+                        SurfaceFit& fit) {
+  std::size_t agreeing = 0;
+  alignment::PointToPlaneSystem planes;
+  for (const SurfaceResidual& r : residuals) {
+    if (std::abs(r.residual_m) <= kSurfaceKernel * r.sigma_m) ++agreeing;
+    planes.add(r.y, r.y, r.normal, source.length_m);
   }
-  if (n > 0) {
-    const geometry::SymmetricEigen own = geometry::symmetric_eigen(covariance);
-    const Eigen::VectorXd inverse = own.values.cwiseMax(1e-12).cwiseInverse();
-    result = basis * (own.vectors * inverse.asDiagonal() * own.vectors.transpose()) * basis.transpose();
-  }
-  Vec7 units;
-  units << Vec3::Ones(), Vec3::Constant(source.length_m), source.length_m;  // from metres to radians and logarithm
-  const Vec7 back = units.cwiseQuotient(scale);
-  estimate.information = back.asDiagonal() * result * back.asDiagonal();
-  return estimate;
-}
-
-/// Factor by which the points' own information is overstated: mean over the constrained directions of middle over
-/// Hessian.
-double information_discount(const ShapeInformation& information) {
-  const Vec7 scale = (information.hessian.diagonal().array() + 1e-30).sqrt().inverse();
-  const Mat7 ratio = scale.asDiagonal() * information.gradient_scatter * scale.asDiagonal();
-  return std::max(1.0, ratio.trace() / 7.0);
+  fit.inlier_share = static_cast<double>(agreeing) / static_cast<double>(fit.points);
+  fit.constraint = alignment::analyze_constraint(planes, residuals.size(), scale == alignment::ScaleMode::kEstimated);
 }
 
 }  // namespace
@@ -354,56 +283,20 @@ SurfaceFit fit_to_surface(const ObservedPoints& points, const geometry::Triangle
   SurfaceFitter fitter(
       source, index, mesh, options,
       alignment::scale_range(options.scale, start.scale, options.scale_center, options.max_scale_change));
-  const alignment::EvaluateFunction evaluate = [&](const Sim3& T) { return fitter.evaluate(T); };
-  Sim3 T = source.centered(start);
-  alignment::FixedPointResult end;
-  const auto run = [&](const Step& step) {
-    fitter.start_level(step);
-    end = alignment::iterate_fixed_point(evaluate, T, {true, 1e-3, 3}, {0.0, options.step_m, options.max_iterations},
-                                         source.spread, source.length_m);
-    T = end.T;
-    fit.iterations += end.iterations;
-  };
-  constexpr double kTolerance = 0.25;  // as a share of the radius; chosen by hand
-  double noise = source.rays.empty() ? options.surface_sigma_m : 1.0;
-  for (const double radius_m : options.radii_m) run({radius_m, kTolerance * radius_m, noise});
-  // Alternates between fitting and estimating the noise and the correlation of the residuals.
-  const double last_m = options.radii_m.back();
-  constexpr int kRounds = 3;
-  std::vector<std::size_t> which;
-  std::vector<Residual> residuals;
-  ShapeInformation information;
-  for (int round = 0; round < kRounds; ++round) {
-    fitter.start_level({last_m, 0.0, noise});
-    noise = estimate_noise(fitter.residuals(T), noise, options.surface_sigma_m);
-    fitter.start_level({last_m, 0.0, noise});
-    which.clear();
-    residuals = fitter.residuals(T, &which);
-    information = shape_information(residuals, which, source);
-    fitter.set_discount(information_discount(information));
-    run({last_m, 0.0, noise});
-  }
-  which.clear();
-  residuals = fitter.residuals(T, &which);
-  information = shape_information(residuals, which, source);
-
-  fit.T_target_source = alignment::uncentered(T, source.source_center, source.target_center);
+  const FittedPose fitted = fit_pose(fitter, source, source.centered(start), options);
+  const alignment::FixedPointResult& end = fitted.end;
+  fit.iterations = fitted.iterations;
+  fit.noise_factor = fitted.noise;
+  fit.T_target_source = alignment::uncentered(end.T, source.source_center, source.target_center);
   fit.matched = end.evaluation.matched;
   fit.rmse_m = end.evaluation.rms_m;
   fit.fitness = static_cast<double>(fit.matched) / static_cast<double>(fit.points);
-  fit.noise_factor = noise;
   fit.converged = end.stopped_by_rule;
   fit.last_step_m = end.last_step_m;
-  std::size_t agreeing = 0;
-  alignment::PointToPlaneSystem planes;
-  for (const Residual& r : residuals) {
-    if (std::abs(r.residual_m) <= kSurfaceKernel * r.sigma_m) ++agreeing;
-    planes.add(r.y, r.y, r.normal, source.length_m);
-  }
-  fit.inlier_share = static_cast<double>(agreeing) / static_cast<double>(fit.points);
-  fit.constraint =
-      alignment::analyze_constraint(planes, residuals.size(), options.scale == alignment::ScaleMode::kEstimated);
-  fit.shape_estimate = sandwich_estimate(information, fit.T_target_source, source);
+  const SurfaceMatches matches = fitter.matches(end.T);
+  describe_agreement(matches.residuals, source, options.scale, fit);
+  fit.shape_estimate = {fit.T_target_source, source.target_center,
+                        sandwich_information(shape_information(matches, source.length_m), source.length_m)};
   fit.estimate = fit.shape_estimate;
   if (options.prior) fit.estimate.information += options.prior->recentered(source.target_center).information;
   return fit;

@@ -2,11 +2,14 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <span>
 #include <vector>
 
 #include "tileflight/base/simd.h"
+#include "tileflight/imaging/pixel_region.h"
 #include "tileflight/render/appearance.h"
 #include "tileflight/render/ray_table.h"
 #include "tileflight/scene/packets.h"
@@ -44,6 +47,15 @@ class RowPoses {
 /// Squared sRGB values, 0..255 squared, of a block's eight samples; only valid lanes are defined.
 using SquaredColors8 = std::array<Float4, 8>;
 
+/// Pixel of one sample's squared sRGB values, rounded.
+TILEFLIGHT_LANE_INLINE imaging::Rgb8 encode_squared(const Float4& squares) {
+  Float4 roots;
+  for (int c = 0; c < 4; ++c) roots[c] = std::sqrt(squares[c]);
+  const auto values = __builtin_convertvector(roots + 0.5F, base::Int4);
+  return {static_cast<std::uint8_t>(values[0]), static_cast<std::uint8_t>(values[1]),
+          static_cast<std::uint8_t>(values[2])};
+}
+
 /// Texture reads for a block's eight samples.
 struct BlockTextureReads {
   std::array<const Material*, 8> material;  ///< null: no hit
@@ -72,6 +84,14 @@ TILEFLIGHT_LANE_INLINE void for_each_lane(const TracedBeam::Block& block, const 
     if ((block.valid >> i & 1) == 0) continue;
     work(i, block.column * RayBlock::kColumns + i % RayBlock::kColumns,
          block.row * RayBlock::kRows + i / RayBlock::kColumns);
+  }
+}
+
+/// Calls `work(x, y)` for the first sample of each beam of a tile; `n` x `n` samples a pixel.
+template <class Work>
+TILEFLIGHT_LANE_INLINE void for_each_beam(const imaging::PixelRegion& tile, int n, const Work& work) {
+  for (int y = tile.y0 * n; y < tile.y1 * n; y += TracedBeam::kRows) {
+    for (int x = tile.x0 * n; x < tile.x1 * n; x += TracedBeam::kColumns) work(x, y);
   }
 }
 
@@ -111,6 +131,42 @@ class BlockTracer {
   Float4 background_squares_;
   LinearRgb haze_;  ///< linear
   float haze_per_m_;
+};
+
+/// Takes beams through three steps, cast, texture reads and shading, with three beams under way at a time: what a step
+/// needs from memory is prefetched one step earlier and arrives while the other beams are computed.
+template <class Cast, class Shade>
+class BeamPipeline {
+ public:
+  /// `cast(x, y, beam)`; `shade(beam)` of a beam with its texture reads.
+  BeamPipeline(const BlockTracer& tracer, const Cast& cast, const Shade& shade)
+      : tracer_(tracer), cast_(cast), shade_(shade) {}
+
+  void push(int x, int y) {
+    TracedBeam& beam = beams_[count_ % kSteps];
+    cast_(x, y, beam);
+    tracer_.prefetch_shading(beam);
+    if (count_ >= 1) read(count_ - 1);
+    if (count_ >= 2) shade(count_ - 2);
+    ++count_;
+  }
+  void finish() {
+    if (count_ >= 1) read(count_ - 1);
+    if (count_ >= 2) shade(count_ - 2);
+    if (count_ >= 1) shade(count_ - 1);
+    count_ = 0;
+  }
+
+ private:
+  static constexpr std::size_t kSteps = 3;
+  void read(std::size_t i) { tracer_.compute_texture_reads(beams_[i % kSteps]); }
+  void shade(std::size_t i) { shade_(beams_[i % kSteps]); }
+
+  const BlockTracer& tracer_;
+  const Cast& cast_;
+  const Shade& shade_;
+  std::array<TracedBeam, kSteps> beams_;
+  std::size_t count_ = 0;  ///< beams that were cast
 };
 
 }  // namespace tileflight::render

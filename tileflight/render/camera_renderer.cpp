@@ -4,7 +4,6 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <optional>
 #include <stdexcept>
@@ -46,88 +45,6 @@ std::vector<PixelRegion> tiles_of(const PixelRegion& region) {
   }
   return tiles;
 }
-
-TILEFLIGHT_LANE_INLINE imaging::Rgb8 encode_srgb(const Float4& squares) {
-  Float4 roots;
-  for (int c = 0; c < 4; ++c) roots[c] = std::sqrt(squares[c]);
-  const auto values = __builtin_convertvector(roots + 0.5F, base::Int4);
-  return {static_cast<std::uint8_t>(values[0]), static_cast<std::uint8_t>(values[1]),
-          static_cast<std::uint8_t>(values[2])};
-}
-
-/// A curve over positive numbers up to a power of two, by straight pieces: 128 an octave, found by a number's own bits.
-/// Below the last of its octaves it is that of the least number.
-class PositiveCurve {
- public:
-  /// `of`: the curve; `most`: the exponent of the largest number.
-  PositiveCurve(const std::function<double(double)>& of, int most)
-      : first_(index_of(std::ldexp(1.0F, most - kOctaves))) {
-    for (std::uint32_t i = 0; i <= kOctaves * kPieces + 1; ++i)
-      values_[i] = static_cast<float>(of(number_of(first_ + i)));
-    most_ = std::ldexp(1.0F, most);
-    least_ = std::ldexp(1.0F, most - kOctaves);
-  }
-  float at(float x) const {
-    const float within = std::clamp(x, least_, most_);
-    const auto bits = std::bit_cast<std::uint32_t>(within);
-    const float* piece = &values_[(bits >> kShift) - first_];
-    const float share = static_cast<float>(bits & ((1U << kShift) - 1U)) * (1.0F / static_cast<float>(1U << kShift));
-    return piece[0] + share * (piece[1] - piece[0]);
-  }
-
- private:
-  static constexpr std::uint32_t kOctaves = 24, kPieces = 128, kShift = 23 - 7;
-  static std::uint32_t index_of(float x) { return std::bit_cast<std::uint32_t>(x) >> kShift; }
-  static double number_of(std::uint32_t index) { return std::bit_cast<float>(index << kShift); }
-
-  std::uint32_t first_;
-  float least_ = 0.0F, most_ = 0.0F;
-  std::array<float, kOctaves * kPieces + 2> values_{};
-};
-
-/// Calls `work(x, y)` for the first sample of each beam of a tile; `n` x `n` samples a pixel.
-template <class Work>
-TILEFLIGHT_LANE_INLINE void for_each_beam(const PixelRegion& tile, int n, const Work& work) {
-  for (int y = tile.y0 * n; y < tile.y1 * n; y += TracedBeam::kRows) {
-    for (int x = tile.x0 * n; x < tile.x1 * n; x += TracedBeam::kColumns) work(x, y);
-  }
-}
-
-/// Casts, reads and shades beams one after the other in these three steps, in which three beams are at once: what a
-/// step needs from memory was prefetched a step before and arrives while other beams are computed.
-template <class Cast, class Shade>
-class BeamPipeline {
- public:
-  /// `cast(x, y, beam)`; `shade(beam)` of a beam with its texture reads.
-  BeamPipeline(const BlockTracer& tracer, const Cast& cast, const Shade& shade)
-      : tracer_(tracer), cast_(cast), shade_(shade) {}
-
-  void push(int x, int y) {
-    TracedBeam& beam = beams_[count_ % kSteps];
-    cast_(x, y, beam);
-    tracer_.prefetch_shading(beam);
-    if (count_ >= 1) read(count_ - 1);
-    if (count_ >= 2) shade(count_ - 2);
-    ++count_;
-  }
-  void finish() {
-    if (count_ >= 1) read(count_ - 1);
-    if (count_ >= 2) shade(count_ - 2);
-    if (count_ >= 1) shade(count_ - 1);
-    count_ = 0;
-  }
-
- private:
-  static constexpr std::size_t kSteps = 3;
-  void read(std::size_t i) { tracer_.compute_texture_reads(beams_[i % kSteps]); }
-  void shade(std::size_t i) { shade_(beams_[i % kSteps]); }
-
-  const BlockTracer& tracer_;
-  const Cast& cast_;
-  const Shade& shade_;
-  std::array<TracedBeam, kSteps> beams_;
-  std::size_t count_ = 0;  ///< beams that were cast
-};
 
 Haze haze_of(const RenderOptions& options) {
   Haze haze{options.haze_per_m, {}};
@@ -289,7 +206,7 @@ TILEFLIGHT_WIDE_VECTORS void CameraRenderer::Impl::write_colors(const TracedBeam
       continue;
     }
     for_each_lane(block, [&](int i, int column, int row) {
-      rgb(column, row) = encode_srgb(squares[static_cast<std::size_t>(i)]);
+      rgb(column, row) = encode_squared(squares[static_cast<std::size_t>(i)]);
     });
   }
 }

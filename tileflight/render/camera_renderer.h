@@ -119,7 +119,7 @@ struct LayerSurface {
   bool is_back_face = false;
 };
 
-/// A visitor that writes the surfaces into an image, which must outlive it, and hands on what it sees.
+/// A visitor that writes the surfaces into an image, which must outlive it, and also calls `visitor`.
 /// `first_placed_mesh`: of the scene, for a visitor of placed parts alone.
 SurfaceVisitor noting_surfaces(imaging::Image<LayerSurface>& surfaces, const SurfaceVisitor& visitor = {},
                                std::uint32_t first_placed_mesh = LayerSurface::kNone);

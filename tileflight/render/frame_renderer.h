@@ -24,7 +24,7 @@ struct FrameRange {
   std::size_t count() const { return end - begin; }
 };
 
-/// FlightRenderOptions::first_frame and end_frame within a flight of so many frames.
+/// FlightRenderOptions::first_frame and end_frame, clipped to a flight of this many frames.
 FrameRange frame_range(const FlightRenderOptions& options, std::size_t frames);
 
 /// The options of a camera's pictures: with the formation's light and haze, and the depth that rain and snow need.

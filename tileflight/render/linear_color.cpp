@@ -29,4 +29,12 @@ imaging::Rgb8 SrgbTables::encode(const LinearRgb& light) const {
   return pixel;
 }
 
+PositiveCurve::PositiveCurve(const std::function<double(double)>& function, int most)
+    : first_(index_of(std::ldexp(1.0F, most - kOctaves))) {
+  for (std::uint32_t i = 0; i <= kOctaves * kPieces + 1; ++i)
+    values_[i] = static_cast<float>(function(number_of(first_ + i)));
+  most_ = std::ldexp(1.0F, most);
+  least_ = std::ldexp(1.0F, most - kOctaves);
+}
+
 }  // namespace tileflight::render

@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 
 #include "tileflight/imaging/image.h"
 
@@ -34,6 +36,30 @@ class SrgbTables {
   SrgbTables();
   std::array<float, 257> linear_{};
   std::array<float, kSteps + 2> encoded_{};
+};
+
+/// A function of positive numbers up to 2^most, tabulated over 24 octaves by 128 linear pieces each; the piece is found
+/// from the bits of the number. Numbers outside the octaves have the value at their nearest end.
+class PositiveCurve {
+ public:
+  /// `function`: is called with each piece's ends; `most`: exponent of the largest number.
+  PositiveCurve(const std::function<double(double)>& function, int most);
+  float at(float x) const {
+    const float within = std::clamp(x, least_, most_);
+    const auto bits = std::bit_cast<std::uint32_t>(within);
+    const float* piece = &values_[(bits >> kShift) - first_];
+    const float share = static_cast<float>(bits & ((1U << kShift) - 1U)) * (1.0F / static_cast<float>(1U << kShift));
+    return piece[0] + share * (piece[1] - piece[0]);
+  }
+
+ private:
+  static constexpr std::uint32_t kOctaves = 24, kPieces = 128, kShift = 23 - 7;
+  static std::uint32_t index_of(float x) { return std::bit_cast<std::uint32_t>(x) >> kShift; }
+  static double number_of(std::uint32_t index) { return std::bit_cast<float>(index << kShift); }
+
+  std::uint32_t first_;
+  float least_ = 0.0F, most_ = 0.0F;
+  std::array<float, kOctaves * kPieces + 2> values_{};
 };
 
 // In the inner loops of rendering.

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 namespace tileflight::render::linear_color_test {
 namespace {
 
@@ -31,6 +33,18 @@ TEST(LinearColor, OutOfRangeIsClamped) {
   const SrgbTables& tables = SrgbTables::get();
   EXPECT_EQ(tables.encode(LinearRgb{-1.0F, 2.0F, 1.0F}), (imaging::Rgb8{0, 255, 255}));
   EXPECT_FLOAT_EQ(tables.decode(300.0F), 1.0F);
+}
+
+// Linear interpolation of f over a piece of width h errs by at most h^2 / 8 max |f''|; for the square root and pieces
+// of x / 128 at least that is (x / 128)^2 / 8 * x^(-3/2) / 4 = 1.9e-6 sqrt(x).
+TEST(LinearColor, TabulatedCurveFollowsItsFunctionAndEndsLevel) {
+  const PositiveCurve root([](double x) { return std::sqrt(x); }, 3);
+  for (double x = std::ldexp(1.0, -20); x < 8.0; x *= 1.0037) {
+    EXPECT_NEAR(root.at(static_cast<float>(x)), std::sqrt(x), 2.2e-6 * std::sqrt(x)) << x;
+  }
+  EXPECT_FLOAT_EQ(root.at(8.0F), std::sqrt(8.0F));
+  EXPECT_EQ(root.at(1e9F), root.at(8.0F));
+  EXPECT_EQ(root.at(0.0F), root.at(std::ldexp(1.0F, -21)));
 }
 
 }  // namespace

@@ -1,8 +1,7 @@
 #include "tileflight/report/ablation_table.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
+#include <nlohmann/json.hpp>
 #include <vector>
 
 #include "tileflight/report/number_format.h"
@@ -41,11 +40,6 @@ std::vector<std::vector<std::string>> rows_of(const json& results) {
   return rows;
 }
 
-/// Length in characters, not bytes.
-std::size_t width_of(const std::string& text) {
-  return static_cast<std::size_t>(std::count_if(text.begin(), text.end(), [](char c) { return (c & 0xC0) != 0x80; }));
-}
-
 }  // namespace
 
 Table ablation_table(const json& results) {
@@ -58,11 +52,12 @@ std::string ablation_text(const json& results) {
   rows.insert(rows.begin(), head());
   std::vector<std::size_t> widths(head().size(), 0);
   for (const auto& row : rows)
-    for (std::size_t i = 0; i < row.size(); ++i) widths[i] = std::max(widths[i], width_of(row[i]));
+    for (std::size_t i = 0; i < row.size(); ++i) widths[i] = std::max(widths[i], display_width(row[i]));
   std::string text;
   for (const auto& row : rows) {
-    text += row[0] + std::string(widths[0] - width_of(row[0]), ' ');
-    for (std::size_t i = 1; i < row.size(); ++i) text += "  " + std::string(widths[i] - width_of(row[i]), ' ') + row[i];
+    text += row[0] + std::string(widths[0] - display_width(row[0]), ' ');
+    for (std::size_t i = 1; i < row.size(); ++i)
+      text += "  " + std::string(widths[i] - display_width(row[i]), ' ') + row[i];
     text += "\n";
   }
   return text;

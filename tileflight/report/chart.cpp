@@ -28,10 +28,6 @@ struct Frame {
   }
 };
 
-Html label(double x, double y, const std::string& anchor, const std::string& content) {
-  return element("text", {{"x", svg_number(x)}, {"y", svg_number(y)}, {"text-anchor", anchor}}, text(content));
-}
-
 double step_of(const std::vector<double>& ticks) { return ticks.size() > 1 ? ticks[1] - ticks[0] : 1.0; }
 
 Html axes(const Frame& frame) {
@@ -41,15 +37,15 @@ Html axes(const Frame& frame) {
   for (const double tick : across) {
     const double x = frame.across(tick);
     result += svg_line(x, kHeight - kBottom, x, kHeight - kBottom + 5, "axis") +
-              label(x, kHeight - kBottom + 19, "middle", tick_text(tick, step_of(across)));
+              svg_label(x, kHeight - kBottom + 19, "middle", tick_text(tick, step_of(across)));
   }
   for (const double tick : up) {
     const double y = frame.down(tick);
-    result +=
-        svg_line(kLeft, y, kWidth - kRight, y, "grid") + label(kLeft - 7, y + 4, "end", tick_text(tick, step_of(up)));
+    result += svg_line(kLeft, y, kWidth - kRight, y, "grid") +
+              svg_label(kLeft - 7, y + 4, "end", tick_text(tick, step_of(up)));
   }
   result += svg_line(kLeft, kHeight - kBottom, kWidth - kRight, kHeight - kBottom, "axis");
-  result += label((kLeft + kWidth - kRight) / 2, kHeight - 8, "middle", frame.x.label);
+  result += svg_label((kLeft + kWidth - kRight) / 2, kHeight - 8, "middle", frame.x.label);
   const double middle = (kTop + kHeight - kBottom) / 2;
   result += element("text",
                     {{"x", "14"},

@@ -34,6 +34,10 @@ Html legend_lines(const std::vector<LegendEntry>& entries, double from_y) {
 
 }  // namespace
 
+Html svg_label(double x, double y, const std::string& anchor, const std::string& content) {
+  return element("text", {{"x", svg_number(x)}, {"y", svg_number(y)}, {"text-anchor", anchor}}, text(content));
+}
+
 Html svg_line(double x1, double y1, double x2, double y2, const std::string& style) {
   return empty_element("line", {{"x1", svg_number(x1)},
                                 {"y1", svg_number(y1)},

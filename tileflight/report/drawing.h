@@ -17,6 +17,9 @@ Html legend(const std::vector<LegendEntry>& entries);
 /// A line between two points, with a class of the page's style sheet.
 Html svg_line(double x1, double y1, double x2, double y2, const std::string& style);
 
+/// A text in the page's style; `anchor`: of SVG's text-anchor, "start", "middle" or "end".
+Html svg_label(double x, double y, const std::string& anchor, const std::string& content);
+
 /// Content of an SVG, in units of its view box (0, 0, width, height), independent of whether it is put on a page or in
 /// a file.
 struct Drawing {

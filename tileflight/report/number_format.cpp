@@ -1,5 +1,6 @@
 #include "tileflight/report/number_format.h"
 
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
@@ -43,6 +44,10 @@ std::string format_percent(const std::optional<double>& share, int decimals) {
 std::string format_signed(const std::optional<double>& value, int decimals) {
   if (!value || !std::isfinite(*value)) return kUnknown;
   return (std::signbit(*value) ? "\u2212" : "+") + format_fixed(std::abs(*value), decimals);
+}
+
+std::size_t display_width(const std::string& text) {
+  return static_cast<std::size_t>(std::count_if(text.begin(), text.end(), [](char c) { return (c & 0xC0) != 0x80; }));
 }
 
 }  // namespace tileflight::report

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
@@ -23,5 +24,8 @@ std::string format_shortest(const std::optional<double>& value);
 std::string format_percent(const std::optional<double>& share, int decimals = 1);
 /// With an explicit sign (a true minus, U+2212): +0.019.
 std::string format_signed(const std::optional<double>& value, int decimals);
+
+/// Number of characters, not bytes: the number of terminal columns (every character used here takes one).
+std::size_t display_width(const std::string& text);
 
 }  // namespace tileflight::report

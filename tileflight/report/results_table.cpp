@@ -1,17 +1,12 @@
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include <algorithm>
-
 #include "tileflight/report/key_figures.h"
+#include "tileflight/report/number_format.h"
 #include "tileflight/report/report.h"
 
 namespace tileflight::report {
 namespace {
-
-/// Length in characters, not bytes: the number of terminal columns (every character used here takes one).
-std::size_t display_width(const std::string& text) {
-  return static_cast<std::size_t>(std::count_if(text.begin(), text.end(), [](char c) { return (c & 0xC0) != 0x80; }));
-}
 
 std::string padded_left(const std::string& text, std::size_t width) {
   return std::string(width - std::min(width, display_width(text)), ' ') + text;

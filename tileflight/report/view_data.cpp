@@ -8,6 +8,8 @@
 #include <numbers>
 #include <set>
 
+#include "tileflight/base/raw_bytes.h"
+#include "tileflight/geometry/json_numbers.h"
 #include "tileflight/imaging/image_files.h"
 #include "tileflight/report/data_blocks.h"
 #include "tileflight/report/figures.h"
@@ -29,8 +31,6 @@ constexpr double kWidestHalf_deg = 40.0;
 /// Map points farther outside the place than this share of its diagonal are not shown.
 constexpr double kReach = 0.5;
 
-json triple(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
-
 /// Positions quantized to 16 bits within the points' bounds.
 json add_positions(DataBlocks& blocks, const std::vector<Vec3>& points) {
   Box3 box;
@@ -43,20 +43,16 @@ json add_positions(DataBlocks& blocks, const std::vector<Vec3>& points) {
       steps.push_back(static_cast<std::uint16_t>(std::lround((p[axis] - box.min()[axis]) / step[axis])));
   }
   json place = blocks.add(std::span<const std::uint16_t>(steps));
-  place["low_m"] = triple(box.min());
-  place["step_m"] = triple(step);
+  place["low_m"] = geometry::json_numbers(box.min());
+  place["step_m"] = geometry::json_numbers(step);
   return place;
-}
-
-std::string as_string(const std::vector<std::byte>& bytes) {
-  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
 /// JPEG at the best quality that fits; scaled down by half if even the lowest does not.
 std::string jpeg_within(imaging::RgbImage image, std::size_t most_bytes) {
   for (;;) {
     for (const int quality : {85, 75, 60, 45}) {
-      std::string jpeg = as_string(imaging::encode_jpeg(image, quality));
+      std::string jpeg = std::string(base::as_text(imaging::encode_jpeg(image, quality)));
       if (jpeg.size() <= most_bytes || image.width <= 16) return jpeg;
     }
     image = downscale(image, image.width / 2);
@@ -110,7 +106,7 @@ json cells_layer(DataBlocks& blocks, const RunFolder& run, const ViewBudget& bud
   std::vector<std::uint16_t> numbers;
   for (const auto& cell : cells.at) numbers.insert(numbers.end(), cell.begin(), cell.end());
   return {{"size_m", cells.size_m},
-          {"origin_m", triple(cells.origin_m)},
+          {"origin_m", geometry::json_numbers(cells.origin_m)},
           {"cells", blocks.add(std::span<const std::uint16_t>(numbers))}};
 }
 
@@ -190,7 +186,7 @@ std::vector<std::string> jpegs_within(const std::vector<imaging::RgbImage>& pict
     jpegs.clear();
     std::size_t bytes = 0;
     for (const imaging::RgbImage& picture : pictures) {
-      jpegs.push_back(as_string(imaging::encode_jpeg(picture, quality)));
+      jpegs.emplace_back(base::as_text(imaging::encode_jpeg(picture, quality)));
       bytes += jpegs.back().size();
     }
     if (bytes <= most_bytes) break;
@@ -361,10 +357,10 @@ std::string view_data(const RunFolder& run, const ViewBudget& budget) {
   for (const FlightRun& flight : run.flights) earliest_s = std::min(earliest_s, start_of(flight));
   const Box3 shown = initial_view_box(run, extent, reach);
   DataBlocks blocks;
-  json header{{"low_m", triple(extent.min())},
-              {"high_m", triple(extent.max())},
-              {"shown_low_m", triple(shown.min())},
-              {"shown_high_m", triple(shown.max())},
+  json header{{"low_m", geometry::json_numbers(extent.min())},
+              {"high_m", geometry::json_numbers(extent.max())},
+              {"shown_low_m", geometry::json_numbers(shown.min())},
+              {"shown_high_m", geometry::json_numbers(shown.max())},
               {"error_limit_m", color_limit(run)},
               {"error_colors", error_colors()},
               {"common_clock", common_clock},

@@ -5,7 +5,7 @@
 
 namespace tileflight::ros2 {
 
-/// What CycloneDDS is told of networks and limits, as its XML.
+/// Configuration of CycloneDDS, as its XML: networks and limits.
 ///
 /// - `interface_name` given ("eth0", or an address of this machine): that interface alone, with multicast if it has it.
 /// - else, what `cyclonedds_uri` (the environment's CYCLONEDDS_URI, a file or XML) says, if it is not empty;

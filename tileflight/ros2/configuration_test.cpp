@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 
+#include "tests/refusal.h"
 #include "tileflight/base/input_error.h"
 
 namespace tileflight::ros2::configuration_test {
@@ -29,8 +30,8 @@ TEST(Ros2Configuration, LimitsAndNoSharedMemoryAlways) {
 }
 
 TEST(Ros2Configuration, ANameIsNoXml) {
-  EXPECT_THROW(configuration("lo\"/><Tracing>", ""), InputError);
-  EXPECT_THROW(configuration(std::string(100, 'x'), ""), InputError);
+  EXPECT_THAT(tests::refusal_of([] { configuration("lo\"/><Tracing>", ""); }), HasSubstr("is no name or address"));
+  EXPECT_THAT(tests::refusal_of([] { configuration(std::string(100, 'x'), ""); }), HasSubstr("is no name or address"));
 }
 
 }  // namespace

@@ -12,7 +12,7 @@ struct ddsi_sertype;
 
 namespace tileflight::ros2 {
 
-// How readers and writers are made; for this room.
+// Creation of readers and writers, for this room.
 
 /// An entity of DDS with its topic, deleted with it.
 class Entity {

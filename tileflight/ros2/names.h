@@ -5,7 +5,7 @@
 
 namespace tileflight::ros2 {
 
-// How ROS 2's middlewares call topics, services and types in DDS (design.ros2.org, "Topic and Service name mapping to
+// How ROS 2's middlewares name topics, services and types in DDS (design.ros2.org, "Topic and Service name mapping to
 // DDS"; rosidl's names of generated types).
 
 /// "/drone/imu" → "rt/drone/imu"

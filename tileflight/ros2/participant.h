@@ -32,10 +32,10 @@ class Participant {
   Participant(const Participant&) = delete;
   Participant& operator=(const Participant&) = delete;
 
-  /// Where others look for it: "127.0.0.1 alone", the interface, or "CYCLONEDDS_URI".
+  /// The network on which others find it: "127.0.0.1 alone", the interface, or "CYCLONEDDS_URI".
   std::string network() const;
 
-  /// Counts how often readers of others have come and gone.
+  /// Counts arrivals and departures of other participants' readers.
   std::uint64_t audience_changes() const;
   /// Waits until any publisher has a reader. Returns false if `stop` was requested.
   bool wait_for_reader(const std::stop_token& stop) const;
@@ -47,7 +47,7 @@ class Participant {
   /// Tells others that the entity belongs to the node, or does no more.
   void add(Kind kind, std::int32_t entity);
   void remove(Kind kind, std::int32_t entity);
-  /// Publishers' readers have come (positive) or gone.
+  /// Readers of publishers that have arrived (positive) or left.
   void count_readers(std::int32_t change);
   void report(const std::string& line);
 

@@ -21,7 +21,7 @@ class PartTree {
 
   BeamNode::Child root() const { return root_; }
 
-  /// Calls `visit(part)` for parts from near to far, as told by the query:
+  /// Calls `visit(part)` for parts from near to far, as defined by the query:
   ///   query.distances(node, distance)   sets the distances of a node's eight boxes, infinity if one is missed
   ///   query.reach()                     the distance beyond which nothing is wanted, which visits may reduce
   /// Ends early when `visit` returns false.

@@ -12,6 +12,7 @@
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/evaluation/doubts_json.h"
+#include "tileflight/geometry/json_numbers.h"
 #include "tileflight/geometry/trajectory_files.h"
 #include "tileflight/scoring/map_inputs.h"
 
@@ -119,8 +120,6 @@ Doubts doubts_about(const ScoredTrajectory& scored) {
   return doubts;
 }
 
-json vector_json(const geometry::Vec3& v) { return {v.x(), v.y(), v.z()}; }
-
 /// Aligned poses and their errors, pair by pair.
 json series_of(const ScoredTrajectory& scored) {
   const evaluation::StepErrors steps = evaluation::compute_step_errors(scored.poses);
@@ -132,8 +131,8 @@ json series_of(const ScoredTrajectory& scored) {
     if (i > 0) flown_m += (t - scored.poses.truth.poses[i - 1].T_local_camera.translation).norm();
     time.push_back(scored.poses.truth.poses[i].time_s);
     distance.push_back(flown_m);
-    truth.push_back(vector_json(t));
-    estimate.push_back(vector_json(e));
+    truth.push_back(geometry::json_numbers(t));
+    estimate.push_back(geometry::json_numbers(e));
     error.push_back((t - e).norm());
   }
   return {{"name", scored.name},

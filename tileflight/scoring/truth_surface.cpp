@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/evaluation/distances.h"
 #include "tileflight/evaluation/normal_consistency.h"
 #include "tileflight/evaluation/part_search.h"
 #include "tileflight/geometry/position_order.h"
@@ -25,13 +26,6 @@ using geometry::Vec3;
 using ground_truth::NumberedMesh;
 
 constexpr double kAnywhere = std::numeric_limits<double>::infinity();
-
-void require_finite(const PointCloud& points, const char* what) {
-  if (points.empty()) throw InputError(what, "has no points; there is nothing to score");
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    if (!points.positions[i].allFinite()) throw InputError(what, "point " + std::to_string(i) + " is not finite");
-  }
-}
 
 /// The triangles whose bounds intersect the box, with only the vertices they use.
 NumberedMesh crop_to_box(const NumberedMesh& whole, const Box3& box) {
@@ -89,7 +83,7 @@ struct NearestTriangle {
 
 std::vector<double> distances_to_voxel_centers(const PointCloud& points, const ground_truth::TruthFolder& truth,
                                                const char* what) {
-  require_finite(points, what);
+  evaluation::require_scorable(points, what);
   std::vector<Box3> bounds;
   for (const std::size_t part : truth.all_parts()) bounds.push_back(truth.voxel_bounds(part));
   const double voxel_m = truth.voxel_m();
@@ -133,7 +127,7 @@ Box3 TruthSurface::bounds() {
 }
 
 SurfaceMatch TruthSurface::match(const PointCloud& map, const std::vector<std::uint32_t>& chosen, double within_m) {
-  require_finite(map, "map");
+  evaluation::require_scorable(map, "map");
   std::vector<Box3> bounds;
   for (const std::size_t part : truth_.all_parts()) bounds.push_back(truth_.mesh_bounds(part));
   constexpr std::uint32_t kNotChosen = std::numeric_limits<std::uint32_t>::max();

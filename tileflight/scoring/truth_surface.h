@@ -20,7 +20,7 @@ namespace tileflight::scoring {
 std::vector<double> distances_to_voxel_centers(const geometry::PointCloud& points,
                                                const ground_truth::TruthFolder& truth, const char* what);
 
-/// How a map lies on the true surface.
+/// Distances of a map from the true surface.
 struct SurfaceMatch {
   std::vector<double> distances_m;         ///< of each point of the map to the surface
   std::vector<geometry::Vec3> directions;  ///< of each chosen point: normal, of any length, of the nearest triangle;

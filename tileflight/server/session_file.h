@@ -49,7 +49,7 @@ struct RecordedAnswer {
   std::int64_t tick = 0;   ///< steps that the clock had made when it was given, at least
 };
 
-/// What an autopilot did; of kSensors the hash instead of the bytes.
+/// An autopilot's event; for kSensors with the hash instead of the bytes.
 struct RecordedEvent {
   simulator::AutopilotEvent event;
   AnswerHash hash{};

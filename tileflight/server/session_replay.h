@@ -33,7 +33,7 @@ struct SessionDifference {
   std::string what;  ///< the method that was called
 };
 
-/// What a repetition found.
+/// Result of a repetition.
 struct ReplayResult {
   std::uint64_t calls = 0;
   std::uint64_t answers_compared = 0;  ///< of calls, and messages to autopilots

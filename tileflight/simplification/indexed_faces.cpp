@@ -39,6 +39,13 @@ std::uint32_t VertexDeduplicator::vertex(const FaceCorner& corner, TexturedMesh&
   return index;
 }
 
+std::size_t find_or_add_group(const std::string& material, std::map<std::string, std::size_t>& group_of,
+                              IndexedFaces& faces) {
+  const auto [at, is_new] = group_of.try_emplace(material, faces.groups.size());
+  if (is_new) faces.groups.push_back({material, {}});
+  return at->second;
+}
+
 void add_face(const std::vector<FaceCorner>& corners, const std::vector<geometry::Vec3>& positions, FaceGroup& group) {
   if (corners.size() == 3) {
     group.triangles.push_back({corners[0], corners[1], corners[2]});

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <limits>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -67,6 +68,10 @@ class VertexDeduplicator {
   std::vector<std::uint32_t> older_;   ///< for each vertex: the previous one at its position
   std::vector<FaceCorner> vertices_;
 };
+
+/// Index of a material's group, which is added at its first use. `group_of`: the groups by material.
+std::size_t find_or_add_group(const std::string& material, std::map<std::string, std::size_t>& group_of,
+                              IndexedFaces& faces);
 
 /// Adds a face of any number of corners to a group, triangulated. Fewer than three corners add nothing.
 void add_face(const std::vector<FaceCorner>& corners, const std::vector<geometry::Vec3>& positions, FaceGroup& group);

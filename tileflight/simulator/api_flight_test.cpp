@@ -5,6 +5,7 @@
 #include <numbers>
 #include <thread>
 
+#include "tests/refusal.h"
 #include "tileflight/simulator/test_world.h"
 
 namespace tileflight::simulator::api_flight_test {
@@ -32,16 +33,6 @@ bool move_to(Simulator& world, float x, float y, float z, float velocity = 5.0F)
 double off_m(Simulator& world, double x, double y, double z) {
   const Vector3r p = position(world);
   return std::hypot(p.x_val - x, p.y_val - y, p.z_val - z);
-}
-
-template <class Call>
-std::string refusal_of(const Call& call) {
-  try {
-    call();
-  } catch (const std::exception& error) {
-    return error.what();
-  }
-  return "no refusal";
 }
 
 TEST(ApiFlight, AVehicleStandsOnTheGroundAndTakesOffTwoMetres) {
@@ -249,8 +240,10 @@ TEST(ApiFlight, AnglesAndRatesAreOfTheBody) {
   EXPECT_GT(world->sim_get_ground_truth_kinematics("").linear_velocity.x_val, 0.1);
   EXPECT_TRUE(world->move_by_roll_pitch_yaw_throttle(0, 0, 1.5F, 0.8F, 1.5F, ""));
   EXPECT_LT(world->sim_get_ground_truth_kinematics("").linear_velocity.z_val, -2.0) << "up";
-  EXPECT_THAT(refusal_of([&] { world->move_by_roll_pitch_yaw_throttle(0, 0, 0, 2, 1, ""); }), HasSubstr("throttle"));
-  EXPECT_THAT(refusal_of([&] { world->move_by_angle_rates_z(NAN, 0, 0, -10, 1, ""); }), HasSubstr("out of range"));
+  EXPECT_THAT(tests::message_of([&] { world->move_by_roll_pitch_yaw_throttle(0, 0, 0, 2, 1, ""); }),
+              HasSubstr("throttle"));
+  EXPECT_THAT(tests::message_of([&] { world->move_by_angle_rates_z(NAN, 0, 0, -10, 1, ""); }),
+              HasSubstr("out of range"));
 }
 
 /// With wind towards the east, the vehicle tilts west to hold its position.
@@ -272,7 +265,8 @@ TEST(ApiFlight, WindReachesAVehicleThatIsInTheAir) {
 TEST(ApiFlight, CommandsThatCannotBeFlownAreRefused) {
   const auto world = ready();
   const auto path = [&](float velocity, float lookahead, int drivetrain, float x) {
-    return refusal_of([&] { world->move_to_position(x, 0, -5, velocity, 10, drivetrain, kKeep, lookahead, 1, ""); });
+    return tests::message_of(
+        [&] { world->move_to_position(x, 0, -5, velocity, 10, drivetrain, kKeep, lookahead, 1, ""); });
   };
   EXPECT_THAT(path(0, -1, 0, 1), HasSubstr("velocity"));
   EXPECT_THAT(path(NAN, -1, 0, 1), HasSubstr("velocity"));
@@ -280,9 +274,10 @@ TEST(ApiFlight, CommandsThatCannotBeFlownAreRefused) {
   EXPECT_THAT(path(5, -1, 1, 1), HasSubstr("forward only"));
   EXPECT_THAT(path(5, -1, 2, 1), HasSubstr("drivetrain"));
   EXPECT_THAT(path(5, -1, 0, NAN), HasSubstr("finite"));
-  EXPECT_THAT(refusal_of([&] { world->sim_continue_for_time(INFINITY); }), HasSubstr("seconds"));
+  EXPECT_THAT(tests::message_of([&] { world->sim_continue_for_time(INFINITY); }), HasSubstr("seconds"));
   const auto still = simulator(kComputerVision);
-  EXPECT_THAT(refusal_of([&] { still->takeoff(20, ""); }), testing::StartsWith("Vehicle API for 'ComputerVision'"));
+  EXPECT_THAT(tests::message_of([&] { still->takeoff(20, ""); }),
+              testing::StartsWith("Vehicle API for 'ComputerVision'"));
 }
 
 TEST(ApiFlight, SeveralVehiclesHaveTheirOwnOrigins) {

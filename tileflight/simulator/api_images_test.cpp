@@ -3,6 +3,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "tests/refusal.h"
 #include "tileflight/imaging/camera.h"
 #include "tileflight/imaging/image_files.h"
 #include "tileflight/simulator/image_renderer.h"
@@ -31,16 +32,6 @@ std::array<int, 3> bgr_at(const ImageResponse& image, int x, int y) {
   const std::size_t i =
       3 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width) + static_cast<std::size_t>(x));
   return {image.image_data_uint8.at(i), image.image_data_uint8.at(i + 1), image.image_data_uint8.at(i + 2)};
-}
-
-template <class Call>
-std::string refusal_of(const Call& call) {
-  try {
-    call();
-  } catch (const std::exception& error) {
-    return error.what();
-  }
-  return "no refusal";
 }
 
 TEST(ApiImages, DepthOfAWallAheadIsItsDistanceAndItsRangeThatOverTheCosine) {
@@ -175,7 +166,7 @@ TEST(ApiImages, AnnotationLayersShowTheLabelsOfClients) {
   EXPECT_FLOAT_EQ(world->sim_get_annotation_object_value("Grey", "north_wall"), 0.4F);
   EXPECT_EQ(seen("Direct"), (std::array<int, 3>{30, 20, 10})) << "layers do not touch each other";
   EXPECT_THAT(world->sim_get_image("0", kAnnotation, "", false, "Direct"), testing::SizeIs(testing::Gt(100U)));
-  EXPECT_THAT(refusal_of([&] { seen("Nothing"); }), HasSubstr("Direct, Grey, Index"));
+  EXPECT_THAT(tests::message_of([&] { seen("Nothing"); }), HasSubstr("Direct, Grey, Index"));
 }
 
 TEST(ApiImages, LabelsThatDoNotFitTheirLayerAnswerFalse) {
@@ -244,7 +235,8 @@ TEST(ApiImages, DistortionIsEachCamerasOwn) {
   EXPECT_NEAR(at(take(*world, kRange, true), 200, 100), 20.0 / ray.z(), 1e-3);
   const double across = 72.5 / 128, down = 28.5 / 128;
   EXPECT_NEAR(at(take(*world, kRange, true, "1"), 200, 100), 20 * std::sqrt(1 + across * across + down * down), 1e-3);
-  EXPECT_THAT(refusal_of([&] { world->sim_set_distortion_param("0", "K9", 0, "", false); }), HasSubstr("K1, K2"));
+  EXPECT_THAT(tests::message_of([&] { world->sim_set_distortion_param("0", "K9", 0, "", false); }),
+              HasSubstr("K1, K2"));
 }
 
 TEST(ApiImages, AFisheyeSeesBehindItself) {
@@ -287,16 +279,17 @@ TEST(ApiImages, ExternalCamerasStandInTheWorld) {
 TEST(ApiImages, WhatIsNotThereOrBeyondReasonIsRefusedInOneLine) {
   const auto world = simulator(kComputerVision);
   const auto images = [&](const std::string& camera, int type, const std::string& vehicle) {
-    return refusal_of([&] { world->sim_get_images({{camera, type, false, true}}, vehicle, false); });
+    return tests::message_of([&] { world->sim_get_images({{camera, type, false, true}}, vehicle, false); });
   };
   EXPECT_THAT(images("none", 0, ""), HasSubstr("front_center"));
   EXPECT_THAT(images("0", 12, ""), HasSubstr("image type 12"));
   EXPECT_THAT(images("0", 0, "Drone9"), testing::StartsWith("Vehicle API for 'Drone9' is not available"));
   const std::vector<ImageRequest> many(257, ImageRequest{"0", 0, false, true});
-  EXPECT_THAT(refusal_of([&] { world->sim_get_images(many, "", false); }), HasSubstr("256"));
-  EXPECT_THAT(refusal_of([&] { world->sim_set_camera_fov("0", NAN, "", false); }), HasSubstr("field of view"));
-  EXPECT_THAT(refusal_of([&] { world->sim_set_vehicle_pose(pose(INFINITY, 0, 0), true, ""); }), HasSubstr("finite"));
-  EXPECT_THAT(refusal_of([&] {
+  EXPECT_THAT(tests::message_of([&] { world->sim_get_images(many, "", false); }), HasSubstr("256"));
+  EXPECT_THAT(tests::message_of([&] { world->sim_set_camera_fov("0", NAN, "", false); }), HasSubstr("field of view"));
+  EXPECT_THAT(tests::message_of([&] { world->sim_set_vehicle_pose(pose(INFINITY, 0, 0), true, ""); }),
+              HasSubstr("finite"));
+  EXPECT_THAT(tests::message_of([&] {
                 world->tf_set_lens("0", {"fisheye", 1 << 30, 1 << 30, 90, {}, {}}, "", false);
               }),
               HasSubstr("8192"));

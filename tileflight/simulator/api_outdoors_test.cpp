@@ -3,6 +3,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "tests/refusal.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/text_parsing.h"
 #include "tileflight/render/linear_color.h"
@@ -20,16 +21,6 @@ constexpr int kRain = 0, kRoadWetness = 1, kSnow = 2, kMapleLeaf = 4, kDust = 6,
 constexpr double kLatitude_deg = -0.2, kLongitude_deg = -78.5;
 const std::string kQuito = R"({"SimMode": "ComputerVision", "StepOnDemand": true,
     "OriginGeopoint": {"Latitude": -0.2, "Longitude": -78.5, "Altitude": 2800}})";
-
-template <class Call>
-std::string refusal_of(const Call& call) {
-  try {
-    call();
-  } catch (const std::exception& error) {
-    return error.what();
-  }
-  return "no refusal";
-}
 
 std::vector<std::uint8_t> picture(Simulator& world, const std::string& camera = "0") {
   return world.sim_get_images({{camera, 0, false, false}}, "", false).at(0).image_data_uint8;
@@ -135,19 +126,22 @@ TEST(ApiOutdoors, WhatCannotBeSaysSoInOneLine) {
   EXPECT_EQ(picture(*nowhere), plain);
   const auto world = simulator(kQuito, {}, lines.log());
   const auto refused = [&](const std::string& start, float speed, float interval_s) {
-    return refusal_of([&] { world->sim_set_time_of_day(true, start, false, speed, interval_s, true); });
+    return tests::message_of([&] { world->sim_set_time_of_day(true, start, false, speed, interval_s, true); });
   };
   EXPECT_THAT(refused("yesterday", 1, 60), HasSubstr("'yesterday' is no date and time; give one such as 2018-02-12"));
-  EXPECT_EQ(refused("2022-11-03 24:00:00", 1, 60), "no refusal");
+  EXPECT_EQ(refused("2022-11-03 24:00:00", 1, 60), "no error");
   EXPECT_THAT(refused("2022-11-03 25:00:00", 1, 60), HasSubstr("is no date and time"));
   EXPECT_THAT(refused(std::string(100000, '1'), 1, 60), HasSubstr("is no date and time"));
   EXPECT_THAT(refused("2018-02-30 10:00:00", 1, 60), HasSubstr("is no date and time"));
   EXPECT_THAT(refused("2218-02-12 10:00:00", 1, 60), HasSubstr("1900"));
   EXPECT_THAT(refused("2018-02-12 10:00:00", NAN, 60), HasSubstr("the clock's speed"));
   EXPECT_THAT(refused("2018-02-12 10:00:00", 1, -1), HasSubstr("the update interval must lie between 0 and 86400 s"));
-  EXPECT_THAT(refusal_of([&] { world->sim_set_weather_parameter(9, 1); }), HasSubstr("parameter 9 is unknown; use 0"));
-  EXPECT_THAT(refusal_of([&] { world->sim_set_weather_parameter(-1, 1); }), HasSubstr("parameter -1 is unknown"));
-  EXPECT_THAT(refusal_of([&] { world->sim_set_weather_parameter(kFog, NAN); }), HasSubstr("the value is not a number"));
+  EXPECT_THAT(tests::message_of([&] { world->sim_set_weather_parameter(9, 1); }),
+              HasSubstr("parameter 9 is unknown; use 0"));
+  EXPECT_THAT(tests::message_of([&] { world->sim_set_weather_parameter(-1, 1); }),
+              HasSubstr("parameter -1 is unknown"));
+  EXPECT_THAT(tests::message_of([&] { world->sim_set_weather_parameter(kFog, NAN); }),
+              HasSubstr("the value is not a number"));
   for (int i = 0; i < 3; ++i) world->sim_set_weather_parameter(kMapleLeaf, 0.5);
   EXPECT_EQ(lines.count("simSetWeatherParameter has no effect: snow and leaves on the ground"), 1U);
 }

@@ -5,6 +5,7 @@
 #include <set>
 #include <sstream>
 
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 #include "tileflight/dataset/dataset.h"
 #include "tileflight/simulator/test_world.h"
@@ -16,16 +17,6 @@ using namespace test_world;
 using geometry::Box3;
 using geometry::Vec3;
 using testing::HasSubstr;
-
-template <class Call>
-std::string refusal_of(const Call& call) {
-  try {
-    call();
-  } catch (const std::exception& error) {
-    return error.what();
-  }
-  return "no refusal";
-}
 
 std::string read_all(const std::filesystem::path& file) {
   std::ifstream in(file, std::ios::binary);
@@ -106,7 +97,7 @@ TEST(ApiScene, GridsBeyondReasonAreRefused) {
   options.output_root = folder.path();
   const auto world = simulator(kComputerVision, options);
   const auto grid = [&](int edge, float resolution, float x) {
-    return refusal_of([&] { world->sim_create_voxel_grid({x, 0, 0}, edge, edge, edge, resolution, "a"); });
+    return tests::message_of([&] { world->sim_create_voxel_grid({x, 0, 0}, edge, edge, edge, resolution, "a"); });
   };
   EXPECT_THAT(grid(2147483647, 1, 0), HasSubstr("100000 m"));
   EXPECT_THAT(grid(100000, 0.01F, 0), HasSubstr("cells"));
@@ -115,7 +106,7 @@ TEST(ApiScene, GridsBeyondReasonAreRefused) {
   EXPECT_THAT(grid(10, NAN, 0), HasSubstr("resolution"));
   EXPECT_THAT(grid(10, 0, 0), HasSubstr("resolution"));
   EXPECT_THAT(grid(10, 1, NAN), HasSubstr("finite"));
-  EXPECT_THAT(refusal_of([&] {
+  EXPECT_THAT(tests::message_of([&] {
                 world->tf_create_voxel_grid({0, 0, 0}, {1000, 1000, 1000}, 0.5F);
               }),
               HasSubstr("cells"));
@@ -249,7 +240,7 @@ TEST(ApiScene, WhatHasNoEffectIsToldOnce) {
 
 TEST(ApiScene, WhatIsNotServedSaysWhy) {
   const auto world = simulator(kComputerVision);
-  EXPECT_THAT(refusal_of([&] { world->refuse("simSetExtForce"); }),
+  EXPECT_THAT(tests::message_of([&] { world->refuse("simSetExtForce"); }),
               HasSubstr("simSetExtForce is not served here: external forces"));
   EXPECT_FALSE(world->sim_set_object_pose("north_wall", {}, true));
 }

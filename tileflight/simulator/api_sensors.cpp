@@ -3,6 +3,7 @@
 #include <limits>
 #include <stdexcept>
 
+#include "tileflight/labels/segmentation_ids.h"
 #include "tileflight/sensors/barometer.h"
 #include "tileflight/simulator/echo_sensor.h"
 #include "tileflight/simulator/frames.h"
@@ -92,15 +93,6 @@ LidarData Simulator::get_lidar_data(const std::string& lidar, const std::string&
   return data;
 }
 
-namespace {
-
-/// The number that clients take the three bytes from; exact in a float.
-float to_colour_number(const imaging::Rgb8& colour) {
-  return static_cast<float>((std::uint32_t{colour[0]} << 16U) | (std::uint32_t{colour[1]} << 8U) | colour[2]);
-}
-
-}  // namespace
-
 GPULidarData Simulator::get_gpu_lidar_data(const std::string& lidar, const std::string& vehicle) {
   const LidarCapture taken = capture_scan(*impl_, lidar, vehicle);
   GPULidarData data;
@@ -109,7 +101,9 @@ GPULidarData Simulator::get_gpu_lidar_data(const std::string& lidar, const std::
   data.point_cloud.reserve(5 * taken.returns.size());
   for (const LidarReturn& one : taken.returns) {
     const Vector3r p = taken.point(one);
-    const float colour = to_colour_number(labels::segmentation_colour(taken.segmentation_ids[one.object]));
+    // 24 bits: exact in a float.
+    const auto colour =
+        static_cast<float>(labels::colour_number(labels::segmentation_colour(taken.segmentation_ids[one.object])));
     data.point_cloud.insert(data.point_cloud.end(), {p.x_val, p.y_val, p.z_val, colour, one.intensity});
   }
   return data;

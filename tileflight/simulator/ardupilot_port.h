@@ -13,7 +13,7 @@
 
 namespace tileflight::simulator {
 
-/// Waits until nobody else uses a port; without the lock: it is to stop.
+/// Waits until a port is free. Returns without owning the lock if a stop is requested.
 template <class Port>
 std::unique_lock<std::mutex> wait_for_port(Port& port, const std::stop_token& stop) {
   std::unique_lock lock(port.in_use, std::try_to_lock);
@@ -25,7 +25,7 @@ std::unique_lock<std::mutex> wait_for_port(Port& port, const std::stop_token& st
 }
 
 /// ArduPilot's JSON interface for one vehicle: a thread that takes servo packets from a UDP port, lets the vehicle make
-/// the steps that they ask for, and answers with its state. It begins once nobody else uses the port.
+/// the steps that they ask for, and answers with its state. It begins once the port is free.
 class ArduPilotPort {
  public:
   using Port = autopilot::SharedPort<autopilot::UdpPort>;

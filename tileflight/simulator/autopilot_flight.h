@@ -10,19 +10,19 @@
 
 namespace tileflight::simulator {
 
-/// A flight by an autopilot, from its first step.
+/// A flight by an autopilot; times are from its first step.
 struct AutopilotFlight {
   flight::Path path;        ///< of the camera, from 0 s
   std::string outcome;      ///< "landed" or "time is over"
-  double airborne_s = 0.0;  ///< when it had left the ground; 0: it never did
+  double airborne_s = 0.0;  ///< time of take-off; 0: it stayed on the ground
   std::int64_t steps = 0;   ///< of the autopilot
   GeoPoint home;
-  std::vector<std::string> lines;  ///< what the simulator said of it: vision that is lost, damaged messages; at most 51
+  std::vector<std::string> lines;  ///< the simulator's messages: lost vision, damaged packets; at most 51
 };
 
-/// Flies an autopilot's vehicle over a place, until it has landed and its motors have stood for half a second, or the
+/// Flies an autopilot's vehicle over a place until it has landed and its motors have been off for half a second, or the
 /// plan's time is over. `options`: source, tiles and limits; the rest is set here. The same packets give the same path.
-/// Throws InputError if the autopilot's command ends or falls silent before, or never makes a step.
+/// Throws InputError if the autopilot's command ends or falls silent early, or never makes a step.
 AutopilotFlight fly_autopilot(const vehicle::AutopilotPlan& plan, SimulatorOptions options,
                               const Progress& progress = {});
 

@@ -14,7 +14,7 @@ enum class AutopilotKind {
   kPx4,        ///< VehicleType PX4Multirotor: PX4's simulator interface, MAVLink over TCP
 };
 
-/// Whence an autopilot's vision input, the message ODOMETRY, comes.
+/// Source of an autopilot's vision input, the message ODOMETRY.
 enum class VisionSource {
   kNone,
   kTruth,     ///< the true pose and velocity with white noise
@@ -29,10 +29,10 @@ struct VisionSettings {
   double latency_s = 0.1;                ///< from the exposure to the message
 };
 
-/// An autopilot that flies a vehicle: where it is expected, and what it flies.
+/// An autopilot that flies a vehicle: its port, and its vehicle.
 struct AutopilotSettings {
   AutopilotKind kind = AutopilotKind::kArduPilot;
-  int port = 9002;       ///< ControlPort or TcpPort, on which the simulator listens; 0: any free one
+  int port = 9002;       ///< ControlPort or TcpPort, on which the simulator listens; 0: any free port
   bool lockstep = true;  ///< of PX4: LockStep
   autopilot::AirframeKind airframe = autopilot::AirframeKind::kQuadX;
   bool optical_flow = false;  ///< of PX4: own key OpticalFlow, sends HIL_OPTICAL_FLOW
@@ -40,7 +40,7 @@ struct AutopilotSettings {
   double thrust_expo = 0.65;  ///< of the motors: own key ThrustExpo; default as of the autopilot's parameters
 };
 
-/// Reads the keys of a vehicle that an autopilot flies, by its VehicleType; nullopt for other types. Throws InputError.
+/// Reads a vehicle's autopilot keys; nullopt for a VehicleType without an autopilot. Throws InputError.
 std::optional<AutopilotSettings> read_autopilot(const std::string& vehicle_type, base::StrictSection& vehicle);
 
 }  // namespace tileflight::simulator

@@ -18,12 +18,6 @@ using geometry::Vec3;
 /// Rays start this far off the surface that mirrors them.
 constexpr double kOffSurface_m = 1e-4;
 
-/// Azimuth clockwise seen from above, elevation positive upwards; axes forward, right, down.
-Vec3 sensor_direction(double azimuth_rad, double elevation_rad) {
-  const double level = std::cos(elevation_rad);
-  return {level * std::cos(azimuth_rad), level * std::sin(azimuth_rad), -std::sin(elevation_rad)};
-}
-
 double angle_rad(const Vec3& a, const Vec3& b) { return std::atan2(a.cross(b).norm(), a.dot(b)); }
 
 /// Follows the rays of one measurement.

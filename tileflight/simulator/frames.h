@@ -54,6 +54,13 @@ inline double heading_rad(const Eigen::Quaterniond& R_ned_body) {
   return std::atan2(forward.y(), forward.x());
 }
 
+/// Unit vector in a sensor's axes (forward, right, down); azimuth clockwise seen from above, elevation positive
+/// upwards.
+inline geometry::Vec3 sensor_direction(double azimuth_rad, double elevation_rad) {
+  const double level = std::cos(elevation_rad);
+  return {level * std::cos(azimuth_rad), level * std::sin(azimuth_rad), -std::sin(elevation_rad)};
+}
+
 /// Conversions between internal types (double) and AirSim's structures (float).
 inline Vector3r to_airsim(const geometry::Vec3& v) {
   return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};

@@ -14,13 +14,13 @@ namespace tileflight::simulator {
 using SensorNoises = std::map<std::string, SensorNoiseState>;
 
 /// Inertial unit, magnetometer and barometer as the vehicle's first sensors of these kinds read them, with AirSim's
-/// defaults where there are none. `slow`: magnetometer and barometer are new, too.
+/// defaults where there are none. `slow`: with new readings of magnetometer and barometer.
 autopilot::HilSensor hil_sensor(const SensorContext& now, SensorNoises& noises, std::uint64_t time_us, bool slow);
 
 /// Position and velocity as the vehicle's first receiver reads them; nullopt until it has started, or without one.
 std::optional<autopilot::HilGps> hil_gps(const SensorContext& now, SensorNoises& noises, std::uint64_t time_us);
 
-/// What one distance sensor reads. `distance_m`: to the nearest surface along its axis. `id`: its number on the
+/// Reading of one distance sensor. `distance_m`: to the nearest surface along its axis. `id`: its number on the
 /// vehicle.
 autopilot::DistanceSensor hil_distance(const SensorContext& now, SensorNoises& noises, const SensorSettings& sensor,
                                        double distance_m, std::uint8_t id, std::uint64_t time_us);
@@ -40,8 +40,8 @@ struct FlowIntegral {
 autopilot::HilOpticalFlow hil_flow(const SensorContext& now, SensorNoises& noises, const FlowIntegral& flow,
                                    std::optional<double> distance_m, std::uint64_t time_us);
 
-/// A stand-in for odometry: the true pose from the start, and the true velocity, with white noise (5 cm, 0.01 rad, 5
-/// cm/s), as its covariances say.
+/// A substitute for odometry: the true pose relative to the start and the true velocity, with white noise (5 cm, 0.01
+/// rad, 5 cm/s) and covariances that state it.
 autopilot::Odometry hil_odometry(const SensorContext& now, SensorNoises& noises, std::uint64_t time_us);
 
 /// The true state.

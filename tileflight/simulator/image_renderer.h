@@ -28,7 +28,7 @@ struct Sunlight {
   geometry::Geodetic place() const { return {latitude_deg, longitude_deg, {height_m}}; }
 };
 
-/// What scene images show besides the place: light and weather at a time.
+/// Light and weather of scene images at a time.
 struct Outlook {
   double time_s = 0.0;                                    ///< of the simulation: where drops and flakes are
   std::optional<Sunlight> sunlight;                       ///< nullopt: the light of the textures
@@ -46,7 +46,7 @@ struct CameraView {
   std::optional<geometry::SE3> T_local_previous;         ///< camera pose of the previous image, for optical flow
   geometry::Vec3 velocity_m_s = geometry::Vec3::Zero();  ///< local frame
   geometry::Vec3 angular_velocity_rad_s = geometry::Vec3::Zero();  ///< local frame
-  /// For each object beside the tiles, where a point of it was then, by where it is, in the local frame.
+  /// For each spawned object: maps a point's present position to its previous one, local frame.
   std::vector<Eigen::Affine3d> moved{};
 };
 
@@ -85,8 +85,8 @@ class ImageRenderer {
     std::vector<double> lens;  ///< lens_key()
     std::shared_ptr<const render::CameraRays> rays;
     double pixels = 0.0;
-    Outlook outlook;                             ///< its time does not matter
-    std::shared_ptr<const ResidentScene> place;  ///< null, as the renderer, once there is another
+    Outlook outlook;                             ///< compared without its time
+    std::shared_ptr<const ResidentScene> place;  ///< null, like the renderer, once the place has changed
     std::shared_ptr<const render::CameraRenderer> renderer;
   };
 

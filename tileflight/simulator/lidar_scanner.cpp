@@ -43,12 +43,6 @@ double elevation_rad(const LidarSettings& s, int channel) {
   return radians(s.lower_deg + share * (s.upper_deg - s.lower_deg));
 }
 
-/// Azimuth clockwise seen from above, elevation positive upwards; axes forward, right, down.
-Vec3 beam_direction(double azimuth_rad, double elevation_rad) {
-  const double level = std::cos(elevation_rad);
-  return {level * std::cos(azimuth_rad), level * std::sin(azimuth_rad), -std::sin(elevation_rad)};
-}
-
 }  // namespace
 
 double rays_per_rad(const LidarSettings& settings) {
@@ -67,7 +61,7 @@ std::vector<LidarReturn> scan_lidar(const ResidentScene& place, const LidarSetti
   const auto cast = [&](std::size_t i) -> std::optional<LidarReturn> {
     const int column = static_cast<int>(i / static_cast<std::size_t>(settings.channels));
     const int channel = static_cast<int>(i % static_cast<std::size_t>(settings.channels));
-    const Vec3 direction = beam_direction(sweep.azimuth_rad(column), elevation_rad(settings, channel));
+    const Vec3 direction = sensor_direction(sweep.azimuth_rad(column), elevation_rad(settings, channel));
     const Vec3 direction_local = T_local_sensor.rotation * direction;
     const auto hit = place.scene().intersect({T_local_sensor.translation, direction_local}, settings.range_m);
     if (!hit) return std::nullopt;

@@ -15,9 +15,9 @@
 
 namespace tileflight::simulator {
 
-/// After this silence of an autopilot other vehicles no longer wait for it.
+/// Other vehicles stop waiting for an autopilot that has been silent for this long.
 inline constexpr std::chrono::milliseconds kAutopilotSilence{5000};
-/// How often a thread that waits for an autopilot looks whether it has to end.
+/// Interval at which a thread that waits for an autopilot checks for a stop request.
 inline constexpr std::chrono::milliseconds kAutopilotPoll{100};
 
 /// PX4's steps, and the time stamp of the sensors sent for one.
@@ -30,7 +30,7 @@ struct VehicleSlot;
 struct SensorContext;
 struct SensorSettings;
 
-/// How far each connected autopilot has brought its vehicle, simulation time. The clock follows the one that is behind.
+/// Simulation time that each connected autopilot has reached. The clock follows the earliest.
 /// Guarded by the simulator's mutex.
 class LockstepTimes {
  public:
@@ -44,16 +44,16 @@ class LockstepTimes {
   std::map<const VehicleSlot*, double> times_s_;
 };
 
-/// A vehicle in lockstep with its autopilot: it moves when the autopilot says so, and the simulation's clock, and with
-/// it all else, follows. Of several such vehicles none is ahead of another by more than a step. For one thread.
+/// A vehicle in lockstep with its autopilot: the autopilot's steps advance the vehicle, and the simulation's clock
+/// follows them. No such vehicle is ahead of another by more than a step. For one thread.
 class LockstepVehicle {
  public:
   LockstepVehicle(Simulator::Impl& simulator, VehicleSlot& vehicle) : simulator_(simulator), slot_(vehicle) {}
 
-  /// Back to the start, for an autopilot that starts anew.
+  /// Returns to the start, for an autopilot that restarts.
   void restart();
   /// Advances by a step, then waits for the clock and all that it drives (tiles, recordings). Waits first while the
-  /// simulation is paused or another vehicle is behind. `outputs`: of the motors, 0 to 1. False: the simulator stops.
+  /// simulation is paused or another vehicle is behind. `outputs`: of the motors, 0 to 1. False if the simulator stops.
   bool step(std::span<const double> outputs, double step_s);
   /// Repeats an event of a recorded session; returns what is sent.
   std::string apply(const AutopilotEvent& event);
@@ -63,8 +63,8 @@ class LockstepVehicle {
   /// The vehicle's true state, relative to its start.
   autopilot::ArduPilotState ardupilot_state() const;
   /// What is sent to PX4 for a step of 4 ms: the readings of the sensors that are due at it, and the true state, as
-  /// MAVLink frames numbered by `sequence`, which goes on. If its vision takes a picture at this step, it is rendered
-  /// and tracked before this returns.
+  /// MAVLink frames numbered by `sequence`, which is advanced. If its vision takes a picture at this step, it is
+  /// rendered and tracked before this returns.
   std::string px4_sensors(std::uint64_t step, std::uint8_t& sequence);
   const std::string& name() const;
   /// Number of its motors.

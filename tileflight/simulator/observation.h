@@ -9,7 +9,7 @@
 
 namespace tileflight::simulator {
 
-// What a viewer is shown of the simulation. Body and lidar axes are x forward, y left, z up (REP 103), camera axes
+// State of the simulation for viewers. Body and lidar axes are x forward, y left, z up (REP 103), camera axes
 // those of images (x right, y down, z forward); the local frame is the place's (east, north, up).
 
 struct ObservedCamera {
@@ -32,7 +32,7 @@ struct ObservedVehicle {
   std::vector<ObservedCamera> cameras;
   std::vector<ObservedLidar> lidars;
   std::vector<std::string> imus;  ///< at the body's origin, with its axes
-  bool flies = false;             ///< else it is a camera by itself
+  bool flies = false;             ///< false: a camera without a vehicle
 };
 
 /// The simulation at one time.

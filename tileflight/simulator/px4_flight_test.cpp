@@ -6,6 +6,7 @@
 #include <mutex>
 #include <thread>
 
+#include "tests/refusal.h"
 #include "tileflight/autopilot/test_px4_client.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/simulator/settings.h"
@@ -276,13 +277,15 @@ TEST(Px4Flight, SettingsAreThoseOfAirSim) {
   EXPECT_FALSE(px4->lockstep);
   EXPECT_EQ(px4->airframe, autopilot::AirframeKind::kHexaX);
   EXPECT_EQ(px4->thrust_expo, 0.0);
-  for (const char* refused :
-       {R"("UseSerial": true)", R"("UseTcp": false)", R"("TcpPort": -1)", R"("Model": "Tricopter")"}) {
-    EXPECT_THROW(
-        read_settings(R"({"Vehicles": {"PX4": {"VehicleType": "PX4Multirotor", )" + std::string(refused) + "}}}", "s"),
-        InputError)
-        << refused;
-  }
+  const auto refusal_with = [](const std::string& key, const std::string& value) {
+    return tests::refusal_of([&] {
+      read_settings(R"({"Vehicles": {"PX4": {"VehicleType": "PX4Multirotor", ")" + key + R"(": )" + value + "}}}", "s");
+    });
+  };
+  EXPECT_THAT(refusal_with("UseSerial", "true"), testing::HasSubstr("PX4 is served over TCP; set it to false"));
+  EXPECT_THAT(refusal_with("UseTcp", "false"), testing::HasSubstr("PX4 is served over TCP; set it to true"));
+  EXPECT_THAT(refusal_with("TcpPort", "-1"), testing::HasSubstr("TcpPort"));
+  EXPECT_THAT(refusal_with("Model", R"("Tricopter")"), testing::HasSubstr("Model"));
 }
 
 }  // namespace

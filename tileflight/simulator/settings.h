@@ -75,7 +75,7 @@ struct ClockSettings {
   bool by_autopilots = false;  ///< autopilots' packets advance time; there is a vehicle with one
   /// Time advances only where SimulationClock::drive_to() says so, as fast as possible: a recorded session is repeated.
   bool driven = false;
-  std::optional<std::uint64_t> start_ns;  ///< time stamp of the start; nullopt: as the clock has it
+  std::optional<std::uint64_t> start_ns;  ///< time stamp of the start; nullopt: the machine's clock
 };
 
 /// Contents of a settings.json, with AirSim's defaults for missing keys.

@@ -49,7 +49,7 @@ struct SimulatorOptions {
   /// Tiles that could not be read are requested again after this time, if tiles follow the sensors.
   std::chrono::milliseconds retry_after{10'000};
   std::string autopilot_address = "127.0.0.1";  ///< on which ports of autopilots are opened
-  bool prefetch = true;  ///< whether the tiles that come next are read beside; no result depends on it
+  bool prefetch = true;                         ///< read tiles ahead in the background; no result depends on it
   /// Root of clients' file names. nullopt: calls that write files are refused.
   std::optional<std::filesystem::path> output_root;
   /// Models that clients may spawn beside the built-in ones, by their names (--asset; the settings may name more).
@@ -60,8 +60,8 @@ struct SimulatorOptions {
   /// Ports of autopilots that several worlds use, one after another; nullptr: its own.
   std::shared_ptr<autopilot::SharedPorts> autopilot_ports;
   AutopilotJournal journal;  ///< of a session that is recorded
-  /// A recorded session is repeated: time goes where advance_to() says, and autopilots do what apply() says, without
-  /// their ports.
+  /// A recorded session is repeated: advance_to() moves the time, and apply() replaces the autopilots, whose ports are
+  /// not opened.
   bool repeats_session = false;
   std::optional<std::uint64_t> clock_start_ns;  ///< time stamp of the start; nullopt: as the settings have it
 };
@@ -91,11 +91,11 @@ class Simulator {
   std::optional<std::string> settings_address() const;
   /// Warnings about settings and place for the user, one line each.
   std::vector<std::string> warnings() const;
-  /// Where autopilots are waited for.
+  /// Ports at which autopilots are expected.
   std::vector<AutopilotEndpoint> autopilots() const;
 
-  /// The right to be the only one that changes or reads the world, for a call of a recorded session: time stands, and
-  /// other turns wait, until it ends or the call waits for the simulation (which ends it). For one thread.
+  /// Exclusive access to the world for one call of a recorded session: simulation time stands still and other turns
+  /// wait until it is destroyed, or until the call waits for the simulation (which ends the turn). For one thread.
   class Turn {
    public:
     /// Waits for the turn.
@@ -265,7 +265,7 @@ class Simulator {
   // Remaining AirSim calls.
   void sim_set_wind(const Vector3r& wind);
   /// Pictures by the light of sun and sky at `start_datetime` (YYYY-MM-DD hh:mm:ss in the time zone of the place's
-  /// longitude, an hour less in summer time; empty: the simulation's time stamp), which then goes on with the
+  /// longitude, an hour less in summer time; empty: the simulation's time stamp), which then advances with the
   /// simulation's clock times `celestial_clock_speed`, in steps of `update_interval_s`. Not enabled: the light of the
   /// tiles' textures again. Enabled without `move_sun`: nothing changes. A place without a georeference stays as it is;
   /// the log says so.
@@ -296,7 +296,7 @@ class Simulator {
   LidarScanData tf_lidar_scan(const std::string& lidar, const std::string& vehicle);
   void tf_set_lens(const std::string& camera, const LensDescription& lens, const std::string& vehicle, bool external);
 
-  // For viewers: what they look at changes nothing that a client reads.
+  // For viewers; without effect on anything that a client reads.
   Observation observe() const;
   /// As sim_get_images(), without effect on optical flow.
   std::vector<ImageResponse> view_images(const std::vector<ImageRequest>& requests, const std::string& vehicle);
@@ -306,14 +306,14 @@ class Simulator {
   /// Copies of the meshes in memory, local frame. nullopt: they have more triangles than `max_triangles`.
   std::optional<std::vector<imaging::TexturedMesh>> view_meshes(std::size_t max_triangles) const;
 
-  // For nodes that command and do not wait. The vehicle is taken under API control and armed, and what it did ends.
-  // Throw InputError for a vehicle that cannot do that, or values out of range.
+  // For nodes that command without waiting. The vehicle is put under API control and armed; its current task is
+  // cancelled. Throw InputError for a vehicle that cannot do that, or values out of range.
   /// Flies with this velocity (x along the heading, y left, z up) and turn (counter-clockwise) for this time of the
   /// simulation, then hovers.
   void start_velocity(const geometry::Vec3& velocity_m_s, double yaw_rate_rad_s, double duration_s,
                       const std::string& vehicle);
-  /// A vehicle that flies begins to fly there, at 5 m/s at most, and turns to the pose's heading; a camera by itself is
-  /// there at once. Body axes x forward, y left, z up.
+  /// A vehicle that flies starts flying there, at 5 m/s at most, and turns to the pose's heading; a camera without a
+  /// vehicle is moved at once. Body axes x forward, y left, z up.
   void start_pose(const geometry::SE3& T_local_body, const std::string& vehicle);
 
   struct Impl;

@@ -44,7 +44,7 @@ inline double clamp_duration_s(float seconds, const char* call) {
   return std::clamp(static_cast<double>(seconds), 0.0, kMaxDuration_s);
 }
 
-inline constexpr double kHistory_s = 0.5;  ///< kept of each vehicle's states
+inline constexpr double kHistory_s = 0.5;  ///< length of each vehicle's history of states
 
 /// A vehicle with its state history and sensor noise.
 struct VehicleSlot {
@@ -144,11 +144,11 @@ struct Simulator::Impl {
   std::shared_ptr<const ResidentScene> obstacle_scene;       ///< obstacles of the vehicles
   geometry::Vec3 wind_ned_m_s = geometry::Vec3::Zero();
   Outdoors outdoors;
-  std::set<std::string> told_calls;  ///< without effect, of which the log tells already
+  std::set<std::string> told_calls;  ///< calls without effect that were already logged
   std::unique_ptr<Recorder> recorder;
   double next_record_s = 0.0;
   LockstepTimes lockstep_times;
-  SimulationClock clock;                                        ///< its thread ends before what it uses
+  SimulationClock clock;  ///< below the members that its thread uses, so that it ends first
   std::vector<std::unique_ptr<ArduPilotPort>> ardupilot_ports;  ///< stopped after the clock
   std::vector<std::unique_ptr<Px4Port>> px4_ports;              ///< the same
   std::map<std::string, LockstepVehicle> repeated_vehicles;     ///< by name; of a session that is repeated

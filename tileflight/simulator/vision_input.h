@@ -32,7 +32,7 @@ class VisionInput {
   VisionInput(const VehicleSettings& vehicle, double step_s, SimulatorLog log);
 
   const std::string& camera() const { return settings_.camera; }
-  /// Begins anew, for an autopilot that starts.
+  /// Discards all state, for an autopilot that starts.
   void restart();
   void add_reading(const autopilot::HilSensor& reading);
   /// Whether a picture is taken at this step.

@@ -24,7 +24,7 @@
 
 namespace tileflight::simulator {
 
-/// The tiles in memory, which follow what sensors can see.
+/// The tiles in memory; they follow what the sensors can see.
 ///
 /// The tile cut is computed for the cells, cubes of SensorCell::kSize_m, that contain the viewpoints: every tile has an
 /// error of at most `error_px` pixels from anywhere in the cell, in all directions. So images have no holes and no
@@ -32,10 +32,10 @@ namespace tileflight::simulator {
 /// and nothing is loaded or rebuilt until a sensor enters another cell. Tiles that are also in the next cut are kept,
 /// with their trees and all data derived from their textures.
 ///
-/// A thread of its own makes the scenes of the cells that lie ahead, so that entering one is the exchange of a pointer.
-/// It changes nothing about any scene, only when it is made: a cell that is not ready is waited for. The last few
-/// scenes are kept, too. All scenes together stay within the memory limit. (After a jump, the scene that is left is
-/// kept until the next one is there: together they may exceed it by a third meanwhile, if they have no tile in common.)
+/// A background thread builds the scenes of the cells that lie ahead, so that entering one only exchanges a pointer. It
+/// affects only when a scene is built, not the scene: a cell that is not ready is waited for. The last few scenes are
+/// kept, too. All scenes together stay within the memory limit. (After a jump, the previous scene is kept until the
+/// next one is ready: meanwhile both may exceed the limit by a third, if they have no tile in common.)
 ///
 /// If a cut takes more than two thirds of the limit, the allowed error is raised until it does (far tiles first, see
 /// DetailLimit), and stays raised.
@@ -89,7 +89,7 @@ class WorkingSet {
     std::uintmax_t bytes = 0;  ///< in memory
     std::weak_ptr<const ResidentPart> part;
   };
-  /// kNoRoom: memory is needed for scenes that come first; kInterrupted: somebody waits, or the cells do not lie ahead.
+  /// kNoRoom: memory is needed for more urgent scenes; kInterrupted: a caller waits, or the cells no longer lie ahead.
   enum class Outcome { kMade, kTooLarge, kNoRoom, kInterrupted };
   /// Counts a waiting caller while it exists.
   class Waiting {
@@ -114,7 +114,7 @@ class WorkingSet {
   tiles::RefinementCriterion refinement_criterion(const SensorCells& cells, const DetailLimit& detail) const;
   double largest_error_px(const tiles::TileCut& cut, const SensorCells& cells) const;
 
-  // Making scenes. `lock` holds loading_mutex_; a scene that is made ahead gives it up in between.
+  // Building scenes. `lock` holds loading_mutex_; it is released between batches of a scene that is built ahead.
   PreparedScene load(const SensorCells& cells, Lock& lock, const Progress& progress);
   Outcome make(Attempt& attempt, Lock& lock, const Progress& progress);
   bool take_known_tiles(Attempt& attempt);

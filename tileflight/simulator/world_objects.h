@@ -12,7 +12,7 @@
 
 namespace tileflight::simulator {
 
-/// An object that a client has set up.
+/// An object spawned by a client.
 struct WorldObject {
   std::string name;
   std::string asset;
@@ -28,7 +28,7 @@ using ObjectList = std::shared_ptr<const std::vector<WorldObject>>;
 using AssetFiles = std::map<std::string, std::filesystem::path>;
 
 /// The objects that clients spawn, move and destroy, beside the tiles. Thread-safe; each change makes a new list, so
-/// that a picture and a scan see the objects of one instant.
+/// that each picture and each scan sees the objects at one instant.
 class WorldObjects {
  public:
   static constexpr std::size_t kMaxObjects = 1000;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <fstream>
 
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 #include "tileflight/actors/models.h"
 #include "tileflight/base/input_error.h"
@@ -43,15 +44,6 @@ std::vector<float> depth(Simulator& world) {
 float depth_at(Simulator& world, int x, int y) { return depth(world)[static_cast<std::size_t>(160 * y + x)]; }
 std::vector<std::uint8_t> bytes(Simulator& world, int type) {
   return world.sim_get_images({{"0", type, false, false}}, "", false)[0].image_data_uint8;
-}
-
-std::string refusal_of(const std::function<void()>& call) {
-  try {
-    call();
-  } catch (const InputError& error) {
-    return error.what();
-  }
-  return "no refusal";
 }
 
 constexpr Vector3r kOnce{1, 1, 1};
@@ -134,7 +126,7 @@ TEST(WorldObjects, ANameThatAnotherContainsGetsANumber) {
 TEST(WorldObjects, WrongOnesAreRefusedWithAReason) {
   const auto world = looking_north();
   const auto spawn = [&](const std::string& name, const std::string& asset, const Vector3r& scale, const Pose& at) {
-    return refusal_of([&] { world->sim_spawn_object(name, asset, at, scale, false, false); });
+    return tests::refusal_of([&] { world->sim_spawn_object(name, asset, at, scale, false, false); });
   };
   EXPECT_THAT(spawn("a", "/etc/passwd", kOnce, {}), HasSubstr("simListAssets"));
   EXPECT_THAT(spawn("a", "", kOnce, {}), HasSubstr("no objects with name"));
@@ -145,8 +137,8 @@ TEST(WorldObjects, WrongOnesAreRefusedWithAReason) {
     EXPECT_THAT(spawn("a", "Cube", {1, bad, 1}, {}), HasSubstr("scale"));
   EXPECT_THAT(spawn("a", "Cube", kOnce, pose(1e9F, 0, 0)), HasSubstr("coordinate"));
   world->sim_spawn_object("b", "Cube", {}, kOnce, false, false);
-  EXPECT_THAT(refusal_of([&] { world->sim_set_object_scale("b", {1, 1, 0}); }), HasSubstr("scale"));
-  EXPECT_THAT(refusal_of([&] { world->sim_set_object_pose("b", pose(0, INFINITY, 0), true); }),
+  EXPECT_THAT(tests::refusal_of([&] { world->sim_set_object_scale("b", {1, 1, 0}); }), HasSubstr("scale"));
+  EXPECT_THAT(tests::refusal_of([&] { world->sim_set_object_pose("b", pose(0, INFINITY, 0), true); }),
               HasSubstr("coordinate"));
 }
 
@@ -154,9 +146,9 @@ TEST(WorldObjects, ThereIsALimit) {
   WorldObjects objects({});
   const auto spawn = [&](std::size_t i) { objects.spawn("n" + std::to_string(i) + "x", "Cube", {}, Vec3::Ones(), {}); };
   for (std::size_t i = 0; i < WorldObjects::kMaxObjects; ++i) spawn(i);
-  EXPECT_THAT(refusal_of([&] { spawn(0); }), HasSubstr("objects already"));
+  EXPECT_THAT(tests::refusal_of([&] { spawn(0); }), HasSubstr("objects already"));
   EXPECT_TRUE(objects.destroy("n7x"));
-  EXPECT_EQ(refusal_of([&] { spawn(7); }), "no refusal");
+  EXPECT_EQ(tests::refusal_of([&] { spawn(7); }), "no error");
 }
 
 TEST(WorldObjects, HaveSegmentationIdsAndDetections) {
@@ -242,9 +234,9 @@ TEST(WorldObjects, FilesOfTheUserAreAssetsAndAGltfsFrontIsX) {
   world->sim_spawn_object("b", "Block", pose(6, 0, 0, std::numbers::pi), kOnce, false, false);
   EXPECT_NEAR(depth_at(*world, 80, 70), 2.0, 0.01) << "turned to the camera, its front is 4 m nearer than its origin";
   options.assets = {{"Broken", folder / "broken.glb"}};
-  EXPECT_THAT(refusal_of([&] { looking_north(options); }), HasSubstr("broken.glb"));
+  EXPECT_THAT(tests::refusal_of([&] { looking_north(options); }), HasSubstr("broken.glb"));
   options.assets = {{"Gone", folder / "gone.glb"}};
-  EXPECT_THAT(refusal_of([&] { looking_north(options); }), HasSubstr("gone.glb"));
+  EXPECT_THAT(tests::refusal_of([&] { looking_north(options); }), HasSubstr("gone.glb"));
   SimulatorOptions by_settings;
   by_settings.settings = R"({"SimMode": "ComputerVision", "Assets": {"Block": "block.glb"}})";
   by_settings.settings_name = (folder / "settings.json").string();

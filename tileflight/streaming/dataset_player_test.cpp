@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/dataset/dataset.h"
@@ -157,8 +158,9 @@ TEST_F(DatasetPlayerTest, AFileThatVanishesIsAnInputError) {
   player.open(sink, std::nullopt);
   TestWebSocket viewer(server.port());
   subscribe(viewer, "/camera/image/compressed");
-  std::filesystem::remove(rig_.cameras[0].dataset.frames[1].image);
-  EXPECT_THROW(player.play(sink, {}), InputError);
+  const std::filesystem::path image = rig_.cameras[0].dataset.frames[1].image;
+  std::filesystem::remove(image);
+  EXPECT_THAT(tests::refusal_of([&] { player.play(sink, {}); }), testing::HasSubstr(image.filename().string()));
 }
 
 }  // namespace

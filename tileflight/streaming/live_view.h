@@ -65,7 +65,7 @@ class LiveView {
     std::vector<geometry::StampedPose> flown;  ///< T_local_body
   };
 
-  /// What is published less often than the poses.
+  /// Topics that are published less often than the poses.
   struct Due {
     bool images = false;  ///< and scans
     bool paths = false;

@@ -25,11 +25,11 @@ class MessageSink {
   virtual ChannelId add_channel(const foxglove::Channel& channel) = 0;
   virtual void remove_channel(ChannelId channel) = 0;
   virtual bool is_wanted(ChannelId channel) const = 0;
-  /// Sends a message to those who want the channel's; never waits for them.
+  /// Sends a message to the channel's subscribers; never waits for them.
   virtual void publish(ChannelId channel, std::uint64_t time_ns, std::string bytes) = 0;
   /// Tells what time it is, where that is apart from messages.
   virtual void publish_time(std::uint64_t time_ns) = 0;
-  /// Counts those who have come and gone since the start.
+  /// Counts arrivals and departures of subscribers since the start.
   virtual std::uint64_t audience_changes() const = 0;
   /// Waits until anyone wants anything. Returns false if `stop` was requested.
   virtual bool wait_for_audience(const std::stop_token& stop) const = 0;

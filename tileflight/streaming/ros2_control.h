@@ -13,7 +13,7 @@
 
 namespace tileflight::streaming {
 
-/// What ROS 2's nodes may do to a simulator. For each vehicle V: /V/cmd_vel (geometry_msgs/Twist: forward, left, up and
+/// Commands of ROS 2's nodes to a simulator. For each vehicle V: /V/cmd_vel (geometry_msgs/Twist: forward, left, up and
 /// the turn about the vertical; of vehicles that fly) holds for half a second of the simulation, and /V/goal_pose
 /// (geometry_msgs/PoseStamped in the frame `map`). Services: /tileflight/reset and /tileflight/step (std_srvs/Trigger;
 /// a step of the clock, after which it is paused), /tileflight/pause (std_srvs/SetBool).

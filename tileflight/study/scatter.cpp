@@ -74,24 +74,20 @@ class Axis {
   double low_ = std::numeric_limits<double>::infinity(), high_ = -std::numeric_limits<double>::infinity();
 };
 
-Html label(double x, double y, const std::string& anchor, const std::string& content) {
-  return element("text", {{"x", svg_number(x)}, {"y", svg_number(y)}, {"text-anchor", anchor}}, text(content));
-}
-
 Html draw_axes(const Axis& across, const Axis& up, const Scatter& scatter) {
   Html result;
   for (const double tick : across.ticks()) {
     const double x = across.to_px(tick);
     result += report::svg_line(x, kHeight - kBottom, x, kHeight - kBottom + 5, "axis") +
-              label(x, kHeight - kBottom + 19, "middle", report::format_shortest(tick));
+              report::svg_label(x, kHeight - kBottom + 19, "middle", report::format_shortest(tick));
   }
   for (const double tick : up.ticks()) {
     const double y = up.to_px(tick);
     result += report::svg_line(kLeft, y, kWidth - kRight, y, "grid") +
-              label(kLeft - 7, y + 4, "end", report::format_shortest(tick));
+              report::svg_label(kLeft - 7, y + 4, "end", report::format_shortest(tick));
   }
   result += report::svg_line(kLeft, kHeight - kBottom, kWidth - kRight, kHeight - kBottom, "axis");
-  result += label((kLeft + kWidth - kRight) / 2, kHeight - 8, "middle", scatter.x_label);
+  result += report::svg_label((kLeft + kWidth - kRight) / 2, kHeight - 8, "middle", scatter.x_label);
   const double middle = (kTop + kHeight - kBottom) / 2;
   return result + element("text",
                           {{"x", "14"},

@@ -11,7 +11,7 @@ namespace tileflight::study {
 struct ScatterPoint {
   double x = 0, y = 0;
   std::size_t series = 0;  ///< index of its name
-  std::string label;       ///< shown when the pointer rests on it
+  std::string label;       ///< tooltip
 };
 
 /// A scatter plot with a mark and colour for each series. Axes of positive values may be logarithmic.

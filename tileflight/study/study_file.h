@@ -33,7 +33,7 @@ struct StudySystem {
   double memory_limit_gb = 0.0;  ///< 0: none
 };
 
-/// An entry of `except:`: what is left out of the product. Empty members stand for all.
+/// An entry of `except:`: combinations that are not run. An empty member matches all.
 struct StudyException {
   std::string place, camera, flight, system;
   std::string reason;

@@ -14,7 +14,7 @@ namespace tileflight::study {
 struct ScoredRun {
   std::string system;
   std::string place;
-  std::string flight;  ///< place, camera and flight: one cell of the product
+  std::string flight;  ///< place, camera and flight, joined: one column of the matrix of scores
   bool is_simulated = false;
   std::optional<double> score;
 };
@@ -31,11 +31,11 @@ struct RankedSystem {
   std::size_t places = 0;
 };
 
-/// Best first; systems without a score last, by name. Each system is judged by the flights on which it has a score:
-/// `flights` says how many those are.
+/// Best first; systems without a score last, by name. A system's mean covers only the flights on which it has a score;
+/// `flights` is their number.
 std::vector<RankedSystem> rank_systems(const std::vector<ScoredRun>& runs);
 
-/// How simulation and the second flights order the systems that have a score on both.
+/// Agreement of two rankings, in simulation and on the second flights, of the systems that have a score on both.
 struct RankAgreement {
   std::size_t systems = 0;
   std::optional<double> tau_b;

@@ -12,14 +12,12 @@
 #include "tileflight/base/json_file.h"
 #include "tileflight/base/make_folder.h"
 #include "tileflight/base/strict_section.h"
+#include "tileflight/geometry/json_numbers.h"
 
 namespace tileflight::survey {
 namespace {
 
 using nlohmann::json;
-
-json listed(const geometry::Vec3& v) { return {v.x(), v.y(), v.z()}; }
-json listed(const Eigen::Quaterniond& q) { return {q.x(), q.y(), q.z(), q.w()}; }
 
 std::string frame_file(std::size_t frame) { return base::formatted("%06zu", frame) + ".json"; }
 
@@ -77,12 +75,12 @@ json box_of(const actors::Traffic& traffic, std::size_t actor, double time_s, co
   const geometry::SE3 T_camera_local = T_local_camera.inverse();
   return {{"actor", traffic.plans()[actor].name},
           {"category", actors::make_model(traffic.plans()[actor].model).name},
-          {"center", listed(center)},
-          {"size", listed(own.sizes())},
-          {"rotation", listed(state.T_local_actor.rotation)},
-          {"velocity_m_s", listed(state.velocity_m_s)},
-          {"center_camera", listed(geometry::Vec3(T_camera_local * center))},
-          {"rotation_camera", listed(T_camera_local.rotation * state.T_local_actor.rotation)}};
+          {"center", geometry::json_numbers(center)},
+          {"size", geometry::json_numbers(own.sizes())},
+          {"rotation", geometry::json_numbers(state.T_local_actor.rotation)},
+          {"velocity_m_s", geometry::json_numbers(state.velocity_m_s)},
+          {"center_camera", geometry::json_numbers(geometry::Vec3(T_camera_local * center))},
+          {"rotation_camera", geometry::json_numbers(T_camera_local.rotation * state.T_local_actor.rotation)}};
 }
 
 geometry::Vec3 read_vector(base::StrictSection& box, const char* key) {

@@ -12,8 +12,8 @@
 
 namespace tileflight::survey {
 
-/// Writes where a flight's actors are and what of them is seen: a file of each frame, boxes/000000.json, and coco.json
-/// of them all. Frames may be added in any order, by several threads and processes.
+/// Writes the positions of a flight's actors and their visible parts: a file per frame, boxes/000000.json, and
+/// coco.json for all frames. Frames may be added in any order, by several threads and processes.
 class ActorLabels {
  public:
   /// `traffic` null: nothing is written.

@@ -17,7 +17,7 @@ namespace tileflight::survey {
 
 using ContentIds = std::vector<std::uint32_t>;  ///< content indices, ascending
 
-/// What is kept of each content.
+/// Summary of one content.
 struct ContentFacts {
   std::int64_t bytes = 0;            ///< of its file
   std::int64_t decoded_bytes = 0;    ///< positions, texture coordinates, colours, triangles, texels
@@ -46,7 +46,7 @@ class CoverageContents {
   const tiles::CutContent& operator[](std::size_t id) const { return all_.contents[id]; }
   const ContentFacts& facts(std::size_t id) const { return facts_[id]; }
   std::uintmax_t max_memory_bytes() const { return max_memory_bytes_; }
-  /// Sets how much of the memory limit others take, which is then not available to contents that are kept.
+  /// Sets how much of the memory limit is used elsewhere and not available for keeping contents.
   void reserve(std::uintmax_t bytes);
 
   /// Divides contents, in order, into groups of which each fits into memory as a scene.

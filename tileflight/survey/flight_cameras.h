@@ -18,8 +18,8 @@ struct MountedCamera {
   imaging::Calibration calibration;
   geometry::SE3 T_body_camera;
   std::optional<double> fps;  ///< of its own, from the flight's start on; nullopt: the flight's frames
-  double offset_s = 0.0;      ///< its exposures are centred so much later than the flight's instants
-  /// Its clock is so much behind the body's: an image stamped t is exposed at t + timeshift_s (Kalibr's
+  double offset_s = 0.0;      ///< its exposures are centred this much later than the flight's instants
+  /// Its clock is this much behind the body's: an image stamped t is exposed at t + timeshift_s (Kalibr's
   /// timeshift_cam_imu).
   double timeshift_s = 0.0;
   std::optional<render::ImageFormation> degrade;  ///< its own degradations; nullopt: the flight's
@@ -28,7 +28,7 @@ struct MountedCamera {
 
 /// The cameras of a FLIGHT file: that of `camera`, or those of `cameras` (docs/rigs.md), which is a Kalibr camchain or
 /// a list whose entries have the keys name, camera, camera_id, resolution, T_body_camera | position with yaw_deg,
-/// pitch_deg and roll_deg, fps, offset_s, degrade, events (that of `camera` stands beside it). The settings' camera
+/// pitch_deg and roll_deg, fps, offset_s, degrade, events (for `camera`, a key beside it). The settings' camera
 /// replaces that of `camera`, their image size that of each. T_cam_imu of the cameras after the first follow from the
 /// first one's. Throws InputError (file, line, key).
 std::vector<MountedCamera> read_flight_cameras(const RenderedFlightConfig& flight);

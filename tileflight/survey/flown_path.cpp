@@ -6,6 +6,7 @@
 
 #include "tileflight/actors/encounters.h"
 #include "tileflight/base/input_error.h"
+#include "tileflight/geometry/json_numbers.h"
 #include "tileflight/scene/scene.h"
 #include "tileflight/simulator/autopilot_flight.h"
 #include "tileflight/transport/open_source.h"
@@ -21,16 +22,16 @@ using vehicle::VehicleFlight;
 /// Interval of the positions around which tiles are loaded for collisions.
 constexpr double kLookingEvery_s = 0.5;
 
-json numbers(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
-
 json vehicle_report(const VehicleFlight& flown) {
   json report = {{"outcome", vehicle::outcome_text(flown.outcome)},
                  {"duration_s", flown.path.end_s() - flown.path.start_s()},
                  {"collisions", flown.collisions}};
   if (flown.last_collision) {
     const vehicle::Collision& c = *flown.last_collision;
-    report["last_collision"] = {
-        {"time_s", c.time_s}, {"point", numbers(c.point)}, {"normal", numbers(c.normal)}, {"impact_m_s", c.impact_m_s}};
+    report["last_collision"] = {{"time_s", c.time_s},
+                                {"point", geometry::json_numbers(c.point)},
+                                {"normal", geometry::json_numbers(c.normal)},
+                                {"impact_m_s", c.impact_m_s}};
     if (!c.object.empty()) report["last_collision"]["actor"] = c.object;
   }
   if (flown.tracking) {

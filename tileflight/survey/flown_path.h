@@ -21,7 +21,7 @@ struct FlownPath {
   std::shared_ptr<const actors::Traffic> traffic;  ///< among which the vehicle flew; null: it met none
 };
 
-/// The surface around these points for collisions and for what stands on it: the tiles that a camera there would want,
+/// The surface around these points, for collisions and for actors that stand on it: the tiles that a camera there needs
 /// in all directions, if the settings have a pixel error, else their region; without textures. Null if there is no
 /// triangle. Throws InputError.
 std::shared_ptr<const scene::Scene> load_surroundings(const RenderSettings& settings, const imaging::Camera& camera,

@@ -101,34 +101,18 @@ std::vector<dataset::IngestedCamera> rig_cameras(const IngestedFlightConfig& fli
   return cameras;
 }
 
-/// A temporary folder beside a file, removed by the destructor.
-class TemporaryFolder {
- public:
-  explicit TemporaryFolder(const std::filesystem::path& file) : path_(base::make_temporary_path(file)) {
-    std::filesystem::create_directories(path_);
-  }
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-  ~TemporaryFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
-
 /// The camera's path estimated by odometry from the images alone.
 geometry::Trajectory estimate_camera_path(dataset::IngestOptions options, const std::filesystem::path& out,
                                           const Progress& progress) {
-  const TemporaryFolder folder(out);
+  const std::filesystem::path folder = base::make_temporary_path(out);
+  std::filesystem::create_directories(folder);
+  const base::RemovedOnExit removal(folder);
   options.gps.clear();
   options.imu.clear();
   options.groundtruth.clear();
-  dataset::ingest(options, folder.path() / "dataset", progress);
-  track(folder.path() / "dataset", folder.path() / "odometry", false, {}, {}, progress);
-  return geometry::read_tum(folder.path() / "odometry/trajectory.txt");
+  dataset::ingest(options, folder / "dataset", progress);
+  track(folder / "dataset", folder / "odometry", false, {}, {}, progress);
+  return geometry::read_tum(folder / "odometry/trajectory.txt");
 }
 
 /// Converts the log's times to the video's clock by the motion recorded in both.

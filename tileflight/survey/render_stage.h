@@ -15,9 +15,9 @@
 
 namespace tileflight::survey {
 
-/// What several processes share out among them (PartRenderer).
+/// How several processes divide a render (PartRenderer).
 enum class Dealt {
-  kAuto,    ///< what takes less processor time
+  kAuto,    ///< the one that is estimated to take less processor time (tile_shares.h)
   kFrames,  ///< each renders a range of frames
   kTiles,   ///< each traces all frames against its part of the tiles
 };
@@ -60,7 +60,7 @@ std::vector<std::filesystem::path> render_input_files(const RenderSettings& sett
 nlohmann::json render_dataset(const RenderSettings& settings, const std::filesystem::path& out, bool replace,
                               const Progress& progress = {}, workflow::Ranks* ranks = nullptr);
 
-/// What a render in parts would do.
+/// Division of a render into parts.
 struct FramePlan {
   std::vector<workflow::IndexRange> parts;  ///< of the flight's frames
   std::string inputs_sha256;                ///< equal inputs give equal frames

@@ -157,6 +157,27 @@ void restore_times(odometry::OdometryResult& result) {
   if (result.inertial) result.inertial = inertial::reversed(std::move(*result.inertial));
 }
 
+/// Sets `path_doubts` and returns the doubts of the whole run. `second`: the run in the other direction, if it
+/// disagrees.
+Doubts describe_doubts(const odometry::OdometryResult& result, const std::vector<dataset::Frame>& frames,
+                       std::int64_t skipped, const std::optional<odometry::RunAgreement>& second, json& about) {
+  const auto name_of = [&](std::int64_t frame) { return frames[static_cast<std::size_t>(frame)].id; };
+  about["path_doubts"] = json::array();
+  for (const Doubt& doubt : odometry::find_path_doubts(result, name_of, second))
+    about["path_doubts"].push_back(doubt.what);
+  return odometry::find_doubts(result, static_cast<std::int64_t>(frames.size()) - skipped, name_of, second);
+}
+
+/// Writes poses, map, camera and the table of images, in the order of the dataset.
+void write_result(const fs::path& folder, const odometry::OdometryResult& result,
+                  const std::vector<dataset::Frame>& frames, bool reverse, const imaging::Calibration& calibration) {
+  base::write_file(folder / "quality.csv", quality_csv(result.quality, frames, reverse));
+  geometry::write_tum(folder / "trajectory.txt", result.trajectory);
+  geometry::write_tum(folder / "keyframes.txt", result.keyframes);
+  geometry::write_cloud(folder / "map.ply", result.map);
+  imaging::write_kalibr(folder / "camera.yaml", calibration);
+}
+
 void require_one_scale(const TrackOptions& extras) {
   if (extras.inertial_in_window && !uses_inertial_unit(extras.mode))
     throw InputError("--tight", "puts an inertial unit's readings into the window, which --mode " +
@@ -337,12 +358,7 @@ nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool r
       dataset::write_colmap(temporary / "colmap", colmap_model(calibration.camera, result, frames));
     }
     about = describe(result, tracking.skipped(), warnings);
-    const auto name_of = [&](std::int64_t frame) { return frames[static_cast<std::size_t>(frame)].id; };
-    Doubts doubts = odometry::find_doubts(result, static_cast<std::int64_t>(frames.size()) - tracking.skipped().frames,
-                                          name_of, second);
-    about["path_doubts"] = json::array();
-    for (const Doubt& doubt : odometry::find_path_doubts(result, name_of, second))
-      about["path_doubts"].push_back(doubt.what);
+    Doubts doubts = describe_doubts(result, frames, tracking.skipped().frames, second, about);
     about["backwards"] = reverse;
     about["dispersion"] = dispersion_json(tracking.dispersion());
     about["residual_pattern_px"] =
@@ -350,11 +366,7 @@ nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool r
     if (reverse) restore_times(result);
     describe_scale(extras.mode, result, temporary, doubts, about);
     about["doubts"] = evaluation::to_json(doubts);
-    base::write_file(temporary / "quality.csv", quality_csv(result.quality, frames, reverse));
-    geometry::write_tum(temporary / "trajectory.txt", result.trajectory);
-    geometry::write_tum(temporary / "keyframes.txt", result.keyframes);
-    geometry::write_cloud(temporary / "map.ply", result.map);
-    imaging::write_kalibr(temporary / "camera.yaml", calibration);
+    write_result(temporary, result, frames, reverse, calibration);
     if (options.loops.enabled) about["loops"] = describe_loops(result.loops, frames);
     about["intrinsics"] = intrinsics_json(
         calibration.camera, result.camera && options.window.refine_intrinsics && !rig && !result.inertial);

@@ -32,8 +32,8 @@ nlohmann::json track(const std::filesystem::path& dataset_folder, const std::fil
                      const odometry::OdometryOptions& options, const FrameRange& range, const Progress& progress = {},
                      const TrackOptions& extras = {});
 
-/// The folder that the odometry writes, by whichever program: what is in one of an earlier version, and what may not be
-/// overwritten.
+/// The output folder of any odometry program: the files by which a folder of an earlier version is recognised, and the
+/// inputs that must not be overwritten.
 base::OutputFolder odometry_output_folder(const std::filesystem::path& out, bool replace,
                                           std::vector<std::filesystem::path> inputs);
 

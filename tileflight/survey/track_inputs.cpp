@@ -11,6 +11,7 @@
 #include "tileflight/dataset/imu_files.h"
 #include "tileflight/dataset/rig.h"
 #include "tileflight/geometry/angles.h"
+#include "tileflight/geometry/json_numbers.h"
 #include "tileflight/geometry/trajectory.h"
 #include "tileflight/imaging/image_files.h"
 #include "tileflight/imaging/photometric.h"
@@ -21,8 +22,6 @@ namespace fs = std::filesystem;
 namespace {
 
 using nlohmann::json;
-
-json axes_json(const geometry::Vec3& v) { return {v.x(), v.y(), v.z()}; }
 
 inertial::ImuNoise read_noise(const dataset::Dataset& data, std::vector<std::string>& warnings) {
   if (data.imu_noise.empty()) {
@@ -209,8 +208,8 @@ json inertial_json(const inertial::InertialAlignment& a, const std::optional<dou
   result["sigma_time_offset_s"] = a.sigma_time_offset_s;
   result["mounting_correction_deg"] = a.mounting_correction_rad / geometry::kRadiansPerDegree;
   result["residual_ratio"] = a.residual_ratio;
-  result["gyroscope_bias_rad_s"] = axes_json(a.bias.front().gyroscope_rad_s);
-  result["accelerometer_bias_m_s2"] = axes_json(a.bias.front().accelerometer_m_s2);
+  result["gyroscope_bias_rad_s"] = geometry::json_numbers(a.bias.front().gyroscope_rad_s);
+  result["accelerometer_bias_m_s2"] = geometry::json_numbers(a.bias.front().accelerometer_m_s2);
   return result;
 }
 

@@ -1,7 +1,7 @@
 #pragma once
 
-// What the odometry takes of a dataset: the images of one camera, its calibration, masks and priors, and by its mode
-// the inertial unit and the rig's other cameras; what these showed, as files.
+// Inputs of the odometry from a dataset: images of one camera, its calibration, masks and priors, and depending on the
+// mode the inertial unit and the rig's other cameras; also the files that describe their results.
 
 #include <cstddef>
 #include <cstdint>
@@ -42,7 +42,7 @@ struct StereoRig {
                                                                               ///< each of `others`, if it took one
 };
 
-/// Pictures are of one instant if their times differ by at most this.
+/// Pictures whose times differ by at most this are of one instant.
 inline constexpr double kSameInstant_s = 1e-4;
 
 /// Reads a dataset with several cameras. The reference camera is the first, or the one that `camera` names. Cameras

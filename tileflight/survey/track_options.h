@@ -6,7 +6,7 @@
 
 namespace tileflight::survey {
 
-/// What the built-in odometry takes besides the images of one camera.
+/// Sensors that the built-in odometry uses besides one camera.
 enum class OdometryMode {
   kMono,           ///< nothing: the map's scale is unknown
   kInertial,       ///< an inertial unit: the map is metric and level, if the flight shows its scale

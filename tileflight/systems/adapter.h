@@ -6,7 +6,7 @@
 
 namespace tileflight::systems {
 
-/// What a system needs besides one camera's pictures, by the words of its manifest.
+/// An input that a system needs.
 enum class Input { kImages, kStereo, kDepth, kImu, kLidar };
 
 /// Word of a manifest: "images", "stereo", "depth", "imu", "lidar".
@@ -15,7 +15,7 @@ std::string to_text(Input input);
 /// How a system writes its estimated path.
 struct PathConvention {
   std::string file = "trajectory.txt";  ///< relative to the folder of the system's output
-  /// images.txt of COLMAP's text model instead of TUM's, EuRoC's or KITTI's poses, which are told from the content
+  /// images.txt of COLMAP's text model instead of poses of TUM, EuRoC or KITTI, which are recognised by content
   bool is_colmap_model = false;
   bool camera_to_world = true;  ///< false: world to camera
   std::string of = "camera";    ///< whose pose: "camera", "imu" or "lidar"
@@ -23,17 +23,17 @@ struct PathConvention {
   std::string times = "seconds";
 };
 
-/// A SLAM system as a study sees it: the manifest adapter.yaml of its folder (docs/systems.md). The program itself is
-/// not part of it.
+/// Description of a SLAM system, read from the manifest adapter.yaml of its folder (docs/systems.md). The system itself
+/// is installed separately.
 struct Adapter {
   std::filesystem::path folder;
   std::string name;   ///< letters, digits, '-' and '_'
   std::string title;  ///< "ORB-SLAM3"
   std::string homepage, licence;
-  std::string tried;  ///< version and where it ran; empty: never run by the authors of the adapter
+  std::string tried;  ///< version and machine on which it was run; empty: never run
 
   std::vector<std::string> lenses;  ///< words of lens_name(); "any": all
-  std::vector<Input> inputs;        ///< all of them are needed
+  std::vector<Input> inputs;        ///< all of these are needed
   std::string layout;               ///< "tileflight", or a word of dataset::export_layouts()
   bool needs_gpu = false;
 

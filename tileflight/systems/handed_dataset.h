@@ -12,7 +12,7 @@
 namespace tileflight::systems {
 
 /// Why a system cannot run on a dataset at all: "needs an inertial unit, and the dataset has no imu.csv"; empty if it
-/// can. An unknown lens is no reason, since images are rectified, but of a system that takes depth or several cameras.
+/// can. An unknown lens is no obstacle, since images are rectified, except for systems with depth or several cameras.
 std::string why_not_applicable(const Adapter& adapter, const dataset::Dataset& dataset);
 
 /// A dataset in the form that a system takes.
@@ -26,8 +26,8 @@ struct HandedDataset {
 };
 
 /// Prepares a dataset in `scratch`, an existing empty folder: rectifies images of a lens that the system does not know,
-/// and writes the layout that it reads; with all cameras of a rig for a system that takes several. A dataset that needs
-/// neither is used as it lies. Throws InputError as export_dataset().
+/// and writes the layout that it reads, with all cameras of a rig for a system that takes several. A dataset that needs
+/// neither is used in place. Throws InputError as export_dataset().
 HandedDataset hand_over(const Adapter& adapter, const dataset::Dataset& dataset, const std::filesystem::path& scratch,
                         const Progress& progress = {});
 

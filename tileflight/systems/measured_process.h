@@ -31,9 +31,9 @@ struct ProcessReport {
 /// Runs a shell command in `folder` with additional environment variables; its output goes to the file `log`, its input
 /// is empty. A file of the command ends at 16 GB (SIGXFSZ); of a log of more than 256 MB, the beginning is kept. At a
 /// limit, and if this process is asked to end (SIGINT, SIGTERM), all processes of the command are stopped: asked first,
-/// killed after 5 s. Nothing that the command started survives it. Processes that leave the command's session count and
-/// are stopped as far as they are its descendants when it ends. Throws InputError if the process cannot be started. Not
-/// for programs that have other child processes.
+/// killed after 5 s. Processes that leave the command's session are counted and stopped as long as they are still its
+/// descendants when it ends. Throws InputError if the process cannot be started. Must not be used by a program that has
+/// other child processes.
 ProcessReport run_measured(const std::string& command, const std::filesystem::path& folder,
                            const std::map<std::string, std::string>& environment, const std::filesystem::path& log,
                            const ProcessLimits& limits);

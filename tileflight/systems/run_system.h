@@ -12,7 +12,7 @@ namespace tileflight::systems {
 
 /// Options of run_system().
 struct SystemRunOptions {
-  std::uint64_t seed = 1;  ///< given to the adapter; a system may have no use for it
+  std::uint64_t seed = 1;  ///< given to the adapter; some systems ignore it
   int threads = 0;         ///< number that the system may use; 0: one per core
   ProcessLimits limits;
   std::filesystem::path program;  ///< this program, for adapters that call it; empty: the running one

@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "tileflight/base/string_lists.h"
+#include "tileflight/geometry/json_numbers.h"
 #include "tileflight/tile_contents/attribution.h"
 
 namespace tileflight::tiles {
@@ -20,8 +21,6 @@ geometry::Box3 bounds_of(const LoadedContent& content) {
   }
   return box;
 }
-
-json corner_to_json(const geometry::Vec3& v) { return {v.x(), v.y(), v.z()}; }
 
 geometry::Vec3 corner_from_json(const json& v) {
   return {v.at(0).get<double>(), v.at(1).get<double>(), v.at(2).get<double>()};
@@ -62,8 +61,8 @@ ContentRecord make_record(const LoadedContent& content) {
 json to_json(const ContentRecord& record) {
   return {{"triangles", record.triangles},
           {"points", record.points},
-          {"low", corner_to_json(record.bounds.min())},
-          {"high", corner_to_json(record.bounds.max())},
+          {"low", geometry::json_numbers(record.bounds.min())},
+          {"high", geometry::json_numbers(record.bounds.max())},
           {"copyrights", record.copyrights},
           {"warnings", record.warnings},
           {"failure", record.failure}};

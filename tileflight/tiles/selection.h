@@ -57,7 +57,7 @@ struct TileCut {
 /// - An external tileset is its tile's content: where that content would be selected, the external root is visited by
 ///   the same rules with its own volume, error and transform.
 /// - A content whose own bounding volume does not intersect the request is skipped.
-/// - A tile of an implicit tree whose subtree file is not yet read stands for that subtree's root.
+/// - A tile of an implicit tree whose subtree file is not yet read represents that subtree's root.
 /// - If there is a viewer, a tile whose `viewerRequestVolume` does not contain it is skipped with its descendants.
 /// - A tile of a subtree whose metadata are broken is a failure, skipped with its descendants.
 /// Throws TreeTooLarge if what is asked for exceeds the tree's limits.

@@ -50,7 +50,7 @@ class TilesetTree {
 
   NodeId root() const { return 0; }
   const TreeNode& node(NodeId id) const { return nodes_[id].node; }
-  /// The tile as its file has it. One of a subtree is made by the call. Throws InputError if its metadata are broken.
+  /// The tile as in its file. A tile of a subtree is created by the call. Throws InputError if its metadata are broken.
   std::shared_ptr<const Tile> tile(NodeId id) const;
   /// The file that states the tile's version, axes and extensions: for a tile of a subtree, that of its implicit root.
   const Tileset& tileset(NodeId id) const { return *files_[node(id).file].tileset; }

@@ -7,8 +7,8 @@
 
 namespace tileflight::tiling {
 
-/// What is in memory at a time. The tiles depend on these numbers but for the last, and on nothing else that differs
-/// from machine to machine.
+/// Limits of what is in memory at a time. The tiles depend on these numbers but for the last, and on nothing else that
+/// differs from machine to machine.
 struct LargeMeshLimits {
   std::size_t sample_triangles = std::size_t{1} << 21;  ///< from which the first splits of the tree are found
   std::size_t bucket_triangles = std::size_t{1} << 20;  ///< sorted into leaves together

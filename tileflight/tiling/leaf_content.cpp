@@ -212,6 +212,12 @@ TriangleNumbering::TriangleNumbering(const std::vector<TexturedMesh>& meshes) {
     first_.push_back(first_.back() + static_cast<std::uint32_t>(m.mesh.triangles.size()));
 }
 
+TriangleNumbering::TriangleNumbering(const std::vector<const TexturedMesh*>& meshes) {
+  first_.push_back(0);
+  for (const TexturedMesh* m : meshes)
+    first_.push_back(first_.back() + static_cast<std::uint32_t>(m->mesh.triangles.size()));
+}
+
 TriangleNumbering::TriangleRef TriangleNumbering::operator()(std::uint32_t number) const {
   const auto next = std::upper_bound(first_.begin(), first_.end(), number);
   const auto mesh = static_cast<std::size_t>(next - first_.begin()) - 1;

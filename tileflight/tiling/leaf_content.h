@@ -14,6 +14,7 @@ namespace tileflight::tiling {
 class TriangleNumbering {
  public:
   explicit TriangleNumbering(const std::vector<imaging::TexturedMesh>& meshes);
+  explicit TriangleNumbering(const std::vector<const imaging::TexturedMesh*>& meshes);
 
   struct TriangleRef {
     std::size_t mesh = 0, triangle = 0;

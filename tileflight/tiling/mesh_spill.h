@@ -17,7 +17,7 @@
 
 namespace tileflight::tiling {
 
-/// How the surfaces of a material look.
+/// Appearance of a material.
 struct SurfaceAppearance {
   std::shared_ptr<const imaging::RgbImage> texture = nullptr;  ///< null: plain, or coloured by vertex
   imaging::Wrap wrap_u = imaging::Wrap::kRepeat, wrap_v = imaging::Wrap::kRepeat;

@@ -167,9 +167,7 @@ class KeptFaces : public simplification::FaceReceiver {
   }
   void add_uv(const Eigen::Vector2f& uv) override { faces_.uv.push_back(uv); }
   void use_material(const std::string& material) override {
-    const auto [at, is_new] = group_of_.try_emplace(material, faces_.groups.size());
-    if (is_new) faces_.groups.push_back({material, {}});
-    group_ = at->second;
+    group_ = simplification::find_or_add_group(material, group_of_, faces_);
   }
   void add_face(const std::vector<simplification::FaceCorner>& corners) override {
     simplification::add_face(corners, faces_.positions, faces_.groups[group_]);

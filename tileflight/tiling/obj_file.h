@@ -10,7 +10,7 @@
 
 namespace tileflight::tiling {
 
-/// What an OBJ file says apart from its surface.
+/// Contents of an OBJ file besides its surface.
 struct ObjNotes {
   std::vector<std::string> libraries;  ///< for each `mtllib`, the rest of its line
   std::int64_t faces_left_out = 0;     ///< with fewer than three corners

@@ -213,9 +213,7 @@ class KeptPlyFaces : public simplification::FaceReceiver {
     entries_.push_back(at->second);
   }
   void use_material(const std::string& material) override {
-    const auto [at, is_new] = group_of_.try_emplace(material, faces_.groups.size());
-    if (is_new) faces_.groups.push_back({material, {}});
-    group_ = at->second;
+    group_ = simplification::find_or_add_group(material, group_of_, faces_);
   }
   void add_face(const std::vector<simplification::FaceCorner>& corners) override {
     shared_ = corners;

@@ -4,15 +4,13 @@
 #include <cmath>
 #include <limits>
 
+#include "tileflight/geometry/polygon.h"
+
 namespace tileflight::tiling {
 namespace {
 
 constexpr double kNormalOffset_m = 0.25;  ///< offset of the shadow test from the surface, to avoid self-shadowing
 constexpr float kDepthBias_m = 0.25F;
-
-double cross2(const Vec3& a, const Vec3& b, const Vec3& c) {
-  return (b.x() - a.x()) * (c.y() - a.y()) - (b.y() - a.y()) * (c.x() - a.x());
-}
 
 template <class Visit>
 void for_each_triangle(const Chart& chart, const Visit& visit) {
@@ -55,7 +53,7 @@ Vec3 Sunlight::to_shadow_map(const Vec3& p) const {
 
 void Sunlight::rasterize_shadow(const Vec3& a_site, const Vec3& b_site, const Vec3& c_site) {
   const Vec3 a = to_shadow_map(a_site), b = to_shadow_map(b_site), c = to_shadow_map(c_site);
-  const double area = cross2(a, b, c);
+  const double area = geometry::twice_area_xy(a, b, c);
   if (std::fabs(area) < 1e-12) return;
   const int x0 = static_cast<int>(std::min({a.x(), b.x(), c.x()})),
             y0 = static_cast<int>(std::min({a.y(), b.y(), c.y()}));
@@ -64,7 +62,8 @@ void Sunlight::rasterize_shadow(const Vec3& a_site, const Vec3& b_site, const Ve
   for (int y = y0; y <= y1; ++y) {
     for (int x = x0; x <= x1; ++x) {
       const Vec3 p(x + 0.5, y + 0.5, 0);
-      const double wa = cross2(p, b, c) / area, wb = cross2(a, p, c) / area, wc = 1.0 - wa - wb;
+      const double wa = geometry::twice_area_xy(p, b, c) / area, wb = geometry::twice_area_xy(a, p, c) / area,
+                   wc = 1.0 - wa - wb;
       if (wa < 0 || wb < 0 || wc < 0) continue;
       float& depth = depth_m_[static_cast<std::size_t>(y) * width_ + x];
       depth = std::max(depth, static_cast<float>(wa * a.z() + wb * b.z() + wc * c.z()));

@@ -84,29 +84,17 @@ void tint(const TexturedMesh& mesh, const Triangle& t, const std::array<double, 
 }  // namespace
 
 SurfaceColors::SurfaceColors(std::vector<const TexturedMesh*> meshes)
-    : meshes_(std::move(meshes)), index_(joined(meshes_)) {
-  std::size_t count = 0;
-  for (const TexturedMesh* m : meshes_) {
-    first_.push_back(count);
-    count += m->mesh.triangles.size();
-  }
-}
+    : meshes_(std::move(meshes)), numbering_(meshes_), index_(joined(meshes_)) {}
 
-SurfaceColors::TriangleRef SurfaceColors::locate_triangle(std::size_t number) const {
-  const auto next = std::upper_bound(first_.begin(), first_.end(), number);
-  const auto mesh = static_cast<std::size_t>(next - first_.begin()) - 1;
-  return {mesh, number - first_[mesh]};
-}
-
-double SurfaceColors::distance_m(std::size_t number, const Vec3& place) const {
-  const TriangleRef at = locate_triangle(number);
+double SurfaceColors::distance_m(std::uint32_t number, const Vec3& place) const {
+  const TriangleNumbering::TriangleRef at = numbering_(number);
   const auto& v = meshes_[at.mesh]->mesh.vertices;
   const Triangle& t = meshes_[at.mesh]->mesh.triangles[at.triangle];
   return (place - geometry::closest_point_on_triangle(place, v[t[0]], v[t[1]], v[t[2]])).norm();
 }
 
-imaging::Rgb8 SurfaceColors::color(std::size_t number, const Vec3& on_surface) const {
-  const TriangleRef at = locate_triangle(number);
+imaging::Rgb8 SurfaceColors::color(std::uint32_t number, const Vec3& on_surface) const {
+  const TriangleNumbering::TriangleRef at = numbering_(number);
   const TexturedMesh& mesh = *meshes_[at.mesh];
   const Triangle& t = mesh.mesh.triangles[at.triangle];
   const auto& v = mesh.mesh.vertices;
@@ -125,8 +113,8 @@ imaging::Rgb8 SurfaceColors::CoherentSampler::at(const Vec3& place) {
       has_last_ ? colors_.distance_m(last_, place) * (1 + 1e-6) + 1e-9 : std::numeric_limits<double>::infinity();
   const geometry::SurfacePoint nearest = *colors_.index_.nearest(place, radius_m);
   has_last_ = true;
-  last_ = nearest.triangle;
-  return colors_.color(nearest.triangle, nearest.position);
+  last_ = static_cast<std::uint32_t>(nearest.triangle);
+  return colors_.color(last_, nearest.position);
 }
 
 }  // namespace tileflight::tiling

@@ -1,9 +1,11 @@
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include "tileflight/geometry/triangle_index.h"
 #include "tileflight/imaging/textured_mesh.h"
+#include "tileflight/tiling/leaf_content.h"
 
 namespace tileflight::tiling {
 
@@ -24,20 +26,15 @@ class SurfaceColors {
    private:
     const SurfaceColors& colors_;
     bool has_last_ = false;
-    std::size_t last_ = 0;
+    std::uint32_t last_ = 0;
   };
 
  private:
-  struct TriangleRef {
-    std::size_t mesh = 0, triangle = 0;
-  };
-
-  TriangleRef locate_triangle(std::size_t number) const;
-  double distance_m(std::size_t number, const geometry::Vec3& place) const;
-  imaging::Rgb8 color(std::size_t number, const geometry::Vec3& on_surface) const;
+  double distance_m(std::uint32_t number, const geometry::Vec3& place) const;
+  imaging::Rgb8 color(std::uint32_t number, const geometry::Vec3& on_surface) const;
 
   std::vector<const imaging::TexturedMesh*> meshes_;
-  std::vector<std::size_t> first_;  ///< number of each mesh's first triangle
+  TriangleNumbering numbering_;  ///< as in the index
   geometry::TriangleIndex index_;
 };
 

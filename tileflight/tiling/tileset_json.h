@@ -18,7 +18,7 @@ struct TileEntry {
   geometry::Box3 bounds = {};  ///< of content and children; see compute_bounds
 };
 
-/// A box as 3D Tiles 1.1, section 6.6.1, has it: centre and three half axes, a millimetre larger than the bounds.
+/// A box of 3D Tiles 1.1, section 6.6.1: centre and three half axes, a millimetre larger than the bounds.
 std::array<double, 12> box_numbers(const geometry::Box3& bounds);
 
 /// Computes bounds from the leaves up, so that each contains its content and its children.

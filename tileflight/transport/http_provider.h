@@ -28,7 +28,7 @@ class HttpProvider {
   /// Called before waiting for a request: renews credentials that are about to expire. Throws InputError.
   virtual void refresh_credentials(HttpClient& /*client*/) {}
   /// Called after a response with `status` to a request made with credentials of `generation`. Returns true if newer
-  /// credentials are available and the request is worth repeating. Throws InputError.
+  /// credentials are available and the request should be repeated. Throws InputError.
   virtual bool renew_credentials(HttpClient& /*client*/, long /*status*/, int /*generation*/) { return false; }
   /// Number of times credentials were obtained so far.
   virtual int credential_generation() const { return 0; }

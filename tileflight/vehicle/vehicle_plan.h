@@ -8,7 +8,7 @@
 
 namespace tileflight::vehicle {
 
-/// How the camera is mounted.
+/// Mounting of the camera.
 struct CameraMount {
   /// Stabilized: keeps pitch and roll whatever the body does, and turns with its yaw. Otherwise fixed to the body.
   bool gimbal = true;

@@ -5,7 +5,7 @@
 
 namespace tileflight::workflow {
 
-/// Indices from begin to end, without end.
+/// Half-open range of indices [begin, end).
 struct IndexRange {
   std::size_t begin = 0, end = 0;
 
@@ -14,8 +14,8 @@ struct IndexRange {
   bool operator==(const IndexRange&) const = default;
 };
 
-/// Cuts a list of works, whose costs are given (>= 0), into `count` ranges of about the same cost, in order: none costs
-/// more than its even share and the dearest work together. Some may be empty.
+/// Divides a list of work items with the given costs (>= 0) into `count` consecutive ranges of about equal cost: no
+/// range costs more than an even share plus the most expensive item. Ranges may be empty.
 std::vector<IndexRange> balanced_ranges(const std::vector<double>& costs, std::size_t count);
 
 }  // namespace tileflight::workflow

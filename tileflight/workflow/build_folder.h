@@ -7,15 +7,15 @@
 
 namespace tileflight::workflow {
 
-/// The part that a process takes in filling a build folder.
+/// How much of a build folder's work one process does.
 enum class Share {
-  kWhole,  ///< alone, or as a rank of one job: no other job may use the folder
-  kPart,   ///< a part of the work, beside processes that do other parts
+  kWhole,  ///< all of it, or as a rank of one job: no other job may use the folder
+  kPart,   ///< one part, while other processes do the other parts
 };
 
-/// A hidden folder beside an output DIR/NAME in which a job, of one or more processes, builds that output, and which
-/// keeps what is done for the next job if this one dies:
-///   DIR/.NAME.KIND/inputs.json    what the output is made from: another job goes on only from the same
+/// A hidden folder beside an output DIR/NAME in which a job of one or more processes builds that output. If the job
+/// dies, the next one continues from what is already finished:
+///   DIR/.NAME.KIND/inputs.json    what the output is made from: another job continues only from the same
 ///                  members/NAME   locked while the process of this name lives
 /// The kernel releases the locks of a process that ends, even killed; a file system without locks is used without them.
 /// The machines of a job share the folder.
@@ -24,7 +24,7 @@ class BuildFolder {
   static std::filesystem::path path_beside(const std::filesystem::path& output, const std::string& kind);
 
   /// Prepares the folder for work from `inputs`. Keeps what is there from the same inputs and removes all else; with
-  /// another job at work there, throws InputError instead. `folders`: made in it; where one is missing, nothing is
+  /// another job at work there, throws InputError instead. `folders`: created in it; if one is missing, nothing is
   /// kept. Returns why something was removed ("… because these inputs differ: settings"); empty: nothing was.
   static std::string prepare(const std::filesystem::path& folder, const nlohmann::json& inputs, Share share,
                              const std::vector<std::string>& folders);
@@ -32,8 +32,8 @@ class BuildFolder {
   /// inputs.json; null if there is none.
   static nlohmann::json read_inputs(const std::filesystem::path& folder);
 
-  /// Enters a prepared folder under a name. A part waits while another process has its name: one of an earlier job,
-  /// which does the same. Throws InputError.
+  /// Enters a prepared folder under a name. A part waits while a process of an earlier job, which does the same part,
+  /// still has that name. Throws InputError.
   BuildFolder(std::filesystem::path folder, const std::string& name, Share share);
   ~BuildFolder();
   BuildFolder(const BuildFolder&) = delete;

@@ -10,8 +10,8 @@
 
 namespace tileflight::workflow {
 
-/// A command of tileflight that is done in tasks: each makes a part of the work in a build folder beside the output
-/// (build_folder.h), and a last one finishes the output from it.
+/// A tileflight command divided into tasks: each does a part of the work in a build folder beside the output
+/// (build_folder.h), and the last one assembles the output from it.
 struct PartedJob {
   /// A call of the command: its words after the program's name.
   struct Call {
@@ -31,18 +31,18 @@ struct PartedJob {
 };
 
 /// Runs the job in the working directory of this process through run_tasks() and returns what its last call printed. A
-/// hidden folder DIR/.NAME.tasks holds the workflow until it is done, for the owner alone: the calls may name keys.
-/// What was done before is not done again. Throws InputError, also if another process runs the job.
+/// hidden folder DIR/.NAME.tasks holds the workflow until it is done, readable by its owner only, since calls may
+/// contain API keys. Finished tasks are skipped. Throws InputError, also if another process runs the job.
 nlohmann::json run_parted_job(const PartedJob& job, const TaskOptions& options, const Progress& progress = {});
 
-/// Where the workflow of an output is kept; it exists while a job is unfinished.
+/// The folder of an output's workflow; it exists while a job is unfinished.
 std::filesystem::path tasks_folder_of(const std::filesystem::path& output);
 
-/// Whether a job's last call, of this name, was done and the job was stopped before it returned: run_parted_job() then
-/// only returns its result.
+/// Whether the job's last call, of this name, finished but the job was stopped before it returned: run_parted_job()
+/// then only returns that result.
 bool has_finished_tasks(const std::filesystem::path& output, const std::string& last);
 
-/// A command line without some options: `flags` stand alone, `valued` have a value ("--jobs 2", "--jobs=2").
+/// Removes options from a command line: `flags` have no value, `valued` have one ("--jobs 2", "--jobs=2").
 std::vector<std::string> without_options(const std::vector<std::string>& words, const std::vector<std::string>& flags,
                                          const std::vector<std::string>& valued);
 

@@ -9,7 +9,8 @@
 
 namespace tileflight::workflow {
 
-/// A shell command that runs beside, with all that it starts, until this object goes. Its input is empty.
+/// A shell command that runs in the background until this object is destroyed, as do the processes that it starts.
+/// Its input is empty.
 class StartedCommand {
  public:
   /// Runs it in `folder`; what it prints goes to the file `log`. Throws InputError if it cannot be started.
@@ -19,7 +20,7 @@ class StartedCommand {
   StartedCommand(const StartedCommand&) = delete;
   StartedCommand& operator=(const StartedCommand&) = delete;
 
-  /// "exit status 3", "killed by signal 11", once the command has ended; what it has started may run on.
+  /// "exit status 3", "killed by signal 11", once the command has ended; processes that it started may still run.
   std::optional<std::string> end();
   /// The last line that it has printed, at most 200 characters; empty if there is none.
   std::string last_line() const;
