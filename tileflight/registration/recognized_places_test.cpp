@@ -118,6 +118,30 @@ TEST(RecognizedPlaces, HalfOfThePicturesIsTooFewForAPlaceThatWasSearched) {
   EXPECT_EQ(withheld(registered({{Vec3::Zero(), 8, 0.95}})), "");
 }
 
+/// The receiver is too far off for the images to be located from it; then the place is searched.
+TEST(RecognizedPlaces, PositionsTellWhichOfSeveralPlacesIsMeant) {
+  const Flight flight = simulate_map(curved_path(), 60);
+  const std::vector<Spot> spots = {{Vec3(30, 0, 0), 10, 0.95}, {Vec3::Zero(), 10, 0.85}};
+  bool is_searched = false;
+  RegistrationServices services;
+  services.locate_pictures = [&](const Sim3& T, std::size_t n, PictureDetail) {
+    return is_searched ? locate_at(spots, flight, T, n) : LocatedPictures{n, {}};
+  };
+  services.find_places_by_appearance = [&] {
+    is_searched = true;
+    return std::vector<Sim3>{moved(spots[0]), moved(spots[1])};
+  };
+  RegistrationEvidence evidence{.path = flight.map};
+  for (const auto& pose : flight.local.poses)
+    evidence.positions.push_back({pose.time_s, pose.T_local_camera.translation + Vec3(1.5, -1.0, 0.5), 0.6, 0.9});
+  RegistrationOptions options;
+  options.trajectory.estimate_time_offset = false;
+  const RegistrationResult r = register_map(flight.points, evidence, the_place().surface, services, options);
+  EXPECT_EQ(r.start, kSearchedStart);
+  EXPECT_LT(error_m(r, spots[1]), 0.05);
+  EXPECT_EQ(withheld(r), "");
+}
+
 /// The map of another roof: its images fit in the looks, its points do not.
 TEST(RecognizedPlaces, ASearchedPlaceWhoseShapeDisagreesIsDoubted) {
   const Flight flight = simulate_map(curved_path(), 60);

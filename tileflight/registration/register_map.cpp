@@ -250,10 +250,33 @@ class MapRegistrar {
                           [&](const Candidate& c) { return c.is_recognised() || !contradicts_telemetry(c.T.scale); });
   }
 
+  /// Whether the telemetry's positions are elsewhere, by more than a receiver's error.
+  bool contradicts_positions(const Candidate& candidate) const {
+    if (!result_.telemetry) return false;
+    constexpr double kSigmas = 5.0, kLeast_m = 3.0;
+    double sigma_m = 0.0;
+    for (const alignment::PositionFix& fix : evidence_.positions) sigma_m = std::max(sigma_m, fix.horizontal_sigma_m);
+    Vec3 apart = Vec3::Zero();
+    for (const auto& pose : evidence_.path.poses) {
+      const Vec3& position = pose.T_local_camera.translation;
+      apart += (candidate.T * position - result_.telemetry->T_local_map * position) /
+               static_cast<double>(evidence_.path.size());
+    }
+    return apart.head<2>().norm() > std::max(kLeast_m, kSigmas * sigma_m);
+  }
+
   /// Of places that were found without a start, the one that fits the images best; records another one like it.
+  /// Positions, if they could not be followed, still tell which of several similar places is meant; one that they
+  /// contradict is taken only if there is no other.
   void compare_similar_places() {
     if (candidates_.front().start.name != kSearchedStart || !candidates_.front().is_recognised()) return;
-    result_.similar_place_distance_m = find_similar_place(candidates_, refiner_, options_.fine_pictures, spread_);
+    const auto contradicted = std::stable_partition(candidates_.begin(), candidates_.end(), [&](const Candidate& c) {
+      return c.is_recognised() && !contradicts_positions(c);
+    });
+    std::vector<Candidate> compared(candidates_.begin(), contradicted);
+    if (compared.empty()) compared = candidates_;
+    result_.similar_place_distance_m = find_similar_place(compared, refiner_, options_.fine_pictures, spread_);
+    candidates_.insert(candidates_.begin(), compared.front());
     Candidate& best = candidates_.front();
     const Candidate refined = refiner_.refine({best.T, best.start.name});
     best.fit = refined.fit;
