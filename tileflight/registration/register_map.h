@@ -88,6 +88,9 @@ struct RegistrationOptions {
   alignment::AlignTrajectoryOptions trajectory{};
 };
 
+/// RegistrationResult::start of a place that was found without a start.
+inline constexpr const char* kSearchedStart = "places";
+
 struct RegistrationResult {
   geometry::Sim3 T_local_map;
   double sigma_m = 0.0;  ///< calibrated standard deviation of the points' positions: RMS over points and noise
@@ -103,6 +106,8 @@ struct RegistrationResult {
   double runner_up_score = 0.0;                ///< ray agreement of the best alternative
   std::optional<double>
       repetition_distance_m;  ///< distance to a nearby placement where the images fit equally well (repeating textures)
+  std::optional<double> similar_place_distance_m;  ///< distance to another place, of those that were found without a
+                                                   ///< start, where the images fit as well, RMS over the points
   Doubts doubts;
 };
 

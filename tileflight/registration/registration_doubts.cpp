@@ -24,6 +24,9 @@ void add_doubt(RegistrationResult& r, const char* where, const char* how_sure, s
 
 bool is_recognised(const RegistrationResult& r) { return r.method == "pictures"; }
 
+/// Nothing but the images says that the map belongs there.
+bool is_searched(const RegistrationResult& r) { return r.start == kSearchedStart; }
+
 // ---- images ----
 
 /// Compares the path with its located images, to detect an odometry that drifts or jumps. A path counts as wrong from
@@ -52,6 +55,30 @@ void check_path(RegistrationResult& r) {
   }
 }
 
+/// Another place that was found where the images fit as well: nothing tells which one is right.
+void check_similar_place(RegistrationResult& r) {
+  if (!r.similar_place_distance_m) return;
+  add_doubt(r, kAlignment, "likely",
+            base::formatted("the place is ambiguous: the images fit as well %.1f m away", *r.similar_place_distance_m),
+            "give telemetry, attitude or a start");
+}
+
+/// A place that resembles the right one (another roof with the same tiles) lets some of the images be located there,
+/// too; where the place had to be searched, nothing else speaks for it.
+void check_located_share(RegistrationResult& r) {
+  const PictureAgreement& p = *r.pictures;
+  if (is_searched(r) && 3 * p.inliers < 2 * p.tried) {
+    add_doubt(r, kAlignment, "likely",
+              base::formatted("the place was found by its resemblance, and only %zu of %zu images agree on it",
+                              p.inliers, p.tried),
+              "give telemetry, attitude or a start");
+  } else if (3 * p.located < 2 * p.tried) {
+    add_doubt(r, kAlignment, "possible",
+              base::formatted("only %zu of %zu images were localized in the place", p.located, p.tried),
+              "check the other images: outside the place, blurred, or off the path");
+  }
+}
+
 void check_pictures(RegistrationResult& r) {
   if (!r.pictures) return;
   const PictureAgreement& p = *r.pictures;
@@ -64,11 +91,8 @@ void check_pictures(RegistrationResult& r) {
               "check that the place matches the images (season, region, calibration), or give a start");
     return;
   }
-  if (3 * p.located < 2 * p.tried) {
-    add_doubt(r, kAlignment, "possible",
-              base::formatted("only %zu of %zu images were localized in the place", p.located, p.tried),
-              "check the other images: outside the place, blurred, or off the path");
-  }
+  check_similar_place(r);
+  check_located_share(r);
   if (r.repetition_distance_m) {
     add_doubt(
         r, kAlignment, "likely",
@@ -81,6 +105,8 @@ void check_pictures(RegistrationResult& r) {
 }
 
 // ---- surface ----
+
+double ray_score(const RegistrationResult& r) { return r.rays ? r.rays->score : r.surface.inlier_share; }
 
 /// If only the surface determines the result: is the map well constrained, and is there another place for it?
 void check_shapes(RegistrationResult& r) {
@@ -100,23 +126,28 @@ void check_shapes(RegistrationResult& r) {
             ", and no image was localized that would",
         "fly over a place with relief in several directions, or give images (--dataset) and a textured ground truth");
   }
-  constexpr double kRivalShare = 0.85, kGoodRays = 0.5;
-  const double score = r.rays ? r.rays->score : r.surface.inlier_share;
+  constexpr double kRivalShare = 0.85;
+  const double score = ray_score(r);
   if (r.runner_up_distance_m && r.runner_up_score > kRivalShare * score) {
     add_doubt(r, kAlignment, "likely",
               base::formatted("ambiguous: the map fits nearly as well %.1f m (RMS) away (score %.2f against %.2f)",
                               *r.runner_up_distance_m, r.runner_up_score, score),
               "give telemetry, attitude or a start");
   }
-  if (score < kGoodRays) {
-    add_doubt(
-        r, kAlignment, score < 0.5 * kGoodRays ? "certain" : "likely",
-        base::formatted("seen from its own cameras, the map does not match the place: %.0f %% of its points lie on "
-                        "the surface that is visible there, %.0f %% lie behind it",
-                        100.0 * (r.rays ? r.rays->agreeing_share : r.surface.inlier_share),
-                        100.0 * (r.rays ? r.rays->blocked_share : 0.0)),
-        "check place, region and telemetry; give a start");
-  }
+}
+
+/// Do the points lie where the cameras see the place's surface? Not asked where images of a place that is known agree.
+void check_rays(RegistrationResult& r) {
+  if (is_recognised(r) && !(is_searched(r) && r.rays)) return;
+  constexpr double kGoodRays = 0.5;
+  const double score = ray_score(r);
+  if (score >= kGoodRays) return;
+  add_doubt(r, kAlignment, score < 0.5 * kGoodRays ? "certain" : "likely",
+            base::formatted("seen from its own cameras, the map does not match the place: %.0f %% of its points lie on "
+                            "the surface that is visible there, %.0f %% lie behind it",
+                            100.0 * (r.rays ? r.rays->agreeing_share : r.surface.inlier_share),
+                            100.0 * (r.rays ? r.rays->blocked_share : 0.0)),
+            "check place, region and telemetry; give a start");
 }
 
 void check_ray_support(const ObservedPoints& points, RegistrationResult& r) {
@@ -217,6 +248,7 @@ void add_registration_doubts(const ObservedPoints& points, const RegistrationEvi
                              RegistrationResult& registration) {
   check_pictures(registration);
   check_shapes(registration);
+  check_rays(registration);
   check_ray_support(points, registration);
   check_sigma(registration);
   check_telemetry(evidence, registration);

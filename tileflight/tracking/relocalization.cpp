@@ -13,16 +13,18 @@ using geometry::Vec3;
 // Chosen by hand.
 constexpr double kMinInsideShare = 0.3;
 
-/// Rotations around a keyframe's orientation, spaced so that the coarsest level converges from the nearest one. The
-/// spacing is chosen by hand.
+/// Rotations around a keyframe's orientation, spaced so that the coarsest level converges from the nearest one: about
+/// the image axes, and farther about the optical axis, about which a vehicle's turn rotates a camera that looks down
+/// (one that looks ahead and down by a part about each). The spacing is chosen by hand.
 std::vector<SE3> rotation_offsets() {
   constexpr double kStep_rad = 0.12;
-  constexpr int kSteps = 2;
+  constexpr int kSteps = 2, kRolls = 4;
   std::vector<SE3> out;
-  for (int x = -kSteps; x <= kSteps; ++x) {
-    for (int y = -kSteps; y <= kSteps; ++y) {
+  for (int y = -kSteps; y <= kSteps; ++y) {
+    for (int x = -kSteps; x <= kSteps; ++x)
       out.emplace_back(geometry::so3_exp(kStep_rad * Vec3(x, y, 0)), Vec3::Zero());
-    }
+    for (int z = -kRolls; z <= kRolls; ++z)
+      if (z != 0) out.emplace_back(geometry::so3_exp(kStep_rad * Vec3(0, y, z)), Vec3::Zero());
   }
   return out;
 }

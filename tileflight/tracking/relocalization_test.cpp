@@ -57,6 +57,24 @@ TEST(Relocalization, FindsAPictureThatLooksAnotherWay) {
   EXPECT_LT(geometry::so3_log(error.rotation).norm(), 3e-3);
 }
 
+/// A vehicle that turns: about the optical axis of a camera that looks down, about an oblique axis of one that looks
+/// ahead and down.
+TEST(Relocalization, FindsAPictureAfterATurnOfTheVehicle) {
+  const Ground ground;
+  for (const Vec3& direction : {Vec3(0, 0.05, -1), Vec3(0, 1, -1), Vec3(0, 1, -0.4)}) {
+    const SE3 here = photometry::test_support::look_along(Vec3(0, 0, 20), direction);
+    const std::vector<TrackingReference> keyframes{ground.keyframe(here)};
+    for (const double turn_rad : {-0.4, 0.25, 0.45}) {
+      const SE3 lost(geometry::so3_exp(Vec3(0, 0, turn_rad)) * here.rotation, here.translation + Vec3(0.3, 0.4, 0.1));
+      const auto found = relocalize(ground.lens, keyframes, ground.picture(lost), 12.0, ground.options.tracking);
+      ASSERT_TRUE(found) << direction.transpose() << ", " << turn_rad;
+      const SE3 error = found->alignment.state.T_target_reference * (lost.inverse() * here).inverse();
+      EXPECT_LT(error.translation.norm(), 0.05) << direction.transpose() << ", " << turn_rad;
+      EXPECT_LT(geometry::so3_log(error.rotation).norm(), 3e-3) << direction.transpose() << ", " << turn_rad;
+    }
+  }
+}
+
 TEST(Relocalization, FindsNothingInAPictureOfAnotherPlace) {
   const Ground ground;
   const SE3 here = photometry::test_support::look_along(Vec3(0, 0, 20), Vec3(0, 1, -1)),
