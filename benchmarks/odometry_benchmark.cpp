@@ -1,8 +1,9 @@
 // Accuracy and speed of the odometry on whole sequences.
 //
-//   odometry_benchmark [--runs N] [--threads N] [--loop-closure] [--fixed-intrinsics] [--set NAME=VALUE]
+//   odometry_benchmark [--runs N] [--threads N] [--loop-closure] [--fixed-intrinsics] [--digest] [--set NAME=VALUE]
 //                      [PART-OF-A-NAME...]
 //
+// `--digest`: a number of all bits of path and map, to see whether a change of the program changes any.
 // `begin`: images read until there is a map; `first`: the first image with a pose, which may be one before.
 // --set changes an option for an experiment; see kSettings. `synthetic` needs no data; other sequences are read from
 // $TILEFLIGHT_TEST_DATA and skipped if missing. Processor time is that of all threads, without decoding of images,
@@ -12,6 +13,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <cinttypes>
 #include <cstdio>
 #include <cstring>
 #include <fstream>
@@ -346,6 +348,24 @@ void print_intrinsics(const imaging::Camera& camera) {
              camera.model());
 }
 
+/// FNV-1a over the bits of path and map.
+std::uint64_t digest(const odometry::OdometryResult& result) {
+  std::uint64_t hash = 14695981039346656037ULL;
+  const auto add = [&hash](const double* values, int count) {
+    for (int i = 0; i < count; ++i) {
+      std::uint64_t bits = 0;
+      std::memcpy(&bits, values + i, sizeof(bits));
+      hash = (hash ^ bits) * 1099511628211ULL;
+    }
+  };
+  for (const auto& pose : result.trajectory.poses) {
+    add(pose.T_local_camera.translation.data(), 3);
+    add(pose.T_local_camera.rotation.coeffs().data(), 4);
+  }
+  for (const Vec3& point : result.map.positions) add(point.data(), 3);
+  return hash;
+}
+
 void print(const std::string& name, const Outcome& outcome, const odometry::OdometryOptions& options) {
   const auto& r = outcome.result;
   const double frames = std::max<double>(1.0, static_cast<double>(r.frames));
@@ -389,6 +409,7 @@ bool set_option(const std::string& text, odometry::OdometryOptions& options) {
 
 int main(int argc, char** argv) {
   int runs = 1;
+  bool with_digest = false;
   std::optional<tbb::global_control> limit;
   std::vector<std::string> wanted;
   odometry::OdometryOptions options;
@@ -404,6 +425,8 @@ int main(int argc, char** argv) {
       }
     } else if (std::strcmp(argv[i], "--loop-closure") == 0) {
       options.loops.enabled = true;
+    } else if (std::strcmp(argv[i], "--digest") == 0) {
+      with_digest = true;
     } else if (std::strcmp(argv[i], "--fixed-intrinsics") == 0) {
       options.window.refine_intrinsics = false;
     } else {
@@ -421,7 +444,11 @@ int main(int argc, char** argv) {
       std::printf("%-30s no data\n", c.name.c_str());
       continue;
     }
-    for (int i = 0; i < runs; ++i) print(c.name, run(*sequence, c.order, options), options);
+    for (int i = 0; i < runs; ++i) {
+      const Outcome outcome = run(*sequence, c.order, options);
+      print(c.name, outcome, options);
+      if (with_digest) std::printf("%30s digest %016" PRIx64 "\n", "", digest(outcome.result));
+    }
   }
   return 0;
 }

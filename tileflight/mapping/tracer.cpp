@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tileflight/photometry/pattern_samples.h"
+
 namespace tileflight::mapping {
 namespace {
 
@@ -65,10 +67,10 @@ struct EpipolarSearch {
     grey = pair.gain * grey + pair.offset;
   }
   /// Sum of weighted Huber energies of the pattern at a pixel.
-  float energy(const Vector2f& center) const {
+  TILEFLIGHT_LANE_INLINE float energy(const Vector2f& center) const {
     base::Float8 u, v, grey, host, w;
     pattern_pixels(center, u, v);
-    for (int k = 0; k < photometry::kPatternSize; ++k) grey[k] = target.sample_intensity(u[k], v[k]);
+    photometry::sample_eight_intensities(target, u, v, grey);
     expected_intensities(host);
     const base::Float8 r = grey - host;
     base::huber_weights(r, huber, w);
@@ -131,6 +133,7 @@ struct Match {
 
 /// Discrete search in steps of about a pixel (DSO, section 3.2). The second-best match is taken at least 2 px from the
 /// best; in DSO's implementation more than 2 of its steps of 1 px.
+TILEFLIGHT_WIDE_VECTORS
 Match search_discrete(const EpipolarSearch& search, const Interval& interval) {
   constexpr float kSecondBestDistance_px = 2.0F;
   const int steps = std::min(kMaxSteps, 2 + static_cast<int>(interval.length_px));
@@ -160,6 +163,7 @@ Match search_discrete(const EpipolarSearch& search, const Interval& interval) {
 }
 
 /// Gauss-Newton along the curve, at most one pixel per step; keeps the best.
+TILEFLIGHT_WIDE_VECTORS
 void refine(const EpipolarSearch& search, Match& match) {
   constexpr int kIterations = 4;
   float phi = match.phi;
@@ -167,15 +171,13 @@ void refine(const EpipolarSearch& search, Match& match) {
     Vector2f pixel, direction;
     const float speed = pixels_per_radian(search, phi, pixel, direction);
     if (speed <= 0 || !search.inside(pixel)) return;
-    base::Float8 u, v, grey, J, host, w;
+    base::Float8 u, v, host, w;
+    photometry::PatternSamples8 there;
     search.pattern_pixels(pixel, u, v);
-    for (int k = 0; k < photometry::kPatternSize; ++k) {
-      const photometry::Texel texel = search.target.sample(u[k], v[k]);
-      grey[k] = texel[photometry::kIntensity];
-      J[k] = texel[photometry::kGradX] * direction.x() + texel[photometry::kGradY] * direction.y();
-    }
+    photometry::sample_eight(search.target, u, v, there);
+    const base::Float8 J = there.gx * direction.x() + there.gy * direction.y();
     search.expected_intensities(host);
-    const base::Float8 r = grey - host;
+    const base::Float8 r = there.grey - host;
     base::huber_weights(r, search.huber, w);
     const float energy = base::horizontal_sum(w * r * r * (2.0F - w));
     const float H = 1e-6F + base::horizontal_sum(w * J * J), b = base::horizontal_sum(w * J * r);

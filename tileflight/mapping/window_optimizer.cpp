@@ -3,12 +3,14 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "tileflight/geometry/decompositions.h"
 #include "tileflight/mapping/gauge.h"
 #include "tileflight/mapping/inertial_window.h"
 #include "tileflight/mapping/normal_equations.h"
+#include "tileflight/photometry/residual_warp.h"
 
 namespace tileflight::mapping {
 namespace {
@@ -45,19 +47,21 @@ class Linearizer {
       lens_linear_ = lens_.apply_delta(window_.intrinsics.linear);
     }
     if (window_.has_stereo()) stereo_pairs_ = make_stereo_pairs(window_);
-    return parallel_sum(points, [&](const PointRef& ref, Energy& energy) { linearize_point(ref, pairs, energy); });
+    return parallel_sum(points, [&](const PointRef* begin, const PointRef* end, Energy& energy) {
+      // While a point is evaluated, the grey values of the next one are on their way.
+      std::array<std::vector<photometry::ResidualWarp>, 2> warps;
+      warp_point(*begin, pairs, warps[0]);
+      for (const PointRef* ref = begin; ref != end; ++ref) {
+        if (ref + 1 != end) warp_point(ref[1], pairs, warps[(ref + 1 - begin) % 2]);
+        linearize_point(*ref, pairs, warps[(ref - begin) % 2], energy);
+      }
+    });
   }
 
   /// Energy of already evaluated residuals, classified by the current thresholds.
   Energy classify(const std::vector<PointRef>& points) const {
-    return parallel_sum(points, [&](const PointRef& ref, Energy& energy) {
-      const photometry::Keyframe& host = window_.keyframes[ref.host];
-      for (photometry::Observation& observation : window_.keyframes[ref.host].points[ref.index].observations) {
-        classify_observation(host, observation.state != photometry::ResidualState::kOutside, observation, energy);
-      }
-      for (photometry::Observation& observation : window_.keyframes[ref.host].points[ref.index].stereo_observations) {
-        classify_stereo(host, observation.state != photometry::ResidualState::kOutside, observation, energy);
-      }
+    return parallel_sum(points, [&](const PointRef* begin, const PointRef* end, Energy& energy) {
+      for (const PointRef* ref = begin; ref != end; ++ref) classify_point(*ref, energy);
     });
   }
 
@@ -68,7 +72,7 @@ class Linearizer {
     std::vector<Energy> parts(chunks);
     tbb::parallel_for(std::size_t{0}, chunks, [&](std::size_t c) {
       const std::size_t end = std::min(points.size(), (c + 1) * kPointsAChunk);
-      for (std::size_t i = c * kPointsAChunk; i < end; ++i) add(points[i], parts[c]);
+      add(points.data() + c * kPointsAChunk, points.data() + end, parts[c]);
     });
     Energy total;
     for (const Energy& part : parts) {
@@ -80,13 +84,37 @@ class Linearizer {
     return total;
   }
 
-  void linearize_point(const PointRef& ref, const std::vector<HostTargetPair>& pairs, Energy& energy) const {
+  void classify_point(const PointRef& ref, Energy& energy) const {
+    photometry::Keyframe& host = window_.keyframes[ref.host];
+    for (photometry::Observation& observation : host.points[ref.index].observations) {
+      classify_observation(host, observation.state != photometry::ResidualState::kOutside, observation, energy);
+    }
+    for (photometry::Observation& observation : host.points[ref.index].stereo_observations) {
+      classify_stereo(host, observation.state != photometry::ResidualState::kOutside, observation, energy);
+    }
+  }
+
+  /// Where the point's pattern falls in each of its targets.
+  void warp_point(const PointRef& ref, const std::vector<HostTargetPair>& pairs,
+                  std::vector<photometry::ResidualWarp>& warps) const {
+    const photometry::ActivePoint& point = window_.keyframes[ref.host].points[ref.index];
+    warps.resize(point.observations.size());
+    for (std::size_t i = 0; i < warps.size(); ++i) {
+      const int target = point.observations[i].target;
+      photometry::warp_residual(lens_, window_.keyframes[target].pyramid->levels[0], point.patch, point.rho,
+                                pairs[ref.host * window_.size() + target].frame, warps[i]);
+    }
+  }
+
+  void linearize_point(const PointRef& ref, const std::vector<HostTargetPair>& pairs,
+                       const std::vector<photometry::ResidualWarp>& warps, Energy& energy) const {
     photometry::Keyframe& host = window_.keyframes[ref.host];
     photometry::ActivePoint& point = host.points[ref.index];
-    for (photometry::Observation& observation : point.observations) {
+    for (std::size_t i = 0; i < warps.size(); ++i) {
+      photometry::Observation& observation = point.observations[i];
       const photometry::Keyframe& target = window_.keyframes[observation.target];
       const photometry::ResidualValue value = photometry::evaluate_residual(
-          lens_, target.pyramid->levels[0], point.patch, point.rho,
+          warps[i], lens_, target.pyramid->levels[0], point.patch, point.rho,
           pairs[ref.host * window_.size() + observation.target].frame, options_.huber, &observation.linearization,
           window_.intrinsics.estimated ? &lens_linear_ : nullptr);
       observation.raw_energy = value.energy;

@@ -1,6 +1,10 @@
 #include "tileflight/photometry/residual.h"
 
+#include <algorithm>
+
 #include "tileflight/base/simd.h"
+#include "tileflight/photometry/pattern_samples.h"
+#include "tileflight/photometry/residual_warp.h"
 
 namespace tileflight::photometry {
 namespace {
@@ -21,41 +25,60 @@ bool linearize_geometry(const Lens& lens, const Patch& patch, float rho, const H
   return true;
 }
 
-/// Samples of the target at the pattern's eight pixels.
-struct PatternSamples8 {
-  base::Float8 grey, gx, gy;
-};
-
 TILEFLIGHT_LANE_INLINE void sample_pattern(const PyramidLevel& target, const WarpedPatch& warped,
                                            PatternSamples8& out) {
   const Eigen::Matrix2f& A = warped.d_pixel_d_host_pixel;
   const base::Float8 u = warped.pixel.x() + A(0, 0) * kPatternX + A(0, 1) * kPatternY;
   const base::Float8 v = warped.pixel.y() + A(1, 0) * kPatternX + A(1, 1) * kPatternY;
-  for (int k = 0; k < kPatternSize; ++k) {
-    const Texel texel = target.sample(u[k], v[k]);
-    out.grey[k] = texel[kIntensity];
-    out.gx[k] = texel[kGradX];
-    out.gy[k] = texel[kGradY];
+  sample_eight(target, u, v, out);
+}
+
+/// Asks for the grey values that sample_pattern() will read.
+void prefetch_pattern(const PyramidLevel& target, const WarpedPatch& warped) {
+  constexpr std::ptrdiff_t kLine = 64 / sizeof(float);  // values of a cache line
+  const Eigen::Matrix2f& A = warped.d_pixel_d_host_pixel;
+  const float reach_x = kPatternRadius_px * std::max(std::abs(A(0, 0)), std::abs(A(0, 1)));
+  const float reach_y = kPatternRadius_px * std::max(std::abs(A(1, 0)), std::abs(A(1, 1)));
+  const int left = static_cast<int>(warped.pixel.x() - reach_x) - 1;
+  const int right = static_cast<int>(warped.pixel.x() + reach_x) + 2;
+  const int bottom = std::min(static_cast<int>(warped.pixel.y() + reach_y) + 2, target.height - 1);
+  for (int y = static_cast<int>(warped.pixel.y() - reach_y) - 1; y <= bottom; ++y) {
+    const float* row = target.row(y);
+    for (std::ptrdiff_t x = left; x < right; x += kLine) __builtin_prefetch(row + x);
+    __builtin_prefetch(row + right);
   }
 }
 
 }  // namespace
 
-TILEFLIGHT_WIDE_VECTORS
 ResidualValue evaluate_residual(const Lens& lens, const PyramidLevel& target, const Patch& patch, float rho,
                                 const HostTargetPrecalc& frame, float huber, Linearization* linearization,
                                 const Lens* lens_linear) {
+  ResidualWarp warp;
+  warp.inside = warp_patch(lens, patch, frame.current.R, frame.current.t, rho, warp.warped) &&
+                pattern_inside(target, warp.warped);
+  return evaluate_residual(warp, lens, target, patch, rho, frame, huber, linearization, lens_linear);
+}
+
+void warp_residual(const Lens& lens, const PyramidLevel& target, const Patch& patch, float rho,
+                   const HostTargetPrecalc& frame, ResidualWarp& out) {
+  out.inside =
+      warp_patch(lens, patch, frame.current.R, frame.current.t, rho, out.warped) && pattern_inside(target, out.warped);
+  if (out.inside) prefetch_pattern(target, out.warped);
+}
+
+TILEFLIGHT_WIDE_VECTORS
+ResidualValue evaluate_residual(const ResidualWarp& warp, const Lens& lens, const PyramidLevel& target,
+                                const Patch& patch, float rho, const HostTargetPrecalc& frame, float huber,
+                                Linearization* linearization, const Lens* lens_linear) {
   ResidualValue value;
-  WarpedPatch warped;
-  if (!warp_patch(lens, patch, frame.current.R, frame.current.t, rho, warped) || !pattern_inside(target, warped)) {
-    return value;
-  }
+  if (!warp.inside) return value;
   if (linearization != nullptr && !linearize_geometry(lens_linear != nullptr ? *lens_linear : lens, patch, rho, frame,
                                                       lens_linear != nullptr, *linearization)) {
     return value;
   }
   PatternSamples8 lanes;
-  sample_pattern(target, warped, lanes);
+  sample_pattern(target, warp.warped, lanes);
   base::Float8 host, weight, robust;
   base::load_float8(patch.intensity.data(), host);
   base::load_float8(patch.weight.data(), weight);
