@@ -117,6 +117,59 @@ TEST_F(CityFlight, AFrameLargerThanMemoryIsRenderedInRegions) {
 #endif
 }
 
+/// Frames that are all near each other, some of them below the ground.
+constexpr const char* kDive = R"(camera: camera.yaml
+fps: 1
+speed_m_s: 20
+acceleration_m_s2: 40
+waypoints:
+  - {position: [-70, -60, 130], yaw_deg: 80, pitch_deg: -20}
+  - {position: [0, -50, 92], yaw_deg: 80, pitch_deg: -10}
+  - {position: [30, -55, 93], yaw_deg: 250, pitch_deg: 0}
+  - {position: [80, -60, 130], yaw_deg: 60, pitch_deg: -20}
+)";
+
+TEST_F(CityFlight, TheGroundAroundACameraIsFoundByPartsOfTheTiles) {
+  TinyPlace::write_file(folder_ / "flight.yaml", kDive);
+  const std::vector<std::string> outputs{"--outputs", "depth,segmentation"};
+  const auto with = [&](const std::vector<std::string>& more) {
+    std::vector<std::string> words = outputs;
+    words.insert(words.end(), more.begin(), more.end());
+    return words;
+  };
+  const json whole = render("whole", with({"--memory", "1"}));
+  EXPECT_EQ(whole["parts"], 1);
+  EXPECT_THAT(whole["warnings"].dump(), HasSubstr("the camera is inside or under a surface"));
+  EXPECT_THAT(whole["warnings"].dump(), HasSubstr("through a surface"));
+  const auto expect_same = [&](const json& result, const std::string& out) {
+    for (const char* key : {"frames", "tiles", "complete", "warnings"}) EXPECT_EQ(result[key], whole[key]) << key;
+    tests::expect_same_files(folder_ / "whole", folder_ / out);
+  };
+  const json layers = render("layers", with({"--memory", "0.005"}));
+  EXPECT_GT(layers["frames_divided"], 0);
+  expect_same(layers, "layers");
+#ifdef TILEFLIGHT_MPIRUN
+  for (const int count : {2, 4}) {
+    const std::string out = "by" + std::to_string(count);
+    const ProgramResult result =
+        tests::run_by_mpirun(count, arguments(out, with({"--deal", "tiles", "--memory", count == 2 ? "1" : "0.005"})));
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+    const json shared = json::parse(result.out);
+    EXPECT_EQ(shared["dealt"], "tiles");
+    expect_same(shared, out);
+  }
+#endif
+}
+
+TEST_F(CityFlight, TheGroundAroundACameraIsFoundByRegionsToo) {
+  TinyPlace::write_file(folder_ / "flight.yaml", kDive);
+  const json whole = render("whole", {"--memory", "1", "--samples", "4"});
+  const json regions = render("regions", {"--memory", "0.005", "--samples", "4"});
+  EXPECT_GT(regions["frames_divided"], 0);
+  EXPECT_EQ(regions["warnings"], whole["warnings"]);
+  tests::expect_same_files(folder_ / "whole", folder_ / "regions");
+}
+
 class CityFlightInLayers : public CityFlight {
  protected:
   /// The flight with all that fits, in layers because little does, and by processes of which some frames fit in each.
@@ -156,6 +209,8 @@ actors:
   - {name: t0, model: car, scale: 12, on_ground: false, speed_m_s: 40, path: [{at: [-430, -300, 103]}, {at: [570, -270, 103]}]}
   - {name: bus, model: van, scale: 9, on_ground: false, speed_m_s: 30, path: [{at: [350, -240, 104]}, {at: [300, 100, 104]}]}
   - {name: kite, model: sphere, scale: 25, on_ground: false, position: [0, -285, 110]}
+  - {name: truck, model: van, scale: 6, speed_m_s: 25, path: [{at: [-400, -320]}, {at: [0, -280]}, {at: [520, -300]}]}
+  - {name: Ann, model: person, scale: 20, path: [{at: [350, -220]}, {at: [260, 150, 101]}]}
 )");
   expect_same_files();
   int visible = 0;

@@ -150,7 +150,7 @@ waypoints:
                            "--out", (folder_ / out).string(), "--memory", memory_gb, "--outputs",
                            "segmentation,infrared,flow", "--json"});
   };
-  const ProgramResult whole = render("whole", "1"), parts = render("parts", "0.0019"), none = render("none", "0.0003");
+  const ProgramResult whole = render("whole", "1"), parts = render("parts", "0.0022"), none = render("none", "0.0003");
   ASSERT_EQ(whole.exit_code, 0) << whole.err;
   ASSERT_EQ(parts.exit_code, 0) << parts.err;
   const json of_whole = json::parse(whole.out), of_parts = json::parse(parts.out);

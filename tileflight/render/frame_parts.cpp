@@ -173,17 +173,17 @@ void DividedFrame::add(const PixelRegion& region, TracedFrame part) {
   for (int y = region.y0; !labels.empty() && y < region.y1; ++y)
     std::transform(labels.row(y) + region.x0, labels.row(y) + region.x1, labels.row(y) + region.x0,
                    std::ref(label_in_frame));
-  frame_.check.view.add(part.check.view);
   if (is_empty_) {
-    part.check = frame_.check;
     frame_ = std::move(part);
     is_empty_ = false;
     return;
   }
+  frame_.check.view.add(part.check.view);
   for_each_image(part, frame_, [&](const auto& from, auto& to) { imaging::copy_region(region, from, to); });
 }
 
 TracedFrame DividedFrame::take_frame() {
+  check_.write_to(frame_.check);
   frame_.objects = objects_.all();
   return std::move(frame_);
 }
@@ -197,9 +197,7 @@ void LayeredFrame::add(TracedLayer layer, std::span<const std::uint32_t> ranks) 
   for (std::size_t i = 0; i < labels.pixels.size(); ++i)
     labels.pixels[i] = taken.pixels[i] != 0 ? label_in_frame(labels.pixels[i]) : 0;
   if (is_first) {
-    frame_.check.view = layer.frame.check.view;  // of which the rays count; see view()
-    layer.frame.check = frame_.check;
-    frame_ = std::move(layer.frame);
+    frame_ = std::move(layer.frame);  // of its check's view, the rays count; see view()
     return;
   }
   for_each_image(layer.frame, frame_, [&](const auto& from, auto& to) {
@@ -220,10 +218,9 @@ std::vector<std::uint32_t> LayeredFrame::pixels_with_surface() const {
   return at;
 }
 
-std::string LayeredFrame::packed(bool has_check) const {
+std::string LayeredFrame::packed() const {
   std::string bytes;
-  base::append_raw(bytes, static_cast<std::uint8_t>(has_check ? 1 : 0));
-  if (has_check) base::append_raw(bytes, frame_.check);
+  base::append_raw(bytes, check_);
   const std::vector<std::uint32_t> at = pixels_with_surface();
   base::append_raw(bytes, static_cast<std::uint64_t>(at.size()));
   if (at.empty()) return bytes;
@@ -237,11 +234,7 @@ std::string LayeredFrame::packed(bool has_check) const {
 
 void LayeredFrame::add_packed(std::string_view packed) {
   PackedBytes bytes(packed);
-  if (bytes.take<std::uint8_t>() != 0) {
-    const auto check = bytes.take<FrameCheck>();
-    frame_.check.surroundings = check.surroundings;
-    frame_.check.path_is_blocked = check.path_is_blocked;
-  }
+  check_.add(bytes.take<PathCheck>());
   const auto count = bytes.take<std::uint64_t>();
   if (count == 0) return;
   const auto at = bytes.take_values<std::uint32_t>(count);
@@ -276,6 +269,7 @@ TracedFrame LayeredFrame::take_frame() {
   objects_.keep_shown(frame_.outputs.objects);
   frame_.objects = objects_.all();
   frame_.check.view = view();
+  check_.write_to(frame_.check);
   return std::move(frame_);
 }
 

@@ -37,14 +37,15 @@ class DividedFrame {
  public:
   /// Takes the region's pixels; the part's other pixels are ignored. Regions must not overlap.
   void add(const imaging::PixelRegion& region, TracedFrame part);
-  /// The frame's check, for what is not part of its view.
-  FrameCheck& check() { return frame_.check; }
+  /// Adds what a scene with some of the place's surfaces tells of the camera's path.
+  void add_check(const PathCheck& check) { check_.add(check); }
   /// The frame, once regions that cover it were added. Its objects live as long as this.
   TracedFrame take_frame();
 
  private:
   bool is_empty_ = true;
   TracedFrame frame_;
+  PathCheck check_;
   FrameObjects objects_;
 };
 
@@ -56,14 +57,14 @@ class LayeredFrame {
   /// the order of all the frame's meshes, below 2^31, since of equally near surfaces that of the first mesh is shown;
   /// meshes of placed parts follow all others.
   void add(TracedLayer layer, std::span<const std::uint32_t> ranks);
-  /// What the layers so far show, for another process that has other layers of the frame: the pixels at which there is
-  /// a surface, and the check, if it was made here.
-  std::string packed(bool has_check) const;
-  /// Takes such pixels that are nearer than those of the layers before, and the check. Precondition: a layer was added,
-  /// of the same image with the same outputs. Throws std::logic_error if the bytes are none of packed().
+  /// Adds what a scene with some of the place's surfaces tells of the camera's path.
+  void add_check(const PathCheck& check) { check_.add(check); }
+  /// What the layers and checks so far show, for another process that has others of the frame: the pixels at which
+  /// there is a surface, and the checks' sum.
+  std::string packed() const;
+  /// Takes such pixels that are nearer than those of the layers before, and the checks. Precondition: a layer was
+  /// added, of the same image with the same outputs. Throws std::logic_error if the bytes are none of packed().
   void add_packed(std::string_view bytes);
-  /// The frame's check, for what is not part of its view.
-  FrameCheck& check() { return frame_.check; }
   /// The frame, once all layers were added. Its objects live as long as this.
   TracedFrame take_frame();
 
@@ -72,6 +73,7 @@ class LayeredFrame {
   std::vector<std::uint32_t> pixels_with_surface() const;
 
   TracedFrame frame_;
+  PathCheck check_;
   imaging::Image<LayerSurface> nearest_;  ///< `mesh`: its rank
   FrameObjects objects_;
 };

@@ -58,6 +58,9 @@ void expect_same_frame(const FlightFrame& a, const FlightFrame& b) {
   EXPECT_EQ(a.check.view.back_faces, b.check.view.back_faces);
   EXPECT_EQ(a.check.view.nearest_m, b.check.view.nearest_m);
   EXPECT_EQ(a.check.surroundings.above_ground_m, b.check.surroundings.above_ground_m);
+  EXPECT_EQ(a.check.surroundings.clearance_m, b.check.surroundings.clearance_m);
+  EXPECT_EQ(a.check.surroundings.inside, b.check.surroundings.inside);
+  EXPECT_EQ(a.check.path_is_blocked, b.check.path_is_blocked);
 }
 
 /// A flight over the mosaic, with every effect that works across pixels, rows or times.
@@ -109,10 +112,11 @@ class FramesInRegions : public testing::Test {
         std::vector<imaging::TexturedMesh> meshes = shown(index, region);
         fewest = std::min(fewest, meshes.size());
         const Scene scene(std::move(meshes), anchor);
+        divided.add_check(check_path(scene, frames_, index, {}, options_.clearance_m, options_.inside_reach_m));
         divided.add(region, FrameRenderer(scene, camera_, frames_, {}, with_gains()).trace_region(index, region));
       }
       EXPECT_LT(fewest, 40U) << "a region's scene lacks plates";
-      renderer.check_path(index, divided.check());
+      divided.add_check(check_path(whole_, frames_, index, {}, options_.clearance_m, options_.inside_reach_m));
       const FlightFrame sum = renderer.develop(divided.take_frame());
       expect_same_frame(sum, whole);
     }
@@ -243,11 +247,9 @@ class FramesInLayers : public testing::Test {
         add_layer(index, ranks, layered);
         add_layer(index, ranks, number++ % 2 == 0 ? own : of_another);
       }
-      renderer.check_path(index, layered.check());
       expect_same_frame(finished(renderer, layered), whole);
-      renderer.check_path(index, of_another.check());
-      own.add_packed(of_another.packed(true));
-      own.add_packed(LayeredFrame().packed(false));
+      own.add_packed(of_another.packed());
+      own.add_packed(LayeredFrame().packed());
       expect_same_frame(finished(renderer, own), whole);
     }
   }
@@ -263,6 +265,7 @@ class FramesInLayers : public testing::Test {
     const Scene scene(std::move(meshes), whole_.anchor());
     FlightRenderOptions options = options_;
     options.placed = {};
+    frame.add_check(check_path(scene, frames_, index, {}, options_.clearance_m, options_.inside_reach_m));
     frame.add(FrameRenderer(scene, camera_, frames_, {}, options).trace_layer(index), ranks);
   }
   /// A layer with what is placed, and nothing else.
@@ -349,7 +352,7 @@ TEST_F(FramesInLayers, RefusePackedLayersOfAnotherImage) {
   add_layer(0, {0, 1, 2}, own);
   options_.outputs.range = false;
   add_layer(0, {3, 4, 12}, other);
-  const std::string packed = other.packed(false);
+  const std::string packed = other.packed();
   EXPECT_THROW(own.add_packed(packed), std::logic_error);
   EXPECT_THROW(other.add_packed(packed.substr(0, packed.size() / 2)), std::logic_error);
   EXPECT_THROW(LayeredFrame().add_packed(packed), std::logic_error);

@@ -80,6 +80,25 @@ std::vector<geometry::Vec3> path_to_next_frame(const Trajectory& frames, std::si
   return way;
 }
 
+void PathCheck::add(const PathCheck& other) {
+  around.add(other.around);
+  is_blocked = is_blocked || other.is_blocked;
+}
+
+void PathCheck::write_to(FrameCheck& check) const {
+  check.surroundings = around.judge();
+  check.path_is_blocked = is_blocked;
+}
+
+PathCheck check_path(const scene::Scene& scene, const Trajectory& frames, std::size_t index,
+                     const PoseFunction& pose_at, double clearance_m, double inside_reach_m) {
+  const geometry::Vec3& here = frames.poses[index].T_local_camera.translation;
+  return {
+      scene::look_around(scene, here, clearance_m, inside_reach_m),
+      index + 1 < frames.size() && scene::path_hits_surface(scene, path_to_next_frame(frames, index, pose_at)),
+  };
+}
+
 FrameRange frame_range(const FlightRenderOptions& options, std::size_t frames) {
   const std::size_t end = std::min(options.end_frame, frames);
   return {std::min(options.first_frame, end), end};
@@ -126,14 +145,8 @@ FrameRenderer::FrameRenderer(const scene::Scene& scene, const imaging::Camera& c
 
 TracedFrame FrameRenderer::trace(std::size_t index) const {
   TracedFrame frame = trace_region(index, {});
-  check_path(index, frame.check);
+  check_path(scene_, frames_, index, path_, clearance_m_, inside_reach_m_).write_to(frame.check);
   return frame;
-}
-
-void FrameRenderer::check_path(std::size_t index, FrameCheck& check) const {
-  check.surroundings =
-      scene::find_surroundings(scene_, frames_.poses[index].T_local_camera.translation, clearance_m_, inside_reach_m_);
-  check.path_is_blocked = is_blocked_after(index);
 }
 
 FlightFrame FrameRenderer::develop(TracedFrame traced) const {
@@ -280,10 +293,6 @@ LightFrame FrameRenderer::trace_light(const Cameras& cameras, const ShutterPoses
   if (cameras.red != nullptr) take_channel(0, cameras.red->render_light(poses, region).light, light.light);
   if (cameras.blue != nullptr) take_channel(2, cameras.blue->render_light(poses, region).light, light.light);
   return light;
-}
-
-bool FrameRenderer::is_blocked_after(std::size_t index) const {
-  return index + 1 < frames_.size() && scene::path_hits_surface(scene_, path_to_next_frame(frames_, index, path_));
 }
 
 double FrameRenderer::gain_of(std::size_t index) const {

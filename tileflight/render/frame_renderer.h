@@ -13,6 +13,7 @@
 #include "tileflight/render/image_formation.h"
 #include "tileflight/render/render_flight.h"
 #include "tileflight/render/streaks.h"
+#include "tileflight/scene/surrounding_rays.h"
 
 namespace tileflight::render {
 
@@ -38,6 +39,21 @@ std::optional<scene::Scene> with_placed_parts(const scene::Scene& place, const P
 /// given, in steps small enough to follow its bends. Precondition: there is a next frame.
 std::vector<geometry::Vec3> path_to_next_frame(const geometry::Trajectory& frames, std::size_t index,
                                                const PoseFunction& pose_at);
+
+/// What tells of the camera's path at a frame (FrameCheck), as found in a scene, and added where several scenes each
+/// hold some of the place's surfaces.
+struct PathCheck {
+  scene::SurroundingRays around;
+  bool is_blocked = false;  ///< FrameCheck::path_is_blocked
+
+  void add(const PathCheck& other);
+  void write_to(FrameCheck& check) const;
+};
+
+/// Looks around the camera, and along its way to the next frame (path_to_next_frame). `clearance_m`, `inside_reach_m`:
+/// FlightRenderOptions.
+PathCheck check_path(const scene::Scene& scene, const geometry::Trajectory& frames, std::size_t index,
+                     const PoseFunction& pose_at, double clearance_m, double inside_reach_m);
 
 /// What rays find of a frame: all that depends on the scene.
 struct TracedFrame {
@@ -82,8 +98,6 @@ class FrameRenderer {
   TracedLayer trace_layer(std::size_t index) const;
   /// Completes the sum of all layers: draws what falls. `anchor_z_m`: of the layers' scenes; this one is not used.
   void finish_layers(TracedFrame& frame, double anchor_z_m) const;
-  /// Checks of the path at the frame, besides its view.
-  void check_path(std::size_t index, FrameCheck& check) const;
   /// Exposes a frame. Does not use the scene.
   FlightFrame develop(TracedFrame traced) const;
 
@@ -99,7 +113,6 @@ class FrameRenderer {
                          const SurfaceVisitor& visitor) const;
   Moment moment_of(std::size_t index, bool is_exposed) const;
   Cameras cameras_in(const scene::Scene* scene) const;
-  bool is_blocked_after(std::size_t index) const;
   double gain_of(std::size_t index) const;
   ShutterPoses poses_of(std::size_t index, double gain) const;
   ShutterPoses rows_of(std::size_t index) const;

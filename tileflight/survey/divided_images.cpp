@@ -75,12 +75,12 @@ std::vector<FrameView> PartRenderer::divided_views(const std::vector<std::size_t
   const std::vector<PixelRegion> regions = divide_image(
       camera.width(), camera.height(),
       [&](const PixelRegion& region) {
-        return loader_->estimated_bytes({frames.front(), region, false});
+        return loader_->estimated_bytes({frames.front(), region, Sight::kPicture});
       },
       kRegionShare * bytes_for_tiles);
   std::vector<FrameView> views;
   for (const PixelRegion& region : regions) {
-    for (const std::size_t frame : frames) views.push_back({frame, region, region == regions.front()});
+    for (const std::size_t frame : frames) views.push_back({frame, region, Sight::kPicture});
   }
   return views;
 }
@@ -90,7 +90,7 @@ std::vector<FrameView> PartRenderer::divided_views(const std::vector<std::size_t
 std::vector<ContentRange> PartRenderer::divide_into_layers(const std::vector<std::size_t>& frames,
                                                            double bytes_for_tiles) const {
   constexpr double kLayerShare = 0.75;  // contents that the next image alone needs stay in memory beside the scene
-  std::vector<ContentRange> layers = loader_->divide_contents(frames, kLayerShare * bytes_for_tiles);
+  std::vector<ContentRange> layers = loader_->divide_contents(frames, Sight::kPicture, kLayerShare * bytes_for_tiles);
   if (layers.empty() || camera_of(frames.front()).options.placed) layers.insert(layers.begin(), ContentRange{0, 0});
   return layers;
 }
@@ -101,7 +101,7 @@ std::vector<FrameView> PartRenderer::layers_of(const std::vector<std::size_t>& f
   std::vector<FrameView> views;
   for (const ContentRange& layer : layers) {
     for (const std::size_t frame : frames) {
-      const FrameView view{frame, {}, false, layer};
+      const FrameView view{frame, {}, Sight::kPicture, layer};
       // Of an image that shows nothing, its first layer is the sky.
       if (layer == layers.front() || loader_->needs_contents(view)) views.push_back(view);
     }
@@ -109,22 +109,35 @@ std::vector<FrameView> PartRenderer::layers_of(const std::vector<std::size_t>& f
   return views;
 }
 
-/// As small as a region can be: for the checks of an image's path.
-PixelRegion PartRenderer::corner_of(const PlannedCamera& planned) const {
-  const imaging::Camera& camera = planned.calibration.camera;
-  return {0, 0, std::min(render::kRegionStep, camera.width()), std::min(render::kRegionStep, camera.height())};
-}
-
-/// For the checks of the images' paths, regions that are as small as can be; then the images' layers.
-std::vector<FrameView> PartRenderer::checks_and_layers_of(const std::vector<std::size_t>& frames,
-                                                          double bytes_for_tiles) const {
-  const PixelRegion corner = corner_of(camera_of(frames.front()));
+/// What the images' paths are checked against, those of the same contents together. Its scenes are small: they show
+/// what is near.
+std::vector<FrameView> PartRenderer::checks_of(const std::vector<std::size_t>& frames, double bytes_for_tiles) const {
   std::vector<FrameView> views;
-  for (const std::size_t frame : frames) views.push_back({frame, corner, true});
-  const std::vector<FrameView> layers = layers_of(frames, bytes_for_tiles);
-  views.insert(views.end(), layers.begin(), layers.end());
+  for (const ContentRange& contents : loader_->divide_contents(frames, Sight::kPath, bytes_for_tiles)) {
+    for (const std::size_t frame : frames) {
+      const FrameView view{frame, {}, Sight::kPath, contents};
+      if (loader_->needs_contents(view)) views.push_back(view);
+    }
+  }
   return views;
 }
+
+/// What the part's tiles tell of the camera's path at an image.
+render::PathCheck PartRenderer::check_path(const LoadedPart& part, std::size_t image) const {
+  const PlannedCamera& camera = camera_of(image);
+  return render::check_path(part.scene, camera.frames, images()[image].frame, camera.pose_at,
+                            camera.options.clearance_m, kInsideReach_m);
+}
+
+/// Of a part whose views are of the path: what its tiles tell, added to the frames.
+template <class Frame>
+void PartRenderer::add_checks(const LoadedPart& part, std::map<std::size_t, Frame>& frames) const {
+  for (std::size_t i = part.begin; i < part.end; ++i) {
+    const std::size_t image = loader_->views()[i].frame;
+    frames[image].add_check(check_path(part, image));
+  }
+}
+template void PartRenderer::add_checks(const LoadedPart&, LayeredFrames&) const;
 
 /// Divides what the view that did not fit was to show, for it and the views after it.
 void PartRenderer::divide_further(std::size_t begin) {
@@ -136,13 +149,13 @@ void PartRenderer::divide_region(std::size_t begin) {
   const PixelRegion region = *views[begin].region;
   const std::size_t frame = views[begin].frame;
   const auto halves = halves_of(region, [&](const PixelRegion& half) {
-    return loader_->estimated_bytes({frame, half, false});
+    return loader_->estimated_bytes({frame, half, Sight::kPicture});
   });
   if (!halves) throw frame_does_not_fit(*tiles_, frame, max_memory_bytes_);
   std::vector<FrameView> second;
   std::size_t end = begin;
   for (; end < views.size() && views[end].region == region; ++end) {
-    second.push_back({views[end].frame, halves->second, false});
+    second.push_back({views[end].frame, halves->second, Sight::kPicture});
     views[end].region = halves->first;
   }
   views.insert(views.begin() + static_cast<std::ptrdiff_t>(end), second.begin(), second.end());
@@ -152,12 +165,13 @@ void PartRenderer::divide_region(std::size_t begin) {
 void PartRenderer::divide_layer(std::size_t begin) {
   std::vector<FrameView> views = loader_->views();
   const ContentRange layer = *views[begin].contents;
+  const Sight sight = views[begin].sight;
   const std::size_t middle = layer.begin + (layer.end - layer.begin) / 2;
   if (middle == layer.begin) throw frame_does_not_fit(*tiles_, views[begin].frame, max_memory_bytes_);
   std::vector<FrameView> second;
   std::size_t end = begin;
-  for (; end < views.size() && views[end].contents == layer; ++end) {
-    second.push_back({views[end].frame, {}, false, ContentRange{middle, layer.end}});
+  for (; end < views.size() && views[end].contents == layer && views[end].sight == sight; ++end) {
+    second.push_back({views[end].frame, {}, sight, ContentRange{middle, layer.end}});
     views[end].contents = {layer.begin, middle};
   }
   views.insert(views.begin() + static_cast<std::ptrdiff_t>(end), second.begin(), second.end());
@@ -254,10 +268,15 @@ void PartRenderer::render_divided(const std::vector<std::size_t>& of_camera, Fra
   if (assigned.empty()) return;
   summary.frames_divided += static_cast<std::int64_t>(assigned.size());
   const double for_tiles = bytes_for_tiles(assigned.size());
-  if (has_layers(assigned.front())) {
-    compose<render::LayeredFrame>(assigned, checks_and_layers_of(assigned, for_tiles), gains, share, sink, summary);
+  std::vector<FrameView> views = checks_of(assigned, for_tiles);
+  const bool are_layered = has_layers(assigned.front());
+  const std::vector<FrameView> pictures =
+      are_layered ? layers_of(assigned, for_tiles) : divided_views(assigned, for_tiles);
+  views.insert(views.end(), pictures.begin(), pictures.end());
+  if (are_layered) {
+    compose<render::LayeredFrame>(assigned, std::move(views), gains, share, sink, summary);
   } else {
-    compose<render::DividedFrame>(assigned, divided_views(assigned, for_tiles), gains, share, sink, summary);
+    compose<render::DividedFrame>(assigned, std::move(views), gains, share, sink, summary);
   }
   report_progress(progress_, static_cast<std::int64_t>(assigned.back()) + 1,
                   static_cast<std::int64_t>(images().count()), "frames rendered");
@@ -265,14 +284,14 @@ void PartRenderer::render_divided(const std::vector<std::size_t>& of_camera, Fra
 
 namespace {
 
-/// Adds a part of a frame; of a layered one, a region is there for the checks of the path alone.
+/// Adds a part of a frame's picture.
 void add_view(const render::FrameRenderer& renderer, std::size_t index, const FrameView& view,
               std::span<const std::uint32_t>, render::DividedFrame& frame) {
   frame.add(*view.region, renderer.trace_region(index, view.region));
 }
-void add_view(const render::FrameRenderer& renderer, std::size_t index, const FrameView& view,
+void add_view(const render::FrameRenderer& renderer, std::size_t index, const FrameView&,
               std::span<const std::uint32_t> mesh_ranks, render::LayeredFrame& frame) {
-  if (view.contents) frame.add(renderer.trace_layer(index), mesh_ranks);
+  frame.add(renderer.trace_layer(index), mesh_ranks);
 }
 
 }  // namespace
@@ -287,6 +306,12 @@ void PartRenderer::compose(const std::vector<std::size_t>& of_camera, std::vecto
   std::map<std::size_t, Frame> frames;
   for_each_view(std::move(views), bytes_for_tiles(of_camera.size()), share, [&](const LoadedPart& part) {
     const auto start = std::chrono::steady_clock::now();
+    ++summary.parts;
+    if (is_check(part)) {
+      add_checks(part, frames);
+      summary.seconds += base::seconds_since(start);
+      return;
+    }
     render::FlightRenderOptions options = options_for(part, number, share);
     if (is_layer_of_tiles(part)) options.placed = {};
     options.exposure_gains = exposure_gains;
@@ -297,10 +322,8 @@ void PartRenderer::compose(const std::vector<std::size_t>& of_camera, std::vecto
       const FrameView& view = loader_->views()[i];
       const std::size_t index = images()[view.frame].frame;
       add_view(renderer, index, view, part.mesh_ranks, frames[view.frame]);
-      if (view.has_checks) renderer.check_path(index, frames[view.frame].check());
     }
     summary.tiles.triangles = std::max(summary.tiles.triangles, static_cast<std::int64_t>(part.scene.triangle_count()));
-    ++summary.parts;
     if (part.end == loader_->views().size()) {
       for (auto& [image, frame] : frames) {
         render::TracedFrame traced = frame.take_frame();

@@ -89,7 +89,6 @@ FlightTiles::FlightTiles(const PlannedFlight& mission, const RenderSettings& set
   report_progress(progress, 0, 0, "reading the tileset");
   tiles::require_supported_extensions(tree_.tileset(tree_.root()), name_);
   placement_ = tiles::resolve_placement(tree_, load_, name_);
-  add_frame_spheres();
   for (std::size_t group = 0; group < groups_.count(); ++group) {
     report_progress(progress, static_cast<std::int64_t>(group), static_cast<std::int64_t>(groups_.count()),
                     "selecting tiles");
@@ -100,19 +99,6 @@ FlightTiles::FlightTiles(const PlannedFlight& mission, const RenderSettings& set
   first_warnings_ = source_->warnings();
   if (!load_.allow_incomplete && !cut_.failures.empty()) throw tiles::incomplete_region(cut_.failures.front());
   records_.resize(content_count());
-}
-
-/// Spheres that hold all surfaces that FrameCheck looks for around a frame's camera, other than below it.
-void FlightTiles::add_frame_spheres() {
-  constexpr double kDetour = 1.5;  // the way to the next frame may be curved
-  for (std::size_t image = 0; image < images_.count(); ++image) {
-    const std::size_t i = images_[image].frame;
-    const auto& poses = camera_of(image).frames.poses;
-    const Vec3& here = poses[i].T_local_camera.translation;
-    const Vec3& next = poses[std::min(i + 1, poses.size() - 1)].T_local_camera.translation;
-    const double near_m = std::max(camera_of(image).options.clearance_m, kDetour * (next - here).norm()) + kSlack_m;
-    surroundings_.push_back({here, groups_.count() > 1 ? std::max(near_m, kInsideReach_m + kSlack_m) : near_m});
-  }
 }
 
 tiles::TileCut FlightTiles::select_group(std::size_t group, double error_px) {
@@ -185,31 +171,37 @@ const std::vector<tiles::ViewCone>& FlightTiles::region_cones(std::size_t number
 }
 
 std::function<bool(const BoundingSphere&)> FlightTiles::needs_of(const FrameView& view) const {
-  const std::vector<tiles::ViewCone> cones = cones_of(view);
-  tiles::RefinementCriterion seen{.intersects = [](const tiles::BoundingVolume&) { return false; }};
-  if (!cones.empty()) seen = tiles::flight_criterion(cones, geometry::SE3(), 0.0);
-  if (!view.has_checks) return [seen](const BoundingSphere& sphere) { return seen.intersects(sphere); };
-  if (view.region) return needs_of_first_region(view.frame, std::move(seen));
-  return [seen, around = surroundings_[view.frame]](const BoundingSphere& sphere) {
-    return seen.intersects(sphere) || (sphere.center - around.center).norm() <= sphere.radius_m + around.radius_m ||
-           is_below(sphere, around.center);
+  if (view.sight == Sight::kPicture) return needs_of_picture(view);
+  if (view.sight == Sight::kPath) return needs_of_path(view.frame);
+  return [picture = needs_of_picture(view), path = needs_of_path(view.frame)](const BoundingSphere& sphere) {
+    return picture(sphere) || path(sphere);
   };
 }
 
-/// Of a divided image, the way to the camera's next is followed closely: the sphere around all of it may be large.
-std::function<bool(const BoundingSphere&)> FlightTiles::needs_of_first_region(std::size_t image,
-                                                                              tiles::RefinementCriterion seen) const {
+std::function<bool(const BoundingSphere&)> FlightTiles::needs_of_picture(const FrameView& view) const {
+  const std::vector<tiles::ViewCone> cones = cones_of(view);
+  if (cones.empty()) return [](const BoundingSphere&) { return false; };
+  return [seen = tiles::flight_criterion(cones, geometry::SE3(), 0.0)](const BoundingSphere& sphere) {
+    return seen.intersects(sphere);
+  };
+}
+
+/// Surfaces that may lie below the camera, around it, or near its way to the next frame.
+std::function<bool(const BoundingSphere&)> FlightTiles::needs_of_path(std::size_t image) const {
   const PlannedCamera& camera = camera_of(image);
   const std::size_t frame = images_[image].frame;
   const Vec3& here = camera.frames.poses[frame].T_local_camera.translation;
   std::vector<Vec3> way{here};
   if (frame + 1 < camera.frames.size()) way = render::path_to_next_frame(camera.frames, frame, camera.pose_at);
-  const double near_m = camera.options.clearance_m + kSlack_m;
-  return [seen = std::move(seen), here, way, near_m](const BoundingSphere& sphere) {
-    if (seen.intersects(sphere) || is_below(sphere, here)) return true;
-    if ((sphere.center - here).norm() <= sphere.radius_m + kInsideReach_m + kSlack_m) return true;
+  const double around_m = std::max(camera.options.clearance_m, kInsideReach_m) + kSlack_m;
+  double way_m = 0.0;  // farthest from here
+  for (const Vec3& point : way) way_m = std::max(way_m, (point - here).norm());
+  return [here, way, around_m, way_m](const BoundingSphere& sphere) {
+    if (is_below(sphere, here)) return true;
+    const double distance_m = (sphere.center - here).norm() - sphere.radius_m;
+    if (distance_m <= around_m || distance_m > way_m + kSlack_m) return distance_m <= around_m;
     for (std::size_t i = 0; i + 1 < way.size(); ++i) {
-      if (distance_to_segment_m(sphere.center, way[i], way[i + 1]) <= sphere.radius_m + near_m) return true;
+      if (distance_to_segment_m(sphere.center, way[i], way[i + 1]) <= sphere.radius_m + kSlack_m) return true;
     }
     return false;
   };

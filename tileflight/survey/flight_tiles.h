@@ -25,9 +25,8 @@
 
 namespace tileflight::survey {
 
-/// On a flight of several groups, and at a frame that is rendered in regions, surfaces farther away than this do not
-/// tell whether a camera is inside a solid: what is loaded for a frame must not depend on memory, and neither must what
-/// is found.
+/// Surfaces farther away than this do not tell whether a camera is inside a solid: what is found must depend neither on
+/// memory nor on which process looks.
 inline constexpr double kInsideReach_m = 64.0;
 
 /// Contents whose numbers (FlightTiles) lie between two.
@@ -40,14 +39,17 @@ struct ContentRange {
   bool operator==(const ContentRange&) const = default;
 };
 
+/// What of an image is looked at: its picture, what tells of the camera's path (render::PathCheck), or both.
+enum class Sight { kBoth, kPicture, kPath };
+
 /// What is rendered at once of an image.
 struct FrameView {
   std::size_t frame = 0;  ///< number of the image (ImageOrder); with one camera, of the frame
   /// Pixels of the image, bounded as CameraRenderer's regions; nullopt: all.
   std::optional<imaging::PixelRegion> region{};
-  bool has_checks = true;  ///< whether what surrounds the camera (FrameCheck) is looked at too
-  /// A layer of the image (render::LayeredFrame): the tiles of these contents alone, without what is placed among them;
-  /// none: what is placed, and the sky; nullopt: all.
+  Sight sight = Sight::kBoth;
+  /// These contents' tiles alone. Of a picture, a layer (render::LayeredFrame), without what is placed among them;
+  /// none: what is placed, and the sky. nullopt: all.
   std::optional<ContentRange> contents{};
 };
 
@@ -75,11 +77,10 @@ class FlightTiles {
 
   /// The contents that a group's cut consists of, in its order.
   const std::vector<std::size_t>& contents_of_group(std::size_t group) const { return contents_of_group_[group]; }
-  /// Those that a frame needs: what it may show, and what surrounds the camera (FrameCheck). As places in
-  /// contents_of_group, ascending.
+  /// Those that a frame needs: what it may show, what surrounds the camera up to kInsideReach_m, and what is near its
+  /// way to the next frame. As places in contents_of_group, ascending.
   std::vector<std::size_t> places_for_frame(std::size_t image) const { return places_for_view({image}); }
-  /// The same for a part of a frame. What surrounds the camera of a divided frame reaches to
-  /// kInsideReach_m, and along the way to the next frame.
+  /// The same for a part of a frame, whatever FrameView::contents is.
   std::vector<std::size_t> places_for_view(const FrameView& view) const;
 
   /// Whether a region is loaded whole if it fits into memory, also what no frame shows.
@@ -110,10 +111,9 @@ class FlightTiles {
   tiles::TileCut select_group(std::size_t group, double error_px);
   void add_group(std::size_t group);
   std::size_t number_of(const tiles::CutContent& content);
-  void add_frame_spheres();
   std::function<bool(const tiles::BoundingSphere& sphere)> needs_of(const FrameView& view) const;
-  std::function<bool(const tiles::BoundingSphere& sphere)> needs_of_first_region(std::size_t image,
-                                                                                 tiles::RefinementCriterion seen) const;
+  std::function<bool(const tiles::BoundingSphere& sphere)> needs_of_picture(const FrameView& view) const;
+  std::function<bool(const tiles::BoundingSphere& sphere)> needs_of_path(std::size_t image) const;
   std::vector<tiles::ViewCone> cones_of(const FrameView& view) const;
   const std::vector<tiles::ViewCone>& region_cones(std::size_t number, const imaging::PixelRegion& region) const;
   const PlannedCamera& camera_of(std::size_t image) const { return mission_.camera(images_[image].camera); }
@@ -129,9 +129,8 @@ class FlightTiles {
   tiles::TilesetTree tree_;
   tiles::Placement placement_;
   FrameGroups groups_;
-  std::vector<tiles::BoundingSphere> surroundings_;  ///< of each image, local frame
-  tiles::TileCut cut_;                               ///< all contents by number
-  std::vector<tiles::BoundingSphere> spheres_;       ///< of each content, local frame
+  tiles::TileCut cut_;                          ///< all contents by number
+  std::vector<tiles::BoundingSphere> spheres_;  ///< of each content, local frame
   std::vector<std::vector<std::size_t>> contents_of_group_;
   std::map<std::pair<tiles::NodeId, std::size_t>, std::size_t> numbers_;
   /// By camera and the region's bounds.

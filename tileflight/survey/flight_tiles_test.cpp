@@ -207,7 +207,7 @@ TEST_F(FlightTilesTest, ARegionNeedsWhatItsRaysMeet) {
     const SE3& T_local_camera = mission_.frames.poses[frame].T_local_camera;
     for (const imaging::PixelRegion& region :
          {imaging::PixelRegion{0, 0, 64, 32}, {64, 96, 192, 160}, {256, 160, 320, 240}}) {
-      const std::vector<std::size_t> places = tiles.places_for_view({frame, region, false});
+      const std::vector<std::size_t> places = tiles.places_for_view({frame, region, Sight::kPicture});
       fewest = std::min(fewest, places.size());
       for (int y = region.y0; y < region.y1; ++y) {
         for (int x = region.x0; x < region.x1; ++x) {

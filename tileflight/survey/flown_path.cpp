@@ -7,6 +7,8 @@
 #include "tileflight/actors/encounters.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/geometry/json_numbers.h"
+#include "tileflight/place/ground_tiles.h"
+#include "tileflight/place/memory_budget.h"
 #include "tileflight/scene/scene.h"
 #include "tileflight/simulator/autopilot_flight.h"
 #include "tileflight/transport/open_source.h"
@@ -84,16 +86,17 @@ vehicle::ObstacleQuery with_actors(vehicle::ObstacleQuery place, std::shared_ptr
   };
 }
 
-/// Heights of the place's surface below and around actors.
-actors::GroundHeight ground_below(std::shared_ptr<const scene::Scene> place) {
-  if (!place) return {};
-  return [place = std::move(place)](double x, double y, double below_z) -> std::optional<double> {
-    const double top_m = std::min(below_z, place->bounds().max().z() + 1.0);
-    const double down_m = top_m - place->bounds().min().z() + 1.0;
-    if (down_m <= 0.0) return std::nullopt;
-    const auto hit = place->intersect({{x, y, top_m}, -geometry::Vec3::UnitZ()}, down_m);
-    return hit ? std::optional(top_m - hit->distance_m) : std::nullopt;
-  };
+/// The tiles that a camera at these poses would want, in all directions, if the settings have a pixel error, else those
+/// of their region.
+tiles::LoadOptions options_around(const RenderSettings& settings, const imaging::Camera& camera,
+                                  const std::vector<geometry::SE3>& poses) {
+  tiles::LoadOptions load = settings.load;
+  load.uses = {transport::Use::kAnalyse};
+  load.textures = false;
+  if (settings.max_memory_bytes) load.max_memory_bytes = *settings.max_memory_bytes;
+  if (settings.error_px)
+    load.flight = {tiles::widen_to_all_directions(tiles::view_cones_along(camera, poses)), *settings.error_px};
+  return load;
 }
 
 /// An autopilot's flight among the tiles that the settings choose for images.
@@ -122,12 +125,7 @@ FlownPath fly_by_autopilot(const vehicle::FlightPlan& plan, const RenderSettings
 std::shared_ptr<const scene::Scene> load_surroundings(const RenderSettings& settings, const imaging::Camera& camera,
                                                       const std::vector<geometry::SE3>& poses,
                                                       const Progress& progress) {
-  tiles::LoadOptions load = settings.load;
-  load.uses = {transport::Use::kAnalyse};
-  load.textures = false;
-  if (settings.max_memory_bytes) load.max_memory_bytes = *settings.max_memory_bytes;
-  if (settings.error_px)
-    load.flight = {tiles::widen_to_all_directions(tiles::view_cones_along(camera, poses)), *settings.error_px};
+  const tiles::LoadOptions load = options_around(settings, camera, poses);
   const auto source = transport::open_source(settings.source, settings.load.source);
   tiles::LoadedTiles tiles = tiles::load_region(*source, transport::redact_source(settings.source), load, progress);
   if (tiles.meshes.empty()) return nullptr;
@@ -146,7 +144,10 @@ std::shared_ptr<const actors::Traffic> plan_traffic(const RenderSettings& settin
     const double camera_up_m = poses.front().translation.z();
     for (const geometry::Vec3& point : actors::points_along(plans, kEvery_m, camera_up_m))
       poses.emplace_back(Eigen::Quaterniond::Identity(), point);
-    ground = ground_below(load_surroundings(settings, camera, poses, progress));
+    tiles::LoadOptions load = options_around(settings, camera, poses);
+    if (!settings.max_memory_bytes) load.max_memory_bytes = place::default_memory_bytes();
+    const auto surface = std::make_shared<place::GroundTiles>(settings.source, load, progress);
+    ground = [surface](double x, double y, double below_z) { return surface->height(x, y, below_z); };
   }
   return std::make_shared<const actors::Traffic>(std::move(plans), ground);
 }

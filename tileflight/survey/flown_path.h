@@ -21,15 +21,15 @@ struct FlownPath {
   std::shared_ptr<const actors::Traffic> traffic;  ///< among which the vehicle flew; null: it met none
 };
 
-/// The surface around these points, for collisions and for actors that stand on it: the tiles that a camera there needs
-/// in all directions, if the settings have a pixel error, else their region; without textures. Null if there is no
-/// triangle. Throws InputError.
+/// The surface around these points for collisions: the tiles that a camera there needs in all directions, if the
+/// settings have a pixel error, else their region; without textures. Null if there is no triangle. Throws InputError.
 std::shared_ptr<const scene::Scene> load_surroundings(const RenderSettings& settings, const imaging::Camera& camera,
                                                       const std::vector<geometry::SE3>& poses,
                                                       const Progress& progress);
 
 /// The actors of the settings' flight on the ground that a camera at `poses` sees, its heights about that of the first
-/// pose unless given; null without any. Throws InputError.
+/// pose unless given; null without any. Of the tiles that load_surroundings() would load, only those below the actors
+/// are read, within the settings' memory. Throws InputError.
 std::shared_ptr<const actors::Traffic> plan_traffic(const RenderSettings& settings, const imaging::Camera& camera,
                                                     std::vector<geometry::SE3> poses, const Progress& progress);
 

@@ -113,11 +113,11 @@ FrameView most_demanding_region(const FlightTiles& tiles, MemoryEstimator& estim
     return estimator.estimated_bytes(contents_of(tiles, numbers_for(tiles, view)));
   };
   const RegionBytes bytes_of_region = [&](const imaging::PixelRegion& region) {
-    return bytes_of({frame, region, false});
+    return bytes_of({frame, region, Sight::kPicture});
   };
   std::vector<FrameView> views;
   for (const auto& region : divide_image(camera.width(), camera.height(), bytes_of_region, budget_bytes))
-    views.push_back({frame, region, views.empty()});
+    views.push_back({frame, region, Sight::kPicture});
   std::vector<double> bytes;
   std::ranges::transform(views, std::back_inserter(bytes), bytes_of);
   return views[static_cast<std::size_t>(std::ranges::max_element(bytes) - bytes.begin())];

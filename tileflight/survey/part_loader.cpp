@@ -122,8 +122,8 @@ PartLoader::Contents PartLoader::contents_for(const FrameView& view) const {
 
 std::vector<std::size_t> PartLoader::places_for(const FrameView& view) const {
   if (!view.contents) return tiles_.places_for_view(view);
-  const auto [known, is_new] = places_of_layers_.try_emplace(view.frame);
-  if (is_new) known->second = tiles_.places_for_view({view.frame, view.region, view.has_checks});
+  const auto [known, is_new] = places_of_layers_.try_emplace({view.frame, view.sight});
+  if (is_new) known->second = tiles_.places_for_view(view);
   const std::vector<std::size_t>& contents = tiles_.contents_of_group(tiles_.groups().group_of_frame[view.frame]);
   std::vector<std::size_t> places;
   std::ranges::copy_if(known->second, std::back_inserter(places), [&](std::size_t place) {
@@ -138,15 +138,15 @@ void PartLoader::set_own_contents(std::vector<bool> is_own) { is_own_ = std::mov
 void PartLoader::set_views(std::vector<FrameView> views) {
   views_ = std::move(views);
   std::erase_if(places_of_layers_, [this](const auto& known) {
-    return std::ranges::none_of(views_, [&](const FrameView& view) { return view.frame == known.first; });
+    return std::ranges::none_of(views_, [&](const FrameView& view) { return view.frame == known.first.first; });
   });
 }
 
-std::vector<ContentRange> PartLoader::divide_contents(const std::vector<std::size_t>& images,
+std::vector<ContentRange> PartLoader::divide_contents(const std::vector<std::size_t>& images, Sight sight,
                                                       double budget_bytes) const {
   std::set<std::size_t> needed;
   for (const std::size_t image : images) {
-    const Contents of_image = contents_for({image, {}, false, ContentRange{0, contents_.size()}});
+    const Contents of_image = contents_for({image, {}, sight, ContentRange{0, contents_.size()}});
     needed.insert(of_image.begin(), of_image.end());
   }
   const double bytes_per_file_byte = rendered_bytes_per_file_byte();
@@ -225,7 +225,8 @@ std::size_t PartLoader::choose_views(std::size_t begin, std::vector<std::size_t>
   }
   const auto share = static_cast<std::uintmax_t>(kPartShare * static_cast<double>(max_memory_bytes_));
   const auto belongs = [&](const FrameView& view) {
-    return group_of_frame[view.frame] == group && view.region == first.region && view.contents == first.contents;
+    return group_of_frame[view.frame] == group && view.region == first.region && view.contents == first.contents &&
+           view.sight == first.sight;
   };
   std::size_t end = begin;
   for (; end < views_.size() && belongs(views_[end]); ++end) {

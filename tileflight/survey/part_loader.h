@@ -42,8 +42,8 @@ class MemorySum {
   std::set<std::pair<std::size_t, std::size_t>> textures_;  ///< file, and number in it
 };
 
-/// Consecutive views of frames of one group, all of the same region and layer, with the meshes of all contents that
-/// they need, in the order of the group's cut.
+/// Consecutive views of frames of one group, all of the same sight, region and contents, with the meshes of all
+/// contents that they need, in the order of the group's cut.
 struct FlightPart {
   std::size_t begin = 0;  ///< index into PartLoader::views()
   std::size_t end = 0;    ///< likewise, not included
@@ -77,9 +77,10 @@ class PartLoader {
   /// What a scene of a view takes, as far as its contents have been read, and an estimate of the others from their
   /// files' sizes.
   double estimated_bytes(const FrameView& view) const;
-  /// Divides the contents that any of these images needs into layers, none of which is likely to take more in a scene
-  /// (unless it is a single content), in the order of their numbers.
-  std::vector<ContentRange> divide_contents(const std::vector<std::size_t>& images, double budget_bytes) const;
+  /// Divides the contents that any of these images needs for this sight into layers, none of which is likely to take
+  /// more in a scene (unless it is a single content), in the order of their numbers.
+  std::vector<ContentRange> divide_contents(const std::vector<std::size_t>& images, Sight sight,
+                                            double budget_bytes) const;
   /// Whether a view needs any content at all.
   bool needs_contents(const FrameView& view) const { return !contents_for(view).empty(); }
   /// Begins to read contents for views from `begin` on, as far as they fit beside the last part, while it is rendered.
@@ -127,7 +128,7 @@ class PartLoader {
   std::map<std::pair<std::size_t, std::size_t>, std::weak_ptr<const imaging::RgbImage>> textures_;
   std::unique_ptr<Background> background_;
   /// Places that whole images need, of which each layer takes its own; of the images of the views.
-  mutable std::map<std::size_t, std::vector<std::size_t>> places_of_layers_;
+  mutable std::map<std::pair<std::size_t, Sight>, std::vector<std::size_t>> places_of_layers_;
 };
 
 }  // namespace tileflight::survey

@@ -234,16 +234,13 @@ std::optional<PartRenderer::LoadedPart> PartRenderer::load(std::size_t begin, co
   const FrameView& first = views[part->begin];
   if (!first.region && !first.contents && part->end - part->begin == images().count())
     place::require_surface(part->meshes, tiles_->summary().points > 0, tiles_->name());
-  LoadedPart loaded{scene::Scene(place::with_placeholder(std::move(part->meshes)), anchor_of(first.frame)),
-                    nullptr,
-                    part->begin,
-                    part->end,
-                    tiles_->groups().count() > 1 || first.region || first.contents,
-                    std::move(part->places)};
+  LoadedPart loaded{scene::Scene(place::with_placeholder(std::move(part->meshes)), anchor_of(first.frame)), nullptr,
+                    part->begin, part->end, std::move(part->places)};
   // One after the other: each takes additional memory while it is built.
-  loaded.scene.build_beam_tree();
-  if (first.has_checks) loaded.scene.build_ray_tree();  // else only if a rolling shutter asks for it
-  if (mission_.camera_count() > 1) loaded.appearance = std::make_shared<const render::Appearance>(loaded.scene);
+  if (first.sight != Sight::kPath) loaded.scene.build_beam_tree();
+  if (first.sight != Sight::kPicture) loaded.scene.build_ray_tree();  // else only if a rolling shutter asks for it
+  if (first.sight != Sight::kPath && mission_.camera_count() > 1)
+    loaded.appearance = std::make_shared<const render::Appearance>(loaded.scene);
   return loaded;
 }
 
@@ -258,6 +255,7 @@ render::FlightRenderOptions PartRenderer::options_of(std::size_t camera) const {
   render::FlightRenderOptions options = mission_.camera(camera).options;
   const std::optional<geometry::LocalFrame>& local_frame = tiles_->placement().local_frame;
   if (local_frame) options.origin = local_frame->origin();
+  options.inside_reach_m = kInsideReach_m;
   options.scored_region = visibility_region_test(settings_, tiles_->placement().region);
   if (!gains_.empty()) options.exposure_gains = gains_[camera];
   return options;
@@ -270,7 +268,6 @@ render::FlightRenderOptions PartRenderer::options_for(const LoadedPart& part, st
   options.first_frame = frames.begin;
   options.end_frame = frames.end;
   options.appearance = part.appearance;
-  if (part.is_partial) options.inside_reach_m = kInsideReach_m;
   if (share.store() != nullptr) {
     options.frame_filter = [this, camera, &share](std::size_t frame) {
       return share.is_assigned(images().number_of(camera, frame));

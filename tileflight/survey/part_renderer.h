@@ -89,7 +89,6 @@ class PartRenderer {
     scene::Scene scene;
     std::shared_ptr<const render::Appearance> appearance;  ///< shared by the cameras of a rig; null for a single one
     std::size_t begin = 0, end = 0;                        ///< of the loader's views
-    bool is_partial = false;                               ///< of a flight's several groups, or of an image
     std::vector<std::uint32_t> mesh_ranks;                 ///< FlightPart::places
   };
   using PartWork = std::function<void(const LoadedPart& part)>;
@@ -98,8 +97,7 @@ class PartRenderer {
   struct Together {
     workflow::Ranks& ranks;
     FrameAssignment& share;
-    std::vector<std::size_t> images;                     ///< of one camera
-    std::map<std::size_t, std::size_t> rank_of_check{};  ///< by image; empty: there are no checks
+    std::vector<std::size_t> images;  ///< of one camera
 
     std::size_t own_rank() const { return static_cast<std::size_t>(ranks.rank()); }
     /// The process that completes an image: they take turns.
@@ -129,7 +127,11 @@ class PartRenderer {
   std::vector<FrameView> divided_views(const std::vector<std::size_t>& frames, double bytes_for_tiles) const;
   std::vector<ContentRange> divide_into_layers(const std::vector<std::size_t>& frames, double bytes_for_tiles) const;
   std::vector<FrameView> layers_of(const std::vector<std::size_t>& frames, double bytes_for_tiles) const;
-  std::vector<FrameView> checks_and_layers_of(const std::vector<std::size_t>& frames, double bytes_for_tiles) const;
+  std::vector<FrameView> checks_of(const std::vector<std::size_t>& frames, double bytes_for_tiles) const;
+  bool is_check(const LoadedPart& part) const { return loader_->views()[part.begin].sight == Sight::kPath; }
+  render::PathCheck check_path(const LoadedPart& part, std::size_t image) const;
+  template <class Frame>
+  void add_checks(const LoadedPart& part, std::map<std::size_t, Frame>& frames) const;
   void divide_further(std::size_t begin);
   void divide_region(std::size_t begin);
   void divide_layer(std::size_t begin);
@@ -148,10 +150,8 @@ class PartRenderer {
   TileUses uses_of(const FrameAssignment& share) const;
   SharingCosts sharing_costs(const std::vector<TileUses>& by_rank) const;
   std::size_t images_together(workflow::Ranks& ranks) const;
-  imaging::PixelRegion corner_of(const PlannedCamera& camera) const;
-  std::size_t rank_of_check(std::size_t image, std::size_t ranks) const;
   std::vector<FrameView> views_together(const Together& together, double bytes_for_tiles) const;
-  LayeredFrames compose_together(const Together& together,
+  LayeredFrames compose_together(const Together& together, bool has_checks,
                                  const std::function<void(const LoadedPart&, LayeredFrames&)>& trace);
   std::map<std::size_t, double> meter_together(const Together& together);
   void render_together(const std::vector<std::size_t>& images, workflow::Ranks& ranks, FrameAssignment& share,

@@ -56,8 +56,6 @@ std::string PartRenderer::why_tiles_are_not_dealt() const {
     if (!render::has_one_ray_per_pixel(mission_.camera(c).options))
       return "a pixel takes several rays (samples, motion blur, chromatic aberration)";
   }
-  // The checks of its path look as far as the tiles of its only cut reach.
-  if (tiles_->groups().count() == 1) return "all frames are near each other and have one selection of tiles";
   return "";
 }
 
@@ -66,7 +64,7 @@ TileUses PartRenderer::uses_of(const FrameAssignment& share) const {
   std::map<std::size_t, std::set<std::size_t>> seen;  // contents by group
   for (const FrameView& view : views_to_load(share)) {
     const std::size_t group = tiles_->groups().group_of_frame[view.frame];
-    for (const std::size_t place : tiles_->places_for_view({view.frame, {}, false}))
+    for (const std::size_t place : tiles_->places_for_view({view.frame, {}, Sight::kPicture}))
       seen[group].insert(tiles_->contents_of_group(group)[place]);
   }
   TileUses uses(tiles_->content_count(), 0);
@@ -159,25 +157,13 @@ std::size_t PartRenderer::images_together(workflow::Ranks& ranks) const {
   return std::max<std::size_t>(count, 1);
 }
 
-/// The process that has most of what surrounds an image's camera.
-std::size_t PartRenderer::rank_of_check(std::size_t image, std::size_t ranks) const {
-  const std::vector<std::size_t>& contents = tiles_->contents_of_group(tiles_->groups().group_of_frame[image]);
-  std::vector<std::size_t> counts(ranks, 0);
-  for (const std::size_t place : tiles_->places_for_view({image, corner_of(camera_of(image)), true}))
-    ++counts[rank_of_content_[contents[place]]];
-  return static_cast<std::size_t>(std::ranges::max_element(counts) - counts.begin());
-}
-
-/// What this process traces of the images; of those that it completes at least the sky.
+/// What this process traces of the images' pictures; of those that it completes at least the sky.
 std::vector<FrameView> PartRenderer::views_together(const Together& together, double bytes_for_tiles) const {
   std::vector<FrameView> views;
-  for (const auto& [image, rank] : together.rank_of_check) {
-    if (rank == together.own_rank()) views.push_back({image, corner_of(camera_of(image)), true});
-  }
   const std::vector<ContentRange> layers = divide_into_layers(together.images, bytes_for_tiles);
   for (const ContentRange& layer : layers) {
     for (const std::size_t image : together.images) {
-      const FrameView view{image, {}, false, layer};
+      const FrameView view{image, {}, Sight::kPicture, layer};
       const bool is_sky = layer == layers.front() && together.rank_of(image) == together.own_rank();
       if (is_sky || loader_->needs_contents(view)) views.push_back(view);
     }
@@ -188,21 +174,23 @@ std::vector<FrameView> PartRenderer::views_together(const Together& together, do
 /// Traces the images' views; returns those that this process completes, with the other processes' layers. Those of the
 /// others are sent away as soon as they are traced.
 PartRenderer::LayeredFrames PartRenderer::compose_together(
-    const Together& together, const std::function<void(const LoadedPart&, LayeredFrames&)>& trace) {
+    const Together& together, bool has_checks, const std::function<void(const LoadedPart&, LayeredFrames&)>& trace) {
   LayeredFrames frames;
   std::vector<std::string> messages(static_cast<std::size_t>(together.ranks.count()));
   run_collectively(together.ranks, [&] {
     const double for_tiles = bytes_for_tiles(together.images.size());
-    for_each_view(views_together(together, for_tiles), for_tiles, together.share, [&](const LoadedPart& part) {
+    std::vector<FrameView> views;
+    if (has_checks) views = checks_of(together.images, for_tiles);
+    const std::vector<FrameView> pictures = views_together(together, for_tiles);
+    views.insert(views.end(), pictures.begin(), pictures.end());
+    for_each_view(std::move(views), for_tiles, together.share, [&](const LoadedPart& part) {
       trace(part, frames);
       std::set<std::size_t> later;
       for (std::size_t i = part.end; i < loader_->views().size(); ++i) later.insert(loader_->views()[i].frame);
       for (std::size_t i = part.begin; i < part.end; ++i) {
         const std::size_t image = loader_->views()[i].frame, rank = together.rank_of(image);
         if (rank == together.own_rank() || later.contains(image)) continue;
-        const auto check = together.rank_of_check.find(image);
-        const bool has_check = check != together.rank_of_check.end() && check->second == together.own_rank();
-        append_layer(messages[rank], image, frames[image].packed(has_check));
+        append_layer(messages[rank], image, frames[image].packed());
         frames.erase(image);
       }
     });
@@ -219,7 +207,7 @@ PartRenderer::LayeredFrames PartRenderer::compose_together(
 std::map<std::size_t, double> PartRenderer::meter_together(const Together& together) {
   const std::size_t number = images()[together.images.front()].camera;
   const PlannedCamera& camera = mission_.camera(number);
-  LayeredFrames pictures = compose_together(together, [&](const LoadedPart& part, LayeredFrames& frames) {
+  LayeredFrames pictures = compose_together(together, false, [&](const LoadedPart& part, LayeredFrames& frames) {
     const render::LightMeter meter =
         render::make_light_meter(part.scene, camera.calibration.camera, options_for(part, number, together.share));
     for (std::size_t i = part.begin; i < part.end; ++i) {
@@ -250,9 +238,9 @@ void PartRenderer::render_together(const std::vector<std::size_t>& of_camera, wo
   Together together{ranks, share, of_camera};
   std::erase_if(together.images, [&](std::size_t image) { return !share.is_assigned(image); });
   if (together.images.empty()) return;
-  for (const std::size_t image : together.images)
-    together.rank_of_check[image] = rank_of_check(image, static_cast<std::size_t>(ranks.count()));
-  LayeredFrames frames = compose_together(together, [&](const LoadedPart& part, LayeredFrames& traced) {
+  LayeredFrames frames = compose_together(together, true, [&](const LoadedPart& part, LayeredFrames& traced) {
+    ++summary.parts;
+    if (is_check(part)) return add_checks(part, traced);
     render::FlightRenderOptions options = options_for(part, number, share);
     if (is_layer_of_tiles(part)) options.placed = {};
     options.exposure_gains = gains;
@@ -261,13 +249,9 @@ void PartRenderer::render_together(const std::vector<std::size_t>& of_camera, wo
     const render::FrameRenderer renderer(part.scene, camera.calibration.camera, camera.frames, camera.pose_at, options);
     for (std::size_t i = part.begin; i < part.end; ++i) {
       const FrameView& view = loader_->views()[i];
-      const std::size_t index = images()[view.frame].frame;
-      render::LayeredFrame& frame = traced[view.frame];
-      if (view.contents) frame.add(renderer.trace_layer(index), part.mesh_ranks);
-      if (view.has_checks) renderer.check_path(index, frame.check());
+      traced[view.frame].add(renderer.trace_layer(images()[view.frame].frame), part.mesh_ranks);
     }
     summary.tiles.triangles = std::max(summary.tiles.triangles, static_cast<std::int64_t>(part.scene.triangle_count()));
-    ++summary.parts;
   });
   run_collectively(ranks, [&] { finish_together(together, gains, std::move(frames), sink); });
   report_progress(progress_, static_cast<std::int64_t>(together.images.back()) + 1,
