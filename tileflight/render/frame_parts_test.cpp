@@ -306,7 +306,8 @@ TEST_F(FramesInLayers, AreTheSameWithEveryEffectOfOneRayAPixel) {
 TEST_F(FramesInLayers, AreTheSameWithThingsThatMove) {
   options_.placed = moving_things();
   options_.outputs.placed_objects = true;
-  const TracedFrame frame = FrameRenderer(whole_, camera_, frames_, {}, options_).trace(0);
+  const FrameRenderer renderer(whole_, camera_, frames_, {}, options_);  // owns the frame's objects
+  const TracedFrame frame = renderer.trace(0);
   const auto shown = std::ranges::count_if(frame.outputs.objects.pixels, [&](std::uint32_t label) {
     return label > 0 && frame.objects[label - 1].is_placed;
   });
