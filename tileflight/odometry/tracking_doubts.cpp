@@ -273,14 +273,14 @@ double median_rmse(const OdometryResult& result) {
   return rmse[rmse.size() / 2];
 }
 
-/// Whether `a` has no warnings, `b` has, and `a` fits better.
-bool is_clearly_better(const OdometryResult& a, const OdometryResult& b, const DoubtThresholds& limits) {
-  constexpr double kBetter = 0.9;  // of the other's median residual; chosen by hand
-  const auto has_doubts = [&](const OdometryResult& result) {
-    const auto no_name = [](std::int64_t) { return std::string(); };
-    return !find_doubts(result, result.frames, no_name, {}, limits).empty();
-  };
-  return !has_doubts(a) && has_doubts(b) && median_rmse(a) < kBetter * median_rmse(b);
+bool has_doubts(const OdometryResult& result, const DoubtThresholds& limits) {
+  const auto no_name = [](std::int64_t) { return std::string(); };
+  return !find_doubts(result, result.frames, no_name, {}, limits).empty();
+}
+
+/// Whether `a` has no warnings, `b` has, and the median residual of `a` is below this share of the other's.
+bool is_better(const OdometryResult& a, const OdometryResult& b, double residual_share, const DoubtThresholds& limits) {
+  return median_rmse(a) < residual_share * median_rmse(b) && !has_doubts(a, limits) && has_doubts(b, limits);
 }
 
 }  // namespace
@@ -289,12 +289,14 @@ RunChoice choose_run(const OdometryResult& first, const OdometryResult& second,
                      const std::optional<RunAgreement>& agreement, const DoubtThresholds& limits) {
   // Shares of the other run's poses. Chosen by hand.
   constexpr double kFarFewer = 0.8, kAsMany = 0.95;
+  constexpr double kClearly = 0.9, kRather = 1.1;  // of the other's median residual; chosen by hand
   const auto poses = [](const OdometryResult& result) { return static_cast<double>(result.frames_tracked); };
   if (poses(first) < kFarFewer * poses(second)) return RunChoice::kSecond;
   if (poses(second) < kAsMany * poses(first)) return RunChoice::kFirst;
   if (!agreement || agreement->rms_share <= limits.disagreement) return RunChoice::kFirst;
-  if (is_clearly_better(first, second, limits)) return RunChoice::kFirst;
-  return is_clearly_better(second, first, limits) ? RunChoice::kSecond : RunChoice::kOpen;
+  if (is_better(first, second, kClearly, limits)) return RunChoice::kFirst;
+  if (is_better(second, first, kClearly, limits)) return RunChoice::kSecond;
+  return is_better(second, first, kRather, limits) ? RunChoice::kRatherSecond : RunChoice::kOpen;
 }
 
 }  // namespace tileflight::odometry

@@ -45,12 +45,15 @@ Doubts find_path_doubts(const OdometryResult& result, const std::function<std::s
 
 /// Which of two runs over the same images to use.
 enum class RunChoice {
-  kFirst,   ///< the second agrees, is too short to judge, or is worse by its own residuals and warnings
-  kSecond,  ///< the first has far fewer poses, or is worse by its own residuals and warnings
-  kOpen     ///< they disagree and neither is better: use the first, with a warning
+  kFirst,         ///< the second agrees, is too short to judge, or is worse by its own residuals and warnings
+  kSecond,        ///< the first has far fewer poses, or is worse by its own residuals and warnings
+  kRatherSecond,  ///< they disagree, and only the second has no warnings of its own, though it fits no better: use it,
+                  ///< with a warning
+  kOpen           ///< they disagree and neither is better: use the first, with a warning
 };
 
-/// A run is the worse one if it has warnings that the other lacks and its median image residual is larger by a tenth.
+/// A run is the worse one if it has warnings and the other has none, and its median image residual is larger by a
+/// tenth; rather the worse one if that residual is not smaller by a tenth.
 /// `agreement`: between both trajectories at the same times.
 RunChoice choose_run(const OdometryResult& first, const OdometryResult& second,
                      const std::optional<RunAgreement>& agreement, const DoubtThresholds& limits = {});

@@ -180,6 +180,21 @@ TEST(Belief, IsInTheSecondWhereTheFirstHasNoStartOrIsWorseByItself) {
   EXPECT_EQ(choose_run(good, worse, RunAgreement{60, 0.1, 0.2, 0.0}), RunChoice::kFirst);
 }
 
+TEST(Belief, IsRatherInTheSecondWhereOnlyTheFirstHasWarningsThoughBothFitAlike) {
+  const OdometryResult good = good_flight();
+  OdometryResult worse = good, lost = good;
+  for (tracking::FrameQuality& q : worse.quality) q.saturated_share = 0.2;
+  lost.frames_tracked = 50;  // of 60
+  const RunAgreement apart{50, 0.1, 0.2, 0.0};
+  EXPECT_EQ(choose_run(worse, good, apart), RunChoice::kRatherSecond);
+  EXPECT_EQ(choose_run(lost, good, apart), RunChoice::kRatherSecond);
+  EXPECT_EQ(choose_run(good, worse, apart), RunChoice::kOpen);
+  EXPECT_EQ(choose_run(worse, good, RunAgreement{50, 0.001, 0.01, 0.0}), RunChoice::kFirst);
+  OdometryResult loose = good;
+  for (tracking::FrameQuality& q : loose.quality) q.rmse *= 1.3;
+  EXPECT_EQ(choose_run(worse, loose, apart), RunChoice::kOpen);
+}
+
 TEST(Belief, IsOpenWhereNothingTellsThem) {
   const OdometryResult good = good_flight();
   EXPECT_EQ(choose_run(good, good, RunAgreement{60, 0.1, 0.2, 0.0}), RunChoice::kOpen);

@@ -248,7 +248,7 @@ class DatasetTracker {
   }
 
   /// Tracks the same images in the other direction, without further inputs, and replaces `result` if that run is
-  /// better. Returns the agreement of both if they disagree and neither is better.
+  /// better. Returns the agreement of both if they disagree and neither is clearly better.
   std::optional<odometry::RunAgreement> compare_reversed(odometry::OdometryResult& result, const fs::path& pictures,
                                                          const Progress& progress) {
     odometry::OdometryOptions options = options_;
@@ -260,12 +260,14 @@ class DatasetTracker {
     const odometry::OdometryResult other = track_direction(!reverse_, options, pictures_alone, {}, skipped, progress);
     geometry::Trajectory same_times = other.trajectory;
     reverse_times(same_times);
-    const auto agreement = odometry::measure_agreement(result.trajectory, same_times);
+    auto agreement = odometry::measure_agreement(result.trajectory, same_times);
     const odometry::RunChoice belief = odometry::choose_run(result, other, agreement);
-    if (belief == odometry::RunChoice::kSecond && extras_.init_from.empty()) {
+    const bool is_uncertain = belief == odometry::RunChoice::kOpen || belief == odometry::RunChoice::kRatherSecond;
+    if (belief != odometry::RunChoice::kFirst && belief != odometry::RunChoice::kOpen && extras_.init_from.empty()) {
       same_times = result.trajectory;
       reverse_times(same_times);
       reverse_ = !reverse_;
+      if (agreement) agreement->worst_time_s = -agreement->worst_time_s;
       priors_ = pictures_alone;
       give_readings();
       remove_files(pictures);
@@ -273,8 +275,7 @@ class DatasetTracker {
     }
     dispersion_ = odometry::estimate_dispersion(result.trajectory, result.keyframes, result.quality, same_times);
     if (dispersion_) odometry::rescale_sigmas(result.quality, *dispersion_);
-    if (belief == odometry::RunChoice::kOpen) return agreement;
-    return std::nullopt;
+    return is_uncertain ? agreement : std::nullopt;
   }
 
  private:
