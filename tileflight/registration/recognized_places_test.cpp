@@ -12,17 +12,6 @@ namespace {
 using namespace test_flights;
 using testing::HasSubstr;
 
-struct Place {
-  geometry::TriangleMesh mesh = ground_mesh();
-  geometry::TriangleIndex index{mesh};
-  GroundTruthSurface surface{index, mesh, {geometry::Box3(Vec3(-60, -60, -1e6), Vec3(60, 60, 1e6))}};
-};
-
-const Place& the_place() {
-  static const Place place;
-  return place;
-}
-
 /// A spot of the place where the images are located: `aside` of where they were taken, so many of each ten, with that
 /// correlation.
 struct Spot {

@@ -15,17 +15,6 @@ using namespace test_flights;
 using testing::HasSubstr;
 using testing::ThrowsMessage;
 
-struct Place {
-  geometry::TriangleMesh mesh = ground_mesh();
-  geometry::TriangleIndex index{mesh};
-  GroundTruthSurface surface{index, mesh, {geometry::Box3(Vec3(-60, -60, -1e6), Vec3(60, 60, 1e6))}};
-};
-
-const Place& the_place() {
-  static const Place place;
-  return place;
-}
-
 std::vector<alignment::PositionFix> receiver(const geometry::Trajectory& local, const Vec3& bias) {
   std::mt19937_64 random(3);
   std::normal_distribution<double> normal;

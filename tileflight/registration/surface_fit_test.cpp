@@ -14,16 +14,6 @@ using geometry::Vec7;
 using ::testing::HasSubstr;
 using ::testing::ThrowsMessage;
 
-struct Place {
-  geometry::TriangleMesh mesh = ground_mesh();
-  geometry::TriangleIndex index{mesh};
-};
-
-const Place& the_place() {
-  static const Place place;
-  return place;
-}
-
 Sim3 off(double metres, unsigned seed) {
   std::mt19937_64 random(seed);
   std::normal_distribution<double> normal;

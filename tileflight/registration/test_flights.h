@@ -9,6 +9,7 @@
 #include "tileflight/geometry/mesh.h"
 #include "tileflight/geometry/triangle_index.h"
 #include "tileflight/registration/observed_points.h"
+#include "tileflight/registration/register_map.h"
 
 namespace tileflight::registration::test_flights {
 
@@ -26,6 +27,18 @@ inline double height_m(double x, double y) {
 }
 
 inline geometry::TriangleMesh ground_mesh() { return tests::height_field(120, -60.0, 120.0, height_m); }
+
+/// The ground as registration takes it, with what a search needs.
+struct Place {
+  geometry::TriangleMesh mesh = ground_mesh();
+  geometry::TriangleIndex index{mesh};
+  GroundTruthSurface surface{index, mesh, {geometry::Box3(Vec3(-60, -60, -1e6), Vec3(60, 60, 1e6))}};
+};
+
+inline const Place& the_place() {
+  static const Place place;
+  return place;
+}
 
 /// Height of the place's triangle mesh, linear within each triangle, metres.
 inline double surface_m(double x, double y) {
