@@ -16,6 +16,7 @@
 #include "tests/slurm_cluster.h"
 #include "tests/source_folder.h"
 #include "tests/tiny_experiments.h"
+#include "tests/tiny_flight.h"
 
 namespace tileflight::study_test {
 namespace {
@@ -184,6 +185,56 @@ rank_by: ate
   const ProgramResult blocks = run_tileflight(with("blocks", {"--slurm", "--jobs", "2"}), cluster.environment());
   ASSERT_EQ(blocks.exit_code, 0) << blocks.err << file_text(folder_ / ".blocks.tasks/logs/snakemake.txt");
   tests::expect_same_files(folder_ / "alone", folder_ / "blocks", "extract.json");
+}
+
+/// Folders of other programs' layouts, as they lie: the paths are scored by the true poses that they hold.
+TEST(StudyOfDatasets, TakesFoldersFromElsewhereAsTheyLie) {
+  const tests::TemporaryFolder folder;
+  tests::TinyFlight::copy_to(folder / "own");
+  std::string datasets;
+  for (const char* layout : {"euroc", "vslamlab"}) {
+    const ProgramResult exported = run_tileflight(
+        {"export", (folder / "own").string(), "--layout", layout, "--out", (folder / layout).string(), "--quiet"});
+    ASSERT_EQ(exported.exit_code, 0) << exported.err;
+    datasets += std::string(layout) + ": " + layout + ", ";
+  }
+  fs::copy(folder / "euroc", folder / "untouched", fs::copy_options::recursive);
+  write_documented_adapter(folder / "noisy");
+  TinyPlace::write_file(folder / "study.yaml", "places: {hills: {datasets: {" + datasets +
+                                                   "own: own}}}\nrank_by: ate\nsystems: {tileflight: , noisy: "
+                                                   "{adapter: noisy}}\n");
+  const auto run = [&] {
+    const ProgramResult result = run_tileflight(
+        {"study", (folder / "study.yaml").string(), "--out", (folder / "out").string(), "--no-snakemake", "--quiet"});
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    return json::parse(file_text(folder / "out/study.json"));
+  };
+  const json study = run();
+  ASSERT_EQ(study["runs"].size(), 6U);
+  for (const json& run : study["runs"]) {
+    EXPECT_EQ(run["completed"], true) << run["reason"];
+    EXPECT_EQ(run["frames_tracked"], tests::TinyFlight::kFrames) << run["flight"];
+    EXPECT_TRUE(run["f_score"].is_null());
+    if (run["system"] == "tileflight")
+      EXPECT_LT(run["ate_rmse"], 0.02) << run["flight"];
+    else
+      EXPECT_NEAR(run["ate_rmse"], 0.1 * std::sqrt(3.0), 0.05) << run["flight"];
+  }
+  EXPECT_EQ(study["ranking"][0]["system"], "tileflight");
+  EXPECT_TRUE(study["kendall_tau"].is_null()) << "nobody flew there in simulation";
+  EXPECT_THAT(file_text(folder / "out/study.html"), HasSubstr("Picture of the flight"));
+  tests::expect_same_files(folder / "euroc", folder / "untouched");
+
+  // Another content is another run; the others are not run again.
+  fs::remove_all(folder / "euroc");
+  tests::TinyFlight::copy_to(folder / "euroc");
+  const auto made = [&](const char* layout) {
+    return fs::last_write_time(folder / "out/runs/hills" / layout / "noisy/1/odometry/odometry.json");
+  };
+  const auto euroc = made("euroc"), vslamlab = made("vslamlab");
+  run();
+  EXPECT_GT(made("euroc"), euroc);
+  EXPECT_EQ(made("vslamlab"), vslamlab);
 }
 
 TEST(OtherSystem, ColmapMapsAFlight) {

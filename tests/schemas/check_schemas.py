@@ -19,6 +19,7 @@ import sys
 try:
     import jsonschema
     import yaml
+    from PIL import Image
 except ImportError as missing:
     print(f"check_schemas: skipped: {missing}")
     sys.exit(77)
@@ -54,7 +55,8 @@ BASES = {
     ],
     "sensors": [SENSORS],
     "study": [{"places": {"a": "experiment.yaml", "b": {"experiment": "experiment.yaml"}}, "cameras": {"wide": "camera.yaml"}, "systems": {"dso": {"adapter": "system"}},
-               "except": [{"place": "a"}], "alignment": {"regions": [BOX], "held_out": [BOX]}, "evaluation": {}}],
+               "except": [{"place": "a"}], "alignment": {"regions": [BOX], "held_out": [BOX]}, "evaluation": {}},
+              {"places": {"c": {"datasets": {"hall": "recorded"}}}, "systems": {"dso": {"adapter": "system"}}, "rank_by": "ate"}],
     "adapter": [{"name": "own", "takes": {"inputs": ["images"], "lenses": ["any"]}, "needs": {}, "leaves": {"trajectory": {}}}],
 }
 PATTERNS = {"spinning": ["columns", "elevations_deg", "channels", "elevation_range_deg", "channel_delay_s", "azimuth_range_deg"],
@@ -141,6 +143,11 @@ class Reader:
         self.write("camera.yaml", CAMERA)
         self.write("waypoints.yaml", BASES["flight"][1])
         self.write("experiment.yaml", {"place": {"source": "stadium:twin"}, "simulated": {"render": {"flight": "waypoints.yaml"}}, "real": {"kind": "surrogate", "render": {"flight": "waypoints.yaml"}}})
+        self.write("recorded/camera.yaml", CAMERA)
+        (self.folder / "recorded/images").mkdir(exist_ok=True)
+        Image.new("L", (128, 96)).save(self.folder / "recorded/images/000000.png")
+        (self.folder / "recorded/times.txt").write_text("000000 0.0 0\n")
+        (self.folder / "recorded/groundtruth.txt").write_text("0 0 0 9 0 0 0 1\n")
         self.write("system/adapter.yaml", {"name": "own", "takes": {"inputs": ["images"], "lenses": ["any"]}})
         (folder / "log.csv").write_text("t,lat,lon,height\n")
         (folder / "imu.csv").write_text("#timestamp [ns],w_x,w_y,w_z,a_x,a_y,a_z\n")

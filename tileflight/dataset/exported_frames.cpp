@@ -6,6 +6,7 @@
 #include "tileflight/base/files.h"
 #include "tileflight/base/formatted_text.h"
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/raw_bytes.h"
 #include "tileflight/dataset/exports.h"
 #include "tileflight/imaging/image_files.h"
 
@@ -75,7 +76,7 @@ void write_png_frames(const Dataset& dataset, const fs::path& folder, const Fram
     if (image.extension() == ".png")
       copy_bytes(image, target);
     else
-      imaging::write_rgb(target, imaging::read_rgb(image));
+      base::write_file(target, base::as_text(encode_png(imaging::read_rgb(image), imaging::PngEffort::kLittleTime)));
   });
 }
 

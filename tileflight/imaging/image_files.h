@@ -29,7 +29,10 @@ Gray16Image read_gray16(const std::filesystem::path& file, const DecodeLimits& l
 
 /// `quality` 1..100 (libjpeg); 4:4:4 chroma from 90 up, otherwise 4:2:0. Deterministic.
 std::vector<std::byte> encode_jpeg(const RgbImage& image, int quality);
-std::vector<std::byte> encode_png(const RgbImage& image);
+
+/// What a PNG's compression is to spend: time for a small file, or little time. The pixels are the same.
+enum class PngEffort { kSmallFile, kLittleTime };
+std::vector<std::byte> encode_png(const RgbImage& image, PngEffort effort = PngEffort::kSmallFile);
 std::vector<std::byte> encode_png(const Gray16Image& image);
 std::vector<std::byte> encode_png(const GrayImage& image);
 

@@ -61,6 +61,7 @@ double psnr(const RgbImage& a, const RgbImage& b) {
 TEST(ImageFiles, PngIsLossless) {
   const RgbImage image = picture();
   EXPECT_EQ(decode_rgb(encode_png(image), "a").pixels, image.pixels);
+  EXPECT_EQ(decode_rgb(encode_png(image, PngEffort::kLittleTime), "a").pixels, image.pixels);
   const GrayImage gray = to_gray(image);
   EXPECT_EQ(decode_gray(encode_png(gray), "a").pixels, gray.pixels);
   EXPECT_EQ(decode_rgb(encode_png(gray), "a").pixels, to_rgb(gray).pixels);

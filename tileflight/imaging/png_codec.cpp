@@ -118,7 +118,7 @@ class Writer {
   Writer(const Writer&) = delete;
   Writer& operator=(const Writer&) = delete;
 
-  bool write(int width, int height, int bits, int color_type, png_bytepp rows) {
+  bool write(int width, int height, int bits, int color_type, PngEffort effort, png_bytepp rows) {
     if (setjmp(fault_.jump) != 0) return false;
     png_set_write_fn(
         png_, this,
@@ -130,7 +130,9 @@ class Writer {
         [](png_structp) {});
     png_set_IHDR(png_, info_, static_cast<png_uint_32>(width), static_cast<png_uint_32>(height), bits, color_type,
                  PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
-    png_set_compression_level(png_, 6);
+    png_set_compression_level(png_, effort == PngEffort::kSmallFile ? 6 : 1);
+    // One filter for all rows: to try five on each takes longer than the fastest compression does.
+    if (effort == PngEffort::kLittleTime) png_set_filter(png_, PNG_FILTER_TYPE_BASE, PNG_FILTER_SUB);
     png_write_info(png_, info_);
     if (bits == 16) png_set_swap(png_);
     png_write_image(png_, rows);
@@ -149,10 +151,11 @@ class Writer {
 };
 
 template <class Pixel>
-std::vector<std::byte> encode(const Image<Pixel>& image, int bits, int color_type) {
+std::vector<std::byte> encode(const Image<Pixel>& image, int bits, int color_type,
+                              PngEffort effort = PngEffort::kSmallFile) {
   std::vector<png_bytep> rows = row_pointers(const_cast<Image<Pixel>&>(image));  // libpng does not modify it
   Writer writer;
-  if (!writer.write(image.width, image.height, bits, color_type, rows.data()))
+  if (!writer.write(image.width, image.height, bits, color_type, effort, rows.data()))
     throw InputError("PNG of " + std::to_string(image.width) + "x" + std::to_string(image.height), writer.message());
   return writer.take_bytes();
 }
@@ -181,7 +184,9 @@ DecodedImage decode_png(std::span<const std::byte> bytes, const std::string& nam
 
 }  // namespace codecs
 
-std::vector<std::byte> encode_png(const RgbImage& image) { return encode(image, 8, PNG_COLOR_TYPE_RGB); }
+std::vector<std::byte> encode_png(const RgbImage& image, PngEffort effort) {
+  return encode(image, 8, PNG_COLOR_TYPE_RGB, effort);
+}
 std::vector<std::byte> encode_png(const Gray16Image& image) { return encode(image, 16, PNG_COLOR_TYPE_GRAY); }
 std::vector<std::byte> encode_png(const GrayImage& image) { return encode(image, 8, PNG_COLOR_TYPE_GRAY); }
 

@@ -1,8 +1,7 @@
 #include "tileflight/report/doubts_panel.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
+#include <nlohmann/json.hpp>
 
 #include "tileflight/report/number_format.h"
 
@@ -56,7 +55,7 @@ Html doubts_panel(const json& results) {
     const std::string to_do = doubt.what_to_do.empty() ? "" : " To do: " + doubt.what_to_do + ".";
     items += element("li", {{"class", doubt.how_sure}},
                      element("strong", text(doubt.how_sure)) +
-                         text(" \u00B7 " + place_of(doubt.where) + ": " + doubt.what + "." + to_do));
+                         text_with_code(" \u00B7 " + place_of(doubt.where) + ": " + doubt.what + "." + to_do));
   }
   return element(
       "section", {{"class", "doubts"}, {"aria-labelledby", "doubts-title"}},

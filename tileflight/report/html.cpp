@@ -83,6 +83,17 @@ Html& Html::operator+=(const Html& other) {
 
 Html text(std::string_view plain) { return Html::trusted(escaped(plain)); }
 
+Html text_with_code(std::string_view plain) {
+  Html result;
+  while (true) {
+    const std::size_t opening = plain.find('`');
+    const std::size_t closing = opening == plain.npos ? plain.npos : plain.find('`', opening + 1);
+    if (closing == plain.npos) return result + text(plain);
+    result += text(plain.substr(0, opening)) + element("code", text(plain.substr(opening + 1, closing - opening - 1)));
+    plain.remove_prefix(closing + 1);
+  }
+}
+
 Html element(std::string_view name, const Attributes& attributes, const Html& content) {
   return Html::trusted(opened(name, attributes) + ">" + content.str() + "</" + std::string(name) + ">");
 }

@@ -29,6 +29,9 @@ using Attributes = std::vector<std::pair<std::string_view, std::string>>;
 /// Plain text (UTF-8). Markup characters are escaped; bytes that are invalid in XML become U+FFFD.
 Html text(std::string_view plain);
 
+/// As text(), with what stands between two backticks, as a command does in a sentence, in `<code>`.
+Html text_with_code(std::string_view plain);
+
 /// `<name attributes>content</name>`. Attribute values are plain text.
 Html element(std::string_view name, const Attributes& attributes, const Html& content);
 Html element(std::string_view name, const Html& content);

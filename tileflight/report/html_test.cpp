@@ -11,6 +11,13 @@ TEST(Html, TextIsEscaped) {
   EXPECT_EQ(text(R"(<b a="1" c='2'> & more)").str(), "&lt;b a=&quot;1&quot; c=&#39;2&#39;&gt; &amp; more");
 }
 
+TEST(Html, WhatStandsBetweenBackticksIsCode) {
+  EXPECT_EQ(text_with_code("try `a <b>` or `c`.").str(), "try <code>a &lt;b&gt;</code> or <code>c</code>.");
+  EXPECT_EQ(text_with_code("one ` alone").str(), "one ` alone");
+  EXPECT_EQ(text_with_code("`x` and ` alone").str(), "<code>x</code> and ` alone");
+  EXPECT_EQ(text_with_code("").str(), "");
+}
+
 TEST(Html, AttributesAreEscaped) {
   EXPECT_EQ(element("a", {{"title", "\"><script>"}}, text("x")).str(), "<a title=\"&quot;&gt;&lt;script&gt;\">x</a>");
   EXPECT_EQ(empty_element("img", {{"alt", "a&b"}}).str(), "<img alt=\"a&amp;b\"/>");

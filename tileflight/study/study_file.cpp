@@ -5,6 +5,7 @@
 
 #include "tileflight/base/known_keys.h"
 #include "tileflight/base/strict_section.h"
+#include "tileflight/dataset/dataset.h"
 #include "tileflight/experiment/experiment_file.h"
 #include "tileflight/experiment/stage_options.h"
 
@@ -35,8 +36,22 @@ fs::path require_file(const StrictSection& section, const std::string& key, cons
   return file;
 }
 
+/// Sets the flights of a place that is its datasets, as they lie.
+void read_datasets(StrictSection datasets, StudyPlace& place) {
+  for (const std::string& flight : datasets.keys()) {
+    require_name(datasets, flight, flight);
+    const auto folder = datasets.path(flight);
+    if (!folder) throw datasets.error(flight, "needs a dataset's folder");
+    if (!dataset::read_dataset(require_file(datasets, flight, *folder)).groundtruth)
+      throw datasets.error(flight, "names " + folder->string() + ", which has no true poses to score a path by");
+    place.flights.push_back(flight);
+    place.datasets[flight] = fs::absolute(*folder).lexically_normal();
+  }
+  if (place.flights.empty()) throw InputError(datasets.place(), "is empty: give at least one dataset's folder");
+}
+
 StudyPlace read_place(StrictSection& places, const std::string& name) {
-  StudyPlace place{.name = name, .experiment = {}, .flights = {}};
+  StudyPlace place{.name = name, .experiment = {}, .flights = {}, .datasets = {}};
   require_name(places, name, name);
   if (!places.is_map(name)) {
     const auto file = places.path(name);
@@ -46,10 +61,18 @@ StudyPlace read_place(StrictSection& places, const std::string& name) {
     return place;
   }
   StrictSection section = *places.section(name);
+  section.ignore({"experiment", "flights"});  // keys here, also where they are left out
+  if (auto datasets = section.section("datasets")) {
+    if (section.has("experiment"))
+      throw section.error("datasets", "cannot be together with `experiment`: give each its own place");
+    if (section.has("flights")) throw section.error("flights", "are those of `datasets`: name the wanted ones there");
+    read_datasets(*datasets, place);
+    section.require_all_keys_used();
+    return place;
+  }
   section.require("experiment");
   place.experiment = require_file(section, "experiment", section.path("experiment").value_or(""));
   place.flights = flights_of(place.experiment);
-  section.ignore({"flights"});  // a key here, also where it is left out
   if (section.has("flights")) {
     const std::vector<std::string> chosen = section.required_texts("flights");
     for (const std::string& flight : chosen) {
@@ -117,6 +140,15 @@ std::string read_word(StrictSection& section, const std::string& key, const std:
   return word;
 }
 
+/// Names of all flights of a study, those that experiments can have first.
+std::vector<std::string> flight_names(const std::vector<StudyPlace>& places) {
+  std::vector<std::string> names{"simulated", "real"};
+  for (const StudyPlace& place : places) {
+    for (const auto& [flight, folder] : place.datasets) names.push_back(flight);
+  }
+  return names;
+}
+
 template <class Entry>
 std::vector<std::string> names_of(const std::vector<Entry>& entries) {
   std::vector<std::string> names;
@@ -129,7 +161,7 @@ std::vector<StudyException> read_exceptions(StrictSection& root, const StudyFile
   for (StrictSection& section : root.sections("except")) {
     StudyException exception{.place = read_word(section, "place", names_of(study.places)),
                              .camera = read_word(section, "camera", names_of(study.cameras)),
-                             .flight = read_word(section, "flight", {"simulated", "real"}),
+                             .flight = read_word(section, "flight", flight_names(study.places)),
                              .system = read_word(section, "system", names_of(study.systems)),
                              .reason = section.text("reason").value_or("left out by the study")};
     section.require_all_keys_used();
@@ -138,6 +170,14 @@ std::vector<StudyException> read_exceptions(StrictSection& root, const StudyFile
     exceptions.push_back(std::move(exception));
   }
   return exceptions;
+}
+
+/// Datasets have no surface that a map could be scored against.
+void require_ranking_by_path(const StrictSection& root, const StudyFile& study) {
+  const auto place = std::ranges::find_if(study.places, [](const StudyPlace& p) { return !p.datasets.empty(); });
+  if (study.rank_by != "ate" && place != study.places.end())
+    throw root.error("rank_by", "is " + study.rank_by + ", of maps; but the place '" + place->name +
+                                    "' is of datasets, which have no surface to score a map by: use `rank_by: ate`");
 }
 
 }  // namespace
@@ -154,6 +194,7 @@ StudyFile read_study(const fs::path& file) {
   study.systems = read_systems(root);
   study.exceptions = read_exceptions(root, study);
   study.rank_by = root.choice("rank_by", {"f_score", "ate"}).value_or(study.rank_by);
+  require_ranking_by_path(root, study);
   study.threshold_m = root.positive_number("threshold").value_or(study.threshold_m);
   study.ate_limit_m = root.positive_number("ate_limit").value_or(study.ate_limit_m);
   if (auto alignment = root.section("alignment")) {

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -11,11 +12,13 @@
 namespace tileflight::study {
 
 /// An entry of `places:`. The value is an experiment file, whose place, truth and flights are used, or a map with the
-/// keys experiment, flights.
+/// keys experiment, flights, or datasets: recordings from elsewhere, of which there is no surface.
 struct StudyPlace {
   std::string name;
-  std::filesystem::path experiment;
-  std::vector<std::string> flights;  ///< of "simulated" and "real", those that the experiment has
+  std::filesystem::path experiment;  ///< empty: the place is its datasets
+  std::vector<std::string>
+      flights;  ///< of "simulated" and "real", those that the experiment has; names of the datasets
+  std::map<std::string, std::filesystem::path> datasets;  ///< by flight: folders that dataset::read_dataset() reads
 };
 
 /// An entry of `cameras:`, used for flights that are rendered.
@@ -56,7 +59,8 @@ struct StudyFile {
 };
 
 /// Reads a study file. `alignment:` and `evaluation:` are checked as an experiment's. Throws InputError (file, line,
-/// key): unknown keys and names, missing files, an exception that excludes nothing, a threshold that is not evaluated.
+/// key): unknown keys and names, missing files, an exception that excludes nothing, a threshold that is not evaluated,
+/// a dataset without true poses, or in a study that ranks by maps.
 StudyFile read_study(const std::filesystem::path& file);
 
 }  // namespace tileflight::study

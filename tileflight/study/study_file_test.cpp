@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/refusal.h"
+#include "tests/tiny_flight.h"
 #include "tileflight/study/test_study.h"
 
 namespace tileflight::study::study_file_test {
@@ -48,6 +49,38 @@ TEST_F(StudyFileTest, APlaceMayChooseItsFlights) {
   EXPECT_EQ(study.systems[0].memory_limit_gb, 2.0);
   ASSERT_EQ(study.cameras.size(), 1U);
   EXPECT_EQ(study.cameras[0].name, "");
+}
+
+constexpr const char* kSystems = "systems: {good: {adapter: adapters/good}}\n";
+
+TEST_F(StudyFileTest, APlaceMayBeDatasetsFromElsewhere) {
+  tests::TinyFlight::copy_to(made_.folder / "recorded");
+  const StudyFile study = read(std::string(kSystems) +
+                               "rank_by: ate\nplaces: {hills: {datasets: {east: recorded, west: recorded}}}\n"
+                               "except:\n  - {flight: west, reason: the same}\n");
+  ASSERT_EQ(study.places.size(), 1U);
+  EXPECT_TRUE(study.places[0].experiment.empty());
+  EXPECT_THAT(study.places[0].flights, ElementsAre("east", "west"));
+  EXPECT_EQ(study.places[0].datasets.at("east"), (made_.folder / "recorded").lexically_normal());
+}
+
+TEST_F(StudyFileTest, FaultsOfDatasetsAreNamed) {
+  tests::TinyFlight::copy_to(made_.folder / "recorded");
+  tests::TinyFlight::copy_to(made_.folder / "untrue");
+  std::filesystem::remove(made_.folder / "untrue/groundtruth.txt");
+  const auto refused = [&](const std::string& place, const std::string& more = "rank_by: ate\n") {
+    return refusal(std::string(kSystems) + more + "places: {hills: {" + place + "}}\n");
+  };
+  EXPECT_THAT(refused("datasets: {east: recorded}", ""), HasSubstr("use `rank_by: ate`"));
+  EXPECT_THAT(refused("datasets: {east: untrue}"), HasSubstr("has no true poses"));
+  EXPECT_THAT(refused("datasets: {east: none}"), HasSubstr("which does not exist"));
+  EXPECT_THAT(refused("datasets: {east: adapters}"), HasSubstr("adapters"));
+  EXPECT_THAT(refused("datasets: {a/b: recorded}"), HasSubstr("names hold letters"));
+  EXPECT_THAT(refused("datasets: {}"), HasSubstr("is empty"));
+  EXPECT_THAT(refused("datasets: {east: recorded}, experiment: first.yaml"), HasSubstr("give each its own place"));
+  EXPECT_THAT(refused("datasets: {east: recorded}, flights: [east]"), HasSubstr("are those of `datasets`"));
+  EXPECT_THAT(refused("datasets: {east: recorded}", "rank_by: ate\nexcept: [{flight: wets}]\n"),
+              HasSubstr("which is not in this study"));
 }
 
 TEST_F(StudyFileTest, FaultsAreNamed) {

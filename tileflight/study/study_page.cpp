@@ -6,6 +6,8 @@
 #include <vector>
 
 #include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/dataset/dataset.h"
 #include "tileflight/geometry/cloud_files.h"
 #include "tileflight/report/doubts_panel.h"
 #include "tileflight/report/number_format.h"
@@ -175,14 +177,15 @@ Html error_picture(const fs::path& run) {
 }
 
 /// A picture of the middle of the flight.
-Html frame_picture(const fs::path& dataset) {
-  const fs::path images = dataset / "images";
-  if (!fs::is_directory(images)) return {};
-  std::vector<fs::path> files;
-  for (const fs::directory_entry& entry : fs::directory_iterator(images)) files.push_back(entry.path());
-  if (files.empty()) return {};
-  std::ranges::sort(files);
-  const fs::path& file = files[files.size() / 2];
+Html frame_picture(const fs::path& folder) {
+  std::vector<dataset::Frame> frames;
+  try {
+    frames = dataset::read_dataset(folder).frames;
+  } catch (const InputError&) {
+    return {};  // not made yet, or no longer there
+  }
+  if (frames.empty()) return {};
+  const fs::path& file = frames[frames.size() / 2].image;
   const std::string type = file.extension() == ".png" ? "image/png" : "image/jpeg";
   return empty_element("img",
                        {{"src", report::data_uri(type, base::read_text(file))}, {"alt", "Picture of the flight"}});

@@ -11,6 +11,7 @@
 #include "tileflight/base/program_path.h"
 #include "tileflight/base/shell_word.h"
 #include "tileflight/experiment/experiment_file.h"
+#include "tileflight/experiment/file_hash_cache.h"
 #include "tileflight/experiment/results.h"
 #include "tileflight/place/version.h"
 #include "tileflight/workflow/run_tasks.h"
@@ -51,7 +52,11 @@ class TaskMaker {
       : options_(options),
         threads_(std::max(1, options.cores / std::max(1, options.jobs))),
         program_(base::program_path()),
-        fingerprint_(place::program_fingerprint()) {}
+        fingerprint_(place::program_fingerprint()),
+        dataset_hashes_(fs::exists(options.out) ? options.out / ".file-hashes" : fs::path()) {}
+
+  /// Keeps the hashes of datasets for the next start of the study.
+  void save_hashes() const { dataset_hashes_.save(); }
 
   /// Folder of a place's truth and datasets, named by all that they come from: studies with the same place share it.
   std::string place_folder(const StudyPlace& place, const StudyCamera& camera) const {
@@ -89,14 +94,15 @@ class TaskMaker {
   }
 
   Task system_task(const StudyFlight& flight, const StudyRun& run, const StudySystem& system) const {
-    const std::string data = dataset(flight.place_folder, flight.flight);
-    Task task{.name = task_name("system", run), .inputs = {marker_of(place_task_name(flight.place_folder))}};
+    const bool was_recorded_elsewhere = flight.place_folder.empty();
+    Task task{.name = task_name("system", run)};
+    if (!was_recorded_elsewhere) task.inputs.push_back(marker_of(place_task_name(flight.place_folder)));
     std::ostringstream script;
     script << "mkdir -p " << shell_word(run.folder) << "\n"
            << "rm -rf " << shell_word(run.folder + "/odometry") << "\n"
            << "# Exit status 1: the system failed, which is a result and stands in odometry.json.\n"
-           << "\"$TILEFLIGHT\" odometry " << shell_word(data) << " --system " << shell_word(adapter_word(system))
-           << " --seed " << run.seed;
+           << "\"$TILEFLIGHT\" odometry " << shell_word(flight.dataset) << " --system "
+           << shell_word(adapter_word(system)) << " --seed " << run.seed;
     if (system.time_limit_s > 0.0) script << " --time-limit " << base::fixed_text(system.time_limit_s);
     if (system.memory_limit_gb > 0.0) script << " --memory-limit " << base::fixed_text(system.memory_limit_gb);
     script << " --threads " << threads_ << " --quiet --force --out " << shell_word(run.folder + "/odometry")
@@ -104,30 +110,34 @@ class TaskMaker {
            << "test -f " << shell_word(run.folder + "/odometry/odometry.json") << "\n";
     if (system.time_limit_s > 0.0) task.minutes = 10 + static_cast<int>(system.time_limit_s / 60.0);
     if (system.memory_limit_gb > 0.0) task.memory_mb = 2000 + static_cast<int>(1000.0 * system.memory_limit_gb);
-    return finished(task, script.str(), folder_hash(system.adapter.folder));
+    const std::string recorded = was_recorded_elsewhere ? dataset_hashes_.hash(flight.dataset) : "";
+    return finished(task, script.str(), folder_hash(system.adapter.folder), recorded);
   }
 
+  /// Of a flight over a place: its map, or the path of a system without one. Of a dataset from elsewhere: its path.
   Task score_task(const StudyFlight& flight, const StudyRun& run) const {
-    const std::string truth = flight.place_folder + "/truth", data = dataset(flight.place_folder, flight.flight);
     const Task task{.name = task_name("score", run), .inputs = {marker_of(task_name("system", run)), "settings.yaml"}};
-    const std::string map = shell_word(run.folder + "/odometry"), to = shell_word(truth), with = shell_word(data);
+    const std::string map = shell_word(run.folder + "/odometry"), with = shell_word(flight.dataset);
+    const std::string to = shell_word(flight.place_folder + "/truth");
     const std::string transform = shell_word(run.folder + "/transform.json");
     const std::string metrics = shell_word(run.folder + "/metrics.json"), log = shell_word(run.folder + "/scores.part");
     const std::string common = " --settings settings.yaml --threads " + std::to_string(threads_) + " --quiet --force";
     std::ostringstream script;
     script << "rm -f " << transform << " " << metrics << "\n"
            << "# Exit status 1: the map or path cannot be scored, which is a result; why stands in scores.txt.\n"
-           << "{\n"
-           << "  if [ -f " << map << "/map.ply ]; then\n"
-           << "    \"$TILEFLIGHT\" align " << map << " --to " << to << " --dataset " << with << common << " --out "
-           << transform << " &&\n"
-           << "    \"$TILEFLIGHT\" evaluate " << map << " --truth " << to << " --dataset " << with << " --transform "
-           << transform << common << " --out " << metrics << "\n"
-           << "  elif [ -f " << map << "/trajectory.txt ] && [ -f " << with << "/groundtruth.txt ]; then\n"
-           << "    \"$TILEFLIGHT\" evaluate --trajectory " << map << "/trajectory.txt --truth-trajectory " << with
-           << "/groundtruth.txt --quiet --force --out " << metrics << "\n"
-           << "  fi\n"
-           << "} 2> " << log << " || [ $? -eq 1 ]\n"
+           << "{\n";
+    if (flight.place_folder.empty()) {
+      script << "  if [ -f " << map << "/trajectory.txt ]; then\n    " << path_score(map, with, metrics) << "  fi\n";
+    } else {
+      script << "  if [ -f " << map << "/map.ply ]; then\n"
+             << "    \"$TILEFLIGHT\" align " << map << " --to " << to << " --dataset " << with << common << " --out "
+             << transform << " &&\n"
+             << "    \"$TILEFLIGHT\" evaluate " << map << " --truth " << to << " --dataset " << with << " --transform "
+             << transform << common << " --out " << metrics << "\n"
+             << "  elif [ -f " << map << "/trajectory.txt ] && [ -f " << with << "/groundtruth.txt ]; then\n"
+             << "    " << path_score(map, with + "/groundtruth.txt", metrics) << "  fi\n";
+    }
+    script << "} 2> " << log << " || [ $? -eq 1 ]\n"
            << "mv " << log << " " << shell_word(run.folder + "/scores.txt") << "\n";
     return finished(task, script.str(), "");
   }
@@ -142,8 +152,10 @@ class TaskMaker {
   static std::string place_task_name(const std::string& folder) {
     return "place-" + fs::path(folder).filename().string();
   }
-  static std::string dataset(const std::string& place_folder, const std::string& flight) {
-    return place_folder + "/" + flight + "/dataset";
+  /// The command that scores a path alone; all are words of the shell.
+  static std::string path_score(const std::string& map, const std::string& truth, const std::string& metrics) {
+    return "\"$TILEFLIGHT\" evaluate --trajectory " + map + "/trajectory.txt --truth-trajectory " + truth +
+           " --quiet --force --out " + metrics + "\n";
   }
   static std::string task_name(const std::string& what, const StudyRun& run) {
     std::string name = what + run.folder.substr(std::string("runs").size());
@@ -152,12 +164,14 @@ class TaskMaker {
   }
   static std::string adapter_word(const StudySystem& system) { return system.adapter.folder; }
 
-  /// Adds what all scripts have. A change of the program or of `version` changes the script, so that the task is done
-  /// again.
-  Task finished(Task task, const std::string& work, const std::string& version) const {
+  /// Adds what all scripts have. A change of the program, of `version` (an adapter's) or of `recorded` (a dataset's
+  /// content) changes the script, so that the task is done again.
+  Task finished(Task task, const std::string& work, const std::string& version,
+                const std::string& recorded = "") const {
     task.threads = threads_;
     task.script = "#!/bin/sh\n# To be run in the study's folder.\n# program " + fingerprint_.substr(0, 16) +
                   (version.empty() ? "" : ", adapter " + version.substr(0, 16)) +
+                  (recorded.empty() ? "" : ", dataset " + recorded.substr(0, 16)) +
                   "\nset -e\n: \"${TILEFLIGHT:=" + program_.string() + "}\"\n" + work + "touch " +
                   shell_word(marker_of(task.name)) + "\n";
     task.inputs.push_back("tasks/" + task.name + ".sh");
@@ -169,6 +183,7 @@ class TaskMaker {
   int threads_;
   fs::path program_;
   std::string fingerprint_;
+  experiment::FileHashCache dataset_hashes_;
 };
 
 void add_runs(const StudyFile& study, const TaskMaker& make, std::size_t flight, StudyPlan& plan) {
@@ -196,17 +211,24 @@ StudyPlan make_plan(const StudyFile& study, const PlanOptions& options) {
   StudyPlan plan{.study = study, .flights = {}, .runs = {}, .tasks = {}};
   const TaskMaker make(options);
   for (const StudyPlace& place : study.places) {
+    for (const auto& [name, folder] : place.datasets) {
+      plan.flights.push_back(
+          {.place = place.name, .camera = {}, .flight = name, .place_folder = {}, .dataset = folder.string()});
+      add_runs(study, make, plan.flights.size() - 1, plan);
+    }
+    if (!place.datasets.empty()) continue;
     for (const StudyCamera& camera : study.cameras) {
       const std::string folder = make.place_folder(place, camera);
       plan.tasks.push_back(make.place_task(place, camera, folder));
       for (const std::string& flight : place.flights) {
-        plan.flights.push_back({place.name, camera.name, flight, folder});
+        plan.flights.push_back({place.name, camera.name, flight, folder, folder + "/" + flight + "/dataset"});
         add_runs(study, make, plan.flights.size() - 1, plan);
       }
     }
   }
   if (plan.runs.empty()) throw InputError(study.file.string(), "has exceptions that leave nothing to run");
   plan.tasks.push_back(make.report_task(plan.runs));
+  make.save_hashes();
   return plan;
 }
 
@@ -227,7 +249,8 @@ json describe_plan(const StudyPlan& plan) {
                        {"place", flight.place},
                        {"camera", flight.camera},
                        {"flight", flight.flight},
-                       {"folder", flight.place_folder}});
+                       {"folder", flight.place_folder},
+                       {"dataset", flight.dataset}});
   }
   for (const StudyRun& run : plan.runs) {
     runs.push_back({{"flight", run.flight},
@@ -260,7 +283,8 @@ std::string plan_text(const StudyPlan& plan) {
        << plan.study.repetitions << " repetitions: " << plan.runs.size() << " runs in " << plan.tasks.size()
        << " tasks\n";
   for (const StudyFlight& flight : plan.flights)
-    text << "  flight " << flight.id() << " (" << flight.place_folder << ")\n";
+    text << "  flight " << flight.id() << " (" << (flight.place_folder.empty() ? flight.dataset : flight.place_folder)
+         << ")\n";
   for (const StudySystem& system : plan.study.systems) {
     const std::string missing = systems::why_not_installed(system.adapter);
     text << "  system " << system.name << ": " << system.adapter.title

@@ -13,7 +13,8 @@ namespace tileflight::study {
 /// A flight over a place through a camera, on which all systems run.
 struct StudyFlight {
   std::string place, camera, flight;  ///< camera: empty for the flight's own
-  std::string place_folder;           ///< PLACES/NAME-HASH, as written in the tasks
+  std::string place_folder;           ///< PLACES/NAME-HASH, as written in the tasks; empty: a dataset from elsewhere
+  std::string dataset;                ///< folder of its images, as written in the tasks
   std::string id() const;             ///< "stadium/simulated", "stadium-wide/simulated"
 };
 

@@ -73,6 +73,17 @@ std::vector<ScoredRun> runs_of(const std::vector<ScoredRun>& runs, bool simulate
   return result;
 }
 
+/// Runs over places that have flights of both kinds.
+std::vector<ScoredRun> runs_of_compared_places(const std::vector<ScoredRun>& runs) {
+  std::set<std::string> with_simulated, with_real;
+  for (const ScoredRun& run : runs) (run.is_simulated ? with_simulated : with_real).insert(run.place);
+  std::vector<ScoredRun> result;
+  std::ranges::copy_if(runs, std::back_inserter(result), [&](const ScoredRun& run) {
+    return with_simulated.contains(run.place) && with_real.contains(run.place);
+  });
+  return result;
+}
+
 }  // namespace
 
 std::vector<RankedSystem> rank_systems(const std::vector<ScoredRun>& runs) {
@@ -84,7 +95,8 @@ std::vector<RankedSystem> rank_systems(const std::vector<ScoredRun>& runs) {
   return ranking;
 }
 
-std::optional<RankAgreement> compare_ranks(const std::vector<ScoredRun>& runs, std::uint64_t seed) {
+std::optional<RankAgreement> compare_ranks(const std::vector<ScoredRun>& all_runs, std::uint64_t seed) {
+  const std::vector<ScoredRun> runs = runs_of_compared_places(all_runs);
   const std::vector<ScoredRun> simulated = runs_of(runs, true), real = runs_of(runs, false);
   std::vector<std::string> names;
   std::vector<double> a, b;

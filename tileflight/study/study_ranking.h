@@ -44,7 +44,8 @@ struct RankAgreement {
   std::map<std::string, std::array<int, 2>> ranks;  ///< by system: rank in simulation, on the second flights (from 1)
 };
 
-/// nullopt: fewer than two systems have a score on both.
+/// Only places with flights of both kinds count: another place may have another order. nullopt: fewer than two systems
+/// have a score on both.
 std::optional<RankAgreement> compare_ranks(const std::vector<ScoredRun>& runs, std::uint64_t seed);
 
 nlohmann::json to_json(const std::vector<RankedSystem>& ranking);

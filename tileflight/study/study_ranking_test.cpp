@@ -80,6 +80,14 @@ TEST(CompareRanks, TauAndChangedRanks) {
   EXPECT_TRUE(compare_ranks(runs_with({0.9, 0.8, 0.7, 0.6, 0.5}, {0.9, 0.8, 0.7, 0.6, 0.5}), 1)->interval[0]);
 }
 
+/// Over the second place b is the better one, but nobody flew there in simulation.
+TEST(CompareRanks, ComparesTheSamePlaces) {
+  std::vector<ScoredRun> runs = runs_with({0.9, 0.5}, {0.9, 0.5});
+  runs.push_back({.system = "a", .place = "elsewhere", .flight = "east", .is_simulated = false, .score = 0.0});
+  runs.push_back({.system = "b", .place = "elsewhere", .flight = "east", .is_simulated = false, .score = 1.0});
+  EXPECT_EQ(*compare_ranks(runs, 1)->tau_b, 1.0);
+}
+
 TEST(CompareRanks, NeedsTwoSystemsWithScoresOnBoth) {
   EXPECT_FALSE(compare_ranks(runs_with({0.9}, {0.7}), 1));
   EXPECT_FALSE(compare_ranks({run("a", "x", true, 0.5), run("b", "x", true, 0.6), run("b", "x", false, 0.6)}, 1));

@@ -79,18 +79,17 @@ void add_scores(const json& metrics, double threshold_m, json& run) {
 
 json describe_run(const fs::path& folder, const json& plan, const json& planned) {
   const json& flight = plan.at("flights").at(planned.at("flight").get<std::size_t>());
-  json run{
-      {"system", planned.at("system")},
-      {"place", flight.at("place")},
-      {"camera", flight.at("camera")},
-      {"flight", flight.at("flight")},
-      {"repetition", planned.at("repetition")},
-      {"seed", planned.at("seed")},
-      {"folder", planned.at("folder")},
-      {"dataset", flight.at("folder").get<std::string>() + "/" + flight.at("flight").get<std::string>() + "/dataset"},
-      {"applicable", true},
-      {"completed", false},
-      {"reason", kNotRunYet}};
+  json run{{"system", planned.at("system")},
+           {"place", flight.at("place")},
+           {"camera", flight.at("camera")},
+           {"flight", flight.at("flight")},
+           {"repetition", planned.at("repetition")},
+           {"seed", planned.at("seed")},
+           {"folder", planned.at("folder")},
+           {"dataset", flight.at("dataset")},
+           {"applicable", true},
+           {"completed", false},
+           {"reason", kNotRunYet}};
   for (const char* key : {"frames", "frames_tracked", "ate_rmse", "accuracy", "completeness", "f_score", "seconds",
                           "cpu_seconds", "peak_memory_mb", "surface_median", "alignment_metres"})
     run[key] = nullptr;
