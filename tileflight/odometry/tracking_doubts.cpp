@@ -167,6 +167,13 @@ void check_second_run(const OdometryResult& result, const std::optional<RunAgree
                        [&](const tracking::FrameQuality& a, const tracking::FrameQuality& b) {
                          return std::abs(a.time_s - second->worst_time_s) < std::abs(b.time_s - second->worst_time_s);
                        });
+  if (second->is_answered) {
+    doubts.push_back({"forward and backward tracking disagreed, by " + percent_text(second->rms_share) +
+                          " of their length: one of them began wrongly; a third run, against the one that is used and "
+                          "from a later image, agrees with it",
+                      kWhere, "possible", "compare parts of the flight (--from, --to)"});
+    return;
+  }
   doubts.push_back(
       {"forward and backward tracking disagree: their paths differ by " + percent_text(second->rms_share) +
            " of their length (wrong initialization or scale drift)",

@@ -16,6 +16,7 @@
 #include "tileflight/geometry/trajectory.h"
 #include "tileflight/imaging/image_files.h"
 #include "tileflight/odometry/debug_image.h"
+#include "tileflight/odometry/direction_check.h"
 #include "tileflight/odometry/run_comparison.h"
 #include "tileflight/odometry/tracking_doubts.h"
 #include "tileflight/survey/track_inputs.h"
@@ -244,11 +245,11 @@ class DatasetTracker {
   /// `pictures`: folder for images of keyframes; empty: none.
   odometry::OdometryResult run(const fs::path& pictures, const Progress& progress) {
     skipped_ = {};
-    return track_direction(reverse_, options_, priors_, pictures, skipped_, progress);
+    return track_direction(reverse_, 0, options_, priors_, pictures, skipped_, progress);
   }
 
   /// Tracks the same images in the other direction, without further inputs, and replaces `result` if that run is
-  /// better. Returns the agreement of both if they disagree and neither is clearly better.
+  /// better (direction_check.h). Returns the agreement of both if they disagree and neither is clearly better.
   std::optional<odometry::RunAgreement> compare_reversed(odometry::OdometryResult& result, const fs::path& pictures,
                                                          const Progress& progress) {
     odometry::OdometryOptions options = options_;
@@ -256,26 +257,28 @@ class DatasetTracker {
     options.loops.enabled = false;
     odometry::Priors pictures_alone;
     pictures_alone.mask = priors_.mask;
-    SkippedFrames skipped;
-    const odometry::OdometryResult other = track_direction(!reverse_, options, pictures_alone, {}, skipped, progress);
-    geometry::Trajectory same_times = other.trajectory;
-    reverse_times(same_times);
-    auto agreement = odometry::measure_agreement(result.trajectory, same_times);
-    const odometry::RunChoice belief = odometry::choose_run(result, other, agreement);
-    const bool is_uncertain = belief == odometry::RunChoice::kOpen || belief == odometry::RunChoice::kRatherSecond;
-    if (belief != odometry::RunChoice::kFirst && belief != odometry::RunChoice::kOpen && extras_.init_from.empty()) {
-      same_times = result.trajectory;
-      reverse_times(same_times);
+    const auto track = [&](odometry::Direction direction, std::size_t left_out) {
+      const bool against = direction == odometry::Direction::kOther;
+      SkippedFrames skipped;
+      odometry::OdometryResult further =
+          track_direction(reverse_ != against, left_out, options, pictures_alone, {}, skipped, progress);
+      if (against) reverse_times(further.trajectory);
+      return further;
+    };
+    odometry::DirectionCheck check =
+        odometry::check_directions(result, frames_[reverse_].size(), extras_.init_from.empty(), track);
+    if (check.use_other) {
+      reverse_times(check.counterpart);
       reverse_ = !reverse_;
-      if (agreement) agreement->worst_time_s = -agreement->worst_time_s;
+      if (check.disagreement) check.disagreement->worst_time_s = -check.disagreement->worst_time_s;
       priors_ = pictures_alone;
       give_readings();
       remove_files(pictures);
       result = run(pictures, progress);
     }
-    dispersion_ = odometry::estimate_dispersion(result.trajectory, result.keyframes, result.quality, same_times);
+    dispersion_ = odometry::estimate_dispersion(result.trajectory, result.keyframes, result.quality, check.counterpart);
     if (dispersion_) odometry::rescale_sigmas(result.quality, *dispersion_);
-    return is_uncertain ? agreement : std::nullopt;
+    return check.disagreement;
   }
 
  private:
@@ -286,10 +289,12 @@ class DatasetTracker {
     if (readings_ && reverse_) priors_.inertial->samples = inertial::reversed(readings_->samples);
   }
 
-  odometry::OdometryResult track_direction(bool reverse, const odometry::OdometryOptions& options,
+  /// Without the first `left_out` images of that direction.
+  odometry::OdometryResult track_direction(bool reverse, std::size_t left_out, const odometry::OdometryOptions& options,
                                            const odometry::Priors& aids, const fs::path& debug_pictures,
                                            SkippedFrames& skipped, const Progress& progress) const {
-    const std::vector<dataset::Frame>& frames = frames_[reverse];
+    const std::vector<dataset::Frame> frames(frames_[reverse].begin() + static_cast<std::ptrdiff_t>(left_out),
+                                             frames_[reverse].end());
     const Progress counted = [&](std::int64_t done, std::int64_t, std::string_view what) {
       report_progress(progress, done, static_cast<std::int64_t>(frames.size()), "tracking: " + std::string(what));
     };
