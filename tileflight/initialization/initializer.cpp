@@ -98,7 +98,7 @@ std::optional<InitializationResult> Initializer::add(std::shared_ptr<const photo
                                           // loses most at once, and those that are left are enough
   ++frame_count_;
   T_world_last_ = T_world_camera;
-  if (!previous_) {
+  if (!previous_ || frame_count_ <= options_.first_image + 1) {
     restart(std::move(pyramid));
     return std::nullopt;
   }

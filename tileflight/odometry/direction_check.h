@@ -1,7 +1,8 @@
 #pragma once
 
-// A run checked by others over the same images: in the other direction, and, where both directions disagree, from a
-// later image in each. All begin at different places, so that a wrong initialization is in one of them only.
+// A run checked by others over the same images: in the other direction, and, where both directions disagree, begun at
+// later images in each. A wrong initialization is seldom repeated from another image, and leaves warnings; a scale that
+// changed on the way (a turn in place) changes alike wherever a run in that direction begins.
 
 #include <cstddef>
 #include <functional>
@@ -14,24 +15,27 @@
 
 namespace tileflight::odometry {
 
-enum class Direction { kSame, kOther };  ///< as the run that is checked, or against it
+/// How a run goes over the images of the one that is checked.
+struct RunStart {
+  bool against = false;   ///< in the other direction
+  std::size_t image = 0;  ///< InitializationOptions::first_image; images before it are tracked backwards from there
+};
 
-/// Tracks the images of the run that is checked, in either direction, without the first `left_out` of that direction.
-/// The times of the result's trajectory are those of the run that is checked, increasing.
-using FurtherRun = std::function<OdometryResult(Direction direction, std::size_t left_out)>;
+/// Tracks all images again. The times of the result's trajectory are those of the run that is checked, increasing.
+using FurtherRun = std::function<OdometryResult(const RunStart& start)>;
 
 /// What further runs tell of a run.
 struct DirectionCheck {
-  bool use_other = false;  ///< the run in the other direction is to be used
+  RunStart use;  ///< the run that is to be used; by default the one that is checked
   /// Between both directions, if they disagree and their own residuals and warnings do not tell which is right.
   std::optional<RunAgreement> disagreement;
-  geometry::Trajectory counterpart;  ///< of a run against the one that is to be used, to estimate errors from
+  geometry::Trajectory counterpart;  ///< of another run than the one to be used, to estimate errors from
 };
 
-/// Checks `run`, of `images` images. Of two directions that disagree, the one is used that a run against it from a
-/// later image agrees with (then RunAgreement::is_answered); else one that is found again from a later image while the
-/// other is not; else as choose_run() says. `may_use_other`: without it the run itself is used in any case, and later
-/// images are not tried.
+/// Checks `run`, of `images` images. Where both directions disagree, a path is used that two runs from different images
+/// of a direction show, one of them without warnings (find_doubts()): that run. If both directions have such a path,
+/// and not the same, or neither has one, choose_run() decides. `may_use_other`: without it the run itself is used in
+/// any case, and later images are not tried.
 DirectionCheck check_directions(const OdometryResult& run, std::size_t images, bool may_use_other,
                                 const FurtherRun& track, const DoubtThresholds& limits = {});
 

@@ -3,8 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <map>
 #include <utility>
+#include <vector>
 
 namespace tileflight::odometry::direction_check_test {
 namespace {
@@ -34,26 +34,10 @@ OdometryResult flight(double scale = 1.0, std::size_t bend_at = kImages / 2) {
   return result;
 }
 
-/// Stands in for tracking: the path of each direction, from its first image and from a later one.
-struct Runs {
-  OdometryResult other = flight(), same_later = flight(), other_later = flight();
-  mutable int later_runs = 0;
-
-  DirectionCheck check(const OdometryResult& run, bool may_use_other = true) const {
-    return check_directions(run, kImages, may_use_other, [&](Direction direction, std::size_t left_out) {
-      if (left_out == 0) return other;
-      ++later_runs;
-      OdometryResult result = direction == Direction::kSame ? same_later : other_later;
-      auto& poses = result.trajectory.poses;
-      const auto count = static_cast<std::ptrdiff_t>(left_out);
-      if (direction == Direction::kSame)
-        poses.erase(poses.begin(), poses.begin() + count);
-      else
-        poses.erase(poses.end() - count, poses.end());
-      return result;
-    });
-  }
-};
+OdometryResult with_warning(OdometryResult result) {
+  result.systematic_displacement = mapping::SystematicDisplacement{.rms_px = 0.3, .sigmas = 10.0};
+  return result;
+}
 
 double length(const geometry::Trajectory& path) {
   double sum = 0.0;
@@ -62,80 +46,101 @@ double length(const geometry::Trajectory& path) {
   return sum;
 }
 
-const OdometryResult kRight = flight(), kWrong = flight(3.0, 20), kAlsoWrong = flight(0.2, 60);
+const OdometryResult kRight = flight(), kWrong = with_warning(flight(3.0, 20)),
+                     kAlsoWrong = with_warning(flight(0.2, 60));
+
+/// Stands in for tracking: the runs in each direction, by their start; the last one is repeated.
+struct Runs {
+  std::vector<OdometryResult> same{kRight}, against{kRight};
+  mutable int count = 0;
+
+  DirectionCheck check(bool may_use_other = true) const {
+    std::vector<std::size_t> seen[2];
+    return check_directions(same[0], kImages, may_use_other, [&](const RunStart& start) {
+      ++count;
+      auto& images = seen[start.against ? 1 : 0];
+      images.push_back(start.image);
+      const auto& runs = start.against ? against : same;
+      const std::size_t at = images.size() - (start.against ? 1 : 0);
+      return runs[std::min(at, runs.size() - 1)];
+    });
+  }
+};
 
 TEST(CheckDirections, WhereBothAgreeNothingElseIsTried) {
   const Runs runs;
-  const DirectionCheck check = runs.check(kRight);
-  EXPECT_FALSE(check.use_other);
+  const DirectionCheck check = runs.check();
+  EXPECT_FALSE(check.use.against);
   EXPECT_FALSE(check.disagreement);
-  EXPECT_EQ(check.counterpart.size(), kImages);
-  EXPECT_EQ(runs.later_runs, 0);
+  EXPECT_EQ(runs.count, 1);
 }
 
-TEST(CheckDirections, AWrongStartAgainstItIsFoundOut) {
-  const Runs runs{.other = kWrong};
-  const DirectionCheck check = runs.check(kRight);
-  EXPECT_FALSE(check.use_other);
-  ASSERT_TRUE(check.disagreement);
-  EXPECT_TRUE(check.disagreement->is_answered);
-  EXPECT_EQ(check.counterpart.size(), kImages - 12) << "the later run against it, not the wrong one";
+TEST(CheckDirections, APathThatIsFoundAgainWithoutWarningsIsUsed) {
+  const Runs kept{.same = {kRight}, .against = {kWrong, kAlsoWrong}};
+  const DirectionCheck same = kept.check();
+  EXPECT_FALSE(same.use.against);
+  EXPECT_EQ(same.use.image, 0U);
+  ASSERT_TRUE(same.disagreement);
+  EXPECT_EQ(kept.count, 3) << "one later run in each direction";
+  EXPECT_NEAR(length(same.counterpart), length(kRight.trajectory), 1e-9) << "not the wrong one";
+
+  const Runs exchanged{.same = {kWrong, kAlsoWrong}, .against = {kRight}};
+  const DirectionCheck other = exchanged.check();
+  EXPECT_TRUE(other.use.against);
+  EXPECT_EQ(other.use.image, 0U);
+  EXPECT_NEAR(length(other.counterpart), length(kRight.trajectory), 1e-9);
 }
 
-TEST(CheckDirections, AWrongStartOfItsOwnIsFoundOut) {
-  const Runs runs;
-  const DirectionCheck check = runs.check(kWrong);
-  EXPECT_TRUE(check.use_other);
-  ASSERT_TRUE(check.disagreement);
-  EXPECT_TRUE(check.disagreement->is_answered);
-  EXPECT_NEAR(length(check.counterpart), kImages - 12 - 1, 1e-9) << "the later run in its own direction";
+/// Both begin wrongly; the second and third run in one direction are right.
+TEST(CheckDirections, ALaterStartMayBeTheFirstRightOne) {
+  const Runs runs{.same = {kWrong, kAlsoWrong, kWrong, kAlsoWrong}, .against = {kAlsoWrong, kRight, kRight}};
+  const DirectionCheck check = runs.check();
+  EXPECT_TRUE(check.use.against);
+  EXPECT_EQ(check.use.image, 12U);
+  EXPECT_TRUE(check.disagreement);
+  EXPECT_EQ(runs.count, 1 + 4);
+}
+
+TEST(CheckDirections, OfTwoThatAgreeTheOneWithoutWarningsIsUsed) {
+  const Runs runs{.same = {kWrong, kAlsoWrong, kWrong}, .against = {kAlsoWrong, with_warning(kRight), kRight}};
+  const DirectionCheck check = runs.check();
+  EXPECT_TRUE(check.use.against);
+  EXPECT_EQ(check.use.image, 24U);
+}
+
+TEST(CheckDirections, WhereBothFindTheSamePathTheEarliestRunIsUsed) {
+  const Runs runs{.same = {kWrong, kRight, kRight}, .against = {kRight, kWrong, kRight}};
+  const DirectionCheck check = runs.check();
+  EXPECT_TRUE(check.use.against);
+  EXPECT_EQ(check.use.image, 0U);
 }
 
 /// What a turn in place does to the scale is the same in each direction, wherever the run began.
-TEST(CheckDirections, AgreementWithinEachDirectionAnswersNothing) {
-  const Runs runs{.other = kWrong, .same_later = kAlsoWrong, .other_later = kWrong};
-  const DirectionCheck check = runs.check(kAlsoWrong);
-  EXPECT_FALSE(check.use_other);
+TEST(CheckDirections, AScaleThatChangedOnTheWayIsLeftOpen) {
+  const Runs runs{.same = {flight(0.9)}, .against = {flight(1.1)}};
+  const DirectionCheck check = runs.check();
+  EXPECT_FALSE(check.use.against);
+  EXPECT_EQ(check.use.image, 0U);
   ASSERT_TRUE(check.disagreement);
-  EXPECT_FALSE(check.disagreement->is_answered);
-  EXPECT_NEAR(length(check.counterpart), length(kWrong.trajectory), 1e-9);
+  EXPECT_EQ(runs.count, 3);
+  EXPECT_NEAR(length(check.counterpart), length(flight(1.1).trajectory), 1e-9);
 }
 
-TEST(CheckDirections, WhatIsFoundAgainIsRatherUsedThanWhatIsNot) {
-  const Runs runs{.other = kRight, .same_later = flight(5.0, 30), .other_later = kRight};
-  const DirectionCheck check = runs.check(kAlsoWrong);
-  EXPECT_TRUE(check.use_other);
-  ASSERT_TRUE(check.disagreement);
-}
-
-TEST(CheckDirections, WhereThreeRunsDifferNothingIsAnswered) {
-  const Runs runs{.other = kWrong, .same_later = flight(5.0, 30), .other_later = flight(0.1, 30)};
-  const DirectionCheck check = runs.check(kAlsoWrong);
-  EXPECT_FALSE(check.use_other);
-  EXPECT_FALSE(check.disagreement->is_answered);
-  EXPECT_EQ(runs.later_runs, 2);
+TEST(CheckDirections, WhereNothingIsFoundAgainTheFirstIsKept) {
+  const Runs runs{.same = {kWrong, kAlsoWrong}, .against = {kAlsoWrong, kWrong}};
+  const DirectionCheck check = runs.check();
+  EXPECT_FALSE(check.use.against);
+  EXPECT_TRUE(check.disagreement);
+  EXPECT_EQ(runs.count, 1 + 6);
 }
 
 /// A run that begins from given poses is not replaced, and not compared with itself.
 TEST(CheckDirections, ARunThatMustBeUsedIsComparedOnly) {
-  const Runs runs;
-  const DirectionCheck check = runs.check(kWrong, false);
-  EXPECT_FALSE(check.use_other);
-  ASSERT_TRUE(check.disagreement);
-  EXPECT_FALSE(check.disagreement->is_answered);
-  EXPECT_NEAR(length(check.counterpart), kImages - 1, 1e-9);
-  EXPECT_EQ(runs.later_runs, 0);
-}
-
-TEST(CheckDirections, TheDoubtIsOnlyPossibleOnceItIsAnswered) {
-  const auto how_sure = [](const OdometryResult& run, const Runs& runs) {
-    const DirectionCheck check = runs.check(run);
-    const Doubts doubts = find_doubts(
-        run, kImages, [](std::int64_t) { return std::string("x"); }, check.disagreement);
-    return doubts.size() == 1 ? doubts[0].how_sure : "not one doubt";
-  };
-  EXPECT_EQ(how_sure(kRight, {.other = kWrong}), "possible");
-  EXPECT_EQ(how_sure(kRight, {.other = kWrong, .same_later = kAlsoWrong, .other_later = kAlsoWrong}), "likely");
+  const Runs runs{.same = {kWrong}, .against = {kRight}};
+  const DirectionCheck check = runs.check(false);
+  EXPECT_FALSE(check.use.against);
+  EXPECT_EQ(runs.count, 1);
+  EXPECT_NEAR(length(check.counterpart), length(kRight.trajectory), 1e-9);
 }
 
 }  // namespace

@@ -183,7 +183,8 @@ void OdometryPipeline::initialize(InitializationState& state, InputFrame frame) 
 
 std::optional<InitialMap> OdometryPipeline::find_initial_map(InitializationState& state) {
   const auto pyramid = preprocessor_.make_pyramid(state.frames.back());
-  if (mapper_.window().has_stereo()) {
+  const bool may_begin = log_.read.size() > options_.initialization.first_image;
+  if (mapper_.window().has_stereo() && may_begin) {
     std::optional<InitialMap> map = make_stereo_map(state, pyramid, preprocessor_, mapper_);
     if (map) return map;
   }

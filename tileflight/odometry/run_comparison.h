@@ -18,7 +18,6 @@ struct RunAgreement {
   double rms_share = 0.0;     ///< RMS distance of the camera centres over the path length
   double worst_share = 0.0;   ///< largest distance over the path length
   double worst_time_s = 0.0;  ///< time of the largest distance
-  bool is_answered = false;   ///< where they disagree: a third, independent run agrees with the one that is used
 };
 
 /// nullopt with fewer than `least` images in common, or with a path of zero length. The rotation of the similarity

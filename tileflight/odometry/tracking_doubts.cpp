@@ -167,13 +167,6 @@ void check_second_run(const OdometryResult& result, const std::optional<RunAgree
                        [&](const tracking::FrameQuality& a, const tracking::FrameQuality& b) {
                          return std::abs(a.time_s - second->worst_time_s) < std::abs(b.time_s - second->worst_time_s);
                        });
-  if (second->is_answered) {
-    doubts.push_back({"forward and backward tracking disagreed, by " + percent_text(second->rms_share) +
-                          " of their length: one of them began wrongly; a third run, against the one that is used and "
-                          "from a later image, agrees with it",
-                      kWhere, "possible", "compare parts of the flight (--from, --to)"});
-    return;
-  }
   doubts.push_back(
       {"forward and backward tracking disagree: their paths differ by " + percent_text(second->rms_share) +
            " of their length (wrong initialization or scale drift)",
@@ -280,17 +273,17 @@ double median_rmse(const OdometryResult& result) {
   return rmse[rmse.size() / 2];
 }
 
-bool has_doubts(const OdometryResult& result, const DoubtThresholds& limits) {
-  const auto no_name = [](std::int64_t) { return std::string(); };
-  return !find_doubts(result, result.frames, no_name, {}, limits).empty();
-}
-
 /// Whether `a` has no warnings, `b` has, and the median residual of `a` is below this share of the other's.
 bool is_better(const OdometryResult& a, const OdometryResult& b, double residual_share, const DoubtThresholds& limits) {
-  return median_rmse(a) < residual_share * median_rmse(b) && !has_doubts(a, limits) && has_doubts(b, limits);
+  return median_rmse(a) < residual_share * median_rmse(b) && !has_own_doubts(a, limits) && has_own_doubts(b, limits);
 }
 
 }  // namespace
+
+bool has_own_doubts(const OdometryResult& result, const DoubtThresholds& limits) {
+  const auto no_name = [](std::int64_t) { return std::string(); };
+  return !find_doubts(result, result.frames, no_name, {}, limits).empty();
+}
 
 RunChoice choose_run(const OdometryResult& first, const OdometryResult& second,
                      const std::optional<RunAgreement>& agreement, const DoubtThresholds& limits) {

@@ -43,6 +43,9 @@ Doubts find_doubts(const OdometryResult& result, std::int64_t frames,
 Doubts find_path_doubts(const OdometryResult& result, const std::function<std::string(std::int64_t)>& name_of,
                         const std::optional<RunAgreement>& second = {}, const DoubtThresholds& limits = {});
 
+/// Whether find_doubts() has any of a run alone.
+bool has_own_doubts(const OdometryResult& result, const DoubtThresholds& limits = {});
+
 /// Which of two runs over the same images to use.
 enum class RunChoice {
   kFirst,         ///< the second agrees, is too short to judge, or is worse by its own residuals and warnings

@@ -21,6 +21,7 @@ struct InitializationOptions {
   int min_tracks = 60;                    ///< corners that must still be tracked
   int keyframes = 4;                      ///< keyframes made from the initialization window
   int bundle_frames = 14;                 ///< images of the initialization window in the bundle adjustment
+  std::size_t first_image = 0;            ///< images before this one are not used, but tracked backwards
   std::uint32_t seed = 1;                 ///< of the RANSAC samples (two_view.h)
 };
 

@@ -245,7 +245,7 @@ class DatasetTracker {
   /// `pictures`: folder for images of keyframes; empty: none.
   odometry::OdometryResult run(const fs::path& pictures, const Progress& progress) {
     skipped_ = {};
-    return track_direction(reverse_, 0, options_, priors_, pictures, skipped_, progress);
+    return track_direction(reverse_, first_image_, options_, priors_, pictures, skipped_, progress);
   }
 
   /// Tracks the same images in the other direction, without further inputs, and replaces `result` if that run is
@@ -257,22 +257,24 @@ class DatasetTracker {
     options.loops.enabled = false;
     odometry::Priors pictures_alone;
     pictures_alone.mask = priors_.mask;
-    const auto track = [&](odometry::Direction direction, std::size_t left_out) {
-      const bool against = direction == odometry::Direction::kOther;
+    const auto track = [&](const odometry::RunStart& start) {
       SkippedFrames skipped;
       odometry::OdometryResult further =
-          track_direction(reverse_ != against, left_out, options, pictures_alone, {}, skipped, progress);
-      if (against) reverse_times(further.trajectory);
+          track_direction(reverse_ != start.against, start.image, options, pictures_alone, {}, skipped, progress);
+      if (start.against) reverse_times(further.trajectory);
       return further;
     };
     odometry::DirectionCheck check =
         odometry::check_directions(result, frames_[reverse_].size(), extras_.init_from.empty(), track);
-    if (check.use_other) {
+    if (check.use.against) {
       reverse_times(check.counterpart);
       reverse_ = !reverse_;
       if (check.disagreement) check.disagreement->worst_time_s = -check.disagreement->worst_time_s;
       priors_ = pictures_alone;
       give_readings();
+    }
+    if (check.use.against || check.use.image > 0) {
+      first_image_ = check.use.image;
       remove_files(pictures);
       result = run(pictures, progress);
     }
@@ -289,12 +291,12 @@ class DatasetTracker {
     if (readings_ && reverse_) priors_.inertial->samples = inertial::reversed(readings_->samples);
   }
 
-  /// Without the first `left_out` images of that direction.
-  odometry::OdometryResult track_direction(bool reverse, std::size_t left_out, const odometry::OdometryOptions& options,
+  /// Begins with the image `first_image` of that direction (InitializationOptions).
+  odometry::OdometryResult track_direction(bool reverse, std::size_t first_image, odometry::OdometryOptions options,
                                            const odometry::Priors& aids, const fs::path& debug_pictures,
                                            SkippedFrames& skipped, const Progress& progress) const {
-    const std::vector<dataset::Frame> frames(frames_[reverse].begin() + static_cast<std::ptrdiff_t>(left_out),
-                                             frames_[reverse].end());
+    options.initialization.first_image = first_image;
+    const std::vector<dataset::Frame>& frames = frames_[reverse];
     const Progress counted = [&](std::int64_t done, std::int64_t, std::string_view what) {
       report_progress(progress, done, static_cast<std::int64_t>(frames.size()), "tracking: " + std::string(what));
     };
@@ -313,7 +315,8 @@ class DatasetTracker {
   const StereoRig* rig_;
   std::array<std::vector<dataset::Frame>, 2> frames_;  ///< forwards, backwards
   odometry::Priors priors_;
-  bool reverse_;  ///< direction of the chosen run
+  bool reverse_;                 ///< direction of the chosen run
+  std::size_t first_image_ = 0;  ///< at which it begins
   std::optional<odometry::Dispersion> dispersion_;
   SkippedFrames skipped_;
 };
