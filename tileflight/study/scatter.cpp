@@ -19,7 +19,7 @@ using report::text;
 
 // Units of the SVG's view box.
 constexpr double kWidth = 560, kHeight = 330;
-constexpr double kLeft = 62, kRight = 16, kTop = 14, kBottom = 46;
+constexpr double kLeft = 74, kRight = 16, kTop = 14, kBottom = 46;
 constexpr int kTicks = 6;
 constexpr std::array kColors{"#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#a08f00", "#777777"};
 

@@ -271,6 +271,10 @@ Html head(const json& study) {
                   element("style", Html::trusted(style)));
 }
 
+std::string counted(std::size_t count, const std::string& what) {
+  return std::to_string(count) + " " + what + (count == 1 ? "" : "s");
+}
+
 /// The result in a sentence.
 std::string verdict_text(const json& study) {
   const json& ranking = study.at("ranking");
@@ -296,8 +300,8 @@ std::string study_page(const json& study, const fs::path& folder) {
   const Html header = element(
       "header", element("h1", text(study.at("name").get<std::string>())) +
                     element("p", {{"class", "subtitle"}},
-                            text(std::to_string(study.at("systems").size()) + " systems on " +
-                                 std::to_string(study.at("flights").size()) + " flights, " + repetitions +
+                            text(counted(study.at("systems").size(), "system") + " on " +
+                                 counted(study.at("flights").size(), "flight") + ", " + repetitions +
                                  " each, all maps registered by the same rule.")) +
                     element("p", {{"class", "verdict"}}, text(verdict_text(study))) + report::doubts_panel(study));
   const Html files = element("p", text("Beside this page: ") + link("study.json") + text(", ") +

@@ -32,9 +32,9 @@ std::optional<double> median_of(const json& runs, const std::string& system, con
 }
 
 std::string flight_name(const json& run) {
-  const std::string camera = run.at("camera");
+  const std::string camera = run.at("camera"), flight = run.at("flight");
   return run.at("place").get<std::string>() + (camera.empty() ? "" : ", " + camera) + ", " +
-         (run.at("flight") == "simulated" ? "simulated" : "second flight");
+         (flight == "real" ? "second flight" : flight);
 }
 
 std::string interval_text(const json& interval) {
