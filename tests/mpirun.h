@@ -1,11 +1,11 @@
 #pragma once
 
 #ifdef TILEFLIGHT_MPIRUN
-#include <filesystem>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "tests/find_process.h"
 #include "tests/run_program.h"
 
 namespace tileflight::tests {
@@ -24,16 +24,10 @@ inline ProgramResult run_by_mpirun(int processes, const std::vector<std::string>
 
 /// The process that mpirun started as this rank and whose command line contains `text`.
 inline std::optional<int> process_of_rank(int rank, const std::string& text) {
-  for (const auto& entry : std::filesystem::directory_iterator("/proc")) {
-    const std::string name = entry.path().filename().string();
-    if (name.find_first_not_of("0123456789") != std::string::npos) continue;
-    const std::string environment = '\0' + file_text(entry.path() / "environ");
-    const std::string variable = std::string(1, '\0') + "OMPI_COMM_WORLD_RANK=" + std::to_string(rank) + '\0';
-    if (environment.find(variable) != std::string::npos &&
-        file_text(entry.path() / "cmdline").find(text) != std::string::npos)
-      return std::stoi(name);
-  }
-  return std::nullopt;
+  const std::string variable = std::string(1, '\0') + "OMPI_COMM_WORLD_RANK=" + std::to_string(rank) + '\0';
+  return find_process([&](const std::string& command, const std::string& environment) {
+    return ('\0' + environment).find(variable) != std::string::npos && command.find(text) != std::string::npos;
+  });
 }
 
 }  // namespace tileflight::tests

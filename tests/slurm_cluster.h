@@ -66,6 +66,13 @@ class SlurmCluster {
     return node;
   }
 
+  /// A dead node comes back.
+  void start_again(const std::string& node) const {
+    run("slurmd -N " + node + " -f {}/slurm.conf");
+    if (!wait_until("test \"$(sinfo -h -t idle -o %D)\" = 2"))
+      throw std::runtime_error("the node does not come back: " + file_text(folder_ / ("slurmd-" + node + ".log")));
+  }
+
   /// Lets the job of a dead node begin at once: Slurm would hold it back for two minutes.
   void hurry_requeued_job() const {
     if (wait_until("squeue -h -t PD -o %r | grep -q BeginTime"))

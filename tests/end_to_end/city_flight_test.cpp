@@ -145,14 +145,18 @@ TEST_F(CityFlight, TheGroundAroundACameraIsFoundByPartsOfTheTiles) {
     for (const char* key : {"frames", "tiles", "complete", "warnings"}) EXPECT_EQ(result[key], whole[key]) << key;
     tests::expect_same_files(folder_ / "whole", folder_ / out);
   };
-  const json layers = render("layers", with({"--memory", "0.005"}));
+  const json apart = render("apart", with({"--memory", "0.005"}));
+  EXPECT_EQ(apart["frames_divided"], 0) << "only both together do not fit: the image, and what surrounds the camera";
+  EXPECT_GT(apart["parts"], 1);
+  expect_same(apart, "apart");
+  const json layers = render("layers", with({"--memory", "0.003"}));
   EXPECT_GT(layers["frames_divided"], 0);
   expect_same(layers, "layers");
 #ifdef TILEFLIGHT_MPIRUN
   for (const int count : {2, 4}) {
     const std::string out = "by" + std::to_string(count);
     const ProgramResult result =
-        tests::run_by_mpirun(count, arguments(out, with({"--deal", "tiles", "--memory", count == 2 ? "1" : "0.005"})));
+        tests::run_by_mpirun(count, arguments(out, with({"--deal", "tiles", "--memory", count == 2 ? "1" : "0.003"})));
     ASSERT_EQ(result.exit_code, 0) << result.err;
     const json shared = json::parse(result.out);
     EXPECT_EQ(shared["dealt"], "tiles");
@@ -164,7 +168,7 @@ TEST_F(CityFlight, TheGroundAroundACameraIsFoundByPartsOfTheTiles) {
 TEST_F(CityFlight, TheGroundAroundACameraIsFoundByRegionsToo) {
   TinyPlace::write_file(folder_ / "flight.yaml", kDive);
   const json whole = render("whole", {"--memory", "1", "--samples", "4"});
-  const json regions = render("regions", {"--memory", "0.005", "--samples", "4"});
+  const json regions = render("regions", {"--memory", "0.0035", "--samples", "4"});
   EXPECT_GT(regions["frames_divided"], 0);
   EXPECT_EQ(regions["warnings"], whole["warnings"]);
   tests::expect_same_files(folder_ / "whole", folder_ / "regions");

@@ -150,12 +150,13 @@ waypoints:
                            "--out", (folder_ / out).string(), "--memory", memory_gb, "--outputs",
                            "segmentation,infrared,flow", "--json"});
   };
-  const ProgramResult whole = render("whole", "1"), parts = render("parts", "0.0022"), none = render("none", "0.0003");
+  const ProgramResult whole = render("whole", "1"), parts = render("parts", "0.0019"), none = render("none", "0.0003");
   ASSERT_EQ(whole.exit_code, 0) << whole.err;
   ASSERT_EQ(parts.exit_code, 0) << parts.err;
   const json of_whole = json::parse(whole.out), of_parts = json::parse(parts.out);
   EXPECT_EQ(of_whole["parts"], 1);
   EXPECT_GE(of_parts["parts"], 2);
+  EXPECT_EQ(of_parts["frames_divided"], 0) << "what surrounds a camera is looked at apart";
   EXPECT_LT(of_parts["triangles"], of_whole["triangles"]);
   for (const char* key : {"frames", "tiles", "complete", "path_length"}) EXPECT_EQ(of_parts[key], of_whole[key]) << key;
   EXPECT_EQ(of_whole["tiles"], 3);

@@ -126,7 +126,7 @@ waypoints:
   TinyPlace::write_file(folder_ / "degrade.yaml", "auto_exposure: {target: 0.25, time_constant: 0.4}\n");
   std::vector<std::string> more{"--outputs", "segmentation", "--degrade", (folder_ / "degrade.yaml").string()};
   ASSERT_EQ(render("whole", more).exit_code, 0);
-  more.insert(more.end(), {"--memory", "0.0022"});
+  more.insert(more.end(), {"--memory", "0.0019"});
   const ProgramResult result = mpirun(2, "parts", more);
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_GE(json::parse(result.out)["parts"], 2);

@@ -122,6 +122,7 @@ FrameRenderer::FrameRenderer(const scene::Scene& scene, const imaging::Camera& c
       pose_at_(shutter_path(pose_at, frames, has_shutter(options.formation) || has_precipitation(options.render))),
       clearance_m_(options.clearance_m),
       inside_reach_m_(options.inside_reach_m),
+      known_path_check_(options.path_check),
       vignette_(make_vignette(formation_, camera.width(), camera.height())),
       exposure_(options.exposure_before) {
   if (has_precipitation(render_options_)) streaks_.emplace(render_options_, scene.anchor().z());
@@ -145,7 +146,11 @@ FrameRenderer::FrameRenderer(const scene::Scene& scene, const imaging::Camera& c
 
 TracedFrame FrameRenderer::trace(std::size_t index) const {
   TracedFrame frame = trace_region(index, {});
-  check_path(scene_, frames_, index, path_, clearance_m_, inside_reach_m_).write_to(frame.check);
+  if (known_path_check_) {
+    known_path_check_(index, frame.check);
+  } else {
+    check_path(scene_, frames_, index, path_, clearance_m_, inside_reach_m_).write_to(frame.check);
+  }
   return frame;
 }
 

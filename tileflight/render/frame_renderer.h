@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <span>
 #include <vector>
@@ -133,6 +134,7 @@ class FrameRenderer {
   PoseFunction path_;     // as given; may be empty
   PoseFunction pose_at_;  // for the shutter
   double clearance_m_, inside_reach_m_;
+  std::function<void(std::size_t index, FrameCheck& check)> known_path_check_;  ///< FlightRenderOptions::path_check
   imaging::FloatImage vignette_;
   std::optional<CameraRenderer> red_, blue_;  ///< set if the channel's image has another scale
   std::optional<AutoExposureState> exposure_;

@@ -25,6 +25,13 @@ namespace tileflight::render {
 /// threads.
 using PlacedParts = std::function<std::vector<scene::PlacedPart>(double from_s, double to_s)>;
 
+/// Checks of the flight path at one frame.
+struct FrameCheck {
+  ViewStatistics view;
+  scene::Surroundings surroundings;  ///< around the camera; clearance is measured up to clearance_m only
+  bool path_is_blocked = false;      ///< a surface lies between this pose and the next
+};
+
 struct FlightRenderOptions {
   RenderOptions render;
   ImageFormation formation;
@@ -49,13 +56,9 @@ struct FlightRenderOptions {
   double clearance_m = 0.3;      ///< surfaces nearer to the camera than this are reported
   /// Surfaces farther away do not count for Surroundings::inside.
   double inside_reach_m = 1e9;
-};
-
-/// Checks of the flight path at one frame.
-struct FrameCheck {
-  ViewStatistics view;
-  scene::Surroundings surroundings;  ///< around the camera; clearance is measured up to clearance_m only
-  bool path_is_blocked = false;      ///< a surface lies between this pose and the next
+  /// Writes what is known already of the camera's path at a frame (all but FrameCheck::view); empty: it is looked for
+  /// in the scene. Called from several threads.
+  std::function<void(std::size_t index, FrameCheck& check)> path_check{};
 };
 
 /// A finished frame.

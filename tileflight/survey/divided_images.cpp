@@ -1,4 +1,4 @@
-// PartRenderer's images that are rendered in regions or layers.
+// PartRenderer's images that do not fit into memory whole: checked apart, and rendered in regions or layers.
 #include <algorithm>
 #include <chrono>
 #include <map>
@@ -40,6 +40,49 @@ tiles::MemoryLimitExceeded frame_does_not_fit(const FlightTiles& tiles, std::siz
 
 }  // namespace
 
+/// As load(), of a whole image; if it does not fit beside what its path is checked against, of the image alone.
+std::optional<PartRenderer::LoadedPart> PartRenderer::load_whole(std::size_t begin, const FrameAssignment& share,
+                                                                 RenderSummary& summary) {
+  std::optional<LoadedPart> part = load(begin, share);
+  if (part || !may_divide_images(mission_) || loader_->views()[begin].sight == Sight::kPicture) return part;
+  check_paths_apart(begin, share, summary);
+  if (loader_->estimated_bytes(loader_->views()[begin]) > static_cast<double>(max_memory_bytes_)) return std::nullopt;
+  return load(begin, share);
+}
+
+/// Checks the path at the image of view `begin`, and at those after it that do not fit into memory either, whose views
+/// are then of the pictures alone.
+void PartRenderer::check_paths_apart(std::size_t begin, const FrameAssignment& share, RenderSummary& summary) {
+  constexpr std::size_t kMostImages = 64;
+  const double bytes_for_scene = 0.5 * static_cast<double>(max_memory_bytes_);
+  std::vector<std::size_t> checked = too_large_images(begin, kMostImages);
+  std::vector<FrameView> views = loader_->views();
+  for (std::size_t i = 0; i < checked.size(); ++i) views[begin + i].sight = Sight::kPicture;
+  loader_->set_views(std::move(views));
+  std::erase_if(checked, [&](std::size_t image) { return !share.is_assigned(image); });
+  for (const std::size_t image : checked) path_checks_[image] = {};
+  for_each_view(checks_of(checked, bytes_for_scene), static_cast<double>(max_memory_bytes_), share,
+                [&](const LoadedPart& part) {
+                  const auto start = std::chrono::steady_clock::now();
+                  ++summary.parts;
+                  for_each_check(
+                      part, [&](std::size_t image, const render::PathCheck& check) { path_checks_[image].add(check); });
+                  summary.seconds += base::seconds_since(start);
+                });
+}
+
+/// The image of view `begin`, and those after it, looked at for the same, that do not fit into memory either.
+std::vector<std::size_t> PartRenderer::too_large_images(std::size_t begin, std::size_t most) const {
+  const std::vector<FrameView>& views = loader_->views();
+  std::vector<std::size_t> found{views[begin].frame};
+  for (std::size_t i = begin + 1; i < views.size() && found.size() < most; ++i) {
+    const bool is_large = loader_->estimated_bytes(views[i]) > static_cast<double>(max_memory_bytes_);
+    if (!is_large || views[i].sight != views[begin].sight) break;
+    found.push_back(views[i].frame);
+  }
+  return found;
+}
+
 /// The frame of view `begin`, and those after it that do not fit into memory either, as many as are traced together.
 std::vector<std::size_t> PartRenderer::frames_to_divide(std::size_t begin) const {
   struct Most {
@@ -52,17 +95,12 @@ std::vector<std::size_t> PartRenderer::frames_to_divide(std::size_t begin) const
   // Layers read each tile once for all images; what regions of different groups share is little.
   const Most most = are_layered ? Most{5, 64} : Most{8, 16};
   const std::vector<std::size_t>& group_of_frame = tiles_->groups().group_of_frame;
-  const std::size_t count =
-      std::clamp<std::size_t>(max_memory_bytes_ / most.memory_part / bytes_of_traced_frame(), 1, most.frames);
-  std::vector<std::size_t> frames;
-  for (std::size_t i = begin; i < views.size() && frames.size() < count; ++i) {
-    const bool is_together =
-        are_layered ? has_layers(views[i].frame) : group_of_frame[views[i].frame] == group_of_frame[views[begin].frame];
-    if (!is_together) break;
-    const bool is_large = loader_->estimated_bytes(views[i]) > static_cast<double>(max_memory_bytes_);
-    if (i > begin && !is_large) break;
-    frames.push_back(views[i].frame);
-  }
+  std::vector<std::size_t> frames = too_large_images(
+      begin, std::clamp<std::size_t>(max_memory_bytes_ / most.memory_part / bytes_of_traced_frame(), 1, most.frames));
+  const auto other = std::ranges::find_if(frames, [&](std::size_t frame) {
+    return are_layered ? !has_layers(frame) : group_of_frame[frame] != group_of_frame[frames.front()];
+  });
+  frames.erase(other, frames.end());
   return frames;
 }
 
@@ -122,22 +160,16 @@ std::vector<FrameView> PartRenderer::checks_of(const std::vector<std::size_t>& f
   return views;
 }
 
-/// What the part's tiles tell of the camera's path at an image.
-render::PathCheck PartRenderer::check_path(const LoadedPart& part, std::size_t image) const {
-  const PlannedCamera& camera = camera_of(image);
-  return render::check_path(part.scene, camera.frames, images()[image].frame, camera.pose_at,
-                            camera.options.clearance_m, kInsideReach_m);
-}
-
-/// Of a part whose views are of the path: what its tiles tell, added to the frames.
-template <class Frame>
-void PartRenderer::add_checks(const LoadedPart& part, std::map<std::size_t, Frame>& frames) const {
+/// Of a part whose views are of the path: passes on what its tiles tell of the camera's path at each image.
+void PartRenderer::for_each_check(
+    const LoadedPart& part, const std::function<void(std::size_t image, const render::PathCheck& check)>& take) const {
   for (std::size_t i = part.begin; i < part.end; ++i) {
     const std::size_t image = loader_->views()[i].frame;
-    frames[image].add_check(check_path(part, image));
+    const PlannedCamera& camera = camera_of(image);
+    take(image, render::check_path(part.scene, camera.frames, images()[image].frame, camera.pose_at,
+                                   camera.options.clearance_m, kInsideReach_m));
   }
 }
-template void PartRenderer::add_checks(const LoadedPart&, LayeredFrames&) const;
 
 /// Divides what the view that did not fit was to show, for it and the views after it.
 void PartRenderer::divide_further(std::size_t begin) {
@@ -268,15 +300,10 @@ void PartRenderer::render_divided(const std::vector<std::size_t>& of_camera, Fra
   if (assigned.empty()) return;
   summary.frames_divided += static_cast<std::int64_t>(assigned.size());
   const double for_tiles = bytes_for_tiles(assigned.size());
-  std::vector<FrameView> views = checks_of(assigned, for_tiles);
-  const bool are_layered = has_layers(assigned.front());
-  const std::vector<FrameView> pictures =
-      are_layered ? layers_of(assigned, for_tiles) : divided_views(assigned, for_tiles);
-  views.insert(views.end(), pictures.begin(), pictures.end());
-  if (are_layered) {
-    compose<render::LayeredFrame>(assigned, std::move(views), gains, share, sink, summary);
+  if (has_layers(assigned.front())) {
+    compose<render::LayeredFrame>(assigned, layers_of(assigned, for_tiles), gains, share, sink, summary);
   } else {
-    compose<render::DividedFrame>(assigned, std::move(views), gains, share, sink, summary);
+    compose<render::DividedFrame>(assigned, divided_views(assigned, for_tiles), gains, share, sink, summary);
   }
   report_progress(progress_, static_cast<std::int64_t>(assigned.back()) + 1,
                   static_cast<std::int64_t>(images().count()), "frames rendered");
@@ -307,11 +334,6 @@ void PartRenderer::compose(const std::vector<std::size_t>& of_camera, std::vecto
   for_each_view(std::move(views), bytes_for_tiles(of_camera.size()), share, [&](const LoadedPart& part) {
     const auto start = std::chrono::steady_clock::now();
     ++summary.parts;
-    if (is_check(part)) {
-      add_checks(part, frames);
-      summary.seconds += base::seconds_since(start);
-      return;
-    }
     render::FlightRenderOptions options = options_for(part, number, share);
     if (is_layer_of_tiles(part)) options.placed = {};
     options.exposure_gains = exposure_gains;
@@ -326,6 +348,7 @@ void PartRenderer::compose(const std::vector<std::size_t>& of_camera, std::vecto
     summary.tiles.triangles = std::max(summary.tiles.triangles, static_cast<std::int64_t>(part.scene.triangle_count()));
     if (part.end == loader_->views().size()) {
       for (auto& [image, frame] : frames) {
+        frame.add_check(path_checks_.at(image));
         render::TracedFrame traced = frame.take_frame();
         if constexpr (std::is_same_v<Frame, render::LayeredFrame>) renderer.finish_layers(traced, anchor_of(image).z());
         const render::FlightFrame finished = renderer.develop(std::move(traced));

@@ -53,8 +53,8 @@ class FlightTilesTest : public testing::Test {
   FlightTiles open() const { return {mission_, settings_, {}}; }
   /// All tiles have as many triangles.
   std::uintmax_t tile_bytes() const { return memory_of(open().read({0})[0].meshes).rendered_bytes; }
-  /// As many tiles, of a frame or of a region.
-  MemoryLimits limits(int count) const {
+  /// As many tiles, of a frame or of a part of it.
+  MemoryLimits limits(double count) const {
     const auto bytes = static_cast<double>(tile_bytes()) * count;
     return {bytes, bytes};
   }
@@ -225,7 +225,8 @@ TEST_F(FlightTilesTest, ARegionNeedsWhatItsRaysMeet) {
   EXPECT_LT(fewest, 12U) << "a region needs few of the tiles";
 }
 
-TEST_F(FlightTilesTest, AFrameThatDoesNotFitIsDividedOrRefused) {
+TEST_F(FlightTilesTest, AFrameThatDoesNotFitIsDividedIntoRegionsOrRefused) {
+  mission_.options.render.samples_per_pixel = 4;
   FlightTiles tiles = open();
   require_frames_fit(tiles, mission_, all_frames(), limits(30), {});
   PartLoader loader(tiles, all_views(), 20 * tile_bytes());
@@ -235,6 +236,34 @@ TEST_F(FlightTilesTest, AFrameThatDoesNotFitIsDividedOrRefused) {
       tests::refusal_of([&] { require_frames_fit(tiles, mission_, all_frames(), limits(2), {}); });
   EXPECT_THAT(message, HasSubstr("the tiles of 8 x 8 pixels of frame "));
   EXPECT_THAT(message, HasSubstr(" GB of memory: raise the limit (--memory "));
+}
+
+TEST_F(FlightTilesTest, AFrameThatDoesNotFitIsDividedIntoLayersOrRefused) {
+  FlightTiles tiles = open();
+  require_frames_fit(tiles, mission_, all_frames(), limits(2), {});
+  const std::string message =
+      tests::refusal_of([&] { require_frames_fit(tiles, mission_, all_frames(), limits(0.5), {}); });
+  EXPECT_THAT(message, HasSubstr("a tile of frame "));
+  EXPECT_THAT(message, HasSubstr(".glb) and its image need about "));
+  EXPECT_THAT(message, HasSubstr(" GB of memory: raise the limit (--memory "));
+  EXPECT_THAT(message, testing::Not(HasSubstr("coarser"))) << "a coarser tile is not smaller";
+}
+
+TEST_F(FlightTilesTest, WhatSurroundsACameraNeedNotFitBesideTheImage) {
+  mission_.calibration.camera = imaging::make_fisheye(320, 240, 30.0);
+  FlightTiles tiles = open();
+  const auto picture_of = [&](std::size_t i) { return tiles.places_for_view({i, {}, Sight::kPicture}).size(); };
+  std::vector<std::size_t> frames = all_frames();
+  std::erase_if(frames, [&](std::size_t i) { return picture_of(i) == tiles.places_for_frame(i).size(); });
+  ASSERT_FALSE(frames.empty());
+  frames.resize(1);
+  const std::size_t picture = picture_of(frames[0]);
+  const double frame = static_cast<double>(picture) + 0.5;
+  require_frames_fit(tiles, mission_, frames, {limits(frame).frame, limits(0.5).part}, {});
+  const std::string message = tests::refusal_of([&] {
+    require_frames_fit(tiles, mission_, frames, {limits(frame - 1).frame, limits(0.5).part}, {});
+  });
+  EXPECT_THAT(message, HasSubstr("a tile of frame "));
 }
 
 TEST_F(FlightTilesTest, AFrameThatMayNotBeDividedIsRefused) {

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "tileflight/base/formatted_text.h"
+#include "tileflight/render/frame_renderer.h"
 #include "tileflight/survey/image_division.h"
 #include "tileflight/survey/part_loader.h"
 
@@ -79,7 +80,9 @@ class MemoryEstimator {
 std::vector<std::size_t> numbers_for(const FlightTiles& tiles, const FrameView& view) {
   const std::vector<std::size_t>& all = tiles.contents_of_group(tiles.groups().group_of_frame[view.frame]);
   std::vector<std::size_t> numbers;
-  for (const std::size_t place : tiles.places_for_view(view)) numbers.push_back(all[place]);
+  for (const std::size_t place : tiles.places_for_view(view)) {
+    if (!view.contents || view.contents->contains(all[place])) numbers.push_back(all[place]);
+  }
   return numbers;
 }
 
@@ -124,6 +127,23 @@ FrameView most_demanding_region(const FlightTiles& tiles, MemoryEstimator& estim
 }
 
 constexpr double kSurely = 0.7;  // of a limit: estimates may be that much too low
+
+/// Of the contents of a frame's picture, the one with the largest file.
+FrameView largest_tile(const FlightTiles& tiles, MemoryEstimator& estimator, std::size_t frame) {
+  const std::vector<std::size_t> numbers = numbers_for(tiles, {frame, {}, Sight::kPicture});
+  const auto largest = std::ranges::max_element(
+      numbers, {}, [&](std::size_t number) { return estimator.sizes_of({tiles.content(number)}).contents; });
+  return {frame, {}, Sight::kPicture, ContentRange{*largest, *largest + 1}};
+}
+
+/// What of a frame that does not fit must be in memory at once, and needs most of it, as the frame is divided.
+FrameView most_demanding_part(const FlightTiles& tiles, MemoryEstimator& estimator, const PlannedCamera& camera,
+                              std::size_t frame, double budget_bytes) {
+  if (numbers_for(tiles, {frame, {}, Sight::kPicture}).empty()) return {frame};
+  return render::has_one_ray_per_pixel(camera.options)
+             ? largest_tile(tiles, estimator, frame)
+             : most_demanding_region(tiles, estimator, camera.calibration.camera, frame, budget_bytes);
+}
 
 /// Whether a view's contents do not fit, and what was learnt from reading them; nullopt: they fit.
 std::optional<MemoryEstimator> measure_excess(FlightTiles& tiles, MemoryEstimator& estimator, const FrameView& view,
@@ -172,19 +192,25 @@ std::optional<double> fitting_error_px(FlightTiles& tiles, MemoryEstimator& esti
 
 tiles::MemoryLimitExceeded refusal(FlightTiles& tiles, MemoryEstimator& estimator, const FrameView& view,
                                    double needed_bytes, const MemoryLimits& limits) {
-  const double limit_bytes = view.region ? limits.region : limits.frame;
-  const std::optional<double> error_px = fitting_error_px(tiles, estimator, view, limit_bytes);
+  const double limit_bytes = view.region || view.contents ? limits.part : limits.frame;
   const double memory_bytes = limits.frame * needed_bytes / limit_bytes;  // with the images of a divided frame
+  const std::string memory = base::formatted(
+      "need about %.2g GB, more than %.3g GB of memory: raise the limit "
+      "(--memory %g)",
+      1e-9 * memory_bytes, 1e-9 * limits.frame, rounded_up(1.1e-9 * memory_bytes));
+  if (view.contents) {
+    const CutContent& tile = tiles.content(view.contents->begin);
+    return {tiles.name(),
+            base::formatted("a tile of frame %zu (%s) and its image %s", view.frame, tile.uri.c_str(), memory.c_str())};
+  }
+  const std::optional<double> error_px = fitting_error_px(tiles, estimator, view, limit_bytes);
   const std::string pixels =
       view.region ? base::formatted("%d x %d pixels of ", view.region->width(), view.region->height()) : std::string();
   const std::string coarser = error_px           ? base::formatted("--pixel-error %g", *error_px)
                               : tiles.error_px() ? std::string("--pixel-error")
                                                  : std::string("--error, --pixel-error");
-  return {tiles.name(),
-          base::formatted("the tiles of %sframe %zu need about %.2g GB, more than %.3g GB of memory: raise the limit "
-                          "(--memory %g) or request coarser tiles (%s)",
-                          pixels.c_str(), view.frame, 1e-9 * memory_bytes, 1e-9 * limits.frame,
-                          rounded_up(1.1e-9 * memory_bytes), coarser.c_str())};
+  return {tiles.name(), base::formatted("the tiles of %sframe %zu %s or request coarser tiles (%s)", pixels.c_str(),
+                                        view.frame, memory.c_str(), coarser.c_str())};
 }
 
 }  // namespace
@@ -201,9 +227,11 @@ void require_frames_fit(FlightTiles& tiles, const PlannedFlight& mission, const 
   estimator.learn(evenly_chosen(numbers, kProbes));
   std::optional<MemoryEstimator> excess = measure_excess(tiles, estimator, view, limits.frame);
   if (excess && may_divide_images(mission)) {
-    const imaging::Camera& camera = mission.camera(tiles.images()[view.frame].camera).calibration.camera;
-    view = most_demanding_region(tiles, estimator, camera, view.frame, kSurely * limits.region);
-    excess = measure_excess(tiles, estimator, view, limits.region);
+    const FrameView picture{view.frame, {}, Sight::kPicture};
+    const PlannedCamera& camera = mission.camera(tiles.images()[view.frame].camera);
+    view = most_demanding_part(tiles, estimator, camera, view.frame, kSurely * limits.part);
+    excess = measure_excess(tiles, estimator, view, limits.part);
+    if (excess && !measure_excess(tiles, estimator, picture, limits.frame)) return;
   }
   if (!excess) return;
   const double needed =

@@ -36,9 +36,9 @@ render::RegionPredicate visibility_region_test(const RenderSettings& settings, c
   };
 }
 
-std::vector<FrameView> views_between(std::size_t begin, std::size_t end) {
+std::vector<FrameView> views_between(std::size_t begin, std::size_t end, Sight sight = Sight::kBoth) {
   std::vector<FrameView> views;
-  for (std::size_t frame = begin; frame < end; ++frame) views.push_back({frame});
+  for (std::size_t frame = begin; frame < end; ++frame) views.push_back({frame, {}, sight});
   return views;
 }
 
@@ -65,7 +65,7 @@ void PartRenderer::require_fit(const FrameAssignment& share) {
 std::string PartRenderer::meter(const FrameAssignment& share) {
   if (!has_auto_exposure() || share.has_all_frames()) return "";
   nlohmann::json light = nlohmann::json::array();
-  loader_for(views_between(share.metered_begin(), share.end()));
+  loader_for(views_between(share.metered_begin(), share.end(), Sight::kPicture));
   for (std::size_t next = 0; next < loader_->views().size();) {
     std::vector<double> means;
     if (std::optional<LoadedPart> part = load(next, share)) {
@@ -125,7 +125,7 @@ RenderSummary PartRenderer::run(const fs::path& folder, FrameAssignment& share, 
   summary.exposure_after.resize(mission_.camera_count());
   loader_for(views_to_load(share));
   for (std::size_t next = 0; next < loader_->views().size();) {
-    if (std::optional<LoadedPart> part = load(next, share)) {
+    if (std::optional<LoadedPart> part = load_whole(next, share, summary)) {
       loader_->prefetch(part->end);
       render_part(*part, folder, share, sink, summary);
       next = release(std::move(*part));
@@ -135,6 +135,7 @@ RenderSummary PartRenderer::run(const fs::path& folder, FrameAssignment& share, 
         render_divided(of_camera, share, sink, summary);
       next += frames.size();
     }
+    path_checks_.erase(path_checks_.begin(), path_checks_.lower_bound(loader_->views()[next - 1].frame));
   }
   keep_records(share);
   if (!mission_.has_events()) loader_.reset();
@@ -215,8 +216,11 @@ std::vector<FrameView> PartRenderer::views_to_load(const FrameAssignment& share)
 /// The loader of the step before, with what it has in memory, if it is for the same frames.
 PartLoader& PartRenderer::loader_for(std::vector<FrameView> views) {
   const auto is_same = [](const FrameView& a, const FrameView& b) { return a.frame == b.frame; };
-  if (!loader_ || !std::ranges::equal(loader_->views(), views, is_same))
+  if (loader_ && std::ranges::equal(loader_->views(), views, is_same)) {
+    loader_->set_views(std::move(views));
+  } else {
     loader_.emplace(*tiles_, std::move(views), max_memory_bytes_);
+  }
   return *loader_;
 }
 
@@ -232,7 +236,8 @@ std::optional<PartRenderer::LoadedPart> PartRenderer::load(std::size_t begin, co
   if (!part) return std::nullopt;
   const std::vector<FrameView>& views = loader_->views();
   const FrameView& first = views[part->begin];
-  if (!first.region && !first.contents && part->end - part->begin == images().count())
+  const bool is_whole = !first.region && !first.contents && first.sight == Sight::kBoth;
+  if (is_whole && part->end - part->begin == images().count())
     place::require_surface(part->meshes, tiles_->summary().points > 0, tiles_->name());
   LoadedPart loaded{scene::Scene(place::with_placeholder(std::move(part->meshes)), anchor_of(first.frame)), nullptr,
                     part->begin, part->end, std::move(part->places)};
@@ -303,6 +308,11 @@ void PartRenderer::render_part(const LoadedPart& part, const fs::path& folder, F
     render::FlightRenderOptions options = options_for(part, c, share);
     if (options.first_frame == options.end_frame) continue;
     options.exposure_before = summary.exposure_after[c];
+    if (loader_->views()[part.begin].sight == Sight::kPicture) {
+      options.path_check = [this, c](std::size_t frame, render::FrameCheck& check) {
+        path_checks_.at(images().number_of(c, frame)).write_to(check);
+      };
+    }
     const auto take = [&](const render::FlightFrame& frame) {
       sink(c, frame);
       share.add(images().number_of(c, frame.index), frame);

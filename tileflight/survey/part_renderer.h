@@ -41,12 +41,13 @@ struct RenderSummary {
 using CameraFrameSink = std::function<void(std::size_t camera, const render::FlightFrame& frame)>;
 
 /// Loads a flight's tiles and renders its images, in as many parts as the memory limit requires; the cameras of a rig
-/// share a part's scene. An image whose tiles do not fit into memory together is divided. If each of its pixels is of
-/// one ray, it is rendered in layers, each with some of its tiles, together with other such images, so that each tile
-/// is read once for all of them; else in regions, each with the tiles that it shows. Several processes each render a
-/// range of the images (meter(), set_light(), run()), or share the tiles: each traces every image against its part of
-/// them, as layers (deal_out_tiles(), run_together()). The steps are called in order.
-/// Mission, settings and progress must outlive it.
+/// share a part's scene. Where an image's tiles and those around its camera do not fit into memory together, the path
+/// is checked apart from the image; an image whose own tiles do not fit is divided. If each of its pixels is of one
+/// ray, it is rendered in layers, each with some of its tiles, together with other such images, so that each tile is
+/// read once for all of them; else in regions, each with the tiles that it shows. Several processes each render a range
+/// of the images (meter(), set_light(), run()), or share the tiles: each traces every image against its part of them,
+/// as layers (deal_out_tiles(), run_together()). The steps are called in order. Mission, settings and progress must
+/// outlive it.
 class PartRenderer {
  public:
   PartRenderer(const PlannedFlight& mission, const RenderSettings& settings, const Progress& progress);
@@ -112,6 +113,8 @@ class PartRenderer {
   std::vector<FrameView> views_to_load(const FrameAssignment& share) const;
   PartLoader& loader_for(std::vector<FrameView> views);
   std::optional<LoadedPart> load(std::size_t begin, const FrameAssignment& share);
+  std::optional<LoadedPart> load_whole(std::size_t begin, const FrameAssignment& share, RenderSummary& summary);
+  void check_paths_apart(std::size_t begin, const FrameAssignment& share, RenderSummary& summary);
   std::size_t release(LoadedPart part);
   workflow::IndexRange frames_in(const LoadedPart& part, std::size_t camera) const;
   render::FlightRenderOptions options_of(std::size_t camera) const;
@@ -123,15 +126,15 @@ class PartRenderer {
   void render_part(const LoadedPart& part, const std::filesystem::path& folder, FrameAssignment& share,
                    const CameraFrameSink& sink, RenderSummary& summary);
 
+  std::vector<std::size_t> too_large_images(std::size_t begin, std::size_t most) const;
   std::vector<std::size_t> frames_to_divide(std::size_t begin) const;
   std::vector<FrameView> divided_views(const std::vector<std::size_t>& frames, double bytes_for_tiles) const;
   std::vector<ContentRange> divide_into_layers(const std::vector<std::size_t>& frames, double bytes_for_tiles) const;
   std::vector<FrameView> layers_of(const std::vector<std::size_t>& frames, double bytes_for_tiles) const;
   std::vector<FrameView> checks_of(const std::vector<std::size_t>& frames, double bytes_for_tiles) const;
   bool is_check(const LoadedPart& part) const { return loader_->views()[part.begin].sight == Sight::kPath; }
-  render::PathCheck check_path(const LoadedPart& part, std::size_t image) const;
-  template <class Frame>
-  void add_checks(const LoadedPart& part, std::map<std::size_t, Frame>& frames) const;
+  void for_each_check(const LoadedPart& part,
+                      const std::function<void(std::size_t image, const render::PathCheck& check)>& take) const;
   void divide_further(std::size_t begin);
   void divide_region(std::size_t begin);
   void divide_layer(std::size_t begin);
@@ -183,6 +186,7 @@ class PartRenderer {
   std::vector<std::size_t> rank_of_content_;  ///< whose part of the tiles it is; empty: tiles are not dealt out
   /// Of the automatic exposure by camera, for all its frames up to this process's last; empty: not known yet, or none.
   std::vector<std::vector<double>> gains_;
+  std::map<std::size_t, render::PathCheck> path_checks_;  ///< of images that are loaded apart from them
 };
 
 }  // namespace tileflight::survey

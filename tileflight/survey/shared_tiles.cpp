@@ -240,7 +240,10 @@ void PartRenderer::render_together(const std::vector<std::size_t>& of_camera, wo
   if (together.images.empty()) return;
   LayeredFrames frames = compose_together(together, true, [&](const LoadedPart& part, LayeredFrames& traced) {
     ++summary.parts;
-    if (is_check(part)) return add_checks(part, traced);
+    if (is_check(part)) {
+      return for_each_check(part,
+                            [&](std::size_t image, const render::PathCheck& check) { traced[image].add_check(check); });
+    }
     render::FlightRenderOptions options = options_for(part, number, share);
     if (is_layer_of_tiles(part)) options.placed = {};
     options.exposure_gains = gains;
