@@ -12,6 +12,7 @@
 #include "source_options.h"
 #include "task_options.h"
 #include "tileflight/base/number_text.h"
+#include "tileflight/place/block_plan.h"
 #include "tileflight/place/truth_blocks.h"
 
 namespace tileflight::app {

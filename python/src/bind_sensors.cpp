@@ -102,12 +102,12 @@ py::dict simulate_imu(const flight::Path& path, const std::string& model, std::o
   const auto count = static_cast<py::ssize_t>(recording.samples.size());
   std::vector<double> times;
   std::vector<geometry::Vec3> rates, forces, rate_biases, force_biases;
-  for (const sensors::ImuSample& sample : recording.samples) {
+  for (const geometry::ImuSample& sample : recording.samples) {
     times.push_back(sample.time_s);
     rates.push_back(sample.angular_rate_rad_s);
     forces.push_back(sample.specific_force_m_s2);
   }
-  for (const sensors::ImuBias& bias : recording.biases) {
+  for (const geometry::ImuBias& bias : recording.biases) {
     rate_biases.push_back(bias.gyroscope_rad_s);
     force_biases.push_back(bias.accelerometer_m_s2);
   }

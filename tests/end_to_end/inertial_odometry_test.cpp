@@ -22,11 +22,9 @@ using nlohmann::json;
 using tests::ProgramResult;
 using tests::run_tileflight;
 
-void write_readings(const fs::path& folder, const std::vector<inertial::ImuSample>& samples, double per_m_s2 = 1.0) {
-  std::vector<dataset::ImuReading> readings;
-  for (const inertial::ImuSample& sample : samples)
-    readings.push_back({sample.time_s, sample.angular_rate_rad_s, per_m_s2 * sample.specific_force_m_s2});
-  dataset::write_imu_csv(folder / "imu.csv", readings);
+void write_readings(const fs::path& folder, std::vector<geometry::ImuSample> samples, double per_m_s2 = 1.0) {
+  for (geometry::ImuSample& sample : samples) sample.specific_force_m_s2 *= per_m_s2;
+  dataset::write_imu_csv(folder / "imu.csv", samples);
 }
 
 /// Times begin at 1 s, so that no reading is before 0.
@@ -42,7 +40,7 @@ void write_flight(const fs::path& folder, int frames) {
     truth.poses.push_back({time_s, flight.sequence.truth[i]});
   }
   writer.set_groundtruth(truth);
-  for (inertial::ImuSample& sample : flight.readings.samples) sample.time_s += 1.0;
+  for (geometry::ImuSample& sample : flight.readings.samples) sample.time_s += 1.0;
   write_readings(writer.temporary_folder(), flight.readings.samples);
   const inertial::ImuNoise noise;
   dataset::write_imu_yaml(writer.temporary_folder() / "imu.yaml",

@@ -2,11 +2,13 @@
 
 #include <gmock/gmock.h>
 
-#include "tileflight/base/input_error.h"
+#include "tests/refusal.h"
 #include "tileflight/dataset/cdr.h"
 
 namespace tileflight::dataset::cdr_reader_test {
 namespace {
+
+using tests::refusal_of;
 
 TEST(CdrReader, ReadsWhatTheWriterWrote) {
   const std::string cdr =
@@ -17,7 +19,8 @@ TEST(CdrReader, ReadsWhatTheWriterWrote) {
   EXPECT_EQ(reader.text(3), "map");
   EXPECT_EQ(reader.number<std::uint16_t>(), 9);
   EXPECT_EQ(reader.text(0), "");
-  EXPECT_THROW(reader.number<std::uint8_t>(), InputError);
+  EXPECT_EQ(refusal_of([&] { reader.number<std::uint8_t>(); }),
+            "message: a message is cut off (byte " + std::to_string(cdr.size()) + ")");
 }
 
 /// OMG's CDR_BE: the same alignment, the bytes of each number reversed.
@@ -31,10 +34,14 @@ TEST(CdrReader, ReadsTheOtherByteOrder) {
 
 TEST(CdrReader, RefusesLengthsThatLie) {
   const std::string cdr("\0\1\0\0\xFF\xFF\xFF\xFFz\0", 10);
-  EXPECT_THROW(CdrReader(cdr, "message").text(0xFFFFFFFE), InputError);
-  EXPECT_THROW(CdrReader(cdr, "message").text(10), InputError);
-  EXPECT_THROW(CdrReader(std::string_view("\0\1\0", 3), "message"), InputError);
-  EXPECT_THROW(CdrReader(std::string_view("\0\3\0\0", 4), "message"), InputError) << "a parameter list";
+  const auto text_refusal = [&](std::size_t max_bytes) {
+    return refusal_of([&] { CdrReader(cdr, "message").text(max_bytes); });
+  };
+  EXPECT_EQ(text_refusal(0xFFFFFFFE), "message: a message is cut off (byte 8)");
+  EXPECT_EQ(text_refusal(10), "message: a message holds a text of 4294967295 bytes (byte 8)");
+  for (const std::string_view header : {std::string_view("\0\1\0", 3), std::string_view("\0\3\0\0", 4)})
+    EXPECT_EQ(refusal_of([&] { CdrReader(header, "message"); }), "message: a message is not encoded in CDR")
+        << "cut off, then a parameter list";
 }
 
 }  // namespace

@@ -179,7 +179,7 @@ class MessageLister {
   void add_imu() {
     if (dataset_.imu.empty()) return;
     const std::size_t readings = topic("/imu", "sensor_msgs/msg/Imu");
-    for (const ImuReading& reading : read_imu_csv(dataset_.imu))
+    for (const geometry::ImuSample& reading : read_imu_csv(dataset_.imu))
       add(reading.time_s, readings, kImu, [reading](const ros::Header& head) { return ros::imu(head, reading); });
   }
 

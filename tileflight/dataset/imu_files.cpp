@@ -40,7 +40,8 @@ double parse_time_s(const std::string& where, std::string_view field, bool in_se
   return geometry::to_seconds(*time_ns);
 }
 
-ImuReading parse_reading(const std::string& where, const std::vector<std::string_view>& fields, bool in_seconds) {
+geometry::ImuSample parse_reading(const std::string& where, const std::vector<std::string_view>& fields,
+                                  bool in_seconds) {
   if (fields.size() != kValues + 1)
     throw InputError(where, "expected a time and 6 numbers, found " + std::to_string(fields.size()) + " fields");
   const double time_s = parse_time_s(where, fields[0], in_seconds);
@@ -63,10 +64,10 @@ double required(base::StrictSection& section, const std::string& key) {
 
 }  // namespace
 
-std::vector<ImuReading> read_imu_csv(const std::filesystem::path& file) {
+std::vector<geometry::ImuSample> read_imu_csv(const std::filesystem::path& file) {
   const std::string text = base::read_text(file);
   std::string_view rest = text;
-  std::vector<ImuReading> readings;
+  std::vector<geometry::ImuSample> readings;
   bool in_seconds = false;
   for (int number = 1; const auto line = base::take_line(rest); ++number) {
     if (number == 1 && is_imu_header(*line)) {
@@ -83,9 +84,9 @@ std::vector<ImuReading> read_imu_csv(const std::filesystem::path& file) {
   return readings;
 }
 
-void write_imu_csv(const std::filesystem::path& file, const std::vector<ImuReading>& readings) {
+void write_imu_csv(const std::filesystem::path& file, const std::vector<geometry::ImuSample>& readings) {
   std::string text = std::string(kHeader) + "\n";
-  for (const ImuReading& reading : readings) {
+  for (const geometry::ImuSample& reading : readings) {
     base::append_number(text, geometry::to_nanoseconds(reading.time_s));
     for (const geometry::Vec3& vector : {reading.angular_rate_rad_s, reading.specific_force_m_s2}) {
       for (int axis = 0; axis < 3; ++axis) {

@@ -3,16 +3,9 @@
 #include <filesystem>
 #include <vector>
 
-#include "tileflight/geometry/transform.h"
+#include "tileflight/geometry/imu_sample.h"
 
 namespace tileflight::dataset {
-
-/// A line of imu.csv: an inertial measurement unit's reading, in its own axes.
-struct ImuReading {
-  double time_s = 0.0;
-  geometry::Vec3 angular_rate_rad_s = geometry::Vec3::Zero();
-  geometry::Vec3 specific_force_m_s2 = geometry::Vec3::Zero();  ///< at rest: gravity upwards
-};
 
 /// IMU noise parameters for estimators, under Kalibr's names.
 struct ImuCalibration {
@@ -27,8 +20,8 @@ struct ImuCalibration {
 /// header without '#' is accepted, as in VSLAM-LAB's imu_0.csv ("ts (ns),wx (rad s^-1), ..."); times are in
 /// seconds if it says so ("timestamp [s]"). Reading throws InputError (file, line, cause): malformed or non-finite
 /// numbers, times that do not increase.
-std::vector<ImuReading> read_imu_csv(const std::filesystem::path& file);
-void write_imu_csv(const std::filesystem::path& file, const std::vector<ImuReading>& readings);
+std::vector<geometry::ImuSample> read_imu_csv(const std::filesystem::path& file);
+void write_imu_csv(const std::filesystem::path& file, const std::vector<geometry::ImuSample>& readings);
 
 /// imu.yaml in Kalibr's format. Reading throws InputError for missing or negative numbers.
 ImuCalibration read_imu_yaml(const std::filesystem::path& file);

@@ -25,10 +25,10 @@ class ImuFiles : public testing::Test {
 };
 
 TEST_F(ImuFiles, ReadingsComeBackAsTheyWere) {
-  const std::vector<ImuReading> written{{0.0, Vec3(1e-9, -2.5, 0), Vec3(0.1, 0.2, 9.80665)},
-                                        {1403636579.763555584, Vec3(1.0 / 3, 0, 0), Vec3(-1e5, 1e-300, 4)}};
+  const std::vector<geometry::ImuSample> written{{0.0, Vec3(1e-9, -2.5, 0), Vec3(0.1, 0.2, 9.80665)},
+                                                 {1403636579.763555584, Vec3(1.0 / 3, 0, 0), Vec3(-1e5, 1e-300, 4)}};
   write_imu_csv(folder_ / "imu.csv", written);
-  const std::vector<ImuReading> read = read_imu_csv(folder_ / "imu.csv");
+  const std::vector<geometry::ImuSample> read = read_imu_csv(folder_ / "imu.csv");
   ASSERT_EQ(read.size(), 2U);
   for (std::size_t i = 0; i < 2; ++i) {
     EXPECT_NEAR(read[i].time_s, written[i].time_s, 1e-6);
@@ -44,7 +44,7 @@ TEST_F(ImuFiles, EurocsOwnLinesAreRead) {
          "s^-2],a_RS_S_z [m s^-2]\r\n"
       << "1403715273262142976,-0.0020943951023931952,0.017453292519943295,0.07749261878854824,9.0874956666666655,"
          "0.13075533333333333,-3.6938381666666662\r\n";
-  const std::vector<ImuReading> read = read_imu_csv(folder_ / "imu.csv");
+  const std::vector<geometry::ImuSample> read = read_imu_csv(folder_ / "imu.csv");
   ASSERT_EQ(read.size(), 1U);
   EXPECT_DOUBLE_EQ(read[0].angular_rate_rad_s.y(), 0.017453292519943295);
   EXPECT_DOUBLE_EQ(read[0].specific_force_m_s2.x(), 9.0874956666666655);

@@ -84,8 +84,8 @@ void add_ranges(DatasetWriter& writer, const IngestOptions& options, const TimeS
 
 /// What is known beside the images, read before them, since a fault there is found in no time.
 struct Companions {
-  geometry::Trajectory groundtruth;  ///< of the camera, on the video's clock
-  std::vector<ImuReading> readings;  ///< on the video's clock
+  geometry::Trajectory groundtruth;           ///< of the camera, on the video's clock
+  std::vector<geometry::ImuSample> readings;  ///< on the video's clock
   std::optional<ImuCalibration> noise;
 };
 
@@ -105,7 +105,7 @@ Companions read_companions(const IngestOptions& options) {
   given.groundtruth = read_groundtruth(options);
   if (options.imu.empty()) return given;
   given.readings = read_imu_csv(options.imu);
-  for (ImuReading& reading : given.readings) reading.time_s += options.imu_time_offset_s;
+  for (geometry::ImuSample& reading : given.readings) reading.time_s += options.imu_time_offset_s;
   if (!options.imu_noise.empty()) given.noise = read_imu_noise(options.imu_noise);
   return given;
 }
@@ -116,9 +116,9 @@ void add_imu(DatasetWriter& writer, const Companions& given, const IngestOptions
   constexpr double kBeyond_s = 1.0;
   if (given.readings.empty()) return;
   require_overlap(options.imu.string(), {given.readings.front().time_s, given.readings.back().time_s}, frames);
-  const std::vector<ImuReading> readings =
+  const std::vector<geometry::ImuSample> readings =
       crop_to_span(given.readings, {frames.first - kBeyond_s, frames.last + kBeyond_s},
-                   [](const ImuReading& reading) { return reading.time_s; });
+                   [](const geometry::ImuSample& reading) { return reading.time_s; });
   result.imu_readings = readings.size();
   write_imu_csv(writer.temporary_folder() / "imu.csv", readings);
   if (given.noise) write_imu_yaml(writer.temporary_folder() / "imu.yaml", *given.noise);

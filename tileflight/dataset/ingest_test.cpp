@@ -189,7 +189,7 @@ TEST_F(IngestTest, ReadingsOfAnInertialUnitAreOnTheVideosClock) {
   options.imu_time_offset_s = -101.0;
   const IngestResult result = ingest(options, folder / "set");
   const Dataset dataset = read_dataset(folder / "set");
-  const std::vector<ImuReading> kept = read_imu_csv(dataset.imu);
+  const std::vector<geometry::ImuSample> kept = read_imu_csv(dataset.imu);
   ASSERT_EQ(kept.size(), result.imu_readings);
   EXPECT_NEAR(kept.front().time_s, result.times_s.front() - 1.0, 0.011);  // a second beyond the frames, and one more
   EXPECT_NEAR(kept.back().time_s, result.times_s.back() + 1.0, 0.011);

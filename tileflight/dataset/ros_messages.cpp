@@ -231,7 +231,7 @@ std::string clock(std::int64_t time_ns) {
   return put(writer, time_ns).bytes();
 }
 
-std::string imu(const Header& head, const ImuReading& reading) {
+std::string imu(const Header& head, const geometry::ImuSample& reading) {
   CdrWriter writer = begin_message(head);
   writer.array(std::array{0.0, 0.0, 0.0, 1.0}).array(kNoEstimate);
   put(writer, reading.angular_rate_rad_s).array(kUnknownCovariance);

@@ -55,7 +55,7 @@ std::string transforms(const std::vector<FrameTransform>& transforms);
 /// tf2_msgs/msg/TFMessage with one transform.
 std::string transform(const Header& head, const std::string& child_frame_id, const geometry::SE3& T_frame_child);
 /// sensor_msgs/msg/Imu without orientation.
-std::string imu(const Header& head, const ImuReading& reading);
+std::string imu(const Header& head, const geometry::ImuSample& reading);
 /// sensor_msgs/msg/NavSatFix; altitude above the ellipsoid, as that message defines it.
 std::string nav_sat_fix(const Header& head, const GpsFix& fix);
 /// sensor_msgs/msg/PointCloud2 with x, y, z, intensity, time (seconds after the stamp) and ring.

@@ -58,9 +58,10 @@ std::string camera_text(const Dataset& dataset, const std::string& name, const g
 }
 
 /// The keys are OKVIS2's. What a dataset does not state are its usual priors; the ranges hold all readings.
-std::string imu_text(const Dataset& dataset, const std::vector<ImuReading>& readings, const ImuCalibration& noise) {
+std::string imu_text(const Dataset& dataset, const std::vector<geometry::ImuSample>& readings,
+                     const ImuCalibration& noise) {
   double force_m_s2 = 176.0, rate_rad_s = 7.8;
-  for (const ImuReading& reading : readings) {
+  for (const geometry::ImuSample& reading : readings) {
     force_m_s2 = std::max(force_m_s2, std::ceil(1.25 * reading.specific_force_m_s2.cwiseAbs().maxCoeff()));
     rate_rad_s = std::max(rate_rad_s, std::ceil(1.25 * reading.angular_rate_rad_s.cwiseAbs().maxCoeff()));
   }
@@ -102,9 +103,9 @@ std::string poses_csv(const geometry::Trajectory& trajectory) {
   return text;
 }
 
-std::string readings_csv(const std::vector<ImuReading>& readings) {
+std::string readings_csv(const std::vector<geometry::ImuSample>& readings) {
   std::string text = "ts (ns),wx (rad s^-1),wy (rad s^-1),wz (rad s^-1),ax (m s^-2),ay (m s^-2),az (m s^-2)\n";
-  for (const ImuReading& reading : readings) {
+  for (const geometry::ImuSample& reading : readings) {
     const geometry::Vec3& w = reading.angular_rate_rad_s;
     const geometry::Vec3& a = reading.specific_force_m_s2;
     append_row(text, reading.time_s, {w.x(), w.y(), w.z(), a.x(), a.y(), a.z()});
@@ -164,7 +165,7 @@ void write_vslam_lab(const Rig& rig, const fs::path& folder, std::vector<std::st
     calibration += camera_text(rig.cameras[1].dataset, "rgb_1", T_first_second, 0.0);
   }
   if (!dataset.imu.empty()) {
-    const std::vector<ImuReading> readings = read_imu_csv(dataset.imu);
+    const std::vector<geometry::ImuSample> readings = read_imu_csv(dataset.imu);
     base::write_file(folder / "imu_0.csv", readings_csv(readings));
     if (dataset.imu_noise.empty())
       notes.push_back("the noise of the inertial unit is not known; calibration.yaml has no `imus`");

@@ -1,6 +1,5 @@
 #include "tileflight/evaluation/missing_parts.h"
 
-#include <nlohmann/json.hpp>
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_sort.h>
 
@@ -8,6 +7,7 @@
 #include <atomic>
 #include <bit>
 #include <cmath>
+#include <nlohmann/json.hpp>
 #include <numeric>
 #include <tuple>
 #include <unordered_set>
@@ -119,8 +119,7 @@ std::vector<std::uint32_t> centers_apart(const std::vector<Vec3>& samples, doubl
 
 template <class Visit>
 void for_each_in_ball(const Surface& surface, const Balls& balls, std::size_t ball, const Visit& visit) {
-  for (const auto& near : surface.index.within(surface.samples[balls.centers[ball]], 0.5 * balls.diameter_m))
-    visit(near.index);
+  surface.index.for_each_within(surface.samples[balls.centers[ball]], 0.5 * balls.diameter_m, visit);
 }
 
 /// Intraclass correlation at which the median ball deviates as far as its effective number of points implies; over

@@ -65,8 +65,10 @@ TEST(ClientMessage, WhatIsNotOfTheProtocolIsRefused) {
 }
 
 TEST(ClientMessage, DeepNestingIsNoDanger) {
-  EXPECT_THROW(parse_client_message(std::string(1000000, '[')), ProtocolError);
-  EXPECT_THROW(parse_client_message(std::string(500000, '[') + std::string(500000, ']')), ProtocolError);
+  EXPECT_THAT([] { parse_client_message(std::string(1000000, '[')); },
+              ThrowsMessage<ProtocolError>(HasSubstr("is not JSON")));
+  EXPECT_THAT([] { parse_client_message(std::string(500000, '[') + std::string(500000, ']')); },
+              ThrowsMessage<ProtocolError>(HasSubstr("is not a JSON object")));
 }
 
 }  // namespace

@@ -1,14 +1,12 @@
 #include "tileflight/geometry/geodesy.h"
 
-#include <proj.h>
-
 #include <GeographicLib/Geocentric.hpp>
 #include <cmath>
-#include <memory>
 #include <string>
 #include <vector>
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/geometry/projection.h"
 
 namespace tileflight::geometry {
 namespace {
@@ -34,11 +32,6 @@ SE3 make_T_ecef_local(const Geodetic& origin) {
   return {rotation, ecef_m};
 }
 
-struct ProjDeleter {
-  void operator()(PJ_CONTEXT* context) const { proj_context_destroy(context); }
-  void operator()(PJ* transformation) const { proj_destroy(transformation); }
-};
-
 }  // namespace
 
 Vec3 ecef_from_geodetic(const Geodetic& place) {
@@ -60,23 +53,17 @@ Geodetic geodetic_from_ecef(const Vec3& ecef_m) {
 EllipsoidalHeight ellipsoidal_from_orthometric(double latitude_deg, double longitude_deg, OrthometricHeight height) {
   check_latitude_longitude(latitude_deg, longitude_deg);
   if (!std::isfinite(height.m)) throw InputError("height above sea level", "is not finite");
-  const std::unique_ptr<PJ_CONTEXT, ProjDeleter> context(proj_context_create());
-  // A stage prints nothing; errors are reported in the result.
-  proj_log_func(context.get(), nullptr, [](void*, int, const char*) {});
-  proj_context_set_enable_network(context.get(), 0);
   // The multiplier 1 adds the grid's undulation to the height (PROJ manual, vgridshift).
-  const std::unique_ptr<PJ, ProjDeleter> add_undulation(
-      proj_create(context.get(), "+proj=vgridshift +grids=egm96_15.gtx +multiplier=1"));
-  const PJ_COORD in = proj_coord(longitude_deg * kRadPerDeg, latitude_deg * kRadPerDeg, height.m, 0.0);
-  const PJ_COORD out = add_undulation ? proj_trans(add_undulation.get(), PJ_FWD, in)
-                                      : proj_coord(HUGE_VAL, HUGE_VAL, HUGE_VAL, HUGE_VAL);
+  const auto add_undulation = Projection::from_definition("+proj=vgridshift +grids=egm96_15.gtx +multiplier=1");
+  std::optional<Vec3> raised;
+  if (add_undulation) raised = (*add_undulation)({longitude_deg * kRadPerDeg, latitude_deg * kRadPerDeg, height.m});
   // The grid covers the whole Earth: if there is no value, the grid is not installed.
-  if (!std::isfinite(out.xyz.z)) {
+  if (!raised) {
     throw InputError("geoid grid egm96_15.gtx",
                      "is not installed, so heights above sea level cannot be converted: install the package proj-data "
                      "or give heights above the ellipsoid");
   }
-  return {out.xyz.z};
+  return {raised->z()};
 }
 
 OrthometricHeight orthometric_from_ellipsoidal(const Geodetic& place) {

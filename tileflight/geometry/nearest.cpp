@@ -83,22 +83,23 @@ class KnnResultSet {
   std::vector<Candidate> heap_;
 };
 
-/// nanoflann result set: every candidate within a radius.
-class RadiusResultSet {
+/// nanoflann result set: `visit` is told squared distance and index of every point within a radius.
+template <class Visit>
+class RadiusVisitor {
  public:
-  RadiusResultSet(const PointsAdaptor& points, double radius2) : number_(points.number), radius2_(radius2) {}
+  RadiusVisitor(const PointsAdaptor& points, double radius2, const Visit& visit)
+      : number_(points.number), radius2_(radius2), visit_(visit) {}
   bool full() const { return true; }
   double worstDist() const { return search_bound(radius2_); }
   bool addPoint(double distance2, std::uint32_t place) {
-    if (distance2 <= radius2_) found_.emplace_back(distance2, number_[place]);
+    if (distance2 <= radius2_) visit_(distance2, number_[place]);
     return true;
   }
-  std::vector<Candidate>& candidates() { return found_; }
 
  private:
   const std::vector<std::uint32_t>& number_;
   double radius2_;
-  std::vector<Candidate> found_;
+  const Visit& visit_;
 };
 
 std::vector<Neighbor> sorted_neighbors(std::vector<Candidate>& candidates) {
@@ -125,6 +126,13 @@ PointsAdaptor in_order(const std::vector<Vec3>& points) {
 struct NearestIndex::Tree {
   explicit Tree(const std::vector<Vec3>& positions)
       : points(in_order(positions)), index(3, points, nanoflann::KDTreeSingleIndexAdaptorParams(kLeafSize)) {}
+
+  template <class Visit>
+  void visit_within(const Vec3& query, double radius_m, const Visit& visit) const {
+    if (points.points.empty() || !query.allFinite() || !(radius_m >= 0.0)) return;
+    RadiusVisitor visitor(points, radius_m * radius_m, visit);
+    index.findNeighbors(visitor, query.data(), nanoflann::SearchParams());
+  }
 
   static constexpr std::size_t kLeafSize = 10;
   PointsAdaptor points;
@@ -155,10 +163,15 @@ std::vector<Neighbor> NearestIndex::nearest_k(const Vec3& query, std::size_t cou
 }
 
 std::vector<Neighbor> NearestIndex::within(const Vec3& query, double radius_m) const {
-  if (size() == 0 || !query.allFinite() || !(radius_m >= 0.0)) return {};
-  RadiusResultSet all(tree_->points, radius_m * radius_m);
-  tree_->index.findNeighbors(all, query.data(), nanoflann::SearchParams());
-  return sorted_neighbors(all.candidates());
+  std::vector<Candidate> found;
+  tree_->visit_within(query, radius_m,
+                      [&](double distance2, std::uint32_t index) { found.emplace_back(distance2, index); });
+  return sorted_neighbors(found);
+}
+
+void NearestIndex::for_each_within(const Vec3& query, double radius_m,
+                                   const std::function<void(std::size_t)>& visit) const {
+  tree_->visit_within(query, radius_m, [&](double, std::uint32_t index) { visit(index); });
 }
 
 }  // namespace tileflight::geometry

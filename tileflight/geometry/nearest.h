@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -32,6 +33,8 @@ class NearestIndex {
   std::vector<Neighbor> nearest_k(const Vec3& query, std::size_t count) const;
   /// All within the radius, nearest first.
   std::vector<Neighbor> within(const Vec3& query, double radius_m) const;
+  /// The same in no particular order: `visit` gets the index of each.
+  void for_each_within(const Vec3& query, double radius_m, const std::function<void(std::size_t)>& visit) const;
 
  private:
   struct Tree;

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <random>
+#include <set>
 
 #include "tileflight/base/input_error.h"
 
@@ -60,6 +61,10 @@ TEST(NearestIndex, EqualsBruteForceOnRandomPoints) {
     const auto end =
         std::find_if(expected.begin(), expected.end(), [](const Neighbor& n) { return n.distance_m > 1.5; });
     expect_equal(index.within(query, 1.5), {expected.begin(), end});
+    std::set<std::size_t> visited, near;
+    for (auto neighbor = expected.begin(); neighbor != end; ++neighbor) near.insert(neighbor->index);
+    index.for_each_within(query, 1.5, [&](std::size_t i) { EXPECT_TRUE(visited.insert(i).second) << "once"; });
+    EXPECT_EQ(visited, near);
   }
 }
 

@@ -1,5 +1,6 @@
 #include "tileflight/ground_truth/quantization_floor.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -9,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/base/input_error.h"
+#include "tests/refusal.h"
 
 namespace tileflight::ground_truth::quantization_floor_test {
 namespace {
@@ -71,9 +72,13 @@ TEST(QuantizationFloor, RefusesBrokenBytes) {
   QuantizationFloor whole(0.5);
   whole.add(random_distances(400));
   const std::string bytes = whole.to_bytes();
+  const auto refusal_of = [](const std::string& broken) {
+    return tests::refusal_of([&] { QuantizationFloor(0.5).add_bytes(broken, "half"); });
+  };
+  const auto is_refused = testing::HasSubstr("half: holds no counts of distances");
   for (const std::size_t kept : {std::size_t{0}, std::size_t{7}, std::size_t{9}, std::size_t{20}})
-    EXPECT_THROW(QuantizationFloor(0.5).add_bytes(bytes.substr(0, kept), "half"), InputError) << kept;
-  EXPECT_THROW(QuantizationFloor(0.5).add_bytes(bytes + std::string(9, '\xFF') + "\x01\x01", "half"), InputError);
+    EXPECT_THAT(refusal_of(bytes.substr(0, kept)), is_refused) << kept;
+  EXPECT_THAT(refusal_of(bytes + std::string(9, '\xFF') + "\x01\x01"), is_refused);
 }
 
 }  // namespace

@@ -206,8 +206,7 @@ void set_path(const VisualInertialState& state, InertialAlignment& result) {
 /// Whether the iteration ran away to where only the priors hold it, which make the scale look sure.
 bool ran_away(const VisualInertialState& state) {
   constexpr double kFastest_m_s = 1000.0;
-  return std::ranges::any_of(state.states,
-                             [](const ImuState& at) { return !(at.velocity_m_s.norm() < kFastest_m_s); });
+  return std::ranges::any_of(state.states, [](const ImuState& at) { return !(at.velocity_m_s.norm() < kFastest_m_s); });
 }
 
 /// Whether what was found deserves belief; sets `metric`.
@@ -270,7 +269,7 @@ InertialAlignment reversed(InertialAlignment alignment) {
   turn(alignment.velocity_m_s);
   turn(alignment.bias);
   for (Vec3& velocity : alignment.velocity_m_s) velocity = -velocity;
-  for (ImuBias& bias : alignment.bias) bias.gyroscope_rad_s = -bias.gyroscope_rad_s;
+  for (geometry::ImuBias& bias : alignment.bias) bias.gyroscope_rad_s = -bias.gyroscope_rad_s;
   alignment.time_offset_s = -alignment.time_offset_s;
   alignment.latest_covariance.setZero();
   return alignment;

@@ -16,7 +16,7 @@ using Mat12 = Eigen::Matrix<double, 12, 12>;
 
 /// Input of align_to_gravity().
 struct InertialInput {
-  std::vector<ImuSample> samples;
+  std::vector<geometry::ImuSample> samples;
   ImuModel model;
   std::string where = "imu.csv";  ///< name of the samples in messages
 };
@@ -41,7 +41,7 @@ struct InertialAlignment {
                                               ///< heading is kept
   std::vector<double> scale;                  ///< metres per map unit
   std::vector<geometry::Vec3> velocity_m_s;   ///< of the unit, in the world's axes
-  std::vector<ImuBias> bias;
+  std::vector<geometry::ImuBias> bias;
 
   /// Of the unit at the latest keyframe: tilt about the world's x and y axis, the scale's logarithm, velocity in the
   /// unit's axes, gyroscope's and accelerometer's bias. A prior for later estimates.

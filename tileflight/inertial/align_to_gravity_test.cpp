@@ -23,7 +23,7 @@ using ::testing::HasSubstr;
 using ::testing::ThrowsMessage;
 
 const SE3 kT_imu_camera(Eigen::Quaterniond(0.5, -0.5, 0.5, -0.5), Vec3(0.1, 0.03, -0.05));
-const ImuBias kBias{{0.01, -0.02, 0.015}, {0.1, -0.06, 0.08}};
+const geometry::ImuBias kBias{{0.01, -0.02, 0.015}, {0.1, -0.06, 0.08}};
 
 /// A flight as both instruments see it. The map's frame is turned, and a metre is 1 / `scale` units of it.
 struct Flight {
@@ -65,7 +65,7 @@ struct Flight {
     InertialInput given;
     given.samples = motion.readings(-0.5, seconds + 0.5, rate_hz, kBias);
     test_support::add_noise(given.model.noise, rate_hz, seed, given.samples);
-    for (ImuSample& sample : given.samples) sample.time_s += clock_offset_s;
+    for (geometry::ImuSample& sample : given.samples) sample.time_s += clock_offset_s;
     given.model.T_imu_camera = kT_imu_camera;
     return given;
   }
@@ -300,7 +300,7 @@ TEST(AlignToGravity, TheFirstAndLastStepAreUsed) {
   const Flight flight;
   InertialInput input = flight.input();
   const auto keyframes = flight.keyframes();
-  std::erase_if(input.samples, [&](const ImuSample& sample) {
+  std::erase_if(input.samples, [&](const geometry::ImuSample& sample) {
     return sample.time_s < keyframes.front().time_s - 1e-6 || sample.time_s > keyframes.back().time_s + 1e-6;
   });
   const InertialAlignment found = align_to_gravity(keyframes, flight.images(), input);
@@ -355,14 +355,16 @@ TEST(AlignToGravity, FourDirectionsAreOpenAndMoreWithoutMotion) {
 TEST(AlignToGravity, AGapIsBridgedAndNamed) {
   const Flight flight;
   InertialInput input = flight.input();
-  std::erase_if(input.samples, [](const ImuSample& sample) { return sample.time_s > 8.0 && sample.time_s < 10.0; });
+  std::erase_if(input.samples,
+                [](const geometry::ImuSample& sample) { return sample.time_s > 8.0 && sample.time_s < 10.0; });
   const auto keyframes = flight.keyframes();
   const InertialAlignment found = align_to_gravity(keyframes, flight.images(), input);
   ASSERT_TRUE(found.metric) << found.reason;
   ASSERT_EQ(found.doubts.size(), 1U);
   EXPECT_THAT(found.doubts[0].what, HasSubstr("readings stop 1 times"));
   EXPECT_NEAR(found.mean_scale / 2.5, 1.0, 5e-3);
-  std::erase_if(input.samples, [](const ImuSample& sample) { return sample.time_s > 4.0 && sample.time_s < 18.0; });
+  std::erase_if(input.samples,
+                [](const geometry::ImuSample& sample) { return sample.time_s > 4.0 && sample.time_s < 18.0; });
   const InertialAlignment too_few = align_to_gravity(keyframes, flight.images(), input);
   EXPECT_FALSE(too_few.metric);
   EXPECT_THAT(too_few.reason, HasSubstr("% of the flight"));
@@ -371,11 +373,11 @@ TEST(AlignToGravity, AGapIsBridgedAndNamed) {
 TEST(AlignToGravity, DegreesAndWrongAxesAreNamed) {
   const Flight flight;
   InertialInput degrees = flight.input(), axes = flight.input();
-  for (ImuSample& sample : degrees.samples) sample.angular_rate_rad_s /= kRadiansPerDegree;
+  for (geometry::ImuSample& sample : degrees.samples) sample.angular_rate_rad_s /= kRadiansPerDegree;
   const InertialAlignment in_degrees = align_to_gravity(flight.keyframes(), flight.images(), degrees);
   EXPECT_FALSE(in_degrees.metric);
   EXPECT_THAT(in_degrees.reason, HasSubstr("they are in degrees a second"));
-  for (ImuSample& sample : axes.samples) {
+  for (geometry::ImuSample& sample : axes.samples) {
     sample.angular_rate_rad_s = {sample.angular_rate_rad_s.y(), -sample.angular_rate_rad_s.x(),
                                  sample.angular_rate_rad_s.z()};
     sample.specific_force_m_s2 = {sample.specific_force_m_s2.y(), -sample.specific_force_m_s2.x(),
@@ -389,7 +391,7 @@ TEST(AlignToGravity, DegreesAndWrongAxesAreNamed) {
 TEST(AlignToGravity, OtherClocksAndTooFewKeyframesAreRefused) {
   const Flight flight;
   InertialInput input = flight.input();
-  for (ImuSample& sample : input.samples) sample.time_s += 1000.0;
+  for (geometry::ImuSample& sample : input.samples) sample.time_s += 1000.0;
   EXPECT_THAT([&] { align_to_gravity(flight.keyframes(), flight.images(), input); },
               ThrowsMessage<InputError>(HasSubstr("have nothing in common; give both in the same clock")));
   auto two = flight.keyframes();

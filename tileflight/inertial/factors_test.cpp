@@ -12,7 +12,7 @@ using test_support::kGravity_m_s2;
 using test_support::lively_motion;
 using Vec15 = Eigen::Matrix<double, kStateSize, 1>;
 
-const ImuBias kBias{{0.02, -0.01, 0.015}, {0.2, -0.1, 0.15}};
+const geometry::ImuBias kBias{{0.02, -0.01, 0.015}, {0.2, -0.1, 0.15}};
 const SE3 kT_imu_camera(Eigen::Quaterniond(0.7, -0.1, 0.65, 0.2), Vec3(0.07, -0.05, 0.12));
 
 /// A state that is off the truth, so that no term of a derivative vanishes.

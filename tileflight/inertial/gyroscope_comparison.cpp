@@ -23,10 +23,10 @@ std::vector<TimedVector> camera_rates(const geometry::Trajectory& path) {
   return rates;
 }
 
-std::vector<TimedVector> gyroscope_rates(std::span<const ImuSample> samples) {
+std::vector<TimedVector> gyroscope_rates(std::span<const geometry::ImuSample> samples) {
   std::vector<TimedVector> rates;
   rates.reserve(samples.size());
-  for (const ImuSample& sample : samples) rates.push_back({sample.time_s, sample.angular_rate_rad_s});
+  for (const geometry::ImuSample& sample : samples) rates.push_back({sample.time_s, sample.angular_rate_rad_s});
   return rates;
 }
 
@@ -44,8 +44,8 @@ struct RatePairs {
   Eigen::Matrix3Xd camera, gyroscope;
 };
 
-RatePairs pair_rates(const std::vector<TimedVector>& camera, std::span<const ImuSample> samples, double offset_s,
-                     double window_s) {
+RatePairs pair_rates(const std::vector<TimedVector>& camera, std::span<const geometry::ImuSample> samples,
+                     double offset_s, double window_s) {
   std::vector<Vec3> ours, theirs;
   auto from = samples.begin(), to = samples.begin();
   for (const TimedVector& rate : camera) {
@@ -73,7 +73,7 @@ double explained_share(const RatePairs& pairs, double factor, const Mat3& R_imu_
 
 }  // namespace
 
-GyroscopeComparison compare_gyroscope(const geometry::Trajectory& path, std::span<const ImuSample> samples,
+GyroscopeComparison compare_gyroscope(const geometry::Trajectory& path, std::span<const geometry::ImuSample> samples,
                                       const Eigen::Quaterniond& R_imu_camera) {
   GyroscopeComparison comparison;
   comparison.R_imu_camera = R_imu_camera;

@@ -23,7 +23,7 @@ struct GyroscopeComparison {
 };
 
 /// `path`: the camera's poses in any frame. `R_imu_camera`: the mounting as given.
-GyroscopeComparison compare_gyroscope(const geometry::Trajectory& path, std::span<const ImuSample> samples,
+GyroscopeComparison compare_gyroscope(const geometry::Trajectory& path, std::span<const geometry::ImuSample> samples,
                                       const Eigen::Quaterniond& R_imu_camera);
 
 }  // namespace tileflight::inertial

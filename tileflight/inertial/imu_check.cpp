@@ -24,13 +24,13 @@ std::string text(double value) {
   return digits;
 }
 
-Vec6 values(const ImuSample& sample) {
+Vec6 values(const geometry::ImuSample& sample) {
   Vec6 v;
   v << sample.angular_rate_rad_s, sample.specific_force_m_s2;
   return v;
 }
 
-void require_numbers(const std::vector<ImuSample>& samples, const std::string& where) {
+void require_numbers(const std::vector<geometry::ImuSample>& samples, const std::string& where) {
   if (samples.size() < 2) throw InputError(where, "has fewer than two readings of the inertial unit");
   for (std::size_t i = 0; i < samples.size(); ++i) {
     const std::string which = where + ": reading " + std::to_string(i + 1);
@@ -42,9 +42,9 @@ void require_numbers(const std::vector<ImuSample>& samples, const std::string& w
 }
 
 /// The size of the specific force tells its unit: a vehicle's is near that of gravity most of the time.
-void require_gravity(const std::vector<ImuSample>& samples, const std::string& where) {
+void require_gravity(const std::vector<geometry::ImuSample>& samples, const std::string& where) {
   std::vector<double> sizes;
-  for (const ImuSample& sample : samples) sizes.push_back(sample.specific_force_m_s2.norm());
+  for (const geometry::ImuSample& sample : samples) sizes.push_back(sample.specific_force_m_s2.norm());
   const double size = base::upper_median(std::move(sizes));
   if (size > 0.7 && size < 1.4)
     throw InputError(where, "the specific force is " + text(size) +
@@ -58,9 +58,9 @@ void require_gravity(const std::vector<ImuSample>& samples, const std::string& w
                                 " in size at the median, far from gravity's 9.8 m/s^2: check its unit");
 }
 
-void require_change(const std::vector<ImuSample>& samples, const std::string& where) {
+void require_change(const std::vector<geometry::ImuSample>& samples, const std::string& where) {
   const Vec6 first = values(samples.front());
-  for (const ImuSample& sample : samples)
+  for (const geometry::ImuSample& sample : samples)
     if (values(sample) != first) return;
   throw InputError(where, "all readings are the same: the inertial unit did not work");
 }
@@ -79,11 +79,11 @@ std::vector<UnusableSpan> merged(std::vector<UnusableSpan> spans) {
 }
 
 /// The span around readings `first` to `last`.
-UnusableSpan span_around(const std::vector<ImuSample>& samples, std::size_t first, std::size_t last) {
+UnusableSpan span_around(const std::vector<geometry::ImuSample>& samples, std::size_t first, std::size_t last) {
   return {samples[first == 0 ? 0 : first - 1].time_s, samples[std::min(last + 1, samples.size() - 1)].time_s};
 }
 
-std::vector<UnusableSpan> find_gaps(const std::vector<ImuSample>& samples, double interval_s) {
+std::vector<UnusableSpan> find_gaps(const std::vector<geometry::ImuSample>& samples, double interval_s) {
   std::vector<UnusableSpan> gaps;
   for (std::size_t i = 1; i < samples.size(); ++i) {
     if (samples[i].time_s - samples[i - 1].time_s > kGapIntervals * interval_s)
@@ -94,7 +94,8 @@ std::vector<UnusableSpan> find_gaps(const std::vector<ImuSample>& samples, doubl
 
 /// Runs of readings for which `same` holds from one to the next, of at least `least` readings.
 template <class Same>
-std::vector<UnusableSpan> find_runs(const std::vector<ImuSample>& samples, std::size_t least, const Same& same) {
+std::vector<UnusableSpan> find_runs(const std::vector<geometry::ImuSample>& samples, std::size_t least,
+                                    const Same& same) {
   std::vector<UnusableSpan> runs;
   for (std::size_t first = 0, i = 1; i <= samples.size(); ++i) {
     if (i < samples.size() && same(samples[i - 1], samples[i])) continue;
@@ -104,16 +105,19 @@ std::vector<UnusableSpan> find_runs(const std::vector<ImuSample>& samples, std::
   return runs;
 }
 
-std::vector<UnusableSpan> find_saturation(const std::vector<ImuSample>& samples) {
+std::vector<UnusableSpan> find_saturation(const std::vector<geometry::ImuSample>& samples) {
   Vec6 largest = Vec6::Zero();
-  for (const ImuSample& sample : samples) largest = largest.cwiseMax(values(sample).cwiseAbs());
+  for (const geometry::ImuSample& sample : samples) largest = largest.cwiseMax(values(sample).cwiseAbs());
   std::vector<UnusableSpan> saturated;
   for (int axis = 0; axis < 6; ++axis) {
     if (largest[axis] < (axis < 3 ? kSmallestRateRange : kSmallestForceRange)) continue;
-    const auto at_end = [&](const ImuSample& sample) { return std::abs(values(sample)[axis]) == largest[axis]; };
-    const auto found = find_runs(samples, kSaturatedReadings, [&](const ImuSample& a, const ImuSample& b) {
-      return at_end(a) && values(a)[axis] == values(b)[axis];
-    });
+    const auto at_end = [&](const geometry::ImuSample& sample) {
+      return std::abs(values(sample)[axis]) == largest[axis];
+    };
+    const auto found =
+        find_runs(samples, kSaturatedReadings, [&](const geometry::ImuSample& a, const geometry::ImuSample& b) {
+          return at_end(a) && values(a)[axis] == values(b)[axis];
+        });
     saturated.insert(saturated.end(), found.begin(), found.end());
   }
   return merged(std::move(saturated));
@@ -142,7 +146,8 @@ bool ImuCheck::covers(double from_s, double to_s) const {
                       [&](const UnusableSpan& span) { return span.from_s < to_s && span.to_s > from_s; });
 }
 
-ImuCheck check_readings(const std::vector<ImuSample>& samples, const ImuNoise& noise, const std::string& where) {
+ImuCheck check_readings(const std::vector<geometry::ImuSample>& samples, const ImuNoise& noise,
+                        const std::string& where) {
   require_numbers(samples, where);
   require_change(samples, where);
   require_gravity(samples, where);
@@ -154,7 +159,8 @@ ImuCheck check_readings(const std::vector<ImuSample>& samples, const ImuNoise& n
   if (noise.gyroscope_noise_density > 0.0 && noise.accelerometer_noise_density > 0.0) {
     const auto frozen = static_cast<std::size_t>(std::max(4.0, std::ceil(kFrozen_s * check.rate_hz)));
     report("the inertial unit repeats the same reading", "check the unit's connection", where,
-           find_runs(samples, frozen, [](const ImuSample& a, const ImuSample& b) { return values(a) == values(b); }),
+           find_runs(samples, frozen,
+                     [](const geometry::ImuSample& a, const geometry::ImuSample& b) { return values(a) == values(b); }),
            check);
     report("the inertial unit saturates", "use a unit of a larger range, or fly more gently", where,
            find_saturation(samples), check);

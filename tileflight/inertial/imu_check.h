@@ -28,6 +28,7 @@ struct ImuCheck {
 /// and saturated axes; the latter two only if the unit has noise. `where` names the readings. Throws InputError for
 /// readings that no estimate can rest on: fewer than two, not finite, times that do not increase, a specific force in g
 /// or without gravity, a unit that never changes.
-ImuCheck check_readings(const std::vector<ImuSample>& samples, const ImuNoise& noise, const std::string& where);
+ImuCheck check_readings(const std::vector<geometry::ImuSample>& samples, const ImuNoise& noise,
+                        const std::string& where);
 
 }  // namespace tileflight::inertial

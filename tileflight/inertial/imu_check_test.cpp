@@ -13,13 +13,13 @@ using geometry::Vec3;
 using ::testing::HasSubstr;
 using ::testing::ThrowsMessage;
 
-std::vector<ImuSample> recording() {
+std::vector<geometry::ImuSample> recording() {
   auto samples = test_support::lively_motion().readings(0.0, 10.0, 200.0);
   test_support::add_noise({}, 200.0, 7, samples);
   return samples;
 }
 
-void expect_refused(const std::vector<ImuSample>& samples, const char* message) {
+void expect_refused(const std::vector<geometry::ImuSample>& samples, const char* message) {
   EXPECT_THAT([&] { check_readings(samples, {}, "imu.csv"); }, ThrowsMessage<InputError>(HasSubstr(message)));
 }
 
@@ -33,13 +33,13 @@ TEST(ImuCheck, FindsNothingInAGoodRecording) {
 
 TEST(ImuCheck, NamesWrongUnits) {
   auto samples = recording();
-  for (ImuSample& sample : samples) sample.specific_force_m_s2 /= 9.80665;
+  for (geometry::ImuSample& sample : samples) sample.specific_force_m_s2 /= 9.80665;
   expect_refused(samples, "it is in g; give it in m/s^2");
   samples = recording();
-  for (ImuSample& sample : samples) sample.specific_force_m_s2 *= 1e3 / 9.80665;
+  for (geometry::ImuSample& sample : samples) sample.specific_force_m_s2 *= 1e3 / 9.80665;
   expect_refused(samples, "far from gravity's 9.8 m/s^2: check its unit");
   samples = recording();
-  for (ImuSample& sample : samples) sample.specific_force_m_s2 = 0.1 * Vec3::Random();
+  for (geometry::ImuSample& sample : samples) sample.specific_force_m_s2 = 0.1 * Vec3::Random();
   expect_refused(samples, "gravity was taken from it");
 }
 
@@ -52,7 +52,7 @@ TEST(ImuCheck, RefusesWhatIsNoRecording) {
   samples[40].time_s = samples[39].time_s;
   expect_refused(samples, "imu.csv: reading 41: its time is not after the one before it");
   samples = recording();
-  for (ImuSample& sample : samples) sample = {sample.time_s, Vec3::Zero(), Vec3(0.0, 0.0, 9.8)};
+  for (geometry::ImuSample& sample : samples) sample = {sample.time_s, Vec3::Zero(), Vec3(0.0, 0.0, 9.8)};
   expect_refused(samples, "all readings are the same");
 }
 

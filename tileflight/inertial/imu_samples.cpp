@@ -2,8 +2,8 @@
 
 namespace tileflight::inertial {
 
-std::vector<ImuSample> reversed(const std::vector<ImuSample>& samples) {
-  std::vector<ImuSample> backwards;
+std::vector<geometry::ImuSample> reversed(const std::vector<geometry::ImuSample>& samples) {
+  std::vector<geometry::ImuSample> backwards;
   backwards.reserve(samples.size());
   for (auto sample = samples.rbegin(); sample != samples.rend(); ++sample)
     backwards.push_back({-sample->time_s, -sample->angular_rate_rad_s, sample->specific_force_m_s2});

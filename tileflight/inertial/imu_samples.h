@@ -4,22 +4,9 @@
 
 #include <vector>
 
-#include "tileflight/geometry/transform.h"
+#include "tileflight/geometry/imu_sample.h"
 
 namespace tileflight::inertial {
-
-/// A reading of the inertial unit, in its own axes.
-struct ImuSample {
-  double time_s = 0.0;
-  geometry::Vec3 angular_rate_rad_s = geometry::Vec3::Zero();
-  geometry::Vec3 specific_force_m_s2 = geometry::Vec3::Zero();  ///< at rest: gravity upwards
-};
-
-/// What is added to the true values.
-struct ImuBias {
-  geometry::Vec3 gyroscope_rad_s = geometry::Vec3::Zero();
-  geometry::Vec3 accelerometer_m_s2 = geometry::Vec3::Zero();
-};
 
 /// Noise of the unit under Kalibr's names: white noise, and the random walk of the biases. Defaults: EuRoC's ADIS16448.
 struct ImuNoise {
@@ -41,6 +28,6 @@ struct ImuModel {
 
 /// The samples of the same motion played backwards: times and angular rates change their signs, specific forces do not
 /// (an acceleration is a second derivative). The gyroscope's biases change their signs, too.
-std::vector<ImuSample> reversed(const std::vector<ImuSample>& samples);
+std::vector<geometry::ImuSample> reversed(const std::vector<geometry::ImuSample>& samples);
 
 }  // namespace tileflight::inertial

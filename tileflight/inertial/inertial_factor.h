@@ -10,7 +10,7 @@ namespace tileflight::inertial {
 struct ImuState {
   geometry::SE3 T_world_imu;
   geometry::Vec3 velocity_m_s = geometry::Vec3::Zero();  ///< in the world's axes
-  ImuBias bias;
+  geometry::ImuBias bias;
 };
 
 /// Order of a state's perturbation: rotation (right: R exp(d)), then additive position, velocity, gyroscope's and

@@ -16,8 +16,8 @@ Eigen::Quaterniond R_map_imu(const VisualInertialProblem& problem, std::size_t k
 }
 
 /// Least squares for the bias that turns the samples as the camera turned; two Gauss-Newton steps.
-ImuBias gyroscope_bias(const VisualInertialProblem& problem, double time_offset_s) {
-  ImuBias bias;
+geometry::ImuBias gyroscope_bias(const VisualInertialProblem& problem, double time_offset_s) {
+  geometry::ImuBias bias;
   for (int iteration = 0; iteration < 2; ++iteration) {
     Mat3 H = 1e-9 * Mat3::Identity();
     Vec3 b = Vec3::Zero();
@@ -49,8 +49,8 @@ struct LongStep {
 };
 
 /// Steps of at least `spacing_s`, one after the other; where samples are missing, the next begins behind.
-std::vector<LongStep> long_steps(const VisualInertialProblem& problem, double time_offset_s, const ImuBias& bias,
-                                 double spacing_s) {
+std::vector<LongStep> long_steps(const VisualInertialProblem& problem, double time_offset_s,
+                                 const geometry::ImuBias& bias, double spacing_s) {
   std::vector<LongStep> steps;
   std::size_t first = 0;
   Increment sum;
@@ -116,7 +116,7 @@ std::optional<ScaleAndGravity> solve_triples(const VisualInertialProblem& proble
 
 /// States at the keyframes for a scale and a direction of gravity.
 VisualInertialState make_states(const VisualInertialProblem& problem, const ScaleAndGravity& found,
-                                double time_offset_s, const ImuBias& bias) {
+                                double time_offset_s, const geometry::ImuBias& bias) {
   const auto& keyframes = problem.keyframes();
   const Eigen::Quaterniond R_world_map =
       Eigen::Quaterniond::FromTwoVectors(-found.gravity_m_s2.normalized(), Vec3::UnitZ());
@@ -146,7 +146,7 @@ std::optional<VisualInertialState> inertial_start(const VisualInertialProblem& p
   if (keyframes.size() < 3) return std::nullopt;
   if (keyframes.front().is_metric)  // gravity alone shows in less time
     spacing_s = std::min(spacing_s, 0.3 * (keyframes.back().time_s - keyframes.front().time_s));
-  const ImuBias bias = gyroscope_bias(problem, time_offset_s);
+  const geometry::ImuBias bias = gyroscope_bias(problem, time_offset_s);
   const auto found = solve_triples(problem, long_steps(problem, time_offset_s, bias, spacing_s));
   if (!found) return std::nullopt;
   return make_states(problem, *found, time_offset_s, bias);

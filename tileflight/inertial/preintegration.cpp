@@ -13,25 +13,26 @@ using geometry::so3_exp;
 using geometry::Vec3;
 
 /// Reading at a time between two samples.
-ImuSample interpolated(const ImuSample& before, const ImuSample& after, double time_s) {
+geometry::ImuSample interpolated(const geometry::ImuSample& before, const geometry::ImuSample& after, double time_s) {
   const double w = (time_s - before.time_s) / (after.time_s - before.time_s);
   return {time_s, (1.0 - w) * before.angular_rate_rad_s + w * after.angular_rate_rad_s,
           (1.0 - w) * before.specific_force_m_s2 + w * after.specific_force_m_s2};
 }
 
 /// Reading at `time_s`, with `after` the first sample that is not before it.
-ImuSample reading_at(std::span<const ImuSample> samples, std::size_t after, double time_s) {
+geometry::ImuSample reading_at(std::span<const geometry::ImuSample> samples, std::size_t after, double time_s) {
   return samples[after].time_s == time_s ? samples[after] : interpolated(samples[after - 1], samples[after], time_s);
 }
 
-std::size_t first_not_before(std::span<const ImuSample> samples, double time_s) {
+std::size_t first_not_before(std::span<const geometry::ImuSample> samples, double time_s) {
   const auto found = std::lower_bound(samples.begin(), samples.end(), time_s,
-                                      [](const ImuSample& sample, double t) { return sample.time_s < t; });
+                                      [](const geometry::ImuSample& sample, double t) { return sample.time_s < t; });
   return static_cast<std::size_t>(found - samples.begin());
 }
 
 /// One step with the mean of two readings.
-void integrate(const ImuSample& begin, const ImuSample& end, const ImuNoise& noise, Preintegration& sum) {
+void integrate(const geometry::ImuSample& begin, const geometry::ImuSample& end, const ImuNoise& noise,
+               Preintegration& sum) {
   const double dt = end.time_s - begin.time_s;
   const Vec3 rate = 0.5 * (begin.angular_rate_rad_s + end.angular_rate_rad_s) - sum.bias.gyroscope_rad_s;
   const Vec3 force = 0.5 * (begin.specific_force_m_s2 + end.specific_force_m_s2) - sum.bias.accelerometer_m_s2;
@@ -65,7 +66,7 @@ void integrate(const ImuSample& begin, const ImuSample& end, const ImuNoise& noi
 
 }  // namespace
 
-Increment Preintegration::corrected(const ImuBias& other) const {
+Increment Preintegration::corrected(const geometry::ImuBias& other) const {
   const Eigen::Matrix<double, 9, 1> change =
       by_gyroscope_bias * (other.gyroscope_rad_s - bias.gyroscope_rad_s) +
       by_accelerometer_bias * (other.accelerometer_m_s2 - bias.accelerometer_m_s2);
@@ -73,14 +74,14 @@ Increment Preintegration::corrected(const ImuBias& other) const {
           increment.position + change.tail<3>()};
 }
 
-std::optional<Preintegration> preintegrate(std::span<const ImuSample> samples, double from_s, double to_s,
-                                           const ImuBias& bias, const ImuNoise& noise) {
+std::optional<Preintegration> preintegrate(std::span<const geometry::ImuSample> samples, double from_s, double to_s,
+                                           const geometry::ImuBias& bias, const ImuNoise& noise) {
   if (samples.empty() || !(to_s > from_s) || samples.front().time_s > from_s || samples.back().time_s < to_s)
     return std::nullopt;
   Preintegration sum;
   sum.bias = bias;
   std::size_t next = first_not_before(samples, from_s);
-  ImuSample before = reading_at(samples, next, from_s);
+  geometry::ImuSample before = reading_at(samples, next, from_s);
   if (samples[next].time_s == from_s) ++next;
   for (; next < samples.size() && samples[next].time_s < to_s; ++next) {
     integrate(before, samples[next], noise, sum);

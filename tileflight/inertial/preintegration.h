@@ -26,19 +26,19 @@ struct Increment {
 /// perturbation, radians), velocity, position.
 struct Preintegration {
   double duration_s = 0.0;
-  ImuBias bias;                             ///< with which it was integrated
+  geometry::ImuBias bias;                   ///< with which it was integrated
   Increment increment;                      ///< Forster (35) to (37)
   Mat9 covariance = Mat9::Zero();           ///< of the increment, from white noise: Forster (63)
   Mat93 by_gyroscope_bias = Mat93::Zero();  ///< derivatives: Forster, appendix B
   Mat93 by_accelerometer_bias = Mat93::Zero();
 
   /// The increment for other biases, to first order: Forster (44).
-  Increment corrected(const ImuBias& other) const;
+  Increment corrected(const geometry::ImuBias& other) const;
 };
 
 /// Integrates from `from_s` to `to_s`; readings between samples are linear. nullopt if the samples do not reach over
 /// the whole interval, or if `to_s` is not after `from_s`. The samples' times must increase.
-std::optional<Preintegration> preintegrate(std::span<const ImuSample> samples, double from_s, double to_s,
-                                           const ImuBias& bias, const ImuNoise& noise);
+std::optional<Preintegration> preintegrate(std::span<const geometry::ImuSample> samples, double from_s, double to_s,
+                                           const geometry::ImuBias& bias, const ImuNoise& noise);
 
 }  // namespace tileflight::inertial

@@ -15,7 +15,7 @@ using test_support::lively_motion;
 using test_support::SmoothMotion;
 using Vec9 = Eigen::Matrix<double, 9, 1>;
 
-const ImuBias kBias{{0.02, -0.01, 0.015}, {0.2, -0.1, 0.15}};
+const geometry::ImuBias kBias{{0.02, -0.01, 0.015}, {0.2, -0.1, 0.15}};
 
 /// second = first + difference, in the order of the covariance.
 Vec9 difference(const Increment& first, const Increment& second) {
@@ -62,10 +62,10 @@ TEST(Preintegration, OfTwoPartsIsThatOfTheWhole) {
 
 /// Central differences of a function of the biases (gyroscope's in columns 0 to 2).
 template <class Function>
-Eigen::Matrix<double, 9, 6> by_bias(const Function& increment, const ImuBias& at, double h) {
+Eigen::Matrix<double, 9, 6> by_bias(const Function& increment, const geometry::ImuBias& at, double h) {
   Eigen::Matrix<double, 9, 6> J;
   for (int i = 0; i < 6; ++i) {
-    ImuBias less = at, more = at;
+    geometry::ImuBias less = at, more = at;
     (i < 3 ? less.gyroscope_rad_s : less.accelerometer_m_s2)[i % 3] -= h;
     (i < 3 ? more.gyroscope_rad_s : more.accelerometer_m_s2)[i % 3] += h;
     const Increment middle = increment(at);
@@ -76,7 +76,9 @@ Eigen::Matrix<double, 9, 6> by_bias(const Function& increment, const ImuBias& at
 
 TEST(Preintegration, DerivativesByTheBiasesAreThoseOfIntegratingAgain) {
   const auto samples = lively_motion().readings(0.0, 2.0, 200.0);
-  const auto again = [&](const ImuBias& bias) { return preintegrate(samples, 0.2, 1.3, bias, {}).value().increment; };
+  const auto again = [&](const geometry::ImuBias& bias) {
+    return preintegrate(samples, 0.2, 1.3, bias, {}).value().increment;
+  };
   const auto sum = preintegrate(samples, 0.2, 1.3, kBias, {}).value();
   Eigen::Matrix<double, 9, 6> J;
   J << sum.by_gyroscope_bias, sum.by_accelerometer_bias;
@@ -87,7 +89,7 @@ TEST(Preintegration, DerivativesByTheBiasesAreThoseOfIntegratingAgain) {
 TEST(Preintegration, CorrectedForANearBiasIsThatOfIntegratingAgain) {
   const auto samples = lively_motion().readings(0.0, 2.0, 200.0);
   const auto error = [&](double change) {
-    ImuBias other = kBias;
+    geometry::ImuBias other = kBias;
     other.gyroscope_rad_s += change * Vec3(0.3, -0.8, 0.5);
     other.accelerometer_m_s2 += change * Vec3(2.0, 3.0, -1.0);
     const auto sum = preintegrate(samples, 0.2, 1.3, kBias, {}).value();

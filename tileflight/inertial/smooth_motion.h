@@ -36,13 +36,14 @@ struct SmoothMotion {
     constexpr double h = 1e-4;
     return geometry::so3_log(rotation(t - h).conjugate() * rotation(t + h)) / (2 * h);
   }
-  ImuState state(double t, const ImuBias& bias = {}) const { return {pose(t), velocity(t), bias}; }
-  ImuSample reading(double t, const ImuBias& bias = {}) const {
+  ImuState state(double t, const geometry::ImuBias& bias = {}) const { return {pose(t), velocity(t), bias}; }
+  geometry::ImuSample reading(double t, const geometry::ImuBias& bias = {}) const {
     return {t, angular_rate(t) + bias.gyroscope_rad_s,
             rotation(t).conjugate() * (acceleration(t) + kGravity_m_s2 * Vec3::UnitZ()) + bias.accelerometer_m_s2};
   }
-  std::vector<ImuSample> readings(double from_s, double to_s, double rate_hz, const ImuBias& bias = {}) const {
-    std::vector<ImuSample> samples;
+  std::vector<geometry::ImuSample> readings(double from_s, double to_s, double rate_hz,
+                                            const geometry::ImuBias& bias = {}) const {
+    std::vector<geometry::ImuSample> samples;
     const auto count = std::lround((to_s - from_s) * rate_hz);
     for (long i = 0; i <= count; ++i) samples.push_back(reading(from_s + static_cast<double>(i) / rate_hz, bias));
     return samples;
@@ -68,13 +69,13 @@ inline SmoothMotion steady_motion() {
 }
 
 /// Adds white noise of the stated densities, and biases that wander.
-inline void add_noise(const ImuNoise& noise, double rate_hz, unsigned seed, std::vector<ImuSample>& samples) {
+inline void add_noise(const ImuNoise& noise, double rate_hz, unsigned seed, std::vector<geometry::ImuSample>& samples) {
   std::mt19937 random(seed);
   std::normal_distribution<double> normal;
   const auto vector = [&] { return Vec3(normal(random), normal(random), normal(random)); };
   const double root = std::sqrt(rate_hz);
   Vec3 gyroscope = Vec3::Zero(), accelerometer = Vec3::Zero();
-  for (ImuSample& sample : samples) {
+  for (geometry::ImuSample& sample : samples) {
     sample.angular_rate_rad_s += gyroscope + noise.gyroscope_noise_density * root * vector();
     sample.specific_force_m_s2 += accelerometer + noise.accelerometer_noise_density * root * vector();
     gyroscope += noise.gyroscope_random_walk / root * vector();

@@ -40,9 +40,9 @@ Index column_of(std::size_t keyframe) { return VisualInertialProblem::kKeyframeS
 // How long the readings at both ends go on, and how much of it a step may need at the first offset.
 constexpr double kGoesOn_s = 0.25, kMayNeed_s = 0.02;
 
-std::vector<ImuSample> going_on(const std::vector<ImuSample>& samples) {
-  std::vector<ImuSample> longer = samples;
-  ImuSample before = samples.front(), after = samples.back();
+std::vector<geometry::ImuSample> going_on(const std::vector<geometry::ImuSample>& samples) {
+  std::vector<geometry::ImuSample> longer = samples;
+  geometry::ImuSample before = samples.front(), after = samples.back();
   before.time_s -= kGoesOn_s;
   after.time_s += kGoesOn_s;
   longer.insert(longer.begin(), before);
@@ -53,7 +53,7 @@ std::vector<ImuSample> going_on(const std::vector<ImuSample>& samples) {
 }  // namespace
 
 VisualInertialProblem::VisualInertialProblem(const std::vector<VisualKeyframe>& keyframes,
-                                             const std::vector<ImuSample>& samples, const ImuCheck& check,
+                                             const std::vector<geometry::ImuSample>& samples, const ImuCheck& check,
                                              const ImuModel& model, double time_offset_s, double time_offset_sigma_s)
     : keyframes_(keyframes),
       samples_(going_on(samples)),
@@ -68,7 +68,7 @@ VisualInertialProblem::VisualInertialProblem(const std::vector<VisualKeyframe>& 
 }
 
 std::optional<Preintegration> VisualInertialProblem::preintegrate_step(std::size_t k, double time_offset_s,
-                                                                       const ImuBias& bias) const {
+                                                                       const geometry::ImuBias& bias) const {
   if (!has_samples_[k]) return std::nullopt;
   return preintegrate(samples_, keyframes_[k].time_s + time_offset_s, keyframes_[k + 1].time_s + time_offset_s, bias,
                       floored(model_.noise));
@@ -114,7 +114,7 @@ void VisualInertialProblem::add_visual(std::size_t k, const VisualInertialState&
 void VisualInertialProblem::add_walks(std::size_t k, const VisualInertialState& at, SparseLeastSquares& sum) const {
   const double dt = keyframes_[k + 1].time_s - keyframes_[k].time_s;
   const ImuNoise noise = floored(model_.noise);
-  const ImuBias &a = at.states[k].bias, &b = at.states[k + 1].bias;
+  const geometry::ImuBias &a = at.states[k].bias, &b = at.states[k + 1].bias;
   Eigen::Matrix<double, 7, 1> residual, variance;
   residual << b.gyroscope_rad_s - a.gyroscope_rad_s, b.accelerometer_m_s2 - a.accelerometer_m_s2,
       at.log_scale[k + 1] - at.log_scale[k];

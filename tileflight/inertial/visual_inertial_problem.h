@@ -32,7 +32,7 @@ class VisualInertialProblem {
   /// `keyframes` and `model` must outlive the problem. `time_offset_sigma_s`: of the prior `time_offset_s`. Which steps
   /// are covered by samples is decided here, for that offset, so that the cost has no jumps where the offset changes:
   /// the first and the last reading are extended by a short time.
-  VisualInertialProblem(const std::vector<VisualKeyframe>& keyframes, const std::vector<ImuSample>& samples,
+  VisualInertialProblem(const std::vector<VisualKeyframe>& keyframes, const std::vector<geometry::ImuSample>& samples,
                         const ImuCheck& check, const ImuModel& model, double time_offset_s, double time_offset_sigma_s);
 
   static constexpr Eigen::Index kKeyframeSize = kStateSize + 1;  ///< of unknowns at a keyframe; the last is the scale
@@ -43,7 +43,8 @@ class VisualInertialProblem {
   /// Whether the samples cover the time from keyframe `k` to the next one.
   bool has_samples(std::size_t k) const { return has_samples_[k]; }
   /// These samples, preintegrated; nullopt if they do not cover it.
-  std::optional<Preintegration> preintegrate_step(std::size_t k, double time_offset_s, const ImuBias& bias) const;
+  std::optional<Preintegration> preintegrate_step(std::size_t k, double time_offset_s,
+                                                  const geometry::ImuBias& bias) const;
   /// The camera's step from keyframe `k` to the next one.
   VisualStep visual_step(std::size_t k) const;
 
@@ -64,7 +65,7 @@ class VisualInertialProblem {
   void add_priors(const VisualInertialState& at, SparseLeastSquares& sum) const;
 
   const std::vector<VisualKeyframe>& keyframes_;
-  std::vector<ImuSample> samples_;  ///< extended at both ends
+  std::vector<geometry::ImuSample> samples_;  ///< extended at both ends
   const ImuModel& model_;
   double time_offset_s_, time_offset_sigma_s_;
   std::vector<bool> has_samples_;

@@ -1,10 +1,10 @@
 #pragma once
 
-#include <array>
-#include <cstdint>
+#include <cstddef>
 #include <vector>
 
 #include "tileflight/imaging/image.h"
+#include "tileflight/localization/sift_descriptor.h"
 
 namespace tileflight::localization {
 
@@ -24,9 +24,6 @@ struct LocalFeature {
   float angle_rad = 0.0F;    ///< dominant gradient direction, from x (right) to y (down)
   float contrast = 0.0F;     ///< grey values; positive: dark on bright
 };
-
-/// Gradient histograms around a feature: 4 x 4 cells of 8 directions, relative to its size and direction.
-using SiftDescriptor = std::array<std::uint8_t, 128>;
 
 struct LocalFeatures {
   std::vector<LocalFeature> features;

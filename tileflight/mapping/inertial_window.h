@@ -27,7 +27,7 @@ struct InertialStart {
   Eigen::Quaterniond R_world_map = Eigen::Quaterniond::Identity();  ///< the world's z axis points up
   double log_scale = 0.0;                                           ///< of metres per map unit
   geometry::Vec3 velocity_m_s = geometry::Vec3::Zero();             ///< of the unit, world axes
-  inertial::ImuBias bias;
+  geometry::ImuBias bias;
   inertial::Mat12 covariance = inertial::Mat12::Identity();  ///< inertial::InertialAlignment::latest_covariance
 };
 

@@ -19,7 +19,7 @@ using geometry::SE3;
 using geometry::Vec3;
 using inertial::test_support::lively_motion;
 
-const inertial::ImuBias kBias{{0.01, -0.02, 0.01}, {0.1, -0.05, 0.08}};
+const geometry::ImuBias kBias{{0.01, -0.02, 0.01}, {0.1, -0.05, 0.08}};
 const SE3 kT_imu_camera(Eigen::Quaterniond(0.5, -0.5, 0.5, -0.5), Vec3(0.1, 0.03, -0.05));
 constexpr double kScale = 3.0;  // metres per map unit
 const Eigen::Quaterniond kR_world_map(Eigen::AngleAxisd(0.7, Vec3(1, -2, 0.5).normalized()));
@@ -51,7 +51,7 @@ CoupledFlight fly(double off, std::uint32_t seed = 1) {
   for (int k = 0; k < 4; ++k) flight.window.keyframes[k].T_camera_map_linear = T_camera_map(kInterval_s * k);
   flight.window.H_prior.diagonal().array() += 1.0;
   const inertial::ImuState at = lively_motion().state(3 * kInterval_s, kBias);
-  inertial::ImuBias bias = kBias;
+  geometry::ImuBias bias = kBias;
   bias.gyroscope_rad_s += off * Vec3(0.01, 0.02, -0.02);
   bias.accelerometer_m_s2 += off * Vec3(0.2, -0.1, 0.3);
   flight.inertial.emplace(flight.window,

@@ -70,7 +70,7 @@ inertial::InertialInput InertialGuide::readings_of(double from_s, double to_s) c
   constexpr double kClocks_s = 0.25;
   inertial::InertialInput part{.samples = {}, .model = readings_.model, .where = readings_.where};
   const auto& all = readings_.samples;
-  const auto time_of = [](const inertial::ImuSample& one) { return one.time_s; };
+  const auto time_of = [](const geometry::ImuSample& one) { return one.time_s; };
   const auto first = std::ranges::lower_bound(all, from_s - kClocks_s, {}, time_of);
   const auto last = std::ranges::upper_bound(all, to_s + kClocks_s, {}, time_of);
   part.samples.assign(first, last);

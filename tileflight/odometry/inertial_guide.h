@@ -38,7 +38,7 @@ class InertialGuide {
   inertial::InertialInput readings_;
   bool is_tight_ = false;
   inertial::ImuCheck check_;
-  inertial::ImuBias bias_;        ///< of the latest smoothing
+  geometry::ImuBias bias_;        ///< of the latest smoothing
   double time_offset_s_ = 0.0;    ///< the unit's clock minus the camera's, of the latest smoothing
   geometry::SE3 T_imu_camera_;    ///< of the latest smoothing
   std::size_t tried_at_ = 0;      ///< keyframes at the latest smoothing

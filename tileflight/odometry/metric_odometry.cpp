@@ -40,13 +40,13 @@ struct BackwardMotion {
 
 /// From the readings, latest first, back to `from_s`: attitude and displacement by the trapezoidal rule. `R`: attitude
 /// at `now_s`.
-std::vector<BackwardMotion> motion_before(const std::deque<inertial::ImuSample>& readings, Eigen::Quaterniond R,
-                                          double now_s, const inertial::ImuBias& bias, double gravity_m_s2,
+std::vector<BackwardMotion> motion_before(const std::deque<geometry::ImuSample>& readings, Eigen::Quaterniond R,
+                                          double now_s, const geometry::ImuBias& bias, double gravity_m_s2,
                                           double from_s) {
   std::vector<BackwardMotion> motions{{0.0, Vec3::Zero()}};
   Vec3 velocity = Vec3::Zero(), displacement = Vec3::Zero();
   double at_s = now_s;
-  const auto acceleration = [&](const inertial::ImuSample& one) {
+  const auto acceleration = [&](const geometry::ImuSample& one) {
     return Vec3(R * (one.specific_force_m_s2 - bias.accelerometer_m_s2) - Vec3(0, 0, gravity_m_s2));
   };
   std::optional<Vec3> after;
@@ -100,7 +100,7 @@ MetricOdometry::MetricOdometry(const imaging::Calibration& calibration, MetricOd
       options_(with_held_intrinsics(std::move(options))),
       odometry_(calibration_, options_.odometry) {}
 
-void MetricOdometry::add_reading(const inertial::ImuSample& reading) {
+void MetricOdometry::add_reading(const geometry::ImuSample& reading) {
   if (!readings_.empty() && !(reading.time_s > readings_.back().time_s)) return;
   readings_.push_back(reading);
 }
@@ -215,12 +215,12 @@ double MetricOdometry::heading_change_rad(const SE3& T_level_imu, double time_s)
 }
 
 MetricOdometry::Prediction MetricOdometry::predict(double time_s) const {
-  const inertial::ImuBias bias = placement_ ? placement_->bias : inertial::ImuBias{};
+  const geometry::ImuBias bias = placement_ ? placement_->bias : geometry::ImuBias{};
   Prediction expected{last_->T_world_imu, {last_->velocity_m_s, velocity_variance_m2_s2_}};
   Vec3& velocity_m_s = expected.velocity.value_m_s;
   Eigen::Quaterniond& R = expected.T_world_imu.rotation;
   double at_s = last_->time_s;
-  for (const inertial::ImuSample& one : readings_) {
+  for (const geometry::ImuSample& one : readings_) {
     if (one.time_s <= at_s || one.time_s > time_s) continue;
     const double dt = one.time_s - at_s;
     R = R * geometry::so3_exp(dt * (one.angular_rate_rad_s - bias.gyroscope_rad_s));

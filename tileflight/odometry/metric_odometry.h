@@ -81,7 +81,7 @@ class MetricOdometry {
   MetricOdometry(const imaging::Calibration& calibration, MetricOdometryOptions options);
 
   /// Readings up to an image's time are to be added before it. One that is not later than the last one is ignored.
-  void add_reading(const inertial::ImuSample& reading);
+  void add_reading(const geometry::ImuSample& reading);
   /// Throws InputError as Odometry::add().
   MetricResult add(imaging::RgbImage image, double time_s);
   /// How often tracking was lost and a new map begun.
@@ -94,7 +94,7 @@ class MetricOdometry {
     double sigma_log_scale = 0.0, sigma_up_rad = 0.0;
     double wander_variance = 0.0;  ///< of the map's log scale, relative to its first keyframe, at that time
     geometry::Vec3 velocity_m_s = geometry::Vec3::Zero();  ///< of the unit at that time, world axes
-    inertial::ImuBias bias;
+    geometry::ImuBias bias;
   };
   /// What adds up on the way.
   struct Drift {
@@ -139,7 +139,7 @@ class MetricOdometry {
   imaging::Calibration calibration_;
   MetricOdometryOptions options_;
   Odometry odometry_;
-  std::deque<inertial::ImuSample> readings_;
+  std::deque<geometry::ImuSample> readings_;
   std::deque<geometry::StampedPose> images_;  ///< T_map_camera, in the present map
   std::optional<Placement> placement_;        ///< of the present map
   std::optional<double> guessed_scale_;       ///< of the present map, until it counts as known

@@ -40,7 +40,7 @@ std::vector<MetricResult> feed(const InertialFlight& flight, MetricOdometry& odo
   for (std::size_t i = 0; i < flight.sequence.images.size() && estimates < most_estimates; ++i) {
     const double time_s = static_cast<double>(i) / test_support::kInertialFps;
     for (; next < readings.size() && readings[next].time_s <= time_s; ++next) {
-      inertial::ImuSample reading = readings[next];
+      geometry::ImuSample reading = readings[next];
       reading.time_s += begin_s;
       odometry.add_reading(reading);
     }

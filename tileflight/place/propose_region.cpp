@@ -7,6 +7,7 @@
 
 #include "tileflight/base/number_text.h"
 #include "tileflight/ground_truth/suggested_voxel.h"
+#include "tileflight/imaging/summed_area_table.h"
 
 namespace tileflight::place {
 namespace {
@@ -23,33 +24,12 @@ struct IndexRange {
   int size() const { return last - first + 1; }
 };
 
-/// Number of surface pixels above and to the left of each pixel corner.
-class SummedAreaTable {
- public:
-  explicit SummedAreaTable(const imaging::FloatImage& heights_m)
-      : columns_(heights_m.width + 1),
-        sums_(static_cast<std::size_t>(columns_) * (static_cast<std::size_t>(heights_m.height) + 1), 0) {
-    for (int y = 0; y < heights_m.height; ++y) {
-      for (int x = 0; x < heights_m.width; ++x) {
-        const int here = std::isfinite(heights_m(x, y)) ? 1 : 0;
-        sums_[index(x + 1, y + 1)] = here + prefix_sum(x, y + 1) + prefix_sum(x + 1, y) - prefix_sum(x, y);
-      }
-    }
-  }
-  std::int64_t count_in(const IndexRange& x, const IndexRange& y) const {
-    return prefix_sum(x.last + 1, y.last + 1) - prefix_sum(x.first, y.last + 1) - prefix_sum(x.last + 1, y.first) +
-           prefix_sum(x.first, y.first);
-  }
+/// Numbers of surface pixels.
+using SurfaceCounts = imaging::SummedAreaTable<std::int64_t>;
 
- private:
-  std::size_t index(int x, int y) const {
-    return static_cast<std::size_t>(y) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(x);
-  }
-  std::int64_t prefix_sum(int x, int y) const { return sums_[index(x, y)]; }
-
-  int columns_;
-  std::vector<std::int64_t> sums_;
-};
+std::int64_t count_in(const SurfaceCounts& counts, const IndexRange& x, const IndexRange& y) {
+  return counts.sum(x.first, y.first, x.last + 1, y.last + 1);
+}
 
 /// The range that holds all but the outermost share on each side; `count_until(i)`: pixels before the i-th.
 template <class Count>
@@ -74,7 +54,7 @@ struct Window {
   IndexRange x, y;
 };
 
-Window find_fullest_window(const SummedAreaTable& counts, const Window& within, int size) {
+Window find_fullest_window(const SurfaceCounts& counts, const Window& within, int size) {
   Window best = within;
   std::int64_t most = -1;
   double nearest = INFINITY;
@@ -83,7 +63,7 @@ Window find_fullest_window(const SummedAreaTable& counts, const Window& within, 
   };
   for (const IndexRange& y : window_positions(within.y, size)) {
     for (const IndexRange& x : window_positions(within.x, size)) {
-      const std::int64_t count = counts.count_in(x, y);
+      const std::int64_t count = count_in(counts, x, y);
       const double away = std::hypot(off(x, within.x), off(y, within.y));
       if (count < most || (count == most && away >= nearest)) continue;
       most = count;
@@ -124,16 +104,17 @@ std::string format_decimal(double value, int most_decimals) {
 }  // namespace
 
 std::optional<ProposedRegion> propose_region(const render::GroundGrid& grid, const imaging::FloatImage& heights_m) {
-  const SummedAreaTable counts(heights_m);
+  const SurfaceCounts counts(heights_m.width, heights_m.height,
+                             [&](int x, int y) { return std::isfinite(heights_m(x, y)) ? 1 : 0; });
   const IndexRange columns{0, heights_m.width - 1}, rows{0, heights_m.height - 1};
-  const std::int64_t all = counts.count_in(columns, rows);
+  const std::int64_t all = count_in(counts, columns, rows);
   if (all == 0) return std::nullopt;
   const Window surface{trim_outliers(heights_m.width, all,
                                      [&](int i) {
-                                       return counts.count_in({0, i - 1}, rows);
+                                       return count_in(counts, {0, i - 1}, rows);
                                      }),
                        trim_outliers(heights_m.height, all, [&](int i) {
-                         return counts.count_in(columns, {0, i - 1});
+                         return count_in(counts, columns, {0, i - 1});
                        })};
   const int widest_px = std::max(1, static_cast<int>(kMaxSide_m / grid.pixel_m));
   const Window window = find_fullest_window(counts, surface, widest_px);
@@ -150,7 +131,7 @@ std::optional<ProposedRegion> propose_region(const render::GroundGrid& grid, con
   proposed.center = {rounded(west_m + east_m / 2), rounded(north_m - south_m / 2), rounded((low_m + high_m) / 2)};
   proposed.size = {enough(east_m), enough(south_m), enough(high_m - low_m + 2 * margin_m)};
   proposed.voxel_m = ground_truth::suggest_voxel_m({east_m, south_m, high_m - low_m});
-  proposed.surface_share = static_cast<double>(counts.count_in(window.x, window.y)) / static_cast<double>(all);
+  proposed.surface_share = static_cast<double>(count_in(counts, window.x, window.y)) / static_cast<double>(all);
   return proposed;
 }
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cmath>
 #include <iterator>
 #include <nlohmann/json.hpp>
 #include <numeric>
@@ -15,10 +14,8 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/ground_truth/ground_truth.h"
 #include "tileflight/place/block_grid.h"
+#include "tileflight/place/block_plan.h"
 #include "tileflight/place/block_store.h"
-#include "tileflight/place/memory_budget.h"
-#include "tileflight/place/version.h"
-#include "tileflight/transport/open_source.h"
 #include "tileflight/workflow/balanced_ranges.h"
 
 namespace tileflight::place {
@@ -88,75 +85,6 @@ ground_truth::GroundTruthOptions truth_options(const tiles::RegionReader& reader
   return {.voxel_m = settings.voxel_m,
           .samples_per_m2 = settings.samples_per_m2,
           .prisms = reader.placement().region.parts};
-}
-
-/// Memory that the truth of a content takes while it is made, as a multiple of memory_bytes: copies of its triangles,
-/// samples, voxels and files.
-constexpr double kTruthMemory = 3.0;
-
-/// Share of the default memory limit that blocks chosen by memory may take on average: some hold more.
-constexpr double kMemoryShare = 0.5;
-
-/// Memory of a content once it is read, bytes: the mean of a few.
-double mean_content_bytes(tiles::RegionReader& reader) {
-  constexpr std::size_t kProbes = 8;
-  const std::size_t contents = reader.content_count(), probes = std::min(kProbes, contents);
-  double bytes = 0.0;
-  for (std::size_t k = 0; k < probes; ++k) {
-    for (const tiles::LoadedContent& content : reader.read({k * contents / probes})) {
-      for (const imaging::TexturedMesh& mesh : content.meshes) {
-        bytes += static_cast<double>(tiles::memory_bytes(mesh));
-        if (mesh.texture) bytes += static_cast<double>(mesh.texture->pixels.size() * sizeof(imaging::Rgb8));
-      }
-      for (const geometry::PointCloud& cloud : content.clouds)
-        bytes += static_cast<double>(cloud.size() * sizeof(Vec3));
-    }
-  }
-  return bytes / static_cast<double>(std::max<std::size_t>(1, probes));
-}
-
-/// A block's edge, metres, for which the average block takes that share of the memory, estimated from a few contents.
-double edge_by_memory(tiles::RegionReader& reader, const ExtractSettings& settings) {
-  const Vec3 size = reader.placement().region.box().sizes();
-  const double whole = mean_content_bytes(reader) * static_cast<double>(reader.content_count());
-  const double share = kMemoryShare * static_cast<double>(settings.max_memory_bytes.value_or(default_memory_bytes())) /
-                       (settings.processes * kTruthMemory * whole);
-  return std::min(std::max(size.x(), size.y()), std::sqrt(size.x() * size.y() * share));
-}
-
-/// All that determines the region's cells, triangles and samples; not yet the edge of the blocks.
-json truth_inputs(const tiles::RegionReader& reader, const ExtractSettings& settings) {
-  return {{"program", program_fingerprint()},
-          {"source", transport::redact_source(settings.source)},
-          {"tiles", reader.cut_hash()},
-          {"region", base::sha256_hex(region_json(reader.placement().region).dump())},
-          {"frame", frame_json(reader.placement().local_frame)},
-          {"voxel", settings.voxel_m},
-          {"samples", settings.samples_per_m2},
-          {"textures", settings.load.textures},
-          {"incomplete tiles", settings.load.allow_incomplete}};
-}
-
-/// The edge asked for, cells. One chosen by memory stays that of blocks which are there from the same inputs.
-std::int32_t choose_edge(tiles::RegionReader& reader, const ExtractSettings& settings, const json& inputs,
-                         const std::filesystem::path& store) {
-  if (*settings.block_m > 0.0) return edge_in_cells(*settings.block_m, settings.voxel_m);
-  json before = workflow::BuildFolder::read_inputs(store);
-  if (before.is_object() && before.contains("block") && before["block"].is_number_integer()) {
-    const auto edge = before["block"].get<std::int32_t>();
-    before.erase("block");
-    if (before == inputs && edge > 0) return edge;
-  }
-  return edge_in_cells(edge_by_memory(reader, settings), settings.voxel_m);
-}
-
-/// What it costs to make a block: the contents that it reads.
-std::vector<double> block_costs(const tiles::RegionReader& reader, const BlockGrid& grid) {
-  constexpr double kEmptyBlock = 0.01;
-  std::vector<double> costs;
-  for (std::size_t i = 0; i < grid.size(); ++i)
-    costs.push_back(kEmptyBlock + static_cast<double>(reader.contents_in(grid.reach(i, 1)).size()));
-  return costs;
 }
 
 std::vector<double> costs_of(const std::vector<std::size_t>& blocks, const std::vector<double>& costs) {
@@ -419,22 +347,6 @@ std::size_t TruthBlocks::count() const { return impl_->grid_.size(); }
 std::size_t TruthBlocks::reused() const { return impl_->reused_; }
 std::size_t TruthBlocks::made() const { return impl_->made_; }
 const std::string& TruthBlocks::note() const { return impl_->note_; }
-
-BlockPlan plan_truth_blocks(const ExtractSettings& settings, const std::filesystem::path& output, int parts) {
-  const auto source = transport::open_source(settings.source, settings.load.source);
-  tiles::LoadOptions load = settings.load;
-  load.uses = {transport::Use::kExtract};
-  tiles::RegionReader reader(*source, transport::redact_source(settings.source), load);
-  json inputs = truth_inputs(reader, settings);
-  const std::int32_t edge = choose_edge(reader, settings, inputs, BlockStore::folder_for(output));
-  inputs["block"] = edge;
-  const BlockGrid grid(reader.placement().region.box(), settings.voxel_m, edge);
-  const std::vector<double> costs = block_costs(reader, grid);
-  return {.edge_m = grid.edge_m(),
-          .parts = static_cast<int>(std::min(grid.size(), static_cast<std::size_t>(std::max(1, parts)))),
-          .memory_bytes = kTruthMemory * mean_content_bytes(reader) * std::ranges::max(costs),
-          .inputs_sha256 = base::sha256_hex(inputs.dump())};
-}
 
 std::filesystem::path block_build_folder(const std::filesystem::path& output) { return BlockStore::folder_for(output); }
 

@@ -63,17 +63,6 @@ class TruthBlocks {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Division of a job into parts.
-struct BlockPlan {
-  double edge_m = 0.0;  ///< of a block, whole voxels
-  int parts = 0;
-  double memory_bytes = 0.0;  ///< estimate of what the largest block takes
-  std::string inputs_sha256;  ///< equal inputs give equal blocks
-};
-
-/// Cuts the blocks of `settings` into `parts`, fewer if there are fewer blocks. Throws InputError.
-BlockPlan plan_truth_blocks(const ExtractSettings& settings, const std::filesystem::path& output, int parts);
-
 /// Folder of an output's finished blocks until it is complete.
 std::filesystem::path block_build_folder(const std::filesystem::path& output);
 

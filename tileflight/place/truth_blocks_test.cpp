@@ -11,6 +11,7 @@
 #include "tests/temporary_folder.h"
 #include "tests/tiny_place.h"
 #include "tileflight/place/block_grid.h"
+#include "tileflight/place/block_plan.h"
 #include "tileflight/place/block_store.h"
 #include "tileflight/workflow/test_ranks.h"
 

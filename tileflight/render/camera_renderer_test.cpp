@@ -385,7 +385,8 @@ TEST(CameraRenderer, RefusesARegionThatCutsBeams) {
   const CameraRenderer renderer(scene, imaging::make_pinhole(160, 120, 90.0), {});
   for (const imaging::PixelRegion& region :
        {imaging::PixelRegion{0, 0, 60, 32}, imaging::PixelRegion{0, 1, 64, 32}, imaging::PixelRegion{0, 0, 168, 32}})
-    EXPECT_THROW(renderer.render(looking_down(kGround + Vec3(0, 0, 9.0)), region), std::invalid_argument);
+    EXPECT_THAT([&] { renderer.render(looking_down(kGround + Vec3(0, 0, 9.0)), region); },
+                ThrowsMessage<std::invalid_argument>(HasSubstr("region: bounds must be multiples of the step")));
 }
 
 TEST(CameraRenderer, RefusesAnImpossibleNumberOfSamples) {

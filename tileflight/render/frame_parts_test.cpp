@@ -2,12 +2,14 @@
 // the same frames traced whole.
 #include "tileflight/render/frame_parts.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cstring>
 #include <random>
 
+#include "tests/refusal.h"
 #include "tileflight/render/test_scenes.h"
 
 namespace tileflight::render::frame_parts_test {
@@ -354,9 +356,13 @@ TEST_F(FramesInLayers, RefusePackedLayersOfAnotherImage) {
   options_.outputs.range = false;
   add_layer(0, {3, 4, 12}, other);
   const std::string packed = other.packed();
-  EXPECT_THROW(own.add_packed(packed), std::logic_error);
-  EXPECT_THROW(other.add_packed(packed.substr(0, packed.size() / 2)), std::logic_error);
-  EXPECT_THROW(LayeredFrame().add_packed(packed), std::logic_error);
+  const auto fault_of = [](LayeredFrame& frame, const std::string& bytes) {
+    return tests::message_of([&] { frame.add_packed(bytes); });
+  };
+  EXPECT_EQ(fault_of(own, packed), "a packed layer has other outputs");
+  EXPECT_EQ(fault_of(other, packed.substr(0, packed.size() / 2)), "a packed layer ends early");
+  LayeredFrame none;
+  EXPECT_EQ(fault_of(none, packed), "a packed layer is of a larger image");
 }
 
 TEST_F(FramesInLayers, ShowNoObjectThatIsHidden) {

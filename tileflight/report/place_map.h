@@ -55,12 +55,6 @@ struct PlaceMap {
 /// Draws the map as an image.
 imaging::RgbImage draw_to_image(const PlaceMap& map);
 
-/// The map's colour of a height, given as a fraction 0 to 1 of the displayed range.
-imaging::Rgb8 height_color(double share);
-
-/// Hill shading with light from the north-west, relative to flat ground (1); NaN where there is no surface.
-imaging::FloatImage hill_shade(const imaging::FloatImage& heights_m, double pixel_m);
-
 /// A crossing of a round parallel or meridian with a side of an extent: its distance along the side in metres (east of
 /// the west end, or north of the south end) and its degrees. `meridians`: crossings with the north side; else parallels
 /// along the east side.

@@ -5,6 +5,8 @@
 
 #include <cmath>
 
+#include "tileflight/report/height_relief.h"
+
 namespace tileflight::report::place_map_test {
 namespace {
 

@@ -10,7 +10,7 @@ std::optional<registration::UpDirection> up_from_imu(const dataset::Dataset& dat
   if (path.empty() || dataset.imu.empty()) return std::nullopt;
   const Eigen::Quaterniond R_cam_imu = dataset.calibration.T_cam_imu.rotation;
   std::vector<registration::SpecificForce> readings;
-  for (const dataset::ImuReading& reading : dataset::read_imu_csv(dataset.imu))
+  for (const geometry::ImuSample& reading : dataset::read_imu_csv(dataset.imu))
     readings.push_back({reading.time_s, R_cam_imu * reading.specific_force_m_s2});
   return registration::estimate_up_from_accelerometer(path, readings);
 }

@@ -29,7 +29,7 @@ class UpByInertialUnit : public testing::Test {
 
   /// IMU readings at rest, in the axes that R_cam_imu maps to the camera's.
   void write_imu(const Eigen::Quaterniond& R_cam_imu) {
-    std::vector<dataset::ImuReading> readings;
+    std::vector<geometry::ImuSample> readings;
     const Vec3 force = R_cam_imu.conjugate() * (R_map_camera_.conjugate() * Vec3(0.0, 9.81, 0.0));
     for (int k = 0; k < 400; ++k) readings.push_back({0.01 * k, Vec3::Zero(), force});
     dataset::write_imu_csv(folder_ / "imu.csv", readings);

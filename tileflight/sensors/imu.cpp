@@ -35,7 +35,7 @@ class NormalVectors {
 Vec3 saturate(const Vec3& value, double range) { return value.cwiseMax(-range).cwiseMin(range); }
 
 /// Error-free sample: the angular rate, and the acceleration minus gravity, in the unit's axes.
-ImuSample ideal_sample(const Motion& imu, double time_s, double gravity_m_s2) {
+geometry::ImuSample ideal_sample(const Motion& imu, double time_s, double gravity_m_s2) {
   const Vec3 felt = imu.acceleration + gravity_m_s2 * Vec3::UnitZ();
   return {time_s, imu.angular_velocity, imu.T_local_body.rotation.conjugate() * felt};
 }
@@ -84,10 +84,10 @@ ImuRecording simulate_imu(const MotionFunction& camera, double start_s, double e
   ImuRecording recording;
   recording.samples.reserve(times.count());
   recording.biases.reserve(times.count());
-  ImuBias bias{options.gyroscope_bias, options.accelerometer_bias};
+  geometry::ImuBias bias{options.gyroscope_bias, options.accelerometer_bias};
   for (std::uint64_t i = 0; i < times.count(); ++i) {
     const double time_s = times.at(i);
-    ImuSample sample =
+    geometry::ImuSample sample =
         ideal_sample(rigidly_attached_motion(camera(time_s), options.T_camera_imu), time_s, options.gravity_m_s2);
     const Vec3 rate = options.gyroscope_scale_misalignment * sample.angular_rate_rad_s + bias.gyroscope_rad_s +
                       options.gyroscope_noise_density * per_sample * gyroscope_noise.at(i);

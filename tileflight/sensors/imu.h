@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/geometry/transform.h"
+#include "tileflight/geometry/imu_sample.h"
 #include "tileflight/sensors/motion.h"
 
 namespace tileflight::sensors {
@@ -45,23 +45,10 @@ ImuOptions imu_preset(const std::string& name);
 /// Throws InputError for options out of range.
 void check(const ImuOptions& options);
 
-/// One sample: the unit's reading at an instant, in its own axes.
-struct ImuSample {
-  double time_s = 0.0;
-  geometry::Vec3 angular_rate_rad_s;
-  geometry::Vec3 specific_force_m_s2;  ///< at rest: gravity upwards
-};
-
-/// The true biases of a sample, for checking an estimate of them.
-struct ImuBias {
-  geometry::Vec3 gyroscope_rad_s;
-  geometry::Vec3 accelerometer_m_s2;
-};
-
-/// The samples of an IMU and their true biases.
+/// The samples of an IMU and their true biases, for checking an estimate of them.
 struct ImuRecording {
-  std::vector<ImuSample> samples;
-  std::vector<ImuBias> biases;  ///< one per sample
+  std::vector<geometry::ImuSample> samples;
+  std::vector<geometry::ImuBias> biases;  ///< one per sample
 };
 
 /// Samples at start, start + 1 / rate, ... up to end, of an IMU mounted on a camera. Noise has the standard deviation

@@ -49,7 +49,7 @@ struct State {
   }
 };
 
-State derivative(const State& state, const ImuSample& sample) {
+State derivative(const State& state, const geometry::ImuSample& sample) {
   const Eigen::Quaterniond q(state.rotation.data());
   const Vec3& w = sample.angular_rate_rad_s;
   return {0.5 * (q * Eigen::Quaterniond(0.0, w.x(), w.y(), w.z())).coeffs(),
@@ -57,7 +57,7 @@ State derivative(const State& state, const ImuSample& sample) {
 }
 
 /// Fourth-order Runge-Kutta step over two sample periods, with the middle sample as midpoint.
-State integrated(State state, const std::vector<ImuSample>& samples) {
+State integrated(State state, const std::vector<geometry::ImuSample>& samples) {
   for (std::size_t i = 0; i + 2 < samples.size(); i += 2) {
     const double h = samples[i + 2].time_s - samples[i].time_s;
     const State k1 = derivative(state, samples[i]);
@@ -103,7 +103,7 @@ TEST(Imu, PerfectSamplesIntegratedBackGiveThePathTheBetterTheFasterTheyAre) {
 TEST(Imu, AtRestItFeelsGravityUpwards) {
   ImuOptions options = perfect();
   options.T_camera_imu = kOnTheCamera;
-  const ImuSample sample = simulate_imu(at_rest(), 0.0, 0.0, options).samples.at(0);
+  const geometry::ImuSample sample = simulate_imu(at_rest(), 0.0, 0.0, options).samples.at(0);
   EXPECT_LT(sample.angular_rate_rad_s.norm(), 1e-15);
   EXPECT_LT((kOnTheCamera.rotation * sample.specific_force_m_s2 - Vec3(0, 0, 9.80665)).norm(), 1e-12);
 }
@@ -120,9 +120,9 @@ TEST(Imu, TheLeverArmIsFelt) {
     motion.angular_acceleration = Vec3::UnitZ();
     return motion;
   };
-  const std::vector<ImuSample> samples = simulate_imu(turning, 0.0, 3.0, options).samples;
+  const std::vector<geometry::ImuSample> samples = simulate_imu(turning, 0.0, 3.0, options).samples;
   ASSERT_EQ(samples.size(), 301U);
-  for (const ImuSample& sample : samples) {
+  for (const geometry::ImuSample& sample : samples) {
     const double w = 2 + sample.time_s;
     EXPECT_LT((sample.specific_force_m_s2 - Vec3(-0.5 * w * w, 0.5, 9.80665)).norm(), 1e-12);
     EXPECT_LT((sample.angular_rate_rad_s - Vec3(0, 0, w)).norm(), 1e-12);
@@ -130,8 +130,9 @@ TEST(Imu, TheLeverArmIsFelt) {
 }
 
 /// Allan deviation of one axis at a cluster time (IEEE Std 952-1997, annex C).
-double allan_deviation(const std::vector<ImuSample>& samples, const std::function<double(const ImuSample&)>& value,
-                       double rate_hz, double cluster_s) {
+double allan_deviation(const std::vector<geometry::ImuSample>& samples,
+                       const std::function<double(const geometry::ImuSample&)>& value, double rate_hz,
+                       double cluster_s) {
   const auto size = static_cast<std::size_t>(std::lround(cluster_s * rate_hz));
   std::vector<double> means;
   for (std::size_t i = 0; i + size <= samples.size(); i += size) {
@@ -144,16 +145,16 @@ double allan_deviation(const std::vector<ImuSample>& samples, const std::functio
   return std::sqrt(squares / (2.0 * static_cast<double>(means.size() - 1)));
 }
 
-double rate_of_axis(const ImuSample& sample, int axis) { return sample.angular_rate_rad_s[axis]; }
-double force_of_axis(const ImuSample& sample, int axis) { return sample.specific_force_m_s2[axis]; }
+double rate_of_axis(const geometry::ImuSample& sample, int axis) { return sample.angular_rate_rad_s[axis]; }
+double force_of_axis(const geometry::ImuSample& sample, int axis) { return sample.specific_force_m_s2[axis]; }
 
 /// Root mean square over the axes.
-double allan_deviation(const std::vector<ImuSample>& samples, double (*value)(const ImuSample&, int), double rate_hz,
-                       double cluster_s) {
+double allan_deviation(const std::vector<geometry::ImuSample>& samples,
+                       double (*value)(const geometry::ImuSample&, int), double rate_hz, double cluster_s) {
   double squares = 0.0;
   for (int axis = 0; axis < 3; ++axis) {
     squares += std::pow(allan_deviation(
-                            samples, [&](const ImuSample& s) { return value(s, axis); }, rate_hz, cluster_s),
+                            samples, [&](const geometry::ImuSample& s) { return value(s, axis); }, rate_hz, cluster_s),
                         2);
   }
   return std::sqrt(squares / 3.0);
@@ -194,7 +195,7 @@ TEST(Imu, ScaleMisalignmentBiasAndRangeAreApplied) {
   options.accelerometer_scale_misalignment(2, 2) = 1.5;
   options.gyroscope_bias = Vec3(0.1, -0.2, 0.3);
   options.gyroscope_range_rad_s = 0.25;
-  const ImuSample sample = simulate_imu(at_rest(), 0.0, 0.0, options).samples.at(0);
+  const geometry::ImuSample sample = simulate_imu(at_rest(), 0.0, 0.0, options).samples.at(0);
   EXPECT_LT((sample.specific_force_m_s2 - Vec3(0.0980665, 0, 14.709975)).norm(), 1e-12);
   EXPECT_LT((sample.angular_rate_rad_s - Vec3(0.1, -0.2, 0.25)).norm(), 1e-15);
 }

@@ -7,6 +7,7 @@
 #include <mutex>
 #include <thread>
 
+#include "tests/refusal.h"
 #include "tileflight/autopilot/test_ardupilot_client.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/simulator/settings.h"
@@ -273,10 +274,11 @@ TEST(AutopilotFlight, SettingsAreThoseOfAirSim) {
   EXPECT_EQ(settings.vehicles[0].autopilot->port, 9012);
   EXPECT_EQ(settings.vehicles[0].autopilot->airframe, autopilot::AirframeKind::kQuadX);
   EXPECT_TRUE(settings.clock.by_autopilots);
-  EXPECT_THROW(read_settings(R"({"SimMode": "ComputerVision", "Vehicles": {"C": {"VehicleType": "ArduCopter"}}})", "s"),
-               InputError);
-  EXPECT_THROW(read_settings(R"({"Vehicles": {"C": {"VehicleType": "ArduCopter", "ControlPort": 70000}}})", "s"),
-               InputError);
+  const auto refusal_of = [](const std::string& text) { return tests::refusal_of([&] { read_settings(text, "s"); }); };
+  EXPECT_THAT(refusal_of(R"({"SimMode": "ComputerVision", "Vehicles": {"C": {"VehicleType": "ArduCopter"}}})"),
+              HasSubstr("an autopilot flies in the mode Multirotor"));
+  EXPECT_THAT(refusal_of(R"({"Vehicles": {"C": {"VehicleType": "ArduCopter", "ControlPort": 70000}}})"),
+              HasSubstr("ControlPort' is 70000, out of range: from 0 to 65535"));
 }
 
 }  // namespace

@@ -5,8 +5,8 @@
 #include <filesystem>
 #include <random>
 
+#include "tests/refusal.h"
 #include "tileflight/autopilot/test_vision_autopilot.h"
-#include "tileflight/base/input_error.h"
 #include "tileflight/base/temporary_path.h"
 #include "tileflight/simulator/test_world.h"
 #include "tileflight/simulator/vision_input.h"
@@ -177,12 +177,18 @@ TEST(VisionFlight, SettingsNameACameraOfTheVehicle) {
   EXPECT_EQ(plain.rate_hz, 15.0);
   EXPECT_EQ(plain.latency_s, 0.1);
   EXPECT_EQ(read(R"(, "VisionCamera": "0")").vehicles.at(0).autopilot->vision.camera, "front_center");
-  for (const char* refused : {R"("VisionCamera": "belly")", R"("VisionRate": 0)", R"("VisionLatency": 2)",
-                              R"("VisionCamera": "a", "Cameras": {"a": {"CaptureSettings": [{"Width": 32}]}})"})
-    EXPECT_THROW(read(std::string(", ") + refused), InputError) << refused;
-  EXPECT_THROW(
-      read_settings(R"({"Vehicles": {"A": {"VehicleType": "ArduCopter", "VisionOdometry": "FromPictures"}}})", "s"),
-      InputError);
+  const auto refused = [&](const std::string& keys, const std::string& why) {
+    EXPECT_THAT(tests::refusal_of([&] { read(", " + keys); }), testing::HasSubstr(why)) << keys;
+  };
+  refused(R"("VisionCamera": "belly")", "the vehicle has no camera 'belly'");
+  refused(R"("VisionRate": 0)", "VisionRate' is 0, out of range: from 1 to 125");
+  refused(R"("VisionLatency": 2)", "VisionLatency' is 2, out of range: from 0 to 1");
+  refused(R"("VisionCamera": "a", "Cameras": {"a": {"CaptureSettings": [{"Width": 32}]}})",
+          "VisionCamera' its pictures are too small for odometry");
+  const auto read_ardupilot = [] {
+    read_settings(R"({"Vehicles": {"A": {"VehicleType": "ArduCopter", "VisionOdometry": "FromPictures"}}})", "s");
+  };
+  EXPECT_THAT(tests::refusal_of(read_ardupilot), testing::HasSubstr("JSON interface has no message for it"));
 }
 
 /// A pitch of 30 degrees up and a heading of 90 degrees to the right, with distinct numbers for every field.

@@ -12,9 +12,7 @@ namespace {
 constexpr double kLine_m = 0.1016;  ///< 4 inches (NCAA rule 1-2-1)
 
 /// Coverage of a line of width `width_m` centred at `distance_m` = 0.
-float stroke(double distance_m, double width_m = kLine_m) {
-  return tiling::edge_coverage(std::fabs(distance_m) - width_m / 2);
-}
+float stroke(double distance_m, double width_m = kLine_m) { return edge_coverage(std::fabs(distance_m) - width_m / 2); }
 
 /// Lines across the field: goal lines, a line every 5 yards, hash marks every yard (20 yards from the sidelines, and at
 /// the sidelines).
@@ -22,14 +20,14 @@ float field_lines(double x, double y) {
   const double ax = std::fabs(x), ay = std::fabs(y);
   if (ax > kSideline_m + 1.9 || ay > kEndLine_m + 1.9) return 0.0F;
   const double outside = std::max(ax - kSideline_m, ay - kEndLine_m);
-  float ink = tiling::edge_coverage(std::fabs(outside - 0.9) - 0.9);  // the border, 6 feet wide
+  float ink = edge_coverage(std::fabs(outside - 0.9) - 0.9);  // the border, 6 feet wide
   if (outside > 0) return ink;
-  if (ay < kGoalLine_m + 0.1) ink = std::max(ink, tiling::band_coverage(y, 5 * kYard_m, kLine_m));
+  if (ay < kGoalLine_m + 0.1) ink = std::max(ink, band_coverage(y, 5 * kYard_m, kLine_m));
   ink = std::max(ink, stroke(ay - kGoalLine_m, 2 * kLine_m));
   if (ay < kGoalLine_m) {
     const double from_hash = std::fabs(ax - 6.1), from_side = kSideline_m - ax;
     const bool dash = from_hash < 0.33 || (from_side > 0.1 && from_side < 0.75);
-    if (dash) ink = std::max(ink, tiling::band_coverage(y, kYard_m, kLine_m));
+    if (dash) ink = std::max(ink, band_coverage(y, kYard_m, kLine_m));
   }
   return ink;
 }
@@ -65,26 +63,25 @@ float emblem(double x, double y) {
   return ink;
 }
 
-tiling::Color apron_color(double x, double y, std::uint32_t seed) {
-  const tiling::Color base = tiling::material::asphalt(x, y, seed + 9);
-  const float joint = std::max(tiling::band_coverage(x, 6.0, 0.06), tiling::band_coverage(y, 6.0, 0.06));
-  return tiling::mix_colors(tiling::Color(base * tiling::Color(1.18F, 0.82F, 0.66F)), {0.25F, 0.2F, 0.18F},
-                            0.4F * joint);
+Color apron_color(double x, double y, std::uint32_t seed) {
+  const Color base = material::asphalt(x, y, seed + 9);
+  const float joint = std::max(band_coverage(x, 6.0, 0.06), band_coverage(y, 6.0, 0.06));
+  return mix_colors(Color(base * Color(1.18F, 0.82F, 0.66F)), {0.25F, 0.2F, 0.18F}, 0.4F * joint);
 }
 
 }  // namespace
 
-tiling::Color field_color(double x, double y, std::uint32_t seed) {
+Color field_color(double x, double y, std::uint32_t seed) {
   if (kTurfArea.distance(x, y) > 0) return apron_color(x, y, seed);
-  tiling::Color color = tiling::material::turf(x, y, seed);
+  Color color = material::turf(x, y, seed);
   const bool end_zone = std::fabs(y) > kGoalLine_m && std::fabs(y) < kEndLine_m && std::fabs(x) < kSideline_m;
-  if (end_zone) color = tiling::mix_colors(color, tiling::Color(0.10F, 0.30F, 0.20F) * (0.6F + 1.4F * color[1]), 0.75F);
-  const tiling::Color chalk = tiling::Color(0.92F, 0.92F, 0.89F) * (0.75F + 0.55F * color[1]);
+  if (end_zone) color = mix_colors(color, Color(0.10F, 0.30F, 0.20F) * (0.6F + 1.4F * color[1]), 0.75F);
+  const Color chalk = Color(0.92F, 0.92F, 0.89F) * (0.75F + 0.55F * color[1]);
   float ink = std::max(field_lines(x, y), emblem(x, y));
   if (on_number(x, y) || (end_zone && on_end_zone_letters(x, y))) ink = 1.0F;
   if (ink <= 0.0F) return color;
   const float wear = 0.82F + 0.3F * base::fractal_noise(x / 0.9, y / 0.9, seed + 8, 4, 0.6F);
-  return tiling::mix_colors(color, chalk, ink * std::clamp(wear, 0.35F, 0.97F));
+  return mix_colors(color, chalk, ink * std::clamp(wear, 0.35F, 0.97F));
 }
 
 }  // namespace tileflight::stadium

@@ -108,104 +108,103 @@ LineProjection nearest_on_road(const LocalRoad& road, const Vec2& p) {
   return best;
 }
 
-tiling::Color street_color(const LocalRoad& road, const LineProjection& at, double x, double y) {
-  tiling::Color color = tiling::material::asphalt(x, y, road.seed);
+Color street_color(const LocalRoad& road, const LineProjection& at, double x, double y) {
+  Color color = material::asphalt(x, y, road.seed);
   const float track =
       1.0F - static_cast<float>(std::min(1.0, std::fabs(std::fabs(at.distance_m - road.half_width_m / 2) - 0.8) / 0.4));
   color *= 1.0F - 0.10F * track;  // wheel tracks
   const float wear = 0.75F + 0.4F * base::fractal_noise(x / 1.1, y / 1.1, road.seed + 7, 4, 0.6F);
-  const float middle = tiling::edge_coverage(std::fabs(at.distance_m - 0.16) - 0.06);
-  const float edge = tiling::edge_coverage(std::fabs(at.distance_m - road.half_width_m + 0.45) - 0.06);
+  const float middle = edge_coverage(std::fabs(at.distance_m - 0.16) - 0.06);
+  const float edge = edge_coverage(std::fabs(at.distance_m - road.half_width_m + 0.45) - 0.06);
   const bool crossing = std::fmod(at.along_m + 20.0, 83.0) < 3.2 && at.distance_m < road.half_width_m - 0.5;
-  color = tiling::mix_colors(color, {0.85F, 0.66F, 0.20F}, middle * std::clamp(wear, 0.0F, 1.0F));
-  const float stripes = crossing ? tiling::band_coverage(at.distance_m, 1.2, 0.6) : 0.0F;
-  return tiling::mix_colors(color, {0.88F, 0.88F, 0.86F}, std::max(edge, stripes) * std::clamp(wear, 0.0F, 1.0F));
+  color = mix_colors(color, {0.85F, 0.66F, 0.20F}, middle * std::clamp(wear, 0.0F, 1.0F));
+  const float stripes = crossing ? band_coverage(at.distance_m, 1.2, 0.6) : 0.0F;
+  return mix_colors(color, {0.88F, 0.88F, 0.86F}, std::max(edge, stripes) * std::clamp(wear, 0.0F, 1.0F));
 }
 
 /// Colour of the nearest road that covers (x, y), in layers: carriageway over kerb over sidewalk.
-bool paint_roads(const LocalPlan& plan, double x, double y, tiling::Color& color) {
+bool paint_roads(const LocalPlan& plan, double x, double y, Color& color) {
   int best_layer = 3;
   for (const LocalRoad& road : plan.roads) {
     const LineProjection at = nearest_on_road(road, {x, y});
     const double outside = at.distance_m - road.half_width_m;
     if (!road.street) {
       if (outside < 0 && best_layer > 2) {
-        color = tiling::material::concrete(x, y, 1.8, road.seed);
+        color = material::concrete(x, y, 1.8, road.seed);
         best_layer = 2;
       }
     } else if (outside < 0 && best_layer > 0) {
       color = street_color(road, at, x, y);
       best_layer = 0;
     } else if (outside < kKerb_m && best_layer > 1) {
-      color = tiling::material::concrete(x, y, 3.0, road.seed) * 1.12F;
+      color = material::concrete(x, y, 3.0, road.seed) * 1.12F;
       best_layer = 1;
     } else if (outside < kKerb_m + kSidewalk_m && best_layer > 2) {
-      color = tiling::material::concrete(x, y, 1.5, road.seed) *
-              (1.0F - 0.3F * tiling::band_coverage(at.along_m, 1.5, 0.05));
+      color = material::concrete(x, y, 1.5, road.seed) * (1.0F - 0.3F * band_coverage(at.along_m, 1.5, 0.05));
       best_layer = 2;
     }
   }
   return best_layer < 3;
 }
 
-tiling::Color plaza_color(const Rect& plaza, double x, double y, std::uint32_t seed) {
-  tiling::Color color = tiling::material::concrete(x, y, 2.5, seed);
+Color plaza_color(const Rect& plaza, double x, double y, std::uint32_t seed) {
+  Color color = material::concrete(x, y, 2.5, seed);
   const double inside = -plaza.distance(x, y);
   const bool pavers = inside < 1.6 || std::fmod(std::fabs(y) + 3.0, 15.0) < 1.8;
-  if (pavers) color = tiling::material::brick(x, y, {0.58F, 0.38F, 0.30F}, seed + 5) * 1.05F;
+  if (pavers) color = material::brick(x, y, {0.58F, 0.38F, 0.30F}, seed + 5) * 1.05F;
   return color;
 }
 
 /// Lawn, or forest floor below trees, with mulch around trunks and bare earth along walls.
-tiling::Color green_color(const LocalPlan& plan, double x, double y) {
-  tiling::Color color = tiling::material::lawn(x, y, plan.seed + 20);
+Color green_color(const LocalPlan& plan, double x, double y) {
+  Color color = material::lawn(x, y, plan.seed + 20);
   const float woods = base::fractal_noise(x / 70, y / 70, plan.seed ^ 0x33U, 2) - 0.10F +
                       0.10F * base::fractal_noise(x / 2.7, y / 2.7, plan.seed + 21, 2);
   if (woods > -0.1F)
-    color = tiling::mix_colors(color, tiling::material::forest_floor(x, y, plan.seed + 22),
-                               std::clamp(5.0F * woods + 0.5F, 0.0F, 1.0F));
+    color =
+        mix_colors(color, material::forest_floor(x, y, plan.seed + 22), std::clamp(5.0F * woods + 0.5F, 0.0F, 1.0F));
   for (const Tree& tree : plan.trees) {
     const double r = (tree.position - Vec2(x, y)).norm() - 0.45 * tree.radius_m;
     if (r < 0.6)
-      color = tiling::mix_colors(color, tiling::material::mulch(x, y, tree.seed),
-                                 tiling::edge_coverage(r + 0.2 * base::value_noise(2 * x, 2 * y, tree.seed), 0.3));
+      color = mix_colors(color, material::mulch(x, y, tree.seed),
+                         edge_coverage(r + 0.2 * base::value_noise(2 * x, 2 * y, tree.seed), 0.3));
   }
   return color;
 }
 
-tiling::Color ground_color(const LocalPlan& plan, double x, double y) {
+Color ground_color(const LocalPlan& plan, double x, double y) {
   if (kFieldArea.distance(x, y) < 0) return field_color(x, y, plan.seed + 30);
-  tiling::Color color;
+  Color color;
   for (const Rect& plaza : plan.plazas)
     if (plaza.distance(x, y) < 0) return plaza_color(plaza, x, y, plan.seed + 40);
   for (const CarPark& park : plan.car_parks)
     if (park.area.distance(x, y) < 0) return car_park_color(park, x, y);
   if (paint_roads(plan, x, y, color)) return color;
   for (const Rect& building : plan.buildings)
-    if (building.distance(x, y) < 1.2) return tiling::material::concrete(x, y, 1.2, plan.seed + 50) * 0.92F;
+    if (building.distance(x, y) < 1.2) return material::concrete(x, y, 1.2, plan.seed + 50) * 0.92F;
   return green_color(plan, x, y);
 }
 
 }  // namespace
 
-tiling::Color car_park_color(const CarPark& park, double x, double y) {
+Color car_park_color(const CarPark& park, double x, double y) {
   const double inside = -park.area.distance(x, y);
-  tiling::Color color = tiling::material::asphalt(x, y, park.seed);
-  if (inside < kKerb_m) return tiling::material::concrete(x, y, 3.0, park.seed) * 1.1F;
+  Color color = material::asphalt(x, y, park.seed);
+  if (inside < kKerb_m) return material::concrete(x, y, 3.0, park.seed) * 1.1F;
   const double along = x - park.area.x0 - 1.0, across = std::fmod(y - park.area.y0 - 1.0, kParkModule_m);
   if (inside < 1.0) return color;
   const bool in_bays = across < kBayDepth_m || across > kBayDepth_m + kLaneWidth_m;
-  float ink = in_bays ? tiling::band_coverage(along, kBayWidth_m, 0.11) : 0.0F;
-  if (along > 0) ink = std::max(ink, tiling::band_coverage(y - park.area.y0 - 1.0, kParkModule_m, 0.11));
+  float ink = in_bays ? band_coverage(along, kBayWidth_m, 0.11) : 0.0F;
+  if (along > 0) ink = std::max(ink, band_coverage(y - park.area.y0 - 1.0, kParkModule_m, 0.11));
   const float wear = 0.62F + 0.5F * base::fractal_noise(x / 1.3, y / 1.3, park.seed + 6, 4, 0.6F);
   const float oil = in_bays ? base::fractal_noise(x / 1.2, y / 1.2, park.seed + 7, 3) : 0.0F;
   color *= 1.0F - 0.35F * std::clamp(2.0F * (oil - 0.3F), 0.0F, 1.0F);
-  return tiling::mix_colors(color, {0.86F, 0.86F, 0.82F}, ink * std::clamp(wear, 0.1F, 0.95F));
+  return mix_colors(color, {0.86F, 0.86F, 0.82F}, ink * std::clamp(wear, 0.1F, 0.95F));
 }
 
-tiling::Painter ground_painter(const SitePlan& plan, const Rect& part) {
+Painter ground_painter(const SitePlan& plan, const Rect& part) {
   const auto local = std::make_shared<const PlanGrid>(plan, part);
-  return [local](const tiling::Texel& texel) {
+  return [local](const Texel& texel) {
     const double x = texel.position.x(), y = texel.position.y();
     return ground_color(local->at(x, y), x, y);
   };

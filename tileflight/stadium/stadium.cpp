@@ -9,9 +9,9 @@
 #include <numbers>
 
 #include "tileflight/simplification/simplify.h"
+#include "tileflight/stadium/bake_charts.h"
+#include "tileflight/stadium/photogrammetry.h"
 #include "tileflight/stadium/stadium_parts.h"
-#include "tileflight/tiling/bake_charts.h"
-#include "tileflight/tiling/photogrammetry.h"
 #include "tileflight/tiling/tileset_writer.h"
 
 namespace tileflight::stadium {
@@ -28,10 +28,10 @@ constexpr const char* kAttribution = "tileflight built-in stadium, CC0";
 /// along a row of voxels.
 constexpr double kHeading_rad = 17.0 * std::numbers::pi / 180.0;
 
-std::vector<tiling::Chart> make_charts(const SitePlan& plan, const Terrain& terrain) {
-  std::vector<tiling::Chart> charts = make_ground(plan, terrain, kLeaf_m);
+std::vector<Chart> make_charts(const SitePlan& plan, const Terrain& terrain) {
+  std::vector<Chart> charts = make_ground(plan, terrain, kLeaf_m);
   for (auto* make : {&make_stands, &make_buildings, &make_trees, &make_cars, &make_furniture})
-    for (tiling::Chart& chart : (*make)(plan, terrain)) charts.push_back(std::move(chart));
+    for (Chart& chart : (*make)(plan, terrain)) charts.push_back(std::move(chart));
   return charts;
 }
 
@@ -39,7 +39,7 @@ std::vector<tiling::Chart> make_charts(const SitePlan& plan, const Terrain& terr
 enum class Layer { kGround, kSolid, kThin };
 constexpr std::array<Layer, 3> kLayers{Layer::kGround, Layer::kSolid, Layer::kThin};
 
-std::size_t leaf_of(const tiling::Chart& chart) {
+std::size_t leaf_of(const Chart& chart) {
   geometry::Box3 box;
   for (const Vec3& vertex : chart.vertices) box.extend(vertex);
   const auto cell = [](double place_m) {
@@ -49,9 +49,8 @@ std::size_t leaf_of(const tiling::Chart& chart) {
 }
 
 /// Charts by leaf and layer; the ground's charts come first in the list.
-std::vector<std::array<std::vector<const tiling::Chart*>, kLayers.size()>> sorted_charts(
-    const std::vector<tiling::Chart>& charts) {
-  std::vector<std::array<std::vector<const tiling::Chart*>, kLayers.size()>> leaves(kLeaves * kLeaves);
+std::vector<std::array<std::vector<const Chart*>, kLayers.size()>> sorted_charts(const std::vector<Chart>& charts) {
+  std::vector<std::array<std::vector<const Chart*>, kLayers.size()>> leaves(kLeaves * kLeaves);
   for (std::size_t i = 0; i < charts.size(); ++i) {
     const Layer layer = i < leaves.size() ? Layer::kGround : charts[i].thin ? Layer::kThin : Layer::kSolid;
     leaves[leaf_of(charts[i])][static_cast<std::size_t>(layer)].push_back(&charts[i]);
@@ -64,15 +63,15 @@ struct BakedStadium {
   std::vector<TexturedMesh> solid;  ///< without thin objects; textures shared with `world`
 };
 
-BakedStadium bake_stadium(const std::vector<tiling::Chart>& charts, double texture_scale, const Progress& progress) {
-  const tiling::Sunlight sun(Vec3(-0.55, -0.45, 0.85), charts, kShadowCell_m);
+BakedStadium bake_stadium(const std::vector<Chart>& charts, double texture_scale, const Progress& progress) {
+  const Sunlight sun(Vec3(-0.55, -0.45, 0.85), charts, kShadowCell_m);
   const auto leaves = sorted_charts(charts);
   std::vector<std::array<TexturedMesh, kLayers.size()>> baked(leaves.size());
   std::mutex mutex;
   std::int64_t done = 0;
   tbb::parallel_for(std::size_t{0}, leaves.size(), [&](std::size_t i) {
     for (std::size_t layer = 0; layer < kLayers.size(); ++layer) {
-      baked[i][layer] = tiling::bake_charts(leaves[i][layer], sun, texture_scale);
+      baked[i][layer] = bake_charts(leaves[i][layer], sun, texture_scale);
       simplification::drop_unused_vertices(baked[i][layer]);
     }
     const std::lock_guard lock(mutex);
@@ -116,16 +115,16 @@ void write_stadium(const std::filesystem::path& folder, const StadiumOptions& op
   const auto seed = static_cast<std::uint32_t>(options.seed ^ (options.seed >> 32));
   const SitePlan plan = make_site_plan(seed);
   const Terrain terrain(plan);
-  const std::vector<tiling::Chart> charts = make_charts(plan, terrain);
+  const std::vector<Chart> charts = make_charts(plan, terrain);
   const BakedStadium place = bake_stadium(charts, options.texture_scale, progress);
   tiling::TilesetOptions tileset;
   tileset.copyright = kAttribution;
   tileset.T_ecef_local = T_ecef_site();
   tiling::write_tileset(folder / "world", place.world, tileset, named(progress, "world"));
   if (!options.twin) return;
-  tiling::PhotogrammetryOptions photogrammetry;
+  PhotogrammetryOptions photogrammetry;
   photogrammetry.seed = seed + 99U;
-  tiling::write_tileset(folder / "twin", tiling::simulate_photogrammetry(place.solid, photogrammetry), tileset,
+  tiling::write_tileset(folder / "twin", simulate_photogrammetry(place.solid, photogrammetry), tileset,
                         named(progress, "twin"));
 }
 

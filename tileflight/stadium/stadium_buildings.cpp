@@ -14,7 +14,7 @@ struct Facade {
   double storey_m, bay_m;
   double left, right, bottom, top;  ///< window within its bay and storey, as fractions
   double depth_m;
-  tiling::Color wall, band;
+  Color wall, band;
 };
 
 Facade facade_of(BuildingStyle style) {
@@ -63,18 +63,16 @@ bool is_sunk(std::size_t knot, bool skirt) {
   return (!skirt || knot > 0) && (i % 5 == 2 || i % 5 == 3);
 }
 
-tiling::Color pane_color(const tiling::Texel& texel, double bay, double storey, BuildingStyle style,
-                         std::uint32_t seed) {
+Color pane_color(const Texel& texel, double bay, double storey, BuildingStyle style, std::uint32_t seed) {
   if (style == BuildingStyle::kConcreteDeck)
-    return tiling::Color(0.13F, 0.13F, 0.14F) * (1.0F + 0.4F * base::fractal_noise(texel.s_m, texel.t_m, seed, 3));
+    return Color(0.13F, 0.13F, 0.14F) * (1.0F + 0.4F * base::fractal_noise(texel.s_m, texel.t_m, seed, 3));
   const float one = base::cell_random(bay, storey, seed + 1);
-  tiling::Color color = tiling::material::glass(texel.s_m, texel.t_m, seed + 2) * (0.8F + 0.6F * one);
+  Color color = material::glass(texel.s_m, texel.t_m, seed + 2) * (0.8F + 0.6F * one);
   if (one > 0.62F)
-    color = tiling::mix_colors(color, {0.70F, 0.67F, 0.58F},
-                               0.5F * one * (0.7F + 0.3F * tiling::band_coverage(texel.t_m, 0.2, 0.1)));  // blinds
-  const float bars =
-      std::max(tiling::band_coverage(texel.s_m, 0.85, 0.07), tiling::band_coverage(texel.t_m, 1.2, 0.07));
-  return tiling::mix_colors(color, {0.78F, 0.77F, 0.74F}, 0.8F * bars);
+    color = mix_colors(color, {0.70F, 0.67F, 0.58F},
+                       0.5F * one * (0.7F + 0.3F * band_coverage(texel.t_m, 0.2, 0.1)));  // blinds
+  const float bars = std::max(band_coverage(texel.s_m, 0.85, 0.07), band_coverage(texel.t_m, 1.2, 0.07));
+  return mix_colors(color, {0.78F, 0.77F, 0.74F}, 0.8F * bars);
 }
 
 /// Paint of a wall whose ground line is at t = `skirt_m`.
@@ -85,7 +83,7 @@ struct FacadePaint {
   BuildingStyle style = BuildingStyle::kBrickHall;
   std::uint32_t seed = 0;
 
-  tiling::Color operator()(const tiling::Texel& texel) const {
+  Color operator()(const Texel& texel) const {
     const double t = texel.t_m - skirt_m;
     const double bay = std::floor(texel.s_m / bays.size_m), storey = std::floor(t / storeys.size_m);
     const double u = texel.s_m / bays.size_m - bay, v = t / storeys.size_m - storey;
@@ -96,21 +94,20 @@ struct FacadePaint {
         u > facade.left - 0.05 && u < facade.right + 0.05 && (v > facade.bottom - 0.06 && v < facade.top + 0.09);
     const bool cornice = v > 0.96 || v < 0.015 || (t > 0 && t < 0.8);
     const std::uint32_t own = seed + 31U;
-    if (lintel || cornice)
-      return tiling::material::concrete(texel.s_m, t, 1.65, own) * (facade.band / 0.64F).min(1.25F);
+    if (lintel || cornice) return material::concrete(texel.s_m, t, 1.65, own) * (facade.band / 0.64F).min(1.25F);
     if (style == BuildingStyle::kGlassOffice || style == BuildingStyle::kConcreteDeck)
-      return tiling::material::concrete(texel.s_m, t, 2.6, own) * (facade.wall / 0.66F);
-    return tiling::material::brick(texel.s_m, t, facade.wall, own);
+      return material::concrete(texel.s_m, t, 2.6, own) * (facade.wall / 0.66F);
+    return material::brick(texel.s_m, t, facade.wall, own);
   }
 };
 
 /// A wall with recessed windows; `skirt_m` of it is below ground.
-tiling::Chart make_wall(const Vec3& corner, const Vec3& along, double height_m, double skirt_m, BuildingStyle style,
-                        std::uint32_t seed) {
+Chart make_wall(const Vec3& corner, const Vec3& along, double height_m, double skirt_m, BuildingStyle style,
+                std::uint32_t seed) {
   const Facade facade = facade_of(style);
   const FacadePaint paint{facade, divide(along.norm(), facade.bay_m), divide(height_m, facade.storey_m), skirt_m, style,
                           seed};
-  tiling::Chart chart;
+  Chart chart;
   chart.s_m = bay_knots(0.0, paint.bays, facade.left, facade.right);
   chart.t_m = bay_knots(skirt_m, paint.storeys, facade.bottom, facade.top);
   const Vec3 direction = along.normalized(), inward = Vec3::UnitZ().cross(direction);
@@ -127,43 +124,42 @@ tiling::Chart make_wall(const Vec3& corner, const Vec3& along, double height_m, 
 }
 
 /// The parapet: top of the wall, inner side and down to the roof, mitred at both corners.
-tiling::Chart make_parapet(const Vec3& a, const Vec3& b, const Vec3& middle, std::uint32_t seed) {
+Chart make_parapet(const Vec3& a, const Vec3& b, const Vec3& middle, std::uint32_t seed) {
   const auto inset = [&](const Vec3& p) -> Vec3 {
     return p + kParapetWidth_m * Vec3(p.x() < middle.x() ? 1 : -1, p.y() < middle.y() ? 1 : -1, 0);
   };
-  tiling::Chart chart;
+  Chart chart;
   chart.s_m = {0.0, (b - a).norm()};
   chart.t_m = {0.0, kParapetWidth_m, kParapetWidth_m + kParapet_m};
   const Vec3 down(0, 0, -kParapet_m);
   chart.vertices = {a, b, inset(a), inset(b), inset(a) + down, inset(b) + down};
-  chart.paint = [seed](const tiling::Texel& texel) -> tiling::Color {
-    return tiling::material::concrete(texel.s_m, texel.t_m, 2.2, seed + 41) * 0.95F;
+  chart.paint = [seed](const Texel& texel) -> Color {
+    return material::concrete(texel.s_m, texel.t_m, 2.2, seed + 41) * 0.95F;
   };
   chart.texel_m = 0.08;
   return chart;
 }
 
-void add_machines(const Rect& roof, double z, base::HashRandom& random, std::vector<tiling::Chart>& charts) {
+void add_machines(const Rect& roof, double z, base::HashRandom& random, std::vector<Chart>& charts) {
   const int count = static_cast<int>((roof.x1 - roof.x0) * (roof.y1 - roof.y0) / 90);
   for (int i = 0; i < count; ++i) {
     const Vec3 size(random.uniform(1.0, 3.6), random.uniform(1.0, 2.4), random.uniform(0.6, 1.9));
     const Vec3 low(random.uniform(roof.x0 + 1, roof.x1 - 1 - size.x()),
                    random.uniform(roof.y0 + 1, roof.y1 - 1 - size.y()), z - 0.1);
     const std::uint32_t seed = random.bits();
-    const tiling::Color base =
-        random.chance(0.7) ? tiling::Color(0.70F, 0.71F, 0.71F) : tiling::Color(0.45F, 0.47F, 0.48F);
-    const auto wall = [base, seed](const tiling::Texel& t) -> tiling::Color {
-      return tiling::material::metal(t.s_m, t.t_m, base, seed) * (1.0F - 0.5F * tiling::band_coverage(t.t_m, 0.3, 0.1));
+    const Color base = random.chance(0.7) ? Color(0.70F, 0.71F, 0.71F) : Color(0.45F, 0.47F, 0.48F);
+    const auto wall = [base, seed](const Texel& t) -> Color {
+      return material::metal(t.s_m, t.t_m, base, seed) * (1.0F - 0.5F * band_coverage(t.t_m, 0.3, 0.1));
     };
-    const auto top = [base, seed](const tiling::Texel& t) -> tiling::Color {
+    const auto top = [base, seed](const Texel& t) -> Color {
       const bool fan = std::hypot(std::fmod(t.s_m, 1.1) - 0.55, std::fmod(t.t_m, 1.1) - 0.55) < 0.4;
-      return fan ? tiling::Color(0.18F, 0.18F, 0.19F) : tiling::material::metal(t.s_m, t.t_m, base, seed);
+      return fan ? Color(0.18F, 0.18F, 0.19F) : material::metal(t.s_m, t.t_m, base, seed);
     };
-    for (tiling::Chart& chart : tiling::make_box(low, low + size, wall, top)) charts.push_back(std::move(chart));
+    for (Chart& chart : make_box(low, low + size, wall, top)) charts.push_back(std::move(chart));
   }
 }
 
-void add_flat_roof(const Building& building, double z, std::uint32_t seed, std::vector<tiling::Chart>& charts) {
+void add_flat_roof(const Building& building, double z, std::uint32_t seed, std::vector<Chart>& charts) {
   const Rect& f = building.footprint;
   const Vec3 middle(f.center().x(), f.center().y(), z);
   const std::array<Vec3, 4> corners{Vec3(f.x0, f.y0, z), Vec3(f.x1, f.y0, z), Vec3(f.x1, f.y1, z), Vec3(f.x0, f.y1, z)};
@@ -171,14 +167,14 @@ void add_flat_roof(const Building& building, double z, std::uint32_t seed, std::
   const Rect roof{f.x0 + kParapetWidth_m, f.y0 + kParapetWidth_m, f.x1 - kParapetWidth_m, f.y1 - kParapetWidth_m};
   const bool gravel = building.style == BuildingStyle::kBrickHall || building.style == BuildingStyle::kFieldHouse;
   const bool deck = building.style == BuildingStyle::kConcreteDeck;
-  tiling::Chart chart = tiling::make_panel(
-      {roof.x0, roof.y0, z - kParapet_m}, {roof.x1 - roof.x0, 0, 0}, {0, roof.y1 - roof.y0, 0},
-      [seed, gravel, deck](const tiling::Texel& t) -> tiling::Color {
-        if (gravel) return tiling::material::roof_gravel(t.s_m, t.t_m, seed);
-        if (!deck) return tiling::material::roof_membrane(t.s_m, t.t_m, seed);
-        const float line = std::fmod(t.t_m, 16.5) < 10.4 ? tiling::band_coverage(t.s_m, 2.7, 0.12) : 0.0F;
-        return tiling::mix_colors(tiling::material::concrete(t.s_m, t.t_m, 5.5, seed), {0.93F, 0.92F, 0.88F}, line);
-      });
+  Chart chart =
+      make_panel({roof.x0, roof.y0, z - kParapet_m}, {roof.x1 - roof.x0, 0, 0}, {0, roof.y1 - roof.y0, 0},
+                 [seed, gravel, deck](const Texel& t) -> Color {
+                   if (gravel) return material::roof_gravel(t.s_m, t.t_m, seed);
+                   if (!deck) return material::roof_membrane(t.s_m, t.t_m, seed);
+                   const float line = std::fmod(t.t_m, 16.5) < 10.4 ? band_coverage(t.s_m, 2.7, 0.12) : 0.0F;
+                   return mix_colors(material::concrete(t.s_m, t.t_m, 5.5, seed), {0.93F, 0.92F, 0.88F}, line);
+                 });
   chart.texel_m = 0.06;
   charts.push_back(std::move(chart));
   base::HashRandom random(seed ^ 0x800fU);
@@ -186,19 +182,18 @@ void add_flat_roof(const Building& building, double z, std::uint32_t seed, std::
 }
 
 /// Four slopes that meet in a ridge along the longer side (y).
-void add_hip_roof(const Rect& f, double eaves_m, double rise_m, std::uint32_t seed,
-                  std::vector<tiling::Chart>& charts) {
+void add_hip_roof(const Rect& f, double eaves_m, double rise_m, std::uint32_t seed, std::vector<Chart>& charts) {
   const double half_m = (f.x1 - f.x0) / 2;
   const Vec3 a(f.x0, f.y0, eaves_m), b(f.x1, f.y0, eaves_m), c(f.x1, f.y1, eaves_m), d(f.x0, f.y1, eaves_m);
   const Vec3 r0(f.x0 + half_m, f.y0 + half_m, eaves_m + rise_m), r1(f.x0 + half_m, f.y1 - half_m, eaves_m + rise_m);
   const double slope_m = std::hypot(half_m, rise_m);
   const auto slope = [&](const Vec3& left, const Vec3& right, const Vec3& top_left, const Vec3& top_right) {
-    tiling::Chart chart;
+    Chart chart;
     chart.s_m = {0.0, (right - left).norm()};
     chart.t_m = {0.0, slope_m};
     chart.vertices = {left, right, top_left, top_right};
-    chart.paint = [seed](const tiling::Texel& t) {
-      return tiling::material::metal(t.position.x() + t.position.y(), t.t_m, {0.22F, 0.42F, 0.33F}, seed);
+    chart.paint = [seed](const Texel& t) {
+      return material::metal(t.position.x() + t.position.y(), t.t_m, {0.22F, 0.42F, 0.33F}, seed);
     };
     charts.push_back(std::move(chart));
   };
@@ -208,8 +203,7 @@ void add_hip_roof(const Rect& f, double eaves_m, double rise_m, std::uint32_t se
   slope(d, a, r1, r0);
 }
 
-void add_building(const Building& building, const Terrain& terrain, std::uint32_t seed,
-                  std::vector<tiling::Chart>& charts) {
+void add_building(const Building& building, const Terrain& terrain, std::uint32_t seed, std::vector<Chart>& charts) {
   constexpr double kSkirt_m = 0.6;
   const Rect& f = building.footprint;
   const double ground = terrain.height_m(f.center().x(), f.center().y());
@@ -227,8 +221,8 @@ void add_building(const Building& building, const Terrain& terrain, std::uint32_
 
 }  // namespace
 
-std::vector<tiling::Chart> make_buildings(const SitePlan& plan, const Terrain& terrain) {
-  std::vector<tiling::Chart> charts;
+std::vector<Chart> make_buildings(const SitePlan& plan, const Terrain& terrain) {
+  std::vector<Chart> charts;
   std::uint32_t seed = plan.seed ^ 0xb1d9U;
   for (const Building& building : plan.buildings)
     add_building(building, terrain, seed = base::murmur3_mix(seed + 7), charts);

@@ -37,11 +37,11 @@ struct Car {
   double heading = 1.0;  ///< +1: nose to +y; -1: to -y
   double length_m = 4.6, width_m = 1.8, height_m = 1.45;
   bool van = false;
-  tiling::Color paint{0.8F, 0.8F, 0.8F};
+  Color paint{0.8F, 0.8F, 0.8F};
   std::uint32_t seed = 0;
 };
 
-tiling::Color car_paint(base::HashRandom& random) {
+Color car_paint(base::HashRandom& random) {
   constexpr std::array<std::array<float, 3>, 9> kPaints{{{0.88F, 0.88F, 0.87F},
                                                          {0.62F, 0.64F, 0.66F},
                                                          {0.16F, 0.16F, 0.17F},
@@ -81,8 +81,7 @@ Vec3 body_point(const Car& car, const Station& station, int column) {
 }
 
 /// Windows lie between waist and roof; windscreens where the roof line slopes.
-tiling::Color body_color(const Car& car, const std::array<Station, 9>& shape, const tiling::Texel& texel,
-                         double along) {
+Color body_color(const Car& car, const std::array<Station, 9>& shape, const Texel& texel, double along) {
   const double height = (texel.position.z() - car.foot.z()) / car.height_m;
   const double from_axis = std::fabs(texel.position.x() - car.foot.x()) / (car.width_m / 2);
   const bool cabin = along > shape[3].along && along < shape[6].along + 0.05;
@@ -92,18 +91,18 @@ tiling::Color body_color(const Car& car, const std::array<Station, 9>& shape, co
                                            (along > shape[5].along + 0.02 && along < shape[6].along));
   if (side_window || (screen && !car.van) || (screen && along < 0.5)) {
     const bool pillar = std::fabs(along - 0.53) < 0.012 && side_window;
-    return pillar ? tiling::Color(car.paint * 0.7F) : tiling::material::glass(3 * texel.s_m, 3 * texel.t_m, car.seed);
+    return pillar ? Color(car.paint * 0.7F) : material::glass(3 * texel.s_m, 3 * texel.t_m, car.seed);
   }
   const double wheel = std::min(std::fabs(along - 0.18), std::fabs(along - 0.80)) * car.length_m;
   if (from_axis > 0.93 && std::hypot(wheel, height * car.height_m - 0.3) < 0.34) return {0.09F, 0.09F, 0.09F};
   const float dust = 1.0F + 0.10F * base::fractal_noise(texel.position.x(), texel.position.y(), car.seed, 4, 0.6F);
   const bool light = from_axis > 0.55 && height > 0.3 && height < 0.5 && (along < 0.03 || along > 0.97);
-  if (light) return along < 0.5 ? tiling::Color(0.92F, 0.90F, 0.82F) : tiling::Color(0.62F, 0.10F, 0.08F);
-  return height < 0.16 ? tiling::Color(0.16F, 0.16F, 0.16F) : tiling::Color(car.paint * dust);
+  if (light) return along < 0.5 ? Color(0.92F, 0.90F, 0.82F) : Color(0.62F, 0.10F, 0.08F);
+  return height < 0.16 ? Color(0.16F, 0.16F, 0.16F) : Color(car.paint * dust);
 }
 
-tiling::Chart make_car(const Car& car) {
-  tiling::Chart chart;
+Chart make_car(const Car& car) {
+  Chart chart;
   const std::array<Station, 9>& shape = car.van ? kVan : kSaloon;
   chart.s_m = {0.0, 0.8, 1.5, 2.7, 3.4, 4.2};
   for (const Station& station : shape) {
@@ -114,13 +113,13 @@ tiling::Chart make_car(const Car& car) {
     for (int column = 0; column < 6; ++column) chart.vertices.push_back(body_point(car, station, column));
   }
   chart.texel_m = 0.06;
-  chart.paint = [car, shape](const tiling::Texel& texel) {
+  chart.paint = [car, shape](const Texel& texel) {
     return body_color(car, shape, texel, 0.5 - car.heading * (texel.position.y() - car.foot.y()) / car.length_m);
   };
   return chart;
 }
 
-void fill_park(const CarPark& park, const Terrain& terrain, std::vector<tiling::Chart>& charts) {
+void fill_park(const CarPark& park, const Terrain& terrain, std::vector<Chart>& charts) {
   base::HashRandom random(park.seed ^ 0xca5U);
   for (double y = park.area.y0 + 1; y + kBayDepth_m < park.area.y1; y += kParkModule_m) {
     for (int side = 0; side < 2; ++side) {
@@ -138,8 +137,8 @@ void fill_park(const CarPark& park, const Terrain& terrain, std::vector<tiling::
 
 }  // namespace
 
-std::vector<tiling::Chart> make_cars(const SitePlan& plan, const Terrain& terrain) {
-  std::vector<tiling::Chart> charts;
+std::vector<Chart> make_cars(const SitePlan& plan, const Terrain& terrain) {
+  std::vector<Chart> charts;
   for (const CarPark& park : plan.car_parks) fill_park(park, terrain, charts);
   return charts;
 }

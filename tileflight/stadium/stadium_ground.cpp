@@ -14,11 +14,11 @@ double ground_texel_m(const Rect& part) {
   return away_m < 100 ? 0.05 : away_m < 150 ? 0.0625 : 0.1;
 }
 
-tiling::Chart make_part(const SitePlan& plan, const Terrain& terrain, const Rect& part) {
-  tiling::Chart chart;
+Chart make_part(const SitePlan& plan, const Terrain& terrain, const Rect& part) {
+  Chart chart;
   const auto cells = static_cast<std::size_t>(std::lround((part.x1 - part.x0) / kCell_m));
-  chart.s_m = tiling::even_positions(part.x1 - part.x0, cells);
-  chart.t_m = tiling::even_positions(part.y1 - part.y0, cells);
+  chart.s_m = even_positions(part.x1 - part.x0, cells);
+  chart.t_m = even_positions(part.y1 - part.y0, cells);
   for (const double t : chart.t_m) {
     for (const double s : chart.s_m) {
       chart.vertices.push_back(terrain.point(part.x0 + s, part.y0 + t));
@@ -36,8 +36,8 @@ tiling::Chart make_part(const SitePlan& plan, const Terrain& terrain, const Rect
 
 }  // namespace
 
-std::vector<tiling::Chart> make_ground(const SitePlan& plan, const Terrain& terrain, double tile_m) {
-  std::vector<tiling::Chart> charts;
+std::vector<Chart> make_ground(const SitePlan& plan, const Terrain& terrain, double tile_m) {
+  std::vector<Chart> charts;
   for (double y = -kSiteHalf_m; y < kSiteHalf_m - 1e-6; y += tile_m)
     for (double x = -kSiteHalf_m; x < kSiteHalf_m - 1e-6; x += tile_m)
       charts.push_back(make_part(plan, terrain, {x, y, x + tile_m, y + tile_m}));

@@ -48,7 +48,7 @@ std::vector<Vec2> row_profile(const Grandstand& stand, bool seats, double back_h
 /// Unrolled length of a row's strips: walkway, riser, seat, back rest's front, top and rear.
 constexpr double kRowLength_m = kWalkway_m + Grandstand::kRowRise_m + kSeat_m + 2 * kBackHeight_m + kBack_m;
 
-tiling::Color person_color(float choice) {
+Color person_color(float choice) {
   if (choice < 0.25F) return {0.86F, 0.84F, 0.80F};
   if (choice < 0.45F) return {0.12F, 0.34F, 0.22F};
   if (choice < 0.6F) return {0.70F, 0.15F, 0.13F};
@@ -58,52 +58,52 @@ tiling::Color person_color(float choice) {
 }
 
 /// Seat colours of a section: green, partly gold by pattern, individually bleached, some occupied.
-tiling::Color seat_color(double s_m, double row, int section, bool on_back, std::uint32_t seed) {
+Color seat_color(double s_m, double row, int section, bool on_back, std::uint32_t seed) {
   const double seat = s_m / kSeatWidth_m;
   const float one = base::cell_random(seat, row, seed);
   const bool gold = std::fabs(row - 14.5) < 3.0 && (section % 3) == 1;
-  tiling::Color color = gold ? tiling::Color(0.74F, 0.60F, 0.26F) : tiling::Color(0.10F, 0.35F, 0.24F);
+  Color color = gold ? Color(0.74F, 0.60F, 0.26F) : Color(0.10F, 0.35F, 0.24F);
   color *= 0.75F + 0.55F * base::cell_random(seat, row, seed + 1);
   const float crowd = 0.16F + 0.22F * base::value_noise(s_m / 5.0, row / 5.0, seed + 2);
   if (one < crowd)
     color = person_color(base::cell_random(seat, row, seed + 3)) *
             (0.7F + 0.5F * base::cell_random(9 * seat, 7 * row, seed + 4));
-  const float gap = tiling::band_coverage(s_m, kSeatWidth_m, on_back ? 0.09 : 0.07);
-  return tiling::mix_colors(color, {0.24F, 0.24F, 0.24F}, 0.8F * gap);
+  const float gap = band_coverage(s_m, kSeatWidth_m, on_back ? 0.09 : 0.07);
+  return mix_colors(color, {0.24F, 0.24F, 0.24F}, 0.8F * gap);
 }
 
-tiling::Color row_color(const tiling::Texel& texel, int section, std::uint32_t seed) {
+Color row_color(const Texel& texel, int section, std::uint32_t seed) {
   const double row = std::floor(texel.t_m / kRowLength_m);
   const double t = texel.t_m - row * kRowLength_m;
   const double along = texel.s_m + 30.0 * section;
   if (t < kWalkway_m + Grandstand::kRowRise_m) {
-    const tiling::Color concrete = tiling::material::concrete(along, texel.t_m, 4.0, seed + 5);
+    const Color concrete = material::concrete(along, texel.t_m, 4.0, seed + 5);
     const float litter = base::cell_random(along / 0.2, texel.t_m / 0.2, seed + 6);
     const float dirt = t > kWalkway_m ? 0.66F : 0.92F;
-    return litter > 0.985F ? tiling::Color(0.85F, 0.83F, 0.78F) : tiling::Color(concrete * dirt);
+    return litter > 0.985F ? Color(0.85F, 0.83F, 0.78F) : Color(concrete * dirt);
   }
   const bool on_back = t > kWalkway_m + Grandstand::kRowRise_m + kSeat_m;
   const bool on_rear = t > kRowLength_m - kBackHeight_m;
-  const tiling::Color color = seat_color(along, row, section, on_back, seed);
-  return on_rear ? tiling::Color(0.7F * color) : color;
+  const Color color = seat_color(along, row, section, on_back, seed);
+  return on_rear ? Color(0.7F * color) : color;
 }
 
-tiling::Color aisle_color(const tiling::Texel& texel, int section, std::uint32_t seed) {
+Color aisle_color(const Texel& texel, int section, std::uint32_t seed) {
   constexpr double kLength_m = Grandstand::kRowDepth_m + Grandstand::kRowRise_m;
   const double t = std::fmod(texel.t_m, kLength_m);
-  tiling::Color color = tiling::material::concrete(texel.s_m + 17.0 * section, texel.t_m, 3.0, seed + 7);
+  Color color = material::concrete(texel.s_m + 17.0 * section, texel.t_m, 3.0, seed + 7);
   if (std::fabs(t - kWalkway_m - Grandstand::kRowRise_m) < 0.08) color = {0.83F, 0.70F, 0.22F};
-  return t > kWalkway_m && t < kWalkway_m + Grandstand::kRowRise_m ? tiling::Color(0.72F * color) : color;
+  return t > kWalkway_m && t < kWalkway_m + Grandstand::kRowRise_m ? Color(0.72F * color) : color;
 }
 
 /// One block of seats between aisles. The back rests taper to zero at both ends, so that the surface is closed there.
-tiling::Chart make_section(const Grandstand& stand, const StandFrame& frame, double from_m, double to_m, int section,
-                           std::uint32_t seed) {
-  const auto paint = [section, seed](const tiling::Texel& texel) { return row_color(texel, section, seed); };
+Chart make_section(const Grandstand& stand, const StandFrame& frame, double from_m, double to_m, int section,
+                   std::uint32_t seed) {
+  const auto paint = [section, seed](const Texel& texel) { return row_color(texel, section, seed); };
   const double length_m = to_m - from_m;
   const Vec3 start = frame.start + from_m * frame.along;
-  tiling::Chart chart = tiling::make_sweep(start, length_m * frame.along, frame.out,
-                                           row_profile(stand, true, kBackHeight_m), paint, length_m / 6);
+  Chart chart = make_sweep(start, length_m * frame.along, frame.out, row_profile(stand, true, kBackHeight_m), paint,
+                           length_m / 6);
   const std::vector<Vec2> ends = row_profile(stand, true, 0.0);
   chart.s_m[1] = 0.12;
   chart.s_m[5] = length_m - 0.12;
@@ -116,37 +116,36 @@ tiling::Chart make_section(const Grandstand& stand, const StandFrame& frame, dou
   return chart;
 }
 
-void add_rows(const Grandstand& stand, const StandFrame& frame, std::uint32_t seed,
-              std::vector<tiling::Chart>& charts) {
+void add_rows(const Grandstand& stand, const StandFrame& frame, std::uint32_t seed, std::vector<Chart>& charts) {
   const double pitch_m = (frame.length_m - kAisle_m) / kSections;
   for (int section = 0; section <= kSections; ++section) {
     const double aisle_m = section * pitch_m;
-    const auto paint = [section, seed](const tiling::Texel& texel) { return aisle_color(texel, section, seed); };
-    charts.push_back(tiling::make_sweep(frame.start + aisle_m * frame.along, kAisle_m * frame.along, frame.out,
-                                        row_profile(stand, false, 0.0), paint, kAisle_m));
+    const auto paint = [section, seed](const Texel& texel) { return aisle_color(texel, section, seed); };
+    charts.push_back(make_sweep(frame.start + aisle_m * frame.along, kAisle_m * frame.along, frame.out,
+                                row_profile(stand, false, 0.0), paint, kAisle_m));
     if (section < kSections)
       charts.push_back(make_section(stand, frame, aisle_m + kAisle_m, aisle_m + pitch_m, section, seed));
   }
 }
 
 /// The wall between field and stand: padded panels, some with the site's name.
-tiling::Color field_wall_color(const tiling::Texel& texel, std::uint32_t seed) {
+Color field_wall_color(const Texel& texel, std::uint32_t seed) {
   const double panel = std::floor(texel.s_m / 2.5);
   const float one = base::cell_random(panel, 1.0, seed);
-  tiling::Color color = one < 0.5F    ? tiling::Color(0.09F, 0.28F, 0.19F)
-                        : one < 0.75F ? tiling::Color(0.15F, 0.17F, 0.18F)
-                                      : tiling::Color(0.85F, 0.83F, 0.77F);
+  Color color = one < 0.5F    ? Color(0.09F, 0.28F, 0.19F)
+                : one < 0.75F ? Color(0.15F, 0.17F, 0.18F)
+                              : Color(0.85F, 0.83F, 0.77F);
   color *= 0.9F + 0.25F * base::fractal_noise(texel.s_m / 0.8, texel.t_m / 0.8, seed + 1, 4, 0.6F);
-  if (texel.t_m > 2.5) return tiling::material::concrete(texel.s_m, texel.t_m, 2.5, seed);
+  if (texel.t_m > 2.5) return material::concrete(texel.s_m, texel.t_m, 2.5, seed);
   const double s = std::fmod(texel.s_m, 20.0);
   const bool ink = is_ink("TILEFLIGHT", (s - 3.0) / 0.2, (texel.t_m - 0.6) / 0.2);
-  if (ink) color = one < 0.75F ? tiling::Color(0.93F, 0.92F, 0.88F) : tiling::Color(0.10F, 0.28F, 0.20F);
-  return color * (1.0F - 0.5F * tiling::band_coverage(texel.s_m, 2.5, 0.07));
+  if (ink) color = one < 0.75F ? Color(0.93F, 0.92F, 0.88F) : Color(0.10F, 0.28F, 0.20F);
+  return color * (1.0F - 0.5F * band_coverage(texel.s_m, 2.5, 0.07));
 }
 
 /// Field wall, and at the top the walkway with the wall behind it, in pieces small enough for single tiles.
 void add_long_walls(const Grandstand& stand, const StandFrame& frame, const Terrain& terrain, std::uint32_t seed,
-                    std::vector<tiling::Chart>& charts) {
+                    std::vector<Chart>& charts) {
   const double front = stand.front_height_m, top = stand.top_m(), last = kWall_m + stand.rows * Grandstand::kRowDepth_m;
   const std::vector<Vec2> field_wall{
       {0, -0.3}, {0, front + kWallHeight_m}, {kWall_m, front + kWallHeight_m}, {kWall_m, front}};
@@ -165,30 +164,30 @@ void add_long_walls(const Grandstand& stand, const StandFrame& frame, const Terr
                                     {depth, top + kBackWallHeight_m},
                                     {depth, ground}};
     const double from_m = i * length_m;
-    charts.push_back(tiling::make_sweep(
+    charts.push_back(make_sweep(
         start, length_m * frame.along, frame.out, field_wall,
-        [seed, from_m](tiling::Texel texel) {
+        [seed, from_m](Texel texel) {
           texel.s_m += from_m;
           return field_wall_color(texel, seed + 11);
         },
         2.75));
-    charts.push_back(tiling::make_sweep(
+    charts.push_back(make_sweep(
         start, length_m * frame.along, frame.out, walkway,
-        [seed, from_m](const tiling::Texel& texel) {
-          return tiling::material::concrete(texel.s_m + from_m, texel.t_m, 2.0, seed + 12);
+        [seed, from_m](const Texel& texel) {
+          return material::concrete(texel.s_m + from_m, texel.t_m, 2.0, seed + 12);
         },
         2.75));
   }
 }
 
 /// Sloping wall at one end, from the ground outside over its top to slightly below the rows inside.
-tiling::Chart make_end_wall(const Grandstand& stand, const StandFrame& frame, const Terrain& terrain, bool far_end,
-                            std::uint32_t seed) {
-  tiling::Chart chart;
+Chart make_end_wall(const Grandstand& stand, const StandFrame& frame, const Terrain& terrain, bool far_end,
+                    std::uint32_t seed) {
+  Chart chart;
   const Vec3 outer = frame.start + (far_end ? frame.length_m : 0.0) * frame.along;
   const Vec3 inner = outer + (far_end ? -kWall_m : kWall_m) * frame.along;
   constexpr int kCells = 18;
-  chart.s_m = tiling::even_positions(1.15 * frame.depth_m, kCells);
+  chart.s_m = even_positions(1.15 * frame.depth_m, kCells);
   chart.t_m = {0.0, 2.6, 2.6 + kWall_m, 2.6 + kWall_m + 1.4};
   chart.vertices.resize(4 * (kCells + 1));
   for (int i = 0; i <= kCells; ++i) {
@@ -204,16 +203,14 @@ tiling::Chart make_end_wall(const Grandstand& stand, const StandFrame& frame, co
     column[2 * row] = inside + up;
     column[3 * row] = inside + Vec3(0, 0, slope - 0.5);
   }
-  chart.paint = [seed](const tiling::Texel& texel) {
-    return tiling::material::concrete(texel.s_m, texel.t_m, 2.4, seed + 13);
-  };
+  chart.paint = [seed](const Texel& texel) { return material::concrete(texel.s_m, texel.t_m, 2.4, seed + 13); };
   return chart;
 }
 
 }  // namespace
 
-std::vector<tiling::Chart> make_stands(const SitePlan& plan, const Terrain& terrain) {
-  std::vector<tiling::Chart> charts;
+std::vector<Chart> make_stands(const SitePlan& plan, const Terrain& terrain) {
+  std::vector<Chart> charts;
   std::uint32_t seed = plan.seed ^ 0x57a2dU;
   for (const Grandstand& stand : plan.stands) {
     seed = base::murmur3_mix(seed + 1);

@@ -12,9 +12,9 @@
 #include "tests/temporary_folder.h"
 #include "tileflight/geometry/triangle_index.h"
 #include "tileflight/simplification/simplify.h"
+#include "tileflight/stadium/bake_charts.h"
 #include "tileflight/stadium/stadium_parts.h"
 #include "tileflight/tiles/load.h"
-#include "tileflight/tiling/bake_charts.h"
 
 namespace tileflight::stadium::stadium_test {
 namespace {
@@ -47,25 +47,24 @@ TEST(Terrain, IsABowlAroundAFlatField) {
 TEST(Bake, PaintsTheSameForAnyNumberOfThreads) {
   const SitePlan plan = make_site_plan(1);
   const Terrain terrain(plan);
-  const std::vector<tiling::Chart> charts = make_stands(plan, terrain);
-  const tiling::Sunlight sun({-0.5, -0.4, 0.8}, charts, 0.5);
-  std::vector<const tiling::Chart*> all;
-  for (const tiling::Chart& chart : charts) all.push_back(&chart);
-  const auto parallel = tiling::bake_charts(all, sun, 0.2);
-  tbb::task_arena(1).execute(
-      [&] { EXPECT_EQ(tiling::bake_charts(all, sun, 0.2).texture->pixels, parallel.texture->pixels); });
+  const std::vector<Chart> charts = make_stands(plan, terrain);
+  const Sunlight sun({-0.5, -0.4, 0.8}, charts, 0.5);
+  std::vector<const Chart*> all;
+  for (const Chart& chart : charts) all.push_back(&chart);
+  const auto parallel = bake_charts(all, sun, 0.2);
+  tbb::task_arena(1).execute([&] { EXPECT_EQ(bake_charts(all, sun, 0.2).texture->pixels, parallel.texture->pixels); });
 }
 
 TEST(Bake, ATextureIsPaintedWhereItsCoordinatesSay) {
-  const auto paint = [](const tiling::Texel& t) {
-    return tiling::Color(static_cast<float>(t.position.x() / 10), static_cast<float>(t.position.y() / 6), 0.25F);
+  const auto paint = [](const Texel& t) {
+    return Color(static_cast<float>(t.position.x() / 10), static_cast<float>(t.position.y() / 6), 0.25F);
   };
-  std::vector<tiling::Chart> charts{tiling::make_panel({0, 0, 0}, {10, 0, 0}, {0, 6, 0}, paint),
-                                    tiling::make_panel({2, 1, 3}, {5, 0, 0}, {0, 4, 0}, paint)};
-  const std::vector<tiling::Chart> far_off{
-      tiling::make_panel({500, 0, -90}, {1, 0, 0}, {0, 1, 0}, paint)};  // nothing casts a shadow here
-  const tiling::Sunlight sun({0, 0, 1}, far_off, 1.0);
-  const auto mesh = tiling::bake_charts({&charts[0], &charts[1]}, sun, 1.0);
+  std::vector<Chart> charts{make_panel({0, 0, 0}, {10, 0, 0}, {0, 6, 0}, paint),
+                            make_panel({2, 1, 3}, {5, 0, 0}, {0, 4, 0}, paint)};
+  const std::vector<Chart> far_off{
+      make_panel({500, 0, -90}, {1, 0, 0}, {0, 1, 0}, paint)};  // nothing casts a shadow here
+  const Sunlight sun({0, 0, 1}, far_off, 1.0);
+  const auto mesh = bake_charts({&charts[0], &charts[1]}, sun, 1.0);
   const float light = sun.light_factor({0, 0, 0}, Vec3::UnitZ());
   ASSERT_FALSE(mesh.mesh.triangles.empty());
   for (const geometry::Triangle& t : mesh.mesh.triangles) {

@@ -59,23 +59,23 @@ std::vector<Vec3> crown_normals(const std::vector<Vec3>& vertices, int around, i
   return normals;
 }
 
-tiling::Color leaf_color(const Tree& tree) {
+Color leaf_color(const Tree& tree) {
   base::HashRandom random(tree.seed ^ 0x1eafU);
   const float brightness = static_cast<float>(random.uniform(0.8, 1.2));
   const double hue = random.uniform();
-  if (tree.kind == TreeKind::kConifer) return tiling::Color(0.22F, 0.31F, 0.19F) * brightness;
-  if (hue < 0.12) return tiling::Color(0.52F, 0.38F, 0.17F) * brightness;  // early autumn
-  if (hue < 0.20) return tiling::Color(0.46F, 0.24F, 0.18F) * brightness;
-  if (hue < 0.60) return tiling::Color(0.30F, 0.40F, 0.17F) * brightness;
-  return tiling::Color(0.38F, 0.45F, 0.20F) * brightness;
+  if (tree.kind == TreeKind::kConifer) return Color(0.22F, 0.31F, 0.19F) * brightness;
+  if (hue < 0.12) return Color(0.52F, 0.38F, 0.17F) * brightness;  // early autumn
+  if (hue < 0.20) return Color(0.46F, 0.24F, 0.18F) * brightness;
+  if (hue < 0.60) return Color(0.30F, 0.40F, 0.17F) * brightness;
+  return Color(0.38F, 0.45F, 0.20F) * brightness;
 }
 
-tiling::Chart make_crown(const Tree& tree, const Vec3& foot) {
-  tiling::Chart chart;
+Chart make_crown(const Tree& tree, const Vec3& foot) {
+  Chart chart;
   const CrownShape shape = crown_shape(tree);
   const double girth_m = 2 * std::numbers::pi * tree.radius_m, rise_m = shape.top_m - shape.bottom_m;
-  chart.s_m = tiling::even_positions(girth_m, static_cast<std::size_t>(shape.around));
-  chart.t_m = tiling::even_positions(1.3 * rise_m, static_cast<std::size_t>(shape.rows));
+  chart.s_m = even_positions(girth_m, static_cast<std::size_t>(shape.around));
+  chart.t_m = even_positions(1.3 * rise_m, static_cast<std::size_t>(shape.rows));
   for (int row = 0; row <= shape.rows; ++row) {
     const double share = static_cast<double>(row) / shape.rows;
     const double h = tree.kind == TreeKind::kConifer ? share : 0.5 - 0.5 * std::cos(std::numbers::pi * share);
@@ -89,26 +89,24 @@ tiling::Chart make_crown(const Tree& tree, const Vec3& foot) {
   const Vec3 middle = foot + Vec3(0, 0, 0.5 * (shape.bottom_m + shape.top_m));
   chart.normals = crown_normals(chart.vertices, shape.around, shape.rows, middle);
   chart.texel_m = is_near(tree) ? 0.09 : 0.14;
-  chart.paint = [base = leaf_color(tree), seed = tree.seed, middle](const tiling::Texel& texel) {
+  chart.paint = [base = leaf_color(tree), seed = tree.seed, middle](const Texel& texel) {
     const Vec3 p = texel.position - middle;
-    return tiling::material::foliage(p.x(), p.y(), p.z(), base, seed);
+    return material::foliage(p.x(), p.y(), p.z(), base, seed);
   };
   return chart;
 }
 
 }  // namespace
 
-std::vector<tiling::Chart> make_trees(const SitePlan& plan, const Terrain& terrain) {
-  std::vector<tiling::Chart> charts;
+std::vector<Chart> make_trees(const SitePlan& plan, const Terrain& terrain) {
+  std::vector<Chart> charts;
   for (const Tree& tree : plan.trees) {
     const Vec3 foot = terrain.point(tree.position.x(), tree.position.y());
     charts.push_back(make_crown(tree, foot));
     if (tree.kind == TreeKind::kBush) continue;
     const double trunk_m = crown_shape(tree).bottom_m + 0.12 * tree.height_m;
-    const auto paint = [seed = tree.seed](const tiling::Texel& texel) {
-      return tiling::material::bark(texel.s_m, texel.t_m, seed);
-    };
-    charts.push_back(tiling::make_post(foot - Vec3(0, 0, 0.3), trunk_m + 0.3, 0.035 * tree.height_m, 7, paint));
+    const auto paint = [seed = tree.seed](const Texel& texel) { return material::bark(texel.s_m, texel.t_m, seed); };
+    charts.push_back(make_post(foot - Vec3(0, 0, 0.3), trunk_m + 0.3, 0.035 * tree.height_m, 7, paint));
   }
   return charts;
 }

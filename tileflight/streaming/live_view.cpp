@@ -337,7 +337,7 @@ void LiveView::publish_picture(const Header& head, const imaging::RgbImage& pict
 void LiveView::publish_imu(const simulator::ObservedVehicle& vehicle, const std::string& imu, ChannelId channel) {
   if (!is_wanted(channel)) return;
   const simulator::ObservedMotion motion = simulator_()->view_imu(imu, vehicle.name);
-  const dataset::ImuReading reading{static_cast<double>(motion.time_ns) * 1e-9, motion.angular_rate_rad_s,
+  const geometry::ImuSample reading{static_cast<double>(motion.time_ns) * 1e-9, motion.angular_rate_rad_s,
                                     motion.specific_force_m_s2};
   sink_->publish(channel, motion.time_ns,
                  dataset::ros::imu(header(motion.time_ns, frame_of(vehicle.name, imu)), reading));

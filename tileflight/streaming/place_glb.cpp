@@ -6,9 +6,9 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/text_parsing.h"
 #include "tileflight/ground_truth/truth_folder.h"
-#include "tileflight/report/place_model.h"
 #include "tileflight/tiles/load.h"
 #include "tileflight/tiling/glb_writer.h"
+#include "tileflight/tiling/place_model.h"
 
 namespace tileflight::streaming {
 namespace {
@@ -24,7 +24,7 @@ bool has_triangles(const std::vector<imaging::TexturedMesh>& meshes) {
   return std::ranges::any_of(meshes, [](const auto& one) { return !one.mesh.triangles.empty(); });
 }
 
-PlaceGlb packed(const report::PlaceModel& model, const std::vector<std::string>& attribution) {
+PlaceGlb packed(const tiling::PlaceModel& model, const std::vector<std::string>& attribution) {
   std::string line;
   for (const std::string& one : attribution) line += (line.empty() ? "" : "; ") + one;
   return {tiling::write_glb({model.mesh}, {.copyright = line}), attribution};
@@ -41,7 +41,7 @@ PlaceGlb of_truth(const fs::path& folder) {
     if (truth.has_mesh(part)) files.push_back(truth.folder_of(part) / "mesh.glb");
   }
   if (files.empty()) throw InputError(folder.string(), "holds no triangles to show");
-  return packed(report::read_place_model(files), {});
+  return packed(tiling::read_place_model(files), {});
 }
 
 double metadata_number(const dataset::Dataset& dataset, const std::string& key) {
@@ -83,7 +83,7 @@ tiles::LoadOptions surroundings(const dataset::Dataset& dataset) {
 std::optional<PlaceGlb> make_place_glb(const std::vector<imaging::TexturedMesh>& meshes,
                                        const std::vector<std::string>& attribution) {
   if (!has_triangles(meshes)) return std::nullopt;
-  return packed(report::make_place_model(meshes), attribution);
+  return packed(tiling::make_place_model(meshes), attribution);
 }
 
 PlaceGlb read_place_glb(const std::string& place, const transport::SourceOptions& source,

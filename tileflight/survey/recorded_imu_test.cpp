@@ -30,17 +30,14 @@ geometry::Trajectory frames() {
   return trajectory;
 }
 
-std::vector<inertial::ImuSample> recorded(const std::filesystem::path& folder) {
+std::vector<geometry::ImuSample> recorded(const std::filesystem::path& folder) {
   sensors::SensorSuite suite;
   suite.imu = sensors::imu_preset("perfect");
   suite.imu->rate_hz = 400.0;
   suite.imu->T_camera_imu = kT_camera_imu;
   SensorRecorder files(suite, flight::path_through_poses(frames()), frames());
   files.write({}, 3.0, folder);
-  std::vector<inertial::ImuSample> samples;
-  for (const dataset::ImuReading& reading : dataset::read_imu_csv(folder / "imu.csv"))
-    samples.push_back({reading.time_s, reading.angular_rate_rad_s, reading.specific_force_m_s2});
-  return samples;
+  return dataset::read_imu_csv(folder / "imu.csv");
 }
 
 /// The unit's pose at a frame, by T_cam_imu.

@@ -142,19 +142,17 @@ void SensorRecorder::write(const OptionalFrame& frame, double first_frame_s, con
 
 void SensorRecorder::write_imu(double shift_s, const fs::path& folder) const {
   const sensors::ImuOptions& options = *suite_.imu;
-  const sensors::ImuRecording recording =
-      sensors::simulate_imu(sensors::motion_along(path_), start_s(), end_s(), options);
-  std::vector<dataset::ImuReading> readings;
+  sensors::ImuRecording recording = sensors::simulate_imu(sensors::motion_along(path_), start_s(), end_s(), options);
   dataset::NumberTable biases{{"t [s]", "gyroscope x [rad/s]", "gyroscope y [rad/s]", "gyroscope z [rad/s]",
                                "accelerometer x [m/s^2]", "accelerometer y [m/s^2]", "accelerometer z [m/s^2]"},
                               {}};
   for (std::size_t i = 0; i < recording.samples.size(); ++i) {
-    const sensors::ImuSample& sample = recording.samples[i];
+    geometry::ImuSample& sample = recording.samples[i];
+    sample.time_s += shift_s;
     const Vec3 &g = recording.biases[i].gyroscope_rad_s, &a = recording.biases[i].accelerometer_m_s2;
-    readings.push_back({sample.time_s + shift_s, sample.angular_rate_rad_s, sample.specific_force_m_s2});
-    biases.rows.push_back({sample.time_s + shift_s, g.x(), g.y(), g.z(), a.x(), a.y(), a.z()});
+    biases.rows.push_back({sample.time_s, g.x(), g.y(), g.z(), a.x(), a.y(), a.z()});
   }
-  dataset::write_imu_csv(folder / "imu.csv", readings);
+  dataset::write_imu_csv(folder / "imu.csv", recording.samples);
   dataset::write_number_table(folder / "imu_bias.csv", biases);
   dataset::write_imu_yaml(folder / "imu.yaml",
                           {options.rate_hz, options.accelerometer_noise_density, options.accelerometer_random_walk,

@@ -188,8 +188,7 @@ inertial::InertialInput read_inertial_input(const dataset::Dataset& data, double
                      "has no readings of an inertial unit (imu.csv), which --mode inertial needs; use --mode mono");
   inertial::InertialInput input;
   input.where = data.imu.string();
-  for (const dataset::ImuReading& reading : dataset::read_imu_csv(data.imu))
-    input.samples.push_back({reading.time_s, reading.angular_rate_rad_s, reading.specific_force_m_s2});
+  input.samples = dataset::read_imu_csv(data.imu);
   input.model.noise = read_noise(data, warnings);
   input.model.T_imu_camera = data.calibration.T_cam_imu.inverse();
   input.model.gravity_m_s2 = gravity_m_s2;

@@ -7,6 +7,7 @@
 #include <chrono>
 #include <thread>
 
+#include "tests/refusal.h"
 #include "tests/run_program.h"
 #include "tests/temporary_folder.h"
 
@@ -89,7 +90,7 @@ TEST_F(MeasuredProcess, EndsItsCommandWhenItIsAskedToEnd) {
     std::this_thread::sleep_for(std::chrono::milliseconds(200));
     kill(getpid(), SIGTERM);
   });
-  EXPECT_THROW(run("sleep 300"), std::exception);
+  EXPECT_EQ(tests::refusal_of([this] { run("sleep 300"); }), "sleep 300: was stopped by a signal (Terminated)");
   asks.join();
 }
 

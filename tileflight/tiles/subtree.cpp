@@ -1,173 +1,20 @@
 #include "tileflight/tiles/subtree.h"
 
 #include <algorithm>
-#include <bit>
 #include <map>
 #include <nlohmann/json.hpp>
-#include <string_view>
 
 #include "tileflight/base/input_error.h"
-#include "tileflight/base/raw_bytes.h"
 #include "tileflight/tile_contents/json_reader.h"
 #include "tileflight/tile_contents/property_table.h"
+#include "tileflight/tiles/subtree_availability.h"
 #include "tileflight/tiles/tile_semantics.h"
 
 namespace tileflight::tiles {
 namespace {
 
-using Bytes = std::span<const std::byte>;
-
 /// Limit of tiles per file, because a few bytes can declare many ("constant": 1 makes all tiles available).
 constexpr std::size_t kMaxTiles = std::size_t{1} << 20;
-
-/// The two parts of a subtree file; a JSON subtree has no binary part.
-struct SubtreeParts {
-  std::string_view json;
-  Bytes binary;
-};
-
-SubtreeParts parts_of(Bytes bytes, const std::string& name) {
-  constexpr std::size_t kHeader = 24;
-  if (!base::as_text(bytes).starts_with("subt")) return {base::as_text(bytes), {}};
-  if (bytes.size() < kHeader) throw InputError(name, "truncated: the header of a subtree has 24 bytes");
-  const auto version = base::read_raw<std::uint32_t>(bytes, 4);
-  const auto json = base::read_raw<std::uint64_t>(bytes, 8), binary = base::read_raw<std::uint64_t>(bytes, 16);
-  if (version != 1) throw InputError(name, "subtree version " + std::to_string(version) + " is not supported, only 1");
-  const Bytes rest = bytes.subspan(kHeader);
-  if (json > rest.size() || binary > rest.size() - json) {
-    throw InputError(name, "truncated: " + std::to_string(bytes.size()) + " bytes, fewer than its header declares");
-  }
-  return {base::as_text(rest.first(json)), rest.subspan(json, binary)};
-}
-
-/// The buffers of a subtree and the views into them.
-class SubtreeBuffers {
- public:
-  /// `outside`: takes the files that buffers refer to, which the views need.
-  SubtreeBuffers(const tile_contents::Json& json, Bytes binary, const std::string& name,
-                 const std::function<std::vector<std::byte>(const std::string&)>& read_resource,
-                 std::map<std::size_t, std::vector<std::byte>>& outside)
-      : json_(json), binary_(binary), name_(name), read_resource_(read_resource), outside_(outside) {}
-
-  Bytes view(std::size_t index) {
-    const std::string where = name_ + ": bufferViews[" + std::to_string(index) + "]";
-    const tile_contents::Json* views = tile_contents::find_array(json_, "bufferViews", name_);
-    if (views == nullptr || index >= views->size()) throw InputError(where, "does not exist");
-    const tile_contents::Json& json = (*views)[index];
-    const Bytes bytes =
-        buffer(tile_contents::require_value(tile_contents::find_index(json, "buffer", where), "buffer", where));
-    const std::size_t offset = tile_contents::find_index(json, "byteOffset", where).value_or(0);
-    const std::size_t length =
-        tile_contents::require_value(tile_contents::find_index(json, "byteLength", where), "byteLength", where);
-    if (offset > bytes.size() || length > bytes.size() - offset) {
-      throw InputError(where, "lies outside its buffer of " + std::to_string(bytes.size()) + " bytes");
-    }
-    return bytes.subspan(offset, length);
-  }
-
- private:
-  Bytes buffer(std::size_t index) {
-    const std::string where = name_ + ": buffers[" + std::to_string(index) + "]";
-    const tile_contents::Json* buffers = tile_contents::find_array(json_, "buffers", name_);
-    if (buffers == nullptr || index >= buffers->size()) throw InputError(where, "does not exist");
-    const std::optional<std::string> uri = tile_contents::find_string((*buffers)[index], "uri", where);
-    const std::size_t length = tile_contents::require_value(
-        tile_contents::find_index((*buffers)[index], "byteLength", where), "byteLength", where);
-    if (!uri) {
-      if (length > binary_.size()) throw InputError(where, "is longer than the file's binary part");
-      return binary_.first(length);
-    }
-    auto it = outside_.find(index);
-    if (it == outside_.end()) {
-      if (!read_resource_) throw InputError(where, "refers to another file, which is not available here");
-      it = outside_.emplace(index, read_resource_(*uri)).first;
-    }
-    if (it->second.size() < length) throw InputError(where, "is shorter than declared");
-    return Bytes(it->second).first(length);
-  }
-
-  const tile_contents::Json& json_;
-  Bytes binary_;
-  std::string name_;
-  const std::function<std::vector<std::byte>(const std::string&)>& read_resource_;
-  std::map<std::size_t, std::vector<std::byte>>& outside_;
-};
-
-}  // namespace
-
-/// One bit for each possible tile, or one for all of them (section "Availability").
-class Availability {
- public:
-  Availability() = default;
-  /// `bits`: number of bits.
-  Availability(const tile_contents::Json& json, std::size_t bits, SubtreeBuffers& buffers, const std::string& where)
-      : bits_(bits) {
-    auto stream = tile_contents::find_index(json, "bitstream", where);
-    if (!stream) stream = tile_contents::find_index(json, "bufferView", where);  // before 1.1
-    const auto constant = tile_contents::find_index(json, "constant", where, 1);
-    if (!stream && !constant) throw InputError(where, "has no bitstream and no constant");
-    if (stream && constant) throw InputError(where, "has both bitstream and constant");
-    constant_ = constant.value_or(0) == 1;
-    if (!stream) return;
-    stream_ = buffers.view(*stream);
-    if (stream_.size() < (bits + 7) / 8) {
-      throw InputError(where, "its bitstream has " + std::to_string(stream_.size()) + " bytes, expected " +
-                                  std::to_string((bits + 7) / 8));
-    }
-  }
-
-  bool at(std::size_t index) const {
-    if (stream_.empty()) return constant_;
-    return (std::to_integer<unsigned>(stream_[index / 8]) >> (index % 8) & 1U) != 0;
-  }
-  /// Number of set bits among the first `bits`.
-  std::size_t count(std::size_t bits) const {
-    if (stream_.empty()) return constant_ ? bits : 0;
-    std::size_t set = 0;
-    for (std::size_t i = 0; i < bits / 8; ++i) set += count_bits(stream_[i]);
-    for (std::size_t i = bits / 8 * 8; i < bits; ++i) set += at(i) ? 1 : 0;
-    return set;
-  }
-  std::size_t count() const { return count(bits_); }
-  /// Number of set bits from one index up to, not including, another.
-  std::size_t count(std::size_t from, std::size_t to) const {
-    std::size_t set = 0;
-    for (std::size_t i = from; i < to; ++i) set += at(i) ? 1 : 0;
-    return set;
-  }
-
- private:
-  static std::size_t count_bits(std::byte byte) {
-    return static_cast<std::size_t>(std::popcount(std::to_integer<unsigned>(byte)));
-  }
-
-  std::size_t bits_ = 0;
-  bool constant_ = false;
-  Bytes stream_;
-};
-
-/// Row of an available entry in its metadata: the number of available entries before it.
-class Rank {
- public:
-  Rank() = default;
-  explicit Rank(const Availability& availability, std::size_t bits) {
-    before_.reserve(bits / kBlock + 1);
-    std::size_t set = 0;
-    for (std::size_t from = 0; from <= bits; from += kBlock) {
-      before_.push_back(static_cast<std::uint32_t>(set));
-      set += availability.count(from, std::min(from + kBlock, bits));
-    }
-  }
-  std::size_t of(const Availability& availability, std::size_t index) const {
-    return before_[index / kBlock] + availability.count(index / kBlock * kBlock, index);
-  }
-
- private:
-  static constexpr std::size_t kBlock = 128;
-  std::vector<std::uint32_t> before_;  ///< available entries before each block
-};
-
-namespace {
 
 TileSemantics semantics_of(const tile_contents::PropertyTable& table, std::size_t row, const std::string& prefix,
                            const std::string& where) {
@@ -204,8 +51,8 @@ struct Subtree::Parts {
   std::vector<Availability> contents;
   std::optional<tile_contents::PropertyTable> tile_metadata;
   std::vector<tile_contents::PropertyTable> content_metadata;
-  Rank tile_rank;
-  std::vector<Rank> content_ranks;
+  AvailabilityRank tile_rank;
+  std::vector<AvailabilityRank> content_ranks;
   std::size_t tile_count = 0;
   std::vector<std::string> warnings;
 
@@ -305,7 +152,7 @@ class SubtreeParser {
     };
     if (const auto index = tile_contents::find_index(json_, "tileMetadata", name_)) {
       out_.tile_metadata = table(*index);
-      out_.tile_rank = Rank(out_.tiles, out_.bits());
+      out_.tile_rank = AvailabilityRank(out_.tiles, out_.bits());
       if (semantics_of(*out_.tile_metadata, 0, "TILE", name_ + ": tileMetadata").has_transform) warn(kTransformWarning);
     }
     if (const auto indices = tile_contents::find_numbers(json_, "contentMetadata", 0, name_)) {
@@ -425,13 +272,13 @@ SubtreeTile Subtree::tile(std::uint32_t index) const {
 }
 
 Subtree parse_subtree(std::vector<std::byte> bytes, const ImplicitSubtree& place, const std::string& name,
-                      const std::function<std::vector<std::byte>(const std::string&)>& read_resource) {
+                      const ResourceReader& read_resource) {
   const auto parts = std::make_shared<Subtree::Parts>();
   parts->tiling = place.tiling;
   parts->root = place.root;
   parts->name = name;
   parts->bytes = std::move(bytes);
-  const SubtreeParts file = parts_of(parts->bytes, name);
+  const SubtreeFile file = split_subtree_file(parts->bytes, name);
   const tile_contents::Json json = tile_contents::parse_json(file.json, name, {.max_depth = 64});
   if (!json.is_object()) throw InputError(name, "is not a subtree: expected a JSON object");
   SubtreeBuffers buffers(json, file.binary, name, read_resource, parts->outside);

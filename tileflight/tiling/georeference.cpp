@@ -1,6 +1,5 @@
 #include "tileflight/tiling/georeference.h"
 
-#include <proj.h>
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
@@ -10,6 +9,7 @@
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/text_fields.h"
+#include "tileflight/geometry/projection.h"
 
 namespace tileflight::tiling {
 namespace {
@@ -24,22 +24,12 @@ constexpr std::uintmax_t kMaxGeoreferenceBytes = std::uintmax_t{64} << 20;
 /// Vertices per task: creating a transformation costs as much as transforming some thousands of them.
 constexpr std::size_t kGrain = 65536;
 
-struct ProjDeleter {
-  void operator()(PJ_CONTEXT* context) const { proj_context_destroy(context); }
-  void operator()(PJ* transformation) const { proj_destroy(transformation); }
-};
-
 /// Converts from a reference system to longitude, latitude (degrees) and height on WGS84. One object per thread.
 class GeodeticConverter {
  public:
-  explicit GeodeticConverter(const Georeference& place) : georeference_(place), context_(proj_context_create()) {
-    // A stage prints nothing; errors are reported in the result.
-    proj_log_func(context_.get(), nullptr, [](void*, int, const char*) {});
-    proj_context_set_enable_network(context_.get(), 0);
-    const std::unique_ptr<PJ, ProjDeleter> plain(
-        proj_create_crs_to_crs(context_.get(), place.crs.c_str(), "EPSG:4979", nullptr));
-    if (plain) transformation_.reset(proj_normalize_for_visualization(context_.get(), plain.get()));
-    if (!transformation_)
+  explicit GeodeticConverter(const Georeference& place)
+      : georeference_(place), projection_(geometry::Projection::to_geodetic(place.crs)) {
+    if (!projection_)
       throw InputError(
           place.stated_by,
           "'" + place.crs + "' is not a coordinate reference system known to PROJ; use a name such as EPSG:32717");
@@ -47,18 +37,17 @@ class GeodeticConverter {
 
   Geodetic operator()(const Vec3& position) const {
     const Vec3 at = position + georeference_.offset;
-    const PJ_COORD out = proj_trans(transformation_.get(), PJ_FWD, proj_coord(at.x(), at.y(), at.z(), HUGE_VAL));
-    if (!std::isfinite(out.xyz.x) || !std::isfinite(out.xyz.y) || !std::isfinite(out.xyz.z))
+    const std::optional<Vec3> place = (*projection_)(at);
+    if (!place)
       throw InputError(georeference_.stated_by, "the coordinates " + std::to_string(at.x()) + ", " +
                                                     std::to_string(at.y()) + " lie outside " + georeference_.crs +
                                                     "; check the offset");
-    return {out.xyz.y, out.xyz.x, {out.xyz.z}};
+    return {place->y(), place->x(), {place->z()}};
   }
 
  private:
   const Georeference& georeference_;
-  std::unique_ptr<PJ_CONTEXT, ProjDeleter> context_;
-  std::unique_ptr<PJ, ProjDeleter> transformation_;
+  std::optional<geometry::Projection> projection_;
 };
 
 /// The numbers in a text, separated by blanks or commas; empty if a field is not a number.

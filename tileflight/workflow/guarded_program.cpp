@@ -16,8 +16,6 @@ namespace tileflight::workflow {
 namespace fs = std::filesystem;
 namespace {
 
-constexpr int kSecondsToTerminate = 3, kSecondsToKill = 15;
-
 [[noreturn]] void execute(char* const* arguments, const fs::path& folder, const fs::path& log) {
   sigset_t none;
   sigemptyset(&none);
@@ -37,7 +35,7 @@ constexpr int kSecondsToTerminate = 3, kSecondsToKill = 15;
 int exit_status_of(int status) { return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status); }
 
 /// Ends the process group and waits until nothing of it is left. Its leader is this process, which blocks the signals.
-[[noreturn]] void end_group() {
+[[noreturn]] void end_group(const Patience& patience) {
   kill(0, SIGINT);
   const timespec pause{.tv_sec = 0, .tv_nsec = 50'000'000};
   const timespec begun = [] {
@@ -50,8 +48,8 @@ int exit_status_of(int status) { return WIFEXITED(status) ? WEXITSTATUS(status) 
     timespec now{};
     clock_gettime(CLOCK_MONOTONIC, &now);
     const auto passed_s = now.tv_sec - begun.tv_sec;
-    if (passed_s >= kSecondsToKill) kill(0, SIGKILL);
-    if (passed_s >= kSecondsToTerminate && !has_asked) {
+    if (passed_s >= patience.until_killed_s) kill(0, SIGKILL);
+    if (passed_s >= patience.until_terminated_s && !has_asked) {
       kill(0, SIGTERM);
       has_asked = true;
     }
@@ -62,7 +60,8 @@ int exit_status_of(int status) { return WIFEXITED(status) ? WEXITSTATUS(status) 
 
 /// Leads a process group in which it runs the program, and ends the group when `parent` ends. It never returns, and
 /// calls only what may be called after a fork in a process of several threads.
-[[noreturn]] void watch(pid_t parent, char* const* arguments, const fs::path& folder, const fs::path& log) {
+[[noreturn]] void watch(pid_t parent, char* const* arguments, const fs::path& folder, const fs::path& log,
+                        const Patience& patience) {
   setpgid(0, 0);
   sigset_t signals;
   sigemptyset(&signals);
@@ -77,7 +76,7 @@ int exit_status_of(int status) { return WIFEXITED(status) ? WEXITSTATUS(status) 
   for (;;) {
     int signal = 0;
     if (sigwait(&signals, &signal) != 0) continue;
-    if (signal != SIGCHLD) end_group();
+    if (signal != SIGCHLD) end_group(patience);
     int status = 0;
     for (pid_t ended = 0; (ended = waitpid(-1, &status, WNOHANG)) > 0;) {
       if (ended == program) _exit(exit_status_of(status));
@@ -87,13 +86,14 @@ int exit_status_of(int status) { return WIFEXITED(status) ? WEXITSTATUS(status) 
 
 }  // namespace
 
-int run_guarded(const std::vector<std::string>& words, const fs::path& folder, const fs::path& log) {
+int run_guarded(const std::vector<std::string>& words, const fs::path& folder, const fs::path& log,
+                const Patience& patience) {
   std::vector<char*> arguments;
   for (const std::string& word : words) arguments.push_back(const_cast<char*>(word.c_str()));
   arguments.push_back(nullptr);
   const pid_t parent = getpid(), watcher = fork();
   if (watcher < 0) throw InputError(words.front(), std::string("cannot be started: ") + std::strerror(errno));
-  if (watcher == 0) watch(parent, arguments.data(), folder, log);
+  if (watcher == 0) watch(parent, arguments.data(), folder, log, patience);
   int status = 0;
   while (waitpid(watcher, &status, 0) < 0 && errno == EINTR) {
   }

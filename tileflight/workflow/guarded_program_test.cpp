@@ -37,11 +37,11 @@ TEST(RunGuarded, ReturnsHowTheProgramEnded) {
 /// A process that is killed in the middle of run_guarded(), with a lock on `folder`.
 class Killed {
  public:
-  Killed(const fs::path& folder, const std::string& script) {
+  Killed(const fs::path& folder, const std::string& script, const Patience& patience = {}) {
     process_ = fork();
     if (process_ != 0) return;
     const FolderLock lock(folder);
-    run_guarded({"sh", "-c", script}, folder, folder / "log");
+    run_guarded({"sh", "-c", script}, folder, folder / "log", patience);
     _exit(0);
   }
   void kill() const {
@@ -58,7 +58,8 @@ TEST(RunGuarded, NothingOutlivesAKilledProcess) {
   const tests::TemporaryFolder folder;
   const Killed process(folder.path(),
                        "sleep 600 & echo $! > first; "
-                       "sh -c 'trap \"\" INT TERM; echo $$ > second; mv second stubborn; while :; do sleep 0.1; done'");
+                       "sh -c 'trap \"\" INT TERM; echo $$ > second; mv second stubborn; while :; do sleep 0.1; done'",
+                       {.until_terminated_s = 1, .until_killed_s = 2});
   wait_until([&] { return fs::exists(folder / "stubborn"); });
   pid_t background = 0, stubborn = 0;
   ASSERT_TRUE(std::ifstream(folder / "first") >> background);

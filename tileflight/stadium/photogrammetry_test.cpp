@@ -1,4 +1,4 @@
-#include "tileflight/tiling/photogrammetry.h"
+#include "tileflight/stadium/photogrammetry.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include "tileflight/base/noise.h"
 #include "tileflight/simplification/simplify.h"
 
-namespace tileflight::tiling::photogrammetry_test {
+namespace tileflight::stadium::photogrammetry_test {
 namespace {
 
 using geometry::Vec3;
@@ -72,4 +72,4 @@ TEST(Photogrammetry, StaysWithinCentimetresOfTheWorld) {
 }
 
 }  // namespace
-}  // namespace tileflight::tiling::photogrammetry_test
+}  // namespace tileflight::stadium::photogrammetry_test

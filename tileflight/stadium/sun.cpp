@@ -1,4 +1,4 @@
-#include "tileflight/tiling/sun.h"
+#include "tileflight/stadium/sun.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,7 +6,7 @@
 
 #include "tileflight/geometry/polygon.h"
 
-namespace tileflight::tiling {
+namespace tileflight::stadium {
 namespace {
 
 constexpr double kNormalOffset_m = 0.25;  ///< offset of the shadow test from the surface, to avoid self-shadowing
@@ -90,4 +90,4 @@ float Sunlight::light_factor(const Vec3& position, const Vec3& normal) const {
   return sky + 0.72F * facing * lit_share(position + kNormalOffset_m * normal);
 }
 
-}  // namespace tileflight::tiling
+}  // namespace tileflight::stadium

@@ -2,9 +2,9 @@
 
 #include <vector>
 
-#include "tileflight/tiling/chart.h"
+#include "tileflight/stadium/chart.h"
 
-namespace tileflight::tiling {
+namespace tileflight::stadium {
 
 /// Sunlight and skylight baked into the textures, as photogrammetry captures them. Shadows by a depth map seen from the
 /// sun (Williams, "Casting curved shadows on curved surfaces", SIGGRAPH 1978), filtered between its cells.
@@ -28,4 +28,4 @@ class Sunlight {
   std::vector<float> depth_m_;  ///< largest distance towards the sun in each cell
 };
 
-}  // namespace tileflight::tiling
+}  // namespace tileflight::stadium

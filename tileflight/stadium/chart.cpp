@@ -1,11 +1,11 @@
-#include "tileflight/tiling/chart.h"
+#include "tileflight/stadium/chart.h"
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <utility>
 
-namespace tileflight::tiling {
+namespace tileflight::stadium {
 namespace {
 
 std::size_t cells_along(double length_m, double cell_m) {
@@ -79,4 +79,4 @@ Chart make_post(const Vec3& foot, double height_m, double radius_m, int sides, P
   return chart;
 }
 
-}  // namespace tileflight::tiling
+}  // namespace tileflight::stadium

@@ -6,7 +6,7 @@
 
 #include "tileflight/imaging/textured_mesh.h"
 
-namespace tileflight::report {
+namespace tileflight::tiling {
 
 /// Size limits of a PlaceModel.
 struct PlaceModelOptions {
@@ -28,4 +28,4 @@ PlaceModel make_place_model(const std::vector<imaging::TexturedMesh>& source, co
 /// The same of the mesh.glb of a run's truth, or of some of its blocks. Throws InputError.
 PlaceModel read_place_model(const std::vector<std::filesystem::path>& mesh_glbs, const PlaceModelOptions& options = {});
 
-}  // namespace tileflight::report
+}  // namespace tileflight::tiling

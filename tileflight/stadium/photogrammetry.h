@@ -5,7 +5,7 @@
 
 #include "tileflight/imaging/textured_mesh.h"
 
-namespace tileflight::tiling {
+namespace tileflight::stadium {
 
 struct PhotogrammetryOptions {
   double simplification_m = 0.085;  ///< size of detail that is lost
@@ -20,4 +20,4 @@ struct PhotogrammetryOptions {
 std::vector<imaging::TexturedMesh> simulate_photogrammetry(const std::vector<imaging::TexturedMesh>& meshes,
                                                            const PhotogrammetryOptions& options);
 
-}  // namespace tileflight::tiling
+}  // namespace tileflight::stadium

@@ -1,4 +1,4 @@
-#include "tileflight/report/place_model.h"
+#include "tileflight/tiling/place_model.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,13 +8,13 @@
 #include "tileflight/tiling/mesh_source.h"
 #include "tileflight/tiling/painted_surface.h"
 
-namespace tileflight::report {
+namespace tileflight::tiling {
 namespace {
 
 /// Vertices of separately quantized tiles are merged within this distance.
 constexpr double kJoin_m = 0.02;
 /// Share of a texture atlas that charts fill (rectangles with gaps between them).
-constexpr double kAtlasFill = 0.5;
+constexpr double kModelAtlasFill = 0.5;
 
 geometry::TriangleMesh simplify_surface(const std::vector<imaging::TexturedMesh>& meshes, std::size_t triangles) {
   geometry::TriangleMesh surface = simplification::weld_vertices(meshes);
@@ -32,17 +32,17 @@ PlaceModel make_place_model(const std::vector<imaging::TexturedMesh>& source, co
     meshes.push_back(&mesh);
   }
   const geometry::TriangleMesh surface = simplify_surface(source, options.max_triangles);
-  const double texels = kAtlasFill * options.texture_px * options.texture_px;
+  const double texels = kModelAtlasFill * options.texture_px * options.texture_px;
   const double texel_m = std::sqrt(geometry::surface_area_m2(surface) / texels);
-  model.mesh = tiling::transfer_colors(surface, tiling::SurfaceColors(meshes), {texel_m, options.texture_px}).mesh;
+  model.mesh = transfer_colors(surface, SurfaceColors(meshes), {texel_m, options.texture_px}).mesh;
   return model;
 }
 
 PlaceModel read_place_model(const std::vector<std::filesystem::path>& mesh_glbs, const PlaceModelOptions& options) {
   std::vector<imaging::TexturedMesh> source;
   for (const std::filesystem::path& file : mesh_glbs)
-    std::ranges::move(tiling::read_mesh_source(file, {}).meshes, std::back_inserter(source));
+    std::ranges::move(read_mesh_source(file, {}).meshes, std::back_inserter(source));
   return make_place_model(source, options);
 }
 
-}  // namespace tileflight::report
+}  // namespace tileflight::tiling

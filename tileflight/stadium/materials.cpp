@@ -1,10 +1,10 @@
-#include "tileflight/tiling/materials.h"
+#include "tileflight/stadium/materials.h"
 
 #include <cmath>
 
 #include "tileflight/base/noise.h"
 
-namespace tileflight::tiling {
+namespace tileflight::stadium {
 namespace {
 
 float clamp01(float v) { return std::clamp(v, 0.0F, 1.0F); }
@@ -160,4 +160,4 @@ Color mulch(double x, double y, std::uint32_t seed) {
 }
 
 }  // namespace material
-}  // namespace tileflight::tiling
+}  // namespace tileflight::stadium

@@ -1,4 +1,4 @@
-#include "tileflight/tiling/bake_charts.h"
+#include "tileflight/stadium/bake_charts.h"
 
 #include <tbb/parallel_for.h>
 
@@ -8,7 +8,7 @@
 
 #include "tileflight/tiling/rectangle_packing.h"
 
-namespace tileflight::tiling {
+namespace tileflight::stadium {
 namespace {
 
 /// Pixels painted beyond a chart's edge, so that filtering and coarser mip levels do not mix in neighbouring charts.
@@ -29,11 +29,11 @@ Slot slot_size(const Chart& chart, double texture_scale) {
 
 /// A single chart has no neighbours: its texture is the chart without gutter, so that terrain tiles meet without a
 /// seam.
-RectanglePacking place_slots(std::vector<Slot>& slots) {
+tiling::RectanglePacking place_slots(std::vector<Slot>& slots) {
   const int gutter = slots.size() == 1 ? 0 : kChartGutter_px;
-  std::vector<PixelSize> sizes;
+  std::vector<tiling::PixelSize> sizes;
   for (const Slot& s : slots) sizes.push_back({s.width + 2 * gutter, s.height + 2 * gutter});
-  RectanglePacking packing = pack_rectangles(sizes);
+  tiling::RectanglePacking packing = tiling::pack_rectangles(sizes);
   for (std::size_t i = 0; i < slots.size(); ++i) {
     slots[i].x = packing.positions[i].x + gutter;
     slots[i].y = packing.positions[i].y + gutter;
@@ -115,7 +115,7 @@ void add_cells(const Chart& chart, std::uint32_t first, geometry::TriangleMesh& 
   }
 }
 
-void add_chart(const Chart& chart, const Slot& slot, PixelSize sheet, imaging::TexturedMesh& out) {
+void add_chart(const Chart& chart, const Slot& slot, tiling::PixelSize sheet, imaging::TexturedMesh& out) {
   const auto first = static_cast<std::uint32_t>(out.mesh.vertices.size());
   for (std::size_t row = 0; row < chart.rows(); ++row) {
     for (std::size_t column = 0; column < chart.columns(); ++column) {
@@ -136,7 +136,7 @@ imaging::TexturedMesh bake_charts(const std::vector<const Chart*>& charts, const
   if (charts.empty()) return out;
   std::vector<Slot> slots;
   for (const Chart* chart : charts) slots.push_back(slot_size(*chart, texture_scale));
-  const RectanglePacking packing = place_slots(slots);
+  const tiling::RectanglePacking packing = place_slots(slots);
   const int gutter = charts.size() == 1 ? 0 : kChartGutter_px;
   const auto texture = std::make_shared<imaging::RgbImage>(packing.size.width, packing.size.height);
   tbb::parallel_for(std::size_t{0}, charts.size(),
@@ -146,4 +146,4 @@ imaging::TexturedMesh bake_charts(const std::vector<const Chart*>& charts, const
   return out;
 }
 
-}  // namespace tileflight::tiling
+}  // namespace tileflight::stadium

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cstdint>
 
-namespace tileflight::tiling {
+namespace tileflight::stadium {
 
 /// Red, green, blue in 0..1, encoded as images are (sRGB-like), before light and shadow.
 using Color = Eigen::Array3f;
@@ -37,4 +37,4 @@ Color glass(double x, double y, std::uint32_t seed);
 Color mulch(double x, double y, std::uint32_t seed);
 }  // namespace material
 
-}  // namespace tileflight::tiling
+}  // namespace tileflight::stadium

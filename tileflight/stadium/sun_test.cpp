@@ -1,8 +1,8 @@
-#include "tileflight/tiling/sun.h"
+#include "tileflight/stadium/sun.h"
 
 #include <gtest/gtest.h>
 
-namespace tileflight::tiling::sun_test {
+namespace tileflight::stadium::sun_test {
 namespace {
 
 Color grey(const Texel&) { return Color(0.5F, 0.5F, 0.5F); }
@@ -36,4 +36,4 @@ TEST(Sunlight, SurfacesDoNotShadeThemselves) {
 }
 
 }  // namespace
-}  // namespace tileflight::tiling::sun_test
+}  // namespace tileflight::stadium::sun_test

@@ -3,14 +3,14 @@
 #include <vector>
 
 #include "tileflight/imaging/textured_mesh.h"
-#include "tileflight/tiling/chart.h"
-#include "tileflight/tiling/sun.h"
+#include "tileflight/stadium/chart.h"
+#include "tileflight/stadium/sun.h"
 
-namespace tileflight::tiling {
+namespace tileflight::stadium {
 
 /// Bakes charts, lit by the sun, into one texture atlas (charts packed as rectangles with painted gutters) and
 /// triangulates their grids. `texture_scale` multiplies the texels per metre. Degenerate cells are left out. Empty
 /// input gives an empty mesh.
 imaging::TexturedMesh bake_charts(const std::vector<const Chart*>& charts, const Sunlight& sun, double texture_scale);
 
-}  // namespace tileflight::tiling
+}  // namespace tileflight::stadium

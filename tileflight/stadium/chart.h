@@ -4,9 +4,9 @@
 #include <vector>
 
 #include "tileflight/geometry/transform.h"
-#include "tileflight/tiling/materials.h"
+#include "tileflight/stadium/materials.h"
 
-namespace tileflight::tiling {
+namespace tileflight::stadium {
 
 using geometry::Vec2;
 using geometry::Vec3;
@@ -59,4 +59,4 @@ std::vector<double> arc_lengths(const std::vector<Vec3>& points);
 /// `count` + 1 evenly spaced positions from 0 to `length_m`.
 std::vector<double> even_positions(double length_m, std::size_t count);
 
-}  // namespace tileflight::tiling
+}  // namespace tileflight::stadium

@@ -1,4 +1,4 @@
-#include "tileflight/tiling/photogrammetry.h"
+#include "tileflight/stadium/photogrammetry.h"
 
 #include <tbb/parallel_for.h>
 
@@ -9,7 +9,7 @@
 #include "tileflight/simplification/simplify.h"
 #include "tileflight/tiling/texture_filter.h"
 
-namespace tileflight::tiling {
+namespace tileflight::stadium {
 namespace {
 
 using geometry::Vec3;
@@ -29,7 +29,7 @@ Vec3 surface_error(const Vec3& p, const PhotogrammetryOptions& options) {
 std::shared_ptr<const RgbImage> blur_and_reduce(const RgbImage& image, int reduction) {
   const auto reduced = [&](int length) { return std::max(1, (length + reduction - 1) / reduction); };
   return std::make_shared<const RgbImage>(
-      blur_binomial(resize_area(image, reduced(image.width), reduced(image.height))));
+      tiling::blur_binomial(tiling::resize_area(image, reduced(image.width), reduced(image.height))));
 }
 
 }  // namespace
@@ -44,4 +44,4 @@ std::vector<imaging::TexturedMesh> simulate_photogrammetry(const std::vector<ima
   return out;
 }
 
-}  // namespace tileflight::tiling
+}  // namespace tileflight::stadium
