@@ -131,6 +131,40 @@ TEST(RecognizedPlaces, PositionsTellWhichOfSeveralPlacesIsMeant) {
   EXPECT_EQ(withheld(r), "");
 }
 
+/// Over clutter, rays that pass an edge meet what is behind or before. The place is still the one that the receiver
+/// tells, which is not asked of flights that did not have to search.
+TEST(RecognizedPlaces, ASearchedPlaceWhereTheReceiverIsNeedsNoRays) {
+  const Flight flight = simulate_map(curved_path(), 60);
+  const std::vector<Spot> spots = {{Vec3::Zero(), 10, 0.95}};
+  bool is_searched = false;
+  RegistrationServices services;
+  services.cast_ray = [](const Vec3& origin, const Vec3& direction, double reach_m) -> std::optional<double> {
+    const auto met_m = cast_ray(origin, direction, reach_m);
+    return met_m ? std::optional(0.5 * *met_m) : std::nullopt;
+  };
+  services.locate_pictures = [&](const Sim3& T, std::size_t n, PictureDetail) {
+    return is_searched ? locate_at(spots, flight, T, n) : LocatedPictures{n, {}};
+  };
+  services.find_places_by_appearance = [&] {
+    is_searched = true;
+    return std::vector<Sim3>{moved(spots[0])};
+  };
+  RegistrationOptions options;
+  options.trajectory.estimate_time_offset = false;
+  const auto withheld_with_receiver_off_by = [&](const Vec3& off) {
+    is_searched = false;
+    RegistrationEvidence evidence{.path = flight.map};
+    for (const auto& pose : flight.local.poses)
+      evidence.positions.push_back({pose.time_s, pose.T_local_camera.translation + off, 0.8, 0.9});
+    const RegistrationResult r = register_map(flight.points, evidence, the_place().surface, services, options);
+    EXPECT_EQ(r.start, kSearchedStart);
+    EXPECT_TRUE(r.rays);
+    return withheld(r);
+  };
+  EXPECT_EQ(withheld_with_receiver_off_by(Vec3(1.5, -1.0, 0.5)), "");
+  EXPECT_THAT(withheld_with_receiver_off_by(Vec3(2.8, -2.0, 0.5)), HasSubstr("seen from its own cameras"));
+}
+
 /// The map of another roof: its images fit in the looks, its points do not.
 TEST(RecognizedPlaces, ASearchedPlaceWhoseShapeDisagreesIsDoubted) {
   const Flight flight = simulate_map(curved_path(), 60);

@@ -24,8 +24,36 @@ void add_doubt(RegistrationResult& r, const char* where, const char* how_sure, s
 
 bool is_recognised(const RegistrationResult& r) { return r.method == "pictures"; }
 
-/// Nothing but the images says that the map belongs there.
-bool is_searched(const RegistrationResult& r) { return r.start == kSearchedStart; }
+/// How far the aligned path is from where the telemetry's positions put it, and their sigmas.
+struct TelemetryDistance {
+  Vec3 apart_m = Vec3::Zero();  ///< mean over the path
+  double horizontal_sigma_m = 0.0, vertical_sigma_m = 0.0;
+};
+
+/// `r` must have telemetry.
+TelemetryDistance distance_to_telemetry(const RegistrationEvidence& evidence, const RegistrationResult& r) {
+  TelemetryDistance result;
+  const auto n = static_cast<double>(evidence.path.size());
+  for (const auto& pose : evidence.path.poses) {
+    const Vec3& position = pose.T_local_camera.translation;
+    result.apart_m += (r.T_local_map * position - r.telemetry->T_local_map * position) / n;
+  }
+  for (const alignment::PositionFix& fix : evidence.positions) {
+    result.horizontal_sigma_m = std::max(result.horizontal_sigma_m, fix.horizontal_sigma_m);
+    result.vertical_sigma_m = std::max(result.vertical_sigma_m, fix.vertical_sigma_m);
+  }
+  return result;
+}
+
+/// Nothing but the images says that the map belongs there: its place was searched, and no telemetry puts it there.
+bool is_place_by_images_alone(const RegistrationEvidence& evidence, const RegistrationResult& r) {
+  if (r.start != kSearchedStart) return false;
+  if (!r.telemetry) return true;
+  constexpr double kSigmas = 3.0;
+  const TelemetryDistance to = distance_to_telemetry(evidence, r);
+  return to.apart_m.head<2>().norm() > kSigmas * to.horizontal_sigma_m ||
+         std::abs(to.apart_m.z()) > kSigmas * to.vertical_sigma_m;
+}
 
 // ---- images ----
 
@@ -65,9 +93,9 @@ void check_similar_place(RegistrationResult& r) {
 
 /// A place that resembles the right one (another roof with the same tiles) lets some of the images be located there,
 /// too; where the place had to be searched, nothing else speaks for it.
-void check_located_share(RegistrationResult& r) {
+void check_located_share(bool by_images_alone, RegistrationResult& r) {
   const PictureAgreement& p = *r.pictures;
-  if (is_searched(r) && 3 * p.inliers < 2 * p.tried) {
+  if (by_images_alone && 3 * p.inliers < 2 * p.tried) {
     add_doubt(r, kAlignment, "likely",
               base::formatted("the place was found by its resemblance, and only %zu of %zu images agree on it",
                               p.inliers, p.tried),
@@ -79,7 +107,7 @@ void check_located_share(RegistrationResult& r) {
   }
 }
 
-void check_pictures(RegistrationResult& r) {
+void check_pictures(bool by_images_alone, RegistrationResult& r) {
   if (!r.pictures) return;
   const PictureAgreement& p = *r.pictures;
   if (!is_recognised(r)) {
@@ -92,7 +120,7 @@ void check_pictures(RegistrationResult& r) {
     return;
   }
   check_similar_place(r);
-  check_located_share(r);
+  check_located_share(by_images_alone, r);
   if (r.repetition_distance_m) {
     add_doubt(
         r, kAlignment, "likely",
@@ -137,8 +165,8 @@ void check_shapes(RegistrationResult& r) {
 }
 
 /// Do the points lie where the cameras see the place's surface? Not asked where images of a place that is known agree.
-void check_rays(RegistrationResult& r) {
-  if (is_recognised(r) && !(is_searched(r) && r.rays)) return;
+void check_rays(bool by_images_alone, RegistrationResult& r) {
+  if (is_recognised(r) && !(by_images_alone && r.rays)) return;
   constexpr double kGoodRays = 0.5;
   const double score = ray_score(r);
   if (score >= kGoodRays) return;
@@ -188,26 +216,17 @@ void check_telemetry(const RegistrationEvidence& evidence, RegistrationResult& r
   if (!r.telemetry) return;
   const TelemetryEstimate by_positions =
       estimate_from_telemetry(evidence.path, evidence.positions, *r.telemetry, std::nullopt);
-  Vec3 apart = Vec3::Zero();
-  const auto n = static_cast<double>(evidence.path.size());
-  for (const auto& pose : evidence.path.poses)
-    apart +=
-        (r.T_local_map * pose.T_local_camera.translation - r.telemetry->T_local_map * pose.T_local_camera.translation) /
-        n;
-  double horizontal_m = 0.0, vertical_m = 0.0;
-  for (const alignment::PositionFix& fix : evidence.positions) {
-    horizontal_m = std::max(horizontal_m, fix.horizontal_sigma_m);
-    vertical_m = std::max(vertical_m, fix.vertical_sigma_m);
-  }
+  const TelemetryDistance to = distance_to_telemetry(evidence, r);
+  const Vec3& apart = to.apart_m;
   constexpr double kSigmas = 5.0, kLeast_m = 3.0;
-  if (std::abs(apart.z()) > std::max(kLeast_m, kSigmas * vertical_m)) {
+  if (std::abs(apart.z()) > std::max(kLeast_m, kSigmas * to.vertical_sigma_m)) {
     add_doubt(
         r, kAlignment, "likely",
         base::formatted("the telemetry's heights are %.1f m %s than the aligned map's: possibly another vertical datum",
                         std::abs(apart.z()), apart.z() > 0.0 ? "lower" : "higher"),
         "check the height reference of the log (--telemetry-height ellipsoid, sea-level or takeoff)");
   }
-  if (apart.head<2>().norm() > std::max(kLeast_m, kSigmas * horizontal_m)) {
+  if (apart.head<2>().norm() > std::max(kLeast_m, kSigmas * to.horizontal_sigma_m)) {
     add_doubt(r, kAlignment, "likely",
               base::formatted("the telemetry's positions are %.1f m east and %.1f m north of the aligned map's",
                               -apart.x(), -apart.y()),
@@ -246,9 +265,10 @@ void check_gravity(const RegistrationEvidence& evidence, RegistrationResult& r) 
 
 void add_registration_doubts(const ObservedPoints& points, const RegistrationEvidence& evidence,
                              RegistrationResult& registration) {
-  check_pictures(registration);
+  const bool by_images_alone = is_place_by_images_alone(evidence, registration);
+  check_pictures(by_images_alone, registration);
   check_shapes(registration);
-  check_rays(registration);
+  check_rays(by_images_alone, registration);
   check_ray_support(points, registration);
   check_sigma(registration);
   check_telemetry(evidence, registration);
