@@ -41,17 +41,23 @@ class SmoothField {
 
   double at(const geometry::Vec3& p) const {
     const geometry::Vec3 q = p / edge_m_, low = q.array().floor();
+    std::array<std::array<double, 2>, 3> weights{};           // of each axis: at the corners below and above
+    std::array<std::array<std::uint64_t, 2>, 3> scrambled{};  // their coordinates, for hash_of()
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const double below = low[static_cast<int>(axis)], part = q[static_cast<int>(axis)] - below;
+      const double smooth = part * part * (3.0 - 2.0 * part);
+      const auto at = static_cast<std::int64_t>(below);
+      weights[axis] = {1.0 - smooth, smooth};
+      scrambled[axis] = {mixed(static_cast<std::uint64_t>(at)), mixed(static_cast<std::uint64_t>(at + 1))};
+    }
+    std::array<std::uint64_t, 4> hashes{};  // of the first two axes
+    for (std::size_t xy = 0; xy < 4; ++xy)
+      hashes[xy] = mixed(mixed(seed_ ^ scrambled[0][xy & 1U]) ^ scrambled[1][xy >> 1U]);
     double sum = 0.0, squares = 0.0;
-    for (int corner = 0; corner < 8; ++corner) {
-      double weight = 1.0;
-      std::array<std::int64_t, 3> at{};
-      for (int axis = 0; axis < 3; ++axis) {
-        const int up = corner >> axis & 1;
-        const double part = q[axis] - low[axis], smooth = part * part * (3.0 - 2.0 * part);
-        weight *= up != 0 ? smooth : 1.0 - smooth;
-        at[static_cast<std::size_t>(axis)] = static_cast<std::int64_t>(low[axis]) + up;
-      }
-      sum += weight * value_from(hash_of(seed_, at[0], at[1], at[2]));
+    for (std::size_t corner = 0; corner < 8; ++corner) {
+      const std::size_t xy = corner & 3U, z = corner >> 2U;
+      const double weight = weights[0][xy & 1U] * weights[1][xy >> 1U] * weights[2][z];
+      sum += weight * value_from(mixed(hashes[xy] ^ scrambled[2][z]));
       squares += weight * weight;
     }
     return sum / std::sqrt(squares);
