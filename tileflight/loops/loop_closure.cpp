@@ -7,7 +7,7 @@
 #include <limits>
 #include <map>
 
-#include "tileflight/loops/pose_graph.h"
+#include "tileflight/loops/pixel_grid.h"
 
 namespace tileflight::loops {
 namespace {
@@ -17,39 +17,6 @@ using geometry::Sim3;
 using geometry::Vec3;
 
 // ---- distances ----
-
-struct KnownPixel {
-  Eigen::Vector2f pixel;
-  float rho = 0.0F;
-};
-
-/// Points projected into a keyframe, in a grid of square cells.
-class PixelGrid {
- public:
-  static constexpr float kCell_px = 16.0F;
-
-  void add(const KnownPixel& known) { cells_[key(known.pixel)].push_back(known); }
-  /// Inverse distances of the points within `radius_px`, which is at most one cell.
-  std::vector<float> rho_within(const Eigen::Vector2f& pixel, float radius_px) const {
-    std::vector<float> out;
-    for (int dy = -1; dy <= 1; ++dy) {
-      for (int dx = -1; dx <= 1; ++dx) {
-        const auto cell = cells_.find(key(pixel + kCell_px * Eigen::Vector2f(dx, dy)));
-        if (cell == cells_.end()) continue;
-        for (const KnownPixel& known : cell->second) {
-          if ((known.pixel - pixel).norm() < radius_px) out.push_back(known.rho);
-        }
-      }
-    }
-    return out;
-  }
-
- private:
-  static std::pair<int, int> key(const Eigen::Vector2f& pixel) {
-    return {static_cast<int>(std::floor(pixel.x() / kCell_px)), static_cast<int>(std::floor(pixel.y() / kCell_px))};
-  }
-  std::map<std::pair<int, int>, std::vector<KnownPixel>> cells_;
-};
 
 /// The median if the values agree, else 0 (a depth discontinuity).
 float median_if_consistent(std::vector<float> rho) {
@@ -145,30 +112,6 @@ std::vector<Loop> keep_supported(const std::vector<LoopKeyframe>& keyframes, con
   return out;
 }
 
-// ---- correction ----
-
-/// Standard deviations of one odometry step and of a loop: share of the scene's distance, radians, logarithm of the
-/// scale. Chosen by hand.
-constexpr double kOdometryShiftSigma = 0.002, kOdometryRelativeSigma = 0.01, kOdometryRotationSigma_rad = 0.001,
-                 kOdometryLogScaleSigma = 0.003;
-constexpr double kLoopShiftSigma = 0.01, kLoopRotationSigma_rad = 0.003, kLoopLogScaleSigma = 0.01;
-
-std::vector<PoseGraphEdge> make_edges(const std::vector<LoopKeyframe>& keyframes, const std::vector<Loop>& loops) {
-  std::vector<PoseGraphEdge> edges;
-  std::vector<double> distances;
-  for (const LoopKeyframe& keyframe : keyframes) distances.push_back(median_distance(keyframe));
-  for (int i = 0; i + 1 < static_cast<int>(keyframes.size()); ++i) {
-    const Sim3 step = Sim3(keyframes[i].T_map_camera).inverse() * Sim3(keyframes[i + 1].T_map_camera);
-    const double sigma = kOdometryShiftSigma * distances[i] + kOdometryRelativeSigma * step.translation.norm();
-    edges.push_back({i, i + 1, step, sigma, kOdometryRotationSigma_rad, kOdometryLogScaleSigma, false});
-  }
-  for (const Loop& loop : loops) {
-    edges.push_back({loop.from, loop.to, loop.T_from_to, kLoopShiftSigma * distances[loop.from], kLoopRotationSigma_rad,
-                     kLoopLogScaleSigma, true});
-  }
-  return edges;
-}
-
 }  // namespace
 
 void assign_feature_depths(const photometry::Lens& lens, const std::vector<mapping::MapPoint>& points,
@@ -213,23 +156,6 @@ std::vector<Loop> find_loops(const std::vector<LoopKeyframe>& keyframes, const p
     }
   }
   return keep_supported(keyframes, loops, options);
-}
-
-std::vector<Sim3> correct_poses(const std::vector<LoopKeyframe>& keyframes, const std::vector<Loop>& loops) {
-  std::vector<Sim3> poses;
-  for (const LoopKeyframe& keyframe : keyframes) poses.emplace_back(keyframe.T_map_camera);
-  if (loops.empty()) return poses;
-  return optimize_pose_graph(poses, make_edges(keyframes, loops)).T_map_node;
-}
-
-void rescale_points(const std::map<int, double>& scale, std::vector<mapping::MapPoint>& points) {
-  for (mapping::MapPoint& point : points) {
-    const auto found = scale.find(point.keyframe);
-    if (found == scale.end()) continue;
-    const auto factor = static_cast<float>(1.0 / found->second);
-    point.rho *= factor;
-    point.rho_variance *= factor * factor;
-  }
 }
 
 }  // namespace tileflight::loops

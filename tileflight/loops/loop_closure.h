@@ -2,14 +2,15 @@
 
 // Loop closure for flights that return to a place. Two keyframes with matching features (keyframe_matching.h) that fit
 // by one similarity (keyframe_similarity.h) form a loop if neighbouring keyframes confirm it and drift can explain the
-// correction. The pose graph (pose_graph.h) distributes the error. Loop closure does not affect tracking: it runs over
-// all keyframes after the last image.
+// correction. Loops are then measured directly and correct the path (loop_correction.h). Loop closure does not affect
+// tracking: it runs over all keyframes after the last image.
 
 #include <cstdint>
-#include <map>
 #include <vector>
 
+#include "tileflight/geometry/decompositions.h"
 #include "tileflight/geometry/transform.h"
+#include "tileflight/loops/keyframe_image.h"
 #include "tileflight/loops/keyframe_similarity.h"
 #include "tileflight/mapping/map.h"
 #include "tileflight/photometry/options.h"
@@ -22,6 +23,11 @@ struct LoopKeyframe {
   std::int64_t frame_index = 0;
   geometry::SE3 T_map_camera;
   std::vector<Feature> features;
+  KeyframeImage image;
+  /// Of the motion from the keyframe before: covariance of its right twist, translation first, units of the map, and
+  /// variance of the logarithm of the map's scale here over that at the keyframe before.
+  geometry::Mat6 step_covariance = geometry::Mat6::Zero();
+  double step_log_scale_variance = 0.0;
 };
 
 /// Two keyframes that see the same place.
@@ -39,11 +45,5 @@ void assign_feature_depths(const photometry::Lens& lens, const std::vector<mappi
 
 /// All accepted loops, in the order of `to`. Deterministic.
 std::vector<Loop> find_loops(const std::vector<LoopKeyframe>& keyframes, const photometry::LoopOptions& options);
-
-/// Poses (with scale) of all keyframes after loop closure; the first one is fixed. Unchanged without loops.
-std::vector<geometry::Sim3> correct_poses(const std::vector<LoopKeyframe>& keyframes, const std::vector<Loop>& loops);
-
-/// Rescales the points with their hosts; `scale`: of each keyframe, by id.
-void rescale_points(const std::map<int, double>& scale, std::vector<mapping::MapPoint>& points);
 
 }  // namespace tileflight::loops

@@ -35,17 +35,16 @@ class EdgeCost {
     using Vector = Eigen::Matrix<T, 3, 1>;
     const Eigen::Map<const Eigen::Quaternion<T>> R_a(q_a), R_b(q_b);
     const Eigen::Map<const Vector> p_a(t_a), p_b(t_b);
+    const Eigen::Quaternion<T> R_b_a = edge_.T_a_b.rotation.conjugate().template cast<T>();
     const Vector translation =
-        exp(-*log_s_a) * (R_a.conjugate() * (p_b - p_a)) - edge_.T_a_b.translation.template cast<T>();
-    const Eigen::Quaternion<T> turn = edge_.T_a_b.rotation.conjugate().template cast<T>() * (R_a.conjugate() * R_b);
+        R_b_a * (exp(-*log_s_a) * (R_a.conjugate() * (p_b - p_a)) - edge_.T_a_b.translation.template cast<T>());
+    const Eigen::Quaternion<T> turn = R_b_a * (R_a.conjugate() * R_b);
     const std::array<T, 4> wxyz{turn.w(), turn.x(), turn.y(), turn.z()};
     Vector angle;
     ceres::QuaternionToAngleAxis(wxyz.data(), angle.data());
-    for (int i = 0; i < 3; ++i) {
-      error[i] = translation[i] / edge_.translation_sigma;
-      error[3 + i] = angle[i] / edge_.rotation_sigma_rad;
-    }
-    error[6] = (*log_s_b - *log_s_a - std::log(edge_.T_a_b.scale)) / edge_.scale_sigma;
+    Eigen::Matrix<T, 7, 1> off;
+    off << translation, angle, *log_s_b - *log_s_a - std::log(edge_.T_a_b.scale);
+    Eigen::Map<Eigen::Matrix<T, 7, 1>>(error, 7) = edge_.root_information.template cast<T>() * off;
     return true;
   }
 
@@ -62,13 +61,13 @@ void add_node(ceres::Problem& problem, Node& node) {
 }
 
 void add_edge(ceres::Problem& problem, const PoseGraphEdge& edge, std::vector<Node>& nodes) {
-  // In standard deviations; chosen by hand.
-  constexpr double kHuber = 2.0;
+  // Root of the mean of seven squared standard deviations, beyond which an edge loses weight. Chosen by hand.
+  const double limit = std::sqrt(7.0);
   assert(edge.a >= 0 && edge.b >= 0 && edge.a != edge.b);
   assert(edge.a < static_cast<int>(nodes.size()) && edge.b < static_cast<int>(nodes.size()));
   Node &a = nodes[edge.a], &b = nodes[edge.b];
   problem.AddResidualBlock(new ceres::AutoDiffCostFunction<EdgeCost, 7, 4, 3, 1, 4, 3, 1>(new EdgeCost(edge)),
-                           edge.robust ? new ceres::HuberLoss(kHuber) : nullptr, a.rotation.coeffs().data(),
+                           edge.robust ? new ceres::CauchyLoss(limit) : nullptr, a.rotation.coeffs().data(),
                            a.translation.data(), &a.log_scale, b.rotation.coeffs().data(), b.translation.data(),
                            &b.log_scale);
 }
@@ -88,6 +87,17 @@ ceres::Solver::Options solver_options() {
 }
 
 }  // namespace
+
+geometry::Mat7 root_information(const geometry::Mat6& pose_covariance, double log_scale_variance) {
+  const geometry::SymmetricEigen eigen = geometry::symmetric_eigen(pose_covariance);
+  // Of the largest: what is less is rounding.
+  constexpr double kLeastShare = 1e-12;
+  const Eigen::VectorXd values = eigen.values.array().max(kLeastShare * eigen.values.maxCoeff());
+  geometry::Mat7 root = geometry::Mat7::Zero();
+  root.topLeftCorner<6, 6>() = values.cwiseSqrt().cwiseInverse().asDiagonal() * eigen.vectors.transpose();
+  root(6, 6) = std::isinf(log_scale_variance) ? 0.0 : 1.0 / std::sqrt(log_scale_variance);
+  return root;
+}
 
 PoseGraphResult optimize_pose_graph(const std::vector<Sim3>& T_map_node, const std::vector<PoseGraphEdge>& edges) {
   PoseGraphResult result;

@@ -2,13 +2,14 @@
 
 // Pose-graph optimisation over keyframes, which distributes loop errors. Nodes are similarities, since a monocular map
 // also drifts in scale (Strasdat, Montiel, Davison, "Scale drift-aware large scale monocular SLAM", RSS 2010, section
-// IV). Error of an edge with the measured T_a_b, node poses T_map_a and T_map_b:
-//   translation  R_a^T (t_b - t_a) / s_a - t_ab      (units of a)
-//   rotation     log(R_ab^T R_a^T R_b)               (radians)
+// IV). Error of an edge with the measured T_a_b, node poses T_map_a and T_map_b, as a right twist of T_a_b:
+//   translation  R_ab^T (R_a^T (t_b - t_a) / s_a - t_ab)      (units of a, axes of b)
+//   rotation     log(R_ab^T R_a^T R_b)                        (radians)
 //   scale        log(s_b / s_a) - log(s_ab)
 
 #include <vector>
 
+#include "tileflight/geometry/decompositions.h"
 #include "tileflight/geometry/transform.h"
 
 namespace tileflight::loops {
@@ -17,11 +18,14 @@ struct PoseGraphEdge {
   int a = 0;  ///< indices of the nodes
   int b = 0;
   geometry::Sim3 T_a_b;
-  double translation_sigma = 1.0;  ///< standard deviation, in units of a
-  double rotation_sigma_rad = 1.0;
-  double scale_sigma = 1.0;  ///< standard deviation of the logarithm
-  bool robust = false;       ///< Huber norm, at two standard deviations
+  geometry::Mat7 root_information = geometry::Mat7::Identity();  ///< W with W^T W = inverse of the error's covariance;
+                                                                 ///< a zero row: not measured
+  bool robust = false;  ///< Cauchy's norm: the more an edge contradicts the others, the less it counts
 };
+
+/// W of a covariance of translation (units of a) and rotation, and a variance of the logarithm of the scale; infinite:
+/// not measured.
+geometry::Mat7 root_information(const geometry::Mat6& pose_covariance, double log_scale_variance);
 
 struct PoseGraphResult {
   std::vector<geometry::Sim3> T_map_node;

@@ -12,6 +12,13 @@ using geometry::Sim3;
 using geometry::Vec3;
 using geometry::Vec7;
 
+/// W of independent errors with these standard deviations.
+geometry::Mat7 independent(double translation, double rotation_rad, double log_scale) {
+  geometry::Vec6 variance;
+  variance << Vec3::Constant(translation * translation), Vec3::Constant(rotation_rad * rotation_rad);
+  return root_information(variance.asDiagonal(), log_scale * log_scale);
+}
+
 Sim3 step(double length, double scale = 1.0) { return {scale, Eigen::Quaterniond::Identity(), Vec3(length, 0, 0)}; }
 
 /// A chain of `count` equal steps and a loop edge from its first node to its last.
@@ -32,7 +39,7 @@ TEST(PoseGraph, ALoopsContradictionInPositionIsSpreadEvenly) {
   // With rotation and scale fixed, least squares over 10 steps and the loop, each of weight one, moves each of the
   // eleven edges by an eleventh of the loop error.
   Chain chain(10, step(1.0), step(8.9));
-  for (PoseGraphEdge& edge : chain.edges) edge.rotation_sigma_rad = edge.scale_sigma = 1e-6;
+  for (PoseGraphEdge& edge : chain.edges) edge.root_information = independent(1.0, 1e-6, 1e-6);
   const PoseGraphResult result = optimize_pose_graph(chain.poses, chain.edges);
   EXPECT_TRUE(result.converged);
   for (int i = 0; i <= 10; ++i) EXPECT_NEAR(result.T_map_node[i].translation.x(), i * (1.0 - 1.1 / 11), 1e-5) << i;
@@ -42,7 +49,7 @@ TEST(PoseGraph, ALoopsContradictionInPositionIsSpreadEvenly) {
 TEST(PoseGraph, ALoopsContradictionInScaleIsSpreadEvenly) {
   // Positions have no weight (huge standard deviation), so the log scales form an independent chain.
   Chain chain(7, step(1.0), step(7.0, 1.5));
-  for (PoseGraphEdge& edge : chain.edges) edge.translation_sigma = 1e6;
+  for (PoseGraphEdge& edge : chain.edges) edge.root_information = independent(1e6, 1.0, 1.0);
   const PoseGraphResult result = optimize_pose_graph(chain.poses, chain.edges);
   EXPECT_TRUE(result.converged);
   for (int i = 0; i <= 7; ++i) EXPECT_NEAR(result.T_map_node[i].scale, std::pow(1.5, i / 8.0), 1e-6) << i;
@@ -78,12 +85,32 @@ double cost(const std::vector<Sim3>& nodes, const std::vector<PoseGraphEdge>& ed
   double sum = 0;
   for (const PoseGraphEdge& edge : edges) {
     const Sim3 T_a_b = nodes[edge.a].inverse() * nodes[edge.b];
-    const double angle_rad = T_a_b.rotation.angularDistance(edge.T_a_b.rotation);
-    sum += 0.5 * ((T_a_b.translation - edge.T_a_b.translation) / edge.translation_sigma).squaredNorm() +
-           0.5 * std::pow(angle_rad / edge.rotation_sigma_rad, 2) +
-           0.5 * std::pow(std::log(T_a_b.scale / edge.T_a_b.scale) / edge.scale_sigma, 2);
+    Vec7 off;
+    off << edge.T_a_b.rotation.conjugate() * (T_a_b.translation - edge.T_a_b.translation),
+        geometry::so3_log(edge.T_a_b.rotation.conjugate() * T_a_b.rotation), std::log(T_a_b.scale / edge.T_a_b.scale);
+    sum += 0.5 * (edge.root_information * off).squaredNorm();
   }
   return sum;
+}
+
+/// Errors of translation and rotation that depend on each other.
+geometry::Mat7 any_root(std::mt19937& random) {
+  std::uniform_real_distribution<double> u(-1.0, 1.0);
+  geometry::Mat6 A;
+  for (double& entry : A.reshaped()) entry = 0.3 * u(random);
+  return root_information(A * A.transpose() + 0.01 * geometry::Mat6::Identity(), 0.01);
+}
+
+TEST(PoseGraph, TheRootOfAnInformationIsThatOfTheInverse) {
+  std::mt19937 random(2);
+  geometry::Mat6 A;
+  std::uniform_real_distribution<double> u(-1.0, 1.0);
+  for (double& entry : A.reshaped()) entry = u(random);
+  const geometry::Mat6 covariance = A * A.transpose() + 0.1 * geometry::Mat6::Identity();
+  const geometry::Mat7 W = root_information(covariance, 4.0), information = W.transpose() * W;
+  EXPECT_LT((information.topLeftCorner<6, 6>() * covariance - geometry::Mat6::Identity()).norm(), 1e-9);
+  EXPECT_NEAR(information(6, 6), 0.25, 1e-12);
+  EXPECT_EQ(root_information(covariance, HUGE_VAL)(6, 6), 0.0);
 }
 
 TEST(PoseGraph, NoDirectionLeadsFurtherDownFromTheSolution) {
@@ -95,7 +122,7 @@ TEST(PoseGraph, NoDirectionLeadsFurtherDownFromTheSolution) {
   for (int i = 0; i < 6; ++i) {
     const Sim3 noise(1.03 - 0.01 * i, geometry::so3_exp(Vec3(0.02, 0.03 * i, -0.02)), Vec3(0.05 * i, 0.1, -0.1));
     const int next = (i + 1) % 6;
-    edges.push_back({i, next, nodes[i].inverse() * nodes[next] * noise, 0.5, 0.2, 0.1, false});
+    edges.push_back({i, next, nodes[i].inverse() * nodes[next] * noise, any_root(random), false});
   }
   const PoseGraphResult result = optimize_pose_graph(nodes, edges);
   EXPECT_TRUE(result.converged);

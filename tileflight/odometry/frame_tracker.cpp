@@ -196,8 +196,11 @@ void FrameTracker::report_keyframe(const InputFrame& frame, int slot) {
   if (!options_.loops.enabled) return;
   const StageTimer clock(log_.cpu_time.loops);
   const photometry::Keyframe& keyframe = mapper_.window().keyframes[slot];
-  log_.loop_keyframes.push_back(
-      {keyframe.id, keyframe.frame_index, {}, loops::find_features(*keyframe.pyramid, preprocessor_.lens(), {})});
+  log_.loop_keyframes.push_back({.id = keyframe.id,
+                                 .frame_index = keyframe.frame_index,
+                                 .T_map_camera = {},
+                                 .features = loops::find_features(*keyframe.pyramid, preprocessor_.lens(), {}),
+                                 .image = loops::keep_image(*keyframe.pyramid)});
 }
 
 }  // namespace tileflight::odometry

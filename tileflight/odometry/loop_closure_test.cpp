@@ -1,13 +1,14 @@
 // Loop closure on keyframes over rendered ground, with artificial drift.
 
-#include "tileflight/loops/loop_closure.h"
-
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <numbers>
+#include <random>
 
+#include "tileflight/loops/loop_correction.h"
 #include "tileflight/odometry/synthetic_keyframes.h"
 
 namespace tileflight::odometry::loop_closure_test {
@@ -30,24 +31,44 @@ std::vector<SE3> round_trip(int keyframes) {
   return path;
 }
 
-/// Keyframes with drift of rotation and scale: at its end the map is `last_scale` times too large.
-std::vector<loops::LoopKeyframe> drifted(const KeyframeMaker& maker, const std::vector<SE3>& truth, double last_scale) {
+/// Keyframes and their points, as a map knows them.
+struct Flight {
   std::vector<loops::LoopKeyframe> keyframes;
+  std::vector<mapping::MapPoint> points;
+};
+
+const Vec3 kTurn_rad(0.0004, -0.0006, 0.0003);  ///< drift of a step
+
+/// A flight with drift of rotation and scale: at its end the map is `last_scale` times too large.
+Flight drifted(const KeyframeMaker& maker, const std::vector<SE3>& truth, double last_scale) {
+  Flight flight;
   SE3 pose = truth.front();
-  const Eigen::Quaterniond turn = geometry::so3_exp(Vec3(0.0004, -0.0006, 0.0003));
+  geometry::Vec6 variance;
+  variance << Vec3::Constant(1e-4), kTurn_rad.cwiseAbs2();
+  const double log_scale_step = std::log(last_scale) / static_cast<double>(truth.size());
   for (std::size_t i = 0; i < truth.size(); ++i) {
-    const double scale = std::pow(last_scale, static_cast<double>(i) / static_cast<double>(truth.size()));
+    const double scale = std::exp(log_scale_step * static_cast<double>(i));
     if (i > 0) {
       SE3 step = truth[i - 1].inverse() * truth[i];
       step.translation *= scale;
-      pose = pose * SE3(turn * step.rotation, step.translation);
+      pose = pose * SE3(geometry::so3_exp(kTurn_rad) * step.rotation, step.translation);
     }
-    loops::LoopKeyframe keyframe{static_cast<int>(i), static_cast<std::int64_t>(10 * i), pose,
-                                 maker.features(truth[i])};
+    loops::LoopKeyframe keyframe{.id = static_cast<int>(i),
+                                 .frame_index = static_cast<std::int64_t>(10 * i),
+                                 .T_map_camera = pose,
+                                 .features = maker.features(truth[i]),
+                                 .image = maker.image(truth[i]),
+                                 .step_covariance = variance.asDiagonal(),
+                                 .step_log_scale_variance = log_scale_step * log_scale_step + 1e-8};
     for (loops::Feature& feature : keyframe.features) feature.rho /= static_cast<float>(scale);
-    keyframes.push_back(std::move(keyframe));
+    for (mapping::MapPoint& point : maker.points(truth[i], keyframe.id)) {
+      point.rho /= static_cast<float>(scale);
+      point.rho_variance /= static_cast<float>(scale * scale);
+      flight.points.push_back(point);
+    }
+    flight.keyframes.push_back(std::move(keyframe));
   }
-  return keyframes;
+  return flight;
 }
 
 double ate_share_of(const std::vector<SE3>& poses, const std::vector<SE3>& truth) {
@@ -65,7 +86,7 @@ std::vector<SE3> poses_of(const std::vector<loops::LoopKeyframe>& keyframes) {
 TEST(LoopClosure, AFlightThatReturnsLosesMostOfItsDrift) {
   const KeyframeMaker maker(test_support::hilly_terrain());
   const std::vector<SE3> truth = round_trip(60);
-  const std::vector<loops::LoopKeyframe> keyframes = drifted(maker, truth, 1.15);
+  const auto [keyframes, points] = drifted(maker, truth, 1.15);
   const std::vector<loops::Loop> loops = loops::find_loops(keyframes, {});
   ASSERT_GT(loops.size(), 5U);
   for (const loops::Loop& loop : loops) {
@@ -73,7 +94,9 @@ TEST(LoopClosure, AFlightThatReturnsLosesMostOfItsDrift) {
     EXPECT_NEAR(loop.T_from_to.scale, std::pow(1.15, (loop.from - loop.to) / 60.0), 0.01);
   }
   std::vector<SE3> closed;
-  const std::vector<Sim3> similarities = loops::correct_poses(keyframes, loops);
+  const std::vector<loops::MeasuredLoop> measured = loops::measure_loops(maker.lens(), points, keyframes, loops);
+  ASSERT_GT(measured.size(), 5U);
+  const std::vector<Sim3> similarities = loops::correct_poses(keyframes, measured).value();
   for (const Sim3& pose : similarities) closed.emplace_back(pose.rotation, pose.translation);
   const double before = ate_share_of(poses_of(keyframes), truth), after = ate_share_of(closed, truth);
   std::printf("ATE, %% of path: %.3f before, %.3f after %zu loops\n", 100 * before, 100 * after, loops.size());
@@ -84,15 +107,52 @@ TEST(LoopClosure, AFlightThatReturnsLosesMostOfItsDrift) {
               0.02);
 }
 
+/// A flight of 12 m over hills and back beside it, with noise of the images.
+test_support::Sequence there_and_back() {
+  constexpr int kImages = 110;
+  std::vector<SE3> truth;
+  for (int i = 0; i < kImages; ++i) {
+    const double phase = 2.0 * std::numbers::pi * i / (kImages - 1), along = 1.0 - std::cos(phase);
+    truth.push_back(photometry::test_support::look_along(
+        Vec3(3.5 * along + 0.5 * std::sin(phase), 5.0 * along, 12.0 + 0.3 * std::sin(2.0 * phase)),
+        Vec3(0.2 * std::sin(phase), 1.0, -1.1)));
+  }
+  test_support::Sequence sequence = test_support::render_sequence(imaging::make_fisheye(320, 240, 120.0),
+                                                                  test_support::hilly_ground(), std::move(truth));
+  std::mt19937 random(7);
+  for (imaging::RgbImage& image : sequence.images) {
+    for (imaging::Rgb8& pixel : image.pixels) {
+      const int off = static_cast<int>(random() % 10U + random() % 10U) - 9;  // deviation of 4 grey values
+      pixel.fill(static_cast<std::uint8_t>(std::clamp(pixel[0] + off, 0, 255)));
+    }
+  }
+  return sequence;
+}
+
+TEST(LoopClosure, AWholeFlightThereAndBackBecomesNoWorse) {
+  const test_support::Sequence sequence = there_and_back();
+  photometry::OdometryOptions options = test_support::small_options();
+  const OdometryResult without = run_odometry(sequence.calibration, nullptr, sequence.source(), options);
+  options.loops.enabled = true;
+  const OdometryResult with = run_odometry(sequence.calibration, nullptr, sequence.source(), options);
+  ASSERT_EQ(with.frames_tracked, static_cast<std::int64_t>(sequence.images.size()));
+  const double before = test_support::relative_ate(without.trajectory, sequence.truth),
+               after = test_support::relative_ate(with.trajectory, sequence.truth);
+  std::printf("ATE, %% of path: %.4f before, %.4f after %zu loops, closed: %d\n", 100 * before, 100 * after,
+              with.loops.size(), with.loops_closed);
+  EXPECT_FALSE(with.loops.empty());
+  EXPECT_LE(after, 1.02 * before);
+  EXPECT_TRUE(with.loops_closed || after == before);
+}
+
 TEST(LoopClosure, NothingIsFoundOnAWayThatDoesNotReturn) {
   const KeyframeMaker maker(test_support::hilly_terrain());
   std::vector<SE3> truth;
-  for (int i = 0; i < 30; ++i) truth.push_back(photometry::test_support::look_along(Vec3(0, 3.0 * i, 13), Vec3(0, 1, -1.5)));
-  const std::vector<loops::LoopKeyframe> keyframes = drifted(maker, truth, 1.05);
-  const std::vector<loops::Loop> loops = loops::find_loops(keyframes, {});
-  EXPECT_TRUE(loops.empty());
-  const std::vector<Sim3> same = loops::correct_poses(keyframes, loops);
-  for (std::size_t i = 0; i < same.size(); ++i) EXPECT_EQ(same[i].matrix(), keyframes[i].T_map_camera.matrix());
+  for (int i = 0; i < 30; ++i)
+    truth.push_back(photometry::test_support::look_along(Vec3(0, 3.0 * i, 13), Vec3(0, 1, -1.5)));
+  const std::vector<loops::LoopKeyframe> keyframes = drifted(maker, truth, 1.05).keyframes;
+  EXPECT_TRUE(loops::find_loops(keyframes, {}).empty());
+  EXPECT_FALSE(loops::correct_poses(keyframes, {}));
 }
 
 TEST(LoopClosure, GroundThatRepeatsIsNotTakenForAReturn) {
@@ -102,8 +162,9 @@ TEST(LoopClosure, GroundThatRepeatsIsNotTakenForAReturn) {
     relief.highest_m = 0.0;
     relief.period_m = period_m;
     std::vector<SE3> truth;
-    for (int i = 0; i < 30; ++i) truth.push_back(photometry::test_support::look_along(Vec3(0, 3.0 * i, 13), Vec3(0, 1, -1.5)));
-    EXPECT_TRUE(loops::find_loops(drifted(KeyframeMaker(relief), truth, 1.05), {}).empty()) << period_m;
+    for (int i = 0; i < 30; ++i)
+      truth.push_back(photometry::test_support::look_along(Vec3(0, 3.0 * i, 13), Vec3(0, 1, -1.5)));
+    EXPECT_TRUE(loops::find_loops(drifted(KeyframeMaker(relief), truth, 1.05).keyframes, {}).empty()) << period_m;
   }
 }
 
@@ -113,17 +174,7 @@ TEST(LoopClosure, DistancesComeFromThePointsAboutACorner) {
             other = photometry::test_support::look_along(Vec3(1, 0.5, 13), Vec3(0, 1, -1.5));
   std::vector<loops::LoopKeyframe> keyframes{{3, 0, host, maker.features(host)}, {4, 1, other, maker.features(other)}};
   // All points are hosted by the first keyframe; the second sees them from the side.
-  std::vector<mapping::MapPoint> points;
-  const photometry::RayTable& rays = maker.lens().rays[0];
-  for (int y = 2; y < rays.height; y += 5) {
-    for (int x = 2; x < rays.width; x += 5) {
-      mapping::MapPoint point;
-      point.keyframe = 3;
-      point.ray = rays.at(x, y);
-      point.rho = point.ray.isZero(0) ? 0.0F : maker.rho(host, point.ray);
-      points.push_back(point);
-    }
-  }
+  const std::vector<mapping::MapPoint> points = maker.points(host, 3);
   const std::vector<loops::Feature> truth = keyframes[1].features;
   loops::assign_feature_depths(maker.lens().lenses[0], points, keyframes);
   int known = 0;

@@ -153,7 +153,8 @@ struct OdometryResult {
   std::vector<FrameQuality> quality;          ///< of every image read, in order
   std::optional<mapping::SystematicDisplacement>
       systematic_displacement;     ///< from the residuals of all keyframes; none if there are too few
-  std::vector<LoopClosure> loops;  ///< loops used to correct the poses and the map
+  std::vector<LoopClosure> loops;  ///< loops that were found and measured
+  bool loops_closed = false;       ///< they corrected poses and map; false: none contradicts the path
   std::optional<inertial::InertialAlignment> inertial;  ///< with Priors::inertial and a map; without `metric` map and
                                                         ///< trajectory are as without readings
   std::optional<double> coupled_since_s;  ///< time of the keyframe from which on the readings were part of the window;

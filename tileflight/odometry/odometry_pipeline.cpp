@@ -241,7 +241,7 @@ OdometryResult OdometryPipeline::result_in_map_frame() const {
   if (state == nullptr) return result;
   result.frames_tracked_backwards = log_.earlier.frames_tracked;
   result.frames_before_start = frames_before(mapper_.keyframes().front().time_s, log_);
-  set_path_and_map(log_, mapper_, preprocessor_.lens().lenses[0], options_, priors_.inertial, result);
+  set_path_and_map(log_, mapper_, preprocessor_.lens(), options_, priors_.inertial, result);
   if (guide_) result.coupled_since_s = guide_->coupled_since_s();
   result.systematic_displacement = mapper_.systematic_residuals().estimate();
   result.camera = photometry::apply_delta(preprocessor_.camera(), mapper_.intrinsics_delta());
@@ -261,7 +261,7 @@ std::optional<geometry::Sim3> OdometryPipeline::T_world_map() const {
   OdometryOptions options = options_;
   options.loops.enabled = false;
   OdometryResult now;
-  set_path_and_map(log_, mapper_, preprocessor_.lens().lenses[0], options, {}, now);
+  set_path_and_map(log_, mapper_, preprocessor_.lens(), options, {}, now);
   return find_T_world_map(preprocessor_.camera(), priors_, state->initialization_end_s, now);
 }
 

@@ -1,10 +1,13 @@
 #pragma once
 
-// For the tests of odometry: features of keyframes over rendered ground, with their true distances.
+// For the tests of odometry: features, pictures and points of keyframes over rendered ground, with their true
+// distances.
 
 #include <vector>
 
+#include "tileflight/loops/keyframe_image.h"
 #include "tileflight/loops/keyframe_matching.h"
+#include "tileflight/mapping/map.h"
 #include "tileflight/odometry/synthetic_flight.h"
 
 namespace tileflight::odometry::test_support {
@@ -31,11 +34,31 @@ class KeyframeMaker {
   const photometry::LensPyramid& lens() const { return lens_; }
 
   std::vector<loops::Feature> features(const geometry::SE3& T_local_camera) const {
-    const photometry::Pyramid pyramid =
-        photometry::build_pyramid(photometry::luminance(scene_.render(T_local_camera), nullptr), 4);
-    std::vector<loops::Feature> features = loops::find_features(pyramid, lens_, {});
+    std::vector<loops::Feature> features = loops::find_features(pyramid(T_local_camera), lens_, {});
     for (loops::Feature& feature : features) feature.rho = rho(T_local_camera, feature.ray);
     return features;
+  }
+  loops::KeyframeImage image(const geometry::SE3& T_local_camera) const {
+    return loops::keep_image(pyramid(T_local_camera));
+  }
+  /// One point in each cell of 5 x 5 pixels that shows ground; `keyframe`: id of their host.
+  std::vector<mapping::MapPoint> points(const geometry::SE3& T_local_camera, int keyframe) const {
+    std::vector<mapping::MapPoint> points;
+    const photometry::RayTable& rays = lens_.rays[0];
+    for (int y = 2; y < rays.height; y += 5) {
+      for (int x = 2; x < rays.width; x += 5) {
+        mapping::MapPoint point;
+        point.keyframe = keyframe;
+        point.ray = rays.at(x, y);
+        point.rho = point.ray.isZero(0) ? 0.0F : rho(T_local_camera, point.ray);
+        point.rho_variance = 1e-4F * point.rho * point.rho;
+        points.push_back(point);
+      }
+    }
+    return points;
+  }
+  photometry::Pyramid pyramid(const geometry::SE3& T_local_camera) const {
+    return photometry::build_pyramid(photometry::luminance(scene_.render(T_local_camera), nullptr), 4);
   }
   /// True inverse distance along a ray of the camera; 0: sky.
   float rho(const geometry::SE3& T_local_camera, const Eigen::Vector3f& ray) const {

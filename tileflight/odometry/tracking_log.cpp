@@ -1,6 +1,5 @@
 #include "tileflight/odometry/tracking_log.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -26,25 +25,13 @@ void set_pose_sigmas(const Eigen::Matrix<double, 6, 6>& covariance, FrameQuality
   quality.sigma_rotation_rad = kRotationSigmaInflation * std::sqrt(covariance.bottomRightCorner<3, 3>().trace());
 }
 
-/// Covariance of the left twist of T_target_reference, not inflated.
-Eigen::Matrix<double, 6, 6> pose_covariance(const tracking::ImageAlignment& alignment) {
-  const Eigen::Matrix<double, 8, 8> H = alignment.information;
-  const photometry::Vec8 scale = (H.diagonal().array() + 1e-9).sqrt().inverse();
-  Eigen::Matrix<double, 8, 8> A = scale.asDiagonal() * H * scale.asDiagonal();
-  A.diagonal().array() += 1e-9;
-  const Eigen::Matrix<double, 8, 8> covariance =
-      scale.asDiagonal() * A.ldlt().solve(Eigen::Matrix<double, 8, 8>::Identity()) * scale.asDiagonal();
-  const double rmse = alignment.finest_rmse();
-  return rmse * rmse * covariance.topLeftCorner<6, 6>();
-}
-
 /// Copies the alignment's statistics.
 void fill_quality(const tracking::ImageAlignment& alignment, FrameQuality& quality) {
   if (alignment.rmse.empty()) return;
   quality.rmse = alignment.finest_rmse();
   quality.inside_share = alignment.inside_share;
   quality.saturated_share = alignment.saturated_share;
-  set_pose_sigmas(pose_covariance(alignment), quality);
+  set_pose_sigmas(tracking::pose_covariance(alignment), quality);
 }
 
 /// All keyframes in order of time, those made backwards first. A keyframe's position is its id + `first`.
@@ -115,27 +102,6 @@ struct CorrectedMap {
   std::map<int, double> scale;  ///< of each keyframe, by id; empty without loops
 };
 
-/// Corrects keyframes and points for the loops found, which are added to the result.
-void close_loops(const TrackingLog& log, const photometry::Lens& lens, const photometry::LoopOptions& options,
-                 CorrectedMap& map, OdometryResult& result) {
-  const StageTimer clock(result.cpu_time.loops);
-  std::vector<loops::LoopKeyframe> seen = log.loop_keyframes;
-  for (std::size_t k = 0; k < seen.size(); ++k) seen[k].T_map_camera = map.keyframes[k].T_map_camera;
-  loops::assign_feature_depths(lens, map.points, seen);
-  const std::vector<loops::Loop> loops = loops::find_loops(seen, options);
-  if (loops.empty()) return;
-  const std::vector<geometry::Sim3> poses = loops::correct_poses(seen, loops);
-  for (std::size_t k = 0; k < poses.size(); ++k) {
-    map.keyframes[k].T_map_camera = geometry::SE3(poses[k].rotation, poses[k].translation);
-    map.scale[map.keyframes[k].id] = poses[k].scale;
-  }
-  loops::rescale_points(map.scale, map.points);
-  for (const loops::Loop& loop : loops) {
-    result.loops.push_back(
-        {seen[loop.from].frame_index, seen[loop.to].frame_index, loop.T_from_to.scale, loop.inliers});
-  }
-}
-
 std::map<int, geometry::SE3> poses_by_id(const std::vector<mapping::KeyframeRecord>& keyframes) {
   std::map<int, geometry::SE3> poses;
   for (const mapping::KeyframeRecord& keyframe : keyframes) poses[keyframe.id] = keyframe.T_map_camera;
@@ -205,6 +171,41 @@ std::vector<inertial::VisualKeyframe> visual_keyframes(const KeyframePath& path,
   return list;
 }
 
+/// The keyframes as loop closure takes them.
+std::vector<loops::LoopKeyframe> loop_keyframes(const TrackingLog& log, const KeyframePath& path) {
+  std::vector<loops::LoopKeyframe> keyframes = log.loop_keyframes;
+  const std::vector<inertial::VisualKeyframe> steps = visual_keyframes(path, path.keyframes);
+  for (std::size_t k = 0; k < keyframes.size(); ++k) {
+    keyframes[k].T_map_camera = steps[k].T_map_camera;
+    keyframes[k].step_covariance = steps[k].step_covariance;
+    keyframes[k].step_log_scale_variance = steps[k].step_log_scale_variance;
+  }
+  return keyframes;
+}
+
+/// Corrects keyframes and points for the loops found, which are added to the result.
+void close_loops(const TrackingLog& log, const KeyframePath& path, const photometry::LensPyramid& lens,
+                 const photometry::LoopOptions& options, CorrectedMap& map, OdometryResult& result) {
+  const StageTimer clock(result.cpu_time.loops);
+  std::vector<loops::LoopKeyframe> seen = loop_keyframes(log, path);
+  loops::assign_feature_depths(lens.lenses[0], map.points, seen);
+  const std::vector<loops::MeasuredLoop> loops =
+      loops::measure_loops(lens, map.points, seen, loops::find_loops(seen, options));
+  for (const auto& [loop, measured] : loops) {
+    result.loops.push_back(
+        {seen[loop.from].frame_index, seen[loop.to].frame_index, std::exp(measured.log_scale), loop.inliers});
+  }
+  const std::optional<std::vector<geometry::Sim3>> poses = loops::correct_poses(seen, loops);
+  result.loops_closed = poses.has_value();
+  if (!poses) return;
+  for (std::size_t k = 0; k < poses->size(); ++k) {
+    const geometry::Sim3& pose = poses->at(k);
+    map.keyframes[k].T_map_camera = geometry::SE3(pose.rotation, pose.translation);
+    map.scale[map.keyframes[k].id] = pose.scale;
+  }
+  loops::rescale_points(map.scale, map.points);
+}
+
 /// The keyframes, and between them images, at least `spacing_s` apart: more instants for a flight with few keyframes.
 /// The errors of images are taken to be independent of each other, which makes them count less than they might.
 struct Nodes {
@@ -234,7 +235,7 @@ Nodes nodes_with_images(const TrackingLog& log, const KeyframePath& path,
       const auto host = static_cast<std::size_t>(frame->keyframe + path.first);
       geometry::SE3 T_keyframe_camera = frame->T_camera_keyframe.inverse();
       if (!scale.empty()) T_keyframe_camera.translation *= scale.at(frame->keyframe);
-      const Eigen::Matrix<double, 6, 6> covariance = inflated(pose_covariance(frame->alignment));
+      const Eigen::Matrix<double, 6, 6> covariance = inflated(tracking::pose_covariance(frame->alignment));
       append({frame->time_s, keyframes[host].T_map_camera * T_keyframe_camera, covariance, 0.0, path.is_metric});
       of_last = covariance;
     }
@@ -341,12 +342,12 @@ geometry::PointCloud map_so_far(const TrackingLog& log, const mapping::Mapper& m
   return mapping::make_point_cloud(all_points(log, mapper), poses_by_id(keyframe_path(log, mapper).keyframes), options);
 }
 
-void set_path_and_map(const TrackingLog& log, const mapping::Mapper& mapper, const photometry::Lens& lens,
+void set_path_and_map(const TrackingLog& log, const mapping::Mapper& mapper, const photometry::LensPyramid& lens,
                       const OdometryOptions& options, const std::optional<inertial::InertialInput>& readings,
                       OdometryResult& result) {
   const KeyframePath path = keyframe_path(log, mapper);
   CorrectedMap map{path.keyframes, all_points(log, mapper), {}};
-  if (options.loops.enabled) close_loops(log, lens, options.loops, map, result);
+  if (options.loops.enabled) close_loops(log, path, lens, options.loops, map, result);
   if (readings) align_to_gravity(log, path, *readings, map, result);
   const std::map<int, geometry::SE3> poses = poses_by_id(map.keyframes);
   std::vector<int> ids;

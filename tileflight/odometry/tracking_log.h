@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "tileflight/loops/loop_closure.h"
+#include "tileflight/loops/loop_correction.h"
 #include "tileflight/mapping/mapper.h"
 #include "tileflight/odometry/odometry.h"
 #include "tileflight/tracking/tracker.h"
@@ -76,8 +76,8 @@ geometry::PointCloud map_so_far(const TrackingLog& log, const mapping::Mapper& m
 
 /// Sets trajectory, keyframes, map and loops of `result`, after loop closure if the options ask for it (its processor
 /// time is added to the result's); with an inertial unit's readings also `inertial`, by which path, map and qualities
-/// are made metric and level, if it is. `lens`: of the full image.
-void set_path_and_map(const TrackingLog& log, const mapping::Mapper& mapper, const photometry::Lens& lens,
+/// are made metric and level, if it is. `lens`: of the full image and its levels.
+void set_path_and_map(const TrackingLog& log, const mapping::Mapper& mapper, const photometry::LensPyramid& lens,
                       const OdometryOptions& options, const std::optional<inertial::InertialInput>& readings,
                       OdometryResult& result);
 

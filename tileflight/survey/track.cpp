@@ -376,7 +376,10 @@ nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool r
     describe_scale(extras.mode, result, temporary, doubts, about);
     about["doubts"] = evaluation::to_json(doubts);
     write_result(temporary, result, frames, reverse, calibration);
-    if (options.loops.enabled) about["loops"] = describe_loops(result.loops, frames);
+    if (options.loops.enabled) {
+      about["loops"] = describe_loops(result.loops, frames);
+      about["loops_closed"] = result.loops_closed;
+    }
     about["intrinsics"] = intrinsics_json(
         calibration.camera, result.camera && options.window.refine_intrinsics && !rig && !result.inertial);
     base::write_file(temporary / "odometry.json", about.dump(2) + "\n");

@@ -355,6 +355,16 @@ ImageAlignment align_image(const photometry::LensPyramid& lens, const TrackingRe
   return result;
 }
 
+Eigen::Matrix<double, 6, 6> pose_covariance(const ImageAlignment& alignment) {
+  const Mat8 H = alignment.information;
+  const Vec8 scale = (H.diagonal().array() + 1e-9).sqrt().inverse();
+  Mat8 A = scale.asDiagonal() * H * scale.asDiagonal();
+  A.diagonal().array() += 1e-9;
+  const Mat8 covariance = scale.asDiagonal() * A.ldlt().solve(Mat8::Identity()) * scale.asDiagonal();
+  const double rmse = alignment.finest_rmse();
+  return rmse * rmse * covariance.topLeftCorner<6, 6>();
+}
+
 OpticalFlow optical_flow(const photometry::LensPyramid& lens, const TrackingReference& reference, const SE3& T) {
   constexpr std::size_t kStride = 7;
   const ReferenceLevel& level = reference.levels[0];

@@ -33,6 +33,10 @@ struct ImageAlignment {
   double finest_rmse() const { return rmse.empty() ? std::numeric_limits<double>::infinity() : rmse.front(); }
 };
 
+/// Covariance of the left twist of T_target_reference, translation first, if the residuals' errors were independent of
+/// each other.
+Eigen::Matrix<double, 6, 6> pose_covariance(const ImageAlignment& alignment);
+
 /// Aligns from `start`. Gives up early (not converged) if a level's RMSE exceeds `give_up_rmse` of that level (may be
 /// empty). Stops at `finest_level`; above level 0 the shares are of that level and `converged` stays false. With a
 /// rolling shutter each row of the target has its own pose; the middle row's is estimated, and the velocity changes
