@@ -60,7 +60,7 @@ std::optional<PreparedKeyframe> prepare(const photometry::LensPyramid& lens, con
 std::optional<AlignedPose> align(const photometry::LensPyramid& lens, const PreparedKeyframe& a,
                                  const PreparedKeyframe& b, const SE3& T_a_b) {
   // Shares of the points that must be in view, and may be something else there. Chosen by hand.
-  constexpr double kLeastInside = 0.25, kMostSaturated = 0.3;
+  constexpr double kLeastInside = 0.25, kMostSaturated = 0.4;
   const tracking::ImageAlignment found =
       tracking::align_image(lens, a.reference, b.pyramid, {T_a_b.inverse(), 0.0, 0.0}, {});
   if (!found.converged || found.inside_share < kLeastInside || found.saturated_share > kMostSaturated)
@@ -119,8 +119,9 @@ std::optional<LoopAlignment> align_loop(const photometry::LensPyramid& full_lens
   const auto scale = compare_distances(lens, *a, *b, a_b->T_a_b);
   if (!scale) return std::nullopt;
   const LoopAlignment alignment{*a_b, *b_a, scale->value, scale->variance};
-  // Five standard deviations. Chosen by hand.
-  constexpr double kMostDisagreement = 25.0;
+  // Ten standard deviations: where a camera's row times or exposures are not known, each flight's own disagreement
+  // tells what the sigmas are worth (measure_consistency()). Chosen by hand.
+  constexpr double kMostDisagreement = 100.0;
   return disagreement(alignment) < kMostDisagreement ? std::optional(alignment) : std::nullopt;
 }
 
