@@ -74,6 +74,7 @@ int run_selected(CommonOptions& common, const Selection& selection) {
     return 0;
   } catch (const tileflight::app::FailedElsewhere&) {
     terminal.clear();
+    tileflight::app::let_first_rank_report();
   } catch (const std::bad_alloc&) {
     terminal.clear();
     print_error("out of memory; choose a smaller region, a larger voxel or a smaller image");

@@ -212,13 +212,15 @@ nlohmann::json run_among_ranks(const std::function<nlohmann::json(workflow::Rank
   }
 }
 
-void refuse_ranks() {
+void let_first_rank_report() {
   constexpr std::chrono::seconds kAtMost{5};
+  std::this_thread::sleep_for(kAtMost);
+  std::_Exit(1);
+}
+
+void refuse_ranks() {
   if (told_by_mpirun("OMPI_COMM_WORLD_SIZE") < 2) return;
-  if (told_by_mpirun("OMPI_COMM_WORLD_RANK") > 0) {
-    std::this_thread::sleep_for(kAtMost);
-    std::_Exit(1);
-  }
+  if (told_by_mpirun("OMPI_COMM_WORLD_RANK") > 0) let_first_rank_report();
   throw InputError("mpirun",
                    "only `render` and `extract --block` share their work among processes; start this command once, "
                    "without mpirun or with `-n 1` (it uses all cores)");

@@ -18,6 +18,10 @@ std::unique_ptr<workflow::Ranks> ranks_of_mpirun();
 /// all.
 nlohmann::json run_among_ranks(const std::function<nlohmann::json(workflow::Ranks*)>& work);
 
+/// Ends a process that failed together with the first one, which reports the failure. mpirun ends all processes as soon
+/// as one has failed, also the first before it has said why; so this one waits for that, at most 5 s.
+[[noreturn]] void let_first_rank_report();
+
 /// Throws InputError in the first of several processes of mpirun; the others wait for mpirun to end them. For a command
 /// that does not share its work: each process would do all of it, and write to the same files.
 void refuse_ranks();
