@@ -195,18 +195,24 @@ void check_ray_support(const ObservedPoints& points, RegistrationResult& r) {
   }
 }
 
+/// May the transform be off, at 95 %, by more than maps are scored by, or than the path is off anyway?
 void check_sigma(RegistrationResult& r) {
-  constexpr double kLoose_m = 0.1, kUseless_m = 0.2;  // maps are scored at 0.1 m
+  constexpr double kScored_m = 0.1, kUseless_m = 0.2, kSigmas = 2.0, kPathErrors = 3.0;
   if (std::isnan(r.sigma_m)) {
     add_doubt(r, kAlignment, "possible",
               "there are too few keyframes or images to estimate the uncertainty of the transform",
               "fly farther, or at a higher frame rate");
-  } else if (r.sigma_m > kLoose_m) {
-    add_doubt(
-        r, kAlignment, r.sigma_m > kUseless_m ? "certain" : "possible",
-        base::formatted("the transform's uncertainty is %.2f m (one sigma, RMS over the map's points)", r.sigma_m),
-        "fly closer, along a longer path, or over a place with more relief or texture");
+    return;
   }
+  const double path_error_m = is_recognised(r) && r.pictures ? r.pictures->path_error_m : 0.0;
+  const bool may_be_wrong = kSigmas * r.sigma_m > std::max(kScored_m, kPathErrors * path_error_m);
+  if (!may_be_wrong && r.sigma_m <= kScored_m) return;
+  add_doubt(r, kAlignment,
+            r.sigma_m > kUseless_m ? "certain"
+            : may_be_wrong         ? "likely"
+                                   : "possible",
+            base::formatted("the transform's uncertainty is %.2f m (one sigma, RMS over the map's points)", r.sigma_m),
+            "fly closer, along a longer path, or over a place with more relief or texture");
 }
 
 // ---- telemetry ----
