@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <memory>
 #include <numeric>
 
 #include "tileflight/base/input_error.h"
@@ -103,9 +104,25 @@ VisualInertialState optimized(const VisualInertialProblem& problem, VisualInerti
 }
 
 struct Solution {
+  std::shared_ptr<const VisualInertialProblem> problem;  ///< integrated at the offset of `state`
   VisualInertialState state;
   double cost = 0.0;
 };
+
+/// Solves the problem from `start`, and again with the samples integrated at the offset found, until that stays.
+Solution solved(const VisualInertialProblem& problem, const VisualInertialState& start) {
+  constexpr int kMost = 10;
+  constexpr double kSame_s = 2e-5;
+  auto at = std::make_shared<const VisualInertialProblem>(problem.integrated_at(start.time_offset_s));
+  VisualInertialState state = optimized(*at, start);
+  for (int round = 0; round < kMost && std::abs(state.time_offset_s - at->integration_offset_s()) > kSame_s; ++round) {
+    auto next = std::make_shared<const VisualInertialProblem>(problem.integrated_at(state.time_offset_s));
+    state = optimized(*next, at->carried_over(state, *next));
+    at = std::move(next);
+  }
+  const double cost = at->linearize(state).cost();
+  return {std::move(at), std::move(state), cost};
+}
 
 /// The least cost that iterations from closed-form starts lead to: at the clocks' offset that rotations show, and
 /// without one, since a flight that hardly turns shows an offset that is off by far, and steps that count less where
@@ -117,10 +134,9 @@ std::optional<Solution> best_solution(const VisualInertialProblem& problem, std:
   if (std::abs(offsets_s[0]) > kSame_s) offsets_s.push_back(0.0);
   std::optional<Solution> best;
   for (const double offset_s : offsets_s) {
-    auto start = inertial_start(problem, offset_s);
+    const auto start = inertial_start(problem, offset_s);
     if (!start) continue;
-    Solution found{optimized(problem, std::move(*start)), 0.0};
-    found.cost = problem.linearize(found.state).cost();
+    Solution found = solved(problem, *start);
     if (best) rival = found.cost < best->cost ? *best : found;
     if (!best || found.cost < best->cost) best = std::move(found);
   }
@@ -142,7 +158,7 @@ double residual_ratio(const VisualInertialProblem& problem, const VisualInertial
   double sum = 0.0;
   int count = 0;
   for (std::size_t k = 0; k + 1 < state.states.size(); ++k) {
-    const auto between = problem.preintegrate_step(k, state.time_offset_s, state.states[k].bias);
+    const auto between = problem.preintegrate_step(k, problem.integration_offset_s(), state.states[k].bias);
     if (!between) continue;
     const auto r =
         inertial_residual(*between, state.states[k], state.states[k + 1], problem.model().gravity_m_s2).value;
@@ -167,6 +183,13 @@ Mat12 latest_covariance(const VisualInertialProblem& problem, const VisualInerti
   return covariance_of(information, functions);
 }
 
+/// Standard deviation of the clocks' offset, at most that of the prior.
+double sigma_of_offset(const VisualInertialProblem& problem, const Eigen::SparseMatrix<double>& information) {
+  const double variance = variance_of(information, VectorXd::Unit(problem.unknowns(), problem.time_offset_column()));
+  const double prior = 1.0 / (problem.time_offset_sigma_s() * problem.time_offset_sigma_s());
+  return 1.0 / std::sqrt(std::max(1.0 / variance - problem.information_of_noise(), prior));
+}
+
 void set_uncertainties(const VisualInertialProblem& problem, const VisualInertialState& state,
                        InertialAlignment& result) {
   const auto information = problem.linearize(state).information();
@@ -174,8 +197,7 @@ void set_uncertainties(const VisualInertialProblem& problem, const VisualInertia
   for (Index k = 0; k < problem.keyframe_count(); ++k)
     mean[VisualInertialProblem::kKeyframeSize * k + kStateSize] = 1.0 / static_cast<double>(problem.keyframe_count());
   result.sigma_log_scale = std::sqrt(variance_of(information, mean));
-  result.sigma_time_offset_s =
-      std::sqrt(variance_of(information, VectorXd::Unit(problem.unknowns(), problem.time_offset_column())));
+  result.sigma_time_offset_s = sigma_of_offset(problem, information);
   const geometry::Mat3 R = state.states.front().T_world_imu.rotation.toRotationMatrix();
   double tilt = 0.0;  // variance about the two horizontal axes
   for (const Index axis : {0, 1}) {
@@ -250,8 +272,8 @@ void solve(const VisualInertialProblem& problem, const InertialInput& input, con
   result.time_offset_s = state.time_offset_s;
   result.T_imu_camera = state.T_imu_camera;
   result.mounting_correction_rad = state.T_imu_camera.rotation.angularDistance(input.model.T_imu_camera.rotation);
-  result.residual_ratio = residual_ratio(problem, state);
-  set_uncertainties(problem, state, result);
+  result.residual_ratio = residual_ratio(*best->problem, state);
+  set_uncertainties(*best->problem, state, result);
   if (ran_away(state)) result.sigma_log_scale = std::numeric_limits<double>::infinity();
   judge(input, limits, result);
   if (result.metric && is_ambiguous(*best, rival, result.sigma_log_scale))

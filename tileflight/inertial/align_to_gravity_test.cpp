@@ -171,6 +171,33 @@ TEST(AlignToGravity, TheSigmaIsThatOfManyFlights) {
   EXPECT_LT(squares, 2.0);
 }
 
+/// A drone that flies gently and hardly turns.
+SmoothMotion gentle_motion() {
+  return {
+      [](double t) { return Vec3(12.0 * std::sin(0.3 * t), 8.0 * std::cos(0.25 * t + 0.3), 10.0 + std::sin(0.3 * t)); },
+      [](double t) {
+        return Eigen::Quaterniond(Eigen::AngleAxisd(0.3 * std::sin(0.15 * t), Vec3::UnitZ()) *
+                                  Eigen::AngleAxisd(0.4, Vec3::UnitY()));
+      }};
+}
+
+// As for the scale. On a gentle flight a shift of the clocks changes what the readings add up to by little more than
+// their noise does, which must not count as if it told the offset.
+TEST(AlignToGravity, TheOffsetsSigmaIsThatOfManyFlights) {
+  Flight flight;
+  flight.motion = gentle_motion();
+  double squares = 0.0;
+  constexpr int kFlights = 12;
+  for (unsigned seed = 1; seed <= kFlights; ++seed) {
+    const auto keyframes = flight.keyframes(0.3, 0.005, seed);
+    const InertialAlignment found = align_to_gravity(keyframes, flight.images(), flight.input(seed));
+    ASSERT_TRUE(found.metric) << seed << ": " << found.reason;
+    squares += std::pow(found.time_offset_s / found.sigma_time_offset_s, 2) / kFlights;
+  }
+  EXPECT_GT(squares, 0.3);
+  EXPECT_LT(squares, 2.0);
+}
+
 // Played backwards, the flight has the same scale and vertical.
 TEST(AlignToGravity, PlayedBackwardsItIsTheSame) {
   Flight flight;

@@ -101,5 +101,47 @@ TEST(VisualResidual, DerivativesAreThoseOfFiniteDifferences) {
   }
 }
 
+/// Rotation (right perturbation) and position from `from` to `to`.
+geometry::Vec6 pose_difference(const ImuState& from, const ImuState& to) {
+  geometry::Vec6 d;
+  d << geometry::so3_log(from.T_world_imu.rotation.conjugate() * to.T_world_imu.rotation),
+      to.T_world_imu.translation - from.T_world_imu.translation;
+  return d;
+}
+
+MeanReading reading_at(const test_support::SmoothMotion& motion, double t) {
+  const geometry::ImuSample sample = motion.reading(t, kBias);
+  return {sample.angular_rate_rad_s, sample.specific_force_m_s2, 0.0};
+}
+
+TEST(MovedOn, FollowsTheMotionForAShortTime) {
+  const auto motion = lively_motion();
+  for (const double dt : {0.02, -0.02}) {
+    const LaterState later = moved_on(motion.state(0.7, kBias), reading_at(motion, 0.7), dt, kGravity_m_s2);
+    EXPECT_LT(pose_difference(later.state, motion.state(0.7 + dt)).norm(), 2e-4) << dt;
+    EXPECT_LT((later.state.velocity_m_s - motion.velocity(0.7 + dt)).norm(), 2e-3) << dt;
+  }
+  const LaterState same = moved_on(motion.state(0.7, kBias), reading_at(motion, 0.7), 0.0, kGravity_m_s2);
+  EXPECT_LT(pose_difference(same.state, motion.state(0.7)).norm(), 1e-12);
+}
+
+TEST(MovedOn, DerivativesAreThoseOfFiniteDifferences) {
+  const auto motion = lively_motion();
+  const MeanReading reading = reading_at(motion, 0.9);
+  const ImuState at = off(motion.state(0.7, kBias), 1.0);
+  constexpr double later_s = 0.05, h = 1e-5;
+  const LaterState later = moved_on(at, reading, later_s, kGravity_m_s2);
+  const auto by_state = numerical<6>(
+      [&](const ImuState& s) {
+        return pose_difference(later.state, moved_on(s, reading, later_s, kGravity_m_s2).state);
+      },
+      at);
+  EXPECT_LT((later.by_state - by_state).cwiseAbs().maxCoeff(), 1e-6);
+  const auto moved = [&](double dt) {
+    return pose_difference(later.state, moved_on(at, reading, later_s + dt, kGravity_m_s2).state);
+  };
+  EXPECT_LT((later.by_time - (moved(h) - moved(-h)) / (2 * h)).cwiseAbs().maxCoeff(), 1e-6);
+}
+
 }  // namespace
 }  // namespace tileflight::inertial::factors_test

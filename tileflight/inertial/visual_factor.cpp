@@ -11,6 +11,28 @@ using geometry::SE3;
 using geometry::skew;
 using geometry::Vec3;
 
+LaterState moved_on(const ImuState& state, const MeanReading& reading, double later_s, double gravity_m_s2) {
+  const Vec3 rate = reading.angular_rate_rad_s - state.bias.gyroscope_rad_s;
+  const Vec3 force = reading.specific_force_m_s2 - state.bias.accelerometer_m_s2;
+  const SE3& T = state.T_world_imu;
+  const Vec3 acceleration = T.rotation * force - gravity_m_s2 * Vec3::UnitZ();
+  const double half_square = 0.5 * later_s * later_s;
+  const Eigen::Quaterniond turn = geometry::so3_exp(later_s * rate);
+  const Mat3 R = T.rotation.toRotationMatrix();
+  LaterState later;
+  later.state = {SE3(T.rotation * turn, T.translation + later_s * state.velocity_m_s + half_square * acceleration),
+                 state.velocity_m_s + later_s * acceleration, state.bias};
+  later.by_state.setZero();
+  later.by_state.block<3, 3>(0, kRotation) = turn.toRotationMatrix().transpose();
+  later.by_state.block<3, 3>(0, kGyroscopeBias) = -later_s * geometry::so3_right_jacobian(later_s * rate);
+  later.by_state.block<3, 3>(3, kRotation) = -half_square * R * skew(force);
+  later.by_state.block<3, 3>(3, kPosition) = Mat3::Identity();
+  later.by_state.block<3, 3>(3, kVelocity) = later_s * Mat3::Identity();
+  later.by_state.block<3, 3>(3, kAccelerometerBias) = -half_square * R;
+  later.by_time << rate, state.velocity_m_s + later_s * acceleration;
+  return later;
+}
+
 VisualResidual visual_residual(const VisualStep& step, const ImuState& first, const ImuState& second,
                                const SE3& T_imu_camera, double log_scale) {
   const SE3 T_world_1 = first.T_world_imu * T_imu_camera, T_world_2 = second.T_world_imu * T_imu_camera;

@@ -22,6 +22,24 @@ struct VisualResidual {
   Eigen::Matrix<double, 6, 3> by_mounting;  ///< right perturbation of R_imu_camera; the camera's place is kept
 };
 
+/// What the unit reads about an instant, mean.
+struct MeanReading {
+  geometry::Vec3 angular_rate_rad_s = geometry::Vec3::Zero();
+  geometry::Vec3 specific_force_m_s2 = geometry::Vec3::Zero();
+  double half_s = 0.0;  ///< it is the mean over so long before and after
+};
+
+/// A state some time later, with the derivatives of its pose (rotation as a right perturbation, then position).
+struct LaterState {
+  ImuState state;
+  Eigen::Matrix<double, 6, kStateSize> by_state;
+  geometry::Vec6 by_time;
+};
+
+/// The state `later_s` seconds later (negative: before), for a short time in which turning rate and acceleration are
+/// those of `reading`. `gravity_m_s2`: straight down the world's z axis.
+LaterState moved_on(const ImuState& state, const MeanReading& reading, double later_s, double gravity_m_s2);
+
 /// `log_scale`: logarithm of the metres per map unit.
 VisualResidual visual_residual(const VisualStep& step, const ImuState& first, const ImuState& second,
                                const geometry::SE3& T_imu_camera, double log_scale);

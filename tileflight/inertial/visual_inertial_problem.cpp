@@ -39,6 +39,9 @@ Index column_of(std::size_t keyframe) { return VisualInertialProblem::kKeyframeS
 
 // How long the readings at both ends go on, and how much of it a step may need at the first offset.
 constexpr double kGoesOn_s = 0.25, kMayNeed_s = 0.02;
+// Half the time over which readings are averaged to move a pose along: the shortest is short against the motions of
+// hands, and it is doubled as long as the mean stays within this many sigmas of the means before (95 % of three axes).
+constexpr double kShortestHalf_s = 0.025, kLongestHalf_s = 0.4, kSameMean = 2.8;
 
 std::vector<geometry::ImuSample> going_on(const std::vector<geometry::ImuSample>& samples) {
   std::vector<geometry::ImuSample> longer = samples;
@@ -50,6 +53,35 @@ std::vector<geometry::ImuSample> going_on(const std::vector<geometry::ImuSample>
   return longer;
 }
 
+/// Mean of the samples at most `half_s` before or after `at_s`; at least one.
+MeanReading mean_reading(const std::vector<geometry::ImuSample>& samples, double at_s, double half_s) {
+  auto sample = std::ranges::lower_bound(samples, at_s - half_s, {}, &geometry::ImuSample::time_s);
+  if (sample == samples.end()) --sample;
+  MeanReading mean;
+  int count = 0;
+  for (; sample != samples.end() && (count == 0 || sample->time_s <= at_s + half_s); ++sample, ++count) {
+    mean.angular_rate_rad_s += sample->angular_rate_rad_s;
+    mean.specific_force_m_s2 += sample->specific_force_m_s2;
+  }
+  return {mean.angular_rate_rad_s / count, mean.specific_force_m_s2 / count, half_s};
+}
+
+/// The mean over the longest time in which the turning rate does not differ from that of shorter times by more than
+/// noise does (Lepski's method), so that a gentle flight's noise is averaged away and a shaken camera's motion is not.
+MeanReading reading_about(const std::vector<geometry::ImuSample>& samples, double at_s, const ImuNoise& noise) {
+  std::vector<MeanReading> means = {mean_reading(samples, at_s, kShortestHalf_s)};
+  while (2.0 * means.back().half_s <= kLongestHalf_s) {
+    const MeanReading longer = mean_reading(samples, at_s, 2.0 * means.back().half_s);
+    const bool is_same = std::ranges::all_of(means, [&](const MeanReading& shorter) {
+      const double sigma = noise.gyroscope_noise_density * std::sqrt(0.5 / shorter.half_s - 0.5 / longer.half_s);
+      return (longer.angular_rate_rad_s - shorter.angular_rate_rad_s).norm() <= kSameMean * sigma;
+    });
+    if (!is_same) break;
+    means.push_back(longer);
+  }
+  return means.back();
+}
+
 }  // namespace
 
 VisualInertialProblem::VisualInertialProblem(const std::vector<VisualKeyframe>& keyframes,
@@ -59,12 +91,60 @@ VisualInertialProblem::VisualInertialProblem(const std::vector<VisualKeyframe>& 
       samples_(going_on(samples)),
       model_(model),
       time_offset_s_(time_offset_s),
-      time_offset_sigma_s_(time_offset_sigma_s) {
+      time_offset_sigma_s_(time_offset_sigma_s),
+      integration_offset_s_(time_offset_s) {
   for (std::size_t k = 0; k + 1 < keyframes.size(); ++k) {
     const double from_s = keyframes[k].time_s + time_offset_s, to_s = keyframes[k + 1].time_s + time_offset_s;
     has_samples_.push_back(from_s >= samples.front().time_s - kMayNeed_s &&
                            to_s <= samples.back().time_s + kMayNeed_s && check.covers(from_s, to_s));
   }
+  find_readings();
+}
+
+VisualInertialProblem VisualInertialProblem::integrated_at(double offset_s) const {
+  VisualInertialProblem other = *this;
+  other.integration_offset_s_ = offset_s;
+  other.find_readings();
+  return other;
+}
+
+void VisualInertialProblem::find_readings() {
+  readings_.assign(keyframes_.size(), std::nullopt);
+  for (std::size_t k = 0; k < keyframes_.size(); ++k) {
+    const bool is_covered = (k > 0 && has_samples_[k - 1]) || (k + 1 < keyframes_.size() && has_samples_[k]);
+    if (is_covered)
+      readings_[k] = reading_about(samples_, keyframes_[k].time_s + integration_offset_s_, floored(model_.noise));
+  }
+}
+
+LaterState VisualInertialProblem::at_camera(std::size_t k, const VisualInertialState& at) const {
+  const MeanReading none{at.states[k].bias.gyroscope_rad_s, at.states[k].bias.accelerometer_m_s2, 0.0};
+  const double later_s = readings_[k] ? at.time_offset_s - integration_offset_s_ : 0.0;
+  LaterState camera = moved_on(at.states[k], readings_[k].value_or(none), later_s, model_.gravity_m_s2);
+  if (!readings_[k]) camera.by_time.setZero();
+  return camera;
+}
+
+VisualInertialState VisualInertialProblem::carried_over(const VisualInertialState& from,
+                                                        const VisualInertialProblem& to) const {
+  VisualInertialState at = from;
+  at.time_offset_s = to.integration_offset_s_;
+  VisualInertialState carried = from;
+  for (std::size_t k = 0; k < at.states.size(); ++k) carried.states[k] = at_camera(k, at).state;
+  return carried;
+}
+
+double VisualInertialProblem::information_of_noise() const {
+  const double rate_variance = model_.noise.gyroscope_noise_density * model_.noise.gyroscope_noise_density;
+  double sum = 0.0;
+  for (std::size_t k = 0; k + 1 < keyframes_.size(); ++k) {
+    if (!has_samples_[k]) continue;
+    const double first_s = 2.0 * readings_[k]->half_s, second_s = 2.0 * readings_[k + 1]->half_s;  // averaged
+    const double dt = keyframes_[k + 1].time_s - keyframes_[k].time_s;
+    const Mat3 turn = visual_step(k).covariance.bottomRightCorner<3, 3>() + rate_variance * dt * Mat3::Identity();
+    sum += rate_variance * (1.0 / first_s + 1.0 / second_s) * geometry::symmetric_inverse(turn).trace();
+  }
+  return sum;
 }
 
 std::optional<Preintegration> VisualInertialProblem::preintegrate_step(std::size_t k, double time_offset_s,
@@ -84,29 +164,24 @@ VisualStep VisualInertialProblem::visual_step(std::size_t k) const {
 }
 
 void VisualInertialProblem::add_inertial(std::size_t k, const VisualInertialState& at, SparseLeastSquares& sum) const {
-  constexpr double h = 5e-4;  // seconds
   const ImuState &first = at.states[k], &second = at.states[k + 1];
-  const auto between = preintegrate_step(k, at.time_offset_s, first.bias);
+  const auto between = preintegrate_step(k, integration_offset_s_, first.bias);
   if (!between) return;
-  const auto value_at = [&](const Preintegration& p) {
-    return VectorXd(inertial_residual(p, first, second, model_.gravity_m_s2).value);
-  };
-  const auto earlier = preintegrate_step(k, at.time_offset_s - h, first.bias);
-  const auto later = preintegrate_step(k, at.time_offset_s + h, first.bias);
-  const VectorXd by_offset =
-      earlier && later ? VectorXd((value_at(*later) - value_at(*earlier)) / (2 * h)) : VectorXd::Zero(9);
   const InertialResidual r = inertial_residual(*between, first, second, model_.gravity_m_s2);
   sum.add(r.value, geometry::symmetric_inverse(between->covariance),
-          {{column_of(k), r.by_first}, {column_of(k + 1), r.by_second}, {time_offset_column(), by_offset}});
+          {{column_of(k), r.by_first}, {column_of(k + 1), r.by_second}});
 }
 
 void VisualInertialProblem::add_visual(std::size_t k, const VisualInertialState& at, SparseLeastSquares& sum) const {
   const VisualStep step = visual_step(k);
-  const VisualResidual r = visual_residual(step, at.states[k], at.states[k + 1], at.T_imu_camera, at.log_scale[k]);
+  const LaterState first = at_camera(k, at), second = at_camera(k + 1, at);
+  const VisualResidual r = visual_residual(step, first.state, second.state, at.T_imu_camera, at.log_scale[k]);
+  const Mat6 by_first = r.by_first.leftCols<6>(), by_second = r.by_second.leftCols<6>();  // of the poses
   sum.add_robust(r.value, geometry::symmetric_inverse(step.covariance), kStepWidth,
-                 {{column_of(k), r.by_first},
+                 {{column_of(k), by_first * first.by_state},
                   {column_of(k) + kStateSize, r.by_log_scale},
-                  {column_of(k + 1), r.by_second},
+                  {column_of(k + 1), by_second * second.by_state},
+                  {time_offset_column(), by_first * first.by_time + by_second * second.by_time},
                   {time_offset_column() + 1, r.by_mounting}});
 }
 

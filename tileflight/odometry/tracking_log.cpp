@@ -4,6 +4,7 @@
 #include <cmath>
 #include <map>
 
+#include "tileflight/base/order_statistics.h"
 #include "tileflight/mapping/normal_equations.h"
 #include "tileflight/odometry/stage_timer.h"
 
@@ -213,10 +214,21 @@ struct Nodes {
   std::vector<std::size_t> keyframes;  ///< positions of the keyframes in `list`
 };
 
+/// Median of the residuals' root mean squares over the images tracked.
+double usual_rmse(const TrackingLog& log) {
+  std::vector<double> list;
+  for (const TrackedFrame& frame : log.tracked)
+    if (!frame.alignment.rmse.empty()) list.push_back(frame.alignment.finest_rmse());
+  return list.empty() ? 0.0 : base::median(list);
+}
+
 Nodes nodes_with_images(const TrackingLog& log, const KeyframePath& path,
                         const std::vector<inertial::VisualKeyframe>& keyframes, const std::map<int, double>& scale,
                         double spacing_s) {
   Nodes nodes;
+  // An image that nearly coincides with its keyframe shares the errors of sampling with it, which hold its pose at
+  // whole pixels (by 0.1 pixels, several of its sigmas) and make its residuals small. Chosen by hand.
+  constexpr double kCoinciding = 0.8;
   Eigen::Matrix<double, 6, 6> of_last = Eigen::Matrix<double, 6, 6>::Zero();  // of the last node, if it is an image
   const auto append = [&](inertial::VisualKeyframe node) {
     if (!nodes.list.empty()) {  // its error as a right twist of the step, in the axes of this node
@@ -226,11 +238,13 @@ Nodes nodes_with_images(const TrackingLog& log, const KeyframePath& path,
     }
     nodes.list.push_back(node);
   };
+  const double least_rmse = kCoinciding * usual_rmse(log);
   auto frame = log.tracked.begin();
   const auto append_images = [&](double until_s) {  // the last one is the spacing before that
     for (; frame != log.tracked.end() && frame->time_s < until_s; ++frame) {
       if (nodes.list.empty() || frame->time_s - nodes.list.back().time_s < spacing_s ||
-          until_s - frame->time_s < spacing_s || frame->alignment.rmse.empty())
+          until_s - frame->time_s < spacing_s || frame->alignment.rmse.empty() ||
+          !(frame->alignment.finest_rmse() > least_rmse))
         continue;
       const auto host = static_cast<std::size_t>(frame->keyframe + path.first);
       geometry::SE3 T_keyframe_camera = frame->T_camera_keyframe.inverse();
