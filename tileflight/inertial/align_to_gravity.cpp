@@ -198,11 +198,14 @@ void set_uncertainties(const VisualInertialProblem& problem, const VisualInertia
     mean[VisualInertialProblem::kKeyframeSize * k + kStateSize] = 1.0 / static_cast<double>(problem.keyframe_count());
   result.sigma_log_scale = std::sqrt(variance_of(information, mean));
   result.sigma_time_offset_s = sigma_of_offset(problem, information);
+  // The camera's vertical, which is the map's: the unit is tilted, or the camera is against it.
   const geometry::Mat3 R = state.states.front().T_world_imu.rotation.toRotationMatrix();
+  const geometry::Mat3 R_camera = R * state.T_imu_camera.rotation.toRotationMatrix();
   double tilt = 0.0;  // variance about the two horizontal axes
   for (const Index axis : {0, 1}) {
     VectorXd about = VectorXd::Zero(problem.unknowns());
     about.segment<3>(kRotation) = R.row(axis);
+    about.segment<3>(problem.time_offset_column() + 1) = R_camera.row(axis);
     tilt += variance_of(information, about);
   }
   result.sigma_up_rad = std::sqrt(tilt);
@@ -259,6 +262,30 @@ void require_common_time(const std::vector<VisualKeyframe>& keyframes, const Ine
                                     " s, have nothing in common; give both in the same clock");
 }
 
+/// Says where the readings see another motion than the camera does: tracking went wrong there, and the vertical and the
+/// mounting may have followed it. Of 16 flights the 15 that are tracked well have no step over 2 sigmas, the one that
+/// began wrongly one of 74.
+void compare_steps(const VisualInertialProblem& problem, const VisualInertialState& state, const std::string& where,
+                   InertialAlignment& result) {
+  constexpr double kSigmas = 8.0;
+  int contradicted = 0;
+  double largest = 0.0, from_s = 0.0, to_s = 0.0;
+  for (std::size_t k = 0; k + 1 < problem.keyframes().size(); ++k) {
+    if (!problem.has_samples(k)) continue;
+    const double sigmas = problem.step_sigmas(k, state);
+    largest = std::max(largest, sigmas);
+    if (sigmas < kSigmas) continue;
+    if (contradicted++ == 0) from_s = problem.keyframes()[k].time_s;
+    to_s = problem.keyframes()[k + 1].time_s;
+  }
+  if (contradicted == 0) return;
+  result.doubts.push_back({"the readings contradict the camera's motion in " + std::to_string(contradicted) + " of " +
+                               std::to_string(problem.keyframes().size() - 1) + " steps between " +
+                               number(from_s, "%.1f") + " and " + number(to_s, "%.1f") + " s, by up to " +
+                               number(largest, "%.0f") + " sigmas: tracking was wrong there, or the readings are",
+                           where, "likely", "leave that part out (--from, --to), or look at the images there"});
+}
+
 /// Solves the problem with the clock known so far, and says what became of it.
 void solve(const VisualInertialProblem& problem, const InertialInput& input, const InertialLimits& limits,
            InertialAlignment& result) {
@@ -279,7 +306,9 @@ void solve(const VisualInertialProblem& problem, const InertialInput& input, con
   if (result.metric && is_ambiguous(*best, rival, result.sigma_log_scale))
     give_up("two scales fit the unit's readings and the camera's path nearly alike",
             "fly with more changes of speed and direction, and turn", input.where, result);
-  if (result.metric) set_path(state, result);
+  if (!result.metric) return;
+  compare_steps(*best->problem, state, input.where, result);
+  set_path(state, result);
 }
 
 }  // namespace

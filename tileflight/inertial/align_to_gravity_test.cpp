@@ -322,6 +322,23 @@ TEST(AlignToGravity, AStepThatIsOffCountsLess) {
   EXPECT_LT((step.translation - truth.translation).norm(), 0.03);
 }
 
+// Tracking that went wrong for three steps.
+TEST(AlignToGravity, StepsThatTheReadingsContradictAreNamed) {
+  const Flight flight;
+  auto keyframes = flight.keyframes(0.5, 0.01);
+  EXPECT_TRUE(align_to_gravity(keyframes, flight.images(), flight.input()).doubts.empty());
+  for (std::size_t k = 10; k < keyframes.size(); ++k) {
+    const double steps = std::min(static_cast<double>(k) - 9.0, 3.0);
+    keyframes[k].T_map_camera.translation += steps * Vec3(0.3, 0.1, 0.0) / flight.scale;
+  }
+  const InertialAlignment found = align_to_gravity(keyframes, flight.images(), flight.input());
+  ASSERT_TRUE(found.metric) << found.reason;
+  ASSERT_EQ(found.doubts.size(), 1U);
+  EXPECT_THAT(found.doubts[0].what, HasSubstr("contradict the camera's motion in 3 of 39 steps"));
+  EXPECT_THAT(found.doubts[0].what, HasSubstr("between 4.7 and 6.2 s"));
+  EXPECT_EQ(found.doubts[0].how_sure, "likely");
+}
+
 // Samples that begin and end with the images lose neither step, though the clocks' offset moves.
 TEST(AlignToGravity, TheFirstAndLastStepAreUsed) {
   const Flight flight;

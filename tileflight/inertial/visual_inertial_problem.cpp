@@ -185,6 +185,13 @@ void VisualInertialProblem::add_visual(std::size_t k, const VisualInertialState&
                   {time_offset_column() + 1, r.by_mounting}});
 }
 
+double VisualInertialProblem::step_sigmas(std::size_t k, const VisualInertialState& at) const {
+  const VisualStep step = visual_step(k);
+  const geometry::Vec6 r =
+      visual_residual(step, at_camera(k, at).state, at_camera(k + 1, at).state, at.T_imu_camera, at.log_scale[k]).value;
+  return std::sqrt(r.dot(step.covariance.ldlt().solve(r)));
+}
+
 /// Forster (47) and (48), and the same for the scale.
 void VisualInertialProblem::add_walks(std::size_t k, const VisualInertialState& at, SparseLeastSquares& sum) const {
   const double dt = keyframes_[k + 1].time_s - keyframes_[k].time_s;

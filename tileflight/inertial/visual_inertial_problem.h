@@ -54,6 +54,8 @@ class VisualInertialProblem {
   /// These samples, preintegrated; nullopt if they do not cover it.
   std::optional<Preintegration> preintegrate_step(std::size_t k, double time_offset_s,
                                                   const geometry::ImuBias& bias) const;
+  /// How far the states are from the camera's step from keyframe `k` to the next one, in its sigmas.
+  double step_sigmas(std::size_t k, const VisualInertialState& at) const;
   /// How much information about the offset, 1 / s^2, only seems to be in measurements(): the noise of the turning rates
   /// that move the poses along, which is no turning.
   double information_of_noise() const;
