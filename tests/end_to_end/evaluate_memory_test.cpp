@@ -63,9 +63,9 @@ double peak_bytes(std::vector<std::string> arguments) {
   return 1024.0 * static_cast<double>(used.ru_maxrss);
 }
 
-/// Its distances take 32 bytes of each point while they are scored; positions, attributes and index, which would take
-/// 130, are held in parts.
-TEST(EvaluateMemory, IsFortyBytesAPoint) {
+/// Its distances take 24 bytes of each point while they are scored. Positions, attributes and index, which would take
+/// 130, are held in parts, whose size varies by some 60 MB.
+TEST(EvaluateMemory, IsLessThanSixtyBytesAPoint) {
   if (kSanitized) GTEST_SKIP() << "the sanitizer keeps memory of its own";
   const tests::TemporaryFolder folder;
   TinyPlace::write(folder / "place");
@@ -80,9 +80,9 @@ TEST(EvaluateMemory, IsFortyBytesAPoint) {
     return peak_bytes({"evaluate", map, "--truth", truth, "--transform", transform, "--out",
                        (folder / "metrics.json").string(), "--quiet", "--threads", "1"});
   };
-  constexpr std::size_t kFew = 600'000, kMany = 1'600'000;
+  constexpr std::size_t kFew = 800'000, kMany = 2'400'000;
   const double few = peak_of(kFew), many = peak_of(kMany);
-  EXPECT_LT((many - few) / static_cast<double>(kMany - kFew), 40.0);
+  EXPECT_LT((many - few) / static_cast<double>(kMany - kFew), 60.0);
 }
 
 }  // namespace
