@@ -1,15 +1,16 @@
 #include "tileflight/evaluation/map_entropy.h"
 
-#include <nlohmann/json.hpp>
 #include <tbb/parallel_for.h>
 
 #include <Eigen/Dense>
 #include <cmath>
+#include <nlohmann/json.hpp>
 #include <numbers>
 #include <vector>
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/strict_section.h"
+#include "tileflight/evaluation/local_entropy.h"
 #include "tileflight/geometry/morton_order.h"
 
 namespace tileflight::evaluation {
@@ -52,27 +53,17 @@ void check(const geometry::PointCloud& map, const MapEntropyOptions& options) {
   }
 }
 
-/// `count` evenly spaced elements of a list.
-std::vector<std::uint32_t> subsample(const std::vector<std::uint32_t>& list, std::size_t count) {
-  if (count >= list.size()) return list;
-  std::vector<std::uint32_t> result(count);
-  for (std::size_t k = 0; k < count; ++k) result[k] = list[k * list.size() / count];
-  return result;
-}
-
 /// Indices of the sampled points: as many as the limit on the total number of neighbours allows, estimated from a few
 /// probes.
 std::vector<std::uint32_t> sample_points(const std::vector<Vec3>& points, const geometry::NearestIndex& index,
                                          const MapEntropyOptions& options) {
-  constexpr std::size_t kProbes = 256, kLeast = 1000;
-  std::vector<std::uint32_t> asked = geometry::sample_evenly(points, options.max_points);
-  const std::vector<std::uint32_t> probes = subsample(asked, kProbes);
+  const std::vector<std::uint32_t> asked = geometry::sample_evenly(points, options.max_points);
+  const std::vector<std::uint32_t> probes = evenly_of(asked, kEntropyProbes);
   double neighbors = 0.0;
   for (const std::uint32_t i : probes)
     neighbors += static_cast<double>(index.within(points[i], options.radius_m).size());
-  const double each = neighbors / static_cast<double>(probes.size());  // each point is at least its own neighbour
-  const std::size_t most = std::max(kLeast, static_cast<std::size_t>(options.max_total_neighbors / each));
-  return asked.size() == points.size() ? geometry::sample_evenly(points, most) : subsample(asked, most);
+  const std::size_t most = entropy_samples(neighbors, probes.size(), options);
+  return asked.size() == points.size() ? geometry::sample_evenly(points, most) : evenly_of(asked, most);
 }
 
 /// Sets mean and standard error from the evaluated entropies.
@@ -98,19 +89,34 @@ void add_mean(const std::vector<double>& entropies, MapEntropy& result) {
 
 }  // namespace
 
+double local_entropy(const std::vector<Vec3>& points, const geometry::NearestIndex& index, const Vec3& at,
+                     const MapEntropyOptions& options) {
+  const auto neighbors = index.within(at, options.radius_m);
+  const bool enough = neighbors.size() >= std::max<std::size_t>(4, options.min_neighbors);
+  return enough ? entropy_of(covariance(points, neighbors)) : kUnjudged;
+}
+
+std::size_t entropy_samples(double neighbors, std::size_t probes, const MapEntropyOptions& options) {
+  constexpr std::size_t kLeast = 1000;
+  const double each = neighbors / static_cast<double>(probes);  // each point is at least its own neighbour
+  return std::max(kLeast, static_cast<std::size_t>(options.max_total_neighbors / each));
+}
+
+MapEntropy mean_entropy(const std::vector<double>& entropies, std::size_t points, double radius_m) {
+  MapEntropy result{.radius_m = radius_m, .points = points, .sampled = entropies.size()};
+  add_mean(entropies, result);
+  return result;
+}
+
 MapEntropy map_entropy(const geometry::PointCloud& map, const geometry::NearestIndex& index,
                        const MapEntropyOptions& options) {
   check(map, options);
   const std::vector<std::uint32_t> asked = sample_points(map.positions, index, options);
   std::vector<double> entropies(asked.size(), kUnjudged);
   tbb::parallel_for(std::size_t{0}, asked.size(), [&](std::size_t k) {
-    const auto neighbors = index.within(map.positions[asked[k]], options.radius_m);
-    if (neighbors.size() >= std::max<std::size_t>(4, options.min_neighbors))
-      entropies[k] = entropy_of(covariance(map.positions, neighbors));
+    entropies[k] = local_entropy(map.positions, index, map.positions[asked[k]], options);
   });
-  MapEntropy result{.radius_m = options.radius_m, .points = map.size(), .sampled = asked.size()};
-  add_mean(entropies, result);
-  return result;
+  return mean_entropy(entropies, map.size(), options.radius_m);
 }
 
 MapEntropy map_entropy(const geometry::PointCloud& map, const MapEntropyOptions& options) {

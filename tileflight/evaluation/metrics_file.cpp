@@ -282,7 +282,7 @@ std::filesystem::path errors_file(const std::filesystem::path& metrics_json) {
   return metrics_json.parent_path() / "errors.ply";
 }
 
-void write_point_errors(const std::filesystem::path& ply, PointErrors errors, double cutoff_m) {
+geometry::PointCloud cloud_with_errors(PointErrors errors, double cutoff_m) {
   geometry::PointCloud cloud = std::move(errors.aligned_map);
   cloud.scalars[kVoxelScalar] = as_floats(errors.voxel_m, cutoff_m);
   if (!errors.surface_m.empty()) {
@@ -291,11 +291,19 @@ void write_point_errors(const std::filesystem::path& ply, PointErrors errors, do
     over.assign(cloud.size(), 1.0f);
     for (std::size_t i = 0; i < errors.over_region.size(); ++i) over[i] = errors.over_region[i] ? 1.0f : 0.0f;
   }
-  geometry::write_cloud(ply, cloud);
+  return cloud;
+}
+
+void write_point_errors(const std::filesystem::path& ply, PointErrors errors, double cutoff_m) {
+  geometry::write_cloud(ply, cloud_with_errors(std::move(errors), cutoff_m));
 }
 
 void write_metrics(const std::filesystem::path& metrics_json, const Metrics& metrics, PointErrors errors) {
   write_point_errors(errors_file(metrics_json), std::move(errors), metrics.map.cutoff_m);
+  write_metrics(metrics_json, metrics);
+}
+
+void write_metrics(const std::filesystem::path& metrics_json, const Metrics& metrics) {
   base::write_file(metrics_json, to_json(metrics).dump(2) + "\n");
 }
 

@@ -40,12 +40,17 @@ struct PointErrors {
   std::vector<bool> over_region{};  ///< per point: whether there is ground truth for its surface distance
 };
 
-/// Writes `metrics.json` and, in the same folder, `errors.ply`: the aligned map with the scalars `voxel_distance`,
-/// `surface_distance` and `over_region` (1 or 0). Distances rounded to float stay on the same side of the cut-off, so
-/// that reading them gives the same correspondences. Throws InputError.
+/// The aligned map with the scalars `voxel_distance`, `surface_distance` and `over_region` (1 or 0). Distances rounded
+/// to float stay on the same side of the cut-off, so that reading them gives the same correspondences.
+geometry::PointCloud cloud_with_errors(PointErrors errors, double cutoff_m);
+
+/// Writes `metrics.json` and, in the same folder, `errors.ply`: cloud_with_errors(). Throws InputError.
 void write_metrics(const std::filesystem::path& metrics_json, const Metrics& metrics, PointErrors errors);
 
-/// Writes a cloud with the same scalars. Throws InputError.
+/// Writes `metrics.json` alone. Throws InputError.
+void write_metrics(const std::filesystem::path& metrics_json, const Metrics& metrics);
+
+/// Writes cloud_with_errors(). Throws InputError.
 void write_point_errors(const std::filesystem::path& ply, PointErrors errors, double cutoff_m);
 
 /// Data needed to compare a run with another.

@@ -14,6 +14,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/order_statistics.h"
 #include "tileflight/base/strict_section.h"
+#include "tileflight/evaluation/point_visits.h"
 
 namespace tileflight::evaluation {
 
@@ -70,14 +71,24 @@ VoxelIndex voxel_of(const Vec3& p, double voxel_m) {
   return index;
 }
 
-VoxelSums sum_by_voxel(const PointCloud& cloud, double voxel_m, const char* name) {
-  if (cloud.empty()) throw InputError(name, "has no points; there is nothing to score");
+VoxelSums sum_by_voxel(const PointVisits& cloud, double voxel_m, const char* name) {
   VoxelSums sums;
-  for (const Vec3& p : cloud.positions) {
+  cloud([&](const Vec3& p) {
     if (!p.allFinite()) throw InputError(name, "a point is not finite");
     sums[voxel_of(p, voxel_m)].add(p);
-  }
+  });
+  if (sums.empty()) throw InputError(name, "has no points; there is nothing to score");
   return sums;
+}
+
+PointVisits visits_of(const PointCloud& cloud) {
+  return [&](const auto& visit) { std::ranges::for_each(cloud.positions, visit); };
+}
+
+std::size_t points_of(const VoxelSums& sums) {
+  std::size_t points = 0;
+  for (const auto& [index, voxel] : sums) points += voxel.count;
+  return points;
 }
 
 /// Square root of a positive semidefinite matrix; what rounding made negative is 0.
@@ -212,12 +223,17 @@ double gaussian_wasserstein(const Gaussian3& a, const Gaussian3& b) {
 
 VoxelWasserstein voxel_wasserstein(const PointCloud& aligned_map, const PointCloud& truth,
                                    const VoxelWassersteinOptions& options) {
+  return voxel_wasserstein(visits_of(aligned_map), truth, options);
+}
+
+VoxelWasserstein voxel_wasserstein(const PointVisits& aligned_map, const PointCloud& truth,
+                                   const VoxelWassersteinOptions& options) {
   check_options(options);
   const VoxelSums of_map = sum_by_voxel(aligned_map, options.voxel_m, "map"),
-                  of_truth = sum_by_voxel(truth, options.voxel_m, "surface samples");
+                  of_truth = sum_by_voxel(visits_of(truth), options.voxel_m, "surface samples");
   VoxelWasserstein result{.voxel_m = options.voxel_m,
                           .min_points = options.min_points,
-                          .map_points = aligned_map.size(),
+                          .map_points = points_of(of_map),
                           .truth_points = truth.size()};
   std::vector<ScoredVoxel> voxels = select_voxels(of_map, of_truth, result);
   tbb::parallel_for(std::size_t{0}, voxels.size(), [&](std::size_t k) {

@@ -92,15 +92,17 @@ PointCloud CloudColumns::take_valid() {
   return take();
 }
 
-PointCloud CloudColumns::take() {
+PointCloud CloudColumns::take(std::size_t first) {
   for (std::size_t i = 0; i < cloud_.size(); ++i) {
     if (!cloud_.positions[i].allFinite()) {
-      throw InputError(where_, "the position of point " + std::to_string(i) + " is not finite: remove such points");
+      throw InputError(where_,
+                       "the position of point " + std::to_string(first + i) + " is not finite: remove such points");
     }
   }
   for (std::size_t i = 0; i < cloud_.normals.size(); ++i) {
     if (!cloud_.normals[i].allFinite()) {
-      throw InputError(where_, "the normal of point " + std::to_string(i) + " is not finite: remove such points");
+      throw InputError(where_,
+                       "the normal of point " + std::to_string(first + i) + " is not finite: remove such points");
     }
   }
   return std::move(cloud_);

@@ -48,8 +48,9 @@ class CloudColumns {
     }
   }
 
-  /// The cloud; throws InputError if a position or normal is not finite.
-  PointCloud take();
+  /// The cloud; throws InputError if a position or normal is not finite. `first`: number of its first point in
+  /// messages.
+  PointCloud take(std::size_t first = 0);
 
   /// The cloud without the points whose position is not finite.
   PointCloud take_valid();

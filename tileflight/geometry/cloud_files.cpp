@@ -1,7 +1,5 @@
 #include "tileflight/geometry/cloud_files.h"
 
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
 #include <cctype>
 #include <cmath>
@@ -11,7 +9,7 @@
 #include "tileflight/base/text_fields.h"
 #include "tileflight/geometry/cloud_columns.h"
 #include "tileflight/geometry/pcd.h"
-#include "tileflight/geometry/ply.h"
+#include "tileflight/geometry/ply_cloud.h"
 
 namespace tileflight::geometry {
 namespace {
@@ -21,37 +19,6 @@ constexpr std::uintmax_t kMaxBytes = std::uintmax_t{1} << 36;
 
 InputError unknown_ending(const std::filesystem::path& file) {
   return {file.string(), "unknown point-cloud format (.ply, .pcd or .xyz expected)"};
-}
-
-ColorRange color_range_of(PlyType type) {
-  if (type == PlyType::kFloat32 || type == PlyType::kFloat64) return ColorRange::kUnit;
-  return type == PlyType::kUint16 ? ColorRange::kShort : ColorRange::kByte;
-}
-
-PointCloud parse_ply_cloud(std::string_view bytes, const std::string& file) {
-  const PlyHeader header = parse_ply_header(bytes, file);
-  const PlyElement* vertex = header.find("vertex");
-  if (vertex == nullptr) throw InputError(file, "has no element 'vertex'");
-  check_ply_sizes(bytes, header, file);
-  std::vector<CloudColumn> columns;
-  std::vector<int> column_of_property;
-  for (const PlyProperty& p : vertex->properties) {
-    column_of_property.push_back(p.is_list ? -1 : static_cast<int>(columns.size()));
-    if (!p.is_list) columns.push_back({p.name, color_range_of(p.type)});
-  }
-  CloudColumns cloud(columns, vertex->count, file);
-  if (const auto rows = PlyRows::find(bytes, header, "vertex", file)) {
-    tbb::parallel_for(std::uint64_t{0}, rows->count(), [&](std::uint64_t row) {
-      for (std::size_t c = 0; c < columns.size(); ++c) cloud.set(c, row, rows->value(row, c));
-    });
-    return cloud.take();
-  }
-  visit_ply_element(bytes, header, "vertex", file,
-                    [&](std::uint64_t row, std::size_t property, const std::vector<double>& values) {
-                      const int column = column_of_property[property];
-                      if (column >= 0) cloud.set(static_cast<std::size_t>(column), row, values[0]);
-                    });
-  return cloud.take();
 }
 
 /// Names of the columns of XYZ text: those of a comment "# x y z …" on the first line, otherwise x y z column_4
@@ -102,34 +69,6 @@ PointCloud parse_xyz(std::string_view text, const std::string& file) {
   return cloud.take();
 }
 
-template <typename Number>
-void append_value(std::string& text, Number value, CloudEncoding encoding) {
-  if (encoding == CloudEncoding::kBinary) {
-    text.append(reinterpret_cast<const char*>(&value), sizeof(value));
-    return;
-  }
-  base::append_number(text, value);
-  text += ' ';
-}
-
-/// One row for each point in [first, last): position, normal, colour, scalars, as far as the cloud has them.
-std::string point_rows(const PointCloud& cloud, CloudEncoding encoding, std::size_t first, std::size_t last) {
-  std::string text;
-  text.reserve((last - first) * 48);
-  for (std::size_t i = first; i < last; ++i) {
-    for (const double value : cloud.positions[i]) append_value(text, value, encoding);
-    if (!cloud.normals.empty()) {
-      for (const float value : cloud.normals[i]) append_value(text, value, encoding);
-    }
-    if (!cloud.colors.empty()) {
-      for (const std::uint8_t value : cloud.colors[i]) append_value(text, value, encoding);
-    }
-    for (const auto& scalar : cloud.scalars) append_value(text, scalar.second[i], encoding);
-    if (encoding == CloudEncoding::kAscii) text.back() = '\n';
-  }
-  return text;
-}
-
 /// Writes header and rows, holding some thousand rows in memory at a time.
 void write_rows(const std::filesystem::path& file, const std::string& header, const PointCloud& cloud,
                 CloudEncoding encoding) {
@@ -140,25 +79,12 @@ void write_rows(const std::filesystem::path& file, const std::string& header, co
   base::write_file_in_parts(file, [&]() -> std::string_view {
     if (begun) {
       const std::size_t last = std::min(done + kRowsAtOnce, cloud.size());
-      part = point_rows(cloud, encoding, done, last);
+      part = cloud_rows(cloud, encoding, done, last);
       done = last;
     }
     begun = true;
     return part;
   });
-}
-
-std::string ply_format_line(CloudEncoding encoding) {
-  return encoding == CloudEncoding::kAscii ? "format ascii 1.0\n" : "format binary_little_endian 1.0\n";
-}
-
-std::string ply_header(const PointCloud& cloud, CloudEncoding encoding) {
-  std::string text = "ply\n" + ply_format_line(encoding) + "element vertex " + std::to_string(cloud.size()) + "\n";
-  for (const char* name : {"x", "y", "z"}) text += std::string("property double ") + name + "\n";
-  if (!cloud.normals.empty()) text += "property float nx\nproperty float ny\nproperty float nz\n";
-  if (!cloud.colors.empty()) text += "property uchar red\nproperty uchar green\nproperty uchar blue\n";
-  for (const auto& scalar : cloud.scalars) text += "property float " + scalar.first + "\n";
-  return text + "end_header\n";
 }
 
 std::string xyz_header(const PointCloud& cloud) {
@@ -185,7 +111,7 @@ PointCloud read_cloud(const std::filesystem::path& file) {
 
 void write_cloud(const std::filesystem::path& file, const PointCloud& cloud, CloudEncoding encoding) {
   const std::string ending = base::to_lower(file.extension().string());
-  if (ending == ".ply") return write_rows(file, ply_header(cloud, encoding), cloud, encoding);
+  if (ending == ".ply") return write_rows(file, ply_cloud_header(cloud, cloud.size(), encoding), cloud, encoding);
   if (ending == ".xyz") return write_rows(file, xyz_header(cloud), cloud, CloudEncoding::kAscii);
   if (ending != ".pcd") throw unknown_ending(file);
   base::write_file(file,

@@ -112,9 +112,7 @@ PlyProperty parse_property(const std::vector<std::string_view>& fields, const st
 /// Minimum size in bytes of a row of this element.
 std::uint64_t least_row_bytes(const PlyElement& element, PlyFormat format) {
   if (format == PlyFormat::kAscii) return 2 * element.properties.size();  // a digit and a separator each
-  std::uint64_t bytes = 0;
-  for (const PlyProperty& p : element.properties) bytes += size_of(p.is_list ? p.count_type : p.type);
-  return bytes;
+  return ply_row_bytes(element);
 }
 
 /// Reads the numbers of the body in order, in either encoding.
@@ -182,6 +180,12 @@ void read_element(BodyReader& reader, const PlyElement& element, const std::stri
 }
 
 }  // namespace
+
+std::size_t ply_row_bytes(const PlyElement& element) {
+  std::size_t bytes = 0;
+  for (const PlyProperty& p : element.properties) bytes += size_of(p.is_list ? p.count_type : p.type);
+  return bytes;
+}
 
 const PlyElement* PlyHeader::find(std::string_view element) const {
   for (const PlyElement& e : elements) {

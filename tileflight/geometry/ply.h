@@ -37,6 +37,9 @@ struct PlyHeader {
   const PlyElement* find(std::string_view element) const;
 };
 
+/// Bytes of a row of a binary element; of a list its length alone.
+std::size_t ply_row_bytes(const PlyElement& element);
+
 /// Parses the header at the front of `bytes`; `file` is used in messages. Throws InputError (file, line, cause).
 PlyHeader parse_ply_header(std::string_view bytes, const std::string& file);
 

@@ -1,31 +1,32 @@
 #include "tileflight/scoring/evaluate.h"
 
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <utility>
 
-#include "tileflight/alignment/normals.h"
 #include "tileflight/alignment/pose_alignment.h"
 #include "tileflight/alignment/region_list.h"
 #include "tileflight/alignment/transform_file.h"
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/evaluation/distances.h"
-#include "tileflight/evaluation/evaluate.h"
 #include "tileflight/evaluation/metrics.h"
 #include "tileflight/evaluation/metrics_file.h"
+#include "tileflight/evaluation/point_visits.h"
 #include "tileflight/geometry/cloud_files.h"
-#include "tileflight/geometry/morton_order.h"
-#include "tileflight/geometry/nearest.h"
+#include "tileflight/geometry/ply_cloud.h"
 #include "tileflight/ground_truth/truth_folder.h"
 #include "tileflight/place/extract.h"
 #include "tileflight/place/truth_region.h"
 #include "tileflight/scoring/doubts.h"
+#include "tileflight/scoring/errors_in_blocks.h"
+#include "tileflight/scoring/map_points.h"
+#include "tileflight/scoring/map_tiles.h"
 #include "tileflight/scoring/points_on_actors.h"
+#include "tileflight/scoring/seen_surface.h"
+#include "tileflight/scoring/tiled_scores.h"
 #include "tileflight/scoring/truth_surface.h"
 
 namespace tileflight::scoring {
@@ -33,32 +34,6 @@ namespace fs = std::filesystem;
 namespace {
 
 using nlohmann::json;
-
-/// Number of poses used to compute visibility: neighbouring frames see nearly the same.
-constexpr std::size_t kVisibilityPoses = 200;
-
-geometry::Trajectory subsample_poses(const geometry::Trajectory& trajectory) {
-  const std::size_t step = std::max<std::size_t>(1, trajectory.size() / kVisibilityPoses);
-  geometry::Trajectory result;
-  for (std::size_t i = 0; i < trajectory.size(); i += step) result.poses.push_back(trajectory.poses[i]);
-  return result;
-}
-
-/// The true poses if known, else the estimated ones, in the local frame.
-geometry::Trajectory local_poses(const MapInputs& map, const geometry::Sim3& T_local_map) {
-  if (!map.truth_trajectory.empty()) return read_true_poses(map.truth_trajectory);
-  if (!map.trajectory.empty()) return geometry::transformed(T_local_map, geometry::read_tum(map.trajectory));
-  return {};
-}
-
-/// Evenly distributed samples of the true surface that the flight's camera saw; all samples if camera or poses are
-/// unknown.
-geometry::PointCloud sample_seen_surface(const MapInputs& map, TruthSurface& surface, const place::TruthRegion& region,
-                                         const geometry::Sim3& T_local_map, double per_m2) {
-  const geometry::Trajectory poses = subsample_poses(local_poses(map, T_local_map));
-  if (map.camera.empty() || poses.empty()) return surface.sample(region, per_m2);
-  return surface.sample_seen(region, per_m2, poses, read_flight_camera(map.camera));
-}
 
 /// Estimated and true poses, if known.
 struct TrajectoryPair {
@@ -100,7 +75,7 @@ std::optional<double> alignment_sigma_m(const fs::path& transform_file) {
 /// RMS distance between the map's points as aligned and the points placed by the similarity that best fits the path's
 /// poses, including rotations, to the true ones.
 std::optional<double> distance_to_true_poses_m(const TrajectoryPair& poses, const geometry::Sim3& T_local_map,
-                                               const geometry::PointCloud& cloud) {
+                                               const MapPoints& map) {
   constexpr double kSameTime_s = 0.01;
   std::vector<geometry::SE3> estimated, known;
   for (const auto& [e, t] : geometry::associate(poses.estimate, poses.truth, kSameTime_s)) {
@@ -110,55 +85,24 @@ std::optional<double> distance_to_true_poses_m(const TrajectoryPair& poses, cons
   if (estimated.size() < 3) return {};
   const geometry::Sim3 T_true_map = alignment::fit_poses(estimated, known);
   double squares = 0.0;
-  for (const geometry::Vec3& p : cloud.positions) squares += (T_local_map * p - T_true_map * p).squaredNorm();
-  return std::sqrt(squares / static_cast<double>(cloud.size()));
-}
-
-/// Drops everything but positions and normals.
-geometry::PointCloud positions_and_normals(const geometry::PointCloud& cloud) {
-  return {cloud.positions, cloud.normals, {}, {}};
-}
-
-/// Points of a map at which its normals are compared with the surface's: all, or evenly chosen ones of a large map.
-std::vector<std::uint32_t> choose_for_normals(const geometry::PointCloud& map) {
-  constexpr std::size_t kMostPoints = 200000;
-  return geometry::sample_evenly(map.positions, kMostPoints);
-}
-
-/// The map's own normals at the chosen points, else normals estimated from neighbourhoods, against those of the nearest
-/// triangles. `points`: index of the map's points.
-evaluation::NormalConsistency evaluate_normals(const geometry::PointCloud& map, const geometry::NearestIndex& points,
-                                               const std::vector<std::uint32_t>& chosen,
-                                               const std::vector<geometry::Vec3>& nearest, double within_m) {
-  constexpr std::size_t kNeighbors = 16;
-  const bool own = !map.normals.empty();
-  geometry::PointCloud asked;
-  asked.positions.resize(chosen.size());
-  asked.normals.resize(chosen.size());
-  tbb::parallel_for(std::size_t{0}, chosen.size(), [&](std::size_t k) {
-    const geometry::Vec3& p = asked.positions[k] = map.positions[chosen[k]];
-    asked.normals[k] =
-        own ? map.normals[chosen[k]] : alignment::estimate_normal(map.positions, points, p, kNeighbors).cast<float>();
+  map.visit([&](std::size_t, const geometry::PointCloud& block) {
+    for (const geometry::Vec3& p : block.positions) squares += (T_local_map * p - T_true_map * p).squaredNorm();
   });
-  evaluation::NormalConsistency result = evaluation::normal_consistency(asked, nearest, within_m, own ? 0 : kNeighbors);
-  result.points = map.size();
-  return result;
+  return std::sqrt(squares / static_cast<double>(map.size()));
 }
 
 /// Scores of the regions used for the alignment and of those held out, if transform.json lists any.
-std::optional<evaluation::RegionScores> evaluate_regions(const fs::path& transform_file,
-                                                         const geometry::PointCloud& on_surface,
+std::optional<evaluation::RegionScores> evaluate_regions(const fs::path& transform_file, const MapPoints& map,
+                                                         const geometry::Sim3& T_surface_map,
                                                          const std::vector<double>& surface_m) {
   const json all = json::parse(base::read_text(transform_file), nullptr, false);
   if (!all.is_object() || !all.contains("regions")) return std::nullopt;
   const alignment::RegionList regions = alignment::regions_from_json(all["regions"], transform_file.string());
-  return evaluation::score_regions(on_surface.positions, surface_m, regions.aligned_on, regions.held_out);
-}
-
-/// Writes the samples that the camera saw, each with its distance to the map, beside metrics.json.
-void write_seen_surface(const fs::path& metrics_json, geometry::PointCloud seen, const std::vector<double>& seen_m) {
-  seen.scalars["map_distance"] = {seen_m.begin(), seen_m.end()};
-  geometry::write_cloud(seen_surface_file(metrics_json), seen);
+  std::vector<geometry::Vec3> positions;
+  map.visit([&](std::size_t, const geometry::PointCloud& block) {
+    for (const geometry::Vec3& p : block.positions) positions.push_back(T_surface_map * p);
+  });
+  return evaluation::score_regions(positions, surface_m, regions.aligned_on, regions.held_out);
 }
 
 /// Quantization floor measured by `extract` on its surface samples. nullopt for a folder of an older version, or if the
@@ -183,39 +127,32 @@ Truth read_truth(const fs::path& folder) {
   return {std::move(about), region, ground_truth::TruthFolder(folder)};
 }
 
-/// The map's points over the region. Outside it there is no reference surface: such points count as map points, but not
-/// as errors.
-struct RegionPart {
-  std::vector<bool> is_over;           ///< for all of the map's points
-  std::vector<std::uint32_t> numbers;  ///< of those that are
-  geometry::PointCloud points;         ///< those, unless all are
-
-  /// `map`: the cloud of which this is the part.
-  const geometry::PointCloud& points_of(const geometry::PointCloud& map) const {
-    return numbers.size() == map.size() ? map : points;
-  }
-};
-
-/// Throws InputError if no point is over the region.
-RegionPart select_over_region(const geometry::PointCloud& on_surface, const Truth& truth, const MapInputs& map) {
-  RegionPart part{.is_over = std::vector<bool>(on_surface.size())};
-  for (std::size_t i = 0; i < on_surface.size(); ++i) {
-    part.is_over[i] = truth.region.contains_horizontally(on_surface.positions[i]);
-    if (part.is_over[i]) part.numbers.push_back(static_cast<std::uint32_t>(i));
-  }
-  if (part.numbers.empty()) {
+/// Which of the map's points are over the region. Outside it there is no reference surface: such points count as map
+/// points, but not as errors. Throws InputError if there is none.
+std::vector<bool> find_over_region(const MapPoints& points, const geometry::Sim3& T_surface_map, const Truth& truth,
+                                   const MapInputs& map) {
+  std::vector<bool> is_over(points.size());
+  points.visit([&](std::size_t first, const geometry::PointCloud& block) {
+    for (std::size_t i = 0; i < block.size(); ++i)
+      is_over[first + i] = truth.region.contains_horizontally(T_surface_map * block.positions[i]);
+  });
+  if (std::ranges::find(is_over, true) == is_over.end()) {
     throw InputError(map.map.string(), "no map point lies over the region of " + truth.folder.folder().string() +
                                            ": the alignment is wrong, or map and truth show different places");
   }
-  if (part.numbers.size() < on_surface.size()) part.points = geometry::filter_points(on_surface, part.is_over);
-  return part;
+  return is_over;
 }
 
-template <typename T>
-std::vector<T> chosen_of(const std::vector<T>& values, const std::vector<std::uint32_t>& numbers) {
-  std::vector<T> chosen(numbers.size());
-  for (std::size_t k = 0; k < numbers.size(); ++k) chosen[k] = values[numbers[k]];
-  return chosen;
+/// The aligned points, or those over the region, one by one.
+evaluation::PointVisits visits_of(const MapPoints& points, const geometry::Sim3& T_local_map,
+                                  const std::vector<bool>* is_over) {
+  return [&points, T_local_map, is_over](const auto& visit) {
+    points.visit([&](std::size_t first, const geometry::PointCloud& block) {
+      for (std::size_t i = 0; i < block.size(); ++i) {
+        if (!is_over || (*is_over)[first + i]) visit(T_local_map * block.positions[i]);
+      }
+    });
+  };
 }
 
 evaluation::VoxelWassersteinOptions wasserstein_options(const EvaluationSettings& settings) {
@@ -228,30 +165,133 @@ evaluation::DistanceStatistics quantization_floor(const Truth& truth, double cut
   if (const auto recorded = recorded_floor(truth.extract_json, cutoff_m)) return *recorded;
   const geometry::PointCloud samples = truth.folder.read_surface_samples();
   if (samples.empty()) return {};
-  return evaluation::compute_quantization_floor(distances_to_voxel_centers(samples, truth.folder, "surface samples"),
+  return evaluation::compute_quantization_floor(VoxelCenters(truth.folder).distances(samples, "surface samples"),
                                                 cutoff_m);
 }
 
-/// Scores without a surface: the paper's metric, the path, and the map's entropy. The cloud, in the map's frame, is
-/// moved into the score's errors; `index` becomes the index of its aligned points.
-evaluation::MapEvaluation score_without_surface(geometry::PointCloud cloud, const geometry::Sim3& T_local_map,
-                                                const Truth& truth, const TrajectoryPair& poses,
-                                                const EvaluationSettings& settings, const Progress& progress,
-                                                std::optional<geometry::NearestIndex>& index) {
-  cloud = geometry::transformed(T_local_map, std::move(cloud));
+/// A map to score: without the points on its flight's actors, which are measured apart.
+struct StaticMap {
+  MapPoints points;
+  std::optional<PointsOnActors> on_actors;
+  ApartPoints apart;
+};
+
+/// Only of a map with actors all points are in memory.
+StaticMap read_static_map(const MapInputs& map, const geometry::Sim3& T_published_map,
+                          const geometry::Sim3& T_surface_map, const Truth& truth) {
+  if (!has_actor_boxes(map)) return {MapPoints(map.map), {}, {}};
+  geometry::PointCloud cloud = read_map(map.map);
+  std::optional<PointsOnActors> found = find_points_on_actors(map, cloud, T_surface_map);
+  ApartPoints apart;
+  if (found && found->count() > 0) {
+    apart = measure_apart(take_points_on_actors(*found, map, cloud), T_published_map, T_surface_map, truth.folder,
+                          truth.region);
+  }
+  return {MapPoints(std::move(cloud)), std::move(found), std::move(apart)};
+}
+
+bool are_equal(const geometry::Sim3& a, const geometry::Sim3& b) {
+  return a.scale == b.scale && a.rotation.coeffs() == b.rotation.coeffs() && a.translation == b.translation;
+}
+
+/// What is scored, against what, and how.
+struct Task {
+  const MapInputs& map;
+  const MapPoints& points;
+  const Truth& truth;
+  const TrajectoryPair& poses;
+  const fs::path& transform_file;
+  const EvaluationSettings& settings;
+  const fs::path& out;
+  geometry::Sim3 T_published_map, T_surface_map;
+};
+
+/// Scores without a surface: the paper's metric, the path, and the map's entropy. Returns the distances to the voxel
+/// centres.
+std::vector<double> score_without_surface(const Task& task, const MapTiles& tiles, const Progress& progress,
+                                          evaluation::Metrics& metrics) {
+  const EvaluationSettings& settings = task.settings;
   report_progress(progress, 0, 4, "distances to voxel centres");
-  std::vector<double> voxel_m = distances_to_voxel_centers(cloud, truth.folder, "map");
-  evaluation::MapEvaluation score =
-      evaluation::evaluate(std::move(cloud),
-                           {.estimate = poses.has_both() ? &poses.estimate : nullptr,
-                            .truth = poses.has_both() ? &poses.truth : nullptr,
-                            .floor = quantization_floor(truth, settings.cutoff_m),
-                            .voxel_m = std::move(voxel_m)},
-                           {.map = {.cutoff_m = settings.cutoff_m}, .thresholds_m = settings.thresholds_m}, progress);
-  index.emplace(score.errors.aligned_map.positions);
-  score.metrics.entropy =
-      evaluation::map_entropy(score.errors.aligned_map, *index, {.radius_m = settings.entropy_radius_m});
-  return score;
+  std::vector<double> voxel_m = distances_to_voxels(tiles, task.points.size(), task.truth.folder);
+  metrics.map = evaluation::score_map(voxel_m, quantization_floor(task.truth, settings.cutoff_m),
+                                      {.cutoff_m = settings.cutoff_m});
+  report_progress(progress, 3, 4, "trajectory");
+  if (task.poses.has_both())
+    metrics.trajectory = evaluation::evaluate_trajectory(task.poses.estimate, task.poses.truth);
+  metrics.entropy = map_entropy(tiles, {.radius_m = settings.entropy_radius_m});
+  report_progress(progress, 4, 4, "scored");
+  return voxel_m;
+}
+
+/// The map's own normals at the chosen points, in the local frame; none if it has none.
+std::vector<Eigen::Vector3f> own_normals(const Task& task, const std::vector<std::uint32_t>& chosen) {
+  std::vector<Eigen::Vector3f> normals;
+  task.points.visit([&](std::size_t first, const geometry::PointCloud& block) {
+    if (block.normals.empty()) return;
+    normals.resize(chosen.size());
+    for (std::size_t k = 0; k < chosen.size(); ++k) {
+      if (chosen[k] >= first && chosen[k] < first + block.size()) normals[k] = block.normals[chosen[k] - first];
+    }
+  });
+  return geometry::transformed(task.T_surface_map, {{}, std::move(normals), {}, {}}).normals;
+}
+
+/// What is measured on the surface, which is in memory no longer.
+struct OnSurface {
+  SurfaceMatch match;
+  geometry::PointCloud seen;  ///< sample_seen_surface()
+};
+
+OnSurface measure_on_surface(const Task& task, const MapTiles& tiles, const std::vector<std::uint32_t>& chosen) {
+  TruthSurface surface(task.truth.folder);
+  SurfaceMatch match = match_tiles(tiles, task.points.size(), surface, chosen, task.settings.cutoff_m);
+  return {std::move(match), sample_seen_surface(task.map, surface, task.truth.region, task.T_surface_map,
+                                                task.settings.completeness_samples_per_m2)};
+}
+
+/// Scores against the exact surface, except for those of points on actors. `tiles`: the map's in T_published_map; left
+/// empty.
+SurfaceDistances score_against_surface(const Task& task, std::optional<MapTiles>& tiles, evaluation::Metrics& metrics) {
+  constexpr std::size_t kMostForNormals = 200000, kNeighbors = 16;
+  const EvaluationSettings& settings = task.settings;
+  const fs::path folder = task.out.parent_path();
+  std::vector<bool> is_over = find_over_region(task.points, task.T_surface_map, task.truth, task.map);
+  if (!are_equal(task.T_surface_map, task.T_published_map))
+    tiles.emplace(task.points, task.T_surface_map, folder, MapTiles::Options{});
+  std::optional<MapTiles> part;
+  if (std::ranges::find(is_over, false) != is_over.end())
+    part.emplace(task.points, task.T_surface_map, folder, MapTiles::Options{.chosen = &is_over});
+  const MapTiles& over = part ? *part : *tiles;
+  const MapTiles::Points chosen = over.at(over.sample_evenly(kMostForNormals));
+  OnSurface measured = measure_on_surface(task, *tiles, chosen.numbers);
+  SurfaceMatch& match = measured.match;
+  const geometry::PointCloud& seen = measured.seen;
+  if (part) tiles.reset();
+  metrics.regions = evaluate_regions(task.transform_file, task.points, task.T_surface_map, match.distances_m);
+  geometry::PointCloud asked{chosen.positions, own_normals(task, chosen.numbers), {}, {}};
+  const bool own = !asked.normals.empty();
+  MapNeighbors near =
+      find_neighbors(over, seen.positions, own ? std::vector<geometry::Vec3>() : chosen.positions, kNeighbors);
+  if (!own) asked.normals = std::move(near.normals);
+  SurfaceDistances distances = split_by_region(std::move(match.distances_m), std::move(is_over));
+  const std::vector<double>& over_m = distances.over_m;
+  metrics.surface = evaluation::score_surface(over_m, near.distances_m, settings.thresholds_m);
+  metrics.surface->normals =
+      evaluation::normal_consistency(asked, match.directions, settings.cutoff_m, own ? 0 : kNeighbors);
+  metrics.surface->normals->points = over.points();
+  if (!seen.empty())
+    metrics.wasserstein = evaluation::voxel_wasserstein(visits_of(task.points, task.T_surface_map, &distances.is_over),
+                                                        seen, wasserstein_options(settings));
+  metrics.error_budget = evaluation::error_budget(
+      {.floor_rmse_m = metrics.map.quantization_floor.rmse,
+       .geometric_error_m = number_of(task.truth.extract_json, "geometric_error_max"),
+       .alignment_sigma_m = alignment_sigma_m(task.transform_file),
+       .rms_to_true_poses_m = distance_to_true_poses_m(task.poses, task.T_surface_map, task.points),
+       .surface_m = over_m,
+       .within_m = settings.cutoff_m});
+  write_seen_surface(task.out, seen, near.distances_m);
+  tiles.reset();
+  return distances;
 }
 
 /// All doubts about the scores: those of the map, its transform, the truth and the images, and those that the scores
@@ -288,74 +328,37 @@ Doubts score_doubts(const MapInputs& map, const json& about_truth, const fs::pat
 
 fs::path moving_points_file(const fs::path& metrics_json) { return metrics_json.parent_path() / "moving.ply"; }
 
-fs::path seen_surface_file(const fs::path& metrics_json) { return metrics_json.parent_path() / "seen.ply"; }
-
 nlohmann::json evaluate(const MapInputs& map, const fs::path& truth_folder, const fs::path& transform_file,
                         const EvaluationSettings& settings, const fs::path& out, const Progress& progress) {
-  geometry::PointCloud cloud = read_map(map.map);
+  map_file(map.map);
   const geometry::Sim3 T_published_map = read_transform_of(transform_file, "published");
   const geometry::Sim3 T_surface_map = read_transform_of(transform_file, "to_surface");
   const Truth truth = read_truth(truth_folder);
   const TrajectoryPair poses = read_poses(map);
-  const std::optional<PointsOnActors> on_actors = find_points_on_actors(map, cloud, T_surface_map);
-  ApartPoints apart;
-  if (on_actors && on_actors->count() > 0) {
-    apart = measure_apart(take_points_on_actors(*on_actors, map, cloud), T_published_map, T_surface_map, truth.folder,
-                          truth.region);
-  }
-  const std::optional<double> path_m = distance_to_true_poses_m(poses, T_surface_map, cloud);
-  const geometry::PointCloud on_surface = geometry::transformed(T_surface_map, positions_and_normals(cloud));
-
-  std::optional<geometry::NearestIndex> index;
-  evaluation::MapEvaluation score =
-      score_without_surface(std::move(cloud), T_published_map, truth, poses, settings, progress, index);
-  evaluation::Metrics& metrics = score.metrics;
-  std::optional<std::vector<double>> static_m;
+  const StaticMap static_map = read_static_map(map, T_published_map, T_surface_map, truth);
+  const Task task{map, static_map.points, truth, poses, transform_file, settings, out, T_published_map, T_surface_map};
+  evaluation::Metrics metrics;
+  std::optional<MapTiles> tiles;
+  tiles.emplace(task.points, T_published_map, out.parent_path(), MapTiles::Options{});
+  const std::vector<double> voxel_m = score_without_surface(task, *tiles, progress, metrics);
+  SurfaceDistances surface;
   // A truth of points alone has cells but no surface.
   if (truth.folder.has_mesh()) {
-    RegionPart part = select_over_region(on_surface, truth, map);
-    const geometry::PointCloud& over = part.points_of(on_surface);
-    const std::vector<std::uint32_t> chosen = choose_for_normals(over);
-    TruthSurface surface(truth.folder);
-    SurfaceMatch match = surface.match(on_surface, chosen_of(part.numbers, chosen), settings.cutoff_m);
-    score.errors.surface_m = std::move(match.distances_m);
-    metrics.regions = evaluate_regions(transform_file, on_surface, score.errors.surface_m);
-    const std::vector<double> surface_m = chosen_of(score.errors.surface_m, part.numbers);
-    if (over.positions != score.errors.aligned_map.positions) index.emplace(over.positions);
-
-    const geometry::PointCloud seen =
-        sample_seen_surface(map, surface, truth.region, T_surface_map, settings.completeness_samples_per_m2);
-    std::vector<double> seen_m;
-    if (!seen.empty()) seen_m = evaluation::cloud_distances(seen, *index, "surface samples");
-    metrics.surface = evaluation::score_surface(surface_m, seen_m, settings.thresholds_m);
-    metrics.surface->normals = evaluate_normals(over, *index, chosen, match.directions, settings.cutoff_m);
-    if (!seen.empty()) metrics.wasserstein = evaluation::voxel_wasserstein(over, seen, wasserstein_options(settings));
-    metrics.error_budget =
-        evaluation::error_budget({.floor_rmse_m = metrics.map.quantization_floor.rmse,
-                                  .geometric_error_m = number_of(truth.extract_json, "geometric_error_max"),
-                                  .alignment_sigma_m = alignment_sigma_m(transform_file),
-                                  .rms_to_true_poses_m = path_m,
-                                  .surface_m = surface_m,
-                                  .within_m = settings.cutoff_m});
-    score.errors.over_region = std::move(part.is_over);
-    write_seen_surface(out, seen, seen_m);
-    static_m = surface_m;
+    surface = score_against_surface(task, tiles, metrics);
   } else {
-    metrics.wasserstein = evaluation::voxel_wasserstein(score.errors.aligned_map, truth.folder.read_surface_samples(),
-                                                        wasserstein_options(settings));
+    metrics.wasserstein =
+        evaluation::voxel_wasserstein(visits_of(task.points, T_published_map, nullptr),
+                                      truth.folder.read_surface_samples(), wasserstein_options(settings));
   }
-  if (on_actors) metrics.moving = score_apart(*on_actors, apart, score.errors.voxel_m, static_m, settings.cutoff_m);
+  if (static_map.on_actors) {
+    const auto over_m = truth.folder.has_mesh() ? std::optional(surface.over_m) : std::nullopt;
+    metrics.moving = score_apart(*static_map.on_actors, static_map.apart, voxel_m, over_m, settings.cutoff_m);
+  }
   metrics.doubts = score_doubts(map, truth.extract_json, transform_file, settings, metrics);
-  write_apart_points(moving_points_file(out), apart, settings.cutoff_m);
-  evaluation::write_metrics(out, metrics, std::move(score.errors));
+  write_apart_points(moving_points_file(out), static_map.apart, settings.cutoff_m);
+  write_errors(evaluation::errors_file(out), task.points, T_published_map, voxel_m, surface, settings.cutoff_m);
+  evaluation::write_metrics(out, metrics);
   return evaluation::to_json(metrics);
-}
-
-evaluation::SeenSurface read_seen_surface(const fs::path& seen_ply) {
-  geometry::PointCloud cloud = geometry::read_cloud(seen_ply);
-  const auto distances = cloud.scalars.find("map_distance");
-  if (distances == cloud.scalars.end()) throw InputError(seen_ply.string(), "has no property 'map_distance'");
-  return {std::move(cloud.positions), {distances->second.begin(), distances->second.end()}};
 }
 
 }  // namespace tileflight::scoring

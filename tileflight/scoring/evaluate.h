@@ -4,15 +4,11 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "tileflight/base/progress.h"
-#include "tileflight/evaluation/missed_places.h"
 #include "tileflight/scoring/evaluation_settings.h"
 #include "tileflight/scoring/map_inputs.h"
+#include "tileflight/scoring/seen_surface.h"
 
 namespace tileflight::scoring {
-
-/// The file in which evaluate() stores the samples of the true surface seen by the flight's camera, with the scalar
-/// `map_distance`: distance to the nearest map point over the region, metres.
-std::filesystem::path seen_surface_file(const std::filesystem::path& metrics_json);
 
 /// The file in which evaluate() stores the map's points on actors, which errors.ply does not have, with the same
 /// scalars; only if there are any.
@@ -24,8 +20,5 @@ std::filesystem::path moving_points_file(const std::filesystem::path& metrics_js
 nlohmann::json evaluate(const MapInputs& map, const std::filesystem::path& truth,
                         const std::filesystem::path& transform, const EvaluationSettings& settings,
                         const std::filesystem::path& out, const Progress& progress = {});
-
-/// Reads the samples of seen_surface_file() with their distances to the map. Throws InputError.
-evaluation::SeenSurface read_seen_surface(const std::filesystem::path& seen_ply);
 
 }  // namespace tileflight::scoring

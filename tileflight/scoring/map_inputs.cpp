@@ -3,6 +3,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/dataset/dataset.h"
 #include "tileflight/geometry/cloud_files.h"
+#include "tileflight/scoring/map_points.h"
 
 namespace tileflight::scoring {
 namespace fs = std::filesystem;
@@ -38,10 +39,7 @@ imaging::Camera read_flight_camera(const fs::path& file_or_dataset) {
 }
 
 geometry::PointCloud read_map(const fs::path& map) {
-  const fs::path file = fs::is_directory(map) ? map / "map.ply" : map;
-  if (fs::is_directory(map) && !fs::exists(file))
-    throw InputError(map.string(),
-                     "contains no map.ply; give a folder written by `odometry`, or a cloud (.ply, .pcd, .xyz)");
+  const fs::path file = map_file(map);
   geometry::PointCloud cloud = geometry::read_cloud(file);
   if (cloud.empty()) throw InputError(file.string(), "the map has no points; there is nothing to score");
   return cloud;

@@ -90,9 +90,11 @@ void mark_at_any_time(const MapInputs& map, const std::vector<dataset::Frame>& f
 
 std::size_t PointsOnActors::count() const { return static_cast<std::size_t>(std::ranges::count(is_on, true)); }
 
+bool has_actor_boxes(const MapInputs& map) { return !map.dataset.empty() && survey::has_actor_boxes(map.dataset); }
+
 std::optional<PointsOnActors> find_points_on_actors(const MapInputs& map, const geometry::PointCloud& cloud,
                                                     const geometry::Sim3& T_local_map) {
-  if (map.dataset.empty() || !survey::has_actor_boxes(map.dataset)) return std::nullopt;
+  if (!has_actor_boxes(map)) return std::nullopt;
   const std::vector<dataset::Frame> frames = dataset::read_dataset(map.dataset).frames;
   std::vector<Vec3> points;
   for (const Vec3& p : cloud.positions) points.push_back(T_local_map * p);
@@ -125,7 +127,7 @@ ApartPoints measure_apart(geometry::PointCloud apart, const geometry::Sim3& T_pu
   const geometry::PointCloud on_surface = geometry::transformed(T_surface_map, {apart.positions, {}, {}, {}});
   geometry::PointCloud& aligned = measured.errors.aligned_map;
   aligned = geometry::transformed(T_published_map, std::move(apart));
-  measured.errors.voxel_m = distances_to_voxel_centers(aligned, truth, "points on moving objects");
+  measured.errors.voxel_m = VoxelCenters(truth).distances(aligned, "points on moving objects");
   if (!truth.has_mesh()) return measured;
   measured.errors.surface_m = TruthSurface(truth).match(on_surface, {}, 0.0).distances_m;
   for (std::size_t i = 0; i < on_surface.size(); ++i) {

@@ -23,6 +23,9 @@ struct PointsOnActors {
   std::size_t count() const;
 };
 
+/// Whether find_points_on_actors() would look: there is a dataset, and it has boxes.
+bool has_actor_boxes(const MapInputs& map);
+
 /// Finds the points inside the boxes of a rendered dataset's actors (evaluation::is_on()). A map of the built-in
 /// odometry knows the keyframe in which a point was chosen: the boxes are those of its picture. Of any other map, a
 /// point counts if it is inside a box at any frame. `cloud`: the map with its scalars; `T_local_map` places it. nullopt

@@ -13,7 +13,6 @@
 #include "tileflight/evaluation/normal_consistency.h"
 #include "tileflight/evaluation/part_search.h"
 #include "tileflight/geometry/position_order.h"
-#include "tileflight/ground_truth/center_index.h"
 #include "tileflight/ground_truth/surface_samples.h"
 #include "tileflight/scene/scene.h"
 
@@ -81,18 +80,26 @@ struct NearestTriangle {
 
 }  // namespace
 
-std::vector<double> distances_to_voxel_centers(const PointCloud& points, const ground_truth::TruthFolder& truth,
-                                               const char* what) {
+const ground_truth::CenterIndex& VoxelCenters::index(std::size_t part) {
+  if (part_ != part) {
+    index_.reset();
+    centers_ = {};
+    centers_ = truth_.read_voxel_centers(part);
+    index_.emplace(centers_.positions, truth_.voxel_m());
+    part_ = part;
+  }
+  return *index_;
+}
+
+std::vector<double> VoxelCenters::distances(const PointCloud& points, const char* what) {
   evaluation::require_scorable(points, what);
   std::vector<Box3> bounds;
-  for (const std::size_t part : truth.all_parts()) bounds.push_back(truth.voxel_bounds(part));
-  const double voxel_m = truth.voxel_m();
+  for (const std::size_t part : truth_.all_parts()) bounds.push_back(truth_.voxel_bounds(part));
   std::vector<double> distances(points.size(), kAnywhere);
   evaluation::search_parts(
       points.positions, bounds, distances, [&](std::size_t part, const std::vector<std::uint32_t>& asked) {
-        const PointCloud centers = truth.read_voxel_centers(part);
-        const ground_truth::CenterIndex index(centers.positions, voxel_m);
-        const auto nearest = [&](const Vec3& p, double within_m) { return index.nearest(p, within_m); };
+        const ground_truth::CenterIndex& centers = index(part);
+        const auto nearest = [&](const Vec3& p, double within_m) { return centers.nearest(p, within_m); };
         evaluation::lower_reach(points.positions, asked, nearest, distances);
       });
   if (distances.front() == kAnywhere) throw InputError("voxel centres", "has no points; there is nothing to score");
@@ -173,6 +180,7 @@ PointCloud TruthSurface::sample(const place::TruthRegion& region, double per_m2)
 
 PointCloud TruthSurface::sample_seen(const place::TruthRegion& region, double per_m2, const geometry::Trajectory& poses,
                                      const imaging::Camera& camera) {
+  index_.reset();  // the rays need memory of their own
   const Box3 reach = ground_truth::view_range_bounds(poses);
   PointCloud samples;
   std::vector<NumberedMesh> occluders;

@@ -8,17 +8,31 @@
 #include "tileflight/geometry/point_cloud.h"
 #include "tileflight/geometry/trajectory.h"
 #include "tileflight/geometry/triangle_index.h"
+#include "tileflight/ground_truth/center_index.h"
 #include "tileflight/ground_truth/truth_folder.h"
 #include "tileflight/imaging/camera.h"
 #include "tileflight/place/truth_region.h"
 
 namespace tileflight::scoring {
 
-/// Distance of each point to the nearest voxel centre of a truth, metres. One part of the truth is held in memory at a
-/// time; the result does not depend on the parts. `what` names the points. Throws InputError for points that are not
-/// finite, and if either side has none.
-std::vector<double> distances_to_voxel_centers(const geometry::PointCloud& points,
-                                               const ground_truth::TruthFolder& truth, const char* what);
+/// The voxel centres of a truth, of which one part is held in memory at a time, and kept until another is asked for.
+class VoxelCenters {
+ public:
+  /// `truth` must outlive it.
+  explicit VoxelCenters(const ground_truth::TruthFolder& truth) : truth_(truth) {}
+
+  /// Distance of each point to the nearest voxel centre, metres; the result does not depend on the parts. `what` names
+  /// the points. Throws InputError for points that are not finite, and if either side has none.
+  std::vector<double> distances(const geometry::PointCloud& points, const char* what);
+
+ private:
+  const ground_truth::CenterIndex& index(std::size_t part);
+
+  const ground_truth::TruthFolder& truth_;
+  std::optional<std::size_t> part_;  ///< held in memory
+  geometry::PointCloud centers_;
+  std::optional<ground_truth::CenterIndex> index_;
+};
 
 /// Distances of a map from the true surface.
 struct SurfaceMatch {
