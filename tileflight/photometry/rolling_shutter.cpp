@@ -151,7 +151,7 @@ struct CellInterpolation {
   int cell = 0;
   float share = 0.0F;
 };
-CellInterpolation locate_between_cells(int pixel, int cells) {
+TILEFLIGHT_LANE_INLINE CellInterpolation locate_between_cells(int pixel, int cells) {
   const float at =
       std::clamp((static_cast<float>(pixel) + 0.5F) / kCell_px - 0.5F, 0.0F, static_cast<float>(cells - 1));
   const int cell = std::min(static_cast<int>(at), std::max(0, cells - 2));
@@ -248,8 +248,8 @@ void rectify_row(const PyramidLevel& picture, const std::vector<Vector2f>& displ
 template <int i>
 TILEFLIGHT_LANE_INLINE void color_of_bytes(const Bytes16& bytes, Float4& color) {
   constexpr int k = 3 * i, o = 16;  // o: of the zeros
-  const Bytes16 parts = __builtin_shufflevector(bytes, Bytes16{}, k, o, o, o, k + 1, o, o, o, k + 2, o, o, o, k + 3, o,
-                                                o, o);
+  const Bytes16 parts =
+      __builtin_shufflevector(bytes, Bytes16{}, k, o, o, o, k + 1, o, o, o, k + 2, o, o, o, k + 3, o, o, o);
   color = __builtin_convertvector(reinterpret_cast<base::Int4>(parts), Float4);
 }
 
