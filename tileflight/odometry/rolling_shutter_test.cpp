@@ -220,6 +220,35 @@ TEST(RollingShutter, RectifiedPixelsAreInterpolatedAtTheirSources) {
   EXPECT_GT(moved_px, 8) << "the edge has to be met";
 }
 
+TEST(RollingShutter, RectifiedColorsAreInterpolatedAtTheirSources) {
+  constexpr int kWidth = 317, kHeight = 237;
+  const RollingView view;
+  Vec6 twist;
+  twist << 0.2, -0.1, 0.05, 0.1, 0.08, -0.12;
+  const photometry::RowRectifier rectify(view.lens.lenses[0], kWidth, kHeight, twist,
+                                         {{{100, 50}, 0.4F}, {{200, 180}, 0.1F}});
+  std::mt19937 random(2);
+  imaging::RgbImage noise(kWidth, kHeight);
+  std::array<imaging::FloatImage, 3> channels;
+  for (std::size_t c = 0; c < 3; ++c) {
+    channels[c] = imaging::FloatImage(kWidth, kHeight);
+    for (std::size_t i = 0; i < noise.pixels.size(); ++i) {
+      noise.pixels[i][c] = static_cast<std::uint8_t>(random() % 256);
+      channels[c].pixels[i] = noise.pixels[i][c];
+    }
+  }
+  const imaging::RgbImage rectified = rectify(noise);
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      const Eigen::Vector2f from = rectify.source_pixel(x, y);
+      for (std::size_t c = 0; c < 3; ++c) {
+        const double expected = std::min(keys_interpolated(channels[c], from.x(), from.y()), 255.0);
+        ASSERT_NEAR(rectified(x, y)[c], expected, 0.52) << x << " " << y << " " << c;  // rounded
+      }
+    }
+  }
+}
+
 TEST(RollingShutter, WithoutMotionThePictureStaysAsItIs) {
   const RollingView view;
   const photometry::RowRectifier rectify(view.lens.lenses[0], 320, 240, Vec6::Zero(), {});

@@ -100,6 +100,7 @@ std::array<float, 4> cubic_weights(float t) {
 }
 
 using base::Float4;
+using Bytes16 = std::uint8_t __attribute__((vector_size(16)));
 
 /// Four pixels from (x, y) to the right; border pixels are repeated outside.
 template <class Pixel>
@@ -150,7 +151,7 @@ struct CellInterpolation {
   int cell = 0;
   float share = 0.0F;
 };
-CellInterpolation locate_between_cells(int pixel, int cells) {
+TILEFLIGHT_LANE_INLINE CellInterpolation locate_between_cells(int pixel, int cells) {
   const float at =
       std::clamp((static_cast<float>(pixel) + 0.5F) / kCell_px - 0.5F, 0.0F, static_cast<float>(cells - 1));
   const int cell = std::min(static_cast<int>(at), std::max(0, cells - 2));
@@ -195,15 +196,12 @@ TILEFLIGHT_LANE_INLINE void bicubic_support(const std::vector<Vector2f>& displac
                                             int y, BicubicSupport8& out) {
   static_assert(kCell_px == 2 * base::kLanes);
   const int columns = static_cast<int>(displacements.size());
-  base::Float8 share;
-  int cell = 0;
-  for (int i = 0; i < base::kLanes; ++i) {
-    const CellInterpolation at = locate_between_cells(x + i, columns);
-    share[i] = at.share;
-    if (i == 0) cell = at.cell;
-  }
-  const Vector2f left = displacements[cell], step = displacements[std::min(cell + 1, columns - 1)] - left;
   const base::Float8 ramp{0, 1, 2, 3, 4, 5, 6, 7};
+  const int cell = locate_between_cells(x, columns).cell;
+  base::Float8 share = (ramp + static_cast<float>(x) + 0.5F) / kCell_px - 0.5F;
+  clamp8(static_cast<float>(columns - 1), share);
+  share -= static_cast<float>(cell);
+  const Vector2f left = displacements[cell], step = displacements[std::min(cell + 1, columns - 1)] - left;
   base::Float8 u = (ramp + static_cast<float>(x) + left.x()) + share * step.x();
   base::Float8 v = (base::Float8{} + static_cast<float>(y) + left.y()) + share * step.y();
   clamp8(static_cast<float>(width - 1), u);
@@ -244,6 +242,52 @@ void rectify_row(const PyramidLevel& picture, const std::vector<Vector2f>& displ
   }
   for (; x < width; ++x)
     out[x] = std::max(sample_cubic(width, height, apply_displacement(displacements, x, y), grey), 0.0F);
+}
+
+/// The colour at the `i`-th of the pixels of which these are the first 16 bytes; the fourth part is a byte of the next.
+template <int i>
+TILEFLIGHT_LANE_INLINE void color_of_bytes(const Bytes16& bytes, Float4& color) {
+  constexpr int k = 3 * i, o = 16;  // o: of the zeros
+  const Bytes16 parts =
+      __builtin_shufflevector(bytes, Bytes16{}, k, o, o, o, k + 1, o, o, o, k + 2, o, o, o, k + 3, o, o, o);
+  color = __builtin_convertvector(reinterpret_cast<base::Int4>(parts), Float4);
+}
+
+/// One row of the rectified picture: color_cubic() of its pixels, to the bit.
+TILEFLIGHT_WIDE_VECTORS
+void rectify_color_row(const imaging::RgbImage& picture, const std::vector<Vector2f>& displacements, int y,
+                       imaging::Rgb8* out) {
+  constexpr int kLoaded = 6;  // pixels that 16 bytes reach into
+  const int width = picture.width, height = picture.height;
+  int x = 0;
+  for (; x + base::kLanes <= width; x += base::kLanes) {
+    BicubicSupport8 at;
+    bicubic_support(displacements, width, height, x, y, at);
+    for (int i = 0; i < base::kLanes; ++i) {
+      const int column = at.column[i], row = at.row[i];
+      if (column < 0 || row < 0 || column + kLoaded > width || row + 4 > height) {
+        out[x + i] = color_cubic(picture, apply_displacement(displacements, x + i, y));
+        continue;
+      }
+      Float4 sum{};
+      for (int j = 0; j < 4; ++j) {
+        Bytes16 bytes;
+        std::memcpy(&bytes, picture.row(row + j) + column, sizeof(bytes));
+        std::array<Float4, 4> colors;
+        color_of_bytes<0>(bytes, colors[0]);
+        color_of_bytes<1>(bytes, colors[1]);
+        color_of_bytes<2>(bytes, colors[2]);
+        color_of_bytes<3>(bytes, colors[3]);
+        for (std::size_t k = 0; k < 4; ++k) sum += (at.weights_y[j][i] * at.weights_x[k][i]) * colors[k];
+      }
+      sum += 0.5F;
+      sum = sum < 0.0F ? Float4{} : sum;
+      sum = sum > 255.0F ? Float4{} + 255.0F : sum;
+      const auto values = __builtin_convertvector(sum, base::Int4);
+      for (std::size_t c = 0; c < 3; ++c) out[x + i][c] = static_cast<std::uint8_t>(values[c]);
+    }
+  }
+  for (; x < width; ++x) out[x] = color_cubic(picture, apply_displacement(displacements, x, y));
 }
 
 }  // namespace
@@ -304,9 +348,7 @@ imaging::FloatImage RowRectifier::operator()(const PyramidLevel& picture, imagin
 
 imaging::RgbImage RowRectifier::operator()(const imaging::RgbImage& picture) const {
   imaging::RgbImage out(width_, height_);
-  for_rows([&](int y, const std::vector<Vector2f>& row) {
-    for (int x = 0; x < width_; ++x) out(x, y) = color_cubic(picture, apply_displacement(row, x, y));
-  });
+  for_rows([&](int y, const std::vector<Vector2f>& row) { rectify_color_row(picture, row, y, out.row(y)); });
   return out;
 }
 

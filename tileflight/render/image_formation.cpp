@@ -153,6 +153,17 @@ void check_auto_exposure(const AutoExposure& a) {
                 "image formation: auto exposure's gains", "must be positive, the smallest not above the largest");
 }
 
+/// Normal numbers of the channels of `pixels` pixels, rounded up to eight. `first`: the first pixel's number.
+TILEFLIGHT_WIDE_VECTORS void fill_normals(std::uint64_t key, std::uint64_t first, int pixels, float* normals) {
+  for (int i = 0; i < pixels; i += base::kLanes) {
+    std::array<Float8, 4> of_pixels;
+    base::normal_variates8(key, first + static_cast<std::uint64_t>(i), of_pixels);
+    for (int lane = 0; lane < base::kLanes; ++lane) {
+      for (std::size_t c = 0; c < 3; ++c) *normals++ = of_pixels[c][lane];
+    }
+  }
+}
+
 /// Adds photon and read noise, light in units of white, `count` rounded up to eight. Photon counts are Poisson; their
 /// normal approximation has the same mean and variance, and read noise hides the difference at a few electrons.
 TILEFLIGHT_WIDE_VECTORS void add_noise(int count, const float* normals, float white, float read, float* numbers) {
@@ -184,11 +195,8 @@ class Sensor {
       for (std::size_t c = 0; c < 3; ++c) run[3 * i + c] = factor * light[i][c];
     }
     if (white_ > 0.0F) {
-      Run normals{};
-      for (std::size_t i = 0; i < light.size(); ++i) {
-        const std::array<float, 4> normal = base::normal_variates(key_, first + i);
-        std::copy_n(normal.begin(), 3, normals.begin() + static_cast<std::ptrdiff_t>(3 * i));
-      }
+      Run normals;
+      fill_normals(key_, first, static_cast<int>(light.size()), normals.data());
       add_noise(count, normals.data(), white_, read_, run.data());
     }
     response_.apply(count, run.data());

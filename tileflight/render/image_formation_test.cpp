@@ -316,10 +316,11 @@ TEST(ImageFormation, RunsOfPixelsAreThosePixelByPixelToTheByte) {
       const imaging::RgbImage image = develop(light, vignette, formation, 1.1, 9);
       const std::uint64_t key = base::stream_key(base::stream_key(3, 16), 9);  // 16: the sensor's noise
       for (std::size_t i = 0; i < light.pixels.size(); ++i) {
-        const std::array<float, 4> normal = base::normal_variates(key, i);
+        std::array<base::Float8, 4> normals;
+        base::normal_variates8(key, i, normals);  // whose first lane is pixel i's
         for (std::size_t c = 0; c < 3; ++c) {
           ASSERT_EQ(image.pixels[i][c],
-                    developed_channel(light.pixels[i][c], vignette.pixels[i] * 1.1F, normal[c], formation))
+                    developed_channel(light.pixels[i][c], vignette.pixels[i] * 1.1F, normals[c][0], formation))
               << width << " " << white << " " << i;
         }
       }

@@ -1,9 +1,14 @@
 #include "tileflight/survey/track_inputs.h"
 
+#include <tbb/task_group.h>
+
 #include <algorithm>
 #include <cmath>
+#include <exception>
 #include <limits>
+#include <memory>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "tileflight/base/formatted_text.h"
 #include "tileflight/base/input_error.h"
@@ -102,6 +107,65 @@ std::vector<odometry::OtherImage> read_others(const StereoRig* rig, const datase
   }
   return others;
 }
+
+/// Reads images one by one, each on another core while the one before it is tracked. What is broken counts only once
+/// the image after it is asked for.
+class ReadAhead {
+ public:
+  /// Arguments: see make_frame_source().
+  ReadAhead(const std::vector<dataset::Frame>& frames, bool reverse, const TrackingCamera& view, const StereoRig* rig)
+      : frames_(frames), reverse_(reverse), view_(view), rig_(rig) {}
+  ~ReadAhead() { task_.wait(); }
+  ReadAhead(const ReadAhead&) = delete;
+  ReadAhead& operator=(const ReadAhead&) = delete;
+
+  /// nullopt after the last one.
+  std::optional<odometry::InputFrame> next(SkippedFrames& skipped) {
+    if (!has_begun_) read();
+    has_begun_ = true;
+    task_.wait();
+    if (failure_) std::rethrow_exception(failure_);
+    std::optional<odometry::InputFrame> frame = std::exchange(frame_, std::nullopt);
+    skipped = skipped_;
+    if (frame) task_.run([this] { read(); });
+    return frame;
+  }
+
+ private:
+  void read() {
+    try {
+      frame_ = read_next();
+    } catch (...) {
+      failure_ = std::current_exception();
+    }
+  }
+
+  std::optional<odometry::InputFrame> read_next() {
+    for (; at_ < frames_.size(); ++at_) {
+      const dataset::Frame& frame = frames_[at_];
+      auto image = read_or_skip(frame, skipped_);
+      if (!image) continue;
+      require_size(frame.image, image->width, image->height, view_.native);
+      return odometry::InputFrame{.index = static_cast<std::int64_t>(at_++),
+                                  .time_s = reverse_ ? -frame.time_s : frame.time_s,
+                                  .exposure_ms = frame.exposure_ms,
+                                  .image = view_.rectifier ? (*view_.rectifier)(*image) : std::move(*image),
+                                  .others = read_others(rig_, frame, skipped_)};
+    }
+    return std::nullopt;
+  }
+
+  const std::vector<dataset::Frame>& frames_;
+  bool reverse_;
+  const TrackingCamera& view_;
+  const StereoRig* rig_;
+  bool has_begun_ = false;
+  std::size_t at_ = 0;  ///< this and what follows: the task's, while it runs
+  SkippedFrames skipped_;
+  std::optional<odometry::InputFrame> frame_;
+  std::exception_ptr failure_;
+  tbb::task_group task_;
+};
 
 }  // namespace
 
@@ -255,20 +319,8 @@ std::vector<dataset::Frame> select_frames(const dataset::Dataset& data, const Fr
 
 odometry::FrameSource make_frame_source(const std::vector<dataset::Frame>& frames, bool reverse,
                                         const TrackingCamera& view, const StereoRig* rig, SkippedFrames& skipped) {
-  return [&, rig, reverse, at = std::size_t{0}]() mutable -> std::optional<odometry::InputFrame> {
-    for (; at < frames.size(); ++at) {
-      const dataset::Frame& frame = frames[at];
-      auto image = read_or_skip(frame, skipped);
-      if (!image) continue;
-      require_size(frame.image, image->width, image->height, view.native);
-      return odometry::InputFrame{.index = static_cast<std::int64_t>(at++),
-                                  .time_s = reverse ? -frame.time_s : frame.time_s,
-                                  .exposure_ms = frame.exposure_ms,
-                                  .image = view.rectifier ? (*view.rectifier)(*image) : std::move(*image),
-                                  .others = read_others(rig, frame, skipped)};
-    }
-    return std::nullopt;
-  };
+  const auto reader = std::make_shared<ReadAhead>(frames, reverse, view, rig);
+  return [reader, &skipped] { return reader->next(skipped); };
 }
 
 void reverse_times(geometry::Trajectory& trajectory) {

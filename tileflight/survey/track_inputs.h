@@ -74,9 +74,9 @@ struct SkippedFrames : SkippedImages {
   SkippedImages of_others;  ///< of a rig's other cameras
 };
 
-/// Reads the chosen images one by one. Times are negated in reverse order; reverse_times() restores them.
-/// `rig`: whose other cameras' images are read, too; null: none. All arguments must outlive the source, which throws
-/// InputError for an image of another size than the calibration's.
+/// Reads the chosen images one by one, each while the one before it is tracked. Times are negated in reverse order;
+/// reverse_times() restores them. `rig`: whose other cameras' images are read, too; null: none. All arguments must
+/// outlive the source, which throws InputError for an image of another size than the calibration's.
 odometry::FrameSource make_frame_source(const std::vector<dataset::Frame>& frames, bool reverse,
                                         const TrackingCamera& view, const StereoRig* rig, SkippedFrames& skipped);
 
