@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include "tileflight/tracking/correlation.h"
+
 namespace tileflight::tracking {
 namespace {
 

@@ -4,6 +4,7 @@
 
 #include "tileflight/photometry/pixel_selector.h"
 #include "tileflight/photometry/synthetic_scene.h"
+#include "tileflight/tracking/correlation.h"
 
 namespace tileflight::tracking::relocalization_test {
 namespace {

@@ -46,11 +46,6 @@ ImageAlignment align_image(const photometry::LensPyramid& lens, const TrackingRe
                            const photometry::TrackingOptions& options, const std::vector<double>& give_up_rmse = {},
                            int finest_level = 0, const photometry::RollingShutter& shutter = {});
 
-/// Pearson's correlation between the reference's grey values and the target's where both show the same points, at level
-/// 0; whatever gain and offset are. 0 if fewer than three points are inside the target, or one has no contrast.
-double correlation(const photometry::LensPyramid& lens, const TrackingReference& reference,
-                   const photometry::Pyramid& target, const geometry::SE3& T_target_reference);
-
 /// Root mean square optical flow between reference and target, pixels of level 0: by translation alone, and by all
 /// motion.
 struct OpticalFlow {
