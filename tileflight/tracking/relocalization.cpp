@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include "tileflight/tracking/correlation.h"
+
 namespace tileflight::tracking {
 namespace {
 
@@ -12,6 +14,9 @@ using geometry::Vec3;
 
 // Chosen by hand.
 constexpr double kMinInsideShare = 0.3;
+/// Of grey values seen and expected. An alignment to another place lowers the gain and lets what does not fit saturate,
+/// so that its RMSE may pass: one did with a correlation of 0.17 (docs/trust.md). Right ones have 0.93 to 0.999.
+constexpr double kMinCorrelation = 0.6;
 
 /// Rotations around a keyframe's orientation, spaced so that the coarsest level converges from the nearest one: about
 /// the image axes, and farther about the optical axis, about which a vehicle's turn rotates a camera that looks down
@@ -54,6 +59,8 @@ std::optional<Relocalization> relocalize(const photometry::LensPyramid& lens,
     const ImageAlignment refined =
         align_image(lens, references[tried[i].keyframe], target, tried[i].alignment.state, options);
     if (!refined.converged || refined.inside_share < kMinInsideShare || refined.finest_rmse() > accepted_rmse) continue;
+    if (correlation(lens, references[tried[i].keyframe], target, refined.state.T_target_reference) < kMinCorrelation)
+      continue;
     if (!best || refined.finest_rmse() < best->alignment.finest_rmse()) best = {tried[i].keyframe, refined};
   }
   return best;

@@ -18,7 +18,7 @@ struct Relocalization {
 /// Tries each reference with its own orientation and rotated in steps up to a quarter of a radian about both image axes
 /// or up to half a radian about the optical axis and a quarter about the image's vertical axis (a vehicle's turn), on
 /// the coarsest level only; the best few are aligned on all levels. nullopt if none reaches an RMSE below
-/// `accepted_rmse` (grey values) with enough of its pixels in view.
+/// `accepted_rmse` (grey values) with enough of its pixels in view and grey values that correlate.
 std::optional<Relocalization> relocalize(const photometry::LensPyramid& lens,
                                          const std::vector<TrackingReference>& references,
                                          const photometry::Pyramid& target, double accepted_rmse,

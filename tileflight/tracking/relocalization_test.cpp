@@ -4,6 +4,7 @@
 
 #include "tileflight/photometry/pixel_selector.h"
 #include "tileflight/photometry/synthetic_scene.h"
+#include "tileflight/tracking/correlation.h"
 
 namespace tileflight::tracking::relocalization_test {
 namespace {
@@ -82,6 +83,38 @@ TEST(Relocalization, FindsNothingInAPictureOfAnotherPlace) {
   const std::vector<TrackingReference> keyframes{ground.keyframe(here)};
   EXPECT_FALSE(relocalize(ground.lens, keyframes, ground.picture(away), 8.0, ground.options.tracking));
   EXPECT_FALSE(relocalize(ground.lens, {}, ground.picture(here), 8.0, ground.options.tracking));
+}
+
+/// An alignment to another place lets what does not fit saturate, so that its RMSE says little; here nothing else
+/// refuses it.
+TEST(Relocalization, APictureOfAnotherPlaceIsRefusedWhateverItsRmse) {
+  const Ground ground;
+  const Vec3 ahead(0, 1, -1);
+  const std::vector<TrackingReference> keyframes{
+      ground.keyframe(photometry::test_support::look_along(Vec3(0, 0, 20), ahead))};
+  photometry::TrackingOptions permissive = ground.options.tracking;
+  permissive.lost_rmse = 100.0;
+  permissive.max_log_gain = 10.0;
+  for (const Vec3& away : {Vec3(90, -70, 20), Vec3(-120, 50, 20), Vec3(200, 80, 22), Vec3(-60, -160, 18)}) {
+    const photometry::Pyramid picture = ground.picture(photometry::test_support::look_along(away, ahead));
+    EXPECT_FALSE(relocalize(ground.lens, keyframes, picture, permissive.lost_rmse, permissive)) << away.transpose();
+  }
+}
+
+TEST(Correlation, IsOneForTheSamePictureInAnyLightAndSmallForAnother) {
+  const Ground ground;
+  const SE3 here = photometry::test_support::look_along(Vec3(0, 0, 20), Vec3(0, 1, -1)),
+            away = photometry::test_support::look_along(Vec3(90, -70, 20), Vec3(-1, 0.5, -1));
+  const TrackingReference keyframe = ground.keyframe(here);
+  imaging::FloatImage darker =
+      photometry::luminance(photometry::test_support::ReliefCamera(ground.camera, ground.relief).render(here), nullptr);
+  for (float& grey : darker.pixels) grey = 0.5F * grey + 20.0F;
+  const SE3 same;
+  EXPECT_NEAR(correlation(ground.lens, keyframe, ground.picture(here), same), 1.0, 0.01);
+  EXPECT_NEAR(correlation(ground.lens, keyframe, photometry::build_pyramid(darker, kLevels), same), 1.0, 0.01);
+  EXPECT_LT(correlation(ground.lens, keyframe, ground.picture(away), same), 0.4);
+  const SE3 behind(geometry::so3_exp(Vec3(0, 3.1, 0)), Vec3::Zero());
+  EXPECT_EQ(correlation(ground.lens, keyframe, ground.picture(here), behind), 0.0);
 }
 
 }  // namespace
