@@ -93,6 +93,10 @@ class CommandsTest(unittest.TestCase):
             self.assertTrue(callable(getattr(tf, name)), name)
             self.assertIn(name, tf.__all__)
 
+    def test_a_command_with_parts_is_one_function(self):
+        with self.assertRaisesRegex(tf.InputError, "exists"):
+            tf.make_stadium(place.tileset())
+
     def test_the_module_is_the_program(self):
         done = subprocess.run(
             [sys.executable, "-m", "tileflight", "--version"], capture_output=True, text=True, timeout=120

@@ -2,11 +2,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "tests/height_field.h"
+#include "tests/rolling_ground.h"
 #include "tests/run_program.h"
 #include "tileflight/geometry/cloud_files.h"
 
@@ -21,46 +20,11 @@ using ::testing::HasSubstr;
 using tests::ProgramResult;
 using tests::run_tileflight;
 
-/// Rolling ground of 96 m with blocks of different sizes.
-double height_m(double x, double y) {
-  double z = 2.0 * std::sin(0.06 * x + 0.4) + 1.5 * std::cos(0.08 * y + 0.03 * x);
-  for (const auto& [east, north, half, up] : {std::array{-30.0, -32.0, 5.0, 9.0},
-                                              {28.0, -20.0, 4.0, 6.0},
-                                              {-8.0, 6.0, 6.0, 12.0},
-                                              {-34.0, 26.0, 4.0, 5.0},
-                                              {31.0, 31.0, 5.0, 8.0},
-                                              {8.0, -37.0, 3.0, 7.0},
-                                              {10.0, 37.0, 4.0, 10.0}}) {
-    if (std::abs(x - east) < half && std::abs(y - north) < half) z += up;
-  }
-  return z;
-}
-
-const Sim3 kTrue(12.5, geometry::so3_exp({0.4, -2.1, 1.3}), {200.0, -40.0, 15.0});
-
 json read_json(const std::filesystem::path& file) { return json::parse(tests::file_text(file)); }
 
 class AlignCommand : public ::testing::Test {
  protected:
-  void SetUp() override {
-    const geometry::TriangleMesh mesh = tests::height_field(192, -48.0, 96.0, height_m);
-    std::ofstream obj(folder_ / "ground.obj");
-    for (const Vec3& v : mesh.vertices) obj << "v " << v.x() << " " << v.y() << " " << v.z() << "\n";
-    for (const auto& t : mesh.triangles) obj << "f " << t[0] + 1 << " " << t[1] + 1 << " " << t[2] + 1 << "\n";
-    obj.close();
-    run({"tile", path("ground.obj"), "--out", path("place")});
-    run({"extract", path("place"), "--out", path("truth")});
-    write_map();
-  }
-
-  /// Every so many samples of the surface, in a frame that nobody knows.
-  void write_map() {
-    const PointCloud surface = geometry::read_cloud(folder_ / "truth/surface.ply");
-    PointCloud map;
-    for (std::size_t i = 0; i < surface.size(); i += 1 + surface.size() / 4000)
-      map.positions.push_back(surface.positions[i]);
-    geometry::write_cloud(folder_ / "map.ply", transformed(kTrue.inverse(), map));
-  }
+  AlignCommand() { tests::rolling_ground().copy_to(folder_.path()); }
 
   void run(const std::vector<std::string>& arguments) {
     const ProgramResult result = run_tileflight(arguments);
@@ -94,7 +58,7 @@ class AlignCommand : public ::testing::Test {
     for (const double x : {-48.0, 48.0}) {
       for (const double y : {-48.0, 48.0}) {
         const Vec3 p(x, y, 0.0);
-        most_m = std::max(most_m, (T * (kTrue.inverse() * p) - p).norm());
+        most_m = std::max(most_m, (T * (tests::kTrueOfRollingGround.inverse() * p) - p).norm());
       }
     }
     return most_m;
@@ -127,7 +91,7 @@ TEST_F(AlignCommand, FindsTheMapsPlaceWithoutAStart) {
 // A map whose lengths are 0.4 % too long, a little off its place: the scale of a metric one is held, and its error
 // told.
 TEST_F(AlignCommand, TheScaleOfAMetricMapIsHeldAndItsErrorTold) {
-  const PointCloud map = transformed(kTrue, geometry::read_cloud(folder_ / "map.ply"));
+  const PointCloud map = transformed(tests::kTrueOfRollingGround, geometry::read_cloud(folder_ / "map.ply"));
   std::filesystem::create_directories(folder_ / "odometry");
   geometry::write_cloud(folder_ / "odometry/map.ply",
                         transformed(Sim3(1.004, geometry::so3_exp({0.0, 0.0, 0.01}), {0.5, -0.3, 0.2}), map));
@@ -184,9 +148,10 @@ TEST_F(AlignCommand, BadOptionsAreOneLine) {
 }
 
 TEST_F(AlignCommand, TakesATruthInBlocksThatIsTheSame) {
-  for (const std::string edge : {"20", "33.3", "auto"}) {
-    run({"extract", path("place"), "--block", edge, "--out", path("blocks"), "--force"});
-    json whole = read_json(folder_ / "truth/extract.json"), blocks = read_json(folder_ / "blocks/extract.json");
+  for (const std::string edge : {"33.3", "auto", "20"}) {
+    json whole = read_json(folder_ / "truth/extract.json");
+    run({"extract", whole.at("source"), "--block", edge, "--out", path("blocks"), "--force"});
+    json blocks = read_json(folder_ / "blocks/extract.json");
     whole.erase("seconds");
     blocks.erase("seconds");
     EXPECT_EQ(blocks, whole);
@@ -200,7 +165,6 @@ TEST_F(AlignCommand, TakesATruthInBlocksThatIsTheSame) {
     EXPECT_EQ(triangles, whole["triangles"]);
     EXPECT_EQ(voxels, whole["voxels_occupied"]);
   }
-  run({"extract", path("place"), "--block", "20", "--out", path("blocks"), "--force"});
   EXPECT_GE(read_json(folder_ / "blocks/index.json")["blocks"].size(), 25U);
   const json to_whole = align({"--start", "geometry"});
   run({"align", path("map.ply"), "--to", path("blocks"), "--start", "geometry", "--out", path("blocks.json")});

@@ -54,11 +54,13 @@ class Study : public ::testing::Test {
  protected:
   void SetUp() override {
     TinyExperiments::write_two_flights(folder_.path());
+    // Enough for every system and for scores; what is compared is one study with the same done otherwise.
+    TinyPlace::write_file(folder_ / "flight.yaml", TinyExperiments::flight(45));
     write_documented_adapter(folder_ / "noisy");
     // A slow one, so that there is a middle in which to stop.
     write_documented_adapter(folder_ / "slow");
     TinyPlace::write_file(folder_ / "slow/adapter.yaml",
-                          "name: slow\ntakes: {inputs: [images], lenses: [any]}\ncommand: sleep 1; ../noisy/run\n");
+                          "name: slow\ntakes: {inputs: [images], lenses: [any]}\ncommand: sleep 0.6; ../noisy/run\n");
     TinyPlace::write_file(folder_ / "study.yaml", R"(name: small
 repetitions: 2
 places: {tiny: experiment.yaml}
@@ -154,7 +156,7 @@ systems: {noisy: {adapter: noisy}, slow: {adapter: slow}}
 rank_by: ate
 )");
   TinyPlace::write_file(folder_ / "slow/adapter.yaml",
-                        "name: slow\ntakes: {inputs: [images], lenses: [any]}\ncommand: sleep 8; ../noisy/run\n");
+                        "name: slow\ntakes: {inputs: [images], lenses: [any]}\ncommand: sleep 5; ../noisy/run\n");
   const json local = study("local", {"--no-snakemake"});
   tests::SlurmCluster cluster;
   std::string dead_node;

@@ -27,12 +27,16 @@ def alive(peer):
 
 
 def check_malformed(peer, work):
+    """From five writers at once."""
+    writers = []
     for name, data in {"nan": peers.cdr(math.nan, 0.0, 0.0, 0.0, 0.0, 0.0), "cut": peers.cdr(1.0, 2.0)[:17],
                        "empty": b"\0\1\0\0", "large": b"\0\1\0\0" + b"x" * 300_000,
                        "encoding": b"\0\x0b\0\0" + b"x" * 48}.items():
         file = work / f"{name}.cdr"
         file.write_bytes(data)
-        peers.ask(peer, "write", "rt/drone/cmd_vel", "geometry_msgs::msg::dds_::Twist_", file, 20, 20)
+        writers.append(peers.start(peer, "write", "rt/drone/cmd_vel", "geometry_msgs::msg::dds_::Twist_", file, 20, 20))
+    for writer in writers:
+        assert "written" in peers.result(writer)
     alive(peer)
 
 

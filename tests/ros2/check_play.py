@@ -112,7 +112,7 @@ def check_whole(tileflight, work, peer, flight):
         reader = peers.start(peer, "read", read, 12, *words)
         assert player.end() == (0, []), "it ends with the dataset"
         seen = peers.result(reader)
-    assert seen["rt/clock"]["count"] > 500
+    assert seen["rt/clock"]["count"] > 500, seen["rt/clock"]["count"]
     check_bytes(read, exported)
     check_transforms(read, exported)
 

@@ -3,6 +3,7 @@
 //
 //   fast_dds_peer DOMAIN discover SECONDS
 //   fast_dds_peer DOMAIN read FOLDER SECONDS {TOPIC TYPE reliable|best_effort volatile|latched COUNT}...
+//     (until so many have come, all writers have gone, or the time is over)
 //   fast_dds_peer DOMAIN write TOPIC TYPE FILE COUNT PERIOD_MS
 //   fast_dds_peer DOMAIN call SERVICE REQUEST_TYPE RESPONSE_TYPE FILE [plain]
 //
@@ -121,8 +122,10 @@ class Collector : public DataReaderListener {
 
   void on_subscription_matched(DataReader* /*reader*/, const SubscriptionMatchedStatus& status) override {
     has_writer_ = status.current_count > 0;
+    has_lost_writer_ = status.current_count == 0 && status.total_count > 0;
   }
   bool has_writer() const { return has_writer_; }
+  bool has_lost_writer() const { return has_lost_writer_; }  ///< all that wrote have gone
 
   void start(DataReader* reader) {
     thread_ = std::jthread([this, reader](const std::stop_token& stop) {
@@ -163,7 +166,7 @@ class Collector : public DataReaderListener {
 
  private:
   std::string stem_;
-  std::atomic<bool> has_writer_{false};
+  std::atomic<bool> has_writer_{false}, has_lost_writer_{false};
   mutable std::mutex mutex_;
   std::vector<double> latencies_ms_, times_s_;
   std::string last_;
@@ -274,11 +277,20 @@ json read(Peer& peer, const Arguments& words) {
     const std::string stem = words[0] == "-" ? "" : words[0] + "/" + std::to_string(wishes.size() - 1);
     collectors.push_back(&peer.read(wishes.back(), stem));
   }
+  std::size_t last_total = 0;
+  auto last_news = Clock::now();
   wait_until(std::stod(words.at(1)), [&] {
+    std::size_t total = 0;
+    bool has_wishes = true, are_alone = true;
     for (std::size_t i = 0; i < wishes.size(); ++i) {
-      if (collectors[i]->count() < wishes[i].count) return false;
+      total += collectors[i]->count();
+      has_wishes &= collectors[i]->count() >= wishes[i].count;
+      are_alone &= collectors[i]->has_lost_writer();
     }
-    return true;
+    if (total != last_total || !are_alone) last_news = Clock::now();
+    last_total = total;
+    // What came last before the writers went may not have been taken yet.
+    return has_wishes || Clock::now() - last_news > std::chrono::seconds(1);
   });
   json report;
   for (std::size_t i = 0; i < wishes.size(); ++i) report[wishes[i].topic] = collectors[i]->report();
@@ -308,11 +320,13 @@ json call(Peer& peer, const Arguments& words) {
   std::string bytes = read_file(words.at(3));
   const std::uint64_t header[2] = {0x1122334455667788U, 7};
   if (words.size() < 5) bytes.insert(4, reinterpret_cast<const char*>(header), sizeof header);
-  // A writer knows its reader before that knows it; what is written in between is lost, as DDS has it.
+  // A writer knows its reader before that knows it; what is written in between is lost, as DDS has it. A request that is
+  // not to be answered is sent as often, in less time.
+  const double patience_s = words.size() < 5 ? 2.0 : 0.5;
   const bool is_answered = [&] {
     for (int i = 0; i < 6; ++i) {
       writer->write(&bytes);
-      if (wait_until(2, [&] { return replies.count() > 0; })) return true;
+      if (wait_until(patience_s, [&] { return replies.count() > 0; })) return true;
     }
     return false;
   }();

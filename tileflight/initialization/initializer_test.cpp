@@ -22,16 +22,10 @@ constexpr int kLevels = 4;
 /// Hilly ground 12 m below a lens of 130 degrees.
 struct Ground {
   imaging::Camera camera = imaging::make_fisheye(320, 200, 130.0);
-  photometry::test_support::Relief relief;
+  photometry::test_support::Relief relief =
+      photometry::test_support::sine_hills({.amplitude_m = 1.5, .k_x = 0.35, .k_y = 0.28, .phase_y = 0.5}, 0.6);
   photometry::LensPyramid lens = photometry::build_lens_pyramid(camera, kLevels);
 
-  Ground() {
-    relief.height_m = [](double x, double y) {
-      return 1.5 * photometry::test_support::sine(0.35 * x) * photometry::test_support::cosine(0.28 * y + 0.5);
-    };
-    relief.highest_m = 1.5;
-    relief.texel_m = 0.6;
-  }
   std::shared_ptr<const photometry::Pyramid> picture(const SE3& T_local_camera) const {
     return std::make_shared<const photometry::Pyramid>(photometry::build_pyramid(
         photometry::luminance(photometry::test_support::ReliefCamera(camera, relief).render(T_local_camera), nullptr),

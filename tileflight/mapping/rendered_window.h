@@ -16,14 +16,6 @@ namespace tileflight::mapping::test_support {
 /// Images of a flight sideways and forwards, 20 m above hills of 2 m, by a lens of 130 degrees.
 class RenderedFlight {
  public:
-  RenderedFlight() {
-    relief.height_m = [](double x, double y) {
-      return 2.0 * photometry::test_support::sine(0.15 * x) * photometry::test_support::cosine(0.12 * y);
-    };
-    relief.highest_m = 2.0;
-    relief.texel_m = 0.7;
-  }
-
   imaging::RgbImage image(int i) const {
     return photometry::test_support::ReliefCamera(camera, relief).render(T_camera_map(i).inverse());
   }
@@ -59,7 +51,8 @@ class RenderedFlight {
   static constexpr int kLevels = 4;
   photometry::OdometryOptions options;
   imaging::Camera camera = imaging::make_fisheye(320, 240, 130.0);
-  photometry::test_support::Relief relief;
+  photometry::test_support::Relief relief =
+      photometry::test_support::sine_hills({.amplitude_m = 2.0, .k_x = 0.15, .k_y = 0.12}, 0.7);
   photometry::LensPyramid lens = photometry::build_lens_pyramid(camera, kLevels);
 };
 

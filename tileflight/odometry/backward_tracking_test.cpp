@@ -25,13 +25,7 @@ using test_support::small_options;
 constexpr int kTurning = 24;  ///< pictures that turn
 
 Relief hills() {
-  Relief relief;
-  relief.height_m = [](double x, double y) {
-    return 3.0 * photometry::test_support::sine(0.2 * x + 1.0) * photometry::test_support::cosine(0.17 * y);
-  };
-  relief.highest_m = 3.0;
-  relief.texel_m = 0.5;
-  return relief;
+  return photometry::test_support::sine_hills({.amplitude_m = 3.0, .k_x = 0.2, .k_y = 0.17, .phase_x = 1.0}, 0.5);
 }
 
 /// A flight that begins with a slow turn and then goes on straight, five times as fast.

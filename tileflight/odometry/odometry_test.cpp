@@ -25,12 +25,7 @@ using ::testing::ThrowsMessage;
 /// initialization. The first `frames` of 50.
 Sequence over_flat_ground(std::size_t frames) {
   static const Sequence kAll = [] {
-    Relief relief;
-    relief.height_m = [](double x, double y) {
-      return 0.6 * photometry::test_support::sine(0.3 * x) * photometry::test_support::cosine(0.2 * y);
-    };
-    relief.highest_m = 0.6;
-    relief.texel_m = 0.8;
+    const Relief relief = photometry::test_support::sine_hills({.amplitude_m = 0.6, .k_x = 0.3, .k_y = 0.2}, 0.8);
     std::vector<SE3> truth;
     for (int i = 0; i < 50; ++i) {
       const double s = i / 30.0;

@@ -58,12 +58,7 @@ std::vector<int> counted(int from, int to, int step = 1) {
 /// Rolling ground by a small wide lens; `pose` gives the camera of image i.
 template <class Pose>
 Sequence over_rolling_ground(int frames, const Pose& pose) {
-  photometry::test_support::Relief relief;
-  relief.height_m = [](double x, double y) {
-    return 1.5 * photometry::test_support::sine(0.25 * x) * photometry::test_support::cosine(0.2 * y);
-  };
-  relief.highest_m = 1.5;
-  relief.texel_m = 0.8;
+  const auto relief = photometry::test_support::sine_hills({.amplitude_m = 1.5, .k_x = 0.25, .k_y = 0.2}, 0.8);
   std::vector<SE3> truth;
   for (int i = 0; i < frames; ++i) truth.push_back(pose(i));
   return test_support::render_sequence(imaging::make_fisheye(320, 200, 130.0), relief, truth);

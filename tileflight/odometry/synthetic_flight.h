@@ -97,13 +97,7 @@ inline std::vector<double> height_errors_m(const photometry::test_support::Relie
 
 /// Hilly ground seen obliquely from 12 m above while moving sideways and forwards; 30 images a second.
 inline photometry::test_support::Relief hilly_ground() {
-  photometry::test_support::Relief relief;
-  relief.height_m = [](double x, double y) {
-    return 1.5 * photometry::test_support::sine(0.35 * x) * photometry::test_support::cosine(0.28 * y + 0.5);
-  };
-  relief.highest_m = 1.5;
-  relief.texel_m = 0.6;
-  return relief;
+  return photometry::test_support::sine_hills({.amplitude_m = 1.5, .k_x = 0.35, .k_y = 0.28, .phase_y = 0.5}, 0.6);
 }
 inline std::vector<geometry::SE3> path_over_ground(int frames) {
   std::vector<geometry::SE3> truth;

@@ -14,13 +14,7 @@ namespace tileflight::odometry::test_support {
 
 /// Gentle hills, height amplitude 1.2 m, finest texture wavelength 0.5 m.
 inline photometry::test_support::Relief hilly_terrain() {
-  photometry::test_support::Relief relief;
-  relief.height_m = [](double x, double y) {
-    return 1.2 * photometry::test_support::sine(0.3 * x) * photometry::test_support::cosine(0.25 * y);
-  };
-  relief.highest_m = 1.2;
-  relief.texel_m = 0.5;
-  return relief;
+  return photometry::test_support::sine_hills({.amplitude_m = 1.2, .k_x = 0.3, .k_y = 0.25}, 0.5);
 }
 
 class KeyframeMaker {

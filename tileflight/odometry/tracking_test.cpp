@@ -23,7 +23,7 @@ using photometry::test_support::Relief;
 struct TwoViews {
   photometry::OdometryOptions options;
   imaging::Camera camera = imaging::make_fisheye(320, 240, 140.0);
-  Relief relief;
+  Relief relief = photometry::test_support::sine_hills({.amplitude_m = 2.0, .k_x = 0.15, .k_y = 0.12}, 0.7);
   SE3 first = photometry::test_support::look_along(Vec3(0, 0, 20), Vec3(0, 1, -0.9));
   SE3 second = SE3(geometry::so3_exp(Vec3(0.01, 0.02, -0.02)), Vec3::Zero()) *
                photometry::test_support::look_along(Vec3(0.7, 0.5, 20.2), Vec3(0.02, 1, -0.9));
@@ -31,11 +31,6 @@ struct TwoViews {
   photometry::Pyramid a, b;
 
   TwoViews() {
-    relief.height_m = [](double x, double y) {
-      return 2.0 * photometry::test_support::sine(0.15 * x) * photometry::test_support::cosine(0.12 * y);
-    };
-    relief.highest_m = 2.0;
-    relief.texel_m = 0.7;
     const photometry::test_support::ReliefCamera scene(camera, relief);
     a = photometry::build_pyramid(photometry::luminance(scene.render(first), nullptr), 4);
     b = photometry::build_pyramid(photometry::luminance(scene.render(second), nullptr), 4);

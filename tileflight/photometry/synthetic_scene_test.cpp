@@ -2,7 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace tileflight::photometry::synthetic_scene_test {
 namespace {
@@ -12,6 +14,7 @@ using test_support::cosine;
 using test_support::hit_distance;
 using test_support::Relief;
 using test_support::sine;
+using test_support::sine_hills;
 
 TEST(SyntheticScene, SineIsThatOfTheLibrary) {
   for (double x = -2000.0; x < 2000.0; x += 0.0137) {
@@ -20,11 +23,23 @@ TEST(SyntheticScene, SineIsThatOfTheLibrary) {
   }
 }
 
-Relief hills() {
-  Relief relief;
-  relief.height_m = [](double x, double y) { return 1.5 * sine(0.35 * x) * cosine(0.28 * y); };
-  relief.highest_m = 1.5;
-  return relief;
+Relief hills() { return sine_hills({.amplitude_m = 1.5, .k_x = 0.35, .k_y = 0.28, .phase_x = 0.2}, 0.6); }
+
+TEST(SyntheticScene, HillsAreNowhereHigherOrSteeperThanTheySay) {
+  const Relief relief = hills();
+  double highest = 0.0, steepest = 0.0;
+  for (double x = -10.0; x < 10.0; x += 0.05) {
+    for (double y = -12.0; y < 12.0; y += 0.05) {
+      const double height = relief.height_m(x, y);
+      highest = std::max(highest, height);
+      steepest = std::max(
+          steepest, std::hypot(relief.height_m(x + 1e-4, y) - height, relief.height_m(x, y + 1e-4) - height) / 1e-4);
+    }
+  }
+  EXPECT_LE(highest, relief.highest_m);
+  EXPECT_GT(highest, 0.999 * relief.highest_m);
+  EXPECT_LE(steepest, relief.steepest * (1 + 1e-4));
+  EXPECT_GT(steepest, 0.999 * relief.steepest);
 }
 
 /// Distance at which a ray is first below the relief, by steps of a centimetre; 0: nowhere.
@@ -38,14 +53,19 @@ double first_below_m(const Relief& relief, const Vec3& origin, const Vec3& ray) 
 
 TEST(SyntheticScene, RaysEndOnTheGroundThatTheyMeetFirst) {
   const Relief relief = hills();
+  Relief unknown_slopes = relief;
+  unknown_slopes.steepest = std::numeric_limits<double>::infinity();
   const Vec3 origin(1.0, -2.0, 12.0);
   for (double heading = 0.0; heading < 6.3; heading += 0.13) {
-    for (const double down : {0.2, 0.4, 0.8, 2.0}) {
+    for (const double down : {0.2, 0.4, 0.56, 0.8, 2.0}) {
       const Vec3 ray = Vec3(std::cos(heading), std::sin(heading), -down).normalized();
       const double distance_m = hit_distance(relief, origin, ray);
       const Vec3 p = origin + distance_m * ray;
       EXPECT_NEAR(p.z(), relief.height_m(p.x(), p.y()), 1e-6);
       EXPECT_NEAR(distance_m, first_below_m(relief, origin, ray), 0.011);
+      EXPECT_NEAR(distance_m, hit_distance(unknown_slopes, origin, ray), 2e-6);
+      for (const double guess_m : {0.1, 0.9 * distance_m, 1.1 * distance_m, 200.0})
+        EXPECT_NEAR(distance_m, hit_distance(relief, origin, ray, guess_m), 2e-6) << guess_m;
     }
   }
   EXPECT_EQ(hit_distance(relief, origin, Vec3(1.0, 0.0, 0.1).normalized()), 0.0);

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/tile_contents/gltf_accessors.h"
 #include "tileflight/tile_contents/json_reader.h"
 
 namespace tileflight::tile_contents::gltf {
@@ -10,33 +11,6 @@ namespace {
 
 using geometry::Mat4;
 using geometry::Vec3;
-
-ComponentType component_type(std::size_t code, const std::string& where) {
-  switch (code) {
-    case 5120:
-      return ComponentType::kInt8;
-    case 5121:
-      return ComponentType::kUint8;
-    case 5122:
-      return ComponentType::kInt16;
-    case 5123:
-      return ComponentType::kUint16;
-    case 5125:
-      return ComponentType::kUint32;
-    case 5126:
-      return ComponentType::kFloat;
-    default:
-      throw InputError(where, "componentType " + std::to_string(code) + " is not defined by glTF");
-  }
-}
-
-std::size_t component_count(const std::string& type, const std::string& where) {
-  static const std::map<std::string, std::size_t> kCounts = {{"SCALAR", 1}, {"VEC2", 2}, {"VEC3", 3}, {"VEC4", 4},
-                                                             {"MAT2", 4},   {"MAT3", 9}, {"MAT4", 16}};
-  const auto it = kCounts.find(type);
-  if (it == kCounts.end()) throw InputError(where, "type '" + type + "' is not defined by glTF");
-  return it->second;
-}
 
 imaging::Wrap wrap_mode(std::size_t code, const std::string& where) {
   switch (code) {
@@ -75,12 +49,13 @@ class DocumentParser {
     out_.extensions_used = find_strings(json_, "extensionsUsed", name_);
     out_.extensions_required = find_strings(json_, "extensionsRequired", name_);
     parse_rtc();
-    if (const Json* metadata = extension(json_, "EXT_structural_metadata", name_)) {
+    if (const Json* metadata = find_extension(json_, "EXT_structural_metadata", name_)) {
       out_.structural_metadata = std::make_shared<const Json>(*metadata);
     }
-    each("buffers", [&](const Json& j, const std::string& w) { out_.buffers.push_back(buffer(j, w)); });
-    each("bufferViews", [&](const Json& j, const std::string& w) { out_.views.push_back(view(j, w)); });
-    each("accessors", [&](const Json& j, const std::string& w) { out_.accessors.push_back(accessor(j, w)); });
+    each("buffers", [&](const Json& j, const std::string& w) { out_.buffers.push_back(read_buffer(j, w)); });
+    each("bufferViews", [&](const Json& j, const std::string& w) { out_.views.push_back(read_view(j, out_, w)); });
+    each("accessors",
+         [&](const Json& j, const std::string& w) { out_.accessors.push_back(read_accessor(j, out_, w)); });
     each("images", [&](const Json& j, const std::string& w) { out_.images.push_back(image(j, w)); });
     each("textures", [&](const Json& j, const std::string& w) { out_.textures.push_back(texture(j, w)); });
     each("materials", [&](const Json& j, const std::string& w) { out_.materials.push_back(material(j, w)); });
@@ -104,22 +79,6 @@ class DocumentParser {
     }
   }
 
-  /// An index into an array of `size` entries, all of which have been read.
-  static std::optional<std::size_t> reference(const Json& object, const char* key, std::size_t size,
-                                              const std::string& where) {
-    const auto index = find_index(object, key, where);
-    if (index && *index >= size) {
-      throw InputError(where, std::string(key) + " " + std::to_string(*index) + " does not exist; the file has " +
-                                  std::to_string(size));
-    }
-    return index;
-  }
-
-  static const Json* extension(const Json& object, const char* name, const std::string& where) {
-    const Json* extensions = find_object(object, "extensions", where);
-    return extensions == nullptr ? nullptr : find_object(*extensions, name, where);
-  }
-
   void parse_asset() {
     const std::string where = name_ + ": asset";
     const Json* asset = find_object(json_, "asset", name_);
@@ -131,83 +90,28 @@ class DocumentParser {
   }
 
   void parse_rtc() {
-    const Json* rtc = extension(json_, "CESIUM_RTC", name_);
+    const Json* rtc = find_extension(json_, "CESIUM_RTC", name_);
     if (rtc == nullptr) return;
     const auto c =
         require_value(find_numbers(*rtc, "center", 3, name_ + ": CESIUM_RTC"), "center", name_ + ": CESIUM_RTC");
     out_.rtc_center = Vec3(c[0], c[1], c[2]);
   }
 
-  static Buffer buffer(const Json& json, const std::string& where) {
-    return {find_string(json, "uri", where), require_value(find_index(json, "byteLength", where), "byteLength", where)};
-  }
-
-  BufferView view(const Json& json, const std::string& where) const {
-    BufferView view;
-    view.buffer = require_value(reference(json, "buffer", out_.buffers.size(), where), "buffer", where);
-    view.byte_offset = find_index(json, "byteOffset", where).value_or(0);
-    view.byte_length = require_value(find_index(json, "byteLength", where), "byteLength", where);
-    view.byte_stride = find_index(json, "byteStride", where, 252).value_or(0);
-    if (const Json* ext = extension(json, "EXT_meshopt_compression", where)) view.meshopt = meshopt(*ext, where);
-    return view;
-  }
-
-  MeshoptView meshopt(const Json& json, const std::string& where) const {
-    MeshoptView view;
-    view.buffer = require_value(reference(json, "buffer", out_.buffers.size(), where), "buffer", where);
-    view.byte_offset = find_index(json, "byteOffset", where).value_or(0);
-    view.byte_length = require_value(find_index(json, "byteLength", where), "byteLength", where);
-    view.byte_stride = require_value(find_index(json, "byteStride", where, 256), "byteStride", where);
-    view.count = require_value(find_index(json, "count", where), "count", where);
-    view.mode = require_value(find_string(json, "mode", where), "mode", where);
-    view.filter = find_string(json, "filter", where).value_or("NONE");
-    return view;
-  }
-
-  Accessor accessor(const Json& json, const std::string& where) const {
-    Accessor accessor;
-    accessor.view = reference(json, "bufferView", out_.views.size(), where);
-    accessor.byte_offset = find_index(json, "byteOffset", where).value_or(0);
-    accessor.type =
-        component_type(require_value(find_index(json, "componentType", where), "componentType", where), where);
-    accessor.components = component_count(require_value(find_string(json, "type", where), "type", where), where);
-    accessor.count = require_value(find_index(json, "count", where), "count", where);
-    accessor.normalized = find_bool(json, "normalized", where).value_or(false);
-    if (const Json* s = find_object(json, "sparse", where)) accessor.sparse = sparse(*s, where + ": sparse");
-    return accessor;
-  }
-
-  SparseAccessor sparse(const Json& json, const std::string& where) const {
-    const Json* indices = find_object(json, "indices", where);
-    const Json* values = find_object(json, "values", where);
-    if (indices == nullptr || values == nullptr) throw InputError(where, "indices or values are missing");
-    SparseAccessor sparse;
-    sparse.count = require_value(find_index(json, "count", where), "count", where);
-    sparse.indices_view =
-        require_value(reference(*indices, "bufferView", out_.views.size(), where), "bufferView", where);
-    sparse.indices_offset = find_index(*indices, "byteOffset", where).value_or(0);
-    sparse.indices_type =
-        component_type(require_value(find_index(*indices, "componentType", where), "componentType", where), where);
-    sparse.values_view = require_value(reference(*values, "bufferView", out_.views.size(), where), "bufferView", where);
-    sparse.values_offset = find_index(*values, "byteOffset", where).value_or(0);
-    return sparse;
-  }
-
   Image image(const Json& json, const std::string& where) const {
-    Image image{find_string(json, "uri", where), reference(json, "bufferView", out_.views.size(), where)};
+    Image image{find_string(json, "uri", where), find_reference(json, "bufferView", out_.views.size(), where)};
     if (!image.uri && !image.view) throw InputError(where, "has no uri and no bufferView");
     return image;
   }
 
   Texture texture(const Json& json, const std::string& where) const {
     Texture texture;
-    texture.image = reference(json, "source", out_.images.size(), where);
-    if (const Json* webp = extension(json, "EXT_texture_webp", where)) {
-      texture.image = require_value(reference(*webp, "source", out_.images.size(), where), "source", where);
+    texture.image = find_reference(json, "source", out_.images.size(), where);
+    if (const Json* webp = find_extension(json, "EXT_texture_webp", where)) {
+      texture.image = require_value(find_reference(*webp, "source", out_.images.size(), where), "source", where);
     }
     // A plain image given as a fallback is preferred: it is equivalent and cheaper to decode.
-    if (const Json* basis = extension(json, "KHR_texture_basisu", where); basis != nullptr && !texture.image) {
-      texture.image = require_value(reference(*basis, "source", out_.images.size(), where), "source", where);
+    if (const Json* basis = find_extension(json, "KHR_texture_basisu", where); basis != nullptr && !texture.image) {
+      texture.image = require_value(find_reference(*basis, "source", out_.images.size(), where), "source", where);
     }
     if (!texture.image) texture.unsupported = lacking_image_format(json, where);
     set_wrap(texture, json, where);
@@ -221,7 +125,7 @@ class DocumentParser {
 
   void set_wrap(Texture& texture, const Json& json, const std::string& where) const {
     const Json* samplers = find_array(json_, "samplers", name_);
-    const auto index = reference(json, "sampler", samplers == nullptr ? 0 : samplers->size(), where);
+    const auto index = find_reference(json, "sampler", samplers == nullptr ? 0 : samplers->size(), where);
     if (!index) return;
     texture.wrap_u = wrap_mode(find_index((*samplers)[*index], "wrapS", where).value_or(10497), where);
     texture.wrap_v = wrap_mode(find_index((*samplers)[*index], "wrapT", where).value_or(10497), where);
@@ -231,7 +135,7 @@ class DocumentParser {
     if (const Json* pbr = find_object(json, "pbrMetallicRoughness", where)) {
       return base_color(*pbr, "baseColorFactor", "baseColorTexture", where);
     }
-    if (const Json* specular = extension(json, "KHR_materials_pbrSpecularGlossiness", where)) {
+    if (const Json* specular = find_extension(json, "KHR_materials_pbrSpecularGlossiness", where)) {
       return base_color(*specular, "diffuseFactor", "diffuseTexture", where);
     }
     return {};
@@ -250,9 +154,9 @@ class DocumentParser {
 
   TextureReference texture_reference(const Json& json, const std::string& where) const {
     TextureReference out;
-    out.texture = require_value(reference(json, "index", out_.textures.size(), where), "index", where);
+    out.texture = require_value(find_reference(json, "index", out_.textures.size(), where), "index", where);
     out.tex_coord = find_index(json, "texCoord", where, 255).value_or(0);
-    if (const Json* transform = extension(json, "KHR_texture_transform", where)) {
+    if (const Json* transform = find_extension(json, "KHR_texture_transform", where)) {
       TextureTransform t;
       if (const auto v = find_numbers(*transform, "offset", 2, where)) t.offset = {(*v)[0], (*v)[1]};
       if (const auto v = find_numbers(*transform, "scale", 2, where)) t.scale = {(*v)[0], (*v)[1]};
@@ -277,12 +181,12 @@ class DocumentParser {
     const Json* attributes = find_object(json, "attributes", where);
     if (attributes == nullptr) throw InputError(where, "attributes are missing");
     for (const auto& [key, unused] : attributes->items()) {
-      const auto index = reference(*attributes, key.c_str(), out_.accessors.size(), where);
+      const auto index = find_reference(*attributes, key.c_str(), out_.accessors.size(), where);
       if (index) out.attributes[key] = *index;
     }
-    out.indices = reference(json, "indices", out_.accessors.size(), where);
-    out.material = reference(json, "material", out_.materials.size(), where);
-    if (const Json* ext = extension(json, "KHR_draco_mesh_compression", where)) out.draco = draco(*ext, where);
+    out.indices = find_reference(json, "indices", out_.accessors.size(), where);
+    out.material = find_reference(json, "material", out_.materials.size(), where);
+    if (const Json* ext = find_extension(json, "KHR_draco_mesh_compression", where)) out.draco = draco(*ext, where);
     read_features(out, json, where);
     return out;
   }
@@ -290,7 +194,7 @@ class DocumentParser {
   /// The first per-vertex feature id set of EXT_mesh_features, preferring one with a property table; if there is none,
   /// the first set stored in a texture; without the extension, the batch id attribute of 3D Tiles 1.0.
   void read_features(Primitive& out, const Json& json, const std::string& where) const {
-    if (const Json* ext = extension(json, "EXT_mesh_features", where)) {
+    if (const Json* ext = find_extension(json, "EXT_mesh_features", where)) {
       const Json* sets = find_array(*ext, "featureIds", where);
       const std::string here = where + ": EXT_mesh_features";
       const Json* in_texture = nullptr;
@@ -340,7 +244,7 @@ class DocumentParser {
 
   DracoPrimitive draco(const Json& json, const std::string& where) const {
     DracoPrimitive out;
-    out.view = require_value(reference(json, "bufferView", out_.views.size(), where), "bufferView", where);
+    out.view = require_value(find_reference(json, "bufferView", out_.views.size(), where), "bufferView", where);
     const Json* attributes = find_object(json, "attributes", where);
     if (attributes == nullptr) throw InputError(where, "KHR_draco_mesh_compression has no attributes");
     for (const auto& [key, unused] : attributes->items()) {
@@ -353,9 +257,9 @@ class DocumentParser {
   Node node(const Json& json, const std::string& where) const {
     Node out;
     out.T_parent_node = node_matrix(json, where);
-    out.mesh = reference(json, "mesh", out_.meshes.size(), where);
+    out.mesh = find_reference(json, "mesh", out_.meshes.size(), where);
     if (const Json* children = find_array(json, "children", where)) out.children = node_list(*children, where);
-    if (const Json* ext = extension(json, "EXT_mesh_gpu_instancing", where))
+    if (const Json* ext = find_extension(json, "EXT_mesh_gpu_instancing", where))
       out.instancing = instancing(*ext, json, where);
     return out;
   }
@@ -363,12 +267,14 @@ class DocumentParser {
   Instancing instancing(const Json& json, const Json& node_json, const std::string& where) const {
     const Json* attributes = find_object(json, "attributes", where);
     if (attributes == nullptr) throw InputError(where, "EXT_mesh_gpu_instancing has no attributes");
-    const auto accessor = [&](const char* key) { return reference(*attributes, key, out_.accessors.size(), where); };
+    const auto accessor = [&](const char* key) {
+      return find_reference(*attributes, key, out_.accessors.size(), where);
+    };
     Instancing out;
     out.translation = accessor("TRANSLATION");
     out.rotation = accessor("ROTATION");
     out.scale = accessor("SCALE");
-    const Json* ext = extension(node_json, "EXT_instance_features", where);
+    const Json* ext = find_extension(node_json, "EXT_instance_features", where);
     const Json* sets = ext == nullptr ? nullptr : find_array(*ext, "featureIds", where);
     if (sets == nullptr || sets->empty()) return out;
     out.features = feature_ids((*sets)[0], where + ": EXT_instance_features");
@@ -391,7 +297,7 @@ class DocumentParser {
   void find_roots() {
     const Json* scenes = find_array(json_, "scenes", name_);
     if (scenes != nullptr && !scenes->empty()) {
-      const std::size_t shown = reference(json_, "scene", scenes->size(), name_).value_or(0);
+      const std::size_t shown = find_reference(json_, "scene", scenes->size(), name_).value_or(0);
       const std::string where = name_ + ": scenes[" + std::to_string(shown) + "]";
       if (const Json* nodes = find_array((*scenes)[shown], "nodes", where)) out_.roots = node_list(*nodes, where);
       return;

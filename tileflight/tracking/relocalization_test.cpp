@@ -18,16 +18,10 @@ constexpr int kLevels = 4;
 struct Ground {
   photometry::OdometryOptions options;
   imaging::Camera camera = imaging::make_fisheye(320, 200, 130.0);
-  photometry::test_support::Relief relief;
+  photometry::test_support::Relief relief =
+      photometry::test_support::sine_hills({.amplitude_m = 1.5, .k_x = 0.25, .k_y = 0.2}, 0.8);
   photometry::LensPyramid lens = photometry::build_lens_pyramid(camera, kLevels);
 
-  Ground() {
-    relief.height_m = [](double x, double y) {
-      return 1.5 * photometry::test_support::sine(0.25 * x) * photometry::test_support::cosine(0.2 * y);
-    };
-    relief.highest_m = 1.5;
-    relief.texel_m = 0.8;
-  }
   photometry::Pyramid picture(const SE3& pose) const {
     return photometry::build_pyramid(
         photometry::luminance(photometry::test_support::ReliefCamera(camera, relief).render(pose), nullptr), kLevels);
