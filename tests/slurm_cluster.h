@@ -48,14 +48,16 @@ class SlurmCluster {
   SlurmCluster(const SlurmCluster&) = delete;
   SlurmCluster& operator=(const SlurmCluster&) = delete;
 
-  /// "CI=true SLURM_CONF=…", for run_tileflight(). With CI=true Snakemake asks for its jobs' states every second in place
-  /// of every ten (its executors' sleep()).
+  /// "CI=true SLURM_CONF=…", for run_tileflight(). With CI=true Snakemake asks for its jobs' states every second in
+  /// place of every ten (its executors' sleep()).
   std::string environment() const { return "CI=true SLURM_CONF=" + shell_quoted((folder_ / "slurm.conf").string()); }
 
-  /// The node that runs a job loses its power: its daemon and all that it runs are killed, and the controller is told, as
-  /// by a monitor: by itself it would notice after half a minute, with the same consequence. Returns the node's name;
+  /// How the controller learns that a node is dead: by its silence, after half a minute, or from a monitor.
+  enum class Notice { kSilence, kMonitor };
+
+  /// The node that runs a job loses its power: its daemon and all that it runs are killed. Returns the node's name;
   /// empty if no node runs anything.
-  std::string kill_busy_node() const {
+  std::string kill_busy_node(Notice notice) const {
     try_to_run("squeue -h -t R -o %N | head -n 1 > {}/busy");
     std::string node = file_text(folder_ / "busy");
     while (!node.empty() && node.back() == '\n') node.pop_back();
@@ -65,7 +67,7 @@ class SlurmCluster {
     try_to_run("for p in $(grep -lzs '^SLURMD_NODENAME=" + node +
                "$' /proc/[0-9]*/environ | cut -d/ -f3); do grep -qzs '^SLURM_CONF={}/' /proc/$p/environ || continue; "
                "kill -9 $(awk '/^PPid/ {print $2}' /proc/$p/status) $p; done");
-    try_to_run("scontrol update NodeName=" + node + " State=DOWN Reason=power");
+    if (notice == Notice::kMonitor) try_to_run("scontrol update NodeName=" + node + " State=DOWN Reason=power");
     return node;
   }
 

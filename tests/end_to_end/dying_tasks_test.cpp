@@ -131,7 +131,7 @@ TEST_F(DyingTasks, SlurmGoesOnWhenANodeDies) {
     const std::string out = work.words.front() + "ed";
     std::string dead_node;
     const ProgramResult result = run_struck(work, out, {"--slurm", "--jobs", "2"}, cluster.environment(), [&] {
-      dead_node = cluster.kill_busy_node();
+      dead_node = cluster.kill_busy_node(tests::SlurmCluster::Notice::kMonitor);
       if (!dead_node.empty()) cluster.hurry_requeued_job();
       return !dead_node.empty();
     });

@@ -165,7 +165,7 @@ rank_by: ate
     for (int i = 0; i < 900 && !fs::exists(folder_ / "cluster/runs/tiny/simulated/slow/1"); ++i)
       std::this_thread::sleep_for(std::chrono::milliseconds(100));
     std::this_thread::sleep_for(std::chrono::seconds(1));
-    dead_node = cluster.kill_busy_node();
+    dead_node = cluster.kill_busy_node(tests::SlurmCluster::Notice::kSilence);
     cluster.hurry_requeued_job();
   });
   const ProgramResult result = run_tileflight(command("cluster", {"--slurm", "--jobs", "2"}), cluster.environment());
