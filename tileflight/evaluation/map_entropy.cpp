@@ -24,16 +24,24 @@ constexpr double kUnjudged = std::numeric_limits<double>::quiet_NaN();
 /// Smallest over largest eigenvalue below which the volume is due to rounding.
 constexpr double kFlat = 1e-12;
 
-Mat3 covariance(const std::vector<Vec3>& points, const std::vector<geometry::Neighbor>& of) {
+std::size_t count(const std::vector<geometry::Place>& places) {
+  std::size_t sum = 0;
+  for (const auto& place : places) sum += place.count;
+  return sum;
+}
+
+/// Of the points at the places.
+Mat3 covariance(const std::vector<Vec3>& points, const std::vector<geometry::Place>& places) {
+  const auto all = static_cast<double>(count(places));
   Vec3 mean = Vec3::Zero();
-  for (const auto& neighbor : of) mean += points[neighbor.index];
-  mean /= static_cast<double>(of.size());
+  for (const auto& place : places) mean += static_cast<double>(place.count) * points[place.index];
+  mean /= all;
   Mat3 sum = Mat3::Zero();
-  for (const auto& neighbor : of) {
-    const Vec3 d = points[neighbor.index] - mean;
-    sum += d * d.transpose();
+  for (const auto& place : places) {
+    const Vec3 d = points[place.index] - mean;
+    sum += static_cast<double>(place.count) * (d * d.transpose());
   }
-  return sum / static_cast<double>(of.size() - 1);
+  return sum / (all - 1.0);
 }
 
 /// Entropy of a covariance; NaN if the points are coplanar.
@@ -61,7 +69,7 @@ std::vector<std::uint32_t> sample_points(const std::vector<Vec3>& points, const 
   const std::vector<std::uint32_t> probes = evenly_of(asked, kEntropyProbes);
   double neighbors = 0.0;
   for (const std::uint32_t i : probes)
-    neighbors += static_cast<double>(index.within(points[i], options.radius_m).size());
+    neighbors += static_cast<double>(count(index.places_within(points[i], options.radius_m)));
   const std::size_t most = entropy_samples(neighbors, probes.size(), options);
   return asked.size() == points.size() ? geometry::sample_evenly(points, most) : evenly_of(asked, most);
 }
@@ -91,9 +99,9 @@ void add_mean(const std::vector<double>& entropies, MapEntropy& result) {
 
 double local_entropy(const std::vector<Vec3>& points, const geometry::NearestIndex& index, const Vec3& at,
                      const MapEntropyOptions& options) {
-  const auto neighbors = index.within(at, options.radius_m);
-  const bool enough = neighbors.size() >= std::max<std::size_t>(4, options.min_neighbors);
-  return enough ? entropy_of(covariance(points, neighbors)) : kUnjudged;
+  const auto places = index.places_within(at, options.radius_m);
+  const bool enough = count(places) >= std::max<std::size_t>(4, options.min_neighbors);
+  return enough ? entropy_of(covariance(points, places)) : kUnjudged;
 }
 
 std::size_t entropy_samples(double neighbors, std::size_t probes, const MapEntropyOptions& options) {

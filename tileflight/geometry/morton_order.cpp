@@ -5,7 +5,9 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <functional>
 #include <numeric>
+#include <tuple>
 #include <utility>
 
 namespace tileflight::geometry {
@@ -24,6 +26,28 @@ std::uint64_t spread(std::uint64_t bits) {
   return (bits | bits << 2) & 0x1249249249249249ull;
 }
 
+/// Cell and index of a point: sorted, the points are in Morton order.
+using Key = std::pair<std::uint64_t, std::uint32_t>;
+
+std::vector<Key> sorted_keys(const std::vector<Vec3>& points, double cells) {
+  Eigen::AlignedBox3d box;
+  for (const Vec3& p : points) box.extend(p);
+  const double longest = points.empty() ? 0.0 : box.sizes().maxCoeff();
+  const double cells_a_metre = longest > 0.0 ? cells / longest : 0.0;
+  std::vector<Key> keys(points.size());
+  tbb::parallel_for(std::size_t{0}, points.size(), [&](std::size_t i) {
+    keys[i] = {morton_code(points[i], box.min(), cells_a_metre), static_cast<std::uint32_t>(i)};
+  });
+  tbb::parallel_sort(keys.begin(), keys.end());
+  return keys;
+}
+
+std::vector<std::uint32_t> indices_of(const std::vector<Key>& keys) {
+  std::vector<std::uint32_t> order(keys.size());
+  std::ranges::transform(keys, order.begin(), [](const Key& key) { return key.second; });
+  return order;
+}
+
 }  // namespace
 
 std::uint64_t morton_code(const Vec3& p, const Vec3& low, double cells_a_metre) {
@@ -36,18 +60,21 @@ std::uint64_t morton_code(const Vec3& p, const Vec3& low, double cells_a_metre) 
 }
 
 std::vector<std::uint32_t> morton_order(const std::vector<Vec3>& points, double cells) {
-  Eigen::AlignedBox3d box;
-  for (const Vec3& p : points) box.extend(p);
-  const double longest = points.empty() ? 0.0 : box.sizes().maxCoeff();
-  const double cells_a_metre = longest > 0.0 ? cells / longest : 0.0;
-  std::vector<std::pair<std::uint64_t, std::uint32_t>> keys(points.size());
-  tbb::parallel_for(std::size_t{0}, points.size(), [&](std::size_t i) {
-    keys[i] = {morton_code(points[i], box.min(), cells_a_metre), static_cast<std::uint32_t>(i)};
-  });
-  tbb::parallel_sort(keys.begin(), keys.end());
-  std::vector<std::uint32_t> order(points.size());
-  std::ranges::transform(keys, order.begin(), [](const auto& key) { return key.second; });
-  return order;
+  return indices_of(sorted_keys(points, cells));
+}
+
+std::vector<std::uint32_t> morton_order_of_places(const std::vector<Vec3>& points) {
+  std::vector<Key> keys = sorted_keys(points, kLastCell + 1.0);
+  const auto coordinates = [&](const Key& key) {
+    const Vec3& p = points[key.second];
+    return std::tuple(p.x(), p.y(), p.z(), key.second);
+  };
+  for (auto first = keys.begin(); first != keys.end();) {
+    const auto last = std::find_if(first, keys.end(), [&](const Key& key) { return key.first != first->first; });
+    if (last - first > 1) std::ranges::sort(first, last, std::less<>(), coordinates);
+    first = last;
+  }
+  return indices_of(keys);
 }
 
 std::vector<std::uint32_t> sample_evenly(const std::vector<Vec3>& points, std::size_t count) {

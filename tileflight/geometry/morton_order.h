@@ -19,6 +19,10 @@ std::uint64_t morton_code(const Vec3& p, const Vec3& low, double cells_a_metre);
 /// than 2^32. `cells`: number of cells along the longest side, at most 2^21; points in one cell keep their input order.
 std::vector<std::uint32_t> morton_order(const std::vector<Vec3>& points, double cells = 2097152.0);
 
+/// The same, equal points side by side: points in one cell are in the order of their coordinates, equal ones in input
+/// order.
+std::vector<std::uint32_t> morton_order_of_places(const std::vector<Vec3>& points);
+
 /// `count` points at even steps along morton_order(), in that order: each represents an equal number of neighbours. If
 /// there are no more than `count` points, all of them in input order. Deterministic.
 std::vector<std::uint32_t> sample_evenly(const std::vector<Vec3>& points, std::size_t count);

@@ -16,8 +16,16 @@ struct Neighbor {
   double distance_m = 0.0;
 };
 
+/// Where equal points lie.
+struct Place {
+  std::size_t index = 0;  ///< of the first of them, into the points that the index was built from
+  std::size_t count = 1;  ///< how many they are
+  double distance_m = 0.0;
+};
+
 /// Exact nearest neighbours among fixed points (k-d tree, nanoflann). Copies the points. Queries are const and may run
-/// in parallel. On equal distances the lowest index wins, so that results do not depend on the tree.
+/// in parallel. On equal distances the lowest index wins, so that results do not depend on the tree. Equal points are
+/// one in the tree: a map with a million points at its origin is searched as fast as any other.
 class NearestIndex {
  public:
   explicit NearestIndex(const std::vector<Vec3>& points);
@@ -33,7 +41,9 @@ class NearestIndex {
   std::vector<Neighbor> nearest_k(const Vec3& query, std::size_t count) const;
   /// All within the radius, nearest first.
   std::vector<Neighbor> within(const Vec3& query, double radius_m) const;
-  /// The same in no particular order: `visit` gets the index of each.
+  /// The same, equal points as one.
+  std::vector<Place> places_within(const Vec3& query, double radius_m) const;
+  /// All within the radius in no particular order: `visit` gets the index of each.
   void for_each_within(const Vec3& query, double radius_m, const std::function<void(std::size_t)>& visit) const;
 
  private:

@@ -89,6 +89,47 @@ TEST(NearestIndex, DuplicatesAndOnePoint) {
   EXPECT_EQ(one.nearest(Vec3::Zero())->index, 0U);
 }
 
+TEST(NearestIndex, EqualPointsAmongOthersAreAllFound) {
+  std::mt19937 random(7);
+  std::vector<Vec3> points;
+  const std::vector<Vec3> places = random_points(40, 5);  // some with many points, some with one
+  for (int i = 0; i < 2000; ++i) points.push_back(places[random() % 30 * (random() % 2)]);
+  points.insert(points.end(), places.begin() + 30, places.end());
+  points.push_back(Vec3(1e30, 0, 0));  // all others lie in one cell of the Morton curve
+  const NearestIndex index(points);
+  EXPECT_EQ(index.size(), points.size());
+  for (const Vec3& query : random_points(50, 6, 12.0)) {
+    const auto expected = brute_force(points, query);
+    EXPECT_EQ(index.nearest(query)->index, expected[0].index);
+    expect_equal(index.nearest_k(query, 900), {expected.begin(), expected.begin() + 900});
+    const auto end = std::ranges::find_if(expected, [](const Neighbor& n) { return n.distance_m > 6.0; });
+    const std::vector<Neighbor> near(expected.begin(), end);
+    expect_equal(index.within(query, 6.0), near);
+    std::size_t visited = 0, counted = 0;
+    index.for_each_within(query, 6.0, [&](std::size_t) { ++visited; });
+    for (const Place& place : index.places_within(query, 6.0)) {
+      EXPECT_EQ(place.index, near[counted].index);
+      EXPECT_DOUBLE_EQ(place.distance_m, near[counted].distance_m);
+      EXPECT_EQ(static_cast<std::size_t>(std::ranges::count(points, points[place.index])), place.count);
+      counted += place.count;
+    }
+    EXPECT_EQ(visited, near.size());
+    EXPECT_EQ(counted, near.size());
+  }
+}
+
+// Each search would visit all the others: a hundred thousand million steps.
+TEST(NearestIndex, AMapAtOnePlaceIsSearchedAtOnce) {
+  std::vector<Vec3> points(300000, Vec3(1, 2, 3));
+  points.push_back(Vec3(4, 6, 3));
+  const NearestIndex index(points);
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    ASSERT_EQ(index.nearest(points[i])->index, i + 1 < points.size() ? 0 : i);
+    ASSERT_EQ(index.nearest_k(points[i], 2).size(), 2U);
+  }
+  EXPECT_EQ(index.nearest_k(Vec3::Zero(), 301000).back().index, 300000U);
+}
+
 TEST(NearestIndex, RadiusIsInclusive) {
   const NearestIndex index({Vec3(3, 4, 0)});
   EXPECT_TRUE(index.nearest(Vec3::Zero(), 5.0));

@@ -1,8 +1,9 @@
 #include "tileflight/scoring/doubts.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
+#include <iomanip>
+#include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "tileflight/base/files.h"
 #include "tileflight/base/strict_section.h"
@@ -108,6 +109,18 @@ Doubts moving_doubts(const evaluation::MovingPoints& moving, double share_margin
                " points are on moving objects; they are left out of the scores, but odometry and alignment used them",
            "evaluation", "possible",
            "compare with_them of moving_objects in metrics.json; fly the place without actors"}};
+}
+
+Doubts common_place_doubts(const CommonPlace& place, std::size_t points, double share_margin) {
+  if (place.points < 2 || !(static_cast<double>(place.points) > share_margin * static_cast<double>(points))) return {};
+  std::ostringstream where;
+  where << std::fixed << std::setprecision(2) << '[' << place.position.x() << ", " << place.position.y() << ", "
+        << place.position.z() << ']';
+  return {
+      {std::to_string(place.points) + " of the map's " + std::to_string(points) +
+           " points lie at one and the same place, " + where.str() + " in the local frame; they are in every score",
+       "evaluation", "likely",
+       "leave points without a position out of the map: some systems write what they could not measure at the origin"}};
 }
 
 void append_distinct(Doubts& doubts, const Doubts& more) {

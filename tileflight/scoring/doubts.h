@@ -7,6 +7,7 @@
 #include "tileflight/base/doubt.h"
 #include "tileflight/evaluation/moving_points.h"
 #include "tileflight/scoring/map_inputs.h"
+#include "tileflight/scoring/tiled_scores.h"
 
 namespace tileflight::scoring {
 
@@ -27,6 +28,10 @@ Doubts dataset_doubts(const std::filesystem::path& dataset_folder);
 /// and the odometry used them; up to this share (EvaluationSettings::share_margin) no share of map points can differ by
 /// more than what counts as equal, with or without them.
 Doubts moving_doubts(const evaluation::MovingPoints& moving, double share_margin);
+
+/// A doubt if more than `share_margin` of a map's `points` lie exactly at one place: invalid points, which some systems
+/// write to their file at the origin.
+Doubts common_place_doubts(const CommonPlace& place, std::size_t points, double share_margin);
 
 /// Appends doubts that are not yet in the list (compared by what and where).
 void append_distinct(Doubts& doubts, const Doubts& more);

@@ -1,9 +1,9 @@
 #include "tileflight/scoring/doubts.h"
 
 #include <gmock/gmock.h>
-#include <nlohmann/json.hpp>
 
 #include <fstream>
+#include <nlohmann/json.hpp>
 
 #include "tests/temporary_folder.h"
 #include "tileflight/base/input_error.h"
@@ -52,6 +52,17 @@ TEST_F(DoubtsOfAFlight, ATruthWithoutItsTiles) {
   EXPECT_EQ(doubts[0].what, "3 of 40 tiles of the ground truth are missing");
   EXPECT_EQ(truth_doubts({{"geometric_error_max", 2.5}}).size(), 1u);
   EXPECT_TRUE(truth_doubts({{"geometric_error_max", 0.2}}).empty());
+}
+
+TEST(CommonPlaceDoubts, InvalidPointsAtTheOrigin) {
+  constexpr double kShare = 0.05;
+  const Doubts doubts = common_place_doubts({{0.0, 0.0, 2.5}, 300}, 1000, kShare);
+  ASSERT_EQ(doubts.size(), 1u);
+  EXPECT_THAT(doubts[0].what,
+              HasSubstr("300 of the map's 1000 points lie at one and the same place, [0.00, 0.00, 2.50]"));
+  EXPECT_EQ(doubts[0].how_sure, "likely");
+  EXPECT_TRUE(common_place_doubts({{0.0, 0.0, 2.5}, 50}, 1000, kShare).empty());
+  EXPECT_TRUE(common_place_doubts({{0.0, 0.0, 2.5}, 1}, 3, kShare).empty()) << "a point that is alone";
 }
 
 TEST_F(DoubtsOfAFlight, AListThatIsNoneIsAnError) {

@@ -340,6 +340,7 @@ nlohmann::json evaluate(const MapInputs& map, const fs::path& truth_folder, cons
   evaluation::Metrics metrics;
   std::optional<MapTiles> tiles;
   tiles.emplace(task.points, T_published_map, out.parent_path(), MapTiles::Options{});
+  const CommonPlace common = most_common_place(*tiles);
   const std::vector<double> voxel_m = score_without_surface(task, *tiles, progress, metrics);
   SurfaceDistances surface;
   // A truth of points alone has cells but no surface.
@@ -355,6 +356,7 @@ nlohmann::json evaluate(const MapInputs& map, const fs::path& truth_folder, cons
     metrics.moving = score_apart(*static_map.on_actors, static_map.apart, voxel_m, over_m, settings.cutoff_m);
   }
   metrics.doubts = score_doubts(map, truth.extract_json, transform_file, settings, metrics);
+  append_distinct(metrics.doubts, common_place_doubts(common, task.points.size(), settings.share_margin));
   write_apart_points(moving_points_file(out), static_map.apart, settings.cutoff_m);
   write_errors(evaluation::errors_file(out), task.points, T_published_map, voxel_m, surface, settings.cutoff_m);
   evaluation::write_metrics(out, metrics);

@@ -174,6 +174,19 @@ TEST(TiledScores, EntropyIsThatOfTheWholeMap) {
   }
 }
 
+TEST(TiledScores, TheMostCommonPlaceIsFoundInAnyTile) {
+  PointCloud cloud = sheet(3000);
+  const Vec3 place = cloud.positions[1234];
+  for (int k = 0; k < 40; ++k) cloud.positions.insert(cloud.positions.begin() + 70 * k, place);
+  for (const std::size_t most : {100, 5000}) {
+    const Tiled tiled(cloud, most);
+    const CommonPlace found = most_common_place(tiled.tiles);
+    EXPECT_EQ(found.position, kPlaced * place);
+    EXPECT_EQ(static_cast<std::ptrdiff_t>(found.points), std::ranges::count(tiled.whole.positions, found.position));
+  }
+  EXPECT_EQ(most_common_place(Tiled(lattice(5), 30).tiles).points, 1u);
+}
+
 TEST(TiledScores, NeighborsAreThoseOfTheWholeMap) {
   for (const PointCloud& cloud : {sheet(4000), lattice(12)}) {
     for (const std::size_t most : {30, 1000, 4000}) {

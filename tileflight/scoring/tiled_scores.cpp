@@ -13,6 +13,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/evaluation/local_entropy.h"
 #include "tileflight/evaluation/part_search.h"
+#include "tileflight/geometry/morton_order.h"
 #include "tileflight/geometry/nearest.h"
 
 namespace tileflight::scoring {
@@ -153,6 +154,20 @@ evaluation::MapEntropy map_entropy(const MapTiles& map, const MapEntropyOptions&
     });
   }
   return evaluation::mean_entropy(entropies, map.points(), options.radius_m);
+}
+
+CommonPlace most_common_place(const MapTiles& map) {
+  CommonPlace most;
+  for (std::size_t tile = 0; tile < map.size(); ++tile) {
+    const std::vector<Vec3> points = map.read(tile).positions;
+    CommonPlace here;
+    for (const std::uint32_t i : geometry::morton_order_of_places(points)) {
+      if (here.points == 0 || here.position != points[i]) here = {points[i], 0};
+      ++here.points;
+      if (here.points > most.points) most = here;
+    }
+  }
+  return most;
 }
 
 MapNeighbors find_neighbors(const MapTiles& map, const std::vector<Vec3>& points, const std::vector<Vec3>& at,

@@ -24,6 +24,15 @@ SurfaceMatch match_tiles(const MapTiles& map, std::size_t points, TruthSurface& 
 /// evaluation::map_entropy(). Of the points within the radius around a tile, too, an index is held in memory.
 evaluation::MapEntropy map_entropy(const MapTiles& map, const evaluation::MapEntropyOptions& options);
 
+/// Where most of a map's points coincide.
+struct CommonPlace {
+  geometry::Vec3 position = geometry::Vec3::Zero();  ///< local frame
+  std::size_t points = 0;                            ///< that lie exactly there
+};
+
+/// Of places with equally many points, the first along the Morton curve.
+CommonPlace most_common_place(const MapTiles& map);
+
 /// What is next to places around a map.
 struct MapNeighbors {
   std::vector<double> distances_m;       ///< of each point asked, to the nearest point of the map
