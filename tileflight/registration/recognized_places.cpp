@@ -9,15 +9,22 @@ using geometry::Sim3;
 
 namespace {
 
+/// In images: those that agree, each with the share of its grey values' variance that the place explains. At a similar
+/// place as many may be located as at the right one, but they look less alike.
+double explained_images(const PictureAgreement& pictures) {
+  return static_cast<double>(pictures.inliers) * pictures.correlation * std::abs(pictures.correlation);
+}
+
 /// The recognised candidates at places of their own, nearly as good as the first by the few images compared so far: at
 /// most `most`, the first one included.
 std::vector<Candidate> rivals_of_first(const std::vector<Candidate>& candidates, const alignment::PointSpread& spread,
                                        std::size_t most) {
-  constexpr std::size_t kFewer = 2;  // images that may be located or not by chance
+  constexpr double kByChance = 0.6;  // few images, which may be located or not, and not at their best
   std::vector<Candidate> apart;
   for (const Candidate& candidate : candidates) {
     if (!candidate.is_recognised() || apart.size() >= most) break;
-    if (!apart.empty() && candidate.pictures->inliers + kFewer < apart.front().pictures->inliers) break;
+    if (!apart.empty() && explained_images(*candidate.pictures) < kByChance * explained_images(*apart.front().pictures))
+      break;
     const auto is_same = [&](const Candidate& other) {
       return alignment::rms_motion_m(other.T, candidate.T, spread) < same_place_m(other.T, spread);
     };
@@ -38,8 +45,7 @@ bool fits_as_well(const PictureAgreement& other, const PictureAgreement& best) {
 bool is_better(const Candidate& a, const Candidate& b) {
   if (a.is_recognised() != b.is_recognised()) return a.is_recognised();
   if (!a.is_recognised()) return a.ray_score() > b.ray_score();
-  if (a.pictures->inliers != b.pictures->inliers) return a.pictures->inliers > b.pictures->inliers;
-  return a.pictures->correlation > b.pictures->correlation;
+  return explained_images(*a.pictures) > explained_images(*b.pictures);
 }
 
 double same_place_m(const Sim3& T, const alignment::PointSpread& spread) {

@@ -11,8 +11,8 @@
 
 namespace tileflight::registration {
 
-/// Recognised by images first; of those, the one with more images that agree, by correlation where as many do. The
-/// others by ray agreement.
+/// Recognised by images first; of those, the one whose images that agree explain more: their number times the square of
+/// their correlation, the share of the grey values' variance. The others by ray agreement.
 bool is_better(const Candidate& a, const Candidate& b);
 
 /// Placements at most so far from `T` (RMS over the map's points, metres) are the same place: a fiftieth of the map's

@@ -88,6 +88,14 @@ TEST(RecognizedPlaces, WhereAsManyAreLocatedTheBetterCorrelationIsTaken) {
   EXPECT_EQ(withheld(r), "");
 }
 
+/// Roof tiles, shifted by one ridge: all images are located there, too.
+TEST(RecognizedPlaces, AMuchBetterCorrelationOutweighsAFewMoreImages) {
+  const Spot similar{Vec3(4, 0, 0), 10, 0.745}, right{Vec3::Zero(), 9, 0.98};
+  const RegistrationResult r = registered({similar, right});
+  EXPECT_LT(error_m(r, right), 0.05);
+  EXPECT_EQ(withheld(r), "");
+}
+
 TEST(RecognizedPlaces, TwoThatFitAlikeAreAmbiguous) {
   const RegistrationResult r = registered({{Vec3(30, 0, 0), 10, 0.95}, {Vec3::Zero(), 10, 0.94}});
   ASSERT_TRUE(r.similar_place_distance_m);

@@ -56,13 +56,14 @@ TEST(RegistrationDoubts, ASearchedPlaceThatResemblesLittleNeedsBetterRays) {
   EXPECT_EQ(doubt_of_rays(0.55, 0.61, 19), "likely");
   EXPECT_EQ(doubt_of_rays(0.69, 0.59, 20), "likely");
   EXPECT_EQ(doubt_of_rays(0.80, 0.61, 20), "none");
-  EXPECT_EQ(doubt_of_rays(0.55, 0.92, 20), "none");
+  EXPECT_EQ(doubt_of_rays(0.57, 0.89, 20), "likely");
+  EXPECT_EQ(doubt_of_rays(0.55, 0.96, 20), "none");
   EXPECT_EQ(doubt_of_rays(0.30, 0.61, 20), "certain");
 }
 
 TEST(RegistrationDoubts, ImagesThatLookTheSameOutweighTheRaysOverClutter) {
-  EXPECT_EQ(doubt_of_rays(0.30, 0.95, 20), "likely");
-  EXPECT_EQ(doubt_of_rays(0.20, 0.95, 20), "certain");
+  EXPECT_EQ(doubt_of_rays(0.30, 0.96, 20), "likely");
+  EXPECT_EQ(doubt_of_rays(0.20, 0.96, 20), "certain");
   EXPECT_EQ(doubt_of_rays(0.20, 0.98, 20), "possible");
   EXPECT_EQ(doubt_of_rays(0.20, 0.98, 18), "certain") << "some images do not agree";
 }
