@@ -256,12 +256,8 @@ class MapRegistrar {
     constexpr double kSigmas = 5.0, kLeast_m = 3.0;
     double sigma_m = 0.0;
     for (const alignment::PositionFix& fix : evidence_.positions) sigma_m = std::max(sigma_m, fix.horizontal_sigma_m);
-    Vec3 apart = Vec3::Zero();
-    for (const auto& pose : evidence_.path.poses) {
-      const Vec3& position = pose.T_local_camera.translation;
-      apart += (candidate.T * position - result_.telemetry->T_local_map * position) /
-               static_cast<double>(evidence_.path.size());
-    }
+    const Vec3 apart =
+        distance_to_fixes(evidence_.path, evidence_.positions, candidate.T, result_.telemetry->time_offset_s);
     return apart.head<2>().norm() > std::max(kLeast_m, kSigmas * sigma_m);
   }
 

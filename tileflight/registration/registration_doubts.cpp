@@ -1,13 +1,10 @@
 #include "tileflight/registration/registration_doubts.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <numbers>
-#include <vector>
 
 #include "tileflight/base/formatted_text.h"
-#include "tileflight/base/order_statistics.h"
 
 namespace tileflight::registration {
 
@@ -33,26 +30,11 @@ struct TelemetryDistance {
   double horizontal_sigma_m = 0.0, vertical_sigma_m = 0.0;
 };
 
-/// With the receiver's clock shifted by `offset_s`; zero if no fix is of the path's time.
-Vec3 median_distance_to_fixes(const RegistrationEvidence& evidence, const geometry::Sim3& T, double offset_s) {
-  std::array<std::vector<double>, 3> apart_m;
-  for (const alignment::PositionFix& fix : evidence.positions) {
-    const auto pose = geometry::interpolate(evidence.path, fix.time_s + offset_s);
-    if (!pose) continue;
-    const Vec3 d = T * pose->translation - fix.position;
-    for (int axis = 0; axis < 3; ++axis) apart_m[static_cast<std::size_t>(axis)].push_back(d[axis]);
-  }
-  if (apart_m[0].empty()) return Vec3::Zero();
-  return {base::median(apart_m[0]), base::median(apart_m[1]), base::median(apart_m[2])};
-}
-
 /// `r` must have telemetry. Its similarity is not what counts: on a short arc the positions' noise may look like
 /// another offset of the clocks, which slides it along the path.
 TelemetryDistance distance_to_telemetry(const RegistrationEvidence& evidence, const RegistrationResult& r) {
   TelemetryDistance result;
-  const Vec3 shifted_m = median_distance_to_fixes(evidence, r.T_local_map, r.telemetry->time_offset_s);
-  const Vec3 as_stated_m = median_distance_to_fixes(evidence, r.T_local_map, 0.0);
-  result.apart_m = shifted_m.norm() < as_stated_m.norm() ? shifted_m : as_stated_m;
+  result.apart_m = distance_to_fixes(evidence.path, evidence.positions, r.T_local_map, r.telemetry->time_offset_s);
   for (const alignment::PositionFix& fix : evidence.positions) {
     result.horizontal_sigma_m = std::max(result.horizontal_sigma_m, fix.horizontal_sigma_m);
     result.vertical_sigma_m = std::max(result.vertical_sigma_m, fix.vertical_sigma_m);

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "tileflight/base/order_statistics.h"
 #include "tileflight/geometry/decompositions.h"
 
 namespace tileflight::registration {
@@ -212,6 +213,24 @@ TelemetryEstimate estimate_from_telemetry(const geometry::Trajectory& T_map_came
   telemetry.estimate.information.block<3, 3>(3, 3) += by_attitude;
   set_rotation_sigma(telemetry);
   return telemetry;
+}
+
+Vec3 distance_to_fixes(const geometry::Trajectory& T_map_camera, const std::vector<alignment::PositionFix>& fixes,
+                       const geometry::Sim3& T_local_map, double time_offset_s) {
+  const auto median_with = [&](double offset_s) -> std::optional<Vec3> {
+    std::vector<double> x, y, z;
+    for (const alignment::PositionFix& fix : fixes) {
+      const auto pose = geometry::interpolate(T_map_camera, fix.time_s + offset_s);
+      if (!pose) continue;
+      const Vec3 apart_m = T_local_map * pose->translation - fix.position;
+      x.push_back(apart_m.x()), y.push_back(apart_m.y()), z.push_back(apart_m.z());
+    }
+    if (x.empty()) return std::nullopt;
+    return Vec3(base::median(x), base::median(y), base::median(z));
+  };
+  const std::optional<Vec3> as_stated_m = median_with(0.0), shifted_m = median_with(time_offset_s);
+  if (as_stated_m && shifted_m) return shifted_m->norm() < as_stated_m->norm() ? *shifted_m : *as_stated_m;
+  return as_stated_m.value_or(shifted_m.value_or(Vec3::Zero()));
 }
 
 }  // namespace tileflight::registration

@@ -60,4 +60,12 @@ TelemetryEstimate estimate_from_telemetry(const geometry::Trajectory& T_map_came
                                           const alignment::TrajectoryAlignment& fit,
                                           const std::optional<RotationEstimate>& rotation);
 
+/// How far the path, placed by `T_local_map`, lies from the fixes: the median along each axis, metres; zero if no fix
+/// is of the path's time. The fixes' clock is taken as stated or shifted by `time_offset_s`, whichever is nearer. The
+/// similarity that fits the fixes is not what counts: on a short arc their noise may look like an offset of the clocks,
+/// which slides it along the path.
+geometry::Vec3 distance_to_fixes(const geometry::Trajectory& T_map_camera,
+                                 const std::vector<alignment::PositionFix>& fixes, const geometry::Sim3& T_local_map,
+                                 double time_offset_s);
+
 }  // namespace tileflight::registration

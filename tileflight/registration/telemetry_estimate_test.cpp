@@ -80,6 +80,21 @@ TEST(TelemetryEstimate, ABiasIsNotAveragedAway) {
   EXPECT_LT(1.0 / std::sqrt(estimate.information(6, 6)), 0.01);  // the bias does not affect the scale
 }
 
+TEST(DistanceToFixes, IsTheMedianWithTheNearerOfTwoClocks) {
+  geometry::Trajectory path;
+  std::vector<alignment::PositionFix> fixes;
+  for (int k = 0; k < 40; ++k) {
+    path.poses.push_back({0.5 * k, {Eigen::Quaterniond::Identity(), Vec3(2.0 * k, 0, 0)}});  // 4 m/s
+    fixes.push_back({0.5 * k, Vec3(2.0 * k, 1.5, k == 7 ? 900.0 : -0.5)});
+  }
+  const geometry::Sim3 there{1.0, Eigen::Quaterniond::Identity(), Vec3(0, 0, 0)};
+  EXPECT_LT((distance_to_fixes(path, fixes, there, 0.9) - Vec3(0, -1.5, 0.5)).norm(), 1e-9) << "the clock as stated";
+  for (auto& fix : fixes) fix.time_s -= 1.0;
+  EXPECT_LT((distance_to_fixes(path, fixes, there, 1.0) - Vec3(0, -1.5, 0.5)).norm(), 1e-9) << "the clock as fitted";
+  EXPECT_LT((distance_to_fixes(path, fixes, there, 1000.0) - Vec3(-4, -1.5, 0.5)).norm(), 1e-9) << "no such times";
+  EXPECT_EQ(distance_to_fixes({}, fixes, there, 0.0), Vec3::Zero());
+}
+
 TEST(TelemetryEstimate, UpLeavesTheHeadingOpen) {
   const RotationEstimate rotation = upright_rotation({T_local_map().rotation.conjugate() * Vec3::UnitZ(), 0.02});
   const Eigen::Quaterniond rest = T_local_map().rotation * rotation.R_local_map.conjugate();
