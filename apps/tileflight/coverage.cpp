@@ -1,4 +1,4 @@
-#include "tileflight/survey/coverage.h"
+#include "tileflight/coverage/coverage.h"
 
 #include <nlohmann/json.hpp>
 
@@ -35,12 +35,12 @@ void add_coverage(CLI::App& app, CommonOptions& common, Selection& selection) {
   struct Options {
     RegionOptions region;
     SourceArguments source_arguments;
-    survey::CoverageSettings settings;
+    coverage::CoverageSettings settings;
     std::string flight, out;
     double memory_gb = 0.0;
   };
   auto options = std::make_shared<Options>();
-  survey::CoverageSettings& settings = options->settings;
+  coverage::CoverageSettings& settings = options->settings;
   CLI::App* command = app.add_subcommand(
       "coverage", "compare tile-loading strategies over a flight: holes, tiles and bytes of each frame");
   command->footer(
@@ -78,7 +78,7 @@ void add_coverage(CLI::App& app, CommonOptions& common, Selection& selection) {
       options->settings.flight = options->flight;
       if (options->memory_gb > 0.0)
         options->settings.max_memory_bytes = static_cast<std::uintmax_t>(options->memory_gb * 1e9);
-      const nlohmann::json result = survey::coverage(options->settings, options->out, shared.force, progress);
+      const nlohmann::json result = coverage::measure_coverage(options->settings, options->out, shared.force, progress);
       return {result, table(result, options->out)};
     };
   });

@@ -109,7 +109,7 @@ TEST_F(Experiment, GivesTheResultsOfTheContractAndDoesNoWorkTwice) {
 
 TEST_F(Experiment, TracksEachFlightMoreThanOnce) {
   const auto of_one_run = stage_times("out");
-  const std::string experiment = TinyExperiments::kTwoFlights;
+  const std::string experiment = TinyExperiments::aligned_by_points(TinyExperiments::kTwoFlights);
   TinyPlace::write_file(folder_ / "experiment.yaml", experiment + "odometry: {runs: 2, later: 3, backwards: true}\n");
   const ProgramResult first = run("out", {"--json"});
   ASSERT_EQ(first.exit_code, 0) << first.err;
@@ -203,7 +203,7 @@ place:
   source: place/tileset.json
   center_local: [0, 0, 100]
   size: [80, 80, 20]
-alignment: {start: true-poses}
+alignment: {start: true-poses, method: point-to-mesh}
 simulated:
   render: {flight: flight.yaml, max_frames: 50}
 variants:
@@ -265,7 +265,7 @@ place:
   source: place/tileset.json
   center_local: [0, 0, 100]
   size: [80, 80, 20]
-alignment: {start: true-poses}
+alignment: {start: true-poses, method: point-to-mesh}
 simulated:
   render: {follow: real}
 real:
@@ -373,13 +373,14 @@ TEST_F(Experiment, ARigHasAllItsCamerasInTheReport) {
                  "cameras:\n  - {name: left, camera: camera.yaml}\n  - {name: right, camera: camera.yaml, position: "
                  "[0.3, 0, 0], resolution: [160, 120]}\n");
   TinyPlace::write_file(folder_ / "flight.yaml", flight);
+  const std::string simulated = TinyExperiments::aligned_by_points(TinyExperiments::without_real());
   const std::string odometry = "odometry:\n  command: cp " + own + "/trajectory.txt " + own + "/map.ply {out}\n";
-  TinyPlace::write_file(folder_ / "experiment.yaml", TinyExperiments::without_real() + odometry);
+  TinyPlace::write_file(folder_ / "experiment.yaml", simulated + odometry);
   fs::copy(folder_ / "out", folder_ / "both", fs::copy_options::recursive);
   ProgramResult result = run("both");
   ASSERT_EQ(result.exit_code, 0) << result.err;
   fs::copy(folder_ / "both/simulated/dataset", folder_ / "flown", fs::copy_options::recursive);
-  TinyPlace::write_file(folder_ / "experiment.yaml", TinyExperiments::without_real() + odometry +
+  TinyPlace::write_file(folder_ / "experiment.yaml", simulated + odometry +
                                                          R"(real:
   kind: surrogate
   ingest:
@@ -411,7 +412,7 @@ TEST_F(Experiment, OdometryTakesWhatItsCommandTakes) {
   imaging::GrayImage mask(320, 240, 255);
   for (int y = 200; y < 240; ++y) std::fill_n(&mask(0, y), 320, std::uint8_t{0});
   imaging::write_gray(folder_ / "mask.png", mask);
-  const std::string simulated_only = TinyExperiments::without_real();
+  const std::string simulated_only = TinyExperiments::aligned_by_points(TinyExperiments::without_real());
   TinyPlace::write_file(folder_ / "experiment.yaml",
                         simulated_only +
                             "odometry: {mask: mask.png, rectify_fov: 90, colmap: true, debug_pictures: true, "

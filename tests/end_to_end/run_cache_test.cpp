@@ -83,7 +83,8 @@ TEST_F(RunCache, TouchedFilesAndOtherWaysToWriteTheSameChangeNothing) {
         "  intrinsics: [152, 152, 159.50, 119.5], camera_model: \"pinhole\"}  # the same lens\n");
   write("sensors.yaml", "barometer:\n  rate_hz: 10.0\n");
   write("experiment.yaml",
-        "simulated: {render: {flight: 'flight.yaml'}}   # first\nalignment:\n  start: 'true-poses'\nplace:\n"
+        "simulated: {render: {flight: 'flight.yaml'}}   # first\n"
+        "alignment:\n  method: point-to-mesh\n  start: 'true-poses'\nplace:\n"
         "  size: [80.0, 80, 20]\n  center_local:\n  - 0\n  - 0.0\n  - 100\n"
         "  source: place/tileset.json\nname: tiny\n");
   EXPECT_THAT(stages_done("out"), testing::ElementsAre("report")) << "written differently: it holds the files' hashes";
@@ -157,9 +158,9 @@ TEST_F(RunCache, FramesThatAreThereAfterAKillAreTakenUp) {
   const std::string odometry = (folder_ / "out/simulated/odometry").string();
   write("experiment.yaml", R"(name: tiny
 place: {source: place/tileset.json, center_local: [0, 0, 100], size: [80, 80, 20]}
-alignment: {start: true-poses}
+alignment: {start: true-poses, method: point-to-mesh}
 simulated:
-  render: {flight: flight.yaml, samples_per_pixel: 16, outputs: "depth, segmentation"}
+  render: {flight: flight.yaml, samples_per_pixel: 4, outputs: "depth, segmentation"}
 odometry: {command: 'cp )" + odometry +
                                "/trajectory.txt " + odometry + "/map.ply {out}'}\n");
   run("whole", {"--threads", "1"});
@@ -255,14 +256,22 @@ TEST_F(RunCache, RunsShareATruthByItsContent) {
   EXPECT_EQ(extracted("seventh"), 0U);
 }
 
+/// With all of the default alignment's evidence, of which pictures of the place are a part.
 TEST_F(RunCache, ATruthInBlocksGivesTheSameScores) {
-  write("experiment.yaml", "truth: {block: 23}\n" + std::string(TinyExperiments::kOneFlight));
-  run("blocks");
-  EXPECT_TRUE(fs::exists(folder_ / "blocks/truth/index.json"));
+  TinyExperiments::two_flights().copy_to(folder_ / "two");
+  std::string experiment = TinyExperiments::without_real();
+  experiment.insert(experiment.find("voxel: 1.0"), "block: 23, ");
+  write("two/experiment.yaml", experiment);
+  const fs::path whole = folder_ / "two/out", blocks = folder_ / "two/blocks";
+  const ProgramResult result =
+      run_tileflight({"run", (folder_ / "two/experiment.yaml").string(), "--out", blocks.string()});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_TRUE(fs::exists(blocks / "truth/index.json"));
+  EXPECT_THAT(file_text(whole / "simulated/transform.json"), HasSubstr("\"pictures\""));
   for (const char* file : {"simulated/metrics.json", "simulated/errors.ply", "simulated/seen.ply"})
-    EXPECT_TRUE(file_text(folder_ / "blocks" / file) == file_text(folder_ / "out" / file)) << file;
+    EXPECT_TRUE(file_text(blocks / file) == file_text(whole / file)) << file;
   for (const char* place : {"ground truth under the maps", "mesh.glb"})
-    EXPECT_THAT(file_text(folder_ / "blocks/report.json"), Not(HasSubstr(place)));
+    EXPECT_THAT(file_text(blocks / "report.json"), Not(HasSubstr(place)));
 }
 
 }  // namespace

@@ -70,6 +70,8 @@ systems:
   slow: {adapter: slow}
   kiss-icp:
 rank_by: ate
+# By the map's points alone, at an eighth of the cost of pictures of the place.
+alignment: {start: true-poses, method: point-to-mesh}
 )");
   }
 
@@ -117,6 +119,8 @@ TEST_F(Study, IsTheSameOneByOneAfterBeingKilledAndBySnakemake) {
     }
   }
   EXPECT_EQ(whole["kendall_tau"]["systems"], 3);
+  const json transform = json::parse(file_text(folder_ / "out/runs/tiny/simulated/tileflight/1/transform.json"));
+  EXPECT_EQ(transform["method"], "icp-point-to-mesh") << "as the study says";
   const std::string page = file_text(folder_ / "out/study.html");
   EXPECT_THAT(page, HasSubstr("the ranking rests on 1 place"));
   EXPECT_EQ(page.find("http://"), std::string::npos);

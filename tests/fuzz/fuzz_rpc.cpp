@@ -4,7 +4,7 @@
 #include "tileflight/rpc/message_scanner.h"
 #include "tileflight/server/airsim_methods.h"
 #include "tileflight/server/extension_methods.h"
-#include "tileflight/server/null_simulator_caller.h"
+#include "tileflight/server/test_null_simulator_caller.h"
 
 namespace {
 

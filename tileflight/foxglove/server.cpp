@@ -76,13 +76,6 @@ void Server::publish_time(std::uint64_t time_ns) {
   lws_cancel_service(impl_->context);
 }
 
-void Server::publish_parameters() {
-  const std::vector<Parameter> all = impl_->parameters.read();
-  const std::lock_guard lock(impl_->mutex);
-  impl_->for_each_session([&](ClientSession& session) { session.offer_parameters(all); });
-  lws_cancel_service(impl_->context);
-}
-
 void Server::warn(const std::string& text) {
   const std::lock_guard lock(impl_->mutex);
   impl_->for_each_session([&](ClientSession& session) { session.send_status(StatusLevel::kWarning, text); });

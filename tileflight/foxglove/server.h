@@ -64,8 +64,6 @@ class Server {
   void publish(ChannelId channel, std::uint64_t time_ns, std::string bytes);
   /// Tells all clients the time.
   void publish_time(std::uint64_t time_ns);
-  /// Tells the clients that watch parameters their present values; for values that change by themselves.
-  void publish_parameters();
   /// Shows a warning to all clients.
   void warn(const std::string& text);
 

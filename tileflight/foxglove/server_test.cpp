@@ -187,9 +187,6 @@ TEST_F(FoxgloveServer, ParametersAreReadSetAndWatched) {
             (json{{{"name", "rate"}, {"value", 2.5}, {"type", "float64"}}}));
   viewer.send_text(R"({"op":"setParameters","parameters":[{"name":"rate","value":[1]}]})");
   EXPECT_THAT(viewer.read_text_with("status"), HasSubstr("rate: cannot be set"));
-  rate_ = 4.0;
-  server_->publish_parameters();
-  EXPECT_EQ(json::parse(watcher.read_text_with("parameterValues"))["parameters"][0]["value"], 4.0);
 }
 
 TEST_F(FoxgloveServer, OfSeveralTimesTheLastIsSent) {

@@ -8,7 +8,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/geometry/angles.h"
 #include "tileflight/inertial/inertial_start.h"
-#include "tileflight/inertial/smooth_motion.h"
+#include "tileflight/inertial/test_smooth_motion.h"
 
 namespace tileflight::inertial::align_to_gravity_test {
 namespace {

@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "tileflight/inertial/smooth_motion.h"
+#include "tileflight/inertial/test_smooth_motion.h"
 #include "tileflight/inertial/visual_factor.h"
 
 namespace tileflight::inertial::factors_test {

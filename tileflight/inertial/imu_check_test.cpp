@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "tileflight/base/input_error.h"
-#include "tileflight/inertial/smooth_motion.h"
+#include "tileflight/inertial/test_smooth_motion.h"
 
 namespace tileflight::inertial::imu_check_test {
 namespace {

@@ -4,7 +4,7 @@
 
 #include <Eigen/Cholesky>
 
-#include "tileflight/inertial/smooth_motion.h"
+#include "tileflight/inertial/test_smooth_motion.h"
 
 namespace tileflight::inertial::preintegration_test {
 namespace {

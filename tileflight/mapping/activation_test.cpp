@@ -7,7 +7,7 @@
 #include <cmath>
 #include <set>
 
-#include "tileflight/mapping/rendered_window.h"
+#include "tileflight/mapping/test_rendered_window.h"
 
 namespace tileflight::mapping::activation_test {
 namespace {

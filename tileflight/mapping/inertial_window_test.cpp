@@ -6,8 +6,8 @@
 #include <random>
 
 #include "tileflight/geometry/decompositions.h"
-#include "tileflight/inertial/smooth_motion.h"
-#include "tileflight/mapping/random_window.h"
+#include "tileflight/inertial/test_smooth_motion.h"
+#include "tileflight/mapping/test_random_window.h"
 #include "tileflight/mapping/window_optimizer.h"
 
 namespace tileflight::mapping::inertial_window_test {

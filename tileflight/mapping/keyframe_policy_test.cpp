@@ -5,7 +5,7 @@
 #include <cmath>
 #include <random>
 
-#include "tileflight/mapping/random_window.h"
+#include "tileflight/mapping/test_random_window.h"
 
 namespace tileflight::mapping::keyframe_policy_test {
 namespace {

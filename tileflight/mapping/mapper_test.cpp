@@ -8,7 +8,7 @@
 #include <random>
 #include <set>
 
-#include "tileflight/mapping/rendered_window.h"
+#include "tileflight/mapping/test_rendered_window.h"
 #include "tileflight/mapping/tracer.h"
 
 namespace tileflight::mapping::mapper_test {

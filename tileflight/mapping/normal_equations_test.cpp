@@ -6,7 +6,7 @@
 #include <Eigen/Dense>
 
 #include "tileflight/mapping/gauge.h"
-#include "tileflight/mapping/random_window.h"
+#include "tileflight/mapping/test_random_window.h"
 
 namespace tileflight::mapping::normal_equations_test {
 namespace {

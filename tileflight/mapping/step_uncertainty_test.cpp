@@ -4,7 +4,7 @@
 
 #include <Eigen/Dense>
 
-#include "tileflight/mapping/random_window.h"
+#include "tileflight/mapping/test_random_window.h"
 
 namespace tileflight::mapping::step_uncertainty_test {
 namespace {
@@ -87,7 +87,9 @@ void expect_brute_force_value(photometry::Window window) {
 
 TEST(StepUncertainty, IsTheBruteForceOne) { expect_brute_force_value(test_support::random_window(4, 25, 1)); }
 
-TEST(StepUncertainty, IsTheBruteForceOneWithTheLens) { expect_brute_force_value(test_support::random_window(3, 25, 5, true)); }
+TEST(StepUncertainty, IsTheBruteForceOneWithTheLens) {
+  expect_brute_force_value(test_support::random_window(3, 25, 5, true));
+}
 
 TEST(StepUncertainty, IsTheBruteForceOneWherePointsAreNotSeenEverywhere) {
   photometry::Window window = test_support::random_window(4, 25, 2);

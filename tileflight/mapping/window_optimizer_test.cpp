@@ -8,8 +8,8 @@
 #include <random>
 
 #include "tileflight/mapping/normal_equations.h"
-#include "tileflight/mapping/random_window.h"
-#include "tileflight/mapping/rendered_window.h"
+#include "tileflight/mapping/test_random_window.h"
+#include "tileflight/mapping/test_rendered_window.h"
 
 namespace tileflight::mapping::window_optimizer_test {
 namespace {

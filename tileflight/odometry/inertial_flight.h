@@ -5,7 +5,7 @@
 #include <functional>
 #include <vector>
 
-#include "tileflight/inertial/smooth_motion.h"
+#include "tileflight/inertial/test_smooth_motion.h"
 #include "tileflight/odometry/synthetic_flight.h"
 
 namespace tileflight::odometry::test_support {

@@ -9,7 +9,7 @@
 #include <numbers>
 
 #include "tileflight/base/input_error.h"
-#include "tileflight/inertial/smooth_motion.h"
+#include "tileflight/inertial/test_smooth_motion.h"
 #include "tileflight/odometry/rig_check.h"
 #include "tileflight/odometry/stereo_input.h"
 #include "tileflight/odometry/synthetic_flight.h"

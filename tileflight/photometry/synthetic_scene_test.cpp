@@ -3,8 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
+#include <random>
 
 namespace tileflight::photometry::synthetic_scene_test {
 namespace {
@@ -69,6 +71,32 @@ TEST(SyntheticScene, RaysEndOnTheGroundThatTheyMeetFirst) {
     }
   }
   EXPECT_EQ(hit_distance(relief, origin, Vec3(1.0, 0.0, 0.1).normalized()), 0.0);
+}
+
+/// Rays of every kind beside each other: to the sky, along the ground, and down; from above the hills and between them.
+TEST(SyntheticScene, FourRaysTogetherEndWhereEachEndsAloneToTheLastBit) {
+  const test_support::SineHills shape{.amplitude_m = 1.5, .k_x = 0.35, .k_y = 0.28, .phase_x = 0.2};
+  const Relief relief = sine_hills(shape, 0.6);
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> uniform(-1.0, 1.0);
+  int skies = 0, grounds = 0;
+  for (int i = 0; i < 5000; ++i) {
+    test_support::FourRays four;
+    std::array<double, 4> guesses{};
+    for (std::size_t k = 0; k < 4; ++k) {
+      four.origins[k] = Vec3(20.0 * uniform(random), 20.0 * uniform(random), 6.0 + 5.5 * uniform(random));
+      four.rays[k] = Vec3(uniform(random), uniform(random), 0.7 * uniform(random) - 0.4).normalized();
+      guesses[k] = four.distances[k] = std::max(0.0, 40.0 * uniform(random));
+    }
+    hit_distances(relief, shape, four);
+    for (std::size_t k = 0; k < 4; ++k) {
+      const double alone = hit_distance(relief, four.origins[k], four.rays[k], guesses[k]);
+      ASSERT_EQ(four.distances[k], alone) << i;
+      ++(alone > 0 ? grounds : skies);
+    }
+  }
+  EXPECT_GT(skies, 1000);
+  EXPECT_GT(grounds, 10000);
 }
 
 }  // namespace

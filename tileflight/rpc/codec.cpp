@@ -1,5 +1,7 @@
 #include "tileflight/rpc/codec.h"
 
+#include <cmath>
+
 namespace tileflight::rpc {
 namespace {
 

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <array>
-#include <cmath>
 #include <cstdint>
 #include <limits>
 #include <map>
@@ -25,8 +24,8 @@ class DecodeError : public std::runtime_error {
 /// The type of a value in words, with its article.
 const char* describe_type(const msgpack::object& value);
 
-/// Maps a structure to a message: a map keyed by field names. Specialisations have a `list`: a tuple of `field(name,
-/// &Structure::member)` in packing order.
+/// Maps a structure to a message: a map keyed by field names. Specialisations, which TILEFLIGHT_RPC_FIELDS makes, have
+/// a `list`: a tuple of fields in packing order.
 template <class T>
 struct Fields;
 
@@ -40,6 +39,26 @@ template <class T, class Member>
 constexpr Field<T, Member> field(const char* name, Member T::*member) {
   return {name, member};
 }
+
+// TILEFLIGHT_RPC_FIELDS(Structure, member, ...): each of these members under its own name. The list is expanded one
+// member at a time, for at most 64.
+#define TILEFLIGHT_RPC_FIELDS(Structure, ...)                                                       \
+  template <>                                                                                       \
+  struct Fields<Structure> {                                                                        \
+    using T = Structure;                                                                            \
+    static constexpr auto list = std::tuple(TILEFLIGHT_EXPAND(TILEFLIGHT_NEXT_FIELD(__VA_ARGS__))); \
+  }
+#define TILEFLIGHT_NEXT_FIELD(member, ...) \
+  field(#member, &T::member) __VA_OPT__(, TILEFLIGHT_FIELD_AGAIN TILEFLIGHT_PARENTHESES(__VA_ARGS__))
+#define TILEFLIGHT_FIELD_AGAIN() TILEFLIGHT_NEXT_FIELD
+#define TILEFLIGHT_PARENTHESES ()
+#define TILEFLIGHT_EXPAND(...) \
+  TILEFLIGHT_EXPAND_16(TILEFLIGHT_EXPAND_16(TILEFLIGHT_EXPAND_16(TILEFLIGHT_EXPAND_16(__VA_ARGS__))))
+#define TILEFLIGHT_EXPAND_16(...) \
+  TILEFLIGHT_EXPAND_4(TILEFLIGHT_EXPAND_4(TILEFLIGHT_EXPAND_4(TILEFLIGHT_EXPAND_4(__VA_ARGS__))))
+#define TILEFLIGHT_EXPAND_4(...) \
+  TILEFLIGHT_EXPAND_1(TILEFLIGHT_EXPAND_1(TILEFLIGHT_EXPAND_1(TILEFLIGHT_EXPAND_1(__VA_ARGS__))))
+#define TILEFLIGHT_EXPAND_1(...) __VA_ARGS__
 
 template <class T>
 concept Structure = requires {

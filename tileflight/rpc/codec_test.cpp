@@ -7,7 +7,7 @@
 namespace tileflight::rpc {
 
 struct Inner {
-  float x = 1.0F, y = 2.0F;
+  float x_val = 1.0F, y_val = 2.0F;
 };
 struct Outer {
   Inner inner;
@@ -20,21 +20,11 @@ struct Outer {
   double precise = 0.0;
   std::uint64_t time = 0;
 };
-template <>
-struct Fields<Inner> {
-  static constexpr auto list = std::tuple(field("x_val", &Inner::x), field("y_val", &Inner::y));
-};
-template <>
-struct Fields<Outer> {
-  static constexpr auto list =
-      std::tuple(field("inner", &Outer::inner), field("name", &Outer::name), field("data", &Outer::data),
-                 field("reals", &Outer::reals), field("numbers", &Outer::numbers), field("matrix", &Outer::matrix),
-                 field("flag", &Outer::flag), field("precise", &Outer::precise), field("time", &Outer::time));
-};
+TILEFLIGHT_RPC_FIELDS(Inner, x_val, y_val);
+TILEFLIGHT_RPC_FIELDS(Outer, inner, name, data, reals, numbers, matrix, flag, precise, time);
 
 namespace {
 
-using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::ThrowsMessage;
 
@@ -110,7 +100,7 @@ TEST(Encoder, WritesManyRealsAsSingleOnes) {
 TEST(Codec, StructuresComeBack) {
   const Outer value{{3.5F, -4.0F}, "\xc3\xb1", {0, 255}, {1.0F, 65504.0F}, {-1, 7}, {{{1, 2}, {3, 4}}}, true, 1e-9, 1U};
   const Outer again = decoded<Outer>(encoded(value));
-  EXPECT_EQ(again.inner.x, 3.5F);
+  EXPECT_EQ(again.inner.x_val, 3.5F);
   EXPECT_EQ(again.name, value.name);
   EXPECT_EQ(again.data, value.data);
   EXPECT_EQ(again.reals, value.reals);
@@ -125,11 +115,11 @@ TEST(Codec, ReadsStructuresByName) {
   const std::string reversed = bytes({0x83, 0xa5}) + "y_val" + bytes({0x07, 0xa5}) + "other" +
                                bytes({0x91, 0xc0, 0xa5}) + "x_val" + bytes({0xcb, 0x40, 0, 0, 0, 0, 0, 0, 0});
   const Inner value = decoded<Inner>(reversed);
-  EXPECT_EQ(value.x, 2.0F);  // a float64
-  EXPECT_EQ(value.y, 7.0F);  // a whole number
+  EXPECT_EQ(value.x_val, 2.0F);  // a float64
+  EXPECT_EQ(value.y_val, 7.0F);  // a whole number
   const Inner defaults = decoded<Inner>(bytes({0x80}));
-  EXPECT_EQ(defaults.x, 1.0F);
-  EXPECT_EQ(defaults.y, 2.0F);
+  EXPECT_EQ(defaults.x_val, 1.0F);
+  EXPECT_EQ(defaults.y_val, 2.0F);
 }
 
 TEST(Codec, ReadsTextsOfEveryFormat) {

@@ -19,7 +19,6 @@ namespace {
 using std::chrono::milliseconds;
 using testing::Contains;
 using testing::HasSubstr;
-using testing::StartsWith;
 using testing::ThrowsMessage;
 
 bool soon(const std::function<bool()>& condition) {

@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 
 #include "tileflight/server/extension_methods.h"
-#include "tileflight/server/null_simulator_caller.h"
+#include "tileflight/server/test_null_simulator_caller.h"
 
 namespace tileflight::server::airsim_methods_test {
 namespace {
@@ -273,18 +273,18 @@ TEST(AirSimFields, AnImageByteForByte) {
   const std::string zero("\xca\0\0\0\0", 5);
   const std::string one("\xca\x3f\x80\0\0", 5);
   EXPECT_EQ(out.take(), "\x8c\xb0image_data_uint8\xc4\x03\x01\x02\x03\xb0image_data_float\x91\xca\x3f" +
-                             std::string(3, '\0') +
-                             "\xaf"
-                             "camera_position\x83\xa5x_val" +
-                             zero + "\xa5y_val" + zero + "\xa5z_val" + zero +
-                             "\xab"
-                             "camera_name\xa1"
-                             "0\xb2"
-                             "camera_orientation\x84\xa5w_val" +
-                             one + "\xa5x_val" + zero + "\xa5y_val" + zero + "\xa5z_val" + zero +
-                             "\xaatime_stamp\xcd\x01\x02\xa7message\xa0" +
-                             "\xafpixels_as_float\xc2\xa8"
-                             "compress\xc3\xa5width\x01\xa6height\x01\xaaimage_type\x05");
+                            std::string(3, '\0') +
+                            "\xaf"
+                            "camera_position\x83\xa5x_val" +
+                            zero + "\xa5y_val" + zero + "\xa5z_val" + zero +
+                            "\xab"
+                            "camera_name\xa1"
+                            "0\xb2"
+                            "camera_orientation\x84\xa5w_val" +
+                            one + "\xa5x_val" + zero + "\xa5y_val" + zero + "\xa5z_val" + zero +
+                            "\xaatime_stamp\xcd\x01\x02\xa7message\xa0" +
+                            "\xafpixels_as_float\xc2\xa8"
+                            "compress\xc3\xa5width\x01\xa6height\x01\xaaimage_type\x05");
 }
 
 }  // namespace

@@ -1,6 +1,5 @@
 #include "tileflight/server/session_replay.h"
 
-#include <array>
 #include <atomic>
 #include <future>
 #include <list>

@@ -1,4 +1,3 @@
-#include <cmath>
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/labels/name_pattern.h"

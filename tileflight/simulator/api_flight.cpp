@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/require.h"

@@ -1,6 +1,4 @@
 #include <algorithm>
-#include <cmath>
-#include <stdexcept>
 #include <utility>
 
 #include "tileflight/base/elapsed_time.h"

@@ -8,8 +8,6 @@
 namespace tileflight::simulator {
 namespace {
 
-using std::chrono::milliseconds;
-
 std::vector<double> motor_outputs(const autopilot::ServoPacket& packet, std::size_t motors) {
   std::vector<double> outputs;
   for (std::size_t i = 0; i < motors; ++i) outputs.push_back(autopilot::servo_output(packet.pwm[i]));

@@ -1,4 +1,3 @@
-#include <algorithm>
 #include <cmath>
 
 #include "tileflight/base/input_error.h"

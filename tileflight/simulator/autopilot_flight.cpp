@@ -9,9 +9,6 @@
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <string>
-#include <utility>
-#include <vector>
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/number_text.h"

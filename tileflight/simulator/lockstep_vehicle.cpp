@@ -3,10 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <utility>
 
 #include "tileflight/simulator/frames.h"
-#include "tileflight/simulator/hil_readings.h"
 #include "tileflight/simulator/simulator_impl.h"
 
 namespace tileflight::simulator {

@@ -1,6 +1,5 @@
 #include "tileflight/simulator/recorder.h"
 
-#include <chrono>
 #include <ctime>
 #include <sstream>
 #include <tuple>

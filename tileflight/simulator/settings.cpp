@@ -13,7 +13,6 @@ namespace tileflight::simulator {
 namespace {
 
 using base::StrictSection;
-using geometry::Vec3;
 using nlohmann::json;
 
 /// AirSim's keys for features that do not exist here: a window, a graphics card, a game.

@@ -1,8 +1,6 @@
 #include "tileflight/simulator/world_objects.h"
 
 #include <algorithm>
-#include <cmath>
-#include <utility>
 
 #include "tileflight/actors/models.h"
 #include "tileflight/base/input_error.h"

@@ -1,6 +1,5 @@
 #include "tileflight/streaming/dataset_player.h"
 
-#include <cmath>
 #include <utility>
 
 #include "tileflight/base/input_error.h"

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <map>
 #include <nlohmann/json.hpp>
-#include <string>
 #include <utility>
 
 #include "tileflight/base/files.h"

@@ -1,15 +1,12 @@
 #include "tileflight/survey/flown_path.h"
 
 #include <algorithm>
-#include <memory>
-#include <nlohmann/json.hpp>
 
 #include "tileflight/actors/encounters.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/geometry/json_numbers.h"
 #include "tileflight/place/ground_tiles.h"
 #include "tileflight/place/memory_budget.h"
-#include "tileflight/scene/scene.h"
 #include "tileflight/simulator/autopilot_flight.h"
 #include "tileflight/transport/open_source.h"
 #include "tileflight/vehicle/vehicle_flight.h"

@@ -1,7 +1,6 @@
 #include "tileflight/survey/frame_groups.h"
 
 #include <array>
-#include <cmath>
 #include <cstdint>
 #include <map>
 #include <numeric>

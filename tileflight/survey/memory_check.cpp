@@ -10,8 +10,8 @@
 
 #include "tileflight/base/formatted_text.h"
 #include "tileflight/render/frame_renderer.h"
+#include "tileflight/survey/content_memory.h"
 #include "tileflight/survey/image_division.h"
-#include "tileflight/survey/part_loader.h"
 
 namespace tileflight::survey {
 namespace {

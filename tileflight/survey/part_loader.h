@@ -6,41 +6,13 @@
 #include <memory>
 #include <optional>
 #include <set>
-#include <string>
 #include <utility>
 #include <vector>
 
+#include "tileflight/survey/content_memory.h"
 #include "tileflight/survey/flight_tiles.h"
 
 namespace tileflight::survey {
-
-/// Memory that a content takes, known once it has been decoded.
-struct ContentMemory {
-  struct Texture {
-    std::size_t number = 0;  ///< in the content's file
-    std::uintmax_t decoded_bytes = 0, rendered_bytes = 0;
-  };
-
-  std::uintmax_t decoded_bytes = 0;   ///< meshes as they are kept, without textures
-  std::uintmax_t rendered_bytes = 0;  ///< the same in a scene that is rendered: with its trees and shading
-  std::vector<Texture> textures;
-};
-
-ContentMemory memory_of(const std::vector<imaging::TexturedMesh>& meshes);
-
-/// Memory of several contents together. A file that several contents refer to has its textures in memory once.
-class MemorySum {
- public:
-  /// What add() would add. `file`: number of the content's file. Contents that are rendered come before those that are
-  /// only kept.
-  std::uintmax_t bytes_of(const ContentMemory& content, std::size_t file, bool is_rendered) const;
-  void add(const ContentMemory& content, std::size_t file, bool is_rendered);
-  std::uintmax_t bytes() const { return bytes_; }
-
- private:
-  std::uintmax_t bytes_ = 0;
-  std::set<std::pair<std::size_t, std::size_t>> textures_;  ///< file, and number in it
-};
 
 /// Consecutive views of frames of one group, all of the same sight, region and contents, with the meshes of all
 /// contents that they need, in the order of the group's cut.

@@ -1,15 +1,11 @@
 #include "tileflight/survey/part_renderer.h"
 
 #include <algorithm>
-#include <chrono>
 #include <limits>
-#include <map>
 #include <nlohmann/json.hpp>
-#include <numeric>
 #include <utility>
 
 #include "tileflight/base/elapsed_time.h"
-#include "tileflight/base/formatted_text.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/place/extract.h"
 #include "tileflight/place/memory_budget.h"

@@ -5,11 +5,9 @@
 #include <cmath>
 #include <iterator>
 #include <memory>
-#include <nlohmann/json.hpp>
 
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
-#include "tileflight/base/output_folder.h"
 #include "tileflight/dataset/dataset.h"
 #include "tileflight/place/version.h"
 #include "tileflight/survey/dataset_renderer.h"

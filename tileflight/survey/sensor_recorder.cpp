@@ -2,7 +2,6 @@
 
 #include <cmath>
 #include <cstring>
-#include <limits>
 #include <string_view>
 
 #include "tileflight/base/files.h"

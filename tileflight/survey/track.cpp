@@ -8,7 +8,6 @@
 
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
-#include "tileflight/base/output_folder.h"
 #include "tileflight/dataset/colmap.h"
 #include "tileflight/dataset/dataset.h"
 #include "tileflight/evaluation/doubts_json.h"

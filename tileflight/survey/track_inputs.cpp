@@ -3,7 +3,6 @@
 #include <tbb/task_group.h>
 
 #include <algorithm>
-#include <cmath>
 #include <exception>
 #include <limits>
 #include <memory>
@@ -19,7 +18,6 @@
 #include "tileflight/geometry/json_numbers.h"
 #include "tileflight/geometry/trajectory.h"
 #include "tileflight/imaging/image_files.h"
-#include "tileflight/imaging/photometric.h"
 #include "tileflight/inertial/imu_check.h"
 
 namespace tileflight::survey {

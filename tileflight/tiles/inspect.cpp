@@ -15,36 +15,11 @@
 #include "tileflight/tile_contents/shared_image_cache.h"
 #include "tileflight/tiles/placement.h"
 #include "tileflight/tiles/tileset_tree.h"
+#include "tileflight/tiles/tree_tally.h"
 #include "tileflight/transport/uri.h"
 
 namespace tileflight::tiles {
 namespace {
-
-/// Numbers of a part of the tree. What was not opened is estimated, so that they are not whole.
-struct Tally {
-  double tiles = 0, with_content = 0, leaves = 0, replace = 0, add = 0, unsupported = 0, finest = 0;
-  std::map<std::string, double> contents;
-  std::vector<double> level_tiles;
-  double files = 0, files_missing = 0, file_bytes = 0, finest_bytes = 0;  ///< of distinct files
-
-  /// Adds another part that stands for `weight` like it; each of its files for `file_weight`.
-  void add_part(const Tally& part, double weight, double file_weight) {
-    tiles += weight * part.tiles;
-    with_content += weight * part.with_content;
-    leaves += weight * part.leaves;
-    replace += weight * part.replace;
-    add += weight * part.add;
-    unsupported += weight * part.unsupported;
-    finest += weight * part.finest;
-    for (const auto& [kind, count] : part.contents) contents[kind] += weight * count;
-    if (level_tiles.size() < part.level_tiles.size()) level_tiles.resize(part.level_tiles.size());
-    for (std::size_t i = 0; i < part.level_tiles.size(); ++i) level_tiles[i] += weight * part.level_tiles[i];
-    files += file_weight * part.files;
-    files_missing += file_weight * part.files_missing;
-    file_bytes += file_weight * part.file_bytes;
-    finest_bytes += file_weight * part.finest_bytes;
-  }
-};
 
 /// An external tileset or subtree that a file refers to.
 struct Reference {
@@ -101,7 +76,7 @@ class TilesetInspector {
     }
     struct Opened {
       const Reference* reference;
-      Tally tally;
+      TreeTally tally;
       std::vector<Reference> below;
     };
     std::vector<Opened> opened;
@@ -185,8 +160,8 @@ class TilesetInspector {
   }
 
   /// Counts the tiles of one file, and lists its references to others.
-  Tally walk(NodeId root, const Reference& from, std::vector<Reference>& references) {
-    Tally tally;
+  TreeTally walk(NodeId root, const Reference& from, std::vector<Reference>& references) {
+    TreeTally tally;
     std::vector<std::pair<NodeId, std::size_t>> pending = {{root, from.level}};
     while (!pending.empty()) {
       const auto [id, level] = pending.back();
@@ -217,7 +192,7 @@ class TilesetInspector {
     }
   }
 
-  void count_tile(NodeId id, const Tile& tile, std::size_t level, Tally& tally) {
+  void count_tile(NodeId id, const Tile& tile, std::size_t level, TreeTally& tally) {
     const double error_m = tree_.geometric_error_m(id);
     ++tally.tiles;
     if (!tile.contents.empty()) ++tally.with_content;
@@ -233,7 +208,7 @@ class TilesetInspector {
   }
 
   /// Counts a content; whether it is an external tileset.
-  bool is_nested(NodeId id, std::size_t content, const Tile& tile, Tally& tally) {
+  bool is_nested(NodeId id, std::size_t content, const Tile& tile, TreeTally& tally) {
     try {
       if (tree_.is_external_tileset(id, content)) {
         ++tally.contents["tileset"];
@@ -259,7 +234,7 @@ class TilesetInspector {
     return false;
   }
 
-  void count_file(const std::string& uri, bool is_finest, Tally& tally) {
+  void count_file(const std::string& uri, bool is_finest, TreeTally& tally) {
     ++tally.files;
     if (!out_.content_sizes_known || transport::is_data_uri(uri)) return;
     const std::optional<std::uintmax_t> bytes = source_.size(uri);
@@ -376,7 +351,7 @@ class TilesetInspector {
   const Progress& progress_;
   TilesetTree tree_;
   TilesetSummary out_;
-  Tally all_;
+  TreeTally all_;
   std::size_t tiles_walked_ = 0;
   /// Contents of the finest cut below each reference of the first generation that was sampled, and how many references
   /// each of these stands for.

@@ -1,13 +1,13 @@
 #include "tileflight/tiles/tileset.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <array>
+#include <nlohmann/json.hpp>
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/tile_contents/json_reader.h"
 #include "tileflight/tiles/tile_semantics.h"
+#include "tileflight/tiles/volume_json.h"
 #include "tileflight/transport/uri.h"
 
 namespace tileflight::tiles {
@@ -15,6 +15,15 @@ namespace {
 
 using geometry::Mat4;
 using geometry::Vec3;
+using tile_contents::find_array;
+using tile_contents::find_member;
+using tile_contents::find_number;
+using tile_contents::find_numbers;
+using tile_contents::find_object;
+using tile_contents::find_string;
+using tile_contents::find_strings;
+using tile_contents::Json;
+using tile_contents::require_value;
 
 constexpr std::array kSupportedExtensions = {"3DTILES_content_gltf",          "3DTILES_multiple_contents",
                                              "3DTILES_implicit_tiling",       "3DTILES_metadata",
@@ -23,47 +32,8 @@ constexpr std::array kSupportedExtensions = {"3DTILES_content_gltf",          "3
 
 constexpr double kEverywhere_m = 1e9;
 
-S2Volume s2_volume_of(const tile_contents::Json& json, const std::string& where) {
-  const std::string token =
-      tile_contents::require_value(tile_contents::find_string(json, "token", where), "token", where);
-  const std::optional<S2Cell> cell = s2_cell_from_token(token);
-  if (!cell) throw InputError(where, "its token '" + token + "' is not an S2 cell");
-  const double low_m =
-      tile_contents::require_value(tile_contents::find_number(json, "minimumHeight", where), "minimumHeight", where);
-  const double high_m =
-      tile_contents::require_value(tile_contents::find_number(json, "maximumHeight", where), "maximumHeight", where);
-  if (low_m > high_m) throw InputError(where, "its minimum height lies above its maximum");
-  return {*cell, low_m, high_m};
-}
-
-/// Volumes defined by extensions. A cylinder is replaced by its bounding box, which has the same twelve numbers.
-std::optional<BoundingVolume> extension_volume(const tile_contents::Json& volume, const std::string& where) {
-  const tile_contents::Json* extensions = tile_contents::find_object(volume, "extensions", where);
-  if (extensions == nullptr) return std::nullopt;
-  if (const tile_contents::Json* s2 = tile_contents::find_object(*extensions, "3DTILES_bounding_volume_S2", where)) {
-    return s2_volume_of(*s2, where + ": 3DTILES_bounding_volume_S2");
-  }
-  const tile_contents::Json* cylinder =
-      tile_contents::find_object(*extensions, "3DTILES_bounding_volume_cylinder", where);
-  const auto v = cylinder == nullptr ? std::nullopt : tile_contents::find_numbers(*cylinder, "cylinder", 12, where);
-  return v ? std::optional(parse_box(*v)) : std::nullopt;
-}
-
-/// nullopt if there is no volume of a known kind.
-std::optional<BoundingVolume> parse_volume(const tile_contents::Json& parent, const std::string& where,
-                                           const char* key = "boundingVolume") {
-  const tile_contents::Json* json = tile_contents::find_object(parent, key, where);
-  if (json == nullptr) return std::nullopt;
-  std::optional<BoundingVolume> plain;
-  if (const auto v = tile_contents::find_numbers(*json, "sphere", 4, where)) plain = parse_sphere(*v, where);
-  if (const auto v = tile_contents::find_numbers(*json, "region", 6, where)) plain = parse_region(*v, where);
-  if (const auto v = tile_contents::find_numbers(*json, "box", 12, where)) plain = parse_box(*v);
-  const std::optional<BoundingVolume> extended = extension_volume(*json, where);
-  return extended ? extended : plain;
-}
-
-Mat4 parse_transform(const tile_contents::Json& tile, const std::string& where) {
-  const auto v = tile_contents::find_numbers(tile, "transform", 16, where);
+Mat4 parse_transform(const Json& tile, const std::string& where) {
+  const auto v = find_numbers(tile, "transform", 16, where);
   if (!v) return Mat4::Identity();
   const Mat4 matrix = Eigen::Map<const Mat4>(v->data());  // column-major in both
   if (!matrix.row(3).isApprox(Eigen::RowVector4d(0, 0, 0, 1), 1e-9)) {
@@ -83,16 +53,16 @@ class TilesetParser {
   TilesetParser(const std::string& name, const TilesetLimits& limits, const TextReader& read_text)
       : name_(name), limits_(limits), read_text_(read_text) {}
 
-  Tileset parse(const tile_contents::Json& json) {
+  Tileset parse(const Json& json) {
     if (!json.is_object()) throw InputError(name_, "is not a tileset: expected a JSON object");
     parse_asset(json);
-    tileset_.geometric_error_m = tile_contents::find_number(json, "geometricError", name_);
+    tileset_.geometric_error_m = find_number(json, "geometricError", name_);
     if (!tileset_.geometric_error_m) warn("the tileset has no geometricError; its root's is used");
     if (tileset_.geometric_error_m.value_or(0) < 0) throw InputError(name_, "geometricError is negative");
-    tileset_.extensions_used = tile_contents::find_strings(json, "extensionsUsed", name_);
-    tileset_.extensions_required = tile_contents::find_strings(json, "extensionsRequired", name_);
+    tileset_.extensions_used = find_strings(json, "extensionsUsed", name_);
+    tileset_.extensions_required = find_strings(json, "extensionsRequired", name_);
     json_ = &json;
-    const tile_contents::Json* root = tile_contents::find_object(json, "root", name_);
+    const Json* root = find_object(json, "root", name_);
     if (root == nullptr) throw InputError(name_, "is not a tileset: root is missing");
     parse_tiles(*root);
     return std::move(tileset_);
@@ -101,7 +71,7 @@ class TilesetParser {
  private:
   /// A tile still to be read: depth first, in file order.
   struct Pending {
-    const tile_contents::Json* json;
+    const Json* json;
     std::optional<std::uint32_t> parent;
     std::size_t ordinal;
   };
@@ -112,42 +82,40 @@ class TilesetParser {
     }
   }
 
-  void parse_asset(const tile_contents::Json& json) {
+  void parse_asset(const Json& json) {
     const std::string where = name_ + ": asset";
-    const tile_contents::Json* asset = tile_contents::find_object(json, "asset", name_);
+    const Json* asset = find_object(json, "asset", name_);
     if (asset == nullptr) throw InputError(name_, "is not a tileset: asset is missing");
-    tileset_.version =
-        tile_contents::require_value(tile_contents::find_string(*asset, "version", where), "version", where);
+    tileset_.version = require_value(find_string(*asset, "version", where), "version", where);
     if (tileset_.version != "1.0" && tileset_.version != "1.1") {
       throw InputError(where, "3D Tiles version '" + tileset_.version + "' is not supported; use 1.0 or 1.1");
     }
-    tileset_.copyright = tile_contents::find_string(*asset, "copyright", where).value_or("");
-    tileset_.generator = tile_contents::find_string(*asset, "generator", where).value_or("");
-    const std::string axis = upper(tile_contents::find_string(*asset, "gltfUpAxis", where).value_or("Y"));
+    tileset_.copyright = find_string(*asset, "copyright", where).value_or("");
+    tileset_.generator = find_string(*asset, "generator", where).value_or("");
+    const std::string axis = upper(find_string(*asset, "gltfUpAxis", where).value_or("Y"));
     if (axis != "X" && axis != "Y" && axis != "Z") throw InputError(where, "gltfUpAxis must be X, Y or Z");
     tileset_.gltf_up_axis = axis == "X"   ? tile_contents::UpAxis::kX
                             : axis == "Y" ? tile_contents::UpAxis::kY
                                           : tile_contents::UpAxis::kZ;
     // Written by Cesium ion for models that are not georeferenced; extras are free-form, so their content is not
     // validated.
-    const tile_contents::Json* extras = tile_contents::find_member(*asset, "extras");
-    const tile_contents::Json* ion = extras == nullptr ? nullptr : tile_contents::find_member(*extras, "ion");
+    const Json* extras = find_member(*asset, "extras");
+    const Json* ion = extras == nullptr ? nullptr : find_member(*extras, "ion");
     const auto flag = [&](const char* key) -> std::optional<bool> {
-      const tile_contents::Json* value = ion == nullptr ? nullptr : tile_contents::find_member(*ion, key);
+      const Json* value = ion == nullptr ? nullptr : find_member(*ion, key);
       return value != nullptr && value->is_boolean() ? std::optional(value->get<bool>()) : std::nullopt;
     };
     tileset_.georeferenced = flag("georeferenced");
     tileset_.movable = flag("movable").value_or(false);
   }
 
-  void parse_tiles(const tile_contents::Json& root) {
+  void parse_tiles(const Json& root) {
     std::vector<Pending> pending = {{&root, std::nullopt, 0}};
     while (!pending.empty()) {
       const Pending next = pending.back();
       pending.pop_back();
       const std::uint32_t index = parse_tile(next);
-      const tile_contents::Json* children =
-          tile_contents::find_array(*next.json, "children", where_of(tileset_.tiles[index]));
+      const Json* children = find_array(*next.json, "children", where_of(tileset_.tiles[index]));
       if (children == nullptr) continue;
       for (std::size_t i = children->size(); i-- > 0;) pending.push_back({&(*children)[i], index, i});
     }
@@ -180,7 +148,7 @@ class TilesetParser {
     }
   }
 
-  void fill_tile(Tile& tile, const tile_contents::Json& json, const Tile* parent) {
+  void fill_tile(Tile& tile, const Json& json, const Tile* parent) {
     const std::string where = where_of(tile);
     if (!json.is_object()) throw InputError(where, "is not an object");
     tile.T_parent_tile = parse_transform(json, where);
@@ -194,16 +162,16 @@ class TilesetParser {
     parse_implicit(tile, json, where);
   }
 
-  double parse_geometric_error(const tile_contents::Json& json, const Tile* parent, const std::string& where) {
-    const std::optional<double> error_m = tile_contents::find_number(json, "geometricError", where);
+  double parse_geometric_error(const Json& json, const Tile* parent, const std::string& where) {
+    const std::optional<double> error_m = find_number(json, "geometricError", where);
     if (error_m && *error_m < 0) throw InputError(where, "geometricError is negative");
     if (error_m) return *error_m;
     warn("a tile has no geometricError; its parent's is used");
     return parent != nullptr ? parent->geometric_error_m : tileset_.geometric_error_m.value_or(0.0);
   }
 
-  std::optional<Refine> parse_refine(const tile_contents::Json& json, const std::string& where) {
-    const std::optional<std::string> written = tile_contents::find_string(json, "refine", where);
+  std::optional<Refine> parse_refine(const Json& json, const std::string& where) {
+    const std::optional<std::string> written = find_string(json, "refine", where);
     if (!written) return std::nullopt;
     const std::string value = upper(*written);
     if (value != "ADD" && value != "REPLACE") {
@@ -213,14 +181,13 @@ class TilesetParser {
     return value == "ADD" ? Refine::kAdd : Refine::kReplace;
   }
 
-  void parse_bounding_volume(Tile& tile, const tile_contents::Json& json, const std::string& where) {
+  void parse_bounding_volume(Tile& tile, const Json& json, const std::string& where) {
     if (const std::optional<BoundingVolume> volume = parse_volume(json, where)) {
       tile.bounding_volume = *volume;
       return;
     }
-    const tile_contents::Json* volume = tile_contents::find_member(json, "boundingVolume");
-    const tile_contents::Json* extensions =
-        volume == nullptr ? nullptr : tile_contents::find_object(*volume, "extensions", where);
+    const Json* volume = find_member(json, "boundingVolume");
+    const Json* extensions = volume == nullptr ? nullptr : find_object(*volume, "extensions", where);
     if (extensions == nullptr || extensions->empty()) {
       throw InputError(where, "boundingVolume has no box, region or sphere");
     }
@@ -230,34 +197,30 @@ class TilesetParser {
     tile.unsupported = "the bounding volume " + extensions->begin().key();
   }
 
-  void parse_contents(Tile& tile, const tile_contents::Json& json, const std::string& where) {
-    if (const tile_contents::Json* content = tile_contents::find_object(json, "content", where))
-      add_content(tile, *content, where + ": content");
-    if (const tile_contents::Json* contents = tile_contents::find_array(json, "contents", where))
-      add_contents(tile, *contents, where + ": contents");
+  void parse_contents(Tile& tile, const Json& json, const std::string& where) {
+    if (const Json* content = find_object(json, "content", where)) add_content(tile, *content, where + ": content");
+    if (const Json* contents = find_array(json, "contents", where)) add_contents(tile, *contents, where + ": contents");
     // Before 1.1 several contents were an extension, in which either name occurs.
-    const tile_contents::Json* extensions = tile_contents::find_object(json, "extensions", where);
-    const tile_contents::Json* several =
-        extensions == nullptr ? nullptr : tile_contents::find_object(*extensions, "3DTILES_multiple_contents", where);
+    const Json* extensions = find_object(json, "extensions", where);
+    const Json* several =
+        extensions == nullptr ? nullptr : find_object(*extensions, "3DTILES_multiple_contents", where);
     if (several == nullptr) return;
     for (const char* key : {"content", "contents"}) {
-      if (const tile_contents::Json* contents = tile_contents::find_array(*several, key, where))
-        add_contents(tile, *contents, where + ": contents");
+      if (const Json* contents = find_array(*several, key, where)) add_contents(tile, *contents, where + ": contents");
     }
   }
 
-  void add_contents(Tile& tile, const tile_contents::Json& contents, const std::string& where) {
-    for (const tile_contents::Json& content : contents) {
+  void add_contents(Tile& tile, const Json& contents, const std::string& where) {
+    for (const Json& content : contents) {
       if (!content.is_null()) add_content(tile, content, where);
     }
   }
 
   /// The volume stated in a content's metadata, if any.
-  std::optional<BoundingVolume> content_volume(const Tile& tile, const tile_contents::Json& json,
-                                               const std::string& where) {
+  std::optional<BoundingVolume> content_volume(const Tile& tile, const Json& json, const std::string& where) {
     const std::optional<BoundingVolume> written = parse_volume(json, where);
-    const tile_contents::Json* metadata = member_or_extension(json, "metadata", "3DTILES_metadata", where);
-    const auto id = metadata == nullptr ? std::nullopt : tile_contents::find_string(*metadata, "class", where);
+    const Json* metadata = member_or_extension(json, "metadata", "3DTILES_metadata", where);
+    const auto id = metadata == nullptr ? std::nullopt : find_string(*metadata, "class", where);
     const std::shared_ptr<const tile_contents::MetadataSchema> known = id ? schema() : nullptr;
     if (!known || !known->contains(*id)) return written;
     const TileSemantics own = semantics(*metadata, known->at(*id), "CONTENT", where + ": metadata");
@@ -265,27 +228,26 @@ class TilesetParser {
     return apply_semantics(written.value_or(tile.bounding_volume), own);
   }
 
-  void add_content(Tile& tile, const tile_contents::Json& json, const std::string& where) {
+  void add_content(Tile& tile, const Json& json, const std::string& where) {
     if (!json.is_object()) throw InputError(where, "is not an object");
-    std::optional<std::string> uri = tile_contents::find_string(json, "uri", where);
-    if (!uri) uri = tile_contents::find_string(json, "url", where);  // before 1.0
+    std::optional<std::string> uri = find_string(json, "uri", where);
+    if (!uri) uri = find_string(json, "url", where);  // before 1.0
     if (!uri || uri->empty()) throw InputError(where, "uri is missing");
     tile.contents.push_back({*std::move(uri), content_volume(tile, json, where)});
   }
 
   /// An object that is a member in 1.1 and was an extension in 1.0.
-  static const tile_contents::Json* member_or_extension(const tile_contents::Json& json, const char* member,
-                                                        const char* extension, const std::string& where) {
-    if (const tile_contents::Json* found = tile_contents::find_object(json, member, where)) return found;
-    const tile_contents::Json* extensions = tile_contents::find_object(json, "extensions", where);
-    return extensions == nullptr ? nullptr : tile_contents::find_object(*extensions, extension, where);
+  static const Json* member_or_extension(const Json& json, const char* member, const char* extension,
+                                         const std::string& where) {
+    if (const Json* found = find_object(json, member, where)) return found;
+    const Json* extensions = find_object(json, "extensions", where);
+    return extensions == nullptr ? nullptr : find_object(*extensions, extension, where);
   }
 
-  void parse_implicit(Tile& tile, const tile_contents::Json& json, const std::string& where) {
-    const tile_contents::Json* implicit = member_or_extension(json, "implicitTiling", "3DTILES_implicit_tiling", where);
+  void parse_implicit(Tile& tile, const Json& json, const std::string& where) {
+    const Json* implicit = member_or_extension(json, "implicitTiling", "3DTILES_implicit_tiling", where);
     if (implicit == nullptr || !tile.unsupported.empty()) return;
-    if (const tile_contents::Json* children = tile_contents::find_array(json, "children", where);
-        children != nullptr && !children->empty()) {
+    if (const Json* children = find_array(json, "children", where); children != nullptr && !children->empty()) {
       throw InputError(where, "has both implicitTiling and children");
     }
     if (std::holds_alternative<BoundingSphere>(tile.bounding_volume)) {
@@ -305,12 +267,10 @@ class TilesetParser {
     tile.implicit_subtree = ImplicitSubtree{std::move(tiling), {}};
   }
 
-  static bool is_cylinder(const tile_contents::Json& json, const std::string& where) {
-    const tile_contents::Json* volume = tile_contents::find_object(json, "boundingVolume", where);
-    const tile_contents::Json* extensions =
-        volume == nullptr ? nullptr : tile_contents::find_object(*volume, "extensions", where);
-    return extensions != nullptr &&
-           tile_contents::find_member(*extensions, "3DTILES_bounding_volume_cylinder") != nullptr;
+  static bool is_cylinder(const Json& json, const std::string& where) {
+    const Json* volume = find_object(json, "boundingVolume", where);
+    const Json* extensions = volume == nullptr ? nullptr : find_object(*volume, "extensions", where);
+    return extensions != nullptr && find_member(*extensions, "3DTILES_bounding_volume_cylinder") != nullptr;
   }
 
   static void check_templates(const ImplicitTiling& tiling, const std::string& where) {
@@ -325,10 +285,10 @@ class TilesetParser {
   }
 
   /// Applies volumes, error and refinement stated in a tile's metadata instead of its JSON.
-  void apply_metadata(Tile& tile, const tile_contents::Json& json, const std::string& where) {
-    const tile_contents::Json* metadata = member_or_extension(json, "metadata", "3DTILES_metadata", where);
+  void apply_metadata(Tile& tile, const Json& json, const std::string& where) {
+    const Json* metadata = member_or_extension(json, "metadata", "3DTILES_metadata", where);
     if (metadata == nullptr) return;
-    const auto id = tile_contents::find_string(*metadata, "class", where);
+    const auto id = find_string(*metadata, "class", where);
     const std::shared_ptr<const tile_contents::MetadataSchema> known = schema();
     if (!id || !known || !known->contains(*id)) return;
     const TileSemantics own = semantics(*metadata, known->at(*id), "TILE", where + ": metadata");
@@ -338,27 +298,24 @@ class TilesetParser {
     if (own.refine) tile.refine = own.refine;
   }
 
-  static TileSemantics semantics(const tile_contents::Json& metadata,
-                                 const tile_contents::MetadataClass& metadata_class, const std::string& prefix,
-                                 const std::string& where) {
-    const tile_contents::Json* properties = tile_contents::find_object(metadata, "properties", where);
+  static TileSemantics semantics(const Json& metadata, const tile_contents::MetadataClass& metadata_class,
+                                 const std::string& prefix, const std::string& where) {
+    const Json* properties = find_object(metadata, "properties", where);
     if (properties == nullptr) return {};
     SemanticValues values;
     values.numbers = [&](const std::string& semantic) -> std::optional<std::vector<double>> {
       for (const tile_contents::MetadataProperty& property : metadata_class.properties) {
         if (property.semantic != semantic) continue;
-        const tile_contents::Json* value = tile_contents::find_member(*properties, property.id.c_str());
+        const Json* value = find_member(*properties, property.id.c_str());
         if (value == nullptr) continue;
-        if (!value->is_array())
-          return std::vector{*tile_contents::find_number(*properties, property.id.c_str(), where)};
-        return tile_contents::find_numbers(*properties, property.id.c_str(), 0, where);
+        if (!value->is_array()) return std::vector{*find_number(*properties, property.id.c_str(), where)};
+        return find_numbers(*properties, property.id.c_str(), 0, where);
       }
       return std::nullopt;
     };
     values.text = [&](const std::string& semantic) -> std::optional<std::string> {
       for (const tile_contents::MetadataProperty& property : metadata_class.properties) {
-        const tile_contents::Json* value =
-            property.semantic == semantic ? tile_contents::find_member(*properties, property.id.c_str()) : nullptr;
+        const Json* value = property.semantic == semantic ? find_member(*properties, property.id.c_str()) : nullptr;
         if (value != nullptr) return value->is_string() ? value->get<std::string>() : value->dump();
       }
       return std::nullopt;
@@ -372,12 +329,11 @@ class TilesetParser {
     schema_known_ = true;
     const std::string where = name_ + ": schema";
     try {
-      if (const tile_contents::Json* own = member_or_extension(*json_, "schema", "3DTILES_metadata", name_)) {
-        const tile_contents::Json* inner =
-            tile_contents::find_object(*own, "schema", where);  // nested one level deeper in the extension
+      if (const Json* own = member_or_extension(*json_, "schema", "3DTILES_metadata", name_)) {
+        const Json* inner = find_object(*own, "schema", where);  // nested one level deeper in the extension
         schema_ = std::make_shared<const tile_contents::MetadataSchema>(
             tile_contents::parse_metadata_schema(inner != nullptr ? *inner : *own, where));
-      } else if (const auto uri = tile_contents::find_string(*json_, "schemaUri", name_); uri && read_text_) {
+      } else if (const auto uri = find_string(*json_, "schemaUri", name_); uri && read_text_) {
         schema_ = std::make_shared<const tile_contents::MetadataSchema>(tile_contents::parse_metadata_schema(
             tile_contents::parse_json(read_text_(*uri), transport::uri_for_message(*uri)),
             transport::uri_for_message(*uri)));
@@ -391,7 +347,7 @@ class TilesetParser {
   std::string name_;
   TilesetLimits limits_;
   const TextReader& read_text_;
-  const tile_contents::Json* json_ = nullptr;
+  const Json* json_ = nullptr;
   bool schema_known_ = false;
   std::shared_ptr<const tile_contents::MetadataSchema> schema_;
   Tileset tileset_;

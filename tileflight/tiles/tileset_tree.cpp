@@ -5,7 +5,6 @@
 #include <numeric>
 #include <string_view>
 
-#include "tileflight/base/input_error.h"
 #include "tileflight/base/raw_bytes.h"
 #include "tileflight/base/string_lists.h"
 #include "tileflight/transport/uri.h"

@@ -1,4 +1,4 @@
-#include "tileflight/survey/coverage_contents.h"
+#include "tileflight/coverage/coverage_contents.h"
 
 #include <algorithm>
 #include <limits>
@@ -7,7 +7,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/tiles/load.h"
 
-namespace tileflight::survey {
+namespace tileflight::coverage {
 namespace {
 
 // Shares of the memory limit. The rest is for the pixels of frames, cells and pictures.
@@ -160,4 +160,4 @@ geometry::Box3 CoverageContents::bounds(const ContentIds& ids) const {
   return box;
 }
 
-}  // namespace tileflight::survey
+}  // namespace tileflight::coverage

@@ -1,10 +1,10 @@
-#include "tileflight/survey/tile_coverage.h"
+#include "tileflight/coverage/pixel_counts.h"
 
 #include <tbb/parallel_for.h>
 
 #include <tuple>
 
-namespace tileflight::survey {
+namespace tileflight::coverage {
 namespace {
 
 enum class PixelQuality { kRight, kCoarser, kMissing };
@@ -79,4 +79,4 @@ PixelCounts count_pixels(const std::vector<PixelHit>& frame, const std::vector<s
   return shares;
 }
 
-}  // namespace tileflight::survey
+}  // namespace tileflight::coverage

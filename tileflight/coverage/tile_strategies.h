@@ -8,7 +8,7 @@
 #include "tileflight/tiles/placement.h"
 #include "tileflight/tiles/view_criteria.h"
 
-namespace tileflight::survey {
+namespace tileflight::coverage {
 
 /// A strategy that decides which tiles are loaded for a flight's frames.
 struct TileStrategy {
@@ -37,4 +37,4 @@ std::vector<TileStrategy> make_tile_strategies(const StrategySettings& settings)
 /// Criterion for everything that the flight sees, at the finest error that counts.
 tiles::RefinementCriterion full_detail_criterion(const StrategySettings& settings);
 
-}  // namespace tileflight::survey
+}  // namespace tileflight::coverage

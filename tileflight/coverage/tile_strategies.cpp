@@ -1,16 +1,15 @@
-#include "tileflight/survey/tile_strategies.h"
+#include "tileflight/coverage/tile_strategies.h"
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
-namespace tileflight::survey {
+namespace tileflight::coverage {
 namespace {
 
 using geometry::Mat3;
 using geometry::SE3;
 using geometry::Vec3;
-using tiles::BoundingVolume;
 using tiles::RefinementCriterion;
 
 constexpr double kMaxPinholeFov_deg = 170.0;
@@ -70,4 +69,4 @@ RefinementCriterion full_detail_criterion(const StrategySettings& s) {
       tiles::flight_criterion(tiles::view_cones_along(s.camera, s.T_local_camera), s.T_local_tileset, 0.0), s.error_m);
 }
 
-}  // namespace tileflight::survey
+}  // namespace tileflight::coverage

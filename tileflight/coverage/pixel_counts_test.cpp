@@ -1,4 +1,4 @@
-#include "tileflight/survey/tile_coverage.h"
+#include "tileflight/coverage/pixel_counts.h"
 
 #include <gmock/gmock.h>
 
@@ -8,7 +8,7 @@
 
 #include "tileflight/transport/test_tilesets.h"
 
-namespace tileflight::survey::tile_coverage_test {
+namespace tileflight::coverage::pixel_counts_test {
 namespace {
 
 using ::testing::ElementsAre;
@@ -117,4 +117,4 @@ TEST(TracePixels, ThroughPartsOfASceneAsThroughTheWhole) {
 }
 
 }  // namespace
-}  // namespace tileflight::survey::tile_coverage_test
+}  // namespace tileflight::coverage::pixel_counts_test

@@ -13,7 +13,7 @@
 #include "tileflight/tiles/tileset_tree.h"
 #include "tileflight/transport/tile_source.h"
 
-namespace tileflight::survey {
+namespace tileflight::coverage {
 
 using ContentIds = std::vector<std::uint32_t>;  ///< content indices, ascending
 
@@ -76,4 +76,4 @@ class CoverageContents {
   std::uintmax_t kept_limit_bytes_;
 };
 
-}  // namespace tileflight::survey
+}  // namespace tileflight::coverage

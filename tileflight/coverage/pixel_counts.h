@@ -9,7 +9,7 @@
 #include "tileflight/scene/scene.h"
 #include "tileflight/tiles/selection.h"
 
-namespace tileflight::survey {
+namespace tileflight::coverage {
 
 /// The surface hit by a pixel's central ray in the finest tiles.
 struct PixelHit {
@@ -46,10 +46,10 @@ struct PixelCounts {
   double share(std::int64_t count) const { return pixels > 0 ? static_cast<double>(count) / pixels : 0.0; }
 };
 
-/// Counts pixels. `substitutes[c]`: the substitutes of content c. A pixel is right if the nearest substitute in memory is
-/// the content's own tile, or has an error of at most `error_px` there, for a lens with `pixels_per_rad` pixels per
+/// Counts pixels. `substitutes[c]`: the substitutes of content c. A pixel is right if the nearest substitute in memory
+/// is the content's own tile, or has an error of at most `error_px` there, for a lens with `pixels_per_rad` pixels per
 /// radian.
 PixelCounts count_pixels(const std::vector<PixelHit>& frame, const std::vector<std::vector<Substitute>>& substitutes,
                          const std::vector<bool>& node_in_memory, double pixels_per_rad, double error_px);
 
-}  // namespace tileflight::survey
+}  // namespace tileflight::coverage

@@ -9,7 +9,7 @@
 #include "tileflight/base/progress.h"
 #include "tileflight/tiles/load.h"
 
-namespace tileflight::survey {
+namespace tileflight::coverage {
 
 /// Settings of `tileflight coverage`.
 struct CoverageSettings {
@@ -47,7 +47,7 @@ struct CoverageSettings {
 /// Writes coverage.json (returned), frames.csv, and for the frame where view-follow misses most an image with each
 /// strategy's tiles (holes are black) and figure.png (view-follow beside flight) into `out`, atomically. Throws
 /// InputError.
-nlohmann::json coverage(const CoverageSettings& settings, const std::filesystem::path& out, bool replace,
-                        const Progress& progress = {});
+nlohmann::json measure_coverage(const CoverageSettings& settings, const std::filesystem::path& out, bool replace,
+                                const Progress& progress = {});
 
-}  // namespace tileflight::survey
+}  // namespace tileflight::coverage
