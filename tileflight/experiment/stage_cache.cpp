@@ -9,6 +9,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/output_folder.h"
 #include "tileflight/experiment/link_files.h"
+#include "tileflight/place/memory_budget.h"
 
 namespace tileflight::experiment {
 namespace fs = std::filesystem;
@@ -100,6 +101,7 @@ bool StageCache::run_stage(const std::string& name, const nlohmann::json& inputs
   if (!taken) {
     notify(name, StageEvent::Kind::kBegins);
     work();
+    place::return_free_pages();
   }
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   done_[name] = {{"key", key}, {"seconds", seconds}, {"inputs", inputs}, {"products", products}};

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <cstring>
+#include <memory>
 #include <stdexcept>
 
 #include "tileflight/base/decompress.h"
@@ -45,15 +46,17 @@ std::vector<std::byte> encode_quick_picture(const RgbImage& image) {
   const QuickHeader header{.width = static_cast<std::uint32_t>(image.width),
                            .height = static_cast<std::uint32_t>(image.height)};
   const std::size_t row_bytes = kChannels * header.width, size = row_bytes * header.height;
-  std::vector<std::uint8_t> differences(size);
+  // Not vectors, which are cleared first.
+  const auto differences = std::make_unique_for_overwrite<std::uint8_t[]>(size);
   for (int y = 0; y < image.height; ++y)
     difference_row(image.row(y)->data(), row_bytes, &differences[static_cast<std::size_t>(y) * row_bytes]);
-  std::vector<std::byte> bytes(sizeof(header) + ZSTD_compressBound(size));
-  std::memcpy(bytes.data(), &header, sizeof(header));
-  const std::size_t written = ZSTD_compress(bytes.data() + sizeof(header), bytes.size() - sizeof(header),
-                                            differences.data(), size, kQuickLevel);
+  const std::size_t most = ZSTD_compressBound(size);
+  const auto compressed = std::make_unique_for_overwrite<std::byte[]>(most);
+  const std::size_t written = ZSTD_compress(compressed.get(), most, differences.get(), size, kQuickLevel);
   if (ZSTD_isError(written) != 0U) throw std::runtime_error("Zstandard: a picture was not compressed");
-  bytes.resize(sizeof(header) + written);
+  std::vector<std::byte> bytes(sizeof(header) + written);
+  std::memcpy(bytes.data(), &header, sizeof(header));
+  std::memcpy(bytes.data() + sizeof(header), compressed.get(), written);
   return bytes;
 }
 

@@ -1,6 +1,9 @@
 #include "tileflight/place/memory_budget.h"
 
 #include <unistd.h>
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
 
 #include <algorithm>
 #include <charconv>
@@ -34,6 +37,12 @@ ControlGroupMemory own_control_group() {
 }
 
 }  // namespace
+
+void return_free_pages() {
+#ifdef __GLIBC__
+  malloc_trim(0);
+#endif
+}
 
 ControlGroupMemory control_group_memory(const std::filesystem::path& top, std::string_view line) {
   ControlGroupMemory memory{kUnlimited, kUnlimited};

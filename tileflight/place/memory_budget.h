@@ -15,6 +15,11 @@ std::uintmax_t default_memory_bytes();
 /// most what the control group of this process allows (Linux). The largest number if that is not known.
 std::uintmax_t available_memory_bytes();
 
+/// Returns free pages between those in use to the system (glibc). What frames, tiles and keyframes leave in the arenas
+/// of several threads does not serve the next step as it lies: in a run of 100 frames of 2688 x 1512, odometry began
+/// with 772 MB free of 773 in the arenas, and came to take 1596 MB for 769 in use.
+void return_free_pages();
+
 /// Memory that a control group allows (cgroup v2), bytes; the largest number if it sets no limit.
 struct ControlGroupMemory {
   std::uintmax_t limit = 0;  ///< the least of it and the groups around it

@@ -160,6 +160,15 @@ TracerPose::TracerPose(const geometry::SE3& T_local_camera, const geometry::Vec3
   }
 }
 
+std::vector<imaging::PixelRegion> tiles_of(const imaging::PixelRegion& region) {
+  std::vector<imaging::PixelRegion> tiles;
+  for (int y = region.y0; y < region.y1; y += kTileHeight) {
+    for (int x = region.x0; x < region.x1; x += kTileWidth)
+      tiles.push_back({x, y, std::min(region.x1, x + kTileWidth), std::min(region.y1, y + kTileHeight)});
+  }
+  return tiles;
+}
+
 static_assert(BlockTracer::kMostMoments == scene::kMostMovingBeams);
 
 BlockTracer::BlockTracer(const scene::Scene& scene, const Appearance& appearance, const imaging::Rgb8& background,

@@ -11,6 +11,7 @@
 #include "tileflight/base/simd.h"
 #include "tileflight/imaging/pixel_region.h"
 #include "tileflight/render/appearance.h"
+#include "tileflight/render/linear_color.h"
 #include "tileflight/render/ray_table.h"
 #include "tileflight/scene/packets.h"
 #include "tileflight/scene/scene.h"
@@ -56,6 +57,20 @@ TILEFLIGHT_LANE_INLINE imaging::Rgb8 encode_squared(const Float4& squares) {
           static_cast<std::uint8_t>(values[2])};
 }
 
+/// SrgbTables::decode() of the roots of one sample's squared sRGB values, to the bit; the fourth number is 0.
+TILEFLIGHT_LANE_INLINE void decode_squared(const SrgbTables& srgb, const Float4& squares, Float4& light) {
+  Float4 roots;
+  for (int c = 0; c < 4; ++c) roots[c] = std::sqrt(squares[c]);
+  roots = roots < 255.0F ? roots : Float4{} + 255.0F;
+  const auto below = __builtin_convertvector(roots, base::Int4);
+  const Float4 share = roots - __builtin_convertvector(below, Float4);
+  // Beyond 255 comes 0, of which the share is none.
+  const auto at = [&srgb](int level) { return srgb.decode(static_cast<std::uint8_t>(level)); };
+  const Float4 from{at(below[0]), at(below[1]), at(below[2]), 0.0F};
+  const Float4 to{at(below[0] + 1), at(below[1] + 1), at(below[2] + 1), 0.0F};
+  light = from + share * (to - from);
+}
+
 /// Texture reads for a block's eight samples.
 struct BlockTextureReads {
   std::array<const Material*, 8> material;  ///< null: no hit
@@ -94,6 +109,39 @@ TILEFLIGHT_LANE_INLINE void for_each_beam(const imaging::PixelRegion& tile, int 
     for (int x = tile.x0 * n; x < tile.x1 * n; x += TracedBeam::kColumns) work(x, y);
   }
 }
+
+/// Threads share an image, or a region, by tiles of this size.
+inline constexpr int kTileWidth = 64, kTileHeight = 32;
+/// The tiles of a region, in rows.
+std::vector<imaging::PixelRegion> tiles_of(const imaging::PixelRegion& region);
+
+/// Light of a tile's pixels, summed where it stays in the processor's cache. The fourth numbers are not used.
+class TileLight {
+ public:
+  explicit TileLight(const imaging::PixelRegion& tile)
+      : tile_(tile), pixels_(width() * static_cast<std::size_t>(tile.y1 - tile.y0)) {}
+
+  Float4& at(int x, int y) { return pixels_[first_of_row(y) + static_cast<std::size_t>(x - tile_.x0)]; }
+  /// Calls `sink(x, y, light)` for each row, from its first pixel (x, y) on, with the sums times `scale`.
+  template <class Sink>
+  void hand_over(float scale, const Sink& sink) const {
+    std::array<LinearRgb, kTileWidth> row;
+    for (int y = tile_.y0; y < tile_.y1; ++y) {
+      for (std::size_t i = 0; i < width(); ++i) {
+        const Float4 light = pixels_[first_of_row(y) + i] * scale;
+        row[i] = {light[0], light[1], light[2]};
+      }
+      sink(tile_.x0, y, std::span<const LinearRgb>(row).first(width()));
+    }
+  }
+
+ private:
+  std::size_t width() const { return static_cast<std::size_t>(tile_.x1 - tile_.x0); }
+  std::size_t first_of_row(int y) const { return static_cast<std::size_t>(y - tile_.y0) * width(); }
+
+  imaging::PixelRegion tile_;
+  std::vector<Float4> pixels_;
+};
 
 /// Casts and shades blocks of samples. The inner loop of rendering: no allocation, no virtual call.
 class BlockTracer {

@@ -4,8 +4,10 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <optional>
+#include <span>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -22,8 +24,6 @@
 namespace tileflight::render {
 namespace {
 
-// Threads share an image, or a region, by tiles of this size.
-constexpr int kTileWidth = 64, kTileHeight = 32;
 // Beams are the same in a region as in the whole image.
 static_assert(kRegionStep % TracedBeam::kColumns == 0 && kRegionStep % TracedBeam::kRows == 0);
 
@@ -35,16 +35,6 @@ int samples_along_axis(int samples_per_pixel) {
 }
 
 using imaging::PixelRegion;
-
-/// The tiles of a region, in rows.
-std::vector<PixelRegion> tiles_of(const PixelRegion& region) {
-  std::vector<PixelRegion> tiles;
-  for (int y = region.y0; y < region.y1; y += kTileHeight) {
-    for (int x = region.x0; x < region.x1; x += kTileWidth)
-      tiles.push_back({x, y, std::min(region.x1, x + kTileWidth), std::min(region.y1, y + kTileHeight)});
-  }
-  return tiles;
-}
 
 Haze haze_of(const RenderOptions& options) {
   Haze haze{options.haze_per_m, {}};
@@ -124,16 +114,16 @@ struct CameraRenderer::Impl {
   void write_colors(const TracedBeam& beam, imaging::RgbImage& rgb) const;
   void write_air(const TracedBeam::Block& block, const scene::RayPacket8& packet, const SquaredColors8& squares,
                  imaging::RgbImage& rgb) const;
-  std::array<LinearRgb, 8> shade_block(std::uint8_t valid, const scene::RayPacket8& packet,
-                                       const SquaredColors8& squares) const;
-  void add_light(const PixelRegion& tile, const LightMoments& moments, const CentralRays& wanted, LinearImage& sum,
+  std::array<LinearRgb, 8> light_through_air(std::uint8_t valid, const scene::RayPacket8& packet,
+                                             SquaredColors8& squares) const;
+  void add_light(const PixelRegion& tile, const LightMoments& moments, const CentralRays& wanted, TileLight& sum,
                  ViewStatistics& view) const;
-  void add_light(const TracedBeam& beam, int samples_along_axis, LinearImage& sum) const;
-  void scale_light(const PixelRegion& tile, int moments, LinearImage& sum) const;
+  void add_light(const TracedBeam& beam, int samples_along_axis, TileLight& sum) const;
   CentralRays wanted(imaging::FloatImage& depth_m, const SurfaceVisitor& visitor) const;
   RenderedFrame render(std::span<const geometry::SE3> poses_of_rows, const OptionalRegion& region,
                        const SurfaceVisitor& visitor) const;
-  LightFrame render_light(const ShutterPoses& poses, const OptionalRegion& region, const SurfaceVisitor& visitor) const;
+  LightFrame render_light(const ShutterPoses& poses, const OptionalRegion& region, const SurfaceVisitor& visitor,
+                          const LightSink& sink) const;
   std::size_t moments_at_once(std::span<const RowPoses> moments) const;
 };
 
@@ -229,41 +219,55 @@ void CameraRenderer::Impl::write_air(const TracedBeam::Block& block, const scene
   });
 }
 
-std::array<LinearRgb, 8> CameraRenderer::Impl::shade_block(std::uint8_t valid, const scene::RayPacket8& packet,
-                                                           const SquaredColors8& squares) const {
-  if (shader) return shader->shade(valid, packet, squares);
-  const SrgbTables& srgb = SrgbTables::get();
+/// Light of a block that was shaded, where lamps or the air change it.
+std::array<LinearRgb, 8> CameraRenderer::Impl::light_through_air(std::uint8_t valid, const scene::RayPacket8& packet,
+                                                                 SquaredColors8& squares) const {
+  if (atmosphere) atmosphere->wet_surfaces(valid, packet, squares);
   std::array<LinearRgb, 8> lanes{};
-  for (std::size_t i = 0; i < lanes.size(); ++i) {
-    if ((valid >> i & 1U) == 0) continue;
-    Float4 roots;
-    for (int c = 0; c < 4; ++c) roots[c] = std::sqrt(squares[i][c]);
-    for (int c = 0; c < 3; ++c) lanes[i][static_cast<std::size_t>(c)] = srgb.decode(roots[c]);
+  if (shader) {
+    lanes = shader->shade(valid, packet, squares);
+  } else {
+    for (std::size_t i = 0; i < lanes.size(); ++i) {
+      if ((valid >> i & 1U) == 0) continue;
+      Float4 light;
+      decode_squared(SrgbTables::get(), squares[i], light);
+      lanes[i] = {light[0], light[1], light[2]};
+    }
   }
+  if (atmosphere) atmosphere->add_air(valid, packet, lanes);
   return lanes;
 }
 
 /// A beam that was cast, with its texture reads.
-void CameraRenderer::Impl::add_light(const TracedBeam& beam, int samples_along_axis, LinearImage& sum) const {
+TILEFLIGHT_WIDE_VECTORS void CameraRenderer::Impl::add_light(const TracedBeam& beam, int samples_along_axis,
+                                                             TileLight& sum) const {
   const int n = samples_along_axis;
+  const bool is_plain = !shader && !atmosphere;
+  const SrgbTables& srgb = SrgbTables::get();
   SquaredColors8 squares;
   for (int k = 0; k < beam.size; ++k) {
     const TracedBeam::Block& block = beam.blocks[static_cast<std::size_t>(k)];
     const scene::RayPacket8& packet = beam.packets[static_cast<std::size_t>(k)];
     tracer.shade(block.valid, packet, beam.reads[static_cast<std::size_t>(k)], squares);
-    if (atmosphere) atmosphere->wet_surfaces(block.valid, packet, squares);
-    std::array<LinearRgb, 8> lanes = shade_block(block.valid, packet, squares);
-    if (atmosphere) atmosphere->add_air(block.valid, packet, lanes);
+    if (is_plain) {
+      for_each_lane(block, [&](int i, int x, int y) {
+        Float4 light;
+        decode_squared(srgb, squares[static_cast<std::size_t>(i)], light);
+        (n == 1 ? sum.at(x, y) : sum.at(x / n, y / n)) += light;  // a division takes longer than all the rest
+      });
+      continue;
+    }
+    const std::array<LinearRgb, 8> lanes = light_through_air(block.valid, packet, squares);
     for_each_lane(block, [&](int i, int x, int y) {
-      LinearRgb& light = sum(x / n, y / n);
-      for (std::size_t c = 0; c < 3; ++c) light[c] += lanes[static_cast<std::size_t>(i)][c];
+      const LinearRgb& light = lanes[static_cast<std::size_t>(i)];
+      sum.at(x / n, y / n) += Float4{light[0], light[1], light[2], 0.0F};
     });
   }
 }
 
 /// Adds the light of all moments, and hands on the middle one's central rays, if these are what is cast.
 void CameraRenderer::Impl::add_light(const PixelRegion& tile, const LightMoments& moments, const CentralRays& wanted,
-                                     LinearImage& sum, ViewStatistics& view) const {
+                                     TileLight& sum, ViewStatistics& view) const {
   const RayTable& table = rays->samples ? *rays->samples : rays->central;
   std::array<TracedBeam, BlockTracer::kMostMoments> beams;
   for (std::size_t first = 0; first < moments.all.size(); first += moments.at_once) {
@@ -284,15 +288,6 @@ void CameraRenderer::Impl::add_light(const PixelRegion& tile, const LightMoments
   }
 }
 
-void CameraRenderer::Impl::scale_light(const PixelRegion& tile, int moments, LinearImage& sum) const {
-  const float scale = 1.0F / static_cast<float>(moments * options.samples_per_pixel);
-  for (int y = tile.y0; y < tile.y1; ++y) {
-    for (int x = tile.x0; x < tile.x1; ++x) {
-      for (float& light : sum(x, y)) light *= scale;
-    }
-  }
-}
-
 CentralRays CameraRenderer::Impl::wanted(imaging::FloatImage& depth_m, const SurfaceVisitor& visitor) const {
   return {options.depth ? &depth_m : nullptr, visitor ? &visitor : nullptr, scene.first_placed_mesh()};
 }
@@ -309,17 +304,22 @@ RenderedFrame CameraRenderer::Impl::render(std::span<const geometry::SE3> poses_
 }
 
 LightFrame CameraRenderer::Impl::render_light(const ShutterPoses& shutter, const OptionalRegion& region,
-                                              const SurfaceVisitor& visitor) const {
-  LightFrame frame{LinearImage(width(), height()), empty_depth(), {}};
+                                              const SurfaceVisitor& visitor, const LightSink& sink) const {
+  LightFrame frame{sink ? LinearImage() : LinearImage(width(), height()), empty_depth(), {}};
+  const LightSink keep = [&frame](int x, int y, std::span<const LinearRgb> light) {
+    std::ranges::copy(light, &frame.light(x, y));
+  };
   std::vector<RowPoses> moments;
   for (int k = 0; k < shutter.moments; ++k) moments.push_back(rows_at(shutter, k));
   tracer.prepare();
   const LightMoments all{moments, moments_at_once(moments)};
   const CentralRays central = wanted(frame.depth_m, visitor);
+  const float scale = 1.0F / static_cast<float>(shutter.moments * options.samples_per_pixel);
   frame.view = for_each_tile(region, [&](const PixelRegion& tile) {
     ViewStatistics view;
-    add_light(tile, all, central, frame.light, view);
-    scale_light(tile, shutter.moments, frame.light);
+    TileLight sum(tile);
+    add_light(tile, all, central, sum, view);
+    sum.hand_over(scale, sink ? sink : keep);
     return rays->samples ? trace_central(tile, all.all[all.middle()], central, nullptr) : view;
   });
   return frame;
@@ -363,7 +363,7 @@ RenderedFrame CameraRenderer::render_rows(std::span<const geometry::SE3> T_local
   require_a_pose_a_row(rows, impl_->height());
   if (!impl_->rays->samples && !impl_->shader) return impl_->render(T_local_camera_of_row, region, visitor);
   ShutterPoses shutter{1, static_cast<int>(rows), {T_local_camera_of_row.begin(), T_local_camera_of_row.end()}};
-  LightFrame light = impl_->render_light(shutter, region, visitor);
+  LightFrame light = impl_->render_light(shutter, region, visitor, {});
   RenderedFrame frame{imaging::RgbImage(impl_->width(), impl_->height()), std::move(light.depth_m), light.view};
   const SrgbTables& srgb = SrgbTables::get();
   tbb::parallel_for(0, impl_->height(), [&](int y) {
@@ -373,14 +373,14 @@ RenderedFrame CameraRenderer::render_rows(std::span<const geometry::SE3> T_local
 }
 
 LightFrame CameraRenderer::render_light(const ShutterPoses& poses, const OptionalRegion& region,
-                                        const SurfaceVisitor& visitor) const {
+                                        const SurfaceVisitor& visitor, const LightSink& sink) const {
   const auto wanted = static_cast<std::size_t>(poses.moments) * static_cast<std::size_t>(poses.rows);
   if (poses.moments < 1 || poses.T_local_camera.size() != wanted ||
       (!poses.scene_times.empty() && poses.scene_times.size() != wanted) ||
       (poses.rows != 1 && poses.rows != impl_->height())) {
     throw std::invalid_argument("ShutterPoses: times x (1 or height) poses are needed");
   }
-  return impl_->render_light(poses, region, visitor);
+  return impl_->render_light(poses, region, visitor, sink);
 }
 
 void CameraRenderer::visit_surface(std::span<const geometry::SE3> T_local_camera_of_row, const SurfaceVisitor& visitor,

@@ -65,6 +65,9 @@ struct LightFrame {
   ViewStatistics view;
 };
 
+/// Takes the light of neighbouring pixels of a row, from (x, y) on; called from several threads at once, in any order.
+using LightSink = std::function<void(int x, int y, std::span<const LinearRgb> light)>;
+
 /// Camera poses during one frame: the pose at each of `moments` times of the exposure, for the whole image or for each
 /// row (rolling shutter).
 struct ShutterPoses {
@@ -157,10 +160,11 @@ class CameraRenderer {
   /// Renders each row from its own pose (rolling shutter): one pose per row.
   RenderedFrame render_rows(std::span<const geometry::SE3> T_local_camera_of_row, const OptionalRegion& region = {},
                             const SurfaceVisitor& visitor = {}) const;
-  /// Linear light averaged over the exposure; `visitor` sees its middle moment. Throws std::invalid_argument if the
-  /// number of poses is wrong.
+  /// Linear light averaged over the exposure; `visitor` sees its middle moment. `sink`: takes each pixel's light once,
+  /// those without a ray included, and LightFrame::light stays empty. Throws std::invalid_argument if the number of
+  /// poses is wrong.
   LightFrame render_light(const ShutterPoses& poses, const OptionalRegion& region = {},
-                          const SurfaceVisitor& visitor = {}) const;
+                          const SurfaceVisitor& visitor = {}, const LightSink& sink = {}) const;
   /// Geometry only, one ray per pixel: `T_local_camera_of_row` is one pose, or one per row; `scene_times`: of the scene
   /// at each (scene::Ray::time), empty: 0.
   void visit_surface(std::span<const geometry::SE3> T_local_camera_of_row, const SurfaceVisitor& visitor,

@@ -144,8 +144,19 @@ FrameRenderer::FrameRenderer(const scene::Scene& scene, const imaging::Camera& c
   }
 }
 
-TracedFrame FrameRenderer::trace(std::size_t index) const {
-  TracedFrame frame = trace_region(index, {});
+TracedFrame FrameRenderer::trace(std::size_t index) const { return trace_whole(index, {}); }
+
+FlightFrame FrameRenderer::render(std::size_t index) const {
+  return develop(trace_whole(index, {.is_developed = develops_at_once()}));
+}
+
+/// Whether a pixel of a frame is what its own light becomes.
+bool FrameRenderer::develops_at_once() const {
+  return !is_ideal(formation_) && !streaks_ && !red_ && !blue_ && formation_.sharpening == 0.0;
+}
+
+TracedFrame FrameRenderer::trace_whole(std::size_t index, const Trace& how) const {
+  TracedFrame frame = trace_rays(index, {}, how);
   if (known_path_check_) {
     known_path_check_(index, frame.check);
   } else {
@@ -231,24 +242,22 @@ TracedLayer FrameRenderer::trace_layer(std::size_t index) const {
   TracedLayer layer{{},
                     imaging::Image<LayerSurface>(camera.width(), camera.height()),
                     (with_placed_ ? *with_placed_ : scene_).first_placed_mesh()};
-  layer.frame = trace_rays(index, {}, &layer.surfaces);
+  layer.frame = trace_rays(index, {}, {.surfaces = &layer.surfaces});
   return layer;
 }
 
-/// `surfaces`: what the rays meet is written there, too; null: it is not.
-TracedFrame FrameRenderer::trace_rays(std::size_t index, const OptionalRegion& region,
-                                      imaging::Image<LayerSurface>* surfaces) const {
+TracedFrame FrameRenderer::trace_rays(std::size_t index, const OptionalRegion& region, const Trace& how) const {
   TracedFrame frame;
   frame.index = index;
   const Moment moment = moment_of(index, true);
   const Cameras cameras = cameras_in(moment.scene ? &*moment.scene : nullptr);
   const auto trace = [&](const SurfaceVisitor& visitor) {
-    if (surfaces == nullptr) {
-      trace_picture(cameras, moment, region, visitor, frame);
+    if (how.surfaces == nullptr) {
+      trace_picture(cameras, moment, region, visitor, how.is_developed, frame);
       if (streaks_) draw_streaks(*streaks_, region, frame);
     } else {
       const std::uint32_t first_placed = (moment.scene ? *moment.scene : scene_).first_placed_mesh();
-      trace_picture(cameras, moment, region, noting_surfaces(*surfaces, visitor, first_placed), frame);
+      trace_picture(cameras, moment, region, noting_surfaces(*how.surfaces, visitor, first_placed), false, frame);
     }
   };
   if (!has_outputs_) {
@@ -266,7 +275,11 @@ TracedFrame FrameRenderer::trace_rays(std::size_t index, const OptionalRegion& r
 /// Colour and depth of a frame. The middle moment of the exposure has the rows' poses, so `visitor` sees what the
 /// frame's outputs are of.
 void FrameRenderer::trace_picture(const Cameras& cameras, const Moment& moment, const OptionalRegion& region,
-                                  const SurfaceVisitor& visitor, TracedFrame& frame) const {
+                                  const SurfaceVisitor& visitor, bool is_developed, TracedFrame& frame) const {
+  if (is_developed) {
+    frame.rgb = expose_picture(cameras, moment, region, visitor, frame);
+    return;
+  }
   if (is_ideal(formation_) && !streaks_) {
     RenderedFrame rendered = cameras.all->render(frames_.poses[frame.index].T_local_camera, region, visitor);
     frame.rgb = std::move(rendered.rgb);
@@ -278,6 +291,21 @@ void FrameRenderer::trace_picture(const Cameras& cameras, const Moment& moment, 
   frame.light = std::move(light.light);
   frame.depth_m = std::move(light.depth_m);
   frame.check.view = light.view;
+}
+
+/// The frame's pixels; its depth and view are written to `frame`.
+imaging::RgbImage FrameRenderer::expose_picture(const Cameras& cameras, const Moment& moment,
+                                                const OptionalRegion& region, const SurfaceVisitor& visitor,
+                                                TracedFrame& frame) const {
+  const imaging::Camera& camera = renderer_.camera();
+  imaging::RgbImage rgb(camera.width(), camera.height());
+  const Developer expose = make_developer(vignette_, formation_, gain_of(frame.index), frame.index);
+  LightFrame rest =
+      cameras.all->render_light(moment.exposure, region, visitor,
+                                [&](int x, int y, std::span<const LinearRgb> light) { expose(x, y, light, rgb); });
+  frame.depth_m = std::move(rest.depth_m);
+  frame.check.view = rest.view;
+  return rgb;
 }
 
 /// Before the frame's surfaces. A depth that only they need is dropped.

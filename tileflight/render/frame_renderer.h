@@ -59,7 +59,7 @@ PathCheck check_path(const scene::Scene& scene, const geometry::Trajectory& fram
 /// What rays find of a frame: all that depends on the scene.
 struct TracedFrame {
   std::size_t index = 0;
-  imaging::RgbImage rgb;  ///< with an ideal image formation and nothing that falls; else empty
+  imaging::RgbImage rgb;  ///< with an ideal image formation and nothing that falls, or if developed; else empty
   LinearImage light;      ///< before exposure, in all other cases; else empty
   imaging::FloatImage depth_m;
   OutputImages outputs;
@@ -92,7 +92,7 @@ class FrameRenderer {
   TracedFrame trace(std::size_t index) const;
   /// A region of the frame (see CameraRenderer), for DividedFrame; of its checks, only the region's view.
   TracedFrame trace_region(std::size_t index, const OptionalRegion& region) const {
-    return trace_rays(index, region, nullptr);
+    return trace_rays(index, region, {});
   }
   /// A layer of the frame, for LayeredFrame, without checks, and without what falls. Precondition:
   /// has_one_ray_per_pixel() of the options.
@@ -101,14 +101,25 @@ class FrameRenderer {
   void finish_layers(TracedFrame& frame, double anchor_z_m) const;
   /// Exposes a frame. Does not use the scene.
   FlightFrame develop(TracedFrame traced) const;
+  /// develop() of trace(). Where no effect needs a pixel's neighbours, light becomes pixels as soon as it is known, and
+  /// the frame's light is not kept.
+  FlightFrame render(std::size_t index) const;
 
  private:
   void meter(const scene::Scene& scene, const RenderOptions& options, const FrameRange& range);
   struct Moment;
   struct Cameras;
-  TracedFrame trace_rays(std::size_t index, const OptionalRegion& region, imaging::Image<LayerSurface>* surfaces) const;
+  struct Trace {
+    imaging::Image<LayerSurface>* surfaces = nullptr;  ///< what the rays meet is written there, too
+    bool is_developed = false;                         ///< TracedFrame::rgb instead of TracedFrame::light
+  };
+  bool develops_at_once() const;
+  TracedFrame trace_whole(std::size_t index, const Trace& how) const;
+  TracedFrame trace_rays(std::size_t index, const OptionalRegion& region, const Trace& how) const;
   void trace_picture(const Cameras& cameras, const Moment& moment, const OptionalRegion& region,
-                     const SurfaceVisitor& visitor, TracedFrame& frame) const;
+                     const SurfaceVisitor& visitor, bool is_developed, TracedFrame& frame) const;
+  imaging::RgbImage expose_picture(const Cameras& cameras, const Moment& moment, const OptionalRegion& region,
+                                   const SurfaceVisitor& visitor, TracedFrame& frame) const;
   void draw_streaks(const StreakRenderer& streaks, const OptionalRegion& region, TracedFrame& frame) const;
   LightFrame trace_light(const Cameras& cameras, const ShutterPoses& poses, const OptionalRegion& region,
                          const SurfaceVisitor& visitor) const;

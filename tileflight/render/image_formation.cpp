@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <memory>
 #include <numbers>
 #include <span>
 #include <string>
@@ -208,6 +209,15 @@ class Sensor {
   std::uint64_t key_;
 };
 
+std::size_t pixel_number(const imaging::RgbImage& image, int x, int y) {
+  return static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width) + static_cast<std::size_t>(x);
+}
+
+/// Of the pixels from this number on; null without vignetting.
+const float* vignette_at(const imaging::FloatImage& vignette, std::size_t first) {
+  return vignette.empty() ? nullptr : &vignette.pixels[first];
+}
+
 }  // namespace
 
 void validate_image_formation(const ImageFormation& f) {
@@ -315,29 +325,39 @@ imaging::FloatImage make_vignette(const ImageFormation& formation, int width, in
   return vignette;
 }
 
+Developer make_developer(const imaging::FloatImage& vignette, const ImageFormation& formation, double gain,
+                         std::uint64_t frame) {
+  assert(formation.sharpening <= 0.0);
+  return [&vignette, sensor = std::make_shared<const Sensor>(formation, gain, frame)](
+             int x, int y, std::span<const LinearRgb> light, imaging::RgbImage& image) {
+    const std::size_t first = pixel_number(image, x, y);
+    for (std::size_t i = 0; i < light.size(); i += kRunPixels) {
+      const std::span<const LinearRgb> part = light.subspan(i, std::min<std::size_t>(kRunPixels, light.size() - i));
+      Run run{};
+      sensor->expose(part, vignette_at(vignette, first + i), first + i, run);
+      write_pixels(static_cast<int>(part.size()), run.data(), &image.pixels[first + i]);
+    }
+  };
+}
+
 imaging::RgbImage develop(const LinearImage& light, const imaging::FloatImage& vignette,
                           const ImageFormation& formation, double gain, std::uint64_t frame) {
   assert(vignette.empty() || vignette.pixels.size() == light.pixels.size());
-  const Sensor sensor(formation, gain, frame);
-  const auto expose = [&](int x, int y, int pixels, Run& run) {
-    const auto first =
-        static_cast<std::size_t>(y) * static_cast<std::size_t>(light.width) + static_cast<std::size_t>(x);
-    sensor.expose(std::span(light.pixels).subspan(first, static_cast<std::size_t>(pixels)),
-                  vignette.empty() ? nullptr : &vignette.pixels[first], first, run);
-  };
   imaging::RgbImage image(light.width, light.height);
   if (formation.sharpening <= 0.0) {
-    for_each_run(light.width, light.height, [&](int x, int y, int pixels) {
-      Run run{};
-      expose(x, y, pixels, run);
-      write_pixels(pixels, run.data(), &image(x, y));
+    const Developer develop_row = make_developer(vignette, formation, gain, frame);
+    tbb::parallel_for(0, light.height, [&](int y) {
+      develop_row(0, y, {light.row(y), static_cast<std::size_t>(light.width)}, image);
     });
     return image;
   }
+  const Sensor sensor(formation, gain, frame);
   ValueImage values(light.width, light.height);
   for_each_run(light.width, light.height, [&](int x, int y, int pixels) {
+    const std::size_t first = pixel_number(image, x, y);
     Run run{};
-    expose(x, y, pixels, run);
+    sensor.expose(std::span(light.pixels).subspan(first, static_cast<std::size_t>(pixels)),
+                  vignette_at(vignette, first), first, run);
     std::memcpy(values(x, y).data(), run.data(), 3 * sizeof(float) * static_cast<std::size_t>(pixels));
   });
   sharpen(values, formation.sharpening, formation.sharpening_radius_px);

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <functional>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "tileflight/imaging/image.h"
@@ -105,6 +106,14 @@ imaging::FloatImage make_vignette(const ImageFormation& formation, int width, in
 /// Converts light to 8-bit pixels. `vignette`: from make_vignette; `frame`: frame number, which selects the noise.
 imaging::RgbImage develop(const LinearImage& light, const imaging::FloatImage& vignette,
                           const ImageFormation& formation, double gain, std::uint64_t frame);
+
+/// Converts the light of pixels of a row, from (x, y) on, to 8-bit pixels of the image.
+using Developer = std::function<void(int x, int y, std::span<const LinearRgb> light, imaging::RgbImage& image)>;
+
+/// develop() a few pixels at a time, in any order and from several threads at once. `vignette` must outlive it.
+/// Precondition: no sharpening, which looks at neighbours.
+Developer make_developer(const imaging::FloatImage& vignette, const ImageFormation& formation, double gain,
+                         std::uint64_t frame);
 
 /// The photometric calibration that inverts response and vignetting: I = G(t V B) as in imaging/photometric.h. Noise
 /// and sharpening are not inverted.

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <limits>
 #include <random>
+#include <span>
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/random_numbers.h"
@@ -326,6 +327,27 @@ TEST(ImageFormation, RunsOfPixelsAreThosePixelByPixelToTheByte) {
       }
     }
   }
+}
+
+TEST(ImageFormation, AFewPixelsAtATimeAreThoseOfTheWholeImage) {
+  std::mt19937 random(8);
+  std::uniform_real_distribution<float> anywhere(-0.1F, 1.3F);
+  const int width = 301, height = 4;
+  LinearImage light(width, height);
+  for (LinearRgb& pixel : light.pixels) pixel = {anywhere(random), anywhere(random), anywhere(random)};
+  const ImageFormation formation{
+      .seed = 3, .vignetting = 0.4, .white_electrons = 6000.0, .read_noise_electrons = 12.0, .gamma = 2.2};
+  const imaging::FloatImage vignette = make_vignette(formation, width, height);
+  const Developer developer = make_developer(vignette, formation, 0.9, 7);
+  imaging::RgbImage image(width, height);
+  for (int y = height - 1; y >= 0; --y) {
+    for (int x = 0; x < width;) {
+      const int count = std::min(width - x, static_cast<int>(1 + random() % 200));
+      developer(x, y, std::span(light.row(y) + x, static_cast<std::size_t>(count)), image);
+      x += count;
+    }
+  }
+  EXPECT_EQ(image.pixels, develop(light, vignette, formation, 0.9, 7).pixels);
 }
 
 }  // namespace

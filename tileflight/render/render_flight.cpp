@@ -126,7 +126,7 @@ FlightRenderReport render_flight(const scene::Scene& scene, const imaging::Camer
     return next++;
   };
   const auto make = [&](std::size_t index) -> FlightFrame {
-    FlightFrame frame = maker.develop(maker.trace(index));
+    FlightFrame frame = maker.render(index);
     checks[index - range.begin] = frame.check;
     return frame;
   };

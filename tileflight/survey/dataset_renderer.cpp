@@ -27,7 +27,12 @@ class FrameReorderBuffer {
 
   void add(std::size_t index, const imaging::RgbImage& image) {
     const std::lock_guard lock(mutex_);
-    waiting_.emplace(index, image);
+    if (index == next_) {
+      sink_(image);
+      ++next_;
+    } else {
+      waiting_.emplace(index, image);
+    }
     for (auto next = waiting_.find(next_); next != waiting_.end(); next = waiting_.find(next_)) {
       sink_(next->second);
       waiting_.erase(next);

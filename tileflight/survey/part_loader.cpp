@@ -1,8 +1,5 @@
 #include "tileflight/survey/part_loader.h"
 
-#ifdef __linux__
-#include <malloc.h>
-#endif
 #include <tbb/global_control.h>
 #include <tbb/task_arena.h>
 #include <tbb/task_group.h>
@@ -11,6 +8,8 @@
 #include <atomic>
 #include <iterator>
 #include <limits>
+
+#include "tileflight/place/memory_budget.h"
 
 namespace tileflight::survey {
 namespace {
@@ -23,14 +22,6 @@ constexpr double kPartShare = 0.65;
 constexpr double kBuildingShare = 0.15;
 /// Number of views whose needs decide which contents are kept.
 constexpr std::size_t kViewsAhead = 64;
-
-/// Returns free pages between those in use to the system. A scene leaves many: over a long flight, the process would
-/// come to take 1.5 times what it has allocated.
-void return_free_pages() {
-#ifdef __GLIBC__
-  malloc_trim(0);
-#endif
-}
 
 }  // namespace
 
@@ -356,7 +347,8 @@ void PartLoader::take_back(std::vector<TexturedMesh> meshes) {
     next = end;
   }
   part_.clear();
-  return_free_pages();
+  // Of which a scene leaves many: over a long flight, the process would come to take 1.5 times what it has allocated.
+  place::return_free_pages();
 }
 
 }  // namespace tileflight::survey
