@@ -7,6 +7,7 @@ Every variant is rendered once; a second run only tracks. Errors are of the path
 """
 
 import argparse
+import cmath
 import json
 import math
 import os
@@ -26,7 +27,7 @@ exposure_drift: 0.15
 exposure_time: 0.008
 exposure_samples: 3
 """
-FRAMES = {"return": 240, "wing": 240, "orbit": 260, "lawnmower": 320, "square": 280, "eight": 240}
+FRAMES = {"return": 240, "wing": 240, "orbit": 260, "lawnmower": 470, "square": 280, "eight": 240}
 # Place, flight, field of view, degraded, seed.
 VARIANTS = [
     ("machangara", "return", 90, False, 1), ("machangara", "return", 155, True, 2), ("machangara", "orbit", 90, True, 3),
@@ -92,17 +93,36 @@ def orbit(share):
     return math.sin(angle), math.cos(angle), math.degrees(angle) + 180.0
 
 
+def line(a, b):
+    """Length of a piece of a path, and its point at a part of it (east + north i)."""
+    return abs(b - a), lambda part: a + part * (b - a)
+
+
+def arc(middle, start, turned):
+    """The same, of a circle: angle at which it begins and angle that it goes on to the left, radians."""
+    return TURN * abs(turned), lambda part: middle + TURN * cmath.exp(1j * (start + part * turned))
+
+
+REACH, TURN, HALF = 0.65, 0.325, math.pi  # half the length of a line, radius of a turn, half a circle
+LAWNMOWER = [line(-REACH - REACH * 1j, REACH - REACH * 1j), arc(REACH - TURN * 1j, -HALF / 2, HALF), line(REACH, -REACH),
+             arc(-REACH + TURN * 1j, -HALF / 2, -HALF), line(-REACH + REACH * 1j, TURN + REACH * 1j),
+             arc(TURN + TURN * 1j, HALF / 2, -HALF / 2), line(REACH + TURN * 1j, REACH - REACH * 1j),
+             arc(TURN - REACH * 1j, 0.0, -HALF), line(-REACH * 1j, REACH * 1j), arc(-TURN + REACH * 1j, 0.0, HALF),
+             line(-REACH + REACH * 1j, -REACH - REACH * 1j)]
+
+
 def lawnmower(share):
-    """Lines to and fro to the east, then to the north over the same ground; the camera keeps its heading."""
-    half, lines, reach = 2.0 * share, 4, 0.75
-    where = min(half % 1.0 if half < 2.0 else 1.0, 0.999999) * lines
-    line, part = int(where), where - int(where)
-    across = reach * (2.0 * line / (lines - 1) - 1.0)
-    if part > 0.8:  # to the next line
-        across += 2.0 * reach / (lines - 1) * (part - 0.8) / 0.2 if line + 1 < lines else 0.0
-        part = 0.8
-    along = reach * (part / 0.8 * 2.0 - 1.0) * (1 if line % 2 == 0 else -1)
-    return (along, across, 20.0) if half < 1.0 else (-across, along, 20.0)
+    """Three lines to and fro to the east, then three to the north over the same ground, at one speed with half circles between
+    them; the camera keeps its heading."""
+    along = share * sum(length for length, _ in LAWNMOWER)
+    for length, point in LAWNMOWER[:-1]:
+        if along <= length:
+            break
+        along -= length
+    else:
+        length, point = LAWNMOWER[-1]
+    where = point(min(along / length, 1.0))
+    return where.real, where.imag, 20.0
 
 
 def square(share):

@@ -81,9 +81,9 @@ void add_system_options(CLI::App& command, OdometryCommandOptions& options) {
       ->check(CLI::PositiveNumber)
       ->needs(system)
       ->group("Other systems");
-  for (const char* own :
-       {"--from", "--to", "--every", "--reverse", "--camera", "--mask", "--init-from", "--colmap", "--debug-pictures",
-        "--rectify", "--fixed-intrinsics", "--loop-closure", "--no-check", "--mode", "--gravity"})
+  for (const char* own : {"--from", "--to", "--every", "--reverse", "--camera", "--mask", "--init-from", "--colmap",
+                          "--debug-pictures", "--rectify", "--fixed-intrinsics", "--estimate-line-delay",
+                          "--loop-closure", "--no-check", "--mode", "--gravity"})
     system->excludes(command.get_option(own));
   system->group("Other systems");
 }
@@ -160,6 +160,10 @@ void add_odometry(CLI::App& app, CommonOptions& common, Selection& selection) {
       "--fixed-intrinsics{false}", options->settings.window.refine_intrinsics,
       "keep the calibration's focal lengths and principal point (by default they are refined, except with "
       "an inertial unit or a rig)");
+  command->add_flag(
+      "--estimate-line-delay", options->settings.estimate_line_delay,
+      "estimate a rolling shutter's time from row to row, and track again with it if it is more than three "
+      "of its standard deviations");
   add_map_filters(*command, *options);
   command
       ->add_option("--seed", options->settings.initialization.seed,

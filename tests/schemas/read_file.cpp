@@ -124,6 +124,7 @@ json odometry_defaults(const tf::experiment::OdometryConfig& o) {
           {"dense", o.options.map.dense},
           {"loop_closure", o.options.loops.enabled},
           {"fixed_intrinsics", !o.options.window.refine_intrinsics},
+          {"estimate_line_delay", o.options.estimate_line_delay},
           {"seed", o.options.initialization.seed},
           {"mode", tf::survey::to_string(o.track_options.mode)},
           {"tight", o.track_options.inertial_in_window},

@@ -144,6 +144,7 @@ odometry::OdometryOptions read_odometry_options(StrictSection& section) {
   }
   options.loops.enabled = section.boolean("loop_closure").value_or(options.loops.enabled);
   options.window.refine_intrinsics = !section.boolean("fixed_intrinsics").value_or(!options.window.refine_intrinsics);
+  options.estimate_line_delay = section.boolean("estimate_line_delay").value_or(options.estimate_line_delay);
   options.map.dense = section.boolean("dense").value_or(options.map.dense);
   options.initialization.seed =
       static_cast<std::uint32_t>(read_at_least(section, "seed", 0, static_cast<int>(options.initialization.seed)));

@@ -89,6 +89,15 @@ TEST(Kalibr, RoundTripKeepsEveryBit) {
   }
 }
 
+TEST(Kalibr, ASensorMayBeReadUpwards) {
+  tests::TemporaryFolder folder;
+  Calibration calibration;
+  calibration.camera = cameras().front();
+  calibration.line_delay_s = -2.5e-5;
+  write_kalibr(folder / "camera.yaml", calibration);
+  EXPECT_EQ(read_calibration(folder / "camera.yaml").line_delay_s, -2.5e-5);
+}
+
 TEST(Kalibr, FileAsKalibrWritesIt) {
   tests::TemporaryFolder folder;
   base::write_file(folder / "camchain.yaml", R"(cam0:

@@ -69,7 +69,8 @@ double read_line_delay(const YAML::Node& camera, const std::string& file) {
   const YAML::Node node = camera["line_delay"];
   if (!node) return 0.0;
   const double delay = yaml_scalar<double>(node, "line_delay", file);
-  if (!std::isfinite(delay) || delay < 0.0) throw InputError(file, "\"line_delay\" must be 0 or more seconds");
+  constexpr double kLimit_s = 0.1;
+  if (!(std::abs(delay) < kLimit_s)) throw InputError(file, "\"line_delay\" must be less than 0.1 s, up or down");
   return delay;
 }
 
@@ -126,7 +127,7 @@ std::string camera_lines(const std::string& id, const Calibration& calibration) 
   text += "  resolution: [" + std::to_string(camera.width()) + ", " + std::to_string(camera.height()) + "]\n";
   text += "  rostopic: /" + id + "/image_raw\n";
   text += transform_lines("T_cam_imu", calibration.T_cam_imu);
-  if (calibration.line_delay_s > 0.0) text += "  line_delay: " + format_number(calibration.line_delay_s) + "\n";
+  if (calibration.line_delay_s != 0.0) text += "  line_delay: " + format_number(calibration.line_delay_s) + "\n";
   return text;
 }
 

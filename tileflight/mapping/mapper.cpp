@@ -270,6 +270,12 @@ void Mapper::update_noise(const WindowResult& result) {
   if (result.good_residuals > 0) residual_variance_ = std::max(0.25, result.rmse * result.rmse);
 }
 
+Eigen::Matrix4d Mapper::given_intrinsics_information() const {
+  photometry::Window empty;
+  add_intrinsics_unknowns(empty, intrinsics_information(options_.window, residual_variance_));
+  return empty.H_prior;
+}
+
 std::vector<tracking::ReferencePoint> Mapper::reference_points(int slot) const {
   std::vector<tracking::ReferencePoint> seen;
   const std::vector<HostTargetPair> pairs = make_host_target_pairs(window_);

@@ -87,6 +87,8 @@ class Mapper {
   const photometry::Window& window() const { return window_; }
   /// Change of focal lengths and principal point from the given ones; zero if they are not estimated.
   photometry::IntrinsicsDelta intrinsics_delta() const { return window_.intrinsics.value(); }
+  /// Information of the given intrinsics, as the window has it.
+  Eigen::Matrix4d given_intrinsics_information() const;
   /// Active points of the window projected into keyframe `slot`.
   std::vector<tracking::ReferencePoint> reference_points(int slot) const;
 

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "tileflight/geometry/decompositions.h"
+#include "tileflight/mapping/point_coupling.h"
 
 namespace tileflight::mapping {
 namespace {
@@ -29,17 +30,9 @@ LogDepthEstimate estimate_log_depth(const photometry::Window& window, const std:
   double H = 0.0;
   for (const photometry::Observation& observation : point.observations) {
     if (observation.state != photometry::ResidualState::kGood) continue;
-    const photometry::Linearization& lin = observation.linearization;
-    const Eigen::Vector2d by_rho = lin.d_pixel_d_rho.cast<double>();
-    const Eigen::Vector2d gg_rho = lin.sums.gg.cast<double>() * by_rho;
-    photometry::Vec8 coupling;
-    coupling << lin.d_pixel_d_pose.cast<double>().transpose() * gg_rho, lin.sums.gA.cast<double>().transpose() * by_rho;
-    H += by_rho.dot(gg_rho);
-    out.by_unknowns.segment<8>(8 * observation.target) += coupling;
-    out.by_unknowns.segment<8>(8 * ref.host) +=
-        pairs[ref.host * n + observation.target].d_relative_d_host.transpose() * coupling;
-    if (window.intrinsics.estimated)
-      out.by_unknowns.tail<4>() += lin.d_pixel_d_intrinsics.cast<double>().transpose() * gg_rho;
+    const Eigen::Vector2d by_rho = observation.linearization.d_pixel_d_rho.cast<double>();
+    H += by_rho.dot(
+        add_coupling(window, ref.host, pairs[ref.host * n + observation.target], observation, by_rho, out.by_unknowns));
     out.seen_in[observation.target] = true;
   }
   for (const photometry::Observation& observation : point.stereo_observations) {

@@ -91,6 +91,7 @@ void FrameTracker::follow(TrackingState& state, const InputFrame& frame,
                           const tracking::ImageAlignment& alignment) {
   state.last = next_last_frame(state, alignment, frame.time_s);
   state.failures = {};
+  if (line_delay_ != nullptr) line_delay_->follow(state.last);
   if (state.reference.first_rmse <= 0) state.reference.first_rmse = state.last.rmse;
   const photometry::AffineBrightness brightness =
       compose_brightness(state.reference.brightness, alignment.state.a, alignment.state.b);
@@ -174,6 +175,7 @@ void FrameTracker::make_keyframe(TrackingState& state, const InputFrame& frame,
   if (mapper_.window().has_stereo()) candidate.stereo = preprocessor_.stereo_pictures(frame);
   if (mapper_.inertial() != nullptr)
     candidate.readings = guide_->between(mapper_.window().keyframes.back().time_s, frame.time_s, mapper_);
+  if (line_delay_ != nullptr) line_delay_->add_window(mapper_, preprocessor_.lens().lenses[0]);
   mapper_.add_keyframe(candidate);
   const int newest = mapper_.window().size() - 1;
   state.reference = make_reference_keyframe(mapper_, preprocessor_.lens(), newest);
@@ -181,6 +183,7 @@ void FrameTracker::make_keyframe(TrackingState& state, const InputFrame& frame,
   state.last.T_camera_map = state.reference.T_camera_map;
   state.last.a = state.last.b = 0.0;
   log_.tracked.push_back({frame.index, frame.time_s, state.reference.keyframe, geometry::SE3(), alignment});
+  if (line_delay_ != nullptr) line_delay_->add_keyframe(state.reference.keyframe);
   report_keyframe(frame, newest);
   if (guide_ != nullptr) guide_->update(log_, mapper_);
 }

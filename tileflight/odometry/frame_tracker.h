@@ -9,6 +9,7 @@
 
 #include "tileflight/mapping/mapper.h"
 #include "tileflight/odometry/inertial_guide.h"
+#include "tileflight/odometry/line_delay_record.h"
 #include "tileflight/odometry/odometry.h"
 #include "tileflight/odometry/preprocessor.h"
 #include "tileflight/odometry/tracking_log.h"
@@ -19,15 +20,17 @@ namespace tileflight::odometry {
 /// One step of tracking on what others own: the map that grows, and the log of what was tracked.
 class FrameTracker {
  public:
-  /// All must outlive the tracker. `observer` may be empty, `guide` null: there is no inertial unit.
+  /// All must outlive the tracker. `observer` may be empty, `guide` null: there is no inertial unit; `line_delay` null:
+  /// it is not estimated.
   FrameTracker(const OdometryOptions& options, Preprocessor& preprocessor, mapping::Mapper& mapper, TrackingLog& log,
-               const KeyframeObserver& observer, InertialGuide* guide = nullptr)
+               const KeyframeObserver& observer, InertialGuide* guide = nullptr, LineDelayRecord* line_delay = nullptr)
       : options_(options),
         preprocessor_(preprocessor),
         mapper_(mapper),
         log_(log),
         observer_(observer),
-        guide_(guide) {}
+        guide_(guide),
+        line_delay_(line_delay) {}
 
   /// Aligns the next image; records it, makes it a keyframe, or counts it as a failure.
   void track(TrackingState& state, const InputFrame& frame);
@@ -55,6 +58,7 @@ class FrameTracker {
   TrackingLog& log_;
   const KeyframeObserver& observer_;
   InertialGuide* guide_;
+  LineDelayRecord* line_delay_;
 };
 
 }  // namespace tileflight::odometry

@@ -17,6 +17,7 @@
 #include "tileflight/imaging/image.h"
 #include "tileflight/imaging/photometric.h"
 #include "tileflight/inertial/align_to_gravity.h"
+#include "tileflight/mapping/line_delay_estimate.h"
 #include "tileflight/mapping/systematic_displacement.h"
 #include "tileflight/photometry/options.h"
 #include "tileflight/tracking/frame_quality.h"
@@ -152,7 +153,9 @@ struct OdometryResult {
   std::int64_t frames_tracked_backwards = 0;  ///< of those: with a pose, by tracking backwards from the first map
   std::vector<FrameQuality> quality;          ///< of every image read, in order
   std::optional<mapping::SystematicDisplacement>
-      systematic_displacement;     ///< from the residuals of all keyframes; none if there are too few
+      systematic_displacement;  ///< from the residuals of all keyframes; none if there are too few
+  std::optional<mapping::LineDelayEstimate> line_delay;  ///< with OdometryOptions::estimate_line_delay, unless there
+                                                         ///< are too few keyframes
   std::vector<LoopClosure> loops;  ///< loops that were found and measured
   bool loops_closed = false;       ///< they corrected poses and map; false: none contradicts the path
   std::optional<inertial::InertialAlignment> inertial;  ///< with Priors::inertial and a map; without `metric` map and

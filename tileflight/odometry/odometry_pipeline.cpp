@@ -62,6 +62,11 @@ OdometryPipeline::OdometryPipeline(const imaging::Calibration& calibration, cons
     throw InputError(
         "odometry",
         "the camera has a rolling shutter (line_delay), which static stereo does not correct; use it alone");
+  if (!preprocessor_.stereo().empty() && options_.estimate_line_delay)
+    throw InputError("odometry",
+                     "static stereo does not correct a rolling shutter; estimate its line delay with one "
+                     "camera alone");
+  if (options_.estimate_line_delay) line_delay_.emplace();
   log_.other_images.resize(preprocessor_.stereo().cameras().size());
 }
 
@@ -175,6 +180,7 @@ void OdometryPipeline::initialize(InitializationState& state, InputFrame frame) 
     return;
   }
   log_.tracked = std::move(map->tracked);
+  if (line_delay_) line_delay_->begin(log_.tracked, mapper_);
   for (std::size_t slot = 0; slot < map->keyframes.size(); ++slot)
     tracker().report_keyframe(state.frames[map->keyframes[slot]], static_cast<int>(slot));
   track_backwards(state.frames, map->keyframes.front(), options_, preprocessor_, mapper_, observer_, log_);
@@ -244,6 +250,7 @@ OdometryResult OdometryPipeline::result_in_map_frame() const {
   set_path_and_map(log_, mapper_, preprocessor_.lens(), options_, priors_.inertial, result);
   if (guide_) result.coupled_since_s = guide_->coupled_since_s();
   result.systematic_displacement = mapper_.systematic_residuals().estimate();
+  if (line_delay_) result.line_delay = line_delay_->estimate(mapper_);
   result.camera = photometry::apply_delta(preprocessor_.camera(), mapper_.intrinsics_delta());
   return result;
 }

@@ -62,7 +62,15 @@ class OdometryPipeline {
   std::optional<InitialMap> find_initial_map(InitializationState& state);
   StereoResult stereo_result() const;
 
-  FrameTracker tracker() { return {options_, preprocessor_, mapper_, log_, observer_, guide_ ? &*guide_ : nullptr}; }
+  FrameTracker tracker() {
+    return {options_,
+            preprocessor_,
+            mapper_,
+            log_,
+            observer_,
+            guide_ ? &*guide_ : nullptr,
+            line_delay_ ? &*line_delay_ : nullptr};
+  }
 
   OdometryOptions options_;
   Priors priors_;
@@ -72,7 +80,8 @@ class OdometryPipeline {
   mapping::Mapper mapper_;
   std::variant<InitializationState, TrackingState> state_;
   TrackingLog log_;
-  std::optional<InertialGuide> guide_;  ///< with Priors::inertial
+  std::optional<InertialGuide> guide_;         ///< with Priors::inertial
+  std::optional<LineDelayRecord> line_delay_;  ///< with OdometryOptions::estimate_line_delay
 };
 
 }  // namespace tileflight::odometry

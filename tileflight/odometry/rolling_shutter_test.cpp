@@ -20,32 +20,9 @@ using geometry::SE3;
 using geometry::Vec3;
 using geometry::Vec6;
 using test_support::Sequence;
+using test_support::shaken_flight;
 
 constexpr double kFps = 30.0;
-
-/// Sideways and forwards over hills, shaken about all axes as a vehicle or a hand does.
-SE3 shaken_pose(double time_s) {
-  const Vec3 position(2.5 * time_s, 6.0 * time_s, 12.0 + 0.5 * std::sin(2.0 * time_s));
-  const Vec3 shake(0.05 * std::sin(7.0 * time_s), 0.05 * std::sin(5.0 * time_s + 1.0), 0.06 * std::sin(6.0 * time_s));
-  return photometry::test_support::look_along(position, Vec3(0.3 * std::sin(time_s), 1.0, -1.1)) *
-         SE3(geometry::so3_exp(shake), Vec3::Zero());
-}
-
-/// Images of the shaken flight; the time of a row is that of its frame plus `line_delay_s` for each row below the
-/// middle.
-Sequence shaken_flight(int frames, double line_delay_s) {
-  const imaging::Camera camera = imaging::make_fisheye(320, 240, 120.0);
-  const photometry::test_support::ReliefCamera scene(camera, test_support::hilly_ground());
-  Sequence sequence;
-  sequence.calibration.camera = camera;
-  for (int i = 0; i < frames; ++i) {
-    const double time_s = i / kFps;
-    sequence.truth.push_back(shaken_pose(time_s));
-    sequence.images.push_back(scene.render_by_rows(
-        [&](int y) { return shaken_pose(time_s + (y - 0.5 * (camera.height() - 1)) * line_delay_s); }));
-  }
-  return sequence;
-}
 
 OdometryResult flown(const Sequence& sequence, double line_delay_s) {
   imaging::Calibration calibration = sequence.calibration;
@@ -78,7 +55,7 @@ struct RollingView {
   imaging::Camera camera = imaging::make_fisheye(320, 240, 120.0);
   photometry::test_support::ReliefCamera scene{camera, test_support::hilly_ground()};
   photometry::LensPyramid lens = photometry::build_lens_pyramid(camera, 4);
-  Vec6 velocity = (Vec6() << 2.0, 6.0, -1.0, 0.5, -0.7, 0.6).finished();        // of T_camera_local
+  Vec6 velocity = (Vec6() << 2.0, 6.0, -1.0, 0.5, -0.7, 0.6).finished();               // of T_camera_local
   SE3 first = photometry::test_support::look_along(Vec3(0, 0, 12), Vec3(0, 1, -1.1));  // T_local_camera
   photometry::Pyramid before = photometry::build_pyramid(photometry::luminance(scene.render(first), nullptr), 4);
 
@@ -92,8 +69,8 @@ struct RollingView {
   }
   float rho(const Eigen::Vector2f& pixel, const SE3& T_local_camera) const {
     const Vec3 ray = *camera.unproject(pixel.cast<double>());
-    const double distance =
-        photometry::test_support::hit_distance(scene.relief(), T_local_camera.translation, T_local_camera.rotation * ray);
+    const double distance = photometry::test_support::hit_distance(scene.relief(), T_local_camera.translation,
+                                                                   T_local_camera.rotation * ray);
     return distance > 0 ? static_cast<float>(1.0 / distance) : 0.0F;
   }
   tracking::TrackingReference reference() const {

@@ -112,4 +112,29 @@ inline Sequence render_hill_flight(const imaging::Camera& camera, int frames) {
   return render_sequence(camera, hilly_ground(), path_over_ground(frames));
 }
 
+/// Sideways and forwards over hills, shaken about all axes as a vehicle or a hand does.
+inline geometry::SE3 shaken_pose(double time_s) {
+  const geometry::Vec3 position(2.5 * time_s, 6.0 * time_s, 12.0 + 0.5 * std::sin(2.0 * time_s));
+  const geometry::Vec3 shake(0.05 * std::sin(7.0 * time_s), 0.05 * std::sin(5.0 * time_s + 1.0),
+                             0.06 * std::sin(6.0 * time_s));
+  return photometry::test_support::look_along(position, geometry::Vec3(0.3 * std::sin(time_s), 1.0, -1.1)) *
+         geometry::SE3(geometry::so3_exp(shake), geometry::Vec3::Zero());
+}
+
+/// 30 images a second of the shaken flight; the time of a row is that of its frame plus `line_delay_s` for each row
+/// below the middle.
+inline Sequence shaken_flight(int frames, double line_delay_s) {
+  const imaging::Camera camera = imaging::make_fisheye(320, 240, 120.0);
+  const photometry::test_support::ReliefCamera scene(camera, hilly_ground());
+  Sequence sequence;
+  sequence.calibration.camera = camera;
+  for (int i = 0; i < frames; ++i) {
+    const double time_s = i / 30.0;
+    sequence.truth.push_back(shaken_pose(time_s));
+    sequence.images.push_back(scene.render_by_rows(
+        [&](int y) { return shaken_pose(time_s + (y - 0.5 * (camera.height() - 1)) * line_delay_s); }));
+  }
+  return sequence;
+}
+
 }  // namespace tileflight::odometry::test_support

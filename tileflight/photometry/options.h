@@ -115,6 +115,8 @@ struct OdometryOptions {
   int max_pyramid_levels = 6;    ///< level 0 is the image itself
   int min_level_area_px = 1500;  ///< no coarser level than this
   LoopOptions loops;
+  bool estimate_line_delay = false;  ///< of a rolling shutter, beyond that of the calibration (line_delay_record.h). It
+                                     ///< changes neither path nor map: track again with what was found
 };
 
 }  // namespace tileflight::photometry

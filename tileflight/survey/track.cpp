@@ -2,9 +2,7 @@
 
 #include <algorithm>
 #include <array>
-#include <iomanip>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
@@ -16,6 +14,7 @@
 #include "tileflight/imaging/image_files.h"
 #include "tileflight/odometry/debug_image.h"
 #include "tileflight/odometry/direction_check.h"
+#include "tileflight/odometry/line_delay_passes.h"
 #include "tileflight/odometry/run_comparison.h"
 #include "tileflight/odometry/tracking_doubts.h"
 #include "tileflight/survey/track_inputs.h"
@@ -58,7 +57,7 @@ imaging::Calibration playback_calibration(imaging::Calibration calibration, bool
 /// Warns that rectification conflicts with a rolling shutter.
 std::vector<std::string> add_rectification_warning(std::vector<std::string> warnings,
                                                    const imaging::Calibration& native, const TrackingCamera& view) {
-  if (view.rectifier && native.line_delay_s > 0.0)
+  if (view.rectifier && native.line_delay_s != 0.0)
     warnings.push_back("the rolling shutter is not corrected: rectified images no longer have a time for each row");
   return warnings;
 }
@@ -81,24 +80,6 @@ json intrinsics_json(const imaging::Camera& camera, bool estimated) {
         return json{{"fx", model.fx}, {"fy", model.fy}, {"cx", model.cx}, {"cy", model.cy}, {"estimated", estimated}};
       },
       camera.model());
-}
-
-/// One line per given image, in time order.
-std::string quality_csv(std::vector<odometry::FrameQuality> quality, const std::vector<dataset::Frame>& frames,
-                        bool reverse) {
-  if (reverse) std::reverse(quality.begin(), quality.end());
-  std::ostringstream table;
-  table << std::setprecision(6)
-        << "frame,time_s,tracked,keyframe,rmse,inside_share,saturated_share,known_points,step,"
-           "sigma_position,sigma_rotation_rad,sigma_log_scale\n";
-  for (const odometry::FrameQuality& q : quality) {
-    const dataset::Frame& frame = frames[static_cast<std::size_t>(q.frame)];
-    table << frame.id << ',' << std::setprecision(17) << frame.time_s << std::setprecision(6) << ',' << q.tracked << ','
-          << q.is_keyframe << ',' << q.rmse << ',' << q.inside_share << ',' << q.saturated_share << ','
-          << q.known_points << ',' << q.distance_to_keyframe << ',' << q.sigma_position << ',' << q.sigma_rotation_rad
-          << ',' << q.sigma_log_scale << '\n';
-  }
-  return table.str();
 }
 
 json describe(const odometry::OdometryResult& result, const SkippedFrames& skipped, std::vector<std::string> warnings) {
@@ -187,6 +168,17 @@ void require_one_scale(const TrackOptions& extras) {
                      "and --mode " + to_string(extras.mode) + " both decide on frame and scale; use one of them");
 }
 
+void require_own_rows(const TrackOptions& extras, bool estimate_line_delay) {
+  if (!estimate_line_delay) return;
+  if (extras.rectify_fov_deg)
+    throw InputError("--estimate-line-delay",
+                     "needs the sensor's own rows, which --rectify bends; leave one of them out");
+  if (uses_other_cameras(extras.mode))
+    throw InputError("--estimate-line-delay", "and --mode " + to_string(extras.mode) +
+                                                  ", which does not correct a rolling shutter, exclude each "
+                                                  "other: use --mode mono, then its line_delay in camera.yaml");
+}
+
 /// Calls `work` with the folder for debug images while `out` is built in `temporary`: below it if the images are to be
 /// inside `out`, else a separate folder, which is moved to its place afterwards; empty if no images are wanted.
 void with_pictures_folder(const fs::path& pictures, const base::OutputFolder& out, const fs::path& temporary,
@@ -217,6 +209,7 @@ class DatasetTracker {
                  FrameRange range, const TrackOptions& extras, std::optional<inertial::InertialInput> readings,
                  const StereoRig* rig)
       : view_(view),
+        calibration_(view.calibration),
         options_(options),
         extras_(extras),
         photometric_(read_photometric_calibration(data, view)),
@@ -237,6 +230,10 @@ class DatasetTracker {
   /// Skipped images of the chosen run.
   const SkippedFrames& skipped() const { return skipped_; }
   bool reverse() const { return reverse_; }
+  /// The camera's, with the line delay that was found.
+  const imaging::Calibration& calibration() const { return calibration_; }
+  /// What was found of the line delay; null: it was not estimated.
+  const json& line_delay() const { return line_delay_; }
   /// Dispersion between both directions, in the stated sigmas of the chosen run; none without a second run.
   const std::optional<odometry::Dispersion>& dispersion() const { return dispersion_; }
 
@@ -247,13 +244,29 @@ class DatasetTracker {
     return track_direction(reverse_, first_image_, options_, priors_, pictures, skipped_, progress);
   }
 
+  /// The first run: the same, or all passes that it takes to find the line delay.
+  odometry::OdometryResult run_first(const fs::path& pictures, const Progress& progress) {
+    if (!options_.estimate_line_delay) return run(pictures, progress);
+    const double order = reverse_ ? -1.0 : 1.0;
+    odometry::LineDelayPasses found =
+        odometry::track_with_line_delay(order * calibration_.line_delay_s, [&](double line_delay_s) {
+          remove_files(pictures);
+          calibration_.line_delay_s = order * line_delay_s;
+          return run(pictures, progress);
+        });
+    line_delay_ = {{"passes", found.passes}, {"used_s", calibration_.line_delay_s}};
+    line_delay_["estimate_s"] = found.estimate ? json(order * found.estimate->line_delay_s) : json(nullptr);
+    line_delay_["sigma_s"] = found.estimate ? json(found.estimate->sigma_s) : json(nullptr);
+    return std::move(found.result);
+  }
+
   /// Tracks the same images in the other direction, without further inputs, and replaces `result` if that run is
   /// better (direction_check.h). Returns the agreement of both if they disagree and neither is clearly better.
   std::optional<odometry::RunAgreement> compare_reversed(odometry::OdometryResult& result, const fs::path& pictures,
                                                          const Progress& progress) {
     odometry::OdometryOptions options = options_;
     options.map.dense = false;  // only the path is needed
-    options.loops.enabled = false;
+    options.loops.enabled = options.estimate_line_delay = false;
     odometry::Priors pictures_alone;
     pictures_alone.mask = priors_.mask;
     const auto track = [&](const odometry::RunStart& start) {
@@ -299,14 +312,14 @@ class DatasetTracker {
     const Progress counted = [&](std::int64_t done, std::int64_t, std::string_view what) {
       report_progress(progress, done, static_cast<std::int64_t>(frames.size()), "tracking: " + std::string(what));
     };
-    return odometry::run_odometry(playback_calibration(view_.calibration, reverse),
-                                  photometric_ ? &*photometric_ : nullptr,
+    return odometry::run_odometry(playback_calibration(calibration_, reverse), photometric_ ? &*photometric_ : nullptr,
                                   make_frame_source(frames, reverse, view_, rig_, skipped), options, counted, aids,
                                   make_debug_observer(debug_pictures, frames),
                                   rig_ != nullptr ? rig_->others : std::vector<odometry::OtherCamera>{});
   }
 
   const TrackingCamera& view_;
+  imaging::Calibration calibration_;  ///< with the line delay that is used
   const odometry::OdometryOptions& options_;
   const TrackOptions& extras_;
   std::optional<imaging::PhotometricCalibration> photometric_;
@@ -316,28 +329,18 @@ class DatasetTracker {
   odometry::Priors priors_;
   bool reverse_;                 ///< direction of the chosen run
   std::size_t first_image_ = 0;  ///< at which it begins
+  json line_delay_;
   std::optional<odometry::Dispersion> dispersion_;
   SkippedFrames skipped_;
 };
 
 }  // namespace
 
-base::OutputFolder odometry_output_folder(const fs::path& out, bool replace, std::vector<fs::path> inputs) {
-  return {
-      .folder = out,
-      .command = "odometry",
-      .replace = replace,
-      .inputs = std::move(inputs),
-      .legacy = {.key_file = "odometry.json",
-                 .key_text = "frames_tracked",
-                 .files = {"trajectory.txt", "keyframes.txt", "map.ply", "quality.csv", "camera.yaml", "odometry.json",
-                           "command.log", "colmap/cameras.txt", "colmap/images.txt", "colmap/points3D.txt"}}};
-}
-
 nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool replace,
                      const odometry::OdometryOptions& options, const FrameRange& range, const Progress& progress,
                      const TrackOptions& extras) {
   require_one_scale(extras);
+  require_own_rows(extras, options.estimate_line_delay);
   std::vector<std::string> rig_warnings;
   std::optional<StereoRig> rig;
   if (uses_other_cameras(extras.mode)) rig = read_stereo_rig(dataset_folder, extras.camera.string(), rig_warnings);
@@ -354,12 +357,12 @@ nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool r
   if (uses_inertial_unit(extras.mode)) readings = read_inertial_input(data, extras.gravity_m_s2, warnings);
   DatasetTracker tracking(data, view, options, range, extras, std::move(readings), rig ? &*rig : nullptr);
   const auto write = [&](const fs::path& temporary, const fs::path& pictures) {
-    odometry::OdometryResult result = tracking.run(pictures, progress);
+    odometry::OdometryResult result = tracking.run_first(pictures, progress);
     const std::optional<odometry::RunAgreement> second =
         extras.check_reversed ? tracking.compare_reversed(result, pictures, progress) : std::nullopt;
     const bool reverse = tracking.reverse();
     const std::vector<dataset::Frame>& frames = tracking.frames(reverse);
-    imaging::Calibration calibration = view.calibration;
+    imaging::Calibration calibration = tracking.calibration();
     if (result.camera) calibration.camera = *result.camera;
     if (extras.colmap) {
       fs::create_directory(temporary / "colmap");
@@ -375,6 +378,7 @@ nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool r
     describe_scale(extras.mode, result, temporary, doubts, about);
     about["doubts"] = evaluation::to_json(doubts);
     write_result(temporary, result, frames, reverse, calibration);
+    if (options.estimate_line_delay) about["line_delay"] = tracking.line_delay();
     if (options.loops.enabled) {
       about["loops"] = describe_loops(result.loops, frames);
       about["loops_closed"] = result.loops_closed;

@@ -4,9 +4,11 @@
 
 #include <algorithm>
 #include <exception>
+#include <iomanip>
 #include <limits>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <sstream>
 #include <utility>
 
 #include "tileflight/base/formatted_text.h"
@@ -291,6 +293,23 @@ std::string inertial_csv(const inertial::InertialAlignment& a, const geometry::T
     table += '\n';
   }
   return table;
+}
+
+std::string quality_csv(std::vector<odometry::FrameQuality> quality, const std::vector<dataset::Frame>& frames,
+                        bool reverse) {
+  if (reverse) std::reverse(quality.begin(), quality.end());
+  std::ostringstream table;
+  table << std::setprecision(6)
+        << "frame,time_s,tracked,keyframe,rmse,inside_share,saturated_share,known_points,step,"
+           "sigma_position,sigma_rotation_rad,sigma_log_scale\n";
+  for (const odometry::FrameQuality& q : quality) {
+    const dataset::Frame& frame = frames[static_cast<std::size_t>(q.frame)];
+    table << frame.id << ',' << std::setprecision(17) << frame.time_s << std::setprecision(6) << ',' << q.tracked << ','
+          << q.is_keyframe << ',' << q.rmse << ',' << q.inside_share << ',' << q.saturated_share << ','
+          << q.known_points << ',' << q.distance_to_keyframe << ',' << q.sigma_position << ',' << q.sigma_rotation_rad
+          << ',' << q.sigma_log_scale << '\n';
+  }
+  return table.str();
 }
 
 TrackingCamera make_tracking_camera(const imaging::Calibration& calibration, std::optional<double> rectify_fov_deg) {

@@ -92,6 +92,10 @@ std::optional<imaging::PhotometricCalibration> read_photometric_calibration(cons
 odometry::Priors make_priors(const TrackOptions& extras, const std::vector<dataset::Frame>& frames, bool reverse,
                              const TrackingCamera& view);
 
+/// quality.csv: one line per given image, in time order.
+std::string quality_csv(std::vector<odometry::FrameQuality> quality, const std::vector<dataset::Frame>& frames,
+                        bool reverse);
+
 /// `stereo` of odometry.json (docs/formats.md).
 nlohmann::json stereo_json(const odometry::StereoResult& stereo);
 
