@@ -1,6 +1,5 @@
 #include "tileflight/tile_contents/shared_image_cache.h"
 
-#include "tileflight/base/input_error.h"
 #include "tileflight/imaging/ktx2.h"
 #include "tileflight/transport/uri.h"
 

@@ -3,7 +3,6 @@
 #include <cassert>
 #include <cstring>
 #include <memory>
-#include <string_view>
 
 #include "tileflight/base/files.h"
 #include "tileflight/tiling/record_file.h"

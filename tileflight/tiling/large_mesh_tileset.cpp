@@ -6,11 +6,9 @@
 #include <tbb/task_arena.h>
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <cstring>
 #include <optional>
-#include <unordered_map>
 
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
@@ -18,6 +16,7 @@
 #include "tileflight/tiling/coarse_levels.h"
 #include "tileflight/tiling/content_spill.h"
 #include "tileflight/tiling/leaf_content.h"
+#include "tileflight/tiling/triangle_buckets.h"
 
 namespace tileflight::tiling {
 namespace {
@@ -44,107 +43,6 @@ std::optional<double> source_texels(const SourceTriangle& t, const SurfaceAppear
   if (!look.texture) return std::nullopt;
   const auto uv = [&](std::size_t k) { return Eigen::Vector2f(t.uv[k].data()); };
   return texels_between({uv(0), uv(1), uv(2)}, look.texture->width, look.texture->height);
-}
-
-/// Triangles sorted into buckets, on disk.
-class BucketFile {
- public:
-  BucketFile(const fs::path& file, std::size_t buckets)
-      : file_(file),
-        part_(std::clamp<std::size_t>(kBufferBytes / buckets / sizeof(SourceTriangle), 16, 4096)),
-        buffers_(buckets),
-        parts_(buckets) {}
-
-  void add(std::size_t bucket, const SourceTriangle& triangle) {
-    buffers_[bucket].push_back(triangle);
-    if (buffers_[bucket].size() == part_) flush(bucket);
-  }
-
-  /// In the order in which they were added.
-  std::vector<SourceTriangle> read(std::size_t bucket) {
-    std::vector<SourceTriangle> out(parts_[bucket].size() * part_);
-    for (std::size_t i = 0; i < parts_[bucket].size(); ++i)
-      file_.read(parts_[bucket][i], out.data() + i * part_, part_ * sizeof(SourceTriangle));
-    out.insert(out.end(), buffers_[bucket].begin(), buffers_[bucket].end());
-    return out;
-  }
-
- private:
-  static constexpr std::size_t kBufferBytes = std::size_t{64} << 20;
-
-  void flush(std::size_t bucket) {
-    file_.write(end_, buffers_[bucket].data(), part_ * sizeof(SourceTriangle));
-    parts_[bucket].push_back(end_);
-    end_ += part_ * sizeof(SourceTriangle);
-    buffers_[bucket].clear();
-  }
-
-  ScratchFile file_;
-  std::size_t part_;  ///< triangles written together
-  std::uint64_t end_ = 0;
-  std::vector<std::vector<SourceTriangle>> buffers_;
-  std::vector<std::vector<std::uint64_t>> parts_;  ///< their offsets
-};
-
-/// Triangles of one material as a mesh: corners that are equal in all are one vertex.
-class MeshOfTriangles {
- public:
-  explicit MeshOfTriangles(const SurfaceAppearance& look) : look_(look) {
-    mesh_.texture = look.texture;
-    mesh_.wrap_u = look.wrap_u;
-    mesh_.wrap_v = look.wrap_v;
-    mesh_.base_color = look.base_color;
-  }
-
-  void add(const SourceTriangle& triangle) {
-    geometry::Triangle t{};
-    for (std::size_t k = 0; k < 3; ++k) t[k] = vertex(triangle, k);
-    mesh_.mesh.triangles.push_back(t);
-  }
-
-  TexturedMesh take() { return std::move(mesh_); }
-
- private:
-  using Key = std::array<std::uint64_t, 5>;  ///< the bits of position, texture coordinates and colour
-  struct Hash {
-    std::size_t operator()(const Key& key) const {
-      std::uint64_t hash = 0;
-      for (const std::uint64_t part : key) hash = base::splitmix64_hash(hash ^ part);
-      return static_cast<std::size_t>(hash);
-    }
-  };
-
-  std::uint32_t vertex(const SourceTriangle& triangle, std::size_t k) {
-    Key key{};
-    for (std::size_t axis = 0; axis < 3; ++axis) key[axis] = std::bit_cast<std::uint64_t>(triangle.position[k][axis]);
-    key[3] = std::bit_cast<std::uint64_t>(triangle.uv[k]);
-    key[4] = std::bit_cast<std::uint32_t>(triangle.color[k]);
-    const auto [at, is_new] = index_of_.try_emplace(key, static_cast<std::uint32_t>(mesh_.mesh.vertices.size()));
-    if (!is_new) return at->second;
-    mesh_.mesh.vertices.push_back(triangle.corner(k));
-    if (look_.texture) mesh_.uv.emplace_back(triangle.uv[k].data());
-    if (look_.has_colors) mesh_.colors.push_back(triangle.color[k]);
-    return at->second;
-  }
-
-  const SurfaceAppearance& look_;
-  TexturedMesh mesh_;
-  std::unordered_map<Key, std::uint32_t, Hash> index_of_;
-};
-
-/// One mesh per material, with stand-ins for textures, in order of materials.
-std::vector<TexturedMesh> meshes_of(std::vector<SourceTriangle> triangles,
-                                    const std::vector<SurfaceAppearance>& materials) {
-  std::stable_sort(triangles.begin(), triangles.end(),
-                   [](const SourceTriangle& a, const SourceTriangle& b) { return a.material < b.material; });
-  std::vector<TexturedMesh> out;
-  for (std::size_t i = 0; i < triangles.size();) {
-    const std::uint32_t material = triangles[i].material;
-    MeshOfTriangles mesh(materials[material]);
-    for (; i < triangles.size() && triangles[i].material == material; ++i) mesh.add(triangles[i]);
-    out.push_back(mesh.take());
-  }
-  return out;
 }
 
 std::string gigabytes(std::uintmax_t bytes) {

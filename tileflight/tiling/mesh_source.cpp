@@ -1,8 +1,6 @@
 #include "tileflight/tiling/mesh_source.h"
 
 #include <algorithm>
-#include <cctype>
-#include <cmath>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>

@@ -22,7 +22,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using geometry::PlyElement;
-using geometry::PlyProperty;
 using geometry::PlyType;
 
 /// Rows between two calls of `between`.
