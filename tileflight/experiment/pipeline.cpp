@@ -133,12 +133,9 @@ std::vector<std::string> Pipeline::odometry_products(const OdometryRun& run) con
   return products;
 }
 
-void Pipeline::build_place(const Progress& progress) const {
-  const base::OutputFolder output{.folder = folder_ / "place",
-                                  .command = "scene",
-                                  .replace = true,
-                                  .inputs = {},
-                                  .legacy = stadium::legacy_stadium_folder()};
+void Pipeline::build_place(const fs::path& folder, const Progress& progress) const {
+  const base::OutputFolder output{
+      .folder = folder, .command = "scene", .replace = true, .inputs = {}, .legacy = stadium::legacy_stadium_folder()};
   base::write_folder(output, [&](const fs::path& temporary) {
     stadium::write_stadium(
         temporary, {.seed = experiment_.place.seed, .texture_scale = experiment_.place.texture_scale}, progress);
@@ -226,6 +223,10 @@ survey::RenderSettings Pipeline::render_settings(const FlightStages& flight) con
 
 json Pipeline::place_inputs() const {
   return {{"seed", experiment_.place.seed}, {"texture_scale", experiment_.place.texture_scale}};
+}
+
+std::string Pipeline::place_key() const {
+  return base::sha256_hex(json{{"program", place::program_fingerprint()}, {"built-in place", place_inputs()}}.dump());
 }
 
 json Pipeline::truth_inputs() const {

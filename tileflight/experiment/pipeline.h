@@ -43,7 +43,8 @@ class Pipeline {
   Experiment make_variant(const Variant& variant) const;
 
   bool uses_built_in_place() const;
-  void build_place(const Progress& progress) const;
+  /// Writes the built-in place into a folder that may exist.
+  void build_place(const std::filesystem::path& folder, const Progress& progress) const;
   /// The first run is in the flight's own folder, further ones in FLIGHT/runs/2, …, and FLIGHT/runs/1-backwards, ….
   std::vector<OdometryRun> runs(const FlightStages& flight) const;
   std::vector<OdometryRun> find_runs(const std::string& flight) const;
@@ -54,6 +55,8 @@ class Pipeline {
   survey::RenderSettings render_settings(const FlightStages& flight) const;
 
   nlohmann::json place_inputs() const;
+  /// Hash of what the built-in place comes from.
+  std::string place_key() const;
   nlohmann::json truth_inputs() const;
   /// Hash of what the truth comes from, by content, wherever its tiles lie: equal truths have equal keys.
   std::string truth_key() const;

@@ -7,12 +7,12 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/output_folder.h"
 #include "tileflight/experiment/ablation.h"
+#include "tileflight/experiment/folder_cache.h"
 #include "tileflight/experiment/pipeline.h"
 #include "tileflight/experiment/repetition.h"
 #include "tileflight/experiment/results.h"
 #include "tileflight/experiment/run_folder.h"
 #include "tileflight/experiment/stage_cache.h"
-#include "tileflight/experiment/truth_cache.h"
 #include "tileflight/place/extract.h"
 #include "tileflight/place/version.h"
 #include "tileflight/report/report.h"
@@ -106,11 +106,23 @@ class FlightStageRunner {
   const Progress& progress_;
 };
 
+/// Writes the built-in place, or takes it from those that runs share.
+void make_place(const Pipeline& pipeline, StageCache& cache, const RunOptions& options, const Progress& progress) {
+  const fs::path place = cache.run_folder() / "place";
+  const FolderCache shared(options.truth_cache, shared_places(), options.rerun_all, progress);
+  const std::string key = pipeline.place_key();
+  cache.run_stage(
+      "place", pipeline.place_inputs(), {"place"},
+      [&] { shared.make(key, place, [&](const fs::path& to) { pipeline.build_place(to, progress); }); },
+      [&] { return shared.take(key, place); });
+}
+
 /// Extracts the truth, or takes it from those that runs share.
 void make_truth(const Pipeline& pipeline, StageCache& cache, const RunOptions& options, const Progress& progress) {
   const fs::path truth = cache.run_folder() / "truth";
   const place::ExtractSettings settings = pipeline.extract_settings();
-  const TruthCache shared(options.truth_cache, transport::redact_source(settings.source), options.rerun_all, progress);
+  const SharedKind truths = shared_truths(transport::redact_source(settings.source));
+  const FolderCache shared(options.truth_cache, truths, options.rerun_all, progress);
   const std::string key = options.truth_cache.empty() ? "" : pipeline.truth_key();
   cache.run_stage(
       "truth", pipeline.truth_inputs(), {"truth"},
@@ -136,7 +148,7 @@ nlohmann::json run(const Experiment& e, const fs::path& folder, const Progress& 
   StageCache cache(folder, place::program_fingerprint(), own.hash_cache_file(), options.listener, options.original);
   const Pipeline p(e, folder, cache);
 
-  if (p.uses_built_in_place()) cache.run_stage("place", p.place_inputs(), {"place"}, [&] { p.build_place(progress); });
+  if (p.uses_built_in_place()) make_place(p, cache, options, progress);
   make_truth(p, cache, options, progress);
 
   const FlightStageRunner flight(e, p, cache, progress);

@@ -16,7 +16,7 @@ struct RunOptions {
   bool rerun_all = false;            ///< execute all stages again; earlier results are kept until they are replaced
   StageListener listener;            ///< notified of each stage
   std::filesystem::path original{};  ///< run folder of which this is a variant (StageCache); empty: none
-  /// Folder of truths that runs share (truth_cache.h); empty: each run has its own.
+  /// Folder of truths and built-in places that runs share (folder_cache.h); empty: each run has its own.
   std::filesystem::path truth_cache{};
   /// Only the place, its truth and the flights' datasets; without results and report. Odometry and alignment of the
   /// second flight are included if the simulated one follows it.

@@ -87,7 +87,7 @@ class TaskMaker {
     for (const std::string& flight : place.flights) script << " --flight " << flight;
     if (!camera.calibration.empty())
       script << " --camera " << shell_word(fs::absolute(camera.calibration).lexically_normal());
-    // Other cameras' and flights' folders of the place have the same truth.
+    // Other cameras' and flights' folders of the place have the same truth, and the same built-in place.
     script << " --truth-cache " << shell_word((places_folder() / "truths").string()) << " --threads " << threads_
            << " --quiet --out " << shell_word(folder) << "\n";
     return finished({.name = place_task_name(folder)}, script.str(), "");

@@ -1,4 +1,4 @@
-#include "tileflight/experiment/truth_cache.h"
+#include "tileflight/experiment/folder_cache.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -15,18 +15,18 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/output_folder.h"
 
-namespace tileflight::experiment::truth_cache_test {
+namespace tileflight::experiment::folder_cache_test {
 namespace {
 
 namespace fs = std::filesystem;
 
 /// Makes truths as extract() does, each with its number.
-class TruthCacheTest : public ::testing::Test {
+class FolderCacheTest : public ::testing::Test {
  protected:
-  TruthCache cache(bool refresh = false, const std::string& source = "here/tileset.json") const {
-    return {folder_ / "cache", source, refresh, no_progress_};
+  FolderCache cache(bool refresh = false, const std::string& source = "here/tileset.json") const {
+    return {folder_ / "cache", shared_truths(source), refresh, no_progress_};
   }
-  TruthCache::Extract extract() {
+  FolderCache::Write extract() {
     return [this](const fs::path& to) {
       const base::OutputFolder output{.folder = to, .command = "extract", .replace = true, .inputs = {}, .legacy = {}};
       base::write_folder(output, [&](const fs::path& temporary) {
@@ -36,7 +36,7 @@ class TruthCacheTest : public ::testing::Test {
       });
     };
   }
-  void get(const TruthCache& from, const std::string& key, const std::string& truth) {
+  void get(const FolderCache& from, const std::string& key, const std::string& truth) {
     if (!from.take(key, folder_ / truth)) from.make(key, folder_ / truth, extract());
   }
   std::string content(const std::string& truth) const {
@@ -53,7 +53,7 @@ class TruthCacheTest : public ::testing::Test {
   std::atomic<int> made_ = 0;
 };
 
-TEST_F(TruthCacheTest, EqualTruthsAreMadeOnce) {
+TEST_F(FolderCacheTest, EqualTruthsAreMadeOnce) {
   get(cache(), "a", "run1");
   get(cache(), "a", "run2");
   EXPECT_EQ(made_, 1);
@@ -73,7 +73,7 @@ TEST_F(TruthCacheTest, EqualTruthsAreMadeOnce) {
   EXPECT_EQ(source("run1"), "here/tileset.json");
 }
 
-TEST_F(TruthCacheTest, ABrokenEntryIsMadeAgain) {
+TEST_F(FolderCacheTest, ABrokenEntryIsMadeAgain) {
   get(cache(), "a", "run1");
   const fs::path file = folder_ / "cache/a/blocks/x0/surface.ply";
   // Each leaves the runs as they are, but for a change in place, which is that of the run's file, too.
@@ -103,7 +103,7 @@ TEST_F(TruthCacheTest, ABrokenEntryIsMadeAgain) {
       << "nothing is lost that others put there";
 }
 
-TEST_F(TruthCacheTest, OthersWaitForTheOneThatMakesIt) {
+TEST_F(FolderCacheTest, OthersWaitForTheOneThatMakesIt) {
   std::vector<std::jthread> runs;
   for (int i = 0; i < 4; ++i) runs.emplace_back([this, i] { get(cache(), "a", "run" + std::to_string(i)); });
   runs.clear();
@@ -111,14 +111,29 @@ TEST_F(TruthCacheTest, OthersWaitForTheOneThatMakesIt) {
   for (int i = 0; i < 4; ++i) EXPECT_EQ(content("run" + std::to_string(i)), "truth 1");
 }
 
-TEST_F(TruthCacheTest, WithoutAFolderEachRunHasItsOwn) {
-  const TruthCache none({}, "here", false, no_progress_);
+TEST_F(FolderCacheTest, ABuiltInPlaceIsSharedAsItIs) {
+  const FolderCache places(folder_ / "cache", shared_places(), false, no_progress_);
+  const auto write = [this](const fs::path& to) {
+    const base::OutputFolder output{.folder = to, .command = "scene", .replace = true, .inputs = {}, .legacy = {}};
+    base::write_folder(output, [&](const fs::path& temporary) {
+      base::write_file(temporary / "tileset.json", "place " + std::to_string(++made_));
+    });
+  };
+  for (const std::string run : {"run1", "run2", "run1"}) {
+    if (!places.take("p", folder_ / run)) places.make("p", folder_ / run, write);
+    EXPECT_EQ(base::read_text(folder_ / run / "tileset.json"), "place 1");
+  }
+  EXPECT_EQ(inode("run1/tileset.json"), inode("run2/tileset.json"));
+}
+
+TEST_F(FolderCacheTest, WithoutAFolderEachRunHasItsOwn) {
+  const FolderCache none({}, shared_truths("here"), false, no_progress_);
   get(none, "", "run1");
   get(none, "", "run2");
   EXPECT_EQ(made_, 2);
 }
 
-TEST_F(TruthCacheTest, AFailureLeavesNoEntry) {
+TEST_F(FolderCacheTest, AFailureLeavesNoEntry) {
   const auto fail = [](const fs::path&) { throw InputError("tiles", "are broken"); };
   EXPECT_EQ(tests::refusal_of([&] { cache().make("a", folder_ / "run1", fail); }), "tiles: are broken");
   EXPECT_FALSE(fs::exists(folder_ / "run1"));
@@ -128,4 +143,4 @@ TEST_F(TruthCacheTest, AFailureLeavesNoEntry) {
 }
 
 }  // namespace
-}  // namespace tileflight::experiment::truth_cache_test
+}  // namespace tileflight::experiment::folder_cache_test

@@ -1,4 +1,4 @@
-#include "tileflight/experiment/truth_cache.h"
+#include "tileflight/experiment/folder_cache.h"
 
 #include <fcntl.h>
 #include <sys/file.h>
@@ -18,6 +18,7 @@
 #include "tileflight/base/output_folder.h"
 #include "tileflight/experiment/link_files.h"
 #include "tileflight/place/extract.h"
+#include "tileflight/stadium/stadium.h"
 
 namespace tileflight::experiment {
 namespace fs = std::filesystem;
@@ -29,11 +30,11 @@ using nlohmann::json;
 /// system without locks two processes may make the same entry, each whole.
 class EntryLock {
  public:
-  EntryLock(const fs::path& file, const Progress& progress)
+  EntryLock(const fs::path& file, const std::string& what, const Progress& progress)
       : file_(::open(file.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0666)) {
     if (file_ < 0) throw InputError(file.string(), "cannot be written: " + std::system_category().message(errno));
     if (::flock(file_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;
-    report_progress(progress, 0, 0, "waiting for another process that makes the same truth");
+    report_progress(progress, 0, 0, "waiting for another process that makes the same " + what);
     while (::flock(file_, LOCK_EX) != 0 && errno == EINTR) {
     }
   }
@@ -71,40 +72,52 @@ bool is_whole(const fs::path& entry) {
 
 }  // namespace
 
-TruthCache::TruthCache(fs::path folder, std::string source, bool refresh, const Progress& progress)
-    : folder_(std::move(folder)), source_(std::move(source)), refresh_(refresh), progress_(progress) {}
-
-bool TruthCache::take(const std::string& key, const fs::path& truth) const {
-  if (folder_.empty() || refresh_ || !fs::exists(manifest_of(folder_ / key))) return false;
-  const EntryLock lock(folder_ / (key + ".lock"), progress_);
-  return is_whole(folder_ / key) && link(key, truth);
+SharedKind shared_truths(const std::string& source) {
+  const auto name_source = [source](const fs::path& truth) {
+    json about = place::read_extract_json(truth);
+    if (about.value("source", json()) == source) return;
+    about["source"] = source;
+    base::write_file(truth / "extract.json", about.dump(2) + "\n");
+  };
+  return {.command = "extract", .name = "truth", .adapt = name_source};
 }
 
-void TruthCache::make(const std::string& key, const fs::path& truth, const Extract& extract) const {
-  if (folder_.empty()) return extract(truth);
+SharedKind shared_places() {
+  return {.command = "scene", .name = "built-in place", .legacy = stadium::legacy_stadium_folder()};
+}
+
+FolderCache::FolderCache(fs::path folder, SharedKind kind, bool refresh, const Progress& progress)
+    : folder_(std::move(folder)), kind_(std::move(kind)), refresh_(refresh), progress_(progress) {}
+
+bool FolderCache::take(const std::string& key, const fs::path& to) const {
+  if (folder_.empty() || refresh_ || !fs::exists(manifest_of(folder_ / key))) return false;
+  const EntryLock lock(folder_ / (key + ".lock"), kind_.name, progress_);
+  return is_whole(folder_ / key) && link(key, to);
+}
+
+void FolderCache::make(const std::string& key, const fs::path& to, const Write& write) const {
+  if (folder_.empty()) return write(to);
   base::make_folder(folder_);
   const fs::path entry = folder_ / key;
-  const EntryLock lock(folder_ / (key + ".lock"), progress_);
+  const EntryLock lock(folder_ / (key + ".lock"), kind_.name, progress_);
   if (refresh_ || !is_whole(entry)) {
     std::error_code ignored;
     fs::remove(manifest_of(entry), ignored);
-    extract(entry);
+    write(entry);
     base::write_file(manifest_of(entry), stamps_of(entry).dump(2) + "\n");
   }
-  if (!link(key, truth)) extract(truth);
+  if (!link(key, to)) write(to);
 }
 
 /// False if the entry is removed meanwhile.
-bool TruthCache::link(const std::string& key, const fs::path& truth) const {
-  const base::OutputFolder output{.folder = truth, .command = "extract", .replace = true, .inputs = {}, .legacy = {}};
+bool FolderCache::link(const std::string& key, const fs::path& to) const {
+  const base::OutputFolder output{
+      .folder = to, .command = kind_.command, .replace = true, .inputs = {}, .legacy = kind_.legacy};
   base::require_writable(output);
   try {
     base::write_folder(output, [&](const fs::path& temporary) {
       link_files(folder_ / key, temporary);
-      json about = place::read_extract_json(temporary);
-      if (about.value("source", json()) == source_) return;
-      about["source"] = source_;
-      base::write_file(temporary / "extract.json", about.dump(2) + "\n");
+      if (kind_.adapt) kind_.adapt(temporary);
     });
   } catch (const InputError&) {
     if (fs::exists(folder_ / key)) throw;
