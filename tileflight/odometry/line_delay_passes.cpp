@@ -6,7 +6,7 @@ namespace tileflight::odometry {
 
 LineDelayPasses track_with_line_delay(double given_s, const std::function<OdometryResult(double line_delay_s)>& track) {
   constexpr double kSignificant = 3.0;  // standard deviations
-  constexpr double kSettled = 0.3;      // the same: a smaller change is not worth another pass. Chosen by hand
+  constexpr double kSettled = 0.2;      // the same: a smaller change is not worth another pass. Chosen by hand
   constexpr int kMostPasses = 4;
   LineDelayPasses found{.result = track(given_s), .line_delay_s = given_s, .estimate = {}, .passes = 1};
   for (;;) {
