@@ -1,5 +1,8 @@
 #include "tileflight/experiment/run.h"
 
+#ifdef __linux__
+#include <malloc.h>
+#endif
 #include <nlohmann/json.hpp>
 
 #include "command.h"
@@ -18,6 +21,16 @@ void replace_cameras(experiment::Experiment& experiment, const std::filesystem::
     if (*flight && (*flight)->render && !(*flight)->render->follows_real)
       (*flight)->render->camera = std::filesystem::absolute(camera);
   }
+}
+
+/// Gives large blocks pages of their own, which go back to the system as soon as they are freed. By default glibc comes
+/// to keep blocks of up to 32 MB in its threads' arenas, where images leave gaps: the odometry of 100 frames of 2688 x
+/// 1512 took 1.5 GB in a run that had rendered them, and takes 0.87 GB so.
+void give_large_blocks_own_pages() {
+#ifdef __GLIBC__
+  constexpr int kOwnPages_bytes = 4 << 20;
+  mallopt(M_MMAP_THRESHOLD, kOwnPages_bytes);
+#endif
 }
 
 }  // namespace
@@ -46,12 +59,13 @@ void add_run(CLI::App& app, CommonOptions& common, Selection& selection) {
   command->add_option("--camera", options->camera, "calibration for the rendered flights instead of their own")
       ->check(CLI::ExistingFile);
   command->add_option("--truth-cache", options->truth_cache,
-                      "folder of truths that runs share: each is extracted once for the same tiles and settings, found "
-                      "by content. It may be removed at any time");
+                      "folder of truths and built-in places that runs share: each is made once for the same tiles and "
+                      "settings, found by content. It may be removed at any time");
   add_source_options(*command, options->source_arguments);
   add_common_options(*command, common);
   command->callback([options, &selection] {
     selection.run = [options](const CommonOptions& shared, const Progress& progress) -> Output {
+      give_large_blocks_own_pages();
       experiment::Experiment experiment = experiment::read_experiment(options->experiment);
       experiment.source_options = source_options(options->source_arguments);
       replace_cameras(experiment, options->camera);
