@@ -5,7 +5,7 @@
 #include <Eigen/Dense>
 #include <cmath>
 
-#include "tileflight/mapping/random_window.h"
+#include "tileflight/mapping/test_random_window.h"
 
 namespace tileflight::mapping::line_delay_test {
 namespace {
