@@ -5,6 +5,7 @@
 Each flight has a place (the built-in stadium and, with TILEFLIGHT_TEST_DATA, Machangara, by turns), a lens (60, 90 or 155 degrees,
 640 x 360), a path (curves, wandering, right angles), a speed, height and pitch, an inertial unit (adis16448 or bmi160, 200 readings
 a second) and its mounting of its own, and, one of three, clocks that differ by up to 60 ms. Nothing is chosen by its result.
+With --hover all paths nearly stop, turn by 60 to 120 degrees and fly on.
 """
 
 import argparse
@@ -72,6 +73,19 @@ def waypoints(rng, place, kind):
     return "".join(points)
 
 
+def hover_and_turn(rng, place):
+    middle, heights = AREAS[place]
+    x, y = (c + rng.uniform(-20.0, 20.0) for c in middle)
+    z, pitch, yaw = rng.uniform(*heights), -rng.uniform(30.0, 60.0), rng.uniform(0.0, 360.0)
+    turn, leg = rng.choice([-1, 1]) * rng.uniform(60.0, 120.0), rng.uniform(15.0, 30.0)
+    points = []
+    for turned, step in ((0.0, 0.0), (0.0, leg), (turn, 0.3), (0.0, leg)):
+        yaw += turned
+        x, y = x + step * math.cos(math.radians(yaw)), y + step * math.sin(math.radians(yaw))
+        points.append(f"  - {{position: [{x:.2f}, {y:.2f}, {z:.2f}], yaw_deg: {yaw:.1f}, pitch_deg: {pitch:.1f}}}\n")
+    return "".join(points)
+
+
 def shift_clock(dataset, offset_s):
     """The unit's clock is ahead of the camera's by that."""
     head, *lines = (dataset / "imu.csv").read_text().splitlines()
@@ -83,7 +97,7 @@ def shift_clock(dataset, offset_s):
     (dataset / "imu.csv").write_text("\n".join(shifted) + "\n")
 
 
-def fly(program, out, number, places):
+def fly(program, out, number, places, hover):
     """Renders the flight; its description."""
     rng = random.Random(f"inertial {number}")
     place = sorted(places)[number % len(places)]
@@ -93,14 +107,14 @@ def fly(program, out, number, places):
     offset_s = rng.choice([0.0, 0.0, rng.uniform(-0.06, 0.06)])
     flight = out / f"flight-{number}.yaml"
     flight.write_text(f"camera: camera-{number}.yaml\nfps: {fps}\nspeed_m_s: {speed:.2f}\nacceleration_m_s2: {rng.uniform(1.0, 3.0):.2f}\n"
-                      f"yaw_rate_deg_s: 40\nmax_frames: {frames}\nwaypoints:\n{waypoints(rng, place, kind)}"
+                      f"yaw_rate_deg_s: 40\nmax_frames: {frames}\nwaypoints:\n{hover_and_turn(rng, place) if hover else waypoints(rng, place, kind)}"
                       f"sensors:\n  imu: {{preset: {unit}, rate_hz: 200, seed: {number}}}\n")
     dataset = out / "dataset"
     shutil.rmtree(dataset, ignore_errors=True)
     run(program, "render", *places[place], "--flight", flight, "--out", dataset, "--quiet")
     if offset_s:
         shift_clock(dataset, offset_s)
-    return {"flight": number, "place": place, "lens_deg": lens, "path": kind, "unit": unit, "fps": fps, "frames": frames,
+    return {"flight": number, "place": place, "lens_deg": lens, "path": "hover and turn" if hover else kind, "unit": unit, "fps": fps, "frames": frames,
             "speed_m_s": round(speed, 1), "true_offset_s": offset_s}
 
 
@@ -147,12 +161,13 @@ def main():
     parser.add_argument("--out", type=pathlib.Path, required=True)
     parser.add_argument("--flights", type=int, default=24)
     parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--hover", action="store_true", help="paths that stop, turn in place and fly on")
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     places = sources(arguments.program, arguments.out)
     rows = []
     for number in range(arguments.first, arguments.first + arguments.flights):
-        about = fly(arguments.program, arguments.out, number, places)
+        about = fly(arguments.program, arguments.out, number, places, arguments.hover)
         rows.append({**about, **measure(arguments.program, arguments.out, number)})
         print(json.dumps(rows[-1]), flush=True)
     describe(rows)
