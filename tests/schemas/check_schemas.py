@@ -297,9 +297,9 @@ def camera_faults(schema, reader):
     good = [lens, {**lens, "distortion_model": "radtan", "distortion_coeffs": four}, {**lens, "distortion_model": "equidistant", "distortion_coeffs": four},
             {**lens, "distortion_model": "fov", "distortion_coeffs": [0.9]}, {**lens, "distortion_model": "rational", "distortion_coeffs": [0.1] + [0.0] * 7},
             {**lens, "camera_model": "omni", "intrinsics": [1.0, *lens["intrinsics"]]}, {**lens, "camera_model": "ds", "intrinsics": [0.1, 0.5, *lens["intrinsics"]]},
-            {**lens, "camera_model": "eucm", "intrinsics": [0.5, 1.0, *lens["intrinsics"]]}, {**lens, "line_delay": 1e-5, "rostopic": "/cam0", "timeshift_cam_imu": 0.1}]
+            {**lens, "camera_model": "eucm", "intrinsics": [0.5, 1.0, *lens["intrinsics"]]}, {**lens, "line_delay": 1e-5, "rostopic": "/cam0", "timeshift_cam_imu": 0.1}, {**lens, "line_delay": -1e-5}]
     bad = [{**lens, "camera_model": "qq"}, {**lens, "distortion_model": "qq"}, {**lens, "intrinsics": [1.0]}, {**lens, "intrinsics": "qq"}, {**lens, "resolution": [128]},
-           {**lens, "resolution": [0, 96]}, {**lens, "line_delay": -1e-5}, {**lens, "T_cam_imu": [1, 2, 3]}]
+           {**lens, "resolution": [0, 96]}, {**lens, "line_delay": -0.2}, {**lens, "T_cam_imu": [1, 2, 3]}]
     bad += [{key: value for key, value in lens.items() if key != left_out} for left_out in ("camera_model", "intrinsics", "resolution")]
     validator = jsonschema.Draft202012Validator(schema)
     faults = []
