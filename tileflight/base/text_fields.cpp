@@ -1,6 +1,9 @@
 #include "tileflight/base/text_fields.h"
 
 #include <algorithm>
+#include <cmath>
+
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::base {
 
@@ -26,6 +29,22 @@ std::vector<std::string_view> split_fields(std::string_view line, std::string_vi
     fields.push_back(field);
   }
   return fields;
+}
+
+void for_each_row(std::string_view text, const std::string& file, std::string_view separators,
+                  const std::function<void(const TextRow& row)>& take) {
+  for (int number = 1; const auto line = take_line(text); ++number) {
+    std::vector<std::string_view> fields = split_fields(*line, separators);
+    if (fields.empty() || fields.front().starts_with('#')) continue;
+    take({number, file + ": line " + std::to_string(number), std::move(fields)});
+  }
+}
+
+double require_finite(const std::string& where, std::string_view field) {
+  const auto value = parse_number<double>(field);
+  if (!value || !std::isfinite(*value))
+    throw InputError(where, "\"" + std::string(field) + "\" is not a finite number");
+  return *value;
 }
 
 std::string to_lower(std::string_view text) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <charconv>
+#include <functional>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -16,6 +17,17 @@ std::string_view take_field(std::string_view& line, std::string_view separators 
 
 /// All fields of a line.
 std::vector<std::string_view> split_fields(std::string_view line, std::string_view separators = " \t");
+
+/// A line of a table.
+struct TextRow {
+  int line;           ///< number in the file, from 1
+  std::string where;  ///< file and line, for messages
+  std::vector<std::string_view> fields;
+};
+
+/// Calls `take` with each line of a file's text that is neither blank nor a comment (its first field begins with '#').
+void for_each_row(std::string_view text, const std::string& file, std::string_view separators,
+                  const std::function<void(const TextRow& row)>& take);
 
 /// A to Z in lower case; other bytes stay.
 std::string to_lower(std::string_view text);
@@ -34,6 +46,9 @@ std::optional<Number> parse_number(std::string_view field) {
   if (error != std::errc() || stop != end) return std::nullopt;
   return value;
 }
+
+/// A field of a table that must be a finite number. Throws InputError, at `where`, if it is not.
+double require_finite(const std::string& where, std::string_view field);
 
 /// Appends the shortest decimal text that reads back as exactly `value`, independent of the locale.
 template <typename Number>

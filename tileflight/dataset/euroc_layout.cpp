@@ -27,18 +27,13 @@ fs::path camera_folder(const fs::path& folder, const std::string& name = "cam0")
 
 std::vector<Frame> read_frames(const fs::path& camera, std::vector<std::string>& warnings) {
   const fs::path file = camera / "data.csv";
-  const std::string text = base::read_text(file);
-  std::string_view rest = text;
   std::vector<Frame> frames;
-  for (int number = 1; const auto line = base::take_line(rest); ++number) {
-    const std::vector<std::string_view> fields = base::split_fields(*line, ", \t");
-    if (fields.empty() || fields.front().starts_with('#')) continue;
-    const std::string where = file.string() + ": line " + std::to_string(number);
-    const auto time_ns = base::parse_number<std::int64_t>(fields.front());
-    if (!time_ns || fields.size() != 2) throw InputError(where, "expected \"time_in_nanoseconds,file\"");
-    const fs::path image = camera / "data" / fs::path(fields[1]).filename();
+  base::for_each_row(base::read_text(file), file.string(), ", \t", [&](const base::TextRow& row) {
+    const auto time_ns = base::parse_number<std::int64_t>(row.fields.front());
+    if (!time_ns || row.fields.size() != 2) throw InputError(row.where, "expected \"time_in_nanoseconds,file\"");
+    const fs::path image = camera / "data" / fs::path(row.fields[1]).filename();
     frames.push_back({image.stem().string(), image, geometry::to_seconds(*time_ns), 0.0});
-  }
+  });
   return existing_frames(std::move(frames), file, warnings);
 }
 

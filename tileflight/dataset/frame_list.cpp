@@ -32,37 +32,25 @@ struct TimesLine {
   double exposure_ms = 0.0;
 };
 
-double parse_finite(const std::string& where, std::string_view field, const char* what) {
-  const auto value = base::parse_number<double>(field);
-  if (!value || !std::isfinite(*value))
-    throw InputError(where, std::string(what) + " \"" + std::string(field) + "\" is not a finite number");
-  return *value;
-}
-
-TimesLine parse_line(const std::string& where, int number, const std::vector<std::string_view>& fields) {
+TimesLine parse_line(const base::TextRow& row) {
+  const std::vector<std::string_view>& fields = row.fields;
   TimesLine line;
-  line.number = number;
-  if (fields.size() > 3) throw InputError(where, "expected \"id seconds [exposure_ms]\" or bare seconds");
+  line.number = row.line;
+  if (fields.size() > 3) throw InputError(row.where, "expected \"id seconds [exposure_ms]\" or bare seconds");
   if (fields.size() > 1) line.id = fields[0];
-  line.time_s = parse_finite(where, fields[fields.size() > 1 ? 1 : 0], "time");
-  if (fields.size() == 3) line.exposure_ms = parse_finite(where, fields[2], "exposure");
-  if (line.exposure_ms < 0.0) throw InputError(where, "the exposure is negative");
+  line.time_s = base::require_finite(row.where + ", time", fields[fields.size() > 1 ? 1 : 0]);
+  if (fields.size() == 3) line.exposure_ms = base::require_finite(row.where + ", exposure", fields[2]);
+  if (line.exposure_ms < 0.0) throw InputError(row.where, "the exposure is negative");
   return line;
 }
 
-std::string line_location(const fs::path& file, int line) { return file.string() + ": line " + std::to_string(line); }
-
 std::vector<TimesLine> read_times(const fs::path& file) {
-  const std::string text = base::read_text(file);
-  std::string_view rest = text;
   std::vector<TimesLine> lines;
-  for (int number = 1; const auto line = base::take_line(rest); ++number) {
-    const std::vector<std::string_view> fields = base::split_fields(*line);
-    if (fields.empty() || fields.front().starts_with('#')) continue;
-    lines.push_back(parse_line(line_location(file, number), number, fields));
+  base::for_each_row(base::read_text(file), file.string(), " \t", [&](const base::TextRow& row) {
+    lines.push_back(parse_line(row));
     if (lines.back().id.empty() != lines.front().id.empty())
-      throw InputError(line_location(file, number), "some lines have a frame name and others do not");
-  }
+      throw InputError(row.where, "some lines have a frame name and others do not");
+  });
   if (lines.empty()) throw InputError(file.string(), "has no times");
   return lines;
 }
@@ -88,7 +76,7 @@ std::vector<Frame> match_by_name(const std::vector<fs::path>& images, const std:
   for (const TimesLine& line : lines) {
     const auto image = by_name.find(line.id);
     if (image == by_name.end())
-      throw InputError(line_location(file, line.number),
+      throw InputError(file.string() + ": line " + std::to_string(line.number),
                        "frame \"" + line.id + "\" has no image in " + images.front().parent_path().string());
     frames.push_back({line.id, image->second, line.time_s, line.exposure_ms});
   }

@@ -20,33 +20,22 @@ GpsFix parse_fix(const std::string& where, const std::vector<std::string_view>& 
     throw InputError(where,
                      "expected 6 numbers (" + std::string(kGpsHeader) + "), found " + std::to_string(fields.size()));
   std::array<double, kGpsColumns> v{};
-  for (std::size_t i = 0; i < kGpsColumns; ++i) {
-    const auto value = base::parse_number<double>(fields[i]);
-    if (!value || !std::isfinite(*value))
-      throw InputError(where, "\"" + std::string(fields[i]) + "\" is not a finite number");
-    v[i] = *value;
-  }
+  for (std::size_t i = 0; i < kGpsColumns; ++i) v[i] = base::require_finite(where, fields[i]);
   if (std::abs(v[1]) > 90.0 || std::abs(v[2]) > 360.0) throw InputError(where, "latitude or longitude is out of range");
   if (v[4] < 0.0 || v[5] < 0.0) throw InputError(where, "a standard deviation is negative");
   return {v[0], {v[1], v[2], {v[3]}}, v[4], v[5]};
 }
 
-bool is_header(std::string_view field) { return field.starts_with('#') || !base::parse_number<double>(field); }
-
 }  // namespace
 
 std::vector<GpsFix> read_gps_csv(const std::filesystem::path& file) {
-  const std::string text = base::read_text(file);
-  std::string_view rest = text;
   std::vector<GpsFix> fixes;
-  for (int number = 1; const auto line = base::take_line(rest); ++number) {
-    const std::vector<std::string_view> fields = base::split_fields(*line, ", \t");
-    if (fields.empty() || (number == 1 && is_header(fields.front())) || fields.front().starts_with('#')) continue;
-    const std::string where = file.string() + ": line " + std::to_string(number);
-    fixes.push_back(parse_fix(where, fields));
+  base::for_each_row(base::read_text(file), file.string(), ", \t", [&](const base::TextRow& row) {
+    if (row.line == 1 && !base::parse_number<double>(row.fields.front())) return;  // the header
+    fixes.push_back(parse_fix(row.where, row.fields));
     if (fixes.size() > 1 && !(fixes.back().time_s > fixes[fixes.size() - 2].time_s))
-      throw InputError(where, "the time is not after the one before it");
-  }
+      throw InputError(row.where, "the time is not after the one before it");
+  });
   return fixes;
 }
 

@@ -46,12 +46,7 @@ geometry::ImuSample parse_reading(const std::string& where, const std::vector<st
     throw InputError(where, "expected a time and 6 numbers, found " + std::to_string(fields.size()) + " fields");
   const double time_s = parse_time_s(where, fields[0], in_seconds);
   std::array<double, kValues> v{};
-  for (std::size_t i = 0; i < kValues; ++i) {
-    const auto value = base::parse_number<double>(fields[i + 1]);
-    if (!value || !std::isfinite(*value))
-      throw InputError(where, "\"" + std::string(fields[i + 1]) + "\" is not a finite number");
-    v[i] = *value;
-  }
+  for (std::size_t i = 0; i < kValues; ++i) v[i] = base::require_finite(where, fields[i + 1]);
   return {time_s, {v[0], v[1], v[2]}, {v[3], v[4], v[5]}};
 }
 
@@ -67,20 +62,15 @@ double required(base::StrictSection& section, const std::string& key) {
 std::vector<geometry::ImuSample> read_imu_csv(const std::filesystem::path& file) {
   const std::string text = base::read_text(file);
   std::string_view rest = text;
+  const std::string_view first = base::take_line(rest).value_or("");
+  const bool has_header = is_imu_header(first), in_seconds = has_header && is_in_seconds(first);
   std::vector<geometry::ImuSample> readings;
-  bool in_seconds = false;
-  for (int number = 1; const auto line = base::take_line(rest); ++number) {
-    if (number == 1 && is_imu_header(*line)) {
-      in_seconds = is_in_seconds(*line);
-      continue;
-    }
-    const std::vector<std::string_view> fields = base::split_fields(*line, ", \t");
-    if (fields.empty() || fields.front().starts_with('#')) continue;
-    const std::string where = file.string() + ": line " + std::to_string(number);
-    readings.push_back(parse_reading(where, fields, in_seconds));
+  base::for_each_row(text, file.string(), ", \t", [&](const base::TextRow& row) {
+    if (row.line == 1 && has_header) return;
+    readings.push_back(parse_reading(row.where, row.fields, in_seconds));
     if (readings.size() > 1 && !(readings.back().time_s > readings[readings.size() - 2].time_s))
-      throw InputError(where, "the time is not after the one before it");
-  }
+      throw InputError(row.where, "the time is not after the one before it");
+  });
   return readings;
 }
 

@@ -39,12 +39,7 @@ std::vector<Row12> read_rows(const fs::path& file) {
     const std::string where = file.string() + ": line " + std::to_string(number);
     if (fields.size() != 12) throw InputError(where, "expected 12 numbers, found " + std::to_string(fields.size()));
     Row12 row{};
-    for (std::size_t i = 0; i < row.size(); ++i) {
-      const auto value = base::parse_number<double>(fields[i]);
-      if (!value || !std::isfinite(*value))
-        throw InputError(where, "\"" + std::string(fields[i]) + "\" is not a finite number");
-      row[i] = *value;
-    }
+    for (std::size_t i = 0; i < row.size(); ++i) row[i] = base::require_finite(where, fields[i]);
     rows.push_back(row);
   }
   if (rows.empty()) throw InputError(file.string(), "is empty");

@@ -28,17 +28,13 @@ struct TimedFile {
 };
 
 std::vector<TimedFile> read_file_list(const fs::path& folder, const fs::path& list) {
-  const std::string text = base::read_text(list);
-  std::string_view rest = text;
   std::vector<TimedFile> files;
-  for (int number = 1; const auto line = base::take_line(rest); ++number) {
-    const std::vector<std::string_view> fields = base::split_fields(*line);
-    if (fields.empty() || fields.front().starts_with('#')) continue;
-    const std::string where = list.string() + ": line " + std::to_string(number);
-    const auto time_s = base::parse_number<double>(fields.front());
-    if (!time_s || !std::isfinite(*time_s) || fields.size() != 2) throw InputError(where, "expected \"seconds file\"");
-    files.push_back({*time_s, file_within(folder, fields[1], where)});
-  }
+  base::for_each_row(base::read_text(list), list.string(), " \t", [&](const base::TextRow& row) {
+    const auto time_s = base::parse_number<double>(row.fields.front());
+    if (!time_s || !std::isfinite(*time_s) || row.fields.size() != 2)
+      throw InputError(row.where, "expected \"seconds file\"");
+    files.push_back({*time_s, file_within(folder, row.fields[1], row.where)});
+  });
   return files;
 }
 

@@ -81,11 +81,7 @@ class CsvTable {
   }
   std::string_view cell(std::size_t column) const { return cells_[column]; }
   std::string where() const { return file_ + ": line " + std::to_string(number_); }
-  double number(std::size_t column) const {
-    const auto value = base::parse_number<double>(cell(column));
-    if (value && std::isfinite(*value)) return *value;
-    throw InputError(where(), "\"" + std::string(cell(column)) + "\" is not a finite number");
-  }
+  double number(std::size_t column) const { return base::require_finite(where(), cell(column)); }
   /// Whole nanoseconds are kept exactly. A unit that the column's name does not state is seconds, unless the number
   /// would be a date after the year 5000.
   double time_s(std::size_t column) const {

@@ -34,22 +34,17 @@ constexpr std::array<ColmapLens, 10> kLenses{{{"SIMPLE_PINHOLE", true, "none", 0
                                               {"RADIAL_FISHEYE", true, "equidistant", 2},
                                               {"FOV", false, "fov", 1}}};
 
-struct Row {
-  std::string where;  ///< file and line, for messages
-  std::vector<std::string_view> fields;
-  std::int64_t camera_id = 0;
+struct Row : base::TextRow {
+  std::int64_t camera_id;
 };
 
 std::vector<Row> rows_of(std::string_view text, const std::string& file) {
   std::vector<Row> rows;
-  for (int number = 1; const auto line = base::take_line(text); ++number) {
-    Row row{file + ": line " + std::to_string(number), base::split_fields(*line)};
-    if (row.fields.empty() || row.fields.front().starts_with('#')) continue;
+  base::for_each_row(text, file, " \t", [&](const base::TextRow& row) {
     const auto id = base::parse_number<std::int64_t>(row.fields.front());
     if (!id) throw InputError(row.where, "\"" + std::string(row.fields.front()) + "\" is not a CAMERA_ID, a number");
-    row.camera_id = *id;
-    rows.push_back(std::move(row));
-  }
+    rows.push_back({row, *id});
+  });
   return rows;
 }
 

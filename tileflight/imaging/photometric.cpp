@@ -21,12 +21,10 @@ std::vector<double> read_response(const std::filesystem::path& file) {
   const std::string text = base::read_text(file, kMaxFileSize);
   std::vector<double> values;
   for (const std::string_view field : base::split_fields(text, " \t\r\n")) {
-    const auto value = base::parse_number<double>(field);
-    if (!value || !std::isfinite(*value))
-      throw InputError(file.string(), "\"" + std::string(field) + "\" is not a finite number");
-    if (!values.empty() && *value <= values.back())
+    const double value = base::require_finite(file.string(), field);
+    if (!values.empty() && value <= values.back())
       throw InputError(file.string(), "number " + std::to_string(values.size() + 1) + " does not increase");
-    values.push_back(*value);
+    values.push_back(value);
   }
   if (values.size() < kLevels)
     throw InputError(file.string(), "must have at least 256 numbers, not " + std::to_string(values.size()));
