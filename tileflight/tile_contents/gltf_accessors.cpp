@@ -3,6 +3,7 @@
 #include <map>
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/tile_contents/metadata_schema.h"
 
 namespace tileflight::tile_contents::gltf {
 namespace {
@@ -24,14 +25,6 @@ ComponentType component_type(std::size_t code, const std::string& where) {
     default:
       throw InputError(where, "componentType " + std::to_string(code) + " is not defined by glTF");
   }
-}
-
-std::size_t component_count(const std::string& type, const std::string& where) {
-  static const std::map<std::string, std::size_t> kCounts = {{"SCALAR", 1}, {"VEC2", 2}, {"VEC3", 3}, {"VEC4", 4},
-                                                             {"MAT2", 4},   {"MAT3", 9}, {"MAT4", 16}};
-  const auto it = kCounts.find(type);
-  if (it == kCounts.end()) throw InputError(where, "type '" + type + "' is not defined by glTF");
-  return it->second;
 }
 
 MeshoptView read_meshopt(const Json& json, const Document& document, const std::string& where) {

@@ -51,27 +51,12 @@ class InstanceReader {
     return out;
   }
 
-  /// NORMAL_UP or NORMAL_RIGHT, plain or octahedral; empty: not given.
-  std::vector<Vec3> directions(const char* plain, const char* octahedral) const {
-    std::vector<Vec3> out;
-    if (const auto floats = table_.values<float>(plain, 3 * count_)) {
-      for (std::size_t i = 0; i < count_; ++i) {
-        out.emplace_back((*floats)[3 * i], (*floats)[3 * i + 1], (*floats)[3 * i + 2]);
-      }
-    } else if (const auto octs = table_.values<std::uint16_t>(octahedral, 2 * count_)) {
-      for (std::size_t i = 0; i < count_; ++i) {
-        out.push_back(decode_octahedral((*octs)[2 * i], (*octs)[2 * i + 1], 65535));
-      }
-    }
-    return out;
-  }
-
   /// Section "Instance orientation": x is the instance's right and y its up. Without these, the axes are east, north
   /// and up at its position if EAST_NORTH_UP is set; otherwise there is no rotation.
   std::vector<Mat3> rotations(const std::vector<Vec3>& positions) const {
     std::vector<Mat3> out(count_, Mat3::Identity());
-    const std::vector<Vec3> up = directions("NORMAL_UP", "NORMAL_UP_OCT32P");
-    const std::vector<Vec3> right = directions("NORMAL_RIGHT", "NORMAL_RIGHT_OCT32P");
+    const std::vector<Vec3> up = table_.directions<std::uint16_t>("NORMAL_UP", "NORMAL_UP_OCT32P", count_);
+    const std::vector<Vec3> right = table_.directions<std::uint16_t>("NORMAL_RIGHT", "NORMAL_RIGHT_OCT32P", count_);
     if (!up.empty() && !right.empty()) {
       for (std::size_t i = 0; i < count_; ++i) out[i] << right[i], up[i], right[i].cross(up[i]);
     } else if (find_bool(table_.json(), "EAST_NORTH_UP", table_.where()).value_or(false)) {

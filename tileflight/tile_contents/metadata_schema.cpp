@@ -29,14 +29,6 @@ Enums parse_enums(const Json& schema, const std::string& where) {
   return enums;
 }
 
-std::size_t components_of(const std::string& type, const std::string& where) {
-  static const std::map<std::string, std::size_t> kCounts = {{"SCALAR", 1}, {"VEC2", 2}, {"VEC3", 3}, {"VEC4", 4},
-                                                             {"MAT2", 4},   {"MAT3", 9}, {"MAT4", 16}};
-  const auto it = kCounts.find(type);
-  if (it == kCounts.end()) throw InputError(where, "type '" + type + "' is unknown");
-  return it->second;
-}
-
 /// `offset` or `scale`: a number, or nested arrays of them for vectors and arrays.
 void append_numbers(const Json& json, const std::string& where, std::vector<double>& out) {
   if (json.is_array()) {
@@ -78,7 +70,7 @@ MetadataProperty parse_property(const std::string& id, const Json& json, const E
     if (it == enums.end()) throw InputError(where, "enumType '" + name + "' is not in the schema");
     std::tie(out.component_type, out.enum_names) = it->second;
   } else {
-    out.components = components_of(type, where);
+    out.components = component_count(type, where);
     out.component_type = require_value(find_string(json, "componentType", where), "componentType", where);
     if (component_size_bytes(out.component_type) == 0) {
       throw InputError(where, "componentType '" + out.component_type + "' is unknown");
@@ -119,6 +111,14 @@ MetadataSchema parse_metadata_schema(const Json& schema, const std::string& wher
     }
   }
   return out;
+}
+
+std::size_t component_count(const std::string& type, const std::string& where) {
+  static const std::map<std::string, std::size_t> kCounts = {{"SCALAR", 1}, {"VEC2", 2}, {"VEC3", 3}, {"VEC4", 4},
+                                                             {"MAT2", 4},   {"MAT3", 9}, {"MAT4", 16}};
+  const auto it = kCounts.find(type);
+  if (it == kCounts.end()) throw InputError(where, "type '" + type + "' is unknown");
+  return it->second;
 }
 
 }  // namespace tileflight::tile_contents

@@ -48,4 +48,7 @@ MetadataSchema parse_metadata_schema(const Json& schema, const std::string& wher
 /// Size in bytes of a component type ("FLOAT32": 4); 0 for an unknown type.
 std::size_t component_size_bytes(const std::string& component_type);
 
+/// Numbers of one element of a type of glTF's ("VEC3": 3). Throws InputError (where) if there is no such type.
+std::size_t component_count(const std::string& type, const std::string& where);
+
 }  // namespace tileflight::tile_contents

@@ -162,17 +162,13 @@ class PointReader {
 
   std::vector<Eigen::Vector3f> normals() const {
     std::vector<Eigen::Vector3f> out;
-    auto floats = from_draco("NORMAL", 3);
-    if (!floats) floats = table_.values<float>("NORMAL", 3 * count_);
-    if (floats) {
-      for (std::size_t i = 0; i < count_; ++i) {
+    if (const auto floats = from_draco("NORMAL", 3)) {
+      for (std::size_t i = 0; i < count_; ++i)
         out.emplace_back((*floats)[3 * i], (*floats)[3 * i + 1], (*floats)[3 * i + 2]);
-      }
-    } else if (const auto octs = table_.values<std::uint8_t>("NORMAL_OCT16P", 2 * count_)) {
-      for (std::size_t i = 0; i < count_; ++i) {
-        out.push_back(decode_octahedral((*octs)[2 * i], (*octs)[2 * i + 1], 255).cast<float>());
-      }
+      return out;
     }
+    for (const Vec3& normal : table_.directions<std::uint8_t>("NORMAL", "NORMAL_OCT16P", count_))
+      out.push_back(normal.cast<float>());
     return out;
   }
 

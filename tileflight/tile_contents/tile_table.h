@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <span>
@@ -13,6 +14,7 @@
 #include "tileflight/geometry/transform.h"
 #include "tileflight/imaging/feature_table.h"
 #include "tileflight/tile_contents/json_reader.h"
+#include "tileflight/tile_contents/octahedral.h"
 #include "tileflight/tile_contents/tile_container.h"
 
 namespace tileflight::tile_contents {
@@ -46,6 +48,19 @@ class TileTable {
     const std::span<const std::byte> bytes = binary_part(*member, key, count, sizeof(T));
     std::vector<T> out(count);
     if (count > 0) std::memcpy(out.data(), bytes.data(), bytes.size());
+    return out;
+  }
+  /// Unit vectors, plain (three floats each) or octahedral (two numbers of type T); empty: neither is given.
+  template <class T>
+  std::vector<geometry::Vec3> directions(const char* plain, const char* octahedral, std::size_t count) const {
+    std::vector<geometry::Vec3> out;
+    if (const auto floats = values<float>(plain, 3 * count)) {
+      for (std::size_t i = 0; i < count; ++i)
+        out.emplace_back((*floats)[3 * i], (*floats)[3 * i + 1], (*floats)[3 * i + 2]);
+    } else if (const auto pairs = values<T>(octahedral, 2 * count)) {
+      for (std::size_t i = 0; i < count; ++i)
+        out.push_back(decode_octahedral((*pairs)[2 * i], (*pairs)[2 * i + 1], std::numeric_limits<T>::max()));
+    }
     return out;
   }
   /// RTC_CENTER, to which positions are relative; 0 if there is none.
