@@ -75,9 +75,7 @@ Observations project_points(const ColmapModel& model) {
   for (std::size_t i = 0; i < model.points.size(); ++i) {
     for (const int k : model.points[i].image_indices) {
       const auto pixel = model.camera.project(model.images[k].T_world_camera.inverse() * model.points[i].position);
-      const bool inside = pixel && pixel->x() >= -0.5 && pixel->y() >= -0.5 &&
-                          pixel->x() <= model.camera.width() - 0.5 && pixel->y() <= model.camera.height() - 0.5;
-      if (!inside) continue;
+      if (!pixel || !model.camera.contains(*pixel)) continue;
       all.by_point[i].emplace_back(k, all.by_image[k].size());
       all.by_image[k].push_back({*pixel, i});
     }

@@ -83,6 +83,10 @@ class Camera {
   /// undefined.
   std::optional<geometry::Vec2> project(const geometry::Vec3& point_camera,
                                         Eigen::Matrix<double, 2, 3>& d_pixel_d_point) const;
+  /// Whether a pixel position lies on the image, its edge included.
+  bool contains(const geometry::Vec2& pixel) const {
+    return pixel.x() >= -0.5 && pixel.y() >= -0.5 && pixel.x() <= width_ - 0.5 && pixel.y() <= height_ - 0.5;
+  }
   /// Unit ray of a pixel; nullopt outside the model's valid region. project(unproject(p)) == p to 1e-9 px.
   std::optional<geometry::Vec3> unproject(const geometry::Vec2& pixel) const;
 

@@ -10,6 +10,7 @@
 #include <sstream>
 
 #include "tileflight/base/order_statistics.h"
+#include "tileflight/render/view_overlap.h"
 #include "tileflight/survey/flight_faults.h"
 
 namespace tileflight::preview {
@@ -18,23 +19,6 @@ namespace {
 using geometry::SE3;
 using geometry::Vec2;
 using geometry::Vec3;
-
-/// A ray of a regular grid over the image.
-struct GridRay {
-  Vec2 pixel;
-  Vec3 ray;  ///< unit length, camera frame
-};
-
-std::vector<GridRay> grid_rays(const imaging::Camera& camera, int grid) {
-  std::vector<GridRay> rays;
-  const double step_px = static_cast<double>(std::max(camera.width(), camera.height())) / grid;
-  for (double y = 0.5 * step_px - 0.5; y < camera.height() - 0.5; y += step_px) {
-    for (double x = 0.5 * step_px - 0.5; x < camera.width() - 0.5; x += step_px) {
-      if (const auto ray = camera.unproject(Vec2(x, y))) rays.push_back({Vec2(x, y), ray->normalized()});
-    }
-  }
-  return rays;
-}
 
 /// A ray's intersection with a surface.
 struct SurfaceHit {
@@ -48,10 +32,10 @@ struct ViewSample {
   std::vector<SurfaceHit> hits;
 };
 
-ViewSample sample_view(const scene::Scene& scene, const std::vector<GridRay>& rays, const SE3& pose) {
+ViewSample sample_view(const scene::Scene& scene, const std::vector<render::GridRay>& rays, const SE3& pose) {
   ViewSample out;
-  for (const GridRay& r : rays) {
-    const scene::Ray ray{pose.translation, pose.rotation * r.ray};
+  for (const render::GridRay& r : rays) {
+    const scene::Ray ray{pose.translation, pose.rotation * r.direction};
     ++out.view.rays;
     const auto hit = scene.intersect(ray);
     if (!hit) continue;
@@ -66,10 +50,7 @@ ViewSample sample_view(const scene::Scene& scene, const std::vector<GridRay>& ra
 /// Projection of a point; nullopt outside the image.
 std::optional<Vec2> project_into_picture(const imaging::Camera& camera, const SE3& pose, const Vec3& point) {
   const auto pixel = camera.project(pose.inverse() * point);
-  if (!pixel || pixel->x() < -0.5 || pixel->y() < -0.5 || pixel->x() > camera.width() - 0.5 ||
-      pixel->y() > camera.height() - 0.5)
-    return std::nullopt;
-  return pixel;
+  return pixel && camera.contains(*pixel) ? pixel : std::nullopt;
 }
 
 double flow_share(const ViewSample& from, const imaging::Camera& camera, const SE3& next) {
@@ -163,7 +144,7 @@ std::vector<Vec2> border_pixels(const imaging::Camera& camera) {
 FlightCheck check_flight(const scene::Scene& scene, const survey::PlannedFlight& mission,
                          const FlightCheckOptions& options, const Progress& progress) {
   const auto& poses = mission.frames.poses;
-  const std::vector<GridRay> rays = grid_rays(mission.calibration.camera, options.rays_per_side);
+  const std::vector<render::GridRay> rays = render::grid_rays(mission.calibration.camera, options.rays_per_side);
   const std::vector<bool> is_looked_at = select_evenly(poses.size(), options.max_views);
   FlightCheck found{std::vector<render::FrameCheck>(poses.size()),
                     std::vector<ViewCheck>(poses.size()),
@@ -241,7 +222,7 @@ std::vector<Vec2> footprint(const scene::Scene& scene, const imaging::Camera& ca
   };
   const Vec2 middle((camera.width() - 1) / 2.0, (camera.height() - 1) / 2.0);
   std::optional<Vec2> inner;  // the pixel nearest to the image centre that hits the place
-  for (const GridRay& ray : grid_rays(camera, 48)) {
+  for (const render::GridRay& ray : render::grid_rays(camera, 48)) {
     if ((!inner || (ray.pixel - middle).norm() < (*inner - middle).norm()) && ground_at(ray.pixel)) inner = ray.pixel;
   }
   std::vector<Vec2> outline;

@@ -17,11 +17,6 @@ constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
 
 Vec3 vec3(const std::array<float, 3>& v) { return {v[0], v[1], v[2]}; }
 
-bool is_within(const imaging::Camera& camera, const Vec2& pixel) {
-  return pixel.x() >= -0.5 && pixel.y() >= -0.5 && pixel.x() <= camera.width() - 0.5 &&
-         pixel.y() <= camera.height() - 0.5;
-}
-
 const SE3& pose_of_row(std::span<const SE3> poses, int row) {
   return poses[poses.size() == 1 ? 0 : static_cast<std::size_t>(row)];
 }
@@ -60,7 +55,7 @@ std::optional<Vec2> project_by_rows(const imaging::Camera& camera, std::span<con
   const int last_row = camera.height() - 1;
   if (T_local_camera_of_row.size() == 1) {
     const auto pixel = projected(0);
-    return pixel && is_within(camera, *pixel) ? pixel : std::nullopt;
+    return pixel && camera.contains(*pixel) ? pixel : std::nullopt;
   }
   // The row that sees the point is the fixed point of the projection as a function of the row. The projection changes
   // by far less than a row between adjacent rows, so that fixed-point iteration converges; then linear interpolation.
@@ -73,7 +68,7 @@ std::optional<Vec2> project_by_rows(const imaging::Camera& camera, std::span<con
     if (std::abs(wanted - row) <= 1) {
       const Vec2 change = *lower - *upper;  // per row
       const Vec2 pixel = *upper + (upper->y() - row) / (1.0 - change.y()) * change;
-      return is_within(camera, pixel) ? std::optional(pixel) : std::nullopt;
+      return camera.contains(pixel) ? std::optional(pixel) : std::nullopt;
     }
     row = wanted;
   }

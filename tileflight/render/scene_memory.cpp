@@ -5,9 +5,7 @@
 namespace tileflight::render {
 
 std::uintmax_t decoded_bytes(const imaging::TexturedMesh& mesh) {
-  return mesh.mesh.vertices.size() * sizeof(mesh.mesh.vertices[0]) + mesh.uv.size() * sizeof(mesh.uv[0]) +
-         mesh.colors.size() * sizeof(mesh.colors[0]) + mesh.feature_ids.size() * sizeof(mesh.feature_ids[0]) +
-         mesh.mesh.triangles.size() * sizeof(mesh.mesh.triangles[0]);
+  return imaging::vertex_bytes(mesh) + mesh.mesh.triangles.size() * sizeof(mesh.mesh.triangles[0]);
 }
 
 std::uintmax_t rendered_bytes(const imaging::TexturedMesh& mesh) {

@@ -8,6 +8,16 @@
 
 namespace tileflight::render {
 
+/// A ray of an even grid over an image.
+struct GridRay {
+  geometry::Vec2 pixel;
+  geometry::Vec3 direction;  ///< unit, camera frame
+};
+
+/// `grid`: rays along the longer side of the image, at least 2. Pixels outside the lens's valid region have none.
+/// Throws InputError.
+std::vector<GridRay> grid_rays(const imaging::Camera& camera, int grid);
+
 /// Overlap of two views: of the rays of both that hit a surface, the fraction whose surface point is also visible in
 /// the other view (within its image and its lens's valid cone, not occluded). 1: both see the same; 0: nothing in
 /// common, or no surface at all. Symmetric. Rays form an even grid of pixels.
@@ -21,9 +31,8 @@ class ViewOverlap {
  private:
   struct View {
     imaging::Camera camera;
-    std::vector<geometry::Vec3> rays;  ///< unit, camera frame
+    std::vector<GridRay> rays;
   };
-  static View view_of(const imaging::Camera& camera, int grid);
   bool sees(const View& view, const geometry::SE3& T_local_camera, const geometry::Vec3& point) const;
 
   const scene::Scene& scene_;

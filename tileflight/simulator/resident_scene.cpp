@@ -172,8 +172,7 @@ std::uintmax_t resident_bytes(const std::vector<TexturedMesh>& meshes) {
   std::set<const imaging::RgbImage*> textures;
   std::uintmax_t bytes = 0;
   for (const TexturedMesh& mesh : meshes) {
-    bytes += mesh.mesh.vertices.size() * sizeof(geometry::Vec3) + mesh.uv.size() * sizeof(mesh.uv[0]) +
-             mesh.colors.size() * sizeof(mesh.colors[0]) + mesh.feature_ids.size() * sizeof(mesh.feature_ids[0]);
+    bytes += imaging::vertex_bytes(mesh);
     bytes += mesh.mesh.triangles.size() * (sizeof(geometry::Triangle) + kBeamTreeBytes + kRayTreeBytes + kShadeBytes);
     if (mesh.texture && textures.insert(mesh.texture.get()).second)
       bytes += mesh.texture->pixels.size() * sizeof(imaging::Rgb8) * 7 / 3;  // including its mipmaps

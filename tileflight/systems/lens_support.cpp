@@ -65,8 +65,7 @@ double visible_share(const imaging::Camera& camera, const imaging::Camera& pinho
       if (!ray) continue;
       ++all;
       const auto inside = pinhole.project(*ray);
-      seen += inside && inside->x() >= -0.5 && inside->y() >= -0.5 && inside->x() <= pinhole.width() - 0.5 &&
-              inside->y() <= pinhole.height() - 0.5;
+      seen += inside && pinhole.contains(*inside);
     }
   }
   return all > 0 ? static_cast<double>(seen) / all : 0.0;

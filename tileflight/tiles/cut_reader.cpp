@@ -149,9 +149,7 @@ class CutReader {
 
 std::uintmax_t memory_bytes(const TexturedMesh& mesh) {
   constexpr std::uintmax_t kTreeBytes = 180;  // per triangle, both trees of a scene, with copies of its corners
-  return mesh.mesh.vertices.size() * sizeof(geometry::Vec3) + mesh.uv.size() * sizeof(mesh.uv[0]) +
-         mesh.colors.size() * sizeof(mesh.colors[0]) + mesh.feature_ids.size() * sizeof(mesh.feature_ids[0]) +
-         mesh.mesh.triangles.size() * (sizeof(mesh.mesh.triangles[0]) + kTreeBytes);
+  return imaging::vertex_bytes(mesh) + mesh.mesh.triangles.size() * (sizeof(mesh.mesh.triangles[0]) + kTreeBytes);
 }
 
 std::vector<LoadedContent> read_cut(transport::TileSource& source, const TilesetTree& tree, const TileCut& cut,
