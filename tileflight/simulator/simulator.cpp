@@ -9,10 +9,10 @@
 namespace tileflight::simulator {
 
 Simulator::Simulator(const SimulatorOptions& options, SimulatorLog log, const Progress& progress)
-    : impl_(std::make_unique<Impl>(options, std::move(log), progress)) {}
+    : impl_(std::make_unique<Impl>(options, std::nullopt, std::move(log), progress)) {}
 
 Simulator::Simulator(const SimulatorOptions& options, std::vector<imaging::TexturedMesh> meshes, SimulatorLog log)
-    : impl_(std::make_unique<Impl>(options, std::move(meshes), std::move(log))) {}
+    : impl_(std::make_unique<Impl>(options, std::move(meshes), std::move(log), Progress{})) {}
 
 Simulator::~Simulator() { stop(); }
 

@@ -46,6 +46,12 @@ AssetFiles asset_files(const SimulatorOptions& options, const Settings& settings
   return files;
 }
 
+WorkingSet open_place(const SimulatorOptions& options, std::optional<std::vector<imaging::TexturedMesh>> meshes,
+                      const SimulatorLog& log, const Progress& progress) {
+  if (meshes) return WorkingSet(options, std::move(*meshes), log);
+  return WorkingSet(options, log, progress);
+}
+
 }  // namespace
 
 Vec3 checked_position(const Vector3r& position, const char* what) {
@@ -71,25 +77,12 @@ SE3 merge_pose(const Pose& pose, const SE3& before, const char* what) {
   return {turned ? checked_rotation(pose.orientation, what) : before.rotation, checked_position(position, what)};
 }
 
-Simulator::Impl::Impl(const SimulatorOptions& o, SimulatorLog l, const Progress& progress)
+Simulator::Impl::Impl(const SimulatorOptions& o, std::optional<std::vector<imaging::TexturedMesh>> meshes,
+                      SimulatorLog l, const Progress& progress)
     : options(o),
       log(std::move(l)),
       settings(read_settings(options.settings, options.settings_name)),
-      working_set(with_settings(options, settings), log, progress),
-      world_objects(asset_files(options, settings)),
-      geodetic_frame{geometry::LocalFrame(kDefaultOrigin), {}, Vec3::Zero(), false},
-      file_access(options.output_root),
-      segmentation_ids(settings.random_ids),
-      annotation_layers(settings.annotation_layers),
-      clock(state_mutex, clock_settings(options, settings), clock_hooks()) {
-  initialize();
-}
-
-Simulator::Impl::Impl(const SimulatorOptions& o, std::vector<imaging::TexturedMesh> meshes, SimulatorLog l)
-    : options(o),
-      log(std::move(l)),
-      settings(read_settings(options.settings, options.settings_name)),
-      working_set(with_settings(options, settings), std::move(meshes), log),
+      working_set(open_place(with_settings(options, settings), std::move(meshes), log, progress)),
       world_objects(asset_files(options, settings)),
       geodetic_frame{geometry::LocalFrame(kDefaultOrigin), {}, Vec3::Zero(), false},
       file_access(options.output_root),

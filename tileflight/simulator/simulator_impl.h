@@ -116,8 +116,9 @@ struct LatestPicture {
 /// The simulator's state. One mutex guards all mutable state; rendering, scans and tile loading run without it, on
 /// copies of the data they need.
 struct Simulator::Impl {
-  Impl(const SimulatorOptions& options, SimulatorLog log, const Progress& progress);
-  Impl(const SimulatorOptions& options, std::vector<imaging::TexturedMesh> meshes, SimulatorLog log);
+  /// `meshes`: the place; none: `options.source`, read while `progress` is told.
+  Impl(const SimulatorOptions& options, std::optional<std::vector<imaging::TexturedMesh>> meshes, SimulatorLog log,
+       const Progress& progress);
 
   SimulatorOptions options;
   SimulatorLog log;
