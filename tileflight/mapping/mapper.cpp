@@ -6,6 +6,7 @@
 
 #include "tileflight/mapping/densify.h"
 #include "tileflight/mapping/normal_equations.h"
+#include "tileflight/mapping/residual_states.h"
 #include "tileflight/mapping/static_stereo.h"
 #include "tileflight/mapping/tracer.h"
 #include "tileflight/photometry/pixel_selector.h"

@@ -51,6 +51,23 @@ MatrixXd symmetric_pseudo_inverse(const Mat8& A) {
   return eigen.eigenvectors() * inverse.asDiagonal() * eigen.eigenvectors().transpose();
 }
 
+/// DSO, eq. 16 to 18, scaled to a unit diagonal, since translation, rotation and brightness entries differ by many
+/// orders of magnitude. `gain_of`: H_ab H_bb^-1 of these, for unknowns b that leave and a that stay.
+template <class Gain>
+QuadraticPrior eliminate(const QuadraticPrior& prior, const std::vector<int>& kept, const std::vector<int>& leaving,
+                         const Gain& gain_of) {
+  const VectorXd scale = (prior.H.diagonal().cwiseAbs().array() + 1e-12).sqrt();
+  const MatrixXd H = scale.cwiseInverse().asDiagonal() * prior.H * scale.cwiseInverse().asDiagonal();
+  const VectorXd b = scale.cwiseInverse().asDiagonal() * prior.b;
+  const MatrixXd H_ab = H(kept, leaving);
+  const MatrixXd K = gain_of(H_ab, H(leaving, leaving));
+  const VectorXd kept_scale = scale(kept);
+  MatrixXd H_new = kept_scale.asDiagonal() * (H(kept, kept) - K * H_ab.transpose()) * kept_scale.asDiagonal();
+  const VectorXd b_new = kept_scale.asDiagonal() * (b(kept) - K * b(leaving));
+  H_new = (0.5 * (H_new + H_new.transpose())).eval();
+  return {H_new, b_new};
+}
+
 }  // namespace
 
 void marginalize_points(photometry::Window& window, const std::vector<HostTargetPair>& pairs,
@@ -80,18 +97,9 @@ QuadraticPrior marginalize_keyframe(const QuadraticPrior& prior, int slot) {
   }
   std::vector<int> out(8);
   for (int i = 0; i < 8; ++i) out[i] = 8 * slot + i;
-  // DSO, eq. 16 to 18, scaled to a unit diagonal, since translation, rotation and brightness entries differ by many
-  // orders of magnitude.
-  const VectorXd scale = (prior.H.diagonal().cwiseAbs().array() + 1e-12).sqrt();
-  const MatrixXd H = scale.cwiseInverse().asDiagonal() * prior.H * scale.cwiseInverse().asDiagonal();
-  const VectorXd b = scale.cwiseInverse().asDiagonal() * prior.b;
-  const MatrixXd H_aa = H(order, order), H_ab = H(order, out);
-  const MatrixXd K = H_ab * symmetric_pseudo_inverse(H(out, out));
-  const VectorXd kept_scale = scale(order);
-  MatrixXd H_new = kept_scale.asDiagonal() * (H_aa - K * H_ab.transpose()) * kept_scale.asDiagonal();
-  const VectorXd b_new = kept_scale.asDiagonal() * (b(order) - K * b(out));
-  H_new = (0.5 * (H_new + H_new.transpose())).eval();
-  return {H_new, b_new};
+  return eliminate(prior, order, out, [](const MatrixXd& H_ab, const MatrixXd& H_bb) -> MatrixXd {
+    return H_ab * symmetric_pseudo_inverse(H_bb);
+  });
 }
 
 QuadraticPrior marginalize_unknowns(const QuadraticPrior& prior, const std::vector<int>& leaving) {
@@ -100,19 +108,12 @@ QuadraticPrior marginalize_unknowns(const QuadraticPrior& prior, const std::vect
   for (int i = 0; i < static_cast<int>(prior.b.size()); ++i) {
     if (!std::ranges::binary_search(leaving, i)) kept.push_back(i);
   }
-  const VectorXd scale = (prior.H.diagonal().cwiseAbs().array() + 1e-12).sqrt();
-  const MatrixXd H = scale.cwiseInverse().asDiagonal() * prior.H * scale.cwiseInverse().asDiagonal();
-  const VectorXd b = scale.cwiseInverse().asDiagonal() * prior.b;
-  const geometry::SymmetricEigen eigen = geometry::symmetric_eigen(H(leaving, leaving));
-  const double floor = kRelativeFloor * std::max(eigen.values.maxCoeff(), 0.0);
-  const VectorXd inverse = (eigen.values.array() > floor).select(eigen.values.array().inverse(), 0.0);
-  const MatrixXd H_ab = H(kept, leaving);
-  const MatrixXd K = H_ab * eigen.vectors * inverse.asDiagonal() * eigen.vectors.transpose();
-  const VectorXd kept_scale = scale(kept);
-  MatrixXd H_new = kept_scale.asDiagonal() * (H(kept, kept) - K * H_ab.transpose()) * kept_scale.asDiagonal();
-  const VectorXd b_new = kept_scale.asDiagonal() * (b(kept) - K * b(leaving));
-  H_new = (0.5 * (H_new + H_new.transpose())).eval();
-  return {H_new, b_new};
+  return eliminate(prior, kept, leaving, [](const MatrixXd& H_ab, const MatrixXd& H_bb) -> MatrixXd {
+    const geometry::SymmetricEigen eigen = geometry::symmetric_eigen(H_bb);
+    const double floor = kRelativeFloor * std::max(eigen.values.maxCoeff(), 0.0);
+    const VectorXd inverse = (eigen.values.array() > floor).select(eigen.values.array().inverse(), 0.0);
+    return H_ab * eigen.vectors * inverse.asDiagonal() * eigen.vectors.transpose();
+  });
 }
 
 void remove_keyframe(photometry::Window& window, int slot) {

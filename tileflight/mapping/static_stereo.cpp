@@ -7,6 +7,7 @@
 #include <cstdint>
 
 #include "tileflight/mapping/activation.h"
+#include "tileflight/mapping/residual_states.h"
 #include "tileflight/mapping/tracer.h"
 #include "tileflight/mapping/window_optimizer.h"
 

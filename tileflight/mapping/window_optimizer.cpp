@@ -235,23 +235,6 @@ bool is_converged(const VectorXd& x, const photometry::Window& window, double fo
   return largest * focal_px < kSmallest_px;
 }
 
-/// Threshold for residuals with these energies; reorders them.
-float energy_threshold(std::vector<float>& energies) {
-  // Values and formula of the authors' implementation (26, weight 0.5, 70th percentile, factor 1.5); the paper has
-  // none. 26^2 over 8 pixels is 9.2^2 squared grey values per pixel.
-  constexpr double kQuantile = 0.7;
-  constexpr float kFactor = 1.5F;
-  constexpr float kConstant = 26.0F;  ///< root of an energy per pattern; weighted 0.5
-  const auto nth = energies.begin() + static_cast<std::ptrdiff_t>(kQuantile * static_cast<double>(energies.size() - 1));
-  std::nth_element(energies.begin(), nth, energies.end());
-  const float root = 0.5F * kConstant + 0.5F * kFactor * std::sqrt(*nth);
-  return root * root;
-}
-
-float angle_between(const Eigen::Vector3f& a, const Eigen::Vector3f& b) {
-  return std::atan2(a.cross(b).norm(), a.dot(b));
-}
-
 }  // namespace
 
 WindowResult optimize_window(photometry::Window& window, const photometry::Lens& lens,
@@ -325,80 +308,6 @@ void relinearize_intrinsics(photometry::Window& window) {
     for (photometry::ActivePoint& point : keyframe.points) point.patch.ray_linear = point.patch.ray;
     for (photometry::ImmaturePoint& point : keyframe.immature) point.patch.ray_linear = point.patch.ray;
   }
-}
-
-namespace {
-
-/// The part of remove_bad_residuals() for a point's residuals in the stereo pictures of its host.
-void remove_bad_stereo(const photometry::Window& window, int host, photometry::ActivePoint& point) {
-  for (photometry::Observation& observation : point.stereo_observations) {
-    if (observation.state != photometry::ResidualState::kGood || observation.counted) continue;
-    observation.counted = true;
-    ++point.good_observations;
-    const photometry::PairTransform pair =
-        photometry::stereo_transform(window, window.keyframes[host], observation.target);
-    const Eigen::Vector3f unrotated = pair.R.transpose() * (pair.R * point.patch.ray + point.rho * pair.t);
-    point.parallax_rad = std::max(point.parallax_rad, angle_between(unrotated, point.patch.ray));
-  }
-  std::erase_if(point.stereo_observations,
-                [](const photometry::Observation& o) { return o.state != photometry::ResidualState::kGood; });
-}
-
-/// The part of update_energy_threshold() for the stereo pictures of a keyframe.
-void update_stereo_thresholds(photometry::Keyframe& keyframe) {
-  std::vector<std::vector<float>> energies(keyframe.stereo.size());
-  for (const photometry::ActivePoint& point : keyframe.points) {
-    for (const photometry::Observation& observation : point.stereo_observations) {
-      if (observation.state != photometry::ResidualState::kOutside)
-        energies[static_cast<std::size_t>(observation.target)].push_back(observation.raw_energy);
-    }
-  }
-  for (std::size_t c = 0; c < energies.size(); ++c) {
-    if (!energies[c].empty()) keyframe.stereo[c].energy_threshold = energy_threshold(energies[c]);
-  }
-}
-
-}  // namespace
-
-void remove_bad_residuals(photometry::Window& window) {
-  const int newest = window.size() - 1;
-  const std::vector<HostTargetPair> pairs = make_host_target_pairs(window);
-  for (int h = 0; h < window.size(); ++h) {
-    for (photometry::ActivePoint& point : window.keyframes[h].points) {
-      for (photometry::Observation& observation : point.observations) {
-        if (observation.target == newest) point.recent_states = {observation.state, point.recent_states[0]};
-        if (observation.state != photometry::ResidualState::kGood || observation.counted) continue;
-        observation.counted = true;
-        ++point.good_observations;
-        point.last_frame = std::max(point.last_frame, window.keyframes[observation.target].frame_index);
-        const photometry::PairTransform& pair = pairs[h * window.size() + observation.target].frame.current;
-        const Eigen::Vector3f unrotated = pair.R.transpose() * (pair.R * point.patch.ray + point.rho * pair.t);
-        point.parallax_rad = std::max(point.parallax_rad, angle_between(unrotated, point.patch.ray));
-      }
-      std::erase_if(point.observations,
-                    [](const photometry::Observation& o) { return o.state != photometry::ResidualState::kGood; });
-      remove_bad_stereo(window, h, point);
-    }
-    if (h == newest) continue;
-    std::erase_if(window.keyframes[h].points, [](const photometry::ActivePoint& p) {
-      return p.observations.empty() && p.stereo_observations.empty();
-    });
-  }
-}
-
-void update_energy_threshold(photometry::Window& window, int slot) {
-  std::vector<float> energies;
-  for (const photometry::Keyframe& host : window.keyframes) {
-    for (const photometry::ActivePoint& point : host.points) {
-      for (const photometry::Observation& observation : point.observations) {
-        if (observation.target == slot && observation.state != photometry::ResidualState::kOutside) {
-          energies.push_back(observation.raw_energy);
-        }
-      }
-    }
-  }
-  if (!energies.empty()) window.keyframes[slot].energy_threshold = energy_threshold(energies);
-  update_stereo_thresholds(window.keyframes[slot]);
 }
 
 }  // namespace tileflight::mapping

@@ -32,11 +32,4 @@ void relinearize(photometry::Window& window, int slot);
 /// Same for the intrinsics, if they are estimated.
 void relinearize_intrinsics(photometry::Window& window);
 
-/// After an optimisation: removes residuals that are not good, updates the points' counts, and removes points without
-/// residuals.
-void remove_bad_residuals(photometry::Window& window);
-
-/// Sets the outlier threshold on a keyframe's residual energies from their 70th percentile.
-void update_energy_threshold(photometry::Window& window, int slot);
-
 }  // namespace tileflight::mapping
