@@ -89,23 +89,26 @@ SpeedPlan::SpeedPlan(const CurveBounds& bounds, const MotionLimits& limits, doub
 
 double SpeedPlan::duration_s() const { return nodes_.back().time_s + smoothing_s_; }
 
-Progression SpeedPlan::at_unsmoothed(double time_s) const {
-  if (time_s <= 0.0) return {nodes_.front().u, 0.0, 0.0};
-  if (time_s >= nodes_.back().time_s) return {nodes_.back().u, 0.0, 0.0};
+SpeedPlan::Segment SpeedPlan::segment_at(double time_s) const {
   const auto above = std::upper_bound(nodes_.begin() + 1, nodes_.end() - 1, time_s,
                                       [](double time, const Node& node) { return time < node.time_s; });
   const Node &a = above[-1], &b = above[0];
-  const double acceleration = (b.rate - a.rate) / (b.time_s - a.time_s), t = time_s - a.time_s;
+  return {a, (b.rate - a.rate) / (b.time_s - a.time_s)};
+}
+
+Progression SpeedPlan::at_unsmoothed(double time_s) const {
+  if (time_s <= 0.0) return {nodes_.front().u, 0.0, 0.0};
+  if (time_s >= nodes_.back().time_s) return {nodes_.back().u, 0.0, 0.0};
+  const auto [a, acceleration] = segment_at(time_s);
+  const double t = time_s - a.time_s;
   return {a.u + t * (a.rate + t * acceleration / 2.0), a.rate + t * acceleration, acceleration};
 }
 
 double SpeedPlan::integral(double time_s) const {
   if (time_s <= 0.0) return nodes_.front().u * time_s;
   if (time_s >= nodes_.back().time_s) return nodes_.back().integral + nodes_.back().u * (time_s - nodes_.back().time_s);
-  const auto above = std::upper_bound(nodes_.begin() + 1, nodes_.end() - 1, time_s,
-                                      [](double time, const Node& node) { return time < node.time_s; });
-  const Node &a = above[-1], &b = above[0];
-  const double acceleration = (b.rate - a.rate) / (b.time_s - a.time_s), t = time_s - a.time_s;
+  const auto [a, acceleration] = segment_at(time_s);
+  const double t = time_s - a.time_s;
   return a.integral + t * (a.u + t * (a.rate / 2.0 + t * acceleration / 6.0));
 }
 

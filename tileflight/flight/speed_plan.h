@@ -49,6 +49,12 @@ class SpeedPlan {
     double integral;  ///< integral of u over time since the first node
   };
 
+  struct Segment {
+    const Node& begin;
+    double acceleration;
+  };
+
+  Segment segment_at(double time_s) const;
   Progression at_unsmoothed(double time_s) const;
   double integral(double time_s) const;
 

@@ -43,6 +43,38 @@ struct NearestPoints4 {
   std::array<long long, 4> thin;  ///< nonzero: (nearly) degenerate, the result must not be used
 };
 
+/// Products of a triangle's edges with the differences from its corners to a point; their names are those of
+/// closest_point_on_triangle (mesh.h).
+struct EdgeProducts4 {
+  Double4 d1, d2, d3, d4, d5, d6, ab2, ac2;
+};
+
+TILEFLIGHT_LANE_INLINE void edge_products(const Vec3x4& ab, const Vec3x4& ac, const Vec3x4& ap, const Vec3x4& bp,
+                                          const Vec3x4& cp, EdgeProducts4& out) {
+  dot(ab, ap, out.d1);
+  dot(ac, ap, out.d2);
+  dot(ab, bp, out.d3);
+  dot(ac, bp, out.d4);
+  dot(ab, cp, out.d5);
+  dot(ac, cp, out.d6);
+  dot(ab, ab, out.ab2);
+  dot(ac, ac, out.ac2);
+}
+
+/// Writes the points and their squared distances from `p`.
+TILEFLIGHT_LANE_INLINE void write_nearest(const Vec3x4& nearest, const Vec3x4& p, const Mask4& thin,
+                                          NearestPoints4& out) {
+  Vec3x4 away;
+  subtract(nearest, p, away);
+  Double4 distance2;
+  dot(away, away, distance2);
+  std::memcpy(out.x.data(), &nearest.x, sizeof(Double4));
+  std::memcpy(out.y.data(), &nearest.y, sizeof(Double4));
+  std::memcpy(out.z.data(), &nearest.z, sizeof(Double4));
+  std::memcpy(out.distance2.data(), &distance2, sizeof(Double4));
+  std::memcpy(out.thin.data(), &thin, sizeof(Mask4));
+}
+
 /// closest_point_on_triangle (mesh.h) for four triangles: all regions are evaluated, and the first whose condition
 /// holds is selected.
 TILEFLIGHT_WIDE_VECTORS void nearest_of_four(const std::array<std::array<double, 4>, 3>& corner_a,
@@ -61,15 +93,9 @@ TILEFLIGHT_WIDE_VECTORS void nearest_of_four(const std::array<std::array<double,
   subtract(p, a, ap);
   subtract(p, b, bp);
   subtract(p, c, cp);
-  Double4 d1, d2, d3, d4, d5, d6, ab2, ac2;
-  dot(ab, ap, d1);
-  dot(ac, ap, d2);
-  dot(ab, bp, d3);
-  dot(ac, bp, d4);
-  dot(ab, cp, d5);
-  dot(ac, cp, d6);
-  dot(ab, ab, ab2);
-  dot(ac, ac, ac2);
+  EdgeProducts4 products;
+  edge_products(ab, ac, ap, bp, cp, products);
+  const auto& [d1, d2, d3, d4, d5, d6, ab2, ac2] = products;
   const Double4 va = d3 * d6 - d5 * d4;
   const Double4 vb = d5 * d2 - d1 * d6;
   const Double4 vc = d1 * d4 - d3 * d2;
@@ -105,16 +131,7 @@ TILEFLIGHT_WIDE_VECTORS void nearest_of_four(const std::array<std::array<double,
   blend(at_b, b, nearest);
   blend(at_a, a, nearest);
   thin &= ~(at_a | at_b | at_c);
-
-  Vec3x4 away;
-  subtract(nearest, p, away);
-  Double4 distance2;
-  dot(away, away, distance2);
-  std::memcpy(out.x.data(), &nearest.x, sizeof(Double4));
-  std::memcpy(out.y.data(), &nearest.y, sizeof(Double4));
-  std::memcpy(out.z.data(), &nearest.z, sizeof(Double4));
-  std::memcpy(out.distance2.data(), &distance2, sizeof(Double4));
-  std::memcpy(out.thin.data(), &thin, sizeof(Mask4));
+  write_nearest(nearest, p, thin, out);
 }
 
 }  // namespace
