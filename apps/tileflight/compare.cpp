@@ -92,6 +92,39 @@ Output rank(const CompareOptions& options) {
   return {result, text.str()};
 }
 
+/// Margins within which two maps count as equivalent.
+void add_margins(CLI::App& command, scoring::EvaluationSettings& settings) {
+  command
+      .add_option("--margin", settings.equivalence_margin_m,
+                  "equivalence margin of the published measure, metres (default 0.05)")
+      ->check(CLI::PositiveNumber);
+  const CLI::Validator above_one(
+      [](const std::string& text) {
+        return CLI::Range(std::nextafter(1.0, 2.0), 1e9)(text).empty() ? "" : "must be above 1";
+      },
+      "FLOAT > 1");
+  command
+      .add_option("--ratio-margin", settings.ratio_margin,
+                  "equivalence margin of medians and RMS distances to the surface, as a ratio (default 1.25)")
+      ->check(above_one);
+  command
+      .add_option("--share-margin", settings.share_margin,
+                  "equivalence margin of shares of map points, as a difference (default 0.05)")
+      ->check(CLI::PositiveNumber);
+  command
+      .add_option("--completeness-margin", settings.completeness_margin,
+                  "equivalence margin of completeness, as a ratio (default 1.1)")
+      ->check(above_one);
+  command
+      .add_option("--lacking-margin", settings.lacking_margin,
+                  "equivalence margin of the share that one map misses of what the other covers, as a difference "
+                  "(default 0.01)")
+      ->check(CLI::PositiveNumber);
+  command
+      .add_option("--path-margin", settings.path_margin_m, "equivalence margin of path errors, metres (default 0.1)")
+      ->check(CLI::PositiveNumber);
+}
+
 }  // namespace
 
 void add_compare(CLI::App& app, CommonOptions& common, Selection& selection) {
@@ -107,36 +140,7 @@ void add_compare(CLI::App& app, CommonOptions& common, Selection& selection) {
       ->add_option("MAP", options->maps,
                    "metrics.json, or a folder written by `run` (all of its flights, and those of its variants)")
       ->required();
-  command
-      ->add_option("--margin", options->settings.equivalence_margin_m,
-                   "equivalence margin of the published measure, metres (default 0.05)")
-      ->check(CLI::PositiveNumber);
-  const CLI::Validator above_one(
-      [](const std::string& text) {
-        return CLI::Range(std::nextafter(1.0, 2.0), 1e9)(text).empty() ? "" : "must be above 1";
-      },
-      "FLOAT > 1");
-  command
-      ->add_option("--ratio-margin", options->settings.ratio_margin,
-                   "equivalence margin of medians and RMS distances to the surface, as a ratio (default 1.25)")
-      ->check(above_one);
-  command
-      ->add_option("--share-margin", options->settings.share_margin,
-                   "equivalence margin of shares of map points, as a difference (default 0.05)")
-      ->check(CLI::PositiveNumber);
-  command
-      ->add_option("--completeness-margin", options->settings.completeness_margin,
-                   "equivalence margin of completeness, as a ratio (default 1.1)")
-      ->check(above_one);
-  command
-      ->add_option("--lacking-margin", options->settings.lacking_margin,
-                   "equivalence margin of the share that one map misses of what the other covers, as a difference "
-                   "(default 0.01)")
-      ->check(CLI::PositiveNumber);
-  command
-      ->add_option("--path-margin", options->settings.path_margin_m,
-                   "equivalence margin of path errors, metres (default 0.1)")
-      ->check(CLI::PositiveNumber);
+  add_margins(*command, options->settings);
   command->add_option("--csv", options->files.csv,
                       "CSV file to write, one line per map; NAME-pairs.csv beside it has one line per pair");
   command->add_option("--text", options->files.text, "text file to write: the table of maps as it is printed");

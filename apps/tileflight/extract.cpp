@@ -114,6 +114,54 @@ nlohmann::json extract_in_tasks(place::ExtractSettings settings, const ExtractOp
   return run_in_tasks(job, options.tasks, common, {"--block"}, progress);
 }
 
+void add_block_options(CLI::App& command, ExtractOptions& options) {
+  command
+      .add_option("--block", options.block,
+                  "make the truth in blocks of this edge, metres, or `auto` (by memory): memory then depends on the "
+                  "block, not on the region")
+      ->check(block_fault, "METRES|auto");
+  CLI::Option* part =
+      command
+          .add_option("--part", options.part,
+                      "make only the K-th of N parts of the blocks and keep them beside the output, for a job of your "
+                      "own; the same command with --resume instead joins them")
+          ->check(part_fault, "K/N")
+          ->needs("--block");
+  command
+      .add_flag(
+          "--resume", options.resume,
+          "keep finished blocks beside the output until it is complete, and reuse those of an interrupted extract; "
+          "always on under mpirun and where such blocks exist")
+      ->needs("--block");
+  add_task_options(command, options.tasks, "the blocks");
+  for (const char* name : {"--jobs", "--slurm"}) command.get_option(name)->needs("--block")->excludes(part);
+}
+
+Output extract(const ExtractOptions& options, const CommonOptions& shared, const Progress& progress) {
+  place::ExtractSettings settings{
+      .source = options.source, .load = load_options(options.region), .voxel_m = options.voxel_m};
+  if (!options.block.empty()) settings.block_m = block_edge_m(options.block);
+  settings.load.source = source_options(options.source_arguments);
+  if (options.memory_gb > 0.0) settings.max_memory_bytes = static_cast<std::uintmax_t>(options.memory_gb * 1e9);
+  if (options.dry_run) {
+    const nlohmann::json cost = place::preview_extract(settings, options.out, shared.force, progress);
+    return {cost, dry_run_summary(cost)};
+  }
+  settings.resume = options.resume;
+  settings.part = job_part(options.part);
+  if (options.tasks.wanted()) {
+    const nlohmann::json result = extract_in_tasks(settings, options, shared, progress);
+    return {result, extract_summary(result, options.out)};
+  }
+  const nlohmann::json result = run_among_ranks([&](workflow::Ranks* ranks) {
+    settings.processes = ranks == nullptr ? 1 : ranks->count();
+    return place::extract(settings, options.out, shared.force, progress, ranks);
+  });
+  if (result.is_null()) return {};  // another process prints
+  if (settings.part) return {result, part_summary(result["build"], options.out)};
+  return {result, extract_summary(result, options.out)};
+}
+
 }  // namespace
 
 void add_extract(CLI::App& app, CommonOptions& common, Selection& selection) {
@@ -127,26 +175,7 @@ void add_extract(CLI::App& app, CommonOptions& common, Selection& selection) {
   command->add_option("SOURCE", options->source, kSourceHelp)->required();
   add_region_options(*command, options->region);
   command->add_option("--voxel", options->voxel_m, "edge of a voxel, metres (default 1)")->check(CLI::PositiveNumber);
-  command
-      ->add_option("--block", options->block,
-                   "make the truth in blocks of this edge, metres, or `auto` (by memory): memory then depends on the "
-                   "block, not on the region")
-      ->check(block_fault, "METRES|auto");
-  CLI::Option* part =
-      command
-          ->add_option("--part", options->part,
-                       "make only the K-th of N parts of the blocks and keep them beside the output, for a job of your "
-                       "own; the same command with --resume instead joins them")
-          ->check(part_fault, "K/N")
-          ->needs("--block");
-  command
-      ->add_flag(
-          "--resume", options->resume,
-          "keep finished blocks beside the output until it is complete, and reuse those of an interrupted extract; "
-          "always on under mpirun and where such blocks exist")
-      ->needs("--block");
-  add_task_options(*command, options->tasks, "the blocks");
-  for (const char* name : {"--jobs", "--slurm"}) command->get_option(name)->needs("--block")->excludes(part);
+  add_block_options(*command, *options);
   command
       ->add_option("--memory", options->memory_gb,
                    "memory that the extraction may take, GB (default: what is available); more is refused at once")
@@ -157,29 +186,8 @@ void add_extract(CLI::App& app, CommonOptions& common, Selection& selection) {
   add_common_options(*command, common);
   command->callback([options, &selection] {
     selection.has_ranks = !options->block.empty() && !options->tasks.wanted();
-    selection.run = [options](const CommonOptions& shared, const Progress& progress) -> Output {
-      place::ExtractSettings settings{
-          .source = options->source, .load = load_options(options->region), .voxel_m = options->voxel_m};
-      if (!options->block.empty()) settings.block_m = block_edge_m(options->block);
-      settings.load.source = source_options(options->source_arguments);
-      if (options->memory_gb > 0.0) settings.max_memory_bytes = static_cast<std::uintmax_t>(options->memory_gb * 1e9);
-      if (options->dry_run) {
-        const nlohmann::json cost = place::preview_extract(settings, options->out, shared.force, progress);
-        return {cost, dry_run_summary(cost)};
-      }
-      settings.resume = options->resume;
-      settings.part = job_part(options->part);
-      if (options->tasks.wanted()) {
-        const nlohmann::json result = extract_in_tasks(settings, *options, shared, progress);
-        return {result, extract_summary(result, options->out)};
-      }
-      const nlohmann::json result = run_among_ranks([&](workflow::Ranks* ranks) {
-        settings.processes = ranks == nullptr ? 1 : ranks->count();
-        return place::extract(settings, options->out, shared.force, progress, ranks);
-      });
-      if (result.is_null()) return {};  // another process prints
-      if (settings.part) return {result, part_summary(result["build"], options->out)};
-      return {result, extract_summary(result, options->out)};
+    selection.run = [options](const CommonOptions& shared, const Progress& progress) {
+      return extract(*options, shared, progress);
     };
   });
 }

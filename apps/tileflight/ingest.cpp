@@ -55,16 +55,66 @@ std::string synchronisation_text(const nlohmann::json& found) {
   return text.str();
 }
 
+struct IngestOptions {
+  survey::IngestedFlightConfig flight;
+  std::vector<std::string> videos;
+  std::string camera, telemetry, imu, imu_noise, truth, groundtruth, out, time_offset;
+};
+
+void add_log_options(CLI::App& command, IngestOptions& options) {
+  command.add_option("--telemetry", options.telemetry,
+                     "flight log (DJI .srt, GPX, KML, CSV, PX4 .ulg, ArduPilot .bin) or folder of photos");
+  command.add_option("--telemetry-height", options.flight.telemetry_height, "height reference (datum) of the log")
+      ->check(CLI::IsMember({"ellipsoid", "sea-level", "takeoff"}));
+  command.add_option("--takeoff-height", options.flight.takeoff_height_m,
+                     "height of the take-off point above the ellipsoid, metres");
+  command.add_option("--time-offset", options.time_offset,
+                     "seconds to add to the log's times to get the video's; auto: estimated from the motion in both");
+  command.add_option("--truth", options.truth,
+                     "folder written by `extract`; the height of the take-off point is taken from its surface");
+}
+
+void add_imu_options(CLI::App& command, IngestOptions& options) {
+  CLI::Option* imu = command.add_option("--imu", options.imu,
+                                        "readings of an inertial unit: EuRoC's imu0/data.csv or VSLAM-LAB's imu_0.csv");
+  command.add_option("--imu-noise", options.imu_noise, "its noise: Kalibr's imu.yaml or EuRoC's imu0/sensor.yaml")
+      ->needs(imu);
+  command
+      .add_option("--imu-time-offset", options.flight.imu_time_offset_s,
+                  "seconds to add to its times to get the video's; odometry finds what is left of it")
+      ->needs(imu);
+}
+
+/// Completes the flight by what the command line says of it.
+void complete_flight(IngestOptions& options) {
+  set_videos(options.videos, options.flight);
+  if (!options.flight.videos.empty() && !options.flight.camera_id.empty())
+    throw CLI::ValidationError("--camera-id", "is of a single camera; name a rig's by NAME=PATH");
+  options.flight.camera = options.camera;
+  options.flight.telemetry = options.telemetry;
+  options.flight.imu = options.imu;
+  options.flight.imu_noise = options.imu_noise;
+  options.flight.groundtruth = options.groundtruth;
+  set_time_offset(options.time_offset, options.flight);
+  if (options.flight.estimates_telemetry_offset && options.telemetry.empty())
+    throw CLI::ValidationError("--time-offset", "applies to a flight log; give one with --telemetry");
+}
+
+Output ingest(const IngestOptions& options, bool force, const Progress& progress) {
+  const nlohmann::json r = survey::ingest_dataset(options.flight, options.truth, options.out, force, progress);
+  std::ostringstream text;
+  text << options.out << ": " << r["frames"] << " frames, " << r["positions"] << " positions";
+  if (!options.imu.empty()) text << ", " << r["imu_readings"] << " readings of the inertial unit";
+  text << "\n";
+  if (r.contains("synchronisation")) text << synchronisation_text(r["synchronisation"]);
+  for (const auto& warning : r["warnings"]) text << "note: " << warning.get<std::string>() << "\n";
+  return {r, text.str()};
+}
+
 }  // namespace
 
 void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection) {
-  struct Options {
-    survey::IngestedFlightConfig flight;
-    std::vector<std::string> videos;
-    std::string camera, telemetry, imu, imu_noise, truth, groundtruth, out, time_offset;
-    double to_s = 0.0, fps = 0.0, takeoff_height_m = 0.0;
-  };
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<IngestOptions>();
   CLI::App* command = app.add_subcommand("ingest", "turn a filmed flight into a dataset");
   command->footer(
       "Example:\n  tileflight ingest flight.mp4 --camera camera.yaml --telemetry flight.srt --telemetry-height "
@@ -83,31 +133,15 @@ void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection) {
       ->required();
   command->add_option("--camera-id", options->flight.camera_id,
                       "camera to use if the calibration holds several: cam1 (Kalibr), 2 (COLMAP's CAMERA_ID)");
-  command->add_option("--telemetry", options->telemetry,
-                      "flight log (DJI .srt, GPX, KML, CSV, PX4 .ulg, ArduPilot .bin) or folder of photos");
-  command->add_option("--telemetry-height", options->flight.telemetry_height, "height reference (datum) of the log")
-      ->check(CLI::IsMember({"ellipsoid", "sea-level", "takeoff"}));
-  CLI::Option* takeoff = command->add_option("--takeoff-height", options->takeoff_height_m,
-                                             "height of the take-off point above the ellipsoid, metres");
-  command->add_option("--time-offset", options->time_offset,
-                      "seconds to add to the log's times to get the video's; auto: estimated from the motion in both");
-  command->add_option("--truth", options->truth,
-                      "folder written by `extract`; the height of the take-off point is taken from its surface");
-  CLI::Option* imu = command->add_option(
-      "--imu", options->imu, "readings of an inertial unit: EuRoC's imu0/data.csv or VSLAM-LAB's imu_0.csv");
-  command->add_option("--imu-noise", options->imu_noise, "its noise: Kalibr's imu.yaml or EuRoC's imu0/sensor.yaml")
-      ->needs(imu);
-  command
-      ->add_option("--imu-time-offset", options->flight.imu_time_offset_s,
-                   "seconds to add to its times to get the video's; odometry finds what is left of it")
-      ->needs(imu);
+  add_log_options(*command, *options);
+  add_imu_options(*command, *options);
   command->add_option("--groundtruth", options->groundtruth, "true poses (TUM), times on the video's clock");
   command->add_option("--from", options->flight.from_s, "start of the excerpt, seconds");
-  CLI::Option* to = command->add_option("--to", options->to_s, "end of the excerpt, seconds");
+  command->add_option("--to", options->flight.to_s, "end of the excerpt, seconds");
   command->add_option("--every", options->flight.every, "use every n-th frame")->check(CLI::PositiveNumber);
-  CLI::Option* fps =
-      command->add_option("--fps", options->fps, "frame rate of an image folder without times.txt, frames per second")
-          ->check(CLI::PositiveNumber);
+  command
+      ->add_option("--fps", options->flight.fps, "frame rate of an image folder without times.txt, frames per second")
+      ->check(CLI::PositiveNumber);
   command
       ->add_option("--sync-tolerance", options->flight.sync_tolerance_s,
                    "images of a rig's cameras that differ by no more are of one instant, seconds")
@@ -115,31 +149,10 @@ void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection) {
       ->capture_default_str();
   command->add_option("--out", options->out, "dataset folder to write")->required();
   add_common_options(*command, common);
-  command->callback([options, to, fps, takeoff, &selection] {
-    set_videos(options->videos, options->flight);
-    if (!options->flight.videos.empty() && !options->flight.camera_id.empty())
-      throw CLI::ValidationError("--camera-id", "is of a single camera; name a rig's by NAME=PATH");
-    options->flight.camera = options->camera;
-    options->flight.telemetry = options->telemetry;
-    options->flight.imu = options->imu;
-    options->flight.imu_noise = options->imu_noise;
-    options->flight.groundtruth = options->groundtruth;
-    set_time_offset(options->time_offset, options->flight);
-    if (options->flight.estimates_telemetry_offset && options->telemetry.empty())
-      throw CLI::ValidationError("--time-offset", "applies to a flight log; give one with --telemetry");
-    if (to->count() > 0) options->flight.to_s = options->to_s;
-    if (fps->count() > 0) options->flight.fps = options->fps;
-    if (takeoff->count() > 0) options->flight.takeoff_height_m = options->takeoff_height_m;
-    selection.run = [options](const CommonOptions& shared, const Progress& progress) -> Output {
-      const nlohmann::json r =
-          survey::ingest_dataset(options->flight, options->truth, options->out, shared.force, progress);
-      std::ostringstream text;
-      text << options->out << ": " << r["frames"] << " frames, " << r["positions"] << " positions";
-      if (!options->imu.empty()) text << ", " << r["imu_readings"] << " readings of the inertial unit";
-      text << "\n";
-      if (r.contains("synchronisation")) text << synchronisation_text(r["synchronisation"]);
-      for (const auto& warning : r["warnings"]) text << "note: " << warning.get<std::string>() << "\n";
-      return {r, text.str()};
+  command->callback([options, &selection] {
+    complete_flight(*options);
+    selection.run = [options](const CommonOptions& shared, const Progress& progress) {
+      return ingest(*options, shared.force, progress);
     };
   });
 }

@@ -9,6 +9,7 @@
 #include "inspect_place.h"
 #include "source_options.h"
 #include "tileflight/base/formatted_text.h"
+#include "tileflight/base/string_lists.h"
 #include "tileflight/place/extract.h"
 #include "tileflight/place/extract_cost.h"
 
@@ -106,11 +107,7 @@ json to_json(const tiles::TilesetSummary& s) {
   return out;
 }
 
-std::string list(const std::vector<std::string>& words) {
-  std::string text;
-  for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
-  return text.empty() ? "none" : text;
-}
+std::string list(const std::vector<std::string>& words) { return words.empty() ? "none" : base::joined(words); }
 
 std::string spread_text(double spread) {
   return std::isfinite(spread) ? base::formatted("± %.0f %%", 100.0 * spread) : "from one of them: a guess";

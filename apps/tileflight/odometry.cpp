@@ -15,10 +15,8 @@ struct OdometryCommandOptions {
   std::string dataset;
   std::string out;
   survey::FrameRange range;
-  std::size_t to = 0;
   odometry::OdometryOptions settings;
   survey::TrackOptions extras;
-  double rectify_fov_deg = 0.0;
   double min_parallax_deg = 0.0;
   bool active_points_only = false;
   bool deterministic = false;
@@ -45,6 +43,22 @@ void add_extras(CLI::App& command, OdometryCommandOptions& options) {
                    "also write keyframes, map and camera as OUT/colmap (COLMAP's text format)");
   command.add_option("--debug-pictures", extras.debug_pictures,
                      "folder for an image of each keyframe with its points, coloured from red (near) to blue (far)");
+}
+
+void add_mode_options(CLI::App& command, OdometryCommandOptions& options) {
+  command
+      .add_option(
+          "--mode", options.mode,
+          "mono: one camera, scale unknown; inertial: with the dataset's imu.csv, map and path in metres and "
+          "level; stereo: with the rig's other cameras, map and path in metres; stereo-inertial: with both, in metres "
+          "and level")
+      ->capture_default_str();
+  command.add_option("--gravity", options.extras.gravity_m_s2, "gravity at the place, m/s^2, with an inertial unit")
+      ->check(CLI::Range(9.7, 9.9))
+      ->capture_default_str();
+  command.add_flag("--tight", options.extras.inertial_in_window,
+                   "with an inertial unit: its readings are also residuals of the window (no more accurate on the "
+                   "example flights, and slower)");
 }
 
 void add_map_filters(CLI::App& command, OdometryCommandOptions& options) {
@@ -124,6 +138,16 @@ std::string odometry_summary(const nlohmann::json& result, const std::string& ou
   return text.str();
 }
 
+Output run_built_in(OdometryCommandOptions& options, bool force, const Progress& progress) {
+  options.extras.mode = survey::parse_odometry_mode("--mode", options.mode);
+  const nlohmann::json result =
+      survey::track(options.dataset, options.out, force, options.settings, options.range, progress, options.extras);
+  if (result["frames_tracked"].get<std::int64_t>() == 0) {
+    throw std::runtime_error(options.dataset + ": " + result["lost_reason"].get<std::string>());
+  }
+  return {result, odometry_summary(result, options.out)};
+}
+
 }  // namespace
 
 void add_odometry(CLI::App& app, CommonOptions& common, Selection& selection) {
@@ -136,26 +160,14 @@ void add_odometry(CLI::App& app, CommonOptions& common, Selection& selection) {
   command->add_option("DATASET", options->dataset, "dataset folder")->required();
   command->add_option("--out", options->out, "folder to write")->required();
   command->add_option("--from", options->range.from, "first frame, by index");
-  CLI::Option* to = command->add_option("--to", options->to, "end frame, by index (not included)");
+  command->add_option("--to", options->range.to, "end frame, by index (not included)");
   command->add_option("--every", options->range.every, "use every n-th frame")->check(CLI::PositiveNumber);
-  command
-      ->add_option(
-          "--mode", options->mode,
-          "mono: one camera, scale unknown; inertial: with the dataset's imu.csv, map and path in metres and "
-          "level; stereo: with the rig's other cameras, map and path in metres; stereo-inertial: with both, in metres "
-          "and level")
-      ->capture_default_str();
-  command->add_option("--gravity", options->extras.gravity_m_s2, "gravity at the place, m/s^2, with an inertial unit")
-      ->check(CLI::Range(9.7, 9.9))
-      ->capture_default_str();
-  command->add_flag("--tight", options->extras.inertial_in_window,
-                    "with an inertial unit: its readings are also residuals of the window (no more accurate on the "
-                    "example flights, and slower)");
+  add_mode_options(*command, *options);
   command->add_flag("--reverse", options->range.reverse, "process the frames in reverse order");
   add_extras(*command, *options);
-  CLI::Option* rectify = command->add_option("--rectify", options->rectify_fov_deg,
-                                             "rectify the images to a pinhole of this horizontal field of view, "
-                                             "degrees (for comparison; by default the lens model itself is used)");
+  command->add_option("--rectify", options->extras.rectify_fov_deg,
+                      "rectify the images to a pinhole of this horizontal field of view, "
+                      "degrees (for comparison; by default the lens model itself is used)");
   command->add_flag(
       "--fixed-intrinsics{false}", options->settings.window.refine_intrinsics,
       "keep the calibration's focal lengths and principal point (by default they are refined, except with "
@@ -178,20 +190,12 @@ void add_odometry(CLI::App& app, CommonOptions& common, Selection& selection) {
       "skip the check that also tracks the frames in reverse and compares the two paths (halves the time)");
   add_system_options(*command, *options);
   add_common_options(*command, common);
-  command->callback([options, to, rectify, &selection] {
-    if (to->count() > 0) options->range.to = options->to;
-    if (rectify->count() > 0) options->extras.rectify_fov_deg = options->rectify_fov_deg;
+  command->callback([options, &selection] {
     options->settings.map.min_parallax_rad = options->min_parallax_deg / kDegreesOfRadian;
     options->settings.map.dense = !options->active_points_only;
-    selection.run = [options](const CommonOptions& shared, const Progress& progress) -> Output {
-      if (!options->system.empty()) return run_other_system(*options, shared, progress);
-      options->extras.mode = survey::parse_odometry_mode("--mode", options->mode);
-      const nlohmann::json result = survey::track(options->dataset, options->out, shared.force, options->settings,
-                                                  options->range, progress, options->extras);
-      if (result["frames_tracked"].get<std::int64_t>() == 0) {
-        throw std::runtime_error(options->dataset + ": " + result["lost_reason"].get<std::string>());
-      }
-      return {result, odometry_summary(result, options->out)};
+    selection.run = [options](const CommonOptions& shared, const Progress& progress) {
+      return options->system.empty() ? run_built_in(*options, shared.force, progress)
+                                     : run_other_system(*options, shared, progress);
     };
   });
 }

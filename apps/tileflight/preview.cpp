@@ -1,6 +1,7 @@
 #include "tileflight/preview/preview.h"
 
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "command.h"
 #include "region_options.h"
@@ -9,17 +10,35 @@
 #include "tileflight/preview/preview_text.h"
 
 namespace tileflight::app {
+namespace {
+
+struct PreviewOptions {
+  RegionOptions region;
+  SourceArguments source_arguments;
+  preview::PreviewSettings settings;
+  std::string flight, degrade, out;
+  std::optional<double> pixel_error, memory_gb;
+};
+
+Output preview(PreviewOptions& options, bool force, const Progress& progress) {
+  survey::RenderSettings& settings = options.settings.render;
+  settings.load = load_options(options.region);
+  settings.load.source = source_options(options.source_arguments);
+  const bool has_region = settings.load.center || settings.load.center_local;
+  if (options.pixel_error || !has_region) settings.error_px = options.pixel_error.value_or(1.0);
+  settings.flight.flight = options.flight;
+  if (!options.degrade.empty()) {
+    auto degrade = base::StrictSection::load(options.degrade);
+    experiment::read_degrade(degrade, settings.flight);
+  }
+  const nlohmann::json found = preview::preview_flight(options.settings, options.out, force, progress);
+  return {found, preview::preview_text(found, options.out)};
+}
+
+}  // namespace
 
 void add_preview(CLI::App& app, CommonOptions& common, Selection& selection) {
-  struct Options {
-    RegionOptions region;
-    SourceArguments source_arguments;
-    preview::PreviewSettings settings;
-    std::string flight, degrade, out;
-    double pixel_error = 1.0;
-    double memory_gb = 0.0;
-  };
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<PreviewOptions>();
   survey::RenderSettings& render = options->settings.render;
   CLI::App* command =
       app.add_subcommand("preview", "preview a flight before rendering: map, profile, three images, cost, warnings");
@@ -43,35 +62,20 @@ void add_preview(CLI::App& app, CommonOptions& common, Selection& selection) {
   command->add_option("--near", options->settings.check.min_clearance_m, "warn about surfaces nearer than this, metres")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
-  CLI::Option* pixel_error =
-      command
-          ->add_option("--pixel-error", options->pixel_error,
-                       "screen-space error of the tiles in the planned rendering, as in `render`, pixels (default 1)")
-          ->check(CLI::PositiveNumber);
-  CLI::Option* memory =
-      command->add_option("--memory", options->memory_gb, "memory limit for tiles, GB (default: half of the machine's)")
-          ->check(CLI::PositiveNumber);
+  command
+      ->add_option("--pixel-error", options->pixel_error,
+                   "screen-space error of the tiles in the planned rendering, as in `render`, pixels (default 1)")
+      ->check(CLI::PositiveNumber);
+  command->add_option("--memory", options->memory_gb, "memory limit for tiles, GB (default: half of the machine's)")
+      ->check(CLI::PositiveNumber);
   add_region_options(*command, options->region);
   add_source_options(*command, options->source_arguments);
   add_common_options(*command, common);
-  command->callback([options, pixel_error, memory, &selection] {
-    if (memory->count() > 0) {
-      options->settings.render.max_memory_bytes = static_cast<std::uintmax_t>(options->memory_gb * 1e9);
-    }
-    const bool by_flight = pixel_error->count() > 0;
-    selection.run = [options, by_flight](const CommonOptions& shared, const Progress& progress) -> Output {
-      survey::RenderSettings& settings = options->settings.render;
-      settings.load = load_options(options->region);
-      settings.load.source = source_options(options->source_arguments);
-      const bool has_region = settings.load.center || settings.load.center_local;
-      if (by_flight || !has_region) settings.error_px = options->pixel_error;
-      settings.flight.flight = options->flight;
-      if (!options->degrade.empty()) {
-        auto degrade = base::StrictSection::load(options->degrade);
-        experiment::read_degrade(degrade, settings.flight);
-      }
-      const nlohmann::json found = preview::preview_flight(options->settings, options->out, shared.force, progress);
-      return {found, preview::preview_text(found, options->out)};
+  command->callback([options, &selection] {
+    if (options->memory_gb)
+      options->settings.render.max_memory_bytes = static_cast<std::uintmax_t>(*options->memory_gb * 1e9);
+    selection.run = [options](const CommonOptions& shared, const Progress& progress) {
+      return preview(*options, shared.force, progress);
     };
   });
 }

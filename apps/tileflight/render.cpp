@@ -112,20 +112,18 @@ struct RenderArguments {
   std::string flight, out, outputs, degrade, camera, frames, deal = "auto";
   TaskArguments tasks;
   std::vector<int> resolution;
-  int max_frames = 0;
   bool depth = false;
-  double pixel_error = 1.0;
-  double memory_gb = 0.0;
+  std::optional<double> pixel_error, memory_gb;
 };
 
-/// What the flight takes of the command line and of the files that it names. `by_flight`: tiles by the flight's views
-/// although a region is given.
-void complete_settings(RenderArguments& options, const CLI::App& command, bool by_flight) {
+/// What the flight takes of the command line and of the files that it names. With --pixel-error, tiles are those of the
+/// flight's views although a region is given.
+void complete_settings(RenderArguments& options, const CLI::App& command) {
   options.settings.asked = asked(command);
   options.settings.load = load_options(options.region);
   options.settings.load.source = source_options(options.source_arguments);
   const bool has_region = options.settings.load.center || options.settings.load.center_local;
-  if (by_flight || !has_region) options.settings.error_px = options.pixel_error;
+  if (options.pixel_error || !has_region) options.settings.error_px = options.pixel_error.value_or(1.0);
   options.settings.flight.flight = options.flight;
   options.settings.flight.camera = options.camera;
   options.settings.inputs = {options.degrade};
@@ -142,6 +140,80 @@ void complete_settings(RenderArguments& options, const CLI::App& command, bool b
   }
 }
 
+void add_image_options(CLI::App& command, RenderArguments& options) {
+  command.add_option("--camera", options.camera,
+                     "calibration instead of the flight's: Kalibr, OpenCV, COLMAP, DSO or VSLAM-LAB");
+  command
+      .add_option("--resolution", options.resolution,
+                  "W,H of the images, pixels: rescales the camera (same aspect ratio)")
+      ->delimiter(',')
+      ->expected(2)
+      ->check(pixel_count_fault)
+      ->check(CLI::Range(16, 65536));
+  command.add_option("--max-frames", options.settings.flight.max_frames, "render at most this many frames")
+      ->check(CLI::Range(2, 10000000));
+  command
+      .add_option("--samples", options.settings.flight.samples_per_pixel,
+                  "samples per pixel: 1, 4, 9 or 16 (default 1)")
+      ->check(CLI::IsMember({1, 4, 9, 16}));
+  command.add_option("--outputs", options.outputs,
+                     "additional images per frame, comma-separated: depth, range, normals, segmentation, "
+                     "infrared, flow, visibility, photometric");
+  command
+      .add_option("--degrade", options.degrade,
+                  "camera degradation: a YAML file with the keys of an experiment's `degrade`")
+      ->check(CLI::ExistingFile);
+  command.add_flag("--depth", options.depth, "the same as --outputs depth");
+  command.add_flag("--png", options.settings.png, "images as PNG instead of JPEG");
+  command.add_option("--seed", options.settings.seed, "random seed (default 1)");
+}
+
+/// Which part of the frames this process renders, and with how much memory.
+void add_process_options(CLI::App& command, RenderArguments& options) {
+  command
+      .add_option("--pixel-error", options.pixel_error,
+                  "load the tiles that the flight's views need at this screen-space error, "
+                  "pixels, instead of a region (default 1, used when no region is given)")
+      ->check(CLI::PositiveNumber);
+  command
+      .add_option("--memory", options.memory_gb,
+                  "memory limit for tiles, GB, of each process (default: half of the machine's, "
+                  "divided among its processes); a flight that needs more is rendered in "
+                  "several passes, with identical pixels")
+      ->check(CLI::PositiveNumber);
+  command.add_flag("--resume", options.settings.resume,
+                   "keep finished frames beside the output until it is complete, and reuse those of an interrupted "
+                   "render; always on under mpirun and where such frames exist");
+  command
+      .add_option("--deal", options.deal,
+                  "what the processes of mpirun share: `frames` (each renders a range of them), `tiles` (each reads a "
+                  "part of them and traces all frames against it) or `auto`, what takes less processor time (default)")
+      ->check(CLI::IsMember({"auto", "frames", "tiles"}));
+  CLI::Option* frames =
+      command
+          .add_option("--frames", options.frames,
+                      "render only the frames from A to before B and keep them beside the output, for a job of your "
+                      "own; the same command with --resume instead finishes the dataset")
+          ->check(frame_range_fault, "A:B");
+  add_task_options(command, options.tasks, "ranges of frames");
+  for (const char* name : {"--jobs", "--slurm"}) command.get_option(name)->excludes(frames);
+}
+
+Output render(RenderArguments& options, const CommonOptions& shared, const Progress& progress) {
+  if (options.tasks.wanted()) {
+    const nlohmann::json r = render_in_tasks(options.settings, options.out, options.tasks, shared, progress);
+    return {r, render_summary(r, options.out)};
+  }
+  options.settings.part = frame_range(options.frames);
+  std::optional<std::uintmax_t>& memory_bytes = options.settings.max_memory_bytes;  // of each process
+  if (!memory_bytes) memory_bytes = place::default_memory_bytes() / static_cast<unsigned>(ranks_on_this_machine());
+  const nlohmann::json r = run_among_ranks([&](workflow::Ranks* ranks) {
+    return survey::render_dataset(options.settings, options.out, shared.force, progress, ranks);
+  });
+  if (r.is_null()) return {};  // another process prints
+  return {r, options.settings.part ? part_of_frames_summary(r) : render_summary(r, options.out)};
+}
+
 }  // namespace
 
 void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
@@ -155,86 +227,21 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
   command->add_option("--flight", options->flight, "flight file (YAML): camera, trajectory or waypoints, fps")
       ->required();
   command->add_option("--out", options->out, "dataset folder to write")->required();
-  command->add_option("--camera", options->camera,
-                      "calibration instead of the flight's: Kalibr, OpenCV, COLMAP, DSO or VSLAM-LAB");
-  command
-      ->add_option("--resolution", options->resolution,
-                   "W,H of the images, pixels: rescales the camera (same aspect ratio)")
-      ->delimiter(',')
-      ->expected(2)
-      ->check(pixel_count_fault)
-      ->check(CLI::Range(16, 65536));
-  CLI::Option* max_frames = command->add_option("--max-frames", options->max_frames, "render at most this many frames")
-                                ->check(CLI::Range(2, 10000000));
-  command
-      ->add_option("--samples", options->settings.flight.samples_per_pixel,
-                   "samples per pixel: 1, 4, 9 or 16 (default 1)")
-      ->check(CLI::IsMember({1, 4, 9, 16}));
-  command->add_option("--outputs", options->outputs,
-                      "additional images per frame, comma-separated: depth, range, normals, segmentation, "
-                      "infrared, flow, visibility, photometric");
-  command
-      ->add_option("--degrade", options->degrade,
-                   "camera degradation: a YAML file with the keys of an experiment's `degrade`")
-      ->check(CLI::ExistingFile);
-  command->add_flag("--depth", options->depth, "the same as --outputs depth");
-  command->add_flag("--png", options->settings.png, "images as PNG instead of JPEG");
-  command->add_option("--seed", options->settings.seed, "random seed (default 1)");
-  CLI::Option* pixel_error = command
-                                 ->add_option("--pixel-error", options->pixel_error,
-                                              "load the tiles that the flight's views need at this screen-space error, "
-                                              "pixels, instead of a region (default 1, used when no region is given)")
-                                 ->check(CLI::PositiveNumber);
-  CLI::Option* memory = command
-                            ->add_option("--memory", options->memory_gb,
-                                         "memory limit for tiles, GB, of each process (default: half of the machine's, "
-                                         "divided among its processes); a flight that needs more is rendered in "
-                                         "several passes, with identical pixels")
-                            ->check(CLI::PositiveNumber);
-  command->add_flag("--resume", options->settings.resume,
-                    "keep finished frames beside the output until it is complete, and reuse those of an interrupted "
-                    "render; always on under mpirun and where such frames exist");
-  command
-      ->add_option("--deal", options->deal,
-                   "what the processes of mpirun share: `frames` (each renders a range of them), `tiles` (each reads a "
-                   "part of them and traces all frames against it) or `auto`, what takes less processor time (default)")
-      ->check(CLI::IsMember({"auto", "frames", "tiles"}));
-  CLI::Option* frames =
-      command
-          ->add_option("--frames", options->frames,
-                       "render only the frames from A to before B and keep them beside the output, for a job of your "
-                       "own; the same command with --resume instead finishes the dataset")
-          ->check(frame_range_fault, "A:B");
-  add_task_options(*command, options->tasks, "ranges of frames");
-  for (const char* name : {"--jobs", "--slurm"}) command->get_option(name)->excludes(frames);
+  add_image_options(*command, *options);
+  add_process_options(*command, *options);
   add_region_options(*command, options->region);
   add_source_options(*command, options->source_arguments);
   add_common_options(*command, common);
-  command->callback([options, command, pixel_error, memory, max_frames, &selection] {
-    if (max_frames->count() > 0) options->settings.flight.max_frames = options->max_frames;
+  command->callback([options, command, &selection] {
     if (!options->resolution.empty()) {
       options->settings.flight.width = options->resolution[0];
       options->settings.flight.height = options->resolution[1];
     }
-    const bool by_flight = pixel_error->count() > 0;
-    if (memory->count() > 0) {
-      options->settings.max_memory_bytes = static_cast<std::uintmax_t>(options->memory_gb * 1e9);
-    }
+    if (options->memory_gb) options->settings.max_memory_bytes = static_cast<std::uintmax_t>(*options->memory_gb * 1e9);
     selection.has_ranks = !options->tasks.wanted() && options->frames.empty();
-    selection.run = [options, command, by_flight](const CommonOptions& shared, const Progress& progress) -> Output {
-      complete_settings(*options, *command, by_flight);
-      if (options->tasks.wanted()) {
-        const nlohmann::json r = render_in_tasks(options->settings, options->out, options->tasks, shared, progress);
-        return {r, render_summary(r, options->out)};
-      }
-      options->settings.part = frame_range(options->frames);
-      std::optional<std::uintmax_t>& memory_bytes = options->settings.max_memory_bytes;  // of each process
-      if (!memory_bytes) memory_bytes = place::default_memory_bytes() / static_cast<unsigned>(ranks_on_this_machine());
-      const nlohmann::json r = run_among_ranks([&](workflow::Ranks* ranks) {
-        return survey::render_dataset(options->settings, options->out, shared.force, progress, ranks);
-      });
-      if (r.is_null()) return {};  // another process prints
-      return {r, options->settings.part ? part_of_frames_summary(r) : render_summary(r, options->out)};
+    selection.run = [options, command](const CommonOptions& shared, const Progress& progress) {
+      complete_settings(*options, *command);
+      return render(*options, shared, progress);
     };
   });
 }

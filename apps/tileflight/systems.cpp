@@ -11,12 +11,6 @@ namespace {
 using nlohmann::json;
 using systems::Adapter;
 
-std::string joined_words(const std::vector<std::string>& words) {
-  std::string text;
-  for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
-  return text;
-}
-
 json describe_adapter(const Adapter& adapter, const std::optional<dataset::Dataset>& dataset) {
   json inputs = json::array();
   for (const systems::Input input : adapter.inputs) inputs.push_back(systems::to_text(input));
@@ -49,7 +43,7 @@ std::string adapter_text(const json& about) {
   const auto word = [&](const char* key) { return about[key].get<std::string>(); };
   text << word("name") << ": " << word("title");
   if (!word("version").empty()) text << ", " << word("version");
-  text << "\n  takes " << joined_words(about["inputs"]) << "; lenses " << joined_words(about["lenses"]) << "; leaves "
+  text << "\n  takes " << base::joined(about["inputs"]) << "; lenses " << base::joined(about["lenses"]) << "; leaves "
        << (about["map"] == true ? "path and map" : "a path, no map") << ", "
        << (word("scale") == "metric" ? "in metres" : "of unknown scale") << "\n  ";
   text << (about["installed"] == true ? "installed" : "not installed: " + word("missing"));
