@@ -23,6 +23,12 @@ geometry::SE3 rigid_motion(const geometry::Mat4& matrix, const char* name) {
   return {rotation, matrix.topRightCorner<3, 1>()};
 }
 
+geometry::Mat4 matrix4_from(const InputArray<double>& matrix, const char* name) {
+  if (matrix.ndim() != 2 || matrix.shape(0) != 4 || matrix.shape(1) != 4)
+    throw py::value_error(std::string(name) + " must have shape (4, 4), not " + shape_text(matrix));
+  return matrix_from(matrix.data());
+}
+
 }  // namespace
 
 void require_columns(const py::array& array, py::ssize_t columns, const char* name) {
@@ -55,15 +61,11 @@ imaging::RgbImage image_from_array(const InputArray<std::uint8_t>& array) {
 }
 
 geometry::SE3 rigid_motion_from(const InputArray<double>& matrix, const char* name) {
-  if (matrix.ndim() != 2 || matrix.shape(0) != 4 || matrix.shape(1) != 4)
-    throw py::value_error(std::string(name) + " must have shape (4, 4), not " + shape_text(matrix));
-  return rigid_motion(matrix_from(matrix.data()), name);
+  return rigid_motion(matrix4_from(matrix, name), name);
 }
 
 geometry::Sim3 similarity_from(const InputArray<double>& matrix, const char* name) {
-  if (matrix.ndim() != 2 || matrix.shape(0) != 4 || matrix.shape(1) != 4)
-    throw py::value_error(std::string(name) + " must have shape (4, 4), not " + shape_text(matrix));
-  return geometry::Sim3::from_matrix(matrix_from(matrix.data()));
+  return geometry::Sim3::from_matrix(matrix4_from(matrix, name));
 }
 
 geometry::Trajectory trajectory_from(const InputArray<double>& times, const InputArray<double>& poses) {

@@ -119,13 +119,9 @@ std::string describe(const Camera& camera) {
          "x" + std::to_string(camera.height()) + ">";
 }
 
-}  // namespace
-
-void bind_camera(py::module_& module) {
+void bind_constructors(py::class_<Camera>& camera) {
   using py::arg;
-  py::class_<Camera>(module, "Camera",
-                     "A lens model and its image size. Camera frame: x right, y down, z forward; pixel centres at "
-                     "integers.")
+  camera
       .def(py::init(&make_camera), arg("model"), arg("width"), arg("height"), arg("fx"), arg("fy"), arg("cx"),
            arg("cy"), arg("distortion") = std::vector<double>{},
            "model: pinhole, pinhole-radtan (k1 k2 p1 p2), pinhole-rational (OpenCV's 4 to 12), pinhole-equi "
@@ -155,8 +151,11 @@ void bind_camera(py::module_& module) {
           arg("width"), arg("height"), "An equirectangular panorama of the full sphere.")
       .def_static(
           "read", [](const std::filesystem::path& file) { return imaging::read_calibration(file).camera; }, arg("file"),
-          "The lens of a calibration file (Kalibr, OpenCV, COLMAP, DSO, VSLAM-LAB), told from its content.")
-      .def_property_readonly("model", [](const Camera& c) { return std::visit(ModelName{}, c.model()); })
+          "The lens of a calibration file (Kalibr, OpenCV, COLMAP, DSO, VSLAM-LAB), told from its content.");
+}
+
+void bind_parameters(py::class_<Camera>& camera) {
+  camera.def_property_readonly("model", [](const Camera& c) { return std::visit(ModelName{}, c.model()); })
       .def_property_readonly("width", &Camera::width)
       .def_property_readonly("height", &Camera::height)
       .def_property_readonly(
@@ -174,7 +173,19 @@ void bind_camera(py::module_& module) {
       .def_property_readonly(
           "distortion", [](const Camera& c) { return std::visit(Distortion{}, c.model()); },
           "The model's further numbers, as the constructor takes them.")
-      .def_property_readonly("horizontal_fov_deg", &Camera::horizontal_fov_deg, "Along the middle row, degrees.")
+      .def_property_readonly("horizontal_fov_deg", &Camera::horizontal_fov_deg, "Along the middle row, degrees.");
+}
+
+}  // namespace
+
+void bind_camera(py::module_& module) {
+  using py::arg;
+  py::class_<Camera> camera(module, "Camera",
+                            "A lens model and its image size. Camera frame: x right, y down, z forward; pixel centres "
+                            "at integers.");
+  bind_constructors(camera);
+  bind_parameters(camera);
+  camera
       .def(
           "project",
           [](const Camera& c, const InputArray<double>& points) {

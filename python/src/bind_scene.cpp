@@ -233,6 +233,22 @@ void bind_voxel_grid(py::module_& module) {
   module.def("read_binvox", &geometry::read_binvox, py::arg("file"), "A grid from a binvox file.");
 }
 
+void bind_load(py::module_& module) {
+  using py::arg;
+  module.def(
+      "load", &load, arg("source"), py::kw_only(), arg("center") = std::vector<double>{},
+      arg("center_local") = std::vector<double>{}, arg("size") = std::vector<double>{},
+      arg("origin") = std::vector<double>{}, arg("region") = std::vector<std::string>{}, arg("error") = 0.0,
+      arg("textures") = true, arg("allow_incomplete") = false, arg("anchor") = py::none(), arg("progress") = py::none(),
+      "Loads a region of 3D Tiles. source: tileset.json, its folder, an archive (.3tz, .3dtiles), an http(s) "
+      "URL, 'google' or 'ion:ASSET'. center: latitude, longitude in degrees[, ellipsoidal height in metres], or "
+      "center_local: x, y, z in the tileset's frame; size: metres east, north, up; region: GeoJSON files "
+      "instead; nothing of these: the whole of a small tileset. origin: of the local frame (default: the "
+      "region's centre). error: allowed geometric error, metres; 0: the finest level. anchor: local point from "
+      "which the ray tracer's single-precision coordinates count (default: the middle of the bounds; commands "
+      "take the pose in the middle of the flight). progress: a callable (done, total, what). Raises InputError.");
+}
+
 }  // namespace
 
 void bind_scene(py::module_& module) {
@@ -284,18 +300,7 @@ void bind_scene(py::module_& module) {
       .def("__repr__", [](const LoadedScene& s) {
         return "<Scene of " + std::to_string(s.scene.triangle_count()) + " triangles>";
       });
-  module.def(
-      "load", &load, arg("source"), py::kw_only(), arg("center") = std::vector<double>{},
-      arg("center_local") = std::vector<double>{}, arg("size") = std::vector<double>{},
-      arg("origin") = std::vector<double>{}, arg("region") = std::vector<std::string>{}, arg("error") = 0.0,
-      arg("textures") = true, arg("allow_incomplete") = false, arg("anchor") = py::none(), arg("progress") = py::none(),
-      "Loads a region of 3D Tiles. source: tileset.json, its folder, an archive (.3tz, .3dtiles), an http(s) "
-      "URL, 'google' or 'ion:ASSET'. center: latitude, longitude in degrees[, ellipsoidal height in metres], or "
-      "center_local: x, y, z in the tileset's frame; size: metres east, north, up; region: GeoJSON files "
-      "instead; nothing of these: the whole of a small tileset. origin: of the local frame (default: the "
-      "region's centre). error: allowed geometric error, metres; 0: the finest level. anchor: local point from "
-      "which the ray tracer's single-precision coordinates count (default: the middle of the bounds; commands "
-      "take the pose in the middle of the flight). progress: a callable (done, total, what). Raises InputError.");
+  bind_load(module);
 }
 
 }  // namespace tileflight::python

@@ -215,28 +215,11 @@ py::dict gps_reading(Simulator& simulator, const std::string& gps, const std::st
   return out;
 }
 
-void bind_flight(py::class_<Simulator>& simulator) {
+/// Tasks that fly a vehicle somewhere.
+void bind_moves(py::class_<Simulator>& simulator) {
   using py::arg;
   constexpr int kAnyDirection = 0;  // AirSim's DrivetrainType.MaxDegreeOfFreedom
   simulator
-      .def(
-          "takeoff",
-          [](Simulator& s, float timeout, const std::string& vehicle) {
-            return run_task(s, vehicle, [&] { return s.takeoff(timeout, vehicle); });
-          },
-          arg("timeout") = 20.0F, arg("vehicle") = "", "Takes off; returns whether it was done in time.")
-      .def(
-          "land",
-          [](Simulator& s, float timeout, const std::string& vehicle) {
-            return run_task(s, vehicle, [&] { return s.land(timeout, vehicle); });
-          },
-          arg("timeout") = 60.0F, arg("vehicle") = "")
-      .def(
-          "hover",
-          [](Simulator& s, const std::string& vehicle) {
-            return run_task(s, vehicle, [&] { return s.hover(vehicle); });
-          },
-          arg("vehicle") = "")
       .def(
           "move_to_position",
           [](Simulator& s, const std::array<double, 3>& p, float speed, float timeout, const std::string& vehicle) {
@@ -280,7 +263,30 @@ void bind_flight(py::class_<Simulator>& simulator) {
             });
           },
           arg("roll"), arg("pitch"), arg("yaw"), arg("throttle"), arg("duration"), arg("vehicle") = "",
-          "Angles in radians: right side down, nose up, clockwise from north; throttle 0 to 1.")
+          "Angles in radians: right side down, nose up, clockwise from north; throttle 0 to 1.");
+}
+
+void bind_flight(py::class_<Simulator>& simulator) {
+  using py::arg;
+  simulator
+      .def(
+          "takeoff",
+          [](Simulator& s, float timeout, const std::string& vehicle) {
+            return run_task(s, vehicle, [&] { return s.takeoff(timeout, vehicle); });
+          },
+          arg("timeout") = 20.0F, arg("vehicle") = "", "Takes off; returns whether it was done in time.")
+      .def(
+          "land",
+          [](Simulator& s, float timeout, const std::string& vehicle) {
+            return run_task(s, vehicle, [&] { return s.land(timeout, vehicle); });
+          },
+          arg("timeout") = 60.0F, arg("vehicle") = "")
+      .def(
+          "hover",
+          [](Simulator& s, const std::string& vehicle) {
+            return run_task(s, vehicle, [&] { return s.hover(vehicle); });
+          },
+          arg("vehicle") = "")
       .def(
           "step",
           [](Simulator& s, double duration) {
@@ -288,6 +294,31 @@ void bind_flight(py::class_<Simulator>& simulator) {
                 py::none(), [&](const Progress&) { s.sim_continue_for_time(duration); }, [&] { s.stop(); });
           },
           arg("duration"), "Advances simulation time by some seconds, then pauses; Ctrl-C ends the simulator.");
+}
+
+void bind_sensors(py::class_<Simulator>& simulator) {
+  using py::arg;
+  simulator
+      .def("images", &images, arg("kinds"), arg("camera") = "front_center", arg("vehicle") = "",
+           "Images of one moment, a list as `kinds`: rgb, segmentation, normals, infrared (height, width, 3) uint8; "
+           "depth "
+           "(along the optical axis), range (along the ray) (height, width) float32 metres.")
+      .def(
+          "set_camera_fov",
+          [](Simulator& s, const std::string& camera, float fov_deg, const std::string& vehicle) {
+            s.sim_set_camera_fov(camera, fov_deg, vehicle, false);
+          },
+          arg("camera"), arg("fov_deg"), arg("vehicle") = "")
+      .def("lidar", &lidar_scan, arg("lidar") = "", arg("vehicle") = "",
+           "A whole scan: points (N, 3), intensity, ring, time, segmentation (N), start, position, orientation.")
+      .def("imu", &imu_reading, arg("imu") = "", arg("vehicle") = "")
+      .def("gps", &gps_reading, arg("gps") = "", arg("vehicle") = "")
+      .def(
+          "distance",
+          [](Simulator& s, const std::string& sensor, const std::string& vehicle) {
+            return s.get_distance_sensor_data(sensor, vehicle).distance;
+          },
+          arg("sensor") = "", arg("vehicle") = "", "Of a distance sensor, metres.");
 }
 
 }  // namespace
@@ -332,28 +363,10 @@ void bind_simulator(py::module_& module) {
           arg("position"), arg("orientation") = std::array<double, 4>{1, 0, 0, 0}, arg("vehicle") = "")
       .def(
           "pose", [](const Simulator& s, const std::string& v) { return to_dict(s.sim_get_vehicle_pose(v)); },
-          arg("vehicle") = "")
-      .def("images", &images, arg("kinds"), arg("camera") = "front_center", arg("vehicle") = "",
-           "Images of one moment, a list as `kinds`: rgb, segmentation, normals, infrared (height, width, 3) uint8; "
-           "depth "
-           "(along the optical axis), range (along the ray) (height, width) float32 metres.")
-      .def(
-          "set_camera_fov",
-          [](Simulator& s, const std::string& camera, float fov_deg, const std::string& vehicle) {
-            s.sim_set_camera_fov(camera, fov_deg, vehicle, false);
-          },
-          arg("camera"), arg("fov_deg"), arg("vehicle") = "")
-      .def("lidar", &lidar_scan, arg("lidar") = "", arg("vehicle") = "",
-           "A whole scan: points (N, 3), intensity, ring, time, segmentation (N), start, position, orientation.")
-      .def("imu", &imu_reading, arg("imu") = "", arg("vehicle") = "")
-      .def("gps", &gps_reading, arg("gps") = "", arg("vehicle") = "")
-      .def(
-          "distance",
-          [](Simulator& s, const std::string& sensor, const std::string& vehicle) {
-            return s.get_distance_sensor_data(sensor, vehicle).distance;
-          },
-          arg("sensor") = "", arg("vehicle") = "", "Of a distance sensor, metres.");
+          arg("vehicle") = "");
+  bind_sensors(simulator);
   bind_flight(simulator);
+  bind_moves(simulator);
 }
 
 }  // namespace tileflight::python
