@@ -9,6 +9,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <limits>
 #include <span>
 
@@ -193,77 +194,6 @@ TILEFLIGHT_LANE_INLINE void to_plane(const BeamFrame& frame, const RayPacket8& p
 
 TILEFLIGHT_LANE_INLINE bool is_narrow(const BeamBounds& bounds) {
   return bounds.min_x > -kMaxSlope && bounds.max_x < kMaxSlope && bounds.min_y > -kMaxSlope && bounds.max_y < kMaxSlope;
-}
-
-/// Eight triangles, prepared for tests against the beam's rays.
-struct alignas(32) TriangleSetup8 {
-  Float8 edge_bc[3], edge_ca[3], edge_ab[3];  ///< edge functions, positive inside
-  Float8 inverse_depth[3];
-  Vector3x8 normal;                     ///< n, oriented by the winding, in scene axes
-  Float8 low_x, high_x, low_y, high_y;  ///< bounding rectangle of the triangle on the plane z = 1
-};
-
-/// A corner of each triangle, relative to the beam's origin.
-TILEFLIGHT_LANE_INLINE void from_origin(const BeamFrame& frame, const float (&corner)[3][8], Vector3x8& to) {
-  to.x = load(corner[0]) - frame.origin.x;
-  to.y = load(corner[1]) - frame.origin.y;
-  to.z = load(corner[2]) - frame.origin.z;
-}
-
-TILEFLIGHT_LANE_INLINE void to_beam(const BeamFrame& frame, const Vector3x8& v, Vector3x8& to) {
-  dot_axis(v, frame.axis_x, to.x);
-  dot_axis(v, frame.axis_y, to.y);
-  dot_axis(v, frame.axis_z, to.z);
-}
-
-/// Bounding rectangle of the projected corners; the whole plane unless all corners are in front.
-TILEFLIGHT_LANE_INLINE void bound(const Vector3x8& a, const Vector3x8& b, const Vector3x8& c, TriangleSetup8& facets) {
-  const Float8 nearest = lane_min(lane_min(a.z, b.z), c.z);
-  const Float8 a_1 = 1.0F / a.z, b_1 = 1.0F / b.z, c_1 = 1.0F / c.z;
-  const Float8 xs[3] = {a.x * a_1, b.x * b_1, c.x * c_1};
-  const Float8 ys[3] = {a.y * a_1, b.y * b_1, c.y * c_1};
-  const Float8 all = Float8{} + kFar;
-  const Int8 in_front = nearest > kNoHitInverseDepth;
-  facets.low_x = in_front ? lane_min(lane_min(xs[0], xs[1]), xs[2]) - kPlaneSlack : -all;
-  facets.low_y = in_front ? lane_min(lane_min(ys[0], ys[1]), ys[2]) - kPlaneSlack : -all;
-  facets.high_x = in_front ? lane_max(lane_max(xs[0], xs[1]), xs[2]) + kPlaneSlack : all;
-  facets.high_y = in_front ? lane_max(lane_max(ys[0], ys[1]), ys[2]) + kPlaneSlack : all;
-}
-
-/// `turn`: the sign bit of n . a in each lane.
-TILEFLIGHT_LANE_INLINE void flip_signs(const Vector3x8& normal, const Int8& turn, Float8 (&to)[3]) {
-  to[0] = (Float8)((Int8)normal.x ^ turn);
-  to[1] = (Float8)((Int8)normal.y ^ turn);
-  to[2] = (Float8)((Int8)normal.z ^ turn);
-}
-
-/// Planes of the triangles, from their corners relative to the origin but in scene axes, which keeps the precision of
-/// large level surfaces. `turn`: the sign bit of n . a in each lane; returns the bits of the triangles that are not
-/// seen edge-on.
-TILEFLIGHT_LANE_INLINE unsigned set_up_planes(const BeamFrame& frame, const Vector3x8& a, const Vector3x8& b,
-                                              const Vector3x8& c, TriangleSetup8& facets, Int8& turn,
-                                              Float8& per_volume) {
-  Vector3x8 ab, ac;
-  subtract(b, a, ab);
-  subtract(c, a, ac);
-  cross(ab, ac, facets.normal);
-  const Float8 volume = facets.normal.x * a.x + facets.normal.y * a.y + facets.normal.z * a.z;
-  per_volume = 1.0F / volume;
-  Vector3x8 n;
-  dot_axis(facets.normal, frame.normal_x, n.x);
-  dot_axis(facets.normal, frame.normal_y, n.y);
-  dot_axis(facets.normal, frame.normal_z, n.z);
-  facets.inverse_depth[0] = n.x * per_volume;
-  facets.inverse_depth[1] = n.y * per_volume;
-  facets.inverse_depth[2] = n.z * per_volume;
-  turn = (Int8)volume & std::numeric_limits<std::int32_t>::min();
-  const Float8 xy = lane_max(lane_abs(facets.inverse_depth[0]), lane_abs(facets.inverse_depth[1]));
-  return sign_mask(lane_max(xy, lane_abs(facets.inverse_depth[2])) < kFar);
-}
-
-TILEFLIGHT_LANE_INLINE void evaluate_plane(const Float8 (&coefficients)[3], int place, const Float8& x, const Float8& y,
-                                           Float8& value) {
-  value = coefficients[0][place] * x + coefficients[1][place] * y + coefficients[2][place];
 }
 
 struct Entry {

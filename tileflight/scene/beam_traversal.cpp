@@ -22,13 +22,13 @@
 #include <bit>
 #include <cassert>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <utility>
 
 #include "tileflight/base/simd.h"
 #include "tileflight/scene/beam_steps.h"
 #include "tileflight/scene/beam_tree.h"
+#include "tileflight/scene/beam_triangles.h"
 #include "tileflight/scene/part_motion.h"
 
 namespace tileflight::scene {
@@ -39,16 +39,11 @@ using namespace beam_steps;
 constexpr int kPackets = 8;
 
 /// The rays and their nearest hits so far.
-struct Beam : BeamFrame, BeamBounds {
+struct Beam : BeamFrame, BeamBounds, PacketRectangles {
   float time;
   Float8 ray_x[kPackets], ray_y[kPackets];
-  Float8 direction_z[kPackets];         ///< z component of the ray's original direction
-  Float8 low_x, high_x, low_y, high_y;  ///< rectangles, one packet per lane; low > high for unused lanes
-
-  Float8 inverse_depth[kPackets];
-  Float8 weight_a[kPackets], weight_b[kPackets], weight_c[kPackets];  ///< not normalised to sum 1
-  Vector3x8 normal[kPackets];
-  Int8 mesh[kPackets], triangle[kPackets];
+  Float8 direction_z[kPackets];  ///< z component of the ray's original direction
+  Hits8 hits[kPackets];
 
   float min_inverse_depth[kPackets];                    ///< minimum over the packet's rays
   float max_depth = std::numeric_limits<float>::max();  ///< z beyond which no hit can be the nearest of any ray
@@ -68,16 +63,11 @@ TILEFLIGHT_LANE_INLINE bool build_frame(std::span<const RayPacket8> packets, Bea
 
 /// Transforms the rays to the beam's frame and computes their rectangles; false if a ray is too far from the axis.
 TILEFLIGHT_LANE_INLINE bool transform_rays(std::span<const RayPacket8> packets, Beam& beam) {
-  const Float8 none = Float8{} + kFar;
-  beam.low_x = beam.low_y = none;
-  beam.high_x = beam.high_y = -none;
+  clear_rectangles(beam);
   for (std::size_t p = 0; p < packets.size(); ++p) {
     to_plane(beam, packets[p], beam.ray_x[p], beam.ray_y[p], beam.direction_z[p]);
     if (!(horizontal_min(beam.direction_z[p]) > 0.0F)) return false;
-    beam.low_x[p] = horizontal_min(beam.ray_x[p]);
-    beam.low_y[p] = horizontal_min(beam.ray_y[p]);
-    beam.high_x[p] = -horizontal_min(-beam.ray_x[p]);
-    beam.high_y[p] = -horizontal_min(-beam.ray_y[p]);
+    set_rectangle(beam.ray_x[p], beam.ray_y[p], p, beam);
   }
   beam.min_x = horizontal_min(beam.low_x);
   beam.min_y = horizontal_min(beam.low_y);
@@ -86,35 +76,24 @@ TILEFLIGHT_LANE_INLINE bool transform_rays(std::span<const RayPacket8> packets, 
   return is_narrow(beam);
 }
 
-/// Resets the hits; disabled lanes get an inverse depth above any hit.
-TILEFLIGHT_LANE_INLINE void clear_hits(std::span<const RayPacket8> packets, Beam& beam) {
+TILEFLIGHT_LANE_INLINE void clear_beam(std::span<const RayPacket8> packets, Beam& beam) {
   for (std::size_t p = 0; p < packets.size(); ++p) {
-    const Float8 off = Float8{} + std::numeric_limits<float>::max();
-    const Float8 on = Float8{} + kNoHitInverseDepth;
-    beam.inverse_depth[p] = load(packets[p].far) < 0.0F ? off : on;
-    beam.min_inverse_depth[p] = horizontal_min(beam.inverse_depth[p]);
-    beam.mesh[p] = Int8{} - 1;  // RayPacket8::kMiss
-    beam.triangle[p] = Int8{};
-    beam.weight_a[p] = beam.weight_b[p] = beam.weight_c[p] = Float8{};
-    beam.normal[p] = Vector3x8{};
+    clear_hits(packets[p], beam.hits[p]);
+    beam.min_inverse_depth[p] = horizontal_min(beam.hits[p].inverse_depth);
   }
 }
 
 /// Bits of the triangles that the beam may hit.
 TILEFLIGHT_LANE_INLINE unsigned set_up_triangles(const Beam& beam, const BeamLeaf& leaf, TriangleSetup8& facets) {
-  Vector3x8 corners[3], a, b, c;
-  for (int which = 0; which < 3; ++which) from_origin(beam, leaf.corner[which], corners[which]);
-  to_beam(beam, corners[0], a);
-  to_beam(beam, corners[1], b);
-  to_beam(beam, corners[2], c);
+  LeafCorners corners;
+  load_corners(beam, leaf, corners);
+  const auto& [a, b, c] = corners.beam;
   bound(a, b, c, facets);
-  const unsigned near = sign_mask((facets.low_x <= beam.max_x) & (facets.high_x >= beam.min_x) &
-                                  (facets.low_y <= beam.max_y) & (facets.high_y >= beam.min_y));
-  const unsigned places = near & ((1U << leaf.count) - 1U);
+  const unsigned places = overlapping_triangles(beam, leaf, facets);
   if (places == 0) return 0;
   Int8 turn;
   Float8 per_volume;
-  const unsigned seen = set_up_planes(beam, corners[0], corners[1], corners[2], facets, turn, per_volume);
+  const unsigned seen = set_up_planes(beam, corners.scene, facets, turn, per_volume);
   Vector3x8 edge;
   edge_normal(b, c, edge);
   flip_signs(edge, turn, facets.edge_bc);
@@ -123,13 +102,6 @@ TILEFLIGHT_LANE_INLINE unsigned set_up_triangles(const Beam& beam, const BeamLea
   edge_normal(a, b, edge);
   flip_signs(edge, turn, facets.edge_ab);
   return places & seen;
-}
-
-/// Lanes where the triangle is nearer than the hit so far, or equally near and first by its numbers.
-TILEFLIGHT_LANE_INLINE void break_ties(const Beam& beam, int p, const Float8& inverse_depth, const Int8& mesh,
-                                       const Int8& triangle, Int8& hit) {
-  const Int8 before = (mesh < beam.mesh[p]) | ((mesh == beam.mesh[p]) & (triangle < beam.triangle[p]));
-  hit &= (inverse_depth > beam.inverse_depth[p]) | before;
 }
 
 /// Tests one triangle against one packet.
@@ -141,28 +113,13 @@ TILEFLIGHT_LANE_INLINE void test_triangle(Beam& beam, const BeamLeaf& leaf, std:
   evaluate_plane(facets.edge_ca, place, x, y, b);
   evaluate_plane(facets.edge_ab, place, x, y, c);
   evaluate_plane(facets.inverse_depth, place, x, y, inverse_depth);
-  const Int8 outside = (Int8)a | (Int8)b | (Int8)c | (Int8)(inverse_depth - beam.inverse_depth[p]);
+  Hits8& hits = beam.hits[p];
+  const Int8 outside = (Int8)a | (Int8)b | (Int8)c | (Int8)(inverse_depth - hits.inverse_depth);
   if (sign_mask((Int8)outside) == 0xFFU) return;
-  Int8 hit = ~outside >> 31;
-  const Int8 mesh = Int8{} + static_cast<std::int32_t>(first_mesh + leaf.mesh[place]);
-  const Int8 triangle = Int8{} + static_cast<std::int32_t>(leaf.triangle[place]);
-  break_ties(beam, p, inverse_depth, mesh, triangle, hit);
-  beam.inverse_depth[p] = hit ? inverse_depth : beam.inverse_depth[p];
-  beam.weight_a[p] = hit ? a : beam.weight_a[p];
-  beam.weight_b[p] = hit ? b : beam.weight_b[p];
-  beam.weight_c[p] = hit ? c : beam.weight_c[p];
-  beam.normal[p].x = hit ? Float8{} + facets.normal.x[place] : beam.normal[p].x;
-  beam.normal[p].y = hit ? Float8{} + facets.normal.y[place] : beam.normal[p].y;
-  beam.normal[p].z = hit ? Float8{} + facets.normal.z[place] : beam.normal[p].z;
-  beam.mesh[p] = hit ? mesh : beam.mesh[p];
-  beam.triangle[p] = hit ? triangle : beam.triangle[p];
+  const TriangleNumbers8 numbers = numbers_of(leaf, first_mesh, place);
+  const Int8 nearer = nearer_lanes(hits, inverse_depth, numbers);
+  take_hits((~outside >> 31) & nearer, inverse_depth, a, b, c, facets, place, numbers, hits);
   beam.updated_packets |= 1U << static_cast<unsigned>(p);
-}
-
-/// Bits of the packets whose rectangles overlap the triangle's.
-TILEFLIGHT_LANE_INLINE unsigned overlapping_packets(const Beam& beam, const TriangleSetup8& facets, int place) {
-  return sign_mask((beam.low_x <= facets.high_x[place]) & (beam.high_x >= facets.low_x[place]) &
-                   (beam.low_y <= facets.high_y[place]) & (beam.high_y >= facets.low_y[place]));
 }
 
 /// Tests every triangle against every packet that may hit it.
@@ -183,7 +140,7 @@ TILEFLIGHT_LANE_INLINE void intersect_leaf(const BeamLeaf& leaf, std::uint32_t f
 TILEFLIGHT_LANE_INLINE void tighten_bound(std::size_t packets, Beam& beam) {
   for (unsigned touched = beam.updated_packets; touched != 0; touched &= touched - 1) {
     const int p = std::countr_zero(touched);
-    beam.min_inverse_depth[p] = horizontal_min(beam.inverse_depth[p]);
+    beam.min_inverse_depth[p] = horizontal_min(beam.hits[p].inverse_depth);
   }
   beam.updated_packets = 0;
   float least = beam.min_inverse_depth[0];
@@ -268,28 +225,13 @@ void traverse_placed(const BeamBranch& part, std::size_t packets, Beam& beam) {
   beam.normal_z = outside[6];
 }
 
-TILEFLIGHT_LANE_INLINE void write_hits(const Beam& beam, int p, RayPacket8& packet) {
-  const Int8 hit = beam.mesh[p] != -1;
-  const Float8 sum = beam.weight_a[p] + beam.weight_b[p] + beam.weight_c[p];
-  const Float8 scale = 1.0F / (sum > 0.0F ? sum : Float8{} + 1.0F);
-  base::store_float8(hit ? 1.0F / (beam.inverse_depth[p] * beam.direction_z[p]) : load(packet.far), packet.far);
-  base::store_float8(beam.inverse_depth[p], packet.nearness);
-  base::store_float8(beam.normal[p].x, packet.normal_x);
-  base::store_float8(beam.normal[p].y, packet.normal_y);
-  base::store_float8(beam.normal[p].z, packet.normal_z);
-  base::store_float8(beam.weight_b[p] * scale, packet.u);
-  base::store_float8(beam.weight_c[p] * scale, packet.v);
-  std::memcpy(packet.mesh, &beam.mesh[p], sizeof(packet.mesh));
-  std::memcpy(packet.triangle, &beam.triangle[p], sizeof(packet.triangle));
-}
-
 TILEFLIGHT_WIDE_VECTORS bool cast_beam(BeamNode::Child root, std::span<const BeamBranch> branches, float reach_m,
                                        std::span<RayPacket8> packets) {
   Beam beam;
   if (!build_frame(packets, beam) || !transform_rays(packets, beam)) return false;
-  clear_hits(packets, beam);
+  clear_beam(packets, beam);
   traverse(root, branches, make_frustum(beam, beam, reach_m), packets.size(), beam);
-  for (std::size_t p = 0; p < packets.size(); ++p) write_hits(beam, static_cast<int>(p), packets[p]);
+  for (std::size_t p = 0; p < packets.size(); ++p) write_hits(beam.hits[p], beam.direction_z[p], packets[p]);
   return true;
 }
 

@@ -19,165 +19,17 @@
 #include <bit>
 #include <cassert>
 #include <cmath>
-#include <cstring>
 #include <limits>
 
 #include "tileflight/base/simd.h"
-#include "tileflight/scene/beam_steps.h"
 #include "tileflight/scene/beam_tree.h"
+#include "tileflight/scene/beam_triangles.h"
+#include "tileflight/scene/moving_rays.h"
 
 namespace tileflight::scene {
 namespace {
 
 using namespace beam_steps;
-using Beams = std::span<const std::span<RayPacket8>>;
-
-constexpr std::size_t kGroupPackets = 8;
-
-/// Eight rays, and their nearest hits so far.
-struct MovingRays {
-  Float8 x, y;
-  Float8 direction_z;  ///< z component of the ray's original direction
-  Vector3x8 offset;    ///< d, scene axes
-  Vector3x8 in_frame;  ///< d, the frame's axes
-  Vector3x8 moment;    ///< 2 (r x d), the frame's axes
-  Float8 inverse_depth;
-  Float8 weight_a, weight_b, weight_c;  ///< not normalised to sum 1
-  Vector3x8 normal;
-  Int8 mesh, triangle;
-};
-
-/// The packets of one of the given beams.
-struct RayGroup {
-  Float8 low_x, high_x, low_y, high_y;  ///< rectangles, one packet per lane; low > high for unused lanes
-  Float8 min_inverse_depth;             ///< minimum over each packet's rays
-  float least_inverse_depth;            ///< minimum of these
-  std::size_t size;
-  std::array<MovingRays, kGroupPackets> rays;
-};
-
-struct MovingBeam : BeamFrame, BeamBounds {
-  std::size_t size;  ///< groups
-  std::array<RayGroup, kMostMovingBeams> groups;
-  Vector3 reach;                                        ///< largest absolute offsets, the frame's axes
-  float far_offset;                                     ///< largest offset along z
-  float max_depth = std::numeric_limits<float>::max();  ///< from o; z beyond which no hit can be the nearest of any ray
-};
-
-TILEFLIGHT_LANE_INLINE void load_origins(const RayPacket8& packet, Vector3x8& to) {
-  to.x = load(packet.origin_x);
-  to.y = load(packet.origin_y);
-  to.z = load(packet.origin_z);
-}
-
-/// The middle of the box around all origins.
-TILEFLIGHT_LANE_INLINE Vector3 middle_origin(Beams beams) {
-  const Float8 none = Float8{} + std::numeric_limits<float>::max();
-  Vector3x8 low{none, none, none}, high{-none, -none, -none};
-  for (const std::span<RayPacket8> packets : beams) {
-    for (const RayPacket8& packet : packets) {
-      Vector3x8 origin;
-      load_origins(packet, origin);
-      low = {lane_min(low.x, origin.x), lane_min(low.y, origin.y), lane_min(low.z, origin.z)};
-      high = {lane_max(high.x, origin.x), lane_max(high.y, origin.y), lane_max(high.z, origin.z)};
-    }
-  }
-  const auto middle = [](const Float8& from, const Float8& to) {
-    const float start = horizontal_min(from), end = -horizontal_min(-to);
-    return start + 0.5F * (end - start);
-  };
-  return {middle(low.x, high.x), middle(low.y, high.y), middle(low.z, high.z)};
-}
-
-TILEFLIGHT_LANE_INLINE bool build_moving_frame(Beams beams, MovingBeam& beam) {
-  Vector3x8 sums{};
-  for (const std::span<RayPacket8> packets : beams) add_directions(packets, sums);
-  if (!build_axes(sums, beams.front().front(), beam)) return false;
-  beam.origin = middle_origin(beams);
-  return true;
-}
-
-/// A packet's rays in the frame, without hits; disabled lanes get an inverse depth above any hit.
-TILEFLIGHT_LANE_INLINE void set_up_rays(const BeamFrame& frame, const RayPacket8& packet, MovingRays& rays) {
-  to_plane(frame, packet, rays.x, rays.y, rays.direction_z);
-  load_origins(packet, rays.offset);
-  rays.offset.x -= frame.origin.x;
-  rays.offset.y -= frame.origin.y;
-  rays.offset.z -= frame.origin.z;
-  to_beam(frame, rays.offset, rays.in_frame);
-  const Vector3x8& d = rays.in_frame;
-  rays.moment.x = 2.0F * (rays.y * d.z - d.y);
-  rays.moment.y = 2.0F * (d.x - rays.x * d.z);
-  rays.moment.z = 2.0F * (rays.x * d.y - rays.y * d.x);
-  rays.inverse_depth =
-      load(packet.far) < 0.0F ? Float8{} + std::numeric_limits<float>::max() : Float8{} + kNoHitInverseDepth;
-  rays.mesh = Int8{} - 1;  // RayPacket8::kMiss
-  rays.triangle = Int8{};
-  rays.weight_a = rays.weight_b = rays.weight_c = Float8{};
-  rays.normal = Vector3x8{};
-}
-
-/// Transforms the packets and computes their rectangles; false if a ray is too far from the axis.
-TILEFLIGHT_LANE_INLINE bool set_up_group(const BeamFrame& frame, std::span<const RayPacket8> packets, RayGroup& group) {
-  const Float8 none = Float8{} + kFar;
-  group.low_x = group.low_y = none;
-  group.high_x = group.high_y = -none;
-  group.min_inverse_depth = none;
-  group.size = packets.size();
-  for (std::size_t p = 0; p < packets.size(); ++p) {
-    MovingRays& rays = group.rays[p];
-    set_up_rays(frame, packets[p], rays);
-    if (!(horizontal_min(rays.direction_z) > 0.0F)) return false;
-    group.low_x[p] = horizontal_min(rays.x);
-    group.low_y[p] = horizontal_min(rays.y);
-    group.high_x[p] = -horizontal_min(-rays.x);
-    group.high_y[p] = -horizontal_min(-rays.y);
-    group.min_inverse_depth[p] = horizontal_min(rays.inverse_depth);
-  }
-  group.least_inverse_depth = horizontal_min(group.min_inverse_depth);
-  return true;
-}
-
-TILEFLIGHT_LANE_INLINE bool set_up_groups(Beams beams, MovingBeam& beam) {
-  beam.size = beams.size();
-  beam.min_x = beam.min_y = kFar;
-  beam.max_x = beam.max_y = -kFar;
-  for (std::size_t g = 0; g < beam.size; ++g) {
-    RayGroup& group = beam.groups[g];
-    if (!set_up_group(beam, beams[g], group)) return false;
-    beam.min_x = std::min(beam.min_x, horizontal_min(group.low_x));
-    beam.min_y = std::min(beam.min_y, horizontal_min(group.low_y));
-    beam.max_x = std::max(beam.max_x, -horizontal_min(-group.high_x));
-    beam.max_y = std::max(beam.max_y, -horizontal_min(-group.high_y));
-  }
-  return is_narrow(beam);
-}
-
-/// The pyramid of the rays' directions from the frame's origin, its sides moved outwards by the rays' offsets.
-TILEFLIGHT_LANE_INLINE BeamFrustum make_moving_frustum(MovingBeam& beam, float reach_m) {
-  Float8 inside[4] = {}, nearest{}, farthest{};
-  Vector3x8 widest{};
-  for (std::size_t g = 0; g < beam.size; ++g) {
-    const RayGroup& group = beam.groups[g];
-    for (std::size_t p = 0; p < group.size; ++p) {
-      const Vector3x8& d = group.rays[p].in_frame;
-      inside[0] = lane_min(inside[0], d.x - beam.min_x * d.z);
-      inside[1] = lane_min(inside[1], beam.max_x * d.z - d.x);
-      inside[2] = lane_min(inside[2], d.y - beam.min_y * d.z);
-      inside[3] = lane_min(inside[3], beam.max_y * d.z - d.y);
-      nearest = lane_min(nearest, d.z);
-      farthest = lane_max(farthest, d.z);
-      widest.x = lane_max(widest.x, lane_abs(d.x));
-      widest.y = lane_max(widest.y, lane_abs(d.y));
-    }
-  }
-  beam.far_offset = -horizontal_min(-farthest);
-  beam.reach = {-horizontal_min(-widest.x), -horizontal_min(-widest.y),
-                std::max(beam.far_offset, -horizontal_min(nearest))};
-  BeamFrustum pyramid = make_frustum(beam, beam, reach_m);
-  for (int side = 0; side < 4; ++side) pyramid.sides[side].offset += horizontal_min(inside[side]);
-  return pyramid;
-}
 
 /// Eight triangles, prepared for tests against rays from nearby.
 struct alignas(32) MovingSetup8 : TriangleSetup8 {
@@ -211,20 +63,16 @@ TILEFLIGHT_LANE_INLINE void set_up_edge(const Vector3x8& a, const Vector3x8& b, 
 
 /// Bits of the triangles that the beam may hit.
 TILEFLIGHT_LANE_INLINE unsigned set_up_triangles(const MovingBeam& beam, const BeamLeaf& leaf, MovingSetup8& facets) {
-  Vector3x8 corners[3], a, b, c;
-  for (int which = 0; which < 3; ++which) from_origin(beam, leaf.corner[which], corners[which]);
-  to_beam(beam, corners[0], a);
-  to_beam(beam, corners[1], b);
-  to_beam(beam, corners[2], c);
+  LeafCorners corners;
+  load_corners(beam, leaf, corners);
+  const auto& [a, b, c] = corners.beam;
   bound(a, b, c, facets);
   widen(beam.reach, a, b, c, facets);
-  const unsigned near = sign_mask((facets.low_x <= beam.max_x) & (facets.high_x >= beam.min_x) &
-                                  (facets.low_y <= beam.max_y) & (facets.high_y >= beam.min_y));
-  const unsigned places = near & ((1U << leaf.count) - 1U);
+  const unsigned places = overlapping_triangles(beam, leaf, facets);
   if (places == 0) return 0;
   Int8 turn;
   Float8 per_volume;
-  const unsigned seen = set_up_planes(beam, corners[0], corners[1], corners[2], facets, turn, per_volume);
+  const unsigned seen = set_up_planes(beam, corners.scene, facets, turn, per_volume);
   facets.plane = {facets.normal.x * per_volume, facets.normal.y * per_volume, facets.normal.z * per_volume};
   set_up_edge(b, c, turn, facets.edge_bc, facets.along_bc);
   set_up_edge(c, a, turn, facets.edge_ca, facets.along_ca);
@@ -236,14 +84,6 @@ TILEFLIGHT_LANE_INLINE void evaluate_edge(const Float8 (&edge)[3], const Float8 
                                           const MovingRays& rays, Float8& value) {
   evaluate_plane(edge, place, rays.x, rays.y, value);
   value += along[0][place] * rays.moment.x + along[1][place] * rays.moment.y + along[2][place] * rays.moment.z;
-}
-
-/// Lanes of a triangle that is nearer than the hit so far, or equally near and first by its numbers.
-TILEFLIGHT_LANE_INLINE void keep_nearer(const MovingRays& rays, const Float8& inverse_depth, const Int8& mesh,
-                                        const Int8& triangle, Int8& hit) {
-  const Int8 before = (mesh < rays.mesh) | ((mesh == rays.mesh) & (triangle < rays.triangle));
-  hit &= (inverse_depth > rays.inverse_depth) | ((inverse_depth == rays.inverse_depth) & before);
-  hit &= inverse_depth < kFar;  // not seen edge-on
 }
 
 /// Tests one triangle against one packet; whether a hit changed.
@@ -263,20 +103,11 @@ TILEFLIGHT_LANE_INLINE bool test_triangle(const BeamLeaf& leaf, std::uint32_t fi
   if (sign_mask(outside) == 0xFFU) return false;
   evaluate_plane(facets.inverse_depth, place, rays.x, rays.y, inverse_depth);
   inverse_depth /= share;
-  Int8 hit = ~outside >> 31;
-  const Int8 mesh = Int8{} + static_cast<std::int32_t>(first_mesh + leaf.mesh[place]);
-  const Int8 triangle = Int8{} + static_cast<std::int32_t>(leaf.triangle[place]);
-  keep_nearer(rays, inverse_depth, mesh, triangle, hit);
+  const TriangleNumbers8 numbers = numbers_of(leaf, first_mesh, place);
+  const Int8 nearer = nearer_lanes(rays, inverse_depth, numbers);
+  const Int8 hit = (~outside >> 31) & nearer & (inverse_depth < kFar);  // not seen edge-on
   if (sign_mask(hit) == 0) return false;
-  rays.inverse_depth = hit ? inverse_depth : rays.inverse_depth;
-  rays.weight_a = hit ? a : rays.weight_a;
-  rays.weight_b = hit ? b : rays.weight_b;
-  rays.weight_c = hit ? c : rays.weight_c;
-  rays.normal.x = hit ? Float8{} + facets.normal.x[place] : rays.normal.x;
-  rays.normal.y = hit ? Float8{} + facets.normal.y[place] : rays.normal.y;
-  rays.normal.z = hit ? Float8{} + facets.normal.z[place] : rays.normal.z;
-  rays.mesh = hit ? mesh : rays.mesh;
-  rays.triangle = hit ? triangle : rays.triangle;
+  take_hits(hit, inverse_depth, a, b, c, facets, place, numbers, rays);
   return true;
 }
 
@@ -286,8 +117,7 @@ TILEFLIGHT_LANE_INLINE bool intersect_group(const BeamLeaf& leaf, std::uint32_t 
   unsigned updated = 0;
   for (; places != 0; places &= places - 1) {
     const int place = std::countr_zero(places);
-    unsigned packets = sign_mask((group.low_x <= facets.high_x[place]) & (group.high_x >= facets.low_x[place]) &
-                                 (group.low_y <= facets.high_y[place]) & (group.high_y >= facets.low_y[place]));
+    unsigned packets = overlapping_packets(group, facets, place);
     for (; packets != 0; packets &= packets - 1) {
       const int p = std::countr_zero(packets);
       if (test_triangle(leaf, first_mesh, facets, place, group.rays[static_cast<std::size_t>(p)])) updated |= 1U << p;
@@ -432,28 +262,16 @@ TILEFLIGHT_LANE_INLINE bool traverse(BeamNode::Child root, const PartQuery& quer
   return true;
 }
 
-TILEFLIGHT_LANE_INLINE void write_moving_hits(const MovingRays& rays, RayPacket8& packet) {
-  const Int8 hit = rays.mesh != -1;
-  const Float8 sum = rays.weight_a + rays.weight_b + rays.weight_c;
-  const Float8 scale = 1.0F / (sum > 0.0F ? sum : Float8{} + 1.0F);
-  base::store_float8(hit ? 1.0F / (rays.inverse_depth * rays.direction_z) : load(packet.far), packet.far);
-  base::store_float8(rays.inverse_depth, packet.nearness);
-  base::store_float8(rays.normal.x, packet.normal_x);
-  base::store_float8(rays.normal.y, packet.normal_y);
-  base::store_float8(rays.normal.z, packet.normal_z);
-  base::store_float8(rays.weight_b * scale, packet.u);
-  base::store_float8(rays.weight_c * scale, packet.v);
-  std::memcpy(packet.mesh, &rays.mesh, sizeof(packet.mesh));
-  std::memcpy(packet.triangle, &rays.triangle, sizeof(packet.triangle));
-}
-
 TILEFLIGHT_WIDE_VECTORS bool cast_moving(BeamNode::Child root, const PartQuery& query) {
   MovingBeam beam;
   if (!build_moving_frame(query.beams, beam) || !set_up_groups(query.beams, beam)) return false;
   const BeamFrustum pyramid = make_moving_frustum(beam, query.reach_m);
   if (!traverse(root, query, pyramid, beam)) return false;
   for (std::size_t g = 0; g < beam.size; ++g) {
-    for (std::size_t p = 0; p < beam.groups[g].size; ++p) write_moving_hits(beam.groups[g].rays[p], query.beams[g][p]);
+    for (std::size_t p = 0; p < beam.groups[g].size; ++p) {
+      const MovingRays& rays = beam.groups[g].rays[p];
+      write_hits(rays, rays.direction_z, query.beams[g][p]);
+    }
   }
   return true;
 }
