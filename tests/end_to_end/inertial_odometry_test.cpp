@@ -11,7 +11,7 @@
 #include "tileflight/dataset/dataset.h"
 #include "tileflight/dataset/imu_files.h"
 #include "tileflight/evaluation/metrics.h"
-#include "tileflight/odometry/inertial_flight.h"
+#include "tileflight/odometry/test_inertial_flight.h"
 
 namespace tileflight::inertial_odometry_test {
 namespace {

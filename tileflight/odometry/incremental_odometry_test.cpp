@@ -21,12 +21,13 @@ namespace tileflight::odometry::incremental_odometry_test {
 namespace {
 
 using geometry::SE3;
+using test_support::small_options;
 using testing::HasSubstr;
 using testing::ThrowsMessage;
-using test_support::small_options;
 
 const test_support::Sequence& hill_flight() {
-  static const test_support::Sequence kFlight = test_support::render_hill_flight(imaging::make_fisheye(320, 200, 130.0), 40);
+  static const test_support::Sequence kFlight =
+      test_support::render_hill_flight(imaging::make_fisheye(320, 200, 130.0), 40);
   return kFlight;
 }
 

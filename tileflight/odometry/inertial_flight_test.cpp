@@ -1,5 +1,3 @@
-#include "tileflight/odometry/inertial_flight.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
@@ -8,6 +6,7 @@
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/geometry/angles.h"
+#include "tileflight/odometry/test_inertial_flight.h"
 
 namespace tileflight::odometry::inertial_flight_test {
 namespace {

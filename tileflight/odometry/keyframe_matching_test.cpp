@@ -9,7 +9,7 @@
 #include <random>
 
 #include "tileflight/loops/keyframe_similarity.h"
-#include "tileflight/odometry/synthetic_keyframes.h"
+#include "tileflight/odometry/test_synthetic_keyframes.h"
 
 namespace tileflight::odometry::keyframe_matching_test {
 namespace {

@@ -26,14 +26,16 @@ double ground_pixel_m(const Camera& camera) {
 
 TEST_P(NativeLens, FollowsAFlight) {
   const test_support::Sequence sequence = test_support::render_hill_flight(GetParam().camera, 30);
-  const OdometryResult result = run_odometry(sequence.calibration, nullptr, sequence.source(), test_support::small_options());
+  const OdometryResult result =
+      run_odometry(sequence.calibration, nullptr, sequence.source(), test_support::small_options());
   EXPECT_FALSE(result.lost) << result.lost_reason;
   EXPECT_GE(result.frames_tracked, 28);
   const double pixel_m = ground_pixel_m(GetParam().camera);
   EXPECT_LT(test_support::relative_ate(result.trajectory, sequence.truth) * test_support::path_length_m(sequence.truth),
             0.25 * pixel_m);
   ASSERT_GT(result.map.size(), 200U);
-  EXPECT_LT(base::upper_median(test_support::height_errors_m(test_support::hilly_ground(), result, sequence.truth)), 1.4 * pixel_m);
+  EXPECT_LT(base::upper_median(test_support::height_errors_m(test_support::hilly_ground(), result, sequence.truth)),
+            1.4 * pixel_m);
 }
 
 INSTANTIATE_TEST_SUITE_P(

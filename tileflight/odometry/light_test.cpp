@@ -38,7 +38,8 @@ RgbImage taken(const RgbImage& irradiance, const PhotometricCalibration& calibra
 }
 
 const test_support::Sequence& clean_flight() {
-  static const test_support::Sequence kFlight = test_support::render_hill_flight(imaging::make_fisheye(320, 200, 130.0), 32);
+  static const test_support::Sequence kFlight =
+      test_support::render_hill_flight(imaging::make_fisheye(320, 200, 130.0), 32);
   return kFlight;
 }
 

@@ -6,7 +6,7 @@
 
 #include <cmath>
 
-#include "tileflight/odometry/synthetic_keyframes.h"
+#include "tileflight/odometry/test_synthetic_keyframes.h"
 
 namespace tileflight::odometry::loop_alignment_test {
 namespace {

@@ -9,7 +9,7 @@
 #include <random>
 
 #include "tileflight/loops/loop_correction.h"
-#include "tileflight/odometry/synthetic_keyframes.h"
+#include "tileflight/odometry/test_synthetic_keyframes.h"
 
 namespace tileflight::odometry::loop_closure_test {
 namespace {

@@ -9,7 +9,8 @@ namespace tileflight::odometry::map_test {
 namespace {
 
 const test_support::Sequence& flight() {
-  static const test_support::Sequence kFlight = test_support::render_hill_flight(imaging::make_fisheye(320, 200, 130.0), 40);
+  static const test_support::Sequence kFlight =
+      test_support::render_hill_flight(imaging::make_fisheye(320, 200, 130.0), 40);
   return kFlight;
 }
 
@@ -29,8 +30,10 @@ TEST(Map, FurtherPointsAreAsTrueAsTheOptimisedOnesAndChangeNothingElse) {
                 dense.trajectory.poses[i].T_local_camera.matrix());
   }
   EXPECT_GT(dense.map.size(), 1.15 * static_cast<double>(sparse.map.size()));
-  const double of_sparse = base::upper_median(test_support::height_errors_m(test_support::hilly_ground(), sparse, flight().truth));
-  const double of_dense = base::upper_median(test_support::height_errors_m(test_support::hilly_ground(), dense, flight().truth));
+  const double of_sparse =
+      base::upper_median(test_support::height_errors_m(test_support::hilly_ground(), sparse, flight().truth));
+  const double of_dense =
+      base::upper_median(test_support::height_errors_m(test_support::hilly_ground(), dense, flight().truth));
   EXPECT_LT(of_sparse, 0.08);
   EXPECT_LT(of_dense, 1.5 * of_sparse);
 }

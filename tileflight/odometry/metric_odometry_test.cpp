@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "tileflight/geometry/angles.h"
-#include "tileflight/odometry/inertial_flight.h"
+#include "tileflight/odometry/test_inertial_flight.h"
 
 namespace tileflight::odometry::metric_odometry_test {
 namespace {

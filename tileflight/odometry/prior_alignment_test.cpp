@@ -39,7 +39,8 @@ TEST(PriorAlignment, VariancesGoWithTheSquareOfTheScale) {
 }
 
 const test_support::Sequence& flight() {
-  static const test_support::Sequence kFlight = test_support::render_hill_flight(imaging::make_fisheye(280, 180, 130.0), 30);
+  static const test_support::Sequence kFlight =
+      test_support::render_hill_flight(imaging::make_fisheye(280, 180, 130.0), 30);
   return kFlight;
 }
 
@@ -83,8 +84,9 @@ TEST(PriorAlignment, DepthGivesTheScale) {
       for (int x = 0; x < depth.width; ++x) {
         const auto ray = camera.unproject({x, y});
         if (!ray) continue;
-        depth(x, y) = static_cast<float>(
-            ray->z() * photometry::test_support::hit_distance(test_support::hilly_ground(), pose.translation, pose.rotation * *ray));
+        depth(x, y) =
+            static_cast<float>(ray->z() * photometry::test_support::hit_distance(
+                                              test_support::hilly_ground(), pose.translation, pose.rotation * *ray));
       }
     return depth;
   };

@@ -100,7 +100,8 @@ TEST(Masks, TheBlackSurroundOfALensIsFound) {
     for (int y = 0; y < image.height; ++y)
       for (int x = 0; x < image.width; ++x)
         if (outside(x, y)) image(x, y) = {2, 1, 3};
-  const OdometryResult result = run_odometry(sequence.calibration, nullptr, sequence.source(), test_support::small_options());
+  const OdometryResult result =
+      run_odometry(sequence.calibration, nullptr, sequence.source(), test_support::small_options());
   EXPECT_FALSE(result.lost) << result.lost_reason;
   EXPECT_GE(result.frames_tracked, 34);
   EXPECT_LT(test_support::relative_ate(result.trajectory, sequence.truth), 0.005);
@@ -115,8 +116,10 @@ TEST(Masks, CloudsAreNotInTheMap) {
   relief.clouds = 90.0;
   std::vector<geometry::SE3> truth = test_support::path_over_ground(36);
   for (geometry::SE3& pose : truth) pose = photometry::test_support::look_along(pose.translation, {0.1, 1.0, -0.35});
-  const test_support::Sequence sequence = test_support::render_sequence(imaging::make_fisheye(320, 220, 130.0), relief, truth);
-  const OdometryResult result = run_odometry(sequence.calibration, nullptr, sequence.source(), test_support::small_options());
+  const test_support::Sequence sequence =
+      test_support::render_sequence(imaging::make_fisheye(320, 220, 130.0), relief, truth);
+  const OdometryResult result =
+      run_odometry(sequence.calibration, nullptr, sequence.source(), test_support::small_options());
   EXPECT_FALSE(result.lost) << result.lost_reason;
   EXPECT_LT(test_support::relative_ate(result.trajectory, sequence.truth), 0.005);
   ASSERT_GT(result.map.size(), 300U);

@@ -101,12 +101,6 @@ ImplicitTiling parse_implicit_tiling(const tile_contents::Json& json, const std:
   return out;
 }
 
-TileCoordinates child_coordinates(const TileCoordinates& parent, std::uint32_t child) {
-  TileCoordinates out{parent.level + 1, {}};
-  for (std::size_t i = 0; i < 3; ++i) out.xyz[i] = 2 * parent.xyz[i] + (child >> i & 1U);
-  return out;
-}
-
 BoundingVolume implicit_volume(const ImplicitTiling& tiling, const TileCoordinates& tile) {
   const RelativeExtent share = relative_extent(tile);
   if (const auto* box = std::get_if<OrientedBox>(&tiling.root_volume)) return subdivide(*box, share, tiling.octree);

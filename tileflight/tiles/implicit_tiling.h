@@ -45,9 +45,6 @@ struct ImplicitSubtree {
 /// Throws InputError.
 ImplicitTiling parse_implicit_tiling(const tile_contents::Json& json, const std::string& where);
 
-/// A child's coordinates; `child` is in Morton order: x is the lowest bit.
-TileCoordinates child_coordinates(const TileCoordinates& parent, std::uint32_t child);
-
 /// A tile's part of the root volume (3D Tiles 1.1, section "Subdivision Rules").
 BoundingVolume implicit_volume(const ImplicitTiling& tiling, const TileCoordinates& tile);
 double implicit_geometric_error_m(const ImplicitTiling& tiling, const TileCoordinates& tile);

@@ -68,6 +68,13 @@ void expect_two_levels(const Subtree& parsed) {
   EXPECT_DOUBLE_EQ(tiles[2].geometric_error_m, 8.0);
 }
 
+/// 3D Tiles 1.1, "Implicit Tiling": a child's bit of each axis follows its parent's.
+TileCoordinates child_coordinates(const TileCoordinates& parent, std::uint32_t child) {
+  TileCoordinates out{parent.level + 1, {}};
+  for (std::size_t i = 0; i < 3; ++i) out.xyz[i] = 2 * parent.xyz[i] + (child >> i & 1U);
+  return out;
+}
+
 TEST(Subtree, BitsAreInMortonOrder) {
   expect_two_levels(parse(transport::test_support::subtree(two_levels(), two_levels_binary()), box_tiling(false)));
 }
