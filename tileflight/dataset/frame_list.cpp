@@ -1,7 +1,6 @@
 #include "tileflight/dataset/frame_list.h"
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <map>
 #include <optional>
@@ -18,9 +17,7 @@ namespace {
 namespace fs = std::filesystem;
 
 bool is_image(const fs::path& file) {
-  std::string extension = file.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return std::tolower(c); });
+  const std::string extension = base::to_lower(file.extension().string());
   const bool known = extension == ".jpg" || extension == ".jpeg" || extension == ".png" || extension == ".webp";
   return known && !file.filename().string().starts_with('.');
 }

@@ -31,11 +31,16 @@ StampedPose parse_pose(std::string_view line, const std::string& where) {
   return {v[0], SE3(rotation, Vec3(v[1], v[2], v[3]))};
 }
 
+/// The first pose that is not before that time.
+auto pose_from(const std::vector<StampedPose>& poses, double time_s) {
+  return std::lower_bound(poses.begin(), poses.end(), time_s,
+                          [](const StampedPose& pose, double t) { return pose.time_s < t; });
+}
+
 /// Index of the pose nearest in time, the earlier one on ties. `trajectory` must not be empty.
 std::size_t nearest_in_time(const Trajectory& trajectory, double time_s) {
   const auto& poses = trajectory.poses;
-  const auto after = std::lower_bound(poses.begin(), poses.end(), time_s,
-                                      [](const StampedPose& pose, double t) { return pose.time_s < t; });
+  const auto after = pose_from(poses, time_s);
   if (after == poses.begin()) return 0;
   const auto before = after - 1;
   if (after == poses.end() || time_s - before->time_s <= after->time_s - time_s) {
@@ -92,8 +97,7 @@ double path_length_m(const Trajectory& trajectory) {
 
 std::optional<SE3> interpolate(const Trajectory& trajectory, double time_s) {
   const auto& poses = trajectory.poses;
-  const auto after = std::lower_bound(poses.begin(), poses.end(), time_s,
-                                      [](const StampedPose& pose, double t) { return pose.time_s < t; });
+  const auto after = pose_from(poses, time_s);
   if (after == poses.end()) return std::nullopt;
   if (after->time_s == time_s) return after->T_local_camera;
   if (after == poses.begin()) return std::nullopt;

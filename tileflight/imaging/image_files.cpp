@@ -2,13 +2,13 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <cstring>
 #include <string_view>
 
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/raw_bytes.h"
+#include "tileflight/base/text_fields.h"
 #include "tileflight/imaging/codecs.h"
 
 namespace tileflight::imaging {
@@ -50,12 +50,7 @@ Gray16Image widen_to_16_bit(const GrayImage& gray) {
 
 GrayImage gray_of(DecodedImage decoded) { return decoded.rgb.empty() ? std::move(decoded.gray) : to_gray(decoded.rgb); }
 
-std::string lower_extension(const std::filesystem::path& file) {
-  std::string extension = file.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return std::tolower(c); });
-  return extension;
-}
+std::string lower_extension(const std::filesystem::path& file) { return base::to_lower(file.extension().string()); }
 
 bool is_png(const std::filesystem::path& file) {
   const std::string extension = lower_extension(file);

@@ -334,11 +334,7 @@ void PartRenderer::compose(const std::vector<std::size_t>& of_camera, std::vecto
   for_each_view(std::move(views), bytes_for_tiles(of_camera.size()), share, [&](const LoadedPart& part) {
     const auto start = std::chrono::steady_clock::now();
     ++summary.parts;
-    render::FlightRenderOptions options = options_for(part, number, share);
-    if (is_layer_of_tiles(part)) options.placed = {};
-    options.exposure_gains = exposure_gains;
-    options.first_frame = images()[of_camera.front()].frame;
-    options.end_frame = images()[of_camera.back()].frame + 1;
+    const render::FlightRenderOptions options = options_for(part, of_camera, exposure_gains, share);
     const render::FrameRenderer renderer(part.scene, camera.calibration.camera, camera.frames, camera.pose_at, options);
     for (std::size_t i = part.begin; i < part.end; ++i) {
       const FrameView& view = loader_->views()[i];

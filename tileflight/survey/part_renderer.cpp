@@ -277,6 +277,17 @@ render::FlightRenderOptions PartRenderer::options_for(const LoadedPart& part, st
   return options;
 }
 
+render::FlightRenderOptions PartRenderer::options_for(const LoadedPart& part, const std::vector<std::size_t>& of_camera,
+                                                      const std::vector<double>& exposure_gains,
+                                                      const FrameAssignment& share) const {
+  render::FlightRenderOptions options = options_for(part, images()[of_camera.front()].camera, share);
+  if (is_layer_of_tiles(part)) options.placed = {};
+  options.exposure_gains = exposure_gains;
+  options.first_frame = images()[of_camera.front()].frame;
+  options.end_frame = images()[of_camera.back()].frame + 1;
+  return options;
+}
+
 /// Returns the loader's next view.
 std::size_t PartRenderer::release(LoadedPart part) {
   part.appearance.reset();  // it holds the scene's trees

@@ -120,6 +120,10 @@ class PartRenderer {
   render::FlightRenderOptions options_of(std::size_t camera) const;
   render::FlightRenderOptions options_for(const LoadedPart& part, std::size_t camera,
                                           const FrameAssignment& share) const;
+  /// For these images, in order, of one camera.
+  render::FlightRenderOptions options_for(const LoadedPart& part, const std::vector<std::size_t>& of_camera,
+                                          const std::vector<double>& exposure_gains,
+                                          const FrameAssignment& share) const;
   std::vector<double> meter_part(const LoadedPart& part, const FrameAssignment& share) const;
   Progress progress_of(const LoadedPart& part, std::size_t camera) const;
   void record_sensors(const LoadedPart& part, const std::filesystem::path& folder) const;

@@ -244,11 +244,7 @@ void PartRenderer::render_together(const std::vector<std::size_t>& of_camera, wo
       return for_each_check(part,
                             [&](std::size_t image, const render::PathCheck& check) { traced[image].add_check(check); });
     }
-    render::FlightRenderOptions options = options_for(part, number, share);
-    if (is_layer_of_tiles(part)) options.placed = {};
-    options.exposure_gains = gains;
-    options.first_frame = images()[together.images.front()].frame;
-    options.end_frame = images()[together.images.back()].frame + 1;
+    const render::FlightRenderOptions options = options_for(part, together.images, gains, share);
     const render::FrameRenderer renderer(part.scene, camera.calibration.camera, camera.frames, camera.pose_at, options);
     for (std::size_t i = part.begin; i < part.end; ++i) {
       const FrameView& view = loader_->views()[i];
