@@ -93,24 +93,24 @@ class NormalEquationsBuilder {
   NormalEquations assemble(const std::vector<ChunkSums>& chunks) const {
     const int size = window_.unknowns();
     NormalEquations system{MatrixXd::Zero(size, size), VectorXd::Zero(size)};
-    std::vector<Mat8> H(pairs_.size(), Mat8::Zero());
-    std::vector<photometry::Vec8> b(pairs_.size(), photometry::Vec8::Zero());
+    Totals totals(pairs_.size(), (size + 7) / 8);
     for (const ChunkSums& chunk : chunks) {
       for (int target = 0; target < n_; ++target) {
-        const PairSums& pair = chunk.pairs[target];
-        const std::size_t p = static_cast<std::size_t>(chunk.host) * n_ + target;
-        for (int i = 0; i < 8; ++i) {
-          for (int j = i; j < 8; ++j) H[p](i, j) += pair.H[i][j];
-          b[p][i] += pair.b[i];
-        }
+        PairTotals& pair = totals.pairs[static_cast<std::size_t>(chunk.host) * n_ + target];
+        for (int i = 0; i < 8; ++i) add(chunk.pairs[target].H[i], pair.H[i]);
+        add(chunk.pairs[target].b, pair.b);
       }
-      if (stereo_) add_stereo_sums(chunk, system);
-      subtract_schur(chunk, system);
+      if (stereo_) add_stereo_sums(chunk, totals);
+      subtract_schur(chunk, totals);
+    }
+    for (int row = 0; row < size; ++row) {
+      for (int column = row; column < size; ++column) system.H(row, column) = totals.H_of(row, column / 8)[column % 8];
+      system.b[row] = totals.b[row / 8][row % 8];
     }
     system.H.triangularView<Eigen::StrictlyLower>() = system.H.transpose();
     for (int host = 0; host < n_; ++host) {
       for (int target = 0; target < n_; ++target) {
-        if (host != target) add_pair(H[host * n_ + target], b[host * n_ + target], host, target, system);
+        if (host != target) add_pair(totals.pairs[host * n_ + target], host, target, system);
       }
     }
     if (lens_) add_lens_sums(chunks, system);
@@ -118,26 +118,50 @@ class NormalEquationsBuilder {
   }
 
  private:
-  void subtract_schur(const ChunkSums& chunk, NormalEquations& system) const {
-    const int size = stereo_ ? 8 * blocks_ : window_.unknowns();
-    const int to_host = stereo_ ? 8 * chunk.host : 0;  // from the last block to the unknowns of the host's pictures
-    const auto unknown = [&](int i) { return i < 8 * n_ ? i : i + to_host; };
-    for (int row = 0; row < size; ++row) {
-      for (int column = row; column < size; ++column) {
-        // DSO, eq. 17 and 18: H_aa - H_ab H_bb^-1 H_ba, b_a - H_ab H_bb^-1 b_b.
-        system.H(unknown(row), unknown(column)) -=
-            chunk.H_schur[static_cast<std::size_t>(row) * blocks_ + column / 8].value[column % 8];
+  using Double8 = std::array<double, 8>;
+  struct PairTotals {
+    std::array<Double8, 8> H{};
+    Double8 b{};
+  };
+  /// Sums over all chunks, in the blocks of the window's unknowns; of H the diagonal and upper blocks.
+  struct Totals {
+    int blocks;
+    std::vector<PairTotals> pairs;
+    std::vector<Double8> H;
+    std::vector<Double8> b;
+
+    Totals(std::size_t pair_count, int block_count)
+        : blocks(block_count),
+          pairs(pair_count),
+          H(8 * static_cast<std::size_t>(block_count) * static_cast<std::size_t>(block_count)),
+          b(static_cast<std::size_t>(block_count)) {}
+    Double8& H_of(int row, int block) { return H[static_cast<std::size_t>(row) * blocks + block]; }
+  };
+
+  static void add(const base::Float8& part, Double8& sum) {
+    for (int k = 0; k < 8; ++k) sum[k] += static_cast<double>(part[k]);
+  }
+  static void subtract(const base::Float8& part, Double8& sum) {
+    for (int k = 0; k < 8; ++k) sum[k] -= static_cast<double>(part[k]);
+  }
+
+  /// DSO, eq. 17 and 18: H_aa - H_ab H_bb^-1 H_ba, b_a - H_ab H_bb^-1 b_b.
+  void subtract_schur(const ChunkSums& chunk, Totals& totals) const {
+    // From a chunk's blocks to the window's, where each host has a block for its stereo pictures.
+    const auto block = [&](int i) { return stereo_ && i == n_ ? n_ + chunk.host : i; };
+    for (int i = 0; i < blocks_; ++i) {
+      for (int row = 0; row < 8; ++row) {
+        const AlignedFloat8* parts = chunk.H_schur.data() + (8 * static_cast<std::size_t>(i) + row) * blocks_;
+        for (int j = i; j < blocks_; ++j) subtract(parts[j].value, totals.H_of(8 * block(i) + row, block(j)));
       }
-      system.b[unknown(row)] -= chunk.b_schur[row / 8].value[row % 8];
+      subtract(chunk.b_schur[i].value, totals.b[block(i)]);
     }
   }
 
-  void add_stereo_sums(const ChunkSums& chunk, NormalEquations& system) const {
-    const int at = window_.stereo_unknown(chunk.host);
-    for (int i = 0; i < 8; ++i) {
-      for (int j = i; j < 8; ++j) system.H(at + i, at + j) += chunk.stereo.H[i][j];
-      system.b[at + i] += chunk.stereo.b[i];
-    }
+  void add_stereo_sums(const ChunkSums& chunk, Totals& totals) const {
+    const int block = n_ + chunk.host;
+    for (int i = 0; i < 8; ++i) add(chunk.stereo.H[i], totals.H_of(8 * block + i, block));
+    add(chunk.stereo.b, totals.b[block]);
   }
 
   TILEFLIGHT_WIDE_VECTORS
@@ -201,8 +225,11 @@ class NormalEquationsBuilder {
     }
   }
 
-  void add_pair(const Mat8& upper, const photometry::Vec8& b, int host, int target, NormalEquations& system) const {
+  void add_pair(const PairTotals& sums, int host, int target, NormalEquations& system) const {
+    Mat8 upper;
+    for (int i = 0; i < 8; ++i) upper.row(i) = Eigen::Map<const Eigen::Matrix<double, 1, 8>>(sums.H[i].data());
     const Mat8 H = upper.selfadjointView<Eigen::Upper>();
+    const Eigen::Map<const photometry::Vec8> b(sums.b.data());
     const Mat8& M = pairs_[host * n_ + target].d_relative_d_host;
     // DSO, eq. 12 by the chain rule: J_target = J_relative, J_host = J_relative M.
     const Mat8 HM = H * M;

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "tileflight/base/simd.h"
+#include "tileflight/photometry/lane_sums.h"
 #include "tileflight/photometry/pattern_samples.h"
 #include "tileflight/photometry/residual_warp.h"
 
@@ -85,19 +86,26 @@ ResidualValue evaluate_residual(const ResidualWarp& warp, const Lens& lens, cons
   const base::Float8 residual = lanes.grey - (frame.current.gain * host + frame.current.offset);
   base::huber_weights(residual, huber, robust);
   const base::Float8 w = weight * robust;
-  value.energy = base::horizontal_sum(w * residual * residual * (2.0F - robust));
+  const base::Float8 energy = w * residual * residual * (2.0F - robust);
   value.state = ResidualState::kGood;
-  if (linearization == nullptr) return value;
+  if (linearization == nullptr) {
+    value.energy = base::horizontal_sum(energy);
+    return value;
+  }
   const base::Float8 A = -frame.gain_linear * (host - frame.host_b_linear);
   const base::Float8 wx = w * lanes.gx, wy = w * lanes.gy, wA = w * A;
+  base::Float4 g, gA, AA, r;
+  sum_lanes(energy, wx * lanes.gx, wx * lanes.gy, wy * lanes.gy, g);
+  sum_lanes(wx * A, wx, wy * A, wy, gA);
+  sum_lanes(wA * A, wA, w, wA * residual, AA);
+  sum_lanes(wx * residual, wy * residual, w * residual, base::Float8{}, r);
   PatternSums& sums = linearization->sums;
-  const float xy = base::horizontal_sum(wx * lanes.gy), A_one = -base::horizontal_sum(wA);
-  sums.gg << base::horizontal_sum(wx * lanes.gx), xy, xy, base::horizontal_sum(wy * lanes.gy);
-  sums.gA << base::horizontal_sum(wx * A), -base::horizontal_sum(wx), base::horizontal_sum(wy * A),
-      -base::horizontal_sum(wy);
-  sums.AA << base::horizontal_sum(wA * A), A_one, A_one, base::horizontal_sum(w);
-  sums.gr << base::horizontal_sum(wx * residual), base::horizontal_sum(wy * residual);
-  sums.Ar << base::horizontal_sum(wA * residual), -base::horizontal_sum(w * residual);
+  value.energy = g[0];
+  sums.gg << g[1], g[2], g[2], g[3];
+  sums.gA << gA[0], -gA[1], gA[2], -gA[3];
+  sums.AA << AA[0], -AA[1], -AA[1], AA[2];
+  sums.gr << r[0], r[1];
+  sums.Ar << AA[3], -r[2];
   return value;
 }
 
@@ -117,9 +125,11 @@ RhoLinearization evaluate_rho(const Lens& lens, const PyramidLevel& target, cons
   base::huber_weights(residual, huber, robust);
   const base::Float8 w = weight * robust;
   const base::Float8 J = lanes.gx * pixel_by_rho.x() + lanes.gy * pixel_by_rho.y();
-  out.energy = base::horizontal_sum(w * residual * residual * (2.0F - robust));
-  out.H = base::horizontal_sum(w * J * J);
-  out.b = base::horizontal_sum(w * J * residual);
+  base::Float4 sums;
+  sum_lanes(w * residual * residual * (2.0F - robust), w * J * J, w * J * residual, base::Float8{}, sums);
+  out.energy = sums[0];
+  out.H = sums[1];
+  out.b = sums[2];
   out.state = ResidualState::kGood;
   return out;
 }

@@ -4,75 +4,101 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <limits>
+#include <utility>
 
 #include "tileflight/base/simd.h"
 
 namespace tileflight::tracking {
 namespace {
 
-/// Weighted inverse distances over a whole level, while a TrackingReference is built.
+/// Weighted inverse distances at some pixels of a level, while a TrackingReference is built.
+struct SparsePixel {
+  int index = 0;  ///< y * width + x
+  float weighted_rho = 0.0F;
+  float weight = 0.0F;
+};
+
+/// A level's pixels with a sum, each once, row by row: some thousand of the hundreds of thousands that a level has.
 struct SparseDepth {
   int width = 0;
   int height = 0;
-  std::vector<float> weighted_rho;
-  std::vector<float> weight;
+  std::vector<SparsePixel> pixels;
 
-  SparseDepth(int w, int h)
-      : width(w), height(h), weighted_rho(static_cast<std::size_t>(w) * h), weight(weighted_rho.size()) {}
-  std::size_t index(int x, int y) const { return static_cast<std::size_t>(y) * width + x; }
+  bool is_inside(int index, int border) const {
+    const int x = index % width, y = index / width;
+    return index >= 0 && x >= border && y >= border && x < width - border && y < height - border;
+  }
 };
 
-SparseDepth downsample(const SparseDepth& fine) {
-  SparseDepth half(fine.width / 2, fine.height / 2);
-  for (int y = 0; y < half.height; ++y) {
-    for (int x = 0; x < half.width; ++x) {
-      const std::size_t to = half.index(x, y);
-      for (const std::size_t from : {fine.index(2 * x, 2 * y), fine.index(2 * x + 1, 2 * y),
-                                     fine.index(2 * x, 2 * y + 1), fine.index(2 * x + 1, 2 * y + 1)}) {
-        half.weighted_rho[to] += fine.weighted_rho[from];
-        half.weight[to] += fine.weight[from];
-      }
-    }
+/// Sums of the values at each pixel, added in the given order.
+std::vector<SparsePixel> sums_by_pixel(std::vector<SparsePixel> values) {
+  std::stable_sort(values.begin(), values.end(),
+                   [](const SparsePixel& a, const SparsePixel& b) { return a.index < b.index; });
+  std::vector<SparsePixel> sums;
+  for (const SparsePixel& value : values) {
+    if (sums.empty() || sums.back().index != value.index) sums.push_back({value.index});
+    sums.back().weighted_rho += value.weighted_rho;
+    sums.back().weight += value.weight;
   }
+  return sums;
+}
+
+SparseDepth downsample(const SparseDepth& fine) {
+  SparseDepth half{fine.width / 2, fine.height / 2, {}};
+  for (const SparsePixel& pixel : fine.pixels) {
+    const int x = pixel.index % fine.width / 2, y = pixel.index / fine.width / 2;
+    if (x < half.width && y < half.height)
+      half.pixels.push_back({y * half.width + x, pixel.weighted_rho, pixel.weight});
+  }
+  half.pixels = sums_by_pixel(std::move(half.pixels));
   return half;
 }
 
 /// Fills empty pixels with the mean of their filled neighbours (the diagonal ones on fine levels, because they are
-/// farther apart): the dilation of DSO, section 3.1, step 1.
+/// farther apart): the dilation of DSO, section 3.1, step 1. The pixels and their neighbours are five sorted lists, the
+/// same one shifted, which are merged.
 SparseDepth dilate(const SparseDepth& depth, bool diagonal) {
-  SparseDepth out = depth;
-  for (int y = 1; y < depth.height - 1; ++y) {
-    for (int x = 1; x < depth.width - 1; ++x) {
-      const std::size_t i = depth.index(x, y);
-      if (depth.weight[i] > 0) continue;
-      const int up = depth.width;
-      const std::array<int, 4> steps =
-          diagonal ? std::array<int, 4>{-up - 1, -up + 1, up - 1, up + 1} : std::array<int, 4>{-1, 1, -up, up};
-      for (const int step : steps) {
-        out.weighted_rho[i] += depth.weighted_rho[i + step];
-        out.weight[i] += depth.weight[i + step];
+  constexpr int kNone = std::numeric_limits<int>::max();
+  const int up = depth.width;
+  // To a pixel's own value, which comes first, and to its neighbours.
+  const std::array<int, 5> steps =
+      diagonal ? std::array<int, 5>{0, -up - 1, -up + 1, up - 1, up + 1} : std::array<int, 5>{0, -1, 1, -up, up};
+  SparseDepth out{depth.width, depth.height, {}};
+  std::array<std::size_t, 5> at{};  // by list: its next pixel
+  const auto next_of = [&](std::size_t k) {
+    return at[k] < depth.pixels.size() ? depth.pixels[at[k]].index - steps[k] : kNone;
+  };
+  while (true) {
+    int index = kNone;
+    for (std::size_t k = 0; k < steps.size(); ++k) index = std::min(index, next_of(k));
+    if (index == kNone) return out;
+    SparsePixel sum{index};
+    bool complete = false;
+    for (std::size_t k = 0; k < steps.size(); ++k) {
+      if (next_of(k) == index) {
+        const SparsePixel& pixel = depth.pixels[at[k]++];
+        if (!complete) sum.weighted_rho += pixel.weighted_rho, sum.weight += pixel.weight;
       }
+      if (k == 0) complete = sum.weight > 0 || !depth.is_inside(index, 1);
     }
+    if (sum.weight > 0) out.pixels.push_back(sum);
   }
-  return out;
 }
 
 ReferenceLevel to_reference_level(const SparseDepth& depth, const photometry::PyramidLevel& picture,
                                   const photometry::LensPyramid& lens, std::size_t l, std::int64_t most) {
   constexpr int kBorder = 2;
   ReferenceLevel level;
-  const auto filled = std::count_if(depth.weight.begin(), depth.weight.end(), [](float w) { return w > 0; });
+  const auto filled = static_cast<std::int64_t>(depth.pixels.size());
   const std::int64_t kept = std::min<std::int64_t>(filled, most);
   std::int64_t seen = 0;
-  for (int y = kBorder; y < depth.height - kBorder; ++y) {
-    for (int x = kBorder; x < depth.width - kBorder; ++x) {
-      const std::size_t i = depth.index(x, y);
-      if (depth.weight[i] <= 0 || lens.rays[l].at(x, y).isZero(0)) continue;
-      ++seen;
-      if (seen * kept / filled == (seen - 1) * kept / filled) continue;  // keeps every (filled / kept)-th pixel
-      level.add(Eigen::Vector2f(x, y), lens.ray(l, x, y), depth.weighted_rho[i] / depth.weight[i],
-                picture.intensity(x, y));
-    }
+  for (const SparsePixel& pixel : depth.pixels) {
+    const int x = pixel.index % depth.width, y = pixel.index / depth.width;
+    if (!depth.is_inside(pixel.index, kBorder) || lens.rays[l].at(x, y).isZero(0)) continue;
+    ++seen;
+    if (seen * kept / filled == (seen - 1) * kept / filled) continue;  // keeps every (filled / kept)-th pixel
+    level.add(Eigen::Vector2f(x, y), lens.ray(l, x, y), pixel.weighted_rho / pixel.weight, picture.intensity(x, y));
   }
   level.pad();
   return level;
@@ -97,13 +123,13 @@ void ReferenceLevel::pad() {
 
 TrackingReference make_tracking_reference(const photometry::LensPyramid& lens, const photometry::Pyramid& keyframe,
                                           const std::vector<ReferencePoint>& points) {
-  SparseDepth depth(keyframe.levels[0].width, keyframe.levels[0].height);
+  SparseDepth depth{keyframe.levels[0].width, keyframe.levels[0].height, {}};
   for (const ReferencePoint& point : points) {
     const int x = static_cast<int>(std::lround(point.pixel.x())), y = static_cast<int>(std::lround(point.pixel.y()));
     if (x < 0 || y < 0 || x >= depth.width || y >= depth.height) continue;
-    depth.weighted_rho[depth.index(x, y)] += point.weight * point.rho;
-    depth.weight[depth.index(x, y)] += point.weight;
+    depth.pixels.push_back({y * depth.width + x, point.weight * point.rho, point.weight});
   }
+  depth.pixels = sums_by_pixel(std::move(depth.pixels));
   // By level. More pixels take time and add little information about eight unknowns. Chosen by hand.
   constexpr std::array<std::int64_t, 3> kMostPixels{6000, 3000, 2000};
   TrackingReference reference;
