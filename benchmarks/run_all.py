@@ -109,10 +109,17 @@ def describe_machine(options):
     }
 
 
+class BenchmarkFailed(Exception):
+    """A benchmark ended with an error, or without a figure."""
+
+
 def run(name, options):
-    """The benchmark's figures; none if it lacks data."""
+    """The benchmark's figures; none if it lacks data. Raises BenchmarkFailed."""
     command_of, read = BENCHMARKS[name]
-    command = command_of(options)
+    try:
+        command = command_of(options)
+    except (OSError, subprocess.CalledProcessError) as error:
+        raise BenchmarkFailed(f"{name}: {error}") from error
     if command is None:
         print(f"{name}: skipped, its data is not there (TILEFLIGHT_TEST_DATA)", file=sys.stderr)
         return []
@@ -120,12 +127,15 @@ def run(name, options):
     environment = dict(os.environ, PYTHONPATH=os.pathsep.join([str(ROOT / "clients/python"), os.environ.get("PYTHONPATH", "")]))
     if options.data:
         environment["TILEFLIGHT_TEST_DATA"] = str(options.data)
-    done = subprocess.run([str(word) for word in command], capture_output=True, text=True, env=environment, check=False)
+    try:
+        done = subprocess.run([str(word) for word in command], capture_output=True, text=True, env=environment, check=False)
+    except OSError as error:
+        raise BenchmarkFailed(f"{name}: {error}; build it first") from error
     if done.returncode != 0:
-        raise SystemExit(f"run_all: {name} ended with {done.returncode}: {done.stderr.strip().splitlines()[-1:] or done.stdout[-200:]}")
+        raise BenchmarkFailed(f"{name} ended with {done.returncode}: {done.stderr.strip().splitlines()[-1:] or done.stdout[-200:]}")
     found = read(name, done.stdout)
     if not found:
-        raise SystemExit(f"run_all: nothing in {name}'s output is a figure:\n{done.stdout[:500]}")
+        raise BenchmarkFailed(f"nothing in {name}'s output is a figure:\n{done.stdout[:500]}")
     print(f"{name}: {len(found)} figures in {time.monotonic() - begin:.0f} s", file=sys.stderr, flush=True)
     return found
 
@@ -149,12 +159,19 @@ def main():
     before = figures.from_json(options.against.read_text(encoding="utf-8"))[1] if options.against else []
     options.out.mkdir(parents=True, exist_ok=True)
     machine = describe_machine(options)
-    found = [figure for name in options.only for figure in run(name, options)]
+    found, failed = [], 0
+    for name in options.only:
+        try:
+            found += run(name, options)
+        except BenchmarkFailed as failure:  # the others' figures are still wanted
+            print(f"run_all: {failure}", file=sys.stderr, flush=True)
+            failed += 1
     (options.out / "benchmarks.json").write_text(figures.to_json(machine, found), encoding="utf-8")
     table = figures.to_markdown(machine, found, before, options.tolerance)
     (options.out / "benchmarks.md").write_text(table, encoding="utf-8")
     print(table)
+    return 1 if failed else 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -58,6 +58,18 @@ class RunAll(unittest.TestCase):
             done = run_all(folder, "--only", "python", "--build", pathlib.Path(folder))
             self.assertNotEqual(done.returncode, 0)
 
+    def test_a_benchmark_that_fails_leaves_the_others_figures(self):
+        with tempfile.TemporaryDirectory() as folder:
+            build = pathlib.Path(folder) / "build"
+            (build / "bin").mkdir(parents=True)
+            for program in ("tileflight", "viewer_benchmark"):
+                (build / "bin" / program).symlink_to(pathlib.Path(BUILD).resolve() / "bin" / program)
+            done = run_all(folder, "--only", "odometry", "viewer", "--build", build)
+            self.assertEqual(done.returncode, 1)
+            self.assertIn("run_all: odometry: ", done.stderr)
+            _, found = figures.from_json((pathlib.Path(folder) / "benchmarks.json").read_text())
+            self.assertEqual({figure.benchmark for figure in found}, {"viewer"})
+
 
 class Parsers(unittest.TestCase):
     def test_google_takes_the_least_of_all_repetitions(self):

@@ -69,8 +69,7 @@ struct LaneTextures {
 
 const TriangleShading kNoTexture{};
 
-TILEFLIGHT_LANE_INLINE LaneTextures textures_of(const RayPacket8& packet, const Appearance& appearance) {
-  LaneTextures lanes;
+TILEFLIGHT_LANE_INLINE void find_textures(const RayPacket8& packet, const Appearance& appearance, LaneTextures& lanes) {
   for (int i = 0; i < RayPacket8::kLanes; ++i) {
     lanes.material[i] = nullptr;
     lanes.shade[i] = &kNoTexture;
@@ -79,11 +78,9 @@ TILEFLIGHT_LANE_INLINE LaneTextures textures_of(const RayPacket8& packet, const 
     if (lanes.material[i]->texture.pyramid == nullptr) continue;
     lanes.shade[i] = &appearance.triangle_shading(*lanes.material[i], packet.triangle[i]);
   }
-  return lanes;
 }
 
-TILEFLIGHT_LANE_INLINE TextureGradients8 gather_gradients(const LaneTextures& textures) {
-  TextureGradients8 lanes;
+TILEFLIGHT_LANE_INLINE void gather_gradients(const LaneTextures& textures, TextureGradients8& lanes) {
   for (int i = 0; i < RayPacket8::kLanes; ++i) {
     const TriangleShading& shade = *textures.shade[i];
     const bool textured = &shade != &kNoTexture;
@@ -97,7 +94,6 @@ TILEFLIGHT_LANE_INLINE TextureGradients8 gather_gradients(const LaneTextures& te
     lanes.height[i] = textured ? textures.material[i]->texture.height : 1.0F;
     lanes.max_level[i] = static_cast<float>(shade.max_level);
   }
-  return lanes;
 }
 
 /// Gradients of a placed part's textures are in its own frame: g_scene = M^-T g_part for points p_scene = M p_part + t.
@@ -234,20 +230,53 @@ void BlockTracer::prefetch_shading(const TracedBeam& beam) const {
   for (std::size_t k = 0; k < static_cast<std::size_t>(beam.size); ++k) prefetch_hits(beam.packets[k], appearance_);
 }
 
-TILEFLIGHT_WIDE_VECTORS void BlockTracer::compute_texture_reads(TracedBeam& beam) const {
-  const auto size = static_cast<std::size_t>(beam.size);
-  for (std::size_t k = 0; k < size; ++k) {
-    const RayPacket8& packet = beam.packets[k];
-    const LaneTextures textures = textures_of(packet, appearance_);
-    TextureGradients8 gradients = gather_gradients(textures);
-    if (!scene_.placed().empty()) turn_gradients(scene_, packet, textures, gradients);
-    const Footprints8 footprints = compute_footprints(packet, gradients);
-    BlockTextureReads& reads = beam.reads[k];
-    for (std::size_t i = 0; i < reads.material.size(); ++i) {
-      reads.material[i] = textures.material[i];
-      if (textures.shade[i] == &kNoTexture) continue;
-      reads.read[i] = read_of(*textures.shade[i], packet, footprints, static_cast<int>(i));
-      prefetch_texels(textures.material[i]->texture, reads.read[i]);
+namespace {
+
+/// What a packet's hits have in common with another packet's that meets the same triangles.
+struct HitTextures {
+  LaneTextures textures;
+  TextureGradients8 gradients;
+};
+
+bool hits_the_same(const RayPacket8& a, const RayPacket8& b) {
+  return std::memcmp(a.mesh, b.mesh, sizeof(a.mesh)) == 0 && std::memcmp(a.triangle, b.triangle, sizeof(a.triangle)) == 0;
+}
+
+/// The reads of a block's samples. `hits`: of the packet.
+TILEFLIGHT_LANE_INLINE void write_reads(const RayPacket8& packet, const HitTextures& hits, BlockTextureReads& reads) {
+  const Footprints8 footprints = compute_footprints(packet, hits.gradients);
+  for (int i = 0; i < RayPacket8::kLanes; ++i) {
+    reads.material[i] = hits.textures.material[i];
+    if (hits.textures.shade[i] != &kNoTexture) reads.read[i] = read_of(*hits.textures.shade[i], packet, footprints, i);
+  }
+}
+
+TILEFLIGHT_LANE_INLINE void prefetch_block(const HitTextures& hits, const BlockTextureReads& reads) {
+  for (int i = 0; i < RayPacket8::kLanes; ++i) {
+    if (hits.textures.shade[i] != &kNoTexture) prefetch_texels(hits.textures.material[i]->texture, reads.read[i]);
+  }
+}
+
+}  // namespace
+
+TILEFLIGHT_WIDE_VECTORS void BlockTracer::compute_texture_reads(std::span<TracedBeam> moments) const {
+  const bool has_placed = !scene_.placed().empty();
+  for (int k = 0; k < moments[0].size; ++k) {
+    HitTextures hits;
+    const RayPacket8* of_hits = nullptr;
+    for (TracedBeam& beam : moments) {
+      const RayPacket8& packet = beam.packets[k];
+      // In most exposures a camera moves by less than a triangle, and little more than a texel: what the moment before
+      // needed of memory serves the next. Placed parts move themselves.
+      const bool is_known = of_hits != nullptr && !has_placed && hits_the_same(packet, *of_hits);
+      if (!is_known) {
+        find_textures(packet, appearance_, hits.textures);
+        gather_gradients(hits.textures, hits.gradients);
+        if (has_placed) turn_gradients(scene_, packet, hits.textures, hits.gradients);
+        of_hits = &packet;
+      }
+      write_reads(packet, hits, beam.reads[k]);
+      if (!is_known) prefetch_block(hits, beam.reads[k]);
     }
   }
 }

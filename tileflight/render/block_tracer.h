@@ -162,8 +162,9 @@ class BlockTracer {
                     std::span<TracedBeam> beams) const;
   /// Prefetches what compute_texture_reads() needs of a beam that was cast.
   void prefetch_shading(const TracedBeam& beam) const;
-  /// Computes `beam.reads` of a beam that was cast, and prefetches the texels that shading will read.
-  void compute_texture_reads(TracedBeam& beam) const;
+  /// Computes `reads` of beams that were cast, the same samples at one or several moments, and prefetches the texels
+  /// that shading will read.
+  void compute_texture_reads(std::span<TracedBeam> moments) const;
   /// Computes the colours of a packet's samples.
   void shade(std::uint8_t valid, const scene::RayPacket8& packet, const BlockTextureReads& reads,
              SquaredColors8& squares) const;
@@ -207,7 +208,7 @@ class BeamPipeline {
 
  private:
   static constexpr std::size_t kSteps = 3;
-  void read(std::size_t i) { tracer_.compute_texture_reads(beams_[i % kSteps]); }
+  void read(std::size_t i) { tracer_.compute_texture_reads(std::span(&beams_[i % kSteps], 1)); }
   void shade(std::size_t i) { shade_(beams_[i % kSteps]); }
 
   const BlockTracer& tracer_;
