@@ -27,6 +27,14 @@ struct Thresholds {
     return squared[static_cast<std::size_t>(std::min(y / kRegion, rows - 1)) * columns +
                    std::min(x / kRegion, columns - 1)];
   }
+  /// The lowest of a block of pixels, x1 and y1 exclusive.
+  float lowest(int x0, int y0, int x1, int y1) const {
+    float least = at(x0, y0);
+    for (int y = y0 / kRegion * kRegion; y < y1; y += kRegion) {
+      for (int x = x0 / kRegion * kRegion; x < x1; x += kRegion) least = std::min(least, at(x, y));
+    }
+    return least;
+  }
 };
 
 /// Squared gradients of one level; zero on the border.
@@ -128,10 +136,14 @@ class SelectionPass {
     const int x1 = std::min(x0 + edge, scales_[0].width - border_);
     const int y1 = std::min(y0 + edge, scales_[0].height - border_);
     const float relax = std::pow(kScaleDownweight, static_cast<float>(2 * scale));
+    x0 = std::max(x0, border_);
+    y0 = std::max(y0, border_);
+    if (x0 >= x1 || y0 >= y1) return false;
     SelectedPixel best{-1, -1, scale};
-    float best_value = 0;
-    for (int y = std::max(y0, border_); y < y1; ++y) {
-      for (int x = std::max(x0, border_); x < x1; ++x) {
+    // Most pixels are below any threshold of the block.
+    float best_value = std::max(0.0F, thresholds_.lowest(x0, y0, x1, y1) * relax);
+    for (int y = y0; y < y1; ++y) {
+      for (int x = x0; x < x1; ++x) {
         const int lx = std::min(x >> scale, level.width - 1), ly = std::min(y >> scale, level.height - 1);
         const float value = level.at(lx, ly);
         if (value <= best_value || value <= thresholds_.at(x, y) * relax || rays_.at(x, y).isZero(0)) continue;
