@@ -48,6 +48,9 @@ simulated:
     return experiment.insert(experiment.find(start) + start.size(), ", method: point-to-mesh");
   }
 
+  /// Frames of each flight of the two experiments: enough for a map and all its scores.
+  static constexpr int kFramesOfTwo = 50, kFramesOfOne = 45;
+
   /// A flight of so many frames across the middle of the place.
   static std::string flight(int frames, const std::string& more = "") {
     return "camera: camera.yaml\n" + more + R"(fps: 10
@@ -63,10 +66,12 @@ waypoints:
   }
 
   /// Place, camera.yaml, flight.yaml and experiment.yaml.
-  static void write_two_flights(const std::filesystem::path& folder) { write(folder, flight(70), kTwoFlights); }
+  static void write_two_flights(const std::filesystem::path& folder) {
+    write(folder, flight(kFramesOfTwo), kTwoFlights);
+  }
   /// The same, and sensors.yaml.
   static void write_one_flight(const std::filesystem::path& folder) {
-    write(folder, flight(60, "sensors_file: sensors.yaml\n"), kOneFlight);
+    write(folder, flight(kFramesOfOne, "sensors_file: sensors.yaml\n"), kOneFlight);
     TinyPlace::write_file(folder / "sensors.yaml", "barometer: {rate_hz: 10}\n");
   }
 

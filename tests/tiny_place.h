@@ -27,6 +27,15 @@ class TinyPlace {
   resolution: [320, 240]
 )";
 
+  /// The same view in a quarter of the pixels.
+  static std::string camera_of_quarter_size() {
+    std::string camera = kCamera;
+    for (const auto& [from, to] :
+         {std::array{"152.0, 152.0, 159.5, 119.5", "76.0, 76.0, 79.5, 59.5"}, std::array{"[320, 240]", "[160, 120]"}})
+      camera.replace(camera.find(from), std::strlen(from), to);
+    return camera;
+  }
+
   /// A short flight over the place with an IMU and a lidar, for `camera` or `cameras` before it.
   static std::string path_with_sensors(int frames) {
     return "max_frames: " + std::to_string(frames) + R"(

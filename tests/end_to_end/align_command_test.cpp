@@ -31,12 +31,19 @@ class AlignCommand : public ::testing::Test {
     ASSERT_EQ(result.exit_code, 0) << result.err;
   }
 
-  json align(const std::vector<std::string>& more) {
-    std::vector<std::string> arguments = {"align",       path("map.ply"), "--to",
-                                          path("truth"), "--out",         path("transform.json")};
+  json align(const std::vector<std::string>& more) { return align_file("map.ply", more); }
+  json align_file(const std::string& map, const std::vector<std::string>& more) {
+    std::vector<std::string> arguments = {"align", path(map), "--to", path("truth"), "--out", path("transform.json")};
     arguments.insert(arguments.end(), more.begin(), more.end());
     run(arguments);
     return read_json(folder_ / "transform.json");
+  }
+  /// Each fourth point of the map, as "quarter.ply".
+  void write_quarter() const {
+    const PointCloud map = geometry::read_cloud(folder_ / "map.ply");
+    PointCloud quarter;
+    for (std::size_t i = 0; i < map.size(); i += 4) quarter.positions.push_back(map.positions[i]);
+    geometry::write_cloud(folder_ / "quarter.ply", quarter);
   }
 
   /// What was written last, as a file to begin from: none that is read is written over.
@@ -78,7 +85,9 @@ TEST_F(AlignCommand, FindsTheMapsPlaceWithoutAStart) {
   EXPECT_LT(by_geometry.at("uncertainty").at("rms_motion_sigma").get<double>(), 0.05);
   EXPECT_EQ(by_geometry.at("uncertainty").at("covariance").size(), 7u);
 
-  const json by_itself = align({"--method", "point-to-mesh"});
+  // As it is, it is moved by ICP until that gives up, in time that grows with its points: a quarter of them is enough.
+  write_quarter();
+  const json by_itself = align_file("quarter.ply", {"--method", "point-to-mesh"});
   EXPECT_EQ(by_itself.at("start"), "geometry") << "as it is, a map a twelfth of the size fits anywhere";
   EXPECT_LT(error_m(by_itself), 0.05);
 

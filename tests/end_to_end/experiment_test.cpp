@@ -150,8 +150,8 @@ TEST_F(Experiment, TracksEachFlightMoreThanOnce) {
 }
 
 TEST_F(Experiment, ARunThatFailsIsAResult) {
-  TinyPlace::write_file(folder_ / "experiment.yaml",
-                        TinyExperiments::without_real() + "odometry: {runs: 2, later: 67}\n");
+  TinyPlace::write_file(folder_ / "experiment.yaml", TinyExperiments::without_real() + "odometry: {runs: 2, later: " +
+                                                         std::to_string(TinyExperiments::kFramesOfTwo - 3) + "}\n");
   const ProgramResult first = run("out", {"--json"});  // three frames are left for the second run
   ASSERT_EQ(first.exit_code, 0) << first.err;
   const json runs = json::parse(first.out)["simulated"]["runs"];
@@ -205,7 +205,7 @@ place:
   size: [80, 80, 20]
 alignment: {start: true-poses, method: point-to-mesh}
 simulated:
-  render: {flight: flight.yaml, max_frames: 50}
+  render: {flight: flight.yaml, max_frames: 40}
 variants:
   - {name: noise, degrade: {white_electrons: 3000, read_noise_electrons: 5}}
   - {name: small, resolution: [256, 192]}
@@ -279,7 +279,7 @@ TEST_F(Experiment, FliesTheOtherFlightAgain) {
   ASSERT_EQ(first.exit_code, 0) << first.err;
   const json results = json::parse(first.out);
   const json& again = results["reproduction"];
-  EXPECT_GT(again["pairs"].get<int>(), 50);
+  EXPECT_GT(again["pairs"].get<int>(), TinyExperiments::kFramesOfTwo * 7 / 10);
   EXPECT_EQ(again["poses"], "true");
   EXPECT_GT(again["overlap"]["p10"].get<double>(), 0.9);
   EXPECT_GT(again["ncc"]["p10"].get<double>(), 0.8) << again.dump(1);
@@ -367,7 +367,7 @@ TEST_F(Experiment, AnotherProgramCanDoTheOdometry) {
 /// A rig, rendered and then ingested from its own pictures: both are datasets of all cameras, which the report shows.
 TEST_F(Experiment, ARigHasAllItsCamerasInTheReport) {
   const std::string own = (folder_ / "out/simulated/odometry").string();
-  std::string flight = TinyExperiments::flight(70);
+  std::string flight = TinyExperiments::flight(TinyExperiments::kFramesOfTwo);
   const std::string one = "camera: camera.yaml\n";
   flight.replace(flight.find(one), one.size(),
                  "cameras:\n  - {name: left, camera: camera.yaml}\n  - {name: right, camera: camera.yaml, position: "

@@ -172,7 +172,7 @@ odometry: {command: 'cp )" + odometry +
     ASSERT_TRUE(program.runs()) << program.result().err;
   }
   const std::size_t kept = notes_in(frames / "frames");
-  EXPECT_LT(kept, 60U);
+  EXPECT_LT(kept, std::size_t{TinyExperiments::kFramesOfOne});
   EXPECT_FALSE(fs::exists(folder_ / "killed/simulated/dataset"));
   const std::set<ino_t> before = inodes(frames / "dataset/images");
   run("killed", {"--threads", "2"});

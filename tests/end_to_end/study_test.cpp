@@ -55,7 +55,7 @@ class Study : public ::testing::Test {
   void SetUp() override {
     TinyExperiments::write_two_flights(folder_.path());
     // Enough for every system and for scores; what is compared is one study with the same done otherwise.
-    TinyPlace::write_file(folder_ / "flight.yaml", TinyExperiments::flight(45));
+    TinyPlace::write_file(folder_ / "flight.yaml", TinyExperiments::flight(30));
     write_documented_adapter(folder_ / "noisy");
     // A slow one, so that there is a middle in which to stop.
     write_documented_adapter(folder_ / "slow");
@@ -148,6 +148,26 @@ TEST_F(Study, IsTheSameOneByOneAfterBeingKilledAndBySnakemake) {
 
   if (std::system("command -v snakemake > /dev/null") != 0) GTEST_SKIP() << "snakemake is not installed";
   EXPECT_EQ(without_times(study("parallel", {"--jobs", "2"})), without_times(whole));
+}
+
+/// Without `alignment:`, maps are aligned by all the evidence, of which pictures of the place are a part.
+TEST_F(Study, AlignsByPicturesOfThePlaceUnlessToldOtherwise) {
+  TinyPlace::write_file(folder_ / "flight.yaml", TinyExperiments::flight(24));
+  TinyPlace::write_file(folder_ / "camera.yaml", TinyPlace::camera_of_quarter_size());
+  TinyPlace::write_file(folder_ / "study.yaml", R"(name: small
+places: {tiny: {experiment: experiment.yaml, flights: [simulated]}}
+systems: {tileflight: }
+)");
+  const json runs = study("out", {"--no-snakemake"})["runs"];
+  ASSERT_EQ(runs.size(), 1U);
+  EXPECT_EQ(runs[0]["completed"], true) << runs[0]["reason"];
+  EXPECT_LT(runs[0]["alignment_metres"].get<double>(), 0.1);
+  EXPECT_LT(runs[0]["ate_rmse"].get<double>(), 0.05);
+  EXPECT_GT(runs[0]["f_score"].get<double>(), 0.0);
+  const json transform = json::parse(file_text(folder_ / "out/runs/tiny/simulated/tileflight/1/transform.json"));
+  EXPECT_EQ(transform["method"], "pictures");
+  EXPECT_EQ(transform["start"], "places") << "a study gives no true poses";
+  EXPECT_TRUE(transform["doubts"].empty()) << transform["doubts"];
 }
 
 /// Two nodes, one of which dies in the middle.

@@ -39,7 +39,7 @@ class Weather : public testing::Test {
  protected:
   Weather() {
     TinyCity::write(folder_ / "place");
-    TinyPlace::write_file(folder_ / "camera.yaml", TinyPlace::kCamera);
+    TinyPlace::write_file(folder_ / "camera.yaml", TinyPlace::camera_of_quarter_size());
     TinyPlace::write_file(folder_ / "degrade.yaml", kDegrade);
     write_flight(kWeather);
   }
@@ -67,10 +67,10 @@ TEST_F(Weather, IsTheSameInPartsRegionsAndProcesses) {
     return words;
   };
   render("whole", with({"--memory", "1", "--threads", "1"}));
-  EXPECT_GT(render("regions", with({"--memory", "0.005", "--threads", "2"}))["frames_divided"], 0);
+  EXPECT_GT(render("regions", with({"--memory", "0.0035", "--threads", "2"}))["frames_divided"], 0);
   tests::expect_same_files(folder_ / "whole", folder_ / "regions");
 #ifdef TILEFLIGHT_MPIRUN
-  const ProgramResult shared = tests::run_by_mpirun(2, arguments("shared", with({"--memory", "0.01"})));
+  const ProgramResult shared = tests::run_by_mpirun(2, arguments("shared", with({"--memory", "0.007"})));
   ASSERT_EQ(shared.exit_code, 0) << shared.err;
   tests::expect_same_files(folder_ / "whole", folder_ / "shared");
 #endif

@@ -225,6 +225,9 @@ struct Expected {
   double translation_1m, rotation_1m;
 };
 
+/// Its name in lists of tests: without it, GoogleTest would print its bytes, in which addresses change.
+void PrintTo(const Expected& e, std::ostream* out) { *out << e.estimate; }
+
 class RealTrajectories : public ::testing::TestWithParam<Expected> {};
 
 // Values computed once from the published formulas by other means: alignment by Horn's unit quaternions (1987) instead
