@@ -159,16 +159,17 @@ def main():
     before = figures.from_json(options.against.read_text(encoding="utf-8"))[1] if options.against else []
     options.out.mkdir(parents=True, exist_ok=True)
     machine = describe_machine(options)
-    found, failed = [], 0
+    found, failed, table = [], 0, ""
     for name in options.only:
         try:
             found += run(name, options)
         except BenchmarkFailed as failure:  # the others' figures are still wanted
             print(f"run_all: {failure}", file=sys.stderr, flush=True)
             failed += 1
-    (options.out / "benchmarks.json").write_text(figures.to_json(machine, found), encoding="utf-8")
-    table = figures.to_markdown(machine, found, before, options.tolerance)
-    (options.out / "benchmarks.md").write_text(table, encoding="utf-8")
+        # After each, since all of them take long: what there is stays if the run is cut off.
+        (options.out / "benchmarks.json").write_text(figures.to_json(machine, found), encoding="utf-8")
+        table = figures.to_markdown(machine, found, before, options.tolerance)
+        (options.out / "benchmarks.md").write_text(table, encoding="utf-8")
     print(table)
     return 1 if failed else 0
 

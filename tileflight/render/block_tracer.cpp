@@ -239,7 +239,8 @@ struct HitTextures {
 };
 
 bool hits_the_same(const RayPacket8& a, const RayPacket8& b) {
-  return std::memcmp(a.mesh, b.mesh, sizeof(a.mesh)) == 0 && std::memcmp(a.triangle, b.triangle, sizeof(a.triangle)) == 0;
+  return std::memcmp(a.mesh, b.mesh, sizeof(a.mesh)) == 0 &&
+         std::memcmp(a.triangle, b.triangle, sizeof(a.triangle)) == 0;
 }
 
 /// The reads of a block's samples. `hits`: of the packet.

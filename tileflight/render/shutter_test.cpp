@@ -2,11 +2,13 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstring>
 #include <ostream>
 #include <span>
+#include <vector>
 
 #include "tileflight/render/camera_renderer.h"
 #include "tileflight/render/image_formation.h"
@@ -161,6 +163,40 @@ TEST(OnePass, VisitorSeesTheMiddleMomentOfAnExposure) {
   renderer.render_light(shutter, {}, writer_to(together));
   renderer.visit_surface(std::span(&middle, 1), writer_to(alone));
   EXPECT_EQ(together.pixels, alone.pixels);
+}
+
+/// Each with a texture of its own brightness and size.
+Scene place_of_many_textures() {
+  const auto of = [](int size, int darkest) {
+    return texture(size, size, [=](int x, int y) { return grey(darkest + noise(x / 8, y / 8) / 4); });
+  };
+  return Scene({hills(Vec3::Zero(), 100.0, 60, of(256, 0)), ground(Vec3(2, 1, 9), 4.0, of(64, 80)),
+                ground(Vec3(-6, -3, 12), 3.0, of(512, 160))});
+}
+
+// Moments that are cast together share what is known of the triangles that they meet; here many meet others.
+TEST(Moments, AreTogetherWhatEachIsAlone) {
+  const Scene scene = place_of_many_textures();
+  const CameraRenderer renderer(scene, imaging::make_fisheye(kWidth, kHeight, 100.0), {});
+  const ShutterPoses shutter =
+      shutter_poses({.exposure_time_s = 0.2, .exposure_samples = 3, .line_delay_s = 2e-4}, pose_at, 0.3, kHeight);
+  const LightFrame together = renderer.render_light(shutter);
+  std::vector<double> sum(together.light.pixels.size()), changes(sum.size());
+  for (int k = 0; k < 3; ++k) {
+    const auto first = shutter.T_local_camera.begin() + k * kHeight;
+    const LightFrame alone = renderer.render_light({1, kHeight, {first, first + kHeight}});
+    for (std::size_t i = 0; i < sum.size(); ++i) {
+      if (k > 0) changes[i] = std::max(changes[i], std::abs(alone.light.pixels[i][0] - sum[i] / k));
+      sum[i] += alone.light.pixels[i][0];
+    }
+  }
+  std::size_t other = 0, changing = 0;
+  for (std::size_t i = 0; i < sum.size(); ++i) {
+    other += std::abs(together.light.pixels[i][0] - sum[i] / 3.0) < 1e-4 ? 0 : 1;
+    changing += changes[i] > 0.05 ? 1 : 0;
+  }
+  EXPECT_LE(other, 3U) << "at edges";
+  EXPECT_GT(changing, 100U);
 }
 
 INSTANTIATE_TEST_SUITE_P(Of, ShutterKinds,
