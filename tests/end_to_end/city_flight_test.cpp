@@ -53,6 +53,12 @@ class CityFlight : public testing::Test {
     return tests::render_json(folder_.path(), out, more);
   }
 
+  /// Pictures of a quarter of the pixels; with kTilesOfWhole by the tiles, and so the memory, of the whole ones.
+  void use_small_pictures() const {
+    TinyPlace::write_file(folder_ / "camera.yaml", TinyPlace::camera_of_quarter_size());
+  }
+  static inline const std::vector<std::string> kTilesOfWhole{"--pixel-error", "0.5"};
+
   tests::TemporaryFolder folder_;
 };
 
@@ -97,10 +103,12 @@ waypoints:
 }
 
 TEST_F(CityFlight, AFrameLargerThanMemoryIsRenderedInRegions) {
+  use_small_pictures();
   const std::vector<std::string> outputs{"--outputs", "depth,segmentation,flow,normals",  "--samples", "4",
                                          "--degrade", (folder_ / "degrade.yaml").string()};
   const auto with = [&](std::vector<std::string> more) {
     more.insert(more.end(), outputs.begin(), outputs.end());
+    more.insert(more.end(), kTilesOfWhole.begin(), kTilesOfWhole.end());
     return more;
   };
   const json whole = render("whole", with({"--memory", "1"}));
@@ -167,8 +175,9 @@ TEST_F(CityFlight, TheGroundAroundACameraIsFoundByPartsOfTheTiles) {
 
 TEST_F(CityFlight, TheGroundAroundACameraIsFoundByRegionsToo) {
   TinyPlace::write_file(folder_ / "flight.yaml", kDive);
-  const json whole = render("whole", {"--memory", "1", "--samples", "4"});
-  const json regions = render("regions", {"--memory", "0.0035", "--samples", "4"});
+  use_small_pictures();
+  const json whole = render("whole", {"--memory", "1", "--samples", "4", "--pixel-error", "0.5"});
+  const json regions = render("regions", {"--memory", "0.0035", "--samples", "4", "--pixel-error", "0.5"});
   EXPECT_GT(regions["frames_divided"], 0);
   EXPECT_EQ(regions["warnings"], whole["warnings"]);
   tests::expect_same_files(folder_ / "whole", folder_ / "regions");
@@ -178,6 +187,7 @@ class CityFlightInLayers : public CityFlight {
  protected:
   /// The flight with all that fits, in layers because little does, and by processes of which some frames fit in each.
   void expect_same_files() const {
+    use_small_pictures();
     TinyPlace::write_file(folder_ / "degrade.yaml", R"(line_delay: 0.00002
 vignetting: 0.3
 auto_exposure: {target: 0.25, time_constant: 3}
@@ -186,6 +196,7 @@ auto_exposure: {target: 0.25, time_constant: 3}
                                            (folder_ / "degrade.yaml").string()};
     const auto with = [&](std::vector<std::string> more) {
       more.insert(more.end(), outputs.begin(), outputs.end());
+      more.insert(more.end(), kTilesOfWhole.begin(), kTilesOfWhole.end());
       return more;
     };
     const json whole = render("whole", with({"--memory", "1"}));
@@ -301,10 +312,12 @@ auto_exposure: {target: 0.25, time_constant: 3}
 )";
 
 TEST_F(CityFlight, ProcessesThatShareTheTilesChangeNoByte) {
+  use_small_pictures();
   TinyPlace::write_file(folder_ / "degrade.yaml", kOneRayDegrade);
   const auto with = [&](std::vector<std::string> more) {
     more.insert(more.end(), {"--outputs", "depth,range,normals,segmentation,flow,visibility,photometric", "--degrade",
                              (folder_ / "degrade.yaml").string()});
+    more.insert(more.end(), kTilesOfWhole.begin(), kTilesOfWhole.end());
     return more;
   };
   const json alone = render("alone", with({"--memory", "1"}));
