@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "autopilot_flyer.h"
 #include "command.h"
 #include "region_options.h"
 #include "source_options.h"
@@ -22,6 +23,7 @@ struct PreviewOptions {
 
 Output preview(PreviewOptions& options, bool force, const Progress& progress) {
   survey::RenderSettings& settings = options.settings.render;
+  settings.fly_autopilot = autopilot_flyer();
   settings.load = load_options(options.region);
   settings.load.source = source_options(options.source_arguments);
   const bool has_region = settings.load.center || settings.load.center_local;

@@ -4,6 +4,7 @@
 #include <set>
 #include <sstream>
 
+#include "autopilot_flyer.h"
 #include "command.h"
 #include "mpi_ranks.h"
 #include "number_text.h"
@@ -120,6 +121,7 @@ struct RenderArguments {
 /// flight's views although a region is given.
 void complete_settings(RenderArguments& options, const CLI::App& command) {
   options.settings.asked = asked(command);
+  options.settings.fly_autopilot = autopilot_flyer();
   options.settings.load = load_options(options.region);
   options.settings.load.source = source_options(options.source_arguments);
   const bool has_region = options.settings.load.center || options.settings.load.center_local;

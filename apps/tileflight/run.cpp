@@ -5,6 +5,7 @@
 #endif
 #include <nlohmann/json.hpp>
 
+#include "autopilot_flyer.h"
 #include "command.h"
 #include "doubts_text.h"
 #include "source_options.h"
@@ -74,7 +75,8 @@ void add_run(CLI::App& app, CommonOptions& common, Selection& selection) {
                                                       .listener = shared.stages,
                                                       .truth_cache = options->truth_cache,
                                                       .until_datasets = !options->until.empty(),
-                                                      .flights = options->flights});
+                                                      .flights = options->flights,
+                                                      .fly_autopilot = autopilot_flyer()});
       if (results.is_null()) return {{{"out", options->out}}, options->out + ": truth and datasets are there\n"};
       const std::string report = (std::filesystem::absolute(options->out) / "report.html").lexically_normal().string();
       std::string text = report::results_table(results);

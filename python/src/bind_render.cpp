@@ -5,6 +5,7 @@
 #include <thread>
 
 #include "arrays.h"
+#include "autopilot_flyer.h"
 #include "bindings.h"
 #include "interruptible.h"
 #include "loaded_scene.h"
@@ -79,6 +80,7 @@ std::shared_ptr<Flight> plan_flight(const std::filesystem::path& flight_file, co
                                     const std::string& camera, std::uint64_t seed, int samples) {
   survey::RenderSettings settings;
   settings.flight.flight = flight_file;
+  settings.fly_autopilot = app::autopilot_flyer();
   settings.flight.camera = camera;
   settings.flight.samples_per_pixel = samples;
   settings.seed = seed;

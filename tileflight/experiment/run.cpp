@@ -53,8 +53,14 @@ void run_odometry_stage(const Experiment& experiment, const fs::path& dataset, c
 /// Runs the stages of a flight if necessary, each with its inputs, its products and the function that executes it.
 class FlightStageRunner {
  public:
-  FlightStageRunner(const Experiment& experiment, const Pipeline& pipeline, StageCache& cache, const Progress& progress)
-      : experiment_(experiment), pipeline_(pipeline), cache_(cache), folder_(cache.run_folder()), progress_(progress) {}
+  FlightStageRunner(const Experiment& experiment, const Pipeline& pipeline, StageCache& cache,
+                    const RunOptions& options, const Progress& progress)
+      : experiment_(experiment),
+        pipeline_(pipeline),
+        cache_(cache),
+        options_(options),
+        folder_(cache.run_folder()),
+        progress_(progress) {}
 
   void make_dataset(const FlightStages& f) const {
     if (f.flight.render && f.flight.render->follows_real) {
@@ -63,7 +69,11 @@ class FlightStageRunner {
       });
     }
     cache_.run_stage(f.name + "/dataset", pipeline_.dataset_inputs(f), {f.name + "/dataset"}, [&] {
-      if (f.flight.render) survey::render_dataset(pipeline_.render_settings(f), f.folder / "dataset", true, progress_);
+      if (f.flight.render) {
+        survey::RenderSettings settings = pipeline_.render_settings(f);
+        settings.fly_autopilot = options_.fly_autopilot;
+        survey::render_dataset(settings, f.folder / "dataset", true, progress_);
+      }
       if (f.flight.ingest)
         survey::ingest_dataset(*f.flight.ingest, folder_ / "truth", f.folder / "dataset", true, progress_);
     });
@@ -102,6 +112,7 @@ class FlightStageRunner {
   const Experiment& experiment_;
   const Pipeline& pipeline_;
   StageCache& cache_;
+  const RunOptions& options_;
   fs::path folder_;
   const Progress& progress_;
 };
@@ -151,7 +162,7 @@ nlohmann::json run(const Experiment& e, const fs::path& folder, const Progress& 
   if (p.uses_built_in_place()) make_place(p, cache, options, progress);
   make_truth(p, cache, options, progress);
 
-  const FlightStageRunner flight(e, p, cache, progress);
+  const FlightStageRunner flight(e, p, cache, options, progress);
   const bool follows = p.simulated_follows_real();
   for (const FlightStages& f : p.flights()) {
     const bool is_followed = follows && f.name == "real";
@@ -184,7 +195,8 @@ nlohmann::json run(const Experiment& e, const fs::path& folder, const Progress& 
           return run(p.make_variant(variant), its_folder, progress,
                      {.listener = prefix_listener(variant, options.listener),
                       .original = folder,
-                      .truth_cache = options.truth_cache});
+                      .truth_cache = options.truth_cache,
+                      .fly_autopilot = options.fly_autopilot});
         });
   }
   base::write_file(folder / "results.json", results.dump(2) + "\n");

@@ -8,6 +8,7 @@
 #include "tileflight/base/progress.h"
 #include "tileflight/experiment/experiment_file.h"
 #include "tileflight/experiment/stage_cache.h"
+#include "tileflight/survey/render_stage.h"
 
 namespace tileflight::experiment {
 
@@ -23,6 +24,7 @@ struct RunOptions {
   bool until_datasets = false;
   /// until_datasets: only these of "simulated" and "real", and what they follow; empty: all.
   std::vector<std::string> flights{};
+  survey::AutopilotFlyer fly_autopilot{};  ///< RenderSettings::fly_autopilot
 };
 
 /// Executes the complete experiment in `folder`: results.json (returned; null until_datasets) and report.html. Stages

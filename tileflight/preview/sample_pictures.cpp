@@ -6,15 +6,11 @@
 #include "tileflight/base/elapsed_time.h"
 #include "tileflight/imaging/image_files.h"
 #include "tileflight/place/require_surface.h"
-#include "tileflight/report/frame_pairs.h"
+#include "tileflight/report/thumbnail.h"
 #include "tileflight/scene/scene.h"
 
 namespace tileflight::preview {
 namespace {
-
-imaging::RgbImage make_thumbnail(const imaging::RgbImage& image, int width) {
-  return image.width > width ? report::downscale(image, width) : image;
-}
 
 /// The tiles that the picture's frame shows, as `render` selects them, or coarser ones if they do not fit into memory:
 /// `render` would divide the frame. Sets the picture's `error_px`.
@@ -65,7 +61,7 @@ SamplePicture render_picture(PreviewedFlight& flight, const std::string& name, s
     const auto encoding = std::chrono::steady_clock::now();
     imaging::encode_jpeg(sensed.rgb, 95);
     picture.encode_s = base::seconds_since(encoding);
-    picture.thumbnail = make_thumbnail(sensed.rgb, flight.settings.picture_width);
+    picture.thumbnail = report::downscale(sensed.rgb, flight.settings.picture_width);
     picture.surface_share = sensed.check.view.surface_share();
   };
   render::render_flight(scene, flight.mission.calibration.camera, flight.frames(), flight.mission.pose_at, options,

@@ -4,7 +4,6 @@
 
 #include "tileflight/base/files.h"
 #include "tileflight/base/text_fields.h"
-#include "tileflight/report/key_figures_files.h"
 
 namespace tileflight::report {
 namespace {

@@ -7,6 +7,7 @@
 #include "tileflight/report/axis_ticks.h"
 #include "tileflight/report/chart.h"
 #include "tileflight/report/frame_pairs.h"
+#include "tileflight/report/thumbnail.h"
 #include "tileflight/report/number_format.h"
 #include "tileflight/report/palette_png.h"
 #include "tileflight/report/top_view.h"

@@ -1,11 +1,8 @@
 #pragma once
 
-#include <filesystem>
 #include <optional>
-#include <string>
 #include <vector>
 
-#include "tileflight/imaging/image.h"
 #include "tileflight/report/run_folder.h"
 
 namespace tileflight::report {
@@ -25,11 +22,5 @@ std::vector<FramePair> frame_pairs(const FlightRun& first, const FlightRun& seco
 
 /// `count` frames spread evenly over a flight.
 std::vector<FrameFile> pick_evenly(const std::vector<FrameFile>& frames, std::size_t count);
-
-/// The image scaled down to at most `width` pixels across by averaging; never scaled up.
-imaging::RgbImage downscale(const imaging::RgbImage& image, int width);
-
-/// The image file scaled down, as a JPEG data URI.
-std::string thumbnail_uri(const std::filesystem::path& image, int width);
 
 }  // namespace tileflight::report

@@ -3,6 +3,7 @@
 
 #include "tileflight/report/figures.h"
 #include "tileflight/report/frame_pairs.h"
+#include "tileflight/report/thumbnail.h"
 #include "tileflight/report/number_format.h"
 
 namespace tileflight::report {

@@ -14,6 +14,7 @@
 #include "tileflight/report/data_blocks.h"
 #include "tileflight/report/figures.h"
 #include "tileflight/report/frame_pairs.h"
+#include "tileflight/report/thumbnail.h"
 #include "tileflight/report/number_format.h"
 #include "tileflight/report/top_view.h"
 

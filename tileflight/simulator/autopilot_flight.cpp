@@ -236,4 +236,24 @@ AutopilotFlight fly_autopilot(const vehicle::AutopilotPlan& plan, SimulatorOptio
   return flight;
 }
 
+survey::FlownPath render_autopilot_flight(const vehicle::FlightPlan& plan, const survey::RenderSettings& settings, const Progress& progress) {
+  SimulatorOptions options;
+  options.source = settings.source;
+  options.load = settings.load;
+  options.load.uses = {transport::Use::kAnalyse};
+  options.residency = settings.error_px ? TileResidency::kFollow : TileResidency::kRegion;
+  options.error_px = settings.error_px.value_or(options.error_px);
+  options.max_memory_bytes = settings.max_memory_bytes.value_or(options.max_memory_bytes);
+  const AutopilotFlight flown = fly_autopilot(*plan.autopilot, std::move(options), progress);
+  nlohmann::json report = {{"outcome", flown.outcome == "landed" ? "finished" : flown.outcome},
+                 {"duration_s", flown.path.end_s() - flown.path.start_s()},
+                 {"autopilot",
+                  {{"kind", plan.autopilot->is_px4 ? "px4" : "ardupilot"},
+                   {"steps", flown.steps},
+                   {"airborne_s", flown.airborne_s},
+                   {"home", {flown.home.latitude, flown.home.longitude, flown.home.altitude}},
+                   {"log", flown.lines}}}};
+  return {flown.path, vehicle::sample_frames(flown.path, plan), std::move(report), nullptr};
+}
+
 }  // namespace tileflight::simulator

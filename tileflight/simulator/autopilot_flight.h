@@ -6,6 +6,7 @@
 
 #include "tileflight/flight/path.h"
 #include "tileflight/simulator/simulator.h"
+#include "tileflight/survey/flown_path.h"
 #include "tileflight/vehicle/autopilot_plan.h"
 
 namespace tileflight::simulator {
@@ -25,5 +26,10 @@ struct AutopilotFlight {
 /// Throws InputError if the autopilot's command ends or falls silent early, or never makes a step.
 AutopilotFlight fly_autopilot(const vehicle::AutopilotPlan& plan, SimulatorOptions options,
                               const Progress& progress = {});
+
+/// Flies the autopilot of a flight plan among the tiles that the settings choose for images: the AutopilotFlyer of
+/// `render`. Throws InputError as fly_autopilot() does.
+survey::FlownPath render_autopilot_flight(const vehicle::FlightPlan& plan, const survey::RenderSettings& settings,
+                                          const Progress& progress);
 
 }  // namespace tileflight::simulator

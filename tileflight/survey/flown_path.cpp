@@ -7,7 +7,6 @@
 #include "tileflight/geometry/json_numbers.h"
 #include "tileflight/place/ground_tiles.h"
 #include "tileflight/place/memory_budget.h"
-#include "tileflight/simulator/autopilot_flight.h"
 #include "tileflight/transport/open_source.h"
 #include "tileflight/vehicle/vehicle_flight.h"
 
@@ -96,27 +95,6 @@ tiles::LoadOptions options_around(const RenderSettings& settings, const imaging:
   return load;
 }
 
-/// An autopilot's flight among the tiles that the settings choose for images.
-FlownPath fly_by_autopilot(const vehicle::FlightPlan& plan, const RenderSettings& settings, const Progress& progress) {
-  simulator::SimulatorOptions options;
-  options.source = settings.source;
-  options.load = settings.load;
-  options.load.uses = {transport::Use::kAnalyse};
-  options.residency = settings.error_px ? simulator::TileResidency::kFollow : simulator::TileResidency::kRegion;
-  options.error_px = settings.error_px.value_or(options.error_px);
-  options.max_memory_bytes = settings.max_memory_bytes.value_or(options.max_memory_bytes);
-  const simulator::AutopilotFlight flown = simulator::fly_autopilot(*plan.autopilot, std::move(options), progress);
-  json report = {{"outcome", flown.outcome == "landed" ? "finished" : flown.outcome},
-                 {"duration_s", flown.path.end_s() - flown.path.start_s()},
-                 {"autopilot",
-                  {{"kind", plan.autopilot->is_px4 ? "px4" : "ardupilot"},
-                   {"steps", flown.steps},
-                   {"airborne_s", flown.airborne_s},
-                   {"home", {flown.home.latitude, flown.home.longitude, flown.home.altitude}},
-                   {"log", flown.lines}}}};
-  return {flown.path, vehicle::sample_frames(flown.path, plan), std::move(report), nullptr};
-}
-
 }  // namespace
 
 std::shared_ptr<const scene::Scene> load_surroundings(const RenderSettings& settings, const imaging::Camera& camera,
@@ -151,7 +129,12 @@ std::shared_ptr<const actors::Traffic> plan_traffic(const RenderSettings& settin
 
 FlownPath fly_plan(const vehicle::FlightPlan& plan, const RenderSettings& settings, const imaging::Camera& camera,
                    const Progress& progress) {
-  if (plan.autopilot) return fly_by_autopilot(plan, settings, progress);
+  if (plan.autopilot) {
+    if (!settings.fly_autopilot)
+      throw InputError(settings.flight.flight.string() + ": an autopilot flies it, and this program has no simulator " +
+                       "(TILEFLIGHT_LIVE=OFF); render it with one that has");
+    return settings.fly_autopilot(plan, settings, progress);
+  }
   if (!plan.vehicle) return {vehicle::build_path(plan), vehicle::frame_poses(plan), nullptr, nullptr};
   const bool collides = plan.vehicle->options.collision != vehicle::CollisionPolicy::kOff;
   if (!collides) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -10,6 +11,7 @@
 #include "tileflight/base/progress.h"
 #include "tileflight/survey/flight_settings.h"
 #include "tileflight/tiles/load.h"
+#include "tileflight/vehicle/flight_plan.h"
 #include "tileflight/workflow/balanced_ranges.h"
 #include "tileflight/workflow/ranks.h"
 
@@ -21,6 +23,13 @@ enum class Dealt {
   kFrames,  ///< each renders a range of frames
   kTiles,   ///< each traces all frames against its part of the tiles
 };
+
+struct FlownPath;
+struct RenderSettings;
+
+/// Flies the autopilot of a flight plan among the tiles that the settings choose for images. Throws InputError.
+using AutopilotFlyer = std::function<FlownPath(const vehicle::FlightPlan& plan, const RenderSettings& settings,
+                                               const Progress& progress)>;
 
 /// Settings for rendering a flight through tiles as a sensor dataset.
 struct RenderSettings {
@@ -45,6 +54,7 @@ struct RenderSettings {
   std::optional<workflow::IndexRange> part;
   /// All inputs of the images except flight and tiles, as text: stored frames with other inputs are not reused.
   nlohmann::json asked;
+  AutopilotFlyer fly_autopilot;  ///< a flight with an autopilot is refused without it
 };
 
 /// The input files and folders of a rendered flight. Throws InputError.

@@ -1,0 +1,17 @@
+#include "autopilot_flyer.h"
+
+#ifdef TILEFLIGHT_LIVE
+#include "tileflight/simulator/autopilot_flight.h"
+#endif
+
+namespace tileflight::app {
+
+survey::AutopilotFlyer autopilot_flyer() {
+#ifdef TILEFLIGHT_LIVE
+  return simulator::render_autopilot_flight;
+#else
+  return {};
+#endif
+}
+
+}  // namespace tileflight::app
