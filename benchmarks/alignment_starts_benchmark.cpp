@@ -16,11 +16,11 @@
 #include <random>
 #include <string>
 
-#include "tileflight/alignment/align_map.h"
-#include "tileflight/alignment/transform_file.h"
-#include "tileflight/base/input_error.h"
-#include "tileflight/geometry/cloud_files.h"
-#include "tileflight/ground_truth/mesh_glb.h"
+#include "tileflight/core/alignment/align_map.h"
+#include "tileflight/core/alignment/transform_file.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/geometry/cloud_files.h"
+#include "tileflight/world/ground_truth/mesh_glb.h"
 
 namespace {
 

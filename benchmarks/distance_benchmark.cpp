@@ -7,8 +7,8 @@
 #include <cmath>
 #include <random>
 
-#include "tileflight/evaluation/block_bootstrap.h"
-#include "tileflight/evaluation/distances.h"
+#include "tileflight/evaluation/metrics/block_bootstrap.h"
+#include "tileflight/evaluation/metrics/distances.h"
 
 namespace {
 
@@ -64,19 +64,19 @@ void distance_to_voxel_centers(benchmark::State& state) {
   const PointCloud map = map_points(static_cast<std::size_t>(state.range(0)));
   std::vector<double> distances;
   for (auto _ : state)
-    distances = tileflight::evaluation::cloud_distances(map, voxel_centers(), "map", "voxel centres");
+    distances = tileflight::metrics::cloud_distances(map, voxel_centers(), "map", "voxel centres");
   state.counters["difference_m"] = largest_difference_m(map, distances);
 }
 
 void compare_runs(benchmark::State& state) {
   const auto kept = [](std::size_t n) {
     const PointCloud map = map_points(n);
-    return tileflight::evaluation::keep_within_cutoff(
-        map.positions, tileflight::evaluation::cloud_distances(map, voxel_centers(), "map", "voxel centres"), 1.0);
+    return tileflight::metrics::keep_within_cutoff(
+        map.positions, tileflight::metrics::cloud_distances(map, voxel_centers(), "map", "voxel centres"), 1.0);
   };
   const auto simulated = kept(84029), real = kept(71918);
-  tileflight::evaluation::DistanceComparison comparison;
-  for (auto _ : state) comparison = tileflight::evaluation::compare_distances(simulated, real);
+  tileflight::metrics::DistanceComparison comparison;
+  for (auto _ : state) comparison = tileflight::metrics::compare_distances(simulated, real);
   state.counters["interval_m"] = comparison.mean_difference_ci95[1] - comparison.mean_difference_ci95[0];
 }
 

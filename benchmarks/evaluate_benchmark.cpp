@@ -22,14 +22,14 @@
 
 #include "tests/height_field.h"
 #include "tests/temporary_folder.h"
-#include "tileflight/base/files.h"
-#include "tileflight/geometry/cloud_files.h"
-#include "tileflight/geometry/trajectory.h"
-#include "tileflight/ground_truth/truth_folder.h"
-#include "tileflight/place/extract.h"
-#include "tileflight/scoring/evaluate.h"
-#include "tileflight/stadium/stadium.h"
-#include "tileflight/tiling/glb_writer.h"
+#include "tileflight/core/base/files.h"
+#include "tileflight/core/geometry/cloud_files.h"
+#include "tileflight/core/geometry/trajectory.h"
+#include "tileflight/world/ground_truth/truth_folder.h"
+#include "tileflight/world/place/extract.h"
+#include "tileflight/evaluation/scoring/evaluate.h"
+#include "tileflight/tiles/demo_place/stadium.h"
+#include "tileflight/tiles/tile_writer/glb_writer.h"
 
 namespace {
 
@@ -46,9 +46,9 @@ struct Task {
 
 void make_stadium_truth(const fs::path& folder) {
   if (fs::exists(folder / "truth")) return;
-  stadium::write_stadium(folder / "place", {.texture_scale = 0.1});
-  const geometry::Geodetic origin{stadium::kStadiumLatitudeDeg, stadium::kStadiumLongitudeDeg,
-                                  geometry::EllipsoidalHeight{stadium::kStadiumHeightM}};
+  demo_place::write_stadium(folder / "place", {.texture_scale = 0.1});
+  const geometry::Geodetic origin{demo_place::kStadiumLatitudeDeg, demo_place::kStadiumLongitudeDeg,
+                                  geometry::EllipsoidalHeight{demo_place::kStadiumHeightM}};
   geometry::Geodetic center = origin;
   center.height.m += 15.0;
   place::extract({.source = (folder / "place/twin/tileset.json").string(),
@@ -69,7 +69,7 @@ void make_large_truth(const fs::path& folder, double km2) {
   const auto cells = static_cast<std::uint32_t>(side_m * 0.75);
   fs::create_directories(folder);
   imaging::TexturedMesh mesh{.mesh = tests::height_field(cells, -side_m / 2, side_m, height_m)};
-  base::write_file(folder / "t.glb", tiling::write_glb({mesh}, {}));
+  base::write_file(folder / "t.glb", tile_writer::write_glb({mesh}, {}));
   const json box{0, 0, 10, side_m / 2, 0, 0, 0, side_m / 2, 0, 0, 0, 40};
   const json tileset{{"asset", {{"version", "1.1"}}},
                      {"geometricError", 100},

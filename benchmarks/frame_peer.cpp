@@ -6,9 +6,9 @@
 #include <iostream>
 #include <string>
 
-#include "tileflight/render/camera_renderer.h"
-#include "tileflight/scene/scene.h"
-#include "tileflight/tiles/load.h"
+#include "tileflight/capture/render/camera_renderer.h"
+#include "tileflight/world/scene/scene.h"
+#include "tileflight/tiles/tileset/load.h"
 
 namespace {
 
@@ -34,7 +34,7 @@ int main(int argc, char** argv) {
     return 2;
   }
   const int width = std::atoi(argv[2]), height = std::atoi(argv[3]), frames = std::atoi(argv[4]);
-  const scene::Scene scene(tiles::load_region(argv[1], {}).meshes);
+  const scene::Scene scene(tileset::load_region(argv[1], {}).meshes);
   const render::CameraRenderer renderer(scene, imaging::make_pinhole(width, height, 90.0), {.depth = true});
   (void)renderer.render(pose_of(scene, 0));
   const double begin = processor_ms();

@@ -16,12 +16,12 @@
 #include <string>
 
 #include "tests/height_field.h"
-#include "tileflight/alignment/icp.h"
-#include "tileflight/alignment/umeyama.h"
-#include "tileflight/geometry/cloud_files.h"
-#include "tileflight/geometry/nearest.h"
-#include "tileflight/ground_truth/mesh_glb.h"
-#include "tileflight/ground_truth/voxelize.h"
+#include "tileflight/core/alignment/icp.h"
+#include "tileflight/core/alignment/umeyama.h"
+#include "tileflight/core/geometry/cloud_files.h"
+#include "tileflight/core/geometry/nearest.h"
+#include "tileflight/world/ground_truth/mesh_glb.h"
+#include "tileflight/world/ground_truth/voxelize.h"
 
 namespace {
 

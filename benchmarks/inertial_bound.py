@@ -4,7 +4,7 @@
 
 The measurements are the readings of DATASET's unit (noise of imu.yaml) and a camera's steps from keyframe to keyframe, of
 the given standard deviations, up to scale; the motion is that of groundtruth.txt. Unknown are poses, velocities and biases
-at the keyframes, the scale and the clocks' offset, as in tileflight/inertial/visual_inertial_problem.h, but linearised at
+at the keyframes, the scale and the clocks' offset, as in tileflight/slam/inertial/visual_inertial_problem.h, but linearised at
 the truth and written apart from it. `--step-mm 0.01 --turn-mdeg 0.01 --offset-ms 0.001` is a perfect camera.
 """
 

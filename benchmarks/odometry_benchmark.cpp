@@ -25,13 +25,13 @@
 #include <vector>
 
 #include "tests/test_data.h"
-#include "tileflight/dataset/dataset.h"
-#include "tileflight/dataset/video.h"
-#include "tileflight/geometry/trajectory.h"
-#include "tileflight/imaging/image_files.h"
-#include "tileflight/odometry/odometry.h"
-#include "tileflight/odometry/stage_timer.h"
-#include "tileflight/photometry/synthetic_scene.h"
+#include "tileflight/data/dataset/dataset.h"
+#include "tileflight/data/dataset/video.h"
+#include "tileflight/core/geometry/trajectory.h"
+#include "tileflight/core/imaging/image_files.h"
+#include "tileflight/slam/odometry/odometry.h"
+#include "tileflight/slam/odometry/stage_timer.h"
+#include "tileflight/slam/keyframes/synthetic_scene.h"
 
 namespace {
 
@@ -155,18 +155,18 @@ std::optional<Sequence> machangara(int width, std::size_t most) {
 /// Hilly ground through a wide lens; rendered here.
 std::optional<Sequence> synthetic() {
   constexpr int kFrames = 90;
-  photometry::test_support::Relief relief;
+  keyframes::test_support::Relief relief;
   relief.height_m = [](double x, double y) { return 2.0 * std::sin(0.15 * x) * std::cos(0.12 * y); };
   relief.highest_m = 2.0;
   relief.texel_m = 0.5;
   const imaging::Camera camera = imaging::make_fisheye(640, 400, 140.0);
-  const photometry::test_support::ReliefCamera scene(camera, relief);
+  const keyframes::test_support::ReliefCamera scene(camera, relief);
   auto images = std::make_shared<std::vector<RgbImage>>();
   Sequence sequence;
   sequence.calibration.camera = camera;
   for (int i = 0; i < kFrames; ++i) {
     const double s = i / 30.0;
-    const auto pose = photometry::test_support::look_along(Vec3(4.0 * s, 5.0 * s, 20.0 + 0.5 * std::sin(s)),
+    const auto pose = keyframes::test_support::look_along(Vec3(4.0 * s, 5.0 * s, 20.0 + 0.5 * std::sin(s)),
                                                            Vec3(0.3 * std::sin(0.7 * s), 1.0, -1.0));
     images->push_back(scene.render(pose));
     sequence.truth.push_back(pose.translation);
@@ -179,14 +179,14 @@ std::optional<Sequence> synthetic() {
 /// A drive along a valley with two turns, looking ahead; rendered here. `speed_m` of a picture.
 std::optional<Sequence> drive(double speed_m) {
   constexpr int kFrames = 60;
-  photometry::test_support::Relief relief;
+  keyframes::test_support::Relief relief;
   relief.height_m = [](double x, double y) {
     return 4.0 + 4.0 * std::sin(0.21 * x + 1.0) * std::cos(0.17 * y) + 0.7 * std::sin(0.9 * x) * std::sin(0.8 * y);
   };
   relief.highest_m = 9.0;
   relief.texel_m = 0.4;
   const imaging::Camera camera = imaging::make_pinhole(640, 260, 82.0);
-  const photometry::test_support::ReliefCamera scene(camera, relief);
+  const keyframes::test_support::ReliefCamera scene(camera, relief);
   auto images = std::make_shared<std::vector<RgbImage>>();
   Sequence sequence;
   sequence.calibration.camera = camera;
@@ -196,7 +196,7 @@ std::optional<Sequence> drive(double speed_m) {
     const auto turned = [i](int from) { return std::clamp((i - from) / 12.0, 0.0, 1.0) * 1.05; };
     const double heading = turned(4) - turned(34);
     const Vec3 ahead(std::sin(heading), std::cos(heading), -0.12);
-    const auto pose = photometry::test_support::look_along(position, ahead);
+    const auto pose = keyframes::test_support::look_along(position, ahead);
     images->push_back(scene.render(pose));
     sequence.truth.push_back(position);
     position += speed_m * Vec3(ahead.x(), ahead.y(), 0.0);

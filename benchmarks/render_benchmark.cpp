@@ -19,11 +19,11 @@
 #include <memory>
 
 #include "tests/height_field.h"
-#include "tileflight/render/camera_renderer.h"
-#include "tileflight/render/image_formation.h"
-#include "tileflight/render/ray_table.h"
-#include "tileflight/scene/packets.h"
-#include "tileflight/scene/scene.h"
+#include "tileflight/capture/render/camera_renderer.h"
+#include "tileflight/capture/render/image_formation.h"
+#include "tileflight/capture/render/ray_table.h"
+#include "tileflight/world/scene/packets.h"
+#include "tileflight/world/scene/scene.h"
 
 namespace {
 

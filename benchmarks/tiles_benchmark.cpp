@@ -30,10 +30,10 @@
 #include <vector>
 
 #include "tests/test_data.h"
-#include "tileflight/scene/scene.h"
-#include "tileflight/tile_contents/content.h"
-#include "tileflight/tiles/load.h"
-#include "tileflight/transport/test_http_server.h"
+#include "tileflight/world/scene/scene.h"
+#include "tileflight/tiles/tile_content/content.h"
+#include "tileflight/tiles/tileset/load.h"
+#include "tileflight/tiles/fetch/test_http_server.h"
 
 namespace {
 
@@ -68,7 +68,7 @@ double status_mb(const char* key) {
 double now_s() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
 /// Keeps the bytes read.
-class KeepingSource : public transport::TileSource {
+class KeepingSource : public fetch::TileSource {
  public:
   explicit KeepingSource(const fs::path& tileset) : inner_(tileset) {}
 
@@ -84,7 +84,7 @@ class KeepingSource : public transport::TileSource {
   const std::map<std::string, std::vector<std::byte>>& kept() const { return kept_; }
 
  private:
-  transport::FolderSource inner_;
+  fetch::FolderSource inner_;
   std::mutex mutex_;
   std::map<std::string, std::vector<std::byte>> kept_;
 };
@@ -133,8 +133,8 @@ class SlowServer {
   [[noreturn]] static void serve(const fs::path& folder, int port_pipe) {
     prctl(PR_SET_PDEATHSIG, SIGTERM);
     const std::map<std::string, std::string> files = files_of(folder);
-    const transport::test_support::TestHttpServer server(
-        [&files](const transport::test_support::ServedRequest& request, transport::test_support::ServedConnection& connection) {
+    const fetch::test_support::TestHttpServer server(
+        [&files](const fetch::test_support::ServedRequest& request, fetch::test_support::ServedConnection& connection) {
           connection.wait(kLatency);
           const auto file = files.find(request.path().substr(1));
           return file != files.end() ? connection.answer(200, file->second, {"Cache-Control: max-age=3600"})
@@ -176,18 +176,18 @@ struct Task {
 };
 
 /// Reads a place; throws if tiles are missing.
-tiles::LoadedTiles read(const std::string& source, bool textures, const fs::path& cache = {}) {
-  tiles::LoadOptions options;
+tileset::LoadedTiles read(const std::string& source, bool textures, const fs::path& cache = {}) {
+  tileset::LoadOptions options;
   options.textures = textures;
   options.source.cache_folder = cache;
-  tiles::LoadedTiles loaded = tiles::load_region(source, options);
+  tileset::LoadedTiles loaded = tileset::load_region(source, options);
   if (!loaded.complete) throw std::runtime_error(source + ": " + loaded.failures.at(0));
   return loaded;
 }
 
 /// Reads a place and builds its scene; returns the seconds of the latter.
 double load(const std::string& source, bool textures, const fs::path& cache = {}) {
-  tiles::LoadedTiles loaded = read(source, textures, cache);
+  tileset::LoadedTiles loaded = read(source, textures, cache);
   const double begin_s = now_s();
   const scene::Scene scene(std::move(loaded.meshes));
   return now_s() - begin_s;
@@ -196,13 +196,13 @@ double load(const std::string& source, bool textures, const fs::path& cache = {}
 /// Decodes contents from memory on all cores and discards the results.
 void decode(const std::map<std::string, std::vector<std::byte>>& kept, const std::vector<std::string>& contents,
             bool textures) {
-  tile_contents::ContentOptions options;
+  tile_content::ContentOptions options;
   options.textures = textures;
   tbb::parallel_for(std::size_t{0}, contents.size(), [&](std::size_t i) {
-    tile_contents::ContentOptions own = options;
+    tile_content::ContentOptions own = options;
     const std::string folder = contents[i].substr(0, contents[i].rfind('/') + 1);
     own.read_resource = [&](const std::string& uri) { return kept.at(folder + uri); };
-    tile_contents::decode_content(kept.at(contents[i]), contents[i], own);
+    tile_content::decode_content(kept.at(contents[i]), contents[i], own);
   });
 }
 
@@ -219,14 +219,14 @@ void print(const Task& task, double floor_s) {
 
 void compare(const fs::path& tileset, const SlowServer& server, bool textures, int runs) {
   KeepingSource keeping(tileset);
-  tiles::LoadOptions options;
+  tileset::LoadOptions options;
   options.textures = textures;
-  const tiles::LoadedTiles all = tiles::load_region(keeping, tileset.string(), options);
+  const tileset::LoadedTiles all = tileset::load_region(keeping, tileset.string(), options);
   std::vector<std::string> contents;
   std::size_t bytes = 0;
   for (const auto& [uri, read] : keeping.kept()) {
     bytes += read.size();
-    const std::string kind = tile_contents::detect_content_format(read);
+    const std::string kind = tile_content::detect_content_format(read);
     if (kind == "b3dm" || kind == "glb" || kind == "i3dm" || kind == "pnts" || kind == "cmpt") contents.push_back(uri);
   }
   std::printf("%s, %s: %lld triangles, %lld tiles, %.1f MB\n", tileset.parent_path().filename().c_str(),

@@ -15,7 +15,7 @@
 #include <vector>
 
 #include "tests/synthetic_maps.h"
-#include "tileflight/evaluation/map_comparison.h"
+#include "tileflight/evaluation/metrics/map_comparison.h"
 
 namespace {
 
@@ -70,8 +70,8 @@ std::vector<Scenario> scenarios() {
   return list;
 }
 
-bool holds(const evaluation::ComparedMetric& m, const Scenario& s) {
-  if (m.scale == evaluation::MarginScale::kDifference)
+bool holds(const metrics::ComparedMetric& m, const Scenario& s) {
+  if (m.scale == metrics::MarginScale::kDifference)
     return m.difference_ci95[0] <= 0.0 && 0.0 <= m.difference_ci95[1];
   const double ratio = m.name.starts_with("surface") ? s.true_ratio : 1.0;
   return m.ratio_ci95[0] <= ratio && ratio <= m.ratio_ci95[1];
@@ -79,7 +79,7 @@ bool holds(const evaluation::ComparedMetric& m, const Scenario& s) {
 
 /// Whether the true value of an interval is known: all values for maps of one kind, otherwise only the median, for a
 /// known ratio of noise. The RMS is over the points within the cut-off, some of which are outliers whatever the noise.
-bool is_known(const evaluation::ComparedMetric& m, const Scenario& s) {
+bool is_known(const metrics::ComparedMetric& m, const Scenario& s) {
   return s.known_otherwise || (s.true_ratio != 1.0 && m.name == "surface.median");
 }
 
@@ -95,20 +95,20 @@ void run(const Scenario& s, int places, double wanted_side_m) {
     const auto map = [&](const MapKind& kind, int number) {
       return tests::scored(place, surface, tests::synthetic_map(place, kind, static_cast<std::uint64_t>(number)));
     };
-    const evaluation::ScoredMap first = map(s.first, 2 * k), second = map(s.second, 2 * k + 1);
+    const metrics::ScoredMap first = map(s.first, 2 * k), second = map(s.second, 2 * k + 1);
     points += static_cast<double>(second.surface.distances.size());
     square_metres += geometry::surface_area_m2(place.mesh());
-    const auto c = evaluation::compare_maps({first}, {second}, {.seed = static_cast<std::uint64_t>(k)});
+    const auto c = metrics::compare_maps({first}, {second}, {.seed = static_cast<std::uint64_t>(k)});
     const auto lacks = [&](std::size_t flight) {
-      return std::ranges::count(c.missing->parts, flight, &evaluation::MissingPart::lacking_map) > 0;
+      return std::ranges::count(c.missing->parts, flight, &metrics::MissingPart::lacking_map) > 0;
     };
     with_parts += lacks(0) || lacks(1);
     in_one_alone += lacks(0) != lacks(1);
     equivalent += c.verdict.word == "equivalent";
-    for (const evaluation::ComparedMetric& m : c.metrics) {
+    for (const metrics::ComparedMetric& m : c.metrics) {
       held[m.name] += is_known(m, s) && holds(m, s);
       half_width[m.name] +=
-          (m.scale == evaluation::MarginScale::kRatio ? 0.5 * std::log(m.ratio_ci95[1] / m.ratio_ci95[0])
+          (m.scale == metrics::MarginScale::kRatio ? 0.5 * std::log(m.ratio_ci95[1] / m.ratio_ci95[0])
                                                       : 0.5 * (m.difference_ci95[1] - m.difference_ci95[0])) /
           places;
     }
@@ -129,7 +129,7 @@ void run(const Scenario& s, int places, double wanted_side_m) {
               share(wrong), share(equivalent), share(with_parts), share(in_one_alone));
   for (const char* name : {"surface.median", "surface.rms", "surface.within_0.1", "surface.beyond_1",
                            "completeness.within_0.2", "completeness.lacking"}) {
-    const evaluation::ComparedMetric m{.name = name};
+    const metrics::ComparedMetric m{.name = name};
     if (is_known(m, s)) {
       std::printf(" %6.1f", share(held[name]));
     } else {

@@ -6,8 +6,8 @@
 #include <string>
 #include <thread>
 
-#include "tileflight/foxglove/server.h"
-#include "tileflight/foxglove/test_web_socket.h"
+#include "tileflight/live/foxglove/server.h"
+#include "tileflight/live/foxglove/test_web_socket.h"
 
 namespace {
 

@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "tests/height_field.h"
-#include "tileflight/ground_truth/voxelize.h"
-#include "tileflight/tiling/ply_meshes.h"
+#include "tileflight/world/ground_truth/voxelize.h"
+#include "tileflight/tiles/mesh_files/ply_meshes.h"
 
 namespace {
 
@@ -39,7 +39,7 @@ const Input& input() {
     if (file == nullptr)
       return Input{tileflight::tests::height_field(kCells, 0.0, kSize_m, height_m),
                    Box3(Vec3::Zero(), Vec3(kSize_m, kSize_m, 48.0))};
-    TriangleMesh mesh = tileflight::tiling::read_ply_meshes(file, false).meshes.front().mesh;
+    TriangleMesh mesh = tileflight::mesh_files::read_ply_meshes(file, false).meshes.front().mesh;
     const Box3 box = tileflight::geometry::bounds(mesh);
     return Input{std::move(mesh), box};
   }();

@@ -3,7 +3,7 @@
 function(without_view WHY)
   message("The report will have no interactive view: ${WHY}. Delete ${FOLDER} and build again to try once more.")
   file(WRITE ${FOLDER}/page_script.cpp [[
-#include "tileflight/report/page_script.h"
+#include "tileflight/experiments/report/page_script.h"
 
 namespace tileflight::report {
 std::string_view page_script() { return {}; }

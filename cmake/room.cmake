@@ -13,7 +13,7 @@ if(TILEFLIGHT_TESTS OR TILEFLIGHT_BENCHMARKS)
 endif()
 
 # Rooms of which nothing is worth a slow compiler: what they do is soon done, or waits for a disk or a network.
-set(TILEFLIGHT_QUICKLY_COMPILED report rpc foxglove ros2 server streaming experiment systems study)
+set(TILEFLIGHT_QUICKLY_COMPILED drawing report rpc foxglove ros2 airsim publishing experiment external_systems study)
 
 function(tileflight_room NAME)
   cmake_parse_arguments(ROOM "" "" "USES;TESTS;PUBLIC;PRIVATE;HEADERS" ${ARGN})
@@ -54,7 +54,7 @@ function(tileflight_room NAME)
   endif()
 
   # What reads foreign bytes tells the fuzzer which ways it took.
-  set(FUZZED base geometry imaging rpc foxglove ros2 autopilot transport tile_contents tiles flight_logs tiling)
+  set(FUZZED base geometry imaging rpc foxglove ros2 autopilot fetch tile_content tileset mesh_files tile_writer flight_logs)
   if(TILEFLIGHT_FUZZ AND NAME IN_LIST FUZZED)
     target_compile_options(${TARGET} PRIVATE -fsanitize=fuzzer-no-link)
   endif()
@@ -64,7 +64,7 @@ function(tileflight_room NAME)
     list(TRANSFORM ROOM_TESTS PREPEND "tileflight::")
     target_link_libraries(${NAME}_test PRIVATE tileflight::${NAME} ${ROOM_TESTS} ${ROOM_PRIVATE} tileflight_compiler
                           tileflight_source_folder GTest::gmock GTest::gtest_main)
-    set(PLAIN imaging transport tile_contents tiles dataset report)
+    set(PLAIN imaging drawing fetch tile_content tileset mesh_files dataset report)
     if(NAME IN_LIST PLAIN)
       target_link_libraries(${NAME}_test PRIVATE tileflight_plain_tests)
     endif()

@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-#include "tileflight/geometry/mesh.h"
+#include "tileflight/core/geometry/mesh.h"
 
 namespace tileflight::tests {
 

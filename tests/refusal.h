@@ -5,7 +5,7 @@
 #include <exception>
 #include <string>
 
-#include "tileflight/base/input_error.h"
+#include "tileflight/core/base/input_error.h"
 
 namespace tileflight::tests {
 

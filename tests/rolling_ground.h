@@ -11,7 +11,7 @@
 #include "tests/height_field.h"
 #include "tests/run_program.h"
 #include "tests/shared_result.h"
-#include "tileflight/geometry/cloud_files.h"
+#include "tileflight/core/geometry/cloud_files.h"
 
 namespace tileflight::tests {
 

@@ -9,10 +9,10 @@
 #include <random>
 #include <vector>
 
-#include "tileflight/evaluation/distances.h"
-#include "tileflight/evaluation/map_comparison.h"
-#include "tileflight/geometry/mesh.h"
-#include "tileflight/geometry/triangle_index.h"
+#include "tileflight/evaluation/metrics/distances.h"
+#include "tileflight/evaluation/metrics/map_comparison.h"
+#include "tileflight/core/geometry/mesh.h"
+#include "tileflight/core/geometry/triangle_index.h"
 
 namespace tileflight::tests {
 
@@ -252,13 +252,13 @@ inline geometry::PointCloud synthetic_map(const SyntheticPlace& place, const Map
 }
 
 /// Scored as `evaluate` does, all of the surface having been seen.
-inline evaluation::ScoredMap scored(const SyntheticPlace& place, const geometry::TriangleIndex& surface,
+inline metrics::ScoredMap scored(const SyntheticPlace& place, const geometry::TriangleIndex& surface,
                                     const geometry::PointCloud& map) {
-  evaluation::ScoredMap result;
-  result.surface = {map.positions, evaluation::surface_distances(map, surface), map.size()};
+  metrics::ScoredMap result;
+  result.surface = {map.positions, metrics::surface_distances(map, surface), map.size()};
   geometry::PointCloud samples;
   samples.positions = place.samples();
-  result.seen = {place.samples(), evaluation::cloud_distances(samples, map, "samples", "map")};
+  result.seen = {place.samples(), metrics::cloud_distances(samples, map, "samples", "map")};
   return result;
 }
 

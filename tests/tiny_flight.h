@@ -4,9 +4,9 @@
 #include <string>
 
 #include "tests/shared_result.h"
-#include "tileflight/dataset/dataset.h"
-#include "tileflight/geometry/trajectory.h"
-#include "tileflight/odometry/synthetic_flight.h"
+#include "tileflight/data/dataset/dataset.h"
+#include "tileflight/core/geometry/trajectory.h"
+#include "tileflight/slam/odometry/synthetic_flight.h"
 
 namespace tileflight::tests {
 

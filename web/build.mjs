@@ -26,7 +26,7 @@ const script = built.outputFiles[0].text.replaceAll(']]>', ']] >');
 if (/<\/script|<!--/i.test(script)) throw new Error('the bundle holds what would end a script element');
 const style = await esbuild.transform(readFileSync('src/view.css', 'utf8'), { loader: 'css', minify: true, charset: 'ascii' });
 
-writeFileSync(process.argv[2], `#include "tileflight/report/page_script.h"
+writeFileSync(process.argv[2], `#include "tileflight/experiments/report/page_script.h"
 
 namespace tileflight::report {
 

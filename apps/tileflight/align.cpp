@@ -8,10 +8,10 @@
 #include "doubts_text.h"
 #include "map_options.h"
 #include "number_text.h"
-#include "tileflight/alignment/transform_file.h"
-#include "tileflight/base/input_error.h"
-#include "tileflight/base/output_folder.h"
-#include "tileflight/experiment/stage_options.h"
+#include "tileflight/core/alignment/transform_file.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/output_folder.h"
+#include "tileflight/experiments/experiment/stage_options.h"
 
 namespace tileflight::app {
 namespace {

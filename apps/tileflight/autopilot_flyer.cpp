@@ -1,12 +1,12 @@
 #include "autopilot_flyer.h"
 
 #ifdef TILEFLIGHT_LIVE
-#include "tileflight/simulator/autopilot_flight.h"
+#include "tileflight/live/simulator/autopilot_flight.h"
 #endif
 
 namespace tileflight::app {
 
-survey::AutopilotFlyer autopilot_flyer() {
+recording::AutopilotFlyer autopilot_flyer() {
 #ifdef TILEFLIGHT_LIVE
   return simulator::render_autopilot_flight;
 #else

@@ -1,10 +1,10 @@
 #pragma once
 
-#include "tileflight/survey/render_stage.h"
+#include "tileflight/capture/recording/render_stage.h"
 
 namespace tileflight::app {
 
 /// Flies the autopilots of FLIGHT files in this program's simulator; empty in a program without one.
-survey::AutopilotFlyer autopilot_flyer();
+recording::AutopilotFlyer autopilot_flyer();
 
 }  // namespace tileflight::app

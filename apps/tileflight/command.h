@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/base/progress.h"
-#include "tileflight/experiment/stage_cache.h"
+#include "tileflight/core/base/progress.h"
+#include "tileflight/experiments/experiment/stage_cache.h"
 
 namespace tileflight::app {
 

@@ -5,7 +5,7 @@
 
 #include "command.h"
 #include "number_text.h"
-#include "tileflight/scoring/compare_maps.h"
+#include "tileflight/evaluation/scoring/compare_maps.h"
 
 namespace tileflight::app {
 namespace {

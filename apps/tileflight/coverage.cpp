@@ -1,12 +1,12 @@
-#include "tileflight/coverage/coverage.h"
+#include "tileflight/capture/preview/coverage.h"
 
 #include <nlohmann/json.hpp>
 
 #include "command.h"
 #include "region_options.h"
 #include "source_options.h"
-#include "tileflight/base/formatted_text.h"
-#include "tileflight/base/number_text.h"
+#include "tileflight/core/base/formatted_text.h"
+#include "tileflight/core/base/number_text.h"
 
 namespace tileflight::app {
 namespace {
@@ -35,12 +35,12 @@ void add_coverage(CLI::App& app, CommonOptions& common, Selection& selection) {
   struct Options {
     RegionOptions region;
     SourceArguments source_arguments;
-    coverage::CoverageSettings settings;
+    preview::CoverageSettings settings;
     std::string flight, out;
     double memory_gb = 0.0;
   };
   auto options = std::make_shared<Options>();
-  coverage::CoverageSettings& settings = options->settings;
+  preview::CoverageSettings& settings = options->settings;
   CLI::App* command = app.add_subcommand(
       "coverage", "compare tile-loading strategies over a flight: holes, tiles and bytes of each frame");
   command->footer(
@@ -78,7 +78,7 @@ void add_coverage(CLI::App& app, CommonOptions& common, Selection& selection) {
       options->settings.flight = options->flight;
       if (options->memory_gb > 0.0)
         options->settings.max_memory_bytes = static_cast<std::uintmax_t>(options->memory_gb * 1e9);
-      const nlohmann::json result = coverage::measure_coverage(options->settings, options->out, shared.force, progress);
+      const nlohmann::json result = preview::measure_coverage(options->settings, options->out, shared.force, progress);
       return {result, table(result, options->out)};
     };
   });

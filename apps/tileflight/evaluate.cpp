@@ -6,10 +6,10 @@
 #include "doubts_text.h"
 #include "map_options.h"
 #include "number_text.h"
-#include "tileflight/base/output_folder.h"
-#include "tileflight/experiment/stage_options.h"
-#include "tileflight/report/report.h"
-#include "tileflight/scoring/evaluate_trajectories.h"
+#include "tileflight/core/base/output_folder.h"
+#include "tileflight/experiments/experiment/stage_options.h"
+#include "tileflight/experiments/report/report.h"
+#include "tileflight/evaluation/scoring/evaluate_trajectories.h"
 
 namespace tileflight::app {
 namespace {
@@ -22,7 +22,7 @@ struct EvaluateOptions {
   scoring::EvaluationSettings settings;
   std::string settings_file;  ///< replaces `settings`; empty: none
   std::string alignment = "sim3";
-  evaluation::TrajectoryOptions trajectory;
+  metrics::TrajectoryOptions trajectory;
   double time_offset_s = 0.0;
   bool report = false;
 };
@@ -128,7 +128,7 @@ Output evaluate_paths(const EvaluateOptions& options) {
   scoring::TrajectoryScoring scoring{
       .truth = options.truth_trajectory, .options = options.trajectory, .time_offset_s = options.time_offset_s};
   for (const std::string& file : options.trajectories) scoring.estimates.emplace_back(file);
-  using Alignment = evaluation::TrajectoryAlignment;
+  using Alignment = metrics::TrajectoryAlignment;
   scoring.options.alignment = options.alignment == "sim3"  ? Alignment::kSim3
                               : options.alignment == "se3" ? Alignment::kSE3
                                                            : Alignment::kNone;

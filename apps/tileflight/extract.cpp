@@ -1,4 +1,4 @@
-#include "tileflight/place/extract.h"
+#include "tileflight/world/place/extract.h"
 
 #include <charconv>
 #include <cmath>
@@ -11,9 +11,9 @@
 #include "region_options.h"
 #include "source_options.h"
 #include "task_options.h"
-#include "tileflight/base/number_text.h"
-#include "tileflight/place/block_plan.h"
-#include "tileflight/place/truth_blocks.h"
+#include "tileflight/core/base/number_text.h"
+#include "tileflight/world/place/block_plan.h"
+#include "tileflight/world/place/truth_blocks.h"
 
 namespace tileflight::app {
 namespace {
@@ -92,12 +92,12 @@ std::string block_fault(const std::string& text) {
 /// The blocks in groups, each a task, and a task that joins them.
 nlohmann::json extract_in_tasks(place::ExtractSettings settings, const ExtractOptions& options,
                                 const CommonOptions& common, const Progress& progress) {
-  if (!workflow::has_finished_tasks(options.out, "join"))
+  if (!jobs::has_finished_tasks(options.out, "join"))
     base::require_writable(place::extract_output(settings, options.out, common.force));
   settings.processes = options.tasks.on_this_machine();
   const place::BlockPlan plan = place::plan_truth_blocks(settings, options.out, options.tasks.parts());
   const std::vector<std::string> edge{"--block", base::fixed_text(plan.edge_m)};
-  workflow::PartedJob job{.output = options.out,
+  jobs::PartedJob job{.output = options.out,
                           .build_folder = place::block_build_folder(options.out),
                           .command = "extract",
                           .parts = {},
@@ -153,7 +153,7 @@ Output extract(const ExtractOptions& options, const CommonOptions& shared, const
     const nlohmann::json result = extract_in_tasks(settings, options, shared, progress);
     return {result, extract_summary(result, options.out)};
   }
-  const nlohmann::json result = run_among_ranks([&](workflow::Ranks* ranks) {
+  const nlohmann::json result = run_among_ranks([&](jobs::Ranks* ranks) {
     settings.processes = ranks == nullptr ? 1 : ranks->count();
     return place::extract(settings, options.out, shared.force, progress, ranks);
   });

@@ -2,8 +2,8 @@
 
 #include <utility>
 
-#include "tileflight/foxglove/server.h"
-#include "tileflight/streaming/foxglove_sink.h"
+#include "tileflight/live/foxglove/server.h"
+#include "tileflight/live/publishing/foxglove_sink.h"
 
 namespace tileflight::app {
 namespace {
@@ -16,7 +16,7 @@ foxglove::ServerOptions viewer_options(const FoxgloveOptions& options, const rpc
 
 /// The view has the parameters behind the server, and stops before the server goes.
 struct FoxgloveView::Parts {
-  Parts(streaming::LiveView::CurrentSimulator simulator, const FoxgloveOptions& options, bool may_pause,
+  Parts(publishing::LiveView::CurrentSimulator simulator, const FoxgloveOptions& options, bool may_pause,
         const rpc::ServerOptions& rpc_server, const Log& log)
       : view(std::move(simulator), {.image_rate_hz = options.image_rate_hz, .may_pause = may_pause}, log),
         server(viewer_options(options, rpc_server), view.parameters(), log),
@@ -27,12 +27,12 @@ struct FoxgloveView::Parts {
   Parts(const Parts&) = delete;
   Parts& operator=(const Parts&) = delete;
 
-  streaming::LiveView view;
+  publishing::LiveView view;
   foxglove::Server server;
-  streaming::FoxgloveSink sink;
+  publishing::FoxgloveSink sink;
 };
 
-FoxgloveView::FoxgloveView(streaming::LiveView::CurrentSimulator simulator, const FoxgloveOptions& options,
+FoxgloveView::FoxgloveView(publishing::LiveView::CurrentSimulator simulator, const FoxgloveOptions& options,
                            bool may_pause, const rpc::ServerOptions& server, const Log& log)
     : parts_(std::make_unique<Parts>(std::move(simulator), options, may_pause, server, log)) {}
 
@@ -49,7 +49,7 @@ void add_foxglove_options(CLI::App& command, FoxgloveOptions& options) {
       ->needs(wanted)
       ->capture_default_str();
   command.add_option("--foxglove-rate", options.image_rate_hz, "pictures and scans per second for viewers, at most")
-      ->check(CLI::Range(0.1, streaming::kMaxImageRate_hz))
+      ->check(CLI::Range(0.1, publishing::kMaxImageRate_hz))
       ->needs(wanted)
       ->capture_default_str();
 }

@@ -6,8 +6,8 @@
 #include <memory>
 #include <string>
 
-#include "tileflight/rpc/server.h"
-#include "tileflight/streaming/live_view.h"
+#include "tileflight/live/rpc/server.h"
+#include "tileflight/live/publishing/live_view.h"
 
 namespace tileflight::app {
 
@@ -27,7 +27,7 @@ class FoxgloveView {
   using Log = std::function<void(const std::string& line)>;
 
   /// `may_pause`: whether viewers may pause the simulation. Throws InputError if the port cannot be used.
-  FoxgloveView(streaming::LiveView::CurrentSimulator simulator, const FoxgloveOptions& options, bool may_pause,
+  FoxgloveView(publishing::LiveView::CurrentSimulator simulator, const FoxgloveOptions& options, bool may_pause,
                const rpc::ServerOptions& server, const Log& log);
   ~FoxgloveView();
   FoxgloveView(const FoxgloveView&) = delete;

@@ -5,15 +5,15 @@
 #include <sstream>
 
 #include "command.h"
-#include "tileflight/base/text_fields.h"
-#include "tileflight/survey/render_stage.h"
+#include "tileflight/core/base/text_fields.h"
+#include "tileflight/capture/ingest/ingest_stage.h"
 
 namespace tileflight::app {
 
 namespace {
 
 /// `text`: the option's value, empty if it is not given.
-void set_time_offset(const std::string& text, survey::IngestedFlightConfig& flight) {
+void set_time_offset(const std::string& text, ingest::IngestedFlightConfig& flight) {
   if (text.empty()) return;
   flight.estimates_telemetry_offset = text == "auto";
   if (flight.estimates_telemetry_offset) return;
@@ -24,7 +24,7 @@ void set_time_offset(const std::string& text, survey::IngestedFlightConfig& flig
 }
 
 /// `paths`: PATH of a single camera, or of a rig PATH or NAME=PATH of each.
-void set_videos(const std::vector<std::string>& paths, survey::IngestedFlightConfig& flight) {
+void set_videos(const std::vector<std::string>& paths, ingest::IngestedFlightConfig& flight) {
   for (const std::string& text : paths) {
     const std::size_t sign = std::filesystem::exists(text) ? std::string::npos : text.find('=');
     if (sign == std::string::npos) {
@@ -33,12 +33,12 @@ void set_videos(const std::vector<std::string>& paths, survey::IngestedFlightCon
       flight.videos.push_back({text.substr(0, sign), text.substr(sign + 1)});
     }
   }
-  const auto has_name = [](const survey::CameraVideo& one) { return !one.camera.empty(); };
+  const auto has_name = [](const ingest::CameraVideo& one) { return !one.camera.empty(); };
   const auto named = static_cast<std::size_t>(std::ranges::count_if(flight.videos, has_name));
   if (named != 0 && named != paths.size())
     throw CLI::ValidationError("VIDEO", "give all cameras a name (NAME=PATH), or none");
-  for (const survey::CameraVideo& one : flight.videos) {
-    if (has_name(one) && std::ranges::count(flight.videos, one.camera, &survey::CameraVideo::camera) > 1)
+  for (const ingest::CameraVideo& one : flight.videos) {
+    if (has_name(one) && std::ranges::count(flight.videos, one.camera, &ingest::CameraVideo::camera) > 1)
       throw CLI::ValidationError("VIDEO", "camera " + one.camera + " is given twice");
   }
   if (paths.size() > 1 || named > 0) return;
@@ -56,7 +56,7 @@ std::string synchronisation_text(const nlohmann::json& found) {
 }
 
 struct IngestOptions {
-  survey::IngestedFlightConfig flight;
+  ingest::IngestedFlightConfig flight;
   std::vector<std::string> videos;
   std::string camera, telemetry, imu, imu_noise, truth, groundtruth, out, time_offset;
 };
@@ -101,7 +101,7 @@ void complete_flight(IngestOptions& options) {
 }
 
 Output ingest(const IngestOptions& options, bool force, const Progress& progress) {
-  const nlohmann::json r = survey::ingest_dataset(options.flight, options.truth, options.out, force, progress);
+  const nlohmann::json r = ingest::ingest_dataset(options.flight, options.truth, options.out, force, progress);
   std::ostringstream text;
   text << options.out << ": " << r["frames"] << " frames, " << r["positions"] << " positions";
   if (!options.imu.empty()) text << ", " << r["imu_readings"] << " readings of the inertial unit";

@@ -1,4 +1,4 @@
-#include "tileflight/tiles/inspect.h"
+#include "tileflight/tiles/tileset/inspect.h"
 
 #include <cmath>
 #include <iomanip>
@@ -8,19 +8,19 @@
 #include "command.h"
 #include "inspect_place.h"
 #include "source_options.h"
-#include "tileflight/base/formatted_text.h"
-#include "tileflight/base/string_lists.h"
-#include "tileflight/place/extract.h"
-#include "tileflight/place/extract_cost.h"
+#include "tileflight/core/base/formatted_text.h"
+#include "tileflight/core/base/string_lists.h"
+#include "tileflight/world/place/extract.h"
+#include "tileflight/world/place/extract_cost.h"
 
 namespace tileflight::app {
 namespace {
 
 using nlohmann::json;
 
-json levels_json(const tiles::TilesetSummary& s) {
+json levels_json(const tileset::TilesetSummary& s) {
   json levels = json::array();
-  for (const tiles::LevelSummary& level : s.levels) {
+  for (const tileset::LevelSummary& level : s.levels) {
     levels.push_back({{"tiles", level.tiles},
                       {"geometric_error_min", level.geometric_error_min_m},
                       {"geometric_error_max", level.geometric_error_max_m}});
@@ -28,13 +28,13 @@ json levels_json(const tiles::TilesetSummary& s) {
   return levels;
 }
 
-json center_json(const tiles::TilesetSummary& s) {
+json center_json(const tileset::TilesetSummary& s) {
   if (!s.center) return nullptr;
   return {{"lat", s.center->latitude_deg}, {"lon", s.center->longitude_deg}, {"height", s.center->height.m}};
 }
 
 /// Numbers that need the whole tree.
-json counts_json(const tiles::TilesetSummary& s) {
+json counts_json(const tileset::TilesetSummary& s) {
   const auto known = [&](std::int64_t number) { return s.content_sizes_known ? json(number) : json(nullptr); };
   return {{"tiles", s.tiles},
           {"tiles_with_content", s.tiles_with_content},
@@ -57,7 +57,7 @@ struct ExtractEstimate {
   double area_km2 = 0.0;  ///< of the place's bounds
 };
 
-ExtractEstimate estimate_extract(const tiles::TilesetSummary& s) {
+ExtractEstimate estimate_extract(const tileset::TilesetSummary& s) {
   const geometry::Vec3 size = s.bounds_local.sizes();
   ExtractEstimate estimate{
       place::estimate_extract_cost(s.probes, static_cast<double>(s.finest_contents),
@@ -68,7 +68,7 @@ ExtractEstimate estimate_extract(const tiles::TilesetSummary& s) {
   return estimate;
 }
 
-json estimate_json(const tiles::TilesetSummary& s) {
+json estimate_json(const tileset::TilesetSummary& s) {
   const ExtractEstimate estimate = estimate_extract(s);
   json out{{"nested_files", s.nested_files},
            {"nested_files_not_opened", s.nested_files - s.nested_files_opened},
@@ -85,7 +85,7 @@ json estimate_json(const tiles::TilesetSummary& s) {
   return out;
 }
 
-json to_json(const tiles::TilesetSummary& s) {
+json to_json(const tileset::TilesetSummary& s) {
   const auto corner = [](const geometry::Vec3& v) { return json{v.x(), v.y(), v.z()}; };
   json out{{"version", s.version},
            {"generator", s.generator},
@@ -114,14 +114,14 @@ std::string spread_text(double spread) {
 }
 
 /// What was not opened; empty: everything was.
-std::string sample_text(const tiles::TilesetSummary& s) {
+std::string sample_text(const tileset::TilesetSummary& s) {
   if (!s.is_estimate) return "";
   return std::to_string(s.nested_files - s.nested_files_opened) + " of " + std::to_string(s.nested_files) +
          " external tilesets and subtrees were not opened: numbers of tiles, contents and files are estimates (" +
          spread_text(s.count_spread) + "); --all opens them\n";
 }
 
-std::string estimate_text(const tiles::TilesetSummary& s) {
+std::string estimate_text(const tileset::TilesetSummary& s) {
   if (s.probes.empty()) return "";
   const ExtractEstimate estimate = estimate_extract(s);
   std::string text = "estimate of `extract` of everything, from " + std::to_string(s.probes.size()) +
@@ -132,7 +132,7 @@ std::string estimate_text(const tiles::TilesetSummary& s) {
   return text;
 }
 
-std::string inspect_summary(const tiles::TilesetSummary& s) {
+std::string inspect_summary(const tileset::TilesetSummary& s) {
   std::ostringstream text;
   text << std::fixed << std::setprecision(1);
   const char* about = s.is_estimate ? "about " : "";
@@ -197,12 +197,12 @@ void add_inspect(CLI::App& app, CommonOptions& common, Selection& selection) {
   add_common_options(*command, common);
   command->callback([options, command, &selection] {
     selection.run = [options, command](const CommonOptions&, const Progress& progress) -> Output {
-      const transport::SourceOptions source = source_options(options->arguments);
+      const fetch::SourceOptions source = source_options(options->arguments);
       check_inspect_place(*command, options->place);
       Output output{nlohmann::json::object(), ""};
       if (tells_whole_tileset(options->place, options->source)) {
-        const tiles::TilesetSummary s =
-            tiles::inspect_tileset(options->source, source, {.all = options->all}, progress);
+        const tileset::TilesetSummary s =
+            tileset::inspect_tileset(options->source, source, {.all = options->all}, progress);
         output = {to_json(s), inspect_summary(s)};
       }
       inspect_place(options->source, source, *command, options->place, output, progress);

@@ -4,9 +4,9 @@
 
 #include <algorithm>
 
-#include "tileflight/base/input_error.h"
-#include "tileflight/place/ground_heights.h"
-#include "tileflight/place/inspect_map.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/world/place/ground_heights.h"
+#include "tileflight/capture/preview/inspect_map.h"
 
 namespace tileflight::app {
 namespace {
@@ -26,17 +26,17 @@ void merge(const nlohmann::json& more, nlohmann::json& all) {
   }
 }
 
-void draw_map(const std::string& source, const tiles::LoadOptions& load, const CLI::App& command,
+void draw_map(const std::string& source, const tileset::LoadOptions& load, const CLI::App& command,
               const InspectPlaceOptions& options, Output& output, const Progress& progress) {
-  place::InspectMapSettings settings{.source = source, .load = load, .error_m = {}, .longer_side_px = options.pixels};
+  preview::InspectMapSettings settings{.source = source, .load = load, .error_m = {}, .longer_side_px = options.pixels};
   if (command.get_option("--error")->count() > 0) settings.error_m = options.region.error_m;
   if (options.memory_gb > 0) settings.max_memory_bytes = static_cast<std::uintmax_t>(options.memory_gb * 1e9);
-  const nlohmann::json found = place::inspect_map(settings, options.map, progress);
+  const nlohmann::json found = preview::inspect_map(settings, options.map, progress);
   merge(found, output.json);
-  output.text += place::inspect_map_text(found);
+  output.text += preview::inspect_map_text(found);
 }
 
-void ask_heights(const std::string& source, const tiles::LoadOptions& load, const InspectPlaceOptions& options,
+void ask_heights(const std::string& source, const tileset::LoadOptions& load, const InspectPlaceOptions& options,
                  Output& output, const Progress& progress) {
   std::vector<place::GroundQuery> points;
   for (const std::string& text : options.at) points.push_back(place::parse_geodetic_query(text));
@@ -80,13 +80,13 @@ void check_inspect_place(const CLI::App& command, const InspectPlaceOptions& opt
 
 bool tells_whole_tileset(const InspectPlaceOptions& options, const std::string& source) {
   if (options.map.empty()) return !asks_heights(options);
-  return !transport::is_network_source(source);
+  return !fetch::is_network_source(source);
 }
 
-void inspect_place(const std::string& source, const transport::SourceOptions& source_options, const CLI::App& command,
+void inspect_place(const std::string& source, const fetch::SourceOptions& source_options, const CLI::App& command,
                    const InspectPlaceOptions& options, Output& output, const Progress& progress) {
   if (options.map.empty() && !asks_heights(options)) return;
-  tiles::LoadOptions load = load_options(options.region);
+  tileset::LoadOptions load = load_options(options.region);
   load.source = source_options;
   if (!options.map.empty()) draw_map(source, load, command, options, output, progress);
   if (asks_heights(options)) ask_heights(source, load, options, output, progress);

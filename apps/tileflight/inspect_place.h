@@ -6,7 +6,7 @@
 
 #include "command.h"
 #include "region_options.h"
-#include "tileflight/transport/open_source.h"
+#include "tileflight/tiles/fetch/open_source.h"
 
 namespace tileflight::app {
 
@@ -28,7 +28,7 @@ void check_inspect_place(const CLI::App& command, const InspectPlaceOptions& opt
 bool tells_whole_tileset(const InspectPlaceOptions& options, const std::string& source);
 
 /// Adds the results for the map and the points.
-void inspect_place(const std::string& source, const transport::SourceOptions& source_options, const CLI::App& command,
+void inspect_place(const std::string& source, const fetch::SourceOptions& source_options, const CLI::App& command,
                    const InspectPlaceOptions& options, Output& output, const Progress& progress);
 
 }  // namespace tileflight::app

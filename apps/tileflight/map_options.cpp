@@ -1,6 +1,6 @@
 #include "map_options.h"
 
-#include "tileflight/base/folder_marker.h"
+#include "tileflight/core/base/folder_marker.h"
 
 namespace tileflight::app {
 

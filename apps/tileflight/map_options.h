@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/scoring/align_stage.h"
-#include "tileflight/scoring/evaluate.h"
+#include "tileflight/evaluation/scoring/align_stage.h"
+#include "tileflight/evaluation/scoring/evaluate.h"
 
 namespace tileflight::app {
 

@@ -12,7 +12,7 @@
 #include <thread>
 
 #include "command.h"
-#include "tileflight/base/input_error.h"
+#include "tileflight/core/base/input_error.h"
 
 #ifdef TILEFLIGHT_MPI
 #define OMPI_SKIP_MPICXX 1
@@ -92,7 +92,7 @@ class EndWatch {
   std::thread thread_;
 };
 
-class MpiRanks : public workflow::Ranks {
+class MpiRanks : public jobs::Ranks {
  public:
   MpiRanks() {
     int level = 0;
@@ -187,7 +187,7 @@ class MpiRanks : public workflow::Ranks {
 
 }  // namespace
 
-std::unique_ptr<workflow::Ranks> ranks_of_mpirun() {
+std::unique_ptr<jobs::Ranks> ranks_of_mpirun() {
   if (!is_started_by_mpirun()) return nullptr;
 #ifdef TILEFLIGHT_MPI
   return std::make_unique<MpiRanks>();
@@ -197,12 +197,12 @@ std::unique_ptr<workflow::Ranks> ranks_of_mpirun() {
 #endif
 }
 
-nlohmann::json run_among_ranks(const std::function<nlohmann::json(workflow::Ranks*)>& work) {
-  const std::unique_ptr<workflow::Ranks> ranks = ranks_of_mpirun();
+nlohmann::json run_among_ranks(const std::function<nlohmann::json(jobs::Ranks*)>& work) {
+  const std::unique_ptr<jobs::Ranks> ranks = ranks_of_mpirun();
   if (!ranks) return work(nullptr);
   try {
     return work(ranks.get());
-  } catch (const workflow::CollectiveError&) {
+  } catch (const jobs::CollectiveError&) {
     if (ranks->rank() == 0) throw;
     throw FailedElsewhere();
   } catch (const std::exception& fault) {

@@ -5,18 +5,18 @@
 #include <memory>
 #include <nlohmann/json_fwd.hpp>
 
-#include "tileflight/workflow/ranks.h"
+#include "tileflight/core/jobs/ranks.h"
 
 namespace tileflight::app {
 
 /// The processes that mpirun started together with this one, or null. MPI is initialized only in the former case, and
 /// finalized by the object's destructor. Throws InputError in a build without MPI.
-std::unique_ptr<workflow::Ranks> ranks_of_mpirun();
+std::unique_ptr<jobs::Ranks> ranks_of_mpirun();
 
 /// Runs `work` with the processes of mpirun, or with null where there are none. A failure known to all is thrown by the
 /// first process, by the others as FailedElsewhere; one that only a single process knows of is printed and terminates
 /// all.
-nlohmann::json run_among_ranks(const std::function<nlohmann::json(workflow::Ranks*)>& work);
+nlohmann::json run_among_ranks(const std::function<nlohmann::json(jobs::Ranks*)>& work);
 
 /// Ends a process that failed together with the first one, which reports the failure. mpirun ends all processes as soon
 /// as one has failed, also the first before it has said why; so this one waits for that, at most 5 s.

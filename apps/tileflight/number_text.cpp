@@ -3,8 +3,8 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "tileflight/base/formatted_text.h"
-#include "tileflight/base/number_text.h"
+#include "tileflight/core/base/formatted_text.h"
+#include "tileflight/core/base/number_text.h"
 
 namespace tileflight::app {
 

@@ -4,9 +4,9 @@
 #include "command.h"
 #include "doubts_text.h"
 #include "number_text.h"
-#include "tileflight/survey/track.h"
-#include "tileflight/survey/track_inputs.h"
-#include "tileflight/systems/run_system.h"
+#include "tileflight/slam/odometry/track.h"
+#include "tileflight/slam/odometry/track_inputs.h"
+#include "tileflight/slam/external_systems/run_system.h"
 
 namespace tileflight::app {
 namespace {
@@ -14,22 +14,22 @@ namespace {
 struct OdometryCommandOptions {
   std::string dataset;
   std::string out;
-  survey::FrameRange range;
+  odometry::FrameRange range;
   odometry::OdometryOptions settings;
-  survey::TrackOptions extras;
+  odometry::TrackOptions extras;
   double min_parallax_deg = 0.0;
   bool active_points_only = false;
   bool deterministic = false;
   std::string mode = "mono";
   std::string system;  ///< empty: the built-in odometry, in this process
-  systems::ProcessLimits limits;
+  external_systems::ProcessLimits limits;
   double memory_limit_gb = 0.0;
 };
 
 constexpr double kDegreesOfRadian = 180.0 / std::numbers::pi;
 
 void add_extras(CLI::App& command, OdometryCommandOptions& options) {
-  survey::TrackOptions& extras = options.extras;
+  odometry::TrackOptions& extras = options.extras;
   command.add_option("--camera", extras.camera,
                      "one of a rig's cameras, by its name (default: the first); or a calibration instead of the "
                      "dataset's: Kalibr, OpenCV, COLMAP, DSO or VSLAM-LAB");
@@ -103,14 +103,14 @@ void add_system_options(CLI::App& command, OdometryCommandOptions& options) {
 }
 
 Output run_other_system(const OdometryCommandOptions& options, const CommonOptions& shared, const Progress& progress) {
-  systems::SystemRunOptions run{.seed = options.settings.initialization.seed,
+  external_systems::SystemRunOptions run{.seed = options.settings.initialization.seed,
                                 .threads = shared.threads,
                                 .limits = options.limits,
                                 .program = {},
                                 .replace = shared.force};
   run.limits.memory_mb = 1000.0 * options.memory_limit_gb;
-  const systems::Adapter adapter = systems::find_adapter(options.system);
-  const nlohmann::json result = systems::run_system(adapter, options.dataset, options.out, run, progress);
+  const external_systems::Adapter adapter = external_systems::find_adapter(options.system);
+  const nlohmann::json result = external_systems::run_system(adapter, options.dataset, options.out, run, progress);
   const nlohmann::json& system = result["system"];
   if (system["completed"] == false)
     throw std::runtime_error(adapter.title + " on " + options.dataset + ": " + system["reason"].get<std::string>());
@@ -139,9 +139,9 @@ std::string odometry_summary(const nlohmann::json& result, const std::string& ou
 }
 
 Output run_built_in(OdometryCommandOptions& options, bool force, const Progress& progress) {
-  options.extras.mode = survey::parse_odometry_mode("--mode", options.mode);
+  options.extras.mode = odometry::parse_odometry_mode("--mode", options.mode);
   const nlohmann::json result =
-      survey::track(options.dataset, options.out, force, options.settings, options.range, progress, options.extras);
+      odometry::track(options.dataset, options.out, force, options.settings, options.range, progress, options.extras);
   if (result["frames_tracked"].get<std::int64_t>() == 0) {
     throw std::runtime_error(options.dataset + ": " + result["lost_reason"].get<std::string>());
   }

@@ -9,7 +9,7 @@
 #include <string>
 #include <thread>
 
-#include "tileflight/base/input_error.h"
+#include "tileflight/core/base/input_error.h"
 
 namespace tileflight::app {
 namespace {

@@ -8,12 +8,12 @@
 #include "ros2_view.h"
 #include "source_options.h"
 #include "stop_signals.h"
-#include "tileflight/base/input_error.h"
-#include "tileflight/base/string_lists.h"
-#include "tileflight/rpc/server.h"
-#include "tileflight/streaming/dataset_player.h"
-#include "tileflight/streaming/foxglove_sink.h"
-#include "tileflight/streaming/ros2_sink.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/string_lists.h"
+#include "tileflight/live/rpc/server.h"
+#include "tileflight/live/publishing/dataset_player.h"
+#include "tileflight/live/publishing/foxglove_sink.h"
+#include "tileflight/live/publishing/ros2_sink.h"
 
 namespace tileflight::app {
 namespace {
@@ -23,7 +23,7 @@ struct PlayCommandOptions {
   std::vector<std::string> cameras;  ///< names of a rig's, or a calibration
   std::string camera_id;
   SourceArguments source_arguments;
-  streaming::PlayOptions play;
+  publishing::PlayOptions play;
   foxglove::ServerOptions server{.port = 8765, .name = "tileflight play"};
   bool foxglove = false;
   Ros2Options ros2;
@@ -40,7 +40,7 @@ Progress stoppable(const Progress& progress, const std::stop_token& stop) {
 }
 
 /// All cameras, with the chosen ones in `play`; or the dataset's only (or first) one with another calibration.
-dataset::Rig read_played(const PlayCommandOptions& options, streaming::PlayOptions& play) {
+dataset::Rig read_played(const PlayCommandOptions& options, publishing::PlayOptions& play) {
   const std::vector<std::string> names = dataset::rig_camera_names(options.dataset);
   const auto is_name = [&names](const std::string& word) { return std::ranges::find(names, word) != names.end(); };
   if (options.cameras.size() == 1 && !is_name(options.cameras.front()))
@@ -71,10 +71,10 @@ PlayedFrames frames_of(const dataset::Rig& rig, const std::vector<std::string>& 
   return frames;
 }
 
-std::optional<streaming::PlaceGlb> place_of(const PlayCommandOptions& options, const dataset::Dataset& dataset,
+std::optional<publishing::PlaceGlb> place_of(const PlayCommandOptions& options, const dataset::Dataset& dataset,
                                             const Progress& progress) {
   if (options.place.empty()) return std::nullopt;
-  return streaming::read_place_glb(options.place, source_options(options.source_arguments), dataset, progress);
+  return publishing::read_place_glb(options.place, source_options(options.source_arguments), dataset, progress);
 }
 
 /// Who is played to: Foxglove's viewers, ROS 2's nodes, or both.
@@ -97,7 +97,7 @@ class Audience {
     all_.emplace(sinks_);
   }
 
-  streaming::MessageSink& sink() { return *all_; }
+  publishing::MessageSink& sink() { return *all_; }
   std::optional<int> port() const { return server_ ? std::optional<int>(server_->port()) : std::nullopt; }
   std::optional<std::string> ros2_network() const {
     return participant_ ? std::optional(participant_->network()) : std::nullopt;
@@ -112,15 +112,15 @@ class Audience {
  private:
   std::optional<foxglove::Server> server_;
   std::optional<ros2::Participant> participant_;
-  std::optional<streaming::FoxgloveSink> viewers_;
-  std::optional<streaming::Ros2Sink> nodes_;
-  std::vector<streaming::MessageSink*> sinks_;
-  std::optional<streaming::SeveralSinks> all_;
+  std::optional<publishing::FoxgloveSink> viewers_;
+  std::optional<publishing::Ros2Sink> nodes_;
+  std::vector<publishing::MessageSink*> sinks_;
+  std::optional<publishing::SeveralSinks> all_;
 };
 
 /// Prints what users need to connect as soon as the server listens.
 void announce_player(const CommonOptions& common, const PlayCommandOptions& options,
-                     const streaming::DatasetPlayer& player, const PlayedFrames& frames, const Audience& audience) {
+                     const publishing::DatasetPlayer& player, const PlayedFrames& frames, const Audience& audience) {
   const std::optional<int> port = audience.port();
   const std::optional<std::string> network = audience.ros2_network();
   if (common.json) {
@@ -150,9 +150,9 @@ void warn_of_watchers(const foxglove::ServerOptions& options) {
 
 Output play(const PlayCommandOptions& options, const CommonOptions& common, const Progress& progress) try {
   const StopSignals signals;
-  streaming::PlayOptions settings = options.play;
+  publishing::PlayOptions settings = options.play;
   const dataset::Rig rig = read_played(options, settings);
-  streaming::DatasetPlayer player(rig, settings);
+  publishing::DatasetPlayer player(rig, settings);
   const auto place = place_of(options, rig.cameras.front().dataset, stoppable(progress, signals.token()));
   if (options.foxglove) warn_of_watchers(options.server);
   Audience audience(options, player.parameters(), [quiet = common.quiet](const std::string& line) {
@@ -179,7 +179,7 @@ void add_player_options(CLI::App& command, PlayCommandOptions& options) {
   command.add_option("--bind", options.server.address, "address to listen on (0.0.0.0: other machines can connect)")
       ->capture_default_str();
   command.add_option("--rate", options.play.rate, "recorded seconds per second")
-      ->check(CLI::Range(0.001, streaming::kMaxPlayRate))
+      ->check(CLI::Range(0.001, publishing::kMaxPlayRate))
       ->capture_default_str();
   command.add_flag("--loop", options.play.loop, "begin again at the end");
   command.add_flag("--paused", options.play.is_paused, "begin when a viewer sets the parameter `paused` to false")

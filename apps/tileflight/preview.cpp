@@ -1,4 +1,4 @@
-#include "tileflight/preview/preview.h"
+#include "tileflight/capture/preview/preview.h"
 
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -7,8 +7,8 @@
 #include "command.h"
 #include "region_options.h"
 #include "source_options.h"
-#include "tileflight/experiment/experiment_file.h"
-#include "tileflight/preview/preview_text.h"
+#include "tileflight/experiments/experiment/experiment_file.h"
+#include "tileflight/capture/preview/preview_text.h"
 
 namespace tileflight::app {
 namespace {
@@ -22,7 +22,7 @@ struct PreviewOptions {
 };
 
 Output preview(PreviewOptions& options, bool force, const Progress& progress) {
-  survey::RenderSettings& settings = options.settings.render;
+  recording::RenderSettings& settings = options.settings.render;
   settings.fly_autopilot = autopilot_flyer();
   settings.load = load_options(options.region);
   settings.load.source = source_options(options.source_arguments);
@@ -41,7 +41,7 @@ Output preview(PreviewOptions& options, bool force, const Progress& progress) {
 
 void add_preview(CLI::App& app, CommonOptions& common, Selection& selection) {
   auto options = std::make_shared<PreviewOptions>();
-  survey::RenderSettings& render = options->settings.render;
+  recording::RenderSettings& render = options->settings.render;
   CLI::App* command =
       app.add_subcommand("preview", "preview a flight before rendering: map, profile, three images, cost, warnings");
   command->footer(

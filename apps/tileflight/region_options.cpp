@@ -2,14 +2,14 @@
 
 #include <limits>
 
-#include "tileflight/base/input_error.h"
-#include "tileflight/tiles/region_file.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/tiles/tileset/region_file.h"
 
 namespace tileflight::app {
 namespace {
 
 geometry::Geodetic geodetic(const std::vector<double>& numbers) {
-  // A missing height defaults to the centre of the tileset (tiles/load.h).
+  // A missing height defaults to the centre of the tileset (tiles/tileset/load.h).
   const double height_m = numbers.size() > 2 ? numbers[2] : std::numeric_limits<double>::quiet_NaN();
   return {numbers.at(0), numbers.at(1), geometry::EllipsoidalHeight{height_m}};
 }
@@ -47,11 +47,11 @@ void add_region_options(CLI::App& command, RegionOptions& options) {
   command.add_flag("--allow-incomplete", options.allow_incomplete, "continue without tiles that are missing or broken");
 }
 
-tiles::LoadOptions load_options(const RegionOptions& options) {
-  tiles::LoadOptions load;
+tileset::LoadOptions load_options(const RegionOptions& options) {
+  tileset::LoadOptions load;
   load.error_m = options.error_m;
   load.allow_incomplete = options.allow_incomplete;
-  tiles::set_region_from_geojson({options.region_files.begin(), options.region_files.end()}, load);
+  tileset::set_region_from_geojson({options.region_files.begin(), options.region_files.end()}, load);
   if (!options.center.empty()) load.center = geodetic(options.center);
   if (!options.center_local.empty()) load.center_local = vec3(options.center_local);
   if (!options.size.empty()) load.size = vec3(options.size);

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/tiles/load.h"
+#include "tileflight/tiles/tileset/load.h"
 
 namespace tileflight::app {
 
@@ -22,6 +22,6 @@ struct RegionOptions {
 void add_region_options(CLI::App& command, RegionOptions& options);
 
 /// Throws InputError for options that cannot be combined, or a GeoJSON file without an area.
-tiles::LoadOptions load_options(const RegionOptions& options);
+tileset::LoadOptions load_options(const RegionOptions& options);
 
 }  // namespace tileflight::app

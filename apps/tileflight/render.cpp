@@ -11,11 +11,11 @@
 #include "region_options.h"
 #include "source_options.h"
 #include "task_options.h"
-#include "tileflight/base/files.h"
-#include "tileflight/base/number_text.h"
-#include "tileflight/experiment/experiment_file.h"
-#include "tileflight/place/memory_budget.h"
-#include "tileflight/survey/render_stage.h"
+#include "tileflight/core/base/files.h"
+#include "tileflight/core/base/number_text.h"
+#include "tileflight/experiments/experiment/experiment_file.h"
+#include "tileflight/core/base/memory_budget.h"
+#include "tileflight/capture/recording/render_stage.h"
 
 namespace tileflight::app {
 namespace {
@@ -39,8 +39,8 @@ nlohmann::json asked(const CLI::App& command) {
 }
 
 /// "100:200"; nullopt if the text is no range.
-std::optional<workflow::IndexRange> frame_range(const std::string& text) {
-  workflow::IndexRange range;
+std::optional<jobs::IndexRange> frame_range(const std::string& text) {
+  jobs::IndexRange range;
   const char* const end = text.data() + text.size();
   const auto [colon, fault] = std::from_chars(text.data(), end, range.begin);
   if (fault != std::errc() || colon == end || *colon != ':') return std::nullopt;
@@ -60,22 +60,22 @@ std::string pixel_count_fault(const std::string& text) {
 }
 
 /// The frames in ranges, each a task, and a task that finishes the dataset.
-nlohmann::json render_in_tasks(const survey::RenderSettings& settings, const std::string& out,
+nlohmann::json render_in_tasks(const recording::RenderSettings& settings, const std::string& out,
                                const TaskArguments& tasks, const CommonOptions& common, const Progress& progress) {
-  if (!workflow::has_finished_tasks(out, "finish"))
-    base::require_writable(survey::render_output(settings, out, common.force));
-  const survey::FramePlan plan = survey::plan_frame_parts(settings, tasks.parts(), progress);
+  if (!jobs::has_finished_tasks(out, "finish"))
+    base::require_writable(recording::render_output(settings, out, common.force));
+  const recording::FramePlan plan = recording::plan_frame_parts(settings, tasks.parts(), progress);
   const double memory_gb = 1e-9 * static_cast<double>(settings.max_memory_bytes.value_or(
-                                      place::default_memory_bytes() / static_cast<unsigned>(tasks.on_this_machine())));
+                                      base::default_memory_bytes() / static_cast<unsigned>(tasks.on_this_machine())));
   const std::vector<std::string> memory{"--memory", base::fixed_text(memory_gb)};
-  workflow::PartedJob job{.output = out,
-                          .build_folder = survey::frame_build_folder(out),
+  jobs::PartedJob job{.output = out,
+                          .build_folder = recording::frame_build_folder(out),
                           .command = "render",
                           .parts = {},
                           .last = {"finish", memory},
                           .inputs_sha256 = plan.inputs_sha256};
   job.last.words.insert(job.last.words.end(), {"--resume", "--force"});
-  for (const workflow::IndexRange& part : plan.parts) {
+  for (const jobs::IndexRange& part : plan.parts) {
     const std::string begin = std::to_string(part.begin), end = std::to_string(part.end);
     job.parts.push_back({"frames-" + begin + "-" + end, memory});
     job.parts.back().words.insert(job.parts.back().words.end(), {"--frames", begin + ":" + end});
@@ -109,7 +109,7 @@ std::string part_of_frames_summary(const nlohmann::json& r) {
 struct RenderArguments {
   RegionOptions region;
   SourceArguments source_arguments;
-  survey::RenderSettings settings;
+  recording::RenderSettings settings;
   std::string flight, out, outputs, degrade, camera, frames, deal = "auto";
   TaskArguments tasks;
   std::vector<int> resolution;
@@ -129,12 +129,12 @@ void complete_settings(RenderArguments& options, const CLI::App& command) {
   options.settings.flight.flight = options.flight;
   options.settings.flight.camera = options.camera;
   options.settings.inputs = {options.degrade};
-  options.settings.dealt = options.deal == "tiles"    ? survey::Dealt::kTiles
-                           : options.deal == "frames" ? survey::Dealt::kFrames
-                                                      : survey::Dealt::kAuto;
-  survey::RenderOutputs& outputs = options.settings.flight.outputs;
+  options.settings.dealt = options.deal == "tiles"    ? recording::Dealt::kTiles
+                           : options.deal == "frames" ? recording::Dealt::kFrames
+                                                      : recording::Dealt::kAuto;
+  recording::RenderOutputs& outputs = options.settings.flight.outputs;
   outputs =
-      survey::parse_outputs(options.outputs, [](const std::string& what) { return InputError("--outputs", what); });
+      recording::parse_outputs(options.outputs, [](const std::string& what) { return InputError("--outputs", what); });
   outputs.depth = outputs.depth || options.depth;
   if (!options.degrade.empty()) {
     auto degrade = base::StrictSection::load(options.degrade);
@@ -208,9 +208,9 @@ Output render(RenderArguments& options, const CommonOptions& shared, const Progr
   }
   options.settings.part = frame_range(options.frames);
   std::optional<std::uintmax_t>& memory_bytes = options.settings.max_memory_bytes;  // of each process
-  if (!memory_bytes) memory_bytes = place::default_memory_bytes() / static_cast<unsigned>(ranks_on_this_machine());
-  const nlohmann::json r = run_among_ranks([&](workflow::Ranks* ranks) {
-    return survey::render_dataset(options.settings, options.out, shared.force, progress, ranks);
+  if (!memory_bytes) memory_bytes = base::default_memory_bytes() / static_cast<unsigned>(ranks_on_this_machine());
+  const nlohmann::json r = run_among_ranks([&](jobs::Ranks* ranks) {
+    return recording::render_dataset(options.settings, options.out, shared.force, progress, ranks);
   });
   if (r.is_null()) return {};  // another process prints
   return {r, options.settings.part ? part_of_frames_summary(r) : render_summary(r, options.out)};

@@ -1,10 +1,10 @@
-#include "tileflight/report/report.h"
+#include "tileflight/experiments/report/report.h"
 
 #include <nlohmann/json.hpp>
 
 #include "command.h"
 #include "open_in_viewer.h"
-#include "tileflight/study/study_results.h"
+#include "tileflight/experiments/study/study_results.h"
 
 namespace tileflight::app {
 

@@ -5,9 +5,9 @@
 #include <optional>
 #include <utility>
 
-#include "tileflight/ros2/configuration.h"
-#include "tileflight/streaming/ros2_control.h"
-#include "tileflight/streaming/ros2_sink.h"
+#include "tileflight/live/ros2/configuration.h"
+#include "tileflight/live/publishing/ros2_control.h"
+#include "tileflight/live/publishing/ros2_sink.h"
 
 namespace tileflight::app {
 namespace {
@@ -19,7 +19,7 @@ constexpr double kPoseRate_hz = 100.0;
 
 /// The view stops before the sink goes.
 struct Ros2View::Parts {
-  Parts(const streaming::LiveView::CurrentSimulator& simulator, const Ros2Options& wanted, bool may_control,
+  Parts(const publishing::LiveView::CurrentSimulator& simulator, const Ros2Options& wanted, bool may_control,
         const Log& log)
       : options(wanted),
         participant(options.participant, log),
@@ -34,12 +34,12 @@ struct Ros2View::Parts {
 
   Ros2Options options;
   ros2::Participant participant;
-  streaming::Ros2Sink sink;
-  streaming::LiveView view;
-  std::optional<streaming::Ros2Control> control;
+  publishing::Ros2Sink sink;
+  publishing::LiveView view;
+  std::optional<publishing::Ros2Control> control;
 };
 
-Ros2View::Ros2View(streaming::LiveView::CurrentSimulator simulator, const Ros2Options& options, bool may_control,
+Ros2View::Ros2View(publishing::LiveView::CurrentSimulator simulator, const Ros2Options& options, bool may_control,
                    const Log& log)
     : parts_(std::make_unique<Parts>(std::move(simulator), options, may_control, log)) {
   warn_of_ros2_network(options, parts_->participant.network(),
@@ -73,7 +73,7 @@ CLI::Option* add_ros2_options(CLI::App& command, Ros2Options& options) {
 
 void add_ros2_rate_option(CLI::App& command, CLI::Option& wanted, Ros2Options& options) {
   command.add_option("--ros2-rate", options.image_rate_hz, "pictures and scans per second for ROS 2, at most")
-      ->check(CLI::Range(0.1, streaming::kMaxImageRate_hz))
+      ->check(CLI::Range(0.1, publishing::kMaxImageRate_hz))
       ->needs(&wanted)
       ->capture_default_str();
 }

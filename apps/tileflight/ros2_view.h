@@ -6,8 +6,8 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "tileflight/ros2/participant.h"
-#include "tileflight/streaming/live_view.h"
+#include "tileflight/live/ros2/participant.h"
+#include "tileflight/live/publishing/live_view.h"
 
 namespace tileflight::app {
 
@@ -36,7 +36,7 @@ class Ros2View {
 
   /// `may_control`: nodes may fly and reset vehicles, else they only watch. Throws InputError if the domain cannot be
   /// joined.
-  Ros2View(streaming::LiveView::CurrentSimulator simulator, const Ros2Options& options, bool may_control,
+  Ros2View(publishing::LiveView::CurrentSimulator simulator, const Ros2Options& options, bool may_control,
            const Log& log);
   ~Ros2View();
   Ros2View(const Ros2View&) = delete;

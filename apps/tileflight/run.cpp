@@ -1,4 +1,4 @@
-#include "tileflight/experiment/run.h"
+#include "tileflight/experiments/experiment/run.h"
 
 #ifdef __linux__
 #include <malloc.h>
@@ -9,9 +9,9 @@
 #include "command.h"
 #include "doubts_text.h"
 #include "source_options.h"
-#include "tileflight/report/ablation_table.h"
-#include "tileflight/report/map_comparison_tables.h"
-#include "tileflight/report/report.h"
+#include "tileflight/experiments/report/ablation_table.h"
+#include "tileflight/experiments/report/map_comparison_tables.h"
+#include "tileflight/experiments/report/report.h"
 
 namespace tileflight::app {
 namespace {

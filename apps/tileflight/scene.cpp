@@ -1,6 +1,6 @@
 #include "command.h"
-#include "tileflight/base/output_folder.h"
-#include "tileflight/stadium/stadium.h"
+#include "tileflight/core/base/output_folder.h"
+#include "tileflight/tiles/demo_place/stadium.h"
 
 namespace tileflight::app {
 
@@ -24,9 +24,9 @@ void add_scene(CLI::App& app, CommonOptions& common, Selection& selection) {
                                       .command = "scene",
                                       .replace = shared.force,
                                       .inputs = {},
-                                      .legacy = stadium::legacy_stadium_folder()};
+                                      .legacy = demo_place::legacy_stadium_folder()};
       base::write_folder(output, [&](const std::filesystem::path& temporary) {
-        stadium::write_stadium(temporary, {.seed = options->seed}, progress);
+        demo_place::write_stadium(temporary, {.seed = options->seed}, progress);
       });
       const std::filesystem::path out = options->out;
       return {{{"twin", (out / "twin/tileset.json").string()}, {"world", (out / "world/tileset.json").string()}},

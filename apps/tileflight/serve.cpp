@@ -22,13 +22,13 @@
 #include "ros2_view.h"
 #include "serve_session.h"
 #include "source_options.h"
-#include "tileflight/autopilot/shared_ports.h"
-#include "tileflight/base/files.h"
-#include "tileflight/base/input_error.h"
-#include "tileflight/base/number_text.h"
-#include "tileflight/server/extension_methods.h"
-#include "tileflight/server/levels.h"
-#include "tileflight/server/method_table.h"
+#include "tileflight/live/autopilot/shared_ports.h"
+#include "tileflight/core/base/files.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/number_text.h"
+#include "tileflight/live/airsim/extension_methods.h"
+#include "tileflight/live/airsim/levels.h"
+#include "tileflight/live/airsim/method_table.h"
 
 namespace tileflight::app {
 namespace {
@@ -132,7 +132,7 @@ std::string world_text(const ServeOptions& options) {
 
 /// For a level: settings and limits of the command line, but no region, which is of SOURCE.
 simulator::SimulatorOptions level_options(simulator::SimulatorOptions options, const std::string& source) {
-  tiles::LoadOptions load;
+  tileset::LoadOptions load;
   load.error_m = options.load.error_m;
   load.allow_incomplete = options.load.allow_incomplete;
   load.source = options.load.source;
@@ -147,7 +147,7 @@ rpc::ServerOptions server_options(const ServeOptions& options, const simulator::
   const std::optional<int> of_settings = simulator.settings_port();
   if (!options.port_given && of_settings) result.port = static_cast<std::uint16_t>(*of_settings);
   if (!options.token_file.empty()) result.token = token_of(options.token_file);
-  result.token_method = server::kAuthenticateMethod;
+  result.token_method = airsim::kAuthenticateMethod;
   result.limits.message.max_bytes = options.message_mb << 20U;
   return result;
 }
@@ -266,7 +266,7 @@ Output serve(const ServeOptions& options, const CommonOptions& common, const Pro
   const auto options_of_level = [&first](const std::string& source) { return level_options(first, source); };
   if (!options.session.replay.empty())
     return replay(options.session.replay, {first, sources, options_of_level, world_text(options)}, log, progress);
-  std::unique_ptr<server::SessionRecorder> recorder;
+  std::unique_ptr<airsim::SessionRecorder> recorder;
   if (!options.session.record.empty())
     recorder = start_recording(options.session.record, world_text(options), first, log);
   const auto open_level = [&](const std::string& source) {
@@ -279,7 +279,7 @@ Output serve(const ServeOptions& options, const CommonOptions& common, const Pro
     for (const std::string& line : autopilot_lines(*level)) log(line);
     return level;
   };
-  server::Levels levels(std::make_shared<simulator::Simulator>(first, log, progress), sources, open_level, log);
+  airsim::Levels levels(std::make_shared<simulator::Simulator>(first, log, progress), sources, open_level, log);
   if (isatty(STDERR_FILENO) == 1) std::cerr << "\r\033[K";  // clear the progress line
   std::unique_ptr<rpc::Server> server;
   const rpc::ServerOptions settings = server_options(options, *levels.current());
@@ -289,7 +289,7 @@ Output serve(const ServeOptions& options, const CommonOptions& common, const Pro
       return recorder->call(levels, methods, client, request);
     };
   }
-  server = std::make_unique<rpc::Server>(server::make_method_table(levels, [&server] { return server->statistics(); }),
+  server = std::make_unique<rpc::Server>(airsim::make_method_table(levels, [&server] { return server->statistics(); }),
                                          settings, log, caller);
   server->stop_at_signals();
   warn_of_other_machines(settings);

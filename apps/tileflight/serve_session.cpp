@@ -3,11 +3,11 @@
 #include <chrono>
 #include <utility>
 
-#include "tileflight/base/input_error.h"
-#include "tileflight/base/number_text.h"
-#include "tileflight/server/method_table.h"
-#include "tileflight/simulator/settings.h"
-#include "tileflight/simulator/simulation_clock.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/number_text.h"
+#include "tileflight/live/airsim/method_table.h"
+#include "tileflight/live/simulator/settings.h"
+#include "tileflight/live/simulator/simulation_clock.h"
 #include "version_text.h"
 
 namespace tileflight::app {
@@ -23,7 +23,7 @@ std::string counted(std::uint64_t number, const char* what) {
   return std::to_string(number) + " " + what + (number == 1 ? "" : "s");
 }
 
-void check_world(const std::string& file, const server::SessionHeader& header, const ReplayedWorld& world) {
+void check_world(const std::string& file, const airsim::SessionHeader& header, const ReplayedWorld& world) {
   if (!world.first.settings.empty() && world.first.settings != header.settings)
     throw InputError(file, "was recorded with other settings; they are in the file, leave --settings out");
   if (world.world != header.world)
@@ -31,14 +31,14 @@ void check_world(const std::string& file, const server::SessionHeader& header, c
                                world.world + "`");
 }
 
-std::string place_of(const server::SessionDifference& at) {
+std::string place_of(const airsim::SessionDifference& at) {
   const std::string time =
       " at " + base::rounded_text(static_cast<double>(at.tick) * simulator::SimulationClock::kStep_s, 3) + " s";
   if (at.client == 0) return at.what + time;
   return "call " + std::to_string(at.call) + ", " + at.what + " of client " + std::to_string(at.client) + time;
 }
 
-void require_same(const std::string& file, const server::SessionHeader& header, const server::ReplayResult& result) {
+void require_same(const std::string& file, const airsim::SessionHeader& header, const airsim::ReplayResult& result) {
   if (result.differences == 0) return;
   const auto& at = *result.first_difference;
   throw InputError(file, counted(result.differences, "answer") + " of " + std::to_string(result.answers_compared) +
@@ -63,12 +63,12 @@ std::uint64_t session_start_ns(const simulator::SimulatorOptions& options) {
   return simulator::default_start_ns(simulator::read_settings(options.settings, options.settings_name).clock);
 }
 
-std::unique_ptr<server::SessionRecorder> start_recording(const std::string& file, const std::string& world,
+std::unique_ptr<airsim::SessionRecorder> start_recording(const std::string& file, const std::string& world,
                                                          simulator::SimulatorOptions& first,
                                                          const simulator::SimulatorLog& log) {
   first.clock_start_ns = session_start_ns(first);
-  auto recorder = std::make_unique<server::SessionRecorder>(
-      file, server::SessionHeader{program(), first.source, first.settings, world, *first.clock_start_ns}, log);
+  auto recorder = std::make_unique<airsim::SessionRecorder>(
+      file, airsim::SessionHeader{program(), first.source, first.settings, world, *first.clock_start_ns}, log);
   first.journal = recorder->journal();
   return recorder;
 }
@@ -76,7 +76,7 @@ std::unique_ptr<server::SessionRecorder> start_recording(const std::string& file
 Output replay(const std::string& file, ReplayedWorld world, const simulator::SimulatorLog& log,
               const Progress& progress) {
   const auto begun = std::chrono::steady_clock::now();
-  server::SessionSummary session = server::summarize_session(file);
+  airsim::SessionSummary session = airsim::summarize_session(file);
   check_world(file, session.header, world);
   world.first.settings = session.header.settings;
   world.first.clock_start_ns = session.header.start_ns;
@@ -90,10 +90,10 @@ Output replay(const std::string& file, ReplayedWorld world, const simulator::Sim
     session.level_starts_ns.pop_front();
     return std::make_unique<simulator::Simulator>(options, log);
   };
-  server::Levels levels(std::make_shared<simulator::Simulator>(world.first, log, progress), world.levels, open_level,
+  airsim::Levels levels(std::make_shared<simulator::Simulator>(world.first, log, progress), world.levels, open_level,
                         log);
-  const rpc::MethodTable methods = server::make_method_table(levels, [] { return rpc::ServerStatistics{}; });
-  const server::ReplayResult result = server::replay_session(file, session.records, levels, methods, progress);
+  const rpc::MethodTable methods = airsim::make_method_table(levels, [] { return rpc::ServerStatistics{}; });
+  const airsim::ReplayResult result = airsim::replay_session(file, session.records, levels, methods, progress);
   require_same(file, session.header, result);
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
   Output output;

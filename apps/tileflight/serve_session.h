@@ -4,9 +4,9 @@
 #include <string>
 
 #include "command.h"
-#include "tileflight/server/levels.h"
-#include "tileflight/server/session_recorder.h"
-#include "tileflight/server/session_replay.h"
+#include "tileflight/live/airsim/levels.h"
+#include "tileflight/live/airsim/session_recorder.h"
+#include "tileflight/live/airsim/session_replay.h"
 
 namespace tileflight::app {
 
@@ -22,7 +22,7 @@ using LevelOptions = std::function<simulator::SimulatorOptions(const std::string
 
 /// Sets up the recording of the session in these worlds. `world`: the options that choose tiles and start.
 /// Throws InputError.
-std::unique_ptr<server::SessionRecorder> start_recording(const std::string& file, const std::string& world,
+std::unique_ptr<airsim::SessionRecorder> start_recording(const std::string& file, const std::string& world,
                                                          simulator::SimulatorOptions& first,
                                                          const simulator::SimulatorLog& log);
 /// Time stamp of the clock's start of a place that is opened now.

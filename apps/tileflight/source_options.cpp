@@ -48,8 +48,8 @@ void add_source_options(CLI::App& command, SourceArguments& arguments) {
       ->group(group);
 }
 
-transport::SourceOptions source_options(const SourceArguments& arguments) {
-  transport::SourceOptions options;
+fetch::SourceOptions source_options(const SourceArguments& arguments) {
+  fetch::SourceOptions options;
   options.headers = arguments.headers;
   options.http.allowed_hosts = arguments.allowed_hosts;
   if (!arguments.no_cache)

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/transport/open_source.h"
+#include "tileflight/tiles/fetch/open_source.h"
 
 namespace tileflight::app {
 
@@ -27,6 +27,6 @@ void add_source_options(CLI::App& command, SourceArguments& arguments);
 
 /// Source options with keys and tokens from the environment (GOOGLE_MAPS_API_KEY, CESIUM_ION_TOKEN, AWS_…), and the
 /// cache in $XDG_CACHE_HOME/tileflight (~/.cache/tileflight) unless another folder is given.
-transport::SourceOptions source_options(const SourceArguments& arguments);
+fetch::SourceOptions source_options(const SourceArguments& arguments);
 
 }  // namespace tileflight::app

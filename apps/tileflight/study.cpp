@@ -4,7 +4,7 @@
 
 #include "command.h"
 #include "number_text.h"
-#include "tileflight/study/run_study.h"
+#include "tileflight/experiments/study/run_study.h"
 
 namespace tileflight::app {
 namespace {
@@ -14,7 +14,7 @@ using nlohmann::json;
 struct StudyCommandOptions {
   std::string study, out;
   std::filesystem::path places;
-  workflow::TaskOptions run;
+  jobs::TaskOptions run;
   bool dry_run = false;
 };
 

@@ -2,19 +2,19 @@
 #include <sstream>
 
 #include "command.h"
-#include "tileflight/systems/adapter.h"
-#include "tileflight/systems/handed_dataset.h"
+#include "tileflight/slam/external_systems/adapter.h"
+#include "tileflight/slam/external_systems/handed_dataset.h"
 
 namespace tileflight::app {
 namespace {
 
 using nlohmann::json;
-using systems::Adapter;
+using external_systems::Adapter;
 
 json describe_adapter(const Adapter& adapter, const std::optional<dataset::Dataset>& dataset) {
   json inputs = json::array();
-  for (const systems::Input input : adapter.inputs) inputs.push_back(systems::to_text(input));
-  const std::string missing = systems::why_not_installed(adapter);
+  for (const external_systems::Input input : adapter.inputs) inputs.push_back(external_systems::to_text(input));
+  const std::string missing = external_systems::why_not_installed(adapter);
   json about{{"name", adapter.name},
              {"title", adapter.title},
              {"homepage", adapter.homepage},
@@ -29,9 +29,9 @@ json describe_adapter(const Adapter& adapter, const std::optional<dataset::Datas
              {"gpu", adapter.needs_gpu},
              {"installed", missing.empty()},
              {"missing", missing},
-             {"version", systems::installed_version(adapter)}};
+             {"version", external_systems::installed_version(adapter)}};
   if (dataset) {
-    const std::string reason = systems::why_not_applicable(adapter, *dataset);
+    const std::string reason = external_systems::why_not_applicable(adapter, *dataset);
     about["applicable"] = reason.empty();
     about["reason"] = reason;
   }
@@ -74,7 +74,7 @@ void add_systems(CLI::App& app, CommonOptions& common, Selection& selection) {
       if (!folder->empty()) dataset = dataset::read_dataset(*folder);
       json list = json::array();
       std::string text;
-      for (const Adapter& adapter : systems::list_adapters()) {
+      for (const Adapter& adapter : external_systems::list_adapters()) {
         list.push_back(describe_adapter(adapter, dataset));
         text += adapter_text(list.back());
       }

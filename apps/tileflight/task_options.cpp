@@ -31,16 +31,16 @@ void add_task_options(CLI::App& command, TaskArguments& arguments, const std::st
       ->group(group);
 }
 
-nlohmann::json run_in_tasks(workflow::PartedJob job, const TaskArguments& arguments, const CommonOptions& common,
+nlohmann::json run_in_tasks(jobs::PartedJob job, const TaskArguments& arguments, const CommonOptions& common,
                             const std::vector<std::string>& replaced, const Progress& progress) {
   std::vector<std::string> valued = replaced;
   valued.insert(valued.end(), {"--jobs", "--threads"});
-  const std::vector<std::string> words = workflow::without_options(
+  const std::vector<std::string> words = jobs::without_options(
       common.arguments, {"--json", "--quiet", "--force", "--resume", "--slurm", "--no-snakemake"}, valued);
-  const auto complete = [&](workflow::PartedJob::Call& call) {
+  const auto complete = [&](jobs::PartedJob::Call& call) {
     call.words.insert(call.words.begin(), words.begin(), words.end());
   };
-  for (workflow::PartedJob::Call& part : job.parts) complete(part);
+  for (jobs::PartedJob::Call& part : job.parts) complete(part);
   complete(job.last);
   const int cores =
       common.threads > 0 ? common.threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));

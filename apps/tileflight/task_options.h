@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "command.h"
-#include "tileflight/workflow/parted_job.h"
+#include "tileflight/core/jobs/parted_job.h"
 
 namespace tileflight::app {
 
@@ -29,7 +29,7 @@ void add_task_options(CLI::App& command, TaskArguments& arguments, const std::st
 
 /// Runs a job whose parts and last call are given by the words that they have in addition to the command line's own;
 /// `replaced`: valued options of the command line that these words replace.
-nlohmann::json run_in_tasks(workflow::PartedJob job, const TaskArguments& arguments, const CommonOptions& common,
+nlohmann::json run_in_tasks(jobs::PartedJob job, const TaskArguments& arguments, const CommonOptions& common,
                             const std::vector<std::string>& replaced, const Progress& progress);
 
 }  // namespace tileflight::app

@@ -8,13 +8,13 @@
 
 #include "command.h"
 #include "number_text.h"
-#include "tileflight/base/input_error.h"
-#include "tileflight/base/output_folder.h"
-#include "tileflight/place/memory_budget.h"
-#include "tileflight/tiling/georeference.h"
-#include "tileflight/tiling/large_mesh_tileset.h"
-#include "tileflight/tiling/mesh_source.h"
-#include "tileflight/tiling/mesh_tileset.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/output_folder.h"
+#include "tileflight/core/base/memory_budget.h"
+#include "tileflight/tiles/tile_writer/georeference.h"
+#include "tileflight/tiles/tile_writer/large_mesh_tileset.h"
+#include "tileflight/tiles/mesh_files/mesh_source.h"
+#include "tileflight/tiles/tile_writer/mesh_tileset.h"
 
 namespace tileflight::app {
 namespace {
@@ -34,13 +34,13 @@ struct TileOptions {
   int levels = 0;
   double memory_gb = 0.0;  ///< 0: half of the machine's
   std::string texture_format = "jpeg", compression = "none";
-  tiling::MeshTilesetOptions tileset;
+  tile_writer::MeshTilesetOptions tileset;
 };
 
-tiling::MeshSourceOptions source_of(const TileOptions& options) {
-  tiling::MeshSourceOptions out;
-  const std::map<std::string, tile_contents::UpAxis> axes{
-      {"x", tile_contents::UpAxis::kX}, {"y", tile_contents::UpAxis::kY}, {"z", tile_contents::UpAxis::kZ}};
+mesh_files::MeshSourceOptions source_of(const TileOptions& options) {
+  mesh_files::MeshSourceOptions out;
+  const std::map<std::string, tile_content::UpAxis> axes{
+      {"x", tile_content::UpAxis::kX}, {"y", tile_content::UpAxis::kY}, {"z", tile_content::UpAxis::kZ}};
   if (!options.up.empty()) out.up = axes.at(options.up);
   out.metres_per_unit = options.scale;
   out.textures = !options.no_textures;
@@ -54,28 +54,28 @@ struct MeshFrame {
 };
 
 /// Of a mesh in map coordinates: from the options or else from a file beside it or in its folder.
-std::optional<tiling::Georeference> map_of(const TileOptions& options, const fs::path& first_file) {
+std::optional<tile_writer::Georeference> map_of(const TileOptions& options, const fs::path& first_file) {
   if (!options.crs.empty()) {
-    tiling::Georeference place{options.crs, geometry::Vec3::Zero(), "--crs"};
+    tile_writer::Georeference place{options.crs, geometry::Vec3::Zero(), "--crs"};
     if (!options.offset.empty()) place.offset = geometry::Vec3(options.offset.data());
     return place;
   }
-  std::optional<tiling::Georeference> place = tiling::find_georeference(first_file);
+  std::optional<tile_writer::Georeference> place = tile_writer::find_georeference(first_file);
   std::error_code ignored;
   for (const std::string& mesh : options.meshes)
-    if (!place && fs::is_directory(mesh, ignored)) place = tiling::find_georeference(fs::path(mesh) / "mesh");
+    if (!place && fs::is_directory(mesh, ignored)) place = tile_writer::find_georeference(fs::path(mesh) / "mesh");
   return place;
 }
 
 /// `move`: moves a mesh that is in map coordinates into a local frame, and returns that frame.
 MeshFrame place_on_earth(const TileOptions& options, const fs::path& first_file,
-                         const std::function<geometry::LocalFrame(const tiling::Georeference&)>& move) {
+                         const std::function<geometry::LocalFrame(const tile_writer::Georeference&)>& move) {
   if (options.no_georeference) return {};
   if (!options.georeference.empty())
     return {geometry::LocalFrame({options.georeference[0], options.georeference[1],
                                   geometry::EllipsoidalHeight{options.georeference[2]}}),
             "--georeference"};
-  const std::optional<tiling::Georeference> place = map_of(options, first_file);
+  const std::optional<tile_writer::Georeference> place = map_of(options, first_file);
   if (!place) return {};
   return {move(*place), place->stated_by};
 }
@@ -91,7 +91,7 @@ nlohmann::json frame_json(const MeshFrame& place) {
 
 /// A tileset that has been written, with what there is to say.
 struct TiledMesh {
-  tiling::MeshTilesetSummary summary;
+  tile_writer::MeshTilesetSummary summary;
   MeshFrame place;
   std::vector<std::string> warnings;
   bool out_of_core = false;
@@ -99,7 +99,7 @@ struct TiledMesh {
 
 nlohmann::json result_of(const TileOptions& options, const TiledMesh& tiled) {
   nlohmann::json levels = nlohmann::json::array();
-  for (const tiling::TilesetLevel& level : tiled.summary.levels)
+  for (const tile_writer::TilesetLevel& level : tiled.summary.levels)
     levels.push_back({{"tiles", level.tiles},
                       {"triangles", level.triangles},
                       {"texels", level.texels},
@@ -133,9 +133,9 @@ std::string text_of(const nlohmann::json& result) {
   return text.str();
 }
 
-tiling::MeshTilesetOptions settings_of(const TileOptions& options, const MeshFrame& place,
+tile_writer::MeshTilesetOptions settings_of(const TileOptions& options, const MeshFrame& place,
                                        const std::vector<std::string>& copyrights) {
-  tiling::MeshTilesetOptions settings = options.tileset;
+  tile_writer::MeshTilesetOptions settings = options.tileset;
   if (options.levels > 0) settings.levels = options.levels;
   if (place.frame) settings.T_ecef_local = place.frame->T_ecef_local();
   if (settings.copyright.empty() && !copyrights.empty()) settings.copyright = copyrights.front();
@@ -146,25 +146,25 @@ tiling::MeshTilesetOptions settings_of(const TileOptions& options, const MeshFra
 TiledMesh tile_in_memory(const fs::path& folder, const std::vector<fs::path>& files, const TileOptions& options,
                          const Progress& progress) {
   report_progress(progress, 0, 0, "reading the mesh");
-  tiling::MeshSource source = tiling::read_mesh_source(files, source_of(options));
+  mesh_files::MeshSource source = mesh_files::read_mesh_source(files, source_of(options));
   TiledMesh out;
-  out.place = place_on_earth(options, files.front(), [&](const tiling::Georeference& place) {
-    return tiling::reproject_to_local(place, source.meshes);
+  out.place = place_on_earth(options, files.front(), [&](const tile_writer::Georeference& place) {
+    return tile_writer::reproject_to_local(place, source.meshes);
   });
   out.summary =
-      tiling::write_mesh_tileset(folder, source.meshes, settings_of(options, out.place, source.copyrights), progress);
+      tile_writer::write_mesh_tileset(folder, source.meshes, settings_of(options, out.place, source.copyrights), progress);
   out.warnings = std::move(source.warnings);
   return out;
 }
 
 /// Moves a spilled mesh from map coordinates.
-geometry::LocalFrame move_to_local(const tiling::Georeference& place, tiling::MeshSpill& mesh) {
+geometry::LocalFrame move_to_local(const tile_writer::Georeference& place, mesh_files::MeshSpill& mesh) {
   geometry::Box3 extent;
-  mesh.for_each_triangle([&](const tiling::SourceTriangle& t) {
+  mesh.for_each_triangle([&](const mesh_files::SourceTriangle& t) {
     for (std::size_t k = 0; k < 3; ++k) extent.extend(t.corner(k));
   });
-  const tiling::LocalPlacement placement = tiling::place_locally(place, extent);
-  mesh.vertices.change(0, [&](tiling::SpilledVertex& vertex) {
+  const tile_writer::LocalPlacement placement = tile_writer::place_locally(place, extent);
+  mesh.vertices.change(0, [&](mesh_files::SpilledVertex& vertex) {
     Eigen::Map<geometry::Vec3> position(vertex.position.data());
     position = placement.local_from_map(position);
   });
@@ -174,30 +174,30 @@ geometry::LocalFrame move_to_local(const tiling::Georeference& place, tiling::Me
 TiledMesh tile_out_of_core(const fs::path& folder, const std::vector<fs::path>& files, const TileOptions& options,
                            std::uintmax_t memory_bytes, const Progress& progress) {
   // A triangle takes less space than in text; JPEG takes up to an eighth of the space of its pixels.
-  const tiling::MeshFileSizes sizes = tiling::mesh_file_sizes(files, !options.no_textures);
-  tiling::require_free_space(folder, 3 * sizes.meshes + 24 * sizes.images, "tiling a mesh of this size");
+  const mesh_files::MeshFileSizes sizes = mesh_files::mesh_file_sizes(files, !options.no_textures);
+  tile_writer::require_free_space(folder, 3 * sizes.meshes + 24 * sizes.images, "tiling a mesh of this size");
   TiledMesh out;
   out.out_of_core = true;
   fs::create_directories(folder);
-  tiling::MeshSpill mesh(folder / "work");
-  tiling::spill_mesh_source(files, source_of(options), mesh, progress);
+  mesh_files::MeshSpill mesh(folder / "work");
+  mesh_files::spill_mesh_source(files, source_of(options), mesh, progress);
   out.place = place_on_earth(options, files.front(),
-                             [&](const tiling::Georeference& place) { return move_to_local(place, mesh); });
+                             [&](const tile_writer::Georeference& place) { return move_to_local(place, mesh); });
   constexpr std::uintmax_t kApartFromThreads = 1'200'000'000, kPerThread = 150'000'000;
-  tiling::LargeMeshLimits limits;
+  tile_writer::LargeMeshLimits limits;
   limits.threads = static_cast<int>(
       std::clamp<std::uintmax_t>((std::max(memory_bytes, kApartFromThreads) - kApartFromThreads) / kPerThread, 2, 256));
-  out.summary = tiling::write_large_mesh_tileset(folder, mesh, settings_of(options, out.place, mesh.copyrights), limits,
+  out.summary = tile_writer::write_large_mesh_tileset(folder, mesh, settings_of(options, out.place, mesh.copyrights), limits,
                                                  progress);
   out.warnings = mesh.warnings;
   return out;
 }
 
 TiledMesh tile_files(const fs::path& folder, const TileOptions& options, const Progress& progress) {
-  const std::vector<fs::path> files = tiling::list_mesh_files({options.meshes.begin(), options.meshes.end()});
+  const std::vector<fs::path> files = mesh_files::list_mesh_files({options.meshes.begin(), options.meshes.end()});
   const std::uintmax_t memory_bytes =
-      options.memory_gb > 0 ? static_cast<std::uintmax_t>(1e9 * options.memory_gb) : place::default_memory_bytes();
-  const bool fits = tiling::estimated_memory_bytes(files, !options.no_textures) <= memory_bytes;
+      options.memory_gb > 0 ? static_cast<std::uintmax_t>(1e9 * options.memory_gb) : base::default_memory_bytes();
+  const bool fits = mesh_files::estimated_memory_bytes(files, !options.no_textures) <= memory_bytes;
   TiledMesh out = fits ? tile_in_memory(folder, files, options, progress)
                        : tile_out_of_core(folder, files, options, memory_bytes, progress);
   if (out.summary.texture_scale < 1.0)
@@ -215,7 +215,7 @@ Output tile(const TileOptions& options, const CommonOptions& shared, const Progr
                                   .command = "tile",
                                   .replace = shared.force,
                                   .inputs = {options.meshes.begin(), options.meshes.end()},
-                                  .legacy = tiling::legacy_tileset_folder()};
+                                  .legacy = tile_writer::legacy_tileset_folder()};
   base::write_folder(output, [&](const fs::path& temporary) {
     result = result_of(options, tile_files(temporary, options, progress));
   });

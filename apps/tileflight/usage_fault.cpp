@@ -7,9 +7,9 @@
 #include <sstream>
 
 #include "number_text.h"
-#include "tileflight/base/known_keys.h"
-#include "tileflight/base/string_lists.h"
-#include "tileflight/base/text_fields.h"
+#include "tileflight/core/base/known_keys.h"
+#include "tileflight/core/base/string_lists.h"
+#include "tileflight/core/base/text_fields.h"
 
 namespace tileflight::app {
 namespace {

@@ -1,11 +1,11 @@
 #include "version_text.h"
 
-#include "tileflight/place/version.h"
+#include "tileflight/core/base/version.h"
 
 namespace tileflight::app {
 
 std::string version_text() {
-  return "tileflight " + place::version() + "\ncommit " + place::commit() +
+  return "tileflight " + base::version() + "\ncommit " + base::commit() +
          "\nbuilt by " TILEFLIGHT_COMPILER ", " TILEFLIGHT_BUILD_TYPE "\nwith " TILEFLIGHT_BUILT_WITH;
 }
 

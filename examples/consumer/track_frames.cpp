@@ -2,11 +2,11 @@
 // whole trajectory, refined, is written at the end as a TUM file.
 #include <iostream>
 
-#include "tileflight/base/input_error.h"
-#include "tileflight/dataset/dataset.h"
-#include "tileflight/geometry/trajectory.h"
-#include "tileflight/imaging/image_files.h"
-#include "tileflight/odometry/odometry.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/data/dataset/dataset.h"
+#include "tileflight/core/geometry/trajectory.h"
+#include "tileflight/core/imaging/image_files.h"
+#include "tileflight/slam/odometry/odometry.h"
 
 namespace {
 

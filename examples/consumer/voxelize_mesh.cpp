@@ -2,11 +2,11 @@
 #include <cstdlib>
 #include <iostream>
 
-#include "tileflight/base/input_error.h"
-#include "tileflight/geometry/mesh.h"
-#include "tileflight/geometry/voxel_grid.h"
-#include "tileflight/ground_truth/mesh_glb.h"
-#include "tileflight/ground_truth/voxelize.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/geometry/mesh.h"
+#include "tileflight/core/geometry/voxel_grid.h"
+#include "tileflight/world/ground_truth/mesh_glb.h"
+#include "tileflight/world/ground_truth/voxelize.h"
 
 int main(int argc, char** argv) {
   if (argc != 4) {

@@ -12,9 +12,9 @@
 #include <utility>
 #include <vector>
 
-#include "tileflight/geometry/trajectory.h"
-#include "tileflight/geometry/transform.h"
-#include "tileflight/imaging/image.h"
+#include "tileflight/core/geometry/trajectory.h"
+#include "tileflight/core/geometry/transform.h"
+#include "tileflight/core/imaging/image.h"
 
 namespace tileflight::python {
 

@@ -3,7 +3,7 @@
 
 #include "arrays.h"
 #include "bindings.h"
-#include "tileflight/imaging/camera.h"
+#include "tileflight/core/imaging/camera.h"
 
 namespace tileflight::python {
 namespace {

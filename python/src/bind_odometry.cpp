@@ -2,8 +2,8 @@
 
 #include "arrays.h"
 #include "bindings.h"
-#include "tileflight/experiment/stage_options.h"
-#include "tileflight/odometry/odometry.h"
+#include "tileflight/experiments/experiment/stage_options.h"
+#include "tileflight/slam/odometry/odometry.h"
 
 namespace tileflight::python {
 namespace {

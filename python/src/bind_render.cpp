@@ -10,10 +10,10 @@
 #include "interruptible.h"
 #include "loaded_scene.h"
 #include "region_options.h"
-#include "tileflight/render/camera_renderer.h"
-#include "tileflight/render/daylight.h"
-#include "tileflight/render/render_flight.h"
-#include "tileflight/survey/planned_flight.h"
+#include "tileflight/capture/render/camera_renderer.h"
+#include "tileflight/capture/render/daylight.h"
+#include "tileflight/capture/render/render_flight.h"
+#include "tileflight/capture/recording/planned_flight.h"
 
 namespace tileflight::python {
 namespace {
@@ -73,12 +73,12 @@ class Renderer {
 
 /// A flight that a FLIGHT file describes, ready to be rendered.
 struct Flight {
-  survey::PlannedFlight plan;
+  recording::PlannedFlight plan;
 };
 
 std::shared_ptr<Flight> plan_flight(const std::filesystem::path& flight_file, const std::vector<double>& origin,
                                     const std::string& camera, std::uint64_t seed, int samples) {
-  survey::RenderSettings settings;
+  recording::RenderSettings settings;
   settings.flight.flight = flight_file;
   settings.fly_autopilot = app::autopilot_flyer();
   settings.flight.camera = camera;
@@ -88,7 +88,7 @@ std::shared_ptr<Flight> plan_flight(const std::filesystem::path& flight_file, co
   region.origin = origin;
   settings.load = app::load_options(region);
   return call_interruptibly(py::none(), [&](const Progress& report) {
-    return std::make_shared<Flight>(Flight{survey::plan_flight(settings, report)});
+    return std::make_shared<Flight>(Flight{recording::plan_flight(settings, report)});
   });
 }
 

@@ -9,8 +9,8 @@
 #include "loaded_scene.h"
 #include "region_options.h"
 #include "source_options.h"
-#include "tileflight/ground_truth/surface_samples.h"
-#include "tileflight/ground_truth/voxelize.h"
+#include "tileflight/world/ground_truth/surface_samples.h"
+#include "tileflight/world/ground_truth/voxelize.h"
 
 namespace tileflight::python {
 namespace {
@@ -38,12 +38,12 @@ SceneHandle load(const std::filesystem::path& place, const std::vector<double>& 
                  bool textures, bool allow_incomplete, const std::optional<geometry::Vec3>& anchor,
                  const py::object& progress) {
   const std::string source = place.string();  // a path or a word, such as a URL
-  tiles::LoadOptions options =
+  tileset::LoadOptions options =
       app::load_options(region_options(center, center_local, size, origin, region, error_m, allow_incomplete));
   options.textures = textures;
   options.source = app::source_options({});
   return call_interruptibly(progress, [&](const Progress& report) {
-    tiles::LoadedTiles tiles = tiles::load_region(source, options, report);
+    tileset::LoadedTiles tiles = tileset::load_region(source, options, report);
     if (tiles.meshes.empty()) throw InputError(source, "has no surface in the region");
     std::vector<imaging::TexturedMesh> meshes = std::move(tiles.meshes);
     tiles.meshes.clear();
@@ -58,7 +58,7 @@ SceneHandle scene_from_mesh(const InputArray<double>& vertices, const InputArray
   mesh.mesh.vertices = points_from_array(vertices, "vertices");
   const auto* begin = reinterpret_cast<const geometry::Triangle*>(triangles.data());
   mesh.mesh.triangles.assign(begin, begin + triangles.shape(0));
-  tiles::LoadedTiles tiles;
+  tileset::LoadedTiles tiles;
   tiles.complete = true;
   std::vector<imaging::TexturedMesh> meshes;
   meshes.push_back(std::move(mesh));

@@ -3,10 +3,10 @@
 #include "arrays.h"
 #include "bindings.h"
 #include "loaded_scene.h"
-#include "tileflight/alignment/icp.h"
-#include "tileflight/alignment/umeyama.h"
-#include "tileflight/evaluation/metrics.h"
-#include "tileflight/geometry/triangle_index.h"
+#include "tileflight/core/alignment/icp.h"
+#include "tileflight/core/alignment/umeyama.h"
+#include "tileflight/evaluation/metrics/metrics.h"
+#include "tileflight/core/geometry/triangle_index.h"
 
 namespace tileflight::python {
 namespace {
@@ -78,10 +78,10 @@ py::dict icp(const InputArray<double>& source, const py::object& target, const s
   return out;
 }
 
-evaluation::TrajectoryAlignment alignment_named(const std::string& name) {
-  for (const auto alignment : {evaluation::TrajectoryAlignment::kSim3, evaluation::TrajectoryAlignment::kSE3,
-                               evaluation::TrajectoryAlignment::kNone}) {
-    if (name == evaluation::name_of(alignment)) return alignment;
+metrics::TrajectoryAlignment alignment_named(const std::string& name) {
+  for (const auto alignment : {metrics::TrajectoryAlignment::kSim3, metrics::TrajectoryAlignment::kSE3,
+                               metrics::TrajectoryAlignment::kNone}) {
+    if (name == metrics::name_of(alignment)) return alignment;
   }
   throw py::value_error("alignment must be 'sim3', 'se3' or 'none', not '" + name + "'");
 }
@@ -89,9 +89,9 @@ evaluation::TrajectoryAlignment alignment_named(const std::string& name) {
 py::object evaluate_trajectory(const InputArray<double>& times, const InputArray<double>& poses,
                                const InputArray<double>& true_times, const InputArray<double>& true_poses,
                                const std::string& alignment) {
-  evaluation::TrajectoryOptions options;
+  metrics::TrajectoryOptions options;
   options.alignment = alignment_named(alignment);
-  return to_python(evaluation::to_json(evaluation::evaluate_trajectory(
+  return to_python(metrics::to_json(metrics::evaluate_trajectory(
       trajectory_from(times, poses), trajectory_from(true_times, true_poses), options)));
 }
 

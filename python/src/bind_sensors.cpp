@@ -4,11 +4,11 @@
 #include "arrays.h"
 #include "bindings.h"
 #include "loaded_scene.h"
-#include "tileflight/base/strict_section.h"
-#include "tileflight/flight/path.h"
-#include "tileflight/sensors/imu.h"
-#include "tileflight/sensors/lidar.h"
-#include "tileflight/sensors/sensor_suite.h"
+#include "tileflight/core/base/strict_section.h"
+#include "tileflight/capture/flight_path/path.h"
+#include "tileflight/capture/sensors/imu.h"
+#include "tileflight/capture/sensors/lidar.h"
+#include "tileflight/capture/sensors/sensor_suite.h"
 
 namespace tileflight::python {
 namespace {
@@ -36,7 +36,7 @@ class SceneLidar {
 
   double period_s() const { return period_s_; }
 
-  py::dict scan(const flight::Path& path, std::uint64_t number, double start_s) const {
+  py::dict scan(const flight_path::Path& path, std::uint64_t number, double start_s) const {
     return to_arrays([&] { return lidar_->scan(number, start_s, [&](double t) { return path.pose(t); }); });
   }
   py::dict scan_at_rest(const InputArray<double>& T_local_camera, std::uint64_t number) const {
@@ -84,11 +84,11 @@ class SceneLidar {
   std::unique_ptr<sensors::Lidar> lidar_;
 };
 
-flight::Path path_from(const InputArray<double>& times, const InputArray<double>& poses) {
-  return flight::path_through_poses(trajectory_from(times, poses));
+flight_path::Path path_from(const InputArray<double>& times, const InputArray<double>& poses) {
+  return flight_path::path_through_poses(trajectory_from(times, poses));
 }
 
-py::dict simulate_imu(const flight::Path& path, const std::string& model, std::optional<double> rate_hz,
+py::dict simulate_imu(const flight_path::Path& path, const std::string& model, std::optional<double> rate_hz,
                       std::uint64_t seed, const std::optional<InputArray<double>>& T_camera_imu) {
   sensors::ImuOptions options = sensors::imu_preset(model);
   options.seed = seed;
@@ -171,7 +171,7 @@ struct Recordings {
   std::vector<sensors::RangeSample> range_finder;
 };
 
-Recordings record(const sensors::SensorSuite& suite, const flight::Path& path, const scene::Scene* scene,
+Recordings record(const sensors::SensorSuite& suite, const flight_path::Path& path, const scene::Scene* scene,
                   const std::optional<geometry::LocalFrame>& frame) {
   const double from_s = path.start_s(), to_s = path.end_s();
   const auto pose_at = [&](double t) { return path.pose(t); };
@@ -180,7 +180,7 @@ Recordings record(const sensors::SensorSuite& suite, const flight::Path& path, c
     out.gnss = sensors::simulate_gnss([&](double t) { return path.pose(t).translation; }, from_s, to_s, *suite.gnss);
   if (suite.attitude)
     out.attitude = sensors::simulate_attitude(
-        pose_at, render::make_sample_times("attitude", from_s, to_s, suite.attitude->rate_hz), *suite.attitude);
+        pose_at, flight_path::make_sample_times("attitude", from_s, to_s, suite.attitude->rate_hz), *suite.attitude);
   if (suite.barometer) {
     const auto height_m = sensors::height_above_sea(suite, frame, path.pose(from_s).translation);
     out.barometer = sensors::simulate_barometer([&](double t) { return height_m(path.pose(t).translation); }, from_s,
@@ -190,7 +190,7 @@ Recordings record(const sensors::SensorSuite& suite, const flight::Path& path, c
     out.magnetometer = sensors::simulate_magnetometer(pose_at, sensors::magnetic_field_at(suite.magnetic_field, frame),
                                                       from_s, to_s, *suite.magnetometer);
   if (suite.range_finder) {
-    const auto times = render::make_sample_times("range finder", from_s, to_s, suite.range_finder->rate_hz);
+    const auto times = flight_path::make_sample_times("range finder", from_s, to_s, suite.range_finder->rate_hz);
     out.range_finder = sensors::simulate_range_finder(*scene, pose_at, times, 0, times.count(), *suite.range_finder);
   }
   return out;
@@ -202,7 +202,7 @@ std::optional<geometry::LocalFrame> frame_of(const std::optional<std::array<doub
   return scene ? scene->tiles.local_frame : std::nullopt;
 }
 
-py::dict simulate_sensors(const flight::Path& path, const py::dict& options, const SceneHandle& scene,
+py::dict simulate_sensors(const flight_path::Path& path, const py::dict& options, const SceneHandle& scene,
                           std::uint64_t seed, const std::optional<std::array<double, 3>>& origin) {
   const nlohmann::json json = to_json(options, "sensors");
   for (const char* other : {"imu", "lidar"}) {
@@ -256,7 +256,7 @@ py::dict simulate_sensors(const flight::Path& path, const py::dict& options, con
 }  // namespace
 
 void bind_sensors(py::module_& module) {
-  using flight::Path;
+  using flight_path::Path;
   using py::arg;
   py::class_<Path>(module, "Path", "A smooth camera path; times beyond its ends are those of its ends.")
       .def(py::init(&path_from), arg("times"), arg("poses"),

@@ -6,7 +6,7 @@
 #include "loaded_scene.h"
 #include "region_options.h"
 #include "source_options.h"
-#include "tileflight/simulator/simulator.h"
+#include "tileflight/live/simulator/simulator.h"
 
 namespace tileflight::python {
 namespace {

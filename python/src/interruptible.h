@@ -6,7 +6,7 @@
 #include <optional>
 #include <utility>
 
-#include "tileflight/base/progress.h"
+#include "tileflight/core/base/progress.h"
 
 namespace tileflight::python {
 

@@ -5,9 +5,9 @@
 #include <nlohmann/json.hpp>
 
 #include "bindings.h"
-#include "tileflight/base/input_error.h"
-#include "tileflight/base/program_path.h"
-#include "tileflight/place/version.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/program_path.h"
+#include "tileflight/core/base/version.h"
 
 namespace tileflight::python {
 namespace {
@@ -53,8 +53,8 @@ PYBIND11_MODULE(_core, module) {
   module.attr("InputError").attr("__module__") = "tileflight";
   module.attr("InputError").attr("__doc__") =
       "Input that cannot be used (file, option, answer of a server). One line: where, what, what to do.";
-  module.attr("__version__") = tileflight::place::version();
-  module.attr("commit") = tileflight::place::commit();
+  module.attr("__version__") = tileflight::base::version();
+  module.attr("commit") = tileflight::base::commit();
   module.def("set_threads", &tp::set_threads, pybind11::arg("count"),
              "Number of threads that all computations share; 0: one for each core. Results do not depend on it.");
   module.def(

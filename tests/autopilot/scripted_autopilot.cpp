@@ -13,9 +13,9 @@
 #include <thread>
 #include <vector>
 
-#include "tileflight/autopilot/test_ardupilot_client.h"
-#include "tileflight/autopilot/test_px4_client.h"
-#include "tileflight/autopilot/test_vision_autopilot.h"
+#include "tileflight/live/autopilot/test_ardupilot_client.h"
+#include "tileflight/live/autopilot/test_px4_client.h"
+#include "tileflight/live/autopilot/test_vision_autopilot.h"
 
 namespace {
 
@@ -34,7 +34,7 @@ void fly_ardupilot(std::uint16_t port, std::vector<Vec3> points, const std::stri
   constexpr int kRate = 400;
   const support::UdpClient client(port);
   support::ScriptedAutopilot autopilot(
-      tileflight::autopilot::make_airframe(tileflight::autopilot::AirframeKind::kQuadX), std::move(points), 0.65);
+      tileflight::vehicle::make_airframe(tileflight::vehicle::AirframeKind::kQuadX), std::move(points), 0.65);
   support::Observation seen;
   bool stammers = end == "stammers";
   for (std::uint32_t frame = 0;; ++frame) {

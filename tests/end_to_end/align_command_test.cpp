@@ -7,7 +7,7 @@
 
 #include "tests/rolling_ground.h"
 #include "tests/run_program.h"
-#include "tileflight/geometry/cloud_files.h"
+#include "tileflight/core/geometry/cloud_files.h"
 
 namespace tileflight::align_command_test {
 namespace {

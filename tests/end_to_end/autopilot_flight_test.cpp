@@ -7,7 +7,7 @@
 #include "tests/run_program.h"
 #include "tests/temporary_folder.h"
 #include "tests/tiny_place.h"
-#include "tileflight/geometry/trajectory.h"
+#include "tileflight/core/geometry/trajectory.h"
 
 namespace tileflight::autopilot_flight_test {
 namespace {

@@ -8,7 +8,7 @@
 #include "tests/source_folder.h"
 #include "tests/test_data.h"
 #include "tests/tiny_place.h"
-#include "tileflight/imaging/image_files.h"
+#include "tileflight/core/imaging/image_files.h"
 
 namespace tileflight::coverage_test {
 namespace {

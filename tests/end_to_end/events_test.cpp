@@ -15,9 +15,9 @@
 #include "tests/source_folder.h"
 #include "tests/tiny_city.h"
 #include "tests/tiny_place.h"
-#include "tileflight/dataset/dataset.h"
-#include "tileflight/events/dsec_file.h"
-#include "tileflight/imaging/image_files.h"
+#include "tileflight/data/dataset/dataset.h"
+#include "tileflight/capture/events/dsec_file.h"
+#include "tileflight/core/imaging/image_files.h"
 
 namespace tileflight::events_test {
 namespace {

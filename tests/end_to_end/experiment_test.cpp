@@ -8,9 +8,9 @@
 
 #include "tests/run_program.h"
 #include "tests/tiny_experiments.h"
-#include "tileflight/base/folder_marker.h"
-#include "tileflight/imaging/camera.h"
-#include "tileflight/imaging/image_files.h"
+#include "tileflight/core/base/folder_marker.h"
+#include "tileflight/core/imaging/camera.h"
+#include "tileflight/core/imaging/image_files.h"
 
 namespace tileflight::experiment_test {
 namespace {

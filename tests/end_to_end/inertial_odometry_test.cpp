@@ -7,11 +7,11 @@
 #include "tests/refused_command.h"
 #include "tests/run_program.h"
 #include "tests/temporary_folder.h"
-#include "tileflight/base/files.h"
-#include "tileflight/dataset/dataset.h"
-#include "tileflight/dataset/imu_files.h"
-#include "tileflight/evaluation/metrics.h"
-#include "tileflight/odometry/test_inertial_flight.h"
+#include "tileflight/core/base/files.h"
+#include "tileflight/data/dataset/dataset.h"
+#include "tileflight/data/dataset/imu_files.h"
+#include "tileflight/evaluation/metrics/metrics.h"
+#include "tileflight/slam/odometry/test_inertial_flight.h"
 
 namespace tileflight::inertial_odometry_test {
 namespace {
@@ -67,9 +67,9 @@ class InertialOdometry : public ::testing::Test {
     const auto path = geometry::read_tum(folder_ / out / "trajectory.txt"),
                truth = geometry::read_tum(dataset_ / "groundtruth.txt");
     const auto rigid =
-        evaluation::evaluate_trajectory(path, truth, {.alignment = evaluation::TrajectoryAlignment::kSE3});
+        metrics::evaluate_trajectory(path, truth, {.alignment = metrics::TrajectoryAlignment::kSE3});
     const auto scaled =
-        evaluation::evaluate_trajectory(path, truth, {.alignment = evaluation::TrajectoryAlignment::kSim3});
+        metrics::evaluate_trajectory(path, truth, {.alignment = metrics::TrajectoryAlignment::kSim3});
     EXPECT_NEAR(scaled.scale, 1.0, 0.015) << out;
     EXPECT_LT(rigid.ate_rmse_m, 0.01 * rigid.path_length_m) << out;
     // Level: what the camera sees of the vertical is the truth's.

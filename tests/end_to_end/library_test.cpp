@@ -7,7 +7,7 @@
 #include "tests/run_program.h"
 #include "tests/source_folder.h"
 #include "tests/tiny_flight.h"
-#include "tileflight/ground_truth/mesh_glb.h"
+#include "tileflight/world/ground_truth/mesh_glb.h"
 
 namespace tileflight::library_test {
 namespace {
@@ -96,7 +96,7 @@ add_executable(centre centre.cpp)
 target_link_libraries(centre PRIVATE tileflight::geometry)
 )";
   std::ofstream(folder / "centre.cpp") << R"(#include <iostream>
-#include "tileflight/geometry/voxel_grid.h"
+#include "tileflight/core/geometry/voxel_grid.h"
 int main() {
   const tileflight::geometry::VoxelGrid grid{{1, 2, 3}, 0.5, {4, 4, 4}, {{1, 2, 3}}};
   std::cout << cell_centers(grid).positions.at(0).transpose() << '\n';

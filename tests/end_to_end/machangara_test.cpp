@@ -7,8 +7,8 @@
 
 #include "tests/run_program.h"
 #include "tests/test_data.h"
-#include "tileflight/evaluation/metrics.h"
-#include "tileflight/geometry/trajectory.h"
+#include "tileflight/evaluation/metrics/metrics.h"
+#include "tileflight/core/geometry/trajectory.h"
 
 namespace tileflight::machangara_test {
 namespace {
@@ -46,9 +46,9 @@ void expect_half_a_percent(const tests::TemporaryFolder& folder, const std::file
   EXPECT_FALSE(odometry["lost"].get<bool>());
   EXPECT_EQ(odometry["frames"], 600 - from);
   EXPECT_GE(odometry["frames_tracked"].get<int>(), 600 - from - 5);
-  const evaluation::TrajectoryMetrics metrics = evaluation::evaluate_trajectory(
+  const metrics::TrajectoryMetrics metrics = metrics::evaluate_trajectory(
       geometry::read_tum(std::filesystem::path(out) / "trajectory.txt"), geometry::read_tum(flight / "groundtruth.txt"),
-      {.alignment = evaluation::TrajectoryAlignment::kSim3});
+      {.alignment = metrics::TrajectoryAlignment::kSim3});
   EXPECT_LE(metrics.ate_rmse_m, 0.005 * metrics.path_length_m);
 }
 

@@ -10,8 +10,8 @@
 #include "tests/run_program.h"
 #include "tests/shared_stadium.h"
 #include "tests/temporary_folder.h"
-#include "tileflight/geometry/cloud_files.h"
-#include "tileflight/geometry/trajectory_files.h"
+#include "tileflight/core/geometry/cloud_files.h"
+#include "tileflight/core/geometry/trajectory_files.h"
 
 namespace tileflight::moving_points_test {
 namespace {

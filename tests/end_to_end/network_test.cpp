@@ -3,7 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "tests/run_program.h"
-#include "tileflight/tiles/test_http_tileset.h"
+#include "tileflight/tiles/tileset/test_http_tileset.h"
 
 /// The binary against a server on the loopback device: what a user sees, and what is left on disk.
 namespace tileflight::network_test {
@@ -33,7 +33,7 @@ class Network : public ::testing::Test {
   }
 
   tests::TemporaryFolder folder_;
-  tiles::test_support::TestHttpTileset place_;
+  tileset::test_support::TestHttpTileset place_;
 };
 
 TEST_F(Network, ATilesetBehindAKeyIsExtractedAndTheKeyIsNowhere) {

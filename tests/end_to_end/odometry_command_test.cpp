@@ -6,10 +6,10 @@
 
 #include "tests/run_program.h"
 #include "tests/tiny_flight.h"
-#include "tileflight/base/folder_marker.h"
-#include "tileflight/evaluation/metrics.h"
-#include "tileflight/geometry/cloud_files.h"
-#include "tileflight/imaging/image_files.h"
+#include "tileflight/core/base/folder_marker.h"
+#include "tileflight/evaluation/metrics/metrics.h"
+#include "tileflight/core/geometry/cloud_files.h"
+#include "tileflight/core/imaging/image_files.h"
 
 namespace tileflight::odometry_command_test {
 namespace {
@@ -33,8 +33,8 @@ class OdometryCommand : public ::testing::Test {
   }
 
   double ate_share(const std::string& out,
-                   evaluation::TrajectoryAlignment alignment = evaluation::TrajectoryAlignment::kSim3) const {
-    const auto metrics = evaluation::evaluate_trajectory(geometry::read_tum(folder_ / out / "trajectory.txt"),
+                   metrics::TrajectoryAlignment alignment = metrics::TrajectoryAlignment::kSim3) const {
+    const auto metrics = metrics::evaluate_trajectory(geometry::read_tum(folder_ / out / "trajectory.txt"),
                                                          TinyFlight::truth(), {.alignment = alignment});
     return metrics.ate_rmse_m / metrics.path_length_m;
   }

@@ -8,8 +8,8 @@
 #include <set>
 
 #include "tests/run_program.h"
-#include "tileflight/geometry/cloud_files.h"
-#include "tileflight/geometry/geodesy.h"
+#include "tileflight/core/geometry/cloud_files.h"
+#include "tileflight/core/geometry/geodesy.h"
 
 namespace tileflight::region_command_test {
 namespace {

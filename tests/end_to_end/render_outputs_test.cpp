@@ -9,12 +9,12 @@
 
 #include "tests/run_program.h"
 #include "tests/tiny_place.h"
-#include "tileflight/dataset/dataset.h"
-#include "tileflight/geometry/geodesy.h"
-#include "tileflight/imaging/exr_channels.h"
-#include "tileflight/imaging/image_files.h"
-#include "tileflight/imaging/photometric.h"
-#include "tileflight/render/linear_color.h"
+#include "tileflight/data/dataset/dataset.h"
+#include "tileflight/core/geometry/geodesy.h"
+#include "tileflight/core/imaging/exr_channels.h"
+#include "tileflight/core/imaging/image_files.h"
+#include "tileflight/core/imaging/photometric.h"
+#include "tileflight/capture/render/linear_color.h"
 
 namespace tileflight::render_outputs_test {
 namespace {

@@ -1,5 +1,5 @@
 // `render` of several cameras on one body: one dataset, as each camera alone would give it.
-#include "tileflight/dataset/rig.h"
+#include "tileflight/data/dataset/rig.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -11,9 +11,9 @@
 #include "tests/same_files.h"
 #include "tests/tiny_city.h"
 #include "tests/tiny_place.h"
-#include "tileflight/dataset/depth_images.h"
-#include "tileflight/dataset/imu_files.h"
-#include "tileflight/imaging/image_files.h"
+#include "tileflight/data/dataset/depth_images.h"
+#include "tileflight/data/dataset/imu_files.h"
+#include "tileflight/core/imaging/image_files.h"
 
 namespace tileflight::rig_test {
 namespace {

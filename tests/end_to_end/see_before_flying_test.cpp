@@ -10,10 +10,10 @@
 
 #include "tests/run_program.h"
 #include "tests/tiny_place.h"
-#include "tileflight/dataset/dataset.h"
-#include "tileflight/geometry/geodesy.h"
-#include "tileflight/imaging/image_files.h"
-#include "tileflight/survey/flight_faults.h"
+#include "tileflight/data/dataset/dataset.h"
+#include "tileflight/core/geometry/geodesy.h"
+#include "tileflight/core/imaging/image_files.h"
+#include "tileflight/capture/recording/flight_faults.h"
 
 namespace tileflight::see_before_flying_test {
 namespace {
@@ -231,7 +231,7 @@ TEST_F(BridgeAndHouse, AFlightThroughAHouseIsSaidByPreviewAndRenderAndInTheDatas
               AllOf(HasSubstr("inside or under a surface"), HasSubstr("goes through a surface")));
 
   const auto about = dataset::read_dataset(folder_ / "render").metadata;
-  const auto faults = survey::faults_from_metadata(about);
+  const auto faults = recording::faults_from_metadata(about);
   const auto frames = [&](const std::string& key) {
     for (const render::FlightFault& fault : faults)
       if (fault.key == key) return fault.frames;
@@ -251,7 +251,7 @@ TEST_F(BridgeAndHouse, AFlightThroughAHouseIsSaidByPreviewAndRenderAndInTheDatas
 
 TEST_F(BridgeAndHouse, AFlightWithoutFaultsSaysNoneInItsDataset) {
   flown("render", kOverAll);
-  EXPECT_TRUE(survey::faults_from_metadata(dataset::read_dataset(folder_ / "render").metadata).empty());
+  EXPECT_TRUE(recording::faults_from_metadata(dataset::read_dataset(folder_ / "render").metadata).empty());
   EXPECT_THAT(file_text(folder_ / "render/dataset.yaml"), Not(HasSubstr("warnings")));
 }
 

@@ -6,10 +6,10 @@
 
 #include "tests/run_program.h"
 #include "tests/tiny_place.h"
-#include "tileflight/dataset/dataset.h"
-#include "tileflight/dataset/imu_files.h"
-#include "tileflight/dataset/lidar_files.h"
-#include "tileflight/dataset/number_table.h"
+#include "tileflight/data/dataset/dataset.h"
+#include "tileflight/data/dataset/imu_files.h"
+#include "tileflight/data/dataset/lidar_files.h"
+#include "tileflight/data/dataset/number_table.h"
 
 namespace tileflight::sensors_test {
 namespace {

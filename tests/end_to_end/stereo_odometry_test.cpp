@@ -8,11 +8,11 @@
 #include "tests/refused_command.h"
 #include "tests/run_program.h"
 #include "tests/temporary_folder.h"
-#include "tileflight/dataset/dataset.h"
-#include "tileflight/evaluation/metrics.h"
-#include "tileflight/geometry/trajectory.h"
-#include "tileflight/imaging/calibration_files.h"
-#include "tileflight/odometry/synthetic_flight.h"
+#include "tileflight/data/dataset/dataset.h"
+#include "tileflight/evaluation/metrics/metrics.h"
+#include "tileflight/core/geometry/trajectory.h"
+#include "tileflight/core/imaging/calibration_files.h"
+#include "tileflight/slam/odometry/synthetic_flight.h"
 
 namespace tileflight::stereo_odometry_test {
 namespace {
@@ -90,7 +90,7 @@ class StereoOdometryCommand : public ::testing::Test {
     const auto path = geometry::read_tum(folder_ / out / "trajectory.txt"), truth = geometry::read_tum(groundtruth);
     EXPECT_EQ(path.size(), static_cast<std::size_t>(kFrames));
     const auto scaled =
-        evaluation::evaluate_trajectory(path, truth, {.alignment = evaluation::TrajectoryAlignment::kSim3});
+        metrics::evaluate_trajectory(path, truth, {.alignment = metrics::TrajectoryAlignment::kSim3});
     EXPECT_NEAR(scaled.scale, 1.0, 0.01) << out;
   }
   void expect_refused(const std::vector<std::string>& more, const std::string& message) const {

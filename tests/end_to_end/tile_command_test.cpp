@@ -13,8 +13,8 @@
 #include "tests/run_program.h"
 #include "tests/test_data.h"
 #include "tests/tiny_place.h"
-#include "tileflight/geometry/geodesy.h"
-#include "tileflight/imaging/image_files.h"
+#include "tileflight/core/geometry/geodesy.h"
+#include "tileflight/core/imaging/image_files.h"
 
 namespace tileflight::tile_command_test {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "tests/run_program.h"
 #include "tests/test_data.h"
-#include "tileflight/geometry/trajectory.h"
+#include "tileflight/core/geometry/trajectory.h"
 
 namespace tileflight::trajectory_command_test {
 namespace {

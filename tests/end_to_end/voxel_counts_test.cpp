@@ -2,9 +2,9 @@
 #include <gtest/gtest.h>
 
 #include "tests/test_data.h"
-#include "tileflight/ground_truth/voxelize.h"
-#include "tileflight/scene/scene.h"
-#include "tileflight/tiles/load.h"
+#include "tileflight/world/ground_truth/voxelize.h"
+#include "tileflight/world/scene/scene.h"
+#include "tileflight/tiles/tileset/load.h"
 
 namespace tileflight::voxel_counts_test {
 namespace {
@@ -13,11 +13,11 @@ using geometry::Vec3;
 
 /// All finest triangles about the middle 250 m x 250 m x 48 m of the survey.
 geometry::TriangleMesh middle_of_machangara(const std::filesystem::path& tileset) {
-  tiles::LoadOptions options;
+  tileset::LoadOptions options;
   options.center_local = Vec3(347.8, -131.4, 2893.0);
   options.size = Vec3(250.0, 250.0, 48.0);
   options.textures = false;
-  return scene::merge_meshes(tiles::load_region(tileset.string(), options).meshes);
+  return scene::merge_meshes(tileset::load_region(tileset.string(), options).meshes);
 }
 
 TEST(VoxelCounts, MachangaraMatchesTheKnownCounts) {

@@ -12,8 +12,8 @@
 #include "tests/same_files.h"
 #include "tests/tiny_city.h"
 #include "tests/tiny_place.h"
-#include "tileflight/dataset/dataset.h"
-#include "tileflight/imaging/image_files.h"
+#include "tileflight/data/dataset/dataset.h"
+#include "tileflight/core/imaging/image_files.h"
 
 namespace tileflight::weather_test {
 namespace {

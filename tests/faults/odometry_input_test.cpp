@@ -7,7 +7,7 @@
 
 #include "tests/run_program.h"
 #include "tests/tiny_flight.h"
-#include "tileflight/imaging/image_files.h"
+#include "tileflight/core/imaging/image_files.h"
 
 namespace tileflight::odometry_input_test {
 namespace {

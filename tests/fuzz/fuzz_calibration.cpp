@@ -1,6 +1,6 @@
 #include "tests/fuzz/memory_file.h"
-#include "tileflight/base/input_error.h"
-#include "tileflight/imaging/calibration_files.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/imaging/calibration_files.h"
 
 /// A camera's calibration of any bytes: Kalibr, OpenCV, ROS, COLMAP or DSO; and all cameras of a camchain.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

@@ -2,8 +2,8 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "tileflight/base/input_error.h"
-#include "tileflight/foxglove/client_session.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/live/foxglove/client_session.h"
 
 namespace {
 

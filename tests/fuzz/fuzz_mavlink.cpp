@@ -1,7 +1,7 @@
 #include <cstdlib>
 #include <string>
 
-#include "tileflight/autopilot/hil_messages.h"
+#include "tileflight/live/autopilot/hil_messages.h"
 
 namespace {
 

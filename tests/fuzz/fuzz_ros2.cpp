@@ -2,9 +2,9 @@
 #include <cstdlib>
 #include <string>
 
-#include "tileflight/base/input_error.h"
-#include "tileflight/ros2/command_messages.h"
-#include "tileflight/ros2/service_message.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/live/ros2/command_messages.h"
+#include "tileflight/live/ros2/service_message.h"
 
 namespace {
 

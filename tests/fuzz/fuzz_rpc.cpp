@@ -1,10 +1,10 @@
 #include <cstdlib>
 #include <string>
 
-#include "tileflight/rpc/message_scanner.h"
-#include "tileflight/server/airsim_methods.h"
-#include "tileflight/server/extension_methods.h"
-#include "tileflight/server/test_null_simulator_caller.h"
+#include "tileflight/live/rpc/message_scanner.h"
+#include "tileflight/live/airsim/airsim_methods.h"
+#include "tileflight/live/airsim/extension_methods.h"
+#include "tileflight/live/airsim/test_null_simulator_caller.h"
 
 namespace {
 
@@ -12,9 +12,9 @@ using namespace tileflight;
 
 rpc::MethodTable make_table() {
   rpc::MethodTable table;
-  server::MethodBinder<server::NullSimulatorCaller> bind(table, {});
-  server::add_airsim_methods(bind);
-  server::add_extension_methods(bind, [] { return rpc::ServerStatistics{}; });
+  airsim::MethodBinder<airsim::NullSimulatorCaller> bind(table, {});
+  airsim::add_airsim_methods(bind);
+  airsim::add_extension_methods(bind, [] { return rpc::ServerStatistics{}; });
   return table;
 }
 

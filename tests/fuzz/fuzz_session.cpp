@@ -3,24 +3,24 @@
 #include <variant>
 
 #include "tests/fuzz/memory_file.h"
-#include "tileflight/base/input_error.h"
-#include "tileflight/server/session_file.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/live/airsim/session_file.h"
 
 namespace {
 
 using namespace tileflight;
 
 /// What a repetition relies on.
-void check(const server::SessionRecord& record) {
-  if (const auto* call = std::get_if<server::RecordedCall>(&record)) {
-    if (call->tick < 0 || call->tick > server::kMaxTick) std::abort();
-  } else if (const auto* answer = std::get_if<server::RecordedAnswer>(&record)) {
-    if (answer->tick < 0 || answer->tick > server::kMaxTick) std::abort();
-  } else if (const auto* end = std::get_if<server::RecordedEnd>(&record)) {
-    if (end->tick < 0 || end->tick > server::kMaxTick) std::abort();
-  } else if (const auto* event = std::get_if<server::RecordedEvent>(&record)) {
+void check(const airsim::SessionRecord& record) {
+  if (const auto* call = std::get_if<airsim::RecordedCall>(&record)) {
+    if (call->tick < 0 || call->tick > airsim::kMaxTick) std::abort();
+  } else if (const auto* answer = std::get_if<airsim::RecordedAnswer>(&record)) {
+    if (answer->tick < 0 || answer->tick > airsim::kMaxTick) std::abort();
+  } else if (const auto* end = std::get_if<airsim::RecordedEnd>(&record)) {
+    if (end->tick < 0 || end->tick > airsim::kMaxTick) std::abort();
+  } else if (const auto* event = std::get_if<airsim::RecordedEvent>(&record)) {
     const simulator::AutopilotEvent& one = event->event;
-    if (one.tick < 0 || one.tick > server::kMaxTick || one.outputs.size() > 64 || !std::isfinite(one.time_s) ||
+    if (one.tick < 0 || one.tick > airsim::kMaxTick || one.outputs.size() > 64 || !std::isfinite(one.time_s) ||
         !(one.step_s >= 0.0 && one.step_s <= 1.0))
       std::abort();
   }
@@ -32,7 +32,7 @@ void check(const server::SessionRecord& record) {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const fuzz::MemoryFile file(data, size);
   try {
-    server::SessionReader reader(file.path());
+    airsim::SessionReader reader(file.path());
     std::size_t records = 0;
     while (const auto record = reader.next()) {
       check(*record);

@@ -2,8 +2,8 @@
 #include <cstdint>
 #include <span>
 
-#include "tileflight/base/input_error.h"
-#include "tileflight/imaging/ktx2.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/imaging/ktx2.h"
 
 /// A KTX2 texture of any bytes.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

@@ -2,15 +2,15 @@
 #include <cstdint>
 #include <string_view>
 
-#include "tileflight/base/input_error.h"
-#include "tileflight/tiles/selection.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/tiles/tileset/selection.h"
 
 namespace {
 
 using namespace tileflight;
 
 /// The bytes are every file that is asked for: the tileset.json and each external tileset.
-class OneFile : public transport::TileSource {
+class OneFile : public fetch::TileSource {
  public:
   explicit OneFile(std::string_view text)
       : bytes_(reinterpret_cast<const std::byte*>(text.data()),
@@ -30,9 +30,9 @@ class OneFile : public transport::TileSource {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   try {
     OneFile source({reinterpret_cast<const char*>(data), size});
-    tiles::TilesetTree tree(source, {.max_external_chain = 3, .max_nodes = 10000});
-    const tiles::Region region{geometry::Vec3::Zero(), geometry::Vec3::Constant(1e4)};
-    tiles::select_cut(tree, tiles::region_criterion(region, geometry::SE3(), 1.0));
+    tileset::TilesetTree tree(source, {.max_external_chain = 3, .max_nodes = 10000});
+    const tileset::Region region{geometry::Vec3::Zero(), geometry::Vec3::Constant(1e4)};
+    tileset::select_cut(tree, tileset::region_criterion(region, geometry::SE3(), 1.0));
   } catch (const InputError&) {
     // one clear line is what broken input is worth
   }

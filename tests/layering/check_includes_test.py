@@ -33,13 +33,13 @@ def faults_of(files):
 
 
 def main():
-    good = {"odometry/a.cpp": '#include "tileflight/imaging/camera.h"\n', "sensors/b.h": '#include "tileflight/imaging/image.h"\n',
-            "experiment/c.cpp": '#include "tileflight/odometry/odometry.h"\n'}
+    good = {"odometry/a.cpp": '#include "tileflight/core/imaging/camera.h"\n', "sensors/b.h": '#include "tileflight/core/imaging/image.h"\n',
+            "experiment/c.cpp": '#include "tileflight/slam/odometry/odometry.h"\n'}
     assert faults_of(good) == [], faults_of(good)
-    leak = faults_of({"odometry/a.cpp": '\n#include "tileflight/ground_truth/voxelize.h"\n'})
+    leak = faults_of({"odometry/a.cpp": '\n#include "tileflight/world/ground_truth/voxelize.h"\n'})
     assert leak == ["tileflight/odometry/a.cpp:2: room odometry may not include room ground_truth"], leak
-    assert faults_of({"alignment/a.h": '#include "tileflight/scene/scene.h"\n'})
-    assert faults_of({"geometry/a.h": '#include "tileflight/imaging/image.h"\n'})
+    assert faults_of({"alignment/a.h": '#include "tileflight/world/scene/scene.h"\n'})
+    assert faults_of({"geometry/a.h": '#include "tileflight/core/imaging/image.h"\n'})
     assert faults_of({"utils/a.h": ""})
     assert faults_of({"scene/deep/er.h": ""})
     assert faults_of({"report/a_test.cpp": '#include "tileflight/evaluation/e.h"\n'}) == []

@@ -42,7 +42,7 @@ def check_contents(files: dict[str, set[str]], program: pathlib.Path) -> None:
     for command in commands:
         assert f"/usr/share/man/man1/tileflight-{command}.1.gz" in files["tileflight"], f"no manual page of {command}"
     assert any(name.endswith("libtileflight_odometry.a") for name in files["tileflight-dev"])
-    assert "/usr/include/tileflight/odometry/odometry.h" in files["tileflight-dev"]
+    assert "/usr/include/tileflight/slam/odometry/odometry.h" in files["tileflight-dev"]
     assert "/usr/lib/python3/dist-packages/tileflight/_core.pyi" in files["python3-tileflight"]
     examples = {name.split("/examples/")[1] for name in files["tileflight-examples"] if "/examples/" in name}
     assert {"stadium.yaml", "consumer/CMakeLists.txt", "foxglove/play.json", "python/learn_navigation.py"} <= examples, examples

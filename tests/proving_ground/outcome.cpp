@@ -9,9 +9,9 @@
 #include <map>
 #include <numeric>
 
-#include "tileflight/alignment/pose_alignment.h"
-#include "tileflight/alignment/umeyama.h"
-#include "tileflight/base/input_error.h"
+#include "tileflight/core/alignment/pose_alignment.h"
+#include "tileflight/core/alignment/umeyama.h"
+#include "tileflight/core/base/input_error.h"
 
 namespace tileflight::proving_ground {
 namespace {

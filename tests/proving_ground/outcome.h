@@ -10,8 +10,8 @@
 
 #include "path_sigmas.h"
 #include "random_flight.h"
-#include "tileflight/geometry/point_cloud.h"
-#include "tileflight/geometry/trajectory.h"
+#include "tileflight/core/geometry/point_cloud.h"
+#include "tileflight/core/geometry/trajectory.h"
 
 namespace tileflight::proving_ground {
 

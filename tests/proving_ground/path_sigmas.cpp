@@ -4,10 +4,10 @@
 #include <iterator>
 #include <nlohmann/json.hpp>
 
-#include "tileflight/alignment/umeyama.h"
-#include "tileflight/base/files.h"
-#include "tileflight/base/input_error.h"
-#include "tileflight/base/text_fields.h"
+#include "tileflight/core/alignment/umeyama.h"
+#include "tileflight/core/base/files.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/text_fields.h"
 
 namespace tileflight::proving_ground {
 namespace {

@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <optional>
 
-#include "tileflight/geometry/trajectory.h"
+#include "tileflight/core/geometry/trajectory.h"
 
 namespace tileflight::proving_ground {
 

@@ -14,13 +14,13 @@
 #include <numbers>
 
 #include "outcome.h"
-#include "tileflight/alignment/pose_alignment.h"
-#include "tileflight/base/input_error.h"
-#include "tileflight/scene/scene.h"
-#include "tileflight/scoring/align_stage.h"
-#include "tileflight/scoring/align_target.h"
-#include "tileflight/scoring/flight_evidence.h"
-#include "tileflight/tiling/mesh_source.h"
+#include "tileflight/core/alignment/pose_alignment.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/world/scene/scene.h"
+#include "tileflight/evaluation/scoring/align_stage.h"
+#include "tileflight/evaluation/scoring/align_target.h"
+#include "tileflight/evaluation/scoring/flight_evidence.h"
+#include "tileflight/tiles/mesh_files/mesh_source.h"
 
 namespace tileflight::proving_ground {
 namespace {
@@ -135,7 +135,7 @@ class Recall {
     place_ = place;
     recognizer_.reset();
     const auto target = scoring::read_align_target(options_.out / "places" / place);
-    const scene::Scene scene(tiling::read_mesh_source(target.folder / "mesh.glb", {}).meshes);
+    const scene::Scene scene(mesh_files::read_mesh_source(target.folder / "mesh.glb", {}).meshes);
     const auto begin = std::chrono::steady_clock::now();
     recognizer_ = std::make_unique<localization::PlaceRecognizer>(scene, scene.bounds());
     std::printf("# %s: %.1f s\n", place.c_str(), seconds_since(begin));

@@ -18,19 +18,19 @@
 #include "outcome.h"
 #include "random_flight.h"
 #include "tests/source_folder.h"
-#include "tileflight/base/doubt.h"
-#include "tileflight/base/files.h"
-#include "tileflight/base/input_error.h"
-#include "tileflight/base/output_folder.h"
-#include "tileflight/base/strict_section.h"
-#include "tileflight/geometry/cloud_files.h"
-#include "tileflight/ground_truth/truth_folder.h"
-#include "tileflight/place/extract.h"
-#include "tileflight/scoring/align_stage.h"
-#include "tileflight/scoring/evaluate.h"
-#include "tileflight/stadium/stadium.h"
-#include "tileflight/survey/render_stage.h"
-#include "tileflight/survey/track.h"
+#include "tileflight/core/base/doubt.h"
+#include "tileflight/core/base/files.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/output_folder.h"
+#include "tileflight/core/base/strict_section.h"
+#include "tileflight/core/geometry/cloud_files.h"
+#include "tileflight/world/ground_truth/truth_folder.h"
+#include "tileflight/world/place/extract.h"
+#include "tileflight/evaluation/scoring/align_stage.h"
+#include "tileflight/evaluation/scoring/evaluate.h"
+#include "tileflight/tiles/demo_place/stadium.h"
+#include "tileflight/capture/recording/render_stage.h"
+#include "tileflight/slam/odometry/track.h"
 
 namespace tileflight::proving_ground {
 namespace {
@@ -73,7 +73,7 @@ std::vector<Place> read_places(const fs::path& file, const fs::path& out) {
       const fs::path built_in = out / "places/built-in";
       if (!fs::exists(built_in)) {
         base::write_folder({.folder = built_in, .command = "proving_ground", .legacy = {}},
-                           [](const fs::path& folder) { stadium::write_stadium(folder, {}); });
+                           [](const fs::path& folder) { demo_place::write_stadium(folder, {}); });
       }
       place.source = (built_in / "twin/tileset.json").string();
     }
@@ -114,7 +114,7 @@ struct Field {
 };
 
 /// What a moderately bad camera does.
-survey::RenderedFlightConfig degraded(survey::RenderedFlightConfig flight) {
+recording::RenderedFlightConfig degraded(recording::RenderedFlightConfig flight) {
   render::ImageFormation formation;
   formation.exposure_time_s = 0.004;
   formation.exposure_samples = 3;
@@ -137,13 +137,13 @@ void write_flight(const FlightDraw& draw, const geometry::Trajectory& poses, con
 }
 
 void render(const Field& field, const FlightDraw& draw, const fs::path& folder) {
-  survey::RenderSettings settings{.source = field.place.source, .load = {}, .flight = {}};
+  recording::RenderSettings settings{.source = field.place.source, .load = {}, .flight = {}};
   settings.load.origin = field.place.origin;
   settings.flight.flight = folder / "flight.yaml";
   if (draw.degraded) settings.flight = degraded(settings.flight);
   settings.seed = draw.seed;
   settings.error_px = 1.0;
-  survey::render_dataset(settings, folder / "dataset", true);
+  recording::render_dataset(settings, folder / "dataset", true);
 }
 
 /// What the draw lets the program know; the true poses are for this program alone.
@@ -187,7 +187,7 @@ Outcome fly(const Field& field, const FlightDraw& draw, const std::string& name,
   const auto begin = std::chrono::steady_clock::now();
   try {
     if (!fs::exists(folder / "dataset")) render(field, draw, folder);
-    if (!fs::exists(folder / "odometry")) survey::track(folder / "dataset", folder / "odometry", false, {}, {});
+    if (!fs::exists(folder / "odometry")) odometry::track(folder / "dataset", folder / "odometry", false, {}, {});
     const json tracked = json::parse(base::read_text(folder / "odometry/odometry.json"));
     outcome.frames = tracked.at("frames");
     outcome.tracked = tracked.at("frames_tracked");

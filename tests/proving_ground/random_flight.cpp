@@ -6,8 +6,8 @@
 #include <functional>
 #include <numbers>
 
-#include "tileflight/base/random_numbers.h"
-#include "tileflight/flight/path.h"
+#include "tileflight/core/base/random_numbers.h"
+#include "tileflight/capture/flight_path/path.h"
 
 namespace tileflight::proving_ground {
 namespace {
@@ -229,7 +229,7 @@ std::optional<geometry::Trajectory> try_spot(const FlightDraw& draw, const Groun
     const double yaw = p.heading_rad / kRadians + p.extra_yaw_rad / kRadians +
                        (draw.kind == FlightKind::kOrbit ? 0.0 : draw.view_yaw_deg) + sway(0, time_s);
     poses.poses.push_back(
-        {time_s, SE3(flight::camera_orientation(yaw, std::clamp(draw.pitch_deg + sway(1, time_s), -90.0, 90.0),
+        {time_s, SE3(flight_path::camera_orientation(yaw, std::clamp(draw.pitch_deg + sway(1, time_s), -90.0, 90.0),
                                                 draw.bank_deg * p.turn + sway(2, time_s)),
                      position)});
   }

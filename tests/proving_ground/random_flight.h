@@ -7,10 +7,10 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/geometry/trajectory.h"
-#include "tileflight/geometry/triangle_index.h"
-#include "tileflight/imaging/camera.h"
-#include "tileflight/scene/scene.h"
+#include "tileflight/core/geometry/trajectory.h"
+#include "tileflight/core/geometry/triangle_index.h"
+#include "tileflight/core/imaging/camera.h"
+#include "tileflight/world/scene/scene.h"
 
 namespace tileflight::proving_ground {
 

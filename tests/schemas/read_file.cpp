@@ -5,22 +5,23 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
-#include "tileflight/actors/traffic.h"
-#include "tileflight/base/files.h"
-#include "tileflight/base/input_error.h"
-#include "tileflight/base/json_file.h"
-#include "tileflight/evaluation/metrics_file.h"
-#include "tileflight/events/event_options.h"
-#include "tileflight/experiment/experiment_file.h"
-#include "tileflight/experiment/stage_options.h"
-#include "tileflight/geometry/angles.h"
-#include "tileflight/imaging/camera.h"
-#include "tileflight/render/weather.h"
-#include "tileflight/sensors/sensor_suite.h"
-#include "tileflight/study/study_file.h"
-#include "tileflight/survey/flight_cameras.h"
-#include "tileflight/systems/adapter.h"
-#include "tileflight/vehicle/flight_plan.h"
+#include "tileflight/capture/ingest/ingest_stage.h"
+#include "tileflight/world/scene/traffic.h"
+#include "tileflight/core/base/files.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/json_file.h"
+#include "tileflight/evaluation/metrics/metrics_file.h"
+#include "tileflight/capture/events/event_options.h"
+#include "tileflight/experiments/experiment/experiment_file.h"
+#include "tileflight/experiments/experiment/stage_options.h"
+#include "tileflight/core/geometry/angles.h"
+#include "tileflight/core/imaging/camera.h"
+#include "tileflight/capture/render/weather.h"
+#include "tileflight/capture/sensors/sensor_suite.h"
+#include "tileflight/experiments/study/study_file.h"
+#include "tileflight/capture/recording/flight_cameras.h"
+#include "tileflight/slam/external_systems/adapter.h"
+#include "tileflight/capture/vehicle/flight_plan.h"
 
 namespace {
 
@@ -31,21 +32,21 @@ using nlohmann::json;
 void read(const std::string& kind, const fs::path& file) {
   if (kind == "experiment") tf::experiment::read_experiment(file);
   if (kind == "study") tf::study::read_study(file);
-  if (kind == "adapter") tf::systems::read_adapter(file.parent_path());
+  if (kind == "adapter") tf::external_systems::read_adapter(file.parent_path());
   if (kind == "camera") tf::imaging::read_calibration(file);
-  if (kind == "metrics") tf::evaluation::metrics_from_json(tf::base::read_json(file), file.string());
+  if (kind == "metrics") tf::metrics::metrics_from_json(tf::base::read_json(file), file.string());
   if (kind == "degrade") {
     auto section = tf::base::StrictSection::load(file);
-    tf::survey::RenderedFlightConfig flight;
+    tf::recording::RenderedFlightConfig flight;
     tf::experiment::read_degrade(section, flight);
   }
   if (kind == "flight" || kind == "sensors") {
     if (kind == "flight") tf::vehicle::read_flight_plan(file);
-    if (kind == "flight") tf::actors::read_actors(file);
+    if (kind == "flight") tf::scene::read_actors(file);
     if (kind == "flight") tf::render::read_weather(file);
-    tf::survey::RenderedFlightConfig flight;
+    tf::recording::RenderedFlightConfig flight;
     flight.flight = file;
-    if (kind == "flight") tf::survey::read_flight_cameras(flight);
+    if (kind == "flight") tf::recording::read_flight_cameras(flight);
     tf::sensors::read_sensor_suite(file, 1, {});
   }
 }
@@ -126,7 +127,7 @@ json odometry_defaults(const tf::experiment::OdometryConfig& o) {
           {"fixed_intrinsics", !o.options.window.refine_intrinsics},
           {"estimate_line_delay", o.options.estimate_line_delay},
           {"seed", o.options.initialization.seed},
-          {"mode", tf::survey::to_string(o.track_options.mode)},
+          {"mode", tf::recording::to_string(o.track_options.mode)},
           {"tight", o.track_options.inertial_in_window},
           {"gravity", o.track_options.gravity_m_s2},
           {"colmap", o.track_options.colmap},
@@ -355,13 +356,13 @@ int print_defaults(const fs::path& folder) {
   written(folder, "sensors.yaml", kSensors);
   const fs::path flight_file = written(folder, "waypoints.yaml", kWaypoints);
   const auto waypoints = tf::vehicle::read_flight_plan(flight_file);
-  const tf::actors::ActorPlan actor =
-      tf::actors::read_actors(written(folder, "actors.yaml", "actors: [{position: [0, 0]}]\n")).at(0);
+  const tf::scene::ActorPlan actor =
+      tf::scene::read_actors(written(folder, "actors.yaml", "actors: [{position: [0, 0]}]\n")).at(0);
   const tf::render::WeatherOptions weather =
       tf::render::read_weather(written(folder, "weather.yaml", "weather: {}\n")).value();
   const auto experiment = tf::experiment::read_experiment(written(folder, "experiment.yaml", kExperiment));
-  const tf::survey::RenderedFlightConfig& render = *experiment.simulated->render;
-  const tf::survey::IngestedFlightConfig ingest{};
+  const tf::recording::RenderedFlightConfig& render = *experiment.simulated->render;
+  const tf::ingest::IngestedFlightConfig ingest{};
   const json degrade = degrade_defaults(*render.degrade);
   const json sensors = sensor_defaults(tf::sensors::read_sensor_suite(flight_file, 1, {}));
   json flight = {{"speed_m_s", waypoints.limits.speed_m_s},
@@ -375,8 +376,8 @@ int print_defaults(const fs::path& folder) {
                  {"weather.snow_mm_per_h", weather.snow_mm_per_h},
                  {"weather.wetness", weather.wetness},
                  {"weather.streak_exposure_s", weather.streak_exposure_s},
-                 {"cameras[].offset_s", tf::survey::MountedCamera().offset_s},
-                 {"actors[].model", tf::actors::make_model(actor.model).name},
+                 {"cameras[].offset_s", tf::recording::MountedCamera().offset_s},
+                 {"actors[].model", tf::scene::make_model(actor.model).name},
                  {"actors[].scale", actor.scale},
                  {"actors[].yaw_deg", actor.route.yaw_deg},
                  {"actors[].start_s", actor.route.start_s},

@@ -9,14 +9,14 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/base/files.h"
-#include "tileflight/evaluation/published_results.h"
-#include "tileflight/geometry/cloud_files.h"
-#include "tileflight/geometry/geodesy.h"
-#include "tileflight/geometry/trajectory.h"
-#include "tileflight/imaging/calibration_files.h"
-#include "tileflight/imaging/image_files.h"
-#include "tileflight/tiling/glb_writer.h"
+#include "tileflight/core/base/files.h"
+#include "tileflight/evaluation/metrics/published_results.h"
+#include "tileflight/core/geometry/cloud_files.h"
+#include "tileflight/core/geometry/geodesy.h"
+#include "tileflight/core/geometry/trajectory.h"
+#include "tileflight/core/imaging/calibration_files.h"
+#include "tileflight/core/imaging/image_files.h"
+#include "tileflight/tiles/tile_writer/glb_writer.h"
 
 namespace tileflight::tests {
 
@@ -37,7 +37,7 @@ class SyntheticRun {
 
   void write() const {
     nlohmann::json results{{"name", options_.name},
-                           {"paper", evaluation::published_table()},
+                           {"paper", metrics::published_table()},
                            {"truth", truth()},
                            {"provenance", provenance()}};
     write_truth();
@@ -102,7 +102,7 @@ class SyntheticRun {
     }
     std::filesystem::create_directories(folder_ / "truth");
     geometry::write_cloud(folder_ / "truth/voxels.ply", centers);
-    base::write_file(folder_ / "truth/mesh.glb", tiling::write_glb({textured_place()}, {}));
+    base::write_file(folder_ / "truth/mesh.glb", tile_writer::write_glb({textured_place()}, {}));
   }
 
   /// Stripes across and along, brighter to the north.

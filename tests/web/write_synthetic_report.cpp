@@ -3,7 +3,7 @@
 #include <exception>
 
 #include "tests/web/synthetic_run.h"
-#include "tileflight/report/report.h"
+#include "tileflight/experiments/report/report.h"
 
 int main(int argc, char** argv) {
   if (argc != 2) return std::fputs("usage: write_synthetic_report DIR\n", stderr), 2;

@@ -1,4 +1,4 @@
-/** What the report's program wrote for the view (tileflight/report/view_data.h): a header in JSON and blocks of numbers. */
+/** What the report's program wrote for the view (tileflight/experiments/report/view_data.h): a header in JSON and blocks of numbers. */
 
 /** A stretch of bytes behind the header. */
 export interface Block {

@@ -1,0 +1,173 @@
+#include "tileflight/capture/events/dsec_file.h"
+
+#include <algorithm>
+#include <array>
+#include <cassert>
+#include <string>
+#include <utility>
+
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/capture/events/hdf5_handle.h"
+
+namespace tileflight::events {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr hsize_t kChunk = hsize_t{1} << 16U;  // events
+constexpr unsigned kDeflateLevel = 3;
+
+/// A list that grows, of numbers of one type.
+class GrowingList {
+ public:
+  GrowingList(hid_t parent, const char* name, hid_t type, std::string place) : place_(std::move(place)), type_(type) {
+    const hsize_t none = 0, any = H5S_UNLIMITED, chunk = kChunk;
+    const Hdf5Handle space(H5Screate_simple(1, &none, &any), H5Sclose, place_);
+    const Hdf5Handle options(H5Pcreate(H5P_DATASET_CREATE), H5Pclose, place_);
+    require_hdf5(H5Pset_chunk(options, 1, &chunk), place_);
+    require_hdf5(H5Pset_shuffle(options), place_);
+    require_hdf5(H5Pset_deflate(options, kDeflateLevel), place_);
+    require_hdf5(H5Pset_obj_track_times(options, false), place_);  // no dates: the same bytes each time
+    list_ = Hdf5Handle(H5Dcreate2(parent, name, type, space, H5P_DEFAULT, options, H5P_DEFAULT), H5Dclose, place_);
+  }
+  template <class Number>
+  void append(const std::vector<Number>& numbers) {
+    if (numbers.empty()) return;
+    assert(H5Tget_size(type_) == sizeof(Number));
+    const hsize_t count = numbers.size(), before = size_;
+    size_ += count;
+    require_hdf5(H5Dset_extent(list_, &size_), place_);
+    const Hdf5Handle in_file(H5Dget_space(list_), H5Sclose, place_);
+    require_hdf5(H5Sselect_hyperslab(in_file, H5S_SELECT_SET, &before, nullptr, &count, nullptr), place_);
+    const Hdf5Handle in_memory(H5Screate_simple(1, &count, nullptr), H5Sclose, place_);
+    require_hdf5(H5Dwrite(list_, type_, in_memory, in_file, H5P_DEFAULT, numbers.data()), place_);
+  }
+  void close() { list_.reset(); }
+
+ private:
+  std::string place_;
+  hid_t type_;
+  Hdf5Handle list_;
+  hsize_t size_ = 0;
+};
+
+template <class Number>
+std::vector<Number> values_of(const std::vector<Event>& events, Number Event::*value) {
+  std::vector<Number> values(events.size());
+  std::ranges::transform(events, values.begin(), value);
+  return values;
+}
+
+/// A list of whole numbers in an open file.
+template <class Number>
+std::vector<Number> read_list(hid_t file, const char* name, hid_t type, std::uint64_t most, const std::string& place) {
+  const Hdf5Handle list(H5Dopen2(file, name, H5P_DEFAULT), H5Dclose, place + ", " + name);
+  const Hdf5Handle space(H5Dget_space(list), H5Sclose, place);
+  const Hdf5Handle stored(H5Dget_type(list), H5Tclose, place);
+  if (H5Sget_simple_extent_ndims(space) != 1 || H5Tget_class(stored) != H5T_INTEGER)
+    throw InputError(place, std::string(name) + " is not a list of whole numbers, as DSEC's layout has it");
+  const hssize_t count = H5Sget_simple_extent_npoints(space);
+  if (count < 0 || static_cast<std::uint64_t>(count) > most)
+    throw InputError(place, std::string(name) + " has more than " + std::to_string(most) + " numbers");
+  std::vector<Number> numbers(static_cast<std::size_t>(count));
+  if (count > 0) require_hdf5(H5Dread(list, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, numbers.data()), place);
+  return numbers;
+}
+
+}  // namespace
+
+struct DsecWriter::Impl {
+  explicit Impl(const fs::path& path)
+      : place(path.string()),
+        file(H5Fcreate(path.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT), H5Fclose, place),
+        events(make_group()),
+        x(events, "x", H5T_NATIVE_UINT16, place),
+        y(events, "y", H5T_NATIVE_UINT16, place),
+        t(events, "t", H5T_NATIVE_UINT32, place),
+        p(events, "p", H5T_NATIVE_UINT8, place) {}
+
+  Hdf5Handle make_group() const {
+    const Hdf5Handle options(H5Pcreate(H5P_GROUP_CREATE), H5Pclose, place);
+    require_hdf5(H5Pset_obj_track_times(options, false), place);
+    return {H5Gcreate2(file, "events", H5P_DEFAULT, options, H5P_DEFAULT), H5Gclose, place};
+  }
+
+  /// Writes what waits.
+  void flush() {
+    x.append(values_of(waiting, &Event::x));
+    y.append(values_of(waiting, &Event::y));
+    t.append(values_of(waiting, &Event::t_us));
+    p.append(values_of(waiting, &Event::polarity));
+    waiting.clear();
+  }
+
+  void add(const Event& event) {
+    while (1000ULL * ms_to_idx.size() <= event.t_us) ms_to_idx.push_back(count);
+    waiting.push_back(event);
+    ++count;
+    if (waiting.size() == kChunk) flush();
+  }
+
+  void write_offset(std::int64_t t_offset_us) const {
+    const Hdf5Handle options(H5Pcreate(H5P_DATASET_CREATE), H5Pclose, place);
+    require_hdf5(H5Pset_obj_track_times(options, false), place);
+    const Hdf5Handle space(H5Screate(H5S_SCALAR), H5Sclose, place);
+    const Hdf5Handle offset(H5Dcreate2(file, "t_offset", H5T_NATIVE_INT64, space, H5P_DEFAULT, options, H5P_DEFAULT),
+                            H5Dclose, place);
+    require_hdf5(H5Dwrite(offset, H5T_NATIVE_INT64, H5S_ALL, H5S_ALL, H5P_DEFAULT, &t_offset_us), place);
+  }
+
+  std::string place;
+  Hdf5Handle file, events;
+  GrowingList x, y, t, p;
+  std::vector<Event> waiting{};
+  std::vector<std::uint64_t> ms_to_idx{};
+  std::uint64_t count = 0;
+};
+
+DsecWriter::DsecWriter(fs::path file) {
+  const QuietHdf5 quiet;
+  impl_ = std::make_unique<Impl>(file);
+}
+
+DsecWriter::~DsecWriter() = default;
+
+void DsecWriter::add(std::span<const Event> events) {
+  const QuietHdf5 quiet;
+  for (const Event& event : events) impl_->add(event);
+}
+
+void DsecWriter::finish(std::int64_t t_offset_us, std::uint32_t end_us) {
+  const QuietHdf5 quiet;
+  impl_->flush();
+  const std::size_t milliseconds = (std::size_t{end_us} + 999) / 1000 + 1;
+  while (impl_->ms_to_idx.size() < milliseconds) impl_->ms_to_idx.push_back(impl_->count);
+  GrowingList index(impl_->file, "ms_to_idx", H5T_NATIVE_UINT64, impl_->place);
+  index.append(impl_->ms_to_idx);
+  impl_->write_offset(t_offset_us);
+  for (GrowingList* list : {&impl_->x, &impl_->y, &impl_->t, &impl_->p, &index}) list->close();
+  impl_->events.reset();
+  require_hdf5(H5Fflush(impl_->file, H5F_SCOPE_LOCAL), impl_->place);
+  impl_->file.reset();
+}
+
+EventRecording read_dsec_file(const fs::path& file, std::uint64_t most_events) {
+  const QuietHdf5 quiet;
+  const std::string place = file.string();
+  const Hdf5Handle open(H5Fopen(file.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), H5Fclose, place);
+  const auto x = read_list<std::uint16_t>(open, "events/x", H5T_NATIVE_UINT16, most_events, place);
+  const auto y = read_list<std::uint16_t>(open, "events/y", H5T_NATIVE_UINT16, most_events, place);
+  const auto t = read_list<std::uint32_t>(open, "events/t", H5T_NATIVE_UINT32, most_events, place);
+  const auto p = read_list<std::uint8_t>(open, "events/p", H5T_NATIVE_UINT8, most_events, place);
+  if (x.size() != t.size() || y.size() != t.size() || p.size() != t.size())
+    throw InputError(place, "events/x, y, t and p are not of one length");
+  EventRecording recording;
+  for (std::size_t i = 0; i < t.size(); ++i) recording.events.push_back({t[i], x[i], y[i], p[i]});
+  constexpr std::uint64_t kMostMilliseconds = (std::uint64_t{1} << 32U) / 1000 + 2;
+  recording.ms_to_idx = read_list<std::uint64_t>(open, "ms_to_idx", H5T_NATIVE_UINT64, kMostMilliseconds, place);
+  const Hdf5Handle offset(H5Dopen2(open, "t_offset", H5P_DEFAULT), H5Dclose, place + ", t_offset");
+  require_hdf5(H5Dread(offset, H5T_NATIVE_INT64, H5S_ALL, H5S_ALL, H5P_DEFAULT, &recording.t_offset_us), place);
+  return recording;
+}
+
+}  // namespace tileflight::events

@@ -1,0 +1,50 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "tileflight/capture/events/event.h"
+
+namespace tileflight::events {
+
+/// Writes events.h5 in the layout of DSEC (Gehrig, Aarents, Gehrig, Scaramuzza, "DSEC: a stereo event camera dataset
+/// for driving scenarios", IEEE Robotics and Automation Letters 6(3), 2021), which its tools read:
+///   events/x, events/y   uint16: column and row
+///   events/t             uint32: microseconds since t_offset, ascending
+///   events/p             uint8: 1 brighter, 0 darker
+///   ms_to_idx            uint64: of each millisecond k, the number of events with t < 1000 k
+///   t_offset             int64: microseconds on the dataset's clock
+/// Compressed by HDF5's own filters (shuffle, deflate), which every reader has; DSEC's files need the plugin blosc. The
+/// bytes depend on the events alone. Events are written in blocks as they come. Throws InputError (file, cause).
+class DsecWriter {
+ public:
+  explicit DsecWriter(std::filesystem::path file);
+  ~DsecWriter();
+  DsecWriter(const DsecWriter&) = delete;
+  DsecWriter& operator=(const DsecWriter&) = delete;
+
+  /// Adds events, which follow those before in time.
+  void add(std::span<const Event> events);
+  /// Completes the file. `t_offset_us`: of t = 0 on the dataset's clock; `end_us`: of the recording, for ms_to_idx.
+  void finish(std::int64_t t_offset_us, std::uint32_t end_us);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// All of an events.h5.
+struct EventRecording {
+  std::vector<Event> events;
+  std::vector<std::uint64_t> ms_to_idx;
+  std::int64_t t_offset_us = 0;
+};
+
+/// Reads a file of DsecWriter, or another in this layout whose filters the HDF5 library has. Throws InputError (file,
+/// cause) for one that is unreadable or has another layout, and for more than `most_events`.
+EventRecording read_dsec_file(const std::filesystem::path& file, std::uint64_t most_events = std::uint64_t{1} << 28);
+
+}  // namespace tileflight::events

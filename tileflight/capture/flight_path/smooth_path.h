@@ -1,0 +1,43 @@
+#pragma once
+
+#include <span>
+
+#include "tileflight/capture/flight_path/b_spline.h"
+#include "tileflight/capture/flight_path/path.h"
+#include "tileflight/capture/flight_path/rotation_spline.h"
+#include "tileflight/capture/flight_path/smoothing.h"
+
+namespace tileflight::flight_path {
+
+/// Properties of a fitted spline and its residuals.
+struct SplineFit {
+  double knot_spacing_s = 0.0;
+  std::size_t control_count = 0;
+  double rms = 0.0;    ///< residual per axis: metres or radians
+  double sigma = 0.0;  ///< estimated noise: residual per axis with the degrees of freedom as divisor
+};
+
+/// A smoothed path and the fits that it consists of.
+struct SmoothPath {
+  Path path;
+  SplineFit position, rotation;
+};
+
+/// Fewer poses than this are not smoothed.
+inline constexpr std::size_t kMinPosesToSmooth = 8;
+
+/// Least-squares fit to poses: a cubic B-spline of positions and a cumulative one of rotations, each over evenly spaced
+/// knots. Velocity, acceleration and angular rates are the splines' derivatives. The path starts and ends at the times
+/// of the first and last pose. Throws InputError: fewer than kMinPosesToSmooth poses, a knot spacing or noise that is
+/// not positive.
+SmoothPath smooth_path(const geometry::Trajectory& trajectory, const SmoothingOptions& options = {});
+
+/// Positions at times (strictly increasing, at least kMinPosesToSmooth), smoothed in the same way.
+struct SmoothPositions {
+  BSpline<3> spline;
+  SplineFit fit;
+};
+SmoothPositions smooth_positions(std::span<const double> times_s, std::span<const geometry::Vec3> positions_m,
+                                 const SmoothingOptions& options = {});
+
+}  // namespace tileflight::flight_path

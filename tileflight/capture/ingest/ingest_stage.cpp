@@ -1,0 +1,240 @@
+#include "tileflight/capture/ingest/ingest_stage.h"
+
+#include <algorithm>
+#include <iomanip>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "tileflight/core/base/files.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/string_lists.h"
+#include "tileflight/core/base/temporary_path.h"
+#include "tileflight/data/dataset/ingest_rig.h"
+#include "tileflight/data/flight_logs/photo_log.h"
+#include "tileflight/data/flight_logs/telemetry_file.h"
+#include "tileflight/world/place/extract.h"
+#include "tileflight/core/base/version.h"
+#include "tileflight/capture/recording/flight_cameras.h"
+#include "tileflight/capture/ingest/takeoff_height.h"
+#include "tileflight/capture/ingest/telemetry_offset.h"
+#include "tileflight/capture/ingest/telemetry_positions.h"
+#include "tileflight/slam/odometry/track.h"
+
+namespace tileflight::ingest {
+namespace {
+
+void add_positions(const flight_logs::Telemetry& telemetry, IngestedFlightConfig flight,
+                   const std::filesystem::path& truth, dataset::IngestOptions& options,
+                   std::vector<std::string>& warnings) {
+  warnings.insert(warnings.end(), telemetry.warnings.begin(), telemetry.warnings.end());
+  if (flight.telemetry_height == "takeoff" && !flight.takeoff_height_m && !truth.empty()) {
+    flight.takeoff_height_m = estimate_takeoff_height(telemetry, flight.telemetry, truth).m;
+    std::ostringstream note;
+    note << "the take-off point lies " << std::fixed << std::setprecision(2) << *flight.takeoff_height_m
+         << " m above the ellipsoid, according to the ground truth";
+    warnings.push_back(note.str());
+  }
+  options.gps = to_gps_fixes(telemetry, flight, warnings);
+  options.attitudes = to_camera_attitudes(telemetry);
+  options.gps_time_offset_s = flight.telemetry_offset_s.value_or(0.0);
+}
+
+/// Capture times of a folder's photos, unless a frame rate is given; none if not all have one. `start_utc_s`: the
+/// moment that is time 0, set by the first camera of a rig.
+std::map<std::string, dataset::ImageTime> photo_times(const flight_logs::PhotoLog& photos,
+                                                      std::optional<double>& start_utc_s,
+                                                      std::vector<std::string>& warnings) {
+  if (photos.times.size() < 2) return {};
+  if (photos.times.size() < photos.photos) {
+    warnings.push_back(std::to_string(photos.photos - photos.times.size()) + " of " + std::to_string(photos.photos) +
+                       " photos have no capture time, so the times of all photos are ignored");
+    return {};
+  }
+  warnings.insert(warnings.end(), photos.warnings.begin(), photos.warnings.end());
+  if (!start_utc_s) start_utc_s = photos.start_utc_s;
+  std::map<std::string, dataset::ImageTime> times;
+  for (const auto& [name, taken] : photos.times)
+    times[name] = {taken.time_s + (photos.start_utc_s - *start_utc_s), taken.exposure_ms};
+  return times;
+}
+
+flight_logs::PhotoLog read_photos(const std::filesystem::path& video) {
+  if (!std::filesystem::is_directory(video)) return {};
+  const bool in_folder = std::filesystem::is_directory(video / "images");
+  return flight_logs::read_photo_log(in_folder ? video / "images" : video);
+}
+
+/// Adds the photos' metadata: capture times unless a frame rate is given, and positions unless a log is given.
+void add_photo_metadata(const IngestedFlightConfig& flight, const std::filesystem::path& truth,
+                        dataset::IngestOptions& options, std::optional<double>& start_utc_s,
+                        std::vector<std::string>& warnings) {
+  if (flight.fps) return;
+  const flight_logs::PhotoLog photos = read_photos(options.video_or_images);
+  options.image_times = photo_times(photos, start_utc_s, warnings);
+  if (options.image_times.empty() || !flight.telemetry.empty() || photos.telemetry.fixes.empty()) return;
+  IngestedFlightConfig own = flight;
+  own.telemetry = options.video_or_images;  // for messages
+  add_positions(photos.telemetry, own, truth, options, warnings);
+}
+
+/// The rig's cameras that have a video, in the order of the rig's file.
+std::vector<dataset::IngestedCamera> rig_cameras(const IngestedFlightConfig& flight) {
+  const std::vector<recording::MountedCamera> mounts = recording::read_rig_cameras(flight.camera);
+  const bool by_order = flight.videos.front().camera.empty();
+  std::vector<std::string> names;
+  for (const recording::MountedCamera& mount : mounts) names.push_back(mount.name);
+  const std::string has = "has the cameras " + base::joined(names);
+  if (by_order && flight.videos.size() != mounts.size())
+    throw InputError(flight.camera.string(), has + ", but there are " + std::to_string(flight.videos.size()) +
+                                                 " videos or folders; say which is which: NAME=PATH");
+  for (const CameraVideo& one : flight.videos) {
+    if (!by_order && std::ranges::find(names, one.camera) == names.end())
+      throw InputError(flight.camera.string(), has + ", none is called " + one.camera);
+  }
+  std::vector<dataset::IngestedCamera> cameras;
+  for (std::size_t i = 0; i < mounts.size(); ++i) {
+    const auto video = by_order ? flight.videos.begin() + static_cast<std::ptrdiff_t>(i)
+                                : std::ranges::find(flight.videos, names[i], &CameraVideo::camera);
+    if (video == flight.videos.end()) continue;
+    const recording::MountedCamera& mount = mounts[i];
+    cameras.push_back({mount.name, video->video, {}, mount.calibration, mount.T_body_camera, mount.timeshift_s});
+  }
+  return cameras;
+}
+
+/// The camera's path estimated by odometry from the images alone.
+geometry::Trajectory estimate_camera_path(dataset::IngestOptions options, const std::filesystem::path& out,
+                                          const Progress& progress) {
+  const std::filesystem::path folder = base::make_temporary_path(out);
+  std::filesystem::create_directories(folder);
+  const base::RemovedOnExit removal(folder);
+  options.gps.clear();
+  options.imu.clear();
+  options.groundtruth.clear();
+  dataset::ingest(options, folder / "dataset", progress);
+  odometry::track(folder / "dataset", folder / "odometry", false, {}, {}, progress);
+  return geometry::read_tum(folder / "odometry/trajectory.txt");
+}
+
+/// Converts the log's times to the video's clock by the motion recorded in both.
+nlohmann::json synchronize_telemetry(const flight_logs::Telemetry& telemetry, const IngestedFlightConfig& flight,
+                                     const std::filesystem::path& out, dataset::IngestOptions& options,
+                                     const Progress& progress) {
+  const TelemetryOffset found = estimate_telemetry_offset(estimate_camera_path(options, out, progress), telemetry);
+  if (!found.offset.determined) {
+    throw InputError(flight.telemetry.string(), "its time offset to the video cannot be determined (" +
+                                                    found.offset.reason +
+                                                    "); give it in seconds: --time-offset (telemetry_offset)");
+  }
+  options.gps_time_offset_s = found.offset.offset_s;
+  const nlohmann::json about{{"seconds", found.offset.offset_s},
+                             {"sigma_s", found.offset.sigma_s},
+                             {"explained", found.offset.explained_variance},
+                             {"source", found.source}};
+  for (const auto& [key, value] : about.items())
+    options.description["time_offset." + key] = value.is_string() ? value.get<std::string>() : value.dump();
+  return about;
+}
+
+nlohmann::json to_json(const dataset::Synchronisation& found) {
+  nlohmann::json cameras;
+  for (const dataset::CameraSynchronisation& camera : found.cameras)
+    cameras.push_back({{"name", camera.name},
+                       {"frames", camera.frames},
+                       {"pairs", camera.pairs},
+                       {"matched", camera.matched},
+                       {"largest_skew_s", camera.largest_skew_s},
+                       {"offset_s", camera.offset_s},
+                       {"missing", camera.missing},
+                       {"starts_late_s", camera.starts_late_s},
+                       {"stops_early_s", camera.stops_early_s}});
+  return {{"tolerance_s", found.tolerance_s}, {"cameras", cameras}, {"faults", found.faults}};
+}
+
+/// What ingest_dataset() is asked, before it is known of one camera or several.
+dataset::IngestOptions options_of(const IngestedFlightConfig& flight, const std::filesystem::path& truth,
+                                  bool replace) {
+  dataset::IngestOptions options{.video_or_images = flight.video,
+                                 .calibration = flight.camera,
+                                 .camera_id = flight.camera_id,
+                                 .excerpt = {.from_s = flight.from_s, .to_s = flight.to_s, .every = flight.every},
+                                 .imu = flight.imu,
+                                 .imu_noise = flight.imu_noise,
+                                 .imu_time_offset_s = flight.imu_time_offset_s,
+                                 .groundtruth = flight.groundtruth,
+                                 .replace = replace,
+                                 .inputs = {flight.telemetry, truth},
+                                 .description = {{"made_by", "tileflight ingest " + base::version()}}};
+  if (flight.fps) options.image_rate_hz = *flight.fps;
+  return options;
+}
+
+nlohmann::json summary_of(const dataset::IngestResult& result, const nlohmann::json& time_offset) {
+  return {{"frames", result.frames},
+          {"first_time_s", result.times_s.front()},
+          {"last_time_s", result.times_s.back()},
+          {"resolution", {result.width, result.height}},
+          {"positions", result.gps_fixes},
+          {"imu_readings", result.imu_readings},
+          {"time_offset", time_offset},
+          {"true_poses", result.groundtruth_poses}};
+}
+
+/// The flight of a rig whose `cameras` have a video each.
+nlohmann::json ingest_cameras(const IngestedFlightConfig& flight, std::vector<dataset::IngestedCamera> cameras,
+                              dataset::IngestOptions options, std::optional<double> start_utc_s,
+                              const nlohmann::json& time_offset, const std::filesystem::path& out,
+                              std::vector<std::string>& warnings, const Progress& progress) {
+  cameras.front().image_times = std::move(options.image_times);
+  for (std::size_t i = 1; i < cameras.size() && !flight.fps; ++i)
+    cameras[i].image_times = photo_times(read_photos(cameras[i].video_or_images), start_utc_s, warnings);
+  const dataset::RigIngestResult result =
+      dataset::ingest_rig({std::move(options), std::move(cameras), flight.sync_tolerance_s}, out, progress);
+  for (const dataset::IngestResult& camera : result.cameras) base::add_distinct(camera.notes, warnings);
+  base::add_distinct(result.synchronisation.faults, warnings);
+  nlohmann::json summary = summary_of(result.cameras.front(), time_offset);
+  summary["synchronisation"] = to_json(result.synchronisation);
+  return summary;
+}
+
+}  // namespace
+
+nlohmann::json ingest_dataset(const IngestedFlightConfig& flight, const std::filesystem::path& truth,
+                              const std::filesystem::path& out, bool replace, const Progress& progress) {
+  dataset::IngestOptions options = options_of(flight, truth, replace);
+  std::vector<dataset::IngestedCamera> cameras;
+  if (!flight.videos.empty()) {
+    cameras = rig_cameras(flight);
+    options.video_or_images = cameras.front().video_or_images;
+    options.lens = cameras.front().calibration;
+  }
+  std::vector<std::string> warnings;
+  flight_logs::Telemetry telemetry;
+  if (!flight.telemetry.empty()) {
+    telemetry = flight_logs::read_telemetry(flight.telemetry);
+    for (const flight_logs::RangeReading& range : flight_logs::read_ranges(flight.telemetry))
+      options.ranges.push_back({range.time_s, range.range_m});
+    add_positions(telemetry, flight, truth, options, warnings);
+  }
+  if (!truth.empty())
+    options.description.merge(place::describe_frame(place::origin_from_json(place::read_extract_json(truth))));
+  std::optional<double> start_utc_s;
+  add_photo_metadata(flight, truth, options, start_utc_s, warnings);
+  nlohmann::json time_offset;  // null: not requested
+  if (flight.estimates_telemetry_offset) {
+    time_offset = synchronize_telemetry(telemetry, flight, out, options, progress);
+    if (!cameras.empty()) options.gps_time_offset_s += cameras.front().timeshift_s;  // the body's clock
+  }
+  nlohmann::json summary;
+  if (!cameras.empty()) {
+    summary = ingest_cameras(flight, cameras, options, start_utc_s, time_offset, out, warnings, progress);
+  } else {
+    const dataset::IngestResult result = dataset::ingest(options, out, progress);
+    warnings.insert(warnings.end(), result.notes.begin(), result.notes.end());
+    summary = summary_of(result, time_offset);
+  }
+  summary["warnings"] = warnings;
+  return summary;
+}
+
+}  // namespace tileflight::ingest

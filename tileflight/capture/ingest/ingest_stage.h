@@ -1,0 +1,50 @@
+#pragma once
+
+#include <filesystem>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "tileflight/core/base/progress.h"
+
+namespace tileflight::ingest {
+
+/// What one camera of a rig took.
+struct CameraVideo {
+  std::string camera;           ///< its name in the rig's file; empty: by the order there
+  std::filesystem::path video;  ///< video file or folder of images
+};
+
+/// Section `ingest:`: a filmed flight. Keys: video, camera, camera_id, telemetry, telemetry_height, takeoff_height,
+/// telemetry_offset, groundtruth, from, to, every, fps, sync_tolerance.
+struct IngestedFlightConfig {
+  std::filesystem::path video;      ///< video file or folder of images; empty if there are `videos`
+  std::vector<CameraVideo> videos;  ///< video: {NAME: PATH, ...}, of a rig's cameras
+  std::filesystem::path camera;     ///< calibration; of a rig: what read_rig_cameras reads
+  std::string
+      camera_id;  ///< which of several cameras in the file: COLMAP's CAMERA_ID, Kalibr's cam0; empty: the only one
+  std::filesystem::path telemetry;           ///< flight_logs::read_telemetry; empty: none
+  std::string telemetry_height;              ///< ellipsoid | sea-level | takeoff; height reference (datum) of the log
+  std::optional<double> takeoff_height_m;    ///< of the take-off point above the ellipsoid, for heights above it
+  std::optional<double> telemetry_offset_s;  ///< added to the log's times; none: estimated during alignment
+  bool estimates_telemetry_offset = false;   ///< telemetry_offset: auto; estimated from the motion seen by both
+  std::filesystem::path imu;                 ///< readings of an inertial unit (dataset::read_imu_csv); empty: none
+  std::filesystem::path imu_noise;           ///< dataset::read_imu_noise; empty: not known
+  double imu_time_offset_s = 0.0;            ///< added to the unit's times to get the video's
+  std::filesystem::path groundtruth;         ///< TUM poses for scoring; empty: none
+  double from_s = 0.0;
+  std::optional<double> to_s;
+  int every = 1;
+  std::optional<double> fps;       ///< frame rate of an image folder without times
+  double sync_tolerance_s = 1e-3;  ///< of a rig: images that differ by no more are of one instant
+};
+
+/// Converts a filmed flight to a dataset folder of the same layout, written atomically. Log positions become gps.csv
+/// (ellipsoidal heights). `truth`: a folder written by extract(), from whose surface the height of the take-off point
+/// is determined if it is needed and not given; empty: none. With `videos`: the dataset of a rig, and in the summary
+/// `synchronisation`; a camera whose pictures do not go with the others' is a warning. Throws InputError.
+nlohmann::json ingest_dataset(const IngestedFlightConfig& flight, const std::filesystem::path& truth,
+                              const std::filesystem::path& out, bool replace, const Progress& progress = {});
+
+}  // namespace tileflight::ingest

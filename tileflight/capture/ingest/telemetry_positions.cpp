@@ -1,0 +1,98 @@
+#include "tileflight/capture/ingest/telemetry_positions.h"
+
+#include <optional>
+
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/capture/flight_path/path.h"
+
+namespace tileflight::ingest {
+namespace {
+
+/// Typical accuracy of consumer drones' receivers under open sky; logs do not state it.
+constexpr double kHorizontalSigma_m = 1.0;
+constexpr double kVerticalSigma_m = 2.0;
+
+enum class HeightReference { kEllipsoid, kSeaLevel, kTakeoff };
+
+HeightReference find_height_reference(const flight_logs::Telemetry& telemetry, const IngestedFlightConfig& flight) {
+  if (flight.telemetry_height == "takeoff") return HeightReference::kTakeoff;
+  if (flight.telemetry_height == "ellipsoid") return HeightReference::kEllipsoid;
+  if (flight.telemetry_height == "sea-level") return HeightReference::kSeaLevel;
+  if (telemetry.height_datum == flight_logs::HeightDatum::kEllipsoid) return HeightReference::kEllipsoid;
+  if (telemetry.height_datum == flight_logs::HeightDatum::kMeanSeaLevel) return HeightReference::kSeaLevel;
+  throw InputError(flight.telemetry.string(),
+                   "does not state its height reference; give --telemetry-height (telemetry_height in an experiment) "
+                   "ellipsoid, sea-level or takeoff");
+}
+
+/// nullopt if the fix has no height of that kind.
+std::optional<geometry::EllipsoidalHeight> ellipsoidal_height(const flight_logs::TelemetryFix& fix,
+                                                              HeightReference above,
+                                                              const IngestedFlightConfig& flight) {
+  if (above == HeightReference::kTakeoff) {
+    if (!fix.height_above_takeoff_m) return {};
+    return geometry::EllipsoidalHeight{flight.takeoff_height_m.value() + *fix.height_above_takeoff_m};
+  }
+  if (!fix.absolute_height_m) return {};
+  if (above == HeightReference::kEllipsoid) return geometry::EllipsoidalHeight{*fix.absolute_height_m};
+  return geometry::ellipsoidal_from_orthometric(fix.latitude_deg, fix.longitude_deg, {*fix.absolute_height_m});
+}
+
+}  // namespace
+
+std::vector<dataset::GpsFix> to_gps_fixes(const flight_logs::Telemetry& telemetry, const IngestedFlightConfig& flight,
+                                          std::vector<std::string>& warnings) {
+  const HeightReference above = find_height_reference(telemetry, flight);
+  if (above == HeightReference::kTakeoff && !flight.takeoff_height_m) {
+    throw InputError(flight.telemetry.string(),
+                     "heights above take-off need --takeoff-height (takeoff_height), the height of the take-off point "
+                     "above the ellipsoid in metres, or a ground truth to take it from (--truth)");
+  }
+  std::vector<dataset::GpsFix> fixes;
+  std::size_t without_height = 0;
+  for (const flight_logs::TelemetryFix& fix : flight_logs::distinct_fixes(telemetry)) {
+    const auto height = ellipsoidal_height(fix, above, flight);
+    if (!height) {
+      ++without_height;
+      continue;
+    }
+    fixes.push_back({.time_s = fix.time_s,
+                     .position = {fix.latitude_deg, fix.longitude_deg, *height},
+                     .horizontal_sigma_m = kHorizontalSigma_m,
+                     .vertical_sigma_m = kVerticalSigma_m});
+  }
+  if (fixes.empty() && above == HeightReference::kTakeoff)
+    throw InputError(flight.telemetry.string(), "has no heights above take-off");
+  if (fixes.empty()) {
+    throw InputError(flight.telemetry.string(),
+                     "has no absolute heights; give --telemetry-height takeoff and --takeoff-height (telemetry_height "
+                     "and takeoff_height in an experiment)");
+  }
+  if (without_height > 0)
+    warnings.push_back(std::to_string(without_height) +
+                       " positions of the flight log left out: they have no height of that kind");
+  return fixes;
+}
+
+std::vector<dataset::CameraAttitude> to_camera_attitudes(const flight_logs::Telemetry& telemetry) {
+  constexpr double kTiltSigma_deg = 2.0, kYawSigma_deg = 6.0;  // not stated in logs
+  std::vector<dataset::CameraAttitude> attitudes;
+  for (const flight_logs::TelemetryFix& fix : telemetry.fixes) {
+    if (!fix.gimbal_yaw_deg || !fix.gimbal_pitch_deg) continue;
+    attitudes.push_back(
+        {fix.time_s,
+         flight_path::camera_orientation(*fix.gimbal_yaw_deg, *fix.gimbal_pitch_deg, fix.gimbal_roll_deg.value_or(0.0)),
+         kTiltSigma_deg, kYawSigma_deg});
+  }
+  return attitudes;
+}
+
+std::vector<geometry::Vec3> to_local_positions(const std::vector<dataset::GpsFix>& fixes,
+                                               const geometry::LocalFrame& frame) {
+  std::vector<geometry::Vec3> positions;
+  positions.reserve(fixes.size());
+  for (const dataset::GpsFix& fix : fixes) positions.push_back(frame.local_from_geodetic(fix.position));
+  return positions;
+}
+
+}  // namespace tileflight::ingest

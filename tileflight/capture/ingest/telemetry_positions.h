@@ -1,0 +1,29 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "tileflight/data/dataset/attitude_csv.h"
+#include "tileflight/data/dataset/dataset.h"
+#include "tileflight/data/flight_logs/telemetry.h"
+#include "tileflight/core/geometry/geodesy.h"
+#include "tileflight/capture/ingest/ingest_stage.h"
+
+namespace tileflight::ingest {
+
+/// Converts a flight log's positions to those of gps.csv: heights above the ellipsoid, converted from the log's height
+/// reference (`telemetry_height`; without it the log must state it), times on the log's clock. Positions without such a
+/// height are dropped and counted in `warnings`. Throws InputError if the height reference is unknown (references are
+/// never mixed silently) or no position has such a height.
+std::vector<dataset::GpsFix> to_gps_fixes(const flight_logs::Telemetry& telemetry, const IngestedFlightConfig& flight,
+                                          std::vector<std::string>& warnings);
+
+/// The camera's attitude from its gimbal angles, if the log has yaw and pitch (a missing roll is 0: gimbals keep the
+/// camera level), with error sigmas typical of consumer drones' gimbals and compasses.
+std::vector<dataset::CameraAttitude> to_camera_attitudes(const flight_logs::Telemetry& telemetry);
+
+/// Positions in the local frame, in the order of the fixes.
+std::vector<geometry::Vec3> to_local_positions(const std::vector<dataset::GpsFix>& fixes,
+                                               const geometry::LocalFrame& frame);
+
+}  // namespace tileflight::ingest

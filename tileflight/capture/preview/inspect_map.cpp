@@ -1,0 +1,209 @@
+#include "tileflight/capture/preview/inspect_map.h"
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "tileflight/core/base/formatted_text.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/string_lists.h"
+#include "tileflight/core/imaging/image_files.h"
+#include "tileflight/world/place/extract.h"
+#include "tileflight/capture/preview/ground_view.h"
+#include "tileflight/core/base/memory_budget.h"
+#include "tileflight/capture/preview/propose_region.h"
+
+namespace tileflight::preview {
+namespace {
+
+using geometry::Box3;
+using geometry::Vec3;
+using nlohmann::json;
+
+/// The local frame is planar: at this distance the ground is 2 km below it.
+constexpr double kMaxExtent_m = 320e3;
+/// Tile resolution, as a fraction of the extent, used to find bounds.
+constexpr double kBoundsSteps = 128.0;
+
+bool has_region(const tileset::LoadOptions& load) {
+  return load.center || load.center_local || load.size || !load.areas.empty();
+}
+
+/// Metres with the number of decimals appropriate to the size of the place.
+std::string format_metres(double value, double longest_m) {
+  return base::formatted("%.*f", longest_m >= 100 ? 1 : longest_m >= 10 ? 2 : 3, value);
+}
+
+/// The extent shown.
+Box3 choose_extent(place::PlaceReader& place, const InspectMapSettings& settings, std::uintmax_t memory,
+                   const Progress& progress) {
+  const Box3 region = place.placement().region.box();
+  const double longer_m = std::max(region.sizes().x(), region.sizes().y());
+  if (longer_m > kMaxExtent_m) {
+    throw InputError(place.name(), "spans " + base::formatted("%.0f km", longer_m / 1e3) +
+                                       ", too much for one map; give --center and --size");
+  }
+  if (has_region(settings.load)) return region;
+  const double error_m = settings.error_m.value_or(longer_m / kBoundsSteps);
+  const Box3 surface = surface_bounds(place, error_m, memory, progress);
+  if (surface.isEmpty()) throw InputError(place.name(), "contains no surface and no points: there is nothing to show");
+  return surface;
+}
+
+render::OrthophotoOptions top_down_options(const InspectMapSettings& settings, const Box3& region) {
+  render::OrthophotoOptions options;
+  const bool wants_heights = settings.load.size && settings.load.size->z() > 0;
+  if (!wants_heights && settings.load.areas.empty()) return options;
+  options.top_m = region.max().z();
+  options.bottom_m = region.min().z();
+  return options;
+}
+
+/// Extent of the surface in the image, and the share of pixels that have one.
+struct SurfaceExtent {
+  Box3 box;
+  double covered_share = 0.0;
+};
+
+SurfaceExtent find_surface(const GroundView& view) {
+  SurfaceExtent found;
+  std::int64_t count = 0;
+  for (int y = 0; y < view.grid.height; ++y) {
+    for (int x = 0; x < view.grid.width; ++x) {
+      const float height_m = view.image.height_m(x, y);
+      if (!std::isfinite(height_m)) continue;
+      ++count;
+      const render::GroundGrid pixel = view.grid.crop(x, y, 1, 1);
+      found.box.extend(Vec3(pixel.west_m, pixel.south_m(), height_m));
+      found.box.extend(Vec3(pixel.east_m(), pixel.north_m, height_m));
+    }
+  }
+  found.covered_share = static_cast<double>(count) / static_cast<double>(view.image.height_m.pixels.size());
+  return found;
+}
+
+std::vector<std::string> map_notes(const place::PlaceReader& place, const GroundView& view, const SurfaceExtent& found) {
+  const Vec3 size = found.box.sizes();
+  const double longest_m = std::max(size.x(), size.y());
+  std::string extent = format_metres(size.x(), longest_m) + " m east × " + format_metres(size.y(), longest_m) +
+                       " m north; heights " + format_metres(found.box.min().z(), longest_m) + " to " +
+                       format_metres(found.box.max().z(), longest_m) + " m";
+  if (const auto& frame = place.placement().local_frame) {
+    const double origin_m = frame->origin().height.m;
+    extent += " in the local frame, " + format_metres(origin_m + found.box.min().z(), longest_m) + " to " +
+              format_metres(origin_m + found.box.max().z(), longest_m) + " m above the ellipsoid";
+  }
+  std::string pixels =
+      base::formatted("one pixel is %.3g m; tiles to a geometric error of %.3g m", view.grid.pixel_m, view.error_m);
+  if (const auto& frame = place.placement().local_frame) {
+    const geometry::Geodetic& origin = frame->origin();
+    pixels += base::formatted("; local frame: east, north, up at %.7f°, %.7f°, %.2f m", origin.latitude_deg,
+                              origin.longitude_deg, origin.height.m);
+  } else {
+    pixels += "; not georeferenced: the local frame is the tileset's own";
+  }
+  return {extent, pixels};
+}
+
+drawing::MapOutline region_outline(const ProposedRegion& proposed) {
+  const Vec3 low = proposed.center - proposed.size / 2, high = proposed.center + proposed.size / 2;
+  return {drawing::MapOutline::Kind::kProposedRegion,
+          {{low.x(), low.y()}, {high.x(), low.y()}, {high.x(), high.y()}, {low.x(), high.y()}}};
+}
+
+json map_json(const GroundView& view, const SurfaceExtent& found, const std::filesystem::path& picture) {
+  const auto corner = [](const Vec3& v) { return json{v.x(), v.y(), v.z()}; };
+  return {
+      {"file", picture.string()},
+      {"pixels", {view.grid.width, view.grid.height}},
+      {"pixel_size", view.grid.pixel_m},
+      {"west", view.grid.west_m},
+      {"north", view.grid.north_m},
+      {"surface", {{"min", corner(found.box.min())}, {"max", corner(found.box.max())}, {"share", found.covered_share}}},
+      {"geometric_error_wanted", view.error_m},
+      {"tiles", view.tiles},
+      {"tiles_missing", view.missing.size()},
+      {"parts", view.parts}};
+}
+
+void check(const InspectMapSettings& settings, const std::filesystem::path& picture) {
+  const std::string ending = picture.extension().string();
+  if (ending != ".png" && ending != ".jpg" && ending != ".jpeg")
+    throw InputError(picture.string(), "unknown image format for a map (.png or .jpg expected)");
+  if (settings.longer_side_px < 64 || settings.longer_side_px > 8000)
+    throw InputError("--pixels", "must be from 64 to 8000 pixels");
+}
+
+}  // namespace
+
+json inspect_map(const InspectMapSettings& settings, const std::filesystem::path& picture, const Progress& progress) {
+  check(settings, picture);
+  tileset::LoadOptions load = settings.load;
+  load.allow_large_area = true;
+  place::PlaceReader place(settings.source, load, fetch::Use::kAnalyse);
+  const std::uintmax_t memory = settings.max_memory_bytes.value_or(base::default_memory_bytes());
+  const Box3 box = choose_extent(place, settings, memory, progress);
+  const render::GroundGrid grid = fit_ground_grid(box, settings.longer_side_px);
+  const GroundView view = render_ground_view(place, grid,
+                                             {.error_m = settings.error_m.value_or(grid.pixel_m),
+                                              .top_down = top_down_options(settings, box),
+                                              .max_memory_bytes = memory},
+                                             progress);
+  const SurfaceExtent found = find_surface(view);
+  const auto proposed = propose_region(view.grid, view.image.height_m);
+  if (!proposed) {
+    throw InputError(place.name(), "there is no surface in the region " + tileset::describe_extent(box) +
+                                       "; the tileset spans " + tileset::describe_extent(place.tree()));
+  }
+  const auto& frame = place.placement().local_frame;
+  drawing::PlaceMap map{.title = place::source_display_name(settings.source),
+                       .notes = map_notes(place, view, found),
+                       .attribution = base::joined(place.attribution(), "; "),
+                       .ground = to_ground_picture(view),
+                       .frame = frame,
+                       .outlines = missing_outlines(view),
+                       .flight = std::nullopt};
+  if (!has_region(settings.load)) map.outlines.push_back(region_outline(*proposed));
+  imaging::write_rgb(picture, draw_to_image(map));
+
+  std::vector<std::string> warnings = ground_view_warnings(view);
+  const std::vector<std::string> of_place = place.warnings();
+  warnings.insert(warnings.end(), of_place.begin(), of_place.end());
+  return {{"map", map_json(view, found, picture)},     {"frame", place::frame_json(place.placement().local_frame)},
+          {"georeferenced", place.is_georeferenced()}, {"proposal", to_json(*proposed, frame)},
+          {"attribution", place.attribution()},        {"warnings", warnings}};
+}
+
+std::string inspect_map_text(const json& found) {
+  const json& map = found["map"];
+  const json &low = map["surface"]["min"], &high = map["surface"]["max"];
+  const double east = high[0].get<double>() - low[0].get<double>(),
+               north = high[1].get<double>() - low[1].get<double>();
+  const double longest_m = std::max(east, north);
+  std::string text =
+      map["file"].get<std::string>() + ": " + format_metres(east, longest_m) + " x " + format_metres(north, longest_m) +
+      " m of surface from above, " + base::formatted("%.3g", map["pixel_size"].get<double>()) + " m per pixel, from " +
+      std::to_string(map["tiles"].get<std::int64_t>()) + " tiles\nheights: " + format_metres(low[2], longest_m) +
+      " to " + format_metres(high[2], longest_m) + " m in the local frame";
+  const json& frame = found["frame"];
+  if (!frame["origin_lat"].is_null()) {
+    const double origin_m = frame["origin_height"];
+    text += ", " + format_metres(origin_m + low[2].get<double>(), longest_m) + " to " +
+            format_metres(origin_m + high[2].get<double>(), longest_m) +
+            " m above the ellipsoid\nlocal frame: --origin " +
+            base::formatted("%.7f,%.7f,%.2f", frame["origin_lat"].get<double>(), frame["origin_lon"].get<double>(),
+                            origin_m);
+  }
+  const json& proposal = found["proposal"];
+  text += "\nproposed region and voxel: " + proposal["options"].get<std::string>() +
+          base::formatted(
+              " (%.0f %% of the surface; %.0f voxels along its longest side)\n",
+              100 * proposal["region"]["surface_share"].get<double>(),
+              std::max({proposal["region"]["size"][0].get<double>(), proposal["region"]["size"][1].get<double>(),
+                        proposal["region"]["size"][2].get<double>()}) /
+                  proposal["voxel_size"].get<double>());
+  for (const auto& warning : found["warnings"]) text += "note: " + warning.get<std::string>() + "\n";
+  return text;
+}
+
+}  // namespace tileflight::preview

@@ -1,0 +1,159 @@
+#include "tileflight/capture/preview/preview_figures.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iomanip>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "tileflight/core/base/formatted_text.h"
+#include "tileflight/core/base/order_statistics.h"
+#include "tileflight/core/base/string_lists.h"
+#include "tileflight/capture/preview/ground_view.h"
+#include "tileflight/capture/preview/preview_json.h"
+#include "tileflight/core/drawing/flight_profile.h"
+#include "tileflight/world/scene/scene.h"
+
+namespace tileflight::preview {
+namespace {
+
+using geometry::Box3;
+using geometry::Vec2;
+using geometry::Vec3;
+
+std::vector<double> distances_along_path(const geometry::Trajectory& frames) {
+  std::vector<double> along_m;
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    const Vec3& here = frames.poses[i].T_local_camera.translation;
+    along_m.push_back(i == 0 ? 0.0 : along_m.back() + (here - frames.poses[i - 1].T_local_camera.translation).norm());
+  }
+  return along_m;
+}
+
+std::vector<bool> find_blocked_frames(const FlightCheck& check) {
+  std::vector<bool> out;
+  for (const render::FrameCheck& frame : check.frames)
+    out.push_back(frame.surroundings.inside || frame.path_is_blocked);
+  return out;
+}
+
+double finite_or_nan(double value) { return std::isfinite(value) ? value : std::nan(""); }
+
+drawing::FlightProfile make_profile(const PreviewedFlight& flight, const FlightCheck& check, const std::string& title) {
+  drawing::FlightProfile profile{.title = title,
+                                .notes = {},
+                                .distance_flown_m = distances_along_path(flight.frames()),
+                                .time_s = {},
+                                .up_m = {},
+                                .above_ground_m = {},
+                                .clearance_m = {},
+                                .in_collision = find_blocked_frames(check),
+                                .min_clearance_m = flight.settings.check.min_clearance_m,
+                                .max_clearance_m = flight.settings.check.max_clearance_m};
+  for (std::size_t i = 0; i < flight.frames().size(); ++i) {
+    profile.time_s.push_back(flight.frames().poses[i].time_s - flight.frames().poses[0].time_s);
+    profile.up_m.push_back(flight.pose(i).translation.z());
+    profile.above_ground_m.push_back(finite_or_nan(check.frames[i].surroundings.above_ground_m));
+    profile.clearance_m.push_back(finite_or_nan(check.frames[i].surroundings.clearance_m));
+  }
+  return profile;
+}
+
+std::string csv_number(double value) {
+  if (!std::isfinite(value)) return "";
+  std::ostringstream text;
+  text << std::setprecision(9) << value;
+  return text.str();
+}
+
+/// Fields are empty if a value is unknown, or a surface is beyond the search range.
+std::string profile_csv(const PreviewedFlight& flight, const FlightCheck& check, const drawing::FlightProfile& profile) {
+  std::ostringstream csv;
+  csv << "frame,time_s,way_m,east_m,north_m,up_m,above_ground_m,clearance_m,surface_share,flow_share,inside,"
+         "path_blocked\n";
+  for (std::size_t i = 0; i < flight.frames().size(); ++i) {
+    const Vec3& at = flight.pose(i).translation;
+    const render::FrameCheck& frame = check.frames[i];
+    csv << i;
+    for (const double value :
+         {flight.frames().poses[i].time_s, profile.distance_flown_m[i], at.x(), at.y(), at.z(),
+          profile.above_ground_m[i], profile.clearance_m[i], check.views[i].surface_share, check.views[i].flow_share})
+      csv << ',' << csv_number(value);
+    csv << ',' << (frame.surroundings.inside ? 1 : 0) << ',' << (frame.path_is_blocked ? 1 : 0) << '\n';
+  }
+  return csv.str();
+}
+
+double median_of_finite(std::vector<double> values, double fallback) {
+  std::erase_if(values, [](double v) { return !std::isfinite(v); });
+  if (values.empty()) return fallback;
+  return base::upper_median(std::move(values));
+}
+
+drawing::FlightOverlay map_flight(const PreviewedFlight& flight, const scene::Scene& scene, const FlightCheck& check,
+                                 const std::vector<SamplePicture>& pictures, double reach_m) {
+  drawing::FlightOverlay map;
+  for (std::size_t i = 0; i < flight.frames().size(); ++i) {
+    const geometry::SE3& pose = flight.pose(i);
+    map.positions.push_back(pose.translation);
+    map.headings.emplace_back((pose.rotation * Vec3::UnitZ()).head<2>());
+    if (check.frames[i].surroundings.inside || check.frames[i].path_is_blocked) map.colliding_frames.push_back(i);
+  }
+  for (const SamplePicture& p : pictures) {
+    map.views.push_back({p.name, flight.pose(p.frame).translation,
+                         footprint(scene, flight.mission.calibration.camera, flight.pose(p.frame), reach_m)});
+  }
+  return map;
+}
+
+/// Bounds of the path and of what its images see.
+Box3 map_bounds(const drawing::FlightOverlay& map, double least_m) {
+  Box3 box;
+  for (const Vec3& p : map.positions) box.extend(p);
+  for (const drawing::ViewFootprint& view : map.views) {
+    for (const Vec2& p : view.footprint) box.extend(Vec3(p.x(), p.y(), view.position.z()));
+  }
+  const Vec3 short_m = (Vec3::Constant(least_m) - box.sizes()).cwiseMax(0.0);
+  return {box.min() - short_m / 2, box.max() + short_m / 2};
+}
+
+}  // namespace
+
+PreviewFigures draw_figures(PreviewedFlight& flight, const scene::Scene& scene, const FlightCheck& check,
+                            const std::vector<SamplePicture>& pictures, std::vector<place::MissingTile>& missing,
+                            const Progress& progress) {
+  drawing::FlightProfile profile =
+      make_profile(flight, check, place::source_display_name(flight.settings.render.source) + ": flight profile");
+  const nlohmann::json nearest = nearest_surface(check, flight.frames());
+  profile.notes.push_back(
+      base::formatted("%zu frames, %.1f s, %.1f m", flight.frames().size(), profile.time_s.back(),
+                      profile.distance_flown_m.back()) +
+      (nearest.is_null() ? std::string()
+                         : base::formatted("; nearest surface at frame %zu: %.2f m",
+                                           nearest["frame"].get<std::size_t>(), nearest["distance"].get<double>())));
+  const double above_m = median_of_finite(profile.above_ground_m, 20.0);
+  Box3 path;
+  for (const geometry::StampedPose& pose : flight.frames().poses) path.extend(pose.T_local_camera.translation);
+  const double longer_m = std::max(path.sizes().x(), path.sizes().y());
+  const drawing::FlightOverlay map =
+      map_flight(flight, scene, check, pictures, std::max({4 * above_m, 0.75 * longer_m, 30.0}));
+  const render::GroundGrid grid =
+      preview::fit_ground_grid(map_bounds(map, std::max(10.0, above_m)), flight.settings.map_pixels);
+  const preview::GroundView view = preview::render_ground_view(
+      flight.place, grid, {.error_m = grid.pixel_m, .top_down = {}, .max_memory_bytes = flight.memory_left()},
+      progress);
+  missing.insert(missing.end(), view.missing.begin(), view.missing.end());
+  const imaging::Camera& camera = flight.mission.calibration.camera;
+  drawing::PlaceMap figure{.title = place::source_display_name(flight.settings.render.source) + ": " +
+                                   flight.settings.render.flight.flight.filename().string(),
+                          .notes = {profile.notes[0] + base::formatted("; %d x %d pixels, %.0f° wide", camera.width(),
+                                                                       camera.height(), camera.horizontal_fov_deg())},
+                          .attribution = base::joined(flight.place.attribution(), "; "),
+                          .ground = preview::to_ground_picture(view),
+                          .frame = flight.place.placement().local_frame,
+                          .outlines = preview::missing_outlines(view),
+                          .flight = map};
+  return {draw_to_image(figure), draw_to_image(profile), profile_csv(flight, check, profile)};
+}
+
+}  // namespace tileflight::preview

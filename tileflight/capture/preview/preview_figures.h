@@ -1,0 +1,22 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "tileflight/capture/preview/sample_pictures.h"
+
+namespace tileflight::preview {
+
+/// Data from which the files are written.
+struct PreviewFigures {
+  imaging::RgbImage map, profile;
+  std::string profile_csv;  ///< fields are empty where a value is unknown, or a surface beyond the search range
+};
+
+/// Draws the path over the place, and heights along it. `scene`: the tiles of the checks. Tiles of the map that could
+/// not be read are appended to `missing`.
+PreviewFigures draw_figures(PreviewedFlight& flight, const scene::Scene& scene, const FlightCheck& check,
+                            const std::vector<SamplePicture>& pictures, std::vector<place::MissingTile>& missing,
+                            const Progress& progress);
+
+}  // namespace tileflight::preview

@@ -1,0 +1,100 @@
+#include "tileflight/capture/preview/preview_json.h"
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "tileflight/core/base/version.h"
+#include "tileflight/capture/preview/cost_estimate.h"
+
+namespace tileflight::preview {
+namespace {
+
+using nlohmann::json;
+
+/// Minimum, median and maximum of the finite values; null if there are none.
+json min_median_max(std::vector<double> values) {
+  std::erase_if(values, [](double v) { return !std::isfinite(v); });
+  if (values.empty()) return nullptr;
+  std::sort(values.begin(), values.end());
+  return {{"min", values.front()}, {"median", values[values.size() / 2]}, {"max", values.back()}};
+}
+
+json views_json(const FlightCheck& check) {
+  std::vector<double> shares, flows;
+  for (const ViewCheck& view : check.views) {
+    shares.push_back(view.surface_share);
+    flows.push_back(view.flow_share);
+  }
+  return {{"surface_share", min_median_max(shares)}, {"flow_share", min_median_max(flows)}};
+}
+
+json pictures_json(const PreviewedFlight& flight, const std::vector<SamplePicture>& pictures) {
+  json out = json::array();
+  for (const SamplePicture& p : pictures) {
+    out.push_back({{"file", p.name + ".jpg"},
+                   {"frame", p.frame},
+                   {"time_s", flight.frames().poses[p.frame].time_s},
+                   {"surface_share", p.surface_share},
+                   {"tiles", p.tiles},
+                   {"pixel_error", p.error_px ? json(*p.error_px) : json()},
+                   {"seconds", {{"load", p.load_s}, {"render", p.render_s}, {"encode", p.encode_s}}}});
+  }
+  return out;
+}
+
+json flight_json(const PreviewedFlight& flight) {
+  const imaging::Camera& camera = flight.mission.calibration.camera;
+  const auto& poses = flight.frames().poses;
+  return {{"source", flight.place.name()},
+          {"flight", flight.settings.render.flight.flight.string()},
+          {"frames", poses.size()},
+          {"duration_s", poses.back().time_s - poses.front().time_s},
+          {"path_length", geometry::path_length_m(flight.frames())},
+          {"camera", {{"resolution", {camera.width(), camera.height()}}, {"fov_deg", camera.horizontal_fov_deg()}}}};
+}
+
+json faults_json(const std::vector<render::FlightFault>& faults) {
+  json out = json::object();
+  for (const render::FlightFault& fault : faults) out[fault.key] = fault.frames;
+  return out;
+}
+
+}  // namespace
+
+json nearest_surface(const FlightCheck& check, const geometry::Trajectory& frames) {
+  const auto clearance = [](const render::FrameCheck& f) { return f.surroundings.clearance_m; };
+  const auto nearest = std::ranges::min_element(check.frames, {}, clearance);
+  if (nearest == check.frames.end() || !std::isfinite(clearance(*nearest))) return nullptr;
+  const auto i = static_cast<std::size_t>(nearest - check.frames.begin());
+  return {{"distance", clearance(*nearest)}, {"frame", i}, {"time_s", frames.poses[i].time_s}};
+}
+
+json preview_json(PreviewedFlight& flight, const FlightCheck& check, const std::vector<SamplePicture>& pictures,
+                  const std::vector<render::FlightFault>& faults, const std::vector<std::string>& warnings) {
+  std::vector<double> above_ground, clearance;
+  for (const render::FrameCheck& frame : check.frames) {
+    above_ground.push_back(frame.surroundings.above_ground_m);
+    clearance.push_back(frame.surroundings.clearance_m);
+  }
+  json out = flight_json(flight);
+  out["height_above_ground"] = min_median_max(above_ground);
+  out["clearance"] = min_median_max(clearance);
+  out["nearest_surface"] = nearest_surface(check, flight.frames());
+  out["view"] = views_json(check);
+  out["start"] = nullptr;
+  if (check.initialization) {
+    out["start"] = {{"parallax_deg", check.initialization->parallax_rad * 180 / M_PI},
+                    {"needed_deg", flight.settings.check.min_initialization_parallax_rad * 180 / M_PI},
+                    {"at_frame", check.initialization->at_frame}};
+  }
+  out["pictures"] = pictures_json(flight, pictures);
+  out["cost"] = estimate_cost(flight, pictures);
+  out["faults"] = faults_json(faults);
+  out["warnings"] = warnings;
+  out["attribution"] = flight.place.attribution();
+  out["version"] = base::version();
+  return out;
+}
+
+}  // namespace tileflight::preview

@@ -1,0 +1,19 @@
+#pragma once
+
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <vector>
+
+#include "tileflight/capture/preview/sample_pictures.h"
+
+namespace tileflight::preview {
+
+/// `nearest_surface` of preview.json; null if no surface is within the search range.
+nlohmann::json nearest_surface(const FlightCheck& check, const geometry::Trajectory& frames);
+
+/// preview.json (docs/formats.md).
+nlohmann::json preview_json(PreviewedFlight& flight, const FlightCheck& check,
+                            const std::vector<SamplePicture>& pictures, const std::vector<render::FlightFault>& faults,
+                            const std::vector<std::string>& warnings);
+
+}  // namespace tileflight::preview

@@ -1,0 +1,354 @@
+#include "tileflight/capture/recording/part_loader.h"
+
+#include <tbb/global_control.h>
+#include <tbb/task_arena.h>
+#include <tbb/task_group.h>
+
+#include <algorithm>
+#include <atomic>
+#include <iterator>
+#include <limits>
+
+#include "tileflight/core/base/memory_budget.h"
+
+namespace tileflight::recording {
+namespace {
+
+using imaging::TexturedMesh;
+
+/// Share of the memory limit that a part of several frames may take; the rest is for what is read ahead, and for what
+/// building a scene takes until it is done.
+constexpr double kPartShare = 0.65;
+constexpr double kBuildingShare = 0.15;
+/// Number of views whose needs decide which contents are kept.
+constexpr std::size_t kViewsAhead = 64;
+
+}  // namespace
+
+/// An arena of its own, so that a thread that waits for its part of a frame does not begin to read a tile. A program
+/// with a single thread never reads ahead.
+struct PartLoader::Background {
+  tbb::task_arena arena;
+  tbb::task_group group;
+  std::atomic<bool> stops = false;
+
+  template <class Work>
+  void run(const Work& work) {
+    stops = false;
+    arena.execute([&] { group.run(work); });
+  }
+  /// Throws what the work threw.
+  void stop() {
+    stops = true;
+    arena.execute([&] { group.wait(); });
+  }
+};
+
+PartLoader::PartLoader(FlightTiles& tiles, std::vector<FrameView> views, std::uintmax_t max_memory_bytes)
+    : tiles_(tiles),
+      views_(std::move(views)),
+      max_memory_bytes_(max_memory_bytes),
+      contents_(tiles.content_count()),
+      background_(std::make_unique<Background>()) {
+  std::map<std::string, std::size_t> files;
+  for (std::size_t i = 0; i < contents_.size(); ++i)
+    file_of_.push_back(files.emplace(tiles.content(i).uri, files.size()).first->second);
+}
+
+PartLoader::~PartLoader() {
+  try {
+    background_->stop();
+  } catch (const std::exception&) {  // of a content that is needed no more
+  }
+}
+
+PartLoader::Contents PartLoader::contents_at(const std::vector<std::size_t>& places, std::size_t group) const {
+  Contents contents;
+  for (const std::size_t place : places) contents.push_back(tiles_.contents_of_group(group)[place]);
+  return contents;
+}
+
+PartLoader::Contents PartLoader::contents_for(const FrameView& view) const {
+  return contents_at(places_for(view), tiles_.groups().group_of_frame[view.frame]);
+}
+
+std::vector<std::size_t> PartLoader::places_for(const FrameView& view) const {
+  if (!view.contents) return tiles_.places_for_view(view);
+  const auto [known, is_new] = places_of_layers_.try_emplace({view.frame, view.sight});
+  if (is_new) known->second = tiles_.places_for_view(view);
+  const std::vector<std::size_t>& contents = tiles_.contents_of_group(tiles_.groups().group_of_frame[view.frame]);
+  std::vector<std::size_t> places;
+  std::ranges::copy_if(known->second, std::back_inserter(places), [&](std::size_t place) {
+    const std::size_t content = contents[place];
+    return view.contents->contains(content) && (is_own_.empty() || is_own_[content]);
+  });
+  return places;
+}
+
+void PartLoader::set_own_contents(std::vector<bool> is_own) { is_own_ = std::move(is_own); }
+
+void PartLoader::set_views(std::vector<FrameView> views) {
+  views_ = std::move(views);
+  std::erase_if(places_of_layers_, [this](const auto& known) {
+    return std::ranges::none_of(views_, [&](const FrameView& view) { return view.frame == known.first.first; });
+  });
+}
+
+std::vector<ContentRange> PartLoader::divide_contents(const std::vector<std::size_t>& images, Sight sight,
+                                                      double budget_bytes) const {
+  std::set<std::size_t> needed;
+  for (const std::size_t image : images) {
+    const Contents of_image = contents_for({image, {}, sight, ContentRange{0, contents_.size()}});
+    needed.insert(of_image.begin(), of_image.end());
+  }
+  const double bytes_per_file_byte = rendered_bytes_per_file_byte();
+  std::vector<ContentRange> layers;
+  double bytes = 0.0;
+  for (const std::size_t i : needed) {
+    const double own = contents_[i].memory
+                           ? static_cast<double>(MemorySum().bytes_of(*contents_[i].memory, file_of_[i], true))
+                           : bytes_per_file_byte * file_bytes(i);
+    bytes += own;
+    if (layers.empty() || bytes > budget_bytes) {
+      layers.push_back({i, i});
+      bytes = own;
+    }
+    layers.back().end = i + 1;
+  }
+  return layers;
+}
+
+double PartLoader::estimated_bytes(const FrameView& view) const {
+  const double bytes_per_file_byte = rendered_bytes_per_file_byte();
+  MemorySum known;
+  double others = 0.0;
+  for (const std::size_t i : contents_for(view)) {
+    if (contents_[i].memory) known.add(*contents_[i].memory, file_of_[i], true);
+    if (!contents_[i].memory) others += bytes_per_file_byte * file_bytes(i);
+  }
+  return static_cast<double>(known.bytes()) + others;
+}
+
+/// Size of a content's file; all count alike if the source does not know them.
+double PartLoader::file_bytes(std::size_t content) const {
+  return static_cast<double>(tiles_.file_bytes(tiles_.content(content)).value_or(1));
+}
+
+/// Of the contents that have been read; 0 if there are none.
+double PartLoader::rendered_bytes_per_file_byte() const {
+  double rendered = 0.0, files = 0.0;
+  for (std::size_t i = 0; i < contents_.size(); ++i) {
+    if (!contents_[i].memory) continue;
+    rendered += static_cast<double>(MemorySum().bytes_of(*contents_[i].memory, file_of_[i], true));
+    files += file_bytes(i);
+  }
+  return files > 0.0 ? rendered / files : 0.0;
+}
+
+std::optional<FlightPart> PartLoader::load(std::size_t begin, const Progress& progress) {
+  std::vector<std::size_t> places;
+  FlightPart part{begin, choose_views(begin, places, progress), {}, {}};
+  if (part.end == part.begin) return std::nullopt;
+  part_ = contents_at(places, tiles_.groups().group_of_frame[views_[begin].frame]);
+  make_room(part_, {part_.begin(), part_.end()}, part.end, bytes_for_building());
+  part_meshes_.clear();
+  for (const std::size_t i : part_) {
+    Content& content = contents_[i];
+    part_meshes_.push_back(content.meshes.size());
+    part.places.insert(part.places.end(), content.meshes.size(),
+                       static_cast<std::uint32_t>(places[part_meshes_.size() - 1]));
+    std::move(content.meshes.begin(), content.meshes.end(), std::back_inserter(part.meshes));
+    content.meshes.clear();
+  }
+  return part;
+}
+
+/// Fetches what the part needs, into memory and `places`. Returns the part's end; `begin` if its first view does not
+/// fit.
+std::size_t PartLoader::choose_views(std::size_t begin, std::vector<std::size_t>& places, const Progress& progress) {
+  const std::vector<std::size_t>& group_of_frame = tiles_.groups().group_of_frame;
+  const FrameView& first = views_[begin];
+  const std::size_t group = group_of_frame[first.frame];
+  if (tiles_.is_region() && !first.region && !first.contents &&
+      fetch(tiles_.contents_of_group(group), begin, max_memory_bytes_, progress)) {
+    places.resize(tiles_.contents_of_group(group).size());
+    for (std::size_t place = 0; place < places.size(); ++place) places[place] = place;
+    return views_.size();
+  }
+  const auto share = static_cast<std::uintmax_t>(kPartShare * static_cast<double>(max_memory_bytes_));
+  const auto belongs = [&](const FrameView& view) {
+    return group_of_frame[view.frame] == group && view.region == first.region && view.contents == first.contents &&
+           view.sight == first.sight;
+  };
+  std::size_t end = begin;
+  for (; end < views_.size() && belongs(views_[end]); ++end) {
+    const std::vector<std::size_t> added = places_for(views_[end]);
+    std::vector<std::size_t> wanted;
+    std::ranges::set_union(places, added, std::back_inserter(wanted));
+    const bool is_new = wanted.size() > places.size();
+    if (is_new && !fetch(contents_at(wanted, group), begin, end == begin ? max_memory_bytes_ : share, progress)) break;
+    places = std::move(wanted);
+  }
+  return end;
+}
+
+/// Reads those of the contents that are not in memory. Returns false, with some of them read, if a scene of all would
+/// take more than `limit_bytes`. `begin`: the view from which on contents are needed.
+bool PartLoader::fetch(const Contents& contents, std::size_t begin, std::uintmax_t limit_bytes,
+                       const Progress& progress) {
+  const std::set<std::size_t> kept(contents.begin(), contents.end());
+  while (true) {
+    if (rendered_bytes(contents) > limit_bytes) return false;
+    const std::uintmax_t room = make_room({}, kept, begin, bytes_for_building());
+    const Contents batch = next_batch(contents, room);
+    if (batch.empty()) return true;
+    const auto missing = std::ranges::count_if(contents, [&](std::size_t i) { return !contents_[i].is_decoded; });
+    report_progress(progress, static_cast<std::int64_t>(contents.size()) - missing,
+                    static_cast<std::int64_t>(contents.size()), "reading tiles");
+    read(batch);
+  }
+}
+
+void PartLoader::prefetch(std::size_t begin) {
+  const std::size_t threads = tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism);
+  if (begin == views_.size() || threads < 2) return;
+  background_->run([this, begin] { read_ahead(begin); });
+}
+
+void PartLoader::read_ahead(std::size_t begin) {
+  std::set<std::size_t> kept;
+  const std::size_t end = std::min(views_.size(), begin + kViewsAhead);
+  for (std::size_t i = begin; i < end; ++i) {
+    const Contents wanted = contents_for(views_[i]);
+    kept.insert(wanted.begin(), wanted.end());
+    while (true) {
+      const std::uintmax_t reserved = bytes_for_building();
+      const std::uintmax_t left = make_room(part_, kept, begin, reserved + mean_bytes());
+      const std::uintmax_t free_bytes = left - std::min(left, reserved);
+      const Contents batch = next_batch(wanted, free_bytes);
+      if (background_->stops || (!batch.empty() && batch.size() * mean_bytes() > free_bytes)) return;
+      if (batch.empty()) break;
+      read(batch);
+    }
+  }
+}
+
+std::uintmax_t PartLoader::bytes_for_building() const {
+  return static_cast<std::uintmax_t>(kBuildingShare * static_cast<double>(max_memory_bytes_));
+}
+
+/// Missing ones of the contents, as many as are likely to fit into a part of `room_bytes`, at least one; those of one
+/// file, which is decoded once, together.
+PartLoader::Contents PartLoader::next_batch(const Contents& contents, std::uintmax_t room_bytes) const {
+  constexpr std::uintmax_t kFirst = 16, kMost = 128;
+  Contents batch;
+  for (const std::size_t i : contents) {
+    if (!contents_[i].is_decoded) batch.push_back(i);
+  }
+  std::ranges::stable_sort(batch, {}, [this](std::size_t i) { return file_of_[i]; });
+  const std::uintmax_t mean = mean_bytes();
+  const std::uintmax_t count = mean == 0 ? kFirst : std::clamp<std::uintmax_t>(room_bytes / (8 * mean), 1, kMost);
+  if (batch.size() > count) batch.resize(count);
+  return batch;
+}
+
+void PartLoader::read(const Contents& batch) {
+  std::vector<tileset::LoadedContent> loaded = tiles_.read(batch);
+  for (std::size_t k = 0; k < batch.size(); ++k) {
+    Content& content = contents_[batch[k]];
+    content.meshes = std::move(loaded[k].meshes);
+    content.is_decoded = true;
+    share_textures(file_of_[batch[k]], content.meshes);
+    if (content.memory) continue;
+    content.memory = memory_of(content.meshes);
+    MemorySum sum;
+    sum.add(*content.memory, 0, false);
+    known_bytes_ += sum.bytes();
+    ++known_;
+  }
+}
+
+/// Replaces textures by those of the same file that are in memory already.
+void PartLoader::share_textures(std::size_t file, std::vector<TexturedMesh>& meshes) {
+  const std::vector<const imaging::RgbImage*> own = textures_of(meshes);
+  for (TexturedMesh& mesh : meshes) {
+    if (!mesh.texture) continue;
+    const auto number = static_cast<std::size_t>(std::ranges::find(own, mesh.texture.get()) - own.begin());
+    std::weak_ptr<const imaging::RgbImage>& known = textures_[{file, number}];
+    if (auto texture = known.lock()) {
+      mesh.texture = std::move(texture);
+    } else {
+      known = mesh.texture;
+    }
+  }
+}
+
+/// What a scene of those that are in memory or have been takes.
+std::uintmax_t PartLoader::rendered_bytes(const Contents& contents) const {
+  MemorySum sum;
+  for (const std::size_t i : contents) {
+    if (contents_[i].memory) sum.add(*contents_[i].memory, file_of_[i], true);
+  }
+  return sum.bytes();
+}
+
+/// Releases contents, those that views from views()[next] on need last first, until `rendered` (as a scene) and the
+/// rest leave `room_bytes` of the limit; never those that are `kept`. Returns what is left of the limit.
+std::uintmax_t PartLoader::make_room(const Contents& rendered, const std::set<std::size_t>& kept, std::size_t next,
+                                     std::uintmax_t room_bytes) {
+  MemorySum sum;
+  std::set<std::size_t> counted(rendered.begin(), rendered.end());
+  for (const std::size_t i : rendered) sum.add(*contents_[i].memory, file_of_[i], true);
+  Contents others;
+  for (std::size_t i = 0; i < contents_.size(); ++i) {
+    if (!contents_[i].is_decoded || counted.contains(i)) continue;
+    if (kept.contains(i)) {
+      sum.add(*contents_[i].memory, file_of_[i], false);
+    } else {
+      others.push_back(i);
+    }
+  }
+  MemorySum with_all = sum;
+  for (const std::size_t i : others) with_all.add(*contents_[i].memory, file_of_[i], false);
+  if (with_all.bytes() + room_bytes <= max_memory_bytes_) return max_memory_bytes_ - with_all.bytes();
+  for (const std::size_t i : by_next_use(std::move(others), next)) {
+    const ContentMemory& memory = *contents_[i].memory;
+    if (sum.bytes() + sum.bytes_of(memory, file_of_[i], false) + room_bytes <= max_memory_bytes_) {
+      sum.add(memory, file_of_[i], false);
+    } else {
+      contents_[i].meshes = {};
+      contents_[i].is_decoded = false;
+    }
+  }
+  return max_memory_bytes_ - std::min(max_memory_bytes_, sum.bytes());
+}
+
+/// The contents in the order in which views from views()[from] on need them; those needed by none of the next views
+/// last.
+PartLoader::Contents PartLoader::by_next_use(Contents contents, std::size_t from) const {
+  std::map<std::size_t, std::size_t> use;
+  for (const std::size_t i : contents) use[i] = std::numeric_limits<std::size_t>::max();
+  for (std::size_t k = from; k < std::min(views_.size(), from + kViewsAhead); ++k) {
+    for (const std::size_t i : contents_for(views_[k])) {
+      if (const auto at = use.find(i); at != use.end()) at->second = std::min(at->second, k);
+    }
+  }
+  std::ranges::stable_sort(contents, {}, [&](std::size_t i) { return use[i]; });
+  return contents;
+}
+
+void PartLoader::take_back(std::vector<TexturedMesh> meshes) {
+  background_->stop();
+  auto next = meshes.begin();
+  for (std::size_t k = 0; k < part_.size(); ++k) {
+    Content& content = contents_[part_[k]];
+    const auto end = next + static_cast<std::ptrdiff_t>(part_meshes_[k]);
+    content.meshes.assign(std::make_move_iterator(next), std::make_move_iterator(end));
+    next = end;
+  }
+  part_.clear();
+  // Of which a scene leaves many: over a long flight, the process would come to take 1.5 times what it has allocated.
+  base::return_free_pages();
+}
+
+}  // namespace tileflight::recording

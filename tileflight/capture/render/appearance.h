@@ -1,0 +1,83 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <unordered_map>
+#include <vector>
+
+#include "tileflight/capture/render/linear_color.h"
+#include "tileflight/capture/render/texture_sampler.h"
+#include "tileflight/world/scene/scene.h"
+
+namespace tileflight::render {
+
+/// Shading data of a triangle, in one cache line.
+struct alignas(64) TriangleShading {
+  float s = 0.0F, t = 0.0F;      ///< texture coordinates of corner 0
+  float s_u = 0.0F, t_u = 0.0F;  ///< change to corner 1
+  float s_v = 0.0F, t_v = 0.0F;  ///< change to corner 2
+  std::array<float, 3> texel_s{},
+      texel_t{};               ///< gradient of the texel column and row over the triangle's plane, texels a metre
+  std::int32_t max_level = 0;  ///< coarsest mip level without texels of other surfaces
+};
+
+/// Appearance of a mesh.
+struct Material {
+  Texture texture;                                             ///< pyramid is null if there is no texture
+  bool texture_only = true;                                    ///< true: no base colour or vertex colours to multiply
+  LinearRgb factor{1, 1, 1};                                   ///< linear base colour
+  const std::array<std::uint8_t, 4>* vertex_colors = nullptr;  ///< one per vertex, linear, or null
+  const TriangleShading* triangles = nullptr;                  ///< one per triangle
+};
+
+/// Mip pyramids (one per texture, shared by all its meshes) and per-triangle texture gradients of a part of a scene.
+/// Costs 64 bytes a triangle and a third of the textures' size. Immutable; several scenes that hold the part may share
+/// it.
+class PartAppearance {
+ public:
+  explicit PartAppearance(std::shared_ptr<const scene::ScenePart> part);
+
+  /// One per mesh of the part.
+  const std::vector<Material>& materials() const { return materials_; }
+
+ private:
+  /// The meshes that use one texture.
+  struct TextureGroup {
+    std::shared_ptr<const MipPyramid> pyramid;
+    std::vector<std::uint32_t> meshes;
+  };
+
+  void group_meshes_by_texture();
+  std::shared_ptr<const MipPyramid> build_pyramid(const TextureGroup& skin) const;
+  void build_materials();
+  void compute_triangle_shading(const TextureGroup& skin);
+
+  std::shared_ptr<const scene::ScenePart> part_;
+  const std::vector<imaging::TexturedMesh>* meshes_;  ///< of the part
+  std::vector<TextureGroup> texture_groups_;
+  std::unordered_map<const imaging::RgbImage*, std::size_t> group_of_texture_;
+  std::vector<Material> materials_;
+  std::vector<std::size_t> first_triangle_;  ///< of each mesh, index into triangles_
+  std::vector<TriangleShading> triangles_;
+};
+
+/// The appearance of a scene: that of its parts. Immutable; may be shared by several cameras, and may outlive the
+/// scene.
+class Appearance {
+ public:
+  explicit Appearance(const scene::Scene& scene);
+  /// From the appearances of the scene's parts, in their order, and of its placed parts.
+  explicit Appearance(std::vector<std::shared_ptr<const PartAppearance>> parts);
+
+  const Material& material(std::uint32_t mesh) const { return materials_[mesh]; }
+  static const TriangleShading& triangle_shading(const Material& material, std::uint32_t triangle) {
+    return material.triangles[triangle];
+  }
+
+ private:
+  std::vector<std::shared_ptr<const PartAppearance>> parts_;
+  std::vector<Material> materials_;
+};
+
+}  // namespace tileflight::render

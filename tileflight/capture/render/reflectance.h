@@ -1,0 +1,23 @@
+#pragma once
+
+#include "tileflight/capture/render/appearance.h"
+#include "tileflight/world/scene/scene.h"
+
+namespace tileflight::render {
+
+/// Reflectance of the surface at a hit, 0 to 1: the luminance (ITU-R BT.709) of its colour in linear light. Tiles
+/// provide no other reflectance than their textures, including baked shadows.
+class Reflectance {
+ public:
+  /// Both arguments must outlive this object.
+  Reflectance(const scene::Scene& scene, const Appearance& appearance) : scene_(scene), appearance_(appearance) {}
+
+  /// Averaged over a spot of width `footprint_m`.
+  double at(const scene::Hit& hit, double footprint_m) const;
+
+ private:
+  const scene::Scene& scene_;
+  const Appearance& appearance_;
+};
+
+}  // namespace tileflight::render

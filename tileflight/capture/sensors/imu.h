@@ -1,0 +1,59 @@
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "tileflight/core/geometry/imu_sample.h"
+#include "tileflight/capture/sensors/motion.h"
+
+namespace tileflight::sensors {
+
+/// An inertial measurement unit and its errors. The noise model and its names are Kalibr's (its wiki, "IMU Noise
+/// Model"): white noise and a random-walk bias on each axis. Default noise is that of the EuRoC sequences' ADIS16448
+/// (mav0/imu0/sensor.yaml; Burri et al., IJRR 2016), default ranges those of Analog Devices' data sheet (1000 deg/s, 18
+/// g).
+struct ImuOptions {
+  std::uint64_t seed = 1;
+  double rate_hz = 200.0;
+  geometry::SE3 T_camera_imu;  ///< mounting pose on the camera: Kalibr's T_cam_imu
+
+  double accelerometer_noise_density = 2.0e-3;  ///< m/s^2/sqrt(Hz)
+  double accelerometer_random_walk = 3.0e-3;    ///< of the bias, m/s^3/sqrt(Hz)
+  double gyroscope_noise_density = 1.6968e-4;   ///< rad/s/sqrt(Hz)
+  double gyroscope_random_walk = 1.9393e-5;     ///< of the bias, rad/s^2/sqrt(Hz)
+
+  geometry::Vec3 accelerometer_bias = geometry::Vec3::Zero();  ///< at the first sample, m/s^2
+  geometry::Vec3 gyroscope_bias = geometry::Vec3::Zero();      ///< at the first sample, rad/s
+
+  /// Measured = M * true: scale factors on the diagonal, misalignment off it.
+  geometry::Mat3 accelerometer_scale_misalignment = geometry::Mat3::Identity();
+  geometry::Mat3 gyroscope_scale_misalignment = geometry::Mat3::Identity();
+
+  double accelerometer_range_m_s2 = 18.0 * 9.80665;  ///< values saturate beyond it, each axis separately
+  double gyroscope_range_rad_s = 17.453292519943295;
+
+  double gravity_m_s2 = 9.80665;  ///< straight down in the local frame; the earth's rotation is neglected
+};
+
+/// IMU models that a flight can name: "adis16448" (the defaults), "bmi160" (a smartphone IMU; noise as the TUM VI
+/// sequences state it for estimators, Schubert et al., IROS 2018; ranges of Bosch's data sheet, 2000 deg/s and 16 g),
+/// "perfect" (no errors and no limits). Throws InputError that lists them for other names.
+ImuOptions imu_preset(const std::string& name);
+
+/// Throws InputError for options out of range.
+void check(const ImuOptions& options);
+
+/// The samples of an IMU and their true biases, for checking an estimate of them.
+struct ImuRecording {
+  std::vector<geometry::ImuSample> samples;
+  std::vector<geometry::ImuBias> biases;  ///< one per sample
+};
+
+/// Samples at start, start + 1 / rate, ... up to end, of an IMU mounted on a camera. Noise has the standard deviation
+/// density * sqrt(rate), bias steps random walk / sqrt(rate). Throws InputError for options out of range or an end
+/// before the start.
+ImuRecording simulate_imu(const MotionFunction& camera, double start_s, double end_s, const ImuOptions& options = {});
+
+}  // namespace tileflight::sensors

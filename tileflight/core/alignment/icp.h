@@ -1,0 +1,97 @@
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "tileflight/core/alignment/robust_kernel.h"
+#include "tileflight/core/alignment/umeyama.h"
+#include "tileflight/core/alignment/uncertainty.h"
+#include "tileflight/core/geometry/mesh.h"
+#include "tileflight/core/geometry/nearest.h"
+#include "tileflight/core/geometry/point_cloud.h"
+#include "tileflight/core/geometry/triangle_index.h"
+
+namespace tileflight::alignment {
+
+enum class IcpMethod {
+  kPointToPoint,
+  kPointToPlane,
+  kPointToMesh,
+  kGeneralized  ///< plane to plane, with the normals of both clouds (Segal, Haehnel and Thrun, RSS 2009)
+};
+
+enum class IcpStop {
+  kRmsChange,  ///< the paper's rule: the RMS changes by less than rms_change_m from one iteration to the next
+  kStep        ///< the next step would move the points by less than step_m
+};
+
+/// Defaults are the paper's settings: radius 1 m, RMS change 1e-5, at most 1500 iterations.
+struct IcpOptions {
+  IcpMethod method = IcpMethod::kPointToPoint;
+  double radius_m = 1.0;       ///< largest distance of a correspondence
+  double rms_change_m = 1e-5;  ///< for IcpStop::kRmsChange
+  int max_iterations = 1500;
+  ScaleMode scale = ScaleMode::kEstimated;
+  double max_scale_change = 1.2;  ///< scale is bounded to [1/x, x] times the start's, so that it cannot collapse
+  double scale_center = 0.0;      ///< centre of the scale bound; 0: the start's scale
+  std::vector<geometry::Box3>
+      regions{};  ///< only source points inside any of these (after the initial transform) are used; none: all
+
+  RobustKernel kernel{};    ///< of the residuals; kNone is least squares within the radius
+  double kept_share = 1.0;  ///< share of the points, nearest first, used in each iteration; the rest is trimmed
+                            ///< (Chetverikov et al., ICPR 2002)
+
+  IcpStop stop = IcpStop::kRmsChange;
+  double step_m = 1e-4;     ///< for IcpStop::kStep and for the check of a stop by RMS change (RMS over the points)
+  bool accelerate = false;  ///< Anderson acceleration: the same fixed point in a fraction of the iterations
+  double false_stop_m =
+      0.01;  ///< a stop by RMS change is false if further iterations would move the points farther than this (RMS)
+  bool continue_after_false_stop =
+      false;  ///< after a false stop, return the converged result instead of the one at the stop
+};
+
+/// Settings that reach the fixed point quickly: accelerated, stopped by step length. Radius and scale bound are the
+/// paper's.
+IcpOptions converging_icp_options();
+
+/// How well the matched surface constrains the transform.
+struct Constraint {
+  std::vector<double>
+      eigenvalues;  ///< eigenvalues of the mean point-to-plane Hessian, increasing: 6, or 7 with scale; at most about 1
+  geometry::Vec7 weakest_direction = geometry::Vec7::Zero();  ///< eigenvector of the smallest one: translation,
+                                                              ///< rotation about the points' centre, scale; unit length
+  std::string weakest_motion;    ///< in words, e.g. "scale"; lists all unconstrained motions: "rotation about y, scale"
+  bool well_constrained = true;  ///< no eigenvalue below 0.003 (a plane has zeros)
+};
+
+struct IcpResult {
+  geometry::Sim3 T_target_source;
+  double rmse_m = 0.0;   ///< RMS of the method's residuals over the final correspondences
+  double fitness = 0.0;  ///< share of the used source points with a correspondence
+  std::size_t correspondences = 0;
+  int iterations = 0;
+  bool converged = false;  ///< stopping rule met before max_iterations, and confirmed: no large step remains (see note)
+  std::string method;
+  std::string note;  ///< warning about this result, one line; empty: none
+
+  double remaining_motion_m = 0.0;  ///< RMS distance by which further iterations after a stop by RMS change moved the
+                                    ///< points; 0 if not tried
+  std::size_t points = 0;           ///< source points used
+  Constraint constraint;            ///< of the end
+  std::optional<AlignmentUncertainty> uncertainty;  ///< of the final transform; none if a motion is unconstrained
+};
+
+/// Besl and McKay, IEEE TPAMI 14(2), 1992. Throws InputError for empty or non-finite input; if no correspondence lies
+/// within the radius, the result has converged = false and a note. Point-to-plane uses the target's normals, or
+/// estimates them if there are none; generalised ICP does the same for the source.
+IcpResult icp(const geometry::PointCloud& source, const geometry::PointCloud& target, const geometry::Sim3& initial,
+              const IcpOptions& options = {});
+
+/// Same against a triangle mesh: nearest points of the surface with the point-to-plane step or, for kGeneralized, with
+/// the triangle's and the source's normals.
+IcpResult icp(const geometry::PointCloud& source, const geometry::TriangleIndex& target,
+              const geometry::TriangleMesh& target_mesh, const geometry::Sim3& initial, const IcpOptions& options);
+
+}  // namespace tileflight::alignment

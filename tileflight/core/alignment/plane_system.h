@@ -1,0 +1,29 @@
+#pragma once
+
+#include "tileflight/core/alignment/point_moments.h"
+
+namespace tileflight::alignment {
+
+/// Normal equations of sum (n . (y - q))^2 for a small similarity motion of the points y about the origin:
+/// y' = y + translation + rotation x y + stretch y. The unknowns are, in this order, translation, rotation * length and
+/// stretch * length, all in metres. Chen and Medioni, Image and Vision Computing 10(3), 1992.
+struct PointToPlaneSystem {
+  Eigen::Matrix<double, 7, 7> hessian = Eigen::Matrix<double, 7, 7>::Zero();
+  geometry::Vec7 gradient = geometry::Vec7::Zero();
+
+  void add(const geometry::Vec3& y, const geometry::Vec3& q, const geometry::Vec3& normal, double length_m,
+           double weight = 1.0);
+  /// Adds the term weight (y - q)^T information (y - q).
+  void add(const geometry::Vec3& y, const geometry::Vec3& q, const geometry::Mat3& information, double length_m,
+           double weight = 1.0);
+  PointToPlaneSystem& operator+=(const PointToPlaneSystem& other);
+};
+
+/// Derivative of a residual along `normal` at `y` by the seven unknowns.
+geometry::Vec7 plane_jacobian(const geometry::Vec3& y, const geometry::Vec3& normal, double length_m);
+
+/// The motion that minimises the system, as a similarity to apply after the present one; the scale is bounded to
+/// `range` (factors of the present scale). Unconstrained directions do not move.
+geometry::Sim3 solve(const PointToPlaneSystem& system, const ScaleRange& range, double length_m);
+
+}  // namespace tileflight::alignment

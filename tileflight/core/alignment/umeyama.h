@@ -1,0 +1,48 @@
+#pragma once
+
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "tileflight/core/geometry/transform.h"
+
+namespace tileflight::alignment {
+
+enum class ScaleMode { kFixed, kEstimated };
+
+struct UmeyamaResult {
+  geometry::Sim3 T_target_source;
+  double rmse_m = 0.0;  ///< over the inliers
+  std::size_t inliers = 0;
+  bool well_conditioned = true;  ///< false: points on a line or coincident, rotation not determined
+};
+
+/// Least-squares similarity from paired points. Umeyama, IEEE TPAMI 13(4), 1991. For collinear or coincident points the
+/// smallest rotation that fits is returned (well_conditioned = false). Throws InputError for fewer than 3 pairs, lists
+/// of different lengths, or NaN.
+UmeyamaResult umeyama(const std::vector<geometry::Vec3>& source, const std::vector<geometry::Vec3>& target,
+                      ScaleMode scale = ScaleMode::kEstimated);
+
+/// Same with a weight (>= 0) for each pair; `inliers` counts the pairs of positive weight, `rmse_m` is weighted.
+UmeyamaResult weighted_umeyama(const std::vector<geometry::Vec3>& source, const std::vector<geometry::Vec3>& target,
+                               const std::vector<double>& weights, ScaleMode scale = ScaleMode::kEstimated);
+
+struct RobustUmeyamaOptions {
+  double inlier_m = 3.0;    ///< largest residual of an inlier; also the Geman-McClure scale in the reweighting
+  int max_iterations = 50;  ///< maximum iterations of the reweighting; it ends early when the transform no longer
+                            ///< changes
+  int samples = 500;        ///< number of triples sampled
+  std::uint64_t seed = 1;   ///< seed of the triple sampling
+};
+
+/// Robust version: seeded RANSAC over triples (Fischler and Bolles, CACM 24(6), 1981), then reweighting with the
+/// Geman-McClure kernel. Deterministic. Throws InputError as umeyama() does.
+UmeyamaResult robust_umeyama(const std::vector<geometry::Vec3>& source, const std::vector<geometry::Vec3>& target,
+                             ScaleMode scale, const RobustUmeyamaOptions& options);
+
+/// Mean of the Geman-McClure cost r^2 / (1 + r^2 / inlier_m^2) over the pairs, square metres; the objective of the
+/// reweighting.
+double robust_cost_m2(const geometry::Sim3& T_target_source, const std::vector<geometry::Vec3>& source,
+                      const std::vector<geometry::Vec3>& target, double inlier_m);
+
+}  // namespace tileflight::alignment

@@ -1,0 +1,150 @@
+#include "tileflight/core/base/files.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <system_error>
+#include <utility>
+
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/sha256.h"
+#include "tileflight/core/base/temporary_path.h"
+
+namespace tileflight::base {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Text of an errno value, such as "No space left on device", as the second half of a message.
+std::string cause(int error) { return std::system_category().message(error); }
+
+/// An open file descriptor, closed with the object.
+class Descriptor {
+ public:
+  Descriptor(const fs::path& file, int flags)
+      : file_(file.string()), fd_(::open(file.c_str(), flags | O_CLOEXEC, 0666)) {
+    if (fd_ < 0) throw InputError(file_, "cannot be opened: " + cause(errno));
+  }
+  ~Descriptor() {
+    if (fd_ >= 0) ::close(fd_);
+  }
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+
+  /// Returns fewer bytes than `size` only at the end of the file.
+  std::size_t read(char* data, std::size_t size) const {
+    std::size_t done = 0;
+    while (done < size) {
+      const ssize_t n = ::read(fd_, data + done, size - done);
+      if (n < 0 && errno == EINTR) continue;
+      if (n < 0) throw InputError(file_, "cannot be read: " + cause(errno));
+      if (n == 0) break;
+      done += static_cast<std::size_t>(n);
+    }
+    return done;
+  }
+
+  void write(std::string_view bytes) const {
+    while (!bytes.empty()) {
+      const ssize_t n = ::write(fd_, bytes.data(), bytes.size());
+      if (n < 0 && errno == EINTR) continue;
+      if (n < 0) throw InputError(file_, "cannot be written: " + cause(errno));
+      bytes.remove_prefix(static_cast<std::size_t>(n));
+    }
+  }
+
+  /// Network and quota file systems report a full disk only here.
+  void close() {
+    const int result = ::close(fd_);
+    fd_ = -1;
+    if (result != 0) throw InputError(file_, "cannot be written: " + cause(errno));
+  }
+
+ private:
+  std::string file_;
+  int fd_;
+};
+
+/// Size reported for a regular file; 0 for pipes and devices, which are read to their end.
+std::uintmax_t size_hint(const fs::path& file) {
+  struct stat status {};
+  if (::stat(file.c_str(), &status) != 0) throw InputError(file.string(), "cannot be opened: " + cause(errno));
+  if (S_ISDIR(status.st_mode)) throw InputError(file.string(), "is a folder, expected a file");
+  return S_ISREG(status.st_mode) ? static_cast<std::uintmax_t>(status.st_size) : 0;
+}
+
+template <typename Buffer>
+Buffer read_whole(const fs::path& file, std::uintmax_t max_bytes) {
+  const auto too_large = [&] {
+    return InputError(file.string(), "is larger than the limit of " + std::to_string(max_bytes) + " bytes");
+  };
+  const std::uintmax_t size = size_hint(file);
+  if (size > max_bytes) throw too_large();
+  const Descriptor descriptor(file, O_RDONLY);
+  Buffer buffer;
+  std::size_t done = 0;
+  // One byte more than expected, so that the usual file is read in the first round.
+  std::size_t room = static_cast<std::size_t>(size) + 1;
+  while (true) {
+    buffer.resize(done + room);
+    const std::size_t n = descriptor.read(reinterpret_cast<char*>(buffer.data()) + done, room);
+    done += n;
+    if (done > max_bytes) throw too_large();
+    if (n < room) break;
+    room = std::max<std::size_t>(done, 4096);
+  }
+  buffer.resize(done);
+  return buffer;
+}
+
+}  // namespace
+
+std::string read_text(const fs::path& file, std::uintmax_t max_bytes) {
+  return read_whole<std::string>(file, max_bytes);
+}
+
+std::vector<std::byte> read_bytes(const fs::path& file, std::uintmax_t max_bytes) {
+  return read_whole<std::vector<std::byte>>(file, max_bytes);
+}
+
+void write_file_in_parts(const fs::path& file, const std::function<std::string_view()>& next) {
+  const auto write_all = [&](const Descriptor& descriptor) {
+    for (std::string_view part = next(); !part.empty(); part = next()) descriptor.write(part);
+  };
+  std::error_code error;
+  const fs::file_status status = fs::status(file, error);
+  if (fs::is_directory(status)) throw InputError(file.string(), "is a folder; choose a file name to write");
+  if (fs::exists(status) && !fs::is_regular_file(status)) {
+    // Devices and pipes are written to, never replaced.
+    Descriptor descriptor(file, O_WRONLY);
+    write_all(descriptor);
+    return descriptor.close();
+  }
+  const fs::path target = fs::is_symlink(fs::symlink_status(file, error)) ? fs::weakly_canonical(file) : file;
+  const fs::path temporary = make_temporary_path(target);
+  const RemovedOnExit remove_temporary(temporary);
+  Descriptor descriptor(temporary, O_WRONLY | O_CREAT | O_EXCL);
+  write_all(descriptor);
+  descriptor.close();
+  rename_or_throw(temporary, target);
+}
+
+std::string sha256_hex_of_file(const fs::path& file) {
+  size_hint(file);  // reports a folder as such, not as an unreadable file
+  const Descriptor descriptor(file, O_RDONLY);
+  std::string block(std::size_t{1} << 20, '\0');
+  Sha256 hash;
+  while (const std::size_t n = descriptor.read(block.data(), block.size())) hash.add({block.data(), n});
+  return hash.hex();
+}
+
+void write_file(const fs::path& file, std::string_view bytes) {
+  write_file_in_parts(file, [rest = bytes]() mutable { return std::exchange(rest, std::string_view()); });
+}
+
+}  // namespace tileflight::base

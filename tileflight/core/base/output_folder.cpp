@@ -1,0 +1,211 @@
+#include "tileflight/core/base/output_folder.h"
+
+#include <fcntl.h>
+#include <stdio.h>
+
+#include <algorithm>
+#include <string_view>
+#include <system_error>
+
+#include "tileflight/core/base/files.h"
+#include "tileflight/core/base/folder_marker.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/temporary_path.h"
+
+namespace tileflight::base {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kElsewhere = "; choose another folder";
+
+/// Whether `path` is `folder` or lies below it, after resolving links; both must exist.
+bool is_within(const fs::path& path, const fs::path& folder) {
+  std::error_code error;
+  const fs::path whole = fs::canonical(path, error);
+  if (error) return false;
+  for (fs::path part = whole;; part = part.parent_path()) {
+    if (fs::equivalent(part, folder, error)) return true;
+    if (!part.has_relative_path()) return false;
+  }
+}
+
+bool names_a_tileset(const FolderMarker& marker) {
+  return std::any_of(marker.files.begin(), marker.files.end(),
+                     [](const std::string& file) { return fs::path(file).filename() == "tileset.json"; });
+}
+
+bool is_known_unmarked(const fs::path& folder, const LegacyFolderPattern& unmarked) {
+  if (unmarked.key_file.empty()) return true;
+  if (!fs::is_regular_file(folder / unmarked.key_file)) return false;
+  return read_text(folder / unmarked.key_file).find(unmarked.key_text) != std::string::npos;
+}
+
+/// Reason why an existing folder must not be replaced; empty: it may.
+std::string objection(const fs::path& target, const OutputFolder& output) {
+  for (const fs::path& input : output.inputs) {
+    if (input.empty() || !fs::exists(input)) continue;
+    if (is_within(input, target)) return "holds " + input.string() + ", an input of this command" + kElsewhere;
+    if (fs::is_directory(input) && is_within(target, input) && !is_result_folder(target))
+      return "is part of " + input.string() + ", an input of this command" + kElsewhere;
+  }
+  const std::optional<std::string> foreign = find_foreign_file(target, output.legacy);
+  if (!foreign) return "";
+  const bool is_marked = read_folder_marker(target).has_value();
+  return "holds " + *foreign + ", which " + (is_marked ? "tileflight did not write" : "may not be tileflight's") +
+         "; --force replaces only what tileflight wrote: move the file away or choose another folder";
+}
+
+/// New name for a replaced folder that turns out to hold foreign files: "NAME.before", "NAME.before-2", …
+fs::path aside_of(const fs::path& target) {
+  const std::string name = target.string() + ".before";
+  for (int attempt = 1;; ++attempt) {
+    const fs::path candidate = attempt == 1 ? name : name + "-" + std::to_string(attempt);
+    if (!fs::exists(fs::symlink_status(candidate))) return candidate;
+  }
+}
+
+/// Swaps the folders `built` and `target`.
+void exchange(const fs::path& built, const fs::path& target) {
+  // In one atomic step, so that `target` always exists.
+  if (::renameat2(AT_FDCWD, built.c_str(), AT_FDCWD, target.c_str(), RENAME_EXCHANGE) == 0) return;
+  // For file systems without exchange (NFS): meanwhile the old folder has a name that restore_backup() recognises.
+  const fs::path old = make_backup_path(target);
+  rename_or_throw(target, old);
+  std::error_code error;
+  fs::rename(built, target, error);
+  if (error) {
+    std::error_code ignored;
+    fs::rename(old, target, ignored);
+    throw InputError(target.string(), "cannot be written: " + error.message());
+  }
+  rename_or_throw(old, built);
+}
+
+}  // namespace
+
+fs::path resolve_folder(const fs::path& folder) {
+  // "out/" and "out" name the same folder; an absolute path has a parent for the temporary folder.
+  const fs::path whole = fs::weakly_canonical(fs::absolute(folder));
+  return whole.has_filename() ? whole : whole.parent_path();
+}
+
+bool is_result_folder(const fs::path& folder) {
+  const std::optional<FolderMarker> marker = read_folder_marker(folder);
+  return marker && !names_a_tileset(*marker);
+}
+
+bool matches_pattern(std::string_view name, std::string_view pattern) {
+  if (pattern.empty()) return name.empty();
+  if (pattern[0] == '*') {
+    for (std::size_t taken = 0;; ++taken) {
+      if (matches_pattern(name.substr(taken), pattern.substr(1))) return true;
+      if (taken == name.size() || name[taken] == '/') return false;
+    }
+  }
+  if (name.empty()) return false;
+  const bool fits = pattern[0] == '#' ? name[0] >= '0' && name[0] <= '9' : name[0] == pattern[0];
+  return fits && matches_pattern(name.substr(1), pattern.substr(1));
+}
+
+std::optional<std::string> find_foreign_file(const fs::path& folder, const LegacyFolderPattern& unmarked) {
+  const std::optional<FolderMarker> marker = read_folder_marker(folder);
+  const bool is_known = !marker && is_known_unmarked(folder, unmarked);
+  const auto is_ours = [&](const std::string& file) {
+    if (marker) {
+      return file == kFolderMarker || std::binary_search(marker->files.begin(), marker->files.end(), file) ||
+             is_abandoned_temporary(fs::path(file).filename());
+    }
+    return is_known && std::any_of(unmarked.files.begin(), unmarked.files.end(),
+                                   [&](const std::string& pattern) { return matches_pattern(file, pattern); });
+  };
+  for (const std::string& file : list_files_recursive(folder)) {
+    if (!is_ours(file)) return file;
+  }
+  return std::nullopt;
+}
+
+void require_writable(const OutputFolder& output) {
+  const fs::path target = resolve_folder(output.folder);
+  restore_backup(target);
+  if (!fs::exists(target)) return;
+  const std::string name = output.folder.string();
+  if (!fs::is_directory(target))
+    throw InputError(name, "is not a folder, and --force replaces only folders; choose another name");
+  const std::string why = objection(target, output);
+  if (!why.empty()) throw InputError(name, (output.replace ? "" : "exists already and ") + why);
+  if (!output.replace) throw InputError(name, "exists already; --force replaces it");
+}
+
+void write_folder(const OutputFolder& output, const std::function<void(const fs::path& temporary)>& fill) {
+  require_writable(output);
+  const fs::path target = resolve_folder(output.folder);
+  std::error_code error;
+  fs::create_directories(target.parent_path(), error);
+  const fs::path temporary = make_temporary_path(target);
+  if (!fs::create_directory(temporary, error)) {
+    throw InputError(output.folder.string(), "cannot be created: " + error.message());
+  }
+  const RemovedOnExit remove_temporary(temporary);
+  fill(temporary);
+  install_folder(temporary, output);
+}
+
+void write_folder(const fs::path& folder, bool replace, const std::function<void(const fs::path& temporary)>& fill) {
+  write_folder(OutputFolder{.folder = folder, .command = "tileflight", .replace = replace, .inputs = {}, .legacy = {}},
+               fill);
+}
+
+void install_folder(const fs::path& built, const OutputFolder& output) {
+  const fs::path target = resolve_folder(output.folder);
+  write_folder_marker(built, output.command);
+  if (!fs::exists(target)) return rename_or_throw(built, target);
+  const std::string why = output.replace ? objection(target, output) : "was created while the command ran";
+  if (!why.empty()) {
+    const fs::path aside = aside_of(target);
+    rename_or_throw(target, aside);
+    rename_or_throw(built, target);
+    throw InputError(output.folder.string(), "was written, but the folder of that name " + why +
+                                                 "; that folder was renamed to " + aside.string());
+  }
+  exchange(built, target);
+  std::error_code ignored;
+  fs::remove_all(built, ignored);
+}
+
+void remove_output(const fs::path& path) {
+  std::error_code error;
+  if (fs::is_directory(fs::symlink_status(path, error))) {
+    if (const auto foreign = find_foreign_file(path))
+      throw InputError(path.string(), "holds " + *foreign + ", which tileflight did not write; move it away");
+  }
+  fs::remove_all(path, error);
+  if (error) throw InputError(path.string(), "cannot be removed: " + error.message());
+}
+
+namespace {
+
+void make_folder_of(const fs::path& file) {
+  std::error_code error;
+  if (file.has_parent_path()) fs::create_directories(file.parent_path(), error);
+  if (error) throw InputError(file.parent_path().string(), "cannot be made: " + error.message());
+}
+
+}  // namespace
+
+void prepare_output_file(const fs::path& file, const std::vector<fs::path>& inputs) {
+  if (!fs::exists(file)) return make_folder_of(file);
+  for (const fs::path& input : inputs) {
+    if (input.empty() || !fs::exists(input)) continue;
+    std::error_code error;
+    if (fs::equivalent(file, input, error))
+      throw InputError(file.string(), "is also an input of this command; choose another name");
+    if (!fs::is_directory(input) || !is_within(file, input)) continue;
+    const std::optional<FolderMarker> marker = read_folder_marker(input);
+    const std::string name = fs::canonical(file).lexically_relative(fs::canonical(input)).generic_string();
+    if (!marker || std::binary_search(marker->files.begin(), marker->files.end(), name))
+      throw InputError(file.string(), "lies in " + input.string() + ", an input of this command; choose another name");
+  }
+}
+
+}  // namespace tileflight::base

@@ -1,0 +1,143 @@
+#include "tileflight/core/base/text_parsing.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <chrono>
+#include <cmath>
+
+namespace tileflight::base {
+namespace {
+
+bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\n'; }
+
+/// Seconds after the decimal point or comma of a clock: any number of digits.
+double take_fraction(std::string_view& text) {
+  double value = 0, place = 0.1;
+  while (!text.empty() && is_digit(text.front())) {
+    value += place * (text.front() - '0');
+    place /= 10.0;
+    text.remove_prefix(1);
+  }
+  return value;
+}
+
+/// HH:MM, optionally with :SS and a fraction.
+std::optional<double> take_iso_clock(std::string_view& text) {
+  const std::optional<int> hours = take_digits(text);
+  if (!hours || *hours > 24 || !take_prefix(text, ":")) return std::nullopt;
+  const std::optional<int> minutes = take_digits(text);
+  if (!minutes || *minutes > 59) return std::nullopt;
+  double seconds = 0;
+  if (take_prefix(text, ":")) {
+    const std::optional<int> whole = take_digits(text);
+    if (!whole || *whole > 60) return std::nullopt;  // 60: a leap second
+    seconds = *whole;
+    if (take_prefix(text, ".") || take_prefix(text, ",")) seconds += take_fraction(text);
+  }
+  return 3600.0 * *hours + 60.0 * *minutes + seconds;
+}
+
+/// `Z`, `+02:00`, `-0530`, `+02`, or nothing: offset from UTC in seconds.
+std::optional<double> take_offset(std::string_view& text) {
+  if (text.empty() || take_prefix(text, "Z") || take_prefix(text, "z")) return 0.0;
+  const double sign = text.front() == '-' ? -1.0 : 1.0;
+  if (!take_prefix(text, "+") && !take_prefix(text, "-")) return std::nullopt;
+  std::string_view first = text.substr(0, std::min<std::size_t>(text.size(), 2));
+  text.remove_prefix(first.size());
+  const std::optional<int> hours = take_digits(first);
+  take_prefix(text, ":");
+  const std::optional<int> minutes = text.empty() ? 0 : take_digits(text);
+  if (!hours || !minutes || !first.empty() || *hours > 18 || *minutes > 59) return std::nullopt;
+  return sign * (3600.0 * *hours + 60.0 * *minutes);
+}
+
+}  // namespace
+
+bool is_digit(char c) { return c >= '0' && c <= '9'; }
+
+std::string_view trim(std::string_view text) {
+  while (!text.empty() && is_blank(text.front())) text.remove_prefix(1);
+  while (!text.empty() && is_blank(text.back())) text.remove_suffix(1);
+  return text;
+}
+
+std::string_view strip_byte_order_mark(std::string_view text) {
+  return text.starts_with("\xEF\xBB\xBF") ? text.substr(3) : text;
+}
+
+bool take_prefix(std::string_view& text, std::string_view expected) {
+  if (!text.starts_with(expected)) return false;
+  text.remove_prefix(expected.size());
+  return true;
+}
+
+std::optional<double> take_number(std::string_view& text) {
+  std::string_view rest = text;
+  while (!rest.empty() && is_blank(rest.front())) rest.remove_prefix(1);
+  if (!rest.empty() && rest.front() == '+') rest.remove_prefix(1);
+  double value = 0;
+  const auto [end, fault] = std::from_chars(rest.data(), rest.data() + rest.size(), value);
+  if (fault != std::errc() || !std::isfinite(value)) return std::nullopt;
+  text = rest.substr(static_cast<std::size_t>(end - rest.data()));
+  return value;
+}
+
+std::optional<double> parse_finite_number(std::string_view text) {
+  const std::optional<double> value = take_number(text);
+  return value && trim(text).empty() ? value : std::nullopt;
+}
+
+std::optional<int> take_digits(std::string_view& text) {
+  std::size_t count = 0;
+  while (count < text.size() && count < 9 && is_digit(text[count])) ++count;
+  if (count == 0) return std::nullopt;
+  int value = 0;
+  std::from_chars(text.data(), text.data() + count, value);
+  text.remove_prefix(count);
+  return value;
+}
+
+std::optional<double> take_clock(std::string_view& text) {
+  std::array<int, 3> parts{};
+  for (std::size_t i = 0; i < 3; ++i) {
+    if (i > 0 && !take_prefix(text, ":")) return std::nullopt;
+    const std::optional<int> part = take_digits(text);
+    if (!part) return std::nullopt;
+    parts[i] = *part;
+  }
+  double milliseconds = 0;
+  if (take_prefix(text, ",") || take_prefix(text, ".")) milliseconds = take_digits(text).value_or(0);
+  return 3600.0 * parts[0] + 60.0 * parts[1] + parts[2] + milliseconds / 1000.0;
+}
+
+std::optional<double> take_day(std::string_view& text) {
+  std::array<int, 3> date{};
+  for (std::size_t i = 0; i < 3; ++i) {
+    if (i > 0 && !take_prefix(text, ".") && !take_prefix(text, "-") && !take_prefix(text, "/") &&
+        !take_prefix(text, ":"))
+      return std::nullopt;
+    const std::optional<int> part = take_digits(text);
+    if (!part) return std::nullopt;
+    date[i] = *part;
+  }
+  const std::chrono::year_month_day day{std::chrono::year{date[0]}, std::chrono::month(static_cast<unsigned>(date[1])),
+                                        std::chrono::day(static_cast<unsigned>(date[2]))};
+  if (date[0] > 9999 || date[1] > 12 || date[2] > 31 || !day.ok()) return std::nullopt;
+  return static_cast<double>(std::chrono::sys_days(day).time_since_epoch().count());
+}
+
+std::optional<double> parse_iso_time_s(std::string_view text) {
+  text = trim(text);
+  const std::optional<double> day = take_day(text);
+  if (!day || (!take_prefix(text, "T") && !take_prefix(text, "t") && !take_prefix(text, " "))) return std::nullopt;
+  text = trim(text);
+  const std::optional<double> clock_s = take_iso_clock(text);
+  if (!clock_s) return std::nullopt;
+  text = trim(text);
+  const std::optional<double> offset_s = take_offset(text);
+  if (!offset_s || !trim(text).empty()) return std::nullopt;
+  return 86400.0 * *day + *clock_s - *offset_s;
+}
+
+}  // namespace tileflight::base

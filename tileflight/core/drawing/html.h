@@ -1,0 +1,48 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+namespace tileflight::drawing {
+
+/// Markup that is safe to put on a page: created from plain text by `text` or from other markup by `element`, so that
+/// no input from users or files reaches the page unescaped. The page is also well-formed XML, which the tests check.
+class Html {
+ public:
+  Html() = default;
+  /// Markup that is part of this program, never input.
+  static Html trusted(std::string markup);
+
+  const std::string& str() const { return markup_; }
+  bool empty() const { return markup_.empty(); }
+  Html& operator+=(const Html& other);
+  friend Html operator+(Html a, const Html& b) { return a += b; }
+
+ private:
+  std::string markup_;
+};
+
+using Attributes = std::vector<std::pair<std::string_view, std::string>>;
+
+/// Plain text (UTF-8). Markup characters are escaped; bytes that are invalid in XML become U+FFFD.
+Html text(std::string_view plain);
+
+/// As text(), with what stands between two backticks, as a command does in a sentence, in `<code>`.
+Html text_with_code(std::string_view plain);
+
+/// `<name attributes>content</name>`. Attribute values are plain text.
+Html element(std::string_view name, const Attributes& attributes, const Html& content);
+Html element(std::string_view name, const Html& content);
+
+/// `<name attributes/>`, for void HTML elements (img, meta, input) and SVG shapes.
+Html empty_element(std::string_view name, const Attributes& attributes);
+
+/// RFC 4648, section 4.
+std::string base64(std::string_view bytes);
+
+/// `data:TYPE;base64,…` (RFC 2397).
+std::string data_uri(std::string_view media_type, std::string_view bytes);
+
+}  // namespace tileflight::drawing

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <cstddef>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
+
+namespace tileflight::drawing {
+
+/// What is shown for an unknown value.
+inline constexpr const char* kUnknown = "\u2013";
+
+/// The number at a JSON pointer ("/map/mean"); nullopt if it is absent, null or not a number.
+std::optional<double> number_at(const nlohmann::json& json, const std::string& pointer);
+std::optional<std::string> text_at(const nlohmann::json& json, const std::string& pointer);
+
+/// 0.5548 with 4 decimals; kUnknown if there is no finite value.
+std::string format_fixed(const std::optional<double>& value, int decimals);
+/// 84,029.
+std::string format_count(const std::optional<double>& value);
+/// The fewest digits that represent the value: 5, 29.97, 0.0014.
+std::string format_shortest(const std::optional<double>& value);
+/// A share as a percentage: 0.4305 becomes 43.1 %.
+std::string format_percent(const std::optional<double>& share, int decimals = 1);
+/// With an explicit sign (a true minus, U+2212): +0.019.
+std::string format_signed(const std::optional<double>& value, int decimals);
+
+/// Number of characters, not bytes: the number of terminal columns (every character used here takes one).
+std::size_t display_width(const std::string& text);
+
+}  // namespace tileflight::drawing

@@ -1,0 +1,22 @@
+#pragma once
+
+#include <filesystem>
+
+#include "tileflight/core/geometry/mesh.h"
+#include "tileflight/core/geometry/point_cloud.h"
+
+namespace tileflight::geometry {
+
+enum class CloudEncoding { kAscii, kBinary };
+
+/// Reads PLY (ascii, binary little and big endian), PCD (ascii, binary, binary_compressed) or XYZ text, chosen by the
+/// file extension. Unknown properties become scalars. Throws InputError (file, line or byte, cause) for malformed,
+/// truncated or non-finite data; counts in headers are checked against the file's size before allocation.
+PointCloud read_cloud(const std::filesystem::path& file);
+
+/// Writes .ply, .pcd or .xyz, chosen by the file extension. Positions are doubles in PLY (to keep millimetres far from
+/// the origin) and floats in PCD.
+void write_cloud(const std::filesystem::path& file, const PointCloud& cloud,
+                 CloudEncoding encoding = CloudEncoding::kBinary);
+
+}  // namespace tileflight::geometry

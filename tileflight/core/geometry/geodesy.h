@@ -1,0 +1,51 @@
+#pragma once
+
+#include "tileflight/core/geometry/transform.h"
+
+namespace tileflight::geometry {
+
+/// Height above the WGS84 ellipsoid, metres.
+struct EllipsoidalHeight {
+  double m = 0.0;
+};
+
+/// Height above mean sea level (the EGM96 geoid), metres. A separate type, so that the two cannot be mixed up.
+struct OrthometricHeight {
+  double m = 0.0;
+};
+
+/// A position on WGS84. Degrees are used only here and in files edited by people.
+struct Geodetic {
+  double latitude_deg = 0.0;
+  double longitude_deg = 0.0;
+  EllipsoidalHeight height;
+};
+
+/// WGS84 geodetic to earth-centred earth-fixed metres, and back (GeographicLib).
+Vec3 ecef_from_geodetic(const Geodetic& place);
+Geodetic geodetic_from_ecef(const Vec3& ecef_m);
+
+/// Adds the geoid undulation at the given position (PROJ, EGM96). Throws InputError if the geoid grid is not installed.
+EllipsoidalHeight ellipsoidal_from_orthometric(double latitude_deg, double longitude_deg, OrthometricHeight height);
+/// Subtracts the geoid undulation; the inverse. Throws the same errors.
+OrthometricHeight orthometric_from_ellipsoidal(const Geodetic& place);
+
+/// Right-handed east-north-up frame at `origin`; up is the ellipsoid's normal.
+class LocalFrame {
+ public:
+  explicit LocalFrame(const Geodetic& origin);
+
+  const Geodetic& origin() const { return origin_; }
+  const SE3& T_ecef_local() const { return T_ecef_local_; }
+  const SE3& T_local_ecef() const { return T_local_ecef_; }
+
+  Vec3 local_from_geodetic(const Geodetic& place) const;
+  Geodetic geodetic_from_local(const Vec3& local_m) const;
+
+ private:
+  Geodetic origin_;
+  SE3 T_ecef_local_;
+  SE3 T_local_ecef_;
+};
+
+}  // namespace tileflight::geometry

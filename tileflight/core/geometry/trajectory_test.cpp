@@ -1,0 +1,163 @@
+#include "tileflight/core/geometry/trajectory.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "tests/temporary_folder.h"
+#include "tests/test_data.h"
+#include "tileflight/core/base/files.h"
+#include "tileflight/core/base/input_error.h"
+
+namespace tileflight::geometry::trajectory_test {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
+
+Trajectory spiral(int poses, double first_s = 0.0, double step_s = 0.1) {
+  Trajectory trajectory;
+  for (int i = 0; i < poses; ++i) {
+    const double angle = 0.2 * i;
+    trajectory.poses.push_back(
+        {first_s + step_s * i, SE3(so3_exp(Vec3(0.1, angle, 0)), Vec3(std::cos(angle), std::sin(angle), 0.05 * i))});
+  }
+  return trajectory;
+}
+
+Trajectory read_lines(const std::string& text) {
+  const tests::TemporaryFolder folder;
+  base::write_file(folder / "t.txt", text);
+  return read_tum(folder / "t.txt");
+}
+
+TEST(Tum, RoundTripIsExact) {
+  const tests::TemporaryFolder folder;
+  const Trajectory written = spiral(50, 1305031102.175304, 1.0 / 30.0);
+  write_tum(folder / "t.txt", written);
+  const Trajectory read = read_tum(folder / "t.txt");
+  ASSERT_EQ(read.size(), written.size());
+  for (std::size_t i = 0; i < read.size(); ++i) {
+    EXPECT_EQ(read.poses[i].time_s, written.poses[i].time_s);
+    EXPECT_EQ(read.poses[i].T_local_camera.translation, written.poses[i].T_local_camera.translation);
+    EXPECT_LT(read.poses[i].T_local_camera.rotation.angularDistance(written.poses[i].T_local_camera.rotation), 1e-15);
+  }
+}
+
+TEST(Tum, AcceptsCommentsBlankLinesTabsAndWindowsEnds) {
+  const Trajectory read = read_lines("# c\r\n\r\n1 1 2 3 0 0 0 1\r\n  # d\n2\t1 2 3\t0 0 0 -2");
+  ASSERT_EQ(read.size(), 2U);
+  EXPECT_EQ(read.poses[0].T_local_camera.translation, Vec3(1, 2, 3));
+  EXPECT_DOUBLE_EQ(read.poses[1].T_local_camera.rotation.norm(), 1.0);
+}
+
+TEST(Tum, BadInputIsNamedWithItsLine) {
+  const auto expect = [](const std::string& text, const std::string& message) {
+    EXPECT_THAT([&] { read_lines(text); }, ThrowsMessage<InputError>(HasSubstr(message))) << text;
+  };
+  expect("1 0 0 0 0 0 0 1\n2 0 0 0 0 0 1\n", "line 2: expected 8 numbers");
+  expect("1 0 0 0 0 0 0 1 9\n", "line 1: expected 8 numbers");
+  expect("1 0 nan 0 0 0 0 1\n", "line 1: 'nan' is not a finite number");
+  expect("1 0 inf 0 0 0 0 1\n", "'inf' is not a finite number");
+  expect("1 0 1,5 0 0 0 0 1\n", "'1,5' is not a finite number");
+  expect("1 0 0x 0 0 0 0 1\n", "'0x' is not a finite number");
+  expect("1 0 0 0 0 0 0 0\n", "the quaternion has length 0");
+  expect("2 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n", "line 2: the time is before the previous one");
+  EXPECT_THAT([] { read_tum("/no/such/file"); }, ThrowsMessage<InputError>(HasSubstr("No such file")));
+}
+
+TEST(Tum, KeepsTheFirstOfPosesWithOneTime) {
+  const Trajectory read = read_lines("1 1 0 0 0 0 0 1\n1 2 0 0 0 0 0 1\n2 3 0 0 0 0 0 1\n");
+  ASSERT_EQ(read.size(), 2U);
+  EXPECT_EQ(read.poses[0].T_local_camera.translation.x(), 1.0);
+}
+
+TEST(PathLength, OfASquare) {
+  Trajectory square;
+  const Vec3 corners[] = {{0, 0, 0}, {2, 0, 0}, {2, 2, 0}, {0, 2, 0}, {0, 0, 0}};
+  for (const Vec3& c : corners) square.poses.push_back({static_cast<double>(square.size()), SE3(Mat3::Identity(), c)});
+  EXPECT_DOUBLE_EQ(path_length_m(square), 8.0);
+  EXPECT_EQ(path_length_m({}), 0.0);
+}
+
+TEST(Interpolate, HitsThePosesAndHalvesBetween) {
+  const Trajectory t = spiral(5);
+  for (const StampedPose& pose : t.poses) {
+    EXPECT_EQ(interpolate(t, pose.time_s)->translation, pose.T_local_camera.translation);
+  }
+  const SE3 half = *interpolate(t, 0.5 * (t.poses[1].time_s + t.poses[2].time_s));
+  const SE3& a = t.poses[1].T_local_camera;
+  const SE3& b = t.poses[2].T_local_camera;
+  EXPECT_LT((half.translation - 0.5 * (a.translation + b.translation)).norm(), 1e-12);
+  EXPECT_NEAR(half.rotation.angularDistance(a.rotation), half.rotation.angularDistance(b.rotation), 1e-9);
+}
+
+TEST(Interpolate, NothingOutside) {
+  const Trajectory t = spiral(3, 10.0);
+  EXPECT_FALSE(interpolate(t, 9.999));
+  EXPECT_FALSE(interpolate(t, 10.201));
+  EXPECT_FALSE(interpolate({}, 0.0));
+  EXPECT_FALSE(interpolate(t, std::nan("")));
+}
+
+TEST(Associate, FindsTheNearestWithinTheLimitOnceEach) {
+  const Trajectory a = spiral(10, 0.0, 0.1);
+  const Trajectory b = spiral(100, 0.004, 0.01);
+  const auto pairs = associate(a, b, 0.01);
+  ASSERT_EQ(pairs.size(), 10U);
+  for (const auto& [i, j] : pairs) EXPECT_LE(std::abs(a.poses[i].time_s - b.poses[j].time_s), 0.0061);
+  EXPECT_TRUE(associate(a, spiral(10, 0.05, 0.1), 0.01).empty());
+  EXPECT_TRUE(associate(a, {}, 1.0).empty());
+  EXPECT_TRUE(associate({}, a, 1.0).empty());
+}
+
+TEST(Associate, EqualsBruteForceOverAllPairs) {
+  std::mt19937 random(1);
+  std::uniform_real_distribution<double> step(0.01, 0.1);
+  const auto random_times = [&](int n) {
+    Trajectory t = spiral(n);
+    double time = 0.0;
+    for (StampedPose& pose : t.poses) pose.time_s = time += step(random);
+    return t;
+  };
+  const Trajectory a = random_times(60), b = random_times(80);
+  std::vector<std::pair<std::size_t, std::size_t>> expected;
+  const auto gap = [&](std::size_t i, std::size_t j) { return std::abs(a.poses[i].time_s - b.poses[j].time_s); };
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    for (std::size_t j = 0; j < b.size(); ++j) {
+      bool best = gap(i, j) <= 0.03;
+      for (std::size_t k = 0; k < b.size(); ++k) best = best && (k == j || gap(i, j) < gap(i, k));
+      for (std::size_t k = 0; k < a.size(); ++k) best = best && (k == i || gap(i, j) < gap(k, j));
+      if (best) expected.emplace_back(i, j);
+    }
+  }
+  EXPECT_FALSE(expected.empty());
+  EXPECT_EQ(associate(a, b, 0.03), expected);
+}
+
+TEST(Transformed, ByASimilarityAndBack) {
+  const Sim3 S(2.0, so3_exp(Vec3(1, 0, 2)), Vec3(5, 6, 7));
+  const Trajectory t = spiral(20);
+  const Trajectory moved = transformed(S, t);
+  EXPECT_NEAR(path_length_m(moved), 2.0 * path_length_m(t), 1e-12);
+  const Trajectory back = transformed(S.inverse(), moved);
+  for (std::size_t i = 0; i < t.size(); ++i) {
+    EXPECT_LT((back.poses[i].T_local_camera.matrix() - t.poses[i].T_local_camera.matrix()).norm(), 1e-12);
+  }
+}
+
+TEST(Tum, ReadsFilesOfOtherPrograms) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(folder, "trajectories/evo");
+  // Numbers of lines that are not comments.
+  EXPECT_EQ(read_tum(folder / "freiburg1_xyz-groundtruth.txt").size(), 3000U);
+  EXPECT_EQ(read_tum(folder / "freiburg1_xyz-rgbdslam.txt").size(), 788U);
+  const Trajectory truth = read_tum(folder / "fr2_desk_groundtruth.txt");
+  EXPECT_EQ(truth.size(), 20957U - 1U);  // one time comes twice
+  const Trajectory orb = read_tum(folder / "fr2_desk_ORB.txt");
+  EXPECT_EQ(associate(orb, truth, 0.01).size(), 2174U);  // the truth has gaps: counted by brute force
+}
+
+}  // namespace
+}  // namespace tileflight::geometry::trajectory_test

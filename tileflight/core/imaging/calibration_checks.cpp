@@ -1,0 +1,152 @@
+#include "tileflight/core/imaging/calibration_checks.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/text_fields.h"
+
+namespace tileflight::imaging {
+
+namespace {
+
+void require_count(const std::string& file, const std::string& what, std::size_t wanted, std::size_t found) {
+  if (wanted == found) return;
+  throw InputError(file, what + " must have " + std::to_string(wanted) + " numbers, not " + std::to_string(found));
+}
+
+void require_finite(const std::string& file, const std::string& what, std::span<const double> values) {
+  if (std::all_of(values.begin(), values.end(), [](double value) { return std::isfinite(value); })) return;
+  throw InputError(file, what + " must be finite numbers");
+}
+
+void require_coefficient_count(const std::string& file, const std::string& distortion, std::size_t found) {
+  const std::string what = "distortion coefficients of \"" + distortion + "\"";
+  if (distortion == "rational") {
+    if (found != 5 && found != 8 && found != 12)
+      throw InputError(file, what + " must have 5, 8 or 12 numbers (k1 k2 p1 p2 k3 [k4 k5 k6 [s1 s2 s3 s4]]), not " +
+                                 std::to_string(found));
+  } else if (distortion == "radtan" || distortion == "equidistant") {
+    require_count(file, what, 4, found);
+  } else if (distortion == "fov") {
+    require_count(file, what, 1, found);
+  } else if (distortion == "none") {
+    require_count(file, what, 0, found);
+  } else {
+    throw InputError(
+        file, "distortion model \"" + distortion + "\" is unknown: use radtan, rational, equidistant, fov or none");
+  }
+}
+
+void check_focal(const std::string& file, const LensParameters& numbers) {
+  require_count(file, "intrinsics", sphere_parameter_count(file, numbers.model) + 4,
+                numbers.sphere_parameters.size() + numbers.intrinsics.size());
+  require_finite(file, "intrinsics", numbers.intrinsics);
+  if (!(numbers.intrinsics[0] > 0.0 && numbers.intrinsics[1] > 0.0))
+    throw InputError(file, "focal lengths must be above 0 pixels");
+  if (numbers.width <= 0 || numbers.height <= 0 || numbers.width > kMaxImageSide_px ||
+      numbers.height > kMaxImageSide_px)
+    throw InputError(file, "resolution must be two numbers from 1 to " + std::to_string(kMaxImageSide_px));
+}
+
+void check_distortion(const std::string& file, const LensParameters& numbers) {
+  const std::span<const double> k = numbers.distortion_coefficients;
+  require_coefficient_count(file, numbers.distortion, k.size());
+  require_finite(file, "distortion coefficients", k);
+  if (numbers.distortion == "fov" && !(k[0] >= 0.0 && k[0] < std::numbers::pi))
+    throw InputError(file, "the field-of-view parameter must be from 0 to below pi radians");
+  const bool takes = numbers.model == "pinhole" || numbers.distortion == "none" ||
+                     (numbers.model == "omni" && numbers.distortion == "radtan");
+  if (!takes)
+    throw InputError(file, "camera model \"" + numbers.model + "\" with distortion \"" + numbers.distortion +
+                               "\" is not supported: use " + (numbers.model == "omni" ? "radtan or none" : "none"));
+}
+
+void check_sphere(const std::string& file, const LensParameters& numbers) {
+  const std::span<const double> s = numbers.sphere_parameters;
+  require_finite(file, "intrinsics", s);
+  const auto alpha_holds = [](double alpha) { return alpha >= 0.0 && alpha <= 1.0; };
+  if (numbers.model == "omni" && !(s[0] >= 0.0)) throw InputError(file, "xi of \"omni\" must be 0 or more");
+  if (numbers.model == "ds" && !(s[0] > -1.0 && alpha_holds(s[1])))
+    throw InputError(file, "\"ds\" must have xi above -1 and alpha from 0 to 1");
+  if (numbers.model == "eucm" && !(alpha_holds(s[0]) && s[1] > 0.0))
+    throw InputError(file, "\"eucm\" must have alpha from 0 to 1 and beta above 0");
+}
+
+/// Pads the missing coefficients with zeros.
+template <std::size_t N>
+std::array<double, N> padded(std::span<const double> values) {
+  std::array<double, N> out{};
+  std::copy_n(values.begin(), std::min(N, values.size()), out.begin());
+  return out;
+}
+
+CameraModel checked_model(const LensParameters& numbers) {
+  const std::span<const double> f = numbers.intrinsics;
+  const std::span<const double> k = numbers.distortion_coefficients;
+  const std::span<const double> s = numbers.sphere_parameters;
+  if (numbers.model == "omni") return UnifiedModel{f[0], f[1], f[2], f[3], s[0], padded<4>(k)};
+  if (numbers.model == "ds") return DoubleSphere{f[0], f[1], f[2], f[3], s[0], s[1]};
+  if (numbers.model == "eucm") return ExtendedUnifiedModel{f[0], f[1], f[2], f[3], s[0], s[1]};
+  if (numbers.distortion == "equidistant") return KannalaBrandt{f[0], f[1], f[2], f[3], padded<4>(k)};
+  if (numbers.model == "equirectangular") return Equirectangular{f[0], f[1], f[2], f[3]};
+  if (numbers.distortion == "rational") return PinholeRational{f[0], f[1], f[2], f[3], padded<12>(k)};
+  if (numbers.distortion == "fov") return FovModel{f[0], f[1], f[2], f[3], k[0]};
+  return PinholeRadtan{f[0], f[1], f[2], f[3], padded<4>(k)};
+}
+
+}  // namespace
+
+std::size_t sphere_parameter_count(const std::string& file, const std::string& model) {
+  if (model == "pinhole" || model == "equirectangular") return 0;
+  if (model == "omni") return 1;
+  if (model == "ds" || model == "eucm") return 2;
+  throw InputError(file, "camera model \"" + model +
+                             "\" is not supported: use pinhole (with radtan, rational, equidistant, fov or none), omni "
+                             "(with radtan or none), ds, eucm or equirectangular");
+}
+
+Camera make_camera(const std::string& file, const LensParameters& numbers) {
+  check_focal(file, numbers);
+  check_distortion(file, numbers);
+  check_sphere(file, numbers);
+  return {checked_model(numbers), numbers.width, numbers.height};
+}
+
+NamedDistortion parse_opencv_distortion(const std::string& where, std::span<const double> coefficients) {
+  constexpr std::array<std::size_t, 6> kCounts{0, 4, 5, 8, 12, 14};
+  constexpr std::size_t kWithoutTilt = 12;
+  const std::size_t count = coefficients.size();
+  if (std::find(kCounts.begin(), kCounts.end(), count) == kCounts.end())
+    throw InputError(where, "must have 0, 4, 5, 8, 12 or 14 numbers, not " + std::to_string(count));
+  for (std::size_t i = kWithoutTilt; i < count; ++i)
+    if (coefficients[i] != 0.0)
+      throw InputError(where, (i == kWithoutTilt ? "tx is " : "ty is ") + format_number(coefficients[i]) +
+                                  ", but tilted sensors are not supported: calibrate without "
+                                  "CALIB_TILTED_MODEL");
+  const auto all = padded<kWithoutTilt>(coefficients);
+  const bool brown_conrady = std::all_of(all.begin() + 4, all.end(), [](double value) { return value == 0.0; });
+  if (brown_conrady) return {"radtan", {all.begin(), all.begin() + 4}};
+  return {"rational", {all.begin(), all.end()}};
+}
+
+std::string format_number(double value) {
+  std::string text;
+  base::append_number(text, value);
+  // YAML 1.1 readers (PyYAML, and so Kalibr's own tools) read "1e-08" as a string; "1.0e-08" is a number for all.
+  const std::size_t exponent = text.find('e');
+  if (exponent != std::string::npos && text.find('.') == std::string::npos) text.insert(exponent, ".0");
+  return text;
+}
+
+std::string number_list(std::span<const double> values) {
+  std::string text = "[";
+  for (const double value : values) text += (text.size() > 1 ? ", " : "") + format_number(value);
+  return text + "]";
+}
+std::string number_list(std::initializer_list<double> values) {
+  return number_list(std::span(values.begin(), values.size()));
+}
+
+}  // namespace tileflight::imaging

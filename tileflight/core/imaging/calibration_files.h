@@ -1,0 +1,87 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "tileflight/core/imaging/camera.h"
+
+namespace tileflight::imaging {
+
+/// Calibration file formats supported by read_calibration.
+enum class CalibrationFormat { kKalibr, kOpenCv, kColmap, kDso, kVslamLab };
+
+/// Detects the format from the text; nullopt for an unknown format. A detected file may still be malformed.
+std::optional<CalibrationFormat> detect_calibration_format(std::string_view text);
+
+/// Names of the cameras in a calibration file: cam0, cam1, ... of Kalibr's camchain, CAMERA_IDs of COLMAP's
+/// cameras.txt, rgb_0, rgb_1, ... of VSLAM-LAB, in file order; empty for formats that hold one unnamed camera. Throws
+/// InputError.
+std::vector<std::string> camera_ids(const std::filesystem::path& file);
+
+/// Reads the camera of this name; an empty name selects the only camera of the file. Throws InputError (file, available
+/// names) if several cameras exist and none is named, or if the name does not exist.
+Calibration read_calibration(const std::filesystem::path& file, const std::string& camera_id);
+
+/// Reads one camera ("cam1") of a Kalibr camchain, as read_kalibr. If a later camera has no T_cam_imu, it is derived
+/// from that of the preceding camera and T_cn_cnm1. Throws InputError.
+Calibration read_kalibr_camera(const std::filesystem::path& file, const std::string& camera_id);
+
+/// A camera of a Kalibr camchain, on the body that carries the chain.
+struct ChainCamera {
+  std::string name;              ///< "cam0" or, in camchains written here, its key `name`
+  std::filesystem::path folder;  ///< key `folder` of camchains written here: of its images; else empty
+  Calibration calibration;
+  /// Camera to body: key `T_body_cam` of camchains written here. Without it the body is the first camera, and the poses
+  /// are those of T_cn_cnm1 or, where that is missing, of T_cam_imu.
+  geometry::SE3 T_body_cam;
+  double timeshift_cam_imu_s = 0.0;  ///< time on the body's clock = time stamp of the image + this
+};
+
+/// Reads all cameras of a Kalibr camchain: cam0, cam1, and so on, each as read_kalibr_camera. Throws InputError (file,
+/// camera, key, cause): a camera of which neither T_cn_cnm1 nor T_cam_imu says where it is, both with different
+/// statements, one more than 10 m away from the one before or the IMU (millimetres), a time shift of more than a
+/// second, a number left out.
+std::vector<ChainCamera> read_camchain(const std::filesystem::path& file);
+
+/// Writes a camchain for Kalibr's users, with T_cn_cnm1 and T_cam_imu of each, which read_camchain reads again.
+void write_camchain(const std::filesystem::path& file, const std::vector<ChainCamera>& cameras);
+
+/// Reads OpenCV's FileStorage as YAML or XML, and ROS's camera_info YAML: camera_matrix (cameraMatrix, K),
+/// distortion_coefficients (distCoeffs, D), image_width and image_height (width and height, image_size), and
+/// distortion_model (plumb_bob, rational_polynomial, equidistant, fisheye) or fisheye_model (0 or 1). Four coefficients
+/// are k1 k2 p1 p2 or, of the fisheye module, k1 k2 k3 k4: a file with four must state the model. Longer lists are
+/// accepted if all beyond k1 k2 p1 p2 are 0. Pixel centres are at integers, as here. Throws InputError (file, key,
+/// cause, cure).
+Calibration read_opencv(const std::filesystem::path& file);
+
+/// Reads COLMAP's cameras.txt: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV (k3 to k6 must be
+/// 0), OPENCV_FISHEYE, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE, FOV. COLMAP's pixel centres are at half-integers; they
+/// are converted to ours, at integers. Selects the camera with this CAMERA_ID, or the only one. Throws InputError
+/// (file, line, cause, cure): several cameras and none selected, no such camera, an unknown model.
+Calibration read_colmap_cameras(const std::filesystem::path& file, std::optional<std::int64_t> camera_id = {});
+
+/// A camera of VSLAM-LAB's calibration.yaml.
+struct VslamLabCamera {
+  Calibration calibration;         ///< T_cam_imu from the T_BS of camera and first IMU; identity if the file has no IMU
+  geometry::SE3 T_body_cam;        ///< T_BS, for poses of the body; identity if the file has none
+  double depth_units_per_m = 0.0;  ///< depth_factor: of the 16-bit depth images; 0: none is stated
+};
+
+/// Reads a camera ("rgb_0") of VSLAM-LAB's calibration.yaml (https://github.com/VSLAM-LAB/VSLAM-LAB) in the form since
+/// 2025-12, a list `cameras` whose entries have cam_name, focal_length, principal_point, distortion_type (radtan4,
+/// radtan5, radtan8, equid4; also OKVIS2's names), image_dimension, T_BS; or in the forms before it, with the keys of
+/// ORB-SLAM's settings (Camera.fx or Camera0.fx, IMU.T_b_c1). Throws InputError (file, key, cause).
+VslamLabCamera read_vslam_lab_camera(const std::filesystem::path& file, const std::string& camera_id = "rgb_0");
+
+/// Names of the cameras in VSLAM-LAB's calibration.yaml, as camera_ids(). Throws InputError.
+std::vector<std::string> vslam_lab_camera_ids(const std::filesystem::path& file);
+
+/// The entries of one camera that describe its lens and image size, in the present form: "cam_model: pinhole, ...".
+/// nullopt for a lens that the form cannot describe.
+std::optional<std::string> vslam_lab_lens_text(const Camera& camera);
+
+}  // namespace tileflight::imaging

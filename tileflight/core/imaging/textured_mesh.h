@@ -1,0 +1,37 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "tileflight/core/geometry/mesh.h"
+#include "tileflight/core/imaging/feature_table.h"
+#include "tileflight/core/imaging/image.h"
+
+namespace tileflight::imaging {
+
+/// Handling of texture coordinates outside 0..1 (glTF sampler).
+enum class Wrap { kRepeat, kClampToEdge, kMirroredRepeat };
+
+/// Triangles of one material. Positions are double, in a frame defined by the owner (a tile: the tileset's frame; a
+/// scene: local). `uv` follows glTF: (0, 0) is the top left corner of the image.
+struct TexturedMesh {
+  geometry::TriangleMesh mesh;
+  std::vector<Eigen::Vector2f> uv;                  ///< one a vertex, or empty
+  std::vector<std::array<std::uint8_t, 4>> colors;  ///< one a vertex (RGBA), or empty
+  std::shared_ptr<const RgbImage> texture;          ///< shared between meshes that use the same image; may be null
+  Wrap wrap_u = Wrap::kRepeat;
+  Wrap wrap_v = Wrap::kRepeat;
+  std::array<float, 4> base_color{1.0F, 1.0F, 1.0F, 1.0F};  ///< glTF's linear factor on texture and colours
+  std::vector<std::uint32_t> feature_ids;                   ///< one a vertex (kNoFeature: none), or empty
+  std::shared_ptr<const FeatureTable> features;  ///< of feature_ids; shared between meshes of a tile; may be null
+  std::string name;                              ///< tile or object of origin, for messages and labels
+};
+
+/// Bytes of a mesh's vertices and their attributes in memory; the texture, which meshes share, not counted.
+inline std::size_t vertex_bytes(const TexturedMesh& mesh) {
+  return mesh.mesh.vertices.size() * sizeof(mesh.mesh.vertices[0]) + mesh.uv.size() * sizeof(mesh.uv[0]) +
+         mesh.colors.size() * sizeof(mesh.colors[0]) + mesh.feature_ids.size() * sizeof(mesh.feature_ids[0]);
+}
+
+}  // namespace tileflight::imaging

@@ -1,0 +1,90 @@
+// Datasets read with a calibration that replaces their own.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/temporary_folder.h"
+#include "tileflight/core/base/files.h"
+#include "tileflight/data/dataset/dataset.h"
+#include "tileflight/data/dataset/test_pictures.h"
+#include "tileflight/core/imaging/image_files.h"
+
+namespace tileflight::dataset::chosen_camera_test {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using test_support::moving_picture;
+using tests::refusal_of;
+
+constexpr int kWidth = 64, kHeight = 48;
+
+class ChosenCamera : public testing::Test {
+ protected:
+  ChosenCamera() {
+    base::write_file(folder_ / "opencv.yaml",
+                     "%YAML:1.0\n---\nimage_width: 64\nimage_height: 48\ncamera_matrix: !!opencv-matrix\n"
+                     "  rows: 3\n  cols: 3\n  dt: d\n  data: [50, 0, 32, 0, 51, 24, 0, 0, 1]\n"
+                     "distortion_model: plumb_bob\n"
+                     "distortion_coefficients: !!opencv-matrix\n  rows: 1\n  cols: 4\n  dt: d\n"
+                     "  data: [0.01, 0, 0, 0]\n");
+    base::write_file(folder_ / "cameras.txt", "1 PINHOLE 128 96 100 102 64 48\n2 PINHOLE 64 64 50 50 32 32\n");
+  }
+  /// Three images without calibration.
+  void pictures(const fs::path& images) const {
+    fs::create_directories(images);
+    for (int i = 0; i < 3; ++i)
+      imaging::write_rgb(images / ("00000" + std::to_string(i) + ".png"), moving_picture(kWidth, kHeight, i));
+  }
+  static double fx(const Dataset& dataset) {
+    return std::get<imaging::PinholeRadtan>(dataset.calibration.camera.model()).fx;
+  }
+
+  tileflight::tests::TemporaryFolder folder_;
+};
+
+TEST_F(ChosenCamera, ServesFoldersOfPicturesWithoutOne) {
+  pictures(folder_ / "set/images");
+  base::write_file(folder_ / "set/times.txt", "0\n1\n2\n");
+  EXPECT_THAT(refusal_of([&] { read_dataset(folder_ / "set"); }), HasSubstr("or name a file (--camera)"));
+  const Dataset dataset = read_dataset(folder_ / "set", {folder_ / "opencv.yaml", ""});
+  EXPECT_EQ(fx(dataset), 50.0);
+  EXPECT_THAT(dataset.warnings, IsEmpty());
+}
+
+TEST_F(ChosenCamera, IsScaledRefusedOrNamed) {
+  pictures(folder_ / "set/image_0");  // KITTI's, without calib.txt
+  base::write_file(folder_ / "set/times.txt", "0\n1\n2\n");
+  const Dataset dataset = read_dataset(folder_ / "set", {folder_ / "cameras.txt", "1"});
+  EXPECT_EQ(fx(dataset), 50.0);
+  EXPECT_EQ(dataset.calibration.camera.width(), kWidth);
+  EXPECT_THAT(dataset.warnings, ElementsAre(HasSubstr("the calibration is scaled")));
+  EXPECT_THAT(refusal_of([&] {
+                read_dataset(folder_ / "set", {folder_ / "cameras.txt", "2"});
+              }),
+              HasSubstr("the aspect ratio differs"));
+  EXPECT_THAT(refusal_of([&] {
+                read_dataset(folder_ / "set", {folder_ / "cameras.txt", ""});
+              }),
+              HasSubstr("holds 2 cameras (1, 2)"));
+}
+
+TEST_F(ChosenCamera, LeavesWhereTheBodyIsToTheLayout) {
+  pictures(folder_ / "set/mav0/cam0/data");
+  base::write_file(folder_ / "set/mav0/cam0/data.csv", "0,000000.png\n1000000000,000001.png\n2000000000,000002.png\n");
+  base::write_file(folder_ / "set/mav0/cam0/sensor.yaml",
+                   "T_BS: {data: [1,0,0,0.5, 0,1,0,0, 0,0,1,0, 0,0,0,1]}\nresolution: [64, 48]\n"
+                   "intrinsics: [70, 70, 32, 24]\ndistortion_model: radial-tangential\n"
+                   "distortion_coefficients: [0, 0, 0, 0]\n");
+  fs::create_directories(folder_ / "set/mav0/state_groundtruth_estimate0");
+  base::write_file(folder_ / "set/mav0/state_groundtruth_estimate0/data.csv",
+                   "0,1,2,3,1,0,0,0\n1000000000,2,2,3,1,0,0,0\n");
+  EXPECT_EQ(fx(read_dataset(folder_ / "set")), 70.0);
+  const Dataset dataset = read_dataset(folder_ / "set", {folder_ / "opencv.yaml", ""});
+  EXPECT_EQ(fx(dataset), 50.0);
+  EXPECT_EQ(dataset.groundtruth->poses[0].T_local_camera.translation, geometry::Vec3(1.5, 2, 3));
+}
+
+}  // namespace
+}  // namespace tileflight::dataset::chosen_camera_test

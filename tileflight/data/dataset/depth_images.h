@@ -1,0 +1,22 @@
+#pragma once
+
+#include <optional>
+
+#include "tileflight/data/dataset/dataset.h"
+#include "tileflight/core/imaging/image.h"
+
+namespace tileflight::dataset {
+
+/// Depth of a frame's pixels along the optical axis, metres; +infinity where there is none. From an EXR file in metres,
+/// or from a 16-bit grey PNG of which Dataset::depth_units_per_m are a metre and 0 is none. nullopt if the frame has no
+/// depth. Throws InputError for a file that is not an image of that kind.
+std::optional<imaging::FloatImage> read_depth(const Dataset& dataset, const Frame& frame);
+
+/// Depth as a 16-bit image of `units_per_m`; 0 where there is none, where it is not positive, or too far.
+imaging::Gray16Image quantize_depth(const imaging::FloatImage& depth_m, double units_per_m);
+
+/// The finest of 5000, 2000, 1000, 500, ... units a metre with which all depths of the dataset fit into 16 bits; 0 if
+/// no frame has a depth. Throws InputError as read_depth().
+double finest_depth_units_per_m(const Dataset& dataset);
+
+}  // namespace tileflight::dataset

@@ -1,0 +1,128 @@
+// EuRoC's ASL layout (Burri et al., IJRR 2016): cam0/data.csv "time_ns,file", cam0/data/, cam0/sensor.yaml.
+#include <yaml-cpp/yaml.h>
+
+#include <cmath>
+#include <cstdint>
+
+#include "tileflight/core/base/files.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/text_fields.h"
+#include "tileflight/data/dataset/frame_list.h"
+#include "tileflight/data/dataset/layouts.h"
+#include "tileflight/core/geometry/nanoseconds.h"
+#include "tileflight/core/geometry/trajectory_files.h"
+#include "tileflight/core/imaging/calibration_checks.h"
+
+namespace tileflight::dataset::layouts {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+fs::path camera_folder(const fs::path& folder, const std::string& name = "cam0") {
+  for (const fs::path& sensors : {folder / "mav0", folder})
+    if (fs::is_regular_file(sensors / name / "data.csv")) return sensors / name;
+  return {};
+}
+
+std::vector<Frame> read_frames(const fs::path& camera, std::vector<std::string>& warnings) {
+  const fs::path file = camera / "data.csv";
+  std::vector<Frame> frames;
+  base::for_each_row(base::read_text(file), file.string(), ", \t", [&](const base::TextRow& row) {
+    const auto time_ns = base::parse_number<std::int64_t>(row.fields.front());
+    if (!time_ns || row.fields.size() != 2) throw InputError(row.where, "expected \"time_in_nanoseconds,file\"");
+    const fs::path image = camera / "data" / fs::path(row.fields[1]).filename();
+    frames.push_back({image.stem().string(), image, geometry::to_seconds(*time_ns), 0.0});
+  });
+  return existing_frames(std::move(frames), file, warnings);
+}
+
+/// Converts EuRoC's name of a lens model to Kalibr's.
+std::string distortion_name(const std::string& name) {
+  if (name == "radial-tangential" || name == "radtan") return "radtan";
+  if (name == "equidistant") return "equidistant";
+  return name;  // rejected by name when the calibration is checked
+}
+
+geometry::SE3 read_T_cam_imu(const YAML::Node& T_BS, const fs::path& file) {
+  const auto values = T_BS["data"].as<std::vector<double>>();
+  if (values.size() != 16) throw InputError(file.string(), "T_BS must have 16 numbers");
+  const Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>> m(values.data());
+  const geometry::Mat3 rotation = m.topLeftCorner<3, 3>();
+  if (!m.allFinite() || !(rotation.transpose() * rotation).isIdentity(1e-3))
+    throw InputError(file.string(), "T_BS is not a rigid motion");
+  return geometry::SE3(rotation, m.topRightCorner<3, 1>()).inverse();  // T_BS maps camera to body
+}
+
+imaging::Calibration read_sensor(const fs::path& file) {
+  std::string text = base::read_text(file);
+  // "%YAML:1.0" is OpenCV's own first line; YAML requires "%YAML 1.0".
+  if (text.starts_with("%YAML:")) text.replace(0, std::min(text.find('\n'), text.size()), "");
+  try {
+    const YAML::Node node = YAML::Load(text);
+    const auto intrinsics = node["intrinsics"].as<std::vector<double>>();
+    const auto coefficients = node["distortion_coefficients"].as<std::vector<double>>();
+    const auto resolution = node["resolution"].as<std::vector<int>>();
+    if (resolution.size() != 2) throw InputError(file.string(), "resolution must be width and height");
+    imaging::Calibration calibration;
+    calibration.camera =
+        imaging::make_camera(file.string(), {distortion_name(node["distortion_model"].as<std::string>()), intrinsics,
+                                             coefficients, resolution[0], resolution[1]});
+    if (node["T_BS"]) calibration.T_cam_imu = read_T_cam_imu(node["T_BS"], file);
+    return calibration;
+  } catch (const YAML::Exception& error) {
+    throw InputError(file.string(),
+                     "is not EuRoC's sensor.yaml with intrinsics, distortion_model, "
+                     "distortion_coefficients and resolution: " +
+                         error.msg);
+  }
+}
+
+/// Reads the chosen camera. If its file has no IMU extrinsics, the layout's T_BS is used if present.
+imaging::Calibration read_chosen_calibration(const CameraChoice& camera, const fs::path& sensor_file,
+                                             Dataset& dataset) {
+  imaging::Calibration calibration = read_chosen_camera(camera, dataset);
+  const bool says_nothing = calibration.T_cam_imu.matrix().isIdentity(0.0);
+  if (says_nothing && fs::is_regular_file(sensor_file)) calibration.T_cam_imu = read_sensor(sensor_file).T_cam_imu;
+  return calibration;
+}
+
+/// The camera's poses from state_groundtruth_estimate0/data.csv beside its folder, which holds those of the body: the
+/// IMU.
+std::optional<geometry::Trajectory> read_truth(const fs::path& file, const geometry::SE3& T_cam_imu) {
+  if (!fs::is_regular_file(file)) return std::nullopt;
+  geometry::Trajectory trajectory = geometry::read_euroc_poses(file);
+  for (geometry::StampedPose& pose : trajectory.poses) pose.T_local_camera = pose.T_local_camera * T_cam_imu.inverse();
+  return trajectory;
+}
+
+}  // namespace
+
+bool is_euroc(const fs::path& folder) { return !camera_folder(folder).empty(); }
+
+std::vector<std::string> euroc_cameras(const fs::path& folder) {
+  std::vector<std::string> names;
+  for (std::string name = "cam0"; !camera_folder(folder, name).empty(); name = "cam" + std::to_string(names.size()))
+    names.push_back(name);
+  return names.size() > 1 ? names : std::vector<std::string>{};
+}
+
+Dataset read_euroc(const fs::path& folder, const CameraChoice& camera_choice) {
+  Dataset dataset;
+  dataset.folder = folder;
+  const fs::path camera = camera_folder(folder, camera_choice.name.empty() ? "cam0" : camera_choice.name);
+  dataset.frames = read_frames(camera, dataset.warnings);
+  dataset.calibration = camera_choice.calibration.empty()
+                            ? read_sensor(camera / "sensor.yaml")
+                            : read_chosen_calibration(camera_choice, camera / "sensor.yaml", dataset);
+  const fs::path sensors = camera.parent_path();
+  for (const char* truth : {"state_groundtruth_estimate0", "mocap0"}) {  // the latter: TUM VI
+    dataset.groundtruth = read_truth(sensors / truth / "data.csv", dataset.calibration.T_cam_imu);
+    if (dataset.groundtruth) break;
+  }
+  if (const fs::path file = sensors / "imu0" / "data.csv"; fs::is_regular_file(file)) dataset.imu = file;
+  if (const fs::path file = sensors / "imu0" / "sensor.yaml"; fs::is_regular_file(file)) dataset.imu_noise = file;
+  return dataset;
+}
+
+}  // namespace tileflight::dataset::layouts

@@ -1,0 +1,54 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "tileflight/data/dataset/dataset.h"
+
+/// One reader for each layout of a folder that read_dataset knows. All throw InputError (file, line, cause).
+namespace tileflight::dataset::layouts {
+
+/// Reads the chosen camera (`camera.calibration` is not empty) for images of the size of the dataset's first frame.
+/// Tolerated problems are added to the dataset's warnings.
+imaging::Calibration read_chosen_camera(const CameraChoice& camera, Dataset& dataset);
+
+/// The frames whose image exists. `file`: the list that named them; those left out are counted in a warning. Throws
+/// InputError if none is left, or their times do not increase.
+std::vector<Frame> existing_frames(std::vector<Frame> named, const std::filesystem::path& file,
+                                   std::vector<std::string>& warnings);
+
+/// A file that a list of the layout names, relative to the dataset's folder. Throws InputError(where, cause) for a path
+/// that leads out of the folder.
+std::filesystem::path file_within(const std::filesystem::path& folder, std::string_view name, const std::string& where);
+
+/// images/, the contract's layout and DSO's.
+Dataset read_images_folder(const std::filesystem::path& folder, const CameraChoice& camera);
+
+/// image_l/ or image_0/ (KITTI odometry).
+bool is_kitti(const std::filesystem::path& folder);
+Dataset read_kitti(const std::filesystem::path& folder, const CameraChoice& camera);
+/// The names of its folders of images, the left one first; empty if there is one.
+std::vector<std::string> kitti_cameras(const std::filesystem::path& folder);
+/// Pose of one of them in the first one's frame, by the projection matrices of calib.txt.
+geometry::SE3 kitti_mount(const std::filesystem::path& folder, const std::string& camera);
+
+/// rgb.csv (VSLAM-LAB).
+bool is_vslam_lab(const std::filesystem::path& folder);
+Dataset read_vslam_lab(const std::filesystem::path& folder, const CameraChoice& camera);
+/// rgb_0, rgb_1 and so on; empty if there is one.
+std::vector<std::string> vslam_lab_cameras(const std::filesystem::path& folder);
+/// Pose of one of them on the body, by its T_BS.
+geometry::SE3 vslam_lab_mount(const std::filesystem::path& folder, const std::string& camera);
+
+/// rgb.txt (TUM RGB-D).
+bool is_tum_rgbd(const std::filesystem::path& folder);
+Dataset read_tum_rgbd(const std::filesystem::path& folder, const CameraChoice& camera);
+
+/// mav0/cam0/ or cam0/ (EuRoC, ASL layout).
+bool is_euroc(const std::filesystem::path& folder);
+Dataset read_euroc(const std::filesystem::path& folder, const CameraChoice& camera);
+/// cam0, cam1 and so on; empty if there is one.
+std::vector<std::string> euroc_cameras(const std::filesystem::path& folder);
+
+}  // namespace tileflight::dataset::layouts

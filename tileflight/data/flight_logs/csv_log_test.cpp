@@ -1,0 +1,165 @@
+#include "tileflight/data/flight_logs/csv_log.h"
+
+#include <gmock/gmock.h>
+
+#include <algorithm>
+#include <fstream>
+
+#include "tests/test_data.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/data/flight_logs/telemetry_file.h"
+#include "tileflight/data/flight_logs/test_log.h"
+
+namespace tileflight::flight_logs::csv_log_test {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::ThrowsMessage;
+
+class CsvLog : public LogTest {
+ protected:
+  CsvLog() : LogTest("log.csv", read_csv_log) {}
+};
+
+TEST_F(CsvLog, PlainColumns) {
+  const Telemetry log =
+      read("time,lat,lon,alt,yaw,pitch,roll\n1.5,-0.25,-78.5,2900.5,10,-2,3\n2,-0.26,-78.5,2901,,,\n");
+  ASSERT_EQ(log.fixes.size(), 2u);
+  EXPECT_EQ(log.fixes[0].time_s, 1.5);
+  EXPECT_EQ(log.fixes[0].latitude_deg, -0.25);
+  EXPECT_EQ(log.fixes[0].longitude_deg, -78.5);
+  EXPECT_EQ(log.fixes[0].absolute_height_m, 2900.5);
+  EXPECT_EQ(log.fixes[0].body_yaw_deg, 10.0);
+  EXPECT_EQ(log.fixes[0].body_pitch_deg, -2.0);
+  EXPECT_EQ(log.fixes[0].body_roll_deg, 3.0);
+  EXPECT_EQ(log.fixes[1].body_yaw_deg, std::nullopt);
+  EXPECT_EQ(log.height_datum, HeightDatum::kUnknown);
+  EXPECT_THAT(log.warnings, IsEmpty());
+}
+
+TEST_F(CsvLog, AirDataWithFeetAndPreferredHeight) {
+  const Telemetry log = read(
+      "time(millisecond),datetime(utc),latitude,longitude,height_above_takeoff(feet),altitude_above_seaLevel(feet),"
+      "speed(mph), compass_heading(degrees), pitch(degrees), roll(degrees),gimbal_heading(degrees),"
+      "gimbal_pitch(degrees),altitude(feet),message\r\n"
+      "200,2024-01-02 03:04:05,45.5,9.25,100,1000,5,90,1,2,91,-30,999,\"Hello, \"\"pilot\"\"\nnext line\"\r\n");
+  ASSERT_EQ(log.fixes.size(), 1u);
+  const TelemetryFix& fix = log.fixes[0];
+  EXPECT_DOUBLE_EQ(fix.time_s, 0.2);
+  EXPECT_DOUBLE_EQ(*fix.height_above_takeoff_m, 30.48);
+  EXPECT_DOUBLE_EQ(*fix.absolute_height_m, 304.8);
+  EXPECT_EQ(fix.body_yaw_deg, 90.0);
+  EXPECT_EQ(fix.gimbal_yaw_deg, 91.0);
+  EXPECT_EQ(fix.gimbal_pitch_deg, -30.0);
+  EXPECT_EQ(log.height_datum, HeightDatum::kMeanSeaLevel);
+}
+
+TEST_F(CsvLog, SemicolonsWithDecimalCommasTabsQuotesAndMarks) {
+  const Telemetry log =
+      read("\xEF\xBB\xBFsep=;\r\n\"Time\";Latitude;Longitude;Height_ellipsoid [m]\r\n1;45,5;9,25;100,5\r\n");
+  ASSERT_EQ(log.fixes.size(), 1u);
+  EXPECT_EQ(log.fixes[0].latitude_deg, 45.5);
+  EXPECT_EQ(log.fixes[0].absolute_height_m, 100.5);
+  EXPECT_EQ(log.height_datum, HeightDatum::kEllipsoid);
+  EXPECT_EQ(read("\n\nt\tlat\tlon\n \"3\" \t45\t 9 ").fixes.at(0).time_s, 3.0);
+}
+
+TEST_F(CsvLog, TimesInEveryUnitAndNotation) {
+  const auto last_s = [&](const std::string& name, const std::string& first, const std::string& second) {
+    return read(name + ",lat,lon\n" + first + ",45,9\n" + second + ",45,9\n").fixes.at(1).time_s;
+  };
+  EXPECT_DOUBLE_EQ(last_s("time_ms", "1000", "1250"), 1.25);
+  EXPECT_DOUBLE_EQ(last_s("time_us", "1000", "1250000"), 1.25);
+  EXPECT_DOUBLE_EQ(last_s("Time [s]", "-1", "1.25"), 1.25);
+  EXPECT_NEAR(last_s("#timestamp [ns]", "1403636579763555584", "1403636581013555584"), 1.25, 1e-6);
+  EXPECT_NEAR(last_s("timestamp", "1700000000", "1700000001.25"), 1.25, 1e-6);
+  EXPECT_NEAR(last_s("timestamp", "1700000000000", "1700000001250"), 1.25, 1e-6);
+  EXPECT_NEAR(last_s("timestamp", "1700000000000000", "1700000001250000"), 1.25, 1e-6);
+  EXPECT_NEAR(last_s("time", "2024-12-31T23:59:59.75Z", "2025-01-01T01:00:01+01:00"), 1.25, 1e-6);
+  EXPECT_NEAR(last_s("datetime(utc)", "2024-12-31 23:59:59", "2025-01-01 00:00:01"), 2.0, 1e-6);
+  EXPECT_NEAR(last_s("date,time", "2024/12/31,23:59:59", "2025/01/01,00:00:01.5"), 2.5, 1e-6);
+}
+
+TEST_F(CsvLog, TheDatasetsOwnPositionsKeepTheirDatum) {
+  const Telemetry log = read("t,lat,lon,height,horizontal_sigma,vertical_sigma\n0,-0.24,-78.52,2885.25,0.25,0.4\n");
+  EXPECT_EQ(log.fixes.at(0).absolute_height_m, 2885.25);
+  EXPECT_EQ(log.height_datum, HeightDatum::kEllipsoid);
+}
+
+TEST_F(CsvLog, UnusableRowsAreDroppedAndCounted) {
+  const Telemetry log =
+      read("time,lat,lon,alt\n,45,9,1\n1,,9,1\n2,0,0,1\n3,45,9,1\n3,45,9,1\n4,45,190,1\n5,45,9,\n6,45\n7,45,9,1,9,9\n");
+  ASSERT_EQ(log.fixes.size(), 2u);
+  EXPECT_EQ(log.fixes[1].time_s, 7.0);
+  EXPECT_THAT(log.warnings, ElementsAre("1 entries dropped: no time", "3 entries dropped: no position fix",
+                                        "1 entries dropped: latitude or longitude out of range",
+                                        "1 entries dropped: time does not increase", "1 entries dropped: no height"));
+}
+
+TEST_F(CsvLog, UnusableFilesAreOneClearLine) {
+  EXPECT_THAT(fault(""), HasSubstr("log.csv: is empty"));
+  EXPECT_THAT(
+      fault("a,b\x01,c\n1,2,3\n"),
+      HasSubstr("no column for time, latitude, longitude in its first line, which has: a, b?, c; docs/formats.md"));
+  EXPECT_THAT(fault("time,lat\n1,2\n"), HasSubstr("no column for longitude"));
+  EXPECT_THAT(fault("time(fortnights),lat,lon\n1,2,3\n"),
+              HasSubstr("the unit of column 'time(fortnights)' is unknown"));
+  EXPECT_THAT(fault("time,lat,lon\nx,2,3\n"), HasSubstr("none of its 1 rows has a time and a position"));
+  EXPECT_THAT(fault("time,lat,lon\n"), HasSubstr("contains no rows"));
+  EXPECT_LT(fault(std::string(1 << 20, 'x')).size(), 1000u);
+  EXPECT_THAT([&] { read_csv_log(folder_ / "absent.csv"); },
+              ThrowsMessage<InputError>(HasSubstr("absent.csv: cannot be opened")));
+}
+
+TEST_F(CsvLog, CutAtEveryByteIsReadOrRefused) {
+  const std::string whole =
+      "\xEF\xBB\xBF\"time(millisecond)\";latitude;longitude;altitude(m)\r\n1000;45,5;9,5;\"100\"\r\n2000;45,6;9,6;"
+      "101\r\n";
+  const std::size_t first_row = whole.find("\n1000") + 1, second_row = whole.find("\n2000") + 1;
+  for (std::size_t bytes = 0; bytes <= whole.size(); ++bytes) {
+    const std::string text = whole.substr(0, bytes);
+    if (bytes <= first_row) {
+      EXPECT_NE(fault(text), "no error") << bytes;
+    } else if (bytes >= second_row) {
+      const Telemetry log = read(text);
+      EXPECT_EQ(log.fixes.at(0).latitude_deg, 45.5) << bytes;
+    } else {
+      fault(text);
+    }
+  }
+  EXPECT_EQ(read(whole).fixes.size(), 2u);
+}
+
+TEST_F(CsvLog, IsKnownByItsContent) {
+  for (const char* name : {"log.txt", "log", "log.gpx"}) {
+    std::ofstream(folder_ / name, std::ios::binary) << "time,lat,lon\n1,2,3\n";
+    EXPECT_EQ(read_telemetry(folder_ / name).fixes.size(), 1u) << name;
+  }
+  for (const char* name : {"log.csv", "log"}) {
+    std::ofstream(folder_ / name, std::ios::binary)
+        << "\r\n1\r\n00:00:01,500 --> 00:00:01,533\r\n[latitude: 1] [longitude: 2]\r\n";
+    EXPECT_EQ(read_telemetry(folder_ / name).fixes.at(0).time_s, 1.5) << name;
+  }
+}
+
+/// Photos in the order of their folders, from 2025-04-16 06:18:29 to 2025-04-25 12:37:18.
+TEST(RealCsvLog, TableOfPhotosByExifTool) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(file, "logs/freetown_exif_csv/image_metadata.csv");
+  const Telemetry log = read_telemetry(file);
+  ASSERT_EQ(log.fixes.size(), 1452u);
+  EXPECT_NEAR(log.fixes.back().time_s, 9 * 86400 + 6 * 3600 + 18 * 60 + 49, 1e-6);
+  ASSERT_EQ(log.warnings.size(), 1u);
+  EXPECT_THAT(log.warnings[0], HasSubstr("order of time"));
+  EXPECT_EQ(log.height_datum, HeightDatum::kUnknown);
+  const auto known = std::find_if(log.fixes.begin(), log.fixes.end(), [](const TelemetryFix& fix) {
+    return fix.absolute_height_m == 390.734 && fix.body_yaw_deg == -89.6 && fix.gimbal_pitch_deg == -80.0;
+  });
+  ASSERT_NE(known, log.fixes.end());
+  EXPECT_NEAR(known->latitude_deg, 8.0 + 27.0 / 60 + 55.22 / 3600, 1e-12);
+  EXPECT_NEAR(known->longitude_deg, -(13.0 + 12.0 / 60 + 0.92 / 3600), 1e-12);
+}
+
+}  // namespace
+}  // namespace tileflight::flight_logs::csv_log_test

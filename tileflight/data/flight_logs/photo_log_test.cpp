@@ -1,0 +1,222 @@
+#include "tileflight/data/flight_logs/photo_log.h"
+
+#include <gmock/gmock.h>
+
+#include "tests/refusal.h"
+#include "tests/temporary_folder.h"
+#include "tests/test_data.h"
+#include "tileflight/core/base/files.h"
+#include "tileflight/core/base/test_bytes.h"
+#include "tileflight/data/flight_logs/photo_tags.h"
+#include "tileflight/data/flight_logs/telemetry_file.h"
+
+namespace tileflight::flight_logs::photo_log_test {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+/// A little-endian TIFF directory as EXIF has it (TIFF 6.0, section 2): values longer than four bytes follow it.
+class Directory {
+ public:
+  void text(std::uint16_t tag, std::string value) {
+    value += '\0';
+    add(tag, 2, static_cast<std::uint32_t>(value.size()), value);
+  }
+  void byte(std::uint16_t tag, std::uint8_t value) { add(tag, 1, 1, base::to_raw_bytes(value)); }
+  void word(std::uint16_t tag, std::uint16_t value) { add(tag, 3, 1, base::to_raw_bytes(value)); }
+  void offset(std::uint16_t tag, std::uint32_t value) { add(tag, 4, 1, base::to_raw_bytes(value)); }
+  void fractions(std::uint16_t tag, const std::vector<std::pair<std::uint32_t, std::uint32_t>>& values) {
+    std::string bytes;
+    for (const auto& [numerator, denominator] : values)
+      bytes += base::to_raw_bytes(numerator) + base::to_raw_bytes(denominator);
+    add(tag, 5, static_cast<std::uint32_t>(values.size()), bytes);
+  }
+  std::size_t size() const {
+    std::size_t bytes = 2 + 12 * entries_.size() + 4;
+    for (const Entry& entry : entries_) bytes += entry.value.size() > 4 ? entry.value.size() : 0;
+    return bytes;
+  }
+  /// The directory's bytes at offset `at` from the TIFF header.
+  std::string bytes(std::size_t at) const {
+    std::string out = base::to_raw_bytes(static_cast<std::uint16_t>(entries_.size())), behind;
+    const std::size_t values_at = at + 2 + 12 * entries_.size() + 4;
+    for (const Entry& entry : entries_) {
+      out += base::to_raw_bytes(entry.tag) + base::to_raw_bytes(entry.type) + base::to_raw_bytes(entry.count);
+      if (entry.value.size() <= 4) {
+        std::string value = entry.value;
+        value.resize(4);
+        out += value;
+      } else {
+        out += base::to_raw_bytes(static_cast<std::uint32_t>(values_at + behind.size()));
+        behind += entry.value;
+      }
+    }
+    return out + base::to_raw_bytes(std::uint32_t{0}) + behind;
+  }
+
+ private:
+  struct Entry {
+    std::uint16_t tag, type;
+    std::uint32_t count;
+    std::string value;
+  };
+  void add(std::uint16_t tag, std::uint16_t type, std::uint32_t count, const std::string& value) {
+    entries_.push_back({tag, type, count, value});
+  }
+  std::vector<Entry> entries_;
+};
+
+std::string segment(const std::string& content) {
+  const auto length = static_cast<std::uint16_t>(content.size() + 2);
+  return std::string("\xFF\xE1") + static_cast<char>(length >> 8) + static_cast<char>(length & 0xFF) + content;
+}
+
+/// EXIF of a photo taken on 2024-05-06 at `clock`, 45 deg 30' N, 9 deg 15' W, 120.5 m high.
+std::string exif(const std::string& clock, const std::string& digits = "", const std::string& offset = "",
+                 std::uint8_t height_reference = 0) {
+  Directory gps, shot, first;
+  gps.text(1, "N");
+  gps.fractions(2, {{45, 1}, {30, 1}, {0, 1}});
+  gps.text(3, "W");
+  gps.fractions(4, {{9, 1}, {1475, 100}, {15, 1}});
+  gps.byte(5, height_reference);
+  gps.fractions(6, {{1205, 10}});
+  shot.fractions(0x829A, {{1, 250}});
+  shot.text(0x9003, "2024:05:06 " + clock);
+  if (!offset.empty()) shot.text(0x9011, offset);
+  if (!digits.empty()) shot.text(0x9291, digits);
+  first.word(0x112, 6);
+  Directory sized = first;  // as long as it will be
+  sized.offset(0x8769, 0);
+  sized.offset(0x8825, 0);
+  const std::size_t shot_at = 8 + sized.size(), gps_at = shot_at + shot.size();
+  first.offset(0x8769, static_cast<std::uint32_t>(shot_at));
+  first.offset(0x8825, static_cast<std::uint32_t>(gps_at));
+  return std::string("Exif\0\0", 6) + "II" + base::to_raw_bytes(std::uint16_t{42}) +
+         base::to_raw_bytes(std::uint32_t{8}) + first.bytes(8) + shot.bytes(shot_at) + gps.bytes(gps_at);
+}
+
+std::string xmp(const std::string& attributes) {
+  return std::string("http://ns.adobe.com/xap/1.0/\0", 29) +
+         "<?xpacket begin='' id='W5M0MpCehiHzreSzNTczkc9d'?><x:xmpmeta xmlns:x='adobe:ns:meta/'>"
+         "<rdf:RDF xmlns:rdf='http://www.w3.org/1999/02/22-rdf-syntax-ns#'><rdf:Description "
+         "xmlns:drone-dji='http://www.dji.com/drone-dji/1.0/' " +
+         attributes + "/></rdf:RDF></x:xmpmeta><?xpacket end='w'?>";
+}
+
+std::string jpeg(const std::vector<std::string>& contents) {
+  std::string out = "\xFF\xD8";
+  for (const std::string& content : contents) out += segment(content);
+  return out + std::string("\xFF\xDA\x00\x02\xFF\xD9", 6);
+}
+
+PhotoTags tags_of(const std::string& bytes) { return read_photo_tags(std::as_bytes(std::span(bytes))); }
+
+TEST(PhotoTags, OfExif) {
+  const PhotoTags tags = tags_of(jpeg({exif("07:08:09", "25", "+02:00")}));
+  EXPECT_DOUBLE_EQ(tags.latitude_deg.value(), 45.5);
+  EXPECT_DOUBLE_EQ(tags.longitude_deg.value(), -(9 + 14.75 / 60 + 15.0 / 3600));
+  EXPECT_DOUBLE_EQ(tags.absolute_height_m.value(), 120.5);
+  EXPECT_FALSE(tags.height_is_ellipsoidal);
+  EXPECT_DOUBLE_EQ(tags.exposure_s.value(), 0.004);
+  EXPECT_EQ(tags.orientation, 6);
+  EXPECT_DOUBLE_EQ(tags.taken_at_s.value(), 1714972089.25);  // date -u -d '2024-05-06T05:08:09' +%s
+  EXPECT_DOUBLE_EQ(tags_of(jpeg({exif("07:08:09")})).taken_at_s.value(), 1714972089 + 7200) << "taken as UTC";
+  EXPECT_DOUBLE_EQ(tags_of(jpeg({exif("07:08:09", "", "", 1)})).absolute_height_m.value(), -120.5);
+  EXPECT_TRUE(tags_of(jpeg({exif("07:08:09", "", "", 2)})).height_is_ellipsoidal);
+}
+
+TEST(PhotoTags, OfDjisXmpAsAttributesOrElements) {
+  const PhotoTags tags =
+      tags_of(jpeg({exif("07:08:09"), xmp("drone-dji:AbsoluteAltitude='+198.51' drone-dji:RelativeAltitude='+40.00' "
+                                          "drone-dji:GimbalYawDegree='-45.30' drone-dji:GimbalPitchDegree='-90.00' "
+                                          "drone-dji:GimbalRollDegree='junk' drone-dji:FlightYawDegree='+45.60' "
+                                          "drone-dji:FlightPitchDegree='-1.90' drone-dji:FlightRollDegree='+2.30' "
+                                          "drone-dji:AltitudeType='RtkAlt'")}));
+  EXPECT_EQ(tags.absolute_height_m, 198.51);
+  EXPECT_TRUE(tags.height_is_ellipsoidal);
+  EXPECT_EQ(tags.height_above_takeoff_m, 40.0);
+  EXPECT_EQ(tags.gimbal_yaw_deg, -45.3);
+  EXPECT_EQ(tags.gimbal_pitch_deg, -90.0);
+  EXPECT_EQ(tags.gimbal_roll_deg, std::nullopt);
+  EXPECT_EQ(tags.body_yaw_deg, 45.6);
+  EXPECT_EQ(tags.body_pitch_deg, -1.9);
+  EXPECT_EQ(tags.body_roll_deg, 2.3);
+  std::string elements = xmp("a='b'");
+  elements.replace(elements.find("/></rdf:RDF>"), 2,
+                   "><drone-dji:RelativeAltitude>+12.5</drone-dji:RelativeAltitude></rdf:Description>");
+  EXPECT_EQ(tags_of(jpeg({elements})).height_above_takeoff_m, 12.5);
+}
+
+TEST(PhotoTags, CutOrChangedAnywhereTheyAreReadOrLeftOut) {
+  const std::string whole = jpeg({exif("07:08:09", "25"), xmp("drone-dji:RelativeAltitude='+40.00'")});
+  for (std::size_t i = 0; i < whole.size(); ++i) {
+    tags_of(whole.substr(0, i));
+    std::string changed = whole;
+    changed[i] = static_cast<char>(changed[i] ^ 0x5A);
+    tags_of(changed);
+  }
+  EXPECT_EQ(tags_of("no picture").taken_at_s, std::nullopt);
+}
+
+class Photos : public testing::Test {
+ protected:
+  void add(const std::string& name, const std::string& bytes) { base::write_file(folder_ / name, bytes); }
+  tests::TemporaryFolder folder_;
+};
+
+TEST_F(Photos, OfOneSecondAreSpreadOverIt) {
+  add("c.JPG", jpeg({exif("07:08:11")}));
+  add("a.jpg", jpeg({exif("07:08:09")}));
+  add("b.jpeg", jpeg({exif("07:08:09")}));
+  add("d.jpg", jpeg({}));
+  add("notes.txt", "x");
+  const PhotoLog log = read_photo_log(folder_.path());
+  EXPECT_EQ(log.photos, 4U);
+  ASSERT_EQ(log.times.size(), 3U);
+  EXPECT_EQ(log.times.at("a.jpg").time_s, 0.0);
+  EXPECT_EQ(log.times.at("b.jpeg").time_s, 0.5);
+  EXPECT_EQ(log.times.at("c.JPG").time_s, 2.0);
+  EXPECT_EQ(log.times.at("a.jpg").exposure_ms, 4.0);
+  EXPECT_THAT(log.warnings,
+              ElementsAre(HasSubstr("1 photos have the same time"), HasSubstr("3 photos have a rotation flag")));
+  ASSERT_EQ(log.telemetry.fixes.size(), 3U);
+  EXPECT_EQ(log.telemetry.fixes[1].time_s, 0.5);
+  EXPECT_EQ(log.telemetry.height_datum, HeightDatum::kMeanSeaLevel);
+  EXPECT_EQ(read_telemetry(folder_.path()).fixes.size(), 3U);
+}
+
+TEST_F(Photos, WithoutTagsAreNoLog) {
+  add("a.jpg", jpeg({}));
+  EXPECT_THAT(read_photo_log(folder_.path()).times, IsEmpty());
+  EXPECT_THAT(tests::refusal_of([&] { read_telemetry(folder_.path()); }), HasSubstr("none of its 1 JPEG photos"));
+  EXPECT_THAT(tests::refusal_of([&] { read_photo_log(folder_ / "none"); }), HasSubstr("no such folder"));
+}
+
+/// Six photos of a real survey at 40 m (a Phantom 3 over a beach): the values that exif and strings print.
+TEST(PhotosRealData, AreRead) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(folder, "drone_photos/brighton_beach_a/images");
+  const PhotoLog log = read_photo_log(folder);
+  ASSERT_EQ(log.times.size(), 6U);
+  ASSERT_EQ(log.telemetry.fixes.size(), 6U);
+  EXPECT_THAT(log.warnings, IsEmpty());
+  EXPECT_NEAR(log.times.at("DJI_0022.JPG").exposure_ms, 1e3 / 285, 0.02);
+  const TelemetryFix& first = log.telemetry.fixes.front();
+  EXPECT_EQ(first.absolute_height_m, 198.51);
+  EXPECT_EQ(first.height_above_takeoff_m, 40.0);
+  EXPECT_EQ(first.gimbal_pitch_deg, -90.0);
+  EXPECT_EQ(first.gimbal_yaw_deg, 45.3);
+  EXPECT_EQ(first.body_roll_deg, 2.3);
+  EXPECT_NEAR(first.latitude_deg, 46.84, 0.02);
+  EXPECT_NEAR(first.longitude_deg, -91.99, 0.02);
+  for (std::size_t i = 1; i < 6; ++i) {
+    const double gap_s = log.telemetry.fixes[i].time_s - log.telemetry.fixes[i - 1].time_s;
+    EXPECT_GE(gap_s, 4);
+    EXPECT_LE(gap_s, 12);
+  }
+}
+
+}  // namespace
+}  // namespace tileflight::flight_logs::photo_log_test

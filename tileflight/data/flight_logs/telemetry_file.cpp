@@ -1,0 +1,106 @@
+#include "tileflight/data/flight_logs/telemetry_file.h"
+
+#include <algorithm>
+#include <array>
+#include <fstream>
+#include <string>
+
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/text_parsing.h"
+#include "tileflight/data/flight_logs/csv_log.h"
+#include "tileflight/data/flight_logs/dataflash_log.h"
+#include "tileflight/data/flight_logs/dataflash_messages.h"
+#include "tileflight/data/flight_logs/gpx.h"
+#include "tileflight/data/flight_logs/kml.h"
+#include "tileflight/data/flight_logs/photo_log.h"
+#include "tileflight/data/flight_logs/ulog.h"
+#include "tileflight/data/flight_logs/xml_stream.h"
+
+namespace tileflight::flight_logs {
+namespace {
+
+enum class Format { kDjiSubtitles, kGpx, kKml, kCsv, kUlog, kDataflash };
+
+std::string first_bytes(const std::filesystem::path& file) {
+  std::array<char, 4096> bytes{};
+  std::ifstream in(file, std::ios::binary);
+  in.read(bytes.data(), bytes.size());
+  return {bytes.data(), static_cast<std::size_t>(in.gcount())};
+}
+
+/// UTF-8 that starts with a tag, or UTF-16 (used only by the XML formats).
+bool is_xml(std::string_view head) {
+  return base::trim(base::strip_byte_order_mark(head)).starts_with('<') || head.starts_with("\xFF\xFE") ||
+         head.starts_with("\xFE\xFF");
+}
+
+/// Name of the root element if the text starts with XML; otherwise empty.
+std::string root_of(std::string_view head) {
+  std::string root;
+  const auto name_and_stop = [&](std::string_view name, const XmlEvents::Attributes&) {
+    root = name;
+    return false;
+  };
+  try {
+    read_xml(head, "", {.start = name_and_stop, .end = [](std::string_view, std::string_view) { return false; }});
+  } catch (const InputError&) {  // a document type: the reader reports it with the file's name
+  }
+  return root;
+}
+
+/// The first line that is not blank is a subtitle number, which no table header is.
+bool is_subtitles(std::string_view head) {
+  head = base::trim(base::strip_byte_order_mark(head));
+  const std::string_view line = base::trim(head.substr(0, head.find('\n')));
+  return !line.empty() && std::all_of(line.begin(), line.end(), base::is_digit);
+}
+
+bool has_subtitles_name(const std::filesystem::path& file) {
+  const std::string extension = file.extension().string();
+  return extension == ".srt" || extension == ".SRT";
+}
+
+Format format_of(const std::filesystem::path& file) {
+  const std::string head = first_bytes(file);
+  if (head.starts_with("ULog")) return Format::kUlog;
+  if (is_dataflash(head)) return Format::kDataflash;
+  if (is_xml(head)) return root_of(head) == "kml" ? Format::kKml : Format::kGpx;
+  return is_subtitles(head) || has_subtitles_name(file) ? Format::kDjiSubtitles : Format::kCsv;
+}
+
+Telemetry read_photos(const std::filesystem::path& folder) {
+  PhotoLog log = read_photo_log(folder);
+  if (log.telemetry.fixes.empty()) {
+    throw InputError(folder.string(), "none of its " + std::to_string(log.photos) +
+                                          " JPEG photos has a time and a position in its metadata");
+  }
+  return std::move(log.telemetry);
+}
+
+}  // namespace
+
+Telemetry read_telemetry(const std::filesystem::path& file) {
+  if (std::filesystem::is_directory(file)) return read_photos(file);
+  switch (format_of(file)) {
+    case Format::kGpx:
+      return read_gpx(file);
+    case Format::kKml:
+      return read_kml(file);
+    case Format::kCsv:
+      return read_csv_log(file);
+    case Format::kUlog:
+      return read_ulog(file);
+    case Format::kDataflash:
+      return read_dataflash(file);
+    case Format::kDjiSubtitles:
+      break;
+  }
+  return read_dji_srt(file);
+}
+
+std::vector<RangeReading> read_ranges(const std::filesystem::path& file) {
+  if (std::filesystem::is_directory(file) || format_of(file) != Format::kDataflash) return {};
+  return read_dataflash_ranges(file);
+}
+
+}  // namespace tileflight::flight_logs

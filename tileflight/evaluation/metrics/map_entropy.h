@@ -1,0 +1,56 @@
+#pragma once
+
+#include <cstddef>
+#include <limits>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+
+#include "tileflight/core/geometry/nearest.h"
+#include "tileflight/core/geometry/point_cloud.h"
+
+namespace tileflight::base {
+class StrictSection;
+}
+
+namespace tileflight::metrics {
+
+/// Sharpness of a map without ground truth: mean map entropy; lower is sharper. Comparable only between maps of the
+/// same scale with the same radius. Isolated outliers have no neighbours and are not evaluated, so the share evaluated
+/// must be considered with it.
+struct MapEntropy {
+  double radius_m = 0;
+  std::size_t points = 0;                                  ///< of the map
+  std::size_t sampled = 0;                                 ///< of them: all, or an even subsample of a large map
+  std::size_t evaluated = 0;                               ///< of the sampled ones: with enough neighbours that are not
+                                                           ///< coplanar
+  double mean = std::numeric_limits<double>::quiet_NaN();  ///< mean entropy, natural logarithm of cubic metres
+  /// Standard error of the mean due to subsampling; 0 if all points were used.
+  double standard_error = std::numeric_limits<double>::quiet_NaN();
+};
+
+struct MapEntropyOptions {
+  double radius_m = 2.0;
+  std::size_t min_neighbors = 5;     ///< within the radius, the point itself included
+  std::size_t max_points = 200'000;  ///< maximum points evaluated; neighbours come from all points of the map
+  double max_total_neighbors = 1e8;  ///< approximate limit on the total number of neighbours; a dense map is sampled
+                                     ///< less
+};
+
+/// Mean over the points of h = 1/2 ln |2 pi e S|, the entropy of a normal distribution with the covariance S of the
+/// points within the radius (divisor n - 1): Razlaw, Droeschel, Holz and Behnke, "Evaluation of registration methods
+/// for sparse 3D laser scans", ECMR 2015, (1) and (2). Large maps are subsampled evenly (geometry::sample_evenly), and
+/// the standard error of the mean is given. Throws InputError for an empty or non-finite map and for a radius that is
+/// not positive.
+MapEntropy map_entropy(const geometry::PointCloud& aligned_map, const MapEntropyOptions& options = {});
+
+/// Same with an existing index of the map's positions.
+MapEntropy map_entropy(const geometry::PointCloud& aligned_map, const geometry::NearestIndex& index,
+                       const MapEntropyOptions& options = {});
+
+/// {radius, points, asked, judged, share_judged (of those asked), mean, standard_error}.
+nlohmann::json to_json(const MapEntropy& entropy);
+
+/// The inverse. Throws InputError as StrictSection does.
+MapEntropy read_map_entropy(base::StrictSection section);
+
+}  // namespace tileflight::metrics

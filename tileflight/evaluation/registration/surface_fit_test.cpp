@@ -1,0 +1,102 @@
+#include "tileflight/evaluation/registration/surface_fit.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/evaluation/registration/test_flights.h"
+
+namespace tileflight::registration::surface_fit_test {
+namespace {
+
+using namespace test_flights;
+using geometry::Vec7;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
+
+Sim3 off(double metres, unsigned seed) {
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> normal;
+  Vec7 motion;
+  for (int k = 0; k < 7; ++k) motion[k] = normal(random) * metres / (k < 3 ? 1.7 : 40.0);
+  return apply_motion(T_local_map(), motion, Vec3(0.0, 0.0, 5.0));
+}
+
+TEST(SurfaceFit, FindsTheTransformFromMetresOff) {
+  const Flight flight = simulate_map(curved_path());
+  for (unsigned seed = 1; seed <= 5; ++seed) {
+    const SurfaceFit fit = fit_to_surface(flight.points, the_place().index, the_place().mesh, off(1.5, seed));
+    EXPECT_TRUE(fit.converged);
+    EXPECT_LT(rms_distance_m(flight.points, fit.T_target_source, T_local_map()), 0.03) << seed;
+    EXPECT_NEAR(fit.noise_factor, 1.0, 0.35) << seed;
+    EXPECT_GT(fit.inlier_share, 0.9) << seed;
+  }
+}
+
+TEST(SurfaceFit, UncertainAndWildPointsDoNotPull) {
+  Flight flight = simulate_map(curved_path(), 150, 0.003);
+  std::mt19937_64 random(5);
+  std::normal_distribution<double> normal;
+  for (std::size_t i = 0; i < flight.points.size();
+       i += 3) {  // a third is far off along its ray, with an accordingly large sigma
+    const double sigma = 0.1;
+    const Vec3 ray = flight.points.positions[i] - flight.points.viewpoints[i];
+    flight.points.positions[i] += std::abs(sigma * normal(random)) * ray;
+    flight.points.distance_sigma[i] = sigma;
+  }
+  for (std::size_t i = 1; i < flight.points.size(); i += 15) flight.points.positions[i] += Vec3(0.2, 0.1, 0.3);  // far
+  const SurfaceFit fit = fit_to_surface(flight.points, the_place().index, the_place().mesh, off(0.5, 1));
+  EXPECT_LT(rms_distance_m(flight.points, fit.T_target_source, T_local_map()), 0.05);
+}
+
+/// Over level ground the surface does not constrain position and heading: the prior does.
+TEST(SurfaceFit, WhatTheSurfaceLeavesOpenIsHeldByWhatIsKnown) {
+  geometry::TriangleMesh plain;
+  plain.vertices = {{-200, -200, 0}, {200, -200, 0}, {200, 200, 0}, {-200, 200, 0}};
+  plain.triangles = {{0, 1, 2}, {0, 2, 3}};
+  const geometry::TriangleIndex index(plain);
+  ObservedPoints points;
+  std::mt19937_64 random(2);
+  std::uniform_real_distribution<double> unit(-30.0, 30.0);
+  for (int k = 0; k < 3000; ++k)
+    points.positions.push_back(T_local_map().inverse() * Vec3(unit(random), unit(random), 0.0));
+  Vec7 motion = Vec7::Zero();
+  motion << 0.8, -0.6, 0.5, 0.01, -0.01, 0.02, 0.01;
+  SurfaceFitOptions options;
+  options.prior = SimilarityEstimate{T_local_map(), Vec3::Zero(), 100.0 * Mat7::Identity()};
+  const Sim3 start = apply_motion(T_local_map(), motion, Vec3::Zero());
+  const SurfaceFit held = fit_to_surface(points, index, plain, start, options);
+  EXPECT_LT(rms_distance_m(points, held.T_target_source, T_local_map()), 0.02);
+  EXPECT_FALSE(held.constraint.well_constrained);
+  const SurfaceFit open = fit_to_surface(points, index, plain, start);
+  EXPECT_GT(rms_distance_m(points, open.T_target_source, T_local_map()), 0.5);
+  // The estimate reflects this: the shape has no information on horizontal position, heading and scale, only on height
+  // and tilt.
+  EXPECT_LT(open.shape_estimate.information(0, 0), 1e-3 * open.shape_estimate.information(2, 2));
+  EXPECT_LT(open.shape_estimate.information(5, 5), 1e-3 * open.shape_estimate.information(3, 3));
+}
+
+TEST(SurfaceFit, SameBitsForAnyNumberOfCalls) {
+  const Flight flight = simulate_map(curved_path(), 40);
+  const SurfaceFit a = fit_to_surface(flight.points, the_place().index, the_place().mesh, off(1.0, 3));
+  const SurfaceFit b = fit_to_surface(flight.points, the_place().index, the_place().mesh, off(1.0, 3));
+  EXPECT_EQ(a.T_target_source.matrix(), b.T_target_source.matrix());
+}
+
+TEST(SurfaceFit, NothingToAlignIsSaid) {
+  EXPECT_THAT([&] { fit_to_surface({}, the_place().index, the_place().mesh, Sim3()); },
+              ThrowsMessage<InputError>(HasSubstr("map: has no points")));
+  ObservedPoints broken;
+  broken.positions = {Vec3(0, 0, std::nan(""))};
+  EXPECT_THAT([&] { fit_to_surface(broken, the_place().index, the_place().mesh, Sim3()); },
+              ThrowsMessage<InputError>(HasSubstr("map: point 0 is not finite")));
+  SurfaceFitOptions elsewhere;
+  elsewhere.regions = {geometry::Box3(Vec3(1e6, 1e6, 0), Vec3(1e6 + 1, 1e6 + 1, 1))};
+  const SurfaceFit fit = fit_to_surface(simulate_map(curved_path(), 10).points, the_place().index, the_place().mesh,
+                                        T_local_map(), elsewhere);
+  EXPECT_EQ(fit.points, 0U);
+  EXPECT_FALSE(fit.converged);
+}
+
+}  // namespace
+}  // namespace tileflight::registration::surface_fit_test

@@ -1,0 +1,366 @@
+#include "tileflight/evaluation/scoring/evaluate.h"
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <utility>
+
+#include "tileflight/core/alignment/pose_alignment.h"
+#include "tileflight/core/alignment/region_list.h"
+#include "tileflight/core/alignment/transform_file.h"
+#include "tileflight/core/base/files.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/evaluation/metrics/distances.h"
+#include "tileflight/evaluation/metrics/metrics.h"
+#include "tileflight/evaluation/metrics/metrics_file.h"
+#include "tileflight/evaluation/metrics/point_visits.h"
+#include "tileflight/core/geometry/cloud_files.h"
+#include "tileflight/core/geometry/ply_cloud.h"
+#include "tileflight/world/ground_truth/truth_folder.h"
+#include "tileflight/world/place/extract.h"
+#include "tileflight/world/place/truth_region.h"
+#include "tileflight/evaluation/scoring/doubts.h"
+#include "tileflight/evaluation/scoring/errors_in_blocks.h"
+#include "tileflight/evaluation/scoring/map_points.h"
+#include "tileflight/evaluation/scoring/map_tiles.h"
+#include "tileflight/evaluation/scoring/points_on_actors.h"
+#include "tileflight/evaluation/scoring/seen_surface.h"
+#include "tileflight/evaluation/scoring/tiled_scores.h"
+#include "tileflight/evaluation/scoring/truth_surface.h"
+
+namespace tileflight::scoring {
+namespace fs = std::filesystem;
+namespace {
+
+using nlohmann::json;
+
+/// Estimated and true poses, if known.
+struct TrajectoryPair {
+  geometry::Trajectory estimate, truth;
+  bool has_both() const { return !estimate.empty() && !truth.empty(); }
+};
+
+TrajectoryPair read_poses(const MapInputs& map) {
+  TrajectoryPair poses;
+  if (!map.trajectory.empty()) poses.estimate = geometry::read_tum(map.trajectory);
+  if (!map.truth_trajectory.empty()) poses.truth = read_true_poses(map.truth_trajectory);
+  return poses;
+}
+
+/// map to local: the transform that align() stored under `key`, else the transform itself. `published` (the paper's
+/// last step) is for distances to voxel centres, `to_surface` for those to the exact surface.
+geometry::Sim3 read_transform_of(const fs::path& transform_file, const std::string& key) {
+  const json all = json::parse(base::read_text(transform_file), nullptr, false);
+  if (all.is_object() && all.contains(key))
+    return alignment::alignment_from_json(all[key], transform_file.string() + ": " + key).T_target_source;
+  return alignment::read_transform(transform_file).T_target_source;
+}
+
+std::optional<double> number_of(const json& object, const char* key) {
+  const auto found = object.find(key);
+  return found != object.end() && found->is_number() ? std::optional(found->get<double>()) : std::nullopt;
+}
+
+/// Standard deviation of the aligned points due to noise, if the transform file states it.
+std::optional<double> alignment_sigma_m(const fs::path& transform_file) {
+  const json all = json::parse(base::read_text(transform_file), nullptr, false);
+  for (const char* place : {"/to_surface/uncertainty/rms_motion_sigma", "/uncertainty/rms_motion_sigma"}) {
+    const json::json_pointer pointer(place);
+    if (all.is_object() && all.contains(pointer) && all.at(pointer).is_number()) return all.at(pointer).get<double>();
+  }
+  return {};
+}
+
+/// RMS distance between the map's points as aligned and the points placed by the similarity that best fits the path's
+/// poses, including rotations, to the true ones.
+std::optional<double> distance_to_true_poses_m(const TrajectoryPair& poses, const geometry::Sim3& T_local_map,
+                                               const MapPoints& map) {
+  constexpr double kSameTime_s = 0.01;
+  std::vector<geometry::SE3> estimated, known;
+  for (const auto& [e, t] : geometry::associate(poses.estimate, poses.truth, kSameTime_s)) {
+    estimated.push_back(poses.estimate.poses[e].T_local_camera);
+    known.push_back(poses.truth.poses[t].T_local_camera);
+  }
+  if (estimated.size() < 3) return {};
+  const geometry::Sim3 T_true_map = alignment::fit_poses(estimated, known);
+  double squares = 0.0;
+  map.visit([&](std::size_t, const geometry::PointCloud& block) {
+    for (const geometry::Vec3& p : block.positions) squares += (T_local_map * p - T_true_map * p).squaredNorm();
+  });
+  return std::sqrt(squares / static_cast<double>(map.size()));
+}
+
+/// Scores of the regions used for the alignment and of those held out, if transform.json lists any.
+std::optional<metrics::RegionScores> evaluate_regions(const fs::path& transform_file, const MapPoints& map,
+                                                         const geometry::Sim3& T_surface_map,
+                                                         const std::vector<double>& surface_m) {
+  const json all = json::parse(base::read_text(transform_file), nullptr, false);
+  if (!all.is_object() || !all.contains("regions")) return std::nullopt;
+  const alignment::RegionList regions = alignment::regions_from_json(all["regions"], transform_file.string());
+  std::vector<geometry::Vec3> positions;
+  map.visit([&](std::size_t, const geometry::PointCloud& block) {
+    for (const geometry::Vec3& p : block.positions) positions.push_back(T_surface_map * p);
+  });
+  return metrics::score_regions(positions, surface_m, regions.aligned_on, regions.held_out);
+}
+
+/// Quantization floor measured by `extract` on its surface samples. nullopt for a folder of an older version, or if the
+/// cut-off is within its distances.
+std::optional<metrics::DistanceStatistics> recorded_floor(const json& extract_json, double cutoff_m) {
+  const json floor = extract_json.value("quantization_floor", json());
+  if (!floor.is_object() || !floor.contains("max") || !(floor["max"].get<double>() <= cutoff_m)) return std::nullopt;
+  return metrics::DistanceStatistics{floor.at("count"), floor.at("mean"), floor.at("std"), floor.at("median"),
+                                        floor.at("rmse")};
+}
+
+/// A ground truth folder and its metadata.
+struct Truth {
+  json extract_json;  ///< extract.json
+  place::TruthRegion region;
+  ground_truth::TruthFolder folder;
+};
+
+Truth read_truth(const fs::path& folder) {
+  json about = place::read_extract_json(folder);
+  const place::TruthRegion region = place::region_from_json(about);
+  return {std::move(about), region, ground_truth::TruthFolder(folder)};
+}
+
+/// Which of the map's points are over the region. Outside it there is no reference surface: such points count as map
+/// points, but not as errors. Throws InputError if there is none.
+std::vector<bool> find_over_region(const MapPoints& points, const geometry::Sim3& T_surface_map, const Truth& truth,
+                                   const MapInputs& map) {
+  std::vector<bool> is_over(points.size());
+  points.visit([&](std::size_t first, const geometry::PointCloud& block) {
+    for (std::size_t i = 0; i < block.size(); ++i)
+      is_over[first + i] = truth.region.contains_horizontally(T_surface_map * block.positions[i]);
+  });
+  if (std::ranges::find(is_over, true) == is_over.end()) {
+    throw InputError(map.map.string(), "no map point lies over the region of " + truth.folder.folder().string() +
+                                           ": the alignment is wrong, or map and truth show different places");
+  }
+  return is_over;
+}
+
+/// The aligned points, or those over the region, one by one.
+metrics::PointVisits visits_of(const MapPoints& points, const geometry::Sim3& T_local_map,
+                                  const std::vector<bool>* is_over) {
+  return [&points, T_local_map, is_over](const auto& visit) {
+    points.visit([&](std::size_t first, const geometry::PointCloud& block) {
+      for (std::size_t i = 0; i < block.size(); ++i) {
+        if (!is_over || (*is_over)[first + i]) visit(T_local_map * block.positions[i]);
+      }
+    });
+  };
+}
+
+metrics::VoxelWassersteinOptions wasserstein_options(const EvaluationSettings& settings) {
+  return {.voxel_m = settings.wasserstein_voxel_m,
+          .min_points = static_cast<std::size_t>(settings.wasserstein_min_points)};
+}
+
+/// The floor that `extract` recorded, else measured again on its samples of the surface.
+metrics::DistanceStatistics quantization_floor(const Truth& truth, double cutoff_m) {
+  if (const auto recorded = recorded_floor(truth.extract_json, cutoff_m)) return *recorded;
+  const geometry::PointCloud samples = truth.folder.read_surface_samples();
+  if (samples.empty()) return {};
+  return metrics::compute_quantization_floor(VoxelCenters(truth.folder).distances(samples, "surface samples"),
+                                                cutoff_m);
+}
+
+/// A map to score: without the points on its flight's actors, which are measured apart.
+struct StaticMap {
+  MapPoints points;
+  std::optional<PointsOnActors> on_actors;
+  ApartPoints apart;
+};
+
+/// Only of a map with actors all points are in memory.
+StaticMap read_static_map(const MapInputs& map, const geometry::Sim3& T_published_map,
+                          const geometry::Sim3& T_surface_map, const Truth& truth) {
+  if (!has_actor_boxes(map)) return {MapPoints(map.map), {}, {}};
+  geometry::PointCloud cloud = read_map(map.map);
+  std::optional<PointsOnActors> found = find_points_on_actors(map, cloud, T_surface_map);
+  ApartPoints apart;
+  if (found && found->count() > 0) {
+    apart = measure_apart(take_points_on_actors(*found, map, cloud), T_published_map, T_surface_map, truth.folder,
+                          truth.region);
+  }
+  return {MapPoints(std::move(cloud)), std::move(found), std::move(apart)};
+}
+
+bool are_equal(const geometry::Sim3& a, const geometry::Sim3& b) {
+  return a.scale == b.scale && a.rotation.coeffs() == b.rotation.coeffs() && a.translation == b.translation;
+}
+
+/// What is scored, against what, and how.
+struct Task {
+  const MapInputs& map;
+  const MapPoints& points;
+  const Truth& truth;
+  const TrajectoryPair& poses;
+  const fs::path& transform_file;
+  const EvaluationSettings& settings;
+  const fs::path& out;
+  geometry::Sim3 T_published_map, T_surface_map;
+};
+
+/// Scores without a surface: the paper's metric, the path, and the map's entropy. Returns the distances to the voxel
+/// centres.
+std::vector<double> score_without_surface(const Task& task, const MapTiles& tiles, const Progress& progress,
+                                          metrics::Metrics& metrics) {
+  const EvaluationSettings& settings = task.settings;
+  report_progress(progress, 0, 4, "distances to voxel centres");
+  std::vector<double> voxel_m = distances_to_voxels(tiles, task.points.size(), task.truth.folder);
+  metrics.map = metrics::score_map(voxel_m, quantization_floor(task.truth, settings.cutoff_m),
+                                      {.cutoff_m = settings.cutoff_m});
+  report_progress(progress, 3, 4, "trajectory");
+  if (task.poses.has_both())
+    metrics.trajectory = metrics::evaluate_trajectory(task.poses.estimate, task.poses.truth);
+  metrics.entropy = map_entropy(tiles, {.radius_m = settings.entropy_radius_m});
+  report_progress(progress, 4, 4, "scored");
+  return voxel_m;
+}
+
+/// The map's own normals at the chosen points, in the local frame; none if it has none.
+std::vector<Eigen::Vector3f> own_normals(const Task& task, const std::vector<std::uint32_t>& chosen) {
+  std::vector<Eigen::Vector3f> normals;
+  task.points.visit([&](std::size_t first, const geometry::PointCloud& block) {
+    if (block.normals.empty()) return;
+    normals.resize(chosen.size());
+    for (std::size_t k = 0; k < chosen.size(); ++k) {
+      if (chosen[k] >= first && chosen[k] < first + block.size()) normals[k] = block.normals[chosen[k] - first];
+    }
+  });
+  return geometry::transformed(task.T_surface_map, {{}, std::move(normals), {}, {}}).normals;
+}
+
+/// What is measured on the surface, which is in memory no longer.
+struct OnSurface {
+  SurfaceMatch match;
+  geometry::PointCloud seen;  ///< sample_seen_surface()
+};
+
+OnSurface measure_on_surface(const Task& task, const MapTiles& tiles, const std::vector<std::uint32_t>& chosen) {
+  TruthSurface surface(task.truth.folder);
+  SurfaceMatch match = match_tiles(tiles, task.points.size(), surface, chosen, task.settings.cutoff_m);
+  return {std::move(match), sample_seen_surface(task.map, surface, task.truth.region, task.T_surface_map,
+                                                task.settings.completeness_samples_per_m2)};
+}
+
+/// Scores against the exact surface, except for those of points on actors. `tiles`: the map's in T_published_map; left
+/// empty.
+SurfaceDistances score_against_surface(const Task& task, std::optional<MapTiles>& tiles, metrics::Metrics& metrics) {
+  constexpr std::size_t kMostForNormals = 200000, kNeighbors = 16;
+  const EvaluationSettings& settings = task.settings;
+  const fs::path folder = task.out.parent_path();
+  std::vector<bool> is_over = find_over_region(task.points, task.T_surface_map, task.truth, task.map);
+  if (!are_equal(task.T_surface_map, task.T_published_map))
+    tiles.emplace(task.points, task.T_surface_map, folder, MapTiles::Options{});
+  std::optional<MapTiles> part;
+  if (std::ranges::find(is_over, false) != is_over.end())
+    part.emplace(task.points, task.T_surface_map, folder, MapTiles::Options{.chosen = &is_over});
+  const MapTiles& over = part ? *part : *tiles;
+  const MapTiles::Points chosen = over.at(over.sample_evenly(kMostForNormals));
+  OnSurface measured = measure_on_surface(task, *tiles, chosen.numbers);
+  SurfaceMatch& match = measured.match;
+  const geometry::PointCloud& seen = measured.seen;
+  if (part) tiles.reset();
+  metrics.regions = evaluate_regions(task.transform_file, task.points, task.T_surface_map, match.distances_m);
+  geometry::PointCloud asked{chosen.positions, own_normals(task, chosen.numbers), {}, {}};
+  const bool own = !asked.normals.empty();
+  MapNeighbors near =
+      find_neighbors(over, seen.positions, own ? std::vector<geometry::Vec3>() : chosen.positions, kNeighbors);
+  if (!own) asked.normals = std::move(near.normals);
+  SurfaceDistances distances = split_by_region(std::move(match.distances_m), std::move(is_over));
+  const std::vector<double>& over_m = distances.over_m;
+  metrics.surface = metrics::score_surface(over_m, near.distances_m, settings.thresholds_m);
+  metrics.surface->normals =
+      metrics::normal_consistency(asked, match.directions, settings.cutoff_m, own ? 0 : kNeighbors);
+  metrics.surface->normals->points = over.points();
+  if (!seen.empty())
+    metrics.wasserstein = metrics::voxel_wasserstein(visits_of(task.points, task.T_surface_map, &distances.is_over),
+                                                        seen, wasserstein_options(settings));
+  metrics.error_budget = metrics::error_budget(
+      {.floor_rmse_m = metrics.map.quantization_floor.rmse,
+       .geometric_error_m = number_of(task.truth.extract_json, "geometric_error_max"),
+       .alignment_sigma_m = alignment_sigma_m(task.transform_file),
+       .rms_to_true_poses_m = distance_to_true_poses_m(task.poses, task.T_surface_map, task.points),
+       .surface_m = over_m,
+       .within_m = settings.cutoff_m});
+  write_seen_surface(task.out, seen, near.distances_m);
+  tiles.reset();
+  return distances;
+}
+
+/// All doubts about the scores: those of the map, its transform, the truth and the images, and those that the scores
+/// show.
+Doubts score_doubts(const MapInputs& map, const json& about_truth, const fs::path& transform_file,
+                    const EvaluationSettings& settings, const metrics::Metrics& metrics) {
+  Doubts doubts = read_doubts(transform_file);
+  append_distinct(doubts, odometry_doubts(map));
+  append_distinct(doubts, truth_doubts(about_truth));
+  append_distinct(doubts, dataset_doubts(map.dataset));
+  if (!metrics.surface) {
+    doubts.push_back({"the ground truth has no exact surface: distances to its voxel centres have a floor of " +
+                          std::to_string(metrics.map.quantization_floor.mean).substr(0, 4) +
+                          " m, which hides differences between good maps",
+                      "truth", "possible", "extract from meshes, or with smaller voxels"});
+  }
+  constexpr double kFewNear = 0.5;
+  if (metrics.surface) {
+    const auto& accuracy = metrics.surface->accuracy;
+    if (!accuracy.empty() && accuracy.rbegin()->second < kFewNear) {
+      doubts.push_back(
+          {"only " + std::to_string(static_cast<int>(100.0 * accuracy.rbegin()->second)) +
+               " % of the map's points over the region lie within " +
+               std::to_string(accuracy.rbegin()->first).substr(0, 4) + " m of the true surface",
+           "evaluation", "likely",
+           "check the map over the truth in the report: the transform may be wrong, or the place another"});
+    }
+  }
+  if (metrics.moving) append_distinct(doubts, moving_doubts(*metrics.moving, settings.share_margin));
+  return doubts;
+}
+
+}  // namespace
+
+fs::path moving_points_file(const fs::path& metrics_json) { return metrics_json.parent_path() / "moving.ply"; }
+
+nlohmann::json evaluate(const MapInputs& map, const fs::path& truth_folder, const fs::path& transform_file,
+                        const EvaluationSettings& settings, const fs::path& out, const Progress& progress) {
+  map_file(map.map);
+  const geometry::Sim3 T_published_map = read_transform_of(transform_file, "published");
+  const geometry::Sim3 T_surface_map = read_transform_of(transform_file, "to_surface");
+  const Truth truth = read_truth(truth_folder);
+  const TrajectoryPair poses = read_poses(map);
+  const StaticMap static_map = read_static_map(map, T_published_map, T_surface_map, truth);
+  const Task task{map, static_map.points, truth, poses, transform_file, settings, out, T_published_map, T_surface_map};
+  metrics::Metrics metrics;
+  std::optional<MapTiles> tiles;
+  tiles.emplace(task.points, T_published_map, out.parent_path(), MapTiles::Options{});
+  const CommonPlace common = most_common_place(*tiles);
+  const std::vector<double> voxel_m = score_without_surface(task, *tiles, progress, metrics);
+  SurfaceDistances surface;
+  // A truth of points alone has cells but no surface.
+  if (truth.folder.has_mesh()) {
+    surface = score_against_surface(task, tiles, metrics);
+  } else {
+    metrics.wasserstein =
+        metrics::voxel_wasserstein(visits_of(task.points, T_published_map, nullptr),
+                                      truth.folder.read_surface_samples(), wasserstein_options(settings));
+  }
+  if (static_map.on_actors) {
+    const auto over_m = truth.folder.has_mesh() ? std::optional(surface.over_m) : std::nullopt;
+    metrics.moving = score_apart(*static_map.on_actors, static_map.apart, voxel_m, over_m, settings.cutoff_m);
+  }
+  metrics.doubts = score_doubts(map, truth.extract_json, transform_file, settings, metrics);
+  append_distinct(metrics.doubts, common_place_doubts(common, task.points.size(), settings.share_margin));
+  write_apart_points(moving_points_file(out), static_map.apart, settings.cutoff_m);
+  write_errors(metrics::errors_file(out), task.points, T_published_map, voxel_m, surface, settings.cutoff_m);
+  metrics::write_metrics(out, metrics);
+  return metrics::to_json(metrics);
+}
+
+}  // namespace tileflight::scoring

@@ -1,0 +1,197 @@
+#include "tileflight/evaluation/scoring/evaluate_trajectories.h"
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <set>
+#include <string>
+#include <system_error>
+
+#include "tileflight/core/base/doubt.h"
+#include "tileflight/core/base/files.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/doubts_json.h"
+#include "tileflight/core/geometry/json_numbers.h"
+#include "tileflight/core/geometry/trajectory_files.h"
+#include "tileflight/evaluation/scoring/map_inputs.h"
+
+namespace tileflight::scoring {
+namespace fs = std::filesystem;
+namespace {
+
+using metrics::PairedTrajectories;
+using metrics::TrajectoryAlignment;
+using metrics::TrajectoryMetrics;
+using metrics::TrajectoryOptions;
+using geometry::TrajectoryFile;
+using nlohmann::json;
+
+/// Names by which the estimates are told apart.
+std::vector<std::string> names_of(const std::vector<fs::path>& estimates) {
+  std::vector<std::string> names;
+  for (const fs::path& file : estimates) names.push_back(file.stem().string());
+  if (std::set<std::string>(names.begin(), names.end()).size() == names.size()) return names;
+  for (std::size_t i = 0; i < estimates.size(); ++i) {
+    names[i] = estimates[i].string();
+    for (std::size_t k = 0; k < i; ++k)
+      if (names[k] == names[i]) throw InputError(names[i], "is given twice; give each estimate once");
+  }
+  return names;
+}
+
+TrajectoryFile shifted(TrajectoryFile file, double offset_s) {
+  for (geometry::StampedPose& pose : file.trajectory.poses) pose.time_s += offset_s;
+  return file;
+}
+
+/// A file of poses, or those of a dataset.
+TrajectoryFile read_true_trajectory(const fs::path& file_or_dataset) {
+  if (!fs::is_directory(file_or_dataset)) return geometry::read_trajectory(file_or_dataset);
+  return {.trajectory = read_true_poses(file_or_dataset)};
+}
+
+/// An estimate and its score.
+struct ScoredTrajectory {
+  std::string name;
+  PairedTrajectories poses;
+  TrajectoryMetrics metrics;
+  std::optional<double> best_scale;  ///< of the Sim(3) alignment, where another one was asked for
+};
+
+std::optional<double> scale_by_sim3(const TrajectoryFile& estimate, const TrajectoryFile& truth,
+                                    TrajectoryOptions options) {
+  if (options.alignment == TrajectoryAlignment::kSim3) return std::nullopt;
+  options.alignment = TrajectoryAlignment::kSim3;
+  try {
+    return metrics::pair_and_align(estimate.trajectory, truth.trajectory, options).T_truth_estimate.scale;
+  } catch (const InputError&) {
+    return std::nullopt;  // an estimate that stands still has an error, but no scale
+  }
+}
+
+ScoredTrajectory score_file(const fs::path& file, const std::string& name, const TrajectoryFile& truth,
+                            const TrajectoryScoring& scoring) {
+  TrajectoryFile estimate = geometry::read_trajectory(file);
+  TrajectoryOptions options = scoring.options;
+  if (!estimate.has_times() || !truth.has_times()) {
+    options.pairing = metrics::TrajectoryPairing::kByIndex;
+    if (scoring.time_offset_s != 0.0)
+      throw InputError((truth.has_times() ? file : scoring.truth).string(),
+                       "KITTI poses have no times, so there is no time offset");
+  }
+  estimate = shifted(std::move(estimate), scoring.time_offset_s);
+  try {
+    ScoredTrajectory scored{.name = name,
+                            .poses = metrics::pair_and_align(estimate.trajectory, truth.trajectory, options),
+                            .metrics = {},
+                            .best_scale = scale_by_sim3(estimate, truth, options)};
+    scored.metrics = metrics::score_trajectory(scored.poses, options);
+    return scored;
+  } catch (const InputError& error) {
+    throw InputError(file.string(), error.what());
+  }
+}
+
+std::string percent(double share) { return std::to_string(static_cast<int>(std::floor(100.0 * share))) + " %"; }
+
+/// What may make the numbers of a trajectory mean something else than they say.
+Doubts doubts_about(const ScoredTrajectory& scored) {
+  constexpr double kFewPaired = 0.5, kPartOfTime = 0.9, kScaleOff = 0.1;
+  const TrajectoryMetrics& m = scored.metrics;
+  Doubts doubts;
+  const double paired = static_cast<double>(m.poses) / static_cast<double>(std::min(m.estimated_poses, m.true_poses));
+  if (paired < kFewPaired) {
+    doubts.push_back({std::to_string(m.poses) + " pairs of " + std::to_string(m.estimated_poses) + " estimated and " +
+                          std::to_string(m.true_poses) + " true poses: most have none of the other at their time",
+                      scored.name, "likely", "check the clocks (--time-offset, --max-time-difference)"});
+  }
+  if (m.time_covered < kPartOfTime) {
+    doubts.push_back(
+        {"the estimate covers " + percent(m.time_covered) + " of the truth's time: errors of the rest are in no number",
+         scored.name, "possible",
+         "compare with systems that covered as much, unless the truth was recorded for longer than the images"});
+  }
+  if (scored.best_scale && std::abs(*scored.best_scale - 1.0) > kScaleOff) {
+    doubts.push_back({"the scale that fits best is " + std::to_string(*scored.best_scale).substr(0, 5) +
+                          ", and the alignment has none",
+                      scored.name, "possible", "--alignment sim3 for a trajectory of unknown scale"});
+  }
+  return doubts;
+}
+
+/// Aligned poses and their errors, pair by pair.
+json series_of(const ScoredTrajectory& scored) {
+  const metrics::StepErrors steps = metrics::compute_step_errors(scored.poses);
+  json time = json::array(), distance = time, truth = time, estimate = time, error = time;
+  double flown_m = 0.0;
+  for (std::size_t i = 0; i < scored.poses.truth.size(); ++i) {
+    const geometry::Vec3& t = scored.poses.truth.poses[i].T_local_camera.translation;
+    const geometry::Vec3& e = scored.poses.estimate.poses[i].T_local_camera.translation;
+    if (i > 0) flown_m += (t - scored.poses.truth.poses[i - 1].T_local_camera.translation).norm();
+    time.push_back(scored.poses.truth.poses[i].time_s);
+    distance.push_back(flown_m);
+    truth.push_back(geometry::json_numbers(t));
+    estimate.push_back(geometry::json_numbers(e));
+    error.push_back((t - e).norm());
+  }
+  return {{"name", scored.name},
+          {"time", time},
+          {"distance", distance},
+          {"truth", truth},
+          {"estimate", estimate},
+          {"error", error},
+          {"step_translation", steps.translation_m},
+          {"step_rotation_deg", steps.rotation_deg}};
+}
+
+json metrics_json(const std::vector<ScoredTrajectory>& all) {
+  Doubts doubts;
+  json list = json::array();
+  for (const ScoredTrajectory& scored : all) {
+    json one = metrics::to_json(scored.metrics);
+    one["name"] = scored.name;
+    list.push_back(std::move(one));
+    for (Doubt& doubt : doubts_about(scored)) doubts.push_back(std::move(doubt));
+  }
+  json result;
+  if (all.size() == 1) {
+    list[0].erase("name");  // the keys of a map's metrics.json
+    result["trajectory"] = list[0];
+  } else {
+    result["trajectories"] = list;
+  }
+  result["doubts"] = to_json(doubts);
+  return result;
+}
+
+}  // namespace
+
+fs::path trajectory_errors_file(const fs::path& metrics_json) {
+  return metrics_json.parent_path() / "trajectory-errors.json";
+}
+
+json evaluate_trajectories(const TrajectoryScoring& scoring, const fs::path& out) {
+  const std::vector<std::string> names = names_of(scoring.estimates);
+  const TrajectoryFile truth = read_true_trajectory(scoring.truth);
+  std::vector<ScoredTrajectory> all;
+  for (std::size_t i = 0; i < names.size(); ++i)
+    all.push_back(score_file(scoring.estimates[i], names[i], truth, scoring));
+  const json metrics = metrics_json(all);
+  json series = json::array();
+  for (const ScoredTrajectory& scored : all) series.push_back(series_of(scored));
+  const json errors = {{"alignment", metrics::name_of(scoring.options.alignment)},
+                       {"has_times", truth.has_times()},
+                       {"metrics", out.filename().string()},
+                       {"trajectories", series}};
+  const auto dumped = [](const json& object, int indent) {
+    return object.dump(indent, ' ', false, json::error_handler_t::replace) + "\n";
+  };
+  std::error_code error;  // ignored: writing the file reports it
+  if (out.has_parent_path()) fs::create_directories(out.parent_path(), error);
+  base::write_file(trajectory_errors_file(out), dumped(errors, -1));
+  base::write_file(out, dumped(metrics, 2));
+  return metrics;
+}
+
+}  // namespace tileflight::scoring

@@ -1,0 +1,21 @@
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "tileflight/data/dataset/dataset.h"
+#include "tileflight/core/geometry/point_cloud.h"
+#include "tileflight/evaluation/localization/place_recognition.h"
+#include "tileflight/evaluation/registration/telemetry_estimate.h"
+
+namespace tileflight::scoring {
+
+/// A flight's evidence for localization::PlaceRecognizer: its images with odometry poses (`path`: T_map_camera with the
+/// images' times), its map, and candidates for the up direction: `up` if it is known; unless it was given, the
+/// direction estimated from the camera's attitude (alignment::estimate_up_from_trajectory()), else the normals of the
+/// planes with the most points. Images are read on demand.
+localization::FlightEvidence make_flight_evidence(const dataset::Dataset& dataset, const geometry::Trajectory& path,
+                                                  const geometry::PointCloud& map,
+                                                  const std::optional<registration::UpDirection>& up = std::nullopt);
+
+}  // namespace tileflight::scoring

@@ -1,0 +1,244 @@
+#include "tileflight/evaluation/scoring/register_flight.h"
+
+#include <algorithm>
+#include <iterator>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <numbers>
+
+#include "tileflight/core/alignment/align_globally.h"
+#include "tileflight/core/alignment/coarse_alignment.h"
+#include "tileflight/core/alignment/global_registration.h"
+#include "tileflight/core/alignment/gravity.h"
+#include "tileflight/core/alignment/transform_file.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/data/dataset/attitude_csv.h"
+#include "tileflight/core/base/doubts_json.h"
+#include "tileflight/evaluation/registration/register_map.h"
+#include "tileflight/world/scene/scene.h"
+#include "tileflight/evaluation/scoring/doubts.h"
+#include "tileflight/evaluation/scoring/flight_evidence.h"
+#include "tileflight/evaluation/scoring/path_doubts.h"
+#include "tileflight/evaluation/scoring/picture_finder.h"
+#include "tileflight/evaluation/scoring/up_from_imu.h"
+#include "tileflight/tiles/mesh_files/mesh_source.h"
+
+namespace tileflight::scoring {
+namespace fs = std::filesystem;
+namespace {
+
+using alignment::AlignmentStart;
+using nlohmann::json;
+
+/// Whether a surface has colours to compare images with.
+bool is_textured(const std::vector<imaging::TexturedMesh>& meshes) {
+  return std::ranges::any_of(meshes, [](const auto& mesh) { return mesh.texture || !mesh.colors.empty(); });
+}
+
+/// The truth as a scene for ray casting, with its appearance.
+struct TruthScene {
+  std::unique_ptr<scene::Scene> scene;
+  bool textured = false;
+
+  explicit TruthScene(const AlignTarget& target) {
+    std::vector<imaging::TexturedMesh> meshes;
+    for (const fs::path& file : target.mesh_files) {
+      auto part = mesh_files::read_mesh_source(file, {}).meshes;
+      std::move(part.begin(), part.end(), std::back_inserter(meshes));
+    }
+    textured = is_textured(meshes);
+    scene = std::make_unique<scene::Scene>(std::move(meshes));
+    scene->build_ray_tree();
+  }
+};
+
+registration::ObservedPoints read_observed_points(const MapInputs& map, const geometry::PointCloud& cloud) {
+  geometry::Trajectory keyframes;
+  const fs::path file = map.map / "keyframes.txt";
+  if (fs::is_directory(map.map) && fs::exists(file)) keyframes = geometry::read_tum(file);
+  return registration::make_observed_points(cloud, keyframes);
+}
+
+std::vector<registration::AttitudeFix> read_attitudes(const fs::path& attitude_csv) {
+  constexpr double kRadiansOfDegree = std::numbers::pi / 180.0;
+  std::vector<registration::AttitudeFix> fixes;
+  for (const dataset::CameraAttitude& a : dataset::read_attitude_csv(attitude_csv))
+    fixes.push_back(
+        {a.time_s, a.R_enu_camera, kRadiansOfDegree * a.tilt_sigma_deg, kRadiansOfDegree * a.yaw_sigma_deg});
+  return fixes;
+}
+
+/// The map's up direction: as given, else from the flight's IMU if there is one.
+std::optional<registration::UpDirection> find_up_direction(const std::optional<dataset::Dataset>& dataset,
+                                                           const geometry::Trajectory& path,
+                                                           const alignment::AlignMapOptions& options) {
+  constexpr double kGivenSigma_rad = 0.05;
+  if (options.map_up) return registration::UpDirection{options.map_up->normalized(), kGivenSigma_rad, true};
+  return dataset ? up_from_imu(*dataset, path) : std::nullopt;
+}
+
+registration::RegistrationEvidence gather_evidence(const MapInputs& map, const std::optional<dataset::Dataset>& dataset,
+                                                   const AlignTarget& target,
+                                                   const alignment::AlignMapOptions& options) {
+  registration::RegistrationEvidence evidence;
+  if (!map.trajectory.empty()) evidence.path = geometry::read_tum(map.trajectory);
+  if (options.start == AlignmentStart::kGiven) evidence.starts = {options.given_start};
+  if (options.start == AlignmentStart::kAsItIs) evidence.starts = {geometry::Sim3()};
+  if (options.start == AlignmentStart::kAuto && !map.gps.empty() && target.origin)
+    evidence.positions = read_receiver_positions(map.gps, *target.origin);
+  if (options.start == AlignmentStart::kAuto && !map.attitude.empty() && target.origin)
+    evidence.attitudes = read_attitudes(map.attitude);
+  if (options.start == AlignmentStart::kAuto || options.start == AlignmentStart::kGeometry)
+    evidence.up = find_up_direction(dataset, evidence.path, options);
+  if (options.start == AlignmentStart::kTruePoses && !map.truth_trajectory.empty())
+    evidence.positions = read_true_positions(map.truth_trajectory);
+  if (options.start == AlignmentStart::kAuto && evidence.positions.empty()) evidence.starts = {geometry::Sim3()};
+  return evidence;
+}
+
+/// The placement without its change of scale, about the map's middle.
+geometry::Sim3 with_unit_scale(const geometry::Sim3& T, const geometry::PointCloud& cloud) {
+  geometry::Vec3 middle = geometry::Vec3::Zero();
+  for (const geometry::Vec3& p : cloud.positions) middle += p / static_cast<double>(cloud.size());
+  return {1.0, T.rotation, T * middle - T.rotation * middle};
+}
+
+/// Candidate poses whose ground looks like that in the images.
+std::vector<geometry::Sim3> candidates_by_appearance(const scene::Scene& scene, const PictureFinder& finder,
+                                                     const dataset::Dataset& dataset,
+                                                     const registration::RegistrationEvidence& evidence,
+                                                     const geometry::PointCloud& cloud, alignment::ScaleMode scale) {
+  const localization::PlaceRecognizer recognizer(scene, scene.bounds(), {}, finder.appearance());
+  std::vector<geometry::Sim3> places;
+  for (const auto& candidate : recognizer.find(make_flight_evidence(dataset, evidence.path, cloud, evidence.up)))
+    places.push_back(scale == alignment::ScaleMode::kFixed ? with_unit_scale(candidate.T_local_map, cloud)
+                                                           : candidate.T_local_map);
+  return places;
+}
+
+/// Candidate up directions of the map, each to be tried; nullopt: unknown.
+std::vector<std::optional<geometry::Vec3>> up_candidates(const registration::RegistrationEvidence& evidence) {
+  const std::optional<geometry::Vec3> carried = alignment::estimate_up_from_trajectory(evidence.path);
+  if (!evidence.up) return {carried};
+  if (evidence.up->given) return {evidence.up->up_map};
+  return {evidence.up->up_map, carried};
+}
+
+/// Candidate poses from the shapes alone.
+std::vector<geometry::Sim3> candidates_by_geometry(const geometry::PointCloud& cloud,
+                                                   const registration::RegistrationEvidence& evidence,
+                                                   const AlignTarget& target,
+                                                   const alignment::AlignMapOptions& options) {
+  constexpr std::size_t kSurfacePoints = 100000;
+  const auto surface = alignment::sample_surface_evenly(target.mesh, kSurfacePoints);
+  std::vector<geometry::Sim3> places;
+  for (const std::optional<geometry::Vec3>& up : up_candidates(evidence)) {
+    alignment::GlobalRegistrationOptions search;
+    search.source_up = up;
+    if (up) search.target_up = geometry::Vec3::UnitZ();
+    if (options.icp.scale == alignment::ScaleMode::kFixed) search.min_scale = search.max_scale = 1.0;
+    for (const auto& candidate : alignment::register_globally(cloud.positions, surface, search).candidates)
+      places.push_back(candidate.T_target_source);
+  }
+  return places;
+}
+
+registration::RayCast make_ray_cast(const scene::Scene& scene) {
+  return
+      [&scene](const geometry::Vec3& origin, const geometry::Vec3& direction, double reach_m) -> std::optional<double> {
+        const auto hit = scene.intersect({origin, direction}, reach_m);
+        return hit ? std::optional(hit->distance_m) : std::nullopt;
+      };
+}
+
+json to_json(const registration::PictureAgreement& p) {
+  return {{"tried", p.tried},
+          {"located", p.located},
+          {"agreeing", p.inliers},
+          {"correlation", p.correlation},
+          {"residual", p.inlier_rms_m},
+          {"path_error", p.path_error_m},
+          {"path_length", p.path_length_m},
+          {"worst", p.worst_m},
+          {"worst_time", p.worst_time_s}};
+}
+
+json to_json(const registration::RayAgreement& rays) {
+  return {{"rays", rays.rays},
+          {"score", rays.score},
+          {"agreeing", rays.agreeing_share},
+          {"blocked", rays.blocked_share},
+          {"floating", rays.floating_share}};
+}
+
+json to_json(const registration::RegistrationResult& r) {
+  alignment::IcpResult result;
+  result.T_target_source = r.T_local_map;
+  result.rmse_m = r.surface.rmse_m;
+  result.fitness = r.surface.fitness;
+  result.correspondences = r.surface.matched;
+  result.iterations = r.surface.iterations;
+  result.converged = r.surface.converged;
+  result.method = r.method;
+  result.points = r.surface.points;
+  result.constraint = r.surface.constraint;
+  json object = alignment::to_json(result);
+  object["uncertainty"] = {{"rms_motion_sigma", r.sigma_m}};
+  object["start"] = r.start;
+  object["starts_tried"] = r.starts_tried;
+  object["moved_from_start"] = r.moved_from_start_m;
+  object["rays"] = r.rays ? to_json(*r.rays) : json(nullptr);
+  object["pictures"] = r.pictures ? to_json(*r.pictures) : json(nullptr);
+  object["noise"] = r.surface.noise_factor;
+  object["agreeing"] = r.surface.inlier_share;
+  if (r.runner_up_distance_m) object["rival"] = {{"apart", *r.runner_up_distance_m}, {"score", r.runner_up_score}};
+  return object;
+}
+
+}  // namespace
+
+json register_flight(const MapInputs& map, const AlignTarget& target, const alignment::AlignMapOptions& options,
+                     const Progress& progress) {
+  const geometry::PointCloud cloud = read_map(map.map);
+  const TruthScene place(target);
+  std::optional<dataset::Dataset> dataset;
+  if (!map.dataset.empty() && !map.trajectory.empty()) dataset = dataset::read_dataset(map.dataset);
+  const registration::RegistrationEvidence evidence = gather_evidence(map, dataset, target, options);
+  registration::RegistrationServices services;
+  services.cast_ray = make_ray_cast(*place.scene);
+  std::unique_ptr<PictureFinder> finder;
+  if (place.textured && dataset && !evidence.path.empty()) {
+    finder = std::make_unique<PictureFinder>(*place.scene, *dataset, evidence.path);
+    services.locate_pictures = [&finder](const geometry::Sim3& T, std::size_t pictures,
+                                         registration::PictureDetail detail) { return (*finder)(T, pictures, detail); };
+  }
+  const bool may_look = options.start == AlignmentStart::kAuto || options.start == AlignmentStart::kGeometry;
+  if (may_look && finder) {
+    services.find_places_by_appearance = [&] {
+      return candidates_by_appearance(*place.scene, *finder, *dataset, evidence, cloud, options.icp.scale);
+    };
+  }
+  if (may_look)
+    services.find_places_by_shape = [&] { return candidates_by_geometry(cloud, evidence, target, options); };
+  registration::RegistrationOptions registration;
+  registration.scale = options.icp.scale;
+  registration.max_scale_change = options.icp.max_scale_change;
+  registration.trajectory = options.trajectory;
+  const registration::RegistrationResult found =
+      registration::register_map(read_observed_points(map, cloud), evidence,
+                                 {*target.index, target.mesh, target.regions}, services, registration, progress);
+  json result = to_json(found);
+  Doubts doubts = odometry_doubts(map);
+  if (found.method == "pictures" && !doubts.empty()) answer_path_doubts(map, *found.pictures, doubts);
+  append_distinct(doubts, found.doubts);
+  result["doubts"] = to_json(doubts);
+  alignment::IcpOptions published = alignment::final_icp_options();
+  published.scale = options.icp.scale;
+  published.regions = options.icp.regions.empty() ? target.regions : options.icp.regions;
+  published.scale_center = found.T_local_map.scale;
+  result["published"] = alignment::to_json(alignment::align_step(
+      alignment::subsample(cloud, options.max_points), found.T_local_map, target.to_alignment_target(), published));
+  return result;
+}
+
+}  // namespace tileflight::scoring

@@ -1,0 +1,182 @@
+// Keys of an experiment that decide how a filmed flight is read and how another follows it.
+#include "tileflight/experiments/experiment/experiment_file.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/refusal.h"
+#include "tests/temporary_folder.h"
+#include "tileflight/core/base/files.h"
+
+namespace tileflight::experiment::experiment_file_test {
+namespace {
+
+using testing::HasSubstr;
+
+class ExperimentFile : public testing::Test {
+ protected:
+  ExperimentFile() {
+    for (const char* file : {"tileset.json", "film.mp4", "camera.yaml", "log.srt"})
+      base::write_file(folder_ / file, "");
+  }
+  Experiment read(const std::string& render, const std::string& ingest) const {
+    const auto file = folder_ / "experiment.yaml";
+    base::write_file(file, "place:\n  source: tileset.json\nsimulated:\n  render: {follow: real" + render +
+                               "}\nreal:\n  ingest: {video: film.mp4, camera: camera.yaml" + ingest + "}\n");
+    return read_experiment(file);
+  }
+  ingest::IngestedFlightConfig ingest(const std::string& keys) const { return *read("", keys).real->ingest; }
+  std::string fault(const std::string& render, const std::string& keys) const {
+    return tests::refusal_of([&] { read(render, keys); });
+  }
+
+  tests::TemporaryFolder folder_;
+};
+
+TEST_F(ExperimentFile, TheLogsOffsetIsGivenFoundOrLeftToTheAlignment) {
+  const ingest::IngestedFlightConfig absent = ingest(", telemetry: log.srt");
+  EXPECT_FALSE(absent.estimates_telemetry_offset);
+  EXPECT_EQ(absent.telemetry_offset_s, std::nullopt);
+  const ingest::IngestedFlightConfig given = ingest(", telemetry: log.srt, telemetry_offset: -1.25");
+  EXPECT_FALSE(given.estimates_telemetry_offset);
+  EXPECT_EQ(given.telemetry_offset_s, -1.25);
+  const ingest::IngestedFlightConfig found = ingest(", telemetry: log.srt, telemetry_offset: auto");
+  EXPECT_TRUE(found.estimates_telemetry_offset);
+  EXPECT_EQ(found.telemetry_offset_s, std::nullopt);
+  EXPECT_THAT(fault("", ", telemetry_offset: auto"), HasSubstr("applies to a flight log; give one with 'telemetry'"));
+  EXPECT_THAT(fault("", ", telemetry: log.srt, telemetry_offset: automatic"), HasSubstr("must be a number"));
+}
+
+TEST_F(ExperimentFile, AFilmedFlightMayHaveAnInertialUnit) {
+  base::write_file(folder_ / "imu.csv", "");
+  const ingest::IngestedFlightConfig with = ingest(", imu: imu.csv, imu_time_offset: 2.5");
+  EXPECT_EQ(with.imu, folder_ / "imu.csv");
+  EXPECT_EQ(with.imu_time_offset_s, 2.5);
+  EXPECT_TRUE(with.imu_noise.empty());
+  EXPECT_TRUE(ingest("").imu.empty());
+  EXPECT_THAT(fault("", ", imu_time_offset: 2.5"), HasSubstr("give its readings"));
+}
+
+TEST_F(ExperimentFile, ReadingsInTheWindowNeedAnInertialUnit) {
+  const auto odometry = [&](const std::string& keys) {
+    base::write_file(folder_ / "o.yaml", "place: {source: tileset.json}\nodometry: {" + keys +
+                                             "}\nsimulated: {ingest: {video: film.mp4, camera: camera.yaml}}\n");
+    return read_experiment(folder_ / "o.yaml").odometry.track_options;
+  };
+  EXPECT_TRUE(odometry("mode: inertial, tight: true").inertial_in_window);
+  EXPECT_TRUE(odometry("mode: stereo-inertial, tight: true").inertial_in_window);
+  EXPECT_FALSE(odometry("mode: inertial").inertial_in_window);
+  EXPECT_THAT(tests::refusal_of([&] { odometry("tight: true"); }), HasSubstr("needs 'mode: inertial'"));
+}
+
+TEST_F(ExperimentFile, AFilmedRigHasAVideoForEachCamera) {
+  std::filesystem::create_directories(folder_ / "r/images");
+  base::write_file(
+      folder_ / "rig.yaml",
+      "place: {source: tileset.json}\nsimulated:\n  ingest: {video: {left: film.mp4, right: r/images}, camera: "
+      "camera.yaml, sync_tolerance: 0.004}\n");
+  const ingest::IngestedFlightConfig rig = *read_experiment(folder_ / "rig.yaml").simulated->ingest;
+  ASSERT_EQ(rig.videos.size(), 2U);
+  EXPECT_EQ(rig.videos[0].camera, "left");
+  EXPECT_EQ(rig.videos[1].video, folder_ / "r/images");
+  EXPECT_TRUE(rig.video.empty());
+  EXPECT_EQ(rig.sync_tolerance_s, 0.004);
+  EXPECT_TRUE(ingest("").videos.empty());
+  EXPECT_THAT(fault("", ", sync_tolerance: 0"), HasSubstr("sync_tolerance"));
+  base::write_file(folder_ / "rig.yaml",
+                   "place: {source: tileset.json}\nsimulated: {ingest: {video: {}, camera: c.yaml}}\n");
+  EXPECT_THAT(tests::refusal_of([&] { read_experiment(folder_ / "rig.yaml"); }), HasSubstr("names no camera"));
+}
+
+TEST_F(ExperimentFile, MemoryIsNoChangeOfAFlightAndAPixelErrorIs) {
+  const Experiment plain = read("", ""), limited = read(", memory: 1.5", ""), other = read(", memory: 2", ""),
+                   seen = read(", pixel_error: 2, memory: 2", "");
+  EXPECT_EQ(plain.simulated->render->memory_gb, std::nullopt);
+  EXPECT_EQ(plain.simulated->render->error_px, std::nullopt);
+  EXPECT_EQ(limited.simulated->render->memory_gb, 1.5);
+  EXPECT_EQ(seen.simulated->render->error_px, 2.0);
+  EXPECT_EQ(limited.sections.at("simulated"), other.sections.at("simulated"));
+  EXPECT_NE(other.sections.at("simulated"), seen.sections.at("simulated"));
+  EXPECT_THAT(fault(", pixel_error: 0", ""), HasSubstr("pixel_error"));
+  EXPECT_THAT(fault(", memory: -1", ""), HasSubstr("memory"));
+}
+
+TEST_F(ExperimentFile, AFollowedPathIsSmoothedUnlessToldOtherwise) {
+  const auto smoothing = [&](const std::string& render) { return read(render, "").simulated->render->smoothing; };
+  ASSERT_TRUE(smoothing("").has_value());
+  EXPECT_EQ(smoothing("")->knot_spacing_s, std::nullopt);
+  EXPECT_FALSE(smoothing(", smooth: none").has_value());
+  EXPECT_EQ(smoothing(", smooth: auto")->knot_spacing_s, std::nullopt);
+  EXPECT_EQ(smoothing(", smooth: 0.5")->knot_spacing_s, 0.5);
+  EXPECT_TRUE(read("", "").simulated->render->follows_real);
+  EXPECT_THAT(fault(", smooth: off-and-on", ""), HasSubstr("must be 'auto', 'none' or the seconds"));
+  EXPECT_THAT(fault(", smooth: 0", ""), HasSubstr("must be 'auto', 'none' or the seconds"));
+}
+
+/// An experiment with this entry under `variants`.
+class Variants : public ExperimentFile {
+ protected:
+  Experiment with(const std::string& variant) const {
+    base::write_file(folder_ / "flight.yaml", "");
+    base::write_file(folder_ / "variants.yaml",
+                     "seed: 3\nplace: {source: tileset.json, center_local: [1, 2, 3], size: [4, 5, 6], error: 0.5}\n"
+                     "truth: {voxel: 2}\nsimulated:\n  render: {flight: flight.yaml, source: stadium:world}\n"
+                     "odometry: {colmap: true, runs: 2}\nvariants:\n  - {name: v, " +
+                         variant + "}\n");
+    return read_experiment(folder_ / "variants.yaml");
+  }
+  Variant read_variant(const std::string& keys) const { return with(keys).variants.at(0); }
+  std::string refused(const std::string& keys) const {
+    return tests::refusal_of([&] { with(keys); });
+  }
+};
+
+TEST_F(Variants, APlaceWithASourceIsAWholeOneElseItsKeysAreChanges) {
+  const Variant coarser = read_variant("place: {error: 2}");
+  ASSERT_TRUE(coarser.place);
+  EXPECT_EQ(coarser.place->error_m, 2.0);
+  EXPECT_EQ(coarser.place->size, geometry::Vec3(4, 5, 6));
+  EXPECT_EQ(coarser.render.source, "stadium:world");
+  EXPECT_NE(coarser.sections.at("place"), with("seed: 1").sections.at("place"));
+  const Variant other = read_variant("place: {source: stadium:twin}");
+  EXPECT_EQ(other.place->source, "stadium:twin");
+  EXPECT_EQ(other.place->error_m, 0.0);
+  EXPECT_FALSE(other.place->size);
+  EXPECT_EQ(other.place->seed, 3U);
+  EXPECT_EQ(other.render.source, "") << "the flight's own tiles were of the other place";
+  const Variant moved = read_variant("place: {center: [10, 20], size: [7, 8, 9]}");
+  EXPECT_FALSE(moved.place->center_local);
+  EXPECT_EQ(moved.place->center->latitude_deg, 10.0);
+}
+
+TEST_F(Variants, VoxelOdometryAndSeedAreChanged) {
+  const Variant variant = read_variant("voxel: 0.25, seed: 8, odometry: {command: 'slam {dataset} {out}'}");
+  EXPECT_EQ(variant.voxel_m, 0.25);
+  EXPECT_EQ(variant.seed, 8U);
+  EXPECT_EQ(variant.odometry->command, "slam {dataset} {out}");
+  EXPECT_FALSE(variant.odometry->track_options.colmap) << "the section replaces the experiment's";
+  EXPECT_EQ(variant.odometry->runs, 1);
+  EXPECT_EQ(variant.yaml_text, "") << "the flight is the same";
+  EXPECT_EQ(read_variant("odometry: {runs: 5}").sections.at("odometry"),
+            read_variant("odometry: {runs: 1}").sections.at("odometry"));
+  EXPECT_NE(read_variant("resolution: [64, 48], seed: 8").yaml_text, "");
+}
+
+TEST_F(Variants, UnknownKeysNameTheNearest) {
+  EXPECT_THAT(refused("voxl: 2"), HasSubstr("voxel"));
+  EXPECT_THAT(refused("odometry: {comand: x}"), HasSubstr("command"));
+  EXPECT_THAT(refused("place: {eror: 2}"), HasSubstr("error"));
+  EXPECT_THAT(refused("voxel: 0"), HasSubstr("voxel"));
+  EXPECT_THAT(refused("seed: one"), HasSubstr("seed"));
+  EXPECT_THAT(refused("place: {center: [1, 2]}"), HasSubstr("goes together with"));
+  EXPECT_THAT(refused("place: tiles"), HasSubstr("place"));
+}
+
+TEST_F(ExperimentFile, ACameraOfSeveralIsNamed) {
+  EXPECT_EQ(ingest("").camera_id, "");
+  EXPECT_EQ(ingest(", camera_id: cam1").camera_id, "cam1");
+  EXPECT_EQ(ingest(", camera_id: 2").camera_id, "2");
+}
+
+}  // namespace
+}  // namespace tileflight::experiment::experiment_file_test

@@ -1,0 +1,117 @@
+#include "tileflight/experiments/experiment/results.h"
+
+#include <nlohmann/json.hpp>
+
+#include "tileflight/core/base/files.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/json_file.h"
+#include "tileflight/data/dataset/dataset.h"
+#include "tileflight/core/base/doubts_json.h"
+#include "tileflight/evaluation/metrics/published_results.h"
+#include "tileflight/experiments/experiment/repetition.h"
+#include "tileflight/world/place/extract.h"
+#include "tileflight/core/base/version.h"
+#include "tileflight/evaluation/scoring/doubts.h"
+
+namespace tileflight::experiment {
+namespace fs = std::filesystem;
+namespace {
+
+using nlohmann::json;
+
+/// Describes the dataset: number of frames, field of view, resolution, frame rate, duration.
+json describe_dataset(const fs::path& folder) {
+  const dataset::Dataset data = dataset::read_dataset(folder);
+  const imaging::Camera& camera = data.calibration.camera;
+  const double duration_s = data.frames.back().time_s - data.frames.front().time_s;
+  const double intervals = static_cast<double>(data.frames.size()) - 1.0;
+  return {{"frames", data.frames.size()},
+          {"fov_deg", camera.horizontal_fov_deg()},
+          {"resolution", {camera.width(), camera.height()}},
+          {"fps", duration_s > 0 ? intervals / duration_s : 0.0},
+          {"duration_s", duration_s}};
+}
+
+json describe_flight(const FlightConfig& flight, const fs::path& folder, const std::vector<OdometryRun>& runs,
+                     const StageCache& cache) {
+  json result = base::read_json(folder / "metrics.json");
+  result.update(describe_dataset(folder / "dataset"));
+  result["kind"] = flight.kind;
+  result["odometry"] = base::read_json(folder / "odometry/odometry.json");
+  result["alignment"] = base::read_json(folder / "transform.json");
+  result["runs"] = describe_runs(runs, cache);
+  return result;
+}
+
+json describe_inputs(const Experiment& experiment, const StageCache& cache) {
+  json inputs = json::array();
+  for (const fs::path& file : input_files(experiment)) {
+    inputs.push_back({{"path", file.string()}, {"sha256", cache.content_hash(file)}});
+  }
+  return inputs;
+}
+
+/// Doubts of all flights' scores, each under its flight's name; those about the truth once.
+Doubts all_doubts(const Pipeline& pipeline, const fs::path& run) {
+  Doubts doubts = scoring::truth_doubts(place::read_extract_json(run / "truth"));
+  for (const FlightStages& f : pipeline.flights()) {
+    Doubts own = scoring::read_doubts(f.folder / "metrics.json");
+    std::erase_if(own, [](const Doubt& doubt) { return doubt.where == "truth"; });
+    scoring::append_distinct(doubts, scoring::prefix_with_flight(std::move(own), f.name));
+  }
+  return doubts;
+}
+
+}  // namespace
+
+std::vector<fs::path> input_files(const Experiment& experiment) {
+  std::vector<fs::path> files{experiment.file};
+  const auto add = [&files](const fs::path& file) {
+    if (!file.empty() && fs::exists(file)) files.push_back(file);
+  };
+  add(experiment.place.source);
+  add(experiment.odometry.track_options.mask);
+  for (const fs::path& file : command_input_files(experiment)) add(file);
+  for (const auto* flight : {&experiment.simulated, &experiment.real}) {
+    if (!flight->has_value()) continue;
+    if ((*flight)->render) {
+      add((*flight)->render->flight);
+      add((*flight)->render->source);
+    }
+    if ((*flight)->ingest) {
+      for (const fs::path& file :
+           {(*flight)->ingest->video, (*flight)->ingest->camera, (*flight)->ingest->telemetry, (*flight)->ingest->imu,
+            (*flight)->ingest->imu_noise, (*flight)->ingest->groundtruth}) {
+        add(file);
+      }
+    }
+  }
+  return files;
+}
+
+nlohmann::json collect_results(const Experiment& experiment, const Pipeline& pipeline, const StageCache& cache) {
+  const fs::path& run = cache.run_folder();
+  const json truth = place::read_extract_json(run / "truth");
+  json results{{"name", experiment.name}, {"paper", metrics::published_table()}, {"truth", truth}};
+  for (const FlightStages& f : pipeline.flights())
+    results[f.name] = describe_flight(f.flight, f.folder, pipeline.runs(f), cache);
+  results["comparison"] =
+      experiment.simulated && experiment.real ? base::read_json(run / "comparison.json") : json(nullptr);
+  results["failure"] = experiment.simulated && experiment.real ? base::read_json(run / "failure.json") : json(nullptr);
+  const bool follows =
+      experiment.simulated && experiment.simulated->render && experiment.simulated->render->follows_real;
+  results["reproduction"] = follows ? base::read_json(run / "reproduction.json") : json(nullptr);
+  results["doubts"] = to_json(all_doubts(pipeline, run));
+  results["provenance"] = {{"version", base::version()},
+                           {"commit", base::commit()},
+                           {"seed", experiment.seed},
+                           {"command", "tileflight run " + experiment.file.string() + " --out " + run.string()},
+                           {"inputs", describe_inputs(experiment, cache)},
+                           {"cut_sha256", truth.at("cut_sha256")},
+                           {"attribution", truth.at("attribution")},
+                           {"terms_accepted", truth.value("terms_accepted", false)},
+                           {"seconds", cache.seconds()}};
+  return results;
+}
+
+}  // namespace tileflight::experiment

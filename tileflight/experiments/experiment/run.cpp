@@ -1,0 +1,211 @@
+#include "tileflight/experiments/experiment/run.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "tileflight/core/base/files.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/output_folder.h"
+#include "tileflight/experiments/experiment/ablation.h"
+#include "tileflight/experiments/experiment/folder_cache.h"
+#include "tileflight/experiments/experiment/pipeline.h"
+#include "tileflight/experiments/experiment/repetition.h"
+#include "tileflight/experiments/experiment/results.h"
+#include "tileflight/experiments/experiment/run_folder.h"
+#include "tileflight/experiments/experiment/stage_cache.h"
+#include "tileflight/world/place/extract.h"
+#include "tileflight/core/base/version.h"
+#include "tileflight/experiments/report/report.h"
+#include "tileflight/evaluation/scoring/align_stage.h"
+#include "tileflight/evaluation/scoring/compare_maps.h"
+#include "tileflight/evaluation/scoring/evaluate.h"
+#include "tileflight/evaluation/scoring/failure_prediction.h"
+#include "tileflight/capture/ingest/ingest_stage.h"
+#include "tileflight/capture/ingest/ingest_stage.h"
+#include "tileflight/capture/recording/followed_flight.h"
+#include "tileflight/capture/recording/render_stage.h"
+#include "tileflight/capture/recording/reproduction.h"
+#include "tileflight/slam/odometry/track.h"
+#include "tileflight/tiles/fetch/url_secrets.h"
+
+namespace tileflight::experiment {
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+namespace {
+
+/// Runs odometry on a flight's dataset: the built-in one or the experiment's command.
+void run_odometry_stage(const Experiment& experiment, const fs::path& dataset, const OdometryRun& run,
+                        const Progress& progress) {
+  const OdometryConfig& settings = experiment.odometry;
+  fs::create_directories(run.folder);
+  const fs::path pictures = run.folder / "keyframe_pictures";
+  if (!settings.debug_pictures && fs::exists(pictures)) base::remove_output(pictures);
+  if (!settings.command.empty()) {
+    odometry::track_with_command(dataset, run.folder / "odometry", true, settings.command,
+                               fs::absolute(experiment.file).parent_path());
+    return;
+  }
+  odometry::TrackOptions extras = settings.track_options;
+  if (settings.debug_pictures) extras.debug_pictures = pictures;
+  if (run.is_repeat) extras.check_reversed = false;  // a repeated run already has a fixed direction
+  odometry::track(dataset, run.folder / "odometry", true, run.options, run.frames, progress, extras);
+}
+
+/// Runs the stages of a flight if necessary, each with its inputs, its products and the function that executes it.
+class FlightStageRunner {
+ public:
+  FlightStageRunner(const Experiment& experiment, const Pipeline& pipeline, StageCache& cache,
+                    const RunOptions& options, const Progress& progress)
+      : experiment_(experiment),
+        pipeline_(pipeline),
+        cache_(cache),
+        options_(options),
+        folder_(cache.run_folder()),
+        progress_(progress) {}
+
+  void make_dataset(const FlightStages& f) const {
+    if (f.flight.render && f.flight.render->follows_real) {
+      cache_.run_stage(f.name + "/flight", pipeline_.followed_inputs(), {f.name + "/flight"}, [&] {
+        recording::write_followed_flight(folder_ / "real", f.flight.render->smoothing, f.folder / "flight");
+      });
+    }
+    cache_.run_stage(f.name + "/dataset", pipeline_.dataset_inputs(f), {f.name + "/dataset"}, [&] {
+      if (f.flight.render) {
+        recording::RenderSettings settings = pipeline_.render_settings(f);
+        settings.fly_autopilot = options_.fly_autopilot;
+        recording::render_dataset(settings, f.folder / "dataset", true, progress_);
+      }
+      if (f.flight.ingest)
+        ingest::ingest_dataset(*f.flight.ingest, folder_ / "truth", f.folder / "dataset", true, progress_);
+    });
+  }
+
+  void track(const FlightStages& f) const {
+    remove_stale_runs(f.folder, pipeline_.runs(f));
+    for (const OdometryRun& r : pipeline_.runs(f)) {
+      run_repetition(r, [&] {
+        cache_.run_stage(r.name + "/odometry", pipeline_.odometry_inputs(f, r), pipeline_.odometry_products(r),
+                         [&] { run_odometry_stage(experiment_, f.folder / "dataset", r, progress_); });
+        require_tracked_frames(r, f.folder / "dataset");
+      });
+    }
+  }
+
+  void align_and_score(const FlightStages& f) const {
+    for (const OdometryRun& r : pipeline_.runs(f)) {
+      if (!cache_.is_done(r.name + "/odometry")) continue;  // a repeated run that failed
+      run_repetition(r, [&] {
+        require_tracked_frames(r, f.folder / "dataset");
+        scoring::MapInputs map = scoring::find_map_inputs(r.folder / "odometry", f.folder / "dataset");
+        map.others = pipeline_.other_flights_maps(f);
+        const fs::path transform = r.folder / "transform.json";
+        cache_.run_stage(r.name + "/alignment", pipeline_.alignment_inputs(f, r), {r.name + "/transform.json"},
+                         [&] { scoring::align(map, folder_ / "truth", experiment_.alignment, transform, progress_); });
+        cache_.run_stage(r.name + "/evaluation", pipeline_.evaluation_inputs(r), pipeline_.evaluation_products(r), [&] {
+          scoring::evaluate(map, folder_ / "truth", transform, experiment_.evaluation, r.folder / "metrics.json",
+                            progress_);
+        });
+      });
+    }
+  }
+
+ private:
+  const Experiment& experiment_;
+  const Pipeline& pipeline_;
+  StageCache& cache_;
+  const RunOptions& options_;
+  fs::path folder_;
+  const Progress& progress_;
+};
+
+/// Writes the built-in place, or takes it from those that runs share.
+void make_place(const Pipeline& pipeline, StageCache& cache, const RunOptions& options, const Progress& progress) {
+  const fs::path place = cache.run_folder() / "place";
+  const FolderCache shared(options.truth_cache, shared_places(), options.rerun_all, progress);
+  const std::string key = pipeline.place_key();
+  cache.run_stage(
+      "place", pipeline.place_inputs(), {"place"},
+      [&] { shared.make(key, place, [&](const fs::path& to) { pipeline.build_place(to, progress); }); },
+      [&] { return shared.take(key, place); });
+}
+
+/// Extracts the truth, or takes it from those that runs share.
+void make_truth(const Pipeline& pipeline, StageCache& cache, const RunOptions& options, const Progress& progress) {
+  const fs::path truth = cache.run_folder() / "truth";
+  const place::ExtractSettings settings = pipeline.extract_settings();
+  const SharedKind truths = shared_truths(fetch::redact_source(settings.source));
+  const FolderCache shared(options.truth_cache, truths, options.rerun_all, progress);
+  const std::string key = options.truth_cache.empty() ? "" : pipeline.truth_key();
+  cache.run_stage(
+      "truth", pipeline.truth_inputs(), {"truth"},
+      [&] { shared.make(key, truth, [&](const fs::path& to) { place::extract(settings, to, true, progress); }); },
+      [&] { return shared.take(key, truth); });
+}
+
+/// Prefixes a variant's stages with its name.
+StageListener prefix_listener(const Variant& variant, const StageListener& listener) {
+  if (!listener) return {};
+  return [&variant, &listener](StageEvent news) {
+    news.stage = "variants/" + variant.name + "/" + news.stage;
+    listener(news);
+  };
+}
+
+}  // namespace
+
+// The pipeline. A stage is skipped if its inputs (settings, file contents, keys of earlier stages) are unchanged.
+nlohmann::json run(const Experiment& e, const fs::path& folder, const Progress& progress, const RunOptions& options) {
+  const RunFolder own(folder);
+  if (options.rerun_all) invalidate_stages(folder);
+  StageCache cache(folder, base::program_fingerprint(), own.hash_cache_file(), options.listener, options.original);
+  const Pipeline p(e, folder, cache);
+
+  if (p.uses_built_in_place()) make_place(p, cache, options, progress);
+  make_truth(p, cache, options, progress);
+
+  const FlightStageRunner flight(e, p, cache, options, progress);
+  const bool follows = p.simulated_follows_real();
+  for (const FlightStages& f : p.flights()) {
+    const bool is_followed = follows && f.name == "real";
+    if (!options.flights.empty() && !is_followed && !std::ranges::count(options.flights, f.name)) continue;
+    flight.make_dataset(f);
+    if (options.until_datasets && !is_followed) continue;
+    flight.track(f);
+    if (follows) flight.align_and_score(f);  // the following flight needs the pose of the followed one
+  }
+  if (options.until_datasets) return nullptr;
+  // Choosing regions for the alignment requires the points of both flights.
+  if (!follows) std::ranges::for_each(p.flights(), [&](const FlightStages& f) { flight.align_and_score(f); });
+  if (follows) {
+    cache.run_stage("reproduction", p.reproduction_inputs(), {"reproduction.json", "reproduction.csv"},
+                    [&] { recording::measure_reproduction(folder, progress); });
+  }
+  if (e.simulated && e.real) {
+    cache.run_stage("comparison", p.comparison_inputs(), {"comparison.json"}, [&] {
+      const json c = scoring::compare_flights(scored_metrics_files(p.find_runs("simulated")),
+                                              scored_metrics_files(p.find_runs("real")), e.evaluation, e.seed);
+      base::write_file(folder / "comparison.json", c.dump(2) + "\n");
+    });
+    cache.run_stage("failure", p.failure_inputs(), {"failure.json"},
+                    [&] { scoring::predict_failure(folder, e.evaluation, follows, e.seed); });
+  }
+  json results = collect_results(e, p, cache);
+  if (!e.variants.empty()) {
+    results["ablation"] =
+        run_variants(e.variants, results, folder, [&](const Variant& variant, const fs::path& its_folder) {
+          return run(p.make_variant(variant), its_folder, progress,
+                     {.listener = prefix_listener(variant, options.listener),
+                      .original = folder,
+                      .truth_cache = options.truth_cache,
+                      .fly_autopilot = options.fly_autopilot});
+        });
+  }
+  base::write_file(folder / "results.json", results.dump(2) + "\n");
+  cache.run_stage("report", {{"results", base::sha256_hex(results.dump())}},
+                  {"report.html", "report.json", "tables/key-figures.csv", "tables/key-figures.tex"},
+                  [&] { report::write_report(folder); });
+  return results;
+}
+
+}  // namespace tileflight::experiment

@@ -1,0 +1,227 @@
+#include "tileflight/experiments/report/key_figures.h"
+
+#include <cmath>
+#include <functional>
+#include <nlohmann/json.hpp>
+
+#include "tileflight/core/base/text_fields.h"
+#include "tileflight/experiments/report/doubts_panel.h"
+#include "tileflight/experiments/report/map_comparison_tables.h"
+#include "tileflight/core/drawing/number_format.h"
+
+namespace tileflight::report {
+namespace {
+
+using nlohmann::json;
+using KeyFigureFormatter = std::function<std::string(const FlightColumn&)>;
+
+std::vector<FlightColumn> columns_of(const json& results) {
+  std::vector<FlightColumn> columns;
+  const json paper = results.value("paper", json::object());
+  for (const char* key : {"simulated", "real"}) {
+    if (paper.contains(key))
+      columns.push_back({key, key == std::string("real") ? "Real" : "Simulated", true, paper[key]});
+  }
+  for (const char* key : {"simulated", "real"}) {
+    if (results.contains(key) && results[key].is_object()) {
+      columns.push_back({key, flight_label(key, results[key]), false, results[key]});
+    }
+  }
+  return columns;
+}
+
+/// The paper's table may hold its numbers directly or under `map`, as metrics.json does.
+std::optional<double> map_number(const FlightColumn& column, const std::string& key) {
+  const std::optional<double> nested = drawing::number_at(column.values, "/map/" + key);
+  return nested ? nested : drawing::number_at(column.values, "/" + key);
+}
+
+std::string resolution(const FlightColumn& column) {
+  const std::optional<double> width = drawing::number_at(column.values, "/resolution/0"),
+                              height = drawing::number_at(column.values, "/resolution/1");
+  return width && height ? drawing::format_shortest(width) + "\u00D7" + drawing::format_shortest(height) : drawing::kUnknown;
+}
+
+std::optional<double> ratio(const std::optional<double>& part, const std::optional<double>& whole) {
+  return part && whole && *whole > 0 ? std::optional(*part / *whole) : std::nullopt;
+}
+
+std::optional<double> share_kept(const FlightColumn& column) {
+  return ratio(map_number(column, "correspondences"), map_number(column, "points"));
+}
+
+/// A value of a map from thresholds to shares; thresholds are written as "0.5" or "0.500000".
+std::optional<double> at_threshold(const json& values, const std::string& key, double threshold_m) {
+  const json::json_pointer place("/surface/" + key);
+  if (!values.contains(place) || !values.at(place).is_object()) return std::nullopt;
+  for (const auto& [name, value] : values.at(place).items()) {
+    if (value.is_number() && std::abs(std::strtod(name.c_str(), nullptr) - threshold_m) < 1e-9)
+      return value.get<double>();
+  }
+  return std::nullopt;
+}
+
+std::optional<double> path_error_m(const FlightColumn& column) {
+  return drawing::number_at(column.values, "/trajectory/ate_rmse");
+}
+
+KeyFigureRow row(const std::string& label, const std::vector<FlightColumn>& columns, const KeyFigureFormatter& cell) {
+  KeyFigureRow result{label, {}};
+  for (const FlightColumn& column : columns) result.cells.push_back(cell(column));
+  return result;
+}
+
+std::vector<KeyFigureRow> published_rows(const std::vector<FlightColumn>& columns) {
+  const auto map_count = [](const char* key) {
+    return [key](const FlightColumn& c) { return drawing::format_count(map_number(c, key)); };
+  };
+  const auto map_metres = [](const char* key) {
+    return [key](const FlightColumn& c) { return drawing::format_fixed(map_number(c, key), 4); };
+  };
+  const auto plain = [](const char* key, int digits) {
+    return [key, digits](const FlightColumn& c) {
+      const std::optional<double> value = drawing::number_at(c.values, key);
+      return value ? drawing::format_shortest(std::round(*value * std::pow(10, digits)) / std::pow(10, digits)) : drawing::kUnknown;
+    };
+  };
+  return {row("Map points", columns, map_count("points")),
+          row("Correspondences in cut-off", columns, map_count("correspondences")),
+          row("Mean error, m", columns, map_metres("mean")),
+          row("Standard deviation, m", columns, map_metres("std")),
+          row("Field of view, \u00B0", columns, plain("/fov_deg", 1)),
+          row("Resolution, px", columns, resolution),
+          row("Frame rate, fps", columns, plain("/fps", 2)),
+          row("Frames", columns, [](const FlightColumn& c) { return drawing::format_count(drawing::number_at(c.values, "/frames")); })};
+}
+
+std::vector<KeyFigureRow> further_rows(const std::vector<FlightColumn>& columns) {
+  return {
+      row("Floor: mean of a perfect map, m", columns,
+          [](const FlightColumn& c) { return drawing::format_fixed(drawing::number_at(c.values, "/map/quantization_floor/mean"), 4); }),
+      row("Share of points in cut-off", columns, [](const FlightColumn& c) { return drawing::format_percent(share_kept(c)); }),
+      row("Median to the exact surface, m", columns,
+          [](const FlightColumn& c) { return drawing::format_fixed(drawing::number_at(c.values, "/surface/median"), 4); }),
+      row("F-score at 0.5 m", columns,
+          [](const FlightColumn& c) { return drawing::format_percent(at_threshold(c.values, "f_score", 0.5)); }),
+      row("Path error (ATE), m", columns, [](const FlightColumn& c) { return drawing::format_fixed(path_error_m(c), 3); }),
+      row("Path error, share of the path", columns, [](const FlightColumn& c) {
+        return drawing::format_percent(ratio(path_error_m(c), drawing::number_at(c.values, "/trajectory/path_length")), 2);
+      })};
+}
+
+bool has_flag(const json& flight, const std::string& pointer, bool value) {
+  const json::json_pointer place(pointer);
+  return flight.contains(place) && flight.at(place).is_boolean() && flight.at(place).get<bool>() == value;
+}
+
+/// Caveats about a flight's numbers as further sentences, for results whose writer listed no doubts.
+std::string unlisted_doubts(const json& results, const char* flight, const std::string& label) {
+  if (results.contains("doubts") || !results.contains(flight)) return "";
+  std::string sentences;
+  if (has_flag(results[flight], "/odometry/lost", true))
+    sentences += " Tracking of the " + label + " flight was lost before its end.";
+  if (has_flag(results[flight], "/alignment/converged", false))
+    sentences += " The alignment of the " + label + " map did not converge.";
+  return sentences;
+}
+
+/// The number of doubts that accompany a verdict; empty if there are none.
+std::string remark_on_doubts(const json& results) {
+  const std::size_t doubts = doubt_lines(results).size();
+  if (doubts == 0) return "";
+  return doubts == 1 ? " There is one doubt about it." : " There are " + std::to_string(doubts) + " doubts about it.";
+}
+
+/// "mean 0.5569 m simulated, 0.5769 m surrogate, a difference of -0.0200 m (95 % interval -0.03 to -0.01 m)". If runs
+/// were compared, the means are those over the runs, consistent with the difference.
+std::string means_of(const json& results, const std::string& second) {
+  const json comparison = results.value("comparison", json());
+  const bool of_runs = drawing::text_at(comparison, "/unit").value_or("") == "runs";
+  const std::string mean = of_runs ? "/runs/spread/map/mean/mean" : "/map/mean";
+  const auto over_runs = [&](const char* flight) {
+    return of_runs ? " over " + drawing::format_count(drawing::number_at(comparison, std::string("/runs/") + flight)) + " runs"
+                   : std::string();
+  };
+  const auto difference = drawing::number_at(comparison, "/mean_difference"),
+             low = drawing::number_at(comparison, "/mean_difference_ci95/0"),
+             high = drawing::number_at(comparison, "/mean_difference_ci95/1");
+  std::string words = "mean " + drawing::format_fixed(drawing::number_at(results, "/simulated" + mean), 4) + " m simulated" +
+                      over_runs("simulated") + ", " + drawing::format_fixed(drawing::number_at(results, "/real" + mean), 4) + " m " +
+                      second + over_runs("real");
+  if (difference) words += ", a difference of " + drawing::format_signed(difference, 4) + " m";
+  if (difference && low && high)
+    words += " (95 % interval " + drawing::format_signed(low, 4) + " to " + drawing::format_signed(high, 4) + " m)";
+  return words;
+}
+
+std::string verdict_of_two(const json& results, const std::string& second) {
+  const json comparison = results.value("comparison", json());
+  const std::string by_published = ". By the published measure, distance to voxel centres: ";
+  if (const std::string withheld = withheld_verdict_text(results, second); !withheld.empty())
+    return withheld + by_published + means_of(results, second) + ".";
+  if (has_map_comparison(comparison))
+    return map_comparison_claim(comparison, second) + by_published + means_of(results, second) + "." +
+           remark_on_doubts(results);
+  const std::string what = "the " + second + " flight's map error within " +
+                           drawing::format_shortest(drawing::number_at(comparison, "/equivalence_margin_m").value_or(0.05)) + " m";
+  const std::string word = drawing::text_at(comparison, "/verdict").value_or("");
+  std::string claim = "The maps of both flights are scored";
+  if (word == "equivalent") claim = "Simulation predicted " + what;
+  if (word == "different") claim = "Simulation did not predict " + what;
+  if (word == "undecided") claim = "Inconclusive: the data do not decide whether simulation predicts " + what;
+  return claim + ": " + means_of(results, second) + "." + remark_on_doubts(results);
+}
+
+}  // namespace
+
+std::string flight_label(const std::string& key, const nlohmann::json& flight) {
+  if (key == "simulated") return "Simulated";
+  const std::string kind = drawing::text_at(flight, "/kind").value_or("");
+  if (kind == "video") return "Real";
+  return kind == "surrogate" ? "Surrogate" : "Second flight";
+}
+
+KeyFigures key_figures(const nlohmann::json& results) {
+  KeyFigures figures;
+  figures.columns = columns_of(results);
+  figures.as_published = published_rows(figures.columns);
+  figures.additional = further_rows(figures.columns);
+  return figures;
+}
+
+std::string remark_on_floor(const nlohmann::json& results) {
+  bool any = false, below = false;
+  for (const char* key : {"/simulated", "/real"}) {
+    const auto mean = drawing::number_at(results, std::string(key) + "/map/mean"),
+               floor = drawing::number_at(results, std::string(key) + "/map/quantization_floor/mean");
+    any = any || floor;
+    below = below || (mean && floor && *mean < *floor);
+  }
+  if (!any) return "";
+  return std::string(
+             "The floor is the mean error of points that lie exactly on the true surface: it is not zero because "
+             "surfaces do not pass through the centres of voxels.") +
+         (below ? " A mean below the floor is not more accurate: the alignment moved the map from the surface towards "
+                  "the voxel centres."
+                : "");
+}
+
+std::string verdict(const nlohmann::json& results) {
+  const bool has_simulated = drawing::number_at(results, "/simulated/map/mean").has_value();
+  const bool has_second = drawing::number_at(results, "/real/map/mean").has_value();
+  const std::string second = has_second ? base::to_lower(flight_label("real", results["real"])) : "";
+  std::string sentence = "This run has no scored map.";
+  if (has_simulated && has_second) {
+    sentence = verdict_of_two(results, second);
+  } else if (has_simulated || has_second) {
+    const json& flight = results[has_simulated ? "simulated" : "real"];
+    sentence = "The " + (has_simulated ? "simulated" : second) + " flight's map has a mean error of " +
+               drawing::format_fixed(drawing::number_at(flight, "/map/mean"), 4) + " m; there is no second flight to compare it with.";
+  }
+  sentence += unlisted_doubts(results, "simulated", "simulated");
+  if (results.contains("real"))
+    sentence += unlisted_doubts(results, "real", base::to_lower(flight_label("real", results["real"])));
+  return sentence;
+}
+
+}  // namespace tileflight::report

@@ -1,0 +1,54 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace tileflight::study {
+
+/// The score of one run, 0 (useless, failed) to 1; nullopt: it has none (not applicable, no map for a map's score).
+struct ScoredRun {
+  std::string system;
+  std::string place;
+  std::string flight;  ///< place, camera and flight, joined: one column of the matrix of scores
+  bool is_simulated = false;
+  std::optional<double> score;
+};
+
+/// A system's mean score with its interval.
+struct RankedSystem {
+  std::string system;
+  std::optional<double> score;  ///< mean over flights of the means over repetitions; nullopt: no score at all
+  /// 95 % by Student's t over the places' means, or over repetitions if there is a single place; clipped to 0 and 1;
+  /// nullopt: too few values, or all are equal.
+  std::optional<std::array<double, 2>> interval;
+  std::string interval_over = "none";  ///< "places" or "repetitions"
+  std::size_t flights = 0;             ///< with a score
+  std::size_t places = 0;
+};
+
+/// Best first; systems without a score last, by name. A system's mean covers only the flights on which it has a score;
+/// `flights` is their number.
+std::vector<RankedSystem> rank_systems(const std::vector<ScoredRun>& runs);
+
+/// Agreement of two rankings, in simulation and on the second flights, of the systems that have a score on both.
+struct RankAgreement {
+  std::size_t systems = 0;
+  std::optional<double> tau_b;
+  std::array<std::optional<double>, 2> interval{};
+  std::string method = "none";                      ///< of the interval (metrics::TauInterval)
+  std::map<std::string, std::array<int, 2>> ranks;  ///< by system: rank in simulation, on the second flights (from 1)
+};
+
+/// Only places with flights of both kinds count: another place may have another order. nullopt: fewer than two systems
+/// have a score on both.
+std::optional<RankAgreement> compare_ranks(const std::vector<ScoredRun>& runs, std::uint64_t seed);
+
+nlohmann::json to_json(const std::vector<RankedSystem>& ranking);
+nlohmann::json to_json(const RankAgreement& agreement);
+
+}  // namespace tileflight::study

@@ -1,0 +1,266 @@
+#include "tileflight/experiments/study/study_results.h"
+
+#include <algorithm>
+#include <fstream>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "tileflight/core/base/files.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/json_file.h"
+#include "tileflight/core/base/number_text.h"
+#include "tileflight/experiments/study/study_page.h"
+#include "tileflight/experiments/study/study_ranking.h"
+#include "tileflight/experiments/study/study_tables.h"
+
+namespace tileflight::study {
+namespace fs = std::filesystem;
+namespace {
+
+using nlohmann::json;
+
+constexpr const char* kNotRunYet = "not run yet";
+constexpr const char* kNotScoredYet = "not scored yet";
+
+json at(const json& object, const char* pointer) {
+  const json::json_pointer where(pointer);
+  return object.contains(where) ? object.at(where) : json(nullptr);
+}
+
+/// A threshold as metrics.json writes it, "0.2".
+std::string threshold_key(double threshold_m) { return base::fixed_text(threshold_m); }
+
+std::string first_line(const fs::path& file) {
+  std::ifstream stream(file);
+  std::string line;
+  std::getline(stream, line);
+  return line;
+}
+
+/// What the system's own run says.
+void add_system_results(const json& odometry, json& run) {
+  const json& system = odometry.at("system");
+  run["applicable"] = system.at("applicable");
+  run["completed"] = system.at("completed");
+  run["reason"] = system.at("reason");
+  run["version"] = at(system, "/version");
+  run["frames"] = odometry.at("frames");
+  run["frames_tracked"] = odometry.at("frames_tracked");
+  run["points"] = odometry.at("points");
+  for (const char* key : {"seconds", "cpu_seconds", "peak_memory_mb", "exit_status", "visible_share", "handed_lens",
+                          "lens", "notes", "threads"})
+    run[key] = at(system, ("/" + std::string(key)).c_str());
+}
+
+/// Whether it is likely that the map does not lie where it belongs.
+bool has_doubted_place(const json& doubts) {
+  return std::ranges::any_of(doubts, [](const json& doubt) {
+    return doubt.at("where") == "alignment" && (doubt.at("how_sure") == "certain" || doubt.at("how_sure") == "likely");
+  });
+}
+
+void add_scores(const json& metrics, double threshold_m, json& run) {
+  const std::string threshold = threshold_key(threshold_m);
+  run["ate_rmse"] = at(metrics, "/trajectory/ate_rmse");
+  run["path_length"] = at(metrics, "/trajectory/path_length");
+  for (const char* share : {"accuracy", "completeness", "f_score"})
+    run[share] = at(metrics, ("/surface/" + std::string(share) + "/" + threshold).c_str());
+  run["surface_median"] = at(metrics, "/surface/median");
+  run["awd"] = at(metrics, "/wasserstein/awd");
+  run["scs"] = at(metrics, "/wasserstein/scs");
+  run["alignment_metres"] = at(metrics, "/error_budget/alignment/metres");
+  run["doubts"] = metrics.value("doubts", json::array());
+  run["place_doubted"] = has_doubted_place(run["doubts"]);
+  if (run["place_doubted"] == false) return;
+  // A map that shrank onto the surface, or lies on another part of it, is near it: that tells nothing of the map. The
+  // F-score stays: of the surface that the camera saw, such a map covers nothing.
+  for (const char* key : {"surface_median", "accuracy", "completeness", "awd", "scs"}) run[key] = nullptr;
+}
+
+json describe_run(const fs::path& folder, const json& plan, const json& planned) {
+  const json& flight = plan.at("flights").at(planned.at("flight").get<std::size_t>());
+  json run{{"system", planned.at("system")},
+           {"place", flight.at("place")},
+           {"camera", flight.at("camera")},
+           {"flight", flight.at("flight")},
+           {"repetition", planned.at("repetition")},
+           {"seed", planned.at("seed")},
+           {"folder", planned.at("folder")},
+           {"dataset", flight.at("dataset")},
+           {"applicable", true},
+           {"completed", false},
+           {"reason", kNotRunYet}};
+  for (const char* key : {"frames", "frames_tracked", "ate_rmse", "accuracy", "completeness", "f_score", "seconds",
+                          "cpu_seconds", "peak_memory_mb", "surface_median", "alignment_metres"})
+    run[key] = nullptr;
+  run["doubts"] = json::array();
+  run["place_doubted"] = false;
+  const fs::path place = folder / planned.at("folder").get<std::string>();
+  if (!fs::exists(place / "odometry/odometry.json")) return run;
+  add_system_results(base::read_json(place / "odometry/odometry.json"), run);
+  if (fs::exists(place / "metrics.json"))
+    add_scores(base::read_json(place / "metrics.json"), plan.at("threshold_m"), run);
+  const std::string fault = fs::exists(place / "scores.txt") ? first_line(place / "scores.txt") : kNotScoredYet;
+  run["not_scored"] = fault;
+  if (run["completed"] == true && !fault.empty()) run["reason"] = fault;
+  return run;
+}
+
+bool is_installed(const json& plan, const json& run) {
+  return plan.at("systems").at(run.at("system").get<std::string>()).at("installed");
+}
+
+/// Share of the dataset's frames that have a pose.
+double tracked_share(const json& run) {
+  const double frames = run.at("frames").get<double>();
+  return frames > 0.0 ? std::min(1.0, run.at("frames_tracked").get<double>() / frames) : 0.0;
+}
+
+/// 0 for a run that failed, or whose map or path cannot be registered; none where there is nothing to score it by. A
+/// frame without a pose scores nothing: the path's error is that of the others, and three poses always fit.
+std::optional<double> score_of(const json& run, const json& plan) {
+  const bool by_path = plan.at("rank_by") == "ate";
+  const bool makes_map = plan.at("systems").at(run.at("system").get<std::string>()).at("map");
+  if (run.at("applicable") == false || !is_installed(plan, run) || (!by_path && !makes_map)) return std::nullopt;
+  if (run.at("reason") == kNotRunYet) return std::nullopt;
+  if (run.at("completed") == false) return 0.0;
+  const json& value = run.at(by_path ? "ate_rmse" : "f_score");
+  const std::string fault = run.at("not_scored");
+  if (value.is_null()) return fault.empty() || fault == kNotScoredYet ? std::nullopt : std::optional(0.0);
+  if (!by_path) return value.get<double>();
+  return tracked_share(run) * std::max(0.0, 1.0 - value.get<double>() / plan.at("ate_limit_m").get<double>());
+}
+
+std::vector<ScoredRun> scored_runs(json& runs, const json& plan) {
+  std::vector<ScoredRun> scored;
+  for (json& run : runs) {
+    const std::optional<double> score = score_of(run, plan);
+    run["score"] = score ? json(*score) : json(nullptr);
+    scored.push_back({.system = run.at("system"),
+                      .place = run.at("place"),
+                      .flight = run.at("camera").get<std::string>() + "/" + run.at("flight").get<std::string>(),
+                      .is_simulated = run.at("flight") == "simulated",
+                      .score = score});
+  }
+  return scored;
+}
+
+/// Runs, failures and lost frames of each system.
+json robustness(const json& runs, const json& plan) {
+  json result = json::object();
+  for (const json& run : runs) {
+    json& system = result[run.at("system").get<std::string>()];
+    if (system.is_null())
+      system = {{"runs", 0},    {"failed", 0}, {"not_applicable", 0},
+                {"not_run", 0}, {"frames", 0}, {"frames_tracked", 0}};
+    const bool was_run = is_installed(plan, run) && run.at("reason") != kNotRunYet;
+    if (run.at("applicable") == false || !was_run) {
+      json& count = system[run.at("applicable") == false ? "not_applicable" : "not_run"];
+      count = count.get<int>() + 1;
+      continue;
+    }
+    system["runs"] = system["runs"].get<int>() + 1;
+    if (run.at("completed") == false) system["failed"] = system["failed"].get<int>() + 1;
+    for (const char* key : {"frames", "frames_tracked"})
+      if (run.at(key).is_number()) system[key] = system[key].get<std::int64_t>() + run.at(key).get<std::int64_t>();
+  }
+  return result;
+}
+
+/// Why none of the completed runs has scores, if that is so: the fault is then hardly the systems'.
+std::string why_nothing_is_scored(const json& runs) {
+  std::string reason;
+  for (const json& run : runs) {
+    if (run.at("completed") == false) continue;
+    const std::string fault = run.at("not_scored");
+    if (fault.empty()) return "";
+    if (reason.empty()) reason = fault;
+  }
+  return reason;
+}
+
+/// By system: number of scored maps, and of those whose place is doubted.
+std::map<std::string, std::pair<int, int>> count_doubted_places(const json& runs) {
+  std::map<std::string, std::pair<int, int>> counts;
+  for (const json& run : runs) {
+    if (run.at("f_score").is_null()) continue;
+    auto& [scored, doubted] = counts[run.at("system")];
+    ++scored;
+    if (run.at("place_doubted") == true) ++doubted;
+  }
+  return counts;
+}
+
+/// What makes the ranking less sure than it looks.
+json ranking_doubts(const json& plan, const json& runs, const std::vector<RankedSystem>& ranking) {
+  json doubts = json::array();
+  const auto add = [&](const std::string& what, const std::string& remedy) {
+    doubts.push_back({{"what", what}, {"where", "ranking"}, {"how_sure", "certain"}, {"what_to_do", remedy}});
+  };
+  if (const std::string fault = why_nothing_is_scored(runs); !fault.empty())
+    add("no run could be scored: " + fault, "mend that, and start the study again");
+  std::size_t places = 0, flights = 0;
+  for (const RankedSystem& system : ranking) {
+    places = std::max(places, system.places);
+    flights = std::max(flights, system.flights);
+  }
+  if (places < 5)
+    add("the ranking rests on " + std::to_string(places) + (places == 1 ? " place" : " places") +
+            ": on another place the order may be another",
+        "add places");
+  for (const RankedSystem& system : ranking) {
+    if (system.score && system.flights < flights)
+      add(system.system + " is judged by " + std::to_string(system.flights) + " of " + std::to_string(flights) +
+              " flights, those it can run on",
+          "compare it on these flights only");
+  }
+  for (const auto& [name, count] : count_doubted_places(runs)) {
+    if (count.second > 0)
+      add(std::to_string(count.second) + " of " + std::to_string(count.first) + " maps of " + name +
+              " may lie in a wrong place, by the doubts of their registration: their distances to the surface are not "
+              "shown, their scores count as they are",
+          "see `doubts` of these runs in study.json");
+  }
+  for (const auto& [name, system] : plan.at("systems").items()) {
+    if (system.at("installed") == false)
+      add(name + " was not run: " + system.at("missing").get<std::string>(), "install it, and start the study again");
+  }
+  return doubts;
+}
+
+}  // namespace
+
+bool is_study_folder(const fs::path& folder) { return fs::exists(folder / "plan.json"); }
+
+json collect_study(const fs::path& folder) {
+  if (!is_study_folder(folder)) throw InputError(folder.string(), "is no folder of `tileflight study`");
+  const json plan = base::read_json(folder / "plan.json");
+  json runs = json::array();
+  for (const json& planned : plan.at("runs")) runs.push_back(describe_run(folder, plan, planned));
+  const std::vector<ScoredRun> scored = scored_runs(runs, plan);
+  const std::vector<RankedSystem> ranking = rank_systems(scored);
+  const std::optional<RankAgreement> agreement = compare_ranks(scored, plan.at("seed"));
+  return {{"name", plan.at("name")},
+          {"rank_by", plan.at("rank_by")},
+          {"threshold_m", plan.at("threshold_m")},
+          {"ate_limit_m", plan.at("ate_limit_m")},
+          {"repetitions", plan.at("repetitions")},
+          {"systems", plan.at("systems")},
+          {"flights", plan.at("flights")},
+          {"except", plan.at("except")},
+          {"runs", runs},
+          {"robustness", robustness(runs, plan)},
+          {"ranking", to_json(ranking)},
+          {"kendall_tau", agreement ? to_json(*agreement) : json(nullptr)},
+          {"doubts", ranking_doubts(plan, runs, ranking)}};
+}
+
+json write_study_report(const fs::path& folder) {
+  const json study = collect_study(folder);
+  base::write_file(folder / "study.json", study.dump(2) + "\n");
+  write_study_tables(study, folder / "tables");
+  base::write_file(folder / "study.html", study_page(study, folder));
+  return study;
+}
+
+}  // namespace tileflight::study

@@ -1,0 +1,20 @@
+#pragma once
+
+#include <filesystem>
+#include <nlohmann/json_fwd.hpp>
+
+#include "tileflight/experiments/report/tables.h"
+
+namespace tileflight::study {
+
+/// The ranking: score with its interval, robustness, medians of error, time and memory of each system.
+report::Table ranking_table(const nlohmann::json& study);
+/// Score of each system on each flight, mean over repetitions.
+report::Table matrix_table(const nlohmann::json& study);
+/// Every run.
+report::Table runs_table(const nlohmann::json& study);
+
+/// Writes ranking, matrix and runs as CSV (RFC 4180) and LaTeX (booktabs) into the folder. Throws InputError.
+void write_study_tables(const nlohmann::json& study, const std::filesystem::path& folder);
+
+}  // namespace tileflight::study

@@ -1,0 +1,16 @@
+#pragma once
+
+#include <functional>
+
+#include "tileflight/live/rpc/method_table.h"
+#include "tileflight/live/rpc/server.h"
+#include "tileflight/live/airsim/levels.h"
+
+namespace tileflight::airsim {
+
+/// All methods that clients may call: AirSim's and the extensions, each a method of the simulator that is served.
+/// `levels` must outlive the table. `statistics`: returns those of the server, for tfStatistics; called from the
+/// threads that answer requests.
+rpc::MethodTable make_method_table(Levels& levels, const std::function<rpc::ServerStatistics()>& statistics);
+
+}  // namespace tileflight::airsim

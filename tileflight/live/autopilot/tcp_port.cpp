@@ -1,0 +1,79 @@
+#include "tileflight/live/autopilot/tcp_port.h"
+
+#include <poll.h>
+
+#include <asio.hpp>
+#include <optional>
+
+#include "tileflight/live/autopilot/socket_wait.h"
+#include "tileflight/core/base/input_error.h"
+
+namespace tileflight::autopilot {
+namespace {
+
+constexpr int kMaxUnread_ms = 1000;
+constexpr std::size_t kChunk_bytes = std::size_t{64} << 10U;
+
+}  // namespace
+
+struct TcpPort::Impl {
+  asio::io_context network{1};
+  asio::ip::tcp::acceptor acceptor{network};
+  std::optional<asio::ip::tcp::socket> peer;
+};
+
+TcpPort::TcpPort(const std::string& address, std::uint16_t port) : impl_(std::make_unique<Impl>()) {
+  const asio::ip::tcp::endpoint endpoint(listening_address(address), port);
+  try {
+    impl_->acceptor.open(endpoint.protocol());
+    impl_->acceptor.set_option(asio::socket_base::reuse_address(true));
+    impl_->acceptor.bind(endpoint);
+    impl_->acceptor.listen();
+    impl_->acceptor.non_blocking(true);
+  } catch (const asio::system_error& fault) {
+    throw InputError("TCP port " + std::to_string(port) + " of " + address,
+                     "cannot listen on it (" + fault.code().message() + "); choose another TcpPort");
+  }
+}
+
+TcpPort::~TcpPort() = default;
+
+std::uint16_t TcpPort::port() const { return impl_->acceptor.local_endpoint().port(); }
+
+bool TcpPort::connected() const { return impl_->peer.has_value(); }
+
+bool TcpPort::accept(std::chrono::milliseconds patience) {
+  impl_->peer.reset();
+  if (!wait_readable(impl_->acceptor.native_handle(), patience)) return false;
+  asio::error_code fault;
+  asio::ip::tcp::socket peer(impl_->network);
+  impl_->acceptor.accept(peer, fault);
+  if (!fault) peer.set_option(asio::ip::tcp::no_delay(true), fault);
+  if (!fault) peer.non_blocking(true, fault);
+  if (fault) return false;  // it has gone again
+  impl_->peer = std::move(peer);
+  return true;
+}
+
+std::string TcpPort::receive(std::chrono::milliseconds patience) {
+  if (!impl_->peer || !wait_readable(impl_->peer->native_handle(), patience)) return {};
+  std::string bytes(kChunk_bytes, '\0');
+  asio::error_code fault;
+  const std::size_t got = impl_->peer->read_some(asio::buffer(bytes), fault);
+  if (fault && fault != asio::error::would_block) impl_->peer.reset();
+  bytes.resize(fault ? 0 : got);
+  return bytes;
+}
+
+void TcpPort::send(std::string_view bytes) {
+  while (impl_->peer && !bytes.empty()) {
+    asio::error_code fault;
+    const std::size_t sent = impl_->peer->write_some(asio::buffer(bytes.data(), bytes.size()), fault);
+    bytes.remove_prefix(sent);
+    if (!fault) continue;
+    pollfd one{impl_->peer->native_handle(), POLLOUT, 0};
+    if (fault != asio::error::would_block || ::poll(&one, 1, kMaxUnread_ms) <= 0) impl_->peer.reset();
+  }
+}
+
+}  // namespace tileflight::autopilot

@@ -1,0 +1,63 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "tileflight/live/foxglove/channel.h"
+
+namespace tileflight::publishing {
+
+/// Where messages go to: Foxglove's viewers, ROS 2's nodes, or both. Channels are described as Foxglove does. Only what
+/// anyone wants needs to be made. Thread-safe.
+class MessageSink {
+ public:
+  using ChannelId = foxglove::ChannelId;
+
+  MessageSink() = default;
+  virtual ~MessageSink() = default;
+  MessageSink(const MessageSink&) = delete;
+  MessageSink& operator=(const MessageSink&) = delete;
+
+  virtual ChannelId add_channel(const foxglove::Channel& channel) = 0;
+  virtual void remove_channel(ChannelId channel) = 0;
+  virtual bool is_wanted(ChannelId channel) const = 0;
+  /// Sends a message to the channel's subscribers; never waits for them.
+  virtual void publish(ChannelId channel, std::uint64_t time_ns, std::string bytes) = 0;
+  /// Tells what time it is, where that is apart from messages.
+  virtual void publish_time(std::uint64_t time_ns) = 0;
+  /// Counts arrivals and departures of subscribers since the start.
+  virtual std::uint64_t audience_changes() const = 0;
+  /// Waits until anyone wants anything. Returns false if `stop` was requested.
+  virtual bool wait_for_audience(const std::stop_token& stop) const = 0;
+  virtual void warn(const std::string& text) = 0;
+};
+
+/// Several sinks as one.
+class SeveralSinks : public MessageSink {
+ public:
+  /// The sinks must outlive this.
+  explicit SeveralSinks(std::vector<MessageSink*> sinks) : sinks_(std::move(sinks)) {}
+
+  ChannelId add_channel(const foxglove::Channel& channel) override;
+  void remove_channel(ChannelId channel) override;
+  bool is_wanted(ChannelId channel) const override;
+  void publish(ChannelId channel, std::uint64_t time_ns, std::string bytes) override;
+  void publish_time(std::uint64_t time_ns) override;
+  std::uint64_t audience_changes() const override;
+  bool wait_for_audience(const std::stop_token& stop) const override;
+  void warn(const std::string& text) override;
+
+ private:
+  /// Of a channel, each sink's number in the order of the sinks.
+  std::vector<ChannelId> numbers_of(ChannelId channel) const;
+
+  std::vector<MessageSink*> sinks_;
+  mutable std::mutex mutex_;  ///< guards the next one
+  std::vector<std::vector<ChannelId>> channels_;
+};
+
+}  // namespace tileflight::publishing

@@ -1,0 +1,62 @@
+#include "tileflight/live/ros2/entities.h"
+
+#include <dds/dds.h>
+
+#include <memory>
+
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/live/ros2/raw_type.h"
+
+namespace tileflight::ros2 {
+namespace {
+
+using Qos = std::unique_ptr<dds_qos_t, decltype(&dds_delete_qos)>;
+
+/// As rmw_cyclonedds_cpp translates it. Nothing waits for room: the history has a depth (configuration()).
+Qos make_qos(const QualityOfService& quality, const std::string& user_data) {
+  Qos qos(dds_create_qos(), dds_delete_qos);
+  const auto depth = static_cast<std::int32_t>(quality.depth);
+  dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, depth);
+  dds_qset_reliability(qos.get(), quality.is_reliable ? DDS_RELIABILITY_RELIABLE : DDS_RELIABILITY_BEST_EFFORT, 0);
+  dds_qset_durability(qos.get(), quality.is_latched ? DDS_DURABILITY_TRANSIENT_LOCAL : DDS_DURABILITY_VOLATILE);
+  if (quality.is_latched)
+    dds_qset_durability_service(qos.get(), 0, DDS_HISTORY_KEEP_LAST, depth, DDS_LENGTH_UNLIMITED, DDS_LENGTH_UNLIMITED,
+                                DDS_LENGTH_UNLIMITED);
+  dds_qset_writer_data_lifecycle(qos.get(), false);
+  if (!user_data.empty()) dds_qset_userdata(qos.get(), user_data.data(), user_data.size());
+  return qos;
+}
+
+std::int32_t checked(std::int32_t entity, const std::string& topic) {
+  if (entity < 0) throw InputError(topic, std::string("cannot be opened in DDS: ") + dds_strretcode(-entity));
+  return entity;
+}
+
+}  // namespace
+
+Entity::Entity(Participant& participant, Participant::Kind kind, const Options& options, const dds_listener* listener)
+    : participant_(participant), kind_(kind), type_(make_raw_type(options.type, options.max_bytes)) {
+  const Qos qos = make_qos(options.quality, options.user_data);
+  topic_ =
+      checked(dds_create_topic_sertype(participant.handle(), options.topic.c_str(), &type_, nullptr, nullptr, nullptr),
+              options.topic);
+  handle_ = kind == Participant::Kind::kWriter ? dds_create_writer(participant.handle(), topic_, qos.get(), listener)
+                                               : dds_create_reader(participant.handle(), topic_, qos.get(), listener);
+  if (handle_ < 0) {
+    dds_delete(topic_);
+    checked(handle_, options.topic);
+  }
+  participant_.add(kind_, handle_);
+}
+
+Entity::~Entity() {
+  participant_.remove(kind_, handle_);
+  dds_delete(handle_);
+  dds_delete(topic_);
+}
+
+bool Entity::write(std::string cdr) const {
+  return dds_writecdr(handle_, make_raw_message(*type_, std::move(cdr))) == DDS_RETCODE_OK;
+}
+
+}  // namespace tileflight::ros2

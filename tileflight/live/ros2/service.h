@@ -1,0 +1,33 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "tileflight/live/ros2/participant.h"
+
+namespace tileflight::ros2 {
+
+/// A service for clients that run rmw_cyclonedds_cpp: requests and replies are messages of two topics that begin with a
+/// client's number (64 bits) and the request's, which the reply repeats. Clients of other middlewares (rmw_fastrtps_cpp
+/// sends both beside the message, as DDS-RPC's related sample identity) find the service, and get no answer; that is
+/// reported.
+class Service {
+ public:
+  /// Gets a request (CDR with its header) and returns the response (the same); called in the service's own thread, one
+  /// request after the other. What it throws is reported, and there is no reply.
+  using Handler = std::function<std::string(std::string_view request)>;
+
+  /// `name` and `type` as in ROS 2 ("/drone/reset", "std_srvs/srv/Trigger"). Throws InputError.
+  Service(Participant& participant, const std::string& name, const std::string& type, Handler handler);
+  ~Service();
+  Service(const Service&) = delete;
+  Service& operator=(const Service&) = delete;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace tileflight::ros2

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "tileflight/live/ros2/participant.h"
+#include "tileflight/live/ros2/quality_of_service.h"
+
+namespace tileflight::ros2 {
+
+/// Receives the messages of one topic.
+class Subscription {
+ public:
+  /// Gets each message (CDR with its header, perhaps with padding after its end), in DDS's own thread, which must not
+  /// be kept waiting. What it throws is reported once (Participant::Log) and ends nothing.
+  using Handler = std::function<void(std::string_view cdr)>;
+
+  /// `topic` and `type` as in ROS 2 ("/drone/cmd_vel", "geometry_msgs/msg/Twist"); the topic's name is made valid.
+  /// Messages of more than `max_bytes` are reported and left out. Throws InputError.
+  Subscription(Participant& participant, const std::string& topic, const std::string& type,
+               const QualityOfService& quality, Handler handler, std::size_t max_bytes = std::size_t{64} << 10U);
+  ~Subscription();
+  Subscription(const Subscription&) = delete;
+  Subscription& operator=(const Subscription&) = delete;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace tileflight::ros2

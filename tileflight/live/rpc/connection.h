@@ -1,0 +1,88 @@
+#pragma once
+
+#include <array>
+#include <asio.hpp>
+#include <deque>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "tileflight/live/rpc/message_scanner.h"
+#include "tileflight/live/rpc/server.h"
+#include "tileflight/live/rpc/server_counters.h"
+#include "tileflight/live/rpc/worker_pool.h"
+
+namespace tileflight::rpc {
+
+/// State shared by all connections of a server.
+struct ServerContext {
+  asio::io_context& network;
+  const MethodTable& methods;
+  const ServerOptions& options;
+  WorkerPool& workers;
+  ServerCounters& counters;
+  Server::Log log;
+  Server::Caller caller;
+  std::function<void()> on_bytes_held;               ///< called when a connection holds more bytes than before
+  std::function<void(class Connection*)> on_closed;  ///< called when a connection is closed
+};
+
+/// One client connection. Everything except execute_in_worker() runs in the network thread. Path of a request: buffer_
+/// (bytes) -> waiting_ (whole messages) -> a worker -> responses_ (bytes) -> the socket.
+class Connection : public std::enable_shared_from_this<Connection> {
+ public:
+  /// `number`: of the connection, from 1.
+  Connection(asio::ip::tcp::socket socket, ServerContext& service, std::uint64_t number);
+
+  void start();
+  /// Closes the connection if its message, its reading of a response or its token is overdue.
+  void check_timeouts(double now_s);
+  /// Closes the connection; a non-empty reason is logged.
+  void close(const std::string& reason = {});
+  /// The client has finished sending; the connection is closed once its responses are delivered.
+  bool has_finished_sending() const { return finished_sending_; }
+  /// Bytes of this connection's messages and responses in memory.
+  std::size_t held_bytes() const { return held_bytes_; }
+
+ private:
+  void read();
+  void finish_reading();
+  void take_messages();
+  void continue_reading();
+  void take_message(std::string message);
+  bool authenticate(const std::string& message);
+  void start_queued_requests();
+  void execute_in_worker(std::string message);
+  void queue_response(std::string bytes);
+  void finish_call(std::size_t message_bytes, std::string answer);
+  void write();
+  void hold(std::size_t bytes);
+  void release(std::size_t bytes);
+  std::size_t pending() const { return waiting_.size() + running_ + responses_.size(); }
+  const MessageLimits& message_limits() const;
+
+  asio::ip::tcp::socket socket_;
+  ServerContext& service_;
+  std::uint64_t number_;
+  std::string client_;  ///< address and port, for the log
+  bool open_ = true;
+  bool authenticated_;
+  bool reading_ = false;
+  bool finished_sending_ = false;
+
+  std::array<char, 64 * 1024> chunk_;
+  std::string buffer_;
+  MessageScanner scanner_;
+  std::deque<std::string> waiting_;
+  std::size_t running_ = 0;
+  std::deque<std::string> responses_;  ///< the first one is being written
+  std::size_t queued_bytes_ = 0;       ///< of responses_
+  std::size_t written_ = 0;            ///< of the first response
+  std::size_t held_bytes_ = 0;
+
+  double begun_s_;                         ///< when the client connected
+  std::optional<double> message_begun_s_;  ///< of the message whose first bytes are in buffer_
+  std::optional<double> last_write_s_;     ///< when the client last read part of a pending response
+};
+
+}  // namespace tileflight::rpc

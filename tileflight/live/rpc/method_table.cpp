@@ -1,0 +1,100 @@
+#include "tileflight/live/rpc/method_table.h"
+
+#include <algorithm>
+#include <chrono>
+#include <new>
+
+namespace tileflight::rpc {
+namespace {
+
+constexpr std::size_t kMaxErrorLength = 2000;
+
+void begin_answer(Encoder& out, std::uint32_t id) {
+  out.array(4);
+  out.unsigned_integer(1);
+  out.unsigned_integer(id);
+}
+
+/// A name sent by a client, made safe for a log line.
+std::string printable(const std::string& name) {
+  std::string result = name.substr(0, 64);
+  for (char& c : result) {
+    if (c < ' ' || c > '~') c = '?';
+  }
+  return result;
+}
+
+std::string describe_call(const Request& request) {
+  return "function '" + printable(request.method()) + "' (called with " + std::to_string(request.arguments().size()) +
+         " arg(s)) threw an exception.";
+}
+
+std::string unknown_method_message(const Request& request) {
+  return "rpclib: server could not find function '" + printable(request.method()) + "' with argument count " +
+         std::to_string(request.arguments().size()) + ".";
+}
+
+std::string argument_count_message(const Request& request, std::size_t expected) {
+  return "rpclib: client error C0002: Function '" + printable(request.method()) +
+         "' was called with an invalid number of arguments. Expected: " + std::to_string(expected) +
+         ", got: " + std::to_string(request.arguments().size());
+}
+
+std::string exception_message(const Request& request, const std::string& what) {
+  return "rpclib: " + describe_call(request) + " The exception contained this information: " + what + ".";
+}
+
+}  // namespace
+
+double steady_seconds() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+std::string encode_error(std::uint32_t id, const std::string& error) {
+  Encoder out;
+  begin_answer(out, id);
+  out.text(error.substr(0, kMaxErrorLength));
+  out.nil();
+  return out.take();
+}
+
+void MethodTable::add_handler(const std::string& name, std::size_t arguments, Handler handler) {
+  methods_[name].emplace_back(arguments, std::move(handler));
+}
+
+std::vector<std::string> MethodTable::names() const {
+  std::vector<std::string> result;
+  for (const auto& [name, handlers] : methods_) result.push_back(name);
+  return result;
+}
+
+Response MethodTable::call(const Request& request) const {
+  Response answer;
+  const auto fail = [&](std::string error) {
+    answer.failed = true;
+    answer.bytes = encode_error(request.id(), error);
+    answer.error = std::move(error);
+    return answer;
+  };
+  const auto found = methods_.find(request.method());
+  if (found == methods_.end()) return fail(unknown_method_message(request));
+  const auto& handlers = found->second;
+  const auto handler = std::ranges::find_if(handlers, [&](const auto& candidate) {
+    return candidate.first == request.arguments().size() || candidate.first == kVariadic;
+  });
+  if (handler == handlers.end()) return fail(argument_count_message(request, handlers.front().first));
+  try {
+    Encoder out;
+    begin_answer(out, request.id());
+    out.nil();
+    handler->second(request.arguments(), out, answer.seconds);
+    answer.bytes = out.take();
+    return answer;
+  } catch (const std::bad_alloc&) {
+    return fail(exception_message(request, "out of memory; request less at once"));
+  } catch (const std::exception& fault) {
+    return fail(exception_message(request, fault.what()));
+  }
+}
+
+}  // namespace tileflight::rpc

@@ -1,0 +1,93 @@
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <map>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "tileflight/live/rpc/codec.h"
+#include "tileflight/live/rpc/request.h"
+
+namespace tileflight::rpc {
+
+/// Result of a call: the response bytes (`[1, id, error, result]`) and statistics.
+struct Response {
+  std::string bytes;
+  bool failed = false;
+  std::string error;     ///< empty unless failed
+  double seconds = 0.0;  ///< spent in the method itself, without decoding and encoding
+};
+
+/// The methods that clients may call, by name and number of arguments. A name may be registered with several numbers of
+/// arguments, each a separate method: clients of different versions send more or fewer.
+class MethodTable {
+ public:
+  /// Reads the arguments (as many as registered), does the work, writes the result and adds the seconds it took. Throws
+  /// std::exception on failure; anything written until then is discarded.
+  using Handler = std::function<void(std::span<const msgpack::object>, Encoder&, double& seconds)>;
+
+  void add_handler(const std::string& name, std::size_t arguments, Handler handler);
+  /// Adds a method that accepts any number of arguments.
+  void add_variadic(const std::string& name, Handler handler) { add_handler(name, kVariadic, std::move(handler)); }
+
+  /// Adds a function of any types that codec.h supports; an argument of the wrong type is rejected, naming its number.
+  template <class Result, class... Arguments, class Function>
+  void add(const std::string& name, Function function);
+
+  /// Never throws because of client input: errors are responses, whose wording starts as that of the servers known to
+  /// AirSim's clients. May be called by several threads at once.
+  Response call(const Request& request) const;
+
+  bool contains(const std::string& name) const { return methods_.contains(name); }
+  std::vector<std::string> names() const;
+
+ private:
+  static constexpr std::size_t kVariadic = ~std::size_t{0};
+
+  std::map<std::string, std::vector<std::pair<std::size_t, Handler>>> methods_;  ///< (number of arguments, handler)
+};
+
+/// Seconds of a steady clock with an arbitrary origin.
+double steady_seconds();
+
+template <class T>
+T decode_argument(std::span<const msgpack::object> arguments, std::size_t i) {
+  T value{};
+  try {
+    decode(arguments[i], value);
+  } catch (const DecodeError& fault) {
+    throw DecodeError("argument " + std::to_string(i + 1) + ": " + fault.what());
+  }
+  return value;
+}
+
+template <class Result, class... Arguments, class Function>
+void MethodTable::add(const std::string& name, Function function) {
+  const auto invoke = [function = std::move(function)]<std::size_t... I>(
+      std::index_sequence<I...>, [[maybe_unused]] std::span<const msgpack::object> parameters, Encoder & out,
+      double& seconds) {
+    std::tuple<std::decay_t<Arguments>...> arguments{decode_argument<std::decay_t<Arguments>>(parameters, I)...};
+    const double begin_s = steady_seconds();
+    if constexpr (std::is_void_v<Result>) {
+      function(std::move(std::get<I>(arguments))...);
+      seconds = steady_seconds() - begin_s;
+      out.nil();
+    } else {
+      const Result result = function(std::move(std::get<I>(arguments))...);
+      seconds = steady_seconds() - begin_s;
+      encode(out, result);
+    }
+  };
+  add_handler(name, sizeof...(Arguments),
+              [invoke](std::span<const msgpack::object> parameters, Encoder& out, double& seconds) {
+                invoke(std::index_sequence_for<Arguments...>{}, parameters, out, seconds);
+              });
+}
+
+/// `[1, id, error, nil]`
+std::string encode_error(std::uint32_t id, const std::string& error);
+
+}  // namespace tileflight::rpc

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "tileflight/core/imaging/image.h"
+#include "tileflight/live/simulator/resident_scene.h"
+
+namespace tileflight::simulator {
+
+/// Selects the objects that a camera detects.
+struct DetectionFilter {
+  std::vector<std::string> names;  ///< of objects, case-insensitive; `*` matches any text, `?` one character
+  double radius_m = 200.0;         ///< maximum distance from the camera to an object's centre; AirSim's default
+};
+
+/// Converts a wildcard text with `*` and `?` to a regular expression for whole names (NamePattern).
+std::string wildcards_to_regex(const std::string& text);
+
+/// An object detected in an image.
+struct DetectedObject {
+  std::uint32_t object = 0;      ///< index into ResidentScene::objects()
+  int left = 0, top = 0;         ///< first column and row that show it
+  int right = 0, bottom = 0;     ///< one past the last
+  geometry::Box3 bounds_camera;  ///< the object's bounds in the client's camera axes, metres
+};
+
+/// The objects visible in the image that pass the filter, in the order of the place. `objects`: object index per pixel,
+/// as RenderLayers::objects. `T_camera_local`: transform into the client's camera axes.
+std::vector<DetectedObject> detect_objects(const ResidentScene& place, const imaging::Image<std::uint32_t>& objects,
+                                           const geometry::SE3& T_camera_local, const DetectionFilter& filter);
+
+}  // namespace tileflight::simulator

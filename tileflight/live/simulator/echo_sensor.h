@@ -1,0 +1,31 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "tileflight/live/simulator/resident_scene.h"
+#include "tileflight/live/simulator/sensor_settings.h"
+
+namespace tileflight::simulator {
+
+/// An echo: where the signal was reflected last before it came back.
+struct EchoReturn {
+  geometry::Vec3 point_sensor = geometry::Vec3::Zero();  ///< sensor axes: x forward, y right, z down
+  double attenuation_db = 0.0;                           ///< 0 or below
+  double distance_m = 0.0;                               ///< of the whole way, back to the sensor
+  int reflections = 0;
+  std::uint32_t object = 0;  ///< index into ResidentScene::objects()
+};
+
+/// The directions in which the signal is sent, sensor axes: evenly over the solid angle within the limits (Fibonacci
+/// lattice, Gonzalez 2010), or over the horizontal angle for a sensor that senses in its plane only.
+std::vector<geometry::Vec3> echo_directions(const EchoSettings& settings);
+
+/// A sonar or radar by geometrical acoustics, an own model with Cosys-AirSim's settings: each ray is mirrored at the
+/// surfaces that it meets, and the first of them that scatters back to the sensor, within the opening angle around the
+/// mirrored direction and with nothing between, makes an echo. No interference, no noise, no doppler. Returns are in
+/// the order of the directions and do not depend on the number of threads.
+std::vector<EchoReturn> sense_echoes(const ResidentScene& place, const EchoSettings& settings,
+                                     const geometry::SE3& T_local_sensor);
+
+}  // namespace tileflight::simulator

@@ -1,0 +1,100 @@
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "tileflight/live/autopilot/ardupilot_packet.h"
+#include "tileflight/live/simulator/hil_readings.h"
+#include "tileflight/live/simulator/simulator.h"
+
+namespace tileflight::simulator {
+
+/// Other vehicles stop waiting for an autopilot that has been silent for this long.
+inline constexpr std::chrono::milliseconds kAutopilotSilence{5000};
+/// Interval at which a thread that waits for an autopilot checks for a stop request.
+inline constexpr std::chrono::milliseconds kAutopilotPoll{100};
+
+/// PX4's steps, and the time stamp of the sensors sent for one.
+inline constexpr std::int64_t kPx4Step_us = 4000;
+inline constexpr double kPx4Step_s = 1e-6 * kPx4Step_us;
+constexpr std::uint64_t px4_stamp_us(std::uint64_t step) { return 1'000'000 + step * kPx4Step_us; }
+
+struct PlannedImages;
+struct VehicleSlot;
+struct SensorContext;
+struct SensorSettings;
+
+/// Simulation time that each connected autopilot has reached. The clock follows the earliest.
+/// Guarded by the simulator's mutex.
+class LockstepTimes {
+ public:
+  void set(const VehicleSlot* vehicle, double time_s) { times_s_[vehicle] = time_s; }
+  void remove(const VehicleSlot* vehicle) { times_s_.erase(vehicle); }
+  bool contains(const VehicleSlot* vehicle) const { return times_s_.contains(vehicle); }
+  /// Infinite if there are none.
+  double least_s() const;
+
+ private:
+  std::map<const VehicleSlot*, double> times_s_;
+};
+
+/// A vehicle in lockstep with its autopilot: the autopilot's steps advance the vehicle, and the simulation's clock
+/// follows them. No such vehicle is ahead of another by more than a step. For one thread.
+class LockstepVehicle {
+ public:
+  LockstepVehicle(Simulator::Impl& simulator, VehicleSlot& vehicle) : simulator_(simulator), slot_(vehicle) {}
+
+  /// Returns to the start, for an autopilot that restarts.
+  void restart();
+  /// Advances by a step, then waits for the clock and all that it drives (tiles, recordings). Waits first while the
+  /// simulation is paused or another vehicle is behind. `outputs`: of the motors, 0 to 1. False if the simulator stops.
+  bool step(std::span<const double> outputs, double step_s);
+  /// Repeats an event of a recorded session; returns what is sent.
+  std::string apply(const AutopilotEvent& event);
+  /// The autopilot is silent: the vehicle stays as it is, and others no longer wait for it.
+  void leave();
+
+  /// The vehicle's true state, relative to its start.
+  autopilot::ArduPilotState ardupilot_state() const;
+  /// What is sent to PX4 for a step of 4 ms: the readings of the sensors that are due at it, and the true state, as
+  /// MAVLink frames numbered by `sequence`, which is advanced. If its vision takes a picture at this step, it is
+  /// rendered and tracked before this returns.
+  std::string px4_sensors(std::uint64_t step, std::uint8_t& sequence);
+  const std::string& name() const;
+  /// Number of its motors.
+  std::size_t motors() const;
+  GeoPoint home() const;
+  double home_heading_deg() const;
+
+ private:
+  void join();
+  void put_at_start();
+  void move(std::span<const double> outputs, double step_s);
+  std::string read_px4_sensors(std::uint64_t step, std::uint8_t& sequence);
+  std::optional<autopilot::Odometry> vision_at(std::uint64_t step, const SensorContext& now);
+  /// The picture that its vision takes at this step; nullopt: none. The mutex must be held.
+  std::optional<PlannedImages> exposure_at(std::uint64_t step) const;
+  /// Without the mutex.
+  void look(const std::optional<PlannedImages>& exposure, std::uint64_t step);
+  void note(AutopilotEvent event) const;
+  /// To the surface below, along the body's z axis; nullopt: none within the range of a flow sensor.
+  std::optional<double> distance_below_m() const;
+  SensorContext sensor_context() const;
+  /// True distances that the vehicle's distance sensors measure, at most the greatest that they can.
+  std::vector<std::pair<const SensorSettings*, double>> distances_m() const;
+
+  Simulator::Impl& simulator_;
+  VehicleSlot& slot_;
+  double time_s_ = 0.0;                 ///< simulation time of the vehicle
+  double elapsed_s_ = 0.0;              ///< since the autopilot's start
+  FlowIntegral flow_;                   ///< since it was sent last
+  std::uint8_t repeated_sequence_ = 0;  ///< of frames, in a session that is repeated
+};
+
+}  // namespace tileflight::simulator

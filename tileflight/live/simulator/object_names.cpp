@@ -1,0 +1,81 @@
+#include "tileflight/live/simulator/object_names.h"
+
+#include <algorithm>
+#include <string_view>
+
+#include "tileflight/core/base/sha256.h"
+
+namespace tileflight::simulator {
+namespace {
+
+bool is_letter_or_digit(char c) { return (c >= '0' && c <= '9') || (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z'); }
+
+bool is_word_character(char c) { return is_letter_or_digit(c) || c == '_'; }
+
+/// What stands for a separator of words: the number of `_` tells which it was. Empty: not a separator.
+std::string_view joint_of(char c) {
+  if (c == '-') return "_";
+  if (c == '/') return "__";
+  if (c == '#') return "___";
+  return {};
+}
+
+/// Whether the name can be told from its words and joints: single separators between words of letters and digits.
+bool is_words_and_joints(std::string_view name) {
+  bool after_word = false;
+  for (const char c : name) {
+    if (!is_letter_or_digit(c) && (!after_word || joint_of(c).empty())) return false;
+    after_word = is_letter_or_digit(c);
+  }
+  return after_word;
+}
+
+std::string join_words(std::string_view name) {
+  std::string joined;
+  for (const char c : name) {
+    if (is_letter_or_digit(c)) {
+      joined += c;
+    } else {
+      joined += joint_of(c);
+    }
+  }
+  return joined;
+}
+
+/// Tells names apart that differ in foreign bytes alone.
+std::string hash_digits(const std::string& name) {
+  constexpr std::size_t kDigits = 8;
+  base::Sha256 hash;
+  hash.add(name);
+  return hash.hex().substr(0, kDigits);
+}
+
+std::string without_ending(const std::string& file) {
+  constexpr std::string_view kEnding = ".glb";
+  return file.ends_with(kEnding) ? file.substr(0, file.size() - kEnding.size()) : file;
+}
+
+std::string file_of(const std::string& mesh_name) {
+  return mesh_name.empty() ? std::string("surface") : without_ending(mesh_name);
+}
+
+}  // namespace
+
+std::string to_word_name(const std::string& name) {
+  if (is_words_and_joints(name)) return join_words(name);
+  std::string result = name;
+  std::ranges::replace_if(
+      result, [](char c) { return !is_word_character(c); }, '_');
+  return result + "_" + hash_digits(name);
+}
+
+std::string tile_name(const std::string& mesh_name) { return to_word_name(file_of(mesh_name)); }
+
+std::string client_name(const render::SceneObject& object) {
+  if (!object.name.empty())
+    return std::ranges::all_of(object.name, is_word_character) ? object.name : to_word_name(object.name);
+  if (object.feature == imaging::kNoFeature) return tile_name(object.tile);
+  return to_word_name(file_of(object.tile) + "#" + std::to_string(object.feature));
+}
+
+}  // namespace tileflight::simulator

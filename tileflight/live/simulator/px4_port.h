@@ -1,0 +1,81 @@
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <stop_token>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "tileflight/live/autopilot/control_gate.h"
+#include "tileflight/live/autopilot/hil_messages.h"
+#include "tileflight/live/autopilot/limited_log.h"
+#include "tileflight/live/autopilot/shared_ports.h"
+#include "tileflight/live/simulator/lockstep_vehicle.h"
+
+namespace tileflight::simulator {
+
+/// How fast a vehicle with PX4 flies.
+struct Px4Pace {
+  bool lockstep = true;              ///< each step waits for PX4's outputs; else it goes by the wall clock
+  double speed = 1.0;                ///< simulated seconds in one of the wall clock
+  bool as_fast_as_possible = false;  ///< lockstep alone paces it
+};
+
+/// PX4's simulator interface for one vehicle: a thread that waits for PX4 at a TCP port, sends it sensors every 4 ms of
+/// simulated time, and drives the motors with what it answers. Until PX4 has sent its first outputs, where it leaves
+/// out an answer until it answers twice in a row, and without lockstep, time goes by the wall clock. It begins once
+/// nobody else uses the port.
+class Px4Port {
+ public:
+  using Port = autopilot::SharedPort<autopilot::TcpPort>;
+
+  Px4Port(LockstepVehicle vehicle, std::shared_ptr<Port> port, const Px4Pace& pace, SimulatorLog log);
+
+  void start();
+  /// After the clock has stopped. May be called twice.
+  void stop();
+  std::uint16_t port() const { return shared_->port.port(); }
+  const LockstepVehicle& vehicle() const { return vehicle_; }
+
+ private:
+  using WallClock = std::chrono::steady_clock;
+
+  /// State of one connection.
+  struct Session {
+    autopilot::MavlinkReader reader;
+    autopilot::ControlGate gate{kPx4Step_us};
+    std::vector<double> outputs;
+    std::uint64_t step = 0;                      ///< number of the sensors sent last
+    int answers = 0;                             ///< in a row
+    int answers_needed = 1;                      ///< of them, until each step waits for one
+    std::optional<WallClock::time_point> heard;  ///< when PX4 sent its last outputs
+    std::uint8_t sequence = 0;
+    std::uint64_t damaged = 0;  ///< frames reported
+    WallClock::time_point due;  ///< when the next step may be made
+  };
+
+  void run(const std::stop_token& stop);
+  void serve_peer(const std::stop_token& stop);
+  std::chrono::milliseconds patience(const Session& session) const;
+  bool in_step(const Session& session) const;
+  bool is_silent(const Session& session) const;
+  bool wait_for_controls(Session& session, const std::stop_token& stop);
+  void miss(Session& session);
+  bool take(Session& session, const autopilot::MavlinkFrame& received);
+  void use_outputs(Session& session, const autopilot::HilActuatorControls& controls);
+  void report_damage(Session& session);
+  void keep_pace(Session& session) const;
+  void log(const std::string& kind, const std::string& text);
+
+  LockstepVehicle vehicle_;
+  std::shared_ptr<Port> shared_;
+  autopilot::TcpPort& port_;  ///< of shared_
+  Px4Pace pace_;
+  autopilot::LimitedLog log_;
+  std::jthread thread_;
+};
+
+}  // namespace tileflight::simulator

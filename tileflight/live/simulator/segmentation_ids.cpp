@@ -1,0 +1,108 @@
+#include "tileflight/live/simulator/segmentation_ids.h"
+
+#include <algorithm>
+#include <cctype>
+#include <map>
+#include <set>
+
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/random_numbers.h"
+
+namespace tileflight::simulator {
+namespace {
+
+using imaging::Rgb8;
+
+std::array<Rgb8, 256> make_palette() {
+  std::array<Rgb8, 256> palette{};
+  const std::map<std::size_t, Rgb8> published{
+      {0, {0, 0, 0}}, {1, {153, 108, 6}}, {2, {112, 105, 191}}, {7, {115, 176, 195}}};
+  std::set<Rgb8> used;
+  for (const auto& [id, colour] : published) used.insert(colour);
+  std::uint64_t state = 0;
+  for (std::size_t id = 0; id < palette.size(); ++id) {
+    if (const auto at = published.find(id); at != published.end()) {
+      palette[id] = at->second;
+      continue;
+    }
+    Rgb8 colour{};
+    do {
+      const std::uint64_t bits = base::splitmix64_hash(++state);
+      colour = {static_cast<std::uint8_t>(bits), static_cast<std::uint8_t>(bits >> 8U),
+                static_cast<std::uint8_t>(bits >> 16U)};
+    } while (colour[0] + colour[1] + colour[2] < 120 || !used.insert(colour).second);
+    palette[id] = colour;
+  }
+  return palette;
+}
+
+// Colours as numbers of 24 bits. Multiplication by an odd number permutes them (modulo 2^24), so the n-th colour beyond
+// the palette is the n-th of this permutation, of which those of the palette are left out.
+constexpr std::uint32_t kColourMask = 0xFFFFFFU;
+constexpr std::uint32_t kStep = 0x9E3779U;      // odd: near the golden ratio of 2^24, so that neighbours differ
+constexpr std::uint32_t kStepBack = 0xB382C9U;  // its inverse modulo 2^24
+
+/// Where the permutation has the palette's colours, ascending.
+std::array<std::uint32_t, 256> make_palette_positions() {
+  std::array<std::uint32_t, 256> positions{};
+  std::ranges::transform(segmentation_palette(), positions.begin(),
+                         [](const Rgb8& colour) { return (colour_number(colour) * kStepBack) & kColourMask; });
+  std::ranges::sort(positions);
+  return positions;
+}
+
+}  // namespace
+
+Rgb8 segmentation_colour(int id) {
+  static const std::array<std::uint32_t, 256> kTaken = make_palette_positions();
+  const auto number = static_cast<std::uint32_t>(std::max(id, 0));
+  if (number < segmentation_palette().size()) return segmentation_palette()[number];
+  auto position = number - static_cast<std::uint32_t>(segmentation_palette().size());
+  for (const std::uint32_t taken : kTaken) {
+    if (taken <= position) ++position;
+  }
+  const std::uint32_t colour = (position * kStep) & kColourMask;
+  return {static_cast<std::uint8_t>(colour >> 16U), static_cast<std::uint8_t>(colour >> 8U),
+          static_cast<std::uint8_t>(colour)};
+}
+
+const std::array<Rgb8, 256>& segmentation_palette() {
+  static const std::array<Rgb8, 256> kPalette = make_palette();
+  return kPalette;
+}
+
+int default_segmentation_id(const std::string& name) {
+  int sum = 5;
+  for (const char c : name) {
+    const int code = std::tolower(static_cast<unsigned char>(c));
+    if (code >= 97) sum = (sum + code) % 256;
+  }
+  return sum;
+}
+
+bool SegmentationIds::set(const std::string& name, int id, bool is_pattern, const std::vector<std::string>& names) {
+  if (id < -1 || id > kMaxSegmentationId)
+    throw InputError("segmentation id " + std::to_string(id),
+                     "must be from -1 to " + std::to_string(kMaxSegmentationId));
+  const std::lock_guard lock(mutex_);
+  return rules_.set(name, id, is_pattern, names);
+}
+
+int SegmentationIds::find_id(const std::string& name) const {
+  return rules_.find(name).value_or(by_names_ ? default_segmentation_id(name) : 0);
+}
+
+int SegmentationIds::lookup(const std::string& name) const {
+  const std::lock_guard lock(mutex_);
+  return find_id(name);
+}
+
+std::vector<int> SegmentationIds::lookup(const std::vector<std::string>& names) const {
+  const std::lock_guard lock(mutex_);
+  std::vector<int> ids;
+  ids.reserve(names.size());
+  for (const std::string& name : names) ids.push_back(find_id(name));
+  return ids;
+}
+
+}  // namespace tileflight::simulator

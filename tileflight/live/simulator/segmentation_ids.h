@@ -1,0 +1,53 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "tileflight/core/imaging/image.h"
+#include "tileflight/live/simulator/name_rules.h"
+
+namespace tileflight::simulator {
+
+/// The largest id: as many as Cosys-AirSim has colours. AirSim's scripts use those up to 255.
+inline constexpr int kMaxSegmentationId = 2'743'999;
+
+/// The colours of the segmentation ids up to 255: AirSim's for 0, 1, 2 and 7, our own for the others; all distinct.
+const std::array<imaging::Rgb8, 256>& segmentation_palette();
+
+/// The colour of an id: of the palette, or one of our own that no other id has; black for -1.
+imaging::Rgb8 segmentation_colour(int id);
+/// A colour as one number: red, green, blue from the highest byte down.
+inline std::uint32_t colour_number(const imaging::Rgb8& colour) {
+  return (std::uint32_t{colour[0]} << 16U) | (std::uint32_t{colour[1]} << 8U) | colour[2];
+}
+
+/// AirSim's default id of an object: (5 + the sum of the ASCII codes of the letters, and of the ASCII characters that
+/// follow them, in its lower-cased name) modulo 256.
+int default_segmentation_id(const std::string& name);
+
+/// Assigns segmentation ids to object names. Thread-safe.
+class SegmentationIds {
+ public:
+  /// `by_names`: default ids are computed from the names; otherwise all are 0.
+  explicit SegmentationIds(bool by_names) : by_names_(by_names) {}
+
+  /// Sets the id of all matching names (a whole name; a pattern is case-insensitive), including those of tiles loaded
+  /// later. Returns whether any of `names` matched. Throws InputError: an id outside -1 to kMaxSegmentationId, an
+  /// invalid pattern, more than 10000 patterns.
+  bool set(const std::string& name, int id, bool is_pattern, const std::vector<std::string>& names);
+  int lookup(const std::string& name) const;
+  /// Looks up many names efficiently.
+  std::vector<int> lookup(const std::vector<std::string>& names) const;
+
+ private:
+  int find_id(const std::string& name) const;
+
+  bool by_names_;
+  mutable std::mutex mutex_;
+  NameRules<int> rules_;
+};
+
+}  // namespace tileflight::simulator

@@ -1,0 +1,254 @@
+#include "tileflight/live/simulator/settings.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/strict_section.h"
+#include "tileflight/live/simulator/camera_settings.h"
+#include "tileflight/live/simulator/frames.h"
+
+namespace tileflight::simulator {
+namespace {
+
+using base::StrictSection;
+using nlohmann::json;
+
+/// AirSim's keys for features that do not exist here: a window, a graphics card, a game.
+const std::vector<std::string> kIgnoredKeys{
+    "SettingsVersion", "SeeDocsAt",   "ViewMode",          "ClockType",        "LogMessagesVisible",
+    "RpcEnabled",      "EnableRpc",   "SubWindows",        "PawnPaths",        "TimeOfDay",
+    "CameraDirector",  "RC",          "Material",          "InitialViewMode",  "SpeedUnitFactor",
+    "SpeedUnitLabel",  "EngineSound", "ShowLosDebugLines", "MotionBlurAmount", "ForegroundColor",
+    "MoveWorldOrigin"};
+
+geometry::Geodetic read_origin(StrictSection section) {
+  const geometry::Geodetic origin{section.number("Latitude", kDefaultOrigin.latitude_deg, -90.0, 90.0),
+                                  section.number("Longitude", kDefaultOrigin.longitude_deg, -180.0, 180.0),
+                                  {section.number("Altitude", kDefaultOrigin.height.m, -10000.0, 100000.0)}};
+  section.require_all_keys_used();
+  return origin;
+}
+
+RecordingSettings read_recording(StrictSection section) {
+  RecordingSettings recording;
+  recording.enabled = section.boolean("Enabled").value_or(false);
+  recording.on_move = section.boolean("RecordOnMove").value_or(false);
+  recording.interval_s = section.number("RecordInterval", 0.05, 0.003, 3600.0);
+  recording.folder = section.text("Folder").value_or("");
+  recording.dataset = section.boolean("Dataset").value_or(false);
+  std::vector<RecordingCamera> cameras;
+  for (StrictSection& entry : section.sections("Cameras")) {
+    cameras.push_back({entry.text("CameraName").value_or(""), entry.integer("ImageType", 0, 0, kImageTypeCount - 1),
+                       entry.boolean("PixelsAsFloat").value_or(false), entry.boolean("Compress").value_or(true),
+                       entry.text("VehicleName").value_or(""), entry.text("Annotation").value_or("")});
+    entry.require_all_keys_used();
+  }
+  if (!cameras.empty()) recording.cameras = std::move(cameras);
+  section.require_all_keys_used();
+  return recording;
+}
+
+void read_segmentation(StrictSection section, Settings& settings) {
+  const std::string method =
+      section.choice_in_any_case("InitMethod", {"None", "CommonObjectsRandomIDs"}).value_or("CommonObjectsRandomIDs");
+  settings.random_ids = method == "CommonObjectsRandomIDs";
+  section.ignore({"MeshNamingMethod", "OverrideExisting"});
+  section.require_all_keys_used();
+}
+
+std::vector<simulator::AnnotationSettings> read_annotation_layers(StrictSection& root) {
+  constexpr int kColours = 0, kGreyscale = 1, kTextures = 2;  // Cosys-AirSim's types
+  std::vector<simulator::AnnotationSettings> layers;
+  for (StrictSection& entry : root.sections("Annotation")) {
+    const int type = entry.integer("Type", kColours, kColours, kTextures);
+    const bool direct = entry.boolean("SetDirect").value_or(false);
+    const simulator::AnnotationKind kind = type == kGreyscale  ? simulator::AnnotationKind::kGreyscale
+                                        : type == kTextures ? simulator::AnnotationKind::kTexture
+                                        : direct            ? simulator::AnnotationKind::kColour
+                                                            : simulator::AnnotationKind::kColourIndex;
+    layers.push_back({entry.required_text("Name"), kind});
+    if (std::ranges::count(layers, layers.back().name, &simulator::AnnotationSettings::name) > 1)
+      throw entry.error("Name", "'" + layers.back().name + "' is given twice");
+    entry.ignore({"Default", "ViewDistance", "TexturePath", "TexturePrefix"});
+    entry.require_all_keys_used();
+  }
+  return layers;
+}
+
+/// Replaces cameras of the same name, and appends the others.
+void put_cameras(std::vector<CameraSettings> own, std::vector<CameraSettings>& cameras) {
+  for (CameraSettings& camera : own) {
+    const auto at = std::ranges::find(cameras, camera.name, &CameraSettings::name);
+    if (at == cameras.end()) {
+      cameras.push_back(std::move(camera));
+    } else {
+      *at = std::move(camera);
+    }
+  }
+}
+
+/// The camera of an autopilot's vision must be there. `vehicle`: with its cameras.
+void check_vision(VehicleSettings& vehicle, StrictSection& section) {
+  if (!vehicle.autopilot || vehicle.autopilot->vision.source != VisionSource::kPictures) return;
+  std::string& camera = vehicle.autopilot->vision.camera;
+  camera = resolve_camera_alias(camera);
+  const auto named = std::ranges::find(vehicle.cameras, camera, &CameraSettings::name);
+  if (named == vehicle.cameras.end()) throw section.error("VisionCamera", "the vehicle has no camera '" + camera + "'");
+  constexpr int kLeastSide_px = 64;
+  const CaptureSettings& capture = named->captures[static_cast<std::size_t>(ImageType::kScene)];
+  if (std::min(capture.width, capture.height) < kLeastSide_px)
+    throw section.error("VisionCamera", "its pictures are too small for odometry; at least 64 pixels a side");
+}
+
+VehicleSettings read_vehicle(const std::string& name, StrictSection section, Settings& settings,
+                             const std::vector<SensorSettings>& default_sensors) {
+  VehicleSettings vehicle = default_vehicle(name, !settings.computer_vision, settings.camera_defaults);
+  const std::string type = section
+                               .choice_in_any_case("VehicleType", {"SimpleFlight", "ComputerVision", "ExternalPhysics",
+                                                                   "PX4Multirotor", "ArduCopter", "PhysXCar"})
+                               .value_or(settings.computer_vision ? "ComputerVision" : "SimpleFlight");
+  if (type == "PhysXCar")
+    throw section.error("VehicleType",
+                        "cars are not simulated; use SimpleFlight, ArduCopter, PX4Multirotor or ComputerVision");
+  vehicle.autopilot = read_autopilot(type, section);
+  if (vehicle.autopilot && settings.computer_vision)
+    throw section.error("VehicleType", "an autopilot flies in the mode Multirotor and with its physics only");
+  vehicle.flies = (type == "SimpleFlight" || vehicle.autopilot) && !settings.computer_vision;
+  vehicle.start_ned = read_position(section);
+  vehicle.R_ned_body = read_orientation(section);
+  const std::string state =
+      section.choice_in_any_case("DefaultVehicleState", {"Armed", "Disarmed", "Inactive", ""}).value_or("");
+  vehicle.armed = state.empty() || state == "Armed";
+  vehicle.allow_api_always = section.boolean("AllowAPIAlways").value_or(false);
+  const bool passes = section.boolean("EnableCollisionPassthrogh").value_or(false);
+  vehicle.enable_collisions = section.boolean("EnableCollisions").value_or(true) && !passes;
+  std::vector<CameraSettings> cameras;
+  for (auto& [camera, entry] : section.named_sections("Cameras"))
+    cameras.push_back(read_camera(resolve_camera_alias(camera), std::move(entry), settings.camera_defaults));
+  put_cameras(std::move(cameras), vehicle.cameras);
+  check_vision(vehicle, section);
+  vehicle.sensors = read_sensors(section, "Sensors", vehicle.flies, default_sensors, settings.warnings);
+  section.ignore({"AutoCreate", "PawnPath", "IsFpvVehicle", "EnableTrace", "DebugSymbolScale", "RC", "FollowDistance",
+                  "UseSerial", "Model"});
+  section.require_all_keys_used();
+  return vehicle;
+}
+
+void read_vehicles(StrictSection& root, Settings& settings) {
+  const bool flies = !settings.computer_vision;
+  const std::vector<SensorSettings> sensors =
+      read_sensors(root, "DefaultSensors", flies, default_sensors(flies), settings.warnings);
+  auto entries = root.named_sections("Vehicles");
+  if (entries.size() > kMaxVehicles)
+    throw root.error("Vehicles", "more than " + std::to_string(kMaxVehicles) + " vehicles");
+  for (auto& [name, entry] : entries)
+    settings.vehicles.push_back(read_vehicle(name, std::move(entry), settings, sensors));
+  settings.clock.by_autopilots =
+      std::ranges::any_of(settings.vehicles, [](const VehicleSettings& one) { return one.autopilot.has_value(); });
+  if (!settings.vehicles.empty()) return;
+  settings.vehicles.push_back(default_vehicle(settings.computer_vision ? "ComputerVision" : "SimpleFlight",
+                                              !settings.computer_vision, settings.camera_defaults));
+  settings.vehicles.back().sensors = sensors;
+}
+
+void read_mode(StrictSection& root, Settings& settings) {
+  const std::string mode =
+      root.choice_in_any_case("SimMode", {"Multirotor", "ComputerVision", "Car", ""}).value_or("Multirotor");
+  if (mode == "Car") throw root.error("SimMode", "cars are not simulated; use Multirotor or ComputerVision");
+  settings.computer_vision = mode == "ComputerVision";
+  const std::string physics =
+      root.choice_in_any_case("PhysicsEngineName", {"", "FastPhysicsEngine", "ExternalPhysicsEngine", "PhysX"})
+          .value_or("");
+  if (physics == "ExternalPhysicsEngine") settings.computer_vision = true;
+  settings.clock.speed = root.number("ClockSpeed", 1.0, 1e-3, 1e3);
+  settings.clock.on_demand = root.boolean("StepOnDemand").value_or(false);
+  if (root.has("ApiServerPort")) settings.port = root.integer("ApiServerPort", 41451, 0, 65535);
+  if (root.has("LocalHostIp")) settings.address = root.text("LocalHostIp").value_or("");
+}
+
+json parse_settings_json(const std::string& text, const std::string& name) {
+  if (is_blank(text)) return json::object();
+  try {
+    return json::parse(text, nullptr, true, true);
+  } catch (const json::exception& error) {
+    throw InputError(name, "is not JSON: " + std::string(error.what()));
+  }
+}
+
+}  // namespace
+
+VehicleSettings default_vehicle(const std::string& name, bool flies, const CameraSettings& camera_defaults) {
+  VehicleSettings vehicle;
+  vehicle.name = name;
+  vehicle.flies = flies;
+  vehicle.cameras = default_cameras(camera_defaults);
+  vehicle.sensors = default_sensors(flies);
+  return vehicle;
+}
+
+bool is_blank(const std::string& settings_text) {
+  return settings_text.find_first_not_of(" \t\r\n\xEF\xBB\xBF") == std::string::npos;
+}
+
+std::string default_settings_text() {
+  const Settings settings = read_settings("", "settings.json");
+  nlohmann::ordered_json text{{"SettingsVersion", 1.2},
+                              {"SimMode", "Multirotor"},
+                              {"ClockSpeed", settings.clock.speed},
+                              {"CameraDefaults", {{"CaptureSettings", nlohmann::ordered_json::array()}}},
+                              {"Vehicles", nlohmann::ordered_json::object()}};
+  for (std::size_t type = 0; type < settings.camera_defaults.captures.size(); ++type) {
+    const CaptureSettings& capture = settings.camera_defaults.captures[type];
+    text["CameraDefaults"]["CaptureSettings"].push_back(
+        {{"ImageType", type}, {"Width", capture.width}, {"Height", capture.height}, {"FOV_Degrees", capture.fov_deg}});
+  }
+  for (const VehicleSettings& vehicle : settings.vehicles) {
+    text["Vehicles"][vehicle.name] = {{"VehicleType", "SimpleFlight"},
+                                      {"DefaultVehicleState", vehicle.armed ? "Armed" : "Disarmed"},
+                                      {"X", vehicle.start_ned.x()},
+                                      {"Y", vehicle.start_ned.y()},
+                                      {"Z", vehicle.start_ned.z()}};
+  }
+  return text.dump(2);
+}
+
+std::map<std::string, std::filesystem::path> read_assets(StrictSection section) {
+  std::map<std::string, std::filesystem::path> assets;
+  for (const std::string& name : section.keys()) {
+    if (const auto file = section.path(name)) assets[name] = *file;
+  }
+  section.require_all_keys_used();
+  return assets;
+}
+
+Settings read_settings(const std::string& text, const std::string& name) {
+  const json document = parse_settings_json(text, name);
+  Settings settings;
+  StrictSection root(document, name, "", &settings.warnings);
+  read_mode(root, settings);
+  if (auto origin = root.section("OriginGeopoint")) settings.origin = read_origin(std::move(*origin));
+  settings.start_on_surface = root.boolean("StartOnSurface").value_or(true);
+  settings.inverted_voxel_scale = root.boolean("InvertedVoxelScale").value_or(false);
+  if (auto wind = root.section("Wind")) {
+    settings.wind_ned_m_s = read_position(*wind);
+    if (settings.wind_ned_m_s.norm() > 100.0) throw root.error("Wind", "more than 100 m/s");
+    wind->require_all_keys_used();
+  }
+  if (auto assets = root.section("Assets")) settings.assets = read_assets(std::move(*assets));
+  if (auto recording = root.section("Recording")) settings.recording = read_recording(std::move(*recording));
+  if (auto segmentation = root.section("SegmentationSettings")) read_segmentation(std::move(*segmentation), settings);
+  settings.annotation_layers = read_annotation_layers(root);
+  if (auto defaults = root.section("CameraDefaults")) {
+    settings.camera_defaults = read_camera("", std::move(*defaults), {});
+  }
+  read_vehicles(root, settings);
+  for (auto& [camera, entry] : root.named_sections("ExternalCameras"))
+    settings.external_cameras.push_back(read_camera(camera, std::move(entry), settings.camera_defaults));
+  root.ignore(kIgnoredKeys);
+  root.require_all_keys_used();
+  return settings;
+}
+
+}  // namespace tileflight::simulator

@@ -1,0 +1,119 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "tileflight/capture/vehicle/multirotor.h"
+#include "tileflight/live/simulator/settings.h"
+#include "tileflight/live/simulator/sim_camera.h"
+#include "tileflight/capture/vehicle/vehicle.h"
+
+namespace tileflight::simulator {
+
+/// Pose and velocities of a vehicle, global NED.
+struct VehicleState {
+  geometry::SE3 T_ned_body;  ///< body x forward, y right, z down
+  geometry::Vec3 velocity_m_s = geometry::Vec3::Zero();
+  geometry::Vec3 angular_velocity_rad_s = geometry::Vec3::Zero();  ///< body axes
+  geometry::Vec3 acceleration_m_s2 = geometry::Vec3::Zero();       ///< without gravity
+  geometry::Vec3 angular_acceleration_rad_s2 = geometry::Vec3::Zero();
+};
+
+/// The latest collision of a vehicle; a contact that lasts is one at each step, as AirSim reports it.
+struct VehicleCollision {
+  bool unread = false;  ///< not read by a client since
+  double time_s = 0.0;  ///< simulation time
+  geometry::Vec3 point_ned = geometry::Vec3::Zero();
+  geometry::Vec3 normal_ned = geometry::Vec3::Zero();
+  geometry::Vec3 position_ned = geometry::Vec3::Zero();
+  double depth_m = 0.0;
+  std::string object{};  ///< name of the object that was hit; empty: the place
+};
+
+/// A simulated vehicle: flown by vehicle::Vehicle after the first command, or by an autopilot that drives its motors,
+/// or kept where it is placed. Not thread-safe: part of the simulator's state.
+class SimVehicle {
+ public:
+  /// `T_local_ned`: pose of NED in the scene. `obstacles`: of the scene, in its local frame.
+  SimVehicle(VehicleSettings settings, const geometry::SE3& T_local_ned, vehicle::ObstacleQuery obstacles,
+             const geometry::Vec3& wind_local_m_s);
+
+  const VehicleSettings& settings() const { return settings_; }
+  const std::string& name() const { return settings_.name; }
+  /// Origin of the vehicle's local NED, in global NED.
+  const geometry::Vec3& start_ned() const { return settings_.start_ned; }
+  /// Start pose, global NED; for flying vehicles above `start_ned` or on the ground there.
+  void set_home(const geometry::SE3& T_ned_body);
+  const geometry::SE3& home() const { return T_ned_home_; }
+  /// Lets a vehicle with an autopilot settle on the ground below its home, which moves there. Requires the obstacles.
+  void settle_at_home();
+  bool has_autopilot() const { return settings_.autopilot.has_value(); }
+  /// Radius of the collision sphere, metres.
+  double radius_m() const { return options_.radius_m; }
+
+  const VehicleState& state() const { return state_; }
+  /// Places the vehicle at rest. It stays there until the next command.
+  void teleport(const VehicleState& state);
+  /// Moves the vehicle towards a pose until it meets an obstacle.
+  void sweep_to(const geometry::SE3& T_ned_body, double time_s);
+
+  /// Starts a command. Throws InputError for a command that cannot be flown.
+  std::shared_ptr<const vehicle::Task> command(const vehicle::Command& command);
+  void cancel();
+  bool busy() const { return task_ && task_->outcome == vehicle::Outcome::kRunning; }
+  /// On the ground with its rotors off.
+  bool landed() const;
+  /// Moved by physics; otherwise it stays where it was placed.
+  bool is_flying() const { return flight_ || multirotor_; }
+  double yaw_local_rad() const;  ///< counter-clockwise from east
+  geometry::Vec3 position_local() const { return T_local_ned_ * state_.T_ned_body.translation; }
+  const vehicle::VehicleOptions& options() const { return options_; }
+  std::vector<vehicle::Rotor> rotors() const;
+  /// By rotor; zero if it does not fly.
+  std::vector<double> rotor_speeds_rad_s() const;
+  /// The air's velocity at the vehicle, global NED.
+  geometry::Vec3 wind_ned_m_s() const;
+  /// Sets the mean wind, also in flight.
+  void set_wind(const geometry::Vec3& wind_local_m_s);
+
+  /// One physics step; `time_s`: simulation time after it. Of a vehicle with an autopilot nothing moves.
+  void step(double time_s);
+  /// One physics step of a vehicle with an autopilot. `outputs`: of the motors, 0 to 1.
+  void step_motors(std::span<const double> outputs, double step_s, double time_s);
+  /// Returns to the start pose, at rest.
+  void return_to_start();
+  /// The same, without API control, armed as the settings say, with the settings' cameras.
+  void reset();
+
+  VehicleCollision& collision() { return collision_; }
+  const VehicleCollision& collision() const { return collision_; }
+  std::vector<SimCamera>& cameras() { return cameras_; }
+  const std::vector<SimCamera>& cameras() const { return cameras_; }
+
+  bool api_control = false;
+  bool armed = false;
+
+ private:
+  VehicleState simulated_state(const vehicle::RigidBodyState& body) const;
+  void record_contact(const vehicle::Collision& last, double time_s);
+  void record_impact(double time_s);
+  void place_multirotor();
+
+  VehicleSettings settings_;
+  geometry::SE3 T_local_ned_;
+  vehicle::ObstacleQuery obstacles_;
+  vehicle::VehicleOptions options_;
+  geometry::SE3 T_ned_home_;
+  VehicleState state_;
+  std::unique_ptr<vehicle::Vehicle> flight_;           ///< null: it stays where it was placed
+  std::unique_ptr<vehicle::Multirotor> multirotor_;  ///< of a vehicle with an autopilot, once settled
+  double contact_seen_s_ = 0.0;                        ///< of the flight's clock
+  std::shared_ptr<const vehicle::Task> task_;
+  VehicleCollision collision_;
+  std::vector<SimCamera> cameras_;
+};
+
+}  // namespace tileflight::simulator

@@ -1,0 +1,214 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <set>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "tileflight/core/base/require.h"
+#include "tileflight/live/simulator/annotation_layers.h"
+#include "tileflight/live/simulator/segmentation_ids.h"
+#include "tileflight/live/simulator/ardupilot_port.h"
+#include "tileflight/live/simulator/client_file_access.h"
+#include "tileflight/live/simulator/detection.h"
+#include "tileflight/live/simulator/image_renderer.h"
+#include "tileflight/live/simulator/lidar_scanner.h"
+#include "tileflight/live/simulator/lockstep_vehicle.h"
+#include "tileflight/live/simulator/px4_port.h"
+#include "tileflight/live/simulator/recorder.h"
+#include "tileflight/live/simulator/sensor_readings.h"
+#include "tileflight/live/simulator/settings.h"
+#include "tileflight/live/simulator/sim_vehicle.h"
+#include "tileflight/live/simulator/simulation_clock.h"
+#include "tileflight/live/simulator/simulator.h"
+#include "tileflight/live/simulator/vision_input.h"
+#include "tileflight/live/simulator/working_set.h"
+#include "tileflight/live/simulator/world_objects.h"
+
+namespace tileflight::simulator {
+
+/// Duration of a command within 0 to an hour; AirSim's clients send 3e38 for "no limit". Throws InputError for NaN.
+inline double clamp_duration_s(float seconds, const char* call) {
+  constexpr double kMaxDuration_s = 3600.0;
+  base::require(!std::isnan(seconds), call, "the time is not a number");
+  return std::clamp(static_cast<double>(seconds), 0.0, kMaxDuration_s);
+}
+
+inline constexpr double kHistory_s = 0.5;  ///< length of each vehicle's history of states
+
+/// A vehicle with its state history and sensor noise.
+struct VehicleSlot {
+  std::unique_ptr<SimVehicle> vehicle;
+  StateHistory history;
+  std::map<std::string, SensorNoiseState> sensor_noises;  ///< by the sensor's name
+  std::map<std::string, SensorNoiseState> view_noises;    ///< of what viewers see, by the sensor's name
+  std::unique_ptr<VisionInput> vision;  ///< of an autopilot that gets it from pictures; used by the autopilot's thread
+};
+
+/// Time of day and weather, as clients set them.
+class Outdoors {
+ public:
+  /// Number of AirSim's WeatherParameter with an effect here: Rain, Roadwetness, Snow, Dust, Fog.
+  enum Parameter { kRain = 0, kRoadWetness = 1, kSnow = 2, kDust = 6, kFog = 7, kEnabled = 8 };
+
+  /// The sun moves from `start` on, at `clock_s` of the simulation, by `speed` seconds a second, every `interval_s` (0:
+  /// always).
+  void set_time_of_day(const Sunlight& start, double clock_s, double speed, double interval_s);
+  void end_time_of_day() { celestial_clock_.reset(); }
+  void enable_weather(bool enable);
+  /// False: a parameter without effect. `value`: 0 to 1.
+  bool set_parameter(int parameter, double value);
+
+  /// What pictures show at this time of the simulation. `wind_m_s`: east, north, up.
+  Outlook outlook(double clock_s, const geometry::Vec3& wind_m_s) const;
+
+ private:
+  struct CelestialClock {
+    Sunlight start;
+    double clock_s, speed, interval_s;
+  };
+  std::optional<CelestialClock> celestial_clock_;
+  bool has_weather_ = false;
+  std::array<double, 9> values_{};
+  /// The weather of the latest outlook: kept as long as nothing changes, so that renderers are.
+  mutable std::shared_ptr<const render::WeatherOptions> weather_;
+};
+
+/// The weather of AirSim's parameters (0 to 1 each): fog's visibility 5000 m (20 / 5000)^fog, dust's 5000 m (50 /
+/// 5000)^dust, rain 100 mm/h rain^2, snow 10 mm/h snow^2, wetness as it is; 0 is none of it.
+render::WeatherOptions weather_of_parameters(double fog, double dust, double rain, double snow, double wetness);
+
+/// A requested image, independent of the simulator's state.
+struct PlannedImage {
+  ImageRequest request;
+  ImageType type = ImageType::kScene;
+  CameraView view;
+  std::vector<double> key;  ///< images with equal keys can be rendered in one pass
+  Pose pose;                ///< camera pose, as returned to the client
+};
+
+/// All images of a call, at one time.
+struct PlannedImages {
+  std::vector<PlannedImage> images;
+  std::vector<SensorViewpoint> viewpoints;
+  std::map<std::string, geometry::SE3> camera_poses;  ///< by vehicle and camera: current pose, local frame
+  std::uint64_t time_ns = 0;
+  ObjectList objects;
+  Outlook outlook;
+};
+
+/// When a camera took its latest picture, for optical flow.
+struct LatestPicture {
+  geometry::SE3 T_local_camera;
+  ObjectList objects;
+};
+
+/// The simulator's state. One mutex guards all mutable state; rendering, scans and tile loading run without it, on
+/// copies of the data they need.
+struct Simulator::Impl {
+  /// `meshes`: the place; none: `options.source`, read while `progress` is told.
+  Impl(const SimulatorOptions& options, std::optional<std::vector<imaging::TexturedMesh>> meshes, SimulatorLog log,
+       const Progress& progress);
+
+  SimulatorOptions options;
+  SimulatorLog log;
+  Settings settings;
+  WorkingSet working_set;
+  WorldObjects world_objects;
+  std::vector<std::string> warnings;
+  GeodeticFrame geodetic_frame;
+  geometry::SE3 T_local_ned;
+  ClientFileAccess file_access;
+  simulator::SegmentationIds segmentation_ids;
+  simulator::AnnotationLayers annotation_layers;
+  ImageRenderer renderer;
+  std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
+  std::atomic<std::uint64_t> images{0};
+  std::atomic<double> image_seconds{0.0}, last_image_seconds{0.0};
+
+  std::mutex recording_mutex;      ///< held while recording files are written; locked before `state_mutex`
+  mutable std::mutex state_mutex;  ///< guards the members below
+  std::vector<std::unique_ptr<VehicleSlot>> vehicles;
+  std::vector<SimCamera> external_cameras;
+  std::map<std::string, LatestPicture> last_pictures;        ///< by vehicle and camera
+  std::map<std::string, DetectionFilter> detection_filters;  ///< by vehicle, camera and image type
+  std::shared_ptr<const ResidentScene> obstacle_scene;       ///< obstacles of the vehicles
+  geometry::Vec3 wind_ned_m_s = geometry::Vec3::Zero();
+  Outdoors outdoors;
+  std::set<std::string> told_calls;  ///< calls without effect that were already logged
+  std::unique_ptr<Recorder> recorder;
+  double next_record_s = 0.0;
+  LockstepTimes lockstep_times;
+  SimulationClock clock;  ///< below the members that its thread uses, so that it ends first
+  std::vector<std::unique_ptr<ArduPilotPort>> ardupilot_ports;  ///< stopped after the clock
+  std::vector<std::unique_ptr<Px4Port>> px4_ports;              ///< the same
+  std::map<std::string, LockstepVehicle> repeated_vehicles;     ///< by name; of a session that is repeated
+
+  // Setup (simulator.cpp).
+  void initialize();
+  void set_frames();
+  void add_vehicle(VehicleSettings vehicle, const geometry::SE3& T_ned_home);
+  geometry::SE3 find_home_pose(const VehicleSettings& vehicle) const;
+  vehicle::ObstacleQuery obstacle_query();
+  SimulationClock::Hooks clock_hooks();
+  void open_autopilot_ports();
+  void log_line(const std::string& line) const;
+
+  // Lookups; the mutex must be held. Throw InputError or std::runtime_error.
+  VehicleSlot& slot(const std::string& name);
+  const VehicleSlot& slot(const std::string& name) const;
+  SimVehicle& require_multirotor(const std::string& name, const char* call);
+  SimCamera& camera(const std::string& camera, const std::string& vehicle, bool external);
+  const SimCamera& camera(const std::string& camera, const std::string& vehicle, bool external) const;
+  geometry::SE3 T_ned_camera(const SimCamera& camera, const std::string& vehicle, bool external) const;
+  /// Origin of a vehicle's local NED in global NED; of external cameras zero.
+  geometry::Vec3 ned_origin(const std::string& vehicle, bool external) const;
+  std::vector<SensorViewpoint> viewpoints() const;
+
+  // The tiles with the objects of clients; without the mutex.
+  std::shared_ptr<const ResidentScene> place_for(std::span<const SensorViewpoint> viewpoints);
+  std::shared_ptr<const ResidentScene> place_now();
+  /// Shows vehicles the objects as they are now.
+  void update_obstacles();
+
+  // Images (api_images.cpp).
+  PlannedImages plan_images(const std::vector<ImageRequest>& requests, const std::string& vehicle, bool external) const;
+  /// Stores the poses from which the next images' optical flow is computed.
+  void remember_camera_poses(const PlannedImages& planned);
+  std::vector<ImageResponse> render_images(const PlannedImages& planned);
+  /// The first one's colours.
+  imaging::RgbImage render_colours(const PlannedImages& planned);
+  std::vector<imaging::Rgb8> annotation_colours(const ResidentScene& place, const std::string& layer) const;
+
+  // Detections (api_detection.cpp).
+  DetectionFilter& detection_filter(const std::string& camera, int image_type, const std::string& vehicle,
+                                    bool external);
+
+  // Flight (api_flight.cpp).
+  bool run_command(const std::string& vehicle, const char* call,
+                   const std::function<vehicle::Command(SimVehicle&)>& command);
+
+  // Recording (api_recording.cpp).
+  void begin_recording();
+  void record_if_due(double time_s);
+  std::vector<RecordingFrame> capture_recording_frames();
+};
+
+/// Throws InputError if a client's number is not finite or beyond 10000 km.
+geometry::Vec3 checked_position(const Vector3r& position, const char* what);
+/// Normalized rotation; throws InputError if its length is zero.
+Eigen::Quaterniond checked_rotation(const Quaternionr& orientation, const char* what);
+/// Converts a client's pose; components that are NaN keep those of `before`.
+geometry::SE3 merge_pose(const Pose& pose, const geometry::SE3& before, const char* what);
+
+}  // namespace tileflight::simulator

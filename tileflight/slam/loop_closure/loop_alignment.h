@@ -1,0 +1,49 @@
+#pragma once
+
+// The motion between two keyframes that see the same place, by direct alignment of each one's map points to the other's
+// picture (DSO, section 3.1, step 1), from the similarity that matched corners gave. Corners are known to a pixel, this
+// to a few hundredths of one, as is the path that it is compared with.
+//
+// Each of the two alignments is in the units of the keyframe whose points it uses: at a loop the map may have another
+// scale than where the place was first seen. The ratio comes from the distances of points that both keyframes see.
+
+#include <optional>
+#include <vector>
+
+#include "tileflight/core/geometry/decompositions.h"
+#include "tileflight/slam/loop_closure/keyframe_image.h"
+#include "tileflight/slam/mapping/map.h"
+
+namespace tileflight::loop_closure {
+
+/// What is aligned of a keyframe; `points`: hosted by it.
+struct AlignedKeyframe {
+  const KeyframeImage* image = nullptr;
+  std::vector<const mapping::MapPoint*> points;
+};
+
+/// T_a_b in units of a, by a's points in b's picture.
+struct AlignedPose {
+  geometry::SE3 T_a_b;
+  geometry::Mat6 covariance = geometry::Mat6::Zero();  ///< of the right twist of T_a_b, translation first
+};
+
+/// Keyframes a and b of a loop.
+struct LoopAlignment {
+  AlignedPose a_b;         ///< by a's points, in units of a
+  AlignedPose b_a;         ///< by b's points, in units of b
+  double log_scale = 0.0;  ///< of a length in a over the same length in b
+  double log_scale_variance = 0.0;
+};
+
+/// Squared difference of both alignments over its variance, mean of its six coordinates: about 1 if the covariances
+/// are right, many if one alignment is wrong.
+double disagreement(const LoopAlignment& alignment);
+
+/// `lens`: of the full image, which `a.image` and `b.image` are a level of. `T_a_b`: where to begin; its scale is a
+/// length in a over the same length in b. nullopt if too few points are known, one of the alignments fails, or the two
+/// contradict each other.
+std::optional<LoopAlignment> align_loop(const keyframes::LensPyramid& lens, const AlignedKeyframe& a,
+                                        const AlignedKeyframe& b, const geometry::Sim3& T_a_b);
+
+}  // namespace tileflight::loop_closure

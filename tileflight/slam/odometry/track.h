@@ -1,0 +1,46 @@
+#pragma once
+
+#include <filesystem>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "tileflight/core/base/output_folder.h"
+#include "tileflight/core/base/progress.h"
+#include "tileflight/slam/odometry/odometry.h"
+#include "tileflight/slam/odometry/track_options.h"
+
+namespace tileflight::odometry {
+
+/// Selection of a dataset's frames, by index.
+struct FrameRange {
+  std::size_t from = 0;
+  std::optional<std::size_t> to;  ///< exclusive
+  std::size_t every = 1;
+  bool reverse = false;
+};
+
+/// Runs the built-in odometry on a dataset folder and atomically writes a folder with trajectory.txt, keyframes.txt,
+/// map.ply, camera.yaml (of the images as tracked), quality.csv (a line per image) and odometry.json (returned, with
+/// `doubts`, `mode` and `scale`); with an inertial unit whose readings show the scale also inertial.csv. The dataset's
+/// ground truth and positions are not used. A run that loses tracking is written up to there, with `lost` true; one
+/// that never initializes has an empty trajectory and no map points. Images that cannot be decoded are skipped, counted
+/// and reported. Throws InputError for an unreadable dataset, mask or initialization, and for a lens without a COLMAP
+/// model if COLMAP output is requested.
+nlohmann::json track(const std::filesystem::path& dataset_folder, const std::filesystem::path& out, bool replace,
+                     const odometry::OdometryOptions& options, const FrameRange& range, const Progress& progress = {},
+                     const TrackOptions& extras = {});
+
+/// The output folder of any odometry program: the files by which a folder of an earlier version is recognised, and the
+/// inputs that must not be overwritten.
+base::OutputFolder odometry_output_folder(const std::filesystem::path& out, bool replace,
+                                          std::vector<std::filesystem::path> inputs);
+
+/// Runs an external odometry program instead: a shell command with {dataset} and {out} substituted (each quoted for the
+/// shell), executed in `folder`. It must write trajectory.txt and map.ply into {out}; odometry.json is added if it
+/// writes none. Throws InputError if the command fails or writes no trajectory.txt or map.ply.
+nlohmann::json track_with_command(const std::filesystem::path& dataset_folder, const std::filesystem::path& out,
+                                  bool replace, const std::string& command, const std::filesystem::path& folder);
+
+}  // namespace tileflight::odometry

@@ -1,0 +1,386 @@
+#include "tileflight/slam/odometry/track_inputs.h"
+
+#include <tbb/task_group.h>
+
+#include <algorithm>
+#include <exception>
+#include <iomanip>
+#include <limits>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <utility>
+
+#include "tileflight/core/base/formatted_text.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/text_fields.h"
+#include "tileflight/data/dataset/imu_files.h"
+#include "tileflight/data/dataset/rig.h"
+#include "tileflight/core/geometry/angles.h"
+#include "tileflight/core/geometry/json_numbers.h"
+#include "tileflight/core/geometry/trajectory.h"
+#include "tileflight/core/imaging/image_files.h"
+#include "tileflight/slam/inertial/imu_check.h"
+
+namespace tileflight::odometry {
+namespace fs = std::filesystem;
+namespace {
+
+using nlohmann::json;
+
+inertial::ImuNoise read_noise(const dataset::Dataset& data, std::vector<std::string>& warnings) {
+  if (data.imu_noise.empty()) {
+    warnings.push_back("the inertial unit's noise is not stated (imu.yaml); that of an ADIS16448 is assumed");
+    return {};
+  }
+  const dataset::ImuCalibration noise = dataset::read_imu_noise(data.imu_noise);
+  return {.accelerometer_noise_density = noise.accelerometer_noise_density,
+          .accelerometer_random_walk = noise.accelerometer_random_walk,
+          .gyroscope_noise_density = noise.gyroscope_noise_density,
+          .gyroscope_random_walk = noise.gyroscope_random_walk};
+}
+
+std::size_t reference_camera(const dataset::Rig& rig, const std::string& name) {
+  if (name.empty()) return 0;
+  std::string names;
+  for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
+    if (rig.cameras[c].name == name) return c;
+    names += (names.empty() ? "" : ", ") + rig.cameras[c].name;
+  }
+  throw InputError("--camera", "\"" + name + "\" is none of the rig's cameras (" + names +
+                                   "), whose own calibrations --mode stereo takes");
+}
+
+/// Smallest difference of a frame's time to one of the reference camera, seconds.
+double smallest_offset_s(const dataset::RigCamera& reference, const dataset::RigCamera& other) {
+  double smallest = std::numeric_limits<double>::infinity();
+  for (const dataset::Frame& frame : other.dataset.frames) {
+    const double time_s = frame.time_s + other.timeshift_s - reference.timeshift_s;
+    const auto& frames = reference.dataset.frames;
+    const auto next = std::ranges::lower_bound(frames, time_s, {}, &dataset::Frame::time_s);
+    if (next != frames.end()) smallest = std::min(smallest, next->time_s - time_s);
+    if (next != frames.begin()) smallest = std::min(smallest, time_s - std::prev(next)->time_s);
+  }
+  return smallest;
+}
+
+odometry::OtherCamera other_camera(const dataset::RigCamera& reference, const dataset::RigCamera& camera) {
+  odometry::OtherCamera other{.name = camera.name,
+                              .calibration = camera.dataset.calibration,
+                              .photometric = {},
+                              .T_other_reference = camera.T_body_camera.inverse() * reference.T_body_camera};
+  if (!camera.dataset.pcalib.empty() || !camera.dataset.vignette.empty())
+    other.photometric = imaging::read_photometric(camera.dataset.pcalib, camera.dataset.vignette);
+  return other;
+}
+
+void require_size(const fs::path& file, int width, int height, const imaging::Camera& camera) {
+  if (width == camera.width() && height == camera.height()) return;
+  throw InputError(file.string(), "is " + std::to_string(width) + "x" + std::to_string(height) +
+                                      ", the calibration is for " + std::to_string(camera.width()) + "x" +
+                                      std::to_string(camera.height()) +
+                                      "; use images and a calibration of the same size");
+}
+
+/// nullopt if the file is broken or missing, which is counted.
+std::optional<imaging::RgbImage> read_or_skip(const dataset::Frame& frame, SkippedImages& skipped) {
+  try {
+    return imaging::read_rgb(frame.image);
+  } catch (const InputError& error) {
+    if (skipped.frames++ == 0) skipped.first_reason = error.what();
+    return std::nullopt;
+  }
+}
+
+/// What the other cameras took at a frame's instant.
+std::vector<odometry::OtherImage> read_others(const StereoRig* rig, const dataset::Frame& frame,
+                                              SkippedFrames& skipped) {
+  std::vector<odometry::OtherImage> others;
+  if (rig == nullptr) return others;
+  const auto taken = rig->other_frames.find(frame.time_s);
+  if (taken == rig->other_frames.end()) return others;
+  for (const std::optional<dataset::Frame>& other : taken->second) {
+    others.emplace_back();
+    if (!other) continue;
+    others.back().image = read_or_skip(*other, skipped.of_others).value_or(imaging::RgbImage());
+    others.back().exposure_ms = other->exposure_ms;
+  }
+  return others;
+}
+
+/// Reads images one by one, each on another core while the one before it is tracked. What is broken counts only once
+/// the image after it is asked for.
+class ReadAhead {
+ public:
+  /// Arguments: see make_frame_source().
+  ReadAhead(const std::vector<dataset::Frame>& frames, bool reverse, const TrackingCamera& view, const StereoRig* rig)
+      : frames_(frames), reverse_(reverse), view_(view), rig_(rig) {}
+  ~ReadAhead() { task_.wait(); }
+  ReadAhead(const ReadAhead&) = delete;
+  ReadAhead& operator=(const ReadAhead&) = delete;
+
+  /// nullopt after the last one.
+  std::optional<odometry::InputFrame> next(SkippedFrames& skipped) {
+    if (!has_begun_) read();
+    has_begun_ = true;
+    task_.wait();
+    if (failure_) std::rethrow_exception(failure_);
+    std::optional<odometry::InputFrame> frame = std::exchange(frame_, std::nullopt);
+    skipped = skipped_;
+    if (frame) task_.run([this] { read(); });
+    return frame;
+  }
+
+ private:
+  void read() {
+    try {
+      frame_ = read_next();
+    } catch (...) {
+      failure_ = std::current_exception();
+    }
+  }
+
+  std::optional<odometry::InputFrame> read_next() {
+    for (; at_ < frames_.size(); ++at_) {
+      const dataset::Frame& frame = frames_[at_];
+      auto image = read_or_skip(frame, skipped_);
+      if (!image) continue;
+      require_size(frame.image, image->width, image->height, view_.native);
+      return odometry::InputFrame{.index = static_cast<std::int64_t>(at_++),
+                                  .time_s = reverse_ ? -frame.time_s : frame.time_s,
+                                  .exposure_ms = frame.exposure_ms,
+                                  .image = view_.rectifier ? (*view_.rectifier)(*image) : std::move(*image),
+                                  .others = read_others(rig_, frame, skipped_)};
+    }
+    return std::nullopt;
+  }
+
+  const std::vector<dataset::Frame>& frames_;
+  bool reverse_;
+  const TrackingCamera& view_;
+  const StereoRig* rig_;
+  bool has_begun_ = false;
+  std::size_t at_ = 0;  ///< this and what follows: the task's, while it runs
+  SkippedFrames skipped_;
+  std::optional<odometry::InputFrame> frame_;
+  std::exception_ptr failure_;
+  tbb::task_group task_;
+};
+
+}  // namespace
+
+OdometryMode parse_odometry_mode(const std::string& where, const std::string& word) {
+  if (word == "mono") return OdometryMode::kMono;
+  if (word == "inertial") return OdometryMode::kInertial;
+  if (word == "stereo") return OdometryMode::kStereo;
+  if (word == "stereo-inertial") return OdometryMode::kStereoInertial;
+  throw InputError(where, "\"" + word + "\" is no mode; use mono, inertial, stereo or stereo-inertial");
+}
+
+std::string to_string(OdometryMode mode) {
+  switch (mode) {
+    case OdometryMode::kInertial:
+      return "inertial";
+    case OdometryMode::kStereo:
+      return "stereo";
+    case OdometryMode::kStereoInertial:
+      return "stereo-inertial";
+    case OdometryMode::kMono:
+      break;
+  }
+  return "mono";
+}
+
+StereoRig read_stereo_rig(const std::filesystem::path& folder, const std::string& camera,
+                          std::vector<std::string>& warnings) {
+  dataset::Rig rig = dataset::read_rig(folder);
+  if (rig.cameras.size() < 2)
+    throw InputError(folder.string(), "has one camera; --mode stereo needs several on one body: use --mode mono");
+  const std::size_t first = reference_camera(rig, camera);
+  const std::vector<dataset::RigInstant> instants = dataset::rig_instants(rig, kSameInstant_s);
+  StereoRig stereo;
+  std::vector<std::size_t> used;
+  std::string nearest;
+  for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
+    if (c == first) continue;
+    if (std::ranges::any_of(instants, [&](const auto& at) { return at.frames[first] && at.frames[c]; })) {
+      used.push_back(c);
+      stereo.others.push_back(other_camera(rig.cameras[first], rig.cameras[c]));
+      continue;
+    }
+    const double offset_s = smallest_offset_s(rig.cameras[first], rig.cameras[c]);
+    nearest = "camera " + rig.cameras[c].name + " has no picture within " +
+              base::formatted("%.1f", 1e3 * kSameInstant_s) + " ms of one of camera " + rig.cameras[first].name +
+              " (the nearest: " + base::formatted("%.3g", 1e3 * offset_s) + " ms)";
+    warnings.push_back(nearest + ": it is not used");
+  }
+  if (used.empty())
+    throw InputError(folder.string(), nearest + "; --mode stereo needs pictures of one instant: use --mode mono");
+  for (const dataset::RigInstant& instant : instants) {
+    if (!instant.frames[first]) continue;
+    auto& frames = stereo.other_frames[rig.cameras[first].dataset.frames[*instant.frames[first]].time_s];
+    for (const std::size_t c : used)
+      frames.push_back(instant.frames[c] ? std::optional(rig.cameras[c].dataset.frames[*instant.frames[c]])
+                                         : std::nullopt);
+  }
+  stereo.reference = std::move(rig.cameras[first].dataset);
+  return stereo;
+}
+
+json stereo_json(const odometry::StereoResult& stereo) {
+  json cameras = json::array();
+  for (const odometry::OtherCameraResult& camera : stereo.cameras) {
+    cameras.push_back({{"name", camera.name},
+                       {"frames", camera.frames},
+                       {"frames_blind", camera.frames_blind},
+                       {"keyframes", camera.keyframes},
+                       {"keyframes_unmatched", camera.keyframes_unmatched},
+                       {"matched_share", camera.matched_share}});
+    json& fit = cameras.back()["fit"];
+    if (camera.fit)
+      fit = {{"matches", camera.fit->matches},
+             {"rotation_deg", camera.fit->rotation_rad / geometry::kRadiansPerDegree},
+             {"behind_share", camera.fit->behind_share}};
+  }
+  return {{"metric", stereo.metric}, {"cameras", cameras}};
+}
+
+inertial::InertialInput read_inertial_input(const dataset::Dataset& data, double gravity_m_s2,
+                                            std::vector<std::string>& warnings) {
+  if (data.imu.empty())
+    throw InputError(data.folder.string(),
+                     "has no readings of an inertial unit (imu.csv), which --mode inertial needs; use --mode mono");
+  inertial::InertialInput input;
+  input.where = data.imu.string();
+  input.samples = dataset::read_imu_csv(data.imu);
+  input.model.noise = read_noise(data, warnings);
+  input.model.T_imu_camera = data.calibration.T_cam_imu.inverse();
+  input.model.gravity_m_s2 = gravity_m_s2;
+  inertial::check_readings(input.samples, input.model.noise, input.where);
+  return input;
+}
+
+json inertial_json(const inertial::InertialAlignment& a, const std::optional<double>& coupled_since_s) {
+  json result = {{"reason", a.reason}, {"covered_share", a.covered_share}};
+  if (coupled_since_s) result["coupled_since_s"] = *coupled_since_s;
+  if (!a.metric) return result;
+  result["scale"] = a.mean_scale;
+  result["sigma_log_scale"] = a.sigma_log_scale;
+  result["sigma_up_deg"] = a.sigma_up_rad / geometry::kRadiansPerDegree;
+  result["time_offset_s"] = a.time_offset_s;
+  result["sigma_time_offset_s"] = a.sigma_time_offset_s;
+  result["mounting_correction_deg"] = a.mounting_correction_rad / geometry::kRadiansPerDegree;
+  result["residual_ratio"] = a.residual_ratio;
+  result["gyroscope_bias_rad_s"] = geometry::json_numbers(a.bias.front().gyroscope_rad_s);
+  result["accelerometer_bias_m_s2"] = geometry::json_numbers(a.bias.front().accelerometer_m_s2);
+  return result;
+}
+
+std::string inertial_csv(const inertial::InertialAlignment& a, const geometry::Trajectory& keyframes) {
+  std::string table =
+      "time_s,scale,vx,vy,vz,gyroscope_bias_x,gyroscope_bias_y,gyroscope_bias_z,accelerometer_bias_x,"
+      "accelerometer_bias_y,accelerometer_bias_z\n";
+  for (std::size_t k = 0; k < a.scale.size(); ++k) {
+    base::append_number(table, keyframes.poses[k].time_s);
+    table += ',';
+    base::append_number(table, a.scale[k]);
+    for (const geometry::Vec3& v : {a.velocity_m_s[k], a.bias[k].gyroscope_rad_s, a.bias[k].accelerometer_m_s2}) {
+      for (int axis = 0; axis < 3; ++axis) {
+        table += ',';
+        base::append_number(table, v[axis]);
+      }
+    }
+    table += '\n';
+  }
+  return table;
+}
+
+std::string quality_csv(std::vector<odometry::FrameQuality> quality, const std::vector<dataset::Frame>& frames,
+                        bool reverse) {
+  if (reverse) std::reverse(quality.begin(), quality.end());
+  std::ostringstream table;
+  table << std::setprecision(6)
+        << "frame,time_s,tracked,keyframe,rmse,inside_share,saturated_share,known_points,step,"
+           "sigma_position,sigma_rotation_rad,sigma_log_scale\n";
+  for (const odometry::FrameQuality& q : quality) {
+    const dataset::Frame& frame = frames[static_cast<std::size_t>(q.frame)];
+    table << frame.id << ',' << std::setprecision(17) << frame.time_s << std::setprecision(6) << ',' << q.tracked << ','
+          << q.is_keyframe << ',' << q.rmse << ',' << q.inside_share << ',' << q.saturated_share << ','
+          << q.known_points << ',' << q.distance_to_keyframe << ',' << q.sigma_position << ',' << q.sigma_rotation_rad
+          << ',' << q.sigma_log_scale << '\n';
+  }
+  return table.str();
+}
+
+TrackingCamera make_tracking_camera(const imaging::Calibration& calibration, std::optional<double> rectify_fov_deg) {
+  TrackingCamera view{calibration.camera, calibration, std::nullopt};
+  if (!rectify_fov_deg) return view;
+  view.calibration.camera = imaging::make_pinhole(view.native.width(), view.native.height(), *rectify_fov_deg);
+  view.calibration.line_delay_s = 0.0;  // a rectified image's rows are not the sensor's
+  view.rectifier.emplace(view.native, view.calibration.camera);
+  return view;
+}
+
+std::vector<dataset::Frame> select_frames(const dataset::Dataset& data, const FrameRange& range) {
+  const std::size_t end = std::min(range.to.value_or(data.frames.size()), data.frames.size());
+  if (range.from >= end) {
+    throw InputError(data.folder.string(), "no frames from " + std::to_string(range.from) + " to " +
+                                               std::to_string(end) + " (the dataset has " +
+                                               std::to_string(data.frames.size()) + ")");
+  }
+  std::vector<dataset::Frame> frames;
+  for (std::size_t i = range.from; i < end; i += range.every) frames.push_back(data.frames[i]);
+  if (range.reverse) std::reverse(frames.begin(), frames.end());
+  return frames;
+}
+
+odometry::FrameSource make_frame_source(const std::vector<dataset::Frame>& frames, bool reverse,
+                                        const TrackingCamera& view, const StereoRig* rig, SkippedFrames& skipped) {
+  const auto reader = std::make_shared<ReadAhead>(frames, reverse, view, rig);
+  return [reader, &skipped] { return reader->next(skipped); };
+}
+
+void reverse_times(geometry::Trajectory& trajectory) {
+  for (geometry::StampedPose& pose : trajectory.poses) pose.time_s = -pose.time_s;
+  std::reverse(trajectory.poses.begin(), trajectory.poses.end());
+}
+
+std::optional<imaging::PhotometricCalibration> read_photometric_calibration(const dataset::Dataset& data,
+                                                                            const TrackingCamera& view) {
+  if (data.pcalib.empty() && data.vignette.empty()) return std::nullopt;
+  imaging::PhotometricCalibration photometric = imaging::read_photometric(data.pcalib, data.vignette);
+  if (photometric.vignette.empty()) return photometric;
+  require_size(data.vignette, photometric.vignette.width, photometric.vignette.height, view.native);
+  if (!view.rectifier) return photometric;
+  photometric.vignette = (*view.rectifier)(photometric.vignette);
+  // Outside the lens's image circle the images are black, whatever they are divided by.
+  for (float& value : photometric.vignette.pixels) value = value > 0.0F ? value : 1.0F;
+  return photometric;
+}
+
+odometry::Priors make_priors(const TrackOptions& extras, const std::vector<dataset::Frame>& frames, bool reverse,
+                             const TrackingCamera& view) {
+  odometry::Priors aids;
+  if (!extras.mask.empty()) {
+    aids.mask = imaging::read_gray(extras.mask);
+    require_size(extras.mask, aids.mask.width, aids.mask.height, view.native);
+    if (view.rectifier) aids.mask = (*view.rectifier)(aids.mask);
+  }
+  if (extras.init_from.empty()) return aids;
+  if (!fs::is_directory(extras.init_from)) {
+    aids.poses = geometry::read_tum(extras.init_from);
+    if (aids.poses.empty()) throw InputError(extras.init_from.string(), "has no poses to initialize from");
+    if (reverse) reverse_times(aids.poses);
+    return aids;
+  }
+  aids.depth_m = [&frames, &view, folder = extras.init_from](std::int64_t index) -> std::optional<imaging::FloatImage> {
+    const fs::path file = folder / (frames[static_cast<std::size_t>(index)].id + ".exr");
+    if (!fs::exists(file)) return std::nullopt;
+    const imaging::FloatImage depth_m = imaging::read_exr(file);
+    require_size(file, depth_m.width, depth_m.height, view.native);
+    return view.rectifier ? (*view.rectifier)(depth_m) : depth_m;
+  };
+  return aids;
+}
+
+}  // namespace tileflight::odometry

@@ -1,0 +1,302 @@
+#include "tileflight/slam/odometry/tracking_doubts.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <numbers>
+
+#include "tileflight/core/base/formatted_text.h"
+#include "tileflight/core/base/order_statistics.h"
+
+namespace tileflight::odometry {
+namespace {
+
+constexpr const char* kWhere = "odometry";
+using FrameName = std::function<std::string(std::int64_t)>;
+
+std::string percent_text(double share) { return base::formatted("%.2g %%", 100.0 * share); }
+
+std::string count_text(std::int64_t number) { return std::to_string(number); }
+
+/// "frame 000012" or "frames 000012 to 000019".
+std::string frames_text(const tracking::FrameQuality& first, const tracking::FrameQuality& last,
+                        const FrameName& name_of) {
+  const std::string from = name_of(first.frame), to = name_of(last.frame);
+  return from == to ? "frame " + from : "frames " + from + " to " + to;
+}
+
+/// Images without a pose. Tracking goes on only in the same map, so the others' poses and points are as good as without
+/// the gap: where few are missing, the result is only smaller.
+void check_completeness(const OdometryResult& result, std::int64_t frames, const DoubtThresholds& limits,
+                        Doubts& doubts) {
+  const std::string share = count_text(result.frames_tracked) + " of " + count_text(frames) + " frames have a pose";
+  const auto given = static_cast<double>(frames);
+  const double missing = given - static_cast<double>(result.frames_tracked);
+  if (result.lost) {
+    doubts.push_back({"the flight was not tracked to its end (" + share + "): " + result.lost_reason, kWhere, "certain",
+                      "use the tracked part, or a flight that can be tracked throughout"});
+  } else if (static_cast<double>(result.frames_tracked) < limits.min_tracked_share * given) {
+    doubts.push_back({share, kWhere, missing > limits.few_missing_share * given ? "certain" : "possible",
+                      "look up the frames without a pose in quality.csv; choose another part of the flight"});
+  }
+}
+
+void check_length(const OdometryResult& result, const DoubtThresholds& limits, Doubts& doubts) {
+  if (result.frames_tracked >= limits.min_frames) return;
+  doubts.push_back(
+      {"only " + count_text(result.frames_tracked) + " frames have a pose: too few to judge the tracking quality",
+       kWhere, "likely", "use a longer part of the flight"});
+}
+
+/// Reports the images with a large share of saturated residuals, from the first to the last. A few that still align by
+/// most of their points are a small part of the flight.
+void check_residuals(const OdometryResult& result, const FrameName& name_of, const DoubtThresholds& limits,
+                     Doubts& doubts) {
+  const tracking::FrameQuality *first = nullptr, *last = nullptr;
+  int bad = 0;
+  double worst = 0.0;
+  for (const tracking::FrameQuality& q : result.quality) {
+    if (!q.tracked || q.saturated_share <= limits.saturated_share) continue;
+    if (first == nullptr) first = &q;
+    last = &q;
+    ++bad;
+    worst = std::max(worst, q.saturated_share);
+  }
+  if (bad == 0) return;
+  const bool is_small = worst <= limits.saturated_likely_share &&
+                        bad <= limits.saturated_likely_frames * static_cast<double>(result.frames_tracked);
+  doubts.push_back(
+      {"tracking residuals are high in " + count_text(bad) + " frames: up to " + percent_text(worst) +
+           " of the points do not match their keyframe",
+       std::string(kWhere) + ", " + frames_text(*first, *last, name_of), is_small ? "possible" : "likely",
+       "check these frames for blur, an obstruction in front of the lens or rotation in place; leave them out"});
+}
+
+bool has_metric_scale(const OdometryResult& result) { return result.stereo && result.stereo->metric; }
+
+void check_metric_scale(const OdometryResult& result, const DoubtThresholds& limits, Doubts& doubts) {
+  if (!has_metric_scale(result)) return;
+  std::vector<double> sigmas;
+  for (const tracking::FrameQuality& q : result.quality) {
+    if (q.tracked) sigmas.push_back(q.sigma_log_scale);
+  }
+  if (sigmas.empty()) return;
+  const double sigma = base::median(sigmas);
+  if (sigma <= limits.sigma_metric_scale) return;
+  doubts.push_back({"the scale is known to " + percent_text(sigma) +
+                        " only (one sigma): what the cameras see is too far away for the distance between them",
+                    kWhere, "likely", "use cameras further apart, or fly lower"});
+}
+
+void check_scale_drift(const OdometryResult& result, const FrameName& name_of, const DoubtThresholds& limits,
+                       Doubts& doubts) {
+  if (has_metric_scale(result)) return;
+  const auto beyond = [&](const tracking::FrameQuality& q) {
+    return q.tracked && q.sigma_log_scale > limits.sigma_log_scale;
+  };
+  // The deviation grows away from the start, in both directions.
+  const auto start = result.quality.begin() + result.frames_before_start;
+  const auto first = std::find_if(start, result.quality.end(), beyond);
+  const auto last = std::find_if(std::make_reverse_iterator(start), result.quality.rend(), beyond);
+  std::string where;
+  if (last != result.quality.rend()) where = "up to " + frames_text(*last, *last, name_of);
+  if (first != result.quality.end())
+    where += (where.empty() ? "from " : " and from ") + frames_text(*first, *first, name_of) + " on";
+  if (where.empty()) return;
+  double end = 0.0;
+  for (const tracking::FrameQuality& q : result.quality) end = std::max(end, q.sigma_log_scale);
+  doubts.push_back({"the scale may have drifted: few points or little parallax constrained it (at least " +
+                        percent_text(end) + " by the residuals alone)",
+                    std::string(kWhere) + ", " + where, "likely",
+                    "keep moving while turning, or use only the other part"});
+}
+
+/// Reports velocity changes that last for one image only, relative to the flight's 95th percentile of speed.
+void check_jumps(const OdometryResult& result, const FrameName& name_of, const DoubtThresholds& limits,
+                 Doubts& doubts) {
+  const auto& poses = result.trajectory.poses;
+  if (poses.size() < 4) return;
+  std::vector<geometry::Vec3> velocity;
+  std::vector<double> speed;
+  for (std::size_t i = 1; i < poses.size(); ++i) {
+    velocity.push_back((poses[i].T_local_camera.translation - poses[i - 1].T_local_camera.translation) /
+                       (poses[i].time_s - poses[i - 1].time_s));
+    speed.push_back(velocity.back().norm());
+  }
+  std::vector<double> sorted = speed;
+  std::sort(sorted.begin(), sorted.end());
+  const double usual = sorted[(sorted.size() - 1) * 95 / 100];
+  // A jump changes the velocity and changes it back (away and back, or a step sideways). A change of speed alone is not
+  // one.
+  const auto changes = [&](std::size_t i) {
+    return std::min((velocity[i] - velocity[i - 1]).norm(), (velocity[i + 1] - velocity[i]).norm());
+  };
+  std::size_t worst = 1;
+  for (std::size_t i = 1; i + 1 < velocity.size(); ++i) {
+    if (changes(i) > changes(worst)) worst = i;
+  }
+  const double change = changes(worst);
+  if (!(change > limits.velocity_change * usual)) return;
+  const auto at = std::find_if(result.quality.begin(), result.quality.end(),
+                               [&](const tracking::FrameQuality& q) { return q.time_s == poses[worst + 1].time_s; });
+  doubts.push_back(
+      {"the camera jumps: its velocity changes by " + base::formatted("%.2g", usual > 0 ? change / usual : 0.0) +
+           " times its usual speed from one frame to the next",
+       at == result.quality.end() ? kWhere : std::string(kWhere) + ", " + frames_text(*at, *at, name_of), "likely",
+       "check the frames around it for an obstruction in front of the lens or missing frames; leave them out"});
+}
+
+/// Reports a systematic displacement of residuals: wrong lens, shutter, or false initialization.
+void check_calibration(const OdometryResult& result, const DoubtThresholds& limits, Doubts& doubts) {
+  if (!result.systematic_displacement || result.systematic_displacement->rms_px <= limits.systematic_px ||
+      result.systematic_displacement->sigmas <= limits.systematic_sigmas)
+    return;
+  doubts.push_back({"the calibration does not fit the images: residuals have a systematic pattern of " +
+                        base::formatted("%.2g", result.systematic_displacement->rms_px) +
+                        " pixels (RMS) in all keyframes (wrong lens model or line delay, or a wrong initialization)",
+                    kWhere,
+                    result.systematic_displacement->rms_px > limits.systematic_likely_px ? "likely" : "possible",
+                    "calibrate the camera with the settings of the flight (focus, resolution, crop, rolling shutter)"});
+}
+
+void check_second_run(const OdometryResult& result, const std::optional<RunAgreement>& second, const FrameName& name_of,
+                      const DoubtThresholds& limits, Doubts& doubts) {
+  if (!second || second->rms_share <= limits.disagreement) return;
+  const auto at =
+      std::min_element(result.quality.begin(), result.quality.end(),
+                       [&](const tracking::FrameQuality& a, const tracking::FrameQuality& b) {
+                         return std::abs(a.time_s - second->worst_time_s) < std::abs(b.time_s - second->worst_time_s);
+                       });
+  doubts.push_back(
+      {"forward and backward tracking disagree: their paths differ by " + percent_text(second->rms_share) +
+           " of their length (wrong initialization or scale drift)",
+       at == result.quality.end() ? kWhere : std::string(kWhere) + ", most at " + frames_text(*at, *at, name_of),
+       "likely", "track parts of the flight separately (--from, --to) and compare them"});
+}
+
+/// Reports what contradicts the calibration of a rig's camera.
+void check_rig_fit(const OtherCameraResult& camera, const DoubtThresholds& limits, Doubts& doubts) {
+  if (!camera.fit) return;
+  constexpr double kDegrees = 180.0 / std::numbers::pi;
+  if (camera.fit->behind_share > 0.5) {
+    doubts.push_back({"camera " + camera.name +
+                          " is on the other side of the reference camera than its calibration says: " +
+                          percent_text(camera.fit->behind_share) +
+                          " of what both see would be behind them (cameras or their poses exchanged)",
+                      kWhere, "likely", "exchange the two cameras, or correct T_cn_cnm1 (T_body_cam)"});
+  } else if (camera.fit->rotation_rad > limits.rig_rotation_rad) {
+    doubts.push_back({"camera " + camera.name + " is not where its calibration says: it is turned by about " +
+                          base::formatted("%.2g", kDegrees * camera.fit->rotation_rad) + " degrees against it",
+                      kWhere, "likely", "calibrate the rig"});
+  }
+}
+
+/// Reports where a rig's camera was of no use.
+void check_other_images(const OtherCameraResult& camera, const OdometryResult& result, const FrameName& name_of,
+                        const DoubtThresholds& limits, Doubts& doubts) {
+  constexpr int kFewKeyframes = 3;
+  constexpr std::int64_t kFewFrames = 5;
+  const std::string what = "camera " + camera.name;
+  if (camera.frames_blind > 0) {
+    doubts.push_back({what + " shows nothing in " + count_text(camera.frames_blind) + " of " +
+                          count_text(camera.frames) + " images: there the map rests on the other cameras alone",
+                      kWhere, "certain", "uncover or repair the camera"});
+  }
+  if (camera.keyframes_unmatched >= kFewKeyframes &&
+      camera.keyframes_unmatched > limits.unmatched_share * camera.keyframes) {
+    doubts.push_back({"nothing matches between " + what + " and the reference camera in " +
+                          count_text(camera.keyframes_unmatched) + " of " + count_text(camera.keyframes) + " keyframes",
+                      kWhere, "likely", "check the rig's calibration, and that the camera is not covered"});
+  }
+  const std::int64_t usual = camera.frames > 0 ? result.frames / camera.frames : 0;
+  if (camera.frames_after_last > std::max(kFewFrames, 3 * usual)) {
+    const std::string last =
+        camera.last_frame < 0 ? "it has none" : "its last is at frame " + name_of(camera.last_frame);
+    doubts.push_back({what + " has no image in the last " + count_text(camera.frames_after_last) + " frames (" + last +
+                          "): there the map rests on the other cameras alone",
+                      kWhere, "certain", "look for what stopped it; use the part before (--to)"});
+  }
+}
+
+void check_stereo(const OdometryResult& result, const FrameName& name_of, const DoubtThresholds& limits,
+                  Doubts& doubts) {
+  if (!result.stereo) return;
+  if (!result.stereo->metric) {
+    const bool by_readings = result.inertial && result.inertial->metric;
+    const std::string what = by_readings ? "the rig gave the map no scale, the inertial unit did: when it began, the "
+                                           "rig's other cameras showed no distances"
+                                         : "the map has no metric scale: when it began, the rig's other cameras showed "
+                                           "no distances, and it is that of the reference camera alone";
+    doubts.push_back({what, kWhere, "certain", "check the other cameras' images and the rig's calibration"});
+  }
+  for (const OtherCameraResult& camera : result.stereo->cameras) {
+    check_rig_fit(camera, limits, doubts);
+    check_other_images(camera, result, name_of, limits, doubts);
+  }
+}
+
+}  // namespace
+
+Doubts find_doubts(const OdometryResult& result, std::int64_t frames, const FrameName& name_of,
+                   const std::optional<RunAgreement>& second, const DoubtThresholds& limits) {
+  Doubts doubts;
+  check_completeness(result, frames, limits, doubts);
+  if (result.frames_tracked == 0) return doubts;
+  check_length(result, limits, doubts);
+  check_stereo(result, name_of, limits, doubts);
+  check_metric_scale(result, limits, doubts);
+  const Doubts path = find_path_doubts(result, name_of, second, limits);
+  doubts.insert(doubts.end(), path.begin(), path.end());
+  check_residuals(result, name_of, limits, doubts);
+  check_jumps(result, name_of, limits, doubts);
+  check_calibration(result, limits, doubts);
+  return doubts;
+}
+
+Doubts find_path_doubts(const OdometryResult& result, const FrameName& name_of,
+                        const std::optional<RunAgreement>& second, const DoubtThresholds& limits) {
+  Doubts doubts;
+  check_second_run(result, second, name_of, limits, doubts);
+  check_scale_drift(result, name_of, limits, doubts);
+  return doubts;
+}
+
+namespace {
+
+double median_rmse(const OdometryResult& result) {
+  std::vector<double> rmse;
+  for (const tracking::FrameQuality& q : result.quality) {
+    if (q.tracked && q.rmse > 0.0) rmse.push_back(q.rmse);
+  }
+  if (rmse.empty()) return 0.0;
+  std::nth_element(rmse.begin(), rmse.begin() + static_cast<std::ptrdiff_t>(rmse.size() / 2), rmse.end());
+  return rmse[rmse.size() / 2];
+}
+
+/// Whether `a` has no warnings, `b` has, and the median residual of `a` is below this share of the other's.
+bool is_better(const OdometryResult& a, const OdometryResult& b, double residual_share, const DoubtThresholds& limits) {
+  return median_rmse(a) < residual_share * median_rmse(b) && !has_own_doubts(a, limits) && has_own_doubts(b, limits);
+}
+
+}  // namespace
+
+bool has_own_doubts(const OdometryResult& result, const DoubtThresholds& limits) {
+  const auto no_name = [](std::int64_t) { return std::string(); };
+  return !find_doubts(result, result.frames, no_name, {}, limits).empty();
+}
+
+RunChoice choose_run(const OdometryResult& first, const OdometryResult& second,
+                     const std::optional<RunAgreement>& agreement, const DoubtThresholds& limits) {
+  // Shares of the other run's poses. Chosen by hand.
+  constexpr double kFarFewer = 0.8, kAsMany = 0.95;
+  constexpr double kClearly = 0.9, kRather = 1.1;  // of the other's median residual; chosen by hand
+  const auto poses = [](const OdometryResult& result) { return static_cast<double>(result.frames_tracked); };
+  if (poses(first) < kFarFewer * poses(second)) return RunChoice::kSecond;
+  if (poses(second) < kAsMany * poses(first)) return RunChoice::kFirst;
+  if (!agreement || agreement->rms_share <= limits.disagreement) return RunChoice::kFirst;
+  if (is_better(first, second, kClearly, limits)) return RunChoice::kFirst;
+  if (is_better(second, first, kClearly, limits)) return RunChoice::kSecond;
+  return is_better(second, first, kRather, limits) ? RunChoice::kRatherSecond : RunChoice::kOpen;
+}
+
+}  // namespace tileflight::odometry

@@ -1,0 +1,40 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cstdint>
+
+namespace tileflight::demo_place {
+
+/// Red, green, blue in 0..1, encoded as images are (sRGB-like), before light and shadow.
+using Color = Eigen::Array3f;
+
+inline Color mix_colors(const Color& a, const Color& b, float share_of_b) { return a + share_of_b * (b - a); }
+
+/// 1 inside (negative distance), 0 outside, blended over `softness_m`: antialiasing of painted edges.
+inline float edge_coverage(double signed_distance_m, double softness_m = 0.05) {
+  return static_cast<float>(std::clamp(0.5 - signed_distance_m / softness_m, 0.0, 1.0));
+}
+
+/// Coverage of the band of `width_m` around multiples of `spacing_m` along one axis (joints, painted lines).
+float band_coverage(double position_m, double spacing_m, double width_m, double softness_m = 0.04);
+
+/// Colours of materials as functions of surface coordinates (x, y) in metres. Each has structure from metres down to
+/// the texel, without repetition; `seed` varies surfaces of the same material.
+namespace material {
+Color lawn(double x, double y, std::uint32_t seed);
+Color forest_floor(double x, double y, std::uint32_t seed);
+Color turf(double x, double y, std::uint32_t seed);
+Color asphalt(double x, double y, std::uint32_t seed);
+Color concrete(double x, double y, double joint_spacing_m, std::uint32_t seed);
+Color brick(double x, double y, const Color& base, std::uint32_t seed);
+Color roof_gravel(double x, double y, std::uint32_t seed);
+Color roof_membrane(double x, double y, std::uint32_t seed);
+Color metal(double x, double y, const Color& base, std::uint32_t seed);
+Color foliage(double x, double y, double z, const Color& base, std::uint32_t seed);
+Color bark(double x, double y, std::uint32_t seed);
+Color glass(double x, double y, std::uint32_t seed);
+Color mulch(double x, double y, std::uint32_t seed);
+}  // namespace material
+
+}  // namespace tileflight::demo_place

@@ -1,0 +1,58 @@
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <mutex>
+
+#include "tileflight/tiles/fetch/tile_source.h"
+#include "tileflight/tiles/fetch/zip_archive.h"
+
+struct sqlite3;
+
+namespace tileflight::fetch {
+
+/// Resolves a URI of the root tileset to a path inside the archive. Throws InputError if it would lead out of the
+/// archive (another scheme or host, an absolute path, "..").
+std::string path_in_archive(const std::string& uri, const std::string& archive);
+
+/// A .3tz: a ZIP file with tileset.json at its root.
+class ZipSource : public TileSource {
+ public:
+  /// Throws InputError: unreadable, not an archive, no tileset.json.
+  explicit ZipSource(const std::filesystem::path& file, const ZipLimits& limits = {});
+
+  std::string root_uri() const override { return "tileset.json"; }
+  std::vector<std::byte> read(const std::string& uri) override;
+  std::optional<std::uintmax_t> size(const std::string& uri) override;
+  std::vector<std::string> warnings() const override { return archive_->warnings(); }
+
+ private:
+  std::string name_;
+  std::unique_ptr<ZipArchive> archive_;
+};
+
+/// A .3dtiles: a SQLite database with a table `media` of keys (paths) and contents (possibly gzip-compressed).
+class SqliteSource : public TileSource {
+ public:
+  /// Throws InputError: unreadable, not a database, no such table, no tileset.json.
+  explicit SqliteSource(const std::filesystem::path& file, std::uintmax_t max_file_bytes = std::uintmax_t{1} << 30);
+
+  std::string root_uri() const override { return "tileset.json"; }
+  std::vector<std::byte> read(const std::string& uri) override;
+  std::optional<std::uintmax_t> size(const std::string& uri) override;
+
+ private:
+  struct Close {
+    void operator()(sqlite3* database) const;
+  };
+
+  void check_table();
+  /// The first value of the first row of a query with one text parameter; nullopt if there is no row.
+  std::optional<std::vector<std::byte>> value(const char* query, const std::string& parameter);
+
+  std::string name_;
+  std::mutex mutex_;  ///< a SQLite connection serves one thread at a time
+  std::unique_ptr<sqlite3, Close> database_;
+};
+
+}  // namespace tileflight::fetch

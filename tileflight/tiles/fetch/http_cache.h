@@ -1,0 +1,98 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "tileflight/tiles/fetch/cache_control.h"
+
+struct sqlite3;
+
+namespace tileflight::fetch {
+
+struct HttpCacheOptions {
+  std::uintmax_t max_bytes = std::uintmax_t{4} << 30;  ///< of stored entries; the least recently used is evicted first
+  /// The time of last use of an entry is updated at most this often.
+  std::int64_t touch_interval_us = 60'000'000;
+  /// Returns the Unix time in microseconds; empty: the system clock.
+  std::function<std::int64_t()> now_us;
+};
+
+/// Metadata that the cache stores with a response body.
+struct CachedResponse {
+  HttpHeaders headers;
+  std::int64_t fresh_until_s = 0;
+  bool must_revalidate = false;
+};
+
+/// Server responses on disk: a SQLite database in WAL mode, shared by several processes, that stays consistent if any
+/// of them is killed. Keys are URLs without secrets; callers must make sure that no body contains one. A damaged
+/// database is set aside and replaced by a new one, with one warning; if the database cannot be written at all, nothing
+/// is cached. Only the constructor throws, if the folder cannot be created. Thread safe.
+class HttpCache {
+ public:
+  struct Entry {
+    std::string key;
+    CachedResponse response;
+    std::vector<std::byte> body;
+  };
+
+  explicit HttpCache(const std::filesystem::path& folder, const HttpCacheOptions& options = {});
+  HttpCache(const HttpCache&) = delete;
+  HttpCache& operator=(const HttpCache&) = delete;
+  ~HttpCache();
+
+  std::optional<CachedResponse> find(const std::string& key);
+  /// nullopt if there is no entry, or if its bytes are damaged (the entry is then removed).
+  std::optional<std::vector<std::byte>> body(const std::string& key);
+  /// Replaces an existing entry. A body larger than the whole cache is not stored.
+  void store(const std::string& key, const CachedResponse& answer, std::span<const std::byte> body);
+  /// Stores several entries in one transaction.
+  void store(std::span<const Entry* const> entries);
+  /// Updates the headers of an entry whose body has not changed.
+  void refresh(const std::string& key, const CachedResponse& answer);
+  void remove(const std::string& key);
+
+  /// A second connection to the same database, which does not wait for this one.
+  std::unique_ptr<HttpCache> open_second_connection() const {
+    return std::make_unique<HttpCache>(file_.parent_path(), options_);
+  }
+
+  std::uintmax_t bytes();
+  /// Distinct messages.
+  std::vector<std::string> warnings() const;
+
+ private:
+  struct Close {
+    void operator()(sqlite3* database) const;
+  };
+  class Statement;
+
+  std::int64_t now_us() const;
+  /// Runs `work` on the database; if the database is damaged, on a new one.
+  void run(const std::function<void(sqlite3*)>& work);
+  void attempt(const std::function<void(sqlite3*)>& work);
+  void open();
+  void open_locked();
+  void begin_anew();
+  void warn_and_stop(const std::string& cause);
+  void put(sqlite3* database, const std::string& key, const CachedResponse& answer, std::span<const std::byte> body);
+  void evict(sqlite3* database);
+
+  std::filesystem::path file_;
+  std::filesystem::path lock_file_;
+  HttpCacheOptions options_;
+  mutable std::mutex mutex_;  ///< guards the members below; a connection serves one thread at a time
+  std::unique_ptr<sqlite3, Close> database_;
+  std::uint64_t inode_ = 0;  ///< of the opened file; if it changes, another process has replaced the database
+  std::vector<std::string> warnings_;
+};
+
+}  // namespace tileflight::fetch

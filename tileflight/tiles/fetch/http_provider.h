@@ -1,0 +1,65 @@
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "tileflight/tiles/fetch/http_client.h"
+#include "tileflight/tiles/fetch/terms.h"
+
+namespace tileflight::fetch {
+
+/// A network service that serves a tileset: knows the root URL and what requests must carry. URIs of the tileset are
+/// kept without credentials; the provider adds them only to requests. Thread safe.
+class HttpProvider {
+ public:
+  virtual ~HttpProvider() = default;
+
+  /// Determines the root URL of the tileset, without credentials. Called once, before any other method. Throws
+  /// InputError.
+  virtual std::string resolve_root_url(HttpClient& client) = 0;
+  /// The request for a URI of the tileset's own origin: URL with credentials, and headers.
+  virtual HttpRequest make_request(const std::string& uri) = 0;
+  /// Throws InputError for a URI of the tileset's own origin that is not to be asked for.
+  virtual void require_allowed(const std::string& /*uri*/) const {}
+  /// Called with each response, before it is used.
+  virtual void observe_response(const std::string& /*uri*/, std::span<const std::byte> /*body*/) {}
+  /// Called before waiting for a request: renews credentials that are about to expire. Throws InputError.
+  virtual void refresh_credentials(HttpClient& /*client*/) {}
+  /// Called after a response with `status` to a request made with credentials of `generation`. Returns true if newer
+  /// credentials are available and the request should be repeated. Throws InputError.
+  virtual bool renew_credentials(HttpClient& /*client*/, long /*status*/, int /*generation*/) { return false; }
+  /// Number of times credentials were obtained so far.
+  virtual int credential_generation() const { return 0; }
+  /// What an error code of the service means for the user; empty: the code says it.
+  virtual std::string explain(const std::string& /*code*/) const { return ""; }
+  /// Strings that must appear neither in messages nor on disk.
+  virtual std::vector<std::string> secrets() const { return {}; }
+  virtual TermsOfUse terms() const = 0;
+  /// Rights holders to credit in addition to those named by the tiles.
+  virtual std::vector<std::string> attribution() const { return {}; }
+};
+
+/// A plain server: a URL and the user's own headers.
+class UrlProvider : public HttpProvider {
+ public:
+  /// `headers`: "Name: value". Secret parameters of the URL (a signature, a key) are added to all requests of its
+  /// origin that have none of their own. Throws InputError for an invalid header.
+  explicit UrlProvider(const std::string& url, std::vector<std::string> headers = {});
+
+  std::string resolve_root_url(HttpClient& client) override;
+  HttpRequest make_request(const std::string& uri) override;
+  std::vector<std::string> secrets() const override;
+  /// Google's terms if the host is Google's; otherwise unknown.
+  TermsOfUse terms() const override;
+
+ private:
+  std::string url_;
+  std::vector<std::string> headers_;
+};
+
+/// The header as it is sent, "Name: value". Throws InputError if it is malformed or contains more than one header.
+std::string validate_header(const std::string& header);
+
+}  // namespace tileflight::fetch

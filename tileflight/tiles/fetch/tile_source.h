@@ -1,0 +1,105 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <unordered_set>
+#include <vector>
+
+#include "tileflight/tiles/fetch/terms.h"
+
+namespace tileflight::fetch {
+
+/// Source of a tileset's bytes: a folder, an archive or a network source. Injected, so that tests can simulate faults.
+/// URIs are those that resolve_uri makes of `root_uri` and the references in the files.
+class TileSource {
+ public:
+  virtual ~TileSource() = default;
+
+  /// URI of the root tileset.json.
+  virtual std::string root_uri() const = 0;
+  /// The whole content of a URI. May be called from several threads at once. Throws InputError (uri, cause).
+  virtual std::vector<std::byte> read(const std::string& uri) = 0;
+  /// Size in bytes, if known without reading; nullopt: not known, or missing.
+  virtual std::optional<std::uintmax_t> size(const std::string& uri) = 0;
+  /// Whether `size` is known for every existing file.
+  virtual bool knows_sizes() const { return true; }
+  /// Announces the next reads, in order, so that a source with latency can start fetching. Replaces the list announced
+  /// before; an empty list cancels it. Returns false if the source does not prefetch.
+  virtual bool prefetch(const std::vector<std::string>& /*uris*/) { return false; }
+  /// Rights holders that the provider requires to be credited, in addition to those named by the tiles.
+  virtual std::vector<std::string> attribution() const { return {}; }
+  /// The provider's terms of use.
+  virtual TermsOfUse terms() const { return unknown_terms("files"); }
+  /// Problems of the source as a whole that do not prevent reading; distinct.
+  virtual std::vector<std::string> warnings() const { return {}; }
+};
+
+/// Limits and permissions of a folder of files.
+struct FolderSourceOptions {
+  /// A tileset names its files itself and may be untrusted: without this permission no path may leave the folder of its
+  /// tileset.json ("../../secret", "/etc/passwd", "file:///…").
+  bool allow_outside_folder = false;
+  std::uintmax_t max_file_bytes = std::uintmax_t{2} << 30;
+};
+
+/// A source of files below the folder of a tileset.json.
+class FolderSource : public TileSource {
+ public:
+  /// `tileset_json`: the root tileset. Throws InputError if it does not exist.
+  explicit FolderSource(const std::filesystem::path& tileset_json, const FolderSourceOptions& options = {});
+
+  std::string root_uri() const override { return root_uri_; }
+  std::vector<std::byte> read(const std::string& uri) override;
+  std::optional<std::uintmax_t> size(const std::string& uri) override;
+
+ private:
+  std::filesystem::path file_of(const std::string& uri) const;
+
+  std::filesystem::path folder_;
+  std::string root_uri_;
+  FolderSourceOptions options_;
+};
+
+/// A file that was read: its URI without secrets, and its size.
+struct CountedFile {
+  std::string uri;
+  std::int64_t bytes = 0;
+};
+
+/// Forwards to another source and counts the bytes of the files read, each file once however often it is read.
+class CountingSource : public TileSource {
+ public:
+  explicit CountingSource(TileSource& inner) : inner_(inner) {}
+
+  std::string root_uri() const override { return inner_.root_uri(); }
+  std::vector<std::byte> read(const std::string& uri) override;
+  std::optional<std::uintmax_t> size(const std::string& uri) override { return inner_.size(uri); }
+  bool knows_sizes() const override { return inner_.knows_sizes(); }
+  bool prefetch(const std::vector<std::string>& uris) override { return inner_.prefetch(uris); }
+  std::vector<std::string> attribution() const override { return inner_.attribution(); }
+  TermsOfUse terms() const override { return inner_.terms(); }
+  std::vector<std::string> warnings() const override { return inner_.warnings(); }
+
+  std::int64_t bytes() const;
+  /// The files that were read for the first time since the last call.
+  std::vector<CountedFile> take_new_files();
+  /// Counts a file that another process has read.
+  void count(const CountedFile& file);
+
+ private:
+  TileSource& inner_;
+  mutable std::mutex mutex_;
+  std::unordered_set<std::string> read_;  ///< URIs without secrets
+  std::vector<CountedFile> new_files_;
+  std::int64_t bytes_ = 0;
+};
+
+/// The bytes of a URI: a "data:" URI is decoded, all others are read from the source. Gzip-compressed files (from plain
+/// servers and archives) are decompressed, up to 1 GiB.
+std::vector<std::byte> read_uri(TileSource& source, const std::string& uri);
+
+}  // namespace tileflight::fetch

@@ -1,0 +1,40 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "tileflight/tiles/mesh_files/indexed_faces.h"
+
+namespace tileflight::mesh_files {
+
+/// Contents of an OBJ file besides its surface.
+struct ObjNotes {
+  std::vector<std::string> libraries;  ///< for each `mtllib`, the rest of its line
+  std::int64_t faces_left_out = 0;     ///< with fewer than three corners
+  std::int64_t uv_not_finite = 0;      ///< read as 0
+};
+
+/// Reads an OBJ as parse_obj() does, and hands its surface over instead of keeping it. `between` is called from time to
+/// time, between two lines.
+ObjNotes visit_obj(std::string_view text, const std::string& name, mesh_files::FaceReceiver& faces,
+                   const std::function<void()>& between = {});
+
+/// Surface data of an OBJ file.
+struct ObjFile {
+  mesh_files::IndexedFaces faces;  ///< white colours for vertices without one, if others have one
+  ObjNotes notes;
+};
+
+/// Factor that brings colours of vertices into 0..1: in a file where one exceeds 1 they are out of 255.
+float obj_color_scale(float highest);
+
+/// Parses a Wavefront OBJ: v (with colours, as written by MeshLab and ODM), vt, f (polygons of any number of corners,
+/// negative indices), usemtl, mtllib; either line ending, and continued lines. Normals, groups, lines and points are
+/// ignored. `name` is used in messages. Throws InputError (name, line, cause): an invalid or non-finite number, an
+/// index out of range.
+ObjFile parse_obj(std::string_view text, const std::string& name);
+
+}  // namespace tileflight::mesh_files

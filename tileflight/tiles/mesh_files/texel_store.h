@@ -1,0 +1,33 @@
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <unordered_map>
+
+#include "tileflight/tiles/mesh_files/record_file.h"
+#include "tileflight/tiles/mesh_files/texel_window.h"
+
+namespace tileflight::mesh_files {
+
+/// Decoded images on disk, in square blocks: each image is decoded once, and what is read of it is bounded by what is
+/// drawn, however large it is and however its parts are spread over a place.
+class TexelStore {
+ public:
+  explicit TexelStore(const std::filesystem::path& file) : file_(file) {}
+
+  /// Stores an image and returns a stand-in for it: its size without pixels, valid as long as the store.
+  std::shared_ptr<const imaging::RgbImage> add(const imaging::RgbImage& image);
+
+  /// Reads texels of stand-ins with a cache of its own of some 13 MB: one for each thread. The store must outlive it.
+  TexelFetcher fetcher() const;
+
+  std::uint64_t texels() const { return texels_; }
+
+ private:
+  ScratchFile file_;
+  std::uint64_t end_ = 0, texels_ = 0;
+  std::unordered_map<const imaging::RgbImage*, std::uint64_t> offset_of_;
+  std::vector<std::shared_ptr<const imaging::RgbImage>> stand_ins_;
+};
+
+}  // namespace tileflight::mesh_files

@@ -1,0 +1,27 @@
+#pragma once
+
+#include <cstddef>
+#include <map>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace tileflight::tile_content {
+
+/// Collects `asset.copyright` texts. A text may name several holders separated by semicolons (as in Google's tiles).
+class AttributionCollector {
+ public:
+  void add(const std::string& copyright);
+
+  /// Distinct holders, most frequent first; equally frequent ones in alphabetical order.
+  std::vector<std::string> sorted_holders() const;
+
+ private:
+  std::map<std::string, int> counts_;
+};
+
+/// asset.copyright of each glTF in a tile's content of any format: only embedded GLBs are located and read. Broken data
+/// gives none.
+std::vector<std::string> find_copyrights(std::span<const std::byte> content);
+
+}  // namespace tileflight::tile_content

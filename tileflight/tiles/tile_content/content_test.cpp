@@ -1,0 +1,465 @@
+#include "tileflight/tiles/tile_content/content.h"
+
+#include <gmock/gmock.h>
+#include <meshoptimizer.h>
+
+#include <numbers>
+
+#include "tileflight/core/imaging/image_files.h"
+#include "tileflight/tiles/fetch/test_tilesets.h"
+
+namespace tileflight::tile_content::content_test {
+namespace {
+
+using base::test_support::error_of;
+using base::test_support::to_bytes;
+using geometry::Vec3;
+using imaging::TexturedMesh;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using fetch::test_support::b3dm;
+using fetch::test_support::GltfWriter;
+using fetch::test_support::Json;
+using fetch::test_support::triangle_glb;
+
+DecodedContent decode(const std::string& bytes, const ContentOptions& options = {}) {
+  return decode_content(base::test_support::to_bytes(bytes), "tile", options);
+}
+
+/// The only mesh of a content.
+TexturedMesh mesh_of(const std::string& bytes, const ContentOptions& options = {}) {
+  DecodedContent content = decode(bytes, options);
+  EXPECT_EQ(content.meshes.size(), 1U);
+  return content.meshes.at(0);
+}
+
+std::string error(const std::string& bytes, const ContentOptions& options = {}) {
+  return base::test_support::error_of([&] { decode(bytes, options); });
+}
+
+TEST(DecodeContent, YUpBecomesZUp) {
+  const std::string glb = fetch::test_support::triangle_glb({1, 2, 3, 4, 5, 6, 7, 8, 10});
+  const TexturedMesh mesh = mesh_of(glb);
+  EXPECT_THAT(mesh.mesh.vertices, ElementsAre(Vec3(1, -3, 2), Vec3(4, -6, 5), Vec3(7, -10, 8)));
+  EXPECT_THAT(mesh.mesh.triangles, ElementsAre(geometry::Triangle{0, 1, 2}));
+  EXPECT_EQ(mesh_of(glb, {.up_axis = UpAxis::kZ}).mesh.vertices[0], Vec3(1, 2, 3));
+  EXPECT_EQ(mesh_of(glb, {.up_axis = UpAxis::kX}).mesh.vertices[0], Vec3(-3, 2, 1));
+}
+
+TEST(DecodeContent, RtcCentersAreAddedAfterTheTurn) {
+  const std::string glb = fetch::test_support::triangle_glb({1, 2, 3, 4, 5, 6, 7, 8, 10});
+  EXPECT_EQ(mesh_of(fetch::test_support::b3dm(glb, {{"BATCH_LENGTH", 0}, {"RTC_CENTER", {1e6, 2e6, 3e6}}}))
+                .mesh.vertices[0],
+            Vec3(1e6 + 1, 2e6 - 3, 3e6 + 2));
+  GltfWriter writer;
+  writer.add_primitive({{"attributes", {{"POSITION", writer.add_accessor<float>({1, 2, 3, 4, 5, 6, 7, 8, 10}, 3)}}}});
+  writer.json()["extensions"]["CESIUM_RTC"]["center"] = {1e6, 2e6, 3e6};
+  writer.json()["extensionsRequired"] = {"CESIUM_RTC"};
+  EXPECT_EQ(mesh_of(writer.glb()).mesh.vertices[0], Vec3(1e6 + 1, 2e6 - 3, 3e6 + 2));
+  EXPECT_THAT(error(fetch::test_support::b3dm(glb, {{"RTC_CENTER", {1, 2}}})),
+              HasSubstr("RTC_CENTER has 2 numbers, expected 3"));
+}
+
+TEST(DecodeContent, EarlierB3dmHeaders) {
+  const std::string glb = fetch::test_support::triangle_glb();
+  const auto u32 = GltfWriter::u32;
+  const std::string table = "{\"id\":[0]}  ";
+  const auto length = [&](std::size_t header) {
+    return u32(static_cast<std::uint32_t>(header + table.size() + glb.size()));
+  };
+  EXPECT_EQ(mesh_of("b3dm" + u32(1) + length(20) + u32(1) + u32(12) + table + glb).mesh.triangles.size(), 1U);
+  EXPECT_EQ(mesh_of("b3dm" + u32(1) + length(24) + u32(12) + u32(0) + u32(1) + table + glb).mesh.triangles.size(), 1U);
+}
+
+TEST(DecodeContent, NodeTreesAndMirrors) {
+  GltfWriter writer;
+  Json& node = writer.add_primitive(
+      {{"attributes", {{"POSITION", writer.add_accessor<float>({0, 0, 0, 1, 0, 0, 0, 1, 0}, 3)}}}});
+  node["translation"] = {1, 0, 0};
+  node["rotation"] = {0, 0, std::sin(std::numbers::pi / 4), std::cos(std::numbers::pi / 4)};  // x to y
+  node["scale"] = {2, 3, 4};
+  writer.json()["nodes"].push_back({{"children", {0}}, {"matrix", {-1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 5, 1}}});
+  writer.json()["scenes"][0]["nodes"] = {1};
+  const TexturedMesh mesh = mesh_of(writer.glb(), {.up_axis = UpAxis::kZ});
+  EXPECT_LT((mesh.mesh.vertices[0] - Vec3(-1, 0, 5)).norm(), 1e-12);
+  EXPECT_LT((mesh.mesh.vertices[1] - Vec3(-1, 2, 5)).norm(), 1e-12);
+  EXPECT_LT((mesh.mesh.vertices[2] - Vec3(2, 0, 5)).norm(), 1e-12);
+  EXPECT_THAT(mesh.mesh.triangles, ElementsAre(geometry::Triangle{0, 2, 1}));  // mirrored
+}
+
+TEST(DecodeContent, NodesFormATree) {
+  GltfWriter writer;
+  Json& node = writer.add_primitive(
+      {{"attributes", {{"POSITION", writer.add_accessor<float>({0, 0, 0, 1, 0, 0, 0, 1, 0}, 3)}}}});
+  node["children"] = {0};
+  EXPECT_THAT(error(writer.glb()), HasSubstr("its own descendant"));
+  node["children"] = {7};
+  EXPECT_THAT(error(writer.glb()), HasSubstr("refers to a node that does not exist"));
+}
+
+TEST(DecodeContent, StripsFansAndListsWithAndWithoutIndices) {
+  const auto triangles = [](int mode, const std::vector<std::uint16_t>& indices) {
+    GltfWriter writer;
+    Json primitive = {{"mode", mode},
+                      {"attributes", {{"POSITION", writer.add_accessor(std::vector<float>(15, 1.0F), 3)}}}};
+    if (!indices.empty()) primitive["indices"] = writer.add_accessor(indices, 1);
+    writer.add_primitive(primitive);
+    return mesh_of(writer.glb()).mesh.triangles;
+  };
+  using T = geometry::Triangle;
+  EXPECT_THAT(triangles(4, {4, 3, 2, 1, 0, 2}), ElementsAre(T{4, 3, 2}, T{1, 0, 2}));
+  EXPECT_THAT(triangles(4, {}), ElementsAre(T{0, 1, 2}));
+  EXPECT_THAT(triangles(5, {}), ElementsAre(T{0, 1, 2}, T{1, 3, 2}, T{2, 3, 4}));
+  EXPECT_THAT(triangles(5, {0, 1, 2, 2, 3, 3, 4}), ElementsAre(T{0, 1, 2}));  // stitched
+  EXPECT_THAT(triangles(6, {}), ElementsAre(T{1, 2, 0}, T{2, 3, 0}, T{3, 4, 0}));
+}
+
+TEST(DecodeContent, QuantisedAttributesStridesAndColours) {
+  GltfWriter writer;
+  // Positions of 8 bytes a vertex (the last two are padding), normalised.
+  const std::size_t positions =
+      writer.add_accessor<std::int16_t>({0, 0, 0, 9, 32767, 0, 0, 9, 0, -32768, 0, 9}, 4, true);
+  writer.json()["accessors"][positions]["type"] = "VEC3";
+  writer.json()["bufferViews"][writer.json()["accessors"][positions]["bufferView"].get<std::size_t>()]["byteStride"] =
+      8;
+  const std::size_t colors = writer.add_accessor<std::uint8_t>({255, 0, 51, 0, 255, 0, 0, 0, 255}, 3, true);
+  writer.add_primitive({{"attributes", {{"POSITION", positions}, {"COLOR_0", colors}}}});
+  writer.json()["nodes"][0]["scale"] = {10, 10, 10};
+  const TexturedMesh mesh = mesh_of(writer.glb(), {.up_axis = UpAxis::kZ});
+  EXPECT_THAT(mesh.mesh.vertices, ElementsAre(Vec3(0, 0, 0), Vec3(10, 0, 0), Vec3(0, -10, 0)));
+  ASSERT_EQ(mesh.colors.size(), 3U);
+  EXPECT_THAT(mesh.colors[0], ElementsAre(255, 0, 51, 255));
+}
+
+TEST(DecodeContent, SparseAccessors) {
+  GltfWriter writer;
+  const std::size_t positions = writer.add_accessor(std::vector<float>{0, 0, 0, 1, 0, 0, 0, 1, 0}, 3);
+  const std::size_t indices = writer.add_view<std::uint16_t>({2});
+  const std::size_t values = writer.add_view<float>({7, 8, 9});
+  Json sparse = {{"count", 1},
+                 {"indices", {{"bufferView", indices}, {"componentType", 5123}}},
+                 {"values", {{"bufferView", values}}}};
+  writer.json()["accessors"][positions]["sparse"] = sparse;
+  writer.add_primitive({{"attributes", {{"POSITION", positions}}}});
+  const ContentOptions z_up{.up_axis = UpAxis::kZ};
+  EXPECT_THAT(mesh_of(writer.glb(), z_up).mesh.vertices, ElementsAre(Vec3(0, 0, 0), Vec3(1, 0, 0), Vec3(7, 8, 9)));
+  writer.json()["accessors"][positions].erase("bufferView");
+  EXPECT_THAT(mesh_of(writer.glb(), z_up).mesh.vertices, ElementsAre(Vec3(0, 0, 0), Vec3(0, 0, 0), Vec3(7, 8, 9)));
+  writer.json()["accessors"][positions]["count"] = 2;
+  EXPECT_THAT(error(writer.glb()), HasSubstr("sparse index lies outside"));
+}
+
+TEST(DecodeContent, SparseIndices) {
+  GltfWriter writer;
+  const std::size_t positions = writer.add_accessor(std::vector<float>(15, 1.0F), 3);
+  const std::size_t corners = writer.add_accessor<std::uint16_t>({0, 1, 2, 2, 1, 3}, 1);
+  const std::size_t places = writer.add_view<std::uint8_t>({0, 5});
+  const std::size_t values = writer.add_view<std::uint16_t>({3, 4});
+  writer.json()["accessors"][corners]["sparse"] = {{"count", 2},
+                                                   {"indices", {{"bufferView", places}, {"componentType", 5121}}},
+                                                   {"values", {{"bufferView", values}}}};
+  writer.add_primitive({{"attributes", {{"POSITION", positions}}}, {"indices", corners}});
+  using T = geometry::Triangle;
+  EXPECT_THAT(mesh_of(writer.glb()).mesh.triangles, ElementsAre(T{3, 1, 2}, T{2, 1, 4}));
+  writer.json()["accessors"][corners].erase("bufferView");
+  EXPECT_THAT(mesh_of(writer.glb()).mesh.triangles, ElementsAre(T{3, 0, 0}, T{0, 0, 4}));
+  writer.json()["accessors"][corners]["count"] = 3;
+  EXPECT_THAT(error(writer.glb()), HasSubstr("sparse index lies outside"));
+}
+
+/// A textured triangle; the texture is 2 x 1 pixels, red and blue.
+GltfWriter textured_triangle() {
+  imaging::RgbImage image(2, 1);
+  image(0, 0) = {255, 0, 0};
+  image(1, 0) = {0, 0, 255};
+  GltfWriter writer;
+  writer.json()["images"] = {{{"bufferView", writer.add_view(imaging::encode_png(image))}, {"mimeType", "image/png"}}};
+  writer.json()["samplers"] = {{{"wrapS", 33071}, {"wrapT", 33648}}};
+  writer.json()["textures"] = {{{"source", 0}, {"sampler", 0}}};
+  writer.json()["materials"] = {
+      {{"pbrMetallicRoughness", {{"baseColorTexture", {{"index", 0}}}, {"baseColorFactor", {0.5, 0.25, 1, 1}}}}}};
+  const std::size_t positions = writer.add_accessor(std::vector<float>{0, 0, 0, 1, 0, 0, 0, 1, 0}, 3);
+  const std::size_t uv = writer.add_accessor<std::uint16_t>({0, 0, 65535, 0, 0, 65535}, 2, true);
+  writer.add_primitive({{"attributes", {{"POSITION", positions}, {"TEXCOORD_0", uv}}}, {"material", 0}});
+  return writer;
+}
+
+TEST(DecodeContent, Textures) {
+  const std::string glb = textured_triangle().glb();
+  const TexturedMesh mesh = mesh_of(glb);
+  ASSERT_NE(mesh.texture, nullptr);
+  EXPECT_EQ((*mesh.texture)(1, 0), (imaging::Rgb8{0, 0, 255}));
+  EXPECT_EQ(mesh.wrap_u, imaging::Wrap::kClampToEdge);
+  EXPECT_EQ(mesh.wrap_v, imaging::Wrap::kMirroredRepeat);
+  EXPECT_THAT(mesh.base_color, ElementsAre(0.5F, 0.25F, 1.0F, 1.0F));
+  EXPECT_THAT(mesh.uv, ElementsAre(Eigen::Vector2f(0, 0), Eigen::Vector2f(1, 0), Eigen::Vector2f(0, 1)));
+  const TexturedMesh bare = mesh_of(glb, {.textures = false});
+  EXPECT_EQ(bare.texture, nullptr);
+  EXPECT_TRUE(bare.uv.empty());
+}
+
+TEST(DecodeContent, TextureTransforms) {
+  GltfWriter writer = textured_triangle();
+  writer.json()["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]["extensions"]["KHR_texture_transform"] = {
+      {"offset", {0.25, 0.5}}, {"scale", {2, 3}}, {"rotation", std::numbers::pi / 2}};
+  const TexturedMesh mesh = mesh_of(writer.glb());
+  // (u, v) -> offset + (3 v, -2 u): a quarter turn counter-clockwise where v points down.
+  EXPECT_LT((mesh.uv[1] - Eigen::Vector2f(0.25F, -1.5F)).norm(), 1e-6);
+  EXPECT_LT((mesh.uv[2] - Eigen::Vector2f(3.25F, 0.5F)).norm(), 1e-6);
+}
+
+TEST(DecodeContent, ImagesInUnknownFormatsAreRefusedOnlyWhereTheyAreWanted) {
+  GltfWriter writer = textured_triangle();
+  writer.json()["textures"] = {{{"extensions", {{"MSFT_texture_dds", {{"source", 0}}}}}}};
+  EXPECT_THAT(error(writer.glb()), HasSubstr("MSFT_texture_dds"));
+  writer.json()["extensionsRequired"] = {"MSFT_texture_dds"};
+  EXPECT_THAT(error(writer.glb()), HasSubstr("needs the glTF extension MSFT_texture_dds"));
+  EXPECT_EQ(error(writer.glb(), {.textures = false}), "");
+}
+
+TEST(DecodeContent, OutsideFilesComeThroughTheReaders) {
+  GltfWriter writer;
+  writer.add_primitive({{"attributes", {{"POSITION", writer.add_accessor<float>({1, 2, 3, 4, 5, 6, 7, 8, 10}, 3)}}}});
+  writer.json()["buffers"] = {{{"uri", "a%20b.bin"}, {"byteLength", 36}}};
+  const std::string gltf = writer.json().dump();
+  EXPECT_THAT(error(gltf), HasSubstr("refers to another file"));
+  ContentOptions options{.up_axis = UpAxis::kZ};
+  options.read_resource = [&](const std::string& uri) {
+    EXPECT_EQ(uri, "a%20b.bin");
+    return base::test_support::to_bytes(writer.binary());
+  };
+  EXPECT_EQ(mesh_of(gltf, options).mesh.vertices[2], Vec3(7, 8, 10));
+  options.read_resource = [&](const std::string&) { return base::test_support::to_bytes(writer.binary().substr(1)); };
+  EXPECT_THAT(error(gltf, options), HasSubstr("has 35 bytes of 36"));
+}
+
+TEST(DecodeContent, Instances) {
+  GltfWriter writer;
+  Json& node = writer.add_primitive(
+      {{"attributes", {{"POSITION", writer.add_accessor<float>({0, 0, 0, 1, 0, 0, 0, 1, 0}, 3)}}}});
+  const std::size_t translations = writer.add_accessor<float>({1, 0, 0, 2, 0, 0}, 3);
+  const std::size_t scales = writer.add_accessor<float>({1, 1, 1, 3, 3, 3}, 3);
+  node["extensions"]["EXT_mesh_gpu_instancing"]["attributes"] = {{"TRANSLATION", translations}, {"SCALE", scales}};
+  const DecodedContent content = decode(writer.glb(), {.up_axis = UpAxis::kZ});
+  ASSERT_EQ(content.meshes.size(), 2U);
+  EXPECT_EQ(content.meshes[0].mesh.vertices[1], Vec3(2, 0, 0));
+  EXPECT_EQ(content.meshes[1].mesh.vertices[1], Vec3(5, 0, 0));
+}
+
+TEST(DecodeContent, Composites) {
+  const auto u32 = GltfWriter::u32;
+  const std::string inner =
+      fetch::test_support::b3dm(fetch::test_support::triangle_glb()) + fetch::test_support::triangle_glb();
+  const auto composite = [&](const std::string& tiles, std::uint32_t count) {
+    return "cmpt" + u32(1) + u32(static_cast<std::uint32_t>(16 + tiles.size())) + u32(count) + tiles;
+  };
+  EXPECT_EQ(decode(composite(inner, 2)).meshes.size(), 2U);
+  EXPECT_EQ(decode(composite(composite(inner, 2) + inner, 3)).meshes.size(), 4U);
+  EXPECT_THAT(error(composite(inner, 3)), HasSubstr("inner tile 2: truncated"));
+  std::string nested = fetch::test_support::triangle_glb();
+  for (int i = 0; i < 12; ++i) nested = composite(nested, 1);
+  EXPECT_THAT(error(nested), HasSubstr("too deep"));
+}
+
+/// Oracle for the compressed form: the library's encoder; the values are known.
+TEST(DecodeContent, MeshoptCompression) {
+  std::vector<float> positions;
+  for (int i = 0; i < 100; ++i)
+    positions.insert(positions.end(), {static_cast<float>(i % 10), static_cast<float>(i / 10), 0.5F});
+  std::vector<unsigned int> indices;
+  for (unsigned i = 0; i < 9; ++i) {
+    for (unsigned j = 0; j < 9; ++j) {
+      const unsigned a = 10 * i + j;
+      indices.insert(indices.end(), {a, a + 1, a + 10, a + 1, a + 11, a + 10});
+    }
+  }
+  std::vector<unsigned char> packed_vertices(meshopt_encodeVertexBufferBound(100, 12));
+  packed_vertices.resize(
+      meshopt_encodeVertexBuffer(packed_vertices.data(), packed_vertices.size(), positions.data(), 100, 12));
+  std::vector<unsigned char> packed_indices(meshopt_encodeIndexBufferBound(indices.size(), 100));
+  packed_indices.resize(
+      meshopt_encodeIndexBuffer(packed_indices.data(), packed_indices.size(), indices.data(), indices.size()));
+
+  GltfWriter writer;
+  const auto add = [&](const std::vector<unsigned char>& packed, std::size_t count, std::size_t stride,
+                       const char* mode) {
+    const std::size_t view = writer.add_view(packed);
+    Json& json = writer.json()["bufferViews"][view];
+    json["extensions"]["EXT_meshopt_compression"] = {{"buffer", 0},          {"byteOffset", json["byteOffset"]},
+                                                     {"count", count},       {"byteLength", packed.size()},
+                                                     {"byteStride", stride}, {"mode", mode}};
+    json["byteLength"] = count * stride;
+    json["buffer"] = 0;
+    return view;
+  };
+  const std::size_t vertex_view = add(packed_vertices, 100, 12, "ATTRIBUTES");
+  const std::size_t index_view = add(packed_indices, indices.size(), 4, "TRIANGLES");
+  writer.json()["accessors"] = {
+      {{"bufferView", vertex_view}, {"componentType", 5126}, {"type", "VEC3"}, {"count", 100}},
+      {{"bufferView", index_view}, {"componentType", 5125}, {"type", "SCALAR"}, {"count", indices.size()}}};
+  writer.add_primitive({{"attributes", {{"POSITION", 0}}}, {"indices", 1}});
+  writer.json()["extensionsRequired"] = {"EXT_meshopt_compression"};
+  const TexturedMesh mesh = mesh_of(writer.glb(), {.up_axis = UpAxis::kZ});
+  ASSERT_EQ(mesh.mesh.vertices.size(), 100U);
+  EXPECT_EQ(mesh.mesh.vertices[57], Vec3(7, 5, 0.5));
+  EXPECT_EQ(mesh.mesh.triangles.size(), 162U);
+  EXPECT_NEAR(geometry::surface_area_m2(mesh.mesh), 81, 1e-9);
+
+  Json& extension = writer.json()["bufferViews"][vertex_view]["extensions"]["EXT_meshopt_compression"];
+  extension["byteStride"] = 10;
+  EXPECT_THAT(error(writer.glb()), HasSubstr("do not match"));
+  extension["byteStride"] = 12;
+  extension["count"] = 1e12;
+  EXPECT_THAT(error(writer.glb()), HasSubstr("limit on decompressed bytes"));
+  extension["count"] = 100;
+  extension["byteLength"] = packed_vertices.size() - 5;
+  EXPECT_THAT(error(writer.glb()), HasSubstr("malformed"));
+}
+
+/// A view in the compressed form, `count` elements of `stride` bytes.
+std::size_t add_meshopt(GltfWriter& writer, const std::vector<unsigned char>& packed, std::size_t count,
+                        std::size_t stride, const char* mode, const char* filter = "NONE") {
+  const std::size_t view = writer.add_view(packed);
+  Json& json = writer.json()["bufferViews"][view];
+  json["extensions"]["EXT_meshopt_compression"] = {{"buffer", 0},          {"byteOffset", json["byteOffset"]},
+                                                   {"count", count},       {"byteLength", packed.size()},
+                                                   {"byteStride", stride}, {"mode", mode},
+                                                   {"filter", filter}};
+  json["byteLength"] = count * stride;
+  return view;
+}
+
+/// Index sequences of 16 and 32 bits, and positions through the exponential filter.
+TEST(DecodeContent, MeshoptSequencesAndTheExponentialFilter) {
+  const std::vector<float> positions = {0, 0, 0, 1.5F, 0, 0, 0, -2.25F, 0, 1000, 0.125F, 3};
+  std::vector<unsigned char> filtered(positions.size() * 4);
+  meshopt_encodeFilterExp(filtered.data(), 4, 12, 20, positions.data());
+  std::vector<unsigned char> packed(meshopt_encodeVertexBufferBound(4, 12));
+  packed.resize(meshopt_encodeVertexBuffer(packed.data(), packed.size(), filtered.data(), 4, 12));
+  const std::vector<unsigned int> corners = {2, 1, 0, 3, 1, 2, 0};
+  std::vector<unsigned char> sequence(meshopt_encodeIndexSequenceBound(corners.size(), 4));
+  sequence.resize(meshopt_encodeIndexSequence(sequence.data(), sequence.size(), corners.data(), corners.size()));
+  for (const std::size_t bytes : {2U, 4U}) {
+    GltfWriter writer;
+    const std::size_t vertices = add_meshopt(writer, packed, 4, 12, "ATTRIBUTES", "EXPONENTIAL");
+    const std::size_t strip = add_meshopt(writer, sequence, corners.size(), bytes, "INDICES");
+    writer.json()["accessors"] = {
+        {{"bufferView", vertices}, {"componentType", 5126}, {"type", "VEC3"}, {"count", 4}},
+        {{"bufferView", strip}, {"componentType", bytes == 2 ? 5123 : 5125}, {"type", "SCALAR"}, {"count", 7}}};
+    writer.add_primitive({{"mode", 5}, {"attributes", {{"POSITION", 0}}}, {"indices", 1}});
+    const TexturedMesh mesh = mesh_of(writer.glb(), {.up_axis = UpAxis::kZ});
+    using T = geometry::Triangle;
+    EXPECT_THAT(mesh.mesh.triangles, ElementsAre(T{2, 1, 0}, T{1, 3, 0}, T{0, 3, 1}, T{3, 2, 1}, T{1, 2, 0}));
+    for (std::size_t i = 0; i < 4; ++i) {
+      for (std::size_t c = 0; c < 3; ++c)
+        EXPECT_NEAR(mesh.mesh.vertices[i][static_cast<int>(c)], positions[3 * i + c], 2e-3);
+    }
+  }
+}
+
+TEST(DecodeContent, CutShortAtEveryLength) {
+  for (const std::string& whole :
+       {fetch::test_support::b3dm(textured_triangle().glb()), textured_triangle().glb()}) {
+    EXPECT_EQ(error(whole), "");
+    for (std::size_t length = 0; length < whole.size(); ++length) {
+      EXPECT_THAT(error(whole.substr(0, length)), ::testing::StartsWith("tile: ")) << length;
+    }
+  }
+}
+
+TEST(DecodeContent, WhatIsNoTileIsToldApart) {
+  EXPECT_THAT(error(""), HasSubstr("is empty"));
+  EXPECT_THAT(error("\n<!DOCTYPE html><html>404</html>"), HasSubstr("web page (HTML)"));
+  EXPECT_THAT(error("garbage garbage"), HasSubstr("no known format"));
+  EXPECT_THAT(error("\x1f\x8b garbage"), HasSubstr("gzip"));
+  EXPECT_THAT(error("vctr...."), HasSubstr("vctr contents are not supported"));
+  EXPECT_THAT(error("PK\x03\x04...."), HasSubstr("archive (.3tz) contents are not supported"));
+  EXPECT_THAT(error("{\"asset\":{\"version\":\"1.0\"}}"), HasSubstr("glTF version '1.0' is not supported"));
+  EXPECT_THAT(error("glTF" + GltfWriter::u32(1) + std::string(40, ' ')), HasSubstr("glTF version 1 is not supported"));
+  EXPECT_THAT(error("b3dm" + GltfWriter::u32(2) + GltfWriter::u32(28) + std::string(40, ' ')),
+              HasSubstr("b3dm version 2"));
+}
+
+/// Each fault in an otherwise valid file and a word of the expected message; `path` is a JSON pointer into the glTF.
+TEST(DecodeContent, NamesEachFault) {
+  struct Fault {
+    const char* path;
+    Json value;
+    const char* message;
+  };
+  const Fault faults[] = {
+      {"/accessors/0/count", 4, "accessors[0]: needs 48 bytes, its bufferView has 36"},
+      {"/accessors/0/count", 1e15, "accessors[0]: needs"},
+      {"/accessors/0/count", -1, "count is not a whole number"},
+      {"/accessors/0/count", 1.5, "count is not a whole number"},
+      {"/accessors/0/byteOffset", 1e15, "accessors[0]: needs"},
+      {"/accessors/0/bufferView", 99, "bufferView 99 does not exist"},
+      {"/accessors/0/componentType", 1, "componentType 1"},
+      {"/accessors/0/type", "VEC9", "type 'VEC9'"},
+      {"/accessors/0/type", "VEC2", "has 2 components, expected 3"},
+      {"/accessors/0", {{"componentType", 5126}, {"type", "VEC3"}, {"count", 1e14}}, "more zeros than the limit"},
+      {"/accessors/1/count", 2, "TEXCOORD has 2 entries for 3 vertices"},
+      {"/bufferViews/0/byteLength", 1e15, "lie outside its buffer"},
+      {"/bufferViews/1/byteOffset", 1e15, "lie outside its buffer"},
+      {"/bufferViews/0/buffer", 3, "buffer 3 does not exist"},
+      {"/bufferViews/1/byteStride", 4, "its elements overlap"},
+      {"/meshes/0/primitives/0/attributes/POSITION", 77, "POSITION 77 does not exist"},
+      {"/meshes/0/primitives/0/mode", 9, "mode is not a whole number from 0 to 6"},
+      {"/meshes/0/primitives/0/material", 9, "material 9 does not exist"},
+      {"/meshes/0/primitives/0/indices", 0, "since it holds indices"},
+      {"/meshes/0/primitives", 1, "primitives is number"},
+      {"/nodes/0/mesh", 5, "mesh 5 does not exist"},
+      {"/nodes/0/rotation", {0, 0, 0, 0}, "quaternion of length 0"},
+      {"/nodes/0/matrix", {1}, "matrix has 1 numbers"},
+      {"/nodes/0", 3, "nodes[0]: is not an object"},
+      {"/scene", 4, "scene 4 does not exist"},
+      {"/textures/0/source", 4, "source 4 does not exist"},
+      {"/images/0", Json::object(), "no uri and no bufferView"},
+      {"/images/0", {{"uri", "http://host/a.png"}}, "refers to another file"},
+      {"/images/0/bufferView", 1, "images[0]"},
+      {"/samplers/0/wrapS", 5, "wrap mode 5"},
+      {"/extensionsRequired", {"ACME_secret"}, "needs the glTF extension ACME_secret"},
+      {"/asset/version", "3.0", "glTF version '3.0'"},
+  };
+  for (const Fault& fault : faults) {
+    GltfWriter writer = textured_triangle();
+    writer.json()[Json::json_pointer(fault.path)] = fault.value;
+    EXPECT_THAT(error(writer.glb()), HasSubstr(fault.message)) << fault.path;
+  }
+}
+
+TEST(DecodeContent, IndicesBeyondTheVerticesAndPositionsThatAreNoNumbers) {
+  GltfWriter writer;
+  const std::size_t positions = writer.add_accessor<float>({0, 0, 0, 1, 0, 0, 0, 1, 0}, 3);
+  writer.add_primitive(
+      {{"attributes", {{"POSITION", positions}}}, {"indices", writer.add_accessor<std::uint32_t>({0, 1, 3}, 1)}});
+  EXPECT_THAT(error(writer.glb()), HasSubstr("refers to vertex 3 of 3"));
+  EXPECT_THAT(error(fetch::test_support::triangle_glb({0, 0, 0, 1, NAN, 0, 0, 1, 0})),
+              HasSubstr("position of vertex 1 is not finite"));
+  EXPECT_THAT(error(fetch::test_support::triangle_glb({0, 0, 0, 1, 0, INFINITY, 0, 1, 0})),
+              HasSubstr("position of vertex 1 is not finite"));
+}
+
+/// A small file that unfolds into an enormous scene.
+TEST(DecodeContent, LimitsHoldOverAllMeshesTogether) {
+  GltfWriter writer;
+  writer.add_primitive({{"attributes", {{"POSITION", writer.add_accessor<float>(std::vector<float>(3000, 1.0F), 3)}}}});
+  for (int i = 0; i < 99; ++i) writer.json()["nodes"].push_back({{"mesh", 0}});
+  writer.json().erase("scenes");
+  writer.json().erase("scene");
+  EXPECT_EQ(decode(writer.glb()).meshes.size(), 100U);
+  ContentOptions options;
+  options.limits.max_vertices = 50000;
+  EXPECT_THAT(error(writer.glb(), options), HasSubstr("more than 50000 vertices"));
+}
+
+TEST(DecodeContent, LinesAreLeftOutWithAWarning) {
+  GltfWriter writer;
+  writer.add_primitive({{"mode", 1}, {"attributes", {{"POSITION", writer.add_accessor<float>({0, 0, 0}, 3)}}}});
+  const DecodedContent content = decode(writer.glb());
+  EXPECT_TRUE(content.meshes.empty());
+  EXPECT_THAT(content.warnings, ElementsAre(HasSubstr("lines have no surface")));
+}
+
+}  // namespace
+}  // namespace tileflight::tile_content::content_test

@@ -1,0 +1,125 @@
+#include "tileflight/tiles/tile_content/gltf_geometry.h"
+
+#include <numeric>
+
+#include "tileflight/core/base/input_error.h"
+
+namespace tileflight::tile_content::gltf {
+namespace {
+
+using geometry::Triangle;
+
+std::vector<Triangle> triangles_of_list(std::span<const std::uint32_t> corners) {
+  std::vector<Triangle> triangles(corners.size() / 3);
+  for (std::size_t i = 0; i < triangles.size(); ++i) {
+    triangles[i] = {corners[3 * i], corners[3 * i + 1], corners[3 * i + 2]};
+  }
+  return triangles;
+}
+
+std::vector<Triangle> triangles_of_strip(std::span<const std::uint32_t> v) {
+  std::vector<Triangle> triangles;
+  for (std::size_t i = 0; i + 2 < v.size(); ++i) {
+    const Triangle triangle = {v[i], v[i + 1 + i % 2], v[i + 2 - i % 2]};
+    const bool stitch = triangle[0] == triangle[1] || triangle[1] == triangle[2] || triangle[2] == triangle[0];
+    if (!stitch) triangles.push_back(triangle);
+  }
+  return triangles;
+}
+
+std::vector<Triangle> triangles_of_fan(std::span<const std::uint32_t> v) {
+  std::vector<Triangle> triangles;
+  for (std::size_t i = 1; i + 1 < v.size(); ++i) triangles.push_back({v[i], v[i + 1], v[0]});
+  return triangles;
+}
+
+std::vector<std::uint32_t> corners_of(const Primitive& primitive, std::size_t vertex_count, Buffers& buffers) {
+  if (primitive.indices) return buffers.indices(*primitive.indices);
+  std::vector<std::uint32_t> corners(vertex_count);
+  std::iota(corners.begin(), corners.end(), 0U);
+  return corners;
+}
+
+void check_corners(const std::vector<Triangle>& triangles, std::size_t vertex_count, const std::string& name) {
+  for (const Triangle& triangle : triangles) {
+    for (const std::uint32_t corner : triangle) {
+      if (corner >= vertex_count) {
+        throw InputError(
+            name, "a triangle refers to vertex " + std::to_string(corner) + " of " + std::to_string(vertex_count));
+      }
+    }
+  }
+}
+
+void check_count(const std::vector<float>& values, std::size_t components, std::size_t vertex_count, const char* what,
+                 const std::string& name) {
+  if (values.empty() || values.size() == vertex_count * components) return;
+  throw InputError(name, std::string(what) + " has " + std::to_string(values.size() / components) + " entries for " +
+                             std::to_string(vertex_count) + " vertices");
+}
+
+/// Reads the attributes that the Draco mesh lacks, or all if there is no Draco mesh.
+void read_attributes(Geometry& out, const Primitive& primitive, const Document& document, Buffers& buffers,
+                     const GeometryRequest& request) {
+  const auto find = [&](const std::string& attribute) {
+    const auto it = primitive.attributes.find(attribute);
+    return it == primitive.attributes.end() ? nullptr : &it->second;
+  };
+  if (const auto* accessor = find("POSITION"); accessor != nullptr && out.positions.empty()) {
+    out.positions = buffers.floats(*accessor, 3);
+  }
+  const auto* uv = find("TEXCOORD_" + std::to_string(request.tex_coord_set));
+  if (uv != nullptr && request.tex_coords && out.tex_coords.empty()) out.tex_coords = buffers.floats(*uv, 2);
+  if (request.feature_coord_set && out.feature_coords.empty()) {
+    const auto* coords = find("TEXCOORD_" + std::to_string(*request.feature_coord_set));
+    if (coords != nullptr) out.feature_coords = buffers.floats(*coords, 2);
+  }
+  if (const auto* accessor = find("COLOR_0"); accessor != nullptr && out.colors.empty()) {
+    out.color_components = document.accessors[*accessor].components == 3 ? 3 : 4;
+    out.colors = buffers.floats(*accessor, out.color_components);
+  }
+  if (const auto* accessor = find(request.feature_attribute); accessor != nullptr && out.feature_ids.empty()) {
+    out.feature_ids = buffers.ids(*accessor);
+  }
+}
+
+}  // namespace
+
+bool has_surface(const Primitive& primitive) { return primitive.mode >= 4; }
+bool has_points(const Primitive& primitive) { return primitive.mode == 0; }
+
+std::vector<Triangle> assemble_triangles(int mode, std::span<const std::uint32_t> corners) {
+  if (mode == 5) return triangles_of_strip(corners);
+  if (mode == 6) return triangles_of_fan(corners);
+  return triangles_of_list(corners);
+}
+
+Geometry read_geometry(const Primitive& primitive, const Document& document, Buffers& buffers,
+                       const GeometryRequest& request, const std::string& name) {
+  Geometry out;
+  if (primitive.draco) out = decode_draco(buffers.view(primitive.draco->view), primitive, document, request, name);
+  read_attributes(out, primitive, document, buffers, request);
+  if (!primitive.draco) {
+    const std::vector<std::uint32_t> corners = corners_of(primitive, out.vertex_count(), buffers);
+    if (primitive.mode == 4 && corners.size() % 3 != 0)
+      out.warnings.push_back("an incomplete last triangle is left out");
+    if (has_points(primitive)) {
+      out.points = corners;
+    } else {
+      out.triangles = assemble_triangles(primitive.mode, corners);
+    }
+  }
+  check_count(out.tex_coords, 2, out.vertex_count(), "TEXCOORD", name);
+  check_count(out.feature_coords, 2, out.vertex_count(), "TEXCOORD", name);
+  if (!out.colors.empty()) check_count(out.colors, out.color_components, out.vertex_count(), "COLOR_0", name);
+  if (!out.feature_ids.empty() && out.feature_ids.size() != out.vertex_count()) {
+    throw InputError(name, request.feature_attribute + " must have one entry for each vertex");
+  }
+  check_corners(out.triangles, out.vertex_count(), name);
+  for (const std::uint32_t point : out.points) {
+    if (point >= out.vertex_count()) throw InputError(name, "a point refers to vertex " + std::to_string(point));
+  }
+  return out;
+}
+
+}  // namespace tileflight::tile_content::gltf

@@ -1,0 +1,98 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/geometry/transform.h"
+#include "tileflight/core/imaging/feature_table.h"
+#include "tileflight/tiles/tile_content/json_reader.h"
+#include "tileflight/tiles/tile_content/octahedral.h"
+#include "tileflight/tiles/tile_content/tile_container.h"
+
+namespace tileflight::tile_content {
+
+/// A feature table or batch table of 3D Tiles 1.0: JSON whose members contain values or refer to the binary part
+/// ("Feature Table", "Batch Table"). Every access is checked before allocation.
+class TileTable {
+ public:
+  /// `binary` must outlive this object. Throws InputError (where, cause) if the JSON is malformed.
+  TileTable(std::span<const std::byte> json, std::span<const std::byte> binary, const std::string& where);
+
+  const Json& json() const { return json_; }
+  const std::string& where() const { return where_; }
+
+  /// A global integer; nullopt if there is none.
+  std::optional<std::size_t> count(const char* key) const;
+  /// `components` global numbers: in the JSON, or as floats in the binary part.
+  std::optional<std::vector<double>> global(const char* key, std::size_t components) const;
+  /// `count` numbers of type T, interleaved (x y z x y z …), from the binary part or the JSON; nullopt if there are
+  /// none.
+  template <class T>
+  std::optional<std::vector<T>> values(const char* key, std::size_t count) const {
+    const Json* member = find_member(json_, key);
+    if (member == nullptr) return std::nullopt;
+    if (member->is_array()) {
+      const std::vector<double> numbers = *find_numbers(json_, key, count, where_);
+      std::vector<T> out(numbers.size());
+      for (std::size_t i = 0; i < out.size(); ++i) out[i] = static_cast<T>(numbers[i]);
+      return out;
+    }
+    const std::span<const std::byte> bytes = binary_part(*member, key, count, sizeof(T));
+    std::vector<T> out(count);
+    if (count > 0) std::memcpy(out.data(), bytes.data(), bytes.size());
+    return out;
+  }
+  /// Unit vectors, plain (three floats each) or octahedral (two numbers of type T); empty: neither is given.
+  template <class T>
+  std::vector<geometry::Vec3> directions(const char* plain, const char* octahedral, std::size_t count) const {
+    std::vector<geometry::Vec3> out;
+    if (const auto floats = values<float>(plain, 3 * count)) {
+      for (std::size_t i = 0; i < count; ++i)
+        out.emplace_back((*floats)[3 * i], (*floats)[3 * i + 1], (*floats)[3 * i + 2]);
+    } else if (const auto pairs = values<T>(octahedral, 2 * count)) {
+      for (std::size_t i = 0; i < count; ++i)
+        out.push_back(decode_octahedral((*pairs)[2 * i], (*pairs)[2 * i + 1], std::numeric_limits<T>::max()));
+    }
+    return out;
+  }
+  /// RTC_CENTER, to which positions are relative; 0 if there is none.
+  geometry::Vec3 rtc_center() const;
+  /// POSITION_QUANTIZED: positions are offset + number * scale / 65535. Throws InputError if a part is missing.
+  struct QuantizedPositions {
+    std::vector<std::uint16_t> numbers;
+    std::vector<double> scale, offset;
+  };
+  QuantizedPositions quantized_positions(std::size_t count) const;
+  /// Ids, one per entry: bytes, shorts or ints, by `componentType` (default: short).
+  std::optional<std::vector<std::uint32_t>> ids(const char* key, std::size_t count) const;
+
+ private:
+  std::span<const std::byte> binary_part(const Json& reference, const char* key, std::size_t count,
+                                         std::size_t bytes_each) const;
+
+  Json json_;
+  std::span<const std::byte> binary_;
+  std::string where_;
+};
+
+/// A batch table of `count` features as text; nullptr if it has no properties. Throws InputError.
+std::shared_ptr<const imaging::FeatureTable> read_batch_table(std::span<const std::byte> json,
+                                                              std::span<const std::byte> binary, std::size_t count,
+                                                              const std::string& where);
+
+/// As read_batch_table, but a broken table only adds a warning: features without names are better than no tile.
+std::shared_ptr<const imaging::FeatureTable> try_read_batch_table(const TileTables& tables, std::size_t count,
+                                                                  std::vector<std::string>& warnings);
+
+/// Appends a warning unless it is already there.
+void warn_once(const std::string& what, std::vector<std::string>& warnings);
+
+}  // namespace tileflight::tile_content

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <array>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <vector>
+
+#include "tileflight/core/geometry/nearest.h"
+#include "tileflight/world/ground_truth/brick_map.h"
+
+namespace tileflight::ground_truth {
+
+/// Nearest of the centres of a grid's occupied cells, bit-identical to geometry::NearestIndex: points within a cell and
+/// a half of one need no search in a tree. Centres that lie on no grid are found by the tree alone. Queries are const
+/// and may run in parallel.
+class CenterIndex {
+ public:
+  /// `edge_m`: of a cell. Keeps a reference to the centres, which must outlive it.
+  CenterIndex(const std::vector<geometry::Vec3>& centers, double edge_m);
+
+  /// Distance to the nearest centre within `radius_m` (inclusive), metres; nullopt if there is none.
+  std::optional<double> nearest(const geometry::Vec3& query, double radius_m) const;
+
+ private:
+  bool add(const geometry::Vec3& center);
+  std::optional<double> distance_to(const geometry::Cell& cell, const geometry::Vec3& query) const;
+  std::optional<double> nearest_around(const geometry::Vec3& query) const;
+  const geometry::NearestIndex& tree() const;
+
+  const std::vector<geometry::Vec3>& centers_;
+  double edge_m_;
+  geometry::Vec3 low_ = geometry::Vec3::Zero();  ///< least coordinates of the centres
+  bool on_grid_ = true;
+  std::array<std::vector<double>, 3> coordinates_;  ///< along each axis, of the centres in each layer of cells
+  BrickMap cells_;
+  mutable std::once_flag tree_built_;
+  mutable std::unique_ptr<geometry::NearestIndex> tree_;
+};
+
+}  // namespace tileflight::ground_truth

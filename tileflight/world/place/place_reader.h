@@ -1,0 +1,76 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "tileflight/core/base/progress.h"
+#include "tileflight/core/geometry/point_cloud.h"
+#include "tileflight/core/imaging/textured_mesh.h"
+#include "tileflight/tiles/tile_content/attribution.h"
+#include "tileflight/tiles/tileset/load.h"
+#include "tileflight/tiles/tileset/placement.h"
+#include "tileflight/tiles/tileset/selection.h"
+#include "tileflight/tiles/tileset/tileset_tree.h"
+
+namespace tileflight::place {
+
+/// A tile that could not be read, or a subtree that could not be followed.
+struct MissingTile {
+  std::string failure;
+  std::optional<geometry::Box3> bounds;  ///< local frame; nullopt: unknown
+};
+
+/// The content of a cut through the tile tree.
+struct PlacePart {
+  std::vector<imaging::TexturedMesh> meshes;  ///< local frame; empty if there are no triangles
+  std::vector<geometry::PointCloud> clouds;
+  std::vector<MissingTile> missing;
+  std::int64_t tiles = 0;
+  std::uintmax_t file_bytes = 0;
+  std::uintmax_t memory_bytes = 0;  ///< of meshes, textures, points and ray tracing structures
+};
+
+/// Reads a place part by part, each at the required resolution, instead of loading it whole.
+class PlaceReader {
+ public:
+  /// `load`: the local frame and the region; no tile is read yet. Throws InputError, also if the source's terms forbid
+  /// `use`.
+  PlaceReader(const std::string& source, const tileset::LoadOptions& load, fetch::Use use);
+
+  const std::string& name() const { return name_; }  ///< in the form in which it may be displayed
+  const tileset::Placement& placement() const { return placement_; }
+  bool is_georeferenced() const { return is_georeferenced_; }
+  const tileset::TilesetTree& tree() const { return tree_; }
+  fetch::TileSource& source() { return *source_; }
+
+  tileset::TileCut select_cut(const tileset::RefinementCriterion& criterion) { return tileset::select_cut(tree_, criterion); }
+  /// Reads a cut; missing or broken tiles are reported in the result, not thrown. nullopt: it exceeds
+  /// `max_memory_bytes`.
+  std::optional<PlacePart> read(const tileset::TileCut& cut, bool textures, std::uintmax_t max_memory_bytes,
+                                const Progress& progress);
+
+  /// Attribution of everything read so far.
+  std::vector<std::string> attribution() const;
+  std::vector<std::string> warnings() const;
+
+ private:
+  std::string name_;
+  std::unique_ptr<fetch::TileSource> source_;
+  tileset::TilesetTree tree_;
+  tileset::Placement placement_;
+  bool is_georeferenced_;
+  tile_content::AttributionCollector copyrights_;
+  std::vector<std::string> warnings_;
+};
+
+/// The combination of both criteria.
+tileset::RefinementCriterion restrict_to_box(tileset::RefinementCriterion criterion, const geometry::Box3& box,
+                                           const geometry::SE3& T_local_tileset);
+
+/// A source's name for titles: the last part of its path, or of the folder of its tileset.json.
+std::string source_display_name(const std::string& source);
+
+}  // namespace tileflight::place

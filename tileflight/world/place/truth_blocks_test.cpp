@@ -1,0 +1,167 @@
+#include "tileflight/world/place/truth_blocks.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <mutex>
+#include <nlohmann/json.hpp>
+
+#include "tests/refusal.h"
+#include "tests/same_files.h"
+#include "tests/temporary_folder.h"
+#include "tests/tiny_place.h"
+#include "tileflight/world/place/block_grid.h"
+#include "tileflight/world/place/block_plan.h"
+#include "tileflight/world/place/block_store.h"
+#include "tileflight/core/jobs/test_ranks.h"
+
+namespace tileflight::place::truth_blocks_test {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using ::testing::HasSubstr;
+using tests::refusal_of;
+using tests::TinyPlace;
+
+TEST(BlockGrid, IsAllCellsOnceInOrder) {
+  const geometry::Box3 region(geometry::Vec3(1.0, 2.0, 3.0), geometry::Vec3(11.2, 9.0, 5.0));
+  const BlockGrid grid(region, 0.5, 6);
+  ASSERT_EQ(grid.size(), 4U * 3U);
+  std::size_t cells = 0;
+  for (std::size_t i = 0; i < grid.size(); ++i) {
+    const ground_truth::CellRange& block = grid.cells(i);
+    cells += static_cast<std::size_t>(block.count(0) * block.count(1) * block.count(2));
+    const geometry::Box3 bounds = grid.bounds(i), reach = grid.reach(i, 2);
+    EXPECT_NEAR(bounds.min().x(), 1.0 + 0.5 * block.low[0], 1e-9);
+    EXPECT_NEAR(bounds.max().y(), 2.0 + 0.5 * (block.high[1] + 1), 1e-9);
+    EXPECT_NEAR(bounds.min().z() - reach.min().z(), 2.6 * 0.5, 1e-9);
+    EXPECT_NEAR(reach.max().x() - bounds.max().x(), 2.6 * 0.5, 1e-9);
+  }
+  EXPECT_EQ(cells, static_cast<std::size_t>(grid.dims()[0]) * static_cast<std::size_t>(grid.dims()[1]) *
+                       static_cast<std::size_t>(grid.dims()[2]));
+  EXPECT_EQ(grid.name(0), "x00000_y00000");
+  EXPECT_EQ(grid.name(11), "x00003_y00002");
+  EXPECT_THAT(
+      refusal_of([&] { BlockGrid(geometry::Box3(geometry::Vec3(0, 0, 0), geometry::Vec3(2e6, 2e6, 1)), 1.0, 1); }),
+      HasSubstr("more than a million blocks"));
+}
+
+class TruthInBlocks : public ::testing::Test {
+ protected:
+  TruthInBlocks() {
+    TinyPlace::write(folder_ / "place");
+    // A tile whose content reaches far beyond its bounding volume.
+    json tileset = TinyPlace::tileset();
+    tileset["root"]["children"][3]["boundingVolume"]["box"] = {35, 35, 100, 4, 0, 0, 0, 4, 0, 0, 0, 4};
+    TinyPlace::write_file(folder_ / "place/tileset.json", tileset.dump());
+  }
+
+  ExtractSettings settings(double block_m = 27.0) const {
+    ExtractSettings settings{.source = (folder_ / "place").string(), .load = {}, .voxel_m = 1.0};
+    settings.block_m = block_m;
+    return settings;
+  }
+  ExtractSettings part(int number, int count) const {
+    ExtractSettings one = settings();
+    one.part = JobPart{number, count};
+    return one;
+  }
+  void expect_same(const std::string& one, const std::string& other) const {
+    tests::expect_same_files(folder_ / one, folder_ / other, "extract.json");
+    EXPECT_EQ(without_seconds(one), without_seconds(other));
+    EXPECT_FALSE(BlockStore::exists(folder_ / other));
+  }
+  json without_seconds(const std::string& out) const {
+    json extract = read_extract_json(folder_ / out);
+    extract.erase("seconds");
+    return extract;
+  }
+  fs::path record_of(const std::string& out, const std::string& block) const {
+    return BlockStore::folder_for(folder_ / out) / "done" / (block + ".json");
+  }
+
+  tests::TemporaryFolder folder_;
+};
+
+TEST_F(TruthInBlocks, IsTheSameByRanks) {
+  extract(settings(), folder_ / "alone", false);
+  ExtractSettings whole = settings();
+  whole.block_m.reset();
+  extract(whole, folder_ / "whole", false);
+  EXPECT_EQ(without_seconds("whole"), without_seconds("alone"));
+  for (const int count : {2, 3, 4}) {
+    const std::string out = "by" + std::to_string(count);
+    jobs::test_support::ThreadRanks ranks(count);
+    std::mutex mutex;
+    int results = 0;
+    ranks.run([&](jobs::Ranks& rank) {
+      const json result = extract(settings(), folder_ / out, false, {}, &rank);
+      const std::lock_guard lock(mutex);
+      results += result.is_null() ? 0 : 1;
+      EXPECT_EQ(result.is_null(), rank.rank() != 0);
+    });
+    EXPECT_EQ(results, 1);
+    expect_same("alone", out);
+  }
+}
+
+TEST_F(TruthInBlocks, IsTheSameInPartsAndGoesOnFromThem) {
+  extract(settings(), folder_ / "alone", false);
+  for (const int k : {3, 1, 2}) EXPECT_GE(extract(part(k, 3), folder_ / "out", false)["build"]["blocks_made"], 2);
+  EXPECT_EQ(extract(part(2, 3), folder_ / "out", false)["build"]["blocks_made"], 0);
+  EXPECT_FALSE(fs::exists(folder_ / "out"));
+  // As after a crash: a block without its record, a record without the rest of it.
+  fs::remove(record_of("out", "x00001_y00001"));
+  TinyPlace::write_file(record_of("out", "x00002_y00002"), "{\"triangles\": 1");
+  const json result = extract(settings(), folder_ / "out", false);
+  EXPECT_EQ(result["build"]["blocks"], 9);
+  EXPECT_EQ(result["build"]["blocks_reused"], 7);
+  expect_same("alone", "out");
+}
+
+TEST_F(TruthInBlocks, OfOtherInputsIsNotReused) {
+  extract(settings(), folder_ / "alone", false);
+  ExtractSettings coarser = part(1, 2);
+  coarser.load.error_m = 5.0;
+  extract(part(1, 2), folder_ / "out", false);
+  EXPECT_THAT(extract(coarser, folder_ / "out", false)["build"]["note"],
+              HasSubstr("blocks of an earlier extract are not reused, because these inputs differ: tiles"));
+  EXPECT_THAT(extract(settings(), folder_ / "out", false)["build"]["note"], HasSubstr("differ: tiles"));
+  expect_same("alone", "out");
+}
+
+TEST_F(TruthInBlocks, KeepsItsEdgeWhereItWasChosenByMemory) {
+  ExtractSettings any = part(1, 2);
+  any.block_m = 0.0;
+  extract(any, folder_ / "out", false);
+  const BlockPlan plan = plan_truth_blocks(settings(0.0), folder_ / "out", 8);
+  EXPECT_GE(plan.edge_m, 1.0);
+  EXPECT_GT(plan.memory_bytes, 0.0);
+  any.processes = 1000000;  // would make smaller blocks
+  EXPECT_EQ(plan_truth_blocks(any, folder_ / "out", 8).edge_m, plan.edge_m);
+  EXPECT_LT(plan_truth_blocks(any, folder_ / "other", 8).edge_m, plan.edge_m);
+}
+
+TEST_F(TruthInBlocks, IsMadeByOneJobAtATime) {
+  const BlockPlan plan = plan_truth_blocks(settings(), folder_ / "out", 4);
+  EXPECT_EQ(plan.parts, 4);
+  EXPECT_EQ(plan_truth_blocks(settings(), folder_ / "out", 400).parts, 9);
+  extract(part(1, 4), folder_ / "out", false);
+  const BlockStore other(folder_ / "out", "2-of-4", jobs::Share::kPart);
+  EXPECT_THAT(refusal_of([&] { extract(settings(), folder_ / "out", false); }),
+              HasSubstr("another process is working in it"));
+  EXPECT_EQ(extract(part(1, 4), folder_ / "out", false)["build"]["blocks_made"], 0);
+}
+
+TEST_F(TruthInBlocks, LeavesNothingWhereTheRegionIsEmpty) {
+  ExtractSettings high = settings();
+  high.load.center_local = geometry::Vec3(35, -35, 110);
+  high.load.size = geometry::Vec3(8, 8, 4);
+  EXPECT_THAT(refusal_of([&] { extract(high, folder_ / "out", false); }), HasSubstr("no t"));
+  EXPECT_FALSE(fs::exists(folder_ / "out"));
+  EXPECT_FALSE(BlockStore::exists(folder_ / "out"));
+}
+
+}  // namespace
+}  // namespace tileflight::place::truth_blocks_test

@@ -1,0 +1,96 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "tileflight/world/scene/beam_tree.h"
+#include "tileflight/world/scene/lazy_tree.h"
+#include "tileflight/world/scene/packets.h"
+#include "tileflight/world/scene/part_motion.h"
+#include "tileflight/world/scene/part_tree.h"
+
+namespace tileflight::scene {
+
+/// A part of a scene.
+struct QueriedPart {
+  std::shared_ptr<const ScenePart> part;
+  std::shared_ptr<const PartMotion> motion;  ///< of a placed part; null: its frame is the scene's
+};
+
+/// Queries over several parts, as over one tree of all their triangles: meshes are numbered across the parts, in their
+/// order. A tree over the parts chooses those that a query meets; their own trees answer, placed parts' in their own
+/// coordinates, into which the query is transformed. A part's tree for rays is built by the first ray that meets the
+/// part.
+class PartQueries {
+ public:
+  /// There is a triangle. `frame`: of the scene. Throws std::runtime_error if memory is insufficient.
+  PartQueries(std::vector<QueriedPart> parts, const SceneFrame& frame);
+
+  /// As rtcIntersect1 and rtcOccluded1, with meshes as geometry numbers. Of equally near surfaces of several parts the
+  /// first part's counts. The ray's time is the scene's.
+  void intersect(RTCRayHit& query) const;
+  void test_occlusion(RTCRay& ray) const;
+  /// As Scene's functions of the same names.
+  void intersect(RayPacket8& packet) const;
+  void test_occlusion(RayPacket8& packet) const;
+  bool intersect(std::span<RayPacket8> beam) const;
+  bool intersect_moving(std::span<const std::span<RayPacket8>> beams) const;
+  void build_beam_trees() const { branches(); }
+
+  /// Calls `look(part)`, a QueriedPart, for those whose box is nearer to the point (relative to the anchor) than
+  /// `radius()`, which may shrink between calls.
+  template <class Radius, class Look>
+  void visit_near(const float (&point)[3], const Radius& radius, const Look& look) const;
+
+ private:
+  const std::vector<BeamBranch>& branches() const;
+  float slack_at(float x, float y, float z) const;
+  RTCScene tree_of(std::size_t part) const;
+
+  void rotate_normals(std::span<RayPacket8> beam) const;
+
+  std::vector<QueriedPart> parts_;
+  std::vector<std::uint32_t> first_mesh_;  ///< of each part
+  std::vector<std::uint32_t> placed_;      ///< for each mesh from first_placed_mesh_ on, its part
+  std::uint32_t first_placed_mesh_ = 0;    ///< of placed parts, which follow the others
+  float reach_m_;                          ///< largest absolute coordinate of a box
+  PartTree tree_;
+  mutable LazyTree<std::vector<BeamBranch>> branches_;
+};
+
+/// Boxes against a point.
+template <class Radius>
+struct PointBoxes {
+  const float (&point)[3];
+  const Radius& radius;
+  float slack_m;
+
+  float reach() const { return radius(); }
+  void distances(const BeamNode& node, float (&distance)[8]) const {
+    for (int k = 0; k < 8; ++k) {
+      float squared = 0.0F;
+      for (int axis = 0; axis < 3; ++axis) {
+        const float below = node.low[axis][k] - point[axis], above = point[axis] - node.high[axis][k];
+        const float away = std::max(std::max(below, above), 0.0F);
+        squared += away * away;
+      }
+      distance[k] = std::max(0.0F, std::sqrt(squared) * (1.0F - 1e-6F) - slack_m);
+    }
+  }
+};
+
+template <class Radius, class Look>
+void PartQueries::visit_near(const float (&point)[3], const Radius& radius, const Look& look) const {
+  const PointBoxes<Radius> query{point, radius, slack_at(point[0], point[1], point[2])};
+  tree_.visit_parts(query, [&](std::size_t part) {
+    look(parts_[part]);
+    return true;
+  });
+}
+
+}  // namespace tileflight::scene
