@@ -20,17 +20,28 @@ endif()
 # one machine to the next. Determinism is worth more than the few per cent. Who compiles our headers compiles them so.
 set(TILEFLIGHT_RESULT_OPTIONS -ffp-contract=off)
 
-if(TILEFLIGHT_SANITIZE)
-  # Without the checks that only tell of what the address sanitizer or the processor stops at anyway; they would make
-  # half of the code that is compiled.
+if(TILEFLIGHT_SANITIZE STREQUAL thread)
+  add_compile_options(-fsanitize=thread -fno-omit-frame-pointer)
+  add_link_options(-fsanitize=thread)
+elseif(TILEFLIGHT_SANITIZE)
+  # Some checks only report what the address sanitizer or the processor stops at anyway. They would make half of the code.
   add_compile_options(-fsanitize=address,undefined -fno-sanitize=null,object-size,vptr -fno-sanitize-recover=undefined
                       -fno-omit-frame-pointer)
   add_link_options(-fsanitize=address,undefined)
-  if(CMAKE_CXX_COMPILER_ID STREQUAL Clang)
-    # Relative to the folder in which compilers run, as the paths below.
-    file(RELATIVE_PATH SANITIZER_IGNORE ${PROJECT_BINARY_DIR} ${PROJECT_SOURCE_DIR}/cmake/sanitizer-ignore.txt)
-    add_compile_options(-fsanitize-ignorelist=${SANITIZER_IGNORE})
-  endif()
+endif()
+if(TILEFLIGHT_SANITIZE AND CMAKE_CXX_COMPILER_ID STREQUAL Clang)
+  # Relative to the folder in which compilers run, as the paths below.
+  file(RELATIVE_PATH SANITIZER_IGNORE ${PROJECT_BINARY_DIR} ${PROJECT_SOURCE_DIR}/cmake/sanitizer-ignore.txt)
+  add_compile_options(-fsanitize-ignorelist=${SANITIZER_IGNORE})
+endif()
+
+if(TILEFLIGHT_COVERAGE)
+  # Counters are shared by threads. Nothing is inlined, so that each line counts for itself.
+  add_compile_options(--coverage -fprofile-update=atomic -fno-inline)
+  add_link_options(--coverage)
+  add_custom_target(coverage
+    COMMAND ${PROJECT_SOURCE_DIR}/.ci/coverage ${PROJECT_BINARY_DIR}
+    USES_TERMINAL)
 endif()
 
 # Under the sanitizers, compilers work on tests for longer than the tests run: those that do not compute are not
