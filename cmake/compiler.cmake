@@ -9,15 +9,15 @@ endif()
 # GCC 12 takes `text + std::string` for an overlapping copy where it inlines more (GCC bug 105651, mended in 13).
 target_compile_options(tileflight_compiler INTERFACE
   $<$<AND:$<CONFIG:Release>,$<CXX_COMPILER_ID:GNU>,$<VERSION_LESS:$<CXX_COMPILER_VERSION>,13>>:-Wno-restrict>)
-if(CMAKE_UNITY_BUILD)  # what these warn of is right in one file and looks wrong beside another
+if(CMAKE_UNITY_BUILD)  # these warn of names that are right in one file and clash only beside another
   target_compile_options(tileflight_compiler INTERFACE -Wno-shadow -Wno-subobject-linkage)
 endif()
 if(TILEFLIGHT_WARNINGS_AS_ERRORS)
   target_compile_options(tileflight_compiler INTERFACE -Werror)
 endif()
 
-# A fused multiply-add rounds once where two instructions round twice: results would differ from
-# one machine to the next. Determinism is worth more than the few per cent. Who compiles our headers compiles them so.
+# A fused multiply-add rounds once where two instructions round twice, so that results would differ from one machine to
+# the next. Determinism is worth more than the few per cent. The flag is public: code that includes our headers has it, too.
 set(TILEFLIGHT_RESULT_OPTIONS -ffp-contract=off)
 
 if(TILEFLIGHT_SANITIZE STREQUAL thread)
@@ -44,14 +44,14 @@ if(TILEFLIGHT_COVERAGE)
     USES_TERMINAL)
 endif()
 
-# Under the sanitizers, compilers work on tests for longer than the tests run: those that do not compute are not
-# optimised. (Those that do must be: of templates that a test and its library both use, the linker keeps the test's.)
+# Under the sanitizers, most tests take longer to compile than to run. Tests that compute little are not optimised. The
+# others must be: where a test and its library instantiate the same template, the linker may keep the test's code.
 add_library(tileflight_plain_tests INTERFACE)
 if(TILEFLIGHT_SANITIZE)
   target_compile_options(tileflight_plain_tests INTERFACE -O0)
 endif()
 
-# Of a Release build: what nothing waits for need not be compiled for speed (-O3 takes three times as long as -O1).
+# Code that no user waits for is compiled quickly in a Release build: -O3 takes three times as long as -O1.
 add_library(tileflight_quickly_compiled INTERFACE)
 target_compile_options(tileflight_quickly_compiled INTERFACE $<$<CONFIG:Release>:-O1>)
 

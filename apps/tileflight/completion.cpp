@@ -9,7 +9,7 @@
 namespace tileflight::app {
 namespace {
 
-/// What may follow an option or stand for a positional argument.
+/// Kind of text that may follow an option or stand for a positional argument.
 enum class Value { kNone, kWord, kNumber, kFile };
 
 struct Completed {
@@ -29,7 +29,7 @@ struct Command {
   std::vector<Command> parts;
 };
 
-/// The words in "TEXT:{tum-mono,euroc}"; none for other types.
+/// Returns the words in "TEXT:{tum-mono,euroc}"; none for other types.
 std::vector<std::string> words_of(const std::string& type) {
   const std::size_t open = type.find('{'), close = type.find('}');
   std::vector<std::string> words;
@@ -114,7 +114,8 @@ void for_each_command(const Command& command, const std::string& where, const Wr
   for (const Command& part : command.parts) for_each_command(part, where + " " + part.name, write);
 }
 
-/// Text within single quotes of a shell and within the brackets or after the colon of an _arguments specification.
+/// Quotes text for single quotes of a shell, and for the brackets or the place after the colon of a specification of
+/// _arguments.
 std::string zsh_text(const std::string& text) {
   std::string out;
   for (const char c : text) {
@@ -166,9 +167,9 @@ void write_zsh_function(std::ostream& out, const std::string& where, const Comma
       << "_$line[1]] )) && " << function << "_$line[1] ;;\n  esac\n}\n\n";
 }
 
-/// Completion script for bash (a function registered with `complete -F`, as the Bash manual's section Programmable
-/// Completion describes it), made from the application's own commands: their names, options, the words that an option
-/// may have, files where a value may be one, nothing where it is a number.
+/// Writes the completion script for bash (a function registered with `complete -F`, as the Bash manual's section
+/// Programmable Completion describes it), made from the application's own commands: their names, options, the words
+/// that an option may have, files where a value may be one, nothing where it is a number.
 std::string bash_completion(const CLI::App& app) {
   const Command root = describe(app);
   std::ostringstream out;
@@ -205,8 +206,8 @@ complete -F _tileflight tileflight
   return out.str();
 }
 
-/// The same for zsh: a function of _arguments and _describe with each option's help (zsh manual, section Completion
-/// System). To be written to a folder of $fpath as _tileflight.
+/// Writes the completion script for zsh: a function of _arguments and _describe with each option's help (zsh manual,
+/// section Completion System). Its place is a folder of $fpath, as _tileflight.
 std::string zsh_completion(const CLI::App& app) {
   const Command root = describe(app);
   std::ostringstream out;

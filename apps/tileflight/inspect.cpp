@@ -131,7 +131,7 @@ json center_json(const tileset::TilesetSummary& s) {
   return {{"lat", s.center->latitude_deg}, {"lon", s.center->longitude_deg}, {"height", s.center->height.m}};
 }
 
-/// Numbers that need the whole tree.
+/// Counts over the whole tree.
 json counts_json(const tileset::TilesetSummary& s) {
   const auto known = [&](std::int64_t number) { return s.content_sizes_known ? json(number) : json(nullptr); };
   return {{"tiles", s.tiles},
@@ -149,10 +149,10 @@ json counts_json(const tileset::TilesetSummary& s) {
           {"levels", levels_json(s)}};
 }
 
-/// What an extraction takes, of the whole place and of a square kilometre.
+/// Estimated cost of an extraction of the whole place.
 struct ExtractEstimate {
   place::ExtractCost whole;
-  double area_km2 = 0.0;  ///< of the place's bounds
+  double area_km2 = 0.0;  ///< area of the place's bounds
 };
 
 ExtractEstimate estimate_extract(const tileset::TilesetSummary& s) {
@@ -211,7 +211,7 @@ std::string spread_text(double spread) {
   return std::isfinite(spread) ? base::formatted("± %.0f %%", 100.0 * spread) : "from one of them: a guess";
 }
 
-/// What was not opened; empty: everything was.
+/// Says how many external tilesets and subtrees were not opened; empty if all were.
 std::string sample_text(const tileset::TilesetSummary& s) {
   if (!s.is_estimate) return "";
   return std::to_string(s.nested_files - s.nested_files_opened) + " of " + std::to_string(s.nested_files) +

@@ -47,13 +47,13 @@ mesh_files::MeshSourceOptions source_of(const TileOptions& options) {
   return out;
 }
 
-/// The frame of a mesh, and what says so.
+/// Georeference of a mesh's frame, and the file or option that states it.
 struct MeshFrame {
   std::optional<geometry::LocalFrame> frame;
   std::string stated_by;
 };
 
-/// Of a mesh in map coordinates: from the options or else from a file beside it or in its folder.
+/// Finds the map coordinates that a mesh is in: from the options, or else from a file beside it or in its folder.
 std::optional<tile_writer::Georeference> map_of(const TileOptions& options, const fs::path& first_file) {
   if (!options.crs.empty()) {
     tile_writer::Georeference place{options.crs, geometry::Vec3::Zero(), "--crs"};
@@ -67,7 +67,8 @@ std::optional<tile_writer::Georeference> map_of(const TileOptions& options, cons
   return place;
 }
 
-/// `move`: moves a mesh that is in map coordinates into a local frame, and returns that frame.
+/// Finds the georeference of a mesh. `move` moves a mesh that is in map coordinates into a local frame, and returns
+/// that frame.
 MeshFrame place_on_earth(const TileOptions& options, const fs::path& first_file,
                          const std::function<geometry::LocalFrame(const tile_writer::Georeference&)>& move) {
   if (options.no_georeference) return {};
@@ -89,7 +90,7 @@ nlohmann::json frame_json(const MeshFrame& place) {
           {"stated_by", place.stated_by}};
 }
 
-/// A tileset that has been written, with what there is to say.
+/// A tileset that has been written, and what the result says of it.
 struct TiledMesh {
   tile_writer::MeshTilesetSummary summary;
   MeshFrame place;
@@ -157,7 +158,7 @@ TiledMesh tile_in_memory(const fs::path& folder, const std::vector<fs::path>& fi
   return out;
 }
 
-/// Moves a spilled mesh from map coordinates.
+/// Moves a mesh on disk from map coordinates into a local frame, and returns that frame.
 geometry::LocalFrame move_to_local(const tile_writer::Georeference& place, mesh_files::MeshSpill& mesh) {
   geometry::Box3 extent;
   mesh.for_each_triangle([&](const mesh_files::SourceTriangle& t) {
