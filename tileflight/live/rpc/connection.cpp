@@ -2,7 +2,7 @@
 
 #include <netinet/tcp.h>
 
-#include "tileflight/live/rpc/request.h"
+#include "tileflight/live/rpc/method_table.h"
 #include "tileflight/live/rpc/token.h"
 
 namespace tileflight::rpc {
