@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 
 #include "tileflight/live/rpc/message_scanner.h"
 #include "tileflight/live/rpc/server.h"
@@ -13,6 +14,10 @@
 #include "tileflight/live/rpc/worker_pool.h"
 
 namespace tileflight::rpc {
+
+/// Whether a client's token is correct, in a time that depends only on the length of `presented`, so that timing
+/// reveals nothing about partial matches.
+bool equal_in_constant_time(std::string_view presented, std::string_view right);
 
 /// State shared by all connections of a server.
 struct ServerContext {
