@@ -6,8 +6,8 @@
 #include <memory>
 #include <string>
 
+#include "tileflight/live/rpc/message_scanner.h"
 #include "tileflight/live/rpc/method_table.h"
-#include "tileflight/live/rpc/server_limits.h"
 
 namespace tileflight::rpc {
 
