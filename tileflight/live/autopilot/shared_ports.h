@@ -7,7 +7,7 @@
 #include <string>
 #include <utility>
 
-#include "tileflight/live/autopilot/tcp_port.h"
+#include "tileflight/live/autopilot/ports.h"
 #include "tileflight/live/autopilot/udp_port.h"
 
 namespace tileflight::autopilot {

@@ -1,12 +1,12 @@
-#include "tileflight/live/autopilot/tcp_port.h"
+#include "tileflight/live/autopilot/ports.h"
 
 #include <poll.h>
 
 #include <asio.hpp>
 #include <optional>
 
-#include "tileflight/live/autopilot/socket_wait.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/live/autopilot/socket_wait.h"
 
 namespace tileflight::autopilot {
 namespace {
