@@ -3,10 +3,31 @@
 #include <chrono>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 
 namespace tileflight::autopilot {
+
+/// A UDP port that this program listens on and answers from.
+class UdpPort {
+ public:
+  /// `port` 0: any free one. Throws InputError if the address is none of this machine, or the port is taken.
+  UdpPort(const std::string& address, std::uint16_t port);
+  ~UdpPort();
+  UdpPort(const UdpPort&) = delete;
+  UdpPort& operator=(const UdpPort&) = delete;
+
+  std::uint16_t port() const;
+  /// The next datagram (cut after 2 KiB), or nullopt if none comes in time.
+  std::optional<std::string> receive(std::chrono::milliseconds patience);
+  /// To the sender of the last datagram received. A datagram that cannot be sent is lost, as any may be.
+  void answer(std::string_view bytes);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
 
 /// A TCP port that this program listens on, for one peer at a time. While one is connected, others wait in the queue.
 class TcpPort {

@@ -8,7 +8,6 @@
 #include <utility>
 
 #include "tileflight/live/autopilot/ports.h"
-#include "tileflight/live/autopilot/udp_port.h"
 
 namespace tileflight::autopilot {
 
