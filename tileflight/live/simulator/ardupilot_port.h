@@ -8,7 +8,7 @@
 
 #include "tileflight/live/autopilot/frame_lockstep.h"
 #include "tileflight/live/autopilot/limited_log.h"
-#include "tileflight/live/autopilot/shared_ports.h"
+#include "tileflight/live/autopilot/ports.h"
 #include "tileflight/live/simulator/lockstep_vehicle.h"
 
 namespace tileflight::simulator {

@@ -12,7 +12,7 @@
 #include "tileflight/live/autopilot/control_gate.h"
 #include "tileflight/live/autopilot/hil_messages.h"
 #include "tileflight/live/autopilot/limited_log.h"
-#include "tileflight/live/autopilot/shared_ports.h"
+#include "tileflight/live/autopilot/ports.h"
 #include "tileflight/live/simulator/lockstep_vehicle.h"
 
 namespace tileflight::simulator {
