@@ -1,5 +1,6 @@
 #pragma once
 
+#include <asio.hpp>
 #include <chrono>
 #include <cstdint>
 #include <map>
@@ -11,6 +12,12 @@
 #include <utility>
 
 namespace tileflight::autopilot {
+
+/// The address to listen on. Throws InputError if it is none.
+asio::ip::address listening_address(const std::string& text);
+
+/// Whether a socket can be read (or has ended) before the time is over.
+bool wait_readable(int socket, std::chrono::milliseconds patience);
 
 /// A UDP port that this program listens on and answers from.
 class UdpPort {
