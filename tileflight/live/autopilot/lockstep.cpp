@@ -1,4 +1,4 @@
-#include "tileflight/live/autopilot/control_gate.h"
+#include "tileflight/live/autopilot/lockstep.h"
 
 #include <algorithm>
 
