@@ -4,6 +4,17 @@
 
 namespace tileflight::autopilot {
 
+FrameRequest FrameLockstep::receive(std::uint32_t frame, double rate) {
+  const double step_s = 1.0 / rate;
+  if (!last_ || frame < *last_) {
+    last_ = frame;
+    return {true, 1, step_s};
+  }
+  const std::uint32_t ahead = frame - *last_;
+  last_ = frame;
+  return {false, ahead <= rate ? static_cast<int>(ahead) : 1, step_s};
+}
+
 ControlVerdict ControlGate::receive(std::uint64_t control_us, std::uint64_t sensor_us) {
   const auto ahead_us = static_cast<std::int64_t>(control_us - sensor_us);
   if (!last_us_) {

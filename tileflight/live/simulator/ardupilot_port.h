@@ -6,8 +6,8 @@
 #include <string>
 #include <thread>
 
-#include "tileflight/live/autopilot/frame_lockstep.h"
 #include "tileflight/live/autopilot/limited_log.h"
+#include "tileflight/live/autopilot/lockstep.h"
 #include "tileflight/live/autopilot/ports.h"
 #include "tileflight/live/simulator/lockstep_vehicle.h"
 
