@@ -8,7 +8,6 @@
 
 #include "tests/refusal.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/live/autopilot/hil_messages.h"
 #include "tileflight/live/autopilot/lockstep.h"
 #include "tileflight/live/autopilot/ports.h"
 #include "tileflight/live/autopilot/test_px4_client.h"

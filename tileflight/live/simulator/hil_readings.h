@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "tileflight/live/autopilot/hil_messages.h"
+#include "tileflight/live/autopilot/mavlink.h"
 #include "tileflight/live/simulator/sensor_readings.h"
 
 namespace tileflight::simulator {

@@ -9,9 +9,9 @@
 #include <thread>
 #include <vector>
 
-#include "tileflight/live/autopilot/hil_messages.h"
 #include "tileflight/live/autopilot/limited_log.h"
 #include "tileflight/live/autopilot/lockstep.h"
+#include "tileflight/live/autopilot/mavlink.h"
 #include "tileflight/live/autopilot/ports.h"
 #include "tileflight/live/simulator/lockstep_vehicle.h"
 

@@ -6,10 +6,10 @@
 #include <string>
 #include <utility>
 
-#include "tileflight/live/autopilot/hil_messages.h"
-#include "tileflight/slam/odometry/metric_odometry.h"
+#include "tileflight/live/autopilot/mavlink.h"
 #include "tileflight/live/simulator/settings.h"
 #include "tileflight/live/simulator/simulator.h"
+#include "tileflight/slam/odometry/metric_odometry.h"
 
 namespace tileflight::simulator {
 
