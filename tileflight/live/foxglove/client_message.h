@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "tileflight/live/foxglove/channel.h"
-#include "tileflight/live/foxglove/parameter.h"
 
 namespace tileflight::foxglove {
 

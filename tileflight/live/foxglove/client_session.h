@@ -13,7 +13,6 @@
 
 #include "tileflight/live/foxglove/channel.h"
 #include "tileflight/live/foxglove/client_message.h"
-#include "tileflight/live/foxglove/parameter.h"
 #include "tileflight/live/foxglove/send_queue.h"
 #include "tileflight/live/foxglove/server_message.h"
 

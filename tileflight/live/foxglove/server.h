@@ -9,7 +9,6 @@
 #include <string>
 
 #include "tileflight/live/foxglove/channel.h"
-#include "tileflight/live/foxglove/parameter.h"
 #include "tileflight/live/foxglove/send_queue.h"
 
 namespace tileflight::foxglove {

@@ -12,11 +12,11 @@
 #include <thread>
 #include <vector>
 
-#include "tileflight/data/dataset/ros_messages.h"
-#include "tileflight/live/foxglove/parameter.h"
 #include "tileflight/core/geometry/trajectory.h"
-#include "tileflight/live/simulator/simulator.h"
+#include "tileflight/data/dataset/ros_messages.h"
+#include "tileflight/live/foxglove/channel.h"
 #include "tileflight/live/publishing/message_sink.h"
+#include "tileflight/live/simulator/simulator.h"
 
 namespace tileflight::publishing {
 
