@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "tileflight/live/foxglove/channel.h"
-#include "tileflight/live/foxglove/client_message.h"
+#include "tileflight/live/foxglove/messages.h"
 #include "tileflight/live/foxglove/send_queue.h"
 #include "tileflight/live/foxglove/server_message.h"
 

@@ -1,4 +1,4 @@
-#include "tileflight/live/foxglove/client_message.h"
+#include "tileflight/live/foxglove/messages.h"
 
 #include <gmock/gmock.h>
 
