@@ -14,7 +14,6 @@
 #include "tileflight/live/foxglove/channel.h"
 #include "tileflight/live/foxglove/messages.h"
 #include "tileflight/live/foxglove/send_queue.h"
-#include "tileflight/live/foxglove/server_message.h"
 
 namespace tileflight::foxglove {
 

@@ -10,7 +10,7 @@
 #include "tests/temporary_folder.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/data/dataset/dataset.h"
-#include "tileflight/live/foxglove/server_message.h"
+#include "tileflight/live/foxglove/messages.h"
 #include "tileflight/live/foxglove/test_web_socket.h"
 #include "tileflight/live/publishing/foxglove_sink.h"
 
