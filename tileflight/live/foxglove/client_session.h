@@ -11,7 +11,6 @@
 #include <string_view>
 #include <vector>
 
-#include "tileflight/live/foxglove/channel.h"
 #include "tileflight/live/foxglove/messages.h"
 #include "tileflight/live/foxglove/send_queue.h"
 

@@ -8,7 +8,7 @@
 #include <optional>
 #include <string>
 
-#include "tileflight/live/foxglove/channel.h"
+#include "tileflight/live/foxglove/messages.h"
 
 namespace tileflight::foxglove {
 

@@ -8,7 +8,7 @@
 #include <stop_token>
 #include <string>
 
-#include "tileflight/live/foxglove/channel.h"
+#include "tileflight/live/foxglove/messages.h"
 #include "tileflight/live/foxglove/send_queue.h"
 
 namespace tileflight::foxglove {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "tileflight/data/dataset/dataset_messages.h"
-#include "tileflight/live/foxglove/channel.h"
+#include "tileflight/live/foxglove/messages.h"
 #include "tileflight/live/publishing/message_sink.h"
 #include "tileflight/live/publishing/place_glb.h"
 #include "tileflight/live/publishing/playback_clock.h"

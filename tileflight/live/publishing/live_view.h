@@ -14,7 +14,7 @@
 
 #include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/data/dataset/ros_messages.h"
-#include "tileflight/live/foxglove/channel.h"
+#include "tileflight/live/foxglove/messages.h"
 #include "tileflight/live/publishing/message_sink.h"
 #include "tileflight/live/simulator/simulator.h"
 

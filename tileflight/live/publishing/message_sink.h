@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/live/foxglove/channel.h"
+#include "tileflight/live/foxglove/messages.h"
 
 namespace tileflight::publishing {
 
