@@ -5,8 +5,8 @@
 #include <memory>
 #include <string>
 
+#include "tileflight/live/ros2/entities.h"
 #include "tileflight/live/ros2/participant.h"
-#include "tileflight/live/ros2/quality_of_service.h"
 
 namespace tileflight::ros2 {
 

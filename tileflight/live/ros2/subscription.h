@@ -6,8 +6,8 @@
 #include <string>
 #include <string_view>
 
+#include "tileflight/live/ros2/entities.h"
 #include "tileflight/live/ros2/participant.h"
-#include "tileflight/live/ros2/quality_of_service.h"
 
 namespace tileflight::ros2 {
 
