@@ -10,7 +10,6 @@
 #include "tileflight/data/dataset/cdr_reader.h"
 #include "tileflight/live/ros2/command_messages.h"
 #include "tileflight/live/ros2/entities.h"
-#include "tileflight/live/ros2/names.h"
 #include "tileflight/live/ros2/publisher.h"
 #include "tileflight/live/ros2/received.h"
 #include "tileflight/live/ros2/service.h"

@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "tileflight/live/ros2/entities.h"
-#include "tileflight/live/ros2/names.h"
 
 namespace tileflight::ros2 {
 namespace {

@@ -15,7 +15,6 @@
 #include <utility>
 
 #include "tileflight/live/ros2/entities.h"
-#include "tileflight/live/ros2/names.h"
 #include "tileflight/live/ros2/received.h"
 #include "tileflight/live/ros2/service_message.h"
 

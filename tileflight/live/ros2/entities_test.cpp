@@ -1,4 +1,4 @@
-#include "tileflight/live/ros2/names.h"
+#include "tileflight/live/ros2/entities.h"
 
 #include <gmock/gmock.h>
 
