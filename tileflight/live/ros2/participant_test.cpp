@@ -11,7 +11,7 @@
 #include "tileflight/live/ros2/command_messages.h"
 #include "tileflight/live/ros2/entities.h"
 #include "tileflight/live/ros2/publisher.h"
-#include "tileflight/live/ros2/received.h"
+#include "tileflight/live/ros2/raw_type.h"
 #include "tileflight/live/ros2/service.h"
 #include "tileflight/live/ros2/service_message.h"
 #include "tileflight/live/ros2/subscription.h"

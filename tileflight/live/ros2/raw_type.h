@@ -1,11 +1,13 @@
 #pragma once
 
-#include <cstddef>
-#include <string>
-#include <string_view>
-
 struct ddsi_serdata;
 struct ddsi_sertype;
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <string_view>
 
 namespace tileflight::ros2 {
 
@@ -26,5 +28,8 @@ struct RawMessage {
   bool is_too_large = false;
 };
 RawMessage raw_message(const ddsi_serdata& data);
+
+/// Takes all messages that wait at a reader; `sender` names their writer (dds_instance_handle_t).
+void take_all(std::int32_t reader, const std::function<void(const RawMessage& message, std::uint64_t sender)>& handle);
 
 }  // namespace tileflight::ros2

@@ -15,7 +15,7 @@
 #include <utility>
 
 #include "tileflight/live/ros2/entities.h"
-#include "tileflight/live/ros2/received.h"
+#include "tileflight/live/ros2/raw_type.h"
 #include "tileflight/live/ros2/service_message.h"
 
 namespace tileflight::ros2 {

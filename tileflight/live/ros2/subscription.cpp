@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "tileflight/live/ros2/entities.h"
-#include "tileflight/live/ros2/received.h"
+#include "tileflight/live/ros2/raw_type.h"
 
 namespace tileflight::ros2 {
 
