@@ -5,9 +5,9 @@
 #include <optional>
 #include <utility>
 
-#include "tileflight/live/ros2/configuration.h"
 #include "tileflight/live/publishing/ros2_control.h"
 #include "tileflight/live/publishing/ros2_sink.h"
+#include "tileflight/live/ros2/participant.h"
 
 namespace tileflight::app {
 namespace {
