@@ -8,7 +8,7 @@
 
 #include "tileflight/live/ros2/participant.h"
 #include "tileflight/live/ros2/service.h"
-#include "tileflight/live/ros2/subscription.h"
+#include "tileflight/live/ros2/topics.h"
 #include "tileflight/live/simulator/simulator.h"
 
 namespace tileflight::publishing {

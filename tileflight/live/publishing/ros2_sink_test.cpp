@@ -7,11 +7,11 @@
 #include <thread>
 
 #include "tileflight/data/dataset/ros_messages.h"
-#include "tileflight/live/ros2/subscription.h"
-#include "tileflight/live/ros2/test_domain.h"
-#include "tileflight/live/simulator/test_world.h"
 #include "tileflight/live/publishing/live_view.h"
 #include "tileflight/live/publishing/viewer_channels.h"
+#include "tileflight/live/ros2/test_domain.h"
+#include "tileflight/live/ros2/topics.h"
+#include "tileflight/live/simulator/test_world.h"
 
 namespace tileflight::publishing::ros2_sink_test {
 namespace {

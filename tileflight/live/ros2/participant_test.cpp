@@ -15,8 +15,8 @@
 #include "tileflight/live/ros2/raw_type.h"
 #include "tileflight/live/ros2/service.h"
 #include "tileflight/live/ros2/service_message.h"
-#include "tileflight/live/ros2/subscription.h"
 #include "tileflight/live/ros2/test_domain.h"
+#include "tileflight/live/ros2/topics.h"
 
 namespace tileflight::ros2::participant_test {
 namespace {

@@ -1,4 +1,4 @@
-#include "tileflight/live/ros2/subscription.h"
+#include "tileflight/live/ros2/topics.h"
 
 #include <dds/dds.h>
 
