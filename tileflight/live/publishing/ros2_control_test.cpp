@@ -8,10 +8,10 @@
 #include <mutex>
 
 #include "tileflight/data/dataset/cdr.h"
-#include "tileflight/live/ros2/publisher.h"
-#include "tileflight/live/ros2/test_domain.h"
-#include "tileflight/live/simulator/test_world.h"
 #include "tileflight/live/publishing/ros2_sink.h"
+#include "tileflight/live/ros2/test_domain.h"
+#include "tileflight/live/ros2/topics.h"
+#include "tileflight/live/simulator/test_world.h"
 
 namespace tileflight::publishing::ros2_control_test {
 namespace {

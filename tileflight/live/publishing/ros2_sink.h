@@ -5,8 +5,8 @@
 #include <memory>
 #include <mutex>
 
-#include "tileflight/live/ros2/publisher.h"
 #include "tileflight/live/publishing/message_sink.h"
+#include "tileflight/live/ros2/topics.h"
 
 namespace tileflight::publishing {
 

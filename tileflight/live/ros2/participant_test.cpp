@@ -11,7 +11,6 @@
 #include "tileflight/data/dataset/cdr_reader.h"
 #include "tileflight/live/ros2/command_messages.h"
 #include "tileflight/live/ros2/entities.h"
-#include "tileflight/live/ros2/publisher.h"
 #include "tileflight/live/ros2/raw_type.h"
 #include "tileflight/live/ros2/service.h"
 #include "tileflight/live/ros2/service_message.h"
