@@ -13,7 +13,6 @@
 #include "tileflight/live/ros2/entities.h"
 #include "tileflight/live/ros2/raw_type.h"
 #include "tileflight/live/ros2/service.h"
-#include "tileflight/live/ros2/service_message.h"
 #include "tileflight/live/ros2/test_domain.h"
 #include "tileflight/live/ros2/topics.h"
 

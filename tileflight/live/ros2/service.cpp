@@ -1,4 +1,3 @@
-// https://github.com/ros2/rmw_cyclonedds: how clients and services find each other and their messages.
 #include "tileflight/live/ros2/service.h"
 
 #include <dds/dds.h>
@@ -14,11 +13,39 @@
 #include <thread>
 #include <utility>
 
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/data/dataset/cdr.h"
+#include "tileflight/data/dataset/cdr_reader.h"
 #include "tileflight/live/ros2/entities.h"
 #include "tileflight/live/ros2/raw_type.h"
-#include "tileflight/live/ros2/service_message.h"
+
+// https://github.com/ros2/rmw_cyclonedds: how clients and services find each other and their messages.
 
 namespace tileflight::ros2 {
+
+namespace {
+
+constexpr std::size_t kHeader = 4, kIdentity = 16;
+
+}  // namespace
+
+ServiceMessage read_service_message(std::string_view cdr, const std::string& what) {
+  if (cdr.size() < kHeader + kIdentity)
+    throw InputError(what, "a request does not say whose it is; clients need RMW_IMPLEMENTATION=rmw_cyclonedds_cpp");
+  dataset::CdrReader reader(cdr, what);
+  ServiceMessage message;
+  message.client = reader.number<std::uint64_t>();
+  message.sequence_number = reader.number<std::int64_t>();
+  message.body = std::string(cdr.substr(0, kHeader)).append(cdr.substr(kHeader + kIdentity));
+  return message;
+}
+
+std::string write_service_message(const ServiceMessage& message) {
+  dataset::CdrWriter writer;
+  writer.number(message.client).number(message.sequence_number);
+  return writer.bytes() + message.body.substr(kHeader);
+}
+
 namespace {
 
 using Endpoint = std::unique_ptr<dds_builtintopic_endpoint_t, decltype(&dds_builtintopic_free_endpoint)>;

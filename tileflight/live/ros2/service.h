@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <string>
@@ -8,6 +9,18 @@
 #include "tileflight/live/ros2/participant.h"
 
 namespace tileflight::ros2 {
+
+/// A request as rmw_cyclonedds_cpp sends it: before the message's fields, 16 bytes that say whose it is, which keep the
+/// alignment of what follows.
+struct ServiceMessage {
+  std::uint64_t client = 0;
+  std::int64_t sequence_number = 0;
+  std::string body;  ///< CDR with its four-byte header, without those 16 bytes
+};
+
+/// Throws InputError (`what`, cause).
+ServiceMessage read_service_message(std::string_view cdr, const std::string& what);
+std::string write_service_message(const ServiceMessage& message);
 
 /// A service for clients that run rmw_cyclonedds_cpp: requests and replies are messages of two topics that begin with a
 /// client's number (64 bits) and the request's, which the reply repeats. Clients of other middlewares (rmw_fastrtps_cpp
