@@ -3,7 +3,7 @@
 #include <utility>
 
 #include "tileflight/live/foxglove/server.h"
-#include "tileflight/live/publishing/foxglove_sink.h"
+#include "tileflight/live/publishing/message_sink.h"
 
 namespace tileflight::app {
 namespace {

@@ -12,7 +12,7 @@
 #include "tileflight/data/dataset/dataset.h"
 #include "tileflight/live/foxglove/messages.h"
 #include "tileflight/live/foxglove/test_web_socket.h"
-#include "tileflight/live/publishing/foxglove_sink.h"
+#include "tileflight/live/publishing/message_sink.h"
 
 namespace tileflight::publishing::dataset_player_test {
 namespace {

@@ -10,10 +10,10 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
-#include "tileflight/live/foxglove/test_web_socket.h"
 #include "tileflight/core/imaging/image_files.h"
+#include "tileflight/live/foxglove/test_web_socket.h"
+#include "tileflight/live/publishing/message_sink.h"
 #include "tileflight/live/simulator/test_world.h"
-#include "tileflight/live/publishing/foxglove_sink.h"
 
 namespace tileflight::publishing::live_view_test {
 namespace {
