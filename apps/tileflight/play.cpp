@@ -12,7 +12,6 @@
 #include "tileflight/core/base/string_lists.h"
 #include "tileflight/live/publishing/dataset_player.h"
 #include "tileflight/live/publishing/message_sink.h"
-#include "tileflight/live/publishing/ros2_sink.h"
 #include "tileflight/live/rpc/server.h"
 
 namespace tileflight::app {

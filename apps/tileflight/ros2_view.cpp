@@ -5,8 +5,8 @@
 #include <optional>
 #include <utility>
 
+#include "tileflight/live/publishing/message_sink.h"
 #include "tileflight/live/publishing/ros2_control.h"
-#include "tileflight/live/publishing/ros2_sink.h"
 #include "tileflight/live/ros2/participant.h"
 
 namespace tileflight::app {

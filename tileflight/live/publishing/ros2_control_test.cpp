@@ -8,7 +8,7 @@
 #include <mutex>
 
 #include "tileflight/data/dataset/cdr.h"
-#include "tileflight/live/publishing/ros2_sink.h"
+#include "tileflight/live/publishing/message_sink.h"
 #include "tileflight/live/ros2/test_domain.h"
 #include "tileflight/live/ros2/topics.h"
 #include "tileflight/live/simulator/test_world.h"

@@ -1,4 +1,4 @@
-#include "tileflight/live/publishing/ros2_sink.h"
+#include "tileflight/live/publishing/message_sink.h"
 
 #include <gmock/gmock.h>
 
