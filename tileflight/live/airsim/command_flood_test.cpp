@@ -5,11 +5,11 @@
 #include <thread>
 
 #include "tests/temporary_folder.h"
+#include "tileflight/live/airsim/method_table.h"
+#include "tileflight/live/airsim/session.h"
 #include "tileflight/live/autopilot/test_ardupilot_client.h"
 #include "tileflight/live/rpc/server.h"
 #include "tileflight/live/rpc/test_client.h"
-#include "tileflight/live/airsim/method_table.h"
-#include "tileflight/live/airsim/session_recorder.h"
 #include "tileflight/live/simulator/test_world.h"
 
 /// Clients that send commands as fast as they can, without waiting for what comes of them.

@@ -10,8 +10,8 @@
 #include <utility>
 
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/live/airsim/session.h"
 #include "tileflight/live/rpc/message_scanner.h"
-#include "tileflight/live/airsim/session_recorder.h"
 #include "tileflight/live/simulator/simulation_clock.h"
 
 namespace tileflight::airsim {

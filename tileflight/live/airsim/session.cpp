@@ -1,4 +1,4 @@
-#include "tileflight/live/airsim/session_recorder.h"
+#include "tileflight/live/airsim/session.h"
 
 #include <utility>
 

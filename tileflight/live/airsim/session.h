@@ -5,9 +5,9 @@
 #include <filesystem>
 #include <string>
 
-#include "tileflight/live/rpc/server.h"
 #include "tileflight/live/airsim/levels.h"
 #include "tileflight/live/airsim/session_file.h"
+#include "tileflight/live/rpc/server.h"
 #include "tileflight/live/simulator/simulator.h"
 
 namespace tileflight::airsim {
