@@ -6,7 +6,6 @@
 #include "command.h"
 #include "tileflight/live/airsim/levels.h"
 #include "tileflight/live/airsim/session.h"
-#include "tileflight/live/airsim/session_replay.h"
 
 namespace tileflight::app {
 

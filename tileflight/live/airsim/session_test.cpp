@@ -10,7 +10,6 @@
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/live/airsim/method_table.h"
-#include "tileflight/live/airsim/session_replay.h"
 #include "tileflight/live/autopilot/ports.h"
 #include "tileflight/live/autopilot/test_ardupilot_client.h"
 #include "tileflight/live/autopilot/test_px4_client.h"
