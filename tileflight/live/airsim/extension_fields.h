@@ -1,8 +1,8 @@
 #pragma once
 
-#include "tileflight/live/rpc/server.h"
 #include "tileflight/live/airsim/airsim_fields.h"
-#include "tileflight/live/simulator/extension_types.h"
+#include "tileflight/live/rpc/server.h"
+#include "tileflight/live/simulator/airsim_types.h"
 
 namespace tileflight::airsim {
 

@@ -10,9 +10,9 @@
 
 #include "tileflight/capture/render/appearance.h"
 #include "tileflight/capture/render/scene_objects.h"
-#include "tileflight/world/scene/scene.h"
-#include "tileflight/live/simulator/extension_types.h"
+#include "tileflight/live/simulator/airsim_types.h"
 #include "tileflight/tiles/tileset/tileset_tree.h"
+#include "tileflight/world/scene/scene.h"
 
 namespace tileflight::simulator {
 

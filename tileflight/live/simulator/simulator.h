@@ -11,10 +11,9 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/live/autopilot/autopilot_event.h"
 #include "tileflight/core/base/progress.h"
+#include "tileflight/live/autopilot/autopilot_event.h"
 #include "tileflight/live/simulator/airsim_types.h"
-#include "tileflight/live/simulator/extension_types.h"
 #include "tileflight/live/simulator/observation.h"
 #include "tileflight/tiles/tileset/load.h"
 
@@ -37,9 +36,10 @@ enum class TileResidency {
 
 /// Place, settings and limits of a simulator.
 struct SimulatorOptions {
-  std::string source;       ///< SOURCE of the command line
-  tileset::LoadOptions load;  ///< region, geometric error, origin (the settings' origin takes precedence), source options
-  std::string settings;     ///< text of a settings.json; empty: none
+  std::string source;  ///< SOURCE of the command line
+  tileset::LoadOptions
+      load;              ///< region, geometric error, origin (the settings' origin takes precedence), source options
+  std::string settings;  ///< text of a settings.json; empty: none
   std::string settings_name = "settings.json";  ///< used in messages
   TileResidency residency = TileResidency::kAuto;
   double error_px = 1.0;  ///< allowed error of a tile in any image, if tiles follow the sensors

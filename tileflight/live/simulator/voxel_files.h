@@ -4,7 +4,7 @@
 
 #include "tileflight/core/geometry/mesh.h"
 #include "tileflight/core/geometry/voxel_grid.h"
-#include "tileflight/live/simulator/extension_types.h"
+#include "tileflight/live/simulator/airsim_types.h"
 
 namespace tileflight::simulator {
 
