@@ -1,7 +1,7 @@
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/live/simulator/name_pattern.h"
 #include "tileflight/live/simulator/frames.h"
+#include "tileflight/live/simulator/object_names.h"
 #include "tileflight/live/simulator/simulator_impl.h"
 
 namespace tileflight::simulator {

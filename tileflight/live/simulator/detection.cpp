@@ -4,7 +4,7 @@
 #include <cctype>
 #include <memory>
 
-#include "tileflight/live/simulator/name_pattern.h"
+#include "tileflight/live/simulator/object_names.h"
 
 namespace tileflight::simulator {
 namespace {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "tileflight/live/simulator/name_pattern.h"
+#include "tileflight/live/simulator/object_names.h"
 #include "tileflight/live/simulator/test_world.h"
 
 namespace tileflight::simulator::detection_test {

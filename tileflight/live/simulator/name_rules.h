@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/live/simulator/name_pattern.h"
+#include "tileflight/live/simulator/object_names.h"
 
 namespace tileflight::simulator {
 

@@ -1,11 +1,49 @@
 #include "tileflight/live/simulator/object_names.h"
 
+#include <re2/re2.h>
+
 #include <algorithm>
 #include <string_view>
 
+#include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/sha256.h"
 
 namespace tileflight::simulator {
+
+namespace {
+
+constexpr std::size_t kMaxPatternLength = 1000;
+constexpr std::int64_t kMaxMemory_bytes = 1 << 20;
+
+re2::RE2::Options make_re2_options(NamePattern::Case letters) {
+  re2::RE2::Options options;
+  options.set_log_errors(false);
+  options.set_case_sensitive(letters == NamePattern::Case::kHeeded);
+  options.set_max_mem(kMaxMemory_bytes);
+  options.set_encoding(re2::RE2::Options::EncodingLatin1);  // names are bytes: none is malformed
+  options.set_dot_nl(true);
+  return options;
+}
+
+}  // namespace
+
+struct NamePattern::Impl {
+  re2::RE2 expression;
+};
+
+NamePattern::NamePattern(const std::string& expression, Case letters) {
+  if (expression.size() > kMaxPatternLength) throw InputError("pattern", "longer than 1000 characters");
+  impl_.reset(new Impl{{expression, make_re2_options(letters)}});
+  if (!impl_->expression.ok()) {
+    throw InputError("pattern '" + expression.substr(0, 80) + "'",
+                     "is not a supported regular expression: " + impl_->expression.error());
+  }
+}
+
+NamePattern::~NamePattern() = default;
+
+bool NamePattern::matches(const std::string& name) const { return re2::RE2::FullMatch(name, impl_->expression); }
+
 namespace {
 
 bool is_letter_or_digit(char c) { return (c >= '0' && c <= '9') || (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z'); }
