@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/live/simulator/segmentation_ids.h"
+#include "tileflight/live/simulator/object_labels.h"
 
 namespace tileflight::simulator {
 namespace {

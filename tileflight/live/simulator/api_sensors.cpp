@@ -2,10 +2,10 @@
 #include <limits>
 #include <stdexcept>
 
-#include "tileflight/live/simulator/segmentation_ids.h"
 #include "tileflight/capture/sensors/barometer.h"
 #include "tileflight/live/simulator/echo_sensor.h"
 #include "tileflight/live/simulator/frames.h"
+#include "tileflight/live/simulator/object_labels.h"
 #include "tileflight/live/simulator/simulator_impl.h"
 
 namespace tileflight::simulator {
@@ -101,8 +101,8 @@ GPULidarData Simulator::get_gpu_lidar_data(const std::string& lidar, const std::
   for (const LidarReturn& one : taken.returns) {
     const Vector3r p = taken.point(one);
     // 24 bits: exact in a float.
-    const auto colour =
-        static_cast<float>(simulator::colour_number(simulator::segmentation_colour(taken.segmentation_ids[one.object])));
+    const auto colour = static_cast<float>(
+        simulator::colour_number(simulator::segmentation_colour(taken.segmentation_ids[one.object])));
     data.point_cloud.insert(data.point_cloud.end(), {p.x_val, p.y_val, p.z_val, colour, one.intensity});
   }
   return data;

@@ -6,10 +6,10 @@
 #include <optional>
 #include <vector>
 
+#include "tileflight/capture/render/camera_renderer.h"
 #include "tileflight/core/geometry/geodesy.h"
 #include "tileflight/core/imaging/camera.h"
-#include "tileflight/live/simulator/segmentation_ids.h"
-#include "tileflight/capture/render/camera_renderer.h"
+#include "tileflight/live/simulator/object_labels.h"
 #include "tileflight/live/simulator/resident_scene.h"
 
 namespace tileflight::simulator {

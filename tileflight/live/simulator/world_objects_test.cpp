@@ -7,12 +7,12 @@
 
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
-#include "tileflight/world/scene/models.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/live/simulator/segmentation_ids.h"
 #include "tileflight/live/simulator/frames.h"
+#include "tileflight/live/simulator/object_labels.h"
 #include "tileflight/live/simulator/test_world.h"
 #include "tileflight/tiles/tile_writer/glb_writer.h"
+#include "tileflight/world/scene/models.h"
 
 namespace tileflight::simulator::world_objects_test {
 namespace {

@@ -1,4 +1,4 @@
-#include "tileflight/live/simulator/segmentation_ids.h"
+#include "tileflight/live/simulator/object_labels.h"
 
 #include <algorithm>
 #include <cctype>
