@@ -11,9 +11,9 @@
 
 #include "tileflight/core/geometry/geodesy.h"
 #include "tileflight/core/imaging/camera.h"
-#include "tileflight/live/simulator/annotation_layers.h"
 #include "tileflight/live/simulator/airsim_types.h"
 #include "tileflight/live/simulator/autopilot_settings.h"
+#include "tileflight/live/simulator/object_labels.h"
 #include "tileflight/live/simulator/sensor_settings.h"
 
 namespace tileflight::simulator {
