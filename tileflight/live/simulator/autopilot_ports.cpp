@@ -1,4 +1,4 @@
-#include "tileflight/live/simulator/px4_port.h"
+#include "tileflight/live/simulator/autopilot_ports.h"
 
 #include <algorithm>
 #include <cmath>
