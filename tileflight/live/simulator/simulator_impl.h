@@ -16,7 +16,6 @@
 #include <vector>
 
 #include "tileflight/core/base/require.h"
-#include "tileflight/live/simulator/ardupilot_port.h"
 #include "tileflight/live/simulator/autopilot_ports.h"
 #include "tileflight/live/simulator/client_file_access.h"
 #include "tileflight/live/simulator/detection.h"
