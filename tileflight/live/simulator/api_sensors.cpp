@@ -3,9 +3,9 @@
 #include <stdexcept>
 
 #include "tileflight/capture/sensors/barometer.h"
-#include "tileflight/live/simulator/echo_sensor.h"
 #include "tileflight/live/simulator/frames.h"
 #include "tileflight/live/simulator/object_labels.h"
+#include "tileflight/live/simulator/range_sensors.h"
 #include "tileflight/live/simulator/simulator_impl.h"
 
 namespace tileflight::simulator {

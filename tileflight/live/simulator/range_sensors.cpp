@@ -1,4 +1,4 @@
-#include "tileflight/live/simulator/echo_sensor.h"
+#include "tileflight/live/simulator/range_sensors.h"
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
