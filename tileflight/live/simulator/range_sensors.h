@@ -1,12 +1,31 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "tileflight/live/simulator/resident_scene.h"
 #include "tileflight/live/simulator/sensor_settings.h"
 
 namespace tileflight::simulator {
+
+/// A lidar return.
+struct LidarReturn {
+  geometry::Vec3 point_sensor = geometry::Vec3::Zero();  ///< sensor axes: x forward, y right, z down
+  float intensity = 0.0F;                                ///< albedo times cosine of the incidence
+  float time_offset_s = 0.0F;                            ///< after the start of the rotation
+  std::uint16_t ring = 0;                                ///< channel, counted from the lowest
+  std::uint32_t object = 0;                              ///< index into ResidentScene::objects()
+};
+
+/// Simulates a full rotation from a fixed pose against the rendered triangles, without noise. Points per second and
+/// rotations per second determine the columns, which are fired clockwise seen from above. Returns are in the order of
+/// firing; rays without a hit in range are left out. Does not depend on the number of threads.
+std::vector<LidarReturn> scan_lidar(const ResidentScene& place, const LidarSettings& settings,
+                                    const geometry::SE3& T_local_sensor);
+
+/// The highest angular density of rays, per radian: determines the tiles' resolution.
+double rays_per_rad(const LidarSettings& settings);
 
 /// An echo: where the signal was reflected last before it came back.
 struct EchoReturn {
