@@ -25,7 +25,6 @@
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/number_text.h"
-#include "tileflight/live/airsim/extension_methods.h"
 #include "tileflight/live/airsim/levels.h"
 #include "tileflight/live/airsim/method_table.h"
 #include "tileflight/live/autopilot/ports.h"
@@ -192,14 +191,14 @@ std::vector<std::string> autopilot_lines(const simulator::Simulator& simulator) 
 void announce(const CommonOptions& common, const rpc::ServerOptions& options, int port,
               const std::optional<FoxgloveView>& foxglove, const std::optional<Ros2View>& ros2,
               const simulator::Simulator& simulator) {
-  const std::vector<std::string> vehicles = simulator.list_vehicles();
+  const std::vector<std::string> vehicles = simulator.vehicles().list_vehicles();
   if (common.json) {
     nlohmann::json line = {{"address", options.address},
                            {"port", port},
                            {"token", !options.token.empty()},
                            {"vehicles", vehicles},
                            {"autopilots", autopilots_json(simulator)},
-                           {"mode", simulator.tf_statistics().mode},
+                           {"mode", simulator.statistics().mode},
                            {"warnings", simulator.warnings()}};
     if (foxglove) line["foxglove_port"] = foxglove->port();
     if (ros2) line["ros2"] = ros2->json();

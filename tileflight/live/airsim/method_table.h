@@ -2,11 +2,14 @@
 
 #include <functional>
 
+#include "tileflight/live/airsim/levels.h"
 #include "tileflight/live/rpc/method_table.h"
 #include "tileflight/live/rpc/server.h"
-#include "tileflight/live/airsim/levels.h"
 
 namespace tileflight::airsim {
+
+/// RPC name of tfAuthenticate, which the server answers itself.
+inline constexpr const char* kAuthenticateMethod = "tfAuthenticate";
 
 /// All methods that clients may call: AirSim's and the extensions, each a method of the simulator that is served.
 /// `levels` must outlive the table. `statistics`: returns those of the server, for tfStatistics; called from the

@@ -410,22 +410,22 @@ ReplayResult replay_session(const std::filesystem::path& file, std::uint64_t rec
     while (const auto record = reader.next()) {
       const std::shared_ptr<simulator::Simulator> world = levels.current();
       if (const auto* call = std::get_if<RecordedCall>(&*record)) {
-        world->advance_to(call->tick);
+        world->clock().advance_to(call->tick);
         calls.begin(*call);
         ++result.calls;
       } else if (const auto* answer = std::get_if<RecordedAnswer>(&*record)) {
-        world->advance_to(answer->tick);
+        world->clock().advance_to(answer->tick);
         answers.expect(answer->call, answer->hash);
       } else if (const auto* event = std::get_if<RecordedEvent>(&*record)) {
-        world->advance_to(event->event.tick);
+        world->clock().advance_to(event->event.tick);
         repeat(*event, *world, answers);
         ++result.autopilot_events;
       } else if (const auto* end = std::get_if<RecordedEnd>(&*record)) {
-        world->advance_to(end->tick);
+        world->clock().advance_to(end->tick);
       }
       report_progress(progress, ++done, static_cast<std::int64_t>(records), "repeating the session");
     }
-    result.simulated_s = static_cast<double>(levels.current()->tick()) * simulator::SimulationClock::kStep_s;
+    result.simulated_s = static_cast<double>(levels.current()->clock().tick()) * simulator::SimulationClock::kStep_s;
   }
   answers.add_to(result);
   return result;
@@ -469,7 +469,7 @@ rpc::Response SessionRecorder::call(Levels& levels, const rpc::MethodTable& meth
     add(RecordedCall{number, client, turn.tick(), request.message()});
     answer = methods.call(request);
   }
-  add(RecordedAnswer{number, hash_of(answer.bytes), answer.failed, levels.current()->tick()});
+  add(RecordedAnswer{number, hash_of(answer.bytes), answer.failed, levels.current()->clock().tick()});
   return answer;
 }
 

@@ -17,7 +17,7 @@
 #include "tileflight/live/publishing/place_glb.h"
 #include "tileflight/live/publishing/viewer_channels.h"
 #include "tileflight/live/simulator/airsim_types.h"
-#include "tileflight/live/simulator/observation.h"
+#include "tileflight/live/simulator/viewer.h"
 
 namespace tileflight::publishing {
 
@@ -164,7 +164,7 @@ void LiveView::start(MessageSink& sink) {
   clock_ = sink.add_channel(ros_channel("/clock", "rosgraph_msgs/msg/Clock"));
   place_ = sink.add_channel(scene_channel("/place"));
   shown_ = simulator_();
-  add_channels(simulator_()->observe());
+  add_channels(simulator_()->viewer().observe());
   thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
 }
 
@@ -176,7 +176,7 @@ void LiveView::stop() {
 foxglove::ParameterAccess LiveView::parameters() {
   foxglove::ParameterAccess access;
   access.read = [this] {
-    return std::vector<foxglove::Parameter>{{"paused", simulator_()->sim_is_paused()},
+    return std::vector<foxglove::Parameter>{{"paused", simulator_()->clock().is_paused()},
                                             {"image_rate_hz", image_rate_hz()}};
   };
   access.write = [this](const foxglove::Parameter& wanted) { set_parameter(wanted); };
@@ -191,7 +191,7 @@ void LiveView::set_parameter(const foxglove::Parameter& wanted) {
           "cannot be set: viewers may only watch, since clients need a token here or the session is recorded");
     const auto* value = std::get_if<bool>(&wanted.value);
     if (value == nullptr) throw InputError("paused", "must be true or false");
-    return simulator_()->sim_pause(*value);
+    return simulator_()->clock().pause(*value);
   }
   if (wanted.name != "image_rate_hz")
     throw InputError(wanted.name.substr(0, 100), "is no parameter here; there are paused and image_rate_hz");
@@ -217,7 +217,7 @@ void LiveView::run(const std::stop_token& stop) {
     const std::uint64_t changes = sink_->audience_changes();
     const bool is_other_audience = changes != std::exchange(last_changes, changes);
     follow_level();
-    const simulator::Observation now = simulator_()->observe();
+    const simulator::Observation now = simulator_()->viewer().observe();
     const Seconds image_period(1.0 / image_rate_hz());
     if (is_other_audience || !last || !is_same(now, *last)) {
       const Due due{is_other_audience || begin >= next_images, is_other_audience || begin >= next_paths};
@@ -362,7 +362,7 @@ void LiveView::publish_picture(const Header& head, const imaging::RgbImage& pict
 
 void LiveView::publish_imu(const simulator::ObservedVehicle& vehicle, const std::string& imu, ChannelId channel) {
   if (!is_wanted(channel)) return;
-  const simulator::ObservedMotion motion = simulator_()->view_imu(imu, vehicle.name);
+  const simulator::ObservedMotion motion = simulator_()->viewer().imu(imu, vehicle.name);
   const geometry::ImuSample reading{static_cast<double>(motion.time_ns) * 1e-9, motion.angular_rate_rad_s,
                                     motion.specific_force_m_s2};
   sink_->publish(channel, motion.time_ns,
@@ -380,9 +380,9 @@ void LiveView::publish_camera(const simulator::ObservedVehicle& vehicle, const s
   if (is_wanted(channels.depth))
     requests.push_back({camera.name, static_cast<int>(ImageType::kDepthPlanar), true, false});
   if (requests.empty() && !is_wanted(channels.info)) return;
-  std::uint64_t time_ns = simulator_()->observe().time_ns;
+  std::uint64_t time_ns = simulator_()->viewer().observe().time_ns;
   if (!requests.empty()) {
-    const std::vector<simulator::ImageResponse> images = simulator_()->view_images(requests, vehicle.name);
+    const std::vector<simulator::ImageResponse> images = simulator_()->viewer().images(requests, vehicle.name);
     time_ns = images.front().time_stamp;
     const Header head = header(time_ns, frame);
     for (const simulator::ImageResponse& image : images) {
@@ -400,7 +400,7 @@ void LiveView::publish_camera(const simulator::ObservedVehicle& vehicle, const s
 void LiveView::publish_scan(const simulator::ObservedVehicle& vehicle, const simulator::ObservedLidar& lidar,
                             ChannelId channel) {
   if (!is_wanted(channel)) return;
-  const simulator::ObservedScan scan = simulator_()->view_scan(lidar.name, vehicle.name);
+  const simulator::ObservedScan scan = simulator_()->viewer().scan(lidar.name, vehicle.name);
   const Header head = header(scan.time_ns, frame_of(vehicle.name, lidar.name));
   sink_->publish(channel, scan.time_ns, dataset::ros::point_cloud(head, points_of(scan)));
 }
@@ -420,11 +420,11 @@ void LiveView::report(const std::string& failure) {
 
 void LiveView::publish_place() try {
   const std::shared_ptr<simulator::Simulator> simulator = simulator_();
-  const auto meshes = simulator->view_meshes(kMaxPlaceTriangles);
+  const auto meshes = simulator->viewer().meshes(kMaxPlaceTriangles);
   if (!meshes) return report("/place: more than 8 million triangles are in memory, which are too many to show");
-  const std::optional<PlaceGlb> glb = make_place_glb(*meshes, simulator->tf_statistics().attribution);
+  const std::optional<PlaceGlb> glb = make_place_glb(*meshes, simulator->statistics().attribution);
   if (!glb) return report("/place: there are no triangles in memory");
-  const std::uint64_t time_ns = simulator->observe().time_ns;
+  const std::uint64_t time_ns = simulator->viewer().observe().time_ns;
   sink_->publish(place_, time_ns, scene_update(glb->bytes, kMapFrame, time_ns, glb->attribution));
 } catch (const std::exception& error) {
   report(error.what());

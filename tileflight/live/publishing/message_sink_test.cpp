@@ -83,7 +83,7 @@ TEST_F(Ros2SinkTest, ALiveViewIsSeen) {
     "CameraDefaults": {"CaptureSettings": [{"ImageType": 0, "Width": 64, "Height": 48}]},
     "Vehicles": {"eye": {"VehicleType": "ComputerVision", "Sensors": {"imu": {"SensorType": 2, "Enabled": true}}}}})";
   const std::shared_ptr<simulator::Simulator> world = simulator::test_world::simulator(settings);
-  world->sim_set_vehicle_pose(simulator::test_world::pose(10, 0, -5), true, "eye");
+  world->vehicles().set_vehicle_pose(simulator::test_world::pose(10, 0, -5), true, "eye");
   LiveView view([&] { return world; }, {});
   view.start(sink_);
   subscribe("/eye/front_center/image", "sensor_msgs/msg/Image");

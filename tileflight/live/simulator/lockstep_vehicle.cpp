@@ -8,7 +8,7 @@
 #include "tileflight/capture/sensors/barometer.h"
 #include "tileflight/core/base/random_numbers.h"
 #include "tileflight/live/simulator/frames.h"
-#include "tileflight/live/simulator/simulator_impl.h"
+#include "tileflight/live/simulator/world.h"
 
 namespace tileflight::simulator {
 

@@ -12,7 +12,7 @@
 #include "tileflight/live/autopilot/ardupilot_packet.h"
 #include "tileflight/live/autopilot/mavlink.h"
 #include "tileflight/live/simulator/sensor_readings.h"
-#include "tileflight/live/simulator/simulator.h"
+#include "tileflight/live/simulator/simulator_options.h"
 
 namespace tileflight::simulator {
 
@@ -65,6 +65,7 @@ constexpr std::uint64_t px4_stamp_us(std::uint64_t step) { return 1'000'000 + st
 
 struct PlannedImages;
 struct VehicleSlot;
+struct World;
 struct SensorContext;
 struct SensorSettings;
 
@@ -86,7 +87,7 @@ class LockstepTimes {
 /// follows them. No such vehicle is ahead of another by more than a step. For one thread.
 class LockstepVehicle {
  public:
-  LockstepVehicle(Simulator::Impl& simulator, VehicleSlot& vehicle) : simulator_(simulator), slot_(vehicle) {}
+  LockstepVehicle(World& simulator, VehicleSlot& vehicle) : simulator_(simulator), slot_(vehicle) {}
 
   /// Returns to the start, for an autopilot that restarts.
   void restart();
@@ -127,7 +128,7 @@ class LockstepVehicle {
   /// True distances that the vehicle's distance sensors measure, at most the greatest that they can.
   std::vector<std::pair<const SensorSettings*, double>> distances_m() const;
 
-  Simulator::Impl& simulator_;
+  World& simulator_;
   VehicleSlot& slot_;
   double time_s_ = 0.0;                 ///< simulation time of the vehicle
   double elapsed_s_ = 0.0;              ///< since the autopilot's start

@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/random_numbers.h"
 #include "tileflight/capture/sensors/barometer.h"
 #include "tileflight/capture/sensors/gauss_markov.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/random_numbers.h"
 #include "tileflight/live/simulator/frames.h"
 #include "tileflight/live/simulator/simulation_clock.h"
 

@@ -8,7 +8,7 @@
 
 #include "tileflight/live/autopilot/mavlink.h"
 #include "tileflight/live/simulator/settings.h"
-#include "tileflight/live/simulator/simulator.h"
+#include "tileflight/live/simulator/simulator_options.h"
 #include "tileflight/slam/odometry/metric_odometry.h"
 
 namespace tileflight::simulator {

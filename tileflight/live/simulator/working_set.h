@@ -16,11 +16,11 @@
 #include "tileflight/live/simulator/prepared_scenes.h"
 #include "tileflight/live/simulator/resident_scene.h"
 #include "tileflight/live/simulator/sensor_cells.h"
-#include "tileflight/live/simulator/simulator.h"
+#include "tileflight/live/simulator/simulator_options.h"
+#include "tileflight/tiles/fetch/tile_source.h"
 #include "tileflight/tiles/tileset/load.h"
 #include "tileflight/tiles/tileset/placement.h"
 #include "tileflight/tiles/tileset/selection.h"
-#include "tileflight/tiles/fetch/tile_source.h"
 
 namespace tileflight::simulator {
 

@@ -33,8 +33,8 @@ class WorldObjects {
  public:
   static constexpr std::size_t kMaxObjects = 1000;
 
-  /// Reads the files (mesh_files::read_mesh_source). A glTF model's front (+Z) becomes the object's x. Throws InputError: a
-  /// file that cannot be read, a name that is empty or too long.
+  /// Reads the files (mesh_files::read_mesh_source). A glTF model's front (+Z) becomes the object's x. Throws
+  /// InputError: a file that cannot be read, a name that is empty or too long.
   explicit WorldObjects(const AssetFiles& files);
 
   /// Names of the assets: AirSim's for shapes, own models, the user's files; sorted.

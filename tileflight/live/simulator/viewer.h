@@ -1,13 +1,19 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "tileflight/core/geometry/transform.h"
 #include "tileflight/core/imaging/camera.h"
+#include "tileflight/core/imaging/textured_mesh.h"
+#include "tileflight/live/simulator/airsim_types.h"
 
 namespace tileflight::simulator {
+
+struct World;
 
 // State of the simulation for viewers. Body and lidar axes are x forward, y left, z up (REP 103), camera axes
 // those of images (x right, y down, z forward); the local frame is the place's (east, north, up).
@@ -55,6 +61,24 @@ struct ObservedScan {
   std::vector<float> intensities;    ///< 0 to 1, one a point
   std::vector<float> times_s;        ///< after time_ns, one a point
   std::vector<std::uint16_t> rings;  ///< channel, one a point
+};
+
+/// The simulation as viewers see it, without effect on anything that a client reads.
+class Viewer {
+ public:
+  explicit Viewer(World& world) : world_(world) {}
+
+  Observation observe() const;
+  /// As sim_get_images(), without effect on optical flow.
+  std::vector<ImageResponse> images(const std::vector<ImageRequest>& requests, const std::string& vehicle);
+  ObservedScan scan(const std::string& lidar, const std::string& vehicle);
+  /// With noise of its own.
+  ObservedMotion imu(const std::string& imu, const std::string& vehicle);
+  /// Copies of the meshes in memory, local frame. nullopt: they have more triangles than `max_triangles`.
+  std::optional<std::vector<imaging::TexturedMesh>> meshes(std::size_t max_triangles) const;
+
+ private:
+  World& world_;
 };
 
 }  // namespace tileflight::simulator

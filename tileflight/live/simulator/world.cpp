@@ -1,12 +1,12 @@
-#include "tileflight/live/simulator/simulator_impl.h"
+#include "tileflight/live/simulator/world.h"
 
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
 #include <utility>
 
-#include "tileflight/core/base/input_error.h"
 #include "tileflight/capture/sensors/geomagnetic_field.h"
+#include "tileflight/core/base/input_error.h"
 #include "tileflight/live/simulator/camera_settings.h"
 #include "tileflight/live/simulator/frames.h"
 
@@ -77,8 +77,8 @@ SE3 merge_pose(const Pose& pose, const SE3& before, const char* what) {
   return {turned ? checked_rotation(pose.orientation, what) : before.rotation, checked_position(position, what)};
 }
 
-Simulator::Impl::Impl(const SimulatorOptions& o, std::optional<std::vector<imaging::TexturedMesh>> meshes,
-                      SimulatorLog l, const Progress& progress)
+World::World(const SimulatorOptions& o, std::optional<std::vector<imaging::TexturedMesh>> meshes, SimulatorLog l,
+             const Progress& progress)
     : options(o),
       log(std::move(l)),
       settings(read_settings(options.settings, options.settings_name)),
@@ -92,11 +92,19 @@ Simulator::Impl::Impl(const SimulatorOptions& o, std::optional<std::vector<imagi
   initialize();
 }
 
-void Simulator::Impl::log_line(const std::string& line) const {
+void World::log_line(const std::string& line) const {
   if (log) log(line);
 }
 
-void Simulator::Impl::initialize() {
+void World::tell_once(const std::string& call, const std::string& reason) {
+  {
+    const std::lock_guard lock(state_mutex);
+    if (!told_calls.insert(call).second) return;
+  }
+  log_line("warning: " + call + " has no effect: " + reason);
+}
+
+void World::initialize() {
   warnings = settings.warnings;
   warnings.insert(warnings.end(), working_set.warnings().begin(), working_set.warnings().end());
   set_frames();
@@ -112,7 +120,7 @@ void Simulator::Impl::initialize() {
   for (const auto& port : px4_ports) port->start();
 }
 
-void Simulator::Impl::open_autopilot_ports() {
+void World::open_autopilot_ports() {
   const auto ports = options.autopilot_ports ? options.autopilot_ports : std::make_shared<autopilot::SharedPorts>();
   const std::string& address = options.autopilot_address;
   for (const auto& one : vehicles) {
@@ -133,7 +141,7 @@ void Simulator::Impl::open_autopilot_ports() {
 }
 
 /// Sets NED's origin: as requested, else on the surface at the local frame's origin, else at the centre of the place.
-void Simulator::Impl::set_frames() {
+void World::set_frames() {
   Vec3 start = options.ned_origin_local.value_or(Vec3(0.0, 0.0, NAN));
   if (!start.head<2>().allFinite()) throw InputError("start", "its coordinates must be finite");
   const bool on_surface = !std::isfinite(start.z());
@@ -159,7 +167,7 @@ void Simulator::Impl::set_frames() {
 
 /// A flying vehicle stands on the surface below its start; one that starts below the ground stands on the ground. A
 /// vehicle that does not fly stays at its start, unless that is in the ground or below it: then it stands there, too.
-SE3 Simulator::Impl::find_home_pose(const VehicleSettings& vehicle) const {
+SE3 World::find_home_pose(const VehicleSettings& vehicle) const {
   SE3 home(vehicle.R_ned_body, vehicle.start_ned);
   const Vec3 start = T_local_ned * vehicle.start_ned;
   auto ground = working_set.surface_z(start.x(), start.y(), start.z() + kBelowGround_m);
@@ -173,7 +181,7 @@ SE3 Simulator::Impl::find_home_pose(const VehicleSettings& vehicle) const {
   return home;
 }
 
-void Simulator::Impl::add_vehicle(VehicleSettings vehicle, const SE3& home) {
+void World::add_vehicle(VehicleSettings vehicle, const SE3& home) {
   auto added = std::make_unique<VehicleSlot>();
   added->vehicle =
       std::make_unique<SimVehicle>(std::move(vehicle), T_local_ned, obstacle_query(), enu_from_ned(wind_ned_m_s));
@@ -185,7 +193,7 @@ void Simulator::Impl::add_vehicle(VehicleSettings vehicle, const SE3& home) {
 }
 
 /// Called with the mutex held: in steps and by commands.
-vehicle::ObstacleQuery Simulator::Impl::obstacle_query() {
+vehicle::ObstacleQuery World::obstacle_query() {
   return [this](const Vec3& from, const Vec3& to) -> std::optional<vehicle::SurfaceHit> {
     const Vec3 way = to - from;
     const double length_m = way.norm();
@@ -201,7 +209,7 @@ vehicle::ObstacleQuery Simulator::Impl::obstacle_query() {
   };
 }
 
-SimulationClock::Hooks Simulator::Impl::clock_hooks() {
+SimulationClock::Hooks World::clock_hooks() {
   SimulationClock::Hooks hooks;
   hooks.step = [this](double time_s) {
     for (const auto& one : vehicles) {
@@ -231,25 +239,23 @@ SimulationClock::Hooks Simulator::Impl::clock_hooks() {
   return hooks;
 }
 
-std::shared_ptr<const ResidentScene> Simulator::Impl::place_for(std::span<const SensorViewpoint> viewpoints) {
+std::shared_ptr<const ResidentScene> World::place_for(std::span<const SensorViewpoint> viewpoints) {
   return world_objects.populate(working_set.load_for(viewpoints), world_objects.now(), T_local_ned);
 }
 
-std::shared_ptr<const ResidentScene> Simulator::Impl::place_now() {
+std::shared_ptr<const ResidentScene> World::place_now() {
   return world_objects.populate(working_set.current(), world_objects.now(), T_local_ned);
 }
 
-void Simulator::Impl::update_obstacles() {
+void World::update_obstacles() {
   const auto place = place_now();
   const std::lock_guard lock(state_mutex);
   obstacle_scene = place;
 }
 
-VehicleSlot& Simulator::Impl::slot(const std::string& name) {
-  return const_cast<VehicleSlot&>(std::as_const(*this).slot(name));
-}
+VehicleSlot& World::slot(const std::string& name) { return const_cast<VehicleSlot&>(std::as_const(*this).slot(name)); }
 
-const VehicleSlot& Simulator::Impl::slot(const std::string& name) const {
+const VehicleSlot& World::slot(const std::string& name) const {
   if (name.empty()) return *vehicles.front();
   for (const auto& one : vehicles) {
     if (one->vehicle->name() == name) return *one;
@@ -259,7 +265,7 @@ const VehicleSlot& Simulator::Impl::slot(const std::string& name) const {
                            "does not exist");
 }
 
-SimVehicle& Simulator::Impl::require_multirotor(const std::string& name, const char* call) {
+SimVehicle& World::require_multirotor(const std::string& name, const char* call) {
   SimVehicle& sim_vehicle = *slot(name).vehicle;
   if (!sim_vehicle.settings().flies) {
     throw std::runtime_error("Vehicle API for '" + sim_vehicle.name() + "' is not available: " + call +
@@ -268,12 +274,11 @@ SimVehicle& Simulator::Impl::require_multirotor(const std::string& name, const c
   return sim_vehicle;
 }
 
-SimCamera& Simulator::Impl::camera(const std::string& name, const std::string& vehicle_name, bool external) {
+SimCamera& World::camera(const std::string& name, const std::string& vehicle_name, bool external) {
   return const_cast<SimCamera&>(std::as_const(*this).camera(name, vehicle_name, external));
 }
 
-const SimCamera& Simulator::Impl::camera(const std::string& name, const std::string& vehicle_name,
-                                         bool external) const {
+const SimCamera& World::camera(const std::string& name, const std::string& vehicle_name, bool external) const {
   const auto& cameras = external ? external_cameras : slot(vehicle_name).vehicle->cameras();
   // A camera in the settings may be named "0"; otherwise this means front_center.
   for (const std::string& candidate : {name, resolve_camera_alias(name)}) {
@@ -285,16 +290,16 @@ const SimCamera& Simulator::Impl::camera(const std::string& name, const std::str
   throw InputError("camera '" + name.substr(0, 100) + "'", "does not exist; the cameras are: " + known);
 }
 
-SE3 Simulator::Impl::T_ned_camera(const SimCamera& camera, const std::string& name, bool external) const {
+SE3 World::T_ned_camera(const SimCamera& camera, const std::string& name, bool external) const {
   if (external) return camera.T_body_camera();
   return slot(name).vehicle->state().T_ned_body * camera.T_body_camera();
 }
 
-Vec3 Simulator::Impl::ned_origin(const std::string& name, bool external) const {
+Vec3 World::ned_origin(const std::string& name, bool external) const {
   return external ? Vec3(Vec3::Zero()) : slot(name).vehicle->start_ned();
 }
 
-std::vector<SensorViewpoint> Simulator::Impl::viewpoints() const {
+std::vector<SensorViewpoint> World::viewpoints() const {
   if (!working_set.follows_sensors()) return {};
   std::vector<SensorViewpoint> viewpoints;
   for (const auto& one : vehicles) {

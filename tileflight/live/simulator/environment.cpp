@@ -1,13 +1,15 @@
+#include "tileflight/live/simulator/environment.h"
+
 #include <algorithm>
 #include <cmath>
 #include <regex>
 
+#include "tileflight/capture/render/solar_position.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/require.h"
 #include "tileflight/core/base/text_parsing.h"
-#include "tileflight/capture/render/solar_position.h"
 #include "tileflight/live/simulator/frames.h"
-#include "tileflight/live/simulator/simulator_impl.h"
+#include "tileflight/live/simulator/world.h"
 
 namespace tileflight::simulator {
 namespace {
@@ -50,6 +52,14 @@ double start_utc_s(const std::string& text, bool is_summer_time, double longitud
 }
 
 }  // namespace
+
+void Environment::set_wind(const Vector3r& wind) {
+  const Vec3 wind_ned = checked_position(wind, "simSetWind");
+  if (wind_ned.norm() > 100.0) throw InputError("simSetWind", "more than 100 m/s");
+  const std::lock_guard lock(world_.state_mutex);
+  world_.wind_ned_m_s = wind_ned;
+  for (const auto& one : world_.vehicles) one->vehicle->set_wind(enu_from_ned(wind_ned));
+}
 
 render::WeatherOptions weather_of_parameters(double fog, double dust, double rain, double snow, double wetness) {
   constexpr double kClearest_m = 5000.0, kThickestFog_m = 20.0, kThickestDust_m = 50.0;
@@ -102,45 +112,46 @@ Outlook Outdoors::outlook(double clock_s, const geometry::Vec3& wind_m_s) const 
   return seen;
 }
 
-void Simulator::sim_set_time_of_day(bool is_enabled, const std::string& start_datetime, bool is_start_datetime_dst,
-                                    float celestial_clock_speed, float update_interval_s, bool move_sun) {
+void Environment::set_time_of_day(bool is_enabled, const std::string& start_datetime, bool is_start_datetime_dst,
+                                  float celestial_clock_speed, float update_interval_s, bool move_sun) {
   const char* call = "simSetTimeOfDay";
   if (is_enabled && move_sun) {
     base::require(std::abs(celestial_clock_speed) <= kMostSpeed, call,
                   "the clock's speed is not a number, or too large");
     base::require(update_interval_s >= 0.0F && update_interval_s <= kSecondsOfDay, call,
                   "the update interval must lie between 0 and 86400 s");
-    if (!impl_->geodetic_frame.georeferenced)
-      return tell_once(call, "the place has no georeference; give OriginGeopoint in the settings");
+    if (!world_.geodetic_frame.georeferenced)
+      return world_.tell_once(call, "the place has no georeference; give OriginGeopoint in the settings");
   }
-  const std::lock_guard lock(impl_->state_mutex);
-  if (!is_enabled) return impl_->outdoors.end_time_of_day();
+  const std::lock_guard lock(world_.state_mutex);
+  if (!is_enabled) return world_.outdoors.end_time_of_day();
   if (!move_sun) return;
-  const geometry::Geodetic place = impl_->geodetic_frame.local_frame.origin();
+  const geometry::Geodetic place = world_.geodetic_frame.local_frame.origin();
   Sunlight start{0.0, place.latitude_deg, place.longitude_deg, place.height.m};
-  start.utc_s = start_datetime.empty() ? 1e-9 * static_cast<double>(impl_->clock.time_ns())
+  start.utc_s = start_datetime.empty() ? 1e-9 * static_cast<double>(world_.clock.time_ns())
                                        : start_utc_s(start_datetime, is_start_datetime_dst, place.longitude_deg);
   render::sun_position(start.utc_s, place, render::standard_air(place.height.m));  // throws for a time out of range
-  impl_->outdoors.set_time_of_day(start, impl_->clock.time_s(), celestial_clock_speed, update_interval_s);
+  world_.outdoors.set_time_of_day(start, world_.clock.time_s(), celestial_clock_speed, update_interval_s);
 }
 
-void Simulator::sim_enable_weather(bool enable) {
-  const std::lock_guard lock(impl_->state_mutex);
-  impl_->outdoors.enable_weather(enable);
+void Environment::enable_weather(bool enable) {
+  const std::lock_guard lock(world_.state_mutex);
+  world_.outdoors.enable_weather(enable);
 }
 
-void Simulator::sim_set_weather_parameter(int parameter, float value) {
+void Environment::set_weather_parameter(int parameter, float value) {
   const char* call = "simSetWeatherParameter";
   base::require(parameter >= 0 && parameter <= Outdoors::kEnabled, call,
                 "the parameter " + std::to_string(parameter) + " is unknown; use 0 (Rain) to 8 (Enabled)");
   base::require(std::isfinite(value), call, "the value is not a number");
   bool works = false;
   {
-    const std::lock_guard lock(impl_->state_mutex);
-    works = impl_->outdoors.set_parameter(parameter, std::clamp(static_cast<double>(value), 0.0, 1.0));
+    const std::lock_guard lock(world_.state_mutex);
+    works = world_.outdoors.set_parameter(parameter, std::clamp(static_cast<double>(value), 0.0, 1.0));
   }
   if (!works && value > 0.0F)
-    tell_once(call, "snow and leaves on the ground and leaves in the air (parameters 3, 4 and 5) are not simulated");
+    world_.tell_once(call,
+                     "snow and leaves on the ground and leaves in the air (parameters 3, 4 and 5) are not simulated");
 }
 
 }  // namespace tileflight::simulator

@@ -4,12 +4,12 @@
 #include <numbers>
 
 #include "tests/refusal.h"
-#include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/capture/render/linear_color.h"
 #include "tileflight/capture/render/solar_position.h"
-#include "tileflight/live/simulator/simulator_impl.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/live/simulator/test_world.h"
+#include "tileflight/live/simulator/world.h"
 
 namespace tileflight::simulator::api_outdoors_test {
 namespace {
@@ -23,19 +23,19 @@ const std::string kQuito = R"({"SimMode": "ComputerVision", "StepOnDemand": true
     "OriginGeopoint": {"Latitude": -0.2, "Longitude": -78.5, "Altitude": 2800}})";
 
 std::vector<std::uint8_t> picture(Simulator& world, const std::string& camera = "0") {
-  return world.sim_get_images({{camera, 0, false, false}}, "", false).at(0).image_data_uint8;
+  return world.cameras().get_images({{camera, 0, false, false}}, "", false).at(0).image_data_uint8;
 }
 
 /// Red, green and blue in the middle of the picture.
 std::array<int, 3> middle(Simulator& world, const std::string& camera = "0") {
-  const ImageResponse image = world.sim_get_images({{camera, 0, false, false}}, "", false).at(0);
+  const ImageResponse image = world.cameras().get_images({{camera, 0, false, false}}, "", false).at(0);
   const std::size_t i = 3 * static_cast<std::size_t>(image.width * (image.height / 2) + image.width / 2);
   return {image.image_data_uint8.at(i + 2), image.image_data_uint8.at(i + 1), image.image_data_uint8.at(i)};
 }
 
 /// Green of the ground at a place.
 int ground_at(Simulator& world, double north_m, double east_m) {
-  world.sim_set_vehicle_pose(pose(static_cast<float>(north_m), static_cast<float>(east_m), -12), true, "");
+  world.vehicles().set_vehicle_pose(pose(static_cast<float>(north_m), static_cast<float>(east_m), -12), true, "");
   return middle(world, "bottom_center")[1];
 }
 
@@ -55,7 +55,7 @@ TEST(ApiOutdoors, ShadowsAreWhereTheSunIsAtThePlacesTime) {
                                               {"2018-2-12 10:0:0", false},
                                               {"2018-02-12T15:00:00Z", false},
                                               {"2018-02-12T15:00:00Z", true}}) {
-    world->sim_set_time_of_day(true, start, is_summer_time, 1, 60, true);
+    world->environment().set_time_of_day(true, start, is_summer_time, 1, 60, true);
     const double edge_east_m = kWallEast_m - shadow_m(sun_at("2018-02-12T15:00:00Z"));
     ASSERT_NEAR(edge_east_m, 5.0, 6.0);
     EXPECT_LT(ground_at(*world, -20, edge_east_m + 0.7), 100);
@@ -65,15 +65,15 @@ TEST(ApiOutdoors, ShadowsAreWhereTheSunIsAtThePlacesTime) {
 
 TEST(ApiOutdoors, TheSunMovesWithTheSimulationsClock) {
   const auto world = simulator(kQuito);
-  world->sim_set_time_of_day(true, "2018-02-12 10:00:00", false, 600, 2, true);
+  world->environment().set_time_of_day(true, "2018-02-12 10:00:00", false, 600, 2, true);
   const double first_m = kWallEast_m - shadow_m(sun_at("2018-02-12T15:00:00Z"));
   const double later_m = kWallEast_m - shadow_m(sun_at("2018-02-12T15:20:00Z"));
   ASSERT_GT(later_m, first_m + 2.0);
   const double between_m = 0.5 * (first_m + later_m);
   EXPECT_LT(ground_at(*world, -20, between_m), 100);
-  world->sim_continue_for_time(1.8);
+  world->clock().continue_for_time(1.8);
   EXPECT_LT(ground_at(*world, -20, between_m), 100) << "updated every two seconds";
-  world->sim_continue_for_time(0.3);
+  world->clock().continue_for_time(0.3);
   EXPECT_GT(ground_at(*world, -20, between_m), 130) << "20 minutes later";
   EXPECT_LT(ground_at(*world, -20, later_m + 0.7), 100);
 }
@@ -94,17 +94,17 @@ TEST(ApiOutdoors, TimesOfTheCelestialClockAreExact) {
 
 TEST(ApiOutdoors, OffAgainThereIsThePlainLight) {
   const auto world = simulator(kQuito);
-  world->sim_set_vehicle_pose(pose(-20, 0, -12), true, "");
+  world->vehicles().set_vehicle_pose(pose(-20, 0, -12), true, "");
   const auto plain = picture(*world);
-  world->sim_set_time_of_day(true, "2018-02-12 10:00:00", false, 1, 60, true);
+  world->environment().set_time_of_day(true, "2018-02-12 10:00:00", false, 1, 60, true);
   const auto lit = picture(*world);
   EXPECT_NE(lit, plain);
   EXPECT_EQ(lit, picture(*world));
-  world->sim_set_time_of_day(false, "", false, 1, 60, true);
+  world->environment().set_time_of_day(false, "", false, 1, 60, true);
   EXPECT_EQ(picture(*world), plain);
-  world->sim_set_time_of_day(true, "2018-02-12 10:00:00", false, 1, 60, false);
+  world->environment().set_time_of_day(true, "2018-02-12 10:00:00", false, 1, 60, false);
   EXPECT_EQ(picture(*world), plain) << "the sun is not to be moved";
-  world->sim_set_time_of_day(true, "", false, 1, 60, true);
+  world->environment().set_time_of_day(true, "", false, 1, 60, true);
   const auto night_or_day = picture(*world);
   EXPECT_EQ(night_or_day, picture(*world)) << "the simulation's own time";
 }
@@ -112,7 +112,7 @@ TEST(ApiOutdoors, OffAgainThereIsThePlainLight) {
 TEST(ApiOutdoors, NightIsDark) {
   const auto world = simulator(kQuito);
   const int plain = ground_at(*world, -20, 0);
-  world->sim_set_time_of_day(true, "2018-02-12 0:20:00", true, 1, 60, true);
+  world->environment().set_time_of_day(true, "2018-02-12 0:20:00", true, 1, 60, true);
   EXPECT_LT(ground_at(*world, -20, 0), plain / 4);
   EXPECT_GT(ground_at(*world, -20, 0), 0);
 }
@@ -121,12 +121,13 @@ TEST(ApiOutdoors, WhatCannotBeSaysSoInOneLine) {
   LoggedLines lines;
   const auto nowhere = simulator(kComputerVision, {}, lines.log());
   const auto plain = picture(*nowhere);
-  for (int i = 0; i < 3; ++i) nowhere->sim_set_time_of_day(true, "2018-02-12 10:00:00", false, 1, 60, true);
+  for (int i = 0; i < 3; ++i) nowhere->environment().set_time_of_day(true, "2018-02-12 10:00:00", false, 1, 60, true);
   EXPECT_EQ(lines.count("simSetTimeOfDay has no effect: the place has no georeference; give OriginGeopoint"), 1U);
   EXPECT_EQ(picture(*nowhere), plain);
   const auto world = simulator(kQuito, {}, lines.log());
   const auto refused = [&](const std::string& start, float speed, float interval_s) {
-    return tests::message_of([&] { world->sim_set_time_of_day(true, start, false, speed, interval_s, true); });
+    return tests::message_of(
+        [&] { world->environment().set_time_of_day(true, start, false, speed, interval_s, true); });
   };
   EXPECT_THAT(refused("yesterday", 1, 60), HasSubstr("'yesterday' is no date and time; give one such as 2018-02-12"));
   EXPECT_EQ(refused("2022-11-03 24:00:00", 1, 60), "no error");
@@ -136,38 +137,38 @@ TEST(ApiOutdoors, WhatCannotBeSaysSoInOneLine) {
   EXPECT_THAT(refused("2218-02-12 10:00:00", 1, 60), HasSubstr("1900"));
   EXPECT_THAT(refused("2018-02-12 10:00:00", NAN, 60), HasSubstr("the clock's speed"));
   EXPECT_THAT(refused("2018-02-12 10:00:00", 1, -1), HasSubstr("the update interval must lie between 0 and 86400 s"));
-  EXPECT_THAT(tests::message_of([&] { world->sim_set_weather_parameter(9, 1); }),
+  EXPECT_THAT(tests::message_of([&] { world->environment().set_weather_parameter(9, 1); }),
               HasSubstr("parameter 9 is unknown; use 0"));
-  EXPECT_THAT(tests::message_of([&] { world->sim_set_weather_parameter(-1, 1); }),
+  EXPECT_THAT(tests::message_of([&] { world->environment().set_weather_parameter(-1, 1); }),
               HasSubstr("parameter -1 is unknown"));
-  EXPECT_THAT(tests::message_of([&] { world->sim_set_weather_parameter(kFog, NAN); }),
+  EXPECT_THAT(tests::message_of([&] { world->environment().set_weather_parameter(kFog, NAN); }),
               HasSubstr("the value is not a number"));
-  for (int i = 0; i < 3; ++i) world->sim_set_weather_parameter(kMapleLeaf, 0.5);
+  for (int i = 0; i < 3; ++i) world->environment().set_weather_parameter(kMapleLeaf, 0.5);
   EXPECT_EQ(lines.count("simSetWeatherParameter has no effect: snow and leaves on the ground"), 1U);
 }
 
 TEST(ApiOutdoors, FogOfAParameterDimsAWallByItsVisibility) {
   const auto world = simulator(kComputerVision);
-  world->sim_set_vehicle_pose(pose(0, 0, -10), true, "");
+  world->vehicles().set_vehicle_pose(pose(0, 0, -10), true, "");
   const auto clear = picture(*world);
-  const auto depth = world->sim_get_images({{"0", 1, true, false}}, "", false).at(0).image_data_float;
-  world->sim_set_weather_parameter(kFog, 0.5F);
+  const auto depth = world->cameras().get_images({{"0", 1, true, false}}, "", false).at(0).image_data_float;
+  world->environment().set_weather_parameter(kFog, 0.5F);
   EXPECT_EQ(picture(*world), clear) << "not enabled yet";
-  world->sim_enable_weather(true);
+  world->environment().enable_weather(true);
   const double visibility_m = 5000.0 * std::pow(20.0 / 5000.0, 0.5), left = std::pow(0.02, kWallNorth_m / visibility_m);
   const double air = 0.2126 * render::srgb_decode(135) + 0.7152 * render::srgb_decode(180) +
                      0.0722 * render::srgb_decode(225);  // the sky, without its colour
   const std::array<int, 3> seen = middle(*world);
   for (std::size_t c = 0; c < 3; ++c)
     EXPECT_NEAR(seen[c], render::srgb_encode(left * render::srgb_decode(kWallColour[c]) + (1.0 - left) * air), 1.0);
-  EXPECT_EQ(world->sim_get_images({{"0", 1, true, false}}, "", false).at(0).image_data_float, depth);
-  world->sim_set_weather_parameter(kFog, 7.0F);
+  EXPECT_EQ(world->cameras().get_images({{"0", 1, true, false}}, "", false).at(0).image_data_float, depth);
+  world->environment().set_weather_parameter(kFog, 7.0F);
   EXPECT_NEAR(middle(*world)[2], render::srgb_encode(0.02 * render::srgb_decode(50) + 0.98 * air), 1.0) << "as 1";
-  world->sim_set_weather_parameter(kEnabled, 0.0F);
+  world->environment().set_weather_parameter(kEnabled, 0.0F);
   EXPECT_EQ(picture(*world), clear);
-  world->sim_set_weather_parameter(kEnabled, 1.0F);
+  world->environment().set_weather_parameter(kEnabled, 1.0F);
   EXPECT_NE(picture(*world), clear);
-  world->sim_set_weather_parameter(kFog, 0.0F);
+  world->environment().set_weather_parameter(kFog, 0.0F);
   EXPECT_EQ(picture(*world), clear);
 }
 
@@ -188,37 +189,37 @@ TEST(ApiOutdoors, ParametersMapToPhysicalQuantities) {
 
 TEST(ApiOutdoors, EachParameterShows) {
   const auto world = simulator(kComputerVision);
-  world->sim_set_vehicle_pose(pose(0, 0, -3), true, "");
-  world->sim_enable_weather(true);
+  world->vehicles().set_vehicle_pose(pose(0, 0, -3), true, "");
+  world->environment().enable_weather(true);
   const auto clear = picture(*world, "bottom_center");
   for (const int parameter : {kRain, kRoadWetness, kSnow, kDust, kFog}) {
-    world->sim_set_weather_parameter(parameter, 0.6F);
+    world->environment().set_weather_parameter(parameter, 0.6F);
     EXPECT_NE(picture(*world, "bottom_center"), clear) << parameter;
-    world->sim_set_weather_parameter(parameter, 0.0F);
+    world->environment().set_weather_parameter(parameter, 0.0F);
     EXPECT_EQ(picture(*world, "bottom_center"), clear) << parameter;
   }
-  world->sim_set_weather_parameter(kRoadWetness, 1.0F);
+  world->environment().set_weather_parameter(kRoadWetness, 1.0F);
   EXPECT_LT(middle(*world, "bottom_center")[1], 125) << "dry: 140";
 }
 
 TEST(ApiOutdoors, RainIsTheSameInEachRunAndGoesOnWithTheClock) {
   const auto start = [] {
     auto world = simulator(kComputerVision);
-    world->sim_set_vehicle_pose(pose(0, 0, -10), true, "");
-    world->sim_enable_weather(true);
-    world->sim_set_weather_parameter(kRain, 0.7F);
+    world->vehicles().set_vehicle_pose(pose(0, 0, -10), true, "");
+    world->environment().enable_weather(true);
+    world->environment().set_weather_parameter(kRain, 0.7F);
     return world;
   };
   const auto one = start(), other = start();
   const auto first = picture(*one);
   EXPECT_EQ(first, picture(*other));
   EXPECT_EQ(first, picture(*one)) << "time stands still";
-  one->sim_continue_for_time(0.09);
+  one->clock().continue_for_time(0.09);
   EXPECT_NE(first, picture(*one));
-  other->sim_continue_for_time(0.09);
+  other->clock().continue_for_time(0.09);
   EXPECT_EQ(picture(*other), picture(*one));
   const auto still = picture(*one);
-  one->sim_set_wind({5, 0, 0});
+  one->environment().set_wind({5, 0, 0});
   EXPECT_NE(picture(*one), still);
 }
 

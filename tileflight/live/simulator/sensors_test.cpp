@@ -32,8 +32,8 @@ std::unique_ptr<Simulator> seeing() {
 
 TEST(ApiSensors, AnImuAtRestFeelsGravityUpwards) {
   const auto world = seeing();
-  world->sim_set_vehicle_pose(pose(0, 0, -10, pi / 2), true, "");
-  const ImuData imu = world->get_imu_data("", "");
+  world->vehicles().set_vehicle_pose(pose(0, 0, -10, pi / 2), true, "");
+  const ImuData imu = world->sensors().get_imu_data("", "");
   EXPECT_NEAR(imu.linear_acceleration.z_val, -9.80665, 0.5);
   EXPECT_NEAR(imu.linear_acceleration.x_val, 0.0, 0.5);
   EXPECT_NEAR(imu.angular_velocity.x_val, 0.0, 0.02);
@@ -42,27 +42,27 @@ TEST(ApiSensors, AnImuAtRestFeelsGravityUpwards) {
 
 TEST(ApiSensors, PlaceAndPressureAreThoseOfTheOrigin) {
   const auto world = seeing();
-  world->sim_set_vehicle_pose(pose(100, 0, -10), true, "");
-  const GpsData gps = world->get_gps_data("", "");
+  world->vehicles().set_vehicle_pose(pose(100, 0, -10), true, "");
+  const GpsData gps = world->sensors().get_gps_data("", "");
   EXPECT_TRUE(gps.is_valid);
   EXPECT_EQ(gps.gnss.fix_type, 3);
   constexpr double kMeridianRadius_m = 6335439.3;  // of WGS84 at the equator, a (1 - e^2)
   EXPECT_NEAR(gps.gnss.geo_point.latitude, -0.2 + 100.0 / (kMeridianRadius_m + 2810.0) * 180 / pi, 3e-8);
   EXPECT_NEAR(gps.gnss.geo_point.longitude, -78.5, 1e-9);
   EXPECT_NEAR(gps.gnss.geo_point.altitude, 2810.0, 0.01);
-  EXPECT_NEAR(world->get_barometer_data("", "").altitude, 2810.0, 40.0) << "its factor may be 0.2 % off";
-  EXPECT_NEAR(world->sim_get_ground_truth_environment("").air_pressure, 71800.0, 300.0);
-  EXPECT_NEAR(world->get_home_geo_point("").latitude, -0.2, 1e-9);
-  const GeodeticPose own = world->tf_geodetic_pose("");
+  EXPECT_NEAR(world->sensors().get_barometer_data("", "").altitude, 2810.0, 40.0) << "its factor may be 0.2 % off";
+  EXPECT_NEAR(world->vehicles().get_ground_truth_environment("").air_pressure, 71800.0, 300.0);
+  EXPECT_NEAR(world->vehicles().get_home_geo_point("").latitude, -0.2, 1e-9);
+  const GeodeticPose own = world->vehicles().geodetic_pose("");
   EXPECT_NEAR(own.altitude, 2810.0, 0.01);
   EXPECT_NEAR(own.heading, 0.0, 1e-4);
 }
 
 TEST(ApiSensors, TheMagnetometerTurnsWithTheBody) {
   const auto world = seeing();
-  const Vector3r north = world->get_magnetometer_data("", "").magnetic_field_body;
-  world->sim_set_vehicle_pose(pose(0, 0, 0, pi / 2), true, "");
-  const Vector3r east = world->get_magnetometer_data("", "").magnetic_field_body;
+  const Vector3r north = world->sensors().get_magnetometer_data("", "").magnetic_field_body;
+  world->vehicles().set_vehicle_pose(pose(0, 0, 0, pi / 2), true, "");
+  const Vector3r east = world->sensors().get_magnetometer_data("", "").magnetic_field_body;
   EXPECT_GT(north.x_val, 0.2) << "the field points north in Quito";
   EXPECT_NEAR(east.y_val, -north.x_val, 0.05);
   EXPECT_NEAR(east.x_val, north.y_val, 0.05);
@@ -70,18 +70,19 @@ TEST(ApiSensors, TheMagnetometerTurnsWithTheBody) {
 
 TEST(ApiSensors, TheDistanceSensorMeasuresTheHeight) {
   const auto world = seeing();
-  world->sim_set_vehicle_pose(pose(0, 0, -12.5F), true, "");
-  const DistanceSensorData data = world->get_distance_sensor_data("down", "");
+  world->vehicles().set_vehicle_pose(pose(0, 0, -12.5F), true, "");
+  const DistanceSensorData data = world->sensors().get_distance_sensor_data("down", "");
   EXPECT_NEAR(data.distance, 12.5, 1e-4);
   EXPECT_FLOAT_EQ(data.max_distance, 25.0F);
-  world->sim_set_vehicle_pose(pose(0, 0, -80), true, "");
-  EXPECT_FLOAT_EQ(world->get_distance_sensor_data("down", "").distance, 25.0F) << "out of reach";
+  world->vehicles().set_vehicle_pose(pose(0, 0, -80), true, "");
+  EXPECT_FLOAT_EQ(world->sensors().get_distance_sensor_data("down", "").distance, 25.0F) << "out of reach";
 }
 
 TEST(ApiSensors, EveryPointOfAScanLiesOnASurfaceAndInBothFramesItIsTheSame) {
   const auto world = seeing();
-  world->sim_set_vehicle_pose(pose(2, 1, -6, 0.4), true, "");
-  const LidarData own = world->get_lidar_data("local", ""), all = world->get_lidar_data("world", "");
+  world->vehicles().set_vehicle_pose(pose(2, 1, -6, 0.4), true, "");
+  const LidarData own = world->sensors().get_lidar_data("local", ""),
+                  all = world->sensors().get_lidar_data("world", "");
   ASSERT_EQ(own.point_cloud.size(), all.point_cloud.size());
   ASSERT_EQ(own.segmentation.size() * 3, own.point_cloud.size());
   EXPECT_GT(own.segmentation.size(), 1000U) << "of 2880 rays";
@@ -101,8 +102,8 @@ TEST(ApiSensors, EveryPointOfAScanLiesOnASurfaceAndInBothFramesItIsTheSame) {
 
 TEST(ApiSensors, AScansRingsRiseAndItsFirstColumnIsAhead) {
   const auto world = seeing();
-  world->sim_set_vehicle_pose(pose(0, 0, -6), true, "");
-  const LidarScanData scan = world->tf_lidar_scan("local", "");
+  world->vehicles().set_vehicle_pose(pose(0, 0, -6), true, "");
+  const LidarScanData scan = world->sensors().lidar_scan("local", "");
   ASSERT_EQ(scan.ring.size() * 3, scan.point_cloud.size());
   ASSERT_EQ(scan.intensity.size(), scan.ring.size());
   for (std::size_t i = 0; i < scan.ring.size(); ++i) {
@@ -123,10 +124,10 @@ TEST(ApiSensors, AScansRingsRiseAndItsFirstColumnIsAhead) {
 
 TEST(ApiSensors, AGpuLidarIsTheLidarWithColoursAndIntensities) {
   const auto world = seeing();
-  world->sim_set_vehicle_pose(pose(2, 1, -6, 0.4), true, "");
-  world->sim_set_segmentation_object_id(".*", 7, true);
-  const GPULidarData gpu = world->get_gpu_lidar_data("local", "");
-  const LidarScanData scan = world->tf_lidar_scan("local", "");
+  world->vehicles().set_vehicle_pose(pose(2, 1, -6, 0.4), true, "");
+  world->labels().set_segmentation_object_id(".*", 7, true);
+  const GPULidarData gpu = world->sensors().get_gpu_lidar_data("local", "");
+  const LidarScanData scan = world->sensors().lidar_scan("local", "");
   ASSERT_EQ(gpu.point_cloud.size(), 5 * scan.intensity.size());
   for (std::size_t i = 0; i < scan.intensity.size(); ++i) {
     for (std::size_t k = 0; k < 3; ++k) ASSERT_EQ(gpu.point_cloud[5 * i + k], scan.point_cloud[3 * i + k]);
@@ -143,8 +144,8 @@ TEST(ApiSensors, TheEchoesOfAWallAreThoseOfTheDiscThatScattersBack) {
   const auto world = simulator(R"({"SimMode": "ComputerVision", "Vehicles": {"Eye": {"Sensors": {"echo":
     {"SensorType": 7, "Enabled": true, "X": 0, "Y": 0, "Z": 0, "NumberOfTraces": 20000, "DistanceLimit": 12,
      "AttenuationPerDistance": 0.5, "AttenuationPerReflection": 2}}}}})");
-  world->sim_set_vehicle_pose(pose(static_cast<float>(kWallNorth_m - kAhead_m), 0, -20), true, "");
-  const EchoData data = world->get_echo_data("echo", "");
+  world->vehicles().set_vehicle_pose(pose(static_cast<float>(kWallNorth_m - kAhead_m), 0, -20), true, "");
+  const EchoData data = world->sensors().get_echo_data("echo", "");
   const std::size_t count = data.groundtruth.size();
   ASSERT_EQ(data.point_cloud.size(), 6 * count);
   const double share = (1.0 - std::cos(5.0 * pi / 180)) / 1.0;  // of the half sphere
@@ -170,9 +171,9 @@ TEST(ApiSensors, ACornerEchoesByTwoReflections) {
     {"SensorType": 7, "Enabled": true, "X": 0, "Y": 0, "Z": 0, "NumberOfTraces": 20000, "DistanceLimit": 20,
      "ReflectionDistanceLimit": 20}}}}})");
   const double ahead_m = 3.0, height_m = 2.0;
-  world->sim_set_vehicle_pose(pose(static_cast<float>(kWallNorth_m - ahead_m), 0, static_cast<float>(-height_m)), true,
-                              "");
-  const EchoData data = world->get_echo_data("", "");
+  world->vehicles().set_vehicle_pose(pose(static_cast<float>(kWallNorth_m - ahead_m), 0, static_cast<float>(-height_m)),
+                                     true, "");
+  const EchoData data = world->sensors().get_echo_data("", "");
   int by_two = 0;
   for (std::size_t i = 0; i < data.groundtruth.size(); ++i) {
     const float* p = &data.point_cloud[6 * i];
@@ -191,8 +192,8 @@ TEST(ApiSensors, EchoesBeyondTheLimitsAreNotHeard) {
     const auto world = simulator(R"({"SimMode": "ComputerVision", "Vehicles": {"Eye": {"Sensors": {"echo": {"Z": 0,
       "SensorType": 7, "Enabled": true, "NumberOfTraces": -1000)" +
                                  limits + "}}}}}");
-    world->sim_set_vehicle_pose(pose(static_cast<float>(kWallNorth_m - 5.0), 0, -20), true, "");
-    return world->get_echo_data("", "").groundtruth.size();
+    world->vehicles().set_vehicle_pose(pose(static_cast<float>(kWallNorth_m - 5.0), 0, -20), true, "");
+    return world->sensors().get_echo_data("", "").groundtruth.size();
   };
   EXPECT_NEAR(static_cast<double>(count(R"(, "DistanceLimit": 12)")), 1000 * 10.0 / 180.0, 2.0) << "in its plane";
   EXPECT_EQ(count(R"(, "DistanceLimit": 9.9)"), 0U) << "there and back is 10 m";
@@ -202,34 +203,35 @@ TEST(ApiSensors, EchoesBeyondTheLimitsAreNotHeard) {
 
 TEST(ApiSensors, InFlightTheGpsIsLateAndTheImuFeelsTheThrust) {
   const auto world = simulator(kMultirotor);
-  EXPECT_TRUE(world->get_gps_data("", "").is_valid);
-  world->enable_api_control(true, "");
-  world->arm_disarm(true, "");
-  world->takeoff(20, "");
-  EXPECT_NEAR(world->get_imu_data("", "").linear_acceleration.z_val, -9.8, 1.5);
-  const MultirotorState now = world->get_multirotor_state("");
-  const GpsData gps = world->get_gps_data("", "");
+  EXPECT_TRUE(world->sensors().get_gps_data("", "").is_valid);
+  world->vehicles().enable_api_control(true, "");
+  world->vehicles().arm_disarm(true, "");
+  world->flight().takeoff(20, "");
+  EXPECT_NEAR(world->sensors().get_imu_data("", "").linear_acceleration.z_val, -9.8, 1.5);
+  const MultirotorState now = world->vehicles().get_multirotor_state("");
+  const GpsData gps = world->sensors().get_gps_data("", "");
   EXPECT_EQ(gps.gnss.fix_type, 3);
   EXPECT_NEAR(static_cast<double>(now.timestamp - gps.time_stamp), 0.2e9, 0.025e9);
 }
 
 TEST(ApiSensors, SensorsThatAreNotThereAreNamed) {
   const auto world = simulator(kComputerVision);
-  EXPECT_THAT([&] { world->get_imu_data("", ""); }, ThrowsMessage<std::runtime_error>(HasSubstr("No IMU with name")));
-  EXPECT_THAT([&] { world->get_lidar_data("nope", ""); },
+  EXPECT_THAT([&] { world->sensors().get_imu_data("", ""); },
+              ThrowsMessage<std::runtime_error>(HasSubstr("No IMU with name")));
+  EXPECT_THAT([&] { world->sensors().get_lidar_data("nope", ""); },
               ThrowsMessage<std::runtime_error>(HasSubstr("No lidar with name nope exist on vehicle")));
 }
 
 TEST(ApiSensors, LinesOfSightEndAtWalls) {
   const auto world = seeing();
-  world->sim_set_vehicle_pose(pose(0, 0, -5), true, "");
-  const GeoPoint here = world->tf_geodetic_pose("").geo_point;
-  world->sim_set_vehicle_pose(pose(15, 0, -5), true, "");
-  EXPECT_TRUE(world->sim_test_line_of_sight_to_point(here, ""));
-  const GeoPoint before = world->tf_geodetic_pose("").geo_point;
-  world->sim_set_vehicle_pose(pose(40, 0, -5), true, "");
-  EXPECT_FALSE(world->sim_test_line_of_sight_to_point(here, "")) << "behind the wall";
-  EXPECT_TRUE(world->sim_test_line_of_sight_between_points(here, before));
+  world->vehicles().set_vehicle_pose(pose(0, 0, -5), true, "");
+  const GeoPoint here = world->vehicles().geodetic_pose("").geo_point;
+  world->vehicles().set_vehicle_pose(pose(15, 0, -5), true, "");
+  EXPECT_TRUE(world->place().test_line_of_sight_to_point(here, ""));
+  const GeoPoint before = world->vehicles().geodetic_pose("").geo_point;
+  world->vehicles().set_vehicle_pose(pose(40, 0, -5), true, "");
+  EXPECT_FALSE(world->place().test_line_of_sight_to_point(here, "")) << "behind the wall";
+  EXPECT_TRUE(world->place().test_line_of_sight_between_points(here, before));
 }
 
 }  // namespace

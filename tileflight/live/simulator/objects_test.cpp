@@ -41,7 +41,7 @@ TEST(ApiScene, AirSimsVoxelGridIsThatOfItsCells) {
   SimulatorOptions options;
   options.output_root = folder.path();
   const auto world = simulator(kComputerVision, options);
-  ASSERT_TRUE(world->sim_create_voxel_grid({10.3F, 0.1F, -2.2F}, 30, 9, 12, 0.7F, "grids/a.binvox"));
+  ASSERT_TRUE(world->place().create_voxel_grid({10.3F, 0.1F, -2.2F}, 30, 9, 12, 0.7F, "grids/a.binvox"));
   const std::string file = read_all(folder / "grids" / "a.binvox");
   const int nx = 43, ny = 13, nz = 17;  // 30, 9 and 12 m over 0.7 m, rounded
   EXPECT_THAT(file, testing::StartsWith("#binvox 1\ndim 43 17 13\ntranslate -15 -4.5 -6\nscale 30\ndata\n"));
@@ -67,13 +67,13 @@ TEST(ApiScene, TheInvertedScaleIsASetting) {
   SimulatorOptions options;
   options.output_root = folder.path();
   const auto world = simulator(R"({"SimMode": "ComputerVision", "InvertedVoxelScale": true})", options);
-  ASSERT_TRUE(world->sim_create_voxel_grid({0, 0, 0}, 20, 20, 20, 1, "a.binvox"));
+  ASSERT_TRUE(world->place().create_voxel_grid({0, 0, 0}, 20, 20, 20, 1, "a.binvox"));
   EXPECT_THAT(read_all(folder / "a.binvox"), HasSubstr("scale 0.05\n"));
 }
 
 TEST(ApiScene, TheOwnGridIsInNedAndCentred) {
   const auto world = simulator(kComputerVision);
-  const VoxelGridData grid = world->tf_create_voxel_grid({18, 0, -3}, {8, 4, 6}, 0.5F);
+  const VoxelGridData grid = world->place().voxel_grid({18, 0, -3}, {8, 4, 6}, 0.5F);
   ASSERT_THAT(grid.dims, testing::ElementsAre(16, 8, 12));
   EXPECT_FLOAT_EQ(grid.origin.x_val, 14.0F);
   EXPECT_FLOAT_EQ(grid.origin.z_val, -6.0F);
@@ -97,7 +97,7 @@ TEST(ApiScene, GridsBeyondReasonAreRefused) {
   options.output_root = folder.path();
   const auto world = simulator(kComputerVision, options);
   const auto grid = [&](int edge, float resolution, float x) {
-    return tests::message_of([&] { world->sim_create_voxel_grid({x, 0, 0}, edge, edge, edge, resolution, "a"); });
+    return tests::message_of([&] { world->place().create_voxel_grid({x, 0, 0}, edge, edge, edge, resolution, "a"); });
   };
   EXPECT_THAT(grid(2147483647, 1, 0), HasSubstr("100000 m"));
   EXPECT_THAT(grid(100000, 0.01F, 0), HasSubstr("cells"));
@@ -107,7 +107,7 @@ TEST(ApiScene, GridsBeyondReasonAreRefused) {
   EXPECT_THAT(grid(10, 0, 0), HasSubstr("resolution"));
   EXPECT_THAT(grid(10, 1, NAN), HasSubstr("finite"));
   EXPECT_THAT(tests::message_of([&] {
-                world->tf_create_voxel_grid({0, 0, 0}, {1000, 1000, 1000}, 0.5F);
+                world->place().voxel_grid({0, 0, 0}, {1000, 1000, 1000}, 0.5F);
               }),
               HasSubstr("cells"));
 }
@@ -119,51 +119,51 @@ TEST(ApiScene, FilesAreWrittenBelowTheFolderGivenAndNowhereElse) {
   options.settings = kComputerVision;
   const auto note = [&](const std::string& line) { log.push_back(line); };
   Simulator closed(options, meshes(), note);
-  EXPECT_FALSE(closed.sim_create_voxel_grid({0, 0, 0}, 4, 4, 4, 1, "a.binvox")) << "AirSim's answer";
+  EXPECT_FALSE(closed.place().create_voxel_grid({0, 0, 0}, 4, 4, 4, 1, "a.binvox")) << "AirSim's answer";
   EXPECT_THAT(log, testing::ElementsAre(HasSubstr("--files")));
   options.output_root = folder / "open";
   Simulator open(options, meshes(), note);
   std::filesystem::create_directory_symlink(folder.path(), folder / "open" / "link");
   for (const std::string& name : {std::string("../a"), std::string("/tmp/a"), std::string("x/../../a"), std::string(""),
                                   std::string("link/a"), std::string("."), std::string("a\0b", 3)}) {
-    EXPECT_FALSE(open.sim_create_voxel_grid({0, 0, 0}, 4, 4, 4, 1, name)) << name;
+    EXPECT_FALSE(open.place().create_voxel_grid({0, 0, 0}, 4, 4, 4, 1, name)) << name;
     EXPECT_THAT(log.back(), HasSubstr("file: ")) << name;
   }
-  EXPECT_TRUE(open.sim_create_voxel_grid({0, 0, 0}, 4, 4, 4, 1, (folder / "open" / "whole.binvox").string()))
+  EXPECT_TRUE(open.place().create_voxel_grid({0, 0, 0}, 4, 4, 4, 1, (folder / "open" / "whole.binvox").string()))
       << "an absolute name within";
-  EXPECT_FALSE(open.sim_create_voxel_grid({0, 0, 0}, 4, 4, 4, 1, "whole.binvox/a")) << "in a file";
+  EXPECT_FALSE(open.place().create_voxel_grid({0, 0, 0}, 4, 4, 4, 1, "whole.binvox/a")) << "in a file";
   EXPECT_TRUE(std::filesystem::exists(folder / "open" / "whole.binvox"));
   EXPECT_FALSE(std::filesystem::exists(folder / "a"));
 }
 
 TEST(ApiScene, ObjectsAreListedWithTheirPosesInTheSameOrder) {
   const auto world = simulator(kComputerVision);
-  const std::vector<std::string> names = world->sim_list_instance_segmentation_objects();
-  const std::vector<Pose> poses = world->sim_list_instance_segmentation_poses(true, false);
+  const std::vector<std::string> names = world->labels().list_instance_segmentation_objects();
+  const std::vector<Pose> poses = world->labels().list_instance_segmentation_poses(true, false);
   EXPECT_THAT(names, testing::ElementsAre("east_wall", "ground", "north_wall"));
   ASSERT_EQ(poses.size(), names.size());
   for (std::size_t i = 0; i < names.size(); ++i) {
-    const Pose alone = world->sim_get_object_pose(names[i]);
+    const Pose alone = world->objects().get_object_pose(names[i]);
     EXPECT_FLOAT_EQ(poses[i].position.x_val, alone.position.x_val) << names[i];
     EXPECT_FLOAT_EQ(poses[i].position.y_val, alone.position.y_val) << names[i];
   }
-  const std::vector<Vector3r> colours = world->sim_get_instance_segmentation_color_map();
+  const std::vector<Vector3r> colours = world->labels().get_instance_segmentation_color_map();
   ASSERT_EQ(colours.size(), 256U);
   EXPECT_EQ(colours[7].x_val, 115.0F);
-  EXPECT_THAT(world->sim_list_scene_objects_tags("north.*"),
+  EXPECT_THAT(world->objects().list_scene_objects_tags("north.*"),
               testing::ElementsAre(std::array<std::string, 2>{"north_wall", ""}));
 }
 
 TEST(ApiScene, TheDroneScriptsPatternForAllObjectsFindsThem) {
   const auto world = simulator(kComputerVision);
-  EXPECT_TRUE(world->sim_set_segmentation_object_id("[\\w]*", 0, true));
-  for (const std::string& name : world->sim_list_scene_objects(".*"))
-    EXPECT_EQ(world->sim_get_segmentation_object_id(name), 0) << name;
+  EXPECT_TRUE(world->labels().set_segmentation_object_id("[\\w]*", 0, true));
+  for (const std::string& name : world->objects().list_scene_objects(".*"))
+    EXPECT_EQ(world->labels().get_segmentation_object_id(name), 0) << name;
 }
 
 TEST(ApiScene, MeshesAreInUnrealsCentimetres) {
   const auto world = simulator(kComputerVision);
-  const auto buffers = world->sim_get_mesh_position_vertex_buffers();
+  const auto buffers = world->objects().get_mesh_position_vertex_buffers();
   ASSERT_EQ(buffers.size(), 3U);
   EXPECT_EQ(buffers[1].name, "north_wall");
   EXPECT_EQ(buffers[1].vertices.size(), 24U);
@@ -175,8 +175,8 @@ TEST(ApiScene, MeshesAreInUnrealsCentimetres) {
   }
   EXPECT_FLOAT_EQ(least_north, 2000.0F);
   EXPECT_FLOAT_EQ(highest, 4000.0F);
-  EXPECT_TRUE(std::isnan(world->sim_get_object_pose("nothing").position.x_val));
-  EXPECT_NEAR(world->sim_get_object_pose("north_wall").position.x_val, 20.5, 1e-4);
+  EXPECT_TRUE(std::isnan(world->objects().get_object_pose("nothing").position.x_val));
+  EXPECT_NEAR(world->objects().get_object_pose("north_wall").position.x_val, 20.5, 1e-4);
 }
 
 TEST(ApiScene, ARecordingKeepsItsIntervalAndItsPosesArePicturesPoses) {
@@ -187,11 +187,11 @@ TEST(ApiScene, ARecordingKeepsItsIntervalAndItsPosesArePicturesPoses) {
     "Dataset": true, "Cameras": [{"CameraName": "0", "ImageType": 0}, {"CameraName": "3", "ImageType": 1,
     "PixelsAsFloat": true}]}})",
                                options);
-  EXPECT_FALSE(world->is_recording());
-  world->start_recording();
-  EXPECT_TRUE(world->is_recording());
-  world->sim_continue_for_time(1.2);
-  world->stop_recording();
+  EXPECT_FALSE(world->recording().is_recording());
+  world->recording().start();
+  EXPECT_TRUE(world->recording().is_recording());
+  world->clock().continue_for_time(1.2);
+  world->recording().stop();
   std::filesystem::path recording;
   for (const auto& entry : std::filesystem::directory_iterator(folder / "recordings")) recording = entry.path();
   std::istringstream lines(read_all(recording / "airsim_rec.txt"));
@@ -242,7 +242,7 @@ TEST(ApiScene, WhatIsNotServedSaysWhy) {
   const auto world = simulator(kComputerVision);
   EXPECT_THAT(tests::message_of([&] { world->refuse("simSetExtForce"); }),
               HasSubstr("simSetExtForce is not served here: external forces"));
-  EXPECT_FALSE(world->sim_set_object_pose("north_wall", {}, true));
+  EXPECT_FALSE(world->objects().set_object_pose("north_wall", {}, true));
 }
 
 }  // namespace

@@ -4,10 +4,14 @@
 #include <string>
 #include <vector>
 
+#include "tileflight/core/geometry/transform.h"
 #include "tileflight/core/imaging/image.h"
-#include "tileflight/live/simulator/resident_scene.h"
+#include "tileflight/live/simulator/airsim_types.h"
 
 namespace tileflight::simulator {
+
+class ResidentScene;
+struct World;
 
 /// Selects the objects that a camera detects.
 struct DetectionFilter {
@@ -30,5 +34,22 @@ struct DetectedObject {
 /// as RenderLayers::objects. `T_camera_local`: transform into the client's camera axes.
 std::vector<DetectedObject> detect_objects(const ResidentScene& place, const imaging::Image<std::uint32_t>& objects,
                                            const geometry::SE3& T_camera_local, const DetectionFilter& filter);
+
+/// Detections: objects of the scene that a camera's image of a type shows and that its filter selects.
+class Detections {
+ public:
+  explicit Detections(World& world) : world_(world) {}
+
+  void add_detection_filter_mesh_name(const std::string& camera, int image_type, const std::string& mesh_name,
+                                      const std::string& vehicle, bool external);
+  void set_detection_filter_radius(const std::string& camera, int image_type, float radius_cm,
+                                   const std::string& vehicle, bool external);
+  void clear_detection_mesh_names(const std::string& camera, int image_type, const std::string& vehicle, bool external);
+  std::vector<DetectionInfo> get_detections(const std::string& camera, int image_type, const std::string& vehicle,
+                                            bool external);
+
+ private:
+  World& world_;
+};
 
 }  // namespace tileflight::simulator

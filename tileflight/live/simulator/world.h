@@ -18,7 +18,7 @@
 #include "tileflight/core/base/require.h"
 #include "tileflight/live/simulator/autopilot_ports.h"
 #include "tileflight/live/simulator/client_file_access.h"
-#include "tileflight/live/simulator/detection.h"
+#include "tileflight/live/simulator/detections.h"
 #include "tileflight/live/simulator/image_renderer.h"
 #include "tileflight/live/simulator/lockstep_vehicle.h"
 #include "tileflight/live/simulator/object_labels.h"
@@ -28,7 +28,7 @@
 #include "tileflight/live/simulator/settings.h"
 #include "tileflight/live/simulator/sim_vehicle.h"
 #include "tileflight/live/simulator/simulation_clock.h"
-#include "tileflight/live/simulator/simulator.h"
+#include "tileflight/live/simulator/simulator_options.h"
 #include "tileflight/live/simulator/vision_input.h"
 #include "tileflight/live/simulator/working_set.h"
 #include "tileflight/live/simulator/world_objects.h"
@@ -113,10 +113,10 @@ struct LatestPicture {
 
 /// The simulator's state. One mutex guards all mutable state; rendering, scans and tile loading run without it, on
 /// copies of the data they need.
-struct Simulator::Impl {
+struct World {
   /// `meshes`: the place; none: `options.source`, read while `progress` is told.
-  Impl(const SimulatorOptions& options, std::optional<std::vector<imaging::TexturedMesh>> meshes, SimulatorLog log,
-       const Progress& progress);
+  World(const SimulatorOptions& options, std::optional<std::vector<imaging::TexturedMesh>> meshes, SimulatorLog log,
+        const Progress& progress);
 
   SimulatorOptions options;
   SimulatorLog log;
@@ -152,7 +152,7 @@ struct Simulator::Impl {
   std::vector<std::unique_ptr<Px4Port>> px4_ports;              ///< the same
   std::map<std::string, LockstepVehicle> repeated_vehicles;     ///< by name; of a session that is repeated
 
-  // Setup (simulator.cpp).
+  // Setup.
   void initialize();
   void set_frames();
   void add_vehicle(VehicleSettings vehicle, const geometry::SE3& T_ned_home);
@@ -161,6 +161,8 @@ struct Simulator::Impl {
   SimulationClock::Hooks clock_hooks();
   void open_autopilot_ports();
   void log_line(const std::string& line) const;
+  /// Logs once that a call has no effect, and why.
+  void tell_once(const std::string& call, const std::string& reason);
 
   // Lookups; the mutex must be held. Throw InputError or std::runtime_error.
   VehicleSlot& slot(const std::string& name);
@@ -179,7 +181,7 @@ struct Simulator::Impl {
   /// Shows vehicles the objects as they are now.
   void update_obstacles();
 
-  // Images (api_images.cpp).
+  // Images (cameras.cpp).
   PlannedImages plan_images(const std::vector<ImageRequest>& requests, const std::string& vehicle, bool external) const;
   /// Stores the poses from which the next images' optical flow is computed.
   void remember_camera_poses(const PlannedImages& planned);
@@ -188,15 +190,15 @@ struct Simulator::Impl {
   imaging::RgbImage render_colours(const PlannedImages& planned);
   std::vector<imaging::Rgb8> annotation_colours(const ResidentScene& place, const std::string& layer) const;
 
-  // Detections (api_detection.cpp).
+  // Detections (detections.cpp).
   DetectionFilter& detection_filter(const std::string& camera, int image_type, const std::string& vehicle,
                                     bool external);
 
-  // Flight (api_flight.cpp).
+  // Flight (flight.cpp).
   bool run_command(const std::string& vehicle, const char* call,
                    const std::function<vehicle::Command(SimVehicle&)>& command);
 
-  // Recording (api_recording.cpp).
+  // Recording (recording.cpp).
   void begin_recording();
   void record_if_due(double time_s);
   std::vector<RecordingFrame> capture_recording_frames();

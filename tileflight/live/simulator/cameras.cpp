@@ -1,12 +1,15 @@
+#include "tileflight/live/simulator/cameras.h"
+
 #include <algorithm>
+#include <set>
 #include <utility>
 
 #include "tileflight/core/base/elapsed_time.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/imaging/png_rgba.h"
-#include "tileflight/live/simulator/camera_settings.h"
 #include "tileflight/live/simulator/frames.h"
-#include "tileflight/live/simulator/simulator_impl.h"
+#include "tileflight/live/simulator/world.h"
+#include "tileflight/tiles/tileset/view_criteria.h"
 
 namespace tileflight::simulator {
 namespace {
@@ -89,8 +92,8 @@ std::string missing_tiles_message(const ResidentScene& place) {
 }  // namespace
 
 /// Requires the mutex.
-PlannedImages Simulator::Impl::plan_images(const std::vector<ImageRequest>& requests, const std::string& vehicle_name,
-                                           bool external) const {
+PlannedImages World::plan_images(const std::vector<ImageRequest>& requests, const std::string& vehicle_name,
+                                 bool external) const {
   if (requests.size() > kMaxRequests) throw InputError("simGetImages", "more than 256 images in one call");
   PlannedImages planned;
   planned.time_ns = clock.time_ns();
@@ -122,21 +125,20 @@ PlannedImages Simulator::Impl::plan_images(const std::vector<ImageRequest>& requ
 }
 
 /// By the values of RenderLayers::objects.
-std::vector<imaging::Rgb8> Simulator::Impl::annotation_colours(const ResidentScene& place,
-                                                               const std::string& layer) const {
+std::vector<imaging::Rgb8> World::annotation_colours(const ResidentScene& place, const std::string& layer) const {
   std::vector<imaging::Rgb8> colours = annotation_layers.colours(layer, place.object_names());
   colours.insert(colours.begin(), imaging::Rgb8{});
   return colours;
 }
 
 /// Requires the mutex.
-void Simulator::Impl::remember_camera_poses(const PlannedImages& planned) {
+void World::remember_camera_poses(const PlannedImages& planned) {
   for (const auto& [owner, T_local_camera] : planned.camera_poses)
     last_pictures.insert_or_assign(owner, LatestPicture{T_local_camera, planned.objects});
 }
 
 /// Runs without the mutex. Images with the same rays are rendered once.
-std::vector<ImageResponse> Simulator::Impl::render_images(const PlannedImages& planned) {
+std::vector<ImageResponse> World::render_images(const PlannedImages& planned) {
   const auto start = std::chrono::steady_clock::now();
   const std::shared_ptr<const ResidentScene> place =
       world_objects.populate(working_set.load_for(planned.viewpoints), planned.objects, T_local_ned);
@@ -171,7 +173,7 @@ std::vector<ImageResponse> Simulator::Impl::render_images(const PlannedImages& p
 }
 
 /// Runs without the mutex.
-imaging::RgbImage Simulator::Impl::render_colours(const PlannedImages& planned) {
+imaging::RgbImage World::render_colours(const PlannedImages& planned) {
   const std::shared_ptr<const ResidentScene> place =
       world_objects.populate(working_set.load_for(planned.viewpoints), planned.objects, T_local_ned);
   LayerSelection colours;
@@ -179,85 +181,98 @@ imaging::RgbImage Simulator::Impl::render_colours(const PlannedImages& planned) 
   return renderer.render(place, planned.images.front().view, colours, planned.outlook).rgb;
 }
 
-std::vector<ImageResponse> Simulator::sim_get_images(const std::vector<ImageRequest>& requests,
-                                                     const std::string& vehicle, bool external) {
+std::vector<ImageResponse> Cameras::get_images(const std::vector<ImageRequest>& requests, const std::string& vehicle,
+                                               bool external) {
   PlannedImages planned;
   {
-    const std::lock_guard lock(impl_->state_mutex);
-    planned = impl_->plan_images(requests, vehicle, external);
-    impl_->remember_camera_poses(planned);
+    const std::lock_guard lock(world_.state_mutex);
+    planned = world_.plan_images(requests, vehicle, external);
+    world_.remember_camera_poses(planned);
   }
-  return impl_->render_images(planned);
+  return world_.render_images(planned);
 }
 
-std::vector<std::uint8_t> Simulator::sim_get_image(const std::string& camera, int image_type,
-                                                   const std::string& vehicle, bool external,
-                                                   const std::string& annotation_name) {
+std::vector<std::uint8_t> Cameras::get_image(const std::string& camera, int image_type, const std::string& vehicle,
+                                             bool external, const std::string& annotation_name) {
   const ImageRequest request{camera, image_type, false, true, annotation_name};
-  return sim_get_images({request}, vehicle, external).front().image_data_uint8;
+  return get_images({request}, vehicle, external).front().image_data_uint8;
 }
 
-/// A flying vehicle is placed as well, and stays there until its next command.
-void Simulator::sim_set_vehicle_pose(const Pose& pose, bool ignore_collision, const std::string& vehicle) {
-  const std::lock_guard lock(impl_->state_mutex);
-  SimVehicle& sim_vehicle = *impl_->slot(vehicle).vehicle;
-  const SE3& before = sim_vehicle.state().T_ned_body;
-  const SE3 own(before.rotation, before.translation - sim_vehicle.start_ned());
-  SE3 T_target = merge_pose(pose, own, "simSetVehiclePose");
-  T_target.translation += sim_vehicle.start_ned();
-  if (ignore_collision) {
-    sim_vehicle.teleport({T_target});
-  } else {
-    sim_vehicle.sweep_to(T_target, impl_->clock.time_s());
-  }
-  impl_->clock.wake();
-}
-
-Pose Simulator::sim_get_vehicle_pose(const std::string& vehicle) const {
-  const std::lock_guard lock(impl_->state_mutex);
-  const SimVehicle& sim_vehicle = *impl_->slot(vehicle).vehicle;
-  const SE3& T = sim_vehicle.state().T_ned_body;
-  return to_airsim(SE3(T.rotation, T.translation - sim_vehicle.start_ned()));
-}
-
-CameraInfo Simulator::sim_get_camera_info(const std::string& camera, const std::string& vehicle, bool external) const {
-  const std::lock_guard lock(impl_->state_mutex);
-  const SimCamera& chosen = impl_->camera(camera, vehicle, external);
-  SE3 T = impl_->T_ned_camera(chosen, vehicle, external);
-  T.translation -= impl_->ned_origin(vehicle, external);
+CameraInfo Cameras::get_camera_info(const std::string& camera, const std::string& vehicle, bool external) const {
+  const std::lock_guard lock(world_.state_mutex);
+  const SimCamera& chosen = world_.camera(camera, vehicle, external);
+  SE3 T = world_.T_ned_camera(chosen, vehicle, external);
+  T.translation -= world_.ned_origin(vehicle, external);
   return chosen.info(T);
 }
 
-void Simulator::sim_set_camera_pose(const std::string& camera, const Pose& pose, const std::string& vehicle,
-                                    bool external) {
-  const std::lock_guard lock(impl_->state_mutex);
-  SimCamera& chosen = impl_->camera(camera, vehicle, external);
+void Cameras::set_camera_pose(const std::string& camera, const Pose& pose, const std::string& vehicle, bool external) {
+  const std::lock_guard lock(world_.state_mutex);
+  SimCamera& chosen = world_.camera(camera, vehicle, external);
   chosen.set_pose(merge_pose(pose, chosen.T_body_camera(), "simSetCameraPose"));
 }
 
-void Simulator::sim_set_camera_fov(const std::string& camera, float fov_degrees, const std::string& vehicle,
-                                   bool external) {
-  const std::lock_guard lock(impl_->state_mutex);
-  impl_->camera(camera, vehicle, external).set_fov(fov_degrees);
+void Cameras::set_camera_fov(const std::string& camera, float fov_degrees, const std::string& vehicle, bool external) {
+  const std::lock_guard lock(world_.state_mutex);
+  world_.camera(camera, vehicle, external).set_fov(fov_degrees);
 }
 
-std::vector<float> Simulator::sim_get_distortion_params(const std::string& camera, const std::string& vehicle,
-                                                        bool external) const {
-  const std::lock_guard lock(impl_->state_mutex);
-  const auto& k = impl_->camera(camera, vehicle, external).distortion();
+std::vector<float> Cameras::get_distortion_params(const std::string& camera, const std::string& vehicle,
+                                                  bool external) const {
+  const std::lock_guard lock(world_.state_mutex);
+  const auto& k = world_.camera(camera, vehicle, external).distortion();
   return {k.begin(), k.end()};
 }
 
-void Simulator::sim_set_distortion_param(const std::string& camera, const std::string& name, float value,
-                                         const std::string& vehicle, bool external) {
-  const std::lock_guard lock(impl_->state_mutex);
-  impl_->camera(camera, vehicle, external).set_distortion(name, value);
+void Cameras::set_distortion_param(const std::string& camera, const std::string& name, float value,
+                                   const std::string& vehicle, bool external) {
+  const std::lock_guard lock(world_.state_mutex);
+  world_.camera(camera, vehicle, external).set_distortion(name, value);
 }
 
-void Simulator::tf_set_lens(const std::string& camera, const LensDescription& lens, const std::string& vehicle,
-                            bool external) {
-  const std::lock_guard lock(impl_->state_mutex);
-  impl_->camera(camera, vehicle, external).set_lens(lens);
+void Cameras::set_lens(const std::string& camera, const LensDescription& lens, const std::string& vehicle,
+                       bool external) {
+  const std::lock_guard lock(world_.state_mutex);
+  world_.camera(camera, vehicle, external).set_lens(lens);
+}
+
+/// The error of each pixel is the geometric error of its tile at its distance from the camera.
+Coverage Cameras::coverage(const std::string& camera, const std::string& vehicle, bool external) {
+  PlannedImages planned;
+  {
+    const std::lock_guard lock(world_.state_mutex);
+    planned = world_.plan_images({{camera, 0, false, false}}, vehicle, external);
+  }
+  const auto place = world_.place_for(planned.viewpoints);
+  const CameraView& shot = planned.images.front().view;
+  const double pixels_per_rad = tileset::view_cone_of(shot.lens).pixels_per_rad;
+  imaging::FloatImage error_px(shot.lens.width(), shot.lens.height(), -1.0F);
+  imaging::Image<std::uint32_t> tile(shot.lens.width(), shot.lens.height());
+  world_.renderer.camera_renderer(place, shot.lens)
+      ->visit_surface(std::span(&shot.T_local_camera, 1), [&](const render::SurfacePoint& point) {
+        if (!point.hit) return;
+        const double error_m = place->geometric_error_m(point.mesh);
+        error_px(point.x, point.y) = static_cast<float>(error_m * pixels_per_rad / std::max(1e-3F, point.distance_m));
+        tile(point.x, point.y) = place->tile_of_mesh(point.mesh);
+      });
+  Coverage coverage{.camera_name = camera,
+                    .error_wanted = static_cast<float>(world_.working_set.error_px()),
+                    .loaded = place->loaded()};
+  std::set<std::uint32_t> seen;
+  double sum = 0.0;
+  std::size_t surface = 0;
+  for (std::size_t i = 0; i < error_px.pixels.size(); ++i) {
+    if (error_px.pixels[i] < 0.0F) continue;
+    ++surface;
+    sum += error_px.pixels[i];
+    coverage.error_max = std::max(coverage.error_max, error_px.pixels[i]);
+    seen.insert(tile.pixels[i]);
+  }
+  coverage.complete = coverage.loaded.complete;
+  coverage.surface_share = static_cast<float>(surface) / static_cast<float>(error_px.pixels.size());
+  coverage.error_mean = surface > 0 ? static_cast<float>(sum / static_cast<double>(surface)) : 0.0F;
+  coverage.tiles_seen = static_cast<int>(seen.size());
+  return coverage;
 }
 
 }  // namespace tileflight::simulator

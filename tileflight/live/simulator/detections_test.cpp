@@ -1,4 +1,4 @@
-#include "tileflight/live/simulator/detection.h"
+#include "tileflight/live/simulator/detections.h"
 
 #include <gmock/gmock.h>
 
@@ -41,9 +41,11 @@ TEST(Wildcards, StarsAreAnyTextAndQuestionMarksACharacter) {
 /// A camera 10 m up that looks north at the wall.
 class Detections : public testing::Test {
  protected:
-  Detections() { world_->sim_set_vehicle_pose(pose(0, 0, -10), true, ""); }
-  std::vector<DetectionInfo> detected() { return world_->sim_get_detections("0", 0, "", false); }
-  void look_for(const std::string& name) { world_->sim_add_detection_filter_mesh_name("0", 0, name, "", false); }
+  Detections() { world_->vehicles().set_vehicle_pose(pose(0, 0, -10), true, ""); }
+  std::vector<DetectionInfo> detected() { return world_->detections().get_detections("0", 0, "", false); }
+  void look_for(const std::string& name) {
+    world_->detections().add_detection_filter_mesh_name("0", 0, name, "", false);
+  }
 
   std::unique_ptr<Simulator> world_ = simulator(kComputerVision);
 };
@@ -54,9 +56,10 @@ TEST_F(Detections, AreOfTheNamesThatWereAskedFor) {
   EXPECT_THAT(names_of(detected()), ElementsAre("north_wall"));
   look_for("ground");
   EXPECT_THAT(names_of(detected()), ElementsAre("ground", "north_wall"));
-  EXPECT_THAT(world_->sim_get_detections("0", 5, "", false), IsEmpty()) << "each kind of picture has its own filter";
-  EXPECT_THAT(world_->sim_get_detections("4", 0, "", false), IsEmpty()) << "each camera, too";
-  world_->sim_clear_detection_mesh_names("0", 0, "", false);
+  EXPECT_THAT(world_->detections().get_detections("0", 5, "", false), IsEmpty())
+      << "each kind of picture has its own filter";
+  EXPECT_THAT(world_->detections().get_detections("4", 0, "", false), IsEmpty()) << "each camera, too";
+  world_->detections().clear_detection_mesh_names("0", 0, "", false);
   EXPECT_THAT(detected(), IsEmpty());
 }
 
@@ -64,9 +67,9 @@ TEST_F(Detections, BoxesAreThoseOfThePixelsThatShowTheObject) {
   look_for("*");
   const std::vector<DetectionInfo> all = detected();
   for (const DetectionInfo& one : all) {
-    world_->sim_set_segmentation_object_id(".*", 0, true);
-    world_->sim_set_segmentation_object_id(one.name, 1, false);
-    const ImageResponse only = world_->sim_get_images({{"0", 5, false, false}}, "", false).at(0);
+    world_->labels().set_segmentation_object_id(".*", 0, true);
+    world_->labels().set_segmentation_object_id(one.name, 1, false);
+    const ImageResponse only = world_->cameras().get_images({{"0", 5, false, false}}, "", false).at(0);
     int left = only.width, top = only.height, right = 0, bottom = 0;
     for (int y = 0; y < only.height; ++y) {
       for (int x = 0; x < only.width; ++x) {
@@ -99,7 +102,7 @@ TEST_F(Detections, AreRelativeToTheCamera) {
   EXPECT_NEAR(ahead.relative_pose.position.x_val, kWallNorth_m + 0.5, 1e-4);
   EXPECT_NEAR(ahead.relative_pose.position.y_val, -17.5, 1e-4);
   EXPECT_NEAR(ahead.relative_pose.orientation.w_val, 1.0, 1e-6);
-  world_->sim_set_vehicle_pose(pose(0, 0, -10, -std::numbers::pi / 4), true, "");
+  world_->vehicles().set_vehicle_pose(pose(0, 0, -10, -std::numbers::pi / 4), true, "");
   const DetectionInfo askew = detected().at(0);
   const double north = kWallNorth_m + 0.5, east = -17.5, half = std::sqrt(0.5);
   EXPECT_NEAR(askew.relative_pose.position.x_val, half * north - half * east, 1e-4);
@@ -109,34 +112,35 @@ TEST_F(Detections, AreRelativeToTheCamera) {
 TEST_F(Detections, AreNoFartherThanTheRadius) {
   look_for("north_wall");
   const double away_m = std::hypot(kWallNorth_m + 0.5, 17.5, 10.0);
-  world_->sim_set_detection_filter_radius("0", 0, static_cast<float>(100.0 * away_m + 1.0), "", false);
+  world_->detections().set_detection_filter_radius("0", 0, static_cast<float>(100.0 * away_m + 1.0), "", false);
   EXPECT_THAT(names_of(detected()), ElementsAre("north_wall"));
-  world_->sim_set_detection_filter_radius("0", 0, static_cast<float>(100.0 * away_m - 1.0), "", false);
+  world_->detections().set_detection_filter_radius("0", 0, static_cast<float>(100.0 * away_m - 1.0), "", false);
   EXPECT_THAT(detected(), IsEmpty());
 }
 
 TEST_F(Detections, AreNotOfWhatIsHidden) {
   look_for("east_wall");
-  world_->sim_set_vehicle_pose(pose(30, 0, -10, std::numbers::pi), true, "");  // behind the north wall, looking south
+  world_->vehicles().set_vehicle_pose(pose(30, 0, -10, std::numbers::pi), true,
+                                      "");  // behind the north wall, looking south
   EXPECT_THAT(detected(), IsEmpty());
 }
 
 TEST_F(Detections, LeaveTheFlowOfPicturesAlone) {
   look_for("*");
   const std::vector<ImageRequest> flow{{"0", 8, true, false}};
-  world_->sim_get_images(flow, "", false);
-  world_->sim_set_vehicle_pose(pose(0, 1, -10), true, "");
+  world_->cameras().get_images(flow, "", false);
+  world_->vehicles().set_vehicle_pose(pose(0, 1, -10), true, "");
   detected();
-  const ImageResponse moved = world_->sim_get_images(flow, "", false).at(0);
+  const ImageResponse moved = world_->cameras().get_images(flow, "", false).at(0);
   EXPECT_NEAR(moved.image_data_float.at(72 * 256 + 128), -128.0 / kWallNorth_m, 1e-2);
 }
 
 TEST_F(Detections, WhatCannotBeIsRefused) {
-  EXPECT_THAT([&] { world_->sim_get_detections("nobody's", 0, "", false); },
+  EXPECT_THAT([&] { world_->detections().get_detections("nobody's", 0, "", false); },
               testing::ThrowsMessage<std::runtime_error>(HasSubstr("does not exist")));
-  EXPECT_THAT([&] { world_->sim_get_detections("0", 12, "", false); },
+  EXPECT_THAT([&] { world_->detections().get_detections("0", 12, "", false); },
               testing::ThrowsMessage<std::runtime_error>(HasSubstr("image type 12")));
-  EXPECT_THAT([&] { world_->sim_set_detection_filter_radius("0", 0, NAN, "", false); },
+  EXPECT_THAT([&] { world_->detections().set_detection_filter_radius("0", 0, NAN, "", false); },
               ThrowsMessage<std::runtime_error>(HasSubstr("the radius must be from 0 to 1e9 centimetres")));
   EXPECT_THAT([&] { look_for(std::string(2000, 'x')); },
               ThrowsMessage<std::runtime_error>(HasSubstr("longer than 1000 characters")));

@@ -1,13 +1,15 @@
+#include "tileflight/live/simulator/recording.h"
+
 #include <algorithm>
 
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/live/simulator/frames.h"
-#include "tileflight/live/simulator/simulator_impl.h"
+#include "tileflight/live/simulator/world.h"
 
 namespace tileflight::simulator {
 
 /// Images and poses of the same time. Runs without the mutex in the clock's thread, so time does not advance.
-std::vector<RecordingFrame> Simulator::Impl::capture_recording_frames() {
+std::vector<RecordingFrame> World::capture_recording_frames() {
   std::vector<std::string> names;
   {
     const std::lock_guard lock(state_mutex);
@@ -46,7 +48,7 @@ std::vector<RecordingFrame> Simulator::Impl::capture_recording_frames() {
   return moments;
 }
 
-void Simulator::Impl::record_if_due(double time_s) {
+void World::record_if_due(double time_s) {
   {
     const std::lock_guard lock(state_mutex);
     if (!recorder || time_s + 1e-9 < next_record_s) return;
@@ -66,7 +68,7 @@ void Simulator::Impl::record_if_due(double time_s) {
 }
 
 /// The first line is recorded at the next step. Throws InputError.
-void Simulator::Impl::begin_recording() {
+void World::begin_recording() {
   const std::string& named = settings.recording.folder;
   const auto& root = file_access.root();
   if (named.empty() && !root) {
@@ -82,20 +84,20 @@ void Simulator::Impl::begin_recording() {
   log_line("recording to " + recorder->folder().string());
 }
 
-void Simulator::start_recording() { impl_->begin_recording(); }
+void Recording::start() { world_.begin_recording(); }
 
-void Simulator::stop_recording() {
+void Recording::stop() {
   std::unique_ptr<Recorder> finished;
   {
-    const std::scoped_lock lock(impl_->recording_mutex, impl_->state_mutex);
-    finished = std::move(impl_->recorder);
+    const std::scoped_lock lock(world_.recording_mutex, world_.state_mutex);
+    finished = std::move(world_.recorder);
   }
   if (finished) finished->finish();
 }
 
-bool Simulator::is_recording() const {
-  const std::lock_guard lock(impl_->state_mutex);
-  return impl_->recorder != nullptr;
+bool Recording::is_recording() const {
+  const std::lock_guard lock(world_.state_mutex);
+  return world_.recorder != nullptr;
 }
 
 }  // namespace tileflight::simulator
