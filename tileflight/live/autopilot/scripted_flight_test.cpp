@@ -13,6 +13,7 @@ namespace tileflight::autopilot::scripted_flight_test {
 namespace {
 
 using geometry::Vec3;
+using vehicle::Multirotor;
 using test_support::Observation;
 using test_support::ScriptedAutopilot;
 
