@@ -5,6 +5,7 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <filesystem>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -17,7 +18,6 @@
 
 #include "tileflight/core/base/require.h"
 #include "tileflight/live/simulator/autopilot_ports.h"
-#include "tileflight/live/simulator/client_file_access.h"
 #include "tileflight/live/simulator/detections.h"
 #include "tileflight/live/simulator/image_renderer.h"
 #include "tileflight/live/simulator/lockstep_vehicle.h"
@@ -34,6 +34,20 @@
 #include "tileflight/live/simulator/world_objects.h"
 
 namespace tileflight::simulator {
+
+/// Restricts the files that clients may write to one folder, or forbids writing.
+class ClientFileAccess {
+ public:
+  explicit ClientFileAccess(std::optional<std::filesystem::path> root);
+
+  /// The path for a client's file name; relative names are below the folder. Creates its parent folders. Throws
+  /// InputError if writing is forbidden, or the name is invalid or leads out of the folder (links are followed).
+  std::filesystem::path resolve_writable(const std::string& name) const;
+  const std::optional<std::filesystem::path>& root() const { return root_; }
+
+ private:
+  std::optional<std::filesystem::path> root_;  ///< canonical
+};
 
 /// Duration of a command within 0 to an hour; AirSim's clients send 3e38 for "no limit". Throws InputError for NaN.
 inline double clamp_duration_s(float seconds, const char* call) {
