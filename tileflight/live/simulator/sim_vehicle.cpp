@@ -5,8 +5,8 @@
 #include <utility>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/live/simulator/camera_settings.h"
 #include "tileflight/live/simulator/frames.h"
+#include "tileflight/live/simulator/settings.h"
 #include "tileflight/tiles/tileset/view_criteria.h"
 
 namespace tileflight::simulator {

@@ -9,7 +9,7 @@
 
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/string_lists.h"
-#include "tileflight/live/simulator/camera_settings.h"
+#include "tileflight/live/simulator/settings.h"
 #include "tileflight/tiles/fetch/open_source.h"
 #include "tileflight/tiles/fetch/terms.h"
 #include "tileflight/tiles/tileset/cut_reader.h"

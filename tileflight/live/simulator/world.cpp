@@ -7,8 +7,8 @@
 
 #include "tileflight/capture/sensors/geomagnetic_field.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/live/simulator/camera_settings.h"
 #include "tileflight/live/simulator/frames.h"
+#include "tileflight/live/simulator/settings.h"
 
 namespace tileflight::simulator {
 
