@@ -19,7 +19,6 @@
 #include "tileflight/live/simulator/simulation_clock.h"
 
 namespace tileflight::airsim {
-
 namespace {
 
 using simulator::AutopilotEvent;

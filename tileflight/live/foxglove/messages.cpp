@@ -5,7 +5,6 @@
 #include <nlohmann/json.hpp>
 
 namespace tileflight::foxglove {
-
 namespace {
 
 using nlohmann::json;
@@ -87,8 +86,6 @@ std::string time_message(std::uint64_t time_ns) {
 }
 
 namespace {
-
-using nlohmann::json;
 
 const json& member(const json& object, const char* key) {
   const auto at = object.find(key);

@@ -10,7 +10,6 @@
 #include "tileflight/core/base/input_error.h"
 
 namespace tileflight::foxglove {
-
 namespace {
 
 constexpr std::size_t kFragmentBytes = std::size_t{256} << 10U;

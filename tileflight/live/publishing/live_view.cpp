@@ -20,7 +20,6 @@
 #include "tileflight/live/simulator/viewer.h"
 
 namespace tileflight::publishing {
-
 namespace {
 
 std::string frame_of(const std::string& vehicle, const std::string& part);
@@ -118,8 +117,6 @@ bool is_same(const simulator::Observation& a, const simulator::Observation& b) {
   return a.time_ns == b.time_ns && std::ranges::equal(a.vehicles, b.vehicles, same_vehicle);
 }
 
-using dataset::kMapFrame;
-using dataset::ros::Header;
 using Seconds = std::chrono::duration<double>;
 using WallTime = std::chrono::steady_clock::time_point;
 

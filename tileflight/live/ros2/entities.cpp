@@ -8,7 +8,6 @@
 #include "tileflight/live/ros2/raw_type.h"
 
 namespace tileflight::ros2 {
-
 namespace {
 
 /// "a/b/C" → "a::b::dds_::C" + ending

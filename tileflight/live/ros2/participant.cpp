@@ -21,7 +21,6 @@
 // Elements: https://github.com/eclipse-cyclonedds/cyclonedds/blob/releases/0.10.x/docs/manual/options.md
 
 namespace tileflight::ros2 {
-
 namespace {
 
 std::string domain(const std::string& elements) {

@@ -22,7 +22,6 @@
 // https://github.com/ros2/rmw_cyclonedds: how clients and services find each other and their messages.
 
 namespace tileflight::ros2 {
-
 namespace {
 
 constexpr std::size_t kHeader = 4, kIdentity = 16;

@@ -10,7 +10,6 @@
 #include "tileflight/live/ros2/raw_type.h"
 
 namespace tileflight::ros2 {
-
 namespace {
 
 using ListenerPointer = std::unique_ptr<dds_listener_t, decltype(&dds_delete_listener)>;

@@ -8,7 +8,6 @@
 #include "tileflight/live/rpc/message_scanner.h"
 
 namespace tileflight::rpc {
-
 namespace {
 
 constexpr std::uint64_t kRequest = 0;

@@ -9,7 +9,6 @@
 #include "tileflight/core/base/input_error.h"
 
 namespace tileflight::simulator {
-
 namespace {
 
 std::vector<double> motor_outputs(const autopilot::ServoPacket& packet, std::size_t motors) {

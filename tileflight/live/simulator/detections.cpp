@@ -90,7 +90,6 @@ std::vector<DetectedObject> detect_objects(const ResidentScene& place, const ima
 namespace {
 
 using geometry::SE3;
-using geometry::Vec3;
 
 constexpr std::size_t kMaxNames = 1000;  // per filter
 constexpr double kMaxRadius_m = 1e7;

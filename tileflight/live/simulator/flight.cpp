@@ -20,6 +20,13 @@ constexpr double kHomeSpeed_m_s = 0.5;      // AirSim's
 constexpr std::size_t kMaxPoints = 100000;  // per path
 constexpr double kMaxSpeed_m_s = 1000.0;
 
+/// Duration of a command within 0 to an hour; AirSim's clients send 3e38 for "no limit". Throws InputError for NaN.
+double clamp_duration_s(float seconds, const char* call) {
+  constexpr double kMaxDuration_s = 3600.0;
+  base::require(!std::isnan(seconds), call, "the time is not a number");
+  return std::clamp(static_cast<double>(seconds), 0.0, kMaxDuration_s);
+}
+
 /// Timeout of a command; at least one step.
 double clamp_timeout_s(float seconds, const char* call) {
   return std::max(clamp_duration_s(seconds, call), SimulationClock::kStep_s);

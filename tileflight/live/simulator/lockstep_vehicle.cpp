@@ -11,7 +11,6 @@
 #include "tileflight/live/simulator/world.h"
 
 namespace tileflight::simulator {
-
 namespace {
 
 using geometry::Vec3;
@@ -214,7 +213,6 @@ autopilot::HilStateQuaternion hil_state(const SensorContext& now, std::uint64_t 
 namespace {
 
 using geometry::SE3;
-using geometry::Vec3;
 
 /// Of PX4's steps: magnetometer, barometer and distance sensors 50 times a second, receiver 10 times, heartbeat once.
 /// Optical flow 25 times, odometry 31 times.

@@ -66,8 +66,6 @@ constexpr std::uint64_t px4_stamp_us(std::uint64_t step) { return 1'000'000 + st
 struct PlannedImages;
 struct VehicleSlot;
 struct World;
-struct SensorContext;
-struct SensorSettings;
 
 /// Simulation time that each connected autopilot has reached. The clock follows the earliest.
 /// Guarded by the simulator's mutex.

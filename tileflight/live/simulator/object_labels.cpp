@@ -10,7 +10,6 @@
 #include "tileflight/core/base/random_numbers.h"
 
 namespace tileflight::simulator {
-
 namespace {
 
 using imaging::Rgb8;
@@ -93,8 +92,6 @@ std::vector<Rgb8> AnnotationLayers::colours(const std::string& layer, const std:
 }
 
 namespace {
-
-using imaging::Rgb8;
 
 std::array<Rgb8, 256> make_palette() {
   std::array<Rgb8, 256> palette{};

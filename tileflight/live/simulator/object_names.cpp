@@ -9,7 +9,6 @@
 #include "tileflight/core/base/sha256.h"
 
 namespace tileflight::simulator {
-
 namespace {
 
 constexpr std::size_t kMaxPatternLength = 1000;

@@ -18,8 +18,11 @@
 #include "tileflight/world/place/extract.h"
 
 namespace tileflight::simulator {
-
 namespace {
+
+using geometry::Box3;
+using geometry::SE3;
+using geometry::Vec3;
 
 /// A checked box of cells requested by a client. Local frame (east, north, up).
 struct VoxelGridSpec {
@@ -31,17 +34,6 @@ struct VoxelGridSpec {
 
   std::int64_t count() const { return cells[0] * cells[1] * cells[2]; }
 };
-
-/// A grid in AirSim's layout: the centre is the centre of cell n/2 (integer division) along each axis. Throws
-/// InputError: not finite, no cell, sides over 100 km, more than `max_cells`.
-VoxelGridSpec make_airsim_grid(const geometry::Vec3& center_local, const geometry::Vec3& size_m, double edge_m,
-                               std::int64_t max_cells);
-/// A grid whose centre is the centre of the box.
-VoxelGridSpec make_centered_grid(const geometry::Vec3& center_local, const geometry::Vec3& size_m, double edge_m,
-                                 std::int64_t max_cells);
-
-using geometry::Box3;
-using geometry::Vec3;
 
 constexpr double kMaxSide_m = 1e5;
 constexpr double kMaxOccupied = 5e7;  // 12 bytes per cell
@@ -125,6 +117,8 @@ class RunLengthWriter {
   std::int64_t begin_ = 0, end_ = 0;  ///< current occupied run
 };
 
+/// A grid in AirSim's layout: the centre is the centre of cell n/2 (integer division) along each axis. Throws
+/// InputError: not finite, no cell, sides over 100 km, more than `max_cells`.
 VoxelGridSpec make_airsim_grid(const Vec3& center_local, const Vec3& size_m, double edge_m, std::int64_t max_cells) {
   VoxelGridSpec grid = checked_grid(center_local, size_m, edge_m, max_cells);
   const Vec3 halves(static_cast<double>(grid.cells[0] / 2), static_cast<double>(grid.cells[1] / 2),
@@ -133,6 +127,7 @@ VoxelGridSpec make_airsim_grid(const Vec3& center_local, const Vec3& size_m, dou
   return grid;
 }
 
+/// A grid whose centre is the centre of the box.
 VoxelGridSpec make_centered_grid(const Vec3& center_local, const Vec3& size_m, double edge_m, std::int64_t max_cells) {
   VoxelGridSpec grid = checked_grid(center_local, size_m, edge_m, max_cells);
   const Vec3 cells(static_cast<double>(grid.cells[0]), static_cast<double>(grid.cells[1]),
@@ -198,10 +193,6 @@ VoxelGridData to_voxel_grid_data(const geometry::VoxelGrid& grid, const VoxelGri
   data.occupied_count = grid.occupied.size();
   return data;
 }
-
-using geometry::Box3;
-using geometry::SE3;
-using geometry::Vec3;
 
 constexpr std::int64_t kMaxFileCells = std::int64_t{1} << 34;
 constexpr std::int64_t kMaxAnswerCells = std::int64_t{32} << 20;

@@ -12,7 +12,6 @@
 #include "tileflight/live/simulator/frames.h"
 
 namespace tileflight::simulator {
-
 namespace {
 
 using geometry::Vec3;
@@ -84,8 +83,6 @@ std::vector<LidarReturn> scan_lidar(const ResidentScene& place, const LidarSetti
 }
 
 namespace {
-
-using geometry::Vec3;
 
 /// Rays start this far off the surface that mirrors them.
 constexpr double kOffSurface_m = 1e-4;

@@ -12,7 +12,6 @@
 #include "tileflight/live/simulator/frames.h"
 
 namespace tileflight::simulator {
-
 namespace {
 
 using base::StrictSection;
@@ -238,7 +237,6 @@ std::optional<AutopilotSettings> read_autopilot(const std::string& vehicle_type,
 
 namespace {
 
-using base::StrictSection;
 using nlohmann::json;
 
 /// AirSim's keys for features that do not exist here: a window, a graphics card, a game.

@@ -10,7 +10,6 @@
 #include "tileflight/tiles/tileset/view_criteria.h"
 
 namespace tileflight::simulator {
-
 namespace {
 
 using imaging::Camera;

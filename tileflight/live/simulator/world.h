@@ -49,13 +49,6 @@ class ClientFileAccess {
   std::optional<std::filesystem::path> root_;  ///< canonical
 };
 
-/// Duration of a command within 0 to an hour; AirSim's clients send 3e38 for "no limit". Throws InputError for NaN.
-inline double clamp_duration_s(float seconds, const char* call) {
-  constexpr double kMaxDuration_s = 3600.0;
-  base::require(!std::isnan(seconds), call, "the time is not a number");
-  return std::clamp(static_cast<double>(seconds), 0.0, kMaxDuration_s);
-}
-
 inline constexpr double kHistory_s = 0.5;  ///< length of each vehicle's history of states
 
 /// A vehicle with its state history and sensor noise.
