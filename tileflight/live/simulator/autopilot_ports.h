@@ -38,7 +38,7 @@ class ArduPilotPort {
   ArduPilotPort(LockstepVehicle vehicle, std::shared_ptr<Port> port, SimulatorLog log);
 
   void start();
-  /// After the clock has stopped. May be called twice.
+  /// Ends the thread, after the clock has stopped. May be called twice.
   void stop();
   std::uint16_t port() const { return port_->port.port(); }
   const LockstepVehicle& vehicle() const { return vehicle_; }
@@ -66,9 +66,9 @@ struct Px4Pace {
 };
 
 /// PX4's simulator interface for one vehicle: a thread that waits for PX4 at a TCP port, sends it sensors every 4 ms of
-/// simulated time, and drives the motors with what it answers. Until PX4 has sent its first outputs, where it leaves
-/// out an answer until it answers twice in a row, and without lockstep, time goes by the wall clock. It begins once
-/// nobody else uses the port.
+/// simulated time, and drives the motors with its answers. In lockstep each step waits for an answer. Time follows the
+/// wall clock without lockstep, until PX4 has sent its first outputs, and after a missing answer until PX4 answers
+/// twice in a row. The thread begins once the port is free.
 class Px4Port {
  public:
   using Port = autopilot::SharedPort<autopilot::TcpPort>;
@@ -76,7 +76,7 @@ class Px4Port {
   Px4Port(LockstepVehicle vehicle, std::shared_ptr<Port> port, const Px4Pace& pace, SimulatorLog log);
 
   void start();
-  /// After the clock has stopped. May be called twice.
+  /// Ends the thread, after the clock has stopped. May be called twice.
   void stop();
   std::uint16_t port() const { return shared_->port.port(); }
   const LockstepVehicle& vehicle() const { return vehicle_; }

@@ -30,8 +30,8 @@ struct DetectedObject {
   geometry::Box3 bounds_camera;  ///< the object's bounds in the client's camera axes, metres
 };
 
-/// The objects visible in the image that pass the filter, in the order of the place. `objects`: object index per pixel,
-/// as RenderLayers::objects. `T_camera_local`: transform into the client's camera axes.
+/// Finds the objects that are visible in an image and pass the filter, in the order of the place. `objects`: object
+/// index per pixel, as RenderLayers::objects. `T_camera_local`: transform into the client's camera axes.
 std::vector<DetectedObject> detect_objects(const ResidentScene& place, const imaging::Image<std::uint32_t>& objects,
                                            const geometry::SE3& T_camera_local, const DetectionFilter& filter);
 
@@ -40,11 +40,15 @@ class Detections {
  public:
   explicit Detections(World& world) : world_(world) {}
 
+  /// Adds names of objects to detect, with the wildcards `*` and `?`. Throws InputError for more than 1000.
   void add_detection_filter_mesh_name(const std::string& camera, int image_type, const std::string& mesh_name,
                                       const std::string& vehicle, bool external);
+  /// Sets the greatest distance from the camera to an object's centre.
   void set_detection_filter_radius(const std::string& camera, int image_type, float radius_cm,
                                    const std::string& vehicle, bool external);
+  /// Removes all names.
   void clear_detection_mesh_names(const std::string& camera, int image_type, const std::string& vehicle, bool external);
+  /// Renders the image and returns the detected objects.
   std::vector<DetectionInfo> get_detections(const std::string& camera, int image_type, const std::string& vehicle,
                                             bool external);
 

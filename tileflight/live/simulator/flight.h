@@ -18,19 +18,25 @@ class Flight {
  public:
   explicit Flight(World& world) : world_(world) {}
 
+  /// Cancels the task that runs; the vehicle then hovers.
   void cancel_last_task(const std::string& vehicle);
+  /// Climbs to 2 m above the start of the climb. Throws InputError for a vehicle that moves.
   bool takeoff(float timeout_s, const std::string& vehicle);
   bool land(float timeout_s, const std::string& vehicle);
+  /// Flies to the start position at 0.5 m/s.
   bool go_home(float timeout_s, const std::string& vehicle);
   bool hover(const std::string& vehicle);
   bool move_to_position(float x, float y, float z, float velocity, float timeout_s, int drivetrain,
                         const YawMode& yaw_mode, float lookahead, float adaptive_lookahead, const std::string& vehicle);
   bool move_on_path(const std::vector<Vector3r>& path, float velocity, float timeout_s, int drivetrain,
                     const YawMode& yaw_mode, float lookahead, float adaptive_lookahead, const std::string& vehicle);
+  /// Flies with a velocity in NED axes.
   bool move_by_velocity(float vx, float vy, float vz, float duration_s, int drivetrain, const YawMode& yaw_mode,
                         const std::string& vehicle);
+  /// Flies with a horizontal velocity in NED axes at a fixed `z`.
   bool move_by_velocity_z(float vx, float vy, float z, float duration_s, int drivetrain, const YawMode& yaw_mode,
                           const std::string& vehicle);
+  /// Flies with a velocity in axes that turn with the heading: forward, right, down.
   bool move_by_velocity_body_frame(float vx, float vy, float vz, float duration_s, int drivetrain,
                                    const YawMode& yaw_mode, const std::string& vehicle);
   bool move_by_velocity_z_body_frame(float vx, float vy, float z, float duration_s, int drivetrain,
@@ -39,8 +45,9 @@ class Flight {
                  float adaptive_lookahead, const std::string& vehicle);
   bool move_to_gps(float latitude, float longitude, float altitude, float velocity, float timeout_s, int drivetrain,
                    const YawMode& yaw_mode, float lookahead, float adaptive_lookahead, const std::string& vehicle);
-  /// Angles in radians: roll right side down, pitch nose up, yaw clockwise from north. Throttle 1: full thrust of the
-  /// rotors.
+  /// Holds an attitude at a fixed `z`. Positive roll lowers the right side, positive pitch raises the nose, and yaw is
+  /// clockwise from north. The variants below take a yaw rate instead of a yaw, rates instead of angles, or a throttle
+  /// instead of a height; a throttle of 1 is the full thrust of the rotors.
   bool move_by_roll_pitch_yaw_z(float roll, float pitch, float yaw, float z, float duration_s,
                                 const std::string& vehicle);
   bool move_by_roll_pitch_yaw_throttle(float roll, float pitch, float yaw, float throttle, float duration_s,
@@ -53,14 +60,20 @@ class Flight {
                              const std::string& vehicle);
   bool move_by_angle_rates_throttle(float roll_rate, float pitch_rate, float yaw_rate, float throttle, float duration_s,
                                     const std::string& vehicle);
+  /// Turns to a heading in degrees clockwise from north, within `margin_degrees`.
   bool rotate_to_yaw(float yaw_degrees, float timeout_s, float margin_degrees, const std::string& vehicle);
+  /// Turns clockwise at a rate.
   bool rotate_by_yaw_rate(float yaw_rate_degrees_s, float duration_s, const std::string& vehicle);
-  /// Flies with this velocity (x along the heading, y left, z up) and turn (counter-clockwise) for this time of the
-  /// simulation, then hovers.
+
+  // The following return at once. They put the vehicle under API control, arm it and cancel its current task. They
+  // throw InputError for a vehicle that cannot do that, or for values out of range.
+
+  /// Starts to fly with a velocity (x along the heading, y left, z up) and a counter-clockwise yaw rate; after
+  /// `duration_s` of the simulation the vehicle hovers.
   void start_velocity(const geometry::Vec3& velocity_m_s, double yaw_rate_rad_s, double duration_s,
                       const std::string& vehicle);
-  /// A vehicle that flies starts flying there, at 5 m/s at most, and turns to the pose's heading; a camera without a
-  /// vehicle is moved at once. Body axes x forward, y left, z up.
+  /// Starts to fly to a position at 5 m/s at most, and turns to the pose's heading; moves a camera without a vehicle at
+  /// once. Body axes: x forward, y left, z up.
   void start_pose(const geometry::SE3& T_local_body, const std::string& vehicle);
 
  private:

@@ -15,14 +15,18 @@ class Labels {
  public:
   explicit Labels(World& world) : world_(world) {}
 
+  /// Sets the id of all objects with a name or matching a pattern. Returns whether there are any.
   bool set_segmentation_object_id(const std::string& mesh_name, int object_id, bool is_name_regex);
+  /// Returns the id of an object, whose name is compared without regard to case; -1 for an unknown name.
   int get_segmentation_object_id(const std::string& mesh_name);
   std::vector<std::string> list_instance_segmentation_objects();
-  /// In the order of the objects.
+  /// Returns the centres of the objects in the order of list_instance_segmentation_objects().
   std::vector<Pose> list_instance_segmentation_poses(bool ned, bool only_visible);
-  /// Red, green, blue (0 to 255) of the ids from 0 to 255.
+  /// Returns red, green and blue (0 to 255) for each id from 0 to 255.
   std::vector<Vector3r> get_instance_segmentation_color_map() const;
-  std::vector<std::string> list_annotation_objects(const std::string& layer);  ///< none for an unknown layer
+
+  // Annotation layers. An unknown layer has no objects.
+  std::vector<std::string> list_annotation_objects(const std::string& layer);
   std::vector<Pose> list_annotation_poses(const std::string& layer, bool ned, bool only_visible);
   bool set_annotation_object_id(const std::string& layer, const std::string& name, int id, bool is_name_regex);
   int get_annotation_object_id(const std::string& layer, const std::string& name) const;

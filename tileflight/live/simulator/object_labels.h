@@ -17,13 +17,14 @@
 
 namespace tileflight::simulator {
 
-/// What clients have set for objects by name or by pattern, which also holds for objects that come later. The latest
-/// rule that matches a name holds. Not thread-safe.
+/// Values that clients set for objects by name or by pattern, also for objects that come later. The latest rule that
+/// matches a name wins. Not thread-safe.
 template <class Value>
 class NameRules {
  public:
-  /// Sets the value of all matching names (a whole name; a pattern is case-insensitive). Returns whether any of `names`
-  /// matched; a plain name that none has sets nothing. Throws InputError: an invalid pattern, more than 10000 patterns.
+  /// Sets the value of a whole name or of all names that match a case-insensitive pattern. Returns whether any of
+  /// `names` matched; a whole name that is not among them sets nothing. Throws InputError for an invalid pattern, or
+  /// more than 10000 patterns.
   bool set(const std::string& name, const Value& value, bool is_pattern, const std::vector<std::string>& names) {
     if (!is_pattern) {
       if (std::ranges::find(names, name) == names.end()) return false;
@@ -40,7 +41,7 @@ class NameRules {
     return any;
   }
 
-  /// nullopt: nothing was set for this name.
+  /// Returns the value of a name; nullopt if none was set.
   std::optional<Value> find(const std::string& name) const {
     if (const auto at = by_name_.find(name); at != by_name_.end()) return at->second;
     for (auto rule = patterns_.rbegin(); rule != patterns_.rend(); ++rule) {
@@ -62,7 +63,7 @@ class NameRules {
   std::map<std::string, Value> by_name_;  ///< later than all patterns that match
 };
 
-/// What an annotation layer holds for each object (Cosys-AirSim's types 0, 1, 2, and its two modes of colours).
+/// The kind of label of an annotation layer (Cosys-AirSim's types 0, 1, 2, and its two modes of colours).
 enum class AnnotationKind { kColour, kColourIndex, kGreyscale, kTexture };
 
 /// An annotation layer of the settings (Cosys-AirSim's key `Annotation`).
@@ -78,9 +79,9 @@ class AnnotationLayers {
  public:
   explicit AnnotationLayers(const std::vector<AnnotationSettings>& layers);
 
-  // Set the label of all matching objects, including those of tiles loaded later (NameRules::set(), whose errors they
-  // throw). False, and nothing is set: no object matches, there is no such layer, it is of another kind, or the label
-  // is out of range.
+  // These set the label of all matching objects, including those of tiles loaded later. They return false and set
+  // nothing if no object matches, there is no such layer, it is of another kind, or the label is out of range. They
+  // throw the errors of NameRules::set().
   bool set_id(const std::string& layer, const std::string& name, int id, bool is_pattern,
               const std::vector<std::string>& names);
   bool set_colour(const std::string& layer, const std::string& name, int red, int green, int blue, bool is_pattern,
@@ -88,13 +89,13 @@ class AnnotationLayers {
   bool set_value(const std::string& layer, const std::string& name, float value, bool is_pattern,
                  const std::vector<std::string>& names);
 
-  // The label of an object; what Cosys-AirSim answers where the layer is missing or of another kind.
+  // These return the label of an object, or what Cosys-AirSim answers if the layer is missing or of another kind.
   int id(const std::string& layer, const std::string& name) const;              ///< -1: none
   std::string colour(const std::string& layer, const std::string& name) const;  ///< "R,G,B"; empty: none
   float value(const std::string& layer, const std::string& name) const;         ///< 0: none
 
   bool has(const std::string& layer) const { return layers_.contains(layer); }
-  /// The colour in which each object is shown. Throws InputError, naming the layers, if there is no such layer.
+  /// Returns the colour of each object. Throws InputError, which names the layers, if there is no such layer.
   std::vector<imaging::Rgb8> colours(const std::string& layer, const std::vector<std::string>& names) const;
 
  private:
@@ -122,15 +123,15 @@ inline constexpr int kMaxSegmentationId = 2'743'999;
 /// The colours of the segmentation ids up to 255: AirSim's for 0, 1, 2 and 7, our own for the others; all distinct.
 const std::array<imaging::Rgb8, 256>& segmentation_palette();
 
-/// The colour of an id: of the palette, or one of our own that no other id has; black for -1.
+/// Returns the colour of an id: from the palette, else one that no other id has; black for -1.
 imaging::Rgb8 segmentation_colour(int id);
-/// A colour as one number: red, green, blue from the highest byte down.
+/// Packs a colour into one number: red, green, blue from the highest byte down.
 inline std::uint32_t colour_number(const imaging::Rgb8& colour) {
   return (std::uint32_t{colour[0]} << 16U) | (std::uint32_t{colour[1]} << 8U) | colour[2];
 }
 
-/// AirSim's default id of an object: (5 + the sum of the ASCII codes of the letters, and of the ASCII characters that
-/// follow them, in its lower-cased name) modulo 256.
+/// Computes AirSim's default id of an object: (5 + the sum of the ASCII codes of the letters, and of the ASCII
+/// characters that follow them, in its lower-cased name) modulo 256.
 int default_segmentation_id(const std::string& name);
 
 /// Assigns segmentation ids to object names. Thread-safe.
@@ -139,9 +140,8 @@ class SegmentationIds {
   /// `by_names`: default ids are computed from the names; otherwise all are 0.
   explicit SegmentationIds(bool by_names) : by_names_(by_names) {}
 
-  /// Sets the id of all matching names (a whole name; a pattern is case-insensitive), including those of tiles loaded
-  /// later. Returns whether any of `names` matched. Throws InputError: an id outside -1 to kMaxSegmentationId, an
-  /// invalid pattern, more than 10000 patterns.
+  /// Sets the id of names as NameRules::set() does, including those of tiles loaded later. Throws InputError also for
+  /// an id outside -1 to kMaxSegmentationId.
   bool set(const std::string& name, int id, bool is_pattern, const std::vector<std::string>& names);
   int lookup(const std::string& name) const;
   /// Looks up many names efficiently.

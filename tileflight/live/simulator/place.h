@@ -14,14 +14,21 @@ class Place {
  public:
   explicit Place(World& world) : world_(world) {}
 
-  /// False where the file must not or cannot be written (AirSim's answer); the log says why.
+  /// Writes the occupancy of a box as a binvox file. Returns false if the file must not or cannot be written, as AirSim
+  /// does; the log says why.
   bool create_voxel_grid(const Vector3r& position, int x, int y, int z, float resolution, const std::string& file);
+  /// Returns whether nothing stands between a vehicle and a point.
   bool test_line_of_sight_to_point(const GeoPoint& point, const std::string& vehicle);
+  /// Returns whether nothing stands between two points.
   bool test_line_of_sight_between_points(const GeoPoint& from, const GeoPoint& to);
+  /// Returns the lowest and the highest corner of the place.
   std::vector<GeoPoint> get_world_extents();
-  LoadedRegion load_region(const Vector3r& center, const Vector3r& size, float error_m);  ///< global NED
+  /// Keeps a region's tiles in memory from now on, up to a geometric error.
+  LoadedRegion load_region(const Vector3r& center, const Vector3r& size, float error_m);
+  /// Writes the ground truth of a region to a folder, as the command extract does.
   GroundTruthReport ground_truth(const Vector3r& center, const Vector3r& size, float error_m, float voxel_m,
                                  const std::string& folder);
+  /// Returns the occupancy of a box.
   VoxelGridData voxel_grid(const Vector3r& center, const Vector3r& size, float resolution);
 
  private:

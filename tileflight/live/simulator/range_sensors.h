@@ -24,7 +24,7 @@ struct LidarReturn {
 std::vector<LidarReturn> scan_lidar(const ResidentScene& place, const LidarSettings& settings,
                                     const geometry::SE3& T_local_sensor);
 
-/// The highest angular density of rays, per radian: determines the tiles' resolution.
+/// Returns the highest angular density of rays per radian, which determines the tiles' resolution.
 double rays_per_rad(const LidarSettings& settings);
 
 /// An echo: where the signal was reflected last before it came back.
@@ -36,14 +36,14 @@ struct EchoReturn {
   std::uint32_t object = 0;  ///< index into ResidentScene::objects()
 };
 
-/// The directions in which the signal is sent, sensor axes: evenly over the solid angle within the limits (Fibonacci
-/// lattice, Gonzalez 2010), or over the horizontal angle for a sensor that senses in its plane only.
+/// Returns the directions in which the signal is sent, in sensor axes: evenly over the solid angle within the limits
+/// (Fibonacci lattice, Gonzalez 2010), or over the horizontal angle for a sensor that senses in its plane only.
 std::vector<geometry::Vec3> echo_directions(const EchoSettings& settings);
 
-/// A sonar or radar by geometrical acoustics, an own model with Cosys-AirSim's settings: each ray is mirrored at the
-/// surfaces that it meets, and the first of them that scatters back to the sensor, within the opening angle around the
-/// mirrored direction and with nothing between, makes an echo. No interference, no noise, no doppler. Returns are in
-/// the order of the directions and do not depend on the number of threads.
+/// Simulates a sonar or radar by geometrical acoustics, with Cosys-AirSim's settings and a model of our own. Each ray
+/// is mirrored at the surfaces that it meets. The first surface that scatters back to the sensor, within the opening
+/// angle around the mirrored direction and with nothing between, makes an echo. There is no interference, noise or
+/// Doppler shift. Returns are in the order of the directions and do not depend on the number of threads.
 std::vector<EchoReturn> sense_echoes(const ResidentScene& place, const EchoSettings& settings,
                                      const geometry::SE3& T_local_sensor);
 

@@ -27,8 +27,8 @@ class SimCamera {
   /// Sets the field of view of all image types, degrees; replaces another lens. Throws InputError outside 0.1 to 179.9.
   void set_fov(double fov_deg);
   double fov_deg() const { return settings_.captures[0].fov_deg; }
-  /// Sets one of Brown's coefficients K1, K2, K3, P1, P2 of pinhole lenses. Throws InputError: another name, not
-  /// finite.
+  /// Sets one of Brown's coefficients K1, K2, K3, P1, P2 of pinhole lenses. Throws InputError for another name, or a
+  /// value that is not finite.
   void set_distortion(const std::string& name, double value);
   const std::array<double, 5>& distortion() const { return distortion_; }
   /// Sets the lens of all image types. Throws InputError for an invalid lens.
@@ -38,7 +38,7 @@ class SimCamera {
   int height(int image_type) const { return capture(image_type).height; }
   imaging::Camera lens(int image_type) const;
   CameraInfo info(const geometry::SE3& T_ned_camera) const;
-  /// The highest angular resolution of any of its images.
+  /// Returns the highest angular resolution of any of its images.
   double pixels_per_rad() const;
 
  private:
@@ -102,28 +102,28 @@ class SimVehicle {
   std::shared_ptr<const vehicle::Task> command(const vehicle::Command& command);
   void cancel();
   bool busy() const { return task_ && task_->outcome == vehicle::Outcome::kRunning; }
-  /// On the ground with its rotors off.
+  /// Returns whether the vehicle is on the ground with its rotors off.
   bool landed() const;
-  /// Moved by physics; otherwise it stays where it was placed.
+  /// Returns whether physics moves the vehicle; otherwise it stays where it was placed.
   bool is_flying() const { return flight_ || multirotor_; }
   double yaw_local_rad() const;  ///< counter-clockwise from east
   geometry::Vec3 position_local() const { return T_local_ned_ * state_.T_ned_body.translation; }
   const vehicle::VehicleOptions& options() const { return options_; }
   std::vector<vehicle::Rotor> rotors() const;
-  /// By rotor; zero if it does not fly.
+  /// Returns the speed of each rotor; zero if the vehicle does not fly.
   std::vector<double> rotor_speeds_rad_s() const;
-  /// The air's velocity at the vehicle, global NED.
+  /// Returns the air's velocity at the vehicle, global NED.
   geometry::Vec3 wind_ned_m_s() const;
   /// Sets the mean wind, also in flight.
   void set_wind(const geometry::Vec3& wind_local_m_s);
 
-  /// One physics step; `time_s`: simulation time after it. Of a vehicle with an autopilot nothing moves.
+  /// Makes one physics step; `time_s`: simulation time after it. A vehicle with an autopilot does not move.
   void step(double time_s);
-  /// One physics step of a vehicle with an autopilot. `outputs`: of the motors, 0 to 1.
+  /// Makes one physics step of a vehicle with an autopilot. `outputs`: commands of the motors, 0 to 1.
   void step_motors(std::span<const double> outputs, double step_s, double time_s);
   /// Returns to the start pose, at rest.
   void return_to_start();
-  /// The same, without API control, armed as the settings say, with the settings' cameras.
+  /// Returns to the start pose, without API control, armed and with the cameras as in the settings.
   void reset();
 
   VehicleCollision& collision() { return collision_; }

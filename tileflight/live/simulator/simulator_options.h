@@ -45,7 +45,7 @@ struct SimulatorOptions {
   double max_distance_m = std::numeric_limits<double>::infinity();
   /// Tiles that could not be read are requested again after this time, if tiles follow the sensors.
   std::chrono::milliseconds retry_after{10'000};
-  std::string autopilot_address = "127.0.0.1";  ///< on which ports of autopilots are opened
+  std::string autopilot_address = "127.0.0.1";  ///< address of the autopilots' ports
   bool prefetch = true;                         ///< read tiles ahead in the background; no result depends on it
   /// Root of clients' file names. nullopt: calls that write files are refused.
   std::optional<std::filesystem::path> output_root;
@@ -54,11 +54,11 @@ struct SimulatorOptions {
   /// Origin of NED in the local frame (east, north, up); a z of NaN: on the surface. Default: on the surface at the
   /// local frame's origin, or if there is none, at the centre of the place.
   std::optional<geometry::Vec3> ned_origin_local;
-  /// Ports of autopilots that several worlds use, one after another; nullptr: its own.
+  /// Ports of autopilots that several worlds use one after another; nullptr: the world opens its own.
   std::shared_ptr<autopilot::SharedPorts> autopilot_ports;
-  AutopilotJournal journal;  ///< of a session that is recorded
-  /// A recorded session is repeated: advance_to() moves the time, and apply() replaces the autopilots, whose ports are
-  /// not opened.
+  AutopilotJournal journal;  ///< receives the autopilots' events, for a session that is recorded
+  /// Repeats a recorded session: Clock::advance_to() moves the time, and Simulator::apply() replaces the autopilots,
+  /// whose ports are not opened.
   bool repeats_session = false;
   std::optional<std::uint64_t> clock_start_ns;  ///< time stamp of the start; nullopt: as the settings have it
 };

@@ -68,13 +68,16 @@ class Viewer {
  public:
   explicit Viewer(World& world) : world_(world) {}
 
+  /// Returns the present time and the state of all vehicles.
   Observation observe() const;
-  /// As sim_get_images(), without effect on optical flow.
+  /// Renders images as Cameras::get_images() does, without effect on optical flow.
   std::vector<ImageResponse> images(const std::vector<ImageRequest>& requests, const std::string& vehicle);
+  /// Scans a full rotation of a lidar.
   ObservedScan scan(const std::string& lidar, const std::string& vehicle);
-  /// With noise of its own.
+  /// Reads an inertial unit, with noise that is independent of what clients read. Throws InputError for an unknown
+  /// name.
   ObservedMotion imu(const std::string& imu, const std::string& vehicle);
-  /// Copies of the meshes in memory, local frame. nullopt: they have more triangles than `max_triangles`.
+  /// Copies the meshes in memory, local frame. Returns nullopt if they have more than `max_triangles` triangles.
   std::optional<std::vector<imaging::TexturedMesh>> meshes(std::size_t max_triangles) const;
 
  private:

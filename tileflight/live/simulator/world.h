@@ -56,25 +56,25 @@ struct VehicleSlot {
   std::unique_ptr<SimVehicle> vehicle;
   StateHistory history;
   std::map<std::string, SensorNoiseState> sensor_noises;  ///< by the sensor's name
-  std::map<std::string, SensorNoiseState> view_noises;    ///< of what viewers see, by the sensor's name
-  std::unique_ptr<VisionInput> vision;  ///< of an autopilot that gets it from pictures; used by the autopilot's thread
+  std::map<std::string, SensorNoiseState> view_noises;    ///< for Viewer::imu(), by the sensor's name
+  std::unique_ptr<VisionInput> vision;  ///< null without vision from images; used by the autopilot's thread
 };
 
 /// Time of day and weather, as clients set them.
 class Outdoors {
  public:
-  /// Number of AirSim's WeatherParameter with an effect here: Rain, Roadwetness, Snow, Dust, Fog.
+  /// The numbers of AirSim's WeatherParameter that have an effect: Rain, Roadwetness, Snow, Dust, Fog.
   enum Parameter { kRain = 0, kRoadWetness = 1, kSnow = 2, kDust = 6, kFog = 7, kEnabled = 8 };
 
-  /// The sun moves from `start` on, at `clock_s` of the simulation, by `speed` seconds a second, every `interval_s` (0:
-  /// always).
+  /// Lets the sun move from `start` on, which is at `clock_s` of the simulation, by `speed` seconds a second, in steps
+  /// of `interval_s` (0: continuously).
   void set_time_of_day(const Sunlight& start, double clock_s, double speed, double interval_s);
   void end_time_of_day() { celestial_clock_.reset(); }
   void enable_weather(bool enable);
-  /// False: a parameter without effect. `value`: 0 to 1.
+  /// Sets a parameter to a value from 0 to 1. Returns false for a parameter without effect.
   bool set_parameter(int parameter, double value);
 
-  /// What pictures show at this time of the simulation. `wind_m_s`: east, north, up.
+  /// Returns the light and weather of images at a time of the simulation. `wind_m_s`: east, north, up.
   Outlook outlook(double clock_s, const geometry::Vec3& wind_m_s) const;
 
  private:
@@ -85,12 +85,12 @@ class Outdoors {
   std::optional<CelestialClock> celestial_clock_;
   bool has_weather_ = false;
   std::array<double, 9> values_{};
-  /// The weather of the latest outlook: kept as long as nothing changes, so that renderers are.
+  /// The weather of the latest outlook. It is kept as long as nothing changes, so that renderers can be reused.
   mutable std::shared_ptr<const render::WeatherOptions> weather_;
 };
 
-/// The weather of AirSim's parameters (0 to 1 each): fog's visibility 5000 m (20 / 5000)^fog, dust's 5000 m (50 /
-/// 5000)^dust, rain 100 mm/h rain^2, snow 10 mm/h snow^2, wetness as it is; 0 is none of it.
+/// Converts AirSim's parameters (0 to 1 each, 0 is none) to weather: the visibility in fog is 5000 m (20 / 5000)^fog,
+/// in dust 5000 m (50 / 5000)^dust; rain is 100 mm/h rain^2, snow 10 mm/h snow^2; wetness stays as it is.
 render::WeatherOptions weather_of_parameters(double fog, double dust, double rain, double snow, double wetness);
 
 /// A requested image, independent of the simulator's state.
@@ -112,7 +112,7 @@ struct PlannedImages {
   Outlook outlook;
 };
 
-/// When a camera took its latest picture, for optical flow.
+/// Camera pose and objects at a camera's latest image, for optical flow.
 struct LatestPicture {
   geometry::SE3 T_local_camera;
   ObjectList objects;
@@ -121,7 +121,7 @@ struct LatestPicture {
 /// The simulator's state. One mutex guards all mutable state; rendering, scans and tile loading run without it, on
 /// copies of the data they need.
 struct World {
-  /// `meshes`: the place; none: `options.source`, read while `progress` is told.
+  /// Opens `options.source`, or uses `meshes` as the place if they are given.
   World(const SimulatorOptions& options, std::optional<std::vector<imaging::TexturedMesh>> meshes, SimulatorLog log,
         const Progress& progress);
 
@@ -178,14 +178,14 @@ struct World {
   SimCamera& camera(const std::string& camera, const std::string& vehicle, bool external);
   const SimCamera& camera(const std::string& camera, const std::string& vehicle, bool external) const;
   geometry::SE3 T_ned_camera(const SimCamera& camera, const std::string& vehicle, bool external) const;
-  /// Origin of a vehicle's local NED in global NED; of external cameras zero.
+  /// Returns the origin of a vehicle's local NED in global NED; zero for external cameras.
   geometry::Vec3 ned_origin(const std::string& vehicle, bool external) const;
   std::vector<SensorViewpoint> viewpoints() const;
 
-  // The tiles with the objects of clients; without the mutex.
+  // These return the tiles with the objects of clients. The mutex must not be held.
   std::shared_ptr<const ResidentScene> place_for(std::span<const SensorViewpoint> viewpoints);
   std::shared_ptr<const ResidentScene> place_now();
-  /// Shows vehicles the objects as they are now.
+  /// Makes the present objects obstacles of the vehicles.
   void update_obstacles();
 
   // Images (cameras.cpp).
@@ -193,7 +193,7 @@ struct World {
   /// Stores the poses from which the next images' optical flow is computed.
   void remember_camera_poses(const PlannedImages& planned);
   std::vector<ImageResponse> render_images(const PlannedImages& planned);
-  /// The first one's colours.
+  /// Renders the colours of the first planned image.
   imaging::RgbImage render_colours(const PlannedImages& planned);
   std::vector<imaging::Rgb8> annotation_colours(const ResidentScene& place, const std::string& layer) const;
 
