@@ -129,7 +129,7 @@ void add_flight_methods(MethodBinder<Caller>& bind) {
   bind.template add<&Flight::rotate_by_yaw_rate>("rotateByYawRate");
 }
 
-/// Calls without an observable effect here, and calls that are not supported.
+/// Adds the calls that are accepted without effect, and those that are refused.
 template <class Caller>
 void add_ignored_and_unsupported_methods(MethodBinder<Caller>& bind) {
   for (const char* name : {"simFlushPersistentMarkers", "simPlotPoints", "simPlotLineStrip", "simPlotLineList",
@@ -169,7 +169,7 @@ void add_ignored_and_unsupported_methods(MethodBinder<Caller>& bind) {
   }
 }
 
-/// With the layer of an annotation image in place of the flag for external cameras.
+/// Adds simGetImage, whose last argument is the flag for external cameras or the layer of an annotation image.
 template <class Caller>
 void add_get_image(MethodBinder<Caller>& bind) {
   using Bytes = std::vector<std::uint8_t>;
@@ -233,7 +233,7 @@ void add_airsim_methods(MethodBinder<Caller>& bind) {
   add_cosys_methods(bind);
 }
 
-/// `statistics`: returns those of the server that serves the table.
+/// Adds the extensions. `statistics` returns those of the server that serves the table.
 template <class Caller>
 void add_extension_methods(MethodBinder<Caller>& bind, const std::function<rpc::ServerStatistics()>& statistics) {
   bind.template add<&Place::load_region>("tfLoadRegion");

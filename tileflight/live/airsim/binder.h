@@ -109,7 +109,7 @@ class MethodBinder {
     });
   }
 
-  /// The same with an answer, which tells that nothing has changed.
+  /// Registers a method that accepts any arguments and returns an answer that tells that nothing has changed.
   template <class Answer>
   void accept(const std::string& name, const Answer& answer) {
     table_.add_variadic(name,

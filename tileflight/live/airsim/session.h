@@ -28,9 +28,9 @@ namespace tileflight::airsim {
 /// than repeated for ever.
 inline constexpr std::int64_t kMaxTick = std::int64_t{1} << 35;
 
-/// First record: what the session was of.
+/// First record: program, place and settings of the session.
 struct SessionHeader {
-  std::string program;         ///< that wrote it, with its version
+  std::string program;         ///< the program that wrote it, with its version
   std::string source;          ///< SOURCE of the command line
   std::string settings;        ///< text of the settings.json
   std::string world;           ///< the options that choose tiles and start, as one line of text
@@ -40,7 +40,7 @@ struct SessionHeader {
 /// A call of a client.
 struct RecordedCall {
   std::uint64_t number = 0;  ///< from 0
-  std::uint64_t client = 0;  ///< its connection, from 1
+  std::uint64_t client = 0;  ///< number of its connection, from 1
   std::int64_t tick = 0;     ///< steps that the clock had made when it took effect
   std::string message;       ///< MessagePack-RPC, as it came
 };
@@ -51,18 +51,18 @@ using AnswerHash = std::array<std::uint8_t, 16>;
 /// The answer to a call; calls that wait for the simulation are answered later, others at once.
 struct RecordedAnswer {
   std::uint64_t call = 0;  ///< its number
-  AnswerHash hash{};       ///< of the whole answer
-  bool failed = false;     ///< it is an error
+  AnswerHash hash{};       ///< hash of the whole answer
+  bool failed = false;     ///< whether it is an error
   std::int64_t tick = 0;   ///< steps that the clock had made when it was given, at least
 };
 
-/// An autopilot's event; for kSensors with the hash instead of the bytes.
+/// An autopilot's event. For kSensors it has the hash instead of the bytes.
 struct RecordedEvent {
   simulator::AutopilotEvent event;
   AnswerHash hash{};
 };
 
-/// simLoadLevel opens another place, whose clock starts at this time stamp.
+/// A call of simLoadLevel opened another place, whose clock starts at this time stamp.
 struct RecordedLevel {
   std::uint64_t start_ns = 0;
 };
@@ -77,14 +77,14 @@ using SessionRecord =
 
 AnswerHash hash_of(std::string_view bytes);
 
-/// Writes a session. Thread-safe. Each record is with the operating system when add() returns. What cannot be written
-/// (a full disk) ends the file: it is complete up to there.
+/// Writes a session. Thread-safe. Each record has reached the operating system when add() returns. The file ends with
+/// the first record that cannot be written (a full disk), and is complete up to there.
 class SessionWriter {
  public:
   /// Throws InputError if the file cannot be written, or exists.
   SessionWriter(const std::filesystem::path& file, const SessionHeader& header);
 
-  /// False: this record is the first that could not be written. After RecordedEnd nothing is written any more.
+  /// Returns false if this record is the first that could not be written. Nothing is written after RecordedEnd.
   bool add(const SessionRecord& record);
 
  private:
@@ -100,9 +100,9 @@ class SessionReader {
   explicit SessionReader(const std::filesystem::path& file);
 
   const SessionHeader& header() const { return header_; }
-  /// The next record; nullopt at the end, or where the file breaks off. Throws InputError for what is no record.
+  /// Returns the next record; nullopt at the end, or where the file breaks off. Throws InputError for other bytes.
   std::optional<SessionRecord> next();
-  /// Whether the file breaks off within a record.
+  /// Returns whether the file breaks off within a record.
   bool is_cut() const { return cut_; }
 
  private:
@@ -120,7 +120,7 @@ class SessionReader {
 /// Numbers of a session's file.
 struct SessionSummary {
   SessionHeader header;
-  std::deque<std::uint64_t> level_starts_ns;  ///< of the places that were opened, in their order
+  std::deque<std::uint64_t> level_starts_ns;  ///< start time stamps of the places that were opened, in order
   std::uint64_t records = 0;
   bool is_cut = false;  ///< the file breaks off: its server was killed, or its disk full
 };
@@ -133,22 +133,22 @@ struct SessionDifference {
   std::uint64_t call = 0;  ///< its number, from 0
   std::uint64_t client = 0;
   std::int64_t tick = 0;
-  std::string what;  ///< the method that was called
+  std::string what;  ///< name of the method
 };
 
 /// Result of a repetition.
 struct ReplayResult {
   std::uint64_t calls = 0;
-  std::uint64_t answers_compared = 0;  ///< of calls, and messages to autopilots
+  std::uint64_t answers_compared = 0;  ///< answers to calls, and messages to autopilots
   std::uint64_t autopilot_events = 0;
   std::uint64_t differences = 0;
   std::optional<SessionDifference> first_difference;  ///< the earliest
   double simulated_s = 0.0;                           ///< of the world served last
 };
 
-/// Repeats a session, as fast as it can, in worlds with SimulatorOptions::repeats_session, and compares each answer
-/// with that of the session. Not compared are calls whose answers say how fast the machine is (tfStatistics,
-/// tfGroundTruth). Stops the worlds at the end. Throws InputError for a damaged file.
+/// Repeats a session as fast as possible in worlds with SimulatorOptions::repeats_session, and compares each answer
+/// with that of the session, except those that depend on the speed of the machine (tfStatistics, tfGroundTruth). Stops
+/// the worlds at the end. Throws InputError for a damaged file.
 ReplayResult replay_session(const std::filesystem::path& file, std::uint64_t records, Levels& levels,
                             const rpc::MethodTable& methods, const Progress& progress = {});
 
@@ -161,14 +161,14 @@ class SessionRecorder {
   /// Throws InputError if the file cannot be written, or exists.
   SessionRecorder(const std::filesystem::path& file, const SessionHeader& header, simulator::SimulatorLog log);
 
-  /// For SimulatorOptions::journal of all worlds of the session.
+  /// Returns the SimulatorOptions::journal for all worlds of the session.
   simulator::AutopilotJournal journal();
-  /// simLoadLevel is about to open a place.
+  /// Records that simLoadLevel is about to open a place.
   void begin_level(std::uint64_t start_ns);
   /// Makes a call of a client and records it with its answer.
   rpc::Response call(Levels& levels, const rpc::MethodTable& methods, std::uint64_t client,
                      const rpc::Request& request);
-  /// The server stops; later calls are not recorded.
+  /// Records that the server stops; later calls are not recorded.
   void finish(const Levels& levels);
 
  private:
@@ -180,7 +180,7 @@ class SessionRecorder {
   std::atomic<std::uint64_t> calls_{0};
 };
 
-/// The turn (Simulator::Turn) of the world that is served.
+/// A turn (Simulator::Turn) of the world that is served.
 class ServedTurn {
  public:
   explicit ServedTurn(const Levels& levels);

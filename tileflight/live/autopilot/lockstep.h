@@ -12,35 +12,35 @@ struct FrameRequest {
   double step_s = 0.0;     ///< length of each
 };
 
-/// Lockstep by frame numbers: one step of 1 / rate for each frame. The same frame again is a repetition, a smaller
-/// number a restart. Frames that were lost are made up for, up to those of a second; a greater jump counts as one step.
+/// Lockstep by frame numbers: one step of 1 / rate for each frame. The same number again is a repetition, a smaller one
+/// a restart. Lost frames are made up for, up to those of a second; a greater jump counts as one step.
 class FrameLockstep {
  public:
-  /// `rate`: steps a second, positive.
+  /// Returns the steps for a frame. `rate`: steps a second, positive.
   FrameRequest receive(std::uint32_t frame, double rate);
 
  private:
   std::optional<std::uint32_t> last_;
 };
 
-/// Meaning of a message with outputs for lockstep.
+/// What a message with motor outputs means for lockstep.
 enum class ControlVerdict {
-  kAnswer,      ///< to the sensors sent last: make the next step
-  kLate,        ///< to earlier sensors: outputs to use, but no answer
-  kRepetition,  ///< stamped as the last one: no step
-  kStale,       ///< stamped before the last one: ignored
-  kFuture,      ///< stamped after all sensors that were sent: ignored
+  kAnswer,      ///< it answers the sensors sent last: make the next step
+  kLate,        ///< it answers earlier sensors: use the outputs, and wait on
+  kRepetition,  ///< it has the last message's stamp: no step
+  kStale,       ///< its stamp is before the last message's: ignore it
+  kFuture,      ///< its stamp is after all sensors that were sent: ignore it
 };
 
 /// Lockstep by time stamps: each message of outputs answers the sensors that were sent before it. The autopilot's clock
-/// follows the sensors' stamps, but may have its own zero: the least late message tells the difference, the first one
-/// within a tenth of a second.
+/// follows the sensors' stamps, but may have its own zero. The least late message tells the difference; the first
+/// message tells it within a tenth of a second.
 class ControlGate {
  public:
-  /// `step_us`: from one set of sensors to the next.
+  /// `step_us`: time from one set of sensors to the next.
   explicit ControlGate(std::int64_t step_us) : step_us_(step_us) {}
 
-  /// `control_us`: the message's stamp. `sensor_us`: that of the sensors sent last.
+  /// Classifies a message. `control_us`: its stamp. `sensor_us`: stamp of the sensors sent last.
   ControlVerdict receive(std::uint64_t control_us, std::uint64_t sensor_us);
 
  private:

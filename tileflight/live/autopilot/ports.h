@@ -13,10 +13,10 @@
 
 namespace tileflight::autopilot {
 
-/// The address to listen on. Throws InputError if it is none.
+/// Parses the address to listen on. Throws InputError if it is none.
 asio::ip::address listening_address(const std::string& text);
 
-/// Whether a socket can be read (or has ended) before the time is over.
+/// Waits until a socket can be read or has ended. Returns false if the time is over first.
 bool wait_readable(int socket, std::chrono::milliseconds patience);
 
 /// A UDP port that this program listens on and answers from.
@@ -75,7 +75,7 @@ struct SharedPort {
 /// another world gets the same port, and uses it once the one before has let it go. Thread-safe.
 class SharedPorts {
  public:
-  /// The vehicle's port, opened if it is not yet. Throws InputError if it cannot be.
+  /// Returns the vehicle's port and opens it if necessary. Throws InputError if that fails.
   std::shared_ptr<SharedPort<UdpPort>> udp(const std::string& vehicle, const std::string& address, std::uint16_t port) {
     return get(udp_, vehicle, address, port);
   }

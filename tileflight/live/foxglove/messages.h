@@ -12,7 +12,7 @@
 
 namespace tileflight::foxglove {
 
-/// std::monostate: a value of a kind that no parameter here has (an array, an object, none).
+/// Value of a parameter; std::monostate for a kind that no parameter here has (an array, an object, none).
 using ParameterValue = std::variant<std::monostate, bool, double, std::string>;
 
 /// A value that clients see and may set.
@@ -23,52 +23,55 @@ struct Parameter {
 
 /// Access to the parameters behind a server. Called by the server's thread; neither function may call the server.
 struct ParameterAccess {
-  /// All parameters, in the order in which they are listed.
+  /// Returns all parameters in the order in which they are listed.
   std::function<std::vector<Parameter>()> read = [] { return std::vector<Parameter>{}; };
-  /// Sets one of them. Throws InputError (name, cause) for an unknown name or an unusable value.
+  /// Sets a parameter. Throws InputError (name, cause) for an unknown name or an unusable value.
   std::function<void(const Parameter&)> write = {};
 };
 
-/// Number of a channel, as clients name it; never used again for another one.
+/// Number of a channel, by which clients name it. No other channel gets it again.
 using ChannelId = std::uint32_t;
 
 /// A stream of messages of one type that clients may subscribe to (protocol: Advertise).
 struct Channel {
   std::string topic;            ///< "/camera/image/compressed"
-  std::string encoding;         ///< of the messages: "cdr" or "json"
+  std::string encoding;         ///< encoding of the messages: "cdr" or "json"
   std::string schema_name;      ///< "sensor_msgs/msg/Imu"
   std::string schema_encoding;  ///< "ros2msg" or "jsonschema"
   std::string schema;           ///< the definition of the messages
-  /// Whether the last message is kept for later subscribers: for topics published once, or seldom.
+  /// Keeps the last message for later subscribers, for topics that are published once or seldom.
   bool is_latched = false;
 };
 
 // What the server sends (Foxglove WebSocket protocol v1): JSON texts, and binary messages of which these are the heads.
 
-/// Server Info: `name`, the capabilities parameters, parametersSubscribe and time, and a session id by which a client
-/// tells a new server from a reconnection.
+/// Makes a Server Info: `name`, the capabilities parameters, parametersSubscribe and time, and a session id by which a
+/// client tells a new server from a reconnection.
 std::string server_info_text(const std::string& name, const std::string& session_id);
 
 /// Level of a status, with the protocol's numbers.
 enum class StatusLevel : int { kInfo = 0, kWarning = 1, kError = 2 };
+/// Makes a Status.
 std::string status_text(StatusLevel level, const std::string& message);
 
+/// Makes an Advertise of channels.
 std::string advertise_text(const std::vector<std::pair<ChannelId, Channel>>& channels);
+/// Makes an Unadvertise of channels.
 std::string unadvertise_text(const std::vector<ChannelId>& channels);
 
-/// Parameter Values; `id` is that of the request.
+/// Makes a Parameter Values; `id` is that of the request.
 std::string parameter_values_text(const std::vector<Parameter>& parameters, const std::optional<std::string>& id);
 
-/// Head of a Message Data: opcode 1, subscription (uint32), time in nanoseconds (uint64), little-endian; the message's
-/// own bytes follow.
+/// Makes the head of a Message Data: opcode 1, subscription (uint32), time in nanoseconds (uint64), little-endian; the
+/// message's own bytes follow.
 std::string message_data_head(std::uint32_t subscription, std::uint64_t time_ns);
 
-/// A Time message: opcode 2, time in nanoseconds (uint64), little-endian.
+/// Makes a Time message: opcode 2, time in nanoseconds (uint64), little-endian.
 std::string time_message(std::uint64_t time_ns);
 
 // What clients send: JSON objects with a key "op" (Foxglove WebSocket protocol v1, "JSON messages").
 
-/// A client sent what is not of the protocol, or more than it may: the connection is closed. The message is one line.
+/// A client broke the protocol or exceeded a limit: its connection is closed. The message is one line.
 struct ProtocolError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
@@ -104,7 +107,7 @@ struct UnsubscribeParameters {
   std::vector<std::string> names;  ///< empty: all
 };
 
-/// An operation of the protocol, or of a later one, that this server does not have.
+/// An operation that this server does not support, of this protocol or of a later version.
 struct UnsupportedOperation {
   std::string op;
 };

@@ -18,8 +18,8 @@
 
 namespace tileflight::foxglove {
 
-/// One WebSocket connection: puts the fragments of a client's messages together, and cuts those to the client into
-/// fragments (RFC 6455, section 5.4), so that of a large message little is copied. Used by the server's thread, with
+/// One WebSocket connection: joins the fragments of a client's messages, and cuts messages to the client into fragments
+/// (RFC 6455, section 5.4), so that little of a large message is copied at a time. Used by the server's thread, with
 /// the session guarded by the server's mutex.
 class Connection {
  public:
@@ -29,8 +29,8 @@ class Connection {
   ClientSession& session() { return session_; }
   const ClientSession& session() const { return session_; }
 
-  /// A fragment from the client. Returns the whole text once it is complete. Throws ProtocolError: a binary message
-  /// (this server takes none), or one that is or says that it will be larger than `max_bytes`.
+  /// Takes a fragment from the client. Returns the whole text once it is complete. Throws ProtocolError for a binary
+  /// message, or one that is or announces to be larger than `max_bytes`.
   std::optional<std::string> receive(std::string_view fragment, std::size_t max_bytes);
 
   /// Sends until the socket takes no more or nothing waits. Returns false if the connection is broken.
@@ -38,9 +38,9 @@ class Connection {
   bool has_unsent() const { return current_.has_value() || session_.has_next(); }
   std::chrono::steady_clock::duration since_progress() const;
 
-  std::string fault;          ///< the reason for which it is to be closed; empty: none
+  std::string fault;          ///< the reason to close the connection; empty: none
   bool is_leaving = false;    ///< the server stops
-  bool is_explained = false;  ///< its end needs no line: the client said goodbye, or the reason is logged
+  bool is_explained = false;  ///< its end needs no log line: the client said goodbye, or the reason is logged
 
  private:
   bool send_fragment();
@@ -57,11 +57,11 @@ class Connection {
 /// A socket of a client, before and after it became a WebSocket.
 struct Peer {
   std::string name;
-  bool is_explained = false;  ///< it became a WebSocket, or why it did not is logged
+  bool is_explained = false;  ///< it became a WebSocket, or the log says why it did not
 };
 
-/// The sockets of a server, and what happens on them, in a thread of its own; what a program asks of them is in
-/// server.cpp.
+/// The sockets of a server and the handlers of their events, which run in a thread of their own. The functions that a
+/// program calls are in server.cpp.
 struct Server::Impl {
   Impl(const ServerOptions& server_options, ParameterAccess access, Log log_line);
 
@@ -90,7 +90,7 @@ struct Server::Impl {
   void run();
   void stop();
 
-  // Events, in the server's thread. What is returned other than 0 closes the connection.
+  // Handlers of events, in the server's thread. A result other than 0 closes the connection.
   static int dispatch(lws* socket, lws_callback_reasons reason, void* user, void* in, std::size_t size);
   int handle(lws* socket, lws_callback_reasons reason, std::string_view bytes);
   int refuse(lws* socket, const std::string& why);
@@ -109,7 +109,8 @@ struct Server::Impl {
     const auto peer = peers.find(socket);
     if (log && peer != peers.end()) log("foxglove client " + peer->second.name + " " + what);
   }
-  /// For each client; one whose answers exceed their limit is to be closed. The mutex must be held.
+  /// Applies an action to each client, and marks one whose answers exceed their limit to be closed. The mutex must be
+  /// held.
   template <class Action>
   void for_each_session(const Action& action) {
     for (auto& [socket, connection] : connections) {

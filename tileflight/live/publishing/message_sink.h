@@ -15,8 +15,8 @@
 
 namespace tileflight::publishing {
 
-/// Where messages go to: Foxglove's viewers, ROS 2's nodes, or both. Channels are described as Foxglove does. Only what
-/// anyone wants needs to be made. Thread-safe.
+/// A receiver of messages: Foxglove's viewers, ROS 2's nodes, or both. Channels are described in Foxglove's terms.
+/// Callers make only messages of channels that is_wanted(). Thread-safe.
 class MessageSink {
  public:
   using ChannelId = foxglove::ChannelId;
@@ -31,11 +31,11 @@ class MessageSink {
   virtual bool is_wanted(ChannelId channel) const = 0;
   /// Sends a message to the channel's subscribers; never waits for them.
   virtual void publish(ChannelId channel, std::uint64_t time_ns, std::string bytes) = 0;
-  /// Tells what time it is, where that is apart from messages.
+  /// Sends the time, if the receiver has a way for it apart from messages.
   virtual void publish_time(std::uint64_t time_ns) = 0;
   /// Counts arrivals and departures of subscribers since the start.
   virtual std::uint64_t audience_changes() const = 0;
-  /// Waits until anyone wants anything. Returns false if `stop` was requested.
+  /// Waits for the first subscriber. Returns false if `stop` was requested.
   virtual bool wait_for_audience(const std::stop_token& stop) const = 0;
   virtual void warn(const std::string& text) = 0;
 };
@@ -56,7 +56,7 @@ class SeveralSinks : public MessageSink {
   void warn(const std::string& text) override;
 
  private:
-  /// Of a channel, each sink's number in the order of the sinks.
+  /// Returns the channel's number in each sink, in the order of the sinks.
   std::vector<ChannelId> numbers_of(ChannelId channel) const;
 
   std::vector<MessageSink*> sinks_;
@@ -85,7 +85,7 @@ class FoxgloveSink : public MessageSink {
   foxglove::Server& server_;
 };
 
-/// The topics of a ROS 2 node. Channels that are no ROS 2 messages are left out.
+/// A sink that publishes the topics of a ROS 2 node. Channels without ROS 2 messages are left out.
 class Ros2Sink : public MessageSink {
  public:
   /// `participant` must outlive the sink.
@@ -100,7 +100,7 @@ class Ros2Sink : public MessageSink {
   bool wait_for_audience(const std::stop_token& stop) const override { return participant_.wait_for_reader(stop); }
   void warn(const std::string& text) override { participant_.report(text); }
 
-  /// Waits until reliable readers have got everything, for this time at most.
+  /// Waits until reliable readers have received everything, for `limit` at most.
   void wait_until_acknowledged(std::chrono::milliseconds limit) const;
 
  private:
@@ -112,9 +112,9 @@ class Ros2Sink : public MessageSink {
   ChannelId last_ = 0;
 };
 
-/// How a topic is sent: reliably, so that readers that want reliability match it as well as those of the sensor-data
-/// profile (best effort), which get it as if it were sent so. What waits for a reader is 5 messages of images and
-/// clouds, as in that profile, and 100 of small ones.
+/// Chooses the quality of service of a topic. Topics are reliable, so that both reliable readers and those of the
+/// sensor-data profile (best effort) match. The queue for a reader holds 5 images or clouds, as in that profile, and
+/// 100 messages of other topics.
 ros2::QualityOfService ros2_quality(const foxglove::Channel& channel);
 
 }  // namespace tileflight::publishing

@@ -26,8 +26,8 @@ std::string dds_type(std::string_view type);
 std::string dds_request_type(std::string_view service_type);
 std::string dds_response_type(std::string_view service_type);
 
-/// A name that ROS 2 allows: between slashes letters, digits and underscores, and no digit first. What is not allowed
-/// becomes an underscore, and a token that begins with a digit begins with "id_" instead (one that begins with an
+/// Makes a name that ROS 2 allows: between slashes letters, digits and underscores, and no digit first. Other
+/// characters become underscores, and a token that begins with a digit gets the prefix "id_" (one that begins with an
 /// underscore would be hidden): "/Drone 1/0/image" → "/Drone_1/id_0/image".
 std::string valid_name(std::string_view name);
 
@@ -45,14 +45,14 @@ struct QualityOfService {
 /// An entity of DDS with its topic, deleted with it.
 class Entity {
  public:
-  /// `user_data`: what others see of it ("serviceid=…;"), may be empty. `max_bytes`: of a received message. Throws
-  /// InputError (topic, cause).
+  /// `user_data`: text that others see ("serviceid=…;"), may be empty. `max_bytes`: limit of a received message.
   struct Options {
     std::string topic, type;  ///< DDS's names
     QualityOfService quality;
     std::string user_data;
     std::size_t max_bytes = std::size_t{64} << 10U;
   };
+  /// Throws InputError (topic, cause).
   Entity(Participant& participant, Participant::Kind kind, const Options& options, const dds_listener* listener);
   ~Entity();
   Entity(const Entity&) = delete;

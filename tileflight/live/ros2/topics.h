@@ -24,11 +24,11 @@ class Publisher {
   Publisher(const Publisher&) = delete;
   Publisher& operator=(const Publisher&) = delete;
 
-  /// Whether anyone reads it.
+  /// Returns whether anyone reads the topic.
   bool has_readers() const;
-  /// Sends a message (CDR with its header). Never waits for a reader: one that is slower than the messages misses some.
+  /// Sends a message (CDR with its header). It never waits for a reader: a slow one misses messages.
   void publish(std::string cdr);
-  /// Waits until all reliable readers have got what was sent, for this time at most.
+  /// Waits until all reliable readers have received everything, for `limit` at most.
   void wait_until_acknowledged(std::chrono::milliseconds limit) const;
   std::uint64_t sent() const;
 
@@ -40,8 +40,8 @@ class Publisher {
 /// Receives the messages of one topic.
 class Subscription {
  public:
-  /// Gets each message (CDR with its header, perhaps with padding after its end), in DDS's own thread, which must not
-  /// be kept waiting. What it throws is reported once (Participant::Log) and ends nothing.
+  /// Takes each message (CDR with its header, perhaps with padding after its end) in DDS's own thread, which it must
+  /// not block. An exception is reported once (Participant::Log) and ends nothing.
   using Handler = std::function<void(std::string_view cdr)>;
 
   /// `topic` and `type` as in ROS 2 ("/drone/cmd_vel", "geometry_msgs/msg/Twist"); the topic's name is made valid.

@@ -52,8 +52,8 @@ class ServerCounters {
   std::map<std::string, MethodStatistics> methods_;
 };
 
-/// Whether a client's token is correct, in a time that depends only on the length of `presented`, so that timing
-/// reveals nothing about partial matches.
+/// Compares a client's token in a time that depends only on the length of `presented`, so that timing reveals nothing
+/// about partial matches.
 bool equal_in_constant_time(std::string_view presented, std::string_view right);
 
 /// State shared by all connections of a server.
@@ -73,7 +73,7 @@ struct ServerContext {
 /// (bytes) -> waiting_ (whole messages) -> a worker -> responses_ (bytes) -> the socket.
 class Connection : public std::enable_shared_from_this<Connection> {
  public:
-  /// `number`: of the connection, from 1.
+  /// `number`: number of the connection, from 1.
   Connection(asio::ip::tcp::socket socket, ServerContext& service, std::uint64_t number);
 
   void start();

@@ -21,7 +21,7 @@ class Request {
   /// `message`: one whole message, as delimited by MessageScanner. Throws ProtocolError if it is not a call.
   explicit Request(std::string message);
 
-  /// The message as it came.
+  /// Returns the message as it came.
   const std::string& message() const { return message_; }
   bool expects_response() const { return expects_response_; }
   std::uint32_t id() const { return id_; }
