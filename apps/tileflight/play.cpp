@@ -5,7 +5,7 @@
 #include <optional>
 
 #include "command.h"
-#include "ros2_view.h"
+#include "live_views.h"
 #include "source_options.h"
 #include "stop_signals.h"
 #include "tileflight/core/base/input_error.h"

@@ -17,9 +17,8 @@
 #endif
 
 #include "command.h"
-#include "foxglove_view.h"
+#include "live_views.h"
 #include "region_options.h"
-#include "ros2_view.h"
 #include "serve_session.h"
 #include "source_options.h"
 #include "tileflight/core/base/files.h"
