@@ -33,70 +33,55 @@ enum RecordKind : std::uint64_t { kHeader = 0, kCall = 1, kAnswer = 2, kEvent = 
 constexpr std::size_t kMaxRecordBytes = (std::size_t{1} << 30U) + 4096, kChunkBytes = 1U << 16U;
 constexpr std::size_t kMaxOutputs = 64;
 
-rpc::Encoder begin_record(RecordKind kind, std::uint64_t number, std::size_t values) {
+/// Bytes, which are written as such; other texts are UTF-8.
+struct Blob {
+  std::span<const std::uint8_t> bytes;
+};
+
+struct Nothing {};
+
+Blob blob(std::string_view bytes) { return {{reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()}}; }
+
+void encode(rpc::Encoder& out, const Blob& value) { out.binary(value.bytes); }
+void encode(rpc::Encoder& out, const Nothing&) { out.nil(); }
+
+template <class... Value>
+std::string encoded_record(RecordKind kind, std::uint64_t number, const Value&... values) {
+  using rpc::encode;
   rpc::Encoder out;
   out.array(3);
-  out.unsigned_integer(kind);
-  out.unsigned_integer(number);
-  out.array(values);
-  return out;
-}
-
-void put_blob(rpc::Encoder& out, std::string_view bytes) {
-  out.binary({reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()});
+  encode(out, kind);
+  encode(out, number);
+  out.array(sizeof...(values));
+  (encode(out, values), ...);
+  return out.take();
 }
 
 std::string encoded(const SessionHeader& header) {
-  rpc::Encoder out = begin_record(kHeader, 0, 7);
-  out.text(kFormat);
-  out.unsigned_integer(kVersion);
-  for (const std::string* text : {&header.program, &header.source, &header.settings, &header.world})
-    put_blob(out, *text);
-  out.unsigned_integer(header.start_ns);
-  return out.take();
+  return encoded_record(kHeader, 0, std::string(kFormat), kVersion, blob(header.program), blob(header.source),
+                        blob(header.settings), blob(header.world), header.start_ns);
 }
 
 std::string encoded(const RecordedCall& call) {
-  rpc::Encoder out = begin_record(kCall, call.number, 3);
-  out.unsigned_integer(call.client);
-  out.signed_integer(call.tick);
-  put_blob(out, call.message);
-  return out.take();
+  return encoded_record(kCall, call.number, call.client, call.tick, blob(call.message));
 }
 
 std::string encoded(const RecordedAnswer& answer) {
-  rpc::Encoder out = begin_record(kAnswer, answer.call, 3);
-  out.binary(answer.hash);
-  out.boolean(answer.failed);
-  out.signed_integer(answer.tick);
-  return out.take();
+  return encoded_record(kAnswer, answer.call, Blob{answer.hash}, answer.failed, answer.tick);
 }
 
 std::string encoded(const RecordedEvent& record) {
   const AutopilotEvent& event = record.event;
-  rpc::Encoder out = begin_record(kEvent, event.number, 7);
-  out.unsigned_integer(static_cast<std::uint64_t>(event.kind));
-  out.text(event.vehicle);
-  out.signed_integer(event.tick);
-  out.float64(event.time_s);
-  out.float64(event.step_s);
-  out.array(event.outputs.size());
-  for (const double output : event.outputs) out.float64(output);
-  event.kind == AutopilotEvent::Kind::kSensors ? out.binary(record.hash) : out.nil();
-  return out.take();
+  const auto with = [&event](const auto& hash) {
+    return encoded_record(kEvent, event.number, event.kind, event.vehicle, event.tick, event.time_s, event.step_s,
+                          event.outputs, hash);
+  };
+  return event.kind == AutopilotEvent::Kind::kSensors ? with(Blob{record.hash}) : with(Nothing{});
 }
 
-std::string encoded(const RecordedLevel& level) {
-  rpc::Encoder out = begin_record(kLevel, 0, 1);
-  out.unsigned_integer(level.start_ns);
-  return out.take();
-}
+std::string encoded(const RecordedLevel& level) { return encoded_record(kLevel, 0, level.start_ns); }
 
-std::string encoded(const RecordedEnd& end) {
-  rpc::Encoder out = begin_record(kEnd, 0, 1);
-  out.signed_integer(end.tick);
-  return out.take();
-}
+std::string encoded(const RecordedEnd& end) { return encoded_record(kEnd, 0, end.tick); }
 
 template <class T>
 T value_at(Values values, std::size_t i) {

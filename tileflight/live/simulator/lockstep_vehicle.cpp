@@ -18,15 +18,10 @@ using geometry::Vec3;
 constexpr double kPascalPerHectopascal = 100.0, kCelsius_k = 273.15;
 constexpr std::uint8_t kSatellites = 10;
 
-SensorNoiseState& noise_of(const SensorContext& now, SensorNoises& noises, const std::string& name) {
-  const auto [at, is_new] = noises.try_emplace(name);
-  if (is_new) at->second.seed = sensor_seed(now.vehicle.name(), name);
-  return at->second;
-}
-
 /// Three standard normal numbers, the same for the same time.
 Vec3 white_noise(const SensorContext& now, SensorNoises& noises, const std::string& name, std::uint64_t which) {
-  const auto normals = base::normal_variates(base::stream_key(noise_of(now, noises, name).seed, which), now.time_ns);
+  const auto normals =
+      base::normal_variates(base::stream_key(noise_of(noises, now.vehicle.name(), name).seed, which), now.time_ns);
   return {normals[0], normals[1], normals[2]};
 }
 
@@ -41,7 +36,7 @@ std::pair<Settings, SensorNoiseState&> first_sensor(const SensorContext& now, Se
     name = sensor.name;
     break;
   }
-  return {settings, noise_of(now, noises, name)};
+  return {settings, noise_of(noises, now.vehicle.name(), name)};
 }
 
 std::array<float, 3> floats(const Vector3r& v) { return {v.x_val, v.y_val, v.z_val}; }
@@ -122,7 +117,8 @@ std::optional<autopilot::HilGps> hil_gps(const SensorContext& now, SensorNoises&
 autopilot::DistanceSensor hil_distance(const SensorContext& now, SensorNoises& noises, const SensorSettings& sensor,
                                        double distance_m, std::uint8_t id, std::uint64_t time_us) {
   const auto& settings = std::get<DistanceSensorSettings>(sensor.kind);
-  const DistanceSensorData reading = read_distance(settings, now, distance_m, noise_of(now, noises, sensor.name));
+  const DistanceSensorData reading =
+      read_distance(settings, now, distance_m, noise_of(noises, now.vehicle.name(), sensor.name));
   const Eigen::Quaterniond& q = settings.T_body_sensor.rotation;
   autopilot::DistanceSensor message;
   message.time_ms = static_cast<std::uint32_t>(time_us / 1000);

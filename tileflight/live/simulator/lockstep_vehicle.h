@@ -16,9 +16,6 @@
 
 namespace tileflight::simulator {
 
-/// Noise of a vehicle's sensors, by the sensor's name.
-using SensorNoises = std::map<std::string, SensorNoiseState>;
-
 /// Reads inertial unit, magnetometer and barometer: the vehicle's first sensors of these kinds, or AirSim's defaults.
 /// `slow`: includes new readings of magnetometer and barometer.
 autopilot::HilSensor hil_sensor(const SensorContext& now, SensorNoises& noises, std::uint64_t time_us, bool slow);

@@ -95,6 +95,12 @@ std::uint64_t sensor_seed(const std::string& vehicle, const std::string& sensor)
   return seed;
 }
 
+SensorNoiseState& noise_of(SensorNoises& noises, const std::string& vehicle, const std::string& sensor) {
+  const auto [at, is_new] = noises.try_emplace(sensor);
+  if (is_new) at->second.seed = sensor_seed(vehicle, sensor);
+  return at->second;
+}
+
 double clamp_atmosphere_height_m(double height_m) { return std::clamp(height_m, -4999.0, 10999.0); }
 
 void StateHistory::add(double time_s, const VehicleState& state, double keep_s) {

@@ -50,8 +50,14 @@ struct SensorNoiseState {
   std::array<double, 6> biases{};  ///< first-order Gauss-Markov processes
 };
 
+/// Noise of a vehicle's sensors, by the sensor's name.
+using SensorNoises = std::map<std::string, SensorNoiseState>;
+
 /// Computes a distinct seed for each sensor of each vehicle, the same in every run.
 std::uint64_t sensor_seed(const std::string& vehicle, const std::string& sensor);
+
+/// Returns the noise state of a vehicle's sensor, which starts with the sensor's seed.
+SensorNoiseState& noise_of(SensorNoises& noises, const std::string& vehicle, const std::string& sensor);
 
 /// Context of a sensor reading.
 struct SensorContext {

@@ -23,16 +23,14 @@ const SensorSettings& find_sensor(const SimVehicle& sim_vehicle, const std::stri
   throw std::runtime_error("No " + std::string(kind) + " with name " + name.substr(0, 100) + " exist on vehicle");
 }
 
-SensorNoiseState& find_noise_state(VehicleSlot& one, const std::string& sensor) {
-  const auto [at, is_new] = one.sensor_noises.try_emplace(sensor);
-  if (is_new) at->second.seed = sensor_seed(one.vehicle->name(), sensor);
-  return at->second;
-}
-
-SensorContext make_sensor_context(const World& world, const VehicleSlot& one) {
-  const SimVehicle& sim_vehicle = *one.vehicle;
-  return {sim_vehicle,          one.history,           world.geodetic_frame,
-          world.clock.time_s(), world.clock.time_ns(), sim_vehicle.is_flying()};
+/// Reads a sensor that needs no more than its vehicle's states.
+template <class Settings, class Read>
+auto read_sensor(World& world, const std::string& vehicle, const std::string& name, const char* kind, Read read) {
+  const std::lock_guard lock(world.state_mutex);
+  VehicleSlot& one = world.slot(vehicle);
+  const SensorSettings& sensor = find_sensor<Settings>(*one.vehicle, name, kind);
+  return read(std::get<Settings>(sensor.kind), world.sensor_context(one),
+              noise_of(one.sensor_noises, one.vehicle->name(), sensor.name));
 }
 
 /// A scan, with the data needed to return it to a client.
@@ -142,35 +140,19 @@ LidarScanData Sensors::lidar_scan(const std::string& lidar, const std::string& v
 }
 
 ImuData Sensors::get_imu_data(const std::string& imu, const std::string& vehicle) {
-  const std::lock_guard lock(world_.state_mutex);
-  VehicleSlot& one = world_.slot(vehicle);
-  const SensorSettings& sensor = find_sensor<ImuSettings>(*one.vehicle, imu, "IMU");
-  return read_imu(std::get<ImuSettings>(sensor.kind), make_sensor_context(world_, one),
-                  find_noise_state(one, sensor.name));
+  return read_sensor<ImuSettings>(world_, vehicle, imu, "IMU", read_imu);
 }
 
 BarometerData Sensors::get_barometer_data(const std::string& barometer, const std::string& vehicle) {
-  const std::lock_guard lock(world_.state_mutex);
-  VehicleSlot& one = world_.slot(vehicle);
-  const SensorSettings& sensor = find_sensor<BarometerSettings>(*one.vehicle, barometer, "barometer");
-  return read_barometer(std::get<BarometerSettings>(sensor.kind), make_sensor_context(world_, one),
-                        find_noise_state(one, sensor.name));
+  return read_sensor<BarometerSettings>(world_, vehicle, barometer, "barometer", read_barometer);
 }
 
 MagnetometerData Sensors::get_magnetometer_data(const std::string& magnetometer, const std::string& vehicle) {
-  const std::lock_guard lock(world_.state_mutex);
-  VehicleSlot& one = world_.slot(vehicle);
-  const SensorSettings& sensor = find_sensor<MagnetometerSettings>(*one.vehicle, magnetometer, "magnetometer");
-  return read_magnetometer(std::get<MagnetometerSettings>(sensor.kind), make_sensor_context(world_, one),
-                           find_noise_state(one, sensor.name));
+  return read_sensor<MagnetometerSettings>(world_, vehicle, magnetometer, "magnetometer", read_magnetometer);
 }
 
 GpsData Sensors::get_gps_data(const std::string& gps, const std::string& vehicle) {
-  const std::lock_guard lock(world_.state_mutex);
-  VehicleSlot& one = world_.slot(vehicle);
-  const SensorSettings& sensor = find_sensor<GpsSettings>(*one.vehicle, gps, "gps");
-  return read_gps(std::get<GpsSettings>(sensor.kind), make_sensor_context(world_, one),
-                  find_noise_state(one, sensor.name));
+  return read_sensor<GpsSettings>(world_, vehicle, gps, "gps", read_gps);
 }
 
 DistanceSensorData Sensors::get_distance_sensor_data(const std::string& distance_sensor, const std::string& vehicle) {
@@ -188,7 +170,8 @@ DistanceSensorData Sensors::get_distance_sensor_data(const std::string& distance
   const Vec3 forward = T_local_sensor.rotation * Vec3::UnitX();
   const auto hit = place->scene().intersect({T_local_sensor.translation, forward}, settings.max_m);
   const double distance_m = hit ? hit->distance_m : std::numeric_limits<double>::infinity();
-  return read_distance(settings, make_sensor_context(world_, one), distance_m, find_noise_state(one, sensor.name));
+  return read_distance(settings, world_.sensor_context(one), distance_m,
+                       noise_of(one.sensor_noises, one.vehicle->name(), sensor.name));
 }
 
 }  // namespace tileflight::simulator

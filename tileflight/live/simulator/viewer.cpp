@@ -67,10 +67,7 @@ ObservedMotion Viewer::imu(const std::string& imu, const std::string& vehicle) {
   if (settings == nullptr) throw InputError(vehicle, "has no IMU of the name " + imu);
   SensorNoiseState& noise = one.view_noises[imu];
   noise.seed = sensor_seed(vehicle, imu);
-  const SensorContext now{*one.vehicle,           one.history,
-                          world_.geodetic_frame,  world_.clock.time_s(),
-                          world_.clock.time_ns(), one.vehicle->is_flying()};
-  const ImuData reading = read_imu(*settings, now, noise);
+  const ImuData reading = read_imu(*settings, world_.sensor_context(one), noise);
   const auto flu = [](const Vector3r& v) { return frd_from_flu({v.x_val, v.y_val, v.z_val}); };
   return {reading.time_stamp, flu(reading.angular_velocity), flu(reading.linear_acceleration)};
 }

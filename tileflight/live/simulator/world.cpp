@@ -351,4 +351,8 @@ std::vector<SensorViewpoint> World::viewpoints() const {
   return viewpoints;
 }
 
+SensorContext World::sensor_context(const VehicleSlot& one) const {
+  return {*one.vehicle, one.history, geodetic_frame, clock.time_s(), clock.time_ns(), one.vehicle->is_flying()};
+}
+
 }  // namespace tileflight::simulator

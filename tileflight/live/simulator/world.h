@@ -55,8 +55,8 @@ inline constexpr double kHistory_s = 0.5;  ///< length of each vehicle's history
 struct VehicleSlot {
   std::unique_ptr<SimVehicle> vehicle;
   StateHistory history;
-  std::map<std::string, SensorNoiseState> sensor_noises;  ///< by the sensor's name
-  std::map<std::string, SensorNoiseState> view_noises;    ///< for Viewer::imu(), by the sensor's name
+  SensorNoises sensor_noises;
+  SensorNoises view_noises;             ///< for Viewer::imu()
   std::unique_ptr<VisionInput> vision;  ///< null without vision from images; used by the autopilot's thread
 };
 
@@ -181,6 +181,8 @@ struct World {
   /// Returns the origin of a vehicle's local NED in global NED; zero for external cameras.
   geometry::Vec3 ned_origin(const std::string& vehicle, bool external) const;
   std::vector<SensorViewpoint> viewpoints() const;
+  /// Returns the context of a sensor reading at the clock's time.
+  SensorContext sensor_context(const VehicleSlot& one) const;
 
   // These return the tiles with the objects of clients. The mutex must not be held.
   std::shared_ptr<const ResidentScene> place_for(std::span<const SensorViewpoint> viewpoints);
