@@ -53,7 +53,7 @@ struct Ros2Options {
 CLI::Option* add_ros2_options(CLI::App& command, Ros2Options& options);
 void add_ros2_rate_option(CLI::App& command, CLI::Option& wanted, Ros2Options& options);
 
-/// For `--json`: domain and network.
+/// Describes domain and network for `--json`.
 nlohmann::json ros2_json(const Ros2Options& options, const std::string& network);
 /// "ROS 2 domain 0 (127.0.0.1 alone)"
 std::string ros2_text(const Ros2Options& options, const std::string& network);

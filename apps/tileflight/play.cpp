@@ -54,7 +54,7 @@ dataset::Rig read_played(const PlayCommandOptions& options, publishing::PlayOpti
   return dataset::read_rig(options.dataset);
 }
 
-/// How many images are played, and what is to be said of them.
+/// Number of images that are played, and warnings about them.
 struct PlayedFrames {
   std::size_t count = 0;
   std::vector<std::string> warnings;

@@ -258,7 +258,7 @@ class AnswerComparison {
     }
     meet(call.call, hash, repeated_, expected_);
   }
-  /// Of what has no number.
+  /// Counts a comparison that has no call number.
   void compare(const SessionDifference& where, bool equal) {
     const std::lock_guard lock(mutex_);
     count(where, equal);

@@ -12,34 +12,33 @@
 
 namespace tileflight::autopilot {
 
-/// A message of MAVLink 2 as it travels (mavlink.io, Packet Serialization).
+/// A message of MAVLink 2 on the wire (mavlink.io, Packet Serialization).
 struct MavlinkFrame {
   std::uint8_t sequence = 0, system = 1, component = 1;
-  std::uint32_t message = 0;  ///< its number
-  std::string payload;        ///< as long as it came: zero bytes at its end may be missing
+  std::uint32_t message = 0;  ///< number of the message
+  std::string payload;        ///< as received: zero bytes at its end may be missing
 };
 
-/// A message's number, the seed of its checksum (CRC_EXTRA: from names and types of its fields), and its longest
-/// payload.
+/// Number of a message, seed of its checksum (CRC_EXTRA, from names and types of its fields), and longest payload.
 struct MavlinkMessage {
   std::uint32_t number;
   std::uint8_t crc_extra;
   std::size_t bytes;
 };
 
-/// The checksum of MAVLink: CRC-16/MCRF4XX (X.25's polynomial), continued from `crc`.
+/// Computes the checksum of MAVLink, CRC-16/MCRF4XX (X.25's polynomial), continued from `crc`.
 std::uint16_t mavlink_crc(std::string_view bytes, std::uint16_t crc = 0xFFFF);
 
-/// Frame of a message without signature; zero bytes at the payload's end, its first apart, are left out.
+/// Encodes a frame without signature. Zero bytes at the payload's end are left out, except for the first byte.
 std::string encode_frame(const MavlinkMessage& message, const MavlinkFrame& frame);
 
-/// Frames in the bytes of a stream. Noise between frames, wrong checksums and messages other than those of
-/// mavlink.h are counted and skipped; signatures are not checked. Holds at most one frame's bytes beyond what was
-/// pushed last.
+/// Finds frames in the bytes of a stream. Noise between frames, wrong checksums and messages other than those of
+/// mavlink.h are counted and skipped; signatures are not checked. It holds at most one frame's bytes beyond the
+/// last push().
 class MavlinkReader {
  public:
   void push(std::string_view bytes) { bytes_.append(bytes); }
-  /// The next frame, or nullopt until more bytes come.
+  /// Returns the next frame, or nullopt until more bytes come.
   std::optional<MavlinkFrame> next();
 
   std::uint64_t wrong_checksums() const { return wrong_checksums_; }
@@ -69,7 +68,7 @@ struct HilActuatorControls {
   static constexpr MavlinkMessage kMessage{93, 47, 81};
   std::uint64_t time_us = 0;
   std::uint64_t flags = 0;           ///< bit 0: in lockstep
-  std::array<float, 16> controls{};  ///< of motors 0 to 1
+  std::array<float, 16> controls{};  ///< commands of the motors, 0 to 1
   std::uint8_t mode = 0;             ///< MAV_MODE_FLAG; 128: armed
 
   template <class Self, class Visitor>
@@ -165,17 +164,17 @@ struct DistanceSensor {
   }
 };
 
-/// Motion of the image of a camera that looks down, as angles, and what a gyro beside it measured meanwhile. Axes
-/// forward, right, down. Turning about an axis makes its flow positive; so does moving forward for y, and moving left
-/// for x.
+/// Motion of the image of a camera that looks down, as angles, and the rotation that a gyro beside it measured
+/// meanwhile. Axes forward, right, down. Turning about an axis makes its flow positive; so does moving forward for y,
+/// and moving left for x.
 struct HilOpticalFlow {
   static constexpr MavlinkMessage kMessage{114, 237, 44};
   std::uint64_t time_us = 0;
-  std::uint32_t integration_us = 0;  ///< over which flow and gyro are integrated
+  std::uint32_t integration_us = 0;  ///< time over which flow and gyro are integrated
   std::array<float, 2> flow_rad{};   ///< about x, y
   std::array<float, 3> gyro_rad{};
   std::uint32_t distance_age_us = 0;
-  float distance_m = -1;  ///< to what the image's middle shows; negative: unknown
+  float distance_m = -1;  ///< distance to the surface in the image's middle; negative: unknown
   std::int16_t temperature_cdeg = 0;
   std::uint8_t id = 0, quality = 0;  ///< 0: bad
 
@@ -208,10 +207,10 @@ struct Odometry {
   }
 };
 
-/// Checksum seed and length of one of the messages above; nullopt for others.
+/// Returns checksum seed and length of one of the messages above; nullopt for others.
 std::optional<MavlinkMessage> known_message(std::uint32_t number);
 
-/// The payload of a message: its fields, little endian, without gaps.
+/// Encodes the payload of a message: its fields, little endian, without gaps.
 template <class Message>
 std::string encode_payload(const Message& message) {
   std::string bytes;
@@ -221,7 +220,7 @@ std::string encode_payload(const Message& message) {
   return bytes;
 }
 
-/// The message of a payload; what is missing at its end is zero, what is too much is ignored.
+/// Decodes a payload. Missing bytes at its end are zero, and further bytes are ignored.
 template <class Message>
 Message decode_payload(std::string payload) {
   payload.resize(Message::kMessage.bytes, '\0');

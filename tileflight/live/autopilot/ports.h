@@ -29,9 +29,9 @@ class UdpPort {
   UdpPort& operator=(const UdpPort&) = delete;
 
   std::uint16_t port() const;
-  /// The next datagram (cut after 2 KiB), or nullopt if none comes in time.
+  /// Returns the next datagram (cut after 2 KiB), or nullopt if none comes in time.
   std::optional<std::string> receive(std::chrono::milliseconds patience);
-  /// To the sender of the last datagram received. A datagram that cannot be sent is lost, as any may be.
+  /// Sends a datagram to the sender of the last one received. One that cannot be sent is lost, as any may be.
   void answer(std::string_view bytes);
 
  private:
@@ -49,12 +49,12 @@ class TcpPort {
   TcpPort& operator=(const TcpPort&) = delete;
 
   std::uint16_t port() const;
-  /// Waits for a peer; ends the connection of the last one. False if none comes in time.
+  /// Waits for a peer and ends the connection of the last one. Returns false if none comes in time.
   bool accept(std::chrono::milliseconds patience);
   bool connected() const;
-  /// Bytes that the peer has sent, at most 64 KiB; empty if none arrive in time, or the connection has ended.
+  /// Returns bytes that the peer has sent, at most 64 KiB; empty if none arrive in time, or the connection has ended.
   std::string receive(std::chrono::milliseconds patience);
-  /// Ends the connection of a peer that does not read for a second.
+  /// Sends bytes. The connection ends if the peer does not read for a second.
   void send(std::string_view bytes);
 
  private:

@@ -52,7 +52,7 @@ class Server {
   ChannelId add_channel(Channel channel);
   void remove_channel(ChannelId channel);
 
-  /// Whether any client has subscribed to the channel: else its messages need not be made.
+  /// Returns whether any client has subscribed to the channel; otherwise its messages need not be made.
   bool is_subscribed(ChannelId channel) const;
   /// Counts subscriptions and ends of subscriptions since the start.
   std::uint64_t subscription_changes() const;

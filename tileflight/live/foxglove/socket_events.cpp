@@ -82,7 +82,7 @@ constexpr std::size_t kReadBytes = std::size_t{64} << 10U;
 constexpr std::size_t kWriteBytes = std::size_t{1} << 20U;  ///< at once
 constexpr unsigned kSpareConnections = 32;  ///< beyond the clients: those that are refused, or ask for something else
 
-/// Where a connection comes from, while it is there.
+/// Returns the address of a connection's peer, or "(gone)".
 std::string peer_of(lws* socket) {
   std::array<char, 64> name{};
   const bool is_known = lws_get_peer_simple(socket, name.data(), name.size()) != nullptr;

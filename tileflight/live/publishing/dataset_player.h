@@ -47,7 +47,7 @@ struct PlayOptions {
   double rate = 1.0;       ///< recorded seconds per second, above zero and at most kMaxPlayRate
   bool loop = false;       ///< begin again at the end
   bool is_paused = false;  ///< wait for a viewer to set the parameter `paused` to false
-  /// Of a rig: MessageSelection::cameras.
+  /// Names of the rig's cameras to play (MessageSelection::cameras).
   std::vector<std::string> cameras{};
 };
 inline constexpr double kMaxPlayRate = 1000.0;

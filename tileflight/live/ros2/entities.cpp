@@ -52,7 +52,8 @@ namespace {
 
 using Qos = std::unique_ptr<dds_qos_t, decltype(&dds_delete_qos)>;
 
-/// As rmw_cyclonedds_cpp translates it. Nothing waits for room: the history has a depth (configuration()).
+/// Translates a quality of service as rmw_cyclonedds_cpp does. Writers never wait for room, since the history has a
+/// depth (configuration()).
 Qos make_qos(const QualityOfService& quality, const std::string& user_data) {
   Qos qos(dds_create_qos(), dds_delete_qos);
   const auto depth = static_cast<std::int32_t>(quality.depth);

@@ -33,8 +33,8 @@ const char* const kLimits =
     "<Internal><Watermarks><WhcHigh>1 GB</WhcHigh><WhcHighInit>1 GB</WhcHighInit></Watermarks>"
     "<MaxSampleSize>256 MB</MaxSampleSize></Internal>";
 
-/// Without multicast, others are found by what is sent to the ports that they may have, which they answer: often, as
-/// who has just come has missed it so far. Large datagrams are cheap where nothing loses a part of them; the MTU of
+/// Loopback has no multicast: others are found by messages to the ports that they may have. The messages are frequent,
+/// since a new participant has missed the earlier ones. Large datagrams are cheap, as no part is lost; the MTU of
 /// loopback is 64 KiB.
 const char* const kLoopback =
     "<General><Interfaces><NetworkInterface address=\"127.0.0.1\"/></Interfaces><AllowMulticast>false</AllowMulticast>"

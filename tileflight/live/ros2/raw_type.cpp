@@ -10,7 +10,7 @@
 #include <memory>
 #include <new>
 
-// The functions that CycloneDDS 0.10 asks of a type (dds/ddsi/ddsi_sertype.h, ddsi_serdata.h).
+// The functions that CycloneDDS 0.10 requires of a type (dds/ddsi/ddsi_sertype.h, ddsi_serdata.h).
 
 namespace tileflight::ros2 {
 

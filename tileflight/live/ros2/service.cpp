@@ -72,7 +72,7 @@ std::string service_id(const Participant& participant, const std::string& name) 
   return "serviceid=" + text + ";";
 }
 
-/// The "clientid" in an endpoint's user data ("clientid=…;typehash=…;"); empty: none.
+/// Returns the "clientid" in an endpoint's user data ("clientid=…;typehash=…;"); empty: none.
 std::string client_id(const dds_builtintopic_endpoint_t& endpoint) {
   void* data = nullptr;
   std::size_t size = 0;
@@ -85,8 +85,8 @@ std::string client_id(const dds_builtintopic_endpoint_t& endpoint) {
   return text.substr(begin + key.size(), text.find(';', begin) - begin - key.size());
 }
 
-/// Whether the reader of the client with that writer is known: it is discovered apart, perhaps later than the request.
-/// A client that does not name itself is taken for known.
+/// Returns whether the reader of the client with that writer has been discovered, which may happen after the request. A
+/// client that does not name itself counts as discovered.
 bool is_reader_known(const Entity& requests, const Entity& replies, std::uint64_t client) {
   const Endpoint sender(dds_get_matched_publication_data(requests.handle(), client), dds_builtintopic_free_endpoint);
   if (!sender) return true;  // gone

@@ -29,7 +29,7 @@ constexpr double kTimeRounding_s = 1e-9;
 constexpr double kAirborne_m = 0.3;
 /// Motors that are given less stand; for so long, until the flight is over.
 constexpr double kStandingOutput = 0.02, kStanding_s = 0.5;
-/// So long a command that has ended may have others at work for it.
+/// Time that other processes of a command may take after the command has ended.
 constexpr double kAfterCommand_s = 2.0;
 constexpr std::size_t kMostLines = 50;
 constexpr std::chrono::milliseconds kLook{50};
@@ -54,7 +54,7 @@ class FlightRecord {
     changed_.notify_all();
   }
 
-  /// What the simulator says of the flight; before its first step it says that an autopilot is there.
+  /// The simulator's messages during the flight; before its first step there is one that an autopilot is there.
   void say(const std::string& line) {
     const std::lock_guard lock(mutex_);
     if (steps_ == 0 || !outcome_.empty()) return;

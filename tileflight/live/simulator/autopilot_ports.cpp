@@ -45,7 +45,7 @@ void ArduPilotPort::run(const std::stop_token& stop) {
   }
 }
 
-/// Whether it was a servo packet.
+/// Handles a datagram. Returns whether it was a servo packet.
 bool ArduPilotPort::take(const std::string& datagram) {
   autopilot::ServoPacket packet;
   try {
@@ -84,19 +84,20 @@ namespace {
 
 using std::chrono::milliseconds;
 
-/// So long an autopilot that is ready may take to answer the first sensors before time goes by the wall clock.
+/// Maximum time for the answer to the first sensors; after it, time follows the wall clock.
 constexpr milliseconds kFirstAnswer{2000};
-/// So long a step waits for its answer. PX4 does not answer all sensors: where its rate controller is off (between
-/// modes, say) it sends outputs every 50 ms, and waits for time to go on, as the simulator waits for it.
+/// Maximum time that a step waits for its answer. PX4 does not answer all sensors: while its rate controller is off
+/// (for instance between modes) it sends outputs every 50 ms, and waits for time to go on while the simulator waits for
+/// it.
 constexpr milliseconds kMissedAnswer{2000};
-/// A step this often where nothing has come for long, in case PX4 waits for time.
+/// Interval of steps while PX4 is silent for long, in case it waits for time.
 constexpr milliseconds kSilentStep{1000};
 /// Answers in a row after which each step waits for one again.
 constexpr int kAnswersInStep = 2;
 constexpr milliseconds kMaxLagOfPx4{100};
 constexpr unsigned kModeArmed = 128;
 
-/// Of the wall clock, for a step without an answer; long enough to look whether one has come.
+/// Returns the wall-clock time of a step without an answer, which is long enough to check whether one has come.
 milliseconds wall_step(double speed) {
   return std::max(milliseconds(1), milliseconds(std::lround(1e3 * kPx4Step_s / speed)));
 }
@@ -158,7 +159,7 @@ bool Px4Port::is_silent(const Session& session) const {
   return pace_.lockstep && session.heard && WallClock::now() - *session.heard > kAutopilotSilence;
 }
 
-/// Whether to go on: with outputs that answer the sensors, or because time goes by the wall clock.
+/// Returns whether to make the next step: outputs answer the sensors, or time follows the wall clock.
 bool Px4Port::wait_for_controls(Session& session, const std::stop_token& stop) {
   if (is_silent(session)) vehicle_.leave();
   const auto end = WallClock::now() + patience(session);
@@ -186,7 +187,7 @@ void Px4Port::miss(Session& session) {
   if (is_silent(session)) log("silence", "PX4 is silent; the vehicle all but stands until it answers");
 }
 
-/// Whether it is an answer to the sensors sent last.
+/// Handles a frame. Returns whether it answers the sensors sent last.
 bool Px4Port::take(Session& session, const autopilot::MavlinkFrame& received) {
   if (received.message != autopilot::HilActuatorControls::kMessage.number) return false;
   const auto controls = autopilot::decode_payload<autopilot::HilActuatorControls>(received.payload);

@@ -26,7 +26,7 @@ ImageType to_image_type(int image_type) {
   return static_cast<ImageType>(image_type);
 }
 
-/// Equal for images that are rendered from the same rays.
+/// Makes a key that is equal for images that are rendered from the same rays.
 std::vector<double> make_render_key(const CameraView& shot, const std::string& camera) {
   std::vector<double> key = lens_key(shot.lens);
   const SE3& T = shot.T_local_camera;
@@ -66,8 +66,8 @@ ImageResponse make_response(const PlannedImage& picture, const RenderLayers& lay
   return response;
 }
 
-/// For each object, where a point of it was at the picture before, in the local frame, by where it is; one that was not
-/// there then counts as if it had stood still.
+/// Computes for each object the transform from a point's present position to that at the previous image, local frame.
+/// It is the identity for objects that did not exist then.
 std::vector<Eigen::Affine3d> moved_since(const std::vector<WorldObject>& before, const std::vector<WorldObject>& now,
                                          const SE3& T_local_ned) {
   std::vector<Eigen::Affine3d> moved(now.size(), Eigen::Affine3d::Identity());
@@ -124,7 +124,7 @@ PlannedImages World::plan_images(const std::vector<ImageRequest>& requests, cons
   return planned;
 }
 
-/// By the values of RenderLayers::objects.
+/// Returns the colours in an annotation layer, by the values of RenderLayers::objects.
 std::vector<imaging::Rgb8> World::annotation_colours(const ResidentScene& place, const std::string& layer) const {
   std::vector<imaging::Rgb8> colours = annotation_layers.colours(layer, place.object_names());
   colours.insert(colours.begin(), imaging::Rgb8{});

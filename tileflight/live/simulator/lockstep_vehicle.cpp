@@ -18,14 +18,14 @@ using geometry::Vec3;
 constexpr double kPascalPerHectopascal = 100.0, kCelsius_k = 273.15;
 constexpr std::uint8_t kSatellites = 10;
 
-/// Three standard normal numbers, the same for the same time.
+/// Returns three standard normal numbers that depend only on the sensor, `which` and the time.
 Vec3 white_noise(const SensorContext& now, SensorNoises& noises, const std::string& name, std::uint64_t which) {
   const auto normals =
       base::normal_variates(base::stream_key(noise_of(noises, now.vehicle.name(), name).seed, which), now.time_ns);
   return {normals[0], normals[1], normals[2]};
 }
 
-/// Settings and noise of the vehicle's first sensor of a kind.
+/// Returns settings and noise of the vehicle's first sensor of a kind.
 template <class Settings>
 std::pair<Settings, SensorNoiseState&> first_sensor(const SensorContext& now, SensorNoises& noises) {
   Settings settings;
@@ -133,8 +133,8 @@ autopilot::DistanceSensor hil_distance(const SensorContext& now, SensorNoises& n
   return message;
 }
 
-/// Of what is at distance d on the axis of a camera with axes forward, right, down that moves by v and turns by w: w_x
-/// - v_y / d and w_y + v_x / d (Longuet-Higgins, Prazdny 1980, at the image's middle).
+/// The flow in the middle of the image of a camera with axes forward, right, down that moves by v and turns by w, of a
+/// surface at distance d: w_x - v_y / d and w_y + v_x / d (Longuet-Higgins, Prazdny 1980).
 void FlowIntegral::add(const VehicleState& state, std::optional<double> distance_m, double step_s) {
   const Vec3& turning = state.angular_velocity_rad_s;
   const Vec3 velocity_m_s = state.T_ned_body.rotation.conjugate() * state.velocity_m_s;
@@ -210,8 +210,8 @@ namespace {
 
 using geometry::SE3;
 
-/// Of PX4's steps: magnetometer, barometer and distance sensors 50 times a second, receiver 10 times, heartbeat once.
-/// Optical flow 25 times, odometry 31 times.
+/// Intervals in steps of PX4. In a second they make 50 readings of magnetometer, barometer and distance sensors, 10 of
+/// the satellite receiver, 25 of the optical flow, 31 of the odometry, and 1 heartbeat.
 constexpr std::uint64_t kSlowSteps = 5, kGpsSteps = 25, kHeartbeatSteps = 250, kFlowSteps = 10, kOdometrySteps = 8;
 constexpr double kFlowRange_m = 100.0;
 
@@ -236,7 +236,7 @@ void LockstepVehicle::join() {
   simulator_.lockstep_times.set(&slot_, time_s_);
 }
 
-/// For the journal of a recorded session.
+/// Completes an event and passes it to the journal of a recorded session.
 void LockstepVehicle::note(AutopilotEvent event) const {
   if (!simulator_.options.journal || simulator_.clock.stopped()) return;
   event.vehicle = slot_.vehicle->name();
@@ -363,7 +363,7 @@ autopilot::ArduPilotState LockstepVehicle::ardupilot_state() const {
   return state;
 }
 
-/// At the vehicle's own time, which may be a step before the clock's.
+/// Uses the vehicle's own time, which may be a step before the clock's.
 SensorContext LockstepVehicle::sensor_context() const {
   const std::uint64_t ahead_ns =
       static_cast<std::uint64_t>(std::llround(std::max(0.0, time_s_ - simulator_.clock.time_s()) * 1e9));
@@ -395,7 +395,7 @@ void LockstepVehicle::look(const std::optional<PlannedImages>& exposure, std::ui
   if (exposure) slot_.vision->add_picture(simulator_.render_colours(*exposure), step, px4_stamp_us(step));
 }
 
-/// What is sent of vision at a step.
+/// Returns the message of the vision input that is sent at a step.
 std::optional<autopilot::Odometry> LockstepVehicle::vision_at(std::uint64_t step, const SensorContext& now) {
   if (slot_.vision) return slot_.vision->message_at(step);
   const bool is_due =

@@ -122,7 +122,7 @@ constexpr std::uint32_t kColourMask = 0xFFFFFFU;
 constexpr std::uint32_t kStep = 0x9E3779U;      // odd: near the golden ratio of 2^24, so that neighbours differ
 constexpr std::uint32_t kStepBack = 0xB382C9U;  // its inverse modulo 2^24
 
-/// Where the permutation has the palette's colours, ascending.
+/// Returns the positions of the palette's colours in the permutation, ascending.
 std::array<std::uint32_t, 256> make_palette_positions() {
   std::array<std::uint32_t, 256> positions{};
   std::ranges::transform(segmentation_palette(), positions.begin(),

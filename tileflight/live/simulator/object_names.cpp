@@ -49,7 +49,7 @@ bool is_letter_or_digit(char c) { return (c >= '0' && c <= '9') || (c >= 'A' && 
 
 bool is_word_character(char c) { return is_letter_or_digit(c) || c == '_'; }
 
-/// What stands for a separator of words: the number of `_` tells which it was. Empty: not a separator.
+/// Returns the replacement of a separator of words, whose number of `_` tells which it was; empty: not a separator.
 std::string_view joint_of(char c) {
   if (c == '-') return "_";
   if (c == '/') return "__";
@@ -57,7 +57,7 @@ std::string_view joint_of(char c) {
   return {};
 }
 
-/// Whether the name can be told from its words and joints: single separators between words of letters and digits.
+/// Returns whether the name consists of words of letters and digits, with single separators between them.
 bool is_words_and_joints(std::string_view name) {
   bool after_word = false;
   for (const char c : name) {

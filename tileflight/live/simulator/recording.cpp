@@ -8,7 +8,7 @@
 
 namespace tileflight::simulator {
 
-/// Images and poses of the same time. Runs without the mutex in the clock's thread, so time does not advance.
+/// Takes images and poses at one time. Runs without the mutex in the clock's thread, so time does not advance.
 std::vector<RecordingFrame> World::capture_recording_frames() {
   std::vector<std::string> names;
   {

@@ -34,21 +34,21 @@ enum class VisionSource {
 
 struct VisionSettings {
   VisionSource source = VisionSource::kNone;
-  // Of kPictures:
-  std::string camera = "bottom_center";  ///< of the vehicle
-  double rate_hz = 15.0;                 ///< of its pictures; rounded to whole steps of the autopilot between them
-  double latency_s = 0.1;                ///< from the exposure to the message
+  // The following hold for kPictures:
+  std::string camera = "bottom_center";  ///< name of the vehicle's camera
+  double rate_hz = 15.0;                 ///< rate of images; their interval is rounded to whole steps of the autopilot
+  double latency_s = 0.1;                ///< time from the exposure to the message
 };
 
-/// An autopilot that flies a vehicle: its port, and its vehicle.
+/// An autopilot that flies a vehicle: its interface, and properties of the vehicle.
 struct AutopilotSettings {
   AutopilotKind kind = AutopilotKind::kArduPilot;
   int port = 9002;       ///< ControlPort or TcpPort, on which the simulator listens; 0: any free port
-  bool lockstep = true;  ///< of PX4: LockStep
+  bool lockstep = true;  ///< PX4 only: LockStep
   vehicle::AirframeKind airframe = vehicle::AirframeKind::kQuadX;
-  bool optical_flow = false;  ///< of PX4: own key OpticalFlow, sends HIL_OPTICAL_FLOW
-  VisionSettings vision;      ///< of PX4: own keys VisionOdometry, VisionCamera, VisionRate, VisionLatency
-  double thrust_expo = 0.65;  ///< of the motors: own key ThrustExpo; default as of the autopilot's parameters
+  bool optical_flow = false;  ///< PX4 only: own key OpticalFlow, sends HIL_OPTICAL_FLOW
+  VisionSettings vision;      ///< PX4 only: own keys VisionOdometry, VisionCamera, VisionRate, VisionLatency
+  double thrust_expo = 0.65;  ///< own key ThrustExpo of the motors; the default is that of the autopilot's parameters
 };
 
 /// Reads a vehicle's autopilot keys; nullopt for a VehicleType without an autopilot. Throws InputError.
@@ -139,11 +139,11 @@ struct Settings {
 /// key, cause).
 Settings read_settings(const std::string& text, const std::string& name);
 
-/// Whether the text of a settings.json says nothing.
+/// Returns whether the text of a settings.json is blank.
 bool is_blank(const std::string& settings_text);
 
-/// The settings that hold where none are given, as a settings.json: clients (AirSim's ROS wrapper) read SimMode and
-/// Vehicles from it.
+/// Returns the default settings as a settings.json, from which clients (AirSim's ROS wrapper) read SimMode and
+/// Vehicles.
 std::string default_settings_text();
 
 /// The default cameras of every vehicle: front_center, front_right, front_left, bottom_center, back_center.
@@ -152,7 +152,7 @@ std::vector<CameraSettings> default_cameras(const CameraSettings& defaults);
 /// Resolves AirSim's camera aliases "0", "", "fpv" and so on; other names are returned unchanged.
 std::string resolve_camera_alias(const std::string& name);
 
-/// Settings of a vehicle of which only name and kind are given.
+/// Returns the settings of a vehicle for which only name and kind are given.
 VehicleSettings default_vehicle(const std::string& name, bool flies, const CameraSettings& camera_defaults);
 
 /// AirSim's default origin, for places without georeference if the settings give none.

@@ -220,7 +220,7 @@ void WorkingSet::prefetch(const std::stop_token& stop) {
   }
 }
 
-/// Whether making the scene of these cells ahead must end: somebody waits, or they do not lie ahead any more.
+/// Returns whether making the scene of these cells ahead must end: a caller waits, or the cells no longer lie ahead.
 bool WorkingSet::is_interrupted(const SensorCells& cells) const { return waiting_ > 0 || !is_ahead(cells); }
 
 bool WorkingSet::is_ahead(const SensorCells& cells) const {

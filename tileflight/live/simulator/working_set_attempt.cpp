@@ -68,7 +68,7 @@ struct WorkingSet::Attempt {
   PreparedScene prepared() && { return {std::move(cells), wanted, detail, pins, worst_px, std::move(scene)}; }
 };
 
-/// Whether it fits into memory.
+/// Returns whether the cut fits into memory.
 bool WorkingSet::load_whole_region(const Progress& progress) {
   Lock lock(loading_mutex_);
   Attempt attempt({}, scenes_.detail(), scenes_.detail());
@@ -272,7 +272,7 @@ DetailLimit WorkingSet::first_detail(const SensorCells& cells, const Progress& p
   }
 }
 
-/// As PreparedScenes::make_room(), beside what is being made.
+/// Calls PreparedScenes::make_room() with the tiles of the scene in the making.
 bool WorkingSet::make_room(const Attempt* ahead) {
   return scenes_.make_room(ahead == nullptr ? nullptr : &ahead->cells, preparing_, options_.max_memory_bytes);
 }

@@ -72,7 +72,7 @@ ClockSettings clock_settings(const SimulatorOptions& options, const Settings& se
   return clock;
 }
 
-/// Of the command line and of the settings.
+/// Joins the assets of the command line and of the settings.
 AssetFiles asset_files(const SimulatorOptions& options, const Settings& settings) {
   AssetFiles files = options.assets;
   files.insert(settings.assets.begin(), settings.assets.end());
