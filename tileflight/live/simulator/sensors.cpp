@@ -25,7 +25,7 @@ const SensorSettings& find_sensor(const SimVehicle& sim_vehicle, const std::stri
 
 /// Reads a sensor that needs no more than its vehicle's states.
 template <class Settings, class Read>
-auto read_sensor(World& world, const std::string& vehicle, const std::string& name, const char* kind, Read read) {
+auto read_plain_sensor(World& world, const std::string& vehicle, const std::string& name, const char* kind, Read read) {
   const std::lock_guard lock(world.state_mutex);
   VehicleSlot& one = world.slot(vehicle);
   const SensorSettings& sensor = find_sensor<Settings>(*one.vehicle, name, kind);
@@ -140,19 +140,19 @@ LidarScanData Sensors::lidar_scan(const std::string& lidar, const std::string& v
 }
 
 ImuData Sensors::get_imu_data(const std::string& imu, const std::string& vehicle) {
-  return read_sensor<ImuSettings>(world_, vehicle, imu, "IMU", read_imu);
+  return read_plain_sensor<ImuSettings>(world_, vehicle, imu, "IMU", read_imu);
 }
 
 BarometerData Sensors::get_barometer_data(const std::string& barometer, const std::string& vehicle) {
-  return read_sensor<BarometerSettings>(world_, vehicle, barometer, "barometer", read_barometer);
+  return read_plain_sensor<BarometerSettings>(world_, vehicle, barometer, "barometer", read_barometer);
 }
 
 MagnetometerData Sensors::get_magnetometer_data(const std::string& magnetometer, const std::string& vehicle) {
-  return read_sensor<MagnetometerSettings>(world_, vehicle, magnetometer, "magnetometer", read_magnetometer);
+  return read_plain_sensor<MagnetometerSettings>(world_, vehicle, magnetometer, "magnetometer", read_magnetometer);
 }
 
 GpsData Sensors::get_gps_data(const std::string& gps, const std::string& vehicle) {
-  return read_sensor<GpsSettings>(world_, vehicle, gps, "gps", read_gps);
+  return read_plain_sensor<GpsSettings>(world_, vehicle, gps, "gps", read_gps);
 }
 
 DistanceSensorData Sensors::get_distance_sensor_data(const std::string& distance_sensor, const std::string& vehicle) {

@@ -15,7 +15,7 @@ namespace {
 using geometry::SE3;
 using geometry::Vec3;
 
-constexpr std::size_t kMaxNameLength = 100;
+constexpr std::size_t kMaxVehicleName = 100;
 constexpr double kGasConstant = 287.053;  // of dry air, J / (kg K)
 
 Pose to_local_ned_pose(const SimVehicle& sim_vehicle, SE3 T_ned) {
@@ -63,9 +63,9 @@ bool Vehicles::add_vehicle(const std::string& name, const std::string& type, con
   const bool flies = type == "SimpleFlight" || type == "simpleflight";
   if (!flies && type != "ComputerVision" && type != "computervision")
     throw InputError("simAddVehicle",
-                     "the type '" + type.substr(0, kMaxNameLength) + "' must be SimpleFlight or ComputerVision");
+                     "the type '" + type.substr(0, kMaxVehicleName) + "' must be SimpleFlight or ComputerVision");
   if (flies == world_.settings.computer_vision) return false;  // as AirSim: vehicles of the other mode are rejected
-  if (name.empty() || name.size() > kMaxNameLength) throw InputError("simAddVehicle", "the name is empty or too long");
+  if (name.empty() || name.size() > kMaxVehicleName) throw InputError("simAddVehicle", "the name is empty or too long");
   VehicleSettings vehicle = default_vehicle(name, flies, world_.settings.camera_defaults);
   vehicle.start_ned = checked_position(pose.position, "simAddVehicle");
   vehicle.R_ned_body = checked_rotation(pose.orientation, "simAddVehicle");
