@@ -89,7 +89,8 @@ TEST(Simulator, ARecordingOfTheSettingsBeginsWithTheServer) {
 TEST(Simulator, AVehicleThatDoesNotFlyDoesNotStartInTheGround) {
   const auto down_of = [](const std::string& z) {
     return simulator(R"({"SimMode": "ComputerVision", "Vehicles": {"Eye": {"Z": )" + z + "}}}")
-        ->sim_get_vehicle_pose("")
+        ->vehicles()
+        .get_vehicle_pose("")
         .position.z_val;
   };
   const float start = simulator(kComputerVision)->vehicles().get_vehicle_pose("").position.z_val;
