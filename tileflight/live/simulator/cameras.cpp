@@ -93,7 +93,7 @@ std::string missing_tiles_message(const ResidentScene& place) {
 
 /// Requires the mutex.
 PlannedImages World::plan_images(const std::vector<ImageRequest>& requests, const std::string& vehicle_name,
-                                 bool external) const {
+                                 bool external) {
   if (requests.size() > kMaxRequests) throw InputError("simGetImages", "more than 256 images in one call");
   PlannedImages planned;
   planned.time_ns = clock.time_ns();

@@ -231,20 +231,20 @@ double LockstepTimes::least_s() const {
 
 /// An autopilot that comes, or comes back, takes part from the clock's present time on.
 void LockstepVehicle::join() {
-  if (simulator_.lockstep_times.contains(&slot_)) return;
-  time_s_ = std::max(time_s_, simulator_.clock.time_s());
-  simulator_.lockstep_times.set(&slot_, time_s_);
+  if (world_.lockstep_times.contains(&slot_)) return;
+  time_s_ = std::max(time_s_, world_.clock.time_s());
+  world_.lockstep_times.set(&slot_, time_s_);
 }
 
 /// Completes an event and passes it to the journal of a recorded session.
 void LockstepVehicle::note(AutopilotEvent event) const {
-  if (!simulator_.options.journal || simulator_.clock.stopped()) return;
+  if (!world_.options.journal || world_.clock.stopped()) return;
   event.vehicle = slot_.vehicle->name();
-  event.tick = simulator_.clock.steps();
+  event.tick = world_.clock.steps();
   event.time_s = time_s_;
-  event.T_local_body = simulator_.T_local_ned * slot_.vehicle->state().T_ned_body * T_flu_frd();
+  event.T_local_body = world_.T_local_ned * slot_.vehicle->state().T_ned_body * T_flu_frd();
   event.touches = slot_.vehicle->landed();
-  simulator_.options.journal(event);
+  world_.options.journal(event);
 }
 
 void LockstepVehicle::put_at_start() {
@@ -257,8 +257,8 @@ void LockstepVehicle::put_at_start() {
 }
 
 void LockstepVehicle::restart() {
-  std::unique_lock lock(simulator_.state_mutex);
-  SimulationClock& clock = simulator_.clock;
+  std::unique_lock lock(world_.state_mutex);
+  SimulationClock& clock = world_.clock;
   clock.wait(lock, [&] { return clock.turn_is_free() && clock.settled(); });
   join();
   put_at_start();
@@ -274,14 +274,14 @@ void LockstepVehicle::move(std::span<const double> outputs, double step_s) {
 }
 
 std::optional<double> LockstepVehicle::distance_below_m() const {
-  const SE3 T = simulator_.T_local_ned * slot_.vehicle->state().T_ned_body;
-  const auto hit = simulator_.obstacle_query()(T.translation, T * Vec3(0.0, 0.0, kFlowRange_m));
+  const SE3 T = world_.T_local_ned * slot_.vehicle->state().T_ned_body;
+  const auto hit = world_.obstacle_query()(T.translation, T * Vec3(0.0, 0.0, kFlowRange_m));
   if (!hit) return std::nullopt;
   return std::max(1e-3, (hit->point - T.translation).norm());
 }
 
 std::string LockstepVehicle::apply(const AutopilotEvent& event) {
-  std::unique_lock lock(simulator_.state_mutex);
+  std::unique_lock lock(world_.state_mutex);
   time_s_ = event.time_s;
   if (event.kind == AutopilotEvent::Kind::kSensors) {
     std::string bytes = read_px4_sensors(event.number, repeated_sequence_);
@@ -302,9 +302,9 @@ std::string LockstepVehicle::apply(const AutopilotEvent& event) {
 }
 
 bool LockstepVehicle::step(std::span<const double> outputs, double step_s) {
-  std::unique_lock lock(simulator_.state_mutex);
-  SimulationClock& clock = simulator_.clock;
-  LockstepTimes& times = simulator_.lockstep_times;
+  std::unique_lock lock(world_.state_mutex);
+  SimulationClock& clock = world_.clock;
+  LockstepTimes& times = world_.lockstep_times;
   join();
   clock.wait(
       lock, [&] { return clock.advancing() && clock.settled() && clock.turn_is_free() && times.least_s() >= time_s_; });
@@ -321,20 +321,20 @@ bool LockstepVehicle::step(std::span<const double> outputs, double step_s) {
 }
 
 void LockstepVehicle::leave() {
-  const std::lock_guard lock(simulator_.state_mutex);
-  LockstepTimes& times = simulator_.lockstep_times;
+  const std::lock_guard lock(world_.state_mutex);
+  LockstepTimes& times = world_.lockstep_times;
   times.remove(&slot_);
-  if (std::isfinite(times.least_s())) simulator_.clock.allow_until(times.least_s());
-  simulator_.clock.wake();
+  if (std::isfinite(times.least_s())) world_.clock.allow_until(times.least_s());
+  world_.clock.wake();
 }
 
 std::vector<std::pair<const SensorSettings*, double>> LockstepVehicle::distances_m() const {
-  const vehicle::ObstacleQuery first_surface = simulator_.obstacle_query();
+  const vehicle::ObstacleQuery first_surface = world_.obstacle_query();
   std::vector<std::pair<const SensorSettings*, double>> distances_m;
   for (const SensorSettings& sensor : slot_.vehicle->settings().sensors) {
     const auto* settings = std::get_if<DistanceSensorSettings>(&sensor.kind);
     if (settings == nullptr) continue;
-    const SE3 T = simulator_.T_local_ned * slot_.vehicle->state().T_ned_body * settings->T_body_sensor;
+    const SE3 T = world_.T_local_ned * slot_.vehicle->state().T_ned_body * settings->T_body_sensor;
     const auto hit = first_surface(T.translation, T * Vec3(settings->max_m, 0.0, 0.0));
     const double distance_m = hit ? (hit->point - T.translation).norm() : settings->max_m;
     distances_m.emplace_back(&sensor, std::max(distance_m, settings->min_m));
@@ -343,7 +343,7 @@ std::vector<std::pair<const SensorSettings*, double>> LockstepVehicle::distances
 }
 
 autopilot::ArduPilotState LockstepVehicle::ardupilot_state() const {
-  const std::lock_guard lock(simulator_.state_mutex);
+  const std::lock_guard lock(world_.state_mutex);
   const SimVehicle& vehicle = *slot_.vehicle;
   const VehicleState& now = vehicle.state();
   const Eigen::Quaterniond R_body_ned = now.T_ned_body.rotation.conjugate();
@@ -366,14 +366,13 @@ autopilot::ArduPilotState LockstepVehicle::ardupilot_state() const {
 /// Uses the vehicle's own time, which may be a step before the clock's.
 SensorContext LockstepVehicle::sensor_context() const {
   const std::uint64_t ahead_ns =
-      static_cast<std::uint64_t>(std::llround(std::max(0.0, time_s_ - simulator_.clock.time_s()) * 1e9));
-  return {
-      *slot_.vehicle, slot_.history, simulator_.geodetic_frame, time_s_, simulator_.clock.time_ns() + ahead_ns, true};
+      static_cast<std::uint64_t>(std::llround(std::max(0.0, time_s_ - world_.clock.time_s()) * 1e9));
+  return {*slot_.vehicle, slot_.history, world_.geodetic_frame, time_s_, world_.clock.time_ns() + ahead_ns, true};
 }
 
 std::string LockstepVehicle::px4_sensors(std::uint64_t step, std::uint8_t& sequence) {
-  std::unique_lock lock(simulator_.state_mutex);
-  SimulationClock& clock = simulator_.clock;
+  std::unique_lock lock(world_.state_mutex);
+  SimulationClock& clock = world_.clock;
   clock.wait(lock, [&] { return clock.turn_is_free() && clock.settled(); });
   std::string bytes = read_px4_sensors(step, sequence);
   note({.kind = AutopilotEvent::Kind::kSensors, .number = step, .bytes = bytes});
@@ -388,11 +387,11 @@ std::optional<PlannedImages> LockstepVehicle::exposure_at(std::uint64_t step) co
   ImageRequest picture;
   picture.camera_name = slot_.vision->camera();
   picture.image_type = static_cast<int>(ImageType::kScene);
-  return simulator_.plan_images({picture}, slot_.vehicle->name(), false);
+  return world_.plan_images({picture}, slot_.vehicle->name(), false);
 }
 
 void LockstepVehicle::look(const std::optional<PlannedImages>& exposure, std::uint64_t step) {
-  if (exposure) slot_.vision->add_picture(simulator_.render_colours(*exposure), step, px4_stamp_us(step));
+  if (exposure) slot_.vision->add_picture(world_.render_colours(*exposure), step, px4_stamp_us(step));
 }
 
 /// Returns the message of the vision input that is sent at a step.
@@ -432,9 +431,7 @@ const std::string& LockstepVehicle::name() const { return slot_.vehicle->name();
 
 std::size_t LockstepVehicle::motors() const { return slot_.vehicle->rotors().size(); }
 
-GeoPoint LockstepVehicle::home() const {
-  return simulator_.geodetic_frame.to_geo_point(slot_.vehicle->home().translation);
-}
+GeoPoint LockstepVehicle::home() const { return world_.geodetic_frame.to_geo_point(slot_.vehicle->home().translation); }
 
 double LockstepVehicle::home_heading_deg() const {
   const double heading_deg = degrees(heading_rad(slot_.vehicle->home().rotation));

@@ -82,7 +82,7 @@ class LockstepTimes {
 /// follows them. No such vehicle is ahead of another by more than a step. For one thread.
 class LockstepVehicle {
  public:
-  LockstepVehicle(World& simulator, VehicleSlot& vehicle) : simulator_(simulator), slot_(vehicle) {}
+  LockstepVehicle(World& world, VehicleSlot& vehicle) : world_(world), slot_(vehicle) {}
 
   /// Returns to the start, for an autopilot that restarts.
   void restart();
@@ -123,7 +123,7 @@ class LockstepVehicle {
   /// Measures the true distances along the axes of the distance sensors, clamped to their maximum.
   std::vector<std::pair<const SensorSettings*, double>> distances_m() const;
 
-  World& simulator_;
+  World& world_;
   VehicleSlot& slot_;
   double time_s_ = 0.0;                 ///< simulation time of the vehicle
   double elapsed_s_ = 0.0;              ///< since the autopilot's start

@@ -286,9 +286,7 @@ void World::update_obstacles() {
   obstacle_scene = place;
 }
 
-VehicleSlot& World::slot(const std::string& name) { return const_cast<VehicleSlot&>(std::as_const(*this).slot(name)); }
-
-const VehicleSlot& World::slot(const std::string& name) const {
+VehicleSlot& World::slot(const std::string& name) const {
   if (name.empty()) return *vehicles.front();
   for (const auto& one : vehicles) {
     if (one->vehicle->name() == name) return *one;
@@ -308,11 +306,7 @@ SimVehicle& World::require_multirotor(const std::string& name, const char* call)
 }
 
 SimCamera& World::camera(const std::string& name, const std::string& vehicle_name, bool external) {
-  return const_cast<SimCamera&>(std::as_const(*this).camera(name, vehicle_name, external));
-}
-
-const SimCamera& World::camera(const std::string& name, const std::string& vehicle_name, bool external) const {
-  const auto& cameras = external ? external_cameras : slot(vehicle_name).vehicle->cameras();
+  auto& cameras = external ? external_cameras : slot(vehicle_name).vehicle->cameras();
   // A camera in the settings may be named "0"; otherwise this means front_center.
   for (const std::string& candidate : {name, resolve_camera_alias(name)}) {
     const auto at = std::ranges::find(cameras, candidate, &SimCamera::name);

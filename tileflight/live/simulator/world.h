@@ -172,11 +172,9 @@ struct World {
   void tell_once(const std::string& call, const std::string& reason);
 
   // Lookups; the mutex must be held. Throw InputError or std::runtime_error.
-  VehicleSlot& slot(const std::string& name);
-  const VehicleSlot& slot(const std::string& name) const;
+  VehicleSlot& slot(const std::string& name) const;
   SimVehicle& require_multirotor(const std::string& name, const char* call);
   SimCamera& camera(const std::string& camera, const std::string& vehicle, bool external);
-  const SimCamera& camera(const std::string& camera, const std::string& vehicle, bool external) const;
   geometry::SE3 T_ned_camera(const SimCamera& camera, const std::string& vehicle, bool external) const;
   /// Returns the origin of a vehicle's local NED in global NED; zero for external cameras.
   geometry::Vec3 ned_origin(const std::string& vehicle, bool external) const;
@@ -191,7 +189,7 @@ struct World {
   void update_obstacles();
 
   // Images (cameras.cpp).
-  PlannedImages plan_images(const std::vector<ImageRequest>& requests, const std::string& vehicle, bool external) const;
+  PlannedImages plan_images(const std::vector<ImageRequest>& requests, const std::string& vehicle, bool external);
   /// Stores the poses from which the next images' optical flow is computed.
   void remember_camera_poses(const PlannedImages& planned);
   std::vector<ImageResponse> render_images(const PlannedImages& planned);
