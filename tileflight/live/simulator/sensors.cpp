@@ -24,8 +24,9 @@ const SensorSettings& find_sensor(const SimVehicle& sim_vehicle, const std::stri
 }
 
 /// Reads a sensor that needs no more than its vehicle's states.
-template <class Settings, class Read>
-auto read_plain_sensor(World& world, const std::string& vehicle, const std::string& name, const char* kind, Read read) {
+template <class Settings, class Data>
+Data read_plain_sensor(World& world, const std::string& vehicle, const std::string& name, const char* kind,
+                       Data (*read)(const Settings&, const SensorContext&, SensorNoiseState&)) {
   const std::lock_guard lock(world.state_mutex);
   VehicleSlot& one = world.slot(vehicle);
   const SensorSettings& sensor = find_sensor<Settings>(*one.vehicle, name, kind);
