@@ -13,7 +13,7 @@
 #include "tileflight/live/ros2/topics.h"
 #include "tileflight/live/simulator/test_world.h"
 
-namespace tileflight::publishing::ros2_sink_test {
+namespace tileflight::publishing::message_sink_test {
 namespace {
 
 using testing::ElementsAre;
@@ -126,4 +126,4 @@ TEST_F(Ros2SinkTest, SeveralSinksAreOne) {
 }
 
 }  // namespace
-}  // namespace tileflight::publishing::ros2_sink_test
+}  // namespace tileflight::publishing::message_sink_test

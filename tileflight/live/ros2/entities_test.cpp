@@ -2,7 +2,7 @@
 
 #include <gmock/gmock.h>
 
-namespace tileflight::ros2::names_test {
+namespace tileflight::ros2::entities_test {
 namespace {
 
 /// As ROS 2's tools show them with `ros2 topic list --no-daemon` on the DDS side.
@@ -23,4 +23,4 @@ TEST(Ros2Names, BecomeValid) {
 }
 
 }  // namespace
-}  // namespace tileflight::ros2::names_test
+}  // namespace tileflight::ros2::entities_test

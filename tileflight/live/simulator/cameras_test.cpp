@@ -9,7 +9,7 @@
 #include "tileflight/live/simulator/image_renderer.h"
 #include "tileflight/live/simulator/test_world.h"
 
-namespace tileflight::simulator::api_images_test {
+namespace tileflight::simulator::cameras_test {
 namespace {
 
 using namespace test_world;
@@ -346,4 +346,4 @@ TEST(ApiCameras, ProjectionMatrixGivesThePixelsOfThePicture) {
 }
 
 }  // namespace
-}  // namespace tileflight::simulator::api_images_test
+}  // namespace tileflight::simulator::cameras_test

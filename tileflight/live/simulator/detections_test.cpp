@@ -8,7 +8,7 @@
 #include "tileflight/live/simulator/object_names.h"
 #include "tileflight/live/simulator/test_world.h"
 
-namespace tileflight::simulator::detection_test {
+namespace tileflight::simulator::detections_test {
 namespace {
 
 using namespace test_world;
@@ -147,4 +147,4 @@ TEST_F(Detections, WhatCannotBeIsRefused) {
 }
 
 }  // namespace
-}  // namespace tileflight::simulator::detection_test
+}  // namespace tileflight::simulator::detections_test

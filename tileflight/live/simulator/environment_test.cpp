@@ -11,7 +11,7 @@
 #include "tileflight/live/simulator/test_world.h"
 #include "tileflight/live/simulator/world.h"
 
-namespace tileflight::simulator::api_outdoors_test {
+namespace tileflight::simulator::environment_test {
 namespace {
 
 using namespace test_world;
@@ -224,4 +224,4 @@ TEST(ApiOutdoors, RainIsTheSameInEachRunAndGoesOnWithTheClock) {
 }
 
 }  // namespace
-}  // namespace tileflight::simulator::api_outdoors_test
+}  // namespace tileflight::simulator::environment_test

@@ -8,7 +8,7 @@
 #include "tests/refusal.h"
 #include "tileflight/live/simulator/test_world.h"
 
-namespace tileflight::simulator::api_flight_test {
+namespace tileflight::simulator::flight_test {
 namespace {
 
 using namespace test_world;
@@ -296,4 +296,4 @@ TEST(ApiFlight, SeveralVehiclesHaveTheirOwnOrigins) {
 }
 
 }  // namespace
-}  // namespace tileflight::simulator::api_flight_test
+}  // namespace tileflight::simulator::flight_test

@@ -5,7 +5,7 @@
 #include <set>
 #include <vector>
 
-namespace tileflight::simulator::segmentation_ids_test {
+namespace tileflight::simulator::object_labels_test {
 namespace {
 
 TEST(SegmentationIds, ThePaletteHasAirSimsColoursAndNoneTwice) {
@@ -30,4 +30,4 @@ TEST(SegmentationIds, EverySegmentationIdHasAColourOfItsOwn) {
 }
 
 }  // namespace
-}  // namespace tileflight::simulator::segmentation_ids_test
+}  // namespace tileflight::simulator::object_labels_test

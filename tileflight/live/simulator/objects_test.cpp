@@ -10,7 +10,7 @@
 #include "tileflight/data/dataset/dataset.h"
 #include "tileflight/live/simulator/test_world.h"
 
-namespace tileflight::simulator::api_scene_test {
+namespace tileflight::simulator::objects_test {
 namespace {
 
 using namespace test_world;
@@ -246,4 +246,4 @@ TEST(ApiScene, WhatIsNotServedSaysWhy) {
 }
 
 }  // namespace
-}  // namespace tileflight::simulator::api_scene_test
+}  // namespace tileflight::simulator::objects_test

@@ -6,7 +6,7 @@
 #include "tileflight/live/simulator/frames.h"
 #include "tileflight/live/simulator/test_world.h"
 
-namespace tileflight::simulator::api_sensors_test {
+namespace tileflight::simulator::sensors_test {
 namespace {
 
 using namespace test_world;
@@ -235,4 +235,4 @@ TEST(ApiSensors, LinesOfSightEndAtWalls) {
 }
 
 }  // namespace
-}  // namespace tileflight::simulator::api_sensors_test
+}  // namespace tileflight::simulator::sensors_test
