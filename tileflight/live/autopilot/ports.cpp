@@ -9,7 +9,9 @@
 #include "tileflight/core/base/input_error.h"
 
 namespace tileflight::autopilot {
+namespace {
 
+/// Parses the address to listen on. Throws InputError if it is none.
 asio::ip::address listening_address(const std::string& text) {
   if (text == "localhost") return asio::ip::address_v4::loopback();
   asio::error_code fault;
@@ -18,10 +20,13 @@ asio::ip::address listening_address(const std::string& text) {
   return address;
 }
 
+/// Waits until a socket can be read or has ended. Returns false if the time is over first.
 bool wait_readable(int socket, std::chrono::milliseconds patience) {
   pollfd one{socket, POLLIN, 0};
   return ::poll(&one, 1, static_cast<int>(patience.count())) > 0;
 }
+
+}  // namespace
 
 struct UdpPort::Impl {
   asio::io_context network{1};

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <asio.hpp>
 #include <chrono>
 #include <cstdint>
 #include <map>
@@ -12,12 +11,6 @@
 #include <utility>
 
 namespace tileflight::autopilot {
-
-/// Parses the address to listen on. Throws InputError if it is none.
-asio::ip::address listening_address(const std::string& text);
-
-/// Waits until a socket can be read or has ended. Returns false if the time is over first.
-bool wait_readable(int socket, std::chrono::milliseconds patience);
 
 /// A UDP port that this program listens on and answers from.
 class UdpPort {
