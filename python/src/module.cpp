@@ -71,6 +71,8 @@ PYBIND11_MODULE(_core, module) {
   tp::bind_sensors(module);
   tp::bind_odometry(module);
   tp::bind_scoring(module);
+#ifdef TILEFLIGHT_LIVE
   tp::bind_simulator(module);
+#endif
   tp::bind_commands(module);
 }

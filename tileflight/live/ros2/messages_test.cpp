@@ -9,8 +9,8 @@
 #include "tileflight/data/dataset/cdr.h"
 #include "tileflight/data/dataset/cdr_reader.h"
 #include "tileflight/live/ros2/command_messages.h"
-#include "tileflight/live/ros2/discovery_info.h"
-#include "tileflight/live/ros2/service_message.h"
+#include "tileflight/live/ros2/participant.h"
+#include "tileflight/live/ros2/service.h"
 
 namespace tileflight::ros2::messages_test {
 namespace {

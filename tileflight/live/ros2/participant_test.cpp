@@ -5,18 +5,16 @@
 #include <condition_variable>
 #include <mutex>
 
+#include "tests/refusal.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/data/dataset/cdr.h"
 #include "tileflight/data/dataset/cdr_reader.h"
 #include "tileflight/live/ros2/command_messages.h"
 #include "tileflight/live/ros2/entities.h"
-#include "tileflight/live/ros2/names.h"
-#include "tileflight/live/ros2/publisher.h"
-#include "tileflight/live/ros2/received.h"
+#include "tileflight/live/ros2/raw_type.h"
 #include "tileflight/live/ros2/service.h"
-#include "tileflight/live/ros2/service_message.h"
-#include "tileflight/live/ros2/subscription.h"
 #include "tileflight/live/ros2/test_domain.h"
+#include "tileflight/live/ros2/topics.h"
 
 namespace tileflight::ros2::participant_test {
 namespace {
@@ -189,3 +187,35 @@ TEST_F(ParticipantTest, AnUnknownInterfaceIsNamed) {
 
 }  // namespace
 }  // namespace tileflight::ros2::participant_test
+
+namespace tileflight::ros2::configuration_test {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+
+TEST(Ros2Configuration, IsLoopbackUnlessToldOtherwise) {
+  EXPECT_THAT(configuration("", ""), HasSubstr("<NetworkInterface address=\"127.0.0.1\"/>"));
+  const std::string of_user = configuration("", "file:///etc/dds.xml");
+  EXPECT_THAT(of_user, HasSubstr(",file:///etc/dds.xml,"));
+  EXPECT_THAT(of_user, Not(HasSubstr("127.0.0.1")));
+  const std::string of_option = configuration("eth0", "file:///etc/dds.xml");
+  EXPECT_THAT(of_option, HasSubstr("<NetworkInterface name=\"eth0\"/>"));
+  EXPECT_THAT(of_option, Not(HasSubstr("dds.xml")));
+  EXPECT_THAT(configuration("192.168.1.7", ""), HasSubstr("address=\"192.168.1.7\""));
+}
+
+TEST(Ros2Configuration, LimitsAndNoSharedMemoryAlways) {
+  for (const std::string& one : {configuration("", ""), configuration("eth0", ""), configuration("", "<x/>")}) {
+    EXPECT_THAT(one, HasSubstr("<WhcHigh>1 GB</WhcHigh>"));
+    EXPECT_THAT(one, HasSubstr("<SharedMemory><Enable>false"));
+  }
+}
+
+TEST(Ros2Configuration, ANameIsNoXml) {
+  EXPECT_THAT(tests::refusal_of([] { configuration("lo\"/><Tracing>", ""); }), HasSubstr("is no name or address"));
+  EXPECT_THAT(tests::refusal_of([] { configuration(std::string(100, 'x'), ""); }), HasSubstr("is no name or address"));
+}
+
+}  // namespace
+}  // namespace tileflight::ros2::configuration_test

@@ -127,7 +127,7 @@ std::vector<Out> transform_pixels(const imaging::Image<Pixel>& layer, const Func
   return out;
 }
 
-/// In grey, an id is its number as far as that goes; -1: hidden.
+/// Returns the grey value of an id, from 0 to 1: ids up to 255 are distinct, and -1 is black.
 double grey_share(int id) { return std::clamp(id, 0, 255) / 255.0; }
 
 /// The colour of each object in an image of labels.
