@@ -6,8 +6,8 @@
 #include <cstring>
 #include <optional>
 
+#include "tileflight/core/base/decompress.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/lzf.h"
 #include "tileflight/core/base/raw_bytes.h"
 #include "tileflight/core/base/text_fields.h"
 #include "tileflight/core/geometry/cloud_columns.h"
