@@ -11,8 +11,8 @@
 #include <system_error>
 #include <utility>
 
+#include "tileflight/core/base/hash.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/sha256.h"
 #include "tileflight/core/base/temporary_path.h"
 
 namespace tileflight::base {

@@ -8,8 +8,8 @@
 #include <fstream>
 
 #include "tests/temporary_folder.h"
+#include "tileflight/core/base/hash.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/sha256.h"
 
 namespace tileflight::base::files_test {
 namespace {
@@ -73,7 +73,8 @@ TEST(ReadText, RefusesMissingFoldersAndTooLarge) {
   const tests::TemporaryFolder folder;
   write_file(folder / "f", "12345");
   EXPECT_EQ(read_text(folder / "f", 5), "12345");
-  EXPECT_THAT([&] { read_text(folder / "f", 4); }, ThrowsMessage<InputError>(HasSubstr("larger than the limit of 4 bytes")));
+  EXPECT_THAT([&] { read_text(folder / "f", 4); },
+              ThrowsMessage<InputError>(HasSubstr("larger than the limit of 4 bytes")));
   EXPECT_THAT([&] { read_text("/dev/zero", 10000); }, ThrowsMessage<InputError>(HasSubstr("larger than")));
   EXPECT_THAT([&] { read_text(folder / "absent"); }, ThrowsMessage<InputError>(HasSubstr("No such file")));
   EXPECT_THAT([&] { read_text(folder.path()); }, ThrowsMessage<InputError>(HasSubstr("is a folder")));

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <span>
 
+#include "tileflight/core/base/hash.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/sha256.h"
 #include "tileflight/live/rpc/codec.h"
 #include "tileflight/live/rpc/message_scanner.h"
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <string_view>
 
-#include "tileflight/core/base/sha256.h"
+#include "tileflight/core/base/hash.h"
 
 namespace tileflight::simulator {
 namespace {

@@ -1,4 +1,4 @@
-#include "tileflight/core/base/sha256.h"
+#include "tileflight/core/base/hash.h"
 
 #include <openssl/evp.h>
 
