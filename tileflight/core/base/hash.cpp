@@ -8,6 +8,14 @@
 #include "tileflight/core/base/files.h"
 
 namespace tileflight::base {
+
+std::array<std::uint8_t, 16> md5(std::string_view bytes) {
+  std::array<std::uint8_t, 16> digest{};
+  if (EVP_Digest(bytes.data(), bytes.size(), digest.data(), nullptr, EVP_md5(), nullptr) != 1)
+    throw std::runtime_error("OpenSSL's MD5 failed");
+  return digest;
+}
+
 namespace {
 
 /// These calls fail only if memory is exhausted or the library lacks SHA-256.

@@ -1,10 +1,15 @@
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <string_view>
 
 namespace tileflight::base {
+
+/// MD5 (RFC 1321), used by the index of a .3tz to name its files. Not for security.
+std::array<std::uint8_t, 16> md5(std::string_view bytes);
 
 /// SHA-256 (FIPS 180-4) of bytes that are added in parts (OpenSSL).
 class Sha256 {
