@@ -8,6 +8,7 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <nlohmann/json.hpp>
 #include <system_error>
 #include <utility>
 
@@ -16,6 +17,13 @@
 #include "tileflight/core/base/temporary_path.h"
 
 namespace tileflight::base {
+
+nlohmann::json read_json(const std::filesystem::path& file) {
+  nlohmann::json value = nlohmann::json::parse(read_text(file), nullptr, false);
+  if (value.is_discarded()) throw InputError(file.string(), "is not valid JSON");
+  return value;
+}
+
 namespace {
 
 namespace fs = std::filesystem;

@@ -4,11 +4,15 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <string_view>
 #include <vector>
 
 namespace tileflight::base {
+
+/// Reads a JSON file. Throws InputError (file) if it cannot be read or is not valid JSON.
+nlohmann::json read_json(const std::filesystem::path& file);
 
 /// Reads the whole file; throws InputError if it cannot be opened or read, or is larger than `max_bytes`.
 std::string read_text(const std::filesystem::path& file, std::uintmax_t max_bytes = std::uintmax_t{1} << 32);

@@ -5,13 +5,12 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "tileflight/core/base/doubts_json.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/json_file.h"
 #include "tileflight/core/base/strict_section.h"
-#include "tileflight/evaluation/metrics/distances.h"
-#include "tileflight/core/base/doubts_json.h"
 #include "tileflight/core/geometry/cloud_files.h"
+#include "tileflight/evaluation/metrics/distances.h"
 
 namespace tileflight::metrics {
 

@@ -8,7 +8,6 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/json_file.h"
 #include "tileflight/core/base/output_folder.h"
 #include "tileflight/evaluation/metrics/map_table.h"
 #include "tileflight/evaluation/metrics/rank_correlation.h"
@@ -116,9 +115,8 @@ json compare_flights(const std::vector<fs::path>& simulated, const std::vector<f
                      const EvaluationSettings& settings, std::uint64_t seed) {
   if (simulated.empty() || real.empty()) throw InputError("comparison", "needs at least one run of each flight");
   const std::vector<metrics::ComparedMap> maps{read_compared_map({"simulated", simulated}),
-                                                  read_compared_map({"real", real})};
-  const auto pairs =
-      metrics::compare_all_pairs(maps, published_options(settings, seed), map_options(settings, seed));
+                                               read_compared_map({"real", real})};
+  const auto pairs = metrics::compare_all_pairs(maps, published_options(settings, seed), map_options(settings, seed));
   return metrics::to_json(pairs.front().comparison, pairs.front().maps, pairs.front().doubts);
 }
 
@@ -129,8 +127,8 @@ MapsComparison compare_maps(const std::vector<fs::path>& arguments, const Evalua
   std::vector<metrics::ComparedMap> maps;
   for (const FoundMap& map : chosen.maps) maps.push_back(read_compared_map(map));
   const auto own = metrics::choose_columns(selection.columns, maps);
-  const auto pairs = metrics::compare_all_pairs(maps, published_options(settings, seed), map_options(settings, seed),
-                                                   chosen.baseline);
+  const auto pairs =
+      metrics::compare_all_pairs(maps, published_options(settings, seed), map_options(settings, seed), chosen.baseline);
   const auto& of_csv = own.empty() ? metrics::default_columns() : own;
   const auto printed = own.empty() ? metrics::printed_columns() : own;
   if (!files.csv.empty()) {
@@ -140,9 +138,8 @@ MapsComparison compare_maps(const std::vector<fs::path>& arguments, const Evalua
   if (!files.tex.empty()) base::write_file(files.tex, metrics::tables_tex(maps, pairs, printed));
   MapsComparison result{{}, metrics::maps_text(maps, printed)};
   if (!files.text.empty()) base::write_file(files.text, result.table);
-  result.json = maps.size() == 2
-                    ? metrics::to_json(pairs.front().comparison, pairs.front().maps, pairs.front().doubts)
-                    : json::object();
+  result.json = maps.size() == 2 ? metrics::to_json(pairs.front().comparison, pairs.front().maps, pairs.front().doubts)
+                                 : json::object();
   result.json.update(metrics::to_json(maps, pairs, own));
   return result;
 }

@@ -2,16 +2,15 @@
 
 #include <nlohmann/json.hpp>
 
+#include "tileflight/core/base/doubts_json.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/json_file.h"
+#include "tileflight/core/base/version.h"
 #include "tileflight/data/dataset/dataset.h"
-#include "tileflight/core/base/doubts_json.h"
 #include "tileflight/evaluation/metrics/published_results.h"
+#include "tileflight/evaluation/scoring/doubts.h"
 #include "tileflight/experiments/experiment/repetition.h"
 #include "tileflight/world/place/extract.h"
-#include "tileflight/core/base/version.h"
-#include "tileflight/evaluation/scoring/doubts.h"
 
 namespace tileflight::experiment {
 namespace fs = std::filesystem;
