@@ -4,12 +4,11 @@
 #include <cmath>
 #include <limits>
 
+#include "tileflight/capture/events/hdf5_handle.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/make_folder.h"
 #include "tileflight/core/base/output_folder.h"
 #include "tileflight/data/dataset/exports.h"
-#include "tileflight/capture/events/hdf5_handle.h"
 
 namespace tileflight::events {
 namespace {

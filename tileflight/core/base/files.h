@@ -7,9 +7,19 @@
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <string_view>
+#include <system_error>
 #include <vector>
 
+#include "tileflight/core/base/input_error.h"
+
 namespace tileflight::base {
+
+/// Makes a folder and its parents where they do not exist. Throws InputError.
+inline void make_folder(const std::filesystem::path& folder) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error) throw InputError(folder.string(), "cannot be made: " + error.message());
+}
 
 /// Reads a JSON file. Throws InputError (file) if it cannot be read or is not valid JSON.
 nlohmann::json read_json(const std::filesystem::path& file);

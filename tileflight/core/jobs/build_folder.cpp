@@ -12,7 +12,6 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/make_folder.h"
 
 namespace tileflight::jobs {
 namespace fs = std::filesystem;

@@ -6,7 +6,6 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/make_folder.h"
 #include "tileflight/core/base/program_path.h"
 #include "tileflight/core/base/shell_word.h"
 #include "tileflight/core/jobs/build_folder.h"

@@ -14,11 +14,10 @@
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/folder_marker.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/make_folder.h"
 #include "tileflight/core/base/output_folder.h"
 #include "tileflight/experiments/experiment/link_files.h"
-#include "tileflight/world/place/extract.h"
 #include "tileflight/tiles/demo_place/stadium.h"
+#include "tileflight/world/place/extract.h"
 
 namespace tileflight::experiment {
 namespace fs = std::filesystem;
