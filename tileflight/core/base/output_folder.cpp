@@ -10,7 +10,6 @@
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/folder_marker.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/temporary_path.h"
 
 namespace tileflight::base {
 namespace {

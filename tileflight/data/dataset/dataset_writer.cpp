@@ -4,7 +4,6 @@
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/number_text.h"
 #include "tileflight/core/base/output_folder.h"
-#include "tileflight/core/base/temporary_path.h"
 #include "tileflight/core/imaging/image_files.h"
 #include "tileflight/data/dataset/dataset.h"
 #include "tileflight/data/dataset/dataset_metadata.h"

@@ -10,12 +10,12 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "tileflight/capture/vehicle/vehicle_flight.h"
+#include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/number_text.h"
-#include "tileflight/core/base/temporary_path.h"
-#include "tileflight/live/simulator/frames.h"
-#include "tileflight/capture/vehicle/vehicle_flight.h"
 #include "tileflight/core/jobs/started_command.h"
+#include "tileflight/live/simulator/frames.h"
 
 namespace tileflight::simulator {
 namespace {
@@ -236,7 +236,8 @@ AutopilotFlight fly_autopilot(const vehicle::AutopilotPlan& plan, SimulatorOptio
   return flight;
 }
 
-recording::FlownPath render_autopilot_flight(const vehicle::FlightPlan& plan, const recording::RenderSettings& settings, const Progress& progress) {
+recording::FlownPath render_autopilot_flight(const vehicle::FlightPlan& plan, const recording::RenderSettings& settings,
+                                             const Progress& progress) {
   SimulatorOptions options;
   options.source = settings.source;
   options.load = settings.load;
@@ -246,13 +247,13 @@ recording::FlownPath render_autopilot_flight(const vehicle::FlightPlan& plan, co
   options.max_memory_bytes = settings.max_memory_bytes.value_or(options.max_memory_bytes);
   const AutopilotFlight flown = fly_autopilot(*plan.autopilot, std::move(options), progress);
   nlohmann::json report = {{"outcome", flown.outcome == "landed" ? "finished" : flown.outcome},
-                 {"duration_s", flown.path.end_s() - flown.path.start_s()},
-                 {"autopilot",
-                  {{"kind", plan.autopilot->is_px4 ? "px4" : "ardupilot"},
-                   {"steps", flown.steps},
-                   {"airborne_s", flown.airborne_s},
-                   {"home", {flown.home.latitude, flown.home.longitude, flown.home.altitude}},
-                   {"log", flown.lines}}}};
+                           {"duration_s", flown.path.end_s() - flown.path.start_s()},
+                           {"autopilot",
+                            {{"kind", plan.autopilot->is_px4 ? "px4" : "ardupilot"},
+                             {"steps", flown.steps},
+                             {"airborne_s", flown.airborne_s},
+                             {"home", {flown.home.latitude, flown.home.longitude, flown.home.altitude}},
+                             {"log", flown.lines}}}};
   return {flown.path, vehicle::sample_frames(flown.path, plan), std::move(report), nullptr};
 }
 
