@@ -1,6 +1,6 @@
 #include "map_options.h"
 
-#include "tileflight/core/base/folder_marker.h"
+#include "tileflight/core/base/output_folder.h"
 
 namespace tileflight::app {
 

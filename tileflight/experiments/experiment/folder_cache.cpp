@@ -12,7 +12,6 @@
 #include <utility>
 
 #include "tileflight/core/base/files.h"
-#include "tileflight/core/base/folder_marker.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/output_folder.h"
 #include "tileflight/experiments/experiment/link_files.h"

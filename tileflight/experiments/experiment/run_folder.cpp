@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "tileflight/core/base/files.h"
-#include "tileflight/core/base/folder_marker.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/output_folder.h"
 

@@ -5,11 +5,10 @@
 #include <nlohmann/json.hpp>
 
 #include "tileflight/core/base/files.h"
-#include "tileflight/core/base/folder_marker.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/memory_budget.h"
 #include "tileflight/core/base/output_folder.h"
 #include "tileflight/experiments/experiment/link_files.h"
-#include "tileflight/core/base/memory_budget.h"
 
 namespace tileflight::experiment {
 namespace fs = std::filesystem;
