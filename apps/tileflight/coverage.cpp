@@ -6,7 +6,6 @@
 #include "region_options.h"
 #include "source_options.h"
 #include "tileflight/core/base/formatted_text.h"
-#include "tileflight/core/base/number_text.h"
 
 namespace tileflight::app {
 namespace {

@@ -11,7 +11,7 @@
 #include "region_options.h"
 #include "source_options.h"
 #include "task_options.h"
-#include "tileflight/core/base/number_text.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/world/place/block_plan.h"
 #include "tileflight/world/place/truth_blocks.h"
 
@@ -98,11 +98,11 @@ nlohmann::json extract_in_tasks(place::ExtractSettings settings, const ExtractOp
   const place::BlockPlan plan = place::plan_truth_blocks(settings, options.out, options.tasks.parts());
   const std::vector<std::string> edge{"--block", base::fixed_text(plan.edge_m)};
   jobs::PartedJob job{.output = options.out,
-                          .build_folder = place::block_build_folder(options.out),
-                          .command = "extract",
-                          .parts = {},
-                          .last = {"join", edge},
-                          .inputs_sha256 = plan.inputs_sha256};
+                      .build_folder = place::block_build_folder(options.out),
+                      .command = "extract",
+                      .parts = {},
+                      .last = {"join", edge},
+                      .inputs_sha256 = plan.inputs_sha256};
   job.last.words.insert(job.last.words.end(), {"--resume", "--force"});
   for (int k = 1; k <= plan.parts; ++k) {
     const std::string of = std::to_string(plan.parts);

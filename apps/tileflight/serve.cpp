@@ -22,13 +22,13 @@
 #include "ros2_view.h"
 #include "serve_session.h"
 #include "source_options.h"
-#include "tileflight/live/autopilot/shared_ports.h"
 #include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/number_text.h"
 #include "tileflight/live/airsim/extension_methods.h"
 #include "tileflight/live/airsim/levels.h"
 #include "tileflight/live/airsim/method_table.h"
+#include "tileflight/live/autopilot/shared_ports.h"
 
 namespace tileflight::app {
 namespace {
@@ -300,8 +300,7 @@ Output serve(const ServeOptions& options, const CommonOptions& common, const Pro
   if (options.foxglove.is_wanted)
     foxglove.emplace([&levels] { return levels.current(); }, options.foxglove, may_control, settings, log);
   std::optional<Ros2View> ros2;
-  if (options.ros2.is_wanted)
-    ros2.emplace([&levels] { return levels.current(); }, options.ros2, may_control, log);
+  if (options.ros2.is_wanted) ros2.emplace([&levels] { return levels.current(); }, options.ros2, may_control, log);
   announce(common, settings, server->port(), foxglove, ros2, *levels.current());
   server->run();
   if (recorder) recorder->finish(levels);

@@ -5,7 +5,6 @@
 #include <nlohmann/json.hpp>
 
 #include "tileflight/core/base/formatted_text.h"
-#include "tileflight/core/base/number_text.h"
 
 namespace tileflight::drawing {
 std::optional<double> number_at(const nlohmann::json& json, const std::string& pointer) {

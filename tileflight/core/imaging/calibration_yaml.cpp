@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "tileflight/core/base/files.h"
-#include "tileflight/core/base/number_text.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/imaging/calibration_checks.h"
 
 namespace tileflight::imaging {

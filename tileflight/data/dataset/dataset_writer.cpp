@@ -1,8 +1,8 @@
 #include <mutex>
 
 #include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/number_text.h"
 #include "tileflight/core/base/output_folder.h"
 #include "tileflight/core/imaging/image_files.h"
 #include "tileflight/data/dataset/dataset.h"

@@ -12,8 +12,8 @@
 
 #include "tileflight/capture/vehicle/vehicle_flight.h"
 #include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/number_text.h"
 #include "tileflight/core/jobs/started_command.h"
 #include "tileflight/live/simulator/frames.h"
 

@@ -21,8 +21,8 @@
 #include <utility>
 #include <vector>
 
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/number_text.h"
 
 namespace tileflight::external_systems {
 namespace fs = std::filesystem;

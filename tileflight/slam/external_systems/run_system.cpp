@@ -10,12 +10,12 @@
 #include <vector>
 
 #include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/number_text.h"
 #include "tileflight/core/base/output_folder.h"
 #include "tileflight/core/base/program_path.h"
-#include "tileflight/data/dataset/exports.h"
 #include "tileflight/core/geometry/cloud_files.h"
+#include "tileflight/data/dataset/exports.h"
 #include "tileflight/slam/external_systems/handed_dataset.h"
 #include "tileflight/slam/external_systems/lens_support.h"
 #include "tileflight/slam/external_systems/system_output.h"
