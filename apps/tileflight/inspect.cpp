@@ -9,7 +9,6 @@
 #include "inspect_place.h"
 #include "source_options.h"
 #include "tileflight/core/base/formatted_text.h"
-#include "tileflight/core/base/string_lists.h"
 #include "tileflight/world/place/extract.h"
 #include "tileflight/world/place/extract_cost.h"
 

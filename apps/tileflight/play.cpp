@@ -8,12 +8,12 @@
 #include "ros2_view.h"
 #include "source_options.h"
 #include "stop_signals.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/string_lists.h"
-#include "tileflight/live/rpc/server.h"
 #include "tileflight/live/publishing/dataset_player.h"
 #include "tileflight/live/publishing/foxglove_sink.h"
 #include "tileflight/live/publishing/ros2_sink.h"
+#include "tileflight/live/rpc/server.h"
 
 namespace tileflight::app {
 namespace {
@@ -72,7 +72,7 @@ PlayedFrames frames_of(const dataset::Rig& rig, const std::vector<std::string>& 
 }
 
 std::optional<publishing::PlaceGlb> place_of(const PlayCommandOptions& options, const dataset::Dataset& dataset,
-                                            const Progress& progress) {
+                                             const Progress& progress) {
   if (options.place.empty()) return std::nullopt;
   return publishing::read_place_glb(options.place, source_options(options.source_arguments), dataset, progress);
 }

@@ -7,8 +7,8 @@
 #include <sstream>
 
 #include "number_text.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/known_keys.h"
-#include "tileflight/core/base/string_lists.h"
 #include "tileflight/core/base/text_fields.h"
 
 namespace tileflight::app {
@@ -52,8 +52,7 @@ std::string look_up(const CLI::App& command) { return "; see `" + full_name(comm
 std::string unknown_command(const CLI::App& app, const std::string& word) {
   const std::vector<std::string> commands = commands_of(app);
   const std::string meant = base::did_you_mean(word, commands);
-  return "unknown command '" + word + "'" +
-         (meant.empty() ? "; the commands are " + base::joined(commands) : meant);
+  return "unknown command '" + word + "'" + (meant.empty() ? "; the commands are " + base::joined(commands) : meant);
 }
 
 std::string unknown_option(const CLI::App& command, const std::string& name) {

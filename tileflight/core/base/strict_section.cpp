@@ -7,8 +7,8 @@
 #include <set>
 
 #include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/known_keys.h"
-#include "tileflight/core/base/string_lists.h"
 #include "tileflight/core/base/text_fields.h"
 
 namespace tileflight::base {

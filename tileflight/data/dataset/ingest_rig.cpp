@@ -6,7 +6,6 @@
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/string_lists.h"
 #include "tileflight/core/imaging/calibration_files.h"
 #include "tileflight/data/dataset/dataset_metadata.h"
 #include "tileflight/data/dataset/rig.h"
