@@ -12,8 +12,8 @@
 #include <thread>
 #include <utility>
 
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/shell_word.h"
 
 namespace tileflight::jobs {
 namespace {

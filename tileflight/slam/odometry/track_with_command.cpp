@@ -6,12 +6,12 @@
 #include <nlohmann/json.hpp>
 
 #include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/output_folder.h"
-#include "tileflight/core/base/shell_word.h"
-#include "tileflight/data/dataset/dataset.h"
 #include "tileflight/core/geometry/cloud_files.h"
 #include "tileflight/core/geometry/trajectory.h"
+#include "tileflight/data/dataset/dataset.h"
 #include "tileflight/slam/odometry/track.h"
 
 namespace tileflight::odometry {
