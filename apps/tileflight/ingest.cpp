@@ -5,8 +5,8 @@
 #include <sstream>
 
 #include "command.h"
-#include "tileflight/core/base/text_fields.h"
 #include "tileflight/capture/ingest/ingest_stage.h"
+#include "tileflight/core/base/text_parsing.h"
 
 namespace tileflight::app {
 

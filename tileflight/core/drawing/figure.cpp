@@ -3,7 +3,7 @@
 #include <system_error>
 
 #include "tileflight/core/base/files.h"
-#include "tileflight/core/base/text_fields.h"
+#include "tileflight/core/base/text_parsing.h"
 
 namespace tileflight::drawing {
 namespace {

@@ -9,7 +9,7 @@
 #include "tileflight/core/base/decompress.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/raw_bytes.h"
-#include "tileflight/core/base/text_fields.h"
+#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/core/geometry/cloud_columns.h"
 
 namespace tileflight::geometry {

@@ -11,7 +11,7 @@
 #include "tests/temporary_folder.h"
 #include "tests/test_data.h"
 #include "tileflight/core/base/files.h"
-#include "tileflight/core/base/text_fields.h"
+#include "tileflight/core/base/text_parsing.h"
 
 namespace tileflight::geometry::trajectory_files_test {
 namespace {

@@ -5,7 +5,7 @@
 #include <numbers>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/text_fields.h"
+#include "tileflight/core/base/text_parsing.h"
 
 namespace tileflight::imaging {
 

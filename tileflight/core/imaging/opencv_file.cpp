@@ -3,7 +3,7 @@
 // https://wiki.ros.org/camera_calibration_parsers, sensor_msgs/CameraInfo.
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/text_fields.h"
+#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/core/imaging/calibration_checks.h"
 #include "tileflight/core/imaging/calibration_files.h"
 #include "tileflight/core/imaging/opencv_storage.h"

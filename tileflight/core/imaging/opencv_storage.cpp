@@ -6,7 +6,7 @@
 #include <cctype>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/text_fields.h"
+#include "tileflight/core/base/text_parsing.h"
 
 namespace tileflight::imaging {
 

@@ -4,14 +4,14 @@
 #include <stdexcept>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/text_fields.h"
-#include "tileflight/world/ground_truth/ground_truth.h"
-#include "tileflight/live/simulator/object_names.h"
-#include "tileflight/world/place/extract.h"
+#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/live/simulator/frames.h"
+#include "tileflight/live/simulator/object_names.h"
 #include "tileflight/live/simulator/simulator_impl.h"
 #include "tileflight/live/simulator/voxel_files.h"
 #include "tileflight/tiles/tileset/view_criteria.h"
+#include "tileflight/world/ground_truth/ground_truth.h"
+#include "tileflight/world/place/extract.h"
 
 namespace tileflight::simulator {
 namespace {
