@@ -10,6 +10,15 @@
 
 namespace tileflight::base {
 
+/// Canonical one-line text of a YAML node: equivalent nodes give the same text. Comments, key order, quotes, block or
+/// flow style and number notation make no difference; `${NAME}` is replaced where the variable is set. Throws
+/// InputError for nodes nested deeper than settings files are.
+std::string canonical_yaml(const YAML::Node& node);
+
+/// canonical_yaml() of a parsed text; the text unchanged if it is not a YAML map (another calibration format, for
+/// example).
+std::string canonical_yaml_text(const std::string& text);
+
 /// A value of a YAML or JSON file: a scalar, a list or a map. The accessors of scalars return nullopt if the value is
 /// of another type.
 class DocumentValue {
@@ -41,7 +50,7 @@ class DocumentValue {
   /// The value of a map's key; absent if there is none.
   DocumentValue member(const std::string& key) const;
 
-  /// Canonical text (canonical_yaml.h) of a YAML value.
+  /// Canonical text (document_value.h) of a YAML value.
   std::string canonical_text() const;
 
  private:

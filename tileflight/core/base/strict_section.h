@@ -76,7 +76,7 @@ class StrictSection {
   void require(const std::string& key) const;
 
   std::vector<std::string> keys() const { return value_.keys(); }
-  /// Canonical text (canonical_yaml.h) of a YAML key's value, used to detect changes.
+  /// Canonical text (document_value.h) of a YAML key's value, used to detect changes.
   std::string canonical_value(const std::string& key) const { return value_.member(key).canonical_text(); }
 
   /// Marks keys that have no effect here as known.

@@ -1,4 +1,4 @@
-#include "tileflight/core/base/canonical_yaml.h"
+#include "tileflight/core/base/document_value.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
