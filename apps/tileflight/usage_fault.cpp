@@ -7,8 +7,8 @@
 #include <sstream>
 
 #include "number_text.h"
+#include "tileflight/core/base/document_value.h"
 #include "tileflight/core/base/formatted_text.h"
-#include "tileflight/core/base/known_keys.h"
 #include "tileflight/core/base/text_parsing.h"
 
 namespace tileflight::app {

@@ -6,9 +6,9 @@
 #include <map>
 #include <set>
 
+#include "tileflight/core/base/document_value.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/formatted_text.h"
-#include "tileflight/core/base/known_keys.h"
 #include "tileflight/core/base/text_parsing.h"
 
 namespace tileflight::base {

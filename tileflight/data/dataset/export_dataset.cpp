@@ -2,8 +2,8 @@
 
 #include <cmath>
 
+#include "tileflight/core/base/document_value.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/known_keys.h"
 #include "tileflight/core/base/output_folder.h"
 #include "tileflight/data/dataset/exports.h"
 

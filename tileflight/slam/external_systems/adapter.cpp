@@ -11,7 +11,7 @@
 #include <sstream>
 #include <utility>
 
-#include "tileflight/core/base/known_keys.h"
+#include "tileflight/core/base/document_value.h"
 #include "tileflight/core/base/program_path.h"
 #include "tileflight/core/base/strict_section.h"
 #include "tileflight/data/dataset/export_dataset.h"
