@@ -1,6 +1,6 @@
 #include "version_text.h"
 
-#include "tileflight/core/base/version.h"
+#include "tileflight/core/base/program.h"
 
 namespace tileflight::app {
 

@@ -6,8 +6,8 @@
 
 #include "bindings.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/program.h"
 #include "tileflight/core/base/program_path.h"
-#include "tileflight/core/base/version.h"
 
 namespace tileflight::python {
 namespace {

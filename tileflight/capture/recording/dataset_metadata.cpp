@@ -8,7 +8,7 @@
 #include "tileflight/capture/sensors/gnss.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/formatted_text.h"
-#include "tileflight/core/base/version.h"
+#include "tileflight/core/base/program.h"
 #include "tileflight/core/imaging/calibration_files.h"
 #include "tileflight/core/imaging/photometric.h"
 #include "tileflight/data/dataset/attitude_csv.h"

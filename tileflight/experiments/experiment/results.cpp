@@ -5,7 +5,7 @@
 #include "tileflight/core/base/doubts_json.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/version.h"
+#include "tileflight/core/base/program.h"
 #include "tileflight/data/dataset/dataset.h"
 #include "tileflight/evaluation/metrics/published_results.h"
 #include "tileflight/evaluation/scoring/doubts.h"

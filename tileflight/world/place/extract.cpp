@@ -13,7 +13,7 @@
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/memory_budget.h"
 #include "tileflight/core/base/output_folder.h"
-#include "tileflight/core/base/version.h"
+#include "tileflight/core/base/program.h"
 #include "tileflight/tiles/fetch/open_source.h"
 #include "tileflight/tiles/tileset/region_reader.h"
 #include "tileflight/world/ground_truth/suggested_voxel.h"

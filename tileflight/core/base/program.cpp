@@ -1,4 +1,4 @@
-#include "tileflight/core/base/version.h"
+#include "tileflight/core/base/program.h"
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/program_path.h"
