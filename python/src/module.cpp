@@ -7,7 +7,6 @@
 #include "bindings.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/program.h"
-#include "tileflight/core/base/program_path.h"
 
 namespace tileflight::python {
 namespace {

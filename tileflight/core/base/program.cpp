@@ -1,9 +1,28 @@
 #include "tileflight/core/base/program.h"
 
+#include <system_error>
+#include <utility>
+
 #include "tileflight/core/base/files.h"
-#include "tileflight/core/base/program_path.h"
 
 namespace tileflight::base {
+
+namespace {
+
+std::filesystem::path& named_program() {
+  static std::filesystem::path program;
+  return program;
+}
+
+}  // namespace
+
+std::filesystem::path program_path() {
+  if (!named_program().empty()) return named_program();
+  std::error_code failed;
+  return std::filesystem::read_symlink("/proc/self/exe", failed);
+}
+
+void set_program_path(std::filesystem::path program) { named_program() = std::move(program); }
 
 std::string version() { return TILEFLIGHT_VERSION; }
 

@@ -9,7 +9,6 @@
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/program.h"
-#include "tileflight/core/base/program_path.h"
 #include "tileflight/core/jobs/run_tasks.h"
 #include "tileflight/experiments/experiment/experiment_file.h"
 #include "tileflight/experiments/experiment/file_hash_cache.h"

@@ -12,7 +12,7 @@
 #include <utility>
 
 #include "tileflight/core/base/document_value.h"
-#include "tileflight/core/base/program_path.h"
+#include "tileflight/core/base/program.h"
 #include "tileflight/core/base/strict_section.h"
 #include "tileflight/data/dataset/export_dataset.h"
 #include "tileflight/slam/external_systems/lens_support.h"

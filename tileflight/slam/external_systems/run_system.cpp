@@ -13,7 +13,7 @@
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/output_folder.h"
-#include "tileflight/core/base/program_path.h"
+#include "tileflight/core/base/program.h"
 #include "tileflight/core/geometry/cloud_files.h"
 #include "tileflight/data/dataset/exports.h"
 #include "tileflight/slam/external_systems/handed_dataset.h"

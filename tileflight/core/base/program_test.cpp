@@ -1,4 +1,4 @@
-#include "tileflight/core/base/program_path.h"
+#include "tileflight/core/base/program.h"
 
 #include <gtest/gtest.h>
 
