@@ -13,7 +13,7 @@
 #include "tileflight/capture/vehicle/flight_plan.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/geometry/angles.h"
+#include "tileflight/core/geometry/transform.h"
 #include "tileflight/core/imaging/camera.h"
 #include "tileflight/evaluation/metrics/metrics_file.h"
 #include "tileflight/experiments/experiment/experiment_file.h"

@@ -2,8 +2,11 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <numbers>
 
 namespace tileflight::geometry {
+
+inline constexpr double kRadiansPerDegree = std::numbers::pi / 180.0;
 
 using Vec2 = Eigen::Vector2d;
 using Vec3 = Eigen::Vector3d;
