@@ -9,7 +9,7 @@
 #include "tileflight/core/base/text_parsing.h"
 #include "tileflight/core/geometry/cloud_columns.h"
 #include "tileflight/core/geometry/pcd.h"
-#include "tileflight/core/geometry/ply_cloud.h"
+#include "tileflight/core/geometry/ply.h"
 
 namespace tileflight::geometry {
 namespace {

@@ -1,4 +1,4 @@
-#include "tileflight/core/geometry/ply_cloud.h"
+#include "tileflight/core/geometry/ply.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
