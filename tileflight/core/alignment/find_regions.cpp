@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <map>
 
-#include "tileflight/core/geometry/morton_order.h"
+#include "tileflight/core/geometry/point_order.h"
 
 namespace tileflight::alignment {
 

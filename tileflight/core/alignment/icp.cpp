@@ -8,7 +8,7 @@
 #include "tileflight/core/alignment/normals.h"
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/geometry/morton_order.h"
+#include "tileflight/core/geometry/point_order.h"
 
 namespace tileflight::alignment {
 

@@ -11,7 +11,7 @@
 #include "tileflight/core/alignment/ordered_sum.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/order_statistics.h"
-#include "tileflight/core/geometry/morton_order.h"
+#include "tileflight/core/geometry/point_order.h"
 #include "tileflight/evaluation/registration/surface_information.h"
 
 namespace tileflight::registration {

@@ -1,4 +1,4 @@
-#include "tileflight/core/geometry/morton_order.h"
+#include "tileflight/core/geometry/point_order.h"
 
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_sort.h>
