@@ -3,9 +3,16 @@
 #include <cstdint>
 #include <vector>
 
+#include "tileflight/core/geometry/point_cloud.h"
 #include "tileflight/core/geometry/transform.h"
 
 namespace tileflight::geometry {
+
+/// Sorts points, with their normals, into an order that depends on nothing but the points themselves: neighbours are
+/// near each other (Morton 1966, cells of 0.25 m from the frame's origin), points of one cell by x, y, z, then normal.
+/// The same points sampled in parts, and in whatever sequence, are the same cloud afterwards. Only positions and
+/// normals are kept. At most 2^32 points.
+void sort_by_position(PointCloud& cloud);
 
 /// Cell count of a coarser grid for morton_order(): 16 bits an axis.
 inline constexpr double kCoarseMortonCells = 65535.0;
