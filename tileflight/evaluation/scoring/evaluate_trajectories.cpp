@@ -9,22 +9,22 @@
 #include <system_error>
 
 #include "tileflight/core/base/doubt.h"
+#include "tileflight/core/base/doubts_json.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/doubts_json.h"
 #include "tileflight/core/geometry/json_numbers.h"
-#include "tileflight/core/geometry/trajectory_files.h"
+#include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/evaluation/scoring/map_inputs.h"
 
 namespace tileflight::scoring {
 namespace fs = std::filesystem;
 namespace {
 
+using geometry::TrajectoryFile;
 using metrics::PairedTrajectories;
 using metrics::TrajectoryAlignment;
 using metrics::TrajectoryMetrics;
 using metrics::TrajectoryOptions;
-using geometry::TrajectoryFile;
 using nlohmann::json;
 
 /// Names by which the estimates are told apart.

@@ -9,16 +9,16 @@
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 #include "tileflight/core/base/files.h"
+#include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/data/dataset/dataset.h"
-#include "tileflight/core/geometry/trajectory_files.h"
 #include "tileflight/evaluation/scoring/doubts.h"
 
 namespace tileflight::scoring::points_on_actors_test {
 namespace {
 
 namespace fs = std::filesystem;
-using metrics::PlacedBox;
 using geometry::Vec3;
+using metrics::PlacedBox;
 using nlohmann::json;
 using testing::HasSubstr;
 using testing::IsEmpty;
