@@ -6,11 +6,11 @@
 #include <algorithm>
 #include <cmath>
 
-#include "tileflight/core/alignment/constraint.h"
 #include "tileflight/core/alignment/fixed_point.h"
 #include "tileflight/core/alignment/icp.h"
 #include "tileflight/core/alignment/matcher.h"
 #include "tileflight/core/alignment/ordered_sum.h"
+#include "tileflight/core/alignment/plane_system.h"
 
 namespace tileflight::alignment {
 

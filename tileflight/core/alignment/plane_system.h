@@ -1,5 +1,6 @@
 #pragma once
 
+#include "tileflight/core/alignment/icp.h"
 #include "tileflight/core/alignment/point_moments.h"
 
 namespace tileflight::alignment {
@@ -25,5 +26,10 @@ geometry::Vec7 plane_jacobian(const geometry::Vec3& y, const geometry::Vec3& nor
 /// The motion that minimises the system, as a similarity to apply after the present one; the scale is bounded to
 /// `range` (factors of the present scale). Unconstrained directions do not move.
 geometry::Sim3 solve(const PointToPlaneSystem& system, const ScaleRange& range, double length_m);
+
+/// Eigenvalues of the mean point-to-plane Hessian of matched points; Gelfand et al., 3DIM 2003, "Geometrically stable
+/// sampling for the ICP algorithm". For a plane the eigenvalues of two translations and one rotation are zero.
+/// `with_scale` false excludes the scale.
+Constraint analyze_constraint(const PointToPlaneSystem& system, std::size_t points, bool with_scale);
 
 }  // namespace tileflight::alignment

@@ -5,10 +5,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "tileflight/core/alignment/constraint.h"
 #include "tileflight/core/alignment/fixed_point.h"
 #include "tileflight/core/alignment/matcher.h"
 #include "tileflight/core/alignment/ordered_sum.h"
+#include "tileflight/core/alignment/plane_system.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/order_statistics.h"
 #include "tileflight/core/geometry/point_order.h"

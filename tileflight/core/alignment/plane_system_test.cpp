@@ -1,4 +1,4 @@
-#include "tileflight/core/alignment/constraint.h"
+#include "tileflight/core/alignment/plane_system.h"
 
 #include <gtest/gtest.h>
 
