@@ -1,7 +1,7 @@
 #pragma once
 
 #include "tileflight/core/alignment/icp.h"
-#include "tileflight/core/alignment/point_moments.h"
+#include "tileflight/core/alignment/umeyama.h"
 
 namespace tileflight::alignment {
 
