@@ -1,15 +1,13 @@
 #include "outcome.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <functional>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <numeric>
 
-#include "tileflight/core/alignment/pose_alignment.h"
 #include "tileflight/core/alignment/umeyama.h"
 #include "tileflight/core/base/input_error.h"
 

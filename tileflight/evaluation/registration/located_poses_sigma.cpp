@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "tileflight/core/alignment/pose_alignment.h"
+#include "tileflight/core/alignment/umeyama.h"
 #include "tileflight/core/alignment/uncertainty.h"
 
 namespace tileflight::registration {

@@ -8,7 +8,7 @@
 namespace tileflight::registration {
 
 /// Similarity of located poses, each counted alike: rotation by their mean, translation and scale by the positions
-/// (core/alignment/pose_alignment.h). Throws InputError for none.
+/// (core/alignment/umeyama.h). Throws InputError for none.
 geometry::Sim3 similarity_of(const std::vector<LocatedPose>& poses);
 
 /// Distribution of located poses along their path.
