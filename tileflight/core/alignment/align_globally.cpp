@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "tileflight/core/alignment/coarse_alignment.h"
+#include "tileflight/core/alignment/align_map.h"
 #include "tileflight/core/alignment/global_registration.h"
 #include "tileflight/core/alignment/ordered_sum.h"
 #include "tileflight/core/base/formatted_text.h"

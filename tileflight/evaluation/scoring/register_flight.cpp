@@ -7,8 +7,8 @@
 #include <numbers>
 
 #include "tileflight/core/alignment/align_globally.h"
+#include "tileflight/core/alignment/align_map.h"
 #include "tileflight/core/alignment/align_trajectory.h"
-#include "tileflight/core/alignment/coarse_alignment.h"
 #include "tileflight/core/alignment/global_registration.h"
 #include "tileflight/core/alignment/transform_file.h"
 #include "tileflight/core/base/doubts_json.h"
