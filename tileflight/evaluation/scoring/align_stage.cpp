@@ -6,7 +6,7 @@
 #include "tileflight/core/alignment/align_map.h"
 #include "tileflight/core/alignment/align_trajectory.h"
 #include "tileflight/core/alignment/find_regions.h"
-#include "tileflight/core/alignment/region_list.h"
+#include "tileflight/core/alignment/regions.h"
 #include "tileflight/core/alignment/transform_file.h"
 #include "tileflight/core/base/doubts_json.h"
 #include "tileflight/core/base/files.h"

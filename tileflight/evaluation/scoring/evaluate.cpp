@@ -6,7 +6,7 @@
 #include <optional>
 #include <utility>
 
-#include "tileflight/core/alignment/region_list.h"
+#include "tileflight/core/alignment/regions.h"
 #include "tileflight/core/alignment/transform_file.h"
 #include "tileflight/core/alignment/umeyama.h"
 #include "tileflight/core/base/files.h"

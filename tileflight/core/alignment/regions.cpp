@@ -1,4 +1,4 @@
-#include "tileflight/core/alignment/region_list.h"
+#include "tileflight/core/alignment/regions.h"
 
 #include <algorithm>
 #include <cmath>

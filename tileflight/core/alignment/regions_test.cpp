@@ -1,7 +1,8 @@
-#include "tileflight/core/alignment/region_list.h"
+#include "tileflight/core/alignment/regions.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+
 #include <nlohmann/json.hpp>
 
 #include "tileflight/core/base/input_error.h"
