@@ -5,7 +5,6 @@
 #include "tileflight/core/alignment/align_globally.h"
 #include "tileflight/core/alignment/align_map.h"
 #include "tileflight/core/alignment/align_trajectory.h"
-#include "tileflight/core/alignment/find_regions.h"
 #include "tileflight/core/alignment/regions.h"
 #include "tileflight/core/alignment/transform_file.h"
 #include "tileflight/core/base/doubts_json.h"
