@@ -10,7 +10,6 @@
 #include "tileflight/core/base/text_parsing.h"
 #include "tileflight/core/imaging/calibration_checks.h"
 #include "tileflight/core/imaging/calibration_files.h"
-#include "tileflight/core/imaging/calibration_yaml.h"
 
 namespace tileflight::imaging {
 

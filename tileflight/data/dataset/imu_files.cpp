@@ -10,7 +10,7 @@
 #include "tileflight/core/base/strict_section.h"
 #include "tileflight/core/base/text_parsing.h"
 #include "tileflight/core/geometry/nanoseconds.h"
-#include "tileflight/core/imaging/calibration_yaml.h"
+#include "tileflight/core/imaging/calibration_checks.h"
 
 namespace tileflight::dataset {
 
