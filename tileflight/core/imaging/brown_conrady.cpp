@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "tileflight/core/imaging/newton.h"
+#include "tileflight/core/imaging/plane_distortion.h"
 #include "tileflight/core/imaging/polynomial.h"
 
 namespace tileflight::imaging::brown_conrady {
