@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "tileflight/core/imaging/plane_distortion.h"
-#include "tileflight/core/imaging/polynomial.h"
 
 namespace tileflight::imaging::brown_conrady {
 

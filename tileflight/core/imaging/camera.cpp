@@ -12,7 +12,6 @@
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/imaging/brown_conrady.h"
 #include "tileflight/core/imaging/plane_distortion.h"
-#include "tileflight/core/imaging/polynomial.h"
 #include "tileflight/core/imaging/rational_distortion.h"
 #include "tileflight/core/imaging/sphere_lenses.h"
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "tileflight/core/imaging/polynomial.h"
+#include "tileflight/core/imaging/plane_distortion.h"
 
 namespace tileflight::imaging::rational {
 

@@ -1,4 +1,4 @@
-#include "tileflight/core/imaging/polynomial.h"
+#include "tileflight/core/imaging/plane_distortion.h"
 
 #include <vector>
 
