@@ -3,11 +3,11 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/core/geometry/point_cloud.h"
-#include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/core/drawing/drawing.h"
 #include "tileflight/core/drawing/html.h"
-#include "tileflight/core/drawing/palette_png.h"
+#include "tileflight/core/drawing/page_image.h"
+#include "tileflight/core/geometry/point_cloud.h"
+#include "tileflight/core/geometry/trajectory.h"
 
 namespace tileflight::drawing {
 

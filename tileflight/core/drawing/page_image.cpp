@@ -1,4 +1,4 @@
-#include "tileflight/core/drawing/palette_png.h"
+#include "tileflight/core/drawing/page_image.h"
 
 #include <png.h>
 
