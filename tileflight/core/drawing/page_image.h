@@ -2,12 +2,19 @@
 
 #include <array>
 #include <cstdint>
+#include <filesystem>
 #include <string>
 #include <vector>
 
 #include "tileflight/core/imaging/image.h"
 
 namespace tileflight::drawing {
+
+/// The image scaled down to at most `width` pixels across by averaging; never scaled up.
+imaging::RgbImage downscale(const imaging::RgbImage& image, int width);
+
+/// The image file scaled down, as a JPEG data URI.
+std::string thumbnail_uri(const std::filesystem::path& image, int width);
 
 using Rgba8 = std::array<std::uint8_t, 4>;  ///< red, green, blue, opacity
 

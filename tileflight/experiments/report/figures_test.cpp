@@ -7,7 +7,6 @@
 #include "tileflight/core/drawing/chart.h"
 #include "tileflight/core/drawing/number_format.h"
 #include "tileflight/core/drawing/page_image.h"
-#include "tileflight/core/drawing/thumbnail.h"
 #include "tileflight/core/drawing/top_view.h"
 #include "tileflight/core/imaging/image_files.h"
 #include "tileflight/experiments/report/frame_pairs.h"
