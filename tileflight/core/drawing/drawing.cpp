@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "tileflight/core/drawing/axis_ticks.h"
+#include "tileflight/core/drawing/number_format.h"
 #include "tileflight/core/drawing/style_sheet.h"
 
 namespace tileflight::drawing {

@@ -7,7 +7,6 @@
 #include <optional>
 #include <utility>
 
-#include "tileflight/core/drawing/axis_ticks.h"
 #include "tileflight/core/drawing/number_format.h"
 #include "tileflight/core/drawing/raster_figure.h"
 #include "tileflight/core/geometry/transform.h"

@@ -4,7 +4,7 @@
 #include <numbers>
 #include <sstream>
 
-#include "tileflight/core/drawing/axis_ticks.h"
+#include "tileflight/core/drawing/number_format.h"
 
 namespace tileflight::drawing::plate {
 

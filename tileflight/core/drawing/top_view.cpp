@@ -6,8 +6,8 @@
 #include <numeric>
 
 #include "tileflight/core/base/order_statistics.h"
-#include "tileflight/core/drawing/axis_ticks.h"
 #include "tileflight/core/drawing/drawing.h"
+#include "tileflight/core/drawing/number_format.h"
 
 namespace tileflight::drawing {
 namespace {

@@ -3,7 +3,6 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "tileflight/core/drawing/axis_ticks.h"
 #include "tileflight/core/drawing/chart.h"
 #include "tileflight/core/drawing/number_format.h"
 #include "tileflight/core/drawing/page_image.h"
