@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "tileflight/core/base/progress.h"
-#include "tileflight/core/jobs/task.h"
+#include "tileflight/core/jobs/run_tasks.h"
 
 namespace tileflight::jobs {
 
