@@ -13,7 +13,7 @@
 
 #include "tests/temporary_folder.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/jobs/folder_lock.h"
+#include "tileflight/core/jobs/build_folder.h"
 
 namespace tileflight::jobs::guarded_program_test {
 namespace {

@@ -9,7 +9,6 @@
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/program.h"
 #include "tileflight/core/jobs/build_folder.h"
-#include "tileflight/core/jobs/folder_lock.h"
 #include "tileflight/core/jobs/run_tasks.h"
 
 namespace tileflight::jobs {

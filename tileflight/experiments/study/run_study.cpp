@@ -4,7 +4,7 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/jobs/folder_lock.h"
+#include "tileflight/core/jobs/build_folder.h"
 #include "tileflight/core/jobs/run_tasks.h"
 #include "tileflight/experiments/study/study_results.h"
 
