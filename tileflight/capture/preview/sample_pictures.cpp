@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <chrono>
 
-#include "tileflight/core/base/elapsed_time.h"
+#include "tileflight/core/base/progress.h"
 #include "tileflight/core/drawing/page_image.h"
 #include "tileflight/core/imaging/image_files.h"
 #include "tileflight/world/place/require_surface.h"

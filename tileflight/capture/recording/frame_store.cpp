@@ -8,7 +8,7 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/imaging/quick_picture.h"
+#include "tileflight/core/imaging/image_files.h"
 #include "tileflight/data/dataset/frame_list.h"
 
 namespace tileflight::recording {

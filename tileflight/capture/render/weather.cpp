@@ -5,7 +5,7 @@
 
 #include "tileflight/capture/render/precipitation.h"
 #include "tileflight/core/base/formatted_text.h"
-#include "tileflight/core/base/require.h"
+#include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/strict_section.h"
 
 namespace tileflight::render {

@@ -10,7 +10,6 @@
 #include "tileflight/capture/render/reflectance.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/random_numbers.h"
-#include "tileflight/core/base/require.h"
 #include "tileflight/core/geometry/transform.h"
 
 namespace tileflight::sensors {

@@ -1,6 +1,6 @@
 #include "tileflight/core/base/decompress.h"
 
-#include <decompress.h>
+#include <lzf.h>
 #include <zlib.h>
 #include <zstd.h>
 

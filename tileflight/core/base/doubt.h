@@ -1,7 +1,12 @@
 #pragma once
 
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
+
+namespace tileflight::base {
+class StrictSection;
+}
 
 namespace tileflight {
 
@@ -17,5 +22,11 @@ using Doubts = std::vector<Doubt>;
 
 /// True if no verdict may be given because of this doubt; a "possible" doubt is only reported beside the verdict.
 inline bool forbids_verdict(const Doubt& doubt) { return doubt.how_sure != "possible"; }
+
+/// [{what, where, how_sure, what_to_do}], the key `doubts` of results.
+nlohmann::json to_json(const Doubts& doubts);
+
+/// The key `doubts` of `section`; empty if it is absent. Throws InputError as StrictSection does.
+Doubts read_doubts(base::StrictSection& section);
 
 }  // namespace tileflight

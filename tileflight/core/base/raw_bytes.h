@@ -27,4 +27,7 @@ void append_raw(std::string& bytes, const Number& value) {
   bytes.append(reinterpret_cast<const char*>(&value), sizeof value);
 }
 
+/// Encodes bytes as Base64 with padding (RFC 4648, section 4).
+std::string base64(std::string_view bytes);
+
 }  // namespace tileflight::base

@@ -19,6 +19,11 @@ Real srgb_from_linear(Real linear) {
 }
 
 /// An sRGB colour (0..1) as a glTF vertex colour: linear, 8 bits a channel, opaque.
-std::array<std::uint8_t, 4> linear_rgba_from_srgb(const std::array<float, 3>& displayed);
+inline std::array<std::uint8_t, 4> linear_rgba_from_srgb(const std::array<float, 3>& displayed) {
+  std::array<std::uint8_t, 4> out{0, 0, 0, 255};
+  for (std::size_t c = 0; c < 3; ++c)
+    out[c] = static_cast<std::uint8_t>(std::lround(255.0F * linear_from_srgb(displayed[c])));
+  return out;
+}
 
 }  // namespace tileflight::base

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
+#include "tileflight/core/drawing/html.h"
 #include "tileflight/core/drawing/number_format.h"
-#include "tileflight/core/drawing/style_sheet.h"
 
 namespace tileflight::drawing {
 namespace {

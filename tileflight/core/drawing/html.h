@@ -39,10 +39,13 @@ Html element(std::string_view name, const Html& content);
 /// `<name attributes/>`, for void HTML elements (img, meta, input) and SVG shapes.
 Html empty_element(std::string_view name, const Attributes& attributes);
 
-/// RFC 4648, section 4.
-std::string base64(std::string_view bytes);
-
 /// `data:TYPE;base64,…` (RFC 2397).
 std::string data_uri(std::string_view media_type, std::string_view bytes);
+
+/// The page's style sheet: light, dark (by the reader's system setting) and print.
+std::string style_sheet();
+
+/// Style sheet of a standalone drawing file: light colours.
+std::string drawing_style();
 
 }  // namespace tileflight::drawing

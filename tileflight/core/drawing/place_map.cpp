@@ -59,10 +59,7 @@ namespace {
 
 using geometry::Vec2;
 using geometry::Vec3;
-using imaging::Canvas;
-using imaging::Ink;
 using imaging::Rgb8;
-using imaging::TextAnchor;
 using plate::PlotArea;
 using plate::Side;
 
@@ -180,7 +177,7 @@ void draw_scale_bar(Canvas& canvas, const MapPanel& panel) {
   const std::vector<Vec2> bar{{x, y - 6}, {x, y}, {x + length_px, y}, {x + length_px, y - 6}};
   canvas.draw_line(bar, {plate::kHalo, 6.0, {}});
   canvas.draw_line(bar, {plate::kInk, 2.4, {}});
-  imaging::TextStyle style = plate::overlay_lettering();
+  TextStyle style = plate::overlay_lettering();
   style.anchor = TextAnchor::kMiddle;
   canvas.draw_text(x + length_px / 2, y - 9, format_shortest(length_m) + " m", style);
 }
@@ -190,7 +187,7 @@ void draw_north_arrow(Canvas& canvas, const MapPanel& panel) {
   canvas.fill_disc({x, y}, 25, plate::kHalo);
   canvas.fill_polygon({{x, y - 20}, {x - 8, y + 6}, {x, y + 1}}, plate::kInk);
   canvas.draw_line({{x, y - 20}, {x + 8, y + 6}, {x, y + 1}}, {plate::kInk, 1.4, {}}, true);
-  imaging::TextStyle style = plate::body_lettering(13);
+  TextStyle style = plate::body_lettering(13);
   style.bold = true;
   style.anchor = TextAnchor::kMiddle;
   canvas.draw_text(x, y + 19, "N", style);
@@ -260,14 +257,14 @@ class Legend {
   Legend(Canvas& canvas, double x, double y) : canvas_(canvas), x_(x), y_(y) {}
 
   void add_hatch(const std::string& name) {
-    canvas_.fill_rectangle(x_, y_ - 10, 24, 13, imaging::to_ink(kHatchPaper));
+    canvas_.fill_rectangle(x_, y_ - 10, 24, 13, to_ink(kHatchPaper));
     canvas_.clip(x_, y_ - 10, 24, 13);
     for (int i = -14; i < 26; i += 9)
-      canvas_.draw_line({{x_ + i, y_ + 4}, {x_ + i + 15, y_ - 11}}, {imaging::to_ink(kHatchLine), 2.0, {}});
+      canvas_.draw_line({{x_ + i, y_ + 4}, {x_ + i + 15, y_ - 11}}, {to_ink(kHatchLine), 2.0, {}});
     canvas_.unclip();
     add_name(name);
   }
-  void add_line(const std::string& name, const imaging::Stroke& stroke) {
+  void add_line(const std::string& name, const Stroke& stroke) {
     canvas_.draw_line({{x_, y_ - 4}, {x_ + 24, y_ - 4}}, stroke);
     add_name(name);
   }
@@ -312,7 +309,7 @@ void draw_height_bar(Canvas& canvas, const PlaceMap& map, const PlotArea& panel,
   const PlotArea bar{panel.right() + 26, panel.y, 20, panel.height};
   for (int y = 0; y < static_cast<int>(bar.height); ++y) {
     const Rgb8 color = height_color(1.0 - (y + 0.5) / bar.height);
-    canvas.fill_rectangle(bar.x, bar.y + y, bar.width, 1, imaging::to_ink(color));
+    canvas.fill_rectangle(bar.x, bar.y + y, bar.width, 1, to_ink(color));
   }
   draw_border(canvas, bar);
   const plate::AxisScale local{range.low, range.high, bar.bottom(), bar.y};

@@ -13,7 +13,6 @@
 #include "tileflight/core/base/decompress.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/geometry/pcd.h"
 
 namespace tileflight::geometry::cloud_files_test {
 namespace {

@@ -1,5 +1,3 @@
-#include "tileflight/core/geometry/pcd.h"
-
 #include <bit>
 #include <cmath>
 #include <cstdint>
@@ -11,6 +9,7 @@
 #include "tileflight/core/base/raw_bytes.h"
 #include "tileflight/core/base/text_parsing.h"
 #include "tileflight/core/geometry/cloud_columns.h"
+#include "tileflight/core/geometry/cloud_files.h"
 
 namespace tileflight::geometry {
 namespace {

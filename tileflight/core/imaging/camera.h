@@ -18,7 +18,7 @@ struct PinholeRadtan {
 };
 
 /// Pinhole with OpenCV's rational and thin-prism distortion, in OpenCV's order: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4
-/// (rational_distortion.h). If k4 to s4 are zero, it is Brown-Conrady with a third radial coefficient.
+/// (lens_distortion.h). If k4 to s4 are zero, it is Brown-Conrady with a third radial coefficient.
 struct PinholeRational {
   double fx = 0, fy = 0, cx = 0, cy = 0;
   std::array<double, 12> d{};

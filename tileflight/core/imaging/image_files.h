@@ -53,6 +53,20 @@ enum class PngEffort { kSmallFile, kLittleTime };
 std::vector<std::byte> encode_png(const RgbImage& image, PngEffort effort = PngEffort::kSmallFile);
 std::vector<std::byte> encode_png(const Gray16Image& image);
 std::vector<std::byte> encode_png(const GrayImage& image);
+/// Encodes an indexed image: `palette` holds at most 256 colours (red, green, blue, opacity).
+std::vector<std::byte> encode_png(const GrayImage& indices, std::span<const std::array<std::uint8_t, 4>> palette);
+
+/// Encodes an 8-bit RGBA PNG with alpha 255 everywhere, as AirSim's clients expect. Optimized for speed rather than
+/// size: rows are filtered as differences to the row above (filter "up") and deflated in stripes by several threads;
+/// the bytes do not depend on the number of threads.
+std::vector<std::uint8_t> encode_png_rgba(const RgbImage& image);
+
+/// A picture in less than a tenth of a PNG's time, for files that this program alone reads again, soon: the differences
+/// to the pixels on the left, compressed by Zstandard, behind a mark and the size.
+std::vector<std::byte> encode_quick_picture(const RgbImage& image);
+
+/// The same pixels. Throws InputError (name, cause) for anything else than a whole picture.
+RgbImage decode_quick_picture(std::span<const std::byte> bytes, const std::string& name);
 
 /// Format by the file extension: .jpg/.jpeg (quality 95) or .png.
 void write_rgb(const std::filesystem::path& file, const RgbImage& image, int jpeg_quality = 95);

@@ -7,9 +7,9 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "tileflight/core/base/doubt.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/evaluation/metrics/distances.h"
-#include "tileflight/core/base/doubts_json.h"
 #include "tileflight/evaluation/metrics/median_bins.h"
 #include "tileflight/evaluation/metrics/path_comparison.h"
 #include "tileflight/evaluation/metrics/repeated_runs.h"

@@ -5,7 +5,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "tileflight/core/base/doubts_json.h"
+#include "tileflight/core/base/doubt.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/strict_section.h"

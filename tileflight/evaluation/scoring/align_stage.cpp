@@ -7,7 +7,7 @@
 #include "tileflight/core/alignment/align_trajectory.h"
 #include "tileflight/core/alignment/regions.h"
 #include "tileflight/core/alignment/transform_file.h"
-#include "tileflight/core/base/doubts_json.h"
+#include "tileflight/core/base/doubt.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/geometry/cloud_files.h"

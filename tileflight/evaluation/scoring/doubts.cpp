@@ -5,12 +5,12 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "tileflight/capture/recording/flight_faults.h"
+#include "tileflight/core/base/doubt.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/strict_section.h"
-#include "tileflight/data/dataset/dataset.h"
-#include "tileflight/core/base/doubts_json.h"
 #include "tileflight/core/geometry/trajectory.h"
-#include "tileflight/capture/recording/flight_faults.h"
+#include "tileflight/data/dataset/dataset.h"
 
 namespace tileflight::scoring {
 namespace fs = std::filesystem;

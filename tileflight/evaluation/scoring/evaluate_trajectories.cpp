@@ -9,7 +9,6 @@
 #include <system_error>
 
 #include "tileflight/core/base/doubt.h"
-#include "tileflight/core/base/doubts_json.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/geometry/json_numbers.h"

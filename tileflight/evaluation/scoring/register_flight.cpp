@@ -11,7 +11,7 @@
 #include "tileflight/core/alignment/align_trajectory.h"
 #include "tileflight/core/alignment/global_registration.h"
 #include "tileflight/core/alignment/transform_file.h"
-#include "tileflight/core/base/doubts_json.h"
+#include "tileflight/core/base/doubt.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/data/dataset/attitude_csv.h"
 #include "tileflight/evaluation/registration/register_map.h"

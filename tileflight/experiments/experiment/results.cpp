@@ -2,7 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "tileflight/core/base/doubts_json.h"
+#include "tileflight/core/base/doubt.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/program.h"

@@ -7,9 +7,9 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/drawing/html.h"
 #include "tileflight/core/drawing/number_format.h"
 #include "tileflight/core/drawing/page_image.h"
-#include "tileflight/core/drawing/style_sheet.h"
 #include "tileflight/core/drawing/top_view.h"
 #include "tileflight/core/geometry/cloud_files.h"
 #include "tileflight/data/dataset/dataset.h"

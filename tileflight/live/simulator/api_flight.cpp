@@ -2,7 +2,6 @@
 #include <cmath>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/require.h"
 #include "tileflight/live/simulator/frames.h"
 #include "tileflight/live/simulator/simulator_impl.h"
 

@@ -1,9 +1,9 @@
 #include <algorithm>
 #include <utility>
 
-#include "tileflight/core/base/elapsed_time.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/imaging/png_rgba.h"
+#include "tileflight/core/base/progress.h"
+#include "tileflight/core/imaging/image_files.h"
 #include "tileflight/live/simulator/camera_settings.h"
 #include "tileflight/live/simulator/frames.h"
 #include "tileflight/live/simulator/simulator_impl.h"

@@ -2,10 +2,9 @@
 #include <cmath>
 #include <regex>
 
-#include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/require.h"
-#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/capture/render/solar_position.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/live/simulator/frames.h"
 #include "tileflight/live/simulator/simulator_impl.h"
 

@@ -4,7 +4,6 @@
 #include <utility>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/require.h"
 #include "tileflight/live/simulator/frames.h"
 
 namespace tileflight::simulator {

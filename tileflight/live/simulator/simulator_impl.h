@@ -15,9 +15,8 @@
 #include <utility>
 #include <vector>
 
-#include "tileflight/core/base/require.h"
+#include "tileflight/core/base/input_error.h"
 #include "tileflight/live/simulator/annotation_layers.h"
-#include "tileflight/live/simulator/segmentation_ids.h"
 #include "tileflight/live/simulator/ardupilot_port.h"
 #include "tileflight/live/simulator/client_file_access.h"
 #include "tileflight/live/simulator/detection.h"
@@ -26,6 +25,7 @@
 #include "tileflight/live/simulator/lockstep_vehicle.h"
 #include "tileflight/live/simulator/px4_port.h"
 #include "tileflight/live/simulator/recorder.h"
+#include "tileflight/live/simulator/segmentation_ids.h"
 #include "tileflight/live/simulator/sensor_readings.h"
 #include "tileflight/live/simulator/settings.h"
 #include "tileflight/live/simulator/sim_vehicle.h"

@@ -4,20 +4,20 @@
 #include <array>
 #include <nlohmann/json.hpp>
 
+#include "tileflight/core/base/doubt.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/data/dataset/colmap.h"
-#include "tileflight/data/dataset/dataset.h"
-#include "tileflight/core/base/doubts_json.h"
 #include "tileflight/core/geometry/cloud_files.h"
 #include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/core/imaging/image_files.h"
+#include "tileflight/data/dataset/colmap.h"
+#include "tileflight/data/dataset/dataset.h"
 #include "tileflight/slam/odometry/debug_image.h"
 #include "tileflight/slam/odometry/direction_check.h"
 #include "tileflight/slam/odometry/line_delay_passes.h"
 #include "tileflight/slam/odometry/run_comparison.h"
-#include "tileflight/slam/odometry/tracking_doubts.h"
 #include "tileflight/slam/odometry/track_inputs.h"
+#include "tileflight/slam/odometry/tracking_doubts.h"
 
 namespace tileflight::odometry {
 namespace fs = std::filesystem;

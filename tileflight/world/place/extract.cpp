@@ -7,13 +7,13 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "tileflight/core/base/elapsed_time.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/memory_budget.h"
 #include "tileflight/core/base/output_folder.h"
 #include "tileflight/core/base/program.h"
+#include "tileflight/core/base/progress.h"
 #include "tileflight/tiles/fetch/open_source.h"
 #include "tileflight/tiles/tileset/region_reader.h"
 #include "tileflight/world/ground_truth/suggested_voxel.h"

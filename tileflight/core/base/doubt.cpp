@@ -1,4 +1,4 @@
-#include "tileflight/core/base/doubts_json.h"
+#include "tileflight/core/base/doubt.h"
 
 #include <nlohmann/json.hpp>
 

@@ -1,4 +1,4 @@
-#include "tileflight/core/imaging/plane_distortion.h"
+#include "tileflight/core/imaging/lens_distortion.h"
 
 #include <gtest/gtest.h>
 

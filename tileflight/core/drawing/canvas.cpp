@@ -1,4 +1,4 @@
-#include "tileflight/core/imaging/canvas.h"
+#include "tileflight/core/drawing/canvas.h"
 
 #include <cairo.h>
 
@@ -6,7 +6,7 @@
 #include <cstring>
 #include <stdexcept>
 
-namespace tileflight::imaging {
+namespace tileflight::drawing {
 namespace {
 
 using geometry::Vec2;
@@ -19,7 +19,7 @@ struct CairoDeleter {
 using Surface = std::unique_ptr<cairo_surface_t, CairoDeleter>;
 
 /// A colour in Cairo's RGB24: 32 bits a pixel, red in bits 16 to 23.
-std::uint32_t packed(const Rgb8& color) {
+std::uint32_t packed(const imaging::Rgb8& color) {
   return static_cast<std::uint32_t>(color[0]) << 16U | static_cast<std::uint32_t>(color[1]) << 8U | color[2];
 }
 
@@ -28,7 +28,7 @@ unsigned char* row_of(cairo_surface_t* surface, int y) {
          static_cast<std::ptrdiff_t>(y) * cairo_image_surface_get_stride(surface);
 }
 
-Surface surface_of(const RgbImage& image) {
+Surface surface_of(const imaging::RgbImage& image) {
   Surface surface(cairo_image_surface_create(CAIRO_FORMAT_RGB24, image.width, image.height));
   if (cairo_surface_status(surface.get()) != CAIRO_STATUS_SUCCESS) throw std::runtime_error("canvas: out of memory");
   cairo_surface_flush(surface.get());
@@ -96,7 +96,7 @@ std::string valid_utf8(const std::string& words) {
 
 }  // namespace
 
-Ink to_ink(const Rgb8& color, double opacity) {
+Ink to_ink(const imaging::Rgb8& color, double opacity) {
   return {color[0] / 255.0, color[1] / 255.0, color[2] / 255.0, opacity};
 }
 
@@ -105,8 +105,8 @@ struct Canvas::Impl {
   std::unique_ptr<cairo_t, CairoDeleter> context;
 };
 
-Canvas::Canvas(int width, int height, const Rgb8& paper) : impl_(std::make_unique<Impl>()) {
-  impl_->surface = surface_of(RgbImage(width, height, paper));
+Canvas::Canvas(int width, int height, const imaging::Rgb8& paper) : impl_(std::make_unique<Impl>()) {
+  impl_->surface = surface_of(imaging::RgbImage(width, height, paper));
   impl_->context.reset(cairo_create(impl_->surface.get()));
   cairo_set_line_join(impl_->context.get(), CAIRO_LINE_JOIN_ROUND);
 }
@@ -147,7 +147,7 @@ void Canvas::fill_disc(const Vec2& center, double radius_px, const Ink& ink) {
   cairo_fill(context);
 }
 
-void Canvas::draw_image(double x, double y, const RgbImage& image) {
+void Canvas::draw_image(double x, double y, const imaging::RgbImage& image) {
   if (image.empty()) return;
   cairo_t* context = impl_->context.get();
   const Surface surface = surface_of(image);
@@ -193,9 +193,9 @@ void Canvas::clip(double x, double y, double width, double height) {
 
 void Canvas::unclip() { cairo_reset_clip(impl_->context.get()); }
 
-RgbImage Canvas::image() const {
+imaging::RgbImage Canvas::image() const {
   cairo_surface_flush(impl_->surface.get());
-  RgbImage image(width(), height());
+  imaging::RgbImage image(width(), height());
   for (int y = 0; y < image.height; ++y) {
     const unsigned char* in = row_of(impl_->surface.get(), y);
     for (int x = 0; x < image.width; ++x) {
@@ -208,4 +208,4 @@ RgbImage Canvas::image() const {
   return image;
 }
 
-}  // namespace tileflight::imaging
+}  // namespace tileflight::drawing

@@ -8,14 +8,14 @@
 #include "tileflight/core/geometry/transform.h"
 #include "tileflight/core/imaging/image.h"
 
-namespace tileflight::imaging {
+namespace tileflight::drawing {
 
 /// A colour with opacity, each 0 to 1, in the encoding of image pixels.
 struct Ink {
   double red = 0, green = 0, blue = 0, opacity = 1;
 };
 
-Ink to_ink(const Rgb8& color, double opacity = 1.0);
+Ink to_ink(const imaging::Rgb8& color, double opacity = 1.0);
 
 struct Stroke {
   Ink ink;
@@ -41,7 +41,7 @@ struct TextStyle {
 /// fontconfig's substitute. A built-in font would lack umlauts and the scripts of copyright notices and place names.
 class Canvas {
  public:
-  Canvas(int width, int height, const Rgb8& paper);
+  Canvas(int width, int height, const imaging::Rgb8& paper);
   ~Canvas();
   Canvas(const Canvas&) = delete;
   Canvas& operator=(const Canvas&) = delete;
@@ -56,7 +56,7 @@ class Canvas {
   void fill_rectangle(double x, double y, double width, double height, const Ink& ink);
   void fill_disc(const geometry::Vec2& center, double radius_px, const Ink& ink);
   /// Draws an image with its upper left corner at (x, y); unscaled and unfiltered at integer positions.
-  void draw_image(double x, double y, const RgbImage& image);
+  void draw_image(double x, double y, const imaging::RgbImage& image);
   void draw_text(double x, double y, const std::string& words, const TextStyle& lettering);
   /// Width of the text, pixels.
   double text_width(const std::string& words, const TextStyle& lettering) const;
@@ -65,11 +65,11 @@ class Canvas {
   void clip(double x, double y, double width, double height);
   void unclip();
 
-  RgbImage image() const;
+  imaging::RgbImage image() const;
 
  private:
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace tileflight::imaging
+}  // namespace tileflight::drawing

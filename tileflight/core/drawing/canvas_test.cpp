@@ -1,4 +1,4 @@
-#include "tileflight/core/imaging/canvas.h"
+#include "tileflight/core/drawing/canvas.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -6,23 +6,23 @@
 #include <cmath>
 #include <numbers>
 
-namespace tileflight::imaging::canvas_test {
+namespace tileflight::drawing::canvas_test {
 namespace {
 
 using geometry::Vec2;
 
-const Rgb8 kWhite{255, 255, 255};
+const imaging::Rgb8 kWhite{255, 255, 255};
 const Ink kBlack{0, 0, 0, 1};
 
 /// Amount of black on white, in pixels.
-double ink_on(const RgbImage& image) {
+double ink_on(const imaging::RgbImage& image) {
   double sum = 0;
-  for (const Rgb8& pixel : image.pixels) sum += 1.0 - pixel[1] / 255.0;
+  for (const imaging::Rgb8& pixel : image.pixels) sum += 1.0 - pixel[1] / 255.0;
   return sum;
 }
 
 /// Centre of the black area: row and column.
-Vec2 middle_of_ink(const RgbImage& image) {
+Vec2 middle_of_ink(const imaging::RgbImage& image) {
   Vec2 sum = Vec2::Zero();
   for (int y = 0; y < image.height; ++y) {
     for (int x = 0; x < image.width; ++x) sum += (1.0 - image(x, y)[1] / 255.0) * Vec2(x + 0.5, y + 0.5);
@@ -65,13 +65,13 @@ TEST(Canvas, OpacityMixesWithWhatIsThere) {
 }
 
 TEST(Canvas, PicturesComeBackPixelByPixel) {
-  RgbImage image(7, 5);
+  imaging::RgbImage image(7, 5);
   for (int y = 0; y < 5; ++y) {
     for (int x = 0; x < 7; ++x) image(x, y) = {static_cast<std::uint8_t>(30 * x), static_cast<std::uint8_t>(50 * y), 7};
   }
   Canvas canvas(20, 20, kWhite);
   canvas.draw_image(4, 9, image);
-  const RgbImage drawn = canvas.image();
+  const imaging::RgbImage drawn = canvas.image();
   for (int y = 0; y < 5; ++y) {
     for (int x = 0; x < 7; ++x) EXPECT_EQ(drawn(x + 4, y + 9), image(x, y));
   }
@@ -89,7 +89,7 @@ TEST(Canvas, ClipsUntilItIsTakenAway) {
   EXPECT_NEAR(ink_on(canvas.image()), 1600, 0.1);
 }
 
-RgbImage written(const std::string& words, const TextStyle& lettering) {
+imaging::RgbImage written(const std::string& words, const TextStyle& lettering) {
   Canvas canvas(400, 400, kWhite);
   canvas.draw_text(200, 200, words, lettering);
   return canvas.image();
@@ -109,8 +109,8 @@ TEST(Canvas, TextStandsWhereItIsAnchored) {
 }
 
 TEST(Canvas, TurnedTextReadsUpwards) {
-  const RgbImage upright = written("north", {.size_px = 20});
-  const RgbImage turned = written("north", {.size_px = 20, .rotation_rad = -std::numbers::pi / 2});
+  const imaging::RgbImage upright = written("north", {.size_px = 20});
+  const imaging::RgbImage turned = written("north", {.size_px = 20, .rotation_rad = -std::numbers::pi / 2});
   const Vec2 a = middle_of_ink(upright), b = middle_of_ink(turned);
   EXPECT_NEAR(b.y() - 200, -(a.x() - 200), 0.5);
   EXPECT_NEAR(b.x() - 200, a.y() - 200, 0.5);
@@ -118,7 +118,7 @@ TEST(Canvas, TurnedTextReadsUpwards) {
 }
 
 TEST(Canvas, LettersBeyondAsciiAreDrawn) {
-  const RgbImage none = written("", {});
+  const imaging::RgbImage none = written("", {});
   EXPECT_EQ(ink_on(none), 0.0);
   EXPECT_NE(written("°", {}).pixels, written("²", {}).pixels);
   EXPECT_NE(written("©", {}).pixels, written("é", {}).pixels);
@@ -138,4 +138,4 @@ TEST(Canvas, SameDrawingSameBytes) {
 }
 
 }  // namespace
-}  // namespace tileflight::imaging::canvas_test
+}  // namespace tileflight::drawing::canvas_test
