@@ -1,8 +1,4 @@
 // Odometry by another program: its command, and the folder that it must have filled.
-#include <sys/wait.h>
-
-#include <cstdlib>
-#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "tileflight/core/base/files.h"
@@ -11,6 +7,7 @@
 #include "tileflight/core/base/output_folder.h"
 #include "tileflight/core/geometry/cloud_files.h"
 #include "tileflight/core/geometry/trajectory.h"
+#include "tileflight/core/jobs/process.h"
 #include "tileflight/data/dataset/dataset.h"
 #include "tileflight/slam/odometry/track.h"
 
@@ -30,18 +27,8 @@ std::string replace_placeholder(std::string command, const std::string& name, co
 }
 
 void run_command(const std::string& command, const fs::path& folder, const fs::path& log) {
-  const std::string whole =
-      "cd " + shell_path(folder) + " && ( " + command + "\n) > " + shell_path(log) + " 2>&1 < /dev/null";
-  const int status = std::system(whole.c_str());
-  if (status == 0) return;
-  const std::string how =
-      WIFEXITED(status) ? "exit status " + std::to_string(WEXITSTATUS(status)) : "killed by a signal";
-  std::string last_line;
-  std::ifstream lines(log);
-  for (std::string line; std::getline(lines, line);) {
-    if (!line.empty()) last_line = line;
-  }
-  throw InputError("odometry.command", how + ": " + last_line);
+  const int status = jobs::run_guarded({jobs::shell(command), folder, log});
+  if (status != 0) throw InputError("odometry.command", jobs::describe_exit(status) + ": " + jobs::last_line(log));
 }
 
 json describe_command_result(const fs::path& out, std::size_t frames) {
