@@ -12,6 +12,7 @@
 #include "source_options.h"
 #include "task_options.h"
 #include "tileflight/core/base/formatted_text.h"
+#include "tileflight/core/base/output_folder.h"
 #include "tileflight/world/place/block_plan.h"
 #include "tileflight/world/place/truth_blocks.h"
 

@@ -15,6 +15,7 @@
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/memory_budget.h"
+#include "tileflight/core/base/output_folder.h"
 #include "tileflight/experiments/experiment/experiment_file.h"
 
 namespace tileflight::app {

@@ -18,19 +18,19 @@
 #include "outcome.h"
 #include "random_flight.h"
 #include "tests/source_folder.h"
+#include "tileflight/capture/recording/render_stage.h"
 #include "tileflight/core/base/doubt.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/output_folder.h"
 #include "tileflight/core/base/strict_section.h"
 #include "tileflight/core/geometry/cloud_files.h"
-#include "tileflight/world/ground_truth/truth_folder.h"
-#include "tileflight/world/place/extract.h"
 #include "tileflight/evaluation/scoring/align_stage.h"
 #include "tileflight/evaluation/scoring/evaluate.h"
-#include "tileflight/tiles/demo_place/stadium.h"
-#include "tileflight/capture/recording/render_stage.h"
 #include "tileflight/slam/odometry/track.h"
+#include "tileflight/tiles/demo_place/stadium.h"
+#include "tileflight/world/ground_truth/truth_folder.h"
+#include "tileflight/world/place/extract.h"
 
 namespace tileflight::proving_ground {
 namespace {
@@ -72,7 +72,7 @@ std::vector<Place> read_places(const fs::path& file, const fs::path& out) {
     if (place.source == "stadium:twin") {
       const fs::path built_in = out / "places/built-in";
       if (!fs::exists(built_in)) {
-        base::write_folder({.folder = built_in, .command = "proving_ground", .legacy = {}},
+        base::write_folder({.folder = built_in, .command = "proving_ground"},
                            [](const fs::path& folder) { demo_place::write_stadium(folder, {}); });
       }
       place.source = (built_in / "twin/tileset.json").string();

@@ -13,6 +13,7 @@
 #include "tileflight/capture/vehicle/flight_plan.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/output_folder.h"
 #include "tileflight/core/base/program.h"
 #include "tileflight/data/dataset/dataset.h"
 #include "tileflight/tiles/fetch/open_source.h"
@@ -210,11 +211,7 @@ std::vector<fs::path> render_input_files(const RenderSettings& settings) {
 }
 
 base::OutputFolder render_output(const RenderSettings& settings, const fs::path& out, bool replace) {
-  return {.folder = out,
-          .command = "render",
-          .replace = replace,
-          .inputs = render_input_files(settings),
-          .legacy = dataset::unmarked_dataset()};
+  return {.folder = out, .command = "render", .replace = replace, .inputs = render_input_files(settings)};
 }
 
 FramePlan plan_frame_parts(const RenderSettings& settings, int parts, const Progress& progress) {

@@ -170,12 +170,6 @@ bool names_a_tileset(const FolderMarker& marker) {
                      [](const std::string& file) { return fs::path(file).filename() == "tileset.json"; });
 }
 
-bool is_known_unmarked(const fs::path& folder, const LegacyFolderPattern& unmarked) {
-  if (unmarked.key_file.empty()) return true;
-  if (!fs::is_regular_file(folder / unmarked.key_file)) return false;
-  return read_text(folder / unmarked.key_file).find(unmarked.key_text) != std::string::npos;
-}
-
 /// Reason why an existing folder must not be replaced; empty: it may.
 std::string objection(const fs::path& target, const OutputFolder& output) {
   for (const fs::path& input : output.inputs) {
@@ -184,7 +178,7 @@ std::string objection(const fs::path& target, const OutputFolder& output) {
     if (fs::is_directory(input) && is_within(target, input) && !is_result_folder(target))
       return "is part of " + input.string() + ", an input of this command" + kElsewhere;
   }
-  const std::optional<std::string> foreign = find_foreign_file(target, output.legacy);
+  const std::optional<std::string> foreign = find_foreign_file(target);
   if (!foreign) return "";
   const bool is_marked = read_folder_marker(target).has_value();
   return "holds " + *foreign + ", which " + (is_marked ? "tileflight did not write" : "may not be tileflight's") +
@@ -243,16 +237,11 @@ bool matches_pattern(std::string_view name, std::string_view pattern) {
   return fits && matches_pattern(name.substr(1), pattern.substr(1));
 }
 
-std::optional<std::string> find_foreign_file(const fs::path& folder, const LegacyFolderPattern& unmarked) {
+std::optional<std::string> find_foreign_file(const fs::path& folder) {
   const std::optional<FolderMarker> marker = read_folder_marker(folder);
-  const bool is_known = !marker && is_known_unmarked(folder, unmarked);
   const auto is_ours = [&](const std::string& file) {
-    if (marker) {
-      return file == kFolderMarker || std::binary_search(marker->files.begin(), marker->files.end(), file) ||
-             is_abandoned_temporary(fs::path(file).filename());
-    }
-    return is_known && std::any_of(unmarked.files.begin(), unmarked.files.end(),
-                                   [&](const std::string& pattern) { return matches_pattern(file, pattern); });
+    return marker && (file == kFolderMarker || std::binary_search(marker->files.begin(), marker->files.end(), file) ||
+                      is_abandoned_temporary(fs::path(file).filename()));
   };
   for (const std::string& file : list_files_recursive(folder)) {
     if (!is_ours(file)) return file;
@@ -287,8 +276,7 @@ void write_folder(const OutputFolder& output, const std::function<void(const fs:
 }
 
 void write_folder(const fs::path& folder, bool replace, const std::function<void(const fs::path& temporary)>& fill) {
-  write_folder(OutputFolder{.folder = folder, .command = "tileflight", .replace = replace, .inputs = {}, .legacy = {}},
-               fill);
+  write_folder(OutputFolder{.folder = folder, .command = "tileflight", .replace = replace}, fill);
 }
 
 void install_folder(const fs::path& built, const OutputFolder& output) {

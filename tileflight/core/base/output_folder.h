@@ -30,22 +30,12 @@ void write_folder_marker(const std::filesystem::path& folder, const std::string&
 /// nullopt: there is no marker, or it was not written by this program.
 std::optional<FolderMarker> read_folder_marker(const std::filesystem::path& folder);
 
-/// Describes the output folders of a command that were written before markers existed (output_folder.h).
-struct LegacyFolderPattern {
-  std::string key_file;  ///< must exist ("dataset.yaml"); empty: none
-  std::string key_text;  ///< must occur in the key file, if other programs also write files of that name
-  /// All files that such a folder may hold, relative to it: '#' matches a digit, '*' any characters but '/'. Empty:
-  /// folders of the command are recognised by their marker alone.
-  std::vector<std::string> files;
-};
-
 /// A folder that a command writes, and what may be replaced there.
 struct OutputFolder {
   std::filesystem::path folder;
   std::string command;  ///< "render"; stored in the marker
   bool replace = false;
-  std::vector<std::filesystem::path> inputs;  ///< files and folders that the command reads; missing ones are ignored
-  LegacyFolderPattern legacy;
+  std::vector<std::filesystem::path> inputs{};  ///< files and folders that the command reads; missing ones are ignored
 };
 
 /// Absolute path of a folder with links and ".." resolved, without a trailing slash.
@@ -65,10 +55,9 @@ void write_folder(const OutputFolder& output, const std::function<void(const std
 /// thrown.
 void install_folder(const std::filesystem::path& built, const OutputFolder& output);
 
-/// The first file below `folder` that this program did not write: not listed in the folder's marker or, without a
-/// marker, not matched by `unmarked`. nullopt: there is none.
-std::optional<std::string> find_foreign_file(const std::filesystem::path& folder,
-                                             const LegacyFolderPattern& unmarked = {});
+/// Returns the first file below `folder` that this program did not write: one that the folder's marker does not list
+/// or, without a marker, any. nullopt: there is none.
+std::optional<std::string> find_foreign_file(const std::filesystem::path& folder);
 
 /// Whether a command wrote this folder and it cannot be part of a tileset (a command's output can itself be a tileset).
 bool is_result_folder(const std::filesystem::path& folder);

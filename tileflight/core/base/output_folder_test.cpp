@@ -33,9 +33,8 @@ void make_file(const fs::path& file, const std::string& text = "x") {
 }
 
 /// Writes `folder` as a command would, with these files.
-void write(const fs::path& folder, const std::vector<std::string>& files, const std::vector<fs::path>& inputs = {},
-           const LegacyFolderPattern& unmarked = {}) {
-  const OutputFolder output{.folder = folder, .command = "test", .replace = true, .inputs = inputs, .legacy = unmarked};
+void write(const fs::path& folder, const std::vector<std::string>& files, const std::vector<fs::path>& inputs = {}) {
+  const OutputFolder output{.folder = folder, .command = "test", .replace = true, .inputs = inputs};
   write_folder(output, [&](const fs::path& temporary) {
     for (const std::string& file : files) make_file(temporary / file);
   });
@@ -125,28 +124,6 @@ TEST(WriteFolder, NeverReplacesAFolderThatItDoesNotKnow) {
   EXPECT_TRUE(fs::exists(folder / "empty/new"));
 }
 
-TEST(WriteFolder, ReplacesFoldersOfEarlierVersionsThatHoldNothingElse) {
-  const tests::TemporaryFolder folder;
-  const LegacyFolderPattern unmarked{
-      .key_file = "result.json", .key_text = "made", .files = {"result.json", "p/###.png"}};
-  const auto make_old = [&](const std::string& key_text, const std::string& further) {
-    fs::remove_all(folder / "out");
-    make_file(folder / "out/result.json", key_text);
-    make_file(folder / ("out/" + further));
-  };
-  make_old("made by us", "p/012.png");
-  write(folder / "out", {"new"}, {}, unmarked);
-  EXPECT_TRUE(fs::exists(folder / "out/new"));
-
-  make_old("made by us", "p/0123.png");
-  EXPECT_THAT(refusal_of([&] { write(folder / "out", {"new"}, {}, unmarked); }),
-              HasSubstr("holds p/0123.png, which may not be tileflight's"));
-  make_old("by others", "p/012.png");
-  EXPECT_THAT(refusal_of([&] { write(folder / "out", {"new"}, {}, unmarked); }), HasSubstr("may not be tileflight's"));
-  fs::remove(folder / "out/result.json");
-  EXPECT_THAT(refusal_of([&] { write(folder / "out", {"new"}, {}, unmarked); }), HasSubstr("holds p/012.png"));
-}
-
 TEST(WriteFolder, NeverReplacesAnInputByWhateverNameItGoes) {
   const tests::TemporaryFolder folder;
   const fs::path out = folder / "a/out";
@@ -194,7 +171,7 @@ TEST(WriteFolder, AParentOrAPartOfAnInputStays) {
 TEST(WriteFolder, WithoutForceSaysWhatKeepsItFromBeingReplaced) {
   const tests::TemporaryFolder folder;
   write(folder / "out", {"a"});
-  OutputFolder output{.folder = folder / "out", .command = "test", .replace = false, .inputs = {}, .legacy = {}};
+  OutputFolder output{.folder = folder / "out", .command = "test", .replace = false};
   EXPECT_THAT(refusal_of([&] { require_writable(output); }), HasSubstr("exists already; --force replaces it"));
   make_file(folder / "out/notes.txt");
   EXPECT_THAT(refusal_of([&] { require_writable(output); }), HasSubstr("exists already and holds notes.txt"));
@@ -214,7 +191,7 @@ TEST(WriteFolder, ALinkToAFolderStaysALink) {
 TEST(WriteFolder, FilesOfOthersThatCameMeanwhileAreMovedAside) {
   const tests::TemporaryFolder folder;
   write(folder / "out", {"a"});
-  const OutputFolder output{.folder = folder / "out", .command = "test", .replace = true, .inputs = {}, .legacy = {}};
+  const OutputFolder output{.folder = folder / "out", .command = "test", .replace = true};
   const std::string refusal = refusal_of([&] {
     write_folder(output, [&](const fs::path& temporary) {
       make_file(temporary / "b");
@@ -226,7 +203,7 @@ TEST(WriteFolder, FilesOfOthersThatCameMeanwhileAreMovedAside) {
   EXPECT_TRUE(fs::exists(folder / "out/b"));
   EXPECT_EQ(read_text(folder / "out.before/notes.txt"), "mine");
 
-  const OutputFolder fresh{.folder = folder / "new", .command = "test", .replace = false, .inputs = {}, .legacy = {}};
+  const OutputFolder fresh{.folder = folder / "new", .command = "test", .replace = false};
   EXPECT_THAT(refusal_of([&] {
                 write_folder(fresh, [&](const fs::path& temporary) {
                   make_file(temporary / "b");
@@ -251,7 +228,7 @@ TEST(WriteFolder, PutsBackWhatAProcessKilledBetweenTwoRenamesLeft) {
   const std::string of_the_dead = ".out." + std::to_string(ended_process());
   write(folder / (of_the_dead + "-1.old"), {"whole"});
   make_file(folder / (of_the_dead + "-0.tmp") / "whole too");
-  const OutputFolder output{.folder = folder / "out", .command = "test", .replace = false, .inputs = {}, .legacy = {}};
+  const OutputFolder output{.folder = folder / "out", .command = "test", .replace = false};
   EXPECT_THAT(refusal_of([&] { require_writable(output); }), HasSubstr("exists already"));
   EXPECT_TRUE(fs::exists(folder / "out/whole"));
   write(folder / "out", {"new"});

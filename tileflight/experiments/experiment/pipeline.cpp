@@ -134,11 +134,7 @@ std::vector<std::string> Pipeline::odometry_products(const OdometryRun& run) con
 }
 
 void Pipeline::build_place(const fs::path& folder, const Progress& progress) const {
-  const base::OutputFolder output{.folder = folder,
-                                  .command = "scene",
-                                  .replace = true,
-                                  .inputs = {},
-                                  .legacy = demo_place::legacy_stadium_folder()};
+  const base::OutputFolder output{.folder = folder, .command = "scene", .replace = true, .inputs = {}};
   base::write_folder(output, [&](const fs::path& temporary) {
     demo_place::write_stadium(
         temporary, {.seed = experiment_.place.seed, .texture_scale = experiment_.place.texture_scale}, progress);

@@ -188,11 +188,8 @@ class SystemRun {
 json run_system(const Adapter& adapter, const fs::path& dataset_folder, const fs::path& out,
                 const SystemRunOptions& options, const Progress& progress) {
   const dataset::Dataset dataset = dataset::read_dataset(dataset_folder);
-  const base::OutputFolder output{.folder = out,
-                                  .command = "odometry",
-                                  .replace = options.replace,
-                                  .inputs = {dataset_folder, adapter.folder},
-                                  .legacy = {}};
+  const base::OutputFolder output{
+      .folder = out, .command = "odometry", .replace = options.replace, .inputs = {dataset_folder, adapter.folder}};
   json about;
   base::write_folder(output, [&](const fs::path& temporary) {
     about = SystemRun(adapter, dataset, options).run(temporary, progress);

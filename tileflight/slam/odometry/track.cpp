@@ -7,6 +7,7 @@
 #include "tileflight/core/base/doubt.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/output_folder.h"
 #include "tileflight/core/geometry/cloud_files.h"
 #include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/core/imaging/image_files.h"
@@ -186,11 +187,8 @@ void with_pictures_folder(const fs::path& pictures, const base::OutputFolder& ou
   if (pictures.empty()) return work({});
   const fs::path inside = base::resolve_folder(pictures).lexically_relative(base::resolve_folder(out.folder));
   if (!inside.empty() && *inside.begin() != "..") return work(temporary / inside);
-  const base::OutputFolder folder{.folder = pictures,
-                                  .command = "odometry",
-                                  .replace = out.replace,
-                                  .inputs = out.inputs,
-                                  .legacy = {.files = {"######.png"}}};
+  const base::OutputFolder folder{
+      .folder = pictures, .command = "odometry", .replace = out.replace, .inputs = out.inputs};
   base::write_folder(folder, work);
 }
 

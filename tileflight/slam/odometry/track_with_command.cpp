@@ -44,15 +44,7 @@ json describe_command_result(const fs::path& out, std::size_t frames) {
 }  // namespace
 
 base::OutputFolder odometry_output_folder(const fs::path& out, bool replace, std::vector<fs::path> inputs) {
-  return {
-      .folder = out,
-      .command = "odometry",
-      .replace = replace,
-      .inputs = std::move(inputs),
-      .legacy = {.key_file = "odometry.json",
-                 .key_text = "frames_tracked",
-                 .files = {"trajectory.txt", "keyframes.txt", "map.ply", "quality.csv", "camera.yaml", "odometry.json",
-                           "command.log", "colmap/cameras.txt", "colmap/images.txt", "colmap/points3D.txt"}}};
+  return {.folder = out, .command = "odometry", .replace = replace, .inputs = std::move(inputs)};
 }
 
 nlohmann::json track_with_command(const fs::path& dataset_folder, const fs::path& out, bool replace,

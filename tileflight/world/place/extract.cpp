@@ -175,10 +175,7 @@ base::OutputFolder extract_output(const ExtractSettings& settings, const std::fi
   return {.folder = folder,
           .command = "extract",
           .replace = replace,
-          .inputs = {fetch::local_path_of_source(settings.source)},
-          .legacy = {.key_file = "extract.json",
-                     .key_text = "tiles_wanted",
-                     .files = {"mesh.glb", "surface.ply", "voxels.binvox", "voxels.ply", "octree.bt", "extract.json"}}};
+          .inputs = {fetch::local_path_of_source(settings.source)}};
 }
 
 nlohmann::json extract(const ExtractSettings& settings, const std::filesystem::path& folder, bool replace,
