@@ -97,11 +97,11 @@ struct IcpOptions {
       false;  ///< after a false stop, return the converged result instead of the one at the stop
 };
 
-/// Settings that reach the fixed point quickly: accelerated, stopped by step length. Radius and scale bound are the
-/// paper's.
+/// Returns settings that reach the fixed point quickly: accelerated, stopped by step length. Radius and scale bound are
+/// the paper's.
 IcpOptions converging_icp_options();
 
-/// How well the matched surface constrains the transform.
+/// Describes how well the matched surface constrains the transform.
 struct Constraint {
   std::vector<double>
       eigenvalues;  ///< eigenvalues of the mean point-to-plane Hessian, increasing: 6, or 7 with scale; at most about 1
@@ -128,14 +128,15 @@ struct IcpResult {
   std::optional<AlignmentUncertainty> uncertainty;  ///< of the final transform; none if a motion is unconstrained
 };
 
-/// Besl and McKay, IEEE TPAMI 14(2), 1992. Throws InputError for empty or non-finite input; if no correspondence lies
-/// within the radius, the result has converged = false and a note. Point-to-plane uses the target's normals, or
-/// estimates them if there are none; generalised ICP does the same for the source.
+/// Aligns a cloud to another one by iterated closest points (Besl and McKay, IEEE TPAMI 14(2), 1992). Throws InputError
+/// for empty or non-finite input; if no correspondence lies within the radius, the result has converged = false and a
+/// note. Point-to-plane uses the target's normals, or estimates them if there are none; generalised ICP does the same
+/// for the source.
 IcpResult icp(const geometry::PointCloud& source, const geometry::PointCloud& target, const geometry::Sim3& initial,
               const IcpOptions& options = {});
 
-/// Same against a triangle mesh: nearest points of the surface with the point-to-plane step or, for kGeneralized, with
-/// the triangle's and the source's normals.
+/// Aligns a cloud to a triangle mesh: nearest points of the surface with the point-to-plane step or, for kGeneralized,
+/// with the triangle's and the source's normals.
 IcpResult icp(const geometry::PointCloud& source, const geometry::TriangleIndex& target,
               const geometry::TriangleMesh& target_mesh, const geometry::Sim3& initial, const IcpOptions& options);
 

@@ -45,7 +45,8 @@ struct RegionList {
   bool found = false;  ///< by find_regions(); else given by the user
 };
 
-/// `regions` of transform.json ({found, aligned_on: [{center, size}], held_out: [...]}), and back. Throws InputError
+/// Converts regions to the key `regions` of transform.json ({found, aligned_on: [{center, size}], held_out: [...]}),
+/// and back. Throws InputError
 /// (`where`) if the JSON has another form.
 nlohmann::json to_json(const RegionList& regions);
 RegionList regions_from_json(const nlohmann::json& json, const std::string& where);

@@ -23,10 +23,10 @@ using Doubts = std::vector<Doubt>;
 /// True if no verdict may be given because of this doubt; a "possible" doubt is only reported beside the verdict.
 inline bool forbids_verdict(const Doubt& doubt) { return doubt.how_sure != "possible"; }
 
-/// [{what, where, how_sure, what_to_do}], the key `doubts` of results.
+/// Returns the value of the key `doubts` of results: [{what, where, how_sure, what_to_do}].
 nlohmann::json to_json(const Doubts& doubts);
 
-/// The key `doubts` of `section`; empty if it is absent. Throws InputError as StrictSection does.
+/// Reads the key `doubts` of a section; empty if it is absent. Throws InputError as StrictSection does.
 Doubts read_doubts(base::StrictSection& section);
 
 }  // namespace tileflight

@@ -45,7 +45,7 @@ class RemovedOnExit {
   std::filesystem::path path_;
 };
 
-/// Throws InputError if that is not possible.
+/// Renames a file or folder. Throws InputError if that is not possible.
 void rename_or_throw(const std::filesystem::path& from, const std::filesystem::path& to);
 
 /// Makes a folder and its parents where they do not exist. Throws InputError.

@@ -19,7 +19,7 @@ struct FolderMarker {
   std::vector<std::string> files;  ///< all files but the marker, relative to the folder ("images/000000.jpg"), sorted
 };
 
-/// All files (and links and other non-folders) below `folder`, relative to it, sorted. Links to folders are not
+/// Lists all files (and links and other non-folders) below `folder`, relative to it, sorted. Links to folders are not
 /// followed. Empty if the folder does not exist.
 std::vector<std::string> list_files_recursive(const std::filesystem::path& folder);
 
@@ -27,7 +27,7 @@ std::vector<std::string> list_files_recursive(const std::filesystem::path& folde
 /// numbered files is stored as one line, to keep the marker small. Throws InputError.
 void write_folder_marker(const std::filesystem::path& folder, const std::string& command);
 
-/// nullopt: there is no marker, or it was not written by this program.
+/// Reads the marker of a folder. nullopt: there is none, or this program did not write it.
 std::optional<FolderMarker> read_folder_marker(const std::filesystem::path& folder);
 
 /// A folder that a command writes, and what may be replaced there.
@@ -38,7 +38,7 @@ struct OutputFolder {
   std::vector<std::filesystem::path> inputs{};  ///< files and folders that the command reads; missing ones are ignored
 };
 
-/// Absolute path of a folder with links and ".." resolved, without a trailing slash.
+/// Returns the absolute path of a folder with links and ".." resolved, without a trailing slash.
 std::filesystem::path resolve_folder(const std::filesystem::path& folder);
 
 /// Throws InputError if the folder may not be written: it exists and `replace` is false, it holds files not written by
@@ -69,9 +69,9 @@ bool matches_pattern(std::string_view name, std::string_view pattern);
 /// holds any other.
 void remove_output(const std::filesystem::path& path);
 
-/// To be called before the work whose result is a single file. Throws InputError if `file` is an input, or a file of an
-/// input folder: outputs never overwrite inputs. A file in a command's output folder that the command did not write is
-/// not an input. Makes the folder of `file` if it is missing.
+/// Checks, before work whose result is a single file, that the file may be written. Throws InputError if `file` is an
+/// input, or a file of an input folder: outputs never overwrite inputs. A file in a command's output folder that the
+/// command did not write is not an input. Makes the folder of `file` if it is missing.
 void prepare_output_file(const std::filesystem::path& file, const std::vector<std::filesystem::path>& inputs);
 
 }  // namespace tileflight::base

@@ -16,7 +16,7 @@ std::optional<std::string_view> take_line(std::string_view& text);
 /// Takes the next field off the front of `line`; fields are separated by any of `separators`. Empty when none is left.
 std::string_view take_field(std::string_view& line, std::string_view separators = " \t");
 
-/// All fields of a line.
+/// Splits a line into all of its fields.
 std::vector<std::string_view> split_fields(std::string_view line, std::string_view separators = " \t");
 
 /// A line of a table.
@@ -30,10 +30,10 @@ struct TextRow {
 void for_each_row(std::string_view text, const std::string& file, std::string_view separators,
                   const std::function<void(const TextRow& row)>& take);
 
-/// A to Z in lower case; other bytes stay.
+/// Converts A to Z to lower case; other bytes stay.
 std::string to_lower(std::string_view text);
 
-/// A field of a CSV file, quoted where it must be (RFC 4180, section 2, rules 5 to 7).
+/// Returns a text as a field of a CSV file, quoted where it must be (RFC 4180, section 2, rules 5 to 7).
 std::string csv_field(std::string_view plain);
 
 /// Parses all of `field` as a number, independent of the locale; nullopt if it is anything else or out of range. "nan"
@@ -48,7 +48,7 @@ std::optional<Number> parse_number(std::string_view field) {
   return value;
 }
 
-/// A field of a table that must be a finite number. Throws InputError, at `where`, if it is not.
+/// Parses a field of a table as a finite number. Throws InputError, at `where`, if it is none.
 double require_finite(const std::string& where, std::string_view field);
 
 /// Appends the shortest decimal text that reads back as exactly `value`, independent of the locale.
@@ -64,10 +64,10 @@ inline constexpr std::uintmax_t kMaxLogBytes = std::uintmax_t{1} << 30;
 
 bool is_digit(char c);
 
-/// The text without blanks, tabs and line ends at both ends.
+/// Removes blanks, tabs and line ends at both ends of a text.
 std::string_view trim(std::string_view text);
 
-/// The text without a leading UTF-8 byte order mark.
+/// Removes a leading UTF-8 byte order mark.
 std::string_view strip_byte_order_mark(std::string_view text);
 
 /// Removes `expected` from the front of `text` if it is there; returns whether it was.

@@ -14,10 +14,10 @@ struct LegendEntry {
 };
 Html legend(const std::vector<LegendEntry>& entries);
 
-/// A line between two points, with a class of the page's style sheet.
+/// Draws a line between two points, with a class of the page's style sheet.
 Html svg_line(double x1, double y1, double x2, double y2, const std::string& style);
 
-/// A text in the page's style; `anchor`: of SVG's text-anchor, "start", "middle" or "end".
+/// Draws a text in the page's style. `anchor` is SVG's text-anchor: "start", "middle" or "end".
 Html svg_label(double x, double y, const std::string& anchor, const std::string& content);
 
 /// Content of an SVG, in units of its view box (0, 0, width, height), independent of whether it is put on a page or in
@@ -30,10 +30,10 @@ struct Drawing {
   std::vector<LegendEntry> legend{};
 };
 
-/// The drawing as an element of the page, using the page's colours, followed by its legend as a list.
+/// Returns the drawing as an element of the page, in the page's colours, followed by its legend as a list.
 Html on_page(const Drawing& drawing);
 
-/// A standalone SVG file with the drawings one below the other, their legends, and light colours.
+/// Returns a standalone SVG file with the drawings one below the other, their legends, and light colours.
 std::string svg_file(const std::string& title, const std::vector<Drawing>& drawings);
 
 }  // namespace tileflight::drawing

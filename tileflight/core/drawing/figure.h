@@ -28,14 +28,14 @@ struct Figure {
   bool empty() const { return content.empty(); }
 };
 
-/// The <figure> element with links to its files: small files are embedded in the page, others are linked. Empty for an
-/// empty figure.
+/// Returns the <figure> element with links to its files: small files are embedded in the page, others are linked. Empty
+/// for an empty figure.
 Html to_html(const Figure& figure);
 
 /// Writes the files of all figures into the folder, creating it if necessary. Throws InputError.
 void write_figures(const std::filesystem::path& folder, const std::vector<Figure>& figures);
 
-/// Lines of CSV (RFC 4180).
+/// Returns lines of CSV (RFC 4180).
 std::string to_csv(const std::vector<std::vector<std::string>>& lines);
 
 }  // namespace tileflight::drawing

@@ -10,10 +10,10 @@
 
 namespace tileflight::drawing {
 
-/// The image scaled down to at most `width` pixels across by averaging; never scaled up.
+/// Scales an image down to at most `width` pixels across by averaging; never scaled up.
 imaging::RgbImage downscale(const imaging::RgbImage& image, int width);
 
-/// The image file scaled down, as a JPEG data URI.
+/// Reads an image file and returns it scaled down, as a JPEG data URI.
 std::string thumbnail_uri(const std::filesystem::path& image, int width);
 
 using Rgba8 = std::array<std::uint8_t, 4>;  ///< red, green, blue, opacity
@@ -25,7 +25,7 @@ struct PaletteImage {
   std::vector<Rgba8> palette;
 };
 
-/// PNG with PLTE and tRNS chunks (ISO/IEC 15948). Deterministic.
+/// Encodes a PNG with PLTE and tRNS chunks (ISO/IEC 15948). Deterministic.
 std::string encode_png(const PaletteImage& image);
 
 }  // namespace tileflight::drawing

@@ -35,7 +35,7 @@ struct Tick {
   double at_px = 0.0;
   std::string text;
 };
-/// About `count` ticks at round values of the axis.
+/// Makes about `count` ticks at round values of the axis.
 std::vector<Tick> make_ticks(const AxisScale& scale, int count);
 enum class Side { kBottom, kLeft, kTop, kRight };
 /// A rectangle, in pixels.

@@ -26,8 +26,8 @@ void write_cloud(const std::filesystem::path& file, const PointCloud& cloud,
 /// InputError.
 PointCloud parse_pcd(std::string_view bytes, const std::string& file);
 
-/// Encodes a cloud as PCD version 0.7. Positions, normals and scalars are floats, colours a packed "rgb".
 enum class PcdEncoding { kAscii, kBinary, kBinaryCompressed };
+/// Encodes a cloud as PCD version 0.7. Positions, normals and scalars are floats, colours a packed "rgb".
 std::string encode_pcd(const PointCloud& cloud, PcdEncoding encoding);
 
 }  // namespace tileflight::geometry

@@ -15,10 +15,10 @@ using Mat4 = Eigen::Matrix4d;
 using Vec6 = Eigen::Matrix<double, 6, 1>;
 using Vec7 = Eigen::Matrix<double, 7, 1>;
 
-/// The matrix [v]x with [v]x w = v x w.
+/// Returns the matrix [v]x with [v]x w = v x w.
 Mat3 skew(const Vec3& v);
 
-/// Rotation vector (axis times angle, radians) to unit quaternion, and the inverse (angle in [0, pi]).
+/// Converts a rotation vector (axis times angle, radians) to a unit quaternion, and back (angle in [0, pi]).
 Eigen::Quaterniond so3_exp(const Vec3& omega_rad);
 Vec3 so3_log(const Eigen::Quaterniond& rotation);
 
@@ -73,12 +73,12 @@ struct Sim3 {
   static Sim3 from_matrix(const Mat4& m);
 };
 
-/// The left Jacobian of SO(3) and its inverse: so3_exp(omega + d) = so3_exp(J d) so3_exp(omega) to first order in d.
-/// Barfoot, State Estimation for Robotics, (7.37) and (7.38); the inverse for angles below 2 pi.
+/// Returns the left Jacobian J of SO(3), and its inverse: so3_exp(omega + d) = so3_exp(J d) so3_exp(omega) to first
+/// order in d. Barfoot, State Estimation for Robotics, (7.37) and (7.38); the inverse for angles below 2 pi.
 Mat3 so3_left_jacobian(const Vec3& omega_rad);
 Mat3 so3_left_jacobian_inverse(const Vec3& omega_rad);
 
-/// The right ones: so3_exp(omega + d) = so3_exp(omega) so3_exp(J d).
+/// Returns the right Jacobian J of SO(3), and its inverse: so3_exp(omega + d) = so3_exp(omega) so3_exp(J d).
 inline Mat3 so3_right_jacobian(const Vec3& omega_rad) { return so3_left_jacobian(-omega_rad); }
 inline Mat3 so3_right_jacobian_inverse(const Vec3& omega_rad) { return so3_left_jacobian_inverse(-omega_rad); }
 

@@ -23,7 +23,7 @@ namespace tileflight::imaging {
 /// Parses a YAML file. OpenCV's own first line, "%YAML:1.0", is left out: YAML requires "%YAML 1.0".
 YAML::Node load_calibration_yaml(const std::filesystem::path& file);
 
-/// The value of a key that a camera must have.
+/// Returns the value of a key that a camera must have.
 YAML::Node required_value(const YAML::Node& camera, const std::string& key, const std::string& file);
 
 template <class T>
@@ -36,13 +36,13 @@ T yaml_scalar(const YAML::Node& node, const std::string& key, const std::string&
   }
 }
 
-/// A list of numbers; empty for a key without a value.
+/// Reads a list of numbers; empty for a key without a value.
 std::vector<double> yaml_numbers(const YAML::Node& node, const std::string& key, const std::string& file);
 
-/// Width and height of the images, pixels. `key` is for the message.
+/// Checks the width and height of the images, pixels. `key` is for the message.
 std::array<int, 2> checked_image_size(std::span<const double> sides, const std::string& key, const std::string& file);
 
-/// A rigid motion from a 4x4 matrix, row by row; rotations of few digits are accepted. `key` is for the message.
+/// Reads a rigid motion from a 4x4 matrix, row by row; rotations of few digits are accepted. `key` is for the message.
 geometry::SE3 checked_rigid_motion(std::span<const double> rows, const std::string& key, const std::string& file);
 
 /// Largest image side accepted in a calibration, pixels.
@@ -61,7 +61,8 @@ struct LensParameters {
   std::span<const double> sphere_parameters{};  ///< of omni: xi; ds: xi alpha; eucm: alpha beta
 };
 
-/// Number of parameters that precede fx fy cx cy in a model. Throws InputError(file, cause) for an unknown name.
+/// Returns the number of parameters that precede fx fy cx cy in a model. Throws InputError(file, cause) for an unknown
+/// name.
 std::size_t sphere_parameter_count(const std::string& file, const std::string& model);
 
 /// Builds the camera after checking counts, finiteness and signs. Throws InputError(file, cause).
@@ -78,9 +79,9 @@ struct NamedDistortion {
 /// count, or for a tilted sensor.
 NamedDistortion parse_opencv_distortion(const std::string& where, std::span<const double> coefficients);
 
-/// Shortest text that reads back as the same number.
+/// Returns the shortest text that reads back as the same number.
 std::string format_number(double value);
-/// "[1, 2.5]", a list in YAML, of numbers by format_number().
+/// Returns numbers as a YAML list, "[1, 2.5]", each by format_number().
 std::string number_list(std::span<const double> values);
 std::string number_list(std::initializer_list<double> values);
 

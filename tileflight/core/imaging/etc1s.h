@@ -44,7 +44,8 @@ class BitReader {
 class HuffmanTable {
  public:
   HuffmanTable() = default;
-  /// From the code lengths of the symbols, 0 to 16 bits. Throws InputError if they do not form a valid code.
+  /// Makes a table from the code lengths of the symbols, 0 to 16 bits. Throws InputError if they do not form a valid
+  /// code.
   HuffmanTable(const std::vector<std::uint8_t>& lengths, const std::string& name);
 
   static HuffmanTable read(BitReader& bits);
@@ -60,7 +61,7 @@ class HuffmanTable {
 /// Codebooks shared by all slices of a BasisLZ texture (KTX2, appendix "BasisLZ/ETC1S Bitstream Specification").
 class Etc1sCodebooks {
  public:
-  /// Throws InputError.
+  /// Reads the codebooks. Throws InputError.
   Etc1sCodebooks(std::size_t endpoint_count, std::span<const std::byte> endpoints, std::size_t selector_count,
                  std::span<const std::byte> selectors, std::span<const std::byte> tables, const std::string& name);
 

@@ -17,7 +17,7 @@ struct PixelRegion {
   bool operator==(const PixelRegion&) const = default;
 };
 
-/// Copies a region's pixels to another image of the same size; nothing if there are no images.
+/// Copies a region's pixels to another image of the same size; does nothing for empty images.
 template <class ImageType>
 void copy_region(const PixelRegion& region, const ImageType& from, ImageType& to) {
   if (from.empty()) return;

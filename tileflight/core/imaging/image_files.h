@@ -45,10 +45,10 @@ RgbImage read_rgb(const std::filesystem::path& file, const DecodeLimits& limits 
 GrayImage read_gray(const std::filesystem::path& file, const DecodeLimits& limits = {});
 Gray16Image read_gray16(const std::filesystem::path& file, const DecodeLimits& limits = {});
 
-/// `quality` 1..100 (libjpeg); 4:4:4 chroma from 90 up, otherwise 4:2:0. Deterministic.
+/// Encodes a JPEG. `quality` is 1..100 (libjpeg); 4:4:4 chroma from 90 up, otherwise 4:2:0. Deterministic.
 std::vector<std::byte> encode_jpeg(const RgbImage& image, int quality);
 
-/// What a PNG's compression is to spend: time for a small file, or little time. The pixels are the same.
+/// Selects whether a PNG's compression takes its time for a small file or is quick. The pixels are the same.
 enum class PngEffort { kSmallFile, kLittleTime };
 std::vector<std::byte> encode_png(const RgbImage& image, PngEffort effort = PngEffort::kSmallFile);
 std::vector<std::byte> encode_png(const Gray16Image& image);
@@ -61,18 +61,19 @@ std::vector<std::byte> encode_png(const GrayImage& indices, std::span<const std:
 /// the bytes do not depend on the number of threads.
 std::vector<std::uint8_t> encode_png_rgba(const RgbImage& image);
 
-/// A picture in less than a tenth of a PNG's time, for files that this program alone reads again, soon: the differences
-/// to the pixels on the left, compressed by Zstandard, behind a mark and the size.
+/// Encodes an image in less than a tenth of a PNG's time, for temporary files that only this program reads: the
+/// differences to the pixels on the left, compressed by Zstandard, behind a mark and the size.
 std::vector<std::byte> encode_quick_picture(const RgbImage& image);
 
-/// The same pixels. Throws InputError (name, cause) for anything else than a whole picture.
+/// Decodes what encode_quick_picture() wrote. Throws InputError (name, cause) for anything else.
 RgbImage decode_quick_picture(std::span<const std::byte> bytes, const std::string& name);
 
-/// Format by the file extension: .jpg/.jpeg (quality 95) or .png.
+/// Writes an image in the format of the file extension: .jpg/.jpeg or .png.
 void write_rgb(const std::filesystem::path& file, const RgbImage& image, int jpeg_quality = 95);
 void write_gray(const std::filesystem::path& file, const GrayImage& image, int jpeg_quality = 95);
 
-/// OpenEXR, one 32-bit float channel (named "Z" for depth along the axis, in metres; lossless ZIP compression).
+/// Writes and reads OpenEXR with one 32-bit float channel (named "Z" for depth along the axis, in metres; lossless ZIP
+/// compression).
 void write_exr(const std::filesystem::path& file, const FloatImage& image, const std::string& channel = "Z");
 FloatImage read_exr(const std::filesystem::path& file);
 

@@ -10,11 +10,11 @@
 
 namespace tileflight::imaging {
 
-/// Value of c[0] + c[1] x + c[2] x^2 + ... (Horner).
+/// Evaluates c[0] + c[1] x + c[2] x^2 + ... (Horner).
 double evaluate_polynomial(std::span<const double> c, double x);
 
-/// Smallest x in (0, upper] at which the polynomial is zero or negative; its value at 0 must be positive. nullopt if it
-/// stays positive. Searches between the roots of the derivative, so that no sign change is missed.
+/// Returns the smallest x in (0, upper] at which the polynomial is zero or negative; its value at 0 must be positive.
+/// nullopt if it stays positive. Searches between the roots of the derivative, so that no sign change is missed.
 std::optional<double> first_nonpositive(std::span<const double> c, double upper);
 
 inline constexpr double kNewtonTolerance =
@@ -76,10 +76,10 @@ std::optional<geometry::Vec2> undistort_from(const Distort& distort, geometry::V
 /// Radial and tangential distortion in normalised coordinates (Brown 1966; OpenCV's first four: k1 k2 p1 p2).
 namespace tileflight::imaging::brown_conrady {
 
-/// x (1 + k1 r^2 + k2 r^4) + 2 p1 x y + p2 (r^2 + 2 x^2); y likewise, with p1 and p2 exchanged.
+/// Computes x (1 + k1 r^2 + k2 r^4) + 2 p1 x y + p2 (r^2 + 2 x^2); y likewise, with p1 and p2 exchanged.
 DistortedPoint distort(const std::array<double, 4>& d, const geometry::Vec2& m);
 
-/// Radius at which r (1 + k1 r^2 + k2 r^4) stops increasing; nullopt if it always increases.
+/// Returns the radius at which r (1 + k1 r^2 + k2 r^4) stops increasing; nullopt if it always increases.
 std::optional<double> max_valid_radius(const std::array<double, 4>& d);
 
 /// Inverse of distort(), with a radius of at most `max_radius`; nullopt if there is no solution.
@@ -94,14 +94,14 @@ namespace tileflight::imaging::rational {
 
 using Coefficients = std::array<double, 12>;
 
-/// x N/D + 2 p1 x y + p2 (r^2 + 2 x^2) + s1 r^2 + s2 r^4, y N/D + p1 (r^2 + 2 y^2) + 2 p2 x y + s3 r^2 + s4 r^4, with
-/// N = 1 + k1 r^2 + k2 r^4 + k3 r^6 and D = 1 + k4 r^2 + k5 r^4 + k6 r^6.
+/// Computes x N/D + 2 p1 x y + p2 (r^2 + 2 x^2) + s1 r^2 + s2 r^4, y N/D + p1 (r^2 + 2 y^2) + 2 p2 x y + s3 r^2 + s4
+/// r^4, with N = 1 + k1 r^2 + k2 r^4 + k3 r^6 and D = 1 + k4 r^2 + k5 r^4 + k6 r^6.
 DistortedPoint distort(const Coefficients& d, const geometry::Vec2& m);
 
 /// Whether the distortion is purely radial, so that the lens is symmetric about its axis.
 bool is_radial(const Coefficients& d);
 
-/// Radius at which r N/D stops increasing or D is zero; 1e6, practically infinite, if it increases beyond.
+/// Returns the radius at which r N/D stops increasing or D is zero; 1e6, practically infinite, if it increases beyond.
 double max_valid_radius(const Coefficients& d);
 
 /// Inverse of distort(), with a radius of at most `max_radius`; nullopt if there is no solution.

@@ -52,7 +52,7 @@ struct TexturedMesh {
   std::string name;                              ///< tile or object of origin, for messages and labels
 };
 
-/// Bytes of a mesh's vertices and their attributes in memory; the texture, which meshes share, not counted.
+/// Returns the bytes of a mesh's vertices and their attributes in memory, without the texture, which meshes share.
 inline std::size_t vertex_bytes(const TexturedMesh& mesh) {
   return mesh.mesh.vertices.size() * sizeof(mesh.mesh.vertices[0]) + mesh.uv.size() * sizeof(mesh.uv[0]) +
          mesh.colors.size() * sizeof(mesh.colors[0]) + mesh.feature_ids.size() * sizeof(mesh.feature_ids[0]);

@@ -46,7 +46,7 @@ class BuildFolder {
   static std::string prepare(const std::filesystem::path& folder, const nlohmann::json& inputs, Share share,
                              const std::vector<std::string>& folders);
 
-  /// inputs.json; null if there is none.
+  /// Reads inputs.json; null if there is none.
   static nlohmann::json read_inputs(const std::filesystem::path& folder);
 
   /// Enters a prepared folder under a name. A part waits while a process of an earlier job, which does the same part,
@@ -57,8 +57,8 @@ class BuildFolder {
   BuildFolder& operator=(const BuildFolder&) = delete;
 
   const std::filesystem::path& path() const { return folder_; }
-  /// Which of the ranks of a job, whose names are their numbers, have ended, as seen by one of them: "rank 1 of 3
-  /// died", or "stopped" if none has. Empty if a lower rank, which then reports it, is alive.
+  /// Describes which ranks of a job, whose names are their numbers, have ended, as seen by one of them: "rank 1 of 3
+  /// died", or "stopped" if none has. Empty if a lower rank is alive, which then reports it.
   std::string describe_ended(int rank, int ranks) const;
   /// Removes the folder once its work is elsewhere.
   void remove() const;

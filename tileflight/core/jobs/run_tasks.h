@@ -32,7 +32,7 @@ struct TaskOptions {
 /// Writes a file unless it has this content already: tasks are repeated if an input is newer. Throws InputError.
 void write_if_changed(const std::filesystem::path& file, const std::string& text);
 
-/// The file that a task's script creates when it has finished: "done/NAME".
+/// Returns the file that a task's script creates when it has finished: "done/NAME".
 std::string marker_of(const std::string& task);
 
 /// Writes tasks into a folder as a Snakemake workflow: Snakefile, tasks/, logs/, done/. The last task is the workflow's
