@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "tileflight/core/drawing/drawing.h"
-#include "tileflight/core/drawing/figure.h"
 #include "tileflight/core/drawing/number_format.h"
 
 namespace tileflight::drawing {

@@ -7,7 +7,7 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/order_statistics.h"
-#include "tileflight/core/drawing/figure.h"
+#include "tileflight/core/drawing/drawing.h"
 #include "tileflight/core/drawing/number_format.h"
 #include "tileflight/experiments/report/key_figures_files.h"
 
