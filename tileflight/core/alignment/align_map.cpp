@@ -12,32 +12,10 @@
 #include "tileflight/core/base/input_error.h"
 
 namespace tileflight::alignment {
-
 using geometry::PointCloud;
 using geometry::Sim3;
 using geometry::Vec3;
-
-PointCloud subsample(const PointCloud& map, std::size_t most) {
-  const std::size_t stride = std::max<std::size_t>(1, (map.size() + most - 1) / most);
-  PointCloud few;
-  for (std::size_t i = 0; i < map.size(); i += stride) {
-    few.positions.push_back(map.positions[i]);
-    if (!map.normals.empty()) few.normals.push_back(map.normals[i]);
-  }
-  return few;
-}
-
-IcpResult align_step(const PointCloud& map, const Sim3& start, const AlignmentTarget& target,
-                     const IcpOptions& options) {
-  if (options.method == IcpMethod::kPointToMesh || (options.method == IcpMethod::kGeneralized && target.index)) {
-    if (!target.index || !target.mesh)
-      throw InputError("alignment method", "point-to-mesh needs a ground truth with a mesh");
-    return icp(map, *target.index, *target.mesh, start, options);
-  }
-  if (!target.cloud)
-    throw InputError("alignment method", "point-to-point and point-to-plane need a ground truth cloud");
-  return icp(map, *target.cloud, start, options);
-}
+using nlohmann::json;
 
 namespace {
 
@@ -105,50 +83,6 @@ std::string rival_note(const std::vector<Attempt>& attempts, std::size_t best, c
   return {};
 }
 
-}  // namespace
-
-CoarseAlignment align_coarsely(const PointCloud& map, const Sim3& T_local_map_start, const AlignmentTarget& target,
-                               const AlignMapOptions& options) {
-  if (options.coarse_radii_m.empty()) return {.T_local_map = T_local_map_start};
-  constexpr std::size_t kEnough = 10000;
-  const PointCloud few = subsample(map, kEnough);
-  std::vector<double> seeds = options.scale_seeds;
-  if (options.icp.scale == ScaleMode::kFixed || seeds.empty()) seeds = {1.0};
-
-  std::vector<Attempt> attempts(seeds.size());
-  for (std::size_t k = 0; k < seeds.size(); ++k) {
-    attempts[k] = align_from_scale(few, scale_about_center(T_local_map_start, seeds[k], few, options.icp.regions),
-                                   target, options);
-  }
-  const auto least =
-      std::ranges::min_element(attempts, {}, [](const Attempt& a) { return a.cost_m2; }) - attempts.begin();
-  const auto best = static_cast<std::size_t>(least);
-  return {attempts[best].T, attempts[best].steps, seeds[best],
-          rival_note(attempts, best, compute_spread(few.positions), options.coarse_radii_m.back())};
-}
-
-using geometry::PointCloud;
-using geometry::Sim3;
-using geometry::Vec3;
-using nlohmann::json;
-
-IcpOptions final_icp_options() {
-  IcpOptions options;
-  options.continue_after_false_stop = true;
-  options.max_scale_change = 1.3;
-  return options;
-}
-
-AlignMapOptions paper_options() {
-  AlignMapOptions options;
-  options.use_all_evidence = false;
-  options.coarse_radii_m.clear();
-  options.icp = IcpOptions();
-  return options;
-}
-
-namespace {
-
 std::vector<Vec3> positions(const geometry::Trajectory& trajectory) {
   std::vector<Vec3> result;
   for (const auto& pose : trajectory.poses) result.push_back(pose.T_local_camera.translation);
@@ -182,6 +116,63 @@ json telemetry_json(const TrajectoryAlignment& t) {
 }
 
 }  // namespace
+
+PointCloud subsample(const PointCloud& map, std::size_t most) {
+  const std::size_t stride = std::max<std::size_t>(1, (map.size() + most - 1) / most);
+  PointCloud few;
+  for (std::size_t i = 0; i < map.size(); i += stride) {
+    few.positions.push_back(map.positions[i]);
+    if (!map.normals.empty()) few.normals.push_back(map.normals[i]);
+  }
+  return few;
+}
+
+IcpResult align_step(const PointCloud& map, const Sim3& start, const AlignmentTarget& target,
+                     const IcpOptions& options) {
+  if (options.method == IcpMethod::kPointToMesh || (options.method == IcpMethod::kGeneralized && target.index)) {
+    if (!target.index || !target.mesh)
+      throw InputError("alignment method", "point-to-mesh needs a ground truth with a mesh");
+    return icp(map, *target.index, *target.mesh, start, options);
+  }
+  if (!target.cloud)
+    throw InputError("alignment method", "point-to-point and point-to-plane need a ground truth cloud");
+  return icp(map, *target.cloud, start, options);
+}
+
+CoarseAlignment align_coarsely(const PointCloud& map, const Sim3& T_local_map_start, const AlignmentTarget& target,
+                               const AlignMapOptions& options) {
+  if (options.coarse_radii_m.empty()) return {.T_local_map = T_local_map_start};
+  constexpr std::size_t kEnough = 10000;
+  const PointCloud few = subsample(map, kEnough);
+  std::vector<double> seeds = options.scale_seeds;
+  if (options.icp.scale == ScaleMode::kFixed || seeds.empty()) seeds = {1.0};
+
+  std::vector<Attempt> attempts(seeds.size());
+  for (std::size_t k = 0; k < seeds.size(); ++k) {
+    attempts[k] = align_from_scale(few, scale_about_center(T_local_map_start, seeds[k], few, options.icp.regions),
+                                   target, options);
+  }
+  const auto least =
+      std::ranges::min_element(attempts, {}, [](const Attempt& a) { return a.cost_m2; }) - attempts.begin();
+  const auto best = static_cast<std::size_t>(least);
+  return {attempts[best].T, attempts[best].steps, seeds[best],
+          rival_note(attempts, best, compute_spread(few.positions), options.coarse_radii_m.back())};
+}
+
+IcpOptions final_icp_options() {
+  IcpOptions options;
+  options.continue_after_false_stop = true;
+  options.max_scale_change = 1.3;
+  return options;
+}
+
+AlignMapOptions paper_options() {
+  AlignMapOptions options;
+  options.use_all_evidence = false;
+  options.coarse_radii_m.clear();
+  options.icp = IcpOptions();
+  return options;
+}
 
 MapAlignment align_map(const PointCloud& map, const Sim3& T_local_map_start, const AlignmentTarget& target,
                        const AlignMapOptions& options, const Progress& progress) {

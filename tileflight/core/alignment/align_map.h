@@ -17,7 +17,7 @@ namespace tileflight::alignment {
 /// and the scale bound is wide enough for a start whose scale is 20 % too small (true scale: 1.25 times it).
 IcpOptions final_icp_options();
 
-/// Where an alignment starts.
+/// The start of an alignment.
 enum class AlignmentStart {
   kAuto,       ///< telemetry or true poses if available; else the map as it is, and if it does not fit there, geometry
   kAsItIs,     ///< the map is already in the local frame, except for small errors

@@ -7,7 +7,9 @@
 #include "tileflight/core/geometry/decompositions.h"
 
 namespace tileflight::alignment {
-
+using geometry::Sim3;
+using geometry::Vec3;
+using geometry::Vec6;
 using geometry::Vec7;
 
 namespace {
@@ -41,6 +43,23 @@ std::string open_motion_names(const geometry::SymmetricEigen& eigen) {
   return words;
 }
 
+/// Solves with slight damping, so that unconstrained directions do not move.
+template <int N>
+Eigen::Matrix<double, N, 1> damped_solve(const Eigen::Matrix<double, N, N>& a, const Eigen::Matrix<double, N, 1>& b) {
+  const double damping = 1e-9 * a.trace() / N;
+  const Eigen::Matrix<double, N, N> damped = a + damping * Eigen::Matrix<double, N, N>::Identity();
+  return geometry::solve_symmetric(damped, b);
+}
+
+/// Rigid motion for a given stretch (in metres, as the unknowns are).
+Vec7 solve_with_stretch(const PointToPlaneSystem& system, double stretch_m) {
+  const Eigen::Matrix<double, 6, 6> rigid = system.hessian.topLeftCorner<6, 6>();
+  const Vec6 right = -system.gradient.head<6>() - system.hessian.topRightCorner<6, 1>() * stretch_m;
+  Vec7 x;
+  x << damped_solve<6>(rigid, right), stretch_m;
+  return x;
+}
+
 }  // namespace
 
 Constraint analyze_constraint(const PointToPlaneSystem& system, std::size_t points, bool with_scale) {
@@ -57,11 +76,6 @@ Constraint analyze_constraint(const PointToPlaneSystem& system, std::size_t poin
   if (result.weakest_motion.empty()) result.weakest_motion = motion_name(result.weakest_direction);
   return result;
 }
-
-using geometry::Sim3;
-using geometry::Vec3;
-using geometry::Vec6;
-using geometry::Vec7;
 
 Vec7 plane_jacobian(const Vec3& y, const Vec3& normal, double length_m) {
   Vec7 jacobian;
@@ -89,27 +103,6 @@ PointToPlaneSystem& PointToPlaneSystem::operator+=(const PointToPlaneSystem& oth
   gradient += other.gradient;
   return *this;
 }
-
-namespace {
-
-/// Solves with slight damping, so that unconstrained directions do not move.
-template <int N>
-Eigen::Matrix<double, N, 1> damped_solve(const Eigen::Matrix<double, N, N>& a, const Eigen::Matrix<double, N, 1>& b) {
-  const double damping = 1e-9 * a.trace() / N;
-  const Eigen::Matrix<double, N, N> damped = a + damping * Eigen::Matrix<double, N, N>::Identity();
-  return geometry::solve_symmetric(damped, b);
-}
-
-/// Rigid motion for a given stretch (in metres, as the unknowns are).
-Vec7 solve_with_stretch(const PointToPlaneSystem& system, double stretch_m) {
-  const Eigen::Matrix<double, 6, 6> rigid = system.hessian.topLeftCorner<6, 6>();
-  const Vec6 right = -system.gradient.head<6>() - system.hessian.topRightCorner<6, 1>() * stretch_m;
-  Vec7 x;
-  x << damped_solve<6>(rigid, right), stretch_m;
-  return x;
-}
-
-}  // namespace
 
 Sim3 solve(const PointToPlaneSystem& system, const ScaleRange& range, double length_m) {
   if (!(system.hessian.trace() > 0.0)) return {};

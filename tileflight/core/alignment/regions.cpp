@@ -13,11 +13,11 @@
 #include "tileflight/core/geometry/point_order.h"
 
 namespace tileflight::alignment {
-
 using geometry::Box3;
 using geometry::Mat3;
 using geometry::PointCloud;
 using geometry::Vec3;
+using nlohmann::json;
 
 namespace {
 
@@ -112,32 +112,6 @@ std::vector<FoundRegion> best_regions(const std::map<CellKey, Cell>& cells, cons
   return found;
 }
 
-}  // namespace
-
-FoundRegions find_regions(const geometry::TriangleMesh& surface, const std::vector<const PointCloud*>& maps,
-                          const FindRegionsOptions& options) {
-  std::map<CellKey, Cell> cells = bin_surface(surface, options);
-  count_points(maps, options, cells);
-  const std::vector<FoundRegion> best = best_regions(cells, options);
-  FoundRegions regions;
-  constexpr std::size_t kFewest = 4;
-  if (best.size() < kFewest) return regions;
-  std::vector<Vec3> centers;
-  for (const FoundRegion& r : best) centers.push_back(r.box.center());
-  bool keep_back = false;
-  for (const std::uint32_t k : geometry::morton_order(centers, geometry::kCoarseMortonCells)) {
-    (keep_back ? regions.held_out : regions.aligned_on).push_back(best[k]);
-    keep_back = !keep_back;
-  }
-  return regions;
-}
-
-using geometry::Box3;
-using geometry::Vec3;
-using nlohmann::json;
-
-namespace {
-
 json boxes_json(const std::vector<Box3>& boxes) {
   json list = json::array();
   for (const Box3& box : boxes)
@@ -166,6 +140,24 @@ std::vector<Box3> boxes_of(const json& regions, const char* key, const std::stri
 }
 
 }  // namespace
+
+FoundRegions find_regions(const geometry::TriangleMesh& surface, const std::vector<const PointCloud*>& maps,
+                          const FindRegionsOptions& options) {
+  std::map<CellKey, Cell> cells = bin_surface(surface, options);
+  count_points(maps, options, cells);
+  const std::vector<FoundRegion> best = best_regions(cells, options);
+  FoundRegions regions;
+  constexpr std::size_t kFewest = 4;
+  if (best.size() < kFewest) return regions;
+  std::vector<Vec3> centers;
+  for (const FoundRegion& r : best) centers.push_back(r.box.center());
+  bool keep_back = false;
+  for (const std::uint32_t k : geometry::morton_order(centers, geometry::kCoarseMortonCells)) {
+    (keep_back ? regions.held_out : regions.aligned_on).push_back(best[k]);
+    keep_back = !keep_back;
+  }
+  return regions;
+}
 
 json to_json(const RegionList& regions) {
   return {{"found", regions.found},

@@ -12,38 +12,7 @@
 #include "tileflight/core/base/text_parsing.h"
 
 namespace tileflight::base {
-
-std::size_t edit_distance(std::string_view a, std::string_view b) {
-  // Wagner and Fischer (Journal of the ACM 21(1), 1974), one row at a time: row[j] = distance(a[0..i), b[0..j)).
-  std::vector<std::size_t> row(b.size() + 1);
-  std::iota(row.begin(), row.end(), std::size_t{0});
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    std::size_t diagonal = row[0];
-    row[0] = i;
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      const std::size_t substituted = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
-      diagonal = row[j];
-      row[j] = std::min({row[j] + 1, row[j - 1] + 1, substituted});
-    }
-  }
-  return row.back();
-}
-
-std::string nearest_key(std::string_view unknown, const std::vector<std::string>& known) {
-  const auto nearest = std::min_element(known.begin(), known.end(), [&](const std::string& a, const std::string& b) {
-    return edit_distance(unknown, a) < edit_distance(unknown, b);
-  });
-  return nearest == known.end() ? std::string() : *nearest;
-}
-
-std::string did_you_mean(std::string_view unknown, const std::vector<std::string>& known) {
-  const std::string nearest = nearest_key(unknown, known);
-  const std::size_t longer = std::max(unknown.size(), nearest.size());
-  const bool is_beginning = unknown.size() >= 3 && nearest.starts_with(unknown);
-  // Allows two of five letters to differ, plus one transposition in short words.
-  if (nearest.empty() || (!is_beginning && 5 * edit_distance(unknown, nearest) > 2 * longer + 2)) return "";
-  return "; did you mean '" + nearest + "'?";
-}
+using nlohmann::json;
 
 namespace {
 
@@ -58,7 +27,7 @@ std::string filled_in(const std::string& scalar) {
   }
 }
 
-/// As a quoted JSON string, so that no text can be mistaken for a list or a map.
+/// Quotes a text as a JSON string, so that no text can be mistaken for a list or a map.
 std::string quoted(const std::string& text) {
   std::string result = "\"";
   for (const char c : text) {
@@ -95,24 +64,6 @@ std::string meaning(const YAML::Node& node, int depth) {
   return "{" + text + "}";
 }
 
-}  // namespace
-
-std::string canonical_yaml(const YAML::Node& node) { return meaning(node, 0); }
-
-std::string canonical_yaml_text(const std::string& text) {
-  try {
-    const YAML::Node root = YAML::Load(text);
-    if (root.IsMap()) return canonical_yaml(root);
-  } catch (const YAML::Exception&) {
-    return text;
-  }
-  return text;
-}
-
-namespace {
-
-using nlohmann::json;
-
 /// Expands `NAME` or `NAME:-fallback`, as in a shell.
 std::string value_of_variable(const std::string& expression, const std::string& where) {
   const std::size_t mark = expression.find(":-");
@@ -130,6 +81,50 @@ std::optional<T> scalar(const YAML::Node& node) {
 }
 
 }  // namespace
+
+std::size_t edit_distance(std::string_view a, std::string_view b) {
+  // Wagner and Fischer (Journal of the ACM 21(1), 1974), one row at a time: row[j] = distance(a[0..i), b[0..j)).
+  std::vector<std::size_t> row(b.size() + 1);
+  std::iota(row.begin(), row.end(), std::size_t{0});
+  for (std::size_t i = 1; i <= a.size(); ++i) {
+    std::size_t diagonal = row[0];
+    row[0] = i;
+    for (std::size_t j = 1; j <= b.size(); ++j) {
+      const std::size_t substituted = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
+      diagonal = row[j];
+      row[j] = std::min({row[j] + 1, row[j - 1] + 1, substituted});
+    }
+  }
+  return row.back();
+}
+
+std::string nearest_key(std::string_view unknown, const std::vector<std::string>& known) {
+  const auto nearest = std::min_element(known.begin(), known.end(), [&](const std::string& a, const std::string& b) {
+    return edit_distance(unknown, a) < edit_distance(unknown, b);
+  });
+  return nearest == known.end() ? std::string() : *nearest;
+}
+
+std::string did_you_mean(std::string_view unknown, const std::vector<std::string>& known) {
+  const std::string nearest = nearest_key(unknown, known);
+  const std::size_t longer = std::max(unknown.size(), nearest.size());
+  const bool is_beginning = unknown.size() >= 3 && nearest.starts_with(unknown);
+  // Allows two of five letters to differ, plus one transposition in short words.
+  if (nearest.empty() || (!is_beginning && 5 * edit_distance(unknown, nearest) > 2 * longer + 2)) return "";
+  return "; did you mean '" + nearest + "'?";
+}
+
+std::string canonical_yaml(const YAML::Node& node) { return meaning(node, 0); }
+
+std::string canonical_yaml_text(const std::string& text) {
+  try {
+    const YAML::Node root = YAML::Load(text);
+    if (root.IsMap()) return canonical_yaml(root);
+  } catch (const YAML::Exception&) {
+    return text;
+  }
+  return text;
+}
 
 std::string expand_variables(const std::string& text, const std::string& where) {
   std::string result;

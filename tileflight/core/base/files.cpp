@@ -21,10 +21,9 @@
 #include "tileflight/core/base/input_error.h"
 
 namespace tileflight::base {
+namespace fs = std::filesystem;
 
 namespace {
-
-namespace fs = std::filesystem;
 
 constexpr std::string_view kTemporary = ".tmp";
 constexpr std::string_view kMovedAside = ".old";
@@ -78,49 +77,6 @@ fs::path new_name_beside(const fs::path& target, std::string_view ending) {
     if (!fs::exists(fs::symlink_status(candidate, error))) return candidate;
   }
 }
-
-}  // namespace
-
-fs::path make_temporary_path(const fs::path& target) {
-  remove_all(abandoned_beside(target, kTemporary));
-  return new_name_beside(target, kTemporary);
-}
-
-bool is_abandoned_temporary(const fs::path& file_name) {
-  const std::string name = file_name.string();
-  if (!name.starts_with('.') || !name.ends_with(kTemporary)) return false;
-  const std::size_t dot = name.rfind('.', name.size() - kTemporary.size() - 1);
-  return dot != std::string::npos && dot > 0 && is_abandoned(name, name.substr(0, dot + 1), kTemporary);
-}
-
-fs::path make_backup_path(const fs::path& target) { return new_name_beside(target, kMovedAside); }
-
-void restore_backup(const fs::path& target) {
-  std::vector<fs::path> moved = abandoned_beside(target, kMovedAside);
-  std::error_code error;
-  if (!moved.empty() && !fs::exists(fs::symlink_status(target, error))) {
-    fs::rename(moved.back(), target, error);
-    if (!error) moved.pop_back();
-  } else {
-    remove_all(moved);
-  }
-}
-
-void rename_or_throw(const fs::path& from, const fs::path& to) {
-  std::error_code error;
-  fs::rename(from, to, error);
-  if (error) throw InputError(to.string(), "cannot be written: " + error.message());
-}
-
-nlohmann::json read_json(const std::filesystem::path& file) {
-  nlohmann::json value = nlohmann::json::parse(read_text(file), nullptr, false);
-  if (value.is_discarded()) throw InputError(file.string(), "is not valid JSON");
-  return value;
-}
-
-namespace {
-
-namespace fs = std::filesystem;
 
 /// Text of an errno value, such as "No space left on device", as the second half of a message.
 std::string cause(int error) { return std::system_category().message(error); }
@@ -205,6 +161,43 @@ Buffer read_whole(const fs::path& file, std::uintmax_t max_bytes) {
 }
 
 }  // namespace
+
+fs::path make_temporary_path(const fs::path& target) {
+  remove_all(abandoned_beside(target, kTemporary));
+  return new_name_beside(target, kTemporary);
+}
+
+bool is_abandoned_temporary(const fs::path& file_name) {
+  const std::string name = file_name.string();
+  if (!name.starts_with('.') || !name.ends_with(kTemporary)) return false;
+  const std::size_t dot = name.rfind('.', name.size() - kTemporary.size() - 1);
+  return dot != std::string::npos && dot > 0 && is_abandoned(name, name.substr(0, dot + 1), kTemporary);
+}
+
+fs::path make_backup_path(const fs::path& target) { return new_name_beside(target, kMovedAside); }
+
+void restore_backup(const fs::path& target) {
+  std::vector<fs::path> moved = abandoned_beside(target, kMovedAside);
+  std::error_code error;
+  if (!moved.empty() && !fs::exists(fs::symlink_status(target, error))) {
+    fs::rename(moved.back(), target, error);
+    if (!error) moved.pop_back();
+  } else {
+    remove_all(moved);
+  }
+}
+
+void rename_or_throw(const fs::path& from, const fs::path& to) {
+  std::error_code error;
+  fs::rename(from, to, error);
+  if (error) throw InputError(to.string(), "cannot be written: " + error.message());
+}
+
+nlohmann::json read_json(const std::filesystem::path& file) {
+  nlohmann::json value = nlohmann::json::parse(read_text(file), nullptr, false);
+  if (value.is_discarded()) throw InputError(file.string(), "is not valid JSON");
+  return value;
+}
 
 std::string read_text(const fs::path& file, std::uintmax_t max_bytes) {
   return read_whole<std::string>(file, max_bytes);

@@ -20,10 +20,9 @@
 //   images/000000.jpg<tab>images/000341.jpg     a run of numbered files, first and last
 
 namespace tileflight::base {
+namespace fs = std::filesystem;
 
 namespace {
-
-namespace fs = std::filesystem;
 
 constexpr std::string_view kFirstWord = "tileflight ";
 constexpr std::string_view kAbout =
@@ -99,59 +98,6 @@ bool add_line(std::string_view line, std::vector<std::string>& files) {
   return files.size() <= kMaxFiles;
 }
 
-}  // namespace
-
-std::vector<std::string> list_files_recursive(const fs::path& folder) {
-  std::vector<std::string> files;
-  std::error_code error;
-  for (fs::recursive_directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error)) {
-    if (fs::is_directory(entry->symlink_status(error))) continue;
-    files.push_back(entry->path().lexically_relative(folder).generic_string());
-  }
-  if (error && fs::exists(folder)) throw InputError(folder.string(), "cannot be listed: " + error.message());
-  std::sort(files.begin(), files.end());
-  return files;
-}
-
-void write_folder_marker(const fs::path& folder, const std::string& command) {
-  std::string text = std::string(kFirstWord) + command + "\n" + std::string(kAbout);
-  std::vector<std::string> files = list_files_recursive(folder);
-  std::erase(files, kFolderMarker);
-  for (std::size_t i = 0; i < files.size(); ++i) {
-    text += escaped(files[i]);
-    NumberedName last = parse_name(files[i]);
-    std::size_t row = i;
-    for (; row + 1 < files.size(); ++row) {
-      NumberedName next = parse_name(files[row + 1]);
-      if (!next.is_next_of(last)) break;
-      last = std::move(next);
-    }
-    if (row > i) text += "\t" + escaped(files[row]);
-    text += "\n";
-    i = row;
-  }
-  write_file(folder / kFolderMarker, text);
-}
-
-std::optional<FolderMarker> read_folder_marker(const fs::path& folder) {
-  const fs::path file = folder / kFolderMarker;
-  if (!fs::is_regular_file(file)) return std::nullopt;
-  std::istringstream lines(read_text(file, kMaxBytes));
-  FolderMarker marker;
-  std::string line;
-  if (!std::getline(lines, line) || !line.starts_with(kFirstWord)) return std::nullopt;
-  marker.command = line.substr(kFirstWord.size());
-  while (std::getline(lines, line)) {
-    if (!line.empty() && line[0] != '#' && !add_line(line, marker.files)) return std::nullopt;
-  }
-  std::sort(marker.files.begin(), marker.files.end());
-  return marker;
-}
-
-namespace {
-
-namespace fs = std::filesystem;
-
 constexpr const char* kElsewhere = "; choose another folder";
 
 /// Whether `path` is `folder` or lies below it, after resolving links; both must exist.
@@ -211,7 +157,60 @@ void exchange(const fs::path& built, const fs::path& target) {
   rename_or_throw(old, built);
 }
 
+void make_folder_of(const fs::path& file) {
+  std::error_code error;
+  if (file.has_parent_path()) fs::create_directories(file.parent_path(), error);
+  if (error) throw InputError(file.parent_path().string(), "cannot be made: " + error.message());
+}
+
 }  // namespace
+
+std::vector<std::string> list_files_recursive(const fs::path& folder) {
+  std::vector<std::string> files;
+  std::error_code error;
+  for (fs::recursive_directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error)) {
+    if (fs::is_directory(entry->symlink_status(error))) continue;
+    files.push_back(entry->path().lexically_relative(folder).generic_string());
+  }
+  if (error && fs::exists(folder)) throw InputError(folder.string(), "cannot be listed: " + error.message());
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
+void write_folder_marker(const fs::path& folder, const std::string& command) {
+  std::string text = std::string(kFirstWord) + command + "\n" + std::string(kAbout);
+  std::vector<std::string> files = list_files_recursive(folder);
+  std::erase(files, kFolderMarker);
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    text += escaped(files[i]);
+    NumberedName last = parse_name(files[i]);
+    std::size_t row = i;
+    for (; row + 1 < files.size(); ++row) {
+      NumberedName next = parse_name(files[row + 1]);
+      if (!next.is_next_of(last)) break;
+      last = std::move(next);
+    }
+    if (row > i) text += "\t" + escaped(files[row]);
+    text += "\n";
+    i = row;
+  }
+  write_file(folder / kFolderMarker, text);
+}
+
+std::optional<FolderMarker> read_folder_marker(const fs::path& folder) {
+  const fs::path file = folder / kFolderMarker;
+  if (!fs::is_regular_file(file)) return std::nullopt;
+  std::istringstream lines(read_text(file, kMaxBytes));
+  FolderMarker marker;
+  std::string line;
+  if (!std::getline(lines, line) || !line.starts_with(kFirstWord)) return std::nullopt;
+  marker.command = line.substr(kFirstWord.size());
+  while (std::getline(lines, line)) {
+    if (!line.empty() && line[0] != '#' && !add_line(line, marker.files)) return std::nullopt;
+  }
+  std::sort(marker.files.begin(), marker.files.end());
+  return marker;
+}
 
 fs::path resolve_folder(const fs::path& folder) {
   // "out/" and "out" name the same folder; an absolute path has a parent for the temporary folder.
@@ -305,16 +304,6 @@ void remove_output(const fs::path& path) {
   fs::remove_all(path, error);
   if (error) throw InputError(path.string(), "cannot be removed: " + error.message());
 }
-
-namespace {
-
-void make_folder_of(const fs::path& file) {
-  std::error_code error;
-  if (file.has_parent_path()) fs::create_directories(file.parent_path(), error);
-  if (error) throw InputError(file.parent_path().string(), "cannot be made: " + error.message());
-}
-
-}  // namespace
 
 void prepare_output_file(const fs::path& file, const std::vector<fs::path>& inputs) {
   if (!fs::exists(file)) return make_folder_of(file);

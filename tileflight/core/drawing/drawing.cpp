@@ -27,6 +27,30 @@ Html link(const FigureFile& file, bool by_name) {
   return element("a", {{"href", address}, {"download", file.name}}, words);
 }
 
+constexpr double kMargin = 12, kTitle = 26, kLegendLine = 20, kSample = 24;
+
+Html sample(const std::string& style, double x, double y) {
+  return empty_element("line", {{"x1", svg_number(x + 1)},
+                                {"y1", svg_number(y)},
+                                {"x2", svg_number(x + kSample - 1)},
+                                {"y2", svg_number(y)},
+                                {"class", style}});
+}
+
+Html words(const std::string& content, double x, double y) {
+  return element("text", {{"x", svg_number(x)}, {"y", svg_number(y)}}, text(content));
+}
+
+/// One entry per line, since the text width is only known to the viewer.
+Html legend_lines(const std::vector<LegendEntry>& entries, double from_y) {
+  Html lines;
+  for (std::size_t i = 0; i < entries.size(); ++i) {
+    const double y = from_y + kLegendLine * (static_cast<double>(i) + 0.5);
+    lines += sample(entries[i].style, kMargin, y) + words(entries[i].name, 2 * kMargin + kSample, y + 4);
+  }
+  return lines;
+}
+
 }  // namespace
 
 Html to_html(const Figure& figure) {
@@ -53,34 +77,6 @@ std::string to_csv(const std::vector<std::vector<std::string>>& lines) {
   }
   return csv;
 }
-
-namespace {
-
-constexpr double kMargin = 12, kTitle = 26, kLegendLine = 20, kSample = 24;
-
-Html sample(const std::string& style, double x, double y) {
-  return empty_element("line", {{"x1", svg_number(x + 1)},
-                                {"y1", svg_number(y)},
-                                {"x2", svg_number(x + kSample - 1)},
-                                {"y2", svg_number(y)},
-                                {"class", style}});
-}
-
-Html words(const std::string& content, double x, double y) {
-  return element("text", {{"x", svg_number(x)}, {"y", svg_number(y)}}, text(content));
-}
-
-/// One entry per line, since the text width is only known to the viewer.
-Html legend_lines(const std::vector<LegendEntry>& entries, double from_y) {
-  Html lines;
-  for (std::size_t i = 0; i < entries.size(); ++i) {
-    const double y = from_y + kLegendLine * (static_cast<double>(i) + 0.5);
-    lines += sample(entries[i].style, kMargin, y) + words(entries[i].name, 2 * kMargin + kSample, y + 4);
-  }
-  return lines;
-}
-
-}  // namespace
 
 Html svg_label(double x, double y, const std::string& anchor, const std::string& content) {
   return element("text", {{"x", svg_number(x)}, {"y", svg_number(y)}, {"text-anchor", anchor}}, text(content));

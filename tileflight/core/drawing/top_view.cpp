@@ -248,7 +248,7 @@ Drawing to_drawing(const TopView& view) {
   for (const ImageLayer& layer : view.images) content += draw_image(plot, layer);
   for (const TrackLayer& track : view.tracks) content += draw_track(plot, track);
   content += scale_bar(plot);
-  // The same width for any extent, so that text has the same size in all views.
+  // The width is the same for any extent, so that text has the same size in all views.
   return {kViewLeft + kPlot + kViewRight,
           kViewTop + plot.height + kViewBottom,
           "top-view",

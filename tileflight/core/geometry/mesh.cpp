@@ -24,22 +24,6 @@ std::optional<double> height_over(const Vec3& a, const Vec3& b, const Vec3& c, d
   return (weight_a * a.z() + weight_b * b.z() + weight_c * c.z()) / area;
 }
 
-}  // namespace
-
-std::vector<double> surface_heights_at(const TriangleMesh& mesh, double x, double y) {
-  std::vector<double> heights;
-  for (const Triangle& t : mesh.triangles) {
-    const auto height = height_over(mesh.vertices[t[0]], mesh.vertices[t[1]], mesh.vertices[t[2]], x, y);
-    if (height) heights.push_back(*height);
-  }
-  std::sort(heights.begin(), heights.end(), std::greater<>());
-  const auto same = [](double above, double below) { return above - below <= kSame_m; };
-  heights.erase(std::unique(heights.begin(), heights.end(), same), heights.end());
-  return heights;
-}
-
-namespace {
-
 /// Nearest point of the segment from a to b; the point a if they coincide.
 Vec3 closest_point_on_segment(const Vec3& p, const Vec3& a, const Vec3& b) {
   const Vec3 ab = b - a;
@@ -58,6 +42,18 @@ Vec3 closest_point_on_sides(const Vec3& p, const Vec3& a, const Vec3& b, const V
 }
 
 }  // namespace
+
+std::vector<double> surface_heights_at(const TriangleMesh& mesh, double x, double y) {
+  std::vector<double> heights;
+  for (const Triangle& t : mesh.triangles) {
+    const auto height = height_over(mesh.vertices[t[0]], mesh.vertices[t[1]], mesh.vertices[t[2]], x, y);
+    if (height) heights.push_back(*height);
+  }
+  std::sort(heights.begin(), heights.end(), std::greater<>());
+  const auto same = [](double above, double below) { return above - below <= kSame_m; };
+  heights.erase(std::unique(heights.begin(), heights.end(), same), heights.end());
+  return heights;
+}
 
 Box3 bounds(const TriangleMesh& mesh) {
   Box3 box;

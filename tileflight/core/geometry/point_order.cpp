@@ -39,24 +39,6 @@ std::vector<T> in_order(const std::vector<T>& values, const std::vector<KeyedPoi
   return sorted;
 }
 
-}  // namespace
-
-void sort_by_position(PointCloud& cloud) {
-  std::vector<KeyedPoint> order(cloud.size());
-  tbb::parallel_for(std::size_t{0}, order.size(), [&](std::size_t i) {
-    order[i] = {morton_code(cloud.positions[i], Vec3::Constant(-kHalfWidth_m), 1.0 / kCell_m),
-                static_cast<std::uint32_t>(i)};
-  });
-  tbb::parallel_sort(order.begin(), order.end(), [&](const KeyedPoint& a, const KeyedPoint& b) {
-    if (a.code != b.code) return a.code < b.code;
-    return position_and_normal(cloud, a.index) < position_and_normal(cloud, b.index);
-  });
-  cloud.positions = in_order(cloud.positions, order);
-  if (!cloud.normals.empty()) cloud.normals = in_order(cloud.normals, order);
-}
-
-namespace {
-
 /// Three numbers below 2^21 fit into 64 bits; with so many cells an outlier does not squeeze the other points into few
 /// cells.
 constexpr double kLastCell = 2097151.0;
@@ -93,6 +75,20 @@ std::vector<std::uint32_t> indices_of(const std::vector<Key>& keys) {
 }
 
 }  // namespace
+
+void sort_by_position(PointCloud& cloud) {
+  std::vector<KeyedPoint> order(cloud.size());
+  tbb::parallel_for(std::size_t{0}, order.size(), [&](std::size_t i) {
+    order[i] = {morton_code(cloud.positions[i], Vec3::Constant(-kHalfWidth_m), 1.0 / kCell_m),
+                static_cast<std::uint32_t>(i)};
+  });
+  tbb::parallel_sort(order.begin(), order.end(), [&](const KeyedPoint& a, const KeyedPoint& b) {
+    if (a.code != b.code) return a.code < b.code;
+    return position_and_normal(cloud, a.index) < position_and_normal(cloud, b.index);
+  });
+  cloud.positions = in_order(cloud.positions, order);
+  if (!cloud.normals.empty()) cloud.normals = in_order(cloud.normals, order);
+}
 
 std::uint64_t morton_code(const Vec3& p, const Vec3& low, double cells_a_metre) {
   std::uint64_t code = 0;

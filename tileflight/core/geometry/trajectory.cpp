@@ -163,22 +163,6 @@ TrajectoryFormat format_of(const std::filesystem::path& file, const std::string&
                        std::to_string(fields) + " fields");
 }
 
-}  // namespace
-
-Trajectory read_euroc_poses(const std::filesystem::path& file) { return read_euroc(file, base::read_text(file)); }
-
-TrajectoryFile read_trajectory(const std::filesystem::path& file) {
-  const std::string text = base::read_text(file);
-  const TrajectoryFormat format = format_of(file, text);
-  Trajectory trajectory = format == TrajectoryFormat::kTum     ? read_tum(file)
-                          : format == TrajectoryFormat::kEuroc ? read_euroc(file, text)
-                                                               : read_kitti(file, text);
-  if (trajectory.empty()) throw InputError(file.string(), "holds no poses");
-  return {std::move(trajectory), format};
-}
-
-namespace {
-
 /// Parses one line of TUM text, eight numbers. `where`: file and line.
 StampedPose parse_pose(std::string_view line, const std::string& where) {
   const auto fields = base::split_fields(line);
@@ -218,6 +202,18 @@ std::size_t nearest_in_time(const Trajectory& trajectory, double time_s) {
 }
 
 }  // namespace
+
+Trajectory read_euroc_poses(const std::filesystem::path& file) { return read_euroc(file, base::read_text(file)); }
+
+TrajectoryFile read_trajectory(const std::filesystem::path& file) {
+  const std::string text = base::read_text(file);
+  const TrajectoryFormat format = format_of(file, text);
+  Trajectory trajectory = format == TrajectoryFormat::kTum     ? read_tum(file)
+                          : format == TrajectoryFormat::kEuroc ? read_euroc(file, text)
+                                                               : read_kitti(file, text);
+  if (trajectory.empty()) throw InputError(file.string(), "holds no poses");
+  return {std::move(trajectory), format};
+}
 
 Trajectory read_tum(const std::filesystem::path& file) {
   const std::string text = base::read_text(file);

@@ -11,6 +11,16 @@ namespace {
 /// Below this angle the Taylor series of the coefficients are accurate to double precision.
 constexpr double kSmallJacobianAngle_rad = 1e-4;
 
+/// Below this angle the Taylor series of the coefficients are accurate to double precision.
+constexpr double kSmallAngle_rad = 1e-4;
+
+Mat4 homogeneous(const Mat3& linear, const Vec3& translation) {
+  Mat4 m = Mat4::Identity();
+  m.topLeftCorner<3, 3>() = linear;
+  m.topRightCorner<3, 1>() = translation;
+  return m;
+}
+
 }  // namespace
 
 Mat3 so3_left_jacobian(const Vec3& omega_rad) {
@@ -32,20 +42,6 @@ Mat3 so3_left_jacobian_inverse(const Vec3& omega_rad) {
   const Mat3 w = skew(omega_rad);
   return Mat3::Identity() - 0.5 * w + c * w * w;
 }
-
-namespace {
-
-/// Below this angle the Taylor series of the coefficients are accurate to double precision.
-constexpr double kSmallAngle_rad = 1e-4;
-
-Mat4 homogeneous(const Mat3& linear, const Vec3& translation) {
-  Mat4 m = Mat4::Identity();
-  m.topLeftCorner<3, 3>() = linear;
-  m.topRightCorner<3, 1>() = translation;
-  return m;
-}
-
-}  // namespace
 
 Mat3 skew(const Vec3& v) {
   Mat3 m;

@@ -21,8 +21,9 @@
 #include "tileflight/core/base/input_error.h"
 
 namespace tileflight::jobs {
-
 namespace fs = std::filesystem;
+using nlohmann::json;
+
 namespace {
 
 constexpr std::uintmax_t kMaxLockBytes = 4096;
@@ -96,21 +97,6 @@ int lock_folder(const fs::path& folder) {
   throw InputError(folder.string(),
                    read_owner(file) + " is using it; wait until it has ended, or choose another folder for --out");
 }
-
-}  // namespace
-
-FolderLock::FolderLock(const fs::path& folder) : file_(lock_folder(folder)) {}
-
-FolderLock::~FolderLock() {
-  if (file_ < 0) return;
-  [[maybe_unused]] const int ignored = ::ftruncate(file_, 0);  // harmless on failure: the lock itself is released
-  ::close(file_);
-}
-
-namespace fs = std::filesystem;
-namespace {
-
-using nlohmann::json;
 
 constexpr std::uintmax_t kMaxInputsBytes = 1 << 20;
 constexpr const char* kMembers = "members";
@@ -189,6 +175,14 @@ void remove_all_but_lock(const fs::path& folder) {
 }
 
 }  // namespace
+
+FolderLock::FolderLock(const fs::path& folder) : file_(lock_folder(folder)) {}
+
+FolderLock::~FolderLock() {
+  if (file_ < 0) return;
+  [[maybe_unused]] const int ignored = ::ftruncate(file_, 0);  // harmless on failure: the lock itself is released
+  ::close(file_);
+}
 
 fs::path BuildFolder::path_beside(const fs::path& output, const std::string& kind) {
   fs::path target = fs::absolute(output).lexically_normal();

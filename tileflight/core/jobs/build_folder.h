@@ -24,7 +24,7 @@ class FolderLock {
   int file_ = -1;  ///< file descriptor; -1: no lock
 };
 
-/// How much of a build folder's work one process does.
+/// The share of a build folder's work that one process does.
 enum class Share {
   kWhole,  ///< all of it, or as a rank of one job: no other job may use the folder
   kPart,   ///< one part, while other processes do the other parts

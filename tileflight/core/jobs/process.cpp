@@ -35,7 +35,7 @@ int exit_status_of(int status) { return WIFEXITED(status) ? WEXITSTATUS(status) 
 
 // ---- start ----
 
-/// Which processes a new one belongs to, so that they can be signalled together.
+/// The group of processes that a new one joins, so that all can be signalled together.
 enum class Group { kOfParent, kOwn, kOwnSession };
 
 /// A command prepared before fork(): the child of a program with several threads may only make system calls.

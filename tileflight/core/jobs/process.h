@@ -72,7 +72,7 @@ struct ProcessLimits {
   double memory_mb = 0.0;  ///< resident memory of all its processes together, 10^6 bytes
 };
 
-/// How a program ended, and the resources that it took with all that it started.
+/// The end of a program, and the resources that it took with all that it started.
 struct ProcessReport {
   int exit_status = 0;                              ///< as Process::exit_status()
   bool out_of_time = false, out_of_memory = false;  ///< stopped at a limit

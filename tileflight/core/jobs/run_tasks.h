@@ -21,7 +21,7 @@ struct Task {
   int minutes = 120;
 };
 
-/// How tasks are run.
+/// Options for running tasks.
 struct TaskOptions {
   int jobs = 1;               ///< tasks that run at the same time
   int cores = 1;              ///< of this machine
