@@ -69,7 +69,7 @@ bool is_owner_gone(const fs::path& lock) {
   return (text >> process >> host) && host == host_name() && ::kill(process, 0) != 0 && errno == ESRCH;
 }
 
-/// Returns whether the lock was got. Waits for the rest of a killed owner, which is about to end (guarded_program.h).
+/// Returns whether the lock was got. Waits for the rest of a killed owner, which is about to end (process.h).
 bool try_lock(int lock, const fs::path& file) {
   constexpr std::chrono::milliseconds kPoll{50}, kPatience{30000};
   for (auto waited = 0 * kPoll;; waited += kPoll) {
