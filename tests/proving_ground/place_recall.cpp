@@ -172,8 +172,8 @@ class Recall {
     const bool right = errors.offset_m <= std::max(0.1, 3.0 * errors.ate_m);
     ++flights_;
     found_ += right ? 1 : 0;
-    std::printf("%-66s %s  offset %.3f m  doubts %zu  %.1f s\n", name.c_str(), right ? "right" : "wrong",
-                errors.offset_m, transform.at("doubts").size(), seconds);
+    std::printf("%-66s %s  offset %.3f m  warnings %zu  %.1f s\n", name.c_str(), right ? "right" : "wrong",
+                errors.offset_m, transform.at("warnings").size(), seconds);
   }
 
   Options options_;

@@ -12,8 +12,8 @@
 #include "tileflight/evaluation/metrics/map_table.h"
 #include "tileflight/evaluation/metrics/rank_correlation.h"
 #include "tileflight/evaluation/scoring/compared_maps.h"
-#include "tileflight/evaluation/scoring/doubts.h"
 #include "tileflight/evaluation/scoring/evaluate.h"
+#include "tileflight/evaluation/scoring/warnings.h"
 
 namespace tileflight::scoring {
 namespace fs = std::filesystem;
@@ -39,7 +39,7 @@ metrics::ComparedMap read_compared_map(const FoundMap& found) {
     if (map.runs.empty()) {
       map.metrics = std::move(read.metrics);
     } else {
-      append_distinct(map.metrics.doubts, read.metrics.doubts);
+      append_distinct(map.metrics.warnings, read.metrics.warnings);
     }
     map.runs.push_back(std::move(read.voxel));
   }
@@ -117,7 +117,7 @@ json compare_flights(const std::vector<fs::path>& simulated, const std::vector<f
   const std::vector<metrics::ComparedMap> maps{read_compared_map({"simulated", simulated}),
                                                read_compared_map({"real", real})};
   const auto pairs = metrics::compare_all_pairs(maps, published_options(settings, seed), map_options(settings, seed));
-  return metrics::to_json(pairs.front().comparison, pairs.front().maps, pairs.front().doubts);
+  return metrics::to_json(pairs.front().comparison, pairs.front().maps, pairs.front().warnings);
 }
 
 MapsComparison compare_maps(const std::vector<fs::path>& arguments, const EvaluationSettings& settings,
@@ -138,8 +138,9 @@ MapsComparison compare_maps(const std::vector<fs::path>& arguments, const Evalua
   if (!files.tex.empty()) base::write_file(files.tex, metrics::tables_tex(maps, pairs, printed));
   MapsComparison result{{}, metrics::maps_text(maps, printed)};
   if (!files.text.empty()) base::write_file(files.text, result.table);
-  result.json = maps.size() == 2 ? metrics::to_json(pairs.front().comparison, pairs.front().maps, pairs.front().doubts)
-                                 : json::object();
+  result.json = maps.size() == 2
+                    ? metrics::to_json(pairs.front().comparison, pairs.front().maps, pairs.front().warnings)
+                    : json::object();
   result.json.update(metrics::to_json(maps, pairs, own));
   return result;
 }

@@ -6,8 +6,8 @@
 
 #include "tileflight/core/base/text_parsing.h"
 #include "tileflight/core/drawing/number_format.h"
-#include "tileflight/experiments/report/doubts_panel.h"
 #include "tileflight/experiments/report/map_comparison_tables.h"
+#include "tileflight/experiments/report/warnings_panel.h"
 
 namespace tileflight::report {
 namespace {
@@ -123,9 +123,9 @@ bool has_flag(const json& flight, const std::string& pointer, bool value) {
   return flight.contains(place) && flight.at(place).is_boolean() && flight.at(place).get<bool>() == value;
 }
 
-/// Caveats about a flight's numbers as further sentences, for results whose writer listed no doubts.
-std::string unlisted_doubts(const json& results, const char* flight, const std::string& label) {
-  if (results.contains("doubts") || !results.contains(flight)) return "";
+/// Caveats about a flight's numbers as further sentences, for results whose writer listed no warnings.
+std::string unlisted_warnings(const json& results, const char* flight, const std::string& label) {
+  if (results.contains("warnings") || !results.contains(flight)) return "";
   std::string sentences;
   if (has_flag(results[flight], "/odometry/lost", true))
     sentences += " Tracking of the " + label + " flight was lost before its end.";
@@ -134,11 +134,12 @@ std::string unlisted_doubts(const json& results, const char* flight, const std::
   return sentences;
 }
 
-/// The number of doubts that accompany a verdict; empty if there are none.
-std::string remark_on_doubts(const json& results) {
-  const std::size_t doubts = doubt_lines(results).size();
-  if (doubts == 0) return "";
-  return doubts == 1 ? " There is one doubt about it." : " There are " + std::to_string(doubts) + " doubts about it.";
+/// The number of warnings that accompany a verdict; empty if there are none.
+std::string remark_on_warnings(const json& results) {
+  const std::size_t warnings = warning_lines(results).size();
+  if (warnings == 0) return "";
+  return warnings == 1 ? " There is one warning about it."
+                       : " There are " + std::to_string(warnings) + " warnings about it.";
 }
 
 /// "mean 0.5569 m simulated, 0.5769 m surrogate, a difference of -0.0200 m (95 % interval -0.03 to -0.01 m)". If runs
@@ -172,7 +173,7 @@ std::string verdict_of_two(const json& results, const std::string& second) {
     return withheld + by_published + means_of(results, second) + ".";
   if (has_map_comparison(comparison))
     return map_comparison_claim(comparison, second) + by_published + means_of(results, second) + "." +
-           remark_on_doubts(results);
+           remark_on_warnings(results);
   const std::string what =
       "the " + second + " flight's map error within " +
       drawing::format_shortest(drawing::number_at(comparison, "/equivalence_margin_m").value_or(0.05)) + " m";
@@ -181,7 +182,7 @@ std::string verdict_of_two(const json& results, const std::string& second) {
   if (word == "equivalent") claim = "Simulation predicted " + what;
   if (word == "different") claim = "Simulation did not predict " + what;
   if (word == "undecided") claim = "Inconclusive: the data do not decide whether simulation predicts " + what;
-  return claim + ": " + means_of(results, second) + "." + remark_on_doubts(results);
+  return claim + ": " + means_of(results, second) + "." + remark_on_warnings(results);
 }
 
 }  // namespace
@@ -231,9 +232,9 @@ std::string verdict(const nlohmann::json& results) {
                drawing::format_fixed(drawing::number_at(flight, "/map/mean"), 4) +
                " m; there is no second flight to compare it with.";
   }
-  sentence += unlisted_doubts(results, "simulated", "simulated");
+  sentence += unlisted_warnings(results, "simulated", "simulated");
   if (results.contains("real"))
-    sentence += unlisted_doubts(results, "real", base::to_lower(flight_label("real", results["real"])));
+    sentence += unlisted_warnings(results, "real", base::to_lower(flight_label("real", results["real"])));
   return sentence;
 }
 

@@ -8,10 +8,10 @@
 #include "tileflight/core/drawing/number_format.h"
 #include "tileflight/core/drawing/top_view.h"
 #include "tileflight/experiments/report/chart_figure.h"
-#include "tileflight/experiments/report/doubts_panel.h"
 #include "tileflight/experiments/report/report.h"
 #include "tileflight/experiments/report/tables.h"
 #include "tileflight/experiments/report/view_section.h"
+#include "tileflight/experiments/report/warnings_panel.h"
 
 namespace tileflight::report {
 namespace {
@@ -343,7 +343,7 @@ void write_trajectory_report(const std::filesystem::path& folder) {
   const drawing::Html header =
       drawing::element("header", drawing::element("h1", drawing::text(name)) +
                                      drawing::element("p", {{"class", "subtitle"}}, drawing::text(subtitle)) +
-                                     doubts_panel(scored.metrics));
+                                     warnings_panel(scored.metrics));
   const drawing::Html main =
       drawing::element("main", {{"id", "main"}},
                        page_section("absolute", "Absolute error",

@@ -7,13 +7,12 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/drawing/html.h"
 #include "tileflight/core/drawing/number_format.h"
 #include "tileflight/core/drawing/page_image.h"
 #include "tileflight/core/drawing/top_view.h"
 #include "tileflight/core/geometry/cloud_files.h"
 #include "tileflight/data/dataset/dataset.h"
-#include "tileflight/experiments/report/doubts_panel.h"
+#include "tileflight/experiments/report/warnings_panel.h"
 #include "tileflight/experiments/study/scatter.h"
 #include "tileflight/experiments/study/study_tables.h"
 
@@ -303,7 +302,7 @@ std::string study_page(const json& study, const fs::path& folder) {
                             text(counted(study.at("systems").size(), "system") + " on " +
                                  counted(study.at("flights").size(), "flight") + ", " + repetitions +
                                  " each, all maps registered by the same rule.")) +
-                    element("p", {{"class", "verdict"}}, text(verdict_text(study))) + report::doubts_panel(study));
+                    element("p", {{"class", "verdict"}}, text(verdict_text(study))) + report::warnings_panel(study));
   const Html files = element("p", text("Beside this page: ") + link("study.json") + text(", ") +
                                       link("tables/ranking.csv") + text(", ") + link("tables/ranking.tex") +
                                       text(", ") + link("tables/runs.csv") + text(", ") + link("Snakefile"));
