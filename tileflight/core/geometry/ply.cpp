@@ -13,6 +13,7 @@
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/text_parsing.h"
+#include "tileflight/core/geometry/cloud_columns.h"
 
 namespace tileflight::geometry {
 

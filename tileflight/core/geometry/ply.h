@@ -11,7 +11,6 @@
 #include <string_view>
 #include <vector>
 
-#include "tileflight/core/geometry/cloud_columns.h"
 #include "tileflight/core/geometry/cloud_files.h"
 
 namespace tileflight::geometry {
