@@ -53,6 +53,9 @@ Html svg_label(double x, double y, const std::string& anchor, const std::string&
 
 /// Content of an SVG, in units of its view box (0, 0, width, height), independent of whether it is put on a page or in
 /// a file.
+/// The markup is written here rather than by Cairo's SVG surface, which fixes colours and turns text into outlines: a
+/// page's drawings take their colours from its style sheet (light, dark, print), and their text can be searched, copied
+/// and read aloud.
 struct Drawing {
   double width = 0, height = 0;
   std::string style;  ///< class of the page's style sheet
