@@ -58,7 +58,7 @@ class Canvas {
   /// Draws an image with its upper left corner at (x, y); unscaled and unfiltered at integer positions.
   void draw_image(double x, double y, const imaging::RgbImage& image);
   void draw_text(double x, double y, const std::string& words, const TextStyle& lettering);
-  /// Width of the text, pixels.
+  /// Returns the width of the text, pixels.
   double text_width(const std::string& words, const TextStyle& lettering) const;
 
   /// Restricts drawing to the rectangle until unclip().
