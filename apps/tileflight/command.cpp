@@ -1,7 +1,7 @@
 #include "command.h"
 
-#include "tileflight/core/base/version.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/program.h"
 
 namespace tileflight::app {
 namespace {
@@ -29,9 +29,9 @@ AddCommand add_scene, add_tile, add_inspect, add_extract, add_coverage, add_prev
     add_serve, add_completion;
 
 void add_commands(CLI::App& app, CommonOptions& common, Selection& selection) {
-  for (AddCommand* add : {add_scene,  add_tile,   add_inspect,  add_extract, add_coverage, add_preview,   add_render,
-                          add_ingest, add_export, add_odometry, add_systems, add_align,    add_evaluate,  add_compare,
-                          add_run,    add_study,  add_report})
+  for (AddCommand* add :
+       {add_scene, add_tile, add_inspect, add_extract, add_coverage, add_preview, add_render, add_ingest, add_export,
+        add_odometry, add_systems, add_align, add_evaluate, add_compare, add_run, add_study, add_report})
     add(app, common, selection);
 #ifdef TILEFLIGHT_LIVE
   add_play(app, common, selection);

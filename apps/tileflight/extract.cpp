@@ -10,7 +10,8 @@
 #include "mpi_ranks.h"
 #include "number_text.h"
 #include "task_options.h"
-#include "tileflight/core/base/number_text.h"
+#include "tileflight/core/base/formatted_text.h"
+#include "tileflight/core/base/output_folder.h"
 #include "tileflight/world/place/block_plan.h"
 #include "tileflight/world/place/truth_blocks.h"
 

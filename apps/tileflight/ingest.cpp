@@ -6,7 +6,7 @@
 
 #include "command.h"
 #include "tileflight/capture/ingest/ingest_stage.h"
-#include "tileflight/core/base/text_fields.h"
+#include "tileflight/core/base/text_parsing.h"
 
 namespace tileflight::app {
 

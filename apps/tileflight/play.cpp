@@ -5,13 +5,13 @@
 #include <optional>
 
 #include "command.h"
-#include "ros2_view.h"
 #include "input_options.h"
 #include "live_views.h"
+#include "ros2_view.h"
 #include "source_options.h"
 #include "stop_signals.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/string_lists.h"
 #include "tileflight/live/publishing/dataset_player.h"
 #include "tileflight/live/publishing/message_sink.h"
 #include "tileflight/live/rpc/server.h"

@@ -9,11 +9,12 @@
 #include "mpi_ranks.h"
 #include "number_text.h"
 #include "task_options.h"
-#include "tileflight/core/base/files.h"
-#include "tileflight/core/base/number_text.h"
-#include "tileflight/experiments/experiment/experiment_file.h"
-#include "tileflight/core/base/memory_budget.h"
 #include "tileflight/capture/recording/render_stage.h"
+#include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
+#include "tileflight/core/base/memory_budget.h"
+#include "tileflight/core/base/output_folder.h"
+#include "tileflight/experiments/experiment/experiment_file.h"
 
 namespace tileflight::app {
 namespace {
@@ -67,11 +68,11 @@ nlohmann::json render_in_tasks(const recording::RenderSettings& settings, const 
                                       base::default_memory_bytes() / static_cast<unsigned>(tasks.on_this_machine())));
   const std::vector<std::string> memory{"--memory", base::fixed_text(memory_gb)};
   jobs::PartedJob job{.output = out,
-                          .build_folder = recording::frame_build_folder(out),
-                          .command = "render",
-                          .parts = {},
-                          .last = {"finish", memory},
-                          .inputs_sha256 = plan.inputs_sha256};
+                      .build_folder = recording::frame_build_folder(out),
+                      .command = "render",
+                      .parts = {},
+                      .last = {"finish", memory},
+                      .inputs_sha256 = plan.inputs_sha256};
   job.last.words.insert(job.last.words.end(), {"--resume", "--force"});
   for (const jobs::IndexRange& part : plan.parts) {
     const std::string begin = std::to_string(part.begin), end = std::to_string(part.end);

@@ -6,8 +6,7 @@
 
 #include "bindings.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/program_path.h"
-#include "tileflight/core/base/version.h"
+#include "tileflight/core/base/program.h"
 
 namespace tileflight::python {
 

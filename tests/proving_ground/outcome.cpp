@@ -8,7 +8,6 @@
 #include <nlohmann/json.hpp>
 #include <numeric>
 
-#include "tileflight/core/alignment/pose_alignment.h"
 #include "tileflight/core/alignment/umeyama.h"
 #include "tileflight/core/base/input_error.h"
 

@@ -13,7 +13,7 @@
 #include <numbers>
 
 #include "outcome.h"
-#include "tileflight/core/alignment/pose_alignment.h"
+#include "tileflight/core/alignment/umeyama.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/evaluation/scoring/align_stage.h"
 #include "tileflight/evaluation/scoring/align_target.h"

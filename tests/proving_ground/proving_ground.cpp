@@ -72,7 +72,7 @@ std::vector<Place> read_places(const fs::path& file, const fs::path& out) {
     if (place.source == "stadium:twin") {
       const fs::path built_in = out / "places/built-in";
       if (!fs::exists(built_in)) {
-        base::write_folder({.folder = built_in, .command = "proving_ground", .legacy = {}},
+        base::write_folder({.folder = built_in, .command = "proving_ground"},
                            [](const fs::path& folder) { demo_place::write_stadium(folder, {}); });
       }
       place.source = (built_in / "twin/tileset.json").string();

@@ -4,12 +4,11 @@
 #include <cmath>
 #include <limits>
 
+#include "tileflight/capture/events/hdf5_handle.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/make_folder.h"
 #include "tileflight/core/base/output_folder.h"
 #include "tileflight/data/dataset/exports.h"
-#include "tileflight/capture/events/hdf5_handle.h"
 
 namespace tileflight::events {
 namespace {
@@ -126,7 +125,7 @@ dataset::ExportResult export_dsec(const dataset::Rig& rig, const fs::path& folde
   cameras.resize(std::min<std::size_t>(2, cameras.size()));
   result.notes.emplace_back("DSEC's layout has no place for true poses, IMU, positions and depth: they are left out");
   const base::OutputFolder output{
-      .folder = folder, .command = "export", .replace = replace, .inputs = std::move(inputs), .legacy = {}};
+      .folder = folder, .command = "export", .replace = replace, .inputs = std::move(inputs)};
   base::write_folder(output, [&](const fs::path& temporary) { write_sequence(cameras, temporary, progress); });
   return result;
 }

@@ -5,11 +5,11 @@
 #include <string>
 #include <variant>
 
-#include "tileflight/core/base/input_error.h"
 #include "tileflight/capture/flight_path/cubic_spline.h"
 #include "tileflight/capture/flight_path/orientation_curve.h"
 #include "tileflight/capture/flight_path/speed_plan.h"
-#include "tileflight/core/geometry/angles.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/geometry/transform.h"
 
 namespace tileflight::flight_path {
 namespace {

@@ -4,15 +4,15 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "tileflight/core/base/files.h"
-#include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/output_folder.h"
 #include "tileflight/capture/preview/coverage_report.h"
 #include "tileflight/capture/preview/strategy_pictures.h"
-#include "tileflight/core/base/memory_budget.h"
-#include "tileflight/world/place/require_surface.h"
-#include "tileflight/tiles/fetch/open_source.h"
 #include "tileflight/capture/vehicle/flight_plan.h"
+#include "tileflight/core/base/files.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/memory_budget.h"
+#include "tileflight/core/base/output_folder.h"
+#include "tileflight/tiles/fetch/open_source.h"
+#include "tileflight/world/place/require_surface.h"
 
 namespace tileflight::preview {
 namespace fs = std::filesystem;
@@ -94,14 +94,8 @@ void check(const CoverageSettings& settings) {
 nlohmann::json measure_coverage(const CoverageSettings& settings, const fs::path& out, bool replace,
                                 const Progress& progress) {
   check(settings);
-  base::OutputFolder output{.folder = out,
-                            .command = "coverage",
-                            .replace = replace,
-                            .inputs = vehicle::referenced_files(settings.flight),
-                            .legacy = {.key_file = "coverage.json",
-                                       .key_text = "strategies",
-                                       .files = {"coverage.json", "frames.csv", "figure.png", "view-follow.png",
-                                                 "view-high.png", "sensor.png", "flight.png", "region.png"}}};
+  base::OutputFolder output{
+      .folder = out, .command = "coverage", .replace = replace, .inputs = vehicle::referenced_files(settings.flight)};
   output.inputs.push_back(fetch::local_path_of_source(settings.source));
   base::require_writable(output);
   const FrameSampling watch = sample_frames(settings);

@@ -5,7 +5,7 @@
 #include <set>
 #include <sstream>
 
-#include "tileflight/core/base/version.h"
+#include "tileflight/core/base/program.h"
 #include "tileflight/tiles/fetch/open_source.h"
 
 namespace tileflight::preview {

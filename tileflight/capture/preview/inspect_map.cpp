@@ -4,14 +4,13 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "tileflight/capture/preview/ground_view.h"
+#include "tileflight/capture/preview/propose_region.h"
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/string_lists.h"
+#include "tileflight/core/base/memory_budget.h"
 #include "tileflight/core/imaging/image_files.h"
 #include "tileflight/world/place/extract.h"
-#include "tileflight/capture/preview/ground_view.h"
-#include "tileflight/core/base/memory_budget.h"
-#include "tileflight/capture/preview/propose_region.h"
 
 namespace tileflight::preview {
 namespace {
@@ -82,7 +81,8 @@ SurfaceExtent find_surface(const GroundView& view) {
   return found;
 }
 
-std::vector<std::string> map_notes(const place::PlaceReader& place, const GroundView& view, const SurfaceExtent& found) {
+std::vector<std::string> map_notes(const place::PlaceReader& place, const GroundView& view,
+                                   const SurfaceExtent& found) {
   const Vec3 size = found.box.sizes();
   const double longest_m = std::max(size.x(), size.y());
   std::string extent = format_metres(size.x(), longest_m) + " m east × " + format_metres(size.y(), longest_m) +
@@ -157,12 +157,12 @@ json inspect_map(const InspectMapSettings& settings, const std::filesystem::path
   }
   const auto& frame = place.placement().local_frame;
   drawing::PlaceMap map{.title = place::source_display_name(settings.source),
-                       .notes = map_notes(place, view, found),
-                       .attribution = base::joined(place.attribution(), "; "),
-                       .ground = to_ground_picture(view),
-                       .frame = frame,
-                       .outlines = missing_outlines(view),
-                       .flight = std::nullopt};
+                        .notes = map_notes(place, view, found),
+                        .attribution = base::joined(place.attribution(), "; "),
+                        .ground = to_ground_picture(view),
+                        .frame = frame,
+                        .outlines = missing_outlines(view),
+                        .flight = std::nullopt};
   if (!has_region(settings.load)) map.outlines.push_back(region_outline(*proposed));
   imaging::write_rgb(picture, draw_to_image(map));
 

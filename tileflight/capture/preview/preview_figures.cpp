@@ -6,11 +6,10 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "tileflight/core/base/formatted_text.h"
-#include "tileflight/core/base/order_statistics.h"
-#include "tileflight/core/base/string_lists.h"
 #include "tileflight/capture/preview/ground_view.h"
 #include "tileflight/capture/preview/preview_json.h"
+#include "tileflight/core/base/formatted_text.h"
+#include "tileflight/core/base/order_statistics.h"
 #include "tileflight/core/drawing/flight_profile.h"
 #include "tileflight/world/scene/scene.h"
 
@@ -41,15 +40,15 @@ double finite_or_nan(double value) { return std::isfinite(value) ? value : std::
 
 drawing::FlightProfile make_profile(const PreviewedFlight& flight, const FlightCheck& check, const std::string& title) {
   drawing::FlightProfile profile{.title = title,
-                                .notes = {},
-                                .distance_flown_m = distances_along_path(flight.frames()),
-                                .time_s = {},
-                                .up_m = {},
-                                .above_ground_m = {},
-                                .clearance_m = {},
-                                .in_collision = find_blocked_frames(check),
-                                .min_clearance_m = flight.settings.check.min_clearance_m,
-                                .max_clearance_m = flight.settings.check.max_clearance_m};
+                                 .notes = {},
+                                 .distance_flown_m = distances_along_path(flight.frames()),
+                                 .time_s = {},
+                                 .up_m = {},
+                                 .above_ground_m = {},
+                                 .clearance_m = {},
+                                 .in_collision = find_blocked_frames(check),
+                                 .min_clearance_m = flight.settings.check.min_clearance_m,
+                                 .max_clearance_m = flight.settings.check.max_clearance_m};
   for (std::size_t i = 0; i < flight.frames().size(); ++i) {
     profile.time_s.push_back(flight.frames().poses[i].time_s - flight.frames().poses[0].time_s);
     profile.up_m.push_back(flight.pose(i).translation.z());
@@ -67,7 +66,8 @@ std::string csv_number(double value) {
 }
 
 /// Fields are empty if a value is unknown, or a surface is beyond the search range.
-std::string profile_csv(const PreviewedFlight& flight, const FlightCheck& check, const drawing::FlightProfile& profile) {
+std::string profile_csv(const PreviewedFlight& flight, const FlightCheck& check,
+                        const drawing::FlightProfile& profile) {
   std::ostringstream csv;
   csv << "frame,time_s,way_m,east_m,north_m,up_m,above_ground_m,clearance_m,surface_share,flow_share,inside,"
          "path_blocked\n";
@@ -91,7 +91,7 @@ double median_of_finite(std::vector<double> values, double fallback) {
 }
 
 drawing::FlightOverlay map_flight(const PreviewedFlight& flight, const scene::Scene& scene, const FlightCheck& check,
-                                 const std::vector<SamplePicture>& pictures, double reach_m) {
+                                  const std::vector<SamplePicture>& pictures, double reach_m) {
   drawing::FlightOverlay map;
   for (std::size_t i = 0; i < flight.frames().size(); ++i) {
     const geometry::SE3& pose = flight.pose(i);
@@ -145,14 +145,14 @@ PreviewFigures draw_figures(PreviewedFlight& flight, const scene::Scene& scene, 
   missing.insert(missing.end(), view.missing.begin(), view.missing.end());
   const imaging::Camera& camera = flight.mission.calibration.camera;
   drawing::PlaceMap figure{.title = place::source_display_name(flight.settings.render.source) + ": " +
-                                   flight.settings.render.flight.flight.filename().string(),
-                          .notes = {profile.notes[0] + base::formatted("; %d x %d pixels, %.0f° wide", camera.width(),
-                                                                       camera.height(), camera.horizontal_fov_deg())},
-                          .attribution = base::joined(flight.place.attribution(), "; "),
-                          .ground = preview::to_ground_picture(view),
-                          .frame = flight.place.placement().local_frame,
-                          .outlines = preview::missing_outlines(view),
-                          .flight = map};
+                                    flight.settings.render.flight.flight.filename().string(),
+                           .notes = {profile.notes[0] + base::formatted("; %d x %d pixels, %.0f° wide", camera.width(),
+                                                                        camera.height(), camera.horizontal_fov_deg())},
+                           .attribution = base::joined(flight.place.attribution(), "; "),
+                           .ground = preview::to_ground_picture(view),
+                           .frame = flight.place.placement().local_frame,
+                           .outlines = preview::missing_outlines(view),
+                           .flight = map};
   return {draw_to_image(figure), draw_to_image(profile), profile_csv(flight, check, profile)};
 }
 

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "tileflight/core/base/version.h"
 #include "tileflight/capture/preview/cost_estimate.h"
+#include "tileflight/core/base/program.h"
 
 namespace tileflight::preview {
 namespace {

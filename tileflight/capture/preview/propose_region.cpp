@@ -5,9 +5,9 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
-#include "tileflight/core/base/number_text.h"
-#include "tileflight/world/ground_truth/suggested_voxel.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/imaging/summed_area_table.h"
+#include "tileflight/world/ground_truth/suggested_voxel.h"
 
 namespace tileflight::preview {
 namespace {

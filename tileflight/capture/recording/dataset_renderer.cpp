@@ -6,13 +6,13 @@
 #include <mutex>
 #include <nlohmann/json.hpp>
 
-#include "tileflight/core/base/elapsed_time.h"
-#include "tileflight/data/dataset/encode_queue.h"
-#include "tileflight/data/dataset/video.h"
 #include "tileflight/capture/events/event_recorder.h"
 #include "tileflight/capture/recording/actor_labels.h"
 #include "tileflight/capture/recording/dataset_metadata.h"
 #include "tileflight/capture/recording/frame_output_writer.h"
+#include "tileflight/core/base/progress.h"
+#include "tileflight/data/dataset/encode_queue.h"
+#include "tileflight/data/dataset/video.h"
 
 namespace tileflight::recording {
 namespace fs = std::filesystem;

@@ -5,11 +5,11 @@
 #include <type_traits>
 #include <utility>
 
-#include "tileflight/core/base/elapsed_time.h"
-#include "tileflight/core/base/formatted_text.h"
-#include "tileflight/capture/render/frame_parts.h"
 #include "tileflight/capture/recording/image_division.h"
 #include "tileflight/capture/recording/part_renderer.h"
+#include "tileflight/capture/render/frame_parts.h"
+#include "tileflight/core/base/formatted_text.h"
+#include "tileflight/core/base/progress.h"
 
 namespace tileflight::recording {
 

@@ -4,13 +4,13 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "tileflight/core/base/files.h"
-#include "tileflight/core/base/string_lists.h"
 #include "tileflight/capture/render/frame_renderer.h"
-#include "tileflight/tiles/tileset/cut_reader.h"
-#include "tileflight/tiles/tileset/region_reader.h"
+#include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/tiles/fetch/open_source.h"
 #include "tileflight/tiles/fetch/uri.h"
+#include "tileflight/tiles/tileset/cut_reader.h"
+#include "tileflight/tiles/tileset/region_reader.h"
 
 namespace tileflight::recording {
 namespace {
@@ -44,7 +44,7 @@ FrameGroups group_by_body(const PlannedFlight& mission, const ImageOrder& images
 }
 
 tileset::LoadOptions load_options_of(const std::vector<std::vector<tileset::ViewCone>>& cones,
-                                   const RenderSettings& settings) {
+                                     const RenderSettings& settings) {
   tileset::LoadOptions load = settings.load;
   load.uses = {fetch::Use::kAnalyse};
   if (!settings.error_px) return load;
@@ -150,7 +150,7 @@ std::vector<tileset::ViewCone> FlightTiles::cones_of(const FrameView& view) cons
 /// Cones that together hold a region, and what chromatic aberration moves into it from beside it: those of its cells,
 /// since one cone around all of it would hold much else.
 const std::vector<tileset::ViewCone>& FlightTiles::region_cones(std::size_t number,
-                                                              const imaging::PixelRegion& region) const {
+                                                                const imaging::PixelRegion& region) const {
   const auto [known, is_new] = region_cones_.try_emplace({number, {region.x0, region.y0, region.x1, region.y1}});
   if (!is_new) return known->second;
   const imaging::Camera& camera = mission_.camera(number).calibration.camera;
@@ -160,10 +160,10 @@ const std::vector<tileset::ViewCone>& FlightTiles::region_cones(std::size_t numb
   const int cell_px = std::max(8, std::min(region.width(), region.height()) / 2);
   for (int y = region.y0; y < region.y1; y += cell_px) {
     for (int x = region.x0; x < region.x1; x += cell_px) {
-      const auto cone =
-          tileset::view_cone_of_region(camera, {std::max(0, x - margin_px), std::max(0, y - margin_px),
-                                              std::min(camera.width(), std::min(region.x1, x + cell_px) + margin_px),
-                                              std::min(camera.height(), std::min(region.y1, y + cell_px) + margin_px)});
+      const auto cone = tileset::view_cone_of_region(
+          camera, {std::max(0, x - margin_px), std::max(0, y - margin_px),
+                   std::min(camera.width(), std::min(region.x1, x + cell_px) + margin_px),
+                   std::min(camera.height(), std::min(region.y1, y + cell_px) + margin_px)});
       if (cone) known->second.push_back(*cone);
     }
   }
@@ -255,7 +255,8 @@ void FlightTiles::read_rest() {
 
 json FlightTiles::take_new_records() {
   json records;
-  for (const std::size_t content : new_records_) records[std::to_string(content)] = tileset::to_json(*records_[content]);
+  for (const std::size_t content : new_records_)
+    records[std::to_string(content)] = tileset::to_json(*records_[content]);
   new_records_.clear();
   return records;
 }
@@ -264,7 +265,8 @@ void FlightTiles::add_records(const json& records) {
   try {
     for (const auto& [number, record] : records.items()) {
       const std::size_t content = std::stoul(number);
-      if (content < records_.size() && !records_[content]) records_[content] = tileset::content_record_from_json(record);
+      if (content < records_.size() && !records_[content])
+        records_[content] = tileset::content_record_from_json(record);
     }
   } catch (const std::exception&) {  // damaged: only its attribution is lost
   }

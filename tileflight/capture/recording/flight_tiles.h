@@ -12,16 +12,16 @@
 #include <utility>
 #include <vector>
 
-#include "tileflight/core/imaging/pixel_region.h"
 #include "tileflight/capture/recording/frame_groups.h"
 #include "tileflight/capture/recording/planned_flight.h"
 #include "tileflight/capture/recording/render_stage.h"
+#include "tileflight/core/imaging/image.h"
+#include "tileflight/tiles/fetch/tile_source.h"
 #include "tileflight/tiles/tileset/bounding_volume.h"
 #include "tileflight/tiles/tileset/content_records.h"
 #include "tileflight/tiles/tileset/placement.h"
 #include "tileflight/tiles/tileset/selection.h"
 #include "tileflight/tiles/tileset/tileset_tree.h"
-#include "tileflight/tiles/fetch/tile_source.h"
 
 namespace tileflight::recording {
 

@@ -1,10 +1,10 @@
 #include "tileflight/capture/recording/followed_flight.h"
 
+#include "tileflight/capture/flight_path/smooth_path.h"
 #include "tileflight/core/alignment/transform_file.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/output_folder.h"
-#include "tileflight/capture/flight_path/smooth_path.h"
 #include "tileflight/core/geometry/trajectory.h"
 
 namespace tileflight::recording {
@@ -19,13 +19,8 @@ void write_followed_flight(const fs::path& real, const std::optional<flight_path
   const geometry::Trajectory local =
       geometry::transformed(alignment::read_transform(real / "transform.json").T_target_source, estimate);
   const bool is_smoothed = local.size() >= flight_path::kMinPosesToSmooth;
-  const base::OutputFolder output{.folder = out,
-                                  .command = "run",
-                                  .replace = true,
-                                  .inputs = {real / "odometry", real / "dataset"},
-                                  .legacy = {.key_file = "flight.yaml",
-                                             .key_text = "the other flight",
-                                             .files = {"poses.txt", "camera.yaml", "flight.yaml"}}};
+  const base::OutputFolder output{
+      .folder = out, .command = "run", .replace = true, .inputs = {real / "odometry", real / "dataset"}};
   base::write_folder(output, [&](const fs::path& folder) {
     geometry::write_tum(folder / "poses.txt", local);
     fs::copy_file(real / "dataset/camera.yaml", folder / "camera.yaml");

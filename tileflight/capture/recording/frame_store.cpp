@@ -8,9 +8,8 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/make_folder.h"
+#include "tileflight/core/imaging/image_files.h"
 #include "tileflight/data/dataset/frame_list.h"
-#include "tileflight/core/imaging/quick_picture.h"
 
 namespace tileflight::recording {
 namespace fs = std::filesystem;
@@ -103,9 +102,7 @@ std::string describe_frame_ranges(const std::vector<std::size_t>& frames) {
   return text;
 }
 
-fs::path FrameStore::folder_for(const fs::path& dataset) {
-  return jobs::BuildFolder::path_beside(dataset, "frames");
-}
+fs::path FrameStore::folder_for(const fs::path& dataset) { return jobs::BuildFolder::path_beside(dataset, "frames"); }
 
 bool FrameStore::exists(const fs::path& dataset) { return fs::is_directory(folder_for(dataset)); }
 

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/core/imaging/image.h"
 #include "tileflight/capture/render/render_flight.h"
+#include "tileflight/core/imaging/image.h"
 #include "tileflight/core/jobs/build_folder.h"
 
 namespace tileflight::recording {
@@ -30,7 +30,7 @@ std::string describe_frame_ranges(const std::vector<std::size_t>& frames);
 /// The finished frames of an incomplete render, stored beside the dataset DIR/NAME:
 ///   DIR/.NAME.frames/inputs.json   the inputs of the render
 ///                    frames/000012.json   record of a finished frame, written after its files
-///                    pictures/000012.picture  its image (core/imaging/quick_picture.h), if a video is encoded first
+///                    pictures/000012.picture  its image (core/imaging/quick_picture.cpp), if a video is encoded first
 ///                    tiles/0123….json     what tiles were found to hold, for the summary; named by its content
 ///                    segmentation.runs/   SegmentationWriter's data of frames
 ///                    segmentation.runs-NAME/   the same of a rig's further cameras

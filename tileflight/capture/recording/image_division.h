@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "tileflight/core/imaging/pixel_region.h"
+#include "tileflight/core/imaging/image.h"
 
 namespace tileflight::recording {
 

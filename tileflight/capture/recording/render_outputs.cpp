@@ -4,7 +4,7 @@
 #include <map>
 #include <vector>
 
-#include "tileflight/core/base/known_keys.h"
+#include "tileflight/core/base/document_value.h"
 
 namespace tileflight::recording {
 namespace {

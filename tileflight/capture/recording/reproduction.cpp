@@ -7,16 +7,15 @@
 #include <optional>
 #include <vector>
 
+#include "tileflight/capture/render/view_overlap.h"
 #include "tileflight/core/alignment/transform_file.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/number_text.h"
-#include "tileflight/data/dataset/dataset.h"
-#include "tileflight/world/ground_truth/truth_folder.h"
 #include "tileflight/core/imaging/image_files.h"
 #include "tileflight/core/imaging/image_similarity.h"
-#include "tileflight/capture/render/view_overlap.h"
+#include "tileflight/data/dataset/dataset.h"
+#include "tileflight/world/ground_truth/truth_folder.h"
 #include "tileflight/world/scene/scene.h"
 
 namespace tileflight::recording {

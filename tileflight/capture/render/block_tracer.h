@@ -8,11 +8,11 @@
 #include <span>
 #include <vector>
 
-#include "tileflight/core/base/simd.h"
-#include "tileflight/core/imaging/pixel_region.h"
 #include "tileflight/capture/render/appearance.h"
 #include "tileflight/capture/render/linear_color.h"
 #include "tileflight/capture/render/ray_table.h"
+#include "tileflight/core/base/simd.h"
+#include "tileflight/core/imaging/image.h"
 #include "tileflight/world/scene/packets.h"
 #include "tileflight/world/scene/scene.h"
 

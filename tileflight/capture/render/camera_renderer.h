@@ -10,11 +10,10 @@
 #include <span>
 #include <vector>
 
-#include "tileflight/core/imaging/camera.h"
-#include "tileflight/core/imaging/image.h"
-#include "tileflight/core/imaging/pixel_region.h"
 #include "tileflight/capture/render/linear_color.h"
 #include "tileflight/capture/render/weather.h"
+#include "tileflight/core/imaging/camera.h"
+#include "tileflight/core/imaging/image.h"
 #include "tileflight/world/scene/scene.h"
 
 namespace tileflight::render {

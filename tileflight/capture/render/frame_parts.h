@@ -8,10 +8,9 @@
 #include <tuple>
 #include <vector>
 
-#include "tileflight/core/imaging/image.h"
-#include "tileflight/core/imaging/pixel_region.h"
 #include "tileflight/capture/render/frame_renderer.h"
 #include "tileflight/capture/render/scene_objects.h"
+#include "tileflight/core/imaging/image.h"
 
 // Frames of a place that does not fit into memory: each is traced in several scenes that hold some of its tiles.
 namespace tileflight::render {

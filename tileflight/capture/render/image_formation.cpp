@@ -17,7 +17,6 @@
 
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/random_numbers.h"
-#include "tileflight/core/base/require.h"
 #include "tileflight/core/base/simd.h"
 
 namespace tileflight::render {

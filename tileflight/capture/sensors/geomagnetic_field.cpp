@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/geometry/angles.h"
+#include "tileflight/core/geometry/transform.h"
 
 namespace tileflight::sensors {
 namespace {

@@ -7,8 +7,7 @@
 #include <string>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/require.h"
-#include "tileflight/core/geometry/angles.h"
+#include "tileflight/core/geometry/transform.h"
 
 namespace tileflight::sensors {
 namespace {

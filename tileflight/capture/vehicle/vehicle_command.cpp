@@ -4,7 +4,6 @@
 #include <string>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/require.h"
 
 namespace tileflight::vehicle {
 namespace {

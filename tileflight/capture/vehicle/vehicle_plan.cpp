@@ -1,7 +1,7 @@
 #include "tileflight/capture/vehicle/vehicle_plan.h"
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/geometry/angles.h"
+#include "tileflight/core/geometry/transform.h"
 
 namespace tileflight::vehicle {
 namespace {

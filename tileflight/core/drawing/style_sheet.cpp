@@ -1,8 +1,8 @@
-#include "tileflight/core/drawing/style_sheet.h"
-
 #include <array>
 #include <string_view>
 #include <utility>
+
+#include "tileflight/core/drawing/html.h"
 
 namespace tileflight::drawing {
 namespace {

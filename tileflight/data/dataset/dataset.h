@@ -9,7 +9,6 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/core/base/output_folder.h"
 #include "tileflight/core/geometry/geodesy.h"
 #include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/core/imaging/camera.h"
@@ -82,9 +81,6 @@ bool has_foreign_layout(const std::filesystem::path& folder);
 /// Reads and writes gps.csv. Throw InputError (file, line, cause).
 std::vector<GpsFix> read_gps_csv(const std::filesystem::path& file);
 void write_gps_csv(const std::filesystem::path& file, const std::vector<GpsFix>& fixes);
-
-/// Files by which dataset folders written before folders had a marker are recognized.
-base::LegacyFolderPattern unmarked_dataset();
 
 /// Writes a dataset folder frame by frame (in any order and from several threads; the files are identical). The folder
 /// is built under a temporary name beside `folder` and renamed by finish(); without finish() the destructor removes it.

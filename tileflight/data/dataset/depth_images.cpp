@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "tileflight/core/base/text_fields.h"
+#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/core/imaging/image_files.h"
 
 namespace tileflight::dataset {

@@ -2,8 +2,8 @@
 
 #include <cmath>
 
+#include "tileflight/core/base/document_value.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/known_keys.h"
 #include "tileflight/core/base/output_folder.h"
 #include "tileflight/data/dataset/exports.h"
 
@@ -51,7 +51,7 @@ ExportResult export_rig(const Rig& rig, const std::string& layout, const fs::pat
     ExportResult result{rig.cameras.front().dataset.frames.size(), {}};
     // Other tools write the same layouts: only the marker identifies ours.
     const base::OutputFolder output{
-        .folder = folder, .command = "export", .replace = replace, .inputs = std::move(inputs), .legacy = {}};
+        .folder = folder, .command = "export", .replace = replace, .inputs = std::move(inputs)};
     base::write_folder(output, [&](const fs::path& temporary) { known.write(rig, temporary, result.notes, progress); });
     return result;
   }

@@ -3,9 +3,8 @@
 #include <system_error>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/data/dataset/frame_list.h"
-#include "tileflight/core/imaging/exr_channels.h"
 #include "tileflight/core/imaging/image_files.h"
+#include "tileflight/data/dataset/frame_list.h"
 
 namespace tileflight::dataset {
 namespace {

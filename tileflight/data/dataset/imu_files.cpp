@@ -8,9 +8,9 @@
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/strict_section.h"
-#include "tileflight/core/base/text_fields.h"
+#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/core/geometry/nanoseconds.h"
-#include "tileflight/core/imaging/calibration_yaml.h"
+#include "tileflight/core/imaging/calibration_checks.h"
 
 namespace tileflight::dataset {
 

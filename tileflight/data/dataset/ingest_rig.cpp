@@ -4,12 +4,12 @@
 #include <cmath>
 
 #include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/number_text.h"
-#include "tileflight/core/base/string_lists.h"
+#include "tileflight/core/base/output_folder.h"
+#include "tileflight/core/imaging/calibration_files.h"
 #include "tileflight/data/dataset/dataset_metadata.h"
 #include "tileflight/data/dataset/rig.h"
-#include "tileflight/core/imaging/calibration_files.h"
 
 namespace tileflight::dataset {
 namespace {
@@ -109,11 +109,8 @@ void describe(const Synchronisation& found, const fs::path& folder) {
 }
 
 base::OutputFolder output_of(const RigIngestOptions& rig, const fs::path& folder) {
-  base::OutputFolder output{.folder = folder,
-                            .command = "ingest",
-                            .replace = rig.common.replace,
-                            .inputs = rig.common.inputs,
-                            .legacy = unmarked_dataset()};
+  base::OutputFolder output{
+      .folder = folder, .command = "ingest", .replace = rig.common.replace, .inputs = rig.common.inputs};
   for (const IngestedCamera& camera : rig.cameras) output.inputs.push_back(camera.video_or_images);
   for (const fs::path& input : {rig.common.calibration, rig.common.imu, rig.common.imu_noise, rig.common.groundtruth})
     output.inputs.push_back(input);

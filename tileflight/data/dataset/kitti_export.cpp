@@ -3,9 +3,9 @@
 #include <variant>
 
 #include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/number_text.h"
-#include "tileflight/core/base/text_fields.h"
+#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/data/dataset/export_dataset.h"
 #include "tileflight/data/dataset/exports.h"
 #include "tileflight/data/dataset/velodyne_export.h"

@@ -6,10 +6,10 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/text_fields.h"
+#include "tileflight/core/base/text_parsing.h"
+#include "tileflight/core/imaging/image_files.h"
 #include "tileflight/data/dataset/frame_list.h"
 #include "tileflight/data/dataset/layouts.h"
-#include "tileflight/core/imaging/image_files.h"
 
 namespace tileflight::dataset::layouts {
 

@@ -10,8 +10,8 @@
 #include <map>
 #include <vector>
 
+#include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/temporary_path.h"
 
 namespace tileflight::dataset {
 

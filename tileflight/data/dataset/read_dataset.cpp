@@ -2,14 +2,14 @@
 #include <filesystem>
 #include <utility>
 
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/string_lists.h"
+#include "tileflight/core/imaging/image_files.h"
 #include "tileflight/data/dataset/dataset_metadata.h"
 #include "tileflight/data/dataset/frame_list.h"
 #include "tileflight/data/dataset/layouts.h"
 #include "tileflight/data/dataset/rig.h"
 #include "tileflight/data/dataset/scaled_calibration.h"
-#include "tileflight/core/imaging/image_files.h"
 
 namespace tileflight::dataset {
 

@@ -6,9 +6,9 @@
 #include <cmath>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/text_fields.h"
-#include "tileflight/data/dataset/layouts.h"
+#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/core/imaging/calibration_files.h"
+#include "tileflight/data/dataset/layouts.h"
 
 namespace tileflight::dataset {
 namespace {

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/number_text.h"
 
 namespace tileflight::dataset {
 namespace {

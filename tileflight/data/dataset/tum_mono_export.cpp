@@ -1,7 +1,7 @@
 // The layout of the TUM monoVO sequences (Engel, Usenko, Cremers 2016), as read by DSO.
 #include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/number_text.h"
 #include "tileflight/data/dataset/exports.h"
 
 namespace tileflight::dataset::exports {

@@ -10,8 +10,8 @@ extern "C" {
 #include <libavutil/display.h>
 }
 
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/number_text.h"
 
 namespace tileflight::dataset {
 

@@ -1,5 +1,5 @@
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/number_text.h"
 #include "tileflight/data/dataset/video.h"
 #include "tileflight/data/dataset/video_decoder.h"
 

@@ -5,8 +5,8 @@ extern "C" {
 #include <libavutil/opt.h>
 }
 
+#include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/temporary_path.h"
 #include "tileflight/data/dataset/libav.h"
 #include "tileflight/data/dataset/video.h"
 

@@ -6,14 +6,14 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/text_fields.h"
-#include "tileflight/data/dataset/depth_images.h"
-#include "tileflight/data/dataset/exports.h"
-#include "tileflight/data/dataset/imu_files.h"
+#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/core/geometry/nanoseconds.h"
 #include "tileflight/core/imaging/calibration_checks.h"
 #include "tileflight/core/imaging/calibration_files.h"
 #include "tileflight/core/imaging/image_files.h"
+#include "tileflight/data/dataset/depth_images.h"
+#include "tileflight/data/dataset/exports.h"
+#include "tileflight/data/dataset/imu_files.h"
 
 namespace tileflight::dataset::exports {
 

@@ -6,7 +6,7 @@
 #include <string_view>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/text_fields.h"
+#include "tileflight/core/base/text_parsing.h"
 
 namespace tileflight::flight_logs {
 namespace {

@@ -10,8 +10,8 @@
 
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/strict_section.h"
+#include "tileflight/core/geometry/point_order.h"
 #include "tileflight/evaluation/metrics/local_entropy.h"
-#include "tileflight/core/geometry/morton_order.h"
 
 namespace tileflight::metrics {
 

@@ -7,7 +7,6 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/json_file.h"
 #include "tileflight/core/base/strict_section.h"
 #include "tileflight/core/base/warning.h"
 #include "tileflight/core/geometry/cloud_files.h"

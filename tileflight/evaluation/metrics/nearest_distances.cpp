@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "tileflight/core/geometry/morton_order.h"
+#include "tileflight/core/geometry/point_order.h"
 
 namespace tileflight::metrics {
 

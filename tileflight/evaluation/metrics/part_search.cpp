@@ -8,7 +8,7 @@
 #include <optional>
 #include <span>
 
-#include "tileflight/core/geometry/morton_order.h"
+#include "tileflight/core/geometry/point_order.h"
 
 namespace tileflight::metrics {
 namespace {

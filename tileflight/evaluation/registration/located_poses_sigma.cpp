@@ -4,8 +4,8 @@
 #include <cmath>
 #include <limits>
 
-#include "tileflight/core/alignment/jackknife.h"
-#include "tileflight/core/alignment/pose_alignment.h"
+#include "tileflight/core/alignment/umeyama.h"
+#include "tileflight/core/alignment/uncertainty.h"
 
 namespace tileflight::registration {
 

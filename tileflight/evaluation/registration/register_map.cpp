@@ -5,8 +5,8 @@
 #include <cmath>
 #include <numbers>
 
-#include "tileflight/core/alignment/jackknife.h"
 #include "tileflight/core/alignment/similarity_chart.h"
+#include "tileflight/core/alignment/uncertainty.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/evaluation/registration/recognized_places.h"
 #include "tileflight/evaluation/registration/registration_warnings.h"

@@ -5,13 +5,13 @@
 #include <algorithm>
 #include <cmath>
 
-#include "tileflight/core/alignment/constraint.h"
 #include "tileflight/core/alignment/fixed_point.h"
 #include "tileflight/core/alignment/matcher.h"
 #include "tileflight/core/alignment/ordered_sum.h"
+#include "tileflight/core/alignment/plane_system.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/order_statistics.h"
-#include "tileflight/core/geometry/morton_order.h"
+#include "tileflight/core/geometry/point_order.h"
 #include "tileflight/evaluation/registration/surface_information.h"
 
 namespace tileflight::registration {

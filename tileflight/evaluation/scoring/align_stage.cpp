@@ -4,10 +4,8 @@
 
 #include "tileflight/core/alignment/align_globally.h"
 #include "tileflight/core/alignment/align_map.h"
-#include "tileflight/core/alignment/coarse_alignment.h"
-#include "tileflight/core/alignment/find_regions.h"
-#include "tileflight/core/alignment/gravity.h"
-#include "tileflight/core/alignment/region_list.h"
+#include "tileflight/core/alignment/align_trajectory.h"
+#include "tileflight/core/alignment/regions.h"
 #include "tileflight/core/alignment/transform_file.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"

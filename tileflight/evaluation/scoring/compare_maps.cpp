@@ -8,7 +8,6 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/json_file.h"
 #include "tileflight/core/base/output_folder.h"
 #include "tileflight/evaluation/metrics/map_table.h"
 #include "tileflight/evaluation/metrics/rank_correlation.h"

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <map>
 
+#include "tileflight/core/base/document_value.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/known_keys.h"
-#include "tileflight/core/base/string_lists.h"
 
 namespace tileflight::scoring {
 namespace fs = std::filesystem;

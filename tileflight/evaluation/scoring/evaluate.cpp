@@ -6,13 +6,13 @@
 #include <optional>
 #include <utility>
 
-#include "tileflight/core/alignment/pose_alignment.h"
-#include "tileflight/core/alignment/region_list.h"
+#include "tileflight/core/alignment/regions.h"
 #include "tileflight/core/alignment/transform_file.h"
+#include "tileflight/core/alignment/umeyama.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/geometry/cloud_files.h"
-#include "tileflight/core/geometry/ply_cloud.h"
+#include "tileflight/core/geometry/ply.h"
 #include "tileflight/evaluation/metrics/distances.h"
 #include "tileflight/evaluation/metrics/metrics.h"
 #include "tileflight/evaluation/metrics/metrics_file.h"

@@ -12,7 +12,7 @@
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/warning.h"
 #include "tileflight/core/geometry/json_numbers.h"
-#include "tileflight/core/geometry/trajectory_files.h"
+#include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/evaluation/scoring/map_inputs.h"
 
 namespace tileflight::scoring {

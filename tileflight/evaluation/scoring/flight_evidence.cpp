@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "tileflight/core/alignment/gravity.h"
+#include "tileflight/core/alignment/align_trajectory.h"
 #include "tileflight/core/imaging/image_files.h"
 #include "tileflight/evaluation/localization/ground_planes.h"
 

@@ -5,7 +5,7 @@
 #include <functional>
 #include <optional>
 
-#include "tileflight/core/geometry/ply_cloud.h"
+#include "tileflight/core/geometry/ply.h"
 
 namespace tileflight::scoring {
 

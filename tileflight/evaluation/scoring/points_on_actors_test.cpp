@@ -9,7 +9,7 @@
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 #include "tileflight/core/base/files.h"
-#include "tileflight/core/geometry/trajectory_files.h"
+#include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/data/dataset/dataset.h"
 #include "tileflight/evaluation/scoring/warnings.h"
 

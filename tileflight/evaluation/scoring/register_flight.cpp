@@ -7,9 +7,9 @@
 #include <numbers>
 
 #include "tileflight/core/alignment/align_globally.h"
-#include "tileflight/core/alignment/coarse_alignment.h"
+#include "tileflight/core/alignment/align_map.h"
+#include "tileflight/core/alignment/align_trajectory.h"
 #include "tileflight/core/alignment/global_registration.h"
-#include "tileflight/core/alignment/gravity.h"
 #include "tileflight/core/alignment/transform_file.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/warning.h"

@@ -12,13 +12,10 @@
 #include <utility>
 
 #include "tileflight/core/base/files.h"
-#include "tileflight/core/base/folder_marker.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/make_folder.h"
 #include "tileflight/core/base/output_folder.h"
 #include "tileflight/experiments/experiment/link_files.h"
 #include "tileflight/world/place/extract.h"
-#include "tileflight/tiles/demo_place/stadium.h"
 
 namespace tileflight::experiment {
 namespace fs = std::filesystem;
@@ -82,9 +79,7 @@ SharedKind shared_truths(const std::string& source) {
   return {.command = "extract", .name = "truth", .adapt = name_source};
 }
 
-SharedKind shared_places() {
-  return {.command = "scene", .name = "built-in place", .legacy = demo_place::legacy_stadium_folder()};
-}
+SharedKind shared_places() { return {.command = "scene", .name = "built-in place"}; }
 
 FolderCache::FolderCache(fs::path folder, SharedKind kind, bool refresh, const Progress& progress)
     : folder_(std::move(folder)), kind_(std::move(kind)), refresh_(refresh), progress_(progress) {}
@@ -111,8 +106,7 @@ void FolderCache::make(const std::string& key, const fs::path& to, const Write& 
 
 /// False if the entry is removed meanwhile.
 bool FolderCache::link(const std::string& key, const fs::path& to) const {
-  const base::OutputFolder output{
-      .folder = to, .command = kind_.command, .replace = true, .inputs = {}, .legacy = kind_.legacy};
+  const base::OutputFolder output{.folder = to, .command = kind_.command, .replace = true};
   base::require_writable(output);
   try {
     base::write_folder(output, [&](const fs::path& temporary) {

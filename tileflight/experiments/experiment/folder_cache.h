@@ -11,9 +11,8 @@ namespace tileflight::experiment {
 
 /// A kind of folder that several runs share.
 struct SharedKind {
-  std::string command;                 ///< that writes it (base::OutputFolder)
-  std::string name;                    ///< "truth"
-  base::LegacyFolderPattern legacy{};  ///< of earlier ones
+  std::string command;  ///< that writes it (base::OutputFolder)
+  std::string name;     ///< "truth"
   /// Changes what a run's copy of an entry tells of its inputs, which may lie elsewhere; empty: nothing.
   std::function<void(const std::filesystem::path& folder)> adapt{};
 };

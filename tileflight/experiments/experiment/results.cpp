@@ -4,8 +4,7 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/json_file.h"
-#include "tileflight/core/base/version.h"
+#include "tileflight/core/base/program.h"
 #include "tileflight/core/base/warning.h"
 #include "tileflight/data/dataset/dataset.h"
 #include "tileflight/evaluation/metrics/published_results.h"

@@ -1,16 +1,14 @@
 #include <gmock/gmock.h>
-#include <nlohmann/json.hpp>
 
 #include <cmath>
+#include <nlohmann/json.hpp>
 
-#include "tileflight/core/imaging/image_files.h"
-#include "tileflight/core/drawing/axis_ticks.h"
 #include "tileflight/core/drawing/chart.h"
-#include "tileflight/experiments/report/frame_pairs.h"
-#include "tileflight/core/drawing/thumbnail.h"
 #include "tileflight/core/drawing/number_format.h"
-#include "tileflight/core/drawing/palette_png.h"
+#include "tileflight/core/drawing/page_image.h"
 #include "tileflight/core/drawing/top_view.h"
+#include "tileflight/core/imaging/image_files.h"
+#include "tileflight/experiments/report/frame_pairs.h"
 
 namespace tileflight::report::figures_test {
 namespace {
@@ -47,8 +45,9 @@ TEST(Numbers, AreFoundInJsonOrNot) {
 }
 
 TEST(Scale, TicksAreRoundAndInside) {
-  EXPECT_THAT(drawing::nice_ticks(0, 1, 5), ElementsAre(0, testing::DoubleNear(0.2, 1e-12), testing::DoubleNear(0.4, 1e-12),
-                                               testing::DoubleNear(0.6, 1e-12), testing::DoubleNear(0.8, 1e-12), 1));
+  EXPECT_THAT(drawing::nice_ticks(0, 1, 5),
+              ElementsAre(0, testing::DoubleNear(0.2, 1e-12), testing::DoubleNear(0.4, 1e-12),
+                          testing::DoubleNear(0.6, 1e-12), testing::DoubleNear(0.8, 1e-12), 1));
   EXPECT_THAT(drawing::nice_ticks(-37, 42, 4), ElementsAre(-30, -20, -10, 0, 10, 20, 30, 40));
   EXPECT_THAT(drawing::nice_ticks(3, 3, 4), ElementsAre(3));
   EXPECT_EQ(drawing::tick_text(0.6000000001, 0.2), "0.6");
@@ -70,7 +69,8 @@ TEST(drawing::Chart, CumulativeIsTheShareOfAllPoints) {
 }
 
 TEST(drawing::Chart, OutlineFollowsTheBins) {
-  EXPECT_THAT(drawing::histogram_outline({0, 1, 3}, {5, 7}), ElementsAre(Vec2(0, 5), Vec2(1, 5), Vec2(1, 7), Vec2(3, 7)));
+  EXPECT_THAT(drawing::histogram_outline({0, 1, 3}, {5, 7}),
+              ElementsAre(Vec2(0, 5), Vec2(1, 5), Vec2(1, 7), Vec2(3, 7)));
 }
 
 TEST(drawing::Chart, NamesAreEscaped) {
@@ -141,8 +141,9 @@ TEST(drawing::TopView, ExtentHoldsThePointsAndLeavesOutliersAway) {
 }
 
 TEST(drawing::TopView, RoomyExtentsAreNeverNarrow) {
-  const drawing::GroundExtent tall = drawing::limit_aspect_ratio({0, 10, 0, 100}), wide = drawing::limit_aspect_ratio({0, 100, 5, 6}),
-                     square = drawing::limit_aspect_ratio({0, 90, 0, 100});
+  const drawing::GroundExtent tall = drawing::limit_aspect_ratio({0, 10, 0, 100}),
+                              wide = drawing::limit_aspect_ratio({0, 100, 5, 6}),
+                              square = drawing::limit_aspect_ratio({0, 90, 0, 100});
   EXPECT_DOUBLE_EQ(tall.width_m(), 75);
   EXPECT_DOUBLE_EQ(tall.west + tall.east, 10);
   EXPECT_DOUBLE_EQ(wide.height_m(), 75);

@@ -1,10 +1,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tileflight/core/drawing/number_format.h"
+#include "tileflight/core/drawing/page_image.h"
 #include "tileflight/experiments/report/figures.h"
 #include "tileflight/experiments/report/frame_pairs.h"
-#include "tileflight/core/drawing/thumbnail.h"
-#include "tileflight/core/drawing/number_format.h"
 
 namespace tileflight::report {
 namespace {
@@ -18,22 +18,25 @@ std::string seconds_text(double time_s) { return drawing::format_fixed(time_s, 2
 drawing::Html frame_cell(const FlightRun& flight, const FrameFile& frame, const std::string& camera = "") {
   const std::string by = camera.empty() ? "" : ", camera " + camera;
   const std::string alt = flight.label + " flight" + by + ", image at " + seconds_text(frame.time_s);
-  const drawing::Html image = drawing::empty_element("img", {{"src", drawing::thumbnail_uri(frame.image, kThumbnailPixels)}, {"alt", alt}});
-  return drawing::element("div", {{"class", "frame " + flight.key}},
-                 image + drawing::element("p", drawing::text(flight.label + by + ", " + seconds_text(frame.time_s))));
+  const drawing::Html image =
+      drawing::empty_element("img", {{"src", drawing::thumbnail_uri(frame.image, kThumbnailPixels)}, {"alt", alt}});
+  return drawing::element(
+      "div", {{"class", "frame " + flight.key}},
+      image + drawing::element("p", drawing::text(flight.label + by + ", " + seconds_text(frame.time_s))));
 }
 
 std::string pair_note(const FramePair& pair) {
   if (!pair.distance_m) return "";
-  return "Cameras " + drawing::format_fixed(pair.distance_m, 1) + " m and " + drawing::format_fixed(pair.angle_deg, 0) + "\u00B0 apart.";
+  return "Cameras " + drawing::format_fixed(pair.distance_m, 1) + " m and " + drawing::format_fixed(pair.angle_deg, 0) +
+         "\u00B0 apart.";
 }
 
 drawing::Html pairs_of(const FlightRun& first, const FlightRun& second, const std::vector<FramePair>& pairs) {
   drawing::Html rows;
   for (const FramePair& pair : pairs) {
     rows += drawing::element("div", {{"class", "pair"}},
-                    frame_cell(first, pair.first) + frame_cell(second, pair.second) +
-                        drawing::element("p", {{"class", "note"}}, drawing::text(pair_note(pair))));
+                             frame_cell(first, pair.first) + frame_cell(second, pair.second) +
+                                 drawing::element("p", {{"class", "note"}}, drawing::text(pair_note(pair))));
   }
   return rows;
 }
@@ -52,9 +55,10 @@ drawing::Html other_cameras_of(const FlightRun& flight, const std::vector<FrameF
     const CameraFrames& camera = flight.other_cameras[c];
     drawing::Html cells;
     for (const FrameFile& frame : shown) cells += frame_cell(flight, nearest(camera.frames, frame.time_s), camera.name);
-    all += drawing::element("details", {{"class", "camera"}},
-                   drawing::element("summary", drawing::text(flight.label + " flight, camera " + camera.name)) +
-                       drawing::element("div", {{"class", "pair"}}, cells));
+    all +=
+        drawing::element("details", {{"class", "camera"}},
+                         drawing::element("summary", drawing::text(flight.label + " flight, camera " + camera.name)) +
+                             drawing::element("div", {{"class", "pair"}}, cells));
   }
   return all;
 }
@@ -93,7 +97,8 @@ drawing::Figure frames_figure(const RunFolder& run) {
   const std::vector<FrameFile> shown = pick_evenly(flights[0]->frames, 2 * kPairs);
   drawing::Html cells;
   for (const FrameFile& frame : shown) cells += frame_cell(*flights[0], frame);
-  return {"frames", "frames", drawing::element("div", {{"class", "pair"}}, cells) + other_cameras_of(*flights[0], shown),
+  return {"frames", "frames",
+          drawing::element("div", {{"class", "pair"}}, cells) + other_cameras_of(*flights[0], shown),
           "Images of the " + flights[0]->label + " flight." + camera_note(flights)};
 }
 

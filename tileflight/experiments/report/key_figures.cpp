@@ -4,7 +4,7 @@
 #include <functional>
 #include <nlohmann/json.hpp>
 
-#include "tileflight/core/base/text_fields.h"
+#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/core/drawing/number_format.h"
 #include "tileflight/experiments/report/map_comparison_tables.h"
 #include "tileflight/experiments/report/warnings_panel.h"

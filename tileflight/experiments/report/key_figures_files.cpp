@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "tileflight/core/base/files.h"
-#include "tileflight/core/base/text_fields.h"
+#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/core/drawing/number_format.h"
 
 namespace tileflight::report {
@@ -15,7 +15,8 @@ namespace {
 
 std::string csv_line(const std::string& label, const std::vector<std::string>& cells) {
   std::string line = base::csv_field(label);
-  for (const std::string& cell : cells) line += ',' + (cell == drawing::kUnknown ? std::string() : base::csv_field(cell));
+  for (const std::string& cell : cells)
+    line += ',' + (cell == drawing::kUnknown ? std::string() : base::csv_field(cell));
   return line + "\r\n";
 }
 

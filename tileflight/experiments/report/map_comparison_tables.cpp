@@ -1,14 +1,13 @@
 #include "tileflight/experiments/report/map_comparison_tables.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <cmath>
+#include <nlohmann/json.hpp>
 #include <vector>
 
-#include "tileflight/core/base/text_fields.h"
-#include "tileflight/experiments/report/key_figures.h"
+#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/core/drawing/number_format.h"
+#include "tileflight/experiments/report/key_figures.h"
 
 namespace tileflight::report {
 namespace {
@@ -76,7 +75,8 @@ std::string value_text(const MetricEntry& c, const char* flight) {
 /// The judged quantity: "1.43", "+8.3 points".
 std::string judged_text(const MetricEntry& c, const std::string& pointer) {
   const auto value = drawing::number_at(c.values, pointer);
-  if (c.by_ratio()) return drawing::format_shortest(value ? std::optional(std::round(*value * 1000) / 1000) : std::nullopt);
+  if (c.by_ratio())
+    return drawing::format_shortest(value ? std::optional(std::round(*value * 1000) / 1000) : std::nullopt);
   if (!c.wording.is_share) return drawing::format_signed(value, c.wording.decimals);
   return drawing::format_signed(value ? std::optional(100 * *value) : std::nullopt, 1);
 }
@@ -91,7 +91,8 @@ std::string interval_text(const MetricEntry& c) {
 std::string margin_text(const MetricEntry& c) {
   const auto margin = drawing::number_at(c.values, "/margin"), or_within = drawing::number_at(c.values, "/or_within");
   if (!c.by_ratio()) return drawing::format_shortest(margin ? std::optional(100 * *margin) : std::nullopt) + " points";
-  return "\u00D7" + drawing::format_shortest(margin) + (or_within ? " or " + drawing::format_shortest(or_within) + "\u00A0m" : "");
+  return "\u00D7" + drawing::format_shortest(margin) +
+         (or_within ? " or " + drawing::format_shortest(or_within) + "\u00A0m" : "");
 }
 
 std::string judged_and_unit(const MetricEntry& c) {
@@ -113,8 +114,8 @@ std::string phrase_of(const MetricEntry& c, const std::string& second) {
   if (c.by_ratio()) {
     words += judged_text(c, "/ratio") + " times the " + second + "'s";
   } else {
-    words += drawing::format_fixed(100 * std::abs(*value), 1) + " percentage points " + (*value < 0 ? "below" : "above") +
-             " the " + second + "'s";
+    words += drawing::format_fixed(100 * std::abs(*value), 1) + " percentage points " +
+             (*value < 0 ? "below" : "above") + " the " + second + "'s";
   }
   const std::string interval = interval_text(c);
   const std::string same = c.by_ratio() ? margin_text(c).substr(std::string("\u00D7").size()) : margin_text(c);
@@ -177,11 +178,14 @@ Table missing_parts_table(const json& results) {
       {"East, north, up, m", "Diameter, m", "Simulated points", second + " points", "Missing in"},
       {}};
   for (const json& part : comparison.at(place)) {
-    const auto at = [&](const char* axis) { return drawing::format_fixed(drawing::number_at(part, std::string("/center/") + axis), 0); };
-    table.rows.push_back({at("0") + ", " + at("1") + ", " + at("2"), drawing::format_shortest(drawing::number_at(part, "/edge")),
-                          drawing::format_count(drawing::number_at(part, "/points/simulated")),
-                          drawing::format_count(drawing::number_at(part, "/points/real")),
-                          drawing::text_at(part, "/lacks").value_or("") == "simulated" ? "simulated" : base::to_lower(second)});
+    const auto at = [&](const char* axis) {
+      return drawing::format_fixed(drawing::number_at(part, std::string("/center/") + axis), 0);
+    };
+    table.rows.push_back(
+        {at("0") + ", " + at("1") + ", " + at("2"), drawing::format_shortest(drawing::number_at(part, "/edge")),
+         drawing::format_count(drawing::number_at(part, "/points/simulated")),
+         drawing::format_count(drawing::number_at(part, "/points/real")),
+         drawing::text_at(part, "/lacks").value_or("") == "simulated" ? "simulated" : base::to_lower(second)});
   }
   return table;
 }

@@ -3,12 +3,12 @@
 #include <map>
 
 #include "tileflight/core/base/order_statistics.h"
-#include "tileflight/core/base/text_fields.h"
+#include "tileflight/core/base/text_parsing.h"
+#include "tileflight/core/drawing/number_format.h"
+#include "tileflight/core/drawing/top_view.h"
 #include "tileflight/experiments/report/figures.h"
 #include "tileflight/experiments/report/key_figures.h"
 #include "tileflight/experiments/report/map_errors.h"
-#include "tileflight/core/drawing/number_format.h"
-#include "tileflight/core/drawing/top_view.h"
 
 namespace tileflight::report {
 namespace {
@@ -34,9 +34,12 @@ drawing::GroundExtent extent_of_run(const RunFolder& run) {
 }
 
 drawing::Html layer_switch(const std::string& layer, const std::string& name) {
-  const drawing::Html box = drawing::empty_element("input", {{"type", "checkbox"}, {"id", "show-" + layer}, {"checked", "checked"}});
-  return drawing::element("label", {{"class", layer}},
-                 box + drawing::element("span", {{"class", "swatch"}, {"aria-hidden", "true"}}, drawing::Html()) + drawing::text(name));
+  const drawing::Html box =
+      drawing::empty_element("input", {{"type", "checkbox"}, {"id", "show-" + layer}, {"checked", "checked"}});
+  return drawing::element(
+      "label", {{"class", layer}},
+      box + drawing::element("span", {{"class", "swatch"}, {"aria-hidden", "true"}}, drawing::Html()) +
+          drawing::text(name));
 }
 
 drawing::Html switches(const RunFolder& run) {
@@ -50,11 +53,12 @@ drawing::Html switches(const RunFolder& run) {
 
 drawing::TopView error_view(const FlightRun& flight, const drawing::GroundExtent& extent, double highest) {
   drawing::TopView view{flight.label + " map coloured by error",
-               "Map points from above; blue is near the surface, red far",
-               extent,
-               {},
-               {}};
-  view.images.push_back({"errors", drawing::draw_values(extent, flight.errors->positions, *best_distances(flight), highest)});
+                        "Map points from above; blue is near the surface, red far",
+                        extent,
+                        {},
+                        {}};
+  view.images.push_back(
+      {"errors", drawing::draw_values(extent, flight.errors->positions, *best_distances(flight), highest)});
   return view;
 }
 
@@ -116,21 +120,24 @@ std::vector<std::vector<std::string>> errors_on_ground(const FlightRun& flight) 
 
 double color_limit(const RunFolder& run) {
   for (const FlightRun& flight : run.flights) {
-    if (const auto cutoff_m = drawing::number_at(flight.values, "/map/cutoff"); cutoff_m && *cutoff_m > 0) return *cutoff_m;
+    if (const auto cutoff_m = drawing::number_at(flight.values, "/map/cutoff"); cutoff_m && *cutoff_m > 0)
+      return *cutoff_m;
   }
   return 1.0;
 }
 
 drawing::Figure maps_figure(const RunFolder& run) {
   drawing::TopView view{"Ground truth and maps from above",
-               "Ground truth in green, simulated map in blue, second map in red",
-               extent_of_run(run),
-               {},
-               {}};
-  if (run.voxel_centers) view.images.push_back({"truth", drawing::draw_voxels(view.extent, *run.voxel_centers, run.voxel_m)});
+                        "Ground truth in green, simulated map in blue, second map in red",
+                        extent_of_run(run),
+                        {},
+                        {}};
+  if (run.voxel_centers)
+    view.images.push_back({"truth", drawing::draw_voxels(view.extent, *run.voxel_centers, run.voxel_m)});
   for (const FlightRun& flight : run.flights) {
     if (flight.errors)
-      view.images.push_back({flight.key, drawing::draw_points(view.extent, flight.errors->positions, color_of(flight))});
+      view.images.push_back(
+          {flight.key, drawing::draw_points(view.extent, flight.errors->positions, color_of(flight))});
   }
   if (view.images.empty()) return {};
   std::string caption = "From above: ground truth in green (light is high)";
@@ -151,15 +158,16 @@ drawing::Figure error_maps_figure(const RunFolder& run) {
   const bool to_surface = std::all_of(run.flights.begin(), run.flights.end(), [](const FlightRun& flight) {
     return best_distances(flight) == nullptr || find_scalar(flight, "surface_distance") != nullptr;
   });
-  const drawing::Drawing colors =
-      drawing::color_bar(highest, to_surface ? "distance to the exact surface, m" : "distance to the nearest voxel centre, m");
+  const drawing::Drawing colors = drawing::color_bar(
+      highest, to_surface ? "distance to the exact surface, m" : "distance to the nearest voxel centre, m");
   drawing::Figure figure{"error-maps", "error-maps"};
   drawing::Html maps;
   for (const FlightRun& flight : run.flights) {
     if (best_distances(flight) == nullptr) continue;
     const drawing::TopView view = error_view(flight, extent, highest);
     const drawing::Drawing drawing = drawing::to_drawing(view);
-    maps += drawing::element("div", {{"class", "error-map"}}, drawing::element("h3", drawing::text(flight.label)) + drawing::on_page(drawing));
+    maps += drawing::element("div", {{"class", "error-map"}},
+                             drawing::element("h3", drawing::text(flight.label)) + drawing::on_page(drawing));
     figure.files.push_back(
         {"error-map-" + flight.key + ".svg", "image/svg+xml", drawing::svg_file(view.title, {drawing, colors})});
     figure.files.push_back({"error-map-" + flight.key + ".csv", "text/csv", drawing::to_csv(errors_on_ground(flight))});

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/core/drawing/figure.h"
+#include "tileflight/core/drawing/drawing.h"
 #include "tileflight/experiments/report/key_figures.h"
 #include "tileflight/experiments/report/run_folder.h"
 #include "tileflight/experiments/report/tables.h"
@@ -21,8 +21,8 @@ struct NamedTable {
 struct ReportContents {
   std::string name, verdict, remark_on_floor;
   KeyFigures key_figures;
-  std::vector<drawing::Figure> figures;     ///< only those with data
-  std::vector<NamedTable> tables;  ///< only those with data
+  std::vector<drawing::Figure> figures;  ///< only those with data
+  std::vector<NamedTable> tables;        ///< only those with data
   std::vector<std::string> missing;
 
   /// The figure or table with this id; empty if the run has no data for it.

@@ -5,8 +5,6 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/json_file.h"
-#include "tileflight/core/drawing/axis_ticks.h"
 #include "tileflight/core/drawing/number_format.h"
 #include "tileflight/core/drawing/top_view.h"
 #include "tileflight/experiments/report/chart_figure.h"

@@ -9,14 +9,14 @@
 #include <set>
 
 #include "tileflight/core/base/raw_bytes.h"
+#include "tileflight/core/drawing/number_format.h"
+#include "tileflight/core/drawing/page_image.h"
+#include "tileflight/core/drawing/top_view.h"
 #include "tileflight/core/geometry/json_numbers.h"
 #include "tileflight/core/imaging/image_files.h"
 #include "tileflight/experiments/report/data_blocks.h"
 #include "tileflight/experiments/report/figures.h"
 #include "tileflight/experiments/report/frame_pairs.h"
-#include "tileflight/core/drawing/thumbnail.h"
-#include "tileflight/core/drawing/number_format.h"
-#include "tileflight/core/drawing/top_view.h"
 
 namespace tileflight::report {
 namespace {

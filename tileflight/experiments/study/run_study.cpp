@@ -4,10 +4,9 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/make_folder.h"
-#include "tileflight/experiments/study/study_results.h"
-#include "tileflight/core/jobs/folder_lock.h"
+#include "tileflight/core/jobs/build_folder.h"
 #include "tileflight/core/jobs/run_tasks.h"
+#include "tileflight/experiments/study/study_results.h"
 
 namespace tileflight::study {
 namespace fs = std::filesystem;

@@ -5,8 +5,8 @@
 #include <string>
 
 #include "tileflight/core/base/progress.h"
+#include "tileflight/core/jobs/run_tasks.h"
 #include "tileflight/experiments/study/study_plan.h"
-#include "tileflight/core/jobs/task.h"
 
 namespace tileflight::study {
 

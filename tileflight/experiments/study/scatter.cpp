@@ -5,7 +5,6 @@
 #include <cmath>
 #include <limits>
 
-#include "tileflight/core/drawing/axis_ticks.h"
 #include "tileflight/core/drawing/number_format.h"
 
 namespace tileflight::study {

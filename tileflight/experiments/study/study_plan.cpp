@@ -6,24 +6,22 @@
 #include <sstream>
 
 #include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/number_text.h"
-#include "tileflight/core/base/program_path.h"
-#include "tileflight/core/base/shell_word.h"
+#include "tileflight/core/base/program.h"
+#include "tileflight/core/jobs/run_tasks.h"
 #include "tileflight/experiments/experiment/experiment_file.h"
 #include "tileflight/experiments/experiment/file_hash_cache.h"
 #include "tileflight/experiments/experiment/results.h"
-#include "tileflight/core/base/version.h"
-#include "tileflight/core/jobs/run_tasks.h"
 
 namespace tileflight::study {
 namespace fs = std::filesystem;
 namespace {
 
 using base::shell_word;
-using nlohmann::json;
 using jobs::marker_of;
 using jobs::Task;
+using nlohmann::json;
 
 /// Hash of the files below a folder, by name and content.
 std::string folder_hash(const fs::path& folder) {

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "tileflight/core/jobs/run_tasks.h"
 #include "tileflight/experiments/study/study_file.h"
-#include "tileflight/core/jobs/task.h"
 
 namespace tileflight::study {
 

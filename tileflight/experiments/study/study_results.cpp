@@ -6,9 +6,8 @@
 #include <nlohmann/json.hpp>
 
 #include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/json_file.h"
-#include "tileflight/core/base/number_text.h"
 #include "tileflight/experiments/study/study_page.h"
 #include "tileflight/experiments/study/study_ranking.h"
 #include "tileflight/experiments/study/study_tables.h"

@@ -12,8 +12,8 @@
 #include <thread>
 #include <utility>
 
+#include "tileflight/core/base/hash.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/sha256.h"
 #include "tileflight/live/rpc/codec.h"
 #include "tileflight/live/rpc/message_scanner.h"
 #include "tileflight/live/simulator/simulation_clock.h"

@@ -4,8 +4,8 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 
+#include "tileflight/core/base/raw_bytes.h"
 #include "tileflight/data/dataset/ros_messages.h"
-#include "tileflight/core/drawing/html.h"
 
 namespace tileflight::publishing {
 namespace {
@@ -82,7 +82,7 @@ std::string scene_update(const std::string& glb, const std::string& frame_id, st
       {"override_color", false},
       {"url", ""},
       {"media_type", "model/gltf-binary"},
-      {"data", drawing::base64(glb)}};
+      {"data", base::base64(glb)}};
   const json entity = {{"timestamp", time_json(time_ns)},
                        {"frame_id", frame_id},
                        {"id", "place"},

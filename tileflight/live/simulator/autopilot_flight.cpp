@@ -11,10 +11,10 @@
 #include <optional>
 
 #include "tileflight/capture/vehicle/vehicle_flight.h"
+#include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/number_text.h"
-#include "tileflight/core/base/temporary_path.h"
-#include "tileflight/core/jobs/started_command.h"
+#include "tileflight/core/jobs/process.h"
 #include "tileflight/live/simulator/frames.h"
 
 namespace tileflight::simulator {
@@ -179,16 +179,19 @@ class FlightWatch {
  public:
   FlightWatch(const vehicle::AutopilotPlan& plan, const AutopilotEndpoint& at, FlightRecord& record)
       : plan_(plan), at_(at), record_(record) {
-    if (!plan.command.empty()) command_.emplace(command_line(plan, at), plan.folder, log_);
+    if (!plan.command.empty())
+      command_.emplace(jobs::Command{
+          .words = jobs::shell(command_line(plan, at)), .folder = plan.folder, .log = log_, .log_permissions = 0600});
   }
 
   void run(const Progress& progress) {
     while (!record_.wait()) {
       const double silent_s = record_.silent_s();
-      const auto end = command_ ? command_->end() : std::nullopt;
+      const auto end = command_ ? command_->exit_status() : std::nullopt;
       const bool begun = record_.steps() > 0;
       if (end && silent_s > kAfterCommand_s)
-        fail("`" + plan_.command + "` has ended (" + *end + ") " + (begun ? "before it had landed" : "without a step"));
+        fail("`" + plan_.command + "` has ended (" + jobs::describe_exit(*end) + ") " +
+             (begun ? "before it had landed" : "without a step"));
       if (!begun && since_start_s() > plan_.connect_timeout_s)
         fail("nobody has flown the vehicle " + text_of(plan_.connect_timeout_s) +
              " after the start (connect_timeout_s)");
@@ -200,7 +203,7 @@ class FlightWatch {
 
  private:
   [[noreturn]] void fail(const std::string& what) const {
-    const std::string printed = command_ ? command_->last_line() : "";
+    const std::string printed = command_ ? jobs::last_line(log_) : "";
     throw InputError("autopilot at " + at_.address + ":" + std::to_string(at_.port) + " (" + at_.protocol + ")",
                      what + ", " + base::rounded_text(record_.elapsed_s(), 1) + " s after its start" +
                          (printed.empty() ? "" : "; it printed last: " + printed));
@@ -214,7 +217,7 @@ class FlightWatch {
   std::filesystem::path log_ =
       base::make_temporary_path(std::filesystem::temp_directory_path() / "tileflight-autopilot.log");
   base::RemovedOnExit log_removal_{log_};
-  std::optional<jobs::StartedCommand> command_;
+  std::optional<jobs::Process> command_;
   WallClock::time_point started_ = WallClock::now();
 };
 

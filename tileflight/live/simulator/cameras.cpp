@@ -4,10 +4,11 @@
 #include <set>
 #include <utility>
 
-#include "tileflight/core/base/elapsed_time.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/imaging/png_rgba.h"
+#include "tileflight/core/base/progress.h"
+#include "tileflight/core/imaging/image_files.h"
 #include "tileflight/live/simulator/frames.h"
+#include "tileflight/live/simulator/settings.h"
 #include "tileflight/live/simulator/world.h"
 #include "tileflight/tiles/tileset/view_criteria.h"
 

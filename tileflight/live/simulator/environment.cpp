@@ -6,7 +6,7 @@
 
 #include "tileflight/capture/render/solar_position.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/require.h"
+#include "tileflight/core/base/strict_section.h"
 #include "tileflight/core/base/text_parsing.h"
 #include "tileflight/live/simulator/frames.h"
 #include "tileflight/live/simulator/world.h"

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/require.h"
+#include "tileflight/core/base/strict_section.h"
 #include "tileflight/live/simulator/frames.h"
 #include "tileflight/live/simulator/world.h"
 

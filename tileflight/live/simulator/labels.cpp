@@ -2,7 +2,7 @@
 
 #include <map>
 
-#include "tileflight/core/base/text_fields.h"
+#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/live/simulator/frames.h"
 #include "tileflight/live/simulator/world.h"
 

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <string_view>
 
+#include "tileflight/core/base/hash.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/sha256.h"
 
 namespace tileflight::simulator {
 namespace {

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/require.h"
 #include "tileflight/core/base/strict_section.h"
 #include "tileflight/live/simulator/frames.h"
 

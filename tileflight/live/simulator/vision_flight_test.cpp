@@ -6,7 +6,7 @@
 #include <random>
 
 #include "tests/refusal.h"
-#include "tileflight/core/base/temporary_path.h"
+#include "tileflight/core/base/files.h"
 #include "tileflight/live/autopilot/test_vision_autopilot.h"
 #include "tileflight/live/simulator/test_world.h"
 #include "tileflight/live/simulator/vision_input.h"

@@ -5,8 +5,8 @@
 #include <variant>
 
 #include "tileflight/capture/vehicle/vehicle.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/number_text.h"
 #include "tileflight/live/simulator/frames.h"
 #include "tileflight/live/simulator/settings.h"
 #include "tileflight/live/simulator/simulation_clock.h"

@@ -7,8 +7,8 @@
 #include <iterator>
 #include <limits>
 
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/string_lists.h"
 #include "tileflight/live/simulator/settings.h"
 #include "tileflight/tiles/fetch/open_source.h"
 #include "tileflight/tiles/fetch/terms.h"

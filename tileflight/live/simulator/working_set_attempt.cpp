@@ -5,8 +5,8 @@
 #include <exception>
 #include <map>
 
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/string_lists.h"
 #include "tileflight/live/simulator/working_set.h"
 #include "tileflight/tiles/fetch/terms.h"
 #include "tileflight/tiles/tileset/cut_reader.h"

@@ -16,7 +16,8 @@
 #include <utility>
 #include <vector>
 
-#include "tileflight/core/base/require.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/strict_section.h"
 #include "tileflight/live/simulator/autopilot_ports.h"
 #include "tileflight/live/simulator/detections.h"
 #include "tileflight/live/simulator/image_renderer.h"

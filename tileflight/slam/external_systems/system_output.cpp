@@ -8,7 +8,7 @@
 #include <sstream>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/geometry/trajectory_files.h"
+#include "tileflight/core/geometry/trajectory.h"
 
 namespace tileflight::external_systems {
 namespace fs = std::filesystem;

@@ -9,7 +9,7 @@
 #include <numeric>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/geometry/angles.h"
+#include "tileflight/core/geometry/transform.h"
 #include "tileflight/slam/inertial/gyroscope_comparison.h"
 #include "tileflight/slam/inertial/imu_check.h"
 #include "tileflight/slam/inertial/inertial_start.h"

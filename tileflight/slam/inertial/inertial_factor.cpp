@@ -1,6 +1,6 @@
 #include "tileflight/slam/inertial/inertial_factor.h"
 
-#include "tileflight/core/geometry/so3_jacobians.h"
+#include "tileflight/core/geometry/transform.h"
 
 namespace tileflight::inertial {
 

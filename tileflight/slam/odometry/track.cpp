@@ -185,11 +185,8 @@ void with_pictures_folder(const fs::path& pictures, const base::OutputFolder& ou
   if (pictures.empty()) return work({});
   const fs::path inside = base::resolve_folder(pictures).lexically_relative(base::resolve_folder(out.folder));
   if (!inside.empty() && *inside.begin() != "..") return work(temporary / inside);
-  const base::OutputFolder folder{.folder = pictures,
-                                  .command = "odometry",
-                                  .replace = out.replace,
-                                  .inputs = out.inputs,
-                                  .legacy = {.files = {"######.png"}}};
+  const base::OutputFolder folder{
+      .folder = pictures, .command = "odometry", .replace = out.replace, .inputs = out.inputs};
   base::write_folder(folder, work);
 }
 

@@ -5,7 +5,6 @@
 #include <cstdint>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/text_fields.h"
 #include "tileflight/core/base/text_parsing.h"
 
 namespace tileflight::mesh_files {

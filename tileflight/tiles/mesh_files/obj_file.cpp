@@ -6,7 +6,6 @@
 #include <optional>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/text_fields.h"
 #include "tileflight/core/base/text_parsing.h"
 
 namespace tileflight::mesh_files {

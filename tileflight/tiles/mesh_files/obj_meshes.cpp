@@ -9,7 +9,7 @@
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/srgb.h"
-#include "tileflight/core/base/text_fields.h"
+#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/core/imaging/image_files.h"
 #include "tileflight/tiles/mesh_files/mapped_file.h"
 #include "tileflight/tiles/mesh_files/mtl_file.h"

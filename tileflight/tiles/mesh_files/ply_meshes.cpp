@@ -11,7 +11,7 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/text_fields.h"
+#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/core/geometry/ply.h"
 #include "tileflight/core/imaging/image_files.h"
 #include "tileflight/tiles/mesh_files/indexed_faces.h"
@@ -191,9 +191,9 @@ class PlyReader {
   std::uint32_t uvs_ = 0;
   bool vertex_uv_ = false;
   std::vector<mesh_files::FaceCorner> corners_;  ///< of the face being read
-  std::vector<double> corner_uv_;                    ///< likewise
-  double picture_ = 0;                               ///< likewise
-  double used_picture_ = -1;                         ///< of the face before
+  std::vector<double> corner_uv_;                ///< likewise
+  double picture_ = 0;                           ///< likewise
+  double used_picture_ = -1;                     ///< of the face before
 };
 
 /// Keeps a file's surface. Equal coordinates share an entry, so that triangles adjacent in the image also share

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/core/imaging/feature_table.h"
+#include "tileflight/core/imaging/textured_mesh.h"
 #include "tileflight/tiles/tile_content/gltf_buffers.h"
 #include "tileflight/tiles/tile_content/gltf_document.h"
 

@@ -5,7 +5,7 @@
 #include <string_view>
 
 #include "tileflight/core/base/raw_bytes.h"
-#include "tileflight/core/base/text_fields.h"
+#include "tileflight/core/base/text_parsing.h"
 
 namespace tileflight::tile_content {
 namespace {

@@ -12,7 +12,7 @@
 
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/geometry/transform.h"
-#include "tileflight/core/imaging/feature_table.h"
+#include "tileflight/core/imaging/textured_mesh.h"
 #include "tileflight/tiles/tile_content/json_reader.h"
 #include "tileflight/tiles/tile_content/octahedral.h"
 #include "tileflight/tiles/tile_content/tile_container.h"

@@ -8,8 +8,8 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/tiles/tile_writer/simplify.h"
 #include "tileflight/tiles/tile_writer/glb_writer.h"
+#include "tileflight/tiles/tile_writer/simplify.h"
 #include "tileflight/tiles/tile_writer/texture_atlas.h"
 #include "tileflight/tiles/tile_writer/tileset_json.h"
 
@@ -91,8 +91,8 @@ std::vector<double> measure_errors(const Levels& levels) {
   std::vector<double> errors_m(levels.coarse.size() + 1, 0.0);
   for (int level = levels.depth() - 1; level >= 0; --level) {
     const auto i = static_cast<std::size_t>(level);
-    errors_m[i] = std::max(
-        errors_m[i + 1], tile_writer::hausdorff_distance_m(tile_writer::merge_meshes(levels.coarse[i]), finest));
+    errors_m[i] = std::max(errors_m[i + 1],
+                           tile_writer::hausdorff_distance_m(tile_writer::merge_meshes(levels.coarse[i]), finest));
   }
   return errors_m;
 }
@@ -137,10 +137,6 @@ TileEntry entry_of(const TileId& id, const Tree& tree, const std::vector<double>
 }
 
 }  // namespace
-
-base::LegacyFolderPattern legacy_tileset_folder() {
-  return {.key_file = "tileset.json", .key_text = "tileflight", .files = {"tileset.json", "tiles/*.glb"}};
-}
 
 TilesetSummary write_tileset(const std::filesystem::path& folder, const std::vector<TexturedMesh>& meshes,
                              const TilesetOptions& options, const Progress& progress) {

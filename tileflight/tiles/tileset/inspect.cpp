@@ -8,15 +8,15 @@
 #include <unordered_map>
 #include <unordered_set>
 
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/string_lists.h"
+#include "tileflight/tiles/fetch/uri.h"
 #include "tileflight/tiles/tile_content/attribution.h"
 #include "tileflight/tiles/tile_content/content.h"
 #include "tileflight/tiles/tile_content/shared_image_cache.h"
 #include "tileflight/tiles/tileset/placement.h"
 #include "tileflight/tiles/tileset/tileset_tree.h"
 #include "tileflight/tiles/tileset/tree_tally.h"
-#include "tileflight/tiles/fetch/uri.h"
 
 namespace tileflight::tileset {
 namespace {

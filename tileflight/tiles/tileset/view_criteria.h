@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "tileflight/core/imaging/camera.h"
-#include "tileflight/core/imaging/pixel_region.h"
+#include "tileflight/core/imaging/image.h"
 #include "tileflight/tiles/tileset/selection.h"
 
 namespace tileflight::tileset {

@@ -7,7 +7,7 @@
 
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/geometry/cloud_files.h"
-#include "tileflight/core/geometry/position_order.h"
+#include "tileflight/core/geometry/point_order.h"
 #include "tileflight/world/ground_truth/center_distances.h"
 #include "tileflight/world/ground_truth/octree.h"
 #include "tileflight/world/ground_truth/point_cells.h"

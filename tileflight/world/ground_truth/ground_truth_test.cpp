@@ -17,12 +17,12 @@
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/geometry/cloud_files.h"
 #include "tileflight/core/geometry/nearest.h"
-#include "tileflight/core/geometry/position_order.h"
+#include "tileflight/core/geometry/point_order.h"
+#include "tileflight/core/imaging/image_files.h"
 #include "tileflight/world/ground_truth/mesh_glb.h"
 #include "tileflight/world/ground_truth/octree.h"
 #include "tileflight/world/ground_truth/quantization_floor.h"
 #include "tileflight/world/ground_truth/truth_folder.h"
-#include "tileflight/core/imaging/image_files.h"
 
 namespace tileflight::ground_truth::ground_truth_test {
 namespace {

@@ -5,7 +5,6 @@
 
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/number_text.h"
 #include "tileflight/world/ground_truth/voxelize.h"
 
 namespace tileflight::place {

@@ -5,10 +5,10 @@
 #include <nlohmann/json.hpp>
 
 #include "tileflight/core/base/files.h"
-#include "tileflight/world/place/block_store.h"
 #include "tileflight/core/base/memory_budget.h"
-#include "tileflight/core/base/version.h"
+#include "tileflight/core/base/program.h"
 #include "tileflight/tiles/fetch/open_source.h"
+#include "tileflight/world/place/block_store.h"
 
 namespace tileflight::place {
 
@@ -46,7 +46,8 @@ double mean_content_bytes(tileset::RegionReader& reader) {
 double edge_by_memory(tileset::RegionReader& reader, const ExtractSettings& settings) {
   const Vec3 size = reader.placement().region.box().sizes();
   const double whole = mean_content_bytes(reader) * static_cast<double>(reader.content_count());
-  const double share = kMemoryShare * static_cast<double>(settings.max_memory_bytes.value_or(base::default_memory_bytes())) /
+  const double share = kMemoryShare *
+                       static_cast<double>(settings.max_memory_bytes.value_or(base::default_memory_bytes())) /
                        (settings.processes * kTruthMemory * whole);
   return std::min(std::max(size.x(), size.y()), std::sqrt(size.x() * size.y() * share));
 }

@@ -9,8 +9,6 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/make_folder.h"
-#include "tileflight/core/base/temporary_path.h"
 
 namespace tileflight::place {
 namespace fs = std::filesystem;

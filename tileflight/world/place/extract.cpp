@@ -7,18 +7,18 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "tileflight/core/base/elapsed_time.h"
 #include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/number_text.h"
+#include "tileflight/core/base/memory_budget.h"
 #include "tileflight/core/base/output_folder.h"
+#include "tileflight/core/base/program.h"
+#include "tileflight/core/base/progress.h"
+#include "tileflight/tiles/fetch/open_source.h"
+#include "tileflight/tiles/tileset/region_reader.h"
 #include "tileflight/world/ground_truth/suggested_voxel.h"
 #include "tileflight/world/place/extract_cost.h"
-#include "tileflight/core/base/memory_budget.h"
 #include "tileflight/world/place/truth_blocks.h"
-#include "tileflight/core/base/version.h"
-#include "tileflight/tiles/tileset/region_reader.h"
-#include "tileflight/tiles/fetch/open_source.h"
 
 namespace tileflight::place {
 namespace {
@@ -175,10 +175,7 @@ base::OutputFolder extract_output(const ExtractSettings& settings, const std::fi
   return {.folder = folder,
           .command = "extract",
           .replace = replace,
-          .inputs = {fetch::local_path_of_source(settings.source)},
-          .legacy = {.key_file = "extract.json",
-                     .key_text = "tiles_wanted",
-                     .files = {"mesh.glb", "surface.ply", "voxels.binvox", "voxels.ply", "octree.bt", "extract.json"}}};
+          .inputs = {fetch::local_path_of_source(settings.source)}};
 }
 
 nlohmann::json extract(const ExtractSettings& settings, const std::filesystem::path& folder, bool replace,

@@ -7,7 +7,7 @@
 
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/geometry/surface_heights.h"
+#include "tileflight/core/geometry/mesh.h"
 #include "tileflight/world/place/place_reader.h"
 #include "tileflight/world/scene/scene.h"
 
