@@ -6,9 +6,15 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/tiles/fetch/http_retry.h"
-
 namespace tileflight::fetch {
+
+/// How often and when a request is retried.
+struct RetryOptions {
+  int max_tries = 5;
+  std::chrono::milliseconds initial_backoff{500};      ///< doubled with each further try
+  std::chrono::milliseconds max_backoff{20'000};       ///< limit of the doubling
+  std::chrono::milliseconds max_retry_after{120'000};  ///< fails if the server asks for more (Retry-After)
+};
 
 /// Limits of each request, and the number of parallel requests.
 struct HttpOptions {

@@ -6,15 +6,9 @@
 #include <optional>
 #include <string_view>
 
-namespace tileflight::fetch {
+#include "tileflight/tiles/fetch/http_options.h"
 
-/// How often and when a request is retried.
-struct RetryOptions {
-  int max_tries = 5;
-  std::chrono::milliseconds initial_backoff{500};      ///< doubled with each further try
-  std::chrono::milliseconds max_backoff{20'000};       ///< limit of the doubling
-  std::chrono::milliseconds max_retry_after{120'000};  ///< fails if the server asks for more (Retry-After)
-};
+namespace tileflight::fetch {
 
 /// Whether a status may be transient: 408, 425, 429, 500, 502, 503, 504 (RFC 9110, section 15; RFC 6585, 8470).
 bool is_retryable_status(long status);
