@@ -2,7 +2,6 @@
 
 #include "tests/fuzz/memory_file.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/tiles/mesh_files/mtl_file.h"
 #include "tileflight/tiles/mesh_files/obj_file.h"
 #include "tileflight/tiles/mesh_files/ply_meshes.h"
 

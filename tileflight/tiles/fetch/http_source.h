@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "tileflight/tiles/fetch/http_cache.h"
-#include "tileflight/tiles/fetch/http_cache_writer.h"
 #include "tileflight/tiles/fetch/http_client.h"
 #include "tileflight/tiles/fetch/http_options.h"
 #include "tileflight/tiles/fetch/http_provider.h"

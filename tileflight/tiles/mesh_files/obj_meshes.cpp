@@ -12,7 +12,6 @@
 #include "tileflight/core/base/text_fields.h"
 #include "tileflight/core/imaging/image_files.h"
 #include "tileflight/tiles/mesh_files/mapped_file.h"
-#include "tileflight/tiles/mesh_files/mtl_file.h"
 #include "tileflight/tiles/mesh_files/obj_file.h"
 
 namespace tileflight::mesh_files {

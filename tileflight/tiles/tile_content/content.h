@@ -13,6 +13,12 @@
 
 namespace tileflight::tile_content {
 
+/// Applies an affine transform to a mesh; a reflection reverses the winding (glTF 2.0, section 3.7.4).
+void transform_mesh(const geometry::Mat4& T_target_source, imaging::TexturedMesh& mesh);
+
+/// Applies an affine transform to points, and to their normals as surface normals.
+void transform_cloud(const geometry::Mat4& T_target_source, geometry::PointCloud& cloud);
+
 /// Limits for one untrusted content; each is checked before allocation.
 struct ContentLimits {
   std::size_t max_vertices = std::size_t{1} << 26;            ///< all meshes together, counting each instance

@@ -166,5 +166,9 @@ struct Document {
 /// of range, wrong types. Required extensions are not checked here.
 Document parse_document(std::string_view json, const std::string& name);
 
+/// Throws InputError (name, extension) if a document requires an extension that is not supported. Extensions that only
+/// affect images are allowed if `textures` is false.
+void require_supported(const Document& document, const std::string& name, bool textures);
+
 }  // namespace gltf
 }  // namespace tileflight::tile_content

@@ -1,4 +1,4 @@
-#include "tileflight/tiles/fetch/remote_archive.h"
+#include "tileflight/tiles/fetch/archive_source.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
