@@ -3,8 +3,16 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <cstdint>
+#include <string_view>
 
 namespace tileflight::demo_place {
+
+/// Whether (x, y) is inside a letter stroke of a line of capitals, digits and blanks; 7 units high from the baseline, 6
+/// units per letter.
+bool is_ink(std::string_view text, double x, double y);
+
+/// Width of a text in the same units.
+inline double text_width(std::string_view text) { return 6.0 * static_cast<double>(text.size()) - 1.0; }
 
 /// Red, green, blue in 0..1, encoded as images are (sRGB-like), before light and shadow.
 using Color = Eigen::Array3f;

@@ -1,25 +1,143 @@
-// Notation: a bucket is a cell of bucket_level_, whose triangles are sorted into leaves together; a block is a cell
-// whose coarser levels are made together; a content is what a tile holds, kept on disk until the levels above are made.
 #include "tileflight/tiles/tile_writer/large_mesh_tileset.h"
 
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
 #include <cstring>
+#include <filesystem>
 #include <optional>
+#include <unordered_map>
+#include <vector>
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/random_numbers.h"
+#include "tileflight/core/imaging/textured_mesh.h"
+#include "tileflight/tiles/mesh_files/mesh_spill.h"
+#include "tileflight/tiles/mesh_files/record_file.h"
 #include "tileflight/tiles/tile_writer/coarse_levels.h"
 #include "tileflight/tiles/tile_writer/content_spill.h"
 #include "tileflight/tiles/tile_writer/leaf_content.h"
-#include "tileflight/tiles/tile_writer/triangle_buckets.h"
+
+// Notation: a bucket is a cell of bucket_level_, whose triangles are sorted into leaves together; a block is a cell
+// whose coarser levels are made together; a content is what a tile holds, kept on disk until the levels above are made.
 
 namespace tileflight::tile_writer {
+
 namespace {
+
+/// Triangles sorted into buckets, on disk.
+class BucketFile {
+ public:
+  BucketFile(const std::filesystem::path& file, std::size_t buckets)
+      : file_(file),
+        part_(std::clamp<std::size_t>(kBufferBytes / buckets / sizeof(mesh_files::SourceTriangle), 16, 4096)),
+        buffers_(buckets),
+        parts_(buckets) {}
+
+  void add(std::size_t bucket, const mesh_files::SourceTriangle& triangle) {
+    buffers_[bucket].push_back(triangle);
+    if (buffers_[bucket].size() == part_) flush(bucket);
+  }
+
+  /// In the order in which they were added.
+  std::vector<mesh_files::SourceTriangle> read(std::size_t bucket) {
+    std::vector<mesh_files::SourceTriangle> out(parts_[bucket].size() * part_);
+    for (std::size_t i = 0; i < parts_[bucket].size(); ++i)
+      file_.read(parts_[bucket][i], out.data() + i * part_, part_ * sizeof(mesh_files::SourceTriangle));
+    out.insert(out.end(), buffers_[bucket].begin(), buffers_[bucket].end());
+    return out;
+  }
+
+ private:
+  static constexpr std::size_t kBufferBytes = std::size_t{64} << 20;
+
+  void flush(std::size_t bucket) {
+    file_.write(end_, buffers_[bucket].data(), part_ * sizeof(mesh_files::SourceTriangle));
+    parts_[bucket].push_back(end_);
+    end_ += part_ * sizeof(mesh_files::SourceTriangle);
+    buffers_[bucket].clear();
+  }
+
+  mesh_files::ScratchFile file_;
+  std::size_t part_;  ///< triangles written together
+  std::uint64_t end_ = 0;
+  std::vector<std::vector<mesh_files::SourceTriangle>> buffers_;
+  std::vector<std::vector<std::uint64_t>> parts_;  ///< their offsets
+};
+
+/// One mesh per material, with stand-ins for textures, in order of materials.
+std::vector<imaging::TexturedMesh> meshes_of(std::vector<mesh_files::SourceTriangle> triangles,
+                                             const std::vector<mesh_files::SurfaceAppearance>& materials);
+
+using imaging::TexturedMesh;
+
+/// Triangles of one material as a mesh: corners that are equal in all are one vertex.
+class MeshOfTriangles {
+ public:
+  explicit MeshOfTriangles(const mesh_files::SurfaceAppearance& look) : look_(look) {
+    mesh_.texture = look.texture;
+    mesh_.wrap_u = look.wrap_u;
+    mesh_.wrap_v = look.wrap_v;
+    mesh_.base_color = look.base_color;
+  }
+
+  void add(const mesh_files::SourceTriangle& triangle) {
+    geometry::Triangle t{};
+    for (std::size_t k = 0; k < 3; ++k) t[k] = vertex(triangle, k);
+    mesh_.mesh.triangles.push_back(t);
+  }
+
+  TexturedMesh take() { return std::move(mesh_); }
+
+ private:
+  using Key = std::array<std::uint64_t, 5>;  ///< the bits of position, texture coordinates and colour
+  struct Hash {
+    std::size_t operator()(const Key& key) const {
+      std::uint64_t hash = 0;
+      for (const std::uint64_t part : key) hash = base::splitmix64_hash(hash ^ part);
+      return static_cast<std::size_t>(hash);
+    }
+  };
+
+  std::uint32_t vertex(const mesh_files::SourceTriangle& triangle, std::size_t k) {
+    Key key{};
+    for (std::size_t axis = 0; axis < 3; ++axis) key[axis] = std::bit_cast<std::uint64_t>(triangle.position[k][axis]);
+    key[3] = std::bit_cast<std::uint64_t>(triangle.uv[k]);
+    key[4] = std::bit_cast<std::uint32_t>(triangle.color[k]);
+    const auto [at, is_new] = index_of_.try_emplace(key, static_cast<std::uint32_t>(mesh_.mesh.vertices.size()));
+    if (!is_new) return at->second;
+    mesh_.mesh.vertices.push_back(triangle.corner(k));
+    if (look_.texture) mesh_.uv.emplace_back(triangle.uv[k].data());
+    if (look_.has_colors) mesh_.colors.push_back(triangle.color[k]);
+    return at->second;
+  }
+
+  const mesh_files::SurfaceAppearance& look_;
+  TexturedMesh mesh_;
+  std::unordered_map<Key, std::uint32_t, Hash> index_of_;
+};
+
+std::vector<TexturedMesh> meshes_of(std::vector<mesh_files::SourceTriangle> triangles,
+                                    const std::vector<mesh_files::SurfaceAppearance>& materials) {
+  std::stable_sort(
+      triangles.begin(), triangles.end(),
+      [](const mesh_files::SourceTriangle& a, const mesh_files::SourceTriangle& b) { return a.material < b.material; });
+  std::vector<TexturedMesh> out;
+  for (std::size_t i = 0; i < triangles.size();) {
+    const std::uint32_t material = triangles[i].material;
+    MeshOfTriangles mesh(materials[material]);
+    for (; i < triangles.size() && triangles[i].material == material; ++i) mesh.add(triangles[i]);
+    out.push_back(mesh.take());
+  }
+  return out;
+}
 
 namespace fs = std::filesystem;
 using geometry::Box3;
@@ -290,8 +408,9 @@ void require_free_space(const fs::path& folder, std::uintmax_t bytes, const std:
                                         " GB");
 }
 
-MeshTilesetSummary write_large_mesh_tileset(const fs::path& folder, mesh_files::MeshSpill& mesh, const MeshTilesetOptions& options,
-                                            const LargeMeshLimits& limits, const Progress& progress) {
+MeshTilesetSummary write_large_mesh_tileset(const fs::path& folder, mesh_files::MeshSpill& mesh,
+                                            const MeshTilesetOptions& options, const LargeMeshLimits& limits,
+                                            const Progress& progress) {
   if (mesh.faces.size() == 0) throw InputError(folder.string(), "there is no triangle to write");
   MeshTilesetSummary out;
   const int most = tbb::this_task_arena::max_concurrency();

@@ -1,9 +1,42 @@
 #pragma once
 
+#include <cstdint>
+#include <vector>
+
+#include "tileflight/core/geometry/triangle_index.h"
 #include "tileflight/core/imaging/textured_mesh.h"
-#include "tileflight/tiles/tile_writer/surface_colors.h"
+#include "tileflight/tiles/tile_writer/leaf_content.h"
 
 namespace tileflight::tile_writer {
+
+/// Colour of a surface near any point: texture times vertex colours times base colour at the nearest surface point,
+/// sRGB. Queries are const and may run in parallel.
+class SurfaceColors {
+ public:
+  /// The meshes must outlive this object and must not all be empty.
+  explicit SurfaceColors(std::vector<const imaging::TexturedMesh*> meshes);
+
+  /// Faster for consecutive queries close to each other: each search starts at the triangle found last. Results do not
+  /// depend on it.
+  class CoherentSampler {
+   public:
+    explicit CoherentSampler(const SurfaceColors& colors) : colors_(colors) {}
+    imaging::Rgb8 at(const geometry::Vec3& place);
+
+   private:
+    const SurfaceColors& colors_;
+    bool has_last_ = false;
+    std::uint32_t last_ = 0;
+  };
+
+ private:
+  double distance_m(std::uint32_t number, const geometry::Vec3& place) const;
+  imaging::Rgb8 color(std::uint32_t number, const geometry::Vec3& on_surface) const;
+
+  std::vector<const imaging::TexturedMesh*> meshes_;
+  TriangleNumbering numbering_;  ///< as in the index
+  geometry::TriangleIndex index_;
+};
 
 struct PaintOptions {
   double texel_m = 0.1;     ///< edge of a texel on surfaces that face an axis

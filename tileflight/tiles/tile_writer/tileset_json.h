@@ -1,13 +1,34 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
+#include <filesystem>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "tileflight/core/geometry/mesh.h"
 
 namespace tileflight::tile_writer {
+
+/// A tree of four children a cell as an implicit quadtree (3D Tiles 1.1, "Implicit Tiling"): cell i of a level has the
+/// children 4 i to 4 i + 3, so its number is the Morton index of its coordinates.
+struct ImplicitTree {
+  std::vector<std::vector<geometry::Box3>> content;  ///< [level][cell]: exact bounds; empty: the tile has no content
+  std::vector<double> geometric_error_m;             ///< of each level
+};
+
+/// (x, y) of the cell with this Morton index: x takes the even bits.
+std::pair<std::uint32_t, std::uint32_t> implicit_coordinates(std::size_t cell);
+
+/// Writes `folder`/subtrees/LEVEL-X-Y.subtree: availability of tiles and contents, and for each tile its bounding box
+/// and geometric error as metadata, since cells divide the triangles evenly and not the ground. Returns the bytes
+/// written.
+std::int64_t write_subtrees(const std::filesystem::path& folder, const ImplicitTree& tree);
+
+/// The tileset.json of the tree, whose contents are tiles/LEVEL-X-Y.glb. `T_ecef_local`: as in tileset_json().
+std::string implicit_tileset_json(const ImplicitTree& tree, const std::optional<geometry::SE3>& T_ecef_local);
 
 /// A tile of an explicit tree in tileset.json.
 struct TileEntry {

@@ -1,4 +1,4 @@
-#include "tileflight/tiles/tile_writer/subtree_files.h"
+#include "tileflight/tiles/tile_writer/tileset_json.h"
 
 #include <gtest/gtest.h>
 
@@ -6,9 +6,9 @@
 
 #include "tests/temporary_folder.h"
 #include "tileflight/core/base/files.h"
-#include "tileflight/tiles/tileset/inspect.h"
 #include "tileflight/tiles/tile_writer/mesh_tileset.h"
 #include "tileflight/tiles/tile_writer/test_hills.h"
+#include "tileflight/tiles/tileset/inspect.h"
 
 namespace tileflight::tile_writer::subtree_files_test {
 namespace {

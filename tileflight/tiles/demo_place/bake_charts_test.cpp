@@ -1,4 +1,4 @@
-#include "tileflight/tiles/demo_place/sun.h"
+#include "tileflight/tiles/demo_place/bake_charts.h"
 
 #include <gtest/gtest.h>
 
