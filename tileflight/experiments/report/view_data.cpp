@@ -9,14 +9,14 @@
 #include <set>
 
 #include "tileflight/core/base/raw_bytes.h"
+#include "tileflight/core/drawing/number_format.h"
+#include "tileflight/core/drawing/thumbnail.h"
+#include "tileflight/core/drawing/top_view.h"
 #include "tileflight/core/geometry/json_numbers.h"
 #include "tileflight/core/imaging/image_files.h"
 #include "tileflight/experiments/report/data_blocks.h"
 #include "tileflight/experiments/report/figures.h"
 #include "tileflight/experiments/report/frame_pairs.h"
-#include "tileflight/core/drawing/thumbnail.h"
-#include "tileflight/core/drawing/number_format.h"
-#include "tileflight/core/drawing/top_view.h"
 
 namespace tileflight::report {
 namespace {
@@ -62,7 +62,7 @@ std::string jpeg_within(imaging::RgbImage image, std::size_t most_bytes) {
 
 json place_layer(DataBlocks& blocks, const RunFolder& run, const ViewBudget& budget) {
   if (run.meshes.empty()) return nullptr;
-  const tile_writer::PlaceModel model = tile_writer::read_place_model(run.meshes, budget.place);
+  const simplification::PlaceModel model = simplification::read_place_model(run.meshes, budget.place);
   const imaging::TexturedMesh& mesh = model.mesh;
   std::vector<std::uint16_t> uv;
   for (const Eigen::Vector2f& at : mesh.uv) {

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "tileflight/core/imaging/textured_mesh.h"
-#include "tileflight/tiles/tileset/tileset.h"
+#include "tileflight/tiles/tile_content/content.h"
 
 namespace tileflight::mesh_files {
 

@@ -1,13 +1,21 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <unordered_map>
 
 #include "tileflight/tiles/mesh_files/record_file.h"
-#include "tileflight/tiles/mesh_files/texel_window.h"
 
 namespace tileflight::mesh_files {
+
+/// Returns texel (x, y) of an image, which may be a stand-in that has a size but no pixels.
+using TexelFetcher = std::function<imaging::Rgb8(const imaging::RgbImage& image, int x, int y)>;
+
+/// Returns a fetcher for images in memory.
+inline TexelFetcher fetch_from_memory() {
+  return [](const imaging::RgbImage& image, int x, int y) { return image(x, y); };
+}
 
 /// Decoded images on disk, in square blocks: each image is decoded once, and what is read of it is bounded by what is
 /// drawn, however large it is and however its parts are spread over a place.

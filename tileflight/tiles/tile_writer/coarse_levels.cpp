@@ -6,9 +6,9 @@
 #include <cmath>
 
 #include "tileflight/core/base/files.h"
+#include "tileflight/tiles/simplification/painted_surface.h"
+#include "tileflight/tiles/simplification/simplify.h"
 #include "tileflight/tiles/tile_writer/glb_writer.h"
-#include "tileflight/tiles/tile_writer/painted_surface.h"
-#include "tileflight/tiles/tile_writer/simplify.h"
 #include "tileflight/tiles/tile_writer/tileset_json.h"
 
 namespace tileflight::tile_writer {
@@ -112,17 +112,18 @@ using Meshes = std::vector<TexturedMesh>;
 /// One object per block.
 class BlockCoarsener {
  public:
-  BlockCoarsener(const LevelBlock& block, const TriangleMesh& finest, const tile_writer::FixedVertices& fixed,
+  BlockCoarsener(const LevelBlock& block, const TriangleMesh& finest, const simplification::FixedVertices& fixed,
                  std::shared_ptr<const Meshes> below, const CellTree& cells, TileLevels& tiles)
       : block_(block), finest_(finest), fixed_(fixed), below_(std::move(below)), cells_(cells), tiles_(tiles) {}
 
   std::vector<CellContent> run() {
     // Half a texel is less than the error allowed for the level above.
-    TriangleMesh surface = tile_writer::join_borders(finest_, block_.texel_m / 2, fixed_);
+    TriangleMesh surface = simplification::join_borders(finest_, block_.texel_m / 2, fixed_);
     std::vector<CellContent> painted;
     for (int level = block_.from_level - 1; level >= block_.to_level; --level) {
       tiles_.report("simplifying");
-      surface = tile_writer::simplify_to_count(surface, std::max<std::size_t>(1, surface.triangles.size() / 4), fixed_);
+      surface =
+          simplification::simplify_to_count(surface, std::max<std::size_t>(1, surface.triangles.size() / 4), fixed_);
       painted = paint_level(level, surface);
       set_error(level, surface);
       if (level == block_.to_level) break;
@@ -139,13 +140,14 @@ class BlockCoarsener {
   std::vector<CellContent> paint_level(int level, const TriangleMesh& surface) {
     std::vector<const TexturedMesh*> sources;
     for (const TexturedMesh& m : *below_) sources.push_back(&m);
-    const SurfaceColors colors(std::move(sources));
-    const PaintOptions paint{block_.texel_m * std::pow(2.0, tiles_.depth() - level), tiles_.options().max_atlas_px};
+    const simplification::SurfaceColors colors(std::move(sources));
+    const simplification::PaintOptions paint{block_.texel_m * std::pow(2.0, tiles_.depth() - level),
+                                             tiles_.options().max_atlas_px};
     const std::vector<TriangleMesh> parts = parts_of(level, surface);
-    std::vector<TexturedSurface> out(parts.size());
+    std::vector<simplification::TexturedSurface> out(parts.size());
     tbb::parallel_for(std::size_t{0}, parts.size(), [&](std::size_t i) {
       if (!parts[i].triangles.empty()) {
-        out[i] = transfer_colors(parts[i], colors, paint);
+        out[i] = simplification::transfer_colors(parts[i], colors, paint);
         tiles_.write_tile(level, first_cell(level) + i, {out[i].mesh});
       }
       tiles_.advance("writing coarser tiles");
@@ -168,14 +170,15 @@ class BlockCoarsener {
       members[cells_.cell_of(middle, level, block_.cell, block_.level) - first_cell(level)].push_back(t);
     }
     std::vector<TriangleMesh> parts(members.size());
-    tbb::parallel_for(std::size_t{0}, parts.size(),
-                      [&](std::size_t cell) { parts[cell] = tile_writer::extract_triangles(surface, members[cell]); });
+    tbb::parallel_for(std::size_t{0}, parts.size(), [&](std::size_t cell) {
+      parts[cell] = simplification::extract_triangles(surface, members[cell]);
+    });
     return parts;
   }
 
   /// Not smaller at a coarser level than at a finer one (3D Tiles 1.1, section 7.3).
   void set_error(int level, const TriangleMesh& surface) {
-    distance_m_ = tile_writer::hausdorff_distance_m(surface, finest_, std::max(distance_m_, texel_m_));
+    distance_m_ = simplification::hausdorff_distance_m(surface, finest_, std::max(distance_m_, texel_m_));
     TilesetLevel& own = tiles_.level(level);
     own.texel_m = std::max(own.texel_m, texel_m_);
     own.geometric_error_m = std::max(own.geometric_error_m, block_.error_m + distance_m_);
@@ -183,7 +186,7 @@ class BlockCoarsener {
 
   const LevelBlock& block_;
   const TriangleMesh& finest_;
-  const tile_writer::FixedVertices& fixed_;
+  const simplification::FixedVertices& fixed_;
   std::shared_ptr<const Meshes> below_;
   const CellTree& cells_;
   TileLevels& tiles_;
@@ -194,7 +197,7 @@ class BlockCoarsener {
 }  // namespace
 
 std::vector<CellContent> write_coarse_levels(const LevelBlock& block, const TriangleMesh& finest,
-                                             const tile_writer::FixedVertices& fixed,
+                                             const simplification::FixedVertices& fixed,
                                              std::shared_ptr<const Meshes> below, const CellTree& cells,
                                              TileLevels& tiles) {
   return BlockCoarsener(block, finest, fixed, std::move(below), cells, tiles).run();

@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
+#include "tileflight/tiles/simplification/surface_simplification.h"
 #include "tileflight/tiles/tile_writer/cell_tree.h"
 #include "tileflight/tiles/tile_writer/mesh_tileset.h"
-#include "tileflight/tiles/tile_writer/surface_simplification.h"
 
 namespace tileflight::tile_writer {
 
@@ -77,7 +77,7 @@ struct CellContent {
 /// the given surface within the block, measured both ways, or its texel size if that is larger, plus the error of the
 /// given surface: never less than the distance from the source. Returns the contents of to_level.
 std::vector<CellContent> write_coarse_levels(const LevelBlock& block, const geometry::TriangleMesh& finest,
-                                             const tile_writer::FixedVertices& fixed,
+                                             const simplification::FixedVertices& fixed,
                                              std::shared_ptr<const std::vector<imaging::TexturedMesh>> below,
                                              const CellTree& cells, TileLevels& tiles);
 

@@ -243,7 +243,7 @@ class LargeMeshTiler {
   double write_leaves_of(std::size_t bucket, std::vector<mesh_files::SourceTriangle> triangles) {
     const std::vector<TexturedMesh> meshes = meshes_of(std::move(triangles), mesh_.materials);
     const std::vector<std::vector<std::uint32_t>> leaves = split_bucket(bucket, meshes);
-    const TriangleNumbering numbers(meshes);
+    const simplification::TriangleNumbering numbers(meshes);
     std::vector<double> scales(leaves.size(), 1.0);
     tbb::parallel_for(std::size_t{0}, leaves.size(), [&](std::size_t i) {
       if (!leaves[i].empty()) {
@@ -334,8 +334,8 @@ class LargeMeshTiler {
 
   /// Writes the positions of a block's border vertices; returns their bounds.
   Box3 write_border(int level, std::size_t block, int from) const {
-    const TriangleMesh surface = tile_writer::weld_vertices(contents_of(level, block, from, false));
-    const std::vector<Vec3> positions = tile_writer::border_positions(surface);
+    const TriangleMesh surface = simplification::weld_vertices(contents_of(level, block, from, false));
+    const std::vector<Vec3> positions = simplification::border_positions(surface);
     base::write_file(border_file(block),
                      {reinterpret_cast<const char*>(positions.data()), positions.size() * sizeof(Vec3)});
     Box3 box;
@@ -351,11 +351,11 @@ class LargeMeshTiler {
   }
 
   /// Border vertices of a block where another block has one, too.
-  tile_writer::FixedVertices shared_vertices(std::size_t block, const std::vector<Box3>& borders) const {
+  simplification::FixedVertices shared_vertices(std::size_t block, const std::vector<Box3>& borders) const {
     if (borders.size() == 1 || borders[block].isEmpty()) return {};
     const double within_m = texel_m_ / 2;
     const Box3 reach(borders[block].min().array() - within_m, borders[block].max().array() + within_m);
-    return tile_writer::near_positions(read_border(block), within_m, [&](const auto& visit) {
+    return simplification::near_positions(read_border(block), within_m, [&](const auto& visit) {
       for (std::size_t other = 0; other < borders.size(); ++other) {
         if (other == block || !borders[other].intersects(reach)) continue;
         for (const Vec3& p : read_border(other)) visit(p);
@@ -367,8 +367,8 @@ class LargeMeshTiler {
     auto below =
         std::make_shared<const std::vector<TexturedMesh>>(contents_of(block.level, block.cell, block.from_level, true));
     if (below->empty()) return skip(block);
-    const TriangleMesh finest = tile_writer::weld_vertices(*below);
-    const tile_writer::FixedVertices fixed = shared_vertices(block.cell, borders);
+    const TriangleMesh finest = simplification::weld_vertices(*below);
+    const simplification::FixedVertices fixed = shared_vertices(block.cell, borders);
     std::vector<CellContent> made = write_coarse_levels(block, finest, fixed, std::move(below), *cells_, *tiles_);
     for (const CellContent& content : made)
       if (block.to_level > 0) keep(block.to_level, content.cell, {content.mesh});

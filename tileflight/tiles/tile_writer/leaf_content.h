@@ -6,25 +6,10 @@
 #include <vector>
 
 #include "tileflight/core/imaging/textured_mesh.h"
-#include "tileflight/tiles/mesh_files/texel_window.h"
+#include "tileflight/tiles/mesh_files/texel_store.h"
+#include "tileflight/tiles/simplification/painted_surface.h"
 
 namespace tileflight::tile_writer {
-
-/// Consecutive numbers for all triangles of several meshes: those of mesh 0 first, then those of mesh 1, ….
-class TriangleNumbering {
- public:
-  explicit TriangleNumbering(const std::vector<imaging::TexturedMesh>& meshes);
-  explicit TriangleNumbering(const std::vector<const imaging::TexturedMesh*>& meshes);
-
-  struct TriangleRef {
-    std::size_t mesh = 0, triangle = 0;
-  };
-
-  TriangleRef operator()(std::uint32_t number) const;
-
- private:
-  std::vector<std::uint32_t> first_;  ///< first number of each mesh, then the total count
-};
 
 /// Measurements of a source that determine the tree of its tiles.
 class LeafMeasures {
@@ -61,7 +46,8 @@ struct LeafContent {
 /// Extracts the triangles with these numbers (ascending), unchanged, and copies the parts of the textures that they use
 /// to a new atlas of at most `max_atlas_px` texels a side: triangles that share vertices stay together, in a window of
 /// texels copied from the source. `fetch` reads them.
-LeafContent build_leaf_content(const std::vector<imaging::TexturedMesh>& meshes, const TriangleNumbering& numbers,
+LeafContent build_leaf_content(const std::vector<imaging::TexturedMesh>& meshes,
+                               const simplification::TriangleNumbering& numbers,
                                const std::vector<std::uint32_t>& triangles, int max_atlas_px,
                                const mesh_files::TexelFetcher& fetch = mesh_files::fetch_from_memory());
 

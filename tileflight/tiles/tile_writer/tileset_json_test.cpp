@@ -45,7 +45,7 @@ TEST(ImplicitTileset, HoldsWhatTheExplicitOneHolds) {
     EXPECT_TRUE(b.complete);
     EXPECT_EQ(a.tiles_loaded, b.tiles_loaded);
     EXPECT_EQ(a.geometric_error_max_m, b.geometric_error_max_m);
-    EXPECT_EQ(places_of(tile_writer::merge_meshes(a.meshes)), places_of(tile_writer::merge_meshes(b.meshes)));
+    EXPECT_EQ(places_of(simplification::merge_meshes(a.meshes)), places_of(simplification::merge_meshes(b.meshes)));
   }
 }
 

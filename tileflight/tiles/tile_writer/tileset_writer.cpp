@@ -13,8 +13,8 @@
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/imaging/rectangle_packing.h"
 #include "tileflight/core/imaging/textured_mesh.h"
+#include "tileflight/tiles/simplification/simplify.h"
 #include "tileflight/tiles/tile_writer/glb_writer.h"
-#include "tileflight/tiles/tile_writer/simplify.h"
 #include "tileflight/tiles/tile_writer/texture_filter.h"
 #include "tileflight/tiles/tile_writer/tileset_json.h"
 
@@ -156,19 +156,19 @@ struct Levels {
 Levels simplify_levels(const std::vector<TexturedMesh>& meshes, const TilesetOptions& options) {
   Levels levels{std::vector<std::vector<TexturedMesh>>(options.level_errors_m.size()), meshes};
   tbb::parallel_for(std::size_t{0}, levels.coarse.size(), [&](std::size_t i) {
-    levels.coarse[i] = tile_writer::simplify_meshes(meshes, options.level_errors_m[i]);
+    levels.coarse[i] = simplification::simplify_meshes(meshes, options.level_errors_m[i]);
   });
   return levels;
 }
 
 /// Measured errors, monotone: not smaller at a coarser level than at a finer one (3D Tiles 1.1, section 7.3).
 std::vector<double> measure_errors(const Levels& levels) {
-  const geometry::TriangleMesh finest = tile_writer::merge_meshes(levels.finest);
+  const geometry::TriangleMesh finest = simplification::merge_meshes(levels.finest);
   std::vector<double> errors_m(levels.coarse.size() + 1, 0.0);
   for (int level = levels.depth() - 1; level >= 0; --level) {
     const auto i = static_cast<std::size_t>(level);
-    errors_m[i] = std::max(errors_m[i + 1],
-                           tile_writer::hausdorff_distance_m(tile_writer::merge_meshes(levels.coarse[i]), finest));
+    errors_m[i] = std::max(
+        errors_m[i + 1], simplification::hausdorff_distance_m(simplification::merge_meshes(levels.coarse[i]), finest));
   }
   return errors_m;
 }

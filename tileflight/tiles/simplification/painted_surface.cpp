@@ -1,4 +1,4 @@
-#include "tileflight/tiles/tile_writer/painted_surface.h"
+#include "tileflight/tiles/simplification/painted_surface.h"
 
 #include <tbb/parallel_for.h>
 
@@ -12,12 +12,11 @@
 
 #include "tileflight/core/base/srgb.h"
 #include "tileflight/core/imaging/rectangle_packing.h"
-#include "tileflight/tiles/mesh_files/texel_window.h"
 
 // Notation: a chart is a connected set of triangles of one facing; (s, t) are metres on its plane; a slot is its
 // rectangle in the atlas, including a gutter of kGutter_px around it.
 
-namespace tileflight::tile_writer {
+namespace tileflight::simplification {
 
 namespace {
 
@@ -47,14 +46,19 @@ std::array<double, 3> weights_at(const Vec3& p, const Vec3& a, const Vec3& b, co
 
 using TextureColor = std::array<double, 3>;  ///< sRGB, 0..255
 
+imaging::Rgb8 wrapped_texel(const TexturedMesh& mesh, std::int64_t x, std::int64_t y) {
+  const imaging::RgbImage& image = *mesh.texture;
+  return image(static_cast<int>(imaging::wrapped_index(x, image.width, mesh.wrap_u)),
+               static_cast<int>(imaging::wrapped_index(y, image.height, mesh.wrap_v)));
+}
+
 /// Bilinear interpolation at (x, y) in texels.
 TextureColor bilinear(const TexturedMesh& mesh, double x, double y) {
   const double left = std::floor(x - 0.5), top = std::floor(y - 0.5);
   const double across = x - 0.5 - left, down = y - 0.5 - top;
   const auto column = static_cast<std::int64_t>(left), row = static_cast<std::int64_t>(top);
-  const std::array texels{
-      mesh_files::wrapped_texel(mesh, column, row), mesh_files::wrapped_texel(mesh, column + 1, row),
-      mesh_files::wrapped_texel(mesh, column, row + 1), mesh_files::wrapped_texel(mesh, column + 1, row + 1)};
+  const std::array texels{wrapped_texel(mesh, column, row), wrapped_texel(mesh, column + 1, row),
+                          wrapped_texel(mesh, column, row + 1), wrapped_texel(mesh, column + 1, row + 1)};
   const std::array weights{(1 - across) * (1 - down), across * (1 - down), (1 - across) * down, across * down};
   TextureColor out{};
   for (std::size_t k = 0; k < 4; ++k)
@@ -94,6 +98,24 @@ void tint(const TexturedMesh& mesh, const Triangle& t, const std::array<double, 
 }
 
 }  // namespace
+
+TriangleNumbering::TriangleNumbering(const std::vector<TexturedMesh>& meshes) {
+  first_.push_back(0);
+  for (const TexturedMesh& m : meshes)
+    first_.push_back(first_.back() + static_cast<std::uint32_t>(m.mesh.triangles.size()));
+}
+
+TriangleNumbering::TriangleNumbering(const std::vector<const TexturedMesh*>& meshes) {
+  first_.push_back(0);
+  for (const TexturedMesh* m : meshes)
+    first_.push_back(first_.back() + static_cast<std::uint32_t>(m->mesh.triangles.size()));
+}
+
+TriangleNumbering::TriangleRef TriangleNumbering::operator()(std::uint32_t number) const {
+  const auto next = std::upper_bound(first_.begin(), first_.end(), number);
+  const auto mesh = static_cast<std::size_t>(next - first_.begin()) - 1;
+  return {mesh, number - first_[mesh]};
+}
 
 SurfaceColors::SurfaceColors(std::vector<const TexturedMesh*> meshes)
     : meshes_(std::move(meshes)), numbering_(meshes_), index_(joined(meshes_)) {}
@@ -386,4 +408,4 @@ TexturedSurface transfer_colors(const TriangleMesh& surface, const SurfaceColors
   return out;
 }
 
-}  // namespace tileflight::tile_writer
+}  // namespace tileflight::simplification

@@ -1,4 +1,4 @@
-#include "tileflight/tiles/tile_writer/surface_simplification.h"
+#include "tileflight/tiles/simplification/surface_simplification.h"
 
 #include <meshoptimizer.h>
 #include <tbb/parallel_sort.h>
@@ -15,9 +15,9 @@
 #include <unordered_map>
 
 #include "tileflight/core/base/random_numbers.h"
-#include "tileflight/tiles/tile_writer/simplify.h"
+#include "tileflight/tiles/simplification/simplify.h"
 
-namespace tileflight::tile_writer {
+namespace tileflight::simplification {
 namespace {
 
 using geometry::Triangle;
@@ -293,4 +293,4 @@ TriangleMesh simplify_to_count(const TriangleMesh& surface, std::size_t triangle
   return out.triangles.empty() ? surface : out;
 }
 
-}  // namespace tileflight::tile_writer
+}  // namespace tileflight::simplification

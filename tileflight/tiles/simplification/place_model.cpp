@@ -1,14 +1,14 @@
-#include "tileflight/tiles/tile_writer/place_model.h"
+#include "tileflight/tiles/simplification/place_model.h"
 
 #include <algorithm>
 #include <cmath>
 #include <iterator>
 
-#include "tileflight/tiles/tile_writer/surface_simplification.h"
 #include "tileflight/tiles/mesh_files/mesh_source.h"
-#include "tileflight/tiles/tile_writer/painted_surface.h"
+#include "tileflight/tiles/simplification/painted_surface.h"
+#include "tileflight/tiles/simplification/surface_simplification.h"
 
-namespace tileflight::tile_writer {
+namespace tileflight::simplification {
 namespace {
 
 /// Vertices of separately quantized tiles are merged within this distance.
@@ -17,9 +17,9 @@ constexpr double kJoin_m = 0.02;
 constexpr double kModelAtlasFill = 0.5;
 
 geometry::TriangleMesh simplify_surface(const std::vector<imaging::TexturedMesh>& meshes, std::size_t triangles) {
-  geometry::TriangleMesh surface = tile_writer::weld_vertices(meshes);
+  geometry::TriangleMesh surface = weld_vertices(meshes);
   if (surface.triangles.size() <= triangles) return surface;
-  return tile_writer::simplify_to_count(tile_writer::join_borders(surface, kJoin_m), triangles);
+  return simplify_to_count(join_borders(surface, kJoin_m), triangles);
 }
 
 }  // namespace
@@ -45,4 +45,4 @@ PlaceModel read_place_model(const std::vector<std::filesystem::path>& mesh_glbs,
   return make_place_model(source, options);
 }
 
-}  // namespace tileflight::tile_writer
+}  // namespace tileflight::simplification

@@ -1,4 +1,4 @@
-#include "tileflight/tiles/tile_writer/surface_simplification.h"
+#include "tileflight/tiles/simplification/surface_simplification.h"
 
 #include <gtest/gtest.h>
 
@@ -7,9 +7,9 @@
 #include <map>
 
 #include "tileflight/core/base/noise.h"
-#include "tileflight/tiles/tile_writer/simplify.h"
+#include "tileflight/tiles/simplification/simplify.h"
 
-namespace tileflight::tile_writer::surface_simplification_test {
+namespace tileflight::simplification::surface_simplification_test {
 namespace {
 
 using geometry::Triangle;
@@ -177,4 +177,4 @@ TEST(FixedBorders, ASoupIsGatheredAroundThem) {
 }
 
 }  // namespace
-}  // namespace tileflight::tile_writer::surface_simplification_test
+}  // namespace tileflight::simplification::surface_simplification_test

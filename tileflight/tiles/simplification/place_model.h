@@ -6,7 +6,7 @@
 
 #include "tileflight/core/imaging/textured_mesh.h"
 
-namespace tileflight::tile_writer {
+namespace tileflight::simplification {
 
 /// Size limits of a PlaceModel.
 struct PlaceModelOptions {
@@ -21,11 +21,11 @@ struct PlaceModel {
 };
 
 /// Simplifies the meshes and paints the result from their textures and colours
-/// (tiles/tile_writer/surface_simplification.h, tiles/tile_writer/painted_surface.h). Deterministic for any number of threads. There
-/// must be a triangle.
+/// (tiles/simplification/surface_simplification.h, tiles/simplification/painted_surface.h). Deterministic for any
+/// number of threads. There must be a triangle.
 PlaceModel make_place_model(const std::vector<imaging::TexturedMesh>& source, const PlaceModelOptions& options = {});
 
 /// The same of the mesh.glb of a run's truth, or of some of its blocks. Throws InputError.
 PlaceModel read_place_model(const std::vector<std::filesystem::path>& mesh_glbs, const PlaceModelOptions& options = {});
 
-}  // namespace tileflight::tile_writer
+}  // namespace tileflight::simplification

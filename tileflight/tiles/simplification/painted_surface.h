@@ -5,9 +5,24 @@
 
 #include "tileflight/core/geometry/triangle_index.h"
 #include "tileflight/core/imaging/textured_mesh.h"
-#include "tileflight/tiles/tile_writer/leaf_content.h"
 
-namespace tileflight::tile_writer {
+namespace tileflight::simplification {
+
+/// Consecutive numbers for all triangles of several meshes: those of mesh 0 first, then those of mesh 1, ….
+class TriangleNumbering {
+ public:
+  explicit TriangleNumbering(const std::vector<imaging::TexturedMesh>& meshes);
+  explicit TriangleNumbering(const std::vector<const imaging::TexturedMesh*>& meshes);
+
+  struct TriangleRef {
+    std::size_t mesh = 0, triangle = 0;
+  };
+
+  TriangleRef operator()(std::uint32_t number) const;
+
+ private:
+  std::vector<std::uint32_t> first_;  ///< first number of each mesh, then the total count
+};
 
 /// Colour of a surface near any point: texture times vertex colours times base colour at the nearest surface point,
 /// sRGB. Queries are const and may run in parallel.
@@ -55,4 +70,4 @@ struct TexturedSurface {
 TexturedSurface transfer_colors(const geometry::TriangleMesh& surface, const SurfaceColors& colors,
                                 const PaintOptions& options);
 
-}  // namespace tileflight::tile_writer
+}  // namespace tileflight::simplification

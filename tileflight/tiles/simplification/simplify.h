@@ -4,7 +4,7 @@
 
 #include "tileflight/core/imaging/textured_mesh.h"
 
-namespace tileflight::tile_writer {
+namespace tileflight::simplification {
 
 /// Simplifies the meshes together by edge collapses (meshoptimizer: quadric error), so that meshes that touch still
 /// touch. Remaining vertices keep their position and texture coordinates; seams between charts are kept. `error_m`
@@ -24,4 +24,4 @@ geometry::TriangleMesh merge_meshes(const std::vector<imaging::TexturedMesh>& me
 /// `at_least_m`: lower bound of the result; distances below it are not resolved, which is much faster if most are.
 double hausdorff_distance_m(const geometry::TriangleMesh& a, const geometry::TriangleMesh& b, double at_least_m = 0.0);
 
-}  // namespace tileflight::tile_writer
+}  // namespace tileflight::simplification

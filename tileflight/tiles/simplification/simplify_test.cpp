@@ -1,4 +1,4 @@
-#include "tileflight/tiles/tile_writer/simplify.h"
+#include "tileflight/tiles/simplification/simplify.h"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@
 
 #include "tileflight/core/geometry/triangle_index.h"
 
-namespace tileflight::tile_writer::simplify_test {
+namespace tileflight::simplification::simplify_test {
 namespace {
 
 using geometry::Vec3;
@@ -135,4 +135,4 @@ TEST(Simplify, DropsWhatNoTriangleUses) {
 }
 
 }  // namespace
-}  // namespace tileflight::tile_writer::simplify_test
+}  // namespace tileflight::simplification::simplify_test

@@ -8,7 +8,7 @@
 
 #include "tileflight/core/imaging/textured_mesh.h"
 
-namespace tileflight::tile_writer {
+namespace tileflight::simplification {
 
 /// Positions of vertices that must stay as they are because another part of the surface, simplified by itself, uses
 /// them too.
@@ -57,4 +57,4 @@ FixedVertices near_positions(
 geometry::TriangleMesh simplify_to_count(const geometry::TriangleMesh& surface, std::size_t triangles,
                                          const FixedVertices& fixed = {});
 
-}  // namespace tileflight::tile_writer
+}  // namespace tileflight::simplification

@@ -1,4 +1,4 @@
-#include "tileflight/tiles/tile_writer/simplify.h"
+#include "tileflight/tiles/simplification/simplify.h"
 
 #include <meshoptimizer.h>
 #include <tbb/blocked_range.h>
@@ -12,7 +12,7 @@
 
 #include "tileflight/core/geometry/triangle_index.h"
 
-namespace tileflight::tile_writer {
+namespace tileflight::simplification {
 namespace {
 
 using imaging::TexturedMesh;
@@ -206,4 +206,4 @@ double hausdorff_distance_m(const geometry::TriangleMesh& a, const geometry::Tri
   return std::max(there_m, back_m);
 }
 
-}  // namespace tileflight::tile_writer
+}  // namespace tileflight::simplification
