@@ -5,8 +5,8 @@
 
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/text_parsing.h"
+#include "tileflight/core/imaging/glb_writer.h"
 #include "tileflight/tiles/simplification/place_model.h"
-#include "tileflight/tiles/tile_writer/glb_writer.h"
 #include "tileflight/tiles/tileset/load.h"
 #include "tileflight/world/ground_truth/truth_folder.h"
 
@@ -27,7 +27,7 @@ bool has_triangles(const std::vector<imaging::TexturedMesh>& meshes) {
 PlaceGlb packed(const simplification::PlaceModel& model, const std::vector<std::string>& attribution) {
   std::string line;
   for (const std::string& one : attribution) line += (line.empty() ? "" : "; ") + one;
-  return {tile_writer::write_glb({model.mesh}, {.copyright = line}), attribution};
+  return {imaging::write_glb({model.mesh}, {.copyright = line}), attribution};
 }
 
 bool is_truth_folder(const fs::path& place) {

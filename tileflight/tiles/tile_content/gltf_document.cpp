@@ -13,8 +13,10 @@
 #include "tileflight/tiles/tile_content/metadata_schema.h"
 
 namespace tileflight::tile_content::gltf {
-
 namespace {
+
+using geometry::Mat4;
+using geometry::Vec3;
 
 ComponentType component_type(std::size_t code, const std::string& where) {
   switch (code) {
@@ -33,6 +35,23 @@ ComponentType component_type(std::size_t code, const std::string& where) {
     default:
       throw InputError(where, "componentType " + std::to_string(code) + " is not defined by glTF");
   }
+}
+
+/// Reads an index into an array of `size` entries, all of which have been read.
+std::optional<std::size_t> find_reference(const Json& object, const char* key, std::size_t size,
+                                          const std::string& where) {
+  const auto index = find_index(object, key, where);
+  if (index && *index >= size) {
+    throw InputError(where, std::string(key) + " " + std::to_string(*index) + " does not exist; the file has " +
+                                std::to_string(size));
+  }
+  return index;
+}
+
+/// Returns an extension of an object, or nullptr if it has none of that name.
+const Json* find_extension(const Json& object, const char* name, const std::string& where) {
+  const Json* extensions = find_object(object, "extensions", where);
+  return extensions == nullptr ? nullptr : find_object(*extensions, name, where);
 }
 
 MeshoptView read_meshopt(const Json& json, const Document& document, const std::string& where) {
@@ -64,28 +83,11 @@ SparseAccessor read_sparse(const Json& json, const Document& document, const std
   return sparse;
 }
 
-/// An index into an array of `size` entries, all of which have been read.
-std::optional<std::size_t> find_reference(const Json& object, const char* key, std::size_t size,
-                                          const std::string& where) {
-  const auto index = find_index(object, key, where);
-  if (index && *index >= size) {
-    throw InputError(where, std::string(key) + " " + std::to_string(*index) + " does not exist; the file has " +
-                                std::to_string(size));
-  }
-  return index;
-}
-
-/// The extension of an object; null if it has none of that name.
-const Json* find_extension(const Json& object, const char* name, const std::string& where) {
-  const Json* extensions = find_object(object, "extensions", where);
-  return extensions == nullptr ? nullptr : find_object(*extensions, name, where);
-}
-
 Buffer read_buffer(const Json& json, const std::string& where) {
   return {find_string(json, "uri", where), require_value(find_index(json, "byteLength", where), "byteLength", where)};
 }
 
-/// `document`: its buffers have been read.
+/// Reads a view of a document whose buffers have been read.
 BufferView read_view(const Json& json, const Document& document, const std::string& where) {
   BufferView view;
   view.buffer = require_value(find_reference(json, "buffer", document.buffers.size(), where), "buffer", where);
@@ -97,7 +99,7 @@ BufferView read_view(const Json& json, const Document& document, const std::stri
   return view;
 }
 
-/// `document`: its views have been read.
+/// Reads an accessor of a document whose views have been read.
 Accessor read_accessor(const Json& json, const Document& document, const std::string& where) {
   Accessor accessor;
   accessor.view = find_reference(json, "bufferView", document.views.size(), where);
@@ -111,9 +113,6 @@ Accessor read_accessor(const Json& json, const Document& document, const std::st
     accessor.sparse = read_sparse(*s, document, where + ": sparse");
   return accessor;
 }
-
-using geometry::Mat4;
-using geometry::Vec3;
 
 imaging::Wrap wrap_mode(std::size_t code, const std::string& where) {
   switch (code) {

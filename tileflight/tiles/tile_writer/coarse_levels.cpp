@@ -6,9 +6,9 @@
 #include <cmath>
 
 #include "tileflight/core/base/files.h"
+#include "tileflight/core/imaging/glb_writer.h"
 #include "tileflight/tiles/simplification/painted_surface.h"
 #include "tileflight/tiles/simplification/simplify.h"
-#include "tileflight/tiles/tile_writer/glb_writer.h"
 #include "tileflight/tiles/tile_writer/tileset_json.h"
 
 namespace tileflight::tile_writer {
@@ -60,7 +60,7 @@ void TileLevels::advance(std::string_view what) {
 }
 
 void TileLevels::write_tile(int level, std::size_t cell, const std::vector<TexturedMesh>& content) {
-  const std::string glb = write_glb(content, {options_.jpeg_quality, options_.copyright, options_.meshopt});
+  const std::string glb = imaging::write_glb(content, {options_.jpeg_quality, options_.copyright, options_.meshopt});
   WrittenTile& tile = tiles_[static_cast<std::size_t>(level)][cell];
   tile = {uri_of(level, cell, options_.implicit), bounds_of_meshes(content), static_cast<std::int64_t>(glb.size())};
   base::write_file(folder_ / tile.uri, glb);

@@ -9,9 +9,9 @@
 #include "tests/temporary_folder.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/imaging/glb_writer.h"
 #include "tileflight/core/imaging/image_files.h"
 #include "tileflight/tiles/mesh_files/mesh_source.h"
-#include "tileflight/tiles/tile_writer/glb_writer.h"
 #include "tileflight/tiles/tile_writer/test_hills.h"
 
 namespace tileflight::tile_writer::large_mesh_tileset_test {
@@ -306,8 +306,8 @@ TEST_F(SpilledFiles, PlyFilesAreReadAsInMemory) {
 TEST_F(SpilledFiles, GltfFilesAreReadAsInMemory) {
   std::vector<TexturedMesh> meshes = make_place();
   meshes[0].base_color = {0.5F, 1, 1, 1};
-  base::write_file(folder_ / "a.glb", write_glb({meshes[0], meshes[2]}, {.copyright = "me"}));
-  base::write_file(folder_ / "b.glb", write_glb({meshes[2]}, {.copyright = "you", .meshopt = true}));
+  base::write_file(folder_ / "a.glb", imaging::write_glb({meshes[0], meshes[2]}, {.copyright = "me"}));
+  base::write_file(folder_ / "b.glb", imaging::write_glb({meshes[2]}, {.copyright = "you", .meshopt = true}));
   expect_same({folder_ / "a.glb", folder_ / "b.glb"});
   EXPECT_GT(mesh_files::estimated_memory_bytes({folder_ / "a.glb"}, true), fs::file_size(folder_ / "a.glb"));
 }

@@ -11,10 +11,10 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/imaging/glb_writer.h"
 #include "tileflight/core/imaging/rectangle_packing.h"
 #include "tileflight/core/imaging/textured_mesh.h"
 #include "tileflight/tiles/simplification/simplify.h"
-#include "tileflight/tiles/tile_writer/glb_writer.h"
 #include "tileflight/tiles/tile_writer/texture_filter.h"
 #include "tileflight/tiles/tile_writer/tileset_json.h"
 
@@ -192,7 +192,7 @@ struct Written {
 Written write_tile(const std::filesystem::path& folder, const TileId& id, Tile& tile, const Levels& levels,
                    const TilesetOptions& options) {
   const std::vector<TexturedMesh> content = tile_content(tile, id, levels);
-  const std::string glb = write_glb(content, {options.jpeg_quality, options.copyright});
+  const std::string glb = imaging::write_glb(content, {options.jpeg_quality, options.copyright});
   base::write_file(folder / id.uri(), glb);
   Written written{static_cast<std::int64_t>(glb.size()), 0, 0};
   for (const TexturedMesh& mesh : content) {

@@ -1,18 +1,16 @@
 #include <tbb/parallel_for.h>
-#include <tiny_gltf.h>
 
-#include <algorithm>
-#include <map>
 #include <mutex>
+#include <nlohmann/json.hpp>
 #include <span>
-#include <sstream>
 #include <string>
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/imaging/glb_document.h"
+#include "tileflight/core/imaging/image_files.h"
 #include "tileflight/world/ground_truth/mesh_glb.h"
 #include "tileflight/world/ground_truth/mesh_glb_layout.h"
-#include "tileflight/core/imaging/image_files.h"
 
 namespace tileflight::ground_truth {
 namespace {
@@ -20,23 +18,12 @@ namespace {
 using geometry::Mat4;
 using geometry::TriangleMesh;
 using geometry::Vec3;
+using imaging::EncodedImages;
+using imaging::GlbDocument;
 using imaging::TexturedMesh;
+using nlohmann::json;
 
 constexpr int kJpegQuality = 90;
-
-int gltf_wrap(imaging::Wrap wrap) {
-  switch (wrap) {
-    case imaging::Wrap::kRepeat:
-      return TINYGLTF_TEXTURE_WRAP_REPEAT;
-    case imaging::Wrap::kClampToEdge:
-      return TINYGLTF_TEXTURE_WRAP_CLAMP_TO_EDGE;
-    case imaging::Wrap::kMirroredRepeat:
-      return TINYGLTF_TEXTURE_WRAP_MIRRORED_REPEAT;
-  }
-  return TINYGLTF_TEXTURE_WRAP_REPEAT;
-}
-
-using EncodedImages = std::map<const imaging::RgbImage*, std::vector<std::byte>>;
 
 /// Encodes every texture once, as JPEG; in parallel, since this takes longest.
 EncodedImages encode_textures(const std::vector<TexturedMesh>& meshes, const Progress& progress) {
@@ -56,239 +43,84 @@ EncodedImages encode_textures(const std::vector<TexturedMesh>& meshes, const Pro
   return encoded;
 }
 
-/// A stretch of a GLB's binary chunk, made when it is written.
-struct GlbPart {
-  std::size_t offset = 0, size = 0;            ///< bytes
-  std::span<const std::byte> bytes;            ///< empty for positions
-  const TriangleMesh* positions_of = nullptr;  ///< vertices, as floats relative to the centre
-  Vec3 center = Vec3::Zero();
-};
-
 /// The limit of a GLB file, with room for its JSON.
 constexpr std::size_t kMostBinary_bytes = 0xf0000000U;
 
-/// Collects meshes into a glTF model with one buffer, whose bytes are not held but referred to: the meshes must outlive
-/// it.
-class GlbBuilder {
+/// Collects meshes into a binary glTF, whose bytes are not held but referred to: the meshes must outlive it.
+class MeshGlb {
  public:
-  explicit GlbBuilder(const EncodedImages& images) : images_(images) {
-    model_.asset.version = "2.0";
-    model_.asset.generator = "tileflight";
-    model_.extensionsUsed.push_back("KHR_materials_unlit");
-    model_.buffers.emplace_back();
-    model_.nodes.emplace_back();
-    model_.nodes[0].name = "local frame: x east, y north, z up";
+  explicit MeshGlb(const EncodedImages& images) : document_(images, false) {
     const Mat4 turn = T_gltf_local();
-    model_.nodes[0].matrix.assign(turn.data(), turn.data() + 16);  // column-major, as glTF requires
-    model_.scenes.emplace_back();
-    model_.scenes[0].nodes.push_back(0);
-    model_.defaultScene = 0;
+    document_.add("nodes", {{"name", "local frame: x east, y north, z up"},
+                            {"matrix", std::vector(turn.data(), turn.data() + 16)}});  // column-major, as in glTF
   }
 
   void add(const TexturedMesh& m, const Vec3& center, const MeshOrigin* origin) {
     if (m.mesh.triangles.empty()) return;
-    tinygltf::Primitive primitive;
-    primitive.mode = TINYGLTF_MODE_TRIANGLES;
-    primitive.attributes["POSITION"] = add_positions(m.mesh, center);
-    if (!m.uv.empty()) {
-      primitive.attributes["TEXCOORD_0"] = add_accessor(std::span(m.uv), TINYGLTF_COMPONENT_TYPE_FLOAT,
-                                                        TINYGLTF_TYPE_VEC2, TINYGLTF_TARGET_ARRAY_BUFFER);
-    }
-    if (!m.colors.empty()) {
-      primitive.attributes["COLOR_0"] = add_accessor(std::span(m.colors), TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE,
-                                                     TINYGLTF_TYPE_VEC4, TINYGLTF_TARGET_ARRAY_BUFFER);
-      model_.accessors.back().normalized = true;
-    }
+    json primitive{{"mode", 4}};
+    json& attributes = primitive["attributes"];
+    attributes["POSITION"] = add_positions(m.mesh, center);
+    if (!m.uv.empty()) attributes["TEXCOORD_0"] = add_accessor(std::span(m.uv), imaging::kGltfFloat, "VEC2");
+    if (!m.colors.empty())
+      attributes["COLOR_0"] = add_accessor(std::span(m.colors), imaging::kGltfUnsignedByte, "VEC4", true);
     const std::span corners(m.mesh.triangles.front().data(), 3 * m.mesh.triangles.size());
-    primitive.indices = add_accessor(corners, TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT, TINYGLTF_TYPE_SCALAR,
-                                     TINYGLTF_TARGET_ELEMENT_ARRAY_BUFFER);
-    primitive.material = add_material(m);
-    add_node(m.name, center, std::move(primitive));
-    if (origin == nullptr) return;
-    tinygltf::Value::Object stored;
-    stored["content"] = tinygltf::Value(static_cast<int>(origin->content));
-    stored["first"] = tinygltf::Value(static_cast<int>(origin->first));
-    stored["view"] = tinygltf::Value(add_view(std::as_bytes(std::span(origin->triangles)), 0));
-    model_.meshes.back().extras = tinygltf::Value(tinygltf::Value::Object{{kOriginKey, tinygltf::Value(stored)}});
+    const std::size_t view = add_view(corners, imaging::kGltfElementArrayBuffer);
+    primitive["indices"] = document_.add_accessor(view, imaging::kGltfUnsignedInt, "SCALAR", corners.size());
+    primitive["material"] = document_.add_material(m);
+    json mesh{{"primitives", json::array({primitive})}};
+    if (origin != nullptr)
+      mesh["extras"][kOriginKey] = {{"content", static_cast<int>(origin->content)},
+                                    {"first", static_cast<int>(origin->first)},
+                                    {"view", add_view(std::span(origin->triangles), 0)}};
+    json node{{"translation", {center.x(), center.y(), center.z()}}};
+    if (!m.name.empty()) mesh["name"] = node["name"] = m.name;
+    node["mesh"] = document_.add("meshes", std::move(mesh));
+    document_.json["nodes"][0]["children"].push_back(document_.json["nodes"].size());
+    document_.add("nodes", std::move(node));
   }
 
-  std::size_t buffer_bytes() const { return bytes_; }
-  const std::vector<GlbPart>& parts() const { return parts_; }
-
-  /// Everything before the first part: header, JSON, head of the binary chunk.
-  std::string head() const {
-    std::ostringstream stream;
-    tinygltf::TinyGLTF writer;
-    writer.WriteGltfSceneToStream(&model_, stream, false, true);
-    std::string json = std::move(stream).str().substr(kHeader_bytes + kChunkHead_bytes);
-    json.erase(json.find_last_not_of(' ') + 1);
-    // The model's buffer is empty, since its bytes are not held. Within a JSON string the quotes would be escaped.
-    const std::string unknown = R"("buffers":[{"byteLength":0}])";
-    json.replace(json.find(unknown), unknown.size(), R"("buffers":[{"byteLength":)" + std::to_string(bytes_) + "}]");
-    json.append(padding(json.size()), ' ');
-    const std::size_t binary = bytes_ + padding(bytes_);
-    const auto word = [](std::size_t value) {
-      const auto number = static_cast<std::uint32_t>(value);
-      return std::string(reinterpret_cast<const char*>(&number), sizeof number);
-    };
-    return "glTF" + word(2) + word(kHeader_bytes + 2 * kChunkHead_bytes + json.size() + binary) + word(json.size()) +
-           "JSON" + json + word(binary) + std::string("BIN\0", 4);
+  /// Returns the finished document.
+  const GlbDocument& finish() {
+    document_.add("buffers", {{"byteLength", document_.binary_bytes()}});
+    return document_;
   }
 
-  /// Bytes to the next multiple of four: accessors are aligned to the size of their numbers, chunks to four bytes.
-  static std::size_t padding(std::size_t bytes) { return (4 - bytes % 4) % 4; }
+  std::size_t buffer_bytes() const { return document_.binary_bytes(); }
 
  private:
-  int add_view(GlbPart part, int target) {
-    part.offset = bytes_ + padding(bytes_);
-    bytes_ = part.offset + part.size;
-    parts_.push_back(part);
-    tinygltf::BufferView view;
-    view.buffer = 0;
-    view.byteOffset = part.offset;
-    view.byteLength = part.size;
-    view.target = target;
-    model_.bufferViews.push_back(view);
-    return static_cast<int>(model_.bufferViews.size() - 1);
-  }
-  int add_view(std::span<const std::byte> bytes, int target) {
-    return add_view(GlbPart{.size = bytes.size(), .bytes = bytes}, target);
+  template <typename T>
+  std::size_t add_view(std::span<const T> values, int target) {
+    const auto append = [values](std::size_t begin, std::size_t end, std::string& out) {
+      out.append(reinterpret_cast<const char*>(values.data()) + begin, end - begin);
+    };
+    return document_.add_view(values.size_bytes(), append, target);
   }
 
-  int add_accessor(int view, std::size_t count, int component_type, int type) {
-    tinygltf::Accessor accessor;
-    accessor.bufferView = view;
-    accessor.componentType = component_type;
-    accessor.type = type;
-    accessor.count = count;
-    model_.accessors.push_back(accessor);
-    return static_cast<int>(model_.accessors.size() - 1);
-  }
   template <typename T>
-  int add_accessor(std::span<const T> values, int component_type, int type, int target) {
-    return add_accessor(add_view(std::as_bytes(values), target), values.size(), component_type, type);
-  }
-  template <typename T>
-  int add_accessor(std::span<T> values, int component_type, int type, int target) {
-    return add_accessor(std::span<const T>(values), component_type, type, target);
+  std::size_t add_accessor(std::span<const T> values, int component_type, const char* type, bool normalized = false) {
+    return document_.add_accessor(add_view(values, imaging::kGltfArrayBuffer), component_type, type, values.size(),
+                                  normalized);
   }
 
-  int add_positions(const TriangleMesh& mesh, const Vec3& center) {
+  /// Vertices become floats relative to the centre when they are written.
+  std::size_t add_positions(const TriangleMesh& mesh, const Vec3& center) {
     Eigen::AlignedBox3f box;
     for (const Vec3& v : mesh.vertices) box.extend((v - center).cast<float>());
+    const auto append = [&vertices = mesh.vertices, center](std::size_t begin, std::size_t end, std::string& out) {
+      for (std::size_t at = begin; at < end; at += sizeof(Eigen::Vector3f)) {
+        const Eigen::Vector3f p = (vertices[at / sizeof(Eigen::Vector3f)] - center).cast<float>();
+        out.append(reinterpret_cast<const char*>(p.data()), sizeof p);
+      }
+    };
     const std::size_t count = mesh.vertices.size();
-    const GlbPart part{.size = count * sizeof(Eigen::Vector3f), .positions_of = &mesh, .center = center};
-    const int accessor = add_accessor(add_view(part, TINYGLTF_TARGET_ARRAY_BUFFER), count,
-                                      TINYGLTF_COMPONENT_TYPE_FLOAT, TINYGLTF_TYPE_VEC3);
-    model_.accessors.back().minValues = {box.min().x(), box.min().y(), box.min().z()};
-    model_.accessors.back().maxValues = {box.max().x(), box.max().y(), box.max().z()};
+    const std::size_t view = document_.add_view(count * sizeof(Eigen::Vector3f), append, imaging::kGltfArrayBuffer);
+    const std::size_t accessor = document_.add_accessor(view, imaging::kGltfFloat, "VEC3", count);
+    document_.json["accessors"][accessor].update({{"min", {box.min().x(), box.min().y(), box.min().z()}},
+                                                  {"max", {box.max().x(), box.max().y(), box.max().z()}}});
     return accessor;
   }
 
-  int add_material(const TexturedMesh& m) {
-    tinygltf::Material material;
-    auto& pbr = material.pbrMetallicRoughness;
-    pbr.baseColorFactor.assign(m.base_color.begin(), m.base_color.end());
-    pbr.metallicFactor = 0.0;
-    pbr.roughnessFactor = 1.0;
-    if (images_.contains(m.texture.get())) pbr.baseColorTexture.index = add_texture(m);
-    material.doubleSided = true;
-    material.extensions["KHR_materials_unlit"] = tinygltf::Value(tinygltf::Value::Object());
-    model_.materials.push_back(material);
-    return static_cast<int>(model_.materials.size() - 1);
-  }
-
-  int add_texture(const TexturedMesh& m) {
-    const auto [found, is_new] = image_index_.try_emplace(m.texture.get(), static_cast<int>(model_.images.size()));
-    if (is_new) {
-      tinygltf::Image image;
-      image.bufferView = add_view(images_.at(m.texture.get()), 0);
-      image.mimeType = "image/jpeg";
-      model_.images.push_back(image);
-    }
-    tinygltf::Sampler sampler;
-    sampler.minFilter = TINYGLTF_TEXTURE_FILTER_LINEAR_MIPMAP_LINEAR;
-    sampler.magFilter = TINYGLTF_TEXTURE_FILTER_LINEAR;
-    sampler.wrapS = gltf_wrap(m.wrap_u);
-    sampler.wrapT = gltf_wrap(m.wrap_v);
-    model_.samplers.push_back(sampler);
-    tinygltf::Texture texture;
-    texture.source = found->second;
-    texture.sampler = static_cast<int>(model_.samplers.size() - 1);
-    model_.textures.push_back(texture);
-    return static_cast<int>(model_.textures.size() - 1);
-  }
-
-  void add_node(const std::string& name, const Vec3& center, tinygltf::Primitive primitive) {
-    tinygltf::Mesh mesh;
-    mesh.name = name;
-    mesh.primitives.push_back(std::move(primitive));
-    model_.meshes.push_back(std::move(mesh));
-    tinygltf::Node node;
-    node.name = name;
-    node.mesh = static_cast<int>(model_.meshes.size() - 1);
-    node.translation = {center.x(), center.y(), center.z()};
-    model_.nodes[0].children.push_back(static_cast<int>(model_.nodes.size()));
-    model_.nodes.push_back(std::move(node));
-  }
-
-  static constexpr std::size_t kHeader_bytes = 12, kChunkHead_bytes = 8;
-
-  const EncodedImages& images_;
-  std::map<const imaging::RgbImage*, int> image_index_;
-  tinygltf::Model model_;
-  std::vector<GlbPart> parts_;
-  std::size_t bytes_ = 0;  ///< of all parts, with the gaps between them
-};
-
-/// Returns the bytes of a GLB file piece by piece, holding some hundred thousand of them at a time; empty: the end.
-class GlbStream {
- public:
-  explicit GlbStream(const GlbBuilder& glb) : glb_(glb), piece_(glb.head()) {}
-
-  std::string_view next() {
-    if (!begun_) {
-      begun_ = true;
-      return piece_;
-    }
-    piece_.clear();
-    while (piece_.empty() && part_ < glb_.parts().size()) append_some(glb_.parts()[part_]);
-    if (piece_.empty() && !ended_) {
-      ended_ = true;
-      piece_.assign(GlbBuilder::padding(glb_.buffer_bytes()), '\0');
-    }
-    return piece_;
-  }
-
- private:
-  static constexpr std::size_t kAtOnce = 65536;  ///< positions
-
-  void append_some(const GlbPart& part) {
-    if (done_ == 0) piece_.assign(GlbBuilder::padding(written_), '\0');
-    written_ += piece_.size();
-    const std::size_t end = std::min(part.size, done_ + kAtOnce * sizeof(Eigen::Vector3f));
-    if (part.positions_of != nullptr) {
-      for (std::size_t at = done_; at < end; at += sizeof(Eigen::Vector3f)) {
-        const Vec3& v = part.positions_of->vertices[at / sizeof(Eigen::Vector3f)];
-        const Eigen::Vector3f p = (v - part.center).cast<float>();
-        piece_.append(reinterpret_cast<const char*>(p.data()), sizeof p);
-      }
-    } else {
-      piece_.append(reinterpret_cast<const char*>(part.bytes.data()) + done_, end - done_);
-    }
-    written_ += end - done_;
-    done_ = end;
-    if (done_ < part.size) return;
-    done_ = 0;
-    ++part_;
-  }
-
-  const GlbBuilder& glb_;
-  std::string piece_;
-  bool begun_ = false, ended_ = false;
-  std::size_t part_ = 0;     ///< the one to be written next
-  std::size_t done_ = 0;     ///< bytes of it
-  std::size_t written_ = 0;  ///< bytes of the binary chunk
+  GlbDocument document_;
 };
 
 /// Throws InputError if the triangles alone are too large for a GLB file: known before the textures are compressed.
@@ -316,13 +148,13 @@ void write_mesh_glb(const std::filesystem::path& file, const std::vector<Texture
                     const std::vector<MeshOrigin>& origins) {
   require_fitting(file.string(), geometry_bytes(meshes));
   const EncodedImages images = textures ? encode_textures(meshes, progress) : EncodedImages();
-  GlbBuilder builder(images);
+  MeshGlb glb(images);
   for (std::size_t i = 0; i < meshes.size(); ++i) {
-    builder.add(meshes[i], centers.empty() ? Vec3(geometry::bounds(meshes[i].mesh).center()) : centers[i],
-                origins.empty() ? nullptr : &origins[i]);
+    glb.add(meshes[i], centers.empty() ? Vec3(geometry::bounds(meshes[i].mesh).center()) : centers[i],
+            origins.empty() ? nullptr : &origins[i]);
   }
-  require_fitting(file.string(), builder.buffer_bytes());
-  GlbStream stream(builder);
+  require_fitting(file.string(), glb.buffer_bytes());
+  imaging::GlbStream stream(glb.finish());
   base::write_file_in_parts(file, [&] { return stream.next(); });
 }
 

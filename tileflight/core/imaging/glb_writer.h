@@ -5,7 +5,7 @@
 
 #include "tileflight/core/imaging/textured_mesh.h"
 
-namespace tileflight::tile_writer {
+namespace tileflight::imaging {
 
 struct GlbOptions {
   int jpeg_quality = 85;
@@ -19,6 +19,6 @@ struct GlbOptions {
 /// positions are z up, metres; they are written y up (as 3D Tiles requires) in floats relative to a node at integer
 /// metres near their centre, so that coordinates of hundreds of metres keep micrometre precision. Texture coordinates
 /// are 16-bit normalised and must lie in 0..1; vertex colours are 8-bit RGBA. Meshes without triangles are left out.
-std::string write_glb(const std::vector<imaging::TexturedMesh>& meshes, const GlbOptions& options);
+std::string write_glb(const std::vector<TexturedMesh>& meshes, const GlbOptions& options);
 
-}  // namespace tileflight::tile_writer
+}  // namespace tileflight::imaging

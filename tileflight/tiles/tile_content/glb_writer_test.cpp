@@ -1,4 +1,4 @@
-#include "tileflight/tiles/tile_writer/glb_writer.h"
+#include "tileflight/core/imaging/glb_writer.h"
 
 #include <gtest/gtest.h>
 #include <tiny_gltf.h>
@@ -12,7 +12,7 @@
 #include "tileflight/core/imaging/image_files.h"
 #include "tileflight/tiles/tile_content/content.h"
 
-namespace tileflight::tile_writer::glb_writer_test {
+namespace tileflight::tile_content::glb_writer_test {
 namespace {
 
 using geometry::Vec3;
@@ -64,7 +64,7 @@ TexturedMesh random_mesh(const Vec3& center, std::size_t count, std::shared_ptr<
 TEST(GlbWriter, AnotherReaderGetsTheSameTriangles) {
   const auto texture = std::make_shared<imaging::RgbImage>(16, 8, imaging::Rgb8{200, 60, 20});
   const TexturedMesh mesh = random_mesh({150.3, -88.8, 12.1}, 200, texture, 1);
-  const tinygltf::Model model = read(write_glb({mesh}, {90, "someone, CC0"}));
+  const tinygltf::Model model = read(imaging::write_glb({mesh}, {90, "someone, CC0"}));
   EXPECT_EQ(model.asset.copyright, "someone, CC0");
   ASSERT_EQ(model.meshes.at(0).primitives.size(), 1U);
   const tinygltf::Primitive& primitive = model.meshes[0].primitives[0];
@@ -86,7 +86,7 @@ TEST(GlbWriter, AnotherReaderGetsTheSameTriangles) {
 
 TEST(GlbWriter, PositionBoundsAreExact) {
   const TexturedMesh mesh = random_mesh({0, 0, 0}, 50, nullptr, 2);
-  const tinygltf::Model model = read(write_glb({mesh}, {}));
+  const tinygltf::Model model = read(imaging::write_glb({mesh}, {}));
   const auto& accessor =
       model.accessors[static_cast<std::size_t>(model.meshes[0].primitives[0].attributes.at("POSITION"))];
   const auto positions = values<float>(model, model.meshes[0].primitives[0].attributes.at("POSITION"), 3);
@@ -104,7 +104,7 @@ TEST(GlbWriter, PositionBoundsAreExact) {
 TEST(GlbWriter, SharesAnImageBetweenMeshesAndWritesItAsJpeg) {
   const auto texture = std::make_shared<imaging::RgbImage>(32, 32, imaging::Rgb8{20, 160, 90});
   const tinygltf::Model model =
-      read(write_glb({random_mesh({0, 0, 0}, 3, texture, 3), random_mesh({9, 0, 0}, 3, texture, 4)}, {}));
+      read(imaging::write_glb({random_mesh({0, 0, 0}, 3, texture, 3), random_mesh({9, 0, 0}, 3, texture, 4)}, {}));
   ASSERT_EQ(model.meshes[0].primitives.size(), 2U);
   ASSERT_EQ(model.images.size(), 1U);
   EXPECT_EQ(model.images[0].mimeType, "image/jpeg");
@@ -117,13 +117,13 @@ TEST(GlbWriter, SharesAnImageBetweenMeshesAndWritesItAsJpeg) {
 }
 
 TEST(GlbWriter, LargeMeshesGetWideIndices) {
-  const tinygltf::Model model = read(write_glb({random_mesh({0, 0, 0}, 30000, nullptr, 5)}, {}));
+  const tinygltf::Model model = read(imaging::write_glb({random_mesh({0, 0, 0}, 30000, nullptr, 5)}, {}));
   const auto indices = values<std::uint32_t>(model, model.meshes[0].primitives[0].indices, 1);
   EXPECT_EQ(*std::max_element(indices.begin(), indices.end()), 89999U);
 }
 
 TEST(GlbWriter, LengthsInTheContainerAreWhole) {
-  const std::string glb = write_glb({random_mesh({0, 0, 0}, 7, nullptr, 6)}, {80, "x"});
+  const std::string glb = imaging::write_glb({random_mesh({0, 0, 0}, 7, nullptr, 6)}, {80, "x"});
   std::uint32_t total = 0, json = 0;
   std::memcpy(&total, glb.data() + 8, 4);
   std::memcpy(&json, glb.data() + 12, 4);
@@ -158,8 +158,8 @@ TEST(WriteGlb, PackedGeometryIsReadBackTheSame) {
   for (std::size_t i = 0; i < colored.mesh.vertices.size(); ++i)
     colored.colors.push_back({static_cast<std::uint8_t>(i), 7, static_cast<std::uint8_t>(i / 256), 255});
   const auto decoded = [&](bool meshopt) {
-    const std::string glb = write_glb({textured, colored}, {.meshopt = meshopt});
-    return tile_content::decode_content(std::as_bytes(std::span(glb)), "a.glb").meshes;
+    const std::string glb = imaging::write_glb({textured, colored}, {.meshopt = meshopt});
+    return decode_content(std::as_bytes(std::span(glb)), "a.glb").meshes;
   };
   const std::vector<TexturedMesh> plain = decoded(false), packed = decoded(true);
   ASSERT_EQ(packed.size(), 2U);
@@ -171,4 +171,4 @@ TEST(WriteGlb, PackedGeometryIsReadBackTheSame) {
 }
 
 }  // namespace
-}  // namespace tileflight::tile_writer::glb_writer_test
+}  // namespace tileflight::tile_content::glb_writer_test
