@@ -9,11 +9,11 @@
 #include "command.h"
 #include "number_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/output_folder.h"
 #include "tileflight/core/base/memory_budget.h"
+#include "tileflight/core/base/output_folder.h"
+#include "tileflight/tiles/mesh_files/mesh_source.h"
 #include "tileflight/tiles/tile_writer/georeference.h"
 #include "tileflight/tiles/tile_writer/large_mesh_tileset.h"
-#include "tileflight/tiles/mesh_files/mesh_source.h"
 #include "tileflight/tiles/tile_writer/mesh_tileset.h"
 
 namespace tileflight::app {
@@ -134,7 +134,7 @@ std::string text_of(const nlohmann::json& result) {
 }
 
 tile_writer::MeshTilesetOptions settings_of(const TileOptions& options, const MeshFrame& place,
-                                       const std::vector<std::string>& copyrights) {
+                                            const std::vector<std::string>& copyrights) {
   tile_writer::MeshTilesetOptions settings = options.tileset;
   if (options.levels > 0) settings.levels = options.levels;
   if (place.frame) settings.T_ecef_local = place.frame->T_ecef_local();
@@ -151,8 +151,8 @@ TiledMesh tile_in_memory(const fs::path& folder, const std::vector<fs::path>& fi
   out.place = place_on_earth(options, files.front(), [&](const tile_writer::Georeference& place) {
     return tile_writer::reproject_to_local(place, source.meshes);
   });
-  out.summary =
-      tile_writer::write_mesh_tileset(folder, source.meshes, settings_of(options, out.place, source.copyrights), progress);
+  out.summary = tile_writer::write_mesh_tileset(folder, source.meshes,
+                                                settings_of(options, out.place, source.copyrights), progress);
   out.warnings = std::move(source.warnings);
   return out;
 }
@@ -187,8 +187,8 @@ TiledMesh tile_out_of_core(const fs::path& folder, const std::vector<fs::path>& 
   tile_writer::LargeMeshLimits limits;
   limits.threads = static_cast<int>(
       std::clamp<std::uintmax_t>((std::max(memory_bytes, kApartFromThreads) - kApartFromThreads) / kPerThread, 2, 256));
-  out.summary = tile_writer::write_large_mesh_tileset(folder, mesh, settings_of(options, out.place, mesh.copyrights), limits,
-                                                 progress);
+  out.summary = tile_writer::write_large_mesh_tileset(folder, mesh, settings_of(options, out.place, mesh.copyrights),
+                                                      limits, progress);
   out.warnings = mesh.warnings;
   return out;
 }
@@ -215,7 +215,7 @@ Output tile(const TileOptions& options, const CommonOptions& shared, const Progr
                                   .command = "tile",
                                   .replace = shared.force,
                                   .inputs = {options.meshes.begin(), options.meshes.end()},
-                                  .legacy = tile_writer::legacy_tileset_folder()};
+                                  .legacy = {}};
   base::write_folder(output, [&](const fs::path& temporary) {
     result = result_of(options, tile_files(temporary, options, progress));
   });
@@ -265,7 +265,8 @@ void add_options(CLI::App& command, TileOptions& options) {
       .add_option("--jpeg-quality", options.tileset.jpeg_quality, "JPEG quality of the textures, 1 to 100 (default 90)")
       ->check(CLI::Range(1, 100));
   command.add_option("--copyright", options.tileset.copyright, "attribution, written into every tile");
-  command.add_flag("--no-textures", options.no_textures, "read no textures: tiles show the colours of materials and vertices");
+  command.add_flag("--no-textures", options.no_textures,
+                   "read no textures: tiles show the colours of materials and vertices");
   command
       .add_option("--memory", options.memory_gb,
                   "memory limit, GB (default: half of the machine's); a mesh that needs more is tiled out of core, in "

@@ -18,7 +18,6 @@
 #include "tileflight/core/base/output_folder.h"
 #include "tileflight/experiments/experiment/link_files.h"
 #include "tileflight/world/place/extract.h"
-#include "tileflight/tiles/demo_place/stadium.h"
 
 namespace tileflight::experiment {
 namespace fs = std::filesystem;
@@ -82,9 +81,7 @@ SharedKind shared_truths(const std::string& source) {
   return {.command = "extract", .name = "truth", .adapt = name_source};
 }
 
-SharedKind shared_places() {
-  return {.command = "scene", .name = "built-in place", .legacy = demo_place::legacy_stadium_folder()};
-}
+SharedKind shared_places() { return {.command = "scene", .name = "built-in place"}; }
 
 FolderCache::FolderCache(fs::path folder, SharedKind kind, bool refresh, const Progress& progress)
     : folder_(std::move(folder)), kind_(std::move(kind)), refresh_(refresh), progress_(progress) {}

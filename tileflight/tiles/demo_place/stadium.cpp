@@ -105,12 +105,6 @@ Progress named(const Progress& progress, const std::string& name) {
 
 }  // namespace
 
-base::LegacyFolderPattern legacy_stadium_folder() {
-  return {.key_file = "twin/tileset.json",
-          .key_text = "tileflight",
-          .files = {"twin/tileset.json", "twin/tiles/*.glb", "world/tileset.json", "world/tiles/*.glb"}};
-}
-
 void write_stadium(const std::filesystem::path& folder, const StadiumOptions& options, const Progress& progress) {
   const auto seed = static_cast<std::uint32_t>(options.seed ^ (options.seed >> 32));
   const SitePlan plan = make_site_plan(seed);

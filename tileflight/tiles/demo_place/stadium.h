@@ -3,7 +3,6 @@
 #include <cstdint>
 #include <filesystem>
 
-#include "tileflight/core/base/output_folder.h"
 #include "tileflight/core/base/progress.h"
 #include "tileflight/core/geometry/geodesy.h"
 
@@ -19,9 +18,6 @@ struct StadiumOptions {
   double texture_scale = 1.0;  ///< 1: full texture resolution; tests use lower values
   bool twin = true;            ///< false: only `world`
 };
-
-/// Describes output folders of write_stadium() that were written before markers existed.
-base::LegacyFolderPattern legacy_stadium_folder();
 
 /// Writes OUT/twin/tileset.json and OUT/world/tileset.json (3D Tiles 1.1, glb, JPEG, several levels of detail, ECEF).
 /// `world` is the detailed model; `twin` simulates its photogrammetric reconstruction: simplified, slightly noisy,

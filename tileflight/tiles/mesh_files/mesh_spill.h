@@ -81,7 +81,7 @@ class MeshSpill {
 };
 
 /// Takes one OBJ or PLY file into a spill. Polygons are triangulated as in memory.
-class SpillReceiver : public mesh_files::FaceReceiver {
+class SpillReceiver : public FaceReceiver {
  public:
   /// `file`: for messages.
   SpillReceiver(MeshSpill& spill, std::string file);
@@ -89,7 +89,7 @@ class SpillReceiver : public mesh_files::FaceReceiver {
   void add_position(const geometry::Vec3& position, const std::optional<std::array<float, 3>>& color) override;
   void add_uv(const Eigen::Vector2f& uv) override;
   void use_material(const std::string& material) override;
-  void add_face(const std::vector<mesh_files::FaceCorner>& corners) override;
+  void add_face(const std::vector<FaceCorner>& corners) override;
 
   /// Ends the file: colours become linear after `color_scale(largest value)`, and `look` says how the triangles of a
   /// material look that have texture coordinates or have none.
@@ -99,7 +99,7 @@ class SpillReceiver : public mesh_files::FaceReceiver {
   bool has_colors() const { return has_colors_; }
 
  private:
-  void add_triangle(const std::array<mesh_files::FaceCorner, 3>& corners);
+  void add_triangle(const std::array<FaceCorner, 3>& corners);
 
   MeshSpill& spill_;
   std::string file_;

@@ -102,8 +102,7 @@ constexpr std::int64_t kLinesAtOnce = 65536;
 /// One object per file.
 class ObjParser {
  public:
-  ObjParser(std::string_view text, const std::string& name, mesh_files::FaceReceiver& faces,
-            const std::function<void()>& between)
+  ObjParser(std::string_view text, const std::string& name, FaceReceiver& faces, const std::function<void()>& between)
       : text_(text), name_(name), faces_(faces), between_(between) {}
 
   ObjNotes parse() {
@@ -152,7 +151,7 @@ class ObjParser {
 
   /// `v x y z`, `v x y z w` (w, the weight of rational curves, is ignored), `v x y z r g b`, with or without alpha.
   void read_position(std::string_view line) {
-    if (positions_ >= mesh_files::kInvalidIndex) fail("too many vertices");
+    if (positions_ >= kInvalidIndex) fail("too many vertices");
     std::array<double, 7> values{};
     std::size_t count = 0;
     while (count < values.size()) {
@@ -170,7 +169,7 @@ class ObjParser {
   }
 
   void read_uv(std::string_view line) {
-    if (uvs_ >= mesh_files::kInvalidIndex) fail("too many texture coordinates");
+    if (uvs_ >= kInvalidIndex) fail("too many texture coordinates");
     const std::string_view u = base::take_field(line), v = base::take_field(line);
     if (u.empty()) fail("a texture coordinate needs a number");
     Eigen::Vector2f uv(static_cast<float>(number(u)), v.empty() ? 0.0F : static_cast<float>(number(v)));
@@ -195,9 +194,9 @@ class ObjParser {
   }
 
   /// `v`, `v/vt`, `v/vt/vn` or `v//vn`.
-  mesh_files::FaceCorner corner(std::string_view field) const {
+  FaceCorner corner(std::string_view field) const {
     const std::size_t slash = field.find('/');
-    mesh_files::FaceCorner out{index(field.substr(0, slash), positions_, "vertex"), mesh_files::kInvalidIndex};
+    FaceCorner out{index(field.substr(0, slash), positions_, "vertex"), kInvalidIndex};
     if (slash == std::string_view::npos) return out;
     field.remove_prefix(slash + 1);
     field = field.substr(0, field.find('/'));
@@ -227,16 +226,16 @@ class ObjParser {
   const std::string& name_;
   std::int64_t line_number_ = 0;
   std::string joined_;
-  std::vector<mesh_files::FaceCorner> corners_;
+  std::vector<FaceCorner> corners_;
   bool has_material_ = false;
   std::size_t positions_ = 0, uvs_ = 0;
   ObjNotes out_;
-  mesh_files::FaceReceiver& faces_;
+  FaceReceiver& faces_;
   const std::function<void()>& between_;
 };
 
 /// Keeps a file's surface.
-class KeptFaces : public mesh_files::FaceReceiver {
+class KeptFaces : public FaceReceiver {
  public:
   void add_position(const Vec3& position, const std::optional<std::array<float, 3>>& color) override {
     faces_.positions.push_back(position);
@@ -245,14 +244,12 @@ class KeptFaces : public mesh_files::FaceReceiver {
     faces_.colors.back() = *color;
   }
   void add_uv(const Eigen::Vector2f& uv) override { faces_.uv.push_back(uv); }
-  void use_material(const std::string& material) override {
-    group_ = mesh_files::find_or_add_group(material, group_of_, faces_);
-  }
-  void add_face(const std::vector<mesh_files::FaceCorner>& corners) override {
-    mesh_files::add_face(corners, faces_.positions, faces_.groups[group_]);
+  void use_material(const std::string& material) override { group_ = find_or_add_group(material, group_of_, faces_); }
+  void add_face(const std::vector<FaceCorner>& corners) override {
+    add_face(corners, faces_.positions, faces_.groups[group_]);
   }
 
-  mesh_files::IndexedFaces take() {
+  IndexedFaces take() {
     if (!faces_.colors.empty()) finish_colors();
     return std::move(faces_);
   }
@@ -267,7 +264,7 @@ class KeptFaces : public mesh_files::FaceReceiver {
       for (float& value : color) value = value * scale > 0 ? std::min(value * scale, 1.0F) : 0.0F;
   }
 
-  mesh_files::IndexedFaces faces_;
+  IndexedFaces faces_;
   std::map<std::string, std::size_t> group_of_;
   std::size_t group_ = 0;
 };
@@ -276,7 +273,7 @@ class KeptFaces : public mesh_files::FaceReceiver {
 
 float obj_color_scale(float highest) { return highest > 1.0F ? 1.0F / 255.0F : 1.0F; }
 
-ObjNotes visit_obj(std::string_view text, const std::string& name, mesh_files::FaceReceiver& faces,
+ObjNotes visit_obj(std::string_view text, const std::string& name, FaceReceiver& faces,
                    const std::function<void()>& between) {
   return ObjParser(text, name, faces, between).parse();
 }

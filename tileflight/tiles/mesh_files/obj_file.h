@@ -34,12 +34,12 @@ struct ObjNotes {
 
 /// Reads an OBJ as parse_obj() does, and hands its surface over instead of keeping it. `between` is called from time to
 /// time, between two lines.
-ObjNotes visit_obj(std::string_view text, const std::string& name, mesh_files::FaceReceiver& faces,
+ObjNotes visit_obj(std::string_view text, const std::string& name, FaceReceiver& faces,
                    const std::function<void()>& between = {});
 
 /// Surface data of an OBJ file.
 struct ObjFile {
-  mesh_files::IndexedFaces faces;  ///< white colours for vertices without one, if others have one
+  IndexedFaces faces;  ///< white colours for vertices without one, if others have one
   ObjNotes notes;
 };
 

@@ -171,9 +171,9 @@ MeshSource read_obj_meshes(const fs::path& file, bool textures) {
   const ObjFile obj = parse_obj(base::read_text(file, kMaxObjBytes), file.string());
   ImagesInMemory images;
   ObjLooks looks(file, obj.notes, textures, [&](const fs::path& image) { return images.read(image); });
-  mesh_files::VertexDeduplicator joiner(obj.faces);
+  VertexDeduplicator joiner(obj.faces);
   MeshSource out;
-  for (const mesh_files::FaceGroup& group : obj.faces.groups)
+  for (const FaceGroup& group : obj.faces.groups)
     for (const bool with_uv : {true, false}) {
       TexturedMesh mesh = joiner.build_mesh(group, with_uv);
       if (mesh.mesh.triangles.empty()) continue;

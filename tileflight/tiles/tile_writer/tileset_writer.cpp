@@ -214,10 +214,6 @@ TileEntry entry_of(const TileId& id, const Tree& tree, const std::vector<double>
 
 }  // namespace
 
-base::LegacyFolderPattern legacy_tileset_folder() {
-  return {.key_file = "tileset.json", .key_text = "tileflight", .files = {"tileset.json", "tiles/*.glb"}};
-}
-
 TilesetSummary write_tileset(const std::filesystem::path& folder, const std::vector<TexturedMesh>& meshes,
                              const TilesetOptions& options, const Progress& progress) {
   Tree tree = make_tree(meshes, static_cast<int>(options.level_errors_m.size()));

@@ -5,7 +5,6 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/core/base/output_folder.h"
 #include "tileflight/core/base/progress.h"
 #include "tileflight/core/imaging/textured_mesh.h"
 
@@ -32,9 +31,6 @@ struct TilesetSummary {
   std::vector<TilesetLevel> levels;  ///< from the root to the leaves
   std::int64_t bytes = 0;
 };
-
-/// Describes tileset folders of this stage that were written before markers existed.
-base::LegacyFolderPattern legacy_tileset_folder();
 
 /// Writes `folder`/tileset.json (3D Tiles 1.1, explicit tiling, REPLACE) and its glb tiles: a quadtree over the meshes'
 /// extent, z up. Meshes are never cut: each lies entirely in the leaf that contains the centre of its extent, so meshes
