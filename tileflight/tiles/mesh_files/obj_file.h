@@ -28,11 +28,11 @@ std::map<std::string, MtlMaterial> parse_mtl(std::string_view text, const std::s
 /// Contents of an OBJ file besides its surface.
 struct ObjNotes {
   std::vector<std::string> libraries;  ///< for each `mtllib`, the rest of its line
-  std::int64_t faces_left_out = 0;     ///< with fewer than three corners
-  std::int64_t uv_not_finite = 0;      ///< read as 0
+  std::int64_t faces_left_out = 0;     ///< faces with fewer than three corners
+  std::int64_t uv_not_finite = 0;      ///< texture coordinates that are read as 0
 };
 
-/// Reads an OBJ as parse_obj() does, and hands its surface over instead of keeping it. `between` is called from time to
+/// Reads an OBJ like parse_obj(), and hands its surface over instead of keeping it. `between` is called from time to
 /// time, between two lines.
 ObjNotes visit_obj(std::string_view text, const std::string& name, FaceReceiver& faces,
                    const std::function<void()>& between = {});
@@ -43,7 +43,7 @@ struct ObjFile {
   ObjNotes notes;
 };
 
-/// Factor that brings colours of vertices into 0..1: in a file where one exceeds 1 they are out of 255.
+/// Returns the factor that brings vertex colours into 0..1. In a file where one exceeds 1 they are out of 255.
 float obj_color_scale(float highest);
 
 /// Parses a Wavefront OBJ: v (with colours, as written by MeshLab and ODM), vt, f (polygons of any number of corners,

@@ -11,11 +11,11 @@ namespace tileflight::mesh_files {
 /// replaces Kd, as exporters intend. Throws InputError, also for a missing library or texture.
 MeshSource read_obj_meshes(const std::filesystem::path& file, bool textures);
 
-/// The same for a mesh that does not fit into memory: surfaces and textures go into `spill`. Throws as
-/// read_obj_meshes().
+/// Reads an OBJ like read_obj_meshes(), but writes surfaces and textures into `spill`, for a mesh that does not fit
+/// into memory. Throws InputError.
 void spill_obj_meshes(const std::filesystem::path& file, bool textures, MeshSpill& spill);
 
-/// The image files that an OBJ refers to as far as they exist, without reading its surface.
+/// Returns the image files that an OBJ refers to and that exist, without reading its surface.
 std::vector<std::filesystem::path> obj_image_files(const std::filesystem::path& file);
 
 }  // namespace tileflight::mesh_files

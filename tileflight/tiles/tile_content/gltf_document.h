@@ -22,7 +22,7 @@ namespace gltf {
 
 enum class ComponentType { kInt8, kUint8, kInt16, kUint16, kUint32, kFloat };
 
-/// Bytes of one component.
+/// Returns the size of one component in bytes.
 std::size_t component_size(ComponentType type);
 
 struct Buffer {
@@ -76,7 +76,7 @@ struct DracoPrimitive {
 /// EXT_mesh_features or EXT_instance_features: assigns vertices or instances to features.
 struct FeatureIds {
   std::string attribute;                      ///< "_FEATURE_ID_0", "_BATCHID"; empty: the vertex or instance number
-  std::optional<std::size_t> property_table;  ///< of EXT_structural_metadata
+  std::optional<std::size_t> property_table;  ///< table of EXT_structural_metadata
   std::optional<std::uint32_t> null_id;       ///< id that means no feature
 };
 

@@ -25,7 +25,7 @@ struct FeatureTexture {
   imaging::Wrap wrap_v = imaging::Wrap::kRepeat;
   std::vector<std::size_t> channels = {0};  ///< indices into red, green, blue: the bytes of the id, lowest first
 
-  /// Feature id of the texel at the texture coordinates, unfiltered.
+  /// Returns the feature id of the texel at the texture coordinates, unfiltered.
   std::uint32_t at(const Eigen::Vector2f& uv) const;
 };
 
@@ -34,14 +34,14 @@ struct FeatureTexture {
 void assign_features_from_texture(const FeatureTexture& texture, const std::vector<Eigen::Vector2f>& uv,
                                   Geometry& geometry);
 
-/// The property tables of a glTF (EXT_structural_metadata) as feature tables, read on first use.
+/// Provides the property tables of a glTF (EXT_structural_metadata) as feature tables. Each is read on first use.
 class PropertyTables {
  public:
   /// All arguments must outlive this object.
   PropertyTables(const Document& document, Buffers& buffers, const ContentOptions& options, const std::string& name)
       : document_(document), buffers_(buffers), options_(options), name_(name) {}
 
-  /// nullptr if the table does not exist or cannot be read; then one warning is added to `warnings`.
+  /// Returns a table. If it does not exist or cannot be read, adds one warning and returns nullptr.
   std::shared_ptr<const imaging::FeatureTable> table(std::size_t index, std::vector<std::string>& warnings);
 
  private:

@@ -9,8 +9,8 @@
 #include "tileflight/core/base/progress.h"
 #include "tileflight/core/geometry/geodesy.h"
 #include "tileflight/core/geometry/mesh.h"
-#include "tileflight/tiles/tileset/content_sample.h"
 #include "tileflight/tiles/fetch/open_source.h"
+#include "tileflight/tiles/tileset/content_sample.h"
 
 namespace tileflight::tileset {
 
@@ -60,7 +60,7 @@ struct TilesetSummary {
 
   std::int64_t finest_contents = 0;     ///< references in the finest cut: what an extraction of everything reads
   std::int64_t finest_bytes = 0;        ///< of their distinct files, if the source knows sizes
-  std::vector<ContentMeasures> probes;  ///< some of them, decoded
+  std::vector<ContentMeasures> probes;  ///< measures of some contents of the finest cut
   std::vector<std::string> warnings;
 
   int depth() const { return static_cast<int>(levels.size()); }
@@ -68,15 +68,15 @@ struct TilesetSummary {
 
 /// How much of a tree is visited.
 struct InspectLimits {
-  bool all = false;                     ///< everything; else, beyond these numbers, a part that is spread evenly
+  bool all = false;                     ///< everything is visited; else an evenly spread part beyond these numbers
   std::size_t max_nested_files = 1024;  ///< external tilesets and subtrees opened
   std::size_t max_tiles = std::size_t{500} << 10;
 };
 
-/// Throws InputError if the root cannot be read; faults further down are listed in `failures`.
+/// Summarizes a tileset. Throws InputError if the root cannot be read; faults further down are listed in `failures`.
 TilesetSummary inspect_tileset(fetch::TileSource& source, const InspectLimits& limits = {},
                                const Progress& progress = {});
-/// `source`: as in load_region.
+/// Opens a SOURCE (open_source.h) and summarizes its tileset.
 TilesetSummary inspect_tileset(const std::string& source, const fetch::SourceOptions& options = {},
                                const InspectLimits& limits = {}, const Progress& progress = {});
 

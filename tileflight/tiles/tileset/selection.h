@@ -20,10 +20,11 @@ struct RefinementCriterion {
   std::function<bool(const BoundingVolume&)> contains_viewer = {};
 };
 
-/// Everything that intersects the region, at a geometric error of at most `error_m` where the tree provides it.
+/// Requests everything that intersects the region, at a geometric error of at most `error_m` where the tree provides
+/// it.
 RefinementCriterion region_criterion(const Region& region, const geometry::SE3& T_local_tileset, double error_m);
 
-/// Union of two criteria, at the finer resolution of those that request a volume. The viewers are dropped.
+/// Returns the union of two criteria, at the finer resolution of those that request a volume. The viewers are dropped.
 RefinementCriterion union_criterion(RefinementCriterion a, RefinementCriterion b);
 
 /// A content selected by a cut.
@@ -35,6 +36,7 @@ struct CutContent {
   double geometric_error_m = 0.0;
 };
 
+/// A selection of contents that shows a place at one resolution.
 struct TileCut {
   std::vector<CutContent> contents;    ///< depth first, children in file order, ADD parents before their children
   std::vector<std::string> failures;   ///< parts of the tree that could not be followed, one line each
