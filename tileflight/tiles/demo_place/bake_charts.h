@@ -7,14 +7,15 @@
 
 namespace tileflight::demo_place {
 
-/// Sunlight and skylight baked into the textures, as photogrammetry captures them. Shadows by a depth map seen from the
-/// sun (Williams, "Casting curved shadows on curved surfaces", SIGGRAPH 1978), filtered between its cells.
+/// Sunlight and skylight that are baked into the textures, as photogrammetry captures them. Shadows come from a depth
+/// map seen from the sun (Williams, "Casting curved shadows on curved surfaces", SIGGRAPH 1978), filtered between its
+/// cells.
 class Sunlight {
  public:
   /// `toward_sun`: any length, site frame. `charts` cast the shadows.
   Sunlight(const Vec3& toward_sun, const std::vector<Chart>& charts, double cell_m);
 
-  /// Factor on the unlit colour, about 0.4 (shadow) to 1.1 (facing the sun).
+  /// Returns the factor on the unlit colour, about 0.4 (shadow) to 1.1 (facing the sun).
   float light_factor(const Vec3& position, const Vec3& normal) const;
 
  private:

@@ -8,7 +8,7 @@
 
 namespace tileflight::simplification {
 
-/// Consecutive numbers for all triangles of several meshes: those of mesh 0 first, then those of mesh 1, ….
+/// Numbers the triangles of several meshes consecutively: those of mesh 0 first, then those of mesh 1, ….
 class TriangleNumbering {
  public:
   explicit TriangleNumbering(const std::vector<imaging::TexturedMesh>& meshes);
@@ -24,15 +24,15 @@ class TriangleNumbering {
   std::vector<std::uint32_t> first_;  ///< first number of each mesh, then the total count
 };
 
-/// Colour of a surface near any point: texture times vertex colours times base colour at the nearest surface point,
-/// sRGB. Queries are const and may run in parallel.
+/// Provides the colour of a surface near any point: texture times vertex colours times base colour at the nearest
+/// surface point, sRGB. Queries may run in parallel.
 class SurfaceColors {
  public:
   /// The meshes must outlive this object and must not all be empty.
   explicit SurfaceColors(std::vector<const imaging::TexturedMesh*> meshes);
 
-  /// Faster for consecutive queries close to each other: each search starts at the triangle found last. Results do not
-  /// depend on it.
+  /// Answers queries. Each search starts at the triangle found last, so that queries close to each other are fast.
+  /// Results do not depend on the order.
   class CoherentSampler {
    public:
     explicit CoherentSampler(const SurfaceColors& colors) : colors_(colors) {}
@@ -49,18 +49,20 @@ class SurfaceColors {
   imaging::Rgb8 color(std::uint32_t number, const geometry::Vec3& on_surface) const;
 
   std::vector<const imaging::TexturedMesh*> meshes_;
-  TriangleNumbering numbering_;  ///< as in the index
+  TriangleNumbering numbering_;  ///< the numbers that the index uses
   geometry::TriangleIndex index_;
 };
 
+/// Resolution of a painted texture.
 struct PaintOptions {
   double texel_m = 0.1;     ///< edge of a texel on surfaces that face an axis
   int max_atlas_px = 4096;  ///< longest side of the atlas; texels grow until all charts fit
 };
 
+/// A surface with its painted texture.
 struct TexturedSurface {
   imaging::TexturedMesh mesh;
-  double texel_m = 0.0;  ///< actual texel size
+  double texel_m = 0.0;  ///< actual edge of a texel
 };
 
 /// Textures a surface with the colours of another surface near it. Connected triangles that face the same way (up

@@ -20,12 +20,11 @@ struct PlaceModel {
   std::size_t source_triangles = 0;
 };
 
-/// Simplifies the meshes and paints the result from their textures and colours
-/// (tiles/simplification/surface_simplification.h, tiles/simplification/painted_surface.h). Deterministic for any
-/// number of threads. There must be a triangle.
+/// Simplifies the meshes (surface_simplification.h) and paints the result from their textures and colours
+/// (painted_surface.h). The result does not depend on the number of threads. There must be a triangle.
 PlaceModel make_place_model(const std::vector<imaging::TexturedMesh>& source, const PlaceModelOptions& options = {});
 
-/// The same of the mesh.glb of a run's truth, or of some of its blocks. Throws InputError.
+/// Reads the mesh.glb of a run's ground truth, or of some of its blocks, and makes a model of it. Throws InputError.
 PlaceModel read_place_model(const std::vector<std::filesystem::path>& mesh_glbs, const PlaceModelOptions& options = {});
 
 }  // namespace tileflight::simplification

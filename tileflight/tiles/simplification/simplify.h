@@ -15,13 +15,14 @@ std::vector<imaging::TexturedMesh> simplify_meshes(const std::vector<imaging::Te
 /// Keeps only the vertices used by triangles, in order of first use.
 void drop_unused_vertices(imaging::TexturedMesh& mesh);
 
-/// All triangles as one mesh, without appearance.
+/// Merges all triangles into one mesh without appearance.
 geometry::TriangleMesh merge_meshes(const std::vector<imaging::TexturedMesh>& meshes);
 
-/// Hausdorff distance (largest distance between two surfaces, both ways) over all points of all triangles: never less
-/// than the true value, and at most the larger of 1 mm and 1 % above it. Branch and bound as in Guthe, Borodin, Klein,
-/// "Fast and accurate Hausdorff distance calculation between meshes", WSCG 2005. Neither mesh may be empty.
-/// `at_least_m`: lower bound of the result; distances below it are not resolved, which is much faster if most are.
+/// Returns the Hausdorff distance (the largest distance between two surfaces, both ways) over all points of all
+/// triangles. It is never less than the true value, and at most the larger of 1 mm and 1 % above it. Branch and bound
+/// as in Guthe, Borodin, Klein, "Fast and accurate Hausdorff distance calculation between meshes", WSCG 2005. Neither
+/// mesh may be empty. `at_least_m`: lower bound of the result; distances below it are not resolved, which is much
+/// faster if most are.
 double hausdorff_distance_m(const geometry::TriangleMesh& a, const geometry::TriangleMesh& b, double at_least_m = 0.0);
 
 }  // namespace tileflight::simplification

@@ -10,7 +10,7 @@
 
 namespace tileflight::simplification {
 
-/// Positions of vertices that must stay as they are because another part of the surface, simplified by itself, uses
+/// Positions of vertices that must not change, because another part of the surface, which is simplified by itself, uses
 /// them too.
 class FixedVertices {
  public:
@@ -28,11 +28,11 @@ class FixedVertices {
   std::unordered_set<Key, Hash> positions_;
 };
 
-/// All triangles of all meshes as one surface, with vertices at equal positions merged. Triangles that become
+/// Merges all triangles of all meshes into one surface, and vertices at equal positions into one. Triangles that become
 /// degenerate are left out.
 geometry::TriangleMesh weld_vertices(const std::vector<imaging::TexturedMesh>& meshes);
 
-/// A subset of a surface's triangles and the vertices they use, in order of first use.
+/// Returns a subset of a surface's triangles and the vertices that they use, in order of first use.
 geometry::TriangleMesh extract_triangles(const geometry::TriangleMesh& surface,
                                          const std::vector<geometry::Triangle>& triangles);
 
@@ -42,18 +42,19 @@ geometry::TriangleMesh extract_triangles(const geometry::TriangleMesh& surface,
 geometry::TriangleMesh join_borders(const geometry::TriangleMesh& surface, double within_m,
                                     const FixedVertices& fixed = {});
 
-/// Positions of the border vertices of a surface, each once.
+/// Returns the positions of the border vertices of a surface, each once.
 std::vector<geometry::Vec3> border_positions(const geometry::TriangleMesh& surface);
 
-/// Those of `positions` that have one of `others` within `within_m`, which `visit_others` hands over in parts.
+/// Returns those of `positions` that have another position within `within_m`. `visit_others` hands over the others in
+/// parts.
 FixedVertices near_positions(
     const std::vector<geometry::Vec3>& positions, double within_m,
     const std::function<void(const std::function<void(const geometry::Vec3&)>&)>& visit_others);
 
-/// A surface of about `triangles` triangles, whose vertices are a subset of the given ones: edge collapses
-/// (meshoptimizer: quadric error); if these end far above the target because the surface is fragmented, vertices are
-/// clustered by a grid instead. Never empty. Its distance from the input must be measured (hausdorff_distance_m).
-/// Vertices in `fixed` and the edges between neighbouring ones remain.
+/// Simplifies a surface to about `triangles` triangles, whose vertices are a subset of the given ones, by edge
+/// collapses (meshoptimizer: quadric error). If these end far above the target because the surface is fragmented,
+/// vertices are clustered by a grid instead. The result is never empty. Its distance from the input must be measured
+/// (hausdorff_distance_m). Vertices in `fixed` and the edges between neighbouring ones remain.
 geometry::TriangleMesh simplify_to_count(const geometry::TriangleMesh& surface, std::size_t triangles,
                                          const FixedVertices& fixed = {});
 

@@ -19,10 +19,10 @@ struct WrittenTile {
   std::int64_t bytes = 0, triangles = 0, texels = 0;
 };
 
-/// The tiles of a tree of cells (CellTree) on their way to disk, level by level, and their tileset.json in the end.
+/// Writes the tiles of a tree of cells (CellTree) level by level, and their tileset.json in the end.
 class TileLevels {
  public:
-  /// Makes the folders. `depth`: levels below the root.
+  /// Creates the folders. `depth`: levels below the root.
   TileLevels(std::filesystem::path folder, const MeshTilesetOptions& options, int depth, const Progress& progress);
 
   int depth() const { return static_cast<int>(tiles_.size()) - 1; }
@@ -35,7 +35,7 @@ class TileLevels {
   void advance(std::string_view what);
   void report(std::string_view what) const { report_progress(progress_, done_, total_, what); }
 
-  /// Figures of a level; geometric_error_m and texel_m are for the caller to set, the rest is counted by finish().
+  /// Returns the figures of a level. The caller sets geometric_error_m and texel_m; finish() counts the rest.
   TilesetLevel& level(int level) { return summary_.levels[static_cast<std::size_t>(level)]; }
   void set_texture_scale(double scale) { summary_.texture_scale = scale; }
 
@@ -52,14 +52,14 @@ class TileLevels {
   std::int64_t done_ = 0, total_ = 0;
 };
 
-/// The part of a tree whose coarser levels are made together: what lies below one cell.
+/// The part of a tree below one cell, whose coarser levels are made together.
 struct LevelBlock {
   std::uint32_t cell = 0;
-  int level = 0;         ///< of the cell
-  int from_level = 0;    ///< whose surface is given
-  int to_level = 0;      ///< the coarsest to be made, at least `level`
+  int level = 0;         ///< level of the cell
+  int from_level = 0;    ///< level whose surface is given
+  int to_level = 0;      ///< coarsest level to be made, at least `level`
   double texel_m = 0.0;  ///< edge of a typical texel of the source
-  double error_m = 0.0;  ///< of the given surface from the source
+  double error_m = 0.0;  ///< distance of the given surface from the source
 };
 
 /// The content of a cell.

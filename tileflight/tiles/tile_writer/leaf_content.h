@@ -14,18 +14,19 @@ namespace tileflight::tile_writer {
 /// Measurements of a source that determine the tree of its tiles.
 class LeafMeasures {
  public:
-  /// Limits of a tile; `max_atlas_px`: longest side of its texture.
+  /// Takes the limits of a tile. `max_atlas_px`: longest side of its texture.
   LeafMeasures(int tile_triangles, int max_atlas_px);
 
-  /// Adds a triangle; returns the share of a leaf that it fills. `texels`: area in its texture; nullopt: without one.
+  /// Adds a triangle. Returns the share of a leaf that it fills. `texels`: its area in its texture; nullopt: no
+  /// texture.
   float add(double area_m2, const std::optional<double>& texels);
 
   std::int64_t triangles() const { return triangles_; }
-  /// Texels of all triangles.
+  /// Returns the texels of all triangles.
   double texels() const { return texels_; }
-  /// Edge of a typical texel of the source.
+  /// Returns the edge of a typical texel of the source.
   double texel_m() const;
-  /// Levels below the root: those wanted, or as many as the leaves require, at most 9.
+  /// Returns the levels below the root: those requested, or as many as the leaves require, at most 9.
   int depth(const std::optional<int>& levels) const;
 
  private:
@@ -34,13 +35,13 @@ class LeafMeasures {
   double weight_ = 0.0, area_m2_ = 0.0, texels_ = 0.0;
 };
 
-/// Texels covered by a triangle with these texture coordinates on an image of this size.
+/// Returns the texels that a triangle with these texture coordinates covers on an image of this size.
 double texels_between(const std::array<Eigen::Vector2f, 3>& uv, int width_px, int height_px);
 
-/// Content of a leaf tile: unsimplified source geometry.
+/// Content of a leaf tile: source geometry that is not simplified.
 struct LeafContent {
-  std::vector<imaging::TexturedMesh> meshes;  ///< textured ones share one atlas
-  double texture_scale = 1.0;                 ///< relative to the source's texels, limited by the atlas size
+  std::vector<imaging::TexturedMesh> meshes;  ///< textured meshes share one atlas
+  double texture_scale = 1.0;                 ///< scale of the source's texels, limited by the atlas size
 };
 
 /// Extracts the triangles with these numbers (ascending), unchanged, and copies the parts of the textures that they use
