@@ -34,7 +34,7 @@ struct SurfaceAppearance {
 /// A vertex on disk.
 struct SpilledVertex {
   std::array<double, 3> position{};
-  std::array<float, 3> file_color{1.0F, 1.0F, 1.0F};  ///< as in the file, until the file is read to its end
+  std::array<float, 3> file_color{1.0F, 1.0F, 1.0F};  ///< colour of the file, until the file is read to its end
   std::array<std::uint8_t, 4> color{};                ///< linear RGBA
 };
 
@@ -64,7 +64,7 @@ class MeshSpill {
   RecordFile<std::array<float, 2>> uv;
   RecordFile<SpilledFace> faces;
   TexelStore texels;
-  std::vector<SurfaceAppearance> materials;  ///< with stand-ins for textures
+  std::vector<SurfaceAppearance> materials;  ///< textures are stand-ins
   std::vector<std::string> copyrights, warnings;
 
   /// Calls `visit` for each triangle with an area, in the files' order. Returns the number of triangles without area.

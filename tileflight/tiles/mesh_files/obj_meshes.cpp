@@ -369,7 +369,7 @@ class ImagesInMemory {
   std::map<fs::path, std::shared_ptr<const imaging::RgbImage>> pictures_;
 };
 
-/// How the materials of a file look, and what is to be warned of.
+/// Appearance of the materials of a file, and warnings about them.
 class ObjLooks {
  public:
   ObjLooks(const fs::path& file, const ObjNotes& notes, bool textures, ImageReader read_image)
@@ -381,7 +381,7 @@ class ObjLooks {
     if (notes.uv_not_finite > 0) warnings_.insert("texture coordinates that are not finite are read as 0");
   }
 
-  /// Of the triangles of a material with texture coordinates, or of those without.
+  /// Returns the appearance of a material's triangles, with texture coordinates or without.
   SurfaceAppearance look(const std::string& name, bool with_uv, bool has_colors) {
     const Materials::Entry* entry = materials_.find(name);
     if (entry == nullptr && textures_ && !name.empty())

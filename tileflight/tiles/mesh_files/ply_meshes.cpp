@@ -190,10 +190,10 @@ class PlyReader {
   std::uint64_t vertices_ = 0;
   std::uint32_t uvs_ = 0;
   bool vertex_uv_ = false;
-  std::vector<FaceCorner> corners_;  ///< of the face being read
-  std::vector<double> corner_uv_;    ///< likewise
-  double picture_ = 0;               ///< likewise
-  double used_picture_ = -1;         ///< of the face before
+  std::vector<FaceCorner> corners_;  ///< corners of the face being read
+  std::vector<double> corner_uv_;    ///< texture coordinates of these corners
+  double picture_ = 0;               ///< image of the face being read
+  double used_picture_ = -1;         ///< image of the face before
 };
 
 /// Keeps a file's surface. Equal coordinates share an entry, so that triangles adjacent in the image also share
@@ -224,7 +224,7 @@ class KeptPlyFaces : public FaceReceiver {
  private:
   IndexedFaces faces_;
   std::unordered_map<std::uint64_t, std::uint32_t> entry_of_;  ///< by coordinates
-  std::vector<std::uint32_t> entries_;                         ///< of the file's coordinates
+  std::vector<std::uint32_t> entries_;                         ///< entry of each of the file's coordinates
   std::map<std::string, std::size_t> group_of_;
   std::size_t group_ = 0;
   std::vector<FaceCorner> shared_;

@@ -273,7 +273,7 @@ ChartLayout plan_atlas(const std::vector<FlatChart>& charts, const PaintOptions&
 
 /// The triangle that paints a pixel of a slot, and the point that it shows.
 struct TexelOwner {
-  double distance_px = std::numeric_limits<double>::infinity();  ///< from the triangle; 0: inside
+  double distance_px = std::numeric_limits<double>::infinity();  ///< distance from the triangle; 0: inside
   double outwards_m = 0.0;
   Vec3 place = Vec3::Zero();  ///< the triangle's point nearest to the pixel
 };
@@ -351,8 +351,8 @@ class SlotPainter {
   const ChartLayout& plan_;
   const FlatChart& chart_;
   std::size_t number_;
-  int first_row_ = 0, end_row_ = 0;  ///< of the band
-  std::vector<TexelOwner> owners_;   ///< of its pixels
+  int first_row_ = 0, end_row_ = 0;  ///< rows of the band
+  std::vector<TexelOwner> owners_;   ///< one for each pixel
 };
 
 void add_chart(const TriangleMesh& mesh, const ChartLayout& plan, const FlatChart& chart, std::size_t number,

@@ -190,8 +190,8 @@ class BlockCoarsener {
   std::shared_ptr<const Meshes> below_;
   const CellTree& cells_;
   TileLevels& tiles_;
-  double texel_m_ = 0.0;     ///< of the level painted last
-  double distance_m_ = 0.0;  ///< of the level before from the finest
+  double texel_m_ = 0.0;     ///< texel size of the level painted last
+  double distance_m_ = 0.0;  ///< distance of the level before from the finest
 };
 
 }  // namespace

@@ -13,7 +13,7 @@ namespace tileflight::tile_writer {
 
 /// Map position of a mesh's coordinates: coordinate + offset is a position in the reference system.
 struct Georeference {
-  std::string crs;  ///< for PROJ ("EPSG:32717", "EPSG:32717+5773", WKT), or "ENU:LAT,LON": metres around there
+  std::string crs;  ///< PROJ's "EPSG:32717", "EPSG:32717+5773" or WKT, or "ENU:LAT,LON": metres around that place
   geometry::Vec3 offset = geometry::Vec3::Zero();  ///< in units of the reference system
   std::string stated_by;                           ///< source file or option, for messages
 };

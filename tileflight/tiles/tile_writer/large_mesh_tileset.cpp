@@ -195,7 +195,7 @@ class LargeMeshTiler {
     std::vector<float> weights;
   };
 
-  /// What a cell's content takes in memory; 0: none.
+  /// Memory that a cell's content takes; 0: there is none.
   struct ContentSize {
     std::uint64_t bytes = 0;
   };
@@ -394,7 +394,7 @@ class LargeMeshTiler {
   std::optional<CellTree> cells_;
   std::optional<TileLevels> tiles_;
   std::optional<ContentSpill> contents_;
-  std::vector<ContentSize> sizes_;  ///< of each cell of the level that was made last
+  std::vector<ContentSize> sizes_;  ///< one for each cell of the level that was made last
 };
 
 }  // namespace

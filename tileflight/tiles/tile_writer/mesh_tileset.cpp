@@ -30,7 +30,7 @@ std::optional<double> texels_of(const TexturedMesh& m, const Triangle& t) {
 struct MeasuredTriangles {
   LeafMeasures all;
   std::vector<Vec3> middles;   ///< centre of each triangle
-  std::vector<float> weights;  ///< in leaves: 1 fills one
+  std::vector<float> weights;  ///< share of a leaf that each triangle fills
 };
 
 MeasuredTriangles measure(const std::vector<TexturedMesh>& meshes, const MeshTilesetOptions& options) {

@@ -144,7 +144,7 @@ Tree make_tree(const std::vector<TexturedMesh>& meshes, int depth) {
 
 /// The finest meshes, and the simplified meshes for each coarser level of the tree.
 struct Levels {
-  std::vector<std::vector<TexturedMesh>> coarse;  ///< from the root; without the finest level
+  std::vector<std::vector<TexturedMesh>> coarse;  ///< levels from the root, without the finest
   const std::vector<TexturedMesh>& finest;
 
   const std::vector<TexturedMesh>& at(int level) const {

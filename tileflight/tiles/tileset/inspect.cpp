@@ -25,12 +25,12 @@ namespace tileflight::tileset {
 
 namespace {
 
-/// Numbers of a part of the tree. What was not opened is estimated, so that they are not whole.
+/// Numbers of a part of the tree. They are estimates, and not whole, if files were not opened.
 struct TreeTally {
   double tiles = 0, with_content = 0, leaves = 0, replace = 0, add = 0, unsupported = 0, finest = 0;
   std::map<std::string, double> contents;
   std::vector<double> level_tiles;
-  double files = 0, files_missing = 0, file_bytes = 0, finest_bytes = 0;  ///< of distinct files
+  double files = 0, files_missing = 0, file_bytes = 0, finest_bytes = 0;  ///< distinct files only
 
   /// Adds another part that stands for `weight` like it; each of its files for `file_weight`.
   void add_part(const TreeTally& part, double weight, double file_weight) {
@@ -54,7 +54,7 @@ struct TreeTally {
 /// An external tileset or subtree that a file refers to.
 struct Reference {
   TilesetTree::NestedFile file;
-  std::size_t level = 0;               ///< of its root
+  std::size_t level = 0;               ///< level of its root
   double weight = 1.0;                 ///< how many such references it stands for
   double file_weight = 1.0;            ///< how many such files
   std::optional<std::size_t> group{};  ///< which of the references of the first generation that was sampled led to it

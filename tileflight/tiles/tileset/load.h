@@ -59,7 +59,7 @@ struct LoadOptions {
   /// Memory limit for loaded contents, including acceleration structures (memory_bytes of cut_reader.h). Throws
   /// MemoryLimitExceeded before everything is read.
   std::uintmax_t max_memory_bytes = std::numeric_limits<std::uintmax_t>::max();
-  /// Whether to read textures (not needed for ground truth).
+  /// False: textures are not read. Ground truth does not need them.
   bool textures = true;
   /// Options for opening the source; they state whether its terms are accepted.
   fetch::SourceOptions source;

@@ -74,8 +74,8 @@ class RegionReader {
   TilesetTree tree_;
   Placement placement_;
   TileCut cut_;
-  std::vector<std::string> first_warnings_;  ///< of the source before any content was read
-  std::vector<geometry::Box3> bounds_;       ///< of each content, local frame
+  std::vector<std::string> first_warnings_;  ///< warnings of the source before any content was read
+  std::vector<geometry::Box3> bounds_;       ///< one for each content, local frame
   std::vector<std::optional<ContentRecord>> records_;
 };
 

@@ -197,7 +197,7 @@ TileSemantics semantics_of(const tile_content::PropertyTable& table, std::size_t
 
 }  // namespace
 
-/// What a file holds. Availabilities and tables are views into its bytes.
+/// The parts of a subtree file. Availabilities and tables are views into its bytes.
 struct Subtree::Parts {
   std::shared_ptr<const ImplicitTiling> tiling;
   TileCoordinates root;

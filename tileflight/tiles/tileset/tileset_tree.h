@@ -114,9 +114,9 @@ class TilesetTree {
  private:
   struct File {
     std::string uri;
-    std::shared_ptr<const Tileset> tileset;  ///< of a subtree: the one that names it
+    std::shared_ptr<const Tileset> tileset;  ///< for a subtree, the tileset that names it
     std::optional<Subtree> subtree;
-    std::string path;  ///< of a subtree: the path of the implicit root, which all its tiles' begin with
+    std::string path;  ///< for a subtree, the path of the implicit root, with which its tiles' paths begin
     std::optional<NodeId> referenced_by;  ///< the tile whose content this external tileset or subtree is
   };
   struct StoredNode {
@@ -144,7 +144,7 @@ class TilesetTree {
   std::map<NodeId, NodeId> implicit_roots_;
   std::vector<std::pair<std::string, std::shared_ptr<const Tileset>>> files_read_;
   std::unordered_map<std::string, std::size_t> file_of_uri_;  ///< index into files_read_
-  std::size_t tiles_read_ = 0;                                ///< in files_read_
+  std::size_t tiles_read_ = 0;                                ///< number of tiles in files_read_
   std::map<std::string, bool> sniffed_;
   std::vector<std::string> warnings_;
   mutable std::pair<NodeId, std::shared_ptr<const Tile>> latest_;  ///< the tile of a subtree that was made last

@@ -36,7 +36,7 @@ class ViewConeTree {
   /// A node in depth-first order: its first child is the next one.
   struct Node {
     Group group;
-    std::size_t begin = 0, end = 0;   ///< of its members in order_
+    std::size_t begin = 0, end = 0;   ///< range of its members in order_
     std::size_t first = 0, last = 0;  ///< the members' least and greatest index
     std::size_t next = 0;             ///< node after all its descendants
     bool is_leaf = false;
