@@ -11,7 +11,6 @@
 #include "tileflight/core/imaging/rectangle_packing.h"
 
 namespace tileflight::demo_place {
-
 namespace {
 
 constexpr double kNormalOffset_m = 0.25;  ///< offset of the shadow test from the surface, to avoid self-shadowing

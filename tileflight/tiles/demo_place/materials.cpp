@@ -7,7 +7,6 @@
 #include "tileflight/core/base/noise.h"
 
 namespace tileflight::demo_place {
-
 namespace {
 
 struct Glyph {

@@ -6,7 +6,6 @@
 #include "tileflight/core/base/noise.h"
 
 namespace tileflight::demo_place {
-
 namespace {
 
 constexpr double kWestRim_m = 13.2, kEastRim_m = 11.1, kNorthRim_m = 8.5, kSouthRim_m = 3.0;

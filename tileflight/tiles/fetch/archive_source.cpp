@@ -19,7 +19,6 @@
 #include "tileflight/tiles/fetch/url_secrets.h"
 
 namespace tileflight::fetch {
-
 namespace {
 
 /// Bytes that are fetched at once and kept: an entry's header and its data, or neighbouring small entries.

@@ -15,7 +15,6 @@
 #include "tileflight/core/base/input_error.h"
 
 namespace tileflight::fetch {
-
 namespace {
 
 constexpr std::size_t kMaxWaitingBytes = std::size_t{64} << 20;

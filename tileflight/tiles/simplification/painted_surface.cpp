@@ -17,7 +17,6 @@
 // rectangle in the atlas, including a gutter of kGutter_px around it.
 
 namespace tileflight::simplification {
-
 namespace {
 
 using geometry::Triangle;
@@ -153,11 +152,8 @@ imaging::Rgb8 SurfaceColors::CoherentSampler::at(const Vec3& place) {
 
 namespace {
 
-using geometry::Triangle;
 using geometry::TriangleMesh;
 using geometry::Vec2;
-using geometry::Vec3;
-using imaging::TexturedMesh;
 
 constexpr int kPaintGutter_px = 2;
 

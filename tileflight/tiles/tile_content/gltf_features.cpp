@@ -13,7 +13,6 @@
 #include "tileflight/tiles/tile_content/tile_table.h"
 
 namespace tileflight::tile_content::gltf {
-
 namespace {
 
 int texel_of(float coordinate, int count, imaging::Wrap wrap) {

@@ -61,8 +61,6 @@ TileTables split_tables(Bytes tile, const TileTableLengths& lengths, const std::
 
 namespace {
 
-using Bytes = std::span<const std::byte>;
-
 Json parse(Bytes json, const std::string& where) {
   const std::string_view text(reinterpret_cast<const char*>(json.data()), json.size());
   // The text may consist only of padding to eight bytes.

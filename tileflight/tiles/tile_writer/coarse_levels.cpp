@@ -12,9 +12,11 @@
 #include "tileflight/tiles/tile_writer/tileset_json.h"
 
 namespace tileflight::tile_writer {
-
 namespace {
 
+using geometry::Triangle;
+using geometry::TriangleMesh;
+using geometry::Vec3;
 using imaging::TexturedMesh;
 
 geometry::Box3 bounds_of_meshes(const std::vector<TexturedMesh>& content) {
@@ -101,11 +103,6 @@ MeshTilesetSummary TileLevels::finish() {
 }
 
 namespace {
-
-using geometry::Triangle;
-using geometry::TriangleMesh;
-using geometry::Vec3;
-using imaging::TexturedMesh;
 
 using Meshes = std::vector<TexturedMesh>;
 

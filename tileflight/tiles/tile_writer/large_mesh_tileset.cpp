@@ -29,7 +29,6 @@
 // whose coarser levels are made together; a content is what a tile holds, kept on disk until the levels above are made.
 
 namespace tileflight::tile_writer {
-
 namespace {
 
 /// Triangles sorted into buckets, on disk.

@@ -8,7 +8,6 @@
 #include "tileflight/core/base/files.h"
 
 namespace tileflight::tile_writer {
-
 namespace {
 
 using geometry::Box3;
@@ -167,7 +166,6 @@ std::string implicit_tileset_json(const ImplicitTree& tree, const std::optional<
 namespace {
 
 using geometry::Vec3;
-using nlohmann::json;
 
 json box_json(const geometry::Box3& box) {
   const Vec3 c = box.center(), h = box.sizes() / 2 + Vec3::Constant(1e-3);

@@ -19,7 +19,6 @@
 #include "tileflight/tiles/tile_writer/tileset_json.h"
 
 namespace tileflight::tile_writer {
-
 namespace {
 
 /// Merges the meshes into one with one texture: their images reduced by a factor of `2^halvings`, side by side with

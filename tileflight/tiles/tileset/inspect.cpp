@@ -22,7 +22,6 @@
 #include "tileflight/tiles/tileset/tileset_tree.h"
 
 namespace tileflight::tileset {
-
 namespace {
 
 /// Numbers of a part of the tree. They are estimates, and not whole, if files were not opened.

@@ -9,7 +9,6 @@
 #include "tileflight/core/base/input_error.h"
 
 namespace tileflight::tileset {
-
 namespace {
 
 using tile_content::find_number;
