@@ -102,6 +102,9 @@ std::map<std::string, MtlMaterial> parse_mtl(std::string_view text, const std::s
 
 namespace {
 
+/// Returns the factor that brings vertex colours into 0..1. In a file where one exceeds 1 they are out of 255.
+float obj_color_scale(float highest) { return highest > 1.0F ? 1.0F / 255.0F : 1.0F; }
+
 constexpr std::string_view kBlanks = " \t";
 
 /// Lines between two calls of `between`.
@@ -276,9 +279,6 @@ class KeptFaces : public FaceReceiver {
   std::map<std::string, std::size_t> group_of_;
   std::size_t group_ = 0;
 };
-
-/// Returns the factor that brings vertex colours into 0..1. In a file where one exceeds 1 they are out of 255.
-float obj_color_scale(float highest) { return highest > 1.0F ? 1.0F / 255.0F : 1.0F; }
 
 /// Reads an OBJ like parse_obj(), and hands its surface over instead of keeping it. `between` is called from time to
 /// time, between two lines.

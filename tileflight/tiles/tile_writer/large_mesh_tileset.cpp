@@ -31,6 +31,8 @@
 namespace tileflight::tile_writer {
 namespace {
 
+using imaging::TexturedMesh;
+
 /// Triangles sorted into buckets, on disk.
 class BucketFile {
  public:
@@ -45,7 +47,7 @@ class BucketFile {
     if (buffers_[bucket].size() == part_) flush(bucket);
   }
 
-  /// In the order in which they were added.
+  /// Reads the triangles of a bucket, in the order in which they were added.
   std::vector<mesh_files::SourceTriangle> read(std::size_t bucket) {
     std::vector<mesh_files::SourceTriangle> out(parts_[bucket].size() * part_);
     for (std::size_t i = 0; i < parts_[bucket].size(); ++i)
@@ -70,12 +72,6 @@ class BucketFile {
   std::vector<std::vector<mesh_files::SourceTriangle>> buffers_;
   std::vector<std::vector<std::uint64_t>> parts_;  ///< their offsets
 };
-
-/// One mesh per material, with stand-ins for textures, in order of materials.
-std::vector<imaging::TexturedMesh> meshes_of(std::vector<mesh_files::SourceTriangle> triangles,
-                                             const std::vector<mesh_files::SurfaceAppearance>& materials);
-
-using imaging::TexturedMesh;
 
 /// Triangles of one material as a mesh: corners that are equal in all are one vertex.
 class MeshOfTriangles {
@@ -123,6 +119,7 @@ class MeshOfTriangles {
   std::unordered_map<Key, std::uint32_t, Hash> index_of_;
 };
 
+/// Returns one mesh per material, with stand-ins for textures, in order of materials.
 std::vector<TexturedMesh> meshes_of(std::vector<mesh_files::SourceTriangle> triangles,
                                     const std::vector<mesh_files::SurfaceAppearance>& materials) {
   std::stable_sort(
@@ -142,7 +139,6 @@ namespace fs = std::filesystem;
 using geometry::Box3;
 using geometry::TriangleMesh;
 using geometry::Vec3;
-using imaging::TexturedMesh;
 
 /// Memory that a triangle of a content and its simplification take.
 constexpr std::uint64_t kBytesPerTriangle = 450;

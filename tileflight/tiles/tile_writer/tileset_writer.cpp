@@ -21,11 +21,8 @@
 namespace tileflight::tile_writer {
 namespace {
 
-/// Merges the meshes into one with one texture: their images reduced by a factor of `2^halvings`, side by side with
-/// repeated edges. Texture coordinates must lie in 0..1. Meshes without texture take their base colour. Empty if no
-/// mesh has triangles.
-imaging::TexturedMesh merge_into_atlas(const std::vector<const imaging::TexturedMesh*>& meshes, int halvings);
-
+using geometry::Box3;
+using geometry::Vec3;
 using imaging::RgbImage;
 using imaging::TexturedMesh;
 
@@ -68,6 +65,9 @@ void add_mesh(const TexturedMesh& mesh, imaging::PixelPosition at, const RgbImag
   }
 }
 
+/// Merges the meshes into one with one texture: their images reduced by a factor of `2^halvings`, side by side with
+/// repeated edges. Texture coordinates must lie in 0..1. Meshes without texture take their base colour. The result is
+/// empty if no mesh has triangles.
 TexturedMesh merge_into_atlas(const std::vector<const TexturedMesh*>& meshes, int halvings) {
   std::vector<const TexturedMesh*> used;
   for (const TexturedMesh* mesh : meshes)
@@ -90,10 +90,6 @@ TexturedMesh merge_into_atlas(const std::vector<const TexturedMesh*>& meshes, in
   out.texture = sheet;
   return out;
 }
-
-using geometry::Box3;
-using geometry::Vec3;
-using imaging::TexturedMesh;
 
 /// A cell of the quadtree: level 0 is the root; x, y count cells from the south-west.
 struct TileId {
