@@ -39,7 +39,8 @@ struct MergedWindows {
   std::vector<TexelWindow> windows;
   std::vector<std::size_t> merged_index;  ///< for each input window, the index of the one that contains it
 };
-/// Smallest window that contains both.
+
+/// Returns the smallest window that contains both.
 TexelWindow bounding_window(const TexelWindow& a, const TexelWindow& b) {
   TexelWindow out{std::min(a.x, b.x), std::min(a.y, b.y), 0, 0};
   out.width = std::max(a.x + a.width, b.x + b.width) - out.x;
@@ -90,8 +91,8 @@ Samples samples_of(std::int64_t i, std::int64_t to, std::int64_t from) {
   return out;
 }
 
-imaging::Rgb8 fetch_imaging::wrapped_index(const imaging::TexturedMesh& mesh, const mesh_files::TexelFetcher& fetch,
-                                           std::int64_t x, std::int64_t y) {
+imaging::Rgb8 fetch_wrapped(const imaging::TexturedMesh& mesh, const mesh_files::TexelFetcher& fetch, std::int64_t x,
+                            std::int64_t y) {
   const imaging::RgbImage& image = *mesh.texture;
   return fetch(image, static_cast<int>(imaging::wrapped_index(x, image.width, mesh.wrap_u)),
                static_cast<int>(imaging::wrapped_index(y, image.height, mesh.wrap_v)));
@@ -102,9 +103,8 @@ imaging::Rgb8 mean(const imaging::TexturedMesh& mesh, const mesh_files::TexelFet
   std::array<int, 3> sum{};
   for (int j = 0; j < down.count; ++j)
     for (int i = 0; i < across.count; ++i) {
-      const imaging::Rgb8 texel =
-          fetch_imaging::wrapped_index(mesh, fetch, window.x + across.at[static_cast<std::size_t>(i)],
-                                       window.y + down.at[static_cast<std::size_t>(j)]);
+      const imaging::Rgb8 texel = fetch_wrapped(mesh, fetch, window.x + across.at[static_cast<std::size_t>(i)],
+                                                window.y + down.at[static_cast<std::size_t>(j)]);
       for (std::size_t c = 0; c < 3; ++c) sum[c] += texel[c];
     }
   const int count = across.count * down.count;
