@@ -29,8 +29,8 @@ inline float edge_coverage(double signed_distance_m, double softness_m = 0.05) {
 /// lines).
 float band_coverage(double position_m, double spacing_m, double width_m, double softness_m = 0.04);
 
-/// Returns the colour of a material at surface coordinates (x, y) in metres, like the functions below. Each material
-/// has structure from metres down to the texel, without repetition; `seed` varies surfaces of the same material.
+/// Colours of materials. Each function returns the colour at surface coordinates (x, y) in metres, with structure from
+/// metres down to the texel and without repetition. `seed` varies surfaces of the same material.
 namespace material {
 Color lawn(double x, double y, std::uint32_t seed);
 Color forest_floor(double x, double y, std::uint32_t seed);
