@@ -10,8 +10,6 @@
 namespace tileflight::mesh_files {
 namespace {
 
-using FaceCorner;
-using kInvalidIndex;
 using geometry::Vec3;
 
 std::filesystem::path made(const std::filesystem::path& folder) {

@@ -257,7 +257,7 @@ class KeptFaces : public FaceReceiver {
   void add_uv(const Eigen::Vector2f& uv) override { faces_.uv.push_back(uv); }
   void use_material(const std::string& material) override { group_ = find_or_add_group(material, group_of_, faces_); }
   void add_face(const std::vector<FaceCorner>& corners) override {
-    add_face(corners, faces_.positions, faces_.groups[group_]);
+    mesh_files::add_face(corners, faces_.positions, faces_.groups[group_]);
   }
 
   IndexedFaces take() {

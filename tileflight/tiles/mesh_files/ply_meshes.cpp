@@ -216,7 +216,7 @@ class KeptPlyFaces : public FaceReceiver {
     shared_ = corners;
     for (FaceCorner& corner : shared_)
       if (corner.uv != kInvalidIndex) corner.uv = entries_[corner.uv];
-    add_face(shared_, faces_.positions, faces_.groups[group_]);
+    mesh_files::add_face(shared_, faces_.positions, faces_.groups[group_]);
   }
 
   const IndexedFaces& faces() const { return faces_; }
