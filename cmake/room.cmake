@@ -54,7 +54,7 @@ function(tileflight_room NAME)
   endif()
 
   # Rooms that parse untrusted bytes report to the fuzzer which branches they took.
-  set(FUZZED base geometry imaging rpc foxglove ros2 autopilot fetch tile_content tileset mesh_files tile_writer flight_logs)
+  set(FUZZED base geometry imaging rpc foxglove ros2 autopilot fetch tile_content tileset mesh_files simplification tile_writer flight_logs)
   if(TILEFLIGHT_FUZZ AND NAME IN_LIST FUZZED)
     target_compile_options(${TARGET} PRIVATE -fsanitize=fuzzer-no-link)
   endif()

@@ -4,6 +4,8 @@
 #include <cstdint>
 #include <limits>
 #include <map>
+#include <algorithm>
+#include <array>
 #include <memory>
 #include <string>
 #include <vector>
@@ -36,6 +38,15 @@ struct FeatureTable {
 
 /// Handling of texture coordinates outside 0..1 (glTF sampler).
 enum class Wrap { kRepeat, kClampToEdge, kMirroredRepeat };
+
+/// Returns the index of the texel that is read for texel `at` of a row or column of `size` texels.
+inline std::int64_t wrapped_index(std::int64_t at, std::int64_t size, Wrap wrap) {
+  if (at >= 0 && at < size) return at;
+  if (wrap == Wrap::kClampToEdge) return std::clamp<std::int64_t>(at, 0, size - 1);
+  const std::int64_t period = wrap == Wrap::kRepeat ? size : 2 * size;
+  const std::int64_t within = (at % period + period) % period;
+  return within < size ? within : period - 1 - within;
+}
 
 /// Triangles of one material. Positions are double, in a frame defined by the owner (a tile: the tileset's frame; a
 /// scene: local). `uv` follows glTF: (0, 0) is the top left corner of the image.

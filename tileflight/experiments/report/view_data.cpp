@@ -62,7 +62,7 @@ std::string jpeg_within(imaging::RgbImage image, std::size_t most_bytes) {
 
 json place_layer(DataBlocks& blocks, const RunFolder& run, const ViewBudget& budget) {
   if (run.meshes.empty()) return nullptr;
-  const tile_writer::PlaceModel model = tile_writer::read_place_model(run.meshes, budget.place);
+  const simplification::PlaceModel model = simplification::read_place_model(run.meshes, budget.place);
   const imaging::TexturedMesh& mesh = model.mesh;
   std::vector<std::uint16_t> uv;
   for (const Eigen::Vector2f& at : mesh.uv) {

@@ -3,14 +3,14 @@
 #include <string>
 
 #include "tileflight/experiments/report/run_folder.h"
-#include "tileflight/tiles/tile_writer/place_model.h"
+#include "tileflight/tiles/simplification/place_model.h"
 
 namespace tileflight::report {
 
 /// Size limits of the view's layers that keep the page below 15 MB: with the defaults all layers together are at most
 /// about 9 MB, 12 MB in the page's base64.
 struct ViewBudget {
-  tile_writer::PlaceModelOptions place;
+  simplification::PlaceModelOptions place;
   std::size_t max_texture_bytes = 2'000'000;  ///< of the place's texture as JPEG
   std::size_t max_cells = 150'000;            ///< beyond it, cells are merged into cells twice as wide until they fit
   std::size_t max_map_points = 100'000;       ///< per flight's map; beyond it, points are evenly subsampled

@@ -8,10 +8,10 @@
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/imaging/glb_writer.h"
 #include "tileflight/live/simulator/frames.h"
 #include "tileflight/live/simulator/object_labels.h"
 #include "tileflight/live/simulator/test_world.h"
-#include "tileflight/tiles/tile_writer/glb_writer.h"
 #include "tileflight/world/scene/models.h"
 
 namespace tileflight::simulator::world_objects_test {
@@ -226,8 +226,8 @@ TEST(WorldObjects, FilesOfTheUserAreAssetsAndAGltfsFrontIsX) {
   const tests::TemporaryFolder folder;
   // In glTF's axes (y up, front +Z): a block 4 m long to the front, 1 m wide, 2 m high. The writer takes z up.
   imaging::TexturedMesh block = box("block", Box3(Vec3(-0.5, -4, 0), Vec3(0.5, 0, 2)), {200, 30, 30});
-  tile_writer::GlbOptions glb;
-  std::ofstream(folder / "block.glb", std::ios::binary) << tile_writer::write_glb({block}, glb);
+  imaging::GlbOptions glb;
+  std::ofstream(folder / "block.glb", std::ios::binary) << imaging::write_glb({block}, glb);
   std::ofstream(folder / "broken.glb", std::ios::binary) << "glTF but not really";
   SimulatorOptions options;
   options.assets = {{"Block", folder / "block.glb"}};

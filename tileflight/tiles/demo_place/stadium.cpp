@@ -11,7 +11,7 @@
 #include "tileflight/tiles/demo_place/bake_charts.h"
 #include "tileflight/tiles/demo_place/photogrammetry.h"
 #include "tileflight/tiles/demo_place/stadium_parts.h"
-#include "tileflight/tiles/tile_writer/simplify.h"
+#include "tileflight/tiles/simplification/simplify.h"
 #include "tileflight/tiles/tile_writer/tileset_writer.h"
 
 namespace tileflight::demo_place {
@@ -72,7 +72,7 @@ BakedStadium bake_stadium(const std::vector<Chart>& charts, double texture_scale
   tbb::parallel_for(std::size_t{0}, leaves.size(), [&](std::size_t i) {
     for (std::size_t layer = 0; layer < kLayers.size(); ++layer) {
       baked[i][layer] = bake_charts(leaves[i][layer], sun, texture_scale);
-      tile_writer::drop_unused_vertices(baked[i][layer]);
+      simplification::drop_unused_vertices(baked[i][layer]);
     }
     const std::lock_guard lock(mutex);
     report_progress(progress, ++done, std::ssize(leaves), "painting the stadium");

@@ -99,7 +99,7 @@ class GltfSpiller {
  private:
   void take(const TexturedMesh& mesh) {
     has_mesh_ = true;
-    if (spill_.vertices.size() + mesh.mesh.vertices.size() >= mesh_files::kInvalidIndex)
+    if (spill_.vertices.size() + mesh.mesh.vertices.size() >= kInvalidIndex)
       throw InputError(file_.string(), "too many vertices: more than 4 billion in all");
     const auto first = static_cast<std::uint32_t>(spill_.vertices.size());
     const auto first_uv = static_cast<std::uint32_t>(spill_.uv.size());
@@ -117,7 +117,7 @@ class GltfSpiller {
       SpilledFace face{.material = material};
       for (std::size_t k = 0; k < 3; ++k) {
         face.position[k] = first + t[k];
-        face.uv[k] = is_textured ? first_uv + t[k] : mesh_files::kInvalidIndex;
+        face.uv[k] = is_textured ? first_uv + t[k] : kInvalidIndex;
       }
       spill_.faces.push_back(face);
     }

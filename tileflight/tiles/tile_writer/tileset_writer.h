@@ -10,6 +10,7 @@
 
 namespace tileflight::tile_writer {
 
+/// Options for writing meshes that are tiles already.
 struct TilesetOptions {
   /// Allowed simplification error of each level above the finest, from the root down, metres; their number sets the
   /// depth of the tree.
@@ -19,6 +20,7 @@ struct TilesetOptions {
   std::optional<geometry::SE3> T_ecef_local;  ///< frame of the meshes; nullopt: the tileset is not georeferenced
 };
 
+/// Figures of one level.
 struct TilesetLevel {
   int tiles = 0;
   std::int64_t triangles = 0;
@@ -27,6 +29,7 @@ struct TilesetLevel {
   double texel_m = 0.0;            ///< typical texel size; 0: unknown, or no texture
 };
 
+/// Figures of a written tileset.
 struct TilesetSummary {
   std::vector<TilesetLevel> levels;  ///< from the root to the leaves
   std::int64_t bytes = 0;
