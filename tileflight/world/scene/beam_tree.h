@@ -43,7 +43,7 @@ BeamNode::Child build_beam_nodes(RTCBuildArguments arguments, std::span<RTCBuild
 
 class PartMotion;  // part_motion.h
 
-/// A tree within a larger one (part_tree.h): its meshes are numbered from `first_mesh` on.
+/// A tree within a larger one (part_queries.h): its meshes are numbered from `first_mesh` on.
 struct BeamBranch {
   BeamNode::Child root = 0;
   std::uint32_t first_mesh = 0;

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "tileflight/world/scene/placed_part.h"
+#include "tileflight/world/scene/scene_part.h"
 
 namespace tileflight::scene {
 

@@ -13,7 +13,6 @@
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/world/scene/beam_tree.h"
 #include "tileflight/world/scene/embree_tree.h"
-#include "tileflight/world/scene/lazy_tree.h"
 #include "tileflight/world/scene/packets.h"
 #include "tileflight/world/scene/part_queries.h"
 

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "tileflight/core/imaging/textured_mesh.h"
-#include "tileflight/world/scene/placed_part.h"
+#include "tileflight/world/scene/scene_part.h"
 
 namespace tileflight::scene {
 
@@ -27,7 +27,7 @@ struct Hit {
 struct Ray {
   geometry::Vec3 origin;     ///< local frame, metres
   geometry::Vec3 direction;  ///< unit length
-  double time = 0.0;         ///< of the scene, 0 to 1, for placed parts that move (placed_part.h)
+  double time = 0.0;         ///< of the scene, 0 to 1, for placed parts that move (scene_part.h)
 };
 
 /// A static scene in a local frame: textured triangles, and acceleration structures for two kinds of queries. Single
@@ -42,7 +42,7 @@ struct Ray {
 /// that one more tile costs its own tree only: for the server, whose tiles come and go. Both give the same hits, to the
 /// last bit (except that of surfaces at exactly the same distance, rays and packets may name another).
 ///
-/// Parts may also be placed (placed_part.h): cars, people, what clients of the server set up. Another pose costs a new
+/// Parts may also be placed (scene_part.h): cars, people, what clients of the server set up. Another pose costs a new
 /// scene, which shares all parts' trees. They answer queries in their own coordinates, so hits agree with those on the
 /// same meshes moved to their place within float rounding.
 class Scene {

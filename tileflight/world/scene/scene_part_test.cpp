@@ -1,5 +1,5 @@
 // A scene with placed parts against the scene of one tree over the same meshes, moved to their places.
-#include "tileflight/world/scene/placed_part.h"
+#include "tileflight/world/scene/scene_part.h"
 
 #include <gmock/gmock.h>
 
