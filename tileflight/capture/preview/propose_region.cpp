@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "tileflight/core/base/number_text.h"
-#include "tileflight/world/ground_truth/suggested_voxel.h"
 #include "tileflight/core/imaging/summed_area_table.h"
+#include "tileflight/world/ground_truth/voxelize.h"
 
 namespace tileflight::preview {
 namespace {

@@ -7,9 +7,15 @@
 #include <vector>
 
 #include "tileflight/core/geometry/nearest.h"
+#include "tileflight/core/geometry/voxel_grid.h"
 #include "tileflight/world/ground_truth/brick_map.h"
 
 namespace tileflight::ground_truth {
+
+/// Distance from each point to the nearest of geometry::centers(grid), metres, in the order of the points. A point in
+/// an occupied cell is nearest to that cell's centre, so samples of the surface from which the grid was made need no
+/// search. Throws InputError if no cell is occupied.
+std::vector<double> center_distances(const std::vector<geometry::Vec3>& points, const geometry::VoxelGrid& grid);
 
 /// Nearest of the centres of a grid's occupied cells, bit-identical to geometry::NearestIndex: points within a cell and
 /// a half of one need no search in a tree. Centres that lie on no grid are found by the tree alone. Queries are const

@@ -8,11 +8,11 @@
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/geometry/cloud_files.h"
 #include "tileflight/core/geometry/position_order.h"
-#include "tileflight/world/ground_truth/center_distances.h"
+#include "tileflight/world/ground_truth/center_index.h"
 #include "tileflight/world/ground_truth/octree.h"
-#include "tileflight/world/ground_truth/point_cells.h"
 #include "tileflight/world/ground_truth/surface_samples.h"
 #include "tileflight/world/ground_truth/triangle_cells.h"
+#include "tileflight/world/ground_truth/voxelize.h"
 
 namespace tileflight::ground_truth {
 namespace {

@@ -6,7 +6,6 @@
 
 #include "tileflight/core/base/progress.h"
 #include "tileflight/core/geometry/prism.h"
-#include "tileflight/world/ground_truth/cell_range.h"
 #include "tileflight/world/ground_truth/mesh_glb.h"
 #include "tileflight/world/ground_truth/voxelize.h"
 #include "tileflight/world/scene/scene.h"

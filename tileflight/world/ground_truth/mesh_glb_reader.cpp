@@ -13,7 +13,6 @@
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/world/ground_truth/mesh_glb.h"
-#include "tileflight/world/ground_truth/mesh_glb_layout.h"
 
 namespace tileflight::ground_truth {
 namespace {

@@ -10,9 +10,8 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/world/ground_truth/mesh_glb.h"
-#include "tileflight/world/ground_truth/mesh_glb_layout.h"
 #include "tileflight/core/imaging/image_files.h"
+#include "tileflight/world/ground_truth/mesh_glb.h"
 
 namespace tileflight::ground_truth {
 namespace {

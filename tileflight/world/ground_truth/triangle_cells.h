@@ -21,7 +21,7 @@
 
 #include "tileflight/core/base/noise.h"
 #include "tileflight/core/geometry/mesh.h"
-#include "tileflight/world/ground_truth/cell_range.h"
+#include "tileflight/world/ground_truth/voxelize.h"
 
 namespace tileflight::ground_truth {
 

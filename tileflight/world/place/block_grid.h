@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/world/ground_truth/cell_range.h"
+#include "tileflight/world/ground_truth/voxelize.h"
 
 namespace tileflight::place {
 

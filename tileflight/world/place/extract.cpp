@@ -10,15 +10,15 @@
 #include "tileflight/core/base/elapsed_time.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/memory_budget.h"
 #include "tileflight/core/base/number_text.h"
 #include "tileflight/core/base/output_folder.h"
-#include "tileflight/world/ground_truth/suggested_voxel.h"
-#include "tileflight/world/place/extract_cost.h"
-#include "tileflight/core/base/memory_budget.h"
-#include "tileflight/world/place/truth_blocks.h"
 #include "tileflight/core/base/version.h"
-#include "tileflight/tiles/tileset/region_reader.h"
 #include "tileflight/tiles/fetch/open_source.h"
+#include "tileflight/tiles/tileset/region_reader.h"
+#include "tileflight/world/ground_truth/voxelize.h"
+#include "tileflight/world/place/extract_cost.h"
+#include "tileflight/world/place/truth_blocks.h"
 
 namespace tileflight::place {
 namespace {
