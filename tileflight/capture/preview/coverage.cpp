@@ -4,15 +4,15 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "tileflight/core/base/files.h"
-#include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/output_folder.h"
 #include "tileflight/capture/preview/coverage_report.h"
 #include "tileflight/capture/preview/strategy_pictures.h"
-#include "tileflight/core/base/memory_budget.h"
-#include "tileflight/world/place/require_surface.h"
-#include "tileflight/tiles/fetch/open_source.h"
 #include "tileflight/capture/vehicle/flight_plan.h"
+#include "tileflight/core/base/files.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/memory_budget.h"
+#include "tileflight/core/base/output_folder.h"
+#include "tileflight/tiles/fetch/open_source.h"
+#include "tileflight/world/place/place_reader.h"
 
 namespace tileflight::preview {
 namespace fs = std::filesystem;

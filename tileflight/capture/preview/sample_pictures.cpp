@@ -4,9 +4,9 @@
 #include <chrono>
 
 #include "tileflight/core/base/elapsed_time.h"
-#include "tileflight/core/imaging/image_files.h"
-#include "tileflight/world/place/require_surface.h"
 #include "tileflight/core/drawing/thumbnail.h"
+#include "tileflight/core/imaging/image_files.h"
+#include "tileflight/world/place/place_reader.h"
 #include "tileflight/world/scene/scene.h"
 
 namespace tileflight::preview {
@@ -25,9 +25,9 @@ place::PlacePart read_tiles_of(PreviewedFlight& flight, const recording::FrameGr
     if (auto part = flight.place.read(cut, true, flight.memory_left(), progress)) return std::move(*part);
   }
   throw tileset::MemoryLimitExceeded(flight.place.name(),
-                                   "the part of the place that frame " + std::to_string(picture.frame) +
-                                       " sees needs more memory than the limit: request coarser tiles (--error, "
-                                       "--pixel-error) or raise the limit (--memory)");
+                                     "the part of the place that frame " + std::to_string(picture.frame) +
+                                         " sees needs more memory than the limit: request coarser tiles (--error, "
+                                         "--pixel-error) or raise the limit (--memory)");
 }
 
 /// Renders an image as `render` would, from the same tiles where they fit into memory.
@@ -72,7 +72,7 @@ SamplePicture render_picture(PreviewedFlight& flight, const std::string& name, s
 }  // namespace
 
 tileset::RefinementCriterion criterion_of(const PreviewedFlight& flight, const std::vector<std::size_t>& group,
-                                        const std::optional<double>& error_px, std::optional<std::size_t> frame) {
+                                          const std::optional<double>& error_px, std::optional<std::size_t> frame) {
   const recording::RenderSettings& render = flight.settings.render;
   const tileset::Placement& placement = flight.place.placement();
   if (!error_px) return tileset::region_criterion(placement.region, placement.T_local_tileset, render.load.error_m);
@@ -85,8 +85,8 @@ tileset::RefinementCriterion criterion_of(const PreviewedFlight& flight, const s
     const auto first = all.begin() + static_cast<std::ptrdiff_t>(i * per_frame);
     cones.insert(cones.end(), first, first + static_cast<std::ptrdiff_t>(per_frame));
   }
-  return tileset::limit_refinement(tileset::flight_criterion(std::move(cones), placement.T_local_tileset, *error_px, part),
-                                 render.load.error_m);
+  return tileset::limit_refinement(
+      tileset::flight_criterion(std::move(cones), placement.T_local_tileset, *error_px, part), render.load.error_m);
 }
 
 std::vector<SamplePicture> render_pictures(PreviewedFlight& flight, std::vector<place::MissingTile>& missing,

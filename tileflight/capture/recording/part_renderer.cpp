@@ -5,13 +5,13 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "tileflight/core/base/elapsed_time.h"
-#include "tileflight/core/base/input_error.h"
-#include "tileflight/world/place/extract.h"
-#include "tileflight/core/base/memory_budget.h"
-#include "tileflight/world/place/require_surface.h"
 #include "tileflight/capture/recording/image_division.h"
 #include "tileflight/capture/recording/memory_check.h"
+#include "tileflight/core/base/elapsed_time.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/memory_budget.h"
+#include "tileflight/world/place/extract.h"
+#include "tileflight/world/place/place_reader.h"
 
 namespace tileflight::recording {
 namespace {

@@ -8,12 +8,12 @@
 #include <set>
 #include <utility>
 
+#include "tileflight/capture/recording/part_renderer.h"
+#include "tileflight/capture/render/frame_parts.h"
 #include "tileflight/core/base/elapsed_time.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/raw_bytes.h"
-#include "tileflight/world/place/require_surface.h"
-#include "tileflight/capture/render/frame_parts.h"
-#include "tileflight/capture/recording/part_renderer.h"
+#include "tileflight/world/place/place_reader.h"
 
 namespace tileflight::recording {
 namespace {

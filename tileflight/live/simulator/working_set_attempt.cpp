@@ -7,10 +7,10 @@
 
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/string_lists.h"
-#include "tileflight/world/place/require_surface.h"
 #include "tileflight/live/simulator/working_set.h"
-#include "tileflight/tiles/tileset/cut_reader.h"
 #include "tileflight/tiles/fetch/terms.h"
+#include "tileflight/tiles/tileset/cut_reader.h"
+#include "tileflight/world/place/place_reader.h"
 
 namespace tileflight::simulator {
 namespace {
@@ -168,7 +168,7 @@ bool WorkingSet::read_batch(Attempt& attempt, std::span<const std::size_t> batch
   // Its own count of the bytes differs a little from resident_bytes(), which decides.
   std::vector<tileset::LoadedContent> contents =
       tileset::read_cut(*source_, *tree_, part_of(attempt.cut, batch), placement_.T_local_tileset, true, progress,
-                      2 * scene_limit_bytes());
+                        2 * scene_limit_bytes());
   if (contents.size() < batch.size()) return false;
   for (std::size_t k = 0; k < batch.size(); ++k) {
     ResidentTile& tile = attempt.tiles[batch[k]];

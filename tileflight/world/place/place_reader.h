@@ -17,6 +17,14 @@
 
 namespace tileflight::place {
 
+/// Throws InputError that names the source if there is no triangle to see; `has_points`: there are points instead (the
+/// message says so).
+void require_surface(const std::vector<imaging::TexturedMesh>& meshes, bool has_points, const std::string& source);
+
+/// If there are no meshes, returns a degenerate triangle, which no ray hits: ray casting needs a scene that is not
+/// empty.
+std::vector<imaging::TexturedMesh> with_placeholder(std::vector<imaging::TexturedMesh> meshes);
+
 /// A tile that could not be read, or a subtree that could not be followed.
 struct MissingTile {
   std::string failure;
@@ -46,7 +54,9 @@ class PlaceReader {
   const tileset::TilesetTree& tree() const { return tree_; }
   fetch::TileSource& source() { return *source_; }
 
-  tileset::TileCut select_cut(const tileset::RefinementCriterion& criterion) { return tileset::select_cut(tree_, criterion); }
+  tileset::TileCut select_cut(const tileset::RefinementCriterion& criterion) {
+    return tileset::select_cut(tree_, criterion);
+  }
   /// Reads a cut; missing or broken tiles are reported in the result, not thrown. nullopt: it exceeds
   /// `max_memory_bytes`.
   std::optional<PlacePart> read(const tileset::TileCut& cut, bool textures, std::uintmax_t max_memory_bytes,
@@ -68,7 +78,7 @@ class PlaceReader {
 
 /// The combination of both criteria.
 tileset::RefinementCriterion restrict_to_box(tileset::RefinementCriterion criterion, const geometry::Box3& box,
-                                           const geometry::SE3& T_local_tileset);
+                                             const geometry::SE3& T_local_tileset);
 
 /// A source's name for titles: the last part of its path, or of the folder of its tileset.json.
 std::string source_display_name(const std::string& source);

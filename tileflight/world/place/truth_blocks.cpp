@@ -12,11 +12,10 @@
 #include "tileflight/core/base/elapsed_time.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/jobs/balanced_ranges.h"
 #include "tileflight/world/ground_truth/ground_truth.h"
-#include "tileflight/world/place/block_grid.h"
 #include "tileflight/world/place/block_plan.h"
 #include "tileflight/world/place/block_store.h"
-#include "tileflight/core/jobs/balanced_ranges.h"
 
 namespace tileflight::place {
 namespace {
@@ -43,7 +42,7 @@ void add_origins(std::size_t number, const tileset::LoadedContent& content,
 
 /// Reads contents; removes from the list the numbers of those that cannot be read.
 std::vector<tileset::LoadedContent> read_contents(tileset::RegionReader& reader, std::vector<std::size_t>& numbers,
-                                                const Progress& progress) {
+                                                  const Progress& progress) {
   std::vector<tileset::LoadedContent> loaded = reader.read(numbers, progress);
   if (loaded.size() < numbers.size())
     std::erase_if(numbers, [&](const std::size_t number) { return reader.read({number}).empty(); });

@@ -10,10 +10,9 @@
 #include "tests/same_files.h"
 #include "tests/temporary_folder.h"
 #include "tests/tiny_place.h"
-#include "tileflight/world/place/block_grid.h"
+#include "tileflight/core/jobs/test_ranks.h"
 #include "tileflight/world/place/block_plan.h"
 #include "tileflight/world/place/block_store.h"
-#include "tileflight/core/jobs/test_ranks.h"
 
 namespace tileflight::place::truth_blocks_test {
 namespace {
