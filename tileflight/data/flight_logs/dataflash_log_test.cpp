@@ -8,7 +8,6 @@
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/test_bytes.h"
 #include "tileflight/core/base/text_parsing.h"
-#include "tileflight/data/flight_logs/gps_time.h"
 #include "tileflight/data/flight_logs/telemetry_file.h"
 #include "tileflight/data/flight_logs/test_log.h"
 

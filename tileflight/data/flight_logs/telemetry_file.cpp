@@ -11,7 +11,6 @@
 #include "tileflight/data/flight_logs/dataflash_log.h"
 #include "tileflight/data/flight_logs/dataflash_messages.h"
 #include "tileflight/data/flight_logs/gpx.h"
-#include "tileflight/data/flight_logs/kml.h"
 #include "tileflight/data/flight_logs/photo_log.h"
 #include "tileflight/data/flight_logs/ulog.h"
 #include "tileflight/data/flight_logs/xml_stream.h"
