@@ -9,7 +9,6 @@
 #include "tileflight/data/dataset/dataset.h"
 #include "tileflight/data/dataset/imu_files.h"
 #include "tileflight/data/dataset/lidar_files.h"
-#include "tileflight/data/dataset/number_table.h"
 
 namespace tileflight::sensors_test {
 namespace {

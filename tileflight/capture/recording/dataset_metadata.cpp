@@ -4,16 +4,16 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "tileflight/capture/recording/flight_faults.h"
+#include "tileflight/capture/sensors/gnss.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/string_lists.h"
-#include "tileflight/data/dataset/attitude_csv.h"
+#include "tileflight/core/base/version.h"
 #include "tileflight/core/imaging/calibration_files.h"
 #include "tileflight/core/imaging/photometric.h"
-#include "tileflight/world/place/extract.h"
-#include "tileflight/core/base/version.h"
-#include "tileflight/capture/sensors/gnss.h"
-#include "tileflight/capture/recording/flight_faults.h"
+#include "tileflight/data/dataset/imu_files.h"
 #include "tileflight/tiles/fetch/open_source.h"
+#include "tileflight/world/place/extract.h"
 
 namespace tileflight::recording {
 namespace fs = std::filesystem;
@@ -41,7 +41,7 @@ std::vector<dataset::CameraAttitude> simulate_camera_attitude(const PlannedFligh
   const sensors::AttitudeOptions options =
       mission.sensor_recorder->suite().attitude.value_or(sensors::AttitudeOptions{.seed = seed});
   const auto times = flight_path::make_sample_times("attitude", mission.frames.poses.front().time_s,
-                                               mission.frames.poses.back().time_s, options.rate_hz);
+                                                    mission.frames.poses.back().time_s, options.rate_hz);
   const auto pose_at = [&](double time_s) { return *geometry::interpolate(mission.frames, time_s); };
   std::vector<dataset::CameraAttitude> attitudes;
   for (const sensors::AttitudeSample& sample : sensors::simulate_attitude(pose_at, times, options))

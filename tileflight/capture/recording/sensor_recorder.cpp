@@ -4,6 +4,7 @@
 #include <cstring>
 #include <string_view>
 
+#include "tileflight/capture/sensors/motion.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
@@ -11,8 +12,6 @@
 #include "tileflight/core/base/number_text.h"
 #include "tileflight/data/dataset/imu_files.h"
 #include "tileflight/data/dataset/lidar_files.h"
-#include "tileflight/data/dataset/number_table.h"
-#include "tileflight/capture/sensors/motion.h"
 
 namespace tileflight::recording {
 namespace fs = std::filesystem;

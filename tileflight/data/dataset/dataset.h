@@ -109,7 +109,7 @@ class DatasetWriter {
   DatasetWriter& operator=(const DatasetWriter&) = delete;
 
   /// Folder of this dataset's files before finish(); for additional files such as pcalib.txt and depth/
-  /// (frame_layers.h).
+  /// (depth_images.h).
   const std::filesystem::path& temporary_folder() const { return temporary_; }
 
   void add_frame(std::size_t index, double time_s, double exposure_ms, const imaging::RgbImage& image);

@@ -11,7 +11,6 @@
 #include "tileflight/data/dataset/exports.h"
 #include "tileflight/data/dataset/imu_files.h"
 #include "tileflight/data/dataset/lidar_files.h"
-#include "tileflight/data/dataset/number_table.h"
 #include "tileflight/data/dataset/ros_messages.h"
 
 namespace tileflight::dataset {

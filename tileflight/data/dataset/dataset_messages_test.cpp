@@ -6,7 +6,7 @@
 
 #include "tests/temporary_folder.h"
 #include "tileflight/core/base/files.h"
-#include "tileflight/data/dataset/frame_layers.h"
+#include "tileflight/data/dataset/depth_images.h"
 #include "tileflight/data/dataset/test_pictures.h"
 
 namespace tileflight::dataset::dataset_messages_test {

@@ -8,10 +8,9 @@
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/text_fields.h"
+#include "tileflight/core/geometry/nanoseconds.h"
 #include "tileflight/data/dataset/exports.h"
 #include "tileflight/data/dataset/imu_files.h"
-#include "tileflight/data/dataset/number_table.h"
-#include "tileflight/core/geometry/nanoseconds.h"
 
 namespace tileflight::dataset::exports {
 

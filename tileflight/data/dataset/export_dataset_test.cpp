@@ -10,11 +10,10 @@
 #include "tests/temporary_folder.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/imaging/image_files.h"
 #include "tileflight/data/dataset/imu_files.h"
 #include "tileflight/data/dataset/lidar_files.h"
-#include "tileflight/data/dataset/number_table.h"
 #include "tileflight/data/dataset/test_pictures.h"
-#include "tileflight/core/imaging/image_files.h"
 
 namespace tileflight::dataset::export_dataset_test {
 namespace {

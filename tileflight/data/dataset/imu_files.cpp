@@ -1,18 +1,105 @@
 #include "tileflight/data/dataset/imu_files.h"
 
 #include <array>
+#include <cassert>
 #include <cmath>
 #include <string>
 #include <string_view>
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/number_text.h"
 #include "tileflight/core/base/strict_section.h"
 #include "tileflight/core/base/text_fields.h"
 #include "tileflight/core/geometry/nanoseconds.h"
 #include "tileflight/core/imaging/calibration_yaml.h"
 
 namespace tileflight::dataset {
+
+namespace {
+
+std::vector<double> parse_row(const std::string& where, const std::vector<std::string_view>& fields,
+                              std::size_t columns) {
+  if (fields.size() != columns)
+    throw InputError(where, "has " + std::to_string(fields.size()) + " numbers, but the header has " +
+                                std::to_string(columns) + " columns");
+  std::vector<double> row;
+  for (const std::string_view field : fields) {
+    const auto value = base::parse_number<double>(field);
+    if (!value) throw InputError(where, "\"" + std::string(field) + "\" is not a number");
+    row.push_back(*value);
+  }
+  return row;
+}
+
+}  // namespace
+
+NumberTable read_number_table(const std::filesystem::path& file) {
+  const std::string text = base::read_text(file);
+  std::string_view rest = text;
+  NumberTable table;
+  for (int number = 1; const auto line = base::take_line(rest); ++number) {
+    const std::vector<std::string_view> fields = base::split_fields(*line, ",");
+    if (fields.empty()) continue;
+    if (table.columns.empty())
+      table.columns.assign(fields.begin(), fields.end());
+    else
+      table.rows.push_back(parse_row(file.string() + ": line " + std::to_string(number), fields, table.columns.size()));
+  }
+  if (table.columns.empty()) throw InputError(file.string(), "is empty; expected a header line of column names");
+  return table;
+}
+
+void write_number_table(const std::filesystem::path& file, const NumberTable& table) {
+  std::string text;
+  for (const std::string& column : table.columns) text += (text.empty() ? "" : ",") + column;
+  text += '\n';
+  for (const std::vector<double>& row : table.rows) {
+    assert(row.size() == table.columns.size());
+    for (std::size_t i = 0; i < row.size(); ++i) text += (i == 0 ? "" : ",") + base::fixed_text(row[i]);
+    text += '\n';
+  }
+  base::write_file(file, text);
+}
+
+namespace {
+
+const std::vector<std::string> kColumns = {"t", "qx", "qy", "qz", "qw", "tilt_sigma_deg", "yaw_sigma_deg"};
+
+CameraAttitude parse_attitude(const std::vector<double>& row, const std::string& where) {
+  for (const double value : row)
+    if (!std::isfinite(value)) throw InputError(where, "a number is not finite");
+  const Eigen::Quaterniond q(row[4], row[1], row[2], row[3]);
+  constexpr double kUnit = 0.01;
+  if (!(std::abs(q.norm() - 1.0) < kUnit)) throw InputError(where, "the quaternion does not have length 1");
+  if (!(row[5] > 0.0 && row[6] > 0.0)) throw InputError(where, "a standard deviation must be above zero");
+  return {row[0], q.normalized(), row[5], row[6]};
+}
+
+}  // namespace
+
+std::vector<CameraAttitude> read_attitude_csv(const std::filesystem::path& file) {
+  const NumberTable table = read_number_table(file);
+  if (table.columns != kColumns)
+    throw InputError(file.string(), "expected the columns t,qx,qy,qz,qw,tilt_sigma_deg,yaw_sigma_deg");
+  std::vector<CameraAttitude> attitudes;
+  for (std::size_t i = 0; i < table.rows.size(); ++i) {
+    const std::string where = file.string() + ": row " + std::to_string(i + 1);
+    attitudes.push_back(parse_attitude(table.rows[i], where));
+    if (i > 0 && !(attitudes[i].time_s > attitudes[i - 1].time_s))
+      throw InputError(where, "the time is not after the one before it");
+  }
+  return attitudes;
+}
+
+void write_attitude_csv(const std::filesystem::path& file, const std::vector<CameraAttitude>& attitudes) {
+  NumberTable table{kColumns, {}};
+  for (const CameraAttitude& a : attitudes) {
+    const Eigen::Quaterniond& q = a.R_enu_camera;
+    table.rows.push_back({a.time_s, q.x(), q.y(), q.z(), q.w(), a.tilt_sigma_deg, a.yaw_sigma_deg});
+  }
+  write_number_table(file, table);
+}
 
 namespace {
 

@@ -8,12 +8,11 @@
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/number_text.h"
+#include "tileflight/core/imaging/image_files.h"
 #include "tileflight/data/dataset/encode_queue.h"
 #include "tileflight/data/dataset/frame_list.h"
 #include "tileflight/data/dataset/imu_files.h"
-#include "tileflight/data/dataset/number_table.h"
 #include "tileflight/data/dataset/scaled_calibration.h"
-#include "tileflight/core/imaging/image_files.h"
 
 namespace tileflight::dataset {
 

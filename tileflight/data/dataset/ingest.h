@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "tileflight/core/base/progress.h"
-#include "tileflight/data/dataset/attitude_csv.h"
 #include "tileflight/data/dataset/dataset.h"
+#include "tileflight/data/dataset/imu_files.h"
 #include "tileflight/data/dataset/video.h"
 
 namespace tileflight::dataset {

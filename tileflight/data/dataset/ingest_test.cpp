@@ -7,10 +7,9 @@
 #include "tests/temporary_folder.h"
 #include "tests/test_data.h"
 #include "tileflight/core/base/files.h"
-#include "tileflight/data/dataset/imu_files.h"
-#include "tileflight/data/dataset/number_table.h"
-#include "tileflight/data/dataset/test_pictures.h"
 #include "tileflight/core/imaging/image_files.h"
+#include "tileflight/data/dataset/imu_files.h"
+#include "tileflight/data/dataset/test_pictures.h"
 
 namespace tileflight::dataset::ingest_test {
 namespace {

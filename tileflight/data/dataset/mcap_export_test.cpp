@@ -12,7 +12,6 @@
 #include "tileflight/data/dataset/imu_files.h"
 #include "tileflight/data/dataset/lidar_files.h"
 #include "tileflight/data/dataset/mcap_writer.h"
-#include "tileflight/data/dataset/number_table.h"
 #include "tileflight/data/dataset/ros_messages.h"
 #include "tileflight/data/dataset/test_pictures.h"
 

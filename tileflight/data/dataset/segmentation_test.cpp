@@ -6,9 +6,9 @@
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 #include "tileflight/core/base/files.h"
-#include "tileflight/data/dataset/frame_layers.h"
 #include "tileflight/core/imaging/exr_channels.h"
 #include "tileflight/core/imaging/image_files.h"
+#include "tileflight/data/dataset/depth_images.h"
 
 namespace tileflight::dataset::segmentation_test {
 namespace {

@@ -7,13 +7,12 @@
 
 #include "tests/temporary_folder.h"
 #include "tileflight/core/base/files.h"
+#include "tileflight/core/imaging/image_files.h"
 #include "tileflight/data/dataset/dataset.h"
 #include "tileflight/data/dataset/depth_images.h"
 #include "tileflight/data/dataset/export_dataset.h"
-#include "tileflight/data/dataset/frame_layers.h"
 #include "tileflight/data/dataset/imu_files.h"
 #include "tileflight/data/dataset/test_pictures.h"
-#include "tileflight/core/imaging/image_files.h"
 
 namespace tileflight::dataset::vslam_lab_layout_test {
 namespace {

@@ -11,17 +11,17 @@
 #include "tileflight/core/alignment/global_registration.h"
 #include "tileflight/core/alignment/gravity.h"
 #include "tileflight/core/alignment/transform_file.h"
-#include "tileflight/core/base/input_error.h"
-#include "tileflight/data/dataset/attitude_csv.h"
 #include "tileflight/core/base/doubts_json.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/data/dataset/imu_files.h"
 #include "tileflight/evaluation/registration/register_map.h"
-#include "tileflight/world/scene/scene.h"
 #include "tileflight/evaluation/scoring/doubts.h"
 #include "tileflight/evaluation/scoring/flight_evidence.h"
 #include "tileflight/evaluation/scoring/path_doubts.h"
 #include "tileflight/evaluation/scoring/picture_finder.h"
 #include "tileflight/evaluation/scoring/up_from_imu.h"
 #include "tileflight/tiles/mesh_files/mesh_source.h"
+#include "tileflight/world/scene/scene.h"
 
 namespace tileflight::scoring {
 namespace fs = std::filesystem;

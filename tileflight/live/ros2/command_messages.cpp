@@ -6,7 +6,6 @@
 
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/data/dataset/cdr.h"
-#include "tileflight/data/dataset/cdr_reader.h"
 
 namespace tileflight::ros2 {
 namespace {

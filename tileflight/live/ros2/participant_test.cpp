@@ -7,7 +7,6 @@
 
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/data/dataset/cdr.h"
-#include "tileflight/data/dataset/cdr_reader.h"
 #include "tileflight/live/ros2/command_messages.h"
 #include "tileflight/live/ros2/entities.h"
 #include "tileflight/live/ros2/names.h"

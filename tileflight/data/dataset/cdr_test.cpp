@@ -1,4 +1,4 @@
-#include "tileflight/data/dataset/cdr_reader.h"
+#include "tileflight/data/dataset/cdr.h"
 
 #include <gmock/gmock.h>
 
