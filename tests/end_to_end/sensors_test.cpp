@@ -7,8 +7,8 @@
 #include "tests/run_program.h"
 #include "tests/tiny_place.h"
 #include "tileflight/data/dataset/dataset.h"
-#include "tileflight/data/dataset/imu_files.h"
 #include "tileflight/data/dataset/lidar_files.h"
+#include "tileflight/data/dataset/sensor_files.h"
 
 namespace tileflight::sensors_test {
 namespace {

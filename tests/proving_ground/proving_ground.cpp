@@ -18,19 +18,19 @@
 #include "outcome.h"
 #include "random_flight.h"
 #include "tests/source_folder.h"
+#include "tileflight/capture/recording/render_stage.h"
 #include "tileflight/core/base/doubt.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/output_folder.h"
 #include "tileflight/core/base/strict_section.h"
 #include "tileflight/core/geometry/cloud_files.h"
-#include "tileflight/world/ground_truth/truth_folder.h"
-#include "tileflight/world/place/extract.h"
 #include "tileflight/evaluation/scoring/align_stage.h"
 #include "tileflight/evaluation/scoring/evaluate.h"
-#include "tileflight/tiles/demo_place/stadium.h"
-#include "tileflight/capture/recording/render_stage.h"
 #include "tileflight/slam/odometry/track.h"
+#include "tileflight/tiles/demo_place/stadium.h"
+#include "tileflight/world/ground_truth/truth_folder.h"
+#include "tileflight/world/place/extract.h"
 
 namespace tileflight::proving_ground {
 namespace {
@@ -125,7 +125,7 @@ recording::RenderedFlightConfig degraded(recording::RenderedFlightConfig flight)
   formation.white_electrons = 8000;
   formation.read_noise_electrons = 8;
   flight.degrade = formation;
-  flight.video = dataset::VideoCompression{.crf = 20};
+  flight.video = video::VideoCompression{.crf = 20};
   return flight;
 }
 

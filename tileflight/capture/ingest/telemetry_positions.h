@@ -6,7 +6,7 @@
 #include "tileflight/capture/ingest/ingest_stage.h"
 #include "tileflight/core/geometry/geodesy.h"
 #include "tileflight/data/dataset/dataset.h"
-#include "tileflight/data/dataset/imu_files.h"
+#include "tileflight/data/dataset/sensor_files.h"
 #include "tileflight/data/flight_logs/telemetry.h"
 
 namespace tileflight::ingest {

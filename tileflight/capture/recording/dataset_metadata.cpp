@@ -11,7 +11,7 @@
 #include "tileflight/core/base/version.h"
 #include "tileflight/core/imaging/calibration_files.h"
 #include "tileflight/core/imaging/photometric.h"
-#include "tileflight/data/dataset/imu_files.h"
+#include "tileflight/data/dataset/sensor_files.h"
 #include "tileflight/tiles/fetch/open_source.h"
 #include "tileflight/world/place/extract.h"
 

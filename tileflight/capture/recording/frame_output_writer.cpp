@@ -3,7 +3,7 @@
 #include <utility>
 #include <vector>
 
-#include "tileflight/data/dataset/depth_images.h"
+#include "tileflight/data/dataset/frame_layers.h"
 
 namespace tileflight::recording {
 namespace {

@@ -10,8 +10,8 @@
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/make_folder.h"
 #include "tileflight/core/base/number_text.h"
-#include "tileflight/data/dataset/imu_files.h"
 #include "tileflight/data/dataset/lidar_files.h"
+#include "tileflight/data/dataset/sensor_files.h"
 
 namespace tileflight::recording {
 namespace fs = std::filesystem;

@@ -11,8 +11,8 @@
 #include "tileflight/core/imaging/image_files.h"
 #include "tileflight/data/dataset/encode_queue.h"
 #include "tileflight/data/dataset/frame_list.h"
-#include "tileflight/data/dataset/imu_files.h"
-#include "tileflight/data/dataset/scaled_calibration.h"
+#include "tileflight/data/dataset/layouts.h"
+#include "tileflight/data/dataset/sensor_files.h"
 
 namespace tileflight::dataset {
 
@@ -198,7 +198,7 @@ ScaledCalibration fitted_calibration(const IngestOptions& options, IngestResult&
 
 void ingest_video(const IngestOptions& options, const fs::path& folder, const Companions& given,
                   const Progress& progress, IngestResult& result) {
-  const VideoInfo info = probe_video(options.video_or_images);
+  const video::VideoInfo info = video::probe_video(options.video_or_images);
   const double period_s = info.frames_per_second > 0.0 ? 1.0 / info.frames_per_second : kDefaultFramePeriod_s;
   const double shift_s = options.timeshift_s;
   if (info.duration_s > 0.0) require_covers_excerpt(options, info.duration_s + shift_s, period_s);
@@ -221,10 +221,10 @@ void ingest_video(const IngestOptions& options, const fs::path& folder, const Co
     report_progress(progress, index + 1, std::max(expected, index + 1), "decoding video");
     return true;
   };
-  VideoExcerpt own_clock = options.excerpt;
+  video::VideoExcerpt own_clock = options.excerpt;
   own_clock.from_s = std::max(0.0, own_clock.from_s - shift_s);
   if (own_clock.to_s) *own_clock.to_s -= shift_s;
-  read_video(options.video_or_images, own_clock, on_frame);
+  video::read_video(options.video_or_images, own_clock, on_frame);
   queue.finish();
   require_some(options, result.times_s.size());
   // The container's duration may be wrong, so the frames decide.
@@ -263,7 +263,7 @@ std::vector<Frame> image_frames(const IngestOptions& options, std::vector<std::s
 }
 
 std::vector<Frame> select_excerpt(const std::vector<Frame>& frames, const IngestOptions& options) {
-  const VideoExcerpt& excerpt = options.excerpt;
+  const video::VideoExcerpt& excerpt = options.excerpt;
   if (excerpt.every < 1)
     throw InputError(options.video_or_images.string(), "the step of the excerpt must be 1 or more frames");
   const double period_s =

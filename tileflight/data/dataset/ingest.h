@@ -10,8 +10,8 @@
 
 #include "tileflight/core/base/progress.h"
 #include "tileflight/data/dataset/dataset.h"
-#include "tileflight/data/dataset/imu_files.h"
-#include "tileflight/data/dataset/video.h"
+#include "tileflight/data/dataset/sensor_files.h"
+#include "tileflight/data/video/video.h"
 
 namespace tileflight::dataset {
 
@@ -33,7 +33,7 @@ struct IngestOptions {
                                           ///< else `image_rate_hz`)
   std::filesystem::path calibration;      ///< any format of imaging::read_calibration
   std::string camera_id;                  ///< camera to use of a calibration with several; empty: it has only one
-  VideoExcerpt excerpt;                   ///< on the video's clock (first frame at 0; images: times of times.txt)
+  video::VideoExcerpt excerpt;            ///< on the video's clock (first frame at 0; images: times of times.txt)
   double image_rate_hz = 30.0;            ///< frame rate of an image folder without times.txt
   /// Capture times for a folder without times.txt, by file name; empty: unknown. Images that are not in the map are
   /// left out (with a note).

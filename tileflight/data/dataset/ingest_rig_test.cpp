@@ -3,13 +3,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "tests/moving_picture.h"
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/imaging/calibration_files.h"
 #include "tileflight/core/imaging/image_files.h"
 #include "tileflight/data/dataset/rig.h"
-#include "tileflight/data/dataset/test_pictures.h"
 
 // Rigs that were flown: their pictures and videos become the dataset that `render` writes of a rig.
 // Times of a rig's pictures, made so that what is wrong with them is known.
@@ -184,9 +184,8 @@ TEST_F(IngestRigTest, TheLogIsOfTheBody) {
 TEST_F(IngestRigTest, VideosAreCamerasToo) {
   for (std::size_t c = 0; c < 2; ++c) {
     options_.cameras[c].video_or_images = folder_ / (options_.cameras[c].name + ".mp4");
-    VideoWriter writer(options_.cameras[c].video_or_images, kWidth, kHeight, {.frames_per_second = 20.0});
-    for (int i = 0; i < kFrames; ++i)
-      writer.add(test_support::moving_picture(kWidth, kHeight, i + static_cast<int>(c)));
+    video::VideoWriter writer(options_.cameras[c].video_or_images, kWidth, kHeight, {.frames_per_second = 20.0});
+    for (int i = 0; i < kFrames; ++i) writer.add(tests::moving_picture(kWidth, kHeight, i + static_cast<int>(c)));
     writer.finish();
   }
   options_.cameras[1].timeshift_s = kPeriod_s;  // it was switched on one frame later

@@ -8,7 +8,7 @@
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/imaging/exr_channels.h"
 #include "tileflight/core/imaging/image_files.h"
-#include "tileflight/data/dataset/depth_images.h"
+#include "tileflight/data/dataset/frame_layers.h"
 
 namespace tileflight::dataset::segmentation_test {
 namespace {

@@ -17,8 +17,8 @@ bool is_same(const geometry::SE3& a, const geometry::SE3& b) {
 
 }  // namespace
 
-using dataset::kMapFrame;
-using dataset::ros::Header;
+using messages::kMapFrame;
+using messages::ros::Header;
 
 std::string frame_of(const std::string& vehicle, const std::string& part) { return vehicle + "/" + part; }
 std::string body_frame(const std::string& vehicle) { return frame_of(vehicle, "base_link"); }
@@ -58,8 +58,8 @@ std::vector<dataset::ScanPoint> points_of(const simulator::ObservedScan& scan) {
   return points;
 }
 
-std::vector<dataset::ros::FrameTransform> static_transforms_of(const simulator::Observation& now) {
-  std::vector<dataset::ros::FrameTransform> all;
+std::vector<messages::ros::FrameTransform> static_transforms_of(const simulator::Observation& now) {
+  std::vector<messages::ros::FrameTransform> all;
   for (const simulator::ObservedVehicle& vehicle : now.vehicles) {
     const Header on_body = header(now.time_ns, body_frame(vehicle.name));
     all.push_back({header(now.time_ns, kMapFrame), odometry_frame(vehicle.name), {}});
@@ -72,7 +72,7 @@ std::vector<dataset::ros::FrameTransform> static_transforms_of(const simulator::
   return all;
 }
 
-bool is_same(const dataset::ros::FrameTransform& a, const dataset::ros::FrameTransform& b) {
+bool is_same(const messages::ros::FrameTransform& a, const messages::ros::FrameTransform& b) {
   return a.child_frame_id == b.child_frame_id && is_same(a.T_frame_child, b.T_frame_child);
 }
 

@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/data/dataset/dataset_messages.h"
+#include "tileflight/data/messages/dataset_messages.h"
 #include "tileflight/live/publishing/live_messages.h"
 #include "tileflight/live/publishing/place_glb.h"
 #include "tileflight/live/publishing/viewer_channels.h"
@@ -15,8 +15,8 @@
 namespace tileflight::publishing {
 namespace {
 
-using dataset::kMapFrame;
-using dataset::ros::Header;
+using messages::kMapFrame;
+using messages::ros::Header;
 using Seconds = std::chrono::duration<double>;
 using WallTime = std::chrono::steady_clock::time_point;
 
@@ -147,7 +147,7 @@ void LiveView::publish(const simulator::Observation& now, const Due& due, const 
   add_channels(now);
   sink_->publish_time(now.time_ns);
   if (is_wanted(clock_))
-    sink_->publish(clock_, now.time_ns, dataset::ros::clock(static_cast<std::int64_t>(now.time_ns)));
+    sink_->publish(clock_, now.time_ns, messages::ros::clock(static_cast<std::int64_t>(now.time_ns)));
   publish_static_transforms(now);
   if (is_wanted(tf_)) publish_transforms(now);
   if (is_wanted(place_)) start_place();
@@ -156,7 +156,7 @@ void LiveView::publish(const simulator::Observation& now, const Due& due, const 
     publish_state(now.time_ns, vehicle, channels);
     add_to_path(channels.flown, {static_cast<double>(now.time_ns) * 1e-9, vehicle.T_local_body});
     if (due.paths && is_wanted(channels.path))
-      sink_->publish(channels.path, now.time_ns, dataset::ros::path(header(now.time_ns, kMapFrame), channels.flown));
+      sink_->publish(channels.path, now.time_ns, messages::ros::path(header(now.time_ns, kMapFrame), channels.flown));
     for (const auto& [imu, channel] : channels.imus) publish_imu(vehicle, imu, channel);
     if (!due.images) continue;
     for (const simulator::ObservedCamera& camera : vehicle.cameras) {
@@ -216,19 +216,19 @@ void LiveView::remove_channels(const VehicleChannels& channels) {
 }
 
 void LiveView::publish_transforms(const simulator::Observation& now) {
-  std::vector<dataset::ros::FrameTransform> moving;
+  std::vector<messages::ros::FrameTransform> moving;
   for (const simulator::ObservedVehicle& vehicle : now.vehicles)
     moving.push_back(
         {header(now.time_ns, odometry_frame(vehicle.name)), body_frame(vehicle.name), vehicle.T_local_body});
-  sink_->publish(tf_, now.time_ns, dataset::ros::transforms(moving));
+  sink_->publish(tf_, now.time_ns, messages::ros::transforms(moving));
 }
 
 /// Once, and when a client has placed a camera otherwise: who comes later gets the last message.
 void LiveView::publish_static_transforms(const simulator::Observation& now) {
-  std::vector<dataset::ros::FrameTransform> all = static_transforms_of(now);
+  std::vector<messages::ros::FrameTransform> all = static_transforms_of(now);
   const auto same = [](const auto& a, const auto& b) { return is_same(a, b); };
   if (std::ranges::equal(all, static_transforms_, same)) return;
-  sink_->publish(tf_static_, now.time_ns, dataset::ros::transforms(all));
+  sink_->publish(tf_static_, now.time_ns, messages::ros::transforms(all));
   static_transforms_ = std::move(all);
 }
 
@@ -237,24 +237,24 @@ void LiveView::publish_state(std::uint64_t time_ns, const simulator::ObservedVeh
   const Header origin = header(time_ns, odometry_frame(vehicle.name));
   if (is_wanted(channels.odometry))
     sink_->publish(channels.odometry, time_ns,
-                   dataset::ros::odometry(origin, body_frame(vehicle.name), vehicle.T_local_body,
-                                          {vehicle.velocity_m_s, vehicle.angular_velocity_rad_s}));
+                   messages::ros::odometry(origin, body_frame(vehicle.name), vehicle.T_local_body,
+                                           {vehicle.velocity_m_s, vehicle.angular_velocity_rad_s}));
   if (is_wanted(channels.motion))
     sink_->publish(channels.motion, time_ns,
                    motion_text({vehicle.T_local_body, vehicle.velocity_m_s, vehicle.angular_velocity_rad_s}));
   if (is_wanted(channels.gnss)) {
     const geometry::Geodetic position{vehicle.latitude_deg, vehicle.longitude_deg, {vehicle.height_m}};
     const dataset::GpsFix fix{static_cast<double>(time_ns) * 1e-9, position, 0.0, 0.0};
-    sink_->publish(channels.gnss, time_ns, dataset::ros::nav_sat_fix(header(time_ns, body_frame(vehicle.name)), fix));
+    sink_->publish(channels.gnss, time_ns, messages::ros::nav_sat_fix(header(time_ns, body_frame(vehicle.name)), fix));
   }
 }
 
 void LiveView::publish_picture(const Header& head, const imaging::RgbImage& picture, const CameraChannels& channels) {
   const auto time_ns = static_cast<std::uint64_t>(head.time_ns);
-  if (is_wanted(channels.image)) sink_->publish(channels.image, time_ns, dataset::ros::rgb_image(head, picture));
+  if (is_wanted(channels.image)) sink_->publish(channels.image, time_ns, messages::ros::rgb_image(head, picture));
   if (is_wanted(channels.compressed))
     sink_->publish(channels.compressed, time_ns,
-                   dataset::ros::compressed_image(head, "jpeg", jpeg_of(picture, options_.jpeg_quality)));
+                   messages::ros::compressed_image(head, "jpeg", jpeg_of(picture, options_.jpeg_quality)));
 }
 
 void LiveView::publish_imu(const simulator::ObservedVehicle& vehicle, const std::string& imu, ChannelId channel) {
@@ -263,7 +263,7 @@ void LiveView::publish_imu(const simulator::ObservedVehicle& vehicle, const std:
   const geometry::ImuSample reading{static_cast<double>(motion.time_ns) * 1e-9, motion.angular_rate_rad_s,
                                     motion.specific_force_m_s2};
   sink_->publish(channel, motion.time_ns,
-                 dataset::ros::imu(header(motion.time_ns, frame_of(vehicle.name, imu)), reading));
+                 messages::ros::imu(header(motion.time_ns, frame_of(vehicle.name, imu)), reading));
 }
 
 /// Picture and depth of one call are of the same moment.
@@ -284,14 +284,14 @@ void LiveView::publish_camera(const simulator::ObservedVehicle& vehicle, const s
     const Header head = header(time_ns, frame);
     for (const simulator::ImageResponse& image : images) {
       if (image.pixels_as_float) {
-        sink_->publish(channels.depth, time_ns, dataset::ros::depth_image(head, depth_of(image)));
+        sink_->publish(channels.depth, time_ns, messages::ros::depth_image(head, depth_of(image)));
       } else {
         publish_picture(head, rgb_of(image), channels);
       }
     }
   }
   if (is_wanted(channels.info))
-    sink_->publish(channels.info, time_ns, dataset::ros::camera_info(header(time_ns, frame), camera.scene_lens));
+    sink_->publish(channels.info, time_ns, messages::ros::camera_info(header(time_ns, frame), camera.scene_lens));
 }
 
 void LiveView::publish_scan(const simulator::ObservedVehicle& vehicle, const simulator::ObservedLidar& lidar,
@@ -299,7 +299,7 @@ void LiveView::publish_scan(const simulator::ObservedVehicle& vehicle, const sim
   if (!is_wanted(channel)) return;
   const simulator::ObservedScan scan = simulator_()->view_scan(lidar.name, vehicle.name);
   const Header head = header(scan.time_ns, frame_of(vehicle.name, lidar.name));
-  sink_->publish(channel, scan.time_ns, dataset::ros::point_cloud(head, points_of(scan)));
+  sink_->publish(channel, scan.time_ns, messages::ros::point_cloud(head, points_of(scan)));
 }
 
 void LiveView::start_place() {

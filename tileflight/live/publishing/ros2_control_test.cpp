@@ -7,16 +7,16 @@
 #include <condition_variable>
 #include <mutex>
 
-#include "tileflight/data/dataset/cdr.h"
+#include "tileflight/data/messages/cdr.h"
+#include "tileflight/live/publishing/ros2_sink.h"
 #include "tileflight/live/ros2/publisher.h"
 #include "tileflight/live/ros2/test_domain.h"
 #include "tileflight/live/simulator/test_world.h"
-#include "tileflight/live/publishing/ros2_sink.h"
 
 namespace tileflight::publishing::ros2_control_test {
 namespace {
 
-using dataset::CdrWriter;
+using messages::CdrWriter;
 using simulator::test_world::pose;
 using testing::Contains;
 using testing::HasSubstr;

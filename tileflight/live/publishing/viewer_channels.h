@@ -4,14 +4,15 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/live/foxglove/channel.h"
 #include "tileflight/core/geometry/transform.h"
+#include "tileflight/live/foxglove/channel.h"
 
 namespace tileflight::publishing {
 
 // Channels of a viewer, and the messages that are no ROS 2 messages.
 
-/// A channel of ROS 2 messages (data/dataset/ros_messages.h): "sensor_msgs/msg/Imu". Viewers decode them by the definition.
+/// A channel of ROS 2 messages (data/messages/ros_messages.h): "sensor_msgs/msg/Imu". Viewers decode them by the
+/// definition.
 foxglove::Channel ros_channel(const std::string& topic, const std::string& type, bool is_latched = false);
 
 /// A channel of foxglove.SceneUpdate, as JSON: the place, which is sent once.

@@ -1,12 +1,12 @@
 // Definition: https://github.com/ros2/rmw_dds_common, msg/ParticipantEntitiesInfo.msg, NodeEntitiesInfo.msg, Gid.msg.
 #include "tileflight/live/ros2/discovery_info.h"
 
-#include "tileflight/data/dataset/cdr.h"
+#include "tileflight/data/messages/cdr.h"
 
 namespace tileflight::ros2 {
 namespace {
 
-using dataset::CdrWriter;
+using messages::CdrWriter;
 
 /// The identifier's octets; the rest are zeros.
 void put(CdrWriter& writer, Release release, const Guid& guid) {

@@ -1,7 +1,7 @@
 #include "tileflight/live/ros2/service_message.h"
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/data/dataset/cdr.h"
+#include "tileflight/data/messages/cdr.h"
 
 namespace tileflight::ros2 {
 namespace {
@@ -13,7 +13,7 @@ constexpr std::size_t kHeader = 4, kIdentity = 16;
 ServiceMessage read_service_message(std::string_view cdr, const std::string& what) {
   if (cdr.size() < kHeader + kIdentity)
     throw InputError(what, "a request does not say whose it is; clients need RMW_IMPLEMENTATION=rmw_cyclonedds_cpp");
-  dataset::CdrReader reader(cdr, what);
+  messages::CdrReader reader(cdr, what);
   ServiceMessage message;
   message.client = reader.number<std::uint64_t>();
   message.sequence_number = reader.number<std::int64_t>();
@@ -22,7 +22,7 @@ ServiceMessage read_service_message(std::string_view cdr, const std::string& wha
 }
 
 std::string write_service_message(const ServiceMessage& message) {
-  dataset::CdrWriter writer;
+  messages::CdrWriter writer;
   writer.number(message.client).number(message.sequence_number);
   return writer.bytes() + message.body.substr(kHeader);
 }
