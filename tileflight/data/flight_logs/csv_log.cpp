@@ -1,5 +1,3 @@
-#include "tileflight/data/flight_logs/csv_log.h"
-
 #include <algorithm>
 #include <array>
 #include <cctype>
@@ -16,6 +14,7 @@
 #include "tileflight/core/base/text_fields.h"
 #include "tileflight/core/base/text_parsing.h"
 #include "tileflight/data/flight_logs/fix_filter.h"
+#include "tileflight/data/flight_logs/telemetry.h"
 
 namespace tileflight::flight_logs {
 

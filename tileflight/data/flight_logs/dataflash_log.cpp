@@ -1,5 +1,3 @@
-#include "tileflight/data/flight_logs/dataflash_log.h"
-
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -10,6 +8,7 @@
 #include "tileflight/core/base/text_parsing.h"
 #include "tileflight/data/flight_logs/dataflash_messages.h"
 #include "tileflight/data/flight_logs/fix_filter.h"
+#include "tileflight/data/flight_logs/telemetry.h"
 
 namespace tileflight::flight_logs {
 

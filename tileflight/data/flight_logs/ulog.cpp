@@ -1,5 +1,3 @@
-#include "tileflight/data/flight_logs/ulog.h"
-
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -19,6 +17,7 @@
 #include "tileflight/core/base/raw_bytes.h"
 #include "tileflight/core/base/text_parsing.h"
 #include "tileflight/data/flight_logs/fix_filter.h"
+#include "tileflight/data/flight_logs/telemetry.h"
 #include "tileflight/data/flight_logs/timed_rows.h"
 
 // ULog: a header of 16 bytes, then messages of 3 + size bytes: u16 size, one letter, payload; all little-endian.

@@ -3,16 +3,16 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "tileflight/capture/vehicle/flight_plan.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/output_folder.h"
-#include "tileflight/data/flight_logs/telemetry_file.h"
-#include "tileflight/core/imaging/camera.h"
 #include "tileflight/core/base/version.h"
+#include "tileflight/core/imaging/camera.h"
+#include "tileflight/data/flight_logs/telemetry.h"
 #include "tileflight/tiles/demo_place/stadium.h"
 #include "tileflight/tiles/fetch/open_source.h"
 #include "tileflight/tiles/fetch/url_secrets.h"
-#include "tileflight/capture/vehicle/flight_plan.h"
 
 namespace tileflight::experiment {
 namespace fs = std::filesystem;
@@ -134,8 +134,11 @@ std::vector<std::string> Pipeline::odometry_products(const OdometryRun& run) con
 }
 
 void Pipeline::build_place(const fs::path& folder, const Progress& progress) const {
-  const base::OutputFolder output{
-      .folder = folder, .command = "scene", .replace = true, .inputs = {}, .legacy = demo_place::legacy_stadium_folder()};
+  const base::OutputFolder output{.folder = folder,
+                                  .command = "scene",
+                                  .replace = true,
+                                  .inputs = {},
+                                  .legacy = demo_place::legacy_stadium_folder()};
   base::write_folder(output, [&](const fs::path& temporary) {
     demo_place::write_stadium(
         temporary, {.seed = experiment_.place.seed, .texture_scale = experiment_.place.texture_scale}, progress);

@@ -1,27 +1,13 @@
 #pragma once
 
-// What writing and reading a mesh.glb (mesh_glb.h) agree on.
-
 #include <cstdint>
 #include <filesystem>
 #include <vector>
 
 #include "tileflight/core/base/progress.h"
-#include "tileflight/core/geometry/transform.h"
 #include "tileflight/core/imaging/textured_mesh.h"
 
 namespace tileflight::ground_truth {
-
-/// Key of a mesh's `extras` that stores its MeshOrigin: {content, first, view: buffer view of `triangles`}.
-inline constexpr const char* kOriginKey = "tileflight_origin";
-
-/// z-up to y-up: (x, y, z) becomes (x, z, -y).
-inline geometry::Mat4 T_gltf_local() {
-  geometry::Mat4 m = geometry::Mat4::Identity();
-  m.row(1) = Eigen::RowVector4d(0, 0, 1, 0);
-  m.row(2) = Eigen::RowVector4d(0, -1, 0, 0);
-  return m;
-}
 
 /// Where the triangles of a cut mesh stood: meshes cut into parts can be put together again in the order of the whole.
 struct MeshOrigin {

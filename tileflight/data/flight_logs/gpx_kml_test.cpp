@@ -1,12 +1,10 @@
-#include "tileflight/data/flight_logs/gpx.h"
-
 #include <gmock/gmock.h>
 
 #include <fstream>
 
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/text_parsing.h"
-#include "tileflight/data/flight_logs/telemetry_file.h"
+#include "tileflight/data/flight_logs/telemetry.h"
 #include "tileflight/data/flight_logs/test_log.h"
 
 namespace tileflight::flight_logs::gpx_test {

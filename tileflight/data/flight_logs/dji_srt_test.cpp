@@ -1,13 +1,12 @@
-#include "tileflight/data/flight_logs/telemetry.h"
-
 #include <gmock/gmock.h>
 
 #include <cmath>
 
 #include "tests/test_data.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/data/flight_logs/test_log.h"
 #include "tileflight/core/geometry/trajectory.h"
+#include "tileflight/data/flight_logs/telemetry.h"
+#include "tileflight/data/flight_logs/test_log.h"
 
 namespace tileflight::flight_logs::telemetry_test {
 namespace {

@@ -1,11 +1,10 @@
-#include "tileflight/data/flight_logs/gpx.h"
-
 #include <algorithm>
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/text_parsing.h"
 #include "tileflight/data/flight_logs/fix_filter.h"
+#include "tileflight/data/flight_logs/telemetry.h"
 #include "tileflight/data/flight_logs/xml_stream.h"
 
 namespace tileflight::flight_logs {
