@@ -98,4 +98,14 @@ std::vector<RangeReading> read_ranges(const std::filesystem::path& file) {
   return read_dataflash_ranges(file);
 }
 
+std::vector<TelemetryFix> distinct_fixes(const Telemetry& telemetry) {
+  const auto is_held = [](const TelemetryFix& a, const TelemetryFix& b) {
+    return a.latitude_deg == b.latitude_deg && a.longitude_deg == b.longitude_deg &&
+           a.absolute_height_m == b.absolute_height_m && a.height_above_takeoff_m == b.height_above_takeoff_m;
+  };
+  std::vector<TelemetryFix> fixes;
+  std::unique_copy(telemetry.fixes.begin(), telemetry.fixes.end(), std::back_inserter(fixes), is_held);
+  return fixes;
+}
+
 }  // namespace tileflight::flight_logs

@@ -64,7 +64,7 @@ std::vector<RangeReading> read_ranges(const std::filesystem::path& file);
 /// Reads DJI's subtitle telemetry (.srt). Times are the subtitles' time stamps, so 0 is the first frame of the
 /// accompanying video; the one dialect without stamps (Mavic 2, 2017) gives seconds from its first entry. Entries
 /// without a position fix ("N/A" or 0, 0), off the earth, or out of order are dropped and counted in `warnings`.
-/// docs/formats.md lists the dialects; telemetry.cpp describes how each is read. Throws InputError (file, entry, cause)
+/// docs/formats.md lists the dialects; dji_srt.cpp describes how each is read. Throws InputError (file, entry, cause)
 /// if no entry is usable.
 Telemetry read_dji_srt(const std::filesystem::path& file);
 
