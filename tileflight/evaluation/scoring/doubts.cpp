@@ -5,12 +5,12 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "tileflight/capture/recording/flight_faults.h"
+#include "tileflight/core/base/doubts_json.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/strict_section.h"
-#include "tileflight/data/dataset/dataset.h"
-#include "tileflight/core/base/doubts_json.h"
 #include "tileflight/core/geometry/trajectory.h"
-#include "tileflight/capture/recording/flight_faults.h"
+#include "tileflight/data/dataset/dataset.h"
 
 namespace tileflight::scoring {
 namespace fs = std::filesystem;
@@ -72,16 +72,15 @@ Doubts odometry_doubts(const MapInputs& map) {
   return doubts;
 }
 
-Doubts truth_doubts(const json& about) {
+Doubts truth_doubts(const place::ExtractResult& extracted) {
   Doubts doubts;
-  if (!about.value("complete", true)) {
-    doubts.push_back({std::to_string(static_cast<long>(number_of(about, "tiles_failed", 0.0))) + " of " +
-                          std::to_string(static_cast<long>(number_of(about, "tiles_wanted", 0.0))) +
+  if (!extracted.complete) {
+    doubts.push_back({std::to_string(extracted.tiles_failed) + " of " + std::to_string(extracted.tiles_wanted) +
                           " tiles of the ground truth are missing",
                       kTruth, "certain", "fetch the missing tiles and extract again"});
   }
   constexpr double kCoarse_m = 0.5;
-  const double error_m = number_of(about, "geometric_error_max", 0.0);
+  const double error_m = extracted.geometric_error_max_m.value_or(0.0);
   if (error_m > kCoarse_m) {
     std::string metres = std::to_string(error_m);
     metres.resize(metres.find('.') + 3);

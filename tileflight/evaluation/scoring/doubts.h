@@ -1,13 +1,13 @@
 #pragma once
 
 #include <filesystem>
-#include <nlohmann/json_fwd.hpp>
 #include <string>
 
 #include "tileflight/core/base/doubt.h"
 #include "tileflight/evaluation/metrics/moving_points.h"
 #include "tileflight/evaluation/scoring/map_inputs.h"
 #include "tileflight/evaluation/scoring/tiled_scores.h"
+#include "tileflight/world/place/extract_result.h"
 
 namespace tileflight::scoring {
 
@@ -19,7 +19,7 @@ Doubts read_doubts(const std::filesystem::path& json_file);
 Doubts odometry_doubts(const MapInputs& map);
 
 /// Doubts about the ground truth: missing or coarse tiles (extract.json).
-Doubts truth_doubts(const nlohmann::json& extract_json);
+Doubts truth_doubts(const place::ExtractResult& extracted);
 
 /// Doubts about the images: warnings of `render` or `ingest` (dataset.yaml).
 Doubts dataset_doubts(const std::filesystem::path& dataset_folder);

@@ -47,11 +47,11 @@ TEST_F(DoubtsOfAFlight, AWholeOneHasNone) {
 }
 
 TEST_F(DoubtsOfAFlight, ATruthWithoutItsTiles) {
-  const Doubts doubts = truth_doubts({{"complete", false}, {"tiles_failed", 3}, {"tiles_wanted", 40}});
+  const Doubts doubts = truth_doubts({.tiles_wanted = 40, .tiles_failed = 3, .complete = false});
   ASSERT_EQ(doubts.size(), 1u);
   EXPECT_EQ(doubts[0].what, "3 of 40 tiles of the ground truth are missing");
-  EXPECT_EQ(truth_doubts({{"geometric_error_max", 2.5}}).size(), 1u);
-  EXPECT_TRUE(truth_doubts({{"geometric_error_max", 0.2}}).empty());
+  EXPECT_EQ(truth_doubts({.geometric_error_max_m = 2.5}).size(), 1u);
+  EXPECT_TRUE(truth_doubts({.geometric_error_max_m = 0.2}).empty());
 }
 
 TEST(CommonPlaceDoubts, InvalidPointsAtTheOrigin) {

@@ -11,15 +11,12 @@
 #include "tileflight/core/alignment/transform_file.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/geometry/cloud_files.h"
+#include "tileflight/core/geometry/ply_cloud.h"
 #include "tileflight/evaluation/metrics/distances.h"
 #include "tileflight/evaluation/metrics/metrics.h"
 #include "tileflight/evaluation/metrics/metrics_file.h"
 #include "tileflight/evaluation/metrics/point_visits.h"
-#include "tileflight/core/geometry/cloud_files.h"
-#include "tileflight/core/geometry/ply_cloud.h"
-#include "tileflight/world/ground_truth/truth_folder.h"
-#include "tileflight/world/place/extract.h"
-#include "tileflight/world/place/truth_region.h"
 #include "tileflight/evaluation/scoring/doubts.h"
 #include "tileflight/evaluation/scoring/errors_in_blocks.h"
 #include "tileflight/evaluation/scoring/map_points.h"
@@ -28,6 +25,9 @@
 #include "tileflight/evaluation/scoring/seen_surface.h"
 #include "tileflight/evaluation/scoring/tiled_scores.h"
 #include "tileflight/evaluation/scoring/truth_surface.h"
+#include "tileflight/world/ground_truth/truth_folder.h"
+#include "tileflight/world/place/extract.h"
+#include "tileflight/world/place/extract_result.h"
 
 namespace tileflight::scoring {
 namespace fs = std::filesystem;
@@ -55,11 +55,6 @@ geometry::Sim3 read_transform_of(const fs::path& transform_file, const std::stri
   if (all.is_object() && all.contains(key))
     return alignment::alignment_from_json(all[key], transform_file.string() + ": " + key).T_target_source;
   return alignment::read_transform(transform_file).T_target_source;
-}
-
-std::optional<double> number_of(const json& object, const char* key) {
-  const auto found = object.find(key);
-  return found != object.end() && found->is_number() ? std::optional(found->get<double>()) : std::nullopt;
 }
 
 /// Standard deviation of the aligned points due to noise, if the transform file states it.
@@ -93,8 +88,8 @@ std::optional<double> distance_to_true_poses_m(const TrajectoryPair& poses, cons
 
 /// Scores of the regions used for the alignment and of those held out, if transform.json lists any.
 std::optional<metrics::RegionScores> evaluate_regions(const fs::path& transform_file, const MapPoints& map,
-                                                         const geometry::Sim3& T_surface_map,
-                                                         const std::vector<double>& surface_m) {
+                                                      const geometry::Sim3& T_surface_map,
+                                                      const std::vector<double>& surface_m) {
   const json all = json::parse(base::read_text(transform_file), nullptr, false);
   if (!all.is_object() || !all.contains("regions")) return std::nullopt;
   const alignment::RegionList regions = alignment::regions_from_json(all["regions"], transform_file.string());
@@ -105,26 +100,28 @@ std::optional<metrics::RegionScores> evaluate_regions(const fs::path& transform_
   return metrics::score_regions(positions, surface_m, regions.aligned_on, regions.held_out);
 }
 
-/// Quantization floor measured by `extract` on its surface samples. nullopt for a folder of an older version, or if the
-/// cut-off is within its distances.
-std::optional<metrics::DistanceStatistics> recorded_floor(const json& extract_json, double cutoff_m) {
-  const json floor = extract_json.value("quantization_floor", json());
-  if (!floor.is_object() || !floor.contains("max") || !(floor["max"].get<double>() <= cutoff_m)) return std::nullopt;
-  return metrics::DistanceStatistics{floor.at("count"), floor.at("mean"), floor.at("std"), floor.at("median"),
-                                        floor.at("rmse")};
+/// Quantization floor measured by `extract` on its surface samples. nullopt if the cut-off is within its distances.
+std::optional<metrics::DistanceStatistics> recorded_floor(const place::ExtractResult& extracted, double cutoff_m) {
+  const auto& floor = extracted.quantization_floor;
+  if (!floor || !(floor->max_m <= cutoff_m)) return std::nullopt;
+  return metrics::DistanceStatistics{.count = floor->count,
+                                     .mean = floor->mean_m,
+                                     .std = floor->std_m.value_or(std::numeric_limits<double>::quiet_NaN()),
+                                     .median = floor->median_m,
+                                     .rmse = floor->rmse_m};
 }
 
 /// A ground truth folder and its metadata.
 struct Truth {
-  json extract_json;  ///< extract.json
+  place::ExtractResult extracted;
   place::TruthRegion region;
   ground_truth::TruthFolder folder;
 };
 
 Truth read_truth(const fs::path& folder) {
-  json about = place::read_extract_json(folder);
-  const place::TruthRegion region = place::region_from_json(about);
-  return {std::move(about), region, ground_truth::TruthFolder(folder)};
+  place::ExtractResult extracted = place::read_extract_json(folder);
+  place::TruthRegion region = extracted.scored_region();
+  return {std::move(extracted), std::move(region), ground_truth::TruthFolder(folder)};
 }
 
 /// Which of the map's points are over the region. Outside it there is no reference surface: such points count as map
@@ -145,7 +142,7 @@ std::vector<bool> find_over_region(const MapPoints& points, const geometry::Sim3
 
 /// The aligned points, or those over the region, one by one.
 metrics::PointVisits visits_of(const MapPoints& points, const geometry::Sim3& T_local_map,
-                                  const std::vector<bool>* is_over) {
+                               const std::vector<bool>* is_over) {
   return [&points, T_local_map, is_over](const auto& visit) {
     points.visit([&](std::size_t first, const geometry::PointCloud& block) {
       for (std::size_t i = 0; i < block.size(); ++i) {
@@ -162,11 +159,11 @@ metrics::VoxelWassersteinOptions wasserstein_options(const EvaluationSettings& s
 
 /// The floor that `extract` recorded, else measured again on its samples of the surface.
 metrics::DistanceStatistics quantization_floor(const Truth& truth, double cutoff_m) {
-  if (const auto recorded = recorded_floor(truth.extract_json, cutoff_m)) return *recorded;
+  if (const auto recorded = recorded_floor(truth.extracted, cutoff_m)) return *recorded;
   const geometry::PointCloud samples = truth.folder.read_surface_samples();
   if (samples.empty()) return {};
   return metrics::compute_quantization_floor(VoxelCenters(truth.folder).distances(samples, "surface samples"),
-                                                cutoff_m);
+                                             cutoff_m);
 }
 
 /// A map to score: without the points on its flight's actors, which are measured apart.
@@ -213,11 +210,10 @@ std::vector<double> score_without_surface(const Task& task, const MapTiles& tile
   const EvaluationSettings& settings = task.settings;
   report_progress(progress, 0, 4, "distances to voxel centres");
   std::vector<double> voxel_m = distances_to_voxels(tiles, task.points.size(), task.truth.folder);
-  metrics.map = metrics::score_map(voxel_m, quantization_floor(task.truth, settings.cutoff_m),
-                                      {.cutoff_m = settings.cutoff_m});
+  metrics.map =
+      metrics::score_map(voxel_m, quantization_floor(task.truth, settings.cutoff_m), {.cutoff_m = settings.cutoff_m});
   report_progress(progress, 3, 4, "trajectory");
-  if (task.poses.has_both())
-    metrics.trajectory = metrics::evaluate_trajectory(task.poses.estimate, task.poses.truth);
+  if (task.poses.has_both()) metrics.trajectory = metrics::evaluate_trajectory(task.poses.estimate, task.poses.truth);
   metrics.entropy = map_entropy(tiles, {.radius_m = settings.entropy_radius_m});
   report_progress(progress, 4, 4, "scored");
   return voxel_m;
@@ -281,10 +277,10 @@ SurfaceDistances score_against_surface(const Task& task, std::optional<MapTiles>
   metrics.surface->normals->points = over.points();
   if (!seen.empty())
     metrics.wasserstein = metrics::voxel_wasserstein(visits_of(task.points, task.T_surface_map, &distances.is_over),
-                                                        seen, wasserstein_options(settings));
+                                                     seen, wasserstein_options(settings));
   metrics.error_budget = metrics::error_budget(
       {.floor_rmse_m = metrics.map.quantization_floor.rmse,
-       .geometric_error_m = number_of(task.truth.extract_json, "geometric_error_max"),
+       .geometric_error_m = task.truth.extracted.geometric_error_max_m,
        .alignment_sigma_m = alignment_sigma_m(task.transform_file),
        .rms_to_true_poses_m = distance_to_true_poses_m(task.poses, task.T_surface_map, task.points),
        .surface_m = over_m,
@@ -296,11 +292,11 @@ SurfaceDistances score_against_surface(const Task& task, std::optional<MapTiles>
 
 /// All doubts about the scores: those of the map, its transform, the truth and the images, and those that the scores
 /// show.
-Doubts score_doubts(const MapInputs& map, const json& about_truth, const fs::path& transform_file,
+Doubts score_doubts(const MapInputs& map, const place::ExtractResult& extracted, const fs::path& transform_file,
                     const EvaluationSettings& settings, const metrics::Metrics& metrics) {
   Doubts doubts = read_doubts(transform_file);
   append_distinct(doubts, odometry_doubts(map));
-  append_distinct(doubts, truth_doubts(about_truth));
+  append_distinct(doubts, truth_doubts(extracted));
   append_distinct(doubts, dataset_doubts(map.dataset));
   if (!metrics.surface) {
     doubts.push_back({"the ground truth has no exact surface: distances to its voxel centres have a floor of " +
@@ -349,13 +345,13 @@ nlohmann::json evaluate(const MapInputs& map, const fs::path& truth_folder, cons
   } else {
     metrics.wasserstein =
         metrics::voxel_wasserstein(visits_of(task.points, T_published_map, nullptr),
-                                      truth.folder.read_surface_samples(), wasserstein_options(settings));
+                                   truth.folder.read_surface_samples(), wasserstein_options(settings));
   }
   if (static_map.on_actors) {
     const auto over_m = truth.folder.has_mesh() ? std::optional(surface.over_m) : std::nullopt;
     metrics.moving = score_apart(*static_map.on_actors, static_map.apart, voxel_m, over_m, settings.cutoff_m);
   }
-  metrics.doubts = score_doubts(map, truth.extract_json, transform_file, settings, metrics);
+  metrics.doubts = score_doubts(map, truth.extracted, transform_file, settings, metrics);
   append_distinct(metrics.doubts, common_place_doubts(common, task.points.size(), settings.share_margin));
   write_apart_points(moving_points_file(out), static_map.apart, settings.cutoff_m);
   write_errors(metrics::errors_file(out), task.points, T_published_map, voxel_m, surface, settings.cutoff_m);

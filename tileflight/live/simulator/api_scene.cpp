@@ -5,13 +5,13 @@
 
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/text_fields.h"
-#include "tileflight/world/ground_truth/ground_truth.h"
-#include "tileflight/live/simulator/object_names.h"
-#include "tileflight/world/place/extract.h"
 #include "tileflight/live/simulator/frames.h"
+#include "tileflight/live/simulator/object_names.h"
 #include "tileflight/live/simulator/simulator_impl.h"
 #include "tileflight/live/simulator/voxel_files.h"
 #include "tileflight/tiles/tileset/view_criteria.h"
+#include "tileflight/world/ground_truth/ground_truth.h"
+#include "tileflight/world/place/extract.h"
 
 namespace tileflight::simulator {
 namespace {
@@ -280,7 +280,7 @@ GroundTruthReport Simulator::tf_ground_truth(const Vector3r& center, const Vecto
   settings.load.max_memory_bytes = impl_->options.max_memory_bytes;
   settings.load.center_local = box.center();
   if (impl_->working_set.local_frame()) settings.load.origin = impl_->working_set.local_frame()->origin();
-  return {path.string(), place::extract(settings, path, true).dump()};
+  return {path.string(), to_json(place::extract(settings, path, true)).dump()};
 }
 
 Statistics Simulator::tf_statistics() const {

@@ -1,16 +1,18 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
-#include <map>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 
 #include "tileflight/core/base/output_folder.h"
 #include "tileflight/core/base/progress.h"
-#include "tileflight/tiles/tileset/load.h"
 #include "tileflight/core/jobs/ranks.h"
+#include "tileflight/tiles/tileset/load.h"
+#include "tileflight/world/place/extract_cost.h"
+#include "tileflight/world/place/extract_result.h"
 
 namespace tileflight::place {
 
@@ -21,7 +23,7 @@ struct JobPart {
 
 /// Input and resolution of `tileflight extract`.
 struct ExtractSettings {
-  std::string source;       ///< SOURCE of the contract
+  std::string source;         ///< SOURCE of the contract
   tileset::LoadOptions load;  ///< region and geometric error
   double voxel_m = 1.0;
   double samples_per_m2 = 16.0;
@@ -38,40 +40,53 @@ struct ExtractSettings {
   std::optional<std::uintmax_t> max_memory_bytes;
 };
 
-/// Reads the region's tiles and writes its ground truth atomically as a folder: mesh.glb, surface.ply, voxels.binvox,
-/// voxels.ply, octree.bt and extract.json, whose content is returned. With blocks, each block is such a folder (without
-/// extract.json), index.json names them, and memory depends on the block, not on the region; cells, triangles and
-/// samples are together exactly those without blocks. Throws InputError, before most tiles are read if the memory, the
-/// disk or the size of a GLB file certainly does not suffice (extract_cost.h).
-/// `ranks`: processes that share the blocks; all are called with the same arguments, the first returns the result, the
-/// others null. If one fails, all throw (CollectiveError). With blocks, `build` is returned in addition: {ranks,
-/// blocks, blocks_reused, note}. With a part, no output is written and `build` alone returned.
-nlohmann::json extract(const ExtractSettings& settings, const std::filesystem::path& folder, bool replace,
-                       const Progress& progress = {}, jobs::Ranks* ranks = nullptr);
+/// How the blocks of a ground truth were made.
+struct BlockBuild {
+  int ranks = 1;  ///< processes that shared the blocks
+  std::size_t blocks = 0;
+  std::size_t blocks_reused = 0;  ///< blocks that an earlier job had made
+  std::string note{};  ///< why blocks of an earlier job were not reused; empty: they were, or there were none
+  std::optional<JobPart> part{};  ///< the part that was made alone
+  std::size_t blocks_made = 0;    ///< by this process
+};
 
-/// The folder that extract() writes.
+/// What extract() did.
+struct Extraction {
+  std::optional<ExtractResult> result;  ///< content of extract.json; nullopt: only a part, or another rank has it
+  std::optional<BlockBuild> build;      ///< with blocks
+};
+
+/// Reads the region's tiles and writes its ground truth atomically as a folder: mesh.glb, surface.ply, voxels.binvox,
+/// voxels.ply, octree.bt and extract.json. With blocks, each block is such a folder (without extract.json), index.json
+/// names them, and memory depends on the block, not on the region. Cells, triangles and samples are together exactly
+/// those without blocks. With a part, no output is written. `ranks`: processes that share the blocks; all are called
+/// with the same arguments, and the first one returns the result. If one fails, all throw (CollectiveError). Throws
+/// InputError, before most tiles are read if the memory, the disk or the size of a GLB file certainly does not suffice
+/// (extract_cost.h).
+Extraction extract(const ExtractSettings& settings, const std::filesystem::path& folder, bool replace,
+                   const Progress& progress = {}, jobs::Ranks* ranks = nullptr);
+
+/// Converts to the JSON of the result with `build`: {ranks, blocks, blocks_reused, note, part, blocks_made} in it; null
+/// if there is neither.
+nlohmann::json to_json(const Extraction& extraction);
+
+/// Describes the folder that extract() writes.
 base::OutputFolder extract_output(const ExtractSettings& settings, const std::filesystem::path& folder, bool replace);
 
-/// Cost of extract(), estimated from the region's cut and a few of its tiles; nothing is written.
-/// {dry_run: true, estimate: {...}, tiles_probed, spread, memory_limit_bytes}. Throws InputError as extract() would.
-nlohmann::json preview_extract(const ExtractSettings& settings, const std::filesystem::path& folder, bool replace,
+/// Estimated cost of an extraction.
+struct ExtractPreview {
+  std::string source;  ///< in the form in which it may be displayed
+  ExtractCost cost;    ///< without blocks
+  bool in_blocks = false;
+  std::uintmax_t memory_limit_bytes = 0;
+};
+
+/// Estimates the cost of extract() from the region's cut and a few of its tiles; writes nothing. Throws InputError as
+/// extract() would.
+ExtractPreview preview_extract(const ExtractSettings& settings, const std::filesystem::path& folder, bool replace,
                                const Progress& progress = {});
 
-/// Reads extract.json of a folder written by extract().
-nlohmann::json read_extract_json(const std::filesystem::path& folder);
-
-/// A region as {center, size} and, if polygons bound it, their rings; metres in the local frame.
-nlohmann::json region_json(const tileset::Region& region);
-
-/// The local frame's origin as {origin_lat, origin_lon (degrees), origin_height (metres above the ellipsoid)}; nulls
-/// without a frame.
-nlohmann::json frame_json(const std::optional<geometry::LocalFrame>& frame);
-
-/// The local frame's origin in an extract.json; nullopt if the place is not georeferenced.
-std::optional<geometry::Geodetic> origin_from_json(const nlohmann::json& extract_json);
-
-/// Entries of dataset.yaml that describe the local frame: `frame.kind` is east-north-up with `frame.origin_lat`,
-/// `origin_lon` (degrees) and `origin_height` (metres above the ellipsoid), or tileset: its own z-up frame.
-std::map<std::string, std::string> describe_frame(const std::optional<geometry::Geodetic>& origin);
+/// Converts to {dry_run: true, source, estimate: {...}, tiles_probed, spread, in_blocks, memory_limit_bytes, text}.
+nlohmann::json to_json(const ExtractPreview& preview);
 
 }  // namespace tileflight::place
