@@ -20,7 +20,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Of times on another clock.
+/// Rounding error of times that were moved to another clock.
 constexpr double kRounding_s = 1e-9;
 
 struct TimeSpan {
@@ -81,7 +81,7 @@ void add_ranges(DatasetWriter& writer, const IngestOptions& options, const TimeS
   if (!table.rows.empty()) write_number_table(writer.temporary_folder() / "range.csv", table);
 }
 
-/// What is known beside the images, read before them, since a fault there is found in no time.
+/// Ground truth and readings. They are read before the images, so that faults in them are found at once.
 struct Companions {
   geometry::Trajectory groundtruth;           ///< of the camera, on the video's clock
   std::vector<geometry::ImuSample> readings;  ///< on the video's clock
@@ -146,7 +146,7 @@ void describe(DatasetWriter& writer, const IngestOptions& options, const ScaledC
   for (const auto& [key, value] : options.description) writer.describe(key, value);
 }
 
-/// What the log and the true path know of the frames' time span, and where all of it came from.
+/// Adds log, readings and ground truth of the frames' time span, and describes where everything came from.
 void finish(DatasetWriter& writer, const IngestOptions& options, const ScaledCalibration& fitted,
             const Companions& given, IngestResult& result) {
   const TimeSpan frames{result.times_s.front(), result.times_s.back()};

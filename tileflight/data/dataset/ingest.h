@@ -54,9 +54,9 @@ struct IngestOptions {
   /// Poses of the camera, on its clock: those of `groundtruth`, later by `groundtruth_offset_s`, times this.
   geometry::SE3 T_truth_camera{};
   double groundtruth_offset_s = 0.0;
-  /// Which frames of the excerpt are taken, by their time and the time between two; empty: each.
+  /// Selects the frames of the excerpt that are taken, by their time and the time between two frames; empty: all.
   std::function<bool(double time_s, double period_s)> is_wanted{};
-  /// Where a camera's part of a rig's dataset is built, and left (ingest_rig.h). Empty: a dataset of its own.
+  /// Folder in which a camera's part of a rig's dataset is built, and left (ingest_rig.h). Empty: a dataset of its own.
   std::filesystem::path part_folder{};
   std::map<std::string, std::string> description;  ///< additional keys of dataset.yaml, "a.b" nests
 };

@@ -49,7 +49,7 @@ struct Span {
   bool holds(double time_s) const { return time_s >= first && time_s <= last; }
 };
 
-/// While both run, and somewhat longer: a partner may be a little outside.
+/// Returns the time while both cameras run, and somewhat longer: a partner may be a little outside.
 Span common_span(const std::vector<double>& a, const std::vector<double>& b, double margin_s) {
   return {std::max(a.front(), b.front()) - margin_s, std::min(a.back(), b.back()) + margin_s};
 }
@@ -82,7 +82,8 @@ CameraSynchronisation match(const CameraTimes& camera, const CameraTimes& first,
 
 bool is_synchronised(const CameraSynchronisation& camera) { return 2 * camera.matched >= camera.pairs; }
 
-/// How much later both ends are than the first camera's, if that is the same for both and of as many pictures; else 0.
+/// Returns how much later the camera starts and stops than the first, if both differ by the same time and both cameras
+/// have as many images; else 0.
 double shift_of_ends(const CameraTimes& camera, const CameraTimes& first, double tolerance_s) {
   if (camera.times_s.size() != first.times_s.size() || camera.times_s.size() < 2) return 0.0;
   const double period_s = period_of(first.times_s);
@@ -105,7 +106,7 @@ std::vector<const CameraTimes*> companions(const std::vector<CameraTimes>& camer
   return found;
 }
 
-/// What the others took while this camera ran and has nothing of.
+/// Returns the times at which other cameras took an image while this camera ran and took none.
 std::vector<double> missing_by_others(const std::vector<double>& own, const std::vector<const CameraTimes*>& others,
                                       double tolerance_s) {
   std::vector<double> missing;
@@ -224,7 +225,7 @@ std::vector<std::string> names_of(const RigIngestOptions& options) {
   return names;
 }
 
-/// Where a camera's files are in the dataset.
+/// Returns the folder of a camera's files within the dataset.
 fs::path folder_of(const RigIngestOptions& options, std::size_t camera) {
   return camera == 0 ? fs::path(".") : fs::path("cameras") / options.cameras[camera].name;
 }
@@ -241,7 +242,7 @@ std::vector<double> on_body_clock(std::vector<double> times_s, double timeshift_
   return times_s;
 }
 
-/// What `ingest` is asked for one camera.
+/// Returns the options of ingest() for one camera.
 IngestOptions options_of(const RigIngestOptions& rig, std::size_t number, const fs::path& built) {
   const IngestedCamera& first = rig.cameras.front();
   const IngestedCamera& camera = rig.cameras[number];

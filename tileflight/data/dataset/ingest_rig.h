@@ -10,13 +10,13 @@
 
 namespace tileflight::dataset {
 
-/// When a camera of a rig took its pictures.
+/// Times at which a camera of a rig took its images.
 struct CameraTimes {
   std::string name;
   std::vector<double> times_s;  ///< on the body's clock, increasing; not empty
 };
 
-/// How a camera's pictures go with those of the rig's first camera.
+/// Synchronisation of a camera's images with those of the rig's first camera.
 struct CameraSynchronisation {
   std::string name;
   std::size_t frames = 0;
@@ -29,21 +29,21 @@ struct CameraSynchronisation {
   double stops_early_s = 0;   ///< before the camera that stops last; 0 within a period and a half
 };
 
-/// Of all cameras, in their order; the first one is matched with itself.
+/// Synchronisation of all cameras, in their order; the first one is matched with itself.
 struct Synchronisation {
   std::vector<CameraSynchronisation> cameras;
   double tolerance_s = 0;
   std::vector<std::string> faults;  ///< one line each: what is wrong, and what can be done
 };
 
-/// Checks the times of a rig's pictures. A camera is not synchronised with the first if fewer than half of the pairs
-/// match, or if it begins and ends later (or earlier) by the same time with as many pictures: an offset of whole
-/// frames, which no pair shows. A picture is missing where another camera of the same rate has one and this camera has
-/// none or, if no other has its rate, where its own times have a gap of more than a period and a half. Throws
-/// InputError(name, cause) if a camera never runs together with the first.
+/// Checks the times of a rig's images. A camera is not synchronised with the first if fewer than half of the pairs
+/// match, or if it begins and ends later (or earlier) by the same time with as many images: an offset of whole frames,
+/// which no pair shows. An image is missing where another camera of the same rate has one and this camera has none. If
+/// no other camera has its rate, an image is missing where its own times have a gap of more than a period and a half.
+/// Throws InputError(name, cause) if a camera never runs together with the first.
 Synchronisation check_synchronisation(const std::vector<CameraTimes>& cameras, double tolerance_s);
 
-/// A camera of a rig that was flown, and what it took.
+/// Input of one camera of a rig that was flown.
 struct IngestedCamera {
   std::string name;                              ///< as fault_of_camera_names allows
   std::filesystem::path video_or_images;         ///< as IngestOptions::video_or_images
@@ -55,9 +55,9 @@ struct IngestedCamera {
 
 /// Inputs of a real flight of several cameras.
 struct RigIngestOptions {
-  /// What is not of one camera. `calibration` names the file for messages; the excerpt and the log are on the body's
-  /// clock, `groundtruth` are poses of the first camera on that camera's clock. With excerpt.every, every n-th frame of
-  /// the first camera is taken, and of each other camera those nearest to them.
+  /// Options that the cameras share. `calibration` names the file for messages; the excerpt and the log are on the
+  /// body's clock, `groundtruth` are poses of the first camera on that camera's clock. With excerpt.every, every n-th
+  /// frame of the first camera is taken, and from each other camera those nearest to them.
   IngestOptions common;
   std::vector<IngestedCamera> cameras;  ///< at least one
   double sync_tolerance_s = 1e-3;       ///< frames of different cameras that differ by no more are of one instant
@@ -70,9 +70,9 @@ struct RigIngestResult {
 };
 
 /// Writes the flight as the dataset folder of a rig (rig.h), as `render` writes one, atomically: the first camera's
-/// files in the folder itself, those of each other one in cameras/NAME, and camchain.yaml. What is wrong with the times
-/// of the cameras is in the result, and in dataset.yaml. Throws InputError as ingest(), and for names that no camera
-/// can have or cameras that never run together.
+/// files in the folder itself, those of each other one in cameras/NAME, and camchain.yaml. The result and dataset.yaml
+/// state what is wrong with the times of the cameras. Throws InputError as ingest(), and for names that no camera can
+/// have or cameras that never run together.
 RigIngestResult ingest_rig(const RigIngestOptions& options, const std::filesystem::path& dataset_folder,
                            const Progress& progress = {});
 

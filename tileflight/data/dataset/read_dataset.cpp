@@ -63,7 +63,7 @@ fs::path choose_camera(const fs::path& folder, CameraChoice& camera) {
   return is_first ? folder : folder / "cameras" / name;
 }
 
-/// Where what a rig's body carries besides cameras is, for a folder of one of its cameras: the rig's.
+/// Returns the folder with the body's sensors: for a camera's folder within a rig the rig's, else the folder itself.
 fs::path folder_of_body(const fs::path& folder) {
   const fs::path rig = fs::absolute(folder / ".").lexically_normal().parent_path().parent_path().parent_path();
   const bool is_part =

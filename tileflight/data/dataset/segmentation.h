@@ -14,7 +14,7 @@
 
 namespace tileflight::dataset {
 
-/// The object of a segmentation id; a line of segmentation.csv.
+/// Object that a segmentation id stands for; a line of segmentation.csv.
 struct SegmentedObject {
   std::string tile;
   std::uint32_t mesh = 0;  ///< mesh of the tile: the first one whose feature ids have the same meaning as this one's

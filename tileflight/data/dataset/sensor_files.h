@@ -20,7 +20,7 @@ struct NumberTable {
 NumberTable read_number_table(const std::filesystem::path& file);
 void write_number_table(const std::filesystem::path& file, const NumberTable& table);
 
-/// A line of attitude.csv: the camera's attitude at a time, as logged by a gimbal or vehicle.
+/// Attitude of the camera at a time, as a gimbal or vehicle logged it; a line of attitude.csv.
 struct CameraAttitude {
   double time_s = 0.0;
   /// Rotation from camera axes (x right, y down, z forward) to east, north, up at the place; unit length.
@@ -29,9 +29,9 @@ struct CameraAttitude {
   double yaw_sigma_deg = 0.0;   ///< of the heading
 };
 
-/// Columns `t,qx,qy,qz,qw,tilt_sigma_deg,yaw_sigma_deg` under that header, times strictly increasing. Reading throws
-/// InputError (file, line, cause): other columns, numbers that are not finite, a quaternion of zero length, sigmas that
-/// are not positive, times that decrease.
+/// Read and write attitude.csv, with the columns `t,qx,qy,qz,qw,tilt_sigma_deg,yaw_sigma_deg` under that header and
+/// strictly increasing times. Reading throws InputError (file, line, cause): other columns, numbers that are not
+/// finite, a quaternion that does not have unit length, sigmas that are not positive, times that do not increase.
 std::vector<CameraAttitude> read_attitude_csv(const std::filesystem::path& file);
 void write_attitude_csv(const std::filesystem::path& file, const std::vector<CameraAttitude>& attitudes);
 
@@ -44,17 +44,17 @@ struct ImuCalibration {
   double gyroscope_random_walk = 0.0;        ///< rad/s^2/sqrt(Hz)
 };
 
-/// imu.csv with the columns of EuRoC's imu0/data.csv: time in whole nanoseconds, angular rate, specific force. A first
-/// header without '#' is accepted, as in VSLAM-LAB's imu_0.csv ("ts (ns),wx (rad s^-1), ..."); times are in
-/// seconds if it says so ("timestamp [s]"). Reading throws InputError (file, line, cause): malformed or non-finite
-/// numbers, times that do not increase.
+/// Read and write imu.csv with the columns of EuRoC's imu0/data.csv: time in whole nanoseconds, angular rate, specific
+/// force. Reading accepts a first header without '#', as in VSLAM-LAB's imu_0.csv ("ts (ns),wx (rad s^-1), ..."); times
+/// are in seconds if it says so ("timestamp [s]"). Reading throws InputError (file, line, cause): malformed or
+/// non-finite numbers, times that do not increase.
 std::vector<geometry::ImuSample> read_imu_csv(const std::filesystem::path& file);
 void write_imu_csv(const std::filesystem::path& file, const std::vector<geometry::ImuSample>& readings);
 
-/// imu.yaml in Kalibr's format. Reading throws InputError for missing or negative numbers.
+/// Read and write imu.yaml in Kalibr's format. Reading throws InputError for missing or negative numbers.
 ImuCalibration read_imu_yaml(const std::filesystem::path& file);
-/// The same of any file that states it: Kalibr's imu.yaml, EuRoC's imu0/sensor.yaml, or VSLAM-LAB's calibration.yaml in
-/// its forms. Throws InputError for missing or negative numbers.
+/// Reads the noise parameters from any file that states them: Kalibr's imu.yaml, EuRoC's imu0/sensor.yaml, or
+/// VSLAM-LAB's calibration.yaml in its forms. Throws InputError for missing or negative numbers.
 ImuCalibration read_imu_noise(const std::filesystem::path& file);
 void write_imu_yaml(const std::filesystem::path& file, const ImuCalibration& calibration);
 

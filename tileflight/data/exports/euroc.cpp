@@ -57,7 +57,7 @@ std::string rate_text(double rate_hz) {
   return text + "\n";
 }
 
-/// On the clock of the body.
+/// Returns a frame's time on the clock of the body, in nanoseconds.
 std::string stamp_of(const dataset::RigCamera& camera, std::size_t frame) {
   return std::to_string(geometry::to_nanoseconds(camera.dataset.frames[frame].time_s + camera.timeshift_s));
 }

@@ -38,13 +38,13 @@ struct ExportResult {
 /// files that were read in addition to the dataset.
 ExportResult export_rig(const dataset::Rig& rig, const std::string& layout, const std::filesystem::path& folder,
                         bool replace, const Progress& progress = {}, std::vector<std::filesystem::path> inputs = {});
-/// The same of a single camera.
+/// Exports a dataset with a single camera, as export_rig() does.
 ExportResult export_dataset(const dataset::Dataset& dataset, const std::string& layout,
                             const std::filesystem::path& folder, bool replace, const Progress& progress = {},
                             std::vector<std::filesystem::path> inputs = {});
 
-/// The ground-truth pose of each frame. Throws InputError unless the trajectory has a pose at each frame's time (within
-/// a tenth of a millisecond).
+/// Returns the ground-truth pose of each frame. Throws InputError unless the trajectory has a pose at each frame's time
+/// (within a tenth of a millisecond).
 std::vector<geometry::SE3> find_frame_poses(const dataset::Dataset& dataset);
 
 }  // namespace tileflight::exports

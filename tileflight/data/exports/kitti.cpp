@@ -65,8 +65,8 @@ std::string calib_text(const imaging::PinholeRadtan& pinhole, double baseline_m)
   return "P0: " + left + "\nP1: " + right + "\nP2: " + left + "\nP3: " + right + "\n";
 }
 
-/// How far the second camera is to the right of the first. Throws InputError unless the pair is rectified: one lens,
-/// the same direction, side by side.
+/// Returns the distance from the first camera to the second, which is to its right. Throws InputError unless the pair
+/// is rectified: one lens, the same direction, side by side.
 double rectified_baseline_m(const dataset::Rig& rig) {
   constexpr double kRounding = 1e-6;
   const dataset::Dataset &left = rig.cameras[0].dataset, &right = rig.cameras[1].dataset;

@@ -28,10 +28,10 @@ void write_vslam_lab(const dataset::Rig& rig, const std::filesystem::path& folde
 void write_colmap_folder(const dataset::Rig& rig, const std::filesystem::path& folder, std::vector<std::string>& notes,
                          const Progress& progress);
 
-/// Notes that a layout holds the first cameras only, if there are more.
+/// Adds a note for each camera beyond the first `held`, which the layout has no place for.
 void note_cameras_left_out(const dataset::Rig& rig, std::size_t held, std::vector<std::string>& notes);
 
-/// The instants at which the first two cameras took an image, of a rig of two or more.
+/// Returns the frames of the first two cameras at each instant at which both took one. Precondition: there are two.
 std::vector<std::array<std::size_t, 2>> stereo_pairs(const dataset::Rig& rig);
 
 /// Returns the file name of a frame.
@@ -40,11 +40,11 @@ using FrameNamer = std::function<std::string(std::size_t index)>;
 /// Copies the frames' files under other names (without extension) into `folder`, which is created.
 void copy_frames(const dataset::Dataset& dataset, const std::filesystem::path& folder, const FrameNamer& stem_of,
                  const Progress& progress);
-/// As copy_frames(), but writes PNG; other formats are re-encoded.
+/// Copies the frames as copy_frames() does, but writes PNG; other formats are re-encoded.
 void write_png_frames(const dataset::Dataset& dataset, const std::filesystem::path& folder, const FrameNamer& stem_of,
                       const Progress& progress);
 
-/// Mean rate of the frames, rounded to a millionth; 1 for a single frame.
+/// Returns the mean rate of the frames, rounded to a millionth; 1 for a single frame.
 double frame_rate_hz(const dataset::Dataset& dataset);
 
 }  // namespace tileflight::exports

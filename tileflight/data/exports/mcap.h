@@ -52,7 +52,7 @@ struct McapResult {
 /// /magnetometer, /range and /lidar. Throws InputError (file, cause), also for an existing file unless `replace`.
 McapResult export_mcap(const dataset::Dataset& dataset, const std::filesystem::path& file, bool replace,
                        const Progress& progress = {});
-/// The same of all cameras of a rig: topics and frames by their names (list_messages).
+/// Writes all cameras of a rig; their topics and frames have the cameras' names (list_messages).
 McapResult export_mcap(const dataset::Rig& rig, const std::filesystem::path& file, bool replace,
                        const Progress& progress = {});
 

@@ -29,7 +29,7 @@ struct PhotoTags {
 /// without tags (not a JPEG, damaged) yields none. Never throws because of the content.
 PhotoTags read_photo_tags(std::span<const std::byte> jpeg);
 
-/// When a photo was taken.
+/// Time at which a photo was taken.
 struct PhotoTime {
   double time_s = 0.0;       ///< from the folder's first photo
   double exposure_ms = 0.0;  ///< 0: unknown

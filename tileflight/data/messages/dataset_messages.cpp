@@ -50,7 +50,7 @@ std::vector<ListedCamera> cameras_of(const dataset::Rig& rig) {
   return cameras;
 }
 
-/// What is not of one camera's images is of the first camera's dataset.
+/// Lists the messages. Sensors and poses are those of the first camera's dataset.
 class MessageLister {
  public:
   MessageLister(std::vector<ListedCamera> cameras, const MessageSelection& selection)

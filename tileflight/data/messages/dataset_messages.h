@@ -22,26 +22,26 @@ struct MessageTopic {
   bool is_latched = false;  ///< sent once and kept for later subscribers
 };
 
-/// A message to be made when it is wanted: images and scans are not all in memory at once.
+/// A message that is encoded when it is wanted, so that images and scans are not all in memory at once.
 struct DatasetMessage {
   std::int64_t time_ns = 0;
   std::size_t topic = 0;              ///< index into DatasetMessages::topics
   std::function<std::string()> make;  ///< its bytes (CDR). Throws InputError for a file that cannot be read.
 };
 
-/// All that a dataset holds, as ROS 2 messages in the order of their times.
+/// The content of a dataset as ROS 2 messages in the order of their times.
 struct DatasetMessages {
   std::vector<MessageTopic> topics;
   std::vector<DatasetMessage> messages;
 };
 
-/// What is listed besides the images, their calibration, the transforms and the sensors' readings.
+/// Selects what is listed besides the images, their calibration, the transforms and the sensors' readings.
 struct MessageSelection {
   bool depth = false;     ///< /camera/depth: images in metres (32FC1), infinite where there is no surface
   bool odometry = false;  ///< /odometry: the true poses of the camera with their velocities
   /// /tf_static: camera to IMU once, at the begin, instead of at each pose in /tf
   bool static_transforms = false;
-  /// Of a rig: the cameras whose images are listed, by name; empty: all. Frames and all else are as without it.
+  /// Names of the cameras of a rig whose images are listed; empty: all. Nothing else depends on it.
   std::vector<std::string> cameras{};
 };
 

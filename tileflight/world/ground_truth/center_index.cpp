@@ -95,7 +95,7 @@ using geometry::Cell;
 using geometry::Vec3;
 
 constexpr double kNotYet = std::numeric_limits<double>::quiet_NaN();
-/// In cells: larger than rounding errors.
+/// Tolerance in cells, larger than rounding errors.
 constexpr double kSlack = 1e-6;
 /// Layers along an axis for which coordinates are kept.
 constexpr double kMostLayers = 4194304.0;

@@ -67,7 +67,7 @@ PointCloud crop_points(const std::vector<Prism>& within, PointCloud cloud) {
   return cloud;
 }
 
-/// Which triangles are wanted.
+/// Selects the triangles that are wanted.
 using TriangleFilter = std::function<bool(const geometry::TriangleMesh&, const geometry::Triangle&)>;
 
 /// The wanted triangles of a mesh, with only the vertices they use. `numbers` receives their numbers in the whole.

@@ -9,7 +9,7 @@
 
 namespace tileflight::ground_truth {
 
-/// Where the triangles of a cut mesh stood: meshes cut into parts can be put together again in the order of the whole.
+/// Place of a cut mesh's triangles in the whole, so that parts can be put together again in the order of the whole.
 struct MeshOrigin {
   std::uint32_t content = 0;             ///< number of the content that holds the whole mesh
   std::uint32_t first = 0;               ///< number of the whole mesh's first triangle in the content
@@ -35,11 +35,11 @@ struct NumberedMesh {
 /// Reads all triangles of a GLB file into the z-up frame, with node transforms applied in double. Throws InputError.
 NumberedMesh read_numbered_mesh_glb(const std::filesystem::path& file);
 
-/// The same in the order of the file, without their numbers.
+/// Reads all triangles in the order of the file, without their numbers. Throws InputError.
 geometry::TriangleMesh read_mesh_glb(const std::filesystem::path& file);
 
-/// Bounds of the vertices of a file by write_mesh_glb(), equal to those of the mesh read, from the file's head alone.
-/// Throws InputError.
+/// Reads the bounds of the vertices of a file by write_mesh_glb() from the file's head alone; they equal those of the
+/// mesh read. Throws InputError.
 geometry::Box3 read_mesh_glb_bounds(const std::filesystem::path& file);
 
 }  // namespace tileflight::ground_truth

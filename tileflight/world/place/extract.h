@@ -16,12 +16,12 @@
 
 namespace tileflight::place {
 
-/// One of several parts of a job, from 1.
+/// One of several parts of a job; numbers start at 1.
 struct JobPart {
   int number = 1, count = 1;
 };
 
-/// Input and resolution of `tileflight extract`.
+/// Input and options of extract().
 struct ExtractSettings {
   std::string source;         ///< SOURCE of the contract
   tileset::LoadOptions load;  ///< region and geometric error
@@ -30,10 +30,10 @@ struct ExtractSettings {
   /// Edge of the blocks in which the truth is made, metres, rounded to whole voxels; 0: chosen by memory; nullopt: the
   /// region is one piece.
   std::optional<double> block_m;
-  /// Of blocks chosen by memory: processes that share this machine's memory.
+  /// Number of processes that share this machine's memory, if the blocks are chosen by memory.
   int processes = 1;
   /// Keep finished blocks beside the output until it is complete, and reuse those of an earlier job (block_store.h).
-  /// Always done with several ranks or parts, and where such blocks are.
+  /// Always on with several ranks or parts, and where such blocks exist.
   bool resume = false;
   std::optional<JobPart> part;  ///< make only this part of the blocks, for a later extract with `resume`
   /// Memory that the extraction may take, bytes; default: what is available (available_memory_bytes).

@@ -24,7 +24,7 @@ struct ExtractCost {
   /// probability of 95 percent. Infinite if a single tile was probed.
   double spread = 0.0;
 
-  /// The same for a part or a multiple of the place.
+  /// Returns the cost of a part or a multiple of the place.
   ExtractCost scaled(double factor) const;
 };
 

@@ -31,7 +31,7 @@ struct MissingTile {
   std::optional<geometry::Box3> bounds;  ///< local frame; nullopt: unknown
 };
 
-/// The content of a cut through the tile tree.
+/// Content of a cut through the tile tree.
 struct PlacePart {
   std::vector<imaging::TexturedMesh> meshes;  ///< local frame; empty if there are no triangles
   std::vector<geometry::PointCloud> clouds;
@@ -76,11 +76,11 @@ class PlaceReader {
   std::vector<std::string> warnings_;
 };
 
-/// The combination of both criteria.
+/// Returns the combination of the criterion and the box.
 tileset::RefinementCriterion restrict_to_box(tileset::RefinementCriterion criterion, const geometry::Box3& box,
                                              const geometry::SE3& T_local_tileset);
 
-/// A source's name for titles: the last part of its path, or of the folder of its tileset.json.
+/// Returns a source's name for titles: the last part of its path, or of the folder of its tileset.json.
 std::string source_display_name(const std::string& source);
 
 }  // namespace tileflight::place

@@ -118,7 +118,8 @@ TILEFLIGHT_LANE_INLINE BeamFrustum::Side side_of(const Vector3& normal, const Ve
 
 TILEFLIGHT_LANE_INLINE float magnitude(const Vector3& v) { return std::abs(v.x) + std::abs(v.y) + std::abs(v.z); }
 
-/// Around rays from the frame's origin within the bounds. `reach_m`: of all coordinates.
+/// Makes the pyramid around all rays from the frame's origin within the bounds. `reach_m`: largest absolute coordinate
+/// of a corner.
 TILEFLIGHT_LANE_INLINE BeamFrustum make_frustum(const BeamFrame& frame, const BeamBounds& bounds, float reach_m) {
   const Vector3& o = frame.origin;
   const float slack = kBoxSlack * (reach_m + magnitude(o));

@@ -30,12 +30,12 @@ struct Surroundings {
 Surroundings find_surroundings(const Scene& scene, const geometry::Vec3& point, double reach_m,
                                double inside_reach_m = 1e9);
 
-/// Whether a surface intersects the polyline through these points.
+/// Tells whether a surface intersects the polyline through these points.
 bool path_hits_surface(const Scene& scene, std::span<const geometry::Vec3> way);
 
-/// What rays from a point meet: Surroundings before they are judged. Those of several scenes, each of which holds some
-/// of a place's surfaces, add up to those of all (only of surfaces that are equally far to the last digit, another's
-/// side may count).
+/// Hits of rays from a point, from which judge() finds its Surroundings. The hits in several scenes, each of which
+/// holds some of a place's surfaces, add up to those in the whole place (if surfaces are equally far to the last digit,
+/// the other one's side may count).
 struct SurroundingRays {
   static constexpr std::size_t kDirections = 128;
   /// Visible face of the first surface along a direction.
@@ -46,12 +46,12 @@ struct SurroundingRays {
   std::array<double, kDirections> distance_m{};  ///< to the first surface; of no meaning where there is none
   std::array<Side, kDirections> side{};
 
-  /// Adds what the same rays meet in another scene.
+  /// Adds the hits of the same rays in another scene.
   void add(const SurroundingRays& other);
   Surroundings judge() const;
 };
 
-/// Parameters as those of find_surroundings().
+/// Casts the rays in a scene. The parameters are those of find_surroundings().
 SurroundingRays look_around(const Scene& scene, const geometry::Vec3& point, double reach_m,
                             double inside_reach_m = 1e9);
 

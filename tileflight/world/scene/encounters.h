@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/world/scene/traffic.h"
 #include "tileflight/core/geometry/trajectory.h"
+#include "tileflight/world/scene/traffic.h"
 
 namespace tileflight::scene {
 class Scene;
@@ -36,14 +36,14 @@ struct ActorHit {
   geometry::Vec3 normal;    ///< unit length, local frame, of either sign
 };
 
-/// The surfaces of all actors at one time.
+/// Surfaces of all actors at one time, for rays.
 class ActorSurfaces {
  public:
   explicit ActorSurfaces(std::shared_ptr<const Traffic> traffic);
   ~ActorSurfaces();
 
   void set_time(double time_s);
-  /// The first surface on the segment; of equally near ones that of the first actor.
+  /// Returns the first surface on the segment; if several are equally near, that of the first actor.
   std::optional<ActorHit> first_hit(const geometry::Vec3& from, const geometry::Vec3& to) const;
 
  private:

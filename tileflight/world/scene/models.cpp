@@ -296,7 +296,7 @@ void add_van(ModelBuilder& model, const Rgb8& colour) {
   }
 }
 
-/// Of 1.75 m, in the middle of a step.
+/// Builds a person of 1.75 m in the middle of a step.
 void add_person(ModelBuilder& model, std::uint64_t number, const std::optional<Rgb8>& clothes) {
   static constexpr std::array<Rgb8, 8> kShirts{{{200, 40, 40},
                                                 {40, 80, 160},

@@ -283,7 +283,7 @@ TILEFLIGHT_LANE_INLINE void intersect_leaf(const BeamLeaf& leaf, std::uint32_t f
   if (is_updated) tighten_bound(beam);
 }
 
-/// What a placed part's query needs of the whole one.
+/// Data of the whole query that a placed part's query needs.
 struct PartQuery {
   std::span<const BeamBranch> branches;
   float reach_m;

@@ -15,7 +15,7 @@ struct PartTransform {
   Eigen::Vector3f point_to_part(const Eigen::Vector3f& scene) const { return part_scene * (scene - origin); }
 };
 
-/// How a placed part moves during a scene's time.
+/// Motion of a placed part during a scene's time.
 class PartMotion {
  public:
   /// `anchor`: of the scene. Throws InputError (the part's name) for no pose, one that is not finite, or mirrors or
@@ -25,7 +25,7 @@ class PartMotion {
   /// `time`: 0 to 1; others are taken as the nearest of these.
   Eigen::Affine3d pose(double time) const;
   PartTransform transform(float time) const;
-  /// Around the part at all times, local frame; empty if it has no triangle.
+  /// Returns the bounds of the part at all times, local frame; empty if it has no triangle.
   const geometry::Box3& bounds() const { return bounds_; }
 
  private:

@@ -329,7 +329,7 @@ bool PartQueries::intersect_moving(std::span<const std::span<RayPacket8>> beams)
   return true;
 }
 
-/// Of hits on placed parts, into the scene's frame.
+/// Rotates the normals of hits on placed parts into the scene's frame.
 void PartQueries::rotate_normals(std::span<RayPacket8> beam) const {
   for (RayPacket8& packet : beam) {
     for (int i = 0; i < RayPacket8::kLanes; ++i) {

@@ -98,7 +98,7 @@ class PartQueries {
   /// first part's counts. The ray's time is the scene's.
   void intersect(RTCRayHit& query) const;
   void test_occlusion(RTCRay& ray) const;
-  /// As Scene's functions of the same names.
+  /// Answer the queries of Scene's functions of the same names.
   void intersect(RayPacket8& packet) const;
   void test_occlusion(RayPacket8& packet) const;
   bool intersect(std::span<RayPacket8> beam) const;

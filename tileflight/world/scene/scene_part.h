@@ -14,7 +14,7 @@ namespace tileflight::scene {
 class BeamTree;
 struct EmbreeTree;
 
-/// What the parts of a scene have in common: the origin of their float coordinates, and Embree's state. Copies are the
+/// Frame that the parts of a scene share: the origin of their float coordinates, and Embree's state. Copies are the
 /// same frame.
 class SceneFrame {
  public:
@@ -41,9 +41,9 @@ class ScenePart {
   ScenePart& operator=(const ScenePart&) = delete;
 
   const std::vector<imaging::TexturedMesh>& meshes() const;
-  /// The meshes, after which the part can only be destroyed.
+  /// Returns the meshes, after which the part can only be destroyed.
   std::vector<imaging::TexturedMesh> release_meshes() &&;
-  /// Of all vertices of meshes with triangles, local frame.
+  /// Returns the bounds of all vertices of meshes with triangles, local frame.
   const geometry::Box3& bounds() const;
   const SceneFrame& frame() const;
   std::size_t triangle_count() const;
@@ -60,7 +60,7 @@ class ScenePart {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Bounds of all vertices of the meshes that have triangles.
+/// Returns the bounds of all vertices of the meshes that have triangles.
 geometry::Box3 bounds_of(const std::vector<imaging::TexturedMesh>& meshes);
 
 /// A part that stands or moves in a scene, such as a car: its meshes have coordinates of their own, and other places in

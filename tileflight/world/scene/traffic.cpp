@@ -250,7 +250,7 @@ std::vector<PathPoint> read_path(StrictSection& actor, double speed_m_s) {
   return points;
 }
 
-/// By default people walk at 1.4 m/s and cars drive at 10 m/s.
+/// Default speed: people walk at 1.4 m/s, cars drive at 10 m/s.
 double default_speed_m_s(Model model) { return model == Model::kPerson ? 1.4 : 10.0; }
 
 std::optional<imaging::Rgb8> read_colour(StrictSection& actor) {

@@ -23,7 +23,7 @@ namespace tileflight::scene {
 /// Height of the surface at a horizontal position of the local frame, not above `below_z`; nullopt: there is none.
 using GroundHeight = std::function<std::optional<double>(double x, double y, double below_z)>;
 
-/// A place on an actor's way.
+/// A point of an actor's route.
 struct PathPoint {
   geometry::Vec2 position;     ///< east, north, metres
   std::optional<double> up_m;  ///< height; with ground: of about the road, which then is the surface below it
@@ -41,8 +41,8 @@ struct ActorRoute {
   double width_m = 1.6;
 };
 
-/// A way that can be evaluated at any time: a cubic curve through the points (Catmull and Rom's, 1974, by chord
-/// length), on the ground, with smooth heading. Immutable; safe from several threads.
+/// Path of an actor that can be evaluated at any time: a cubic curve through the route's points (Catmull and Rom's,
+/// 1974, by chord length), on the ground, with smooth heading. Immutable; safe from several threads.
 class ActorPath {
  public:
   /// `ground` may be empty for routes that do not follow it. Throws InputError (`name`): no point, points at one place,
@@ -53,7 +53,7 @@ class ActorPath {
   geometry::SE3 pose(double time_s) const;
   geometry::Vec3 velocity(double time_s) const;  ///< local frame, m/s
   double length_m() const { return samples_.back().distance_m; }
-  /// Duration of the way once; 0 for one that stands.
+  /// Returns the time that the route takes once; 0 for an actor that stands.
   double duration_s() const { return samples_.back().time_s; }
 
  private:
@@ -88,16 +88,16 @@ struct ActorPlan {
 
 /// Reads the list `actors` of a FLIGHT file's section; empty without it. Throws InputError (file, line, key).
 std::vector<ActorPlan> read_actors(base::StrictSection& flight);
-/// The same of a file.
+/// Reads the list `actors` of a FLIGHT file. Throws InputError (file, line, key).
 std::vector<ActorPlan> read_actors(const std::filesystem::path& flight_file);
 
-/// Pose of an actor at a time.
+/// Pose and velocity of an actor at a time.
 struct ActorState {
   geometry::SE3 T_local_actor;  ///< x forward, y left, z up
   geometry::Vec3 velocity_m_s;  ///< local frame
 };
 
-/// Cars and people on their ways through a place. Immutable; safe from several threads.
+/// Cars and people that move through a place. Immutable; safe from several threads.
 class Traffic {
  public:
   /// `ground`: see ActorPath. Throws InputError for a wrong plan (its name).
@@ -105,9 +105,9 @@ class Traffic {
 
   const std::vector<ActorPlan>& plans() const { return plans_; }
   ActorState state(std::size_t actor, double time_s) const;
-  /// Around the actor, in its own axes.
+  /// Returns the bounds of the actor, in its own axes.
   geometry::Box3 own_box(std::size_t actor) const;
-  /// The actors in a scene whose time goes from `from_s` to `to_s`; in the order of the plans.
+  /// Returns the actors as parts of a scene whose time goes from `from_s` to `to_s`, in the order of the plans.
   std::vector<scene::PlacedPart> placed(double from_s, double to_s) const;
 
  private:
@@ -116,8 +116,8 @@ class Traffic {
   std::vector<std::shared_ptr<const scene::ScenePart>> parts_;
 };
 
-/// Some points of the ways of all plans, a step apart, at the given heights or `default_up_m`: around which the place
-/// is wanted.
+/// Returns points along the routes of all plans, a step apart, at the given heights or `default_up_m`: the place is
+/// wanted around them.
 std::vector<geometry::Vec3> points_along(const std::vector<ActorPlan>& plans, double step_m, double default_up_m);
 
 }  // namespace tileflight::scene
