@@ -6,17 +6,17 @@
 #include <iterator>
 #include <memory>
 
-#include "tileflight/core/base/files.h"
-#include "tileflight/core/base/input_error.h"
-#include "tileflight/data/dataset/dataset.h"
-#include "tileflight/core/base/version.h"
 #include "tileflight/capture/recording/dataset_renderer.h"
 #include "tileflight/capture/recording/flight_faults.h"
 #include "tileflight/capture/recording/frame_assignment.h"
 #include "tileflight/capture/recording/planned_flight.h"
-#include "tileflight/tiles/tileset/placement.h"
-#include "tileflight/tiles/fetch/open_source.h"
 #include "tileflight/capture/vehicle/flight_plan.h"
+#include "tileflight/core/base/files.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/version.h"
+#include "tileflight/data/dataset/dataset.h"
+#include "tileflight/tiles/fetch/open_source.h"
+#include "tileflight/tiles/tileset/placement.h"
 
 namespace tileflight::recording {
 namespace fs = std::filesystem;
@@ -210,11 +210,7 @@ std::vector<fs::path> render_input_files(const RenderSettings& settings) {
 }
 
 base::OutputFolder render_output(const RenderSettings& settings, const fs::path& out, bool replace) {
-  return {.folder = out,
-          .command = "render",
-          .replace = replace,
-          .inputs = render_input_files(settings),
-          .legacy = dataset::unmarked_dataset()};
+  return {.folder = out, .command = "render", .replace = replace, .inputs = render_input_files(settings), .legacy = {}};
 }
 
 FramePlan plan_frame_parts(const RenderSettings& settings, int parts, const Progress& progress) {

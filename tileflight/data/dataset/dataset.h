@@ -83,9 +83,6 @@ bool has_foreign_layout(const std::filesystem::path& folder);
 std::vector<GpsFix> read_gps_csv(const std::filesystem::path& file);
 void write_gps_csv(const std::filesystem::path& file, const std::vector<GpsFix>& fixes);
 
-/// Returns the files by which dataset folders that have no marker are recognized.
-base::LegacyFolderPattern unmarked_dataset();
-
 /// Writes a dataset folder frame by frame (in any order and from several threads; the files are identical). The folder
 /// is built under a temporary name beside `folder` and renamed by finish(); without finish() the destructor removes it.
 /// An existing `folder` is an InputError in the constructor unless it may be replaced (core/base/output_folder.h).

@@ -312,11 +312,8 @@ void describe(const Synchronisation& found, const fs::path& folder) {
 }
 
 base::OutputFolder output_of(const RigIngestOptions& rig, const fs::path& folder) {
-  base::OutputFolder output{.folder = folder,
-                            .command = "ingest",
-                            .replace = rig.common.replace,
-                            .inputs = rig.common.inputs,
-                            .legacy = unmarked_dataset()};
+  base::OutputFolder output{
+      .folder = folder, .command = "ingest", .replace = rig.common.replace, .inputs = rig.common.inputs, .legacy = {}};
   for (const IngestedCamera& camera : rig.cameras) output.inputs.push_back(camera.video_or_images);
   for (const fs::path& input : {rig.common.calibration, rig.common.imu, rig.common.imu_noise, rig.common.groundtruth})
     output.inputs.push_back(input);

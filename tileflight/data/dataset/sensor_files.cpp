@@ -9,7 +9,6 @@
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/number_text.h"
-#include "tileflight/core/base/strict_section.h"
 #include "tileflight/core/base/text_fields.h"
 #include "tileflight/core/geometry/nanoseconds.h"
 #include "tileflight/core/imaging/calibration_yaml.h"
@@ -138,13 +137,6 @@ geometry::ImuSample parse_reading(const std::string& where, const std::vector<st
   return {time_s, {v[0], v[1], v[2]}, {v[3], v[4], v[5]}};
 }
 
-double required(base::StrictSection& section, const std::string& key) {
-  const std::optional<double> value = section.number(key);
-  if (!value) throw section.error(key, "is missing");
-  if (*value < 0.0) throw section.error(key, "must not be negative");
-  return *value;
-}
-
 }  // namespace
 
 std::vector<geometry::ImuSample> read_imu_csv(const std::filesystem::path& file) {
@@ -175,17 +167,6 @@ void write_imu_csv(const std::filesystem::path& file, const std::vector<geometry
     text += '\n';
   }
   base::write_file(file, text);
-}
-
-ImuCalibration read_imu_yaml(const std::filesystem::path& file) {
-  base::StrictSection section = base::StrictSection::load(file);
-  ImuCalibration calibration;
-  calibration.update_rate_hz = required(section, "update_rate");
-  calibration.accelerometer_noise_density = required(section, "accelerometer_noise_density");
-  calibration.accelerometer_random_walk = required(section, "accelerometer_random_walk");
-  calibration.gyroscope_noise_density = required(section, "gyroscope_noise_density");
-  calibration.gyroscope_random_walk = required(section, "gyroscope_random_walk");
-  return calibration;
 }
 
 ImuCalibration read_imu_noise(const std::filesystem::path& file) {

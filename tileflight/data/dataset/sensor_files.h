@@ -51,11 +51,10 @@ struct ImuCalibration {
 std::vector<geometry::ImuSample> read_imu_csv(const std::filesystem::path& file);
 void write_imu_csv(const std::filesystem::path& file, const std::vector<geometry::ImuSample>& readings);
 
-/// Read and write imu.yaml in Kalibr's format. Reading throws InputError for missing or negative numbers.
-ImuCalibration read_imu_yaml(const std::filesystem::path& file);
 /// Reads the noise parameters from any file that states them: Kalibr's imu.yaml, EuRoC's imu0/sensor.yaml, or
 /// VSLAM-LAB's calibration.yaml in its forms. Throws InputError for missing or negative numbers.
 ImuCalibration read_imu_noise(const std::filesystem::path& file);
+/// Writes imu.yaml in Kalibr's format.
 void write_imu_yaml(const std::filesystem::path& file, const ImuCalibration& calibration);
 
 }  // namespace tileflight::dataset

@@ -63,13 +63,13 @@ TEST_F(ImuFiles, DamageIsNamedWithItsLine) {
 TEST_F(ImuFiles, TheCalibrationIsKalibrs) {
   write_imu_yaml(folder_ / "imu.yaml", {400.0, 2e-3, 3e-3, 1.7e-4, 1.9e-5});
   EXPECT_THAT(base::read_text(folder_ / "imu.yaml"), HasSubstr("update_rate: 400\n"));
-  const ImuCalibration read = read_imu_yaml(folder_ / "imu.yaml");
+  const ImuCalibration read = read_imu_noise(folder_ / "imu.yaml");
   EXPECT_EQ(read.update_rate_hz, 400.0);
   EXPECT_EQ(read.accelerometer_noise_density, 2e-3);
   EXPECT_EQ(read.gyroscope_random_walk, 1.9e-5);
   std::ofstream(folder_ / "short.yaml") << "update_rate: 200\n";
-  EXPECT_THAT(tests::refusal_of([&] { read_imu_yaml(folder_ / "short.yaml"); }),
-              HasSubstr("'accelerometer_noise_density' is missing"));
+  EXPECT_THAT(tests::refusal_of([&] { read_imu_noise(folder_ / "short.yaml"); }),
+              HasSubstr("accelerometer_noise_density"));
 }
 
 }  // namespace

@@ -242,10 +242,9 @@ void McapWriter::finish() {
   impl_->finished = true;
 }
 
-namespace {
-
-McapResult write_messages(const messages::DatasetMessages& recording, const std::filesystem::path& file, bool replace,
-                          const Progress& progress) {
+McapResult export_mcap(const dataset::Rig& rig, const std::filesystem::path& file, bool replace,
+                       const Progress& progress) {
+  const messages::DatasetMessages recording = messages::list_messages(rig);
   McapWriter writer(file, "ros2", replace);
   McapResult result{recording.messages.size(), {}};
   std::vector<std::uint16_t> channels;
@@ -260,18 +259,6 @@ McapResult write_messages(const messages::DatasetMessages& recording, const std:
   }
   writer.finish();
   return result;
-}
-
-}  // namespace
-
-McapResult export_mcap(const dataset::Dataset& dataset, const std::filesystem::path& file, bool replace,
-                       const Progress& progress) {
-  return write_messages(messages::list_messages(dataset), file, replace, progress);
-}
-
-McapResult export_mcap(const dataset::Rig& rig, const std::filesystem::path& file, bool replace,
-                       const Progress& progress) {
-  return write_messages(messages::list_messages(rig), file, replace, progress);
 }
 
 }  // namespace tileflight::exports

@@ -47,12 +47,8 @@ struct McapResult {
   std::vector<std::string> topics;
 };
 
-/// Writes a dataset as one MCAP file of ROS 2 messages in time order: /camera/image/compressed, /camera/camera_info,
-/// /tf (map to camera, IMU and lidar, if the true poses are known) and, if present, /imu, /gnss, /barometer,
-/// /magnetometer, /range and /lidar. Throws InputError (file, cause), also for an existing file unless `replace`.
-McapResult export_mcap(const dataset::Dataset& dataset, const std::filesystem::path& file, bool replace,
-                       const Progress& progress = {});
-/// Writes all cameras of a rig; their topics and frames have the cameras' names (list_messages).
+/// Writes the messages of a rig (list_messages) as one MCAP file in time order. Throws InputError (file, cause), also
+/// for an existing file unless `replace`.
 McapResult export_mcap(const dataset::Rig& rig, const std::filesystem::path& file, bool replace,
                        const Progress& progress = {});
 

@@ -194,7 +194,7 @@ TEST(McapExport, ADatasetBecomesOneFileInTheOrderOfTime) {
     dataset::write_scan_ply(raw / "lidar" / name, {{{1, 2, 3}, 0.5F, 0.01F, 7}});
   writer.finish();
 
-  const McapResult result = export_mcap(dataset::read_dataset(folder / "data"), folder / "flight.mcap", false);
+  const McapResult result = export_mcap(dataset::read_rig(folder / "data"), folder / "flight.mcap", false);
   const std::string file = base::read_text(folder / "flight.mcap");
   const std::vector<Message> messages = messages_of(file);
   EXPECT_EQ(messages.size(), result.messages);

@@ -228,10 +228,6 @@ class MessageLister {
 
 }  // namespace
 
-DatasetMessages list_messages(const dataset::Dataset& dataset, const MessageSelection& selection) {
-  return MessageLister({{kCameraFrame, {}, 0.0, &dataset}}, selection).take();
-}
-
 DatasetMessages list_messages(const dataset::Rig& rig, const MessageSelection& selection) {
   return MessageLister(cameras_of(rig), selection).take();
 }

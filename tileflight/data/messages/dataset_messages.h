@@ -45,15 +45,13 @@ struct MessageSelection {
   std::vector<std::string> cameras{};
 };
 
-/// Lists the messages of a rig: of each camera NAME, whose frame has its name, /NAME/image/compressed,
-/// /NAME/camera_info and, if selected, /NAME/depth; the first camera's poses in /tf, those of the others on it in
-/// /tf_static; times on the body's clock; all else as of a single camera. `rig` must outlive the messages. Throws
-/// InputError (file, cause).
+/// Lists the messages of a rig, in the order of their times on the body's clock.
+///   each camera       /NAME/image/compressed, /NAME/camera_info and, if selected, /NAME/depth; its frame has its name.
+///                     The only camera of a dataset, which has no name, is called `camera`.
+///   /tf               map to the first camera, to IMU and lidar, if the true poses are known
+///   /tf_static        the first camera to the others
+///   other sensors     /imu, /gnss, /barometer, /magnetometer, /range and /lidar, if present
+/// `rig` must outlive the messages. Throws InputError (file, cause).
 DatasetMessages list_messages(const dataset::Rig& rig, const MessageSelection& selection = {});
-
-/// Lists the messages of a dataset: /camera/image/compressed, /camera/camera_info, /tf (map to camera, IMU and lidar,
-/// if the true poses are known) and, if present, /imu, /gnss, /barometer, /magnetometer, /range and /lidar. `dataset`
-/// must outlive the messages. Throws InputError (file, cause).
-DatasetMessages list_messages(const dataset::Dataset& dataset, const MessageSelection& selection = {});
 
 }  // namespace tileflight::messages

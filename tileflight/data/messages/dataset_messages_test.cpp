@@ -55,26 +55,26 @@ Number number_at(const std::string& bytes, std::size_t offset) {
 
 TEST(DatasetMessages, DepthAndOdometryAreListedWhenWanted) {
   const tests::TemporaryFolder folder;
-  const dataset::Dataset dataset = small_dataset(folder / "flight");
-  EXPECT_THAT(names(list_messages(dataset)),
+  const dataset::Rig rig = dataset::rig_of(small_dataset(folder / "flight"));
+  EXPECT_THAT(names(list_messages(rig)),
               testing::ElementsAre("/camera/image/compressed", "/camera/camera_info", "/tf"));
   EXPECT_THAT(
-      names(list_messages(dataset, {.depth = true, .odometry = true})),
+      names(list_messages(rig, {.depth = true, .odometry = true})),
       testing::ElementsAre("/camera/image/compressed", "/camera/camera_info", "/camera/depth", "/tf", "/odometry"));
 }
 
 TEST(DatasetMessages, TimesDoNotDecrease) {
   const tests::TemporaryFolder folder;
-  const dataset::Dataset dataset = small_dataset(folder / "flight");
-  const DatasetMessages listed = list_messages(dataset, {.depth = true, .odometry = true});
+  const dataset::Rig rig = dataset::rig_of(small_dataset(folder / "flight"));
+  const DatasetMessages listed = list_messages(rig, {.depth = true, .odometry = true});
   EXPECT_TRUE(std::ranges::is_sorted(listed.messages, {}, &DatasetMessage::time_ns));
   EXPECT_EQ(listed.messages.size(), 3U * 3U + 6U + 3U);
 }
 
 TEST(DatasetMessages, DepthIsMetresInRows) {
   const tests::TemporaryFolder folder;
-  const dataset::Dataset dataset = small_dataset(folder / "flight");
-  const std::string bytes = of_topic(list_messages(dataset, {.depth = true}), "/camera/depth")[1].make();
+  const dataset::Rig rig = dataset::rig_of(small_dataset(folder / "flight"));
+  const std::string bytes = of_topic(list_messages(rig, {.depth = true}), "/camera/depth")[1].make();
   const std::size_t begin = bytes.size() - 4 * 3 * sizeof(float);
   EXPECT_EQ(number_at<std::uint32_t>(bytes, begin - 4), 48U) << "uint8[]'s length";
   EXPECT_EQ(number_at<std::uint32_t>(bytes, begin - 8), 16U) << "step";
@@ -84,8 +84,8 @@ TEST(DatasetMessages, DepthIsMetresInRows) {
 
 TEST(DatasetMessages, OdometryHasTheVelocitiesInTheCamerasAxes) {
   const tests::TemporaryFolder folder;
-  const dataset::Dataset dataset = small_dataset(folder / "flight");
-  const std::string bytes = of_topic(list_messages(dataset, {.odometry = true}), "/odometry")[1].make();
+  const dataset::Rig rig = dataset::rig_of(small_dataset(folder / "flight"));
+  const std::string bytes = of_topic(list_messages(rig, {.odometry = true}), "/odometry")[1].make();
   // The last fields: velocity, angular velocity, 36 covariances, all float64.
   const auto field = [&](std::size_t i) { return number_at<double>(bytes, bytes.size() - (42 - i) * sizeof(double)); };
   EXPECT_NEAR(field(0), 4.0 * std::cos(0.1), 1e-9) << "4 m/s east, seen by a camera turned left by 0.1 rad";

@@ -166,9 +166,7 @@ base::OutputFolder extract_output(const ExtractSettings& settings, const std::fi
           .command = "extract",
           .replace = replace,
           .inputs = {fetch::local_path_of_source(settings.source)},
-          .legacy = {.key_file = "extract.json",
-                     .key_text = "tiles_wanted",
-                     .files = {"mesh.glb", "surface.ply", "voxels.binvox", "voxels.ply", "octree.bt", "extract.json"}}};
+          .legacy = {}};
 }
 
 Extraction extract(const ExtractSettings& settings, const std::filesystem::path& folder, bool replace,
