@@ -16,7 +16,7 @@ namespace tileflight::events {
 ///   images/left/distorted, …     their pictures, PNG, with the lens of the events
 ///   images/timestamps.txt        of the left camera's pictures, microseconds on the clock of t_offset
 ///   calibration/left.yaml, …     lenses, as Kalibr has them
-/// Notes tell what the layout does not hold. Throws InputError: no camera has events, and as dataset::export_rig.
+/// Notes tell what the layout does not hold. Throws InputError: no camera has events, and as exports::export_rig.
 exports::ExportResult export_dsec(const dataset::Rig& rig, const std::filesystem::path& folder, bool replace,
                                   const Progress& progress = {}, std::vector<std::filesystem::path> inputs = {});
 

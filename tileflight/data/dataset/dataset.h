@@ -23,7 +23,7 @@ struct Frame {
   std::filesystem::path image;
   double time_s = 0.0;
   double exposure_ms = 0.0;       ///< 0: unknown
-  std::filesystem::path depth{};  ///< depth of the same pixels (depth_images.h); empty: none
+  std::filesystem::path depth{};  ///< depth of the same pixels (frame_layers.h); empty: none
 };
 
 /// Position of the receiver at a time; a line of gps.csv: t,lat,lon,height,horizontal_sigma,vertical_sigma.
@@ -34,7 +34,7 @@ struct GpsFix {
   double vertical_sigma_m = 0.0;
 };
 
-/// A sensor dataset on disk (contract: "A dataset folder"). Images stay on disk; frames are in time order.
+/// A sensor dataset on disk (docs/formats.md). Images stay on disk; frames are in time order.
 struct Dataset {
   std::filesystem::path folder;
   std::vector<Frame> frames;
@@ -61,14 +61,13 @@ struct CameraChoice {
 
 /// Reads and checks a dataset folder: every frame's image exists, every line is well-formed, times strictly increase,
 /// and the calibration matches the image size (of the first image). The layout is detected from the content:
-///   images/                 the contract's and DSO's: times.txt, camera.yaml or camera.txt; without times.txt frames
+///   images/                 our own and DSO's: times.txt, camera.yaml or camera.txt; without times.txt frames
 ///                           are 1/30 s apart (warned);
 ///   rgb.csv                 VSLAM-LAB: calibration.yaml, groundtruth.csv, imu_0.csv;
 ///   image_l/ or image_0/    KITTI odometry: calib.txt (P0), times.txt of bare seconds, poses.txt;
 ///   mav0/cam0/ or cam0/     EuRoC (ASL): data.csv, sensor.yaml, data/;
-///   rgb.txt                 TUM RGB-D, and VSLAM-LAB before 2025-09: depth.txt, groundtruth.txt; without a
-///   calibration.yaml
-///                           that of freiburg1, 2 or 3 by the folder's name.
+///   rgb.txt                 TUM RGB-D, and VSLAM-LAB before 2025-09: depth.txt, groundtruth.txt; without
+///                           calibration.yaml that of freiburg1, 2 or 3 by the folder's name.
 /// If the dataset is of a rig, the first camera is read, or the chosen one (rig.h reads all).
 /// Frames that a list names but that have no file are left out (warned).
 /// With a `camera` the layout's own calibration may be missing; the given one is scaled to images of the same aspect
@@ -79,7 +78,7 @@ Dataset read_dataset(const std::filesystem::path& folder, const CameraChoice& ca
 /// Returns whether the folder is a dataset in another program's layout: any that read_dataset() knows except images/.
 bool has_foreign_layout(const std::filesystem::path& folder);
 
-/// Reads and writes gps.csv. Throw InputError (file, line, cause).
+/// Read and write gps.csv. Throw InputError (file, line, cause).
 std::vector<GpsFix> read_gps_csv(const std::filesystem::path& file);
 void write_gps_csv(const std::filesystem::path& file, const std::vector<GpsFix>& fixes);
 
@@ -106,7 +105,7 @@ class DatasetWriter {
   DatasetWriter& operator=(const DatasetWriter&) = delete;
 
   /// Folder of this dataset's files before finish(); for additional files such as pcalib.txt and depth/
-  /// (depth_images.h).
+  /// (frame_layers.h).
   const std::filesystem::path& temporary_folder() const { return temporary_; }
 
   void add_frame(std::size_t index, double time_s, double exposure_ms, const imaging::RgbImage& image);

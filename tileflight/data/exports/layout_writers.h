@@ -9,7 +9,6 @@
 
 #include "tileflight/core/base/progress.h"
 #include "tileflight/data/dataset/dataset.h"
-#include "tileflight/data/dataset/frame_list.h"
 #include "tileflight/data/dataset/rig.h"
 
 /// One writer per layout of export_dataset; each fills an empty folder. `notes` receives the data that the layout
