@@ -15,26 +15,6 @@
 
 namespace tileflight::ground_truth {
 
-/// Suggests a voxel edge for a surface of this extent, metres: about as many cells along its longest side as the
-/// published ground truth has (250 m of 1 m), rounded to 1, 2 or 5 times a power of ten, and at most the published 1 m.
-double suggest_voxel_m(const geometry::Vec3& extent_m);
-
-/// Returns a warning if the voxels are too coarse for a map's errors to show: fewer than 50 cells along the surface's
-/// longest side. nullopt otherwise.
-std::optional<std::string> coarse_voxel_warning(const geometry::Vec3& extent_m, double voxel_m);
-
-/// Returns the points of all clouds that lie in the closed box, in input order, with their normals (zero for clouds
-/// without normals).
-geometry::PointCloud points_in_box(const std::vector<geometry::PointCloud>& clouds, const geometry::Box3& box);
-
-/// Returns the cell that contains a position, or the nearest one of the grid. A position on the border of two cells
-/// belongs to the upper one.
-geometry::Cell nearest_cell(const geometry::Vec3& position, const geometry::VoxelGrid& grid);
-
-/// Occupies the cells that contain a point, besides those of the grid. A point on the border of two cells belongs to
-/// the upper one, a point on the grid's upper border to the last; points outside the grid are ignored.
-void mark_occupied(const geometry::PointCloud& points, geometry::VoxelGrid& grid);
-
 /// Cells from low to high, both included, along each axis; empty if high < low.
 struct CellRange {
   std::array<std::int32_t, 3> low{}, high{};
@@ -87,5 +67,25 @@ geometry::VoxelGrid voxelize(const geometry::TriangleMesh& mesh, const geometry:
 /// Returns the number of cells along each axis of voxelize()'s grid. Throws InputError: edge not positive, empty box,
 /// too many cells.
 std::array<std::int32_t, 3> grid_dims(const geometry::Box3& box, double edge_m);
+
+/// Returns the points of all clouds that lie in the closed box, in input order, with their normals (zero for clouds
+/// without normals).
+geometry::PointCloud points_in_box(const std::vector<geometry::PointCloud>& clouds, const geometry::Box3& box);
+
+/// Returns the cell that contains a position, or the nearest one of the grid. A position on the border of two cells
+/// belongs to the upper one.
+geometry::Cell nearest_cell(const geometry::Vec3& position, const geometry::VoxelGrid& grid);
+
+/// Occupies the cells that contain a point, besides those of the grid. A point on the border of two cells belongs to
+/// the upper one, a point on the grid's upper border to the last; points outside the grid are ignored.
+void mark_occupied(const geometry::PointCloud& points, geometry::VoxelGrid& grid);
+
+/// Suggests a voxel edge for a surface of this extent, metres: about as many cells along its longest side as the
+/// published ground truth has (250 m of 1 m), rounded to 1, 2 or 5 times a power of ten, and at most the published 1 m.
+double suggest_voxel_m(const geometry::Vec3& extent_m);
+
+/// Returns a warning if the voxels are too coarse for a map's errors to show: fewer than 50 cells along the surface's
+/// longest side. nullopt otherwise.
+std::optional<std::string> coarse_voxel_warning(const geometry::Vec3& extent_m, double voxel_m);
 
 }  // namespace tileflight::ground_truth

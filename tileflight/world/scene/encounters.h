@@ -11,10 +11,8 @@
 #include "tileflight/world/scene/traffic.h"
 
 namespace tileflight::scene {
-class Scene;
-}
 
-namespace tileflight::scene {
+class Scene;
 
 /// Frames at which a camera meets actors, each actor by its box at that time; with the actors' names, of the first
 /// frame first.
@@ -53,7 +51,7 @@ class ActorSurfaces {
     double radius_m = 0.0;
   };
   std::shared_ptr<const Traffic> traffic_;
-  std::vector<std::shared_ptr<const scene::Scene>> models_;  ///< of each actor
+  std::vector<std::shared_ptr<const Scene>> models_;  ///< of each actor
   std::vector<Placed> placed_;
 };
 

@@ -285,7 +285,7 @@ ActorPlan read_actor(StrictSection actor, std::size_t index) {
   return plan;
 }
 
-Box3 bounds_of_model(const scene::ScenePart& part, double scale) {
+Box3 bounds_of_model(const ScenePart& part, double scale) {
   return {scale * part.bounds().min(), scale * part.bounds().max()};
 }
 
@@ -309,15 +309,14 @@ std::vector<ActorPlan> read_actors(const std::filesystem::path& flight_file) {
 }
 
 Traffic::Traffic(std::vector<ActorPlan> plans, const GroundHeight& ground) : plans_(std::move(plans)) {
-  const scene::SceneFrame frame(Vec3::Zero());
-  std::map<std::string, std::shared_ptr<const scene::ScenePart>> known;  // actors that look the same share a model
+  const SceneFrame frame(Vec3::Zero());
+  std::map<std::string, std::shared_ptr<const ScenePart>> known;  // actors that look the same share a model
   for (ActorPlan& plan : plans_) {
     imaging::TexturedMesh mesh = make_model(plan.model, plan.number, plan.colour);
     std::string look = mesh.name;
     for (const auto& colour : mesh.colors) look.append(reinterpret_cast<const char*>(colour.data()), colour.size());
     auto& part = known[look];
-    if (!part)
-      part = std::make_shared<const scene::ScenePart>(std::vector<imaging::TexturedMesh>{std::move(mesh)}, frame);
+    if (!part) part = std::make_shared<const ScenePart>(std::vector<imaging::TexturedMesh>{std::move(mesh)}, frame);
     parts_.push_back(part);
     const Vec3 size = bounds_of_model(*part, plan.scale).sizes();
     plan.route.length_m = 0.6 * size.x();  // between the axles
@@ -337,14 +336,14 @@ ActorState Traffic::state(std::size_t actor, double time_s) const {
 
 Box3 Traffic::own_box(std::size_t actor) const { return bounds_of_model(*parts_[actor], plans_[actor].scale); }
 
-std::vector<scene::PlacedPart> Traffic::placed(double from_s, double to_s) const {
+std::vector<PlacedPart> Traffic::placed(double from_s, double to_s) const {
   const int steps = to_s > from_s ? static_cast<int>(std::ceil((to_s - from_s) / kPoseStep_s)) : 0;
-  std::vector<scene::PlacedPart> placed;
+  std::vector<PlacedPart> placed;
   for (std::size_t i = 0; i < plans_.size(); ++i) {
-    scene::PlacedPart& one = placed.emplace_back(scene::PlacedPart{plans_[i].name, parts_[i], {}});
+    PlacedPart& one = placed.emplace_back(PlacedPart{plans_[i].name, parts_[i], {}});
     for (int k = 0; k <= steps; ++k) {
       const double time_s = steps == 0 ? from_s : from_s + (to_s - from_s) * k / steps;
-      one.poses.push_back(scene::placed_at(state(i, time_s).T_local_actor, Vec3::Constant(plans_[i].scale)));
+      one.poses.push_back(placed_at(state(i, time_s).T_local_actor, Vec3::Constant(plans_[i].scale)));
     }
   }
   return placed;

@@ -108,12 +108,12 @@ class Traffic {
   /// Returns the bounds of the actor, in its own axes.
   geometry::Box3 own_box(std::size_t actor) const;
   /// Returns the actors as parts of a scene whose time goes from `from_s` to `to_s`, in the order of the plans.
-  std::vector<scene::PlacedPart> placed(double from_s, double to_s) const;
+  std::vector<PlacedPart> placed(double from_s, double to_s) const;
 
  private:
   std::vector<ActorPlan> plans_;
   std::vector<ActorPath> paths_;
-  std::vector<std::shared_ptr<const scene::ScenePart>> parts_;
+  std::vector<std::shared_ptr<const ScenePart>> parts_;
 };
 
 /// Returns points along the routes of all plans, a step apart, at the given heights or `default_up_m`: the place is
