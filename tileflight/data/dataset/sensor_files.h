@@ -15,8 +15,8 @@ struct NumberTable {
   std::vector<std::vector<double>> rows;  ///< one number per column
 };
 
-/// Numbers round-trip exactly. Reading throws InputError (file, line, cause): no header, a row of another length, a
-/// cell that is not a number.
+/// Read and write a table; numbers round-trip exactly. Reading throws InputError (file, line, cause): no header, a row
+/// of another length, a cell that is not a number.
 NumberTable read_number_table(const std::filesystem::path& file);
 void write_number_table(const std::filesystem::path& file, const NumberTable& table);
 
