@@ -281,7 +281,7 @@ struct TruthBlocks::Impl {
 
   std::pair<BlockRecord, ground_truth::QuantizationFloor> write(std::size_t block,
                                                                 const std::filesystem::path& folder) {
-    // What was read for it before counts as read: another reason may be gone by now.
+    // Contents that were read for this block before count as read.
     BlockRecord record = store_->read(grid_.name(block)).value_or(BlockRecord());
     learn(record);
     ground_truth::GroundTruthSummary part;
