@@ -10,7 +10,7 @@
 #include "tileflight/tiles/mesh_files/mesh_source.h"
 #include "tileflight/tiles/tile_writer/mesh_tileset.h"
 
-namespace tileflight::recording::takeoff_height_test {
+namespace tileflight::ingest::takeoff_height_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -65,4 +65,4 @@ TEST_F(TakeoffAnchor, WhatDoesNotSayTheHeightIsRefused) {
 }
 
 }  // namespace
-}  // namespace tileflight::recording::takeoff_height_test
+}  // namespace tileflight::ingest::takeoff_height_test

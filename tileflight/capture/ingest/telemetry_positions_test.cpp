@@ -4,7 +4,7 @@
 
 #include "tests/refusal.h"
 
-namespace tileflight::recording::telemetry_positions_test {
+namespace tileflight::ingest::telemetry_positions_test {
 namespace {
 
 using ::testing::ElementsAre;
@@ -68,4 +68,4 @@ TEST_F(TelemetryPositions, WhatIsNotKnownIsRefused) {
 }
 
 }  // namespace
-}  // namespace tileflight::recording::telemetry_positions_test
+}  // namespace tileflight::ingest::telemetry_positions_test

@@ -17,7 +17,6 @@
 #include "tileflight/evaluation/metrics/metrics.h"
 #include "tileflight/evaluation/metrics/metrics_file.h"
 #include "tileflight/evaluation/metrics/point_visits.h"
-#include "tileflight/evaluation/scoring/doubts.h"
 #include "tileflight/evaluation/scoring/errors_in_blocks.h"
 #include "tileflight/evaluation/scoring/map_points.h"
 #include "tileflight/evaluation/scoring/map_tiles.h"
@@ -25,6 +24,7 @@
 #include "tileflight/evaluation/scoring/seen_surface.h"
 #include "tileflight/evaluation/scoring/tiled_scores.h"
 #include "tileflight/evaluation/scoring/truth_surface.h"
+#include "tileflight/evaluation/scoring/warnings.h"
 #include "tileflight/world/ground_truth/truth_folder.h"
 #include "tileflight/world/place/extract.h"
 #include "tileflight/world/place/extract_result.h"
@@ -290,34 +290,34 @@ SurfaceDistances score_against_surface(const Task& task, std::optional<MapTiles>
   return distances;
 }
 
-/// All doubts about the scores: those of the map, its transform, the truth and the images, and those that the scores
+/// All warnings about the scores: those of the map, its transform, the truth and the images, and those that the scores
 /// show.
-Doubts score_doubts(const MapInputs& map, const place::ExtractResult& extracted, const fs::path& transform_file,
-                    const EvaluationSettings& settings, const metrics::Metrics& metrics) {
-  Doubts doubts = read_doubts(transform_file);
-  append_distinct(doubts, odometry_doubts(map));
-  append_distinct(doubts, truth_doubts(extracted));
-  append_distinct(doubts, dataset_doubts(map.dataset));
+Warnings score_warnings(const MapInputs& map, const place::ExtractResult& extracted, const fs::path& transform_file,
+                        const EvaluationSettings& settings, const metrics::Metrics& metrics) {
+  Warnings warnings = read_warnings(transform_file);
+  append_distinct(warnings, odometry_warnings(map));
+  append_distinct(warnings, truth_warnings(extracted));
+  append_distinct(warnings, dataset_warnings(map.dataset));
   if (!metrics.surface) {
-    doubts.push_back({"the ground truth has no exact surface: distances to its voxel centres have a floor of " +
-                          std::to_string(metrics.map.quantization_floor.mean).substr(0, 4) +
-                          " m, which hides differences between good maps",
-                      "truth", "possible", "extract from meshes, or with smaller voxels"});
+    warnings.push_back({"the ground truth has no exact surface: distances to its voxel centres have a floor of " +
+                            std::to_string(metrics.map.quantization_floor.mean).substr(0, 4) +
+                            " m, which hides differences between good maps",
+                        "truth", Severity::kNote, "extract from meshes, or with smaller voxels"});
   }
   constexpr double kFewNear = 0.5;
   if (metrics.surface) {
     const auto& accuracy = metrics.surface->accuracy;
     if (!accuracy.empty() && accuracy.rbegin()->second < kFewNear) {
-      doubts.push_back(
+      warnings.push_back(
           {"only " + std::to_string(static_cast<int>(100.0 * accuracy.rbegin()->second)) +
                " % of the map's points over the region lie within " +
                std::to_string(accuracy.rbegin()->first).substr(0, 4) + " m of the true surface",
-           "evaluation", "likely",
+           "evaluation", Severity::kWarning,
            "check the map over the truth in the report: the transform may be wrong, or the place another"});
     }
   }
-  if (metrics.moving) append_distinct(doubts, moving_doubts(*metrics.moving, settings.share_margin));
-  return doubts;
+  if (metrics.moving) append_distinct(warnings, moving_warnings(*metrics.moving, settings.share_margin));
+  return warnings;
 }
 
 }  // namespace
@@ -351,8 +351,8 @@ nlohmann::json evaluate(const MapInputs& map, const fs::path& truth_folder, cons
     const auto over_m = truth.folder.has_mesh() ? std::optional(surface.over_m) : std::nullopt;
     metrics.moving = score_apart(*static_map.on_actors, static_map.apart, voxel_m, over_m, settings.cutoff_m);
   }
-  metrics.doubts = score_doubts(map, truth.extracted, transform_file, settings, metrics);
-  append_distinct(metrics.doubts, common_place_doubts(common, task.points.size(), settings.share_margin));
+  metrics.warnings = score_warnings(map, truth.extracted, transform_file, settings, metrics);
+  append_distinct(metrics.warnings, common_place_warnings(common, task.points.size(), settings.share_margin));
   write_apart_points(moving_points_file(out), static_map.apart, settings.cutoff_m);
   write_errors(metrics::errors_file(out), task.points, T_published_map, voxel_m, surface, settings.cutoff_m);
   metrics::write_metrics(out, metrics);
