@@ -17,7 +17,7 @@ namespace {
 
 /// A camera is as fast as another one if their periods differ by no more.
 constexpr double kSamePeriod = 1.2;
-/// Periods between two pictures, or beyond the end of a camera, from which on one is missing.
+/// A gap between two images, or beyond the end of a camera, of more periods means that an image is missing.
 constexpr double kGap = 1.5;
 
 double median_of(std::vector<double> values) {
@@ -27,7 +27,7 @@ double median_of(std::vector<double> values) {
   return *middle;
 }
 
-/// Median time between two pictures; 0 for a single one.
+/// Returns the median time between two images; 0 for a single image.
 double period_of(const std::vector<double>& times_s) {
   std::vector<double> steps;
   for (std::size_t i = 1; i < times_s.size(); ++i) steps.push_back(times_s[i] - times_s[i - 1]);
@@ -141,7 +141,7 @@ class Check {
     for (const CameraTimes& camera : cameras) result_.cameras.push_back(match(camera, cameras.front(), tolerance_s));
     bool is_one_clock = true;
     for (std::size_t i = 1; i < cameras.size(); ++i) is_one_clock = check_clock(i) && is_one_clock;
-    // With clocks apart, nothing can be said of single pictures.
+    // If the clocks differ, single images cannot be compared.
     for (std::size_t i = 0; i < cameras.size() && is_one_clock; ++i) {
       check_missing(i);
       check_ends(i);

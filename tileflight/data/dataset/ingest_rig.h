@@ -20,11 +20,11 @@ struct CameraTimes {
 struct CameraSynchronisation {
   std::string name;
   std::size_t frames = 0;
-  std::size_t pairs = 0;      ///< pictures of the slower of the two that may have a partner: the other one runs, too
+  std::size_t pairs = 0;      ///< images of the slower camera that may have a partner, since the other one runs, too
   std::size_t matched = 0;    ///< those of them with a partner within the tolerance
-  double largest_skew_s = 0;  ///< between the two pictures of a matched pair
-  double offset_s = 0;        ///< median over `pairs`: the nearest picture of this camera is later by so much
-  std::size_t missing = 0;    ///< pictures that it should have taken while it ran, and did not
+  double largest_skew_s = 0;  ///< between the two images of a matched pair
+  double offset_s = 0;        ///< median over `pairs` of how much later this camera's nearest image is
+  std::size_t missing = 0;    ///< images that it should have taken while it ran, and did not
   double starts_late_s = 0;   ///< after the camera that starts first; 0 within a period and a half
   double stops_early_s = 0;   ///< before the camera that stops last; 0 within a period and a half
 };

@@ -23,7 +23,7 @@ struct JobPart {
 
 /// Input and options of extract().
 struct ExtractSettings {
-  std::string source;         ///< SOURCE of the contract
+  std::string source;         ///< folder, archive or address of the tileset, as fetch::open_source() takes it
   tileset::LoadOptions load;  ///< region and geometric error
   double voxel_m = 1.0;
   double samples_per_m2 = 16.0;
