@@ -20,7 +20,7 @@ namespace tileflight::exports {
 /// unless `replace`.
 class McapWriter {
  public:
-  /// `profile`: the convention of the messages, "ros2" or "".
+  /// Begins the file. `profile`: the convention of the messages, "ros2" or "".
   McapWriter(std::filesystem::path file, const std::string& profile, bool replace);
   ~McapWriter();
   McapWriter(const McapWriter&) = delete;

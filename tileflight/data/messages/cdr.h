@@ -15,7 +15,8 @@ namespace tileflight::messages {
 /// end of the bytes.
 class CdrReader {
  public:
-  /// `message` with its four-byte header; must outlive the reader. Throws InputError: no such header.
+  /// Reads `message`, which begins with its four-byte header and must outlive the reader. Throws InputError: no such
+  /// header.
   CdrReader(std::string_view message, std::string what);
 
   template <class Number>

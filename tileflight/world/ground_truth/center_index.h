@@ -22,7 +22,7 @@ std::vector<double> center_distances(const std::vector<geometry::Vec3>& points, 
 /// Queries are const and may run in parallel.
 class CenterIndex {
  public:
-  /// `edge_m`: of a cell. Keeps a reference to the centres, which must outlive it.
+  /// Keeps a reference to the centres, which must outlive it. `edge_m`: edge of a cell.
   CenterIndex(const std::vector<geometry::Vec3>& centers, double edge_m);
 
   /// Returns the distance to the nearest centre within `radius_m` (inclusive), metres; nullopt if there is none.

@@ -17,7 +17,7 @@ namespace tileflight::place {
 /// then by y).
 class BlockGrid {
  public:
-  /// `edge`: of a block, cells. Throws InputError if that gives more than a million blocks.
+  /// Divides the region into blocks of `edge` cells. Throws InputError if that gives more than a million blocks.
   BlockGrid(const geometry::Box3& region, double voxel_m, std::int32_t edge);
 
   std::size_t size() const { return blocks_.size(); }

@@ -44,8 +44,8 @@ struct PlacePart {
 /// Reads a place part by part, each at the required resolution, instead of loading it whole.
 class PlaceReader {
  public:
-  /// `load`: the local frame and the region; no tile is read yet. Throws InputError, also if the source's terms forbid
-  /// `use`.
+  /// Opens the source; no tile is read yet. `load`: the local frame and the region. Throws InputError, also if the
+  /// source's terms forbid `use`.
   PlaceReader(const std::string& source, const tileset::LoadOptions& load, fetch::Use use);
 
   const std::string& name() const { return name_; }  ///< in the form in which it may be displayed

@@ -74,7 +74,7 @@ TILEFLIGHT_LANE_INLINE void cross(const Vector3x8& a, const Vector3x8& b, Vector
   to.z = a.x * b.y - a.y * b.x;
 }
 
-/// 2 a x b.
+/// Returns 2 a x b.
 TILEFLIGHT_LANE_INLINE void edge_normal(const Vector3x8& a, const Vector3x8& b, Vector3x8& to) {
   Vector3x8 edge, sum;
   subtract(a, b, edge);
@@ -133,7 +133,7 @@ TILEFLIGHT_LANE_INLINE BeamFrustum make_frustum(const BeamFrame& frame, const Be
   return pyramid;
 }
 
-/// Signed distances of the eight boxes' corners from the side; negative is outside.
+/// Returns the signed distances of the eight boxes' corners from the side; negative is outside.
 TILEFLIGHT_LANE_INLINE void plane_distances(const BeamFrustum::Side& side, const BeamNode& node, Float8& inside) {
   const Float8 x = load(side.high[0] ? node.high[0] : node.low[0]);
   const Float8 y = load(side.high[1] ? node.high[1] : node.low[1]);
@@ -141,7 +141,7 @@ TILEFLIGHT_LANE_INLINE void plane_distances(const BeamFrustum::Side& side, const
   inside = side.x * x + side.y * y + side.z * z - side.offset;
 }
 
-/// A direction perpendicular to `z`.
+/// Returns a direction perpendicular to `z`.
 TILEFLIGHT_LANE_INLINE Vector3 any_perpendicular(const Vector3& z) {
   const Vector3 other = std::abs(z.x) < 0.6F ? Vector3{1.0F, 0.0F, 0.0F} : Vector3{0.0F, 1.0F, 0.0F};
   return minus(other, scaled(z, dot(other, z)));
@@ -181,7 +181,7 @@ TILEFLIGHT_LANE_INLINE void dot_axis(const Vector3x8& v, const Vector3& axis, Fl
   to = axis.x * v.x + axis.y * v.y + axis.z * v.z;
 }
 
-/// A packet's rays as points of the plane z = 1, and the z components of their directions.
+/// Projects a packet's rays to points of the plane z = 1; also returns the z components of their directions.
 TILEFLIGHT_LANE_INLINE void to_plane(const BeamFrame& frame, const RayPacket8& packet, Float8& x, Float8& y,
                                      Float8& direction_z) {
   const Vector3x8 ray{load(packet.direction_x), load(packet.direction_y), load(packet.direction_z)};
@@ -239,7 +239,7 @@ struct Hits8 {
   Int8 mesh, triangle;
 };
 
-/// No hits; disabled lanes get an inverse depth above any hit.
+/// Removes all hits; disabled lanes get an inverse depth above any hit.
 TILEFLIGHT_LANE_INLINE void clear_hits(const RayPacket8& packet, Hits8& hits) {
   hits.inverse_depth =
       load(packet.far) < 0.0F ? Float8{} + std::numeric_limits<float>::max() : Float8{} + kNoHitInverseDepth;
@@ -249,7 +249,7 @@ TILEFLIGHT_LANE_INLINE void clear_hits(const RayPacket8& packet, Hits8& hits) {
   hits.normal = Vector3x8{};
 }
 
-/// `direction_z`: z components of the rays' original directions.
+/// Stores the hits in a packet. `direction_z`: z components of the rays' original directions.
 TILEFLIGHT_LANE_INLINE void write_hits(const Hits8& hits, const Float8& direction_z, RayPacket8& packet) {
   const Int8 hit = hits.mesh != -1;
   const Float8 sum = hits.weight_a + hits.weight_b + hits.weight_c;
@@ -316,7 +316,7 @@ TILEFLIGHT_LANE_INLINE void load_corners(const BeamFrame& frame, const BeamLeaf&
   }
 }
 
-/// Bits of a leaf's triangles whose rectangles overlap the beam's.
+/// Returns the bits of a leaf's triangles whose rectangles overlap the beam's.
 TILEFLIGHT_LANE_INLINE unsigned overlapping_triangles(const BeamBounds& beam, const BeamLeaf& leaf,
                                                       const TriangleSetup8& facets) {
   const unsigned near = sign_mask((facets.low_x <= beam.max_x) & (facets.high_x >= beam.min_x) &
@@ -324,14 +324,14 @@ TILEFLIGHT_LANE_INLINE unsigned overlapping_triangles(const BeamBounds& beam, co
   return near & ((1U << leaf.count) - 1U);
 }
 
-/// Bits of the packets whose rectangles overlap a triangle's.
+/// Returns the bits of the packets whose rectangles overlap a triangle's.
 TILEFLIGHT_LANE_INLINE unsigned overlapping_packets(const PacketRectangles& packets, const TriangleSetup8& facets,
                                                     int place) {
   return sign_mask((packets.low_x <= facets.high_x[place]) & (packets.high_x >= facets.low_x[place]) &
                    (packets.low_y <= facets.high_y[place]) & (packets.high_y >= facets.low_y[place]));
 }
 
-/// Bounding rectangle of the projected corners; the whole plane unless all corners are in front.
+/// Computes the bounding rectangle of the projected corners; the whole plane unless all corners are in front.
 TILEFLIGHT_LANE_INLINE void bound(const Vector3x8& a, const Vector3x8& b, const Vector3x8& c, TriangleSetup8& facets) {
   const Float8 nearest = lane_min(lane_min(a.z, b.z), c.z);
   const Float8 a_1 = 1.0F / a.z, b_1 = 1.0F / b.z, c_1 = 1.0F / c.z;
@@ -345,16 +345,16 @@ TILEFLIGHT_LANE_INLINE void bound(const Vector3x8& a, const Vector3x8& b, const 
   facets.high_y = in_front ? lane_max(lane_max(ys[0], ys[1]), ys[2]) + kPlaneSlack : all;
 }
 
-/// `turn`: the sign bit of n . a in each lane.
+/// Flips the signs of the normals' components where n . a is negative. `turn`: the sign bit of n . a in each lane.
 TILEFLIGHT_LANE_INLINE void flip_signs(const Vector3x8& normal, const Int8& turn, Float8 (&to)[3]) {
   to[0] = (Float8)((Int8)normal.x ^ turn);
   to[1] = (Float8)((Int8)normal.y ^ turn);
   to[2] = (Float8)((Int8)normal.z ^ turn);
 }
 
-/// Planes of the triangles, from their corners relative to the origin but in scene axes, which keeps the precision of
-/// large level surfaces. `turn`: the sign bit of n . a in each lane; returns the bits of the triangles that are not
-/// seen edge-on.
+/// Computes the planes of the triangles from their corners relative to the origin but in scene axes, which keeps the
+/// precision of large level surfaces. `turn`: the sign bit of n . a in each lane. Returns the bits of the triangles
+/// that are not seen edge-on.
 TILEFLIGHT_LANE_INLINE unsigned set_up_planes(const BeamFrame& frame, const Vector3x8 (&corners)[3],
                                               TriangleSetup8& facets, Int8& turn, Float8& per_volume) {
   const auto& [a, b, c] = corners;
@@ -381,7 +381,7 @@ TILEFLIGHT_LANE_INLINE void evaluate_plane(const Float8 (&coefficients)[3], int 
   value = coefficients[0][place] * x + coefficients[1][place] * y + coefficients[2][place];
 }
 
-/// Numbers of a leaf's triangle in all lanes.
+/// Returns the numbers of a leaf's triangle in all lanes.
 struct TriangleNumbers8 {
   Int8 mesh, triangle;
 };
@@ -391,15 +391,15 @@ TILEFLIGHT_LANE_INLINE TriangleNumbers8 numbers_of(const BeamLeaf& leaf, std::ui
           Int8{} + static_cast<std::int32_t>(leaf.triangle[place])};
 }
 
-/// Lanes where a triangle at that inverse depth is nearer than the hit so far, or equally near and first by its
-/// numbers.
+/// Returns the lanes where a triangle at that inverse depth is nearer than the hit so far, or equally near and first by
+/// its numbers.
 TILEFLIGHT_LANE_INLINE Int8 nearer_lanes(const Hits8& hits, const Float8& inverse_depth,
                                          const TriangleNumbers8& numbers) {
   const Int8 before = (numbers.mesh < hits.mesh) | ((numbers.mesh == hits.mesh) & (numbers.triangle < hits.triangle));
   return (inverse_depth > hits.inverse_depth) | ((inverse_depth == hits.inverse_depth) & before);
 }
 
-/// Takes over a triangle's hits in the lanes of `hit`. `a`, `b`, `c`: its edge functions there.
+/// Stores a triangle's hits in the lanes of `hit`. `a`, `b`, `c`: its edge functions there.
 TILEFLIGHT_LANE_INLINE void take_hits(const Int8& hit, const Float8& inverse_depth, const Float8& a, const Float8& b,
                                       const Float8& c, const TriangleSetup8& facets, int place,
                                       const TriangleNumbers8& numbers, Hits8& hits) {

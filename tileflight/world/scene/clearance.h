@@ -20,13 +20,14 @@ struct Surroundings {
   bool inside = false;                                              ///< inside a solid, or below the ground
 };
 
-/// `reach_m`: largest distance of the clearance. `inside_reach_m`: surfaces farther away do not count for `inside`.
+/// Finds the surroundings of a point. `reach_m`: largest distance of the clearance. `inside_reach_m`: surfaces farther
+/// away do not count for `inside`.
 ///
-/// Inside: of 128 evenly spread directions, more hit the back of the first surface than its front, and the same is true
-/// of more than half of the upward ones. A tileset is a shell that is seldom closed: the ground is open at its sides, a
-/// house or tree crown at its bottom. From inside or below one, surfaces above show their backs and few fronts are
-/// visible; beside one, or under a bridge captured only from above, the ground shows more front than the surfaces above
-/// show back. Surfaces modelled to be seen from inside (a scanned room) show fronts there.
+/// A point is inside if more of 128 evenly spread directions hit the back of the first surface than its front, and if
+/// the same is true of more than half of the upward ones. A tileset is a shell that is seldom closed: the ground is
+/// open at its sides, a house or tree crown at its bottom. From inside or below one, surfaces above show their backs
+/// and few fronts are visible. Beside one, or under a bridge captured only from above, the ground shows more front than
+/// the surfaces above show back. Surfaces modelled to be seen from inside (a scanned room) show fronts there.
 Surroundings find_surroundings(const Scene& scene, const geometry::Vec3& point, double reach_m,
                                double inside_reach_m = 1e9);
 

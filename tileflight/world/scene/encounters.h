@@ -14,16 +14,17 @@ namespace tileflight::scene {
 
 class Scene;
 
-/// Frames at which a camera meets actors, each actor by its box at that time; with the actors' names, of the first
-/// frame first.
+/// Frames at which a camera meets actors, and the names of these actors in the order of the frames. An actor is its box
+/// at that time.
 struct Encounters {
   std::vector<std::size_t> inside;   ///< the camera is in a box
   std::vector<std::size_t> through;  ///< on the way to the next frame it enters or crosses one, or one drives over it
   std::vector<std::string> inside_of, through_what;
 };
 
-/// `pose_at`: T_local_camera between the frames; empty: straight on. The way from a frame to the next is followed in
-/// eight steps in each actor's own axes, in which both movements are one.
+/// Finds the frames at which a camera meets actors. The camera's path from a frame to the next is followed in eight
+/// steps in each actor's own axes, in which both movements are one. `pose_at`: T_local_camera between the frames;
+/// empty: straight on.
 Encounters find_encounters(const Traffic& traffic, const geometry::Trajectory& frames,
                            const std::function<geometry::SE3(double time_s)>& pose_at);
 

@@ -18,11 +18,11 @@ struct PartTransform {
 /// Motion of a placed part during a scene's time.
 class PartMotion {
  public:
-  /// `anchor`: of the scene. Throws InputError (the part's name) for no pose, one that is not finite, or mirrors or
-  /// flattens, and for a turn by a right angle or more from one pose to the next.
+  /// Checks the poses. `anchor`: that of the scene. Throws InputError (the part's name) for no pose, one that is not
+  /// finite, or mirrors or flattens, and for a turn by a right angle or more from one pose to the next.
   PartMotion(const PlacedPart& placed, const geometry::Vec3& anchor);
 
-  /// `time`: 0 to 1; others are taken as the nearest of these.
+  /// Returns the pose at a time from 0 to 1; other times are taken as the nearest of these.
   Eigen::Affine3d pose(double time) const;
   PartTransform transform(float time) const;
   /// Returns the bounds of the part at all times, local frame; empty if it has no triangle.

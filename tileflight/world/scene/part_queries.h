@@ -20,8 +20,8 @@ namespace tileflight::scene {
 /// A bounding volume hierarchy over the boxes of a scene's parts. Its leaves are the parts' numbers.
 class PartTree {
  public:
-  /// `boxes`: of each part, relative to the anchor; low > high for one without triangles, which is left out. Not all
-  /// are. Throws std::runtime_error if memory is insufficient.
+  /// Builds the tree. `boxes`: box of each part, relative to the anchor; low > high for a part without triangles, which
+  /// is left out. At least one part has triangles. Throws std::runtime_error if memory is insufficient.
   PartTree(std::span<const Eigen::AlignedBox3f> boxes, DeviceHandle device);
 
   BeamNode::Child root() const { return root_; }
@@ -79,7 +79,7 @@ void PartTree::visit_parts(const Query& query, const Visit& visit) const {
   }
 }
 
-/// A part of a scene.
+/// A part of a scene, with its motion if it is placed.
 struct QueriedPart {
   std::shared_ptr<const ScenePart> part;
   std::shared_ptr<const PartMotion> motion;  ///< of a placed part; null: its frame is the scene's
@@ -91,11 +91,12 @@ struct QueriedPart {
 /// part.
 class PartQueries {
  public:
-  /// There is a triangle. `frame`: of the scene. Throws std::runtime_error if memory is insufficient.
+  /// Builds the tree over the parts, of which one has a triangle. `frame`: that of the scene. Throws std::runtime_error
+  /// if memory is insufficient.
   PartQueries(std::vector<QueriedPart> parts, const SceneFrame& frame);
 
-  /// As rtcIntersect1 and rtcOccluded1, with meshes as geometry numbers. Of equally near surfaces of several parts the
-  /// first part's counts. The ray's time is the scene's.
+  /// Answer queries of Embree's rtcIntersect1 and rtcOccluded1, with meshes as geometry numbers. If surfaces of several
+  /// parts are equally near, the first part's counts. The ray's time is the scene's.
   void intersect(RTCRayHit& query) const;
   void test_occlusion(RTCRay& ray) const;
   /// Answer the queries of Scene's functions of the same names.
@@ -126,7 +127,7 @@ class PartQueries {
   mutable LazyTree<std::vector<BeamBranch>> branches_;
 };
 
-/// Boxes against a point.
+/// Distances of a point from boxes.
 template <class Radius>
 struct PointBoxes {
   const float (&point)[3];

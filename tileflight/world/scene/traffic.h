@@ -45,8 +45,8 @@ struct ActorRoute {
 /// 1974, by chord length), on the ground, with smooth heading. Immutable; safe from several threads.
 class ActorPath {
  public:
-  /// `ground` may be empty for routes that do not follow it. Throws InputError (`name`): no point, points at one place,
-  /// speeds that are not above 0, numbers that are not finite, no ground anywhere below the way.
+  /// Lays out the route. `ground` may be empty for routes that do not follow it. Throws InputError (`name`): no point,
+  /// points at one place, speeds that are not above 0, numbers that are not finite, no ground anywhere below the route.
   ActorPath(const ActorRoute& route, const GroundHeight& ground, const char* name);
 
   /// T_local_actor: x along the way, z up from the ground.
@@ -100,7 +100,7 @@ struct ActorState {
 /// Cars and people that move through a place. Immutable; safe from several threads.
 class Traffic {
  public:
-  /// `ground`: see ActorPath. Throws InputError for a wrong plan (its name).
+  /// Lays out all routes. `ground`: as for ActorPath. Throws InputError for a wrong plan (its name).
   Traffic(std::vector<ActorPlan> plans, const GroundHeight& ground);
 
   const std::vector<ActorPlan>& plans() const { return plans_; }
