@@ -126,7 +126,7 @@ dataset::Dataset full_dataset(const fs::path& folder, const imaging::Camera& cam
     depth_m(5, 7) = kNone;
     depth_m(6, 7) = std::numeric_limits<float>::quiet_NaN();
     depth_m(7, 7) = -2.0F;
-    write_frame_layers(writer.temporary_folder(), i, {.depth_m = &depth_m});
+    dataset::write_frame_layers(writer.temporary_folder(), i, {.depth_m = &depth_m});
   }
   writer.set_groundtruth(truth);
   dataset::write_imu_csv(writer.temporary_folder() / "imu.csv", {{start_s, Vec3(1, 2, 3), Vec3(4, 5, 6)},

@@ -27,7 +27,7 @@ dataset::Dataset small_dataset(const fs::path& folder) {
   writer.set_groundtruth(truth);
   imaging::FloatImage depth_m(4, 3, 7.0F);
   depth_m(3, 2) = std::numeric_limits<float>::infinity();
-  for (std::size_t i = 0; i < 3; ++i) write_frame_layers(writer.temporary_folder(), i, {.depth_m = &depth_m});
+  for (std::size_t i = 0; i < 3; ++i) dataset::write_frame_layers(writer.temporary_folder(), i, {.depth_m = &depth_m});
   writer.finish();
   return dataset::read_dataset(folder);
 }
