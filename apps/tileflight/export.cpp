@@ -9,8 +9,8 @@
 namespace tileflight::app {
 namespace {
 
-const char* const kMcap = "mcap";  ///< one file; the others are folders
-const char* const kDsec = "dsec";  ///< of event cameras
+const char* const kMcap = "mcap";  ///< one file; the other layouts are folders
+const char* const kDsec = "dsec";  ///< layout of event cameras
 
 std::vector<std::string> layouts() {
   std::vector<std::string> names = exports::export_layouts();
