@@ -70,10 +70,9 @@ std::string part_fault(const std::string& text) {
   return job_part(text) ? "" : "must be two numbers from 1, as in 2/8, got " + text;
 }
 
-std::string dry_run_summary(const nlohmann::json& result) {
-  return "an estimate, from " + std::to_string(result["tiles_probed"].get<int>()) +
-         " tiles: " + result["text"].get<std::string>() +
-         (result["in_blocks"].get<bool>() ? "; in blocks, memory is less" : "") + "; nothing is written\n";
+std::string dry_run_summary(const place::ExtractPreview& preview) {
+  return "an estimate, from " + std::to_string(preview.cost.tiles_probed) + " tiles: " + cost_text(preview.cost) +
+         (preview.in_blocks ? "; in blocks, memory is less" : "") + "; nothing is written\n";
 }
 
 /// Reads the edge of a block, metres; 0 for `auto`, nullopt for a text that is neither that nor a length above zero.
@@ -144,8 +143,8 @@ Output extract(const ExtractOptions& options, const CommonOptions& shared, const
   settings.load.source = source_options(options.source_arguments);
   if (options.memory_gb > 0.0) settings.max_memory_bytes = static_cast<std::uintmax_t>(options.memory_gb * 1e9);
   if (options.dry_run) {
-    const nlohmann::json cost = place::preview_extract(settings, options.out, shared.force, progress);
-    return {cost, dry_run_summary(cost)};
+    const place::ExtractPreview preview = place::preview_extract(settings, options.out, shared.force, progress);
+    return {to_json(preview), dry_run_summary(preview)};
   }
   settings.resume = options.resume;
   settings.part = job_part(options.part);
@@ -155,7 +154,7 @@ Output extract(const ExtractOptions& options, const CommonOptions& shared, const
   }
   const nlohmann::json result = run_among_ranks([&](jobs::Ranks* ranks) {
     settings.processes = ranks == nullptr ? 1 : ranks->count();
-    return place::extract(settings, options.out, shared.force, progress, ranks);
+    return to_json(place::extract(settings, options.out, shared.force, progress, ranks));
   });
   if (result.is_null()) return {};  // another process prints
   if (settings.part) return {result, part_summary(result["build"], options.out)};

@@ -11,9 +11,9 @@
 #include "tests/same_files.h"
 #include "tests/tiny_city.h"
 #include "tests/tiny_place.h"
-#include "tileflight/data/dataset/depth_images.h"
-#include "tileflight/data/dataset/imu_files.h"
 #include "tileflight/core/imaging/image_files.h"
+#include "tileflight/data/dataset/frame_layers.h"
+#include "tileflight/data/dataset/sensor_files.h"
 
 namespace tileflight::rig_test {
 namespace {

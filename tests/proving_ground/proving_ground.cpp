@@ -125,7 +125,7 @@ recording::RenderedFlightConfig degraded(recording::RenderedFlightConfig flight)
   formation.white_electrons = 8000;
   formation.read_noise_electrons = 8;
   flight.degrade = formation;
-  flight.video = dataset::VideoCompression{.crf = 20};
+  flight.video = video::VideoCompression{.crf = 20};
   return flight;
 }
 

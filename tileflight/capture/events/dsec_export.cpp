@@ -8,7 +8,8 @@
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/output_folder.h"
-#include "tileflight/data/dataset/exports.h"
+#include "tileflight/data/dataset/frame_list.h"
+#include "tileflight/data/exports/layout_writers.h"
 
 namespace tileflight::events {
 namespace {
@@ -69,8 +70,7 @@ void write_sequence(const std::vector<const RigCamera*>& cameras, const fs::path
     fs::copy_file(events_of(*cameras[side]), events / "events.h5");
     write_rectify_map(events / "rectify_map.h5", rectify_map(of_side.calibration.camera, rectified, rotations[side]));
     imaging::write_kalibr(folder / "calibration" / (std::string(sides[side]) + ".yaml"), of_side.calibration);
-    dataset::exports::write_png_frames(of_side, folder / "images" / sides[side] / "distorted",
-                                       dataset::exports::frame_stem, progress);
+    exports::write_png_frames(of_side, folder / "images" / sides[side] / "distorted", dataset::frame_id, progress);
   }
   base::write_file(folder / "images" / "timestamps.txt", timestamps_text(cameras.front()->dataset));
 }
@@ -115,11 +115,11 @@ imaging::Image<std::array<float, 2>> rectify_map(const imaging::Camera& camera, 
   return map;
 }
 
-dataset::ExportResult export_dsec(const dataset::Rig& rig, const fs::path& folder, bool replace,
+exports::ExportResult export_dsec(const dataset::Rig& rig, const fs::path& folder, bool replace,
                                   const Progress& progress, std::vector<fs::path> inputs) {
   std::vector<const RigCamera*> cameras = event_cameras(rig);
   for (const RigCamera& camera : rig.cameras) inputs.push_back(camera.dataset.folder);
-  dataset::ExportResult result{cameras.front()->dataset.frames.size(), {}};
+  exports::ExportResult result{cameras.front()->dataset.frames.size(), {}};
   if (rig.cameras.size() > std::min<std::size_t>(2, cameras.size()))
     result.notes.emplace_back("DSEC's sequences have two event cameras at most: the first two with events are written");
   cameras.resize(std::min<std::size_t>(2, cameras.size()));

@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "tileflight/core/base/progress.h"
-#include "tileflight/data/dataset/export_dataset.h"
-#include "tileflight/data/dataset/rig.h"
 #include "tileflight/core/imaging/camera.h"
+#include "tileflight/data/dataset/rig.h"
+#include "tileflight/data/exports/export_dataset.h"
 
 namespace tileflight::events {
 
@@ -16,8 +16,8 @@ namespace tileflight::events {
 ///   images/left/distorted, …     their pictures, PNG, with the lens of the events
 ///   images/timestamps.txt        of the left camera's pictures, microseconds on the clock of t_offset
 ///   calibration/left.yaml, …     lenses, as Kalibr has them
-/// Notes tell what the layout does not hold. Throws InputError: no camera has events, and as dataset::export_rig.
-dataset::ExportResult export_dsec(const dataset::Rig& rig, const std::filesystem::path& folder, bool replace,
+/// Notes tell what the layout does not hold. Throws InputError: no camera has events, and as exports::export_rig.
+exports::ExportResult export_dsec(const dataset::Rig& rig, const std::filesystem::path& folder, bool replace,
                                   const Progress& progress = {}, std::vector<std::filesystem::path> inputs = {});
 
 /// Where DSEC's rectify_map takes an event camera's pixels: to a pinhole camera of the same size, whose focal length is

@@ -7,8 +7,8 @@
 
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
-#include "tileflight/core/base/files.h"
 #include "tileflight/capture/events/dsec_file.h"
+#include "tileflight/core/base/files.h"
 
 namespace tileflight::events::dsec_export_test {
 namespace {
@@ -71,7 +71,7 @@ fs::path dataset_with_events(const fs::path& folder) {
 TEST(DsecExport, HoldsEventsPicturesAndMaps) {
   const tests::TemporaryFolder folder;
   const dataset::Rig rig = dataset::read_rig(dataset_with_events(folder / "dataset"));
-  const dataset::ExportResult result = export_dsec(rig, folder / "dsec", false);
+  const exports::ExportResult result = export_dsec(rig, folder / "dsec", false);
   EXPECT_EQ(result.frames, 2U);
   EXPECT_EQ(read_dsec_file(folder / "dsec" / "events" / "left" / "events.h5").events.size(), 3U);
   EXPECT_TRUE(fs::exists(folder / "dsec" / "events" / "left" / "rectify_map.h5"));

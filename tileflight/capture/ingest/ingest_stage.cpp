@@ -15,7 +15,7 @@
 #include "tileflight/core/base/program.h"
 #include "tileflight/data/dataset/ingest_rig.h"
 #include "tileflight/data/flight_logs/photo_log.h"
-#include "tileflight/data/flight_logs/telemetry_file.h"
+#include "tileflight/data/flight_logs/telemetry.h"
 #include "tileflight/slam/odometry/track.h"
 #include "tileflight/world/place/extract.h"
 
@@ -215,8 +215,7 @@ nlohmann::json ingest_dataset(const IngestedFlightConfig& flight, const std::fil
       options.ranges.push_back({range.time_s, range.range_m});
     add_positions(telemetry, flight, truth, options, warnings);
   }
-  if (!truth.empty())
-    options.description.merge(place::describe_frame(place::origin_from_json(place::read_extract_json(truth))));
+  if (!truth.empty()) options.description.merge(place::describe_frame(place::read_extract_json(truth).origin));
   std::optional<double> start_utc_s;
   add_photo_metadata(flight, truth, options, start_utc_s, warnings);
   nlohmann::json time_offset;  // null: not requested

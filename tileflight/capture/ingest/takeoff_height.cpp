@@ -48,7 +48,7 @@ geometry::EllipsoidalHeight estimate_takeoff_height(const flight_logs::Telemetry
                                                     const std::filesystem::path& log,
                                                     const std::filesystem::path& truth) {
   const flight_logs::TelemetryFix& fix = find_ground_fix(telemetry, log);
-  const auto origin = place::origin_from_json(place::read_extract_json(truth));
+  const auto origin = place::read_extract_json(truth).origin;
   if (!origin) {
     throw InputError(truth.string(),
                      "is not georeferenced, so the take-off point cannot be located in it; give its height: "

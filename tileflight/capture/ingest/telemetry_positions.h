@@ -3,11 +3,11 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/data/dataset/attitude_csv.h"
-#include "tileflight/data/dataset/dataset.h"
-#include "tileflight/data/flight_logs/telemetry.h"
-#include "tileflight/core/geometry/geodesy.h"
 #include "tileflight/capture/ingest/ingest_stage.h"
+#include "tileflight/core/geometry/geodesy.h"
+#include "tileflight/data/dataset/dataset.h"
+#include "tileflight/data/dataset/sensor_files.h"
+#include "tileflight/data/flight_logs/telemetry.h"
 
 namespace tileflight::ingest {
 

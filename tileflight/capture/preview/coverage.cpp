@@ -12,7 +12,7 @@
 #include "tileflight/core/base/memory_budget.h"
 #include "tileflight/core/base/output_folder.h"
 #include "tileflight/tiles/fetch/open_source.h"
-#include "tileflight/world/place/require_surface.h"
+#include "tileflight/world/place/place_reader.h"
 
 namespace tileflight::preview {
 namespace fs = std::filesystem;

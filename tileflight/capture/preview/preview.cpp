@@ -13,7 +13,7 @@
 #include "tileflight/core/base/memory_budget.h"
 #include "tileflight/core/base/output_folder.h"
 #include "tileflight/core/imaging/image_files.h"
-#include "tileflight/world/place/require_surface.h"
+#include "tileflight/world/place/place_reader.h"
 #include "tileflight/world/scene/scene.h"
 
 namespace tileflight::preview {

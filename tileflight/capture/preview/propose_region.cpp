@@ -7,7 +7,7 @@
 
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/imaging/summed_area_table.h"
-#include "tileflight/world/ground_truth/suggested_voxel.h"
+#include "tileflight/world/ground_truth/voxelize.h"
 
 namespace tileflight::preview {
 namespace {

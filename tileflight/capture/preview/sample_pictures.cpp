@@ -6,7 +6,7 @@
 #include "tileflight/core/base/progress.h"
 #include "tileflight/core/drawing/page_image.h"
 #include "tileflight/core/imaging/image_files.h"
-#include "tileflight/world/place/require_surface.h"
+#include "tileflight/world/place/place_reader.h"
 #include "tileflight/world/scene/scene.h"
 
 namespace tileflight::preview {

@@ -11,7 +11,7 @@
 #include "tileflight/core/base/program.h"
 #include "tileflight/core/imaging/calibration_files.h"
 #include "tileflight/core/imaging/photometric.h"
-#include "tileflight/data/dataset/attitude_csv.h"
+#include "tileflight/data/dataset/sensor_files.h"
 #include "tileflight/tiles/fetch/open_source.h"
 #include "tileflight/world/place/extract.h"
 

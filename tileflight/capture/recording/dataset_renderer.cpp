@@ -12,7 +12,7 @@
 #include "tileflight/capture/recording/frame_output_writer.h"
 #include "tileflight/core/base/progress.h"
 #include "tileflight/data/dataset/encode_queue.h"
-#include "tileflight/data/dataset/video.h"
+#include "tileflight/data/video/video.h"
 
 namespace tileflight::recording {
 namespace fs = std::filesystem;
@@ -65,7 +65,7 @@ void to_video_clock(PlannedFlight& mission) {
 void add_video_frames(const fs::path& video, const geometry::Trajectory& frames,
                       const std::vector<double>& exposures_ms, dataset::DatasetWriter& writer) {
   dataset::EncodeQueue queue(writer);
-  dataset::read_video(video, {}, [&](std::int64_t index, double, const imaging::RgbImage& image) {
+  video::read_video(video, {}, [&](std::int64_t index, double, const imaging::RgbImage& image) {
     const auto i = static_cast<std::size_t>(index);
     queue.add(i, frames.poses[i].time_s, exposures_ms[i], image);
     return true;
@@ -91,8 +91,8 @@ struct CameraFiles {
     if (!settings.flight.video || !share.is_first_rank()) return;
     const imaging::Camera& lens = mission.camera(camera).calibration.camera;
     video.emplace(video_file(), lens.width(), lens.height(),
-                  dataset::VideoOptions{.frames_per_second = frame_rate(mission.camera(camera).frames),
-                                        .compression = *settings.flight.video});
+                  video::VideoOptions{.frames_per_second = frame_rate(mission.camera(camera).frames),
+                                      .compression = *settings.flight.video});
   }
   CameraFiles(const CameraFiles&) = delete;
   CameraFiles& operator=(const CameraFiles&) = delete;
@@ -102,7 +102,7 @@ struct CameraFiles {
   dataset::DatasetWriter writer;
   FrameOutputWriter outputs;
   ActorLabels labels;
-  std::optional<dataset::VideoWriter> video;  ///< only on the first rank
+  std::optional<video::VideoWriter> video;  ///< only on the first rank
   FrameReorderBuffer reorder_buffer;
 };
 

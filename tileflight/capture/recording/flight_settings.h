@@ -5,10 +5,10 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/data/dataset/video.h"
 #include "tileflight/capture/flight_path/smoothing.h"
-#include "tileflight/capture/render/image_formation.h"
 #include "tileflight/capture/recording/render_outputs.h"
+#include "tileflight/capture/render/image_formation.h"
+#include "tileflight/data/video/video.h"
 
 namespace tileflight::recording {
 
@@ -28,7 +28,7 @@ struct RenderedFlightConfig {
   std::optional<double> memory_gb;  ///< memory: limit for tiles; nullopt: half of the machine's memory
   RenderOutputs outputs;            ///< outputs: a list of names, "depth, flow"
   std::optional<render::ImageFormation> degrade;  ///< imperfections of the second flight's camera
-  std::optional<dataset::VideoCompression>
+  std::optional<video::VideoCompression>
       video;  ///< video_crf, video_bitrate: H.264 compression of the frames; nullopt: none
 };
 

@@ -11,7 +11,7 @@
 #include "tileflight/core/base/memory_budget.h"
 #include "tileflight/core/base/progress.h"
 #include "tileflight/world/place/extract.h"
-#include "tileflight/world/place/require_surface.h"
+#include "tileflight/world/place/place_reader.h"
 
 namespace tileflight::recording {
 namespace {

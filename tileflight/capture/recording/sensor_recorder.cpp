@@ -8,9 +8,8 @@
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/data/dataset/imu_files.h"
 #include "tileflight/data/dataset/lidar_files.h"
-#include "tileflight/data/dataset/number_table.h"
+#include "tileflight/data/dataset/sensor_files.h"
 
 namespace tileflight::recording {
 namespace fs = std::filesystem;

@@ -4,10 +4,9 @@
 
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
-#include "tileflight/core/base/files.h"
-#include "tileflight/data/dataset/imu_files.h"
-#include "tileflight/data/dataset/number_table.h"
 #include "tileflight/capture/render/test_scenes.h"
+#include "tileflight/core/base/files.h"
+#include "tileflight/data/dataset/sensor_files.h"
 
 namespace tileflight::recording::sensor_recorder_test {
 namespace {

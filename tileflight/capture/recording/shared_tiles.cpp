@@ -13,7 +13,7 @@
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/progress.h"
 #include "tileflight/core/base/raw_bytes.h"
-#include "tileflight/world/place/require_surface.h"
+#include "tileflight/world/place/place_reader.h"
 
 namespace tileflight::recording {
 namespace {

@@ -7,14 +7,14 @@
 #include <span>
 #include <vector>
 
-#include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/capture/render/auto_exposure.h"
 #include "tileflight/capture/render/camera_renderer.h"
 #include "tileflight/capture/render/frame_outputs.h"
 #include "tileflight/capture/render/image_formation.h"
 #include "tileflight/capture/render/render_flight.h"
 #include "tileflight/capture/render/streaks.h"
-#include "tileflight/world/scene/surrounding_rays.h"
+#include "tileflight/core/geometry/trajectory.h"
+#include "tileflight/world/scene/clearance.h"
 
 namespace tileflight::render {
 

@@ -65,7 +65,7 @@ imaging::Calibration read_calib(const fs::path& file, bool right, const fs::path
   return calibration;
 }
 
-/// Those of the left camera.
+/// Returns the poses of the left camera.
 geometry::Trajectory read_poses(const fs::path& file, const std::vector<Frame>& frames) {
   const std::vector<Row12> rows = read_rows(file);
   if (rows.size() != frames.size())

@@ -27,7 +27,7 @@
 #include "tileflight/evaluation/scoring/warnings.h"
 #include "tileflight/world/ground_truth/truth_folder.h"
 #include "tileflight/world/place/extract.h"
-#include "tileflight/world/place/truth_region.h"
+#include "tileflight/world/place/extract_result.h"
 
 namespace tileflight::scoring {
 namespace fs = std::filesystem;
@@ -55,11 +55,6 @@ geometry::Sim3 read_transform_of(const fs::path& transform_file, const std::stri
   if (all.is_object() && all.contains(key))
     return alignment::alignment_from_json(all[key], transform_file.string() + ": " + key).T_target_source;
   return alignment::read_transform(transform_file).T_target_source;
-}
-
-std::optional<double> number_of(const json& object, const char* key) {
-  const auto found = object.find(key);
-  return found != object.end() && found->is_number() ? std::optional(found->get<double>()) : std::nullopt;
 }
 
 /// Standard deviation of the aligned points due to noise, if the transform file states it.
@@ -105,26 +100,28 @@ std::optional<metrics::RegionScores> evaluate_regions(const fs::path& transform_
   return metrics::score_regions(positions, surface_m, regions.aligned_on, regions.held_out);
 }
 
-/// Quantization floor measured by `extract` on its surface samples. nullopt for a folder of an older version, or if the
-/// cut-off is within its distances.
-std::optional<metrics::DistanceStatistics> recorded_floor(const json& extract_json, double cutoff_m) {
-  const json floor = extract_json.value("quantization_floor", json());
-  if (!floor.is_object() || !floor.contains("max") || !(floor["max"].get<double>() <= cutoff_m)) return std::nullopt;
-  return metrics::DistanceStatistics{floor.at("count"), floor.at("mean"), floor.at("std"), floor.at("median"),
-                                     floor.at("rmse")};
+/// Quantization floor measured by `extract` on its surface samples. nullopt if the cut-off is within its distances.
+std::optional<metrics::DistanceStatistics> recorded_floor(const place::ExtractResult& extracted, double cutoff_m) {
+  const auto& floor = extracted.quantization_floor;
+  if (!floor || !(floor->max_m <= cutoff_m)) return std::nullopt;
+  return metrics::DistanceStatistics{.count = floor->count,
+                                     .mean = floor->mean_m,
+                                     .std = floor->std_m.value_or(std::numeric_limits<double>::quiet_NaN()),
+                                     .median = floor->median_m,
+                                     .rmse = floor->rmse_m};
 }
 
 /// A ground truth folder and its metadata.
 struct Truth {
-  json extract_json;  ///< extract.json
+  place::ExtractResult extracted;
   place::TruthRegion region;
   ground_truth::TruthFolder folder;
 };
 
 Truth read_truth(const fs::path& folder) {
-  json about = place::read_extract_json(folder);
-  const place::TruthRegion region = place::region_from_json(about);
-  return {std::move(about), region, ground_truth::TruthFolder(folder)};
+  place::ExtractResult extracted = place::read_extract_json(folder);
+  place::TruthRegion region = extracted.scored_region();
+  return {std::move(extracted), std::move(region), ground_truth::TruthFolder(folder)};
 }
 
 /// Which of the map's points are over the region. Outside it there is no reference surface: such points count as map
@@ -162,7 +159,7 @@ metrics::VoxelWassersteinOptions wasserstein_options(const EvaluationSettings& s
 
 /// The floor that `extract` recorded, else measured again on its samples of the surface.
 metrics::DistanceStatistics quantization_floor(const Truth& truth, double cutoff_m) {
-  if (const auto recorded = recorded_floor(truth.extract_json, cutoff_m)) return *recorded;
+  if (const auto recorded = recorded_floor(truth.extracted, cutoff_m)) return *recorded;
   const geometry::PointCloud samples = truth.folder.read_surface_samples();
   if (samples.empty()) return {};
   return metrics::compute_quantization_floor(VoxelCenters(truth.folder).distances(samples, "surface samples"),
@@ -283,7 +280,7 @@ SurfaceDistances score_against_surface(const Task& task, std::optional<MapTiles>
                                                      seen, wasserstein_options(settings));
   metrics.error_budget = metrics::error_budget(
       {.floor_rmse_m = metrics.map.quantization_floor.rmse,
-       .geometric_error_m = number_of(task.truth.extract_json, "geometric_error_max"),
+       .geometric_error_m = task.truth.extracted.geometric_error_max_m,
        .alignment_sigma_m = alignment_sigma_m(task.transform_file),
        .rms_to_true_poses_m = distance_to_true_poses_m(task.poses, task.T_surface_map, task.points),
        .surface_m = over_m,
@@ -295,11 +292,11 @@ SurfaceDistances score_against_surface(const Task& task, std::optional<MapTiles>
 
 /// All warnings about the scores: those of the map, its transform, the truth and the images, and those that the scores
 /// show.
-Warnings score_warnings(const MapInputs& map, const json& about_truth, const fs::path& transform_file,
+Warnings score_warnings(const MapInputs& map, const place::ExtractResult& extracted, const fs::path& transform_file,
                         const EvaluationSettings& settings, const metrics::Metrics& metrics) {
   Warnings warnings = read_warnings(transform_file);
   append_distinct(warnings, odometry_warnings(map));
-  append_distinct(warnings, truth_warnings(about_truth));
+  append_distinct(warnings, truth_warnings(extracted));
   append_distinct(warnings, dataset_warnings(map.dataset));
   if (!metrics.surface) {
     warnings.push_back({"the ground truth has no exact surface: distances to its voxel centres have a floor of " +
@@ -354,7 +351,7 @@ nlohmann::json evaluate(const MapInputs& map, const fs::path& truth_folder, cons
     const auto over_m = truth.folder.has_mesh() ? std::optional(surface.over_m) : std::nullopt;
     metrics.moving = score_apart(*static_map.on_actors, static_map.apart, voxel_m, over_m, settings.cutoff_m);
   }
-  metrics.warnings = score_warnings(map, truth.extract_json, transform_file, settings, metrics);
+  metrics.warnings = score_warnings(map, truth.extracted, transform_file, settings, metrics);
   append_distinct(metrics.warnings, common_place_warnings(common, task.points.size(), settings.share_margin));
   write_apart_points(moving_points_file(out), static_map.apart, settings.cutoff_m);
   write_errors(metrics::errors_file(out), task.points, T_published_map, voxel_m, surface, settings.cutoff_m);

@@ -13,7 +13,7 @@
 #include "tileflight/core/alignment/transform_file.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/warning.h"
-#include "tileflight/data/dataset/attitude_csv.h"
+#include "tileflight/data/dataset/sensor_files.h"
 #include "tileflight/evaluation/registration/register_map.h"
 #include "tileflight/evaluation/scoring/flight_evidence.h"
 #include "tileflight/evaluation/scoring/path_warnings.h"

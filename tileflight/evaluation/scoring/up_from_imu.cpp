@@ -1,6 +1,6 @@
 #include "tileflight/evaluation/scoring/up_from_imu.h"
 
-#include "tileflight/data/dataset/imu_files.h"
+#include "tileflight/data/dataset/sensor_files.h"
 #include "tileflight/evaluation/registration/inertial_up.h"
 
 namespace tileflight::scoring {

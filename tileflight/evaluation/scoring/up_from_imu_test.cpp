@@ -8,7 +8,7 @@
 #include "tests/temporary_folder.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/data/dataset/imu_files.h"
+#include "tileflight/data/dataset/sensor_files.h"
 
 namespace tileflight::scoring::up_from_imu_test {
 namespace {

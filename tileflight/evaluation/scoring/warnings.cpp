@@ -74,16 +74,15 @@ Warnings odometry_warnings(const MapInputs& map) {
   return warnings;
 }
 
-Warnings truth_warnings(const json& about) {
+Warnings truth_warnings(const place::ExtractResult& extracted) {
   Warnings warnings;
-  if (!about.value("complete", true)) {
-    warnings.push_back({std::to_string(static_cast<long>(number_of(about, "tiles_failed", 0.0))) + " of " +
-                            std::to_string(static_cast<long>(number_of(about, "tiles_wanted", 0.0))) +
+  if (!extracted.complete) {
+    warnings.push_back({std::to_string(extracted.tiles_failed) + " of " + std::to_string(extracted.tiles_wanted) +
                             " tiles of the ground truth are missing",
                         kTruth, Severity::kError, "fetch the missing tiles and extract again"});
   }
   constexpr double kCoarse_m = 0.5;
-  const double error_m = number_of(about, "geometric_error_max", 0.0);
+  const double error_m = extracted.geometric_error_max_m.value_or(0.0);
   if (error_m > kCoarse_m) {
     std::string metres = std::to_string(error_m);
     metres.resize(metres.find('.') + 3);

@@ -1,13 +1,13 @@
 #pragma once
 
 #include <filesystem>
-#include <nlohmann/json_fwd.hpp>
 #include <string>
 
 #include "tileflight/core/base/warning.h"
 #include "tileflight/evaluation/metrics/moving_points.h"
 #include "tileflight/evaluation/scoring/map_inputs.h"
 #include "tileflight/evaluation/scoring/tiled_scores.h"
+#include "tileflight/world/place/extract_result.h"
 
 namespace tileflight::scoring {
 
@@ -19,7 +19,7 @@ Warnings read_warnings(const std::filesystem::path& json_file);
 Warnings odometry_warnings(const MapInputs& map);
 
 /// Warnings about the ground truth: missing or coarse tiles (extract.json).
-Warnings truth_warnings(const nlohmann::json& extract_json);
+Warnings truth_warnings(const place::ExtractResult& extracted);
 
 /// Warnings about the images: warnings of `render` or `ingest` (dataset.yaml).
 Warnings dataset_warnings(const std::filesystem::path& dataset_folder);

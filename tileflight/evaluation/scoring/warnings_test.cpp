@@ -47,11 +47,11 @@ TEST_F(WarningsOfAFlight, AWholeOneHasNone) {
 }
 
 TEST_F(WarningsOfAFlight, ATruthWithoutItsTiles) {
-  const Warnings warnings = truth_warnings({{"complete", false}, {"tiles_failed", 3}, {"tiles_wanted", 40}});
+  const Warnings warnings = truth_warnings({.tiles_wanted = 40, .tiles_failed = 3, .complete = false});
   ASSERT_EQ(warnings.size(), 1u);
   EXPECT_EQ(warnings[0].what, "3 of 40 tiles of the ground truth are missing");
-  EXPECT_EQ(truth_warnings({{"geometric_error_max", 2.5}}).size(), 1u);
-  EXPECT_TRUE(truth_warnings({{"geometric_error_max", 0.2}}).empty());
+  EXPECT_EQ(truth_warnings({.geometric_error_max_m = 2.5}).size(), 1u);
+  EXPECT_TRUE(truth_warnings({.geometric_error_max_m = 0.2}).empty());
 }
 
 TEST(CommonPlaceWarnings, InvalidPointsAtTheOrigin) {

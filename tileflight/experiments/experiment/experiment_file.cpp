@@ -345,8 +345,8 @@ void read_degrade(StrictSection& section, recording::RenderedFlightConfig& fligh
   const std::optional<double> megabits = section.number("video_bitrate");
   if (crf && megabits) throw section.error("video_bitrate", "does not go together with 'video_crf'");
   if (megabits && *megabits <= 0.0) throw section.error("video_bitrate", "must be positive (Mbit/s)");
-  if (crf) flight.video = dataset::VideoCompression{.crf = *crf};
-  if (megabits) flight.video = dataset::VideoCompression{.megabits_per_s = *megabits};
+  if (crf) flight.video = video::VideoCompression{.crf = *crf};
+  if (megabits) flight.video = video::VideoCompression{.megabits_per_s = *megabits};
   flight.degrade = render::read_image_formation(section);
 }
 

@@ -15,6 +15,7 @@
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/output_folder.h"
 #include "tileflight/experiments/experiment/link_files.h"
+#include "tileflight/tiles/demo_place/stadium.h"
 #include "tileflight/world/place/extract.h"
 
 namespace tileflight::experiment {
@@ -71,10 +72,10 @@ bool is_whole(const fs::path& entry) {
 
 SharedKind shared_truths(const std::string& source) {
   const auto name_source = [source](const fs::path& truth) {
-    json about = place::read_extract_json(truth);
-    if (about.value("source", json()) == source) return;
-    about["source"] = source;
-    base::write_file(truth / "extract.json", about.dump(2) + "\n");
+    place::ExtractResult about = place::read_extract_json(truth);
+    if (about.source == source) return;
+    about.source = source;
+    place::write_extract_json(about, truth);
   };
   return {.command = "extract", .name = "truth", .adapt = name_source};
 }

@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/data/dataset/ros_messages.h"
+#include "tileflight/data/messages/ros_messages.h"
 #include "tileflight/live/publishing/viewer_channels.h"
 
 namespace tileflight::publishing {
@@ -66,7 +66,7 @@ double rate_value(const foxglove::Parameter& wanted) {
 
 DatasetPlayer::DatasetPlayer(const dataset::Rig& rig, const PlayOptions& options)
     : dataset_(rig.cameras.front().dataset),
-      listed_(dataset::list_messages(
+      listed_(messages::list_messages(
           rig, {.depth = true, .odometry = true, .static_transforms = true, .cameras = options.cameras})),
       clock_(options.rate, options.is_paused),
       loop_(options.loop) {
@@ -99,7 +99,7 @@ void DatasetPlayer::set_parameter(const foxglove::Parameter& wanted) {
 }
 
 void DatasetPlayer::open(MessageSink& sink, const std::optional<PlaceGlb>& place) {
-  for (const dataset::MessageTopic& topic : listed_.topics) {
+  for (const messages::MessageTopic& topic : listed_.topics) {
     channels_.push_back(sink.add_channel(ros_channel(topic.name, topic.type, topic.is_latched)));
     topics_.push_back(topic.name);
   }
@@ -112,10 +112,10 @@ void DatasetPlayer::open(MessageSink& sink, const std::optional<PlaceGlb>& place
   };
   if (dataset_.groundtruth)
     send_once(ros_channel("/path", "nav_msgs/msg/Path", true),
-              dataset::ros::path({begin_ns, dataset::kMapFrame}, drawn_path(*dataset_.groundtruth)));
+              messages::ros::path({begin_ns, messages::kMapFrame}, drawn_path(*dataset_.groundtruth)));
   if (place)
-    send_once(scene_channel("/place"),
-              scene_update(place->bytes, dataset::kMapFrame, static_cast<std::uint64_t>(begin_ns), place->attribution));
+    send_once(scene_channel("/place"), scene_update(place->bytes, messages::kMapFrame,
+                                                    static_cast<std::uint64_t>(begin_ns), place->attribution));
 }
 
 std::vector<std::string> DatasetPlayer::topics() const { return topics_; }
@@ -136,11 +136,11 @@ std::uint64_t DatasetPlayer::play(MessageSink& sink, const std::stop_token& stop
 std::uint64_t DatasetPlayer::play_once(MessageSink& sink, const std::stop_token& stop) {
   restart_clock();
   std::uint64_t sent = 0;
-  for (const dataset::DatasetMessage& message : listed_.messages) {
+  for (const messages::DatasetMessage& message : listed_.messages) {
     if (!wait_until_due(message.time_ns, stop)) break;
     const auto time_ns = static_cast<std::uint64_t>(message.time_ns);
     sink.publish_time(time_ns);
-    if (sink.is_wanted(clock_channel_)) sink.publish(clock_channel_, time_ns, dataset::ros::clock(message.time_ns));
+    if (sink.is_wanted(clock_channel_)) sink.publish(clock_channel_, time_ns, messages::ros::clock(message.time_ns));
     const MessageSink::ChannelId channel = channels_[message.topic];
     const bool is_wanted = sink.is_wanted(channel);
     if (!is_wanted && !listed_.topics[message.topic].is_latched) continue;

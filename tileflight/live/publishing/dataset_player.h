@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/data/dataset/dataset_messages.h"
+#include "tileflight/data/messages/dataset_messages.h"
 #include "tileflight/live/foxglove/messages.h"
 #include "tileflight/live/publishing/message_sink.h"
 #include "tileflight/live/publishing/place_glb.h"
@@ -81,7 +81,7 @@ class DatasetPlayer {
   std::uint64_t play_once(MessageSink& sink, const std::stop_token& stop);
 
   const dataset::Dataset& dataset_;  ///< the first camera's
-  dataset::DatasetMessages listed_;
+  messages::DatasetMessages listed_;
   std::vector<MessageSink::ChannelId> channels_;  ///< of each topic
   MessageSink::ChannelId clock_channel_ = 0;
   std::vector<std::string> topics_;  ///< all, with those that are sent once

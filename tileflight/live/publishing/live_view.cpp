@@ -13,7 +13,7 @@
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/imaging/image.h"
 #include "tileflight/core/imaging/image_files.h"
-#include "tileflight/data/dataset/dataset_messages.h"
+#include "tileflight/data/messages/dataset_messages.h"
 #include "tileflight/live/publishing/place_glb.h"
 #include "tileflight/live/publishing/viewer_channels.h"
 #include "tileflight/live/simulator/airsim_types.h"
@@ -26,7 +26,7 @@ std::string frame_of(const std::string& vehicle, const std::string& part);
 std::string body_frame(const std::string& vehicle);
 std::string odometry_frame(const std::string& vehicle);
 std::string camera_frame(const std::string& vehicle, const std::string& camera);
-dataset::ros::Header header(std::uint64_t time_ns, const std::string& frame);
+messages::ros::Header header(std::uint64_t time_ns, const std::string& frame);
 
 imaging::RgbImage rgb_of(const simulator::ImageResponse& image);
 std::string jpeg_of(const imaging::RgbImage& rgb, int quality);
@@ -34,9 +34,9 @@ std::string jpeg_of(const imaging::RgbImage& rgb, int quality);
 imaging::FloatImage depth_of(const simulator::ImageResponse& image);
 std::vector<dataset::ScanPoint> points_of(const simulator::ObservedScan& scan);
 /// The sensors on their vehicles, and where odometry begins.
-std::vector<dataset::ros::FrameTransform> static_transforms_of(const simulator::Observation& now);
+std::vector<messages::ros::FrameTransform> static_transforms_of(const simulator::Observation& now);
 
-bool is_same(const dataset::ros::FrameTransform& a, const dataset::ros::FrameTransform& b);
+bool is_same(const messages::ros::FrameTransform& a, const messages::ros::FrameTransform& b);
 /// Whether time and all poses are the same: clients may also place vehicles while time stands still.
 bool is_same(const simulator::Observation& a, const simulator::Observation& b);
 
@@ -48,7 +48,7 @@ bool is_same(const geometry::SE3& a, const geometry::SE3& b) {
 }
 
 using dataset::kMapFrame;
-using dataset::ros::Header;
+using messages::ros::Header;
 
 std::string frame_of(const std::string& vehicle, const std::string& part) { return vehicle + "/" + part; }
 std::string body_frame(const std::string& vehicle) { return frame_of(vehicle, "base_link"); }
@@ -88,8 +88,8 @@ std::vector<dataset::ScanPoint> points_of(const simulator::ObservedScan& scan) {
   return points;
 }
 
-std::vector<dataset::ros::FrameTransform> static_transforms_of(const simulator::Observation& now) {
-  std::vector<dataset::ros::FrameTransform> all;
+std::vector<messages::ros::FrameTransform> static_transforms_of(const simulator::Observation& now) {
+  std::vector<messages::ros::FrameTransform> all;
   for (const simulator::ObservedVehicle& vehicle : now.vehicles) {
     const Header on_body = header(now.time_ns, body_frame(vehicle.name));
     all.push_back({header(now.time_ns, kMapFrame), odometry_frame(vehicle.name), {}});
@@ -102,7 +102,7 @@ std::vector<dataset::ros::FrameTransform> static_transforms_of(const simulator::
   return all;
 }
 
-bool is_same(const dataset::ros::FrameTransform& a, const dataset::ros::FrameTransform& b) {
+bool is_same(const messages::ros::FrameTransform& a, const messages::ros::FrameTransform& b) {
   return a.child_frame_id == b.child_frame_id && is_same(a.T_frame_child, b.T_frame_child);
 }
 
@@ -247,7 +247,7 @@ void LiveView::publish(const simulator::Observation& now, const Due& due, const 
   add_channels(now);
   sink_->publish_time(now.time_ns);
   if (is_wanted(clock_))
-    sink_->publish(clock_, now.time_ns, dataset::ros::clock(static_cast<std::int64_t>(now.time_ns)));
+    sink_->publish(clock_, now.time_ns, messages::ros::clock(static_cast<std::int64_t>(now.time_ns)));
   publish_static_transforms(now);
   if (is_wanted(tf_)) publish_transforms(now);
   if (is_wanted(place_)) start_place();
@@ -256,7 +256,7 @@ void LiveView::publish(const simulator::Observation& now, const Due& due, const 
     publish_state(now.time_ns, vehicle, channels);
     add_to_path(channels.flown, {static_cast<double>(now.time_ns) * 1e-9, vehicle.T_local_body});
     if (due.paths && is_wanted(channels.path))
-      sink_->publish(channels.path, now.time_ns, dataset::ros::path(header(now.time_ns, kMapFrame), channels.flown));
+      sink_->publish(channels.path, now.time_ns, messages::ros::path(header(now.time_ns, kMapFrame), channels.flown));
     for (const auto& [imu, channel] : channels.imus) publish_imu(vehicle, imu, channel);
     if (!due.images) continue;
     for (const simulator::ObservedCamera& camera : vehicle.cameras) {
@@ -316,19 +316,19 @@ void LiveView::remove_channels(const VehicleChannels& channels) {
 }
 
 void LiveView::publish_transforms(const simulator::Observation& now) {
-  std::vector<dataset::ros::FrameTransform> moving;
+  std::vector<messages::ros::FrameTransform> moving;
   for (const simulator::ObservedVehicle& vehicle : now.vehicles)
     moving.push_back(
         {header(now.time_ns, odometry_frame(vehicle.name)), body_frame(vehicle.name), vehicle.T_local_body});
-  sink_->publish(tf_, now.time_ns, dataset::ros::transforms(moving));
+  sink_->publish(tf_, now.time_ns, messages::ros::transforms(moving));
 }
 
 /// Once, and when a client has placed a camera otherwise: who comes later gets the last message.
 void LiveView::publish_static_transforms(const simulator::Observation& now) {
-  std::vector<dataset::ros::FrameTransform> all = static_transforms_of(now);
+  std::vector<messages::ros::FrameTransform> all = static_transforms_of(now);
   const auto same = [](const auto& a, const auto& b) { return is_same(a, b); };
   if (std::ranges::equal(all, static_transforms_, same)) return;
-  sink_->publish(tf_static_, now.time_ns, dataset::ros::transforms(all));
+  sink_->publish(tf_static_, now.time_ns, messages::ros::transforms(all));
   static_transforms_ = std::move(all);
 }
 
@@ -337,24 +337,24 @@ void LiveView::publish_state(std::uint64_t time_ns, const simulator::ObservedVeh
   const Header origin = header(time_ns, odometry_frame(vehicle.name));
   if (is_wanted(channels.odometry))
     sink_->publish(channels.odometry, time_ns,
-                   dataset::ros::odometry(origin, body_frame(vehicle.name), vehicle.T_local_body,
-                                          {vehicle.velocity_m_s, vehicle.angular_velocity_rad_s}));
+                   messages::ros::odometry(origin, body_frame(vehicle.name), vehicle.T_local_body,
+                                           {vehicle.velocity_m_s, vehicle.angular_velocity_rad_s}));
   if (is_wanted(channels.motion))
     sink_->publish(channels.motion, time_ns,
                    motion_text({vehicle.T_local_body, vehicle.velocity_m_s, vehicle.angular_velocity_rad_s}));
   if (is_wanted(channels.gnss)) {
     const geometry::Geodetic position{vehicle.latitude_deg, vehicle.longitude_deg, {vehicle.height_m}};
     const dataset::GpsFix fix{static_cast<double>(time_ns) * 1e-9, position, 0.0, 0.0};
-    sink_->publish(channels.gnss, time_ns, dataset::ros::nav_sat_fix(header(time_ns, body_frame(vehicle.name)), fix));
+    sink_->publish(channels.gnss, time_ns, messages::ros::nav_sat_fix(header(time_ns, body_frame(vehicle.name)), fix));
   }
 }
 
 void LiveView::publish_picture(const Header& head, const imaging::RgbImage& picture, const CameraChannels& channels) {
   const auto time_ns = static_cast<std::uint64_t>(head.time_ns);
-  if (is_wanted(channels.image)) sink_->publish(channels.image, time_ns, dataset::ros::rgb_image(head, picture));
+  if (is_wanted(channels.image)) sink_->publish(channels.image, time_ns, messages::ros::rgb_image(head, picture));
   if (is_wanted(channels.compressed))
     sink_->publish(channels.compressed, time_ns,
-                   dataset::ros::compressed_image(head, "jpeg", jpeg_of(picture, options_.jpeg_quality)));
+                   messages::ros::compressed_image(head, "jpeg", jpeg_of(picture, options_.jpeg_quality)));
 }
 
 void LiveView::publish_imu(const simulator::ObservedVehicle& vehicle, const std::string& imu, ChannelId channel) {
@@ -363,7 +363,7 @@ void LiveView::publish_imu(const simulator::ObservedVehicle& vehicle, const std:
   const geometry::ImuSample reading{static_cast<double>(motion.time_ns) * 1e-9, motion.angular_rate_rad_s,
                                     motion.specific_force_m_s2};
   sink_->publish(channel, motion.time_ns,
-                 dataset::ros::imu(header(motion.time_ns, frame_of(vehicle.name, imu)), reading));
+                 messages::ros::imu(header(motion.time_ns, frame_of(vehicle.name, imu)), reading));
 }
 
 /// Picture and depth of one call are of the same moment.
@@ -384,14 +384,14 @@ void LiveView::publish_camera(const simulator::ObservedVehicle& vehicle, const s
     const Header head = header(time_ns, frame);
     for (const simulator::ImageResponse& image : images) {
       if (image.pixels_as_float) {
-        sink_->publish(channels.depth, time_ns, dataset::ros::depth_image(head, depth_of(image)));
+        sink_->publish(channels.depth, time_ns, messages::ros::depth_image(head, depth_of(image)));
       } else {
         publish_picture(head, rgb_of(image), channels);
       }
     }
   }
   if (is_wanted(channels.info))
-    sink_->publish(channels.info, time_ns, dataset::ros::camera_info(header(time_ns, frame), camera.scene_lens));
+    sink_->publish(channels.info, time_ns, messages::ros::camera_info(header(time_ns, frame), camera.scene_lens));
 }
 
 void LiveView::publish_scan(const simulator::ObservedVehicle& vehicle, const simulator::ObservedLidar& lidar,
@@ -399,7 +399,7 @@ void LiveView::publish_scan(const simulator::ObservedVehicle& vehicle, const sim
   if (!is_wanted(channel)) return;
   const simulator::ObservedScan scan = simulator_()->viewer().scan(lidar.name, vehicle.name);
   const Header head = header(scan.time_ns, frame_of(vehicle.name, lidar.name));
-  sink_->publish(channel, scan.time_ns, dataset::ros::point_cloud(head, points_of(scan)));
+  sink_->publish(channel, scan.time_ns, messages::ros::point_cloud(head, points_of(scan)));
 }
 
 void LiveView::start_place() {

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "tileflight/core/geometry/trajectory.h"
-#include "tileflight/data/dataset/ros_messages.h"
+#include "tileflight/data/messages/ros_messages.h"
 #include "tileflight/live/foxglove/messages.h"
 #include "tileflight/live/publishing/message_sink.h"
 #include "tileflight/live/simulator/simulator.h"
@@ -81,7 +81,7 @@ class LiveView {
   void publish_state(std::uint64_t time_ns, const simulator::ObservedVehicle& vehicle, const VehicleChannels& channels);
   void publish_camera(const simulator::ObservedVehicle& vehicle, const simulator::ObservedCamera& camera,
                       const CameraChannels& channels);
-  void publish_picture(const dataset::ros::Header& head, const imaging::RgbImage& picture,
+  void publish_picture(const messages::ros::Header& head, const imaging::RgbImage& picture,
                        const CameraChannels& channels);
   void publish_imu(const simulator::ObservedVehicle& vehicle, const std::string& imu, ChannelId channel);
   void publish_scan(const simulator::ObservedVehicle& vehicle, const simulator::ObservedLidar& lidar,
@@ -104,8 +104,8 @@ class LiveView {
   MessageSink* sink_ = nullptr;
   std::map<std::string, VehicleChannels> vehicles_;
   ChannelId tf_ = 0, tf_static_ = 0, clock_ = 0, place_ = 0;
-  std::vector<dataset::ros::FrameTransform> static_transforms_;  ///< the ones sent last
-  std::jthread place_thread_;                                    ///< simplifying a place takes seconds
+  std::vector<messages::ros::FrameTransform> static_transforms_;  ///< the ones sent last
+  std::jthread place_thread_;                                     ///< simplifying a place takes seconds
   std::jthread thread_;
 };
 

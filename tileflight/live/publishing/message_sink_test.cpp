@@ -6,7 +6,7 @@
 #include <mutex>
 #include <thread>
 
-#include "tileflight/data/dataset/ros_messages.h"
+#include "tileflight/data/messages/ros_messages.h"
 #include "tileflight/live/publishing/live_view.h"
 #include "tileflight/live/publishing/viewer_channels.h"
 #include "tileflight/live/ros2/test_domain.h"
@@ -61,8 +61,8 @@ TEST_F(Ros2SinkTest, OnlyRosMessagesAreTopics) {
   sink_.publish(place, 1, "{}");
   subscribe("/imu", "sensor_msgs/msg/Imu");
   EXPECT_TRUE(sink_.is_wanted(imu));
-  sink_.publish(imu, 1, dataset::ros::imu({5, "imu"}, {}));
-  EXPECT_EQ(messages_.first("/imu"), dataset::ros::imu({5, "imu"}, {}));
+  sink_.publish(imu, 1, messages::ros::imu({5, "imu"}, {}));
+  EXPECT_EQ(messages_.first("/imu"), messages::ros::imu({5, "imu"}, {}));
   sink_.remove_channel(imu);
   EXPECT_FALSE(sink_.is_wanted(imu));
   sink_.publish(imu, 1, "gone");
@@ -121,8 +121,8 @@ TEST_F(Ros2SinkTest, SeveralSinksAreOne) {
   subscribe("/imu", "sensor_msgs/msg/Imu");
   EXPECT_TRUE(both.wait_for_audience({}));
   EXPECT_TRUE(both.is_wanted(imu));
-  both.publish(imu, 1, dataset::ros::imu({5, "imu"}, {}));
-  EXPECT_EQ(messages_.first("/imu"), dataset::ros::imu({5, "imu"}, {}));
+  both.publish(imu, 1, messages::ros::imu({5, "imu"}, {}));
+  EXPECT_EQ(messages_.first("/imu"), messages::ros::imu({5, "imu"}, {}));
 }
 
 }  // namespace

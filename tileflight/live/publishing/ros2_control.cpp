@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/data/dataset/dataset_messages.h"
+#include "tileflight/data/messages/dataset_messages.h"
 #include "tileflight/live/ros2/command_messages.h"
 
 namespace tileflight::publishing {
@@ -30,7 +30,7 @@ std::string time_text(const simulator::Simulator& simulator) {
 
 geometry::SE3 goal_pose(std::string_view cdr, const std::string& topic) {
   const ros2::PoseStamped goal = ros2::read_pose_stamped(cdr, topic);
-  if (goal.frame_id != dataset::kMapFrame)
+  if (goal.frame_id != messages::kMapFrame)
     throw InputError(topic, "a goal must be in the frame 'map', not '" + goal.frame_id.substr(0, 100) + "'");
   const auto& [x, y, z] = goal.position_m;
   const auto& q = goal.orientation_xyzw;

@@ -7,7 +7,7 @@
 #include <condition_variable>
 #include <mutex>
 
-#include "tileflight/data/dataset/cdr.h"
+#include "tileflight/data/messages/cdr.h"
 #include "tileflight/live/publishing/message_sink.h"
 #include "tileflight/live/ros2/test_domain.h"
 #include "tileflight/live/ros2/topics.h"
@@ -16,7 +16,7 @@
 namespace tileflight::publishing::ros2_control_test {
 namespace {
 
-using dataset::CdrWriter;
+using messages::CdrWriter;
 using simulator::test_world::pose;
 using testing::Contains;
 using testing::HasSubstr;

@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/data/dataset/cdr.h"
+#include "tileflight/data/messages/cdr.h"
 #include "tileflight/live/ros2/entities.h"
 
 // Definition: https://github.com/ros2/rmw_dds_common, msg/ParticipantEntitiesInfo.msg, NodeEntitiesInfo.msg, Gid.msg.
@@ -75,7 +75,7 @@ std::string configuration(const std::string& interface_name, const std::string& 
 
 namespace {
 
-using dataset::CdrWriter;
+using messages::CdrWriter;
 
 /// The identifier's octets; the rest are zeros.
 void put(CdrWriter& writer, Release release, const Guid& guid) {

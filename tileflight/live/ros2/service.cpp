@@ -14,8 +14,7 @@
 #include <utility>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/data/dataset/cdr.h"
-#include "tileflight/data/dataset/cdr_reader.h"
+#include "tileflight/data/messages/cdr.h"
 #include "tileflight/live/ros2/entities.h"
 #include "tileflight/live/ros2/raw_type.h"
 
@@ -31,7 +30,7 @@ constexpr std::size_t kHeader = 4, kIdentity = 16;
 ServiceMessage read_service_message(std::string_view cdr, const std::string& what) {
   if (cdr.size() < kHeader + kIdentity)
     throw InputError(what, "a request does not say whose it is; clients need RMW_IMPLEMENTATION=rmw_cyclonedds_cpp");
-  dataset::CdrReader reader(cdr, what);
+  messages::CdrReader reader(cdr, what);
   ServiceMessage message;
   message.client = reader.number<std::uint64_t>();
   message.sequence_number = reader.number<std::int64_t>();
@@ -40,7 +39,7 @@ ServiceMessage read_service_message(std::string_view cdr, const std::string& wha
 }
 
 std::string write_service_message(const ServiceMessage& message) {
-  dataset::CdrWriter writer;
+  messages::CdrWriter writer;
   writer.number(message.client).number(message.sequence_number);
   return writer.bytes() + message.body.substr(kHeader);
 }

@@ -13,7 +13,7 @@
 #include "tileflight/tiles/fetch/open_source.h"
 #include "tileflight/tiles/fetch/terms.h"
 #include "tileflight/tiles/tileset/cut_reader.h"
-#include "tileflight/world/place/require_surface.h"
+#include "tileflight/world/place/place_reader.h"
 
 namespace tileflight::simulator {
 namespace {

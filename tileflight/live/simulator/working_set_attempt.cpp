@@ -10,7 +10,7 @@
 #include "tileflight/live/simulator/working_set.h"
 #include "tileflight/tiles/fetch/terms.h"
 #include "tileflight/tiles/tileset/cut_reader.h"
-#include "tileflight/world/place/require_surface.h"
+#include "tileflight/world/place/place_reader.h"
 
 namespace tileflight::simulator {
 namespace {

@@ -17,7 +17,7 @@
 #include "tileflight/core/base/program.h"
 #include "tileflight/core/base/strict_section.h"
 #include "tileflight/core/jobs/process.h"
-#include "tileflight/data/dataset/export_dataset.h"
+#include "tileflight/data/exports/export_dataset.h"
 #include "tileflight/slam/external_systems/lens_support.h"
 
 namespace tileflight::external_systems {
@@ -69,7 +69,7 @@ std::vector<std::string> read_lenses(StrictSection& section) {
 void read_takes(StrictSection section, Adapter& adapter) {
   adapter.inputs = read_inputs(section);
   adapter.lenses = read_lenses(section);
-  std::vector<std::string> layouts = dataset::export_layouts();
+  std::vector<std::string> layouts = exports::export_layouts();
   layouts.emplace_back(kUnconverted);
   adapter.layout = section.choice("layout", layouts).value_or(kUnconverted);
   section.require_all_keys_used();

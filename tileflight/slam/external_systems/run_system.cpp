@@ -14,7 +14,7 @@
 #include "tileflight/core/base/output_folder.h"
 #include "tileflight/core/base/program.h"
 #include "tileflight/core/geometry/cloud_files.h"
-#include "tileflight/data/dataset/exports.h"
+#include "tileflight/data/exports/layout_writers.h"
 #include "tileflight/slam/external_systems/handed_dataset.h"
 #include "tileflight/slam/external_systems/lens_support.h"
 #include "tileflight/slam/external_systems/system_output.h"
@@ -52,7 +52,7 @@ std::map<std::string, std::string> make_environment(const Adapter& adapter, cons
       {"THREADS", std::to_string(threads)},
       {"OMP_NUM_THREADS", std::to_string(threads)},
       {"FRAMES", std::to_string(dataset.frames.size())},
-      {"FPS", base::fixed_text(dataset::exports::frame_rate_hz(dataset))},
+      {"FPS", base::fixed_text(exports::frame_rate_hz(dataset))},
       {"WIDTH", std::to_string(handed.calibration.camera.width())},
       {"HEIGHT", std::to_string(handed.calibration.camera.height())},
       {"LENS", lens_name(handed.calibration.camera)},

@@ -10,8 +10,8 @@
 #include "tileflight/core/geometry/cloud_files.h"
 #include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/core/imaging/image_files.h"
-#include "tileflight/data/dataset/colmap.h"
 #include "tileflight/data/dataset/dataset.h"
+#include "tileflight/data/exports/colmap.h"
 #include "tileflight/slam/odometry/debug_image.h"
 #include "tileflight/slam/odometry/direction_check.h"
 #include "tileflight/slam/odometry/line_delay_passes.h"
@@ -35,9 +35,9 @@ odometry::KeyframeObserver make_debug_observer(const fs::path& folder, const std
 }
 
 /// Keyframes and map as a COLMAP model.
-dataset::ColmapModel colmap_model(const imaging::Camera& camera, const odometry::OdometryResult& result,
+exports::ColmapModel colmap_model(const imaging::Camera& camera, const odometry::OdometryResult& result,
                                   const std::vector<dataset::Frame>& frames) {
-  dataset::ColmapModel model;
+  exports::ColmapModel model;
   model.camera = camera;
   for (std::size_t k = 0; k < result.keyframe_frame_indices.size(); ++k) {
     const dataset::Frame& frame = frames[static_cast<std::size_t>(result.keyframe_frame_indices[k])];
@@ -343,7 +343,7 @@ nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool r
   const dataset::Dataset data =
       rig ? rig->reference : dataset::read_dataset(dataset_folder, {extras.camera, extras.camera_id});
   const TrackingCamera view = make_tracking_camera(data.calibration, extras.rectify_fov_deg);
-  if (extras.colmap) dataset::require_colmap_lens(view.calibration.camera);
+  if (extras.colmap) exports::require_colmap_lens(view.calibration.camera);
   json about;
   const base::OutputFolder output =
       odometry_output_folder(out, replace, {dataset_folder, extras.camera, extras.mask, extras.init_from});
@@ -362,7 +362,7 @@ nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool r
     if (result.camera) calibration.camera = *result.camera;
     if (extras.colmap) {
       fs::create_directory(temporary / "colmap");
-      dataset::write_colmap(temporary / "colmap", colmap_model(calibration.camera, result, frames));
+      exports::write_colmap(temporary / "colmap", colmap_model(calibration.camera, result, frames));
     }
     std::vector<std::string> dataset_notes = notes;
     about = describe(result, tracking.skipped(), dataset_notes);

@@ -18,8 +18,8 @@
 #include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/core/geometry/transform.h"
 #include "tileflight/core/imaging/image_files.h"
-#include "tileflight/data/dataset/imu_files.h"
 #include "tileflight/data/dataset/rig.h"
+#include "tileflight/data/dataset/sensor_files.h"
 #include "tileflight/slam/inertial/imu_check.h"
 
 namespace tileflight::odometry {

@@ -406,7 +406,7 @@ TEST_P(GroundTruthBlocks, AreTogetherExactlyTheRegion) {
   EXPECT_EQ(parts.triangles, whole.triangles);
   EXPECT_EQ(parts.surface.positions, whole.surface.positions);
   EXPECT_EQ(parts.surface.normals, whole.surface.normals);
-  EXPECT_EQ(floor.to_json(), whole_floor.to_json());
+  EXPECT_EQ(floor.statistics(), whole_floor.statistics());
   const auto by_axis = [](const Vec3& a, const Vec3& b) {
     return std::tuple(a.x(), a.y(), a.z()) < std::tuple(b.x(), b.y(), b.z());
   };

@@ -5,11 +5,30 @@
 #include <set>
 
 #include "tileflight/core/base/formatted_text.h"
+#include "tileflight/core/base/input_error.h"
 #include "tileflight/tiles/fetch/open_source.h"
 #include "tileflight/tiles/tileset/bounding_volume.h"
 #include "tileflight/tiles/tileset/cut_reader.h"
 
 namespace tileflight::place {
+
+void require_surface(const std::vector<imaging::TexturedMesh>& meshes, bool has_points, const std::string& source) {
+  const auto has_triangle = [](const imaging::TexturedMesh& mesh) { return !mesh.mesh.triangles.empty(); };
+  if (std::ranges::any_of(meshes, has_triangle)) return;
+  if (has_points)
+    throw InputError(source,
+                     "contains only points there, which cannot be rendered; `extract` can turn them into voxels");
+  throw InputError(source, "contains no triangle there; is the region empty?");
+}
+
+std::vector<imaging::TexturedMesh> with_placeholder(std::vector<imaging::TexturedMesh> meshes) {
+  if (!meshes.empty()) return meshes;
+  imaging::TexturedMesh nothing;
+  nothing.mesh.vertices.assign(3, geometry::Vec3::Zero());
+  nothing.mesh.triangles.push_back({0, 1, 2});
+  return {nothing};
+}
+
 namespace {
 
 std::uintmax_t memory_of(const PlacePart& part) {

@@ -14,7 +14,6 @@
 #include "tileflight/core/base/progress.h"
 #include "tileflight/core/jobs/balanced_ranges.h"
 #include "tileflight/world/ground_truth/ground_truth.h"
-#include "tileflight/world/place/block_grid.h"
 #include "tileflight/world/place/block_plan.h"
 #include "tileflight/world/place/block_store.h"
 
@@ -31,7 +30,7 @@ struct Surfaces {
   std::vector<geometry::PointCloud> clouds;
 };
 
-/// Where the meshes of a content stand in the order of the region.
+/// Place of a content's meshes in the order of the region.
 void add_origins(std::size_t number, const tileset::LoadedContent& content,
                  std::vector<ground_truth::MeshOrigin>& origins) {
   std::size_t first = 0;
@@ -103,7 +102,7 @@ std::vector<std::size_t> share_of(const std::vector<std::size_t>& blocks, const 
 
 std::string part_text(const JobPart& part) { return std::to_string(part.number) + "-of-" + std::to_string(part.count); }
 
-/// What `find` returns on the first rank, for all: they may know different contents by now.
+/// Returns on all ranks what `find` returns on the first one: they may know different contents by now.
 template <class Value, class Find>
 Value found_by_first_rank(jobs::Ranks& ranks, const Find& find) {
   Value found;
@@ -282,7 +281,7 @@ struct TruthBlocks::Impl {
 
   std::pair<BlockRecord, ground_truth::QuantizationFloor> write(std::size_t block,
                                                                 const std::filesystem::path& folder) {
-    // What was read for it before counts as read: another reason may be gone by now.
+    // Contents that were read for this block before count as read.
     BlockRecord record = store_->read(grid_.name(block)).value_or(BlockRecord());
     learn(record);
     ground_truth::GroundTruthSummary part;
@@ -307,7 +306,7 @@ struct TruthBlocks::Impl {
     return {std::move(record), std::move(floor)};
   }
 
-  /// For a job that is stopped: which ranks have ended, and what is there.
+  /// Says which ranks have ended and which blocks exist, for a job that is stopped.
   std::string describe_state() const {
     const std::string ended = store_->folder().describe_ended(ranks_.rank(), ranks_.count());
     if (ended.empty()) return "";

@@ -7,9 +7,9 @@
 #include <string>
 
 #include "tileflight/core/base/progress.h"
+#include "tileflight/tiles/tileset/region_reader.h"
 #include "tileflight/world/ground_truth/quantization_floor.h"
 #include "tileflight/world/place/extract.h"
-#include "tileflight/tiles/tileset/region_reader.h"
 
 namespace tileflight::place {
 
@@ -55,7 +55,7 @@ class TruthBlocks {
   std::size_t count() const;   ///< of blocks
   std::size_t reused() const;  ///< blocks that an earlier job had made
   std::size_t made() const;    ///< by this process
-  /// Why blocks of an earlier job were not reused; empty: they were, or there were none.
+  /// Says why blocks of an earlier job were not reused; empty: they were, or there were none.
   const std::string& note() const;
 
  private:
