@@ -1,7 +1,6 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
-#include <exception>
 #include <filesystem>
 #include <functional>
 #include <nlohmann/json.hpp>
@@ -31,14 +30,10 @@ struct Output {
   std::string text;
 };
 
-/// The command failed, and another process has reported the cause.
-struct FailedElsewhere : std::exception {};
-
 /// The chosen command, bound to its options; filled by the parser.
 struct Selection {
   std::function<Output(const CommonOptions&, const Progress&)> run;
   bool is_server = false;  ///< runs until it is stopped: its duration is not reported
-  bool has_ranks = false;  ///< shares its work among the processes that mpirun starts; else these would each do all
 };
 
 /// Adds the options of every command.

@@ -6,7 +6,6 @@
 #include <optional>
 
 #include "command.h"
-#include "mpi_ranks.h"
 #include "number_text.h"
 #include "region_options.h"
 #include "source_options.h"
@@ -98,11 +97,11 @@ nlohmann::json extract_in_tasks(place::ExtractSettings settings, const ExtractOp
   const place::BlockPlan plan = place::plan_truth_blocks(settings, options.out, options.tasks.parts());
   const std::vector<std::string> edge{"--block", base::fixed_text(plan.edge_m)};
   jobs::PartedJob job{.output = options.out,
-                          .build_folder = place::block_build_folder(options.out),
-                          .command = "extract",
-                          .parts = {},
-                          .last = {"join", edge},
-                          .inputs_sha256 = plan.inputs_sha256};
+                      .build_folder = place::block_build_folder(options.out),
+                      .command = "extract",
+                      .parts = {},
+                      .last = {"join", edge},
+                      .inputs_sha256 = plan.inputs_sha256};
   job.last.words.insert(job.last.words.end(), {"--resume", "--force"});
   for (int k = 1; k <= plan.parts; ++k) {
     const std::string of = std::to_string(plan.parts);
@@ -131,7 +130,7 @@ void add_block_options(CLI::App& command, ExtractOptions& options) {
       .add_flag(
           "--resume", options.resume,
           "keep finished blocks beside the output until it is complete, and reuse those of an interrupted extract; "
-          "always on under mpirun and where such blocks exist")
+          "always on where such blocks exist")
       ->needs("--block");
   add_task_options(command, options.tasks, "the blocks");
   for (const char* name : {"--jobs", "--slurm"}) command.get_option(name)->needs("--block")->excludes(part);
@@ -153,11 +152,7 @@ Output extract(const ExtractOptions& options, const CommonOptions& shared, const
     const nlohmann::json result = extract_in_tasks(settings, options, shared, progress);
     return {result, extract_summary(result, options.out)};
   }
-  const nlohmann::json result = run_among_ranks([&](jobs::Ranks* ranks) {
-    settings.processes = ranks == nullptr ? 1 : ranks->count();
-    return place::extract(settings, options.out, shared.force, progress, ranks);
-  });
-  if (result.is_null()) return {};  // another process prints
+  const nlohmann::json result = place::extract(settings, options.out, shared.force, progress);
   if (settings.part) return {result, part_summary(result["build"], options.out)};
   return {result, extract_summary(result, options.out)};
 }
@@ -169,9 +164,8 @@ void add_extract(CLI::App& app, CommonOptions& common, Selection& selection) {
   CLI::App* command = app.add_subcommand("extract", "ground truth of a region: mesh, surface points, voxels");
   command->footer(
       "Example:\n  tileflight extract tiles/tileset.json --center 35.310344,-80.740007,215 --size 250,250,60 --out "
-      "truth\nSeveral processes share the blocks of a large region:\n  mpirun --bind-to none -n 4 tileflight extract "
-      "... "
-      "--block 400\n  tileflight extract ... --block 400 --slurm --jobs 40");
+      "truth\nSeveral processes share the blocks of a large region:\n  tileflight extract ... --block 400 --jobs 4\n  "
+      "tileflight extract ... --block 400 --slurm --jobs 40");
   command->add_option("SOURCE", options->source, kSourceHelp)->required();
   add_region_options(*command, options->region);
   command->add_option("--voxel", options->voxel_m, "edge of a voxel, metres (default 1)")->check(CLI::PositiveNumber);
@@ -185,7 +179,6 @@ void add_extract(CLI::App& app, CommonOptions& common, Selection& selection) {
   add_source_options(*command, options->source_arguments);
   add_common_options(*command, common);
   command->callback([options, &selection] {
-    selection.has_ranks = !options->block.empty() && !options->tasks.wanted();
     selection.run = [options](const CommonOptions& shared, const Progress& progress) {
       return extract(*options, shared, progress);
     };

@@ -4,7 +4,7 @@ set(SOURCE_PATH ${CMAKE_CURRENT_LIST_DIR}/../..)
 
 vcpkg_cmake_configure(
   SOURCE_PATH ${SOURCE_PATH}
-  OPTIONS -DTILEFLIGHT_TESTS=OFF -DTILEFLIGHT_BENCHMARKS=OFF -DTILEFLIGHT_MPI=OFF)
+  OPTIONS -DTILEFLIGHT_TESTS=OFF -DTILEFLIGHT_BENCHMARKS=OFF)
 vcpkg_cmake_install()
 vcpkg_cmake_config_fixup(CONFIG_PATH lib/cmake/tileflight)
 vcpkg_copy_tools(TOOL_NAMES tileflight AUTO_CLEAN)

@@ -7,11 +7,11 @@
 #include <string>
 #include <utility>
 
-#include "tileflight/core/base/formatted_text.h"
-#include "tileflight/core/base/input_error.h"
 #include "tileflight/capture/events/image_motion.h"
 #include "tileflight/capture/render/frame_renderer.h"
 #include "tileflight/capture/render/ray_table.h"
+#include "tileflight/core/base/formatted_text.h"
+#include "tileflight/core/base/input_error.h"
 
 namespace tileflight::events {
 namespace {
@@ -63,9 +63,9 @@ class EventCamera::SceneView {
   render::LinearImage light(const geometry::SE3& T_local_camera, const std::optional<scene::Scene>& with_placed,
                             SeenSurface& surface) const {
     const render::ShutterPoses pose{1, 1, {T_local_camera}};
-    if (!with_placed) return renderer_->render_light(pose, {}, surface.visitor(seen_.scene)).light;
+    if (!with_placed) return renderer_->render_light(pose, surface.visitor(seen_.scene)).light;
     const render::CameraRenderer renderer(*with_placed, renderer_->appearance(), renderer_->rays(), options_);
-    return renderer.render_light(pose, {}, surface.visitor(*with_placed)).light;
+    return renderer.render_light(pose, surface.visitor(*with_placed)).light;
   }
 
  private:

@@ -4,11 +4,11 @@
 #include <filesystem>
 #include <vector>
 
-#include "tileflight/data/dataset/dataset.h"
-#include "tileflight/capture/recording/frame_assignment.h"
-#include "tileflight/capture/recording/part_renderer.h"
+#include "tileflight/capture/recording/flight_renderer.h"
+#include "tileflight/capture/recording/frame_store.h"
 #include "tileflight/capture/recording/planned_flight.h"
 #include "tileflight/capture/recording/render_stage.h"
+#include "tileflight/data/dataset/dataset.h"
 
 namespace tileflight::recording {
 

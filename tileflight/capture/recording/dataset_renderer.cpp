@@ -1,18 +1,15 @@
 #include "tileflight/capture/recording/dataset_renderer.h"
 
-#include <chrono>
 #include <functional>
 #include <map>
 #include <mutex>
-#include <nlohmann/json.hpp>
 
-#include "tileflight/core/base/elapsed_time.h"
-#include "tileflight/data/dataset/encode_queue.h"
-#include "tileflight/data/dataset/video.h"
 #include "tileflight/capture/events/event_recorder.h"
 #include "tileflight/capture/recording/actor_labels.h"
 #include "tileflight/capture/recording/dataset_metadata.h"
 #include "tileflight/capture/recording/frame_output_writer.h"
+#include "tileflight/data/dataset/encode_queue.h"
+#include "tileflight/data/dataset/video.h"
 
 namespace tileflight::recording {
 namespace fs = std::filesystem;
@@ -88,7 +85,7 @@ struct CameraFiles {
         outputs(writer.temporary_folder(), settings.flight.outputs, runs_folder(share, mission, camera)),
         labels(writer.temporary_folder(), mission.traffic),
         reorder_buffer([this](const imaging::RgbImage& image) { video->add(image); }) {
-    if (!settings.flight.video || !share.is_first_rank()) return;
+    if (!settings.flight.video || !share.has_all_frames()) return;
     const imaging::Camera& lens = mission.camera(camera).calibration.camera;
     video.emplace(video_file(), lens.width(), lens.height(),
                   dataset::VideoOptions{.frames_per_second = frame_rate(mission.camera(camera).frames),
@@ -102,7 +99,7 @@ struct CameraFiles {
   dataset::DatasetWriter writer;
   FrameOutputWriter outputs;
   ActorLabels labels;
-  std::optional<dataset::VideoWriter> video;  ///< only on the first rank
+  std::optional<dataset::VideoWriter> video;  ///< set if this process completes the dataset
   FrameReorderBuffer reorder_buffer;
 };
 
@@ -111,11 +108,7 @@ struct CameraFiles {
 struct DatasetRenderer::Impl {
   Impl(const PlannedFlight& mission, const RenderSettings& settings, const fs::path& out, bool replace,
        FrameAssignment& share, const Progress& progress)
-      : mission_(mission),
-        settings_(settings),
-        share_(share),
-        images_(mission_),
-        part_renderer_(mission_, settings, progress) {
+      : mission_(mission), settings_(settings), share_(share), images_(mission_) {
     cameras_.push_back(
         std::make_unique<CameraFiles>(mission_, 0, settings, share, out,
                                       dataset::DatasetWriter::Options{.replace = replace,
@@ -131,62 +124,29 @@ struct DatasetRenderer::Impl {
                                           .build_folder = cameras_.front()->writer.temporary_folder() / folder,
                                           .is_part = true}));
     }
+    renderer_.emplace(mission_, settings, share, progress);
   }
 
-  /// Renders this process's images.
-  void render(jobs::Ranks& ranks) {
-    run_collectively(ranks, [&] { part_renderer_.select(share_); });
-    const auto sink = [&](std::size_t camera, const render::FlightFrame& frame) { take(camera, frame); };
-    if (part_renderer_.deal_out_tiles(ranks, share_)) {
-      summary_ = part_renderer_.run_together(ranks, share_, sink);
-    } else {
-      render_range(ranks, sink);
-    }
-    summary_.tiles_read = 0;
-    for (const std::string& count : ranks.all_gather(std::to_string(part_renderer_.read_count())))
-      summary_.tiles_read += std::stoll(count);
-    record_events(ranks);
-    SensorRecorder& recorder = *mission_.sensor_recorder;
-    recorder.set_recorded(ranks.all_gather(recorder.recorded()));
+  void render() {
+    summary_ = renderer_->run(cameras_.front()->writer.temporary_folder(),
+                              [&](std::size_t camera, const render::FlightFrame& frame) { take(camera, frame); });
+    if (mission_.has_events() && share_.has_all_frames()) record_events();
   }
 
-  /// Renders this process's range of images.
-  void render_range(jobs::Ranks& ranks, const CameraFrameSink& sink) {
-    std::string light;
-    run_collectively(ranks, [&] {
-      part_renderer_.require_fit(share_);
-      light = part_renderer_.meter(share_);
-    });
-    part_renderer_.set_light(ranks.all_gather(light));
-    const auto start = std::chrono::steady_clock::now();
-    double loading_s = 0.0;
-    run_collectively(ranks, [&] {
-      summary_ = part_renderer_.run(cameras_.front()->writer.temporary_folder(), share_, sink);
-      loading_s = base::seconds_since(start) - summary_.seconds;
-    });
-    summary_.seconds = base::seconds_since(start) - loading_s;  // includes the time spent waiting for other ranks
-  }
-
-  /// Records event cameras, each by one process, from the flight's first frame to its last: what a pixel sends depends
-  /// on all that it has seen. All processes know the counts then.
-  void record_events(jobs::Ranks& ranks) {
-    if (!mission_.has_events() || (ranks.count() == 1 && !share_.is_first_rank())) return;
+  /// Records event cameras from the flight's first frame to its last: what a pixel sends depends on all that it has
+  /// seen.
+  void record_events() {
     std::vector<std::unique_ptr<events::EventRecorder>> recorders(cameras_.size());
-    nlohmann::json counts = nlohmann::json::array();
-    run_collectively(ranks, [&] {
-      int event_cameras = 0;
-      for (std::size_t c = 0; c < cameras_.size(); ++c) {
-        if (mission_.camera(c).events && event_cameras++ % ranks.count() == ranks.rank())
-          recorders[c] = make_recorder(c);
-      }
-      part_renderer_.record_events(recorders, share_);
-      for (std::size_t c = 0; c < cameras_.size(); ++c) {
-        if (recorders[c]) counts.push_back(finish_recorder(c, *recorders[c]));
-      }
-    });
-    for (const std::string& part : ranks.all_gather(counts.dump())) {
-      for (const nlohmann::json& of_camera : nlohmann::json::parse(part))
-        event_counts_[of_camera[0].get<std::size_t>()] = {of_camera[1], of_camera[2], of_camera[3]};
+    for (std::size_t c = 0; c < cameras_.size(); ++c) {
+      if (mission_.camera(c).events) recorders[c] = make_recorder(c);
+    }
+    renderer_->record_events(recorders);
+    const double start_s = settings_.flight.video ? mission_.body.poses.front().time_s : 0.0;
+    for (std::size_t c = 0; c < cameras_.size(); ++c) {
+      if (!recorders[c]) continue;
+      // The file's clock is the dataset's, which starts at 0 beside a video.
+      recorders[c]->finish(mission_.camera(c).frames.poses.front().time_s - start_s);
+      event_counts_[c] = recorders[c]->counts();
     }
   }
 
@@ -195,14 +155,6 @@ struct DatasetRenderer::Impl {
     return std::make_unique<events::EventRecorder>(camera.calibration.camera, camera.pose_at, *camera.events,
                                                    camera.frames,
                                                    cameras_[number]->writer.temporary_folder() / kEventsFile);
-  }
-
-  /// The file's clock is the dataset's, which starts at 0 beside a video.
-  nlohmann::json finish_recorder(std::size_t number, events::EventRecorder& recorder) const {
-    const double start_s = settings_.flight.video ? mission_.body.poses.front().time_s : 0.0;
-    recorder.finish(mission_.camera(number).frames.poses.front().time_s - start_s);
-    const events::EventCounts& counts = recorder.counts();
-    return {number, counts.events, counts.positive, counts.samples};
   }
 
   void describe_events(std::size_t number) {
@@ -230,9 +182,9 @@ struct DatasetRenderer::Impl {
     if (share_.renders_all_frames()) files.reorder_buffer.add(frame.index, frame.rgb);
   }
 
-  /// Completes the dataset after every process has rendered its images; called by the first rank.
+  /// Completes the dataset once all images are rendered.
   std::vector<FrameRecord> finish() {
-    part_renderer_.complete(share_, summary_);
+    renderer_->complete(summary_);
     const std::vector<FrameRecord> images = share_.collect_frames();
     if (settings_.flight.video) to_video_clock(mission_);
     for (std::size_t c = cameras_.size(); c-- > 0;) finish_camera(c, frames_of(c, images));
@@ -277,8 +229,8 @@ struct DatasetRenderer::Impl {
   const RenderSettings& settings_;
   FrameAssignment& share_;
   ImageOrder images_;
-  PartRenderer part_renderer_;
   std::vector<std::unique_ptr<CameraFiles>> cameras_;
+  std::optional<FlightRenderer> renderer_;
   std::map<std::size_t, events::EventCounts> event_counts_;  ///< of the event cameras, by their numbers
   RenderSummary summary_;
 };
@@ -289,7 +241,7 @@ DatasetRenderer::DatasetRenderer(const PlannedFlight& mission, const RenderSetti
 
 DatasetRenderer::~DatasetRenderer() = default;
 
-void DatasetRenderer::render(jobs::Ranks& ranks) { impl_->render(ranks); }
+void DatasetRenderer::render() { impl_->render(); }
 
 std::vector<FrameRecord> DatasetRenderer::finish() { return impl_->finish(); }
 

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -12,46 +11,21 @@
 #include <utility>
 #include <vector>
 
-#include "tileflight/core/imaging/pixel_region.h"
 #include "tileflight/capture/recording/frame_groups.h"
 #include "tileflight/capture/recording/planned_flight.h"
 #include "tileflight/capture/recording/render_stage.h"
+#include "tileflight/tiles/fetch/tile_source.h"
 #include "tileflight/tiles/tileset/bounding_volume.h"
 #include "tileflight/tiles/tileset/content_records.h"
 #include "tileflight/tiles/tileset/placement.h"
 #include "tileflight/tiles/tileset/selection.h"
 #include "tileflight/tiles/tileset/tileset_tree.h"
-#include "tileflight/tiles/fetch/tile_source.h"
 
 namespace tileflight::recording {
 
 /// Surfaces farther away than this do not tell whether a camera is inside a solid: what is found must depend neither on
 /// memory nor on which process looks.
 inline constexpr double kInsideReach_m = 64.0;
-
-/// Contents whose numbers (FlightTiles) lie between two.
-struct ContentRange {
-  std::size_t begin = 0;
-  std::size_t end = 0;  ///< not included
-
-  bool empty() const { return begin == end; }
-  bool contains(std::size_t content) const { return content >= begin && content < end; }
-  bool operator==(const ContentRange&) const = default;
-};
-
-/// What of an image is looked at: its picture, what tells of the camera's path (render::PathCheck), or both.
-enum class Sight { kBoth, kPicture, kPath };
-
-/// What is rendered at once of an image.
-struct FrameView {
-  std::size_t frame = 0;  ///< number of the image (ImageOrder); with one camera, of the frame
-  /// Pixels of the image, bounded as CameraRenderer's regions; nullopt: all.
-  std::optional<imaging::PixelRegion> region{};
-  Sight sight = Sight::kBoth;
-  /// These contents' tiles alone. Of a picture, a layer (render::LayeredFrame), without what is placed among them;
-  /// none: what is placed, and the sky. nullopt: all.
-  std::optional<ContentRange> contents{};
-};
 
 /// The tiles of a flight: for each group of its frames (frame_groups.h) the cut that is fine enough for the nearest
 /// camera of the group; without a pixel error, the cut of a region for all frames. Contents are numbered over all cuts,
@@ -69,7 +43,6 @@ class FlightTiles {
   const std::string& cut_hash() const { return cut_.hash; }
   std::size_t content_count() const { return cut_.contents.size(); }
   const tileset::CutContent& content(std::size_t content) const { return cut_.contents[content]; }
-  const geometry::Vec3& center(std::size_t content) const { return spheres_[content].center; }  ///< local frame
   /// How often contents were read.
   std::int64_t read_count() const { return read_count_; }
   /// Size of a content's file, if the source knows it.
@@ -79,17 +52,15 @@ class FlightTiles {
   const std::vector<std::size_t>& contents_of_group(std::size_t group) const { return contents_of_group_[group]; }
   /// Those that a frame needs: what it may show, what surrounds the camera up to kInsideReach_m, and what is near its
   /// way to the next frame. As places in contents_of_group, ascending.
-  std::vector<std::size_t> places_for_frame(std::size_t image) const { return places_for_view({image}); }
-  /// The same for a part of a frame, whatever FrameView::contents is.
-  std::vector<std::size_t> places_for_view(const FrameView& view) const;
+  std::vector<std::size_t> places_for_frame(std::size_t image) const;
 
   /// Whether a region is loaded whole if it fits into memory, also what no frame shows.
   bool is_region() const { return !error_px_; }
   /// Pixel error that tiles are selected for; nullopt: a region's.
   const std::optional<double>& error_px() const { return error_px_; }
 
-  /// The cut that the frame's group would have with another pixel error: what the view needs of it.
-  std::vector<tileset::CutContent> contents_for_view(const FrameView& view, double error_px);
+  /// What a frame would need of the cut that its group would have with another pixel error.
+  std::vector<tileset::CutContent> contents_for_frame(std::size_t image, double error_px);
 
   /// Reads contents, in this order; an unreadable one is empty and states its failure. Throws InputError for the first
   /// of these unless LoadOptions::allow_incomplete.
@@ -111,11 +82,8 @@ class FlightTiles {
   tileset::TileCut select_group(std::size_t group, double error_px);
   void add_group(std::size_t group);
   std::size_t number_of(const tileset::CutContent& content);
-  std::function<bool(const tileset::BoundingSphere& sphere)> needs_of(const FrameView& view) const;
-  std::function<bool(const tileset::BoundingSphere& sphere)> needs_of_picture(const FrameView& view) const;
+  std::function<bool(const tileset::BoundingSphere& sphere)> needs_of(std::size_t image) const;
   std::function<bool(const tileset::BoundingSphere& sphere)> needs_of_path(std::size_t image) const;
-  std::vector<tileset::ViewCone> cones_of(const FrameView& view) const;
-  const std::vector<tileset::ViewCone>& region_cones(std::size_t number, const imaging::PixelRegion& region) const;
   const PlannedCamera& camera_of(std::size_t image) const { return mission_.camera(images_[image].camera); }
   tileset::BoundingSphere sphere_of(const tileset::CutContent& content) const;
 
@@ -133,8 +101,6 @@ class FlightTiles {
   std::vector<tileset::BoundingSphere> spheres_;  ///< of each content, local frame
   std::vector<std::vector<std::size_t>> contents_of_group_;
   std::map<std::pair<tileset::NodeId, std::size_t>, std::size_t> numbers_;
-  /// By camera and the region's bounds.
-  mutable std::map<std::pair<std::size_t, std::array<int, 4>>, std::vector<tileset::ViewCone>> region_cones_;
   std::vector<std::string> first_warnings_;  ///< of the source before any content was read
   std::vector<std::optional<tileset::ContentRecord>> records_;
   std::vector<std::size_t> new_records_;

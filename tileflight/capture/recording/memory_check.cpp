@@ -2,16 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <map>
 #include <optional>
 #include <set>
 #include <string>
 
-#include "tileflight/core/base/formatted_text.h"
-#include "tileflight/capture/render/frame_renderer.h"
 #include "tileflight/capture/recording/content_memory.h"
-#include "tileflight/capture/recording/image_division.h"
+#include "tileflight/core/base/formatted_text.h"
 
 namespace tileflight::recording {
 namespace {
@@ -77,12 +74,10 @@ class MemoryEstimator {
   double geometry_bytes_ = 0.0, texture_bytes_ = 0.0;
 };
 
-std::vector<std::size_t> numbers_for(const FlightTiles& tiles, const FrameView& view) {
-  const std::vector<std::size_t>& all = tiles.contents_of_group(tiles.groups().group_of_frame[view.frame]);
+std::vector<std::size_t> numbers_for(const FlightTiles& tiles, std::size_t frame) {
+  const std::vector<std::size_t>& all = tiles.contents_of_group(tiles.groups().group_of_frame[frame]);
   std::vector<std::size_t> numbers;
-  for (const std::size_t place : tiles.places_for_view(view)) {
-    if (!view.contents || view.contents->contains(all[place])) numbers.push_back(all[place]);
-  }
+  for (const std::size_t place : tiles.places_for_frame(frame)) numbers.push_back(all[place]);
   return numbers;
 }
 
@@ -105,51 +100,18 @@ std::size_t largest_frame(const FlightTiles& tiles, MemoryEstimator& estimator,
                           const std::vector<std::size_t>& frames) {
   std::vector<double> sizes;
   for (const std::size_t frame : frames)
-    sizes.push_back(estimator.sizes_of(contents_of(tiles, numbers_for(tiles, {frame}))).contents);
+    sizes.push_back(estimator.sizes_of(contents_of(tiles, numbers_for(tiles, frame))).contents);
   return frames[static_cast<std::size_t>(std::ranges::max_element(sizes) - sizes.begin())];
-}
-
-/// Of the regions that a frame is divided into, within the budget if possible, the one that needs most memory.
-FrameView most_demanding_region(const FlightTiles& tiles, MemoryEstimator& estimator, const imaging::Camera& camera,
-                                std::size_t frame, double budget_bytes) {
-  const auto bytes_of = [&](const FrameView& view) {
-    return estimator.estimated_bytes(contents_of(tiles, numbers_for(tiles, view)));
-  };
-  const RegionBytes bytes_of_region = [&](const imaging::PixelRegion& region) {
-    return bytes_of({frame, region, Sight::kPicture});
-  };
-  std::vector<FrameView> views;
-  for (const auto& region : divide_image(camera.width(), camera.height(), bytes_of_region, budget_bytes))
-    views.push_back({frame, region, Sight::kPicture});
-  std::vector<double> bytes;
-  std::ranges::transform(views, std::back_inserter(bytes), bytes_of);
-  return views[static_cast<std::size_t>(std::ranges::max_element(bytes) - bytes.begin())];
 }
 
 constexpr double kSurely = 0.7;  // of a limit: estimates may be that much too low
 
-/// Of the contents of a frame's picture, the one with the largest file.
-FrameView largest_tile(const FlightTiles& tiles, MemoryEstimator& estimator, std::size_t frame) {
-  const std::vector<std::size_t> numbers = numbers_for(tiles, {frame, {}, Sight::kPicture});
-  const auto largest = std::ranges::max_element(
-      numbers, {}, [&](std::size_t number) { return estimator.sizes_of({tiles.content(number)}).contents; });
-  return {frame, {}, Sight::kPicture, ContentRange{*largest, *largest + 1}};
-}
-
-/// What of a frame that does not fit must be in memory at once, and needs most of it, as the frame is divided.
-FrameView most_demanding_part(const FlightTiles& tiles, MemoryEstimator& estimator, const PlannedCamera& camera,
-                              std::size_t frame, double budget_bytes) {
-  if (numbers_for(tiles, {frame, {}, Sight::kPicture}).empty()) return {frame};
-  return render::has_one_ray_per_pixel(camera.options)
-             ? largest_tile(tiles, estimator, frame)
-             : most_demanding_region(tiles, estimator, camera.calibration.camera, frame, budget_bytes);
-}
-
-/// Whether a view's contents do not fit, and what was learnt from reading them; nullopt: they fit.
-std::optional<MemoryEstimator> measure_excess(FlightTiles& tiles, MemoryEstimator& estimator, const FrameView& view,
+/// Reads the contents of a frame until they exceed the limit. Returns what was learnt from reading them; nullopt if
+/// they fit.
+std::optional<MemoryEstimator> measure_excess(FlightTiles& tiles, MemoryEstimator& estimator, std::size_t frame,
                                               double limit_bytes) {
   constexpr std::size_t kAtOnce = 32;
-  const std::vector<std::size_t> numbers = numbers_for(tiles, view);
+  const std::vector<std::size_t> numbers = numbers_for(tiles, frame);
   if (estimator.estimated_bytes(contents_of(tiles, numbers)) <= kSurely * limit_bytes) return std::nullopt;
   MemoryEstimator measured(tiles);
   for (std::size_t k = 0; k < numbers.size(); k += kAtOnce) {
@@ -178,65 +140,47 @@ double rounded_up(double value) {
   return std::ceil(value / unit) * unit;
 }
 
-/// A pixel error at which the view fits; nullopt: none within reason.
-std::optional<double> fitting_error_px(FlightTiles& tiles, MemoryEstimator& estimator, const FrameView& view,
+/// A pixel error at which the frame fits; nullopt: none within reason.
+std::optional<double> fitting_error_px(FlightTiles& tiles, MemoryEstimator& estimator, std::size_t frame,
                                        double limit_bytes) {
   constexpr double kStep = 1.3, kMost = 32.0, kMargin = 0.9;
   if (!tiles.error_px()) return std::nullopt;
   for (double factor = kStep; factor < kMost; factor *= kStep) {
     const double error_px = rounded_up(*tiles.error_px() * factor);
-    if (estimator.estimated_bytes(tiles.contents_for_view(view, error_px)) <= kMargin * limit_bytes) return error_px;
+    if (estimator.estimated_bytes(tiles.contents_for_frame(frame, error_px)) <= kMargin * limit_bytes) return error_px;
   }
   return std::nullopt;
 }
 
-tileset::MemoryLimitExceeded refusal(FlightTiles& tiles, MemoryEstimator& estimator, const FrameView& view,
-                                   double needed_bytes, const MemoryLimits& limits) {
-  const double limit_bytes = view.region || view.contents ? limits.part : limits.frame;
-  const double memory_bytes = limits.frame * needed_bytes / limit_bytes;  // with the images of a divided frame
-  const std::string memory = base::formatted(
-      "need about %.2g GB, more than %.3g GB of memory: raise the limit "
-      "(--memory %g)",
-      1e-9 * memory_bytes, 1e-9 * limits.frame, rounded_up(1.1e-9 * memory_bytes));
-  if (view.contents) {
-    const CutContent& tile = tiles.content(view.contents->begin);
-    return {tiles.name(),
-            base::formatted("a tile of frame %zu (%s) and its image %s", view.frame, tile.uri.c_str(), memory.c_str())};
-  }
-  const std::optional<double> error_px = fitting_error_px(tiles, estimator, view, limit_bytes);
-  const std::string pixels =
-      view.region ? base::formatted("%d x %d pixels of ", view.region->width(), view.region->height()) : std::string();
+tileset::MemoryLimitExceeded refusal(FlightTiles& tiles, MemoryEstimator& estimator, std::size_t frame,
+                                     double needed_bytes, double limit_bytes) {
+  const std::optional<double> error_px = fitting_error_px(tiles, estimator, frame, limit_bytes);
   const std::string coarser = error_px           ? base::formatted("--pixel-error %g", *error_px)
                               : tiles.error_px() ? std::string("--pixel-error")
                                                  : std::string("--error, --pixel-error");
-  return {tiles.name(), base::formatted("the tiles of %sframe %zu %s or request coarser tiles (%s)", pixels.c_str(),
-                                        view.frame, memory.c_str(), coarser.c_str())};
+  return {tiles.name(), base::formatted("the tiles of frame %zu need about %.2g GB, more than %.3g GB of memory: raise "
+                                        "the limit (--memory %g) or request coarser tiles (%s)",
+                                        frame, 1e-9 * needed_bytes, 1e-9 * limit_bytes,
+                                        rounded_up(1.1e-9 * needed_bytes), coarser.c_str())};
 }
 
 }  // namespace
 
-void require_frames_fit(FlightTiles& tiles, const PlannedFlight& mission, const std::vector<std::size_t>& frames,
-                        const MemoryLimits& limits, const Progress& progress) {
+void require_frames_fit(FlightTiles& tiles, const std::vector<std::size_t>& frames, std::uintmax_t max_memory_bytes,
+                        const Progress& progress) {
   constexpr std::size_t kProbes = 24;
-  if (frames.empty() || surely_fits(tiles, static_cast<std::uintmax_t>(limits.frame))) return;
+  if (frames.empty() || surely_fits(tiles, max_memory_bytes)) return;
+  const auto limit_bytes = static_cast<double>(max_memory_bytes);
   MemoryEstimator estimator(tiles);
-  FrameView view{largest_frame(tiles, estimator, frames)};
-  const std::vector<std::size_t> numbers = numbers_for(tiles, view);
+  const std::size_t frame = largest_frame(tiles, estimator, frames);
+  const std::vector<std::size_t> numbers = numbers_for(tiles, frame);
   if (numbers.empty()) return;
   report_progress(progress, 0, 0, "estimating memory");
   estimator.learn(evenly_chosen(numbers, kProbes));
-  std::optional<MemoryEstimator> excess = measure_excess(tiles, estimator, view, limits.frame);
-  if (excess && may_divide_images(mission)) {
-    const FrameView picture{view.frame, {}, Sight::kPicture};
-    const PlannedCamera& camera = mission.camera(tiles.images()[view.frame].camera);
-    view = most_demanding_part(tiles, estimator, camera, view.frame, kSurely * limits.part);
-    excess = measure_excess(tiles, estimator, view, limits.part);
-    if (excess && !measure_excess(tiles, estimator, picture, limits.frame)) return;
-  }
+  std::optional<MemoryEstimator> excess = measure_excess(tiles, estimator, frame, limit_bytes);
   if (!excess) return;
-  const double needed =
-      std::max(excess->learnt_bytes(), excess->estimated_bytes(contents_of(tiles, numbers_for(tiles, view))));
-  throw refusal(tiles, *excess, view, needed, limits);
+  const double needed = std::max(excess->learnt_bytes(), excess->estimated_bytes(contents_of(tiles, numbers)));
+  throw refusal(tiles, *excess, frame, needed, limit_bytes);
 }
 
 }  // namespace tileflight::recording

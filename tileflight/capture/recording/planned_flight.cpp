@@ -4,12 +4,12 @@
 #include <cmath>
 #include <numbers>
 
-#include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/random_numbers.h"
 #include "tileflight/capture/flight_path/path.h"
 #include "tileflight/capture/recording/flight_cameras.h"
 #include "tileflight/capture/recording/flown_path.h"
 #include "tileflight/capture/vehicle/flight_plan.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/random_numbers.h"
 
 namespace tileflight::recording {
 namespace {
@@ -201,6 +201,19 @@ PlannedFlight plan_flight(const RenderSettings& settings, const Progress& progre
   return mission;
 }
 
+namespace {
+
+/// Whether images or other sensors depend on tiles outside the cameras' views: on those that cast shadows into them, or
+/// that a lidar, a range finder or an event camera needs.
+bool needs_all_directions(const PlannedFlight& mission) {
+  for (std::size_t i = 0; i < mission.camera_count(); ++i) {
+    if (mission.camera(i).options.formation.light) return true;
+  }
+  return mission.has_events() || mission.sensor_recorder->suite().needs_scene();
+}
+
+}  // namespace
+
 std::vector<tileset::ViewCone> flight_view_cones(const PlannedFlight& mission, std::size_t camera) {
   const PlannedCamera& seen_by = mission.camera(camera);
   std::vector<geometry::SE3> poses;
@@ -209,32 +222,7 @@ std::vector<tileset::ViewCone> flight_view_cones(const PlannedFlight& mission, s
     poses.insert(poses.end(), of_frame.begin(), of_frame.end());
   }
   std::vector<tileset::ViewCone> cones = tileset::view_cones_along(seen_by.calibration.camera, poses);
-  return may_divide_images(mission) ? cones : tileset::widen_to_all_directions(std::move(cones));
-}
-
-std::vector<tileset::ViewCone> region_view_cones(const PlannedCamera& camera, std::size_t frame,
-                                               const std::vector<tileset::ViewCone>& cones) {
-  const std::vector<geometry::SE3> poses = exposure_poses(camera, frame);
-  double turn_rad = 0.0;  // during the exposure
-  for (const geometry::SE3& pose : poses)
-    turn_rad = std::max(turn_rad, pose.rotation.angularDistance(poses.front().rotation));
-  std::vector<tileset::ViewCone> local;
-  for (const geometry::SE3& pose : poses) {
-    for (const tileset::ViewCone& cone : cones) {
-      local.push_back(cone);
-      local.back().position = pose.translation;
-      local.back().axis = pose.rotation * cone.axis;
-      local.back().half_angle_rad = std::min(std::numbers::pi, cone.half_angle_rad + turn_rad);
-    }
-  }
-  return local;
-}
-
-bool may_divide_images(const PlannedFlight& mission) {
-  for (std::size_t i = 0; i < mission.camera_count(); ++i) {
-    if (mission.camera(i).options.formation.light) return false;
-  }
-  return !mission.has_events() && !mission.sensor_recorder->suite().needs_scene();
+  return needs_all_directions(mission) ? tileset::widen_to_all_directions(std::move(cones)) : cones;
 }
 
 geometry::Vec3 body_position(const PlannedCamera& camera, std::size_t frame) {

@@ -7,15 +7,15 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/world/scene/traffic.h"
 #include "tileflight/capture/events/event_options.h"
-#include "tileflight/core/imaging/camera.h"
-#include "tileflight/capture/render/render_flight.h"
 #include "tileflight/capture/recording/frame_groups.h"
 #include "tileflight/capture/recording/render_stage.h"
 #include "tileflight/capture/recording/sensor_recorder.h"
-#include "tileflight/tiles/tileset/view_criteria.h"
+#include "tileflight/capture/render/render_flight.h"
+#include "tileflight/core/imaging/camera.h"
 #include "tileflight/core/jobs/balanced_ranges.h"
+#include "tileflight/tiles/tileset/view_criteria.h"
+#include "tileflight/world/scene/traffic.h"
 
 namespace tileflight::recording {
 
@@ -36,7 +36,7 @@ struct PlannedFlight : PlannedCamera {
   std::vector<PlannedCamera> others;
   geometry::Trajectory body;  ///< the body's poses at the flight's instants; with a single camera, its own
   std::shared_ptr<SensorRecorder> sensor_recorder;  ///< sensors besides the cameras
-  std::shared_ptr<const scene::Traffic> traffic;   ///< cars and people; null without any
+  std::shared_ptr<const scene::Traffic> traffic;    ///< cars and people; null without any
   nlohmann::json vehicle;                           ///< flight record of the vehicle; null without one
 
   std::size_t camera_count() const { return 1 + others.size(); }
@@ -77,15 +77,6 @@ PlannedFlight plan_flight(const RenderSettings& settings, const Progress& progre
 /// The view cones of every image of one camera, including its motion during exposure and readout, and to the next frame
 /// if it is an event camera: the same number of cones for each frame.
 std::vector<tileset::ViewCone> flight_view_cones(const PlannedFlight& mission, std::size_t camera = 0);
-
-/// The same for parts of one image, `cones` being theirs in the camera's frame (tileset::view_cone_of_region).
-/// Precondition: images may be divided.
-std::vector<tileset::ViewCone> region_view_cones(const PlannedCamera& camera, std::size_t frame,
-                                               const std::vector<tileset::ViewCone>& cones);
-
-/// Whether a region of an image depends on the tiles in its view alone: nothing casts shadows, and no other sensor
-/// needs the scene, nor does an event camera.
-bool may_divide_images(const PlannedFlight& mission);
 
 /// The frames of the first camera in groups that each have their own selection of tiles (frame_groups.h). Without a
 /// pixel error they are one: the cut of a region is the same for all frames, however far they fly.

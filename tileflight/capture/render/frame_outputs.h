@@ -6,9 +6,9 @@
 #include <optional>
 #include <span>
 
-#include "tileflight/core/imaging/image.h"
 #include "tileflight/capture/render/camera_renderer.h"
 #include "tileflight/capture/render/scene_objects.h"
+#include "tileflight/core/imaging/image.h"
 
 namespace tileflight::render {
 
@@ -77,10 +77,8 @@ class OutputRenderer {
 
   /// The objects indexed by the object images; empty if these are not requested.
   std::span<const SceneObject> objects() const;
-  /// `T_local_camera_of_row`: one pose, or one per row; `next`: the same for the next frame, empty for the last frame;
-  /// `region`: the pixels to render, others have the values of pixels outside the lens's valid cone; default: all.
-  OutputImages render(std::span<const geometry::SE3> T_local_camera_of_row, std::span<const geometry::SE3> next,
-                      const OptionalRegion& region = {}) const;
+  /// `T_local_camera_of_row`: one pose, or one per row; `next`: the same for the next frame, empty for the last frame.
+  OutputImages render(std::span<const geometry::SE3> T_local_camera_of_row, std::span<const geometry::SE3> next) const;
   /// The same for placed parts that move, seen by `renderer`, which is in the scene of `moving`. The flow of a point of
   /// a placed part is to where that point is in the next frame. `pass` is called once, and casts the same rays.
   OutputImages render(const CameraRenderer& renderer, std::span<const geometry::SE3> T_local_camera_of_row,

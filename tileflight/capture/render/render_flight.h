@@ -9,13 +9,13 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/core/base/progress.h"
-#include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/capture/render/appearance.h"
 #include "tileflight/capture/render/auto_exposure.h"
 #include "tileflight/capture/render/camera_renderer.h"
 #include "tileflight/capture/render/frame_outputs.h"
 #include "tileflight/capture/render/image_formation.h"
+#include "tileflight/core/base/progress.h"
+#include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/world/scene/clearance.h"
 
 namespace tileflight::render {
@@ -56,9 +56,6 @@ struct FlightRenderOptions {
   double clearance_m = 0.3;      ///< surfaces nearer to the camera than this are reported
   /// Surfaces farther away do not count for Surroundings::inside.
   double inside_reach_m = 1e9;
-  /// Writes what is known already of the camera's path at a frame (all but FrameCheck::view); empty: it is looked for
-  /// in the scene. Called from several threads.
-  std::function<void(std::size_t index, FrameCheck& check)> path_check{};
 };
 
 /// A finished frame.

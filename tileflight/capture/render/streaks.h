@@ -3,12 +3,12 @@
 #include <memory>
 #include <vector>
 
-#include "tileflight/core/imaging/camera.h"
-#include "tileflight/core/imaging/image.h"
 #include "tileflight/capture/render/atmosphere.h"
 #include "tileflight/capture/render/camera_renderer.h"
 #include "tileflight/capture/render/image_formation.h"
 #include "tileflight/capture/render/precipitation.h"
+#include "tileflight/core/imaging/camera.h"
+#include "tileflight/core/imaging/image.h"
 
 namespace tileflight::render {
 
@@ -47,9 +47,9 @@ class StreakRenderer {
 
   /// The streaks of a frame, in a fixed order.
   std::vector<Streak> streaks(const imaging::Camera& camera, const StreakShutter& shutter) const;
-  /// Draws a frame's streaks before its surfaces. `depth_m`: LightFrame::depth_m. Only pixels of the region change.
+  /// Draws a frame's streaks before its surfaces. `depth_m`: LightFrame::depth_m.
   void draw(const imaging::Camera& camera, const StreakShutter& shutter, const imaging::FloatImage& depth_m,
-            const OptionalRegion& region, LinearImage& light) const;
+            LinearImage& light) const;
 
  private:
   LinearRgb ambient(const geometry::Vec3& normal) const;

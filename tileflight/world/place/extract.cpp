@@ -10,15 +10,15 @@
 #include "tileflight/core/base/elapsed_time.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/memory_budget.h"
 #include "tileflight/core/base/number_text.h"
 #include "tileflight/core/base/output_folder.h"
+#include "tileflight/core/base/version.h"
+#include "tileflight/tiles/fetch/open_source.h"
+#include "tileflight/tiles/tileset/region_reader.h"
 #include "tileflight/world/ground_truth/suggested_voxel.h"
 #include "tileflight/world/place/extract_cost.h"
-#include "tileflight/core/base/memory_budget.h"
 #include "tileflight/world/place/truth_blocks.h"
-#include "tileflight/core/base/version.h"
-#include "tileflight/tiles/tileset/region_reader.h"
-#include "tileflight/tiles/fetch/open_source.h"
 
 namespace tileflight::place {
 namespace {
@@ -139,33 +139,25 @@ json write_description(const ExtractSettings& settings, const OpenRegion& region
   return result;
 }
 
-json extract_in_blocks(const ExtractSettings& settings, const base::OutputFolder& output, jobs::Ranks& ranks,
-                       const Progress& progress) {
+json extract_in_blocks(const ExtractSettings& settings, const base::OutputFolder& output, const Progress& progress) {
   const auto start = std::chrono::steady_clock::now();
-  std::optional<OpenRegion> region;
-  run_collectively(ranks, [&] {
-    if (ranks.rank() == 0 && !settings.part) base::require_writable(output);
-    region.emplace(settings, progress);
-    if (ranks.rank() == 0 && !settings.part) require_affordable(region->reader, settings, output.folder);
-  });
-  TruthBlocks blocks(region->reader, settings, output.folder, ranks, progress);
+  if (!settings.part) base::require_writable(output);
+  OpenRegion region(settings, progress);
+  if (!settings.part) require_affordable(region.reader, settings, output.folder);
+  TruthBlocks blocks(region.reader, settings, output.folder, progress);
   blocks.make();
-  json build = {{"ranks", ranks.count()}, {"blocks", blocks.count()}, {"blocks_reused", blocks.reused()}};
+  json build = {{"blocks", blocks.count()}, {"blocks_reused", blocks.reused()}};
   if (!blocks.note().empty()) build["note"] = blocks.note();
   if (settings.part) {
     build["part"] = {settings.part->number, settings.part->count};
     build["blocks_made"] = blocks.made();
     return {{"build", build}};
   }
-  json result;
-  run_collectively(ranks, [&] {
-    if (ranks.rank() != 0) return;
-    const TruthCounts truth = blocks.join();
-    result = write_description(settings, *region, truth, start, blocks.truth_folder());
-    base::install_folder(blocks.truth_folder(), output);
-    blocks.remove();
-    result["build"] = build;
-  });
+  const TruthCounts truth = blocks.join();
+  json result = write_description(settings, region, truth, start, blocks.truth_folder());
+  base::install_folder(blocks.truth_folder(), output);
+  blocks.remove();
+  result["build"] = build;
   return result;
 }
 
@@ -182,13 +174,9 @@ base::OutputFolder extract_output(const ExtractSettings& settings, const std::fi
 }
 
 nlohmann::json extract(const ExtractSettings& settings, const std::filesystem::path& folder, bool replace,
-                       const Progress& progress, jobs::Ranks* given_ranks) {
+                       const Progress& progress) {
   const base::OutputFolder output = extract_output(settings, folder, replace);
-  if (settings.block_m) {
-    jobs::SingleRank alone;
-    jobs::Ranks& ranks = given_ranks == nullptr ? alone : *given_ranks;
-    return extract_in_blocks(settings, output, ranks, ranks.rank() == 0 ? progress : Progress());
-  }
+  if (settings.block_m) return extract_in_blocks(settings, output, progress);
   const auto start = std::chrono::steady_clock::now();
   base::require_writable(output);
   OpenRegion region(settings, progress);

@@ -10,7 +10,6 @@
 #include "tileflight/core/base/output_folder.h"
 #include "tileflight/core/base/progress.h"
 #include "tileflight/tiles/tileset/load.h"
-#include "tileflight/core/jobs/ranks.h"
 
 namespace tileflight::place {
 
@@ -21,7 +20,7 @@ struct JobPart {
 
 /// Input and resolution of `tileflight extract`.
 struct ExtractSettings {
-  std::string source;       ///< SOURCE of the contract
+  std::string source;         ///< SOURCE of the contract
   tileset::LoadOptions load;  ///< region and geometric error
   double voxel_m = 1.0;
   double samples_per_m2 = 16.0;
@@ -31,7 +30,7 @@ struct ExtractSettings {
   /// Of blocks chosen by memory: processes that share this machine's memory.
   int processes = 1;
   /// Keep finished blocks beside the output until it is complete, and reuse those of an earlier job (block_store.h).
-  /// Always done with several ranks or parts, and where such blocks are.
+  /// Always done with parts, and where such blocks are.
   bool resume = false;
   std::optional<JobPart> part;  ///< make only this part of the blocks, for a later extract with `resume`
   /// Memory that the extraction may take, bytes; default: what is available (available_memory_bytes).
@@ -43,11 +42,10 @@ struct ExtractSettings {
 /// extract.json), index.json names them, and memory depends on the block, not on the region; cells, triangles and
 /// samples are together exactly those without blocks. Throws InputError, before most tiles are read if the memory, the
 /// disk or the size of a GLB file certainly does not suffice (extract_cost.h).
-/// `ranks`: processes that share the blocks; all are called with the same arguments, the first returns the result, the
-/// others null. If one fails, all throw (CollectiveError). With blocks, `build` is returned in addition: {ranks,
-/// blocks, blocks_reused, note}. With a part, no output is written and `build` alone returned.
+/// With blocks, `build` is returned in addition: {blocks, blocks_reused, note}. With a part, no output is written and
+/// `build` alone returned.
 nlohmann::json extract(const ExtractSettings& settings, const std::filesystem::path& folder, bool replace,
-                       const Progress& progress = {}, jobs::Ranks* ranks = nullptr);
+                       const Progress& progress = {});
 
 /// The folder that extract() writes.
 base::OutputFolder extract_output(const ExtractSettings& settings, const std::filesystem::path& folder, bool replace);

@@ -3,7 +3,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <mutex>
 #include <nlohmann/json.hpp>
 
 #include "tests/refusal.h"
@@ -13,7 +12,6 @@
 #include "tileflight/world/place/block_grid.h"
 #include "tileflight/world/place/block_plan.h"
 #include "tileflight/world/place/block_store.h"
-#include "tileflight/core/jobs/test_ranks.h"
 
 namespace tileflight::place::truth_blocks_test {
 namespace {
@@ -84,26 +82,12 @@ class TruthInBlocks : public ::testing::Test {
   tests::TemporaryFolder folder_;
 };
 
-TEST_F(TruthInBlocks, IsTheSameByRanks) {
+TEST_F(TruthInBlocks, IsTheSameAsInOnePiece) {
   extract(settings(), folder_ / "alone", false);
   ExtractSettings whole = settings();
   whole.block_m.reset();
   extract(whole, folder_ / "whole", false);
   EXPECT_EQ(without_seconds("whole"), without_seconds("alone"));
-  for (const int count : {2, 3, 4}) {
-    const std::string out = "by" + std::to_string(count);
-    jobs::test_support::ThreadRanks ranks(count);
-    std::mutex mutex;
-    int results = 0;
-    ranks.run([&](jobs::Ranks& rank) {
-      const json result = extract(settings(), folder_ / out, false, {}, &rank);
-      const std::lock_guard lock(mutex);
-      results += result.is_null() ? 0 : 1;
-      EXPECT_EQ(result.is_null(), rank.rank() != 0);
-    });
-    EXPECT_EQ(results, 1);
-    expect_same("alone", out);
-  }
 }
 
 TEST_F(TruthInBlocks, IsTheSameInPartsAndGoesOnFromThem) {
