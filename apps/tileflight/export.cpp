@@ -1,10 +1,10 @@
 #include <sstream>
 
 #include "command.h"
+#include "tileflight/capture/events/dsec_file.h"
 #include "tileflight/core/base/output_folder.h"
 #include "tileflight/data/dataset/export_dataset.h"
 #include "tileflight/data/dataset/mcap_export.h"
-#include "tileflight/capture/events/dsec_export.h"
 
 namespace tileflight::app {
 namespace {
