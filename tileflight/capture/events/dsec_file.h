@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/capture/events/event.h"
+#include "tileflight/capture/events/event_pixels.h"
 #include "tileflight/core/base/progress.h"
 #include "tileflight/core/imaging/camera.h"
 #include "tileflight/data/dataset/export_dataset.h"

@@ -6,7 +6,6 @@
 #include <optional>
 #include <vector>
 
-#include "tileflight/capture/events/event.h"
 #include "tileflight/capture/events/event_options.h"
 #include "tileflight/capture/events/event_pixels.h"
 #include "tileflight/capture/events/image_motion.h"
