@@ -4,7 +4,7 @@
 #include <map>
 #include <mutex>
 
-#include "tileflight/capture/events/event_recorder.h"
+#include "tileflight/capture/events/event_camera.h"
 #include "tileflight/capture/recording/actor_labels.h"
 #include "tileflight/capture/recording/dataset_metadata.h"
 #include "tileflight/capture/recording/frame_output_writer.h"

@@ -7,7 +7,7 @@
 #include <optional>
 #include <vector>
 
-#include "tileflight/capture/events/event_recorder.h"
+#include "tileflight/capture/events/event_camera.h"
 #include "tileflight/capture/recording/flight_tiles.h"
 #include "tileflight/capture/recording/frame_store.h"
 #include "tileflight/capture/recording/part_loader.h"
