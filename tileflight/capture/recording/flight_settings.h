@@ -5,10 +5,10 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/data/dataset/video.h"
-#include "tileflight/capture/flight_path/smoothing.h"
-#include "tileflight/capture/render/image_formation.h"
+#include "tileflight/capture/flight_path/smooth_path.h"
 #include "tileflight/capture/recording/render_outputs.h"
+#include "tileflight/capture/render/image_formation.h"
+#include "tileflight/data/dataset/video.h"
 
 namespace tileflight::recording {
 

@@ -3,7 +3,7 @@
 #include <filesystem>
 #include <optional>
 
-#include "tileflight/capture/flight_path/smoothing.h"
+#include "tileflight/capture/flight_path/smooth_path.h"
 
 namespace tileflight::recording {
 
@@ -11,7 +11,8 @@ namespace tileflight::recording {
 /// poses are the estimates of all tracked images, transformed to the local frame, at the images' times; the lens is the
 /// dataset's. `smoothing`: of the path along the poses (with too few poses to smooth, the path interpolates them).
 /// `out` becomes a folder with flight.yaml, camera.yaml and poses.txt. Throws InputError.
-void write_followed_flight(const std::filesystem::path& real, const std::optional<flight_path::SmoothingOptions>& smoothing,
+void write_followed_flight(const std::filesystem::path& real,
+                           const std::optional<flight_path::SmoothingOptions>& smoothing,
                            const std::filesystem::path& out);
 
 }  // namespace tileflight::recording

@@ -5,11 +5,11 @@
 #include <vector>
 
 #include "tileflight/capture/flight_path/path.h"
-#include "tileflight/capture/flight_path/smoothing.h"
+#include "tileflight/capture/flight_path/smooth_path.h"
 #include "tileflight/capture/flight_path/waypoint.h"
-#include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/capture/vehicle/autopilot_plan.h"
 #include "tileflight/capture/vehicle/vehicle_plan.h"
+#include "tileflight/core/geometry/trajectory.h"
 
 namespace tileflight::vehicle {
 
@@ -19,11 +19,11 @@ struct FlightPlan {
   std::vector<std::filesystem::path> cameras;  ///< key `cameras`: the calibration files of a rig
   std::optional<geometry::Trajectory> poses;   ///< the file's poses (TUM), if the plan names one
   std::optional<flight_path::SmoothingOptions>
-      smoothing;                            ///< key `smooth`: of the path along `poses`; none: interpolates them
+      smoothing;                                 ///< key `smooth`: of the path along `poses`; none: interpolates them
   std::vector<flight_path::Waypoint> waypoints;  ///< used if there are no poses
-  std::optional<VehiclePlan> vehicle;       ///< key `vehicle`; without it the camera itself follows the path
-  std::vector<MissionStep> mission;         ///< key `mission`: used if there is neither; needs a vehicle
-  std::optional<AutopilotPlan> autopilot;   ///< key `autopilot`: in place of all these
+  std::optional<VehiclePlan> vehicle;            ///< key `vehicle`; without it the camera itself follows the path
+  std::vector<MissionStep> mission;              ///< key `mission`: used if there is neither; needs a vehicle
+  std::optional<AutopilotPlan> autopilot;        ///< key `autopilot`: in place of all these
   flight_path::SpeedLimits limits;
   std::filesystem::path sensors_file;  ///< for sensors::read_sensor_suite; empty: none
   std::optional<double> fps;           ///< without it: one frame at each pose of the file
