@@ -4,8 +4,8 @@
 #include <functional>
 #include <vector>
 
+#include "tileflight/capture/flight_path/path.h"
 #include "tileflight/core/geometry/transform.h"
-#include "tileflight/capture/flight_path/sample_times.h"
 
 namespace tileflight::sensors {
 

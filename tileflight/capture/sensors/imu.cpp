@@ -2,10 +2,10 @@
 
 #include <cmath>
 
+#include "tileflight/capture/flight_path/path.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/random_numbers.h"
 #include "tileflight/core/geometry/angles.h"
-#include "tileflight/capture/flight_path/sample_times.h"
 
 namespace tileflight::sensors {
 namespace {

@@ -1,8 +1,8 @@
 #include "tileflight/capture/sensors/magnetometer.h"
 
+#include "tileflight/capture/flight_path/path.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/random_numbers.h"
-#include "tileflight/capture/flight_path/sample_times.h"
 
 namespace tileflight::sensors {
 namespace {
@@ -23,7 +23,8 @@ void check(const MagnetometerOptions& options) {
 std::vector<MagnetometerSample> simulate_magnetometer(const std::function<SE3(double)>& T_local_camera_at,
                                                       const std::function<Vec3(const Vec3&)>& field_at, double start_s,
                                                       double end_s, const MagnetometerOptions& options) {
-  const flight_path::SampleTimes times = flight_path::make_sample_times("magnetometer", start_s, end_s, options.rate_hz);
+  const flight_path::SampleTimes times =
+      flight_path::make_sample_times("magnetometer", start_s, end_s, options.rate_hz);
   check(options);
   const std::uint64_t key = base::stream_key(options.seed, kMagnetometerNoise);
   std::vector<MagnetometerSample> samples;

@@ -3,8 +3,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "tileflight/capture/flight_path/path.h"
 #include "tileflight/capture/render/image_formation.h"
-#include "tileflight/capture/flight_path/sample_times.h"
 #include "tileflight/world/scene/scene.h"
 
 namespace tileflight::sensors {
