@@ -2,14 +2,31 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "tileflight/capture/flight_path/b_spline.h"
 #include "tileflight/capture/flight_path/rotation_spline.h"
-#include "tileflight/capture/flight_path/waypoint.h"
 #include "tileflight/core/geometry/trajectory.h"
+#include "tileflight/core/geometry/transform.h"
 
 namespace tileflight::flight_path {
+
+/// A waypoint of a mission, in the local frame.
+struct Waypoint {
+  geometry::Vec3 position;                ///< camera position, metres, east north up
+  std::optional<geometry::Vec3> look_at;  ///< point to look at; without it yaw and pitch apply
+  double yaw_deg = 0.0;                   ///< heading clockwise from north
+  double pitch_deg = 0.0;                 ///< of the optical axis, positive up; -90 is straight down
+  double roll_deg = 0.0;
+};
+
+/// Limits of a flight through waypoints.
+struct SpeedLimits {
+  double speed_m_s = 8.0;
+  double acceleration_m_s2 = 4.0;
+  double yaw_rate_deg_s = 60.0;
+};
 
 /// Sampling times of a sensor: start, start + 1 / rate, ... up to end.
 struct SampleTimes {

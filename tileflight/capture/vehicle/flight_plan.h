@@ -6,7 +6,6 @@
 
 #include "tileflight/capture/flight_path/path.h"
 #include "tileflight/capture/flight_path/smooth_path.h"
-#include "tileflight/capture/flight_path/waypoint.h"
 #include "tileflight/capture/vehicle/autopilot_plan.h"
 #include "tileflight/capture/vehicle/vehicle_plan.h"
 #include "tileflight/core/geometry/trajectory.h"
