@@ -5,20 +5,19 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "tileflight/capture/ingest/telemetry_offset.h"
+#include "tileflight/capture/ingest/telemetry_positions.h"
+#include "tileflight/capture/recording/flight_cameras.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/string_lists.h"
 #include "tileflight/core/base/temporary_path.h"
+#include "tileflight/core/base/version.h"
 #include "tileflight/data/dataset/ingest_rig.h"
 #include "tileflight/data/flight_logs/photo_log.h"
 #include "tileflight/data/flight_logs/telemetry_file.h"
-#include "tileflight/world/place/extract.h"
-#include "tileflight/core/base/version.h"
-#include "tileflight/capture/recording/flight_cameras.h"
-#include "tileflight/capture/ingest/takeoff_height.h"
-#include "tileflight/capture/ingest/telemetry_offset.h"
-#include "tileflight/capture/ingest/telemetry_positions.h"
 #include "tileflight/slam/odometry/track.h"
+#include "tileflight/world/place/extract.h"
 
 namespace tileflight::ingest {
 namespace {
