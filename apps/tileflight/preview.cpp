@@ -7,8 +7,8 @@
 #include "command.h"
 #include "region_options.h"
 #include "source_options.h"
+#include "tileflight/capture/preview/preview_json.h"
 #include "tileflight/experiments/experiment/experiment_file.h"
-#include "tileflight/capture/preview/preview_text.h"
 
 namespace tileflight::app {
 namespace {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <filesystem>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
@@ -7,6 +8,9 @@
 #include "tileflight/capture/preview/sample_pictures.h"
 
 namespace tileflight::preview {
+
+/// A readable summary of preview.json, written to the folder `out`.
+std::string preview_text(const nlohmann::json& found, const std::filesystem::path& out);
 
 /// `nearest_surface` of preview.json; null if no surface is within the search range.
 nlohmann::json nearest_surface(const FlightCheck& check, const geometry::Trajectory& frames);
