@@ -9,6 +9,9 @@
 
 namespace tileflight::preview {
 
+/// The pictures' cost extrapolated to the whole flight: `cost` of preview.json. Tiles and bytes of the cuts are exact.
+nlohmann::json estimate_cost(PreviewedFlight& flight, const std::vector<SamplePicture>& pictures);
+
 /// A readable summary of preview.json, written to the folder `out`.
 std::string preview_text(const nlohmann::json& found, const std::filesystem::path& out);
 
