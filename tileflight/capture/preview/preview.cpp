@@ -3,16 +3,15 @@
 #include <iterator>
 #include <nlohmann/json.hpp>
 
-#include "tileflight/core/base/files.h"
-#include "tileflight/core/base/input_error.h"
-#include "tileflight/core/imaging/image_files.h"
-#include "tileflight/core/base/memory_budget.h"
-#include "tileflight/world/place/require_surface.h"
 #include "tileflight/capture/preview/preview_figures.h"
 #include "tileflight/capture/preview/preview_json.h"
-#include "tileflight/capture/preview/preview_warnings.h"
 #include "tileflight/capture/preview/sample_pictures.h"
 #include "tileflight/capture/preview/surrounding_tiles.h"
+#include "tileflight/core/base/files.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/memory_budget.h"
+#include "tileflight/core/imaging/image_files.h"
+#include "tileflight/world/place/require_surface.h"
 #include "tileflight/world/scene/scene.h"
 
 namespace tileflight::preview {
