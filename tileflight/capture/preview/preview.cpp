@@ -6,7 +6,6 @@
 #include "tileflight/capture/preview/preview_figures.h"
 #include "tileflight/capture/preview/preview_json.h"
 #include "tileflight/capture/preview/sample_pictures.h"
-#include "tileflight/capture/preview/surrounding_tiles.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/memory_budget.h"

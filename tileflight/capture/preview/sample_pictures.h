@@ -5,10 +5,20 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/core/imaging/image.h"
 #include "tileflight/capture/preview/previewed_flight.h"
+#include "tileflight/core/imaging/image.h"
 
 namespace tileflight::preview {
+
+/// Tiles along a flight's path, against which it is checked.
+struct SurroundingTiles {
+  place::PlacePart part;    ///< without textures
+  bool is_coarser = false;  ///< than half a percent of their distance, or less far around, for lack of memory
+};
+
+/// Reads tiles with an error of at most half a percent of their distance from the path; the first coarser level that
+/// fits, where they need more than half of the memory. Throws tileset::MemoryLimitExceeded if none does.
+SurroundingTiles read_surroundings(PreviewedFlight& flight, const Progress& progress);
 
 /// An image of the flight, and its cost.
 struct SamplePicture {
@@ -25,7 +35,7 @@ struct SamplePicture {
 /// The criterion of the tiles that `render` loads for the frames of a group at this screen-space error; nullopt: those
 /// of the region. `frame`: for that one only.
 tileset::RefinementCriterion criterion_of(const PreviewedFlight& flight, const std::vector<std::size_t>& group,
-                                        const std::optional<double>& error_px, std::optional<std::size_t> frame = {});
+                                          const std::optional<double>& error_px, std::optional<std::size_t> frame = {});
 
 /// The first, middle and last image, as `render` would make them, from the same tiles where they fit into memory,
 /// otherwise from coarser ones (`error_px`). Tiles that could not be read are appended to `missing`.
