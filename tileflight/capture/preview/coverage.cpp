@@ -5,7 +5,7 @@
 #include <set>
 #include <sstream>
 
-#include "tileflight/capture/preview/strategy_pictures.h"
+#include "tileflight/capture/preview/strategy_result.h"
 #include "tileflight/capture/vehicle/flight_plan.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <filesystem>
 #include <vector>
 
 #include "tileflight/capture/preview/coverage_contents.h"
@@ -26,7 +27,13 @@ std::size_t worst_frame(const StrategyResult& result);
 /// Counts the pixels of each frame for each strategy. `truth`: contents of the finest cut of all that is visible. The
 /// scene is traced in parts that fit into memory, for as many frames at once as do.
 void count_pixels_of_frames(const FrameSampling& watch, CoverageContents& contents, const ContentIds& truth,
-                            const tileset::TilesetTree& tree, const CoverageSettings& settings, const Progress& progress,
-                            std::vector<StrategyResult>& all);
+                            const tileset::TilesetTree& tree, const CoverageSettings& settings,
+                            const Progress& progress, std::vector<StrategyResult>& all);
+
+/// Writes one frame as each strategy's tiles show it (`STRATEGY.png`; holes are black), and figure.png: view-follow
+/// beside flight. `frame`: index into FrameSampling::frames.
+void write_pictures(const std::filesystem::path& folder, const std::vector<StrategyResult>& all, std::size_t frame,
+                    const FrameSampling& watch, CoverageContents& contents, const ContentIds& truth,
+                    const CoverageSettings& settings);
 
 }  // namespace tileflight::preview
