@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "tileflight/capture/preview/coverage_contents.h"
-#include "tileflight/capture/preview/frame_sampling.h"
 #include "tileflight/capture/preview/pixel_counts.h"
 #include "tileflight/core/imaging/camera.h"
 #include "tileflight/tiles/tileset/placement.h"
