@@ -7,7 +7,7 @@
 #include "tileflight/capture/events/event_camera.h"
 #include "tileflight/capture/recording/actor_labels.h"
 #include "tileflight/capture/recording/dataset_metadata.h"
-#include "tileflight/capture/recording/frame_output_writer.h"
+#include "tileflight/capture/recording/render_outputs.h"
 #include "tileflight/data/dataset/encode_queue.h"
 #include "tileflight/data/dataset/video.h"
 
