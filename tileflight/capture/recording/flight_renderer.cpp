@@ -6,7 +6,7 @@
 #include <numeric>
 #include <utility>
 
-#include "tileflight/capture/recording/memory_check.h"
+#include "tileflight/capture/recording/content_memory.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/memory_budget.h"
 #include "tileflight/world/place/extract.h"

@@ -13,9 +13,9 @@
 #include "tests/temporary_folder.h"
 #include "tests/tiny_city.h"
 #include "tileflight/capture/flight_path/path.h"
-#include "tileflight/capture/render/scene_memory.h"
-#include "tileflight/capture/recording/memory_check.h"
+#include "tileflight/capture/recording/content_memory.h"
 #include "tileflight/capture/recording/part_loader.h"
+#include "tileflight/capture/render/scene_memory.h"
 
 namespace tileflight::recording::flight_tiles_test {
 namespace {
