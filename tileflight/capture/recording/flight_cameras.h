@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "tileflight/capture/events/event_options.h"
-#include "tileflight/core/imaging/camera.h"
+#include "tileflight/capture/recording/render_stage.h"
 #include "tileflight/capture/render/image_formation.h"
-#include "tileflight/capture/recording/flight_settings.h"
+#include "tileflight/core/imaging/camera.h"
 
 namespace tileflight::recording {
 
