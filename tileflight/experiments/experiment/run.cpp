@@ -3,9 +3,17 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "tileflight/capture/ingest/ingest_stage.h"
+#include "tileflight/capture/recording/render_stage.h"
+#include "tileflight/capture/recording/reproduction.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/output_folder.h"
+#include "tileflight/core/base/version.h"
+#include "tileflight/evaluation/scoring/align_stage.h"
+#include "tileflight/evaluation/scoring/compare_maps.h"
+#include "tileflight/evaluation/scoring/evaluate.h"
+#include "tileflight/evaluation/scoring/failure_prediction.h"
 #include "tileflight/experiments/experiment/ablation.h"
 #include "tileflight/experiments/experiment/folder_cache.h"
 #include "tileflight/experiments/experiment/pipeline.h"
@@ -13,20 +21,10 @@
 #include "tileflight/experiments/experiment/results.h"
 #include "tileflight/experiments/experiment/run_folder.h"
 #include "tileflight/experiments/experiment/stage_cache.h"
-#include "tileflight/world/place/extract.h"
-#include "tileflight/core/base/version.h"
 #include "tileflight/experiments/report/report.h"
-#include "tileflight/evaluation/scoring/align_stage.h"
-#include "tileflight/evaluation/scoring/compare_maps.h"
-#include "tileflight/evaluation/scoring/evaluate.h"
-#include "tileflight/evaluation/scoring/failure_prediction.h"
-#include "tileflight/capture/ingest/ingest_stage.h"
-#include "tileflight/capture/ingest/ingest_stage.h"
-#include "tileflight/capture/recording/followed_flight.h"
-#include "tileflight/capture/recording/render_stage.h"
-#include "tileflight/capture/recording/reproduction.h"
 #include "tileflight/slam/odometry/track.h"
 #include "tileflight/tiles/fetch/url_secrets.h"
+#include "tileflight/world/place/extract.h"
 
 namespace tileflight::experiment {
 namespace fs = std::filesystem;
@@ -43,7 +41,7 @@ void run_odometry_stage(const Experiment& experiment, const fs::path& dataset, c
   if (!settings.debug_pictures && fs::exists(pictures)) base::remove_output(pictures);
   if (!settings.command.empty()) {
     odometry::track_with_command(dataset, run.folder / "odometry", true, settings.command,
-                               fs::absolute(experiment.file).parent_path());
+                                 fs::absolute(experiment.file).parent_path());
     return;
   }
   odometry::TrackOptions extras = settings.track_options;
