@@ -7,11 +7,11 @@
 #include <cmath>
 #include <optional>
 
+#include "tileflight/capture/render/surface_color.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/random_numbers.h"
 #include "tileflight/core/base/require.h"
 #include "tileflight/core/geometry/angles.h"
-#include "tileflight/capture/render/reflectance.h"
 
 namespace tileflight::sensors {
 namespace {

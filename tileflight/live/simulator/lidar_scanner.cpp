@@ -7,7 +7,7 @@
 #include <cmath>
 #include <optional>
 
-#include "tileflight/capture/render/reflectance.h"
+#include "tileflight/capture/render/surface_color.h"
 #include "tileflight/live/simulator/frames.h"
 
 namespace tileflight::simulator {
