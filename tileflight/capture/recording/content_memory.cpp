@@ -7,7 +7,7 @@
 #include <set>
 #include <string>
 
-#include "tileflight/capture/render/scene_memory.h"
+#include "tileflight/capture/render/appearance.h"
 #include "tileflight/core/base/formatted_text.h"
 
 namespace tileflight::recording {

@@ -15,7 +15,7 @@
 #include "tileflight/capture/flight_path/path.h"
 #include "tileflight/capture/recording/content_memory.h"
 #include "tileflight/capture/recording/part_loader.h"
-#include "tileflight/capture/render/scene_memory.h"
+#include "tileflight/capture/render/appearance.h"
 
 namespace tileflight::recording::flight_tiles_test {
 namespace {

@@ -17,6 +17,17 @@
 
 namespace tileflight::render {
 
+/// Memory of a mesh's arrays, without its texture.
+std::uintmax_t decoded_bytes(const imaging::TexturedMesh& mesh);
+
+/// Memory of a mesh in a scene that is rendered: its data, both of the scene's trees over it and its shading
+/// (Appearance), without its texture.
+std::uintmax_t rendered_bytes(const imaging::TexturedMesh& mesh);
+
+/// Memory of a texture in a scene that is rendered: with its coarser levels and, for an atlas, a copy with its padding
+/// overwritten.
+std::uintmax_t rendered_bytes(const imaging::RgbImage& texture);
+
 /// Whether all texture coordinates lie within 0..1 (with a tolerance of a thousandth). Reads at the edge of such a
 /// texture need not wrap around.
 bool within_image(const imaging::TexturedMesh& mesh);
