@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "tileflight/capture/sensors/motion.h"
+#include "tileflight/capture/sensors/imu.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
