@@ -3,7 +3,7 @@
 #include <string>
 
 #include "tileflight/capture/flight_path/path.h"
-#include "tileflight/capture/sensors/geomagnetic_field.h"
+#include "tileflight/capture/sensors/magnetometer.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/strict_section.h"
 

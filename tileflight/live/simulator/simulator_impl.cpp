@@ -5,8 +5,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "tileflight/capture/sensors/magnetometer.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/capture/sensors/geomagnetic_field.h"
 #include "tileflight/live/simulator/camera_settings.h"
 #include "tileflight/live/simulator/frames.h"
 
