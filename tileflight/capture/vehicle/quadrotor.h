@@ -2,7 +2,7 @@
 
 #include <array>
 
-#include "tileflight/capture/vehicle/multirotor_wrench.h"
+#include "tileflight/capture/vehicle/rigid_body.h"
 
 namespace tileflight::vehicle {
 
