@@ -109,7 +109,7 @@ waypoints:
   EXPECT_EQ(whole["parts"], 1);
   EXPECT_THAT(whole["warnings"].dump(), HasSubstr("the camera is inside or under a surface"));
   EXPECT_THAT(whole["warnings"].dump(), HasSubstr("through a surface"));
-  const json parts = render("parts", {"--outputs", "depth,segmentation", "--memory", "0.008"});
+  const json parts = render("parts", {"--outputs", "depth,segmentation", "--memory", "0.007"});
   EXPECT_GT(parts["parts"], 1);
   for (const char* key : {"frames", "tiles", "complete", "warnings"}) EXPECT_EQ(parts[key], whole[key]) << key;
   tests::expect_same_files(folder_ / "whole", folder_ / "parts");

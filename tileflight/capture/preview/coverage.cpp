@@ -13,38 +13,58 @@
 #include "tileflight/core/base/output_folder.h"
 #include "tileflight/core/base/version.h"
 #include "tileflight/tiles/fetch/open_source.h"
+#include "tileflight/world/ground_truth/cell_sets.h"
 #include "tileflight/world/ground_truth/voxelize.h"
 #include "tileflight/world/place/require_surface.h"
 #include "tileflight/world/scene/scene.h"
 
 namespace tileflight::preview {
 
-void CellCoverage::add(std::uint32_t id, const tileset::LoadedContent& content) {
-  const geometry::TriangleMesh mesh = scene::merge_meshes(content.meshes);
-  if (mesh.triangles.empty()) return;
-  geometry::VoxelGrid grid = ground_truth::voxelize(mesh, region_.box(), edge_m_);
-  std::erase_if(grid.occupied, [&](const geometry::Cell& cell) { return is_outside(grid.center(cell)); });
-  cells_.set(id, grid);
-}
-
-void CellCoverage::finish(const ContentIds& region_cut) {
-  region_cut_ = region_cut;
-  occupied_ = cells_.count_covered(region_cut, std::vector<ContentIds>{region_cut}).front();
-}
-
-double CellCoverage::largest_share(const std::vector<ContentIds>& tiles) const {
-  const std::vector<std::int64_t> counts = cells_.count_covered(region_cut_, tiles);
-  return occupied_ == 0 ? 0.0 : static_cast<double>(*std::ranges::max_element(counts)) / static_cast<double>(occupied_);
-}
-
-bool CellCoverage::is_outside(const geometry::Vec3& center) const {
-  return !region_.parts.empty() &&
-         std::ranges::none_of(region_.parts, [&](const auto& part) { return contains(part, center); });
-}
-
+namespace fs = std::filesystem;
 namespace {
 
 using nlohmann::json;
+
+/// The region's cells that each content touches.
+class CellCoverage {
+ public:
+  CellCoverage(const tileset::Region& region, double edge_m, std::size_t contents)
+      : region_(region), edge_m_(edge_m), cells_(contents) {}
+
+  void add(std::uint32_t id, const tileset::LoadedContent& content) {
+    const geometry::TriangleMesh mesh = scene::merge_meshes(content.meshes);
+    if (mesh.triangles.empty()) return;
+    geometry::VoxelGrid grid = ground_truth::voxelize(mesh, region_.box(), edge_m_);
+    std::erase_if(grid.occupied, [&](const geometry::Cell& cell) { return is_outside(grid.center(cell)); });
+    cells_.set(id, grid);
+  }
+  std::uintmax_t bytes() const { return cells_.bytes(); }
+
+  /// Sets the occupied cells to those of the region's cut, once all contents are added.
+  void finish(const ContentIds& region_cut) {
+    region_cut_ = region_cut;
+    occupied_ = cells_.count_covered(region_cut, std::vector<ContentIds>{region_cut}).front();
+  }
+  std::int64_t occupied() const { return occupied_; }
+  /// The largest share of the occupied cells that one of these sets of tiles has.
+  double largest_share(const std::vector<ContentIds>& tiles) const {
+    const std::vector<std::int64_t> counts = cells_.count_covered(region_cut_, tiles);
+    return occupied_ == 0 ? 0.0
+                          : static_cast<double>(*std::ranges::max_element(counts)) / static_cast<double>(occupied_);
+  }
+
+ private:
+  bool is_outside(const geometry::Vec3& center) const {
+    return !region_.parts.empty() &&
+           std::ranges::none_of(region_.parts, [&](const auto& part) { return contains(part, center); });
+  }
+
+  tileset::Region region_;
+  double edge_m_;
+  ground_truth::CellSets cells_;
+  ContentIds region_cut_;
+  std::int64_t occupied_ = 0;
+};
 
 double mean_share(const StrategyResult& strategy_result, std::int64_t PixelCounts::*which) {
   double sum = 0.0;
@@ -79,8 +99,7 @@ json describe(const StrategyResult& strategy_result, const FrameSampling& watch,
           {"cells_share", strategy_result.cells_share}};
 }
 
-}  // namespace
-
+/// The content of coverage.json, for all strategies.
 json result_json(const CoverageSettings& settings, const FrameSampling& watch, const std::vector<StrategyResult>& all,
                  const CoverageContents& contents, const ContentIds& truth, const CellCoverage& cells) {
   json result{{"source", fetch::redact_source(settings.source)},
@@ -98,6 +117,7 @@ json result_json(const CoverageSettings& settings, const FrameSampling& watch, c
   return result;
 }
 
+/// The content of frames.csv: the shares of each frame by each strategy.
 std::string frames_csv(const std::vector<StrategyResult>& all, const FrameSampling& watch) {
   std::ostringstream csv;
   csv << "frame,time_s,strategy,pixels,right,coarser,missing\n";
@@ -112,8 +132,6 @@ std::string frames_csv(const std::vector<StrategyResult>& all, const FrameSampli
   return csv.str();
 }
 
-namespace fs = std::filesystem;
-namespace {
 
 using nlohmann::json;
 

@@ -17,28 +17,25 @@ void require_positive(double value, const std::string& name) {
 
 }  // namespace
 
-Wrench quadrotor_wrench(const QuadrotorOptions& options, const RigidBodyState& state, const RotorSpeeds& speeds_rad_s,
-                        const Vec3& wind_m_s) {
-  return multirotor_wrench(options, state, speeds_rad_s, wind_m_s);
-}
-
-QuadrotorState integrate(const QuadrotorOptions& options, const QuadrotorState& state,
+QuadrotorState integrate(const MultirotorOptions& options, const QuadrotorState& state,
                          const RotorSpeeds& commanded_rad_s, const Vec3& wind_m_s, double step_s) {
   const RotorSpeeds target = commanded_rad_s.max(0.0).min(options.max_rotor_speed_rad_s);
   const auto speeds_at = [&](double time_s) -> RotorSpeeds {
     return target + (state.rotor_speeds_rad_s - target) * std::exp(-time_s / options.motor_time_constant_s);
   };
   const auto wrench = [&](const RigidBodyState& body, double time_s) {
-    return quadrotor_wrench(options, body, speeds_at(time_s), wind_m_s);
+    const RotorSpeeds speeds = speeds_at(time_s);
+    return multirotor_wrench(options, body, {speeds.data(), kRotors}, wind_m_s);
   };
   return {integrate(options.body, state.body, step_s, wrench), speeds_at(step_s)};
 }
 
-double hover_rotor_speed_rad_s(const QuadrotorOptions& options) {
+double hover_rotor_speed_rad_s(const MultirotorOptions& options) {
   return std::sqrt(options.body.mass_kg * kStandardGravity_m_s2 / (kRotors * options.thrust_n_s2));
 }
 
-void check(const QuadrotorOptions& options) {
+void check(const MultirotorOptions& options) {
+  if (options.rotors.size() != kRotors) throw InputError("quadrotor", "must have four rotors");
   require_positive(options.body.mass_kg, "the mass");
   require_positive(options.thrust_n_s2, "the thrust coefficient");
   require_positive(options.torque_nm_s2, "the torque coefficient");

@@ -24,7 +24,7 @@ double feasible_share(const Thrusts& base, const Thrusts& extra, double max_n) {
 
 }  // namespace
 
-RotorMixer::RotorMixer(const QuadrotorOptions& options)
+RotorMixer::RotorMixer(const MultirotorOptions& options)
     : thrust_n_s2_(options.thrust_n_s2), max_thrust_n_(options.max_rotor_thrust_n()) {
   Eigen::Matrix4d demand_from_thrusts;
   for (int i = 0; i < kRotors; ++i) {
@@ -85,7 +85,7 @@ Vec3 attitude_error(const Mat3& R_wanted, const Mat3& R) {
   return 0.5 * Vec3(difference(2, 1), difference(0, 2), difference(1, 0));
 }
 
-QuadrotorController::QuadrotorController(const QuadrotorOptions& craft, const ControllerOptions& options)
+QuadrotorController::QuadrotorController(const MultirotorOptions& craft, const ControllerOptions& options)
     : quadrotor_(craft), options_(options), mixer_(craft) {}
 
 Vec3 QuadrotorController::desired_velocity(const RigidBodyState& state, const Setpoint& setpoint) const {

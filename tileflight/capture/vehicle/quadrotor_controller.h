@@ -18,7 +18,7 @@ struct RotorDemand {
 /// vehicle that can right itself can do everything else later.
 class RotorMixer {
  public:
-  explicit RotorMixer(const QuadrotorOptions& options);
+  explicit RotorMixer(const MultirotorOptions& options);
 
   RotorSpeeds speeds_rad_s(const RotorDemand& demand) const;
 
@@ -79,7 +79,7 @@ double approach_speed_m_s(double distance_m, double gain, double acceleration_m_
 /// tilt or acceleration are at their limit.
 class QuadrotorController {
  public:
-  QuadrotorController(const QuadrotorOptions& craft, const ControllerOptions& options);
+  QuadrotorController(const MultirotorOptions& craft, const ControllerOptions& options);
 
   /// Must be called once per step.
   RotorSpeeds rotor_speeds_rad_s(const RigidBodyState& state, const Setpoint& setpoint, double step_s);
@@ -92,7 +92,7 @@ class QuadrotorController {
   geometry::Vec3 limit_acceleration(const geometry::Vec3& acceleration_m_s2) const;
   double thrust_n(const Setpoint& setpoint, const geometry::Vec3& lift_m_s2, const geometry::Mat3& R) const;
 
-  QuadrotorOptions quadrotor_;
+  MultirotorOptions quadrotor_;
   ControllerOptions options_;
   RotorMixer mixer_;
   geometry::Vec3 integral_m_s2_ = geometry::Vec3::Zero();

@@ -15,7 +15,7 @@ namespace {
 using geometry::Vec3;
 
 constexpr double kStep_s = 0.003;
-const QuadrotorOptions kQuad;
+const MultirotorOptions kQuad;
 
 Setpoint hold(const Vec3& position, double yaw = 0.0) {
   Setpoint setpoint;
@@ -172,7 +172,7 @@ namespace {
 
 using geometry::Vec3;
 
-const QuadrotorOptions kQuad;
+const MultirotorOptions kQuad;
 const double kWeight = kQuad.body.mass_kg * kStandardGravity_m_s2;
 
 /// The thrust and torque that the rotors deliver.
@@ -181,7 +181,7 @@ RotorDemand after_mixing(const RotorDemand& demand) {
   const RotorSpeeds speeds = mixer.speeds_rad_s(demand);
   EXPECT_GE(speeds.minCoeff(), 0.0);
   EXPECT_LE(speeds.maxCoeff(), kQuad.max_rotor_speed_rad_s * (1 + 1e-12));
-  const Wrench wrench = quadrotor_wrench(kQuad, {}, speeds, Vec3::Zero());  // at rest: no drag
+  const Wrench wrench = multirotor_wrench(kQuad, {}, {speeds.data(), kRotors}, Vec3::Zero());  // at rest: no drag
   return {wrench.force_n.z() + kWeight, wrench.torque_nm};
 }
 

@@ -15,7 +15,7 @@ using geometry::Vec3;
 const RotorSpeeds kStill = RotorSpeeds::Zero();
 
 TEST(Quadrotor, DefaultsAreAirSimsGenericQuad) {
-  const QuadrotorOptions quad;
+  const MultirotorOptions quad;
   EXPECT_NEAR(quad.max_rotor_thrust_n(), 4.179446, 1e-3);  // RotorParams.hpp says both
   EXPECT_NEAR(quad.torque_nm_s2 * std::pow(quad.max_rotor_speed_rad_s, 2), 0.055562, 1e-5);
   const double arm = 0.2275, box_kg = 1.0 - 4 * 0.055;  // MultiRotorParams.hpp's inertia of a box and four motors
@@ -34,11 +34,11 @@ TEST(Quadrotor, DefaultsAreAirSimsGenericQuad) {
 }
 
 TEST(Quadrotor, RotorsPushWhereTheyAre) {
-  const QuadrotorOptions quad;
+  const MultirotorOptions quad;
   const auto torque = [&](std::initializer_list<int> fast) {
     RotorSpeeds speeds = RotorSpeeds::Constant(300);
     for (const int i : fast) speeds[i] = 400;
-    return quadrotor_wrench(quad, {}, speeds, Vec3::Zero()).torque_nm;
+    return multirotor_wrench(quad, {}, {speeds.data(), kRotors}, Vec3::Zero()).torque_nm;
   };
   EXPECT_NEAR(torque({}).norm(), 0, 1e-15);
   EXPECT_GT(torque({1, 2}).x(), 0.05);   // more lift on the left: rolls to the right, about the forward axis
@@ -48,7 +48,7 @@ TEST(Quadrotor, RotorsPushWhereTheyAre) {
 }
 
 TEST(Quadrotor, HoversWithoutMoving) {
-  const QuadrotorOptions quad;
+  const MultirotorOptions quad;
   const RotorSpeeds hover = RotorSpeeds::Constant(hover_rotor_speed_rad_s(quad));
   QuadrotorState state{{}, hover};
   for (int i = 0; i < 1000; ++i) state = integrate(quad, state, hover, Vec3::Zero(), 0.003);
@@ -56,7 +56,7 @@ TEST(Quadrotor, HoversWithoutMoving) {
 }
 
 TEST(Quadrotor, RotorsFollowWithTheirLag) {
-  const QuadrotorOptions quad;
+  const MultirotorOptions quad;
   const QuadrotorState after = integrate(quad, {}, RotorSpeeds::Constant(500), Vec3::Zero(), 0.005);
   EXPECT_NEAR(after.rotor_speeds_rad_s[0], 500 * (1 - std::exp(-1)), 1e-9);
   const QuadrotorState fast = integrate(quad, after, RotorSpeeds::Constant(5000), Vec3::Zero(), 1.0);
@@ -64,7 +64,7 @@ TEST(Quadrotor, RotorsFollowWithTheirLag) {
 }
 
 TEST(Quadrotor, FallsThroughQuadraticDragAsTheHyperbolicTangent) {
-  const QuadrotorOptions quad;
+  const MultirotorOptions quad;
   const double g = kStandardGravity_m_s2, terminal = std::sqrt(g / quad.quadratic_drag_n_s2_m2.z());
   QuadrotorState state;
   for (int i = 0; i < 1000; ++i) state = integrate(quad, state, kStill, Vec3::Zero(), 0.003);
@@ -73,7 +73,7 @@ TEST(Quadrotor, FallsThroughQuadraticDragAsTheHyperbolicTangent) {
 }
 
 TEST(Quadrotor, LinearDragCarriesItWithTheWind) {
-  QuadrotorOptions quad;
+  MultirotorOptions quad;
   quad.quadratic_drag_n_s2_m2.setZero();
   quad.linear_drag_n_s_m = {0.5, 0.2, 0.1};
   const RotorSpeeds hover = RotorSpeeds::Constant(hover_rotor_speed_rad_s(quad));
@@ -86,16 +86,16 @@ TEST(Quadrotor, LinearDragCarriesItWithTheWind) {
 TEST(Quadrotor, OptionsThatCannotFlyAreRefused) {
   const auto refusal = [](const auto& change) {
     return tests::refusal_of([&] {
-      QuadrotorOptions quad;
+      MultirotorOptions quad;
       change(quad);
       check(quad);
     });
   };
-  EXPECT_EQ(refusal([](QuadrotorOptions&) {}), "no error");
-  EXPECT_THAT(refusal([](QuadrotorOptions& q) { q.body.mass_kg = 1.6; }), testing::HasSubstr("cannot lift it"));
-  EXPECT_THAT(refusal([](QuadrotorOptions& q) { q.body.mass_kg = NAN; }), testing::HasSubstr("the mass"));
-  EXPECT_THAT(refusal([](QuadrotorOptions& q) { q.body.inertia_kg_m2(0, 0) = -1; }), testing::HasSubstr("inertia"));
-  EXPECT_THAT(refusal([](QuadrotorOptions& q) { q.linear_drag_n_s_m.x() = -1; }), testing::HasSubstr("drag"));
+  EXPECT_EQ(refusal([](MultirotorOptions&) {}), "no error");
+  EXPECT_THAT(refusal([](MultirotorOptions& q) { q.body.mass_kg = 1.6; }), testing::HasSubstr("cannot lift it"));
+  EXPECT_THAT(refusal([](MultirotorOptions& q) { q.body.mass_kg = NAN; }), testing::HasSubstr("the mass"));
+  EXPECT_THAT(refusal([](MultirotorOptions& q) { q.body.inertia_kg_m2(0, 0) = -1; }), testing::HasSubstr("inertia"));
+  EXPECT_THAT(refusal([](MultirotorOptions& q) { q.linear_drag_n_s_m.x() = -1; }), testing::HasSubstr("drag"));
 }
 
 }  // namespace

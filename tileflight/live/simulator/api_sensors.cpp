@@ -295,7 +295,7 @@ MultirotorState Simulator::get_multirotor_state(const std::string& vehicle) cons
 RotorStates Simulator::get_rotor_states(const std::string& vehicle) const {
   const std::lock_guard lock(impl_->state_mutex);
   const SimVehicle& sim_vehicle = impl_->require_multirotor(vehicle, "getRotorStates");
-  const vehicle::QuadrotorOptions& options = sim_vehicle.options().quadrotor;
+  const vehicle::MultirotorOptions& options = sim_vehicle.options().quadrotor;
   const std::vector<vehicle::Rotor> rotors = sim_vehicle.rotors();
   const std::vector<double> speeds = sim_vehicle.rotor_speeds_rad_s();
   RotorStates states;
