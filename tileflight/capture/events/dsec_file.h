@@ -24,16 +24,17 @@ namespace tileflight::events {
 dataset::ExportResult export_dsec(const dataset::Rig& rig, const std::filesystem::path& folder, bool replace,
                                   const Progress& progress = {}, std::vector<std::filesystem::path> inputs = {});
 
-/// Where DSEC's rectify_map takes an event camera's pixels: to a pinhole camera of the same size, whose focal length is
-/// that of the lens's middle, turned by `R_rectified_camera`. One (x, y) a pixel; NaN for rays that no pinhole sees.
+/// Computes DSEC's rectify_map: for each pixel of an event camera, its position (x, y) in the image of a pinhole camera
+/// of the same size, whose focal length is that of the lens's middle, turned by `R_rectified_camera`. NaN for rays that
+/// no pinhole sees.
 imaging::Image<std::array<float, 2>> rectify_map(const imaging::Camera& camera, const imaging::Camera& rectified,
                                                  const geometry::Mat3& R_rectified_camera);
 
-/// The pinhole camera of a rectified pair, or of one: the lens's focal lengths in the middle of the image.
+/// Returns the pinhole camera of rectified images, whose focal lengths are the left lens's in the middle of its image.
 imaging::Camera rectified_camera(const imaging::Camera& left);
 
-/// Rotations of a rectified pair, rectified frame from camera: x along the baseline, z as near to the mean of both
-/// optical axes as that allows.
+/// Returns the rotations of a rectified pair, R_rectified_camera of the left and the right camera: x is along the
+/// baseline, z as near to the mean of both optical axes as that allows.
 std::array<geometry::Mat3, 2> rectifying_rotations(const geometry::SE3& T_left_right);
 
 /// Writes events.h5 in the layout of DSEC (Gehrig, Aarents, Gehrig, Scaramuzza, "DSEC: a stereo event camera dataset
@@ -62,7 +63,7 @@ class DsecWriter {
   std::unique_ptr<Impl> impl_;
 };
 
-/// All of an events.h5.
+/// The content of an events.h5.
 struct EventRecording {
   std::vector<Event> events;
   std::vector<std::uint64_t> ms_to_idx;

@@ -64,7 +64,7 @@ namespace {
 constexpr double kShortestStep_s = 1e-6;  // resolution of the events' times
 constexpr double kAimedShare = 0.9;       // of the largest motion, so that the next sample seldom has to be taken again
 
-/// Of a microsecond, what has passed of it at a time.
+/// Returns the fraction of the current microsecond that has passed at a time.
 double fraction_of_microsecond_s(double time_s) { return 1e-6 * (time_s * 1e6 - std::floor(time_s * 1e6)); }
 
 /// Natural logarithm of luminance (Rec. 709) and dark light.
@@ -120,7 +120,7 @@ class EventCamera::SceneView {
   std::optional<render::CameraRenderer> renderer_;
 };
 
-/// What is seen at one instant.
+/// The view at one instant.
 struct EventCamera::Sample {
   double time_s = 0.0;
   geometry::SE3 T_local_camera;
@@ -151,7 +151,8 @@ EventCamera::Sample EventCamera::sample_at(const SceneView& view, double time_s)
   return sample;
 }
 
-/// So long that the images of what is seen now move by at most the aimed share of max_motion_px, also on the way.
+/// Returns the longest step in which the images of the surfaces seen now move by at most the aimed share of max_motion_px,
+/// also on the way.
 double EventCamera::longest_step_s(const SceneView& view, const Sample& from, double end_s) const {
   const auto motion_px = [&](double step_s) {
     double largest = 0.0;
@@ -178,7 +179,8 @@ bool EventCamera::changes_too_much(const Sample& from, const Sample& to) const {
   return many * 1000 > to.log_light.pixels.size();
 }
 
-/// What comes into view only then may be nearer than what was seen, so that the sample is taken again, earlier.
+/// Takes the next sample. Surfaces that come into view only then may be nearer than those seen before; the sample is then
+/// taken again, earlier.
 EventCamera::Sample EventCamera::next_sample(const SceneView& view, const Sample& from, double end_s) const {
   const double rest_s = end_s - from.time_s;
   double step_s = longest_step_s(view, from, end_s);

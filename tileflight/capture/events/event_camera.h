@@ -20,7 +20,7 @@
 
 namespace tileflight::events {
 
-/// Takes the events of a time, which follow those before.
+/// Consumes the events of an interval; intervals follow each other.
 using EventSink = std::function<void(const std::vector<Event>& events)>;
 
 /// The view of an event camera during an interval.
@@ -51,9 +51,9 @@ class EventCamera {
   /// Throws InputError for options out of range.
   EventCamera(imaging::Camera camera, render::PoseFunction pose_at, const EventOptions& options, double start_s);
 
-  /// Records consecutive spans, each sampled at its begin and its end. What the place looks like at the first begin may
-  /// have changed (other tiles of the same place): no event comes of that. Throws InputError for too many events.
-  /// `span_done`, if any, is called after each span with their number.
+  /// Records consecutive spans, each sampled at its beginning and its end. If the place looks different at the
+  /// beginning of the first span (other tiles of the same place), that causes no event. Throws InputError for too many
+  /// events. `span_done`, if any, is called after each span with their number.
   void record(const EventScene& scene, const std::vector<TimeSpan>& spans, const EventSink& sink,
               const std::function<void(std::size_t spans)>& span_done = {});
 
@@ -81,8 +81,8 @@ class EventCamera {
   EventCounts counts_;
 };
 
-/// Records an event camera along a flight's frames into a file (dsec_file.h): from the first frame to the last, part of
-/// the flight by part.
+/// Records an event camera along a flight's frames into a file (dsec_file.h), from the first frame to the last, in
+/// parts of the flight that follow each other.
 class EventRecorder {
  public:
   /// `frames`: times of the camera's frames, on the clock of `pose_at`. Throws InputError for a flight longer than the

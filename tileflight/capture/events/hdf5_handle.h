@@ -7,7 +7,7 @@
 
 namespace tileflight::events {
 
-/// An object of the HDF5 library, closed at the end.
+/// Owns an object of the HDF5 library.
 class Hdf5Handle {
  public:
   using Close = herr_t (*)(hid_t);
@@ -38,7 +38,7 @@ class Hdf5Handle {
 /// Throws InputError (place, the library's last message) if a call failed.
 void require_hdf5(herr_t result, const std::string& place);
 
-/// While it lives, the library prints nothing of its errors on this thread.
+/// Silences the HDF5 library's error messages on this thread while it lives.
 class QuietHdf5 {
  public:
   QuietHdf5();

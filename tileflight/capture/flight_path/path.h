@@ -60,24 +60,25 @@ class Path {
   std::shared_ptr<const Motion> motion_;
 };
 
-/// A path through all waypoints in order, at rest at the first and the last, starting at time 0. Positions are a cubic
-/// spline (knot spacing: square root of the distance; Lee, Computer-Aided Design 21(6), 1989), flown as fast as the
-/// limits allow (SpeedPlan); yaw_rate_deg_s limits the camera's total angular rate. If every waypoint has a look_at,
-/// the camera looks exactly at a target that moves smoothly between them; otherwise orientations are blended and are
-/// exact at the waypoints. Throws InputError: fewer than two waypoints, two consecutive ones at one position,
+/// Returns a path through all waypoints in order, at rest at the first and the last, starting at time 0. Positions are
+/// a cubic spline (knot spacing: square root of the distance; Lee, Computer-Aided Design 21(6), 1989), flown as fast as
+/// the limits allow (SpeedPlan); yaw_rate_deg_s limits the camera's total angular rate. If every waypoint has a
+/// look_at, the camera looks exactly at a target that moves smoothly between them; otherwise orientations are blended
+/// and are exact at the waypoints. Throws InputError: fewer than two waypoints, two consecutive ones at one position,
 /// non-finite numbers, limits that are not positive, a look_at straight above or below the camera.
 Path path_through_waypoints(const std::vector<Waypoint>& waypoints, const SpeedLimits& limits);
 
-/// A path through all poses at their times (at least two). Positions are a cubic spline in time, and so are the unit
-/// quaternions, which are then normalized. Throws InputError for fewer than two poses.
+/// Returns a path through all poses at their times (at least two). Positions are a cubic spline in time, and so are the
+/// unit quaternions, which are then normalized. Throws InputError for fewer than two poses.
 Path path_through_poses(const geometry::Trajectory& trajectory);
 
-/// A path along a position spline and a rotation spline with the same start and end; their parameter is time.
+/// Returns a path along a position spline and a rotation spline with the same start and end; their parameter is time.
 /// smooth_path() fits such splines to poses.
 Path path_along_splines(BSpline<3> position, RotationSpline rotation);
 
-/// Orientation of a camera (x right, y down, z forward) from its compass heading (clockwise from north), the elevation
-/// of its optical axis above the horizon, and its roll about that axis (positive: right side down), in degrees.
+/// Computes the orientation of a camera (x right, y down, z forward) from its compass heading (clockwise from north),
+/// the elevation of its optical axis above the horizon, and its roll about that axis (positive: right side down), in
+/// degrees.
 Eigen::Quaterniond camera_orientation(double yaw_deg, double pitch_deg, double roll_deg);
 
 }  // namespace tileflight::flight_path

@@ -14,8 +14,8 @@ class StrictSection;
 
 namespace tileflight::flight_path {
 
-/// How strongly a path through measured poses is smoothed. The knot spacing decides it; if it is not given, it is
-/// chosen from the noise if that is known, else by generalized cross validation.
+/// Strength of the smoothing of a path through measured poses. The knot spacing determines it; if it is not given, it
+/// is chosen from the noise if that is known, else by generalized cross validation.
 struct SmoothingOptions {
   std::optional<double> knot_spacing_s = {};      ///< for positions and rotations
   std::optional<double> position_sigma_m = {};    ///< noise of a pose on each axis
@@ -44,7 +44,7 @@ struct SmoothPath {
   SplineFit position, rotation;
 };
 
-/// Fewer poses than this are not smoothed.
+/// Smallest number of poses that are smoothed.
 inline constexpr std::size_t kMinPosesToSmooth = 8;
 
 /// Least-squares fit to poses: a cubic B-spline of positions and a cumulative one of rotations, each over evenly spaced
@@ -53,11 +53,12 @@ inline constexpr std::size_t kMinPosesToSmooth = 8;
 /// not positive.
 SmoothPath smooth_path(const geometry::Trajectory& trajectory, const SmoothingOptions& options = {});
 
-/// Positions at times (strictly increasing, at least kMinPosesToSmooth), smoothed in the same way.
+/// Smoothed positions without orientations.
 struct SmoothPositions {
   BSpline<3> spline;
   SplineFit fit;
 };
+/// Smooths positions at times (strictly increasing, at least kMinPosesToSmooth) as smooth_path() does.
 SmoothPositions smooth_positions(std::span<const double> times_s, std::span<const geometry::Vec3> positions_m,
                                  const SmoothingOptions& options = {});
 

@@ -7,9 +7,9 @@
 
 namespace tileflight::preview {
 
-/// All that a preview warns of: a flight beside the place, its `faults`, too little parallax at the start, coarser
-/// tiles than the flight's (`checked_coarser`: those of the checks), tiles that could not be read (`missing`; each
-/// once), and what the place's reader says.
+/// Collects the warnings of a preview: a flight beside the place, its `faults`, too little parallax at the start,
+/// coarser tiles than the flight's (`checked_coarser`: those of the checks), tiles that could not be read (`missing`,
+/// each named once), and the warnings of the place's reader.
 std::vector<std::string> collect_warnings(const PreviewedFlight& flight, const FlightCheck& check,
                                           const std::vector<render::FlightFault>& faults,
                                           const std::vector<SamplePicture>& pictures, bool checked_coarser,

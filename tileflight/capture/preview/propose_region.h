@@ -4,8 +4,8 @@
 #include <optional>
 #include <string>
 
-#include "tileflight/core/geometry/geodesy.h"
 #include "tileflight/capture/render/orthophoto.h"
+#include "tileflight/core/geometry/geodesy.h"
 
 namespace tileflight::preview {
 
@@ -23,7 +23,8 @@ struct ProposedRegion {
 /// a margin. All numbers are rounded. nullopt if there is no surface.
 std::optional<ProposedRegion> propose_region(const render::GroundGrid& grid, const imaging::FloatImage& heights_m);
 
-/// The command-line options for the region: "--center 35.310344,-80.740007,199.5 --size 250,250,60 --voxel 1", or with
+/// Returns the command-line options for the region: "--center 35.310344,-80.740007,199.5 --size 250,250,60 --voxel 1",
+/// or with
 /// --center-local if the place is not georeferenced.
 std::string to_cli_options(const ProposedRegion& proposed, const std::optional<geometry::LocalFrame>& frame);
 nlohmann::json to_json(const ProposedRegion& proposed, const std::optional<geometry::LocalFrame>& frame);

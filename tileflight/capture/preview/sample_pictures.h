@@ -40,8 +40,8 @@ struct SurroundingTiles {
   bool is_coarser = false;  ///< than half a percent of their distance, or less far around, for lack of memory
 };
 
-/// Reads tiles with an error of at most half a percent of their distance from the path; the first coarser level that
-/// fits, where they need more than half of the memory. Throws tileset::MemoryLimitExceeded if none does.
+/// Reads tiles with an error of at most half a percent of their distance from the path. If they need more than half of
+/// the memory, the first coarser level that fits is read. Throws tileset::MemoryLimitExceeded if none does.
 SurroundingTiles read_surroundings(PreviewedFlight& flight, const Progress& progress);
 
 /// An image of the flight, and its cost.
@@ -56,13 +56,13 @@ struct SamplePicture {
   std::optional<double> error_px;  ///< of its tiles, if the flight's views select them
 };
 
-/// The criterion of the tiles that `render` loads for the frames of a group at this screen-space error; nullopt: those
-/// of the region. `frame`: for that one only.
+/// Returns the criterion by which `render` selects tiles for the frames of a group at this screen-space error; without
+/// an error, that of the region. `frame`: only for this frame.
 tileset::RefinementCriterion criterion_of(const PreviewedFlight& flight, const std::vector<std::size_t>& group,
                                           const std::optional<double>& error_px, std::optional<std::size_t> frame = {});
 
-/// The first, middle and last image, as `render` would make them, from the same tiles where they fit into memory,
-/// otherwise from coarser ones (`error_px`). Tiles that could not be read are appended to `missing`.
+/// Renders the first, middle and last image as `render` would make them, from the same tiles where they fit into
+/// memory, otherwise from coarser ones (`error_px`). Tiles that could not be read are appended to `missing`.
 std::vector<SamplePicture> render_pictures(PreviewedFlight& flight, std::vector<place::MissingTile>& missing,
                                            const Progress& progress);
 

@@ -209,7 +209,7 @@ class FramePixelCounter {
         if (!tileset::intersects_cone(view, {bounds.center(), bounds.sizes().norm() / 2})) continue;
         trace_pixels(part, meshes.content_of_mesh, rays_, watch_.pose(i), hits[i - begin]);
       }
-      // Of all groups of frames: one more part of one group is done.
+      // One more part of one of the groups of frames is done.
       const double done = static_cast<double>(begin) * static_cast<double>(parts_.size()) +
                           static_cast<double>((end - begin) * (k + 1));
       report_progress(progress_, std::llround(done / static_cast<double>(parts_.size())),

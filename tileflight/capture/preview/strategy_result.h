@@ -35,10 +35,10 @@ struct StrategySettings {
   tileset::ViewerCamera viewer;  ///< image size, field of view and error of the two viewers; its pose is ignored
 };
 
-/// view-follow, view-high, sensor, flight, region (see coverage.h), in this order.
+/// Makes the strategies view-follow, view-high, sensor, flight and region (see coverage.h), in this order.
 std::vector<TileStrategy> make_tile_strategies(const StrategySettings& settings);
 
-/// Criterion for everything that the flight sees, at the finest error that counts.
+/// Returns the criterion for everything that the flight sees, at the finest error that counts.
 tileset::RefinementCriterion full_detail_criterion(const StrategySettings& settings);
 
 /// The tiles of a strategy and the resulting counts.
@@ -51,7 +51,7 @@ struct StrategyResult {
   const ContentIds& tiles_at(std::size_t frame) const { return tiles[strategy.is_fixed ? 0 : frame]; }
 };
 
-/// The frame, as an index into FrameSampling::frames, of which most pixels are missing.
+/// Returns the frame, as an index into FrameSampling::frames, of which most pixels are missing.
 std::size_t worst_frame(const StrategyResult& result);
 
 /// Counts the pixels of each frame for each strategy. `truth`: contents of the finest cut of all that is visible. The

@@ -17,7 +17,7 @@ namespace tileflight::recording {
 void require_frames_fit(FlightTiles& tiles, const std::vector<std::size_t>& frames, std::uintmax_t max_memory_bytes,
                         const Progress& progress);
 
-/// The distinct textures of meshes, in the order of their first use.
+/// Lists the distinct textures of meshes in the order of their first use.
 std::vector<const imaging::RgbImage*> textures_of(const std::vector<imaging::TexturedMesh>& meshes);
 
 /// Memory that a content takes, known once it has been decoded.
@@ -28,17 +28,18 @@ struct ContentMemory {
   };
 
   std::uintmax_t decoded_bytes = 0;   ///< meshes as they are kept, without textures
-  std::uintmax_t rendered_bytes = 0;  ///< the same in a scene that is rendered: with its trees and shading
+  std::uintmax_t rendered_bytes = 0;  ///< meshes in a scene that is rendered, with its trees and shading
   std::vector<Texture> textures;
 };
 
+/// Measures the memory of decoded meshes.
 ContentMemory memory_of(const std::vector<imaging::TexturedMesh>& meshes);
 
 /// Memory of several contents together. A file that several contents refer to has its textures in memory once.
 class MemorySum {
  public:
-  /// What add() would add. `file`: number of the content's file. Contents that are rendered come before those that are
-  /// only kept.
+  /// Returns the bytes that add() would add. `file`: number of the content's file. Contents that are rendered must be
+  /// added before those that are only kept.
   std::uintmax_t bytes_of(const ContentMemory& content, std::size_t file, bool is_rendered) const;
   void add(const ContentMemory& content, std::size_t file, bool is_rendered);
   std::uintmax_t bytes() const { return bytes_; }

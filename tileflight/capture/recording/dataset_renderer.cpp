@@ -214,7 +214,7 @@ fs::path runs_folder(const FrameAssignment& share, const PlannedFlight& mission,
   return runs.parent_path() / (runs.filename().string() + "-" + mission.camera(camera).name);
 }
 
-/// What is written of one camera. Not to be moved: it refers to itself.
+/// The files of one camera. It refers to itself and cannot be moved.
 struct CameraFiles {
   CameraFiles(const PlannedFlight& mission, std::size_t camera, const RenderSettings& settings,
               const FrameAssignment& share, const fs::path& out, const dataset::DatasetWriter::Options& options)

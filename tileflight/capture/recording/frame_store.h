@@ -22,19 +22,19 @@ struct FrameRecord {
   std::string cut;  ///< name of the tile cut from which it was rendered
 };
 
-/// The path checks of a whole flight's frames.
+/// Returns the checks of all frames.
 std::vector<std::optional<render::FrameCheck>> frame_checks(const std::vector<FrameRecord>& frames);
 
-/// "3, 5 to 8 and 12"; for many ranges the first few and the number of remaining frames.
+/// Describes frames in words, "3, 5 to 8 and 12"; of many ranges only the first few and the number of remaining frames.
 std::string describe_frame_ranges(const std::vector<std::size_t>& frames);
 
 /// The finished frames of an incomplete render, stored beside the dataset DIR/NAME:
 ///   DIR/.NAME.frames/inputs.json   the inputs of the render
 ///                    frames/000012.json   record of a finished frame, written after its files
 ///                    pictures/000012.picture  its image (core/imaging/quick_picture.h), if a video is encoded first
-///                    tiles/0123….json     what tiles were found to hold, for the summary; named by its content
+///                    tiles/0123….json     records of the tiles that were read, for the summary; named by its content
 ///                    segmentation.runs/   SegmentationWriter's data of frames
-///                    segmentation.runs-NAME/   the same of a rig's further cameras
+///                    segmentation.runs-NAME/   SegmentationWriter's data of a rig's further cameras
 ///                    dataset/      becomes the dataset
 ///                    members/      locks of the processes that render (core/jobs/build_folder.h)
 /// Several processes (on machines that share the folder) may add frames. Frames added by a process that died are kept
@@ -42,7 +42,7 @@ std::string describe_frame_ranges(const std::vector<std::size_t>& frames);
 class FrameStore {
  public:
   static std::filesystem::path folder_for(const std::filesystem::path& dataset);
-  /// Whether an earlier render left frames of the dataset.
+  /// Tells whether an earlier render left frames of the dataset.
   static bool exists(const std::filesystem::path& dataset);
   /// Prepares the folder for frames from `inputs`; called by one process before any opens the store. Keeps existing
   /// frames from the same inputs and removes others. Returns a message about what was removed; empty: nothing. Throws
@@ -58,10 +58,10 @@ class FrameStore {
   void add(std::size_t index, const FrameRecord& frame) const;
   void add_picture(std::size_t index, const imaging::RgbImage& picture) const;
   imaging::RgbImage read_picture(std::size_t index) const;
-  /// Stores what tiles hold (FlightTiles::take_new_records), before any frame that shows them is added.
+  /// Stores records of tiles (FlightTiles::take_new_records()), before any frame that shows these tiles is added.
   void add_tiles(const nlohmann::json& records) const;
   std::vector<nlohmann::json> read_tiles() const;
-  /// All finished frames; unreadable records are ignored.
+  /// Reads the records of all finished frames; unreadable ones are ignored.
   std::map<std::size_t, FrameRecord> read_frames() const;
   /// Removes the store once everything is in the dataset.
   void remove() const;
@@ -106,7 +106,8 @@ class FrameAssignment {
 
   /// Reports that all files of an image, the frame of its camera, are written. Thread-safe.
   void add(std::size_t image, const render::FlightFrame& frame);
-  /// The records of all frames, after all have been rendered. Throws InputError if one is missing or from other tiles.
+  /// Returns the records of all frames, once all have been rendered. Throws InputError if one is missing or from other
+  /// tiles.
   std::vector<FrameRecord> collect_frames() const;
 
  private:

@@ -210,7 +210,7 @@ void PartLoader::share_textures(std::size_t file, std::vector<TexturedMesh>& mes
   }
 }
 
-/// What a scene of those that are in memory or have been takes.
+/// Returns the memory of a scene of these contents, as far as they have been read.
 std::uintmax_t PartLoader::rendered_bytes(const Contents& contents) const {
   MemorySum sum;
   for (const std::size_t i : contents) {
@@ -274,7 +274,7 @@ void PartLoader::take_back(std::vector<TexturedMesh> meshes) {
     next = end;
   }
   part_.clear();
-  // Of which a scene leaves many: over a long flight, the process would come to take 1.5 times what it has allocated.
+  // A scene leaves many free pages: over a long flight, the process would grow to 1.5 times what it has allocated.
   base::return_free_pages();
 }
 

@@ -16,7 +16,7 @@ namespace {
 
 constexpr double kMostImages = 1e7;
 
-/// Of an event camera, poses on the way to the next frame and there.
+/// Returns the poses of an event camera on its way to the next frame and there.
 void append_way_to_next(const PlannedCamera& camera, std::size_t frame, std::vector<geometry::SE3>& poses) {
   constexpr int kPoses = 4;
   if (!camera.events) return;
@@ -232,7 +232,7 @@ geometry::Vec3 body_position(const PlannedCamera& camera, std::size_t frame) {
 FrameGroups group_images(const std::vector<geometry::Vec3>& body_positions, const PlannedFlight& mission,
                          const RenderSettings& settings) {
   FrameGroups groups = settings.error_px ? group_frames(body_positions) : single_group(body_positions);
-  // The same whatever cameras there are, so that each takes the same images beside others as alone.
+  // Independent of the cameras, so that each takes the same images beside others as alone.
   if (groups.count() == 1 && !mission.body.empty())
     groups.anchors.front() = mission.body.poses[mission.body.size() / 2].T_local_camera.translation;
   return groups;

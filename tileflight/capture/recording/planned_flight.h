@@ -19,7 +19,8 @@
 
 namespace tileflight::recording {
 
-/// What one camera takes on a flight. Times are those of its own clock: `timeshift_s` later on the flight's.
+/// The images and events that one camera takes on a flight. Times are those of its own clock: `timeshift_s` later on
+/// the flight's.
 struct PlannedCamera {
   std::string name;  ///< empty: the flight's only one
   imaging::Calibration calibration;
@@ -74,19 +75,20 @@ class ImageOrder {
 /// Plans the flight of the settings' files. Throws InputError.
 PlannedFlight plan_flight(const RenderSettings& settings, const Progress& progress);
 
-/// The view cones of every image of one camera, including its motion during exposure and readout, and to the next frame
-/// if it is an event camera: the same number of cones for each frame.
+/// Returns the view cones of every image of one camera, including its motion during exposure and readout, and to the
+/// next frame if it is an event camera. Each frame has the same number of cones. They widen to all directions if
+/// something beside the images needs the tiles there.
 std::vector<tileset::ViewCone> flight_view_cones(const PlannedFlight& mission, std::size_t camera = 0);
 
-/// The frames of the first camera in groups that each have their own selection of tiles (frame_groups.h). Without a
-/// pixel error they are one: the cut of a region is the same for all frames, however far they fly.
+/// Divides the frames of the first camera into groups that each have their own selection of tiles (frame_groups.h).
+/// Without a pixel error there is one group: the cut of a region is the same for all frames.
 FrameGroups group_flight_frames(const PlannedFlight& mission, const RenderSettings& settings);
 
-/// The same for images where the body is at these positions.
+/// Divides images, given the positions of the body, as group_flight_frames() does.
 FrameGroups group_images(const std::vector<geometry::Vec3>& body_positions, const PlannedFlight& mission,
                          const RenderSettings& settings);
 
-/// Where the body is at a camera's frame.
+/// Returns the position of the body at a camera's frame.
 geometry::Vec3 body_position(const PlannedCamera& camera, std::size_t frame);
 
 }  // namespace tileflight::recording

@@ -23,7 +23,7 @@ struct RenderOutputs {
   bool visibility = false;    ///< visibility/: pixels in which the scored region is visible
   bool photometric = false;   ///< pcalib.txt and, with vignetting, vignette.png; once per flight
 
-  /// The outputs that the renderer computes.
+  /// Returns the outputs that the renderer computes.
   render::OutputChannels to_frame_outputs() const;
 };
 

@@ -125,7 +125,7 @@ void require_undivided_autopilot(const RenderSettings& settings) {
                      "groundtruth.txt as 'trajectory'");
 }
 
-/// What is wrong with the path of each camera.
+/// Collects the warnings about the path of each camera.
 std::vector<std::string> path_warnings(const PlannedFlight& mission, const std::vector<FrameRecord>& images) {
   const ImageOrder order(mission);
   std::vector<std::string> warnings;

@@ -19,7 +19,7 @@
 
 namespace tileflight::recording {
 
-/// Section `render:`: a flight rendered from the place's tiles. Keys: flight | follow, smooth, camera, source,
+/// Settings of a rendered flight, section `render:`. Keys: flight | follow, smooth, camera, source,
 /// resolution, samples_per_pixel, max_frames, pixel_error, memory, outputs, degrade.
 struct RenderedFlightConfig {
   std::filesystem::path flight;  ///< FLIGHT file; empty if another flight is followed
@@ -69,7 +69,7 @@ struct RenderSettings {
   AutopilotFlyer fly_autopilot;  ///< a flight with an autopilot is refused without it
 };
 
-/// The input files and folders of a rendered flight. Throws InputError.
+/// Lists the input files and folders of a rendered flight. Throws InputError.
 std::vector<std::filesystem::path> render_input_files(const RenderSettings& settings);
 
 /// Result of rendering a flight.
@@ -123,10 +123,10 @@ struct FramePlan {
 /// Cuts a flight's frames into `parts`, fewer if a part would have only a few frames. Throws InputError.
 FramePlan plan_frame_parts(const RenderSettings& settings, int parts, const Progress& progress = {});
 
-/// Where the finished frames of a dataset are kept until it is complete.
+/// Returns the folder in which the finished frames of a dataset are kept until it is complete.
 std::filesystem::path frame_build_folder(const std::filesystem::path& dataset);
 
-/// The folder that render_dataset() writes. Throws InputError for a flight that cannot be read.
+/// Describes the folder that render_dataset() writes. Throws InputError for a flight that cannot be read.
 base::OutputFolder render_output(const RenderSettings& settings, const std::filesystem::path& out, bool replace);
 
 }  // namespace tileflight::recording

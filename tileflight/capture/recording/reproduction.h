@@ -11,7 +11,7 @@ namespace tileflight::recording {
 
 /// Writes the FLIGHT file that repeats a scored flight. `real` holds its dataset, odometry and transform.json; the
 /// poses are the estimates of all tracked images, transformed to the local frame, at the images' times; the lens is the
-/// dataset's. `smoothing`: of the path along the poses (with too few poses to smooth, the path interpolates them).
+/// dataset's. `smoothing`: smoothing of the path along the poses; too few poses to smooth are interpolated.
 /// `out` becomes a folder with flight.yaml, camera.yaml and poses.txt. Throws InputError.
 void write_followed_flight(const std::filesystem::path& real,
                            const std::optional<flight_path::SmoothingOptions>& smoothing,

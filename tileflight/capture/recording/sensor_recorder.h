@@ -23,7 +23,7 @@ class SensorRecorder {
 
   const sensors::SensorSuite& suite() const { return suite_; }
 
-  /// What moves in the scenes of record() besides; empty: nothing. Range finders do not see it.
+  /// Sets the things that move in the scenes of record(); empty: nothing. Range finders do not see them.
   void set_placed(render::PlacedParts placed) { placed_ = std::move(placed); }
 
   /// Simulates lidar scans and ranges that start from one time up to, not including, another, and writes scans into the

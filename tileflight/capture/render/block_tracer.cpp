@@ -232,7 +232,7 @@ void BlockTracer::prefetch_shading(const TracedBeam& beam) const {
 
 namespace {
 
-/// What a packet's hits have in common with another packet's that meets the same triangles.
+/// Values that a packet's hits share with those of another packet that meets the same triangles.
 struct HitTextures {
   LaneTextures textures;
   TextureGradients8 gradients;

@@ -28,7 +28,7 @@ namespace tileflight::render {
 
 namespace {
 
-/// What is wanted of the rays through the pixels' centres, besides the view's statistics. Null: not wanted.
+/// Outputs of the rays through the pixels' centres besides the view's statistics. Null: not wanted.
 struct CentralRays {
   imaging::FloatImage* depth_m = nullptr;
   const SurfaceVisitor* visitor = nullptr;

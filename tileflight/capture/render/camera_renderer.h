@@ -31,12 +31,12 @@ struct RenderOptions {
   /// Light by sun and sky: textures are taken as reflectance, and the sky is the background. Null: textures are shown
   /// as they are.
   std::shared_ptr<const Daylight> daylight{};
-  /// Null, or clear: none. What falls is not drawn here (streaks.h), but for the light that it takes and gives.
+  /// Null or clear: no weather. Drops and flakes are drawn by streaks.h; here they only absorb and scatter light.
   std::shared_ptr<const WeatherOptions> weather{};
   double weather_offset_s = 0.0;  ///< time on the weather's clock = a frame's + this
 };
 
-/// What the pixels' central rays see, for checks of a flight.
+/// Statistics of the surfaces that the pixels' central rays meet, for checks of a flight.
 struct ViewStatistics {
   double nearest_m = std::numeric_limits<double>::infinity();  ///< distance of the nearest surface
   std::int64_t rays = 0;                                       ///< of the pixels within the lens's valid cone
@@ -64,7 +64,8 @@ struct LightFrame {
   ViewStatistics view;
 };
 
-/// Takes the light of neighbouring pixels of a row, from (x, y) on; called from several threads at once, in any order.
+/// Consumes the light of neighbouring pixels of a row, from (x, y) on; called from several threads at once, in any
+/// order.
 using LightSink = std::function<void(int x, int y, std::span<const LinearRgb> light)>;
 
 /// Camera poses during one frame: the pose at each of `moments` times of the exposure, for the whole image or for each
@@ -94,7 +95,8 @@ enum class VisitedPixels {
   kPlaced,  ///< of them, those that show a placed part of the scene
 };
 
-/// Called once for each of its pixels, from several threads at once and in any order; not at all if it is empty.
+/// A function that is called once for each of its pixels, from several threads at once and in any order; not at all if
+/// it is empty.
 struct SurfaceVisitor {
   SurfaceVisitor() = default;
   template <std::invocable<const SurfacePoint&> Visit>
@@ -113,10 +115,10 @@ struct SurfaceVisitor {
 class CameraRenderer {
  public:
   CameraRenderer(const scene::Scene& scene, imaging::Camera camera, RenderOptions options);
-  /// With an appearance shared with other cameras in the same scene.
+  /// Uses an appearance shared with other cameras in the same scene.
   CameraRenderer(const scene::Scene& scene, std::shared_ptr<const Appearance> appearance, imaging::Camera camera,
                  RenderOptions options);
-  /// With the rays of another renderer's camera, in another scene or light.
+  /// Uses the rays of another renderer's camera, in another scene or light.
   CameraRenderer(const scene::Scene& scene, std::shared_ptr<const Appearance> appearance,
                  std::shared_ptr<const CameraRays> rays, RenderOptions options);
   ~CameraRenderer();
@@ -127,7 +129,7 @@ class CameraRenderer {
   const RenderOptions& options() const;
   const geometry::Vec3& anchor() const;  ///< of the scene
   std::shared_ptr<const Appearance> appearance() const;
-  /// To be shared: they are as large as the image, and know nothing of the scene.
+  /// Returns the camera's rays, to be shared: they are as large as the image and independent of the scene.
   std::shared_ptr<const CameraRays> rays() const;
 
   /// Renders an image. `visitor`, if any, is called as by visit_surface() for the same rays, which are cast once for
@@ -136,13 +138,13 @@ class CameraRenderer {
   /// Renders each row from its own pose (rolling shutter): one pose per row.
   RenderedFrame render_rows(std::span<const geometry::SE3> T_local_camera_of_row,
                             const SurfaceVisitor& visitor = {}) const;
-  /// Linear light averaged over the exposure; `visitor` sees its middle moment. `sink`: takes each pixel's light once,
-  /// those without a ray included, and LightFrame::light stays empty. Throws std::invalid_argument if the number of
-  /// poses is wrong.
+  /// Renders the linear light averaged over the exposure; `visitor` sees its middle moment. `sink`: takes each pixel's
+  /// light once, those without a ray included, and LightFrame::light stays empty. Throws std::invalid_argument if the
+  /// number of poses is wrong.
   LightFrame render_light(const ShutterPoses& poses, const SurfaceVisitor& visitor = {},
                           const LightSink& sink = {}) const;
-  /// Geometry only, one ray per pixel: `T_local_camera_of_row` is one pose, or one per row; `scene_times`: of the scene
-  /// at each (scene::Ray::time), empty: 0.
+  /// Casts one ray per pixel without shading. `T_local_camera_of_row` is one pose, or one per row; `scene_times`: of
+  /// the scene at each (scene::Ray::time), empty: 0.
   void visit_surface(std::span<const geometry::SE3> T_local_camera_of_row, const SurfaceVisitor& visitor,
                      std::span<const float> scene_times = {}) const;
 

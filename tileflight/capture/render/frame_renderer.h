@@ -25,18 +25,19 @@ struct FrameRange {
   std::size_t count() const { return end - begin; }
 };
 
-/// FlightRenderOptions::first_frame and end_frame, clipped to a flight of this many frames.
+/// Returns the range of FlightRenderOptions::first_frame and end_frame, clipped to a flight of this many frames.
 FrameRange frame_range(const FlightRenderOptions& options, std::size_t frames);
 
-/// The options of a camera's pictures: with the formation's light and haze, and the depth that rain and snow need.
+/// Returns the options of a camera's images, with the formation's light and haze, and the depth that rain and snow
+/// need.
 RenderOptions make_render_options(const FlightRenderOptions& options);
 
-/// The place with what is placed in it, from one time to another; nullopt: nothing is.
+/// Returns the scene of a place with its placed parts, from one time to another; nullopt if there are none.
 std::optional<scene::Scene> with_placed_parts(const scene::Scene& place, const PlacedParts& placed, double from_s,
                                               double to_s);
 
-/// Points of the camera's way from a frame to the next (FrameCheck::path_is_blocked): along the path, if `pose_at` is
-/// given, in steps small enough to follow its bends. Precondition: there is a next frame.
+/// Returns points of the camera's way from a frame to the next (FrameCheck::path_is_blocked): along the path, if
+/// `pose_at` is given, in steps small enough to follow its bends. Precondition: there is a next frame.
 std::vector<geometry::Vec3> path_to_next_frame(const geometry::Trajectory& frames, std::size_t index,
                                                const PoseFunction& pose_at);
 

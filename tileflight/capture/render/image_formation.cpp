@@ -213,7 +213,7 @@ std::size_t pixel_number(const imaging::RgbImage& image, int x, int y) {
   return static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width) + static_cast<std::size_t>(x);
 }
 
-/// Of the pixels from this number on; null without vignetting.
+/// Returns the vignetting factors of the pixels from this number on; null without vignetting.
 const float* vignette_at(const imaging::FloatImage& vignette, std::size_t first) {
   return vignette.empty() ? nullptr : &vignette.pixels[first];
 }

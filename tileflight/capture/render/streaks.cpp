@@ -97,7 +97,7 @@ geometry::Box3 bounds_of_sector(const Vec3& centre, const Vec3& axis, double hal
   return box;
 }
 
-/// What a camera sees of a class: its reach, and the view cone, widened by motion.
+/// The part of space in which a camera sees particles of a class: its reach, and the view cone, widened by motion.
 struct View {
   Vec3 centre, axis;
   double half_angle_rad = 0.0;

@@ -13,7 +13,7 @@ class Reflectance {
   /// Both arguments must outlive this object.
   Reflectance(const scene::Scene& scene, const Appearance& appearance) : scene_(scene), appearance_(appearance) {}
 
-  /// Averaged over a spot of width `footprint_m`.
+  /// Returns the reflectance averaged over a spot of width `footprint_m`.
   double at(const scene::Hit& hit, double footprint_m) const;
 
  private:
@@ -21,8 +21,8 @@ class Reflectance {
   const Appearance& appearance_;
 };
 
-/// Linear colour of the surface at a hit, averaged over a spot of width `footprint_m`: texture times vertex and base
-/// colours. White if it has neither. `appearance` must be that of `scene`.
+/// Returns the linear colour of the surface at a hit, averaged over a spot of width `footprint_m`: texture times vertex
+/// and base colours. White if it has neither. `appearance` must be that of `scene`.
 LinearRgb surface_color(const scene::Scene& scene, const Appearance& appearance, const scene::Hit& hit,
                         double footprint_m);
 

@@ -24,10 +24,10 @@ struct Motion {
 /// A body's motion as a function of time in seconds. Safe to call from several threads at once.
 using MotionFunction = std::function<Motion(double time_s)>;
 
-/// The camera's motion along a path.
+/// Returns the camera's motion along a path.
 MotionFunction motion_along(const flight_path::Path& path);
 
-/// The motion of a sensor fixed to the body. With the lever arm r = T_body_sensor.translation:
+/// Computes the motion of a sensor fixed to the body. With the lever arm r = T_body_sensor.translation:
 /// v_sensor = v + R (w x r), a_sensor = a + R (dw/dt x r + w x (w x r)).
 Motion rigidly_attached_motion(const Motion& body, const geometry::SE3& T_body_sensor);
 
@@ -58,7 +58,7 @@ struct ImuOptions {
   double gravity_m_s2 = 9.80665;  ///< straight down in the local frame; the earth's rotation is neglected
 };
 
-/// IMU models that a flight can name: "adis16448" (the defaults), "bmi160" (a smartphone IMU; noise as the TUM VI
+/// Returns the IMU model of a name: "adis16448" (the defaults), "bmi160" (a smartphone IMU; noise as the TUM VI
 /// sequences state it for estimators, Schubert et al., IROS 2018; ranges of Bosch's data sheet, 2000 deg/s and 16 g),
 /// "perfect" (no errors and no limits). Throws InputError that lists them for other names.
 ImuOptions imu_preset(const std::string& name);
@@ -72,9 +72,9 @@ struct ImuRecording {
   std::vector<geometry::ImuBias> biases;  ///< one per sample
 };
 
-/// Samples at start, start + 1 / rate, ... up to end, of an IMU mounted on a camera. Noise has the standard deviation
-/// density * sqrt(rate), bias steps random walk / sqrt(rate). Throws InputError for options out of range or an end
-/// before the start.
+/// Simulates samples at start, start + 1 / rate, ... up to end, of an IMU mounted on a camera. Noise has the standard
+/// deviation density * sqrt(rate), bias steps random walk / sqrt(rate). Throws InputError for options out of range or
+/// an end before the start.
 ImuRecording simulate_imu(const MotionFunction& camera, double start_s, double end_s, const ImuOptions& options = {});
 
 }  // namespace tileflight::sensors

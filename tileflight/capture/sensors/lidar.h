@@ -53,10 +53,10 @@ struct RasterPattern {
 
 using LidarPattern = std::variant<SpinningPattern, RosettePattern, RasterPattern>;
 
-/// Time from one scan's start to the next one's, seconds.
+/// Returns the time from one scan's start to the next one's, seconds.
 double scan_period_s(const LidarPattern& pattern);
 
-/// The beams of a scan, in the order of their times.
+/// Generates the beams of a scan, in the order of their times.
 std::vector<LidarBeam> generate_beams(const LidarPattern& pattern, std::uint64_t scan);
 
 /// Throws InputError for patterns without beams, with reversed limits, or with more than ten million beams per scan.
@@ -106,8 +106,8 @@ struct LidarOptions {
 /// Throws InputError for options out of range.
 void check(const LidarOptions& options);
 
-/// A lidar by its public data sheet: "vlp-16", "os1-64", "hdl-64e", "livox-mid-40"; lidar.cpp cites the source of each
-/// number. Throws InputError that lists them for other names.
+/// Returns the lidar of a public data sheet: "vlp-16", "os1-64", "hdl-64e", "livox-mid-40"; lidar.cpp cites the source
+/// of each number. Throws InputError that lists them for other names.
 LidarOptions lidar_preset(const std::string& name);
 
 /// A lidar return.
@@ -130,7 +130,7 @@ struct LidarScan {
 /// threads, and a scan depends only on its number and time.
 class Lidar {
  public:
-  /// `placed`: what moves in the scene besides. Throws InputError for options out of range. The scene must outlive it.
+  /// `placed`: what moves in the scene. Throws InputError for options out of range. The scene must outlive it.
   Lidar(const scene::Scene& scene, LidarOptions options, render::PlacedParts placed = {});
 
   /// Simulates scan `number`, which starts at `start_s`.

@@ -17,8 +17,8 @@ struct Rotor {
 
 /// Body, rotors and drag of a multirotor. Body frame: forward, left, up, from the centre of mass. The defaults are a
 /// quadrotor in X form, AirSim's generic one (MIT licence; MultiRotorParams.hpp, RotorParams.hpp): a 450 mm frame with
-/// GWS 9x5 propellers as the UIUC propeller database measured them. Its inertia is that of a box of 0.78 kg, 0.18 x 0.11
-/// x 0.04 m, and four motors of 0.055 kg. docs/vehicles.md has the table.
+/// GWS 9x5 propellers as the UIUC propeller database measured them. Its inertia is that of a box of 0.78 kg, 0.18 x
+/// 0.11 x 0.04 m, and four motors of 0.055 kg. docs/vehicles.md has the table.
 struct MultirotorOptions {
   RigidBody body{1.0, geometry::Vec3(0.00672, 0.00804, 0.01428).asDiagonal()};
   std::vector<Rotor> rotors{{{0.16087, -0.16087, 0.025}, 1.0},
@@ -35,9 +35,9 @@ struct MultirotorOptions {
   double max_rotor_thrust_n() const { return thrust_n_s2 * max_rotor_speed_rad_s * max_rotor_speed_rad_s; }
 };
 
-/// Force and torque on a multirotor by rotors, air and gravity: thrusts k w^2 along the body's z axis, reaction torques
-/// against the spins (Mahony, Kumar and Corke, IEEE Robotics & Automation Magazine 19(3), 2012), and linear and
-/// quadratic drag by body axis against the velocity relative to the air. `speeds_rad_s`: of each rotor.
+/// Computes force and torque on a multirotor by rotors, air and gravity: thrusts k w^2 along the body's z axis,
+/// reaction torques against the spins (Mahony, Kumar and Corke, IEEE Robotics & Automation Magazine 19(3), 2012), and
+/// linear and quadratic drag by body axis against the velocity relative to the air. `speeds_rad_s`: of each rotor.
 Wrench multirotor_wrench(const MultirotorOptions& options, const RigidBodyState& state,
                          std::span<const double> speeds_rad_s, const geometry::Vec3& wind_m_s);
 
@@ -65,15 +65,16 @@ struct Airframe : MultirotorOptions {
 /// Height of the centre of mass above level ground on which the vehicle stands, metres.
 inline constexpr double kStandingHeight_m = 0.2;
 
-/// An airframe made of the parts of MultirotorOptions' quadrotor: a box and motors on arms of 0.2275 m. Quad-X has its
-/// mass of 1 kg, hexa-X 1.5 kg, so that both hover at the same rotor speed. Order and spin of the motors are those of
-/// ArduPilot's frames QUAD X and HEXA X (AP_MotorsMatrix) and of PX4's quadrotor x and hexarotor x, which are the same:
+/// Makes an airframe from the parts of MultirotorOptions' quadrotor: a box and motors on arms of 0.2275 m. Quad-X has
+/// its mass of 1 kg, hexa-X 1.5 kg, so that both hover at the same rotor speed. Order and spin of the motors are those
+/// of ArduPilot's frames QUAD X and HEXA X (AP_MotorsMatrix) and of PX4's quadrotor x and hexarotor x, which are the
+/// same:
 ///
 ///     quad-X: 1 front right ccw, 2 rear left ccw, 3 front left cw, 4 rear right cw
 ///     hexa-X: 1 right cw, 2 left ccw, 3 front left cw, 4 rear right ccw, 5 front right ccw, 6 rear left cw
 Airframe make_airframe(AirframeKind kind);
 
-/// The share of the full thrust that a motor output from 0 to 1 commands: (1 - expo) u + expo u^2, the form of
+/// Returns the share of the full thrust that a motor output from 0 to 1 commands: (1 - expo) u + expo u^2, the form of
 /// ArduPilot's MOT_THST_EXPO (default 0.65) and PX4's THR_MDL_FAC (default 0). Outputs beyond 0 to 1 are clamped, and
 /// one that is not a number stops the motor.
 double thrust_share(double output, double expo);

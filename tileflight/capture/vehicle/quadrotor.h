@@ -15,12 +15,12 @@ struct QuadrotorState {
   RotorSpeeds rotor_speeds_rad_s = RotorSpeeds::Zero();
 };
 
-/// The state after `step_s`. Commanded speeds (clamped to the motors' limits) and wind are constant during the step;
-/// rotor speeds follow with a first-order lag, in closed form.
+/// Computes the state after `step_s`. Commanded speeds (clamped to the motors' limits) and wind are constant during the
+/// step; rotor speeds follow with a first-order lag, in closed form.
 QuadrotorState integrate(const MultirotorOptions& options, const QuadrotorState& state,
                          const RotorSpeeds& commanded_rad_s, const geometry::Vec3& wind_m_s, double step_s);
 
-/// Speed of each rotor when hovering in still air.
+/// Returns the speed of each rotor when hovering in still air.
 double hover_rotor_speed_rad_s(const MultirotorOptions& options);
 
 /// Throws InputError if there are not four rotors, a number is not finite, or not positive where it must be, or the

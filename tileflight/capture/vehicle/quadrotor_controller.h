@@ -69,8 +69,8 @@ struct Setpoint {
   std::optional<AttitudeSetpoint> attitude;  ///< if given, horizontal positions and velocities are ignored
 };
 
-/// Speed towards a goal `distance_m` away that comes to rest there: proportional to the distance near the goal, else by
-/// constant deceleration `acceleration_m_s2` (v^2 = 2 a s), joined smoothly.
+/// Computes the speed towards a goal `distance_m` away that comes to rest there: proportional to the distance near the
+/// goal, else by constant deceleration `acceleration_m_s2` (v^2 = 2 a s), joined smoothly.
 double approach_speed_m_s(double distance_m, double gain, double acceleration_m_s2);
 
 /// Cascaded controller: position (P) gives velocity, velocity (PI) gives acceleration, acceleration and yaw give
@@ -98,11 +98,12 @@ class QuadrotorController {
   geometry::Vec3 integral_m_s2_ = geometry::Vec3::Zero();
 };
 
-/// The attitude whose z axis is along `thrust_direction` and whose x axis is as close to the yaw as possible (Lee et
-/// al. 2010, section IV).
+/// Returns the attitude whose z axis is along `thrust_direction` and whose x axis is as close to the yaw as possible
+/// (Lee et al. 2010, section IV).
 Eigen::Quaterniond attitude_from_thrust(const geometry::Vec3& thrust_direction, double yaw_rad);
 
-/// Half the vee of R_d^T R - R^T R_d, body axes (Lee et al. 2010, (10)): approximately the angle if that is small.
+/// Computes half the vee of R_d^T R - R^T R_d, body axes (Lee et al. 2010, (10)): approximately the angle if that is
+/// small.
 geometry::Vec3 attitude_error(const geometry::Mat3& R_wanted, const geometry::Mat3& R);
 
 /// Throws InputError if a gain or limit is not positive (integral gains: negative).
