@@ -11,12 +11,6 @@
 
 namespace tileflight::recording {
 
-/// Throws MemoryLimitExceeded, which says how much memory is needed and what to change, if the tiles of one of these
-/// frames do not fit into the limit. Memory is estimated from the files' sizes and a few contents that are read; a
-/// frame near the limit is measured. A frame that passes may still turn out too large (PartLoader::load).
-void require_frames_fit(FlightTiles& tiles, const std::vector<std::size_t>& frames, std::uintmax_t max_memory_bytes,
-                        const Progress& progress);
-
 /// Lists the distinct textures of meshes in the order of their first use.
 std::vector<const imaging::RgbImage*> textures_of(const std::vector<imaging::TexturedMesh>& meshes);
 
@@ -48,5 +42,11 @@ class MemorySum {
   std::uintmax_t bytes_ = 0;
   std::set<std::pair<std::size_t, std::size_t>> textures_;  ///< file, and number in it
 };
+
+/// Throws MemoryLimitExceeded, which says how much memory is needed and what to change, if the tiles of one of these
+/// frames do not fit into the limit. Memory is estimated from the files' sizes and a few contents that are read; a
+/// frame near the limit is measured. A frame that passes may still turn out too large (PartLoader::load).
+void require_frames_fit(FlightTiles& tiles, const std::vector<std::size_t>& frames, std::uintmax_t max_memory_bytes,
+                        const Progress& progress);
 
 }  // namespace tileflight::recording

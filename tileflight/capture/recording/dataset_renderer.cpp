@@ -35,11 +35,12 @@ namespace tileflight::recording {
 namespace fs = std::filesystem;
 namespace {
 
-/// Where a camera's files are in its flight's dataset; the first camera's are where a single one's are.
-std::filesystem::path camera_folder(const PlannedFlight& mission, std::size_t camera);
+/// Returns the folder of a camera's files in its flight's dataset. The first camera's is that of a single camera.
+fs::path camera_folder(const PlannedFlight& mission, std::size_t camera) {
+  return camera == 0 ? fs::path(".") : fs::path("cameras") / mission.camera(camera).name;
+}
 
-namespace fs = std::filesystem;
-/// Simulated receiver positions along the path, if the place is georeferenced.
+/// Simulates receiver positions along the path, if the place is georeferenced.
 std::vector<dataset::GpsFix> simulate_gps(const PlannedFlight& mission,
                                           const std::optional<geometry::LocalFrame>& frame, std::uint64_t seed) {
   if (!frame || mission.body.size() < 2) return {};
@@ -53,7 +54,7 @@ std::vector<dataset::GpsFix> simulate_gps(const PlannedFlight& mission,
   return fixes;
 }
 
-/// Simulated gimbal measurements of the first camera's attitude, if the place is georeferenced.
+/// Simulates gimbal measurements of the first camera's attitude, if the place is georeferenced.
 std::vector<dataset::CameraAttitude> simulate_camera_attitude(const PlannedFlight& mission,
                                                               const std::optional<geometry::LocalFrame>& frame,
                                                               std::uint64_t seed) {
@@ -109,11 +110,7 @@ void write_rig(const PlannedFlight& mission, const fs::path& folder) {
   imaging::write_camchain(folder / "camchain.yaml", chain);
 }
 
-fs::path camera_folder(const PlannedFlight& mission, std::size_t camera) {
-  return camera == 0 ? fs::path(".") : fs::path("cameras") / mission.camera(camera).name;
-}
-
-/// Writes what is known of one camera's images.
+/// Writes the description, true poses and calibration of one camera's images.
 void write_camera_metadata(dataset::DatasetWriter& writer, const PlannedFlight& mission, std::size_t number,
                            const RenderSettings& settings, const RenderSummary& summary,
                            const std::vector<FrameRecord>& frames) {
@@ -136,7 +133,7 @@ void write_camera_metadata(dataset::DatasetWriter& writer, const PlannedFlight& 
   writer.describe("cameras", base::joined(names));
 }
 
-/// Writes what is known of the flight besides its images.
+/// Writes the data of the flight besides its images: other sensors, vehicle and rig.
 void write_flight_metadata(dataset::DatasetWriter& writer, const PlannedFlight& mission, const RenderSettings& settings,
                            const RenderSummary& summary) {
   const std::vector<dataset::GpsFix> gps = simulate_gps(mission, summary.tiles.local_frame, settings.seed);
