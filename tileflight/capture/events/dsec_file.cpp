@@ -1,5 +1,7 @@
 #include "tileflight/capture/events/dsec_file.h"
 
+#include <hdf5.h>
+
 #include <algorithm>
 #include <array>
 #include <cassert>
@@ -8,7 +10,6 @@
 #include <string>
 #include <utility>
 
-#include "tileflight/capture/events/hdf5_handle.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/make_folder.h"
@@ -18,6 +19,78 @@
 namespace tileflight::events {
 
 namespace {
+
+/// Owns an object of the HDF5 library.
+class Hdf5Handle {
+ public:
+  using Close = herr_t (*)(hid_t);
+
+  Hdf5Handle() = default;
+  /// Takes the result of a call of the library. Throws InputError (place, the library's last message) if it failed.
+  Hdf5Handle(hid_t id, Close close, const std::string& place);
+  ~Hdf5Handle() { reset(); }
+  Hdf5Handle(Hdf5Handle&& other) noexcept : id_(std::exchange(other.id_, -1)), close_(other.close_) {}
+  Hdf5Handle& operator=(Hdf5Handle&& other) noexcept {
+    reset();
+    id_ = std::exchange(other.id_, -1);
+    close_ = other.close_;
+    return *this;
+  }
+
+  operator hid_t() const { return id_; }
+  void reset() {
+    if (id_ >= 0) close_(id_);
+    id_ = -1;
+  }
+
+ private:
+  hid_t id_ = -1;
+  Close close_ = nullptr;
+};
+
+/// Silences the HDF5 library's error messages on this thread while it lives.
+class QuietHdf5 {
+ public:
+  QuietHdf5();
+  ~QuietHdf5();
+  QuietHdf5(const QuietHdf5&) = delete;
+  QuietHdf5& operator=(const QuietHdf5&) = delete;
+
+ private:
+  H5E_auto2_t print_ = nullptr;
+  void* to_ = nullptr;
+};
+
+/// The innermost of the library's messages.
+herr_t take_message(unsigned depth, const H5E_error2_t* error, void* message) {
+  if (depth == 0 && error->desc != nullptr) *static_cast<std::string*>(message) = error->desc;
+  return 0;
+}
+
+[[noreturn]] void throw_failure(const std::string& place) {
+  std::string message;
+  H5Ewalk2(H5E_DEFAULT, H5E_WALK_UPWARD, take_message, &message);
+  for (char& c : message) {
+    if (c == '\n' || c == '\r') c = ' ';
+  }
+  throw InputError(place, "HDF5 failed: " + (message.empty() ? std::string("no cause known") : message));
+}
+
+Hdf5Handle::Hdf5Handle(hid_t id, Close close, const std::string& place) : id_(id), close_(close) {
+  if (id < 0) throw_failure(place);
+}
+
+/// Throws InputError (place, the library's last message) if a call failed.
+void require_hdf5(herr_t result, const std::string& place) {
+  if (result < 0) throw_failure(place);
+}
+
+QuietHdf5::QuietHdf5() {
+  H5Eget_auto2(H5E_DEFAULT, &print_, &to_);
+  H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
+}
+
+QuietHdf5::~QuietHdf5() { H5Eset_auto2(H5E_DEFAULT, print_, to_); }
 
 namespace fs = std::filesystem;
 
