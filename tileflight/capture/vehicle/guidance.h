@@ -6,7 +6,7 @@
 #include <variant>
 #include <vector>
 
-#include "tileflight/capture/vehicle/quadrotor_controller.h"
+#include "tileflight/capture/vehicle/quadrotor.h"
 
 namespace tileflight::vehicle {
 
