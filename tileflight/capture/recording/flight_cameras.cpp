@@ -2,12 +2,12 @@
 
 #include <cmath>
 
+#include "tileflight/capture/flight_path/path.h"
+#include "tileflight/capture/render/image_formation.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/strict_section.h"
-#include "tileflight/data/dataset/rig.h"
-#include "tileflight/capture/flight_path/path.h"
 #include "tileflight/core/imaging/calibration_files.h"
-#include "tileflight/capture/render/image_formation_section.h"
+#include "tileflight/data/dataset/rig.h"
 
 namespace tileflight::recording {
 namespace {
@@ -41,9 +41,10 @@ SE3 read_mount(StrictSection& camera) {
   SE3 T_body_camera;
   if (position) T_body_camera.translation = Vec3(position->data());
   if (has_angles)
-    T_body_camera.rotation = (flight_path::camera_orientation(0, 0, 0).conjugate() *
-                              flight_path::camera_orientation(yaw.value_or(0.0), pitch.value_or(0.0), roll.value_or(0.0)))
-                                 .normalized();
+    T_body_camera.rotation =
+        (flight_path::camera_orientation(0, 0, 0).conjugate() *
+         flight_path::camera_orientation(yaw.value_or(0.0), pitch.value_or(0.0), roll.value_or(0.0)))
+            .normalized();
   return T_body_camera;
 }
 

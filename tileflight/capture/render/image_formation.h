@@ -9,6 +9,7 @@
 #include "tileflight/capture/render/camera_renderer.h"
 #include "tileflight/capture/render/daylight.h"
 #include "tileflight/capture/render/linear_color.h"
+#include "tileflight/core/base/strict_section.h"
 #include "tileflight/core/imaging/image.h"
 #include "tileflight/core/imaging/photometric.h"
 
@@ -118,5 +119,13 @@ Developer make_developer(const imaging::FloatImage& vignette, const ImageFormati
 /// Returns the photometric calibration that inverts response and vignetting: I = G(t V B) as in
 /// core/imaging/photometric.h. Noise and sharpening are not inverted.
 imaging::PhotometricCalibration photometric_calibration(const ImageFormation& formation, int width, int height);
+
+/// Reads an ImageFormation from a section with the keys: light {model, time, turbidity, ground_albedo, exposure,
+/// white_balance}, haze_visibility (m), haze_color, chromatic_red, chromatic_blue, exposure_time, exposure_samples,
+/// line_delay (s), vignetting, auto_exposure {target, time_constant (s), min_gain, max_gain}, exposure_drift,
+/// exposure_drift_period (s), exposure_steps [{time, gain}], white_electrons, read_noise_electrons, gamma, sharpening,
+/// sharpening_radius (px). Keys that are not there keep the values of `defaults`. Unknown keys are errors that name the
+/// nearest known key. Throws InputError (file, line, key).
+ImageFormation read_image_formation(base::StrictSection& section, const ImageFormation& defaults = {});
 
 }  // namespace tileflight::render

@@ -5,11 +5,11 @@
 #include <cmath>
 #include <limits>
 
+#include "tileflight/capture/render/image_formation.h"
 #include "tileflight/core/base/strict_section.h"
 #include "tileflight/core/base/text_fields.h"
 #include "tileflight/experiments/experiment/command_files.h"
 #include "tileflight/experiments/experiment/stage_options.h"
-#include "tileflight/capture/render/image_formation_section.h"
 
 namespace tileflight::experiment {
 namespace fs = std::filesystem;
