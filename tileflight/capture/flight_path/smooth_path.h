@@ -14,6 +14,16 @@ class StrictSection;
 
 namespace tileflight::flight_path {
 
+/// Least-squares fit of a spline to positions at their times (banded normal equations: de Boor, chapter XIV). Across
+/// knots without data, control points minimize bending. `times_s` is strictly increasing and has as many entries as
+/// `positions_m`. Sums are formed in a fixed order, so the result does not depend on the number of threads.
+BSpline<3> fit_positions(std::span<const double> times_s, std::span<const geometry::Vec3> positions_m,
+                         const UniformKnots& knots);
+
+/// Least-squares fit of a rotation spline: Gauss–Newton on the residual angles, starting from the given rotations.
+RotationSpline fit_rotations(std::span<const double> times_s, std::span<const Eigen::Quaterniond> rotations,
+                             const UniformKnots& knots);
+
 /// Strength of the smoothing of a path through measured poses. The knot spacing determines it; if it is not given, it
 /// is chosen from the noise if that is known, else by generalized cross validation.
 struct SmoothingOptions {
