@@ -151,8 +151,8 @@ EventCamera::Sample EventCamera::sample_at(const SceneView& view, double time_s)
   return sample;
 }
 
-/// Returns the longest step in which the images of the surfaces seen now move by at most the aimed share of max_motion_px,
-/// also on the way.
+/// Returns the longest step in which the images of the surfaces seen now move by at most the aimed share of
+/// max_motion_px, also on the way.
 double EventCamera::longest_step_s(const SceneView& view, const Sample& from, double end_s) const {
   const auto motion_px = [&](double step_s) {
     double largest = 0.0;
@@ -179,8 +179,8 @@ bool EventCamera::changes_too_much(const Sample& from, const Sample& to) const {
   return many * 1000 > to.log_light.pixels.size();
 }
 
-/// Takes the next sample. Surfaces that come into view only then may be nearer than those seen before; the sample is then
-/// taken again, earlier.
+/// Takes the next sample. Surfaces that come into view only then may be nearer than those seen before; the sample is
+/// then taken again, earlier.
 EventCamera::Sample EventCamera::next_sample(const SceneView& view, const Sample& from, double end_s) const {
   const double rest_s = end_s - from.time_s;
   double step_s = longest_step_s(view, from, end_s);

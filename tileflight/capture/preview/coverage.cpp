@@ -132,7 +132,6 @@ std::string frames_csv(const std::vector<StrategyResult>& all, const FrameSampli
   return csv.str();
 }
 
-
 using nlohmann::json;
 
 /// Share of the memory limit for the textures of a picture's scene, as they are rendered.

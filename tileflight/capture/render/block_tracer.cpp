@@ -4,9 +4,9 @@
 #include <cmath>
 #include <cstring>
 
-#include "tileflight/core/base/simd.h"
 #include "tileflight/capture/render/footprint.h"
 #include "tileflight/capture/render/linear_color.h"
+#include "tileflight/core/base/simd.h"
 #include "tileflight/world/scene/beam_tree.h"
 
 namespace tileflight::render {
