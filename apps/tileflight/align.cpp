@@ -5,13 +5,13 @@
 #include <vector>
 
 #include "command.h"
-#include "doubts_text.h"
 #include "map_options.h"
 #include "number_text.h"
 #include "tileflight/core/alignment/transform_file.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/output_folder.h"
 #include "tileflight/experiments/experiment/stage_options.h"
+#include "warnings_text.h"
 
 namespace tileflight::app {
 namespace {
@@ -129,7 +129,7 @@ void add_align(CLI::App& app, CommonOptions& common, Selection& selection) {
       text << options->out << ": " << t["method"].get<std::string>() << ", scale " << rounded(t["scale"], 6)
            << ", RMSE " << rounded(t["rmse"]) << " m over " << percent_text(t["fitness"]) << " of the points, "
            << t["iterations"] << " iterations" << (t["converged"].get<bool>() ? "" : ", NOT CONVERGED") << "\n";
-      text << notes_of(t) << doubts_text(t);
+      text << notes_of(t) << warnings_text(t);
       return {t, text.str()};
     };
   });

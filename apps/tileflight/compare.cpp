@@ -61,9 +61,9 @@ std::string line_of(const json& pair) {
     separator = ", ";
   }
   text << "\n";
-  for (const json& doubt : pair.value("verdict_withheld_by", json::array()))
-    text << "  verdict withheld because of a doubt (" << doubt["where"].get<std::string>()
-         << "): " << doubt["what"].get<std::string>() << "\n";
+  for (const json& warning : pair.value("verdict_withheld_by", json::array()))
+    text << "  verdict withheld because of a warning (" << warning["where"].get<std::string>()
+         << "): " << warning["message"].get<std::string>() << "\n";
   text << measures_of(pair) << "  published measure (nearest voxel centre): mean difference "
        << rounded(pair["mean_difference"]) << " m, " << interval_text(pair["mean_difference_ci95"]) << " m by "
        << pair["unit"].get<std::string>() << ": " << pair["mean_difference_verdict"].get<std::string>()

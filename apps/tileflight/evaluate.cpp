@@ -3,13 +3,13 @@
 #include <sstream>
 
 #include "command.h"
-#include "doubts_text.h"
 #include "map_options.h"
 #include "number_text.h"
 #include "tileflight/core/base/output_folder.h"
+#include "tileflight/evaluation/scoring/evaluate_trajectories.h"
 #include "tileflight/experiments/experiment/stage_options.h"
 #include "tileflight/experiments/report/report.h"
-#include "tileflight/evaluation/scoring/evaluate_trajectories.h"
+#include "warnings_text.h"
 
 namespace tileflight::app {
 namespace {
@@ -29,7 +29,7 @@ struct EvaluateOptions {
 
 /// Throws InputError if metrics.json or a file written beside it is an input; makes their folder.
 void prepare_output_files(const std::vector<std::filesystem::path>& written,
-                      const std::vector<std::filesystem::path>& inputs) {
+                          const std::vector<std::filesystem::path>& inputs) {
   for (const std::filesystem::path& file : written) base::prepare_output_file(file, inputs);
 }
 
@@ -121,7 +121,7 @@ std::string trajectories_text(const EvaluateOptions& options, const json& metric
   } else {
     for (const json& m : metrics["trajectories"]) rows.push_back(row_of(m["name"], m));
   }
-  return options.out + ": aligned by " + options.alignment + "\n" + aligned_rows(rows) + doubts_text(metrics);
+  return options.out + ": aligned by " + options.alignment + "\n" + aligned_rows(rows) + warnings_text(metrics);
 }
 
 Output evaluate_paths(const EvaluateOptions& options) {

@@ -2,11 +2,11 @@
 #include <numbers>
 
 #include "command.h"
-#include "doubts_text.h"
 #include "number_text.h"
+#include "tileflight/slam/external_systems/run_system.h"
 #include "tileflight/slam/odometry/track.h"
 #include "tileflight/slam/odometry/track_inputs.h"
-#include "tileflight/slam/external_systems/run_system.h"
+#include "warnings_text.h"
 
 namespace tileflight::app {
 namespace {
@@ -104,10 +104,10 @@ void add_system_options(CLI::App& command, OdometryCommandOptions& options) {
 
 Output run_other_system(const OdometryCommandOptions& options, const CommonOptions& shared, const Progress& progress) {
   external_systems::SystemRunOptions run{.seed = options.settings.initialization.seed,
-                                .threads = shared.threads,
-                                .limits = options.limits,
-                                .program = {},
-                                .replace = shared.force};
+                                         .threads = shared.threads,
+                                         .limits = options.limits,
+                                         .program = {},
+                                         .replace = shared.force};
   run.limits.memory_mb = 1000.0 * options.memory_limit_gb;
   const external_systems::Adapter adapter = external_systems::find_adapter(options.system);
   const nlohmann::json result = external_systems::run_system(adapter, options.dataset, options.out, run, progress);
@@ -125,7 +125,6 @@ Output run_other_system(const OdometryCommandOptions& options, const CommonOptio
 
 std::string odometry_summary(const nlohmann::json& result, const std::string& out) {
   std::ostringstream text;
-  for (const auto& warning : result["warnings"]) text << "note: " << warning.get<std::string>() << "\n";
   text << out << ": " << result["frames_tracked"] << " of " << result["frames"] << " frames tracked, "
        << result["keyframes"] << " keyframes, " << result["points"] << " points, "
        << rounded(result["frames_per_second"], 3) << " frames per second\n";
@@ -134,7 +133,7 @@ std::string odometry_summary(const nlohmann::json& result, const std::string& ou
     text << "metric and level: scale to " << rounded(100.0 * result["inertial"]["sigma_log_scale"].get<double>(), 2)
          << " % (one sigma), vertical to " << rounded(result["inertial"]["sigma_up_deg"], 3) << " degrees\n";
   }
-  text << doubts_text(result);
+  text << warnings_text(result);
   return text.str();
 }
 

@@ -7,11 +7,11 @@
 
 #include "autopilot_flyer.h"
 #include "command.h"
-#include "doubts_text.h"
 #include "source_options.h"
 #include "tileflight/experiments/report/ablation_table.h"
 #include "tileflight/experiments/report/map_comparison_tables.h"
 #include "tileflight/experiments/report/report.h"
+#include "warnings_text.h"
 
 namespace tileflight::app {
 namespace {
@@ -83,7 +83,7 @@ void add_run(CLI::App& app, CommonOptions& common, Selection& selection) {
       for (const std::string& part : {report::map_comparison_text(results), report::ablation_text(results)}) {
         if (!part.empty()) text += "\n" + part;
       }
-      if (const std::string doubts = doubts_text(results); !doubts.empty()) text += "\n" + doubts;
+      if (const std::string warnings = warnings_text(results); !warnings.empty()) text += "\n" + warnings;
       return {results, text + "\nreport: " + report + "\n"};
     };
   });

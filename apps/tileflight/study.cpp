@@ -28,7 +28,7 @@ std::string study_text(const json& study, const std::string& out) {
   }
   if (!study["kendall_tau"].is_null())
     text << "Kendall's tau between simulation and second flights: " << rounded(study["kendall_tau"]["value"]) << "\n";
-  for (const json& doubt : study["doubts"]) text << "doubt: " << doubt["what"].get<std::string>() << "\n";
+  for (const json& warning : study["warnings"]) text << "warning: " << warning["message"].get<std::string>() << "\n";
   text << "page: " << (std::filesystem::absolute(out) / "study.html").lexically_normal().string() << "\n";
   return text.str();
 }

@@ -105,7 +105,7 @@ TEST_F(AlignCommand, TheScaleOfAMetricMapIsHeldAndItsErrorTold) {
   geometry::write_cloud(folder_ / "odometry/map.ply",
                         transformed(Sim3(1.004, geometry::so3_exp({0.0, 0.0, 0.01}), {0.5, -0.3, 0.2}), map));
   const auto align_as = [&](const std::string& scale) {
-    std::ofstream(folder_ / "odometry/odometry.json") << R"({"scale": ")" << scale << R"(", "doubts": []})";
+    std::ofstream(folder_ / "odometry/odometry.json") << R"({"scale": ")" << scale << R"(", "warnings": []})";
     run({"align", path("odometry"), "--to", path("truth"), "--out", path("metric.json")});
     return read_json(folder_ / "metric.json");
   };

@@ -167,7 +167,7 @@ systems: {tileflight: }
   const json transform = json::parse(file_text(folder_ / "out/runs/tiny/simulated/tileflight/1/transform.json"));
   EXPECT_EQ(transform["method"], "pictures");
   EXPECT_EQ(transform["start"], "places") << "a study gives no true poses";
-  EXPECT_TRUE(transform["doubts"].empty()) << transform["doubts"];
+  EXPECT_TRUE(transform["warnings"].empty()) << transform["warnings"];
 }
 
 /// Two nodes, one of which dies in the middle.

@@ -67,12 +67,12 @@ TEST_F(TrajectoryCommand, AlignsAsAsked) {
   EXPECT_NEAR(m["trajectory"]["scale"].get<double>(), 2.0, 1e-9);
   EXPECT_EQ(m["trajectory"]["alignment"], "sim3");
   EXPECT_EQ(m["trajectory"]["poses"], 120);
-  EXPECT_TRUE(m["doubts"].empty());
+  EXPECT_TRUE(m["warnings"].empty());
   ASSERT_EQ(evaluate({"--trajectory", path("half.txt"), "--alignment", "se3"}).exit_code, 0);
   m = metrics();
   EXPECT_EQ(m["trajectory"]["scale"], 1.0);
   EXPECT_GT(m["trajectory"]["ate_rmse"], 0.5);
-  EXPECT_THAT(m["doubts"].dump(), HasSubstr("the scale that fits best is 2.0")) << "said, not corrected";
+  EXPECT_THAT(m["warnings"].dump(), HasSubstr("the scale that fits best is 2.0")) << "said, not corrected";
   const ProgramResult none = evaluate({"--trajectory", path("noisy.txt"), "--alignment", "none"});
   ASSERT_EQ(none.exit_code, 0) << none.err;
   m = metrics()["trajectory"];

@@ -1,12 +1,11 @@
 #include "outcome.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <functional>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <numeric>
 
 #include "tileflight/core/alignment/pose_alignment.h"
@@ -73,7 +72,7 @@ std::string line(const std::string& group, const std::vector<const Outcome*>& ou
     if (o->error.empty()) offsets.push_back(o->errors.offset_m);
   }
   return "| " + group + " | " + std::to_string(outcomes.size()) + " | " + std::to_string(count["right"]) + " | " +
-         std::to_string(count["false doubt"]) + " | " + std::to_string(count["doubted"]) + " | " +
+         std::to_string(count["false warning"]) + " | " + std::to_string(count["warned"]) + " | " +
          std::to_string(count["SILENT"]) + " | " + number(median(offsets)) + " |\n";
 }
 
@@ -119,9 +118,9 @@ std::string path_sigma_line(const std::vector<Outcome>& outcomes, const std::str
 /// What is only possible counts here, too.
 std::string literal_counts(const std::vector<Outcome>& outcomes) {
   const auto count = [&](auto&& which) { return std::to_string(std::ranges::count_if(outcomes, which)); };
-  return "Right with any doubt, possible ones too: " +
+  return "Right with any warning, possible ones too: " +
          count([](const Outcome& o) { return o.is_right() && !o.is_without_a_word(); }) +
-         "; wrong without any doubt at all: " +
+         "; wrong without any warning at all: " +
          count([](const Outcome& o) { return !o.is_right() && o.is_without_a_word(); }) + "\n";
 }
 
@@ -161,8 +160,8 @@ bool Outcome::is_right() const {
 }
 
 std::string Outcome::verdict() const {
-  if (is_right()) return is_doubted() ? "false doubt" : "right";
-  return is_doubted() ? "doubted" : "SILENT";
+  if (is_right()) return has_warning() ? "false warning" : "right";
+  return has_warning() ? "warned" : "SILENT";
 }
 
 json to_json(const Outcome& o) {
@@ -185,7 +184,7 @@ json to_json(const Outcome& o) {
                  {"offset_m", o.errors.offset_m},
                  {"scale_error", o.errors.scale_error},
                  {"sigma_m", o.sigma_m},
-                 {"doubts", o.doubts},
+                 {"warnings", o.warnings},
                  {"withheld", o.withheld},
                  {"verdict", o.verdict()},
                  {"seconds", o.seconds}};
@@ -208,8 +207,8 @@ Outcome outcome_from_json(const json& object) {
   o.tracked = object.at("tracked");
   o.errors = {number_at("ate_m"), number_at("path_m"), number_at("offset_m"), number_at("scale_error")};
   o.sigma_m = number_at("sigma_m");
-  o.doubts = object.at("doubts");
-  o.withheld = object.value("withheld", !o.doubts.empty());
+  o.warnings = object.at("warnings");
+  o.withheld = object.value("withheld", !o.warnings.empty());
   o.seconds = number_at("seconds");
   if (object.contains("path_sigmas"))
     o.path_sigmas = {object["path_sigmas"].at("position"), object["path_sigmas"].at("rotation")};
@@ -218,7 +217,7 @@ Outcome outcome_from_json(const json& object) {
 
 std::string summary(const std::vector<Outcome>& outcomes) {
   const std::string head =
-      "| | flights | right | false doubt | wrong, doubted | wrong, SILENT | median offset, m |\n"
+      "| | flights | right | false warning | wrong, warned | wrong, SILENT | median offset, m |\n"
       "| --- | --- | --- | --- | --- | --- | --- |\n";
   std::string text = head;
   std::vector<const Outcome*> all;
@@ -240,7 +239,7 @@ std::string summary(const std::vector<Outcome>& outcomes) {
     if (o.verdict() == "right") continue;
     text += "- " + o.verdict() + ": " + o.name + ", offset " + number(o.errors.offset_m) + " m, ATE " +
             number(o.errors.ate_m) + " of " + number(o.errors.path_m) + " m, " + std::to_string(o.tracked) + " of " +
-            std::to_string(o.frames) + " frames" + (o.doubts.empty() ? "" : ": " + joined(o.doubts)) +
+            std::to_string(o.frames) + " frames" + (o.warnings.empty() ? "" : ": " + joined(o.warnings)) +
             (o.error.empty() ? "" : ": " + o.error) + "\n";
   }
   return text;

@@ -3,24 +3,23 @@
 //   build/release/bin/place_recall out/proving-ground
 // Flights whose odometry is off by more than a hundredth of the path are left out.
 
-#include <nlohmann/json.hpp>
-
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
 #include <iostream>
+#include <nlohmann/json.hpp>
 #include <numbers>
 
 #include "outcome.h"
 #include "tileflight/core/alignment/pose_alignment.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/world/scene/scene.h"
 #include "tileflight/evaluation/scoring/align_stage.h"
 #include "tileflight/evaluation/scoring/align_target.h"
 #include "tileflight/evaluation/scoring/flight_evidence.h"
 #include "tileflight/tiles/mesh_files/mesh_source.h"
+#include "tileflight/world/scene/scene.h"
 
 namespace tileflight::proving_ground {
 namespace {
@@ -173,8 +172,8 @@ class Recall {
     const bool right = errors.offset_m <= std::max(0.1, 3.0 * errors.ate_m);
     ++flights_;
     found_ += right ? 1 : 0;
-    std::printf("%-66s %s  offset %.3f m  doubts %zu  %.1f s\n", name.c_str(), right ? "right" : "wrong",
-                errors.offset_m, transform.at("doubts").size(), seconds);
+    std::printf("%-66s %s  offset %.3f m  warnings %zu  %.1f s\n", name.c_str(), right ? "right" : "wrong",
+                errors.offset_m, transform.at("warnings").size(), seconds);
   }
 
   Options options_;

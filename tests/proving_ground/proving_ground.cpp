@@ -18,19 +18,19 @@
 #include "outcome.h"
 #include "random_flight.h"
 #include "tests/source_folder.h"
-#include "tileflight/core/base/doubt.h"
+#include "tileflight/capture/recording/render_stage.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/output_folder.h"
 #include "tileflight/core/base/strict_section.h"
+#include "tileflight/core/base/warning.h"
 #include "tileflight/core/geometry/cloud_files.h"
-#include "tileflight/world/ground_truth/truth_folder.h"
-#include "tileflight/world/place/extract.h"
 #include "tileflight/evaluation/scoring/align_stage.h"
 #include "tileflight/evaluation/scoring/evaluate.h"
-#include "tileflight/tiles/demo_place/stadium.h"
-#include "tileflight/capture/recording/render_stage.h"
 #include "tileflight/slam/odometry/track.h"
+#include "tileflight/tiles/demo_place/stadium.h"
+#include "tileflight/world/ground_truth/truth_folder.h"
+#include "tileflight/world/place/extract.h"
 
 namespace tileflight::proving_ground {
 namespace {
@@ -157,15 +157,14 @@ scoring::MapInputs known_inputs(const FlightDraw& draw, const fs::path& folder) 
 
 /// Each stage's list holds those of the stages before, as it knows them by now. The place's own are left out: here its
 /// tiles are the truth, whatever they say of themselves.
-void take_doubts(const json& object, Outcome& outcome) {
-  outcome.doubts.clear();
+void take_warnings(const json& object, Outcome& outcome) {
+  outcome.warnings.clear();
   outcome.withheld = false;
-  for (const json& doubt : object.value("doubts", json::array())) {
-    if (doubt.at("where") == "truth") continue;
-    const std::string what = doubt.at("what");
-    if (std::ranges::find(outcome.doubts, what) == outcome.doubts.end()) outcome.doubts.push_back(what);
-    if (forbids_verdict({.what = what, .where = "", .how_sure = doubt.at("how_sure"), .what_to_do = ""}))
-      outcome.withheld = true;
+  for (const json& warning : object.value("warnings", json::array())) {
+    if (warning.at("where") == "truth") continue;
+    const std::string what = warning.at("message");
+    if (std::ranges::find(outcome.warnings, what) == outcome.warnings.end()) outcome.warnings.push_back(what);
+    if (warning.at("severity") != "note") outcome.withheld = true;
   }
 }
 
@@ -192,17 +191,17 @@ Outcome fly(const Field& field, const FlightDraw& draw, const std::string& name,
     outcome.frames = tracked.at("frames");
     outcome.tracked = tracked.at("frames_tracked");
     outcome.stage = "odometry";
-    take_doubts(tracked, outcome);
+    take_warnings(tracked, outcome);
     const scoring::MapInputs map = known_inputs(draw, folder);
     const json transform = scoring::align(map, field.truth, {}, folder / "transform.json");
     outcome.stage = "align";
     outcome.sigma_m = sigma_of(transform);
-    take_doubts(transform, outcome);
+    take_warnings(transform, outcome);
     const geometry::Trajectory truth = geometry::read_tum(folder / "dataset/groundtruth.txt");
     outcome.errors =
         true_errors(scoring::read_map(map.map), geometry::read_tum(map.trajectory), truth, matrix_of(transform));
     outcome.path_sigmas = path_sigmas(folder / "odometry", truth);
-    take_doubts(scoring::evaluate(map, field.truth, folder / "transform.json", {}, folder / "metrics.json"), outcome);
+    take_warnings(scoring::evaluate(map, field.truth, folder / "transform.json", {}, folder / "metrics.json"), outcome);
     outcome.stage = "evaluate";
   } catch (const InputError& error) {
     outcome.error = error.what();
@@ -257,7 +256,7 @@ class ProvingGround {
                 << outcomes.back().errors.offset_m << " m, sigma " << outcomes.back().sigma_m << " m, ATE "
                 << outcomes.back().errors.ate_m << " of " << outcomes.back().errors.path_m << " m, "
                 << outcomes.back().tracked << "/" << outcomes.back().frames;
-      for (const std::string& doubt : outcomes.back().doubts) std::cout << "; " << doubt;
+      for (const std::string& warning : outcomes.back().warnings) std::cout << "; " << warning;
       std::cout << (outcomes.back().error.empty() ? "" : "; " + outcomes.back().error) << ", "
                 << outcomes.back().seconds << " s" << std::endl;
     }

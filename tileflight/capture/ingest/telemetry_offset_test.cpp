@@ -9,7 +9,7 @@
 #include "tests/test_data.h"
 #include "tileflight/capture/flight_path/path.h"
 
-namespace tileflight::recording::telemetry_offset_test {
+namespace tileflight::ingest::telemetry_offset_test {
 namespace {
 
 using geometry::SE3;
@@ -134,4 +134,4 @@ TEST(RealTelemetryOffset, SubtitlesOfAVideoMovedInTime) {
 }
 
 }  // namespace
-}  // namespace tileflight::recording::telemetry_offset_test
+}  // namespace tileflight::ingest::telemetry_offset_test

@@ -10,7 +10,7 @@
 #include "tileflight/tiles/tile_writer/mesh_tileset.h"
 #include "tileflight/world/place/extract.h"
 
-namespace tileflight::recording::telemetry_positions_test {
+namespace tileflight::ingest::telemetry_positions_test {
 namespace {
 
 using ::testing::ElementsAre;
@@ -74,9 +74,9 @@ TEST_F(TelemetryPositions, WhatIsNotKnownIsRefused) {
 }
 
 }  // namespace
-}  // namespace tileflight::recording::telemetry_positions_test
+}  // namespace tileflight::ingest::telemetry_positions_test
 
-namespace tileflight::recording::takeoff_height_test {
+namespace tileflight::ingest::takeoff_height_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -131,4 +131,4 @@ TEST_F(TakeoffAnchor, WhatDoesNotSayTheHeightIsRefused) {
 }
 
 }  // namespace
-}  // namespace tileflight::recording::takeoff_height_test
+}  // namespace tileflight::ingest::takeoff_height_test

@@ -94,10 +94,10 @@ h2 { font-size: 1.2rem; margin: 2.6rem 0 .9rem; padding-top: .9rem; border-top: 
 h3 { font-size: 1rem; margin: 0 0 .4rem; }
 .subtitle { color: var(--quiet); margin: 0 0 1rem; overflow-wrap: anywhere; }
 .verdict { font-size: 1.15rem; margin: 0 0 1.2rem; padding: .9rem 1.1rem; background: var(--panel); border-left: 4px solid var(--ink); max-width: 62rem; }
-.doubts { margin: 0 0 1.2rem; padding: .7rem 1.1rem; border: 2px solid var(--real); max-width: 62rem; font-size: .95rem; }
-.doubts h2 { font-size: 1rem; margin: 0; padding: 0; border: 0; }
-.doubts ul { margin: .3rem 0 0; padding-left: 1.2rem; }
-.doubts .possible { color: var(--quiet); }
+.warnings { margin: 0 0 1.2rem; padding: .7rem 1.1rem; border: 2px solid var(--real); max-width: 62rem; font-size: .95rem; }
+.warnings h2 { font-size: 1rem; margin: 0; padding: 0; border: 0; }
+.warnings ul { margin: .3rem 0 0; padding-left: 1.2rem; }
+.warnings .possible { color: var(--quiet); }
 .notice { margin: 0 0 1.2rem; padding: .7rem 1.1rem; border: 1px dashed var(--quiet); color: var(--quiet); max-width: 62rem; font-size: .92rem; }
 .notice ul { margin: .2rem 0 0; padding-left: 1.2rem; }
 nav ul { display: flex; flex-wrap: wrap; gap: .3rem 1.2rem; list-style: none; margin: 0; padding: 0; font-size: .92rem; }

@@ -6,7 +6,7 @@
 
 #include "tileflight/core/base/noise.h"
 
-namespace tileflight::tile_writer::rectangle_packing_test {
+namespace tileflight::imaging::rectangle_packing_test {
 namespace {
 
 std::vector<PixelSize> random_rectangles(std::uint32_t seed, int count, int largest) {
@@ -49,4 +49,4 @@ TEST(RectanglePacking, OneRectangleFillsItsSheetWhenItIsWide) {
 }
 
 }  // namespace
-}  // namespace tileflight::tile_writer::rectangle_packing_test
+}  // namespace tileflight::imaging::rectangle_packing_test

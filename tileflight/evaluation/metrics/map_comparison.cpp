@@ -8,8 +8,8 @@
 #include <utility>
 
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/warning.h"
 #include "tileflight/evaluation/metrics/distances.h"
-#include "tileflight/core/base/doubts_json.h"
 #include "tileflight/evaluation/metrics/median_bins.h"
 #include "tileflight/evaluation/metrics/path_comparison.h"
 #include "tileflight/evaluation/metrics/repeated_runs.h"
@@ -336,18 +336,18 @@ json to_json(const BlockSummary& b) {
           {"real_only", b.exclusive[1]}};
 }
 
-json to_json(const DistanceComparison& published, const std::optional<MapComparison>& maps, const Doubts& doubts) {
+json to_json(const DistanceComparison& published, const std::optional<MapComparison>& maps, const Warnings& warnings) {
   json object = to_json(published);
   for (const char* part : {"surface", "completeness", "path", "missing_parts"}) object[part] = nullptr;
   const Verdict verdict = maps ? maps->verdict : Verdict{published.verdict, {"mean_difference"}, {}};
   object["verdict"] = verdict.word;
   object["verdict_on"] = verdict.decisive_metrics;
   object["verdict_because"] = verdict.reasons;
-  Doubts forbidding;
-  std::ranges::copy_if(doubts, std::back_inserter(forbidding), forbids_verdict);
+  Warnings forbidding;
+  std::ranges::copy_if(warnings, std::back_inserter(forbidding), forbids_verdict);
   if (!forbidding.empty()) {
     object["verdict"] = kWithheld;
-    object["verdict_without_doubts"] = verdict.word;
+    object["verdict_without_warnings"] = verdict.word;
     object["verdict_withheld_by"] = to_json(forbidding);
   }
   if (!maps) return object;

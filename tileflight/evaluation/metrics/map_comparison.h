@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/core/base/doubt.h"
+#include "tileflight/core/base/warning.h"
 #include "tileflight/evaluation/metrics/compared_metric.h"
 #include "tileflight/evaluation/metrics/metrics.h"
 #include "tileflight/evaluation/metrics/missed_places.h"
@@ -50,7 +50,7 @@ struct BlockSummary {
   std::array<std::size_t, 2> exclusive{};  ///< blocks reached only by the simulated map, only by the real map
 };
 
-/// Verdict used if doubts do not allow one.
+/// Verdict used if warnings do not allow one.
 inline constexpr const char* kWithheld = "withheld";
 
 /// Comparison of two maps by several metrics, with one overall verdict.
@@ -74,9 +74,9 @@ MapComparison compare_maps(const std::vector<ScoredMap>& simulated, const std::v
 /// The keys of the comparison by the published metric, and `surface {median, rms, within_T, beyond_T, blocks}`,
 /// `completeness {within_T …, lacking, blocks}`, `path {ate}` and `missing_parts`, each null if unknown, `verdict`,
 /// `verdict_on` and `verdict_because` (lists of "part.key"). Without the second comparison (no exact surface) the
-/// verdict is that of the published metric. If a doubt of either map forbids a verdict (doubt.h), it is "withheld":
-/// `verdict_withheld_by` lists those doubts, `verdict_without_doubts` is the verdict from the numbers alone.
+/// verdict is that of the published metric. If a warning of either map forbids a verdict (warning.h), it is "withheld":
+/// `verdict_withheld_by` lists those warnings, `verdict_without_warnings` is the verdict from the numbers alone.
 nlohmann::json to_json(const DistanceComparison& published, const std::optional<MapComparison>& maps,
-                       const Doubts& doubts = {});
+                       const Warnings& warnings = {});
 
 }  // namespace tileflight::metrics

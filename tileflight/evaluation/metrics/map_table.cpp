@@ -144,7 +144,7 @@ const std::array<double, 2>& judged_ci95(const ComparedMetric& m) {
 }
 
 std::string overall_verdict(const ComparedPair& pair) {
-  if (std::ranges::any_of(pair.doubts, forbids_verdict)) return kWithheld;
+  if (std::ranges::any_of(pair.warnings, forbids_verdict)) return kWithheld;
   return pair.maps ? pair.maps->verdict.word : pair.comparison.verdict;
 }
 
@@ -158,17 +158,17 @@ std::vector<std::pair<std::size_t, std::size_t>> list_pairs(std::size_t maps, st
   return pairs;
 }
 
-Doubts doubts_of_both(const ComparedMap& first, const ComparedMap& second) {
-  Doubts doubts;
+Warnings warnings_of_both(const ComparedMap& first, const ComparedMap& second) {
+  Warnings warnings;
   for (const ComparedMap* map : {&first, &second}) {
-    for (Doubt doubt : map->metrics.doubts) {
-      const bool of_truth = doubt.where == "truth";
+    for (Warning warning : map->metrics.warnings) {
+      const bool of_truth = warning.where == "truth";
       if (of_truth && map == &second) continue;
-      if (!of_truth) doubt.where = map->name + "/" + doubt.where;
-      doubts.push_back(std::move(doubt));
+      if (!of_truth) warning.where = map->name + "/" + warning.where;
+      warnings.push_back(std::move(warning));
     }
   }
-  return doubts;
+  return warnings;
 }
 
 std::string metrics_tex(const std::vector<ComparedMap>& maps, const std::vector<ComparedPair>& pairs) {
@@ -201,7 +201,7 @@ std::vector<ComparedPair> compare_all_pairs(const std::vector<ComparedMap>& maps
     if (!maps[i].scored.empty() && !maps[j].scored.empty())
       pair.maps = compare_maps(maps[i].scored, maps[j].scored, map_options);
     pair.simultaneous_ci95 = simultaneous_interval(maps[i], maps[j], listed.size(), options);
-    pair.doubts = doubts_of_both(maps[i], maps[j]);
+    pair.warnings = warnings_of_both(maps[i], maps[j]);
     pairs.push_back(std::move(pair));
   }
   return pairs;
@@ -267,7 +267,7 @@ json to_json(const std::vector<ComparedMap>& maps, const std::vector<ComparedPai
     object["maps"].push_back(std::move(line));
   }
   for (const ComparedPair& pair : pairs) {
-    json line = to_json(pair.comparison, pair.maps, pair.doubts);
+    json line = to_json(pair.comparison, pair.maps, pair.warnings);
     line["first"] = maps[pair.first].name;
     line["second"] = maps[pair.second].name;
     line["simultaneous_ci95"] = pair.simultaneous_ci95;

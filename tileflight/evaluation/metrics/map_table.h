@@ -28,7 +28,7 @@ struct ComparedPair {
   std::optional<MapComparison> maps;  ///< if both have an exact surface
   /// Interval of the difference, by blocks of the first runs, with 95 % joint coverage over all pairs (Bonferroni).
   std::array<double, 2> simultaneous_ci95{};
-  Doubts doubts{};  ///< of both maps, each with its map's name; those of the ground truth once
+  Warnings warnings{};  ///< of both maps, each with its map's name; those of the ground truth once
 };
 
 /// Compares every pair of at least two maps, or with `against` every other map with that one, which is then the second

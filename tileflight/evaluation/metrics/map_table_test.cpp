@@ -56,21 +56,21 @@ TEST(MapTable, EveryPairIsComparedAsTwoMapsAre) {
   EXPECT_EQ(alone[0].simultaneous_ci95, alone[0].comparison.mean_difference_ci95) << "one pair needs no correction";
 }
 
-TEST(MapTable, ADoubtOfEitherMapWithholdsTheVerdict) {
+TEST(MapTable, AWarningOfEitherMapWithholdsTheVerdict) {
   auto maps = three_maps();
-  maps[1].metrics.doubts = {{"lost at frame 90", "odometry", "certain", "look"},
-                            {"coarse", "truth", "likely", "refine"}};
-  maps[0].metrics.doubts = {{"coarse", "truth", "likely", "refine"}};
-  maps[2].metrics.doubts = {{"few keyframes", "alignment", "possible", "fly farther"}};
+  maps[1].metrics.warnings = {{"lost at frame 90", "odometry", Severity::kError, "look"},
+                              {"coarse", "truth", Severity::kWarning, "refine"}};
+  maps[0].metrics.warnings = {{"coarse", "truth", Severity::kWarning, "refine"}};
+  maps[2].metrics.warnings = {{"few keyframes", "alignment", Severity::kNote, "fly farther"}};
   const auto pairs = compare_all_pairs(maps);
   const nlohmann::json object = to_json(maps, pairs);
   const nlohmann::json& first = object["pairs"][0];
   EXPECT_EQ(first["verdict"], "withheld");
-  EXPECT_EQ(first["verdict_without_doubts"], "equivalent");
+  EXPECT_EQ(first["verdict_without_warnings"], "equivalent");
   ASSERT_EQ(first["verdict_withheld_by"].size(), 2u) << "the truth's once";
   EXPECT_EQ(first["verdict_withheld_by"][1]["where"], maps[1].name + "/odometry");
   EXPECT_THAT(pairs_csv(maps, pairs), HasSubstr(",withheld\r\n"));
-  for (ComparedMap& map : maps) std::erase_if(map.metrics.doubts, forbids_verdict);
+  for (ComparedMap& map : maps) std::erase_if(map.metrics.warnings, forbids_verdict);
   EXPECT_EQ(to_json(maps, compare_all_pairs(maps))["pairs"][1]["verdict"], "different")
       << "what is only possible stands beside";
 }

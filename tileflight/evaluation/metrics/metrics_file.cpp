@@ -9,9 +9,9 @@
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/json_file.h"
 #include "tileflight/core/base/strict_section.h"
-#include "tileflight/evaluation/metrics/distances.h"
-#include "tileflight/core/base/doubts_json.h"
+#include "tileflight/core/base/warning.h"
 #include "tileflight/core/geometry/cloud_files.h"
+#include "tileflight/evaluation/metrics/distances.h"
 
 namespace tileflight::metrics {
 
@@ -256,7 +256,7 @@ json to_json(const Metrics& metrics) {
                  {"error_budget", metrics.error_budget ? to_json(*metrics.error_budget) : json(nullptr)}};
   if (metrics.regions) object["regions"] = to_json(*metrics.regions);
   if (metrics.moving) object["moving_objects"] = to_json(*metrics.moving);
-  object["doubts"] = to_json(metrics.doubts);
+  object["warnings"] = to_json(metrics.warnings);
   return object;
 }
 
@@ -273,7 +273,7 @@ Metrics metrics_from_json(const json& object, const std::string& where) {
   if (const auto budget = reader.section("error_budget")) metrics.error_budget = read_error_budget(*budget);
   if (const auto regions = reader.section("regions")) metrics.regions = read_region_scores(*regions);
   if (const auto moving = reader.section("moving_objects")) metrics.moving = read_moving_points(*moving);
-  metrics.doubts = read_doubts(reader);  // absent in older files
+  metrics.warnings = read_warnings(reader);  // absent in older files
   reader.require_all_keys_used();
   return metrics;
 }

@@ -4,7 +4,7 @@
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 
-#include "tileflight/core/base/doubt.h"
+#include "tileflight/core/base/warning.h"
 #include "tileflight/evaluation/metrics/error_budget.h"
 #include "tileflight/evaluation/metrics/map_entropy.h"
 #include "tileflight/evaluation/metrics/metrics.h"
@@ -24,7 +24,7 @@ struct Metrics {
   std::optional<ErrorBudget> error_budget;
   std::optional<RegionScores> regions;  ///< if the alignment had regions; else the key is absent
   std::optional<MovingPoints> moving;   ///< if the flight's moving things are known; else the key is absent
-  Doubts doubts;                        ///< warnings about possible errors in the scores
+  Warnings warnings;                    ///< warnings about possible errors in the scores
 };
 
 nlohmann::json to_json(const Metrics& metrics);

@@ -69,8 +69,8 @@ double error_m(const RegistrationResult& r, const Spot& spot) {
 
 std::string withheld(const RegistrationResult& r) {
   std::string text;
-  for (const Doubt& doubt : r.doubts)
-    if (forbids_verdict(doubt)) text += doubt.what + "\n";
+  for (const Warning& warning : r.warnings)
+    if (forbids_verdict(warning)) text += warning.message + "\n";
   return text;
 }
 
@@ -174,7 +174,7 @@ TEST(RecognizedPlaces, ASearchedPlaceWhereTheReceiverIsNeedsNoRays) {
 }
 
 /// The map of another roof: its images fit in the looks, its points do not.
-TEST(RecognizedPlaces, ASearchedPlaceWhoseShapeDisagreesIsDoubted) {
+TEST(RecognizedPlaces, ASearchedPlaceWhoseShapeDisagreesIsWarninged) {
   const Flight flight = simulate_map(curved_path(), 60);
   RegistrationServices services;
   const std::vector<Spot> spots = {{Vec3(14, 9, 0), 10, 0.95}};

@@ -9,7 +9,7 @@
 #include "tileflight/core/alignment/similarity_chart.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/evaluation/registration/recognized_places.h"
-#include "tileflight/evaluation/registration/registration_doubts.h"
+#include "tileflight/evaluation/registration/registration_warnings.h"
 #include "tileflight/evaluation/registration/repeating_textures.h"
 #include "tileflight/evaluation/registration/start_refiner.h"
 
@@ -181,7 +181,7 @@ class MapRegistrar {
     Candidate best = chosen();
     finish(best);
     report(3);
-    add_registration_doubts(points_, evidence_, result_);
+    add_registration_warnings(points_, evidence_, result_);
     report(kSteps);
     return std::move(result_);
   }

@@ -2,15 +2,15 @@
 
 // Registration of a map to its place by all available evidence: shape, telemetry, and images. Several starts are
 // refined; the final choice uses criteria that none of them minimised (free space along rays, images recognised in the
-// place), and remaining problems are reported as doubts.
+// place), and remaining problems are reported as warnings.
 
 #include <functional>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "tileflight/core/base/doubt.h"
 #include "tileflight/core/base/progress.h"
+#include "tileflight/core/base/warning.h"
 #include "tileflight/evaluation/registration/located_poses.h"
 #include "tileflight/evaluation/registration/ray_agreement.h"
 #include "tileflight/evaluation/registration/surface_fit.h"
@@ -108,7 +108,7 @@ struct RegistrationResult {
       repetition_distance_m;  ///< distance to a nearby placement where the images fit equally well (repeating textures)
   std::optional<double> similar_place_distance_m;  ///< distance to another place, of those that were found without a
                                                    ///< start, where the images fit as well, RMS over the points
-  Doubts doubts;
+  Warnings warnings;
 };
 
 /// Registers a map. Throws InputError for a map without points, and if no evidence gives a start and no place is found.

@@ -61,9 +61,9 @@ LocatedPictures found_near(const Flight& flight, const Sim3& T, std::size_t pict
   return result;
 }
 
-std::string all_doubts(const RegistrationResult& registration) {
+std::string all_warnings(const RegistrationResult& registration) {
   std::string text;
-  for (const Doubt& doubt : registration.doubts) text += doubt.what + "\n";
+  for (const Warning& warning : registration.warnings) text += warning.message + "\n";
   return text;
 }
 
@@ -76,7 +76,7 @@ TEST(RegisterMap, PositionsOfACurvedPathLeadToTheSurface) {
   EXPECT_EQ(r.method, "surface");
   EXPECT_EQ(r.start, "positions");
   EXPECT_LT(r.sigma_m, 0.1);
-  EXPECT_EQ(all_doubts(r), "");
+  EXPECT_EQ(all_warnings(r), "");
 }
 
 /// From an issue: receiver positions of a straight path leave the rotation about it undetermined.
@@ -115,7 +115,7 @@ TEST(RegisterMap, GravityInOtherAxesSpoilsNothingAndIsSaid) {
                    the_place().surface, rays_only(), options());
   EXPECT_LT(rms_distance_m(flight.points, r.T_local_map, T_local_map()), 0.1);
   EXPECT_EQ(r.start, "positions");
-  EXPECT_THAT(all_doubts(r), HasSubstr("the map's up direction is 90 degrees away from the inertial unit's gravity"));
+  EXPECT_THAT(all_warnings(r), HasSubstr("the map's up direction is 90 degrees away from the inertial unit's gravity"));
 }
 
 TEST(RegisterMap, PicturesAreBelievedMoreThanShapes) {
@@ -129,7 +129,7 @@ TEST(RegisterMap, PicturesAreBelievedMoreThanShapes) {
   ASSERT_TRUE(r.pictures);
   EXPECT_EQ(r.pictures->inliers, 20U);
   EXPECT_LT(rms_distance_m(flight.points, r.T_local_map, T_local_map()), 0.03);
-  EXPECT_EQ(all_doubts(r), "");
+  EXPECT_EQ(all_warnings(r), "");
 }
 
 TEST(RegisterMap, APathThatBreaksIsSaid) {
@@ -153,7 +153,7 @@ TEST(RegisterMap, APathThatBreaksIsSaid) {
   const RegistrationResult r =
       register_map(broken.points, {.path = broken.map, .positions = receiver(flight.local, Vec3::Zero())},
                    the_place().surface, services, options());
-  EXPECT_THAT(all_doubts(r), HasSubstr("the path is distorted"));
+  EXPECT_THAT(all_warnings(r), HasSubstr("the path is distorted"));
 }
 
 /// Located images of the curved path, one at each pose, and `scale` times as large as that; the map's path lies aside
@@ -186,8 +186,8 @@ double path_error_share(const LocatedPictures& located) {
   return std::sqrt(squares / static_cast<double>(found.size())) / length_m;
 }
 
-/// How sure the doubt is about a path that bends by a share of its length; empty: none.
-std::string doubt_about_bent_path(double share, double scale = 1.0) {
+/// How sure the warning is about a path that bends by a share of its length; empty: none.
+std::string warning_about_bent_path(double share, double scale = 1.0) {
   const Flight flight = simulate_map(curved_path(), 20);
   const double bend_m = share / path_error_share(located_on_bent_path(flight, 1.0, scale));
   const LocatedPictures located = located_on_bent_path(flight, bend_m, scale);
@@ -198,23 +198,23 @@ std::string doubt_about_bent_path(double share, double scale = 1.0) {
   start.translation *= scale;
   const RegistrationResult r =
       register_map(flight.points, {.path = flight.map, .starts = {start}}, the_place().surface, services, options());
-  for (const Doubt& doubt : r.doubts)
-    if (doubt.what.find("the path is distorted") != std::string::npos) return doubt.how_sure;
+  for (const Warning& warning : r.warnings)
+    if (warning.message.find("the path is distorted") != std::string::npos) return warning.severity;
   return "";
 }
 
 TEST(RegisterMap, APathIsWrongFromOnePercentOfItsLengthOn) {
   for (const double scale : {1.0, 0.05}) {  // of 100 m and of 5 m
-    EXPECT_EQ(doubt_about_bent_path(0.0045, scale), "") << scale;
-    EXPECT_EQ(doubt_about_bent_path(0.0075, scale), "possible") << scale;
-    EXPECT_EQ(doubt_about_bent_path(0.0105, scale), "likely") << scale;
-    EXPECT_EQ(doubt_about_bent_path(0.02, scale), "certain") << scale;
+    EXPECT_EQ(warning_about_bent_path(0.0045, scale), "") << scale;
+    EXPECT_EQ(warning_about_bent_path(0.0075, scale), Severity::kNote) << scale;
+    EXPECT_EQ(warning_about_bent_path(0.0105, scale), Severity::kWarning) << scale;
+    EXPECT_EQ(warning_about_bent_path(0.02, scale), Severity::kError) << scale;
   }
 }
 
 TEST(RegisterMap, APathThatBendsALittleIsCarriedWhole) {
-  // The last are off by 0.1 m and more: too little for a doubt about the path, but a transform that ignores them would
-  // not be the best one of all poses, and state too small a sigma.
+  // The last are off by 0.1 m and more: too little for a warning about the path, but a transform that ignores them
+  // would not be the best one of all poses, and state too small a sigma.
   const Flight flight = simulate_map(curved_path());
   Flight bent = flight;
   for (std::size_t k = 17; k < bent.map.size(); ++k) {
@@ -256,7 +256,7 @@ TEST(RegisterMap, NeighboursThatAreFoundFarOffDoNotCount) {
   EXPECT_EQ(r.method, "pictures");
   EXPECT_EQ(r.pictures->inliers, 18U);
   EXPECT_LT(rms_distance_m(flight.points, r.T_local_map, T_local_map()), 0.03);
-  EXPECT_THAT(all_doubts(r), HasSubstr("path"));
+  EXPECT_THAT(all_warnings(r), HasSubstr("path"));
 }
 
 TEST(RegisterMap, WhereNothingFitsItIsSaid) {
@@ -264,7 +264,7 @@ TEST(RegisterMap, WhereNothingFitsItIsSaid) {
   std::vector<alignment::PositionFix> elsewhere = receiver(flight.local, Vec3(40.0, 35.0, 0.0));
   const RegistrationResult r = register_map(flight.points, {.path = flight.map, .positions = elsewhere},
                                             the_place().surface, rays_only(), options());
-  EXPECT_FALSE(r.doubts.empty());
+  EXPECT_FALSE(r.warnings.empty());
 }
 
 /// A map scaled down to a decimetre lies on the ground wherever it is put, and so do its cameras' rays.
@@ -299,7 +299,7 @@ TEST(RegisterMap, HeightsOfAnotherDatumAreSaid) {
       register_map(flight.points, {.path = flight.map, .positions = receiver(flight.local, Vec3(0.0, 0.0, 30.0))},
                    the_place().surface, services, options());
   EXPECT_LT(rms_distance_m(flight.points, r.T_local_map, T_local_map()), 0.05);
-  EXPECT_THAT(all_doubts(r), HasSubstr("vertical datum"));
+  EXPECT_THAT(all_warnings(r), HasSubstr("vertical datum"));
 }
 
 /// Two identical places: the same buildings again, thirty metres east.
@@ -325,7 +325,7 @@ TEST(RegisterMap, TwoPlacesThatFitAreAmbiguous) {
   other.translation.x() += 60.0;
   services.find_places_by_shape = [&] { return std::vector<Sim3>{T_local_map(), other}; };
   const RegistrationResult r = register_map(points, {}, {index, mesh, {}}, services, options());
-  EXPECT_THAT(all_doubts(r), HasSubstr("ambiguous"));
+  EXPECT_THAT(all_warnings(r), HasSubstr("ambiguous"));
 }
 
 /// A flight over level ground, which does not constrain horizontal motion.
@@ -342,7 +342,7 @@ Flight over_level_ground() {
 
 /// Registers over level ground with paving of that period; `coarse_m`: error of coarse localization, on the side of the
 /// guess.
-std::string doubts_over_paving(double period_m, double coarse_m) {
+std::string warnings_over_paving(double period_m, double coarse_m) {
   const geometry::TriangleMesh mesh = tests::height_field(40, -60.0, 120.0, [](double, double) { return 0.0; });
   const geometry::TriangleIndex index(mesh);
   const Flight flight = over_level_ground();
@@ -357,13 +357,18 @@ std::string doubts_over_paving(double period_m, double coarse_m) {
     }
     return located;
   };
-  return all_doubts(register_map(flight.points, {.path = flight.map, .positions = receiver(flight.local, Vec3::Zero())},
-                                 {index, mesh, {}}, services, options()));
+  return all_warnings(register_map(flight.points,
+                                   {.path = flight.map, .positions = receiver(flight.local, Vec3::Zero())},
+                                   {index, mesh, {}}, services, options()));
 }
 
-TEST(RegisterMap, PavingThatRepeatsIsSaid) { EXPECT_THAT(doubts_over_paving(1.2, 0.0), HasSubstr("textures repeat")); }
+TEST(RegisterMap, PavingThatRepeatsIsSaid) {
+  EXPECT_THAT(warnings_over_paving(1.2, 0.0), HasSubstr("textures repeat"));
+}
 
-TEST(RegisterMap, SmallPicturesThatEndALittleAsideAreNoRepetition) { EXPECT_EQ(doubts_over_paving(1000.0, 0.08), ""); }
+TEST(RegisterMap, SmallPicturesThatEndALittleAsideAreNoRepetition) {
+  EXPECT_EQ(warnings_over_paving(1000.0, 0.08), "");
+}
 
 /// Places are searched by appearance first, and by shape only if that is not convincing.
 TEST(RegisterMap, PlacesThatLookRightComeFirst) {

@@ -5,7 +5,7 @@
 #include "tileflight/core/alignment/similarity_chart.h"
 #include "tileflight/core/alignment/umeyama.h"
 #include "tileflight/evaluation/registration/located_poses_sigma.h"
-#include "tileflight/evaluation/registration/registration_doubts.h"
+#include "tileflight/evaluation/registration/registration_warnings.h"
 
 namespace tileflight::registration {
 
@@ -100,7 +100,7 @@ PictureAgreement picture_agreement(const LocatedPictures& pictures, const std::v
 
 /// Consecutive outliers that lie near the path are unlikely to be independent localization errors: the path itself is
 /// slightly bent there, and the transform must fit all of it, so they become inliers again. Single outliers and more
-/// distant ones stay out; the latter are reported as a doubt about the path.
+/// distant ones stay out; the latter are reported as a warning about the path.
 std::vector<bool> readmit_bent_segments(const std::vector<LocatedPose>& poses, const LocatedPosesFit& fit) {
   double path_m = 0.0;
   for (std::size_t i = 1; i < poses.size(); ++i)

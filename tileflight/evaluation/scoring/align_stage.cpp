@@ -11,11 +11,11 @@
 #include "tileflight/core/alignment/transform_file.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/doubts_json.h"
+#include "tileflight/core/base/warning.h"
 #include "tileflight/core/geometry/cloud_files.h"
 #include "tileflight/evaluation/scoring/align_target.h"
-#include "tileflight/evaluation/scoring/doubts.h"
 #include "tileflight/evaluation/scoring/register_flight.h"
+#include "tileflight/evaluation/scoring/warnings.h"
 
 namespace tileflight::scoring {
 namespace fs = std::filesystem;
@@ -145,22 +145,22 @@ alignment::RegionList refine_on_found_regions(const geometry::PointCloud& cloud,
   return list;
 }
 
-/// Converts ICP's notes and flags to doubts.
-Doubts icp_doubts(const alignment::IcpResult& result) {
+/// Converts ICP's notes and flags to warnings.
+Warnings icp_warnings(const alignment::IcpResult& result) {
   constexpr double kLowFitness = 0.3;
-  Doubts doubts;
+  Warnings warnings;
   if (!result.converged) {
-    doubts.push_back({"ICP did not converge" + (result.note.empty() ? "" : ": " + result.note), "alignment", "certain",
-                      "give a better start, or leave out --method"});
+    warnings.push_back({"ICP did not converge" + (result.note.empty() ? "" : ": " + result.note), "alignment",
+                        Severity::kError, "give a better start, or leave out --method"});
   } else if (!result.note.empty()) {
-    doubts.push_back({result.note, "alignment", "possible", "compare with the default method"});
+    warnings.push_back({result.note, "alignment", Severity::kNote, "compare with the default method"});
   }
   if (result.fitness < kLowFitness) {
-    doubts.push_back({"only " + std::to_string(static_cast<int>(100.0 * result.fitness)) +
-                          " % of the map's points have a correspondence",
-                      "alignment", "likely", "check place, region and start"});
+    warnings.push_back({"only " + std::to_string(static_cast<int>(100.0 * result.fitness)) +
+                            " % of the map's points have a correspondence",
+                        "alignment", Severity::kWarning, "check place, region and start"});
   }
-  return doubts;
+  return warnings;
 }
 
 /// Whether the map's odometry says that it is in metres (odometry.json).
@@ -226,9 +226,9 @@ nlohmann::json align(const MapInputs& map, const fs::path& target_path, const al
   if (metric && target.index) result["scale_error"] = scale_error(cloud, result, target, chosen);
   if (!regions.aligned_on.empty() || !regions.held_out.empty()) result["regions"] = alignment::to_json(regions);
   result["start"] = start;
-  Doubts doubts = odometry_doubts(map);
-  append_distinct(doubts, icp_doubts(aligned.result));
-  result["doubts"] = to_json(doubts);
+  Warnings warnings = odometry_warnings(map);
+  append_distinct(warnings, icp_warnings(aligned.result));
+  result["warnings"] = to_json(warnings);
   add_blocks(target, result);
   base::write_file(out, result.dump(2) + "\n");
   return result;

@@ -13,8 +13,8 @@
 #include "tileflight/evaluation/metrics/map_table.h"
 #include "tileflight/evaluation/metrics/rank_correlation.h"
 #include "tileflight/evaluation/scoring/compared_maps.h"
-#include "tileflight/evaluation/scoring/doubts.h"
 #include "tileflight/evaluation/scoring/evaluate.h"
+#include "tileflight/evaluation/scoring/warnings.h"
 
 namespace tileflight::scoring {
 namespace fs = std::filesystem;
@@ -40,7 +40,7 @@ metrics::ComparedMap read_compared_map(const FoundMap& found) {
     if (map.runs.empty()) {
       map.metrics = std::move(read.metrics);
     } else {
-      append_distinct(map.metrics.doubts, read.metrics.doubts);
+      append_distinct(map.metrics.warnings, read.metrics.warnings);
     }
     map.runs.push_back(std::move(read.voxel));
   }
@@ -116,10 +116,9 @@ json compare_flights(const std::vector<fs::path>& simulated, const std::vector<f
                      const EvaluationSettings& settings, std::uint64_t seed) {
   if (simulated.empty() || real.empty()) throw InputError("comparison", "needs at least one run of each flight");
   const std::vector<metrics::ComparedMap> maps{read_compared_map({"simulated", simulated}),
-                                                  read_compared_map({"real", real})};
-  const auto pairs =
-      metrics::compare_all_pairs(maps, published_options(settings, seed), map_options(settings, seed));
-  return metrics::to_json(pairs.front().comparison, pairs.front().maps, pairs.front().doubts);
+                                               read_compared_map({"real", real})};
+  const auto pairs = metrics::compare_all_pairs(maps, published_options(settings, seed), map_options(settings, seed));
+  return metrics::to_json(pairs.front().comparison, pairs.front().maps, pairs.front().warnings);
 }
 
 MapsComparison compare_maps(const std::vector<fs::path>& arguments, const EvaluationSettings& settings,
@@ -129,8 +128,8 @@ MapsComparison compare_maps(const std::vector<fs::path>& arguments, const Evalua
   std::vector<metrics::ComparedMap> maps;
   for (const FoundMap& map : chosen.maps) maps.push_back(read_compared_map(map));
   const auto own = metrics::choose_columns(selection.columns, maps);
-  const auto pairs = metrics::compare_all_pairs(maps, published_options(settings, seed), map_options(settings, seed),
-                                                   chosen.baseline);
+  const auto pairs =
+      metrics::compare_all_pairs(maps, published_options(settings, seed), map_options(settings, seed), chosen.baseline);
   const auto& of_csv = own.empty() ? metrics::default_columns() : own;
   const auto printed = own.empty() ? metrics::printed_columns() : own;
   if (!files.csv.empty()) {
@@ -141,7 +140,7 @@ MapsComparison compare_maps(const std::vector<fs::path>& arguments, const Evalua
   MapsComparison result{{}, metrics::maps_text(maps, printed)};
   if (!files.text.empty()) base::write_file(files.text, result.table);
   result.json = maps.size() == 2
-                    ? metrics::to_json(pairs.front().comparison, pairs.front().maps, pairs.front().doubts)
+                    ? metrics::to_json(pairs.front().comparison, pairs.front().maps, pairs.front().warnings)
                     : json::object();
   result.json.update(metrics::to_json(maps, pairs, own));
   return result;

@@ -11,16 +11,12 @@
 #include "tileflight/core/alignment/transform_file.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/geometry/cloud_files.h"
+#include "tileflight/core/geometry/ply_cloud.h"
 #include "tileflight/evaluation/metrics/distances.h"
 #include "tileflight/evaluation/metrics/metrics.h"
 #include "tileflight/evaluation/metrics/metrics_file.h"
 #include "tileflight/evaluation/metrics/point_visits.h"
-#include "tileflight/core/geometry/cloud_files.h"
-#include "tileflight/core/geometry/ply_cloud.h"
-#include "tileflight/world/ground_truth/truth_folder.h"
-#include "tileflight/world/place/extract.h"
-#include "tileflight/world/place/truth_region.h"
-#include "tileflight/evaluation/scoring/doubts.h"
 #include "tileflight/evaluation/scoring/errors_in_blocks.h"
 #include "tileflight/evaluation/scoring/map_points.h"
 #include "tileflight/evaluation/scoring/map_tiles.h"
@@ -28,6 +24,10 @@
 #include "tileflight/evaluation/scoring/seen_surface.h"
 #include "tileflight/evaluation/scoring/tiled_scores.h"
 #include "tileflight/evaluation/scoring/truth_surface.h"
+#include "tileflight/evaluation/scoring/warnings.h"
+#include "tileflight/world/ground_truth/truth_folder.h"
+#include "tileflight/world/place/extract.h"
+#include "tileflight/world/place/truth_region.h"
 
 namespace tileflight::scoring {
 namespace fs = std::filesystem;
@@ -93,8 +93,8 @@ std::optional<double> distance_to_true_poses_m(const TrajectoryPair& poses, cons
 
 /// Scores of the regions used for the alignment and of those held out, if transform.json lists any.
 std::optional<metrics::RegionScores> evaluate_regions(const fs::path& transform_file, const MapPoints& map,
-                                                         const geometry::Sim3& T_surface_map,
-                                                         const std::vector<double>& surface_m) {
+                                                      const geometry::Sim3& T_surface_map,
+                                                      const std::vector<double>& surface_m) {
   const json all = json::parse(base::read_text(transform_file), nullptr, false);
   if (!all.is_object() || !all.contains("regions")) return std::nullopt;
   const alignment::RegionList regions = alignment::regions_from_json(all["regions"], transform_file.string());
@@ -111,7 +111,7 @@ std::optional<metrics::DistanceStatistics> recorded_floor(const json& extract_js
   const json floor = extract_json.value("quantization_floor", json());
   if (!floor.is_object() || !floor.contains("max") || !(floor["max"].get<double>() <= cutoff_m)) return std::nullopt;
   return metrics::DistanceStatistics{floor.at("count"), floor.at("mean"), floor.at("std"), floor.at("median"),
-                                        floor.at("rmse")};
+                                     floor.at("rmse")};
 }
 
 /// A ground truth folder and its metadata.
@@ -145,7 +145,7 @@ std::vector<bool> find_over_region(const MapPoints& points, const geometry::Sim3
 
 /// The aligned points, or those over the region, one by one.
 metrics::PointVisits visits_of(const MapPoints& points, const geometry::Sim3& T_local_map,
-                                  const std::vector<bool>* is_over) {
+                               const std::vector<bool>* is_over) {
   return [&points, T_local_map, is_over](const auto& visit) {
     points.visit([&](std::size_t first, const geometry::PointCloud& block) {
       for (std::size_t i = 0; i < block.size(); ++i) {
@@ -166,7 +166,7 @@ metrics::DistanceStatistics quantization_floor(const Truth& truth, double cutoff
   const geometry::PointCloud samples = truth.folder.read_surface_samples();
   if (samples.empty()) return {};
   return metrics::compute_quantization_floor(VoxelCenters(truth.folder).distances(samples, "surface samples"),
-                                                cutoff_m);
+                                             cutoff_m);
 }
 
 /// A map to score: without the points on its flight's actors, which are measured apart.
@@ -213,11 +213,10 @@ std::vector<double> score_without_surface(const Task& task, const MapTiles& tile
   const EvaluationSettings& settings = task.settings;
   report_progress(progress, 0, 4, "distances to voxel centres");
   std::vector<double> voxel_m = distances_to_voxels(tiles, task.points.size(), task.truth.folder);
-  metrics.map = metrics::score_map(voxel_m, quantization_floor(task.truth, settings.cutoff_m),
-                                      {.cutoff_m = settings.cutoff_m});
+  metrics.map =
+      metrics::score_map(voxel_m, quantization_floor(task.truth, settings.cutoff_m), {.cutoff_m = settings.cutoff_m});
   report_progress(progress, 3, 4, "trajectory");
-  if (task.poses.has_both())
-    metrics.trajectory = metrics::evaluate_trajectory(task.poses.estimate, task.poses.truth);
+  if (task.poses.has_both()) metrics.trajectory = metrics::evaluate_trajectory(task.poses.estimate, task.poses.truth);
   metrics.entropy = map_entropy(tiles, {.radius_m = settings.entropy_radius_m});
   report_progress(progress, 4, 4, "scored");
   return voxel_m;
@@ -281,7 +280,7 @@ SurfaceDistances score_against_surface(const Task& task, std::optional<MapTiles>
   metrics.surface->normals->points = over.points();
   if (!seen.empty())
     metrics.wasserstein = metrics::voxel_wasserstein(visits_of(task.points, task.T_surface_map, &distances.is_over),
-                                                        seen, wasserstein_options(settings));
+                                                     seen, wasserstein_options(settings));
   metrics.error_budget = metrics::error_budget(
       {.floor_rmse_m = metrics.map.quantization_floor.rmse,
        .geometric_error_m = number_of(task.truth.extract_json, "geometric_error_max"),
@@ -294,34 +293,34 @@ SurfaceDistances score_against_surface(const Task& task, std::optional<MapTiles>
   return distances;
 }
 
-/// All doubts about the scores: those of the map, its transform, the truth and the images, and those that the scores
+/// All warnings about the scores: those of the map, its transform, the truth and the images, and those that the scores
 /// show.
-Doubts score_doubts(const MapInputs& map, const json& about_truth, const fs::path& transform_file,
-                    const EvaluationSettings& settings, const metrics::Metrics& metrics) {
-  Doubts doubts = read_doubts(transform_file);
-  append_distinct(doubts, odometry_doubts(map));
-  append_distinct(doubts, truth_doubts(about_truth));
-  append_distinct(doubts, dataset_doubts(map.dataset));
+Warnings score_warnings(const MapInputs& map, const json& about_truth, const fs::path& transform_file,
+                        const EvaluationSettings& settings, const metrics::Metrics& metrics) {
+  Warnings warnings = read_warnings(transform_file);
+  append_distinct(warnings, odometry_warnings(map));
+  append_distinct(warnings, truth_warnings(about_truth));
+  append_distinct(warnings, dataset_warnings(map.dataset));
   if (!metrics.surface) {
-    doubts.push_back({"the ground truth has no exact surface: distances to its voxel centres have a floor of " +
-                          std::to_string(metrics.map.quantization_floor.mean).substr(0, 4) +
-                          " m, which hides differences between good maps",
-                      "truth", "possible", "extract from meshes, or with smaller voxels"});
+    warnings.push_back({"the ground truth has no exact surface: distances to its voxel centres have a floor of " +
+                            std::to_string(metrics.map.quantization_floor.mean).substr(0, 4) +
+                            " m, which hides differences between good maps",
+                        "truth", Severity::kNote, "extract from meshes, or with smaller voxels"});
   }
   constexpr double kFewNear = 0.5;
   if (metrics.surface) {
     const auto& accuracy = metrics.surface->accuracy;
     if (!accuracy.empty() && accuracy.rbegin()->second < kFewNear) {
-      doubts.push_back(
+      warnings.push_back(
           {"only " + std::to_string(static_cast<int>(100.0 * accuracy.rbegin()->second)) +
                " % of the map's points over the region lie within " +
                std::to_string(accuracy.rbegin()->first).substr(0, 4) + " m of the true surface",
-           "evaluation", "likely",
+           "evaluation", Severity::kWarning,
            "check the map over the truth in the report: the transform may be wrong, or the place another"});
     }
   }
-  if (metrics.moving) append_distinct(doubts, moving_doubts(*metrics.moving, settings.share_margin));
-  return doubts;
+  if (metrics.moving) append_distinct(warnings, moving_warnings(*metrics.moving, settings.share_margin));
+  return warnings;
 }
 
 }  // namespace
@@ -349,14 +348,14 @@ nlohmann::json evaluate(const MapInputs& map, const fs::path& truth_folder, cons
   } else {
     metrics.wasserstein =
         metrics::voxel_wasserstein(visits_of(task.points, T_published_map, nullptr),
-                                      truth.folder.read_surface_samples(), wasserstein_options(settings));
+                                   truth.folder.read_surface_samples(), wasserstein_options(settings));
   }
   if (static_map.on_actors) {
     const auto over_m = truth.folder.has_mesh() ? std::optional(surface.over_m) : std::nullopt;
     metrics.moving = score_apart(*static_map.on_actors, static_map.apart, voxel_m, over_m, settings.cutoff_m);
   }
-  metrics.doubts = score_doubts(map, truth.extract_json, transform_file, settings, metrics);
-  append_distinct(metrics.doubts, common_place_doubts(common, task.points.size(), settings.share_margin));
+  metrics.warnings = score_warnings(map, truth.extract_json, transform_file, settings, metrics);
+  append_distinct(metrics.warnings, common_place_warnings(common, task.points.size(), settings.share_margin));
   write_apart_points(moving_points_file(out), static_map.apart, settings.cutoff_m);
   write_errors(metrics::errors_file(out), task.points, T_published_map, voxel_m, surface, settings.cutoff_m);
   metrics::write_metrics(out, metrics);

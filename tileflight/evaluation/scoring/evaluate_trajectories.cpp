@@ -8,10 +8,9 @@
 #include <string>
 #include <system_error>
 
-#include "tileflight/core/base/doubt.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/doubts_json.h"
+#include "tileflight/core/base/warning.h"
 #include "tileflight/core/geometry/json_numbers.h"
 #include "tileflight/core/geometry/trajectory_files.h"
 #include "tileflight/evaluation/scoring/map_inputs.h"
@@ -20,11 +19,11 @@ namespace tileflight::scoring {
 namespace fs = std::filesystem;
 namespace {
 
+using geometry::TrajectoryFile;
 using metrics::PairedTrajectories;
 using metrics::TrajectoryAlignment;
 using metrics::TrajectoryMetrics;
 using metrics::TrajectoryOptions;
-using geometry::TrajectoryFile;
 using nlohmann::json;
 
 /// Names by which the estimates are told apart.
@@ -96,28 +95,28 @@ ScoredTrajectory score_file(const fs::path& file, const std::string& name, const
 std::string percent(double share) { return std::to_string(static_cast<int>(std::floor(100.0 * share))) + " %"; }
 
 /// What may make the numbers of a trajectory mean something else than they say.
-Doubts doubts_about(const ScoredTrajectory& scored) {
+Warnings warnings_about(const ScoredTrajectory& scored) {
   constexpr double kFewPaired = 0.5, kPartOfTime = 0.9, kScaleOff = 0.1;
   const TrajectoryMetrics& m = scored.metrics;
-  Doubts doubts;
+  Warnings warnings;
   const double paired = static_cast<double>(m.poses) / static_cast<double>(std::min(m.estimated_poses, m.true_poses));
   if (paired < kFewPaired) {
-    doubts.push_back({std::to_string(m.poses) + " pairs of " + std::to_string(m.estimated_poses) + " estimated and " +
-                          std::to_string(m.true_poses) + " true poses: most have none of the other at their time",
-                      scored.name, "likely", "check the clocks (--time-offset, --max-time-difference)"});
+    warnings.push_back({std::to_string(m.poses) + " pairs of " + std::to_string(m.estimated_poses) + " estimated and " +
+                            std::to_string(m.true_poses) + " true poses: most have none of the other at their time",
+                        scored.name, Severity::kWarning, "check the clocks (--time-offset, --max-time-difference)"});
   }
   if (m.time_covered < kPartOfTime) {
-    doubts.push_back(
+    warnings.push_back(
         {"the estimate covers " + percent(m.time_covered) + " of the truth's time: errors of the rest are in no number",
-         scored.name, "possible",
+         scored.name, Severity::kNote,
          "compare with systems that covered as much, unless the truth was recorded for longer than the images"});
   }
   if (scored.best_scale && std::abs(*scored.best_scale - 1.0) > kScaleOff) {
-    doubts.push_back({"the scale that fits best is " + std::to_string(*scored.best_scale).substr(0, 5) +
-                          ", and the alignment has none",
-                      scored.name, "possible", "--alignment sim3 for a trajectory of unknown scale"});
+    warnings.push_back({"the scale that fits best is " + std::to_string(*scored.best_scale).substr(0, 5) +
+                            ", and the alignment has none",
+                        scored.name, Severity::kNote, "--alignment sim3 for a trajectory of unknown scale"});
   }
-  return doubts;
+  return warnings;
 }
 
 /// Aligned poses and their errors, pair by pair.
@@ -146,13 +145,13 @@ json series_of(const ScoredTrajectory& scored) {
 }
 
 json metrics_json(const std::vector<ScoredTrajectory>& all) {
-  Doubts doubts;
+  Warnings warnings;
   json list = json::array();
   for (const ScoredTrajectory& scored : all) {
     json one = metrics::to_json(scored.metrics);
     one["name"] = scored.name;
     list.push_back(std::move(one));
-    for (Doubt& doubt : doubts_about(scored)) doubts.push_back(std::move(doubt));
+    for (Warning& warning : warnings_about(scored)) warnings.push_back(std::move(warning));
   }
   json result;
   if (all.size() == 1) {
@@ -161,7 +160,7 @@ json metrics_json(const std::vector<ScoredTrajectory>& all) {
   } else {
     result["trajectories"] = list;
   }
-  result["doubts"] = to_json(doubts);
+  result["warnings"] = to_json(warnings);
   return result;
 }
 

@@ -9,16 +9,16 @@
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 #include "tileflight/core/base/files.h"
-#include "tileflight/data/dataset/dataset.h"
 #include "tileflight/core/geometry/trajectory_files.h"
-#include "tileflight/evaluation/scoring/doubts.h"
+#include "tileflight/data/dataset/dataset.h"
+#include "tileflight/evaluation/scoring/warnings.h"
 
 namespace tileflight::scoring::points_on_actors_test {
 namespace {
 
 namespace fs = std::filesystem;
-using metrics::PlacedBox;
 using geometry::Vec3;
+using metrics::PlacedBox;
 using nlohmann::json;
 using testing::HasSubstr;
 using testing::IsEmpty;
@@ -159,16 +159,16 @@ TEST_F(Crossing, TheOthersRemainAndNoMapOfActorsAlone) {
   EXPECT_THAT(refusal_of([&] { take_points_on_actors(all, map_, rest = cloud_); }), HasSubstr("all of its points"));
 }
 
-TEST(PointsOnActors, AreADoubtWhereTheyAreMany) {
+TEST(PointsOnActors, AreAWarningWhereTheyAreMany) {
   metrics::MovingPoints moving;
   moving.with_them.points = 1000;
   moving.apart.points = 50;
-  EXPECT_THAT(moving_doubts(moving, 0.05), IsEmpty());
+  EXPECT_THAT(moving_warnings(moving, 0.05), IsEmpty());
   moving.apart.points = 51;
-  const Doubts doubts = moving_doubts(moving, 0.05);
-  ASSERT_EQ(doubts.size(), 1U);
-  EXPECT_THAT(doubts[0].what, HasSubstr("51 of the map's 1000 points are on moving objects"));
-  EXPECT_FALSE(forbids_verdict(doubts[0]));
+  const Warnings warnings = moving_warnings(moving, 0.05);
+  ASSERT_EQ(warnings.size(), 1U);
+  EXPECT_THAT(warnings[0].what, HasSubstr("51 of the map's 1000 points are on moving objects"));
+  EXPECT_FALSE(forbids_verdict(warnings[0]));
 }
 
 }  // namespace

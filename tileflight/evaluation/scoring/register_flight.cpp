@@ -12,16 +12,16 @@
 #include "tileflight/core/alignment/gravity.h"
 #include "tileflight/core/alignment/transform_file.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/warning.h"
 #include "tileflight/data/dataset/attitude_csv.h"
-#include "tileflight/core/base/doubts_json.h"
 #include "tileflight/evaluation/registration/register_map.h"
-#include "tileflight/world/scene/scene.h"
-#include "tileflight/evaluation/scoring/doubts.h"
 #include "tileflight/evaluation/scoring/flight_evidence.h"
-#include "tileflight/evaluation/scoring/path_doubts.h"
+#include "tileflight/evaluation/scoring/path_warnings.h"
 #include "tileflight/evaluation/scoring/picture_finder.h"
 #include "tileflight/evaluation/scoring/up_from_imu.h"
+#include "tileflight/evaluation/scoring/warnings.h"
 #include "tileflight/tiles/mesh_files/mesh_source.h"
+#include "tileflight/world/scene/scene.h"
 
 namespace tileflight::scoring {
 namespace fs = std::filesystem;
@@ -228,10 +228,10 @@ json register_flight(const MapInputs& map, const AlignTarget& target, const alig
       registration::register_map(read_observed_points(map, cloud), evidence,
                                  {*target.index, target.mesh, target.regions}, services, registration, progress);
   json result = to_json(found);
-  Doubts doubts = odometry_doubts(map);
-  if (found.method == "pictures" && !doubts.empty()) answer_path_doubts(map, *found.pictures, doubts);
-  append_distinct(doubts, found.doubts);
-  result["doubts"] = to_json(doubts);
+  Warnings warnings = odometry_warnings(map);
+  if (found.method == "pictures" && !warnings.empty()) answer_path_warnings(map, *found.pictures, warnings);
+  append_distinct(warnings, found.warnings);
+  result["warnings"] = to_json(warnings);
   alignment::IcpOptions published = alignment::final_icp_options();
   published.scale = options.icp.scale;
   published.regions = options.icp.regions.empty() ? target.regions : options.icp.regions;

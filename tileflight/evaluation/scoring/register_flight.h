@@ -10,7 +10,7 @@
 namespace tileflight::scoring {
 
 /// Registers a map to a ground truth with a surface, using all data of its flight (register_map.h): shapes, telemetry,
-/// and images if the truth has textures. Returns the content of transform.json: the registration, its doubts, and
+/// and images if the truth has textures. Returns the content of transform.json: the registration, its warnings, and
 /// `published`, the paper's last step starting from it. Throws InputError.
 nlohmann::json register_flight(const MapInputs& map, const AlignTarget& target,
                                const alignment::AlignMapOptions& options, const Progress& progress = {});

@@ -5,13 +5,13 @@
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/json_file.h"
+#include "tileflight/core/base/version.h"
+#include "tileflight/core/base/warning.h"
 #include "tileflight/data/dataset/dataset.h"
-#include "tileflight/core/base/doubts_json.h"
 #include "tileflight/evaluation/metrics/published_results.h"
+#include "tileflight/evaluation/scoring/warnings.h"
 #include "tileflight/experiments/experiment/repetition.h"
 #include "tileflight/world/place/extract.h"
-#include "tileflight/core/base/version.h"
-#include "tileflight/evaluation/scoring/doubts.h"
 
 namespace tileflight::experiment {
 namespace fs = std::filesystem;
@@ -51,15 +51,15 @@ json describe_inputs(const Experiment& experiment, const StageCache& cache) {
   return inputs;
 }
 
-/// Doubts of all flights' scores, each under its flight's name; those about the truth once.
-Doubts all_doubts(const Pipeline& pipeline, const fs::path& run) {
-  Doubts doubts = scoring::truth_doubts(place::read_extract_json(run / "truth"));
+/// Warnings of all flights' scores, each under its flight's name; those about the truth once.
+Warnings all_warnings(const Pipeline& pipeline, const fs::path& run) {
+  Warnings warnings = scoring::truth_warnings(place::read_extract_json(run / "truth"));
   for (const FlightStages& f : pipeline.flights()) {
-    Doubts own = scoring::read_doubts(f.folder / "metrics.json");
-    std::erase_if(own, [](const Doubt& doubt) { return doubt.where == "truth"; });
-    scoring::append_distinct(doubts, scoring::prefix_with_flight(std::move(own), f.name));
+    Warnings own = scoring::read_warnings(f.folder / "metrics.json");
+    std::erase_if(own, [](const Warning& warning) { return warning.where == "truth"; });
+    scoring::append_distinct(warnings, scoring::prefix_with_flight(std::move(own), f.name));
   }
-  return doubts;
+  return warnings;
 }
 
 }  // namespace
@@ -101,7 +101,7 @@ nlohmann::json collect_results(const Experiment& experiment, const Pipeline& pip
   const bool follows =
       experiment.simulated && experiment.simulated->render && experiment.simulated->render->follows_real;
   results["reproduction"] = follows ? base::read_json(run / "reproduction.json") : json(nullptr);
-  results["doubts"] = to_json(all_doubts(pipeline, run));
+  results["warnings"] = to_json(all_warnings(pipeline, run));
   results["provenance"] = {{"version", base::version()},
                            {"commit", base::commit()},
                            {"seed", experiment.seed},

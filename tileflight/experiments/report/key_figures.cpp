@@ -5,9 +5,9 @@
 #include <nlohmann/json.hpp>
 
 #include "tileflight/core/base/text_fields.h"
-#include "tileflight/experiments/report/doubts_panel.h"
-#include "tileflight/experiments/report/map_comparison_tables.h"
 #include "tileflight/core/drawing/number_format.h"
+#include "tileflight/experiments/report/map_comparison_tables.h"
+#include "tileflight/experiments/report/warnings_panel.h"
 
 namespace tileflight::report {
 namespace {
@@ -39,7 +39,8 @@ std::optional<double> map_number(const FlightColumn& column, const std::string& 
 std::string resolution(const FlightColumn& column) {
   const std::optional<double> width = drawing::number_at(column.values, "/resolution/0"),
                               height = drawing::number_at(column.values, "/resolution/1");
-  return width && height ? drawing::format_shortest(width) + "\u00D7" + drawing::format_shortest(height) : drawing::kUnknown;
+  return width && height ? drawing::format_shortest(width) + "\u00D7" + drawing::format_shortest(height)
+                         : drawing::kUnknown;
 }
 
 std::optional<double> ratio(const std::optional<double>& part, const std::optional<double>& whole) {
@@ -81,7 +82,8 @@ std::vector<KeyFigureRow> published_rows(const std::vector<FlightColumn>& column
   const auto plain = [](const char* key, int digits) {
     return [key, digits](const FlightColumn& c) {
       const std::optional<double> value = drawing::number_at(c.values, key);
-      return value ? drawing::format_shortest(std::round(*value * std::pow(10, digits)) / std::pow(10, digits)) : drawing::kUnknown;
+      return value ? drawing::format_shortest(std::round(*value * std::pow(10, digits)) / std::pow(10, digits))
+                   : drawing::kUnknown;
     };
   };
   return {row("Map points", columns, map_count("points")),
@@ -91,22 +93,29 @@ std::vector<KeyFigureRow> published_rows(const std::vector<FlightColumn>& column
           row("Field of view, \u00B0", columns, plain("/fov_deg", 1)),
           row("Resolution, px", columns, resolution),
           row("Frame rate, fps", columns, plain("/fps", 2)),
-          row("Frames", columns, [](const FlightColumn& c) { return drawing::format_count(drawing::number_at(c.values, "/frames")); })};
+          row("Frames", columns,
+              [](const FlightColumn& c) { return drawing::format_count(drawing::number_at(c.values, "/frames")); })};
 }
 
 std::vector<KeyFigureRow> further_rows(const std::vector<FlightColumn>& columns) {
-  return {
-      row("Floor: mean of a perfect map, m", columns,
-          [](const FlightColumn& c) { return drawing::format_fixed(drawing::number_at(c.values, "/map/quantization_floor/mean"), 4); }),
-      row("Share of points in cut-off", columns, [](const FlightColumn& c) { return drawing::format_percent(share_kept(c)); }),
-      row("Median to the exact surface, m", columns,
-          [](const FlightColumn& c) { return drawing::format_fixed(drawing::number_at(c.values, "/surface/median"), 4); }),
-      row("F-score at 0.5 m", columns,
-          [](const FlightColumn& c) { return drawing::format_percent(at_threshold(c.values, "f_score", 0.5)); }),
-      row("Path error (ATE), m", columns, [](const FlightColumn& c) { return drawing::format_fixed(path_error_m(c), 3); }),
-      row("Path error, share of the path", columns, [](const FlightColumn& c) {
-        return drawing::format_percent(ratio(path_error_m(c), drawing::number_at(c.values, "/trajectory/path_length")), 2);
-      })};
+  return {row("Floor: mean of a perfect map, m", columns,
+              [](const FlightColumn& c) {
+                return drawing::format_fixed(drawing::number_at(c.values, "/map/quantization_floor/mean"), 4);
+              }),
+          row("Share of points in cut-off", columns,
+              [](const FlightColumn& c) { return drawing::format_percent(share_kept(c)); }),
+          row("Median to the exact surface, m", columns,
+              [](const FlightColumn& c) {
+                return drawing::format_fixed(drawing::number_at(c.values, "/surface/median"), 4);
+              }),
+          row("F-score at 0.5 m", columns,
+              [](const FlightColumn& c) { return drawing::format_percent(at_threshold(c.values, "f_score", 0.5)); }),
+          row("Path error (ATE), m", columns,
+              [](const FlightColumn& c) { return drawing::format_fixed(path_error_m(c), 3); }),
+          row("Path error, share of the path", columns, [](const FlightColumn& c) {
+            return drawing::format_percent(
+                ratio(path_error_m(c), drawing::number_at(c.values, "/trajectory/path_length")), 2);
+          })};
 }
 
 bool has_flag(const json& flight, const std::string& pointer, bool value) {
@@ -114,9 +123,9 @@ bool has_flag(const json& flight, const std::string& pointer, bool value) {
   return flight.contains(place) && flight.at(place).is_boolean() && flight.at(place).get<bool>() == value;
 }
 
-/// Caveats about a flight's numbers as further sentences, for results whose writer listed no doubts.
-std::string unlisted_doubts(const json& results, const char* flight, const std::string& label) {
-  if (results.contains("doubts") || !results.contains(flight)) return "";
+/// Caveats about a flight's numbers as further sentences, for results whose writer listed no warnings.
+std::string unlisted_warnings(const json& results, const char* flight, const std::string& label) {
+  if (results.contains("warnings") || !results.contains(flight)) return "";
   std::string sentences;
   if (has_flag(results[flight], "/odometry/lost", true))
     sentences += " Tracking of the " + label + " flight was lost before its end.";
@@ -125,11 +134,12 @@ std::string unlisted_doubts(const json& results, const char* flight, const std::
   return sentences;
 }
 
-/// The number of doubts that accompany a verdict; empty if there are none.
-std::string remark_on_doubts(const json& results) {
-  const std::size_t doubts = doubt_lines(results).size();
-  if (doubts == 0) return "";
-  return doubts == 1 ? " There is one doubt about it." : " There are " + std::to_string(doubts) + " doubts about it.";
+/// The number of warnings that accompany a verdict; empty if there are none.
+std::string remark_on_warnings(const json& results) {
+  const std::size_t warnings = warning_lines(results).size();
+  if (warnings == 0) return "";
+  return warnings == 1 ? " There is one warning about it."
+                       : " There are " + std::to_string(warnings) + " warnings about it.";
 }
 
 /// "mean 0.5569 m simulated, 0.5769 m surrogate, a difference of -0.0200 m (95 % interval -0.03 to -0.01 m)". If runs
@@ -139,15 +149,17 @@ std::string means_of(const json& results, const std::string& second) {
   const bool of_runs = drawing::text_at(comparison, "/unit").value_or("") == "runs";
   const std::string mean = of_runs ? "/runs/spread/map/mean/mean" : "/map/mean";
   const auto over_runs = [&](const char* flight) {
-    return of_runs ? " over " + drawing::format_count(drawing::number_at(comparison, std::string("/runs/") + flight)) + " runs"
+    return of_runs ? " over " + drawing::format_count(drawing::number_at(comparison, std::string("/runs/") + flight)) +
+                         " runs"
                    : std::string();
   };
   const auto difference = drawing::number_at(comparison, "/mean_difference"),
              low = drawing::number_at(comparison, "/mean_difference_ci95/0"),
              high = drawing::number_at(comparison, "/mean_difference_ci95/1");
-  std::string words = "mean " + drawing::format_fixed(drawing::number_at(results, "/simulated" + mean), 4) + " m simulated" +
-                      over_runs("simulated") + ", " + drawing::format_fixed(drawing::number_at(results, "/real" + mean), 4) + " m " +
-                      second + over_runs("real");
+  std::string words = "mean " + drawing::format_fixed(drawing::number_at(results, "/simulated" + mean), 4) +
+                      " m simulated" + over_runs("simulated") + ", " +
+                      drawing::format_fixed(drawing::number_at(results, "/real" + mean), 4) + " m " + second +
+                      over_runs("real");
   if (difference) words += ", a difference of " + drawing::format_signed(difference, 4) + " m";
   if (difference && low && high)
     words += " (95 % interval " + drawing::format_signed(low, 4) + " to " + drawing::format_signed(high, 4) + " m)";
@@ -161,15 +173,16 @@ std::string verdict_of_two(const json& results, const std::string& second) {
     return withheld + by_published + means_of(results, second) + ".";
   if (has_map_comparison(comparison))
     return map_comparison_claim(comparison, second) + by_published + means_of(results, second) + "." +
-           remark_on_doubts(results);
-  const std::string what = "the " + second + " flight's map error within " +
-                           drawing::format_shortest(drawing::number_at(comparison, "/equivalence_margin_m").value_or(0.05)) + " m";
+           remark_on_warnings(results);
+  const std::string what =
+      "the " + second + " flight's map error within " +
+      drawing::format_shortest(drawing::number_at(comparison, "/equivalence_margin_m").value_or(0.05)) + " m";
   const std::string word = drawing::text_at(comparison, "/verdict").value_or("");
   std::string claim = "The maps of both flights are scored";
   if (word == "equivalent") claim = "Simulation predicted " + what;
   if (word == "different") claim = "Simulation did not predict " + what;
   if (word == "undecided") claim = "Inconclusive: the data do not decide whether simulation predicts " + what;
-  return claim + ": " + means_of(results, second) + "." + remark_on_doubts(results);
+  return claim + ": " + means_of(results, second) + "." + remark_on_warnings(results);
 }
 
 }  // namespace
@@ -216,11 +229,12 @@ std::string verdict(const nlohmann::json& results) {
   } else if (has_simulated || has_second) {
     const json& flight = results[has_simulated ? "simulated" : "real"];
     sentence = "The " + (has_simulated ? "simulated" : second) + " flight's map has a mean error of " +
-               drawing::format_fixed(drawing::number_at(flight, "/map/mean"), 4) + " m; there is no second flight to compare it with.";
+               drawing::format_fixed(drawing::number_at(flight, "/map/mean"), 4) +
+               " m; there is no second flight to compare it with.";
   }
-  sentence += unlisted_doubts(results, "simulated", "simulated");
+  sentence += unlisted_warnings(results, "simulated", "simulated");
   if (results.contains("real"))
-    sentence += unlisted_doubts(results, "real", base::to_lower(flight_label("real", results["real"])));
+    sentence += unlisted_warnings(results, "real", base::to_lower(flight_label("real", results["real"])));
   return sentence;
 }
 

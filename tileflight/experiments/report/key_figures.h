@@ -37,7 +37,7 @@ std::string flight_label(const std::string& key, const nlohmann::json& flight);
 std::string remark_on_floor(const nlohmann::json& results);
 
 /// States whether simulation predicted the second flight's map, with the numbers that decide it and the published
-/// means. If a doubt prevents a verdict, names that doubt instead.
+/// means. If a warning prevents a verdict, names that warning instead.
 std::string verdict(const nlohmann::json& results);
 
 }  // namespace tileflight::report

@@ -3,13 +3,13 @@
 #include <nlohmann/json.hpp>
 
 #include "tileflight/core/base/files.h"
-#include "tileflight/experiments/report/doubts_panel.h"
 #include "tileflight/core/drawing/html.h"
-#include "tileflight/experiments/report/key_figures_files.h"
 #include "tileflight/core/drawing/number_format.h"
+#include "tileflight/experiments/report/key_figures_files.h"
 #include "tileflight/experiments/report/report_contents.h"
 #include "tileflight/experiments/report/run_folder.h"
 #include "tileflight/experiments/report/view_section.h"
+#include "tileflight/experiments/report/warnings_panel.h"
 
 namespace tileflight::report {
 namespace {
@@ -21,7 +21,9 @@ struct Section {
 };
 
 /// Arranges content side by side if there is room; empty for empty content.
-drawing::Html columns(const drawing::Html& content) { return content.empty() ? drawing::Html() : drawing::element("div", {{"class", "columns"}}, content); }
+drawing::Html columns(const drawing::Html& content) {
+  return content.empty() ? drawing::Html() : drawing::element("div", {{"class", "columns"}}, content);
+}
 
 /// Links to the files beside the page.
 drawing::Html files_list(const ReportContents& contents) {
@@ -30,8 +32,10 @@ drawing::Html files_list(const ReportContents& contents) {
     for (const drawing::FigureFile& file : figure.files) names.push_back("figures/" + file.name);
   }
   drawing::Html items;
-  for (const std::string& name : names) items += drawing::element("li", drawing::element("a", {{"href", name}}, drawing::text(name)));
-  return drawing::element("p", drawing::text("Files in this page's folder:")) + drawing::element("ul", {{"class", "files"}}, items);
+  for (const std::string& name : names)
+    items += drawing::element("li", drawing::element("a", {{"href", name}}, drawing::text(name)));
+  return drawing::element("p", drawing::text("Files in this page's folder:")) +
+         drawing::element("ul", {{"class", "files"}}, items);
 }
 
 /// Sections in reading order; empty ones are left out.
@@ -71,7 +75,8 @@ drawing::Html notice(const std::vector<std::string>& missing) {
   if (missing.empty()) return {};
   drawing::Html items;
   for (const std::string& line : missing) items += drawing::element("li", drawing::text(line));
-  return drawing::element("div", {{"class", "notice"}}, drawing::text("Not shown because data are missing:") + drawing::element("ul", items));
+  return drawing::element("div", {{"class", "notice"}},
+                          drawing::text("Not shown because data are missing:") + drawing::element("ul", items));
 }
 
 std::string second_flight_note(const nlohmann::json& results) {
@@ -90,30 +95,35 @@ drawing::Html header(const RunFolder& run, const ReportContents& contents, const
       "A simulated and a second flight over the same place, mapped by visual odometry and scored against ground truth "
       "from 3D Tiles." +
       second_flight_note(run.results);
-  return drawing::element("header", drawing::element("h1", drawing::text(contents.name)) + drawing::element("p", {{"class", "subtitle"}}, drawing::text(subtitle)) +
-                               drawing::element("p", {{"class", "verdict"}}, drawing::text(contents.verdict)) +
-                               doubts_panel(run.results) + navigation(sections));
+  return drawing::element("header", drawing::element("h1", drawing::text(contents.name)) +
+                                        drawing::element("p", {{"class", "subtitle"}}, drawing::text(subtitle)) +
+                                        drawing::element("p", {{"class", "verdict"}}, drawing::text(contents.verdict)) +
+                                        warnings_panel(run.results) + navigation(sections));
 }
 
 drawing::Html main_part(const ReportContents& contents, const std::vector<Section>& sections) {
-  drawing::Html parts = drawing::element("section", {{"class", "first-screen"}, {"aria-label", "Key figures"}},
-                       drawing::element("div", key_figures_table(contents.key_figures) + floor_note(contents.remark_on_floor)) +
-                           to_html(contents.figure("maps")));
+  drawing::Html parts = drawing::element(
+      "section", {{"class", "first-screen"}, {"aria-label", "Key figures"}},
+      drawing::element("div", key_figures_table(contents.key_figures) + floor_note(contents.remark_on_floor)) +
+          to_html(contents.figure("maps")));
   for (const Section& section : sections) {
-    parts += drawing::element("section", {{"id", section.id}, {"aria-labelledby", section.id + "-title"}},
-                     drawing::element("h2", {{"id", section.id + "-title"}}, drawing::text(section.title)) + section.content);
+    parts += drawing::element(
+        "section", {{"id", section.id}, {"aria-labelledby", section.id + "-title"}},
+        drawing::element("h2", {{"id", section.id + "-title"}}, drawing::text(section.title)) + section.content);
   }
   return drawing::element("main", {{"id", "main"}}, parts + notice(contents.missing));
 }
 
 drawing::Html body(const RunFolder& run, const ReportContents& contents, const ReportOptions& options) {
   const std::vector<Section> sections = sections_of(run, contents, options);
-  const drawing::Html skip = drawing::element("a", {{"class", "skip"}, {"href", "#main"}}, drawing::text("Skip to the results"));
+  const drawing::Html skip =
+      drawing::element("a", {{"class", "skip"}, {"href", "#main"}}, drawing::text("Skip to the results"));
   const drawing::Html footer = drawing::element(
-      "footer", drawing::text("Made by tileflight. Published figures: Beam et al., Cesium Tiles for High-realism Simulation and "
-                     "Comparing SLAM Results in Corresponding Virtual and Real-world Environments."));
-  return drawing::element("body",
-                 skip + header(run, contents, sections) + main_part(contents, sections) + footer + view_script());
+      "footer",
+      drawing::text("Made by tileflight. Published figures: Beam et al., Cesium Tiles for High-realism Simulation and "
+                    "Comparing SLAM Results in Corresponding Virtual and Real-world Environments."));
+  return drawing::element(
+      "body", skip + header(run, contents, sections) + main_part(contents, sections) + footer + view_script());
 }
 
 }  // namespace
@@ -121,7 +131,8 @@ drawing::Html body(const RunFolder& run, const ReportContents& contents, const R
 void write_report(const std::filesystem::path& run_folder, const ReportOptions& options) {
   const RunFolder run = read_run_folder(run_folder);
   const ReportContents contents = build_contents(run);
-  const drawing::Html page = drawing::element("html", {{"lang", "en"}}, page_head(contents.name) + body(run, contents, options));
+  const drawing::Html page =
+      drawing::element("html", {{"lang", "en"}}, page_head(contents.name) + body(run, contents, options));
   const nlohmann::json numbers = report_json(contents, run.results);
   base::write_file(run_folder / "report.html", "<!DOCTYPE html>\n" + page.str() + "\n");
   base::write_file(run_folder / "report.json",

@@ -1,13 +1,12 @@
 #include "tileflight/experiments/report/report_contents.h"
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include <algorithm>
-
+#include "tileflight/core/drawing/number_format.h"
 #include "tileflight/experiments/report/ablation_table.h"
 #include "tileflight/experiments/report/figures.h"
 #include "tileflight/experiments/report/map_comparison_tables.h"
-#include "tileflight/core/drawing/number_format.h"
 #include "tileflight/experiments/report/score_tables.h"
 
 namespace tileflight::report {
@@ -99,7 +98,7 @@ json report_json(const ReportContents& contents, const json& results) {
   return {{"format", kFormat},
           {"name", contents.name},
           {"verdict", contents.verdict},
-          {"doubts", results.contains("doubts") ? results["doubts"] : json::array()},
+          {"warnings", results.contains("warnings") ? results["warnings"] : json::array()},
           {"remark_on_floor", contents.remark_on_floor},
           {"key_figures", json_of(contents.key_figures)},
           {"tables", tables},

@@ -7,13 +7,13 @@
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/json_file.h"
 #include "tileflight/core/drawing/axis_ticks.h"
-#include "tileflight/experiments/report/chart_figure.h"
-#include "tileflight/experiments/report/doubts_panel.h"
 #include "tileflight/core/drawing/number_format.h"
+#include "tileflight/core/drawing/top_view.h"
+#include "tileflight/experiments/report/chart_figure.h"
 #include "tileflight/experiments/report/report.h"
 #include "tileflight/experiments/report/tables.h"
-#include "tileflight/core/drawing/top_view.h"
 #include "tileflight/experiments/report/view_section.h"
+#include "tileflight/experiments/report/warnings_panel.h"
 
 namespace tileflight::report {
 namespace {
@@ -37,7 +37,7 @@ struct ComparedPath {
 struct ScoredPaths {
   std::string metrics_file;  ///< name in the folder, metrics.json as a rule
   json metrics;
-  json scores;   ///< list of `trajectory`, one for each path
+  json scores;  ///< list of `trajectory`, one for each path
   std::string alignment;
   bool has_times = true;  ///< else time_s are indices
   std::vector<ComparedPath> paths;
@@ -89,7 +89,8 @@ ScoredPaths read_scored_paths(const std::filesystem::path& folder) {
   const std::filesystem::path file = folder / kErrorsFile;
   const json errors = base::read_json(file);
   ScoredPaths result;
-  result.metrics_file = std::filesystem::path(drawing::text_at(errors, "/metrics").value_or("metrics.json")).filename().string();
+  result.metrics_file =
+      std::filesystem::path(drawing::text_at(errors, "/metrics").value_or("metrics.json")).filename().string();
   result.metrics = base::read_json(folder / result.metrics_file);
   const json list = errors.is_object() ? errors.value("trajectories", json()) : json();
   if (!list.is_array() || list.empty()) throw InputError(file.string(), "'trajectories' must be a list");
@@ -126,11 +127,15 @@ Table drift_table(const ScoredPaths& scored) {
               {}};
   for (std::size_t i = 0; i < scored.paths.size(); ++i) {
     const json& m = scored.scores[i];
-    table.rows.push_back({scored.paths[i].name, drawing::format_fixed(drawing::number_at(m, "/drift/translation_percent"), 3),
+    table.rows.push_back({scored.paths[i].name,
+                          drawing::format_fixed(drawing::number_at(m, "/drift/translation_percent"), 3),
                           drawing::format_fixed(drawing::number_at(m, "/drift/rotation_deg_per_m"), 4),
-                          drawing::format_fixed(drawing::number_at(m, "/scale"), 4), drawing::format_fixed(drawing::number_at(m, "/scale_drift/rms"), 4),
-                          drawing::format_fixed(drawing::number_at(m, "/path_length"), 2), drawing::format_percent(drawing::number_at(m, "/time_covered")),
-                          drawing::format_count(drawing::number_at(m, "/poses_estimated")), drawing::format_count(drawing::number_at(m, "/poses_true"))});
+                          drawing::format_fixed(drawing::number_at(m, "/scale"), 4),
+                          drawing::format_fixed(drawing::number_at(m, "/scale_drift/rms"), 4),
+                          drawing::format_fixed(drawing::number_at(m, "/path_length"), 2),
+                          drawing::format_percent(drawing::number_at(m, "/time_covered")),
+                          drawing::format_count(drawing::number_at(m, "/poses_estimated")),
+                          drawing::format_count(drawing::number_at(m, "/poses_true"))});
   }
   return table;
 }
@@ -197,8 +202,8 @@ std::vector<double> in_unit(std::vector<double> lengths_m, const LengthUnit& uni
 
 /// A chart with one line for each path. `x` and `y` give its values.
 template <typename X, typename Y>
-drawing::Figure error_chart(const ScoredPaths& scored, const std::string& id, drawing::Chart chart, const std::string& caption, X x,
-                   Y y) {
+drawing::Figure error_chart(const ScoredPaths& scored, const std::string& id, drawing::Chart chart,
+                            const std::string& caption, X x, Y y) {
   chart.x.high = chart.y.high = 1e-9;
   for (const ComparedPath& path : scored.paths) {
     drawing::ChartLine line{path.name, path.style, thinned(x(path), y(path)), false};
@@ -259,7 +264,8 @@ drawing::GroundExtent extent_of(const std::vector<drawing::TrackLayer>& tracks) 
     for (const Vec3& p : track.points) extent = drawing::merge_extents(extent, {p.x(), p.x(), p.y(), p.y()});
   }
   const double border = std::max(1e-6, 0.06 * std::max(extent.width_m(), extent.height_m()));
-  return drawing::limit_aspect_ratio({extent.west - border, extent.east + border, extent.south - border, extent.north + border});
+  return drawing::limit_aspect_ratio(
+      {extent.west - border, extent.east + border, extent.south - border, extent.north + border});
 }
 
 /// Every so many positions, along two axes.
@@ -274,7 +280,7 @@ std::vector<Vec3> flattened(const std::vector<Vec3>& positions, int across, int 
 
 /// The paths seen along one axis. The longest of the compared parts of the truth is drawn.
 drawing::Figure paths_seen(const ScoredPaths& scored, const std::string& id, drawing::TopView view, int across, int up,
-                  const std::string& caption) {
+                           const std::string& caption) {
   const ComparedPath& longest = *std::max_element(
       scored.paths.begin(), scored.paths.end(),
       [](const ComparedPath& a, const ComparedPath& b) { return a.distance_m.back() < b.distance_m.back(); });
@@ -307,7 +313,7 @@ std::vector<drawing::Figure> path_figures(const ScoredPaths& scored) {
 
 drawing::Html page_section(const std::string& id, const std::string& title, const drawing::Html& content) {
   return drawing::element("section", {{"id", id}, {"aria-labelledby", id + "-title"}},
-                 drawing::element("h2", {{"id", id + "-title"}}, drawing::text(title)) + content);
+                          drawing::element("h2", {{"id", id + "-title"}}, drawing::text(title)) + content);
 }
 
 drawing::Html side_by_side(const std::vector<drawing::Figure>& figures) {
@@ -337,17 +343,21 @@ void write_trajectory_report(const std::filesystem::path& folder) {
   const std::string subtitle = "Compared with the true trajectory after alignment of " + words_for(scored.alignment) +
                                ". Numbers in full precision are in " + scored.metrics_file + ".";
   const drawing::Html header =
-      drawing::element("header", drawing::element("h1", drawing::text(name)) + drawing::element("p", {{"class", "subtitle"}}, drawing::text(subtitle)) +
-                            doubts_panel(scored.metrics));
-  const drawing::Html main = drawing::element("main", {{"id", "main"}},
-                            page_section("absolute", "Absolute error",
-                                         to_html(absolute_errors_table(scored)) + to_html(drift_table(scored))) +
-                                page_section("paths", "Paths", side_by_side(paths)) +
-                                page_section("errors", "Error along the path", side_by_side(errors)) +
-                                page_section("relative", "Relative error", to_html(relative_errors_table(scored))));
-  const drawing::Html skip = drawing::element("a", {{"class", "skip"}, {"href", "#main"}}, drawing::text("Skip to the results"));
+      drawing::element("header", drawing::element("h1", drawing::text(name)) +
+                                     drawing::element("p", {{"class", "subtitle"}}, drawing::text(subtitle)) +
+                                     warnings_panel(scored.metrics));
+  const drawing::Html main =
+      drawing::element("main", {{"id", "main"}},
+                       page_section("absolute", "Absolute error",
+                                    to_html(absolute_errors_table(scored)) + to_html(drift_table(scored))) +
+                           page_section("paths", "Paths", side_by_side(paths)) +
+                           page_section("errors", "Error along the path", side_by_side(errors)) +
+                           page_section("relative", "Relative error", to_html(relative_errors_table(scored))));
+  const drawing::Html skip =
+      drawing::element("a", {{"class", "skip"}, {"href", "#main"}}, drawing::text("Skip to the results"));
   const drawing::Html footer = drawing::element("footer", drawing::text("Made by tileflight."));
-  const drawing::Html page = drawing::element("html", {{"lang", "en"}}, page_head(name) + drawing::element("body", skip + header + main + footer));
+  const drawing::Html page = drawing::element(
+      "html", {{"lang", "en"}}, page_head(name) + drawing::element("body", skip + header + main + footer));
   base::write_file(folder / "report.html", "<!DOCTYPE html>\n" + page.str() + "\n");
   drawing::write_figures(folder / "figures", paths);
   drawing::write_figures(folder / "figures", errors);

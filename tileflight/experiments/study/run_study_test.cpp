@@ -106,23 +106,23 @@ TEST_F(RunStudy, ExceptionsMustLeaveARun) {
 }
 
 /// A map that shrank to a point on the surface has perfect distances.
-TEST_F(RunStudy, AMapInADoubtedPlaceShowsNoDistances) {
+TEST_F(RunStudy, AMapInAWarningedPlaceShowsNoDistances) {
   const json before = run()["runs"][0];
-  EXPECT_EQ(before["place_doubted"], false);
+  EXPECT_EQ(before["place_uncertain"], false);
   EXPECT_EQ(before["surface_median"], 0.1);
   const fs::path metrics = made_.folder / "out" / before["folder"].get<std::string>() / "metrics.json";
   json changed = json::parse(tests::file_text(metrics));
-  changed["doubts"].push_back({{"what", "ambiguous"}, {"where", "alignment"}, {"how_sure", "possible"}});
+  changed["warnings"].push_back({{"message", "ambiguous"}, {"where", "alignment"}, {"severity", "note"}});
   test_support::write(metrics, changed.dump());
   EXPECT_EQ(collect_study(made_.folder / "out")["runs"][0]["surface_median"], 0.1) << "one that is only possible";
-  changed["doubts"].push_back({{"what", "the scale is far off"}, {"where", "alignment"}, {"how_sure", "likely"}});
+  changed["warnings"].push_back({{"message", "the scale is far off"}, {"where", "alignment"}, {"severity", "warning"}});
   test_support::write(metrics, changed.dump());
   const json study = collect_study(made_.folder / "out");
   const json& after = study["runs"][0];
-  EXPECT_EQ(after["place_doubted"], true);
+  EXPECT_EQ(after["place_uncertain"], true);
   for (const char* key : {"surface_median", "accuracy", "completeness"}) EXPECT_TRUE(after[key].is_null()) << key;
   EXPECT_EQ(after["f_score"], before["f_score"]);
-  EXPECT_THAT(study["doubts"].dump(), HasSubstr("1 of 6 maps of good may lie in a wrong place"));
+  EXPECT_THAT(study["warnings"].dump(), HasSubstr("1 of 6 maps of good may lie in a wrong place"));
 }
 
 TEST_F(RunStudy, AnotherSystemLeavesWhatIsDone) {

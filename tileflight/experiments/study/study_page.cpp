@@ -7,13 +7,13 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/data/dataset/dataset.h"
-#include "tileflight/core/geometry/cloud_files.h"
-#include "tileflight/experiments/report/doubts_panel.h"
 #include "tileflight/core/drawing/number_format.h"
 #include "tileflight/core/drawing/palette_png.h"
 #include "tileflight/core/drawing/style_sheet.h"
 #include "tileflight/core/drawing/top_view.h"
+#include "tileflight/core/geometry/cloud_files.h"
+#include "tileflight/data/dataset/dataset.h"
+#include "tileflight/experiments/report/warnings_panel.h"
 #include "tileflight/experiments/study/scatter.h"
 #include "tileflight/experiments/study/study_tables.h"
 
@@ -21,13 +21,13 @@ namespace tileflight::study {
 namespace fs = std::filesystem;
 namespace {
 
-using nlohmann::json;
 using drawing::element;
 using drawing::empty_element;
 using drawing::format_fixed;
 using drawing::Html;
 using drawing::number_at;
 using drawing::text;
+using nlohmann::json;
 
 /// Runs whose pictures are shown.
 constexpr std::size_t kWorstRuns = 4;
@@ -303,7 +303,7 @@ std::string study_page(const json& study, const fs::path& folder) {
                             text(counted(study.at("systems").size(), "system") + " on " +
                                  counted(study.at("flights").size(), "flight") + ", " + repetitions +
                                  " each, all maps registered by the same rule.")) +
-                    element("p", {{"class", "verdict"}}, text(verdict_text(study))) + report::doubts_panel(study));
+                    element("p", {{"class", "verdict"}}, text(verdict_text(study))) + report::warnings_panel(study));
   const Html files = element("p", text("Beside this page: ") + link("study.json") + text(", ") +
                                       link("tables/ranking.csv") + text(", ") + link("tables/ranking.tex") +
                                       text(", ") + link("tables/runs.csv") + text(", ") + link("Snakefile"));

@@ -53,9 +53,10 @@ void add_system_results(const json& odometry, json& run) {
 }
 
 /// Whether it is likely that the map does not lie where it belongs.
-bool has_doubted_place(const json& doubts) {
-  return std::ranges::any_of(doubts, [](const json& doubt) {
-    return doubt.at("where") == "alignment" && (doubt.at("how_sure") == "certain" || doubt.at("how_sure") == "likely");
+bool has_uncertain_place(const json& warnings) {
+  return std::ranges::any_of(warnings, [](const json& warning) {
+    return warning.at("where") == "alignment" &&
+           (warning.at("severity") == "error" || warning.at("severity") == "warning");
   });
 }
 
@@ -69,9 +70,9 @@ void add_scores(const json& metrics, double threshold_m, json& run) {
   run["awd"] = at(metrics, "/wasserstein/awd");
   run["scs"] = at(metrics, "/wasserstein/scs");
   run["alignment_metres"] = at(metrics, "/error_budget/alignment/metres");
-  run["doubts"] = metrics.value("doubts", json::array());
-  run["place_doubted"] = has_doubted_place(run["doubts"]);
-  if (run["place_doubted"] == false) return;
+  run["warnings"] = metrics.value("warnings", json::array());
+  run["place_uncertain"] = has_uncertain_place(run["warnings"]);
+  if (run["place_uncertain"] == false) return;
   // A map that shrank onto the surface, or lies on another part of it, is near it: that tells nothing of the map. The
   // F-score stays: of the surface that the camera saw, such a map covers nothing.
   for (const char* key : {"surface_median", "accuracy", "completeness", "awd", "scs"}) run[key] = nullptr;
@@ -93,8 +94,8 @@ json describe_run(const fs::path& folder, const json& plan, const json& planned)
   for (const char* key : {"frames", "frames_tracked", "ate_rmse", "accuracy", "completeness", "f_score", "seconds",
                           "cpu_seconds", "peak_memory_mb", "surface_median", "alignment_metres"})
     run[key] = nullptr;
-  run["doubts"] = json::array();
-  run["place_doubted"] = false;
+  run["warnings"] = json::array();
+  run["place_uncertain"] = false;
   const fs::path place = folder / planned.at("folder").get<std::string>();
   if (!fs::exists(place / "odometry/odometry.json")) return run;
   add_system_results(base::read_json(place / "odometry/odometry.json"), run);
@@ -179,23 +180,23 @@ std::string why_nothing_is_scored(const json& runs) {
   return reason;
 }
 
-/// By system: number of scored maps, and of those whose place is doubted.
-std::map<std::string, std::pair<int, int>> count_doubted_places(const json& runs) {
+/// By system: number of scored maps, and of those whose place is uncertain.
+std::map<std::string, std::pair<int, int>> count_uncertain_places(const json& runs) {
   std::map<std::string, std::pair<int, int>> counts;
   for (const json& run : runs) {
     if (run.at("f_score").is_null()) continue;
-    auto& [scored, doubted] = counts[run.at("system")];
+    auto& [scored, uncertain] = counts[run.at("system")];
     ++scored;
-    if (run.at("place_doubted") == true) ++doubted;
+    if (run.at("place_uncertain") == true) ++uncertain;
   }
   return counts;
 }
 
 /// What makes the ranking less sure than it looks.
-json ranking_doubts(const json& plan, const json& runs, const std::vector<RankedSystem>& ranking) {
-  json doubts = json::array();
+json ranking_warnings(const json& plan, const json& runs, const std::vector<RankedSystem>& ranking) {
+  json warnings = json::array();
   const auto add = [&](const std::string& what, const std::string& remedy) {
-    doubts.push_back({{"what", what}, {"where", "ranking"}, {"how_sure", "certain"}, {"what_to_do", remedy}});
+    warnings.push_back({{"message", what}, {"where", "ranking"}, {"severity", "error"}, {"remedy", remedy}});
   };
   if (const std::string fault = why_nothing_is_scored(runs); !fault.empty())
     add("no run could be scored: " + fault, "mend that, and start the study again");
@@ -214,18 +215,19 @@ json ranking_doubts(const json& plan, const json& runs, const std::vector<Ranked
               " flights, those it can run on",
           "compare it on these flights only");
   }
-  for (const auto& [name, count] : count_doubted_places(runs)) {
+  for (const auto& [name, count] : count_uncertain_places(runs)) {
     if (count.second > 0)
       add(std::to_string(count.second) + " of " + std::to_string(count.first) + " maps of " + name +
-              " may lie in a wrong place, by the doubts of their registration: their distances to the surface are not "
+              " may lie in a wrong place, by the warnings of their registration: their distances to the surface are "
+              "not "
               "shown, their scores count as they are",
-          "see `doubts` of these runs in study.json");
+          "see `warnings` of these runs in study.json");
   }
   for (const auto& [name, system] : plan.at("systems").items()) {
     if (system.at("installed") == false)
       add(name + " was not run: " + system.at("missing").get<std::string>(), "install it, and start the study again");
   }
-  return doubts;
+  return warnings;
 }
 
 }  // namespace
@@ -252,7 +254,7 @@ json collect_study(const fs::path& folder) {
           {"robustness", robustness(runs, plan)},
           {"ranking", to_json(ranking)},
           {"kendall_tau", agreement ? to_json(*agreement) : json(nullptr)},
-          {"doubts", ranking_doubts(plan, runs, ranking)}};
+          {"warnings", ranking_warnings(plan, runs, ranking)}};
 }
 
 json write_study_report(const fs::path& folder) {

@@ -73,7 +73,7 @@ case $command in
     : > "$out/map.ply" ;;
   align) echo '{}' > "$out" ;;
   evaluate) echo '{"surface": {"f_score": {"0.2": 0.25}, "accuracy": {"0.2": 0.5}, "completeness": {"0.2": 0.2}, "median": 0.1},
-      "trajectory": {"ate_rmse": 0.05}, "error_budget": {"alignment": {"metres": 0.01}}, "doubts": []}' > "$out" ;;
+      "trajectory": {"ate_rmse": 0.05}, "error_budget": {"alignment": {"metres": 0.01}}, "warnings": []}' > "$out" ;;
   report) echo '{}' > study.json; echo page > study.html ;;
 esac
 )";

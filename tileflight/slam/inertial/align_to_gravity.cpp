@@ -29,14 +29,14 @@ std::string number(double value, const char* format = "%.3g") {
 }
 
 /// The result without a scale, for this reason.
-void give_up(const std::string& reason, const std::string& what_to_do, const std::string& where,
+void give_up(const std::string& reason, const std::string& remedy, const std::string& where,
              InertialAlignment& result) {
   result.metric = false;
   result.reason = reason;
   // Certain, but no reason against a verdict: alignment finds the scale, as it does for every monocular map.
   const std::string what =
       result.was_metric ? "the map is not level: " : "the map's scale is not known, its units are arbitrary: ";
-  result.doubts.push_back({what + reason, where, "possible", what_to_do});
+  result.warnings.push_back({what + reason, where, Severity::kNote, remedy});
 }
 
 struct Clock {
@@ -279,11 +279,12 @@ void compare_steps(const VisualInertialProblem& problem, const VisualInertialSta
     to_s = problem.keyframes()[k + 1].time_s;
   }
   if (contradicted == 0) return;
-  result.doubts.push_back({"the readings contradict the camera's motion in " + std::to_string(contradicted) + " of " +
-                               std::to_string(problem.keyframes().size() - 1) + " steps between " +
-                               number(from_s, "%.1f") + " and " + number(to_s, "%.1f") + " s, by up to " +
-                               number(largest, "%.0f") + " sigmas: tracking was wrong there, or the readings are",
-                           where, "likely", "leave that part out (--from, --to), or look at the images there"});
+  result.warnings.push_back({"the readings contradict the camera's motion in " + std::to_string(contradicted) + " of " +
+                                 std::to_string(problem.keyframes().size() - 1) + " steps between " +
+                                 number(from_s, "%.1f") + " and " + number(to_s, "%.1f") + " s, by up to " +
+                                 number(largest, "%.0f") + " sigmas: tracking was wrong there, or the readings are",
+                             where, Severity::kWarning,
+                             "leave that part out (--from, --to), or look at the images there"});
 }
 
 /// Solves the problem with the clock known so far, and says what became of it.
@@ -330,7 +331,7 @@ InertialAlignment align_to_gravity(const std::vector<VisualKeyframe>& keyframes,
                                    const InertialInput& input, const InertialLimits& limits) {
   const ImuCheck check = check_readings(input.samples, input.model.noise, input.where);
   InertialAlignment result;
-  result.doubts = check.doubts;
+  result.warnings = check.warnings;
   result.was_metric = !keyframes.empty() && keyframes.front().is_metric;
   if (keyframes.size() < 3) {
     give_up("there are only " + std::to_string(keyframes.size()) + " keyframes", "use more images", input.where,

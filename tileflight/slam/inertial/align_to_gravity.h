@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/core/base/doubt.h"
+#include "tileflight/core/base/warning.h"
 #include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/slam/inertial/imu_samples.h"
 #include "tileflight/slam/inertial/visual_keyframe.h"
@@ -29,13 +29,13 @@ struct InertialLimits {
   double max_mounting_error_rad = 0.087;  ///< between the given mounting and the one estimated from the rotations
 };
 
-/// Result of align_to_gravity(). Vectors have an entry for each keyframe. Without `metric` only `reason`, `doubts`
+/// Result of align_to_gravity(). Vectors have an entry for each keyframe. Without `metric` only `reason`, `warnings`
 /// and the numbers that are known are set.
 struct InertialAlignment {
   bool metric = false;
   bool was_metric = false;  ///< the map was in metres before; without `metric` it still is, but not level
   std::string reason;       ///< why the scale is not known, or the vertical of a map in metres; empty if it is
-  Doubts doubts;
+  Warnings warnings;
 
   std::vector<geometry::SE3> T_world_camera;  ///< metres, z up; the first keyframe is at the origin and the map's
                                               ///< heading is kept

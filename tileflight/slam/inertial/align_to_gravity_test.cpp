@@ -109,7 +109,7 @@ TEST(AlignToGravity, AnExactPathBecomesMetricAndLevel) {
   EXPECT_LT((found.bias.front().accelerometer_m_s2 - kBias.accelerometer_m_s2).norm(), 0.03);
   EXPECT_NEAR(found.time_offset_s, 0.0, 1e-3);
   EXPECT_LT(found.residual_ratio, 1.3);
-  EXPECT_TRUE(found.doubts.empty());
+  EXPECT_TRUE(found.warnings.empty());
   const double t = keyframes[10].time_s;
   EXPECT_NEAR(found.velocity_m_s[10].norm(), flight.motion.velocity(t).norm(), 0.02);
 }
@@ -326,17 +326,17 @@ TEST(AlignToGravity, AStepThatIsOffCountsLess) {
 TEST(AlignToGravity, StepsThatTheReadingsContradictAreNamed) {
   const Flight flight;
   auto keyframes = flight.keyframes(0.5, 0.01);
-  EXPECT_TRUE(align_to_gravity(keyframes, flight.images(), flight.input()).doubts.empty());
+  EXPECT_TRUE(align_to_gravity(keyframes, flight.images(), flight.input()).warnings.empty());
   for (std::size_t k = 10; k < keyframes.size(); ++k) {
     const double steps = std::min(static_cast<double>(k) - 9.0, 3.0);
     keyframes[k].T_map_camera.translation += steps * Vec3(0.3, 0.1, 0.0) / flight.scale;
   }
   const InertialAlignment found = align_to_gravity(keyframes, flight.images(), flight.input());
   ASSERT_TRUE(found.metric) << found.reason;
-  ASSERT_EQ(found.doubts.size(), 1U);
-  EXPECT_THAT(found.doubts[0].what, HasSubstr("contradict the camera's motion in 3 of 39 steps"));
-  EXPECT_THAT(found.doubts[0].what, HasSubstr("between 4.7 and 6.2 s"));
-  EXPECT_EQ(found.doubts[0].how_sure, "likely");
+  ASSERT_EQ(found.warnings.size(), 1U);
+  EXPECT_THAT(found.warnings[0].what, HasSubstr("contradict the camera's motion in 3 of 39 steps"));
+  EXPECT_THAT(found.warnings[0].what, HasSubstr("between 4.7 and 6.2 s"));
+  EXPECT_EQ(found.warnings[0].severity, Severity::kWarning);
 }
 
 // Samples that begin and end with the images lose neither step, though the clocks' offset moves.
@@ -363,9 +363,9 @@ TEST(AlignToGravity, AtConstantVelocityTheScaleStaysUnknown) {
     const InertialAlignment found = align_to_gravity(flight.keyframes(), flight.images(), flight.input(seed));
     EXPECT_FALSE(found.metric) << "seed " << seed;
     EXPECT_TRUE(found.T_world_camera.empty());
-    ASSERT_EQ(found.doubts.size(), 1U);
-    EXPECT_EQ(found.doubts[0].how_sure, "possible");  // the map is as good as a monocular one
-    EXPECT_THAT(found.doubts[0].what, HasSubstr("scale is not known"));
+    ASSERT_EQ(found.warnings.size(), 1U);
+    EXPECT_EQ(found.warnings[0].severity, Severity::kNote);  // the map is as good as a monocular one
+    EXPECT_THAT(found.warnings[0].what, HasSubstr("scale is not known"));
   }
 }
 
@@ -404,8 +404,8 @@ TEST(AlignToGravity, AGapIsBridgedAndNamed) {
   const auto keyframes = flight.keyframes();
   const InertialAlignment found = align_to_gravity(keyframes, flight.images(), input);
   ASSERT_TRUE(found.metric) << found.reason;
-  ASSERT_EQ(found.doubts.size(), 1U);
-  EXPECT_THAT(found.doubts[0].what, HasSubstr("readings stop 1 times"));
+  ASSERT_EQ(found.warnings.size(), 1U);
+  EXPECT_THAT(found.warnings[0].what, HasSubstr("readings stop 1 times"));
   EXPECT_NEAR(found.mean_scale / 2.5, 1.0, 5e-3);
   std::erase_if(input.samples,
                 [](const geometry::ImuSample& sample) { return sample.time_s > 4.0 && sample.time_s < 18.0; });

@@ -129,13 +129,13 @@ double total_s(const std::vector<UnusableSpan>& spans) {
   return sum_s;
 }
 
-void report(const std::string& what, const std::string& what_to_do, const std::string& where,
+void report(const std::string& what, const std::string& remedy, const std::string& where,
             const std::vector<UnusableSpan>& spans, ImuCheck& check) {
   if (spans.empty()) return;
-  check.doubts.push_back({what + " " + std::to_string(spans.size()) + " times, " + text(total_s(spans)) +
-                              " s in all, first at " + text(spans.front().from_s) +
-                              " s; the pictures alone bridge these parts",
-                          where, "possible", what_to_do});
+  check.warnings.push_back({what + " " + std::to_string(spans.size()) + " times, " + text(total_s(spans)) +
+                                " s in all, first at " + text(spans.front().from_s) +
+                                " s; the pictures alone bridge these parts",
+                            where, Severity::kNote, remedy});
   check.unusable.insert(check.unusable.end(), spans.begin(), spans.end());
 }
 
@@ -154,7 +154,7 @@ ImuCheck check_readings(const std::vector<geometry::ImuSample>& samples, const I
   std::vector<double> intervals;
   for (std::size_t i = 1; i < samples.size(); ++i) intervals.push_back(samples[i].time_s - samples[i - 1].time_s);
   const double interval_s = base::upper_median(std::move(intervals));
-  ImuCheck check{.rate_hz = 1.0 / interval_s, .unusable = {}, .doubts = {}};
+  ImuCheck check{.rate_hz = 1.0 / interval_s, .unusable = {}, .warnings = {}};
   report("the inertial unit's readings stop", "record without gaps", where, find_gaps(samples, interval_s), check);
   if (noise.gyroscope_noise_density > 0.0 && noise.accelerometer_noise_density > 0.0) {
     const auto frozen = static_cast<std::size_t>(std::max(4.0, std::ceil(kFrozen_s * check.rate_hz)));

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/core/base/doubt.h"
+#include "tileflight/core/base/warning.h"
 #include "tileflight/slam/inertial/imu_samples.h"
 
 namespace tileflight::inertial {
@@ -18,7 +18,7 @@ struct UnusableSpan {
 struct ImuCheck {
   double rate_hz = 0.0;                ///< of the median interval
   std::vector<UnusableSpan> unusable;  ///< in order of time
-  Doubts doubts;                       ///< what was found and left out, one for each kind
+  Warnings warnings;                   ///< what was found and left out, one for each kind
 
   /// Whether the readings from `from_s` to `to_s` have no unusable span.
   bool covers(double from_s, double to_s) const;

@@ -27,7 +27,7 @@ TEST(ImuCheck, FindsNothingInAGoodRecording) {
   const ImuCheck check = check_readings(recording(), {}, "imu.csv");
   EXPECT_NEAR(check.rate_hz, 200.0, 1e-6);
   EXPECT_TRUE(check.unusable.empty());
-  EXPECT_TRUE(check.doubts.empty());
+  EXPECT_TRUE(check.warnings.empty());
   EXPECT_TRUE(check.covers(0.0, 10.0));
 }
 
@@ -61,8 +61,8 @@ TEST(ImuCheck, GapsAreNamedAndLeftOut) {
   samples.erase(samples.begin() + 400, samples.begin() + 500);
   samples.erase(samples.begin() + 1000, samples.begin() + 1010);
   const ImuCheck check = check_readings(samples, {}, "imu.csv");
-  ASSERT_EQ(check.doubts.size(), 1U);
-  EXPECT_THAT(check.doubts[0].what, HasSubstr("readings stop 2 times, 0.56 s in all, first at 1.995 s"));
+  ASSERT_EQ(check.warnings.size(), 1U);
+  EXPECT_THAT(check.warnings[0].what, HasSubstr("readings stop 2 times, 0.56 s in all, first at 1.995 s"));
   EXPECT_TRUE(check.covers(0.0, 1.995));
   EXPECT_FALSE(check.covers(1.0, 2.0));
   EXPECT_FALSE(check.covers(2.1, 2.2));
@@ -76,19 +76,19 @@ TEST(ImuCheck, FrozenReadingsAreNamedAndLeftOutUnlessTheUnitHasNoNoise) {
     samples[i].specific_force_m_s2 = samples[600].specific_force_m_s2;
   }
   const ImuCheck check = check_readings(samples, {}, "imu.csv");
-  ASSERT_EQ(check.doubts.size(), 1U);
-  EXPECT_THAT(check.doubts[0].what, HasSubstr("repeats the same reading 1 times"));
+  ASSERT_EQ(check.warnings.size(), 1U);
+  EXPECT_THAT(check.warnings[0].what, HasSubstr("repeats the same reading 1 times"));
   EXPECT_FALSE(check.covers(3.1, 3.2));
   EXPECT_TRUE(check.covers(3.5, 9.0));
-  EXPECT_TRUE(check_readings(samples, {0.0, 0.0, 0.0, 0.0}, "imu.csv").doubts.empty());
+  EXPECT_TRUE(check_readings(samples, {0.0, 0.0, 0.0, 0.0}, "imu.csv").warnings.empty());
 }
 
 TEST(ImuCheck, SaturationIsNamedAndLeftOut) {
   auto samples = recording();
   for (std::size_t i = 800; i < 830; ++i) samples[i].specific_force_m_s2.x() = -19.6133;
   const ImuCheck check = check_readings(samples, {}, "imu.csv");
-  ASSERT_EQ(check.doubts.size(), 1U);
-  EXPECT_THAT(check.doubts[0].what, HasSubstr("saturates 1 times"));
+  ASSERT_EQ(check.warnings.size(), 1U);
+  EXPECT_THAT(check.warnings[0].what, HasSubstr("saturates 1 times"));
   EXPECT_FALSE(check.covers(4.0, 4.1));
   EXPECT_TRUE(check.covers(4.2, 9.0));
 }

@@ -21,14 +21,14 @@ struct ComparedRun {
   bool has_warnings = false;
 };
 
-bool agree(const ComparedRun& a, const ComparedRun& b, const DoubtThresholds& limits) {
+bool agree(const ComparedRun& a, const ComparedRun& b, const WarningThresholds& limits) {
   const auto agreement = measure_agreement(a.path, b.path);
   return agreement && agreement->rms_share <= limits.disagreement;
 }
 
 /// The first of a direction's runs without warnings that another run of it agrees with, and that other; null: none.
 std::pair<const ComparedRun*, const ComparedRun*> find_repeated(const std::vector<ComparedRun>& runs, bool against,
-                                                                const DoubtThresholds& limits) {
+                                                                const WarningThresholds& limits) {
   for (std::size_t i = 0; i < runs.size(); ++i) {
     for (std::size_t j = i + 1; j < runs.size(); ++j) {
       const ComparedRun &a = runs[i], &b = runs[j];
@@ -43,7 +43,7 @@ std::pair<const ComparedRun*, const ComparedRun*> find_repeated(const std::vecto
 class LaterRuns {
  public:
   LaterRuns(const OdometryResult& run, const OdometryResult& other, std::size_t images, const FurtherRun& track,
-            const DoubtThresholds& limits)
+            const WarningThresholds& limits)
       : images_(images), track_(track), limits_(limits) {
     keep({.against = false, .image = 0}, run);
     keep({.against = true, .image = 0}, other);
@@ -71,7 +71,7 @@ class LaterRuns {
 
  private:
   void keep(const RunStart& start, const OdometryResult& result) {
-    runs_.push_back({start, result.trajectory, has_own_doubts(result, limits_)});
+    runs_.push_back({start, result.trajectory, has_own_warnings(result, limits_)});
   }
 
   /// A run against the one that is used, if any agrees with it.
@@ -84,14 +84,14 @@ class LaterRuns {
 
   std::size_t images_;
   const FurtherRun& track_;
-  const DoubtThresholds& limits_;
+  const WarningThresholds& limits_;
   std::vector<ComparedRun> runs_;
 };
 
 }  // namespace
 
 DirectionCheck check_directions(const OdometryResult& run, std::size_t images, bool may_use_other,
-                                const FurtherRun& track, const DoubtThresholds& limits) {
+                                const FurtherRun& track, const WarningThresholds& limits) {
   const OdometryResult other = track({.against = true, .image = 0});
   const auto agreement = measure_agreement(run.trajectory, other.trajectory);
   const RunChoice choice = choose_run(run, other, agreement, limits);

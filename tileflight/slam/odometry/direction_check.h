@@ -11,7 +11,7 @@
 #include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/slam/odometry/odometry.h"
 #include "tileflight/slam/odometry/run_comparison.h"
-#include "tileflight/slam/odometry/tracking_doubts.h"
+#include "tileflight/slam/odometry/tracking_warnings.h"
 
 namespace tileflight::odometry {
 
@@ -33,10 +33,10 @@ struct DirectionCheck {
 };
 
 /// Checks `run`, of `images` images. Where both directions disagree, a path is used that two runs from different images
-/// of a direction show, one of them without warnings (find_doubts()): that run. If both directions have such a path,
+/// of a direction show, one of them without warnings (find_warnings()): that run. If both directions have such a path,
 /// and not the same, or neither has one, choose_run() decides. `may_use_other`: without it the run itself is used in
 /// any case, and later images are not tried.
 DirectionCheck check_directions(const OdometryResult& run, std::size_t images, bool may_use_other,
-                                const FurtherRun& track, const DoubtThresholds& limits = {});
+                                const FurtherRun& track, const WarningThresholds& limits = {});
 
 }  // namespace tileflight::odometry

@@ -17,9 +17,9 @@
 #include "tileflight/core/imaging/image.h"
 #include "tileflight/core/imaging/photometric.h"
 #include "tileflight/slam/inertial/align_to_gravity.h"
+#include "tileflight/slam/keyframes/options.h"
 #include "tileflight/slam/mapping/line_delay_estimate.h"
 #include "tileflight/slam/mapping/systematic_displacement.h"
-#include "tileflight/slam/keyframes/options.h"
 #include "tileflight/slam/tracking/frame_quality.h"
 
 namespace tileflight::odometry {
@@ -156,8 +156,8 @@ struct OdometryResult {
       systematic_displacement;  ///< from the residuals of all keyframes; none if there are too few
   std::optional<mapping::LineDelayEstimate> line_delay;  ///< with OdometryOptions::estimate_line_delay, unless there
                                                          ///< are too few keyframes
-  std::vector<LoopClosure> loops;  ///< loops that were found and measured
-  bool loops_closed = false;       ///< they corrected poses and map; false: none contradicts the path
+  std::vector<LoopClosure> loops;                        ///< loops that were found and measured
+  bool loops_closed = false;  ///< they corrected poses and map; false: none contradicts the path
   std::optional<inertial::InertialAlignment> inertial;  ///< with Priors::inertial and a map; without `metric` map and
                                                         ///< trajectory are as without readings
   std::optional<double> coupled_since_s;  ///< time of the keyframe from which on the readings were part of the window;
@@ -220,7 +220,7 @@ struct FrameResult {
 ///   initialization begins anew with a later image whenever its corners are lost; after it
 /// there is no restart: a lost odometry stays lost and keeps its map. Tracking the whole sequence backwards, too, and
 /// choosing between both directions is not done here but by the `odometry` command, with a second odometry
-/// (tracking_doubts.h).
+/// (tracking_warnings.h).
 ///
 /// One thread at a time may use an object; it computes on all threads of TBB. The result does not depend on their
 /// number. An InputError of add() leaves the odometry as it was, so that the next image may be added. A moved-from

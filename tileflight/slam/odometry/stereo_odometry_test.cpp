@@ -13,7 +13,7 @@
 #include "tileflight/slam/odometry/rig_check.h"
 #include "tileflight/slam/odometry/stereo_input.h"
 #include "tileflight/slam/odometry/synthetic_flight.h"
-#include "tileflight/slam/odometry/tracking_doubts.h"
+#include "tileflight/slam/odometry/tracking_warnings.h"
 
 namespace tileflight::odometry::stereo_odometry_test {
 namespace {
@@ -82,9 +82,10 @@ double scale_error(const OdometryResult& result) {
   return test_support::similarity_to_truth(result.trajectory, flight().left.truth).scale - 1.0;
 }
 
-bool doubts(const OdometryResult& result, const std::string& words) {
-  const Doubts found = find_doubts(result, result.frames, [](std::int64_t i) { return std::to_string(i); });
-  return std::ranges::any_of(found, [&](const auto& doubt) { return doubt.what.find(words) != std::string::npos; });
+bool warnings(const OdometryResult& result, const std::string& words) {
+  const Warnings found = find_warnings(result, result.frames, [](std::int64_t i) { return std::to_string(i); });
+  return std::ranges::any_of(found,
+                             [&](const auto& warning) { return warning.message.find(words) != std::string::npos; });
 }
 
 imaging::RgbImage black() {
@@ -118,7 +119,7 @@ TEST(StereoOdometry, FindsPathAndScale) {
   ASSERT_TRUE(right.fit);
   EXPECT_LT(right.fit->rotation_rad, 0.002);
   EXPECT_LT(right.fit->behind_share, 0.1);
-  EXPECT_FALSE(doubts(result, "camera right"));
+  EXPECT_FALSE(warnings(result, "camera right"));
 }
 
 TEST(StereoOdometry, IsTheSameForAnyNumberOfThreads) {
@@ -144,7 +145,7 @@ TEST(StereoOdometry, GoesOnWithOneCameraWhenTheOtherShowsNothing) {
   EXPECT_TRUE(result.stereo->metric);
   EXPECT_LT(std::abs(scale_error(result)), 0.02);
   EXPECT_EQ(result.stereo->cameras[0].frames_blind, kFrames - 8);
-  EXPECT_TRUE(doubts(result, "camera right shows nothing in 16 of 24 images"));
+  EXPECT_TRUE(warnings(result, "camera right shows nothing in 16 of 24 images"));
 }
 
 TEST(StereoOdometry, GoesOnWithOneCameraWhenTheOtherStops) {
@@ -154,7 +155,7 @@ TEST(StereoOdometry, GoesOnWithOneCameraWhenTheOtherStops) {
   EXPECT_EQ(result.frames_tracked, kFrames);
   EXPECT_LT(std::abs(scale_error(result)), 0.02);
   EXPECT_EQ(result.stereo->cameras[0].frames, 8);
-  EXPECT_TRUE(doubts(result, "camera right has no image in the last 16 frames (its last is at frame 7)"));
+  EXPECT_TRUE(warnings(result, "camera right has no image in the last 16 frames (its last is at frame 7)"));
 }
 
 TEST(StereoOdometry, StartsWhenTheOtherCameraSeesAndTracksBackwardsFromThere) {
@@ -173,7 +174,7 @@ TEST(StereoOdometry, SaysThatExchangedCamerasContradictTheirCalibration) {
   const OdometryResult result = track(exchanged);
   ASSERT_TRUE(result.stereo->cameras[0].fit);
   EXPECT_GT(result.stereo->cameras[0].fit->behind_share, 0.9);
-  EXPECT_TRUE(doubts(result, "camera right is on the other side of the reference camera"));
+  EXPECT_TRUE(warnings(result, "camera right is on the other side of the reference camera"));
 }
 
 TEST(StereoOdometry, SaysThatATurnedCameraContradictsItsCalibration) {
@@ -187,7 +188,7 @@ TEST(StereoOdometry, SaysThatATurnedCameraContradictsItsCalibration) {
     const OdometryResult result = track(turned);
     ASSERT_TRUE(result.stereo->cameras[0].fit);
     EXPECT_NEAR(result.stereo->cameras[0].fit->rotation_rad, kTurned_rad, 0.25 * kTurned_rad);
-    EXPECT_TRUE(doubts(result, "camera right is not where its calibration says: it is turned by about"));
+    EXPECT_TRUE(warnings(result, "camera right is not where its calibration says: it is turned by about"));
   }
 }
 
@@ -248,7 +249,7 @@ inertial::InertialInput readings() {
   const auto camera = [](double t) {
     const double s = 2.0 * t;
     return keyframes::test_support::look_along(Vec3(3.0 * s, 5.0 * s, 12.0 + 0.5 * std::sin(s)),
-                                                Vec3(0.3 * std::sin(s), 1.0, -1.1));
+                                               Vec3(0.3 * std::sin(s), 1.0, -1.1));
   };
   const inertial::test_support::SmoothMotion motion{[=](double t) { return Vec3(camera(t).translation); },
                                                     [=](double t) { return camera(t).rotation; }};
@@ -287,8 +288,8 @@ TEST(StereoOdometry, WithReadingsThatShowNothingTheMapIsTheRigs) {
   ASSERT_TRUE(result.stereo && result.stereo->metric);
   ASSERT_TRUE(result.inertial);
   EXPECT_FALSE(result.inertial->metric);
-  ASSERT_FALSE(result.inertial->doubts.empty());
-  EXPECT_NE(result.inertial->doubts.back().what.find("the map is not level"), std::string::npos);
+  ASSERT_FALSE(result.inertial->warnings.empty());
+  EXPECT_NE(result.inertial->warnings.back().what.find("the map is not level"), std::string::npos);
   EXPECT_EQ(result.map.positions, rig.map.positions);
 }
 

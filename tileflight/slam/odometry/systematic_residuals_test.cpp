@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "tileflight/slam/odometry/synthetic_flight.h"
-#include "tileflight/slam/odometry/tracking_doubts.h"
+#include "tileflight/slam/odometry/tracking_warnings.h"
 
 namespace tileflight::odometry::systematic_residuals_test {
 namespace {
@@ -26,19 +26,21 @@ OdometryResult tracked_with(const PinholeRadtan& lens) {
   return run_odometry(calibration, nullptr, flight().source(), {});
 }
 
-bool doubts_calibration(const OdometryResult& result) {
-  const Doubts doubts = find_doubts(result, result.frames, [](std::int64_t frame) { return std::to_string(frame); });
-  return std::ranges::any_of(doubts, [](const Doubt& d) { return d.what.starts_with("the calibration does not fit"); });
+bool warnings_calibration(const OdometryResult& result) {
+  const Warnings warnings =
+      find_warnings(result, result.frames, [](std::int64_t frame) { return std::to_string(frame); });
+  return std::ranges::any_of(warnings,
+                             [](const Warning& d) { return d.message.starts_with("the calibration does not fit"); });
 }
 
 TEST(SystematicResiduals, TheRightLensHasNone) {
   const OdometryResult result = tracked_with(kLens);
   ASSERT_TRUE(result.systematic_displacement.has_value());
   EXPECT_LT(result.systematic_displacement->rms_px, 0.03);
-  EXPECT_FALSE(doubts_calibration(result));
+  EXPECT_FALSE(warnings_calibration(result));
 }
 
-TEST(SystematicResiduals, AnotherLensOfNearlyTheSameShapeIsDoubted) {
+TEST(SystematicResiduals, AnotherLensOfNearlyTheSameShapeIsWarninged) {
   for (const std::array<double, 4>& distortion :
        {std::array{-0.12, 0.05, 1e-3, -1e-3}, std::array{-0.2, 0.15, 0.0, 0.0}, std::array{-0.2, 0.05, 5e-3, 5e-3},
         std::array{0.0, 0.0, 0.0, 0.0}}) {
@@ -47,7 +49,7 @@ TEST(SystematicResiduals, AnotherLensOfNearlyTheSameShapeIsDoubted) {
     const OdometryResult result = tracked_with(lens);
     ASSERT_TRUE(result.systematic_displacement.has_value());
     EXPECT_GT(result.systematic_displacement->rms_px, 0.08);
-    EXPECT_TRUE(doubts_calibration(result));
+    EXPECT_TRUE(warnings_calibration(result));
   }
 }
 

@@ -6,18 +6,18 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/data/dataset/colmap.h"
-#include "tileflight/data/dataset/dataset.h"
-#include "tileflight/core/base/doubts_json.h"
+#include "tileflight/core/base/warning.h"
 #include "tileflight/core/geometry/cloud_files.h"
 #include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/core/imaging/image_files.h"
+#include "tileflight/data/dataset/colmap.h"
+#include "tileflight/data/dataset/dataset.h"
 #include "tileflight/slam/odometry/debug_image.h"
 #include "tileflight/slam/odometry/direction_check.h"
 #include "tileflight/slam/odometry/line_delay_passes.h"
 #include "tileflight/slam/odometry/run_comparison.h"
-#include "tileflight/slam/odometry/tracking_doubts.h"
 #include "tileflight/slam/odometry/track_inputs.h"
+#include "tileflight/slam/odometry/tracking_warnings.h"
 
 namespace tileflight::odometry {
 namespace fs = std::filesystem;
@@ -55,11 +55,11 @@ imaging::Calibration playback_calibration(imaging::Calibration calibration, bool
 }
 
 /// Warns that rectification conflicts with a rolling shutter.
-std::vector<std::string> add_rectification_warning(std::vector<std::string> warnings,
-                                                   const imaging::Calibration& native, const TrackingCamera& view) {
+std::vector<std::string> add_rectification_note(std::vector<std::string> notes, const imaging::Calibration& native,
+                                                const TrackingCamera& view) {
   if (view.rectifier && native.line_delay_s != 0.0)
-    warnings.push_back("the rolling shutter is not corrected: rectified images no longer have a time for each row");
-  return warnings;
+    notes.push_back("the rolling shutter is not corrected: rectified images no longer have a time for each row");
+  return notes;
 }
 
 json describe_loops(const std::vector<odometry::LoopClosure>& found, const std::vector<dataset::Frame>& frames) {
@@ -82,27 +82,26 @@ json intrinsics_json(const imaging::Camera& camera, bool estimated) {
       camera.model());
 }
 
-json describe(const odometry::OdometryResult& result, const SkippedFrames& skipped, std::vector<std::string> warnings) {
+json describe(const odometry::OdometryResult& result, const SkippedFrames& skipped, std::vector<std::string>& notes) {
   if (skipped.frames > 0) {
-    warnings.push_back(std::to_string(skipped.frames) +
-                       " images could not be decoded and were left out; the first: " + skipped.first_reason);
+    notes.push_back(std::to_string(skipped.frames) +
+                    " images could not be decoded and were left out; the first: " + skipped.first_reason);
   }
   if (skipped.of_others.frames > 0) {
-    warnings.push_back(std::to_string(skipped.of_others.frames) +
-                       " images of the other cameras could not be decoded and were left out; the first: " +
-                       skipped.of_others.first_reason);
+    notes.push_back(std::to_string(skipped.of_others.frames) +
+                    " images of the other cameras could not be decoded and were left out; the first: " +
+                    skipped.of_others.first_reason);
   }
   if (const std::int64_t without_pose = result.frames_before_start - result.frames_tracked_backwards; without_pose > 0)
-    warnings.push_back(std::to_string(without_pose) + " of " + std::to_string(result.frames_before_start) +
-                       " images before the start have no pose: they do not align with the map when tracked backwards, "
-                       "or are more than are kept");
+    notes.push_back(std::to_string(without_pose) + " of " + std::to_string(result.frames_before_start) +
+                    " images before the start have no pose: they do not align with the map when tracked backwards, "
+                    "or are more than are kept");
   return {
       {"frames", result.frames},
       {"frames_tracked", result.frames_tracked},
       {"frames_before_start", result.frames_before_start},
       {"frames_tracked_backwards", result.frames_tracked_backwards},
       {"frames_skipped", skipped.frames},
-      {"warnings", warnings},
       {"lost", result.lost},
       {"lost_reason", result.lost_reason},
       {"keyframes", result.keyframes.size()},
@@ -113,8 +112,8 @@ json describe(const odometry::OdometryResult& result, const SkippedFrames& skipp
 
 /// Mode, and whether lengths are in metres; what the rig's other cameras showed, as `stereo`; with an inertial unit
 /// what it showed, as `inertial` and inertial.csv.
-void describe_scale(OdometryMode mode, const odometry::OdometryResult& result, const fs::path& folder, Doubts& doubts,
-                    json& about) {
+void describe_scale(OdometryMode mode, const odometry::OdometryResult& result, const fs::path& folder,
+                    Warnings& warnings, json& about) {
   const bool is_metric = result.inertial && result.inertial->metric;
   const bool is_metric_by_stereo = result.stereo && result.stereo->metric;
   about["mode"] = to_string(mode);
@@ -122,7 +121,7 @@ void describe_scale(OdometryMode mode, const odometry::OdometryResult& result, c
   if (result.stereo) about["stereo"] = stereo_json(*result.stereo);
   if (!result.inertial) return;
   about["inertial"] = inertial_json(*result.inertial, result.coupled_since_s);
-  doubts.insert(doubts.end(), result.inertial->doubts.begin(), result.inertial->doubts.end());
+  warnings.insert(warnings.end(), result.inertial->warnings.begin(), result.inertial->warnings.end());
   if (is_metric) base::write_file(folder / "inertial.csv", inertial_csv(*result.inertial, result.keyframes));
 }
 
@@ -138,15 +137,15 @@ void restore_times(odometry::OdometryResult& result) {
   if (result.inertial) result.inertial = inertial::reversed(std::move(*result.inertial));
 }
 
-/// Sets `path_doubts` and returns the doubts of the whole run. `second`: the run in the other direction, if it
+/// Sets `path_warnings` and returns the warnings of the whole run. `second`: the run in the other direction, if it
 /// disagrees.
-Doubts describe_doubts(const odometry::OdometryResult& result, const std::vector<dataset::Frame>& frames,
-                       std::int64_t skipped, const std::optional<odometry::RunAgreement>& second, json& about) {
+Warnings describe_warnings(const odometry::OdometryResult& result, const std::vector<dataset::Frame>& frames,
+                           std::int64_t skipped, const std::optional<odometry::RunAgreement>& second, json& about) {
   const auto name_of = [&](std::int64_t frame) { return frames[static_cast<std::size_t>(frame)].id; };
-  about["path_doubts"] = json::array();
-  for (const Doubt& doubt : odometry::find_path_doubts(result, name_of, second))
-    about["path_doubts"].push_back(doubt.what);
-  return odometry::find_doubts(result, static_cast<std::int64_t>(frames.size()) - skipped, name_of, second);
+  about["path_warnings"] = json::array();
+  for (const Warning& warning : odometry::find_path_warnings(result, name_of, second))
+    about["path_warnings"].push_back(warning.message);
+  return odometry::find_warnings(result, static_cast<std::int64_t>(frames.size()) - skipped, name_of, second);
 }
 
 /// Writes poses, map, camera and the table of images, in the order of the dataset.
@@ -351,10 +350,10 @@ nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool r
   json about;
   const base::OutputFolder output =
       odometry_output_folder(out, replace, {dataset_folder, extras.camera, extras.mask, extras.init_from});
-  std::vector<std::string> warnings = add_rectification_warning(data.warnings, data.calibration, view);
-  warnings.insert(warnings.end(), rig_warnings.begin(), rig_warnings.end());
+  std::vector<std::string> notes = add_rectification_note(data.warnings, data.calibration, view);
+  notes.insert(notes.end(), rig_warnings.begin(), rig_warnings.end());
   std::optional<inertial::InertialInput> readings;
-  if (uses_inertial_unit(extras.mode)) readings = read_inertial_input(data, extras.gravity_m_s2, warnings);
+  if (uses_inertial_unit(extras.mode)) readings = read_inertial_input(data, extras.gravity_m_s2, notes);
   DatasetTracker tracking(data, view, options, range, extras, std::move(readings), rig ? &*rig : nullptr);
   const auto write = [&](const fs::path& temporary, const fs::path& pictures) {
     odometry::OdometryResult result = tracking.run_first(pictures, progress);
@@ -368,15 +367,18 @@ nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool r
       fs::create_directory(temporary / "colmap");
       dataset::write_colmap(temporary / "colmap", colmap_model(calibration.camera, result, frames));
     }
-    about = describe(result, tracking.skipped(), warnings);
-    Doubts doubts = describe_doubts(result, frames, tracking.skipped().frames, second, about);
+    std::vector<std::string> dataset_notes = notes;
+    about = describe(result, tracking.skipped(), dataset_notes);
+    Warnings warnings = describe_warnings(result, frames, tracking.skipped().frames, second, about);
     about["backwards"] = reverse;
     about["dispersion"] = dispersion_json(tracking.dispersion());
     about["residual_pattern_px"] =
         result.systematic_displacement ? json(result.systematic_displacement->rms_px) : json(nullptr);
     if (reverse) restore_times(result);
-    describe_scale(extras.mode, result, temporary, doubts, about);
-    about["doubts"] = to_json(doubts);
+    describe_scale(extras.mode, result, temporary, warnings, about);
+    const Warnings of_dataset = make_notes(dataset_notes, "dataset");
+    warnings.insert(warnings.end(), of_dataset.begin(), of_dataset.end());
+    about["warnings"] = to_json(warnings);
     write_result(temporary, result, frames, reverse, calibration);
     if (options.estimate_line_delay) about["line_delay"] = tracking.line_delay();
     if (options.loops.enabled) {

@@ -23,11 +23,11 @@ struct FrameRange {
 
 /// Runs the built-in odometry on a dataset folder and atomically writes a folder with trajectory.txt, keyframes.txt,
 /// map.ply, camera.yaml (of the images as tracked), quality.csv (a line per image) and odometry.json (returned, with
-/// `doubts`, `mode` and `scale`); with an inertial unit whose readings show the scale also inertial.csv. The dataset's
-/// ground truth and positions are not used. A run that loses tracking is written up to there, with `lost` true; one
-/// that never initializes has an empty trajectory and no map points. Images that cannot be decoded are skipped, counted
-/// and reported. Throws InputError for an unreadable dataset, mask or initialization, and for a lens without a COLMAP
-/// model if COLMAP output is requested.
+/// `warnings`, `mode` and `scale`); with an inertial unit whose readings show the scale also inertial.csv. The
+/// dataset's ground truth and positions are not used. A run that loses tracking is written up to there, with `lost`
+/// true; one that never initializes has an empty trajectory and no map points. Images that cannot be decoded are
+/// skipped, counted and reported. Throws InputError for an unreadable dataset, mask or initialization, and for a lens
+/// without a COLMAP model if COLMAP output is requested.
 nlohmann::json track(const std::filesystem::path& dataset_folder, const std::filesystem::path& out, bool replace,
                      const odometry::OdometryOptions& options, const FrameRange& range, const Progress& progress = {},
                      const TrackOptions& extras = {});

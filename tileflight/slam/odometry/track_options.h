@@ -38,7 +38,7 @@ struct TrackOptions {
   std::filesystem::path init_from;        ///< TUM poses (a file), or depth/000000.exr by frame (a folder)
   bool colmap = false;                    ///< write colmap/ into the output folder
   std::filesystem::path debug_pictures;   ///< folder for an image of each keyframe with its points
-  bool check_reversed = true;  ///< also track the images in reverse order, and report a doubt if the results disagree
+  bool check_reversed = true;  ///< also track the images in reverse order, and report a warning if the results disagree
 };
 
 }  // namespace tileflight::odometry

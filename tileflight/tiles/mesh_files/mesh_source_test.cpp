@@ -16,7 +16,7 @@
 #include "tileflight/core/imaging/ktx2.h"
 #include "tileflight/tiles/tile_writer/glb_writer.h"
 
-namespace tileflight::tile_writer::mesh_source_test {
+namespace tileflight::mesh_files::mesh_source_test {
 namespace {
 
 using geometry::Vec3;
@@ -269,4 +269,4 @@ TEST_F(MeshFile, OtherFilesAreRefused) {
 }
 
 }  // namespace
-}  // namespace tileflight::tile_writer::mesh_source_test
+}  // namespace tileflight::mesh_files::mesh_source_test

@@ -6,7 +6,7 @@
 #include "tests/temporary_folder.h"
 #include "tileflight/core/base/noise.h"
 
-namespace tileflight::tile_writer::record_file_test {
+namespace tileflight::mesh_files::record_file_test {
 namespace {
 
 struct Record {
@@ -44,4 +44,4 @@ TEST(RecordFile, NamesTheFileThatCannotBeWritten) {
 }
 
 }  // namespace
-}  // namespace tileflight::tile_writer::record_file_test
+}  // namespace tileflight::mesh_files::record_file_test

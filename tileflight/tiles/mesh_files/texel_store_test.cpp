@@ -5,7 +5,7 @@
 #include "tests/temporary_folder.h"
 #include "tileflight/core/base/noise.h"
 
-namespace tileflight::tile_writer::texel_store_test {
+namespace tileflight::mesh_files::texel_store_test {
 namespace {
 
 imaging::RgbImage noise(int width, int height, std::uint32_t seed) {
@@ -34,4 +34,4 @@ TEST(TexelStore, ReturnsTheTexelsOfEachImage) {
 }
 
 }  // namespace
-}  // namespace tileflight::tile_writer::texel_store_test
+}  // namespace tileflight::mesh_files::texel_store_test

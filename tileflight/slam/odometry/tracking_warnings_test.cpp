@@ -1,11 +1,11 @@
-#include "tileflight/slam/odometry/tracking_doubts.h"
+#include "tileflight/slam/odometry/tracking_warnings.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <random>
 
-namespace tileflight::odometry::tracking_doubts_test {
+namespace tileflight::odometry::tracking_warnings_test {
 namespace {
 
 using geometry::SE3;
@@ -35,128 +35,128 @@ OdometryResult good_flight() {
 
 std::string name_of(std::int64_t frame) { return "f" + std::to_string(frame); }
 
-Doubts doubts_about(const OdometryResult& result, std::int64_t frames = 60,
-                    const std::optional<RunAgreement>& second = {}) {
-  return find_doubts(result, frames, name_of, second);
+Warnings warnings_about(const OdometryResult& result, std::int64_t frames = 60,
+                        const std::optional<RunAgreement>& second = {}) {
+  return find_warnings(result, frames, name_of, second);
 }
 
-/// Expects exactly one doubt, with texts `what` and `where`.
-void expect_only(const Doubts& doubts, const std::string& what, const std::string& where) {
-  ASSERT_EQ(doubts.size(), 1U);
-  EXPECT_NE(doubts[0].what.find(what), std::string::npos) << doubts[0].what;
-  EXPECT_EQ(doubts[0].where, where);
-  EXPECT_FALSE(doubts[0].what_to_do.empty());
+/// Expects exactly one warning, with texts `what` and `where`.
+void expect_only(const Warnings& warnings, const std::string& what, const std::string& where) {
+  ASSERT_EQ(warnings.size(), 1U);
+  EXPECT_NE(warnings[0].what.find(what), std::string::npos) << warnings[0].what;
+  EXPECT_EQ(warnings[0].where, where);
+  EXPECT_FALSE(warnings[0].remedy.empty());
 }
 
-TEST(TrackingDoubts, AGoodFlightHasNone) {
-  EXPECT_TRUE(doubts_about(good_flight()).empty());
-  EXPECT_TRUE(doubts_about(good_flight(), 60, RunAgreement{60, 0.002, 0.004, 1.0}).empty());
+TEST(TrackingWarnings, AGoodFlightHasNone) {
+  EXPECT_TRUE(warnings_about(good_flight()).empty());
+  EXPECT_TRUE(warnings_about(good_flight(), 60, RunAgreement{60, 0.002, 0.004, 1.0}).empty());
 }
 
-TEST(TrackingDoubts, APatternInTheResidualsIsTheCalibration) {
+TEST(TrackingWarnings, APatternInTheResidualsIsTheCalibration) {
   OdometryResult result = good_flight();
   result.systematic_displacement = mapping::SystematicDisplacement{.rms_px = 0.02, .sigmas = 5.0};
-  EXPECT_TRUE(doubts_about(result).empty());
+  EXPECT_TRUE(warnings_about(result).empty());
   result.systematic_displacement = mapping::SystematicDisplacement{.rms_px = 0.3, .sigmas = 1.0};  // explained by noise
-  EXPECT_TRUE(doubts_about(result).empty());
+  EXPECT_TRUE(warnings_about(result).empty());
   result.systematic_displacement = mapping::SystematicDisplacement{.rms_px = 0.06, .sigmas = 5.0};
-  expect_only(doubts_about(result),
+  expect_only(warnings_about(result),
               "calibration does not fit the images: residuals have a systematic pattern of 0.06 pixels", "odometry");
-  EXPECT_EQ(doubts_about(result)[0].how_sure, "possible");
+  EXPECT_EQ(warnings_about(result)[0].severity, Severity::kNote);
   result.systematic_displacement->rms_px = 0.2;
-  EXPECT_EQ(doubts_about(result)[0].how_sure, "likely");
+  EXPECT_EQ(warnings_about(result)[0].severity, Severity::kWarning);
 }
 
-TEST(TrackingDoubts, AFlightThatWasLostIsSaidWithItsReason) {
+TEST(TrackingWarnings, AFlightThatWasLostIsSaidWithItsReason) {
   OdometryResult result = good_flight();
   result.lost = true;
   result.lost_reason = "a wall";
   result.frames_tracked = 45;
-  const Doubts doubts = doubts_about(result);
-  expect_only(doubts, "45 of 60 frames have a pose): a wall", "odometry");
-  EXPECT_EQ(doubts[0].how_sure, "certain");
+  const Warnings warnings = warnings_about(result);
+  expect_only(warnings, "45 of 60 frames have a pose): a wall", "odometry");
+  EXPECT_EQ(warnings[0].severity, Severity::kError);
 }
 
-TEST(TrackingDoubts, NoStartIsOneDoubt) {
+TEST(TrackingWarnings, NoStartIsOneWarning) {
   OdometryResult result;
   result.frames = 60;
   result.lost = true;
   result.lost_reason = "no parallax";
-  expect_only(doubts_about(result), "no parallax", "odometry");
+  expect_only(warnings_about(result), "no parallax", "odometry");
 }
 
-TEST(TrackingDoubts, GapsAndFewFramesAreSaid) {
+TEST(TrackingWarnings, GapsAndFewFramesAreSaid) {
   OdometryResult result = good_flight();
   result.frames_tracked = 57;
-  EXPECT_TRUE(doubts_about(result).empty());
+  EXPECT_TRUE(warnings_about(result).empty());
   result.frames_tracked = 50;  // the others are in one map: a verdict on it is possible
-  expect_only(doubts_about(result), "50 of 60", "odometry");
-  EXPECT_EQ(doubts_about(result)[0].how_sure, "possible");
+  expect_only(warnings_about(result), "50 of 60", "odometry");
+  EXPECT_EQ(warnings_about(result)[0].severity, Severity::kNote);
   result.frames_tracked = 40;
-  expect_only(doubts_about(result), "40 of 60", "odometry");
-  EXPECT_EQ(doubts_about(result)[0].how_sure, "certain");
+  expect_only(warnings_about(result), "40 of 60", "odometry");
+  EXPECT_EQ(warnings_about(result)[0].severity, Severity::kError);
   result.frames_tracked = 12;
-  expect_only(doubts_about(result, 12), "only 12 frames", "odometry");
+  expect_only(warnings_about(result, 12), "only 12 frames", "odometry");
 }
 
-TEST(TrackingDoubts, FramesThatFitBadlyAreNamed) {
+TEST(TrackingWarnings, FramesThatFitBadlyAreNamed) {
   OdometryResult result = good_flight();
   for (const int i : {20, 21, 24}) result.quality[i].saturated_share = 0.3 + 0.01 * i;
-  expect_only(doubts_about(result), "residuals are high in 3 frames: up to 54 %", "odometry, frames f20 to f24");
-  EXPECT_EQ(doubts_about(result)[0].how_sure, "likely");
+  expect_only(warnings_about(result), "residuals are high in 3 frames: up to 54 %", "odometry, frames f20 to f24");
+  EXPECT_EQ(warnings_about(result)[0].severity, Severity::kWarning);
 }
 
-TEST(TrackingDoubts, AFewFramesThatFitByMostOfTheirPointsAreASmallPart) {
+TEST(TrackingWarnings, AFewFramesThatFitByMostOfTheirPointsAreASmallPart) {
   OdometryResult result = good_flight();
   for (const int i : {20, 21, 24}) result.quality[i].saturated_share = 0.19;
-  expect_only(doubts_about(result), "residuals are high in 3 frames: up to 19 %", "odometry, frames f20 to f24");
-  EXPECT_EQ(doubts_about(result)[0].how_sure, "possible");
+  expect_only(warnings_about(result), "residuals are high in 3 frames: up to 19 %", "odometry, frames f20 to f24");
+  EXPECT_EQ(warnings_about(result)[0].severity, Severity::kNote);
   result.quality[25].saturated_share = 0.19;  // more than one of twenty
-  EXPECT_EQ(doubts_about(result)[0].how_sure, "likely");
+  EXPECT_EQ(warnings_about(result)[0].severity, Severity::kWarning);
 }
 
-TEST(TrackingDoubts, ThoseAboutThePathAsAWholeAreKnown) {
+TEST(TrackingWarnings, ThoseAboutThePathAsAWholeAreKnown) {
   OdometryResult result = good_flight();
   result.quality[20].saturated_share = 0.5;
   for (int i = 30; i < 60; ++i) result.quality[i].sigma_log_scale = 0.02;
   const RunAgreement apart{60, 0.08, 0.2, 3.04};
-  const Doubts path = find_path_doubts(result, name_of, apart);
+  const Warnings path = find_path_warnings(result, name_of, apart);
   ASSERT_EQ(path.size(), 2U);
   EXPECT_NE(path[0].what.find("differ by 8 %"), std::string::npos);
   EXPECT_NE(path[1].what.find("scale may have drifted"), std::string::npos);
-  EXPECT_EQ(doubts_about(result, 60, apart).size(), 3U);
+  EXPECT_EQ(warnings_about(result, 60, apart).size(), 3U);
 }
 
-TEST(TrackingDoubts, AScaleCarriedByLittleIsNamedFromItsFrameOn) {
+TEST(TrackingWarnings, AScaleCarriedByLittleIsNamedFromItsFrameOn) {
   OdometryResult result = good_flight();
   for (int i = 30; i < 60; ++i) result.quality[i].sigma_log_scale = 0.02;
-  expect_only(doubts_about(result), "scale may have drifted", "odometry, from frame f30 on");
+  expect_only(warnings_about(result), "scale may have drifted", "odometry, from frame f30 on");
 }
 
-TEST(TrackingDoubts, AScaleCarriedByLittleIsNamedOnBothSidesOfTheStart) {
+TEST(TrackingWarnings, AScaleCarriedByLittleIsNamedOnBothSidesOfTheStart) {
   OdometryResult result = good_flight();
   result.frames_before_start = 20;
   for (int i = 0; i < 10; ++i) result.quality[i].sigma_log_scale = 0.02;
-  expect_only(doubts_about(result), "scale may have drifted", "odometry, up to frame f9");
+  expect_only(warnings_about(result), "scale may have drifted", "odometry, up to frame f9");
   for (int i = 50; i < 60; ++i) result.quality[i].sigma_log_scale = 0.02;
-  expect_only(doubts_about(result), "scale may have drifted", "odometry, up to frame f9 and from frame f50 on");
+  expect_only(warnings_about(result), "scale may have drifted", "odometry, up to frame f9 and from frame f50 on");
 }
 
-TEST(TrackingDoubts, PicturesThatJumpAwayAndBackAreNamed) {
+TEST(TrackingWarnings, PicturesThatJumpAwayAndBackAreNamed) {
   OdometryResult result = good_flight();
   for (int i = 40; i < 46; ++i) result.trajectory.poses[i].T_local_camera.translation += Vec3(0, 4.8, 0);
-  expect_only(doubts_about(result), "the camera jumps", "odometry, frame f40");
+  expect_only(warnings_about(result), "the camera jumps", "odometry, frame f40");
 }
 
-TEST(TrackingDoubts, AFlightThatStartsAndStopsDoesNotJump) {
+TEST(TrackingWarnings, AFlightThatStartsAndStopsDoesNotJump) {
   OdometryResult result = good_flight();
   for (int i = 0; i < 60; ++i)
     result.trajectory.poses[i].T_local_camera.translation = Vec3(i < 20 ? i : i < 40 ? 20 : 20 + 3 * (i - 40), 0, 0);
-  EXPECT_TRUE(doubts_about(result).empty());
+  EXPECT_TRUE(warnings_about(result).empty());
 }
 
-TEST(TrackingDoubts, AnotherRunThatDisagreesIsADoubt) {
-  expect_only(doubts_about(good_flight(), 60, RunAgreement{60, 0.08, 0.2, 3.04}), "differ by 8 %",
+TEST(TrackingWarnings, AnotherRunThatDisagreesIsAWarning) {
+  expect_only(warnings_about(good_flight(), 60, RunAgreement{60, 0.08, 0.2, 3.04}), "differ by 8 %",
               "odometry, most at frame f30");
 }
 
@@ -292,14 +292,14 @@ TEST(SecondOpinion, DispersionIsOneWhereTheSigmasAreRight) {
   EXPECT_DOUBLE_EQ(quality[0].sigma_rotation_rad, 0.1);  // not below a half
 }
 
-TEST(TrackingDoubts, ARigWithoutScaleIsSaidAndWhereTheScaleIsFromThen) {
+TEST(TrackingWarnings, ARigWithoutScaleIsSaidAndWhereTheScaleIsFromThen) {
   OdometryResult result = good_flight();
   result.stereo.emplace().metric = false;
-  ASSERT_EQ(doubts_about(result).size(), 1U);
-  EXPECT_NE(doubts_about(result)[0].what.find("the map has no metric scale"), std::string::npos);
+  ASSERT_EQ(warnings_about(result).size(), 1U);
+  EXPECT_NE(warnings_about(result)[0].what.find("the map has no metric scale"), std::string::npos);
   result.inertial.emplace().metric = true;
-  ASSERT_EQ(doubts_about(result).size(), 1U);
-  EXPECT_NE(doubts_about(result)[0].what.find("the inertial unit did"), std::string::npos);
+  ASSERT_EQ(warnings_about(result).size(), 1U);
+  EXPECT_NE(warnings_about(result)[0].what.find("the inertial unit did"), std::string::npos);
 }
 
 TEST(SecondOpinion, OnlyPicturesThatBothHaveCount) {
@@ -313,4 +313,4 @@ TEST(SecondOpinion, OnlyPicturesThatBothHaveCount) {
 }
 
 }  // namespace
-}  // namespace tileflight::odometry::tracking_doubts_test
+}  // namespace tileflight::odometry::tracking_warnings_test

@@ -1,4 +1,4 @@
-#include "tileflight/slam/odometry/tracking_doubts.h"
+#include "tileflight/slam/odometry/tracking_warnings.h"
 
 #include <algorithm>
 #include <cmath>
@@ -27,31 +27,31 @@ std::string frames_text(const tracking::FrameQuality& first, const tracking::Fra
 
 /// Images without a pose. Tracking goes on only in the same map, so the others' poses and points are as good as without
 /// the gap: where few are missing, the result is only smaller.
-void check_completeness(const OdometryResult& result, std::int64_t frames, const DoubtThresholds& limits,
-                        Doubts& doubts) {
+void check_completeness(const OdometryResult& result, std::int64_t frames, const WarningThresholds& limits,
+                        Warnings& warnings) {
   const std::string share = count_text(result.frames_tracked) + " of " + count_text(frames) + " frames have a pose";
   const auto given = static_cast<double>(frames);
   const double missing = given - static_cast<double>(result.frames_tracked);
   if (result.lost) {
-    doubts.push_back({"the flight was not tracked to its end (" + share + "): " + result.lost_reason, kWhere, "certain",
-                      "use the tracked part, or a flight that can be tracked throughout"});
+    warnings.push_back({"the flight was not tracked to its end (" + share + "): " + result.lost_reason, kWhere,
+                        Severity::kError, "use the tracked part, or a flight that can be tracked throughout"});
   } else if (static_cast<double>(result.frames_tracked) < limits.min_tracked_share * given) {
-    doubts.push_back({share, kWhere, missing > limits.few_missing_share * given ? "certain" : "possible",
-                      "look up the frames without a pose in quality.csv; choose another part of the flight"});
+    warnings.push_back({share, kWhere, missing > limits.few_missing_share * given ? Severity::kError : Severity::kNote,
+                        "look up the frames without a pose in quality.csv; choose another part of the flight"});
   }
 }
 
-void check_length(const OdometryResult& result, const DoubtThresholds& limits, Doubts& doubts) {
+void check_length(const OdometryResult& result, const WarningThresholds& limits, Warnings& warnings) {
   if (result.frames_tracked >= limits.min_frames) return;
-  doubts.push_back(
+  warnings.push_back(
       {"only " + count_text(result.frames_tracked) + " frames have a pose: too few to judge the tracking quality",
-       kWhere, "likely", "use a longer part of the flight"});
+       kWhere, Severity::kWarning, "use a longer part of the flight"});
 }
 
 /// Reports the images with a large share of saturated residuals, from the first to the last. A few that still align by
 /// most of their points are a small part of the flight.
-void check_residuals(const OdometryResult& result, const FrameName& name_of, const DoubtThresholds& limits,
-                     Doubts& doubts) {
+void check_residuals(const OdometryResult& result, const FrameName& name_of, const WarningThresholds& limits,
+                     Warnings& warnings) {
   const tracking::FrameQuality *first = nullptr, *last = nullptr;
   int bad = 0;
   double worst = 0.0;
@@ -65,16 +65,17 @@ void check_residuals(const OdometryResult& result, const FrameName& name_of, con
   if (bad == 0) return;
   const bool is_small = worst <= limits.saturated_likely_share &&
                         bad <= limits.saturated_likely_frames * static_cast<double>(result.frames_tracked);
-  doubts.push_back(
+  warnings.push_back(
       {"tracking residuals are high in " + count_text(bad) + " frames: up to " + percent_text(worst) +
            " of the points do not match their keyframe",
-       std::string(kWhere) + ", " + frames_text(*first, *last, name_of), is_small ? "possible" : "likely",
+       std::string(kWhere) + ", " + frames_text(*first, *last, name_of),
+       is_small ? Severity::kNote : Severity::kWarning,
        "check these frames for blur, an obstruction in front of the lens or rotation in place; leave them out"});
 }
 
 bool has_metric_scale(const OdometryResult& result) { return result.stereo && result.stereo->metric; }
 
-void check_metric_scale(const OdometryResult& result, const DoubtThresholds& limits, Doubts& doubts) {
+void check_metric_scale(const OdometryResult& result, const WarningThresholds& limits, Warnings& warnings) {
   if (!has_metric_scale(result)) return;
   std::vector<double> sigmas;
   for (const tracking::FrameQuality& q : result.quality) {
@@ -83,13 +84,13 @@ void check_metric_scale(const OdometryResult& result, const DoubtThresholds& lim
   if (sigmas.empty()) return;
   const double sigma = base::median(sigmas);
   if (sigma <= limits.sigma_metric_scale) return;
-  doubts.push_back({"the scale is known to " + percent_text(sigma) +
-                        " only (one sigma): what the cameras see is too far away for the distance between them",
-                    kWhere, "likely", "use cameras further apart, or fly lower"});
+  warnings.push_back({"the scale is known to " + percent_text(sigma) +
+                          " only (one sigma): what the cameras see is too far away for the distance between them",
+                      kWhere, Severity::kWarning, "use cameras further apart, or fly lower"});
 }
 
-void check_scale_drift(const OdometryResult& result, const FrameName& name_of, const DoubtThresholds& limits,
-                       Doubts& doubts) {
+void check_scale_drift(const OdometryResult& result, const FrameName& name_of, const WarningThresholds& limits,
+                       Warnings& warnings) {
   if (has_metric_scale(result)) return;
   const auto beyond = [&](const tracking::FrameQuality& q) {
     return q.tracked && q.sigma_log_scale > limits.sigma_log_scale;
@@ -105,15 +106,15 @@ void check_scale_drift(const OdometryResult& result, const FrameName& name_of, c
   if (where.empty()) return;
   double end = 0.0;
   for (const tracking::FrameQuality& q : result.quality) end = std::max(end, q.sigma_log_scale);
-  doubts.push_back({"the scale may have drifted: few points or little parallax constrained it (at least " +
-                        percent_text(end) + " by the residuals alone)",
-                    std::string(kWhere) + ", " + where, "likely",
-                    "keep moving while turning, or use only the other part"});
+  warnings.push_back({"the scale may have drifted: few points or little parallax constrained it (at least " +
+                          percent_text(end) + " by the residuals alone)",
+                      std::string(kWhere) + ", " + where, Severity::kWarning,
+                      "keep moving while turning, or use only the other part"});
 }
 
 /// Reports velocity changes that last for one image only, relative to the flight's 95th percentile of speed.
-void check_jumps(const OdometryResult& result, const FrameName& name_of, const DoubtThresholds& limits,
-                 Doubts& doubts) {
+void check_jumps(const OdometryResult& result, const FrameName& name_of, const WarningThresholds& limits,
+                 Warnings& warnings) {
   const auto& poses = result.trajectory.poses;
   if (poses.size() < 4) return;
   std::vector<geometry::Vec3> velocity;
@@ -139,87 +140,90 @@ void check_jumps(const OdometryResult& result, const FrameName& name_of, const D
   if (!(change > limits.velocity_change * usual)) return;
   const auto at = std::find_if(result.quality.begin(), result.quality.end(),
                                [&](const tracking::FrameQuality& q) { return q.time_s == poses[worst + 1].time_s; });
-  doubts.push_back(
+  warnings.push_back(
       {"the camera jumps: its velocity changes by " + base::formatted("%.2g", usual > 0 ? change / usual : 0.0) +
            " times its usual speed from one frame to the next",
-       at == result.quality.end() ? kWhere : std::string(kWhere) + ", " + frames_text(*at, *at, name_of), "likely",
+       at == result.quality.end() ? kWhere : std::string(kWhere) + ", " + frames_text(*at, *at, name_of),
+       Severity::kWarning,
        "check the frames around it for an obstruction in front of the lens or missing frames; leave them out"});
 }
 
 /// Reports a systematic displacement of residuals: wrong lens, shutter, or false initialization.
-void check_calibration(const OdometryResult& result, const DoubtThresholds& limits, Doubts& doubts) {
+void check_calibration(const OdometryResult& result, const WarningThresholds& limits, Warnings& warnings) {
   if (!result.systematic_displacement || result.systematic_displacement->rms_px <= limits.systematic_px ||
       result.systematic_displacement->sigmas <= limits.systematic_sigmas)
     return;
-  doubts.push_back({"the calibration does not fit the images: residuals have a systematic pattern of " +
-                        base::formatted("%.2g", result.systematic_displacement->rms_px) +
-                        " pixels (RMS) in all keyframes (wrong lens model or line delay, or a wrong initialization)",
-                    kWhere,
-                    result.systematic_displacement->rms_px > limits.systematic_likely_px ? "likely" : "possible",
-                    "calibrate the camera with the settings of the flight (focus, resolution, crop, rolling shutter)"});
+  warnings.push_back(
+      {"the calibration does not fit the images: residuals have a systematic pattern of " +
+           base::formatted("%.2g", result.systematic_displacement->rms_px) +
+           " pixels (RMS) in all keyframes (wrong lens model or line delay, or a wrong initialization)",
+       kWhere,
+       result.systematic_displacement->rms_px > limits.systematic_likely_px ? Severity::kWarning : Severity::kNote,
+       "calibrate the camera with the settings of the flight (focus, resolution, crop, rolling shutter)"});
 }
 
 void check_second_run(const OdometryResult& result, const std::optional<RunAgreement>& second, const FrameName& name_of,
-                      const DoubtThresholds& limits, Doubts& doubts) {
+                      const WarningThresholds& limits, Warnings& warnings) {
   if (!second || second->rms_share <= limits.disagreement) return;
   const auto at =
       std::min_element(result.quality.begin(), result.quality.end(),
                        [&](const tracking::FrameQuality& a, const tracking::FrameQuality& b) {
                          return std::abs(a.time_s - second->worst_time_s) < std::abs(b.time_s - second->worst_time_s);
                        });
-  doubts.push_back(
+  warnings.push_back(
       {"forward and backward tracking disagree: their paths differ by " + percent_text(second->rms_share) +
            " of their length (wrong initialization or scale drift)",
        at == result.quality.end() ? kWhere : std::string(kWhere) + ", most at " + frames_text(*at, *at, name_of),
-       "likely", "track parts of the flight separately (--from, --to) and compare them"});
+       Severity::kWarning, "track parts of the flight separately (--from, --to) and compare them"});
 }
 
 /// Reports what contradicts the calibration of a rig's camera.
-void check_rig_fit(const OtherCameraResult& camera, const DoubtThresholds& limits, Doubts& doubts) {
+void check_rig_fit(const OtherCameraResult& camera, const WarningThresholds& limits, Warnings& warnings) {
   if (!camera.fit) return;
   constexpr double kDegrees = 180.0 / std::numbers::pi;
   if (camera.fit->behind_share > 0.5) {
-    doubts.push_back({"camera " + camera.name +
-                          " is on the other side of the reference camera than its calibration says: " +
-                          percent_text(camera.fit->behind_share) +
-                          " of what both see would be behind them (cameras or their poses exchanged)",
-                      kWhere, "likely", "exchange the two cameras, or correct T_cn_cnm1 (T_body_cam)"});
+    warnings.push_back({"camera " + camera.name +
+                            " is on the other side of the reference camera than its calibration says: " +
+                            percent_text(camera.fit->behind_share) +
+                            " of what both see would be behind them (cameras or their poses exchanged)",
+                        kWhere, Severity::kWarning, "exchange the two cameras, or correct T_cn_cnm1 (T_body_cam)"});
   } else if (camera.fit->rotation_rad > limits.rig_rotation_rad) {
-    doubts.push_back({"camera " + camera.name + " is not where its calibration says: it is turned by about " +
-                          base::formatted("%.2g", kDegrees * camera.fit->rotation_rad) + " degrees against it",
-                      kWhere, "likely", "calibrate the rig"});
+    warnings.push_back({"camera " + camera.name + " is not where its calibration says: it is turned by about " +
+                            base::formatted("%.2g", kDegrees * camera.fit->rotation_rad) + " degrees against it",
+                        kWhere, Severity::kWarning, "calibrate the rig"});
   }
 }
 
 /// Reports where a rig's camera was of no use.
 void check_other_images(const OtherCameraResult& camera, const OdometryResult& result, const FrameName& name_of,
-                        const DoubtThresholds& limits, Doubts& doubts) {
+                        const WarningThresholds& limits, Warnings& warnings) {
   constexpr int kFewKeyframes = 3;
   constexpr std::int64_t kFewFrames = 5;
   const std::string what = "camera " + camera.name;
   if (camera.frames_blind > 0) {
-    doubts.push_back({what + " shows nothing in " + count_text(camera.frames_blind) + " of " +
-                          count_text(camera.frames) + " images: there the map rests on the other cameras alone",
-                      kWhere, "certain", "uncover or repair the camera"});
+    warnings.push_back({what + " shows nothing in " + count_text(camera.frames_blind) + " of " +
+                            count_text(camera.frames) + " images: there the map rests on the other cameras alone",
+                        kWhere, Severity::kError, "uncover or repair the camera"});
   }
   if (camera.keyframes_unmatched >= kFewKeyframes &&
       camera.keyframes_unmatched > limits.unmatched_share * camera.keyframes) {
-    doubts.push_back({"nothing matches between " + what + " and the reference camera in " +
-                          count_text(camera.keyframes_unmatched) + " of " + count_text(camera.keyframes) + " keyframes",
-                      kWhere, "likely", "check the rig's calibration, and that the camera is not covered"});
+    warnings.push_back({"nothing matches between " + what + " and the reference camera in " +
+                            count_text(camera.keyframes_unmatched) + " of " + count_text(camera.keyframes) +
+                            " keyframes",
+                        kWhere, Severity::kWarning, "check the rig's calibration, and that the camera is not covered"});
   }
   const std::int64_t usual = camera.frames > 0 ? result.frames / camera.frames : 0;
   if (camera.frames_after_last > std::max(kFewFrames, 3 * usual)) {
     const std::string last =
         camera.last_frame < 0 ? "it has none" : "its last is at frame " + name_of(camera.last_frame);
-    doubts.push_back({what + " has no image in the last " + count_text(camera.frames_after_last) + " frames (" + last +
-                          "): there the map rests on the other cameras alone",
-                      kWhere, "certain", "look for what stopped it; use the part before (--to)"});
+    warnings.push_back({what + " has no image in the last " + count_text(camera.frames_after_last) + " frames (" +
+                            last + "): there the map rests on the other cameras alone",
+                        kWhere, Severity::kError, "look for what stopped it; use the part before (--to)"});
   }
 }
 
-void check_stereo(const OdometryResult& result, const FrameName& name_of, const DoubtThresholds& limits,
-                  Doubts& doubts) {
+void check_stereo(const OdometryResult& result, const FrameName& name_of, const WarningThresholds& limits,
+                  Warnings& warnings) {
   if (!result.stereo) return;
   if (!result.stereo->metric) {
     const bool by_readings = result.inertial && result.inertial->metric;
@@ -227,38 +231,38 @@ void check_stereo(const OdometryResult& result, const FrameName& name_of, const 
                                            "rig's other cameras showed no distances"
                                          : "the map has no metric scale: when it began, the rig's other cameras showed "
                                            "no distances, and it is that of the reference camera alone";
-    doubts.push_back({what, kWhere, "certain", "check the other cameras' images and the rig's calibration"});
+    warnings.push_back({what, kWhere, Severity::kError, "check the other cameras' images and the rig's calibration"});
   }
   for (const OtherCameraResult& camera : result.stereo->cameras) {
-    check_rig_fit(camera, limits, doubts);
-    check_other_images(camera, result, name_of, limits, doubts);
+    check_rig_fit(camera, limits, warnings);
+    check_other_images(camera, result, name_of, limits, warnings);
   }
 }
 
 }  // namespace
 
-Doubts find_doubts(const OdometryResult& result, std::int64_t frames, const FrameName& name_of,
-                   const std::optional<RunAgreement>& second, const DoubtThresholds& limits) {
-  Doubts doubts;
-  check_completeness(result, frames, limits, doubts);
-  if (result.frames_tracked == 0) return doubts;
-  check_length(result, limits, doubts);
-  check_stereo(result, name_of, limits, doubts);
-  check_metric_scale(result, limits, doubts);
-  const Doubts path = find_path_doubts(result, name_of, second, limits);
-  doubts.insert(doubts.end(), path.begin(), path.end());
-  check_residuals(result, name_of, limits, doubts);
-  check_jumps(result, name_of, limits, doubts);
-  check_calibration(result, limits, doubts);
-  return doubts;
+Warnings find_warnings(const OdometryResult& result, std::int64_t frames, const FrameName& name_of,
+                       const std::optional<RunAgreement>& second, const WarningThresholds& limits) {
+  Warnings warnings;
+  check_completeness(result, frames, limits, warnings);
+  if (result.frames_tracked == 0) return warnings;
+  check_length(result, limits, warnings);
+  check_stereo(result, name_of, limits, warnings);
+  check_metric_scale(result, limits, warnings);
+  const Warnings path = find_path_warnings(result, name_of, second, limits);
+  warnings.insert(warnings.end(), path.begin(), path.end());
+  check_residuals(result, name_of, limits, warnings);
+  check_jumps(result, name_of, limits, warnings);
+  check_calibration(result, limits, warnings);
+  return warnings;
 }
 
-Doubts find_path_doubts(const OdometryResult& result, const FrameName& name_of,
-                        const std::optional<RunAgreement>& second, const DoubtThresholds& limits) {
-  Doubts doubts;
-  check_second_run(result, second, name_of, limits, doubts);
-  check_scale_drift(result, name_of, limits, doubts);
-  return doubts;
+Warnings find_path_warnings(const OdometryResult& result, const FrameName& name_of,
+                            const std::optional<RunAgreement>& second, const WarningThresholds& limits) {
+  Warnings warnings;
+  check_second_run(result, second, name_of, limits, warnings);
+  check_scale_drift(result, name_of, limits, warnings);
+  return warnings;
 }
 
 namespace {
@@ -274,19 +278,21 @@ double median_rmse(const OdometryResult& result) {
 }
 
 /// Whether `a` has no warnings, `b` has, and the median residual of `a` is below this share of the other's.
-bool is_better(const OdometryResult& a, const OdometryResult& b, double residual_share, const DoubtThresholds& limits) {
-  return median_rmse(a) < residual_share * median_rmse(b) && !has_own_doubts(a, limits) && has_own_doubts(b, limits);
+bool is_better(const OdometryResult& a, const OdometryResult& b, double residual_share,
+               const WarningThresholds& limits) {
+  return median_rmse(a) < residual_share * median_rmse(b) && !has_own_warnings(a, limits) &&
+         has_own_warnings(b, limits);
 }
 
 }  // namespace
 
-bool has_own_doubts(const OdometryResult& result, const DoubtThresholds& limits) {
+bool has_own_warnings(const OdometryResult& result, const WarningThresholds& limits) {
   const auto no_name = [](std::int64_t) { return std::string(); };
-  return !find_doubts(result, result.frames, no_name, {}, limits).empty();
+  return !find_warnings(result, result.frames, no_name, {}, limits).empty();
 }
 
 RunChoice choose_run(const OdometryResult& first, const OdometryResult& second,
-                     const std::optional<RunAgreement>& agreement, const DoubtThresholds& limits) {
+                     const std::optional<RunAgreement>& agreement, const WarningThresholds& limits) {
   // Shares of the other run's poses. Chosen by hand.
   constexpr double kFarFewer = 0.8, kAsMany = 0.95;
   constexpr double kClearly = 0.9, kRather = 1.1;  // of the other's median residual; chosen by hand

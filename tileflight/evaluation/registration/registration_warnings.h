@@ -9,7 +9,7 @@ namespace tileflight::registration {
 inline constexpr double kSegmentErrorShare = 0.02, kMinSegmentError_m = 0.05;
 
 /// Adds the warnings about a registration; docs/trust.md gives the thresholds and how often they are right.
-void add_registration_doubts(const ObservedPoints& points, const RegistrationEvidence& evidence,
-                             RegistrationResult& registration);
+void add_registration_warnings(const ObservedPoints& points, const RegistrationEvidence& evidence,
+                               RegistrationResult& registration);
 
 }  // namespace tileflight::registration

@@ -1,4 +1,4 @@
-#include "tileflight/evaluation/registration/registration_doubts.h"
+#include "tileflight/evaluation/registration/registration_warnings.h"
 
 #include <algorithm>
 #include <cmath>
@@ -17,9 +17,8 @@ namespace {
 constexpr const char* kAlignment = "alignment";
 constexpr const char* kOdometry = "odometry";
 
-void add_doubt(RegistrationResult& r, const char* where, const char* how_sure, std::string what,
-               std::string what_to_do) {
-  r.doubts.push_back({std::move(what), where, how_sure, std::move(what_to_do)});
+void add_warning(RegistrationResult& r, const char* where, Severity severity, std::string what, std::string remedy) {
+  r.warnings.push_back({std::move(what), where, severity, std::move(remedy)});
 }
 
 bool is_recognised(const RegistrationResult& r) { return r.method == "pictures"; }
@@ -62,30 +61,31 @@ void check_path(RegistrationResult& r) {
   constexpr double kLeast_m = 0.02;                                       // what images may be located wrongly
   if (p.path_error_m > std::max(kLeast_m, kMentioned * p.path_length_m)) {
     const double share = p.path_error_m / p.path_length_m;
-    add_doubt(
+    add_warning(
         r, kOdometry,
-        share > kCertain ? "certain"
-        : share > kWrong ? "likely"
-                         : "possible",
+        share > kCertain ? Severity::kError
+        : share > kWrong ? Severity::kWarning
+                         : Severity::kNote,
         base::formatted("the path is distorted: the positions of %zu localized images differ by %.2f m (RMS) from "
                         "the best fit of the path, which is %.1f m long",
                         p.located, p.path_error_m, p.path_length_m),
         "use only the part that fits, another start frame, or a flight with less rotation in place");
   } else if (p.inliers < p.located && p.worst_m > std::max(kMinSegmentError_m, kSegmentErrorShare * p.path_length_m)) {
-    add_doubt(r, kOdometry, "likely",
-              base::formatted("a part of the path is off by up to %.2f m (around %.2f s): only %zu of %zu localized "
-                              "images agree with the path",
-                              p.worst_m, p.worst_time_s, p.inliers, p.located),
-              "check the images around that time; leave that part out");
+    add_warning(r, kOdometry, Severity::kWarning,
+                base::formatted("a part of the path is off by up to %.2f m (around %.2f s): only %zu of %zu localized "
+                                "images agree with the path",
+                                p.worst_m, p.worst_time_s, p.inliers, p.located),
+                "check the images around that time; leave that part out");
   }
 }
 
 /// Another place that was found where the images fit as well: nothing tells which one is right.
 void check_similar_place(RegistrationResult& r) {
   if (!r.similar_place_distance_m) return;
-  add_doubt(r, kAlignment, "likely",
-            base::formatted("the place is ambiguous: the images fit as well %.1f m away", *r.similar_place_distance_m),
-            "give telemetry, attitude or a start");
+  add_warning(
+      r, kAlignment, Severity::kWarning,
+      base::formatted("the place is ambiguous: the images fit as well %.1f m away", *r.similar_place_distance_m),
+      "give telemetry, attitude or a start");
 }
 
 /// A place that resembles the right one (another roof with the same tiles) lets some of the images be located there,
@@ -93,14 +93,14 @@ void check_similar_place(RegistrationResult& r) {
 void check_located_share(bool by_images_alone, RegistrationResult& r) {
   const PictureAgreement& p = *r.pictures;
   if (by_images_alone && 3 * p.inliers < 2 * p.tried) {
-    add_doubt(r, kAlignment, "likely",
-              base::formatted("the place was found by its resemblance, and only %zu of %zu images agree on it",
-                              p.inliers, p.tried),
-              "give telemetry, attitude or a start");
+    add_warning(r, kAlignment, Severity::kWarning,
+                base::formatted("the place was found by its resemblance, and only %zu of %zu images agree on it",
+                                p.inliers, p.tried),
+                "give telemetry, attitude or a start");
   } else if (3 * p.located < 2 * p.tried) {
-    add_doubt(r, kAlignment, "possible",
-              base::formatted("only %zu of %zu images were localized in the place", p.located, p.tried),
-              "check the other images: outside the place, blurred, or off the path");
+    add_warning(r, kAlignment, Severity::kNote,
+                base::formatted("only %zu of %zu images were localized in the place", p.located, p.tried),
+                "check the other images: outside the place, blurred, or off the path");
   }
 }
 
@@ -109,18 +109,18 @@ void check_pictures(bool by_images_alone, RegistrationResult& r) {
   const PictureAgreement& p = *r.pictures;
   if (!is_recognised(r)) {
     if (2 * p.located >= p.tried) check_path(r);
-    add_doubt(r, kAlignment, "likely",
-              base::formatted(
-                  "%zu of %zu images were localized in the textured place%s: the alignment relies on shapes alone",
-                  p.located, p.tried, p.located > 0 ? ", without agreeing on one position" : ""),
-              "check that the place matches the images (season, region, calibration), or give a start");
+    add_warning(r, kAlignment, Severity::kWarning,
+                base::formatted(
+                    "%zu of %zu images were localized in the textured place%s: the alignment relies on shapes alone",
+                    p.located, p.tried, p.located > 0 ? ", without agreeing on one position" : ""),
+                "check that the place matches the images (season, region, calibration), or give a start");
     return;
   }
   check_similar_place(r);
   check_located_share(by_images_alone, r);
   if (r.repetition_distance_m) {
-    add_doubt(
-        r, kAlignment, "likely",
+    add_warning(
+        r, kAlignment, Severity::kWarning,
         base::formatted(
             "the place's textures repeat: the images fit equally well %.2f m away, and the shapes do not resolve it",
             *r.repetition_distance_m),
@@ -137,14 +137,14 @@ double ray_score(const RegistrationResult& r) { return r.rays ? r.rays->score : 
 void check_shapes(RegistrationResult& r) {
   if (is_recognised(r)) return;
   if (!r.surface.converged) {
-    add_doubt(
-        r, kAlignment, "likely",
+    add_warning(
+        r, kAlignment, Severity::kWarning,
         base::formatted("the fit to the surface did not converge (its next step is %.3g m)", r.surface.last_step_m),
         "give a better start, or a region with more relief");
   }
   if (!r.surface.constraint.well_constrained) {
-    add_doubt(
-        r, kAlignment, "likely",
+    add_warning(
+        r, kAlignment, Severity::kWarning,
         "the surface hardly constrains " +
             (r.surface.constraint.weakest_motion.empty() ? std::string("any motion")
                                                          : r.surface.constraint.weakest_motion) +
@@ -154,10 +154,10 @@ void check_shapes(RegistrationResult& r) {
   constexpr double kRivalShare = 0.85;
   const double score = ray_score(r);
   if (r.runner_up_distance_m && r.runner_up_score > kRivalShare * score) {
-    add_doubt(r, kAlignment, "likely",
-              base::formatted("ambiguous: the map fits nearly as well %.1f m (RMS) away (score %.2f against %.2f)",
-                              *r.runner_up_distance_m, r.runner_up_score, score),
-              "give telemetry, attitude or a start");
+    add_warning(r, kAlignment, Severity::kWarning,
+                base::formatted("ambiguous: the map fits nearly as well %.1f m (RMS) away (score %.2f against %.2f)",
+                                *r.runner_up_distance_m, r.runner_up_score, score),
+                "give telemetry, attitude or a start");
   }
 }
 
@@ -189,24 +189,24 @@ void check_rays(bool by_images_alone, RegistrationResult& r) {
       100.0 * (r.rays ? r.rays->blocked_share : 0.0));
   if (is_recognised(r))
     what += base::formatted("; the place was found by its resemblance (correlation %.2f)", r.pictures->correlation);
-  const char* how_sure = looks_the_same(r) ? "possible" : score < 0.5 * least ? "certain" : "likely";
-  add_doubt(r, kAlignment, how_sure, what, "check place, region and telemetry; give a start");
+  Severity severity = looks_the_same(r) ? Severity::kNote : score < 0.5 * least ? Severity::kError : Severity::kWarning;
+  add_warning(r, kAlignment, severity, what, "check place, region and telemetry; give a start");
 }
 
 void check_ray_support(const ObservedPoints& points, RegistrationResult& r) {
   constexpr std::size_t kFewPoints = 300;
   constexpr double kLowShare = 0.25;
   if (r.surface.points < kFewPoints) {
-    add_doubt(r, kAlignment, "possible",
-              base::formatted("only %zu of the map's %zu points lie over the ground truth's region", r.surface.points,
-                              points.size()),
-              "extract a larger region");
+    add_warning(r, kAlignment, Severity::kNote,
+                base::formatted("only %zu of the map's %zu points lie over the ground truth's region", r.surface.points,
+                                points.size()),
+                "extract a larger region");
   } else if (r.surface.inlier_share < kLowShare) {
-    add_doubt(r, kAlignment, "likely",
-              base::formatted(
-                  "only %.0f %% of the map's points over the region agree with the surface within their own noise",
-                  100.0 * r.surface.inlier_share),
-              "check that the truth is of this place and time, and complete");
+    add_warning(r, kAlignment, Severity::kWarning,
+                base::formatted(
+                    "only %.0f %% of the map's points over the region agree with the surface within their own noise",
+                    100.0 * r.surface.inlier_share),
+                "check that the truth is of this place and time, and complete");
   }
 }
 
@@ -214,20 +214,21 @@ void check_ray_support(const ObservedPoints& points, RegistrationResult& r) {
 void check_sigma(RegistrationResult& r) {
   constexpr double kScored_m = 0.1, kUseless_m = 0.2, kSigmas = 2.0, kPathErrors = 3.0;
   if (std::isnan(r.sigma_m)) {
-    add_doubt(r, kAlignment, "possible",
-              "there are too few keyframes or images to estimate the uncertainty of the transform",
-              "fly farther, or at a higher frame rate");
+    add_warning(r, kAlignment, Severity::kNote,
+                "there are too few keyframes or images to estimate the uncertainty of the transform",
+                "fly farther, or at a higher frame rate");
     return;
   }
   const double path_error_m = is_recognised(r) && r.pictures ? r.pictures->path_error_m : 0.0;
   const bool may_be_wrong = kSigmas * r.sigma_m > std::max(kScored_m, kPathErrors * path_error_m);
   if (!may_be_wrong && r.sigma_m <= kScored_m) return;
-  add_doubt(r, kAlignment,
-            r.sigma_m > kUseless_m ? "certain"
-            : may_be_wrong         ? "likely"
-                                   : "possible",
-            base::formatted("the transform's uncertainty is %.2f m (one sigma, RMS over the map's points)", r.sigma_m),
-            "fly closer, along a longer path, or over a place with more relief or texture");
+  add_warning(
+      r, kAlignment,
+      r.sigma_m > kUseless_m ? Severity::kError
+      : may_be_wrong         ? Severity::kWarning
+                             : Severity::kNote,
+      base::formatted("the transform's uncertainty is %.2f m (one sigma, RMS over the map's points)", r.sigma_m),
+      "fly closer, along a longer path, or over a place with more relief or texture");
 }
 
 // ---- telemetry ----
@@ -241,27 +242,27 @@ void check_telemetry(const RegistrationEvidence& evidence, RegistrationResult& r
   const Vec3& apart = to.apart_m;
   constexpr double kSigmas = 5.0, kLeast_m = 3.0;
   if (std::abs(apart.z()) > std::max(kLeast_m, kSigmas * to.vertical_sigma_m)) {
-    add_doubt(
-        r, kAlignment, "likely",
+    add_warning(
+        r, kAlignment, Severity::kWarning,
         base::formatted("the telemetry's heights are %.1f m %s than the aligned map's: possibly another vertical datum",
                         std::abs(apart.z()), apart.z() > 0.0 ? "lower" : "higher"),
         "check the height reference of the log (--telemetry-height ellipsoid, sea-level or takeoff)");
   }
   if (apart.head<2>().norm() > std::max(kLeast_m, kSigmas * to.horizontal_sigma_m)) {
-    add_doubt(r, kAlignment, "likely",
-              base::formatted("the telemetry's positions are %.1f m east and %.1f m north of the aligned map's",
-                              -apart.x(), -apart.y()),
-              "check the ground truth's georeference and the log's clock");
+    add_warning(r, kAlignment, Severity::kWarning,
+                base::formatted("the telemetry's positions are %.1f m east and %.1f m north of the aligned map's",
+                                -apart.x(), -apart.y()),
+                "check the ground truth's georeference and the log's clock");
   }
   const double log_scale = std::log(r.T_local_map.scale / r.telemetry->T_local_map.scale);
   const double information = by_positions.estimate.information(6, 6);
   const double sigma = information > 0.0 ? 1.0 / std::sqrt(information) : 1.0;
   constexpr double kLeastScale = 0.03;
   if (std::abs(log_scale) > std::max(kLeastScale, kSigmas * sigma)) {
-    add_doubt(r, kAlignment, "likely",
-              base::formatted("the scale is %.3g times the telemetry's, whose uncertainty is %.1f %%",
-                              std::exp(log_scale), 100.0 * sigma),
-              "check that the log belongs to the video, and check the calibration");
+    add_warning(r, kAlignment, Severity::kWarning,
+                base::formatted("the scale is %.3g times the telemetry's, whose uncertainty is %.1f %%",
+                                std::exp(log_scale), 100.0 * sigma),
+                "check that the log belongs to the video, and check the calibration");
   }
 }
 
@@ -274,18 +275,18 @@ void check_gravity(const RegistrationEvidence& evidence, RegistrationResult& r) 
   const double cosine = (r.T_local_map.rotation * evidence.up->up_map.normalized()).z();
   const double off_rad = std::acos(std::clamp(cosine, -1.0, 1.0));
   if (off_rad < std::max(kLeast_rad, kSigmas * evidence.up->sigma_rad)) return;
-  add_doubt(r, kAlignment, is_recognised(r) ? "possible" : "likely",
-            base::formatted("the map's up direction is %.0f degrees away from %s", kDegrees * off_rad,
-                            evidence.up->given ? "--up" : "the inertial unit's gravity"),
-            evidence.up->given
-                ? "check --up: the direction opposite to gravity in the map's frame"
-                : "check T_cam_imu of the calibration, which maps the inertial unit's axes to the camera's");
+  add_warning(r, kAlignment, is_recognised(r) ? Severity::kNote : Severity::kWarning,
+              base::formatted("the map's up direction is %.0f degrees away from %s", kDegrees * off_rad,
+                              evidence.up->given ? "--up" : "the inertial unit's gravity"),
+              evidence.up->given
+                  ? "check --up: the direction opposite to gravity in the map's frame"
+                  : "check T_cam_imu of the calibration, which maps the inertial unit's axes to the camera's");
 }
 
 }  // namespace
 
-void add_registration_doubts(const ObservedPoints& points, const RegistrationEvidence& evidence,
-                             RegistrationResult& registration) {
+void add_registration_warnings(const ObservedPoints& points, const RegistrationEvidence& evidence,
+                               RegistrationResult& registration) {
   const bool by_images_alone = is_place_by_images_alone(evidence, registration);
   check_pictures(by_images_alone, registration);
   check_shapes(registration);

@@ -5,7 +5,7 @@
 #include <functional>
 #include <optional>
 
-#include "tileflight/core/base/doubt.h"
+#include "tileflight/core/base/warning.h"
 #include "tileflight/slam/odometry/odometry.h"
 #include "tileflight/slam/odometry/run_comparison.h"
 
@@ -13,17 +13,17 @@ namespace tileflight::odometry {
 
 /// Thresholds above which a warning is reported. Measured on the flights of the proving ground (tests/proving_ground);
 /// docs/trust.md describes them.
-struct DoubtThresholds {
+struct WarningThresholds {
   double min_tracked_share = 0.95;        ///< share of the images
   double few_missing_share = 0.2;         ///< of the images: as many without a pose leave a verdict on the rest
   std::int64_t min_frames = 20;           ///< tracked frames; fewer are not enough for a judgement
   double saturated_share = 0.13;          ///< share of an image's points with a residual above the cut-off
   double saturated_likely_share = 0.3;    ///< from which on, or from that share of the images on with more than the one
-  double saturated_likely_frames = 0.05;  ///< above, the warning is more than "possible"
+  double saturated_likely_frames = 0.05;  ///< above, the warning is more than Severity::kNote
   double sigma_log_scale = 0.0013;        ///< standard deviation of log(scale at the end / scale at the start)
   double velocity_change = 1.5;           ///< between two images, in units of the flight's 95th percentile of speed
   double systematic_px = 0.04;  ///< displacement common to the keyframes; from `systematic_likely_px` on the warning is
-                                ///< more than "possible"
+                                ///< more than Severity::kNote
   double systematic_likely_px = 0.15;
   double systematic_sigmas = 2.0;
   double sigma_metric_scale = 0.01;  ///< the same where stereo cameras give the scale, of its middle value
@@ -34,17 +34,17 @@ struct DoubtThresholds {
 
 /// Warnings, most certain first; empty for a flight that went well. `frames`: number of input images; `name_of`: image
 /// name for an InputFrame::index. `second`: agreement with a second run, if there was one.
-Doubts find_doubts(const OdometryResult& result, std::int64_t frames,
-                   const std::function<std::string(std::int64_t)>& name_of,
-                   const std::optional<RunAgreement>& second = {}, const DoubtThresholds& limits = {});
+Warnings find_warnings(const OdometryResult& result, std::int64_t frames,
+                       const std::function<std::string(std::int64_t)>& name_of,
+                       const std::optional<RunAgreement>& second = {}, const WarningThresholds& limits = {});
 
-/// Those of find_doubts() that suspect the path as a whole: the two directions disagree, or the scale may have drifted.
-/// An independent measurement of the path answers them.
-Doubts find_path_doubts(const OdometryResult& result, const std::function<std::string(std::int64_t)>& name_of,
-                        const std::optional<RunAgreement>& second = {}, const DoubtThresholds& limits = {});
+/// Those of find_warnings() that suspect the path as a whole: the two directions disagree, or the scale may have
+/// drifted. An independent measurement of the path answers them.
+Warnings find_path_warnings(const OdometryResult& result, const std::function<std::string(std::int64_t)>& name_of,
+                            const std::optional<RunAgreement>& second = {}, const WarningThresholds& limits = {});
 
-/// Whether find_doubts() has any of a run alone.
-bool has_own_doubts(const OdometryResult& result, const DoubtThresholds& limits = {});
+/// Whether find_warnings() has any of a run alone.
+bool has_own_warnings(const OdometryResult& result, const WarningThresholds& limits = {});
 
 /// Which of two runs over the same images to use.
 enum class RunChoice {
@@ -59,6 +59,6 @@ enum class RunChoice {
 /// tenth; rather the worse one if that residual is not smaller by a tenth.
 /// `agreement`: between both trajectories at the same times.
 RunChoice choose_run(const OdometryResult& first, const OdometryResult& second,
-                     const std::optional<RunAgreement>& agreement, const DoubtThresholds& limits = {});
+                     const std::optional<RunAgreement>& agreement, const WarningThresholds& limits = {});
 
 }  // namespace tileflight::odometry
