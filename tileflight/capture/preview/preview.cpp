@@ -75,7 +75,7 @@ std::vector<std::string> missing_tile_warnings(const std::vector<place::MissingT
   return lines;
 }
 
-/// A line if pictures show coarser tiles than the flight will; empty if not.
+/// Warns if images show coarser tiles than the flight needs; empty if not.
 std::vector<std::string> coarser_picture_warnings(const PreviewedFlight& flight,
                                                   const std::vector<SamplePicture>& pictures) {
   double largest_px = 0.0;
@@ -87,12 +87,12 @@ std::vector<std::string> coarser_picture_warnings(const PreviewedFlight& flight,
   }
   if (names.empty()) return {};
   return {
-      base::formatted("%s: coarser tiles, of up to %.3g pixels of error, because of the memory limit (--memory); "
-                      "`render` divides such frames, which takes longer than estimated here",
+      base::formatted("%s: coarser tiles, of up to %.3g pixels of error, because of the memory limit; `render` refuses "
+                      "frames that do not fit: raise the limit (--memory) or request coarser tiles (--pixel-error)",
                       names.c_str(), largest_px)};
 }
 
-/// A line about a flight that stays beside the place; empty if it does not.
+/// Warns about a flight that stays beside the place; empty if it does not.
 std::vector<std::string> beside_place_warnings(const PreviewedFlight& flight) {
   const double away_m = distance_to_place_m(flight);
   if (!(away_m > 0)) return {};

@@ -60,8 +60,8 @@ SurroundingTiles read_surroundings(PreviewedFlight& flight, const Progress& prog
 
 namespace {
 
-/// The tiles that the picture's frame shows, as `render` selects them, or coarser ones if they do not fit into memory:
-/// `render` would divide the frame. Sets the picture's `error_px`.
+/// Reads the tiles that the image's frame shows, as `render` selects them, or coarser ones if they do not fit into
+/// memory. Sets the picture's `error_px`.
 place::PlacePart read_tiles_of(PreviewedFlight& flight, const recording::FrameGroups& groups, SamplePicture& picture,
                                const Progress& progress) {
   constexpr double kCoarsest = 256.0;  // times the error asked for

@@ -151,7 +151,7 @@ void write_flight_metadata(dataset::DatasetWriter& writer, const PlannedFlight& 
 
 constexpr const char* kEventsFile = "events.h5";
 
-/// Frames arrive from several threads in any order; a video needs them in sequence.
+/// Passes on frames in sequence, as a video needs them; they arrive from several threads in any order.
 class FrameReorderBuffer {
  public:
   explicit FrameReorderBuffer(std::function<void(const imaging::RgbImage&)> take) : sink_(std::move(take)) {}
@@ -204,7 +204,7 @@ void add_video_frames(const fs::path& video, const geometry::Trajectory& frames,
   queue.finish();
 }
 
-/// FrameAssignment::segmentation_runs_folder of one camera.
+/// Returns FrameAssignment::segmentation_runs_folder() for one camera.
 fs::path runs_folder(const FrameAssignment& share, const PlannedFlight& mission, std::size_t camera) {
   const fs::path runs = share.segmentation_runs_folder();
   if (camera == 0 || runs.empty()) return runs;
@@ -332,7 +332,7 @@ struct DatasetRenderer::Impl {
     return frames;
   }
 
-  /// The first camera is the last: its folder is the dataset.
+  /// Completes a camera's folder. The first camera is the last, since its folder is the dataset.
   void finish_camera(std::size_t number, const std::vector<FrameRecord>& frames) {
     const PlannedCamera& camera = mission_.camera(number);
     CameraFiles& files = *cameras_[number];

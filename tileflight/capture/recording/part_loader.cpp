@@ -164,8 +164,8 @@ std::uintmax_t PartLoader::bytes_for_building() const {
   return static_cast<std::uintmax_t>(kBuildingShare * static_cast<double>(max_memory_bytes_));
 }
 
-/// Missing ones of the contents, as many as are likely to fit into a part of `room_bytes`, at least one; those of one
-/// file, which is decoded once, together.
+/// Chooses the contents to read next: missing ones, as many as are likely to fit into a part of `room_bytes`, at least
+/// one. Those of one file, which is decoded once, come together.
 PartLoader::Contents PartLoader::next_batch(const Contents& contents, std::uintmax_t room_bytes) const {
   constexpr std::uintmax_t kFirst = 16, kMost = 128;
   Contents batch;

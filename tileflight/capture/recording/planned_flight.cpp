@@ -38,14 +38,15 @@ std::vector<geometry::SE3> exposure_poses(const PlannedCamera& camera, std::size
   return poses;
 }
 
-/// The product, exactly one of the two where the other is the identity.
+/// Multiplies two poses; if one is the identity, the result is exactly the other.
 geometry::SE3 composed(const geometry::SE3& T_a_b, const geometry::SE3& T_b_c) {
   if (T_b_c.matrix().isIdentity(0.0)) return T_a_b;
   return T_a_b.matrix().isIdentity(0.0) ? T_b_c : T_a_b * T_b_c;
 }
 
-/// The body's poses at the moments of a camera's exposures, on the flight's clock: those of the flight's instants, or
-/// of the camera's own rate from the first to the last of them; later by its offset, as far as the path goes.
+/// Returns the body's poses at the moments of a camera's exposures, on the flight's clock: at the flight's instants, or
+/// at the camera's own rate from the first to the last of them. They are later by the camera's offset, as far as the
+/// path goes.
 geometry::Trajectory exposure_instants(const MountedCamera& camera, const flight_path::Path& path,
                                        const geometry::Trajectory& body) {
   constexpr double kRounding_s = 1e-9;
@@ -65,7 +66,7 @@ geometry::Trajectory exposure_instants(const MountedCamera& camera, const flight
   return instants;
 }
 
-/// Cameras of a rig have noise of their own.
+/// Gives the cameras of a rig noise of their own.
 std::uint64_t noise_seed(std::uint64_t seed, std::size_t camera) {
   return camera == 0 ? seed : base::stream_key(seed, camera);
 }
@@ -99,7 +100,7 @@ PlannedCamera plan_camera(const MountedCamera& mount, std::size_t number, const 
   return camera;
 }
 
-/// Before any of them is planned.
+/// Throws InputError for more than kMostImages images, before any of them is planned.
 void require_few_images(const std::vector<MountedCamera>& cameras, const geometry::Trajectory& body) {
   const double span_s = body.poses.back().time_s - body.poses.front().time_s;
   double images = 0.0;
@@ -117,7 +118,7 @@ std::shared_ptr<const render::WeatherOptions> read_seeded_weather(const RenderSe
   return std::make_shared<const render::WeatherOptions>(*weather);
 }
 
-/// Cars and people are seen by all cameras, each by its own clock.
+/// Shows cars and people to all cameras, each by its own clock.
 void show_traffic(PlannedFlight& mission) {
   const auto placed_at = [&mission](double shift_s) {
     return [traffic = mission.traffic, shift_s](double from_s, double to_s) {
