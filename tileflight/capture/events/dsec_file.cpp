@@ -211,8 +211,6 @@ dataset::ExportResult export_dsec(const dataset::Rig& rig, const fs::path& folde
 
 namespace {
 
-namespace fs = std::filesystem;
-
 constexpr hsize_t kChunk = hsize_t{1} << 16U;  // events
 constexpr unsigned kDeflateLevel = 3;
 

@@ -52,7 +52,6 @@ void write_followed_flight(const fs::path& real, const std::optional<flight_path
   });
 }
 
-namespace fs = std::filesystem;
 namespace {
 
 using geometry::SE3;
