@@ -103,9 +103,9 @@ TEST_F(FrameTasks, FramesOfOtherSettingsAreNotTakenUp) {
               HasSubstr("frames of an earlier render are not reused, because these inputs differ: path and camera, "
                         "program, seed, settings, source"));
   ASSERT_EQ(render("new", {}).exit_code, 0);
-  expect_same_files(folder_ / "new", folder_ / "data");
+  tests::expect_same_files(folder_ / "new", folder_ / "data");
   ASSERT_EQ(render("kept", {"--resume"}).exit_code, 0);
-  expect_same_files(folder_ / "new", folder_ / "kept");
+  tests::expect_same_files(folder_ / "new", folder_ / "kept");
   EXPECT_FALSE(fs::exists(folder_ / ".kept.frames"));
 }
 
