@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "tileflight/capture/recording/content_memory.h"
+#include "tileflight/capture/render/frame_renderer.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/memory_budget.h"
 #include "tileflight/world/place/extract.h"

@@ -50,7 +50,7 @@ TEST(KeptFrames, ComeBackToThoseWhoMakeTheSame) {
     kept.add(7, near);
     kept.add(1234567, blocked);
     EXPECT_THAT(refusal_of([&] { FrameStore::prepare(out, {}); }), HasSubstr("another process is working in it"));
-    EXPECT_THAT(refusal_of([&] { FrameStore(out); }), HasSubstr("another process is working in it"));
+    EXPECT_THAT(refusal_of([&] { FrameStore{out}; }), HasSubstr("another process is working in it"));
   }
   base::write_file(FrameStore::folder_for(out) / "frames/000009.json", "{\"exposure_ms\": 1");
   EXPECT_EQ(FrameStore::prepare(out / "", {{"program", "a"}, {"seed", 1}}), "");
