@@ -19,6 +19,7 @@
 #include "tileflight/core/base/random_numbers.h"
 #include "tileflight/core/base/require.h"
 #include "tileflight/core/base/simd.h"
+#include "tileflight/core/base/strict_section.h"
 #include "tileflight/core/base/text_parsing.h"
 
 namespace tileflight::render {

@@ -9,9 +9,12 @@
 #include "tileflight/capture/render/camera_renderer.h"
 #include "tileflight/capture/render/daylight.h"
 #include "tileflight/capture/render/linear_color.h"
-#include "tileflight/core/base/strict_section.h"
 #include "tileflight/core/imaging/image.h"
 #include "tileflight/core/imaging/photometric.h"
+
+namespace tileflight::base {
+class StrictSection;
+}
 
 namespace tileflight::render {
 
