@@ -1,7 +1,7 @@
 #include <sstream>
 
 #include "command.h"
-#include "tileflight/capture/events/dsec_export.h"
+#include "tileflight/capture/events/dsec_file.h"
 #include "tileflight/core/base/output_folder.h"
 #include "tileflight/data/exports/export_dataset.h"
 #include "tileflight/data/exports/mcap.h"

@@ -7,7 +7,6 @@
 
 #include "command.h"
 #include "input_options.h"
-#include "mpi_ranks.h"
 #include "number_text.h"
 #include "task_options.h"
 #include "tileflight/core/base/formatted_text.h"
@@ -130,7 +129,7 @@ void add_block_options(CLI::App& command, ExtractOptions& options) {
       .add_flag(
           "--resume", options.resume,
           "keep finished blocks beside the output until it is complete, and reuse those of an interrupted extract; "
-          "always on under mpirun and where such blocks exist")
+          "always on where such blocks exist")
       ->needs("--block");
   add_task_options(command, options.tasks, "the blocks");
   for (const char* name : {"--jobs", "--slurm"}) command.get_option(name)->needs("--block")->excludes(part);
@@ -152,11 +151,7 @@ Output extract(const ExtractOptions& options, const CommonOptions& shared, const
     const nlohmann::json result = extract_in_tasks(settings, options, shared, progress);
     return {result, extract_summary(result, options.out)};
   }
-  const nlohmann::json result = run_among_ranks([&](jobs::Ranks* ranks) {
-    settings.processes = ranks == nullptr ? 1 : ranks->count();
-    return to_json(place::extract(settings, options.out, shared.force, progress, ranks));
-  });
-  if (result.is_null()) return {};  // another process prints
+  const nlohmann::json result = to_json(place::extract(settings, options.out, shared.force, progress));
   if (settings.part) return {result, part_summary(result["build"], options.out)};
   return {result, extract_summary(result, options.out)};
 }
@@ -168,9 +163,8 @@ void add_extract(CLI::App& app, CommonOptions& common, Selection& selection) {
   CLI::App* command = app.add_subcommand("extract", "ground truth of a region: mesh, surface points, voxels");
   command->footer(
       "Example:\n  tileflight extract tiles/tileset.json --center 35.310344,-80.740007,215 --size 250,250,60 --out "
-      "truth\nSeveral processes share the blocks of a large region:\n  mpirun --bind-to none -n 4 tileflight extract "
-      "... "
-      "--block 400\n  tileflight extract ... --block 400 --slurm --jobs 40");
+      "truth\nSeveral processes share the blocks of a large region:\n  tileflight extract ... --block 400 --jobs 4\n  "
+      "tileflight extract ... --block 400 --slurm --jobs 40");
   command->add_option("SOURCE", options->source, kSourceHelp)->required();
   add_region_options(*command, options->region);
   command->add_option("--voxel", options->voxel_m, "edge of a voxel, metres (default 1)")->check(CLI::PositiveNumber);
@@ -184,7 +178,6 @@ void add_extract(CLI::App& app, CommonOptions& common, Selection& selection) {
   add_source_options(*command, options->source_arguments);
   add_common_options(*command, common);
   command->callback([options, &selection] {
-    selection.has_ranks = !options->block.empty() && !options->tasks.wanted();
     selection.run = [options](const CommonOptions& shared, const Progress& progress) {
       return extract(*options, shared, progress);
     };

@@ -70,23 +70,6 @@ TEST(SensorRecorder, AFlightInPartsGivesTheSameFiles) {
   EXPECT_EQ(whole.description().at("sensors.lidar.scans"), "12");
 }
 
-TEST(SensorRecorder, SeveralProcessesGiveTheSameFiles) {
-  const tests::TemporaryFolder folder;
-  const scene::Scene scene = ground();
-  fs::create_directories(folder / "whole");
-  fs::create_directories(folder / "shared");
-  SensorRecorder whole = files(), first = files(), idle = files(), second = files();
-  whole.record(scene, {}, at(0), at(21), folder / "whole");
-  first.record(scene, {}, at(0), at(9), folder / "shared");
-  second.record(scene, {}, at(9), at(21), folder / "shared");
-  first.set_recorded({first.recorded(), idle.recorded(), second.recorded()});
-  whole.write({}, 3.0, folder / "whole");
-  first.write({}, 3.0, folder / "shared");
-  for (const char* file : {"range.csv", "lidar/times.txt", "lidar/poses.txt", "lidar/000011.ply"})
-    EXPECT_EQ(base::read_text(folder / "whole" / file), base::read_text(folder / "shared" / file)) << file;
-  EXPECT_EQ(first.description().at("sensors.lidar.scans"), "12");
-}
-
 TEST(SensorRecorder, TimesAreTheDatasetsClock) {
   const tests::TemporaryFolder folder;
   SensorRecorder sensors = files();

@@ -137,7 +137,7 @@ bool is_locked(const fs::path& file) {
 
 /// Files of parts are named apart from those of whole jobs.
 std::string file_name(const std::string& name, Share share) {
-  return (share == Share::kPart ? "part-" : "rank-") + name;
+  return (share == Share::kPart ? "part-" : "whole-") + name;
 }
 
 /// Whether a process at work there keeps one of this share out.
@@ -230,19 +230,6 @@ BuildFolder::BuildFolder(fs::path folder, const std::string& name, Share share) 
 
 BuildFolder::~BuildFolder() {
   if (lock_ >= 0) ::close(lock_);
-}
-
-std::string BuildFolder::describe_ended(int rank, int ranks) const {
-  std::string ended;
-  for (int r = 0; r < ranks; ++r) {
-    if (r == rank) continue;
-    if (!is_locked(folder_ / kMembers / file_name(std::to_string(r), Share::kWhole))) {
-      ended += (ended.empty() ? "rank " : ", rank ") + std::to_string(r);
-    } else if (r < rank) {
-      return "";
-    }
-  }
-  return ended.empty() ? "stopped" : ended + " of " + std::to_string(ranks) + " died";
 }
 
 void BuildFolder::remove() const {

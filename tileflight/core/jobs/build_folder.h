@@ -26,7 +26,7 @@ class FolderLock {
 
 /// The share of a build folder's work that one process does.
 enum class Share {
-  kWhole,  ///< all of it, or as a rank of one job: no other job may use the folder
+  kWhole,  ///< all of it: no other job may use the folder
   kPart,   ///< one part, while other processes do the other parts
 };
 
@@ -57,9 +57,6 @@ class BuildFolder {
   BuildFolder& operator=(const BuildFolder&) = delete;
 
   const std::filesystem::path& path() const { return folder_; }
-  /// Describes which ranks of a job, whose names are their numbers, have ended, as seen by one of them: "rank 1 of 3
-  /// died", or "stopped" if none has. Empty if a lower rank is alive, which then reports it.
-  std::string describe_ended(int rank, int ranks) const;
   /// Removes the folder once its work is elsewhere.
   void remove() const;
 

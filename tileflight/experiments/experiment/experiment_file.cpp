@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "tileflight/capture/render/image_formation_section.h"
+#include "tileflight/capture/render/image_formation.h"
 #include "tileflight/core/base/strict_section.h"
 #include "tileflight/core/base/text_parsing.h"
 #include "tileflight/experiments/experiment/command_files.h"

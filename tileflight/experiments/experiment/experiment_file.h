@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/capture/flight_path/smoothing.h"
+#include "tileflight/capture/flight_path/smooth_path.h"
 #include "tileflight/capture/ingest/ingest_stage.h"
-#include "tileflight/capture/recording/flight_settings.h"
+#include "tileflight/capture/recording/render_stage.h"
 #include "tileflight/capture/render/image_formation.h"
 #include "tileflight/core/alignment/align_map.h"
 #include "tileflight/core/base/strict_section.h"

@@ -4,7 +4,6 @@
 #include <nlohmann/json.hpp>
 
 #include "tileflight/capture/ingest/ingest_stage.h"
-#include "tileflight/capture/recording/followed_flight.h"
 #include "tileflight/capture/recording/render_stage.h"
 #include "tileflight/capture/recording/reproduction.h"
 #include "tileflight/core/base/files.h"

@@ -301,7 +301,7 @@ GroundTruthReport Place::ground_truth(const Vector3r& center, const Vector3r& si
   settings.load.max_memory_bytes = world_.options.max_memory_bytes;
   settings.load.center_local = box.center();
   if (world_.working_set.local_frame()) settings.load.origin = world_.working_set.local_frame()->origin();
-  return {path.string(), place::extract(settings, path, true).dump()};
+  return {path.string(), to_json(place::extract(settings, path, true)).dump()};
 }
 
 }  // namespace tileflight::simulator

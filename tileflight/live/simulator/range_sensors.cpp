@@ -8,7 +8,7 @@
 #include <numbers>
 #include <optional>
 
-#include "tileflight/capture/render/reflectance.h"
+#include "tileflight/capture/render/surface_color.h"
 #include "tileflight/live/simulator/frames.h"
 
 namespace tileflight::simulator {

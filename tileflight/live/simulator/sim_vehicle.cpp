@@ -211,7 +211,7 @@ bool SimVehicle::landed() const {
 
 std::vector<vehicle::Rotor> SimVehicle::rotors() const {
   if (multirotor_) return multirotor_->airframe().rotors;
-  return {options_.quadrotor.rotors.begin(), options_.quadrotor.rotors.end()};
+  return options_.quadrotor.rotors;
 }
 
 std::vector<double> SimVehicle::rotor_speeds_rad_s() const {

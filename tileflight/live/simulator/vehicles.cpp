@@ -194,7 +194,7 @@ MultirotorState Vehicles::get_multirotor_state(const std::string& vehicle) const
 RotorStates Vehicles::get_rotor_states(const std::string& vehicle) const {
   const std::lock_guard lock(world_.state_mutex);
   const SimVehicle& sim_vehicle = world_.require_multirotor(vehicle, "getRotorStates");
-  const vehicle::QuadrotorOptions& options = sim_vehicle.options().quadrotor;
+  const vehicle::MultirotorOptions& options = sim_vehicle.options().quadrotor;
   const std::vector<vehicle::Rotor> rotors = sim_vehicle.rotors();
   const std::vector<double> speeds = sim_vehicle.rotor_speeds_rad_s();
   RotorStates states;

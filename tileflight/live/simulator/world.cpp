@@ -5,7 +5,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "tileflight/capture/sensors/geomagnetic_field.h"
+#include "tileflight/capture/sensors/magnetometer.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/live/simulator/frames.h"
 #include "tileflight/live/simulator/settings.h"

@@ -131,35 +131,26 @@ struct OpenRegion {
   tileset::RegionReader reader;
 };
 
-Extraction extract_in_blocks(const ExtractSettings& settings, const base::OutputFolder& output, jobs::Ranks& ranks,
+Extraction extract_in_blocks(const ExtractSettings& settings, const base::OutputFolder& output,
                              const Progress& progress) {
   const auto start = std::chrono::steady_clock::now();
-  std::optional<OpenRegion> region;
-  run_collectively(ranks, [&] {
-    if (ranks.rank() == 0 && !settings.part) base::require_writable(output);
-    region.emplace(settings, progress);
-    if (ranks.rank() == 0 && !settings.part) require_affordable(region->reader, settings, output.folder);
-  });
-  TruthBlocks blocks(region->reader, settings, output.folder, ranks, progress);
+  if (!settings.part) base::require_writable(output);
+  OpenRegion region(settings, progress);
+  if (!settings.part) require_affordable(region.reader, settings, output.folder);
+  TruthBlocks blocks(region.reader, settings, output.folder, progress);
   blocks.make();
-  BlockBuild build{
-      .ranks = ranks.count(), .blocks = blocks.count(), .blocks_reused = blocks.reused(), .note = blocks.note()};
+  BlockBuild build{.blocks = blocks.count(), .blocks_reused = blocks.reused(), .note = blocks.note()};
   if (settings.part) {
     build.part = settings.part;
     build.blocks_made = blocks.made();
     return {std::nullopt, build};
   }
-  Extraction made;
-  run_collectively(ranks, [&] {
-    if (ranks.rank() != 0) return;
-    const TruthCounts truth = blocks.join();
-    const ExtractResult result = describe(settings, region->reader.summary(), truth, start);
-    write_extract_json(result, blocks.truth_folder());
-    base::install_folder(blocks.truth_folder(), output);
-    blocks.remove();
-    made = {result, build};
-  });
-  return made;
+  const TruthCounts truth = blocks.join();
+  const ExtractResult result = describe(settings, region.reader.summary(), truth, start);
+  write_extract_json(result, blocks.truth_folder());
+  base::install_folder(blocks.truth_folder(), output);
+  blocks.remove();
+  return {result, build};
 }
 
 }  // namespace
@@ -172,13 +163,9 @@ base::OutputFolder extract_output(const ExtractSettings& settings, const std::fi
 }
 
 Extraction extract(const ExtractSettings& settings, const std::filesystem::path& folder, bool replace,
-                   const Progress& progress, jobs::Ranks* given_ranks) {
+                   const Progress& progress) {
   const base::OutputFolder output = extract_output(settings, folder, replace);
-  if (settings.block_m) {
-    jobs::SingleRank alone;
-    jobs::Ranks& ranks = given_ranks == nullptr ? alone : *given_ranks;
-    return extract_in_blocks(settings, output, ranks, ranks.rank() == 0 ? progress : Progress());
-  }
+  if (settings.block_m) return extract_in_blocks(settings, output, progress);
   const auto start = std::chrono::steady_clock::now();
   base::require_writable(output);
   OpenRegion region(settings, progress);
@@ -197,7 +184,7 @@ json to_json(const Extraction& extraction) {
   if (!extraction.build) return about;
   const BlockBuild& build = *extraction.build;
   json& out = about["build"];
-  out = {{"ranks", build.ranks}, {"blocks", build.blocks}, {"blocks_reused", build.blocks_reused}};
+  out = {{"blocks", build.blocks}, {"blocks_reused", build.blocks_reused}};
   if (!build.note.empty()) out["note"] = build.note;
   if (build.part) {
     out["part"] = {build.part->number, build.part->count};

@@ -9,7 +9,6 @@
 
 #include "tileflight/core/base/output_folder.h"
 #include "tileflight/core/base/progress.h"
-#include "tileflight/core/jobs/ranks.h"
 #include "tileflight/tiles/tileset/load.h"
 #include "tileflight/world/place/extract_cost.h"
 #include "tileflight/world/place/extract_result.h"
@@ -33,7 +32,7 @@ struct ExtractSettings {
   /// Number of processes that share this machine's memory, if the blocks are chosen by memory.
   int processes = 1;
   /// Keep finished blocks beside the output until it is complete, and reuse those of an earlier job (block_store.h).
-  /// Always on with several ranks or parts, and where such blocks exist.
+  /// Always on with parts, and where such blocks exist.
   bool resume = false;
   std::optional<JobPart> part;  ///< make only this part of the blocks, for a later extract with `resume`
   /// Memory that the extraction may take, bytes; default: what is available (available_memory_bytes).
@@ -42,7 +41,6 @@ struct ExtractSettings {
 
 /// How the blocks of a ground truth were made.
 struct BlockBuild {
-  int ranks = 1;  ///< processes that shared the blocks
   std::size_t blocks = 0;
   std::size_t blocks_reused = 0;  ///< blocks that an earlier job had made
   std::string note{};  ///< why blocks of an earlier job were not reused; empty: they were, or there were none
@@ -52,21 +50,19 @@ struct BlockBuild {
 
 /// What extract() did.
 struct Extraction {
-  std::optional<ExtractResult> result;  ///< content of extract.json; nullopt: only a part, or another rank has it
+  std::optional<ExtractResult> result;  ///< content of extract.json; nullopt: only a part was made
   std::optional<BlockBuild> build;      ///< with blocks
 };
 
 /// Reads the region's tiles and writes its ground truth atomically as a folder: mesh.glb, surface.ply, voxels.binvox,
 /// voxels.ply, octree.bt and extract.json. With blocks, each block is such a folder (without extract.json), index.json
 /// names them, and memory depends on the block, not on the region. Cells, triangles and samples are together exactly
-/// those without blocks. With a part, no output is written. `ranks`: processes that share the blocks; all are called
-/// with the same arguments, and the first one returns the result. If one fails, all throw (CollectiveError). Throws
-/// InputError, before most tiles are read if the memory, the disk or the size of a GLB file certainly does not suffice
+/// those without blocks. With a part, no output is written. Throws InputError, before most tiles are read if the memory, the disk or the size of a GLB file certainly does not suffice
 /// (extract_cost.h).
 Extraction extract(const ExtractSettings& settings, const std::filesystem::path& folder, bool replace,
-                   const Progress& progress = {}, jobs::Ranks* ranks = nullptr);
+                   const Progress& progress = {});
 
-/// Converts to the JSON of the result with `build`: {ranks, blocks, blocks_reused, note, part, blocks_made} in it; null
+/// Converts to the JSON of the result with `build`: {blocks, blocks_reused, note, part, blocks_made} in it; null
 /// if there is neither.
 nlohmann::json to_json(const Extraction& extraction);
 

@@ -3,14 +3,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <mutex>
 #include <nlohmann/json.hpp>
 
 #include "tests/refusal.h"
 #include "tests/same_files.h"
 #include "tests/temporary_folder.h"
 #include "tests/tiny_place.h"
-#include "tileflight/core/jobs/test_ranks.h"
 #include "tileflight/world/place/block_plan.h"
 #include "tileflight/world/place/block_store.h"
 
@@ -83,26 +81,12 @@ class TruthInBlocks : public ::testing::Test {
   tests::TemporaryFolder folder_;
 };
 
-TEST_F(TruthInBlocks, IsTheSameByRanks) {
+TEST_F(TruthInBlocks, IsTheSameAsInOnePiece) {
   extract(settings(), folder_ / "alone", false);
   ExtractSettings whole = settings();
   whole.block_m.reset();
   extract(whole, folder_ / "whole", false);
   EXPECT_EQ(without_seconds("whole"), without_seconds("alone"));
-  for (const int count : {2, 3, 4}) {
-    const std::string out = "by" + std::to_string(count);
-    jobs::test_support::ThreadRanks ranks(count);
-    std::mutex mutex;
-    int results = 0;
-    ranks.run([&](jobs::Ranks& rank) {
-      const Extraction made = extract(settings(), folder_ / out, false, {}, &rank);
-      const std::lock_guard lock(mutex);
-      results += made.result ? 1 : 0;
-      EXPECT_EQ(made.result.has_value(), rank.rank() == 0);
-    });
-    EXPECT_EQ(results, 1);
-    expect_same("alone", out);
-  }
 }
 
 TEST_F(TruthInBlocks, IsTheSameInPartsAndGoesOnFromThem) {

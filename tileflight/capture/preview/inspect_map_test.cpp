@@ -1,10 +1,10 @@
-#include "tileflight/capture/preview/propose_region.h"
+#include "tileflight/capture/preview/inspect_map.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <nlohmann/json.hpp>
 
 #include <cmath>
+#include <nlohmann/json.hpp>
 
 namespace tileflight::preview::propose_region_test {
 namespace {

@@ -1,5 +1,5 @@
 // Repeating a scored flight, whose folder is created by hand.
-#include "tileflight/capture/recording/followed_flight.h"
+#include "tileflight/capture/recording/reproduction.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -9,11 +9,11 @@
 
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
+#include "tileflight/capture/flight_path/path.h"
+#include "tileflight/capture/vehicle/flight_plan.h"
 #include "tileflight/core/alignment/transform_file.h"
 #include "tileflight/core/base/files.h"
-#include "tileflight/capture/flight_path/path.h"
 #include "tileflight/core/imaging/camera.h"
-#include "tileflight/capture/vehicle/flight_plan.h"
 
 namespace tileflight::recording::followed_flight_test {
 namespace {
@@ -52,7 +52,8 @@ const geometry::Sim3& T_local_map() {
 class FollowedFlight : public testing::Test {
  protected:
   /// The path of the repeated flight if odometry estimated `poses`.
-  flight_path::Path followed(const geometry::Trajectory& poses, const std::optional<flight_path::SmoothingOptions>& smoothing) {
+  flight_path::Path followed(const geometry::Trajectory& poses,
+                             const std::optional<flight_path::SmoothingOptions>& smoothing) {
     const auto real = folder_ / "real";
     std::filesystem::create_directories(real / "odometry");
     std::filesystem::create_directories(real / "dataset");
