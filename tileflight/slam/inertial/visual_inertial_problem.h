@@ -15,9 +15,9 @@
 
 #include <vector>
 
+#include "tileflight/slam/inertial/factors.h"
 #include "tileflight/slam/inertial/imu_check.h"
 #include "tileflight/slam/inertial/sparse_least_squares.h"
-#include "tileflight/slam/inertial/visual_factor.h"
 #include "tileflight/slam/inertial/visual_keyframe.h"
 
 namespace tileflight::inertial {

@@ -7,7 +7,12 @@
 // Each of the two alignments is in the units of the keyframe whose points it uses: at a loop the map may have another
 // scale than where the place was first seen. The ratio comes from the distances of points that both keyframes see.
 
+// Inverse distances of points by the pixel that they project to.
+
+#include <Eigen/Core>
+#include <map>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "tileflight/core/geometry/decompositions.h"
@@ -15,6 +20,26 @@
 #include "tileflight/slam/mapping/map.h"
 
 namespace tileflight::loop_closure {
+
+struct KnownPixel {
+  Eigen::Vector2f pixel;
+  float rho = 0.0F;
+};
+
+/// Points projected into a keyframe, in a grid of square cells.
+class PixelGrid {
+ public:
+  static constexpr float kCell_px = 16.0F;
+
+  void add(const KnownPixel& known) { cells_[key(known.pixel)].push_back(known); }
+  /// Inverse distances of the points within `radius_px`, which is at most one cell.
+  std::vector<float> rho_within(const Eigen::Vector2f& pixel, float radius_px) const;
+
+ private:
+  static std::pair<int, int> key(const Eigen::Vector2f& pixel);
+
+  std::map<std::pair<int, int>, std::vector<KnownPixel>> cells_;
+};
 
 /// What is aligned of a keyframe; `points`: hosted by it.
 struct AlignedKeyframe {

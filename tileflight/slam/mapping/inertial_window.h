@@ -17,7 +17,7 @@
 #include <vector>
 
 #include "tileflight/slam/inertial/align_to_gravity.h"
-#include "tileflight/slam/inertial/inertial_factor.h"
+#include "tileflight/slam/inertial/factors.h"
 #include "tileflight/slam/mapping/normal_equations.h"
 
 namespace tileflight::mapping {

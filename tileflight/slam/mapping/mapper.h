@@ -117,7 +117,7 @@ class Mapper {
   void update_steps();
   /// Map point of an active point.
   MapPoint window_point(const keyframes::ActivePoint& point, int host) const;
-  /// Archives the candidates of a leaving keyframe that were never activated (densify.h).
+  /// Archives the candidates of a leaving keyframe that were never activated (mapper.cpp).
   void archive_dense_points(int host);
 
   keyframes::LensPyramid& lens_;

@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <vector>
 
-#include "tileflight/slam/odometry/line_delay_passes.h"
+#include "tileflight/slam/odometry/line_delay_record.h"
 #include "tileflight/slam/odometry/synthetic_flight.h"
 
 namespace tileflight::odometry::line_delay_test {

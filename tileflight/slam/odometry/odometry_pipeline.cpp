@@ -6,8 +6,8 @@
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/slam/odometry/backward_tracking.h"
 #include "tileflight/slam/odometry/prior_alignment.h"
-#include "tileflight/slam/odometry/rig_check.h"
 #include "tileflight/slam/odometry/stage_timer.h"
+#include "tileflight/slam/odometry/stereo_input.h"
 
 namespace tileflight::odometry {
 namespace {

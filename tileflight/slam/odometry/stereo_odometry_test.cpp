@@ -10,7 +10,6 @@
 
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/slam/inertial/test_smooth_motion.h"
-#include "tileflight/slam/odometry/rig_check.h"
 #include "tileflight/slam/odometry/stereo_input.h"
 #include "tileflight/slam/odometry/synthetic_flight.h"
 #include "tileflight/slam/odometry/tracking_warnings.h"

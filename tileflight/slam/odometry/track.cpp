@@ -13,8 +13,7 @@
 #include "tileflight/data/dataset/colmap.h"
 #include "tileflight/data/dataset/dataset.h"
 #include "tileflight/slam/odometry/debug_image.h"
-#include "tileflight/slam/odometry/direction_check.h"
-#include "tileflight/slam/odometry/line_delay_passes.h"
+#include "tileflight/slam/odometry/line_delay_record.h"
 #include "tileflight/slam/odometry/run_comparison.h"
 #include "tileflight/slam/odometry/track_inputs.h"
 #include "tileflight/slam/odometry/tracking_warnings.h"
@@ -260,7 +259,7 @@ class DatasetTracker {
   }
 
   /// Tracks the same images in the other direction, without further inputs, and replaces `result` if that run is
-  /// better (direction_check.h). Returns the agreement of both if they disagree and neither is clearly better.
+  /// better (run_comparison.h). Returns the agreement of both if they disagree and neither is clearly better.
   std::optional<odometry::RunAgreement> compare_reversed(odometry::OdometryResult& result, const fs::path& pictures,
                                                          const Progress& progress) {
     odometry::OdometryOptions options = options_;

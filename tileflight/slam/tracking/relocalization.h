@@ -3,12 +3,22 @@
 // Relocalization of an image that does not align with the newest keyframe: against all keyframes of the window, with
 // view directions around theirs.
 
+// Whether an image shows what a keyframe expects, independent of how the alignment weighs residuals.
+
 #include <optional>
 #include <vector>
 
+#include "tileflight/core/geometry/transform.h"
+#include "tileflight/slam/keyframes/pyramid.h"
 #include "tileflight/slam/tracking/tracker.h"
+#include "tileflight/slam/tracking/tracking_reference.h"
 
 namespace tileflight::tracking {
+
+/// Pearson's correlation between the reference's grey values and the target's where both show the same points, at level
+/// 0; whatever gain and offset are. 0 if fewer than three points are inside the target, or one has no contrast.
+double correlation(const keyframes::LensPyramid& lens, const TrackingReference& reference,
+                   const keyframes::Pyramid& target, const geometry::SE3& T_target_reference);
 
 struct Relocalization {
   std::size_t keyframe = 0;  ///< index of the reference it aligned to
