@@ -7,16 +7,16 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/capture/flight_path/smoothing.h"
-#include "tileflight/capture/ingest/ingest_stage.h"
-#include "tileflight/capture/recording/flight_settings.h"
-#include "tileflight/capture/render/image_formation.h"
 #include "tileflight/core/alignment/align_map.h"
 #include "tileflight/core/base/strict_section.h"
-#include "tileflight/core/geometry/geodesy.h"
 #include "tileflight/data/dataset/video.h"
-#include "tileflight/evaluation/scoring/evaluation_settings.h"
+#include "tileflight/capture/flight_path/smoothing.h"
+#include "tileflight/core/geometry/geodesy.h"
 #include "tileflight/slam/odometry/odometry.h"
+#include "tileflight/capture/render/image_formation.h"
+#include "tileflight/evaluation/scoring/evaluation_settings.h"
+#include "tileflight/capture/ingest/ingest_stage.h"
+#include "tileflight/capture/recording/flight_settings.h"
 #include "tileflight/slam/odometry/track.h"
 #include "tileflight/tiles/fetch/open_source.h"
 
@@ -56,7 +56,7 @@ struct FlightConfig {
 struct OdometryConfig {
   odometry::OdometryOptions options;
   odometry::TrackOptions track_options;  ///< mask, rectify_fov, colmap
-  bool debug_pictures = false;           ///< debug_pictures: keyframe images in DIR/<flight>/keyframe_pictures
+  bool debug_pictures = false;         ///< debug_pictures: keyframe images in DIR/<flight>/keyframe_pictures
   /// A shell command with {dataset} and {out} substituted, executed in the experiment file's folder; it must write
   /// trajectory.txt and map.ply into {out}.
   std::string command;
@@ -69,7 +69,7 @@ struct OdometryConfig {
 /// degrade (replaces the flight's), texture_scale; place (a whole one if it has a source, else keys that replace those
 /// of the experiment's), voxel, odometry (replaces the experiment's), seed.
 struct Variant {
-  std::string name;                        ///< letters, digits, '-' and '_'; also the folder's name
+  std::string name;                     ///< letters, digits, '-' and '_'; also the folder's name
   recording::RenderedFlightConfig render;  ///< the simulated flight's settings with the changes
   std::optional<double> texture_scale;
   std::optional<SiteConfig> place{};  ///< with what it does not change
@@ -93,7 +93,7 @@ struct Experiment {
   OdometryConfig odometry;
   alignment::AlignMapOptions alignment;
   scoring::EvaluationSettings evaluation;
-  fetch::SourceOptions source_options;          ///< for network sources; set by the command line
+  fetch::SourceOptions source_options;      ///< for network sources; set by the command line
   std::map<std::string, std::string> sections;  ///< text of each top-level section, to detect changes
 };
 

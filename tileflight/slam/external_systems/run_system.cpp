@@ -33,19 +33,6 @@ namespace tileflight::external_systems {
 namespace fs = std::filesystem;
 namespace {
 
-/// Throws InputError unless the system left a file of this name, of at most 4 GB.
-void require_result_file(const Adapter& adapter, const std::filesystem::path& output, const std::string& name);
-
-/// Reads the path that a system left in `output`, by its convention, as camera-to-world poses at the frames' times.
-/// Poses of an inertial unit or a lidar are moved to the camera. Throws InputError: no such file (or a huge one),
-/// malformed lines, a frame that the dataset does not have, a sensor whose pose is unknown.
-geometry::Trajectory read_estimated_path(const Adapter& adapter, const std::filesystem::path& output,
-                                         const dataset::Dataset& dataset, const HandedDataset& handed);
-
-/// Number of the dataset's frames that have an estimated pose within half a frame interval.
-std::size_t count_tracked_frames(const geometry::Trajectory& path, const dataset::Dataset& dataset);
-
-namespace fs = std::filesystem;
 using geometry::SE3;
 using geometry::StampedPose;
 using geometry::Trajectory;
@@ -103,6 +90,7 @@ SE3 sensor_from_camera(const Adapter& adapter, const HandedDataset& handed) {
   return handed.T_cam_lidar->inverse();
 }
 
+/// Throws InputError unless the system left a file of this name, of at most 4 GB.
 void require_result_file(const Adapter& adapter, const fs::path& output, const std::string& name) {
   constexpr std::uintmax_t kLargestBytes = std::uintmax_t{4} << 30;
   std::error_code fault;
@@ -116,6 +104,9 @@ void require_result_file(const Adapter& adapter, const fs::path& output, const s
                                         std::to_string(kLargestBytes >> 30) + " GB are read");
 }
 
+/// Reads the path that a system left in `output`, by its convention, as camera-to-world poses at the frames' times.
+/// Poses of an inertial unit or a lidar are moved to the camera. Throws InputError: no such file (or a huge one),
+/// malformed lines, a frame that the dataset does not have, a sensor whose pose is unknown.
 Trajectory read_estimated_path(const Adapter& adapter, const fs::path& output, const dataset::Dataset& dataset,
                                const HandedDataset& handed) {
   const PathConvention& convention = adapter.path;
@@ -141,6 +132,7 @@ Trajectory read_estimated_path(const Adapter& adapter, const fs::path& output, c
   return path;
 }
 
+/// Counts the frames of the dataset that have an estimated pose within half a frame interval.
 std::size_t count_tracked_frames(const Trajectory& path, const dataset::Dataset& dataset) {
   double interval_s = std::numeric_limits<double>::infinity();
   for (std::size_t i = 1; i < dataset.frames.size(); ++i)

@@ -1,8 +1,7 @@
 #pragma once
 
-// Residual of the states at two instants against the samples between them, with derivatives.
-
-// Residual of an inertial unit's states at two keyframes against the camera's odometry, with derivatives.
+// Residuals of an inertial unit's states at two keyframes, with derivatives: against the unit's samples between them
+// (inertial_residual()), and against the camera's odometry (visual_residual()).
 
 #include "tileflight/slam/inertial/preintegration.h"
 
@@ -28,14 +27,15 @@ struct InertialResidual {
   Mat915 by_first, by_second;
 };
 
-/// Forster (45), and appendix C for the derivatives. `gravity_m_s2`: straight down the world's z axis.
+/// Computes the residual of two states against the samples between them: Forster (45), and appendix C for the
+/// derivatives. `gravity_m_s2`: straight down the world's z axis.
 InertialResidual inertial_residual(const Preintegration& between, const ImuState& first, const ImuState& second,
                                    double gravity_m_s2);
 
-/// The state moved by a perturbation in the order above.
+/// Returns the state moved by a perturbation in the order above.
 ImuState perturbed(const ImuState& state, const Eigen::Matrix<double, kStateSize, 1>& change);
 
-/// The state after `between`, predicted from its samples: Forster (32).
+/// Predicts the state after `between` from its samples: Forster (32).
 ImuState predicted(const Preintegration& between, const ImuState& first, double gravity_m_s2);
 
 using Mat6 = Eigen::Matrix<double, 6, 6>;

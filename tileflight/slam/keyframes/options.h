@@ -115,6 +115,9 @@ struct OdometryOptions {
   int max_pyramid_levels = 6;    ///< level 0 is the image itself
   int min_level_area_px = 1500;  ///< no coarser level than this
   LoopOptions loops;
+  bool inertial_in_window = false;   ///< with an inertial unit: its readings are also residuals of the window, from
+                                     ///< when on the keyframes so far show scale and vertical (tight coupling); else
+                                     ///< they help where an image alone does not align
   bool estimate_line_delay = false;  ///< of a rolling shutter, beyond that of the calibration (line_delay_record.h). It
                                      ///< changes neither path nor map: track again with what was found
 };

@@ -9,7 +9,7 @@
 // d(pixel)/d(pose 6, rho 1) and A_k
 // = -(gain (I_host - b_h), 1) = d(r_k)/d(a_rel, b_rel),  H = sum w (g_k G, A_k)^T (g_k G, A_k).
 
-// A residual in two steps: where the patch falls, then what is there.
+// It can be evaluated at once, or in two steps: where the patch falls (warp_residual()), then what is there.
 
 #include "tileflight/slam/keyframes/patch.h"
 
@@ -105,7 +105,7 @@ struct ResidualWarp {
 
 void warp_residual(const Lens& lens, const PyramidLevel& target, const Patch& patch, float rho,
                    const HostTargetPrecalc& frame, ResidualWarp& out);
-/// As evaluate_residual() of residual.h, with the same bits.
+/// Evaluates a residual that was warped before; it gives the same bits as evaluate_residual() in one step.
 ResidualValue evaluate_residual(const ResidualWarp& warp, const Lens& lens, const PyramidLevel& target,
                                 const Patch& patch, float rho, const HostTargetPrecalc& frame, float huber,
                                 Linearization* linearization, const Lens* lens_linear = nullptr);

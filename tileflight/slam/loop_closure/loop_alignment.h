@@ -7,8 +7,6 @@
 // Each of the two alignments is in the units of the keyframe whose points it uses: at a loop the map may have another
 // scale than where the place was first seen. The ratio comes from the distances of points that both keyframes see.
 
-// Inverse distances of points by the pixel that they project to.
-
 #include <Eigen/Core>
 #include <map>
 #include <optional>
@@ -21,6 +19,7 @@
 
 namespace tileflight::loop_closure {
 
+/// A point's inverse distance at the pixel that it projects to.
 struct KnownPixel {
   Eigen::Vector2f pixel;
   float rho = 0.0F;
@@ -41,13 +40,13 @@ class PixelGrid {
   std::map<std::pair<int, int>, std::vector<KnownPixel>> cells_;
 };
 
-/// What is aligned of a keyframe; `points`: hosted by it.
+/// The image and the points of a keyframe that are aligned; it hosts the points.
 struct AlignedKeyframe {
   const KeyframeImage* image = nullptr;
   std::vector<const mapping::MapPoint*> points;
 };
 
-/// T_a_b in units of a, by a's points in b's picture.
+/// T_a_b in units of a, from a's points in b's image.
 struct AlignedPose {
   geometry::SE3 T_a_b;
   geometry::Mat6 covariance = geometry::Mat6::Zero();  ///< of the right twist of T_a_b, translation first

@@ -10,10 +10,10 @@
 
 #include "tileflight/core/geometry/decompositions.h"
 #include "tileflight/core/geometry/transform.h"
+#include "tileflight/slam/keyframes/options.h"
 #include "tileflight/slam/loop_closure/keyframe_image.h"
 #include "tileflight/slam/loop_closure/keyframe_similarity.h"
 #include "tileflight/slam/mapping/map.h"
-#include "tileflight/slam/keyframes/options.h"
 
 namespace tileflight::loop_closure {
 

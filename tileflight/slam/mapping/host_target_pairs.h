@@ -3,9 +3,6 @@
 // Relative pose and brightness of each two keyframes of a window, which all residuals of one host and target share, at
 // the present state and at the linearisation point.
 
-// One unknown's couplings with those of the window, residual by residual: J^T W j for the column j of an unknown that
-// moves pixels, such as a point's inverse distance.
-
 #include <vector>
 
 #include "tileflight/core/geometry/transform.h"
@@ -31,7 +28,8 @@ std::vector<keyframes::HostTargetPrecalc> make_stereo_pairs(const keyframes::Win
 /// Adjoint of a rigid motion on twists (translation first): T exp(x) = exp(Ad x) T.
 Eigen::Matrix<double, 6, 6> adjoint(const geometry::SE3& T);
 
-/// Adds to `sums` (over the window's unknowns) a residual's J^T W j, with j = grad I d(pixel)/d(unknown) and
+/// Adds to `sums` (over the window's unknowns) how a residual couples them with one further unknown that moves pixels,
+/// such as a point's inverse distance: J^T W j, with j = grad I d(pixel)/d(unknown) and
 /// `by_unknown` = d(pixel)/d(unknown). Returns the sum of the gradients' squares times `by_unknown`.
 inline Eigen::Vector2d add_coupling(const keyframes::Window& window, int host, const HostTargetPair& pair,
                                     const keyframes::Observation& observation, const Eigen::Vector2d& by_unknown,

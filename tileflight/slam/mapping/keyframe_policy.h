@@ -33,7 +33,6 @@ struct RetiredPoint {
 };
 /// Removes the points that left the view of the newest keyframe or whose host is marked: well observed ones are
 /// marginalised into the prior, the others dropped. Appends the removed points to `left`.
-void retire_points(keyframes::Window& window, const keyframes::WindowOptions& options,
-                   std::vector<RetiredPoint>& left);
+void retire_points(keyframes::Window& window, const keyframes::WindowOptions& options, std::vector<RetiredPoint>& left);
 
 }  // namespace tileflight::mapping

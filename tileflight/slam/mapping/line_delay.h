@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "tileflight/core/geometry/transform.h"
-#include "tileflight/slam/mapping/line_delay_estimate.h"
 #include "tileflight/slam/keyframes/keyframe.h"
+#include "tileflight/slam/mapping/line_delay_estimate.h"
 
 namespace tileflight::mapping {
 

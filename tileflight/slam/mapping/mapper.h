@@ -117,12 +117,12 @@ class Mapper {
   void update_steps();
   /// Map point of an active point.
   MapPoint window_point(const keyframes::ActivePoint& point, int host) const;
-  /// Archives the candidates of a leaving keyframe that were never activated (mapper.cpp).
+  /// Archives the candidates of a leaving keyframe that were never activated.
   void archive_dense_points(int host);
 
   keyframes::LensPyramid& lens_;
   keyframes::IntrinsicsDelta applied_delta_ = keyframes::IntrinsicsDelta::Zero();  ///< the change currently applied
-                                                                                     ///< to lens_
+                                                                                   ///< to lens_
   const keyframes::OdometryOptions& options_;
   keyframes::Window window_;
   std::optional<InertialWindow> inertial_;

@@ -8,9 +8,9 @@
 #include <array>
 #include <optional>
 
-#include "tileflight/slam/mapping/systematic_displacement.h"
 #include "tileflight/slam/keyframes/keyframe.h"
 #include "tileflight/slam/keyframes/lens.h"
+#include "tileflight/slam/mapping/systematic_displacement.h"
 
 namespace tileflight::mapping {
 

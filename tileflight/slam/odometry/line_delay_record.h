@@ -3,9 +3,6 @@
 // Collects what the windows of a run say of the line delay (slam/mapping/line_delay.h). A window counts as it is before
 // the next keyframe comes: then the motion at each of its keyframes is known from the images before and after it.
 
-// A rolling shutter whose row times are not known: the images are tracked, the line delay is estimated from the
-// residuals that are left, and they are tracked again with it, until it stays.
-
 #include <functional>
 #include <map>
 #include <optional>
@@ -19,7 +16,7 @@
 
 namespace tileflight::odometry {
 
-/// What all passes found.
+/// Result of track_with_line_delay().
 struct LineDelayPasses {
   OdometryResult result;                               ///< of the last one
   double line_delay_s = 0.0;                           ///< that it was tracked with
@@ -27,9 +24,10 @@ struct LineDelayPasses {
   int passes = 0;
 };
 
-/// `track` tracks the images with OdometryOptions::estimate_line_delay and a line delay in the order of play. An
-/// estimate that differs from `given_s` by less than three standard deviations is not used: the shutter may be as
-/// given.
+/// Finds the line delay of a rolling shutter whose row times are not known: tracks the images, estimates the line delay
+/// from the residuals that are left, and tracks them again with it, until it stays. `track` tracks the images with
+/// OdometryOptions::estimate_line_delay and a line delay in the order of play. An estimate that differs from `given_s`
+/// by less than three standard deviations is not used: the shutter may be as given.
 LineDelayPasses track_with_line_delay(double given_s, const std::function<OdometryResult(double line_delay_s)>& track);
 
 class LineDelayRecord {

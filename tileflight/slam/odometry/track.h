@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
@@ -8,7 +9,9 @@
 
 #include "tileflight/core/base/output_folder.h"
 #include "tileflight/core/base/progress.h"
+#include "tileflight/core/base/warning.h"
 #include "tileflight/slam/odometry/odometry.h"
+#include "tileflight/slam/odometry/run_comparison.h"
 
 namespace tileflight::odometry {
 
@@ -32,11 +35,20 @@ inline bool uses_other_cameras(OdometryMode mode) {
 OdometryMode parse_odometry_mode(const std::string& where, const std::string& word);
 std::string to_string(OdometryMode mode);
 
-/// Optional inputs and outputs of the built-in odometry besides the images.
+/// Selection of a dataset's frames, by index.
+struct FrameRange {
+  std::size_t from = 0;
+  std::optional<std::size_t> to;  ///< exclusive
+  std::size_t every = 1;
+  bool reverse = false;
+};
+
+/// Settings of track(): of the odometry itself, and what it reads and writes besides the images.
 struct TrackOptions {
+  OdometryOptions odometry;
+  FrameRange frames;
   OdometryMode mode = OdometryMode::kMono;
   double gravity_m_s2 = 9.80665;          ///< at the place; with an inertial unit
-  bool inertial_in_window = false;        ///< with an inertial unit: odometry::Priors::inertial_in_window
   std::filesystem::path camera;           ///< calibration that replaces the dataset's
   std::string camera_id;                  ///< which of several cameras in it
   std::filesystem::path mask;             ///< image of the frames' size; dark pixels are ignored
@@ -47,27 +59,46 @@ struct TrackOptions {
   bool check_reversed = true;  ///< also track the images in reverse order, and report a warning if the results disagree
 };
 
-/// Selection of a dataset's frames, by index.
-struct FrameRange {
-  std::size_t from = 0;
-  std::optional<std::size_t> to;  ///< exclusive
-  std::size_t every = 1;
-  bool reverse = false;
+/// Line delay of a rolling shutter, estimated by tracking the images again with each estimate.
+struct FoundLineDelay {
+  int passes = 0;
+  double used_s = 0.0;                                 ///< tracked with, in the sensor's order of rows
+  std::optional<mapping::LineDelayEstimate> estimate;  ///< in the same order; nullopt: too few keyframes
+};
+
+/// Result of track().
+struct TrackResult {
+  OdometryResult odometry;  ///< of the chosen run; its times are those of the dataset
+  OdometryMode mode = OdometryMode::kMono;
+  std::vector<std::string> frame_ids;  ///< the dataset's names of the images, by InputFrame::index
+  std::int64_t frames_skipped = 0;     ///< images that could not be decoded
+  bool backwards = false;              ///< the chosen run began with the last image
+  imaging::Calibration calibration;    ///< of the images as tracked, with the line delay and intrinsics that were found
+  bool intrinsics_estimated = false;
+  std::optional<FoundLineDelay> line_delay;  ///< if it was to be estimated
+  std::optional<Dispersion> dispersion;      ///< between both directions, in stated sigmas; none: there is one run
+  bool loops_searched = false;
+  std::vector<std::string> path_warnings;  ///< messages of those of `warnings` that concern the trajectory's shape
+  Warnings warnings;
+
+  /// Returns whether map and trajectory are in metres.
+  bool is_metric() const {
+    return (odometry.inertial && odometry.inertial->metric) || (odometry.stereo && odometry.stereo->metric);
+  }
 };
 
 /// Runs the built-in odometry on a dataset folder and atomically writes a folder with trajectory.txt, keyframes.txt,
-/// map.ply, camera.yaml (of the images as tracked), quality.csv (a line per image) and odometry.json (returned, with
-/// `warnings`, `mode` and `scale`); with an inertial unit whose readings show the scale also inertial.csv. The
-/// dataset's ground truth and positions are not used. A run that loses tracking is written up to there, with `lost`
-/// true; one that never initializes has an empty trajectory and no map points. Images that cannot be decoded are
-/// skipped, counted and reported. Throws InputError for an unreadable dataset, mask or initialization, and for a lens
-/// without a COLMAP model if COLMAP output is requested.
-nlohmann::json track(const std::filesystem::path& dataset_folder, const std::filesystem::path& out, bool replace,
-                     const odometry::OdometryOptions& options, const FrameRange& range, const Progress& progress = {},
-                     const TrackOptions& extras = {});
+/// map.ply, camera.yaml (of the images as tracked), quality.csv (a line for each image) and odometry.json
+/// (track_result.h); with an inertial unit whose readings show the scale also inertial.csv. The dataset's ground truth
+/// and positions are not used. A run that loses tracking is written up to there, with `lost` true; one that never
+/// initializes has an empty trajectory and no map points. Images that cannot be decoded are skipped, counted and
+/// reported. Throws InputError for an unreadable dataset, mask or initialization, and for a lens without a COLMAP model
+/// if COLMAP output is requested.
+TrackResult track(const std::filesystem::path& dataset_folder, const std::filesystem::path& out, bool replace,
+                  const TrackOptions& options = {}, const Progress& progress = {});
 
-/// The output folder of any odometry program: the files by which a folder of an earlier version is recognised, and the
-/// inputs that must not be overwritten.
+/// Describes the output folder of any odometry program: the files by which such a folder is recognised, and the inputs
+/// that must not be overwritten.
 base::OutputFolder odometry_output_folder(const std::filesystem::path& out, bool replace,
                                           std::vector<std::filesystem::path> inputs);
 

@@ -1,20 +1,19 @@
 #pragma once
 
 // Inputs of the odometry from a dataset: images of one camera, its calibration, masks and priors, and depending on the
-// mode the inertial unit and the rig's other cameras; also the files that describe their results.
+// mode the inertial unit and the rig's other cameras.
 
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <map>
-#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "tileflight/data/dataset/dataset.h"
 #include "tileflight/core/imaging/photometric.h"
 #include "tileflight/core/imaging/rectify.h"
+#include "tileflight/data/dataset/dataset.h"
 #include "tileflight/slam/inertial/align_to_gravity.h"
 #include "tileflight/slam/odometry/odometry.h"
 #include "tileflight/slam/odometry/track.h"
@@ -22,17 +21,10 @@
 namespace tileflight::odometry {
 
 /// Readings (imu.csv), noise (imu.yaml; without it EuRoC's ADIS16448, with a line in `warnings`) and mounting
-/// (T_cam_imu). The readings are checked (slam/inertial/imu_check.h). Throws InputError for a dataset without an inertial
-/// unit, and for readings that cannot be used.
+/// (T_cam_imu). The readings are checked (slam/inertial/imu_check.h). Throws InputError for a dataset without an
+/// inertial unit, and for readings that cannot be used.
 inertial::InertialInput read_inertial_input(const dataset::Dataset& data, double gravity_m_s2,
                                             std::vector<std::string>& warnings);
-
-/// `inertial` of odometry.json (docs/formats.md).
-nlohmann::json inertial_json(const inertial::InertialAlignment& alignment,
-                             const std::optional<double>& coupled_since_s);
-
-/// inertial.csv: scale, velocity and biases at each keyframe.
-std::string inertial_csv(const inertial::InertialAlignment& alignment, const geometry::Trajectory& keyframes);
 
 /// A rig's reference camera, and the others that expose at the same instants.
 struct StereoRig {
@@ -87,16 +79,10 @@ void reverse_times(geometry::Trajectory& trajectory);
 std::optional<imaging::PhotometricCalibration> read_photometric_calibration(const dataset::Dataset& data,
                                                                             const TrackingCamera& view);
 
-/// Mask, and poses or depth to initialize from, as the options name them. `frames` and `view` must outlive them. Throws
-/// InputError for files that cannot be read, and for images of another size than the calibration's.
-odometry::Priors make_priors(const TrackOptions& extras, const std::vector<dataset::Frame>& frames, bool reverse,
-                             const TrackingCamera& view);
-
-/// quality.csv: one line per given image, in time order.
-std::string quality_csv(std::vector<odometry::FrameQuality> quality, const std::vector<dataset::Frame>& frames,
-                        bool reverse);
-
-/// `stereo` of odometry.json (docs/formats.md).
-nlohmann::json stereo_json(const odometry::StereoResult& stereo);
+/// Reads the mask, and the poses or depth to initialize from, that the options name, into `input`, whose depth_m refers
+/// to `frames` and `view`. Throws InputError for files that cannot be read, and for images of another size than the
+/// calibration's.
+void read_mask_and_priors(const TrackOptions& extras, const std::vector<dataset::Frame>& frames, bool reverse,
+                          const TrackingCamera& view, OdometryInput& input);
 
 }  // namespace tileflight::odometry

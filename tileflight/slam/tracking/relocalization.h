@@ -3,8 +3,6 @@
 // Relocalization of an image that does not align with the newest keyframe: against all keyframes of the window, with
 // view directions around theirs.
 
-// Whether an image shows what a keyframe expects, independent of how the alignment weighs residuals.
-
 #include <optional>
 #include <vector>
 
@@ -15,8 +13,9 @@
 
 namespace tileflight::tracking {
 
-/// Pearson's correlation between the reference's grey values and the target's where both show the same points, at level
-/// 0; whatever gain and offset are. 0 if fewer than three points are inside the target, or one has no contrast.
+/// Returns Pearson's correlation, which tells whether an image shows what a keyframe expects, independent of how the
+/// alignment weighs residuals: between the reference's grey values and the target's where both show the same points, at
+/// level 0; whatever gain and offset are. 0 if fewer than three points are inside the target, or one has no contrast.
 double correlation(const keyframes::LensPyramid& lens, const TrackingReference& reference,
                    const keyframes::Pyramid& target, const geometry::SE3& T_target_reference);
 

@@ -1,4 +1,4 @@
-#include "tileflight/slam/odometry/run_comparison.h"
+#include "tileflight/slam/odometry/direction_check.h"
 
 #include <gtest/gtest.h>
 
