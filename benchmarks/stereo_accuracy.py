@@ -103,7 +103,7 @@ def measure(program, out, dataset, seed):
             "scale_error": errors["sim3"]["scale"] - 1.0,
             "ate_share": errors["se3"]["ate_rmse"] / path_m, "ate_sim3_share": errors["sim3"]["ate_rmse"] / path_m,
             "matched_share": about["stereo"]["cameras"][0]["matched_share"], "cpu_s": cpu_s, "cpu_mono_s": cpu_mono_s,
-            "doubts": [doubt["what"] for doubt in about["doubts"]]}
+            "warnings": [warning["message"] for warning in about["warnings"]]}
 
 
 def describe(name, rows):

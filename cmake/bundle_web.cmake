@@ -38,7 +38,7 @@ if(NOT FETCHED STREQUAL LOCK)
   file(WRITE ${FOLDER}/fetched ${LOCK})
 endif()
 
-# A fault in our own sources is a fault of the build.
+# A fault in the project's own sources fails the build.
 execute_process(COMMAND ${NODE} build.mjs page_script.cpp WORKING_DIRECTORY ${FOLDER} RESULT_VARIABLE RESULT)
 if(NOT RESULT EQUAL 0)
   message(FATAL_ERROR "esbuild could not bundle web/src")

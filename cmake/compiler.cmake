@@ -9,38 +9,49 @@ endif()
 # GCC 12 takes `text + std::string` for an overlapping copy where it inlines more (GCC bug 105651, mended in 13).
 target_compile_options(tileflight_compiler INTERFACE
   $<$<AND:$<CONFIG:Release>,$<CXX_COMPILER_ID:GNU>,$<VERSION_LESS:$<CXX_COMPILER_VERSION>,13>>:-Wno-restrict>)
-if(CMAKE_UNITY_BUILD)  # what these warn of is right in one file and looks wrong beside another
+if(CMAKE_UNITY_BUILD)  # these warn of names that are right in one file and clash only beside another
   target_compile_options(tileflight_compiler INTERFACE -Wno-shadow -Wno-subobject-linkage)
 endif()
 if(TILEFLIGHT_WARNINGS_AS_ERRORS)
   target_compile_options(tileflight_compiler INTERFACE -Werror)
 endif()
 
-# A fused multiply-add rounds once where two instructions round twice: results would differ from
-# one machine to the next. Determinism is worth more than the few per cent. Who compiles our headers compiles them so.
+# A fused multiply-add rounds once where two instructions round twice, so that results would differ from one machine to
+# the next. Determinism is worth more than the few per cent. The flag is public: code that includes our headers has it, too.
 set(TILEFLIGHT_RESULT_OPTIONS -ffp-contract=off)
 
-if(TILEFLIGHT_SANITIZE)
-  # Without the checks that only tell of what the address sanitizer or the processor stops at anyway; they would make
-  # half of the code that is compiled.
+if(TILEFLIGHT_SANITIZE STREQUAL thread)
+  add_compile_options(-fsanitize=thread -fno-omit-frame-pointer)
+  add_link_options(-fsanitize=thread)
+elseif(TILEFLIGHT_SANITIZE)
+  # Some checks only report what the address sanitizer or the processor stops at anyway. They would make half of the code.
   add_compile_options(-fsanitize=address,undefined -fno-sanitize=null,object-size,vptr -fno-sanitize-recover=undefined
                       -fno-omit-frame-pointer)
   add_link_options(-fsanitize=address,undefined)
-  if(CMAKE_CXX_COMPILER_ID STREQUAL Clang)
-    # Relative to the folder in which compilers run, as the paths below.
-    file(RELATIVE_PATH SANITIZER_IGNORE ${PROJECT_BINARY_DIR} ${PROJECT_SOURCE_DIR}/cmake/sanitizer-ignore.txt)
-    add_compile_options(-fsanitize-ignorelist=${SANITIZER_IGNORE})
-  endif()
+endif()
+if(TILEFLIGHT_SANITIZE AND CMAKE_CXX_COMPILER_ID STREQUAL Clang)
+  # Relative to the folder in which compilers run, as the paths below.
+  file(RELATIVE_PATH SANITIZER_IGNORE ${PROJECT_BINARY_DIR} ${PROJECT_SOURCE_DIR}/cmake/sanitizer-ignore.txt)
+  add_compile_options(-fsanitize-ignorelist=${SANITIZER_IGNORE})
 endif()
 
-# Under the sanitizers, compilers work on tests for longer than the tests run: those that do not compute are not
-# optimised. (Those that do must be: of templates that a test and its library both use, the linker keeps the test's.)
+if(TILEFLIGHT_COVERAGE)
+  # Counters are shared by threads. Nothing is inlined, so that each line counts for itself.
+  add_compile_options(--coverage -fprofile-update=atomic -fno-inline)
+  add_link_options(--coverage)
+  add_custom_target(coverage
+    COMMAND ${PROJECT_SOURCE_DIR}/.ci/coverage ${PROJECT_BINARY_DIR}
+    USES_TERMINAL)
+endif()
+
+# Under the sanitizers, most tests take longer to compile than to run. Tests that compute little are not optimised. The
+# others must be: where a test and its library instantiate the same template, the linker may keep the test's code.
 add_library(tileflight_plain_tests INTERFACE)
 if(TILEFLIGHT_SANITIZE)
   target_compile_options(tileflight_plain_tests INTERFACE -O0)
 endif()
 
-# Of a Release build: what nothing waits for need not be compiled for speed (-O3 takes three times as long as -O1).
+# Code that no user waits for is compiled quickly in a Release build: -O3 takes three times as long as -O1.
 add_library(tileflight_quickly_compiled INTERFACE)
 target_compile_options(tileflight_quickly_compiled INTERFACE $<$<CONFIG:Release>:-O1>)
 

@@ -5,7 +5,7 @@ set(TILEFLIGHT_MAINTAINER "tileflight developers <tileflight@tileflight.invalid>
     "Maintainer named in the packages: who builds and publishes them")
 set(MADE ${PROJECT_BINARY_DIR}/package)
 
-# What the program writes about itself: manual pages, completion of shells.
+# Manual pages and completion scripts are made from the program's own output.
 add_custom_command(OUTPUT ${MADE}/made_by_program
   DEPENDS tileflight ${PROJECT_SOURCE_DIR}/packaging/make_man_pages.py
   COMMAND ${CMAKE_COMMAND} -E rm -rf ${MADE}/man ${MADE}/completion
@@ -72,7 +72,7 @@ foreach(COMPONENT IN LISTS CPACK_COMPONENTS_ALL)
   set(CPACK_DEBIAN_${NAME}_PACKAGE_NAME ${PACKAGE_${COMPONENT}})
 endforeach()
 
-# Who links the static libraries needs what they need.
+# A program that links the static libraries needs their libraries, too.
 file(STRINGS ${PROJECT_SOURCE_DIR}/.ci/packages.txt LIBRARIES REGEX "^(lib.*|zlib1g|nlohmann-json3)-dev$")
 list(JOIN LIBRARIES ", " LIBRARIES)
 

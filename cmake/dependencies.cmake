@@ -9,7 +9,7 @@ if(TILEFLIGHT_TESTS)
 endif()
 
 # Debian's libtinygltf.so does not agree with its header on the size of some structures (a crash when a model is freed), so
-# the implementation is compiled from the header. Pictures are ours to decode: no stb_image.
+# the implementation is compiled from the header. The room imaging decodes images, so stb_image is left out.
 find_path(tinygltf_INCLUDE_DIR tiny_gltf.h REQUIRED)
 tileflight_dependency(nlohmann_json::nlohmann_json)
 file(CONFIGURE OUTPUT ${PROJECT_BINARY_DIR}/tinygltf/tinygltf.cpp CONTENT [[
@@ -23,7 +23,8 @@ target_compile_definitions(tileflight_tinygltf
 target_include_directories(tileflight_tinygltf SYSTEM PUBLIC $<BUILD_INTERFACE:${tinygltf_INCLUDE_DIR}>)
 target_link_libraries(tileflight_tinygltf PRIVATE $<BUILD_INTERFACE:nlohmann_json::nlohmann_json>)
 
-# Optional: frames rendered by several processes. Its C interface only. What it keeps until exit would be taken for leaks.
+# Optional: frames rendered by several processes. Only the C interface is used. Memory that Open MPI keeps until exit would
+# be reported as leaks, so a sanitizer build is without it.
 option(TILEFLIGHT_MPI "Open MPI, for `mpirun -n N tileflight render`" ON)
 if(TILEFLIGHT_SANITIZE)
   set(TILEFLIGHT_MPI OFF)

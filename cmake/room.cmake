@@ -12,7 +12,7 @@ if(TILEFLIGHT_TESTS OR TILEFLIGHT_BENCHMARKS)
   target_compile_definitions(tileflight_source_folder PRIVATE TILEFLIGHT_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
 endif()
 
-# Rooms of which nothing is worth a slow compiler: what they do is soon done, or waits for a disk or a network.
+# Rooms that are not compiled for speed: their work is short, or waits for a disk or a network.
 set(TILEFLIGHT_QUICKLY_COMPILED drawing report rpc foxglove ros2 airsim publishing experiment external_systems study)
 
 function(tileflight_room NAME)
@@ -53,7 +53,7 @@ function(tileflight_room NAME)
     target_link_libraries(${TARGET} PRIVATE $<BUILD_INTERFACE:tileflight_quickly_compiled>)
   endif()
 
-  # What reads foreign bytes tells the fuzzer which ways it took.
+  # Rooms that parse untrusted bytes report to the fuzzer which branches they took.
   set(FUZZED base geometry imaging rpc foxglove ros2 autopilot fetch tile_content tileset mesh_files tile_writer flight_logs)
   if(TILEFLIGHT_FUZZ AND NAME IN_LIST FUZZED)
     target_compile_options(${TARGET} PRIVATE -fsanitize=fuzzer-no-link)

@@ -40,7 +40,7 @@ RENAMED = [
 def plain(signature):
     for old, new in RENAMED:
         signature = re.sub(old, new, signature)
-    # What goes in may be anything that numpy takes.
+    # An argument may be anything that numpy converts to an array.
     given, arrow, result = signature.rpartition(" -> ")
     given = re.sub(r"NDArray\[[\w.]+\]", "ArrayLike", given)
     return given + arrow + result

@@ -1,28 +1,33 @@
 #include "command.h"
 
+#include "tileflight/core/base/version.h"
+
 namespace tileflight::app {
 
+// One function per command, each in the file of its name: adds the subcommand and binds it to the selection.
+using AddCommand = void(CLI::App& app, CommonOptions& common, Selection& selection);
+AddCommand add_scene, add_tile, add_inspect, add_extract, add_coverage, add_preview, add_render, add_ingest, add_export,
+    add_odometry, add_systems, add_align, add_evaluate, add_compare, add_run, add_study, add_report, add_play,
+    add_serve, add_completion;
+
 void add_commands(CLI::App& app, CommonOptions& common, Selection& selection) {
-  add_scene(app, common, selection);
-  add_tile(app, common, selection);
-  add_inspect(app, common, selection);
-  add_extract(app, common, selection);
-  add_coverage(app, common, selection);
-  add_preview(app, common, selection);
-  add_render(app, common, selection);
-  add_ingest(app, common, selection);
-  add_export(app, common, selection);
-  add_odometry(app, common, selection);
-  add_systems(app, common, selection);
-  add_align(app, common, selection);
-  add_evaluate(app, common, selection);
-  add_compare(app, common, selection);
-  add_run(app, common, selection);
-  add_study(app, common, selection);
-  add_report(app, common, selection);
-  add_play(app, common, selection);
-  add_serve(app, common, selection);
-  add_completion(app, common, selection);
+  for (AddCommand* add : {add_scene,  add_tile,   add_inspect,  add_extract, add_coverage, add_preview,   add_render,
+                          add_ingest, add_export, add_odometry, add_systems, add_align,    add_evaluate,  add_compare,
+                          add_run,    add_study,  add_report,   add_play,    add_serve,    add_completion})
+    add(app, common, selection);
+}
+
+void add_common_options(CLI::App& command, CommonOptions& common) {
+  command.add_flag("--json", common.json, "print one JSON object and nothing else on stdout");
+  command.add_flag("--quiet", common.quiet, "print nothing but errors");
+  command.add_flag("--force", common.force, "replace existing output");
+  command.add_option("--threads", common.threads, "threads to use (default: one for each core)")
+      ->check(CLI::Range(1, 1024));
+}
+
+std::string version_text() {
+  return "tileflight " + base::version() + "\ncommit " + base::commit() +
+         "\nbuilt by " TILEFLIGHT_COMPILER ", " TILEFLIGHT_BUILD_TYPE "\nwith " TILEFLIGHT_BUILT_WITH;
 }
 
 }  // namespace tileflight::app

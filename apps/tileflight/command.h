@@ -13,66 +13,43 @@
 
 namespace tileflight::app {
 
-/// Options of every command.
+/// Options that every command has.
 struct CommonOptions {
-  bool json = false;   ///< one JSON object on stdout, nothing else
-  bool quiet = false;  ///< nothing on stdout, no progress
+  bool json = false;   ///< print one JSON object on stdout, and nothing else
+  bool quiet = false;  ///< print nothing on stdout and no progress
   bool force = false;  ///< replace existing output
-  int threads = 0;     ///< 0: one per core
+  int threads = 0;     ///< number of threads; 0: one per core
   /// The words of the command line after the program's name, for commands that call themselves in tasks.
   std::vector<std::string> arguments = {};
   /// Listener for the stages of a run; set by main.
   experiment::StageListener stages = {};
 };
 
-/// Output of a command: for programs (null: already printed) and for people.
+/// Output of a command in both of its forms.
 struct Output {
-  nlohmann::json json;
-  std::string text;
+  nlohmann::json json;  ///< for programs (--json); null if another process prints
+  std::string text;     ///< for people
 };
 
-/// The command failed, and another process has reported the cause.
+/// Says that the command failed and that another process reports the cause.
 struct FailedElsewhere : std::exception {};
 
-/// The chosen command, bound to its options; filled by the parser.
+/// The command that the parser chose, bound to its options.
 struct Selection {
   std::function<Output(const CommonOptions&, const Progress&)> run;
-  bool is_server = false;  ///< runs until it is stopped: its duration is not reported
-  bool has_ranks = false;  ///< shares its work among the processes that mpirun starts; else these would each do all
+  bool is_server = false;  ///< runs until it is stopped, so that its duration is not reported
+  bool has_ranks =
+      false;  ///< shares its work among the processes of mpirun; without it, main refuses several processes
 };
 
-/// Adds the options of every command.
-inline void add_common_options(CLI::App& command, CommonOptions& common) {
-  command.add_flag("--json", common.json, "print one JSON object and nothing else on stdout");
-  command.add_flag("--quiet", common.quiet, "print nothing but errors");
-  command.add_flag("--force", common.force, "replace existing output");
-  command.add_option("--threads", common.threads, "threads to use (default: one for each core)")
-      ->check(CLI::Range(1, 1024));
-}
+/// Adds the options that every command has.
+void add_common_options(CLI::App& command, CommonOptions& common);
 
-/// Adds all commands; `common` and `selection` are filled by the parser and must outlive the application.
+/// Adds all commands to the application. The parser fills `common` and `selection`, which must outlive `app`.
 void add_commands(CLI::App& app, CommonOptions& common, Selection& selection);
 
-// One function per command, each in the file of its name: adds the subcommand and binds it to `selection`.
-void add_scene(CLI::App& app, CommonOptions& common, Selection& selection);
-void add_tile(CLI::App& app, CommonOptions& common, Selection& selection);
-void add_inspect(CLI::App& app, CommonOptions& common, Selection& selection);
-void add_extract(CLI::App& app, CommonOptions& common, Selection& selection);
-void add_coverage(CLI::App& app, CommonOptions& common, Selection& selection);
-void add_preview(CLI::App& app, CommonOptions& common, Selection& selection);
-void add_render(CLI::App& app, CommonOptions& common, Selection& selection);
-void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection);
-void add_export(CLI::App& app, CommonOptions& common, Selection& selection);
-void add_odometry(CLI::App& app, CommonOptions& common, Selection& selection);
-void add_systems(CLI::App& app, CommonOptions& common, Selection& selection);
-void add_align(CLI::App& app, CommonOptions& common, Selection& selection);
-void add_evaluate(CLI::App& app, CommonOptions& common, Selection& selection);
-void add_compare(CLI::App& app, CommonOptions& common, Selection& selection);
-void add_run(CLI::App& app, CommonOptions& common, Selection& selection);
-void add_study(CLI::App& app, CommonOptions& common, Selection& selection);
-void add_report(CLI::App& app, CommonOptions& common, Selection& selection);
-void add_play(CLI::App& app, CommonOptions& common, Selection& selection);
-void add_serve(CLI::App& app, CommonOptions& common, Selection& selection);
-void add_completion(CLI::App& app, CommonOptions& common, Selection& selection);
+/// Text of `tileflight --version`: name and version in the first line; then commit, compiler, build type, and the
+/// libraries that decide what the program can do and how fast.
+std::string version_text();
 
 }  // namespace tileflight::app

@@ -3,8 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "command.h"
-#include "region_options.h"
-#include "source_options.h"
+#include "input_options.h"
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/number_text.h"
 

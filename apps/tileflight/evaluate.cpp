@@ -4,6 +4,8 @@
 
 #include "command.h"
 #include "map_options.h"
+#include "doubts_text.h"
+#include "input_options.h"
 #include "number_text.h"
 #include "tileflight/core/base/output_folder.h"
 #include "tileflight/evaluation/scoring/evaluate_trajectories.h"

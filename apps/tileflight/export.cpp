@@ -1,16 +1,16 @@
 #include <sstream>
 
 #include "command.h"
+#include "tileflight/capture/events/dsec_export.h"
 #include "tileflight/core/base/output_folder.h"
 #include "tileflight/data/dataset/export_dataset.h"
 #include "tileflight/data/dataset/mcap_export.h"
-#include "tileflight/capture/events/dsec_export.h"
 
 namespace tileflight::app {
 namespace {
 
-const char* const kMcap = "mcap";  ///< one file; the others are folders
-const char* const kDsec = "dsec";  ///< of event cameras
+const char* const kMcap = "mcap";  ///< one file; the other layouts are folders
+const char* const kDsec = "dsec";  ///< layout of event cameras
 
 std::vector<std::string> layouts() {
   std::vector<std::string> names = dataset::export_layouts();

@@ -6,10 +6,9 @@
 #include <optional>
 
 #include "command.h"
+#include "input_options.h"
 #include "mpi_ranks.h"
 #include "number_text.h"
-#include "region_options.h"
-#include "source_options.h"
 #include "task_options.h"
 #include "tileflight/core/base/number_text.h"
 #include "tileflight/world/place/block_plan.h"
@@ -55,7 +54,7 @@ std::string part_summary(const nlohmann::json& build, const std::string& out) {
   return text.str();
 }
 
-/// "2/8"; nullopt if the text is no part.
+/// Reads a part, such as "2/8"; nullopt for other texts.
 std::optional<place::JobPart> job_part(const std::string& text) {
   place::JobPart part;
   const char* const end = text.data() + text.size();
@@ -76,7 +75,7 @@ std::string dry_run_summary(const nlohmann::json& result) {
          (result["in_blocks"].get<bool>() ? "; in blocks, memory is less" : "") + "; nothing is written\n";
 }
 
-/// Edge of a block: 0 for `auto`, nullopt if it is neither that nor a length above zero.
+/// Reads the edge of a block, metres; 0 for `auto`, nullopt for a text that is neither that nor a length above zero.
 std::optional<double> block_edge_m(const std::string& text) {
   if (text == "auto") return 0.0;
   double edge_m = 0.0;
@@ -89,7 +88,7 @@ std::string block_fault(const std::string& text) {
   return block_edge_m(text) ? "" : "must be a length above zero, in metres, or auto, got " + text;
 }
 
-/// The blocks in groups, each a task, and a task that joins them.
+/// Makes groups of blocks as tasks, and joins them in a last task.
 nlohmann::json extract_in_tasks(place::ExtractSettings settings, const ExtractOptions& options,
                                 const CommonOptions& common, const Progress& progress) {
   if (!jobs::has_finished_tasks(options.out, "join"))
@@ -98,18 +97,18 @@ nlohmann::json extract_in_tasks(place::ExtractSettings settings, const ExtractOp
   const place::BlockPlan plan = place::plan_truth_blocks(settings, options.out, options.tasks.parts());
   const std::vector<std::string> edge{"--block", base::fixed_text(plan.edge_m)};
   jobs::PartedJob job{.output = options.out,
-                          .build_folder = place::block_build_folder(options.out),
-                          .command = "extract",
-                          .parts = {},
-                          .last = {"join", edge},
-                          .inputs_sha256 = plan.inputs_sha256};
+                      .build_folder = place::block_build_folder(options.out),
+                      .command = "extract",
+                      .parts = {},
+                      .last = {"join", edge},
+                      .inputs_sha256 = plan.inputs_sha256};
   job.last.words.insert(job.last.words.end(), {"--resume", "--force"});
   for (int k = 1; k <= plan.parts; ++k) {
     const std::string of = std::to_string(plan.parts);
     job.parts.push_back({"blocks-" + std::to_string(k) + "-of-" + of, edge});
     job.parts.back().words.insert(job.parts.back().words.end(), {"--part", std::to_string(k) + "/" + of});
   }
-  // The estimate is of a part of the contents, and the program itself takes some.
+  // The estimate covers a part of the contents only, and the program itself takes some memory.
   job.memory_mb = static_cast<int>(std::min(1e6, 500.0 + 1.5e-6 * plan.memory_bytes));
   return run_in_tasks(job, options.tasks, common, {"--block"}, progress);
 }

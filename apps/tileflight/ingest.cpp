@@ -5,14 +5,14 @@
 #include <sstream>
 
 #include "command.h"
-#include "tileflight/core/base/text_fields.h"
 #include "tileflight/capture/ingest/ingest_stage.h"
+#include "tileflight/core/base/text_fields.h"
 
 namespace tileflight::app {
 
 namespace {
 
-/// `text`: the option's value, empty if it is not given.
+/// Sets the offset of the log's times. `text` is the option's value; empty: not given.
 void set_time_offset(const std::string& text, ingest::IngestedFlightConfig& flight) {
   if (text.empty()) return;
   flight.estimates_telemetry_offset = text == "auto";
@@ -23,7 +23,7 @@ void set_time_offset(const std::string& text, ingest::IngestedFlightConfig& flig
   flight.telemetry_offset_s = *seconds;
 }
 
-/// `paths`: PATH of a single camera, or of a rig PATH or NAME=PATH of each.
+/// Sets the videos. `paths` has one PATH for a single camera, or PATH or NAME=PATH for each camera of a rig.
 void set_videos(const std::vector<std::string>& paths, ingest::IngestedFlightConfig& flight) {
   for (const std::string& text : paths) {
     const std::size_t sign = std::filesystem::exists(text) ? std::string::npos : text.find('=');
@@ -85,7 +85,7 @@ void add_imu_options(CLI::App& command, IngestOptions& options) {
       ->needs(imu);
 }
 
-/// Completes the flight by what the command line says of it.
+/// Sets the values of the flight that are not read directly into it.
 void complete_flight(IngestOptions& options) {
   set_videos(options.videos, options.flight);
   if (!options.flight.videos.empty() && !options.flight.camera_id.empty())

@@ -1,20 +1,118 @@
 #include "tileflight/tiles/tileset/inspect.h"
 
+#include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cmath>
 #include <iomanip>
 #include <nlohmann/json.hpp>
 #include <sstream>
+#include <string>
+#include <vector>
 
 #include "command.h"
-#include "inspect_place.h"
-#include "source_options.h"
+#include "input_options.h"
+#include "tileflight/capture/preview/inspect_map.h"
 #include "tileflight/core/base/formatted_text.h"
+#include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/string_lists.h"
+#include "tileflight/tiles/fetch/open_source.h"
 #include "tileflight/world/place/extract.h"
 #include "tileflight/world/place/extract_cost.h"
+#include "tileflight/world/place/ground_heights.h"
 
 namespace tileflight::app {
 namespace {
+
+/// Options of `inspect` that read the tiles' content.
+struct InspectPlaceOptions {
+  RegionOptions region;
+  std::string map;  ///< image to write; empty: none
+  int pixels = 1100;
+  double memory_gb = 0.0;
+  std::vector<std::string> at, at_local;  ///< points whose heights are queried
+};
+
+bool asks_heights(const InspectPlaceOptions& options) { return !options.at.empty() || !options.at_local.empty(); }
+
+/// Merges two results: lists are concatenated without duplicates.
+void merge(const nlohmann::json& more, nlohmann::json& all) {
+  for (const auto& [key, value] : more.items()) {
+    if (!value.is_array() || !all.contains(key) || !all[key].is_array()) {
+      all[key] = value;
+      continue;
+    }
+    for (const auto& line : value) {
+      if (std::find(all[key].begin(), all[key].end(), line) == all[key].end()) all[key].push_back(line);
+    }
+  }
+}
+
+void draw_map(const std::string& source, const tileset::LoadOptions& load, const CLI::App& command,
+              const InspectPlaceOptions& options, Output& output, const Progress& progress) {
+  preview::InspectMapSettings settings{.source = source, .load = load, .error_m = {}, .longer_side_px = options.pixels};
+  if (command.get_option("--error")->count() > 0) settings.error_m = options.region.error_m;
+  if (options.memory_gb > 0) settings.max_memory_bytes = static_cast<std::uintmax_t>(options.memory_gb * 1e9);
+  const nlohmann::json found = preview::inspect_map(settings, options.map, progress);
+  merge(found, output.json);
+  output.text += preview::inspect_map_text(found);
+}
+
+void ask_heights(const std::string& source, const tileset::LoadOptions& load, const InspectPlaceOptions& options,
+                 Output& output, const Progress& progress) {
+  std::vector<place::GroundQuery> points;
+  for (const std::string& text : options.at) points.push_back(place::parse_geodetic_query(text));
+  for (const std::string& text : options.at_local) points.push_back(place::parse_local_query(text));
+  const nlohmann::json found = place::ground_heights({source, load}, points, progress);
+  output.text += place::ground_heights_text(found);
+  nlohmann::json part{{"points", found["points"]},
+                      {"points_read", {{"tiles", found["tiles"]}, {"bytes", found["bytes_read"]}}},
+                      {"frame", found["frame"]},
+                      {"attribution", found["attribution"]},
+                      {"warnings", found["warnings"]}};
+  merge(part, output.json);
+}
+
+void add_inspect_place_options(CLI::App& command, InspectPlaceOptions& options) {
+  command.add_option("--map", options.map,
+                     "image (.png, .jpg) to write: the place from above with its grid, heights and gaps; also proposes "
+                     "a region and a voxel size");
+  command.add_option("--pixels", options.pixels, "length of the map's longer side, pixels (default 1100)");
+  command.add_option("--memory", options.memory_gb, "memory limit for tiles, GB (default: half of the machine's)")
+      ->check(CLI::PositiveNumber);
+  command
+      .add_option("--at", options.at, "LAT,LON of a point where to print the ground heights, degrees (may be repeated)")
+      ->allow_extra_args(false);
+  command
+      .add_option("--at-local", options.at_local, "X,Y of such a point in the local frame, metres (may be repeated)")
+      ->allow_extra_args(false);
+  add_region_options(command, options.region);
+}
+
+void check_inspect_place(const CLI::App& command, const InspectPlaceOptions& options) {
+  for (const char* option : {"--center", "--center-local", "--size", "--region", "--error", "--pixels", "--memory"}) {
+    if (command.get_option(option)->count() > 0 && options.map.empty())
+      throw InputError(option, "needs a map: add --map FILE.png");
+  }
+  if (command.get_option("--origin")->count() > 0 && options.map.empty() && !asks_heights(options))
+    throw InputError("--origin", "needs a map or a point: add --map FILE.png, --at or --at-local");
+}
+
+/// Whether the whole tree is traversed as well: not if only heights are queried, nor for the map of a place on a
+/// server, whose tree may be unbounded.
+bool tells_whole_tileset(const InspectPlaceOptions& options, const std::string& source) {
+  if (options.map.empty()) return !asks_heights(options);
+  return !fetch::is_network_source(source);
+}
+
+/// Adds the results for the map and the points.
+void inspect_place(const std::string& source, const fetch::SourceOptions& source_options, const CLI::App& command,
+                   const InspectPlaceOptions& options, Output& output, const Progress& progress) {
+  if (options.map.empty() && !asks_heights(options)) return;
+  tileset::LoadOptions load = load_options(options.region);
+  load.source = source_options;
+  if (!options.map.empty()) draw_map(source, load, command, options, output, progress);
+  if (asks_heights(options)) ask_heights(source, load, options, output, progress);
+}
 
 using nlohmann::json;
 
@@ -33,7 +131,7 @@ json center_json(const tileset::TilesetSummary& s) {
   return {{"lat", s.center->latitude_deg}, {"lon", s.center->longitude_deg}, {"height", s.center->height.m}};
 }
 
-/// Numbers that need the whole tree.
+/// Counts over the whole tree.
 json counts_json(const tileset::TilesetSummary& s) {
   const auto known = [&](std::int64_t number) { return s.content_sizes_known ? json(number) : json(nullptr); };
   return {{"tiles", s.tiles},
@@ -51,10 +149,10 @@ json counts_json(const tileset::TilesetSummary& s) {
           {"levels", levels_json(s)}};
 }
 
-/// What an extraction takes, of the whole place and of a square kilometre.
+/// Estimated cost of an extraction of the whole place.
 struct ExtractEstimate {
   place::ExtractCost whole;
-  double area_km2 = 0.0;  ///< of the place's bounds
+  double area_km2 = 0.0;  ///< area of the place's bounds
 };
 
 ExtractEstimate estimate_extract(const tileset::TilesetSummary& s) {
@@ -113,7 +211,7 @@ std::string spread_text(double spread) {
   return std::isfinite(spread) ? base::formatted("± %.0f %%", 100.0 * spread) : "from one of them: a guess";
 }
 
-/// What was not opened; empty: everything was.
+/// Says how many external tilesets and subtrees were not opened; empty if all were.
 std::string sample_text(const tileset::TilesetSummary& s) {
   if (!s.is_estimate) return "";
   return std::to_string(s.nested_files - s.nested_files_opened) + " of " + std::to_string(s.nested_files) +

@@ -14,7 +14,6 @@
 #include "mpi_ranks.h"
 #include "terminal_progress.h"
 #include "usage_fault.h"
-#include "version_text.h"
 
 namespace {
 

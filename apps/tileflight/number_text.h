@@ -9,16 +9,16 @@ namespace tileflight::app {
 /// than a few zeros. "12500" for 12500.0, "0.0123" for 0.012345678 (3 digits). Integers keep all digits.
 std::string rounded(double number, int significant = 4);
 
-/// As above for a number in a result; "unknown" for null.
+/// Formats a number of a JSON result in the same way; "unknown" for null.
 std::string rounded(const nlohmann::json& number, int significant = 4);
 
-/// "[-0.012, 0.034]" for a list of numbers.
+/// Formats a list of numbers: "[-0.012, 0.034]".
 std::string rounded_list(const nlohmann::json& numbers, int significant = 4);
 
-/// "83 %" for a share of 0.83; "0.4 %" for small shares; "unknown" for null.
+/// Formats a share as per cent: "83 %" for 0.83, "0.4 %" for 0.004, "an unknown share" for null.
 std::string percent_text(const nlohmann::json& share);
 
-/// A duration: "0.4 s", "12 s", "3 min 20 s", "1 h 5 min".
+/// Formats a duration: "0.4 s", "12 s", "3 min 20 s", "1 h 5 min".
 std::string duration_text(double seconds);
 
 }  // namespace tileflight::app

@@ -6,7 +6,7 @@
 
 #include "command.h"
 #include "ros2_view.h"
-#include "source_options.h"
+#include "input_options.h"
 #include "stop_signals.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/string_lists.h"

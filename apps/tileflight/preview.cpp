@@ -3,12 +3,10 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "autopilot_flyer.h"
 #include "command.h"
-#include "region_options.h"
-#include "source_options.h"
-#include "tileflight/experiments/experiment/experiment_file.h"
+#include "input_options.h"
 #include "tileflight/capture/preview/preview_text.h"
+#include "tileflight/experiments/experiment/experiment_file.h"
 
 namespace tileflight::app {
 namespace {

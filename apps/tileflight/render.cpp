@@ -4,12 +4,10 @@
 #include <set>
 #include <sstream>
 
-#include "autopilot_flyer.h"
+#include "input_options.h"
 #include "command.h"
 #include "mpi_ranks.h"
 #include "number_text.h"
-#include "region_options.h"
-#include "source_options.h"
 #include "task_options.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/number_text.h"

@@ -18,10 +18,9 @@
 
 #include "command.h"
 #include "foxglove_view.h"
-#include "region_options.h"
+#include "input_options.h"
 #include "ros2_view.h"
 #include "serve_session.h"
-#include "source_options.h"
 #include "tileflight/live/autopilot/shared_ports.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"

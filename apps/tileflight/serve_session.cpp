@@ -8,7 +8,6 @@
 #include "tileflight/live/airsim/method_table.h"
 #include "tileflight/live/simulator/settings.h"
 #include "tileflight/live/simulator/simulation_clock.h"
-#include "version_text.h"
 
 namespace tileflight::app {
 namespace {

@@ -8,8 +8,8 @@
 namespace tileflight::app {
 namespace {
 
-using nlohmann::json;
 using external_systems::Adapter;
+using nlohmann::json;
 
 json describe_adapter(const Adapter& adapter, const std::optional<dataset::Dataset>& dataset) {
   json inputs = json::array();

@@ -16,19 +16,20 @@ struct TaskArguments {
   bool use_snakemake = true;
 
   bool wanted() const { return jobs > 0 || slurm; }
-  /// Tasks at once.
+  /// Number of tasks that run at once.
   int at_once() const;
-  /// Processes that share this machine's memory.
+  /// Number of tasks that share this machine's memory.
   int on_this_machine() const { return slurm ? 1 : at_once(); }
-  /// A good number of parts: some for each task that runs at once, so that none waits long for the last one.
+  /// Number of parts to divide the work into: several for each task that runs at once, so that no task waits long for
+  /// the last one.
   int parts() const { return 8 * at_once(); }
 };
 
-/// `parts`: what the tasks make, for the help ("blocks").
+/// Adds the options. `parts` names what the tasks make, for the help ("the blocks").
 void add_task_options(CLI::App& command, TaskArguments& arguments, const std::string& parts);
 
-/// Runs a job whose parts and last call are given by the words that they have in addition to the command line's own;
-/// `replaced`: valued options of the command line that these words replace.
+/// Runs a job in tasks that call this command again. The words of the job's parts and of its last call are added to the
+/// words of the command line. `replaced` names options with a value that these words replace.
 nlohmann::json run_in_tasks(jobs::PartedJob job, const TaskArguments& arguments, const CommonOptions& common,
                             const std::vector<std::string>& replaced, const Progress& progress);
 

@@ -19,7 +19,7 @@ namespace tileflight::app {
 class TerminalProgress {
  public:
   enum class Form { kSilent, kTerminal, kLines };
-  /// The kind of output that stderr is connected to.
+  /// Returns the form for the output that stderr is connected to.
   static Form form_of_stderr();
 
   TerminalProgress(Form form, std::FILE* stream);
@@ -39,7 +39,7 @@ class TerminalProgress {
 
  private:
   using Clock = std::chrono::steady_clock;
-  /// One kind of work, with its duration, whose lines were printed.
+  /// One kind of work, its duration, and how much of it was printed.
   struct Step {
     std::string name;
     double seconds = 0.0, told_seconds = 0.0;

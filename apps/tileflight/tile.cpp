@@ -9,11 +9,11 @@
 #include "command.h"
 #include "number_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/output_folder.h"
 #include "tileflight/core/base/memory_budget.h"
+#include "tileflight/core/base/output_folder.h"
+#include "tileflight/tiles/mesh_files/mesh_source.h"
 #include "tileflight/tiles/tile_writer/georeference.h"
 #include "tileflight/tiles/tile_writer/large_mesh_tileset.h"
-#include "tileflight/tiles/mesh_files/mesh_source.h"
 #include "tileflight/tiles/tile_writer/mesh_tileset.h"
 
 namespace tileflight::app {
@@ -47,13 +47,13 @@ mesh_files::MeshSourceOptions source_of(const TileOptions& options) {
   return out;
 }
 
-/// The frame of a mesh, and what says so.
+/// Georeference of a mesh's frame, and the file or option that states it.
 struct MeshFrame {
   std::optional<geometry::LocalFrame> frame;
   std::string stated_by;
 };
 
-/// Of a mesh in map coordinates: from the options or else from a file beside it or in its folder.
+/// Finds the map coordinates that a mesh is in: from the options, or else from a file beside it or in its folder.
 std::optional<tile_writer::Georeference> map_of(const TileOptions& options, const fs::path& first_file) {
   if (!options.crs.empty()) {
     tile_writer::Georeference place{options.crs, geometry::Vec3::Zero(), "--crs"};
@@ -67,7 +67,8 @@ std::optional<tile_writer::Georeference> map_of(const TileOptions& options, cons
   return place;
 }
 
-/// `move`: moves a mesh that is in map coordinates into a local frame, and returns that frame.
+/// Finds the georeference of a mesh. `move` moves a mesh that is in map coordinates into a local frame, and returns
+/// that frame.
 MeshFrame place_on_earth(const TileOptions& options, const fs::path& first_file,
                          const std::function<geometry::LocalFrame(const tile_writer::Georeference&)>& move) {
   if (options.no_georeference) return {};
@@ -89,7 +90,7 @@ nlohmann::json frame_json(const MeshFrame& place) {
           {"stated_by", place.stated_by}};
 }
 
-/// A tileset that has been written, with what there is to say.
+/// A tileset that has been written, and what the result says of it.
 struct TiledMesh {
   tile_writer::MeshTilesetSummary summary;
   MeshFrame place;
@@ -134,7 +135,7 @@ std::string text_of(const nlohmann::json& result) {
 }
 
 tile_writer::MeshTilesetOptions settings_of(const TileOptions& options, const MeshFrame& place,
-                                       const std::vector<std::string>& copyrights) {
+                                            const std::vector<std::string>& copyrights) {
   tile_writer::MeshTilesetOptions settings = options.tileset;
   if (options.levels > 0) settings.levels = options.levels;
   if (place.frame) settings.T_ecef_local = place.frame->T_ecef_local();
@@ -151,13 +152,13 @@ TiledMesh tile_in_memory(const fs::path& folder, const std::vector<fs::path>& fi
   out.place = place_on_earth(options, files.front(), [&](const tile_writer::Georeference& place) {
     return tile_writer::reproject_to_local(place, source.meshes);
   });
-  out.summary =
-      tile_writer::write_mesh_tileset(folder, source.meshes, settings_of(options, out.place, source.copyrights), progress);
+  out.summary = tile_writer::write_mesh_tileset(folder, source.meshes,
+                                                settings_of(options, out.place, source.copyrights), progress);
   out.warnings = std::move(source.warnings);
   return out;
 }
 
-/// Moves a spilled mesh from map coordinates.
+/// Moves a mesh on disk from map coordinates into a local frame, and returns that frame.
 geometry::LocalFrame move_to_local(const tile_writer::Georeference& place, mesh_files::MeshSpill& mesh) {
   geometry::Box3 extent;
   mesh.for_each_triangle([&](const mesh_files::SourceTriangle& t) {
@@ -187,8 +188,8 @@ TiledMesh tile_out_of_core(const fs::path& folder, const std::vector<fs::path>& 
   tile_writer::LargeMeshLimits limits;
   limits.threads = static_cast<int>(
       std::clamp<std::uintmax_t>((std::max(memory_bytes, kApartFromThreads) - kApartFromThreads) / kPerThread, 2, 256));
-  out.summary = tile_writer::write_large_mesh_tileset(folder, mesh, settings_of(options, out.place, mesh.copyrights), limits,
-                                                 progress);
+  out.summary = tile_writer::write_large_mesh_tileset(folder, mesh, settings_of(options, out.place, mesh.copyrights),
+                                                      limits, progress);
   out.warnings = mesh.warnings;
   return out;
 }
@@ -265,7 +266,8 @@ void add_options(CLI::App& command, TileOptions& options) {
       .add_option("--jpeg-quality", options.tileset.jpeg_quality, "JPEG quality of the textures, 1 to 100 (default 90)")
       ->check(CLI::Range(1, 100));
   command.add_option("--copyright", options.tileset.copyright, "attribution, written into every tile");
-  command.add_flag("--no-textures", options.no_textures, "read no textures: tiles show the colours of materials and vertices");
+  command.add_flag("--no-textures", options.no_textures,
+                   "read no textures: tiles show the colours of materials and vertices");
   command
       .add_option("--memory", options.memory_gb,
                   "memory limit, GB (default: half of the machine's); a mesh that needs more is tiled out of core, in "

@@ -41,7 +41,7 @@ bool is_option(const std::string& argument) {
          (argument[1] == '-' || std::isalpha(static_cast<unsigned char>(argument[1])) != 0);
 }
 
-/// "tileflight extract"
+/// Returns the command with those above it: "tileflight extract".
 std::string full_name(const CLI::App& command) {
   const CLI::App* parent = command.get_parent();
   return (parent == nullptr ? "" : full_name(*parent) + " ") + command.get_name();
@@ -52,8 +52,7 @@ std::string look_up(const CLI::App& command) { return "; see `" + full_name(comm
 std::string unknown_command(const CLI::App& app, const std::string& word) {
   const std::vector<std::string> commands = commands_of(app);
   const std::string meant = base::did_you_mean(word, commands);
-  return "unknown command '" + word + "'" +
-         (meant.empty() ? "; the commands are " + base::joined(commands) : meant);
+  return "unknown command '" + word + "'" + (meant.empty() ? "; the commands are " + base::joined(commands) : meant);
 }
 
 std::string unknown_option(const CLI::App& command, const std::string& name) {
@@ -79,7 +78,7 @@ std::string range_fault(const std::string& fault) {
   return parts[1].str() + " must " + must + ", got " + parts[2].str();
 }
 
-/// "--size: At least 3 required but received 2"
+/// Rephrases "--size: At least 3 required but received 2".
 std::string count_fault(const std::string& fault) {
   static const std::regex kCount("(.*): At (least|most) (\\d+) required but received (\\d+)");
   std::smatch parts;
@@ -88,7 +87,7 @@ std::string count_fault(const std::string& fault) {
          parts[4].str();
 }
 
-/// "--layout: eurok not in {tum-mono,euroc}", with the most similar word.
+/// Rephrases "--layout: eurok not in {tum-mono,euroc}", and adds the most similar word.
 std::string choice_fault(const std::string& fault) {
   static const std::regex kChoice("(.*): (\\S+) not in \\{(.*)\\}");
   std::smatch parts;

@@ -32,8 +32,8 @@ tf.align("odometry", to="truth", dataset="dataset", out="transform.json", force=
 metrics = tf.evaluate(
     "odometry", truth="truth", transform="transform.json", dataset="dataset", out="metrics.json", force=True
 )
-for doubt in metrics["doubts"]:
-    print(f"{doubt['how_sure']}: {doubt['what']}")
+for warning in metrics["warnings"]:
+    print(f"{warning['severity']}: {warning['message']}")
 surface = metrics["surface"]
 print(f"median distance to the surface: {surface['median']:.3f} m")
 

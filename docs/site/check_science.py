@@ -9,7 +9,7 @@ import re
 import sys
 
 #: Parts of numbers that the page explains as a whole.
-WITHIN = {"histogram", "percentiles", "quantization_floor", "rpe", "rpe_frames", "area", "accuracy", "completeness", "f_score", "cumulative", "doubts"}
+WITHIN = {"histogram", "percentiles", "quantization_floor", "rpe", "rpe_frames", "area", "accuracy", "completeness", "f_score", "cumulative", "warnings"}
 #: Members of each part of the budget, which its table has as columns.
 COLUMNS = {"metres", "kind", "how"}
 

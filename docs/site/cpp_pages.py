@@ -11,14 +11,14 @@ import rst
 
 
 def public_headers(source):
-    """{room: [names of headers]}, as the rooms' CMakeLists.txt names them after HEADERS (tests/layering does the same)."""
+    """{room: [paths of headers]}, as the rooms' CMakeLists.txt names them after HEADERS (tests/layering does the same)."""
     rooms = {}
-    for file in sorted(source.glob("tileflight/*/CMakeLists.txt")):
+    for file in sorted(source.glob("tileflight/*/*/CMakeLists.txt")):
         call = re.search(r"tileflight_room\((.*?)\)", file.read_text(), re.DOTALL)
         words = call[1].split() if call else []
         names = [w for w in words[words.index("HEADERS") + 1:] if w.endswith(".h")] if "HEADERS" in words else []
         if names:
-            rooms[file.parent.name] = sorted(names)
+            rooms[file.parent.name] = [f"{file.parent.relative_to(source)}/{name}" for name in sorted(names)]
     return rooms
 
 
@@ -125,16 +125,16 @@ def text_of(comment):
     return "\n\n".join(out)
 
 
-def section(room, header, text):
-    out = [rst.heading(f"{header}", "-"), f"``#include \"tileflight/{room}/{header}\"``\n\n"]
+def section(header, text):
+    out = [rst.heading(header.split("/")[-1], "-"), f"``#include \"{header}\"``\n\n"]
     last = None
-    for comment, code in Reader(text, f"tileflight/{room}/{header}").entries():
+    for comment, code in Reader(text, header).entries():
         if not code:
             out.append(text_of(comment) + "\n\n")
             continue
         if re.fullmatch(r"(class|struct|enum( class)?) [\w:]+;", " ".join(code).strip()) or " ".join(code).startswith("using namespace"):
             continue  # a forward declaration
-        name = name_of(code, f"tileflight/{room}/{header}")
+        name = name_of(code, header)
         if name != last:
             out.append(rst.heading(name.replace("*", "\\*"), "~"))
         last = name
@@ -147,9 +147,9 @@ def write(stage, source):
     rows = []
     for room, headers in rooms.items():
         text = rst.heading(f"tileflight::{room}") + f".. code-block:: cmake\n\n   find_package(tileflight REQUIRED COMPONENTS {room})\n   target_link_libraries(my_program PRIVATE tileflight::{room})\n\n"
-        text += "".join(section(room, header, (source / "tileflight" / room / header).read_text(encoding="utf-8")) for header in headers)
+        text += "".join(section(header, (source / header).read_text(encoding="utf-8")) for header in headers)
         stage.write(f"reference/cpp/{room}.rst", text)
-        rows.append(f"   * - :doc:`{room} <{room}>`\n     - {', '.join(f'``{h}``' for h in headers)}\n")
+        rows.append(f"   * - :doc:`{room} <{room}>`\n     - {', '.join('``' + h.split('/')[-1] + '``' for h in headers)}\n")
     text = rst.heading("C++ reference") + (
         "The public headers of each room, generated from the headers when the site is built: declarations with their comments, without private\n"
         "members. How to use them in a project of your own: :doc:`../../library`; what the rooms are: :doc:`../../architecture`.\n\n"

@@ -43,7 +43,8 @@ struct Distortion {
   std::vector<double> operator()(const imaging::Equirectangular&) const { return {}; }
 };
 
-/// The model of this name with its numbers as Distortion lists them. Throws ValueError.
+/// Makes the lens model of this name. `f`: fx, fy, cx, cy in pixels; `d`: the further numbers in the order of
+/// Distortion. Throws ValueError for an unknown name or a wrong count.
 imaging::CameraModel make_model(const std::string& name, const std::array<double, 4>& f, std::vector<double> d) {
   const auto require_count = [&](std::size_t least, std::size_t most) {
     if (d.size() < least || d.size() > most)
@@ -110,8 +111,9 @@ py::array_t<double> map_rows(const InputArray<double>& rows, const char* name, M
   return move_to_array<double>(std::move(out), {count, To});
 }
 
-double parameter(const Camera& camera, double (*get)(double, double, double, double)) {
-  return std::visit([&](const auto& m) { return get(m.fx, m.fy, m.cx, m.cy); }, camera.model());
+/// Returns fx, fy, cx, cy in pixels.
+std::array<double, 4> focal_lengths_and_center(const Camera& camera) {
+  return std::visit([](const auto& m) { return std::array{m.fx, m.fy, m.cx, m.cy}; }, camera.model());
 }
 
 std::string describe(const Camera& camera) {
@@ -159,20 +161,16 @@ void bind_parameters(py::class_<Camera>& camera) {
       .def_property_readonly("width", &Camera::width)
       .def_property_readonly("height", &Camera::height)
       .def_property_readonly(
-          "fx", [](const Camera& c) { return parameter(c, [](double fx, double, double, double) { return fx; }); },
-          "Focal length in x, pixels.")
+          "fx", [](const Camera& c) { return focal_lengths_and_center(c)[0]; }, "Focal length in x, pixels.")
       .def_property_readonly(
-          "fy", [](const Camera& c) { return parameter(c, [](double, double fy, double, double) { return fy; }); },
-          "Focal length in y, pixels.")
+          "fy", [](const Camera& c) { return focal_lengths_and_center(c)[1]; }, "Focal length in y, pixels.")
       .def_property_readonly(
-          "cx", [](const Camera& c) { return parameter(c, [](double, double, double cx, double) { return cx; }); },
-          "Principal point, pixels.")
+          "cx", [](const Camera& c) { return focal_lengths_and_center(c)[2]; }, "Principal point, pixels.")
       .def_property_readonly(
-          "cy", [](const Camera& c) { return parameter(c, [](double, double, double, double cy) { return cy; }); },
-          "Principal point, pixels.")
+          "cy", [](const Camera& c) { return focal_lengths_and_center(c)[3]; }, "Principal point, pixels.")
       .def_property_readonly(
           "distortion", [](const Camera& c) { return std::visit(Distortion{}, c.model()); },
-          "The model's further numbers, as the constructor takes them.")
+          "Further numbers of the lens model, in the constructor's order.")
       .def_property_readonly("horizontal_fov_deg", &Camera::horizontal_fov_deg, "Along the middle row, degrees.");
 }
 
@@ -206,7 +204,7 @@ void bind_camera(py::module_& module) {
             require_size(width, height);
             return c.scaled_to(width, height);
           },
-          arg("width"), arg("height"), "The same lens for an image of another size of the same aspect ratio.")
+          arg("width"), arg("height"), "Returns this lens for an image of another size with the same aspect ratio.")
       .def(
           "write",
           [](const Camera& c, const std::filesystem::path& file) {

@@ -9,7 +9,7 @@
 namespace tileflight::python {
 namespace {
 
-/// The commands of the program, freshly parsed each time.
+/// The program's commands. A parser keeps the options of its last call, so each call has a new one.
 struct Commands {
   Commands() {
     app.name("tileflight");
@@ -49,7 +49,7 @@ py::dict describe(const CLI::App& command, const std::string& name) {
   return out;
 }
 
-/// Names, help and options of all commands; those with parts by their parts ("scene stadium").
+/// Lists name, help and options of all commands; of a command with parts, those of each part ("scene stadium").
 py::list list_commands() {
   Commands commands;
   py::list list;

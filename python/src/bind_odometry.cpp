@@ -89,7 +89,7 @@ py::dict finish(Odometry& odometry) {
   out["trajectory"] = path_to_arrays(result.trajectory);
   out["keyframes"] = path_to_arrays(result.keyframes);
   out["map"] = cloud_to_arrays(std::move(result.map));
-  out["camera"] = result.camera ? py::cast(*result.camera) : py::object(py::none());
+  out["camera"] = result.camera;
   out["frames"] = result.frames;
   out["frames_tracked"] = result.frames_tracked;
   out["frames_before_start"] = result.frames_before_start;
@@ -104,26 +104,26 @@ py::dict finish(Odometry& odometry) {
 
 void bind_odometry(py::module_& module) {
   using py::arg;
-  py::class_<FrameResult>(module, "TrackedFrame", "What is known of an image at the moment when it was added.")
+  py::class_<FrameResult>(module, "TrackedFrame",
+                          "Result for one image at the moment when it was added; later images refine it.")
       .def_property_readonly(
           "status", [](const FrameResult& f) { return status_name(f.status); },
           "'initializing', 'tracked', 'not aligned' or 'lost'.")
       .def_property_readonly(
           "pose",
-          [](const FrameResult& f) {
-            return f.T_map_camera ? py::cast(f.T_map_camera->matrix()) : py::object(py::none());
-          },
+          [](const FrameResult& f) { return f.T_map_camera ? std::optional(f.T_map_camera->matrix()) : std::nullopt; },
           "T_map_camera (4, 4), scale unknown (monocular); or None.")
       .def_property_readonly("is_keyframe", [](const FrameResult& f) { return f.quality.is_keyframe; })
       .def_property_readonly(
-          "rmse", [](const FrameResult& f) { return f.quality.rmse; }, "Of the alignment, grey values.")
+          "rmse", [](const FrameResult& f) { return f.quality.rmse; },
+          "Root mean square of the photometric alignment's residuals, grey values.")
       .def_property_readonly(
           "sigma_position", [](const FrameResult& f) { return f.quality.sigma_position; },
           "Standard deviation of the position relative to the previous keyframe, map units.")
       .def_readonly("reason", &FrameResult::reason, "Why there is no pose; empty if tracked.");
   py::class_<Odometry>(module, "Odometry",
-                       "Direct Sparse Odometry (Engel, Koltun, Cremers, TPAMI 2018): images in, one at a time; poses "
-                       "and a map out. One thread at a time may use an object.")
+                       "Direct Sparse Odometry (Engel, Koltun, Cremers, TPAMI 2018): it takes images one "
+                       "at a time and gives poses and a map. One thread at a time may use an object.")
       .def(py::init(&make_odometry), arg("camera"), arg("line_delay") = 0.0,
            arg("other_cameras") = OtherCameraArguments{},
            "camera: the lens of the images. line_delay: seconds from row to row of a rolling shutter. other_cameras: "
@@ -140,11 +140,11 @@ void bind_odometry(py::module_& module) {
       .def_property_readonly("frames", &Odometry::frames)
       .def_property_readonly(
           "trajectory", [](const Odometry& o) { return path_to_arrays(o.trajectory()); },
-          "As estimated now: times (N) and poses T_map_camera (N, 4, 4).")
+          "Current estimate: times (N) and poses T_map_camera (N, 4, 4).")
       .def_property_readonly("keyframes", [](const Odometry& o) { return path_to_arrays(o.keyframes()); })
       .def_property_readonly(
           "map", [](const Odometry& o) { return cloud_to_arrays(o.map()); },
-          "As estimated now: points (N, 3) in map units, colors (N, 3), and named values (N).")
+          "Current estimate: points (N, 3) in map units, colors (N, 3), and named values (N).")
       .def("finish", &finish,
            "Ends the odometry: a dictionary with trajectory, keyframes, map, camera (refined), frames, frames_tracked, "
            "frames_before_start, frames_tracked_backwards, metric, lost, lost_reason.");

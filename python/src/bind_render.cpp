@@ -5,22 +5,18 @@
 #include <thread>
 
 #include "arrays.h"
-#include "autopilot_flyer.h"
 #include "bindings.h"
+#include "input_options.h"
 #include "interruptible.h"
-#include "loaded_scene.h"
-#include "region_options.h"
+#include "tileflight/capture/recording/planned_flight.h"
 #include "tileflight/capture/render/camera_renderer.h"
 #include "tileflight/capture/render/daylight.h"
 #include "tileflight/capture/render/render_flight.h"
-#include "tileflight/capture/recording/planned_flight.h"
 
 namespace tileflight::python {
 namespace {
 
-using SceneHandle = std::shared_ptr<LoadedScene>;
-
-/// A finished image as arrays.
+/// A rendered image as arrays.
 struct Frame {
   std::int64_t index = 0;
   double time_s = 0.0;
@@ -34,7 +30,7 @@ py::object depth_array(imaging::FloatImage depth) {
   return depth.empty() ? py::object(py::none()) : py::object(image_to_array(std::move(depth)));
 }
 
-/// A camera in a scene.
+/// Renders images of one camera in a scene.
 class Renderer {
  public:
   Renderer(SceneHandle scene, const imaging::Camera& camera, int samples, bool depth, const imaging::Rgb8& background,
@@ -92,7 +88,7 @@ std::shared_ptr<Flight> plan_flight(const std::filesystem::path& flight_file, co
   });
 }
 
-/// The frames of a flight, in order, while they are rendered in a thread of their own; at most a few wait to be taken.
+/// Iterates over the frames of a flight in order. A thread renders them; at most kMaxAhead frames wait to be taken.
 class FlightFrames {
  public:
   FlightFrames(SceneHandle scene, std::shared_ptr<Flight> flight, bool depth, std::size_t first, std::size_t end)
@@ -112,7 +108,7 @@ class FlightFrames {
   FlightFrames(const FlightFrames&) = delete;
   FlightFrames& operator=(const FlightFrames&) = delete;
 
-  /// Ends the rendering; the frames not yet taken are lost.
+  /// Ends the rendering and drops the frames that were not taken.
   void stop() {
     {
       const std::lock_guard lock(mutex_);
@@ -165,7 +161,7 @@ class FlightFrames {
 
   void take(const render::FlightFrame& frame) {
     std::unique_lock lock(mutex_);
-    // The next frame in order must always find room, else nobody would ever make any.
+    // The next frame in order must always find room, or no thread would ever make room.
     changed_.wait(lock, [&] { return stopped_ || frame.index < next_ + kMaxAhead; });
     if (stopped_) throw Stopped();
     ready_.emplace(frame.index, frame);
@@ -236,7 +232,8 @@ void bind_render(py::module_& module) {
       .def_property_readonly(
           "poses", [](const Flight& f) { return poses_of(f.plan.frames); }, "T_local_camera of each image (N, 4, 4).")
       .def("__len__", [](const Flight& f) { return f.plan.frames.size(); });
-  py::class_<FlightFrames>(module, "FlightFrames", "Iterator over the frames of a flight, rendered ahead by some.")
+  py::class_<FlightFrames>(module, "FlightFrames",
+                           "Iterator over the frames of a flight. Up to eight frames are rendered ahead.")
       .def("__iter__", [](py::object self) { return self; })
       .def("__next__", &FlightFrames::next)
       .def("close", &FlightFrames::stop, "Ends the rendering.")

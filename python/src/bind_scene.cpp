@@ -5,17 +5,13 @@
 
 #include "arrays.h"
 #include "bindings.h"
+#include "input_options.h"
 #include "interruptible.h"
-#include "loaded_scene.h"
-#include "region_options.h"
-#include "source_options.h"
 #include "tileflight/world/ground_truth/surface_samples.h"
 #include "tileflight/world/ground_truth/voxelize.h"
 
 namespace tileflight::python {
 namespace {
-
-using SceneHandle = std::shared_ptr<LoadedScene>;
 
 app::RegionOptions region_options(const std::vector<double>& center, const std::vector<double>& center_local,
                                   const std::vector<double>& size, const std::vector<double>& origin,
@@ -89,7 +85,7 @@ py::list mesh_list(const py::object& self) {
   return list;
 }
 
-/// The nearest hits of rays, one entry each.
+/// The nearest hit of each ray; infinite distance and index -1 where there is none.
 struct RayHits {
   std::vector<double> distances;
   std::vector<std::int32_t> meshes, triangles;

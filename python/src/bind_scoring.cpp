@@ -2,11 +2,10 @@
 
 #include "arrays.h"
 #include "bindings.h"
-#include "loaded_scene.h"
 #include "tileflight/core/alignment/icp.h"
 #include "tileflight/core/alignment/umeyama.h"
-#include "tileflight/evaluation/metrics/metrics.h"
 #include "tileflight/core/geometry/triangle_index.h"
+#include "tileflight/evaluation/metrics/metrics.h"
 
 namespace tileflight::python {
 namespace {
@@ -42,7 +41,7 @@ geometry::PointCloud cloud_from(const InputArray<double>& points, const char* na
   return cloud;
 }
 
-/// Against points (N, 3), or a Scene.
+/// Registers points to points (N, 3), or to the surface of a Scene.
 py::dict icp(const InputArray<double>& source, const py::object& target, const std::optional<InputArray<double>>& start,
              const std::string& method, double radius, bool with_scale) {
   alignment::IcpOptions options = alignment::converging_icp_options();
@@ -79,8 +78,8 @@ py::dict icp(const InputArray<double>& source, const py::object& target, const s
 }
 
 metrics::TrajectoryAlignment alignment_named(const std::string& name) {
-  for (const auto alignment : {metrics::TrajectoryAlignment::kSim3, metrics::TrajectoryAlignment::kSE3,
-                               metrics::TrajectoryAlignment::kNone}) {
+  for (const auto alignment :
+       {metrics::TrajectoryAlignment::kSim3, metrics::TrajectoryAlignment::kSE3, metrics::TrajectoryAlignment::kNone}) {
     if (name == metrics::name_of(alignment)) return alignment;
   }
   throw py::value_error("alignment must be 'sim3', 'se3' or 'none', not '" + name + "'");
@@ -91,8 +90,8 @@ py::object evaluate_trajectory(const InputArray<double>& times, const InputArray
                                const std::string& alignment) {
   metrics::TrajectoryOptions options;
   options.alignment = alignment_named(alignment);
-  return to_python(metrics::to_json(metrics::evaluate_trajectory(
-      trajectory_from(times, poses), trajectory_from(true_times, true_poses), options)));
+  return to_python(metrics::to_json(
+      metrics::evaluate_trajectory(trajectory_from(times, poses), trajectory_from(true_times, true_poses), options)));
 }
 
 }  // namespace

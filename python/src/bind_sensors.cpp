@@ -3,19 +3,16 @@
 
 #include "arrays.h"
 #include "bindings.h"
-#include "loaded_scene.h"
-#include "tileflight/core/base/strict_section.h"
 #include "tileflight/capture/flight_path/path.h"
 #include "tileflight/capture/sensors/imu.h"
 #include "tileflight/capture/sensors/lidar.h"
 #include "tileflight/capture/sensors/sensor_suite.h"
+#include "tileflight/core/base/strict_section.h"
 
 namespace tileflight::python {
 namespace {
 
-using SceneHandle = std::shared_ptr<LoadedScene>;
-
-/// A lidar by its data sheet in a scene.
+/// A lidar with the numbers of a model's data sheet, in a scene.
 class SceneLidar {
  public:
   SceneLidar(SceneHandle scene, const std::string& model, const std::optional<InputArray<double>>& T_camera_lidar,
@@ -120,7 +117,7 @@ py::dict simulate_imu(const flight_path::Path& path, const std::string& model, s
   return arrays;
 }
 
-/// Attributes of samples as arrays, one after the other.
+/// Builds a dictionary of arrays from attributes of samples, one attribute a call.
 template <class Sample>
 class Columns {
  public:
@@ -162,7 +159,7 @@ class Columns {
   py::dict arrays_;
 };
 
-/// What the sensors of a suite record along a path.
+/// Readings of a suite's sensors along a path; empty for a sensor that the suite lacks.
 struct Recordings {
   std::vector<sensors::GnssFix> gnss;
   std::vector<sensors::AttitudeSample> attitude;
@@ -258,16 +255,19 @@ py::dict simulate_sensors(const flight_path::Path& path, const py::dict& options
 void bind_sensors(py::module_& module) {
   using flight_path::Path;
   using py::arg;
-  py::class_<Path>(module, "Path", "A smooth camera path; times beyond its ends are those of its ends.")
+  py::class_<Path>(module, "Path",
+                   "A smooth camera path. Before its start and after its end, the camera is at the respective end.")
       .def(py::init(&path_from), arg("times"), arg("poses"),
-           "Through poses T_local_camera (N, 4, 4) at times (N), seconds: cubic splines in position and quaternion.")
+           "Makes a path through poses T_local_camera (N, 4, 4) at times (N), seconds: cubic splines in position and "
+           "quaternion.")
       .def_property_readonly("start", &Path::start_s, "Seconds.")
       .def_property_readonly("end", &Path::end_s, "Seconds.")
       .def(
           "pose", [](const Path& p, double t) { return p.pose(t).matrix(); }, arg("time"), "T_local_camera (4, 4).")
-      .def("velocity", &Path::velocity, arg("time"), "Of the camera, local frame (3), m/s.")
-      .def("acceleration", &Path::acceleration, arg("time"), "Of the camera, local frame (3), m/s^2, without gravity.")
-      .def("angular_velocity", &Path::angular_velocity, arg("time"), "In camera axes (3), rad/s.");
+      .def("velocity", &Path::velocity, arg("time"), "Velocity of the camera in the local frame (3), m/s.")
+      .def("acceleration", &Path::acceleration, arg("time"),
+           "Acceleration of the camera in the local frame (3), m/s^2, without gravity.")
+      .def("angular_velocity", &Path::angular_velocity, arg("time"), "Angular velocity in camera axes (3), rad/s.");
   py::class_<SceneLidar>(module, "Lidar",
                          "A lidar in a scene; lidar frame: x forward, y left, z up. A scan is a dictionary: points "
                          "(N, 3) float32 metres in the lidar frame, intensity (N) 0 to 1, time (N) seconds after the "

@@ -2,10 +2,8 @@
 
 #include "arrays.h"
 #include "bindings.h"
+#include "input_options.h"
 #include "interruptible.h"
-#include "loaded_scene.h"
-#include "region_options.h"
-#include "source_options.h"
 #include "tileflight/live/simulator/simulator.h"
 
 namespace tileflight::python {
@@ -215,7 +213,7 @@ py::dict gps_reading(Simulator& simulator, const std::string& gps, const std::st
   return out;
 }
 
-/// Tasks that fly a vehicle somewhere.
+/// Binds the tasks that fly a vehicle somewhere.
 void bind_moves(py::class_<Simulator>& simulator) {
   using py::arg;
   constexpr int kAnyDirection = 0;  // AirSim's DrivetrainType.MaxDegreeOfFreedom
@@ -229,7 +227,8 @@ void bind_moves(py::class_<Simulator>& simulator) {
                                         vehicle);
             });
           },
-          arg("position"), arg("speed"), arg("timeout") = 3e38F, arg("vehicle") = "", "To a position (3), NED metres.")
+          arg("position"), arg("speed"), arg("timeout") = 3e38F, arg("vehicle") = "",
+          "Flies to a position (3), NED metres.")
       .def(
           "move_by_velocity",
           [](Simulator& s, const std::array<double, 3>& v, float duration, float yaw_rate_deg_s,
@@ -241,7 +240,7 @@ void bind_moves(py::class_<Simulator>& simulator) {
             });
           },
           arg("velocity"), arg("duration"), arg("yaw_rate_deg_s") = 0.0F, arg("vehicle") = "",
-          "With a velocity (3), NED m/s, for some seconds.")
+          "Flies with a velocity (3), NED m/s, for some seconds.")
       .def(
           "move_by_velocity_body",
           [](Simulator& s, const std::array<double, 3>& v, float duration, float yaw_rate_deg_s,
@@ -253,7 +252,7 @@ void bind_moves(py::class_<Simulator>& simulator) {
             });
           },
           arg("velocity"), arg("duration"), arg("yaw_rate_deg_s") = 0.0F, arg("vehicle") = "",
-          "With a velocity forward, right, down, m/s.")
+          "Flies with a velocity forward, right, down, m/s, for some seconds.")
       .def(
           "move_by_attitude",
           [](Simulator& s, float roll, float pitch, float yaw, float throttle, float duration,
@@ -318,7 +317,7 @@ void bind_sensors(py::class_<Simulator>& simulator) {
           [](Simulator& s, const std::string& sensor, const std::string& vehicle) {
             return s.get_distance_sensor_data(sensor, vehicle).distance;
           },
-          arg("sensor") = "", arg("vehicle") = "", "Of a distance sensor, metres.");
+          arg("sensor") = "", arg("vehicle") = "", "Reading of a distance sensor, metres.");
 }
 
 }  // namespace
@@ -334,7 +333,7 @@ void bind_simulator(py::module_& module) {
            arg("center") = std::vector<double>{}, arg("center_local") = std::vector<double>{},
            arg("size") = std::vector<double>{}, arg("error") = 0.0, arg("memory_gb") = 2.0,
            arg("progress") = py::none(),
-           "source and region as in `load`. settings: AirSim's settings as a dictionary or text; with "
+           "source and region are those of `load`. settings: AirSim's settings as a dictionary or text; with "
            "\"StepOnDemand\": true time passes only while a task runs, as fast as it can be computed.")
       .def_static("of_scene", &simulator_of_scene, arg("scene"), arg("settings") = py::none(), py::kw_only(),
                   arg("ned_origin") = py::none(),
@@ -345,7 +344,8 @@ void bind_simulator(py::module_& module) {
           "Cancels all tasks and unblocks all calls.")
       .def_property_readonly("warnings", &Simulator::warnings)
       .def_property_readonly("vehicles", &Simulator::list_vehicles)
-      .def("reset", &Simulator::reset, py::call_guard<py::gil_scoped_release>(), "All vehicles to their start.")
+      .def("reset", &Simulator::reset, py::call_guard<py::gil_scoped_release>(),
+           "Puts all vehicles back to their start.")
       .def("enable_control", &Simulator::enable_api_control, arg("enabled") = true, arg("vehicle") = "")
       .def("arm", &Simulator::arm_disarm, arg("armed") = true, arg("vehicle") = "")
       .def("state", &state_of, arg("vehicle") = "",

@@ -2,22 +2,40 @@
 
 #include <pybind11/pybind11.h>
 
+#include <memory>
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "tileflight/core/geometry/geodesy.h"
+#include "tileflight/tiles/tileset/load.h"
+#include "tileflight/world/scene/scene.h"
+
+// Declarations that the module's binding files share.
 
 namespace tileflight::python {
 
-/// JSON as dictionaries, lists, numbers and None, and back. `name`: of the argument, for ValueErrors.
+/// Converts JSON to dictionaries, lists, texts, numbers and None.
 pybind11::object to_python(const nlohmann::json& json);
+/// Converts dictionaries, lists, texts, numbers, numpy's arrays and None to JSON. `name` is the argument's name for
+/// messages. Throws ValueError for numbers that are not finite, TypeError for other objects.
 nlohmann::json to_json(const pybind11::handle& object, const char* name);
 
-// One function per group of the module's classes and functions, each in the file of its name.
-void bind_camera(pybind11::module_& module);
-void bind_commands(pybind11::module_& module);
-void bind_odometry(pybind11::module_& module);
-void bind_render(pybind11::module_& module);
-void bind_scene(pybind11::module_& module);
-void bind_scoring(pybind11::module_& module);
-void bind_sensors(pybind11::module_& module);
-void bind_simulator(pybind11::module_& module);
+/// A scene in memory, and what is known of its tiles. Objects that use it share it, so that it lives as long as they
+/// do.
+struct LoadedScene {
+  LoadedScene(std::vector<imaging::TexturedMesh> meshes, tileset::LoadedTiles tiles,
+              const std::optional<geometry::Vec3>& anchor = {})
+      : scene(std::move(meshes), anchor), tiles(std::move(tiles)) {}
+
+  scene::Scene scene;
+  tileset::LoadedTiles tiles;  ///< without its meshes
+
+  std::optional<geometry::Geodetic> origin() const {
+    return tiles.local_frame ? std::optional(tiles.local_frame->origin()) : std::nullopt;
+  }
+};
+using SceneHandle = std::shared_ptr<LoadedScene>;
 
 }  // namespace tileflight::python

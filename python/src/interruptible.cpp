@@ -14,7 +14,8 @@ namespace {
 
 namespace py = pybind11;
 
-/// Ends work from within its progress report. Not a std::exception: work may take those for failures of a part of it.
+/// Thrown from a progress report to end the work. It is no std::exception, because work may take those for failures of
+/// a part of it.
 struct Cancelled {};
 
 struct Report {
@@ -22,7 +23,7 @@ struct Report {
   std::string what;
 };
 
-/// Work in its thread.
+/// Runs work in a thread and keeps its latest progress report and its failure.
 class Worker {
  public:
   explicit Worker(const std::function<void(const Progress&)>& work) : thread_([this, &work] { run(work); }) {}
@@ -70,7 +71,8 @@ class Worker {
   std::thread thread_;  ///< last: it uses the others
 };
 
-/// Handles signals and passes the latest report on. Throws py::error_already_set. With the lock.
+/// Handles signals and passes the latest report on. The caller holds the interpreter's lock. Throws
+/// py::error_already_set.
 void attend_to_interpreter(const py::object& progress, Worker& worker) {
   if (PyErr_CheckSignals() != 0) throw py::error_already_set();
   const std::optional<Report> report = worker.take_report();

@@ -10,6 +10,11 @@
 #include "tileflight/core/base/version.h"
 
 namespace tileflight::python {
+
+// One function per group of the module's classes and functions, each in the file of its name.
+using Bind = void(pybind11::module_& module);
+Bind bind_camera, bind_commands, bind_odometry, bind_render, bind_scene, bind_scoring, bind_sensors, bind_simulator;
+
 namespace {
 
 namespace py = pybind11;

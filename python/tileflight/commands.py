@@ -17,7 +17,7 @@ from typing import Any, Callable
 from . import _core
 
 _NAMES = {"scene stadium": "make_stadium"}
-#: Servers that run until a signal (`Simulator` is the same within the process), and what only a shell has a use for.
+#: Servers, which run until a signal (`Simulator` does the same within the process), and a command for shells only.
 _LEFT_OUT = {"serve", "play", "completion"}
 #: Options of the terminal, which a function has no use for.
 _TERMINAL = {"json", "quiet"}
@@ -35,7 +35,7 @@ def _find_program() -> str:
     return _os.environ.get("TILEFLIGHT_BINARY") or (found[0] if found else "")
 
 
-# What a run has done counts as done for the same program only: without it, for the same module.
+# A run reuses results of the same program only. Without a program, the module's file identifies it.
 _core._set_program(_find_program() or _core.__file__)
 
 
@@ -45,7 +45,7 @@ def _parameter_name(option: dict[str, Any]) -> str:
 
 
 def _texts(option: dict[str, Any], value: Any) -> list[str]:
-    """The words of an option's value on a command line."""
+    """Returns the words of an option's value on a command line."""
     is_list = isinstance(value, (list, tuple)) or type(value).__module__ == "numpy" and getattr(value, "ndim", 0) > 0
     values = [_os.fspath(v) if isinstance(v, _os.PathLike) else str(v) for v in (value if is_list else [value])]
     if is_list and option["delimiter"]:
@@ -68,7 +68,7 @@ def _arguments(command: dict[str, Any], values: dict[str, Any]) -> list[str]:
             words.append("--" + option["name"])
         else:
             words += [f"--{option['name']}={text}" for text in _texts(option, value)]
-    # What follows a bare -- is positional, even where it begins with a dash.
+    # Words after a bare -- are positional, even where they begin with a dash.
     return words + ["--"] + positional if positional else words
 
 

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """No function is written twice: two bodies in different files that differ in nothing but the names of their parameters,
 and have at least SMALLEST tokens, are a fault. Comments and layout do not count; functions are found as by
-measure_rooms.py.
+measure_house.py.
 
 Usage: check_duplicates.py REPOSITORY
 """
@@ -10,7 +10,7 @@ import pathlib
 import re
 import sys
 
-import measure_rooms
+import measure_house
 
 SMALLEST = 50  # below, two functions are alike by chance: conversions of three numbers, getters, one formula
 TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[A-Za-z_]\w*|\d[\w.]*|\S')
@@ -35,7 +35,7 @@ def faults(texts):
     found = collections.defaultdict(list)
     for file, text in sorted(texts.items()):
         lines = text.splitlines()
-        for begin, length in measure_rooms.functions(text):
+        for begin, length in measure_house.functions(text):
             tokens = renamed(*body_of(lines, begin, length))
             if len(tokens) >= SMALLEST:
                 found[tokens].append((file, begin))
@@ -45,7 +45,7 @@ def faults(texts):
 
 def main(root):
     root = pathlib.Path(root)
-    files = [f for top in ("tileflight", "apps", "python") for f in measure_rooms.product_files(root / top)]
+    files = [f for top in ("tileflight", "apps", "python") for f in measure_house.product_files(root / top)]
     found = faults({str(f.relative_to(root)): f.read_text() for f in files})
     print("\n".join(found) if found else "no function is written twice")
     return 1 if found else 0

@@ -15,11 +15,11 @@ ALLOWED = {"nlohmann/json_fwd.hpp"}
 
 def public_headers(root):
     found = set()
-    for file in sorted(root.glob("tileflight/*/CMakeLists.txt")):
+    for file in sorted(root.glob("tileflight/*/*/CMakeLists.txt")):
         call = re.search(r"tileflight_room\((.*?)\)", file.read_text(), re.DOTALL)
         words = call[1].split() if call else []
         names = words[words.index("HEADERS") + 1:] if "HEADERS" in words else []
-        found |= {f"tileflight/{file.parent.name}/{name}" for name in names if name.endswith(".h")}
+        found |= {f"{file.parent.relative_to(root)}/{name}" for name in names if name.endswith(".h")}
     return found
 
 

@@ -9,7 +9,7 @@ import check_public_headers
 
 def faults_of(headers, public):
     with tempfile.TemporaryDirectory() as folder:
-        room = pathlib.Path(folder) / "tileflight/a"
+        room = pathlib.Path(folder) / "tileflight/w/a"
         room.mkdir(parents=True)
         (room / "CMakeLists.txt").write_text(f"tileflight_room(a USES b\n  HEADERS {public})\n")
         for name, text in headers.items():
@@ -18,13 +18,13 @@ def faults_of(headers, public):
 
 
 def main():
-    x, y = {"x.h": '#include "tileflight/a/y.h"\n'}, {"y.h": "#include <vector>\n"}
+    x, y = {"x.h": '#include "tileflight/w/a/y.h"\n'}, {"y.h": "#include <vector>\n"}
     assert faults_of({**x, **y}, "x.h y.h") == []
-    assert faults_of({**x, **y}, "x.h") == ["tileflight/a/x.h: is public and includes tileflight/a/y.h, which is not"]
-    assert faults_of(y, "y.h z.h") == ["tileflight/a/z.h: is named as a public header and does not exist"]
+    assert faults_of({**x, **y}, "x.h") == ["tileflight/w/a/x.h: is public and includes tileflight/w/a/y.h, which is not"]
+    assert faults_of(y, "y.h z.h") == ["tileflight/w/a/z.h: is named as a public header and does not exist"]
     assert faults_of({"x.h": "#include <nlohmann/json_fwd.hpp>\n"}, "x.h") == []
     for library in ("nlohmann/json.hpp", "yaml-cpp/yaml.h", "msgpack.hpp"):
-        assert faults_of({"x.h": f"#include <{library}>\n"}, "x.h") == [f"tileflight/a/x.h: is public and shows {library}"]
+        assert faults_of({"x.h": f"#include <{library}>\n"}, "x.h") == [f"tileflight/w/a/x.h: is public and shows {library}"]
     print("the check finds each planted fault")
 
 

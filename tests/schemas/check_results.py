@@ -63,7 +63,7 @@ def required_faults(schema, value, reader):
         for key in part.get("required", []):
             document = copy.deepcopy(value)
             section = document[path[0]] if path else document
-            if not section or key not in section or (path, key) == ((), "doubts"):  # absent in older files, which are read
+            if not section or key not in section or (path, key) == ((), "warnings"):  # absent in older files, which are read
                 continue
             del section[key]
             if reader.answer("metrics", document) == "ok":

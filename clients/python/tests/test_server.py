@@ -252,7 +252,7 @@ class AsTheOldClientSpeaks(ByHand):
 
 
 class AsTheScriptsSpeak(ByHand):
-    """What AirSim's and Cosys-AirSim's own scripts send, byte for byte, and go on after."""
+    """Calls that the scripts of AirSim and Cosys-AirSim send, byte for byte, and that they expect to succeed."""
 
     def nil_of(self, request):
         self.assertEqual(self.ask(b"\x94\x00\x01" + request), b"\x94\x01\x01\xc0\xc0")

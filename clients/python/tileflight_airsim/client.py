@@ -351,7 +351,7 @@ class VehicleClient:
         return t.Answer.from_msgpack(self.client.call("tfGeodeticPose", vehicle_name))
 
     def tfStatistics(self) -> t.Answer:
-        """What the server has done: `.simulator`, `.server`."""
+        """Returns counts of what the server has done: `.simulator`, `.server`."""
         return t.Answer.from_msgpack(self.client.call("tfStatistics"))
 
     def tfCreateVoxelGrid(self, center: t.Vector3r, size: t.Vector3r, resolution: float) -> t.Answer:

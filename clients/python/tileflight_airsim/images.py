@@ -1,4 +1,4 @@
-"""What scripts do with the pixels of an answer. numpy, where a function needs it, is imported by that function."""
+"""Conversions of the pixels of an answer. Functions that need numpy import it themselves."""
 from __future__ import annotations
 
 import struct

@@ -137,7 +137,7 @@ class Connection:
 
 
 def _plain(value: Any) -> Any:
-    """What msgpack does not know itself: the protocol's structures, and numbers and arrays of numpy."""
+    """Converts what msgpack does not know itself: the protocol's structures, and numbers and arrays of numpy."""
     for name in ("to_msgpack", "tolist"):
         if hasattr(value, name):
             return getattr(value, name)()

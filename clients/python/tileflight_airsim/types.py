@@ -389,7 +389,7 @@ class Lens(MsgpackMixin):
 
 
 class Answer(MsgpackMixin):
-    """What a call of tileflight's own gives: the map's entries as attributes, nested ones too."""
+    """Answer to a call that only tileflight has: the map's entries as attributes, nested ones too."""
 
     @classmethod
     def from_msgpack(cls, encoded: Dict[str, Any]) -> "Answer":

@@ -8,7 +8,7 @@ namespace tileflight {
 
 namespace base {
 class StrictSection;
-}
+}  // namespace base
 
 /// Tells how much a warning weighs.
 enum class Severity {

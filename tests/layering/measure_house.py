@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
-"""The house in figures: rooms, files, product lines (without tests), lengths of functions (docs/architecture.md).
+"""Prints the house in figures: wings, rooms, files and product lines (without tests), headers with one includer, and
+lengths of functions.
 
 Functions are found by clang-format's layout: a body opens at the end of a line that is no control statement and no
 type, and ends with the brace below the line where its signature began.
-Usage: measure_rooms.py REPOSITORY
+Usage: measure_house.py REPOSITORY
 """
 import pathlib
 import re
@@ -60,16 +61,32 @@ def functions(text):
     return found
 
 
+def single_includer_headers(root):
+    """(headers that at most one file besides their own source and test includes, all headers)."""
+    includers = {}
+    for top in ("tileflight", "apps", "python", "tests", "benchmarks"):
+        for file in [*(root / top).rglob("*.h"), *(root / top).rglob("*.cpp")]:
+            for name in re.findall(r'#include "(tileflight/[\w/]+\.h)"', file.read_text()):
+                includers.setdefault(name, set()).add(str(file.relative_to(root)))
+    headers = [str(f.relative_to(root)) for f in (root / "tileflight").rglob("*.h")]
+    own = lambda h: {h[:-2] + ".cpp", h[:-2] + "_test.cpp"}
+    return sum(len(includers.get(h, set()) - own(h)) <= 1 for h in headers), len(headers)
+
+
 def main(root):
     root = pathlib.Path(root)
-    rooms = {room.name: product_files(room) for room in sorted((root / "tileflight").iterdir()) if room.is_dir()}
-    files = [f for room in rooms.values() for f in room] + product_files(root / "apps")
-    if (root / "python").is_dir():
-        files += product_files(root / "python")
-    counts = sorted((len(room) for room in rooms.values()), reverse=True)
-    print(f"rooms: {len(rooms)}; files a room: {statistics.median(counts):g} median, {counts[0]} at most")
-    texts = {f: f.read_text() for f in files}
-    print(f"product: {len(files)} files, {sum(len(t.splitlines()) for t in texts.values())} lines")
+    wings = sorted(w for w in (root / "tileflight").iterdir() if w.is_dir())
+    rooms = sum(r.is_dir() for w in wings for r in w.iterdir())
+    texts = {}
+    for name, folder in [*((w.name, w) for w in wings), ("apps", root / "apps"), ("python", root / "python")]:
+        its = {f: f.read_text() for f in product_files(folder)}
+        texts |= its
+        print(f"{name}: {len(its)} files, {sum(len(t.splitlines()) for t in its.values())} lines")
+    sizes = [len(t.splitlines()) for t in texts.values()]
+    print(f"product: {len(wings)} wings, {rooms} rooms, {len(sizes)} files, {sum(sizes)} lines; a file: "
+          f"{statistics.median(sizes):g} lines median, {sum(n < 40 for n in sizes)} files under 40")
+    single, headers = single_includer_headers(root)
+    print(f"headers with one includer: {single} of {headers}")
     lengths = sorted((n, f"{f.relative_to(root)}:{at}") for f, t in texts.items() for at, n in functions(t))
     sizes = [n for n, _ in lengths]
     print(f"functions: {len(sizes)}; lines: {statistics.median(sizes):g} median, {sizes[len(sizes) * 9 // 10]} at p90; "
