@@ -12,7 +12,7 @@ struct ProcessLimits {
   double memory_mb = 0.0;  ///< resident memory of all its processes together, 10^6 bytes
 };
 
-/// How a process ended and what it took, with all that it started.
+/// Outcome and resources of a process, with all processes that it started.
 struct ProcessReport {
   int exit_status = 0;                              ///< 128 + signal if a signal ended it, as in a shell
   bool out_of_time = false, out_of_memory = false;  ///< stopped at a limit

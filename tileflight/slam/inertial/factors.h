@@ -54,7 +54,7 @@ struct VisualResidual {
   Eigen::Matrix<double, 6, 3> by_mounting;  ///< right perturbation of R_imu_camera; the camera's place is kept
 };
 
-/// What the unit reads about an instant, mean.
+/// Mean readings of the unit about an instant.
 struct MeanReading {
   geometry::Vec3 angular_rate_rad_s = geometry::Vec3::Zero();
   geometry::Vec3 specific_force_m_s2 = geometry::Vec3::Zero();

@@ -12,7 +12,7 @@ struct InitializationOptions {
                                     ///< pixel); beyond that the oldest are dropped, but never those of the attempt
   double min_parallax_rad = 0.026;  ///< median angle between rays after the best rotation, before initialization is
                                     ///< tried
-  double fallback_parallax_rad = 0.009;   ///< same, used when the tracks are about to be lost
+  double fallback_parallax_rad = 0.009;   ///< the same angle, used when the tracks are about to be lost
   double sufficient_parallax_rad = 0.08;  ///< with this much parallax the best hypothesis is accepted even if the
                                           ///< second fits nearly as well
   double max_cost_ratio = 0.8;            ///< joint cost of the best over the second-best hypothesis below which the

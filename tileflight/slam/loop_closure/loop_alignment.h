@@ -31,7 +31,7 @@ class PixelGrid {
   static constexpr float kCell_px = 16.0F;
 
   void add(const KnownPixel& known) { cells_[key(known.pixel)].push_back(known); }
-  /// Inverse distances of the points within `radius_px`, which is at most one cell.
+  /// Returns the inverse distances of the points within `radius_px`, which is at most one cell.
   std::vector<float> rho_within(const Eigen::Vector2f& pixel, float radius_px) const;
 
  private:
@@ -60,13 +60,13 @@ struct LoopAlignment {
   double log_scale_variance = 0.0;
 };
 
-/// Squared difference of both alignments over its variance, mean of its six coordinates: about 1 if the covariances
-/// are right, many if one alignment is wrong.
+/// Returns the squared difference of both alignments over its variance, mean of its six coordinates: about 1 if the
+/// covariances are right, many if one alignment is wrong.
 double disagreement(const LoopAlignment& alignment);
 
-/// `lens`: of the full image, which `a.image` and `b.image` are a level of. `T_a_b`: where to begin; its scale is a
-/// length in a over the same length in b. nullopt if too few points are known, one of the alignments fails, or the two
-/// contradict each other.
+/// Aligns both keyframes of a loop. `lens`: of the full image, which `a.image` and `b.image` are a level of. `T_a_b`:
+/// where to begin; its scale is a length in a over the same length in b. nullopt if too few points are known, one of
+/// the alignments fails, or the two contradict each other.
 std::optional<LoopAlignment> align_loop(const keyframes::LensPyramid& lens, const AlignedKeyframe& a,
                                         const AlignedKeyframe& b, const geometry::Sim3& T_a_b);
 

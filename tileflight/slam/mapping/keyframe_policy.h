@@ -17,7 +17,7 @@ struct TrackingChange {
   double first_rmse = 0.0;      ///< of the first image tracked to this keyframe, grey values
 };
 
-/// Whether the weighted sum of flow and brightness change exceeds 1, or the RMSE doubled.
+/// Returns whether the weighted sum of flow and brightness change exceeds 1, or the RMSE doubled.
 bool needs_keyframe(const TrackingChange& change, int width, int height, const keyframes::WindowOptions& options);
 
 /// Marks keyframes to marginalise: those with too few points visible in the newest one or a brightness change of more

@@ -1,6 +1,6 @@
 #pragma once
 
-// What a window's residuals say of a rolling shutter's line delay. A row that is exposed delta (v - (H - 1) / 2)
+// Estimate of a rolling shutter's line delay from a window's residuals. A row that is exposed delta (v - (H - 1) / 2)
 // seconds after the middle row has the pose exp(delta (v - (H - 1) / 2) w) T_camera_map, w the twist of T_camera_map a
 // second. To first order the delay therefore moves a point from host row v_h to target row v_t as a change of the
 // relative pose by delta (s_t w_t - s_h Ad(T_target_host) w_h), s the rows below the middle: du/d(delta) = J_pose times

@@ -33,7 +33,7 @@ struct KeyframeCandidate {
                                                           ///< coupled to an inertial unit is so no more
 };
 
-/// What the keyframes' stereo pictures gave, of one camera.
+/// Counts how the keyframes' stereo pictures of one camera matched.
 struct StereoRecord {
   int keyframes = 0;                     ///< with a picture
   int unmatched = 0;                     ///< of those: the picture shows something else, and was not used

@@ -32,16 +32,17 @@ LineDelayPasses track_with_line_delay(double given_s, const std::function<Odomet
 
 class LineDelayRecord {
  public:
-  /// After the first map: `tracked` are its images, in order of time.
+  /// Begins with the first map; `tracked` are its images, in order of time.
   void begin(const std::vector<TrackedFrame>& tracked, const mapping::Mapper& mapper);
-  /// After an image was aligned, and before it is made a keyframe.
+  /// Takes up an image that was aligned, before it is made a keyframe.
   void follow(const LastFrame& image);
-  /// The image that was aligned last becomes a keyframe; the window is still without it. `lens`: level 0.
+  /// Counts the window when the image that was aligned last becomes a keyframe; the window is still without it. `lens`:
+  /// level 0.
   void add_window(const mapping::Mapper& mapper, const keyframes::Lens& lens);
-  /// It is in the window now.
+  /// Tells that this keyframe is in the window now.
   void add_keyframe(int id);
 
-  /// nullopt: too few windows.
+  /// Estimates the line delay from all windows; nullopt: too few windows.
   std::optional<mapping::LineDelayEstimate> estimate(const mapping::Mapper& mapper) const;
 
  private:

@@ -119,14 +119,14 @@ struct LoopClosure {
   int inliers = 0;            ///< feature matches consistent with the loop
 };
 
-/// How corners seen by two cameras of a rig at one instant agree with its calibration.
+/// Agreement of corners, seen by two cameras of a rig at one instant, with its calibration.
 struct RigFit {
   int matches = 0;            ///< corners that fit
   double rotation_rad = 0.0;  ///< by which the other camera would have to be turned; 0: by nothing that its images show
   double behind_share = 0.0;  ///< of the corners with parallax: how many would be behind the cameras
 };
 
-/// What another camera of the rig gave.
+/// Statistics of the images of another camera of the rig.
 struct OtherCameraResult {
   std::string name;
   std::int64_t frames = 0;             ///< with a picture of it
@@ -140,7 +140,7 @@ struct OtherCameraResult {
                               ///< seen by both cameras
 };
 
-/// What static stereo gave.
+/// Result of static stereo.
 struct StereoResult {
   bool metric = false;  ///< map and trajectory are in metres; else they are those of the reference camera alone
   std::vector<OtherCameraResult> cameras;  ///< by OdometryInput::other_cameras
@@ -180,7 +180,7 @@ struct OdometryResult {
   StageTimes cpu_time;
 };
 
-/// What became of an image when it was added.
+/// Status of an image after it was added.
 enum class FrameStatus {
   kInitializing,  ///< no map yet: the image is kept until there is enough parallax
   kTracked,       ///< the image has a pose
@@ -188,7 +188,7 @@ enum class FrameStatus {
   kLost           ///< too many images in a row did not align; all later ones are ignored
 };
 
-/// What is known of an image at the moment when it was added.
+/// Estimate for an image at the moment when it was added.
 struct FrameResult {
   FrameStatus status = FrameStatus::kInitializing;
   std::optional<geometry::SE3> T_map_camera;  ///< if tracked; without its scale (monocular), see T_world_map()
@@ -239,27 +239,27 @@ class Odometry {
   /// no effect. Throws InputError if the image's size differs from the calibration's or the mask's, if time or index do
   /// not increase or are not finite, if a prior pose is not finite or given in both ways, and after finish().
   FrameResult add(InputFrame frame, const std::optional<geometry::SE3>& T_world_camera = {});
-  /// The same for an image without exposure time, whose index is the number of images before it.
+  /// Processes the next image, one without exposure time, whose index is the number of images before it.
   FrameResult add(imaging::RgbImage image, double time_s, const std::optional<geometry::SE3>& T_world_camera = {});
 
-  /// Whether later images are ignored.
+  /// Returns whether tracking is lost, so that later images are ignored.
   bool lost() const;
-  /// Images processed, ignored ones not counted.
+  /// Returns the number of images processed, ignored ones not counted.
   std::int64_t frames() const;
-  /// A few words on the present state, for progress reports.
+  /// Returns a few words on the present state, for progress reports.
   std::string progress_text() const;
 
-  /// T_map_camera of the images with a pose, and of the keyframes, as estimated now, before loop closure; empty before
-  /// the map. A map point's scalar `keyframe` is an index into keyframes(). Each takes time in proportion to the
-  /// flight.
+  /// Return T_map_camera of the images with a pose, of the keyframes, and the map, as estimated now, before loop
+  /// closure; empty before the map. A map point's scalar `keyframe` is an index into keyframes(). Each takes time in
+  /// proportion to the flight.
   geometry::Trajectory trajectory() const;
   geometry::Trajectory keyframes() const;
   geometry::PointCloud map() const;
-  /// The latest keyframes, at most `count`, with what the window says of the steps between them, in map units, as
-  /// inertial::align_to_gravity() takes them. Takes time in proportion to the flight.
+  /// Returns the latest keyframes, at most `count`, with what the window says of the steps between them, in map units,
+  /// as inertial::align_to_gravity() takes them. Takes time in proportion to the flight.
   std::vector<inertial::VisualKeyframe> latest_keyframes(std::size_t count) const;
-  /// From the map to the frame and scale of the priors, as estimated now; nullopt without priors or before the map.
-  /// Throws InputError if the priors do not determine it, as finish() does.
+  /// Returns the transform from the map to the frame and scale of the priors, as estimated now; nullopt without priors
+  /// or before the map. Throws InputError if the priors do not determine it, as finish() does.
   std::optional<geometry::Sim3> T_world_map() const;
 
   /// Ends the odometry and returns everything that it found; afterwards every call but assignment throws InputError.

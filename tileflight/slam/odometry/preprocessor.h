@@ -48,7 +48,7 @@ class Preprocessor {
   keyframes::RowRectifier make_rectifier(const geometry::Vec6& twist, const tracking::ReferenceLevel& reference,
                                          const geometry::SE3& T_target_reference) const;
 
-  /// Whether photometric calibration and exposure time give the image's brightness.
+  /// Returns whether photometric calibration and exposure time give the image's brightness.
   bool is_brightness_known(const InputFrame& frame) const;
   keyframes::AffineBrightness brightness_prior(const InputFrame& frame) const;
 

@@ -20,9 +20,9 @@
 
 namespace tileflight::odometry {
 
-/// Readings (imu.csv), noise (imu.yaml; without it EuRoC's ADIS16448, with a line in `warnings`) and mounting
-/// (T_cam_imu). The readings are checked (slam/inertial/imu_check.h). Throws InputError for a dataset without an
-/// inertial unit, and for readings that cannot be used.
+/// Reads an inertial unit's readings (imu.csv), noise (imu.yaml; without it EuRoC's ADIS16448, with a line in
+/// `warnings`) and mounting (T_cam_imu). The readings are checked (slam/inertial/imu_check.h). Throws InputError for a
+/// dataset without an inertial unit, and for readings that cannot be used.
 inertial::InertialInput read_inertial_input(const dataset::Dataset& data, double gravity_m_s2,
                                             std::vector<std::string>& warnings);
 
@@ -43,7 +43,7 @@ inline constexpr double kSameInstant_s = 1e-4;
 StereoRig read_stereo_rig(const std::filesystem::path& folder, const std::string& camera,
                           std::vector<std::string>& warnings);
 
-/// How the images are used: unchanged, or rectified.
+/// Camera of the images as they are tracked: unchanged, or rectified.
 struct TrackingCamera {
   imaging::Camera native;
   imaging::Calibration calibration;  ///< of the images as tracked
@@ -52,8 +52,8 @@ struct TrackingCamera {
 /// `rectify_fov_deg`: horizontal field of view of the pinhole to which images are rectified; none: they are unchanged.
 TrackingCamera make_tracking_camera(const imaging::Calibration& calibration, std::optional<double> rectify_fov_deg);
 
-/// The frames of the range. In reverse order, times are relative to the last frame, because odometry needs increasing
-/// times. Throws InputError if there are none.
+/// Returns the frames of the range. In reverse order, times are relative to the last frame, because odometry needs
+/// increasing times. Throws InputError if there are none.
 std::vector<dataset::Frame> select_frames(const dataset::Dataset& data, const FrameRange& range);
 
 /// Images that could not be decoded.
@@ -72,10 +72,10 @@ struct SkippedFrames : SkippedImages {
 odometry::FrameSource make_frame_source(const std::vector<dataset::Frame>& frames, bool reverse,
                                         const TrackingCamera& view, const StereoRig* rig, SkippedFrames& skipped);
 
-/// Poses in the opposite order, at negated times.
+/// Puts the poses into the opposite order, at negated times.
 void reverse_times(geometry::Trajectory& trajectory);
 
-/// The dataset's response and vignetting, of the images as tracked; none if it has no such files.
+/// Reads the dataset's response and vignetting, for the images as tracked; none if it has no such files.
 std::optional<imaging::PhotometricCalibration> read_photometric_calibration(const dataset::Dataset& data,
                                                                             const TrackingCamera& view);
 

@@ -1,6 +1,6 @@
 #pragma once
 
-// What an odometry has recorded of its images, and what it reports from that together with the map.
+// Record of an odometry's images, and the results that follow from it together with the map.
 
 #include <cstdint>
 #include <vector>
