@@ -162,7 +162,7 @@ std::string distortion_text(const Lens& lens) {
   return text;
 }
 
-/// What an adapter's script is told (docs/systems.md).
+/// Returns the environment variables of an adapter's script (docs/systems.md).
 std::map<std::string, std::string> make_environment(const Adapter& adapter, const dataset::Dataset& dataset,
                                                     const HandedDataset& handed, const fs::path& output,
                                                     const SystemRunOptions& options, int threads) {

@@ -22,7 +22,7 @@ struct PixelCells8 {
     dx = u - __builtin_convertvector(x, base::Float8);
     dy = v - __builtin_convertvector(y, base::Float8);
   }
-  /// Of the whole pixel `lane` in the level's grey values.
+  /// Returns the index of the whole pixel of `lane` in the level's grey values.
   TILEFLIGHT_LANE_INLINE std::ptrdiff_t index(const PyramidLevel& level, int lane) const {
     return static_cast<std::ptrdiff_t>(y[lane]) * level.width + x[lane];
   }

@@ -96,7 +96,7 @@ struct RhoLinearization {
 RhoLinearization evaluate_rho(const Lens& lens, const PyramidLevel& target, const Patch& patch, float rho,
                               const PairTransform& pair, float huber);
 
-/// Where a patch falls in a target. Most of a residual's time is spent on waiting for the target's grey values;
+/// Place of a patch in a target. Most of a residual's time is spent on waiting for the target's grey values;
 /// warp_residual() asks for them, so that they are there when a residual that was warped some time ago is evaluated.
 struct ResidualWarp {
   bool inside = false;

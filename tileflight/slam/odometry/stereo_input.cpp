@@ -23,8 +23,8 @@ struct RayMatch {
   Vec3 own, other;
 };
 
-/// What the other camera took, as the reference camera would see it if all were infinitely far away; black where it saw
-/// nothing.
+/// Returns the other camera's image as the reference camera would see it if all were infinitely far away; black where
+/// it saw nothing.
 keyframes::Pyramid turned_picture(const keyframes::LensPyramid& lens, const keyframes::Pyramid& own,
                                   const keyframes::StereoCamera& camera, const keyframes::PyramidLevel& other) {
   const keyframes::PyramidLevel& level = own.levels[0];

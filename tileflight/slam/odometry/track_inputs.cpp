@@ -84,7 +84,7 @@ std::optional<imaging::RgbImage> read_or_skip(const dataset::Frame& frame, Skipp
   }
 }
 
-/// What the other cameras took at a frame's instant.
+/// Reads the images that the other cameras took at a frame's instant.
 std::vector<odometry::OtherImage> read_others(const StereoRig* rig, const dataset::Frame& frame,
                                               SkippedFrames& skipped) {
   std::vector<odometry::OtherImage> others;

@@ -43,7 +43,7 @@ using geometry::Vec3;
 
 // Chosen by hand.
 constexpr double kMinInsideShare = 0.3;
-/// Of grey values seen and expected. An alignment to another place lowers the gain and lets what does not fit saturate,
+/// Least correlation of grey values seen and expected. An alignment to another place lowers the gain and lets what does not fit saturate,
 /// so that its RMSE may pass: one did with a correlation of 0.17 (docs/trust.md). Right ones have 0.93 to 0.999.
 constexpr double kMinCorrelation = 0.6;
 
