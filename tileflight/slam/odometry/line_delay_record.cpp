@@ -27,7 +27,8 @@ LineDelayPasses track_with_line_delay(double given_s, const std::function<Odomet
 namespace {
 
 /// Factor on the standard deviation. Errors that are not modelled (lens, brightness, velocities between images) do not
-/// only scatter from block to block: over eight excerpts of a hand-held recording of 7-Scenes, there and back, estimates differ by so many of the sigmas.
+/// only scatter from block to block: over eight excerpts of a hand-held recording of 7-Scenes, there and back,
+/// estimates differ by so many of the sigmas.
 constexpr double kSigmaInflation = 3.0;
 
 }  // namespace
