@@ -5,7 +5,7 @@
 #include "number_text.h"
 #include "tileflight/slam/external_systems/run_system.h"
 #include "tileflight/slam/odometry/track.h"
-#include "tileflight/slam/odometry/track_inputs.h"
+#include "tileflight/slam/odometry/track_result.h"
 #include "warnings_text.h"
 
 namespace tileflight::app {
@@ -14,9 +14,7 @@ namespace {
 struct OdometryCommandOptions {
   std::string dataset;
   std::string out;
-  odometry::FrameRange range;
-  odometry::OdometryOptions settings;
-  odometry::TrackOptions extras;
+  odometry::TrackOptions track;
   double min_parallax_deg = 0.0;
   bool active_points_only = false;
   bool deterministic = false;
@@ -29,7 +27,7 @@ struct OdometryCommandOptions {
 constexpr double kDegreesOfRadian = 180.0 / std::numbers::pi;
 
 void add_extras(CLI::App& command, OdometryCommandOptions& options) {
-  odometry::TrackOptions& extras = options.extras;
+  odometry::TrackOptions& extras = options.track;
   command.add_option("--camera", extras.camera,
                      "one of a rig's cameras, by its name (default: the first); or a calibration instead of the "
                      "dataset's: Kalibr, OpenCV, COLMAP, DSO or VSLAM-LAB");
@@ -53,16 +51,16 @@ void add_mode_options(CLI::App& command, OdometryCommandOptions& options) {
           "level; stereo: with the rig's other cameras, map and path in metres; stereo-inertial: with both, in metres "
           "and level")
       ->capture_default_str();
-  command.add_option("--gravity", options.extras.gravity_m_s2, "gravity at the place, m/s^2, with an inertial unit")
+  command.add_option("--gravity", options.track.gravity_m_s2, "gravity at the place, m/s^2, with an inertial unit")
       ->check(CLI::Range(9.7, 9.9))
       ->capture_default_str();
-  command.add_flag("--tight", options.extras.inertial_in_window,
+  command.add_flag("--tight", options.track.odometry.inertial_in_window,
                    "with an inertial unit: its readings are also residuals of the window (no more accurate on the "
                    "example flights, and slower)");
 }
 
 void add_map_filters(CLI::App& command, OdometryCommandOptions& options) {
-  odometry::MapOptions& map = options.settings.map;
+  odometry::MapOptions& map = options.track.odometry.map;
   options.min_parallax_deg = map.min_parallax_rad * kDegreesOfRadian;
   command
       .add_option("--min-observations", map.min_observations,
@@ -103,7 +101,7 @@ void add_system_options(CLI::App& command, OdometryCommandOptions& options) {
 }
 
 Output run_other_system(const OdometryCommandOptions& options, const CommonOptions& shared, const Progress& progress) {
-  external_systems::SystemRunOptions run{.seed = options.settings.initialization.seed,
+  external_systems::SystemRunOptions run{.seed = options.track.odometry.initialization.seed,
                                          .threads = shared.threads,
                                          .limits = options.limits,
                                          .program = {},
@@ -138,13 +136,12 @@ std::string odometry_summary(const nlohmann::json& result, const std::string& ou
 }
 
 Output run_built_in(OdometryCommandOptions& options, bool force, const Progress& progress) {
-  options.extras.mode = odometry::parse_odometry_mode("--mode", options.mode);
-  const nlohmann::json result =
-      odometry::track(options.dataset, options.out, force, options.settings, options.range, progress, options.extras);
-  if (result["frames_tracked"].get<std::int64_t>() == 0) {
-    throw std::runtime_error(options.dataset + ": " + result["lost_reason"].get<std::string>());
-  }
-  return {result, odometry_summary(result, options.out)};
+  options.track.mode = odometry::parse_odometry_mode("--mode", options.mode);
+  const odometry::TrackResult result = odometry::track(options.dataset, options.out, force, options.track, progress);
+  if (result.odometry.frames_tracked == 0)
+    throw std::runtime_error(options.dataset + ": " + result.odometry.lost_reason);
+  const nlohmann::json about = odometry::to_json(result);
+  return {about, odometry_summary(about, options.out)};
 }
 
 }  // namespace
@@ -158,40 +155,40 @@ void add_odometry(CLI::App& app, CommonOptions& common, Selection& selection) {
       "  tileflight odometry dataset --system colmap --out /tmp/colmap");
   command->add_option("DATASET", options->dataset, "dataset folder")->required();
   command->add_option("--out", options->out, "folder to write")->required();
-  command->add_option("--from", options->range.from, "first frame, by index");
-  command->add_option("--to", options->range.to, "end frame, by index (not included)");
-  command->add_option("--every", options->range.every, "use every n-th frame")->check(CLI::PositiveNumber);
+  command->add_option("--from", options->track.frames.from, "first frame, by index");
+  command->add_option("--to", options->track.frames.to, "end frame, by index (not included)");
+  command->add_option("--every", options->track.frames.every, "use every n-th frame")->check(CLI::PositiveNumber);
   add_mode_options(*command, *options);
-  command->add_flag("--reverse", options->range.reverse, "process the frames in reverse order");
+  command->add_flag("--reverse", options->track.frames.reverse, "process the frames in reverse order");
   add_extras(*command, *options);
-  command->add_option("--rectify", options->extras.rectify_fov_deg,
+  command->add_option("--rectify", options->track.rectify_fov_deg,
                       "rectify the images to a pinhole of this horizontal field of view, "
                       "degrees (for comparison; by default the lens model itself is used)");
   command->add_flag(
-      "--fixed-intrinsics{false}", options->settings.window.refine_intrinsics,
+      "--fixed-intrinsics{false}", options->track.odometry.window.refine_intrinsics,
       "keep the calibration's focal lengths and principal point (by default they are refined, except with "
       "an inertial unit or a rig)");
   command->add_flag(
-      "--estimate-line-delay", options->settings.estimate_line_delay,
+      "--estimate-line-delay", options->track.odometry.estimate_line_delay,
       "estimate a rolling shutter's time from row to row, and track again with it if it is more than three "
       "of its standard deviations");
   add_map_filters(*command, *options);
   command
-      ->add_option("--seed", options->settings.initialization.seed,
+      ->add_option("--seed", options->track.odometry.initialization.seed,
                    "seed of the random samples used for initialization")
       ->capture_default_str();
-  command->add_flag("--loop-closure", options->settings.loops.enabled,
+  command->add_flag("--loop-closure", options->track.odometry.loops.enabled,
                     "close loops: find revisited places and distribute the drift (after the last frame)");
   command->add_flag("--deterministic", options->deterministic,
                     "same result for any number of threads (always the case)");
   command->add_flag(
-      "--no-check{false}", options->extras.check_reversed,
+      "--no-check{false}", options->track.check_reversed,
       "skip the check that also tracks the frames in reverse and compares the two paths (halves the time)");
   add_system_options(*command, *options);
   add_common_options(*command, common);
   command->callback([options, &selection] {
-    options->settings.map.min_parallax_rad = options->min_parallax_deg / kDegreesOfRadian;
-    options->settings.map.dense = !options->active_points_only;
+    options->track.odometry.map.min_parallax_rad = options->min_parallax_deg / kDegreesOfRadian;
+    options->track.odometry.map.dense = !options->active_points_only;
     selection.run = [options](const CommonOptions& shared, const Progress& progress) {
       return options->system.empty() ? run_built_in(*options, shared.force, progress)
                                      : run_other_system(*options, shared, progress);

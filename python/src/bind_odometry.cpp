@@ -38,18 +38,17 @@ using OtherCameraArguments = std::vector<std::pair<imaging::Camera, InputArray<d
 
 std::unique_ptr<Odometry> make_odometry(const imaging::Camera& camera, double line_delay_s,
                                         const OtherCameraArguments& other_cameras, const py::kwargs& settings) {
-  imaging::Calibration calibration;
-  calibration.camera = camera;
-  calibration.line_delay_s = line_delay_s;
-  odometry::OdometryExtras extras;
+  odometry::OdometryInput input{imaging::Calibration()};
+  input.calibration.camera = camera;
+  input.calibration.line_delay_s = line_delay_s;
   for (const auto& [lens, T_other_reference] : other_cameras) {
     odometry::OtherCamera other;
-    other.name = std::to_string(extras.other_cameras.size());
+    other.name = std::to_string(input.other_cameras.size());
     other.calibration.camera = lens;
     other.T_other_reference = rigid_motion_from(T_other_reference, "other_cameras");
-    extras.other_cameras.push_back(other);
+    input.other_cameras.push_back(other);
   }
-  return std::make_unique<Odometry>(calibration, options_from(settings), std::move(extras));
+  return std::make_unique<Odometry>(std::move(input), options_from(settings));
 }
 
 FrameResult add(Odometry& odometry, const InputArray<std::uint8_t>& image, double time_s,

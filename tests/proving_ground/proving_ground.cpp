@@ -186,7 +186,7 @@ Outcome fly(const Field& field, const FlightDraw& draw, const std::string& name,
   const auto begin = std::chrono::steady_clock::now();
   try {
     if (!fs::exists(folder / "dataset")) render(field, draw, folder);
-    if (!fs::exists(folder / "odometry")) odometry::track(folder / "dataset", folder / "odometry", false, {}, {});
+    if (!fs::exists(folder / "odometry")) odometry::track(folder / "dataset", folder / "odometry", false);
     const json tracked = json::parse(base::read_text(folder / "odometry/odometry.json"));
     outcome.frames = tracked.at("frames");
     outcome.tracked = tracked.at("frames_tracked");

@@ -232,8 +232,9 @@ void read_mode(StrictSection& section, OdometryConfig& odometry) {
   if (mode) options.mode = odometry::parse_odometry_mode("odometry.mode", *mode);
   if (mode && !odometry.command.empty())
     throw section.error("mode", "applies to the built-in odometry only; an external command reads what it wants");
-  options.inertial_in_window = section.boolean("tight").value_or(options.inertial_in_window);
-  if (options.inertial_in_window && !odometry::uses_inertial_unit(options.mode))
+  bool& inertial_in_window = odometry.options.inertial_in_window;
+  inertial_in_window = section.boolean("tight").value_or(inertial_in_window);
+  if (inertial_in_window && !odometry::uses_inertial_unit(options.mode))
     throw section.error(
         "tight", "puts an inertial unit's readings into the window, which needs 'mode: inertial' or 'stereo-inertial'");
   options.gravity_m_s2 = section.number("gravity").value_or(options.gravity_m_s2);

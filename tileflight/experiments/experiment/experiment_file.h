@@ -17,7 +17,7 @@
 #include "tileflight/data/video/video.h"
 #include "tileflight/evaluation/scoring/evaluation_settings.h"
 #include "tileflight/slam/odometry/odometry.h"
-#include "tileflight/slam/odometry/track_options.h"
+#include "tileflight/slam/odometry/track.h"
 #include "tileflight/tiles/fetch/open_source.h"
 
 namespace tileflight::experiment {

@@ -61,7 +61,7 @@ TEST_F(ExperimentFile, ReadingsInTheWindowNeedAnInertialUnit) {
   const auto odometry = [&](const std::string& keys) {
     base::write_file(folder_ / "o.yaml", "place: {source: tileset.json}\nodometry: {" + keys +
                                              "}\nsimulated: {ingest: {video: film.mp4, camera: camera.yaml}}\n");
-    return read_experiment(folder_ / "o.yaml").odometry.track_options;
+    return read_experiment(folder_ / "o.yaml").odometry.options;
   };
   EXPECT_TRUE(odometry("mode: inertial, tight: true").inertial_in_window);
   EXPECT_TRUE(odometry("mode: stereo-inertial, tight: true").inertial_in_window);

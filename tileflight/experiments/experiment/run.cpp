@@ -47,7 +47,9 @@ void run_odometry_stage(const Experiment& experiment, const fs::path& dataset, c
   odometry::TrackOptions extras = settings.track_options;
   if (settings.debug_pictures) extras.debug_pictures = pictures;
   if (run.is_repeat) extras.check_reversed = false;  // a repeated run already has a fixed direction
-  odometry::track(dataset, run.folder / "odometry", true, run.options, run.frames, progress, extras);
+  extras.odometry = run.options;
+  extras.frames = run.frames;
+  odometry::track(dataset, run.folder / "odometry", true, extras, progress);
 }
 
 /// Runs the stages of a flight if necessary, each with its inputs, its products and the function that executes it.

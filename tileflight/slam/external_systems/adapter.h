@@ -9,10 +9,10 @@ namespace tileflight::external_systems {
 /// An input that a system needs.
 enum class Input { kImages, kStereo, kDepth, kImu, kLidar };
 
-/// Word of a manifest: "images", "stereo", "depth", "imu", "lidar".
+/// Returns the word of a manifest: "images", "stereo", "depth", "imu", "lidar".
 std::string to_text(Input input);
 
-/// How a system writes its estimated path.
+/// Format in which a system writes its estimated trajectory.
 struct PathConvention {
   std::string file = "trajectory.txt";  ///< relative to the folder of the system's output
   /// images.txt of COLMAP's text model instead of poses of TUM, EuRoC or KITTI, which are recognised by content
@@ -50,21 +50,23 @@ struct Adapter {
 /// Reads FOLDER/adapter.yaml. Throws InputError (file, line, key).
 Adapter read_adapter(const std::filesystem::path& folder);
 
-/// Folders that hold adapters, those of the user first: the environment's TILEFLIGHT_ADAPTERS (separated by ':'),
-/// `adapters` of the working directory, of the installed program and of its source tree.
+/// Returns the folders that hold adapters, those of the user first: the environment's TILEFLIGHT_ADAPTERS (separated by
+/// ':'), `adapters` of the working directory, of the installed program and of its source tree.
 std::vector<std::filesystem::path> adapter_folders();
 
-/// All adapters of adapter_folders(), by name; the first of a name counts. Throws InputError for a broken manifest.
+/// Reads all adapters of adapter_folders(), by name; the first of a name counts. Throws InputError for a broken
+/// manifest.
 std::vector<Adapter> list_adapters();
 
-/// The adapter of a name, or of a folder that holds adapter.yaml. Throws InputError that names the nearest known one.
+/// Finds the adapter of a name, or of a folder that holds adapter.yaml. Throws InputError that names the nearest known
+/// one.
 Adapter find_adapter(const std::string& name_or_folder);
 
-/// Why the system cannot run on this machine: "the program 'colmap' is not in PATH (apt-get install colmap)"; empty if
-/// nothing is missing.
+/// Returns why the system cannot run on this machine: "the program 'colmap' is not in PATH (apt-get install colmap)";
+/// empty if nothing is missing.
 std::string why_not_installed(const Adapter& adapter);
 
-/// First line that version_command prints; empty if there is none or it fails.
+/// Returns the first line that version_command prints; empty if there is none or it fails.
 std::string installed_version(const Adapter& adapter);
 
 }  // namespace tileflight::external_systems

@@ -20,7 +20,8 @@ namespace {
 /// An adapter's word for this program's own layout.
 constexpr const char* kOwnLayout = "tileflight";
 
-/// Where the layouts that read_dataset() knows keep an input; the first is this program's own. Empty: see has_input().
+/// Returns where the layouts that read_dataset() knows keep an input; the first is this program's own. Empty: see
+/// has_input().
 std::vector<const char*> places_of(Input input) {
   switch (input) {
     case Input::kImages:
@@ -71,7 +72,8 @@ bool takes(const Adapter& adapter, Input input) { return std::ranges::count(adap
 
 bool lies_in_own_layout(const dataset::Dataset& dataset) { return fs::exists(dataset.folder / "images"); }
 
-/// Of a system that takes several cameras: the other ones are handed over as they are, or not at all.
+/// Returns why the cameras cannot be handed to a system that takes several: the other ones are handed over as they are,
+/// or not at all.
 std::string why_cameras_cannot_be_handed(const Adapter& adapter, const dataset::Dataset& dataset) {
   for (const dataset::RigCamera& camera : dataset::read_rig(dataset.folder).cameras) {
     const imaging::Camera& lens = camera.dataset.calibration.camera;

@@ -11,11 +11,12 @@
 
 namespace tileflight::external_systems {
 
-/// Why a system cannot run on a dataset at all: "needs an inertial unit, and the dataset has no imu.csv"; empty if it
-/// can. An unknown lens is no obstacle, since images are rectified, except for systems with depth or several cameras.
+/// Returns why a system cannot run on a dataset at all: "needs an inertial unit, and the dataset has no imu.csv"; empty
+/// if it can. An unknown lens is no obstacle, since images are rectified, except for systems with depth or several
+/// cameras.
 std::string why_not_applicable(const Adapter& adapter, const dataset::Dataset& dataset);
 
-/// A dataset in the form that a system takes.
+/// Dataset in the form that a system takes.
 struct HandedDataset {
   std::filesystem::path folder;
   imaging::Calibration calibration;  ///< of the images as handed over

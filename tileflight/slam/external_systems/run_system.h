@@ -10,7 +10,7 @@
 
 namespace tileflight::external_systems {
 
-/// Options of run_system().
+/// Settings of run_system().
 struct SystemRunOptions {
   std::uint64_t seed = 1;  ///< given to the adapter; some systems ignore it
   int threads = 0;         ///< number that the system may use; 0: one per core

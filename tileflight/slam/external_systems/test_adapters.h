@@ -4,8 +4,8 @@
 #include <fstream>
 #include <string>
 
-#include "tileflight/data/dataset/dataset.h"
 #include "tileflight/core/imaging/image.h"
+#include "tileflight/data/dataset/dataset.h"
 #include "tileflight/slam/external_systems/adapter.h"
 
 namespace tileflight::external_systems::test_support {

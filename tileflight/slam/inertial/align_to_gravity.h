@@ -1,6 +1,7 @@
 #pragma once
 
-// A monocular path and an inertial unit's samples: the path in metres and level, or why it is not known.
+// Brings a monocular trajectory into metres and level with an inertial unit's samples, or says why that is not
+// possible.
 
 #include <string>
 #include <vector>
@@ -43,8 +44,8 @@ struct InertialAlignment {
   std::vector<geometry::Vec3> velocity_m_s;   ///< of the unit, in the world's axes
   std::vector<geometry::ImuBias> bias;
 
-  /// Of the unit at the latest keyframe: tilt about the world's x and y axis, the scale's logarithm, velocity in the
-  /// unit's axes, gyroscope's and accelerometer's bias. A prior for later estimates.
+  /// Covariance of the unit's state at the latest keyframe, a prior for later estimates: tilt about the world's x and y
+  /// axis, the scale's logarithm, velocity in the unit's axes, gyroscope's and accelerometer's bias.
   Mat12 latest_covariance = Mat12::Zero();
   geometry::SE3 T_imu_camera;  ///< the given one, its rotation refined
 
@@ -58,8 +59,8 @@ struct InertialAlignment {
   double residual_ratio = 0.0;  ///< root mean square of the samples' residuals over their sigmas; 1 if these are right
 };
 
-/// Result for the same motion played backwards: times, velocities, the gyroscope's biases and the clocks' offset change
-/// their signs, and keyframes their order. `latest_covariance` is not kept.
+/// Returns the result for the same motion played backwards: times, velocities, the gyroscope's biases and the clocks'
+/// offset change their signs, and keyframes their order. `latest_covariance` is not kept.
 InertialAlignment reversed(InertialAlignment alignment);
 
 /// Estimates scale, vertical, velocities and biases, with the clocks' offset, and corrects the path by them

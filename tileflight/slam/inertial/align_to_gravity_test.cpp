@@ -334,8 +334,8 @@ TEST(AlignToGravity, StepsThatTheReadingsContradictAreNamed) {
   const InertialAlignment found = align_to_gravity(keyframes, flight.images(), flight.input());
   ASSERT_TRUE(found.metric) << found.reason;
   ASSERT_EQ(found.warnings.size(), 1U);
-  EXPECT_THAT(found.warnings[0].what, HasSubstr("contradict the camera's motion in 3 of 39 steps"));
-  EXPECT_THAT(found.warnings[0].what, HasSubstr("between 4.7 and 6.2 s"));
+  EXPECT_THAT(found.warnings[0].message, HasSubstr("contradict the camera's motion in 3 of 39 steps"));
+  EXPECT_THAT(found.warnings[0].message, HasSubstr("between 4.7 and 6.2 s"));
   EXPECT_EQ(found.warnings[0].severity, Severity::kWarning);
 }
 
@@ -365,7 +365,7 @@ TEST(AlignToGravity, AtConstantVelocityTheScaleStaysUnknown) {
     EXPECT_TRUE(found.T_world_camera.empty());
     ASSERT_EQ(found.warnings.size(), 1U);
     EXPECT_EQ(found.warnings[0].severity, Severity::kNote);  // the map is as good as a monocular one
-    EXPECT_THAT(found.warnings[0].what, HasSubstr("scale is not known"));
+    EXPECT_THAT(found.warnings[0].message, HasSubstr("scale is not known"));
   }
 }
 
@@ -405,7 +405,7 @@ TEST(AlignToGravity, AGapIsBridgedAndNamed) {
   const InertialAlignment found = align_to_gravity(keyframes, flight.images(), input);
   ASSERT_TRUE(found.metric) << found.reason;
   ASSERT_EQ(found.warnings.size(), 1U);
-  EXPECT_THAT(found.warnings[0].what, HasSubstr("readings stop 1 times"));
+  EXPECT_THAT(found.warnings[0].message, HasSubstr("readings stop 1 times"));
   EXPECT_NEAR(found.mean_scale / 2.5, 1.0, 5e-3);
   std::erase_if(input.samples,
                 [](const geometry::ImuSample& sample) { return sample.time_s > 4.0 && sample.time_s < 18.0; });

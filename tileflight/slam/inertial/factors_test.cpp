@@ -1,7 +1,8 @@
+#include "tileflight/slam/inertial/factors.h"
+
 #include <gtest/gtest.h>
 
 #include "tileflight/slam/inertial/test_smooth_motion.h"
-#include "tileflight/slam/inertial/visual_factor.h"
 
 namespace tileflight::inertial::factors_test {
 namespace {

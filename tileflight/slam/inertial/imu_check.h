@@ -15,12 +15,13 @@ struct UnusableSpan {
   double from_s = 0.0, to_s = 0.0;  ///< the last good reading before it, the first one after it
 };
 
+/// Result of check_readings().
 struct ImuCheck {
   double rate_hz = 0.0;                ///< of the median interval
   std::vector<UnusableSpan> unusable;  ///< in order of time
   Warnings warnings;                   ///< what was found and left out, one for each kind
 
-  /// Whether the readings from `from_s` to `to_s` have no unusable span.
+  /// Returns whether the readings from `from_s` to `to_s` have no unusable span.
   bool covers(double from_s, double to_s) const;
 };
 

@@ -62,7 +62,7 @@ TEST(ImuCheck, GapsAreNamedAndLeftOut) {
   samples.erase(samples.begin() + 1000, samples.begin() + 1010);
   const ImuCheck check = check_readings(samples, {}, "imu.csv");
   ASSERT_EQ(check.warnings.size(), 1U);
-  EXPECT_THAT(check.warnings[0].what, HasSubstr("readings stop 2 times, 0.56 s in all, first at 1.995 s"));
+  EXPECT_THAT(check.warnings[0].message, HasSubstr("readings stop 2 times, 0.56 s in all, first at 1.995 s"));
   EXPECT_TRUE(check.covers(0.0, 1.995));
   EXPECT_FALSE(check.covers(1.0, 2.0));
   EXPECT_FALSE(check.covers(2.1, 2.2));
@@ -77,7 +77,7 @@ TEST(ImuCheck, FrozenReadingsAreNamedAndLeftOutUnlessTheUnitHasNoNoise) {
   }
   const ImuCheck check = check_readings(samples, {}, "imu.csv");
   ASSERT_EQ(check.warnings.size(), 1U);
-  EXPECT_THAT(check.warnings[0].what, HasSubstr("repeats the same reading 1 times"));
+  EXPECT_THAT(check.warnings[0].message, HasSubstr("repeats the same reading 1 times"));
   EXPECT_FALSE(check.covers(3.1, 3.2));
   EXPECT_TRUE(check.covers(3.5, 9.0));
   EXPECT_TRUE(check_readings(samples, {0.0, 0.0, 0.0, 0.0}, "imu.csv").warnings.empty());
@@ -88,7 +88,7 @@ TEST(ImuCheck, SaturationIsNamedAndLeftOut) {
   for (std::size_t i = 800; i < 830; ++i) samples[i].specific_force_m_s2.x() = -19.6133;
   const ImuCheck check = check_readings(samples, {}, "imu.csv");
   ASSERT_EQ(check.warnings.size(), 1U);
-  EXPECT_THAT(check.warnings[0].what, HasSubstr("saturates 1 times"));
+  EXPECT_THAT(check.warnings[0].message, HasSubstr("saturates 1 times"));
   EXPECT_FALSE(check.covers(4.0, 4.1));
   EXPECT_TRUE(check.covers(4.2, 9.0));
 }

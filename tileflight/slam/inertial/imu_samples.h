@@ -16,7 +16,7 @@ struct ImuNoise {
   double gyroscope_random_walk = 1.9393e-5;     ///< rad/s^2/sqrt(Hz)
 };
 
-/// What is known of an inertial unit besides its readings.
+/// Noise, mounting and gravity of an inertial unit, which are known besides its readings.
 struct ImuModel {
   ImuNoise noise;
   geometry::SE3 T_imu_camera;  ///< inverse of Kalibr's T_cam_imu
@@ -26,8 +26,8 @@ struct ImuModel {
   double mounting_sigma_rad = 0.005;      ///< of the given rotation, about each axis
 };
 
-/// The samples of the same motion played backwards: times and angular rates change their signs, specific forces do not
-/// (an acceleration is a second derivative). The gyroscope's biases change their signs, too.
+/// Returns the samples of the same motion played backwards: times and angular rates change their signs, specific forces
+/// do not (an acceleration is a second derivative). The gyroscope's biases change their signs, too.
 std::vector<geometry::ImuSample> reversed(const std::vector<geometry::ImuSample>& samples);
 
 }  // namespace tileflight::inertial

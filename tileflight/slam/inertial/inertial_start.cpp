@@ -41,7 +41,7 @@ Increment joined(const Increment& a, const Increment& b, double b_duration_s) {
           a.position + b_duration_s * a.velocity + a.rotation * b.position};
 }
 
-/// From keyframe `first` to `last`, rotated into the map's axes.
+/// Motion from keyframe `first` to `last`, rotated into the map's axes.
 struct LongStep {
   std::size_t first = 0, last = 0;
   double duration_s = 0.0;

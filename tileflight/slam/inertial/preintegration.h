@@ -32,12 +32,12 @@ struct Preintegration {
   Mat93 by_gyroscope_bias = Mat93::Zero();  ///< derivatives: Forster, appendix B
   Mat93 by_accelerometer_bias = Mat93::Zero();
 
-  /// The increment for other biases, to first order: Forster (44).
+  /// Returns the increment for other biases, to first order: Forster (44).
   Increment corrected(const geometry::ImuBias& other) const;
 };
 
-/// Integrates from `from_s` to `to_s`; readings between samples are linear. nullopt if the samples do not reach over
-/// the whole interval, or if `to_s` is not after `from_s`. The samples' times must increase.
+/// Integrates the samples from `from_s` to `to_s`; readings between samples are linear. nullopt if the samples do not
+/// reach over the whole interval, or if `to_s` is not after `from_s`. The samples' times must increase.
 std::optional<Preintegration> preintegrate(std::span<const geometry::ImuSample> samples, double from_s, double to_s,
                                            const geometry::ImuBias& bias, const ImuNoise& noise);
 

@@ -7,7 +7,7 @@
 #include <random>
 #include <vector>
 
-#include "tileflight/slam/inertial/inertial_factor.h"
+#include "tileflight/slam/inertial/factors.h"
 
 namespace tileflight::inertial::test_support {
 

@@ -15,9 +15,9 @@
 
 #include <vector>
 
+#include "tileflight/slam/inertial/factors.h"
 #include "tileflight/slam/inertial/imu_check.h"
 #include "tileflight/slam/inertial/sparse_least_squares.h"
-#include "tileflight/slam/inertial/visual_factor.h"
 #include "tileflight/slam/inertial/visual_keyframe.h"
 
 namespace tileflight::inertial {
@@ -37,11 +37,11 @@ class VisualInertialProblem {
   VisualInertialProblem(const std::vector<VisualKeyframe>& keyframes, const std::vector<geometry::ImuSample>& samples,
                         const ImuCheck& check, const ImuModel& model, double time_offset_s, double time_offset_sigma_s);
 
-  /// The same problem with the samples integrated at another offset of the clocks: the first and the last reading go on
-  /// for a short time.
+  /// Returns the problem with the samples integrated at another offset of the clocks: the first and the last reading go
+  /// on for a short time.
   VisualInertialProblem integrated_at(double offset_s) const;
   double integration_offset_s() const { return integration_offset_s_; }
-  /// States and offset of `from` in that problem.
+  /// Returns the states and the offset of `from` in the problem `to`.
   VisualInertialState carried_over(const VisualInertialState& from, const VisualInertialProblem& to) const;
 
   static constexpr Eigen::Index kKeyframeSize = kStateSize + 1;  ///< of unknowns at a keyframe; the last is the scale
@@ -49,15 +49,15 @@ class VisualInertialProblem {
   Eigen::Index keyframe_count() const { return static_cast<Eigen::Index>(keyframes_.size()); }
   Eigen::Index time_offset_column() const { return kKeyframeSize * keyframe_count(); }
 
-  /// Whether the samples cover the time from keyframe `k` to the next one.
+  /// Returns whether the samples cover the time from keyframe `k` to the next one.
   bool has_samples(std::size_t k) const { return has_samples_[k]; }
-  /// These samples, preintegrated; nullopt if they do not cover it.
+  /// Preintegrates the samples from keyframe `k` to the next one; nullopt if they do not cover that time.
   std::optional<Preintegration> preintegrate_step(std::size_t k, double time_offset_s,
                                                   const geometry::ImuBias& bias) const;
-  /// How far the states are from the camera's step from keyframe `k` to the next one, in its sigmas.
+  /// Returns how far the states are from the camera's step from keyframe `k` to the next one, in its sigmas.
   double step_sigmas(std::size_t k, const VisualInertialState& at) const;
-  /// How much information about the offset, 1 / s^2, only seems to be in measurements(): the noise of the turning rates
-  /// that move the poses along, which is no turning.
+  /// Returns how much information about the offset, 1 / s^2, only seems to be in measurements(): the noise of the
+  /// turning rates that move the poses along, which is no turning.
   double information_of_noise() const;
   /// The camera's step from keyframe `k` to the next one.
   VisualStep visual_step(std::size_t k) const;

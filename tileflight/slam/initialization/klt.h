@@ -17,8 +17,7 @@ std::vector<Eigen::Vector2f> find_corners(const keyframes::Pyramid& pyramid, con
 
 /// Pixel in `to` of each point of `from`; nullopt where the track is lost (outside the image, changed appearance, or a
 /// failed forward-backward check).
-std::vector<std::optional<Eigen::Vector2f>> track_corners(const keyframes::Pyramid& from,
-                                                          const keyframes::Pyramid& to,
+std::vector<std::optional<Eigen::Vector2f>> track_corners(const keyframes::Pyramid& from, const keyframes::Pyramid& to,
                                                           const std::vector<Eigen::Vector2f>& points);
 
 }  // namespace tileflight::initialization

@@ -29,17 +29,18 @@ geometry::Mat3 fit_homography(const std::vector<RayPair>& pairs);
 /// (Ma, Soatto, Kosecka, Sastry, An Invitation to 3-D Vision, section 5.3.3).
 std::vector<geometry::SE3> poses_from_homography(const geometry::Mat3& H, const std::vector<RayPair>& pairs);
 
-/// Of the four poses of an essential matrix, the one with the most points in front of both cameras. Unit translation.
+/// Returns the pose of an essential matrix, of its four, that has the most points in front of both cameras. Unit
+/// translation.
 geometry::SE3 pose_from_essential(const geometry::Mat3& E, const std::vector<RayPair>& pairs);
 
-/// Sampson distance of a pair to the epipolar geometry, radians.
+/// Returns the Sampson distance of a pair to the epipolar geometry, radians.
 double epipolar_distance_rad(const geometry::Mat3& E, const RayPair& pair);
 
-/// Inverse distance along ray a at which the pair's rays are closest to each other.
+/// Returns the inverse distance along ray a at which the pair's rays are closest to each other.
 double triangulate_inverse_distance(const geometry::SE3& T_b_a, const RayPair& pair);
 
-/// Distinct candidates for T_b_a (unit translation), by random sampling of both models, the best of each model first.
-/// `threshold_rad`: largest error of an inlier.
+/// Returns distinct candidates for T_b_a (unit translation), by random sampling of both models, the best of each model
+/// first. `threshold_rad`: largest error of an inlier.
 std::vector<geometry::SE3> relative_pose_candidates(const std::vector<RayPair>& pairs, double threshold_rad,
                                                     std::uint32_t seed);
 

@@ -61,7 +61,7 @@ struct StereoCamera {
 /// More cannot be used: their brightness parameters fill one block of eight unknowns.
 inline constexpr int kMaxStereoCameras = 4;
 
-/// What a stereo camera took at a keyframe's instant. Its brightness is relative to the keyframe's own picture: e^a I +
+/// Image of a stereo camera at a keyframe's instant. Its brightness is relative to the keyframe's own picture: e^a I +
 /// b of the stereo picture is where the keyframe has I.
 struct StereoPicture {
   std::shared_ptr<const Pyramid> pyramid;  ///< level 0 is enough; null: no picture, or one that shows nothing
@@ -158,7 +158,7 @@ struct Window {
 /// b_h.
 PairTransform pair_transform(const SE3& T_target_host, const AffineBrightness& host, const AffineBrightness& target);
 
-/// The same from a keyframe to its stereo picture `camera`.
+/// Returns the pair transform from a keyframe to its stereo picture `camera`.
 PairTransform stereo_transform(const Window& window, const Keyframe& keyframe, int camera);
 
 }  // namespace tileflight::keyframes

@@ -32,10 +32,10 @@ class Lens {
   Lens() = default;
   explicit Lens(const imaging::Camera& camera);
 
-  /// The same lens for pyramid level `level` (the image halved `level` times).
+  /// Returns the lens for pyramid level `level` (the image halved `level` times).
   Lens at_level(int level) const;
-  /// The same lens with its camera's focal lengths and principal point changed by `delta`, which replaces any present
-  /// change.
+  /// Returns the lens with its camera's focal lengths and principal point changed by `delta`, which replaces any
+  /// present change.
   Lens apply_delta(const IntrinsicsDelta& delta) const;
 
   /// Projects the direction X (any length) to a pixel. False outside the model's valid cone; the pixel may lie outside

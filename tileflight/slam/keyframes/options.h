@@ -12,7 +12,7 @@ struct InitializationOptions {
                                     ///< pixel); beyond that the oldest are dropped, but never those of the attempt
   double min_parallax_rad = 0.026;  ///< median angle between rays after the best rotation, before initialization is
                                     ///< tried
-  double fallback_parallax_rad = 0.009;   ///< same, used when the tracks are about to be lost
+  double fallback_parallax_rad = 0.009;   ///< the same angle, used when the tracks are about to be lost
   double sufficient_parallax_rad = 0.08;  ///< with this much parallax the best hypothesis is accepted even if the
                                           ///< second fits nearly as well
   double max_cost_ratio = 0.8;            ///< joint cost of the best over the second-best hypothesis below which the
@@ -115,6 +115,9 @@ struct OdometryOptions {
   int max_pyramid_levels = 6;    ///< level 0 is the image itself
   int min_level_area_px = 1500;  ///< no coarser level than this
   LoopOptions loops;
+  bool inertial_in_window = false;   ///< with an inertial unit: its readings are also residuals of the window, from
+                                     ///< when on the keyframes so far show scale and vertical (tight coupling); else
+                                     ///< they help where an image alone does not align
   bool estimate_line_delay = false;  ///< of a rolling shutter, beyond that of the calibration (line_delay_record.h). It
                                      ///< changes neither path nor map: track again with what was found
 };

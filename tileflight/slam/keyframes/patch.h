@@ -24,7 +24,7 @@ inline constexpr int kPatternSize = 8;
 inline constexpr std::array<std::array<float, 2>, kPatternSize> kPattern{
     {{0, -2}, {-1, -1}, {1, -1}, {-2, 0}, {0, 0}, {2, 0}, {-1, 1}, {0, 2}}};
 inline constexpr float kPatternRadius_px = 2.0F;
-/// The same offsets by coordinate.
+/// Offsets of kPattern by coordinate.
 inline constexpr base::Float8 kPatternX{0, -1, 1, -2, 0, 2, -1, 0};
 inline constexpr base::Float8 kPatternY{-2, -1, -1, 0, 0, 0, 1, 2};
 static_assert(kPatternSize == base::kLanes);
@@ -73,7 +73,7 @@ inline bool warp_patch(const Lens& lens, const Patch& patch, const Eigen::Matrix
   return true;
 }
 
-/// Whether the whole pattern can be sampled in the target.
+/// Returns whether the whole pattern can be sampled in the target.
 inline bool pattern_inside(const PyramidLevel& target, const WarpedPatch& warped) {
   const float reach_x = kPatternRadius_px * warped.d_pixel_d_host_pixel.row(0).cwiseAbs().maxCoeff() + 1.0F;
   const float reach_y = kPatternRadius_px * warped.d_pixel_d_host_pixel.row(1).cwiseAbs().maxCoeff() + 1.0F;

@@ -22,7 +22,7 @@ struct PixelCells8 {
     dx = u - __builtin_convertvector(x, base::Float8);
     dy = v - __builtin_convertvector(y, base::Float8);
   }
-  /// Of the whole pixel `lane` in the level's grey values.
+  /// Returns the index of the whole pixel of `lane` in the level's grey values.
   TILEFLIGHT_LANE_INLINE std::ptrdiff_t index(const PyramidLevel& level, int lane) const {
     return static_cast<std::ptrdiff_t>(y[lane]) * level.width + x[lane];
   }
@@ -46,7 +46,7 @@ TILEFLIGHT_LANE_INLINE void gather_part(const std::array<base::Float8, 4>& rows,
   out = __builtin_shufflevector(first, second, 0, 1, 8, 9, 4, 5, 12, 13);
 }
 
-/// As PyramidLevel::sample at (u, v) of each lane.
+/// Samples the level at (u, v) of each lane, as PyramidLevel::sample does.
 TILEFLIGHT_LANE_INLINE void sample_eight(const PyramidLevel& level, const base::Float8& u, const base::Float8& v,
                                          PatternSamples8& out) {
   const PixelCells8 cells(u, v);
@@ -85,7 +85,7 @@ TILEFLIGHT_LANE_INLINE void interpolate_pairs(const double* pairs, const base::F
   out = left + dx * (right - left);
 }
 
-/// As PyramidLevel::sample_intensity at (u, v) of each lane.
+/// Samples the level's intensity at (u, v) of each lane, as PyramidLevel::sample_intensity does.
 TILEFLIGHT_LANE_INLINE void sample_eight_intensities(const PyramidLevel& level, const base::Float8& u,
                                                      const base::Float8& v, base::Float8& grey) {
   const PixelCells8 cells(u, v);

@@ -5,7 +5,7 @@
 #include <random>
 
 #include "tileflight/slam/keyframes/keyframe.h"
-#include "tileflight/slam/keyframes/residual_warp.h"
+#include "tileflight/slam/keyframes/residual.h"
 
 namespace tileflight::keyframes::pattern_samples_test {
 namespace {

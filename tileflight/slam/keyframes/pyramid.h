@@ -47,7 +47,7 @@ struct PyramidLevel {
     const float gx = 0.5F * (p[1] - p[-1]), gy = 0.5F * (p[width] - p[-width]);
     return Texel{*p, gx, gy, gx * gx + gy * gy};
   }
-  /// Whether (x, y) is at least `margin` pixels inside the outermost pixel centres.
+  /// Returns whether (x, y) is at least `margin` pixels inside the outermost pixel centres.
   bool inside(float x, float y, float margin) const {
     return x >= margin && y >= margin && x < static_cast<float>(width - 1) - margin &&
            y < static_cast<float>(height - 1) - margin;

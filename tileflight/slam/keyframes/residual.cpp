@@ -5,7 +5,6 @@
 #include "tileflight/core/base/simd.h"
 #include "tileflight/slam/keyframes/lane_sums.h"
 #include "tileflight/slam/keyframes/pattern_samples.h"
-#include "tileflight/slam/keyframes/residual_warp.h"
 
 namespace tileflight::keyframes {
 namespace {

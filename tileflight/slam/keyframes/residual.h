@@ -9,6 +9,8 @@
 // d(pixel)/d(pose 6, rho 1) and A_k
 // = -(gain (I_host - b_h), 1) = d(r_k)/d(a_rel, b_rel),  H = sum w (g_k G, A_k)^T (g_k G, A_k).
 
+// It can be evaluated at once, or in two steps: where the patch falls (warp_residual()), then what is there.
+
 #include "tileflight/slam/keyframes/patch.h"
 
 namespace tileflight::keyframes {
@@ -93,5 +95,19 @@ struct RhoLinearization {
 };
 RhoLinearization evaluate_rho(const Lens& lens, const PyramidLevel& target, const Patch& patch, float rho,
                               const PairTransform& pair, float huber);
+
+/// Place of a patch in a target. Most of a residual's time is spent on waiting for the target's grey values;
+/// warp_residual() asks for them, so that they are there when a residual that was warped some time ago is evaluated.
+struct ResidualWarp {
+  bool inside = false;
+  WarpedPatch warped;
+};
+
+void warp_residual(const Lens& lens, const PyramidLevel& target, const Patch& patch, float rho,
+                   const HostTargetPrecalc& frame, ResidualWarp& out);
+/// Evaluates a residual that was warped before; it gives the same bits as evaluate_residual() in one step.
+ResidualValue evaluate_residual(const ResidualWarp& warp, const Lens& lens, const PyramidLevel& target,
+                                const Patch& patch, float rho, const HostTargetPrecalc& frame, float huber,
+                                Linearization* linearization, const Lens* lens_linear = nullptr);
 
 }  // namespace tileflight::keyframes

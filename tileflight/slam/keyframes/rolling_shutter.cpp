@@ -125,7 +125,7 @@ float sample_cubic(int width, int height, const Vector2f& at, const Pixel& pixel
   return (across[0] * sum[0] + across[1] * sum[1]) + (across[2] * sum[2] + across[3] * sum[3]);
 }
 
-/// The same for the three colours at once.
+/// Interpolates the three colours at once.
 imaging::Rgb8 color_cubic(const imaging::RgbImage& picture, const Vector2f& at) {
   const float x = std::clamp(at.x(), 0.0F, static_cast<float>(picture.width - 1));
   const float y = std::clamp(at.y(), 0.0F, static_cast<float>(picture.height - 1));

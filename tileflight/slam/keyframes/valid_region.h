@@ -13,8 +13,8 @@ namespace tileflight::keyframes {
 /// image (a dark image). Throws InputError if the mask differs in size from the image.
 imaging::GrayImage find_valid_region(const imaging::RgbImage& picture, const imaging::GrayImage& mask);
 
-/// Whether black connected to the corners covers most of the image, so that the lens border cannot be distinguished
-/// from it.
+/// Returns whether black connected to the corners covers most of the image, so that the lens border cannot be
+/// distinguished from it.
 bool is_dark(const imaging::RgbImage& picture);
 
 /// Sets the rays of pixels outside the region to zero at every level, so that no point, corner or reference pixel is

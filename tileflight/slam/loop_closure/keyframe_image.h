@@ -18,13 +18,13 @@ struct KeyframeImage {
   std::vector<std::uint8_t> steps;
 };
 
-/// The finest level of at most 310 000 pixels (640 x 480). Rounding adds 0.3 of a step of noise.
+/// Keeps the finest level of at most 310 000 pixels (640 x 480). Rounding adds 0.3 of a step of noise.
 KeyframeImage keep_image(const keyframes::Pyramid& pyramid);
 
-/// Pyramid whose level 0 is the image kept; `levels`: their number.
+/// Returns a pyramid whose level 0 is the image kept; `levels`: their number.
 keyframes::Pyramid restore_pyramid(const KeyframeImage& image, int levels);
 
-/// The lens of the levels from `first` on, as the lens of a pyramid of its own.
+/// Returns the lens of the levels from `first` on, as the lens of a pyramid of its own.
 keyframes::LensPyramid lens_from_level(const keyframes::LensPyramid& lens, int first);
 
 }  // namespace tileflight::loop_closure

@@ -37,7 +37,7 @@ struct FeatureOptions {
   int max_area_px = 600000;  ///< the first one is the finest level not larger than this
 };
 
-/// Corners spread evenly over the image, local maxima of the corner score, with descriptors.
+/// Finds corners spread evenly over the image, local maxima of the corner score, with descriptors.
 std::vector<Feature> find_features(const keyframes::Pyramid& pyramid, const keyframes::LensPyramid& lens,
                                    const FeatureOptions& options);
 
@@ -46,7 +46,7 @@ struct FeatureMatch {
   int b = 0;
 };
 
-/// Mutual nearest neighbours that are clearly closer than the second nearest on either side.
+/// Returns the mutual nearest neighbours that are clearly closer than the second nearest on either side.
 std::vector<FeatureMatch> match_features(const std::vector<Feature>& a, const std::vector<Feature>& b);
 
 /// Inverted index from descriptor parts (16 parts of 16 bits each) to keyframes. Each part of a query feature votes for
@@ -58,8 +58,8 @@ class FeatureIndex {
     int votes = 0;
   };
   void add(int keyframe, const std::vector<Feature>& features);
-  /// Keyframes with ids below `end` by descending votes, at most `most`; parts shared by very many keyframes are
-  /// ignored.
+  /// Returns the keyframes with ids below `end` by descending votes, at most `most`; parts shared by very many
+  /// keyframes are ignored.
   std::vector<Votes> candidates(const std::vector<Feature>& features, int end, int most) const;
 
  private:

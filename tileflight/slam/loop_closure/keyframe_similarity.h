@@ -22,8 +22,9 @@ struct KeyframeSimilarity {
   double angle_rms_rad = 0.0;  ///< RMS angular error of the inliers
 };
 
-/// Similarity with the most inliers, sampled from triples (Umeyama 1991) and refined on the angular errors in both
-/// directions and the distances. Uses only matches with known distance in both keyframes; nullopt with fewer than four.
+/// Finds the similarity with the most inliers, sampled from triples (Umeyama 1991) and refined on the angular errors in
+/// both directions and the distances. Uses only matches with known distance in both keyframes; nullopt with fewer than
+/// four.
 std::optional<KeyframeSimilarity> find_similarity(const std::vector<Feature>& a, const std::vector<Feature>& b,
                                                   const std::vector<FeatureMatch>& matches,
                                                   const SimilarityOptions& options);

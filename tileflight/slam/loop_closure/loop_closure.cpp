@@ -7,7 +7,7 @@
 #include <limits>
 #include <map>
 
-#include "tileflight/slam/loop_closure/pixel_grid.h"
+#include "tileflight/slam/loop_closure/loop_alignment.h"
 
 namespace tileflight::loop_closure {
 namespace {

@@ -10,10 +10,10 @@
 
 #include "tileflight/core/geometry/decompositions.h"
 #include "tileflight/core/geometry/transform.h"
+#include "tileflight/slam/keyframes/options.h"
 #include "tileflight/slam/loop_closure/keyframe_image.h"
 #include "tileflight/slam/loop_closure/keyframe_similarity.h"
 #include "tileflight/slam/mapping/map.h"
-#include "tileflight/slam/keyframes/options.h"
 
 namespace tileflight::loop_closure {
 
@@ -24,7 +24,7 @@ struct LoopKeyframe {
   geometry::SE3 T_map_camera;
   std::vector<Feature> features;
   KeyframeImage image;
-  /// Of the motion from the keyframe before: covariance of its right twist, translation first, units of the map, and
+  /// Covariance of the motion from the keyframe before (its right twist, translation first, units of the map), and
   /// variance of the logarithm of the map's scale here over that at the keyframe before.
   geometry::Mat6 step_covariance = geometry::Mat6::Zero();
   double step_log_scale_variance = 0.0;
@@ -43,7 +43,7 @@ struct Loop {
 void assign_feature_depths(const keyframes::Lens& lens, const std::vector<mapping::MapPoint>& points,
                            std::vector<LoopKeyframe>& keyframes);
 
-/// All accepted loops, in the order of `to`. Deterministic.
+/// Returns all accepted loops, in the order of `to`. Deterministic.
 std::vector<Loop> find_loops(const std::vector<LoopKeyframe>& keyframes, const keyframes::LoopOptions& options);
 
 }  // namespace tileflight::loop_closure

@@ -23,8 +23,8 @@ struct PoseGraphEdge {
   bool robust = false;  ///< Cauchy's norm: the more an edge contradicts the others, the less it counts
 };
 
-/// W of a covariance of translation (units of a) and rotation, and a variance of the logarithm of the scale; infinite:
-/// not measured.
+/// Returns W of a covariance of translation (units of a) and rotation, and a variance of the logarithm of the scale;
+/// infinite: not measured.
 geometry::Mat7 root_information(const geometry::Mat6& pose_covariance, double log_scale_variance);
 
 struct PoseGraphResult {
@@ -35,7 +35,7 @@ struct PoseGraphResult {
   bool converged = false;
 };
 
-/// Levenberg-Marquardt (Ceres, one thread) over all nodes but the first, from the given poses.
+/// Optimises all nodes but the first by Levenberg-Marquardt (Ceres, one thread), from the given poses.
 PoseGraphResult optimize_pose_graph(const std::vector<geometry::Sim3>& T_map_node,
                                     const std::vector<PoseGraphEdge>& edges);
 

@@ -161,7 +161,7 @@ class StereoResiduals {
     }
   }
 
-  /// Of the last inverse distance.
+  /// Returns the good observations at the last inverse distance.
   std::vector<keyframes::Observation> good_observations() const {
     std::vector<keyframes::Observation> good;
     for (std::size_t c = 0; c < is_good_.size(); ++c) {

@@ -28,4 +28,21 @@ std::vector<keyframes::HostTargetPrecalc> make_stereo_pairs(const keyframes::Win
 /// Adjoint of a rigid motion on twists (translation first): T exp(x) = exp(Ad x) T.
 Eigen::Matrix<double, 6, 6> adjoint(const geometry::SE3& T);
 
+/// Adds to `sums` (over the window's unknowns) how a residual couples them with one further unknown that moves pixels,
+/// such as a point's inverse distance: J^T W j, with j = grad I d(pixel)/d(unknown) and
+/// `by_unknown` = d(pixel)/d(unknown). Returns the sum of the gradients' squares times `by_unknown`.
+inline Eigen::Vector2d add_coupling(const keyframes::Window& window, int host, const HostTargetPair& pair,
+                                    const keyframes::Observation& observation, const Eigen::Vector2d& by_unknown,
+                                    Eigen::VectorXd& sums) {
+  const keyframes::Linearization& lin = observation.linearization;
+  const Eigen::Vector2d weighted = lin.sums.gg.cast<double>() * by_unknown;
+  keyframes::Vec8 coupling;
+  coupling << lin.d_pixel_d_pose.cast<double>().transpose() * weighted,
+      lin.sums.gA.cast<double>().transpose() * by_unknown;
+  sums.segment<8>(8 * observation.target) += coupling;
+  sums.segment<8>(8 * host) += pair.d_relative_d_host.transpose() * coupling;
+  if (window.intrinsics.estimated) sums.tail<4>() += lin.d_pixel_d_intrinsics.cast<double>().transpose() * weighted;
+  return weighted;
+}
+
 }  // namespace tileflight::mapping

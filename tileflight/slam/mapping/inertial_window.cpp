@@ -145,7 +145,7 @@ InertialWindow::InertialWindow(const keyframes::Window& window, const InertialSt
   begin(window, start);
 }
 
-/// What the smoothing says of tilt, scale, velocity and biases at the newest keyframe, in quantities that do not depend
+/// Makes a prior of tilt, scale, velocity and biases at the newest keyframe, in quantities that do not depend
 /// on the map's frame and scale nor on the world's heading: the tilt of the unit, the velocity in its axes, and the
 /// distance in metres from the window's oldest keyframe.
 void InertialWindow::begin(const keyframes::Window& window, const InertialStart& start) {

@@ -17,12 +17,12 @@
 #include <vector>
 
 #include "tileflight/slam/inertial/align_to_gravity.h"
-#include "tileflight/slam/inertial/inertial_factor.h"
+#include "tileflight/slam/inertial/factors.h"
 #include "tileflight/slam/mapping/normal_equations.h"
 
 namespace tileflight::mapping {
 
-/// What the smoothing over the keyframes so far says of the newest one.
+/// State of the newest keyframe, from smoothing over the keyframes so far, with which the coupling begins.
 struct InertialStart {
   Eigen::Quaterniond R_world_map = Eigen::Quaterniond::Identity();  ///< the world's z axis points up
   double log_scale = 0.0;                                           ///< of metres per map unit
@@ -31,7 +31,7 @@ struct InertialStart {
   inertial::Mat12 covariance = inertial::Mat12::Identity();  ///< inertial::InertialAlignment::latest_covariance
 };
 
-/// What does not change while the window is coupled.
+/// Parameters of the unit that do not change while the window is coupled.
 struct InertialCalibration {
   geometry::SE3 T_imu_camera;
   inertial::ImuNoise noise;
@@ -48,41 +48,46 @@ class InertialWindow {
   InertialWindow(const keyframes::Window& window, const InertialStart& start, const InertialCalibration& calibration,
                  double weight);
 
-  /// After mapping::add_keyframe(): the newest keyframe's state, predicted by the readings since the one before.
+  /// Adds the newest keyframe's state, predicted by the readings since the keyframe before. Call it after
+  /// mapping::add_keyframe().
   void add_keyframe(const keyframes::Window& window, const inertial::Preintegration& since_last);
-  /// After marginalize_points(): what it added to the window's own prior.
+  /// Adds to the joint prior what marginalize_points() has added to the window's own prior.
   void add_to_prior(const Eigen::MatrixXd& H, const Eigen::VectorXd& b);
-  /// Before remove_keyframe(): marginalises the keyframe with its velocity, its biases and the readings next to it.
+  /// Marginalises the keyframe with its velocity, its biases and the readings next to it. Call it before
+  /// mapping::remove_keyframe().
   void remove_keyframe(const keyframes::Window& window, int slot);
-  /// After relinearize(): `moved`: what stacked_delta() lost by it. The newest keyframe's state is linearised anew.
+  /// Linearises the newest keyframe's state anew. Call it after relinearize(); `moved`: what stacked_delta() lost by
+  /// it.
   void relinearize_newest(const Eigen::VectorXd& moved);
 
-  /// The joint prior's energy and that of the readings, at the present state.
+  /// Returns the energy of the joint prior and of the readings, at the present state.
   double energy(const keyframes::Window& window) const;
-  /// Step of all unknowns, for the window's photometric equations; damped as in optimize_window(), and without a part
-  /// along the nullspace.
+  /// Solves for the step of all unknowns, given the window's photometric equations; damped as in optimize_window(), and
+  /// without a part along the nullspace.
   Eigen::VectorXd solve(const NormalEquations& photometric, const keyframes::Window& window, double lambda) const;
   void save_state();
-  /// From the saved state on. `step`: of the unknowns behind the window's.
+  /// Moves the saved state by `step`, which holds the unknowns behind the window's.
   void apply_step(const Eigen::VectorXd& step);
   void restore_state();
 
-  /// Joint system but for the photometric residuals: prior and readings, at the present state. Unknowns: the window's,
-  /// the world's (kWorldSize), then kKeyframeSize for each keyframe since the beginning, the oldest first.
+  /// Returns the joint system without the photometric residuals: prior and readings, at the present state. Unknowns:
+  /// the window's, the world's (kWorldSize), then kKeyframeSize for each keyframe since the beginning, the oldest
+  /// first.
   NormalEquations equations(const keyframes::Window& window) const;
-  /// Directions that nothing determines: the map's frame and scale, along which the world and the velocities follow.
+  /// Returns the directions that nothing determines: the map's frame and scale, along which the world and the
+  /// velocities follow.
   Eigen::MatrixXd nullspace(const keyframes::Window& window) const;
   int unknowns(const keyframes::Window& window) const {
     return window.unknowns() + kWorldSize + kKeyframeSize * static_cast<int>(states_.size());
   }
 
-  /// State of the unit at the newest keyframe.
+  /// Returns the state of the unit at the newest keyframe.
   inertial::ImuState newest_state(const keyframes::Window& window) const;
-  /// Pose of the camera in the map, for a state of the unit.
+  /// Returns the pose of the camera in the map, for a state of the unit.
   geometry::SE3 T_camera_map(const inertial::ImuState& state) const;
   double log_scale() const { return world_linear_.log_scale + world_delta_[2]; }
   Eigen::Quaterniond R_world_map() const { return world().R_world_map; }
-  /// Squared normalised residual of the readings before the newest keyframe; of 9 degrees of freedom.
+  /// Returns the squared normalised residual of the readings before the newest keyframe; of 9 degrees of freedom.
   double newest_residual(const keyframes::Window& window) const;
 
  private:

@@ -17,7 +17,7 @@ struct TrackingChange {
   double first_rmse = 0.0;      ///< of the first image tracked to this keyframe, grey values
 };
 
-/// Whether the weighted sum of flow and brightness change exceeds 1, or the RMSE doubled.
+/// Returns whether the weighted sum of flow and brightness change exceeds 1, or the RMSE doubled.
 bool needs_keyframe(const TrackingChange& change, int width, int height, const keyframes::WindowOptions& options);
 
 /// Marks keyframes to marginalise: those with too few points visible in the newest one or a brightness change of more
@@ -33,7 +33,6 @@ struct RetiredPoint {
 };
 /// Removes the points that left the view of the newest keyframe or whose host is marked: well observed ones are
 /// marginalised into the prior, the others dropped. Appends the removed points to `left`.
-void retire_points(keyframes::Window& window, const keyframes::WindowOptions& options,
-                   std::vector<RetiredPoint>& left);
+void retire_points(keyframes::Window& window, const keyframes::WindowOptions& options, std::vector<RetiredPoint>& left);
 
 }  // namespace tileflight::mapping

@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include "tileflight/core/geometry/decompositions.h"
+#include "tileflight/slam/mapping/host_target_pairs.h"
 #include "tileflight/slam/mapping/normal_equations.h"
-#include "tileflight/slam/mapping/point_coupling.h"
 
 namespace tileflight::mapping {
 namespace {

@@ -1,6 +1,6 @@
 #pragma once
 
-// What a window's residuals say of a rolling shutter's line delay. A row that is exposed delta (v - (H - 1) / 2)
+// Estimate of a rolling shutter's line delay from a window's residuals. A row that is exposed delta (v - (H - 1) / 2)
 // seconds after the middle row has the pose exp(delta (v - (H - 1) / 2) w) T_camera_map, w the twist of T_camera_map a
 // second. To first order the delay therefore moves a point from host row v_h to target row v_t as a change of the
 // relative pose by delta (s_t w_t - s_h Ad(T_target_host) w_h), s the rows below the middle: du/d(delta) = J_pose times
@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "tileflight/core/geometry/transform.h"
-#include "tileflight/slam/mapping/line_delay_estimate.h"
 #include "tileflight/slam/keyframes/keyframe.h"
+#include "tileflight/slam/mapping/line_delay_estimate.h"
 
 namespace tileflight::mapping {
 
@@ -30,16 +30,17 @@ struct LineDelaySystem {
   }
 };
 
-/// Of the window's good residuals, as last linearised, without its prior. `velocities`: of each keyframe, the left
-/// twist of T_camera_map a second (translation first, map units). `lens`: level 0, as the window's. Intrinsics that are
-/// not estimated have no information. The window is a copy, since normal equations set its points' information.
+/// Makes the equations of the line delay from the window's good residuals, as last linearised, without its prior.
+/// `velocities`: of each keyframe, the left twist of T_camera_map a second (translation first, map units). `lens`:
+/// level 0, as the window's. Intrinsics that are not estimated have no information. The window is a copy, since normal
+/// equations set its points' information.
 LineDelaySystem line_delay_system(keyframes::Window window, const keyframes::Lens& lens,
                                   const std::vector<geometry::Vec6>& velocities);
 
-/// Least squares over all windows, in their order of time. The standard deviation is that of estimates without one of
-/// up to 16 blocks of the flight (delete-block jackknife: Kuensch 1989), since residuals of neighbouring windows are
-/// the same ones, and what is not modelled (lens, brightness, wrong distances) is alike for as long as the motion is.
-/// `intrinsics`: information of the given ones. nullopt: too few windows.
+/// Estimates the line delay by least squares over all windows, in their order of time. The standard deviation is that
+/// of estimates without one of up to 16 blocks of the flight (delete-block jackknife: Kuensch 1989), since residuals of
+/// neighbouring windows are the same ones, and what is not modelled (lens, brightness, wrong distances) is alike for as
+/// long as the motion is. `intrinsics`: information of the given ones. nullopt: too few windows.
 std::optional<LineDelayEstimate> estimate_line_delay(const std::vector<LineDelaySystem>& windows,
                                                      const Eigen::Matrix4d& intrinsics);
 

@@ -33,7 +33,7 @@ MapPoint make_map_point(const keyframes::ActivePoint& point, int keyframe, doubl
 /// Ids of the keyframes in which an active point has a good residual.
 std::vector<int> find_observing_keyframes(const keyframes::ActivePoint& point, const keyframes::Window& window);
 
-/// Whether a point passes the options' filters.
+/// Returns whether a point passes the options' filters.
 bool passes_filters(const MapPoint& point, const keyframes::MapOptions& options);
 
 /// Positions in the map frame with colours and the scalars inverse_depth_variance (along the host's ray), observations,
@@ -43,8 +43,8 @@ geometry::PointCloud make_point_cloud(const std::vector<MapPoint>& points,
                                       const std::map<int, geometry::SE3>& T_map_keyframe,
                                       const keyframes::MapOptions& options);
 
-/// For each point of make_point_cloud(): indices into `keyframes` (ids, ascending) of its host and of the keyframes
-/// that observe it.
+/// Returns for each point of make_point_cloud() the indices into `keyframes` (ids, ascending) of its host and of the
+/// keyframes that observe it.
 std::vector<std::vector<int>> make_point_tracks(const std::vector<MapPoint>& points, const std::vector<int>& keyframes,
                                                 const keyframes::MapOptions& options);
 

@@ -3,16 +3,71 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <optional>
+#include <vector>
 
-#include "tileflight/slam/mapping/densify.h"
+#include "tileflight/slam/keyframes/keyframe.h"
+#include "tileflight/slam/keyframes/options.h"
+#include "tileflight/slam/keyframes/pixel_selector.h"
+#include "tileflight/slam/mapping/activation.h"
 #include "tileflight/slam/mapping/normal_equations.h"
 #include "tileflight/slam/mapping/residual_states.h"
 #include "tileflight/slam/mapping/static_stereo.h"
 #include "tileflight/slam/mapping/tracer.h"
-#include "tileflight/slam/keyframes/pixel_selector.h"
 
 namespace tileflight::mapping {
+
 namespace {
+
+/// Whether a search found an unambiguous depth that no later search rejected.
+bool has_clear_depth(const keyframes::ImmaturePoint& point, const keyframes::TracingOptions& options) {
+  return point.has_depth() && point.rho() > 0 && point.failed_searches == 0 && point.quality > options.min_quality;
+}
+
+/// Angle at the point between the host's centre and a target's.
+float parallax_rad(const keyframes::ActivePoint& point, const geometry::SE3& T_host_target) {
+  const Eigen::Vector3d at = point.patch.ray.cast<double>() / point.rho;
+  const Eigen::Vector3d from_target = at - T_host_target.translation;
+  return static_cast<float>(std::atan2(at.cross(from_target).norm(), at.dot(from_target)));
+}
+
+void fill_statistics(const keyframes::Window& window, int host, keyframes::ActivePoint& point) {
+  const geometry::SE3 T_host_map = window.keyframes[host].T_camera_map();
+  point.good_observations = static_cast<int>(point.observations.size());
+  for (const keyframes::Observation& observation : point.observations) {
+    const keyframes::Keyframe& target = window.keyframes[observation.target];
+    point.first_frame = std::min(point.first_frame, target.frame_index);
+    point.last_frame = std::max(point.last_frame, target.frame_index);
+    point.parallax_rad =
+        std::max(point.parallax_rad, parallax_rad(point, T_host_map * target.T_camera_map().inverse()));
+  }
+}
+
+/// Refines the immature points of `host` that have a depth by Gauss-Newton on the inverse distance over all other
+/// keyframes (as activation does), with poses and brightness fixed. Returns only points with at least
+/// `options.map.min_observations` good residuals. The window is not changed, so trajectory and active points are not
+/// affected.
+std::vector<keyframes::ActivePoint> densify_keyframe(const keyframes::Window& window, const keyframes::Lens& lens,
+                                                     int host, const keyframes::OdometryOptions& options) {
+  const keyframes::Keyframe& keyframe = window.keyframes[host];
+  std::vector<const keyframes::ImmaturePoint*> candidates;
+  for (const auto* points : {&keyframe.out_of_view, &keyframe.immature}) {
+    for (const keyframes::ImmaturePoint& point : *points) {
+      if (has_clear_depth(point, options.tracing)) candidates.push_back(&point);
+    }
+  }
+  const std::vector<keyframes::PairTransform> pairs = pair_transforms_from(window, host);
+  std::vector<std::optional<keyframes::ActivePoint>> fitted(candidates.size());
+  tbb::parallel_for(std::size_t{0}, candidates.size(), [&](std::size_t i) {
+    fitted[i] = try_activation(window, lens, host, pairs, *candidates[i], options.window, options.map.min_observations);
+    if (fitted[i]) fill_statistics(window, host, *fitted[i]);
+  });
+  std::vector<keyframes::ActivePoint> points;
+  for (std::optional<keyframes::ActivePoint>& point : fitted) {
+    if (point) points.push_back(std::move(*point));
+  }
+  return points;
+}
 
 /// Prior information of the intrinsics, in units of the residuals' information. Neighbouring residuals have correlated
 /// errors (lens model, sampling, brightness); kAlike residuals count as one (chosen by hand).
@@ -99,9 +154,9 @@ keyframes::Keyframe Mapper::make_keyframe(const KeyframeCandidate& source) {
   const keyframes::Lens lens_linear = lens_.lenses[0].apply_delta(window_.intrinsics.linear);
   for (const keyframes::SelectedPixel& pixel :
        keyframes::select_pixels(*source.pyramid, lens_.rays[0], options_.selection.points_per_keyframe,
-                                 options_.selection, selection_block_px_)) {
+                                options_.selection, selection_block_px_)) {
     auto patch = keyframes::make_patch(level, lens_.lenses[0], Eigen::Vector2f(pixel.x, pixel.y),
-                                        options_.window.gradient_weight);
+                                       options_.window.gradient_weight);
     if (!patch) continue;
     keyframes::ImmaturePoint point;
     point.patch = *patch;
@@ -314,8 +369,7 @@ std::vector<KeyframeRecord> Mapper::keyframes() const {
 std::vector<MapPoint> Mapper::points() const {
   std::vector<MapPoint> all = retired_points_;
   for (int host = 0; host < window_.size(); ++host) {
-    for (const keyframes::ActivePoint& point : window_.keyframes[host].points)
-      all.push_back(window_point(point, host));
+    for (const keyframes::ActivePoint& point : window_.keyframes[host].points) all.push_back(window_point(point, host));
   }
   return all;
 }

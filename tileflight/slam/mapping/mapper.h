@@ -33,7 +33,7 @@ struct KeyframeCandidate {
                                                           ///< coupled to an inertial unit is so no more
 };
 
-/// What the keyframes' stereo pictures gave, of one camera.
+/// Counts how the keyframes' stereo pictures of one camera matched.
 struct StereoRecord {
   int keyframes = 0;                     ///< with a picture
   int unmatched = 0;                     ///< of those: the picture shows something else, and was not used
@@ -64,10 +64,10 @@ class Mapper {
   /// Starts a map from one instant, metric by its stereo pictures: the first keyframe, with points that these have
   /// determined. Returns false, and leaves no trace, if they determine too few (start_from_stereo()).
   bool start(const KeyframeCandidate& source);
-  /// Before initialize(): the map will be that of the reference camera alone.
+  /// Makes the map that of the reference camera alone. Call it before initialize().
   void use_no_stereo() { window_.stereo_cameras.clear(); }
-  /// After initialize() or start() and before anything else: the oldest keyframe becomes the newest, so that keyframes
-  /// may be added in the opposite order of time.
+  /// Makes the oldest keyframe the newest, so that keyframes may be added in the opposite order of time. Call it after
+  /// initialize() or start(), before anything else.
   void reverse_order() { reverse_keyframes(window_); }
   /// Makes a keyframe with new immature points; it is not added to the window.
   keyframes::Keyframe make_keyframe(const KeyframeCandidate& source);
@@ -97,12 +97,12 @@ class Mapper {
   /// All points so far: those that left the window and those in it.
   std::vector<MapPoint> points() const;
   std::size_t active_points() const;
-  /// Step of each keyframe so far (by id) from the previous one, with its uncertainty at the time it was added; zero
-  /// for the first.
+  /// Returns the step of each keyframe so far (by id) from the previous one, with its uncertainty at the time it was
+  /// added; zero for the first.
   const std::vector<StepUncertainty>& step_uncertainties() const { return step_uncertainties_; }
-  /// By stereo camera, over all keyframes so far.
+  /// Returns the matches in each stereo camera's pictures, over all keyframes so far.
   const std::vector<StereoRecord>& stereo_records() const { return stereo_records_; }
-  /// Systematic part of the good residuals of all keyframes so far.
+  /// Returns the systematic part of the good residuals of all keyframes so far.
   const SystematicResiduals& systematic_residuals() const { return systematic_residuals_; }
 
  private:
@@ -117,12 +117,12 @@ class Mapper {
   void update_steps();
   /// Map point of an active point.
   MapPoint window_point(const keyframes::ActivePoint& point, int host) const;
-  /// Archives the candidates of a leaving keyframe that were never activated (densify.h).
+  /// Archives the candidates of a leaving keyframe that were never activated.
   void archive_dense_points(int host);
 
   keyframes::LensPyramid& lens_;
   keyframes::IntrinsicsDelta applied_delta_ = keyframes::IntrinsicsDelta::Zero();  ///< the change currently applied
-                                                                                     ///< to lens_
+                                                                                   ///< to lens_
   const keyframes::OdometryOptions& options_;
   keyframes::Window window_;
   std::optional<InertialWindow> inertial_;

@@ -24,7 +24,7 @@ void move_to_linearization_point(keyframes::Linearization& lin, const keyframes:
   lin.sums.Ar -= lin.sums.gA.transpose() * pixel + lin.sums.AA * light;
 }
 
-/// The same for a residual in a stereo picture, whose brightness has moved by `light_delta`.
+/// Moves a residual in a stereo picture to its linearisation point, whose brightness has moved by `light_delta`.
 void move_stereo_to_linearization_point(keyframes::Linearization& lin, const Eigen::Vector2d& light_delta) {
   const Eigen::Vector2f light = light_delta.cast<float>();
   lin.sums.gr -= lin.sums.gA * light;

@@ -22,7 +22,7 @@ struct QuadraticPrior {
 /// Eliminates the 8 unknowns of `slot`, or of any other block of eight, by the Schur complement: DSO, eq. 16 to 18.
 QuadraticPrior marginalize_keyframe(const QuadraticPrior& prior, int slot);
 
-/// The same for any unknowns, by their numbers in increasing order.
+/// Marginalises any unknowns of a prior; `leaving` holds their numbers in increasing order.
 QuadraticPrior marginalize_unknowns(const QuadraticPrior& prior, const std::vector<int>& leaving);
 
 /// Removes a keyframe from the window: marginalises its unknowns in the prior, removes observations in it, and

@@ -11,8 +11,8 @@
 
 #include <vector>
 
-#include "tileflight/slam/mapping/host_target_pairs.h"
 #include "tileflight/slam/keyframes/keyframe.h"
+#include "tileflight/slam/mapping/host_target_pairs.h"
 
 namespace tileflight::mapping {
 

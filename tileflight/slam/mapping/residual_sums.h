@@ -1,6 +1,6 @@
 #pragma once
 
-// What one residual adds to the normal equations, in SIMD lanes (DSO, eq. 10 and 13): sums by the relative unknowns of
+// Sums that one residual adds to the normal equations, in SIMD lanes (DSO, eq. 10 and 13): by the relative unknowns of
 // its host and target (pose 0 to 5, brightness 6 and 7), by the intrinsics, and by the brightness of stereo pictures.
 
 #include <array>

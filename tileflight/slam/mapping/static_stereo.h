@@ -12,7 +12,7 @@
 
 namespace tileflight::mapping {
 
-/// What a search in one stereo picture came to.
+/// Counts the points of a search in one stereo picture.
 struct StereoMatches {
   int searched = 0;  ///< points whose epipolar curve lies in the picture
   int found = 0;     ///< of those: with a match that leads back

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "tileflight/core/geometry/decompositions.h"
-#include "tileflight/slam/mapping/point_coupling.h"
+#include "tileflight/slam/mapping/host_target_pairs.h"
 
 namespace tileflight::mapping {
 namespace {

@@ -8,9 +8,9 @@
 #include <array>
 #include <optional>
 
-#include "tileflight/slam/mapping/systematic_displacement.h"
 #include "tileflight/slam/keyframes/keyframe.h"
 #include "tileflight/slam/keyframes/lens.h"
+#include "tileflight/slam/mapping/systematic_displacement.h"
 
 namespace tileflight::mapping {
 
@@ -18,7 +18,8 @@ class SystematicResiduals {
  public:
   /// Adds the good residuals in a window's keyframe, linearised at the present state.
   void add(const keyframes::Window& window, int slot, const keyframes::Lens& lens);
-  /// nullopt if the halves share too few cells (image region and direction of motion).
+  /// Returns the displacement that both halves of the points have in common; nullopt if the halves share too few cells
+  /// (image region and direction of motion).
   std::optional<SystematicDisplacement> estimate() const;
 
  private:

@@ -6,10 +6,10 @@
 #include <memory>
 #include <vector>
 
-#include "tileflight/slam/mapping/marginalization.h"
 #include "tileflight/slam/keyframes/options.h"
 #include "tileflight/slam/keyframes/pixel_selector.h"
 #include "tileflight/slam/keyframes/synthetic_scene.h"
+#include "tileflight/slam/mapping/marginalization.h"
 
 namespace tileflight::mapping::test_support {
 
@@ -26,14 +26,14 @@ class RenderedFlight {
   /// True pose of image i; the map frame is the relief's.
   static geometry::SE3 T_camera_map(int i) {
     return keyframes::test_support::look_along(geometry::Vec3(0.5 * i, 0.35 * i, 20.0 + 0.1 * i),
-                                                geometry::Vec3(0.01 * i, 1.0, -0.9))
+                                               geometry::Vec3(0.01 * i, 1.0, -0.9))
         .inverse();
   }
   /// True inverse distance along a ray of image i, 1/m; 0: sky.
   float rho(int i, const Eigen::Vector3f& ray) const {
     const geometry::SE3 T_map_camera = T_camera_map(i).inverse();
     const double distance_m = keyframes::test_support::hit_distance(relief, T_map_camera.translation,
-                                                                     T_map_camera.rotation * ray.cast<double>());
+                                                                    T_map_camera.rotation * ray.cast<double>());
     return distance_m > 0.0 ? static_cast<float>(1.0 / distance_m) : 0.0F;
   }
   /// Patches of up to `count` pixels of image i that see the ground.
@@ -42,7 +42,7 @@ class RenderedFlight {
     for (const keyframes::SelectedPixel& p :
          keyframes::select_pixels(pyramid, lens.rays[0], count, options.selection)) {
       const auto patch = keyframes::make_patch(pyramid.levels[0], lens.lenses[0], Eigen::Vector2f(p.x, p.y),
-                                                options.window.gradient_weight);
+                                               options.window.gradient_weight);
       if (patch && rho(i, patch->ray) > 0.0F) out.push_back(*patch);
     }
     return out;

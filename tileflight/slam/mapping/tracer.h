@@ -15,7 +15,7 @@ void trace_point(const keyframes::Lens& lens, const keyframes::PyramidLevel& tar
                  const keyframes::PairTransform& pair, const keyframes::TracingOptions& options, float huber,
                  keyframes::ImmaturePoint& point);
 
-/// The same for many points, in parallel.
+/// Calls trace_point() for many points, in parallel.
 void trace_points(const keyframes::Lens& lens, const keyframes::PyramidLevel& target,
                   const keyframes::PairTransform& pair, const keyframes::TracingOptions& options, float huber,
                   std::vector<keyframes::ImmaturePoint>& points);

@@ -7,10 +7,10 @@
 #include <cmath>
 
 #include "tileflight/core/geometry/decompositions.h"
+#include "tileflight/slam/keyframes/residual.h"
 #include "tileflight/slam/mapping/gauge.h"
 #include "tileflight/slam/mapping/inertial_window.h"
 #include "tileflight/slam/mapping/normal_equations.h"
-#include "tileflight/slam/keyframes/residual_warp.h"
 
 namespace tileflight::mapping {
 namespace {
@@ -102,7 +102,7 @@ class Linearizer {
     for (std::size_t i = 0; i < warps.size(); ++i) {
       const int target = point.observations[i].target;
       keyframes::warp_residual(lens_, window_.keyframes[target].pyramid->levels[0], point.patch, point.rho,
-                                pairs[ref.host * window_.size() + target].frame, warps[i]);
+                               pairs[ref.host * window_.size() + target].frame, warps[i]);
     }
   }
 

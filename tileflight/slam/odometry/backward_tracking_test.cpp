@@ -75,7 +75,7 @@ geometry::Trajectory part_before(geometry::Trajectory trajectory, double until_s
 }
 
 OdometryResult run(const Sequence& flight, const OdometryOptions& options = patient_options()) {
-  return run_odometry(flight.calibration, nullptr, flight.source(), options);
+  return run_odometry(flight.calibration, flight.source(), options);
 }
 
 TEST(BackwardTracking, AFlightThatBeginsWithATurnIsWhole) {

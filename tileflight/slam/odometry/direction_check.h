@@ -15,7 +15,7 @@
 
 namespace tileflight::odometry {
 
-/// How a run goes over the images of the one that is checked.
+/// Direction and first image of a further run over the images of the run that is checked.
 struct RunStart {
   bool against = false;   ///< in the other direction
   std::size_t image = 0;  ///< InitializationOptions::first_image; images before it are tracked backwards from there
@@ -24,7 +24,7 @@ struct RunStart {
 /// Tracks all images again. The times of the result's trajectory are those of the run that is checked, increasing.
 using FurtherRun = std::function<OdometryResult(const RunStart& start)>;
 
-/// What further runs tell of a run.
+/// Result of check_directions().
 struct DirectionCheck {
   RunStart use;  ///< the run that is to be used; by default the one that is checked
   /// Between both directions, if they disagree and their own residuals and warnings do not tell which is right.

@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include "tileflight/slam/odometry/stage_timer.h"
-#include "tileflight/slam/tracking/motion_hypotheses.h"
 #include "tileflight/slam/tracking/relocalization.h"
+#include "tileflight/slam/tracking/tracker.h"
 
 namespace tileflight::odometry {
 namespace {
@@ -26,7 +26,7 @@ LastFrame next_last_frame(const TrackingState& state, const tracking::ImageAlign
 }  // namespace
 
 keyframes::RollingShutter FrameTracker::predict_rolling_shutter(const TrackingState& state,
-                                                                 const InputFrame& frame) const {
+                                                                const InputFrame& frame) const {
   const LastFrame& last = state.last;
   return keyframes::make_rolling_shutter(
       preprocessor_.readout_s(),
@@ -116,8 +116,7 @@ void FrameTracker::follow(TrackingState& state, const InputFrame& frame,
 }
 
 /// Relocalizes on any keyframe of the window, which then becomes the reference.
-std::optional<tracking::ImageAlignment> FrameTracker::recover(TrackingState& state,
-                                                              const keyframes::Pyramid& pyramid) {
+std::optional<tracking::ImageAlignment> FrameTracker::recover(TrackingState& state, const keyframes::Pyramid& pyramid) {
   constexpr double kAcceptedRmse = 2.0;            // relative to the last image's RMSE; chosen by hand
   if (state.failures.none()) return std::nullopt;  // a single bad image is often followed by a good one
   std::vector<ReferenceKeyframe>& references = state.failures.recovery_references;

@@ -34,7 +34,7 @@ class FrameTracker {
 
   /// Aligns the next image; records it, makes it a keyframe, or counts it as a failure.
   void track(TrackingState& state, const InputFrame& frame);
-  /// Whether too many images in a row did not align.
+  /// Returns whether too many images in a row did not align.
   bool lost(const TrackingState& state) const { return state.failures.count > options_.tracking.max_failed_frames; }
   /// Shows the keyframe `slot` of the window to the observer and keeps its features for loop closure.
   void report_keyframe(const InputFrame& frame, int slot);

@@ -106,7 +106,7 @@ void expect_same_result(const OdometryResult& a, const OdometryResult& b) {
 void expect_same_as_batch(const test_support::Sequence& flight, const OdometryOptions& options) {
   Odometry odometry(flight.calibration, options);
   add_frames(odometry, flight);
-  expect_same_result(odometry.finish(), run_odometry(flight.calibration, nullptr, flight.source(), options));
+  expect_same_result(odometry.finish(), run_odometry(flight.calibration, flight.source(), options));
 }
 
 TEST(IncrementalOdometry, EqualsTheBatch) { expect_same_as_batch(hill_flight(), small_options()); }
@@ -129,16 +129,16 @@ TEST(IncrementalOdometry, EqualsTheBatchWithoutAMap) {
 
 TEST(IncrementalOdometry, PriorPosesOneByOneEqualThoseGivenAtOnce) {
   const test_support::Sequence& flight = hill_flight();
-  Priors priors;
+  OdometryInput input = flight.calibration;
   Odometry odometry(flight.calibration, small_options());
   for (std::size_t i = 0; i < flight.images.size(); ++i) {
-    priors.poses.poses.push_back({time_s(i), flight.truth[i]});
+    input.poses.poses.push_back({time_s(i), flight.truth[i]});
     odometry.add(flight.images[i], time_s(i), flight.truth[i]);
   }
   const auto T_world_map = odometry.T_world_map();
   const geometry::Trajectory before = odometry.trajectory();
   const OdometryResult result = odometry.finish();
-  expect_same_result(result, run_odometry(flight.calibration, nullptr, flight.source(), small_options(), {}, priors));
+  expect_same_result(result, run_odometry(input, flight.source(), small_options()));
   ASSERT_TRUE(T_world_map.has_value());
   expect_same_trajectory(geometry::transformed(*T_world_map, before), result.trajectory);
 }
@@ -228,7 +228,7 @@ TEST(IncrementalOdometry, AWrongCallIsRefusedAndChangesNothing) {
   infinite.translation.x() = std::numeric_limits<double>::infinity();
   EXPECT_THAT([&] { odometry.add(image, time_s(30), infinite); }, refusal("its prior pose is not finite"));
   add_frames(odometry, flight, 30);
-  expect_same_result(odometry.finish(), run_odometry(flight.calibration, nullptr, flight.source(), small_options()));
+  expect_same_result(odometry.finish(), run_odometry(flight.calibration, flight.source(), small_options()));
 }
 
 TEST(IncrementalOdometry, NothingGoesAfterTheEnd) {
@@ -243,10 +243,9 @@ TEST(IncrementalOdometry, NothingGoesAfterTheEnd) {
 }
 
 TEST(IncrementalOdometry, PriorPosesAreGivenInOneWay) {
-  Priors priors;
-  priors.poses.poses.push_back({0.0, SE3()});
-  Odometry odometry(hill_flight().calibration, small_options(),
-                    {.photometric = {}, .priors = priors, .keyframe_observer = {}});
+  OdometryInput input = hill_flight().calibration;
+  input.poses.poses.push_back({0.0, SE3()});
+  Odometry odometry(input, small_options());
   EXPECT_THAT([&] { odometry.add(hill_flight().images[0], 0.0, SE3()); },
               ThrowsMessage<InputError>(HasSubstr("all prior poses were given at the start")));
 }
@@ -262,7 +261,7 @@ TEST(IncrementalOdometry, GoesOnAfterAMove) {
   add_frames(first, flight, 0, 20);
   Odometry second = std::move(first);
   add_frames(second, flight, 20);
-  expect_same_result(second.finish(), run_odometry(flight.calibration, nullptr, flight.source(), small_options()));
+  expect_same_result(second.finish(), run_odometry(flight.calibration, flight.source(), small_options()));
 }
 
 }  // namespace

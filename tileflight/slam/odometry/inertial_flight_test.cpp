@@ -22,12 +22,12 @@ using ::testing::ThrowsMessage;
 
 /// Without readings the intrinsics are held as well, as they are with them.
 OdometryResult track(const InertialFlight& flight, bool with_readings, bool in_window = false) {
-  Priors priors;
-  if (with_readings) priors.inertial = flight.readings;
-  priors.inertial_in_window = in_window;
+  OdometryInput input = flight.sequence.calibration;
+  if (with_readings) input.inertial = flight.readings;
   OdometryOptions options = test_support::small_options();
+  options.inertial_in_window = in_window;
   if (!with_readings) options.window.refine_intrinsics = false;
-  return run_odometry(flight.sequence.calibration, nullptr, flight.sequence.source(), options, {}, priors);
+  return run_odometry(input, flight.sequence.source(), options);
 }
 
 /// Whether two results are the same to the last digit.
@@ -133,12 +133,11 @@ TEST(InertialFlightTest, AtConstantVelocityTheMapIsTheMonocularOne) {
 }
 
 TEST(InertialFlightTest, PosesAndReadingsTogetherAreRefused) {
-  Priors priors;
-  priors.inertial.emplace();
-  priors.poses.poses.push_back({0.0, SE3()});
-  imaging::Calibration calibration;
-  calibration.camera = imaging::make_fisheye(320, 240, 120.0);
-  EXPECT_THAT([&] { Odometry(calibration, {}, {.photometric = {}, .priors = priors, .keyframe_observer = {}}); },
+  OdometryInput input{imaging::Calibration()};
+  input.calibration.camera = imaging::make_fisheye(320, 240, 120.0);
+  input.inertial.emplace();
+  input.poses.poses.push_back({0.0, SE3()});
+  EXPECT_THAT([&] { Odometry odometry(input); },
               ThrowsMessage<InputError>(HasSubstr("poses or depth and an inertial unit are both given")));
 }
 

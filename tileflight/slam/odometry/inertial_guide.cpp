@@ -65,7 +65,7 @@ bool InertialGuide::is_due(std::size_t keyframes, bool is_coupled) const {
   return is_coupled ? keyframes >= 2 * tried_at_ : 10 * keyframes >= 13 * tried_at_;
 }
 
-/// Those that a live recording would have: up to the latest image, by a clock that may differ.
+/// Returns the readings that a live recording would have: up to the latest image, by a clock that may differ.
 inertial::InertialInput InertialGuide::readings_of(double from_s, double to_s) const {
   constexpr double kClocks_s = 0.25;
   inertial::InertialInput part{.samples = {}, .model = readings_.model, .where = readings_.where};

@@ -21,13 +21,14 @@ class InertialGuide {
   /// T_camera_map of an image by the readings: from the newest keyframe on if the window is coupled; else the rotation
   /// since the last image, with the translation of constant velocity. nullopt where readings are missing.
   std::optional<geometry::SE3> predict(const TrackingState& state, const mapping::Mapper& mapper, double time_s) const;
-  /// The readings between two images; nullopt if they are not whole. The bias is the newest keyframe's.
+  /// Preintegrates the readings between two images; nullopt if they are not whole. The bias is the newest keyframe's.
   std::optional<inertial::Preintegration> between(double from_s, double to_s, const mapping::Mapper& mapper) const;
-  /// After a new keyframe: couples the window to the unit if the keyframes so far show scale and vertical, uncouples it
-  /// if the readings contradict, and begins the coupling anew if scale and vertical are known far better than before.
+  /// Couples the window to the unit if the keyframes so far show scale and vertical, uncouples it if the readings
+  /// contradict, and begins the coupling anew if scale and vertical are known far better than before. Call it after a
+  /// new keyframe.
   void update(const TrackingLog& log, mapping::Mapper& mapper);
 
-  /// Of the image at which the window was first coupled; nullopt: not yet.
+  /// Returns the time of the image at which the window was first coupled; nullopt: not yet.
   std::optional<double> coupled_since_s() const { return coupled_since_s_; }
 
  private:

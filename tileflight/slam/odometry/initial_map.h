@@ -1,6 +1,6 @@
 #pragma once
 
-// From the images before the map to the map that initialization gives, and the state with which tracking begins.
+// Makes the first map from the images before it, and the state with which tracking begins.
 
 #include <cstddef>
 #include <deque>

@@ -2,8 +2,8 @@
 
 #include <gtest/gtest.h>
 
-#include "tileflight/slam/odometry/synthetic_flight.h"
 #include "tileflight/slam/keyframes/lens.h"
+#include "tileflight/slam/odometry/synthetic_flight.h"
 
 namespace tileflight::odometry::intrinsics_test {
 namespace {
@@ -22,7 +22,7 @@ OdometryResult run(const test_support::Sequence& truth, const keyframes::Intrins
   sequence.calibration.camera = keyframes::apply_delta(truth.calibration.camera, error);
   keyframes::OdometryOptions options = test_support::small_options();
   options.window.refine_intrinsics = refine;
-  return run_odometry(sequence.calibration, nullptr, sequence.source(), options);
+  return run_odometry(sequence.calibration, sequence.source(), options);
 }
 
 /// An arc around the point that the camera looks at.
@@ -113,7 +113,7 @@ std::vector<SE3> ahead(int frames) {
   for (int i = 0; i < frames; ++i) {
     const double s = i / 30.0;
     truth.push_back(keyframes::test_support::look_along(Vec3(0.5 * std::sin(s), 5.0 * s, 12.0 + 0.5 * std::sin(s)),
-                                                         Vec3(0.1 * std::sin(0.7 * s), 1.0, -0.6)));
+                                                        Vec3(0.1 * std::sin(0.7 * s), 1.0, -0.6)));
   }
   return truth;
 }

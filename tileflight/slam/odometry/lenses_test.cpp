@@ -26,8 +26,7 @@ double ground_pixel_m(const Camera& camera) {
 
 TEST_P(NativeLens, FollowsAFlight) {
   const test_support::Sequence sequence = test_support::render_hill_flight(GetParam().camera, 30);
-  const OdometryResult result =
-      run_odometry(sequence.calibration, nullptr, sequence.source(), test_support::small_options());
+  const OdometryResult result = run_odometry(sequence.calibration, sequence.source(), test_support::small_options());
   EXPECT_FALSE(result.lost) << result.lost_reason;
   EXPECT_GE(result.frames_tracked, 28);
   const double pixel_m = ground_pixel_m(GetParam().camera);

@@ -2,8 +2,8 @@
 
 #include <gtest/gtest.h>
 
-#include "tileflight/slam/odometry/synthetic_flight.h"
 #include "tileflight/slam/keyframes/pyramid.h"
+#include "tileflight/slam/odometry/synthetic_flight.h"
 
 namespace tileflight::odometry::light_test {
 namespace {
@@ -78,8 +78,10 @@ TEST(Light, AKnownCalibrationUndoneGivesTheCleanResult) {
   const PhotometricCalibration calibration = made_up_calibration(320, 200);
   const test_support::Sequence dim = filmed(calibration);
   const keyframes::OdometryOptions options = test_support::small_options();
-  const OdometryResult expected = run_odometry(clean.calibration, nullptr, clean.source(), options);
-  const OdometryResult undone = run_odometry(dim.calibration, &calibration, with_exposures(dim), options);
+  const OdometryResult expected = run_odometry(clean.calibration, clean.source(), options);
+  OdometryInput input = dim.calibration;
+  input.photometric = calibration;
+  const OdometryResult undone = run_odometry(input, with_exposures(dim), options);
   ASSERT_FALSE(undone.lost) << undone.lost_reason;
   EXPECT_EQ(undone.frames_tracked, expected.frames_tracked);
   EXPECT_LT(test_support::relative_ate(expected.trajectory, clean.truth), 0.004);
@@ -90,7 +92,7 @@ TEST(Light, AKnownCalibrationUndoneGivesTheCleanResult) {
 
 TEST(Light, WithoutACalibrationAffineLightFollowsTheExposure) {
   const test_support::Sequence dim = filmed(made_up_calibration(320, 200));
-  const OdometryResult result = run_odometry(dim.calibration, nullptr, dim.source(), test_support::small_options());
+  const OdometryResult result = run_odometry(dim.calibration, dim.source(), test_support::small_options());
   EXPECT_FALSE(result.lost) << result.lost_reason;
   EXPECT_GE(result.frames_tracked, 30);
   EXPECT_LT(test_support::relative_ate(result.trajectory, dim.truth), 0.01);

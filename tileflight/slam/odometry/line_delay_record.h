@@ -1,31 +1,48 @@
 #pragma once
 
-// Collects what the windows of a run say of the line delay (slam/mapping/line_delay.h). A window counts as it is before the
-// next keyframe comes: then the motion at each of its keyframes is known from the images before and after it.
+// Collects what the windows of a run say of the line delay (slam/mapping/line_delay.h). A window counts as it is before
+// the next keyframe comes: then the motion at each of its keyframes is known from the images before and after it.
 
+#include <functional>
 #include <map>
 #include <optional>
 #include <vector>
 
 #include "tileflight/slam/mapping/line_delay.h"
 #include "tileflight/slam/mapping/mapper.h"
+#include "tileflight/slam/odometry/odometry.h"
 #include "tileflight/slam/odometry/tracking_log.h"
 #include "tileflight/slam/odometry/tracking_state.h"
 
 namespace tileflight::odometry {
 
+/// Result of track_with_line_delay().
+struct LineDelayPasses {
+  OdometryResult result;                               ///< of the last one
+  double line_delay_s = 0.0;                           ///< that it was tracked with
+  std::optional<mapping::LineDelayEstimate> estimate;  ///< of the whole delay; nullopt: too few keyframes
+  int passes = 0;
+};
+
+/// Finds the line delay of a rolling shutter whose row times are not known: tracks the images, estimates the line delay
+/// from the residuals that are left, and tracks them again with it, until it stays. `track` tracks the images with
+/// OdometryOptions::estimate_line_delay and a line delay in the order of play. An estimate that differs from `given_s`
+/// by less than three standard deviations is not used: the shutter may be as given.
+LineDelayPasses track_with_line_delay(double given_s, const std::function<OdometryResult(double line_delay_s)>& track);
+
 class LineDelayRecord {
  public:
-  /// After the first map: `tracked` are its images, in order of time.
+  /// Begins with the first map; `tracked` are its images, in order of time.
   void begin(const std::vector<TrackedFrame>& tracked, const mapping::Mapper& mapper);
-  /// After an image was aligned, and before it is made a keyframe.
+  /// Takes up an image that was aligned, before it is made a keyframe.
   void follow(const LastFrame& image);
-  /// The image that was aligned last becomes a keyframe; the window is still without it. `lens`: level 0.
+  /// Counts the window when the image that was aligned last becomes a keyframe; the window is still without it. `lens`:
+  /// level 0.
   void add_window(const mapping::Mapper& mapper, const keyframes::Lens& lens);
-  /// It is in the window now.
+  /// Tells that this keyframe is in the window now.
   void add_keyframe(int id);
 
-  /// nullopt: too few windows.
+  /// Estimates the line delay from all windows; nullopt: too few windows.
   std::optional<mapping::LineDelayEstimate> estimate(const mapping::Mapper& mapper) const;
 
  private:

@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <vector>
 
-#include "tileflight/slam/odometry/line_delay_passes.h"
+#include "tileflight/slam/odometry/line_delay_record.h"
 #include "tileflight/slam/odometry/synthetic_flight.h"
 
 namespace tileflight::odometry::line_delay_test {
@@ -22,7 +22,7 @@ LineDelayPasses estimated(const Sequence& sequence, double given_s = 0.0) {
   return track_with_line_delay(given_s, [&](double line_delay_s) {
     imaging::Calibration calibration = sequence.calibration;
     calibration.line_delay_s = line_delay_s;
-    return run_odometry(calibration, nullptr, sequence.source(), options);
+    return run_odometry(calibration, sequence.source(), options);
   });
 }
 
@@ -30,7 +30,7 @@ double ate(const Sequence& sequence, double line_delay_s) {
   imaging::Calibration calibration = sequence.calibration;
   calibration.line_delay_s = line_delay_s;
   return test_support::relative_ate(
-      run_odometry(calibration, nullptr, sequence.source(), test_support::small_options()).trajectory, sequence.truth);
+      run_odometry(calibration, sequence.source(), test_support::small_options()).trajectory, sequence.truth);
 }
 
 TEST(LineDelay, IsFoundInTheImages) {

@@ -54,12 +54,12 @@ Flight drifted(const KeyframeMaker& maker, const std::vector<SE3>& truth, double
       pose = pose * SE3(geometry::so3_exp(kTurn_rad) * step.rotation, step.translation);
     }
     loop_closure::LoopKeyframe keyframe{.id = static_cast<int>(i),
-                                 .frame_index = static_cast<std::int64_t>(10 * i),
-                                 .T_map_camera = pose,
-                                 .features = maker.features(truth[i]),
-                                 .image = maker.image(truth[i]),
-                                 .step_covariance = variance.asDiagonal(),
-                                 .step_log_scale_variance = log_scale_step * log_scale_step + 1e-8};
+                                        .frame_index = static_cast<std::int64_t>(10 * i),
+                                        .T_map_camera = pose,
+                                        .features = maker.features(truth[i]),
+                                        .image = maker.image(truth[i]),
+                                        .step_covariance = variance.asDiagonal(),
+                                        .step_log_scale_variance = log_scale_step * log_scale_step + 1e-8};
     for (loop_closure::Feature& feature : keyframe.features) feature.rho /= static_cast<float>(scale);
     for (mapping::MapPoint& point : maker.points(truth[i], keyframe.id)) {
       point.rho /= static_cast<float>(scale);
@@ -94,7 +94,8 @@ TEST(LoopClosure, AFlightThatReturnsLosesMostOfItsDrift) {
     EXPECT_NEAR(loop.T_from_to.scale, std::pow(1.15, (loop.from - loop.to) / 60.0), 0.01);
   }
   std::vector<SE3> closed;
-  const std::vector<loop_closure::MeasuredLoop> measured = loop_closure::measure_loops(maker.lens(), points, keyframes, loops);
+  const std::vector<loop_closure::MeasuredLoop> measured =
+      loop_closure::measure_loops(maker.lens(), points, keyframes, loops);
   ASSERT_GT(measured.size(), 5U);
   const std::vector<Sim3> similarities = loop_closure::correct_poses(keyframes, measured).value();
   for (const Sim3& pose : similarities) closed.emplace_back(pose.rotation, pose.translation);
@@ -132,9 +133,9 @@ test_support::Sequence there_and_back() {
 TEST(LoopClosure, AWholeFlightThereAndBackBecomesNoWorse) {
   const test_support::Sequence sequence = there_and_back();
   keyframes::OdometryOptions options = test_support::small_options();
-  const OdometryResult without = run_odometry(sequence.calibration, nullptr, sequence.source(), options);
+  const OdometryResult without = run_odometry(sequence.calibration, sequence.source(), options);
   options.loops.enabled = true;
-  const OdometryResult with = run_odometry(sequence.calibration, nullptr, sequence.source(), options);
+  const OdometryResult with = run_odometry(sequence.calibration, sequence.source(), options);
   ASSERT_EQ(with.frames_tracked, static_cast<std::int64_t>(sequence.images.size()));
   const double before = test_support::relative_ate(without.trajectory, sequence.truth),
                after = test_support::relative_ate(with.trajectory, sequence.truth);
@@ -164,7 +165,8 @@ TEST(LoopClosure, GroundThatRepeatsIsNotTakenForAReturn) {
     std::vector<SE3> truth;
     for (int i = 0; i < 30; ++i)
       truth.push_back(keyframes::test_support::look_along(Vec3(0, 3.0 * i, 13), Vec3(0, 1, -1.5)));
-    EXPECT_TRUE(loop_closure::find_loops(drifted(KeyframeMaker(relief), truth, 1.05).keyframes, {}).empty()) << period_m;
+    EXPECT_TRUE(loop_closure::find_loops(drifted(KeyframeMaker(relief), truth, 1.05).keyframes, {}).empty())
+        << period_m;
   }
 }
 
@@ -172,7 +174,8 @@ TEST(LoopClosure, DistancesComeFromThePointsAboutACorner) {
   const KeyframeMaker maker(test_support::hilly_terrain());
   const SE3 host = keyframes::test_support::look_along(Vec3(0, 0, 13), Vec3(0, 1, -1.5)),
             other = keyframes::test_support::look_along(Vec3(1, 0.5, 13), Vec3(0, 1, -1.5));
-  std::vector<loop_closure::LoopKeyframe> keyframes{{3, 0, host, maker.features(host)}, {4, 1, other, maker.features(other)}};
+  std::vector<loop_closure::LoopKeyframe> keyframes{{3, 0, host, maker.features(host)},
+                                                    {4, 1, other, maker.features(other)}};
   // All points are hosted by the first keyframe; the second sees them from the side.
   const std::vector<mapping::MapPoint> points = maker.points(host, 3);
   const std::vector<loop_closure::Feature> truth = keyframes[1].features;
@@ -201,9 +204,9 @@ TEST(LoopClosure, AWholeFlightWithoutReturnIsTheSameToTheLastBit) {
   const imaging::Camera camera = imaging::make_fisheye(240, 160, 120.0);
   const test_support::Sequence sequence = test_support::render_hill_flight(camera, 40);
   keyframes::OdometryOptions options = test_support::small_options();
-  const OdometryResult without = run_odometry(sequence.calibration, nullptr, sequence.source(), options);
+  const OdometryResult without = run_odometry(sequence.calibration, sequence.source(), options);
   options.loops.enabled = true;
-  const OdometryResult with = run_odometry(sequence.calibration, nullptr, sequence.source(), options);
+  const OdometryResult with = run_odometry(sequence.calibration, sequence.source(), options);
   EXPECT_TRUE(with.loops.empty());
   ASSERT_GT(without.frames_tracked, 30);
   ASSERT_EQ(with.trajectory.size(), without.trajectory.size());

@@ -19,7 +19,9 @@ OdometryResult run(bool dense, const KeyframeObserver& observer = {}) {
   options.map.dense = dense;
   options.window.min_keyframes = 3;  // so that keyframes leave within this short flight
   options.window.max_keyframes = 4;
-  return run_odometry(flight().calibration, nullptr, flight().source(), options, {}, {}, observer);
+  OdometryInput input = flight().calibration;
+  input.keyframe_observer = observer;
+  return run_odometry(input, flight().source(), options);
 }
 
 TEST(Map, FurtherPointsAreAsTrueAsTheOptimisedOnesAndChangeNothingElse) {

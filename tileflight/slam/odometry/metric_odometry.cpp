@@ -32,14 +32,14 @@ constexpr double kAlignedVelocity_m_s = 0.03;  ///< standard deviation about eac
 constexpr double kCorrelatedErrors = 4.0;      ///< images of a keyframe share its errors
 constexpr int kFewestForVelocity = 3;
 
-/// Where a body was before now, if it had stood still now: what its changes of velocity add.
+/// Place of a body before now if it stands still now: the sum of its changes of velocity.
 struct BackwardMotion {
   double time_s = 0.0;  ///< after now, so negative
   Vec3 displacement_m = Vec3::Zero();
 };
 
-/// From the readings, latest first, back to `from_s`: attitude and displacement by the trapezoidal rule. `R`: attitude
-/// at `now_s`.
+/// Integrates attitude and displacement back to `from_s` by the trapezoidal rule, with the latest reading first. `R`:
+/// attitude at `now_s`.
 std::vector<BackwardMotion> motion_before(const std::deque<geometry::ImuSample>& readings, Eigen::Quaterniond R,
                                           double now_s, const geometry::ImuBias& bias, double gravity_m_s2,
                                           double from_s) {
@@ -76,7 +76,7 @@ Vec3 displacement_at(const std::vector<BackwardMotion>& motions, double time_s) 
   return (1.0 - share) * before->displacement_m + share * at->displacement_m;
 }
 
-/// As Odometry does it where it is given the readings.
+/// Holds the intrinsics, as Odometry does when it is given the readings.
 MetricOdometryOptions with_held_intrinsics(MetricOdometryOptions options) {
   options.odometry.window.refine_intrinsics = false;
   return options;
@@ -143,7 +143,7 @@ MetricResult MetricOdometry::lose(const std::string& reason) {
   return {MetricStatus::kLost, {}, reason};
 }
 
-/// What is older is of no use to the estimate of scale and vertical.
+/// Drops readings and images that are too old for the estimate of scale and vertical.
 void MetricOdometry::forget_before(double time_s) {
   while (!readings_.empty() && readings_.front().time_s < time_s) readings_.pop_front();
   while (!images_.empty() && images_.front().time_s < time_s) images_.pop_front();

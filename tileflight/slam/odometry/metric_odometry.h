@@ -68,13 +68,12 @@ struct MetricResult {
 /// - A step from one image to the next that the readings contradict (an image that is aligned wrongly) is replaced by
 ///   theirs: they are far better than a tenth of a metre for a tenth of a second.
 /// - The velocity is that of the keyframes and readings together, carried on by the readings, and corrected by that
-/// with
-///   which the readings go best through the positions of the latest images (a Kalman filter of one variance).
+///   with which the readings go best through the positions of the latest images (a Kalman filter of one variance).
 /// - Covariances: of position and heading, what the odometry says of each step between keyframes, summed up; of the
 ///   position, the error of scale along the way and of heading across it, too; all inflated by factors that were found
 ///   from flights with truth.
 ///
-/// For one thread at a time. The same input gives the same result.
+/// One thread at a time may use an object. The same input gives the same result.
 class MetricOdometry {
  public:
   /// Throws InputError if the calibration has no image size.
@@ -84,7 +83,7 @@ class MetricOdometry {
   void add_reading(const geometry::ImuSample& reading);
   /// Throws InputError as Odometry::add().
   MetricResult add(imaging::RgbImage image, double time_s);
-  /// How often tracking was lost and a new map begun.
+  /// Returns how often tracking was lost and a new map begun.
   int restarts() const { return restarts_; }
 
  private:
@@ -96,7 +95,7 @@ class MetricOdometry {
     geometry::Vec3 velocity_m_s = geometry::Vec3::Zero();  ///< of the unit at that time, world axes
     geometry::ImuBias bias;
   };
-  /// What adds up on the way.
+  /// Errors that add up on the way.
   struct Drift {
     geometry::Vec3 scale_m = geometry::Vec3::Zero();  ///< one sigma of the scale along the way: correlated
     double position_variance_m2 = 0.0;                ///< about each axis
@@ -110,7 +109,7 @@ class MetricOdometry {
 
     void update(const Velocity& measured);
   };
-  /// Where the readings take the unit from the last estimate on.
+  /// State of the unit that the readings predict from the last estimate on.
   struct Prediction {
     geometry::SE3 T_world_imu;
     Velocity velocity;
@@ -119,20 +118,20 @@ class MetricOdometry {
 
   MetricResult without_pose(const FrameResult& frame);
   MetricResult lose(const std::string& reason);
-  /// Whether it was placed; else `reason`.
+  /// Places the map in the world. Returns whether that was possible; else sets `reason`.
   bool place_map(const FrameResult& frame, std::string& reason);
   Placement placed(const inertial::InertialAlignment& found, const geometry::SE3& T_map_keyframe,
                    const FrameResult& frame) const;
   bool is_settled(const Placement& placement, const FrameResult& frame);
-  /// How far the level map has to be turned about the vertical.
+  /// Returns how far the level map has to be turned about the vertical.
   double heading_change_rad(const geometry::SE3& T_level_imu, double time_s) const;
   Prediction predict(double time_s) const;
-  /// Whether the image's step was replaced by that of the readings.
+  /// Returns whether the image's step was replaced by that of the readings.
   bool bridge(const FrameResult& frame, const Prediction& expected);
   geometry::SE3 T_world_imu(const Placement& placement, const geometry::SE3& T_map_camera) const;
   MetricEstimate estimate(const FrameResult& frame, const std::optional<Prediction>& expected, bool is_placed);
   void add_drift(const FrameQuality& quality, double sigma_log_scale, const geometry::SE3& T_world_imu);
-  /// From the positions of the latest images; nullopt: too few.
+  /// Fits the velocity to the positions of the latest images; nullopt: too few.
   std::optional<Velocity> fitted_velocity(const Placement& placement, const FrameQuality& quality) const;
   void forget_before(double time_s);
 

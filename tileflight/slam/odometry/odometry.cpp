@@ -14,11 +14,10 @@ double steady_time_s() {
 
 }  // namespace
 
-Odometry::Odometry(const imaging::Calibration& calibration, const OdometryOptions& options, OdometryExtras extras)
-    : begin_s_(steady_time_s()) {
-  if (calibration.camera.width() <= 0 || calibration.camera.height() <= 0)
+Odometry::Odometry(OdometryInput input, const OdometryOptions& options) : begin_s_(steady_time_s()) {
+  if (input.calibration.camera.width() <= 0 || input.calibration.camera.height() <= 0)
     throw InputError("calibration", "has no image size; give the width and height of the images");
-  pipeline_ = std::make_unique<OdometryPipeline>(calibration, options, std::move(extras));
+  pipeline_ = std::make_unique<OdometryPipeline>(std::move(input), options);
 }
 Odometry::Odometry(Odometry&&) noexcept = default;
 Odometry& Odometry::operator=(Odometry&&) noexcept = default;
@@ -55,14 +54,9 @@ OdometryResult Odometry::finish() {
   return result;
 }
 
-OdometryResult run_odometry(const imaging::Calibration& calibration, const imaging::PhotometricCalibration* photometric,
-                            const FrameSource& next_frame, const OdometryOptions& options, const Progress& progress,
-                            const Priors& aids, const KeyframeObserver& observer,
-                            const std::vector<OtherCamera>& other_cameras) {
-  OdometryExtras extras{
-      .photometric = {}, .priors = aids, .keyframe_observer = observer, .other_cameras = other_cameras};
-  if (photometric != nullptr) extras.photometric = *photometric;
-  Odometry odometry(calibration, options, std::move(extras));
+OdometryResult run_odometry(OdometryInput input, const FrameSource& next_frame, const OdometryOptions& options,
+                            const Progress& progress) {
+  Odometry odometry(std::move(input), options);
   while (!odometry.lost()) {
     std::optional<InputFrame> frame = next_frame();
     if (!frame) break;

@@ -8,6 +8,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "tileflight/core/base/progress.h"
@@ -44,7 +45,7 @@ struct InputFrame {
   double exposure_ms = 0.0;  ///< 0: unknown
   imaging::RgbImage image;   ///< colour is used for map points only; tracking uses luma
   std::vector<OtherImage> others =
-      {};  ///< at the same instant, by OdometryExtras::other_cameras; those left out took none
+      {};  ///< at the same instant, by OdometryInput::other_cameras; those left out took none
 };
 
 /// Another camera on the same body, exposed at the same instants as the reference camera, whose images the frames are.
@@ -70,23 +71,6 @@ struct StageTimes {
   double total() const { return initialization + preprocessing + tracking + tracing + keyframes + loops; }
 };
 
-/// Prior knowledge besides the images; every part is optional.
-struct Priors {
-  imaging::GrayImage mask;     ///< same size as the images; pixels below 128 are ignored (vehicle body, mount); empty:
-                               ///< no mask
-  geometry::Trajectory poses;  ///< T_world_camera at the images' times: initialization takes its motion from them, and
-                               ///< map and trajectory are given in their frame and scale
-  std::function<std::optional<imaging::FloatImage>(std::int64_t index)>
-      depth_m;  ///< depth image of frame `index`, metres along the optical axis, not finite or 0 where unknown; sets
-                ///< the scale
-  std::optional<inertial::InertialInput> inertial;  ///< readings on the images' clock, or nearly: map and trajectory
-                                                    ///< are given in metres and level, if the readings show the scale;
-                                                    ///< not together with poses or depth
-  bool inertial_in_window = false;  ///< the readings are also residuals of the window, from when on the keyframes so
-                                    ///< far show scale and vertical (tight coupling); else they help where an image
-                                    ///< alone does not align
-};
-
 /// A keyframe with its points, for a debug image.
 struct KeyframeView {
   struct Point {
@@ -101,6 +85,32 @@ struct KeyframeView {
 /// Callback for each keyframe. Called from the odometry's thread.
 using KeyframeObserver = std::function<void(const KeyframeView&)>;
 
+/// Everything that an odometry is given besides its settings and its images. Only the calibration is required:
+///
+///     OdometryInput input = calibration;
+///     input.mask = imaging::read_gray("mask.png");
+struct OdometryInput {
+  OdometryInput(imaging::Calibration reference) : calibration(std::move(reference)) {}  // NOLINT: the rest is optional
+
+  imaging::Calibration calibration;                            ///< of the camera that takes the images
+  std::optional<imaging::PhotometricCalibration> photometric;  ///< response and vignetting; none: the images are taken
+                                                               ///< as linear, without vignetting
+  imaging::GrayImage mask;     ///< same size as the images; pixels below 128 are ignored (vehicle body, mount); empty:
+                               ///< no mask
+  geometry::Trajectory poses;  ///< prior T_world_camera at the images' times: initialization takes its motion from
+                               ///< them, and map and trajectory are given in their frame and scale
+  std::function<std::optional<imaging::FloatImage>(std::int64_t index)>
+      depth_m;  ///< prior depth image of frame `index`, metres along the optical axis, not finite or 0 where unknown;
+                ///< sets the scale
+  std::optional<inertial::InertialInput> inertial;  ///< readings on the images' clock, or nearly: map and trajectory
+                                                    ///< are given in metres and level, if the readings show the scale;
+                                                    ///< not together with poses or depth
+  std::vector<OtherCamera> other_cameras;  ///< at most 4; static stereo with them makes map and trajectory metric from
+                                           ///< the first image on. The calibrations are held, as that of one rig. Not
+                                           ///< together with prior poses or depth, nor with rolling shutters
+  KeyframeObserver keyframe_observer;
+};
+
 /// Two keyframes recognized as showing the same place (options.loops).
 struct LoopClosure {
   std::int64_t from_frame = 0;  ///< the earlier keyframe's InputFrame::index
@@ -109,14 +119,14 @@ struct LoopClosure {
   int inliers = 0;            ///< feature matches consistent with the loop
 };
 
-/// How corners seen by two cameras of a rig at one instant agree with its calibration.
+/// Agreement of corners, seen by two cameras of a rig at one instant, with its calibration.
 struct RigFit {
   int matches = 0;            ///< corners that fit
   double rotation_rad = 0.0;  ///< by which the other camera would have to be turned; 0: by nothing that its images show
   double behind_share = 0.0;  ///< of the corners with parallax: how many would be behind the cameras
 };
 
-/// What another camera of the rig gave.
+/// Statistics of the images of another camera of the rig.
 struct OtherCameraResult {
   std::string name;
   std::int64_t frames = 0;             ///< with a picture of it
@@ -130,10 +140,10 @@ struct OtherCameraResult {
                               ///< seen by both cameras
 };
 
-/// What static stereo gave.
+/// Result of static stereo.
 struct StereoResult {
   bool metric = false;  ///< map and trajectory are in metres; else they are those of the reference camera alone
-  std::vector<OtherCameraResult> cameras;  ///< by OdometryExtras::other_cameras
+  std::vector<OtherCameraResult> cameras;  ///< by OdometryInput::other_cameras
 };
 
 struct OdometryResult {
@@ -158,11 +168,11 @@ struct OdometryResult {
                                                          ///< are too few keyframes
   std::vector<LoopClosure> loops;                        ///< loops that were found and measured
   bool loops_closed = false;  ///< they corrected poses and map; false: none contradicts the path
-  std::optional<inertial::InertialAlignment> inertial;  ///< with Priors::inertial and a map; without `metric` map and
-                                                        ///< trajectory are as without readings
+  std::optional<inertial::InertialAlignment> inertial;  ///< with OdometryInput::inertial and a map; without `metric`
+                                                        ///< map and trajectory are as without readings
   std::optional<double> coupled_since_s;  ///< time of the keyframe from which on the readings were part of the window;
                                           ///< none: they never were
-  std::optional<StereoResult> stereo;     ///< with OdometryExtras::other_cameras
+  std::optional<StereoResult> stereo;     ///< with OdometryInput::other_cameras
   std::int64_t relocalizations = 0;       ///< how often tracking failed and was recovered on an older keyframe
   bool lost = false;                      ///< tracking ended before the last image, or never started
   std::string lost_reason;                ///< if lost: the frame and the reason
@@ -170,17 +180,7 @@ struct OdometryResult {
   StageTimes cpu_time;
 };
 
-/// What an odometry may be given besides calibration, options and images.
-struct OdometryExtras {
-  std::optional<imaging::PhotometricCalibration> photometric;  ///< response and vignetting; none: taken as ideal
-  Priors priors;
-  KeyframeObserver keyframe_observer;
-  std::vector<OtherCamera> other_cameras;  ///< at most 4; static stereo with them makes map and trajectory metric from
-                                           ///< the first image on. The calibrations are held, as that of one rig. Not
-                                           ///< together with prior poses or depth, nor with rolling shutters
-};
-
-/// What became of an image when it was added.
+/// Status of an image after it was added.
 enum class FrameStatus {
   kInitializing,  ///< no map yet: the image is kept until there is enough parallax
   kTracked,       ///< the image has a pose
@@ -188,7 +188,7 @@ enum class FrameStatus {
   kLost           ///< too many images in a row did not align; all later ones are ignored
 };
 
-/// What is known of an image at the moment when it was added.
+/// Estimate for an image at the moment when it was added.
 struct FrameResult {
   FrameStatus status = FrameStatus::kInitializing;
   std::optional<geometry::SE3> T_map_camera;  ///< if tracked; without its scale (monocular), see T_world_map()
@@ -215,9 +215,10 @@ struct FrameResult {
 ///   window, after some five to seven keyframes, and its images move along.
 /// - Loop closure (OdometryOptions::loops) runs once, in finish(), over all keyframes. It never changes tracking.
 /// - Frame and scale of the priors are applied in finish(); T_world_map() gives them before.
-/// - Readings of an inertial unit (Priors::inertial) are used in finish(), over all keyframes. Before, they only help
-///   where an image does not align; with Priors::inertial_in_window they are part of the window. Before the map,
-///   initialization begins anew with a later image whenever its corners are lost; after it
+/// - Readings of an inertial unit (OdometryInput::inertial) are used in finish(), over all keyframes. Before, they only
+/// help
+///   where an image does not align; with OdometryOptions::inertial_in_window they are part of the window. Before the
+///   map, initialization begins anew with a later image whenever its corners are lost; after it
 /// there is no restart: a lost odometry stays lost and keeps its map. Tracking the whole sequence backwards, too, and
 /// choosing between both directions is not done here but by the `odometry` command, with a second odometry
 /// (tracking_warnings.h).
@@ -228,38 +229,37 @@ struct FrameResult {
 class Odometry {
  public:
   /// Throws InputError if the calibration has no image size, and for other cameras that cannot be used.
-  explicit Odometry(const imaging::Calibration& calibration, const OdometryOptions& options = {},
-                    OdometryExtras extras = {});
+  explicit Odometry(OdometryInput input, const OdometryOptions& options = {});
   Odometry(Odometry&&) noexcept;
   Odometry& operator=(Odometry&&) noexcept;
   ~Odometry();
 
   /// Processes the next image. `T_world_camera`: its prior pose, if it is known (a fused navigation solution, for
-  /// example); the same as an entry of Priors::poses, which must then be empty. Poses after initialization have no
-  /// effect. Throws InputError if the image's size differs from the calibration's or the mask's, if time or index do
+  /// example); the same as an entry of OdometryInput::poses, which must then be empty. Poses after initialization have
+  /// no effect. Throws InputError if the image's size differs from the calibration's or the mask's, if time or index do
   /// not increase or are not finite, if a prior pose is not finite or given in both ways, and after finish().
   FrameResult add(InputFrame frame, const std::optional<geometry::SE3>& T_world_camera = {});
-  /// The same for an image without exposure time, whose index is the number of images before it.
+  /// Processes the next image, one without exposure time, whose index is the number of images before it.
   FrameResult add(imaging::RgbImage image, double time_s, const std::optional<geometry::SE3>& T_world_camera = {});
 
-  /// Whether later images are ignored.
+  /// Returns whether tracking is lost, so that later images are ignored.
   bool lost() const;
-  /// Images processed, ignored ones not counted.
+  /// Returns the number of images processed, ignored ones not counted.
   std::int64_t frames() const;
-  /// A few words on the present state, for progress reports.
+  /// Returns a few words on the present state, for progress reports.
   std::string progress_text() const;
 
-  /// T_map_camera of the images with a pose, and of the keyframes, as estimated now, before loop closure; empty before
-  /// the map. A map point's scalar `keyframe` is an index into keyframes(). Each takes time in proportion to the
-  /// flight.
+  /// Return T_map_camera of the images with a pose, of the keyframes, and the map, as estimated now, before loop
+  /// closure; empty before the map. A map point's scalar `keyframe` is an index into keyframes(). Each takes time in
+  /// proportion to the flight.
   geometry::Trajectory trajectory() const;
   geometry::Trajectory keyframes() const;
   geometry::PointCloud map() const;
-  /// The latest keyframes, at most `count`, with what the window says of the steps between them, in map units, as
-  /// inertial::align_to_gravity() takes them. Takes time in proportion to the flight.
+  /// Returns the latest keyframes, at most `count`, with what the window says of the steps between them, in map units,
+  /// as inertial::align_to_gravity() takes them. Takes time in proportion to the flight.
   std::vector<inertial::VisualKeyframe> latest_keyframes(std::size_t count) const;
-  /// From the map to the frame and scale of the priors, as estimated now; nullopt without priors or before the map.
-  /// Throws InputError if the priors do not determine it, as finish() does.
+  /// Returns the transform from the map to the frame and scale of the priors, as estimated now; nullopt without priors
+  /// or before the map. Throws InputError if the priors do not determine it, as finish() does.
   std::optional<geometry::Sim3> T_world_map() const;
 
   /// Ends the odometry and returns everything that it found; afterwards every call but assignment throws InputError.
@@ -274,13 +274,10 @@ class Odometry {
   double begin_s_ = 0.0;                        ///< steady clock, at construction
 };
 
-/// Odometry over a whole sequence: adds the images until there are no more or tracking is lost, and finishes.
-/// `photometric` may be null. Throws InputError as Odometry does: an image, mask or depth of another size than the
-/// calibration's, times that do not increase, a calibration without an image size, prior poses that do not overlap the
-/// images in time.
-OdometryResult run_odometry(const imaging::Calibration& calibration, const imaging::PhotometricCalibration* photometric,
-                            const FrameSource& next_frame, const OdometryOptions& options,
-                            const Progress& progress = {}, const Priors& aids = {},
-                            const KeyframeObserver& observer = {}, const std::vector<OtherCamera>& other_cameras = {});
+/// Runs the odometry over a whole sequence: adds the images until there are no more or tracking is lost, and finishes.
+/// Throws InputError as Odometry does: an image, mask or depth of another size than the calibration's, times that do
+/// not increase, a calibration without an image size, prior poses that do not overlap the images in time.
+OdometryResult run_odometry(OdometryInput input, const FrameSource& next_frame, const OdometryOptions& options,
+                            const Progress& progress = {});
 
 }  // namespace tileflight::odometry

@@ -6,8 +6,8 @@
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/slam/odometry/backward_tracking.h"
 #include "tileflight/slam/odometry/prior_alignment.h"
-#include "tileflight/slam/odometry/rig_check.h"
 #include "tileflight/slam/odometry/stage_timer.h"
+#include "tileflight/slam/odometry/stereo_input.h"
 
 namespace tileflight::odometry {
 namespace {
@@ -23,8 +23,8 @@ void require_later(const FrameStamp& before, const InputFrame& frame) {
 }
 
 /// The samples decide on frame and scale, and so would poses or depth.
-void require_one_scale(const Priors& priors, bool has_prior_pose) {
-  if (priors.inertial && (has_prior_pose || !priors.poses.empty() || priors.depth_m))
+void require_one_scale(const OdometryInput& input, bool has_prior_pose) {
+  if (input.inertial && (has_prior_pose || !input.poses.empty() || input.depth_m))
     throw InputError("odometry",
                      "poses or depth and an inertial unit are both given; scale and frame come from one of them");
 }
@@ -32,11 +32,10 @@ void require_one_scale(const Priors& priors, bool has_prior_pose) {
 /// With an inertial unit the intrinsics are held: estimated anew at each keyframe they bend the path by hundredths of a
 /// degree that no covariance of a step knows, and gravity turns these into accelerations. With a rig, which decides on
 /// the scale, its calibration is held as well.
-OdometryOptions options_with(OdometryOptions options, const OdometryExtras& extras) {
-  if (extras.priors.inertial) options.window.refine_intrinsics = false;
-  if (extras.other_cameras.empty()) return options;
-  const Priors& priors = extras.priors;
-  if (!priors.poses.empty() || priors.depth_m)
+OdometryOptions options_with(OdometryOptions options, const OdometryInput& input) {
+  if (input.inertial) options.window.refine_intrinsics = false;
+  if (input.other_cameras.empty()) return options;
+  if (!input.poses.empty() || input.depth_m)
     throw InputError("odometry", "other cameras and poses or depth are given; scale and frame come from one of them");
   options.window.refine_intrinsics = false;
   return options;
@@ -46,19 +45,17 @@ bool is_finite(const geometry::SE3& T) { return T.translation.allFinite() && T.r
 
 }  // namespace
 
-OdometryPipeline::OdometryPipeline(const imaging::Calibration& calibration, const OdometryOptions& options,
-                                   OdometryExtras extras)
-    : options_(options_with(options, extras)),
-      priors_(std::move(extras.priors)),
-      priors_given_at_once_(!priors_.poses.empty()),
-      observer_(std::move(extras.keyframe_observer)),
-      preprocessor_(calibration, std::move(extras.photometric), std::move(priors_.mask), options_,
-                    std::move(extras.other_cameras)),
+OdometryPipeline::OdometryPipeline(OdometryInput input, const OdometryOptions& options)
+    : options_(options_with(options, input)),
+      input_(std::move(input)),
+      priors_given_at_once_(!input_.poses.empty()),
+      preprocessor_(input_.calibration, std::move(input_.photometric), std::move(input_.mask), options_,
+                    std::move(input_.other_cameras)),
       mapper_(preprocessor_.lens(), options_, preprocessor_.stereo().stereo_cameras()),
       state_(InitializationState{initialization::Initializer(preprocessor_.lens(), options_.initialization), {}, 0}) {
-  require_one_scale(priors_, false);
-  if (priors_.inertial) guide_.emplace(*priors_.inertial, priors_.inertial_in_window);
-  if (!preprocessor_.stereo().empty() && calibration.line_delay_s != 0.0)
+  require_one_scale(input_, false);
+  if (input_.inertial) guide_.emplace(*input_.inertial, options_.inertial_in_window);
+  if (!preprocessor_.stereo().empty() && input_.calibration.line_delay_s != 0.0)
     throw InputError(
         "odometry",
         "the camera has a rolling shutter (line_delay), which static stereo does not correct; use it alone");
@@ -80,7 +77,7 @@ FrameResult OdometryPipeline::add(InputFrame frame, const std::optional<geometry
   if (auto* const tracking = std::get_if<TrackingState>(&state_)) {
     tracker().track(*tracking, frame);
   } else {
-    if (T_world_camera) priors_.poses.poses.push_back({frame.time_s, *T_world_camera});
+    if (T_world_camera) input_.poses.poses.push_back({frame.time_s, *T_world_camera});
     initialize(std::get<InitializationState>(state_), std::move(frame));
   }
   return frame_result(stamp);
@@ -103,7 +100,7 @@ void OdometryPipeline::require_usable(const InputFrame& frame,
     throw InputError(where, "has a prior pose, but the scale comes from the rig's cameras; give one of them");
   if (priors_given_at_once_)
     throw InputError(where, "has a prior pose, but all prior poses were given at the start; give them in one way");
-  require_one_scale(priors_, true);
+  require_one_scale(input_, true);
   if (!is_finite(*T_world_camera)) throw InputError(where, "its prior pose is not finite");
 }
 
@@ -166,7 +163,7 @@ std::string OdometryPipeline::progress_text() const {
 }
 
 std::optional<geometry::SE3> OdometryPipeline::prior_pose(const InputFrame& frame) const {
-  return priors_.poses.empty() ? std::nullopt : geometry::interpolate(priors_.poses, frame.time_s);
+  return input_.poses.empty() ? std::nullopt : geometry::interpolate(input_.poses, frame.time_s);
 }
 
 // ---- initializing ----
@@ -183,7 +180,7 @@ void OdometryPipeline::initialize(InitializationState& state, InputFrame frame) 
   if (line_delay_) line_delay_->begin(log_.tracked, mapper_);
   for (std::size_t slot = 0; slot < map->keyframes.size(); ++slot)
     tracker().report_keyframe(state.frames[map->keyframes[slot]], static_cast<int>(slot));
-  track_backwards(state.frames, map->keyframes.front(), options_, preprocessor_, mapper_, observer_, log_);
+  track_backwards(state.frames, map->keyframes.front(), options_, preprocessor_, mapper_, input_.keyframe_observer, log_);
   state_ = std::move(map->tracking);
 }
 
@@ -247,7 +244,7 @@ OdometryResult OdometryPipeline::result_in_map_frame() const {
   if (state == nullptr) return result;
   result.frames_tracked_backwards = log_.earlier.frames_tracked;
   result.frames_before_start = frames_before(mapper_.keyframes().front().time_s, log_);
-  set_path_and_map(log_, mapper_, preprocessor_.lens(), options_, priors_.inertial, result);
+  set_path_and_map(log_, mapper_, preprocessor_.lens(), options_, input_.inertial, result);
   if (guide_) result.coupled_since_s = guide_->coupled_since_s();
   result.systematic_displacement = mapper_.systematic_residuals().estimate();
   if (line_delay_) result.line_delay = line_delay_->estimate(mapper_);
@@ -258,7 +255,7 @@ OdometryResult OdometryPipeline::result_in_map_frame() const {
 OdometryResult OdometryPipeline::result() const {
   OdometryResult result = result_in_map_frame();
   if (const auto* const state = std::get_if<TrackingState>(&state_))
-    apply_priors(preprocessor_.camera(), priors_, state->initialization_end_s, result);
+    apply_priors(preprocessor_.camera(), input_, state->initialization_end_s, result);
   return result;
 }
 
@@ -269,7 +266,7 @@ std::optional<geometry::Sim3> OdometryPipeline::T_world_map() const {
   options.loops.enabled = false;
   OdometryResult now;
   set_path_and_map(log_, mapper_, preprocessor_.lens(), options, {}, now);
-  return find_T_world_map(preprocessor_.camera(), priors_, state->initialization_end_s, now);
+  return find_T_world_map(preprocessor_.camera(), input_, state->initialization_end_s, now);
 }
 
 }  // namespace tileflight::odometry

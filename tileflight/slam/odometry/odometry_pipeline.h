@@ -25,7 +25,7 @@ namespace tileflight::odometry {
 
 class OdometryPipeline {
  public:
-  OdometryPipeline(const imaging::Calibration& calibration, const OdometryOptions& options, OdometryExtras extras);
+  OdometryPipeline(OdometryInput input, const OdometryOptions& options);
   OdometryPipeline(const OdometryPipeline&) = delete;  // the stages refer to options and lens
   OdometryPipeline& operator=(const OdometryPipeline&) = delete;
 
@@ -67,20 +67,19 @@ class OdometryPipeline {
             preprocessor_,
             mapper_,
             log_,
-            observer_,
+            input_.keyframe_observer,
             guide_ ? &*guide_ : nullptr,
             line_delay_ ? &*line_delay_ : nullptr};
   }
 
   OdometryOptions options_;
-  Priors priors_;
-  bool priors_given_at_once_;  ///< Priors::poses was given to the constructor, so images bring none
-  KeyframeObserver observer_;
+  OdometryInput input_;        ///< without what the preprocessor has taken over
+  bool priors_given_at_once_;  ///< OdometryInput::poses was given to the constructor, so images bring none
   Preprocessor preprocessor_;
   mapping::Mapper mapper_;
   std::variant<InitializationState, TrackingState> state_;
   TrackingLog log_;
-  std::optional<InertialGuide> guide_;         ///< with Priors::inertial
+  std::optional<InertialGuide> guide_;         ///< with OdometryInput::inertial
   std::optional<LineDelayRecord> line_delay_;  ///< with OdometryOptions::estimate_line_delay
 };
 

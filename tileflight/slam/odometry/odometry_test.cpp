@@ -5,8 +5,8 @@
 #include <tbb/global_control.h>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/slam/odometry/synthetic_flight.h"
 #include "tileflight/slam/keyframes/options.h"
+#include "tileflight/slam/odometry/synthetic_flight.h"
 
 namespace tileflight::odometry::odometry_test {
 namespace {
@@ -30,7 +30,7 @@ Sequence over_flat_ground(std::size_t frames) {
     for (int i = 0; i < 50; ++i) {
       const double s = i / 30.0;
       truth.push_back(keyframes::test_support::look_along(Vec3(4.0 * s, 5.0 * s, 20.0 + 0.5 * std::sin(s)),
-                                                           Vec3(0.3 * std::sin(0.7 * s), 1.0, -1.0)));
+                                                          Vec3(0.3 * std::sin(0.7 * s), 1.0, -1.0)));
     }
     return render_sequence(imaging::make_fisheye(320, 200, 130.0), relief, truth);
   }();
@@ -42,7 +42,7 @@ Sequence over_flat_ground(std::size_t frames) {
 
 TEST(Odometry, FollowsAFlightOverNearlyFlatGround) {
   const Sequence sequence = over_flat_ground(50);
-  const OdometryResult result = run_odometry(sequence.calibration, nullptr, sequence.source(), small_options());
+  const OdometryResult result = run_odometry(sequence.calibration, sequence.source(), small_options());
   EXPECT_FALSE(result.lost) << result.lost_reason;
   EXPECT_EQ(result.frames_tracked, 50);
   EXPECT_LT(relative_ate(result.trajectory, sequence.truth), 0.005);
@@ -65,7 +65,7 @@ TEST(Odometry, FollowsForwardFlightThroughHills) {
     truth.push_back(
         keyframes::test_support::look_along(Vec3(0.2 * std::sin(0.1 * i), 0.25 * i, 8.0), Vec3(0, 1, -0.25)));
   const Sequence sequence = render_sequence(imaging::make_pinhole(320, 220, 80.0), relief, truth);
-  const OdometryResult result = run_odometry(sequence.calibration, nullptr, sequence.source(), small_options());
+  const OdometryResult result = run_odometry(sequence.calibration, sequence.source(), small_options());
   EXPECT_FALSE(result.lost) << result.lost_reason;
   EXPECT_GE(result.frames_tracked, 38);
   EXPECT_LT(relative_ate(result.trajectory, sequence.truth), 0.01);
@@ -75,7 +75,7 @@ TEST(Odometry, IsTheSameForAnyNumberOfThreads) {
   const Sequence sequence = over_flat_ground(30);
   const auto run = [&](int threads) {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
-    return run_odometry(sequence.calibration, nullptr, sequence.source(), small_options());
+    return run_odometry(sequence.calibration, sequence.source(), small_options());
   };
   const OdometryResult one = run(1), two = run(2);
   ASSERT_EQ(one.trajectory.size(), two.trajectory.size());
@@ -92,7 +92,7 @@ TEST(Odometry, SaysThatThereIsNoParallax) {
   for (int i = 0; i < 12; ++i)
     truth.push_back(keyframes::test_support::look_along(Vec3(0, 0, 20), Vec3(0.02 * i, 1.0, -1.0)));
   const Sequence sequence = render_sequence(imaging::make_fisheye(240, 160, 120.0), relief, truth);
-  const OdometryResult result = run_odometry(sequence.calibration, nullptr, sequence.source(), small_options());
+  const OdometryResult result = run_odometry(sequence.calibration, sequence.source(), small_options());
   EXPECT_TRUE(result.lost);
   EXPECT_EQ(result.frames_tracked, 0);
   EXPECT_TRUE(result.map.empty());
@@ -103,7 +103,7 @@ TEST(Odometry, BlackPicturesInTheMiddleLoseItOnlyForAWhile) {
   Sequence sequence = over_flat_ground(50);
   for (const int i : {35, 36})
     std::fill(sequence.images[i].pixels.begin(), sequence.images[i].pixels.end(), imaging::Rgb8{});
-  const OdometryResult result = run_odometry(sequence.calibration, nullptr, sequence.source(), small_options());
+  const OdometryResult result = run_odometry(sequence.calibration, sequence.source(), small_options());
   EXPECT_FALSE(result.lost) << result.lost_reason;
   EXPECT_EQ(result.frames_tracked, 48);
   EXPECT_LT(relative_ate(result.trajectory, sequence.truth), 0.01);
@@ -115,7 +115,7 @@ TEST(Odometry, SaysWhereItWasLost) {
     std::fill(sequence.images[i].pixels.begin(), sequence.images[i].pixels.end(), imaging::Rgb8{});
   keyframes::OdometryOptions options = small_options();
   options.tracking.max_failed_frames = 4;
-  const OdometryResult result = run_odometry(sequence.calibration, nullptr, sequence.source(), options);
+  const OdometryResult result = run_odometry(sequence.calibration, sequence.source(), options);
   EXPECT_TRUE(result.lost);
   EXPECT_EQ(result.frames_tracked, 25);
   EXPECT_NE(result.lost_reason.find("frame 29"), std::string::npos) << result.lost_reason;
@@ -126,7 +126,7 @@ TEST(Odometry, AFlightThatEndsInAWallIsLost) {
   Sequence sequence = over_flat_ground(40);
   for (std::size_t i = 32; i < 40; ++i)
     std::fill(sequence.images[i].pixels.begin(), sequence.images[i].pixels.end(), imaging::Rgb8{90, 90, 90});
-  const OdometryResult result = run_odometry(sequence.calibration, nullptr, sequence.source(), small_options());
+  const OdometryResult result = run_odometry(sequence.calibration, sequence.source(), small_options());
   EXPECT_TRUE(result.lost);
   EXPECT_EQ(result.frames_tracked, 32);
   EXPECT_NE(result.lost_reason.find("frame 39"), std::string::npos) << result.lost_reason;
@@ -136,7 +136,7 @@ TEST(Odometry, EachPictureHasAQuality) {
   Sequence sequence = over_flat_ground(40);
   for (const int i : {35, 36})
     std::fill(sequence.images[i].pixels.begin(), sequence.images[i].pixels.end(), imaging::Rgb8{});
-  const OdometryResult result = run_odometry(sequence.calibration, nullptr, sequence.source(), small_options());
+  const OdometryResult result = run_odometry(sequence.calibration, sequence.source(), small_options());
   ASSERT_EQ(result.quality.size(), 40U);
   std::size_t keyframes = 0, tracked = 0;
   double sigma_log_scale = 0.0;
@@ -165,14 +165,14 @@ TEST(Odometry, RefusesAPictureOfAnotherSize) {
   Sequence sequence;
   sequence.calibration.camera = imaging::make_pinhole(320, 240, 80.0);
   sequence.images.emplace_back(200, 100);
-  EXPECT_THAT([&] { run_odometry(sequence.calibration, nullptr, sequence.source(), {}); },
+  EXPECT_THAT([&] { run_odometry(sequence.calibration, sequence.source(), {}); },
               ThrowsMessage<InputError>(HasSubstr("is 200x100, the calibration is for 320x240")));
 }
 
 TEST(Odometry, NoPicturesIsLostWithAReason) {
   Sequence sequence;
   sequence.calibration.camera = imaging::make_pinhole(320, 240, 80.0);
-  const OdometryResult result = run_odometry(sequence.calibration, nullptr, sequence.source(), {});
+  const OdometryResult result = run_odometry(sequence.calibration, sequence.source(), {});
   EXPECT_TRUE(result.lost);
   EXPECT_EQ(result.lost_reason, "no pictures");
 }

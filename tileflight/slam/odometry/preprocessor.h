@@ -6,11 +6,11 @@
 #include <optional>
 
 #include "tileflight/core/imaging/camera.h"
-#include "tileflight/slam/odometry/odometry.h"
-#include "tileflight/slam/odometry/stereo_input.h"
 #include "tileflight/slam/keyframes/keyframe.h"
 #include "tileflight/slam/keyframes/pyramid.h"
 #include "tileflight/slam/keyframes/rolling_shutter.h"
+#include "tileflight/slam/odometry/odometry.h"
+#include "tileflight/slam/odometry/stereo_input.h"
 #include "tileflight/slam/tracking/tracker.h"
 
 namespace tileflight::odometry {
@@ -19,7 +19,7 @@ namespace tileflight::odometry {
 /// first image that is not dark, and the Mapper refines the intrinsics.
 class Preprocessor {
  public:
-  /// `mask`: see Priors::mask. Throws InputError for other cameras that cannot be used.
+  /// `mask`: see OdometryInput::mask. Throws InputError for other cameras that cannot be used.
   Preprocessor(const imaging::Calibration& calibration, std::optional<imaging::PhotometricCalibration> photometric,
                imaging::GrayImage mask, const keyframes::OdometryOptions& options,
                std::vector<OtherCamera> other_cameras = {});
@@ -42,13 +42,13 @@ class Preprocessor {
   const StereoInput& stereo() const { return stereo_; }
   /// Pyramid of the image rectified to a global shutter.
   std::shared_ptr<const keyframes::Pyramid> rectify(const keyframes::Pyramid& pyramid,
-                                                     const keyframes::RowRectifier& rectifier);
+                                                    const keyframes::RowRectifier& rectifier);
   /// Rectifier of an image with the motion `twist` over its readout and the pose `T_target_reference`, with the
   /// inverse distances of `reference`.
   keyframes::RowRectifier make_rectifier(const geometry::Vec6& twist, const tracking::ReferenceLevel& reference,
-                                          const geometry::SE3& T_target_reference) const;
+                                         const geometry::SE3& T_target_reference) const;
 
-  /// Whether photometric calibration and exposure time give the image's brightness.
+  /// Returns whether photometric calibration and exposure time give the image's brightness.
   bool is_brightness_known(const InputFrame& frame) const;
   keyframes::AffineBrightness brightness_prior(const InputFrame& frame) const;
 

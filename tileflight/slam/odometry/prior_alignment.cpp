@@ -58,11 +58,11 @@ std::vector<double> depth_ratios(const imaging::Camera& camera, const OdometryRe
   return ratios;
 }
 
-double scale_from_depth(const imaging::Camera& camera, const Priors& aids, double until_s,
+double scale_from_depth(const imaging::Camera& camera, const OdometryInput& input, double until_s,
                         const OdometryResult& result) {
   std::vector<double> ratios;
   for (std::size_t k = 0; k < result.keyframes.size() && result.keyframes.poses[k].time_s <= until_s; ++k) {
-    const auto depth_m = aids.depth_m(result.keyframe_frame_indices[k]);
+    const auto depth_m = input.depth_m(result.keyframe_frame_indices[k]);
     if (!depth_m) continue;
     for (const double ratio : depth_ratios(camera, result, static_cast<int>(k), *depth_m)) ratios.push_back(ratio);
   }
@@ -107,16 +107,16 @@ void transform_result(const Sim3& T_world_map, OdometryResult& result) {
   for (float& value : variance->second) value *= factor;
 }
 
-std::optional<Sim3> find_T_world_map(const imaging::Camera& camera, const Priors& aids, double until_s,
+std::optional<Sim3> find_T_world_map(const imaging::Camera& camera, const OdometryInput& input, double until_s,
                                      const OdometryResult& result) {
   if (result.trajectory.empty()) return std::nullopt;
-  if (!aids.poses.empty()) return similarity_from_known_poses(aids.poses, until_s, result);
-  if (!aids.depth_m) return std::nullopt;
-  return Sim3(scale_from_depth(camera, aids, until_s, result), Eigen::Quaterniond::Identity(), Vec3::Zero());
+  if (!input.poses.empty()) return similarity_from_known_poses(input.poses, until_s, result);
+  if (!input.depth_m) return std::nullopt;
+  return Sim3(scale_from_depth(camera, input, until_s, result), Eigen::Quaterniond::Identity(), Vec3::Zero());
 }
 
-void apply_priors(const imaging::Camera& camera, const Priors& aids, double until_s, OdometryResult& result) {
-  if (const auto T_world_map = find_T_world_map(camera, aids, until_s, result)) transform_result(*T_world_map, result);
+void apply_priors(const imaging::Camera& camera, const OdometryInput& input, double until_s, OdometryResult& result) {
+  if (const auto T_world_map = find_T_world_map(camera, input, until_s, result)) transform_result(*T_world_map, result);
 }
 
 }  // namespace tileflight::odometry

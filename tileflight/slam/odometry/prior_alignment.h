@@ -21,10 +21,10 @@ void transform_result(const geometry::Sim3& T_world_map, OdometryResult& result)
 /// keyframes (median over the points they host). nullopt without either. Throws InputError if fewer than two prior
 /// poses overlap the start of the trajectory or they have no baseline, and if no point can be compared with a depth
 /// image.
-std::optional<geometry::Sim3> find_T_world_map(const imaging::Camera& camera, const Priors& aids, double until_s,
-                                               const OdometryResult& result);
+std::optional<geometry::Sim3> find_T_world_map(const imaging::Camera& camera, const OdometryInput& input,
+                                               double until_s, const OdometryResult& result);
 
 /// Transforms the result by find_T_world_map(); leaves it unchanged without priors. Throws as that does.
-void apply_priors(const imaging::Camera& camera, const Priors& aids, double until_s, OdometryResult& result);
+void apply_priors(const imaging::Camera& camera, const OdometryInput& input, double until_s, OdometryResult& result);
 
 }  // namespace tileflight::odometry

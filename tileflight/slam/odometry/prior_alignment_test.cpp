@@ -51,16 +51,16 @@ geometry::Trajectory true_poses() {
   return poses;
 }
 
-OdometryResult run(const Priors& aids) {
-  return run_odometry(flight().calibration, nullptr, flight().source(), test_support::small_options(), {}, aids);
+OdometryResult run(const OdometryInput& input) {
+  return run_odometry(input, flight().source(), test_support::small_options());
 }
 
 TEST(PriorAlignment, PosesGiveFrameAndScale) {
-  Priors aids;
-  aids.poses = true_poses();
-  const OdometryResult result = run(aids);
+  OdometryInput input = flight().calibration;
+  input.poses = true_poses();
+  const OdometryResult result = run(input);
   ASSERT_FALSE(result.lost) << result.lost_reason;
-  const double path_m = geometry::path_length_m(aids.poses);
+  const double path_m = geometry::path_length_m(input.poses);
   ASSERT_FALSE(result.trajectory.empty());
   for (const geometry::StampedPose& pose : result.trajectory.poses) {
     const SE3& truth = flight().truth[std::lround(pose.time_s * 30.0)];
@@ -74,8 +74,8 @@ TEST(PriorAlignment, PosesGiveFrameAndScale) {
 }
 
 TEST(PriorAlignment, DepthGivesTheScale) {
-  Priors aids;
-  aids.depth_m = [](std::int64_t index) -> std::optional<imaging::FloatImage> {
+  OdometryInput input = flight().calibration;
+  input.depth_m = [](std::int64_t index) -> std::optional<imaging::FloatImage> {
     if (index > 3) return std::nullopt;
     const imaging::Camera& camera = flight().calibration.camera;
     imaging::FloatImage depth(camera.width(), camera.height());
@@ -90,21 +90,21 @@ TEST(PriorAlignment, DepthGivesTheScale) {
       }
     return depth;
   };
-  const OdometryResult result = run(aids);
+  const OdometryResult result = run(input);
   ASSERT_FALSE(result.lost) << result.lost_reason;
   EXPECT_NEAR(test_support::similarity_to_truth(result.trajectory, flight().truth).scale, 1.0, 0.03);
 }
 
 TEST(PriorAlignment, PosesOfAnotherTimeAndDepthWithoutPointsAreRefused) {
-  Priors aids;
-  aids.poses = true_poses();
-  for (geometry::StampedPose& pose : aids.poses.poses) pose.time_s += 1000.0;
-  EXPECT_THAT([&] { run(aids); }, ThrowsMessage<InputError>(HasSubstr("check that both have the same clock")));
-  Priors empty;
+  OdometryInput input = flight().calibration;
+  input.poses = true_poses();
+  for (geometry::StampedPose& pose : input.poses.poses) pose.time_s += 1000.0;
+  EXPECT_THAT([&] { run(input); }, ThrowsMessage<InputError>(HasSubstr("check that both have the same clock")));
+  OdometryInput empty = flight().calibration;
   empty.depth_m = [](std::int64_t) { return std::optional<imaging::FloatImage>(); };
   EXPECT_THAT([&] { run(empty); },
               ThrowsMessage<InputError>(HasSubstr("no point of the first keyframes has a known depth")));
-  Priors other_size;
+  OdometryInput other_size = flight().calibration;
   other_size.depth_m = [](std::int64_t) {
     return std::optional<imaging::FloatImage>(imaging::FloatImage(10, 10, 5.0F));
   };

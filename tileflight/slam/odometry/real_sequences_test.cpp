@@ -11,8 +11,8 @@
 #include "tests/test_data.h"
 #include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/core/imaging/image_files.h"
-#include "tileflight/slam/odometry/odometry.h"
 #include "tileflight/slam/keyframes/options.h"
+#include "tileflight/slam/odometry/odometry.h"
 
 namespace tileflight::odometry::real_sequences_test {
 namespace {
@@ -71,7 +71,7 @@ Drive read_drive(const fs::path& folder) {
 TEST(RealSequences, ForwardDrivingStartsAndKeepsToHalfAPercentOfThePath) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "sequences/kitti_seq1_51frames");
   const Drive drive = read_drive(folder);
-  const OdometryResult result = run_odometry(drive.calibration, nullptr, pictures_of(folder / "image_l", 51), {});
+  const OdometryResult result = run_odometry(drive.calibration, pictures_of(folder / "image_l", 51), {});
   EXPECT_FALSE(result.lost) << result.lost_reason;
   EXPECT_EQ(result.frames_tracked, 51);
   EXPECT_LT(ate_m(result.trajectory, drive.truth), 0.3);  // of 59.9 m
@@ -101,7 +101,7 @@ TEST(RealSequences, ACameraThatStandsStillHasNoMap) {
   calibration.camera = imaging::Camera(
       imaging::PinholeRadtan{458.654, 457.296, 367.215, 248.375, {-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05}},
       752, 480);
-  const OdometryResult result = run_odometry(calibration, nullptr, pictures_of(folder / "mav0/cam0/data", 25), {});
+  const OdometryResult result = run_odometry(calibration, pictures_of(folder / "mav0/cam0/data", 25), {});
   EXPECT_TRUE(result.lost);
   EXPECT_EQ(result.frames_tracked, 0);
   EXPECT_TRUE(result.map.empty());
@@ -117,7 +117,7 @@ TEST(RealSequences, ACameraInTheHandIsFollowedToAFewCentimetres) {
   options.window.active_points = 1200;
   options.selection.points_per_keyframe = 800;
   const auto calibration = imaging::read_calibration(folder / "camera.yaml");
-  const OdometryResult result = run_odometry(calibration, nullptr, pictures_of(folder / "images", 120), options);
+  const OdometryResult result = run_odometry(calibration, pictures_of(folder / "images", 120), options);
   EXPECT_FALSE(result.lost) << result.lost_reason;
   EXPECT_EQ(result.frames_tracked, 120);
   EXPECT_LT(ate_m(result.trajectory, truth), 0.03);  // the truth itself has an error of about 0.02 m (it is of another

@@ -5,9 +5,9 @@
 
 #include <algorithm>
 
+#include "tileflight/slam/keyframes/options.h"
 #include "tileflight/slam/odometry/odometry.h"
 #include "tileflight/slam/odometry/synthetic_flight.h"
-#include "tileflight/slam/keyframes/options.h"
 
 namespace tileflight::odometry::robustness_test {
 namespace {
@@ -21,7 +21,7 @@ using test_support::small_options;
 
 /// Expects tracking to the end, at least `least_tracked` images, and an ATE below a share of the path length.
 void expect_followed(const Sequence& sequence, std::size_t least_tracked, double most_ate_share = 0.01) {
-  const OdometryResult result = run_odometry(sequence.calibration, nullptr, sequence.source(), small_options());
+  const OdometryResult result = run_odometry(sequence.calibration, sequence.source(), small_options());
   EXPECT_FALSE(result.lost) << result.lost_reason;
   EXPECT_GE(result.frames_tracked, static_cast<std::int64_t>(least_tracked));
   EXPECT_LT(relative_ate(result.trajectory, sequence.truth), most_ate_share);
@@ -69,7 +69,7 @@ const Sequence& level_flight() {
   static const Sequence kAll = over_rolling_ground(50, [](int i) {
     const double s = i / 30.0;
     return keyframes::test_support::look_along(Vec3(4.0 * s, 5.0 * s, 20.0 + 0.5 * std::sin(s)),
-                                                Vec3(0.3 * std::sin(0.7 * s), 1.0, -1.0));
+                                               Vec3(0.3 * std::sin(0.7 * s), 1.0, -1.0));
   });
   return kAll;
 }
@@ -104,7 +104,7 @@ TEST(Robustness, AShortOcclusionIsPassed) {
 TEST(Robustness, BlurredPicturesAreFollowed) {
   const auto pose = [](double i) {
     return keyframes::test_support::look_along(Vec3(0.13 * i, 0.16 * i, 20.0),
-                                                Vec3(0.3 * std::sin(0.03 * i), 1.0, -1.0));
+                                               Vec3(0.3 * std::sin(0.03 * i), 1.0, -1.0));
   };
   // Some images are means over the exposure time, which is most of the frame interval.
   constexpr int kFirst = 26, kLast = 31, kParts = 4;
@@ -127,7 +127,7 @@ TEST(Robustness, ATurnOnTheSpotIsFollowed) {
     const double moved = i < 30 ? i : (i < 50 ? 30 : i - 20);               // stands still for twenty pictures
     const double turned = i < 30 ? 0.0 : (i < 50 ? 0.03 * (i - 30) : 0.6);  // and turns by 34 degrees
     return keyframes::test_support::look_along(Vec3(0.14 * moved, 0.17 * moved, 20.0),
-                                                Vec3(std::sin(turned), std::cos(turned), -1.0));
+                                               Vec3(std::sin(turned), std::cos(turned), -1.0));
   });
   expect_all_followed(sequence);
 }
@@ -138,7 +138,7 @@ TEST(Robustness, ALongTurnOnTheSpotKeepsTheScale) {
     const double moved = i < 35 ? i : (i < 75 ? 35 : i - 40);
     const double turned = i < 35 ? 0.0 : (i < 75 ? 0.04 * (i - 35) : 1.6);
     return keyframes::test_support::look_along(Vec3(0.14 * moved, 0.17 * moved, 20.0),
-                                                Vec3(std::sin(turned), std::cos(turned), -1.0));
+                                               Vec3(std::sin(turned), std::cos(turned), -1.0));
   });
   expect_followed(sequence, 105);
 }
@@ -161,8 +161,7 @@ TEST(Robustness, LevelGroundFromStraightAboveIsEnoughForAStart) {
     truth.push_back(keyframes::test_support::look_along(Vec3(0.17 * i, 0.02 * i, 12.0), Vec3(0.01, 0.02, -1.0)));
   const test_support::Sequence sequence = test_support::render_sequence(
       imaging::Camera(imaging::PinholeRadtan{242, 242, 139.5, 99.5, {}}, 280, 200), level, truth);
-  const OdometryResult result =
-      run_odometry(sequence.calibration, nullptr, sequence.source(), test_support::small_options());
+  const OdometryResult result = run_odometry(sequence.calibration, sequence.source(), test_support::small_options());
   EXPECT_FALSE(result.lost) << result.lost_reason;
   EXPECT_GE(result.frames_tracked, 55);
   EXPECT_LT(test_support::relative_ate(result.trajectory, sequence.truth), 0.01);

@@ -9,8 +9,8 @@
 #include <cstdio>
 #include <random>
 
-#include "tileflight/slam/odometry/synthetic_flight.h"
 #include "tileflight/slam/keyframes/pixel_selector.h"
+#include "tileflight/slam/odometry/synthetic_flight.h"
 #include "tileflight/slam/tracking/tracker.h"
 
 namespace tileflight::odometry::rolling_shutter_test {
@@ -27,7 +27,7 @@ constexpr double kFps = 30.0;
 OdometryResult flown(const Sequence& sequence, double line_delay_s) {
   imaging::Calibration calibration = sequence.calibration;
   calibration.line_delay_s = line_delay_s;
-  return run_odometry(calibration, nullptr, sequence.source(), test_support::small_options());
+  return run_odometry(calibration, sequence.source(), test_support::small_options());
 }
 
 TEST(RollingShutter, AConstantVelocityGivesItsReadout) {
@@ -55,7 +55,7 @@ struct RollingView {
   imaging::Camera camera = imaging::make_fisheye(320, 240, 120.0);
   keyframes::test_support::ReliefCamera scene{camera, test_support::hilly_ground()};
   keyframes::LensPyramid lens = keyframes::build_lens_pyramid(camera, 4);
-  Vec6 velocity = (Vec6() << 2.0, 6.0, -1.0, 0.5, -0.7, 0.6).finished();               // of T_camera_local
+  Vec6 velocity = (Vec6() << 2.0, 6.0, -1.0, 0.5, -0.7, 0.6).finished();              // of T_camera_local
   SE3 first = keyframes::test_support::look_along(Vec3(0, 0, 12), Vec3(0, 1, -1.1));  // T_local_camera
   keyframes::Pyramid before = keyframes::build_pyramid(keyframes::luminance(scene.render(first), nullptr), 4);
 
@@ -70,7 +70,7 @@ struct RollingView {
   float rho(const Eigen::Vector2f& pixel, const SE3& T_local_camera) const {
     const Vec3 ray = *camera.unproject(pixel.cast<double>());
     const double distance = keyframes::test_support::hit_distance(scene.relief(), T_local_camera.translation,
-                                                                   T_local_camera.rotation * ray);
+                                                                  T_local_camera.rotation * ray);
     return distance > 0 ? static_cast<float>(1.0 / distance) : 0.0F;
   }
   tracking::TrackingReference reference() const {
@@ -180,7 +180,7 @@ TEST(RollingShutter, RectifiedPixelsAreInterpolatedAtTheirSources) {
   Vec6 twist;
   twist << 0.2, -0.1, 0.05, 0.1, 0.08, -0.12;
   const keyframes::RowRectifier rectify(view.lens.lenses[0], kWidth, kHeight, twist,
-                                         {{{100, 50}, 0.4F}, {{200, 180}, 0.1F}});
+                                        {{{100, 50}, 0.4F}, {{200, 180}, 0.1F}});
   std::mt19937 random(1);
   imaging::FloatImage noise(kWidth, kHeight);
   for (float& pixel : noise.pixels) pixel = static_cast<float>(random() % 256);
@@ -203,7 +203,7 @@ TEST(RollingShutter, RectifiedColorsAreInterpolatedAtTheirSources) {
   Vec6 twist;
   twist << 0.2, -0.1, 0.05, 0.1, 0.08, -0.12;
   const keyframes::RowRectifier rectify(view.lens.lenses[0], kWidth, kHeight, twist,
-                                         {{{100, 50}, 0.4F}, {{200, 180}, 0.1F}});
+                                        {{{100, 50}, 0.4F}, {{200, 180}, 0.1F}});
   std::mt19937 random(2);
   imaging::RgbImage noise(kWidth, kHeight);
   std::array<imaging::FloatImage, 3> channels;

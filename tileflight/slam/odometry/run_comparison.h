@@ -20,14 +20,14 @@ struct RunAgreement {
   double worst_time_s = 0.0;  ///< time of the largest distance
 };
 
-/// nullopt with fewer than `least` images in common, or with a path of zero length. The rotation of the similarity
-/// comes from the orientations, so a straight path is enough. The path length is the shorter one of both after
-/// alignment, so that a run whose scale collapsed is not divided by the longer path of the other. Paths that
-/// no positive scale brings together disagree by the size of the first.
+/// Measures how far apart two runs are. nullopt with fewer than `least` images in common, or with a path of zero
+/// length. The rotation of the similarity comes from the orientations, so a straight path is enough. The path length is
+/// the shorter one of both after alignment, so that a run whose scale collapsed is not divided by the longer path of
+/// the other. Paths that no positive scale brings together disagree by the size of the first.
 std::optional<RunAgreement> measure_agreement(const geometry::Trajectory& first, const geometry::Trajectory& second,
                                               std::size_t least = 5);
 
-/// How far the motions since the previous keyframe differ between two runs, relative to the sigmas stated by the first
+/// Difference of the motions since the previous keyframe between two runs, relative to the sigmas stated by the first
 /// run: mean squared difference over twice the squared sigma. It is 1 if the sigmas are right and the errors of the two
 /// runs are independent.
 struct Dispersion {
@@ -36,7 +36,8 @@ struct Dispersion {
   double rotation = 1.0;
 };
 
-/// `quality` and `keyframes` belong to the first run. nullopt if fewer than `least` images can be compared.
+/// Estimates the dispersion between two runs. `quality` and `keyframes` belong to the first run. nullopt if fewer than
+/// `least` images can be compared.
 std::optional<Dispersion> estimate_dispersion(const geometry::Trajectory& first, const geometry::Trajectory& keyframes,
                                               const std::vector<tracking::FrameQuality>& quality,
                                               const geometry::Trajectory& second, std::size_t least = 10);

@@ -1,12 +1,131 @@
 #include "tileflight/slam/odometry/stereo_input.h"
 
+#include <tbb/parallel_for.h>
+
+#include <Eigen/Cholesky>
 #include <cmath>
 #include <cstdlib>
 #include <utility>
+#include <vector>
 
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/slam/initialization/klt.h"
 
 namespace tileflight::odometry {
+
+namespace {
+
+using geometry::Mat3;
+using geometry::Vec3;
+
+/// Unit rays of a corner in both cameras, in the axes of the reference camera.
+struct RayMatch {
+  Vec3 own, other;
+};
+
+/// Returns the other camera's image as the reference camera would see it if all were infinitely far away; black where
+/// it saw nothing.
+keyframes::Pyramid turned_picture(const keyframes::LensPyramid& lens, const keyframes::Pyramid& own,
+                                  const keyframes::StereoCamera& camera, const keyframes::PyramidLevel& other) {
+  const keyframes::PyramidLevel& level = own.levels[0];
+  imaging::FloatImage image = keyframes::make_image_in({}, level.width, level.height);
+  const Eigen::Matrix3f R = camera.T_stereo_reference.rotation.toRotationMatrix().cast<float>();
+  tbb::parallel_for(0, level.height, [&](int y) {
+    for (int x = 0; x < level.width; ++x) {
+      const Eigen::Vector3f& ray = lens.rays[0].at(x, y);
+      Eigen::Vector2f pixel;
+      const bool seen =
+          !ray.isZero(0) && camera.lens.project<float>(R * ray, pixel) && other.inside(pixel.x(), pixel.y(), 0.0F);
+      image(x, y) = seen ? other.sample_intensity(pixel.x(), pixel.y()) : 0.0F;
+    }
+  });
+  return keyframes::build_pyramid(std::move(image), static_cast<int>(own.levels.size()));
+}
+
+std::vector<RayMatch> match_corners(const keyframes::LensPyramid& lens, const keyframes::Pyramid& own,
+                                    const keyframes::Pyramid& turned) {
+  constexpr int kCorners = 400;
+  const std::vector<Eigen::Vector2f> corners = initialization::find_corners(own, lens.rays[0], kCorners);
+  const auto found = initialization::track_corners(own, turned, corners);
+  std::vector<RayMatch> matches;
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    if (!found[i]) continue;
+    const auto a = lens.lenses[0].unproject(corners[i].cast<double>());
+    const auto b = lens.lenses[0].unproject(found[i]->cast<double>());
+    if (a && b) matches.push_back({*a, *b});
+  }
+  return matches;
+}
+
+/// Distance of a turned ray from its epipolar plane, radians; 0 along the baseline, where there is no plane.
+double plane_distance(const RayMatch& match, const Vec3& turned, const Vec3& baseline, Vec3& normal) {
+  normal = match.own.cross(baseline);
+  const double sine = normal.norm();
+  if (sine < 0.05) return normal.setZero(), 0.0;
+  normal /= sine;
+  return turned.dot(normal);
+}
+
+Vec3 fit_rotation_to_planes(const std::vector<RayMatch>& matches, const Vec3& baseline, double sigma_rad) {
+  constexpr int kIterations = 12;
+  constexpr double kPriorSigma_rad = 0.2;  // keeps what a narrow view does not determine near zero
+  Vec3 w = Vec3::Zero();
+  for (int i = 0; i < kIterations; ++i) {
+    const Eigen::Quaterniond turn = geometry::so3_exp(w);
+    Mat3 H = Mat3::Identity() / (kPriorSigma_rad * kPriorSigma_rad);
+    Vec3 g = H * w;
+    for (const RayMatch& match : matches) {
+      const Vec3 turned = turn * match.other;
+      Vec3 normal;
+      const double e = plane_distance(match, turned, baseline, normal) / sigma_rad;
+      const double weight = 1.0 / (1.0 + e * e);        // Cauchy
+      const Vec3 J = turned.cross(normal) / sigma_rad;  // (d x b) . n = d . (b x n)
+      H += weight * J * J.transpose();
+      g += weight * J * e;
+    }
+    const Vec3 step = -H.ldlt().solve(g);
+    w = geometry::so3_log(geometry::so3_exp(step) * turn);
+    if (step.norm() < 1e-7) break;
+  }
+  return w;
+}
+
+}  // namespace
+
+std::optional<RigFit> check_rig(const keyframes::LensPyramid& lens, const keyframes::Pyramid& own,
+                                const keyframes::StereoCamera& camera, const keyframes::PyramidLevel& other) {
+  constexpr std::size_t kFewest = 40;
+  constexpr double kFits_px = 1.5, kLeastShare = 0.5, kClearParallax_px = 1.5, kVisible_px = 0.6;
+  const std::vector<RayMatch> matches = match_corners(lens, own, turned_picture(lens, own, camera, other));
+  if (matches.size() < kFewest) return std::nullopt;
+  const double pixel_rad = 1.0 / lens.lenses[0].focal_px();
+  // X = a + rho c is the direction of a point from the other camera, in the reference camera's axes.
+  const geometry::SE3& T = camera.T_stereo_reference;
+  const Vec3 baseline = (T.rotation.conjugate() * T.translation).normalized();
+  const Vec3 w = fit_rotation_to_planes(matches, baseline, 0.5 * pixel_rad);
+  const Eigen::Quaterniond turn = geometry::so3_exp(w);
+  RigFit fit{.rotation_rad = w.norm()};
+  double as_given = 0.0;  // sum of squared distances without the rotation
+  int before = 0, behind = 0;
+  for (const RayMatch& match : matches) {
+    const Vec3 turned = turn * match.other;
+    Vec3 normal;
+    if (std::abs(plane_distance(match, turned, baseline, normal)) > kFits_px * pixel_rad) continue;
+    ++fit.matches;
+    const double distance = plane_distance(match, match.other, baseline, normal);
+    as_given += distance * distance;
+    const Vec3 towards = baseline - match.own * match.own.dot(baseline);
+    const double parallax_rad = turned.dot(towards) / std::max(towards.norm(), 1e-3);
+    before += parallax_rad > kClearParallax_px * pixel_rad;
+    behind += parallax_rad < -kClearParallax_px * pixel_rad;
+  }
+  if (fit.matches < kLeastShare * static_cast<double>(matches.size())) return std::nullopt;
+  // A turn that the view hardly shows follows the corners' own errors, a few tenths of a pixel.
+  if (as_given < fit.matches * kVisible_px * kVisible_px * pixel_rad * pixel_rad) fit.rotation_rad = 0.0;
+  if (before + behind > 0) fit.behind_share = static_cast<double>(behind) / (before + behind);
+  return fit;
+}
+
 namespace {
 
 std::string camera_text(const OtherCamera& camera) {

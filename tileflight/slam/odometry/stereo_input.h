@@ -1,17 +1,27 @@
 #pragma once
 
-// The pictures of the rig's other cameras, prepared for static stereo.
+// The images of the rig's other cameras, prepared for static stereo and compared with the rig's calibration.
 
+#include <optional>
 #include <vector>
 
-#include "tileflight/slam/odometry/odometry.h"
 #include "tileflight/slam/keyframes/keyframe.h"
 #include "tileflight/slam/keyframes/pyramid.h"
+#include "tileflight/slam/odometry/odometry.h"
 
 namespace tileflight::odometry {
 
-/// Whether a picture shows nothing that could be matched: black, covered or without any texture. At most one pixel in a
-/// thousand differs visibly from its neighbours.
+/// Checks whether two cameras' images of one instant agree with how the rig's calibration places the cameras. Corners
+/// are followed from one into the other, freely in the image, and their rays are compared with the epipolar planes.
+/// Returns the rotation of the other camera that makes the rays of the matches meet best: b' = exp(w) b, sum of squared
+/// distances (b' . n) of the rays from their epipolar planes (normals n = a x c, with the other camera's centre in
+/// direction -c), robust (Cauchy). nullopt with fewer than 40 corners found in both pictures, or if no rotation fits
+/// half of them. `own`: all levels; `other`: level 0.
+std::optional<RigFit> check_rig(const keyframes::LensPyramid& lens, const keyframes::Pyramid& own,
+                                const keyframes::StereoCamera& camera, const keyframes::PyramidLevel& other);
+
+/// Returns whether an image shows nothing that could be matched: it is black, covered or without any texture. At most
+/// one pixel in a thousand differs visibly from its neighbours.
 bool is_blind(const imaging::RgbImage& picture);
 
 class StereoInput {

@@ -10,7 +10,6 @@
 
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/slam/inertial/test_smooth_motion.h"
-#include "tileflight/slam/odometry/rig_check.h"
 #include "tileflight/slam/odometry/stereo_input.h"
 #include "tileflight/slam/odometry/synthetic_flight.h"
 #include "tileflight/slam/odometry/tracking_warnings.h"
@@ -71,9 +70,14 @@ OdometryOptions options() {
   return options;
 }
 
+OdometryInput rig_input(const StereoFlight& flight) {
+  OdometryInput input = flight.left.calibration;
+  input.other_cameras = flight.others;
+  return input;
+}
+
 OdometryResult track(const StereoFlight& flight) {
-  Odometry odometry(flight.left.calibration, options(),
-                    {.photometric = {}, .priors = {}, .keyframe_observer = {}, .other_cameras = flight.others});
+  Odometry odometry(rig_input(flight), options());
   for (std::size_t i = 0; i < flight.right.size(); ++i) odometry.add(flight.frame(i));
   return odometry.finish();
 }
@@ -94,8 +98,7 @@ imaging::RgbImage black() {
 }
 
 TEST(StereoOdometry, IsMetricFromTheFirstImageOn) {
-  Odometry odometry(flight().left.calibration, options(),
-                    {.photometric = {}, .priors = {}, .keyframe_observer = {}, .other_cameras = flight().others});
+  Odometry odometry(rig_input(flight()), options());
   const FrameResult first = odometry.add(flight().frame(0));
   ASSERT_EQ(first.status, FrameStatus::kTracked);
   EXPECT_LT(first.T_map_camera->translation.norm(), 1e-9);
@@ -202,29 +205,26 @@ void expect_error(const std::function<void()>& call, const std::string& words) {
 }
 
 TEST(StereoOdometry, RefusesRigsThatItCannotUse) {
-  const auto with = [](const std::function<void(OdometryExtras&, imaging::Calibration&)>& change) {
+  const auto with = [](const std::function<void(OdometryInput&)>& change) {
     return [change] {
-      OdometryExtras extras{.photometric = {}, .priors = {}, .keyframe_observer = {}, .other_cameras = flight().others};
-      imaging::Calibration calibration = flight().left.calibration;
-      change(extras, calibration);
-      Odometry odometry(calibration, options(), std::move(extras));
+      OdometryInput input = rig_input(flight());
+      change(input);
+      Odometry odometry(std::move(input), options());
     };
   };
-  expect_error(with([](auto& extras, auto&) { extras.other_cameras[0].T_other_reference = {}; }),
+  expect_error(with([](auto& input) { input.other_cameras[0].T_other_reference = {}; }),
                "camera right: is where the reference camera is");
-  expect_error(with([](auto& extras, auto&) { extras.other_cameras[0].calibration.line_delay_s = 1e-5; }),
+  expect_error(with([](auto& input) { input.other_cameras[0].calibration.line_delay_s = 1e-5; }),
                "camera right: has a rolling shutter");
-  expect_error(with([](auto&, auto& calibration) { calibration.line_delay_s = 1e-5; }), "rolling shutter");
-  expect_error(with([](auto& extras, auto&) { extras.other_cameras[0].calibration = {}; }), "no image size");
-  expect_error(with([](auto& extras, auto&) { extras.other_cameras.resize(5, extras.other_cameras[0]); }),
+  expect_error(with([](auto& input) { input.calibration.line_delay_s = 1e-5; }), "rolling shutter");
+  expect_error(with([](auto& input) { input.other_cameras[0].calibration = {}; }), "no image size");
+  expect_error(with([](auto& input) { input.other_cameras.resize(5, input.other_cameras[0]); }),
                "5 cameras are given besides the reference camera; at most 4");
-  expect_error(with([](auto& extras, auto&) { extras.priors.poses.poses.resize(2); }),
-               "scale and frame come from one of them");
+  expect_error(with([](auto& input) { input.poses.poses.resize(2); }), "scale and frame come from one of them");
 }
 
 TEST(StereoOdometry, RefusesImagesThatDoNotBelongToTheRigAndStaysUsable) {
-  Odometry odometry(flight().left.calibration, options(),
-                    {.photometric = {}, .priors = {}, .keyframe_observer = {}, .other_cameras = flight().others});
+  Odometry odometry(rig_input(flight()), options());
   InputFrame small = flight().frame(0), many = flight().frame(0);
   small.others[0].image = imaging::RgbImage(100, 80);
   many.others.resize(2);
@@ -262,10 +262,9 @@ inertial::InertialInput readings() {
 
 // Less than a second, whose accelerations do not show the scale: it is the rig's; the readings add the vertical.
 TEST(StereoOdometry, WithAnInertialUnitTheMapIsLevelToo) {
-  Priors priors;
-  priors.inertial = readings();
-  Odometry odometry(flight().left.calibration, options(),
-                    {.photometric = {}, .priors = priors, .keyframe_observer = {}, .other_cameras = flight().others});
+  OdometryInput input = rig_input(flight());
+  input.inertial = readings();
+  Odometry odometry(input, options());
   for (std::size_t i = 0; i < flight().right.size(); ++i) odometry.add(flight().frame(i));
   const OdometryResult result = odometry.finish();
   ASSERT_EQ(result.frames_tracked, kFrames);
@@ -278,18 +277,17 @@ TEST(StereoOdometry, WithAnInertialUnitTheMapIsLevelToo) {
 }
 
 TEST(StereoOdometry, WithReadingsThatShowNothingTheMapIsTheRigs) {
-  Priors priors;
-  priors.inertial = readings();
-  priors.inertial->samples.resize(60);  // of 200
-  Odometry odometry(flight().left.calibration, options(),
-                    {.photometric = {}, .priors = priors, .keyframe_observer = {}, .other_cameras = flight().others});
+  OdometryInput input = rig_input(flight());
+  input.inertial = readings();
+  input.inertial->samples.resize(60);  // of 200
+  Odometry odometry(input, options());
   for (std::size_t i = 0; i < flight().right.size(); ++i) odometry.add(flight().frame(i));
   const OdometryResult result = odometry.finish(), rig = track(flight());
   ASSERT_TRUE(result.stereo && result.stereo->metric);
   ASSERT_TRUE(result.inertial);
   EXPECT_FALSE(result.inertial->metric);
   ASSERT_FALSE(result.inertial->warnings.empty());
-  EXPECT_NE(result.inertial->warnings.back().what.find("the map is not level"), std::string::npos);
+  EXPECT_NE(result.inertial->warnings.back().message.find("the map is not level"), std::string::npos);
   EXPECT_EQ(result.map.positions, rig.map.positions);
 }
 

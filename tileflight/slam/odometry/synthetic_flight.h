@@ -9,10 +9,10 @@
 
 #include "tileflight/core/base/order_statistics.h"
 #include "tileflight/core/geometry/trajectory.h"
-#include "tileflight/slam/odometry/odometry.h"
-#include "tileflight/slam/odometry/prior_alignment.h"
 #include "tileflight/slam/keyframes/options.h"
 #include "tileflight/slam/keyframes/synthetic_scene.h"
+#include "tileflight/slam/odometry/odometry.h"
+#include "tileflight/slam/odometry/prior_alignment.h"
 
 namespace tileflight::odometry::test_support {
 
@@ -104,7 +104,7 @@ inline std::vector<geometry::SE3> path_over_ground(int frames) {
   for (int i = 0; i < frames; ++i) {
     const double s = i / 30.0;
     truth.push_back(keyframes::test_support::look_along(geometry::Vec3(3.0 * s, 5.0 * s, 12.0 + 0.5 * std::sin(s)),
-                                                         geometry::Vec3(0.3 * std::sin(s), 1.0, -1.1)));
+                                                        geometry::Vec3(0.3 * std::sin(s), 1.0, -1.1)));
   }
   return truth;
 }

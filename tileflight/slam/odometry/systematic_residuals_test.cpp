@@ -23,7 +23,7 @@ const test_support::Sequence& flight() {
 OdometryResult tracked_with(const PinholeRadtan& lens) {
   imaging::Calibration calibration;
   calibration.camera = Camera(lens, 500, 360);
-  return run_odometry(calibration, nullptr, flight().source(), {});
+  return run_odometry(calibration, flight().source(), {});
 }
 
 bool warnings_calibration(const OdometryResult& result) {

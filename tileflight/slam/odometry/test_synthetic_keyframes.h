@@ -57,7 +57,7 @@ class KeyframeMaker {
   /// True inverse distance along a ray of the camera; 0: sky.
   float rho(const geometry::SE3& T_local_camera, const Eigen::Vector3f& ray) const {
     const double distance = keyframes::test_support::hit_distance(scene_.relief(), T_local_camera.translation,
-                                                                   T_local_camera.rotation * ray.cast<double>());
+                                                                  T_local_camera.rotation * ray.cast<double>());
     return distance > 0 ? static_cast<float>(1.0 / distance) : 0.0F;
   }
 

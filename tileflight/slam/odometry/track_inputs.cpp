@@ -4,11 +4,8 @@
 
 #include <algorithm>
 #include <exception>
-#include <iomanip>
 #include <limits>
 #include <memory>
-#include <nlohmann/json.hpp>
-#include <sstream>
 #include <utility>
 
 #include "tileflight/core/base/formatted_text.h"
@@ -25,8 +22,6 @@
 namespace tileflight::odometry {
 namespace fs = std::filesystem;
 namespace {
-
-using nlohmann::json;
 
 inertial::ImuNoise read_noise(const dataset::Dataset& data, std::vector<std::string>& warnings) {
   if (data.imu_noise.empty()) {
@@ -92,7 +87,7 @@ std::optional<imaging::RgbImage> read_or_skip(const dataset::Frame& frame, Skipp
   }
 }
 
-/// What the other cameras took at a frame's instant.
+/// Reads the images that the other cameras took at a frame's instant.
 std::vector<odometry::OtherImage> read_others(const StereoRig* rig, const dataset::Frame& frame,
                                               SkippedFrames& skipped) {
   std::vector<odometry::OtherImage> others;
@@ -227,24 +222,6 @@ StereoRig read_stereo_rig(const std::filesystem::path& folder, const std::string
   return stereo;
 }
 
-json stereo_json(const odometry::StereoResult& stereo) {
-  json cameras = json::array();
-  for (const odometry::OtherCameraResult& camera : stereo.cameras) {
-    cameras.push_back({{"name", camera.name},
-                       {"frames", camera.frames},
-                       {"frames_blind", camera.frames_blind},
-                       {"keyframes", camera.keyframes},
-                       {"keyframes_unmatched", camera.keyframes_unmatched},
-                       {"matched_share", camera.matched_share}});
-    json& fit = cameras.back()["fit"];
-    if (camera.fit)
-      fit = {{"matches", camera.fit->matches},
-             {"rotation_deg", camera.fit->rotation_rad / geometry::kRadiansPerDegree},
-             {"behind_share", camera.fit->behind_share}};
-  }
-  return {{"metric", stereo.metric}, {"cameras", cameras}};
-}
-
 inertial::InertialInput read_inertial_input(const dataset::Dataset& data, double gravity_m_s2,
                                             std::vector<std::string>& warnings) {
   if (data.imu.empty())
@@ -258,58 +235,6 @@ inertial::InertialInput read_inertial_input(const dataset::Dataset& data, double
   input.model.gravity_m_s2 = gravity_m_s2;
   inertial::check_readings(input.samples, input.model.noise, input.where);
   return input;
-}
-
-json inertial_json(const inertial::InertialAlignment& a, const std::optional<double>& coupled_since_s) {
-  json result = {{"reason", a.reason}, {"covered_share", a.covered_share}};
-  if (coupled_since_s) result["coupled_since_s"] = *coupled_since_s;
-  if (!a.metric) return result;
-  result["scale"] = a.mean_scale;
-  result["sigma_log_scale"] = a.sigma_log_scale;
-  result["sigma_up_deg"] = a.sigma_up_rad / geometry::kRadiansPerDegree;
-  result["time_offset_s"] = a.time_offset_s;
-  result["sigma_time_offset_s"] = a.sigma_time_offset_s;
-  result["mounting_correction_deg"] = a.mounting_correction_rad / geometry::kRadiansPerDegree;
-  result["residual_ratio"] = a.residual_ratio;
-  result["gyroscope_bias_rad_s"] = geometry::json_numbers(a.bias.front().gyroscope_rad_s);
-  result["accelerometer_bias_m_s2"] = geometry::json_numbers(a.bias.front().accelerometer_m_s2);
-  return result;
-}
-
-std::string inertial_csv(const inertial::InertialAlignment& a, const geometry::Trajectory& keyframes) {
-  std::string table =
-      "time_s,scale,vx,vy,vz,gyroscope_bias_x,gyroscope_bias_y,gyroscope_bias_z,accelerometer_bias_x,"
-      "accelerometer_bias_y,accelerometer_bias_z\n";
-  for (std::size_t k = 0; k < a.scale.size(); ++k) {
-    base::append_number(table, keyframes.poses[k].time_s);
-    table += ',';
-    base::append_number(table, a.scale[k]);
-    for (const geometry::Vec3& v : {a.velocity_m_s[k], a.bias[k].gyroscope_rad_s, a.bias[k].accelerometer_m_s2}) {
-      for (int axis = 0; axis < 3; ++axis) {
-        table += ',';
-        base::append_number(table, v[axis]);
-      }
-    }
-    table += '\n';
-  }
-  return table;
-}
-
-std::string quality_csv(std::vector<odometry::FrameQuality> quality, const std::vector<dataset::Frame>& frames,
-                        bool reverse) {
-  if (reverse) std::reverse(quality.begin(), quality.end());
-  std::ostringstream table;
-  table << std::setprecision(6)
-        << "frame,time_s,tracked,keyframe,rmse,inside_share,saturated_share,known_points,step,"
-           "sigma_position,sigma_rotation_rad,sigma_log_scale\n";
-  for (const odometry::FrameQuality& q : quality) {
-    const dataset::Frame& frame = frames[static_cast<std::size_t>(q.frame)];
-    table << frame.id << ',' << std::setprecision(17) << frame.time_s << std::setprecision(6) << ',' << q.tracked << ','
-          << q.is_keyframe << ',' << q.rmse << ',' << q.inside_share << ',' << q.saturated_share << ','
-          << q.known_points << ',' << q.distance_to_keyframe << ',' << q.sigma_position << ',' << q.sigma_rotation_rad
-          << ',' << q.sigma_log_scale << '\n';
-  }
-  return table.str();
 }
 
 TrackingCamera make_tracking_camera(const imaging::Calibration& calibration, std::optional<double> rectify_fov_deg) {
@@ -358,29 +283,28 @@ std::optional<imaging::PhotometricCalibration> read_photometric_calibration(cons
   return photometric;
 }
 
-odometry::Priors make_priors(const TrackOptions& extras, const std::vector<dataset::Frame>& frames, bool reverse,
-                             const TrackingCamera& view) {
-  odometry::Priors aids;
+void read_mask_and_priors(const TrackOptions& extras, const std::vector<dataset::Frame>& frames, bool reverse,
+                          const TrackingCamera& view, OdometryInput& input) {
   if (!extras.mask.empty()) {
-    aids.mask = imaging::read_gray(extras.mask);
-    require_size(extras.mask, aids.mask.width, aids.mask.height, view.native);
-    if (view.rectifier) aids.mask = (*view.rectifier)(aids.mask);
+    input.mask = imaging::read_gray(extras.mask);
+    require_size(extras.mask, input.mask.width, input.mask.height, view.native);
+    if (view.rectifier) input.mask = (*view.rectifier)(input.mask);
   }
-  if (extras.init_from.empty()) return aids;
+  if (extras.init_from.empty()) return;
   if (!fs::is_directory(extras.init_from)) {
-    aids.poses = geometry::read_tum(extras.init_from);
-    if (aids.poses.empty()) throw InputError(extras.init_from.string(), "has no poses to initialize from");
-    if (reverse) reverse_times(aids.poses);
-    return aids;
+    input.poses = geometry::read_tum(extras.init_from);
+    if (input.poses.empty()) throw InputError(extras.init_from.string(), "has no poses to initialize from");
+    if (reverse) reverse_times(input.poses);
+    return;
   }
-  aids.depth_m = [&frames, &view, folder = extras.init_from](std::int64_t index) -> std::optional<imaging::FloatImage> {
+  input.depth_m = [&frames, &view,
+                   folder = extras.init_from](std::int64_t index) -> std::optional<imaging::FloatImage> {
     const fs::path file = folder / (frames[static_cast<std::size_t>(index)].id + ".exr");
     if (!fs::exists(file)) return std::nullopt;
     const imaging::FloatImage depth_m = imaging::read_exr(file);
     require_size(file, depth_m.width, depth_m.height, view.native);
     return view.rectifier ? (*view.rectifier)(depth_m) : depth_m;
   };
-  return aids;
 }
 
 }  // namespace tileflight::odometry

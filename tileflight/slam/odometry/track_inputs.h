@@ -1,38 +1,30 @@
 #pragma once
 
 // Inputs of the odometry from a dataset: images of one camera, its calibration, masks and priors, and depending on the
-// mode the inertial unit and the rig's other cameras; also the files that describe their results.
+// mode the inertial unit and the rig's other cameras.
 
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <map>
-#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "tileflight/data/dataset/dataset.h"
 #include "tileflight/core/imaging/photometric.h"
 #include "tileflight/core/imaging/rectify.h"
+#include "tileflight/data/dataset/dataset.h"
 #include "tileflight/slam/inertial/align_to_gravity.h"
 #include "tileflight/slam/odometry/odometry.h"
 #include "tileflight/slam/odometry/track.h"
 
 namespace tileflight::odometry {
 
-/// Readings (imu.csv), noise (imu.yaml; without it EuRoC's ADIS16448, with a line in `warnings`) and mounting
-/// (T_cam_imu). The readings are checked (slam/inertial/imu_check.h). Throws InputError for a dataset without an inertial
-/// unit, and for readings that cannot be used.
+/// Reads an inertial unit's readings (imu.csv), noise (imu.yaml; without it EuRoC's ADIS16448, with a line in
+/// `warnings`) and mounting (T_cam_imu). The readings are checked (slam/inertial/imu_check.h). Throws InputError for a
+/// dataset without an inertial unit, and for readings that cannot be used.
 inertial::InertialInput read_inertial_input(const dataset::Dataset& data, double gravity_m_s2,
                                             std::vector<std::string>& warnings);
-
-/// `inertial` of odometry.json (docs/formats.md).
-nlohmann::json inertial_json(const inertial::InertialAlignment& alignment,
-                             const std::optional<double>& coupled_since_s);
-
-/// inertial.csv: scale, velocity and biases at each keyframe.
-std::string inertial_csv(const inertial::InertialAlignment& alignment, const geometry::Trajectory& keyframes);
 
 /// A rig's reference camera, and the others that expose at the same instants.
 struct StereoRig {
@@ -51,7 +43,7 @@ inline constexpr double kSameInstant_s = 1e-4;
 StereoRig read_stereo_rig(const std::filesystem::path& folder, const std::string& camera,
                           std::vector<std::string>& warnings);
 
-/// How the images are used: unchanged, or rectified.
+/// Camera of the images as they are tracked: unchanged, or rectified.
 struct TrackingCamera {
   imaging::Camera native;
   imaging::Calibration calibration;  ///< of the images as tracked
@@ -60,8 +52,8 @@ struct TrackingCamera {
 /// `rectify_fov_deg`: horizontal field of view of the pinhole to which images are rectified; none: they are unchanged.
 TrackingCamera make_tracking_camera(const imaging::Calibration& calibration, std::optional<double> rectify_fov_deg);
 
-/// The frames of the range. In reverse order, times are relative to the last frame, because odometry needs increasing
-/// times. Throws InputError if there are none.
+/// Returns the frames of the range. In reverse order, times are relative to the last frame, because odometry needs
+/// increasing times. Throws InputError if there are none.
 std::vector<dataset::Frame> select_frames(const dataset::Dataset& data, const FrameRange& range);
 
 /// Images that could not be decoded.
@@ -80,23 +72,17 @@ struct SkippedFrames : SkippedImages {
 odometry::FrameSource make_frame_source(const std::vector<dataset::Frame>& frames, bool reverse,
                                         const TrackingCamera& view, const StereoRig* rig, SkippedFrames& skipped);
 
-/// Poses in the opposite order, at negated times.
+/// Puts the poses into the opposite order, at negated times.
 void reverse_times(geometry::Trajectory& trajectory);
 
-/// The dataset's response and vignetting, of the images as tracked; none if it has no such files.
+/// Reads the dataset's response and vignetting, for the images as tracked; none if it has no such files.
 std::optional<imaging::PhotometricCalibration> read_photometric_calibration(const dataset::Dataset& data,
                                                                             const TrackingCamera& view);
 
-/// Mask, and poses or depth to initialize from, as the options name them. `frames` and `view` must outlive them. Throws
-/// InputError for files that cannot be read, and for images of another size than the calibration's.
-odometry::Priors make_priors(const TrackOptions& extras, const std::vector<dataset::Frame>& frames, bool reverse,
-                             const TrackingCamera& view);
-
-/// quality.csv: one line per given image, in time order.
-std::string quality_csv(std::vector<odometry::FrameQuality> quality, const std::vector<dataset::Frame>& frames,
-                        bool reverse);
-
-/// `stereo` of odometry.json (docs/formats.md).
-nlohmann::json stereo_json(const odometry::StereoResult& stereo);
+/// Reads the mask, and the poses or depth to initialize from, that the options name, into `input`, whose depth_m refers
+/// to `frames` and `view`. Throws InputError for files that cannot be read, and for images of another size than the
+/// calibration's.
+void read_mask_and_priors(const TrackOptions& extras, const std::vector<dataset::Frame>& frames, bool reverse,
+                          const TrackingCamera& view, OdometryInput& input);
 
 }  // namespace tileflight::odometry

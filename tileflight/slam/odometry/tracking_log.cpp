@@ -129,7 +129,7 @@ geometry::Trajectory frame_trajectory(const std::vector<TrackedFrame>& frames,
   return trajectory;
 }
 
-/// As standard deviations are in FrameQuality.
+/// Inflates a covariance in the way of the standard deviations in FrameQuality.
 Eigen::Matrix<double, 6, 6> inflated(const Eigen::Matrix<double, 6, 6>& covariance) {
   Eigen::Matrix<double, 6, 1> inflation;
   inflation << Eigen::Vector3d::Constant(kPositionSigmaInflation), Eigen::Vector3d::Constant(kRotationSigmaInflation);

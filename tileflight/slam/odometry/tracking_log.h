@@ -1,6 +1,6 @@
 #pragma once
 
-// What an odometry has recorded of its images, and what it reports from that together with the map.
+// Record of an odometry's images, and the results that follow from it together with the map.
 
 #include <cstdint>
 #include <vector>
@@ -52,8 +52,9 @@ struct TrackingLog {
   std::vector<TrackedFrame> tracked;  ///< those with a pose, in order of time
   EarlierMap earlier;                 ///< set once, with the first map
   std::int64_t relocalizations = 0;
-  std::vector<loop_closure::LoopKeyframe> loop_keyframes;  ///< all keyframes in order of id; filled for loop closure only
-  std::vector<OtherImageCount> other_images;        ///< by OdometryExtras::other_cameras
+  std::vector<loop_closure::LoopKeyframe>
+      loop_keyframes;                         ///< all keyframes in order of id; filled for loop closure only
+  std::vector<OtherImageCount> other_images;  ///< by OdometryInput::other_cameras
   StageTimes cpu_time;
 };
 

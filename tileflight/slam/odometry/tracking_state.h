@@ -1,6 +1,6 @@
 #pragma once
 
-// What tracking carries from one image to the next.
+// State that tracking carries from one image to the next.
 
 #include <memory>
 #include <string>
@@ -54,7 +54,7 @@ struct TrackingState {
 /// Keyframe `slot` of the mapper's window as a reference.
 ReferenceKeyframe make_reference_keyframe(const mapping::Mapper& mapper, const keyframes::LensPyramid& lens, int slot);
 
-/// How well the brightness parameters (a, b) of a new keyframe are known beforehand.
+/// Tells how well the brightness parameters (a, b) of a new keyframe are known beforehand.
 enum class BrightnessKnowledge {
   kFixed,  ///< the first keyframe: only differences are observable
   kKnown,  ///< by photometric calibration and exposure time

@@ -32,21 +32,22 @@ struct WarningThresholds {
   double disagreement = 0.007;       ///< between the forward and backward runs, as a share of the path length
 };
 
-/// Warnings, most certain first; empty for a flight that went well. `frames`: number of input images; `name_of`: image
-/// name for an InputFrame::index. `second`: agreement with a second run, if there was one.
+/// Returns the warnings about a run, the most severe first; empty for a flight that went well. `frames`: number of
+/// input images; `name_of`: image name for an InputFrame::index. `second`: agreement with a second run, if there was
+/// one.
 Warnings find_warnings(const OdometryResult& result, std::int64_t frames,
                        const std::function<std::string(std::int64_t)>& name_of,
                        const std::optional<RunAgreement>& second = {}, const WarningThresholds& limits = {});
 
-/// Those of find_warnings() that suspect the path as a whole: the two directions disagree, or the scale may have
-/// drifted. An independent measurement of the path answers them.
+/// Returns those of find_warnings() that concern the trajectory as a whole: the two directions disagree, or the scale
+/// may have drifted. An independent measurement of the trajectory answers them.
 Warnings find_path_warnings(const OdometryResult& result, const std::function<std::string(std::int64_t)>& name_of,
                             const std::optional<RunAgreement>& second = {}, const WarningThresholds& limits = {});
 
-/// Whether find_warnings() has any of a run alone.
+/// Returns whether find_warnings() finds any in a run alone, without a second one.
 bool has_own_warnings(const OdometryResult& result, const WarningThresholds& limits = {});
 
-/// Which of two runs over the same images to use.
+/// Tells which of two runs over the same images to use.
 enum class RunChoice {
   kFirst,         ///< the second agrees, is too short to judge, or is worse by its own residuals and warnings
   kSecond,        ///< the first has far fewer poses, or is worse by its own residuals and warnings
@@ -55,8 +56,8 @@ enum class RunChoice {
   kOpen           ///< they disagree and neither is better: use the first, with a warning
 };
 
-/// A run is the worse one if it has warnings and the other has none, and its median image residual is larger by a
-/// tenth; rather the worse one if that residual is not smaller by a tenth.
+/// Chooses between two runs over the same images. A run is the worse one if it has warnings and the other has none, and
+/// its median image residual is larger by a tenth; rather the worse one if that residual is not smaller by a tenth.
 /// `agreement`: between both trajectories at the same times.
 RunChoice choose_run(const OdometryResult& first, const OdometryResult& second,
                      const std::optional<RunAgreement>& agreement, const WarningThresholds& limits = {});

@@ -43,7 +43,7 @@ Warnings warnings_about(const OdometryResult& result, std::int64_t frames = 60,
 /// Expects exactly one warning, with texts `what` and `where`.
 void expect_only(const Warnings& warnings, const std::string& what, const std::string& where) {
   ASSERT_EQ(warnings.size(), 1U);
-  EXPECT_NE(warnings[0].what.find(what), std::string::npos) << warnings[0].what;
+  EXPECT_NE(warnings[0].message.find(what), std::string::npos) << warnings[0].message;
   EXPECT_EQ(warnings[0].where, where);
   EXPECT_FALSE(warnings[0].remedy.empty());
 }
@@ -122,8 +122,8 @@ TEST(TrackingWarnings, ThoseAboutThePathAsAWholeAreKnown) {
   const RunAgreement apart{60, 0.08, 0.2, 3.04};
   const Warnings path = find_path_warnings(result, name_of, apart);
   ASSERT_EQ(path.size(), 2U);
-  EXPECT_NE(path[0].what.find("differ by 8 %"), std::string::npos);
-  EXPECT_NE(path[1].what.find("scale may have drifted"), std::string::npos);
+  EXPECT_NE(path[0].message.find("differ by 8 %"), std::string::npos);
+  EXPECT_NE(path[1].message.find("scale may have drifted"), std::string::npos);
   EXPECT_EQ(warnings_about(result, 60, apart).size(), 3U);
 }
 
@@ -296,10 +296,10 @@ TEST(TrackingWarnings, ARigWithoutScaleIsSaidAndWhereTheScaleIsFromThen) {
   OdometryResult result = good_flight();
   result.stereo.emplace().metric = false;
   ASSERT_EQ(warnings_about(result).size(), 1U);
-  EXPECT_NE(warnings_about(result)[0].what.find("the map has no metric scale"), std::string::npos);
+  EXPECT_NE(warnings_about(result)[0].message.find("the map has no metric scale"), std::string::npos);
   result.inertial.emplace().metric = true;
   ASSERT_EQ(warnings_about(result).size(), 1U);
-  EXPECT_NE(warnings_about(result)[0].what.find("the inertial unit did"), std::string::npos);
+  EXPECT_NE(warnings_about(result)[0].message.find("the inertial unit did"), std::string::npos);
 }
 
 TEST(SecondOpinion, OnlyPicturesThatBothHaveCount) {

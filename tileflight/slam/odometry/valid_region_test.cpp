@@ -79,11 +79,10 @@ void paint_body(RgbImage& image) {
 TEST(Masks, OwnBodyLeavesNoPointsAndDoesNoHarm) {
   test_support::Sequence sequence = test_support::render_hill_flight(imaging::make_fisheye(320, 200, 130.0), 36);
   for (RgbImage& image : sequence.images) paint_body(image);
-  Priors aids;
-  aids.mask = GrayImage(320, 200, 255);
-  for (int y = 160; y < 200; ++y) std::fill(aids.mask.row(y), aids.mask.row(y) + 320, std::uint8_t{0});
-  const OdometryResult result =
-      run_odometry(sequence.calibration, nullptr, sequence.source(), test_support::small_options(), {}, aids);
+  OdometryInput input = sequence.calibration;
+  input.mask = GrayImage(320, 200, 255);
+  for (int y = 160; y < 200; ++y) std::fill(input.mask.row(y), input.mask.row(y) + 320, std::uint8_t{0});
+  const OdometryResult result = run_odometry(input, sequence.source(), test_support::small_options());
   EXPECT_FALSE(result.lost) << result.lost_reason;
   EXPECT_GE(result.frames_tracked, 34);
   EXPECT_LT(test_support::relative_ate(result.trajectory, sequence.truth), 0.005);
@@ -100,8 +99,7 @@ TEST(Masks, TheBlackSurroundOfALensIsFound) {
     for (int y = 0; y < image.height; ++y)
       for (int x = 0; x < image.width; ++x)
         if (outside(x, y)) image(x, y) = {2, 1, 3};
-  const OdometryResult result =
-      run_odometry(sequence.calibration, nullptr, sequence.source(), test_support::small_options());
+  const OdometryResult result = run_odometry(sequence.calibration, sequence.source(), test_support::small_options());
   EXPECT_FALSE(result.lost) << result.lost_reason;
   EXPECT_GE(result.frames_tracked, 34);
   EXPECT_LT(test_support::relative_ate(result.trajectory, sequence.truth), 0.005);
@@ -118,8 +116,7 @@ TEST(Masks, CloudsAreNotInTheMap) {
   for (geometry::SE3& pose : truth) pose = keyframes::test_support::look_along(pose.translation, {0.1, 1.0, -0.35});
   const test_support::Sequence sequence =
       test_support::render_sequence(imaging::make_fisheye(320, 220, 130.0), relief, truth);
-  const OdometryResult result =
-      run_odometry(sequence.calibration, nullptr, sequence.source(), test_support::small_options());
+  const OdometryResult result = run_odometry(sequence.calibration, sequence.source(), test_support::small_options());
   EXPECT_FALSE(result.lost) << result.lost_reason;
   EXPECT_LT(test_support::relative_ate(result.trajectory, sequence.truth), 0.005);
   ASSERT_GT(result.map.size(), 300U);

@@ -4,7 +4,8 @@
 
 namespace tileflight::tracking {
 
-/// How well an image was tracked. Standard deviations are of the pose relative to the keyframe that it was tracked to
+/// Measures of how well an image was tracked. Standard deviations are of the pose relative to the keyframe that it was
+/// tracked to
 /// (`keyframe`: the previous one, or, before the first map's first keyframe, the next one), in map units. They follow
 /// from the curvature of the residuals and a factor for correlated errors (rescale_sigmas() in run_comparison.h
 /// calibrates them for a flight); 0 for the first keyframe and for images without a pose.

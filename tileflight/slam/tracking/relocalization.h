@@ -6,9 +6,18 @@
 #include <optional>
 #include <vector>
 
+#include "tileflight/core/geometry/transform.h"
+#include "tileflight/slam/keyframes/pyramid.h"
 #include "tileflight/slam/tracking/tracker.h"
+#include "tileflight/slam/tracking/tracking_reference.h"
 
 namespace tileflight::tracking {
+
+/// Returns Pearson's correlation, which tells whether an image shows what a keyframe expects, independent of how the
+/// alignment weighs residuals: between the reference's grey values and the target's where both show the same points, at
+/// level 0; whatever gain and offset are. 0 if fewer than three points are inside the target, or one has no contrast.
+double correlation(const keyframes::LensPyramid& lens, const TrackingReference& reference,
+                   const keyframes::Pyramid& target, const geometry::SE3& T_target_reference);
 
 struct Relocalization {
   std::size_t keyframe = 0;  ///< index of the reference it aligned to

@@ -4,7 +4,6 @@
 
 #include "tileflight/slam/keyframes/pixel_selector.h"
 #include "tileflight/slam/keyframes/synthetic_scene.h"
-#include "tileflight/slam/tracking/correlation.h"
 
 namespace tileflight::tracking::relocalization_test {
 namespace {

@@ -14,6 +14,12 @@
 
 namespace tileflight::tracking {
 
+/// Candidate poses T_camera_reference of the next image, most probable first (DSO, section 3.1, step 1): constant,
+/// double, half and zero velocity since the last image, the keyframe's own pose, then small rotations about the first.
+/// `T_last_before_last`: last motion; `turns`: number of rotation magnitudes tried, each twice the one before.
+std::vector<geometry::SE3> motion_hypotheses(const geometry::SE3& T_last_reference,
+                                             const geometry::SE3& T_last_before_last, int turns);
+
 /// Unknowns of the alignment: I_target = e^a I_reference + b (DSO, eq. 4 relative to the reference).
 struct ImageAlignmentState {
   geometry::SE3 T_target_reference;

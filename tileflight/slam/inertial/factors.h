@@ -1,10 +1,42 @@
 #pragma once
 
-// Residual of an inertial unit's states at two keyframes against the camera's odometry, with derivatives.
+// Residuals of an inertial unit's states at two keyframes, with derivatives: against the unit's samples between them
+// (inertial_residual()), and against the camera's odometry (visual_residual()).
 
-#include "tileflight/slam/inertial/inertial_factor.h"
+#include "tileflight/slam/inertial/preintegration.h"
 
 namespace tileflight::inertial {
+
+/// State of the unit at an instant. The world's z axis points up.
+struct ImuState {
+  geometry::SE3 T_world_imu;
+  geometry::Vec3 velocity_m_s = geometry::Vec3::Zero();  ///< in the world's axes
+  geometry::ImuBias bias;
+};
+
+/// Order of a state's perturbation: rotation (right: R exp(d)), then additive position, velocity, gyroscope's and
+/// accelerometer's bias.
+constexpr int kRotation = 0, kPosition = 3, kVelocity = 6, kGyroscopeBias = 9, kAccelerometerBias = 12;
+constexpr int kStateSize = 15;
+
+using Mat915 = Eigen::Matrix<double, 9, kStateSize>;
+
+/// Residual (rotation, velocity, position; its covariance is the preintegration's) with its derivatives.
+struct InertialResidual {
+  Eigen::Matrix<double, 9, 1> value;
+  Mat915 by_first, by_second;
+};
+
+/// Computes the residual of two states against the samples between them: Forster (45), and appendix C for the
+/// derivatives. `gravity_m_s2`: straight down the world's z axis.
+InertialResidual inertial_residual(const Preintegration& between, const ImuState& first, const ImuState& second,
+                                   double gravity_m_s2);
+
+/// Returns the state moved by a perturbation in the order above.
+ImuState perturbed(const ImuState& state, const Eigen::Matrix<double, kStateSize, 1>& change);
+
+/// Predicts the state after `between` from its samples: Forster (32).
+ImuState predicted(const Preintegration& between, const ImuState& first, double gravity_m_s2);
 
 using Mat6 = Eigen::Matrix<double, 6, 6>;
 
@@ -22,7 +54,7 @@ struct VisualResidual {
   Eigen::Matrix<double, 6, 3> by_mounting;  ///< right perturbation of R_imu_camera; the camera's place is kept
 };
 
-/// What the unit reads about an instant, mean.
+/// Mean readings of the unit about an instant.
 struct MeanReading {
   geometry::Vec3 angular_rate_rad_s = geometry::Vec3::Zero();
   geometry::Vec3 specific_force_m_s2 = geometry::Vec3::Zero();
