@@ -186,7 +186,7 @@ double path_error_share(const LocatedPictures& located) {
   return std::sqrt(squares / static_cast<double>(found.size())) / length_m;
 }
 
-/// How sure the warning is about a path that bends by a share of its length; empty: none.
+/// The severity of the warning about a path that bends by a share of its length; empty: none.
 std::string warning_about_bent_path(double share, double scale = 1.0) {
   const Flight flight = simulate_map(curved_path(), 20);
   const double bend_m = share / path_error_share(located_on_bent_path(flight, 1.0, scale));

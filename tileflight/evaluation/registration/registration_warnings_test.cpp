@@ -12,7 +12,8 @@ namespace {
 using geometry::Vec3;
 using ::testing::HasSubstr;
 
-/// How sure the warning about the transform's uncertainty is, where images show the path to be off by `path_error_m`.
+/// The severity of the warning about the transform's uncertainty, where images show the path to be off by
+/// `path_error_m`.
 std::string warning_of_sigma(double sigma_m, double path_error_m) {
   RegistrationResult r;
   r.sigma_m = sigma_m;
@@ -37,8 +38,8 @@ TEST(RegistrationWarnings, AnUncertaintyThatMayHideAnErrorIsLikely) {
   EXPECT_EQ(warning_of_sigma(std::numeric_limits<double>::quiet_NaN(), 0.02), Severity::kNote);
 }
 
-/// How sure the warning is that a map at a place that was searched does not match it; `correlation` and `agreeing` of
-/// 20 images.
+/// The severity of the warning that a map at a place that was searched does not match it; `correlation` and `agreeing`
+/// of 20 images.
 std::string warning_of_rays(double score, double correlation, std::size_t agreeing) {
   RegistrationResult r;
   r.start = kSearchedStart;

@@ -16,7 +16,8 @@ struct WarningLine {
   bool forbids_verdict() const { return severity != "note"; }
 };
 
-/// The entries of `warnings`, more certain ones first, otherwise in their order; malformed entries are left out.
+/// Returns the entries of `warnings`: errors, then warnings, then notes, each in their order. Malformed entries are left
+/// out.
 std::vector<WarningLine> warning_lines(const nlohmann::json& results);
 
 /// "No verdict on whether simulation predicts the surrogate flight's map: …" with the first two warnings that prevent

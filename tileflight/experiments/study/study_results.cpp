@@ -52,7 +52,7 @@ void add_system_results(const json& odometry, json& run) {
     run[key] = at(system, ("/" + std::string(key)).c_str());
 }
 
-/// Whether it is likely that the map does not lie where it belongs.
+/// Whether an error or a warning says that the map may lie in a wrong place.
 bool has_uncertain_place(const json& warnings) {
   return std::ranges::any_of(warnings, [](const json& warning) {
     return warning.at("where") == "alignment" &&
