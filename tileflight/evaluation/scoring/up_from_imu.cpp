@@ -1,7 +1,7 @@
 #include "tileflight/evaluation/scoring/up_from_imu.h"
 
 #include "tileflight/data/dataset/imu_files.h"
-#include "tileflight/evaluation/registration/inertial_up.h"
+#include "tileflight/evaluation/registration/telemetry_estimate.h"
 
 namespace tileflight::scoring {
 
