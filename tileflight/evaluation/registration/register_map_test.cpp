@@ -5,7 +5,7 @@
 
 #include "tileflight/core/alignment/umeyama.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/evaluation/registration/located_poses_sigma.h"
+#include "tileflight/evaluation/registration/located_poses.h"
 #include "tileflight/evaluation/registration/test_flights.h"
 
 namespace tileflight::registration::register_map_test {
