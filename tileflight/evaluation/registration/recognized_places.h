@@ -11,6 +11,12 @@
 
 namespace tileflight::registration {
 
+/// Textures may repeat (floor tiles, modelled places): over ground whose shape does not constrain the map, the images
+/// may fit at a shifted place as well, or better. Tests shifted placements and moves `T` to a better one. Returns the
+/// distance of a placement that fits equally well, if any.
+std::optional<double> find_repetition(const StartRefiner& follower, const alignment::PointSpread& spread,
+                                      geometry::Sim3& T);
+
 /// Recognised by images first; of those, the one whose images that agree explain more: their number times the square of
 /// their correlation, the share of the grey values' variance. The others by ray agreement.
 bool is_better(const Candidate& a, const Candidate& b);

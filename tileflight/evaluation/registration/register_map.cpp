@@ -10,7 +10,6 @@
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/evaluation/registration/recognized_places.h"
 #include "tileflight/evaluation/registration/registration_warnings.h"
-#include "tileflight/evaluation/registration/repeating_textures.h"
 #include "tileflight/evaluation/registration/start_refiner.h"
 
 namespace tileflight::registration {
