@@ -18,7 +18,6 @@
 #include "tileflight/evaluation/scoring/flight_evidence.h"
 #include "tileflight/evaluation/scoring/path_warnings.h"
 #include "tileflight/evaluation/scoring/picture_finder.h"
-#include "tileflight/evaluation/scoring/up_from_imu.h"
 #include "tileflight/evaluation/scoring/warnings.h"
 #include "tileflight/tiles/mesh_files/mesh_source.h"
 #include "tileflight/world/scene/scene.h"
