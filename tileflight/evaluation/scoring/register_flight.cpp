@@ -16,7 +16,6 @@
 #include "tileflight/data/dataset/attitude_csv.h"
 #include "tileflight/evaluation/registration/register_map.h"
 #include "tileflight/evaluation/scoring/flight_evidence.h"
-#include "tileflight/evaluation/scoring/path_warnings.h"
 #include "tileflight/evaluation/scoring/picture_finder.h"
 #include "tileflight/evaluation/scoring/warnings.h"
 #include "tileflight/tiles/mesh_files/mesh_source.h"
