@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include "tileflight/core/alignment/pose_alignment.h"
 #include "tileflight/core/alignment/region_list.h"
@@ -17,7 +19,6 @@
 #include "tileflight/evaluation/metrics/metrics.h"
 #include "tileflight/evaluation/metrics/metrics_file.h"
 #include "tileflight/evaluation/metrics/point_visits.h"
-#include "tileflight/evaluation/scoring/errors_in_blocks.h"
 #include "tileflight/evaluation/scoring/map_points.h"
 #include "tileflight/evaluation/scoring/map_tiles.h"
 #include "tileflight/evaluation/scoring/points_on_actors.h"
@@ -30,8 +31,48 @@
 #include "tileflight/world/place/truth_region.h"
 
 namespace tileflight::scoring {
+
 namespace fs = std::filesystem;
 namespace {
+
+/// Distances of a map's points to the true surface, metres. All empty if there is no surface.
+struct SurfaceDistances {
+  std::vector<double> over_m, off_m;  ///< of the points that are over the region, and of the others, in order
+  std::vector<bool> is_over;          ///< of each point of the map
+};
+
+/// Needs no second copy of the distances.
+SurfaceDistances split_by_region(std::vector<double> distances_m, std::vector<bool> is_over) {
+  SurfaceDistances split{std::move(distances_m), {}, std::move(is_over)};
+  std::size_t over = 0;
+  for (std::size_t i = 0; i < split.is_over.size(); ++i) {
+    if (split.is_over[i]) {
+      split.over_m[over++] = split.over_m[i];
+    } else {
+      split.off_m.push_back(split.over_m[i]);
+    }
+  }
+  split.over_m.resize(over);
+  return split;
+}
+
+/// metrics::write_point_errors() of the aligned map, block by block. `voxel_m`: of each point, to the voxel centres.
+/// Throws InputError.
+void write_errors(const std::filesystem::path& ply, const MapPoints& map, const geometry::Sim3& T_local_map,
+                  const std::vector<double>& voxel_m, const SurfaceDistances& surface, double cutoff_m) {
+  std::size_t next = 0;
+  auto over = surface.over_m.begin(), off = surface.off_m.begin();
+  geometry::write_ply_in_blocks(ply, map.size(), [&] {
+    metrics::PointErrors errors{geometry::transformed(T_local_map, map.read_block(next)), {}, {}};
+    for (std::size_t i = 0; i < errors.aligned_map.size(); ++i, ++next) {
+      errors.voxel_m.push_back(voxel_m[next]);
+      if (surface.is_over.empty()) continue;
+      errors.surface_m.push_back(surface.is_over[next] ? *over++ : *off++);
+      errors.over_region.push_back(surface.is_over[next]);
+    }
+    return metrics::cloud_with_errors(std::move(errors), cutoff_m);
+  });
+}
 
 using nlohmann::json;
 
