@@ -1,25 +1,81 @@
 #include "tileflight/experiments/report/view_data.h"
 
+#include <zlib.h>
+
 #include <algorithm>
 #include <array>
+#include <bit>
+#include <cassert>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <set>
+#include <span>
+#include <string>
 
 #include "tileflight/core/base/raw_bytes.h"
+#include "tileflight/core/drawing/number_format.h"
+#include "tileflight/core/drawing/thumbnail.h"
+#include "tileflight/core/drawing/top_view.h"
 #include "tileflight/core/geometry/json_numbers.h"
 #include "tileflight/core/imaging/image_files.h"
-#include "tileflight/experiments/report/data_blocks.h"
 #include "tileflight/experiments/report/figures.h"
 #include "tileflight/experiments/report/frame_pairs.h"
-#include "tileflight/core/drawing/thumbnail.h"
-#include "tileflight/core/drawing/number_format.h"
-#include "tileflight/core/drawing/top_view.h"
 
 namespace tileflight::report {
+
 namespace {
+
+/// Binary blocks of numbers with a header, for the page's view (read by web/src/data.ts): the header's length in bytes
+/// as 32 bits, the header as JSON (UTF-8), blanks up to a multiple of four, and the blocks, each aligned to a multiple
+/// of four from there. All numbers are little-endian.
+class DataBlocks {
+ public:
+  /// Appends a block. Returns its position for the header: {"at", "bytes"}.
+  template <class Number>
+  nlohmann::json add(std::span<const Number> numbers) {
+    return add_bytes({reinterpret_cast<const char*>(numbers.data()), numbers.size_bytes()});
+  }
+  nlohmann::json add_bytes(std::string_view bytes);
+
+  /// Header and blocks as one zlib stream (RFC 1950). Deterministic.
+  std::string compress(const nlohmann::json& header) const;
+
+ private:
+  std::string bytes_;
+};
+
+static_assert(std::endian::native == std::endian::little, "blocks are written as they lie in memory");
+
+void fill_up_to_four(std::string& bytes, char filling) { bytes.resize((bytes.size() + 3) / 4 * 4, filling); }
+
+nlohmann::json DataBlocks::add_bytes(std::string_view bytes) {
+  fill_up_to_four(bytes_, '\0');
+  const nlohmann::json place{{"at", bytes_.size()}, {"bytes", bytes.size()}};
+  bytes_ += bytes;
+  return place;
+}
+
+std::string DataBlocks::compress(const nlohmann::json& header) const {
+  // Names come from files: invalid UTF-8 is replaced.
+  const std::string words = header.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+  const auto length = static_cast<std::uint32_t>(words.size());
+  std::string plain(reinterpret_cast<const char*>(&length), sizeof(length));
+  plain += words;
+  fill_up_to_four(plain, ' ');
+  plain += bytes_;
+  uLongf size = compressBound(static_cast<uLong>(plain.size()));
+  std::string packed(size, '\0');
+  const int result = compress2(reinterpret_cast<Bytef*>(packed.data()), &size,
+                               reinterpret_cast<const Bytef*>(plain.data()), static_cast<uLong>(plain.size()), 6);
+  assert(result == Z_OK);
+  static_cast<void>(result);
+  packed.resize(size);
+  return packed;
+}
 
 using geometry::Box3;
 using geometry::Vec3;

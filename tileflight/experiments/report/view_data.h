@@ -20,7 +20,7 @@ struct ViewBudget {
   std::size_t max_frame_bytes = 1'000'000;  ///< for all images of a flight together
 };
 
-/// Data of the interactive view, packed for the page (data_blocks.h; the header's members are the interfaces of
+/// Data of the interactive view, packed for the page (view_data.cpp; the header's members are the interfaces of
 /// web/src/data.ts): the place's mesh, occupied cells, maps with their errors, paths, and images. Empty if the run has
 /// neither place, cells, map nor path. Deterministic. Throws InputError if an image or the mesh is broken.
 std::string view_data(const RunFolder& run, const ViewBudget& budget = {});
