@@ -13,7 +13,6 @@
 #include "tileflight/experiments/report/ablation_table.h"
 #include "tileflight/experiments/report/figures.h"
 #include "tileflight/experiments/report/key_figures.h"
-#include "tileflight/experiments/report/key_figures_files.h"
 #include "tileflight/experiments/report/map_comparison_tables.h"
 #include "tileflight/experiments/report/run_folder.h"
 #include "tileflight/experiments/report/score_tables.h"
