@@ -9,6 +9,10 @@
 
 namespace tileflight::experiment {
 
+/// Fills an empty folder with hard links to the files of another (copies where the file system has none): writers
+/// replace files, so neither folder changes the other. Throws InputError.
+void link_files(const std::filesystem::path& from, const std::filesystem::path& to);
+
 /// A kind of folder that several runs share.
 struct SharedKind {
   std::string command;                 ///< that writes it (base::OutputFolder)
