@@ -14,7 +14,6 @@
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/order_statistics.h"
 #include "tileflight/core/base/strict_section.h"
-#include "tileflight/evaluation/metrics/point_visits.h"
 
 namespace tileflight::metrics {
 

@@ -1,14 +1,17 @@
 #pragma once
 
+namespace tileflight::base {
+class StrictSection;
+}
+
+// Scores of a cloud that is not held in memory.
+
 #include <cstddef>
+#include <functional>
 #include <limits>
 #include <nlohmann/json_fwd.hpp>
 
 #include "tileflight/core/geometry/point_cloud.h"
-
-namespace tileflight::base {
-class StrictSection;
-}
 
 namespace tileflight::metrics {
 
@@ -69,5 +72,12 @@ nlohmann::json to_json(const VoxelWasserstein& scores);
 
 /// The inverse. Throws InputError as StrictSection does.
 VoxelWasserstein read_voxel_wasserstein(base::StrictSection section);
+
+/// Calls its argument for each point of a cloud, in order.
+using PointVisits = std::function<void(const std::function<void(const geometry::Vec3& p)>&)>;
+
+/// voxel_wasserstein() of a map whose points are visited one by one. The same to the last digit.
+VoxelWasserstein voxel_wasserstein(const PointVisits& aligned_map, const geometry::PointCloud& truth,
+                                   const VoxelWassersteinOptions& options = {});
 
 }  // namespace tileflight::metrics

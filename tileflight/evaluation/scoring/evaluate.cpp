@@ -18,7 +18,7 @@
 #include "tileflight/evaluation/metrics/distances.h"
 #include "tileflight/evaluation/metrics/metrics.h"
 #include "tileflight/evaluation/metrics/metrics_file.h"
-#include "tileflight/evaluation/metrics/point_visits.h"
+#include "tileflight/evaluation/metrics/voxel_wasserstein.h"
 #include "tileflight/evaluation/scoring/map_points.h"
 #include "tileflight/evaluation/scoring/map_tiles.h"
 #include "tileflight/evaluation/scoring/points_on_actors.h"
