@@ -10,7 +10,6 @@
 
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/strict_section.h"
-#include "tileflight/evaluation/metrics/local_entropy.h"
 #include "tileflight/core/geometry/morton_order.h"
 
 namespace tileflight::metrics {
