@@ -17,7 +17,7 @@
 #include "tileflight/experiments/report/run_folder.h"
 #include "tileflight/experiments/report/score_tables.h"
 #include "tileflight/experiments/report/tables.h"
-#include "tileflight/experiments/report/view_section.h"
+#include "tileflight/experiments/report/view_data.h"
 #include "tileflight/experiments/report/warnings_panel.h"
 
 namespace tileflight::report {

@@ -12,7 +12,7 @@
 #include "tileflight/experiments/report/chart_figure.h"
 #include "tileflight/experiments/report/report.h"
 #include "tileflight/experiments/report/tables.h"
-#include "tileflight/experiments/report/view_section.h"
+#include "tileflight/experiments/report/view_data.h"
 #include "tileflight/experiments/report/warnings_panel.h"
 
 namespace tileflight::report {
