@@ -57,7 +57,6 @@ using geometry::SE3;
 using geometry::Sim3;
 
 constexpr int kCoarseWidth = 400;  // pixels: sufficient to recognize the place, at a sixth of the cost
-}
 
 struct PictureFinder::Impl {
   dataset::Dataset dataset;
