@@ -5,11 +5,11 @@
 #include <optional>
 #include <vector>
 
-#include "tileflight/evaluation/metrics/metrics_file.h"
 #include "tileflight/core/geometry/point_cloud.h"
+#include "tileflight/evaluation/metrics/metrics_file.h"
+#include "tileflight/evaluation/scoring/map_inputs.h"
 #include "tileflight/world/ground_truth/truth_folder.h"
 #include "tileflight/world/place/truth_region.h"
-#include "tileflight/evaluation/scoring/map_inputs.h"
 
 namespace tileflight::scoring {
 
@@ -52,7 +52,7 @@ ApartPoints measure_apart(geometry::PointCloud apart, const geometry::Sim3& T_pu
 /// Scores of the points apart, and of them with all others, whose distances are `voxel_m` and, over the region,
 /// `over_region_m` (nullopt: there is no true surface).
 metrics::MovingPoints score_apart(const PointsOnActors& found, const ApartPoints& apart, std::vector<double> voxel_m,
-                                     std::optional<std::vector<double>> over_region_m, double cutoff_m);
+                                  std::optional<std::vector<double>> over_region_m, double cutoff_m);
 
 /// Writes the points apart, or removes what an earlier score left.
 void write_apart_points(const std::filesystem::path& ply, const ApartPoints& apart, double cutoff_m);

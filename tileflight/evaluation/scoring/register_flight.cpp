@@ -4,15 +4,14 @@
 #include <filesystem>
 #include <iterator>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <numbers>
 #include <optional>
+#include <utility>
 
 #include "tileflight/core/alignment/align_globally.h"
 #include "tileflight/core/alignment/coarse_alignment.h"
 #include "tileflight/core/alignment/global_registration.h"
 #include "tileflight/core/alignment/gravity.h"
-#include "tileflight/core/alignment/transform_file.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/warning.h"
 #include "tileflight/core/imaging/image_files.h"
@@ -122,7 +121,6 @@ registration::LocatedPictures PictureFinder::operator()(const Sim3& T, std::size
 }
 
 using alignment::AlignmentStart;
-using nlohmann::json;
 
 /// Whether a surface has colours to compare images with.
 bool is_textured(const std::vector<imaging::TexturedMesh>& meshes) {
@@ -245,54 +243,10 @@ registration::RayCast make_ray_cast(const scene::Scene& scene) {
       };
 }
 
-json to_json(const registration::PictureAgreement& p) {
-  return {{"tried", p.tried},
-          {"located", p.located},
-          {"agreeing", p.inliers},
-          {"correlation", p.correlation},
-          {"residual", p.inlier_rms_m},
-          {"path_error", p.path_error_m},
-          {"path_length", p.path_length_m},
-          {"worst", p.worst_m},
-          {"worst_time", p.worst_time_s}};
-}
-
-json to_json(const registration::RayAgreement& rays) {
-  return {{"rays", rays.rays},
-          {"score", rays.score},
-          {"agreeing", rays.agreeing_share},
-          {"blocked", rays.blocked_share},
-          {"floating", rays.floating_share}};
-}
-
-json to_json(const registration::RegistrationResult& r) {
-  alignment::IcpResult result;
-  result.T_target_source = r.T_local_map;
-  result.rmse_m = r.surface.rmse_m;
-  result.fitness = r.surface.fitness;
-  result.correspondences = r.surface.matched;
-  result.iterations = r.surface.iterations;
-  result.converged = r.surface.converged;
-  result.method = r.method;
-  result.points = r.surface.points;
-  result.constraint = r.surface.constraint;
-  json object = alignment::to_json(result);
-  object["uncertainty"] = {{"rms_motion_sigma", r.sigma_m}};
-  object["start"] = r.start;
-  object["starts_tried"] = r.starts_tried;
-  object["moved_from_start"] = r.moved_from_start_m;
-  object["rays"] = r.rays ? to_json(*r.rays) : json(nullptr);
-  object["pictures"] = r.pictures ? to_json(*r.pictures) : json(nullptr);
-  object["noise"] = r.surface.noise_factor;
-  object["agreeing"] = r.surface.inlier_share;
-  if (r.runner_up_distance_m) object["rival"] = {{"apart", *r.runner_up_distance_m}, {"score", r.runner_up_score}};
-  return object;
-}
-
 }  // namespace
 
-json register_flight(const MapInputs& map, const AlignTarget& target, const alignment::AlignMapOptions& options,
-                     const Progress& progress) {
+RegisteredFlight register_flight(const MapInputs& map, const AlignTarget& target,
+                                 const alignment::AlignMapOptions& options, const Progress& progress) {
   const geometry::PointCloud cloud = read_map(map.map);
   const TruthScene place(target);
   std::optional<dataset::Dataset> dataset;
@@ -318,21 +272,20 @@ json register_flight(const MapInputs& map, const AlignTarget& target, const alig
   registration.scale = options.icp.scale;
   registration.max_scale_change = options.icp.max_scale_change;
   registration.trajectory = options.trajectory;
-  const registration::RegistrationResult found =
+  registration::RegistrationResult found =
       registration::register_map(read_observed_points(map, cloud), evidence,
                                  {*target.index, target.mesh, target.regions}, services, registration, progress);
-  json result = to_json(found);
   Warnings warnings = odometry_warnings(map);
   if (found.method == "pictures" && !warnings.empty()) answer_path_warnings(map, *found.pictures, warnings);
   append_distinct(warnings, found.warnings);
-  result["warnings"] = to_json(warnings);
+  found.warnings = std::move(warnings);
   alignment::IcpOptions published = alignment::final_icp_options();
   published.scale = options.icp.scale;
   published.regions = options.icp.regions.empty() ? target.regions : options.icp.regions;
   published.scale_center = found.T_local_map.scale;
-  result["published"] = alignment::to_json(alignment::align_step(
-      alignment::subsample(cloud, options.max_points), found.T_local_map, target.to_alignment_target(), published));
-  return result;
+  alignment::IcpResult last_step = alignment::align_step(alignment::subsample(cloud, options.max_points),
+                                                         found.T_local_map, target.to_alignment_target(), published);
+  return {std::move(found), std::move(last_step)};
 }
 
 }  // namespace tileflight::scoring

@@ -8,9 +8,9 @@
 #include "tileflight/core/geometry/point_cloud.h"
 #include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/core/geometry/triangle_index.h"
+#include "tileflight/core/imaging/camera.h"
 #include "tileflight/world/ground_truth/center_index.h"
 #include "tileflight/world/ground_truth/truth_folder.h"
-#include "tileflight/core/imaging/camera.h"
 #include "tileflight/world/place/truth_region.h"
 
 namespace tileflight::scoring {
