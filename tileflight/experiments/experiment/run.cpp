@@ -42,17 +42,6 @@ namespace {
 /// Runs the experiment of a variant into a folder and returns its results.json.
 using VariantRunner = std::function<nlohmann::json(const Variant& variant, const std::filesystem::path& folder)>;
 
-/// Runs an ablation: flies each variant in RUN/variants/NAME. Returns a list that starts with the unchanged simulated
-/// flight (`results` of the run itself), then one entry per variant: name, frames, frames_tracked, keyframes, points,
-/// correspondences, mean_m, std_m (the paper's numbers), median_to_surface_m, ate_rmse_m, ate_share (of the path
-/// length), and `failed` (the cause; the others are null) if odometry found no map. Unknown values are null. Also
-/// writes RUN/ablation.csv. Variants of an earlier run that are no longer requested are removed.
-nlohmann::json run_variants(const std::vector<Variant>& variants, const nlohmann::json& results,
-                            const std::filesystem::path& run, const VariantRunner& fly);
-
-namespace fs = std::filesystem;
-using nlohmann::json;
-
 /// Columns and their JSON pointers in results.json.
 const std::vector<std::pair<const char*, json::json_pointer>>& columns() {
   static const std::vector<std::pair<const char*, json::json_pointer>> kColumns{
@@ -107,6 +96,11 @@ void remove_stale_variants(const std::vector<Variant>& variants, const fs::path&
   }
 }
 
+/// Runs an ablation: flies each variant in RUN/variants/NAME. Returns a list that starts with the unchanged simulated
+/// flight (`results` of the run itself), then one entry per variant: name, frames, frames_tracked, keyframes, points,
+/// correspondences, mean_m, std_m (the paper's numbers), median_to_surface_m, ate_rmse_m, ate_share (of the path
+/// length), and `failed` (the cause; the others are null) if odometry found no map. Unknown values are null. Also
+/// writes RUN/ablation.csv. Variants of an earlier run that are no longer requested are removed.
 json run_variants(const std::vector<Variant>& variants, const json& results, const fs::path& run,
                   const VariantRunner& fly) {
   remove_stale_variants(variants, run / "variants");

@@ -30,6 +30,14 @@
 
 namespace tileflight::report {
 
+using drawing::base64;
+using drawing::downscale;
+using drawing::element;
+using drawing::empty_element;
+using drawing::Html;
+using drawing::number_at;
+using drawing::text;
+
 namespace {
 
 constexpr const char* kWithoutScript =
@@ -48,38 +56,31 @@ std::string bytes_of_hex(const std::string& hex) {
 
 }  // namespace
 
-drawing::Html view_section(const RunFolder& run, const ViewBudget& budget) {
+Html view_section(const RunFolder& run, const ViewBudget& budget) {
   if (page_script().empty()) return {};
   const std::string data = view_data(run, budget);
   if (data.empty()) return {};
-  return drawing::element("p", {{"class", "note"}, {"id", "view-note"}, {"role", "status"}},
-                          drawing::text(kWithoutScript)) +
-         drawing::element("div", {{"id", "view-host"}, {"data-state", "waiting"}}, drawing::Html()) +
-         drawing::element("script", {{"type", "application/octet-stream"}, {"id", "view-data"}},
-                          drawing::text(drawing::base64(data)));
+  return element("p", {{"class", "note"}, {"id", "view-note"}, {"role", "status"}}, text(kWithoutScript)) +
+         element("div", {{"id", "view-host"}, {"data-state", "waiting"}}, Html()) +
+         element("script", {{"type", "application/octet-stream"}, {"id", "view-data"}}, text(base64(data)));
 }
 
-drawing::Html view_script() {
-  return page_script().empty() ? drawing::Html() : drawing::element("script", drawing::Html::trusted(script_text()));
-}
+Html view_script() { return page_script().empty() ? Html() : element("script", Html::trusted(script_text())); }
 
 std::string content_policy() {
   const std::string script =
-      page_script().empty()
-          ? ""
-          : "; script-src 'sha256-" + drawing::base64(bytes_of_hex(base::sha256_hex(script_text()))) + "'";
+      page_script().empty() ? ""
+                            : "; script-src 'sha256-" + base64(bytes_of_hex(base::sha256_hex(script_text()))) + "'";
   return "default-src 'none'; img-src data: blob:; style-src 'unsafe-inline'" + script;
 }
 
-drawing::Html page_head(const std::string& name) {
+Html page_head(const std::string& name) {
   const std::string style = drawing::style_sheet() + std::string(view_style());
-  return drawing::element(
-      "head",
-      drawing::empty_element("meta", {{"charset", "utf-8"}}) +
-          drawing::empty_element("meta", {{"name", "viewport"}, {"content", "width=device-width, initial-scale=1"}}) +
-          drawing::empty_element("meta", {{"http-equiv", "Content-Security-Policy"}, {"content", content_policy()}}) +
-          drawing::element("title", drawing::text(name + " \u2013 tileflight")) +
-          drawing::element("style", drawing::Html::trusted(style)));
+  return element("head",
+                 empty_element("meta", {{"charset", "utf-8"}}) +
+                     empty_element("meta", {{"name", "viewport"}, {"content", "width=device-width, initial-scale=1"}}) +
+                     empty_element("meta", {{"http-equiv", "Content-Security-Policy"}, {"content", content_policy()}}) +
+                     element("title", text(name + " \u2013 tileflight")) + element("style", Html::trusted(style)));
 }
 
 namespace {
@@ -167,7 +168,7 @@ std::string jpeg_within(imaging::RgbImage image, std::size_t most_bytes) {
       std::string jpeg = std::string(base::as_text(imaging::encode_jpeg(image, quality)));
       if (jpeg.size() <= most_bytes || image.width <= 16) return jpeg;
     }
-    image = drawing::downscale(image, image.width / 2);
+    image = downscale(image, image.width / 2);
   }
 }
 
@@ -287,7 +288,7 @@ json path_layer(DataBlocks& blocks, const std::optional<geometry::Trajectory>& p
 
 std::vector<imaging::RgbImage> small_pictures(const std::vector<FrameFile>& files, int width_px) {
   std::vector<imaging::RgbImage> pictures;
-  for (const FrameFile& file : files) pictures.push_back(drawing::downscale(imaging::read_rgb(file.image), width_px));
+  for (const FrameFile& file : files) pictures.push_back(downscale(imaging::read_rgb(file.image), width_px));
   return pictures;
 }
 
@@ -346,10 +347,10 @@ double start_of(const FlightRun& flight) {
 
 /// Half the image's width and height at a distance of one metre.
 std::pair<double, double> half_image_extent(const json& flight) {
-  const double half_deg = std::min(kWidestHalf_deg, drawing::number_at(flight, "/fov_deg").value_or(70.0) / 2);
+  const double half_deg = std::min(kWidestHalf_deg, number_at(flight, "/fov_deg").value_or(70.0) / 2);
   const double half_width = std::tan(half_deg * std::numbers::pi / 180);
-  const double width = drawing::number_at(flight, "/resolution/0").value_or(16),
-               height = drawing::number_at(flight, "/resolution/1").value_or(9);
+  const double width = number_at(flight, "/resolution/0").value_or(16),
+               height = number_at(flight, "/resolution/1").value_or(9);
   return {half_width, half_width * height / std::max(width, 1.0)};
 }
 
