@@ -46,10 +46,10 @@ struct MosaicOptions {
       1.25;  ///< largest angle of a line of sight from the vertical; beyond it the ground is too foreshortened
 };
 
-/// Orthographic mosaic of the ground from a flight's images: the images are projected onto a height model of the map's
-/// points (map frame), each part from the unoccluded view with the best resolution. `R_ground_map` rotates the map so
-/// that its z axis points up. The pixel size is what the better views resolve. Returns an empty image if no image shows
-/// the surroundings of any point. Independent of the number of threads.
+/// Builds an orthographic mosaic of the ground from a flight's images. The images are projected onto a height model of
+/// the map's points (map frame), each part from the unoccluded view with the best resolution. `R_ground_map` rotates
+/// the map so that its z axis points up. The pixel size is what the better views resolve. Returns an empty image if no
+/// image shows the surroundings of any point. Independent of the number of threads.
 GroundImage build_flight_mosaic(const FlightPictures& flight, const std::vector<geometry::Vec3>& points,
                                 const geometry::Mat3& R_ground_map, const MosaicOptions& options = {});
 

@@ -60,8 +60,8 @@ struct Verdict {
 };
 Verdict decide_verdict(std::vector<ComparedMetric>& measures);
 
-/// {simulated, real, difference, ci95, ratio, ratio_ci95, margin, margin_of ("difference" | "ratio"), or_within,
-/// decides, p_within, p_beyond, unit, verdict}.
+/// Returns {simulated, real, difference, ci95, ratio, ratio_ci95, margin, margin_of ("difference" | "ratio"),
+/// or_within, decides, p_within, p_beyond, unit, verdict}.
 nlohmann::json to_json(const ComparedMetric& measured);
 
 /// Compares the path errors (ATE, metres) of two flights tracked once each. A path is one sample: its error consists of

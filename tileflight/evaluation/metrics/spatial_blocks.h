@@ -67,8 +67,8 @@ struct BlockGrid {
   double effective = 0;
 };
 
-/// The largest squares that give each of two point sets at least `wanted` effective blocks; the smallest tried if none
-/// do. nullopt if a set is empty or all points coincide.
+/// Chooses the largest squares that give each of two point sets at least `wanted` effective blocks; the smallest tried
+/// if none do. Returns nullopt if a set is empty or all points coincide.
 std::optional<BlockGrid> choose_block_grid(const std::vector<geometry::Vec3>& a, const std::vector<geometry::Vec3>& b,
                                            double wanted);
 

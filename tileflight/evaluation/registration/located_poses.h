@@ -26,16 +26,16 @@ struct LocatedPosesFit {
   std::size_t inliers = 0;
 };
 
-/// Similarity from the map's path to the located poses, including orientations, each weighted by its information:
-/// Gauss-Newton on the pose logarithms with the Geman-McClure kernel. It starts from the best of the similarities given
-/// by one pose and the scale to a second one, so that wrongly located poses do not decide. A pose is an inlier within
-/// three sigmas of the noise estimated from the poses. `at_least_m`: path errors below this never count as outliers.
-/// Throws InputError for fewer than two poses.
+/// Fits the similarity from the map's path to the located poses, including orientations, each weighted by its
+/// information: Gauss-Newton on the pose logarithms with the Geman-McClure kernel. It starts from the best of the
+/// similarities given by one pose and the scale to a second one, so that wrongly located poses do not decide. A pose is
+/// an inlier within three sigmas of the noise estimated from the poses. `at_least_m`: path errors below this never
+/// count as outliers. Throws InputError for fewer than two poses.
 LocatedPosesFit fit_located_poses(const std::vector<LocatedPose>& poses, const geometry::Sim3& start,
                                   double at_least_m = 0.0);
 
-/// Similarity of located poses, each counted alike: rotation by their mean, translation and scale by the positions
-/// (core/alignment/pose_alignment.h). Throws InputError for none.
+/// Returns the similarity of located poses with equal weights: rotation by their mean, translation and scale by the
+/// positions (core/alignment/pose_alignment.h). Throws InputError for an empty list.
 geometry::Sim3 similarity_of(const std::vector<LocatedPose>& poses);
 
 /// Distribution of located poses along their path.

@@ -17,17 +17,18 @@ struct FoundMap {
   std::vector<std::filesystem::path> metrics_files{};
 };
 
-/// The maps that the arguments name, in their order. Each is a metrics.json, or a run folder, which stands for its
-/// flights with all their runs and for those of its variants. Names are ends of paths, as long as it takes to tell all
-/// maps apart; the same map named twice has a number. Throws InputError for a folder without a scored map.
+/// Finds the maps that the arguments name, in their order. Each argument is a metrics.json, or a run folder, which
+/// stands for its flights with all their runs and for those of its variants. Names are ends of paths, as long as it
+/// takes to tell all maps apart; the same map named twice has a number. Throws InputError for a folder without a scored
+/// map.
 std::vector<FoundMap> find_maps(const std::vector<std::filesystem::path>& arguments);
 
-/// The maps whose names match one of the patterns (`*`, `?`, `[a-z]`; `*` matches slashes, too), in the order of the
-/// patterns, then of the maps. Throws InputError for a pattern that matches none, naming the most similar name.
+/// Returns the maps whose names match one of the patterns (`*`, `?`, `[a-z]`; `*` matches slashes, too), in the order
+/// of the patterns, then of the maps. Throws InputError for a pattern that matches none, naming the most similar name.
 std::vector<FoundMap> choose_maps(const std::vector<FoundMap>& maps, const std::vector<std::string>& patterns);
 
-/// The one map that `baseline` names: by a name or a pattern among `maps`, else as a path. Throws InputError if it is
-/// none, or several.
+/// Returns the one map that `baseline` names: by a name or a pattern among `maps`, else as a path. Throws InputError if
+/// it is none, or several.
 FoundMap find_baseline(const std::vector<FoundMap>& maps, const std::string& baseline);
 
 /// Files written by compare_maps(); an empty path: not written.
@@ -37,7 +38,7 @@ struct ComparisonFiles {
   std::filesystem::path text{};  ///< the table of maps, for people
 };
 
-/// Which maps are compared, and what is shown of them.
+/// Selects the maps that are compared, and the columns that are shown.
 struct MapSelection {
   std::vector<std::string> rows{};  ///< names or patterns (choose_maps()); empty: all
   std::string against{};            ///< the map that the others are compared with (find_baseline()); empty: all pairs

@@ -16,10 +16,10 @@ namespace tileflight::scoring {
 /// `path`: T_map_camera on the dataset's clock. Throws InputError for a malformed file.
 std::optional<registration::UpDirection> up_from_imu(const dataset::Dataset& dataset, const geometry::Trajectory& path);
 
-/// A flight's evidence for localization::PlaceRecognizer: its images with odometry poses (`path`: T_map_camera with the
-/// images' times), its map, and candidates for the up direction: `up` if it is known; unless it was given, the
-/// direction estimated from the camera's attitude (alignment::estimate_up_from_trajectory()), else the normals of the
-/// planes with the most points. Images are read on demand.
+/// Returns the evidence for localization::PlaceRecognizer: the images with odometry poses (`path`: T_map_camera with
+/// the images' times), the map, and candidates for the up direction. These are `up` if it is known and, unless it was
+/// given by the user, the direction estimated from the camera's attitude (alignment::estimate_up_from_trajectory()) or
+/// else the normals of the planes with the most points. Images are read on demand.
 localization::FlightEvidence make_flight_evidence(const dataset::Dataset& dataset, const geometry::Trajectory& path,
                                                   const geometry::PointCloud& map,
                                                   const std::optional<registration::UpDirection>& up = std::nullopt);

@@ -44,12 +44,13 @@ struct StudyPlan {
   std::vector<jobs::Task> tasks;  ///< in an order that respects their inputs
 };
 
-/// Throws InputError for a broken experiment.
+/// Makes the tasks of a study. Throws InputError for a broken experiment.
 StudyPlan make_plan(const StudyFile& study, const PlanOptions& options);
 
-/// {places, flights, systems {name: {title, installed, missing, version}}, runs, tasks, repetitions} for --dry-run.
+/// Returns {places, flights, systems {name: {title, installed, missing, version}}, runs, tasks, repetitions} for
+/// --dry-run.
 nlohmann::json describe_plan(const StudyPlan& plan);
-/// The same as text.
+/// Returns the description of a plan as text.
 std::string plan_text(const StudyPlan& plan);
 
 /// Writes the plan into the study's folder as a Snakemake workflow (Snakefile, tasks/, plan.json), starts it, and

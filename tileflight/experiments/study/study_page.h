@@ -25,15 +25,15 @@ struct Scatter {
   std::vector<ScatterPoint> points;
 };
 
-/// Points that are not finite, or not positive on a logarithmic axis, are left out.
+/// Draws a scatter plot. Points that are not finite, or not positive on a logarithmic axis, are left out.
 drawing::Drawing to_drawing(const Scatter& scatter);
 
-/// Colours of the series as a style sheet: .series-0 …, distinguishable also with red-green blindness (Okabe and Ito
-/// 2008).
+/// Returns the colours of the series as a style sheet: .series-0 …, distinguishable also with red-green blindness
+/// (Okabe and Ito 2008).
 std::string series_style();
 
-/// study.html of a study's folder: one self-contained page that loads nothing. `study`: study.json. Pictures of the
-/// worst runs are read from `folder`.
+/// Returns study.html of a study's folder: one self-contained page that loads nothing. `study`: study.json. Images of
+/// the worst runs are read from `folder`.
 std::string study_page(const nlohmann::json& study, const std::filesystem::path& folder);
 
 }  // namespace tileflight::study
