@@ -14,7 +14,8 @@ struct RunSpread {
   double mean = std::numeric_limits<double>::quiet_NaN();
   double std = std::numeric_limits<double>::quiet_NaN();  ///< divisor n - 1
   double min = std::numeric_limits<double>::quiet_NaN(), max = std::numeric_limits<double>::quiet_NaN();
-  /// Of the mean, by Student's t; NaN for fewer than two runs, and if all values are equal (not independent runs).
+  /// Interval of the mean by Student's t; NaN for fewer than two runs, and if all values are equal (not independent
+  /// runs).
   std::array<double, 2> ci95{std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::quiet_NaN()};
 };
 

@@ -1,7 +1,8 @@
 #pragma once
 
-// Order of the candidates of a registration, and whether the images fit more than one. A place may contain the same
-// twice (the corners of a court, row houses): the first one at which images are located is not always the right one.
+// Order of the candidates of a registration, and tests whether the images fit more than one. A place may contain two
+// parts that look alike (the corners of a court, row houses), so the first candidate at which images are located is not
+// always the right one. Textures may also repeat (floor tiles).
 
 #include <optional>
 #include <vector>

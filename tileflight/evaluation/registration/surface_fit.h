@@ -2,9 +2,8 @@
 
 // Registration of a map to the exact surface of the ground truth. Each point is weighted by its uncertainty (distance
 // along its ray, angle across it), outliers are suppressed by a robust kernel, and other evidence (telemetry, images)
-// enters as a prior with its own information.
-
-// What the residuals of a map against a surface say of the map's transform, with errors that are correlated.
+// enters as a prior with its own information. The residuals' errors are correlated, which reduces the information that
+// the surface gives about the transform.
 
 #include <cstddef>
 #include <optional>
@@ -24,6 +23,7 @@ inline double kernel_weight(double z2) {
   const double ratio = z2 / (kSurfaceKernel * kSurfaceKernel);
   return 1.0 / ((1.0 + ratio) * (1.0 + ratio));
 }
+/// Returns the cost rho(z) of that kernel.
 inline double kernel_cost(double z2) { return z2 / (1.0 + z2 / (kSurfaceKernel * kSurfaceKernel)); }
 
 /// A point of the map that is matched to the surface.

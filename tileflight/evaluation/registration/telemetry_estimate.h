@@ -1,9 +1,8 @@
 #pragma once
 
 // Evidence from telemetry about a map's placement: receiver positions, camera attitude, and up direction. Each is
-// converted to a SimilarityEstimate (similarity_estimate.h).
-
-// Up direction in the frame of a camera path, from an accelerometer on the same vehicle.
+// converted to a SimilarityEstimate (similarity_estimate.h). The up direction may come from an accelerometer on the
+// vehicle.
 
 #include <optional>
 #include <vector>

@@ -40,7 +40,7 @@ struct SurfaceDistances {
   std::vector<bool> is_over;          ///< of each point of the map
 };
 
-/// Needs no second copy of the distances.
+/// Splits the distances by region without a second copy.
 SurfaceDistances split_by_region(std::vector<double> distances_m, std::vector<bool> is_over) {
   SurfaceDistances split{std::move(distances_m), {}, std::move(is_over)};
   std::size_t over = 0;
@@ -55,8 +55,8 @@ SurfaceDistances split_by_region(std::vector<double> distances_m, std::vector<bo
   return split;
 }
 
-/// metrics::write_point_errors() of the aligned map, block by block. `voxel_m`: of each point, to the voxel centres.
-/// Throws InputError.
+/// Writes the points of metrics::write_point_errors() block by block. `voxel_m`: distance of each point to the voxel
+/// centres. Throws InputError.
 void write_errors(const std::filesystem::path& ply, const MapPoints& map, const geometry::Sim3& T_local_map,
                   const std::vector<double>& voxel_m, const SurfaceDistances& surface, double cutoff_m) {
   std::size_t next = 0;
@@ -213,7 +213,7 @@ bool are_equal(const geometry::Sim3& a, const geometry::Sim3& b) {
   return a.scale == b.scale && a.rotation.coeffs() == b.rotation.coeffs() && a.translation == b.translation;
 }
 
-/// What is scored, against what, and how.
+/// Inputs and settings of one evaluation.
 struct Task {
   const MapInputs& map;
   const MapPoints& points;
@@ -253,7 +253,7 @@ std::vector<Eigen::Vector3f> own_normals(const Task& task, const std::vector<std
   return geometry::transformed(task.transform.T_surface_map, {{}, std::move(normals), {}, {}}).normals;
 }
 
-/// What is measured on the surface, which is in memory no longer.
+/// Results that need the surface, kept after its memory is freed.
 struct OnSurface {
   SurfaceMatch match;
   geometry::PointCloud seen;  ///< sample_seen_surface()

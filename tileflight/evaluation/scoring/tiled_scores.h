@@ -8,7 +8,8 @@
 #include "tileflight/evaluation/scoring/map_tiles.h"
 #include "tileflight/evaluation/scoring/truth_surface.h"
 
-// Scores of a map that need its points' neighbours, from its tiles. To the last digit those of the whole map.
+// Scores that need the neighbours of a map's points, computed tile by tile. They equal those of the whole map to the
+// last digit.
 
 namespace tileflight::scoring {
 

@@ -224,7 +224,7 @@ std::string meaning_without(const StrictSection& section, const std::vector<std:
   return text;
 }
 
-/// What of a flight's section affects its dataset: not the memory that rendering may take.
+/// Returns the text of the keys of a flight's section that affect its dataset: not the memory that rendering may take.
 std::string flight_text(StrictSection& root, const std::string& name) {
   std::optional<StrictSection> flight = root.section(name);
   const bool has_render = flight && flight->is_map("render");
@@ -336,7 +336,7 @@ std::string odometry_text(const StrictSection& section) {
   return meaning_without(section, {"runs", "later", "backwards"});
 }
 
-/// What of a variant is read as a section of the experiment.
+/// Keys of a variant that are read as a section of the experiment.
 const std::vector<std::string> kVariantSections{"name", "place", "voxel", "odometry", "seed"};
 
 /// A place of its own, or the experiment's with changes; the built-in place keeps its seed.

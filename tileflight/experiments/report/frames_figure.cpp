@@ -49,7 +49,7 @@ const FrameFile& nearest(const std::vector<FrameFile>& frames, double time_s) {
                                    [time_s](const FrameFile& frame) { return std::abs(frame.time_s - time_s); });
 }
 
-/// What the other cameras of a rig took when `shown` were taken, each camera to be unfolded.
+/// Returns the images that the other cameras of a rig took at the times of `shown`, folded away for each camera.
 Html other_cameras_of(const FlightRun& flight, const std::vector<FrameFile>& shown) {
   constexpr std::size_t kMostCameras = 8;
   Html all;

@@ -118,7 +118,8 @@ class TaskMaker {
     return finished(task, script.str(), folder_hash(system.adapter.folder), recorded);
   }
 
-  /// Of a flight over a place: its map, or the path of a system without one. Of a dataset from elsewhere: its path.
+  /// Adds the commands that score a run: by its map over a place, or by the path of a system without a map. On a
+  /// dataset from elsewhere it is scored by its path.
   Task score_task(const StudyFlight& flight, const StudyRun& run) const {
     const Task task{.name = task_name("score", run), .inputs = {marker_of(task_name("system", run)), "settings.yaml"}};
     const std::string map = shell_word(run.folder + "/odometry"), with = shell_word(flight.dataset);

@@ -355,7 +355,7 @@ Html worst_section(const json& study, const fs::path& folder) {
   return cards.empty() ? Html() : element("div", {{"class", "columns"}}, cards);
 }
 
-/// What the study took, all runs together.
+/// Returns a sentence about the time that all runs together took.
 std::string cost_text(const json& study) {
   double seconds = 0.0, cpu_seconds = 0.0, memory_mb = 0.0;
   for (const json& run : study.at("runs")) {

@@ -37,7 +37,7 @@ std::string first_line(const fs::path& file) {
   return line;
 }
 
-/// What the system's own run says.
+/// Copies the results that the run of the system recorded itself.
 void add_system_results(const json& odometry, json& run) {
   const json& system = odometry.at("system");
   run["applicable"] = system.at("applicable");
@@ -192,7 +192,7 @@ std::map<std::string, std::pair<int, int>> count_uncertain_places(const json& ru
   return counts;
 }
 
-/// What makes the ranking less sure than it looks.
+/// Returns the warnings about the ranking.
 json ranking_warnings(const json& plan, const json& runs, const std::vector<RankedSystem>& ranking) {
   json warnings = json::array();
   const auto add = [&](const std::string& what, const std::string& remedy) {
