@@ -24,7 +24,7 @@ namespace {
 
 /// Adds a direction unless it nearly equals one of `ups`, which would be searched twice.
 void add_distinct_direction(const geometry::Vec3& up, std::vector<geometry::Vec3>& ups) {
-  constexpr double kAlike = 0.9982;  // cosine of 0.06 rad: a tilt that the fit corrects (ground_fit_test.cpp)
+  constexpr double kAlike = 0.9982;  // cosine of 0.06 rad: a tilt that the fit corrects (ground_agreement_test.cpp)
   if (std::ranges::none_of(ups, [&](const geometry::Vec3& other) { return other.dot(up) > kAlike; })) ups.push_back(up);
 }
 
