@@ -61,7 +61,7 @@ TEST(CommonPlaceWarnings, InvalidPointsAtTheOrigin) {
   ASSERT_EQ(warnings.size(), 1u);
   EXPECT_THAT(warnings[0].what,
               HasSubstr("300 of the map's 1000 points lie at one and the same place, [0.00, 0.00, 2.50]"));
-  EXPECT_EQ(warnings[0].severity, "warning");
+  EXPECT_EQ(warnings[0].severity, Severity::kWarning);
   EXPECT_TRUE(common_place_warnings({{0.0, 0.0, 2.5}, 50}, 1000, kShare).empty());
   EXPECT_TRUE(common_place_warnings({{0.0, 0.0, 2.5}, 1}, 3, kShare).empty()) << "a point that is alone";
 }
@@ -98,13 +98,13 @@ TEST(PathWarnings, AreAnsweredWhereImagesMeasuredThePath) {
     Warnings warnings = odometry_warnings(map);
     answer_path_warnings(map, {.tried = 20, .located = located, .path_error_m = path_error_m, .path_length_m = 50.0},
                          warnings);
-    EXPECT_EQ(warnings.at(1).severity, "warning") << "no image shows what is between two";
+    EXPECT_EQ(warnings.at(1).severity, Severity::kWarning) << "no image shows what is between two";
     return warnings.at(0);
   };
-  EXPECT_EQ(answered(18, 0.2).severity, "note");
+  EXPECT_EQ(answered(18, 0.2).severity, Severity::kNote);
   EXPECT_THAT(answered(18, 0.2).remedy, HasSubstr("18 of 20 images, located in it, differ by 0.4 %"));
-  EXPECT_EQ(answered(17, 0.2).severity, "warning") << "a part of the path is not measured";
-  EXPECT_EQ(answered(20, 0.3).severity, "warning") << "the path is off";
+  EXPECT_EQ(answered(17, 0.2).severity, Severity::kWarning) << "a part of the path is not measured";
+  EXPECT_EQ(answered(20, 0.3).severity, Severity::kWarning) << "the path is off";
   Warnings evaluated{answered(20, 0.1)};
   append_distinct(evaluated, {odometry_warnings(map)[0]});
   ASSERT_EQ(evaluated.size(), 1u) << "the answer stands in all that follows";
