@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <optional>
+
 #include "tileflight/core/alignment/umeyama.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/evaluation/registration/located_poses.h"

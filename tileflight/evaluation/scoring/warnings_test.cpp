@@ -27,8 +27,8 @@ TEST_F(WarningsOfAFlight, AnOdometryThatStoppedShort) {
   write("odometry.json", R"({"frames": 120, "frames_tracked": 90, "lost": true, "lost_reason": "too few points"})");
   const Warnings warnings = odometry_warnings({.map = folder_.path()});
   ASSERT_EQ(warnings.size(), 2u) << "of a program that has no list of its own";
-  EXPECT_THAT(warnings[0].what, HasSubstr("not tracked to its end: too few points"));
-  EXPECT_EQ(warnings[1].what, "90 of 120 frames have a pose");
+  EXPECT_THAT(warnings[0].message, HasSubstr("not tracked to its end: too few points"));
+  EXPECT_EQ(warnings[1].message, "90 of 120 frames have a pose");
 }
 
 TEST_F(WarningsOfAFlight, AnOdometrysOwnListIsAll) {
@@ -37,7 +37,7 @@ TEST_F(WarningsOfAFlight, AnOdometrysOwnListIsAll) {
                                         "remedy": "look"}]})");
   const Warnings warnings = odometry_warnings({.map = folder_.path()});
   ASSERT_EQ(warnings.size(), 1u);
-  EXPECT_EQ(warnings[0].what, "the scale may have drifted");
+  EXPECT_EQ(warnings[0].message, "the scale may have drifted");
 }
 
 TEST_F(WarningsOfAFlight, AWholeOneHasNone) {
@@ -50,7 +50,7 @@ TEST_F(WarningsOfAFlight, AWholeOneHasNone) {
 TEST_F(WarningsOfAFlight, ATruthWithoutItsTiles) {
   const Warnings warnings = truth_warnings({{"complete", false}, {"tiles_failed", 3}, {"tiles_wanted", 40}});
   ASSERT_EQ(warnings.size(), 1u);
-  EXPECT_EQ(warnings[0].what, "3 of 40 tiles of the ground truth are missing");
+  EXPECT_EQ(warnings[0].message, "3 of 40 tiles of the ground truth are missing");
   EXPECT_EQ(truth_warnings({{"geometric_error_max", 2.5}}).size(), 1u);
   EXPECT_TRUE(truth_warnings({{"geometric_error_max", 0.2}}).empty());
 }
@@ -59,7 +59,7 @@ TEST(CommonPlaceWarnings, InvalidPointsAtTheOrigin) {
   constexpr double kShare = 0.05;
   const Warnings warnings = common_place_warnings({{0.0, 0.0, 2.5}, 300}, 1000, kShare);
   ASSERT_EQ(warnings.size(), 1u);
-  EXPECT_THAT(warnings[0].what,
+  EXPECT_THAT(warnings[0].message,
               HasSubstr("300 of the map's 1000 points lie at one and the same place, [0.00, 0.00, 2.50]"));
   EXPECT_EQ(warnings[0].severity, Severity::kWarning);
   EXPECT_TRUE(common_place_warnings({{0.0, 0.0, 2.5}, 50}, 1000, kShare).empty());
@@ -69,7 +69,7 @@ TEST(CommonPlaceWarnings, InvalidPointsAtTheOrigin) {
 TEST_F(WarningsOfAFlight, AListThatIsNoneIsAnError) {
   write("transform.json", R"({"warnings": [{"message": 3}]})");
   EXPECT_THAT([&] { read_warnings(folder_.path() / "transform.json"); },
-              ThrowsMessage<InputError>(HasSubstr("transform.json: 'warnings[0].what' must be text")));
+              ThrowsMessage<InputError>(HasSubstr("transform.json: 'warnings[0].message' must be text")));
 }
 
 TEST_F(WarningsOfAFlight, TheSameTwiceStandsOnceAndAFlightsBearItsName) {
