@@ -67,14 +67,15 @@ TEST(CommonPlaceWarnings, InvalidPointsAtTheOrigin) {
 }
 
 TEST_F(WarningsOfAFlight, AListThatIsNoneIsAnError) {
-  write("transform.json", R"({"warnings": [{"message": 3}]})");
+  write("transform.json", R"({"warnings": [{"severity": "note", "message": 3}]})");
   EXPECT_THAT([&] { read_warnings(folder_.path() / "transform.json"); },
               ThrowsMessage<InputError>(HasSubstr("transform.json: 'warnings[0].message' must be text")));
 }
 
 TEST_F(WarningsOfAFlight, TheSameTwiceStandsOnceAndAFlightsBearItsName) {
-  Warnings warnings{{"a", "odometry", "warning", "look"}};
-  append_distinct(warnings, {{"a", "odometry", "warning", "look"}, {"b", "odometry", "warning", "look"}});
+  Warnings warnings{{"a", "odometry", Severity::kWarning, "look"}};
+  append_distinct(warnings,
+                  {{"a", "odometry", Severity::kWarning, "look"}, {"b", "odometry", Severity::kWarning, "look"}});
   ASSERT_EQ(warnings.size(), 2u);
   EXPECT_EQ(prefix_with_flight(warnings, "real")[1].where, "real/odometry");
 }
