@@ -193,7 +193,7 @@ Outcome fly(const Field& field, const FlightDraw& draw, const std::string& name,
     outcome.stage = "odometry";
     take_warnings(tracked, outcome);
     const scoring::MapInputs map = known_inputs(draw, folder);
-    const json transform = scoring::align(map, field.truth, {}, folder / "transform.json");
+    const json transform = to_json(scoring::align(map, field.truth, {}, folder / "transform.json"));
     outcome.stage = "align";
     outcome.sigma_m = sigma_of(transform);
     take_warnings(transform, outcome);
@@ -201,7 +201,8 @@ Outcome fly(const Field& field, const FlightDraw& draw, const std::string& name,
     outcome.errors =
         true_errors(scoring::read_map(map.map), geometry::read_tum(map.trajectory), truth, matrix_of(transform));
     outcome.path_sigmas = path_sigmas(folder / "odometry", truth);
-    take_warnings(scoring::evaluate(map, field.truth, folder / "transform.json", {}, folder / "metrics.json"), outcome);
+    take_warnings(to_json(scoring::evaluate(map, field.truth, folder / "transform.json", {}, folder / "metrics.json")),
+                  outcome);
     outcome.stage = "evaluate";
   } catch (const InputError& error) {
     outcome.error = error.what();

@@ -52,7 +52,7 @@ geometry::Box3 in_view(const geometry::Box3& box) {
   return {box.min() - range, box.max() + range};
 }
 
-/// Those in reach; all if the reach is not known, or nothing is in it.
+/// Returns the parts in reach; all if the reach is not known, or nothing is in it.
 std::vector<std::size_t> parts_in_reach(const ground_truth::TruthFolder& truth, const AlignReach& reach,
                                         const std::optional<geometry::Geodetic>& origin) {
   if (truth.size() == 1 || !reach) return truth.all_parts();

@@ -74,7 +74,7 @@ MapTiles::Points in_order(const MapTiles::Points& points) {
 
 }  // namespace
 
-/// As it lies in the file.
+/// A point as the file stores it.
 struct MapTiles::Record {
   double position[3];
   std::uint64_t number;

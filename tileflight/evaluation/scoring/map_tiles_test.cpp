@@ -13,7 +13,7 @@
 #include "tileflight/core/geometry/cloud_files.h"
 #include "tileflight/core/geometry/point_order.h"
 #include "tileflight/evaluation/metrics/distances.h"
-#include "tileflight/evaluation/metrics/point_visits.h"
+#include "tileflight/evaluation/metrics/voxel_wasserstein.h"
 #include "tileflight/evaluation/scoring/tiled_scores.h"
 
 namespace tileflight::scoring::map_tiles_test {

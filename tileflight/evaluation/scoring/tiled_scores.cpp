@@ -13,7 +13,7 @@
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/geometry/nearest.h"
 #include "tileflight/core/geometry/point_order.h"
-#include "tileflight/evaluation/metrics/local_entropy.h"
+#include "tileflight/evaluation/metrics/map_entropy.h"
 #include "tileflight/evaluation/metrics/part_search.h"
 
 namespace tileflight::scoring {

@@ -22,6 +22,11 @@
 
 namespace tileflight::experiment {
 
+/// Returns the files that the words of a shell command name, each once, in order: by their path, relative to `folder`
+/// (the command's working directory), or as programs in PATH. A name may follow a '=', as in `--config=slam.yaml`.
+/// Files named inside those files are not searched for.
+std::vector<std::filesystem::path> find_command_files(const std::string& command, const std::filesystem::path& folder);
+
 /// Section `place:`: the site of the flights. Keys: source, center | center_local, size, error, origin, view_margin,
 /// texture_scale, terms_accepted.
 struct SiteConfig {
@@ -100,7 +105,7 @@ struct Experiment {
 /// Reads the keys of `degrade:`, from an experiment's section or a separate file, into the flight. Throws InputError.
 void read_degrade(base::StrictSection& section, recording::RenderedFlightConfig& flight);
 
-/// The files named by `odometry.command` (command_files.h).
+/// Returns the files that `odometry.command` names (find_command_files()).
 std::vector<std::filesystem::path> command_input_files(const Experiment& experiment);
 
 /// Reads an experiment file. Throws InputError (file, line, key): unknown keys (naming the nearest known one), wrong

@@ -14,11 +14,30 @@
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/output_folder.h"
-#include "tileflight/experiments/experiment/link_files.h"
 #include "tileflight/tiles/demo_place/stadium.h"
 #include "tileflight/world/place/extract.h"
 
 namespace tileflight::experiment {
+
+namespace fs = std::filesystem;
+
+void link_files(const fs::path& from, const fs::path& to) {
+  for (const fs::directory_entry& entry : fs::directory_iterator(from)) {
+    const fs::path target = to / entry.path().filename();
+    std::error_code fault;
+    if (entry.is_symlink()) {
+      fs::copy_symlink(entry.path(), target, fault);
+    } else if (entry.is_directory()) {
+      fs::create_directory(target, fault);
+      if (!fault) link_files(entry.path(), target);
+    } else {
+      fs::create_hard_link(entry.path(), target, fault);
+      if (fault) fs::copy_file(entry.path(), target, fault);
+    }
+    if (fault) throw InputError(target.string(), "cannot be written: " + fault.message());
+  }
+}
+
 namespace fs = std::filesystem;
 namespace {
 

@@ -8,7 +8,7 @@
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/memory_budget.h"
 #include "tileflight/core/base/output_folder.h"
-#include "tileflight/experiments/experiment/link_files.h"
+#include "tileflight/experiments/experiment/folder_cache.h"
 
 namespace tileflight::experiment {
 namespace fs = std::filesystem;

@@ -1,8 +1,8 @@
 #include "tileflight/experiments/report/ablation_table.h"
 
 #include <gmock/gmock.h>
-#include <nlohmann/json.hpp>
 
+#include <nlohmann/json.hpp>
 #include <sstream>
 
 namespace tileflight::report::ablation_table_test {

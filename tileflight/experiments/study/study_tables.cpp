@@ -9,7 +9,7 @@
 #include "tileflight/core/base/order_statistics.h"
 #include "tileflight/core/drawing/drawing.h"
 #include "tileflight/core/drawing/number_format.h"
-#include "tileflight/experiments/report/key_figures_files.h"
+#include "tileflight/experiments/report/key_figures.h"
 
 namespace tileflight::study {
 namespace fs = std::filesystem;

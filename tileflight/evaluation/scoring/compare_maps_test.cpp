@@ -1,4 +1,4 @@
-#include "tileflight/evaluation/scoring/compared_maps.h"
+#include "tileflight/evaluation/scoring/compare_maps.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

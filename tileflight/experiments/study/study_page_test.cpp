@@ -1,4 +1,4 @@
-#include "tileflight/experiments/study/scatter.h"
+#include "tileflight/experiments/study/study_page.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,15 +1,15 @@
-#include "tileflight/experiments/report/key_figures_files.h"
+#include "tileflight/experiments/report/key_figures.h"
 
 #include <gtest/gtest.h>
-#include <nlohmann/json.hpp>
 
 #include <algorithm>
+#include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "tests/temporary_folder.h"
 #include "tileflight/core/base/files.h"
-#include "tileflight/evaluation/metrics/published_results.h"
 #include "tileflight/core/drawing/number_format.h"
+#include "tileflight/evaluation/metrics/published_results.h"
 
 namespace tileflight::report::key_figures_files_test {
 namespace {
