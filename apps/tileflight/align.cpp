@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "command.h"
-#include "map_options.h"
 #include "doubts_text.h"
 #include "input_options.h"
+#include "map_options.h"
 #include "number_text.h"
 #include "tileflight/core/alignment/transform_file.h"
 #include "tileflight/core/base/input_error.h"

@@ -3,9 +3,9 @@
 #include <sstream>
 
 #include "command.h"
-#include "map_options.h"
 #include "doubts_text.h"
 #include "input_options.h"
+#include "map_options.h"
 #include "number_text.h"
 #include "tileflight/core/base/output_folder.h"
 #include "tileflight/evaluation/scoring/evaluate_trajectories.h"

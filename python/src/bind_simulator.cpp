@@ -344,7 +344,8 @@ void bind_simulator(py::module_& module) {
           "Cancels all tasks and unblocks all calls.")
       .def_property_readonly("warnings", &Simulator::warnings)
       .def_property_readonly("vehicles", [](const Simulator& s) { return s.vehicles().list_vehicles(); })
-      .def("reset", &Simulator::reset, py::call_guard<py::gil_scoped_release>(), "Puts all vehicles back to their start.")
+      .def("reset", &Simulator::reset, py::call_guard<py::gil_scoped_release>(),
+           "Puts all vehicles back to their start.")
       .def(
           "enable_control",
           [](Simulator& s, bool enabled, const std::string& v) { s.vehicles().enable_api_control(enabled, v); },

@@ -147,8 +147,7 @@ void write_sequence(const std::vector<const RigCamera*>& cameras, const fs::path
     fs::copy_file(events_of(*cameras[side]), events / "events.h5");
     write_rectify_map(events / "rectify_map.h5", rectify_map(of_side.calibration.camera, rectified, rotations[side]));
     imaging::write_kalibr(folder / "calibration" / (std::string(sides[side]) + ".yaml"), of_side.calibration);
-    exports::write_png_frames(of_side, folder / "images" / sides[side] / "distorted",
-                                       dataset::frame_id, progress);
+    exports::write_png_frames(of_side, folder / "images" / sides[side] / "distorted", dataset::frame_id, progress);
   }
   base::write_file(folder / "images" / "timestamps.txt", timestamps_text(cameras.front()->dataset));
 }

@@ -34,10 +34,8 @@ void write_followed_flight(const fs::path& real, const std::optional<flight_path
   const geometry::Trajectory local =
       geometry::transformed(alignment::read_transform(real / "transform.json").T_target_source, estimate);
   const bool is_smoothed = local.size() >= flight_path::kMinPosesToSmooth;
-  const base::OutputFolder output{.folder = out,
-                                  .command = "run",
-                                  .replace = true,
-                                  .inputs = {real / "odometry", real / "dataset"}};
+  const base::OutputFolder output{
+      .folder = out, .command = "run", .replace = true, .inputs = {real / "odometry", real / "dataset"}};
   base::write_folder(output, [&](const fs::path& folder) {
     geometry::write_tum(folder / "poses.txt", local);
     fs::copy_file(real / "dataset/camera.yaml", folder / "camera.yaml");

@@ -1,11 +1,11 @@
 #pragma once
 
+#include <algorithm>
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <map>
-#include <algorithm>
-#include <array>
 #include <memory>
 #include <string>
 #include <vector>

@@ -48,7 +48,8 @@ enum class PathCoverage {
 /// (metres, RMS over points and noise), against the similarity of all poses of the path, located without error. By
 /// leaving out one interval of the path at a time, since neighbours share their errors:
 ///
-/// - kParts: jackknife (core/alignment/uncertainty.h). A path that bends gives another similarity for each of its parts.
+/// - kParts: jackknife (core/alignment/uncertainty.h). A path that bends gives another similarity for each of its
+/// parts.
 /// - kWhole: a path that bends is the same in sample and whole, so the bend is no error, however much a leg of it
 /// pulls.
 ///   The estimates' second differences leave out what changes slowly along the path (Wolter, Introduction to Variance

@@ -13,9 +13,9 @@ namespace tileflight::autopilot::scripted_flight_test {
 namespace {
 
 using geometry::Vec3;
-using vehicle::Multirotor;
 using test_support::Observation;
 using test_support::ScriptedAutopilot;
+using vehicle::Multirotor;
 
 constexpr double kExpo = 0.65;
 

@@ -57,8 +57,8 @@ struct Extraction {
 /// Reads the region's tiles and writes its ground truth atomically as a folder: mesh.glb, surface.ply, voxels.binvox,
 /// voxels.ply, octree.bt and extract.json. With blocks, each block is such a folder (without extract.json), index.json
 /// names them, and memory depends on the block, not on the region. Cells, triangles and samples are together exactly
-/// those without blocks. With a part, no output is written. Throws InputError, before most tiles are read if the memory, the disk or the size of a GLB file certainly does not suffice
-/// (extract_cost.h).
+/// those without blocks. With a part, no output is written. Throws InputError, before most tiles are read if the
+/// memory, the disk or the size of a GLB file certainly does not suffice (extract_cost.h).
 Extraction extract(const ExtractSettings& settings, const std::filesystem::path& folder, bool replace,
                    const Progress& progress = {});
 
