@@ -9,7 +9,7 @@
 /// A tile's content of any bytes: b3dm, i3dm, pnts, glb, gltf or cmpt.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace tileflight;
-  // Inside a Draco stream the decoder is the library's alone, and slow on some damage (gltf_draco.cpp).
+  // Inside a Draco stream the decoder is the library's alone, and slow on some damage (gltf_geometry.cpp).
   const std::string_view text(reinterpret_cast<const char*>(data), size);
   if (text.find("DRACO") != std::string_view::npos) return 0;
   tile_content::ContentOptions options;

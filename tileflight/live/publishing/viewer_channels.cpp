@@ -5,7 +5,6 @@
 #include <numbers>
 
 #include "tileflight/core/base/raw_bytes.h"
-#include "tileflight/core/drawing/html.h"
 #include "tileflight/data/messages/ros_messages.h"
 
 namespace tileflight::publishing {
