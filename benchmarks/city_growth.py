@@ -3,11 +3,10 @@
 peak memory and bytes written, a line a run, as a Markdown table and as JSON.
 
     city_growth.py build/release/bin/tileflight /tmp/growth --copies 1 2 4 8
-    city_growth.py build/release/bin/tileflight /tmp/growth --copies 4 --commands extract render --ranks 1 4
-    city_growth.py build/release/bin/tileflight /tmp/growth --copies 4 --commands render --ranks 1 4 --links
+    city_growth.py build/release/bin/tileflight /tmp/growth --copies 4 --commands render --links
 
-Peak memory is that of one process (of ranks of MPI: the largest). The flight crosses each city from corner to corner,
-20 frames, 30 degrees down, 155 degrees wide. Results are removed after each run, the cities stay.
+The flight crosses each city from corner to corner, 20 frames, 30 degrees down, 155 degrees wide. Results are removed
+after each run, the cities stay.
 """
 import argparse
 import json
@@ -57,12 +56,6 @@ def run(words, out):
     return result
 
 
-def with_ranks(words, ranks):
-    if ranks == 1:
-        return words
-    return ["mpirun", "--allow-run-as-root", "--oversubscribe", "--bind-to", "none", "-n", str(ranks), *words]
-
-
 def commands(count, city, arguments):
     program, work = arguments.program, arguments.work
     source, flight_file = str(city / "tileset.json"), str(city / "flight.yaml")
@@ -77,7 +70,7 @@ def commands(count, city, arguments):
         "coverage": [program, "coverage", source, "--flight", flight_file, *region, "--frames", "20", "--width", "160",
                      *memory, *out],
         "render": [program, "render", source, "--flight", flight_file, "--pixel-error", str(arguments.pixel_error),
-                   "--deal", arguments.deal, *memory, *out],
+                   *memory, *out],
     }
 
 
@@ -87,14 +80,12 @@ def main():
     parser.add_argument("work", type=pathlib.Path, help="folder for cities and results")
     parser.add_argument("--copies", type=int, nargs="+", default=[1, 2, 4, 8], help="copies along each axis")
     parser.add_argument("--commands", nargs="+", default=["inspect", "extract", "coverage", "render"])
-    parser.add_argument("--ranks", type=int, nargs="+", default=[1], help="processes of MPI, of extract and render")
     parser.add_argument("--links", action="store_true", help="each copy's files are different ones (make_city.py)")
-    parser.add_argument("--deal", default="auto", help="of render with several ranks: tiles, frames or auto")
     parser.add_argument("--block", type=float, default=250, help="metres")
     parser.add_argument("--memory", type=float, default=1, help="GB, of coverage and render")
     parser.add_argument("--pixel-error", type=float, default=16, help="of render")
     arguments = parser.parse_args()
-    columns = ["command", "copies", "ranks", "cpu_seconds", "seconds", "memory_mb", "bytes_mb"]
+    columns = ["command", "copies", "cpu_seconds", "seconds", "memory_mb", "bytes_mb"]
     print("| " + " | ".join(columns) + " |\n" + "| --- " * len(columns) + "|")
     rows = []
     for count in arguments.copies:
@@ -106,12 +97,11 @@ def main():
         (city / "flight.yaml").write_text(flight(count))
         words = commands(count, city, arguments)
         for name in arguments.commands:
-            for ranks in arguments.ranks:
-                row = {"command": name, "copies": count * count, "ranks": ranks}
-                row |= run(with_ranks(words[name], ranks), arguments.work / "out")
-                rows.append(row)
-                failure = "" if row["exit"] == 0 else f" exit {row['exit']}: {row['message']}"
-                print("| " + " | ".join(str(row[column]) for column in columns) + " |" + failure, flush=True)
+            row = {"command": name, "copies": count * count}
+            row |= run(words[name], arguments.work / "out")
+            rows.append(row)
+            failure = "" if row["exit"] == 0 else f" exit {row['exit']}: {row['message']}"
+            print("| " + " | ".join(str(row[column]) for column in columns) + " |" + failure, flush=True)
     (arguments.work / "growth.json").write_text(json.dumps(rows, indent=1))
 
 

@@ -63,8 +63,7 @@ double largest_difference_m(const PointCloud& map, const std::vector<double>& di
 void distance_to_voxel_centers(benchmark::State& state) {
   const PointCloud map = map_points(static_cast<std::size_t>(state.range(0)));
   std::vector<double> distances;
-  for (auto _ : state)
-    distances = tileflight::metrics::cloud_distances(map, voxel_centers(), "map", "voxel centres");
+  for (auto _ : state) distances = tileflight::metrics::cloud_distances(map, voxel_centers(), "map", "voxel centres");
   state.counters["difference_m"] = largest_difference_m(map, distances);
 }
 

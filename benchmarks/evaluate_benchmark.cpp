@@ -25,11 +25,11 @@
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/geometry/cloud_files.h"
 #include "tileflight/core/geometry/trajectory.h"
-#include "tileflight/world/ground_truth/truth_folder.h"
-#include "tileflight/world/place/extract.h"
+#include "tileflight/core/imaging/glb_writer.h"
 #include "tileflight/evaluation/scoring/evaluate.h"
 #include "tileflight/tiles/demo_place/stadium.h"
-#include "tileflight/tiles/tile_writer/glb_writer.h"
+#include "tileflight/world/ground_truth/truth_folder.h"
+#include "tileflight/world/place/extract.h"
 
 namespace {
 
@@ -69,7 +69,7 @@ void make_large_truth(const fs::path& folder, double km2) {
   const auto cells = static_cast<std::uint32_t>(side_m * 0.75);
   fs::create_directories(folder);
   imaging::TexturedMesh mesh{.mesh = tests::height_field(cells, -side_m / 2, side_m, height_m)};
-  base::write_file(folder / "t.glb", tile_writer::write_glb({mesh}, {}));
+  base::write_file(folder / "t.glb", imaging::write_glb({mesh}, {}));
   const json box{0, 0, 10, side_m / 2, 0, 0, 0, side_m / 2, 0, 0, 0, 40};
   const json tileset{{"asset", {{"version", "1.1"}}},
                      {"geometricError", 100},

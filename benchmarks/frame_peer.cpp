@@ -7,8 +7,8 @@
 #include <string>
 
 #include "tileflight/capture/render/camera_renderer.h"
-#include "tileflight/world/scene/scene.h"
 #include "tileflight/tiles/tileset/load.h"
+#include "tileflight/world/scene/scene.h"
 
 namespace {
 

@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "tests/height_field.h"
-#include "tileflight/evaluation/metrics/distances.h"
 #include "tileflight/core/geometry/triangle_index.h"
+#include "tileflight/evaluation/metrics/distances.h"
 
 namespace {
 
@@ -70,8 +70,7 @@ void nearest_on_mesh_walk(benchmark::State& state) {
   double sum = 0.0;
   for (auto _ : state) {
     sum = 0.0;
-    for (const double d :
-         tileflight::metrics::surface_distances(cloud, tileflight::geometry::TriangleIndex(terrain())))
+    for (const double d : tileflight::metrics::surface_distances(cloud, tileflight::geometry::TriangleIndex(terrain())))
       sum += d;
   }
   state.counters["mean_m"] = sum / kPoints;

@@ -25,13 +25,13 @@
 #include <vector>
 
 #include "tests/test_data.h"
-#include "tileflight/data/dataset/dataset.h"
-#include "tileflight/data/dataset/video.h"
 #include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/core/imaging/image_files.h"
+#include "tileflight/data/dataset/dataset.h"
+#include "tileflight/data/video/video.h"
+#include "tileflight/slam/keyframes/synthetic_scene.h"
 #include "tileflight/slam/odometry/odometry.h"
 #include "tileflight/slam/odometry/stage_timer.h"
-#include "tileflight/slam/keyframes/synthetic_scene.h"
 
 namespace {
 
@@ -130,7 +130,7 @@ std::optional<Sequence> machangara(int width, std::size_t most) {
   imaging::Calibration calibration = imaging::read_calibration(folder / "camera.yaml");
   const int height = width * calibration.camera.height() / calibration.camera.width() / 2 * 2;
   auto images = std::make_shared<std::vector<RgbImage>>();
-  dataset::read_video(folder / "video.mp4", {}, [&](std::int64_t, double, const RgbImage& image) {
+  video::read_video(folder / "video.mp4", {}, [&](std::int64_t, double, const RgbImage& image) {
     images->push_back(width == image.width ? image : resized(image, width, height));
     return images->size() < most;
   });
@@ -167,7 +167,7 @@ std::optional<Sequence> synthetic() {
   for (int i = 0; i < kFrames; ++i) {
     const double s = i / 30.0;
     const auto pose = keyframes::test_support::look_along(Vec3(4.0 * s, 5.0 * s, 20.0 + 0.5 * std::sin(s)),
-                                                           Vec3(0.3 * std::sin(0.7 * s), 1.0, -1.0));
+                                                          Vec3(0.3 * std::sin(0.7 * s), 1.0, -1.0));
     images->push_back(scene.render(pose));
     sequence.truth.push_back(pose.translation);
   }

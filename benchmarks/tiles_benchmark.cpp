@@ -30,10 +30,10 @@
 #include <vector>
 
 #include "tests/test_data.h"
-#include "tileflight/world/scene/scene.h"
+#include "tileflight/tiles/fetch/test_http_server.h"
 #include "tileflight/tiles/tile_content/content.h"
 #include "tileflight/tiles/tileset/load.h"
-#include "tileflight/tiles/fetch/test_http_server.h"
+#include "tileflight/world/scene/scene.h"
 
 namespace {
 

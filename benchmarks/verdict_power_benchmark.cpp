@@ -3,14 +3,13 @@
 // reason, and how often each interval contains the true value.
 //
 //   verdict_power_benchmark [N (100)] [side of the places, m (100)] [part of a scenario's name]
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
@@ -71,8 +70,7 @@ std::vector<Scenario> scenarios() {
 }
 
 bool holds(const metrics::ComparedMetric& m, const Scenario& s) {
-  if (m.scale == metrics::MarginScale::kDifference)
-    return m.difference_ci95[0] <= 0.0 && 0.0 <= m.difference_ci95[1];
+  if (m.scale == metrics::MarginScale::kDifference) return m.difference_ci95[0] <= 0.0 && 0.0 <= m.difference_ci95[1];
   const double ratio = m.name.starts_with("surface") ? s.true_ratio : 1.0;
   return m.ratio_ci95[0] <= ratio && ratio <= m.ratio_ci95[1];
 }
@@ -109,7 +107,7 @@ void run(const Scenario& s, int places, double wanted_side_m) {
       held[m.name] += is_known(m, s) && holds(m, s);
       half_width[m.name] +=
           (m.scale == metrics::MarginScale::kRatio ? 0.5 * std::log(m.ratio_ci95[1] / m.ratio_ci95[0])
-                                                      : 0.5 * (m.difference_ci95[1] - m.difference_ci95[0])) /
+                                                   : 0.5 * (m.difference_ci95[1] - m.difference_ci95[0])) /
           places;
     }
     if (c.verdict.word != "different") continue;

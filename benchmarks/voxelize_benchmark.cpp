@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "tests/height_field.h"
-#include "tileflight/world/ground_truth/voxelize.h"
 #include "tileflight/tiles/mesh_files/ply_meshes.h"
+#include "tileflight/world/ground_truth/voxelize.h"
 
 namespace {
 

@@ -90,7 +90,7 @@ set(CPACK_INSTALL_DEFAULT_DIRECTORY_PERMISSIONS OWNER_READ OWNER_WRITE OWNER_EXE
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_DEPENDS "fonts-dejavu-core, proj-data, ca-certificates")
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_RECOMMENDS python3)  # adapters of other SLAM systems
-set(CPACK_DEBIAN_RUNTIME_PACKAGE_SUGGESTS "snakemake, colmap, openmpi-bin, python3-tileflight, tileflight-examples")
+set(CPACK_DEBIAN_RUNTIME_PACKAGE_SUGGESTS "snakemake, colmap, python3-tileflight, tileflight-examples")
 set(CPACK_COMPONENT_RUNTIME_DESCRIPTION "drone flights over 3D Tiles, and the accuracy of SLAM maps
 Renders a drone's camera over 3D Tiles of a real place, runs visual odometry
 (Direct Sparse Odometry, or another SLAM system) on simulated and filmed

@@ -22,18 +22,3 @@ target_compile_definitions(tileflight_tinygltf
   PUBLIC TINYGLTF_NO_STB_IMAGE TINYGLTF_NO_STB_IMAGE_WRITE TINYGLTF_NO_EXTERNAL_IMAGE TINYGLTF_NO_INCLUDE_JSON)
 target_include_directories(tileflight_tinygltf SYSTEM PUBLIC $<BUILD_INTERFACE:${tinygltf_INCLUDE_DIR}>)
 target_link_libraries(tileflight_tinygltf PRIVATE $<BUILD_INTERFACE:nlohmann_json::nlohmann_json>)
-
-# Optional: frames rendered by several processes. Only the C interface is used. Memory that Open MPI keeps until exit would
-# be reported as leaks, so a sanitizer build is without it.
-option(TILEFLIGHT_MPI "Open MPI, for `mpirun -n N tileflight render`" ON)
-if(TILEFLIGHT_SANITIZE)
-  set(TILEFLIGHT_MPI OFF)
-endif()
-if(TILEFLIGHT_MPI)
-  find_package(PkgConfig REQUIRED)
-  pkg_check_modules(ompi IMPORTED_TARGET ompi-c)
-  if(NOT ompi_FOUND)
-    message(STATUS "No Open MPI here: tileflight render runs as one process")
-    set(TILEFLIGHT_MPI OFF)
-  endif()
-endif()

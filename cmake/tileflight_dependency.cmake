@@ -32,6 +32,7 @@ set(_tileflight_modules_zstd libzstd)
 
 # tileflight_NAME → a header of a library that is headers only and brings neither.
 set(_tileflight_header_tileflight_asio asio.hpp)
+set(_tileflight_header_tileflight_boost_math boost/math/distributions/students_t.hpp)
 set(_tileflight_header_tileflight_msgpack msgpack.hpp)
 
 macro(tileflight_dependency)

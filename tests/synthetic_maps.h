@@ -9,10 +9,10 @@
 #include <random>
 #include <vector>
 
-#include "tileflight/evaluation/metrics/distances.h"
-#include "tileflight/evaluation/metrics/map_comparison.h"
 #include "tileflight/core/geometry/mesh.h"
 #include "tileflight/core/geometry/triangle_index.h"
+#include "tileflight/evaluation/metrics/distances.h"
+#include "tileflight/evaluation/metrics/map_comparison.h"
 
 namespace tileflight::tests {
 
@@ -253,7 +253,7 @@ inline geometry::PointCloud synthetic_map(const SyntheticPlace& place, const Map
 
 /// Scored as `evaluate` does, all of the surface having been seen.
 inline metrics::ScoredMap scored(const SyntheticPlace& place, const geometry::TriangleIndex& surface,
-                                    const geometry::PointCloud& map) {
+                                 const geometry::PointCloud& map) {
   metrics::ScoredMap result;
   result.surface = {map.positions, metrics::surface_distances(map, surface), map.size()};
   geometry::PointCloud samples;

@@ -4,8 +4,8 @@
 #include <string>
 
 #include "tests/shared_result.h"
-#include "tileflight/data/dataset/dataset.h"
 #include "tileflight/core/geometry/trajectory.h"
+#include "tileflight/data/dataset/dataset.h"
 #include "tileflight/slam/odometry/synthetic_flight.h"
 
 namespace tileflight::tests {

@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "command.h"
-#include "map_options.h"
 #include "doubts_text.h"
 #include "input_options.h"
+#include "map_options.h"
 #include "number_text.h"
 #include "tileflight/core/alignment/transform_file.h"
 #include "tileflight/core/base/input_error.h"
@@ -125,8 +125,8 @@ void add_align(CLI::App& app, CommonOptions& common, Selection& selection) {
       std::vector<std::filesystem::path> inputs = files_named(options->map);
       inputs.insert(inputs.end(), {options->target, options->start});
       base::prepare_output_file(options->out, inputs);
-      const nlohmann::json t =
-          scoring::align(map_inputs(options->map), options->target, align_options(*options), options->out, progress);
+      const nlohmann::json t = to_json(
+          scoring::align(map_inputs(options->map), options->target, align_options(*options), options->out, progress));
       std::ostringstream text;
       text << options->out << ": " << t["method"].get<std::string>() << ", scale " << rounded(t["scale"], 6)
            << ", RMSE " << rounded(t["rmse"]) << " m over " << percent_text(t["fitness"]) << " of the points, "

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
-#include <exception>
 #include <filesystem>
 #include <functional>
 #include <nlohmann/json.hpp>
@@ -31,15 +30,10 @@ struct Output {
   std::string text;     ///< for people
 };
 
-/// Says that the command failed and that another process reports the cause.
-struct FailedElsewhere : std::exception {};
-
-/// The command that the parser chose, bound to its options.
+/// The chosen command, bound to its options; filled by the parser.
 struct Selection {
   std::function<Output(const CommonOptions&, const Progress&)> run;
-  bool is_server = false;  ///< runs until it is stopped, so that its duration is not reported
-  bool has_ranks =
-      false;  ///< shares its work among the processes of mpirun; without it, main refuses several processes
+  bool is_server = false;  ///< runs until it is stopped: its duration is not reported
 };
 
 /// Adds the options that every command has.

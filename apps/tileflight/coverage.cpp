@@ -5,7 +5,6 @@
 #include "command.h"
 #include "input_options.h"
 #include "tileflight/core/base/formatted_text.h"
-#include "tileflight/core/base/number_text.h"
 
 namespace tileflight::app {
 namespace {

@@ -3,9 +3,9 @@
 #include <sstream>
 
 #include "command.h"
-#include "map_options.h"
 #include "doubts_text.h"
 #include "input_options.h"
+#include "map_options.h"
 #include "number_text.h"
 #include "tileflight/core/base/output_folder.h"
 #include "tileflight/evaluation/scoring/evaluate_trajectories.h"
@@ -64,7 +64,8 @@ Output evaluate_map(const EvaluateOptions& options, const Progress& progress) {
   prepare_output_files(
       {out, out.parent_path() / "errors.ply", scoring::seen_surface_file(out), scoring::moving_points_file(out)},
       inputs);
-  const json m = scoring::evaluate(map_inputs(map), options.truth, options.transform, settings, options.out, progress);
+  const json m =
+      to_json(scoring::evaluate(map_inputs(map), options.truth, options.transform, settings, options.out, progress));
   std::ostringstream text;
   text << options.out << ": " << m["map"]["correspondences"] << " of " << m["map"]["points"] << " points within "
        << rounded(m["map"]["cutoff"]) << " m of a voxel centre, mean " << rounded(m["map"]["mean"]) << " m, std "

@@ -1,10 +1,10 @@
 #include <sstream>
 
 #include "command.h"
-#include "tileflight/capture/events/dsec_export.h"
+#include "tileflight/capture/events/dsec_file.h"
 #include "tileflight/core/base/output_folder.h"
-#include "tileflight/data/dataset/export_dataset.h"
-#include "tileflight/data/dataset/mcap_export.h"
+#include "tileflight/data/exports/export_dataset.h"
+#include "tileflight/data/exports/mcap.h"
 
 namespace tileflight::app {
 namespace {
@@ -13,7 +13,7 @@ const char* const kMcap = "mcap";  ///< one file; the other layouts are folders
 const char* const kDsec = "dsec";  ///< layout of event cameras
 
 std::vector<std::string> layouts() {
-  std::vector<std::string> names = dataset::export_layouts();
+  std::vector<std::string> names = exports::export_layouts();
   names.emplace_back(kDsec);
   names.emplace_back(kMcap);
   return names;
@@ -21,9 +21,9 @@ std::vector<std::string> layouts() {
 
 Output exported_folder(const dataset::Rig& source, const dataset::CameraChoice& camera, const std::string& layout,
                        const std::string& out, bool replace, const Progress& progress) {
-  const dataset::ExportResult result =
+  const exports::ExportResult result =
       layout == kDsec ? events::export_dsec(source, out, replace, progress, {camera.calibration})
-                      : dataset::export_rig(source, layout, out, replace, progress, {camera.calibration});
+                      : exports::export_rig(source, layout, out, replace, progress, {camera.calibration});
   std::ostringstream text;
   text << out << ": " << result.frames << " frames\n";
   for (const std::string& note : result.notes) text << "note: " << note << "\n";
@@ -31,7 +31,7 @@ Output exported_folder(const dataset::Rig& source, const dataset::CameraChoice& 
 }
 
 Output exported_mcap(const dataset::Rig& source, const std::string& out, bool replace, const Progress& progress) {
-  const dataset::McapResult result = dataset::export_mcap(source, out, replace, progress);
+  const exports::McapResult result = exports::export_mcap(source, out, replace, progress);
   std::ostringstream text;
   text << out << ": " << result.messages << " messages, " << result.topics.size() << " topics\n";
   return {{{"frames", source.cameras.front().dataset.frames.size()},

@@ -7,10 +7,10 @@
 
 #include "command.h"
 #include "input_options.h"
-#include "mpi_ranks.h"
 #include "number_text.h"
 #include "task_options.h"
-#include "tileflight/core/base/number_text.h"
+#include "tileflight/core/base/formatted_text.h"
+#include "tileflight/core/base/output_folder.h"
 #include "tileflight/world/place/block_plan.h"
 #include "tileflight/world/place/truth_blocks.h"
 
@@ -69,10 +69,9 @@ std::string part_fault(const std::string& text) {
   return job_part(text) ? "" : "must be two numbers from 1, as in 2/8, got " + text;
 }
 
-std::string dry_run_summary(const nlohmann::json& result) {
-  return "an estimate, from " + std::to_string(result["tiles_probed"].get<int>()) +
-         " tiles: " + result["text"].get<std::string>() +
-         (result["in_blocks"].get<bool>() ? "; in blocks, memory is less" : "") + "; nothing is written\n";
+std::string dry_run_summary(const place::ExtractPreview& preview) {
+  return "an estimate, from " + std::to_string(preview.cost.tiles_probed) + " tiles: " + cost_text(preview.cost) +
+         (preview.in_blocks ? "; in blocks, memory is less" : "") + "; nothing is written\n";
 }
 
 /// Reads the edge of a block, metres; 0 for `auto`, nullopt for a text that is neither that nor a length above zero.
@@ -130,7 +129,7 @@ void add_block_options(CLI::App& command, ExtractOptions& options) {
       .add_flag(
           "--resume", options.resume,
           "keep finished blocks beside the output until it is complete, and reuse those of an interrupted extract; "
-          "always on under mpirun and where such blocks exist")
+          "always on where such blocks exist")
       ->needs("--block");
   add_task_options(command, options.tasks, "the blocks");
   for (const char* name : {"--jobs", "--slurm"}) command.get_option(name)->needs("--block")->excludes(part);
@@ -143,8 +142,8 @@ Output extract(const ExtractOptions& options, const CommonOptions& shared, const
   settings.load.source = source_options(options.source_arguments);
   if (options.memory_gb > 0.0) settings.max_memory_bytes = static_cast<std::uintmax_t>(options.memory_gb * 1e9);
   if (options.dry_run) {
-    const nlohmann::json cost = place::preview_extract(settings, options.out, shared.force, progress);
-    return {cost, dry_run_summary(cost)};
+    const place::ExtractPreview preview = place::preview_extract(settings, options.out, shared.force, progress);
+    return {to_json(preview), dry_run_summary(preview)};
   }
   settings.resume = options.resume;
   settings.part = job_part(options.part);
@@ -152,11 +151,7 @@ Output extract(const ExtractOptions& options, const CommonOptions& shared, const
     const nlohmann::json result = extract_in_tasks(settings, options, shared, progress);
     return {result, extract_summary(result, options.out)};
   }
-  const nlohmann::json result = run_among_ranks([&](jobs::Ranks* ranks) {
-    settings.processes = ranks == nullptr ? 1 : ranks->count();
-    return place::extract(settings, options.out, shared.force, progress, ranks);
-  });
-  if (result.is_null()) return {};  // another process prints
+  const nlohmann::json result = to_json(place::extract(settings, options.out, shared.force, progress));
   if (settings.part) return {result, part_summary(result["build"], options.out)};
   return {result, extract_summary(result, options.out)};
 }
@@ -168,9 +163,8 @@ void add_extract(CLI::App& app, CommonOptions& common, Selection& selection) {
   CLI::App* command = app.add_subcommand("extract", "ground truth of a region: mesh, surface points, voxels");
   command->footer(
       "Example:\n  tileflight extract tiles/tileset.json --center 35.310344,-80.740007,215 --size 250,250,60 --out "
-      "truth\nSeveral processes share the blocks of a large region:\n  mpirun --bind-to none -n 4 tileflight extract "
-      "... "
-      "--block 400\n  tileflight extract ... --block 400 --slurm --jobs 40");
+      "truth\nSeveral processes share the blocks of a large region:\n  tileflight extract ... --block 400 --jobs 4\n  "
+      "tileflight extract ... --block 400 --slurm --jobs 40");
   command->add_option("SOURCE", options->source, kSourceHelp)->required();
   add_region_options(*command, options->region);
   command->add_option("--voxel", options->voxel_m, "edge of a voxel, metres (default 1)")->check(CLI::PositiveNumber);
@@ -184,7 +178,6 @@ void add_extract(CLI::App& app, CommonOptions& common, Selection& selection) {
   add_source_options(*command, options->source_arguments);
   add_common_options(*command, common);
   command->callback([options, &selection] {
-    selection.has_ranks = !options->block.empty() && !options->tasks.wanted();
     selection.run = [options](const CommonOptions& shared, const Progress& progress) {
       return extract(*options, shared, progress);
     };

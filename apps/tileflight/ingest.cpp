@@ -6,7 +6,7 @@
 
 #include "command.h"
 #include "tileflight/capture/ingest/ingest_stage.h"
-#include "tileflight/core/base/text_fields.h"
+#include "tileflight/core/base/text_parsing.h"
 
 namespace tileflight::app {
 
@@ -101,7 +101,8 @@ void complete_flight(IngestOptions& options) {
 }
 
 Output ingest(const IngestOptions& options, bool force, const Progress& progress) {
-  const nlohmann::json r = ingest::ingest_dataset(options.flight, options.truth, options.out, force, progress);
+  const nlohmann::json r =
+      ingest::to_json(ingest::ingest_dataset(options.flight, options.truth, options.out, force, progress));
   std::ostringstream text;
   text << options.out << ": " << r["frames"] << " frames, " << r["positions"] << " positions";
   if (!options.imu.empty()) text << ", " << r["imu_readings"] << " readings of the inertial unit";

@@ -3,8 +3,8 @@
 #include <cstdlib>
 #include <limits>
 
-#include "tileflight/core/base/folder_marker.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/output_folder.h"
 #include "tileflight/tiles/tileset/region_file.h"
 
 #ifdef TILEFLIGHT_LIVE

@@ -14,7 +14,6 @@
 #include "tileflight/capture/preview/inspect_map.h"
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/string_lists.h"
 #include "tileflight/tiles/fetch/open_source.h"
 #include "tileflight/world/place/extract.h"
 #include "tileflight/world/place/extract_cost.h"

@@ -1,6 +1,7 @@
 // tileflight COMMAND: parse, call, print, exit code. 0 done, 1 the work failed (one line on stderr), 2 wrong usage.
 #include <oneapi/tbb/global_control.h>
 
+#include <algorithm>
 #include <csignal>
 #include <cstdio>
 #include <exception>
@@ -8,10 +9,10 @@
 #include <new>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "command.h"
-#include "mpi_ranks.h"
 #include "terminal_progress.h"
 #include "usage_fault.h"
 
@@ -57,7 +58,7 @@ tileflight::experiment::StageListener told_to(TerminalProgress& terminal) {
 
 int run_selected(CommonOptions& common, const Selection& selection) {
   const std::size_t threads =
-      common.threads > 0 ? static_cast<std::size_t>(common.threads) : tileflight::app::threads_by_default();
+      common.threads > 0 ? static_cast<std::size_t>(common.threads) : std::max(1U, std::thread::hardware_concurrency());
   const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
   TerminalProgress terminal(progress_form(common, selection), stderr);
   common.stages = told_to(terminal);
@@ -65,15 +66,11 @@ int run_selected(CommonOptions& common, const Selection& selection) {
     terminal.update(done, total, what);
   };
   try {
-    if (!selection.has_ranks) tileflight::app::refuse_ranks();
     const Output output = selection.run(common, progress);
     terminal.clear();
     print_output(common, output);  // may fail, and then only the error is printed
     terminal.finish();
     return 0;
-  } catch (const tileflight::app::FailedElsewhere&) {
-    terminal.clear();
-    tileflight::app::let_first_rank_report();
   } catch (const std::bad_alloc&) {
     terminal.clear();
     print_error("out of memory; choose a smaller region, a larger voxel or a smaller image");

@@ -4,7 +4,6 @@
 #include <nlohmann/json.hpp>
 
 #include "tileflight/core/base/formatted_text.h"
-#include "tileflight/core/base/number_text.h"
 
 namespace tileflight::app {
 

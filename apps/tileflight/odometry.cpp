@@ -20,7 +20,7 @@ struct OdometryCommandOptions {
   bool deterministic = false;
   std::string mode = "mono";
   std::string system;  ///< empty: the built-in odometry, in this process
-  external_systems::ProcessLimits limits;
+  jobs::ProcessLimits limits;
   double memory_limit_gb = 0.0;
 };
 

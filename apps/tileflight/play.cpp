@@ -5,15 +5,16 @@
 #include <optional>
 
 #include "command.h"
-#include "ros2_view.h"
 #include "input_options.h"
+#include "live_views.h"
+#include "ros2_view.h"
+#include "source_options.h"
 #include "stop_signals.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/string_lists.h"
-#include "tileflight/live/rpc/server.h"
 #include "tileflight/live/publishing/dataset_player.h"
-#include "tileflight/live/publishing/foxglove_sink.h"
-#include "tileflight/live/publishing/ros2_sink.h"
+#include "tileflight/live/publishing/message_sink.h"
+#include "tileflight/live/rpc/server.h"
 
 namespace tileflight::app {
 namespace {
@@ -55,7 +56,7 @@ dataset::Rig read_played(const PlayCommandOptions& options, publishing::PlayOpti
   return dataset::read_rig(options.dataset);
 }
 
-/// How many images are played, and what is to be said of them.
+/// Number of images that are played, and warnings about them.
 struct PlayedFrames {
   std::size_t count = 0;
   std::vector<std::string> warnings;
@@ -72,7 +73,7 @@ PlayedFrames frames_of(const dataset::Rig& rig, const std::vector<std::string>& 
 }
 
 std::optional<publishing::PlaceGlb> place_of(const PlayCommandOptions& options, const dataset::Dataset& dataset,
-                                            const Progress& progress) {
+                                             const Progress& progress) {
   if (options.place.empty()) return std::nullopt;
   return publishing::read_place_glb(options.place, source_options(options.source_arguments), dataset, progress);
 }

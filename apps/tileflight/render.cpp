@@ -4,16 +4,16 @@
 #include <set>
 #include <sstream>
 
-#include "input_options.h"
 #include "command.h"
-#include "mpi_ranks.h"
+#include "input_options.h"
 #include "number_text.h"
 #include "task_options.h"
-#include "tileflight/core/base/files.h"
-#include "tileflight/core/base/number_text.h"
-#include "tileflight/experiments/experiment/experiment_file.h"
-#include "tileflight/core/base/memory_budget.h"
 #include "tileflight/capture/recording/render_stage.h"
+#include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
+#include "tileflight/core/base/memory_budget.h"
+#include "tileflight/core/base/output_folder.h"
+#include "tileflight/experiments/experiment/experiment_file.h"
 
 namespace tileflight::app {
 namespace {
@@ -21,9 +21,9 @@ namespace {
 /// The options given, and the content of the files they name; without options that do not affect the images and those
 /// that may be secret.
 nlohmann::json asked(const CLI::App& command) {
-  const std::set<std::string> left_out{"out",    "threads", "json",         "quiet",      "force",    "resume",
-                                       "memory", "cache",   "header",       "allow-host", "no-cache", "frames",
-                                       "jobs",   "slurm",   "no-snakemake", "deal"};
+  const std::set<std::string> left_out{"out",      "threads", "json",  "quiet",  "force",
+                                       "resume",   "memory",  "cache", "header", "allow-host",
+                                       "no-cache", "frames",  "jobs",  "slurm",  "no-snakemake"};
   nlohmann::json options = nlohmann::json::object();
   for (const CLI::Option* option : command.get_options()) {
     const std::string name = option->get_single_name();
@@ -67,11 +67,11 @@ nlohmann::json render_in_tasks(const recording::RenderSettings& settings, const 
                                       base::default_memory_bytes() / static_cast<unsigned>(tasks.on_this_machine())));
   const std::vector<std::string> memory{"--memory", base::fixed_text(memory_gb)};
   jobs::PartedJob job{.output = out,
-                          .build_folder = recording::frame_build_folder(out),
-                          .command = "render",
-                          .parts = {},
-                          .last = {"finish", memory},
-                          .inputs_sha256 = plan.inputs_sha256};
+                      .build_folder = recording::frame_build_folder(out),
+                      .command = "render",
+                      .parts = {},
+                      .last = {"finish", memory},
+                      .inputs_sha256 = plan.inputs_sha256};
   job.last.words.insert(job.last.words.end(), {"--resume", "--force"});
   for (const jobs::IndexRange& part : plan.parts) {
     const std::string begin = std::to_string(part.begin), end = std::to_string(part.end);
@@ -87,20 +87,14 @@ std::string render_summary(const nlohmann::json& r, const std::string& out) {
   std::ostringstream text;
   text << out << ": " << r["frames"] << " frames, " << rounded(r["frames_per_second"], 3) << " per second\n";
   if (const auto events = r["events"].get<std::uint64_t>(); events > 0) text << events << " events\n";
-  if (const auto divided = r["frames_divided"].get<std::int64_t>(); divided > 0)
-    text << divided
-         << " of them were rendered in several scenes, since their tiles do not fit into memory together: more "
-         << "memory (--memory) is faster\n";
-  if (r["dealt"] == "tiles")
-    text << r["ranks"] << " processes shared the tiles: each read a part of them and traced all frames against it\n";
   for (const auto& warning : r["warnings"]) text << "note: " << warning.get<std::string>() << "\n";
   return text.str();
 }
 
-std::string part_of_frames_summary(const nlohmann::json& r) {
+std::string part_of_frames_summary(const recording::RenderedPart& part) {
   std::ostringstream text;
-  text << r["frames_rendered"] << " of these " << r["frames"] << " frames rendered, kept in "
-       << r["build_folder"].get<std::string>() << "\n";
+  text << part.frames_rendered << " of these " << part.frames << " frames rendered, kept in "
+       << part.build_folder.string() << "\n";
   return text.str();
 }
 
@@ -108,7 +102,7 @@ struct RenderArguments {
   RegionOptions region;
   SourceArguments source_arguments;
   recording::RenderSettings settings;
-  std::string flight, out, outputs, degrade, camera, frames, deal = "auto";
+  std::string flight, out, outputs, degrade, camera, frames;
   TaskArguments tasks;
   std::vector<int> resolution;
   bool depth = false;
@@ -127,9 +121,6 @@ void complete_settings(RenderArguments& options, const CLI::App& command) {
   options.settings.flight.flight = options.flight;
   options.settings.flight.camera = options.camera;
   options.settings.inputs = {options.degrade};
-  options.settings.dealt = options.deal == "tiles"    ? recording::Dealt::kTiles
-                           : options.deal == "frames" ? recording::Dealt::kFrames
-                                                      : recording::Dealt::kAuto;
   recording::RenderOutputs& outputs = options.settings.flight.outputs;
   outputs =
       recording::parse_outputs(options.outputs, [](const std::string& what) { return InputError("--outputs", what); });
@@ -178,17 +169,12 @@ void add_process_options(CLI::App& command, RenderArguments& options) {
   command
       .add_option("--memory", options.memory_gb,
                   "memory limit for tiles, GB, of each process (default: half of the machine's, "
-                  "divided among its processes); a flight that needs more is rendered in "
+                  "divided among its tasks); a flight that needs more is rendered in "
                   "several passes, with identical pixels")
       ->check(CLI::PositiveNumber);
   command.add_flag("--resume", options.settings.resume,
                    "keep finished frames beside the output until it is complete, and reuse those of an interrupted "
-                   "render; always on under mpirun and where such frames exist");
-  command
-      .add_option("--deal", options.deal,
-                  "what the processes of mpirun share: `frames` (each renders a range of them), `tiles` (each reads a "
-                  "part of them and traces all frames against it) or `auto`, what takes less processor time (default)")
-      ->check(CLI::IsMember({"auto", "frames", "tiles"}));
+                   "render; always on where such frames exist");
   CLI::Option* frames =
       command
           .add_option("--frames", options.frames,
@@ -204,14 +190,13 @@ Output render(RenderArguments& options, const CommonOptions& shared, const Progr
     const nlohmann::json r = render_in_tasks(options.settings, options.out, options.tasks, shared, progress);
     return {r, render_summary(r, options.out)};
   }
-  options.settings.part = frame_range(options.frames);
-  std::optional<std::uintmax_t>& memory_bytes = options.settings.max_memory_bytes;  // of each process
-  if (!memory_bytes) memory_bytes = base::default_memory_bytes() / static_cast<unsigned>(ranks_on_this_machine());
-  const nlohmann::json r = run_among_ranks([&](jobs::Ranks* ranks) {
-    return recording::render_dataset(options.settings, options.out, shared.force, progress, ranks);
-  });
-  if (r.is_null()) return {};  // another process prints
-  return {r, options.settings.part ? part_of_frames_summary(r) : render_summary(r, options.out)};
+  if (const std::optional<jobs::IndexRange> range = frame_range(options.frames)) {
+    const recording::RenderedPart part = recording::render_part(options.settings, *range, options.out, progress);
+    return {recording::to_json(part), part_of_frames_summary(part)};
+  }
+  const nlohmann::json r =
+      recording::to_json(recording::render_dataset(options.settings, options.out, shared.force, progress));
+  return {r, render_summary(r, options.out)};
 }
 
 }  // namespace
@@ -221,8 +206,8 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
   CLI::App* command = app.add_subcommand("render", "render a flight over tiles as a simulated sensor dataset");
   command->footer(
       "Example:\n  tileflight render tiles/tileset.json --flight examples/machangara-flight-simulated.yaml --out "
-      "dataset\nSeveral processes share the frames:\n  mpirun --bind-to none -n 4 tileflight render "
-      "...\n  tileflight render ... --slurm --jobs 40");
+      "dataset\nSeveral processes share the frames:\n  tileflight render ... --jobs 4\n  tileflight render ... --slurm "
+      "--jobs 40");
   command->add_option("SOURCE", options->settings.source, kSourceHelp)->required();
   command->add_option("--flight", options->flight, "flight file (YAML): camera, trajectory or waypoints, fps")
       ->required();
@@ -238,7 +223,6 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
       options->settings.flight.height = options->resolution[1];
     }
     if (options->memory_gb) options->settings.max_memory_bytes = static_cast<std::uintmax_t>(*options->memory_gb * 1e9);
-    selection.has_ranks = !options->tasks.wanted() && options->frames.empty();
     selection.run = [options, command](const CommonOptions& shared, const Progress& progress) {
       complete_settings(*options, *command);
       return render(*options, shared, progress);

@@ -1,18 +1,15 @@
 #include "tileflight/experiments/report/report.h"
 
-#include <spawn.h>
-#include <sys/wait.h>
-#include <unistd.h>
-
-#include <cerrno>
 #include <chrono>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <thread>
 
 #include "command.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/jobs/process.h"
 #include "tileflight/experiments/study/study_results.h"
 
 namespace tileflight::app {
@@ -21,29 +18,18 @@ namespace {
 /// xdg-open reports failure within this time; on some desktops it runs as long as the viewer.
 constexpr std::chrono::milliseconds kPatience{3000}, kStep{20};
 
-[[noreturn]] void refuse(const std::string& file, const std::string& why) {
-  throw InputError(file, "was written but could not be opened: " + why + "; open it in a browser by hand");
-}
-
-pid_t spawned(const std::string& file) {
-  std::string program = "xdg-open", argument = file;
-  char* const arguments[] = {program.data(), argument.data(), nullptr};
-  pid_t child = 0;
-  const int fault = posix_spawnp(&child, program.c_str(), nullptr, nullptr, arguments, environ);
-  if (fault == ENOENT) refuse(file, "xdg-open is not installed (package xdg-utils)");
-  if (fault != 0) refuse(file, "xdg-open could not be started");
-  return child;
-}
-
 /// Opens a file with the desktop's default program (xdg-open) without waiting for it. Throws InputError without a
 /// desktop.
 void open_in_viewer(const std::filesystem::path& file) {
-  const pid_t child = spawned(file.string());
+  jobs::Process viewer({.words = {"xdg-open", file.string()}});
+  viewer.leave_running();
   for (auto waited = std::chrono::milliseconds(0); waited < kPatience; waited += kStep) {
-    int status = 0;
-    if (waitpid(child, &status, WNOHANG) == child) {
-      if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return;
-      refuse(file.string(), "xdg-open found no browser");
+    if (const std::optional<int> status = viewer.exit_status()) {
+      if (*status == 0) return;
+      throw InputError(file.string(), std::string("was written but could not be opened: ") +
+                                          (*status == 127 ? "xdg-open is not installed (package xdg-utils)"
+                                                          : "xdg-open found no browser") +
+                                          "; open it in a browser by hand");
     }
     std::this_thread::sleep_for(kStep);
   }

@@ -6,9 +6,9 @@
 #include <nlohmann/json.hpp>
 
 #include "command.h"
-#include "source_options.h"
 #include "doubts_text.h"
 #include "input_options.h"
+#include "source_options.h"
 #include "tileflight/experiments/report/ablation_table.h"
 #include "tileflight/experiments/report/map_comparison_tables.h"
 #include "tileflight/experiments/report/report.h"

@@ -20,11 +20,8 @@ void add_scene(CLI::App& app, CommonOptions& common, Selection& selection) {
   add_common_options(*stadium, common);
   stadium->callback([options, &selection] {
     selection.run = [options](const CommonOptions& shared, const Progress& progress) -> Output {
-      const base::OutputFolder output{.folder = options->out,
-                                      .command = "scene",
-                                      .replace = shared.force,
-                                      .inputs = {},
-                                      .legacy = demo_place::legacy_stadium_folder()};
+      const base::OutputFolder output{
+          .folder = options->out, .command = "scene", .replace = shared.force, .inputs = {}};
       base::write_folder(output, [&](const std::filesystem::path& temporary) {
         demo_place::write_stadium(temporary, {.seed = options->seed}, progress);
       });

@@ -19,15 +19,17 @@
 #include "command.h"
 #include "foxglove_view.h"
 #include "input_options.h"
+#include "live_views.h"
+#include "region_options.h"
 #include "ros2_view.h"
 #include "serve_session.h"
-#include "tileflight/live/autopilot/shared_ports.h"
+#include "source_options.h"
 #include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/number_text.h"
-#include "tileflight/live/airsim/extension_methods.h"
 #include "tileflight/live/airsim/levels.h"
 #include "tileflight/live/airsim/method_table.h"
+#include "tileflight/live/autopilot/ports.h"
 
 namespace tileflight::app {
 namespace {
@@ -191,14 +193,14 @@ std::vector<std::string> autopilot_lines(const simulator::Simulator& simulator) 
 void announce(const CommonOptions& common, const rpc::ServerOptions& options, int port,
               const std::optional<FoxgloveView>& foxglove, const std::optional<Ros2View>& ros2,
               const simulator::Simulator& simulator) {
-  const std::vector<std::string> vehicles = simulator.list_vehicles();
+  const std::vector<std::string> vehicles = simulator.vehicles().list_vehicles();
   if (common.json) {
     nlohmann::json line = {{"address", options.address},
                            {"port", port},
                            {"token", !options.token.empty()},
                            {"vehicles", vehicles},
                            {"autopilots", autopilots_json(simulator)},
-                           {"mode", simulator.tf_statistics().mode},
+                           {"mode", simulator.statistics().mode},
                            {"warnings", simulator.warnings()}};
     if (foxglove) line["foxglove_port"] = foxglove->port();
     if (ros2) line["ros2"] = ros2->json();
@@ -299,8 +301,7 @@ Output serve(const ServeOptions& options, const CommonOptions& common, const Pro
   if (options.foxglove.is_wanted)
     foxglove.emplace([&levels] { return levels.current(); }, options.foxglove, may_control, settings, log);
   std::optional<Ros2View> ros2;
-  if (options.ros2.is_wanted)
-    ros2.emplace([&levels] { return levels.current(); }, options.ros2, may_control, log);
+  if (options.ros2.is_wanted) ros2.emplace([&levels] { return levels.current(); }, options.ros2, may_control, log);
   announce(common, settings, server->port(), foxglove, ros2, *levels.current());
   server->run();
   if (recorder) recorder->finish(levels);

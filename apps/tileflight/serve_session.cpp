@@ -3,8 +3,8 @@
 #include <chrono>
 #include <utility>
 
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/number_text.h"
 #include "tileflight/live/airsim/method_table.h"
 #include "tileflight/live/simulator/settings.h"
 #include "tileflight/live/simulator/simulation_clock.h"

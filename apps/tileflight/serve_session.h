@@ -5,8 +5,7 @@
 
 #include "command.h"
 #include "tileflight/live/airsim/levels.h"
-#include "tileflight/live/airsim/session_recorder.h"
-#include "tileflight/live/airsim/session_replay.h"
+#include "tileflight/live/airsim/session.h"
 
 namespace tileflight::app {
 
@@ -28,7 +27,7 @@ std::unique_ptr<airsim::SessionRecorder> start_recording(const std::string& file
 /// Time stamp of the clock's start of a place that is opened now.
 std::uint64_t session_start_ns(const simulator::SimulatorOptions& options);
 
-/// What a session is repeated in.
+/// The world in which a session is repeated.
 struct ReplayedWorld {
   simulator::SimulatorOptions first;          ///< without settings: those of the session
   std::map<std::string, std::string> levels;  ///< sources by name

@@ -215,8 +215,7 @@ Output tile(const TileOptions& options, const CommonOptions& shared, const Progr
   const base::OutputFolder output{.folder = options.out,
                                   .command = "tile",
                                   .replace = shared.force,
-                                  .inputs = {options.meshes.begin(), options.meshes.end()},
-                                  .legacy = tile_writer::legacy_tileset_folder()};
+                                  .inputs = {options.meshes.begin(), options.meshes.end()}};
   base::write_folder(output, [&](const fs::path& temporary) {
     result = result_of(options, tile_files(temporary, options, progress));
   });

@@ -7,9 +7,9 @@
 #include <sstream>
 
 #include "number_text.h"
-#include "tileflight/core/base/known_keys.h"
-#include "tileflight/core/base/string_lists.h"
-#include "tileflight/core/base/text_fields.h"
+#include "tileflight/core/base/document_value.h"
+#include "tileflight/core/base/formatted_text.h"
+#include "tileflight/core/base/text_parsing.h"
 
 namespace tileflight::app {
 namespace {

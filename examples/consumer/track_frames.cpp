@@ -3,9 +3,9 @@
 #include <iostream>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/data/dataset/dataset.h"
 #include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/core/imaging/image_files.h"
+#include "tileflight/data/dataset/dataset.h"
 #include "tileflight/slam/odometry/odometry.h"
 
 namespace {
@@ -34,8 +34,8 @@ int main(int argc, char** argv) {
 
     const tileflight::odometry::OdometryResult result = odometry.finish();
     tileflight::geometry::write_tum(argv[2], result.trajectory);
-    std::cout << result.frames_tracked << " of " << result.frames << " images tracked, "
-              << result.map.positions.size() << " map points\n";
+    std::cout << result.frames_tracked << " of " << result.frames << " images tracked, " << result.map.positions.size()
+              << " map points\n";
     return result.lost ? 2 : 0;
   } catch (const tileflight::InputError& error) {
     std::cerr << error.what() << '\n';

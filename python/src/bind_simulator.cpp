@@ -90,7 +90,7 @@ std::unique_ptr<Simulator> simulator_of_scene(const LoadedScene& scene, const py
 template <class Call>
 bool run_task(Simulator& simulator, const std::string& vehicle, Call call) {
   return call_interruptibly(
-      py::none(), [&](const Progress&) { return call(); }, [&] { simulator.cancel_last_task(vehicle); });
+      py::none(), [&](const Progress&) { return call(); }, [&] { simulator.flight().cancel_last_task(vehicle); });
 }
 
 py::dict state_of(const Simulator& simulator, const std::string& vehicle) {
@@ -98,8 +98,8 @@ py::dict state_of(const Simulator& simulator, const std::string& vehicle) {
   simulator::KinematicsState truth;
   {
     const py::gil_scoped_release unlocked;
-    state = simulator.get_multirotor_state(vehicle);
-    truth = simulator.sim_get_ground_truth_kinematics(vehicle);
+    state = simulator.vehicles().get_multirotor_state(vehicle);
+    truth = simulator.vehicles().get_ground_truth_kinematics(vehicle);
   }
   py::dict out;
   out["time"] = seconds(state.timestamp);
@@ -117,7 +117,7 @@ py::dict collision_of(Simulator& simulator, const std::string& vehicle) {
   simulator::CollisionInfo info;
   {
     const py::gil_scoped_release unlocked;
-    info = simulator.sim_get_collision_info(vehicle);
+    info = simulator.vehicles().get_collision_info(vehicle);
   }
   py::dict out;
   out["has_collided"] = info.has_collided;
@@ -168,7 +168,7 @@ py::list images(Simulator& simulator, const std::vector<std::string>& kinds, con
   std::vector<simulator::ImageResponse> responses;
   {
     const py::gil_scoped_release unlocked;
-    responses = simulator.sim_get_images(requests, vehicle, false);
+    responses = simulator.cameras().get_images(requests, vehicle, false);
   }
   py::list list;
   for (simulator::ImageResponse& response : responses) list.append(image_to_python(std::move(response)));
@@ -179,7 +179,7 @@ py::dict lidar_scan(Simulator& simulator, const std::string& lidar, const std::s
   simulator::LidarScanData data;
   {
     const py::gil_scoped_release unlocked;
-    data = simulator.tf_lidar_scan(lidar, vehicle);
+    data = simulator.sensors().lidar_scan(lidar, vehicle);
   }
   const auto count = static_cast<py::ssize_t>(data.intensity.size());
   py::dict out = to_dict(data.pose);
@@ -193,7 +193,7 @@ py::dict lidar_scan(Simulator& simulator, const std::string& lidar, const std::s
 }
 
 py::dict imu_reading(Simulator& simulator, const std::string& imu, const std::string& vehicle) {
-  const simulator::ImuData data = simulator.get_imu_data(imu, vehicle);
+  const simulator::ImuData data = simulator.sensors().get_imu_data(imu, vehicle);
   py::dict out;
   out["time"] = seconds(data.time_stamp);
   out["orientation"] = to_array(data.orientation);
@@ -203,7 +203,7 @@ py::dict imu_reading(Simulator& simulator, const std::string& imu, const std::st
 }
 
 py::dict gps_reading(Simulator& simulator, const std::string& gps, const std::string& vehicle) {
-  const simulator::GpsData data = simulator.get_gps_data(gps, vehicle);
+  const simulator::GpsData data = simulator.sensors().get_gps_data(gps, vehicle);
   const simulator::GnssReport& report = data.gnss;
   py::dict out;
   out["time"] = seconds(data.time_stamp);
@@ -223,8 +223,8 @@ void bind_moves(py::class_<Simulator>& simulator) {
           [](Simulator& s, const std::array<double, 3>& p, float speed, float timeout, const std::string& vehicle) {
             const Vector3r to = vector_from(p);
             return run_task(s, vehicle, [&] {
-              return s.move_to_position(to.x_val, to.y_val, to.z_val, speed, timeout, kAnyDirection, {}, -1.0F, 1.0F,
-                                        vehicle);
+              return s.flight().move_to_position(to.x_val, to.y_val, to.z_val, speed, timeout, kAnyDirection, {}, -1.0F,
+                                                 1.0F, vehicle);
             });
           },
           arg("position"), arg("speed"), arg("timeout") = 3e38F, arg("vehicle") = "",
@@ -235,8 +235,8 @@ void bind_moves(py::class_<Simulator>& simulator) {
              const std::string& vehicle) {
             const Vector3r velocity = vector_from(v);
             return run_task(s, vehicle, [&] {
-              return s.move_by_velocity(velocity.x_val, velocity.y_val, velocity.z_val, duration, kAnyDirection,
-                                        {true, yaw_rate_deg_s}, vehicle);
+              return s.flight().move_by_velocity(velocity.x_val, velocity.y_val, velocity.z_val, duration,
+                                                 kAnyDirection, {true, yaw_rate_deg_s}, vehicle);
             });
           },
           arg("velocity"), arg("duration"), arg("yaw_rate_deg_s") = 0.0F, arg("vehicle") = "",
@@ -247,8 +247,8 @@ void bind_moves(py::class_<Simulator>& simulator) {
              const std::string& vehicle) {
             const Vector3r velocity = vector_from(v);
             return run_task(s, vehicle, [&] {
-              return s.move_by_velocity_body_frame(velocity.x_val, velocity.y_val, velocity.z_val, duration,
-                                                   kAnyDirection, {true, yaw_rate_deg_s}, vehicle);
+              return s.flight().move_by_velocity_body_frame(velocity.x_val, velocity.y_val, velocity.z_val, duration,
+                                                            kAnyDirection, {true, yaw_rate_deg_s}, vehicle);
             });
           },
           arg("velocity"), arg("duration"), arg("yaw_rate_deg_s") = 0.0F, arg("vehicle") = "",
@@ -258,7 +258,7 @@ void bind_moves(py::class_<Simulator>& simulator) {
           [](Simulator& s, float roll, float pitch, float yaw, float throttle, float duration,
              const std::string& vehicle) {
             return run_task(s, vehicle, [&] {
-              return s.move_by_roll_pitch_yaw_throttle(roll, pitch, yaw, throttle, duration, vehicle);
+              return s.flight().move_by_roll_pitch_yaw_throttle(roll, pitch, yaw, throttle, duration, vehicle);
             });
           },
           arg("roll"), arg("pitch"), arg("yaw"), arg("throttle"), arg("duration"), arg("vehicle") = "",
@@ -271,26 +271,26 @@ void bind_flight(py::class_<Simulator>& simulator) {
       .def(
           "takeoff",
           [](Simulator& s, float timeout, const std::string& vehicle) {
-            return run_task(s, vehicle, [&] { return s.takeoff(timeout, vehicle); });
+            return run_task(s, vehicle, [&] { return s.flight().takeoff(timeout, vehicle); });
           },
           arg("timeout") = 20.0F, arg("vehicle") = "", "Takes off; returns whether it was done in time.")
       .def(
           "land",
           [](Simulator& s, float timeout, const std::string& vehicle) {
-            return run_task(s, vehicle, [&] { return s.land(timeout, vehicle); });
+            return run_task(s, vehicle, [&] { return s.flight().land(timeout, vehicle); });
           },
           arg("timeout") = 60.0F, arg("vehicle") = "")
       .def(
           "hover",
           [](Simulator& s, const std::string& vehicle) {
-            return run_task(s, vehicle, [&] { return s.hover(vehicle); });
+            return run_task(s, vehicle, [&] { return s.flight().hover(vehicle); });
           },
           arg("vehicle") = "")
       .def(
           "step",
           [](Simulator& s, double duration) {
             run_interruptibly(
-                py::none(), [&](const Progress&) { s.sim_continue_for_time(duration); }, [&] { s.stop(); });
+                py::none(), [&](const Progress&) { s.clock().continue_for_time(duration); }, [&] { s.stop(); });
           },
           arg("duration"), "Advances simulation time by some seconds, then pauses; Ctrl-C ends the simulator.");
 }
@@ -305,7 +305,7 @@ void bind_sensors(py::class_<Simulator>& simulator) {
       .def(
           "set_camera_fov",
           [](Simulator& s, const std::string& camera, float fov_deg, const std::string& vehicle) {
-            s.sim_set_camera_fov(camera, fov_deg, vehicle, false);
+            s.cameras().set_camera_fov(camera, fov_deg, vehicle, false);
           },
           arg("camera"), arg("fov_deg"), arg("vehicle") = "")
       .def("lidar", &lidar_scan, arg("lidar") = "", arg("vehicle") = "",
@@ -315,7 +315,7 @@ void bind_sensors(py::class_<Simulator>& simulator) {
       .def(
           "distance",
           [](Simulator& s, const std::string& sensor, const std::string& vehicle) {
-            return s.get_distance_sensor_data(sensor, vehicle).distance;
+            return s.sensors().get_distance_sensor_data(sensor, vehicle).distance;
           },
           arg("sensor") = "", arg("vehicle") = "", "Reading of a distance sensor, metres.");
 }
@@ -343,11 +343,16 @@ void bind_simulator(py::module_& module) {
           "close", [](Simulator& s) { s.stop(); }, py::call_guard<py::gil_scoped_release>(),
           "Cancels all tasks and unblocks all calls.")
       .def_property_readonly("warnings", &Simulator::warnings)
-      .def_property_readonly("vehicles", &Simulator::list_vehicles)
+      .def_property_readonly("vehicles", [](const Simulator& s) { return s.vehicles().list_vehicles(); })
       .def("reset", &Simulator::reset, py::call_guard<py::gil_scoped_release>(),
            "Puts all vehicles back to their start.")
-      .def("enable_control", &Simulator::enable_api_control, arg("enabled") = true, arg("vehicle") = "")
-      .def("arm", &Simulator::arm_disarm, arg("armed") = true, arg("vehicle") = "")
+      .def(
+          "enable_control",
+          [](Simulator& s, bool enabled, const std::string& v) { s.vehicles().enable_api_control(enabled, v); },
+          arg("enabled") = true, arg("vehicle") = "")
+      .def(
+          "arm", [](Simulator& s, bool armed, const std::string& v) { return s.vehicles().arm_disarm(armed, v); },
+          arg("armed") = true, arg("vehicle") = "")
       .def("state", &state_of, arg("vehicle") = "",
            "A dictionary: time (s), position, orientation, linear_velocity (NED), angular_velocity (body, rad/s), "
            "linear_acceleration, angular_acceleration, landed. True values.")
@@ -358,11 +363,11 @@ void bind_simulator(py::module_& module) {
           [](Simulator& s, const std::array<double, 3>& position, const std::array<double, 4>& orientation,
              const std::string& vehicle) {
             const py::gil_scoped_release unlocked;
-            s.sim_set_vehicle_pose(pose_from(position, orientation), true, vehicle);
+            s.vehicles().set_vehicle_pose(pose_from(position, orientation), true, vehicle);
           },
           arg("position"), arg("orientation") = std::array<double, 4>{1, 0, 0, 0}, arg("vehicle") = "")
       .def(
-          "pose", [](const Simulator& s, const std::string& v) { return to_dict(s.sim_get_vehicle_pose(v)); },
+          "pose", [](const Simulator& s, const std::string& v) { return to_dict(s.vehicles().get_vehicle_pose(v)); },
           arg("vehicle") = "");
   bind_sensors(simulator);
   bind_flight(simulator);

@@ -6,8 +6,7 @@
 
 #include "bindings.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/program_path.h"
-#include "tileflight/core/base/version.h"
+#include "tileflight/core/base/program.h"
 
 namespace tileflight::python {
 
@@ -71,6 +70,8 @@ PYBIND11_MODULE(_core, module) {
   tp::bind_sensors(module);
   tp::bind_odometry(module);
   tp::bind_scoring(module);
+#ifdef TILEFLIGHT_LIVE
   tp::bind_simulator(module);
+#endif
   tp::bind_commands(module);
 }

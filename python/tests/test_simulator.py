@@ -19,6 +19,7 @@ def flat():
     return tf.Scene.from_mesh(ground + wall, [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]])
 
 
+@unittest.skipUnless(hasattr(tf, "Simulator"), "the library was built without the simulator")
 class SimulatorTest(unittest.TestCase):
     def setUp(self):
         self.simulator = tf.Simulator.of_scene(flat(), SETTINGS, ned_origin=[0, 0, 0])
@@ -63,6 +64,7 @@ class SimulatorTest(unittest.TestCase):
             tf.Simulator.of_scene(flat(), {"SimMode": "Submarine"})
 
 
+@unittest.skipUnless(hasattr(tf, "Simulator"), "the library was built without the simulator")
 class NavigationTest(unittest.TestCase):
     def test_observations_and_actions_are_in_their_spaces(self):
         for settings in ({}, {"observation": "rgb"}, {"observation": "lidar"}, {"action": "attitude"}):

@@ -12,7 +12,7 @@ along z, with x right and y down; `T_a_b` is the 4x4 matrix that maps coordinate
 depend on the number of threads. What cannot be used raises `InputError`, a `ValueError` of one line.
 """
 
-from . import commands
+from . import _core, commands
 from ._core import (
     Camera,
     Flight,
@@ -24,7 +24,6 @@ from ._core import (
     Path,
     Renderer,
     Scene,
-    Simulator,
     TrackedFrame,
     VoxelGrid,
     __version__,
@@ -70,7 +69,6 @@ __all__ = [
     "Path",
     "Renderer",
     "Scene",
-    "Simulator",
     "TrackedFrame",
     "VoxelGrid",
     "__version__",
@@ -103,3 +101,8 @@ __all__ = [
     "tile",
     "umeyama",
 ]
+
+if hasattr(_core, "Simulator"):  # absent from a library that was built without the simulator (TILEFLIGHT_LIVE=OFF)
+    from ._core import Simulator
+
+    __all__ += ["Simulator"]

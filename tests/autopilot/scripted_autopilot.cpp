@@ -33,8 +33,8 @@ void end_at(const std::string& end, double at_s, double now_s) {
 void fly_ardupilot(std::uint16_t port, std::vector<Vec3> points, const std::string& end, double at_s) {
   constexpr int kRate = 400;
   const support::UdpClient client(port);
-  support::ScriptedAutopilot autopilot(
-      tileflight::vehicle::make_airframe(tileflight::vehicle::AirframeKind::kQuadX), std::move(points), 0.65);
+  support::ScriptedAutopilot autopilot(tileflight::vehicle::make_airframe(tileflight::vehicle::AirframeKind::kQuadX),
+                                       std::move(points), 0.65);
   support::Observation seen;
   bool stammers = end == "stammers";
   for (std::uint32_t frame = 0;; ++frame) {

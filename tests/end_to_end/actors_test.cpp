@@ -10,9 +10,8 @@
 #include "tests/run_program.h"
 #include "tests/same_files.h"
 #include "tests/tiny_place.h"
-#include "tileflight/data/dataset/dataset.h"
-#include "tileflight/core/imaging/exr_channels.h"
 #include "tileflight/core/imaging/image_files.h"
+#include "tileflight/data/dataset/dataset.h"
 
 namespace tileflight::actors_test {
 namespace {

@@ -1,4 +1,4 @@
-// `extract --block` by several processes: ranks of mpirun, parts, tasks; killed, refused, and gone on with.
+// `extract --block` by several processes: parts and tasks; killed, refused, and gone on with.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <signal.h>
@@ -9,7 +9,6 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
-#include "tests/mpirun.h"
 #include "tests/run_program.h"
 #include "tests/same_files.h"
 #include "tests/tiny_place.h"
@@ -142,43 +141,6 @@ TEST_F(Blocks, AreTheSameInTasksThatWereKilled) {
   EXPECT_EQ(again.exit_code, 1);
   EXPECT_THAT(again.err, HasSubstr("exists already; --force replaces it"));
 }
-
-#ifdef TILEFLIGHT_MPIRUN
-TEST_F(Blocks, AreTheSameByRanks) {
-  understate_a_volume();
-  extract("alone");
-  for (const int count : {2, 4}) {
-    const std::string out = "by" + std::to_string(count);
-    const ProgramResult result = tests::run_by_mpirun(count, call(out));
-    ASSERT_EQ(result.exit_code, 0) << result.err;
-    EXPECT_EQ(json::parse(result.out)["build"]["ranks"], count);
-    expect_same("alone", out);
-  }
-  const ProgramResult whole = tests::run_by_mpirun(
-      2, {"extract", (folder_ / "place").string(), "--voxel", "0.5", "--out", (folder_ / "whole").string()});
-  EXPECT_NE(whole.exit_code, 0);
-  EXPECT_THAT(whole.err, HasSubstr("only `render` and `extract --block` share their work"));
-}
-
-TEST_F(Blocks, ARankThatDiesIsNamedAndTheOthersWorkIsKept) {
-  ProgramResult result;
-  std::thread run([&] { result = tests::run_by_mpirun(2, call("out", {"--threads", "1"})); });
-  while (blocks_in(kept("out")) < 3 && !fs::exists(folder_ / "out"))
-    std::this_thread::sleep_for(std::chrono::milliseconds(1));
-  const auto victim = tests::process_of_rank(1, (folder_ / "out").string());
-  EXPECT_TRUE(victim.has_value());
-  if (victim) ::kill(*victim, SIGKILL);
-  run.join();
-  EXPECT_NE(result.exit_code, 0);
-  EXPECT_FALSE(fs::exists(folder_ / "out"));
-  EXPECT_THAT(result.err, HasSubstr("rank 1 of 2 died; ")) << result.err;
-  EXPECT_THAT(result.err, HasSubstr(" of 25 blocks are kept in " + kept("out").string()));
-  const std::size_t there = blocks_in(kept("out"));
-  EXPECT_EQ(extract("out")["build"]["blocks_reused"], there);
-  extract("alone");
-  expect_same("alone", "out");
-}
-#endif
 
 }  // namespace
 }  // namespace tileflight::blocks_test

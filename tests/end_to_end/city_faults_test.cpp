@@ -7,11 +7,9 @@
 #include <functional>
 #include <map>
 #include <nlohmann/json.hpp>
-#include <sstream>
 #include <string>
 #include <vector>
 
-#include "tests/mpirun.h"
 #include "tests/refused_command.h"
 #include "tests/render_command.h"
 #include "tests/run_program.h"
@@ -46,13 +44,6 @@ class CityFaults : public testing::Test {
     words.insert(words.end(), more.begin(), more.end());
     return words;
   }
-  /// The commands' lines are of the program; mpirun adds its own.
-  static int own_lines(const std::string& text) {
-    std::istringstream lines(text);
-    int own = 0;
-    for (std::string line; std::getline(lines, line);) own += line.starts_with("tileflight: ") ? 1 : 0;
-    return own;
-  }
 
   tests::TemporaryFolder folder_;
   fs::path tile_ = folder_ / "place/t120.glb";  ///< of the finest level, under the flight's first leg
@@ -75,7 +66,7 @@ TEST_F(CityFaults, ABrokenTileIsOneLineThatNamesIt) {
     ASSERT_NE(broken, whole);
     TinyPlace::write_file(tile_, broken);
     for (const auto& words :
-         {render({"--memory", "1"}), render({"--memory", "0.005"}), extract({}), extract({"--block", "200"})}) {
+         {render({"--memory", "1"}), render({"--memory", "0.0062"}), extract({}), extract({"--block", "200"})}) {
       tests::expect_one_line_refusal(run_tileflight(words), "t120.glb");
       EXPECT_FALSE(fs::exists(folder_ / "out"));
     }
@@ -84,23 +75,6 @@ TEST_F(CityFaults, ABrokenTileIsOneLineThatNamesIt) {
   ASSERT_EQ(without.exit_code, 0) << without.err;
   EXPECT_FALSE(nlohmann::json::parse(without.out)["complete"].get<bool>());
 }
-
-#ifdef TILEFLIGHT_MPIRUN
-TEST_F(CityFaults, ABrokenTileEndsAllProcessesWithOneLine) {
-  fs::resize_file(tile_, fs::file_size(tile_) / 2);
-  for (const std::string deal : {"frames", "tiles"}) {
-    const ProgramResult result = tests::run_by_mpirun(3, render({"--deal", deal, "--memory", "1"}));
-    EXPECT_NE(result.exit_code, 0);
-    EXPECT_THAT(result.err, HasSubstr("t120.glb"));
-    EXPECT_EQ(own_lines(result.err), 1) << result.err;
-    EXPECT_FALSE(fs::exists(folder_ / "out"));
-  }
-  const ProgramResult blocks = tests::run_by_mpirun(2, extract({"--block", "200"}));
-  EXPECT_NE(blocks.exit_code, 0);
-  EXPECT_THAT(blocks.err, HasSubstr("t120.glb"));
-  EXPECT_EQ(own_lines(blocks.err), 1) << blocks.err;
-}
-#endif
 
 TEST_F(CityFaults, AFlightGoesOnAfterAFullDisk) {
   const std::vector<std::string> more{"--outputs", "depth", "--resume", "--threads", "1"};

@@ -11,7 +11,7 @@
 
 #include "tests/run_program.h"
 #include "tests/tiny_place.h"
-#include "tileflight/core/geometry/ply_cloud.h"
+#include "tileflight/core/geometry/ply.h"
 
 namespace tileflight::evaluate_memory_test {
 namespace {

@@ -8,16 +8,15 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "tests/mpirun.h"
 #include "tests/render_command.h"
 #include "tests/run_program.h"
 #include "tests/same_files.h"
 #include "tests/source_folder.h"
 #include "tests/tiny_city.h"
 #include "tests/tiny_place.h"
-#include "tileflight/data/dataset/dataset.h"
 #include "tileflight/capture/events/dsec_file.h"
 #include "tileflight/core/imaging/image_files.h"
+#include "tileflight/data/dataset/dataset.h"
 
 namespace tileflight::events_test {
 namespace {
@@ -98,11 +97,6 @@ TEST_F(Events, AreTheSameInPartsThreadsAndProcesses) {
   }
   EXPECT_GT(render("resumed", {"--resume"})["frames_taken_up"], 5);
   tests::expect_same_files(folder_ / "whole", folder_ / "resumed");
-#ifdef TILEFLIGHT_MPIRUN
-  const ProgramResult shared = tests::run_by_mpirun(2, arguments("shared", {}));
-  ASSERT_EQ(shared.exit_code, 0) << shared.err;
-  tests::expect_same_files(folder_ / "whole", folder_ / "shared");
-#endif
 }
 
 TEST_F(Events, AreRecordedBesidePicturesThatStayTheSame) {
@@ -175,11 +169,9 @@ TEST_F(Events, AddUpToTheChangeBetweenPictures) {
 TEST_F(Events, EachCameraOfARigHasItsOwn) {
   write_rig(std::string(", events: ") + kEvents);
   render("rig");
-#ifdef TILEFLIGHT_MPIRUN
-  const ProgramResult shared = tests::run_by_mpirun(2, arguments("shared", {}));  // each process records one of them
-  ASSERT_EQ(shared.exit_code, 0) << shared.err;
-  tests::expect_same_files(folder_ / "rig", folder_ / "shared");
-#endif
+  const ProgramResult tasks = run_tileflight(arguments("tasks", {"--jobs", "2", "--no-snakemake"}));
+  ASSERT_EQ(tasks.exit_code, 0) << tasks.err;
+  tests::expect_same_files(folder_ / "rig", folder_ / "tasks");
   const events::EventRecording left = recording("rig"), right = recording("rig/cameras/right");
   EXPECT_GT(right.events.size(), 5000U);
   EXPECT_NE(left.events, right.events);

@@ -8,7 +8,7 @@
 
 #include "tests/run_program.h"
 #include "tests/tiny_experiments.h"
-#include "tileflight/core/base/folder_marker.h"
+#include "tileflight/core/base/output_folder.h"
 #include "tileflight/core/imaging/camera.h"
 #include "tileflight/core/imaging/image_files.h"
 

@@ -91,5 +91,23 @@ TEST_F(FrameTasks, BadRangesAreOneLine) {
   EXPECT_FALSE(fs::exists(folder_ / ".out.frames"));
 }
 
+TEST_F(FrameTasks, FramesOfOtherSettingsAreNotTakenUp) {
+  const fs::path folder = (folder_ / ".data.frames");
+  fs::create_directories(folder / "frames");
+  fs::create_directories(folder / "dataset/images");
+  TinyPlace::write_file(folder / "inputs.json", R"({"program": "another"})");
+  TinyPlace::write_file(folder / "dataset/images/000099.jpg", "of another flight");
+  const ProgramResult result = render("data", {});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_THAT(result.out,
+              HasSubstr("frames of an earlier render are not reused, because these inputs differ: path and camera, "
+                        "program, seed, settings, source"));
+  ASSERT_EQ(render("new", {}).exit_code, 0);
+  tests::expect_same_files(folder_ / "new", folder_ / "data");
+  ASSERT_EQ(render("kept", {"--resume"}).exit_code, 0);
+  tests::expect_same_files(folder_ / "new", folder_ / "kept");
+  EXPECT_FALSE(fs::exists(folder_ / ".kept.frames"));
+}
+
 }  // namespace
 }  // namespace tileflight::frame_tasks_test

@@ -9,7 +9,7 @@
 #include "tests/temporary_folder.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/data/dataset/dataset.h"
-#include "tileflight/data/dataset/imu_files.h"
+#include "tileflight/data/dataset/sensor_files.h"
 #include "tileflight/evaluation/metrics/metrics.h"
 #include "tileflight/slam/odometry/test_inertial_flight.h"
 
@@ -66,10 +66,8 @@ class InertialOdometry : public ::testing::Test {
   void expect_metric(const std::string& out) const {
     const auto path = geometry::read_tum(folder_ / out / "trajectory.txt"),
                truth = geometry::read_tum(dataset_ / "groundtruth.txt");
-    const auto rigid =
-        metrics::evaluate_trajectory(path, truth, {.alignment = metrics::TrajectoryAlignment::kSE3});
-    const auto scaled =
-        metrics::evaluate_trajectory(path, truth, {.alignment = metrics::TrajectoryAlignment::kSim3});
+    const auto rigid = metrics::evaluate_trajectory(path, truth, {.alignment = metrics::TrajectoryAlignment::kSE3});
+    const auto scaled = metrics::evaluate_trajectory(path, truth, {.alignment = metrics::TrajectoryAlignment::kSim3});
     EXPECT_NEAR(scaled.scale, 1.0, 0.015) << out;
     EXPECT_LT(rigid.ate_rmse_m, 0.01 * rigid.path_length_m) << out;
     // Level: what the camera sees of the vertical is the truth's.

@@ -7,8 +7,8 @@
 
 #include "tests/run_program.h"
 #include "tests/test_data.h"
-#include "tileflight/evaluation/metrics/metrics.h"
 #include "tileflight/core/geometry/trajectory.h"
+#include "tileflight/evaluation/metrics/metrics.h"
 
 namespace tileflight::machangara_test {
 namespace {

@@ -11,7 +11,7 @@
 #include "tests/shared_stadium.h"
 #include "tests/temporary_folder.h"
 #include "tileflight/core/geometry/cloud_files.h"
-#include "tileflight/core/geometry/trajectory_files.h"
+#include "tileflight/core/geometry/trajectory.h"
 
 namespace tileflight::moving_points_test {
 namespace {

@@ -6,10 +6,10 @@
 
 #include "tests/run_program.h"
 #include "tests/tiny_flight.h"
-#include "tileflight/core/base/folder_marker.h"
-#include "tileflight/evaluation/metrics/metrics.h"
+#include "tileflight/core/base/output_folder.h"
 #include "tileflight/core/geometry/cloud_files.h"
 #include "tileflight/core/imaging/image_files.h"
+#include "tileflight/evaluation/metrics/metrics.h"
 
 namespace tileflight::odometry_command_test {
 namespace {
@@ -35,7 +35,7 @@ class OdometryCommand : public ::testing::Test {
   double ate_share(const std::string& out,
                    metrics::TrajectoryAlignment alignment = metrics::TrajectoryAlignment::kSim3) const {
     const auto metrics = metrics::evaluate_trajectory(geometry::read_tum(folder_ / out / "trajectory.txt"),
-                                                         TinyFlight::truth(), {.alignment = alignment});
+                                                      TinyFlight::truth(), {.alignment = alignment});
     return metrics.ate_rmse_m / metrics.path_length_m;
   }
 

@@ -6,8 +6,8 @@
 
 #include "tests/run_program.h"
 #include "tests/tiny_place.h"
-#include "tileflight/data/dataset/dataset.h"
 #include "tileflight/core/imaging/image_files.h"
+#include "tileflight/data/dataset/dataset.h"
 
 namespace tileflight::render_camera_test {
 namespace {

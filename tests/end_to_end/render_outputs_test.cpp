@@ -9,12 +9,11 @@
 
 #include "tests/run_program.h"
 #include "tests/tiny_place.h"
-#include "tileflight/data/dataset/dataset.h"
+#include "tileflight/capture/render/linear_color.h"
 #include "tileflight/core/geometry/geodesy.h"
-#include "tileflight/core/imaging/exr_channels.h"
 #include "tileflight/core/imaging/image_files.h"
 #include "tileflight/core/imaging/photometric.h"
-#include "tileflight/capture/render/linear_color.h"
+#include "tileflight/data/dataset/dataset.h"
 
 namespace tileflight::render_outputs_test {
 namespace {

@@ -6,14 +6,13 @@
 
 #include <nlohmann/json.hpp>
 
-#include "tests/mpirun.h"
 #include "tests/run_program.h"
 #include "tests/same_files.h"
 #include "tests/tiny_city.h"
 #include "tests/tiny_place.h"
-#include "tileflight/data/dataset/depth_images.h"
-#include "tileflight/data/dataset/imu_files.h"
 #include "tileflight/core/imaging/image_files.h"
+#include "tileflight/data/dataset/frame_layers.h"
+#include "tileflight/data/dataset/sensor_files.h"
 
 namespace tileflight::rig_test {
 namespace {
@@ -242,13 +241,9 @@ TEST_F(RenderedRig, DepthsOfAPairAgree) {
   EXPECT_GT(agree, 0.95 * seen);
 }
 
-#ifdef TILEFLIGHT_MPIRUN
-TEST_F(RenderedRig, SeveralProcessesAndPartsGiveTheSame) {
+TEST_F(RenderedRig, TasksAndPartsGiveTheSame) {
   render("rig", "one", {"--degrade", (folder_ / "noisy.yaml").string()});
   const std::vector<std::string> noisy{"--degrade", (folder_ / "noisy.yaml").string()};
-  const ProgramResult shared = tests::run_by_mpirun(3, call("rig", "three", noisy));
-  ASSERT_EQ(shared.exit_code, 0) << shared.err;
-  tests::expect_same_files(folder_ / "one", folder_ / "three");
   for (const char* part : {"0:5", "5:18"}) {
     std::vector<std::string> words = noisy;
     words.insert(words.end(), {"--frames", part});
@@ -260,7 +255,6 @@ TEST_F(RenderedRig, SeveralProcessesAndPartsGiveTheSame) {
   EXPECT_EQ(render("rig", "parts", words)["frames_taken_up"], 18);
   tests::expect_same_files(folder_ / "one", folder_ / "parts");
 }
-#endif
 
 TEST_F(RenderedRig, IsFilmedAndTrackedByTheCameraAskedFor) {
   TinyPlace::write_file(folder_ / "video.yaml", "video_crf: 20\n");

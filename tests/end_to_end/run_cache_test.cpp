@@ -10,7 +10,7 @@
 #include "tests/background_program.h"
 #include "tests/run_program.h"
 #include "tests/tiny_experiments.h"
-#include "tileflight/core/base/folder_marker.h"
+#include "tileflight/core/base/output_folder.h"
 
 namespace tileflight::run_cache_test {
 namespace {

@@ -8,7 +8,7 @@
 #include "tests/run_program.h"
 #include "tests/tiny_flight.h"
 #include "tests/tiny_place.h"
-#include "tileflight/core/base/folder_marker.h"
+#include "tileflight/core/base/output_folder.h"
 
 namespace tileflight::safe_output_test {
 namespace {

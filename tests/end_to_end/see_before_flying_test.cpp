@@ -10,10 +10,10 @@
 
 #include "tests/run_program.h"
 #include "tests/tiny_place.h"
-#include "tileflight/data/dataset/dataset.h"
+#include "tileflight/capture/recording/flight_faults.h"
 #include "tileflight/core/geometry/geodesy.h"
 #include "tileflight/core/imaging/image_files.h"
-#include "tileflight/capture/recording/flight_faults.h"
+#include "tileflight/data/dataset/dataset.h"
 
 namespace tileflight::see_before_flying_test {
 namespace {

@@ -7,9 +7,8 @@
 #include "tests/run_program.h"
 #include "tests/tiny_place.h"
 #include "tileflight/data/dataset/dataset.h"
-#include "tileflight/data/dataset/imu_files.h"
 #include "tileflight/data/dataset/lidar_files.h"
-#include "tileflight/data/dataset/number_table.h"
+#include "tileflight/data/dataset/sensor_files.h"
 
 namespace tileflight::sensors_test {
 namespace {
@@ -76,7 +75,7 @@ TEST_F(Sensors, AllSayWhatIsThereAtTheirTimes) {
   const auto imu = dataset::read_imu_csv(data / "imu.csv");
   ASSERT_EQ(imu.size(), 226U);  // 2.25 s
   EXPECT_NEAR(imu.front().specific_force_m_s2.norm(), 9.80665, 1e-9);
-  EXPECT_EQ(dataset::read_imu_yaml(data / "imu.yaml").update_rate_hz, 100.0);
+  EXPECT_EQ(dataset::read_imu_noise(data / "imu.yaml").update_rate_hz, 100.0);
 
   const dataset::NumberTable air = dataset::read_number_table(data / "barometer.csv");
   ASSERT_EQ(air.rows.size(), 46U);

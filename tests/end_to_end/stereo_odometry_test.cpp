@@ -8,10 +8,10 @@
 #include "tests/refused_command.h"
 #include "tests/run_program.h"
 #include "tests/temporary_folder.h"
-#include "tileflight/data/dataset/dataset.h"
-#include "tileflight/evaluation/metrics/metrics.h"
 #include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/core/imaging/calibration_files.h"
+#include "tileflight/data/dataset/dataset.h"
+#include "tileflight/evaluation/metrics/metrics.h"
 #include "tileflight/slam/odometry/synthetic_flight.h"
 
 namespace tileflight::stereo_odometry_test {
@@ -89,8 +89,7 @@ class StereoOdometryCommand : public ::testing::Test {
   void expect_metric(const std::string& out, const fs::path& groundtruth) const {
     const auto path = geometry::read_tum(folder_ / out / "trajectory.txt"), truth = geometry::read_tum(groundtruth);
     EXPECT_EQ(path.size(), static_cast<std::size_t>(kFrames));
-    const auto scaled =
-        metrics::evaluate_trajectory(path, truth, {.alignment = metrics::TrajectoryAlignment::kSim3});
+    const auto scaled = metrics::evaluate_trajectory(path, truth, {.alignment = metrics::TrajectoryAlignment::kSim3});
     EXPECT_NEAR(scaled.scale, 1.0, 0.01) << out;
   }
   void expect_refused(const std::vector<std::string>& more, const std::string& message) const {

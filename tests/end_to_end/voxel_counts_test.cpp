@@ -2,9 +2,9 @@
 #include <gtest/gtest.h>
 
 #include "tests/test_data.h"
+#include "tileflight/tiles/tileset/load.h"
 #include "tileflight/world/ground_truth/voxelize.h"
 #include "tileflight/world/scene/scene.h"
-#include "tileflight/tiles/tileset/load.h"
 
 namespace tileflight::voxel_counts_test {
 namespace {

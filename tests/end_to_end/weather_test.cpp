@@ -6,14 +6,13 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "tests/mpirun.h"
 #include "tests/render_command.h"
 #include "tests/run_program.h"
 #include "tests/same_files.h"
 #include "tests/tiny_city.h"
 #include "tests/tiny_place.h"
-#include "tileflight/data/dataset/dataset.h"
 #include "tileflight/core/imaging/image_files.h"
+#include "tileflight/data/dataset/dataset.h"
 
 namespace tileflight::weather_test {
 namespace {
@@ -59,7 +58,7 @@ class Weather : public testing::Test {
   tests::TemporaryFolder folder_;
 };
 
-TEST_F(Weather, IsTheSameInPartsRegionsAndProcesses) {
+TEST_F(Weather, IsTheSameInPartsAndTasks) {
   const std::vector<std::string> more{"--outputs", "depth",     "--samples",
                                       "4",         "--degrade", (folder_ / "degrade.yaml").string()};
   const auto with = [&](std::vector<std::string> words) {
@@ -67,13 +66,11 @@ TEST_F(Weather, IsTheSameInPartsRegionsAndProcesses) {
     return words;
   };
   render("whole", with({"--memory", "1", "--threads", "1"}));
-  EXPECT_GT(render("regions", with({"--memory", "0.0035", "--threads", "2"}))["frames_divided"], 0);
-  tests::expect_same_files(folder_ / "whole", folder_ / "regions");
-#ifdef TILEFLIGHT_MPIRUN
-  const ProgramResult shared = tests::run_by_mpirun(2, arguments("shared", with({"--memory", "0.007"})));
-  ASSERT_EQ(shared.exit_code, 0) << shared.err;
-  tests::expect_same_files(folder_ / "whole", folder_ / "shared");
-#endif
+  EXPECT_GT(render("parts", with({"--memory", "0.0062", "--threads", "2"}))["parts"], 1);
+  tests::expect_same_files(folder_ / "whole", folder_ / "parts");
+  const ProgramResult tasks = run_tileflight(arguments("tasks", with({"--jobs", "2", "--no-snakemake"})));
+  ASSERT_EQ(tasks.exit_code, 0) << tasks.err;
+  tests::expect_same_files(folder_ / "whole", folder_ / "tasks");
 }
 
 TEST_F(Weather, IsRecordedAndChangesPicturesAlone) {

@@ -1,6 +1,6 @@
 #include "tests/fuzz/memory_file.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/data/flight_logs/telemetry_file.h"
+#include "tileflight/data/flight_logs/telemetry.h"
 
 /// A flight log of any bytes: subtitles, CSV, GPX, KML, ULog or DataFlash.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

@@ -1,7 +1,7 @@
 #include <cstdlib>
 #include <string>
 
-#include "tileflight/live/autopilot/hil_messages.h"
+#include "tileflight/live/autopilot/mavlink.h"
 
 namespace {
 

@@ -2,8 +2,7 @@
 
 #include "tests/fuzz/memory_file.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/tiles/mesh_files/mtl_file.h"
-#include "tileflight/tiles/mesh_files/obj_file.h"
+#include "tileflight/tiles/mesh_files/obj_meshes.h"
 #include "tileflight/tiles/mesh_files/ply_meshes.h"
 
 /// A mesh of any bytes: PLY, or OBJ and its MTL.

@@ -2,7 +2,7 @@
 #include <cstdint>
 #include <span>
 
-#include "tileflight/data/flight_logs/photo_tags.h"
+#include "tileflight/data/flight_logs/photo_log.h"
 
 /// EXIF and XMP of any bytes.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

@@ -4,7 +4,7 @@
 
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/live/ros2/command_messages.h"
-#include "tileflight/live/ros2/service_message.h"
+#include "tileflight/live/ros2/service.h"
 
 namespace {
 

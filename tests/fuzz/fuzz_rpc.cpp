@@ -1,10 +1,9 @@
 #include <cstdlib>
 #include <string>
 
-#include "tileflight/live/rpc/message_scanner.h"
 #include "tileflight/live/airsim/airsim_methods.h"
-#include "tileflight/live/airsim/extension_methods.h"
 #include "tileflight/live/airsim/test_null_simulator_caller.h"
+#include "tileflight/live/rpc/message_scanner.h"
 
 namespace {
 

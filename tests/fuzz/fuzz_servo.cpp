@@ -1,7 +1,7 @@
 #include <cstdlib>
 
-#include "tileflight/live/autopilot/ardupilot_packet.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/live/autopilot/ardupilot_packet.h"
 
 /// A datagram at an autopilot's UDP port.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

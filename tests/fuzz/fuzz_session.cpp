@@ -4,7 +4,7 @@
 
 #include "tests/fuzz/memory_file.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/live/airsim/session_file.h"
+#include "tileflight/live/airsim/session.h"
 
 namespace {
 

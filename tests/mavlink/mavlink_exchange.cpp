@@ -9,8 +9,8 @@
 #include <string>
 #include <type_traits>
 
-#include "tileflight/live/autopilot/hil_messages.h"
 #include "tileflight/core/base/random_numbers.h"
+#include "tileflight/live/autopilot/mavlink.h"
 
 namespace {
 

@@ -8,7 +8,6 @@
 #include <nlohmann/json.hpp>
 #include <numeric>
 
-#include "tileflight/core/alignment/pose_alignment.h"
 #include "tileflight/core/alignment/umeyama.h"
 #include "tileflight/core/base/input_error.h"
 
@@ -115,10 +114,10 @@ std::string path_sigma_line(const std::vector<Outcome>& outcomes, const std::str
          quantile(0.05) + ", median " + quantile(0.5) + ", 5 % above " + quantile(0.95) + "\n";
 }
 
-/// What is only possible counts here, too.
+/// Counts with notes included.
 std::string literal_counts(const std::vector<Outcome>& outcomes) {
   const auto count = [&](auto&& which) { return std::to_string(std::ranges::count_if(outcomes, which)); };
-  return "Right with any warning, possible ones too: " +
+  return "Right with any warning, notes included: " +
          count([](const Outcome& o) { return o.is_right() && !o.is_without_a_word(); }) +
          "; wrong without any warning at all: " +
          count([](const Outcome& o) { return !o.is_right() && o.is_without_a_word(); }) + "\n";

@@ -38,15 +38,14 @@ struct Outcome {
   std::optional<PathSigmas> path_sigmas;  ///< whether the odometry's own are right
   double sigma_m = 0.0;                   ///< that the transform says of itself; 0: none
   std::vector<std::string> warnings;      ///< all that the program said, odometry to scores
-  bool withheld = false;                  ///< one of them is certain or likely, so that no verdict may rest on the map
+  bool withheld = false;  ///< one of them is an error or a warning, so that no verdict may rest on the map
   double seconds = 0.0;
 
   /// Within max(0.1 m, 3 ATE), and the path within a hundredth of its length.
   bool is_right() const;
-  /// What is only possible is said beside a verdict, and neither hides nor excuses an error.
+  /// Notes stand beside a verdict; they neither hide nor excuse an error.
   bool has_warning() const { return withheld || !error.empty(); }
-  /// Nothing at all was said: stricter for wrong ones than "SILENT", which a warning that is only possible does not
-  /// lift.
+  /// Returns whether nothing at all was reported. This is stricter than "SILENT", which a note does not lift.
   bool is_without_a_word() const { return warnings.empty() && error.empty(); }
   /// "right", "false warning", "warned" or "SILENT".
   std::string verdict() const;

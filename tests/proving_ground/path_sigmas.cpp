@@ -7,7 +7,7 @@
 #include "tileflight/core/alignment/umeyama.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/text_fields.h"
+#include "tileflight/core/base/text_parsing.h"
 
 namespace tileflight::proving_ground {
 namespace {

@@ -13,7 +13,7 @@
 #include <numbers>
 
 #include "outcome.h"
-#include "tileflight/core/alignment/pose_alignment.h"
+#include "tileflight/core/alignment/umeyama.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/evaluation/scoring/align_stage.h"
 #include "tileflight/evaluation/scoring/align_target.h"
@@ -165,15 +165,12 @@ class Recall {
     const auto transform = scoring::align(flight.inputs, options_.out / "places" / place_of(name), {},
                                           fs::temp_directory_path() / ("place-recall-" + name + ".json"));
     const double seconds = seconds_since(begin);
-    geometry::Mat4 m;
-    for (int row = 0; row < 4; ++row)
-      for (int column = 0; column < 4; ++column) m(row, column) = transform.at("matrix").at(row).at(column);
-    const TrueErrors errors = true_errors(flight.map, flight.path, flight.truth, Sim3::from_matrix(m));
+    const TrueErrors errors = true_errors(flight.map, flight.path, flight.truth, transform.T_local_map());
     const bool right = errors.offset_m <= std::max(0.1, 3.0 * errors.ate_m);
     ++flights_;
     found_ += right ? 1 : 0;
     std::printf("%-66s %s  offset %.3f m  warnings %zu  %.1f s\n", name.c_str(), right ? "right" : "wrong",
-                errors.offset_m, transform.at("warnings").size(), seconds);
+                errors.offset_m, transform.warnings.size(), seconds);
   }
 
   Options options_;

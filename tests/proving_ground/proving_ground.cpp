@@ -72,7 +72,7 @@ std::vector<Place> read_places(const fs::path& file, const fs::path& out) {
     if (place.source == "stadium:twin") {
       const fs::path built_in = out / "places/built-in";
       if (!fs::exists(built_in)) {
-        base::write_folder({.folder = built_in, .command = "proving_ground", .legacy = {}},
+        base::write_folder({.folder = built_in, .command = "proving_ground"},
                            [](const fs::path& folder) { demo_place::write_stadium(folder, {}); });
       }
       place.source = (built_in / "twin/tileset.json").string();
@@ -125,7 +125,7 @@ recording::RenderedFlightConfig degraded(recording::RenderedFlightConfig flight)
   formation.white_electrons = 8000;
   formation.read_noise_electrons = 8;
   flight.degrade = formation;
-  flight.video = dataset::VideoCompression{.crf = 20};
+  flight.video = video::VideoCompression{.crf = 20};
   return flight;
 }
 
@@ -193,7 +193,7 @@ Outcome fly(const Field& field, const FlightDraw& draw, const std::string& name,
     outcome.stage = "odometry";
     take_warnings(tracked, outcome);
     const scoring::MapInputs map = known_inputs(draw, folder);
-    const json transform = scoring::align(map, field.truth, {}, folder / "transform.json");
+    const json transform = to_json(scoring::align(map, field.truth, {}, folder / "transform.json"));
     outcome.stage = "align";
     outcome.sigma_m = sigma_of(transform);
     take_warnings(transform, outcome);
@@ -201,7 +201,8 @@ Outcome fly(const Field& field, const FlightDraw& draw, const std::string& name,
     outcome.errors =
         true_errors(scoring::read_map(map.map), geometry::read_tum(map.trajectory), truth, matrix_of(transform));
     outcome.path_sigmas = path_sigmas(folder / "odometry", truth);
-    take_warnings(scoring::evaluate(map, field.truth, folder / "transform.json", {}, folder / "metrics.json"), outcome);
+    take_warnings(to_json(scoring::evaluate(map, field.truth, folder / "transform.json", {}, folder / "metrics.json")),
+                  outcome);
     outcome.stage = "evaluate";
   } catch (const InputError& error) {
     outcome.error = error.what();

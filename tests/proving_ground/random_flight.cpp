@@ -6,8 +6,8 @@
 #include <functional>
 #include <numbers>
 
-#include "tileflight/core/base/random_numbers.h"
 #include "tileflight/capture/flight_path/path.h"
+#include "tileflight/core/base/random_numbers.h"
 
 namespace tileflight::proving_ground {
 namespace {
@@ -230,7 +230,7 @@ std::optional<geometry::Trajectory> try_spot(const FlightDraw& draw, const Groun
                        (draw.kind == FlightKind::kOrbit ? 0.0 : draw.view_yaw_deg) + sway(0, time_s);
     poses.poses.push_back(
         {time_s, SE3(flight_path::camera_orientation(yaw, std::clamp(draw.pitch_deg + sway(1, time_s), -90.0, 90.0),
-                                                draw.bank_deg * p.turn + sway(2, time_s)),
+                                                     draw.bank_deg * p.turn + sway(2, time_s)),
                      position)});
   }
   if (!keeps_clear(ground, poses, std::max(1.0, 0.35 * draw.height_m))) return std::nullopt;

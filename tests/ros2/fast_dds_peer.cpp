@@ -320,8 +320,8 @@ json call(Peer& peer, const Arguments& words) {
   std::string bytes = read_file(words.at(3));
   const std::uint64_t header[2] = {0x1122334455667788U, 7};
   if (words.size() < 5) bytes.insert(4, reinterpret_cast<const char*>(header), sizeof header);
-  // A writer knows its reader before that knows it; what is written in between is lost, as DDS has it. A request that is
-  // not to be answered is sent as often, in less time.
+  // A writer knows its reader before that knows it; what is written in between is lost, as DDS has it. A request that
+  // is not to be answered is sent as often, in less time.
   const double patience_s = words.size() < 5 ? 2.0 : 0.5;
   const bool is_answered = [&] {
     for (int i = 0; i < 6; ++i) {

@@ -5,23 +5,22 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
-#include "tileflight/capture/ingest/ingest_stage.h"
-#include "tileflight/world/scene/traffic.h"
-#include "tileflight/core/base/files.h"
-#include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/json_file.h"
-#include "tileflight/evaluation/metrics/metrics_file.h"
 #include "tileflight/capture/events/event_options.h"
-#include "tileflight/experiments/experiment/experiment_file.h"
-#include "tileflight/experiments/experiment/stage_options.h"
-#include "tileflight/core/geometry/angles.h"
-#include "tileflight/core/imaging/camera.h"
+#include "tileflight/capture/ingest/ingest_stage.h"
+#include "tileflight/capture/recording/flight_cameras.h"
 #include "tileflight/capture/render/weather.h"
 #include "tileflight/capture/sensors/sensor_suite.h"
-#include "tileflight/experiments/study/study_file.h"
-#include "tileflight/capture/recording/flight_cameras.h"
-#include "tileflight/slam/external_systems/adapter.h"
 #include "tileflight/capture/vehicle/flight_plan.h"
+#include "tileflight/core/base/files.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/geometry/transform.h"
+#include "tileflight/core/imaging/camera.h"
+#include "tileflight/evaluation/metrics/metrics_file.h"
+#include "tileflight/experiments/experiment/experiment_file.h"
+#include "tileflight/experiments/experiment/stage_options.h"
+#include "tileflight/experiments/study/study_file.h"
+#include "tileflight/slam/external_systems/adapter.h"
+#include "tileflight/world/scene/traffic.h"
 
 namespace {
 

@@ -10,13 +10,13 @@
 #include <vector>
 
 #include "tileflight/core/base/files.h"
-#include "tileflight/evaluation/metrics/published_results.h"
 #include "tileflight/core/geometry/cloud_files.h"
 #include "tileflight/core/geometry/geodesy.h"
 #include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/core/imaging/calibration_files.h"
+#include "tileflight/core/imaging/glb_writer.h"
 #include "tileflight/core/imaging/image_files.h"
-#include "tileflight/tiles/tile_writer/glb_writer.h"
+#include "tileflight/evaluation/metrics/published_results.h"
 
 namespace tileflight::tests {
 
@@ -102,7 +102,7 @@ class SyntheticRun {
     }
     std::filesystem::create_directories(folder_ / "truth");
     geometry::write_cloud(folder_ / "truth/voxels.ply", centers);
-    base::write_file(folder_ / "truth/mesh.glb", tile_writer::write_glb({textured_place()}, {}));
+    base::write_file(folder_ / "truth/mesh.glb", imaging::write_glb({textured_place()}, {}));
   }
 
   /// Stripes across and along, brighter to the north.

@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 #include "tileflight/core/base/files.h"
@@ -83,3 +85,87 @@ TEST(DsecFile, BadFilesAreNamed) {
 
 }  // namespace
 }  // namespace tileflight::events::dsec_file_test
+
+namespace tileflight::events::dsec_export_test {
+namespace {
+
+namespace fs = std::filesystem;
+using geometry::Mat3;
+using geometry::SE3;
+using geometry::Vec3;
+
+TEST(RectifyMap, OfAPinholeIsTheIdentity) {
+  const imaging::Camera camera = imaging::make_pinhole(33, 21, 70.0);
+  const auto map = rectify_map(camera, rectified_camera(camera), Mat3::Identity());
+  for (int y = 0; y < 21; ++y) {
+    for (int x = 0; x < 33; ++x) {
+      EXPECT_NEAR(map(x, y)[0], x, 1e-4);
+      EXPECT_NEAR(map(x, y)[1], y, 1e-4);
+    }
+  }
+}
+
+TEST(RectifyMap, OfAFisheyeIsThatOfItsRays) {
+  const imaging::Camera camera = imaging::make_fisheye(64, 64, 200.0);
+  const auto map = rectify_map(camera, rectified_camera(camera), Mat3::Identity());
+  const double focal_px = 64.0 / (200.0 * M_PI / 180.0);  // equidistant: pixels a radian
+  int outside = 0;
+  for (int x = 0; x < 64; ++x) {
+    const double angle = (x - 31.5) / focal_px, row = 0.5 / focal_px, theta = std::hypot(angle, row);
+    if (theta > 0.99 * M_PI / 2.0) {
+      ++outside;
+    } else {
+      EXPECT_NEAR(map(x, 32)[0], 31.5 + focal_px * std::tan(theta) * angle / theta, 0.02 * std::exp(theta));
+    }
+  }
+  EXPECT_GT(outside, 4);
+  EXPECT_TRUE(std::isnan(map(0, 0)[0]));
+}
+
+TEST(RectifyingRotations, PutAPointIntoOneRow) {
+  const SE3 T_left_right(geometry::so3_exp(Vec3(0.05, -0.1, 0.2)), Vec3(0.5, 0.04, -0.1));
+  const auto rotations = rectifying_rotations(T_left_right);
+  for (const Vec3& point : {Vec3(1, 2, 9), Vec3(-3, 0.5, 4), Vec3(0, -2, 30)}) {
+    const Vec3 left = rotations[0] * point, right = rotations[1] * (T_left_right.inverse() * point);
+    EXPECT_NEAR(left.y() / left.z(), right.y() / right.z(), 1e-12);
+    EXPECT_NEAR((left - right).x(), T_left_right.translation.norm(), 1e-12);
+  }
+  EXPECT_TRUE(rectifying_rotations(SE3(Mat3::Identity(), Vec3(0.3, 0, 0)))[0].isIdentity(1e-12));
+}
+
+/// A dataset of one camera with two pictures and three events.
+fs::path dataset_with_events(const fs::path& folder) {
+  dataset::DatasetWriter writer(folder, {imaging::make_pinhole(32, 24, 70.0), {}, 0.0}, {});
+  for (std::size_t i = 0; i < 2; ++i) writer.add_frame(i, 2.5 + 0.1 * static_cast<double>(i), 0.0, {32, 24});
+  DsecWriter events(writer.temporary_folder() / "events.h5");
+  events.add(std::vector<Event>{{5, 1, 2, 1}, {99, 31, 23, 0}, {70000, 4, 4, 1}});
+  events.finish(2500000, 100000);
+  writer.finish();
+  return folder;
+}
+
+TEST(DsecExport, HoldsEventsPicturesAndMaps) {
+  const tests::TemporaryFolder folder;
+  const dataset::Rig rig = dataset::read_rig(dataset_with_events(folder / "dataset"));
+  const exports::ExportResult result = export_dsec(rig, folder / "dsec", false);
+  EXPECT_EQ(result.frames, 2U);
+  EXPECT_EQ(read_dsec_file(folder / "dsec" / "events" / "left" / "events.h5").events.size(), 3U);
+  EXPECT_TRUE(fs::exists(folder / "dsec" / "events" / "left" / "rectify_map.h5"));
+  EXPECT_FALSE(fs::exists(folder / "dsec" / "events" / "right"));
+  EXPECT_TRUE(fs::exists(folder / "dsec" / "images" / "left" / "distorted" / "000001.png"));
+  EXPECT_TRUE(fs::exists(folder / "dsec" / "calibration" / "left.yaml"));
+  EXPECT_EQ(base::read_text(folder / "dsec" / "images" / "timestamps.txt"), "2500000\n2600000\n");
+  EXPECT_THAT(result.notes, testing::ElementsAre(testing::HasSubstr("true poses")));
+}
+
+TEST(DsecExport, NeedsEvents) {
+  const tests::TemporaryFolder folder;
+  fs::remove(dataset_with_events(folder / "dataset") / "events.h5");
+  const dataset::Rig rig = dataset::read_rig(folder / "dataset");
+  EXPECT_THAT(tests::refusal_of([&] { export_dsec(rig, folder / "dsec", false); }),
+              testing::HasSubstr("has no events.h5; render the flight with 'events'"));
+  EXPECT_FALSE(fs::exists(folder / "dsec"));
+}
+
+}  // namespace
+}  // namespace tileflight::events::dsec_export_test

@@ -4,22 +4,67 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <string>
 #include <utility>
 
-#include "tileflight/core/base/formatted_text.h"
-#include "tileflight/core/base/input_error.h"
 #include "tileflight/capture/events/image_motion.h"
 #include "tileflight/capture/render/frame_renderer.h"
 #include "tileflight/capture/render/ray_table.h"
+#include "tileflight/core/base/formatted_text.h"
+#include "tileflight/core/base/input_error.h"
 
 namespace tileflight::events {
+
+namespace {
+
+std::vector<double> times_of(const geometry::Trajectory& frames) {
+  std::vector<double> times_s;
+  for (const geometry::StampedPose& pose : frames.poses) times_s.push_back(pose.time_s);
+  return times_s;
+}
+
+/// The camera, unless its events do not fit into the types of DSEC's layout.
+const imaging::Camera& fitting(const imaging::Camera& camera, const geometry::Trajectory& frames) {
+  constexpr int kMostPixels = 1 << 16;
+  if (frames.empty() || camera.width() > kMostPixels || camera.height() > kMostPixels)
+    throw InputError("events", "need a frame, and at most 65536 pixels a side");
+  const double duration_us = 1e6 * (frames.poses.back().time_s - frames.poses.front().time_s);
+  if (duration_us >= static_cast<double>(std::numeric_limits<std::uint32_t>::max()) - 1000.0)
+    throw InputError("events",
+                     "the flight is longer than the 71 minutes that DSEC's time stamps hold; fly it in parts");
+  return camera;
+}
+
+}  // namespace
+
+EventRecorder::EventRecorder(const imaging::Camera& camera, render::PoseFunction pose_at, const EventOptions& options,
+                             const geometry::Trajectory& frames, const std::filesystem::path& file)
+    : camera_(fitting(camera, frames), std::move(pose_at), options, frames.poses.front().time_s),
+      times_s_(times_of(frames)),
+      writer_(file) {}
+
+void EventRecorder::record(const EventScene& scene, std::size_t begin, std::size_t end,
+                           const std::function<void(std::size_t frames)>& frame_done) {
+  std::vector<TimeSpan> spans;
+  for (std::size_t frame = begin; frame < end && frame + 1 < times_s_.size(); ++frame)
+    spans.push_back({times_s_[frame], times_s_[frame + 1]});
+  camera_.record(
+      scene, spans, [this](const std::vector<Event>& events) { writer_.add(events); }, frame_done);
+}
+
+void EventRecorder::finish(double first_frame_s) {
+  const double start_us = std::floor(times_s_.front() * 1e6);
+  const auto end_us = static_cast<std::uint32_t>(std::max(0.0, std::ceil(times_s_.back() * 1e6 - start_us)));
+  writer_.finish(static_cast<std::int64_t>(std::floor(first_frame_s * 1e6)), end_us);
+}
+
 namespace {
 
 constexpr double kShortestStep_s = 1e-6;  // resolution of the events' times
 constexpr double kAimedShare = 0.9;       // of the largest motion, so that the next sample seldom has to be taken again
 
-/// Of a microsecond, what has passed of it at a time.
+/// Returns the fraction of the current microsecond that has passed at a time.
 double fraction_of_microsecond_s(double time_s) { return 1e-6 * (time_s * 1e6 - std::floor(time_s * 1e6)); }
 
 /// Natural logarithm of luminance (Rec. 709) and dark light.
@@ -63,9 +108,9 @@ class EventCamera::SceneView {
   render::LinearImage light(const geometry::SE3& T_local_camera, const std::optional<scene::Scene>& with_placed,
                             SeenSurface& surface) const {
     const render::ShutterPoses pose{1, 1, {T_local_camera}};
-    if (!with_placed) return renderer_->render_light(pose, {}, surface.visitor(seen_.scene)).light;
+    if (!with_placed) return renderer_->render_light(pose, surface.visitor(seen_.scene)).light;
     const render::CameraRenderer renderer(*with_placed, renderer_->appearance(), renderer_->rays(), options_);
-    return renderer.render_light(pose, {}, surface.visitor(*with_placed)).light;
+    return renderer.render_light(pose, surface.visitor(*with_placed)).light;
   }
 
  private:
@@ -75,7 +120,7 @@ class EventCamera::SceneView {
   std::optional<render::CameraRenderer> renderer_;
 };
 
-/// What is seen at one instant.
+/// The view at one instant.
 struct EventCamera::Sample {
   double time_s = 0.0;
   geometry::SE3 T_local_camera;
@@ -106,7 +151,8 @@ EventCamera::Sample EventCamera::sample_at(const SceneView& view, double time_s)
   return sample;
 }
 
-/// So long that the images of what is seen now move by at most the aimed share of max_motion_px, also on the way.
+/// Returns the longest step in which the images of the surfaces seen now move by at most the aimed share of
+/// max_motion_px, also on the way.
 double EventCamera::longest_step_s(const SceneView& view, const Sample& from, double end_s) const {
   const auto motion_px = [&](double step_s) {
     double largest = 0.0;
@@ -133,7 +179,8 @@ bool EventCamera::changes_too_much(const Sample& from, const Sample& to) const {
   return many * 1000 > to.log_light.pixels.size();
 }
 
-/// What comes into view only then may be nearer than what was seen, so that the sample is taken again, earlier.
+/// Takes the next sample. Surfaces that come into view only then may be nearer than those seen before; the sample is
+/// then taken again, earlier.
 EventCamera::Sample EventCamera::next_sample(const SceneView& view, const Sample& from, double end_s) const {
   const double rest_s = end_s - from.time_s;
   double step_s = longest_step_s(view, from, end_s);

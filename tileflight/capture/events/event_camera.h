@@ -1,23 +1,26 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <memory>
 #include <optional>
 #include <vector>
 
-#include "tileflight/capture/events/event.h"
+#include "tileflight/capture/events/dsec_file.h"
 #include "tileflight/capture/events/event_options.h"
 #include "tileflight/capture/events/event_pixels.h"
 #include "tileflight/capture/events/image_motion.h"
 #include "tileflight/capture/render/appearance.h"
 #include "tileflight/capture/render/camera_renderer.h"
 #include "tileflight/capture/render/render_flight.h"
+#include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/world/scene/scene.h"
 
 namespace tileflight::events {
 
-/// Takes the events of a time, which follow those before.
+/// Consumes the events of an interval; intervals follow each other.
 using EventSink = std::function<void(const std::vector<Event>& events)>;
 
 /// The view of an event camera during an interval.
@@ -48,9 +51,9 @@ class EventCamera {
   /// Throws InputError for options out of range.
   EventCamera(imaging::Camera camera, render::PoseFunction pose_at, const EventOptions& options, double start_s);
 
-  /// Records consecutive spans, each sampled at its begin and its end. What the place looks like at the first begin may
-  /// have changed (other tiles of the same place): no event comes of that. Throws InputError for too many events.
-  /// `span_done`, if any, is called after each span with their number.
+  /// Records consecutive spans, each sampled at its beginning and its end. If the place looks different at the
+  /// beginning of the first span (other tiles of the same place), that causes no event. Throws InputError for too many
+  /// events. `span_done`, if any, is called after each span with their number.
   void record(const EventScene& scene, const std::vector<TimeSpan>& spans, const EventSink& sink,
               const std::function<void(std::size_t spans)>& span_done = {});
 
@@ -76,6 +79,31 @@ class EventCamera {
   std::shared_ptr<const render::CameraRays> rays_;
   bool is_started_ = false;
   EventCounts counts_;
+};
+
+/// Records an event camera along a flight's frames into a file (dsec_file.h), from the first frame to the last, in
+/// parts of the flight that follow each other.
+class EventRecorder {
+ public:
+  /// `frames`: times of the camera's frames, on the clock of `pose_at`. Throws InputError for a flight longer than the
+  /// 71 minutes that DSEC's time stamps hold, for a picture larger than 65536 pixels a side, and for a file that cannot
+  /// be written.
+  EventRecorder(const imaging::Camera& camera, render::PoseFunction pose_at, const EventOptions& options,
+                const geometry::Trajectory& frames, const std::filesystem::path& file);
+
+  /// Records from frame `begin` to frame `end`, or to the last one; the next call begins there. `frame_done`, if any,
+  /// is called after each frame with their number since `begin`.
+  void record(const EventScene& scene, std::size_t begin, std::size_t end,
+              const std::function<void(std::size_t frames)>& frame_done = {});
+  /// Completes the file. `first_frame_s`: the first frame's time on the dataset's clock.
+  void finish(double first_frame_s);
+
+  const EventCounts& counts() const { return camera_.counts(); }
+
+ private:
+  EventCamera camera_;
+  std::vector<double> times_s_;
+  DsecWriter writer_;
 };
 
 }  // namespace tileflight::events

@@ -11,7 +11,6 @@
 #include <numbers>
 
 #include "tests/refusal.h"
-#include "tileflight/capture/events/event_recorder.h"
 #include "tileflight/capture/render/test_scenes.h"
 
 namespace tileflight::events::event_camera_test {

@@ -2,8 +2,8 @@
 
 #include <array>
 
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/number_text.h"
 #include "tileflight/core/base/strict_section.h"
 
 namespace tileflight::events {

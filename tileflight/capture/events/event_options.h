@@ -40,17 +40,18 @@ struct EventOptions {
   double max_rate_hz = 1000.0;
 };
 
-/// Limits of the options; thresholds of single pixels are at least the least, too.
+/// Limits of the thresholds in the options. The threshold of a single pixel is at least kLeastThreshold, too.
 inline constexpr double kLeastThreshold = 0.01, kMostThreshold = 10.0;
 
 /// Throws InputError (option, cause) if a value is out of range.
 void validate_event_options(const EventOptions& options);
 
-/// Section `events:` of a FLIGHT file, or of one of its cameras: keys named as the options. nullopt without one. Throws
+/// Reads the section `events:` of a FLIGHT file, or of one of its cameras; its keys are named as the options. Returns
+/// nullopt without one. Throws
 /// InputError (file, line, key).
 std::optional<EventOptions> read_event_options(base::StrictSection& camera);
 
-/// "positive_threshold: 0.2, …": all options but the seed, for a dataset's metadata.
+/// Describes all options but the seed, for a dataset's metadata: "positive_threshold: 0.2, …".
 std::string describe_event_options(const EventOptions& options);
 
 }  // namespace tileflight::events

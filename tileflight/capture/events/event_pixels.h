@@ -4,21 +4,30 @@
 #include <cstdint>
 #include <vector>
 
-#include "tileflight/capture/events/event.h"
 #include "tileflight/capture/events/event_options.h"
 #include "tileflight/core/imaging/image.h"
 
 namespace tileflight::events {
 
-/// Thresholds of one pixel, change of log light.
+/// A change of one pixel's brightness by a threshold.
+struct Event {
+  std::uint32_t t_us = 0;  ///< microseconds since the start of the recording
+  std::uint16_t x = 0, y = 0;
+  std::uint8_t polarity = 0;  ///< 1: brighter (ON), 0: darker (OFF), as in DSEC
+
+  bool operator==(const Event&) const = default;
+};
+
+/// Thresholds of one pixel, as changes of the natural logarithm of light.
 struct PixelThresholds {
   float positive = 0.0F, negative = 0.0F;
 };
 
-/// Those of pixel `index` (y * width + x): normal about the options' with threshold_sigma, at least kLeastThreshold.
+/// Draws the thresholds of pixel `index` (y * width + x), which are normally distributed about those of the options
+/// with threshold_sigma, and at least kLeastThreshold.
 PixelThresholds pixel_thresholds(const EventOptions& options, std::uint64_t index);
 
-/// The pixels of an event camera: what each has seen, and the events that come of what it sees next.
+/// The pixels of an event camera, which turn the light that they see into events.
 ///
 /// A pixel holds the difference D of log light to its last reset. It sends an ON event when D reaches its positive
 /// threshold, an OFF event when -D reaches its negative one, and is reset: D = 0. During the refractory time that
@@ -36,12 +45,12 @@ class EventPixels {
   /// The options are checked already. `most_at_once`: events that advance() makes at most.
   EventPixels(int width, int height, const EventOptions& options, std::size_t most_at_once = std::size_t{1} << 24U);
 
-  /// The pixels begin to look at a time, seconds; `log_light`: the natural logarithm of light + dark_light.
+  /// Starts all pixels at a time, seconds. `log_light`: the natural logarithm of light + dark_light.
   void start(const imaging::FloatImage& log_light, double time_s);
-  /// The instant of the last sample is seen in another way (with other tiles): no event comes of the difference.
+  /// Replaces the light of the last sample, as other tiles show it, without causing events.
   void replace(const imaging::FloatImage& log_light);
-  /// The events up to a later time, at which this is seen: in the order of their times, then of rows and columns. Event
-  /// times are microseconds, rounded down, since `origin_s`. Throws InputError for `most_at_once` or more.
+  /// Returns the events from the last sample to a later one, in the order of their times, then of rows and columns.
+  /// Event times are microseconds, rounded down, since `origin_s`. Throws InputError for `most_at_once` or more.
   std::vector<Event> advance(const imaging::FloatImage& log_light, double time_s, double origin_s);
 
  private:

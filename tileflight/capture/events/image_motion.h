@@ -5,10 +5,10 @@
 #include <utility>
 #include <vector>
 
+#include "tileflight/capture/render/camera_renderer.h"
 #include "tileflight/core/geometry/transform.h"
 #include "tileflight/core/imaging/camera.h"
 #include "tileflight/core/imaging/image.h"
-#include "tileflight/capture/render/camera_renderer.h"
 #include "tileflight/world/scene/scene.h"
 
 namespace tileflight::events {
@@ -20,7 +20,7 @@ struct SeenSurface {
   imaging::FloatImage range_m;           ///< along the pixel's ray; +infinity: nothing, NaN: outside the lens
   imaging::Image<std::uint32_t> placed;  ///< index into Scene::placed(), or kPlace: nothing that moves
   SeenSurface(int width, int height);
-  /// `scene`: the one that is seen.
+  /// Returns a visitor that records what the pixels show of `scene`.
   render::SurfaceVisitor visitor(const scene::Scene& scene);
 };
 
@@ -30,8 +30,8 @@ struct SceneInstant {
   const scene::Scene* scene = nullptr;  ///< with the placed parts where they are; null: there are none
 };
 
-/// How far what a camera sees moves in its image: ESIM's optic flow (section 3.2), over finite times, for any lens and
-/// for things that move. The motion of a ray is turned to pixels by the lens's derivative there.
+/// Computes how far surfaces move in a camera's image: ESIM's optic flow (section 3.2), over finite times, for any lens
+/// and for things that move. The motion of a ray is turned to pixels by the lens's derivative there.
 class ImageMotion {
  public:
   explicit ImageMotion(imaging::Camera camera) : camera_(std::move(camera)) {}
@@ -43,11 +43,11 @@ class ImageMotion {
     std::uint32_t placed = SeenSurface::kPlace;
     Eigen::Matrix<double, 2, 3> d_pixel_d_ray;
   };
-  /// Of each 8 x 8 pixels the nearest surface and, if there is one, the nearest of what moves: those whose images move
-  /// most.
+  /// Returns the nearest surface of each block of 8 x 8 pixels and, if there is one, the nearest moving thing, since
+  /// their images move most.
   std::vector<Point> nearest_points(const SeenSurface& seen) const;
 
-  /// The largest motion of the points' images from the instant at which they are seen to another, pixels.
+  /// Returns the largest motion of the points' images from the instant at which they are seen to another, pixels.
   static double largest_px(const std::vector<Point>& points, const SceneInstant& seen_at, const SceneInstant& other);
 
  private:

@@ -32,7 +32,7 @@ struct UniformKnots {
   double control_time_s(std::size_t i) const { return start_s + spacing_s * (static_cast<double>(i) - 1.0); }
 };
 
-/// One number for each of a segment's four control points, or for each of the three differences between them.
+/// Weights of a segment's four control points, and of the three differences between them.
 using Weights4 = std::array<double, 4>;
 using Weights3 = std::array<double, 3>;
 

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "tileflight/capture/flight_path/path.h"
-#include "tileflight/core/geometry/angles.h"
+#include "tileflight/core/geometry/transform.h"
 
 namespace tileflight::flight_path {
 namespace {

@@ -5,13 +5,23 @@
 #include <string>
 #include <variant>
 
-#include "tileflight/core/base/input_error.h"
 #include "tileflight/capture/flight_path/cubic_spline.h"
 #include "tileflight/capture/flight_path/orientation_curve.h"
 #include "tileflight/capture/flight_path/speed_plan.h"
-#include "tileflight/core/geometry/angles.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/geometry/transform.h"
 
 namespace tileflight::flight_path {
+
+SampleTimes make_sample_times(const char* sensor, double start_s, double end_s, double rate_hz) {
+  constexpr double kHighestRate_hz = 1e5;
+  if (!(rate_hz > 0.0 && rate_hz <= kHighestRate_hz))
+    throw InputError(std::string(sensor) + " rate", "must lie between 0 and 100000 Hz");
+  if (!(start_s <= end_s && std::isfinite(end_s - start_s)))
+    throw InputError(std::string(sensor) + " time span", "ends before it starts");
+  return {start_s, end_s, rate_hz};
+}
+
 namespace {
 
 using geometry::Mat3;

@@ -8,9 +8,9 @@
 #include <random>
 
 #include "tests/refusal.h"
-#include "tileflight/core/base/input_error.h"
 #include "tileflight/capture/flight_path/cubic_spline.h"
 #include "tileflight/capture/flight_path/speed_plan.h"
+#include "tileflight/core/base/input_error.h"
 
 namespace tileflight::flight_path::path_test {
 namespace {

@@ -9,7 +9,6 @@
 
 #include "tests/refusal.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/capture/flight_path/fit_spline.h"
 
 namespace tileflight::flight_path::smooth_path_test {
 namespace {

@@ -5,20 +5,18 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "tileflight/core/base/files.h"
-#include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/string_lists.h"
-#include "tileflight/core/base/temporary_path.h"
-#include "tileflight/data/dataset/ingest_rig.h"
-#include "tileflight/data/flight_logs/photo_log.h"
-#include "tileflight/data/flight_logs/telemetry_file.h"
-#include "tileflight/world/place/extract.h"
-#include "tileflight/core/base/version.h"
-#include "tileflight/capture/recording/flight_cameras.h"
-#include "tileflight/capture/ingest/takeoff_height.h"
 #include "tileflight/capture/ingest/telemetry_offset.h"
 #include "tileflight/capture/ingest/telemetry_positions.h"
+#include "tileflight/capture/recording/flight_cameras.h"
+#include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/program.h"
+#include "tileflight/data/dataset/ingest_rig.h"
+#include "tileflight/data/flight_logs/photo_log.h"
+#include "tileflight/data/flight_logs/telemetry.h"
 #include "tileflight/slam/odometry/track.h"
+#include "tileflight/world/place/extract.h"
 
 namespace tileflight::ingest {
 namespace {
@@ -116,27 +114,32 @@ geometry::Trajectory estimate_camera_path(dataset::IngestOptions options, const 
   return geometry::read_tum(folder / "odometry/trajectory.txt");
 }
 
+/// Describes an offset that was found: `time_offset` of the result's JSON.
+nlohmann::json describe(const TelemetryOffset& found) {
+  return {{"seconds", found.offset.offset_s},
+          {"sigma_s", found.offset.sigma_s},
+          {"explained", found.offset.explained_variance},
+          {"source", found.source}};
+}
+
 /// Converts the log's times to the video's clock by the motion recorded in both.
-nlohmann::json synchronize_telemetry(const flight_logs::Telemetry& telemetry, const IngestedFlightConfig& flight,
-                                     const std::filesystem::path& out, dataset::IngestOptions& options,
-                                     const Progress& progress) {
-  const TelemetryOffset found = estimate_telemetry_offset(estimate_camera_path(options, out, progress), telemetry);
+TelemetryOffset synchronize_telemetry(const flight_logs::Telemetry& telemetry, const IngestedFlightConfig& flight,
+                                      const std::filesystem::path& out, dataset::IngestOptions& options,
+                                      const Progress& progress) {
+  TelemetryOffset found = estimate_telemetry_offset(estimate_camera_path(options, out, progress), telemetry);
   if (!found.offset.determined) {
     throw InputError(flight.telemetry.string(), "its time offset to the video cannot be determined (" +
                                                     found.offset.reason +
                                                     "); give it in seconds: --time-offset (telemetry_offset)");
   }
   options.gps_time_offset_s = found.offset.offset_s;
-  const nlohmann::json about{{"seconds", found.offset.offset_s},
-                             {"sigma_s", found.offset.sigma_s},
-                             {"explained", found.offset.explained_variance},
-                             {"source", found.source}};
+  const nlohmann::json about = describe(found);
   for (const auto& [key, value] : about.items())
     options.description["time_offset." + key] = value.is_string() ? value.get<std::string>() : value.dump();
-  return about;
+  return found;
 }
 
-nlohmann::json to_json(const dataset::Synchronisation& found) {
+nlohmann::json describe(const dataset::Synchronisation& found) {
   nlohmann::json cameras;
   for (const dataset::CameraSynchronisation& camera : found.cameras)
     cameras.push_back({{"name", camera.name},
@@ -151,7 +154,7 @@ nlohmann::json to_json(const dataset::Synchronisation& found) {
   return {{"tolerance_s", found.tolerance_s}, {"cameras", cameras}, {"faults", found.faults}};
 }
 
-/// What ingest_dataset() is asked, before it is known of one camera or several.
+/// The arguments of ingest_dataset(), for one camera or several.
 dataset::IngestOptions options_of(const IngestedFlightConfig& flight, const std::filesystem::path& truth,
                                   bool replace) {
   dataset::IngestOptions options{.video_or_images = flight.video,
@@ -169,38 +172,25 @@ dataset::IngestOptions options_of(const IngestedFlightConfig& flight, const std:
   return options;
 }
 
-nlohmann::json summary_of(const dataset::IngestResult& result, const nlohmann::json& time_offset) {
-  return {{"frames", result.frames},
-          {"first_time_s", result.times_s.front()},
-          {"last_time_s", result.times_s.back()},
-          {"resolution", {result.width, result.height}},
-          {"positions", result.gps_fixes},
-          {"imu_readings", result.imu_readings},
-          {"time_offset", time_offset},
-          {"true_poses", result.groundtruth_poses}};
-}
-
-/// The flight of a rig whose `cameras` have a video each.
-nlohmann::json ingest_cameras(const IngestedFlightConfig& flight, std::vector<dataset::IngestedCamera> cameras,
-                              dataset::IngestOptions options, std::optional<double> start_utc_s,
-                              const nlohmann::json& time_offset, const std::filesystem::path& out,
-                              std::vector<std::string>& warnings, const Progress& progress) {
+/// Ingests the flight of a rig whose `cameras` have a video each, into `result`.
+void ingest_cameras(const IngestedFlightConfig& flight, std::vector<dataset::IngestedCamera> cameras,
+                    dataset::IngestOptions options, std::optional<double> start_utc_s, const std::filesystem::path& out,
+                    IngestResult& result, const Progress& progress) {
   cameras.front().image_times = std::move(options.image_times);
   for (std::size_t i = 1; i < cameras.size() && !flight.fps; ++i)
-    cameras[i].image_times = photo_times(read_photos(cameras[i].video_or_images), start_utc_s, warnings);
-  const dataset::RigIngestResult result =
+    cameras[i].image_times = photo_times(read_photos(cameras[i].video_or_images), start_utc_s, result.warnings);
+  dataset::RigIngestResult rig =
       dataset::ingest_rig({std::move(options), std::move(cameras), flight.sync_tolerance_s}, out, progress);
-  for (const dataset::IngestResult& camera : result.cameras) base::add_distinct(camera.notes, warnings);
-  base::add_distinct(result.synchronisation.faults, warnings);
-  nlohmann::json summary = summary_of(result.cameras.front(), time_offset);
-  summary["synchronisation"] = to_json(result.synchronisation);
-  return summary;
+  for (const dataset::IngestResult& camera : rig.cameras) base::add_distinct(camera.notes, result.warnings);
+  base::add_distinct(rig.synchronisation.faults, result.warnings);
+  result.dataset = std::move(rig.cameras.front());
+  result.synchronisation = std::move(rig.synchronisation);
 }
 
 }  // namespace
 
-nlohmann::json ingest_dataset(const IngestedFlightConfig& flight, const std::filesystem::path& truth,
-                              const std::filesystem::path& out, bool replace, const Progress& progress) {
+IngestResult ingest_dataset(const IngestedFlightConfig& flight, const std::filesystem::path& truth,
+                            const std::filesystem::path& out, bool replace, const Progress& progress) {
   dataset::IngestOptions options = options_of(flight, truth, replace);
   std::vector<dataset::IngestedCamera> cameras;
   if (!flight.videos.empty()) {
@@ -208,33 +198,43 @@ nlohmann::json ingest_dataset(const IngestedFlightConfig& flight, const std::fil
     options.video_or_images = cameras.front().video_or_images;
     options.lens = cameras.front().calibration;
   }
-  std::vector<std::string> warnings;
+  IngestResult result;
   flight_logs::Telemetry telemetry;
   if (!flight.telemetry.empty()) {
     telemetry = flight_logs::read_telemetry(flight.telemetry);
     for (const flight_logs::RangeReading& range : flight_logs::read_ranges(flight.telemetry))
       options.ranges.push_back({range.time_s, range.range_m});
-    add_positions(telemetry, flight, truth, options, warnings);
+    add_positions(telemetry, flight, truth, options, result.warnings);
   }
-  if (!truth.empty())
-    options.description.merge(place::describe_frame(place::origin_from_json(place::read_extract_json(truth))));
+  if (!truth.empty()) options.description.merge(place::describe_frame(place::read_extract_json(truth).origin));
   std::optional<double> start_utc_s;
-  add_photo_metadata(flight, truth, options, start_utc_s, warnings);
-  nlohmann::json time_offset;  // null: not requested
+  add_photo_metadata(flight, truth, options, start_utc_s, result.warnings);
   if (flight.estimates_telemetry_offset) {
-    time_offset = synchronize_telemetry(telemetry, flight, out, options, progress);
+    result.time_offset = synchronize_telemetry(telemetry, flight, out, options, progress);
     if (!cameras.empty()) options.gps_time_offset_s += cameras.front().timeshift_s;  // the body's clock
   }
-  nlohmann::json summary;
   if (!cameras.empty()) {
-    summary = ingest_cameras(flight, cameras, options, start_utc_s, time_offset, out, warnings, progress);
+    ingest_cameras(flight, std::move(cameras), std::move(options), start_utc_s, out, result, progress);
   } else {
-    const dataset::IngestResult result = dataset::ingest(options, out, progress);
-    warnings.insert(warnings.end(), result.notes.begin(), result.notes.end());
-    summary = summary_of(result, time_offset);
+    result.dataset = dataset::ingest(options, out, progress);
+    result.warnings.insert(result.warnings.end(), result.dataset.notes.begin(), result.dataset.notes.end());
   }
-  summary["warnings"] = warnings;
-  return summary;
+  return result;
+}
+
+nlohmann::json to_json(const IngestResult& result) {
+  const dataset::IngestResult& dataset = result.dataset;
+  nlohmann::json json{{"frames", dataset.frames},
+                      {"first_time_s", dataset.times_s.front()},
+                      {"last_time_s", dataset.times_s.back()},
+                      {"resolution", {dataset.width, dataset.height}},
+                      {"positions", dataset.gps_fixes},
+                      {"imu_readings", dataset.imu_readings},
+                      {"time_offset", result.time_offset ? describe(*result.time_offset) : nlohmann::json()},
+                      {"true_poses", dataset.groundtruth_poses},
+                      {"warnings", result.warnings}};
+  if (result.synchronisation) json["synchronisation"] = describe(*result.synchronisation);
+  return json;
 }
 
 }  // namespace tileflight::ingest

@@ -6,18 +6,20 @@
 #include <string>
 #include <vector>
 
+#include "tileflight/capture/ingest/telemetry_offset.h"
 #include "tileflight/core/base/progress.h"
+#include "tileflight/data/dataset/ingest_rig.h"
 
 namespace tileflight::ingest {
 
-/// What one camera of a rig took.
+/// The images that one camera of a rig took.
 struct CameraVideo {
   std::string camera;           ///< its name in the rig's file; empty: by the order there
   std::filesystem::path video;  ///< video file or folder of images
 };
 
-/// Section `ingest:`: a filmed flight. Keys: video, camera, camera_id, telemetry, telemetry_height, takeoff_height,
-/// telemetry_offset, groundtruth, from, to, every, fps, sync_tolerance.
+/// Settings of a filmed flight, section `ingest:`. Keys: video, camera, camera_id, telemetry, telemetry_height,
+/// takeoff_height, telemetry_offset, groundtruth, from, to, every, fps, sync_tolerance.
 struct IngestedFlightConfig {
   std::filesystem::path video;      ///< video file or folder of images; empty if there are `videos`
   std::vector<CameraVideo> videos;  ///< video: {NAME: PATH, ...}, of a rig's cameras
@@ -40,11 +42,22 @@ struct IngestedFlightConfig {
   double sync_tolerance_s = 1e-3;  ///< of a rig: images that differ by no more are of one instant
 };
 
+/// Result of ingesting a flight.
+struct IngestResult {
+  dataset::IngestResult dataset;                            ///< of the camera, or a rig's first one
+  std::optional<TelemetryOffset> time_offset;               ///< set if it was estimated
+  std::optional<dataset::Synchronisation> synchronisation;  ///< set for a rig
+  std::vector<std::string> warnings;
+};
+
+/// The result as `tileflight ingest --json` prints it.
+nlohmann::json to_json(const IngestResult& result);
+
 /// Converts a filmed flight to a dataset folder of the same layout, written atomically. Log positions become gps.csv
 /// (ellipsoidal heights). `truth`: a folder written by extract(), from whose surface the height of the take-off point
-/// is determined if it is needed and not given; empty: none. With `videos`: the dataset of a rig, and in the summary
-/// `synchronisation`; a camera whose pictures do not go with the others' is a warning. Throws InputError.
-nlohmann::json ingest_dataset(const IngestedFlightConfig& flight, const std::filesystem::path& truth,
-                              const std::filesystem::path& out, bool replace, const Progress& progress = {});
+/// is determined if it is needed and not given; empty: none. With `videos`, it writes the dataset of a rig; a camera
+/// whose images do not match the others' causes a warning. Throws InputError.
+IngestResult ingest_dataset(const IngestedFlightConfig& flight, const std::filesystem::path& truth,
+                            const std::filesystem::path& out, bool replace, const Progress& progress = {});
 
 }  // namespace tileflight::ingest

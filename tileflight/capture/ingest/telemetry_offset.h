@@ -3,8 +3,8 @@
 #include <string>
 
 #include "tileflight/core/alignment/time_offset.h"
-#include "tileflight/data/flight_logs/telemetry.h"
 #include "tileflight/core/geometry/trajectory.h"
+#include "tileflight/data/flight_logs/telemetry.h"
 
 namespace tileflight::ingest {
 

@@ -1,15 +1,25 @@
 #pragma once
 
+#include <filesystem>
 #include <string>
 #include <vector>
 
-#include "tileflight/data/dataset/attitude_csv.h"
-#include "tileflight/data/dataset/dataset.h"
-#include "tileflight/data/flight_logs/telemetry.h"
-#include "tileflight/core/geometry/geodesy.h"
 #include "tileflight/capture/ingest/ingest_stage.h"
+#include "tileflight/core/geometry/geodesy.h"
+#include "tileflight/data/dataset/dataset.h"
+#include "tileflight/data/dataset/sensor_files.h"
+#include "tileflight/data/flight_logs/telemetry.h"
 
 namespace tileflight::ingest {
+
+/// Determines the height of a log's take-off point, for logs whose heights are relative to it: the ground truth's
+/// surface at the earliest position at which the vehicle is on the ground (at most 2 m above the log's zero). The
+/// median over a radius of 2 m reduces the effect of receiver errors and foliage. `truth`: a folder written by
+/// extract(). Throws InputError: truth without georeference or surface, a log that starts in the air or outside the
+/// region.
+geometry::EllipsoidalHeight estimate_takeoff_height(const flight_logs::Telemetry& telemetry,
+                                                    const std::filesystem::path& log,
+                                                    const std::filesystem::path& truth);
 
 /// Converts a flight log's positions to those of gps.csv: heights above the ellipsoid, converted from the log's height
 /// reference (`telemetry_height`; without it the log must state it), times on the log's clock. Positions without such a

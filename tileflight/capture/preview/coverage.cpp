@@ -3,20 +3,134 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <sstream>
 
+#include "tileflight/capture/preview/strategy_result.h"
+#include "tileflight/capture/vehicle/flight_plan.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/output_folder.h"
-#include "tileflight/capture/preview/coverage_report.h"
-#include "tileflight/capture/preview/strategy_pictures.h"
 #include "tileflight/core/base/memory_budget.h"
-#include "tileflight/world/place/require_surface.h"
+#include "tileflight/core/base/output_folder.h"
+#include "tileflight/core/base/program.h"
 #include "tileflight/tiles/fetch/open_source.h"
-#include "tileflight/capture/vehicle/flight_plan.h"
+#include "tileflight/world/ground_truth/cell_sets.h"
+#include "tileflight/world/ground_truth/voxelize.h"
+#include "tileflight/world/place/place_reader.h"
+#include "tileflight/world/scene/scene.h"
 
 namespace tileflight::preview {
+
 namespace fs = std::filesystem;
 namespace {
+
+using nlohmann::json;
+
+/// The region's cells that each content touches.
+class CellCoverage {
+ public:
+  CellCoverage(const tileset::Region& region, double edge_m, std::size_t contents)
+      : region_(region), edge_m_(edge_m), cells_(contents) {}
+
+  void add(std::uint32_t id, const tileset::LoadedContent& content) {
+    const geometry::TriangleMesh mesh = scene::merge_meshes(content.meshes);
+    if (mesh.triangles.empty()) return;
+    geometry::VoxelGrid grid = ground_truth::voxelize(mesh, region_.box(), edge_m_);
+    std::erase_if(grid.occupied, [&](const geometry::Cell& cell) { return is_outside(grid.center(cell)); });
+    cells_.set(id, grid);
+  }
+  std::uintmax_t bytes() const { return cells_.bytes(); }
+
+  /// Sets the occupied cells to those of the region's cut, once all contents are added.
+  void finish(const ContentIds& region_cut) {
+    region_cut_ = region_cut;
+    occupied_ = cells_.count_covered(region_cut, std::vector<ContentIds>{region_cut}).front();
+  }
+  std::int64_t occupied() const { return occupied_; }
+  /// The largest share of the occupied cells that one of these sets of tiles has.
+  double largest_share(const std::vector<ContentIds>& tiles) const {
+    const std::vector<std::int64_t> counts = cells_.count_covered(region_cut_, tiles);
+    return occupied_ == 0 ? 0.0
+                          : static_cast<double>(*std::ranges::max_element(counts)) / static_cast<double>(occupied_);
+  }
+
+ private:
+  bool is_outside(const geometry::Vec3& center) const {
+    return !region_.parts.empty() &&
+           std::ranges::none_of(region_.parts, [&](const auto& part) { return contains(part, center); });
+  }
+
+  tileset::Region region_;
+  double edge_m_;
+  ground_truth::CellSets cells_;
+  ContentIds region_cut_;
+  std::int64_t occupied_ = 0;
+};
+
+double mean_share(const StrategyResult& strategy_result, std::int64_t PixelCounts::*which) {
+  double sum = 0.0;
+  for (const PixelCounts& shares : strategy_result.shares) sum += shares.share(shares.*which);
+  return sum / static_cast<double>(strategy_result.shares.size());
+}
+
+json describe(const StrategyResult& strategy_result, const FrameSampling& watch, const CoverageContents& contents) {
+  std::set<std::uint32_t> distinct;
+  std::size_t most = 0;
+  std::int64_t memory = 0, bytes = 0;
+  for (const ContentIds& ids : strategy_result.tiles) {
+    std::int64_t at_once = 0;
+    for (const std::uint32_t id : ids) at_once += contents.facts(id).decoded_bytes;
+    memory = std::max(memory, at_once);
+    most = std::max(most, ids.size());
+    distinct.insert(ids.begin(), ids.end());
+  }
+  for (const std::uint32_t id : distinct) bytes += contents.facts(id).bytes;
+  const std::size_t worst = worst_frame(strategy_result);
+  const PixelCounts& at_worst = strategy_result.shares[worst];
+  return {{"about", strategy_result.strategy.description},
+          {"tiles", distinct.size()},
+          {"tiles_at_once", most},
+          {"bytes", bytes},
+          {"memory_bytes", memory},
+          {"right", mean_share(strategy_result, &PixelCounts::right)},
+          {"coarser", mean_share(strategy_result, &PixelCounts::coarser)},
+          {"missing", mean_share(strategy_result, &PixelCounts::missing)},
+          {"missing_worst", at_worst.share(at_worst.missing)},
+          {"missing_worst_frame", watch.frames[worst]},
+          {"cells_share", strategy_result.cells_share}};
+}
+
+/// The content of coverage.json, for all strategies.
+json result_json(const CoverageSettings& settings, const FrameSampling& watch, const std::vector<StrategyResult>& all,
+                 const CoverageContents& contents, const ContentIds& truth, const CellCoverage& cells) {
+  json result{{"source", fetch::redact_source(settings.source)},
+              {"flight", settings.flight.string()},
+              {"frames", watch.trajectory.size()},
+              {"frames_looked_at", watch.frames.size()},
+              {"error_px", settings.error_px},
+              {"geometric_error_wanted", settings.load.error_m},
+              {"tiles_seen", truth.size()},
+              {"voxel_size", settings.voxel_m},
+              {"voxels_occupied", cells.occupied()},
+              {"version", base::version()}};
+  for (const StrategyResult& strategy_result : all)
+    result["strategies"][strategy_result.strategy.name] = describe(strategy_result, watch, contents);
+  return result;
+}
+
+/// The content of frames.csv: the shares of each frame by each strategy.
+std::string frames_csv(const std::vector<StrategyResult>& all, const FrameSampling& watch) {
+  std::ostringstream csv;
+  csv << "frame,time_s,strategy,pixels,right,coarser,missing\n";
+  for (std::size_t i = 0; i < watch.frames.size(); ++i) {
+    for (const StrategyResult& strategy_result : all) {
+      const PixelCounts& s = strategy_result.shares[i];
+      csv << watch.frames[i] << ',' << watch.trajectory.poses[watch.frames[i]].time_s << ','
+          << strategy_result.strategy.name << ',' << s.pixels << ',' << s.right << ',' << s.coarser << ',' << s.missing
+          << '\n';
+    }
+  }
+  return csv.str();
+}
 
 using nlohmann::json;
 
@@ -94,14 +208,8 @@ void check(const CoverageSettings& settings) {
 nlohmann::json measure_coverage(const CoverageSettings& settings, const fs::path& out, bool replace,
                                 const Progress& progress) {
   check(settings);
-  base::OutputFolder output{.folder = out,
-                            .command = "coverage",
-                            .replace = replace,
-                            .inputs = vehicle::referenced_files(settings.flight),
-                            .legacy = {.key_file = "coverage.json",
-                                       .key_text = "strategies",
-                                       .files = {"coverage.json", "frames.csv", "figure.png", "view-follow.png",
-                                                 "view-high.png", "sensor.png", "flight.png", "region.png"}}};
+  base::OutputFolder output{
+      .folder = out, .command = "coverage", .replace = replace, .inputs = vehicle::referenced_files(settings.flight)};
   output.inputs.push_back(fetch::local_path_of_source(settings.source));
   base::require_writable(output);
   const FrameSampling watch = sample_frames(settings);

@@ -5,6 +5,7 @@
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "tileflight/core/base/progress.h"
 #include "tileflight/tiles/tileset/load.h"
@@ -14,7 +15,7 @@ namespace tileflight::preview {
 /// Settings of `tileflight coverage`.
 struct CoverageSettings {
   std::string source;            ///< SOURCE of the contract
-  tileset::LoadOptions load;       ///< region whose cells are counted, finest geometric error that counts, origin
+  tileset::LoadOptions load;     ///< region whose cells are counted, finest geometric error that counts, origin
   std::filesystem::path flight;  ///< FLIGHT file
   double error_px = 1.0;         ///< largest error of a tile, in pixels, at which a pixel counts as right
   int frames = 60;               ///< number of frames evaluated, evenly spread over the flight

@@ -70,7 +70,7 @@ ContentIds CoverageContents::add(const tileset::TileCut& cut) {
 }
 
 std::vector<tileset::LoadedContent> CoverageContents::read(const ContentIds& ids, bool textures,
-                                                         std::uintmax_t max_bytes) {
+                                                           std::uintmax_t max_bytes) {
   tileset::TileCut part;
   for (const std::uint32_t id : ids) part.contents.push_back(all_.contents[id]);
   return tileset::read_cut(source_, tree_, part, T_local_tileset_, textures, {}, max_bytes);
@@ -91,7 +91,7 @@ void CoverageContents::read_all(bool allow_incomplete,
     if (batch.size() < count) {
       if (count == 1) {
         throw tileset::MemoryLimitExceeded(all_.contents[begin].uri,
-                                         "this tile needs more than half of the memory limit: raise it (--memory)");
+                                           "this tile needs more than half of the memory limit: raise it (--memory)");
       }
       count = (count + 1) / 2;
       continue;

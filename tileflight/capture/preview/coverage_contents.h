@@ -8,10 +8,10 @@
 #include <vector>
 
 #include "tileflight/core/base/progress.h"
+#include "tileflight/tiles/fetch/tile_source.h"
 #include "tileflight/tiles/tileset/cut_reader.h"
 #include "tileflight/tiles/tileset/selection.h"
 #include "tileflight/tiles/tileset/tileset_tree.h"
-#include "tileflight/tiles/fetch/tile_source.h"
 
 namespace tileflight::preview {
 
@@ -26,7 +26,7 @@ struct ContentFacts {
   bool has_points = false;
 };
 
-/// The contents of several cuts, each once. They are decoded when needed: as many as fit into the memory limit are
+/// Reads and keeps the contents of several cuts. They are decoded when needed: as many as fit into the memory limit are
 /// kept, the others are read again. Not thread safe.
 class CoverageContents {
  public:
@@ -57,7 +57,7 @@ class CoverageContents {
     std::vector<std::uint32_t> content_of_mesh;
   };
   OwnedMeshes meshes(const ContentIds& ids, bool textures);
-  /// Bounds of the surfaces.
+  /// Returns the bounds of the surfaces.
   geometry::Box3 bounds(const ContentIds& ids) const;
 
  private:

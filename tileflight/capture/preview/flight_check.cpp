@@ -9,9 +9,9 @@
 #include <numbers>
 #include <sstream>
 
-#include "tileflight/core/base/order_statistics.h"
-#include "tileflight/capture/render/view_overlap.h"
 #include "tileflight/capture/recording/flight_faults.h"
+#include "tileflight/capture/render/view_overlap.h"
+#include "tileflight/core/base/order_statistics.h"
 
 namespace tileflight::preview {
 namespace {
@@ -63,7 +63,8 @@ double flow_share(const ViewSample& from, const imaging::Camera& camera, const S
   return base::upper_median(std::move(ways));
 }
 
-std::optional<InitializationCheck> check_initialization(const ViewSample& first, const recording::PlannedFlight& mission,
+std::optional<InitializationCheck> check_initialization(const ViewSample& first,
+                                                        const recording::PlannedFlight& mission,
                                                         const FlightCheckOptions& options) {
   constexpr double kStillSeen = 0.2;  // share of the points that the first frame sees
   const auto& poses = mission.frames.poses;

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/world/scene/scene.h"
 #include "tileflight/capture/recording/planned_flight.h"
+#include "tileflight/world/scene/scene.h"
 
 namespace tileflight::preview {
 
@@ -51,14 +51,15 @@ struct FlightCheck {
 FlightCheck check_flight(const scene::Scene& scene, const recording::PlannedFlight& mission,
                          const FlightCheckOptions& options, const Progress& progress);
 
-/// All faults: those of render::flight_faults, those of actors, then `view_nearly_empty`, `nothing_below`, `too_fast`.
+/// Lists all faults: those of render::find_flight_faults(), those of actors, then `view_nearly_empty`, `nothing_below`,
+/// `too_fast`.
 std::vector<render::FlightFault> find_faults(const FlightCheck& check, const FlightCheckOptions& options);
-/// A warning about too little parallax at the start; nullopt if there is enough.
+/// Returns a warning about too little parallax at the start; nullopt if there is enough.
 std::optional<std::string> initialization_warning(const FlightCheck& check, const FlightCheckOptions& options);
 
-/// Outline on the ground of the area visible within `reach_m` (horizontally): the surface points hit by rays through
-/// the image border; where such a ray hits none, the outermost hit towards the image centre. Empty: no surface within
-/// reach.
+/// Computes the outline on the ground of the area visible within `reach_m` (horizontally): the surface points hit by
+/// rays through the image border; where such a ray hits none, the outermost hit towards the image centre. Empty: no
+/// surface within reach.
 std::vector<geometry::Vec2> footprint(const scene::Scene& scene, const imaging::Camera& camera,
                                       const geometry::SE3& T_local_camera, double reach_m);
 

@@ -22,7 +22,7 @@ constexpr int kMaxDoublings = 24;
 tileset::RefinementCriterion criterion_within(const place::PlaceReader& place, const Box3& box, double error_m) {
   const tileset::Placement& placement = place.placement();
   return place::restrict_to_box(tileset::region_criterion(placement.region, placement.T_local_tileset, error_m), box,
-                         placement.T_local_tileset);
+                                placement.T_local_tileset);
 }
 
 /// The grid's volume without its border, which has no rays: tiles that only touch the grid are not needed.
@@ -74,7 +74,7 @@ class Painter {
       return add(std::move(*part), grid, x, y);
     }
     throw tileset::MemoryLimitExceeded(place_.name(),
-                                     "a single tile takes more memory than is allowed; raise the limit (--memory)");
+                                       "a single tile takes more memory than is allowed; raise the limit (--memory)");
   }
 
   void add(place::PlacePart part, const GroundGrid& grid, int x, int y) {
@@ -102,7 +102,9 @@ class Painter {
 
 /// A missing tile that spans several parts is listed once.
 void remove_duplicates(std::vector<place::MissingTile>& missing) {
-  const auto by_failure = [](const place::MissingTile& a, const place::MissingTile& b) { return a.failure < b.failure; };
+  const auto by_failure = [](const place::MissingTile& a, const place::MissingTile& b) {
+    return a.failure < b.failure;
+  };
   std::stable_sort(missing.begin(), missing.end(), by_failure);
   const auto same = [](const place::MissingTile& a, const place::MissingTile& b) { return a.failure == b.failure; };
   missing.erase(std::unique(missing.begin(), missing.end(), same), missing.end());
@@ -123,8 +125,8 @@ Box3 bounds_of(const place::PlacePart& part) {
 
 /// Bounds, computed by quarters of the box if it takes too much memory; a single tile that does is represented by its
 /// bounding volume.
-Box3 bounds_within(place::PlaceReader& place, const Box3& box, double error_m, std::uintmax_t max_memory_bytes, int deepest,
-                   const Progress& progress) {
+Box3 bounds_within(place::PlaceReader& place, const Box3& box, double error_m, std::uintmax_t max_memory_bytes,
+                   int deepest, const Progress& progress) {
   const tileset::TileCut cut = place.select_cut(criterion_within(place, box, error_m));
   if (cut.contents.empty()) return {};
   if (const auto part = place.read(cut, false, max_memory_bytes, progress)) {
@@ -160,7 +162,8 @@ GroundView render_ground_view(place::PlaceReader& place, const GroundGrid& grid,
   return view;
 }
 
-Box3 surface_bounds(place::PlaceReader& place, double error_m, std::uintmax_t max_memory_bytes, const Progress& progress) {
+Box3 surface_bounds(place::PlaceReader& place, double error_m, std::uintmax_t max_memory_bytes,
+                    const Progress& progress) {
   constexpr int kDeepest = 5;
   return bounds_within(place, place.placement().region.box(), error_m, max_memory_bytes, kDeepest, progress);
 }

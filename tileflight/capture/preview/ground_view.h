@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/world/place/place_reader.h"
 #include "tileflight/capture/render/orthophoto.h"
 #include "tileflight/core/drawing/place_map.h"
+#include "tileflight/world/place/place_reader.h"
 
 namespace tileflight::preview {
 
@@ -32,23 +32,23 @@ struct GroundViewOptions {
 /// Renders the part of `place` within the grid from above. If the tiles of a part exceed the memory limit, it is
 /// rendered in quarters, and a part that is already small is rendered from coarser tiles, so that memory does not grow
 /// with the size of the place. Throws InputError (tileset::MemoryLimitExceeded) if even that does not fit.
-GroundView render_ground_view(place::PlaceReader& place, const render::GroundGrid& grid, const GroundViewOptions& options,
-                              const Progress& progress);
+GroundView render_ground_view(place::PlaceReader& place, const render::GroundGrid& grid,
+                              const GroundViewOptions& options, const Progress& progress);
 
-/// Bounding box of all surfaces and points of a region, from tiles with a geometric error of at most `error_m`; empty
-/// if there are none. Tiles' bounding volumes are often much larger than their content.
+/// Computes the bounding box of all surfaces and points of a region, from tiles with a geometric error of at most
+/// `error_m`; empty if there are none. Tiles' bounding volumes are often much larger than their content.
 geometry::Box3 surface_bounds(place::PlaceReader& place, double error_m, std::uintmax_t max_memory_bytes,
                               const Progress& progress);
 
-/// A grid of square pixels over a box of the ground, with `pixels` along its longer side; the shorter side is at least
-/// a third of it.
+/// Returns a grid of square pixels over a box of the ground, with `pixels` along its longer side; the shorter side is
+/// at least a third of it.
 render::GroundGrid fit_ground_grid(const geometry::Box3& box, int pixels);
 
-/// Converts the view for the report: extent, colours and heights; and the outlines of missing tiles.
+/// Convert the view for a map: extent, colours and heights; and the outlines of missing tiles.
 drawing::GroundImage to_ground_picture(const GroundView& view);
 std::vector<drawing::MapOutline> missing_outlines(const GroundView& view);
 
-/// Readable notes about the view: missing tiles, coarser ones.
+/// Lists warnings about the view: missing tiles, coarser ones.
 std::vector<std::string> ground_view_warnings(const GroundView& view);
 
 }  // namespace tileflight::preview

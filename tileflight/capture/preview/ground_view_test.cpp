@@ -2,9 +2,9 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <nlohmann/json.hpp>
 
 #include <cmath>
+#include <nlohmann/json.hpp>
 
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
@@ -26,7 +26,9 @@ class GroundViewTest : public ::testing::Test {
  protected:
   void SetUp() override { TinyPlace::write(folder_.path()); }
 
-  place::PlaceReader open() const { return {folder_.path().string(), {.allow_large_area = true}, fetch::Use::kAnalyse}; }
+  place::PlaceReader open() const {
+    return {folder_.path().string(), {.allow_large_area = true}, fetch::Use::kAnalyse};
+  }
   GroundView look(std::uintmax_t memory = kPlenty, double error_m = 0.0) const {
     place::PlaceReader place = open();
     const Box3 box = place.placement().region.box();
@@ -78,8 +80,8 @@ TEST_F(GroundViewTest, LittleMemoryIsQuartersOfTheSamePicture) {
   EXPECT_TRUE(coarse.is_coarser);
   EXPECT_THAT(ground_view_warnings(coarse), testing::ElementsAre(HasSubstr("coarser tiles")));
   EXPECT_NEAR(coarse.image.height_m(100, 100), TinyPlace::height(0, 0), 1.5);
-  EXPECT_THAT([&] { look(1000); },
-              ThrowsMessage<tileset::MemoryLimitExceeded>(HasSubstr("a single tile takes more memory than is allowed")));
+  EXPECT_THAT([&] { look(1000); }, ThrowsMessage<tileset::MemoryLimitExceeded>(
+                                       HasSubstr("a single tile takes more memory than is allowed")));
 }
 
 TEST_F(GroundViewTest, AMissingTileIsMarkedAndTold) {

@@ -1,15 +1,33 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <optional>
 #include <vector>
 
+#include "tileflight/capture/preview/coverage.h"
+#include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/core/imaging/camera.h"
-#include "tileflight/world/scene/scene.h"
 #include "tileflight/tiles/tileset/selection.h"
+#include "tileflight/world/scene/scene.h"
 
 namespace tileflight::preview {
+
+/// The flight's lens and the sampled poses.
+struct FrameSampling {
+  imaging::Camera camera;
+  geometry::Trajectory trajectory;
+  std::vector<std::size_t> frames;  ///< indices into trajectory
+
+  const geometry::SE3& pose(std::size_t i) const { return trajectory.poses[frames[i]].T_local_camera; }
+};
+
+/// Chooses frames evenly spread over the flight. Throws InputError.
+FrameSampling sample_frames(const CoverageSettings& settings);
+
+/// Scales a lens to images of this width, if its own are wider.
+imaging::Camera scale_to_width(const imaging::Camera& camera, int width);
 
 /// The surface hit by a pixel's central ray in the finest tiles.
 struct PixelHit {
@@ -18,7 +36,7 @@ struct PixelHit {
   double distance_m = 0.0;
 };
 
-/// The directions of a lens's pixels in the camera's frame, unit, row by row; nullopt outside its valid cone.
+/// Returns the unit directions of a lens's pixels in the camera's frame, row by row; nullopt outside its valid cone.
 std::vector<std::optional<geometry::Vec3>> pixel_rays(const imaging::Camera& camera);
 
 /// Traces a frame's pixels through one part of a scene: `nearest` has the nearest hits of the parts traced before (all
@@ -33,7 +51,7 @@ struct Substitute {
   tileset::NodeId node = 0;
   double geometric_error_m = 0.0;
 };
-/// The substitutes of a content, its own tile first.
+/// Lists the substitutes of a content, its own tile first.
 std::vector<Substitute> find_substitutes(const tileset::TilesetTree& tree, const tileset::CutContent& content);
 
 /// Counts of a frame's pixels for a set of loaded tiles.

@@ -11,11 +11,11 @@
 namespace tileflight::preview::pixel_counts_test {
 namespace {
 
-using ::testing::ElementsAre;
 using fetch::test_support::box_volume;
 using fetch::test_support::Json;
 using fetch::test_support::MemorySource;
 using fetch::test_support::tile;
+using ::testing::ElementsAre;
 
 /// root (8 m) > middle (2 m) > leaf (0 m), all over the same ground.
 Json chain(const std::string& refine_of_middle) {

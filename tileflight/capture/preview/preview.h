@@ -3,7 +3,7 @@
 #include <filesystem>
 #include <nlohmann/json_fwd.hpp>
 
-#include "tileflight/capture/preview/previewed_flight.h"
+#include "tileflight/capture/preview/sample_pictures.h"
 
 namespace tileflight::preview {
 

@@ -1,19 +1,67 @@
 #include "tileflight/capture/preview/sample_pictures.h"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 
-#include "tileflight/core/base/elapsed_time.h"
+#include "tileflight/core/base/progress.h"
+#include "tileflight/core/drawing/page_image.h"
 #include "tileflight/core/imaging/image_files.h"
-#include "tileflight/world/place/require_surface.h"
-#include "tileflight/core/drawing/thumbnail.h"
+#include "tileflight/world/place/place_reader.h"
 #include "tileflight/world/scene/scene.h"
 
 namespace tileflight::preview {
+
 namespace {
 
-/// The tiles that the picture's frame shows, as `render` selects them, or coarser ones if they do not fit into memory:
-/// `render` would divide the frame. Sets the picture's `error_px`.
+using geometry::Box3;
+using geometry::Vec3;
+
+/// Positions along the path, subsampled where that makes no difference.
+std::vector<Vec3> subsample_path(const geometry::Trajectory& frames) {
+  const double step_m = std::max(0.25, geometry::path_length_m(frames) / 2000);
+  std::vector<Vec3> path;
+  for (const geometry::StampedPose& pose : frames.poses) {
+    const Vec3& p = pose.T_local_camera.translation;
+    if (path.empty() || (p - path.back()).norm() >= step_m) path.push_back(p);
+  }
+  return path;
+}
+
+/// Tiles for the checks: resolution as a share of their distance, within a range of the path.
+struct DetailLevel {
+  double error_share, reach_m;
+};
+
+}  // namespace
+
+SurroundingTiles read_surroundings(PreviewedFlight& flight, const Progress& progress) {
+  constexpr std::array<DetailLevel, 5> kDetails{{{0.005, 20e3}, {0.01, 5e3}, {0.02, 2e3}, {0.05, 1e3}, {0.1, 300}}};
+  const geometry::SE3& T_local_tileset = flight.place.placement().T_local_tileset;
+  Box3 path_box;
+  std::vector<tileset::ViewCone> cones;
+  for (const Vec3& p : subsample_path(flight.frames())) {
+    path_box.extend(p);
+    cones.push_back({.position = p});
+  }
+  for (const DetailLevel& detail : kDetails) {
+    for (tileset::ViewCone& cone : cones) cone.pixels_per_rad = 1 / detail.error_share;
+    const Vec3 around(detail.reach_m, detail.reach_m, 20e3);
+    const tileset::RefinementCriterion wanted =
+        place::restrict_to_box(tileset::limit_refinement(tileset::flight_criterion(cones, T_local_tileset, 1.0),
+                                                         flight.settings.render.load.error_m),
+                               Box3(path_box.min() - around, path_box.max() + around), T_local_tileset);
+    if (auto part = flight.place.read(flight.place.select_cut(wanted), false, flight.memory / 2, progress))
+      return {std::move(*part), &detail != kDetails.data()};
+  }
+  throw tileset::MemoryLimitExceeded(flight.place.name(),
+                                     "the tiles around the path need more memory than the limit; raise it (--memory)");
+}
+
+namespace {
+
+/// Reads the tiles that the image's frame shows, as `render` selects them, or coarser ones if they do not fit into
+/// memory. Sets the picture's `error_px`.
 place::PlacePart read_tiles_of(PreviewedFlight& flight, const recording::FrameGroups& groups, SamplePicture& picture,
                                const Progress& progress) {
   constexpr double kCoarsest = 256.0;  // times the error asked for
@@ -25,9 +73,9 @@ place::PlacePart read_tiles_of(PreviewedFlight& flight, const recording::FrameGr
     if (auto part = flight.place.read(cut, true, flight.memory_left(), progress)) return std::move(*part);
   }
   throw tileset::MemoryLimitExceeded(flight.place.name(),
-                                   "the part of the place that frame " + std::to_string(picture.frame) +
-                                       " sees needs more memory than the limit: request coarser tiles (--error, "
-                                       "--pixel-error) or raise the limit (--memory)");
+                                     "the part of the place that frame " + std::to_string(picture.frame) +
+                                         " sees needs more memory than the limit: request coarser tiles (--error, "
+                                         "--pixel-error) or raise the limit (--memory)");
 }
 
 /// Renders an image as `render` would, from the same tiles where they fit into memory.
@@ -72,7 +120,7 @@ SamplePicture render_picture(PreviewedFlight& flight, const std::string& name, s
 }  // namespace
 
 tileset::RefinementCriterion criterion_of(const PreviewedFlight& flight, const std::vector<std::size_t>& group,
-                                        const std::optional<double>& error_px, std::optional<std::size_t> frame) {
+                                          const std::optional<double>& error_px, std::optional<std::size_t> frame) {
   const recording::RenderSettings& render = flight.settings.render;
   const tileset::Placement& placement = flight.place.placement();
   if (!error_px) return tileset::region_criterion(placement.region, placement.T_local_tileset, render.load.error_m);
@@ -85,8 +133,8 @@ tileset::RefinementCriterion criterion_of(const PreviewedFlight& flight, const s
     const auto first = all.begin() + static_cast<std::ptrdiff_t>(i * per_frame);
     cones.insert(cones.end(), first, first + static_cast<std::ptrdiff_t>(per_frame));
   }
-  return tileset::limit_refinement(tileset::flight_criterion(std::move(cones), placement.T_local_tileset, *error_px, part),
-                                 render.load.error_m);
+  return tileset::limit_refinement(
+      tileset::flight_criterion(std::move(cones), placement.T_local_tileset, *error_px, part), render.load.error_m);
 }
 
 std::vector<SamplePicture> render_pictures(PreviewedFlight& flight, std::vector<place::MissingTile>& missing,

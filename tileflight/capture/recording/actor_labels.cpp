@@ -8,8 +8,6 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/formatted_text.h"
-#include "tileflight/core/base/json_file.h"
-#include "tileflight/core/base/make_folder.h"
 #include "tileflight/core/base/strict_section.h"
 #include "tileflight/core/geometry/json_numbers.h"
 

@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/world/scene/traffic.h"
-#include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/capture/render/render_flight.h"
+#include "tileflight/core/geometry/trajectory.h"
+#include "tileflight/world/scene/traffic.h"
 
 namespace tileflight::recording {
 
@@ -21,7 +21,7 @@ class ActorLabels {
 
   /// Throws InputError.
   void add(const render::FlightFrame& frame, const geometry::SE3& T_local_camera) const;
-  /// Writes coco.json of all frames. `image_ending`: ".jpg" or ".png". Throws InputError.
+  /// Writes coco.json for all frames. `image_ending`: ".jpg" or ".png". Throws InputError.
   void finish(std::size_t frames, int width, int height, const char* image_ending) const;
 
  private:
@@ -29,7 +29,7 @@ class ActorLabels {
   std::shared_ptr<const scene::Traffic> traffic_;
 };
 
-/// Where an actor is in one frame.
+/// Position and size of an actor in one frame.
 struct ActorBox {
   std::string actor;
   geometry::SE3 T_local_box;  ///< axes forward, left, up; origin in the middle
@@ -38,9 +38,9 @@ struct ActorBox {
   bool has_same_place(const ActorBox& other) const;
 };
 
-/// Whether a dataset has boxes of actors.
+/// Tells whether a dataset has boxes of actors.
 bool has_actor_boxes(const std::filesystem::path& dataset_folder);
-/// Reads the boxes of a frame ("000000"), those of all actors. Throws InputError (file, key) if they are missing or
+/// Reads the boxes of all actors in a frame ("000000"). Throws InputError (file, key) if they are missing or
 /// broken.
 std::vector<ActorBox> read_actor_boxes(const std::filesystem::path& dataset_folder, const std::string& frame_id);
 

@@ -1,26 +1,158 @@
 #include "tileflight/capture/recording/dataset_renderer.h"
 
-#include <chrono>
+#include <cstddef>
+#include <filesystem>
 #include <functional>
 #include <map>
 #include <mutex>
 #include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
 
-#include "tileflight/core/base/elapsed_time.h"
-#include "tileflight/data/dataset/encode_queue.h"
-#include "tileflight/data/dataset/video.h"
-#include "tileflight/capture/events/event_recorder.h"
+#include "tileflight/capture/events/event_camera.h"
 #include "tileflight/capture/recording/actor_labels.h"
-#include "tileflight/capture/recording/dataset_metadata.h"
-#include "tileflight/capture/recording/frame_output_writer.h"
+#include "tileflight/capture/recording/flight_faults.h"
+#include "tileflight/capture/recording/flight_renderer.h"
+#include "tileflight/capture/recording/frame_store.h"
+#include "tileflight/capture/recording/planned_flight.h"
+#include "tileflight/capture/recording/render_outputs.h"
+#include "tileflight/capture/recording/render_stage.h"
+#include "tileflight/capture/sensors/gnss.h"
+#include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
+#include "tileflight/core/base/program.h"
+#include "tileflight/core/base/progress.h"
+#include "tileflight/core/imaging/calibration_files.h"
+#include "tileflight/core/imaging/photometric.h"
+#include "tileflight/data/dataset/dataset.h"
+#include "tileflight/data/dataset/encode_queue.h"
+#include "tileflight/data/dataset/sensor_files.h"
+#include "tileflight/data/video/video.h"
+#include "tileflight/tiles/fetch/open_source.h"
+#include "tileflight/world/place/extract.h"
 
 namespace tileflight::recording {
+
 namespace fs = std::filesystem;
 namespace {
 
+/// Returns the folder of a camera's files in its flight's dataset. The first camera's is that of a single camera.
+fs::path camera_folder(const PlannedFlight& mission, std::size_t camera) {
+  return camera == 0 ? fs::path(".") : fs::path("cameras") / mission.camera(camera).name;
+}
+
+/// Simulates receiver positions along the path, if the place is georeferenced.
+std::vector<dataset::GpsFix> simulate_gps(const PlannedFlight& mission,
+                                          const std::optional<geometry::LocalFrame>& frame, std::uint64_t seed) {
+  if (!frame || mission.body.size() < 2) return {};
+  std::vector<dataset::GpsFix> fixes;
+  const sensors::GnssOptions options =
+      mission.sensor_recorder->suite().gnss.value_or(sensors::GnssOptions{.seed = seed});
+  for (const sensors::GnssFix& fix : sensors::simulate_gnss(mission.body, options)) {
+    fixes.push_back(
+        {fix.time_s, frame->geodetic_from_local(fix.position), fix.horizontal_sigma_m, fix.vertical_sigma_m});
+  }
+  return fixes;
+}
+
+/// Simulates gimbal measurements of the first camera's attitude, if the place is georeferenced.
+std::vector<dataset::CameraAttitude> simulate_camera_attitude(const PlannedFlight& mission,
+                                                              const std::optional<geometry::LocalFrame>& frame,
+                                                              std::uint64_t seed) {
+  if (!frame || mission.frames.size() < 2) return {};
+  const sensors::AttitudeOptions options =
+      mission.sensor_recorder->suite().attitude.value_or(sensors::AttitudeOptions{.seed = seed});
+  const auto times = flight_path::make_sample_times("attitude", mission.frames.poses.front().time_s,
+                                                    mission.frames.poses.back().time_s, options.rate_hz);
+  const auto pose_at = [&](double time_s) { return *geometry::interpolate(mission.frames, time_s); };
+  std::vector<dataset::CameraAttitude> attitudes;
+  for (const sensors::AttitudeSample& sample : sensors::simulate_attitude(pose_at, times, options))
+    attitudes.push_back(
+        {sample.time_s, sample.R_local_camera, sensors::tilt_sigma_deg(options), sensors::yaw_sigma_deg(options)});
+  return attitudes;
+}
+
+std::map<std::string, std::string> description(const RenderSettings& settings, const tileset::LoadedTiles& tiles) {
+  return {{"made_by", "tileflight render " + base::version()},
+          {"source", fetch::redact_source(settings.source)},
+          {"flight", settings.flight.flight.string()},
+          {"seed", std::to_string(settings.seed)},
+          {"cut_sha256", tiles.cut_hash},
+          {"tiles", std::to_string(tiles.cut_size - tiles.tiles_failed)},
+          {"attribution", base::joined(tiles.attribution, "; ")},
+          {"terms_provider", tiles.terms.provider},
+          {"terms_accepted", settings.load.source.terms_accepted ? "true" : "false"}};
+}
+
+/// Writes the inverse of the camera's response, and its vignetting.
+void write_photometric(const PlannedCamera& planned, const fs::path& folder) {
+  const imaging::Camera& camera = planned.calibration.camera;
+  const imaging::PhotometricCalibration calibration =
+      render::photometric_calibration(planned.options.formation, camera.width(), camera.height());
+  imaging::write_pcalib(folder / "pcalib.txt", calibration.inverse_response);
+  if (!calibration.vignette.empty()) imaging::write_vignette(folder / "vignette.png", calibration.vignette);
+}
+
+/// The names of a rig's cameras; none if the flight has a `camera`.
+std::vector<std::string> camera_names(const PlannedFlight& mission) {
+  std::vector<std::string> names;
+  for (std::size_t c = 0; c < mission.camera_count() && !mission.name.empty(); ++c)
+    names.push_back(mission.camera(c).name);
+  return names;
+}
+
+void write_rig(const PlannedFlight& mission, const fs::path& folder) {
+  std::vector<imaging::ChainCamera> chain;
+  for (std::size_t c = 0; c < mission.camera_count(); ++c) {
+    const PlannedCamera& camera = mission.camera(c);
+    chain.push_back(
+        {camera.name, camera_folder(mission, c), camera.calibration, camera.T_body_camera, camera.timeshift_s});
+  }
+  imaging::write_camchain(folder / "camchain.yaml", chain);
+}
+
+/// Writes the description, true poses and calibration of one camera's images.
+void write_camera_metadata(dataset::DatasetWriter& writer, const PlannedFlight& mission, std::size_t number,
+                           const RenderSettings& settings, const RenderSummary& summary,
+                           const std::vector<FrameRecord>& frames) {
+  const PlannedCamera& camera = mission.camera(number);
+  if (settings.flight.outputs.photometric) write_photometric(camera, writer.temporary_folder());
+  writer.set_groundtruth(camera.frames);
+  for (const auto& [key, value] : description(settings, summary.tiles)) writer.describe(key, value);
+  const std::optional<geometry::LocalFrame>& frame = summary.tiles.local_frame;
+  for (const auto& [key, value] : place::describe_frame(frame ? std::optional(frame->origin()) : std::nullopt))
+    writer.describe(key, value);
+  const auto faults = render::find_flight_faults(frame_checks(frames), 0, camera.options.clearance_m);
+  for (const auto& [key, value] : faults_to_metadata(faults)) writer.describe(key, value);
+  for (const auto& [key, value] : faults_to_metadata(find_actor_faults(mission, number))) writer.describe(key, value);
+  if (const auto& light = camera.options.formation.light)
+    writer.describe("light", describe_sun_position(make_daylight(*light, summary.tiles.local_frame->origin())->sun()));
+  if (const auto& weather = camera.options.render.weather) writer.describe("weather", describe_weather(*weather));
+  const std::vector<std::string> names = camera_names(mission);
+  if (names.empty()) return;
+  writer.describe("camera", camera.name);
+  writer.describe("cameras", base::joined(names));
+}
+
+/// Writes the data of the flight besides its images: other sensors, vehicle and rig.
+void write_flight_metadata(dataset::DatasetWriter& writer, const PlannedFlight& mission, const RenderSettings& settings,
+                           const RenderSummary& summary) {
+  const std::vector<dataset::GpsFix> gps = simulate_gps(mission, summary.tiles.local_frame, settings.seed);
+  if (!gps.empty()) writer.set_gps(gps);
+  const auto attitudes = simulate_camera_attitude(mission, summary.tiles.local_frame, settings.seed);
+  if (!attitudes.empty()) dataset::write_attitude_csv(writer.temporary_folder() / "attitude.csv", attitudes);
+  mission.sensor_recorder->write(summary.tiles.local_frame, mission.body.poses.front().time_s,
+                                 writer.temporary_folder());
+  for (const auto& [key, value] : mission.sensor_recorder->description()) writer.describe(key, value);
+  if (!mission.name.empty()) write_rig(mission, writer.temporary_folder());
+  if (!mission.vehicle.is_null()) {
+    base::write_file(writer.temporary_folder() / "vehicle.json", mission.vehicle.dump(2) + "\n");
+  }
+}
+
 constexpr const char* kEventsFile = "events.h5";
 
-/// Frames arrive from several threads in any order; a video needs them in sequence.
+/// Passes on frames in sequence, as a video needs them; they arrive from several threads in any order.
 class FrameReorderBuffer {
  public:
   explicit FrameReorderBuffer(std::function<void(const imaging::RgbImage&)> take) : sink_(std::move(take)) {}
@@ -65,7 +197,7 @@ void to_video_clock(PlannedFlight& mission) {
 void add_video_frames(const fs::path& video, const geometry::Trajectory& frames,
                       const std::vector<double>& exposures_ms, dataset::DatasetWriter& writer) {
   dataset::EncodeQueue queue(writer);
-  dataset::read_video(video, {}, [&](std::int64_t index, double, const imaging::RgbImage& image) {
+  video::read_video(video, {}, [&](std::int64_t index, double, const imaging::RgbImage& image) {
     const auto i = static_cast<std::size_t>(index);
     queue.add(i, frames.poses[i].time_s, exposures_ms[i], image);
     return true;
@@ -73,14 +205,14 @@ void add_video_frames(const fs::path& video, const geometry::Trajectory& frames,
   queue.finish();
 }
 
-/// FrameAssignment::segmentation_runs_folder of one camera.
+/// Returns FrameAssignment::segmentation_runs_folder() for one camera.
 fs::path runs_folder(const FrameAssignment& share, const PlannedFlight& mission, std::size_t camera) {
   const fs::path runs = share.segmentation_runs_folder();
   if (camera == 0 || runs.empty()) return runs;
   return runs.parent_path() / (runs.filename().string() + "-" + mission.camera(camera).name);
 }
 
-/// What is written of one camera. Not to be moved: it refers to itself.
+/// The files of one camera. It refers to itself and cannot be moved.
 struct CameraFiles {
   CameraFiles(const PlannedFlight& mission, std::size_t camera, const RenderSettings& settings,
               const FrameAssignment& share, const fs::path& out, const dataset::DatasetWriter::Options& options)
@@ -88,11 +220,11 @@ struct CameraFiles {
         outputs(writer.temporary_folder(), settings.flight.outputs, runs_folder(share, mission, camera)),
         labels(writer.temporary_folder(), mission.traffic),
         reorder_buffer([this](const imaging::RgbImage& image) { video->add(image); }) {
-    if (!settings.flight.video || !share.is_first_rank()) return;
+    if (!settings.flight.video || !share.has_all_frames()) return;
     const imaging::Camera& lens = mission.camera(camera).calibration.camera;
     video.emplace(video_file(), lens.width(), lens.height(),
-                  dataset::VideoOptions{.frames_per_second = frame_rate(mission.camera(camera).frames),
-                                        .compression = *settings.flight.video});
+                  video::VideoOptions{.frames_per_second = frame_rate(mission.camera(camera).frames),
+                                      .compression = *settings.flight.video});
   }
   CameraFiles(const CameraFiles&) = delete;
   CameraFiles& operator=(const CameraFiles&) = delete;
@@ -102,7 +234,7 @@ struct CameraFiles {
   dataset::DatasetWriter writer;
   FrameOutputWriter outputs;
   ActorLabels labels;
-  std::optional<dataset::VideoWriter> video;  ///< only on the first rank
+  std::optional<video::VideoWriter> video;  ///< set if this process completes the dataset
   FrameReorderBuffer reorder_buffer;
 };
 
@@ -111,11 +243,7 @@ struct CameraFiles {
 struct DatasetRenderer::Impl {
   Impl(const PlannedFlight& mission, const RenderSettings& settings, const fs::path& out, bool replace,
        FrameAssignment& share, const Progress& progress)
-      : mission_(mission),
-        settings_(settings),
-        share_(share),
-        images_(mission_),
-        part_renderer_(mission_, settings, progress) {
+      : mission_(mission), settings_(settings), share_(share), images_(mission_) {
     cameras_.push_back(
         std::make_unique<CameraFiles>(mission_, 0, settings, share, out,
                                       dataset::DatasetWriter::Options{.replace = replace,
@@ -131,62 +259,29 @@ struct DatasetRenderer::Impl {
                                           .build_folder = cameras_.front()->writer.temporary_folder() / folder,
                                           .is_part = true}));
     }
+    renderer_.emplace(mission_, settings, share, progress);
   }
 
-  /// Renders this process's images.
-  void render(jobs::Ranks& ranks) {
-    run_collectively(ranks, [&] { part_renderer_.select(share_); });
-    const auto sink = [&](std::size_t camera, const render::FlightFrame& frame) { take(camera, frame); };
-    if (part_renderer_.deal_out_tiles(ranks, share_)) {
-      summary_ = part_renderer_.run_together(ranks, share_, sink);
-    } else {
-      render_range(ranks, sink);
-    }
-    summary_.tiles_read = 0;
-    for (const std::string& count : ranks.all_gather(std::to_string(part_renderer_.read_count())))
-      summary_.tiles_read += std::stoll(count);
-    record_events(ranks);
-    SensorRecorder& recorder = *mission_.sensor_recorder;
-    recorder.set_recorded(ranks.all_gather(recorder.recorded()));
+  void render() {
+    summary_ = renderer_->run(cameras_.front()->writer.temporary_folder(),
+                              [&](std::size_t camera, const render::FlightFrame& frame) { take(camera, frame); });
+    if (mission_.has_events() && share_.has_all_frames()) record_events();
   }
 
-  /// Renders this process's range of images.
-  void render_range(jobs::Ranks& ranks, const CameraFrameSink& sink) {
-    std::string light;
-    run_collectively(ranks, [&] {
-      part_renderer_.require_fit(share_);
-      light = part_renderer_.meter(share_);
-    });
-    part_renderer_.set_light(ranks.all_gather(light));
-    const auto start = std::chrono::steady_clock::now();
-    double loading_s = 0.0;
-    run_collectively(ranks, [&] {
-      summary_ = part_renderer_.run(cameras_.front()->writer.temporary_folder(), share_, sink);
-      loading_s = base::seconds_since(start) - summary_.seconds;
-    });
-    summary_.seconds = base::seconds_since(start) - loading_s;  // includes the time spent waiting for other ranks
-  }
-
-  /// Records event cameras, each by one process, from the flight's first frame to its last: what a pixel sends depends
-  /// on all that it has seen. All processes know the counts then.
-  void record_events(jobs::Ranks& ranks) {
-    if (!mission_.has_events() || (ranks.count() == 1 && !share_.is_first_rank())) return;
+  /// Records event cameras from the flight's first frame to its last: what a pixel sends depends on all that it has
+  /// seen.
+  void record_events() {
     std::vector<std::unique_ptr<events::EventRecorder>> recorders(cameras_.size());
-    nlohmann::json counts = nlohmann::json::array();
-    run_collectively(ranks, [&] {
-      int event_cameras = 0;
-      for (std::size_t c = 0; c < cameras_.size(); ++c) {
-        if (mission_.camera(c).events && event_cameras++ % ranks.count() == ranks.rank())
-          recorders[c] = make_recorder(c);
-      }
-      part_renderer_.record_events(recorders, share_);
-      for (std::size_t c = 0; c < cameras_.size(); ++c) {
-        if (recorders[c]) counts.push_back(finish_recorder(c, *recorders[c]));
-      }
-    });
-    for (const std::string& part : ranks.all_gather(counts.dump())) {
-      for (const nlohmann::json& of_camera : nlohmann::json::parse(part))
-        event_counts_[of_camera[0].get<std::size_t>()] = {of_camera[1], of_camera[2], of_camera[3]};
+    for (std::size_t c = 0; c < cameras_.size(); ++c) {
+      if (mission_.camera(c).events) recorders[c] = make_recorder(c);
+    }
+    renderer_->record_events(recorders);
+    const double start_s = settings_.flight.video ? mission_.body.poses.front().time_s : 0.0;
+    for (std::size_t c = 0; c < cameras_.size(); ++c) {
+      if (!recorders[c]) continue;
+      // The file's clock is the dataset's, which starts at 0 beside a video.
+      recorders[c]->finish(mission_.camera(c).frames.poses.front().time_s - start_s);
+      event_counts_[c] = recorders[c]->counts();
     }
   }
 
@@ -195,14 +290,6 @@ struct DatasetRenderer::Impl {
     return std::make_unique<events::EventRecorder>(camera.calibration.camera, camera.pose_at, *camera.events,
                                                    camera.frames,
                                                    cameras_[number]->writer.temporary_folder() / kEventsFile);
-  }
-
-  /// The file's clock is the dataset's, which starts at 0 beside a video.
-  nlohmann::json finish_recorder(std::size_t number, events::EventRecorder& recorder) const {
-    const double start_s = settings_.flight.video ? mission_.body.poses.front().time_s : 0.0;
-    recorder.finish(mission_.camera(number).frames.poses.front().time_s - start_s);
-    const events::EventCounts& counts = recorder.counts();
-    return {number, counts.events, counts.positive, counts.samples};
   }
 
   void describe_events(std::size_t number) {
@@ -230,9 +317,9 @@ struct DatasetRenderer::Impl {
     if (share_.renders_all_frames()) files.reorder_buffer.add(frame.index, frame.rgb);
   }
 
-  /// Completes the dataset after every process has rendered its images; called by the first rank.
+  /// Completes the dataset once all images are rendered.
   std::vector<FrameRecord> finish() {
-    part_renderer_.complete(share_, summary_);
+    renderer_->complete(summary_);
     const std::vector<FrameRecord> images = share_.collect_frames();
     if (settings_.flight.video) to_video_clock(mission_);
     for (std::size_t c = cameras_.size(); c-- > 0;) finish_camera(c, frames_of(c, images));
@@ -246,7 +333,7 @@ struct DatasetRenderer::Impl {
     return frames;
   }
 
-  /// The first camera is the last: its folder is the dataset.
+  /// Completes a camera's folder. The first camera is the last, since its folder is the dataset.
   void finish_camera(std::size_t number, const std::vector<FrameRecord>& frames) {
     const PlannedCamera& camera = mission_.camera(number);
     CameraFiles& files = *cameras_[number];
@@ -277,8 +364,8 @@ struct DatasetRenderer::Impl {
   const RenderSettings& settings_;
   FrameAssignment& share_;
   ImageOrder images_;
-  PartRenderer part_renderer_;
   std::vector<std::unique_ptr<CameraFiles>> cameras_;
+  std::optional<FlightRenderer> renderer_;
   std::map<std::size_t, events::EventCounts> event_counts_;  ///< of the event cameras, by their numbers
   RenderSummary summary_;
 };
@@ -289,7 +376,7 @@ DatasetRenderer::DatasetRenderer(const PlannedFlight& mission, const RenderSetti
 
 DatasetRenderer::~DatasetRenderer() = default;
 
-void DatasetRenderer::render(jobs::Ranks& ranks) { impl_->render(ranks); }
+void DatasetRenderer::render() { impl_->render(); }
 
 std::vector<FrameRecord> DatasetRenderer::finish() { return impl_->finish(); }
 

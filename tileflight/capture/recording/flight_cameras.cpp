@@ -2,12 +2,12 @@
 
 #include <cmath>
 
+#include "tileflight/capture/flight_path/path.h"
+#include "tileflight/capture/render/image_formation.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/strict_section.h"
-#include "tileflight/data/dataset/rig.h"
-#include "tileflight/capture/flight_path/path.h"
 #include "tileflight/core/imaging/calibration_files.h"
-#include "tileflight/capture/render/image_formation_section.h"
+#include "tileflight/data/dataset/rig.h"
 
 namespace tileflight::recording {
 namespace {
@@ -16,7 +16,7 @@ using base::StrictSection;
 using geometry::SE3;
 using geometry::Vec3;
 
-/// Kalibr's convention: 16 numbers, row by row.
+/// Reads a pose in Kalibr's convention: 16 numbers, row by row.
 std::optional<SE3> read_mount_matrix(StrictSection& camera) {
   const auto numbers = camera.numbers("T_body_camera", 16, 16);
   if (!numbers) return std::nullopt;
@@ -29,7 +29,7 @@ std::optional<SE3> read_mount_matrix(StrictSection& camera) {
   return SE3(rotation, m.topRightCorner<3, 1>());
 }
 
-/// Angles as those of a waypoint, from the body's own direction.
+/// Reads angles, as those of a waypoint, relative to the body's direction.
 SE3 read_mount(StrictSection& camera) {
   const std::optional<SE3> matrix = read_mount_matrix(camera);
   const auto position = camera.numbers("position", 3, 3);
@@ -41,9 +41,10 @@ SE3 read_mount(StrictSection& camera) {
   SE3 T_body_camera;
   if (position) T_body_camera.translation = Vec3(position->data());
   if (has_angles)
-    T_body_camera.rotation = (flight_path::camera_orientation(0, 0, 0).conjugate() *
-                              flight_path::camera_orientation(yaw.value_or(0.0), pitch.value_or(0.0), roll.value_or(0.0)))
-                                 .normalized();
+    T_body_camera.rotation =
+        (flight_path::camera_orientation(0, 0, 0).conjugate() *
+         flight_path::camera_orientation(yaw.value_or(0.0), pitch.value_or(0.0), roll.value_or(0.0)))
+            .normalized();
   return T_body_camera;
 }
 
@@ -103,14 +104,14 @@ void require_usable_names(const std::filesystem::path& file, const std::vector<M
   if (const auto fault = dataset::fault_of_camera_names(names)) throw InputError(file.string(), *fault);
 }
 
-/// One inertial unit: where the first camera's calibration says.
+/// Sets one inertial unit for all cameras, mounted as the first camera's calibration says.
 void place_imu(std::vector<MountedCamera>& cameras) {
   const SE3 T_body_imu = cameras.front().T_body_camera * cameras.front().calibration.T_cam_imu;
   for (std::size_t i = 1; i < cameras.size(); ++i)
     cameras[i].calibration.T_cam_imu = cameras[i].T_body_camera.inverse() * T_body_imu;
 }
 
-/// A rig's cameras, as `file` has them, checked and with the rig's one IMU.
+/// Checks a rig's cameras, which were read from `file`, and gives them the rig's one IMU.
 std::vector<MountedCamera> placed(const std::filesystem::path& file, std::vector<MountedCamera> cameras) {
   require_usable_names(file, cameras);
   place_imu(cameras);

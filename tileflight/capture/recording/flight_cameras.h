@@ -5,14 +5,14 @@
 #include <vector>
 
 #include "tileflight/capture/events/event_options.h"
-#include "tileflight/core/imaging/camera.h"
+#include "tileflight/capture/recording/render_stage.h"
 #include "tileflight/capture/render/image_formation.h"
-#include "tileflight/capture/recording/flight_settings.h"
+#include "tileflight/core/imaging/camera.h"
 
 namespace tileflight::recording {
 
-/// A camera as it is mounted on what flies. The body's axes are those of a camera that looks where the path does: x
-/// right, y down, z forward.
+/// A camera mounted on the flying body. The body's axes are those of a camera that looks along the path's orientation:
+/// x right, y down, z forward.
 struct MountedCamera {
   std::string name;  ///< empty: the only camera of a flight, which is the body itself
   imaging::Calibration calibration;
@@ -26,15 +26,15 @@ struct MountedCamera {
   std::optional<events::EventOptions> events{};   ///< of an event camera with the same lens; nullopt: it is none
 };
 
-/// The cameras of a FLIGHT file: that of `camera`, or those of `cameras` (docs/rigs.md), which is a Kalibr camchain or
-/// a list whose entries have the keys name, camera, camera_id, resolution, T_body_camera | position with yaw_deg,
-/// pitch_deg and roll_deg, fps, offset_s, degrade, events (for `camera`, a key beside it). The settings' camera
-/// replaces that of `camera`, their image size that of each. T_cam_imu of the cameras after the first follow from the
-/// first one's. Throws InputError (file, line, key).
+/// Reads the cameras of a FLIGHT file: that of `camera`, or those of `cameras` (docs/rigs.md), which is a Kalibr
+/// camchain or a list whose entries have the keys name, camera, camera_id, resolution, T_body_camera | position with
+/// yaw_deg, pitch_deg and roll_deg, fps, offset_s, degrade, events (for `camera`, a key beside it). The settings'
+/// camera replaces that of `camera`, their image size that of each. T_cam_imu of the cameras after the first follow
+/// from the first one's. Throws InputError (file, line, key).
 std::vector<MountedCamera> read_flight_cameras(const RenderedFlightConfig& flight);
 
-/// The cameras of a rig that was flown: those of a Kalibr camchain, or of `cameras` of a FLIGHT file (whose other keys
-/// are left alone). Throws InputError (file, line, key).
+/// Reads the cameras of a rig that was flown: those of a Kalibr camchain, or of `cameras` of a FLIGHT file (whose other
+/// keys are left alone). Throws InputError (file, line, key).
 std::vector<MountedCamera> read_rig_cameras(const std::filesystem::path& file);
 
 }  // namespace tileflight::recording

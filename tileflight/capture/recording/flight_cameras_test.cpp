@@ -6,9 +6,9 @@
 
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
+#include "tileflight/capture/recording/planned_flight.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/imaging/calibration_files.h"
-#include "tileflight/capture/recording/planned_flight.h"
 
 namespace tileflight::recording::flight_cameras_test {
 namespace {

@@ -4,13 +4,13 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "tileflight/core/base/files.h"
-#include "tileflight/core/base/string_lists.h"
 #include "tileflight/capture/render/frame_renderer.h"
-#include "tileflight/tiles/tileset/cut_reader.h"
-#include "tileflight/tiles/tileset/region_reader.h"
+#include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/tiles/fetch/open_source.h"
 #include "tileflight/tiles/fetch/uri.h"
+#include "tileflight/tiles/tileset/cut_reader.h"
+#include "tileflight/tiles/tileset/region_reader.h"
 
 namespace tileflight::recording {
 namespace {
@@ -44,7 +44,7 @@ FrameGroups group_by_body(const PlannedFlight& mission, const ImageOrder& images
 }
 
 tileset::LoadOptions load_options_of(const std::vector<std::vector<tileset::ViewCone>>& cones,
-                                   const RenderSettings& settings) {
+                                     const RenderSettings& settings) {
   tileset::LoadOptions load = settings.load;
   load.uses = {fetch::Use::kAnalyse};
   if (!settings.error_px) return load;
@@ -141,49 +141,9 @@ std::optional<std::uintmax_t> FlightTiles::file_bytes(const tileset::CutContent&
   return fetch::is_data_uri(content.uri) ? std::nullopt : source_->size(content.uri);
 }
 
-std::vector<tileset::ViewCone> FlightTiles::cones_of(const FrameView& view) const {
-  if (!view.region) return cones_[view.frame];
-  const ImageId& image = images_[view.frame];
-  return region_view_cones(mission_.camera(image.camera), image.frame, region_cones(image.camera, *view.region));
-}
-
-/// Cones that together hold a region, and what chromatic aberration moves into it from beside it: those of its cells,
-/// since one cone around all of it would hold much else.
-const std::vector<tileset::ViewCone>& FlightTiles::region_cones(std::size_t number,
-                                                              const imaging::PixelRegion& region) const {
-  const auto [known, is_new] = region_cones_.try_emplace({number, {region.x0, region.y0, region.x1, region.y1}});
-  if (!is_new) return known->second;
-  const imaging::Camera& camera = mission_.camera(number).calibration.camera;
-  const render::ImageFormation& formation = mission_.camera(number).options.formation;
-  const double larger = std::max(std::abs(formation.chromatic_red), std::abs(formation.chromatic_blue));
-  const int margin_px = static_cast<int>(std::ceil(larger * std::max(camera.width(), camera.height())));
-  const int cell_px = std::max(8, std::min(region.width(), region.height()) / 2);
-  for (int y = region.y0; y < region.y1; y += cell_px) {
-    for (int x = region.x0; x < region.x1; x += cell_px) {
-      const auto cone =
-          tileset::view_cone_of_region(camera, {std::max(0, x - margin_px), std::max(0, y - margin_px),
-                                              std::min(camera.width(), std::min(region.x1, x + cell_px) + margin_px),
-                                              std::min(camera.height(), std::min(region.y1, y + cell_px) + margin_px)});
-      if (cone) known->second.push_back(*cone);
-    }
-  }
-  return known->second;
-}
-
-std::function<bool(const BoundingSphere&)> FlightTiles::needs_of(const FrameView& view) const {
-  if (view.sight == Sight::kPicture) return needs_of_picture(view);
-  if (view.sight == Sight::kPath) return needs_of_path(view.frame);
-  return [picture = needs_of_picture(view), path = needs_of_path(view.frame)](const BoundingSphere& sphere) {
-    return picture(sphere) || path(sphere);
-  };
-}
-
-std::function<bool(const BoundingSphere&)> FlightTiles::needs_of_picture(const FrameView& view) const {
-  const std::vector<tileset::ViewCone> cones = cones_of(view);
-  if (cones.empty()) return [](const BoundingSphere&) { return false; };
-  return [seen = tileset::flight_criterion(cones, geometry::SE3(), 0.0)](const BoundingSphere& sphere) {
-    return seen.intersects(sphere);
-  };
+std::function<bool(const BoundingSphere&)> FlightTiles::needs_of(std::size_t image) const {
+  return [path = needs_of_path(image), seen = tileset::flight_criterion(cones_[image], geometry::SE3(), 0.0)](
+             const BoundingSphere& sphere) { return seen.intersects(sphere) || path(sphere); };
 }
 
 /// Surfaces that may lie below the camera, around it, or near its way to the next frame.
@@ -207,9 +167,9 @@ std::function<bool(const BoundingSphere&)> FlightTiles::needs_of_path(std::size_
   };
 }
 
-std::vector<std::size_t> FlightTiles::places_for_view(const FrameView& view) const {
-  const auto needs = needs_of(view);
-  const std::vector<std::size_t>& contents = contents_of_group_[groups_.group_of_frame[view.frame]];
+std::vector<std::size_t> FlightTiles::places_for_frame(std::size_t image) const {
+  const auto needs = needs_of(image);
+  const std::vector<std::size_t>& contents = contents_of_group_[groups_.group_of_frame[image]];
   std::vector<std::size_t> places;
   for (std::size_t place = 0; place < contents.size(); ++place) {
     if (needs(spheres_[contents[place]])) places.push_back(place);
@@ -217,9 +177,9 @@ std::vector<std::size_t> FlightTiles::places_for_view(const FrameView& view) con
   return places;
 }
 
-std::vector<tileset::CutContent> FlightTiles::contents_for_view(const FrameView& view, double error_px) {
-  tileset::TileCut cut = select_group(groups_.group_of_frame[view.frame], error_px);
-  const auto needs = needs_of(view);
+std::vector<tileset::CutContent> FlightTiles::contents_for_frame(std::size_t image, double error_px) {
+  tileset::TileCut cut = select_group(groups_.group_of_frame[image], error_px);
+  const auto needs = needs_of(image);
   std::erase_if(cut.contents, [&](const tileset::CutContent& content) { return !needs(sphere_of(content)); });
   return std::move(cut.contents);
 }
@@ -255,7 +215,8 @@ void FlightTiles::read_rest() {
 
 json FlightTiles::take_new_records() {
   json records;
-  for (const std::size_t content : new_records_) records[std::to_string(content)] = tileset::to_json(*records_[content]);
+  for (const std::size_t content : new_records_)
+    records[std::to_string(content)] = tileset::to_json(*records_[content]);
   new_records_.clear();
   return records;
 }
@@ -264,7 +225,8 @@ void FlightTiles::add_records(const json& records) {
   try {
     for (const auto& [number, record] : records.items()) {
       const std::size_t content = std::stoul(number);
-      if (content < records_.size() && !records_[content]) records_[content] = tileset::content_record_from_json(record);
+      if (content < records_.size() && !records_[content])
+        records_[content] = tileset::content_record_from_json(record);
     }
   } catch (const std::exception&) {  // damaged: only its attribution is lost
   }

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -12,46 +11,22 @@
 #include <utility>
 #include <vector>
 
-#include "tileflight/core/imaging/pixel_region.h"
 #include "tileflight/capture/recording/frame_groups.h"
 #include "tileflight/capture/recording/planned_flight.h"
 #include "tileflight/capture/recording/render_stage.h"
+#include "tileflight/core/imaging/image.h"
+#include "tileflight/tiles/fetch/tile_source.h"
 #include "tileflight/tiles/tileset/bounding_volume.h"
 #include "tileflight/tiles/tileset/content_records.h"
 #include "tileflight/tiles/tileset/placement.h"
 #include "tileflight/tiles/tileset/selection.h"
 #include "tileflight/tiles/tileset/tileset_tree.h"
-#include "tileflight/tiles/fetch/tile_source.h"
 
 namespace tileflight::recording {
 
-/// Surfaces farther away than this do not tell whether a camera is inside a solid: what is found must depend neither on
-/// memory nor on which process looks.
+/// Surfaces farther away than this do not count when it is determined whether a camera is inside a solid. The result
+/// must depend neither on memory nor on the process that renders the frame.
 inline constexpr double kInsideReach_m = 64.0;
-
-/// Contents whose numbers (FlightTiles) lie between two.
-struct ContentRange {
-  std::size_t begin = 0;
-  std::size_t end = 0;  ///< not included
-
-  bool empty() const { return begin == end; }
-  bool contains(std::size_t content) const { return content >= begin && content < end; }
-  bool operator==(const ContentRange&) const = default;
-};
-
-/// What of an image is looked at: its picture, what tells of the camera's path (render::PathCheck), or both.
-enum class Sight { kBoth, kPicture, kPath };
-
-/// What is rendered at once of an image.
-struct FrameView {
-  std::size_t frame = 0;  ///< number of the image (ImageOrder); with one camera, of the frame
-  /// Pixels of the image, bounded as CameraRenderer's regions; nullopt: all.
-  std::optional<imaging::PixelRegion> region{};
-  Sight sight = Sight::kBoth;
-  /// These contents' tiles alone. Of a picture, a layer (render::LayeredFrame), without what is placed among them;
-  /// none: what is placed, and the sky. nullopt: all.
-  std::optional<ContentRange> contents{};
-};
 
 /// The tiles of a flight: for each group of its frames (frame_groups.h) the cut that is fine enough for the nearest
 /// camera of the group; without a pixel error, the cut of a region for all frames. Contents are numbered over all cuts,
@@ -65,57 +40,52 @@ class FlightTiles {
   const tileset::Placement& placement() const { return placement_; }
   const FrameGroups& groups() const { return groups_; }
   const ImageOrder& images() const { return images_; }
-  /// SHA-256 that names all cuts: that of a single group's cut (TileCut::hash), or over those of all groups.
+  /// Returns the SHA-256 that names all cuts: that of a single group's cut (TileCut::hash), or over those of all
+  /// groups.
   const std::string& cut_hash() const { return cut_.hash; }
   std::size_t content_count() const { return cut_.contents.size(); }
   const tileset::CutContent& content(std::size_t content) const { return cut_.contents[content]; }
-  const geometry::Vec3& center(std::size_t content) const { return spheres_[content].center; }  ///< local frame
-  /// How often contents were read.
+  /// Returns how many contents were read, those read again included.
   std::int64_t read_count() const { return read_count_; }
-  /// Size of a content's file, if the source knows it.
+  /// Returns the size of a content's file, if the source knows it.
   std::optional<std::uintmax_t> file_bytes(const tileset::CutContent& content) const;
 
-  /// The contents that a group's cut consists of, in its order.
+  /// Returns the contents of a group's cut, in its order.
   const std::vector<std::size_t>& contents_of_group(std::size_t group) const { return contents_of_group_[group]; }
-  /// Those that a frame needs: what it may show, what surrounds the camera up to kInsideReach_m, and what is near its
-  /// way to the next frame. As places in contents_of_group, ascending.
-  std::vector<std::size_t> places_for_frame(std::size_t image) const { return places_for_view({image}); }
-  /// The same for a part of a frame, whatever FrameView::contents is.
-  std::vector<std::size_t> places_for_view(const FrameView& view) const;
+  /// Returns the contents that a frame needs, as ascending indices into contents_of_group(): those that it may show,
+  /// those within kInsideReach_m of the camera or below it, and those near its way to the next frame.
+  std::vector<std::size_t> places_for_frame(std::size_t image) const;
 
-  /// Whether a region is loaded whole if it fits into memory, also what no frame shows.
+  /// Tells whether the tiles of a region are loaded, also those that no frame shows if all fit into memory.
   bool is_region() const { return !error_px_; }
-  /// Pixel error that tiles are selected for; nullopt: a region's.
+  /// Returns the pixel error for which tiles are selected; nullopt: the tiles are those of a region.
   const std::optional<double>& error_px() const { return error_px_; }
 
-  /// The cut that the frame's group would have with another pixel error: what the view needs of it.
-  std::vector<tileset::CutContent> contents_for_view(const FrameView& view, double error_px);
+  /// Returns the contents that a frame would need if its group's cut were selected with another pixel error.
+  std::vector<tileset::CutContent> contents_for_frame(std::size_t image, double error_px);
 
   /// Reads contents, in this order; an unreadable one is empty and states its failure. Throws InputError for the first
   /// of these unless LoadOptions::allow_incomplete.
   std::vector<tileset::LoadedContent> read(const std::vector<std::size_t>& contents);
 
-  /// Reads, and releases, the contents that neither this process nor another has read, so that the summary is the same
-  /// however a region was rendered.
+  /// Reads, and releases, the contents that neither this process nor an earlier one has read, so that the summary does
+  /// not depend on how a region was rendered.
   void read_rest();
 
-  /// What has been read since the last call, for add_records() of another process; null: nothing.
+  /// Returns the records of the contents read since the last call, for add_records() of another process; null: none.
   nlohmann::json take_new_records();
-  /// Adds what another process has read. Unreadable records are ignored.
+  /// Adds records of contents that another process has read. Unreadable records are ignored.
   void add_records(const nlohmann::json& records);
-  /// What load_region() says about its result, without meshes and clouds: of all cuts, as far as their contents have
-  /// been read.
+  /// Returns the summary of all cuts, as far as their contents have been read, in the form of load_region()'s result
+  /// but without meshes and clouds.
   tileset::LoadedTiles summary() const;
 
  private:
   tileset::TileCut select_group(std::size_t group, double error_px);
   void add_group(std::size_t group);
   std::size_t number_of(const tileset::CutContent& content);
-  std::function<bool(const tileset::BoundingSphere& sphere)> needs_of(const FrameView& view) const;
-  std::function<bool(const tileset::BoundingSphere& sphere)> needs_of_picture(const FrameView& view) const;
+  std::function<bool(const tileset::BoundingSphere& sphere)> needs_of(std::size_t image) const;
   std::function<bool(const tileset::BoundingSphere& sphere)> needs_of_path(std::size_t image) const;
-  std::vector<tileset::ViewCone> cones_of(const FrameView& view) const;
-  const std::vector<tileset::ViewCone>& region_cones(std::size_t number, const imaging::PixelRegion& region) const;
   const PlannedCamera& camera_of(std::size_t image) const { return mission_.camera(images_[image].camera); }
   tileset::BoundingSphere sphere_of(const tileset::CutContent& content) const;
 
@@ -133,8 +103,6 @@ class FlightTiles {
   std::vector<tileset::BoundingSphere> spheres_;  ///< of each content, local frame
   std::vector<std::vector<std::size_t>> contents_of_group_;
   std::map<std::pair<tileset::NodeId, std::size_t>, std::size_t> numbers_;
-  /// By camera and the region's bounds.
-  mutable std::map<std::pair<std::size_t, std::array<int, 4>>, std::vector<tileset::ViewCone>> region_cones_;
   std::vector<std::string> first_warnings_;  ///< of the source before any content was read
   std::vector<std::optional<tileset::ContentRecord>> records_;
   std::vector<std::size_t> new_records_;

@@ -13,9 +13,9 @@
 #include "tests/temporary_folder.h"
 #include "tests/tiny_city.h"
 #include "tileflight/capture/flight_path/path.h"
-#include "tileflight/capture/render/scene_memory.h"
-#include "tileflight/capture/recording/memory_check.h"
+#include "tileflight/capture/recording/content_memory.h"
 #include "tileflight/capture/recording/part_loader.h"
+#include "tileflight/capture/render/appearance.h"
 
 namespace tileflight::recording::flight_tiles_test {
 namespace {
@@ -53,20 +53,14 @@ class FlightTilesTest : public testing::Test {
   FlightTiles open() const { return {mission_, settings_, {}}; }
   /// All tiles have as many triangles.
   std::uintmax_t tile_bytes() const { return memory_of(open().read({0})[0].meshes).rendered_bytes; }
-  /// As many tiles, of a frame or of a part of it.
-  MemoryLimits limits(double count) const {
-    const auto bytes = static_cast<double>(tile_bytes()) * count;
-    return {bytes, bytes};
+  /// Memory of so many tiles.
+  std::uintmax_t limit(double count) const {
+    return static_cast<std::uintmax_t>(static_cast<double>(tile_bytes()) * count);
   }
   std::vector<std::size_t> all_frames() const {
     std::vector<std::size_t> frames(mission_.frames.size());
     for (std::size_t i = 0; i < frames.size(); ++i) frames[i] = i;
     return frames;
-  }
-  std::vector<FrameView> all_views() const {
-    std::vector<FrameView> views;
-    for (const std::size_t frame : all_frames()) views.push_back({frame});
-    return views;
   }
   /// The cut of the group, as seen by all its frames or refined for them and seen by one.
   tileset::TileCut cut_of(const std::vector<std::size_t>& group, std::optional<std::size_t> frame = {}) const {
@@ -145,10 +139,10 @@ TEST_F(FlightTilesTest, PartsCoverTheFlightWithinMemory) {
   for (const std::size_t frame : all_frames()) most_tiles = std::max(most_tiles, all.places_for_frame(frame).size());
   for (const std::uintmax_t limit : {kPlenty, (most_tiles + 8) * tile_bytes(), (most_tiles + 1) * tile_bytes()}) {
     FlightTiles tiles = open();
-    PartLoader loader(tiles, all_views(), limit);
+    PartLoader loader(tiles, all_frames(), limit);
     std::size_t next = 0, parts = 0;
-    while (next < loader.views().size()) {
-      FlightPart part = loader.load(next).value();
+    while (next < loader.images().size()) {
+      FlightPart part = loader.load(next);
       ASSERT_EQ(part.begin, next);
       ASSERT_GT(part.end, part.begin);
       const std::size_t group = tiles.groups().group_of_frame[part.begin];
@@ -178,10 +172,10 @@ TEST_F(FlightTilesTest, PartsCoverTheFlightWithinMemory) {
 
 TEST_F(FlightTilesTest, WhatIsInMemoryIsNotReadAgain) {
   FlightTiles tiles = open();
-  PartLoader loader(tiles, all_views(), kPlenty);
+  PartLoader loader(tiles, all_frames(), kPlenty);
   std::size_t removed = 0;
-  for (std::size_t next = 0; next < loader.views().size();) {
-    FlightPart part = loader.load(next).value();
+  for (std::size_t next = 0; next < loader.images().size();) {
+    FlightPart part = loader.load(next);
     for (std::size_t frame = part.begin; frame < part.end; ++frame) {
       const std::size_t group = tiles.groups().group_of_frame[frame];
       for (const std::size_t place : tiles.places_for_frame(frame)) {
@@ -195,85 +189,56 @@ TEST_F(FlightTilesTest, WhatIsInMemoryIsNotReadAgain) {
   EXPECT_GT(removed, 30U);
 }
 
-TEST_F(FlightTilesTest, ARegionNeedsWhatItsRaysMeet) {
+TEST_F(FlightTilesTest, AFrameNeedsWhatItsRaysMeet) {
   FlightTiles tiles = open();
   const imaging::Camera& camera = mission_.calibration.camera;
-  std::size_t fewest = tiles.content_count(), hits = 0;
+  std::size_t hits = 0;
   for (const std::size_t frame : {std::size_t{3}, std::size_t{20}, std::size_t{30}}) {
     std::vector<imaging::TexturedMesh> meshes;  // one a tile: its number is the tile's place
     for (tileset::LoadedContent& content : tiles.read(tiles.contents_of_group(tiles.groups().group_of_frame[frame])))
       meshes.push_back(std::move(content.meshes.at(0)));
     const scene::Scene scene(std::move(meshes));
     const SE3& T_local_camera = mission_.frames.poses[frame].T_local_camera;
-    for (const imaging::PixelRegion& region :
-         {imaging::PixelRegion{0, 0, 64, 32}, {64, 96, 192, 160}, {256, 160, 320, 240}}) {
-      const std::vector<std::size_t> places = tiles.places_for_view({frame, region, Sight::kPicture});
-      fewest = std::min(fewest, places.size());
-      for (int y = region.y0; y < region.y1; ++y) {
-        for (int x = region.x0; x < region.x1; ++x) {
-          const auto ray = camera.unproject({static_cast<double>(x), static_cast<double>(y)});
-          if (!ray) continue;
-          const auto hit = scene.intersect({T_local_camera.translation, T_local_camera.rotation * *ray});
-          if (!hit) continue;
-          ++hits;
-          ASSERT_TRUE(std::ranges::binary_search(places, std::size_t{hit->mesh})) << frame << " " << x << " " << y;
-        }
+    const std::vector<std::size_t> places = tiles.places_for_frame(frame);
+    EXPECT_LT(places.size(), tiles.content_count());
+    for (int y = 0; y < camera.height(); y += 3) {
+      for (int x = 0; x < camera.width(); x += 3) {
+        const auto ray = camera.unproject({static_cast<double>(x), static_cast<double>(y)});
+        if (!ray) continue;
+        const auto hit = scene.intersect({T_local_camera.translation, T_local_camera.rotation * *ray});
+        if (!hit) continue;
+        ++hits;
+        ASSERT_TRUE(std::ranges::binary_search(places, std::size_t{hit->mesh})) << frame << " " << x << " " << y;
       }
     }
   }
-  EXPECT_GT(hits, 10000U);
-  EXPECT_LT(fewest, 12U) << "a region needs few of the tiles";
+  EXPECT_GT(hits, 1000U);
 }
 
-TEST_F(FlightTilesTest, AFrameThatDoesNotFitIsDividedIntoRegionsOrRefused) {
-  mission_.options.render.samples_per_pixel = 4;
+TEST_F(FlightTilesTest, AFrameThatDoesNotFitIsRefused) {
   FlightTiles tiles = open();
-  require_frames_fit(tiles, mission_, all_frames(), limits(30), {});
-  PartLoader loader(tiles, all_views(), 20 * tile_bytes());
-  EXPECT_FALSE(loader.load(0));
-  EXPECT_GT(loader.estimated_bytes({0}), static_cast<double>(20 * tile_bytes()));
+  std::size_t most_tiles = 0;
+  for (const std::size_t frame : all_frames()) most_tiles = std::max(most_tiles, tiles.places_for_frame(frame).size());
+  const auto most = static_cast<double>(most_tiles);
+  require_frames_fit(tiles, all_frames(), limit(most + 0.5), {});
   const std::string message =
-      tests::refusal_of([&] { require_frames_fit(tiles, mission_, all_frames(), limits(2), {}); });
-  EXPECT_THAT(message, HasSubstr("the tiles of 8 x 8 pixels of frame "));
-  EXPECT_THAT(message, HasSubstr(" GB of memory: raise the limit (--memory "));
-}
-
-TEST_F(FlightTilesTest, AFrameThatDoesNotFitIsDividedIntoLayersOrRefused) {
-  FlightTiles tiles = open();
-  require_frames_fit(tiles, mission_, all_frames(), limits(2), {});
-  const std::string message =
-      tests::refusal_of([&] { require_frames_fit(tiles, mission_, all_frames(), limits(0.5), {}); });
-  EXPECT_THAT(message, HasSubstr("a tile of frame "));
-  EXPECT_THAT(message, HasSubstr(".glb) and its image need about "));
-  EXPECT_THAT(message, HasSubstr(" GB of memory: raise the limit (--memory "));
-  EXPECT_THAT(message, testing::Not(HasSubstr("coarser"))) << "a coarser tile is not smaller";
-}
-
-TEST_F(FlightTilesTest, WhatSurroundsACameraNeedNotFitBesideTheImage) {
-  mission_.calibration.camera = imaging::make_fisheye(320, 240, 30.0);
-  FlightTiles tiles = open();
-  const auto picture_of = [&](std::size_t i) { return tiles.places_for_view({i, {}, Sight::kPicture}).size(); };
-  std::vector<std::size_t> frames = all_frames();
-  std::erase_if(frames, [&](std::size_t i) { return picture_of(i) == tiles.places_for_frame(i).size(); });
-  ASSERT_FALSE(frames.empty());
-  frames.resize(1);
-  const std::size_t picture = picture_of(frames[0]);
-  const double frame = static_cast<double>(picture) + 0.5;
-  require_frames_fit(tiles, mission_, frames, {limits(frame).frame, limits(0.5).part}, {});
-  const std::string message = tests::refusal_of([&] {
-    require_frames_fit(tiles, mission_, frames, {limits(frame - 1).frame, limits(0.5).part}, {});
-  });
-  EXPECT_THAT(message, HasSubstr("a tile of frame "));
-}
-
-TEST_F(FlightTilesTest, AFrameThatMayNotBeDividedIsRefused) {
-  mission_.options.formation.light.emplace();
-  FlightTiles tiles = open();
-  const std::string message =
-      tests::refusal_of([&] { require_frames_fit(tiles, mission_, all_frames(), limits(20), {}); });
+      tests::refusal_of([&] { require_frames_fit(tiles, all_frames(), limit(most - 1.5), {}); });
   EXPECT_THAT(message, HasSubstr("the tiles of frame "));
   EXPECT_THAT(message, HasSubstr(" need about "));
-  require_frames_fit(tiles, mission_, all_frames(), limits(64), {});
+  EXPECT_THAT(message, HasSubstr(" GB of memory: raise the limit (--memory "));
+  EXPECT_THAT(message, HasSubstr("or request coarser tiles (--pixel-error "));
+  PartLoader loader(tiles, all_frames(), limit(2));
+  EXPECT_THAT(tests::refusal_of([&] { loader.load(0); }), HasSubstr("the tiles of frame 0 need "));
+}
+
+TEST_F(FlightTilesTest, LightNeedsTilesInAllDirections) {
+  const std::size_t seen = open().places_for_frame(0).size();
+  mission_.options.formation.light.emplace();
+  FlightTiles tiles = open();
+  EXPECT_GT(tiles.places_for_frame(0).size(), seen);
+  EXPECT_THAT(tests::refusal_of([&] { require_frames_fit(tiles, all_frames(), limit(20), {}); }),
+              HasSubstr("the tiles of frame "));
+  require_frames_fit(tiles, all_frames(), limit(64), {});
 }
 
 TEST(MemorySum, CountsATextureOfAFileOnce) {

@@ -2,13 +2,13 @@
 
 #include <algorithm>
 
-#include "tileflight/world/scene/encounters.h"
-#include "tileflight/core/base/input_error.h"
-#include "tileflight/core/geometry/json_numbers.h"
-#include "tileflight/world/place/ground_tiles.h"
-#include "tileflight/core/base/memory_budget.h"
-#include "tileflight/tiles/fetch/open_source.h"
 #include "tileflight/capture/vehicle/vehicle_flight.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/memory_budget.h"
+#include "tileflight/core/geometry/json_numbers.h"
+#include "tileflight/tiles/fetch/open_source.h"
+#include "tileflight/world/place/ground_tiles.h"
+#include "tileflight/world/scene/encounters.h"
 
 namespace tileflight::recording {
 namespace {
@@ -46,7 +46,7 @@ json vehicle_report(const VehicleFlight& flown) {
   return report;
 }
 
-/// Along the path as planned without obstacles.
+/// Samples poses along the path as planned without obstacles.
 std::vector<geometry::SE3> poses_along(const flight_path::Path& path) {
   std::vector<geometry::SE3> poses;
   for (double time_s = path.start_s(); time_s < path.end_s(); time_s += kLookingEvery_s)
@@ -69,7 +69,7 @@ vehicle::ObstacleQuery make_obstacle_query(std::shared_ptr<const scene::Scene> p
   };
 }
 
-/// The first of the place's surface and the actors'.
+/// Finds the first hit among the place's surface and the actors.
 vehicle::ObstacleQuery with_actors(vehicle::ObstacleQuery place, std::shared_ptr<const scene::Traffic> traffic,
                                    std::shared_ptr<const scene::ActorSurfaces> surfaces) {
   return [place = std::move(place), traffic = std::move(traffic), surfaces = std::move(surfaces)](
@@ -85,7 +85,7 @@ vehicle::ObstacleQuery with_actors(vehicle::ObstacleQuery place, std::shared_ptr
 /// The tiles that a camera at these poses would want, in all directions, if the settings have a pixel error, else those
 /// of their region.
 tileset::LoadOptions options_around(const RenderSettings& settings, const imaging::Camera& camera,
-                                  const std::vector<geometry::SE3>& poses) {
+                                    const std::vector<geometry::SE3>& poses) {
   tileset::LoadOptions load = settings.load;
   load.uses = {fetch::Use::kAnalyse};
   load.textures = false;
@@ -108,7 +108,7 @@ std::shared_ptr<const scene::Scene> load_surroundings(const RenderSettings& sett
 }
 
 std::shared_ptr<const scene::Traffic> plan_traffic(const RenderSettings& settings, const imaging::Camera& camera,
-                                                    std::vector<geometry::SE3> poses, const Progress& progress) {
+                                                   std::vector<geometry::SE3> poses, const Progress& progress) {
   std::vector<scene::ActorPlan> plans = scene::read_actors(settings.flight.flight);
   if (plans.empty()) return nullptr;
   const bool needs_ground =

@@ -31,7 +31,7 @@ struct FrameGroups {
 /// rendered. A path that returns to a cube returns to its group.
 FrameGroups group_frames(const std::vector<geometry::Vec3>& positions);
 
-/// All frames as one group.
+/// Returns all frames as one group.
 FrameGroups single_group(const std::vector<geometry::Vec3>& positions);
 
 }  // namespace tileflight::recording

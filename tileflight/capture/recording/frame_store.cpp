@@ -1,5 +1,6 @@
 #include "tileflight/capture/recording/frame_store.h"
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <limits>
@@ -8,9 +9,8 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/make_folder.h"
+#include "tileflight/core/imaging/image_files.h"
 #include "tileflight/data/dataset/frame_list.h"
-#include "tileflight/core/imaging/quick_picture.h"
 
 namespace tileflight::recording {
 namespace fs = std::filesystem;
@@ -103,9 +103,7 @@ std::string describe_frame_ranges(const std::vector<std::size_t>& frames) {
   return text;
 }
 
-fs::path FrameStore::folder_for(const fs::path& dataset) {
-  return jobs::BuildFolder::path_beside(dataset, "frames");
-}
+fs::path FrameStore::folder_for(const fs::path& dataset) { return jobs::BuildFolder::path_beside(dataset, "frames"); }
 
 bool FrameStore::exists(const fs::path& dataset) { return fs::is_directory(folder_for(dataset)); }
 
@@ -114,11 +112,9 @@ std::string FrameStore::prepare(const fs::path& dataset, const json& inputs, job
   return why.empty() ? "" : "frames of an earlier render are not reused, " + why;
 }
 
-FrameStore::FrameStore(const fs::path& dataset, int rank, int ranks)
-    : folder_(folder_for(dataset), std::to_string(rank), jobs::Share::kWhole), rank_(rank), ranks_(ranks) {}
-
 FrameStore::FrameStore(const fs::path& dataset, const std::string& part)
-    : folder_(folder_for(dataset), part, jobs::Share::kPart) {}
+    : folder_(folder_for(dataset), part.empty() ? "all" : part,
+              part.empty() ? jobs::Share::kWhole : jobs::Share::kPart) {}
 
 void FrameStore::add(std::size_t index, const FrameRecord& frame) const {
   base::write_file(folder_.path() / "frames" / (dataset::frame_id(index) + ".json"), to_json(frame).dump());
@@ -163,20 +159,61 @@ std::map<std::size_t, FrameRecord> FrameStore::read_frames() const {
   return frames;
 }
 
-std::string FrameStore::describe_state(std::size_t frames) const {
-  const std::string ended = folder_.describe_ended(rank_, ranks_);
-  if (ended.empty()) return "";
-  const std::map<std::size_t, FrameRecord> kept = read_frames();
-  std::vector<std::size_t> missing;
-  for (std::size_t i = 0; i < frames; ++i) {
-    if (!kept.contains(i)) missing.push_back(i);
+void FrameStore::remove() const { folder_.remove(); }
+
+FrameAssignment::FrameAssignment(const FrameStore* kept, std::size_t frames,
+                                 const std::optional<jobs::IndexRange>& part)
+    : store_(kept),
+      is_part_(part.has_value()),
+      range_(part.value_or(jobs::IndexRange{0, frames})),
+      previous_cuts_(frames),
+      is_finished_(frames, false),
+      own_frames_(kept == nullptr ? frames : 0) {
+  if (kept == nullptr) return;
+  for (const auto& [index, frame] : kept->read_frames()) {
+    if (index < frames) previous_cuts_[index] = frame.cut;
   }
-  const std::string of_all = std::to_string(frames - missing.size()) + " of " + std::to_string(frames) + " frames";
-  return ended + "; " + of_all + " are kept in " + folder_.path().string() +
-         (missing.empty() ? "" : ", missing: " + describe_frame_ranges(missing)) +
-         "; run the same command again to render the missing frames";
 }
 
-void FrameStore::remove() const { folder_.remove(); }
+void FrameAssignment::set_cut(const std::string& cut) {
+  cut_ = cut;
+  for (std::size_t i = 0; i < is_finished_.size(); ++i) is_finished_[i] = !cut.empty() && previous_cuts_[i] == cut;
+  resumed_ = static_cast<std::size_t>(std::ranges::count(is_finished_, true));
+}
+
+std::size_t FrameAssignment::count() const {
+  std::size_t count = 0;
+  for (std::size_t i = range_.begin; i < range_.end; ++i) count += is_assigned(i) ? 1 : 0;
+  return count;
+}
+
+void FrameAssignment::add(std::size_t image, const render::FlightFrame& frame) {
+  FrameRecord record{frame.exposure_ms, frame.check, cut_};
+  if (store_ == nullptr) {
+    own_frames_[image] = std::move(record);
+  } else {
+    store_->add(image, record);
+  }
+}
+
+std::vector<FrameRecord> FrameAssignment::collect_frames() const {
+  if (store_ == nullptr) return own_frames_;
+  const std::map<std::size_t, FrameRecord> kept = store_->read_frames();
+  std::vector<FrameRecord> frames;
+  std::vector<std::size_t> missing;
+  for (std::size_t i = 0; i < is_finished_.size(); ++i) {
+    const auto frame = kept.find(i);
+    if (frame == kept.end() || frame->second.cut != cut_) {
+      missing.push_back(i);
+    } else {
+      frames.push_back(frame->second);
+    }
+  }
+  if (missing.empty()) return frames;
+  throw InputError(
+      store_->dataset_folder().parent_path().string(),
+      "has no frames " + describe_frame_ranges(missing) +
+          " rendered from the same tiles as the others: the source changed meanwhile; run the same command again");
+}
 
 }  // namespace tileflight::recording

@@ -8,8 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/core/imaging/image.h"
 #include "tileflight/capture/render/render_flight.h"
+#include "tileflight/core/imaging/image.h"
+#include "tileflight/core/jobs/balanced_ranges.h"
 #include "tileflight/core/jobs/build_folder.h"
 
 namespace tileflight::recording {
@@ -21,19 +22,19 @@ struct FrameRecord {
   std::string cut;  ///< name of the tile cut from which it was rendered
 };
 
-/// The path checks of a whole flight's frames.
+/// Returns the checks of all frames.
 std::vector<std::optional<render::FrameCheck>> frame_checks(const std::vector<FrameRecord>& frames);
 
-/// "3, 5 to 8 and 12"; for many ranges the first few and the number of remaining frames.
+/// Describes frames in words, "3, 5 to 8 and 12"; of many ranges only the first few and the number of remaining frames.
 std::string describe_frame_ranges(const std::vector<std::size_t>& frames);
 
 /// The finished frames of an incomplete render, stored beside the dataset DIR/NAME:
 ///   DIR/.NAME.frames/inputs.json   the inputs of the render
 ///                    frames/000012.json   record of a finished frame, written after its files
 ///                    pictures/000012.picture  its image (core/imaging/quick_picture.h), if a video is encoded first
-///                    tiles/0123….json     what tiles were found to hold, for the summary; named by its content
+///                    tiles/0123….json     records of the tiles that were read, for the summary; named by its content
 ///                    segmentation.runs/   SegmentationWriter's data of frames
-///                    segmentation.runs-NAME/   the same of a rig's further cameras
+///                    segmentation.runs-NAME/   SegmentationWriter's data of a rig's further cameras
 ///                    dataset/      becomes the dataset
 ///                    members/      locks of the processes that render (core/jobs/build_folder.h)
 /// Several processes (on machines that share the folder) may add frames. Frames added by a process that died are kept
@@ -41,7 +42,7 @@ std::string describe_frame_ranges(const std::vector<std::size_t>& frames);
 class FrameStore {
  public:
   static std::filesystem::path folder_for(const std::filesystem::path& dataset);
-  /// Whether an earlier render left frames of the dataset.
+  /// Tells whether an earlier render left frames of the dataset.
   static bool exists(const std::filesystem::path& dataset);
   /// Prepares the folder for frames from `inputs`; called by one process before any opens the store. Keeps existing
   /// frames from the same inputs and removes others. Returns a message about what was removed; empty: nothing. Throws
@@ -49,30 +50,75 @@ class FrameStore {
   static std::string prepare(const std::filesystem::path& dataset, const nlohmann::json& inputs,
                              jobs::Share share = jobs::Share::kWhole);
 
-  /// Opens the store as rank `rank` of `ranks`. Throws InputError.
-  FrameStore(const std::filesystem::path& dataset, int rank, int ranks);
-  /// Opens it for a part of the frames, of this name. Throws InputError.
-  FrameStore(const std::filesystem::path& dataset, const std::string& part);
+  /// Opens the store for all frames, or with `part` for those of one task, which has this name. Throws InputError.
+  explicit FrameStore(const std::filesystem::path& dataset, const std::string& part = "");
 
   std::filesystem::path dataset_folder() const { return folder_.path() / "dataset"; }
   std::filesystem::path segmentation_runs_folder() const { return folder_.path() / "segmentation.runs"; }
   void add(std::size_t index, const FrameRecord& frame) const;
   void add_picture(std::size_t index, const imaging::RgbImage& picture) const;
   imaging::RgbImage read_picture(std::size_t index) const;
-  /// Stores what tiles hold (FlightTiles::take_new_records), before any frame that shows them is added.
+  /// Stores records of tiles (FlightTiles::take_new_records()), before any frame that shows these tiles is added.
   void add_tiles(const nlohmann::json& records) const;
   std::vector<nlohmann::json> read_tiles() const;
-  /// All finished frames; unreadable records are ignored.
+  /// Reads the records of all finished frames; unreadable ones are ignored.
   std::map<std::size_t, FrameRecord> read_frames() const;
-  /// Why a render of `frames` frames is incomplete: which ranks have ended, which frames are missing. Empty if a lower
-  /// rank, which then reports it, is alive.
-  std::string describe_state(std::size_t frames) const;
   /// Removes the store once everything is in the dataset.
   void remove() const;
 
  private:
   jobs::BuildFolder folder_;
-  int rank_ = 0, ranks_ = 1;
+};
+
+/// The images of a flight that this process renders, by their numbers (ImageOrder); with one camera, its frames. They
+/// are all images or a range of them, without those that earlier processes finished.
+class FrameAssignment {
+ public:
+  /// `kept`: store that shares finished frames with other tasks and later runs, which must outlive it; null: this
+  /// process renders all frames and stores none. `part`: only these frames are assigned, in a job whose other parts are
+  /// rendered elsewhere.
+  FrameAssignment(const FrameStore* kept, std::size_t frames, const std::optional<jobs::IndexRange>& part = {});
+
+  const FrameStore* store() const { return store_; }
+  /// Build folder for DatasetWriter: the store's, or empty.
+  std::filesystem::path build_folder() const { return store_ == nullptr ? "" : store_->dataset_folder(); }
+  /// Folder for the segmentation data of finished frames, or empty.
+  std::filesystem::path segmentation_runs_folder() const {
+    return store_ == nullptr ? "" : store_->segmentation_runs_folder();
+  }
+
+  /// Sets the tile cut; frames rendered from another cut are rendered again.
+  void set_cut(const std::string& cut);
+  /// The range of frames, finished ones included.
+  std::size_t begin() const { return range_.begin; }
+  std::size_t end() const { return range_.end; }
+  /// Whether the range is the whole flight, so that this process also does what is done once for it: other sensors,
+  /// video, lists.
+  bool has_all_frames() const { return !is_part_; }
+  /// Whether this process renders every frame itself. Valid after set_cut().
+  bool renders_all_frames() const { return !is_part_ && resumed_ == 0; }
+  /// Whether this process renders the frame: it is in its range and not finished. Valid after set_cut().
+  bool is_assigned(std::size_t index) const { return range_.contains(index) && !is_finished_[index]; }
+  /// Number of assigned frames. Valid after set_cut().
+  std::size_t count() const;
+  /// Number of frames that were already finished at the start.
+  std::size_t frames_resumed() const { return resumed_; }
+
+  /// Reports that all files of an image, the frame of its camera, are written. Thread-safe.
+  void add(std::size_t image, const render::FlightFrame& frame);
+  /// Returns the records of all frames, once all have been rendered. Throws InputError if one is missing or from other
+  /// tiles.
+  std::vector<FrameRecord> collect_frames() const;
+
+ private:
+  const FrameStore* store_;
+  bool is_part_;
+  jobs::IndexRange range_;
+  std::vector<std::string> previous_cuts_;  ///< cut of each frame finished earlier; empty: not finished
+  std::string cut_;
+  std::vector<bool> is_finished_;  ///< by an earlier run
+  std::size_t resumed_ = 0;
+  std::vector<FrameRecord> own_frames_;  ///< used if there is no store
 };
 
 }  // namespace tileflight::recording

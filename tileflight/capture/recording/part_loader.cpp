@@ -8,7 +8,9 @@
 #include <atomic>
 #include <iterator>
 #include <limits>
+#include <numeric>
 
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/memory_budget.h"
 
 namespace tileflight::recording {
@@ -20,8 +22,8 @@ using imaging::TexturedMesh;
 /// building a scene takes until it is done.
 constexpr double kPartShare = 0.65;
 constexpr double kBuildingShare = 0.15;
-/// Number of views whose needs decide which contents are kept.
-constexpr std::size_t kViewsAhead = 64;
+/// Number of images whose needs decide which contents are kept.
+constexpr std::size_t kImagesAhead = 64;
 
 }  // namespace
 
@@ -44,9 +46,9 @@ struct PartLoader::Background {
   }
 };
 
-PartLoader::PartLoader(FlightTiles& tiles, std::vector<FrameView> views, std::uintmax_t max_memory_bytes)
+PartLoader::PartLoader(FlightTiles& tiles, std::vector<std::size_t> images, std::uintmax_t max_memory_bytes)
     : tiles_(tiles),
-      views_(std::move(views)),
+      images_(std::move(images)),
       max_memory_bytes_(max_memory_bytes),
       contents_(tiles.content_count()),
       background_(std::make_unique<Background>()) {
@@ -68,121 +70,46 @@ PartLoader::Contents PartLoader::contents_at(const std::vector<std::size_t>& pla
   return contents;
 }
 
-PartLoader::Contents PartLoader::contents_for(const FrameView& view) const {
-  return contents_at(places_for(view), tiles_.groups().group_of_frame[view.frame]);
+PartLoader::Contents PartLoader::contents_for(std::size_t image) const {
+  return contents_at(tiles_.places_for_frame(image), tiles_.groups().group_of_frame[image]);
 }
 
-std::vector<std::size_t> PartLoader::places_for(const FrameView& view) const {
-  if (!view.contents) return tiles_.places_for_view(view);
-  const auto [known, is_new] = places_of_layers_.try_emplace({view.frame, view.sight});
-  if (is_new) known->second = tiles_.places_for_view(view);
-  const std::vector<std::size_t>& contents = tiles_.contents_of_group(tiles_.groups().group_of_frame[view.frame]);
+FlightPart PartLoader::load(std::size_t begin, const Progress& progress) {
   std::vector<std::size_t> places;
-  std::ranges::copy_if(known->second, std::back_inserter(places), [&](std::size_t place) {
-    const std::size_t content = contents[place];
-    return view.contents->contains(content) && (is_own_.empty() || is_own_[content]);
-  });
-  return places;
-}
-
-void PartLoader::set_own_contents(std::vector<bool> is_own) { is_own_ = std::move(is_own); }
-
-void PartLoader::set_views(std::vector<FrameView> views) {
-  views_ = std::move(views);
-  std::erase_if(places_of_layers_, [this](const auto& known) {
-    return std::ranges::none_of(views_, [&](const FrameView& view) { return view.frame == known.first.first; });
-  });
-}
-
-std::vector<ContentRange> PartLoader::divide_contents(const std::vector<std::size_t>& images, Sight sight,
-                                                      double budget_bytes) const {
-  std::set<std::size_t> needed;
-  for (const std::size_t image : images) {
-    const Contents of_image = contents_for({image, {}, sight, ContentRange{0, contents_.size()}});
-    needed.insert(of_image.begin(), of_image.end());
-  }
-  const double bytes_per_file_byte = rendered_bytes_per_file_byte();
-  std::vector<ContentRange> layers;
-  double bytes = 0.0;
-  for (const std::size_t i : needed) {
-    const double own = contents_[i].memory
-                           ? static_cast<double>(MemorySum().bytes_of(*contents_[i].memory, file_of_[i], true))
-                           : bytes_per_file_byte * file_bytes(i);
-    bytes += own;
-    if (layers.empty() || bytes > budget_bytes) {
-      layers.push_back({i, i});
-      bytes = own;
-    }
-    layers.back().end = i + 1;
-  }
-  return layers;
-}
-
-double PartLoader::estimated_bytes(const FrameView& view) const {
-  const double bytes_per_file_byte = rendered_bytes_per_file_byte();
-  MemorySum known;
-  double others = 0.0;
-  for (const std::size_t i : contents_for(view)) {
-    if (contents_[i].memory) known.add(*contents_[i].memory, file_of_[i], true);
-    if (!contents_[i].memory) others += bytes_per_file_byte * file_bytes(i);
-  }
-  return static_cast<double>(known.bytes()) + others;
-}
-
-/// Size of a content's file; all count alike if the source does not know them.
-double PartLoader::file_bytes(std::size_t content) const {
-  return static_cast<double>(tiles_.file_bytes(tiles_.content(content)).value_or(1));
-}
-
-/// Of the contents that have been read; 0 if there are none.
-double PartLoader::rendered_bytes_per_file_byte() const {
-  double rendered = 0.0, files = 0.0;
-  for (std::size_t i = 0; i < contents_.size(); ++i) {
-    if (!contents_[i].memory) continue;
-    rendered += static_cast<double>(MemorySum().bytes_of(*contents_[i].memory, file_of_[i], true));
-    files += file_bytes(i);
-  }
-  return files > 0.0 ? rendered / files : 0.0;
-}
-
-std::optional<FlightPart> PartLoader::load(std::size_t begin, const Progress& progress) {
-  std::vector<std::size_t> places;
-  FlightPart part{begin, choose_views(begin, places, progress), {}, {}};
-  if (part.end == part.begin) return std::nullopt;
-  part_ = contents_at(places, tiles_.groups().group_of_frame[views_[begin].frame]);
+  FlightPart part{begin, choose_images(begin, places, progress), {}};
+  if (part.end == part.begin)
+    throw tileset::MemoryLimitExceeded(
+        tiles_.name(),
+        base::formatted("the tiles of frame %zu need %.3g GB and more, with a memory limit of %.3g GB: raise the limit "
+                        "(--memory) or request coarser tiles (--pixel-error, --error)",
+                        images_[begin], 1e-9 * static_cast<double>(rendered_bytes(contents_for(images_[begin]))),
+                        1e-9 * static_cast<double>(max_memory_bytes_)));
+  part_ = contents_at(places, tiles_.groups().group_of_frame[images_[begin]]);
   make_room(part_, {part_.begin(), part_.end()}, part.end, bytes_for_building());
   part_meshes_.clear();
   for (const std::size_t i : part_) {
     Content& content = contents_[i];
     part_meshes_.push_back(content.meshes.size());
-    part.places.insert(part.places.end(), content.meshes.size(),
-                       static_cast<std::uint32_t>(places[part_meshes_.size() - 1]));
     std::move(content.meshes.begin(), content.meshes.end(), std::back_inserter(part.meshes));
     content.meshes.clear();
   }
   return part;
 }
 
-/// Fetches what the part needs, into memory and `places`. Returns the part's end; `begin` if its first view does not
+/// Fetches what the part needs, into memory and `places`. Returns the part's end; `begin` if its first image does not
 /// fit.
-std::size_t PartLoader::choose_views(std::size_t begin, std::vector<std::size_t>& places, const Progress& progress) {
+std::size_t PartLoader::choose_images(std::size_t begin, std::vector<std::size_t>& places, const Progress& progress) {
   const std::vector<std::size_t>& group_of_frame = tiles_.groups().group_of_frame;
-  const FrameView& first = views_[begin];
-  const std::size_t group = group_of_frame[first.frame];
-  if (tiles_.is_region() && !first.region && !first.contents &&
-      fetch(tiles_.contents_of_group(group), begin, max_memory_bytes_, progress)) {
+  const std::size_t group = group_of_frame[images_[begin]];
+  if (tiles_.is_region() && fetch(tiles_.contents_of_group(group), begin, max_memory_bytes_, progress)) {
     places.resize(tiles_.contents_of_group(group).size());
-    for (std::size_t place = 0; place < places.size(); ++place) places[place] = place;
-    return views_.size();
+    std::iota(places.begin(), places.end(), std::size_t{0});
+    return images_.size();
   }
   const auto share = static_cast<std::uintmax_t>(kPartShare * static_cast<double>(max_memory_bytes_));
-  const auto belongs = [&](const FrameView& view) {
-    return group_of_frame[view.frame] == group && view.region == first.region && view.contents == first.contents &&
-           view.sight == first.sight;
-  };
   std::size_t end = begin;
-  for (; end < views_.size() && belongs(views_[end]); ++end) {
-    const std::vector<std::size_t> added = places_for(views_[end]);
+  for (; end < images_.size() && group_of_frame[images_[end]] == group; ++end) {
+    const std::vector<std::size_t> added = tiles_.places_for_frame(images_[end]);
     std::vector<std::size_t> wanted;
     std::ranges::set_union(places, added, std::back_inserter(wanted));
     const bool is_new = wanted.size() > places.size();
@@ -193,7 +120,7 @@ std::size_t PartLoader::choose_views(std::size_t begin, std::vector<std::size_t>
 }
 
 /// Reads those of the contents that are not in memory. Returns false, with some of them read, if a scene of all would
-/// take more than `limit_bytes`. `begin`: the view from which on contents are needed.
+/// take more than `limit_bytes`. `begin`: contents are needed from images()[begin] on.
 bool PartLoader::fetch(const Contents& contents, std::size_t begin, std::uintmax_t limit_bytes,
                        const Progress& progress) {
   const std::set<std::size_t> kept(contents.begin(), contents.end());
@@ -211,15 +138,15 @@ bool PartLoader::fetch(const Contents& contents, std::size_t begin, std::uintmax
 
 void PartLoader::prefetch(std::size_t begin) {
   const std::size_t threads = tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism);
-  if (begin == views_.size() || threads < 2) return;
+  if (begin == images_.size() || threads < 2) return;
   background_->run([this, begin] { read_ahead(begin); });
 }
 
 void PartLoader::read_ahead(std::size_t begin) {
   std::set<std::size_t> kept;
-  const std::size_t end = std::min(views_.size(), begin + kViewsAhead);
+  const std::size_t end = std::min(images_.size(), begin + kImagesAhead);
   for (std::size_t i = begin; i < end; ++i) {
-    const Contents wanted = contents_for(views_[i]);
+    const Contents wanted = contents_for(images_[i]);
     kept.insert(wanted.begin(), wanted.end());
     while (true) {
       const std::uintmax_t reserved = bytes_for_building();
@@ -237,8 +164,8 @@ std::uintmax_t PartLoader::bytes_for_building() const {
   return static_cast<std::uintmax_t>(kBuildingShare * static_cast<double>(max_memory_bytes_));
 }
 
-/// Missing ones of the contents, as many as are likely to fit into a part of `room_bytes`, at least one; those of one
-/// file, which is decoded once, together.
+/// Chooses the contents to read next: missing ones, as many as are likely to fit into a part of `room_bytes`, at least
+/// one. Those of one file, which is decoded once, come together.
 PartLoader::Contents PartLoader::next_batch(const Contents& contents, std::uintmax_t room_bytes) const {
   constexpr std::uintmax_t kFirst = 16, kMost = 128;
   Contents batch;
@@ -283,7 +210,7 @@ void PartLoader::share_textures(std::size_t file, std::vector<TexturedMesh>& mes
   }
 }
 
-/// What a scene of those that are in memory or have been takes.
+/// Returns the memory of a scene of these contents, as far as they have been read.
 std::uintmax_t PartLoader::rendered_bytes(const Contents& contents) const {
   MemorySum sum;
   for (const std::size_t i : contents) {
@@ -292,8 +219,8 @@ std::uintmax_t PartLoader::rendered_bytes(const Contents& contents) const {
   return sum.bytes();
 }
 
-/// Releases contents, those that views from views()[next] on need last first, until `rendered` (as a scene) and the
-/// rest leave `room_bytes` of the limit; never those that are `kept`. Returns what is left of the limit.
+/// Releases contents, those that the images from images()[next] on need last first, until `rendered` (as a scene) and
+/// the rest leave `room_bytes` of the limit; never those that are `kept`. Returns what is left of the limit.
 std::uintmax_t PartLoader::make_room(const Contents& rendered, const std::set<std::size_t>& kept, std::size_t next,
                                      std::uintmax_t room_bytes) {
   MemorySum sum;
@@ -323,13 +250,13 @@ std::uintmax_t PartLoader::make_room(const Contents& rendered, const std::set<st
   return max_memory_bytes_ - std::min(max_memory_bytes_, sum.bytes());
 }
 
-/// The contents in the order in which views from views()[from] on need them; those needed by none of the next views
-/// last.
+/// Sorts contents by the order in which the images from images()[from] on need them; those that none of the next images
+/// needs come last.
 PartLoader::Contents PartLoader::by_next_use(Contents contents, std::size_t from) const {
   std::map<std::size_t, std::size_t> use;
   for (const std::size_t i : contents) use[i] = std::numeric_limits<std::size_t>::max();
-  for (std::size_t k = from; k < std::min(views_.size(), from + kViewsAhead); ++k) {
-    for (const std::size_t i : contents_for(views_[k])) {
+  for (std::size_t k = from; k < std::min(images_.size(), from + kImagesAhead); ++k) {
+    for (const std::size_t i : contents_for(images_[k])) {
       if (const auto at = use.find(i); at != use.end()) at->second = std::min(at->second, k);
     }
   }
@@ -347,7 +274,7 @@ void PartLoader::take_back(std::vector<TexturedMesh> meshes) {
     next = end;
   }
   part_.clear();
-  // Of which a scene leaves many: over a long flight, the process would come to take 1.5 times what it has allocated.
+  // A scene leaves many free pages: over a long flight, the process would grow to 1.5 times what it has allocated.
   base::return_free_pages();
 }
 

@@ -4,19 +4,19 @@
 #include <cmath>
 #include <numbers>
 
-#include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/random_numbers.h"
 #include "tileflight/capture/flight_path/path.h"
 #include "tileflight/capture/recording/flight_cameras.h"
 #include "tileflight/capture/recording/flown_path.h"
 #include "tileflight/capture/vehicle/flight_plan.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/random_numbers.h"
 
 namespace tileflight::recording {
 namespace {
 
 constexpr double kMostImages = 1e7;
 
-/// Of an event camera, poses on the way to the next frame and there.
+/// Returns the poses of an event camera on its way to the next frame and there.
 void append_way_to_next(const PlannedCamera& camera, std::size_t frame, std::vector<geometry::SE3>& poses) {
   constexpr int kPoses = 4;
   if (!camera.events) return;
@@ -38,14 +38,15 @@ std::vector<geometry::SE3> exposure_poses(const PlannedCamera& camera, std::size
   return poses;
 }
 
-/// The product, exactly one of the two where the other is the identity.
+/// Multiplies two poses; if one is the identity, the result is exactly the other.
 geometry::SE3 composed(const geometry::SE3& T_a_b, const geometry::SE3& T_b_c) {
   if (T_b_c.matrix().isIdentity(0.0)) return T_a_b;
   return T_a_b.matrix().isIdentity(0.0) ? T_b_c : T_a_b * T_b_c;
 }
 
-/// The body's poses at the moments of a camera's exposures, on the flight's clock: those of the flight's instants, or
-/// of the camera's own rate from the first to the last of them; later by its offset, as far as the path goes.
+/// Returns the body's poses at the moments of a camera's exposures, on the flight's clock: at the flight's instants, or
+/// at the camera's own rate from the first to the last of them. They are later by the camera's offset, as far as the
+/// path goes.
 geometry::Trajectory exposure_instants(const MountedCamera& camera, const flight_path::Path& path,
                                        const geometry::Trajectory& body) {
   constexpr double kRounding_s = 1e-9;
@@ -65,7 +66,7 @@ geometry::Trajectory exposure_instants(const MountedCamera& camera, const flight
   return instants;
 }
 
-/// Cameras of a rig have noise of their own.
+/// Gives the cameras of a rig noise of their own.
 std::uint64_t noise_seed(std::uint64_t seed, std::size_t camera) {
   return camera == 0 ? seed : base::stream_key(seed, camera);
 }
@@ -99,7 +100,7 @@ PlannedCamera plan_camera(const MountedCamera& mount, std::size_t number, const 
   return camera;
 }
 
-/// Before any of them is planned.
+/// Throws InputError for more than kMostImages images, before any of them is planned.
 void require_few_images(const std::vector<MountedCamera>& cameras, const geometry::Trajectory& body) {
   const double span_s = body.poses.back().time_s - body.poses.front().time_s;
   double images = 0.0;
@@ -117,7 +118,7 @@ std::shared_ptr<const render::WeatherOptions> read_seeded_weather(const RenderSe
   return std::make_shared<const render::WeatherOptions>(*weather);
 }
 
-/// Cars and people are seen by all cameras, each by its own clock.
+/// Shows cars and people to all cameras, each by its own clock.
 void show_traffic(PlannedFlight& mission) {
   const auto placed_at = [&mission](double shift_s) {
     return [traffic = mission.traffic, shift_s](double from_s, double to_s) {
@@ -201,6 +202,19 @@ PlannedFlight plan_flight(const RenderSettings& settings, const Progress& progre
   return mission;
 }
 
+namespace {
+
+/// Whether images or other sensors depend on tiles outside the cameras' views: on those that cast shadows into them, or
+/// that a lidar, a range finder or an event camera needs.
+bool needs_all_directions(const PlannedFlight& mission) {
+  for (std::size_t i = 0; i < mission.camera_count(); ++i) {
+    if (mission.camera(i).options.formation.light) return true;
+  }
+  return mission.has_events() || mission.sensor_recorder->suite().needs_scene();
+}
+
+}  // namespace
+
 std::vector<tileset::ViewCone> flight_view_cones(const PlannedFlight& mission, std::size_t camera) {
   const PlannedCamera& seen_by = mission.camera(camera);
   std::vector<geometry::SE3> poses;
@@ -209,32 +223,7 @@ std::vector<tileset::ViewCone> flight_view_cones(const PlannedFlight& mission, s
     poses.insert(poses.end(), of_frame.begin(), of_frame.end());
   }
   std::vector<tileset::ViewCone> cones = tileset::view_cones_along(seen_by.calibration.camera, poses);
-  return may_divide_images(mission) ? cones : tileset::widen_to_all_directions(std::move(cones));
-}
-
-std::vector<tileset::ViewCone> region_view_cones(const PlannedCamera& camera, std::size_t frame,
-                                               const std::vector<tileset::ViewCone>& cones) {
-  const std::vector<geometry::SE3> poses = exposure_poses(camera, frame);
-  double turn_rad = 0.0;  // during the exposure
-  for (const geometry::SE3& pose : poses)
-    turn_rad = std::max(turn_rad, pose.rotation.angularDistance(poses.front().rotation));
-  std::vector<tileset::ViewCone> local;
-  for (const geometry::SE3& pose : poses) {
-    for (const tileset::ViewCone& cone : cones) {
-      local.push_back(cone);
-      local.back().position = pose.translation;
-      local.back().axis = pose.rotation * cone.axis;
-      local.back().half_angle_rad = std::min(std::numbers::pi, cone.half_angle_rad + turn_rad);
-    }
-  }
-  return local;
-}
-
-bool may_divide_images(const PlannedFlight& mission) {
-  for (std::size_t i = 0; i < mission.camera_count(); ++i) {
-    if (mission.camera(i).options.formation.light) return false;
-  }
-  return !mission.has_events() && !mission.sensor_recorder->suite().needs_scene();
+  return needs_all_directions(mission) ? tileset::widen_to_all_directions(std::move(cones)) : cones;
 }
 
 geometry::Vec3 body_position(const PlannedCamera& camera, std::size_t frame) {
@@ -244,7 +233,7 @@ geometry::Vec3 body_position(const PlannedCamera& camera, std::size_t frame) {
 FrameGroups group_images(const std::vector<geometry::Vec3>& body_positions, const PlannedFlight& mission,
                          const RenderSettings& settings) {
   FrameGroups groups = settings.error_px ? group_frames(body_positions) : single_group(body_positions);
-  // The same whatever cameras there are, so that each takes the same images beside others as alone.
+  // Independent of the cameras, so that each takes the same images beside others as alone.
   if (groups.count() == 1 && !mission.body.empty())
     groups.anchors.front() = mission.body.poses[mission.body.size() / 2].T_local_camera.translation;
   return groups;

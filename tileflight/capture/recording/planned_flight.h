@@ -7,19 +7,20 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/world/scene/traffic.h"
 #include "tileflight/capture/events/event_options.h"
-#include "tileflight/core/imaging/camera.h"
-#include "tileflight/capture/render/render_flight.h"
 #include "tileflight/capture/recording/frame_groups.h"
 #include "tileflight/capture/recording/render_stage.h"
 #include "tileflight/capture/recording/sensor_recorder.h"
-#include "tileflight/tiles/tileset/view_criteria.h"
+#include "tileflight/capture/render/render_flight.h"
+#include "tileflight/core/imaging/camera.h"
 #include "tileflight/core/jobs/balanced_ranges.h"
+#include "tileflight/tiles/tileset/view_criteria.h"
+#include "tileflight/world/scene/traffic.h"
 
 namespace tileflight::recording {
 
-/// What one camera takes on a flight. Times are those of its own clock: `timeshift_s` later on the flight's.
+/// The images and events that one camera takes on a flight. Times are those of its own clock: `timeshift_s` later on
+/// the flight's.
 struct PlannedCamera {
   std::string name;  ///< empty: the flight's only one
   imaging::Calibration calibration;
@@ -36,7 +37,7 @@ struct PlannedFlight : PlannedCamera {
   std::vector<PlannedCamera> others;
   geometry::Trajectory body;  ///< the body's poses at the flight's instants; with a single camera, its own
   std::shared_ptr<SensorRecorder> sensor_recorder;  ///< sensors besides the cameras
-  std::shared_ptr<const scene::Traffic> traffic;   ///< cars and people; null without any
+  std::shared_ptr<const scene::Traffic> traffic;    ///< cars and people; null without any
   nlohmann::json vehicle;                           ///< flight record of the vehicle; null without one
 
   std::size_t camera_count() const { return 1 + others.size(); }
@@ -74,28 +75,20 @@ class ImageOrder {
 /// Plans the flight of the settings' files. Throws InputError.
 PlannedFlight plan_flight(const RenderSettings& settings, const Progress& progress);
 
-/// The view cones of every image of one camera, including its motion during exposure and readout, and to the next frame
-/// if it is an event camera: the same number of cones for each frame.
+/// Returns the view cones of every image of one camera, including its motion during exposure and readout, and to the
+/// next frame if it is an event camera. Each frame has the same number of cones. They widen to all directions if
+/// something beside the images needs the tiles there.
 std::vector<tileset::ViewCone> flight_view_cones(const PlannedFlight& mission, std::size_t camera = 0);
 
-/// The same for parts of one image, `cones` being theirs in the camera's frame (tileset::view_cone_of_region).
-/// Precondition: images may be divided.
-std::vector<tileset::ViewCone> region_view_cones(const PlannedCamera& camera, std::size_t frame,
-                                               const std::vector<tileset::ViewCone>& cones);
-
-/// Whether a region of an image depends on the tiles in its view alone: nothing casts shadows, and no other sensor
-/// needs the scene, nor does an event camera.
-bool may_divide_images(const PlannedFlight& mission);
-
-/// The frames of the first camera in groups that each have their own selection of tiles (frame_groups.h). Without a
-/// pixel error they are one: the cut of a region is the same for all frames, however far they fly.
+/// Divides the frames of the first camera into groups that each have their own selection of tiles (frame_groups.h).
+/// Without a pixel error there is one group: the cut of a region is the same for all frames.
 FrameGroups group_flight_frames(const PlannedFlight& mission, const RenderSettings& settings);
 
-/// The same for images where the body is at these positions.
+/// Divides images, given the positions of the body, as group_flight_frames() does.
 FrameGroups group_images(const std::vector<geometry::Vec3>& body_positions, const PlannedFlight& mission,
                          const RenderSettings& settings);
 
-/// Where the body is at a camera's frame.
+/// Returns the position of the body at a camera's frame.
 geometry::Vec3 body_position(const PlannedCamera& camera, std::size_t frame);
 
 }  // namespace tileflight::recording

@@ -3,10 +3,10 @@
 #include <cmath>
 
 #include "tests/temporary_folder.h"
-#include "tileflight/data/dataset/imu_files.h"
-#include "tileflight/slam/inertial/preintegration.h"
-#include "tileflight/capture/render/test_scenes.h"
 #include "tileflight/capture/recording/sensor_recorder.h"
+#include "tileflight/capture/render/test_scenes.h"
+#include "tileflight/data/dataset/sensor_files.h"
+#include "tileflight/slam/inertial/preintegration.h"
 
 namespace tileflight::recording::recorded_imu_test {
 namespace {

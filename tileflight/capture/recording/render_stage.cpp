@@ -6,17 +6,18 @@
 #include <iterator>
 #include <memory>
 
-#include "tileflight/core/base/files.h"
-#include "tileflight/core/base/input_error.h"
-#include "tileflight/data/dataset/dataset.h"
-#include "tileflight/core/base/version.h"
 #include "tileflight/capture/recording/dataset_renderer.h"
 #include "tileflight/capture/recording/flight_faults.h"
-#include "tileflight/capture/recording/frame_assignment.h"
+#include "tileflight/capture/recording/frame_store.h"
 #include "tileflight/capture/recording/planned_flight.h"
-#include "tileflight/tiles/tileset/placement.h"
-#include "tileflight/tiles/fetch/open_source.h"
 #include "tileflight/capture/vehicle/flight_plan.h"
+#include "tileflight/core/base/files.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/output_folder.h"
+#include "tileflight/core/base/program.h"
+#include "tileflight/data/dataset/dataset.h"
+#include "tileflight/tiles/fetch/open_source.h"
+#include "tileflight/tiles/tileset/placement.h"
 
 namespace tileflight::recording {
 namespace fs = std::filesystem;
@@ -67,77 +68,36 @@ json frame_inputs(const PlannedFlight& mission, const RenderSettings& settings) 
           {"path and camera", base::sha256_hex(numbers)}};
 }
 
-/// While alive, prints which frames are kept if this process is terminated.
-class TerminationMessageScope {
- public:
-  TerminationMessageScope(jobs::Ranks& ranks, const FrameStore& kept, std::size_t frames) : ranks_(ranks) {
-    ranks.set_termination_message([&kept, frames] { return kept.describe_state(frames); });
-  }
-  ~TerminationMessageScope() { ranks_.set_termination_message({}); }
-  TerminationMessageScope(const TerminationMessageScope&) = delete;
-  TerminationMessageScope& operator=(const TerminationMessageScope&) = delete;
-
- private:
-  jobs::Ranks& ranks_;
-};
-
 struct RenderedFrames {
   RenderSummary summary;
   std::vector<FrameRecord> frames;
-  std::size_t resumed = 0;
+  std::size_t reused = 0;
 };
 
-/// Renders the frames of a part into the store. Frames that are there from other tiles are rendered again.
-json render_part(const PlannedFlight& mission, const RenderSettings& settings, const fs::path& out,
-                 const Progress& progress) {
-  const std::size_t frames = mission.image_count();
-  const jobs::IndexRange part{settings.part->begin, std::min(settings.part->end, frames)};
-  if (part.begin >= part.end) throw InputError("--frames", "the flight has frames 0 to " + std::to_string(frames - 1));
-  FrameStore::prepare(out, frame_inputs(mission, settings), jobs::Share::kPart);
-  const FrameStore kept(out, std::to_string(part.begin) + "-" + std::to_string(part.end));
-  jobs::SingleRank alone;
-  FrameAssignment share(alone, &kept, frames, part);
-  DatasetRenderer renderer(mission, settings, out, true, share, progress);
-  renderer.render(alone);
-  std::size_t rendered = 0;
-  for (std::size_t i = part.begin; i < part.end; ++i) rendered += share.is_assigned(i) ? 1 : 0;
-  return {
-      {"frames", part.size()}, {"frames_rendered", rendered}, {"build_folder", FrameStore::folder_for(out).string()}};
-}
-
-/// `kept`: null if one process renders everything.
-RenderedFrames render_assigned(const PlannedFlight& mission, const RenderSettings& settings, const fs::path& out,
-                               bool replace, const FrameStore* kept, jobs::Ranks& ranks, const Progress& progress) {
-  FrameAssignment share(ranks, kept, mission.image_count());
-  std::unique_ptr<DatasetRenderer> renderer;
-  run_collectively(
-      ranks, [&] { renderer = std::make_unique<DatasetRenderer>(mission, settings, out, replace, share, progress); });
-  renderer->render(ranks);
+/// `kept`: null if no frames are stored beside the dataset.
+RenderedFrames render_frames(const PlannedFlight& mission, const RenderSettings& settings, const fs::path& out,
+                             bool replace, const FrameStore* kept, const Progress& progress) {
+  FrameAssignment share(kept, mission.image_count());
+  DatasetRenderer renderer(mission, settings, out, replace, share, progress);
+  renderer.render();
   RenderedFrames rendered;
-  run_collectively(ranks, [&] {
-    if (ranks.rank() == 0) rendered.frames = renderer->finish();
-  });
-  rendered.summary = renderer->summary();
-  rendered.resumed = share.frames_resumed();
+  rendered.frames = renderer.finish();
+  rendered.summary = renderer.summary();
+  rendered.reused = share.frames_resumed();
   return rendered;
 }
 
-/// Renders with a frame store: with several ranks, or to be able to resume.
+/// Renders with a frame store, to be able to resume. Appends what the user is told about reused frames to `notes`.
 RenderedFrames render_with_store(const PlannedFlight& mission, const RenderSettings& settings, const fs::path& out,
-                                 bool replace, jobs::Ranks& ranks, const Progress& progress,
-                                 std::vector<std::string>& notes) {
-  run_collectively(ranks, [&] {
-    if (ranks.rank() != 0) return;
-    base::require_writable(render_output(settings, out, replace));
-    notes.push_back(FrameStore::prepare(out, frame_inputs(mission, settings)));
-  });
-  std::optional<FrameStore> kept;
-  run_collectively(ranks, [&] { kept.emplace(out, ranks.rank(), ranks.count()); });
-  const TerminationMessageScope last_words(ranks, *kept, mission.image_count());
-  RenderedFrames rendered = render_assigned(mission, settings, out, replace, &*kept, ranks, progress);
-  if (ranks.rank() == 0) kept->remove();
-  if (rendered.resumed > 0) {
-    notes.push_back(std::to_string(rendered.resumed) + " of " + std::to_string(mission.image_count()) +
+                                 bool replace, const Progress& progress, std::vector<std::string>& notes) {
+  base::require_writable(render_output(settings, out, replace));
+  if (const std::string note = FrameStore::prepare(out, frame_inputs(mission, settings)); !note.empty())
+    notes.push_back(note);
+  const FrameStore kept(out);
+  RenderedFrames rendered = render_frames(mission, settings, out, replace, &kept, progress);
+  kept.remove();
+  if (rendered.reused > 0) {
+    notes.push_back(std::to_string(rendered.reused) + " of " + std::to_string(mission.image_count()) +
                     " frames were reused from an earlier render");
   }
   return rendered;
@@ -158,7 +118,7 @@ void add_vehicle_warnings(const json& vehicle, std::vector<std::string>& warning
   }
 }
 
-/// Each process would have it fly again.
+/// Throws InputError for a flight with an autopilot, which each task would have fly again.
 void require_undivided_autopilot(const RenderSettings& settings) {
   if (vehicle::read_flight_plan(settings.flight.flight).autopilot)
     throw InputError(settings.flight.flight.string(),
@@ -166,7 +126,7 @@ void require_undivided_autopilot(const RenderSettings& settings) {
                      "groundtruth.txt as 'trajectory'");
 }
 
-/// What is wrong with the path of each camera.
+/// Collects the warnings about the path of each camera.
 std::vector<std::string> path_warnings(const PlannedFlight& mission, const std::vector<FrameRecord>& images) {
   const ImageOrder order(mission);
   std::vector<std::string> warnings;
@@ -210,11 +170,7 @@ std::vector<fs::path> render_input_files(const RenderSettings& settings) {
 }
 
 base::OutputFolder render_output(const RenderSettings& settings, const fs::path& out, bool replace) {
-  return {.folder = out,
-          .command = "render",
-          .replace = replace,
-          .inputs = render_input_files(settings),
-          .legacy = dataset::unmarked_dataset()};
+  return {.folder = out, .command = "render", .replace = replace, .inputs = render_input_files(settings)};
 }
 
 FramePlan plan_frame_parts(const RenderSettings& settings, int parts, const Progress& progress) {
@@ -230,40 +186,57 @@ FramePlan plan_frame_parts(const RenderSettings& settings, int parts, const Prog
 
 fs::path frame_build_folder(const fs::path& dataset) { return FrameStore::folder_for(dataset); }
 
-json render_dataset(const RenderSettings& settings, const fs::path& out, bool replace, const Progress& progress,
-                    jobs::Ranks* given_ranks) {
-  jobs::SingleRank alone;
-  jobs::Ranks& ranks = given_ranks == nullptr ? alone : *given_ranks;
-  const Progress shown = ranks.rank() == 0 ? progress : Progress();
-  PlannedFlight mission;
-  if (settings.part || ranks.count() > 1) require_undivided_autopilot(settings);
-  run_collectively(ranks, [&] { mission = plan_flight(settings, shown); });
-  if (settings.part) return render_part(mission, settings, out, shown);
+RenderResult render_dataset(const RenderSettings& settings, const fs::path& out, bool replace,
+                            const Progress& progress) {
+  const PlannedFlight mission = plan_flight(settings, progress);
   std::vector<std::string> notes;
-  const bool keeps = settings.resume || ranks.count() > 1 || FrameStore::exists(out);
-  const RenderedFrames rendered = keeps ? render_with_store(mission, settings, out, replace, ranks, shown, notes)
-                                        : render_assigned(mission, settings, out, replace, nullptr, ranks, shown);
-  if (ranks.rank() != 0) return nullptr;
-  std::vector<std::string> warnings = collect_warnings(mission, rendered);
-  std::copy_if(notes.begin(), notes.end(), std::back_inserter(warnings), [](const auto& n) { return !n.empty(); });
+  const RenderedFrames rendered = settings.resume || FrameStore::exists(out)
+                                      ? render_with_store(mission, settings, out, replace, progress, notes)
+                                      : render_frames(mission, settings, out, replace, nullptr, progress);
   const RenderSummary& summary = rendered.summary;
-  const auto frames = static_cast<std::int64_t>(rendered.frames.size());
-  return {{"frames", frames},
-          {"events", summary.events},
-          {"cameras", mission.camera_count()},
-          {"frames_taken_up", rendered.resumed},
-          {"ranks", ranks.count()},
-          {"seconds", summary.seconds},
-          {"frames_per_second", summary.seconds > 0.0 ? static_cast<double>(frames) / summary.seconds : 0.0},
-          {"tiles", summary.tiles.cut_size - summary.tiles.tiles_failed},
-          {"parts", summary.parts},
-          {"frames_divided", summary.frames_divided},
-          {"dealt", ranks.count() == 1 ? nullptr : json(summary.are_tiles_dealt ? "tiles" : "frames")},
-          {"tiles_read", summary.tiles_read},
-          {"complete", summary.tiles.complete},
-          {"triangles", summary.tiles.triangles},
-          {"path_length", geometry::path_length_m(mission.body)},
-          {"warnings", warnings}};
+  RenderResult result{.frames = rendered.frames.size(),
+                      .frames_reused = rendered.reused,
+                      .cameras = mission.camera_count(),
+                      .events = summary.events,
+                      .seconds = summary.seconds,
+                      .tiles = summary.tiles.cut_size - summary.tiles.tiles_failed,
+                      .tiles_read = summary.tiles_read,
+                      .parts = summary.parts,
+                      .triangles = summary.tiles.triangles,
+                      .is_complete = summary.tiles.complete,
+                      .path_length_m = geometry::path_length_m(mission.body),
+                      .warnings = collect_warnings(mission, rendered)};
+  result.warnings.insert(result.warnings.end(), notes.begin(), notes.end());
+  return result;
+}
+
+RenderedPart render_part(const RenderSettings& settings, const jobs::IndexRange& range, const fs::path& out,
+                         const Progress& progress) {
+  require_undivided_autopilot(settings);
+  const PlannedFlight mission = plan_flight(settings, progress);
+  const std::size_t frames = mission.image_count();
+  const jobs::IndexRange part{range.begin, std::min(range.end, frames)};
+  if (part.begin >= part.end) throw InputError("--frames", "the flight has frames 0 to " + std::to_string(frames - 1));
+  FrameStore::prepare(out, frame_inputs(mission, settings), jobs::Share::kPart);
+  const FrameStore kept(out, std::to_string(part.begin) + "-" + std::to_string(part.end));
+  FrameAssignment share(&kept, frames, part);
+  DatasetRenderer(mission, settings, out, true, share, progress).render();
+  return {.frames = part.size(), .frames_rendered = share.count(), .build_folder = FrameStore::folder_for(out)};
+}
+
+json to_json(const RenderResult& result) {
+  return {{"frames", result.frames},         {"events", result.events},
+          {"cameras", result.cameras},       {"frames_taken_up", result.frames_reused},
+          {"seconds", result.seconds},       {"frames_per_second", result.frames_per_second()},
+          {"tiles", result.tiles},           {"parts", result.parts},
+          {"tiles_read", result.tiles_read}, {"complete", result.is_complete},
+          {"triangles", result.triangles},   {"path_length", result.path_length_m},
+          {"warnings", result.warnings}};
+}
+
+json to_json(const RenderedPart& part) {
+  return {
+      {"frames", part.frames}, {"frames_rendered", part.frames_rendered}, {"build_folder", part.build_folder.string()}};
 }
 
 }  // namespace tileflight::recording

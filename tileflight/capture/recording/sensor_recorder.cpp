@@ -1,18 +1,13 @@
 #include "tileflight/capture/recording/sensor_recorder.h"
 
 #include <cmath>
-#include <cstring>
-#include <string_view>
 
+#include "tileflight/capture/sensors/imu.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/make_folder.h"
-#include "tileflight/core/base/number_text.h"
-#include "tileflight/data/dataset/imu_files.h"
 #include "tileflight/data/dataset/lidar_files.h"
-#include "tileflight/data/dataset/number_table.h"
-#include "tileflight/capture/sensors/motion.h"
+#include "tileflight/data/dataset/sensor_files.h"
 
 namespace tileflight::recording {
 namespace fs = std::filesystem;
@@ -33,24 +28,6 @@ std::vector<dataset::ScanPoint> to_scan_points(const std::vector<sensors::LidarP
 /// Index i of the first event at start + i * period_s that is not before `time_s`.
 std::uint64_t first_index_from(double time_s, double start_s, double period_s) {
   return static_cast<std::uint64_t>(std::max(0.0, std::ceil((time_s - start_s) / period_s - 1e-6)));
-}
-
-/// Numbers as bytes, in the machine's own format: exact, and infinity is one.
-void append_numbers(const std::vector<double>& numbers, std::string& bytes) {
-  const std::uint64_t count = numbers.size();
-  bytes.append(reinterpret_cast<const char*>(&count), sizeof count);
-  bytes.append(reinterpret_cast<const char*>(numbers.data()), numbers.size() * sizeof(double));
-}
-
-/// Takes what append_numbers() wrote from the front.
-std::vector<double> take_numbers(std::string_view& bytes) {
-  std::uint64_t count = 0;
-  std::memcpy(&count, bytes.data(), sizeof count);
-  bytes.remove_prefix(sizeof count);
-  std::vector<double> numbers(count);
-  std::memcpy(numbers.data(), bytes.data(), count * sizeof(double));
-  bytes.remove_prefix(count * sizeof(double));
-  return numbers;
 }
 
 /// The name used in the flight file.
@@ -94,35 +71,6 @@ void SensorRecorder::scan(const scene::Scene& scene, double from_s, double to_s,
     else
       dataset::write_scan_ply(name.string() + ".ply", to_scan_points(scan.points));
     scans_.poses.push_back({scan_s, scan.T_local_lidar});
-  }
-}
-
-std::string SensorRecorder::recorded() const {
-  std::vector<double> ranges, scans;
-  for (const sensors::RangeSample& sample : ranges_) ranges.insert(ranges.end(), {sample.time_s, sample.range_m});
-  for (const geometry::StampedPose& scan : scans_.poses) {
-    const Vec3& t = scan.T_local_camera.translation;
-    const Eigen::Quaterniond& q = scan.T_local_camera.rotation;
-    scans.insert(scans.end(), {scan.time_s, t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w()});
-  }
-  std::string bytes;
-  append_numbers(ranges, bytes);
-  append_numbers(scans, bytes);
-  return bytes;
-}
-
-void SensorRecorder::set_recorded(const std::vector<std::string>& parts) {
-  ranges_.clear();
-  scans_.poses.clear();
-  for (std::string_view bytes : parts) {
-    const std::vector<double> ranges = take_numbers(bytes), scans = take_numbers(bytes);
-    for (std::size_t i = 0; i + 1 < ranges.size(); i += 2) ranges_.push_back({ranges[i], ranges[i + 1]});
-    for (std::size_t i = 0; i + 7 < scans.size(); i += 8) {
-      geometry::StampedPose& scan = scans_.poses.emplace_back();
-      scan.time_s = scans[i];
-      scan.T_local_camera.translation = {scans[i + 1], scans[i + 2], scans[i + 3]};
-      scan.T_local_camera.rotation.coeffs() << scans[i + 4], scans[i + 5], scans[i + 6], scans[i + 7];
-    }
   }
 }
 

@@ -8,10 +8,10 @@
 #include <vector>
 
 #include "tileflight/capture/flight_path/path.h"
-#include "tileflight/core/geometry/geodesy.h"
 #include "tileflight/capture/render/render_flight.h"
-#include "tileflight/world/scene/scene.h"
 #include "tileflight/capture/sensors/sensor_suite.h"
+#include "tileflight/core/geometry/geodesy.h"
+#include "tileflight/world/scene/scene.h"
 
 namespace tileflight::recording {
 
@@ -23,20 +23,15 @@ class SensorRecorder {
 
   const sensors::SensorSuite& suite() const { return suite_; }
 
-  /// What moves in the scenes of record() besides; empty: nothing. Range finders do not see it.
+  /// Sets the things that move in the scenes of record(); empty: nothing. Range finders do not see them.
   void set_placed(render::PlacedParts placed) { placed_ = std::move(placed); }
 
   /// Simulates lidar scans and ranges that start from one time up to, not including, another, and writes scans into the
-  /// dataset's folder immediately. A flight may be recorded in several parts, in order, from -infinity to infinity, or
-  /// by several processes; the files are the same. Throws InputError if a sensor needs a georeferenced place and it is
+  /// dataset's folder immediately. A flight may be recorded in several parts, in order, from -infinity to infinity; the
+  /// files are the same. Throws InputError if a sensor needs a georeferenced place and it is
   /// not.
   void record(const scene::Scene& scene, const std::optional<geometry::LocalFrame>& frame, double from_s, double to_s,
               const std::filesystem::path& folder);
-
-  /// What record() has recorded here, for set_recorded() in this or another process: bytes.
-  std::string recorded() const;
-  /// Replaces it by what several processes recorded, in the order of their frames.
-  void set_recorded(const std::vector<std::string>& parts);
 
   /// Writes all other sensors, and the lists of what record() wrote. `first_frame_s`: the first frame's time in the
   /// dataset.

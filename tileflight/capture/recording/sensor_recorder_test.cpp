@@ -4,10 +4,9 @@
 
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
-#include "tileflight/core/base/files.h"
-#include "tileflight/data/dataset/imu_files.h"
-#include "tileflight/data/dataset/number_table.h"
 #include "tileflight/capture/render/test_scenes.h"
+#include "tileflight/core/base/files.h"
+#include "tileflight/data/dataset/sensor_files.h"
 
 namespace tileflight::recording::sensor_recorder_test {
 namespace {
@@ -69,23 +68,6 @@ TEST(SensorRecorder, AFlightInPartsGivesTheSameFiles) {
   }
   EXPECT_EQ(compared, 3U + 1U + 1U + 12U + 2U);  // IMU, barometer, ranges, whole scans within 2 s, their lists
   EXPECT_EQ(whole.description().at("sensors.lidar.scans"), "12");
-}
-
-TEST(SensorRecorder, SeveralProcessesGiveTheSameFiles) {
-  const tests::TemporaryFolder folder;
-  const scene::Scene scene = ground();
-  fs::create_directories(folder / "whole");
-  fs::create_directories(folder / "shared");
-  SensorRecorder whole = files(), first = files(), idle = files(), second = files();
-  whole.record(scene, {}, at(0), at(21), folder / "whole");
-  first.record(scene, {}, at(0), at(9), folder / "shared");
-  second.record(scene, {}, at(9), at(21), folder / "shared");
-  first.set_recorded({first.recorded(), idle.recorded(), second.recorded()});
-  whole.write({}, 3.0, folder / "whole");
-  first.write({}, 3.0, folder / "shared");
-  for (const char* file : {"range.csv", "lidar/times.txt", "lidar/poses.txt", "lidar/000011.ply"})
-    EXPECT_EQ(base::read_text(folder / "whole" / file), base::read_text(folder / "shared" / file)) << file;
-  EXPECT_EQ(first.description().at("sensors.lidar.scans"), "12");
 }
 
 TEST(SensorRecorder, TimesAreTheDatasetsClock) {

@@ -1,16 +1,45 @@
 #pragma once
 
+// Photogrammetry packs many pieces of surface (charts) into one texture, with padding between them. Coarse mip levels
+// mix texels that are adjacent there but not on the surface; the functions below prevent that.
+
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <unordered_map>
 #include <vector>
 
 #include "tileflight/capture/render/linear_color.h"
 #include "tileflight/capture/render/texture_sampler.h"
+#include "tileflight/core/imaging/textured_mesh.h"
 #include "tileflight/world/scene/scene.h"
 
 namespace tileflight::render {
+
+/// Returns the memory of a mesh's arrays, without its texture.
+std::uintmax_t decoded_bytes(const imaging::TexturedMesh& mesh);
+
+/// Returns the memory of a mesh in a scene that is rendered: its data, both of the scene's trees over it and its
+/// shading (Appearance), without its texture.
+std::uintmax_t rendered_bytes(const imaging::TexturedMesh& mesh);
+
+/// Returns the memory of a texture in a scene that is rendered: with its coarser levels and, for an atlas, a copy with
+/// its padding overwritten.
+std::uintmax_t rendered_bytes(const imaging::RgbImage& texture);
+
+/// Tells whether all texture coordinates lie within 0..1 (with a tolerance of a thousandth). Reads at the edge of such
+/// a texture need not wrap around.
+bool within_image(const imaging::TexturedMesh& mesh);
+
+/// Returns a mask of 255 for each texel touched by a triangle of `meshes`, 0 for padding. All meshes have the same
+/// texture and texture coordinates. Empty if all texels are used, or if coordinates leave 0..1 (a repeating texture has
+/// no padding).
+imaging::GrayImage texture_coverage(std::span<const imaging::TexturedMesh* const> meshes);
+
+/// Returns for each triangle the mip level whose texels are about as wide as its chart (triangles connected by common
+/// texture coordinates). Coarser texels would mix in other charts.
+std::vector<std::int32_t> chart_max_mip_levels(const imaging::TexturedMesh& mesh);
 
 /// Shading data of a triangle, in one cache line.
 struct alignas(64) TriangleShading {
@@ -38,7 +67,7 @@ class PartAppearance {
  public:
   explicit PartAppearance(std::shared_ptr<const scene::ScenePart> part);
 
-  /// One per mesh of the part.
+  /// Returns the materials, one for each mesh of the part.
   const std::vector<Material>& materials() const { return materials_; }
 
  private:

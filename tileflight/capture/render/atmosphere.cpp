@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "tileflight/core/base/simd.h"
 #include "tileflight/capture/render/daylight.h"
+#include "tileflight/core/base/simd.h"
 
 namespace tileflight::render {
 namespace {

@@ -8,11 +8,11 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 
-#include "tileflight/core/base/strict_section.h"
-#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/capture/render/daylight.h"
 #include "tileflight/capture/render/render_flight.h"
 #include "tileflight/capture/render/test_scenes.h"
+#include "tileflight/core/base/strict_section.h"
+#include "tileflight/core/base/text_parsing.h"
 
 namespace tileflight::render::atmosphere_test {
 namespace {

@@ -38,6 +38,19 @@ RenderOptions cheaper(RenderOptions options) {
   return options;
 }
 
+/// Summed row by row, so that the result does not depend on parallelism.
+double mean_light(const LinearImage& light, const imaging::FloatImage& vignette,
+                  const imaging::Image<std::uint8_t>& valid) {
+  double sum = 0.0;
+  std::int64_t count = 0;
+  for (std::size_t i = 0; i < light.pixels.size(); ++i) {
+    if (valid.pixels[i] == 0) continue;
+    sum += linear_luminance(light.pixels[i]) * (vignette.empty() ? 1.0 : static_cast<double>(vignette.pixels[i]));
+    ++count;
+  }
+  return count > 0 ? sum / static_cast<double>(count) : 0.0;
+}
+
 }  // namespace
 
 std::vector<double> exposure_gains(const AutoExposure& options, std::span<const double> times_s,
@@ -71,44 +84,17 @@ imaging::Camera metering_camera(const imaging::Camera& camera, int width) {
   return {std::visit(scaled, camera.model()), width, height};
 }
 
-LightMeter::LightMeter(const scene::Scene& scene, std::shared_ptr<const Appearance> appearance,
-                       const imaging::Camera& camera, const RenderOptions& options, const ImageFormation& formation)
-    : renderer_(scene, std::move(appearance), metering_camera(camera), cheaper(options)),
-      vignette_(make_vignette(formation, renderer_.camera().width(), renderer_.camera().height())),
-      valid_(valid_pixels(renderer_.camera())) {}
-
-LinearImage LightMeter::image(const geometry::SE3& T_local_camera) const {
-  return renderer_.render_light({1, 1, {T_local_camera}}).light;
-}
-
-LinearImage LightMeter::layer(const geometry::SE3& T_local_camera, imaging::Image<LayerSurface>& surfaces) const {
-  surfaces = {renderer_.camera().width(), renderer_.camera().height()};
-  return renderer_.render_light({1, 1, {T_local_camera}}, {}, noting_surfaces(surfaces)).light;
-}
-
-/// Summed row by row, so that the result does not depend on parallelism.
-double LightMeter::mean_light(const LinearImage& light) const {
-  double sum = 0.0;
-  std::int64_t count = 0;
-  for (std::size_t i = 0; i < light.pixels.size(); ++i) {
-    if (valid_.pixels[i] == 0) continue;
-    sum += linear_luminance(light.pixels[i]) * (vignette_.empty() ? 1.0 : static_cast<double>(vignette_.pixels[i]));
-    ++count;
-  }
-  return count > 0 ? sum / static_cast<double>(count) : 0.0;
-}
-
-std::vector<double> LightMeter::mean_lights(std::span<const geometry::StampedPose> frames) const {
-  std::vector<double> light(frames.size());
-  tbb::parallel_for(std::size_t{0}, frames.size(),
-                    [&](std::size_t i) { light[i] = mean_light(image(frames[i].T_local_camera)); });
-  return light;
-}
-
 std::vector<double> meter_light(const scene::Scene& scene, std::shared_ptr<const Appearance> appearance,
                                 const imaging::Camera& camera, const RenderOptions& options,
                                 const ImageFormation& formation, std::span<const geometry::StampedPose> frames) {
-  return LightMeter(scene, std::move(appearance), camera, options, formation).mean_lights(frames);
+  const CameraRenderer renderer(scene, std::move(appearance), metering_camera(camera), cheaper(options));
+  const imaging::FloatImage vignette = make_vignette(formation, renderer.camera().width(), renderer.camera().height());
+  const imaging::Image<std::uint8_t> valid = valid_pixels(renderer.camera());
+  std::vector<double> light(frames.size());
+  tbb::parallel_for(std::size_t{0}, frames.size(), [&](std::size_t i) {
+    light[i] = mean_light(renderer.render_light({1, 1, {frames[i].T_local_camera}}).light, vignette, valid);
+  });
+  return light;
 }
 
 }  // namespace tileflight::render

@@ -6,10 +6,10 @@
 #include <span>
 #include <vector>
 
-#include "tileflight/core/geometry/trajectory.h"
-#include "tileflight/core/imaging/camera.h"
 #include "tileflight/capture/render/camera_renderer.h"
 #include "tileflight/capture/render/image_formation.h"
+#include "tileflight/core/geometry/trajectory.h"
+#include "tileflight/core/imaging/camera.h"
 #include "tileflight/world/scene/scene.h"
 
 namespace tileflight::render {
@@ -21,40 +21,20 @@ struct AutoExposureState {
   double log_target_gain = 0.0;  ///< logarithm of the gain that the last frame's light requires
 };
 
-/// Gains for frames with metered mean light `mean_light` (at gain 1), one each. The controller sees a frame only after
-/// it was taken, and then closes the fraction 1 - exp(-dt / time constant) of the gap to the gain which that frame
-/// required (in logarithms, as exposure steps). Without `before`, the camera has settled on the first frame; `before`
-/// is updated to the state after the last frame.
+/// Computes the gains for frames with metered mean light `mean_light` (at gain 1), one each. The controller sees a
+/// frame only after it was taken, and then closes the fraction 1 - exp(-dt / time constant) of the gap to the gain
+/// which that frame required (in logarithms, as exposure steps). Without `before`, the camera has settled on the first
+/// frame; `before` is updated to the state after the last frame.
 std::vector<double> exposure_gains(const AutoExposure& options, std::span<const double> times_s,
                                    std::span<const double> mean_light, std::optional<AutoExposureState>& before);
 
-/// The same lens for an image about `width` pixels wide, for metering; if the aspect ratio cannot be kept exactly, the
+/// Scales a lens to an image about `width` pixels wide, for metering; if the aspect ratio cannot be kept exactly, the
 /// pixels are stretched.
 imaging::Camera metering_camera(const imaging::Camera& camera, int width = 64);
 
-/// Meters frames by small images, rendered without exposure. Thread-safe; results do not depend on the number of
-/// threads. Scene and formation must outlive it.
-class LightMeter {
- public:
-  LightMeter(const scene::Scene& scene, std::shared_ptr<const Appearance> appearance, const imaging::Camera& camera,
-             const RenderOptions& options, const ImageFormation& formation);
-
-  /// The small image at a pose, at gain 1.
-  LinearImage image(const geometry::SE3& T_local_camera) const;
-  /// The same of a layer; `surfaces` is set to what its pixels show.
-  LinearImage layer(const geometry::SE3& T_local_camera, imaging::Image<LayerSurface>& surfaces) const;
-  /// Mean linear light (Rec. 709 luminance, including vignetting) of such an image within the lens's valid cone.
-  double mean_light(const LinearImage& light) const;
-  /// The mean light of the image at each pose.
-  std::vector<double> mean_lights(std::span<const geometry::StampedPose> frames) const;
-
- private:
-  CameraRenderer renderer_;
-  imaging::FloatImage vignette_;
-  imaging::Image<std::uint8_t> valid_;
-};
-
-/// Mean light, as LightMeter takes it, of the image at each pose.
+/// Computes the mean linear light (Rec. 709 luminance, including vignetting) of the image at each pose, at gain 1,
+/// within the lens's valid cone. Each image is rendered small (metering_camera()) and without exposure. Results do not
+/// depend on the number of threads.
 std::vector<double> meter_light(const scene::Scene& scene, std::shared_ptr<const Appearance> appearance,
                                 const imaging::Camera& camera, const RenderOptions& options,
                                 const ImageFormation& formation, std::span<const geometry::StampedPose> frames);

@@ -4,9 +4,9 @@
 #include <cmath>
 #include <cstring>
 
-#include "tileflight/core/base/simd.h"
 #include "tileflight/capture/render/footprint.h"
 #include "tileflight/capture/render/linear_color.h"
+#include "tileflight/core/base/simd.h"
 #include "tileflight/world/scene/beam_tree.h"
 
 namespace tileflight::render {
@@ -232,7 +232,7 @@ void BlockTracer::prefetch_shading(const TracedBeam& beam) const {
 
 namespace {
 
-/// What a packet's hits have in common with another packet's that meets the same triangles.
+/// Values that a packet's hits share with those of another packet that meets the same triangles.
 struct HitTextures {
   LaneTextures textures;
   TextureGradients8 gradients;

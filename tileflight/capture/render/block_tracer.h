@@ -8,11 +8,11 @@
 #include <span>
 #include <vector>
 
-#include "tileflight/core/base/simd.h"
-#include "tileflight/core/imaging/pixel_region.h"
 #include "tileflight/capture/render/appearance.h"
 #include "tileflight/capture/render/linear_color.h"
 #include "tileflight/capture/render/ray_table.h"
+#include "tileflight/core/base/simd.h"
+#include "tileflight/core/imaging/image.h"
 #include "tileflight/world/scene/packets.h"
 #include "tileflight/world/scene/scene.h"
 
@@ -48,7 +48,7 @@ class RowPoses {
 /// Squared sRGB values, 0..255 squared, of a block's eight samples; only valid lanes are defined.
 using SquaredColors8 = std::array<Float4, 8>;
 
-/// Pixel of one sample's squared sRGB values, rounded.
+/// Rounds one sample's squared sRGB values to a pixel.
 TILEFLIGHT_LANE_INLINE imaging::Rgb8 encode_squared(const Float4& squares) {
   Float4 roots;
   for (int c = 0; c < 4; ++c) roots[c] = std::sqrt(squares[c]);
@@ -57,7 +57,8 @@ TILEFLIGHT_LANE_INLINE imaging::Rgb8 encode_squared(const Float4& squares) {
           static_cast<std::uint8_t>(values[2])};
 }
 
-/// SrgbTables::decode() of the roots of one sample's squared sRGB values, to the bit; the fourth number is 0.
+/// Computes the linear light of one sample's squared sRGB values: SrgbTables::decode() of their roots, to the bit. The
+/// fourth number is 0.
 TILEFLIGHT_LANE_INLINE void decode_squared(const SrgbTables& srgb, const Float4& squares, Float4& light) {
   Float4 roots;
   for (int c = 0; c < 4; ++c) roots[c] = std::sqrt(squares[c]);
@@ -77,7 +78,7 @@ struct BlockTextureReads {
   std::array<TextureRead, 8> read;          ///< for samples with a texture
 };
 
-/// Up to 8 x 8 neighbouring samples: the blocks among them that have a valid lane.
+/// Blocks of up to 8 x 8 neighbouring samples, without those that have no valid lane.
 struct TracedBeam {
   static constexpr int kColumns = 8;
   static constexpr int kRows = 8;
@@ -110,12 +111,12 @@ TILEFLIGHT_LANE_INLINE void for_each_beam(const imaging::PixelRegion& tile, int 
   }
 }
 
-/// Threads share an image, or a region, by tiles of this size.
+/// Size of the tiles by which threads share an image.
 inline constexpr int kTileWidth = 64, kTileHeight = 32;
-/// The tiles of a region, in rows.
+/// Divides a region into tiles, in rows.
 std::vector<imaging::PixelRegion> tiles_of(const imaging::PixelRegion& region);
 
-/// Light of a tile's pixels, summed where it stays in the processor's cache. The fourth numbers are not used.
+/// Sums of the light of a tile's pixels, small enough for the processor's cache. The fourth numbers are not used.
 class TileLight {
  public:
   explicit TileLight(const imaging::PixelRegion& tile)
@@ -150,14 +151,14 @@ class BlockTracer {
   BlockTracer(const scene::Scene& scene, const Appearance& appearance, const imaging::Rgb8& background,
               double haze_per_m, const imaging::Rgb8& haze_color);
 
-  /// How many moments cast_moments() takes at most.
+  /// Largest number of moments that cast_moments() takes.
   static constexpr std::size_t kMostMoments = 4;
 
   /// Builds the scene's acceleration structure in advance, while all cores are available.
   void prepare() const { scene_.build_beam_tree(); }
   /// Intersects the samples from (x, y) of the table on; both are multiples of the beam's size.
   void cast(const RayTable& table, int x, int y, const RowPoses& poses, TracedBeam& beam) const;
-  /// The same samples at several moments of an exposure, with one traversal for all; one beam a moment.
+  /// Intersects samples at several moments of an exposure, with one traversal for all; one beam a moment.
   void cast_moments(const RayTable& table, int x, int y, std::span<const RowPoses> moments,
                     std::span<TracedBeam> beams) const;
   /// Prefetches what compute_texture_reads() needs of a beam that was cast.

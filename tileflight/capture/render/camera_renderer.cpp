@@ -12,20 +12,17 @@
 #include <string>
 #include <utility>
 
-#include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/simd.h"
 #include "tileflight/capture/render/appearance.h"
 #include "tileflight/capture/render/atmosphere.h"
 #include "tileflight/capture/render/block_tracer.h"
 #include "tileflight/capture/render/central_rays.h"
 #include "tileflight/capture/render/daylight_shader.h"
 #include "tileflight/capture/render/ray_table.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/simd.h"
 
 namespace tileflight::render {
 namespace {
-
-// Beams are the same in a region as in the whole image.
-static_assert(kRegionStep % TracedBeam::kColumns == 0 && kRegionStep % TracedBeam::kRows == 0);
 
 int samples_along_axis(int samples_per_pixel) {
   for (int n = 1; n <= 4; ++n) {
@@ -67,17 +64,6 @@ void require_a_pose_a_row(std::size_t poses, int height) {
 
 }  // namespace
 
-static_assert(LayerSurface::kNone == scene::RayPacket8::kMiss);
-
-SurfaceVisitor noting_surfaces(imaging::Image<LayerSurface>& surfaces, const SurfaceVisitor& visitor,
-                               std::uint32_t first_placed_mesh) {
-  const bool visits = static_cast<bool>(visitor), visits_all = visitor.pixels == VisitedPixels::kAll;
-  return [=, &surfaces, visit = visitor.visit](const SurfacePoint& point) {
-    if (point.hit) surfaces(point.x, point.y) = {point.mesh, point.nearness, point.distance_m, point.is_back_face};
-    if (visits && (visits_all || (point.hit && point.mesh >= first_placed_mesh))) visit(point);
-  };
-}
-
 struct CameraRenderer::Impl {
   const scene::Scene& scene;
   std::shared_ptr<const Appearance> appearance;
@@ -103,9 +89,8 @@ struct CameraRenderer::Impl {
 
   int width() const { return rays->camera.width(); }
   int height() const { return rays->camera.height(); }
-  std::vector<PixelRegion> tiles(const OptionalRegion& region) const;
   template <class Work>
-  ViewStatistics for_each_tile(const OptionalRegion& region, const Work& work) const;
+  ViewStatistics for_each_tile(const Work& work) const;
 
   imaging::FloatImage empty_depth() const;
   RowPoses rows_at(const ShutterPoses& poses, int moment) const;
@@ -120,26 +105,14 @@ struct CameraRenderer::Impl {
                  ViewStatistics& view) const;
   void add_light(const TracedBeam& beam, int samples_along_axis, TileLight& sum) const;
   CentralRays wanted(imaging::FloatImage& depth_m, const SurfaceVisitor& visitor) const;
-  RenderedFrame render(std::span<const geometry::SE3> poses_of_rows, const OptionalRegion& region,
-                       const SurfaceVisitor& visitor) const;
-  LightFrame render_light(const ShutterPoses& poses, const OptionalRegion& region, const SurfaceVisitor& visitor,
-                          const LightSink& sink) const;
+  RenderedFrame render(std::span<const geometry::SE3> poses_of_rows, const SurfaceVisitor& visitor) const;
+  LightFrame render_light(const ShutterPoses& poses, const SurfaceVisitor& visitor, const LightSink& sink) const;
   std::size_t moments_at_once(std::span<const RowPoses> moments) const;
 };
 
-std::vector<PixelRegion> CameraRenderer::Impl::tiles(const OptionalRegion& region) const {
-  if (!region) return tiles_of({0, 0, width(), height()});
-  const auto is_bound = [](int at, int end) { return at % kRegionStep == 0 || at == end; };
-  const bool is_inside = region->x0 >= 0 && region->y0 >= 0 && region->x1 <= width() && region->y1 <= height();
-  if (!is_inside || region->x0 % kRegionStep != 0 || region->y0 % kRegionStep != 0 || !is_bound(region->x1, width()) ||
-      !is_bound(region->y1, height()))
-    throw std::invalid_argument("region: bounds must be multiples of the step, or the image's");
-  return tiles_of(*region);
-}
-
 template <class Work>
-ViewStatistics CameraRenderer::Impl::for_each_tile(const OptionalRegion& region, const Work& work) const {
-  const std::vector<PixelRegion> all = tiles(region);
+ViewStatistics CameraRenderer::Impl::for_each_tile(const Work& work) const {
+  const std::vector<PixelRegion> all = tiles_of({0, 0, width(), height()});
   std::vector<ViewStatistics> views(all.size());
   tbb::parallel_for(std::size_t{0}, all.size(), [&](std::size_t i) { views[i] = work(all[i]); });
   ViewStatistics sum;
@@ -292,19 +265,18 @@ CentralRays CameraRenderer::Impl::wanted(imaging::FloatImage& depth_m, const Sur
   return {options.depth ? &depth_m : nullptr, visitor ? &visitor : nullptr, scene.first_placed_mesh()};
 }
 
-RenderedFrame CameraRenderer::Impl::render(std::span<const geometry::SE3> poses_of_rows, const OptionalRegion& region,
+RenderedFrame CameraRenderer::Impl::render(std::span<const geometry::SE3> poses_of_rows,
                                            const SurfaceVisitor& visitor) const {
   const RowPoses poses(poses_of_rows, scene.anchor());
   tracer.prepare();
   RenderedFrame frame{imaging::RgbImage(width(), height()), empty_depth(), {}};
   const CentralRays central = wanted(frame.depth_m, visitor);
-  frame.view =
-      for_each_tile(region, [&](const PixelRegion& tile) { return trace_central(tile, poses, central, &frame.rgb); });
+  frame.view = for_each_tile([&](const PixelRegion& tile) { return trace_central(tile, poses, central, &frame.rgb); });
   return frame;
 }
 
-LightFrame CameraRenderer::Impl::render_light(const ShutterPoses& shutter, const OptionalRegion& region,
-                                              const SurfaceVisitor& visitor, const LightSink& sink) const {
+LightFrame CameraRenderer::Impl::render_light(const ShutterPoses& shutter, const SurfaceVisitor& visitor,
+                                              const LightSink& sink) const {
   LightFrame frame{sink ? LinearImage() : LinearImage(width(), height()), empty_depth(), {}};
   const LightSink keep = [&frame](int x, int y, std::span<const LinearRgb> light) {
     std::ranges::copy(light, &frame.light(x, y));
@@ -315,7 +287,7 @@ LightFrame CameraRenderer::Impl::render_light(const ShutterPoses& shutter, const
   const LightMoments all{moments, moments_at_once(moments)};
   const CentralRays central = wanted(frame.depth_m, visitor);
   const float scale = 1.0F / static_cast<float>(shutter.moments * options.samples_per_pixel);
-  frame.view = for_each_tile(region, [&](const PixelRegion& tile) {
+  frame.view = for_each_tile([&](const PixelRegion& tile) {
     ViewStatistics view;
     TileLight sum(tile);
     add_light(tile, all, central, sum, view);
@@ -352,18 +324,17 @@ const geometry::Vec3& CameraRenderer::anchor() const { return impl_->scene.ancho
 const RenderOptions& CameraRenderer::options() const { return impl_->options; }
 std::shared_ptr<const Appearance> CameraRenderer::appearance() const { return impl_->appearance; }
 
-RenderedFrame CameraRenderer::render(const geometry::SE3& T_local_camera, const OptionalRegion& region,
-                                     const SurfaceVisitor& visitor) const {
-  return render_rows(std::span(&T_local_camera, 1), region, visitor);
+RenderedFrame CameraRenderer::render(const geometry::SE3& T_local_camera, const SurfaceVisitor& visitor) const {
+  return render_rows(std::span(&T_local_camera, 1), visitor);
 }
 
 RenderedFrame CameraRenderer::render_rows(std::span<const geometry::SE3> T_local_camera_of_row,
-                                          const OptionalRegion& region, const SurfaceVisitor& visitor) const {
+                                          const SurfaceVisitor& visitor) const {
   const std::size_t rows = T_local_camera_of_row.size();
   require_a_pose_a_row(rows, impl_->height());
-  if (!impl_->rays->samples && !impl_->shader) return impl_->render(T_local_camera_of_row, region, visitor);
+  if (!impl_->rays->samples && !impl_->shader) return impl_->render(T_local_camera_of_row, visitor);
   ShutterPoses shutter{1, static_cast<int>(rows), {T_local_camera_of_row.begin(), T_local_camera_of_row.end()}};
-  LightFrame light = impl_->render_light(shutter, region, visitor, {});
+  LightFrame light = impl_->render_light(shutter, visitor, {});
   RenderedFrame frame{imaging::RgbImage(impl_->width(), impl_->height()), std::move(light.depth_m), light.view};
   const SrgbTables& srgb = SrgbTables::get();
   tbb::parallel_for(0, impl_->height(), [&](int y) {
@@ -372,25 +343,25 @@ RenderedFrame CameraRenderer::render_rows(std::span<const geometry::SE3> T_local
   return frame;
 }
 
-LightFrame CameraRenderer::render_light(const ShutterPoses& poses, const OptionalRegion& region,
-                                        const SurfaceVisitor& visitor, const LightSink& sink) const {
+LightFrame CameraRenderer::render_light(const ShutterPoses& poses, const SurfaceVisitor& visitor,
+                                        const LightSink& sink) const {
   const auto wanted = static_cast<std::size_t>(poses.moments) * static_cast<std::size_t>(poses.rows);
   if (poses.moments < 1 || poses.T_local_camera.size() != wanted ||
       (!poses.scene_times.empty() && poses.scene_times.size() != wanted) ||
       (poses.rows != 1 && poses.rows != impl_->height())) {
     throw std::invalid_argument("ShutterPoses: times x (1 or height) poses are needed");
   }
-  return impl_->render_light(poses, region, visitor, sink);
+  return impl_->render_light(poses, visitor, sink);
 }
 
 void CameraRenderer::visit_surface(std::span<const geometry::SE3> T_local_camera_of_row, const SurfaceVisitor& visitor,
-                                   const OptionalRegion& region, std::span<const float> scene_times) const {
+                                   std::span<const float> scene_times) const {
   require_a_pose_a_row(T_local_camera_of_row.size(), impl_->height());
   if (!scene_times.empty() && scene_times.size() != T_local_camera_of_row.size())
     throw std::invalid_argument("one time of the scene a pose");
   const RowPoses poses(T_local_camera_of_row, impl_->scene.anchor(), scene_times);
   impl_->tracer.prepare();
-  impl_->for_each_tile(region, [&](const PixelRegion& tile) {
+  impl_->for_each_tile([&](const PixelRegion& tile) {
     return impl_->trace_central(tile, poses, {nullptr, &visitor, impl_->scene.first_placed_mesh()}, nullptr);
   });
 }

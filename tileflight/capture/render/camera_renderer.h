@@ -10,11 +10,10 @@
 #include <span>
 #include <vector>
 
-#include "tileflight/core/imaging/camera.h"
-#include "tileflight/core/imaging/image.h"
-#include "tileflight/core/imaging/pixel_region.h"
 #include "tileflight/capture/render/linear_color.h"
 #include "tileflight/capture/render/weather.h"
+#include "tileflight/core/imaging/camera.h"
+#include "tileflight/core/imaging/image.h"
 #include "tileflight/world/scene/scene.h"
 
 namespace tileflight::render {
@@ -32,12 +31,12 @@ struct RenderOptions {
   /// Light by sun and sky: textures are taken as reflectance, and the sky is the background. Null: textures are shown
   /// as they are.
   std::shared_ptr<const Daylight> daylight{};
-  /// Null, or clear: none. What falls is not drawn here (streaks.h), but for the light that it takes and gives.
+  /// Null or clear: no weather. Drops and flakes are drawn by streaks.h; here they only absorb and scatter light.
   std::shared_ptr<const WeatherOptions> weather{};
   double weather_offset_s = 0.0;  ///< time on the weather's clock = a frame's + this
 };
 
-/// What the pixels' central rays see, for checks of a flight.
+/// Statistics of the surfaces that the pixels' central rays meet, for checks of a flight.
 struct ViewStatistics {
   double nearest_m = std::numeric_limits<double>::infinity();  ///< distance of the nearest surface
   std::int64_t rays = 0;                                       ///< of the pixels within the lens's valid cone
@@ -65,7 +64,8 @@ struct LightFrame {
   ViewStatistics view;
 };
 
-/// Takes the light of neighbouring pixels of a row, from (x, y) on; called from several threads at once, in any order.
+/// Consumes the light of neighbouring pixels of a row, from (x, y) on; called from several threads at once, in any
+/// order.
 using LightSink = std::function<void(int x, int y, std::span<const LinearRgb> light)>;
 
 /// Camera poses during one frame: the pose at each of `moments` times of the exposure, for the whole image or for each
@@ -80,20 +80,14 @@ struct ShutterPoses {
 
 /// Intersection of the ray through a pixel's centre.
 struct SurfacePoint {
-  int x = 0, y = 0;            ///< pixel
-  bool hit = false;            ///< false: nothing is hit, and all members below except ray_camera are 0
-  std::uint32_t mesh = 0;      ///< index into Scene::meshes()
-  std::uint32_t triangle = 0;  ///< index into that mesh's triangles
-  float distance_m = 0.0F;     ///< along the ray
-  float nearness = 0.0F;       ///< scene::RayPacket8::nearness
-  bool is_back_face = false;
+  int x = 0, y = 0;                     ///< pixel
+  bool hit = false;                     ///< false: nothing is hit, and all members below except ray_camera are 0
+  std::uint32_t mesh = 0;               ///< index into Scene::meshes()
+  std::uint32_t triangle = 0;           ///< index into that mesh's triangles
+  float distance_m = 0.0F;              ///< along the ray
   std::array<float, 3> ray_camera{};    ///< unit, camera frame
   std::array<float, 3> normal_local{};  ///< oriented by the triangle's winding, not unit length
 };
-
-/// A region of an image that is rendered alone: multiples of this many pixels, or the image's end, bound it.
-inline constexpr int kRegionStep = 8;
-using OptionalRegion = std::optional<imaging::PixelRegion>;
 
 /// The pixels for which a SurfaceVisitor is called.
 enum class VisitedPixels {
@@ -101,7 +95,8 @@ enum class VisitedPixels {
   kPlaced,  ///< of them, those that show a placed part of the scene
 };
 
-/// Called once for each of its pixels, from several threads at once and in any order; not at all if it is empty.
+/// A function that is called once for each of its pixels, from several threads at once and in any order; not at all if
+/// it is empty.
 struct SurfaceVisitor {
   SurfaceVisitor() = default;
   template <std::invocable<const SurfacePoint&> Visit>
@@ -112,21 +107,6 @@ struct SurfaceVisitor {
   VisitedPixels pixels = VisitedPixels::kAll;
 };
 
-/// The surface that a pixel shows of a layer: a scene with some of a place's meshes, or with what is placed in it.
-struct LayerSurface {
-  static constexpr std::uint32_t kNone = 0xFFFFFFFFU;
-
-  std::uint32_t mesh = kNone;  ///< of the layer's scene; kNone: no surface
-  float nearness = 0.0F;       ///< scene::RayPacket8::nearness
-  float distance_m = 0.0F;     ///< along the ray
-  bool is_back_face = false;
-};
-
-/// A visitor that writes the surfaces into an image, which must outlive it, and also calls `visitor`.
-/// `first_placed_mesh`: of the scene, for a visitor of placed parts alone.
-SurfaceVisitor noting_surfaces(imaging::Image<LayerSurface>& surfaces, const SurfaceVisitor& visitor = {},
-                               std::uint32_t first_placed_mesh = LayerSurface::kNone);
-
 /// Renders frames of one camera in one scene by ray casting; textured, lit or unlit, both faces of surfaces. Texture
 /// reads are filtered over the pixel's footprint (mip levels, several trilinear probes along its long axis), which
 /// prevents aliasing and excessive blur on receding surfaces; samples, rows and moments are averaged in linear light.
@@ -135,10 +115,10 @@ SurfaceVisitor noting_surfaces(imaging::Image<LayerSurface>& surfaces, const Sur
 class CameraRenderer {
  public:
   CameraRenderer(const scene::Scene& scene, imaging::Camera camera, RenderOptions options);
-  /// With an appearance shared with other cameras in the same scene.
+  /// Uses an appearance shared with other cameras in the same scene.
   CameraRenderer(const scene::Scene& scene, std::shared_ptr<const Appearance> appearance, imaging::Camera camera,
                  RenderOptions options);
-  /// With the rays of another renderer's camera, in another scene or light.
+  /// Uses the rays of another renderer's camera, in another scene or light.
   CameraRenderer(const scene::Scene& scene, std::shared_ptr<const Appearance> appearance,
                  std::shared_ptr<const CameraRays> rays, RenderOptions options);
   ~CameraRenderer();
@@ -149,26 +129,24 @@ class CameraRenderer {
   const RenderOptions& options() const;
   const geometry::Vec3& anchor() const;  ///< of the scene
   std::shared_ptr<const Appearance> appearance() const;
-  /// To be shared: they are as large as the image, and know nothing of the scene.
+  /// Returns the camera's rays, to be shared: they are as large as the image and independent of the scene.
   std::shared_ptr<const CameraRays> rays() const;
 
-  /// Each takes the region to render; without one, all pixels. The pixels outside it are black, and their depth is NaN;
-  /// those inside are the same as if all were rendered.
-  /// `visitor`, if any, is called as by visit_surface() for the same pixels, whose rays are cast once for both.
-  RenderedFrame render(const geometry::SE3& T_local_camera, const OptionalRegion& region = {},
-                       const SurfaceVisitor& visitor = {}) const;
+  /// Renders an image. `visitor`, if any, is called as by visit_surface() for the same rays, which are cast once for
+  /// both.
+  RenderedFrame render(const geometry::SE3& T_local_camera, const SurfaceVisitor& visitor = {}) const;
   /// Renders each row from its own pose (rolling shutter): one pose per row.
-  RenderedFrame render_rows(std::span<const geometry::SE3> T_local_camera_of_row, const OptionalRegion& region = {},
+  RenderedFrame render_rows(std::span<const geometry::SE3> T_local_camera_of_row,
                             const SurfaceVisitor& visitor = {}) const;
-  /// Linear light averaged over the exposure; `visitor` sees its middle moment. `sink`: takes each pixel's light once,
-  /// those without a ray included, and LightFrame::light stays empty. Throws std::invalid_argument if the number of
-  /// poses is wrong.
-  LightFrame render_light(const ShutterPoses& poses, const OptionalRegion& region = {},
-                          const SurfaceVisitor& visitor = {}, const LightSink& sink = {}) const;
-  /// Geometry only, one ray per pixel: `T_local_camera_of_row` is one pose, or one per row; `scene_times`: of the scene
-  /// at each (scene::Ray::time), empty: 0.
+  /// Renders the linear light averaged over the exposure; `visitor` sees its middle moment. `sink`: takes each pixel's
+  /// light once, those without a ray included, and LightFrame::light stays empty. Throws std::invalid_argument if the
+  /// number of poses is wrong.
+  LightFrame render_light(const ShutterPoses& poses, const SurfaceVisitor& visitor = {},
+                          const LightSink& sink = {}) const;
+  /// Casts one ray per pixel without shading. `T_local_camera_of_row` is one pose, or one per row; `scene_times`: of
+  /// the scene at each (scene::Ray::time), empty: 0.
   void visit_surface(std::span<const geometry::SE3> T_local_camera_of_row, const SurfaceVisitor& visitor,
-                     const OptionalRegion& region = {}, std::span<const float> scene_times = {}) const;
+                     std::span<const float> scene_times = {}) const;
 
  private:
   struct Impl;

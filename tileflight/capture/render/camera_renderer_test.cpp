@@ -9,8 +9,8 @@
 #include <cstring>
 #include <numeric>
 
-#include "tileflight/core/base/input_error.h"
 #include "tileflight/capture/render/test_scenes.h"
+#include "tileflight/core/base/input_error.h"
 
 namespace tileflight::render::camera_renderer_test {
 namespace {
@@ -344,49 +344,6 @@ TEST(CameraRenderer, LightIsAveragedOverTheExposure) {
         renderer.render_light({2, 1, {over_white}});
       },
       ThrowsMessage<std::invalid_argument>(HasSubstr("times x (1 or height) poses are needed")));
-}
-
-/// A photograph-like ground with a step, which every region of the image sees something of.
-Scene patterned_step() {
-  const auto image = texture(300, 200, [](int x, int y) { return grey(noise(x / 2, y / 2)); });
-  return Scene({ground(kGround, 100.0, image), ground(kGround + Vec3(15.0, 5.0, 4.0), 20.0, image)});
-}
-
-TEST(CameraRenderer, RegionsTogetherAreTheWhole) {
-  const Scene scene = patterned_step();
-  for (const Lens& lens : lenses()) {
-    for (const int samples : {1, 4}) {
-      const CameraRenderer renderer(scene, lens.camera, {.samples_per_pixel = samples});
-      const SE3 T = looking_along(kGround + Vec3(3.0, -2.0, 30.0), Vec3(0.3, 0.8, -0.7));
-      const RenderedFrame whole = renderer.render(T);
-      RenderedFrame sum = renderer.render(T, imaging::PixelRegion{0, 0, 72, 40});
-      for (const imaging::PixelRegion& region :
-           {imaging::PixelRegion{72, 0, lens.camera.width(), 40},
-            imaging::PixelRegion{0, 40, lens.camera.width(), lens.camera.height()}}) {
-        const RenderedFrame part = renderer.render(T, region);
-        EXPECT_EQ(part.rgb(0, 0), imaging::Rgb8{}) << "outside the region";
-        imaging::copy_region(region, part.rgb, sum.rgb);
-        imaging::copy_region(region, part.depth_m, sum.depth_m);
-        sum.view.add(part.view);
-      }
-      EXPECT_EQ(sum.rgb.pixels, whole.rgb.pixels) << lens.name;
-      EXPECT_EQ(std::memcmp(sum.depth_m.pixels.data(), whole.depth_m.pixels.data(),
-                            whole.depth_m.pixels.size() * sizeof(float)),
-                0);
-      EXPECT_EQ(sum.view.rays, whole.view.rays);
-      EXPECT_EQ(sum.view.surfaces, whole.view.surfaces);
-      EXPECT_EQ(sum.view.nearest_m, whole.view.nearest_m);
-    }
-  }
-}
-
-TEST(CameraRenderer, RefusesARegionThatCutsBeams) {
-  const Scene scene = patterned_step();
-  const CameraRenderer renderer(scene, imaging::make_pinhole(160, 120, 90.0), {});
-  for (const imaging::PixelRegion& region :
-       {imaging::PixelRegion{0, 0, 60, 32}, imaging::PixelRegion{0, 1, 64, 32}, imaging::PixelRegion{0, 0, 168, 32}})
-    EXPECT_THAT([&] { renderer.render(looking_down(kGround + Vec3(0, 0, 9.0)), region); },
-                ThrowsMessage<std::invalid_argument>(HasSubstr("region: bounds must be multiples of the step")));
 }
 
 TEST(CameraRenderer, RefusesAnImpossibleNumberOfSamples) {

@@ -40,8 +40,6 @@ TILEFLIGHT_LANE_INLINE SurfacePoint surface_point(const RayBlock& rays, const sc
   point.mesh = packet.mesh[lane];
   point.triangle = packet.triangle[lane];
   point.distance_m = packet.far[lane];
-  point.nearness = packet.nearness[lane];
-  point.is_back_face = slope_of(packet, lane) > 0.0F;
   point.normal_local = {packet.normal_x[lane], packet.normal_y[lane], packet.normal_z[lane]};
   return point;
 }

@@ -6,7 +6,6 @@
 
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/require.h"
 
 namespace tileflight::render {
 namespace {
@@ -87,7 +86,7 @@ const DaylightOptions& checked(const DaylightOptions& settings) {
   return settings;
 }
 
-/// The same with a direction in the plane of the horizon.
+/// Moves the sun's direction to the horizon.
 SunPosition sun_on_horizon(SunPosition sun) {
   sun.direction = {std::sin(sun.azimuth_rad), std::cos(sun.azimuth_rad), 0.0};
   return sun;

@@ -6,10 +6,10 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/core/geometry/geodesy.h"
 #include "tileflight/capture/render/linear_color.h"
 #include "tileflight/capture/render/sky.h"
 #include "tileflight/capture/render/solar_position.h"
+#include "tileflight/core/geometry/geodesy.h"
 
 namespace tileflight::render {
 
@@ -31,8 +31,8 @@ struct DaylightOptions {
   bool allows_night = false;
 };
 
-/// Light of the sky with the sun below the horizon, relative to that with the sun on it: the polynomials of the
-/// "Explanatory Supplement to the Astronomical Almanac" (Seidelmann 1992, section 9.32), but at least 1/64, as a
+/// Returns the light of the sky with the sun below the horizon, relative to that with the sun on it: the polynomials of
+/// the "Explanatory Supplement to the Astronomical Almanac" (Seidelmann 1992, section 9.32), but at least 1/64, as a
 /// camera's exposure follows. 1 with the sun above.
 double twilight_dimming(double sun_elevation_rad);
 
@@ -50,14 +50,15 @@ class Daylight {
   const SunPosition& sun() const { return sun_; }
   /// Unit vector towards the sun.
   const std::array<float, 3>& toward_sun() const { return toward_sun_; }
-  /// Light reflected by a white surface perpendicular to the sun's rays.
+  /// Returns the light reflected by a white surface perpendicular to the sun's rays.
   const LinearRgb& sunlight() const { return sunlight_; }
-  /// Light of sky and ground reflected by a white surface with this unit normal. From a table; error at most 1 %.
+  /// Returns the light of sky and ground reflected by a white surface with this unit normal. From a table; error at
+  /// most 1 %.
   LinearRgb diffuse(const std::array<float, 3>& normal) const;
-  /// Radiance of the sky in a unit direction, including the sun's disc (limited to kDiscWhites); below the horizon,
-  /// that of the horizon.
+  /// Returns the radiance of the sky in a unit direction, including the sun's disc (limited to kDiscWhites); below the
+  /// horizon, that of the horizon.
   LinearRgb sky(const std::array<float, 3>& direction) const;
-  /// Radiance of the sky just above the horizon, at the azimuth of a direction.
+  /// Returns the radiance of the sky just above the horizon, at the azimuth of a direction.
   LinearRgb horizon(const std::array<float, 3>& direction) const;
 
   /// Limit of the disc's brightness: the real one is thousands of times brighter than anything else; this is enough to
@@ -82,10 +83,11 @@ class Daylight {
 std::shared_ptr<const Daylight> make_daylight(const DaylightOptions& settings,
                                               const std::optional<geometry::Geodetic>& origin);
 
-/// Illuminance of a surface with this unit normal by the sky alone, klx: the integral over the sky above it.
+/// Computes the illuminance of a surface with this unit normal by the sky alone, klx: the integral over the sky above
+/// it.
 PhotometricRgb sky_illuminance(const Sky& sky, const geometry::Vec3& normal);
 
-/// "sun 54.9 degrees high, azimuth 181.2 degrees".
+/// Describes the position in words: "sun 54.9 degrees high, azimuth 181.2 degrees".
 std::string describe_sun_position(const SunPosition& sun);
 
 }  // namespace tileflight::render

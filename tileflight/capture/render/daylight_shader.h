@@ -28,7 +28,7 @@ class DaylightShader {
                  double direct_share = 1.0)
       : scene_(scene), daylight_(std::move(light)), haze_(haze), direct_share_(static_cast<float>(direct_share)) {}
 
-  /// Linear light of the valid lanes of a block that was cast and shaded without haze; may exceed 1.
+  /// Returns the linear light of the valid lanes of a block that was cast and shaded without haze; may exceed 1.
   std::array<LinearRgb, 8> shade(std::uint8_t valid, const scene::RayPacket8& packet,
                                  const SquaredColors8& squares) const;
 

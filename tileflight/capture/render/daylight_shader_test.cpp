@@ -11,12 +11,12 @@
 #include <numbers>
 #include <optional>
 
-#include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/capture/render/camera_renderer.h"
 #include "tileflight/capture/render/image_formation.h"
 #include "tileflight/capture/render/render_flight.h"
 #include "tileflight/capture/render/test_scenes.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/text_parsing.h"
 
 namespace tileflight::render::daylight_shader_test {
 namespace {

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <cstdint>
 
-#include "tileflight/core/base/simd.h"
 #include "tileflight/capture/render/ray_table.h"
+#include "tileflight/core/base/simd.h"
 
 // Each function is one branch-free loop over the eight lanes, which the compiler vectorises.
 namespace tileflight::render {

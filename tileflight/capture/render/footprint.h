@@ -30,7 +30,7 @@ struct alignas(32) Footprints8 {
   float step_s[8], step_t[8];  ///< from probe to probe, texture coordinates
 };
 
-/// The footprints of all eight lanes; lanes form blocks of 4 x 2 neighbours (ray_table.h).
+/// Computes the footprints of all eight lanes; lanes form blocks of 4 x 2 neighbours (ray_table.h).
 Footprints8 compute_footprints(const scene::RayPacket8& packet, const TextureGradients8& lanes);
 
 }  // namespace tileflight::render

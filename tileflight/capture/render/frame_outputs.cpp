@@ -85,10 +85,9 @@ std::span<const SceneObject> OutputRenderer::objects() const {
   return objects_ ? objects_->all() : std::span<const SceneObject>();
 }
 
-OutputImages OutputRenderer::render(std::span<const SE3> T_local_camera_of_row, std::span<const SE3> next,
-                                    const OptionalRegion& region) const {
+OutputImages OutputRenderer::render(std::span<const SE3> T_local_camera_of_row, std::span<const SE3> next) const {
   return render(renderer_, T_local_camera_of_row, next, {}, [&](const SurfaceVisitor& visitor) {
-    if (visitor) renderer_.visit_surface(T_local_camera_of_row, visitor, region);
+    if (visitor) renderer_.visit_surface(T_local_camera_of_row, visitor);
   });
 }
 

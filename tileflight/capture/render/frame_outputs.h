@@ -6,9 +6,9 @@
 #include <optional>
 #include <span>
 
-#include "tileflight/core/imaging/image.h"
 #include "tileflight/capture/render/camera_renderer.h"
 #include "tileflight/capture/render/scene_objects.h"
+#include "tileflight/core/imaging/image.h"
 
 namespace tileflight::render {
 
@@ -38,7 +38,7 @@ struct OutputImages {
   imaging::GrayImage visibility;  ///< 255 for visible surfaces inside the scored region, else 0
 };
 
-/// Whether a point of the local frame belongs to the scored region. Called from several threads at once.
+/// Tells whether a point of the local frame belongs to the scored region. Called from several threads at once.
 using RegionPredicate = std::function<bool(const geometry::Vec3& point)>;
 
 /// Projects a point of the local frame into a frame whose rows may have their own poses (one pose, or one per row):
@@ -57,9 +57,9 @@ struct MovingFrame {
   std::span<const float> next_scene_times;  ///< of its rows
 };
 
-/// Where a point is at the time of a row.
+/// Position of a point at the time of a row.
 using PointOfRow = std::function<geometry::Vec3(int row)>;
-/// The same for a point that moves; slowly enough to move by far less than a row from one row to the next.
+/// Projects a moving point into a frame. It must move by far less than a row from one row to the next.
 std::optional<geometry::Vec2> project_by_rows(const imaging::Camera& camera,
                                               std::span<const geometry::SE3> T_local_camera_of_row,
                                               const PointOfRow& point);
@@ -75,14 +75,14 @@ class OutputRenderer {
   OutputRenderer(const CameraRenderer& renderer, const scene::Scene& scene, const OutputChannels& outputs,
                  RegionPredicate place = {});
 
-  /// The objects indexed by the object images; empty if these are not requested.
+  /// Returns the objects that the object images index; empty if these are not requested.
   std::span<const SceneObject> objects() const;
-  /// `T_local_camera_of_row`: one pose, or one per row; `next`: the same for the next frame, empty for the last frame;
-  /// `region`: the pixels to render, others have the values of pixels outside the lens's valid cone; default: all.
-  OutputImages render(std::span<const geometry::SE3> T_local_camera_of_row, std::span<const geometry::SE3> next,
-                      const OptionalRegion& region = {}) const;
-  /// The same for placed parts that move, seen by `renderer`, which is in the scene of `moving`. The flow of a point of
-  /// a placed part is to where that point is in the next frame. `pass` is called once, and casts the same rays.
+  /// Renders the outputs of a frame. `T_local_camera_of_row`: one pose, or one per row; `next`: those of the next
+  /// frame, empty for the last frame.
+  OutputImages render(std::span<const geometry::SE3> T_local_camera_of_row, std::span<const geometry::SE3> next) const;
+  /// Renders the outputs of a frame with placed parts that move, seen by `renderer`, which is in the scene of `moving`.
+  /// The flow of a point of a placed part is to where that point is in the next frame. `pass` is called once, and casts
+  /// the same rays.
   OutputImages render(const CameraRenderer& renderer, std::span<const geometry::SE3> T_local_camera_of_row,
                       std::span<const geometry::SE3> next, const MovingFrame& moving, const SurfacePass& pass) const;
 

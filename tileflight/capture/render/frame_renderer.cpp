@@ -14,7 +14,6 @@ namespace {
 using geometry::SE3;
 using geometry::StampedPose;
 using geometry::Trajectory;
-using imaging::PixelRegion;
 
 bool has_shutter(const ImageFormation& formation) {
   return formation.exposure_time_s > 0.0 || formation.line_delay_s != 0.0;
@@ -41,13 +40,6 @@ void take_channel(std::size_t channel, const LinearImage& from, LinearImage& to)
 }
 
 }  // namespace
-
-bool has_one_ray_per_pixel(const FlightRenderOptions& options) {
-  const ImageFormation& formation = options.formation;
-  return options.render.samples_per_pixel == 1 &&
-         (formation.exposure_time_s == 0.0 || formation.exposure_samples == 1) && formation.chromatic_red == 0.0 &&
-         formation.chromatic_blue == 0.0;
-}
 
 RenderOptions make_render_options(const FlightRenderOptions& options) {
   const ImageFormation& formation = options.formation;
@@ -80,25 +72,6 @@ std::vector<geometry::Vec3> path_to_next_frame(const Trajectory& frames, std::si
   return way;
 }
 
-void PathCheck::add(const PathCheck& other) {
-  around.add(other.around);
-  is_blocked = is_blocked || other.is_blocked;
-}
-
-void PathCheck::write_to(FrameCheck& check) const {
-  check.surroundings = around.judge();
-  check.path_is_blocked = is_blocked;
-}
-
-PathCheck check_path(const scene::Scene& scene, const Trajectory& frames, std::size_t index,
-                     const PoseFunction& pose_at, double clearance_m, double inside_reach_m) {
-  const geometry::Vec3& here = frames.poses[index].T_local_camera.translation;
-  return {
-      scene::look_around(scene, here, clearance_m, inside_reach_m),
-      index + 1 < frames.size() && scene::path_hits_surface(scene, path_to_next_frame(frames, index, pose_at)),
-  };
-}
-
 FrameRange frame_range(const FlightRenderOptions& options, std::size_t frames) {
   const std::size_t end = std::min(options.end_frame, frames);
   return {std::min(options.first_frame, end), end};
@@ -122,7 +95,6 @@ FrameRenderer::FrameRenderer(const scene::Scene& scene, const imaging::Camera& c
       pose_at_(shutter_path(pose_at, frames, has_shutter(options.formation) || has_precipitation(options.render))),
       clearance_m_(options.clearance_m),
       inside_reach_m_(options.inside_reach_m),
-      known_path_check_(options.path_check),
       vignette_(make_vignette(formation_, camera.width(), camera.height())),
       exposure_(options.exposure_before) {
   if (has_precipitation(render_options_)) streaks_.emplace(render_options_, scene.anchor().z());
@@ -144,40 +116,28 @@ FrameRenderer::FrameRenderer(const scene::Scene& scene, const imaging::Camera& c
   }
 }
 
-TracedFrame FrameRenderer::trace(std::size_t index) const { return trace_whole(index, {}); }
-
-FlightFrame FrameRenderer::render(std::size_t index) const {
-  return develop(trace_whole(index, {.is_developed = develops_at_once()}));
-}
-
 /// Whether a pixel of a frame is what its own light becomes.
 bool FrameRenderer::develops_at_once() const {
   return !is_ideal(formation_) && !streaks_ && !red_ && !blue_ && formation_.sharpening == 0.0;
 }
 
-TracedFrame FrameRenderer::trace_whole(std::size_t index, const Trace& how) const {
-  TracedFrame frame = trace_rays(index, {}, how);
-  if (known_path_check_) {
-    known_path_check_(index, frame.check);
-  } else {
-    check_path(scene_, frames_, index, path_, clearance_m_, inside_reach_m_).write_to(frame.check);
-  }
+FlightFrame FrameRenderer::render(std::size_t index) const {
+  FlightFrame frame;
+  frame.index = index;
+  frame.time_s = frames_.poses[index].time_s;
+  frame.exposure_ms = 1e3 * formation_.exposure_time_s * gain_of(index);
+  const LinearImage light = trace(index, frame);
+  if (!light.empty()) frame.rgb = develop(light, vignette_, formation_, gain_of(index), index);
+  check_path(frame);
   return frame;
 }
 
-FlightFrame FrameRenderer::develop(TracedFrame traced) const {
-  FlightFrame frame;
-  frame.index = traced.index;
-  frame.time_s = frames_.poses[traced.index].time_s;
-  frame.exposure_ms = 1e3 * formation_.exposure_time_s * gain_of(traced.index);
-  frame.rgb = traced.light.empty()
-                  ? std::move(traced.rgb)
-                  : render::develop(traced.light, vignette_, formation_, gain_of(traced.index), traced.index);
-  frame.depth_m = std::move(traced.depth_m);
-  frame.outputs = std::move(traced.outputs);
-  frame.objects = traced.objects;
-  frame.check = traced.check;
-  return frame;
+/// Looks around the camera, and along its way to the next frame.
+void FrameRenderer::check_path(FlightFrame& frame) const {
+  const geometry::Vec3& here = frames_.poses[frame.index].T_local_camera.translation;
+  frame.check.surroundings = scene::find_surroundings(scene_, here, clearance_m_, inside_reach_m_);
+  frame.check.path_is_blocked = frame.index + 1 < frames_.size() &&
+                                scene::path_hits_surface(scene_, path_to_next_frame(frames_, frame.index, path_));
 }
 
 /// Computes the automatic exposure's gains of all frames, before the first is rendered.
@@ -237,94 +197,69 @@ FrameRenderer::Moment FrameRenderer::moment_of(std::size_t index, bool is_expose
   return moment;
 }
 
-TracedLayer FrameRenderer::trace_layer(std::size_t index) const {
-  const imaging::Camera& camera = renderer_.camera();
-  TracedLayer layer{{},
-                    imaging::Image<LayerSurface>(camera.width(), camera.height()),
-                    (with_placed_ ? *with_placed_ : scene_).first_placed_mesh()};
-  layer.frame = trace_rays(index, {}, {.surfaces = &layer.surfaces});
-  return layer;
-}
-
-TracedFrame FrameRenderer::trace_rays(std::size_t index, const OptionalRegion& region, const Trace& how) const {
-  TracedFrame frame;
-  frame.index = index;
+/// Sets the frame's image and outputs. Returns its light before exposure, if that is still to be developed.
+LinearImage FrameRenderer::trace(std::size_t index, FlightFrame& frame) const {
   const Moment moment = moment_of(index, true);
   const Cameras cameras = cameras_in(moment.scene ? &*moment.scene : nullptr);
+  LinearImage light;
   const auto trace = [&](const SurfaceVisitor& visitor) {
-    if (how.surfaces == nullptr) {
-      trace_picture(cameras, moment, region, visitor, how.is_developed, frame);
-      if (streaks_) draw_streaks(*streaks_, region, frame);
-    } else {
-      const std::uint32_t first_placed = (moment.scene ? *moment.scene : scene_).first_placed_mesh();
-      trace_picture(cameras, moment, region, noting_surfaces(*how.surfaces, visitor, first_placed), false, frame);
-    }
+    light = trace_picture(cameras, moment, visitor, frame);
+    if (!streaks_) return;
+    streaks_->draw(renderer_.camera(), streak_shutter(index), frame.depth_m, light);
+    if (!has_depth_) frame.depth_m = {};  // only the streaks needed it
   };
   if (!has_outputs_) {
     trace({});
-    return frame;
+    return light;
   }
   const Moment next = moment_of(index + 1, false);
   const MovingFrame moving{moment.scene ? &*moment.scene : nullptr, moment.rows.scene_times,
                            next.scene ? &*next.scene : nullptr, next.rows.scene_times};
   frame.outputs = outputs_.render(*cameras.all, moment.rows.T_local_camera, next.rows.T_local_camera, moving, trace);
   frame.objects = outputs_.objects();
-  return frame;
+  return light;
 }
 
 /// Colour and depth of a frame. The middle moment of the exposure has the rows' poses, so `visitor` sees what the
-/// frame's outputs are of.
-void FrameRenderer::trace_picture(const Cameras& cameras, const Moment& moment, const OptionalRegion& region,
-                                  const SurfaceVisitor& visitor, bool is_developed, TracedFrame& frame) const {
-  if (is_developed) {
-    frame.rgb = expose_picture(cameras, moment, region, visitor, frame);
-    return;
+/// frame's outputs are of. Returns the light if the image is not made of it at once.
+LinearImage FrameRenderer::trace_picture(const Cameras& cameras, const Moment& moment, const SurfaceVisitor& visitor,
+                                         FlightFrame& frame) const {
+  if (develops_at_once()) {
+    frame.rgb = expose_picture(cameras, moment, visitor, frame);
+    return {};
   }
   if (is_ideal(formation_) && !streaks_) {
-    RenderedFrame rendered = cameras.all->render(frames_.poses[frame.index].T_local_camera, region, visitor);
+    RenderedFrame rendered = cameras.all->render(frames_.poses[frame.index].T_local_camera, visitor);
     frame.rgb = std::move(rendered.rgb);
     frame.depth_m = std::move(rendered.depth_m);
     frame.check.view = rendered.view;
-    return;
+    return {};
   }
-  LightFrame light = trace_light(cameras, moment.exposure, region, visitor);
-  frame.light = std::move(light.light);
+  LightFrame light = trace_light(cameras, moment.exposure, visitor);
   frame.depth_m = std::move(light.depth_m);
   frame.check.view = light.view;
+  return std::move(light.light);
 }
 
 /// The frame's pixels; its depth and view are written to `frame`.
 imaging::RgbImage FrameRenderer::expose_picture(const Cameras& cameras, const Moment& moment,
-                                                const OptionalRegion& region, const SurfaceVisitor& visitor,
-                                                TracedFrame& frame) const {
+                                                const SurfaceVisitor& visitor, FlightFrame& frame) const {
   const imaging::Camera& camera = renderer_.camera();
   imaging::RgbImage rgb(camera.width(), camera.height());
   const Developer expose = make_developer(vignette_, formation_, gain_of(frame.index), frame.index);
-  LightFrame rest =
-      cameras.all->render_light(moment.exposure, region, visitor,
-                                [&](int x, int y, std::span<const LinearRgb> light) { expose(x, y, light, rgb); });
+  LightFrame rest = cameras.all->render_light(
+      moment.exposure, visitor, [&](int x, int y, std::span<const LinearRgb> light) { expose(x, y, light, rgb); });
   frame.depth_m = std::move(rest.depth_m);
   frame.check.view = rest.view;
   return rgb;
 }
 
-/// Before the frame's surfaces. A depth that only they need is dropped.
-void FrameRenderer::draw_streaks(const StreakRenderer& streaks, const OptionalRegion& region,
-                                 TracedFrame& frame) const {
-  streaks.draw(renderer_.camera(), streak_shutter(frame.index), frame.depth_m, region, frame.light);
-  if (!has_depth_) frame.depth_m = {};
-}
-
-void FrameRenderer::finish_layers(TracedFrame& frame, double anchor_z_m) const {
-  if (streaks_) draw_streaks(StreakRenderer(render_options_, anchor_z_m), {}, frame);
-}
-
 /// Renders red and blue through separate lenses if there is chromatic aberration.
-LightFrame FrameRenderer::trace_light(const Cameras& cameras, const ShutterPoses& poses, const OptionalRegion& region,
+LightFrame FrameRenderer::trace_light(const Cameras& cameras, const ShutterPoses& poses,
                                       const SurfaceVisitor& visitor) const {
-  LightFrame light = cameras.all->render_light(poses, region, visitor);
-  if (cameras.red != nullptr) take_channel(0, cameras.red->render_light(poses, region).light, light.light);
-  if (cameras.blue != nullptr) take_channel(2, cameras.blue->render_light(poses, region).light, light.light);
+  LightFrame light = cameras.all->render_light(poses, visitor);
+  if (cameras.red != nullptr) take_channel(0, cameras.red->render_light(poses).light, light.light);
+  if (cameras.blue != nullptr) take_channel(2, cameras.blue->render_light(poses).light, light.light);
   return light;
 }
 
@@ -358,9 +293,11 @@ ShutterPoses FrameRenderer::rows_of(std::size_t index) const {
           {poses.times_s.begin() + first, poses.times_s.begin() + last}};
 }
 
-LightMeter make_light_meter(const scene::Scene& scene, const imaging::Camera& camera,
-                            const FlightRenderOptions& options) {
-  return {scene, appearance_of(scene, {}, options), camera, make_render_options(options), options.formation};
+std::vector<double> meter_flight(const scene::Scene& scene, const imaging::Camera& camera, const Trajectory& frames,
+                                 const FlightRenderOptions& options) {
+  const FrameRange range = frame_range(options, frames.size());
+  return meter_light(scene, appearance_of(scene, {}, options), camera, make_render_options(options), options.formation,
+                     std::span(frames.poses).subspan(range.begin, range.count()));
 }
 
 }  // namespace tileflight::render

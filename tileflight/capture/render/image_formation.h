@@ -6,18 +6,22 @@
 #include <span>
 #include <vector>
 
-#include "tileflight/core/imaging/image.h"
-#include "tileflight/core/imaging/photometric.h"
 #include "tileflight/capture/render/camera_renderer.h"
 #include "tileflight/capture/render/daylight.h"
 #include "tileflight/capture/render/linear_color.h"
+#include "tileflight/core/imaging/image.h"
+#include "tileflight/core/imaging/photometric.h"
+
+namespace tileflight::base {
+class StrictSection;
+}
 
 namespace tileflight::render {
 
 /// Returns T_local_camera at any time, seconds. May be called from several threads at once.
 using PoseFunction = std::function<geometry::SE3(double time_s)>;
 
-/// From `time_s` on, the exposure time is multiplied by `gain`.
+/// A change of the exposure time: from `time_s` on, it is multiplied by `gain`.
 struct ExposureStep {
   double time_s = 0.0;
   double gain = 1.0;
@@ -80,43 +84,51 @@ struct ImageFormation {
 /// Throws InputError (option, cause) if a value is out of range.
 void validate_image_formation(const ImageFormation& formation);
 
-/// Whether every effect is off, so that frames are the textures' own colours.
+/// Tells whether every effect is off, so that frames are the textures' own colours.
 bool is_ideal(const ImageFormation& formation);
 
-/// Extinction coefficient of the haze, 1/m.
+/// Returns the extinction coefficient of the haze, 1/m.
 double haze_per_m(const ImageFormation& formation);
 
-/// The lens for one colour channel: its image is magnified by the fraction `larger`, about the principal point.
+/// Returns the lens of one colour channel, whose image is magnified by the fraction `larger` about the principal point.
 imaging::Camera scale_focal_length(const imaging::Camera& camera, double larger);
 
-/// Gain on the exposure time for a frame at `time_s`, without automatic exposure.
+/// Returns the gain on the exposure time for a frame at `time_s`, without automatic exposure.
 double exposure_gain(const ImageFormation& formation, double time_s);
 
-/// Upper bound of the gain: drift, steps and automatic exposure together.
+/// Returns the upper bound of the gain: drift, steps and automatic exposure together.
 double max_exposure_gain(const ImageFormation& formation);
 
-/// Poses at all moments and rows of a frame at `time_s`: row y is centred at time_s + (y - (height - 1) / 2)
-/// line_delay_s. The shutter is open for `gain` times the exposure time.
+/// Computes the poses at all moments and rows of a frame at `time_s`: row y is centred at time_s + (y - (height - 1) /
+/// 2) line_delay_s. The shutter is open for `gain` times the exposure time.
 ShutterPoses shutter_poses(const ImageFormation& formation, const PoseFunction& pose_at, double time_s, int height,
                            double gain = 1.0);
 
-/// V of every pixel, in (0, 1]; empty without vignetting.
+/// Computes the vignetting factor V of every pixel, in (0, 1]; empty without vignetting.
 imaging::FloatImage make_vignette(const ImageFormation& formation, int width, int height);
 
 /// Converts light to 8-bit pixels. `vignette`: from make_vignette; `frame`: frame number, which selects the noise.
 imaging::RgbImage develop(const LinearImage& light, const imaging::FloatImage& vignette,
                           const ImageFormation& formation, double gain, std::uint64_t frame);
 
-/// Converts the light of pixels of a row, from (x, y) on, to 8-bit pixels of the image.
+/// A function that converts the light of pixels of a row, from (x, y) on, to 8-bit pixels of the image.
 using Developer = std::function<void(int x, int y, std::span<const LinearRgb> light, imaging::RgbImage& image)>;
 
-/// develop() a few pixels at a time, in any order and from several threads at once. `vignette` must outlive it.
-/// Precondition: no sharpening, which looks at neighbours.
+/// Makes a function that does develop() for a few pixels at a time, in any order and from several threads at once.
+/// `vignette` must outlive it. Precondition: no sharpening, which needs a pixel's neighbours.
 Developer make_developer(const imaging::FloatImage& vignette, const ImageFormation& formation, double gain,
                          std::uint64_t frame);
 
-/// The photometric calibration that inverts response and vignetting: I = G(t V B) as in core/imaging/photometric.h. Noise
-/// and sharpening are not inverted.
+/// Returns the photometric calibration that inverts response and vignetting: I = G(t V B) as in
+/// core/imaging/photometric.h. Noise and sharpening are not inverted.
 imaging::PhotometricCalibration photometric_calibration(const ImageFormation& formation, int width, int height);
+
+/// Reads an ImageFormation from a section with the keys: light {model, time, turbidity, ground_albedo, exposure,
+/// white_balance}, haze_visibility (m), haze_color, chromatic_red, chromatic_blue, exposure_time, exposure_samples,
+/// line_delay (s), vignetting, auto_exposure {target, time_constant (s), min_gain, max_gain}, exposure_drift,
+/// exposure_drift_period (s), exposure_steps [{time, gain}], white_electrons, read_noise_electrons, gamma, sharpening,
+/// sharpening_radius (px). Keys that are not there keep the values of `defaults`. Unknown keys are errors that name the
+/// nearest known key. Throws InputError (file, line, key).
+ImageFormation read_image_formation(base::StrictSection& section, const ImageFormation& defaults = {});
 
 }  // namespace tileflight::render

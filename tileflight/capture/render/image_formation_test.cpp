@@ -10,10 +10,10 @@
 #include <random>
 #include <span>
 
-#include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/random_numbers.h"
 #include "tileflight/capture/render/render_flight.h"
 #include "tileflight/capture/render/test_scenes.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/random_numbers.h"
 
 namespace tileflight::render::image_formation_test {
 namespace {

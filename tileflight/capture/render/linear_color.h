@@ -16,7 +16,7 @@ namespace tileflight::render {
 using LinearRgb = std::array<float, 3>;
 using LinearImage = imaging::Image<LinearRgb>;
 
-/// sRGB transfer curve (IEC 61966-2-1): linear light 0..1 to encoded 0..255, and back.
+/// Convert linear light 0..1 to encoded values 0..255 by the sRGB transfer curve (IEC 61966-2-1), and back.
 double srgb_encode(double linear);
 double srgb_decode(double encoded);
 

@@ -6,10 +6,10 @@
 #include <cmath>
 #include <optional>
 
-#include "tileflight/core/base/input_error.h"
 #include "tileflight/capture/render/appearance.h"
 #include "tileflight/capture/render/linear_color.h"
 #include "tileflight/capture/render/surface_color.h"
+#include "tileflight/core/base/input_error.h"
 
 namespace tileflight::render {
 namespace {

@@ -17,11 +17,11 @@ struct GroundGrid {
 
   double east_m() const { return west_m + pixel_m * width; }
   double south_m() const { return north_m - pixel_m * height; }
-  /// The pixel coordinates of a point, possibly outside the image.
+  /// Returns the pixel coordinates of a point, possibly outside the image.
   geometry::Vec2 pixel_at(const geometry::Vec3& place) const {
     return {(place.x() - west_m) / pixel_m - 0.5, (north_m - place.y()) / pixel_m - 0.5};
   }
-  /// A part of the grid, starting at pixel (x, y).
+  /// Returns a part of the grid, starting at pixel (x, y).
   GroundGrid crop(int x, int y, int part_width, int part_height) const {
     return {west_m + pixel_m * x, north_m - pixel_m * y, pixel_m, part_width, part_height};
   }

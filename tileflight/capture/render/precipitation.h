@@ -5,9 +5,9 @@
 #include <functional>
 #include <vector>
 
+#include "tileflight/capture/render/weather.h"
 #include "tileflight/core/geometry/mesh.h"
 #include "tileflight/core/geometry/transform.h"
-#include "tileflight/capture/render/weather.h"
 
 // Drops and flakes: how many of each size there are, how they fall, and where each one is.
 namespace tileflight::render {
@@ -17,23 +17,24 @@ struct SizeDistribution {
   double per_m3_mm = 0.0;
   double slope_per_mm = 1.0;
 
-  /// Drops in a cubic metre with diameters from `low_mm` to `high_mm`.
+  /// Returns the number of drops in a cubic metre with diameters from `low_mm` to `high_mm`.
   double count_per_m3(double low_mm, double high_mm) const;
 };
 
-/// Of rain: Marshall and Palmer, "The distribution of raindrops with size", J. Meteorology 5, 1948.
+/// Returns the size distribution of rain: Marshall and Palmer, "The distribution of raindrops with size", J.
+/// Meteorology 5, 1948.
 SizeDistribution marshall_palmer(double rain_mm_per_h);
-/// Of snow, by the diameter of the drop that a flake melts to: Gunn and Marshall, "The distribution with size of
-/// aggregate snowflakes", J. Meteorology 15, 1958; the rate is that of the water.
+/// Returns the size distribution of snow, by the diameter of the drop that a flake melts to: Gunn and Marshall, "The
+/// distribution with size of aggregate snowflakes", J. Meteorology 15, 1958; the rate is that of the water.
 SizeDistribution gunn_marshall(double snow_mm_per_h);
 
-/// Terminal speed of a drop, m/s: 9.65 - 10.3 exp(-0.6 D) (Atlas, Srivastava and Sekhon, Rev. Geophysics 11, 1973, who
-/// fit the measurements of Gunn and Kinzer 1949).
+/// Returns the terminal speed of a drop, m/s: 9.65 - 10.3 exp(-0.6 D) (Atlas, Srivastava and Sekhon, Rev. Geophysics
+/// 11, 1973, who fit the measurements of Gunn and Kinzer 1949).
 double drop_speed_m_s(double diameter_mm);
-/// Terminal speed of an aggregate of dendrites, m/s, by its melted diameter: 160 D^0.3 cm/s, D in cm (Langleben,
-/// "The terminal velocity of snowflakes", Quarterly J. R. Meteorological Society 80, 1954).
+/// Returns the terminal speed of an aggregate of dendrites, m/s, by its melted diameter: 160 D^0.3 cm/s, D in cm
+/// (Langleben, "The terminal velocity of snowflakes", Quarterly J. R. Meteorological Society 80, 1954).
 double flake_speed_m_s(double melted_diameter_mm);
-/// Diameter of the sphere that a flake fills, by its melted diameter: fresh snow of 100 kg/m3.
+/// Returns the diameter of the sphere that a flake fills, by its melted diameter: fresh snow of 100 kg/m3.
 double flake_diameter_mm(double melted_diameter_mm);
 
 enum class PrecipitationKind { kRain, kSnow };
@@ -61,9 +62,9 @@ class ParticleClass {
   /// A cell of the falling frame: positions of its particles at time t are inside [cell_m * index, cell_m * (index +
   /// 1)] plus velocity times t.
   using Cell = std::array<std::int64_t, 3>;
-  /// First and last cell, at this time, that a box of the local frame touches.
+  /// Returns the first and last cell, at this time, that a box of the local frame touches.
   std::array<Cell, 2> cells_of(const geometry::Box3& box, double time_s) const;
-  /// Middle of a cell at this time, local frame.
+  /// Returns the middle of a cell at this time, local frame.
   geometry::Vec3 middle_of(const Cell& cell, double time_s) const;
   /// Appends the cell's particles at this time.
   void add_particles(const Cell& cell, double time_s, std::vector<Particle>& particles) const;
@@ -79,11 +80,11 @@ class ParticleClass {
   std::uint64_t key_;
 };
 
-/// The classes of a rain or snow: drops from 0.5 to 6 mm (smaller ones are not seen one by one), or flakes that melt to
-/// 0.5 to 5 mm.
+/// Makes the size classes of rain or snow: drops from 0.5 to 6 mm (smaller ones are not seen one by one), or flakes
+/// that melt to 0.5 to 5 mm.
 std::vector<ParticleClass> particle_classes(PrecipitationKind kind, const WeatherOptions& weather);
 
-/// All particles of these classes in a box at a time, in a fixed order.
+/// Returns all particles of these classes in a box at a time, in a fixed order.
 std::vector<Particle> particles_in(const std::vector<ParticleClass>& classes, const geometry::Box3& box, double time_s);
 
 }  // namespace tileflight::render

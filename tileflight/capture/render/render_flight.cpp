@@ -9,8 +9,8 @@
 #include <sstream>
 #include <utility>
 
-#include "tileflight/core/base/input_error.h"
 #include "tileflight/capture/render/frame_renderer.h"
+#include "tileflight/core/base/input_error.h"
 
 namespace tileflight::render {
 namespace {
@@ -93,13 +93,6 @@ std::vector<std::string> fault_warnings(const std::vector<FlightFault>& faults) 
     }
   }
   return warnings;
-}
-
-std::vector<double> meter_flight(const scene::Scene& scene, const imaging::Camera& camera, const Trajectory& frames,
-                                 const FlightRenderOptions& options) {
-  const FrameRange range = frame_range(options, frames.size());
-  return make_light_meter(scene, camera, options)
-      .mean_lights(std::span(frames.poses).subspan(range.begin, range.count()));
 }
 
 FlightRenderReport render_flight(const scene::Scene& scene, const imaging::Camera& camera, const Trajectory& frames,

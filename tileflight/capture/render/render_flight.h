@@ -9,13 +9,13 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/core/base/progress.h"
-#include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/capture/render/appearance.h"
 #include "tileflight/capture/render/auto_exposure.h"
 #include "tileflight/capture/render/camera_renderer.h"
 #include "tileflight/capture/render/frame_outputs.h"
 #include "tileflight/capture/render/image_formation.h"
+#include "tileflight/core/base/progress.h"
+#include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/world/scene/clearance.h"
 
 namespace tileflight::render {
@@ -32,14 +32,15 @@ struct FrameCheck {
   bool path_is_blocked = false;      ///< a surface lies between this pose and the next
 };
 
+/// Options of render_flight().
 struct FlightRenderOptions {
   RenderOptions render;
   ImageFormation formation;
   OutputChannels outputs;
-  /// Shown in frames and their outputs; the automatic exposure and the checks of the path do not heed them.
+  /// Moving things, shown in frames and their outputs. The automatic exposure and the checks of the path ignore them.
   PlacedParts placed{};
   std::optional<geometry::Geodetic> origin{};  ///< of the local frame; required by ImageFormation::light
-  /// Of the scene, without what is placed in it, if it is shared with other cameras; null: made here.
+  /// Appearance of the scene without placed parts, if it is shared with other cameras; null: made here.
   std::shared_ptr<const Appearance> appearance{};
   RegionPredicate scored_region;  ///< for OutputChannels::visibility; empty: everything counts
   /// Range of frames to render: from `first_frame` up to, not including, `end_frame`. They keep their numbers, and are
@@ -56,9 +57,6 @@ struct FlightRenderOptions {
   double clearance_m = 0.3;      ///< surfaces nearer to the camera than this are reported
   /// Surfaces farther away do not count for Surroundings::inside.
   double inside_reach_m = 1e9;
-  /// Writes what is known already of the camera's path at a frame (all but FrameCheck::view); empty: it is looked for
-  /// in the scene. Called from several threads.
-  std::function<void(std::size_t index, FrameCheck& check)> path_check{};
 };
 
 /// A finished frame.
@@ -76,6 +74,7 @@ struct FlightFrame {
 /// Consumes a finished frame (encode, write). Called once per frame, from several threads at once and in any order.
 using FrameSink = std::function<void(const FlightFrame& frame)>;
 
+/// Result of render_flight().
 struct FlightRenderReport {
   std::int64_t frames = 0;
   double seconds = 0.0;  ///< wall-clock time of rendering and sink together
@@ -98,10 +97,10 @@ struct FlightFault {
 /// frames see none. `checks`: of frame `first_frame` and those after it; nullopt: not known.
 std::vector<FlightFault> find_flight_faults(std::span<const std::optional<FrameCheck>> checks, std::size_t first_frame,
                                             double clearance_m);
-/// The faults as text, one line for each run of consecutive frames.
+/// Describes the faults of find_flight_faults(), one line for each run of consecutive frames.
 std::vector<std::string> flight_warnings(std::span<const std::optional<FrameCheck>> checks, std::size_t first_frame,
                                          double clearance_m);
-/// The same of faults that are known.
+/// Describes faults, one line for each run of consecutive frames.
 std::vector<std::string> fault_warnings(const std::vector<FlightFault>& faults);
 
 /// Renders a frame at each pose of `frames` and passes it to `sink`; rendering and sink run concurrently. Frames
@@ -113,7 +112,7 @@ FlightRenderReport render_flight(const scene::Scene& scene, const imaging::Camer
                                  const FlightRenderOptions& options, const FrameSink& sink,
                                  const Progress& progress = {});
 
-/// Mean light of each frame of the range, as the automatic exposure meters it (auto_exposure.h).
+/// Computes the mean light of each frame of the range, as the automatic exposure meters it (meter_light()).
 std::vector<double> meter_flight(const scene::Scene& scene, const imaging::Camera& camera,
                                  const geometry::Trajectory& frames, const FlightRenderOptions& options);
 

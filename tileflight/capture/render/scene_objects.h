@@ -26,13 +26,14 @@ struct SceneObject {
 class SceneObjects {
  public:
   explicit SceneObjects(const scene::Scene& scene);
-  /// Of a scene with the parts of that one, which has no placed parts.
+  /// Extends the objects of a scene without placed parts to `scene`, which has the same parts and placed ones.
   SceneObjects(SceneObjects without_placed, const scene::Scene& scene);
 
   std::span<const SceneObject> all() const { return objects_; }
-  /// Index into all(). A triangle belongs to the feature of its first corner.
+  /// Returns the index of a triangle's object in all(). A triangle belongs to the feature of its first corner.
   std::uint32_t index_of(std::uint32_t mesh, std::uint32_t triangle) const;
-  /// The same for a feature of the mesh; kNoFeature: its triangles without a feature. Precondition: it has such.
+  /// Returns the index of the object of a feature of the mesh; kNoFeature: of its triangles without a feature.
+  /// Precondition: the mesh has it.
   std::uint32_t index_of_feature(std::uint32_t mesh, std::uint32_t feature) const;
 
  private:

@@ -23,8 +23,8 @@ struct SkyColor {
 /// valid: 2 is very clear, 3 clear, 6 hazy.
 inline constexpr double kMinTurbidity = 2.0, kMaxTurbidity = 10.0;
 
-/// Colour of the zenith for a sun at the zenith angle `sun_zenith_rad`: Preetham, Shirley and Smits, "A practical
-/// analytic model for daylight", SIGGRAPH 1999, appendix A.2.
+/// Computes the colour of the zenith for a sun at the zenith angle `sun_zenith_rad`: Preetham, Shirley and Smits, "A
+/// practical analytic model for daylight", SIGGRAPH 1999, appendix A.2.
 SkyColor zenith_color(double sun_zenith_rad, double turbidity);
 
 /// Clear sky model of Preetham, Shirley and Smits: the zenith's colour times Perez' five-parameter formula, whose
@@ -34,7 +34,7 @@ class Sky {
   /// `toward_sun`: unit, east north up, not below the horizon.
   Sky(const geometry::Vec3& toward_sun, double turbidity);
 
-  /// Sky colour in a unit direction; below the horizon, that of the horizon.
+  /// Returns the sky's colour in a unit direction; below the horizon, that of the horizon.
   SkyColor color(const geometry::Vec3& direction) const;
   PhotometricRgb radiance(const geometry::Vec3& direction) const;
 
@@ -50,13 +50,13 @@ class Sky {
   std::array<double, 3> scale_;  ///< zenith's value divided by the formula's value at the zenith
 };
 
-/// Illuminance by the sun on a surface perpendicular to its rays at ground level, klx: a black body of 5772 K with the
-/// illuminance of the solar constant (133.3 klx at 1 astronomical unit), attenuated by air molecules and dust (the
-/// optical depths of Preetham et al., appendix A.1, after Iqbal 1983 and Angstrom; without ozone and water vapour)
-/// along the air mass of Kasten and Young (Applied Optics 28, 1989).
+/// Computes the illuminance by the sun on a surface perpendicular to its rays at ground level, klx: a black body of
+/// 5772 K with the illuminance of the solar constant (133.3 klx at 1 astronomical unit), attenuated by air molecules
+/// and dust (the optical depths of Preetham et al., appendix A.1, after Iqbal 1983 and Angstrom; without ozone and
+/// water vapour) along the air mass of Kasten and Young (Applied Optics 28, 1989).
 PhotometricRgb sun_illuminance(double elevation_rad, double distance_au, double turbidity, double pressure_hpa);
 
-/// Relative air mass (1 at the zenith) for a sun at this apparent elevation.
+/// Computes the relative air mass (1 at the zenith) for a sun at this apparent elevation.
 double air_mass(double elevation_rad);
 
 }  // namespace tileflight::render

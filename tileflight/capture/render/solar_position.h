@@ -18,12 +18,12 @@ struct Air {
   double temperature_c = 15.0;
 };
 
-/// The international standard atmosphere (ISO 2533) at a height above sea level, metres; up to 11 km.
+/// Returns the international standard atmosphere (ISO 2533) at a height above sea level, metres; up to 11 km.
 Air standard_air(double height_m);
 
-/// Position of the sun at `utc_s` (seconds since 1970 in UTC, leap seconds not counted) from 1900 to 2100, by Meeus,
-/// "Astronomical Algorithms" (2nd ed. 1998), chapters 12, 13, 25 and 40: accurate to 0.01 degrees. Refraction by
-/// Saemundsson's formula (chapter 16) if the sun's upper limb is above the horizon. Throws InputError for a time
+/// Computes the position of the sun at `utc_s` (seconds since 1970 in UTC, leap seconds not counted) from 1900 to 2100,
+/// by Meeus, "Astronomical Algorithms" (2nd ed. 1998), chapters 12, 13, 25 and 40: accurate to 0.01 degrees. Refraction
+/// by Saemundsson's formula (chapter 16) if the sun's upper limb is above the horizon. Throws InputError for a time
 /// outside this range or a latitude beyond the poles.
 SunPosition sun_position(double utc_s, const geometry::Geodetic& place, const Air& air);
 

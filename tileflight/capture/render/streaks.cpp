@@ -97,7 +97,7 @@ geometry::Box3 bounds_of_sector(const Vec3& centre, const Vec3& axis, double hal
   return box;
 }
 
-/// What a camera sees of a class: its reach, and the view cone, widened by motion.
+/// The part of space in which a camera sees particles of a class: its reach, and the view cone, widened by motion.
 struct View {
   Vec3 centre, axis;
   double half_angle_rad = 0.0;
@@ -313,9 +313,8 @@ std::vector<Streak> StreakRenderer::streaks(const imaging::Camera& camera, const
 }
 
 void StreakRenderer::draw(const imaging::Camera& camera, const StreakShutter& shutter,
-                          const imaging::FloatImage& depth_m, const OptionalRegion& region, LinearImage& light) const {
+                          const imaging::FloatImage& depth_m, LinearImage& light) const {
   const std::vector<Streak> all = streaks(camera, shutter);
-  const imaging::PixelRegion whole = region.value_or(imaging::PixelRegion{0, 0, light.width, light.height});
   const int bands = (light.height + kBandRows - 1) / kBandRows;
   std::vector<std::vector<std::uint32_t>> of_band(static_cast<std::size_t>(bands));
   for (std::size_t i = 0; i < all.size(); ++i) {
@@ -327,9 +326,7 @@ void StreakRenderer::draw(const imaging::Camera& camera, const StreakShutter& sh
       of_band[static_cast<std::size_t>(band)].push_back(static_cast<std::uint32_t>(i));
   }
   tbb::parallel_for(0, bands, [&](int band) {
-    imaging::PixelRegion part = whole;
-    part.y0 = std::max(whole.y0, band * kBandRows);
-    part.y1 = std::min(whole.y1, (band + 1) * kBandRows);
+    const imaging::PixelRegion part{0, band * kBandRows, light.width, std::min(light.height, (band + 1) * kBandRows)};
     for (const std::uint32_t i : of_band[static_cast<std::size_t>(band)]) draw_streak(all[i], part, depth_m, light);
   });
 }

@@ -3,12 +3,12 @@
 #include <memory>
 #include <vector>
 
-#include "tileflight/core/imaging/camera.h"
-#include "tileflight/core/imaging/image.h"
 #include "tileflight/capture/render/atmosphere.h"
 #include "tileflight/capture/render/camera_renderer.h"
 #include "tileflight/capture/render/image_formation.h"
 #include "tileflight/capture/render/precipitation.h"
+#include "tileflight/core/imaging/camera.h"
+#include "tileflight/core/imaging/image.h"
 
 namespace tileflight::render {
 
@@ -32,24 +32,24 @@ struct Streak {
   LinearRgb light{};
 };
 
-/// Length of the rectangle, the particle's own size included, px.
+/// Returns the length of the rectangle, the particle's own size included, px.
 double streak_length_px(const Streak& streak);
 
 /// Draws rain and snow into the light of frames (Garg and Nayar, "Vision and rain", IJCV 75, 2007): each particle of
 /// precipitation.h that is near enough to be seen by itself leaves a streak, whose opacity is the share of the exposure
 /// for which it covers a point. The area times the opacity is the particle's own area in the image. A drop shows nearly
 /// the whole half space behind it, refracted: 0.94 of its mean light (ibid., section 4); a flake is white and matt.
-/// Those too far to change a pixel by 1/255 are part of the air (Atmosphere), as are the farthest of very many.
+/// Particles too far to change a pixel by 1/255 are part of the air (Atmosphere), as are the farthest of very many.
 class StreakRenderer {
  public:
   /// `options`: with weather. `anchor_z_m`: of the scene, as for Atmosphere.
   StreakRenderer(const RenderOptions& options, double anchor_z_m);
 
-  /// The streaks of a frame, in a fixed order.
+  /// Returns the streaks of a frame, in a fixed order.
   std::vector<Streak> streaks(const imaging::Camera& camera, const StreakShutter& shutter) const;
-  /// Draws a frame's streaks before its surfaces. `depth_m`: LightFrame::depth_m. Only pixels of the region change.
+  /// Draws a frame's streaks before its surfaces. `depth_m`: LightFrame::depth_m.
   void draw(const imaging::Camera& camera, const StreakShutter& shutter, const imaging::FloatImage& depth_m,
-            const OptionalRegion& region, LinearImage& light) const;
+            LinearImage& light) const;
 
  private:
   LinearRgb ambient(const geometry::Vec3& normal) const;

@@ -211,7 +211,7 @@ TEST(Streaks, CoverTheAreaOfTheirDrops) {
     // Light of the drops is that of a black sky; what they take of a white picture is their area.
     LinearImage light(320, 240, LinearRgb{1, 1, 1});
     const imaging::FloatImage depth(320, 240, INFINITY);
-    renderer.draw(kCamera, still(T, 1.0, 0.004), depth, {}, light);
+    renderer.draw(kCamera, still(T, 1.0, 0.004), depth, light);
     double taken = 0.0;
     for (const LinearRgb& pixel : light.pixels) taken += 1.0 - pixel[1];
     EXPECT_NEAR(taken, expected, 0.06 * expected) << wind.transpose();  // those that overlap, and at the border
@@ -223,7 +223,7 @@ TEST(Streaks, AreHiddenBySurfaces) {
   const SE3 T = looking_along({0, 0, 0}, {0, 1, 0});
   const auto changed = [&](float depth_m) {
     LinearImage light(320, 240, LinearRgb{0, 0, 0});
-    renderer.draw(kCamera, still(T, 1.0, 0.004), imaging::FloatImage(320, 240, depth_m), {}, light);
+    renderer.draw(kCamera, still(T, 1.0, 0.004), imaging::FloatImage(320, 240, depth_m), light);
     return std::ranges::count_if(light.pixels, [](const LinearRgb& pixel) { return pixel[1] > 0.0F; });
   };
   EXPECT_GT(changed(INFINITY), 1000);

@@ -5,9 +5,9 @@
 #include <cstdint>
 #include <cstring>
 
+#include "tileflight/capture/render/mip_pyramid.h"
 #include "tileflight/core/base/simd.h"
 #include "tileflight/core/imaging/textured_mesh.h"
-#include "tileflight/capture/render/mip_pyramid.h"
 
 // Filtered texture reads, inlined into the renderer's pixel loop; footprint.h determines their number and level.
 //

@@ -14,8 +14,8 @@ struct GridRay {
   geometry::Vec3 direction;  ///< unit, camera frame
 };
 
-/// `grid`: rays along the longer side of the image, at least 2. Pixels outside the lens's valid region have none.
-/// Throws InputError.
+/// Returns the rays of an even grid over an image. `grid`: rays along the longer side of the image, at least 2. Pixels
+/// outside the lens's valid region have none. Throws InputError.
 std::vector<GridRay> grid_rays(const imaging::Camera& camera, int grid);
 
 /// Overlap of two views: of the rays of both that hit a surface, the fraction whose surface point is also visible in

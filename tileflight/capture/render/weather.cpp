@@ -3,10 +3,10 @@
 #include <cmath>
 #include <numbers>
 
-#include "tileflight/core/base/number_text.h"
-#include "tileflight/core/base/require.h"
-#include "tileflight/core/base/strict_section.h"
 #include "tileflight/capture/render/precipitation.h"
+#include "tileflight/core/base/formatted_text.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/strict_section.h"
 
 namespace tileflight::render {
 namespace {

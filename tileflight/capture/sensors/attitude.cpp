@@ -3,9 +3,8 @@
 #include <cmath>
 #include <numbers>
 
-#include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/require.h"
 #include "tileflight/capture/sensors/gauss_markov.h"
+#include "tileflight/core/base/input_error.h"
 
 namespace tileflight::sensors {
 namespace {

@@ -4,8 +4,8 @@
 #include <functional>
 #include <vector>
 
+#include "tileflight/capture/flight_path/path.h"
 #include "tileflight/core/geometry/transform.h"
-#include "tileflight/capture/flight_path/sample_times.h"
 
 namespace tileflight::sensors {
 
@@ -29,11 +29,11 @@ struct AttitudeSample {
   Eigen::Quaterniond R_local_camera = Eigen::Quaterniond::Identity();
 };
 
-/// The camera's attitude at each time with errors applied in the local frame. Throws InputError as check() does.
+/// Simulates the camera's attitude at each time, with errors in the local frame. Throws InputError as check() does.
 std::vector<AttitudeSample> simulate_attitude(const std::function<geometry::SE3(double time_s)>& pose_at,
                                               const flight_path::SampleTimes& times, const AttitudeOptions& options);
 
-/// The standard deviations that a log would state: of tilt and of heading, degrees.
+/// Return the standard deviations that a log would state, of tilt and of heading, degrees.
 double tilt_sigma_deg(const AttitudeOptions& options);
 double yaw_sigma_deg(const AttitudeOptions& options);
 

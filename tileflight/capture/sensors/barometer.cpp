@@ -2,9 +2,9 @@
 
 #include <cmath>
 
-#include "tileflight/core/base/input_error.h"
-#include "tileflight/capture/flight_path/sample_times.h"
+#include "tileflight/capture/flight_path/path.h"
 #include "tileflight/capture/sensors/gauss_markov.h"
+#include "tileflight/core/base/input_error.h"
 
 namespace tileflight::sensors {
 namespace {

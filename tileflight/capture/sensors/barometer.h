@@ -41,8 +41,8 @@ struct BarometerSample {
   double altitude_m = 0.0;     ///< above sea level, by the standard atmosphere (15 degrees C, 1013.25 hPa)
 };
 
-/// Samples at start, start + 1 / rate, ... up to end; `height_at` returns the height above mean sea level, metres.
-/// Throws InputError for options or heights out of range.
+/// Simulates samples at start, start + 1 / rate, ... up to end; `height_at` returns the height above mean sea level,
+/// metres. Throws InputError for options or heights out of range.
 std::vector<BarometerSample> simulate_barometer(const std::function<double(double time_s)>& height_at, double start_s,
                                                 double end_s, const BarometerOptions& options = {});
 

@@ -6,7 +6,6 @@
 
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/random_numbers.h"
-#include "tileflight/core/base/require.h"
 
 namespace tileflight::sensors {
 namespace {

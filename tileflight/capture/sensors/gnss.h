@@ -29,11 +29,12 @@ struct GnssFix {
   double vertical_sigma_m = 0.0;
 };
 
-/// Fixes at start, start + 1 / rate, ... up to end. Throws InputError for options out of range or end before start.
+/// Simulates fixes at start, start + 1 / rate, ... up to end. Throws InputError for options out of range or end before
+/// start.
 std::vector<GnssFix> simulate_gnss(const std::function<geometry::Vec3(double time_s)>& position_at, double start_s,
                                    double end_s, const GnssOptions& options = {});
 
-/// Fixes over a trajectory's whole time span; positions are interpolated linearly in time.
+/// Simulates fixes over a trajectory's whole time span; positions are interpolated linearly in time.
 std::vector<GnssFix> simulate_gnss(const geometry::Trajectory& trajectory, const GnssOptions& options = {});
 
 }  // namespace tileflight::sensors

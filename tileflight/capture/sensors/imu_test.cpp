@@ -7,8 +7,8 @@
 #include <cmath>
 #include <functional>
 
-#include "tileflight/core/base/input_error.h"
 #include "tileflight/capture/flight_path/path.h"
+#include "tileflight/core/base/input_error.h"
 
 namespace tileflight::sensors::imu_test {
 namespace {

@@ -4,15 +4,63 @@
 #include <limits>
 #include <memory>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include "tileflight/capture/render/appearance.h"
 #include "tileflight/capture/render/image_formation.h"
 #include "tileflight/capture/render/render_flight.h"
+#include "tileflight/core/geometry/transform.h"
 #include "tileflight/world/scene/scene.h"
-#include "tileflight/capture/sensors/lidar_pattern.h"
 
 namespace tileflight::sensors {
+
+// Beam directions of lidars. Lidar frame: x forward, y left, z up (as Velodyne's, Ouster's sensor frame and ROS's REP
+// 103).
+
+/// Direction and firing time of a beam.
+struct LidarBeam {
+  geometry::Vec3 direction;  ///< unit length, lidar frame
+  double time_s = 0.0;       ///< after the scan's start
+  std::uint16_t ring = 0;    ///< spinning lidars: the channel, counted from the lowest; raster: the row
+};
+
+/// A column of channels that rotates about z, clockwise seen from above; a scan is a full turn.
+struct SpinningPattern {
+  double rate_hz = 10.0;               ///< turns a second
+  int columns = 1800;                  ///< firings per turn, evenly spaced in time and azimuth
+  std::vector<double> elevations_deg;  ///< of each channel, positive upwards, in the order of firing
+  double channel_delay_s = 0.0;        ///< between successive channels of a column; 0: all fire at once
+  double azimuth_from_deg = -180.0;    ///< beams outside these limits are dropped; counted clockwise from x
+  double azimuth_to_deg = 180.0;
+};
+
+/// Two counter-rotating prisms of equal deflection: a rosette that differs from scan to scan.
+struct RosettePattern {
+  double rate_hz = 10.0;  ///< scans per second (the pattern continues from scan to scan)
+  double points_per_second = 1e5;
+  double fov_deg = 38.4;  ///< full angle of the cone
+  double first_prism_rpm = 7294.0;
+  double second_prism_rpm = -4664.0;
+};
+
+/// Rows from top to bottom, each from left to right.
+struct RasterPattern {
+  double rate_hz = 10.0;
+  int columns = 256, rows = 64;
+  double horizontal_fov_deg = 60.0, vertical_fov_deg = 20.0;
+};
+
+using LidarPattern = std::variant<SpinningPattern, RosettePattern, RasterPattern>;
+
+/// Returns the time from one scan's start to the next one's, seconds.
+double scan_period_s(const LidarPattern& pattern);
+
+/// Generates the beams of a scan, in the order of their times.
+std::vector<LidarBeam> generate_beams(const LidarPattern& pattern, std::uint64_t scan);
+
+/// Throws InputError for patterns without beams, with reversed limits, or with more than ten million beams per scan.
+void check(const LidarPattern& pattern);
 
 /// How the lidar's own motion during a scan affects its points.
 enum class ScanMotion {
@@ -58,8 +106,8 @@ struct LidarOptions {
 /// Throws InputError for options out of range.
 void check(const LidarOptions& options);
 
-/// A lidar by its public data sheet: "vlp-16", "os1-64", "hdl-64e", "livox-mid-40"; lidar.cpp cites the source of each
-/// number. Throws InputError that lists them for other names.
+/// Returns the lidar of a public data sheet: "vlp-16", "os1-64", "hdl-64e", "livox-mid-40"; lidar.cpp cites the source
+/// of each number. Throws InputError that lists them for other names.
 LidarOptions lidar_preset(const std::string& name);
 
 /// A lidar return.
@@ -82,7 +130,7 @@ struct LidarScan {
 /// threads, and a scan depends only on its number and time.
 class Lidar {
  public:
-  /// `placed`: what moves in the scene besides. Throws InputError for options out of range. The scene must outlive it.
+  /// `placed`: what moves in the scene. Throws InputError for options out of range. The scene must outlive it.
   Lidar(const scene::Scene& scene, LidarOptions options, render::PlacedParts placed = {});
 
   /// Simulates scan `number`, which starts at `start_s`.

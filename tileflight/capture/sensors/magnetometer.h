@@ -4,9 +4,20 @@
 #include <functional>
 #include <vector>
 
+#include "tileflight/core/geometry/geodesy.h"
 #include "tileflight/core/geometry/transform.h"
 
 namespace tileflight::sensors {
+
+/// Computes the earth's magnetic field by the World Magnetic Model 2025 (NOAA and British Geological Survey, public
+/// domain), in the local frame (east, north, up), microtesla. `year`: a decimal year, 2025 to 2030; throws InputError
+/// otherwise.
+geometry::Vec3 geomagnetic_field_ut(const geometry::LocalFrame& frame, const geometry::Vec3& position_local,
+                                    double year);
+
+/// Computes the magnetic field vector (east, north, up, microtesla) from declination (clockwise from true north) and
+/// inclination (below the horizon), degrees, and strength, microtesla.
+geometry::Vec3 magnetic_field_from_angles_ut(double declination_deg, double inclination_deg, double strength_ut);
 
 /// A magnetometer and its errors. Noise: the floor that Honeywell's data sheet gives for the HMC5883L (2 milligauss).
 struct MagnetometerOptions {
@@ -27,9 +38,9 @@ struct MagnetometerSample {
   geometry::Vec3 field_ut;  ///< sensor axes, microtesla
 };
 
-/// Samples at start, start + 1 / rate, ... up to end: M R_sensor_local b + hard iron + noise. `T_local_camera_at`
-/// returns the camera's pose, `field_at` the earth's field at a position (local frame, microtesla;
-/// geomagnetic_field.h). Throws InputError for options out of range.
+/// Simulates samples at start, start + 1 / rate, ... up to end: M R_sensor_local b + hard iron + noise.
+/// `T_local_camera_at` returns the camera's pose, `field_at` the earth's field at a position (local frame, microtesla).
+/// Throws InputError for options out of range.
 std::vector<MagnetometerSample> simulate_magnetometer(
     const std::function<geometry::SE3(double time_s)>& T_local_camera_at,
     const std::function<geometry::Vec3(const geometry::Vec3& position)>& field_at, double start_s, double end_s,

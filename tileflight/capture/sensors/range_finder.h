@@ -3,8 +3,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "tileflight/capture/flight_path/path.h"
 #include "tileflight/capture/render/image_formation.h"
-#include "tileflight/capture/flight_path/sample_times.h"
 #include "tileflight/world/scene/scene.h"
 
 namespace tileflight::sensors {
@@ -25,7 +25,7 @@ struct RangeFinderOptions {
   double noise_share = 0.0;  ///< plus this share of the range
 };
 
-/// Beyond the maximum range: +infinity; below the minimum range: -infinity (ROS's REP 117).
+/// A range. It is +infinity beyond the maximum range, -infinity below the minimum range (ROS's REP 117).
 struct RangeSample {
   double time_s = 0.0;
   double range_m = 0.0;
@@ -34,8 +34,8 @@ struct RangeSample {
 /// Throws InputError for options out of range.
 void check(const RangeFinderOptions& options);
 
-/// Samples `first` to `last` - 1 of those at `times`; each depends only on its index. Throws InputError as check()
-/// does.
+/// Simulates samples `first` to `last` - 1 of those at `times`; each depends only on its index. Throws InputError as
+/// check() does.
 std::vector<RangeSample> simulate_range_finder(const scene::Scene& scene, const render::PoseFunction& T_local_camera_at,
                                                const flight_path::SampleTimes& times, std::uint64_t first,
                                                std::uint64_t last, const RangeFinderOptions& options = {});

@@ -6,8 +6,8 @@
 #include <cmath>
 #include <limits>
 
-#include "tileflight/core/base/input_error.h"
 #include "tileflight/capture/render/test_scenes.h"
+#include "tileflight/core/base/input_error.h"
 
 namespace tileflight::sensors::range_finder_test {
 namespace {

@@ -2,10 +2,10 @@
 
 #include <string>
 
+#include "tileflight/capture/flight_path/path.h"
+#include "tileflight/capture/sensors/magnetometer.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/strict_section.h"
-#include "tileflight/capture/flight_path/sample_times.h"
-#include "tileflight/capture/sensors/geomagnetic_field.h"
 
 namespace tileflight::sensors {
 namespace {

@@ -4,7 +4,6 @@
 #include <functional>
 #include <optional>
 
-#include "tileflight/core/geometry/geodesy.h"
 #include "tileflight/capture/sensors/attitude.h"
 #include "tileflight/capture/sensors/barometer.h"
 #include "tileflight/capture/sensors/gnss.h"
@@ -12,6 +11,7 @@
 #include "tileflight/capture/sensors/lidar.h"
 #include "tileflight/capture/sensors/magnetometer.h"
 #include "tileflight/capture/sensors/range_finder.h"
+#include "tileflight/core/geometry/geodesy.h"
 
 namespace tileflight::base {
 class StrictSection;
@@ -49,17 +49,17 @@ struct SensorSuite {
 /// keys, both sections, values out of range.
 SensorSuite read_sensor_suite(const std::filesystem::path& flight_file, std::uint64_t seed,
                               const geometry::SE3& T_camera_imu);
-/// The same keys from a section at hand.
+/// Reads the same keys from a section that is already loaded.
 SensorSuite read_sensor_suite(base::StrictSection section, std::uint64_t seed, const geometry::SE3& T_camera_imu);
 
-/// Height above mean sea level by position in the local frame, metres: by the geoid (EGM96) below `near`, which is
-/// treated as level over such a small place; without a frame by the suite's `origin_above_sea_m`.
+/// Returns the height above mean sea level, metres, as a function of the position in the local frame. The geoid (EGM96)
+/// below `near` is treated as level over such a small place. Without a frame the suite's `origin_above_sea_m` is used.
 std::function<double(const geometry::Vec3&)> height_above_sea(const SensorSuite& suite,
                                                               const std::optional<geometry::LocalFrame>& frame,
                                                               const geometry::Vec3& near);
 
-/// The earth's field by position in the local frame, microtesla. Throws InputError if it is neither fixed nor follows
-/// from a frame.
+/// Returns the earth's field, microtesla, as a function of the position in the local frame. Throws InputError if it is
+/// neither fixed nor follows from a frame.
 std::function<geometry::Vec3(const geometry::Vec3&)> magnetic_field_at(
     const MagneticField& field, const std::optional<geometry::LocalFrame>& frame);
 

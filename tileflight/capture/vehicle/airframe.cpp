@@ -33,11 +33,11 @@ Vec3 along_arm(const Arm& arm, double distance_m) {
 }
 
 /// Mass and inertia of a solid box and of point masses for the motors.
-vehicle::RigidBody body_of(const std::vector<vehicle::Rotor>& rotors) {
+RigidBody body_of(const std::vector<Rotor>& rotors) {
   const double box_kg = kBoxPerRotor_kg * static_cast<double>(rotors.size());
   const Vec3 squares = kBox_m.cwiseProduct(kBox_m);
   geometry::Mat3 inertia = (box_kg / 12.0 * (Vec3::Constant(squares.sum()) - squares)).asDiagonal();
-  for (const vehicle::Rotor& rotor : rotors) {
+  for (const Rotor& rotor : rotors) {
     const Vec3& r = rotor.position_m;
     inertia += kMotor_kg * (r.squaredNorm() * geometry::Mat3::Identity() - r * r.transpose());
   }
@@ -46,9 +46,25 @@ vehicle::RigidBody body_of(const std::vector<vehicle::Rotor>& rotors) {
 
 }  // namespace
 
+Wrench multirotor_wrench(const MultirotorOptions& options, const RigidBodyState& state,
+                         std::span<const double> speeds_rad_s, const Vec3& wind_m_s) {
+  const Vec3 through_air = state.R_local_body.conjugate() * (state.velocity_m_s - wind_m_s);
+  Vec3 force = -(options.linear_drag_n_s_m.cwiseProduct(through_air) +
+                 options.quadratic_drag_n_s2_m2.cwiseProduct(through_air.cwiseAbs().cwiseProduct(through_air)));
+  Vec3 torque = Vec3::Zero();
+  for (std::size_t i = 0; i < options.rotors.size(); ++i) {
+    const Rotor& rotor = options.rotors[i];
+    const double squared = speeds_rad_s[i] * speeds_rad_s[i];
+    const Vec3 thrust(0, 0, options.thrust_n_s2 * squared);
+    force += thrust;
+    torque += rotor.position_m.cross(thrust) - Vec3(0, 0, rotor.spin * options.torque_nm_s2 * squared);
+  }
+  return {state.R_local_body * force - Vec3(0, 0, options.body.mass_kg * kStandardGravity_m_s2), torque};
+}
+
 Airframe make_airframe(AirframeKind kind) {
-  const vehicle::QuadrotorOptions parts;
   Airframe frame;
+  frame.rotors.clear();
   for (const double x : {kFeet_m, -kFeet_m})
     for (const double y : {kFeet_m, -kFeet_m}) frame.contact_points_m.emplace_back(x, y, -kStandingHeight_m);
   for (const Arm& arm : arms_of(kind)) {
@@ -57,11 +73,6 @@ Airframe make_airframe(AirframeKind kind) {
   }
   frame.contact_points_m.emplace_back(0.0, 0.0, kTop_m);
   frame.body = body_of(frame.rotors);
-  frame.thrust_n_s2 = parts.thrust_n_s2;
-  frame.torque_nm_s2 = parts.torque_nm_s2;
-  frame.max_rotor_speed_rad_s = parts.max_rotor_speed_rad_s;
-  frame.motor_time_constant_s = parts.motor_time_constant_s;
-  frame.quadratic_drag_n_s2_m2 = parts.quadratic_drag_n_s2_m2;
   frame.contact.stiffness_n_m *= frame.body.mass_kg;
   frame.contact.damping_n_s_m *= frame.body.mass_kg;
   return frame;

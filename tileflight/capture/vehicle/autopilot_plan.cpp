@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "tileflight/core/base/number_text.h"
+#include "tileflight/core/base/formatted_text.h"
 
 namespace tileflight::vehicle {
 namespace {

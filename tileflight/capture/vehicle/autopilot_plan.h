@@ -4,8 +4,8 @@
 #include <optional>
 #include <string>
 
-#include "tileflight/core/base/strict_section.h"
 #include "tileflight/capture/vehicle/vehicle_plan.h"
+#include "tileflight/core/base/strict_section.h"
 
 namespace tileflight::vehicle {
 

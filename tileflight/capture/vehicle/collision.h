@@ -27,16 +27,16 @@ struct Contact {
   std::string object{};   ///< SurfaceHit::object
 };
 
-/// First contact of a sphere that moves along a segment: its centre keeps at least `radius_m` from the plane of each
-/// surface found; nothing if there is no contact. Surfaces are found by a ray along the centre's path, so the centre
-/// never passes through one whatever the length, and by probe rays in 26 directions around the sphere at least every
-/// radius. A plane is found exactly; a curved body is approximated by its tangent plane where it was hit (contact
+/// Finds the first contact of a sphere that moves along a segment: its centre keeps at least `radius_m` from the plane
+/// of each surface found; nothing if there is no contact. Surfaces are found by a ray along the centre's path, so the
+/// centre never passes through one whatever the length, and by probe rays in 26 directions around the sphere at least
+/// every radius. A plane is found exactly; a curved body is approximated by its tangent plane where it was hit (contact
 /// slightly early); a thin object beside the path is found only if a probe ray hits it. A sphere that already touches a
 /// surface and moves away from it makes no contact.
 std::optional<Contact> first_contact(const ObstacleQuery& obstacles, const geometry::Vec3& from,
                                      const geometry::Vec3& to, double radius_m);
 
-/// Whether a sphere at rest intersects a surface, as far as the probe rays detect.
+/// Tells whether a sphere at rest intersects a surface, as far as the probe rays detect.
 bool touches(const ObstacleQuery& obstacles, const geometry::Vec3& center, double radius_m);
 
 /// Parameters of bounces off a surface.
@@ -46,9 +46,9 @@ struct BounceOptions {
   double min_bounce_speed_m_s = 0.3;  ///< slower impacts do not bounce
 };
 
-/// Velocity after contact with a surface at rest: the normal component is reversed and scaled by the restitution, the
-/// tangential one is reduced by Coulomb friction of the same impulse. The impulse is central and causes no rotation. A
-/// velocity that points away from the surface is unchanged.
+/// Computes the velocity after contact with a surface at rest: the normal component is reversed and scaled by the
+/// restitution, the tangential one is reduced by Coulomb friction of the same impulse. The impulse is central and
+/// causes no rotation. A velocity that points away from the surface is unchanged.
 geometry::Vec3 bounce_velocity(const geometry::Vec3& velocity_m_s, const geometry::Vec3& normal,
                                const BounceOptions& options);
 

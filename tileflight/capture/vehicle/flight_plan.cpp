@@ -4,11 +4,11 @@
 #include <cmath>
 #include <string>
 
-#include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/strict_section.h"
 #include "tileflight/capture/flight_path/path.h"
 #include "tileflight/capture/flight_path/smooth_path.h"
 #include "tileflight/capture/vehicle/vehicle_flight.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/strict_section.h"
 
 namespace tileflight::vehicle {
 namespace {

@@ -5,11 +5,10 @@
 #include <vector>
 
 #include "tileflight/capture/flight_path/path.h"
-#include "tileflight/capture/flight_path/smoothing.h"
-#include "tileflight/capture/flight_path/waypoint.h"
-#include "tileflight/core/geometry/trajectory.h"
+#include "tileflight/capture/flight_path/smooth_path.h"
 #include "tileflight/capture/vehicle/autopilot_plan.h"
 #include "tileflight/capture/vehicle/vehicle_plan.h"
+#include "tileflight/core/geometry/trajectory.h"
 
 namespace tileflight::vehicle {
 
@@ -19,11 +18,11 @@ struct FlightPlan {
   std::vector<std::filesystem::path> cameras;  ///< key `cameras`: the calibration files of a rig
   std::optional<geometry::Trajectory> poses;   ///< the file's poses (TUM), if the plan names one
   std::optional<flight_path::SmoothingOptions>
-      smoothing;                            ///< key `smooth`: of the path along `poses`; none: interpolates them
+      smoothing;                                 ///< key `smooth`: of the path along `poses`; none: interpolates them
   std::vector<flight_path::Waypoint> waypoints;  ///< used if there are no poses
-  std::optional<VehiclePlan> vehicle;       ///< key `vehicle`; without it the camera itself follows the path
-  std::vector<MissionStep> mission;         ///< key `mission`: used if there is neither; needs a vehicle
-  std::optional<AutopilotPlan> autopilot;   ///< key `autopilot`: in place of all these
+  std::optional<VehiclePlan> vehicle;            ///< key `vehicle`; without it the camera itself follows the path
+  std::vector<MissionStep> mission;              ///< key `mission`: used if there is neither; needs a vehicle
+  std::optional<AutopilotPlan> autopilot;        ///< key `autopilot`: in place of all these
   flight_path::SpeedLimits limits;
   std::filesystem::path sensors_file;  ///< for sensors::read_sensor_suite; empty: none
   std::optional<double> fps;           ///< without it: one frame at each pose of the file
@@ -32,21 +31,22 @@ struct FlightPlan {
 
 /// Reads FLIGHT.yaml; unknown keys are errors that name the nearest known key. The keys `sensors`, `sensors_file`,
 /// `actors` and `weather` are accepted and left to sensors::read_sensor_suite, scene::read_actors and
-/// render::read_weather, and of `cameras` all but the files' names to who renders them. Throws InputError.
+/// render::read_weather. Of `cameras`, only the files' names are read; recording::read_flight_cameras() reads the rest.
+/// Throws InputError.
 FlightPlan read_flight_plan(const std::filesystem::path& file);
 
-/// FLIGHT.yaml itself and the files that it names (camera, cameras, trajectory, sensors_file), whether they exist or
-/// not. Throws InputError if the file cannot be read.
+/// Lists FLIGHT.yaml itself and the files that it names (camera, cameras, trajectory, sensors_file), whether they exist
+/// or not. Throws InputError if the file cannot be read.
 std::vector<std::filesystem::path> referenced_files(const std::filesystem::path& file);
 
-/// The path of the plan: along its poses, through its waypoints, or as its vehicle flies waypoints or mission without
-/// obstacles (vehicle_flight.h flies them among obstacles). Throws InputError for an autopilot's flight, whose path is
-/// known only after it.
+/// Builds the path of the plan: along its poses, through its waypoints, or as its vehicle flies waypoints or mission
+/// without obstacles (vehicle_flight.h flies them among obstacles). Throws InputError for an autopilot's flight, whose
+/// path is known only after it.
 flight_path::Path build_path(const FlightPlan& plan);
 
-/// The poses at which frames are taken: the file's own poses (evaluated on the smoothed path, if it is smoothed), or
-/// the path sampled at `fps` from its start. Times start at the file's first time, or at 0 for waypoints. Waypoint
-/// paths are smooth (twice differentiable positions, continuous angular rate) and keep the limits.
+/// Returns the poses at which frames are taken: the file's own poses (evaluated on the smoothed path, if it is
+/// smoothed), or the path sampled at `fps` from its start. Times start at the file's first time, or at 0 for waypoints.
+/// Waypoint paths are smooth (twice differentiable positions, continuous angular rate) and keep the limits.
 geometry::Trajectory frame_poses(const FlightPlan& plan);
 
 /// Samples the path at the plan's `fps` from its start, at most `max_frames` poses. Throws InputError for more than ten

@@ -32,8 +32,9 @@ struct Impact {
 /// same outputs give bit-identical states.
 class Multirotor {
  public:
-  /// Is put down with its motors off, its feet on the ground below the position (local frame), tilted as that is, and
-  /// settles there; that is its start. Where there is no ground within 10 m below it starts at the position itself.
+  /// Puts the vehicle down with its motors off: its feet stand on the ground below the position (local frame), tilted
+  /// as the ground is, and it settles there. Where there is no ground within 10 m below, it starts at the position
+  /// itself.
   Multirotor(Airframe airframe, vehicle::ObstacleQuery obstacles, const vehicle::WindOptions& wind,
              const geometry::Vec3& position_m, double yaw_rad);
 

@@ -81,7 +81,7 @@ TEST(Multirotor, SlidesDownASlopeThatIsTooSteepForItsFriction) {
 TEST(Multirotor, FliesAsTheQuadrotorDoes) {
   const Airframe frame = make_airframe(AirframeKind::kQuadX);
   Multirotor quad(frame, {}, {.mean_m_s = Vec3(3, -2, 0)}, Vec3(0, 0, 50), 0.4);
-  vehicle::QuadrotorOptions options;
+  vehicle::MultirotorOptions options;
   for (std::size_t i = 0; i < 4; ++i) options.rotors[i] = frame.rotors[i];
   options.body = frame.body;
   vehicle::QuadrotorState expected{quad.state(), vehicle::RotorSpeeds::Zero()};
@@ -97,10 +97,10 @@ TEST(Multirotor, FliesAsTheQuadrotorDoes) {
   EXPECT_LT(quad.state().R_local_body.angularDistance(expected.body.R_local_body), 1e-9);
 }
 
-/// The airframe's inertia against the one that vehicle::QuadrotorOptions gives for the same parts.
+/// The airframe's inertia against the one that vehicle::MultirotorOptions gives for the same parts.
 TEST(Multirotor, HasTheQuadrotorsMassAndInertia) {
   const Airframe frame = make_airframe(AirframeKind::kQuadX);
-  const vehicle::QuadrotorOptions options;
+  const vehicle::MultirotorOptions options;
   EXPECT_NEAR(frame.body.mass_kg, options.body.mass_kg, 1e-12);
   EXPECT_LT((frame.body.inertia_kg_m2 - options.body.inertia_kg_m2).cwiseAbs().maxCoeff(), 1e-5);
   EXPECT_NEAR(hover_share(make_airframe(AirframeKind::kHexaX)), hover_share(frame), 1e-9);

@@ -30,18 +30,18 @@ struct Wrench {
 /// Wrench on a body in a state, `time_s` after the start of the step.
 using WrenchFunction = std::function<Wrench(const RigidBodyState& state, double time_s)>;
 
-/// The state after `step_s`: Newton's and Euler's equations by the fourth-order Runge-Kutta method, for rotations in
-/// the Lie algebra (Munthe-Kaas, BIT 38, 1998), which preserves the quaternion's unit length.
+/// Computes the state after `step_s`: Newton's and Euler's equations by the fourth-order Runge-Kutta method, for
+/// rotations in the Lie algebra (Munthe-Kaas, BIT 38, 1998), which preserves the quaternion's unit length.
 RigidBodyState integrate(const RigidBody& body, const RigidBodyState& state, double step_s,
                          const WrenchFunction& wrench);
 
-/// Direction of the body's x axis seen from above, counter-clockwise from east, in (-pi, pi].
+/// Returns the direction of the body's x axis seen from above, counter-clockwise from east, in (-pi, pi].
 double yaw_rad(const Eigen::Quaterniond& R_local_body);
-/// Yaw of a compass heading, degrees clockwise from north.
+/// Converts a compass heading, degrees clockwise from north, to a yaw.
 double heading_to_yaw_rad(double heading_deg);
-/// The equivalent angle in (-pi, pi].
+/// Wraps an angle into (-pi, pi].
 double wrap_angle_rad(double angle_rad);
-/// Level orientation with its x axis at the yaw.
+/// Returns the level orientation with its x axis at the yaw.
 Eigen::Quaterniond level_orientation(double yaw_rad);
 
 }  // namespace tileflight::vehicle

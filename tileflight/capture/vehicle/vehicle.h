@@ -20,7 +20,7 @@ enum class CollisionPolicy {
 
 /// Parameters of a vehicle and its simulation.
 struct VehicleOptions {
-  QuadrotorOptions quadrotor;
+  MultirotorOptions quadrotor;
   ControllerOptions controller;
   WindOptions wind;
   CollisionPolicy collision = CollisionPolicy::kStop;

@@ -35,11 +35,12 @@ struct VehicleFlight {
   std::optional<Collision> last_collision;  ///< on the path's clock
 };
 
-/// Told the path's time before what moves among the obstacles is asked about: before the flight 0, then each step's.
+/// Receives the path's time before the obstacles are queried, so that those that move can be placed: 0 before the
+/// flight, then the time of each step.
 using FlightClock = std::function<void(double time_s)>;
 
-/// The camera's pose on a vehicle without a plan for it: its mount's pitch, and the body's attitude or, with a gimbal,
-/// its yaw. `T_local_body`: x forward, y left, z up, at the centre of mass.
+/// Computes the camera's pose on a vehicle without a plan for it: with its mount's pitch, and the body's attitude or,
+/// with a gimbal, its yaw. `T_local_body`: x forward, y left, z up, at the centre of mass.
 geometry::SE3 mounted_camera_pose(const geometry::SE3& T_local_body, const CameraMount& mount);
 
 /// Flies along a planned camera path (path_through_waypoints): its position, velocity and acceleration are the

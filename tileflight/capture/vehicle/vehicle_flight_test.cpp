@@ -104,7 +104,8 @@ TEST(VehicleFlight, AccelerationsOfThePathAreThoseOfTheForces) {
   vehicle.run(circle, [&](const Vehicle& v) {
     ++steps;
     if (steps % 3 == 0) samples.poses.push_back({v.time_s(), {v.state().R_local_body, v.state().position_m}});
-    const Wrench w = quadrotor_wrench(v.options().quadrotor, v.state(), v.rotor_speeds_rad_s(), v.wind_m_s());
+    const RotorSpeeds speeds = v.rotor_speeds_rad_s();
+    const Wrench w = multirotor_wrench(v.options().quadrotor, v.state(), {speeds.data(), kRotors}, v.wind_m_s());
     if (steps % 3 == 1 && v.time_s() > 2.0)
       felt.emplace_back(v.time_s(), w.force_n / v.options().quadrotor.body.mass_kg);
   });

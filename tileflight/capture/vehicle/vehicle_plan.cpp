@@ -1,7 +1,7 @@
 #include "tileflight/capture/vehicle/vehicle_plan.h"
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/geometry/angles.h"
+#include "tileflight/core/geometry/transform.h"
 
 namespace tileflight::vehicle {
 namespace {
@@ -49,7 +49,7 @@ CollisionPolicy read_collision(StrictSection& section) {
 }
 
 void read_quadrotor(StrictSection& section, VehicleOptions& options) {
-  QuadrotorOptions& quadrotor = options.quadrotor;
+  MultirotorOptions& quadrotor = options.quadrotor;
   quadrotor.body.mass_kg = section.positive_number("mass_kg").value_or(quadrotor.body.mass_kg);
   quadrotor.linear_drag_n_s_m = read_vector(section, "linear_drag", quadrotor.linear_drag_n_s_m);
   quadrotor.quadratic_drag_n_s2_m2 = read_vector(section, "quadratic_drag", quadrotor.quadratic_drag_n_s2_m2);

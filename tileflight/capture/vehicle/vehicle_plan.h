@@ -3,8 +3,8 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/core/base/strict_section.h"
 #include "tileflight/capture/vehicle/vehicle.h"
+#include "tileflight/core/base/strict_section.h"
 
 namespace tileflight::vehicle {
 
@@ -45,7 +45,7 @@ VehiclePlan read_vehicle(base::StrictSection& section);
 /// turn_rate. docs/vehicles.md lists their keys. Throws InputError (file, line, key).
 std::vector<MissionStep> read_mission(base::StrictSection& plan);
 
-/// "finished", "timed out", "cancelled", "collided", "running".
+/// Returns the outcome in words: "finished", "timed out", "cancelled", "collided", "running".
 std::string outcome_text(Outcome outcome);
 
 }  // namespace tileflight::vehicle

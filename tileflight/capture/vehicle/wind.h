@@ -24,9 +24,9 @@ struct GustScales {
   geometry::Vec3 length_m = geometry::Vec3::Ones();
 };
 
-/// MIL-F-8785C, 3.7.3.4 (low altitude): sigma_w = 0.1 W20, sigma_u = sigma_v = sigma_w / (0.177 + 0.000823 h)^0.4, L_w
-/// = h, L_u = L_v = h / (0.177 + 0.000823 h)^1.2 with h in feet from 10 to 1000 (clamped), and the wind at 20 feet W20
-/// of 15, 30 and 45 knots in light, moderate and severe turbulence.
+/// Computes the scales of MIL-F-8785C, 3.7.3.4 (low altitude): sigma_w = 0.1 W20, sigma_u = sigma_v = sigma_w / (0.177
+/// + 0.000823 h)^0.4, L_w = h, L_u = L_v = h / (0.177 + 0.000823 h)^1.2 with h in feet from 10 to 1000 (clamped), and
+/// the wind at 20 feet W20 of 15, 30 and 45 knots in light, moderate and severe turbulence.
 GustScales gust_scales(Turbulence turbulence, double height_above_ground_m);
 
 /// Air velocity at a vehicle: a mean plus Dryden gusts, frozen in the air, which the vehicle meets at its airspeed (at

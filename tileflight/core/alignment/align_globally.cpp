@@ -3,14 +3,13 @@
 #include <algorithm>
 #include <cmath>
 
-#include "tileflight/core/alignment/coarse_alignment.h"
+#include "tileflight/core/alignment/align_map.h"
 #include "tileflight/core/alignment/global_registration.h"
 #include "tileflight/core/alignment/ordered_sum.h"
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
 
 namespace tileflight::alignment {
-
 using geometry::PointCloud;
 using geometry::Sim3;
 using geometry::TriangleMesh;
@@ -127,6 +126,11 @@ std::string rival_note(const std::vector<RankedAlignment>& places, const Closene
   return {};
 }
 
+std::vector<Vec3> sample_target(const AlignmentTarget& target) {
+  constexpr std::size_t kSurfacePoints = 100000;
+  return target.mesh ? sample_surface_evenly(*target.mesh, kSurfacePoints) : target.cloud->positions;
+}
+
 }  // namespace
 
 std::vector<Vec3> sample_surface_evenly(const TriangleMesh& mesh, std::size_t count) {
@@ -142,15 +146,6 @@ std::vector<Vec3> sample_surface_evenly(const TriangleMesh& mesh, std::size_t co
   }
   return points;
 }
-
-namespace {
-
-std::vector<Vec3> sample_target(const AlignmentTarget& target) {
-  constexpr std::size_t kSurfacePoints = 100000;
-  return target.mesh ? sample_surface_evenly(*target.mesh, kSurfacePoints) : target.cloud->positions;
-}
-
-}  // namespace
 
 double compute_closeness(const PointCloud& map, const Sim3& T_local_map, const AlignmentTarget& target) {
   return ClosenessMetric(map, target, sample_target(target)).evaluate(T_local_map);

@@ -7,7 +7,7 @@
 
 namespace tileflight::alignment {
 
-/// `count` points spread evenly over a mesh's area; none for a mesh without area. Deterministic.
+/// Spreads `count` points evenly over a mesh's area; none for a mesh without area. Deterministic.
 std::vector<geometry::Vec3> sample_surface_evenly(const geometry::TriangleMesh& mesh, std::size_t count);
 
 /// Aligns a map to ground truth without telemetry or a start. The best candidates of register_globally() are refined by
@@ -19,8 +19,8 @@ MapAlignment align_map_globally(const geometry::PointCloud& map, const std::opti
                                 const AlignmentTarget& target, const AlignMapOptions& options = {},
                                 const Progress& progress = {});
 
-/// Closeness of an aligned map to the target relative to its own size (MapAlignment::closeness): mean of max(0, 1 -
-/// (distance / tolerance)^2); the tolerance is a hundredth of the aligned map's size.
+/// Computes the closeness of an aligned map to the target relative to its own size (MapAlignment::closeness): mean of
+/// max(0, 1 - (distance / tolerance)^2); the tolerance is a hundredth of the aligned map's size.
 double compute_closeness(const geometry::PointCloud& map, const geometry::Sim3& T_local_map,
                          const AlignmentTarget& target);
 

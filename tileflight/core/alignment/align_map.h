@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <filesystem>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
@@ -12,11 +13,11 @@
 
 namespace tileflight::alignment {
 
-/// The paper's ICP settings, with two changes: after a false stop of the stopping rule the iteration continues, and the
-/// scale bound is wide enough for a start whose scale is 20 % too small (true scale: 1.25 times it).
+/// Returns the paper's ICP settings with two changes: after a false stop of the stopping rule the iteration continues,
+/// and the scale bound is wide enough for a start whose scale is 20 % too small (true scale: 1.25 times it).
 IcpOptions final_icp_options();
 
-/// Where an alignment starts.
+/// The start of an alignment.
 enum class AlignmentStart {
   kAuto,       ///< telemetry or true poses if available; else the map as it is, and if it does not fit there, geometry
   kAsItIs,     ///< the map is already in the local frame, except for small errors
@@ -49,8 +50,8 @@ struct AlignMapOptions {
                                            ///< scoring
 };
 
-/// The paper's alignment only: point to point, radius 1 m, RMS change 1e-5, at most 1500 iterations, from the
-/// unmodified start. A false stop of the rule is kept and reported.
+/// Returns the settings of the paper's alignment alone: point to point, radius 1 m, RMS change 1e-5, at most 1500
+/// iterations, from the unmodified start. A false stop of the rule is kept and reported.
 AlignMapOptions paper_options();
 
 /// Ground truth to align to. The mesh may be missing (both null); then only cloud-to-cloud methods can be used.
@@ -78,12 +79,36 @@ MapAlignment align_map(const geometry::PointCloud& map, const geometry::Sim3& T_
                        const AlignmentTarget& target, const AlignMapOptions& options = {},
                        const Progress& progress = {});
 
-/// Same, starting from the camera's trajectory (map frame) and a receiver's positions (local frame).
+/// Aligns a map from the start that align_trajectory() finds: from the camera's trajectory (map frame) and a receiver's
+/// positions (local frame).
 MapAlignment align_map(const geometry::PointCloud& map, const geometry::Trajectory& T_map_camera,
                        const std::vector<PositionFix>& fixes, const AlignmentTarget& target,
                        const AlignMapOptions& options = {}, const Progress& progress = {});
 
-/// The keys of the final result (transform.json), with `telemetry` and `steps` as diagnostics.
+/// Returns the keys of the final result (transform.json), with `telemetry` and `steps` as diagnostics.
 nlohmann::json to_json(const MapAlignment& alignment);
+
+/// Returns every k-th point (position and normal), with the smallest k that leaves at most about `most` points.
+geometry::PointCloud subsample(const geometry::PointCloud& map, std::size_t most);
+
+/// Makes one ICP step against the part of the target that the method needs. Throws InputError if that is missing, and
+/// as icp() does.
+IcpResult align_step(const geometry::PointCloud& map, const geometry::Sim3& start, const AlignmentTarget& target,
+                     const IcpOptions& options);
+
+/// Result of the coarse steps.
+struct CoarseAlignment {
+  geometry::Sim3 T_local_map;
+  std::vector<IcpResult> steps;  ///< in order, from the best scale seed
+  double best_scale_seed = 1.0;  ///< best scale seed, as a multiple of the start's scale
+  std::string note;              ///< empty, or a note that another scale fits as well
+};
+
+/// Runs ICP with decreasing radii from each scale seed, over at most about 10 000 evenly chosen points, and returns the
+/// result with the smallest mean of min(distance, last radius)^2. Several seeds are needed because a map that is too
+/// small has surface close to all its points at many places, so that a start with a wrong scale gets stuck at a wrong
+/// place.
+CoarseAlignment align_coarsely(const geometry::PointCloud& map, const geometry::Sim3& T_local_map_start,
+                               const AlignmentTarget& target, const AlignMapOptions& options);
 
 }  // namespace tileflight::alignment

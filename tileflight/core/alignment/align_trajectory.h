@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -7,6 +8,12 @@
 #include "tileflight/core/geometry/trajectory.h"
 
 namespace tileflight::alignment {
+
+/// Estimates the unit direction against gravity in the frame of a camera path. A camera on an upright vehicle yaws and
+/// pitches but hardly rolls, so its x axis stays level: up is the direction most nearly perpendicular to all x axes, on
+/// the side of the image tops. nullopt if the path does not determine it: the camera rotated by only a few degrees, or
+/// rolled as much as it yawed.
+std::optional<geometry::Vec3> estimate_up_from_trajectory(const geometry::Trajectory& trajectory);
 
 /// One position of a receiver, already in the local frame.
 struct PositionFix {
@@ -35,11 +42,11 @@ struct TrajectoryAlignment {
   std::string note;             ///< warning, one line; empty: none
 };
 
-/// Similarity from the map frame to the local frame, from camera positions and a receiver's positions: robust Umeyama
-/// over positions interpolated to the fixes' times. The constant clock offset (including the receiver's lag) is
-/// searched on a grid of +-max_time_offset_s for the smallest robust residual and refined by a parabola; it stays zero
-/// if the path does not determine it (straight flight at constant speed). Throws InputError for empty or non-finite
-/// input, and for fewer than three fixes within the trajectory's time range.
+/// Estimates the similarity from the map frame to the local frame, from camera positions and a receiver's positions:
+/// robust Umeyama over positions interpolated to the fixes' times. The constant clock offset (including the receiver's
+/// lag) is searched on a grid of +-max_time_offset_s for the smallest robust residual and refined by a parabola; it
+/// stays zero if the path does not determine it (straight flight at constant speed). Throws InputError for empty or
+/// non-finite input, and for fewer than three fixes within the trajectory's time range.
 TrajectoryAlignment align_trajectory(const geometry::Trajectory& T_map_camera, const std::vector<PositionFix>& fixes,
                                      const AlignTrajectoryOptions& options = {});
 

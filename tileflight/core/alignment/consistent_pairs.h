@@ -29,8 +29,8 @@ struct ConsistencyOptions {
   std::size_t max_groups = 8;  ///< maximum number of groups returned
 };
 
-/// Groups of mutually consistent pairs, largest first: cliques of the consistency graph, grown greedily from the pairs
-/// consistent with most others. Deterministic.
+/// Finds groups of mutually consistent pairs, largest first: cliques of the consistency graph, grown greedily from the
+/// pairs consistent with most others. Deterministic.
 std::vector<std::vector<std::size_t>> find_consistent_groups(const PutativeMatches& pairs,
                                                              const ConsistencyOptions& options);
 

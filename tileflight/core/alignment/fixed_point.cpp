@@ -1,15 +1,60 @@
 #include "tileflight/core/alignment/fixed_point.h"
 
 #include <cmath>
+#include <deque>
 #include <optional>
 
-#include "tileflight/core/alignment/anderson.h"
+#include "tileflight/core/geometry/decompositions.h"
+#include "tileflight/core/geometry/transform.h"
 
 namespace tileflight::alignment {
 
 using geometry::Sim3;
 
 namespace {
+
+/// Anderson acceleration of a fixed-point iteration x <- g(x) in seven dimensions: combines the last steps so that the
+/// norm of their combined residuals g(x) - x is minimal. Walker and Ni, SIAM J. Numerical Analysis 49(4), 2011 (their
+/// method of differences); for ICP see Pavlov et al., ICRA 2018.
+class AndersonAcceleration {
+ public:
+  /// The next x, given the present x and g = g(x).
+  geometry::Vec7 next(const geometry::Vec7& x, const geometry::Vec7& g);
+
+  /// Clears the history; call after a step was rejected.
+  void reset();
+
+ private:
+  static constexpr std::size_t kWindow = 6;
+
+  struct Entry {
+    geometry::Vec7 g;
+    geometry::Vec7 residual;
+  };
+  std::deque<Entry> history_;  ///< oldest first
+};
+
+using geometry::Vec7;
+
+Vec7 AndersonAcceleration::next(const Vec7& x, const Vec7& g) {
+  history_.push_back({g, g - x});
+  if (history_.size() > kWindow + 1) history_.pop_front();
+  const auto columns = static_cast<Eigen::Index>(history_.size()) - 1;
+  if (columns == 0) return g;
+
+  Eigen::Matrix<double, 7, Eigen::Dynamic> residual_steps(7, columns), g_steps(7, columns);
+  for (Eigen::Index k = 0; k < columns; ++k) {
+    const Entry& older = history_[static_cast<std::size_t>(k)];
+    const Entry& newer = history_[static_cast<std::size_t>(k) + 1];
+    residual_steps.col(k) = newer.residual - older.residual;
+    g_steps.col(k) = newer.g - older.g;
+  }
+  const Eigen::VectorXd gamma = geometry::solve_with_least_norm(residual_steps, history_.back().residual);
+  if (!gamma.allFinite()) return g;
+  return g - g_steps * gamma;
+}
+
+void AndersonAcceleration::reset() { history_.clear(); }
 
 struct Candidate {
   Sim3 T;

@@ -1,11 +1,11 @@
 #pragma once
 
+#include <cmath>
 #include <functional>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "tileflight/core/alignment/robust_kernel.h"
 #include "tileflight/core/alignment/umeyama.h"
 #include "tileflight/core/alignment/uncertainty.h"
 #include "tileflight/core/geometry/mesh.h"
@@ -14,6 +14,51 @@
 #include "tileflight/core/geometry/triangle_index.h"
 
 namespace tileflight::alignment {
+
+enum class KernelType {
+  kNone,          ///< least squares
+  kHuber,         ///< quadratic up to the scale, linear beyond (Huber, Annals of Mathematical Statistics 35(1), 1964)
+  kTukey,         ///< zero weight beyond the scale (Beaton and Tukey's biweight, Technometrics 16(2), 1974)
+  kGemanMcClure,  ///< saturates towards the scale's square (Geman and McClure, Bull. Int. Stat. Inst. 52(4), 1987)
+};
+
+/// rho(r) of a robust M-estimator and its weight rho'(r) / (2 r) in iteratively reweighted least squares; rho is close
+/// to r^2 for small r, so costs are in square metres.
+struct RobustKernel {
+  KernelType kind = KernelType::kNone;
+  double scale_m = 0.3;  ///< scale parameter of the kernel
+
+  double weight(double squared_m2) const {
+    const double ratio = squared_m2 / (scale_m * scale_m);
+    switch (kind) {
+      case KernelType::kNone:
+        return 1.0;
+      case KernelType::kHuber:
+        return ratio <= 1.0 ? 1.0 : 1.0 / std::sqrt(ratio);
+      case KernelType::kTukey:
+        return ratio >= 1.0 ? 0.0 : (1.0 - ratio) * (1.0 - ratio);
+      case KernelType::kGemanMcClure:
+        return 1.0 / ((1.0 + ratio) * (1.0 + ratio));
+    }
+    return 1.0;
+  }
+
+  double cost_m2(double squared_m2) const {
+    const double unit_m2 = scale_m * scale_m;
+    const double ratio = squared_m2 / unit_m2;
+    switch (kind) {
+      case KernelType::kNone:
+        return squared_m2;
+      case KernelType::kHuber:
+        return ratio <= 1.0 ? squared_m2 : unit_m2 * (2.0 * std::sqrt(ratio) - 1.0);
+      case KernelType::kTukey:
+        return unit_m2 / 3.0 * (ratio >= 1.0 ? 1.0 : 1.0 - std::pow(1.0 - ratio, 3));
+      case KernelType::kGemanMcClure:
+        return squared_m2 / (1.0 + ratio);
+    }
+    return squared_m2;
+  }
+};
 
 enum class IcpMethod {
   kPointToPoint,
@@ -52,11 +97,11 @@ struct IcpOptions {
       false;  ///< after a false stop, return the converged result instead of the one at the stop
 };
 
-/// Settings that reach the fixed point quickly: accelerated, stopped by step length. Radius and scale bound are the
-/// paper's.
+/// Returns settings that reach the fixed point quickly: accelerated, stopped by step length. Radius and scale bound are
+/// the paper's.
 IcpOptions converging_icp_options();
 
-/// How well the matched surface constrains the transform.
+/// Describes how well the matched surface constrains the transform.
 struct Constraint {
   std::vector<double>
       eigenvalues;  ///< eigenvalues of the mean point-to-plane Hessian, increasing: 6, or 7 with scale; at most about 1
@@ -83,14 +128,15 @@ struct IcpResult {
   std::optional<AlignmentUncertainty> uncertainty;  ///< of the final transform; none if a motion is unconstrained
 };
 
-/// Besl and McKay, IEEE TPAMI 14(2), 1992. Throws InputError for empty or non-finite input; if no correspondence lies
-/// within the radius, the result has converged = false and a note. Point-to-plane uses the target's normals, or
-/// estimates them if there are none; generalised ICP does the same for the source.
+/// Aligns a cloud to another one by iterated closest points (Besl and McKay, IEEE TPAMI 14(2), 1992). Throws InputError
+/// for empty or non-finite input; if no correspondence lies within the radius, the result has converged = false and a
+/// note. Point-to-plane uses the target's normals, or estimates them if there are none; generalised ICP does the same
+/// for the source.
 IcpResult icp(const geometry::PointCloud& source, const geometry::PointCloud& target, const geometry::Sim3& initial,
               const IcpOptions& options = {});
 
-/// Same against a triangle mesh: nearest points of the surface with the point-to-plane step or, for kGeneralized, with
-/// the triangle's and the source's normals.
+/// Aligns a cloud to a triangle mesh: nearest points of the surface with the point-to-plane step or, for kGeneralized,
+/// with the triangle's and the source's normals.
 IcpResult icp(const geometry::PointCloud& source, const geometry::TriangleIndex& target,
               const geometry::TriangleMesh& target_mesh, const geometry::Sim3& initial, const IcpOptions& options);
 

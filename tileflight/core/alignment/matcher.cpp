@@ -5,7 +5,7 @@
 #include <limits>
 #include <nanoflann.hpp>
 
-#include "tileflight/core/geometry/morton_order.h"
+#include "tileflight/core/geometry/point_order.h"
 
 namespace tileflight::alignment {
 

@@ -21,9 +21,9 @@ struct Match {
   std::size_t triangle = kNoTriangle;  ///< index in the mesh; kNoTriangle for a cloud
 };
 
-/// Nearest target point for a fixed set of source points that move little between calls. A point's nearest neighbour
-/// stays the same as long as it moved less than half the gap to the second nearest, so most calls need no search; the
-/// result is always exact. Different source points may be queried in parallel.
+/// Finds the nearest target point for a fixed set of source points that move little between calls. A point's nearest
+/// neighbour stays the same as long as it moved less than half the gap to the second nearest, so most calls need no
+/// search; the result is always exact. Different source points may be queried in parallel.
 class CloudMatcher {
  public:
   /// Source points are compared with `target` shifted by -`shift`.
@@ -33,7 +33,7 @@ class CloudMatcher {
   CloudMatcher(CloudMatcher&&) noexcept;
   CloudMatcher& operator=(CloudMatcher&&) noexcept;
 
-  /// Match of source point `i` at its present `position`; false if nothing lies within the radius.
+  /// Finds the match of source point `i` at its present `position`; false if nothing lies within the radius.
   bool find(std::size_t i, const geometry::Vec3& position, Match& match);
 
  private:
@@ -55,15 +55,16 @@ class CloudMatcher {
   std::unique_ptr<Tree> tree_;
 };
 
-/// Same against the triangles of a mesh. A point's last result bounds its next search.
+/// Finds the nearest point on the triangles of a mesh, as CloudMatcher does among points. A point's last result bounds
+/// its next search.
 class MeshMatcher {
  public:
   MeshMatcher(const geometry::TriangleIndex& index, const geometry::TriangleMesh& mesh, const geometry::Vec3& shift,
               std::size_t source_points, double radius_m);
 
-  /// Match of source point `i`. The normal points from the surface to the source point (the gradient of the distance);
-  /// for a point on the surface it is the triangle's. `match` may hold a neighbour's match on entry, which bounds a
-  /// first search.
+  /// Finds the match of source point `i`. The normal points from the surface to the source point (the gradient of the
+  /// distance); for a point on the surface it is the triangle's. `match` may hold a neighbour's match on entry, which
+  /// bounds a first search.
   bool find(std::size_t i, const geometry::Vec3& position, Match& match);
 
   geometry::Vec3 triangle_normal(std::size_t triangle) const;

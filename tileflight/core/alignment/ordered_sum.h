@@ -8,8 +8,8 @@
 
 namespace tileflight::alignment {
 
-/// Sum of `part(begin, end)` over fixed chunks of [0, n), computed in parallel and added in order: bit-identical for
-/// any number of threads.
+/// Sums `part(begin, end)` over fixed chunks of [0, n). Chunks are computed in parallel and added in order, so that the
+/// sum is bit-identical for any number of threads.
 template <class Sum, class Part>
 Sum ordered_sum(std::size_t n, const Part& part) {
   constexpr std::size_t kChunk = 1024;

@@ -1,6 +1,7 @@
 #pragma once
 
-#include "tileflight/core/alignment/point_moments.h"
+#include "tileflight/core/alignment/icp.h"
+#include "tileflight/core/alignment/umeyama.h"
 
 namespace tileflight::alignment {
 
@@ -19,11 +20,16 @@ struct PointToPlaneSystem {
   PointToPlaneSystem& operator+=(const PointToPlaneSystem& other);
 };
 
-/// Derivative of a residual along `normal` at `y` by the seven unknowns.
+/// Returns the derivative of a residual along `normal` at `y` by the seven unknowns.
 geometry::Vec7 plane_jacobian(const geometry::Vec3& y, const geometry::Vec3& normal, double length_m);
 
-/// The motion that minimises the system, as a similarity to apply after the present one; the scale is bounded to
-/// `range` (factors of the present scale). Unconstrained directions do not move.
+/// Returns the motion that minimises the system, as a similarity to apply after the present one; the scale is bounded
+/// to `range` (factors of the present scale). Unconstrained directions do not move.
 geometry::Sim3 solve(const PointToPlaneSystem& system, const ScaleRange& range, double length_m);
+
+/// Computes the eigenvalues of the mean point-to-plane Hessian of matched points; Gelfand et al., 3DIM 2003,
+/// "Geometrically stable sampling for the ICP algorithm". For a plane the eigenvalues of two translations and one
+/// rotation are zero. `with_scale` false excludes the scale.
+Constraint analyze_constraint(const PointToPlaneSystem& system, std::size_t points, bool with_scale);
 
 }  // namespace tileflight::alignment

@@ -29,7 +29,7 @@ struct PointSpread {
 
 PointSpread compute_spread(const std::vector<geometry::Vec3>& points);
 
-/// Root mean square of |A p - B p| over the points, metres.
+/// Returns the root mean square of |A p - B p| over the points, metres.
 double rms_motion_m(const geometry::Sim3& A, const geometry::Sim3& B, const PointSpread& points);
 
 /// Converts a fit about two centres to the points' own coordinates.

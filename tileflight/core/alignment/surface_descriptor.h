@@ -9,7 +9,7 @@
 
 namespace tileflight::alignment {
 
-/// Mean of the points in each occupied grid cell, in the order of the cells.
+/// Returns the mean of the points in each occupied grid cell, in the order of the cells.
 std::vector<geometry::Vec3> voxel_downsample(const std::vector<geometry::Vec3>& points, double cell_m);
 
 struct DescriptorOptions {
@@ -18,7 +18,7 @@ struct DescriptorOptions {
   std::optional<geometry::Vec3> up = {};  ///< unit direction against gravity, if known; adds histograms relative to it
 };
 
-/// Descriptor of the surface around each point, one row per point: histograms over the neighbours, combined with the
+/// Describes the surface around each point, one row per point: histograms over the neighbours, combined with the
 /// neighbours' own histograms as in Fast Point Feature Histograms (Rusu, Blodow and Beetz, ICRA 2009). For each pair of
 /// points they count the unsigned angles between normals and connecting line, since a sparse map has no outside; with
 /// gravity also the neighbour's slope and relative height. Rows are zero for points with fewer than five neighbours

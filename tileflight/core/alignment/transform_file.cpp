@@ -5,7 +5,6 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/json_file.h"
 #include "tileflight/core/geometry/json_numbers.h"
 
 namespace tileflight::alignment {

@@ -7,16 +7,16 @@
 
 namespace tileflight::alignment {
 
-/// The keys of `transform.json`: matrix (4x4 row-major, map to local, scale included), scale, rmse, fitness,
+/// Returns the keys of `transform.json`: matrix (4x4 row-major, map to local, scale included), scale, rmse, fitness,
 /// iterations, converged, method, note; also correspondences, points, the constraint by the surface, and the
 /// uncertainty (metres, degrees, covariance of metres, radians and log scale; not read back).
 nlohmann::json to_json(const IcpResult& result);
 
-/// The inverse of to_json. `matrix` is required and must be a similarity consistent with `scale`; other keys are
+/// Reads what to_json() returns. `matrix` is required and must be a similarity consistent with `scale`; other keys are
 /// optional, so that a hand-written file can serve as a start. Throws InputError (`where`, key, cause).
 IcpResult alignment_from_json(const nlohmann::json& json, const std::string& where);
 
-/// Writes the file atomically. Throws InputError.
+/// Reads a transform.json. Throws InputError.
 IcpResult read_transform(const std::filesystem::path& file);
 
 }  // namespace tileflight::alignment

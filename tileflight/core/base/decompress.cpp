@@ -1,5 +1,6 @@
 #include "tileflight/core/base/decompress.h"
 
+#include <lzf.h>
 #include <zlib.h>
 #include <zstd.h>
 
@@ -10,7 +11,10 @@
 #include "tileflight/core/base/input_error.h"
 
 namespace tileflight::base {
+
 namespace {
+
+constexpr std::size_t kMost = std::numeric_limits<unsigned>::max();
 
 using Bytes = std::span<const std::byte>;
 
@@ -82,6 +86,26 @@ Bytes append_stream(Bytes bytes, int window_bits, std::size_t max_bytes, const s
 }
 
 }  // namespace
+
+std::optional<std::string> lzf_decompress(std::string_view input, std::size_t size) {
+  if (input.size() > kMost || size > kMost) return std::nullopt;
+  if (input.empty() || size == 0) return input.empty() && size == 0 ? std::optional<std::string>("") : std::nullopt;
+  std::string output(size, '\0');
+  const unsigned written = ::lzf_decompress(input.data(), static_cast<unsigned>(input.size()), output.data(),
+                                            static_cast<unsigned>(output.size()));
+  if (written != size) return std::nullopt;
+  return output;
+}
+
+std::string lzf_compress(std::string_view input) {
+  if (input.empty()) return {};
+  const std::size_t worst = input.size() + input.size() / 32 + 64;  // one control byte per 32 literals
+  if (worst > kMost) throw InputError("LZF", "cannot compress 4 GB and more at once");
+  std::string output(worst, '\0');
+  output.resize(::lzf_compress(input.data(), static_cast<unsigned>(input.size()), output.data(),
+                               static_cast<unsigned>(output.size())));
+  return output;
+}
 
 bool is_gzip(Bytes bytes) {
   return bytes.size() >= 3 && bytes[0] == std::byte{0x1F} && bytes[1] == std::byte{0x8B} && bytes[2] == std::byte{8};

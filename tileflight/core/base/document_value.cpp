@@ -1,17 +1,68 @@
 #include "tileflight/core/base/document_value.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <numeric>
+#include <vector>
 
-#include "tileflight/core/base/canonical_yaml.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/text_parsing.h"
 
 namespace tileflight::base {
+using nlohmann::json;
+
 namespace {
 
-using nlohmann::json;
+constexpr int kDeepest = 64;              // limit of nesting: an alias can refer to its own ancestor
+constexpr std::size_t kExactDigits = 15;  // decimal digits that a double always preserves
+
+std::string filled_in(const std::string& scalar) {
+  try {
+    return expand_variables(scalar, "");
+  } catch (const InputError&) {
+    return scalar;  // left unchanged: the reader of the value reports the error
+  }
+}
+
+/// Quotes a text as a JSON string, so that no text can be mistaken for a list or a map.
+std::string quoted(const std::string& text) {
+  std::string result = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') result += '\\';
+    result += c == '\n' ? std::string("\\n") : std::string(1, c);
+  }
+  return result + "\"";
+}
+
+std::string scalar_text(const std::string& text) {
+  const auto digits =
+      static_cast<std::size_t>(std::count_if(text.begin(), text.end(), [](char c) { return c >= '0' && c <= '9'; }));
+  const auto number = digits > 0 && digits <= kExactDigits ? parse_number<double>(text) : std::nullopt;
+  if (!number || !std::isfinite(*number)) return quoted(text);
+  std::string result;
+  append_number(result, *number == 0.0 ? 0.0 : *number);
+  return result;
+}
+
+std::string meaning(const YAML::Node& node, int depth) {
+  if (depth > kDeepest) throw InputError("YAML", "lists and maps are nested too deeply");
+  if (!node.IsDefined() || node.IsNull()) return "null";
+  if (node.IsScalar()) return scalar_text(filled_in(node.Scalar()));
+  std::string text;
+  if (node.IsSequence()) {
+    for (const YAML::Node& entry : node) text += (text.empty() ? "" : ",") + meaning(entry, depth + 1);
+    return "[" + text + "]";
+  }
+  std::vector<std::string> entries;
+  for (const auto& entry : node)
+    entries.push_back(meaning(entry.first, depth + 1) + ":" + meaning(entry.second, depth + 1));
+  std::sort(entries.begin(), entries.end());
+  for (const std::string& entry : entries) text += (text.empty() ? "" : ",") + entry;
+  return "{" + text + "}";
+}
 
 /// Expands `NAME` or `NAME:-fallback`, as in a shell.
 std::string value_of_variable(const std::string& expression, const std::string& where) {
@@ -30,6 +81,50 @@ std::optional<T> scalar(const YAML::Node& node) {
 }
 
 }  // namespace
+
+std::size_t edit_distance(std::string_view a, std::string_view b) {
+  // Wagner and Fischer (Journal of the ACM 21(1), 1974), one row at a time: row[j] = distance(a[0..i), b[0..j)).
+  std::vector<std::size_t> row(b.size() + 1);
+  std::iota(row.begin(), row.end(), std::size_t{0});
+  for (std::size_t i = 1; i <= a.size(); ++i) {
+    std::size_t diagonal = row[0];
+    row[0] = i;
+    for (std::size_t j = 1; j <= b.size(); ++j) {
+      const std::size_t substituted = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
+      diagonal = row[j];
+      row[j] = std::min({row[j] + 1, row[j - 1] + 1, substituted});
+    }
+  }
+  return row.back();
+}
+
+std::string nearest_key(std::string_view unknown, const std::vector<std::string>& known) {
+  const auto nearest = std::min_element(known.begin(), known.end(), [&](const std::string& a, const std::string& b) {
+    return edit_distance(unknown, a) < edit_distance(unknown, b);
+  });
+  return nearest == known.end() ? std::string() : *nearest;
+}
+
+std::string did_you_mean(std::string_view unknown, const std::vector<std::string>& known) {
+  const std::string nearest = nearest_key(unknown, known);
+  const std::size_t longer = std::max(unknown.size(), nearest.size());
+  const bool is_beginning = unknown.size() >= 3 && nearest.starts_with(unknown);
+  // Allows two of five letters to differ, plus one transposition in short words.
+  if (nearest.empty() || (!is_beginning && 5 * edit_distance(unknown, nearest) > 2 * longer + 2)) return "";
+  return "; did you mean '" + nearest + "'?";
+}
+
+std::string canonical_yaml(const YAML::Node& node) { return meaning(node, 0); }
+
+std::string canonical_yaml_text(const std::string& text) {
+  try {
+    const YAML::Node root = YAML::Load(text);
+    if (root.IsMap()) return canonical_yaml(root);
+  } catch (const YAML::Exception&) {
+    return text;
+  }
+  return text;
+}
 
 std::string expand_variables(const std::string& text, const std::string& where) {
   std::string result;

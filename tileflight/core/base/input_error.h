@@ -14,3 +14,12 @@ class InputError : public std::runtime_error {
 };
 
 }  // namespace tileflight
+
+namespace tileflight::base {
+
+/// Throws InputError(where, what) unless `holds`.
+inline void require(bool holds, const std::string& where, const std::string& what) {
+  if (!holds) throw InputError(where, what);
+}
+
+}  // namespace tileflight::base

@@ -7,30 +7,31 @@
 
 namespace tileflight::base {
 
-/// Default memory limit for tiles: half of the machine's memory, or of what the control group of this process allows
-/// (Linux; a container's limit).
+/// Returns the default memory limit for tiles, bytes: half of the memory of this machine, or of its container (the
+/// limit of this process's control group, Linux).
 std::uintmax_t default_memory_bytes();
 
-/// Memory that a new program can take without displacing others: what the kernel calls available, and at
-/// most what the control group of this process allows (Linux). The largest number if that is not known.
+/// Returns the memory that a new program can take without displacing others, bytes: what the kernel calls available, at
+/// most what the control group of this process allows (Linux). Returns the largest number if it is unknown.
 std::uintmax_t available_memory_bytes();
 
-/// Returns free pages between those in use to the system (glibc). What frames, tiles and keyframes leave in the arenas
-/// of several threads does not serve the next step as it lies: in a run of 100 frames of 2688 x 1512, odometry began
-/// with 772 MB free of 773 in the arenas, and came to take 1596 MB for 769 in use.
+/// Gives the allocator's free pages back to the system (glibc). Each thread has an arena of its own, and memory that
+/// one step freed there does not serve the threads of the next: without this call, odometry after rendering (100 frames
+/// of 2688 x 1512) took 1596 MB to use 769 MB.
 void return_free_pages();
 
 /// Memory that a control group allows (cgroup v2), bytes; the largest number if it sets no limit.
 struct ControlGroupMemory {
   std::uintmax_t limit = 0;  ///< the least of it and the groups around it
-  std::uintmax_t left = 0;   ///< likewise, of what they have not used yet
+  std::uintmax_t left = 0;   ///< the least amount that one of them has not used yet
 };
 
-/// `top`: where the hierarchy is mounted, /sys/fs/cgroup. `line`: of /proc/self/cgroup, "0::/system.slice/x.service".
+/// Reads the memory limits of a control group. `top` is where the hierarchy is mounted (/sys/fs/cgroup), `line` a line
+/// of /proc/self/cgroup ("0::/system.slice/x.service").
 ControlGroupMemory control_group_memory(const std::filesystem::path& top, std::string_view line);
 
-/// The number behind `key` in a text such as /proc/meminfo ("MemAvailable:   123 kB"), bytes; nullopt if it is not
-/// there.
+/// Returns the number behind `key` in a text such as /proc/meminfo ("MemAvailable:   123 kB"), bytes; nullopt if the
+/// key is missing.
 std::optional<std::uintmax_t> meminfo_bytes(std::string_view text, std::string_view key);
 
 }  // namespace tileflight::base

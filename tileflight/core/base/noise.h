@@ -4,8 +4,8 @@
 
 namespace tileflight::base {
 
-/// Integer mixing with full avalanche (the finaliser of MurmurHash3); source of all randomness in the built-in site,
-/// identical on every machine.
+/// Mixes the bits of an integer with full avalanche (the finaliser of MurmurHash3); source of all randomness in the
+/// built-in site, identical on every machine.
 constexpr std::uint32_t murmur3_mix(std::uint32_t h) {
   h ^= h >> 16;
   h *= 0x85ebca6bU;
@@ -15,7 +15,8 @@ constexpr std::uint32_t murmur3_mix(std::uint32_t h) {
   return h;
 }
 
-/// Hash of a lattice point, uniform over 32 bits; cheaper than murmur3_mix, because it is evaluated a billion times.
+/// Returns the hash of a lattice point, uniform over 32 bits; cheaper than murmur3_mix, because it is evaluated a
+/// billion times.
 constexpr std::uint32_t hash_lattice(std::int32_t x, std::int32_t y, std::uint32_t seed) {
   std::uint32_t h = static_cast<std::uint32_t>(x) * 0x9e3779b1U + seed;
   h ^= static_cast<std::uint32_t>(y) * 0x7feb352dU;
@@ -24,23 +25,23 @@ constexpr std::uint32_t hash_lattice(std::int32_t x, std::int32_t y, std::uint32
   return h ^ (h >> 12);
 }
 
-/// Floor as an integer; cheaper than std::floor on processors without an instruction for it.
+/// Returns the floor as an integer; cheaper than std::floor on processors without an instruction for it.
 inline std::int32_t floor_to_int(double x) {
   const auto i = static_cast<std::int32_t>(x);
   return i - (x < i ? 1 : 0);
 }
 
-/// Uniform in [0, 1), constant over each unit cell of the plane.
+/// Returns a random number, uniform in [0, 1), that is constant over each unit cell of the plane.
 inline float cell_random(double x, double y, std::uint32_t seed) {
   return static_cast<float>(hash_lattice(floor_to_int(x), floor_to_int(y), seed) >> 8) * 0x1p-24F;
 }
 
-/// Value noise in [-1, 1]: random values at integer points, smoothly interpolated with the weight 3t^2 - 2t^3 (see
-/// Perlin, "Improving noise", SIGGRAPH 2002).
+/// Returns value noise in [-1, 1]: random values at integer points, smoothly interpolated with the weight 3t^2 - 2t^3
+/// (see Perlin, "Improving noise", SIGGRAPH 2002).
 float value_noise(double x, double y, std::uint32_t seed);
 float value_noise_3d(double x, double y, double z, std::uint32_t seed);
 
-/// Sum of `octaves` of value noise, each at twice the frequency and `gain` times the amplitude of the one before,
+/// Sums `octaves` of value noise, each at twice the frequency and `gain` times the amplitude of the one before,
 /// scaled back to about [-1, 1].
 float fractal_noise(double x, double y, std::uint32_t seed, int octaves, float gain = 0.5F);
 float fractal_noise_3d(double x, double y, double z, std::uint32_t seed, int octaves, float gain = 0.5F);

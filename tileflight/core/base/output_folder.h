@@ -9,25 +9,36 @@
 
 namespace tileflight::base {
 
-/// Describes the output folders of a command that were written before markers existed (folder_marker.h).
-struct LegacyFolderPattern {
-  std::string key_file;  ///< must exist ("dataset.yaml"); empty: none
-  std::string key_text;  ///< must occur in the key file, if other programs also write files of that name
-  /// All files that such a folder may hold, relative to it: '#' matches a digit, '*' any characters but '/'. Empty:
-  /// folders of the command are recognised by their marker alone.
-  std::vector<std::string> files;
+/// Name of the file that marks a folder as written by this program and lists the files it wrote there. Dataset and
+/// result readers ignore it.
+inline constexpr const char* kFolderMarker = ".tileflight";
+
+/// Content of the kFolderMarker file.
+struct FolderMarker {
+  std::string command;             ///< "render"
+  std::vector<std::string> files;  ///< all files but the marker, relative to the folder ("images/000000.jpg"), sorted
 };
+
+/// Lists all files (and links and other non-folders) below `folder`, relative to it, sorted. Links to folders are not
+/// followed. Empty if the folder does not exist.
+std::vector<std::string> list_files_recursive(const std::filesystem::path& folder);
+
+/// Writes the marker of a finished folder; it lists all files in it. The same files give the same bytes. A run of
+/// numbered files is stored as one line, to keep the marker small. Throws InputError.
+void write_folder_marker(const std::filesystem::path& folder, const std::string& command);
+
+/// Reads the marker of a folder. nullopt: there is none, or this program did not write it.
+std::optional<FolderMarker> read_folder_marker(const std::filesystem::path& folder);
 
 /// A folder that a command writes, and what may be replaced there.
 struct OutputFolder {
   std::filesystem::path folder;
   std::string command;  ///< "render"; stored in the marker
   bool replace = false;
-  std::vector<std::filesystem::path> inputs;  ///< files and folders that the command reads; missing ones are ignored
-  LegacyFolderPattern legacy;
+  std::vector<std::filesystem::path> inputs{};  ///< files and folders that the command reads; missing ones are ignored
 };
 
-/// Absolute path of a folder with links and ".." resolved, without a trailing slash.
+/// Returns the absolute path of a folder with links and ".." resolved, without a trailing slash.
 std::filesystem::path resolve_folder(const std::filesystem::path& folder);
 
 /// Throws InputError if the folder may not be written: it exists and `replace` is false, it holds files not written by
@@ -44,10 +55,9 @@ void write_folder(const OutputFolder& output, const std::function<void(const std
 /// thrown.
 void install_folder(const std::filesystem::path& built, const OutputFolder& output);
 
-/// The first file below `folder` that this program did not write: not listed in the folder's marker or, without a
-/// marker, not matched by `unmarked`. nullopt: there is none.
-std::optional<std::string> find_foreign_file(const std::filesystem::path& folder,
-                                             const LegacyFolderPattern& unmarked = {});
+/// Returns the first file below `folder` that this program did not write: one that the folder's marker does not list
+/// or, without a marker, any. nullopt: there is none.
+std::optional<std::string> find_foreign_file(const std::filesystem::path& folder);
 
 /// Whether a command wrote this folder and it cannot be part of a tileset (a command's output can itself be a tileset).
 bool is_result_folder(const std::filesystem::path& folder);
@@ -59,9 +69,9 @@ bool matches_pattern(std::string_view name, std::string_view pattern);
 /// holds any other.
 void remove_output(const std::filesystem::path& path);
 
-/// To be called before the work whose result is a single file. Throws InputError if `file` is an input, or a file of an
-/// input folder: outputs never overwrite inputs. A file in a command's output folder that the command did not write is
-/// not an input. Makes the folder of `file` if it is missing.
+/// Checks, before work whose result is a single file, that the file may be written. Throws InputError if `file` is an
+/// input, or a file of an input folder: outputs never overwrite inputs. A file in a command's output folder that the
+/// command did not write is not an input. Makes the folder of `file` if it is missing.
 void prepare_output_file(const std::filesystem::path& file, const std::vector<std::filesystem::path>& inputs);
 
 }  // namespace tileflight::base

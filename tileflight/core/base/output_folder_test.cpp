@@ -8,12 +8,12 @@
 
 #include <chrono>
 #include <fstream>
+#include <random>
 #include <thread>
 
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 #include "tileflight/core/base/files.h"
-#include "tileflight/core/base/folder_marker.h"
 
 namespace tileflight::base::output_folder_test {
 namespace {
@@ -33,9 +33,8 @@ void make_file(const fs::path& file, const std::string& text = "x") {
 }
 
 /// Writes `folder` as a command would, with these files.
-void write(const fs::path& folder, const std::vector<std::string>& files, const std::vector<fs::path>& inputs = {},
-           const LegacyFolderPattern& unmarked = {}) {
-  const OutputFolder output{.folder = folder, .command = "test", .replace = true, .inputs = inputs, .legacy = unmarked};
+void write(const fs::path& folder, const std::vector<std::string>& files, const std::vector<fs::path>& inputs = {}) {
+  const OutputFolder output{.folder = folder, .command = "test", .replace = true, .inputs = inputs};
   write_folder(output, [&](const fs::path& temporary) {
     for (const std::string& file : files) make_file(temporary / file);
   });
@@ -125,28 +124,6 @@ TEST(WriteFolder, NeverReplacesAFolderThatItDoesNotKnow) {
   EXPECT_TRUE(fs::exists(folder / "empty/new"));
 }
 
-TEST(WriteFolder, ReplacesFoldersOfEarlierVersionsThatHoldNothingElse) {
-  const tests::TemporaryFolder folder;
-  const LegacyFolderPattern unmarked{
-      .key_file = "result.json", .key_text = "made", .files = {"result.json", "p/###.png"}};
-  const auto make_old = [&](const std::string& key_text, const std::string& further) {
-    fs::remove_all(folder / "out");
-    make_file(folder / "out/result.json", key_text);
-    make_file(folder / ("out/" + further));
-  };
-  make_old("made by us", "p/012.png");
-  write(folder / "out", {"new"}, {}, unmarked);
-  EXPECT_TRUE(fs::exists(folder / "out/new"));
-
-  make_old("made by us", "p/0123.png");
-  EXPECT_THAT(refusal_of([&] { write(folder / "out", {"new"}, {}, unmarked); }),
-              HasSubstr("holds p/0123.png, which may not be tileflight's"));
-  make_old("by others", "p/012.png");
-  EXPECT_THAT(refusal_of([&] { write(folder / "out", {"new"}, {}, unmarked); }), HasSubstr("may not be tileflight's"));
-  fs::remove(folder / "out/result.json");
-  EXPECT_THAT(refusal_of([&] { write(folder / "out", {"new"}, {}, unmarked); }), HasSubstr("holds p/012.png"));
-}
-
 TEST(WriteFolder, NeverReplacesAnInputByWhateverNameItGoes) {
   const tests::TemporaryFolder folder;
   const fs::path out = folder / "a/out";
@@ -194,7 +171,7 @@ TEST(WriteFolder, AParentOrAPartOfAnInputStays) {
 TEST(WriteFolder, WithoutForceSaysWhatKeepsItFromBeingReplaced) {
   const tests::TemporaryFolder folder;
   write(folder / "out", {"a"});
-  OutputFolder output{.folder = folder / "out", .command = "test", .replace = false, .inputs = {}, .legacy = {}};
+  OutputFolder output{.folder = folder / "out", .command = "test", .replace = false};
   EXPECT_THAT(refusal_of([&] { require_writable(output); }), HasSubstr("exists already; --force replaces it"));
   make_file(folder / "out/notes.txt");
   EXPECT_THAT(refusal_of([&] { require_writable(output); }), HasSubstr("exists already and holds notes.txt"));
@@ -214,7 +191,7 @@ TEST(WriteFolder, ALinkToAFolderStaysALink) {
 TEST(WriteFolder, FilesOfOthersThatCameMeanwhileAreMovedAside) {
   const tests::TemporaryFolder folder;
   write(folder / "out", {"a"});
-  const OutputFolder output{.folder = folder / "out", .command = "test", .replace = true, .inputs = {}, .legacy = {}};
+  const OutputFolder output{.folder = folder / "out", .command = "test", .replace = true};
   const std::string refusal = refusal_of([&] {
     write_folder(output, [&](const fs::path& temporary) {
       make_file(temporary / "b");
@@ -226,7 +203,7 @@ TEST(WriteFolder, FilesOfOthersThatCameMeanwhileAreMovedAside) {
   EXPECT_TRUE(fs::exists(folder / "out/b"));
   EXPECT_EQ(read_text(folder / "out.before/notes.txt"), "mine");
 
-  const OutputFolder fresh{.folder = folder / "new", .command = "test", .replace = false, .inputs = {}, .legacy = {}};
+  const OutputFolder fresh{.folder = folder / "new", .command = "test", .replace = false};
   EXPECT_THAT(refusal_of([&] {
                 write_folder(fresh, [&](const fs::path& temporary) {
                   make_file(temporary / "b");
@@ -251,7 +228,7 @@ TEST(WriteFolder, PutsBackWhatAProcessKilledBetweenTwoRenamesLeft) {
   const std::string of_the_dead = ".out." + std::to_string(ended_process());
   write(folder / (of_the_dead + "-1.old"), {"whole"});
   make_file(folder / (of_the_dead + "-0.tmp") / "whole too");
-  const OutputFolder output{.folder = folder / "out", .command = "test", .replace = false, .inputs = {}, .legacy = {}};
+  const OutputFolder output{.folder = folder / "out", .command = "test", .replace = false};
   EXPECT_THAT(refusal_of([&] { require_writable(output); }), HasSubstr("exists already"));
   EXPECT_TRUE(fs::exists(folder / "out/whole"));
   write(folder / "out", {"new"});
@@ -348,3 +325,84 @@ TEST(Matches, DigitsAndStars) {
 
 }  // namespace
 }  // namespace tileflight::base::output_folder_test
+
+namespace tileflight::base::folder_marker_test {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::ElementsAre;
+
+void make_file(const fs::path& file) {
+  fs::create_directories(file.parent_path());
+  std::ofstream(file) << "x";
+}
+
+TEST(FolderMarker, NamesTheCommandAndEveryFile) {
+  const tests::TemporaryFolder folder;
+  for (const char* name : {"b.txt", "a.txt", "images/000000.jpg", "images/000001.jpg", "images/000003.jpg"})
+    make_file(folder / name);
+  fs::create_directory(folder / "empty");
+  fs::create_directory_symlink("images", folder / "link");
+  write_folder_marker(folder.path(), "render");
+  const auto marker = read_folder_marker(folder.path());
+  ASSERT_TRUE(marker);
+  EXPECT_EQ(marker->command, "render");
+  EXPECT_THAT(marker->files,
+              ElementsAre("a.txt", "b.txt", "images/000000.jpg", "images/000001.jpg", "images/000003.jpg", "link"));
+}
+
+TEST(FolderMarker, IsTheSameWheneverTheFilesAre) {
+  const tests::TemporaryFolder folder;
+  make_file(folder / "a.txt");
+  write_folder_marker(folder.path(), "tile");
+  const std::string first = read_text(folder / kFolderMarker);
+  write_folder_marker(folder.path(), "tile");
+  EXPECT_EQ(read_text(folder / kFolderMarker), first) << "it does not name itself";
+}
+
+TEST(FolderMarker, StaysSmallForManyFrames) {
+  const tests::TemporaryFolder folder;
+  fs::create_directory(folder / "images");
+  for (int i = 0; i < 1200; ++i) {
+    std::string digits = std::to_string(i);
+    std::ofstream(folder / ("images/" + std::string(6 - digits.size(), '0') + digits + ".jpg")) << "x";
+  }
+  write_folder_marker(folder.path(), "render");
+  EXPECT_LT(fs::file_size(folder / kFolderMarker), 300U);
+  EXPECT_EQ(read_folder_marker(folder.path())->files, [&] {
+    std::vector<std::string> files = list_files_recursive(folder.path());
+    std::erase(files, kFolderMarker);
+    return files;
+  }());
+}
+
+TEST(FolderMarker, ReadsBackWhateverFilesAreCalled) {
+  // Compares with the plain list of the folder, for names with digits, signs, control characters and invalid UTF-8.
+  std::mt19937 random(7);
+  const std::string letters = "0199#%.\t\n -_a\xC3\xFF";
+  for (int round = 0; round < 60; ++round) {
+    const tests::TemporaryFolder folder;
+    for (int i = 0; i < 12; ++i) {
+      std::string name;
+      for (unsigned n = 1 + random() % 5; n > 0; --n) name += letters[random() % letters.size()];
+      if (name == "." || name == "..") continue;
+      make_file(folder / (random() % 3 == 0 ? "d/" + name : name));
+    }
+    const std::vector<std::string> files = list_files_recursive(folder.path());
+    write_folder_marker(folder.path(), "odometry");
+    EXPECT_EQ(read_folder_marker(folder.path())->files, files);
+  }
+}
+
+TEST(FolderMarker, WhatIsNoneIsNone) {
+  const tests::TemporaryFolder folder;
+  EXPECT_FALSE(read_folder_marker(folder.path()));
+  EXPECT_FALSE(read_folder_marker(folder / "absent"));
+  for (const char* text : {"", "\n", "notes on tileflight\n", "tileflight x\na0\ta999999999\n"}) {
+    write_file(folder / kFolderMarker, text);
+    EXPECT_FALSE(read_folder_marker(folder.path())) << text;
+  }
+}
+
+}  // namespace
+}  // namespace tileflight::base::folder_marker_test

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <string_view>
@@ -17,3 +18,12 @@ inline void report_progress(const Progress& progress, std::int64_t done, std::in
 }
 
 }  // namespace tileflight
+
+namespace tileflight::base {
+
+/// Returns the wall-clock time since `start`, in seconds.
+inline double seconds_since(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+}  // namespace tileflight::base

@@ -14,7 +14,7 @@ namespace tileflight::base {
 /// Increment of SplitMix64's counter: 2^64 divided by the golden ratio.
 inline constexpr std::uint64_t kSplitMixStep = 0x9E3779B97F4A7C15ULL;
 
-/// Finaliser of SplitMix64 (Steele, Lea, Flood, OOPSLA 2014): 64 well mixed bits of a counter.
+/// Hashes a counter by the finaliser of SplitMix64 (Steele, Lea, Flood, OOPSLA 2014): 64 well mixed bits.
 constexpr std::uint64_t splitmix64_hash(std::uint64_t x) {
   x += kSplitMixStep;
   x = (x ^ (x >> 30U)) * 0xBF58476D1CE4E5B9ULL;
@@ -34,20 +34,20 @@ class SplitMix64 {
     return bits;
   }
 
-  /// Uniform integer in [0, n), n below 2^32: high half of a product (Lemire 2019), bias below n / 2^32.
+  /// Draws a uniform integer in [0, n), n below 2^32: high half of a product (Lemire 2019), bias below n / 2^32.
   std::size_t below(std::size_t n) { return static_cast<std::size_t>(((next() >> 32) * n) >> 32); }
 
  private:
   std::uint64_t state_;
 };
 
-/// Key of an independent random stream.
+/// Returns the key of an independent random stream.
 constexpr std::uint64_t stream_key(std::uint64_t seed, std::uint64_t stream) {
   return splitmix64_hash(splitmix64_hash(seed) ^ (stream * 0xD1B54A32D192ED03ULL));
 }
 
-/// Four standard normal numbers as a function of key and counter alone (Box and Muller 1958), so that the order of
-/// calls does not matter.
+/// Returns four standard normal numbers as a function of key and counter alone (Box and Muller 1958), so that the order
+/// of calls does not matter.
 inline std::array<float, 4> normal_variates(std::uint64_t key, std::uint64_t counter) {
   std::array<float, 4> normal;
   for (std::size_t pair = 0; pair < 2; ++pair) {
@@ -61,8 +61,8 @@ inline std::array<float, 4> normal_variates(std::uint64_t key, std::uint64_t cou
   return normal;
 }
 
-/// Natural logarithms of eight normal numbers above 0, to 2e-7 of the larger of 1 and the value: x = 2^e m with m from
-/// sqrt(1/2) to sqrt(2), and ln m = 2 artanh((m - 1) / (m + 1)).
+/// Computes the natural logarithms of eight normal floats above 0, to 2e-7 of the larger of 1 and the value: x = 2^e m
+/// with m from sqrt(1/2) to sqrt(2), and ln m = 2 artanh((m - 1) / (m + 1)).
 TILEFLIGHT_LANE_INLINE void logarithm(const Float8& x, Float8& out) {
   constexpr std::int32_t kRootOfHalf = 0x3F3504F3;  // the bits of sqrt(1/2)
   Int8 bits;
@@ -76,8 +76,8 @@ TILEFLIGHT_LANE_INLINE void logarithm(const Float8& x, Float8& out) {
   out = __builtin_convertvector(exponent, Float8) * std::numbers::ln2_v<float> + 2.0F * (s + s * series);
 }
 
-/// Cosine and sine of eight angles, given in 2^-24 of a turn from 0 on, to 2e-7: Taylor's series within an eighth of a
-/// turn about the nearest quarter.
+/// Computes the cosine and sine of eight angles, given in 2^-24 of a turn from 0 on, to 2e-7: Taylor's series within an
+/// eighth of a turn about the nearest quarter.
 TILEFLIGHT_LANE_INLINE void cosine_and_sine(const Int8& angle, Float8& cosine, Float8& sine) {
   const Int8 quarter = (angle + (1 << 21)) >> 22;
   const Float8 x = __builtin_convertvector(angle - (quarter << 22), Float8) * (0x1p-23F * std::numbers::pi_v<float>);
@@ -90,9 +90,9 @@ TILEFLIGHT_LANE_INLINE void cosine_and_sine(const Int8& angle, Float8& cosine, F
   sine = (quarter & 2) != 0 ? -across : across;
 }
 
-/// normal_variates() of eight successive counters: normals[i][k] is the i-th number of counter `first` + k. They differ
-/// from the others in the last digits (by 4e-6 at most), and are the same bits on every processor, since they use
-/// nothing of the C library.
+/// Computes normal_variates() for eight successive counters: normals[i][k] is the i-th number of counter `first` + k.
+/// The results differ from normal_variates() by at most 4e-6, and have the same bits on every processor, since no
+/// function of the C library is involved.
 TILEFLIGHT_LANE_INLINE void normal_variates8(std::uint64_t key, std::uint64_t first, std::array<Float8, 4>& normals) {
   for (std::size_t pair = 0; pair < 2; ++pair) {
     std::array<std::int32_t, kLanes> high, low;

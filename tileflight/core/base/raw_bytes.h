@@ -8,12 +8,12 @@
 
 namespace tileflight::base {
 
-/// The bytes seen as text; they must outlive it.
+/// Views bytes as text; they must outlive the result.
 inline std::string_view as_text(std::span<const std::byte> bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
-/// The number whose bytes stand at `offset`, in the order of this machine; the caller has checked that they are there.
+/// Reads the number whose bytes stand at `offset`, in this machine's byte order. Precondition: they lie in `bytes`.
 template <class Number>
 Number read_raw(std::span<const std::byte> bytes, std::size_t offset) {
   Number value;
@@ -21,10 +21,13 @@ Number read_raw(std::span<const std::byte> bytes, std::size_t offset) {
   return value;
 }
 
-/// Appends a number as it lies in memory.
+/// Appends the bytes of a number in this machine's byte order.
 template <class Number>
 void append_raw(std::string& bytes, const Number& value) {
   bytes.append(reinterpret_cast<const char*>(&value), sizeof value);
 }
+
+/// Encodes bytes as Base64 with padding (RFC 4648, section 4).
+std::string base64(std::string_view bytes);
 
 }  // namespace tileflight::base

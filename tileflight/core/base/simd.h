@@ -42,19 +42,19 @@ TILEFLIGHT_LANE_INLINE void square_root(const Float8& x, Float8& root) {
 }
 TILEFLIGHT_LANE_INLINE void absolute(const Float8& x, Float8& out) { out = x < 0.0F ? -x : x; }
 
-/// Sum of the eight elements in a fixed order.
+/// Adds the eight elements in a fixed order.
 TILEFLIGHT_LANE_INLINE float horizontal_sum(const Float8& x) {
   return ((x[0] + x[4]) + (x[2] + x[6])) + ((x[1] + x[5]) + (x[3] + x[7]));
 }
 
-/// Weights of a Huber norm: 1 within `huber`, then huber / |r|. The energy is weight * r^2 * (2 - weight).
+/// Computes the weights of a Huber norm: 1 within `huber`, then huber / |r|. The energy is weight * r^2 * (2 - weight).
 TILEFLIGHT_LANE_INLINE void huber_weights(const Float8& residual, float huber, Float8& weight) {
   Float8 size;
   absolute(residual, size);
   weight = size < huber ? Float8{} + 1.0F : huber / size;
 }
 
-/// The sign bits of the elements: bit i is that of element i.
+/// Collects the sign bits of the elements: bit i is that of element i.
 TILEFLIGHT_LANE_INLINE unsigned sign_mask(const Int8& lanes) {
 #ifdef __SSE2__
   __m128 halves[2];
@@ -67,7 +67,7 @@ TILEFLIGHT_LANE_INLINE unsigned sign_mask(const Int8& lanes) {
 #endif
 }
 
-/// Minimum of the eight elements.
+/// Returns the minimum of the eight elements.
 TILEFLIGHT_LANE_INLINE float horizontal_min(const Float8& x) {
   const Float8 half = __builtin_shufflevector(x, x, 4, 5, 6, 7, 0, 1, 2, 3);
   const Float8 fours = x < half ? x : half;

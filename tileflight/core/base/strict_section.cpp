@@ -6,10 +6,10 @@
 #include <map>
 #include <set>
 
+#include "tileflight/core/base/document_value.h"
 #include "tileflight/core/base/files.h"
-#include "tileflight/core/base/known_keys.h"
-#include "tileflight/core/base/string_lists.h"
-#include "tileflight/core/base/text_fields.h"
+#include "tileflight/core/base/formatted_text.h"
+#include "tileflight/core/base/text_parsing.h"
 
 namespace tileflight::base {
 namespace {

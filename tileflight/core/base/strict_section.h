@@ -19,8 +19,8 @@ class StrictSection {
  public:
   /// `where`: key path of this section ("" for the whole file).
   StrictSection(DocumentValue value, std::filesystem::path file, std::string where);
-  /// The whole of a JSON file, or the part of it at the key path `where`. `json` must outlive the section. `warnings`,
-  /// if not null, receives messages for unknown keys of it and of its sections, which are no errors then.
+  /// Wraps a JSON file, or the part of it at the key path `where`. `json` must outlive the section. `warnings`, if not
+  /// null, receives messages about unknown keys here and in subsections, which are then no errors.
   StrictSection(const nlohmann::json& json, std::filesystem::path file, std::string where = "",
                 std::vector<std::string>* warnings = nullptr);
 
@@ -31,7 +31,7 @@ class StrictSection {
   bool has(const std::string& key) const;
   /// Whether the key's value is a map.
   bool is_map(const std::string& key) const;
-  /// Whether it is a list.
+  /// Whether the key's value is a list.
   bool is_list(const std::string& key) const;
 
   // Values of keys; nullopt if the key is absent or without a value.
@@ -48,7 +48,7 @@ class StrictSection {
   std::optional<std::filesystem::path> path(const std::string& key);
   /// One of the words; otherwise an error that lists them.
   std::optional<std::string> choice(const std::string& key, const std::vector<std::string>& words);
-  /// The same, whatever the case; as spelled in `words`.
+  /// Reads one of the words without regard to case; returns it as spelled in `words`.
   std::optional<std::string> choice_in_any_case(const std::string& key, const std::vector<std::string>& words);
   /// A map; an empty one for a key without a value in YAML.
   std::optional<StrictSection> section(const std::string& key);
@@ -76,7 +76,7 @@ class StrictSection {
   void require(const std::string& key) const;
 
   std::vector<std::string> keys() const { return value_.keys(); }
-  /// Canonical text (canonical_yaml.h) of a YAML key's value, used to detect changes.
+  /// Returns the canonical_yaml() of a key's value, used to detect changes.
   std::string canonical_value(const std::string& key) const { return value_.member(key).canonical_text(); }
 
   /// Marks keys that have no effect here as known.

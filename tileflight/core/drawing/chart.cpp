@@ -3,9 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "tileflight/core/drawing/axis_ticks.h"
 #include "tileflight/core/drawing/drawing.h"
-#include "tileflight/core/drawing/figure.h"
 #include "tileflight/core/drawing/number_format.h"
 
 namespace tileflight::drawing {

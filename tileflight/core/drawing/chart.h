@@ -4,8 +4,8 @@
 #include <utility>
 #include <vector>
 
-#include "tileflight/core/geometry/transform.h"
 #include "tileflight/core/drawing/drawing.h"
+#include "tileflight/core/geometry/transform.h"
 
 namespace tileflight::drawing {
 
@@ -41,13 +41,14 @@ struct Chart {
 
 /// Draws the chart with axes, lines and legend.
 Drawing to_drawing(const Chart& chart);
-/// The points of all lines as CSV (RFC 4180): name, x, y.
+/// Returns the points of all lines as CSV (RFC 4180): name, x, y.
 std::string to_csv(const Chart& chart);
 
-/// Outline of a histogram from the bins' edges and their shares.
+/// Returns the outline of a histogram from the bins' edges and their shares.
 std::vector<geometry::Vec2> histogram_outline(const std::vector<double>& edges, const std::vector<double>& heights);
 
-/// Points of the cumulative distribution of `values` over [0, limit], as a share of `total`; at most `steps` points.
+/// Returns points of the cumulative distribution of `values` over [0, limit], as a share of `total`; at most `steps`
+/// points.
 std::vector<geometry::Vec2> cumulative_points(std::vector<double> values, std::size_t total, double limit,
                                               int steps = 200);
 

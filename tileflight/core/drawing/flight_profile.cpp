@@ -10,8 +10,6 @@ namespace tileflight::drawing {
 namespace {
 
 using geometry::Vec2;
-using imaging::Canvas;
-using imaging::Ink;
 using plate::PlotArea;
 using plate::Side;
 
@@ -60,7 +58,7 @@ std::vector<std::vector<Vec2>> runs_of(const Panel& panel, const std::vector<dou
 }
 
 void draw_line(Canvas& canvas, const Panel& panel, const std::vector<double>& along_m,
-               const std::vector<double>& values, const imaging::Stroke& stroke) {
+               const std::vector<double>& values, const Stroke& stroke) {
   for (const auto& run : runs_of(panel, along_m, values)) {
     if (run.size() == 1) canvas.fill_disc(run.front(), stroke.width_px, stroke.ink);
     if (run.size() > 1) canvas.draw_line(run, stroke);
@@ -107,7 +105,7 @@ void draw_collisions(Canvas& canvas, const Panel& panel, const FlightProfile& p,
 
 struct Entry {
   std::string name;
-  imaging::Stroke stroke;
+  Stroke stroke;
 };
 
 void draw_legend(Canvas& canvas, const Panel& panel, const std::vector<Entry>& entries) {

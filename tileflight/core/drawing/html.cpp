@@ -1,6 +1,6 @@
 #include "tileflight/core/drawing/html.h"
 
-#include <cstdint>
+#include "tileflight/core/base/raw_bytes.h"
 
 namespace tileflight::drawing {
 namespace {
@@ -105,24 +105,7 @@ Html empty_element(std::string_view name, const Attributes& attributes) {
 }
 
 std::string data_uri(std::string_view media_type, std::string_view bytes) {
-  return "data:" + std::string(media_type) + ";base64," + base64(bytes);
-}
-
-std::string base64(std::string_view bytes) {
-  constexpr std::string_view kAlphabet = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string result;
-  result.reserve(bytes.size() / 3 * 4 + 4);
-  const auto byte = [&](std::size_t i) {
-    return i < bytes.size() ? std::uint32_t{static_cast<unsigned char>(bytes[i])} : 0u;
-  };
-  for (std::size_t i = 0; i < bytes.size(); i += 3) {
-    const std::uint32_t group = byte(i) << 16 | byte(i + 1) << 8 | byte(i + 2);
-    result += kAlphabet[group >> 18];
-    result += kAlphabet[group >> 12 & 63];
-    result += i + 1 < bytes.size() ? kAlphabet[group >> 6 & 63] : '=';
-    result += i + 2 < bytes.size() ? kAlphabet[group & 63] : '=';
-  }
-  return result;
+  return "data:" + std::string(media_type) + ";base64," + base::base64(bytes);
 }
 
 }  // namespace tileflight::drawing

@@ -26,23 +26,26 @@ class Html {
 
 using Attributes = std::vector<std::pair<std::string_view, std::string>>;
 
-/// Plain text (UTF-8). Markup characters are escaped; bytes that are invalid in XML become U+FFFD.
+/// Converts plain text (UTF-8) to markup. Markup characters are escaped; bytes that are invalid in XML become U+FFFD.
 Html text(std::string_view plain);
 
-/// As text(), with what stands between two backticks, as a command does in a sentence, in `<code>`.
+/// Converts plain text to markup as text() does, and puts words between two backticks, such as a command, in `<code>`.
 Html text_with_code(std::string_view plain);
 
-/// `<name attributes>content</name>`. Attribute values are plain text.
+/// Returns `<name attributes>content</name>`. Attribute values are plain text.
 Html element(std::string_view name, const Attributes& attributes, const Html& content);
 Html element(std::string_view name, const Html& content);
 
-/// `<name attributes/>`, for void HTML elements (img, meta, input) and SVG shapes.
+/// Returns `<name attributes/>`, for void HTML elements (img, meta, input) and SVG shapes.
 Html empty_element(std::string_view name, const Attributes& attributes);
 
-/// RFC 4648, section 4.
-std::string base64(std::string_view bytes);
-
-/// `data:TYPE;base64,…` (RFC 2397).
+/// Returns `data:TYPE;base64,…` (RFC 2397).
 std::string data_uri(std::string_view media_type, std::string_view bytes);
+
+/// Returns the page's style sheet: light, dark (by the reader's system setting) and print.
+std::string style_sheet();
+
+/// Returns the style sheet of a standalone drawing file: light colours.
+std::string drawing_style();
 
 }  // namespace tileflight::drawing

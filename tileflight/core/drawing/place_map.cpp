@@ -4,23 +4,21 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <optional>
+#include <utility>
 
-#include "tileflight/core/drawing/axis_ticks.h"
-#include "tileflight/core/drawing/height_relief.h"
 #include "tileflight/core/drawing/number_format.h"
 #include "tileflight/core/drawing/raster_figure.h"
+#include "tileflight/core/geometry/transform.h"
 
 namespace tileflight::drawing {
-namespace {
-
 using geometry::Vec2;
 using geometry::Vec3;
-using imaging::Canvas;
-using imaging::Ink;
 using imaging::Rgb8;
-using imaging::TextAnchor;
 using plate::PlotArea;
 using plate::Side;
+
+namespace {
 
 constexpr double kMapMargin_px = 26, kLine_px = 20;
 /// Margins around a panel, for its axes.
@@ -136,7 +134,7 @@ void draw_scale_bar(Canvas& canvas, const MapPanel& panel) {
   const std::vector<Vec2> bar{{x, y - 6}, {x, y}, {x + length_px, y}, {x + length_px, y - 6}};
   canvas.draw_line(bar, {plate::kHalo, 6.0, {}});
   canvas.draw_line(bar, {plate::kInk, 2.4, {}});
-  imaging::TextStyle style = plate::overlay_lettering();
+  TextStyle style = plate::overlay_lettering();
   style.anchor = TextAnchor::kMiddle;
   canvas.draw_text(x + length_px / 2, y - 9, format_shortest(length_m) + " m", style);
 }
@@ -146,7 +144,7 @@ void draw_north_arrow(Canvas& canvas, const MapPanel& panel) {
   canvas.fill_disc({x, y}, 25, plate::kHalo);
   canvas.fill_polygon({{x, y - 20}, {x - 8, y + 6}, {x, y + 1}}, plate::kInk);
   canvas.draw_line({{x, y - 20}, {x + 8, y + 6}, {x, y + 1}}, {plate::kInk, 1.4, {}}, true);
-  imaging::TextStyle style = plate::body_lettering(13);
+  TextStyle style = plate::body_lettering(13);
   style.bold = true;
   style.anchor = TextAnchor::kMiddle;
   canvas.draw_text(x, y + 19, "N", style);
@@ -216,14 +214,14 @@ class Legend {
   Legend(Canvas& canvas, double x, double y) : canvas_(canvas), x_(x), y_(y) {}
 
   void add_hatch(const std::string& name) {
-    canvas_.fill_rectangle(x_, y_ - 10, 24, 13, imaging::to_ink(kHatchPaper));
+    canvas_.fill_rectangle(x_, y_ - 10, 24, 13, to_ink(kHatchPaper));
     canvas_.clip(x_, y_ - 10, 24, 13);
     for (int i = -14; i < 26; i += 9)
-      canvas_.draw_line({{x_ + i, y_ + 4}, {x_ + i + 15, y_ - 11}}, {imaging::to_ink(kHatchLine), 2.0, {}});
+      canvas_.draw_line({{x_ + i, y_ + 4}, {x_ + i + 15, y_ - 11}}, {to_ink(kHatchLine), 2.0, {}});
     canvas_.unclip();
     add_name(name);
   }
-  void add_line(const std::string& name, const imaging::Stroke& stroke) {
+  void add_line(const std::string& name, const Stroke& stroke) {
     canvas_.draw_line({{x_, y_ - 4}, {x_ + 24, y_ - 4}}, stroke);
     add_name(name);
   }
@@ -268,7 +266,7 @@ void draw_height_bar(Canvas& canvas, const PlaceMap& map, const PlotArea& panel,
   const PlotArea bar{panel.right() + 26, panel.y, 20, panel.height};
   for (int y = 0; y < static_cast<int>(bar.height); ++y) {
     const Rgb8 color = height_color(1.0 - (y + 0.5) / bar.height);
-    canvas.fill_rectangle(bar.x, bar.y + y, bar.width, 1, imaging::to_ink(color));
+    canvas.fill_rectangle(bar.x, bar.y + y, bar.width, 1, to_ink(color));
   }
   draw_border(canvas, bar);
   const plate::AxisScale local{range.low, range.high, bar.bottom(), bar.y};
@@ -331,6 +329,45 @@ void draw_over(Canvas& canvas, const PlaceMap& map, const MapPanel& panel) {
 }
 
 }  // namespace
+
+imaging::Rgb8 height_color(double share) {
+  // Dark blue to pale yellow, monotonically lighter: readable in grey and with any colour vision.
+  constexpr std::array<Rgb8, 6> kAnchors{
+      {{36, 44, 96}, {32, 93, 130}, {46, 142, 124}, {120, 184, 92}, {214, 209, 98}, {251, 244, 205}}};
+  const double place = std::clamp(share, 0.0, 1.0) * (kAnchors.size() - 1);
+  const auto below = std::min(static_cast<std::size_t>(place), kAnchors.size() - 2);
+  Rgb8 color{};
+  for (std::size_t c = 0; c < 3; ++c) {
+    const double a = kAnchors[below][c], b = kAnchors[below + 1][c];
+    color[c] = static_cast<std::uint8_t>(std::lround(a + (place - static_cast<double>(below)) * (b - a)));
+  }
+  return color;
+}
+
+imaging::FloatImage hill_shade(const imaging::FloatImage& heights_m, double pixel_m) {
+  const Vec3 towards_light = Vec3(-1, 1, std::sqrt(2.0)).normalized();
+  imaging::FloatImage shade(heights_m.width, heights_m.height, std::nanf(""));
+  // Slope between the neighbours that have a surface.
+  const auto slope = [&](int x, int y, int dx, int dy) {
+    const auto at = [&](int step) {
+      const int u = x + step * dx, v = y + step * dy;
+      const bool inside = u >= 0 && v >= 0 && u < heights_m.width && v < heights_m.height;
+      return inside && std::isfinite(heights_m(u, v)) ? std::optional(std::pair(step, double{heights_m(u, v)}))
+                                                      : std::nullopt;
+    };
+    const auto before = at(-1) ? at(-1) : at(0), after = at(1) ? at(1) : at(0);
+    const int steps = after->first - before->first;
+    return steps > 0 ? (after->second - before->second) / (steps * pixel_m) : 0.0;
+  };
+  for (int y = 0; y < heights_m.height; ++y) {
+    for (int x = 0; x < heights_m.width; ++x) {
+      if (!std::isfinite(heights_m(x, y))) continue;
+      const Vec3 normal = Vec3(-slope(x, y, 1, 0), -slope(x, y, 0, -1), 1).normalized();
+      shade(x, y) = static_cast<float>(std::max(0.0, normal.dot(towards_light)) / towards_light.z());
+    }
+  }
+  return shade;
+}
 
 std::vector<DegreeTick> degree_ticks(const GroundExtent& extent, const geometry::LocalFrame& frame, bool meridians,
                                      int count) {

@@ -4,11 +4,17 @@
 #include <string>
 #include <vector>
 
+#include "tileflight/core/drawing/top_view.h"
 #include "tileflight/core/geometry/geodesy.h"
 #include "tileflight/core/imaging/image.h"
-#include "tileflight/core/drawing/top_view.h"
 
 namespace tileflight::drawing {
+
+/// Returns the map's colour of a height, given as a fraction 0 to 1 of the displayed range.
+imaging::Rgb8 height_color(double share);
+
+/// Computes hill shading with light from the north-west, relative to flat ground (1); NaN where there is no surface.
+imaging::FloatImage hill_shade(const imaging::FloatImage& heights_m, double pixel_m);
 
 /// The ground seen vertically from above, north up.
 struct GroundImage {

@@ -5,8 +5,6 @@
 
 #include <cmath>
 
-#include "tileflight/core/drawing/height_relief.h"
-
 namespace tileflight::drawing::place_map_test {
 namespace {
 

@@ -4,13 +4,9 @@
 #include <numbers>
 #include <sstream>
 
-#include "tileflight/core/drawing/axis_ticks.h"
+#include "tileflight/core/drawing/number_format.h"
 
 namespace tileflight::drawing::plate {
-
-using imaging::Canvas;
-using imaging::TextAnchor;
-using imaging::TextStyle;
 
 namespace {
 
@@ -19,7 +15,7 @@ constexpr double kMark_px = 5.0, kGap_px = 4.0, kText_px = 13.0;
 bool is_upright(Side side) { return side == Side::kLeft || side == Side::kRight; }
 
 void draw_mark(Canvas& canvas, const PlotArea& f, Side side, double at) {
-  const imaging::Stroke stroke{kInk, 1.0, {}};
+  const Stroke stroke{kInk, 1.0, {}};
   if (side == Side::kBottom) canvas.draw_line({{at, f.bottom()}, {at, f.bottom() + kMark_px}}, stroke);
   if (side == Side::kTop) canvas.draw_line({{at, f.y - kMark_px}, {at, f.y}}, stroke);
   if (side == Side::kLeft) canvas.draw_line({{f.x - kMark_px, at}, {f.x, at}}, stroke);

@@ -1,8 +1,8 @@
-#include "tileflight/core/drawing/style_sheet.h"
-
 #include <array>
 #include <string_view>
 #include <utility>
+
+#include "tileflight/core/drawing/html.h"
 
 namespace tileflight::drawing {
 namespace {
@@ -97,7 +97,7 @@ h3 { font-size: 1rem; margin: 0 0 .4rem; }
 .warnings { margin: 0 0 1.2rem; padding: .7rem 1.1rem; border: 2px solid var(--real); max-width: 62rem; font-size: .95rem; }
 .warnings h2 { font-size: 1rem; margin: 0; padding: 0; border: 0; }
 .warnings ul { margin: .3rem 0 0; padding-left: 1.2rem; }
-.warnings .possible { color: var(--quiet); }
+.warnings .note { color: var(--quiet); }
 .notice { margin: 0 0 1.2rem; padding: .7rem 1.1rem; border: 1px dashed var(--quiet); color: var(--quiet); max-width: 62rem; font-size: .92rem; }
 .notice ul { margin: .2rem 0 0; padding-left: 1.2rem; }
 nav ul { display: flex; flex-wrap: wrap; gap: .3rem 1.2rem; list-style: none; margin: 0; padding: 0; font-size: .92rem; }

@@ -6,8 +6,8 @@
 #include <numeric>
 
 #include "tileflight/core/base/order_statistics.h"
-#include "tileflight/core/drawing/axis_ticks.h"
 #include "tileflight/core/drawing/drawing.h"
+#include "tileflight/core/drawing/number_format.h"
 
 namespace tileflight::drawing {
 namespace {
@@ -248,7 +248,7 @@ Drawing to_drawing(const TopView& view) {
   for (const ImageLayer& layer : view.images) content += draw_image(plot, layer);
   for (const TrackLayer& track : view.tracks) content += draw_track(plot, track);
   content += scale_bar(plot);
-  // The same width for any extent, so that text has the same size in all views.
+  // The width is the same for any extent, so that text has the same size in all views.
   return {kViewLeft + kPlot + kViewRight,
           kViewTop + plot.height + kViewBottom,
           "top-view",

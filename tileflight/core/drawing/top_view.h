@@ -3,11 +3,11 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/core/geometry/point_cloud.h"
-#include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/core/drawing/drawing.h"
 #include "tileflight/core/drawing/html.h"
-#include "tileflight/core/drawing/palette_png.h"
+#include "tileflight/core/drawing/page_image.h"
+#include "tileflight/core/geometry/point_cloud.h"
+#include "tileflight/core/geometry/trajectory.h"
 
 namespace tileflight::drawing {
 
@@ -19,25 +19,25 @@ struct GroundExtent {
   double height_m() const { return north - south; }
 };
 
-/// The smallest extent around the points, with a margin given as a share of its larger side, ignoring the outermost
-/// `trimmed` share on each side.
+/// Returns the smallest extent around the points, with a margin given as a share of its larger side, ignoring the
+/// outermost `trimmed` share on each side.
 GroundExtent fit_extent(const std::vector<geometry::Vec3>& points, double margin = 0.03, double trimmed = 0.0);
-/// The extent widened about its centre so that neither side is less than three quarters of the other.
+/// Widens the extent about its centre so that neither side is less than three quarters of the other.
 GroundExtent limit_aspect_ratio(const GroundExtent& extent);
-/// The smallest extent that contains both.
+/// Returns the smallest extent that contains both.
 GroundExtent merge_extents(const GroundExtent& a, const GroundExtent& b);
 
-/// Occupied cells as squares, the highest on top, dark green for low and light green for high ones.
+/// Draws occupied cells as squares, the highest on top, dark green for low and light green for high ones.
 PaletteImage draw_voxels(const GroundExtent& extent, const geometry::PointCloud& centers, double voxel_m);
 
-/// Points as dots in one colour.
+/// Draws points as dots in one colour.
 PaletteImage draw_points(const GroundExtent& extent, const std::vector<geometry::Vec3>& points, const Rgba8& color);
 
-/// Points as dots coloured by a value from 0 to `highest` (clamped), the highest point on top.
+/// Draws points as dots coloured by a value from 0 to `highest` (clamped), the highest point on top.
 PaletteImage draw_values(const GroundExtent& extent, const std::vector<geometry::Vec3>& points,
                          const std::vector<float>& values, double highest);
 
-/// The colour scale of draw_values, for 0 to 1.
+/// Returns the colour of a share from 0 to 1 in the scale of draw_values().
 Rgba8 value_color(double share);
 
 /// An image of the whole extent; `name` is a class of the page's style sheet.
@@ -65,7 +65,7 @@ struct TopView {
 /// Draws the view with axes and a scale bar.
 Drawing to_drawing(const TopView& view);
 
-/// Colour bar from 0 to `highest`, with its label.
+/// Draws a colour bar from 0 to `highest`, with its label.
 Drawing color_bar(double highest, const std::string& label);
 
 }  // namespace tileflight::drawing

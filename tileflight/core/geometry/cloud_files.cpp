@@ -6,10 +6,9 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/text_fields.h"
+#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/core/geometry/cloud_columns.h"
-#include "tileflight/core/geometry/pcd.h"
-#include "tileflight/core/geometry/ply_cloud.h"
+#include "tileflight/core/geometry/ply.h"
 
 namespace tileflight::geometry {
 namespace {

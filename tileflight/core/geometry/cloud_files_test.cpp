@@ -10,10 +10,9 @@
 
 #include "tests/temporary_folder.h"
 #include "tests/test_data.h"
+#include "tileflight/core/base/decompress.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/lzf.h"
-#include "tileflight/core/geometry/pcd.h"
 
 namespace tileflight::geometry::cloud_files_test {
 namespace {

@@ -18,25 +18,25 @@ struct SymmetricEigen {
   Eigen::MatrixXd vectors;
 };
 
-/// Of a symmetric matrix, of which the lower triangle is read.
+/// Decomposes a symmetric matrix; only its lower triangle is read.
 SymmetricEigen symmetric_eigen(const Eigen::MatrixXd& matrix);
 Eigen::VectorXd symmetric_eigenvalues(const Eigen::MatrixXd& matrix);
 
-/// Solution x of A x = b for a symmetric A, which need not be positive definite (LDL^T with pivoting).
+/// Solves A x = b for a symmetric A, which need not be positive definite (LDL^T with pivoting).
 Vec6 solve_symmetric(const Mat6& A, const Vec6& b);
 Vec7 solve_symmetric(const Mat7& A, const Vec7& b);
 Eigen::VectorXd solve_symmetric(const Eigen::MatrixXd& A, const Eigen::VectorXd& b);
 
-/// Inverse of a symmetric matrix by its LDL^T.
+/// Inverts a symmetric matrix by its LDL^T decomposition.
 Eigen::MatrixXd symmetric_inverse(const Eigen::MatrixXd& A);
 
-/// Least-squares solution of A x = b for an A of full column rank (QR with pivoting).
+/// Returns the least-squares solution of A x = b for an A of full column rank (QR with pivoting).
 Eigen::VectorXd solve_least_squares(const Eigen::MatrixXd& A, const Eigen::VectorXd& b);
 
-/// Of the least-squares solutions of A x = b the shortest; A has seven rows and any rank.
+/// Returns the shortest of the least-squares solutions of A x = b; A has seven rows and any rank.
 Eigen::VectorXd solve_with_least_norm(const Eigen::MatrixXd& A, const Vec7& b);
 
-/// Smallest rotation of the direction `from` to the direction `to`; neither need be of unit length.
+/// Returns the smallest rotation of the direction `from` to the direction `to`; neither need be of unit length.
 Eigen::Quaterniond rotation_between(const Vec3& from, const Vec3& to);
 
 }  // namespace tileflight::geometry

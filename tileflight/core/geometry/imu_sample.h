@@ -4,14 +4,14 @@
 
 namespace tileflight::geometry {
 
-/// A reading of an inertial unit, in its own axes: what sensors write, datasets hold and estimators take.
+/// A reading of an inertial unit, in its own axes. Sensors produce it, datasets store it, estimators consume it.
 struct ImuSample {
   double time_s = 0.0;
   Vec3 angular_rate_rad_s = Vec3::Zero();
   Vec3 specific_force_m_s2 = Vec3::Zero();  ///< at rest: gravity upwards
 };
 
-/// What an inertial unit adds to the true values.
+/// Biases that an inertial unit adds to the true values.
 struct ImuBias {
   Vec3 gyroscope_rad_s = Vec3::Zero();
   Vec3 accelerometer_m_s2 = Vec3::Zero();

@@ -4,13 +4,14 @@
 
 #include "tileflight/core/geometry/transform.h"
 
-// Vectors and quaternions as lists of numbers in JSON. Not for headers: it brings all of nlohmann/json.
+// Vectors and quaternions as lists of numbers in JSON. Sources include it, headers do not: it brings all of
+// nlohmann/json.
 
 namespace tileflight::geometry {
 
-/// [x, y, z]
+/// Converts a vector to [x, y, z].
 inline nlohmann::json json_numbers(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
-/// [x, y, z, w]
+/// Converts a quaternion to [x, y, z, w].
 inline nlohmann::json json_numbers(const Eigen::Quaterniond& q) { return {q.x(), q.y(), q.z(), q.w()}; }
 
 }  // namespace tileflight::geometry

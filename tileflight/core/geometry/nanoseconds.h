@@ -10,15 +10,16 @@ namespace tileflight::geometry {
 
 inline constexpr std::int64_t kNanosecondsPerSecond = 1'000'000'000;
 
-/// Seconds of a whole number of nanoseconds. Whole seconds and the rest are converted apart, so that the nearest double
-/// results: to_nanoseconds() and back is exact for dates of this century, too.
+/// Converts whole nanoseconds to seconds. Whole seconds and the rest are converted apart, so that the nearest double
+/// results: to_nanoseconds() and back is exact, also for dates of this century.
 inline double to_seconds(std::int64_t nanoseconds) {
   return static_cast<double>(nanoseconds / kNanosecondsPerSecond) +
          static_cast<double>(nanoseconds % kNanosecondsPerSecond) / 1e9;  // 1e-9 is no double
 }
 
-/// A whole number of nanoseconds that to_seconds() makes this time again: the product rounded, as it is in EuRoC's
-/// files, where that does, else the nearest. Throws InputError for times of more than 292 years.
+/// Converts seconds to whole nanoseconds that to_seconds() maps back to the same time: the rounded product, as in
+/// EuRoC's files, where it does so, else the nearest number that does. Throws InputError for times of more than 292
+/// years.
 inline std::int64_t to_nanoseconds(double time_s) {
   constexpr double kMost_s = 9.2e9;
   if (!(std::abs(time_s) < kMost_s))

@@ -16,10 +16,10 @@ struct Neighbor {
   double distance_m = 0.0;
 };
 
-/// Where equal points lie.
+/// A place where one point or several equal points lie.
 struct Place {
-  std::size_t index = 0;  ///< of the first of them, into the points that the index was built from
-  std::size_t count = 1;  ///< how many they are
+  std::size_t index = 0;  ///< of the first of the points, into those that the index was built from
+  std::size_t count = 1;  ///< number of equal points
   double distance_m = 0.0;
 };
 
@@ -35,15 +35,15 @@ class NearestIndex {
 
   std::size_t size() const;
 
-  /// The nearest point within `radius_m` (inclusive); nullopt if there is none.
+  /// Returns the nearest point within `radius_m` (inclusive); nullopt if there is none.
   std::optional<Neighbor> nearest(const Vec3& query, double radius_m = std::numeric_limits<double>::infinity()) const;
-  /// The `count` nearest, nearest first (fewer if there are fewer points).
+  /// Returns the `count` nearest points, nearest first (fewer if there are fewer points).
   std::vector<Neighbor> nearest_k(const Vec3& query, std::size_t count) const;
-  /// All within the radius, nearest first.
+  /// Returns all points within the radius, nearest first.
   std::vector<Neighbor> within(const Vec3& query, double radius_m) const;
-  /// The same, equal points as one.
+  /// Returns all places within the radius, nearest first: equal points are one place.
   std::vector<Place> places_within(const Vec3& query, double radius_m) const;
-  /// All within the radius in no particular order: `visit` gets the index of each.
+  /// Calls `visit` with the index of each point within the radius, in no particular order.
   void for_each_within(const Vec3& query, double radius_m, const std::function<void(std::size_t)>& visit) const;
 
  private:

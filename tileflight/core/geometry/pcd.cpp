@@ -1,16 +1,15 @@
-#include "tileflight/core/geometry/pcd.h"
-
 #include <bit>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <optional>
 
+#include "tileflight/core/base/decompress.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/lzf.h"
 #include "tileflight/core/base/raw_bytes.h"
-#include "tileflight/core/base/text_fields.h"
+#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/core/geometry/cloud_columns.h"
+#include "tileflight/core/geometry/cloud_files.h"
 
 namespace tileflight::geometry {
 namespace {

@@ -1,5 +1,8 @@
 #pragma once
 
+// PLY files: their header and elements, and clouds as the element `vertex`, whole and in blocks.
+
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -7,6 +10,8 @@
 #include <string>
 #include <string_view>
 #include <vector>
+
+#include "tileflight/core/geometry/cloud_files.h"
 
 namespace tileflight::geometry {
 
@@ -37,7 +42,7 @@ struct PlyHeader {
   const PlyElement* find(std::string_view element) const;
 };
 
-/// Bytes of a row of a binary element; of a list its length alone.
+/// Returns the bytes of a row of a binary element; a list counts by its length alone.
 std::size_t ply_row_bytes(const PlyElement& element);
 
 /// Parses the header at the front of `bytes`; `file` is used in messages. Throws InputError (file, line, cause).
@@ -46,7 +51,7 @@ PlyHeader parse_ply_header(std::string_view bytes, const std::string& file);
 /// Checks that the counts in the header fit into a file of this size, before memory is allocated. Throws InputError.
 void check_ply_sizes(std::string_view bytes, const PlyHeader& header, const std::string& file);
 
-/// Called for each value of the visited element: row, property, its numbers (one, or those of a list).
+/// Receives each value of the visited element: row, property, its numbers (one, or those of a list).
 using PlyVisitor = std::function<void(std::uint64_t row, std::size_t property, const std::vector<double>& values)>;
 
 /// Reads all values of `element` in order; elements before it are skipped. Throws InputError (file, element, row,
@@ -77,5 +82,40 @@ class PlyRows {
   bool swap_ = false;                       ///< file is big endian
   std::vector<PropertyOffset> properties_;  ///< one for each property
 };
+
+/// Parses the points of a PLY file. Throws InputError as read_cloud() does.
+PointCloud parse_ply_cloud(std::string_view bytes, const std::string& file);
+
+/// Returns the header of a PLY file of `points` points with the attributes of `cloud`.
+std::string ply_cloud_header(const PointCloud& cloud, std::size_t points, CloudEncoding encoding);
+
+/// Encodes one row for each point in [first, last): position, normal, colour, scalars, as far as the cloud has them;
+/// the rows of PLY and of XYZ text.
+std::string cloud_rows(const PointCloud& cloud, CloudEncoding encoding, std::size_t first, std::size_t last);
+
+/// A PLY file that is read some points at a time.
+class PlyCloudBlocks {
+ public:
+  /// Opens a file. nullopt if the points' offsets are not known beforehand (another format, text, a list among their
+  /// properties, an element before them, a truncated file): read_cloud() reads such a file, or reports what is wrong.
+  /// Throws InputError for properties that no cloud has.
+  static std::optional<PlyCloudBlocks> open(const std::filesystem::path& file);
+
+  std::size_t size() const { return static_cast<std::size_t>(header_.elements.front().count); }
+
+  /// Reads points [first, first + count) as read_cloud() does. Throws InputError, also for a file that was truncated
+  /// meanwhile.
+  PointCloud read(std::size_t first, std::size_t count) const;
+
+ private:
+  std::filesystem::path file_;
+  PlyHeader header_;
+  std::size_t row_bytes_ = 0;
+};
+
+/// Writes a binary PLY file as write_cloud() does, of `points` points. `next` returns consecutive blocks of them, all
+/// with the same attributes. Throws InputError.
+void write_ply_in_blocks(const std::filesystem::path& file, std::size_t points,
+                         const std::function<PointCloud()>& next);
 
 }  // namespace tileflight::geometry

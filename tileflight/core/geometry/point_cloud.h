@@ -24,7 +24,7 @@ struct PointCloud {
 /// Applies a similarity to a cloud: in full to positions, rotation only to normals.
 PointCloud transformed(const Sim3& T_target_source, PointCloud cloud);
 
-/// The points whose entry in `keep` is true (same size as the cloud), with all their attributes.
+/// Returns the points whose entry in `keep` is true (same size as the cloud), with all their attributes.
 PointCloud filter_points(const PointCloud& cloud, const std::vector<bool>& keep);
 
 }  // namespace tileflight::geometry

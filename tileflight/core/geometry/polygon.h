@@ -9,7 +9,8 @@
 
 namespace tileflight::geometry {
 
-/// Twice the signed area of a triangle seen along z: by the x and y of its corners; positive: counter-clockwise.
+/// Returns twice the signed area of a triangle seen along z, from the x and y of its corners; positive:
+/// counter-clockwise.
 template <class Point>
 double twice_area_xy(const Point& a, const Point& b, const Point& c) {
   return (b.x() - a.x()) * (c.y() - a.y()) - (b.y() - a.y()) * (c.x() - a.x());

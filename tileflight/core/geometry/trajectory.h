@@ -23,22 +23,49 @@ struct Trajectory {
   std::size_t size() const { return poses.size(); }
 };
 
-/// TUM text: `timestamp tx ty tz qx qy qz qw` a line, '#' comments. Reading throws InputError (file, line, cause) for
-/// malformed numbers, NaN, a zero quaternion, or decreasing times. Of poses with equal times (they occur in published
-/// ground truth with rounded clocks) the first is kept.
+/// Reads and writes TUM text: `timestamp tx ty tz qx qy qz qw` a line, '#' comments. Reading throws InputError (file,
+/// line, cause) for malformed numbers, NaN, a zero quaternion, or decreasing times. Of poses with equal times (they
+/// occur in published ground truth with rounded clocks) the first is kept.
 Trajectory read_tum(const std::filesystem::path& file);
 void write_tum(const std::filesystem::path& file, const Trajectory& trajectory);
 
-/// Length of the polyline through the positions, metres.
+/// Returns the length of the polyline through the positions, metres.
 double path_length_m(const Trajectory& trajectory);
 
-/// Pose at a time between two poses (position linear, rotation slerp); nullopt outside the trajectory's time span.
+/// Interpolates the pose at a time (position linear, rotation slerp); nullopt outside the trajectory's time span.
 std::optional<SE3> interpolate(const Trajectory& trajectory, double time_s);
 
-/// Index pairs (a, b) of poses nearest in time, at most `max_difference_s` apart; each index is used at most once.
+/// Returns index pairs (a, b) of poses nearest in time, at most `max_difference_s` apart; each index is used at most
+/// once.
 std::vector<std::pair<std::size_t, std::size_t>> associate(const Trajectory& a, const Trajectory& b,
                                                            double max_difference_s = 0.01);
 
 Trajectory transformed(const Sim3& T_target_source, const Trajectory& trajectory);
+
+/// Text formats of trajectories.
+enum class TrajectoryFormat {
+  kTum,    ///< `timestamp tx ty tz qx qy qz qw`, seconds
+  kEuroc,  ///< `timestamp,x,y,z,qw,qx,qy,qz,…`, nanoseconds, with commas
+  kKitti,  ///< the upper 3x4 of a matrix, row by row: 12 numbers a line, no times
+};
+
+/// A trajectory with the format of its file.
+struct TrajectoryFile {
+  Trajectory trajectory;  ///< KITTI: each pose's time is its index
+  TrajectoryFormat format = TrajectoryFormat::kTum;
+
+  bool has_times() const { return format != TrajectoryFormat::kKitti; }
+};
+
+/// Reads a trajectory in any of the formats, recognised by its first line of numbers: commas are EuRoC's, 8 numbers
+/// TUM's, 12 numbers KITTI's. Throws InputError (file, line, cause) as read_tum() does, for a matrix that is no
+/// rotation, and for a file of another format or without poses.
+TrajectoryFile read_trajectory(const std::filesystem::path& file);
+
+/// Reads EuRoC's data.csv of poses (Burri et al., IJRR 2016): time, position and quaternion; columns after these 8 are
+/// ignored. The quaternion has w first, unless the header names its columns in the order x, y, z, w; times are whole
+/// nanoseconds, unless the header states seconds ("[s]" or "(s)"). Of poses with equal times the first is kept. Throws
+/// InputError (file, line, cause).
+Trajectory read_euroc_poses(const std::filesystem::path& file);
 
 }  // namespace tileflight::geometry

@@ -2,8 +2,11 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <numbers>
 
 namespace tileflight::geometry {
+
+inline constexpr double kRadiansPerDegree = std::numbers::pi / 180.0;
 
 using Vec2 = Eigen::Vector2d;
 using Vec3 = Eigen::Vector3d;
@@ -12,10 +15,10 @@ using Mat4 = Eigen::Matrix4d;
 using Vec6 = Eigen::Matrix<double, 6, 1>;
 using Vec7 = Eigen::Matrix<double, 7, 1>;
 
-/// The matrix [v]x with [v]x w = v x w.
+/// Returns the matrix [v]x with [v]x w = v x w.
 Mat3 skew(const Vec3& v);
 
-/// Rotation vector (axis times angle, radians) to unit quaternion, and the inverse (angle in [0, pi]).
+/// Converts a rotation vector (axis times angle, radians) to a unit quaternion, and back (angle in [0, pi]).
 Eigen::Quaterniond so3_exp(const Vec3& omega_rad);
 Vec3 so3_log(const Eigen::Quaterniond& rotation);
 
@@ -69,5 +72,14 @@ struct Sim3 {
   /// From a 4x4 matrix with uniform scale; throws InputError if it is not a similarity.
   static Sim3 from_matrix(const Mat4& m);
 };
+
+/// Returns the left Jacobian J of SO(3), and its inverse: so3_exp(omega + d) = so3_exp(J d) so3_exp(omega) to first
+/// order in d. Barfoot, State Estimation for Robotics, (7.37) and (7.38); the inverse for angles below 2 pi.
+Mat3 so3_left_jacobian(const Vec3& omega_rad);
+Mat3 so3_left_jacobian_inverse(const Vec3& omega_rad);
+
+/// Returns the right Jacobian J of SO(3), and its inverse: so3_exp(omega + d) = so3_exp(omega) so3_exp(J d).
+inline Mat3 so3_right_jacobian(const Vec3& omega_rad) { return so3_left_jacobian(-omega_rad); }
+inline Mat3 so3_right_jacobian_inverse(const Vec3& omega_rad) { return so3_left_jacobian_inverse(-omega_rad); }
 
 }  // namespace tileflight::geometry

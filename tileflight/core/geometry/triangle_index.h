@@ -23,7 +23,7 @@ class TriangleIndex {
   TriangleIndex(TriangleIndex&&) noexcept;
   TriangleIndex& operator=(TriangleIndex&&) noexcept;
 
-  /// Nearest point within `radius_m` (inclusive), or nullopt.
+  /// Returns the nearest point within `radius_m` (inclusive), or nullopt.
   std::optional<SurfacePoint> nearest(const Vec3& query,
                                       double radius_m = std::numeric_limits<double>::infinity()) const;
 

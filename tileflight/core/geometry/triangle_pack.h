@@ -17,13 +17,13 @@ class TrianglePack {
   /// `chosen`: indices of one to four triangles of the mesh.
   TrianglePack(const TriangleMesh& mesh, std::span<const std::uint32_t> chosen);
 
-  /// Nearest point over the triangles; bit-identical to closest_point_on_triangle.
+  /// The nearest point over the triangles; bit-identical to closest_point_on_triangle().
   struct Nearest {
     double distance2 = 0.0;  ///< square metres
     std::uint32_t triangle = 0;
     Vec3 position = Vec3::Zero();
   };
-  /// On equal distances the lowest triangle index wins.
+  /// Finds the nearest point; on equal distances the lowest triangle index wins.
   Nearest nearest(const Vec3& query) const;
 
   Vec3 corner(std::size_t which, std::size_t place) const;

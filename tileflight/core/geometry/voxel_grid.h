@@ -26,19 +26,19 @@ struct VoxelGrid {
   Vec3 center(const Cell& c) const { return origin + edge_m * (Vec3(c.x, c.y, c.z) + Vec3::Constant(0.5)); }
 };
 
-/// Cell centres by the paper's equation (1), ((i+0.5)/d, (j+0.5)/d, (k+0.5)/d), then scaled by d * edge and shifted by
-/// the origin; in the order of `occupied`.
+/// Returns the cell centres by the paper's equation (1), ((i+0.5)/d, (j+0.5)/d, (k+0.5)/d), then scaled by d * edge and
+/// shifted by the origin; in the order of `occupied`.
 PointCloud cell_centers(const VoxelGrid& grid);
 
-/// One cell's centre, bit-identical to that of cell_centers().
+/// Returns one cell's centre, bit-identical to that of cell_centers().
 Vec3 center_by_equation(const VoxelGrid& grid, const Cell& cell);
 
-/// binvox version 1 (P. Min): the numbers after `dim` follow the order of the data: first axis (east) slowest, then up,
-/// then north fastest; `translate` is the minimum corner, `scale` the longest side in metres. The specification
-/// requires equal sides, and readers disagree on unequal ones: a grid whose longest side has at most 1024 cells is
-/// padded with empty cells to a cube, so `dims` may grow in a round trip. Larger grids are written unpadded. Reading
-/// takes any sides, accepts zero-length runs (AirSim writes them), checks run totals against the header and throws
-/// InputError (file, byte, cause).
+/// Writes and reads binvox version 1 (P. Min): the numbers after `dim` follow the order of the data: first axis (east)
+/// slowest, then up, then north fastest; `translate` is the minimum corner, `scale` the longest side in metres. The
+/// specification requires equal sides, and readers disagree on unequal ones: a grid whose longest side has at most 1024
+/// cells is padded with empty cells to a cube, so `dims` may grow in a round trip. Larger grids are written unpadded.
+/// Reading takes any sides, accepts zero-length runs (AirSim writes them), checks run totals against the header and
+/// throws InputError (file, byte, cause).
 void write_binvox(const std::filesystem::path& file, const VoxelGrid& grid);
 VoxelGrid read_binvox(const std::filesystem::path& file);
 

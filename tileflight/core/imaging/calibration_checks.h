@@ -1,15 +1,49 @@
 #pragma once
 
+/// Values of calibration files of other programs. Their files may hold any further keys, so they are not read as strict
+/// sections. `file` is for messages. All throw InputError (file, line or key, cause).
+
+#include <yaml-cpp/yaml.h>
+
 #include <array>
 #include <cstdint>
+#include <filesystem>
 #include <initializer_list>
 #include <span>
 #include <string>
+#include <type_traits>
 #include <vector>
 
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/geometry/transform.h"
 #include "tileflight/core/imaging/camera.h"
 
 namespace tileflight::imaging {
+
+/// Parses a YAML file. OpenCV's own first line, "%YAML:1.0", is left out: YAML requires "%YAML 1.0".
+YAML::Node load_calibration_yaml(const std::filesystem::path& file);
+
+/// Returns the value of a key that a camera must have.
+YAML::Node required_value(const YAML::Node& camera, const std::string& key, const std::string& file);
+
+template <class T>
+T yaml_scalar(const YAML::Node& node, const std::string& key, const std::string& file) {
+  try {
+    return node.as<T>();
+  } catch (const YAML::Exception&) {
+    throw InputError(file, "line " + std::to_string(node.Mark().line + 1) + ": \"" + key + "\" must be " +
+                               (std::is_same_v<T, std::string> ? "a word" : "a number"));
+  }
+}
+
+/// Reads a list of numbers; empty for a key without a value.
+std::vector<double> yaml_numbers(const YAML::Node& node, const std::string& key, const std::string& file);
+
+/// Checks the width and height of the images, pixels. `key` is for the message.
+std::array<int, 2> checked_image_size(std::span<const double> sides, const std::string& key, const std::string& file);
+
+/// Reads a rigid motion from a 4x4 matrix, row by row; rotations of few digits are accepted. `key` is for the message.
+geometry::SE3 checked_rigid_motion(std::span<const double> rows, const std::string& key, const std::string& file);
 
 /// Largest image side accepted in a calibration, pixels.
 inline constexpr int kMaxImageSide_px = 1 << 20;
@@ -27,7 +61,8 @@ struct LensParameters {
   std::span<const double> sphere_parameters{};  ///< of omni: xi; ds: xi alpha; eucm: alpha beta
 };
 
-/// Number of parameters that precede fx fy cx cy in a model. Throws InputError(file, cause) for an unknown name.
+/// Returns the number of parameters that precede fx fy cx cy in a model. Throws InputError(file, cause) for an unknown
+/// name.
 std::size_t sphere_parameter_count(const std::string& file, const std::string& model);
 
 /// Builds the camera after checking counts, finiteness and signs. Throws InputError(file, cause).
@@ -44,9 +79,9 @@ struct NamedDistortion {
 /// count, or for a tilted sensor.
 NamedDistortion parse_opencv_distortion(const std::string& where, std::span<const double> coefficients);
 
-/// Shortest text that reads back as the same number.
+/// Returns the shortest text that reads back as the same number.
 std::string format_number(double value);
-/// "[1, 2.5]", a list in YAML, of numbers by format_number().
+/// Returns numbers as a YAML list, "[1, 2.5]", each by format_number().
 std::string number_list(std::span<const double> values);
 std::string number_list(std::initializer_list<double> values);
 

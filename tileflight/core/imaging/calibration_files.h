@@ -17,7 +17,7 @@ enum class CalibrationFormat { kKalibr, kOpenCv, kColmap, kDso, kVslamLab };
 /// Detects the format from the text; nullopt for an unknown format. A detected file may still be malformed.
 std::optional<CalibrationFormat> detect_calibration_format(std::string_view text);
 
-/// Names of the cameras in a calibration file: cam0, cam1, ... of Kalibr's camchain, CAMERA_IDs of COLMAP's
+/// Returns the names of the cameras in a calibration file: cam0, cam1, ... of Kalibr's camchain, CAMERA_IDs of COLMAP's
 /// cameras.txt, rgb_0, rgb_1, ... of VSLAM-LAB, in file order; empty for formats that hold one unnamed camera. Throws
 /// InputError.
 std::vector<std::string> camera_ids(const std::filesystem::path& file);
@@ -33,7 +33,7 @@ Calibration read_kalibr_camera(const std::filesystem::path& file, const std::str
 /// A camera of a Kalibr camchain, on the body that carries the chain.
 struct ChainCamera {
   std::string name;              ///< "cam0" or, in camchains written here, its key `name`
-  std::filesystem::path folder;  ///< key `folder` of camchains written here: of its images; else empty
+  std::filesystem::path folder;  ///< folder of its images: key `folder` of camchains written here; else empty
   Calibration calibration;
   /// Camera to body: key `T_body_cam` of camchains written here. Without it the body is the first camera, and the poses
   /// are those of T_cn_cnm1 or, where that is missing, of T_cam_imu.
@@ -77,11 +77,11 @@ struct VslamLabCamera {
 /// ORB-SLAM's settings (Camera.fx or Camera0.fx, IMU.T_b_c1). Throws InputError (file, key, cause).
 VslamLabCamera read_vslam_lab_camera(const std::filesystem::path& file, const std::string& camera_id = "rgb_0");
 
-/// Names of the cameras in VSLAM-LAB's calibration.yaml, as camera_ids(). Throws InputError.
+/// Returns the names of the cameras in VSLAM-LAB's calibration.yaml, as camera_ids(). Throws InputError.
 std::vector<std::string> vslam_lab_camera_ids(const std::filesystem::path& file);
 
-/// The entries of one camera that describe its lens and image size, in the present form: "cam_model: pinhole, ...".
-/// nullopt for a lens that the form cannot describe.
+/// Returns the entries of one camera that describe its lens and image size, in the present form: "cam_model: pinhole,
+/// ...". nullopt for a lens that the form cannot describe.
 std::optional<std::string> vslam_lab_lens_text(const Camera& camera);
 
 }  // namespace tileflight::imaging

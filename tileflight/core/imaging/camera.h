@@ -18,7 +18,7 @@ struct PinholeRadtan {
 };
 
 /// Pinhole with OpenCV's rational and thin-prism distortion, in OpenCV's order: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4
-/// (rational_distortion.h). If k4 to s4 are zero, it is Brown-Conrady with a third radial coefficient.
+/// (lens_distortion.h). If k4 to s4 are zero, it is Brown-Conrady with a third radial coefficient.
 struct PinholeRational {
   double fx = 0, fy = 0, cx = 0, cy = 0;
   std::array<double, 12> d{};
@@ -79,15 +79,15 @@ class Camera {
   /// Projects a point (only its direction counts) to a pixel. nullopt outside the model's valid cone; pixels outside
   /// the image are returned unchanged.
   std::optional<geometry::Vec2> project(const geometry::Vec3& point_camera) const;
-  /// As project, with the 2x3 derivative of the pixel by the point; also nullopt at a panorama's poles, where it is
-  /// undefined.
+  /// Projects a point and computes the 2x3 derivative of the pixel by the point; also nullopt at a panorama's poles,
+  /// where the derivative is undefined.
   std::optional<geometry::Vec2> project(const geometry::Vec3& point_camera,
                                         Eigen::Matrix<double, 2, 3>& d_pixel_d_point) const;
   /// Whether a pixel position lies on the image, its edge included.
   bool contains(const geometry::Vec2& pixel) const {
     return pixel.x() >= -0.5 && pixel.y() >= -0.5 && pixel.x() <= width_ - 0.5 && pixel.y() <= height_ - 0.5;
   }
-  /// Unit ray of a pixel; nullopt outside the model's valid region. project(unproject(p)) == p to 1e-9 px.
+  /// Returns the unit ray of a pixel; nullopt outside the model's valid region. project(unproject(p)) == p to 1e-9 px.
   std::optional<geometry::Vec3> unproject(const geometry::Vec2& pixel) const;
 
   /// Largest valid angle from the optical axis, radians.
@@ -98,8 +98,8 @@ class Camera {
   /// Horizontal field of view along the middle row, degrees.
   double horizontal_fov_deg() const;
 
-  /// The same lens for an image of another size and equal aspect ratio (within a pixel). Pixel centres are at integers:
-  /// cx' = (cx + 0.5) s - 0.5. Throws InputError if the aspect ratio differs.
+  /// Returns the lens for an image of another size and equal aspect ratio (within a pixel). Pixel centres are at
+  /// integers: cx' = (cx + 0.5) s - 0.5. Throws InputError if the aspect ratio differs.
   Camera scaled_to(int width, int height) const;
 
  private:
@@ -109,10 +109,11 @@ class Camera {
   double max_theta_rad_ = 0;
 };
 
-/// Equidistant-like fisheye (Kannala-Brandt, k as given) whose horizontal field of view over `width` is `fov_deg`.
+/// Makes an equidistant-like fisheye (Kannala-Brandt, k as given) whose horizontal field of view over `width` is
+/// `fov_deg`.
 Camera make_fisheye(int width, int height, double fov_deg, std::array<double, 4> k = {});
 Camera make_pinhole(int width, int height, double fov_deg);
-/// A panorama of the full sphere.
+/// Makes a panorama of the full sphere.
 Camera make_panorama(int width, int height);
 
 /// Content of a calibration file: the lens and further parameters.
@@ -132,7 +133,7 @@ void write_kalibr(const std::filesystem::path& file, const Calibration& calibrat
 Calibration read_dso_camera(const std::filesystem::path& file);
 /// Whether DSO's format supports the lens model.
 bool has_dso_model(const Camera& camera);
-/// Throws InputError for a lens model that the format does not support.
+/// Writes DSO's camera.txt. Throws InputError for a lens model that the format does not support.
 void write_dso_camera(const std::filesystem::path& file, const Calibration& calibration);
 
 /// Detects the format from the content: Kalibr, OpenCV, COLMAP or DSO (calibration_files.h). Throws InputError.

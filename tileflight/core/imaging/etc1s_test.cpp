@@ -174,9 +174,10 @@ class RandomTexture {
     for (const RandomCode* code : {&predictions, &deltas, &indices, &runs}) write_table(*code, random_, tables);
     tables.number(static_cast<std::uint32_t>(history_.size()), 13);
     const Etc1sCodebooks books(endpoints_.size(), base::test_support::to_bytes(endpoints), selectors_.size(),
-                               base::test_support::to_bytes(selectors), base::test_support::to_bytes(tables.bytes()), "e");
-    return books.decode_slice(base::test_support::to_bytes(write_slice(predictions, deltas, indices, runs)), width_, height_,
-                              "e");
+                               base::test_support::to_bytes(selectors), base::test_support::to_bytes(tables.bytes()),
+                               "e");
+    return books.decode_slice(base::test_support::to_bytes(write_slice(predictions, deltas, indices, runs)), width_,
+                              height_, "e");
   }
 
  private:

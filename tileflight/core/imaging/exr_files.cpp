@@ -13,7 +13,7 @@
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/imaging/codecs.h"
-#include "tileflight/core/imaging/exr_channels.h"
+#include "tileflight/core/imaging/image_files.h"
 
 namespace tileflight::imaging {
 

@@ -16,9 +16,9 @@ struct ImageSimilarity {
   double ssim = std::numeric_limits<double>::quiet_NaN();
 };
 
-/// `mask`: valid pixels (nonzero); empty: all. A window of the structural similarity is used only if all its pixels are
-/// valid, so that pixels outside the lens's image circle do not contribute. Throws InputError if the sizes of images or
-/// mask differ.
+/// Compares two images of equal size. `mask`: valid pixels (nonzero); empty: all. A window of the structural similarity
+/// is used only if all its pixels are valid, so that pixels outside the lens's image circle do not contribute. Throws
+/// InputError if the sizes of images or mask differ.
 ImageSimilarity compute_image_similarity(const GrayImage& a, const GrayImage& b, const GrayImage& mask = {});
 
 }  // namespace tileflight::imaging

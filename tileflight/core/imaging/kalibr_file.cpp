@@ -5,12 +5,11 @@
 #include <cmath>
 
 #include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/number_text.h"
-#include "tileflight/core/base/text_fields.h"
+#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/core/imaging/calibration_checks.h"
 #include "tileflight/core/imaging/calibration_files.h"
-#include "tileflight/core/imaging/calibration_yaml.h"
 
 namespace tileflight::imaging {
 
@@ -176,7 +175,8 @@ void require_on_one_body(const geometry::SE3& T, const std::string& key, const s
                              ", too far for one body: translations are in metres, not millimetres");
 }
 
-/// What a camchain of others says of a camera; `is_first`: T_cn_cnm1 means nothing there.
+/// Throws InputError if a camchain of another program puts a camera too far from the one before or from the IMU.
+/// `is_first`: T_cn_cnm1 has no meaning for this camera.
 void require_probable(const YAML::Node& camera, bool is_first, const std::string& file) {
   if (camera["T_body_cam"]) return;  // written here: a flight may have whatever rig it asks for
   if (!is_first && camera["T_cn_cnm1"])

@@ -20,8 +20,8 @@ namespace {
 using base::test_support::error_of;
 using base::test_support::to_bytes;
 using base::test_support::to_raw_bytes;
-using ::testing::AnyOf;
 using test_support::BitWriter;
+using ::testing::AnyOf;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::Not;
@@ -35,10 +35,11 @@ std::string header(std::uint32_t vk_format, std::uint32_t width, std::uint32_t h
   const std::uint32_t descriptor_at = 80 + 24;
   const std::uint64_t global_at = descriptor_at + descriptor.size();
   return std::string("\xABKTX 20\xBB\r\n\x1A\n", 12) +
-         base::test_support::to_raw_bytes<std::uint32_t>({vk_format, 1, width, height, 0, 0, 1, 1, scheme, descriptor_at,
-                                                     static_cast<std::uint32_t>(descriptor.size()), 0, 0}) +
+         base::test_support::to_raw_bytes<std::uint32_t>({vk_format, 1, width, height, 0, 0, 1, 1, scheme,
+                                                          descriptor_at, static_cast<std::uint32_t>(descriptor.size()),
+                                                          0, 0}) +
          base::test_support::to_raw_bytes<std::uint64_t>({global_data.empty() ? 0 : global_at, global_data.size(),
-                                                     global_at + global_data.size(), level.size(), 0}) +
+                                                          global_at + global_data.size(), level.size(), 0}) +
          descriptor + global_data + level;
 }
 
@@ -78,9 +79,9 @@ std::string small_etc1s() {
   const std::string global =
       base::test_support::to_raw_bytes<std::uint16_t>({3, 2}) +
       base::test_support::to_raw_bytes<std::uint32_t>({static_cast<std::uint32_t>(endpoints.bytes().size()),
-                                                  static_cast<std::uint32_t>(selectors.bytes().size()),
-                                                  static_cast<std::uint32_t>(tables.bytes().size()), 0, 0, 0,
-                                                  static_cast<std::uint32_t>(slice.bytes().size()), 0, 0}) +
+                                                       static_cast<std::uint32_t>(selectors.bytes().size()),
+                                                       static_cast<std::uint32_t>(tables.bytes().size()), 0, 0, 0,
+                                                       static_cast<std::uint32_t>(slice.bytes().size()), 0, 0}) +
       endpoints.bytes() + selectors.bytes() + tables.bytes();
   return header(0, 7, 8, 1, 163, global, slice.bytes());
 }
@@ -112,11 +113,13 @@ TEST(Ktx2, ASmallEtc1sTexture) {
 TEST(Ktx2, PlainPixels) {
   const std::string pixels = {1, 2, 3, 4, 5, 6, 7, 8};
   const std::string rgba = header(43, 2, 1, 0, 1, "", pixels);
-  EXPECT_EQ(decode_ktx2(base::test_support::to_bytes(rgba), "k", kPixels).pixels, (std::vector<Rgb8>{{1, 2, 3}, {5, 6, 7}}));
+  EXPECT_EQ(decode_ktx2(base::test_support::to_bytes(rgba), "k", kPixels).pixels,
+            (std::vector<Rgb8>{{1, 2, 3}, {5, 6, 7}}));
   std::string packed(64, '\0');
   packed.resize(ZSTD_compress(packed.data(), packed.size(), pixels.data(), 6, 3));
   const std::string rgb = header(23, 1, 2, 2, 1, "", packed);
-  EXPECT_EQ(decode_ktx2(base::test_support::to_bytes(rgb), "k", kPixels).pixels, (std::vector<Rgb8>{{1, 2, 3}, {4, 5, 6}}));
+  EXPECT_EQ(decode_ktx2(base::test_support::to_bytes(rgb), "k", kPixels).pixels,
+            (std::vector<Rgb8>{{1, 2, 3}, {4, 5, 6}}));
 }
 
 TEST(Ktx2, UastcPlainAndInZstandard) {
@@ -124,10 +127,12 @@ TEST(Ktx2, UastcPlainAndInZstandard) {
   const std::uint32_t bits = 0b10111U | 0x12U << 5U | 0x34U << 13U | 0x56U << 21U;
   for (std::size_t i = 0; i < 4; ++i) block[i] = static_cast<char>(bits >> (8 * i));
   const std::vector<Rgb8> expected(6, Rgb8{0x12, 0x34, 0x56});
-  EXPECT_EQ(decode_ktx2(base::test_support::to_bytes(header(0, 3, 2, 0, 166, "", block)), "k", kPixels).pixels, expected);
+  EXPECT_EQ(decode_ktx2(base::test_support::to_bytes(header(0, 3, 2, 0, 166, "", block)), "k", kPixels).pixels,
+            expected);
   std::string packed(64, '\0');
   packed.resize(ZSTD_compress(packed.data(), packed.size(), block.data(), block.size(), 3));
-  EXPECT_EQ(decode_ktx2(base::test_support::to_bytes(header(0, 3, 2, 2, 166, "", packed)), "k", kPixels).pixels, expected);
+  EXPECT_EQ(decode_ktx2(base::test_support::to_bytes(header(0, 3, 2, 2, 166, "", packed)), "k", kPixels).pixels,
+            expected);
 }
 
 TEST(Ktx2, FaultsAreNamed) {
@@ -143,17 +148,18 @@ TEST(Ktx2, FaultsAreNamed) {
                   [&] { decode_ktx2(base::test_support::to_bytes(header(131, 4, 4, 0, 128, "", "")), "k", kPixels); }),
               HasSubstr("Vulkan format 131"));
   for (std::size_t length = 12; length < good.size(); ++length) {
-    EXPECT_NE(
-        base::test_support::error_of([&] { decode_ktx2(base::test_support::to_bytes(good.substr(0, length)), "k", kPixels); }),
-        "")
+    EXPECT_NE(base::test_support::error_of(
+                  [&] { decode_ktx2(base::test_support::to_bytes(good.substr(0, length)), "k", kPixels); }),
+              "")
         << length;
   }
   std::mt19937 random(5);
   for (int i = 0; i < 2000; ++i) {
     std::string damaged = good;
     for (int k = 0; k < 3; ++k) damaged[random() % damaged.size()] = static_cast<char>(random());
-    EXPECT_THAT(base::test_support::error_of([&] { decode_texture(base::test_support::to_bytes(damaged), "k", kPixels); }),
-                Not(HasSubstr("\n")));
+    EXPECT_THAT(
+        base::test_support::error_of([&] { decode_texture(base::test_support::to_bytes(damaged), "k", kPixels); }),
+        Not(HasSubstr("\n")));
   }
 }
 

@@ -14,8 +14,8 @@ struct PhotometricCalibration {
   FloatImage vignette;                        ///< V in (0, 1], same size as the image; empty: none known
 };
 
-/// `pcalib.txt`: one line of at least 256 strictly increasing numbers (rescaled to 0..255); `vignette.png`: 8 or 16 bit
-/// grey. Either path may be empty: identity. Throws InputError (file, cause).
+/// Reads a photometric calibration. `pcalib.txt`: one line of at least 256 strictly increasing numbers (rescaled to
+/// 0..255); `vignette.png`: 8 or 16 bit grey. Either path may be empty: identity. Throws InputError (file, cause).
 PhotometricCalibration read_photometric(const std::filesystem::path& pcalib_file,
                                         const std::filesystem::path& vignette_file);
 void write_pcalib(const std::filesystem::path& file, const std::array<float, 256>& inverse_response);

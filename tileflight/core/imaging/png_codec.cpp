@@ -108,6 +108,11 @@ Gray16Image luma16(const Image<std::array<std::uint16_t, 3>>& rgb) {
   return gray;
 }
 
+struct Palette {
+  std::vector<png_color> colors;
+  std::vector<png_byte> opacity;
+};
+
 class Writer {
  public:
   Writer() {
@@ -118,7 +123,8 @@ class Writer {
   Writer(const Writer&) = delete;
   Writer& operator=(const Writer&) = delete;
 
-  bool write(int width, int height, int bits, int color_type, PngEffort effort, png_bytepp rows) {
+  bool write(int width, int height, int bits, int color_type, PngEffort effort, png_bytepp rows,
+             const Palette& palette = {}) {
     if (setjmp(fault_.jump) != 0) return false;
     png_set_write_fn(
         png_, this,
@@ -133,6 +139,11 @@ class Writer {
     png_set_compression_level(png_, effort == PngEffort::kSmallFile ? 6 : 1);
     // One filter for all rows: to try five on each takes longer than the fastest compression does.
     if (effort == PngEffort::kLittleTime) png_set_filter(png_, PNG_FILTER_TYPE_BASE, PNG_FILTER_SUB);
+    if (!palette.colors.empty()) {
+      const int count = static_cast<int>(palette.colors.size());
+      png_set_PLTE(png_, info_, palette.colors.data(), count);
+      png_set_tRNS(png_, info_, palette.opacity.data(), count, nullptr);
+    }
     png_write_info(png_, info_);
     if (bits == 16) png_set_swap(png_);
     png_write_image(png_, rows);
@@ -152,10 +163,10 @@ class Writer {
 
 template <class Pixel>
 std::vector<std::byte> encode(const Image<Pixel>& image, int bits, int color_type,
-                              PngEffort effort = PngEffort::kSmallFile) {
+                              PngEffort effort = PngEffort::kSmallFile, const Palette& palette = {}) {
   std::vector<png_bytep> rows = row_pointers(const_cast<Image<Pixel>&>(image));  // libpng does not modify it
   Writer writer;
-  if (!writer.write(image.width, image.height, bits, color_type, effort, rows.data()))
+  if (!writer.write(image.width, image.height, bits, color_type, effort, rows.data(), palette))
     throw InputError("PNG of " + std::to_string(image.width) + "x" + std::to_string(image.height), writer.message());
   return writer.take_bytes();
 }
@@ -189,5 +200,13 @@ std::vector<std::byte> encode_png(const RgbImage& image, PngEffort effort) {
 }
 std::vector<std::byte> encode_png(const Gray16Image& image) { return encode(image, 16, PNG_COLOR_TYPE_GRAY); }
 std::vector<std::byte> encode_png(const GrayImage& image) { return encode(image, 8, PNG_COLOR_TYPE_GRAY); }
+std::vector<std::byte> encode_png(const GrayImage& indices, std::span<const std::array<std::uint8_t, 4>> palette) {
+  Palette entries;
+  for (const auto& [red, green, blue, opacity] : palette) {
+    entries.colors.push_back({red, green, blue});
+    entries.opacity.push_back(opacity);
+  }
+  return encode(indices, 8, PNG_COLOR_TYPE_PALETTE, PngEffort::kSmallFile, entries);
+}
 
 }  // namespace tileflight::imaging

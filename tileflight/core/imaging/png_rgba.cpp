@@ -1,5 +1,3 @@
-#include "tileflight/core/imaging/png_rgba.h"
-
 #include <tbb/parallel_for.h>
 #include <zlib.h>
 
@@ -8,6 +6,8 @@
 #include <span>
 #include <stdexcept>
 #include <string_view>
+
+#include "tileflight/core/imaging/image_files.h"
 
 namespace tileflight::imaging {
 namespace {

@@ -1,4 +1,3 @@
-#include "tileflight/core/imaging/quick_picture.h"
 
 #include <zstd.h>
 

@@ -1,11 +1,10 @@
-#include "tileflight/core/imaging/quick_picture.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <random>
 
 #include "tests/refusal.h"
+#include "tileflight/core/imaging/image_files.h"
 
 namespace tileflight::imaging::quick_picture_test {
 namespace {

@@ -10,7 +10,7 @@ class Rectifier {
  public:
   Rectifier(const Camera& from, const Camera& to);
 
-  /// Bilinear; 0 (black) outside the first lens's view. The image must have the size of `from`.
+  /// Interpolates bilinearly; 0 (black) outside the first lens's view. The image must have the size of `from`.
   RgbImage operator()(const RgbImage& picture) const;
   GrayImage operator()(const GrayImage& picture) const;
   FloatImage operator()(const FloatImage& picture) const;

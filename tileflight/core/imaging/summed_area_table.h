@@ -10,7 +10,7 @@ namespace tileflight::imaging {
 template <class Value>
 class SummedAreaTable {
  public:
-  /// `value(x, y)`: of each pixel of an image of that size.
+  /// Sums `value(x, y)` over the pixels of an image of that size.
   template <class Function>
   SummedAreaTable(int width, int height, const Function& value)
       : columns_(static_cast<std::size_t>(width) + 1), sums_(columns_ * (static_cast<std::size_t>(height) + 1)) {
@@ -23,7 +23,7 @@ class SummedAreaTable {
     }
   }
 
-  /// Over x0 <= x < x1, y0 <= y < y1.
+  /// Returns the sum over x0 <= x < x1, y0 <= y < y1.
   Value sum(int x0, int y0, int x1, int y1) const {
     return sums_[index(x1, y1)] - sums_[index(x0, y1)] - sums_[index(x1, y0)] + sums_[index(x0, y0)];
   }

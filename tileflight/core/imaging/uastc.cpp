@@ -68,7 +68,8 @@ constexpr std::uint32_t hash52(std::uint32_t p) {
   return p;
 }
 
-/// The same section, for blocks of fewer than 31 texels: the subset whose pseudo-random plane has the largest value.
+/// Implements the section named above for blocks of fewer than 31 texels: the subset whose pseudo-random plane has the
+/// largest value.
 constexpr std::uint8_t subset_of(std::uint32_t seed, std::uint32_t subsets, std::uint32_t x, std::uint32_t y) {
   const std::uint32_t random = hash52(seed + (subsets - 1) * 1024);
   const std::uint32_t third = subsets == 3 ? 6 : 5;

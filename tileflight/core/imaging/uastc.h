@@ -8,7 +8,7 @@
 
 namespace tileflight::imaging {
 
-/// Size in bytes of a UASTC image: 16 for each block of 4 x 4 texels, row by row.
+/// Returns the size of a UASTC image in bytes: 16 for each block of 4 x 4 texels, row by row.
 std::size_t uastc_bytes(int width, int height);
 
 /// Decodes an image in UASTC LDR 4x4 ("UASTC LDR 4x4 Texture Specification", Basis Universal), a subset of ASTC with a

@@ -6,11 +6,10 @@
 #include <cmath>
 #include <variant>
 
-#include "tileflight/core/base/string_lists.h"
-#include "tileflight/core/base/text_fields.h"
+#include "tileflight/core/base/formatted_text.h"
+#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/core/imaging/calibration_checks.h"
 #include "tileflight/core/imaging/calibration_files.h"
-#include "tileflight/core/imaging/calibration_yaml.h"
 
 namespace tileflight::imaging {
 

@@ -7,9 +7,26 @@
 
 namespace tileflight::jobs {
 
-/// How much of a build folder's work one process does.
+/// A folder that one process uses at a time: its file kFile is locked exclusively for the lifetime of the object, and
+/// holds the process's id. The kernel releases the lock when the process ends, even in a crash. A file system without
+/// locks is used without one.
+class FolderLock {
+ public:
+  static constexpr const char* kFile = ".lock";
+
+  /// Throws InputError if another process, which is named, uses the folder, and if the folder cannot be written.
+  explicit FolderLock(const std::filesystem::path& folder);
+  ~FolderLock();
+  FolderLock(const FolderLock&) = delete;
+  FolderLock& operator=(const FolderLock&) = delete;
+
+ private:
+  int file_ = -1;  ///< file descriptor; -1: no lock
+};
+
+/// The share of a build folder's work that one process does.
 enum class Share {
-  kWhole,  ///< all of it, or as a rank of one job: no other job may use the folder
+  kWhole,  ///< all of it: no other job may use the folder
   kPart,   ///< one part, while other processes do the other parts
 };
 
@@ -29,7 +46,7 @@ class BuildFolder {
   static std::string prepare(const std::filesystem::path& folder, const nlohmann::json& inputs, Share share,
                              const std::vector<std::string>& folders);
 
-  /// inputs.json; null if there is none.
+  /// Reads inputs.json; null if there is none.
   static nlohmann::json read_inputs(const std::filesystem::path& folder);
 
   /// Enters a prepared folder under a name. A part waits while a process of an earlier job, which does the same part,
@@ -40,9 +57,6 @@ class BuildFolder {
   BuildFolder& operator=(const BuildFolder&) = delete;
 
   const std::filesystem::path& path() const { return folder_; }
-  /// Which of the ranks of a job, whose names are their numbers, have ended, as seen by one of them: "rank 1 of 3
-  /// died", or "stopped" if none has. Empty if a lower rank, which then reports it, is alive.
-  std::string describe_ended(int rank, int ranks) const;
   /// Removes the folder once its work is elsewhere.
   void remove() const;
 

@@ -5,12 +5,10 @@
 #include <system_error>
 
 #include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/make_folder.h"
-#include "tileflight/core/base/program_path.h"
-#include "tileflight/core/base/shell_word.h"
+#include "tileflight/core/base/program.h"
 #include "tileflight/core/jobs/build_folder.h"
-#include "tileflight/core/jobs/folder_lock.h"
 #include "tileflight/core/jobs/run_tasks.h"
 
 namespace tileflight::jobs {

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "tileflight/core/base/progress.h"
-#include "tileflight/core/jobs/task.h"
+#include "tileflight/core/jobs/run_tasks.h"
 
 namespace tileflight::jobs {
 
@@ -35,7 +35,7 @@ struct PartedJob {
 /// contain API keys. Finished tasks are skipped. Throws InputError, also if another process runs the job.
 nlohmann::json run_parted_job(const PartedJob& job, const TaskOptions& options, const Progress& progress = {});
 
-/// The folder of an output's workflow; it exists while a job is unfinished.
+/// Returns the folder of an output's workflow, which exists while a job is unfinished.
 std::filesystem::path tasks_folder_of(const std::filesystem::path& output);
 
 /// Whether the job's last call, of this name, finished but the job was stopped before it returned: run_parted_job()

@@ -2,15 +2,13 @@
 
 #include <algorithm>
 #include <cctype>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <system_error>
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/make_folder.h"
-#include "tileflight/core/jobs/guarded_program.h"
+#include "tileflight/core/jobs/process.h"
 
 namespace tileflight::jobs {
 namespace fs = std::filesystem;
@@ -55,9 +53,7 @@ case $state in
 esac
 )";
 
-bool has_program(const std::string& name) {
-  return run_guarded({"sh", "-c", "command -v " + name}, "/", "/dev/null") == 0;
-}
+bool has_program(const std::string& name) { return run_guarded({shell("command -v " + name), "/", "/dev/null"}) == 0; }
 
 bool is_up_to_date(const Task& task, const fs::path& folder) {
   fs::file_time_type oldest = fs::file_time_type::max();
@@ -75,11 +71,7 @@ bool is_up_to_date(const Task& task, const fs::path& folder) {
 
 InputError failed_task(const Task& task, const fs::path& folder) {
   const fs::path log = folder / "logs" / (task.name + ".txt");
-  std::string last;
-  std::ifstream lines(log);
-  for (std::string line; std::getline(lines, line);) {
-    if (!line.empty()) last = line;
-  }
+  const std::string last = last_line(log);
   return {"task " + task.name, "failed: " + (last.empty() ? "it printed nothing" : last) + " (" + log.string() +
                                    "); the same command goes on where it stopped"};
 }
@@ -93,8 +85,9 @@ void run_one_by_one(const std::vector<Task>& tasks, const fs::path& folder, cons
     if (is_up_to_date(task, folder)) continue;
     const bool has_inputs =
         std::ranges::all_of(task.inputs, [&](const std::string& input) { return fs::exists(folder / input); });
-    const bool done = has_inputs && run_guarded({"sh", "tasks/" + task.name + ".sh"}, folder,
-                                                folder / "logs" / (task.name + ".txt")) == 0;
+    const bool done =
+        has_inputs &&
+        run_guarded({{"sh", "tasks/" + task.name + ".sh"}, folder, folder / "logs" / (task.name + ".txt")}) == 0;
     if (!done && failed == nullptr) failed = &task;
   }
   if (failed != nullptr) throw failed_task(*failed, folder);
@@ -124,7 +117,7 @@ void run_with_snakemake(const std::vector<Task>& tasks, const fs::path& folder, 
     words.insert(words.end(), {"--cores", std::to_string(std::max(options.jobs, options.cores))});
   }
   report_progress(progress, 0, 0, "snakemake is running the tasks (" + (folder / "logs/snakemake.txt").string() + ")");
-  const int status = run_guarded(words, folder, folder / "logs/snakemake.txt");
+  const int status = run_guarded({words, folder, folder / "logs/snakemake.txt"});
   if (status == 0) return;
   for (const Task& task : tasks) {
     if (!is_up_to_date(task, folder)) throw failed_task(task, folder);

@@ -2,11 +2,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "tests/moving_picture.h"
 #include "tests/temporary_folder.h"
 #include "tileflight/core/base/files.h"
-#include "tileflight/data/dataset/dataset.h"
-#include "tileflight/data/dataset/test_pictures.h"
 #include "tileflight/core/imaging/image_files.h"
+#include "tileflight/data/dataset/dataset.h"
 
 namespace tileflight::dataset::chosen_camera_test {
 namespace {
@@ -15,7 +15,7 @@ namespace fs = std::filesystem;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
-using test_support::moving_picture;
+using tests::moving_picture;
 using tests::refusal_of;
 
 constexpr int kWidth = 64, kHeight = 48;

@@ -9,7 +9,6 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/core/base/output_folder.h"
 #include "tileflight/core/geometry/geodesy.h"
 #include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/core/imaging/camera.h"
@@ -17,16 +16,16 @@
 
 namespace tileflight::dataset {
 
-/// A frame of a dataset.
+/// An image of a dataset, with its time.
 struct Frame {
   std::string id;  ///< "000000"
   std::filesystem::path image;
   double time_s = 0.0;
   double exposure_ms = 0.0;       ///< 0: unknown
-  std::filesystem::path depth{};  ///< depth of the same pixels (depth_images.h); empty: none
+  std::filesystem::path depth{};  ///< depth of the same pixels (frame_layers.h); empty: none
 };
 
-/// A line of gps.csv: t,lat,lon,height,horizontal_sigma,vertical_sigma.
+/// Position of the receiver at a time; a line of gps.csv: t,lat,lon,height,horizontal_sigma,vertical_sigma.
 struct GpsFix {
   double time_s = 0.0;
   geometry::Geodetic position;
@@ -34,7 +33,7 @@ struct GpsFix {
   double vertical_sigma_m = 0.0;
 };
 
-/// A sensor dataset on disk (contract: "A dataset folder"). Images stay on disk; frames are in time order.
+/// A sensor dataset on disk (docs/formats.md). Images stay on disk; frames are in time order.
 struct Dataset {
   std::filesystem::path folder;
   std::vector<Frame> frames;
@@ -50,7 +49,7 @@ struct Dataset {
   std::vector<std::string> warnings;  ///< tolerated problems, one line each (no times.txt, images left out, ...)
 };
 
-/// Which camera of a dataset, and a calibration that replaces the one in its layout.
+/// Chooses a camera of a dataset, or a calibration that replaces the one in its layout.
 struct CameraChoice {
   /// Any format of imaging::read_calibration; empty: the dataset's own. If there is no such file, but the dataset has a
   /// camera of this name (rig_camera_names), it chooses that camera.
@@ -61,30 +60,26 @@ struct CameraChoice {
 
 /// Reads and checks a dataset folder: every frame's image exists, every line is well-formed, times strictly increase,
 /// and the calibration matches the image size (of the first image). The layout is detected from the content:
-///   images/                 the contract's and DSO's: times.txt, camera.yaml or camera.txt; without times.txt frames
+///   images/                 our own and DSO's: times.txt, camera.yaml or camera.txt; without times.txt frames
 ///                           are 1/30 s apart (warned);
 ///   rgb.csv                 VSLAM-LAB: calibration.yaml, groundtruth.csv, imu_0.csv;
 ///   image_l/ or image_0/    KITTI odometry: calib.txt (P0), times.txt of bare seconds, poses.txt;
 ///   mav0/cam0/ or cam0/     EuRoC (ASL): data.csv, sensor.yaml, data/;
-///   rgb.txt                 TUM RGB-D, and VSLAM-LAB before 2025-09: depth.txt, groundtruth.txt; without a
-///   calibration.yaml
-///                           that of freiburg1, 2 or 3 by the folder's name.
-/// Of a rig's cameras it reads the first, or the chosen one (rig.h reads all).
+///   rgb.txt                 TUM RGB-D, and VSLAM-LAB before 2025-09: depth.txt, groundtruth.txt; without
+///                           calibration.yaml that of freiburg1, 2 or 3 by the folder's name.
+/// If the dataset is of a rig, the first camera is read, or the chosen one (rig.h reads all).
 /// Frames that a list names but that have no file are left out (warned).
 /// With a `camera` the layout's own calibration may be missing; the given one is scaled to images of the same aspect
 /// ratio (warned), and if it has no IMU extrinsics, the layout's T_cam_imu is kept. Throws InputError (file, line,
 /// cause).
 Dataset read_dataset(const std::filesystem::path& folder, const CameraChoice& camera = {});
 
-/// Whether the folder is a dataset in another program's layout: not of images/, but one of the others.
+/// Returns whether the folder is a dataset in another program's layout: any that read_dataset() knows except images/.
 bool has_foreign_layout(const std::filesystem::path& folder);
 
-/// Reads and writes gps.csv. Throw InputError (file, line, cause).
+/// Read and write gps.csv. Throw InputError (file, line, cause).
 std::vector<GpsFix> read_gps_csv(const std::filesystem::path& file);
 void write_gps_csv(const std::filesystem::path& file, const std::vector<GpsFix>& fixes);
-
-/// Files by which dataset folders written before folders had a marker are recognized.
-base::LegacyFolderPattern unmarked_dataset();
 
 /// Writes a dataset folder frame by frame (in any order and from several threads; the files are identical). The folder
 /// is built under a temporary name beside `folder` and renamed by finish(); without finish() the destructor removes it.
@@ -100,7 +95,7 @@ class DatasetWriter {
     /// If given, the dataset is built here (same file system; created if missing) and kept if finish() is not called:
     /// for several processes that write together or one after the other. Only one of them calls finish().
     std::filesystem::path build_folder{};
-    /// A camera's part of a larger dataset: built in `build_folder`, where finish() leaves it.
+    /// The dataset is one camera's part of a larger one: it is built in `build_folder`, where finish() leaves it.
     bool is_part = false;
   };
   DatasetWriter(std::filesystem::path folder, imaging::Calibration calibration, Options options);

@@ -6,7 +6,7 @@
 
 namespace tileflight::dataset {
 
-/// dataset.yaml: keys "a.b" are nested maps in the file. List entries have their index as key.
+/// Read and format dataset.yaml: keys "a.b" are nested maps in the file, and list entries have their index as key.
 std::map<std::string, std::string> read_metadata(const std::filesystem::path& file);
 std::string format_metadata(const std::map<std::string, std::string>& about);
 

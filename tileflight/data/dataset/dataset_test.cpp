@@ -8,10 +8,10 @@
 #include <csignal>
 #include <fstream>
 
+#include "tests/moving_picture.h"
 #include "tests/temporary_folder.h"
 #include "tests/test_data.h"
 #include "tileflight/core/base/files.h"
-#include "tileflight/data/dataset/test_pictures.h"
 #include "tileflight/core/imaging/image_files.h"
 #include "tileflight/core/imaging/photometric.h"
 
@@ -22,7 +22,7 @@ namespace fs = std::filesystem;
 using testing::AllOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
-using test_support::moving_picture;
+using tests::moving_picture;
 using tests::refusal_of;
 using tileflight::tests::TemporaryFolder;
 
@@ -103,7 +103,7 @@ TEST(Dataset, ReadsWhatItWrote) {
   EXPECT_EQ(dataset.frames[3].id, "000003");
   EXPECT_EQ(dataset.frames[3].time_s, 0.1 * 3);
   EXPECT_EQ(dataset.frames[3].exposure_ms, 8.0);
-  EXPECT_GT(test_support::psnr(imaging::read_rgb(dataset.frames[3].image), moving_picture(kWidth, kHeight, 3)), 38.0);
+  EXPECT_GT(tests::psnr(imaging::read_rgb(dataset.frames[3].image), moving_picture(kWidth, kHeight, 3)), 38.0);
   EXPECT_EQ(dataset.calibration.line_delay_s, 1e-5);
   EXPECT_NEAR(dataset.calibration.camera.horizontal_fov_deg(), 155.0, 1e-9);
   ASSERT_TRUE(dataset.groundtruth.has_value());

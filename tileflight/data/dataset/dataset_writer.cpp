@@ -1,15 +1,13 @@
 #include <mutex>
 
 #include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/make_folder.h"
-#include "tileflight/core/base/number_text.h"
 #include "tileflight/core/base/output_folder.h"
-#include "tileflight/core/base/temporary_path.h"
+#include "tileflight/core/imaging/image_files.h"
 #include "tileflight/data/dataset/dataset.h"
 #include "tileflight/data/dataset/dataset_metadata.h"
 #include "tileflight/data/dataset/frame_list.h"
-#include "tileflight/core/imaging/image_files.h"
 
 namespace tileflight::dataset {
 
@@ -23,11 +21,7 @@ struct FrameTiming {
 };
 
 base::OutputFolder output_of(const fs::path& folder, const DatasetWriter::Options& options) {
-  return {.folder = folder,
-          .command = options.command,
-          .replace = options.replace,
-          .inputs = options.inputs,
-          .legacy = unmarked_dataset()};
+  return {.folder = folder, .command = options.command, .replace = options.replace, .inputs = options.inputs};
 }
 
 fs::path make_temporary(const fs::path& target) {
@@ -56,41 +50,6 @@ void require_increasing(const std::string& folder, const std::map<std::size_t, F
 }
 
 }  // namespace
-
-base::LegacyFolderPattern unmarked_dataset() {
-  return {.key_file = "dataset.yaml",
-          .key_text = "tileflight",
-          .files = {"images/######.jpg",
-                    "images/######.png",
-                    "times.txt",
-                    "camera.yaml",
-                    "camera.txt",
-                    "pcalib.txt",
-                    "vignette.png",
-                    "groundtruth.txt",
-                    "gps.csv",
-                    "depth/######.exr",
-                    "range/######.exr",
-                    "normals/######.exr",
-                    "segmentation/######.png",
-                    "infrared/######.png",
-                    "flow/######.exr",
-                    "visibility/######.png",
-                    "segmentation.csv",
-                    "dataset.yaml",
-                    "imu.csv",
-                    "imu.yaml",
-                    "imu_bias.csv",
-                    "barometer.csv",
-                    "magnetometer.csv",
-                    "range.csv",
-                    "lidar/######.bin",
-                    "lidar/######.ply",
-                    "lidar/times.txt",
-                    "lidar/poses.txt",
-                    "vehicle.json",
-                    "video.mp4"}};
-}
 
 struct DatasetWriter::Impl {
   base::OutputFolder output;

@@ -6,12 +6,12 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/text_fields.h"
+#include "tileflight/core/base/text_parsing.h"
+#include "tileflight/core/geometry/nanoseconds.h"
+#include "tileflight/core/geometry/trajectory.h"
+#include "tileflight/core/imaging/calibration_checks.h"
 #include "tileflight/data/dataset/frame_list.h"
 #include "tileflight/data/dataset/layouts.h"
-#include "tileflight/core/geometry/nanoseconds.h"
-#include "tileflight/core/geometry/trajectory_files.h"
-#include "tileflight/core/imaging/calibration_checks.h"
 
 namespace tileflight::dataset::layouts {
 

@@ -12,19 +12,19 @@ namespace tileflight::dataset {
 /// Frame period used if times are unknown, seconds.
 inline constexpr double kDefaultFramePeriod_s = 1.0 / 30.0;
 
-/// Stem of a frame's file names in the contract's layout: "000007".
+/// Returns the stem of a frame's file names in our own layout: "000007".
 std::string frame_id(std::size_t index);
 
-/// Image files (.jpg, .jpeg, .png, .webp) of a folder, sorted by name. Throws InputError if there are none.
+/// Lists the image files (.jpg, .jpeg, .png, .webp) of a folder, sorted by name. Throws InputError if there are none.
 std::vector<std::filesystem::path> list_images(const std::filesystem::path& folder);
 
-/// Images with the times of `times_file`: lines "id seconds [exposure_ms]" (DSO, TUM monoVO) matched by the image's
-/// stem, or bare seconds (KITTI) in the order of the images. Tolerated problems are added to `warnings`. Throws
+/// Gives images the times of `times_file`: lines "id seconds [exposure_ms]" (DSO, TUM monoVO) are matched by the
+/// image's stem, bare seconds (KITTI) in the order of the images. Tolerated problems are added to `warnings`. Throws
 /// InputError: malformed lines, a line without its image, times that do not increase.
 std::vector<Frame> read_timed_frames(const std::vector<std::filesystem::path>& images,
                                      const std::filesystem::path& times_file, std::vector<std::string>& warnings);
 
-/// Images `period_s` apart, the first at 0.
+/// Gives images times that are `period_s` apart, the first at 0.
 std::vector<Frame> make_uniform_frames(const std::vector<std::filesystem::path>& images, double period_s);
 
 /// Throws InputError unless times strictly increase.

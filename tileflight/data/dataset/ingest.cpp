@@ -6,14 +6,13 @@
 #include <mutex>
 
 #include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/number_text.h"
+#include "tileflight/core/imaging/image_files.h"
 #include "tileflight/data/dataset/encode_queue.h"
 #include "tileflight/data/dataset/frame_list.h"
-#include "tileflight/data/dataset/imu_files.h"
-#include "tileflight/data/dataset/number_table.h"
-#include "tileflight/data/dataset/scaled_calibration.h"
-#include "tileflight/core/imaging/image_files.h"
+#include "tileflight/data/dataset/layouts.h"
+#include "tileflight/data/dataset/sensor_files.h"
 
 namespace tileflight::dataset {
 
@@ -21,7 +20,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Of times on another clock.
+/// Rounding error of times that were moved to another clock.
 constexpr double kRounding_s = 1e-9;
 
 struct TimeSpan {
@@ -82,7 +81,7 @@ void add_ranges(DatasetWriter& writer, const IngestOptions& options, const TimeS
   if (!table.rows.empty()) write_number_table(writer.temporary_folder() / "range.csv", table);
 }
 
-/// What is known beside the images, read before them, since a fault there is found in no time.
+/// Ground truth and readings. They are read before the images, so that faults in them are found at once.
 struct Companions {
   geometry::Trajectory groundtruth;           ///< of the camera, on the video's clock
   std::vector<geometry::ImuSample> readings;  ///< on the video's clock
@@ -147,7 +146,7 @@ void describe(DatasetWriter& writer, const IngestOptions& options, const ScaledC
   for (const auto& [key, value] : options.description) writer.describe(key, value);
 }
 
-/// What the log and the true path know of the frames' time span, and where all of it came from.
+/// Adds log, readings and ground truth of the frames' time span, and describes where everything came from.
 void finish(DatasetWriter& writer, const IngestOptions& options, const ScaledCalibration& fitted,
             const Companions& given, IngestResult& result) {
   const TimeSpan frames{result.times_s.front(), result.times_s.back()};
@@ -199,7 +198,7 @@ ScaledCalibration fitted_calibration(const IngestOptions& options, IngestResult&
 
 void ingest_video(const IngestOptions& options, const fs::path& folder, const Companions& given,
                   const Progress& progress, IngestResult& result) {
-  const VideoInfo info = probe_video(options.video_or_images);
+  const video::VideoInfo info = video::probe_video(options.video_or_images);
   const double period_s = info.frames_per_second > 0.0 ? 1.0 / info.frames_per_second : kDefaultFramePeriod_s;
   const double shift_s = options.timeshift_s;
   if (info.duration_s > 0.0) require_covers_excerpt(options, info.duration_s + shift_s, period_s);
@@ -222,10 +221,10 @@ void ingest_video(const IngestOptions& options, const fs::path& folder, const Co
     report_progress(progress, index + 1, std::max(expected, index + 1), "decoding video");
     return true;
   };
-  VideoExcerpt own_clock = options.excerpt;
+  video::VideoExcerpt own_clock = options.excerpt;
   own_clock.from_s = std::max(0.0, own_clock.from_s - shift_s);
   if (own_clock.to_s) *own_clock.to_s -= shift_s;
-  read_video(options.video_or_images, own_clock, on_frame);
+  video::read_video(options.video_or_images, own_clock, on_frame);
   queue.finish();
   require_some(options, result.times_s.size());
   // The container's duration may be wrong, so the frames decide.
@@ -264,7 +263,7 @@ std::vector<Frame> image_frames(const IngestOptions& options, std::vector<std::s
 }
 
 std::vector<Frame> select_excerpt(const std::vector<Frame>& frames, const IngestOptions& options) {
-  const VideoExcerpt& excerpt = options.excerpt;
+  const video::VideoExcerpt& excerpt = options.excerpt;
   if (excerpt.every < 1)
     throw InputError(options.video_or_images.string(), "the step of the excerpt must be 1 or more frames");
   const double period_s =

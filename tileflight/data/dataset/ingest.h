@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "tileflight/core/base/progress.h"
-#include "tileflight/data/dataset/attitude_csv.h"
 #include "tileflight/data/dataset/dataset.h"
-#include "tileflight/data/dataset/video.h"
+#include "tileflight/data/dataset/sensor_files.h"
+#include "tileflight/data/video/video.h"
 
 namespace tileflight::dataset {
 
@@ -33,7 +33,7 @@ struct IngestOptions {
                                           ///< else `image_rate_hz`)
   std::filesystem::path calibration;      ///< any format of imaging::read_calibration
   std::string camera_id;                  ///< camera to use of a calibration with several; empty: it has only one
-  VideoExcerpt excerpt;                   ///< on the video's clock (first frame at 0; images: times of times.txt)
+  video::VideoExcerpt excerpt;            ///< on the video's clock (first frame at 0; images: times of times.txt)
   double image_rate_hz = 30.0;            ///< frame rate of an image folder without times.txt
   /// Capture times for a folder without times.txt, by file name; empty: unknown. Images that are not in the map are
   /// left out (with a note).
@@ -54,9 +54,9 @@ struct IngestOptions {
   /// Poses of the camera, on its clock: those of `groundtruth`, later by `groundtruth_offset_s`, times this.
   geometry::SE3 T_truth_camera{};
   double groundtruth_offset_s = 0.0;
-  /// Which frames of the excerpt are taken, by their time and the time between two; empty: each.
+  /// Selects the frames of the excerpt that are taken, by their time and the time between two frames; empty: all.
   std::function<bool(double time_s, double period_s)> is_wanted{};
-  /// Where a camera's part of a rig's dataset is built, and left (ingest_rig.h). Empty: a dataset of its own.
+  /// Folder in which a camera's part of a rig's dataset is built, and left (ingest_rig.h). Empty: a dataset of its own.
   std::filesystem::path part_folder{};
   std::map<std::string, std::string> description;  ///< additional keys of dataset.yaml, "a.b" nests
 };

@@ -4,22 +4,21 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
+#include "tests/moving_picture.h"
 #include "tests/temporary_folder.h"
 #include "tests/test_data.h"
 #include "tileflight/core/base/files.h"
-#include "tileflight/data/dataset/imu_files.h"
-#include "tileflight/data/dataset/number_table.h"
-#include "tileflight/data/dataset/test_pictures.h"
 #include "tileflight/core/imaging/image_files.h"
+#include "tileflight/data/dataset/sensor_files.h"
 
 namespace tileflight::dataset::ingest_test {
 namespace {
 
 namespace fs = std::filesystem;
-using test_support::moving_picture;
 using testing::AllOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
+using tests::moving_picture;
 using tests::refusal_of;
 
 constexpr int kWidth = 96;
@@ -29,7 +28,7 @@ constexpr int kHeight = 64;
 class IngestTest : public testing::Test {
  protected:
   IngestTest() {
-    VideoWriter writer(folder / "flight.mp4", kWidth, kHeight, {});
+    video::VideoWriter writer(folder / "flight.mp4", kWidth, kHeight, {});
     for (int i = 0; i < 60; ++i) writer.add(moving_picture(kWidth, kHeight, i));
     writer.finish();
     imaging::Calibration calibration;
@@ -70,7 +69,7 @@ TEST_F(IngestTest, VideoBecomesADataset) {
   const Dataset dataset = read_dataset(folder / "set");
   ASSERT_EQ(dataset.frames.size(), 60U);
   EXPECT_NEAR(dataset.frames[59].time_s, 59 / 30.0, 1e-4);
-  EXPECT_GT(test_support::psnr(imaging::read_rgb(dataset.frames[31].image), moving_picture(kWidth, kHeight, 31)), 30.0);
+  EXPECT_GT(tests::psnr(imaging::read_rgb(dataset.frames[31].image), moving_picture(kWidth, kHeight, 31)), 30.0);
   ASSERT_EQ(dataset.gps.size(), 20U);
   EXPECT_NEAR(dataset.gps[3].time_s, 0.3, 1e-12);  // on the video's clock
   EXPECT_EQ(dataset.gps[3].position.height.m, 2883.0);

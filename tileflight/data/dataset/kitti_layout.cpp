@@ -6,10 +6,10 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/text_fields.h"
+#include "tileflight/core/base/text_parsing.h"
+#include "tileflight/core/imaging/image_files.h"
 #include "tileflight/data/dataset/frame_list.h"
 #include "tileflight/data/dataset/layouts.h"
-#include "tileflight/core/imaging/image_files.h"
 
 namespace tileflight::dataset::layouts {
 
@@ -65,7 +65,7 @@ imaging::Calibration read_calib(const fs::path& file, bool right, const fs::path
   return calibration;
 }
 
-/// Those of the left camera.
+/// Returns the poses of the left camera.
 geometry::Trajectory read_poses(const fs::path& file, const std::vector<Frame>& frames) {
   const std::vector<Row12> rows = read_rows(file);
   if (rows.size() != frames.size())

@@ -1,10 +1,34 @@
 #pragma once
 
+#include <filesystem>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "tileflight/data/dataset/dataset.h"
+
+namespace tileflight::dataset {
+
+/// A calibration for images of a given size.
+struct ScaledCalibration {
+  imaging::Calibration calibration;
+  std::string scaled_from;  ///< the image size of the file, "1920x1080"; empty if it equals that of the images
+};
+
+/// Returns an image size as text, "1920x1080", for messages.
+std::string size_text(int width, int height);
+
+/// Reads the file's camera for images of this size, scaled (with a note) if only the aspect ratio is the same.
+/// `camera_id`: which of several cameras in the file, else empty. Throws InputError: another aspect ratio, and errors
+/// of imaging::read_calibration.
+ScaledCalibration read_scaled_calibration(const std::filesystem::path& file, const std::string& camera_id, int width,
+                                          int height, std::vector<std::string>& notes);
+
+/// Scales a calibration that has been read, as read_scaled_calibration() does. `name`: the file, for messages.
+ScaledCalibration scaled_calibration(const std::string& name, imaging::Calibration calibration, int width, int height,
+                                     std::vector<std::string>& notes);
+
+}  // namespace tileflight::dataset
 
 /// One reader for each layout of a folder that read_dataset knows. All throw InputError (file, line, cause).
 namespace tileflight::dataset::layouts {
@@ -13,42 +37,42 @@ namespace tileflight::dataset::layouts {
 /// Tolerated problems are added to the dataset's warnings.
 imaging::Calibration read_chosen_camera(const CameraChoice& camera, Dataset& dataset);
 
-/// The frames whose image exists. `file`: the list that named them; those left out are counted in a warning. Throws
-/// InputError if none is left, or their times do not increase.
+/// Returns the frames whose image exists. `file`: the list that named them; those left out are counted in a warning.
+/// Throws InputError if none is left, or their times do not increase.
 std::vector<Frame> existing_frames(std::vector<Frame> named, const std::filesystem::path& file,
                                    std::vector<std::string>& warnings);
 
-/// A file that a list of the layout names, relative to the dataset's folder. Throws InputError(where, cause) for a path
-/// that leads out of the folder.
+/// Resolves a file that a list of the layout names relative to the dataset's folder. Throws InputError(where, cause)
+/// for a path that leads out of the folder.
 std::filesystem::path file_within(const std::filesystem::path& folder, std::string_view name, const std::string& where);
 
-/// images/, the contract's layout and DSO's.
+/// Reads images/, our own layout and DSO's.
 Dataset read_images_folder(const std::filesystem::path& folder, const CameraChoice& camera);
 
-/// image_l/ or image_0/ (KITTI odometry).
+/// Recognize and read image_l/ or image_0/ (KITTI odometry).
 bool is_kitti(const std::filesystem::path& folder);
 Dataset read_kitti(const std::filesystem::path& folder, const CameraChoice& camera);
-/// The names of its folders of images, the left one first; empty if there is one.
+/// Returns the names of KITTI's folders of images, the left one first; empty if there is only one.
 std::vector<std::string> kitti_cameras(const std::filesystem::path& folder);
-/// Pose of one of them in the first one's frame, by the projection matrices of calib.txt.
+/// Returns T_first_camera of one of these cameras, from the projection matrices of calib.txt.
 geometry::SE3 kitti_mount(const std::filesystem::path& folder, const std::string& camera);
 
-/// rgb.csv (VSLAM-LAB).
+/// Recognize and read rgb.csv (VSLAM-LAB).
 bool is_vslam_lab(const std::filesystem::path& folder);
 Dataset read_vslam_lab(const std::filesystem::path& folder, const CameraChoice& camera);
-/// rgb_0, rgb_1 and so on; empty if there is one.
+/// Returns rgb_0, rgb_1 and so on; empty if there is only one camera.
 std::vector<std::string> vslam_lab_cameras(const std::filesystem::path& folder);
-/// Pose of one of them on the body, by its T_BS.
+/// Returns T_body_camera of one of these cameras, which is its T_BS.
 geometry::SE3 vslam_lab_mount(const std::filesystem::path& folder, const std::string& camera);
 
-/// rgb.txt (TUM RGB-D).
+/// Recognize and read rgb.txt (TUM RGB-D).
 bool is_tum_rgbd(const std::filesystem::path& folder);
 Dataset read_tum_rgbd(const std::filesystem::path& folder, const CameraChoice& camera);
 
-/// mav0/cam0/ or cam0/ (EuRoC, ASL layout).
+/// Recognize and read mav0/cam0/ or cam0/ (EuRoC, ASL layout).
 bool is_euroc(const std::filesystem::path& folder);
 Dataset read_euroc(const std::filesystem::path& folder, const CameraChoice& camera);
-/// cam0, cam1 and so on; empty if there is one.
+/// Returns cam0, cam1 and so on; empty if there is only one camera.
 std::vector<std::string> euroc_cameras(const std::filesystem::path& folder);
 
 }  // namespace tileflight::dataset::layouts

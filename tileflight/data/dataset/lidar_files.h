@@ -16,10 +16,10 @@ struct ScanPoint {
   std::uint16_t ring = 0;                              ///< channel or row; 0 if there is none
 };
 
-/// Binary little-endian PLY with x, y, z, intensity, time (float) and ring (ushort).
+/// Writes binary little-endian PLY with x, y, z, intensity, time (float) and ring (ushort).
 void write_scan_ply(const std::filesystem::path& file, const std::vector<ScanPoint>& points);
 
-/// KITTI's velodyne/*.bin: x, y, z, intensity as little-endian floats, without times and rings.
+/// Writes KITTI's velodyne/*.bin: x, y, z, intensity as little-endian floats, without times and rings.
 void write_scan_bin(const std::filesystem::path& file, const std::vector<ScanPoint>& points);
 
 /// Reads a scan by the file's extension, .ply or .bin; a PLY file needs only x, y and z. Throws InputError (file,

@@ -2,14 +2,14 @@
 #include <filesystem>
 #include <utility>
 
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/string_lists.h"
+#include "tileflight/core/imaging/calibration_files.h"
+#include "tileflight/core/imaging/image_files.h"
 #include "tileflight/data/dataset/dataset_metadata.h"
 #include "tileflight/data/dataset/frame_list.h"
 #include "tileflight/data/dataset/layouts.h"
 #include "tileflight/data/dataset/rig.h"
-#include "tileflight/data/dataset/scaled_calibration.h"
-#include "tileflight/core/imaging/image_files.h"
 
 namespace tileflight::dataset {
 
@@ -63,7 +63,7 @@ fs::path choose_camera(const fs::path& folder, CameraChoice& camera) {
   return is_first ? folder : folder / "cameras" / name;
 }
 
-/// Where what a rig's body carries besides cameras is, for a folder of one of its cameras: the rig's.
+/// Returns the folder with the body's sensors: for a camera's folder within a rig the rig's, else the folder itself.
 fs::path folder_of_body(const fs::path& folder) {
   const fs::path rig = fs::absolute(folder / ".").lexically_normal().parent_path().parent_path().parent_path();
   const bool is_part =
@@ -72,6 +72,30 @@ fs::path folder_of_body(const fs::path& folder) {
 }
 
 }  // namespace
+
+std::string size_text(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
+
+ScaledCalibration read_scaled_calibration(const std::filesystem::path& file, const std::string& camera_id, int width,
+                                          int height, std::vector<std::string>& notes) {
+  return scaled_calibration(file.string(), imaging::read_calibration(file, camera_id), width, height, notes);
+}
+
+ScaledCalibration scaled_calibration(const std::string& name, imaging::Calibration calibration, int width, int height,
+                                     std::vector<std::string>& notes) {
+  const imaging::Camera camera = calibration.camera;
+  if (camera.width() == width && camera.height() == height) return {calibration, {}};
+  const std::string own_size = size_text(camera.width(), camera.height());
+  const std::string sizes = "is for images of " + own_size + ", the frames have " + size_text(width, height);
+  try {
+    // The readout time of the whole image stays the same.
+    calibration.line_delay_s *= static_cast<double>(camera.height()) / height;
+    calibration.camera = camera.scaled_to(width, height);
+  } catch (const InputError&) {
+    throw InputError(name, sizes + ": the aspect ratio differs, so calibrate at the video's size");
+  }
+  notes.push_back(name + ": " + sizes + "; the calibration is scaled to them");
+  return {calibration, own_size};
+}
 
 namespace layouts {
 

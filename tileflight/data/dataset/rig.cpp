@@ -6,9 +6,9 @@
 #include <cmath>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/text_fields.h"
-#include "tileflight/data/dataset/layouts.h"
+#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/core/imaging/calibration_files.h"
+#include "tileflight/data/dataset/layouts.h"
 
 namespace tileflight::dataset {
 namespace {
@@ -21,7 +21,7 @@ bool is_plain_name(const std::string& name) {
   return !name.empty() && name.size() <= kLongest && std::ranges::all_of(name, is_plain);
 }
 
-/// What folders and topics make of a name at most.
+/// Folds case and '-' as the least careful of folders and topics do.
 std::string folded(std::string name) {
   std::ranges::transform(name, name.begin(),
                          [](unsigned char c) { return c == '-' ? '_' : static_cast<char>(std::tolower(c)); });
@@ -48,7 +48,7 @@ std::vector<imaging::ChainCamera> rendered_cameras(const fs::path& folder) {
   return cameras;
 }
 
-/// What its dataset.yaml says; else the default.
+/// Returns the tolerance that the first camera's dataset.yaml states, else the default.
 double sync_tolerance_of(const Rig& rig) {
   const auto& about = rig.cameras.front().dataset.metadata;
   const auto said = about.find("synchronisation.tolerance_s");

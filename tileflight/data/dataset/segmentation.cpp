@@ -10,11 +10,10 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/make_folder.h"
 #include "tileflight/core/base/raw_bytes.h"
-#include "tileflight/core/base/text_fields.h"
-#include "tileflight/data/dataset/frame_list.h"
+#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/core/imaging/image_files.h"
+#include "tileflight/data/dataset/frame_list.h"
 
 // While frames are added, ids are not known yet: an object that sorts before all others may appear in the last frame.
 // Until then each frame is stored as a small file with its visible objects and run-length encoded labels, and its image

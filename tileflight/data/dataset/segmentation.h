@@ -14,7 +14,7 @@
 
 namespace tileflight::dataset {
 
-/// The object of a segmentation id; a line of segmentation.csv.
+/// Object that a segmentation id stands for; a line of segmentation.csv.
 struct SegmentedObject {
   std::string tile;
   std::uint32_t mesh = 0;  ///< mesh of the tile: the first one whose feature ids have the same meaning as this one's
@@ -42,8 +42,8 @@ class SegmentationWriter {
   /// Writes into an existing dataset folder. Frames added there by another writer that was not finished are included.
   SegmentationWriter(std::filesystem::path dataset_folder, const SegmentationOptions& options);
 
-  /// `labels`: 0, or 1 + index into `objects`, which may differ between calls. Several threads (and processes, each
-  /// with its own writer) may add at once. Throws InputError.
+  /// Adds a frame. `labels`: 0, or 1 + index into `objects`, which may differ between calls. Several threads (and
+  /// processes, each with its own writer) may add at once. Throws InputError.
   void add(std::size_t index, const imaging::Image<std::uint32_t>& labels,
            std::span<const SegmentedObject> objects) const;
   /// Numbers the objects of all frames and writes the files. Throws InputError: more than 65535 objects were seen.

@@ -6,9 +6,8 @@
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 #include "tileflight/core/base/files.h"
-#include "tileflight/data/dataset/frame_layers.h"
-#include "tileflight/core/imaging/exr_channels.h"
 #include "tileflight/core/imaging/image_files.h"
+#include "tileflight/data/dataset/frame_layers.h"
 
 namespace tileflight::dataset::segmentation_test {
 namespace {

@@ -7,9 +7,9 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/text_fields.h"
-#include "tileflight/data/dataset/layouts.h"
+#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/core/imaging/calibration_files.h"
+#include "tileflight/data/dataset/layouts.h"
 
 namespace tileflight::dataset::layouts {
 

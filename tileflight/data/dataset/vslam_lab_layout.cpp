@@ -6,12 +6,12 @@
 #include <cstdint>
 
 #include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/string_lists.h"
-#include "tileflight/core/base/text_fields.h"
-#include "tileflight/data/dataset/layouts.h"
+#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/core/geometry/nanoseconds.h"
 #include "tileflight/core/imaging/calibration_files.h"
+#include "tileflight/data/dataset/layouts.h"
 
 namespace tileflight::dataset::layouts {
 

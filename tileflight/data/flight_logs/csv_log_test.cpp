@@ -1,5 +1,3 @@
-#include "tileflight/data/flight_logs/csv_log.h"
-
 #include <gmock/gmock.h>
 
 #include <algorithm>
@@ -7,7 +5,7 @@
 
 #include "tests/test_data.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/data/flight_logs/telemetry_file.h"
+#include "tileflight/data/flight_logs/telemetry.h"
 #include "tileflight/data/flight_logs/test_log.h"
 
 namespace tileflight::flight_logs::csv_log_test {

@@ -1,5 +1,3 @@
-#include "tileflight/data/flight_logs/dataflash_log.h"
-
 #include <gmock/gmock.h>
 
 #include <cmath>
@@ -8,8 +6,7 @@
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/test_bytes.h"
 #include "tileflight/core/base/text_parsing.h"
-#include "tileflight/data/flight_logs/gps_time.h"
-#include "tileflight/data/flight_logs/telemetry_file.h"
+#include "tileflight/data/flight_logs/telemetry.h"
 #include "tileflight/data/flight_logs/test_log.h"
 
 namespace tileflight::flight_logs::dataflash_log_test {

@@ -7,8 +7,7 @@
 #include "tests/test_data.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/test_bytes.h"
-#include "tileflight/data/flight_logs/photo_tags.h"
-#include "tileflight/data/flight_logs/telemetry_file.h"
+#include "tileflight/data/flight_logs/telemetry.h"
 
 namespace tileflight::flight_logs::photo_log_test {
 namespace {

@@ -1,230 +1,101 @@
-// DJI's subtitle telemetry. The format of an entry depends on the aircraft and its firmware; seen in real logs:
-//
-//   [latitude: 41.4] [longitude: 2.2] [altitude: 117.0]
-//       Air 2, Air 2S; "longtitude" on Mavic 2 Pro
-//   [latitude: ..] [longitude: ..] [rel_alt: 38.0 abs_alt: 2933.4] [gb_yaw: 139.7 gb_pitch: -27.8 gb_roll: 0.0]
-//       Mini 3, Mavic 3, M30
-//   GPS(-1.2218,42.4668,17) BAROMETER:20.1
-//       Mavic Pro: longitude, latitude, number of satellites
-//   GPS (8.2090, 47.4692, 18), D 49.21m, H 45.60m
-//       Phantom 4 Pro, Mavic Mini: the same order, H is above take-off
-//   GPS (..), HOME (..), H 17.39m, G.PRY (-27.3°, 0.0°, -76.0°)
-//       Phantom 4 RTK: gimbal's pitch, roll, yaw
-//   GPS(36.6146,-6.1120,0.0M) BAROMETER:0.3M
-//       Matrice 300: latitude, longitude, height with its unit
-//
-// The third number of the Mavic Pro is the satellite count, as its entries without a fix show: GPS(N/A,N/A,3). A third
-// number with a unit or a fraction is a height, and those firmwares write the latitude first. One file may hold several
-// dialects (joined recordings).
 #include "tileflight/data/flight_logs/telemetry.h"
 
 #include <algorithm>
-#include <string_view>
+#include <array>
+#include <fstream>
+#include <string>
 
-#include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/text_parsing.h"
-#include "tileflight/data/flight_logs/fix_filter.h"
+#include "tileflight/data/flight_logs/dataflash_messages.h"
+#include "tileflight/data/flight_logs/photo_log.h"
+#include "tileflight/data/flight_logs/xml_stream.h"
 
 namespace tileflight::flight_logs {
 namespace {
 
-/// The lines of one subtitle: number, time stamps, payload.
-struct Entry {
-  std::string_view number;
-  std::vector<std::string_view> lines;
-};
+enum class Format { kDjiSubtitles, kGpx, kKml, kCsv, kUlog, kDataflash };
 
-/// A line of digits alone starts a subtitle; text before the first one is ignored.
-std::vector<Entry> split_entries(std::string_view text) {
-  std::vector<Entry> entries;
-  while (!text.empty()) {
-    const std::size_t end = std::min(text.find('\n'), text.size());
-    const std::string_view line = base::trim(text.substr(0, end));
-    text.remove_prefix(std::min(end + 1, text.size()));
-    if (!line.empty() && std::all_of(line.begin(), line.end(), base::is_digit)) {
-      entries.push_back({line, {}});
-    } else if (!line.empty() && !entries.empty()) {
-      entries.back().lines.push_back(line);
-    }
-  }
-  return entries;
+std::string first_bytes(const std::filesystem::path& file) {
+  std::array<char, 4096> bytes{};
+  std::ifstream in(file, std::ios::binary);
+  in.read(bytes.data(), bytes.size());
+  return {bytes.data(), static_cast<std::size_t>(in.gcount())};
 }
 
-/// Start of `HH:MM:SS,mmm --> HH:MM:SS,mmm`.
-std::optional<double> stamp_s(std::string_view line) {
-  const std::optional<double> start = base::take_clock(line);
-  return start && base::trim(line).starts_with("-->") ? start : std::nullopt;
+/// UTF-8 that starts with a tag, or UTF-16 (used only by the XML formats).
+bool is_xml(std::string_view head) {
+  return base::trim(base::strip_byte_order_mark(head)).starts_with('<') || head.starts_with("\xFF\xFE") ||
+         head.starts_with("\xFE\xFF");
 }
 
-/// `2017.08.05 14:11:51,393` as Unix time, for the dialect without stamps.
-std::optional<double> date_s(std::string_view line) {
-  const std::optional<double> day = base::take_day(line);
-  line = base::trim(line);
-  const std::optional<double> clock = base::take_clock(line);
-  if (!day || !clock) return std::nullopt;
-  return 86400.0 * *day + *clock;
-}
-
-/// The text after `key` if it occurs as a word of its own; nullopt otherwise.
-std::optional<std::string_view> after_key(std::string_view line, std::string_view key) {
-  const auto is_word = [](char c) {
-    return base::is_digit(c) || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_' || c == '.';
+/// Name of the root element if the text starts with XML; otherwise empty.
+std::string root_of(std::string_view head) {
+  std::string root;
+  const auto name_and_stop = [&](std::string_view name, const XmlEvents::Attributes&) {
+    root = name;
+    return false;
   };
-  for (std::size_t at = line.find(key); at != std::string_view::npos; at = line.find(key, at + 1)) {
-    const std::size_t end = at + key.size();
-    if (at > 0 && is_word(line[at - 1])) continue;
-    if (end < line.size() && is_word(line[end])) continue;
-    return line.substr(end);
+  try {
+    read_xml(head, "", {.start = name_and_stop, .end = [](std::string_view, std::string_view) { return false; }});
+  } catch (const InputError&) {  // a document type: the reader reports it with the file's name
   }
-  return std::nullopt;
+  return root;
 }
 
-/// The number in `key: 1.5`, `key 1.5m`, `key(1.5)`.
-std::optional<double> value_of(std::string_view line, std::string_view key) {
-  std::optional<std::string_view> rest = after_key(line, key);
-  if (!rest) return std::nullopt;
-  std::string_view text = base::trim(*rest);
-  if (!base::take_prefix(text, ":")) base::take_prefix(text, "(");
-  return base::take_number(text);
+/// The first line that is not blank is a subtitle number, which no table header is.
+bool is_subtitles(std::string_view head) {
+  head = base::trim(base::strip_byte_order_mark(head));
+  const std::string_view line = base::trim(head.substr(0, head.find('\n')));
+  return !line.empty() && std::all_of(line.begin(), line.end(), base::is_digit);
 }
 
-/// A number with the text directly after it up to the comma or bracket ("0.0M").
-struct Item {
-  std::optional<double> value;  ///< nullopt for "N/A"
-  bool is_height = false;       ///< has a unit or a fraction
-};
+bool has_subtitles_name(const std::filesystem::path& file) {
+  const std::string extension = file.extension().string();
+  return extension == ".srt" || extension == ".SRT";
+}
 
-/// The comma-separated items of `key (a, b, c)`; empty if the key is missing.
-std::vector<Item> tuple_of(std::string_view line, std::string_view key) {
-  const std::optional<std::string_view> rest = after_key(line, key);
-  if (!rest) return {};
-  std::string_view text = base::trim(*rest);
-  if (!base::take_prefix(text, "(")) return {};
-  text = text.substr(0, text.find(')'));
-  std::vector<Item> items;
-  while (!text.empty() && items.size() < 8) {
-    const std::size_t end = std::min(text.find(','), text.size());
-    const std::string_view item = text.substr(0, end);
-    std::string_view behind = item;
-    const std::optional<double> value = base::take_number(behind);
-    items.push_back({value, value && (item.find('.') != std::string_view::npos || !base::trim(behind).empty())});
-    text.remove_prefix(std::min(end + 1, text.size()));
+Format format_of(const std::filesystem::path& file) {
+  const std::string head = first_bytes(file);
+  if (head.starts_with("ULog")) return Format::kUlog;
+  if (is_dataflash(head)) return Format::kDataflash;
+  if (is_xml(head)) return root_of(head) == "kml" ? Format::kKml : Format::kGpx;
+  return is_subtitles(head) || has_subtitles_name(file) ? Format::kDjiSubtitles : Format::kCsv;
+}
+
+Telemetry read_photos(const std::filesystem::path& folder) {
+  PhotoLog log = read_photo_log(folder);
+  if (log.telemetry.fixes.empty()) {
+    throw InputError(folder.string(), "none of its " + std::to_string(log.photos) +
+                                          " JPEG photos has a time and a position in its metadata");
   }
-  return items;
-}
-
-/// An entry as written; it has a position if both numbers are present.
-struct Reading {
-  std::optional<double> stamp_s, date_s;
-  TelemetryFix fix;
-  bool has_position = false;
-};
-
-void fill(std::optional<double>& field, const std::optional<double>& value) {
-  if (!field) field = value;
-}
-
-void read_bracketed_position(std::string_view line, Reading& reading) {
-  const std::optional<double> latitude = value_of(line, "latitude");
-  std::optional<double> longitude = value_of(line, "longitude");
-  fill(longitude, value_of(line, "longtitude"));  // spelling of Mavic 2 firmware
-  if (!latitude || !longitude) return;
-  reading.fix.latitude_deg = *latitude;
-  reading.fix.longitude_deg = *longitude;
-  reading.has_position = true;
-}
-
-void read_gps_tuple(std::string_view line, Reading& reading) {
-  const std::vector<Item> items = tuple_of(line, "GPS");
-  if (items.size() < 2 || !items[0].value || !items[1].value) return;
-  const bool latitude_first = items.size() > 2 && items[2].is_height;
-  reading.fix.latitude_deg = *items[latitude_first ? 0 : 1].value;
-  reading.fix.longitude_deg = *items[latitude_first ? 1 : 0].value;
-  if (latitude_first) reading.fix.absolute_height_m = items[2].value;
-  reading.has_position = true;
-}
-
-void read_heights(std::string_view line, Reading& reading) {
-  fill(reading.fix.absolute_height_m, value_of(line, "abs_alt"));
-  fill(reading.fix.absolute_height_m, value_of(line, "altitude"));
-  fill(reading.fix.height_above_takeoff_m, value_of(line, "rel_alt"));
-  fill(reading.fix.height_above_takeoff_m, value_of(line, "BAROMETER"));
-  fill(reading.fix.height_above_takeoff_m, value_of(line, "H"));
-}
-
-void read_gimbal(std::string_view line, Reading& reading) {
-  fill(reading.fix.gimbal_yaw_deg, value_of(line, "gb_yaw"));
-  fill(reading.fix.gimbal_pitch_deg, value_of(line, "gb_pitch"));
-  fill(reading.fix.gimbal_roll_deg, value_of(line, "gb_roll"));
-  const std::vector<Item> pitch_roll_yaw = tuple_of(line, "G.PRY");
-  if (pitch_roll_yaw.size() != 3) return;
-  fill(reading.fix.gimbal_pitch_deg, pitch_roll_yaw[0].value);
-  fill(reading.fix.gimbal_roll_deg, pitch_roll_yaw[1].value);
-  fill(reading.fix.gimbal_yaw_deg, pitch_roll_yaw[2].value);
-}
-
-Reading read_entry(const Entry& entry) {
-  Reading reading;
-  for (const std::string_view line : entry.lines) {
-    fill(reading.stamp_s, stamp_s(line));
-    fill(reading.date_s, date_s(line));
-    if (!reading.has_position) read_bracketed_position(line, reading);
-    if (!reading.has_position) read_gps_tuple(line, reading);
-    read_heights(line, reading);
-    read_gimbal(line, reading);
-  }
-  return reading;
-}
-
-/// A Matrice 300 without RTK writes 0.0M throughout: a height that is always exactly 0 was not recorded.
-void drop_unrecorded_heights(Telemetry& telemetry) {
-  const auto is_zero = [](const TelemetryFix& fix) { return fix.absolute_height_m == 0.0; };
-  if (!std::all_of(telemetry.fixes.begin(), telemetry.fixes.end(), is_zero)) return;
-  for (TelemetryFix& fix : telemetry.fixes) fix.absolute_height_m.reset();
-  telemetry.warnings.push_back("the absolute height is 0 in every entry and is treated as not recorded");
-}
-
-Telemetry collect(const std::vector<Reading>& readings) {
-  const bool by_stamp =
-      std::any_of(readings.begin(), readings.end(), [](const Reading& r) { return r.stamp_s.has_value(); });
-  FixFilter filter;
-  std::optional<double> first_date_s;
-  for (const Reading& reading : readings) {
-    fill(first_date_s, reading.date_s);
-    std::optional<double> time_s = reading.stamp_s;
-    if (!by_stamp && reading.date_s) time_s = *reading.date_s - *first_date_s;
-    if (!time_s) {
-      filter.drop_without_time();
-    } else if (!reading.has_position) {
-      filter.drop_without_fix();
-    } else {
-      TelemetryFix fix = reading.fix;
-      fix.time_s = *time_s;
-      filter.add(fix);
-    }
-  }
-  return std::move(filter).finish();
+  return std::move(log.telemetry);
 }
 
 }  // namespace
 
-Telemetry read_dji_srt(const std::filesystem::path& file) {
-  const std::string text = base::read_text(file, base::kMaxLogBytes);
-  const std::vector<Entry> entries = split_entries(base::strip_byte_order_mark(text));
-  if (entries.empty()) throw InputError(file.string(), "no subtitle entries; is this a DJI .srt log?");
-  std::vector<Reading> readings;
-  readings.reserve(entries.size());
-  std::transform(entries.begin(), entries.end(), std::back_inserter(readings), read_entry);
-  Telemetry telemetry = collect(readings);
-  if (telemetry.fixes.empty()) {
-    const std::string cause = telemetry.warnings.empty() ? "" : " (" + telemetry.warnings.front() + ")";
-    throw InputError(file.string(), "none of the " + std::to_string(entries.size()) +
-                                        " entries has a time and a position" + cause +
-                                        "; switch on captions with position in the camera's settings");
+Telemetry read_telemetry(const std::filesystem::path& file) {
+  if (std::filesystem::is_directory(file)) return read_photos(file);
+  switch (format_of(file)) {
+    case Format::kGpx:
+      return read_gpx(file);
+    case Format::kKml:
+      return read_kml(file);
+    case Format::kCsv:
+      return read_csv_log(file);
+    case Format::kUlog:
+      return read_ulog(file);
+    case Format::kDataflash:
+      return read_dataflash(file);
+    case Format::kDjiSubtitles:
+      break;
   }
-  drop_unrecorded_heights(telemetry);
-  return telemetry;
+  return read_dji_srt(file);
+}
+
+std::vector<RangeReading> read_ranges(const std::filesystem::path& file) {
+  if (std::filesystem::is_directory(file) || format_of(file) != Format::kDataflash) return {};
+  return read_dataflash_ranges(file);
 }
 
 std::vector<TelemetryFix> distinct_fixes(const Telemetry& telemetry) {

@@ -1,5 +1,3 @@
-#include "tileflight/data/flight_logs/ulog.h"
-
 #include <gmock/gmock.h>
 
 #include <cmath>
@@ -12,7 +10,7 @@
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/test_bytes.h"
-#include "tileflight/data/flight_logs/telemetry_file.h"
+#include "tileflight/data/flight_logs/telemetry.h"
 #include "tileflight/data/flight_logs/test_log.h"
 
 namespace tileflight::flight_logs::ulog_test {

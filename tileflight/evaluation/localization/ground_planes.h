@@ -21,9 +21,9 @@ struct GroundPlane {
   double share = 0.0;                           ///< share of the points on the plane
 };
 
-/// Candidates for the up direction of a map, best first: normals of the planes that contain most of its points and lie
-/// below the cameras (RANSAC, Fischler and Bolles, CACM 24(6), 1981; the points of each plane are removed before the
-/// next).
+/// Returns candidates for the up direction of a map, best first: normals of the planes that contain most of its points
+/// and lie below the cameras (RANSAC, Fischler and Bolles, CACM 24(6), 1981). The points of each plane are removed
+/// before the next one is searched.
 std::vector<GroundPlane> find_ground_planes(const std::vector<geometry::Vec3>& points,
                                             const std::vector<geometry::SE3>& T_map_camera,
                                             const GroundPlaneOptions& options = {});

@@ -16,14 +16,14 @@ struct OrthophotoOptions {
   double max_pixels = 25e6;  ///< of the whole image
 };
 
-/// Orthographic image of a textured place from above, over a box: the first hit of a vertical ray from the top of the
-/// box (canopies and roofs hide what is below). The pixel size is increased to the texture resolution (median over the
-/// surface area) and to meet `max_pixels`. Independent of the number of threads.
+/// Renders an orthographic image of a textured place from above, over a box: the first hit of a vertical ray from the
+/// top of the box (canopies and roofs hide what is below). The pixel size is increased to the texture resolution
+/// (median over the surface area) and to meet `max_pixels`. Independent of the number of threads.
 GroundImage build_orthophoto(const scene::Scene& scene, std::shared_ptr<const render::Appearance> appearance,
                              const geometry::Box3& box, const OrthophotoOptions& options = {});
 
-/// Side of a texel on the surface, metres: median over the area of the textured triangles in the box; nullopt if there
-/// are none.
+/// Returns the side of a texel on the surface, metres: median over the area of the textured triangles in the box;
+/// nullopt if there are none.
 std::optional<double> median_texel_size_m(const scene::Scene& scene, const geometry::Box3& box);
 
 }  // namespace tileflight::localization

@@ -3,8 +3,8 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
-#include "tileflight/evaluation/localization/test_places.h"
 #include "tileflight/capture/render/appearance.h"
+#include "tileflight/evaluation/localization/test_places.h"
 
 namespace tileflight::localization::orthophoto_test {
 namespace {

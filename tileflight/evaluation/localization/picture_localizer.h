@@ -3,6 +3,10 @@
 // Localization of an image by direct alignment with renderings of the textured place. It does not use the map's points,
 // so it is independent evidence for an alignment made from them.
 
+namespace tileflight::render {
+class Appearance;  // appearance.h
+}
+
 #include <memory>
 #include <optional>
 
@@ -10,11 +14,13 @@
 #include "tileflight/core/imaging/image.h"
 #include "tileflight/world/scene/scene.h"
 
-namespace tileflight::render {
-class Appearance;  // appearance.h
-}
-
 namespace tileflight::localization {
+
+/// Normalises local contrast: subtracts the local mean and divides by the local standard deviation over a square window
+/// of 2 reach + 1 pixels (clipped at the borders), then scales to mean 128 and standard deviation 40. This removes
+/// lighting, exposure, vignetting and texture tone that vary over more than the window. `least_deviation` is added to
+/// the local deviation, so that noise in uniform areas stays small.
+imaging::FloatImage normalize_local_contrast(const imaging::FloatImage& image, int reach, float least_deviation = 4.0F);
 
 using Mat6 = Eigen::Matrix<double, 6, 6>;
 
@@ -41,7 +47,7 @@ class PictureLocalizer {
  public:
   /// The scene must outlive the localizer. `camera`: camera of the images.
   PictureLocalizer(const scene::Scene& scene, const imaging::Camera& camera, const LocalizerOptions& options = {});
-  /// Same, sharing the appearance with another localizer or camera in the same scene.
+  /// Creates a localizer that shares the appearance with another localizer or camera in the same scene.
   PictureLocalizer(const scene::Scene& scene, std::shared_ptr<const render::Appearance> appearance,
                    const imaging::Camera& camera, const LocalizerOptions& options = {});
   ~PictureLocalizer();

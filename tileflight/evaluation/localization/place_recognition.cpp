@@ -7,14 +7,13 @@
 #include <numeric>
 #include <utility>
 
+#include "tileflight/capture/render/appearance.h"
 #include "tileflight/core/alignment/similarity_chart.h"
 #include "tileflight/core/geometry/decompositions.h"
 #include "tileflight/evaluation/localization/feature_matching.h"
 #include "tileflight/evaluation/localization/ground_agreement.h"
-#include "tileflight/evaluation/localization/ground_fit.h"
 #include "tileflight/evaluation/localization/plane_similarity.h"
 #include "tileflight/evaluation/localization/sift_features.h"
-#include "tileflight/capture/render/appearance.h"
 
 namespace tileflight::localization {
 

@@ -49,9 +49,9 @@ class PlaceRecognizer {
   PlaceRecognizer(const PlaceRecognizer&) = delete;
   PlaceRecognizer& operator=(const PlaceRecognizer&) = delete;
 
-  /// Placements, best first, at clearly different places; empty if the place has no texture or the flight shows no
-  /// ground around its points. Independent of the number of threads. Throws InputError if images differ in size from
-  /// the camera.
+  /// Finds placements, best first, at clearly different places. The list is empty if the place has no texture or the
+  /// flight shows no ground around its points. Independent of the number of threads. Throws InputError if images differ
+  /// in size from the camera.
   std::vector<PlaceCandidate> find(const FlightEvidence& flight) const;
 
  private:

@@ -47,14 +47,14 @@ struct FoundSimilarity {
   std::vector<std::size_t> pairs;  ///< indices of the consistent pairs
 };
 
-/// Similarity determined by a single pair.
+/// Returns the similarity that a single pair determines.
 PlaneSimilarity similarity_from_pair(const PointPair& pair);
 
-/// Weighted least-squares similarity (Umeyama in the plane); `chosen`: indices into `pairs`.
+/// Fits a similarity by weighted least squares (Umeyama in the plane); `chosen`: indices into `pairs`.
 PlaneSimilarity fit_plane_similarity(const std::vector<PointPair>& pairs, const std::vector<std::size_t>& chosen);
 
-/// Similarities supported by many pairs, best first, at clearly different places: each pair proposes one, and those
-/// with most support are refitted to their pairs. Deterministic and independent of the number of threads.
+/// Finds similarities supported by many pairs, best first, at clearly different places. Each pair proposes one, and
+/// those with most support are refitted to their pairs. Deterministic and independent of the number of threads.
 std::vector<FoundSimilarity> find_plane_similarities(const std::vector<PointPair>& pairs,
                                                      const PlaneSearchOptions& options = {});
 

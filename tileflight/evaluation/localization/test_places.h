@@ -3,9 +3,9 @@
 #include <cmath>
 #include <random>
 
-#include "tileflight/evaluation/localization/flight_mosaic.h"
 #include "tileflight/capture/render/camera_renderer.h"
 #include "tileflight/capture/render/test_scenes.h"
+#include "tileflight/evaluation/localization/flight_mosaic.h"
 #include "tileflight/world/scene/scene.h"
 
 // Places with known appearance, for the tests of localization.

@@ -1,11 +1,14 @@
 #include "tileflight/evaluation/metrics/compared_metric.h"
 
 #include <gtest/gtest.h>
-#include <nlohmann/json.hpp>
 
+#include <Eigen/Geometry>
 #include <cmath>
+#include <functional>
+#include <nlohmann/json.hpp>
 #include <random>
 
+#include "tileflight/evaluation/metrics/metrics.h"
 #include "tileflight/evaluation/metrics/student_t.h"
 
 namespace tileflight::metrics::compared_metric_test {
@@ -108,3 +111,111 @@ TEST(Verdict, ErrsInOneOfTwentyAtTheMarginItself) {
 
 }  // namespace
 }  // namespace tileflight::metrics::compared_metric_test
+
+namespace tileflight::metrics::path_comparison_test {
+namespace {
+
+using geometry::Vec3;
+
+ComparedMetric judged(double simulated_m, double real_m) {
+  ComparedMetric m{.name = "path.ate", .scale = MarginScale::kRatio, .margin = 1.25, .absolute_margin = 0.1};
+  judge_single_paths(simulated_m, real_m, m);
+  return m;
+}
+
+TEST(PathComparison, IntervalsAreFishersAndHoldTheValue) {
+  const ComparedMetric m = judged(0.3, 0.2);
+  EXPECT_NEAR(m.ratio, 1.5, 1e-12);
+  EXPECT_NEAR(m.ratio_ci95[1], 1.5 * std::sqrt(39.0), 1e-9) << "F(2, 2) at 0.975 is 39";
+  EXPECT_NEAR(m.ratio_ci95[0], 1.5 / std::sqrt(39.0), 1e-9);
+  EXPECT_LT(m.difference_ci95[0], 0.1);
+  EXPECT_GT(m.difference_ci95[1], 0.1);
+  const ComparedMetric other = judged(0.2, 0.3);
+  EXPECT_NEAR(other.difference_ci95[0], -m.difference_ci95[1], 1e-12);
+  EXPECT_EQ(m.sampling_unit, "one path");
+}
+
+TEST(PathComparison, TestsFollowTheIntervals) {
+  EXPECT_LE(judged(0.01, 0.012).p_beyond, 0.05) << "both far below the margin of 0.1 m";
+  EXPECT_GT(judged(0.01, 0.08).p_beyond, 0.05);
+  EXPECT_GT(judged(0.4, 0.5).p_beyond, 0.05) << "one path each never shows a ratio within 1.25";
+  EXPECT_LE(judged(20.0, 0.05).p_within, 0.05);
+  EXPECT_GT(judged(1.0, 0.3).p_within, 0.05);
+  EXPECT_EQ(judged(0.05, 0.001).p_within, 1.0);
+  for (const double ratio : {1.5, 5.0, 9.0, 15.0, 40.0}) {
+    const ComparedMetric m = judged(10.0 * ratio, 10.0);  // the difference is far beyond 0.1 m; the ratio decides
+    EXPECT_EQ(m.p_within <= 0.05, m.ratio_ci95[0] >= 1.25 && m.difference_ci95[0] >= 0.1) << ratio;
+  }
+}
+
+TEST(PathComparison, WithoutAnErrorThereIsNothingToSay) {
+  EXPECT_TRUE(std::isnan(judged(0.0, 0.1).p_within));
+  EXPECT_TRUE(std::isnan(judged(0.1, 0.0).ratio));
+}
+
+// ---------------------------------------------------------------------------------- paths that drift, and what is said
+
+/// Three independent standard normal values.
+Vec3 normal_vector(std::mt19937_64& random) {
+  std::normal_distribution<double> normal(0.0, 1.0);
+  return {normal(random), normal(random), normal(random)};
+}
+
+/// A path with random-walk drift of direction, scale and position.
+geometry::Trajectory drifted(const geometry::Trajectory& truth, double turn_rad, double scale, double step_m,
+                             std::mt19937_64& random) {
+  geometry::Trajectory path = truth;
+  Vec3 turn = Vec3::Zero();
+  double log_scale = 0.0;
+  for (std::size_t i = 1; i < truth.size(); ++i) {
+    turn += turn_rad * normal_vector(random);
+    log_scale += scale * normal_vector(random).x();
+    const Vec3 step = truth.poses[i].T_local_camera.translation - truth.poses[i - 1].T_local_camera.translation;
+    path.poses[i].T_local_camera.translation = path.poses[i - 1].T_local_camera.translation +
+                                               std::exp(log_scale) * (step + turn.cross(step)) +
+                                               step_m * normal_vector(random);
+  }
+  return path;
+}
+
+geometry::Trajectory flown(const std::function<Vec3(double)>& at) {
+  geometry::Trajectory path;
+  constexpr int kPoses = 150;
+  for (int i = 0; i <= kPoses; ++i) path.poses.push_back({0.2 * i, {geometry::SE3().rotation, at(1.0 * i / kPoses)}});
+  return path;
+}
+
+TEST(PathComparison, IntervalsHoldTheRatioOfDriftsAtLeastAsOftenAsTheySay) {
+  const std::vector<geometry::Trajectory> paths{flown([](double t) -> Vec3 {
+                                                  return {200 * t, 30 * std::sin(4 * t), 40 + 10 * std::sin(3 * t)};
+                                                }),
+                                                flown([](double t) -> Vec3 {
+                                                  return {60 * std::cos(6.28 * t), 60 * std::sin(6.28 * t), 40};
+                                                }),
+                                                flown([](double t) -> Vec3 {
+                                                  return {60 * std::sin(25.1 * t), 120 * t, 40};
+                                                })};
+  struct Drift {
+    double turn_rad, scale, step_m;
+  };
+  std::mt19937_64 random(3);
+  for (const auto& truth : paths) {
+    for (const Drift& d : {Drift{3e-4, 0, 0}, Drift{0, 1.5e-3, 0}, Drift{0, 0, 0.02}, Drift{2e-4, 7e-4, 0.006}}) {
+      int held = 0;
+      constexpr int kPairs = 200;
+      for (int k = 0; k < kPairs; ++k) {
+        const auto ate_m = [&](double times) {
+          return evaluate_trajectory(drifted(truth, times * d.turn_rad, times * d.scale, times * d.step_m, random),
+                                     truth, {.alignment = TrajectoryAlignment::kSim3})
+              .ate_rmse_m;
+        };
+        const ComparedMetric m = judged(ate_m(2.0), ate_m(1.0));  // the true ratio is 2
+        held += m.ratio_ci95[0] <= 2.0 && 2.0 <= m.ratio_ci95[1];
+      }
+      EXPECT_GE(held, 188) << d.turn_rad << " " << d.scale << " " << d.step_m;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace tileflight::metrics::path_comparison_test

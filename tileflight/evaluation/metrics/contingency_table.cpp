@@ -1,9 +1,8 @@
 #include "tileflight/evaluation/metrics/contingency_table.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <cmath>
+#include <nlohmann/json.hpp>
 #include <numbers>
 
 #include "tileflight/core/base/random_numbers.h"

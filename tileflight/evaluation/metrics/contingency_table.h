@@ -19,14 +19,14 @@ struct ContingencyTable {
   double phi() const;
 };
 
-/// 95 % interval of phi by bootstrap over blocks, since neighbouring answers are correlated: the tables of the blocks
-/// are drawn with replacement, and quantiles are widened for few blocks. NaN for fewer than two blocks, or if phi is
-/// undefined in some draws.
+/// Returns the 95 % interval of phi by bootstrap over blocks, since neighbouring answers are correlated. The tables of
+/// the blocks are drawn with replacement, and quantiles are widened for few blocks. NaN for fewer than two blocks, or
+/// if phi is undefined in some draws.
 std::array<double, 2> phi_interval(const std::vector<ContingencyTable>& blocks, int resamples, std::uint64_t seed);
 
-/// {questions, both, only_simulated, only_real, neither, phi, predicted (share of real events that also occurred in
-/// simulation), false_alarms (share of simulated events that did not occur in reality)}; null if there are no such
-/// events.
+/// Returns {questions, both, only_simulated, only_real, neither, phi, predicted (share of real events that also
+/// occurred in simulation), false_alarms (share of simulated events that did not occur in reality)}; the two shares are
+/// null if there are no such events.
 nlohmann::json to_json(const ContingencyTable& agreement);
 
 }  // namespace tileflight::metrics

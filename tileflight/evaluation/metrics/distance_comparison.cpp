@@ -2,7 +2,6 @@
 
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/evaluation/metrics/block_bootstrap.h"
-#include "tileflight/evaluation/metrics/distribution_distances.h"
 #include "tileflight/evaluation/metrics/metrics.h"
 #include "tileflight/evaluation/metrics/repeated_runs.h"
 

@@ -1,15 +1,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <nlohmann/json.hpp>
 #include <tbb/global_control.h>
 
 #include <algorithm>
 #include <cmath>
+#include <nlohmann/json.hpp>
 #include <random>
 
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/evaluation/metrics/block_bootstrap.h"
-#include "tileflight/evaluation/metrics/distribution_distances.h"
 #include "tileflight/evaluation/metrics/map_comparison.h"
 #include "tileflight/evaluation/metrics/metrics.h"
 #include "tileflight/evaluation/metrics/repeated_runs.h"

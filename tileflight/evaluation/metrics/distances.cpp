@@ -6,8 +6,8 @@
 
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/order_statistics.h"
-#include "tileflight/evaluation/metrics/nearest_distances.h"
 #include "tileflight/core/geometry/nearest.h"
+#include "tileflight/evaluation/metrics/part_search.h"
 
 namespace tileflight::metrics {
 

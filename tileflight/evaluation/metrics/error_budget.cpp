@@ -1,8 +1,7 @@
 #include "tileflight/evaluation/metrics/error_budget.h"
 
-#include <nlohmann/json.hpp>
-
 #include <cmath>
+#include <nlohmann/json.hpp>
 
 #include "tileflight/core/base/strict_section.h"
 

@@ -46,11 +46,11 @@ struct ErrorBudgetInputs {
 /// odometry's drift. odometry: total squared minus alignment squared, not below zero.
 ErrorBudget error_budget(const ErrorBudgetInputs& inputs);
 
-/// {voxel, tiles, alignment, path, odometry, each {metres | null, kind, how}; total, within, share_within,
+/// Returns {voxel, tiles, alignment, path, odometry, each {metres | null, kind, how}; total, within, share_within,
 /// not_separated}.
 nlohmann::json to_json(const ErrorBudget& budget);
 
-/// The inverse. Throws InputError as StrictSection does.
+/// Reads the object that to_json() returns. Throws InputError as StrictSection does.
 ErrorBudget read_error_budget(base::StrictSection section);
 
 }  // namespace tileflight::metrics

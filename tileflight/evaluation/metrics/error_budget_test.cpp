@@ -1,10 +1,10 @@
 #include "tileflight/evaluation/metrics/error_budget.h"
 
 #include <gtest/gtest.h>
-#include <nlohmann/json.hpp>
 
 #include <cmath>
 #include <limits>
+#include <nlohmann/json.hpp>
 
 #include "tests/refusal.h"
 #include "tileflight/core/base/strict_section.h"

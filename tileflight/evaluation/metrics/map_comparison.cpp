@@ -9,9 +9,8 @@
 
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/warning.h"
+#include "tileflight/evaluation/metrics/compared_metric.h"
 #include "tileflight/evaluation/metrics/distances.h"
-#include "tileflight/evaluation/metrics/median_bins.h"
-#include "tileflight/evaluation/metrics/path_comparison.h"
 #include "tileflight/evaluation/metrics/repeated_runs.h"
 #include "tileflight/evaluation/metrics/spatial_blocks.h"
 #include "tileflight/evaluation/metrics/student_t.h"

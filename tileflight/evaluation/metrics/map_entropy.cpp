@@ -10,8 +10,7 @@
 
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/strict_section.h"
-#include "tileflight/evaluation/metrics/local_entropy.h"
-#include "tileflight/core/geometry/morton_order.h"
+#include "tileflight/core/geometry/point_order.h"
 
 namespace tileflight::metrics {
 
@@ -30,7 +29,7 @@ std::size_t count(const std::vector<geometry::Place>& places) {
   return sum;
 }
 
-/// Of the points at the places.
+/// Returns the covariance of the points at these places.
 Mat3 covariance(const std::vector<Vec3>& points, const std::vector<geometry::Place>& places) {
   const auto all = static_cast<double>(count(places));
   Vec3 mean = Vec3::Zero();

@@ -1,16 +1,20 @@
 #pragma once
 
-#include <cstddef>
-#include <limits>
-#include <nlohmann/json_fwd.hpp>
-#include <string>
-
-#include "tileflight/core/geometry/nearest.h"
-#include "tileflight/core/geometry/point_cloud.h"
-
 namespace tileflight::base {
 class StrictSection;
 }
+
+// The steps of map_entropy(), for maps that are not held in memory as a whole.
+
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <vector>
+
+#include "tileflight/core/geometry/nearest.h"
+#include "tileflight/core/geometry/point_cloud.h"
 
 namespace tileflight::metrics {
 
@@ -36,21 +40,44 @@ struct MapEntropyOptions {
                                      ///< less
 };
 
-/// Mean over the points of h = 1/2 ln |2 pi e S|, the entropy of a normal distribution with the covariance S of the
-/// points within the radius (divisor n - 1): Razlaw, Droeschel, Holz and Behnke, "Evaluation of registration methods
-/// for sparse 3D laser scans", ECMR 2015, (1) and (2). Large maps are subsampled evenly (geometry::sample_evenly), and
-/// the standard error of the mean is given. Throws InputError for an empty or non-finite map and for a radius that is
-/// not positive.
+/// Computes the mean over the points of h = 1/2 ln |2 pi e S|, the entropy of a normal distribution with the covariance
+/// S of the points within the radius (divisor n - 1): Razlaw, Droeschel, Holz and Behnke, "Evaluation of registration
+/// methods for sparse 3D laser scans", ECMR 2015, (1) and (2). Large maps are subsampled evenly
+/// (geometry::sample_evenly), and the standard error of the mean is given. Throws InputError for an empty or non-finite
+/// map and for a radius that is not positive.
 MapEntropy map_entropy(const geometry::PointCloud& aligned_map, const MapEntropyOptions& options = {});
 
-/// Same with an existing index of the map's positions.
+/// Computes the entropy with an existing index of the map's positions.
 MapEntropy map_entropy(const geometry::PointCloud& aligned_map, const geometry::NearestIndex& index,
                        const MapEntropyOptions& options = {});
 
-/// {radius, points, asked, judged, share_judged (of those asked), mean, standard_error}.
+/// Returns {radius, points, asked, judged, share_judged (of those asked), mean, standard_error}.
 nlohmann::json to_json(const MapEntropy& entropy);
 
-/// The inverse. Throws InputError as StrictSection does.
+/// Reads the object that to_json() returns. Throws InputError as StrictSection does.
 MapEntropy read_map_entropy(base::StrictSection section);
+
+/// Returns the entropy h around a point of the map. `index`: of `points`. NaN if fewer than `min_neighbors`, or
+/// coplanar points, lie within the radius.
+double local_entropy(const std::vector<geometry::Vec3>& points, const geometry::NearestIndex& index,
+                     const geometry::Vec3& at, const MapEntropyOptions& options);
+
+/// Number of evenly chosen points whose neighbours are counted, to estimate the number of neighbours of all points.
+inline constexpr std::size_t kEntropyProbes = 256;
+
+/// Returns the number of points to evaluate if `probes` points have `neighbors` neighbours together.
+std::size_t entropy_samples(double neighbors, std::size_t probes, const MapEntropyOptions& options);
+
+/// Returns `count` evenly spaced elements of a list; all if it has no more.
+template <typename T>
+std::vector<T> evenly_of(const std::vector<T>& list, std::size_t count) {
+  if (count >= list.size()) return list;
+  std::vector<T> result;
+  for (std::size_t k = 0; k < count; ++k) result.push_back(list[k * list.size() / count]);
+  return result;
+}
+
+/// Returns the mean of the entropies that were computed at some of a map's `points` points, in order.
+MapEntropy mean_entropy(const std::vector<double>& entropies, std::size_t points, double radius_m);
 
 }  // namespace tileflight::metrics

@@ -7,9 +7,9 @@
 #include <string_view>
 #include <utility>
 
+#include "tileflight/core/base/document_value.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/known_keys.h"
-#include "tileflight/core/base/number_text.h"
 #include "tileflight/evaluation/metrics/block_bootstrap.h"
 
 namespace tileflight::metrics {

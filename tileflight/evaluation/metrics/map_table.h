@@ -66,7 +66,7 @@ std::string maps_text(const std::vector<ComparedMap>& maps,
                       const std::vector<TableColumn>& columns = printed_columns());
 /// CSV, one line per pair: the published metric, the decisive metrics, and the verdict.
 std::string pairs_csv(const std::vector<ComparedMap>& maps, const std::vector<ComparedPair>& pairs);
-/// Both tables, and the decisive metrics, as LaTeX `tabular` with booktabs rules.
+/// Returns both tables, and the decisive metrics, as LaTeX `tabular` with booktabs rules.
 std::string tables_tex(const std::vector<ComparedMap>& maps, const std::vector<ComparedPair>& pairs,
                        const std::vector<TableColumn>& columns = printed_columns());
 

@@ -72,7 +72,7 @@ TEST(MapTable, AWarningOfEitherMapWithholdsTheVerdict) {
   EXPECT_THAT(pairs_csv(maps, pairs), HasSubstr(",withheld\r\n"));
   for (ComparedMap& map : maps) std::erase_if(map.metrics.warnings, forbids_verdict);
   EXPECT_EQ(to_json(maps, compare_all_pairs(maps))["pairs"][1]["verdict"], "different")
-      << "what is only possible stands beside";
+      << "a note stands beside the verdict";
 }
 
 TEST(MapTable, SimultaneousIntervalsHoldTogetherAsOftenAsTheySay) {

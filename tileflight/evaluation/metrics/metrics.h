@@ -10,10 +10,10 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/evaluation/metrics/normal_consistency.h"
 #include "tileflight/core/geometry/mesh.h"
 #include "tileflight/core/geometry/point_cloud.h"
 #include "tileflight/core/geometry/trajectory.h"
+#include "tileflight/evaluation/metrics/normal_consistency.h"
 
 namespace tileflight::metrics {
 
@@ -58,13 +58,13 @@ struct CumulativeCurve {
   std::vector<double> completeness, f_score;  ///< as in SurfaceMetrics; empty if no surface was seen
 };
 
-/// At 61 thresholds from 0.01 to 10 m, evenly spaced in the logarithm. No shares without distances, no completeness and
-/// no F-score without distances of samples of the surface.
+/// Computes the curve at 61 thresholds from 0.01 to 10 m, evenly spaced in the logarithm. It has no shares without
+/// distances, no completeness and no F-score without distances of samples of the surface.
 CumulativeCurve cumulative_curve(const std::vector<double>& distances,
                                  const std::vector<double>& sample_distances = {});
 
-/// Area under the polygon through the points (ln t, share), over the range of ln t: 1 for shares of 1, and equal weight
-/// for equal ratios of tolerances. NaN for fewer than two points.
+/// Returns the area under the polygon through the points (ln t, share), over the range of ln t: 1 for shares of 1, and
+/// equal weight for equal ratios of tolerances. NaN for fewer than two points.
 double area_under_curve(const std::vector<double>& thresholds_m, const std::vector<double>& shares);
 
 /// Distances to the exact surface, without cut-off, and shares by threshold.
@@ -77,7 +77,7 @@ struct SurfaceMetrics {
       f_score;  ///< shares by threshold, metres; the last two are empty if no surface was seen
 };
 
-/// How the errors of a trajectory's poses are distributed, in their unit. The standard deviation has the divisor n, as
+/// Distribution of the errors of a trajectory's poses, in their unit. The standard deviation has the divisor n, as
 /// evo's, so that rmse^2 = mean^2 + std^2. NaN without errors.
 struct PoseErrorSpread {
   double mean = std::numeric_limits<double>::quiet_NaN();
@@ -113,10 +113,10 @@ struct ScaleDrift {
   double rms = std::numeric_limits<double>::quiet_NaN();
 };
 
-/// What of an estimated trajectory is aligned to the truth: rotation, translation and scale; without scale; nothing.
+/// Selects the transform that aligns an estimated trajectory to the true one: Sim(3), SE(3) without scale, or none.
 enum class TrajectoryAlignment { kSim3, kSE3, kNone };
 
-/// "sim3", "se3" or "none", as in files and options.
+/// Returns "sim3", "se3" or "none", as in files and options.
 const char* name_of(TrajectoryAlignment alignment);
 
 struct TrajectoryMetrics {
@@ -142,7 +142,7 @@ struct MapMetricsOptions {
   int bins = 50;
 };
 
-/// How estimated and true poses are paired.
+/// Selects how estimated and true poses are paired.
 enum class TrajectoryPairing {
   kByTime,   ///< nearest in time
   kByIndex,  ///< the first with the first, and so on: for files without times
@@ -170,13 +170,13 @@ struct PairedTrajectories {
 PairedTrajectories pair_and_align(const geometry::Trajectory& estimate, const geometry::Trajectory& truth,
                                   const TrajectoryOptions& options = {});
 
-/// ATE of the camera positions, RPE over path lengths and over numbers of frames, and drift, of aligned pairs.
-/// Definitions: Sturm et al., IROS 2012, sections V-A and V-B, on the aligned estimate; pairs of the RPE as in evo: the
-/// end of one is the start of the next. By path length each ends at the pose where the estimate's path has reached the
-/// length. Throws InputError for a length or a number of frames that is not positive.
+/// Scores aligned pairs: ATE of the camera positions, RPE over path lengths and over numbers of frames, and drift.
+/// Definitions: Sturm et al., IROS 2012, sections V-A and V-B, on the aligned estimate. Pairs of the RPE are as in evo:
+/// the end of one is the start of the next. By path length, each pair ends at the pose where the estimate's path has
+/// reached the length. Throws InputError for a length or a number of frames that is not positive.
 TrajectoryMetrics score_trajectory(const PairedTrajectories& poses, const TrajectoryOptions& options = {});
 
-/// Both.
+/// Pairs, aligns and scores a trajectory: pair_and_align(), then score_trajectory().
 TrajectoryMetrics evaluate_trajectory(const geometry::Trajectory& estimate, const geometry::Trajectory& truth,
                                       const TrajectoryOptions& options = {});
 
@@ -228,22 +228,22 @@ struct KeptDistances {
   std::size_t points = 0;  ///< all points of the map, kept or not
 };
 
-/// Interval by spatial block bootstrap: cubes of block_m, each with the points of both runs in it, are drawn with
-/// replacement, since errors of neighbours are correlated (also between the runs where the truth is coarse). Kuensch
-/// 1989; Efron and Tibshirani, An Introduction to the Bootstrap, 1993. Deterministic. Throws InputError if a run has no
-/// kept distance.
+/// Compares two runs by the paper's metric, with an interval by spatial block bootstrap. Cubes of block_m, each with
+/// the points of both runs in it, are drawn with replacement, since errors of neighbours are correlated (also between
+/// the runs where the truth is coarse). Kuensch 1989; Efron and Tibshirani, An Introduction to the Bootstrap, 1993.
+/// Deterministic. Throws InputError if a run has no kept distance.
 DistanceComparison compare_distances(const KeptDistances& simulated, const KeptDistances& real,
                                      const DistanceComparisonOptions& options = {});
 
-/// Same for flights tracked more than once. With at least two differing runs on each side the sampling unit is a run:
-/// the difference is that of the means over the runs, with Welch's interval (welch_difference()); all other numbers,
-/// and `within_run`, are of the first runs. The interval then covers the randomness of the odometry, not the choice of
-/// the place; `within_run` covers the latter. Otherwise compare_distances() of the first runs. Throws InputError if a
-/// run has no kept distance.
+/// Compares two flights that were tracked more than once. With at least two differing runs on each side the sampling
+/// unit is a run: the difference is that of the means over the runs, with Welch's interval (welch_difference()). All
+/// other numbers, and `within_run`, are of the first runs. The interval then covers the randomness of the odometry, and
+/// `within_run` that of the place. Otherwise the result is that of compare_distances() for the first runs. Throws
+/// InputError if a run has no kept distance.
 DistanceComparison compare_runs(const std::vector<KeptDistances>& simulated, const std::vector<KeptDistances>& real,
                                 const DistanceComparisonOptions& options = {});
 
-/// The keys of metrics.json and of comparisons.
+/// Return the keys of metrics.json and of comparisons.
 nlohmann::json to_json(const MapMetrics& m);
 nlohmann::json to_json(const SurfaceMetrics& m);
 nlohmann::json to_json(const TrajectoryMetrics& m);

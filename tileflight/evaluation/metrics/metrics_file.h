@@ -29,7 +29,8 @@ struct Metrics {
 
 nlohmann::json to_json(const Metrics& metrics);
 
-/// The inverse. Throws InputError (`where`, key, cause) for a key that is missing, unknown or of the wrong type.
+/// Reads the object that to_json() returns. Throws InputError (`where`, key, cause) for a key that is missing, unknown
+/// or of the wrong type.
 Metrics metrics_from_json(const nlohmann::json& json, const std::string& where);
 
 /// Aligned map with the distances of each point, metres. `surface_m` may be empty, and so may `over_region` if all
@@ -40,8 +41,8 @@ struct PointErrors {
   std::vector<bool> over_region{};  ///< per point: whether there is ground truth for its surface distance
 };
 
-/// The aligned map with the scalars `voxel_distance`, `surface_distance` and `over_region` (1 or 0). Distances rounded
-/// to float stay on the same side of the cut-off, so that reading them gives the same correspondences.
+/// Returns the aligned map with the scalars `voxel_distance`, `surface_distance` and `over_region` (1 or 0). Distances
+/// rounded to float stay on the same side of the cut-off, so that reading them gives the same correspondences.
 geometry::PointCloud cloud_with_errors(PointErrors errors, double cutoff_m);
 
 /// Writes `metrics.json` and, in the same folder, `errors.ply`: cloud_with_errors(). Throws InputError.
@@ -50,7 +51,7 @@ void write_metrics(const std::filesystem::path& metrics_json, const Metrics& met
 /// Writes `metrics.json` alone. Throws InputError.
 void write_metrics(const std::filesystem::path& metrics_json, const Metrics& metrics);
 
-/// Writes cloud_with_errors(). Throws InputError.
+/// Writes the cloud of cloud_with_errors() to a file. Throws InputError.
 void write_point_errors(const std::filesystem::path& ply, PointErrors errors, double cutoff_m);
 
 /// Data needed to compare a run with another.

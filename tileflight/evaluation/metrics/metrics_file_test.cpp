@@ -12,9 +12,9 @@
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 #include "tileflight/core/base/files.h"
+#include "tileflight/core/geometry/cloud_files.h"
 #include "tileflight/evaluation/metrics/distances.h"
 #include "tileflight/evaluation/metrics/evaluate.h"
-#include "tileflight/core/geometry/cloud_files.h"
 
 namespace tileflight::metrics::metrics_file_test {
 namespace {

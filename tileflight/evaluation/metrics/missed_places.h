@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/evaluation/metrics/contingency_table.h"
 #include "tileflight/core/geometry/transform.h"
+#include "tileflight/evaluation/metrics/contingency_table.h"
 
 namespace tileflight::metrics {
 
@@ -44,14 +44,15 @@ struct MissedPlaces {
   std::array<std::size_t, 2> seen_alone{};  ///< cells seen only by the simulated, only by the real camera
 };
 
-/// Throws InputError if the cell size is not positive or there is not one distance per position.
+/// Finds the places that each flight missed, and how far the flights agree on them. Throws InputError if the cell size
+/// is not positive or there is not one distance per position.
 MissedPlaces missed_places(const SeenSurface& simulated, const SeenSurface& real,
                            const MissedPlacesOptions& options = {});
 
-/// {cell, within, cells, seen_by_simulated_only, seen_by_real_only, missed (an agreement), phi_ci95}.
+/// Returns {cell, within, cells, seen_by_simulated_only, seen_by_real_only, missed (an agreement), phi_ci95}.
 nlohmann::json to_json(const MissedPlaces& places);
 
-/// CSV, one line per cell: x,y,z,seen_simulated,mapped_simulated,seen_real,mapped_real,missed ("none", "both",
+/// Returns CSV, one line per cell: x,y,z,seen_simulated,mapped_simulated,seen_real,mapped_real,missed ("none", "both",
 /// "simulated", "real").
 std::string missed_places_csv(const MissedPlaces& places);
 

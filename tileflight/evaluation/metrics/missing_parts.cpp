@@ -15,8 +15,8 @@
 
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/random_numbers.h"
-#include "tileflight/evaluation/metrics/student_t.h"
 #include "tileflight/core/geometry/nearest.h"
+#include "tileflight/evaluation/metrics/student_t.h"
 
 namespace tileflight::metrics {
 

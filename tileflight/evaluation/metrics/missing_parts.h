@@ -52,16 +52,17 @@ struct MissingParts {
   double lacking_share(std::size_t map) const;
 };
 
-/// Each map point is assigned to the nearest surface sample, so that point errors do not move it out of a ball. Balls
-/// of each size are spaced a quarter of their diameter apart. The simulated map's share of the points in a ball is
-/// expected to be the same as overall. The deviation of shares beyond the binomial distribution is estimated from the
-/// median ball, which is insensitive to holes, and the counts are reduced accordingly as for clustered samples (n / (1
-/// + (n - 1) correlation), Kish 1965). If the maps' densities differ everywhere, only large gaps are found.
+/// Finds the parts of the surface that one map lacks. Each map point is assigned to the nearest surface sample, so that
+/// point errors do not move it out of a ball. Balls of each size are spaced a quarter of their diameter apart. The
+/// simulated map's share of the points in a ball is expected to be the same as overall. The deviation of shares beyond
+/// the binomial distribution is estimated from the median ball, which is insensitive to holes, and the counts are
+/// reduced accordingly as for clustered samples (n / (1 + (n - 1) correlation), Kish 1965). If the maps' densities
+/// differ everywhere, only large gaps are found.
 MissingParts missing_parts(const KeptDistances& simulated, const SeenSurface& seen_by_simulated,
                            const KeptDistances& real, const SeenSurface& seen_by_real,
                            const MissingPartsOptions& options = {});
 
-/// {balls, correlation, parts [{center, edge, points {simulated, real}, lacks ("simulated" | "real"), p}]}.
+/// Returns {balls, correlation, parts [{center, edge, points {simulated, real}, lacks ("simulated" | "real"), p}]}.
 nlohmann::json to_json(const MissingParts& missing);
 
 }  // namespace tileflight::metrics

@@ -5,8 +5,8 @@
 #include <optional>
 #include <vector>
 
-#include "tileflight/evaluation/metrics/metrics.h"
 #include "tileflight/core/geometry/transform.h"
+#include "tileflight/evaluation/metrics/metrics.h"
 
 namespace tileflight::base {
 class StrictSection;
@@ -14,20 +14,20 @@ class StrictSection;
 
 namespace tileflight::metrics {
 
-/// Where something stood that the truth does not hold, at one moment.
+/// Box around a moving object, which the ground truth does not hold, at one moment.
 struct PlacedBox {
   geometry::SE3 T_local_box;  ///< from its axes (forward, left, up; origin in its middle) to the local frame
   geometry::Vec3 size_m;      ///< along these axes
 };
 
-/// Which points count as being on a thing, rather than on the place around it.
+/// Margins that decide whether a point is on an object, rather than on the place around it.
 struct BoxMargins {
   double grown_m = 0.2;   ///< beyond the sides and the top: what a map's noise carries outside
   double lifted_m = 0.3;  ///< above the bottom, at most a third of the height: what is lower may be the ground, and the
                           ///< truth has that surface near it
 };
 
-/// Whether the point (local frame) is on what fills the box.
+/// Returns whether the point (local frame) is on the object in the box.
 bool is_on(const PlacedBox& box, const geometry::Vec3& point, const BoxMargins& margins = {});
 
 /// Scores of some of a map's points. MapMetrics and SurfaceMetrics define the numbers.
@@ -37,7 +37,7 @@ struct PointScores {
   std::optional<DistanceStatistics> surface;  ///< of the points over the region; nullopt without a true surface
 };
 
-/// Scores of points with these distances to voxel centres, and, of those over the region, to the surface.
+/// Scores points by their distances to voxel centres and, for those over the region, to the surface.
 PointScores score_points(const std::vector<double>& voxel_m, const std::optional<std::vector<double>>& surface_m,
                          double cutoff_m);
 
@@ -50,7 +50,7 @@ struct MovingPoints {
   PointScores with_them;  ///< of all of the map's points
 };
 
-/// `moving_objects` of metrics.json, and back. Throws InputError as StrictSection does.
+/// Returns the key `moving_objects` of metrics.json.
 nlohmann::json to_json(const MovingPoints& moving);
 MovingPoints read_moving_points(base::StrictSection section);
 

@@ -28,24 +28,25 @@ struct NormalConsistency {
   double share_within_30_deg = std::numeric_limits<double>::quiet_NaN();
 };
 
-/// Unsigned angle between each point's normal and that of the nearest triangle. Zero normals and triangles without area
-/// are skipped. `asked` must have normals; it holds all points of the map, or an even subsample, in which case the
-/// caller sets `points` to the map's size. `neighbors` is only recorded in the result.
+/// Compares each point's normal with that of the nearest triangle, by their unsigned angle. Zero normals and triangles
+/// without area are skipped. `asked` must have normals. It holds all points of the map, or an even subsample, in which
+/// case the caller sets `points` to the map's size. `neighbors` is only recorded in the result.
 NormalConsistency normal_consistency(const geometry::PointCloud& asked, const geometry::TriangleMesh& surface,
                                      const geometry::TriangleIndex& index, double within_m, std::size_t neighbors);
 
-/// The same with the normal, of any length, of the nearest triangle to each point; zero where there is none within
-/// `within_m`.
+/// Computes the consistency from the normal, of any length, of the nearest triangle to each point; zero where there is
+/// none within `within_m`.
 NormalConsistency normal_consistency(const geometry::PointCloud& asked, const std::vector<geometry::Vec3>& nearest,
                                      double within_m, std::size_t neighbors);
 
 /// Normal of a triangle, not normalised; zero for a triangle without area.
 geometry::Vec3 triangle_direction(const geometry::TriangleMesh& mesh, std::size_t triangle);
 
-/// {points, asked, judged, share_judged (of those asked), within, neighbors, mean_abs_cos, share_within_30_deg}.
+/// Returns {points, asked, judged, share_judged (of those asked), within, neighbors, mean_abs_cos,
+/// share_within_30_deg}.
 nlohmann::json to_json(const NormalConsistency& consistency);
 
-/// The inverse. Throws InputError as StrictSection does.
+/// Reads the object that to_json() returns. Throws InputError as StrictSection does.
 NormalConsistency read_normal_consistency(base::StrictSection section);
 
 }  // namespace tileflight::metrics

@@ -22,7 +22,8 @@ inline constexpr PublishedRun kPublishedSimulated{84029, 36178, 0.5548, 0.1885, 
 inline constexpr PublishedRun kPublishedReal{71918, 27820, 0.5733, 0.1998, 155, {2688, 1512}, 30, 1000};
 inline constexpr std::size_t kPublishedVoxels = 158446;  ///< of 1 m, 250 m x 250 m
 
-/// {simulated, real}, each with points, correspondences, mean, std, fov_deg, resolution [w, h], fps, frames; voxels.
+/// Returns {simulated, real}, each with points, correspondences, mean, std, fov_deg, resolution [w, h], fps, frames;
+/// voxels.
 nlohmann::json published_table();
 
 }  // namespace tileflight::metrics

@@ -1,9 +1,8 @@
 #include "tileflight/evaluation/metrics/rank_correlation.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <cmath>
+#include <nlohmann/json.hpp>
 #include <numeric>
 
 #include "tileflight/core/base/input_error.h"

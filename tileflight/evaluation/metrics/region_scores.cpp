@@ -4,8 +4,8 @@
 #include <nlohmann/json.hpp>
 
 #include "tileflight/core/base/strict_section.h"
-#include "tileflight/evaluation/metrics/distance_statistics.h"
 #include "tileflight/core/geometry/json_numbers.h"
+#include "tileflight/evaluation/metrics/distance_statistics.h"
 
 namespace tileflight::metrics {
 

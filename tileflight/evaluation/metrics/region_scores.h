@@ -26,12 +26,12 @@ struct RegionScores {
   DistanceStatistics aligned_on, held_out;
 };
 
-/// `distances_m`: of each point, from surface_distances(). A point in several boxes counts in each, and once in the
-/// overall statistics. A point inside an aligned-on box is not held out.
+/// Scores points by region. `distances_m`: distance of each point, from surface_distances(). A point in several boxes
+/// counts in each, and once in the overall statistics. A point inside an aligned-on box is not held out.
 RegionScores score_regions(const std::vector<geometry::Vec3>& points, const std::vector<double>& distances_m,
                            const std::vector<geometry::Box3>& aligned_on, const std::vector<geometry::Box3>& held_out);
 
-/// `regions` of metrics.json, and back. Throws InputError as StrictSection does.
+/// Returns the key `regions` of metrics.json.
 nlohmann::json to_json(const RegionScores& scores);
 RegionScores read_region_scores(base::StrictSection section);
 

@@ -1,9 +1,8 @@
 #include "tileflight/evaluation/metrics/repeated_runs.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <cmath>
+#include <nlohmann/json.hpp>
 
 #include "tileflight/evaluation/metrics/student_t.h"
 

@@ -14,11 +14,12 @@ struct RunSpread {
   double mean = std::numeric_limits<double>::quiet_NaN();
   double std = std::numeric_limits<double>::quiet_NaN();  ///< divisor n - 1
   double min = std::numeric_limits<double>::quiet_NaN(), max = std::numeric_limits<double>::quiet_NaN();
-  /// Of the mean, by Student's t; NaN for fewer than two runs, and if all values are equal (not independent runs).
+  /// Interval of the mean by Student's t; NaN for fewer than two runs, and if all values are equal (not independent
+  /// runs).
   std::array<double, 2> ci95{std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::quiet_NaN()};
 };
 
-/// Non-finite values (a run without that number) are skipped.
+/// Computes the spread of finite values. Other values (a run without that number) are skipped.
 RunSpread compute_run_spread(const std::vector<double>& values);
 
 /// Difference of the means of two sets of runs, by Welch's t (Biometrika 34, 1947; degrees of freedom after
@@ -36,12 +37,12 @@ struct RunDifference {
 
 RunDifference welch_difference(const std::vector<double>& a, const std::vector<double>& b);
 
-/// {n, mean, std, min, max, ci95}.
+/// Returns {n, mean, std, min, max, ci95}.
 nlohmann::json to_json(const RunSpread& spread);
 
-/// Spread of every number in the JSON objects of repeated runs: an object with the structure of the first one, with
-/// each number replaced by its spread. Lists and strings are omitted; a number that is null or missing in a run is not
-/// counted in `n`.
+/// Computes the spread of every number in the JSON objects of repeated runs: an object with the structure of the first
+/// one, with each number replaced by its spread. Lists and strings are omitted. A number that is null or missing in a
+/// run is not counted in `n`.
 nlohmann::json compute_json_spread(const std::vector<nlohmann::json>& objects);
 
 }  // namespace tileflight::metrics

@@ -1,10 +1,10 @@
 #include "tileflight/evaluation/metrics/repeated_runs.h"
 
 #include <gtest/gtest.h>
-#include <nlohmann/json.hpp>
 
 #include <cmath>
 #include <limits>
+#include <nlohmann/json.hpp>
 #include <random>
 
 #include "tileflight/evaluation/metrics/student_t.h"

@@ -1,21 +1,63 @@
 #pragma once
 
-#include <Eigen/Core>
-#include <array>
-#include <cstdint>
-#include <functional>
-#include <optional>
-#include <vector>
-
-#include "tileflight/core/geometry/transform.h"
-
 // Spatial block bootstrap for two maps of one place. Errors of neighbouring points are correlated, over tens of metres
 // where a camera flew higher or saw less. Hence blocks are drawn instead of points: columns over squares of the ground,
 // each with the data of both maps, so that ground that is hard to map affects both. A block reached by one map only
 // contributes to that map only. Kuensch, Annals of Statistics 17, 1989; Efron and Tibshirani, An Introduction to the
 // Bootstrap, 1993.
 
+#include <Eigen/Core>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <functional>
+#include <limits>
+#include <optional>
+#include <vector>
+
+#include "tileflight/core/geometry/transform.h"
+#include "tileflight/evaluation/metrics/distances.h"
+
 namespace tileflight::metrics {
+
+/// Histogram of distances with logarithmic bins, for medians over drawn blocks. Bin 0 is below the first edge, the last
+/// bin above the last edge.
+class MedianBins {
+ public:
+  static constexpr Eigen::Index kBins = 512;
+
+  /// Bins cover the distances of both maps except a few at either end.
+  MedianBins(const std::vector<double>& a, const std::vector<double>& b) {
+    const Percentiles pa = compute_percentiles(a), pb = compute_percentiles(b);
+    const double high = std::max({pa.at(95), pb.at(95), 1e-9});
+    low_ = std::log(std::max(0.02 * std::min(pa.at(25), pb.at(25)), 1e-6 * high));
+    step_ = (std::log(high) - low_) / static_cast<double>(kBins - 2);
+  }
+
+  Eigen::Index bin_of(double distance_m) const {
+    const double at = (std::log(std::max(distance_m, 1e-300)) - low_) / step_;
+    return 1 + static_cast<Eigen::Index>(std::clamp(std::floor(at), -1.0, static_cast<double>(kBins - 2)));
+  }
+
+  /// Median of a histogram (kBins counts, not necessarily whole, not all zero), linearly interpolated within its bin.
+  double median(const Eigen::Ref<const Eigen::RowVectorXd>& counts) const {
+    const double half = 0.5 * counts.sum();
+    double before = 0.0;
+    for (Eigen::Index k = 0; k < kBins; ++k) {
+      if (before + counts[k] < half) {
+        before += counts[k];
+        continue;
+      }
+      const double part = counts[k] > 0.0 ? (half - before) / counts[k] : 0.5;
+      return std::exp(low_ + (static_cast<double>(k - 1) + part) * step_);
+    }
+    return std::numeric_limits<double>::quiet_NaN();
+  }
+
+ private:
+  double low_ = 0.0, step_ = 1.0;  ///< in logarithms
+};
 
 /// Division of the ground into squares.
 struct BlockGrid {
@@ -25,8 +67,8 @@ struct BlockGrid {
   double effective = 0;
 };
 
-/// The largest squares that give each of two point sets at least `wanted` effective blocks; the smallest tried if none
-/// do. nullopt if a set is empty or all points coincide.
+/// Chooses the largest squares that give each of two point sets at least `wanted` effective blocks; the smallest tried
+/// if none do. Returns nullopt if a set is empty or all points coincide.
 std::optional<BlockGrid> choose_block_grid(const std::vector<geometry::Vec3>& a, const std::vector<geometry::Vec3>& b,
                                            double wanted);
 

@@ -14,7 +14,6 @@
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/order_statistics.h"
 #include "tileflight/core/base/strict_section.h"
-#include "tileflight/evaluation/metrics/point_visits.h"
 
 namespace tileflight::metrics {
 
@@ -51,7 +50,7 @@ struct PointSums {
     scatter += before * (p - mean).transpose();
   }
 
-  /// Of at least two points; divisor n - 1.
+  /// Returns the normal distribution of at least two points; divisor n - 1.
   Gaussian3 gaussian() const {
     const Mat3 S = scatter / static_cast<double>(count - 1);
     return {mean, 0.5 * (S + S.transpose())};

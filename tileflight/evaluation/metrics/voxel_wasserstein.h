@@ -1,14 +1,17 @@
 #pragma once
 
+namespace tileflight::base {
+class StrictSection;
+}
+
+// Scores of a cloud that is not held in memory.
+
 #include <cstddef>
+#include <functional>
 #include <limits>
 #include <nlohmann/json_fwd.hpp>
 
 #include "tileflight/core/geometry/point_cloud.h"
-
-namespace tileflight::base {
-class StrictSection;
-}
 
 namespace tileflight::metrics {
 
@@ -18,10 +21,10 @@ struct Gaussian3 {
   geometry::Mat3 covariance = geometry::Mat3::Zero();  ///< square metres; positive semidefinite
 };
 
-/// 2-Wasserstein distance between two normal distributions, metres: W^2 = |m_a - m_b|^2 + tr(A + B - 2 (A^1/2 B
-/// A^1/2)^1/2) (Dowson and Landau 1982; Olkin and Pukelsheim 1982), computed as |m_a - m_b|^2 + min over orthogonal U
-/// of |A^1/2 - B^1/2 U|^2 (Bhatia, Jain and Lim 2019, theorem 1), which does not cancel for distributions that are
-/// nearly the same or flat.
+/// Returns the 2-Wasserstein distance between two normal distributions, metres: W^2 = |m_a - m_b|^2 + tr(A + B - 2
+/// (A^1/2 B A^1/2)^1/2) (Dowson and Landau 1982; Olkin and Pukelsheim 1982). It is computed as |m_a - m_b|^2 + min over
+/// orthogonal U of |A^1/2 - B^1/2 U|^2 (Bhatia, Jain and Lim 2019, theorem 1), which does not cancel for distributions
+/// that are nearly the same or flat.
 double gaussian_wasserstein(const Gaussian3& a, const Gaussian3& b);
 
 /// Average Wasserstein distance (AWD) and spatial consistency score (SCS) of a map: Hu et al., "MapEval", RA-L 2025
@@ -58,16 +61,23 @@ struct VoxelWassersteinOptions {
   int neighborhood_voxels = 5;  ///< neighbours are at most this many voxels away along each axis
 };
 
-/// Time and memory in proportion to the points and the voxels that hold them. Deterministic for any number of threads.
-/// Throws InputError for an empty cloud, a point that is not finite, a voxel that is not positive, and fewer than 2
-/// points as minimum.
+/// Scores a map by the Wasserstein distance in voxels. Time and memory grow in proportion to the points and the voxels
+/// that hold them. Deterministic for any number of threads. Throws InputError for an empty cloud, a point that is not
+/// finite, a voxel that is not positive, and fewer than 2 points as minimum.
 VoxelWasserstein voxel_wasserstein(const geometry::PointCloud& aligned_map, const geometry::PointCloud& truth,
                                    const VoxelWassersteinOptions& options = {});
 
-/// The key `wasserstein` of metrics.json (docs/formats.md).
+/// Returns the key `wasserstein` of metrics.json (docs/formats.md).
 nlohmann::json to_json(const VoxelWasserstein& scores);
 
-/// The inverse. Throws InputError as StrictSection does.
+/// Reads the object that to_json() returns. Throws InputError as StrictSection does.
 VoxelWasserstein read_voxel_wasserstein(base::StrictSection section);
+
+/// Calls its argument for each point of a cloud, in order.
+using PointVisits = std::function<void(const std::function<void(const geometry::Vec3& p)>&)>;
+
+/// Scores a map whose points are visited one by one. The result equals that of the map in memory to the last digit.
+VoxelWasserstein voxel_wasserstein(const PointVisits& aligned_map, const geometry::PointCloud& truth,
+                                   const VoxelWassersteinOptions& options = {});
 
 }  // namespace tileflight::metrics

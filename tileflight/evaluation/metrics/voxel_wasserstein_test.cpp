@@ -275,7 +275,7 @@ TEST(VoxelWasserstein, ComesBackFromItsJson) {
 
 TEST(VoxelWasserstein, RefusesBadInput) {
   const PointCloud cloud = random_cloud(100, 1);
-  EXPECT_THAT(refusal_of([&] { voxel_wasserstein({}, cloud); }), HasSubstr("map: has no points"));
+  EXPECT_THAT(refusal_of([&] { voxel_wasserstein(geometry::PointCloud{}, cloud); }), HasSubstr("map: has no points"));
   EXPECT_THAT(refusal_of([&] { voxel_wasserstein(cloud, {}); }), HasSubstr("surface samples: has no points"));
   EXPECT_THAT(refusal_of([&] { voxel_wasserstein(cloud, cloud, {.voxel_m = 0.0}); }), HasSubstr("must be above zero"));
   EXPECT_THAT(refusal_of([&] { voxel_wasserstein(cloud, cloud, {.min_points = 1}); }), HasSubstr("at least 2"));

@@ -21,11 +21,11 @@ struct ObservedPoints {
   bool has_viewpoints() const { return !viewpoints.empty(); }
 };
 
-/// From the scalars `keyframe` and `inverse_depth_variance` of map.ply and the keyframes' poses (T_map_camera). Members
-/// whose data are missing or inconsistent are left empty.
+/// Makes observed points from the scalars `keyframe` and `inverse_depth_variance` of map.ply and the keyframes' poses
+/// (T_map_camera). Members whose data are missing or inconsistent are left empty.
 ObservedPoints make_observed_points(const geometry::PointCloud& map, const geometry::Trajectory& keyframes);
 
-/// Every k-th point, with the smallest k that leaves at most about `most` points.
+/// Returns every k-th point, with the smallest k that leaves at most about `most` points.
 ObservedPoints subsample(const ObservedPoints& points, std::size_t most);
 
 }  // namespace tileflight::registration

@@ -35,7 +35,8 @@ struct RayAgreement {
   std::vector<double> keyframe_scores;  ///< mean score of each keyframe, for the uncertainty of differences
 };
 
-/// nullopt if the points have no viewpoints or none is evaluated.
+/// Compares the distances of points along their rays with the first surface. Returns nullopt if the points have no
+/// viewpoints or none is evaluated.
 std::optional<RayAgreement> compute_ray_agreement(const ObservedPoints& points, const geometry::Sim3& T_local_map,
                                                   const RayCast& cast, const RayAgreementOptions& options = {});
 

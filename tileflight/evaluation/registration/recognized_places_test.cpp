@@ -111,7 +111,7 @@ TEST(RecognizedPlaces, OnePlaceThatIsFoundTwiceIsNotAmbiguous) {
 
 TEST(RecognizedPlaces, HalfOfThePicturesIsTooFewForAPlaceThatWasSearched) {
   EXPECT_THAT(withheld(registered({{Vec3::Zero(), 6, 0.95}})), HasSubstr("of 20 images agree on it"));
-  EXPECT_EQ(withheld(registered({{Vec3::Zero(), 6, 0.95}}, true)), "");  // a start was given: it is only possible
+  EXPECT_EQ(withheld(registered({{Vec3::Zero(), 6, 0.95}}, true)), "");  // a start was given: only a note
   EXPECT_EQ(withheld(registered({{Vec3::Zero(), 8, 0.95}})), "");
 }
 

@@ -5,12 +5,11 @@
 #include <cmath>
 #include <numbers>
 
-#include "tileflight/core/alignment/jackknife.h"
 #include "tileflight/core/alignment/similarity_chart.h"
+#include "tileflight/core/alignment/uncertainty.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/evaluation/registration/recognized_places.h"
 #include "tileflight/evaluation/registration/registration_warnings.h"
-#include "tileflight/evaluation/registration/repeating_textures.h"
 #include "tileflight/evaluation/registration/start_refiner.h"
 
 namespace tileflight::registration {
@@ -261,9 +260,8 @@ class MapRegistrar {
     return apart.head<2>().norm() > std::max(kLeast_m, kSigmas * sigma_m);
   }
 
-  /// Of places that were found without a start, the one that fits the images best; records another one like it.
-  /// Positions, if they could not be followed, still tell which of several similar places is meant; one that they
-  /// contradict is taken only if there is no other.
+  /// Chooses among the places that were found without a start: the one that fits the images best. Records another one
+  /// that fits as well.
   void compare_similar_places() {
     if (candidates_.front().start.name != kSearchedStart || !candidates_.front().is_recognised()) return;
     const auto contradicted = std::stable_partition(candidates_.begin(), candidates_.end(), [&](const Candidate& c) {

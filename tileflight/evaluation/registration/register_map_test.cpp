@@ -3,9 +3,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <optional>
+
 #include "tileflight/core/alignment/umeyama.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/evaluation/registration/located_poses_sigma.h"
+#include "tileflight/evaluation/registration/located_poses.h"
 #include "tileflight/evaluation/registration/test_flights.h"
 
 namespace tileflight::registration::register_map_test {
@@ -186,8 +188,8 @@ double path_error_share(const LocatedPictures& located) {
   return std::sqrt(squares / static_cast<double>(found.size())) / length_m;
 }
 
-/// How sure the warning is about a path that bends by a share of its length; empty: none.
-std::string warning_about_bent_path(double share, double scale = 1.0) {
+/// The severity of the warning about a path that bends by a share of its length; nullopt: none.
+std::optional<Severity> warning_about_bent_path(double share, double scale = 1.0) {
   const Flight flight = simulate_map(curved_path(), 20);
   const double bend_m = share / path_error_share(located_on_bent_path(flight, 1.0, scale));
   const LocatedPictures located = located_on_bent_path(flight, bend_m, scale);
@@ -200,12 +202,12 @@ std::string warning_about_bent_path(double share, double scale = 1.0) {
       register_map(flight.points, {.path = flight.map, .starts = {start}}, the_place().surface, services, options());
   for (const Warning& warning : r.warnings)
     if (warning.message.find("the path is distorted") != std::string::npos) return warning.severity;
-  return "";
+  return std::nullopt;
 }
 
 TEST(RegisterMap, APathIsWrongFromOnePercentOfItsLengthOn) {
   for (const double scale : {1.0, 0.05}) {  // of 100 m and of 5 m
-    EXPECT_EQ(warning_about_bent_path(0.0045, scale), "") << scale;
+    EXPECT_EQ(warning_about_bent_path(0.0045, scale), std::nullopt) << scale;
     EXPECT_EQ(warning_about_bent_path(0.0075, scale), Severity::kNote) << scale;
     EXPECT_EQ(warning_about_bent_path(0.0105, scale), Severity::kWarning) << scale;
     EXPECT_EQ(warning_about_bent_path(0.02, scale), Severity::kError) << scale;

@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <limits>
+#include <optional>
 
 namespace tileflight::registration::registration_warnings_test {
 namespace {
@@ -12,8 +13,9 @@ namespace {
 using geometry::Vec3;
 using ::testing::HasSubstr;
 
-/// How sure the warning about the transform's uncertainty is, where images show the path to be off by `path_error_m`.
-std::string warning_of_sigma(double sigma_m, double path_error_m) {
+/// The severity of the warning about the transform's uncertainty, where images show the path to be off by
+/// `path_error_m`.
+std::optional<Severity> warning_of_sigma(double sigma_m, double path_error_m) {
   RegistrationResult r;
   r.sigma_m = sigma_m;
   r.method = "pictures";
@@ -22,14 +24,14 @@ std::string warning_of_sigma(double sigma_m, double path_error_m) {
   add_registration_warnings({}, {}, r);
   for (const Warning& warning : r.warnings)
     if (warning.message.find("uncertain") != std::string::npos) return warning.severity;
-  return "none";
+  return std::nullopt;
 }
 
 /// Two sigmas against 0.1 m, or against what the path is off anyway.
-TEST(RegistrationWarnings, AnUncertaintyThatMayHideAnErrorIsLikely) {
-  EXPECT_EQ(warning_of_sigma(0.04, 0.02), "none");
+TEST(RegistrationWarnings, AnUncertaintyThatMayHideAnErrorIsAWarning) {
+  EXPECT_EQ(warning_of_sigma(0.04, 0.02), std::nullopt);
   EXPECT_EQ(warning_of_sigma(0.06, 0.02), Severity::kWarning);
-  EXPECT_EQ(warning_of_sigma(0.06, 0.05), "none");
+  EXPECT_EQ(warning_of_sigma(0.06, 0.05), std::nullopt);
   EXPECT_EQ(warning_of_sigma(0.12, 0.10), Severity::kNote);
   EXPECT_EQ(warning_of_sigma(0.12, 0.05), Severity::kWarning);
   EXPECT_EQ(warning_of_sigma(0.25, 0.10), Severity::kError);
@@ -37,9 +39,9 @@ TEST(RegistrationWarnings, AnUncertaintyThatMayHideAnErrorIsLikely) {
   EXPECT_EQ(warning_of_sigma(std::numeric_limits<double>::quiet_NaN(), 0.02), Severity::kNote);
 }
 
-/// How sure the warning is that a map at a place that was searched does not match it; `correlation` and `agreeing` of
-/// 20 images.
-std::string warning_of_rays(double score, double correlation, std::size_t agreeing) {
+/// The severity of the warning that a map at a place that was searched does not match it; `correlation` and `agreeing`
+/// of 20 images.
+std::optional<Severity> warning_of_rays(double score, double correlation, std::size_t agreeing) {
   RegistrationResult r;
   r.start = kSearchedStart;
   r.method = "pictures";
@@ -48,16 +50,16 @@ std::string warning_of_rays(double score, double correlation, std::size_t agreei
   add_registration_warnings({}, {}, r);
   for (const Warning& warning : r.warnings)
     if (warning.message.find("seen from its own cameras") != std::string::npos) return warning.severity;
-  return "none";
+  return std::nullopt;
 }
 
 /// Two thirds of a roof's rays agree with a similar roof, and all images are found there, with a poor correlation.
 TEST(RegistrationWarnings, ASearchedPlaceThatResemblesLittleNeedsBetterRays) {
   EXPECT_EQ(warning_of_rays(0.55, 0.61, 19), Severity::kWarning);
   EXPECT_EQ(warning_of_rays(0.69, 0.59, 20), Severity::kWarning);
-  EXPECT_EQ(warning_of_rays(0.80, 0.61, 20), "none");
+  EXPECT_EQ(warning_of_rays(0.80, 0.61, 20), std::nullopt);
   EXPECT_EQ(warning_of_rays(0.57, 0.89, 20), Severity::kWarning);
-  EXPECT_EQ(warning_of_rays(0.55, 0.96, 20), "none");
+  EXPECT_EQ(warning_of_rays(0.55, 0.96, 20), std::nullopt);
   EXPECT_EQ(warning_of_rays(0.30, 0.61, 20), Severity::kError);
 }
 

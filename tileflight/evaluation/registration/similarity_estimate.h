@@ -22,7 +22,7 @@ struct SimilarityEstimate {
   geometry::Vec3 center = geometry::Vec3::Zero();  ///< target frame
   Mat7 information = Mat7::Zero();
 
-  /// The same estimate expressed about another centre.
+  /// Returns the estimate expressed about another centre.
   SimilarityEstimate recentered(const geometry::Vec3& new_center) const;
 };
 

@@ -4,7 +4,7 @@
 
 #include "tileflight/core/alignment/similarity_chart.h"
 #include "tileflight/core/alignment/umeyama.h"
-#include "tileflight/evaluation/registration/located_poses_sigma.h"
+#include "tileflight/evaluation/registration/located_poses.h"
 #include "tileflight/evaluation/registration/registration_warnings.h"
 
 namespace tileflight::registration {

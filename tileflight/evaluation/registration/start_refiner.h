@@ -40,7 +40,7 @@ class StartRefiner {
 
   SurfaceFitOptions fit_options(const Start& start, std::vector<double> radii_m) const;
   std::optional<RayAgreement> rays(const geometry::Sim3& T) const;
-  /// The start fitted to the surface, with its ray agreement; its images are not compared.
+  /// Fits a start to the surface and computes its ray agreement. Does not compare its images.
   Candidate refine(const Start& start) const;
 
   /// Agreement of the images with `T`, which is moved to the fit of the located poses. `sigma_m`: its uncertainty.

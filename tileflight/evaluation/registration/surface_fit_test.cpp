@@ -3,6 +3,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/LU>
+#include <array>
+#include <cmath>
+#include <random>
+
+#include "tileflight/core/alignment/plane_system.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/evaluation/registration/test_flights.h"
 
@@ -100,3 +106,110 @@ TEST(SurfaceFit, NothingToAlignIsSaid) {
 
 }  // namespace
 }  // namespace tileflight::registration::surface_fit_test
+
+namespace tileflight::registration::surface_information_test {
+namespace {
+
+using geometry::Vec3;
+using geometry::Vec7;
+
+constexpr double kLength_m = 20.0;  // cubes of 4 m
+
+SurfaceMatches random_matches(std::size_t count) {
+  std::mt19937 random(7);
+  std::normal_distribution<double> normal;
+  std::uniform_real_distribution<double> across(-kLength_m, kLength_m);
+  SurfaceMatches matches;
+  for (std::size_t i = 0; i < count; ++i) {
+    matches.residuals.push_back({{across(random), across(random), across(random)},
+                                 Vec3(normal(random), normal(random), normal(random)).normalized(),
+                                 0.2 * normal(random),
+                                 0.2});
+  }
+  return matches;
+}
+
+Vec7 gradient(const SurfaceResidual& r) {
+  return kernel_weight(r.residual_m * r.residual_m / (r.sigma_m * r.sigma_m)) / (r.sigma_m * r.sigma_m) * r.residual_m *
+         alignment::plane_jacobian(r.y, r.normal, kLength_m);
+}
+
+double relative_difference(const Mat7& a, const Mat7& b) { return (a - b).norm() / b.norm(); }
+
+TEST(SurfaceInformation, WeightIsTheDerivativeOfTheCost) {
+  for (double z = 0.1; z < 20.0; z += 0.1) {
+    const double step = 1e-5;
+    const double slope = (kernel_cost((z + step) * (z + step)) - kernel_cost((z - step) * (z - step))) / (2.0 * step);
+    EXPECT_NEAR(kernel_weight(z * z), slope / (2.0 * z), 1e-8) << z;
+  }
+  EXPECT_DOUBLE_EQ(kernel_weight(kSurfaceKernel * kSurfaceKernel), 0.25);
+}
+
+// One point a cube: the scatter is the sum of the gradients' outer products, with the correction n / (n - 1).
+TEST(SurfaceInformation, PointsFarApartCountEachForItself) {
+  SurfaceMatches matches = random_matches(40);
+  for (std::size_t i = 0; i < matches.residuals.size(); ++i)
+    matches.residuals[i].y = Vec3(4.0 * static_cast<double>(i) + 2.0, 0.5, -0.5);
+  Mat7 expected = Mat7::Zero();
+  for (const SurfaceResidual& r : matches.residuals) expected += gradient(r) * gradient(r).transpose();
+  expected *= 40.0 / 39.0;
+  EXPECT_LT(relative_difference(shape_information(matches, kLength_m).gradient_scatter, expected), 1e-12);
+}
+
+// The same points once more at the same places and with the same errors add no information.
+TEST(SurfaceInformation, RepeatedPointsAddNothing) {
+  SurfaceMatches once = random_matches(400), twice = once;
+  twice.residuals.insert(twice.residuals.end(), once.residuals.begin(), once.residuals.end());
+  const Mat7 a = sandwich_information(shape_information(once, kLength_m), kLength_m);
+  const ShapeInformation repeated = shape_information(twice, kLength_m);
+  // The points' own noise is half as large a part of it.
+  ShapeInformation halved = repeated;
+  halved.hessian /= 2.0;
+  halved.gradient_scatter /= 4.0;
+  EXPECT_LT(relative_difference(sandwich_information(halved, kLength_m), a), 1e-9);
+  SurfaceMatches four_times = twice;
+  four_times.residuals.insert(four_times.residuals.end(), twice.residuals.begin(), twice.residuals.end());
+  const double discount = information_discount(repeated);
+  EXPECT_GT(discount, 1.0);
+  EXPECT_NEAR(information_discount(shape_information(four_times, kLength_m)), 2.0 * discount, 1e-9);
+}
+
+// Keyframes and cubes cross each other: each point alone in its cube, so that cubes and pairs of cube and keyframe
+// are the same clusters, and the scatter is that over keyframes.
+TEST(SurfaceInformation, PointsOfAKeyframeAreOneCluster) {
+  SurfaceMatches matches = random_matches(60);
+  std::array<Vec7, 5> sums;
+  sums.fill(Vec7::Zero());
+  for (std::size_t i = 0; i < matches.residuals.size(); ++i) {
+    matches.residuals[i].y = Vec3(4.0 * static_cast<double>(i) + 2.0, 0.5, -0.5);
+    matches.keyframes.push_back(i % sums.size());
+    sums[i % sums.size()] += gradient(matches.residuals[i]);
+  }
+  Mat7 expected = Mat7::Zero();
+  for (const Vec7& sum : sums) expected += sum * sum.transpose();
+  expected *= 5.0 / 4.0;
+  EXPECT_LT(relative_difference(shape_information(matches, kLength_m).gradient_scatter, expected), 1e-9);
+}
+
+TEST(SurfaceInformation, IsTheInverseOfTheSandwichWithThePointsOwnNoise) {
+  const ShapeInformation shape = shape_information(random_matches(500), kLength_m);
+  const Mat7 own = shape.hessian.inverse();
+  Vec7 units;
+  units << 1, 1, 1, 1 / kLength_m, 1 / kLength_m, 1 / kLength_m, 1 / kLength_m;
+  const Mat7 covariance = units.asDiagonal() * (own * shape.gradient_scatter * own + own) * units.asDiagonal();
+  EXPECT_LT(relative_difference(sandwich_information(shape, kLength_m), covariance.inverse()), 1e-6);
+}
+
+TEST(SurfaceInformation, APlaneSaysNothingOfMotionsAlongIt) {
+  SurfaceMatches matches = random_matches(300);
+  for (SurfaceResidual& r : matches.residuals) {
+    r.y.z() = 0.0;
+    r.normal = Vec3::UnitZ();
+  }
+  const Mat7 information = sandwich_information(shape_information(matches, kLength_m), kLength_m);
+  for (const int open : {0, 1, 5, 6}) EXPECT_NEAR(information(open, open), 0.0, 1e-6) << open;
+  for (const int held : {2, 3, 4}) EXPECT_GT(information(held, held), 100.0) << held;
+}
+
+}  // namespace
+}  // namespace tileflight::registration::surface_information_test

@@ -1,7 +1,8 @@
 #pragma once
 
 // Evidence from telemetry about a map's placement: receiver positions, camera attitude, and up direction. Each is
-// converted to a SimilarityEstimate (similarity_estimate.h).
+// converted to a SimilarityEstimate (similarity_estimate.h). The up direction may come from an accelerometer on the
+// vehicle.
 
 #include <optional>
 #include <vector>
@@ -27,9 +28,10 @@ struct RotationEstimate {
   std::size_t fixes = 0;                                   ///< number of fixes within the path's time range
 };
 
-/// Mean over the fixes of the rotation from the path's orientation to the stated one, by chordal L1 reweighting
-/// (Hartley et al., IJCV 103(3), 2013, section 5). Errors are mostly common to a whole flight, so the sigmas are not
-/// reduced by the number of fixes. nullopt if no fix lies within the path's time range.
+/// Estimates the rotation from map to local frame as the mean over the fixes of the rotation from the path's
+/// orientation to the stated one, by chordal L1 reweighting (Hartley et al., IJCV 103(3), 2013, section 5). Errors are
+/// mostly common to a whole flight, so the number of fixes does not reduce the sigmas. Returns nullopt if no fix lies
+/// within the path's time range.
 std::optional<RotationEstimate> rotation_from_attitudes(const geometry::Trajectory& T_map_camera,
                                                         const std::vector<AttitudeFix>& fixes);
 
@@ -41,8 +43,8 @@ struct UpDirection {
                        ///< since its axes may be stated wrongly
 };
 
-/// Rotation that makes a map upright, with unknown heading, since the up direction does not determine rotation about
-/// the vertical.
+/// Returns the rotation that makes a map upright. Its heading is unknown, since the up direction does not determine the
+/// rotation about the vertical.
 RotationEstimate upright_rotation(const UpDirection& up);
 
 /// Similarity of a path from positions and, if available, attitudes or an up direction.
@@ -60,12 +62,26 @@ TelemetryEstimate estimate_from_telemetry(const geometry::Trajectory& T_map_came
                                           const alignment::TrajectoryAlignment& fit,
                                           const std::optional<RotationEstimate>& rotation);
 
-/// How far the path, placed by `T_local_map`, lies from the fixes: the median along each axis, metres; zero if no fix
-/// is of the path's time. The fixes' clock is taken as stated or shifted by `time_offset_s`, whichever is nearer. The
-/// similarity that fits the fixes is not what counts: on a short arc their noise may look like an offset of the clocks,
-/// which slides it along the path.
+/// Returns how far the path, placed by `T_local_map`, lies from the fixes: the median along each axis, metres; zero if
+/// no fix is of the path's time. The fixes' clock is taken as stated or shifted by `time_offset_s`, whichever is
+/// nearer. The similarity that fits the fixes best is not used: on a short arc their noise may look like an offset of
+/// the clocks, which slides it along the path.
 geometry::Vec3 distance_to_fixes(const geometry::Trajectory& T_map_camera,
                                  const std::vector<alignment::PositionFix>& fixes, const geometry::Sim3& T_local_map,
                                  double time_offset_s);
+
+/// An accelerometer reading rotated into the camera's axes (x right, y down, z forward); at rest 9.81 m/s^2 upwards.
+struct SpecificForce {
+  double time_s = 0.0;  ///< on the path's clock
+  geometry::Vec3 force_m_s2 = geometry::Vec3::Zero();
+};
+
+/// Estimates the up direction of a map from an accelerometer. Over an interval the mean specific force equals the mean
+/// acceleration, (v_1 - v_0) / (t_1 - t_0) with the path's velocities v times its scale, plus gravity directed upwards.
+/// Gravity and the unknown scale are estimated by least squares over the intervals. Returns nullopt if path and
+/// readings overlap too little in time, or if the estimated gravity is not within a twentieth of 9.81 m/s^2 (wrong
+/// units or clock; wrong axes, if the camera rotated). Wrong axes are not detected while the camera does not rotate.
+std::optional<UpDirection> estimate_up_from_accelerometer(const geometry::Trajectory& T_map_camera,
+                                                          const std::vector<SpecificForce>& readings);
 
 }  // namespace tileflight::registration

@@ -4,10 +4,8 @@
 
 #include "tileflight/core/alignment/align_globally.h"
 #include "tileflight/core/alignment/align_map.h"
-#include "tileflight/core/alignment/coarse_alignment.h"
-#include "tileflight/core/alignment/find_regions.h"
-#include "tileflight/core/alignment/gravity.h"
-#include "tileflight/core/alignment/region_list.h"
+#include "tileflight/core/alignment/align_trajectory.h"
+#include "tileflight/core/alignment/regions.h"
 #include "tileflight/core/alignment/transform_file.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
@@ -177,28 +175,31 @@ alignment::AlignMapOptions hold_metric_scale(alignment::AlignMapOptions options)
   return options;
 }
 
-/// By how much a metric map's lengths are too long, as a share: from the scale that the surface would choose.
-json scale_error(const geometry::PointCloud& cloud, const json& transform, const AlignTarget& target,
-                 alignment::AlignMapOptions options) {
-  geometry::Mat4 matrix;
-  for (std::size_t r = 0; r < 4; ++r)
-    for (std::size_t c = 0; c < 4; ++c)
-      matrix(static_cast<Eigen::Index>(r), static_cast<Eigen::Index>(c)) = transform["matrix"][r][c].get<double>();
-  const geometry::Sim3 T_local_map = geometry::Sim3::from_matrix(matrix);
+/// Returns the share by which a metric map's lengths are too long, from the scale that the surface would choose;
+/// nullopt if the fit does not converge.
+std::optional<double> scale_error(const geometry::PointCloud& cloud, const geometry::Sim3& T_local_map,
+                                  const AlignTarget& target, alignment::AlignMapOptions options) {
   options.icp.scale = alignment::ScaleMode::kEstimated;
   const alignment::IcpResult free = refine_to_surface(cloud, T_local_map, target, options);
-  return free.converged ? json(T_local_map.scale / free.T_target_source.scale - 1.0) : json(nullptr);
+  if (!free.converged) return std::nullopt;
+  return T_local_map.scale / free.T_target_source.scale - 1.0;
 }
 
-/// How much of a truth in blocks was read.
-void add_blocks(const AlignTarget& target, json& result) {
-  if (target.blocks > 1) result["truth_blocks"] = {{"read", target.blocks_read}, {"of", target.blocks}};
+/// Aligns a map by ICP alone. `chosen`: the options as the ground truth and a metric map change them.
+IcpAlignment align_by_icp(const geometry::PointCloud& cloud, const MapInputs& map, const AlignTarget& target,
+                          const alignment::AlignMapOptions& options, alignment::AlignMapOptions& chosen,
+                          const Progress& progress) {
+  IcpAlignment icp{.regions = {options.icp.regions, options.held_out}};
+  icp.aligned = align_from(cloud, map, target, chosen, icp.start, progress);
+  if (options.find_regions) icp.regions = refine_on_found_regions(cloud, map, target, chosen, icp.aligned);
+  if (target.index) icp.to_surface = refine_to_surface(cloud, icp.aligned.result.T_target_source, target, chosen);
+  return icp;
 }
 
 }  // namespace
 
-nlohmann::json align(const MapInputs& map, const fs::path& target_path, const alignment::AlignMapOptions& options,
-                     const fs::path& out, const Progress& progress) {
+AlignResult align(const MapInputs& map, const fs::path& target_path, const alignment::AlignMapOptions& options,
+                  const fs::path& out, const Progress& progress) {
   const geometry::PointCloud cloud = alignment::subsample(read_map(map.map), options.max_points);
   const AlignTarget target = read_align_target(
       target_path, [&](const auto& origin) { return reach_of_map(map, cloud, options, origin); }, progress);
@@ -207,30 +208,19 @@ nlohmann::json align(const MapInputs& map, const fs::path& target_path, const al
   const bool metric = options.start != alignment::AlignmentStart::kGiven && is_metric(map);
   if (metric) chosen = hold_metric_scale(std::move(chosen));
 
+  AlignResult result{.holds_scale = metric && target.index, .blocks_read = target.blocks_read, .blocks = target.blocks};
   if (chosen.use_all_evidence && target.index) {
-    json result = register_flight(map, target, chosen, progress);
-    if (metric) result["scale_error"] = scale_error(cloud, result, target, chosen);
-    add_blocks(target, result);
-    base::write_file(out, result.dump(2) + "\n");
-    return result;
+    RegisteredFlight registered = register_flight(map, target, chosen, progress);
+    result.warnings = registered.registration.warnings;
+    result.found = std::move(registered);
+  } else {
+    IcpAlignment icp = align_by_icp(cloud, map, target, options, chosen, progress);
+    result.warnings = odometry_warnings(map);
+    append_distinct(result.warnings, icp_warnings(icp.aligned.result));
+    result.found = std::move(icp);
   }
-
-  std::string start;
-  alignment::MapAlignment aligned = align_from(cloud, map, target, chosen, start, progress);
-  alignment::RegionList regions{options.icp.regions, options.held_out};
-  if (options.find_regions) regions = refine_on_found_regions(cloud, map, target, chosen, aligned);
-  json result = alignment::to_json(aligned);
-  if (target.index) {
-    result["to_surface"] = alignment::to_json(refine_to_surface(cloud, aligned.result.T_target_source, target, chosen));
-  }
-  if (metric && target.index) result["scale_error"] = scale_error(cloud, result, target, chosen);
-  if (!regions.aligned_on.empty() || !regions.held_out.empty()) result["regions"] = alignment::to_json(regions);
-  result["start"] = start;
-  Warnings warnings = odometry_warnings(map);
-  append_distinct(warnings, icp_warnings(aligned.result));
-  result["warnings"] = to_json(warnings);
-  add_blocks(target, result);
-  base::write_file(out, result.dump(2) + "\n");
+  if (result.holds_scale) result.scale_error = scale_error(cloud, result.T_local_map(), target, chosen);
+  base::write_file(out, to_json(result).dump(2) + "\n");
   return result;
 }
 

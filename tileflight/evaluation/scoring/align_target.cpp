@@ -4,14 +4,14 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "tileflight/data/dataset/dataset.h"
+#include "tileflight/capture/ingest/telemetry_positions.h"
 #include "tileflight/core/geometry/cloud_files.h"
 #include "tileflight/core/geometry/trajectory.h"
+#include "tileflight/data/dataset/dataset.h"
 #include "tileflight/world/ground_truth/surface_samples.h"
 #include "tileflight/world/ground_truth/truth_folder.h"
 #include "tileflight/world/place/extract.h"
-#include "tileflight/world/place/truth_region.h"
-#include "tileflight/capture/ingest/telemetry_positions.h"
+#include "tileflight/world/place/extract_result.h"
 
 namespace tileflight::scoring {
 namespace fs = std::filesystem;
@@ -52,7 +52,7 @@ geometry::Box3 in_view(const geometry::Box3& box) {
   return {box.min() - range, box.max() + range};
 }
 
-/// Those in reach; all if the reach is not known, or nothing is in it.
+/// Returns the parts in reach; all if the reach is not known, or nothing is in it.
 std::vector<std::size_t> parts_in_reach(const ground_truth::TruthFolder& truth, const AlignReach& reach,
                                         const std::optional<geometry::Geodetic>& origin) {
   if (truth.size() == 1 || !reach) return truth.all_parts();
@@ -75,9 +75,9 @@ AlignTarget read_align_target(const fs::path& path, const AlignReach& reach, con
     return target;
   }
   target.folder = path;
-  const nlohmann::json about = place::read_extract_json(path);
-  target.origin = place::origin_from_json(about);
-  target.regions = {column(place::region_from_json(about).box)};
+  const place::ExtractResult extracted = place::read_extract_json(path);
+  target.origin = extracted.origin;
+  target.regions = {column(extracted.scored_region().box)};
   const ground_truth::TruthFolder truth(path);
   const std::vector<std::size_t> parts = parts_in_reach(truth, reach, target.origin);
   target.blocks = truth.size();

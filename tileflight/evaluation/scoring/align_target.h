@@ -28,24 +28,26 @@ struct AlignTarget {
   alignment::AlignmentTarget to_alignment_target() const;
 };
 
-/// The part of a truth that an alignment needs, given the origin of the local frame; nullopt: all of it.
+/// Returns the part of a ground truth that an alignment needs, given the origin of the local frame; nullopt: all of it.
 using AlignReach = std::function<std::optional<geometry::Box3>(const std::optional<geometry::Geodetic>& origin)>;
 
-/// Of a truth in blocks only those in reach are read, unless nothing is. Throws InputError.
+/// Reads the target of an alignment. Of a ground truth in blocks only those in reach are read, or all if none is.
+/// Throws InputError.
 AlignTarget read_align_target(const std::filesystem::path& path, const AlignReach& reach = {},
                               const Progress& progress = {});
 
-/// Everything within the default viewing range of a map whose start is known: from a transform, of its path or (without
-/// outliers) of its points; from positions, of these. nullopt if the start is to be found, or regions are.
+/// Returns the box within the default viewing range of a map whose start is known. A start by a transform uses the
+/// map's path or, without one, its points without outliers; a start by positions uses these. Returns nullopt if the
+/// start or regions must be searched.
 std::optional<geometry::Box3> reach_of_map(const MapInputs& map, const geometry::PointCloud& cloud,
                                            const alignment::AlignMapOptions& options,
                                            const std::optional<geometry::Geodetic>& origin);
 
-/// gps.csv in the local frame. Throws InputError.
+/// Reads gps.csv as positions in the local frame. Throws InputError.
 std::vector<alignment::PositionFix> read_receiver_positions(const std::filesystem::path& gps_csv,
                                                             const geometry::Geodetic& origin);
 
-/// Positions of true poses, treated as error-free receiver positions. Throws InputError.
+/// Reads the positions of true poses, which count as error-free receiver positions. Throws InputError.
 std::vector<alignment::PositionFix> read_true_positions(const std::filesystem::path& trajectory);
 
 }  // namespace tileflight::scoring

@@ -3,12 +3,33 @@
 #include <cstdint>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "tileflight/evaluation/scoring/evaluation_settings.h"
 
 namespace tileflight::scoring {
+
+/// A scored map that an argument of `compare` names: metrics.json of its runs, the first run first.
+struct FoundMap {
+  std::string name;  ///< "stadium/real" of out/stadium/real, "stadium/dark/simulated" of the run's variant "dark"
+  std::vector<std::filesystem::path> metrics_files{};
+};
+
+/// Finds the maps that the arguments name, in their order. Each argument is a metrics.json, or a run folder, which
+/// stands for its flights with all their runs and for those of its variants. Names are ends of paths, as long as it
+/// takes to tell all maps apart; the same map named twice has a number. Throws InputError for a folder without a scored
+/// map.
+std::vector<FoundMap> find_maps(const std::vector<std::filesystem::path>& arguments);
+
+/// Returns the maps whose names match one of the patterns (`*`, `?`, `[a-z]`; `*` matches slashes, too), in the order
+/// of the patterns, then of the maps. Throws InputError for a pattern that matches none, naming the most similar name.
+std::vector<FoundMap> choose_maps(const std::vector<FoundMap>& maps, const std::vector<std::string>& patterns);
+
+/// Returns the one map that `baseline` names: by a name or a pattern among `maps`, else as a path. Throws InputError if
+/// it is none, or several.
+FoundMap find_baseline(const std::vector<FoundMap>& maps, const std::string& baseline);
 
 /// Files written by compare_maps(); an empty path: not written.
 struct ComparisonFiles {
@@ -17,7 +38,7 @@ struct ComparisonFiles {
   std::filesystem::path text{};  ///< the table of maps, for people
 };
 
-/// Which maps are compared, and what is shown of them.
+/// Selects the maps that are compared, and the columns that are shown.
 struct MapSelection {
   std::vector<std::string> rows{};  ///< names or patterns (choose_maps()); empty: all
   std::string against{};            ///< the map that the others are compared with (find_baseline()); empty: all pairs

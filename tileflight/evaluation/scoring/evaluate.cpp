@@ -2,22 +2,24 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <utility>
+#include <vector>
 
-#include "tileflight/core/alignment/pose_alignment.h"
-#include "tileflight/core/alignment/region_list.h"
+#include "tileflight/core/alignment/regions.h"
 #include "tileflight/core/alignment/transform_file.h"
+#include "tileflight/core/alignment/umeyama.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/geometry/cloud_files.h"
-#include "tileflight/core/geometry/ply_cloud.h"
+#include "tileflight/core/geometry/ply.h"
 #include "tileflight/evaluation/metrics/distances.h"
 #include "tileflight/evaluation/metrics/metrics.h"
 #include "tileflight/evaluation/metrics/metrics_file.h"
-#include "tileflight/evaluation/metrics/point_visits.h"
-#include "tileflight/evaluation/scoring/errors_in_blocks.h"
+#include "tileflight/evaluation/metrics/voxel_wasserstein.h"
+#include "tileflight/evaluation/scoring/align_result.h"
 #include "tileflight/evaluation/scoring/map_points.h"
 #include "tileflight/evaluation/scoring/map_tiles.h"
 #include "tileflight/evaluation/scoring/points_on_actors.h"
@@ -27,11 +29,51 @@
 #include "tileflight/evaluation/scoring/warnings.h"
 #include "tileflight/world/ground_truth/truth_folder.h"
 #include "tileflight/world/place/extract.h"
-#include "tileflight/world/place/truth_region.h"
+#include "tileflight/world/place/extract_result.h"
 
 namespace tileflight::scoring {
+
 namespace fs = std::filesystem;
 namespace {
+
+/// Distances of a map's points to the true surface, metres. All empty if there is no surface.
+struct SurfaceDistances {
+  std::vector<double> over_m, off_m;  ///< of the points that are over the region, and of the others, in order
+  std::vector<bool> is_over;          ///< of each point of the map
+};
+
+/// Splits the distances by region without a second copy.
+SurfaceDistances split_by_region(std::vector<double> distances_m, std::vector<bool> is_over) {
+  SurfaceDistances split{std::move(distances_m), {}, std::move(is_over)};
+  std::size_t over = 0;
+  for (std::size_t i = 0; i < split.is_over.size(); ++i) {
+    if (split.is_over[i]) {
+      split.over_m[over++] = split.over_m[i];
+    } else {
+      split.off_m.push_back(split.over_m[i]);
+    }
+  }
+  split.over_m.resize(over);
+  return split;
+}
+
+/// Writes the points of metrics::write_point_errors() block by block. `voxel_m`: distance of each point to the voxel
+/// centres. Throws InputError.
+void write_errors(const std::filesystem::path& ply, const MapPoints& map, const geometry::Sim3& T_local_map,
+                  const std::vector<double>& voxel_m, const SurfaceDistances& surface, double cutoff_m) {
+  std::size_t next = 0;
+  auto over = surface.over_m.begin(), off = surface.off_m.begin();
+  geometry::write_ply_in_blocks(ply, map.size(), [&] {
+    metrics::PointErrors errors{geometry::transformed(T_local_map, map.read_block(next)), {}, {}};
+    for (std::size_t i = 0; i < errors.aligned_map.size(); ++i, ++next) {
+      errors.voxel_m.push_back(voxel_m[next]);
+      if (surface.is_over.empty()) continue;
+      errors.surface_m.push_back(surface.is_over[next] ? *over++ : *off++);
+      errors.over_region.push_back(surface.is_over[next]);
+    }
+    return metrics::cloud_with_errors(std::move(errors), cutoff_m);
+  });
+}
 
 using nlohmann::json;
 
@@ -46,30 +88,6 @@ TrajectoryPair read_poses(const MapInputs& map) {
   if (!map.trajectory.empty()) poses.estimate = geometry::read_tum(map.trajectory);
   if (!map.truth_trajectory.empty()) poses.truth = read_true_poses(map.truth_trajectory);
   return poses;
-}
-
-/// map to local: the transform that align() stored under `key`, else the transform itself. `published` (the paper's
-/// last step) is for distances to voxel centres, `to_surface` for those to the exact surface.
-geometry::Sim3 read_transform_of(const fs::path& transform_file, const std::string& key) {
-  const json all = json::parse(base::read_text(transform_file), nullptr, false);
-  if (all.is_object() && all.contains(key))
-    return alignment::alignment_from_json(all[key], transform_file.string() + ": " + key).T_target_source;
-  return alignment::read_transform(transform_file).T_target_source;
-}
-
-std::optional<double> number_of(const json& object, const char* key) {
-  const auto found = object.find(key);
-  return found != object.end() && found->is_number() ? std::optional(found->get<double>()) : std::nullopt;
-}
-
-/// Standard deviation of the aligned points due to noise, if the transform file states it.
-std::optional<double> alignment_sigma_m(const fs::path& transform_file) {
-  const json all = json::parse(base::read_text(transform_file), nullptr, false);
-  for (const char* place : {"/to_surface/uncertainty/rms_motion_sigma", "/uncertainty/rms_motion_sigma"}) {
-    const json::json_pointer pointer(place);
-    if (all.is_object() && all.contains(pointer) && all.at(pointer).is_number()) return all.at(pointer).get<double>();
-  }
-  return {};
 }
 
 /// RMS distance between the map's points as aligned and the points placed by the similarity that best fits the path's
@@ -91,40 +109,40 @@ std::optional<double> distance_to_true_poses_m(const TrajectoryPair& poses, cons
   return std::sqrt(squares / static_cast<double>(map.size()));
 }
 
-/// Scores of the regions used for the alignment and of those held out, if transform.json lists any.
-std::optional<metrics::RegionScores> evaluate_regions(const fs::path& transform_file, const MapPoints& map,
-                                                      const geometry::Sim3& T_surface_map,
-                                                      const std::vector<double>& surface_m) {
-  const json all = json::parse(base::read_text(transform_file), nullptr, false);
-  if (!all.is_object() || !all.contains("regions")) return std::nullopt;
-  const alignment::RegionList regions = alignment::regions_from_json(all["regions"], transform_file.string());
+/// Scores of the regions used for the alignment and of those held out, if there are any.
+std::optional<metrics::RegionScores> score_regions(const std::optional<alignment::RegionList>& regions,
+                                                   const MapPoints& map, const geometry::Sim3& T_surface_map,
+                                                   const std::vector<double>& surface_m) {
+  if (!regions) return std::nullopt;
   std::vector<geometry::Vec3> positions;
   map.visit([&](std::size_t, const geometry::PointCloud& block) {
     for (const geometry::Vec3& p : block.positions) positions.push_back(T_surface_map * p);
   });
-  return metrics::score_regions(positions, surface_m, regions.aligned_on, regions.held_out);
+  return metrics::score_regions(positions, surface_m, regions->aligned_on, regions->held_out);
 }
 
-/// Quantization floor measured by `extract` on its surface samples. nullopt for a folder of an older version, or if the
-/// cut-off is within its distances.
-std::optional<metrics::DistanceStatistics> recorded_floor(const json& extract_json, double cutoff_m) {
-  const json floor = extract_json.value("quantization_floor", json());
-  if (!floor.is_object() || !floor.contains("max") || !(floor["max"].get<double>() <= cutoff_m)) return std::nullopt;
-  return metrics::DistanceStatistics{floor.at("count"), floor.at("mean"), floor.at("std"), floor.at("median"),
-                                     floor.at("rmse")};
+/// Quantization floor measured by `extract` on its surface samples. nullopt if the cut-off is within its distances.
+std::optional<metrics::DistanceStatistics> recorded_floor(const place::ExtractResult& extracted, double cutoff_m) {
+  const auto& floor = extracted.quantization_floor;
+  if (!floor || !(floor->max_m <= cutoff_m)) return std::nullopt;
+  return metrics::DistanceStatistics{.count = floor->count,
+                                     .mean = floor->mean_m,
+                                     .std = floor->std_m.value_or(std::numeric_limits<double>::quiet_NaN()),
+                                     .median = floor->median_m,
+                                     .rmse = floor->rmse_m};
 }
 
 /// A ground truth folder and its metadata.
 struct Truth {
-  json extract_json;  ///< extract.json
+  place::ExtractResult extracted;
   place::TruthRegion region;
   ground_truth::TruthFolder folder;
 };
 
 Truth read_truth(const fs::path& folder) {
-  json about = place::read_extract_json(folder);
-  const place::TruthRegion region = place::region_from_json(about);
-  return {std::move(about), region, ground_truth::TruthFolder(folder)};
+  place::ExtractResult extracted = place::read_extract_json(folder);
+  place::TruthRegion region = extracted.scored_region();
+  return {std::move(extracted), std::move(region), ground_truth::TruthFolder(folder)};
 }
 
 /// Which of the map's points are over the region. Outside it there is no reference surface: such points count as map
@@ -162,7 +180,7 @@ metrics::VoxelWassersteinOptions wasserstein_options(const EvaluationSettings& s
 
 /// The floor that `extract` recorded, else measured again on its samples of the surface.
 metrics::DistanceStatistics quantization_floor(const Truth& truth, double cutoff_m) {
-  if (const auto recorded = recorded_floor(truth.extract_json, cutoff_m)) return *recorded;
+  if (const auto recorded = recorded_floor(truth.extracted, cutoff_m)) return *recorded;
   const geometry::PointCloud samples = truth.folder.read_surface_samples();
   if (samples.empty()) return {};
   return metrics::compute_quantization_floor(VoxelCenters(truth.folder).distances(samples, "surface samples"),
@@ -194,16 +212,15 @@ bool are_equal(const geometry::Sim3& a, const geometry::Sim3& b) {
   return a.scale == b.scale && a.rotation.coeffs() == b.rotation.coeffs() && a.translation == b.translation;
 }
 
-/// What is scored, against what, and how.
+/// Inputs and settings of one evaluation.
 struct Task {
   const MapInputs& map;
   const MapPoints& points;
   const Truth& truth;
   const TrajectoryPair& poses;
-  const fs::path& transform_file;
+  const ScoringTransform& transform;
   const EvaluationSettings& settings;
   const fs::path& out;
-  geometry::Sim3 T_published_map, T_surface_map;
 };
 
 /// Scores without a surface: the paper's metric, the path, and the map's entropy. Returns the distances to the voxel
@@ -232,10 +249,10 @@ std::vector<Eigen::Vector3f> own_normals(const Task& task, const std::vector<std
       if (chosen[k] >= first && chosen[k] < first + block.size()) normals[k] = block.normals[chosen[k] - first];
     }
   });
-  return geometry::transformed(task.T_surface_map, {{}, std::move(normals), {}, {}}).normals;
+  return geometry::transformed(task.transform.T_surface_map, {{}, std::move(normals), {}, {}}).normals;
 }
 
-/// What is measured on the surface, which is in memory no longer.
+/// Results that need the surface, kept after its memory is freed.
 struct OnSurface {
   SurfaceMatch match;
   geometry::PointCloud seen;  ///< sample_seen_surface()
@@ -244,7 +261,7 @@ struct OnSurface {
 OnSurface measure_on_surface(const Task& task, const MapTiles& tiles, const std::vector<std::uint32_t>& chosen) {
   TruthSurface surface(task.truth.folder);
   SurfaceMatch match = match_tiles(tiles, task.points.size(), surface, chosen, task.settings.cutoff_m);
-  return {std::move(match), sample_seen_surface(task.map, surface, task.truth.region, task.T_surface_map,
+  return {std::move(match), sample_seen_surface(task.map, surface, task.truth.region, task.transform.T_surface_map,
                                                 task.settings.completeness_samples_per_m2)};
 }
 
@@ -254,19 +271,19 @@ SurfaceDistances score_against_surface(const Task& task, std::optional<MapTiles>
   constexpr std::size_t kMostForNormals = 200000, kNeighbors = 16;
   const EvaluationSettings& settings = task.settings;
   const fs::path folder = task.out.parent_path();
-  std::vector<bool> is_over = find_over_region(task.points, task.T_surface_map, task.truth, task.map);
-  if (!are_equal(task.T_surface_map, task.T_published_map))
-    tiles.emplace(task.points, task.T_surface_map, folder, MapTiles::Options{});
+  std::vector<bool> is_over = find_over_region(task.points, task.transform.T_surface_map, task.truth, task.map);
+  if (!are_equal(task.transform.T_surface_map, task.transform.T_published_map))
+    tiles.emplace(task.points, task.transform.T_surface_map, folder, MapTiles::Options{});
   std::optional<MapTiles> part;
   if (std::ranges::find(is_over, false) != is_over.end())
-    part.emplace(task.points, task.T_surface_map, folder, MapTiles::Options{.chosen = &is_over});
+    part.emplace(task.points, task.transform.T_surface_map, folder, MapTiles::Options{.chosen = &is_over});
   const MapTiles& over = part ? *part : *tiles;
   const MapTiles::Points chosen = over.at(over.sample_evenly(kMostForNormals));
   OnSurface measured = measure_on_surface(task, *tiles, chosen.numbers);
   SurfaceMatch& match = measured.match;
   const geometry::PointCloud& seen = measured.seen;
   if (part) tiles.reset();
-  metrics.regions = evaluate_regions(task.transform_file, task.points, task.T_surface_map, match.distances_m);
+  metrics.regions = score_regions(task.transform.regions, task.points, task.transform.T_surface_map, match.distances_m);
   geometry::PointCloud asked{chosen.positions, own_normals(task, chosen.numbers), {}, {}};
   const bool own = !asked.normals.empty();
   MapNeighbors near =
@@ -279,13 +296,13 @@ SurfaceDistances score_against_surface(const Task& task, std::optional<MapTiles>
       metrics::normal_consistency(asked, match.directions, settings.cutoff_m, own ? 0 : kNeighbors);
   metrics.surface->normals->points = over.points();
   if (!seen.empty())
-    metrics.wasserstein = metrics::voxel_wasserstein(visits_of(task.points, task.T_surface_map, &distances.is_over),
-                                                     seen, wasserstein_options(settings));
+    metrics.wasserstein = metrics::voxel_wasserstein(
+        visits_of(task.points, task.transform.T_surface_map, &distances.is_over), seen, wasserstein_options(settings));
   metrics.error_budget = metrics::error_budget(
       {.floor_rmse_m = metrics.map.quantization_floor.rmse,
-       .geometric_error_m = number_of(task.truth.extract_json, "geometric_error_max"),
-       .alignment_sigma_m = alignment_sigma_m(task.transform_file),
-       .rms_to_true_poses_m = distance_to_true_poses_m(task.poses, task.T_surface_map, task.points),
+       .geometric_error_m = task.truth.extracted.geometric_error_max_m,
+       .alignment_sigma_m = task.transform.sigma_m,
+       .rms_to_true_poses_m = distance_to_true_poses_m(task.poses, task.transform.T_surface_map, task.points),
        .surface_m = over_m,
        .within_m = settings.cutoff_m});
   write_seen_surface(task.out, seen, near.distances_m);
@@ -295,11 +312,11 @@ SurfaceDistances score_against_surface(const Task& task, std::optional<MapTiles>
 
 /// All warnings about the scores: those of the map, its transform, the truth and the images, and those that the scores
 /// show.
-Warnings score_warnings(const MapInputs& map, const json& about_truth, const fs::path& transform_file,
+Warnings score_warnings(const MapInputs& map, const place::ExtractResult& extracted, const ScoringTransform& transform,
                         const EvaluationSettings& settings, const metrics::Metrics& metrics) {
-  Warnings warnings = read_warnings(transform_file);
+  Warnings warnings = transform.warnings;
   append_distinct(warnings, odometry_warnings(map));
-  append_distinct(warnings, truth_warnings(about_truth));
+  append_distinct(warnings, truth_warnings(extracted));
   append_distinct(warnings, dataset_warnings(map.dataset));
   if (!metrics.surface) {
     warnings.push_back({"the ground truth has no exact surface: distances to its voxel centres have a floor of " +
@@ -327,15 +344,15 @@ Warnings score_warnings(const MapInputs& map, const json& about_truth, const fs:
 
 fs::path moving_points_file(const fs::path& metrics_json) { return metrics_json.parent_path() / "moving.ply"; }
 
-nlohmann::json evaluate(const MapInputs& map, const fs::path& truth_folder, const fs::path& transform_file,
-                        const EvaluationSettings& settings, const fs::path& out, const Progress& progress) {
+metrics::Metrics evaluate(const MapInputs& map, const fs::path& truth_folder, const fs::path& transform_file,
+                          const EvaluationSettings& settings, const fs::path& out, const Progress& progress) {
   map_file(map.map);
-  const geometry::Sim3 T_published_map = read_transform_of(transform_file, "published");
-  const geometry::Sim3 T_surface_map = read_transform_of(transform_file, "to_surface");
+  const ScoringTransform transform = read_scoring_transform(transform_file);
+  const geometry::Sim3& T_published_map = transform.T_published_map;
   const Truth truth = read_truth(truth_folder);
   const TrajectoryPair poses = read_poses(map);
-  const StaticMap static_map = read_static_map(map, T_published_map, T_surface_map, truth);
-  const Task task{map, static_map.points, truth, poses, transform_file, settings, out, T_published_map, T_surface_map};
+  const StaticMap static_map = read_static_map(map, T_published_map, transform.T_surface_map, truth);
+  const Task task{map, static_map.points, truth, poses, transform, settings, out};
   metrics::Metrics metrics;
   std::optional<MapTiles> tiles;
   tiles.emplace(task.points, T_published_map, out.parent_path(), MapTiles::Options{});
@@ -354,12 +371,12 @@ nlohmann::json evaluate(const MapInputs& map, const fs::path& truth_folder, cons
     const auto over_m = truth.folder.has_mesh() ? std::optional(surface.over_m) : std::nullopt;
     metrics.moving = score_apart(*static_map.on_actors, static_map.apart, voxel_m, over_m, settings.cutoff_m);
   }
-  metrics.warnings = score_warnings(map, truth.extract_json, transform_file, settings, metrics);
+  metrics.warnings = score_warnings(map, truth.extracted, transform, settings, metrics);
   append_distinct(metrics.warnings, common_place_warnings(common, task.points.size(), settings.share_margin));
   write_apart_points(moving_points_file(out), static_map.apart, settings.cutoff_m);
   write_errors(metrics::errors_file(out), task.points, T_published_map, voxel_m, surface, settings.cutoff_m);
   metrics::write_metrics(out, metrics);
-  return metrics::to_json(metrics);
+  return metrics;
 }
 
 }  // namespace tileflight::scoring

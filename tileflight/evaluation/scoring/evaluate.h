@@ -1,9 +1,9 @@
 #pragma once
 
 #include <filesystem>
-#include <nlohmann/json_fwd.hpp>
 
 #include "tileflight/core/base/progress.h"
+#include "tileflight/evaluation/metrics/metrics_file.h"
 #include "tileflight/evaluation/scoring/evaluation_settings.h"
 #include "tileflight/evaluation/scoring/map_inputs.h"
 #include "tileflight/evaluation/scoring/seen_surface.h"
@@ -14,11 +14,11 @@ namespace tileflight::scoring {
 /// scalars; only if there are any.
 std::filesystem::path moving_points_file(const std::filesystem::path& metrics_json);
 
-/// Scores an aligned map against a folder written by extract(). Writes metrics.json to `out`, and beside it the aligned
-/// map with its distances (errors.ply), seen_surface_file() and moving_points_file(). Points on the actors of the map's
-/// dataset are no part of the scores (find_points_on_actors()). Returns the content of metrics.json. Throws InputError.
-nlohmann::json evaluate(const MapInputs& map, const std::filesystem::path& truth,
-                        const std::filesystem::path& transform, const EvaluationSettings& settings,
-                        const std::filesystem::path& out, const Progress& progress = {});
+/// Scores an aligned map against a folder written by extract(). Points on the actors of the map's dataset are in no
+/// score (find_points_on_actors()). Writes metrics.json to `out`, and beside it the aligned map with its distances
+/// (errors.ply), seen_surface_file() and moving_points_file(). Throws InputError.
+metrics::Metrics evaluate(const MapInputs& map, const std::filesystem::path& truth,
+                          const std::filesystem::path& transform, const EvaluationSettings& settings,
+                          const std::filesystem::path& out, const Progress& progress = {});
 
 }  // namespace tileflight::scoring

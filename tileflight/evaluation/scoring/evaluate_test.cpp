@@ -11,9 +11,9 @@
 #include "tests/test_data.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/geometry/cloud_files.h"
+#include "tileflight/evaluation/scoring/align_stage.h"
 #include "tileflight/world/ground_truth/ground_truth.h"
 #include "tileflight/world/place/extract.h"
-#include "tileflight/evaluation/scoring/align_stage.h"
 
 namespace tileflight::scoring::evaluate_test {
 namespace {
@@ -185,8 +185,8 @@ TEST(AlignByBlock, ReadsWhatIsNearTheStart) {
     alignment::AlignMapOptions options;
     options.use_all_evidence = all_evidence;
     options.start = alignment::AlignmentStart::kTruePoses;
-    const json of_whole = align(valley.map(), whole, options, valley / "a.json");
-    json of_blocks = align(valley.map(), blocks, options, valley / "b.json");
+    const json of_whole = to_json(align(valley.map(), whole, options, valley / "a.json"));
+    json of_blocks = to_json(align(valley.map(), blocks, options, valley / "b.json"));
     const json read = of_blocks["truth_blocks"];
     EXPECT_GT(read["of"], 20);
     EXPECT_GT(read["read"], 10);
@@ -200,11 +200,11 @@ TEST(AlignByBlock, ReadsWhatIsNearTheStart) {
   options.start = alignment::AlignmentStart::kAsItIs;
   MapInputs map = valley.map();
   map.trajectory.clear();
-  const json as_it_is = align(map, blocks, options, valley / "b.json")["truth_blocks"];
-  EXPECT_LT(as_it_is["read"], as_it_is["of"]) << "outliers do not count";
+  const AlignResult as_it_is = align(map, blocks, options, valley / "b.json");
+  EXPECT_LT(as_it_is.blocks_read, as_it_is.blocks) << "outliers do not count";
   options.start = alignment::AlignmentStart::kAuto;
-  const json unknown = align(map, blocks, options, valley / "b.json")["truth_blocks"];
-  EXPECT_EQ(unknown["read"], unknown["of"]);
+  const AlignResult unknown = align(map, blocks, options, valley / "b.json");
+  EXPECT_EQ(unknown.blocks_read, unknown.blocks);
 }
 
 TEST(EvaluateByBlock, HasTheScoresOfTheWholeOnARealPlace) {

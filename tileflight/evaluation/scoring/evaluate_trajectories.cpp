@@ -12,7 +12,7 @@
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/warning.h"
 #include "tileflight/core/geometry/json_numbers.h"
-#include "tileflight/core/geometry/trajectory_files.h"
+#include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/evaluation/scoring/map_inputs.h"
 
 namespace tileflight::scoring {
@@ -94,7 +94,7 @@ ScoredTrajectory score_file(const fs::path& file, const std::string& name, const
 
 std::string percent(double share) { return std::to_string(static_cast<int>(std::floor(100.0 * share))) + " %"; }
 
-/// What may make the numbers of a trajectory mean something else than they say.
+/// Returns the warnings about the scores of a trajectory.
 Warnings warnings_about(const ScoredTrajectory& scored) {
   constexpr double kFewPaired = 0.5, kPartOfTime = 0.9, kScaleOff = 0.1;
   const TrajectoryMetrics& m = scored.metrics;

@@ -12,7 +12,7 @@ namespace tileflight::scoring {
 struct TrajectoryScoring {
   std::vector<std::filesystem::path> estimates;  ///< TUM, EuRoC or KITTI files (geometry::read_trajectory)
   std::filesystem::path truth;                   ///< likewise, or a dataset folder with true poses
-  metrics::TrajectoryOptions options;         ///< the pairing is set from the files
+  metrics::TrajectoryOptions options;            ///< the pairing is set from the files
   double time_offset_s = 0.0;                    ///< added to the times of the estimates
 };
 

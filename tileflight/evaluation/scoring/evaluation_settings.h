@@ -18,10 +18,10 @@ struct EvaluationSettings {
   double lacking_margin = 0.01;      ///< for the share that one map lacks of what the other covers
   double path_margin_m = 0.1;
   double completeness_samples_per_m2 = 4.0;
-  double entropy_radius_m = 2.0;  ///< radius of the neighbourhoods used for the map's entropy
+  double entropy_radius_m = 2.0;     ///< radius of the neighbourhoods used for the map's entropy
   double wasserstein_voxel_m = 3.0;  ///< edge of the voxels of AWD and SCS
   int wasserstein_min_points = 10;   ///< of map and of truth in a voxel that is scored by them, at least 2
-  double agreement_cell_m = 2.0;  ///< edge of the cells in which both flights' maps are compared
+  double agreement_cell_m = 2.0;     ///< edge of the cells in which both flights' maps are compared
 };
 
 }  // namespace tileflight::scoring

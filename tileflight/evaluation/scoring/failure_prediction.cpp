@@ -5,12 +5,12 @@
 #include <vector>
 
 #include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/number_text.h"
+#include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/data/dataset/dataset.h"
 #include "tileflight/evaluation/metrics/contingency_table.h"
 #include "tileflight/evaluation/metrics/missed_places.h"
-#include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/evaluation/scoring/evaluate.h"
 
 namespace tileflight::scoring {
@@ -58,7 +58,7 @@ json missed_places(const fs::path& run, const EvaluationSettings& settings, std:
   const double cell_m = settings.agreement_cell_m;
   const metrics::MissedPlaces places =
       metrics::missed_places(read_seen_surface(simulated), read_seen_surface(real),
-                                {.cell_m = cell_m, .within_m = cell_m / 2, .block_m = 10 * cell_m, .seed = seed});
+                             {.cell_m = cell_m, .within_m = cell_m / 2, .block_m = 10 * cell_m, .seed = seed});
   base::write_file(run / "missed-places.csv", metrics::missed_places_csv(places));
   return metrics::to_json(places);
 }

@@ -2,16 +2,29 @@
 
 #include <algorithm>
 
-#include "tileflight/core/alignment/gravity.h"
+#include "tileflight/core/alignment/align_trajectory.h"
 #include "tileflight/core/imaging/image_files.h"
+#include "tileflight/data/dataset/sensor_files.h"
 #include "tileflight/evaluation/localization/ground_planes.h"
+#include "tileflight/evaluation/registration/telemetry_estimate.h"
 
 namespace tileflight::scoring {
+
+std::optional<registration::UpDirection> up_from_imu(const dataset::Dataset& dataset,
+                                                     const geometry::Trajectory& path) {
+  if (path.empty() || dataset.imu.empty()) return std::nullopt;
+  const Eigen::Quaterniond R_cam_imu = dataset.calibration.T_cam_imu.rotation;
+  std::vector<registration::SpecificForce> readings;
+  for (const geometry::ImuSample& reading : dataset::read_imu_csv(dataset.imu))
+    readings.push_back({reading.time_s, R_cam_imu * reading.specific_force_m_s2});
+  return registration::estimate_up_from_accelerometer(path, readings);
+}
+
 namespace {
 
 /// Adds a direction unless it nearly equals one of `ups`, which would be searched twice.
 void add_distinct_direction(const geometry::Vec3& up, std::vector<geometry::Vec3>& ups) {
-  constexpr double kAlike = 0.9982;  // cosine of 0.06 rad: a tilt that the fit corrects (ground_fit_test.cpp)
+  constexpr double kAlike = 0.9982;  // cosine of 0.06 rad: a tilt that the fit corrects (ground_agreement_test.cpp)
   if (std::ranges::none_of(ups, [&](const geometry::Vec3& other) { return other.dot(up) > kAlike; })) ups.push_back(up);
 }
 

@@ -3,17 +3,23 @@
 #include <optional>
 #include <vector>
 
-#include "tileflight/data/dataset/dataset.h"
 #include "tileflight/core/geometry/point_cloud.h"
+#include "tileflight/core/geometry/trajectory.h"
+#include "tileflight/data/dataset/dataset.h"
 #include "tileflight/evaluation/localization/place_recognition.h"
 #include "tileflight/evaluation/registration/telemetry_estimate.h"
 
 namespace tileflight::scoring {
 
-/// A flight's evidence for localization::PlaceRecognizer: its images with odometry poses (`path`: T_map_camera with the
-/// images' times), its map, and candidates for the up direction: `up` if it is known; unless it was given, the
-/// direction estimated from the camera's attitude (alignment::estimate_up_from_trajectory()), else the normals of the
-/// planes with the most points. Images are read on demand.
+/// Estimates the up direction of a map from its flight's IMU: the dataset's readings, rotated into the camera
+/// frame by the calibration's T_cam_imu. nullopt if there is no IMU, or if its readings do not look like gravity.
+/// `path`: T_map_camera on the dataset's clock. Throws InputError for a malformed file.
+std::optional<registration::UpDirection> up_from_imu(const dataset::Dataset& dataset, const geometry::Trajectory& path);
+
+/// Returns the evidence for localization::PlaceRecognizer: the images with odometry poses (`path`: T_map_camera with
+/// the images' times), the map, and candidates for the up direction. These are `up` if it is known and, unless it was
+/// given by the user, the direction estimated from the camera's attitude (alignment::estimate_up_from_trajectory()) or
+/// else the normals of the planes with the most points. Images are read on demand.
 localization::FlightEvidence make_flight_evidence(const dataset::Dataset& dataset, const geometry::Trajectory& path,
                                                   const geometry::PointCloud& map,
                                                   const std::optional<registration::UpDirection>& up = std::nullopt);

@@ -1,8 +1,8 @@
 #include "tileflight/evaluation/scoring/map_inputs.h"
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/data/dataset/dataset.h"
 #include "tileflight/core/geometry/cloud_files.h"
+#include "tileflight/data/dataset/dataset.h"
 #include "tileflight/evaluation/scoring/map_points.h"
 
 namespace tileflight::scoring {

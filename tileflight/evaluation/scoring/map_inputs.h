@@ -22,15 +22,15 @@ struct MapInputs {
   std::vector<MapInputs> others{};  ///< other flights, whose maps must have points in the regions used
 };
 
-/// The inputs of a flight's folder (odometry/, dataset/). The dataset may be in any layout of dataset::read_dataset().
-/// Throws InputError.
+/// Finds the inputs of a flight's folder (odometry/, dataset/). The dataset may be in any layout of
+/// dataset::read_dataset(). Throws InputError.
 MapInputs find_map_inputs(const std::filesystem::path& odometry_folder, const std::filesystem::path& dataset_folder);
 
-/// Poses of a TUM file, or the true ones of a dataset folder in any layout. Throws InputError, also for a dataset
-/// without true poses.
+/// Reads the poses of a TUM file, or the true ones of a dataset folder in any layout. Throws InputError, also for a
+/// dataset without true poses.
 geometry::Trajectory read_true_poses(const std::filesystem::path& file_or_dataset);
 
-/// The lens of a calibration file, or of a dataset folder in any layout. Throws InputError.
+/// Reads the camera of a calibration file, or of a dataset folder in any layout. Throws InputError.
 imaging::Camera read_flight_camera(const std::filesystem::path& file_or_dataset);
 
 /// Reads the map's points. Throws InputError if there are none.

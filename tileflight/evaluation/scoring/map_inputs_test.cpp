@@ -8,7 +8,7 @@
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 #include "tileflight/data/dataset/dataset.h"
-#include "tileflight/data/dataset/export_dataset.h"
+#include "tileflight/data/exports/export_dataset.h"
 #include "tileflight/evaluation/scoring/evaluate_trajectories.h"
 
 namespace tileflight::scoring::map_inputs_test {
@@ -43,7 +43,7 @@ class MapInputsOfAFlight : public testing::Test {
 TEST_F(MapInputsOfAFlight, EveryLayoutGivesCameraAndTrueCameraPoses) {
   const dataset::Dataset own = flown(true);
   for (const std::string layout : {"own", "euroc", "vslamlab"}) {
-    if (layout != "own") dataset::export_dataset(own, layout, folder_ / layout, false);
+    if (layout != "own") exports::export_dataset(own, layout, folder_ / layout, false);
     const MapInputs inputs = find_map_inputs(folder_ / "odometry", folder_ / layout);
     const geometry::Trajectory poses = read_true_poses(inputs.truth_trajectory);
     ASSERT_EQ(poses.size(), truth_.size()) << layout;
@@ -60,7 +60,7 @@ TEST_F(MapInputsOfAFlight, ADatasetIsTheTruthOfATrajectoryAlone) {
   const dataset::Dataset own = flown(true);
   geometry::write_tum(folder_ / "estimate.txt", truth_);
   for (const std::string layout : {"own", "euroc"}) {
-    if (layout != "own") dataset::export_dataset(own, layout, folder_ / layout, false);
+    if (layout != "own") exports::export_dataset(own, layout, folder_ / layout, false);
     const nlohmann::json metrics = evaluate_trajectories(
         {.estimates = {folder_ / "estimate.txt"}, .truth = folder_ / layout}, folder_ / (layout + ".json"));
     EXPECT_EQ(metrics["trajectory"]["poses"], 3) << layout;
@@ -69,7 +69,7 @@ TEST_F(MapInputsOfAFlight, ADatasetIsTheTruthOfATrajectoryAlone) {
 }
 
 TEST_F(MapInputsOfAFlight, ADatasetWithoutTruthHasNone) {
-  dataset::export_dataset(flown(false), "vslamlab", folder_ / "out", false);
+  exports::export_dataset(flown(false), "vslamlab", folder_ / "out", false);
   EXPECT_TRUE(find_map_inputs(folder_ / "odometry", folder_ / "out").truth_trajectory.empty());
   EXPECT_THAT(refusal_of([&] { read_true_poses(folder_ / "out"); }), HasSubstr("the dataset has no true poses"));
   EXPECT_THAT(refusal_of([&] { find_map_inputs(folder_ / "odometry", folder_ / "none"); }),

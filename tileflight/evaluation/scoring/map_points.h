@@ -5,12 +5,12 @@
 #include <functional>
 #include <optional>
 
-#include "tileflight/core/geometry/ply_cloud.h"
+#include "tileflight/core/geometry/ply.h"
 
 namespace tileflight::scoring {
 
-/// The points of a map in its own frame, visited in blocks. Of a large binary PLY file one block at a time is in
-/// memory; of any other map, all.
+/// The points of a map in its own frame, visited in blocks. A large binary PLY file is held in memory one block at a
+/// time, any other map as a whole.
 class MapPoints {
  public:
   /// `map`: an odometry folder or a cloud. A file of up to `most_in_memory` points is read once. Throws InputError as
@@ -36,7 +36,8 @@ class MapPoints {
   geometry::PointCloud cloud_;
 };
 
-/// The file of a map's points: of an odometry folder its map.ply. Throws InputError if a folder has none.
+/// Returns the file of a map's points: map.ply of an odometry folder, else the map itself. Throws InputError if a
+/// folder has none.
 std::filesystem::path map_file(const std::filesystem::path& map);
 
 }  // namespace tileflight::scoring

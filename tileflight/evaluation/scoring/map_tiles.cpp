@@ -13,7 +13,7 @@
 #include <utility>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/geometry/morton_order.h"
+#include "tileflight/core/geometry/point_order.h"
 
 namespace tileflight::scoring {
 namespace {
@@ -74,7 +74,7 @@ MapTiles::Points in_order(const MapTiles::Points& points) {
 
 }  // namespace
 
-/// As it lies in the file.
+/// A point as the file stores it.
 struct MapTiles::Record {
   double position[3];
   std::uint64_t number;

@@ -28,7 +28,7 @@ class MapTiles {
   MapTiles(const MapPoints& map, const geometry::Sim3& T_local_map, const std::filesystem::path& folder,
            const Options& options);
 
-  /// In the order of the map.
+  /// Points in the order of the map.
   struct Points {
     std::vector<geometry::Vec3> positions;  ///< local frame
     std::vector<std::uint32_t> numbers;     ///< in the map
@@ -36,19 +36,19 @@ class MapTiles {
 
   std::size_t points() const { return points_; }
   std::size_t size() const { return bounds_.size(); }
-  /// What the points of each tile lie within.
+  /// Returns the box around the points of each tile.
   const std::vector<geometry::Box3>& bounds() const { return bounds_; }
   Points read(std::size_t tile) const;
-  /// The points of all tiles inside a box.
+  /// Returns the points of all tiles inside a box.
   Points read_within(const geometry::Box3& box) const;
 
   /// A point by its tile and its place in read(tile).
   struct Place {
     std::uint32_t tile = 0, place = 0;
   };
-  /// geometry::sample_evenly() of all points.
+  /// Returns evenly chosen points as geometry::sample_evenly() of all points would.
   std::vector<Place> sample_evenly(std::size_t count) const;
-  /// In the order of `places`.
+  /// Returns the points at these places, in their order.
   Points at(const std::vector<Place>& places) const;
 
  private:

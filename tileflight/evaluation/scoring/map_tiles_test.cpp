@@ -10,10 +10,10 @@
 #include "tests/temporary_folder.h"
 #include "tileflight/core/alignment/normals.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/evaluation/metrics/distances.h"
-#include "tileflight/evaluation/metrics/point_visits.h"
 #include "tileflight/core/geometry/cloud_files.h"
-#include "tileflight/core/geometry/morton_order.h"
+#include "tileflight/core/geometry/point_order.h"
+#include "tileflight/evaluation/metrics/distances.h"
+#include "tileflight/evaluation/metrics/voxel_wasserstein.h"
 #include "tileflight/evaluation/scoring/tiled_scores.h"
 
 namespace tileflight::scoring::map_tiles_test {
@@ -209,7 +209,7 @@ TEST(TiledScores, WassersteinOfVisitedPointsIsThatOfTheCloud) {
   const PointCloud map = sheet(3000), truth = lattice(14);
   const metrics::PointVisits visits = [&](const auto& visit) { std::ranges::for_each(map.positions, visit); };
   const metrics::VoxelWasserstein expected = metrics::voxel_wasserstein(map, truth),
-                                     actual = metrics::voxel_wasserstein(visits, truth);
+                                  actual = metrics::voxel_wasserstein(visits, truth);
   ASSERT_GT(expected.voxels, 3U);
   EXPECT_EQ(actual.awd, expected.awd);
   EXPECT_EQ(actual.map_points, 3000U);

@@ -5,12 +5,12 @@
 #include <map>
 #include <string>
 
-#include "tileflight/core/base/input_error.h"
-#include "tileflight/data/dataset/dataset.h"
-#include "tileflight/core/geometry/nearest.h"
-#include "tileflight/core/geometry/trajectory_files.h"
-#include "tileflight/evaluation/scoring/truth_surface.h"
 #include "tileflight/capture/recording/actor_labels.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/geometry/nearest.h"
+#include "tileflight/core/geometry/trajectory.h"
+#include "tileflight/data/dataset/dataset.h"
+#include "tileflight/evaluation/scoring/truth_surface.h"
 
 namespace tileflight::scoring {
 namespace fs = std::filesystem;
@@ -139,7 +139,7 @@ ApartPoints measure_apart(geometry::PointCloud apart, const geometry::Sim3& T_pu
 }
 
 metrics::MovingPoints score_apart(const PointsOnActors& found, const ApartPoints& apart, std::vector<double> voxel_m,
-                                     std::optional<std::vector<double>> over_region_m, double cutoff_m) {
+                                  std::optional<std::vector<double>> over_region_m, double cutoff_m) {
   std::optional<std::vector<double>> apart_m;
   if (over_region_m) {
     apart_m = apart.over_region_m;

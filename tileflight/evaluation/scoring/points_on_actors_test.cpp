@@ -9,7 +9,7 @@
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 #include "tileflight/core/base/files.h"
-#include "tileflight/core/geometry/trajectory_files.h"
+#include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/data/dataset/dataset.h"
 #include "tileflight/evaluation/scoring/warnings.h"
 
@@ -167,7 +167,7 @@ TEST(PointsOnActors, AreAWarningWhereTheyAreMany) {
   moving.apart.points = 51;
   const Warnings warnings = moving_warnings(moving, 0.05);
   ASSERT_EQ(warnings.size(), 1U);
-  EXPECT_THAT(warnings[0].what, HasSubstr("51 of the map's 1000 points are on moving objects"));
+  EXPECT_THAT(warnings[0].message, HasSubstr("51 of the map's 1000 points are on moving objects"));
   EXPECT_FALSE(forbids_verdict(warnings[0]));
 }
 

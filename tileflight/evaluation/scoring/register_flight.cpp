@@ -1,34 +1,127 @@
 #include "tileflight/evaluation/scoring/register_flight.h"
 
 #include <algorithm>
+#include <filesystem>
 #include <iterator>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <numbers>
+#include <optional>
+#include <utility>
 
 #include "tileflight/core/alignment/align_globally.h"
-#include "tileflight/core/alignment/coarse_alignment.h"
+#include "tileflight/core/alignment/align_map.h"
+#include "tileflight/core/alignment/align_trajectory.h"
 #include "tileflight/core/alignment/global_registration.h"
-#include "tileflight/core/alignment/gravity.h"
 #include "tileflight/core/alignment/transform_file.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/warning.h"
-#include "tileflight/data/dataset/attitude_csv.h"
+#include "tileflight/core/imaging/image_files.h"
+#include "tileflight/data/dataset/dataset.h"
+#include "tileflight/data/dataset/sensor_files.h"
+#include "tileflight/evaluation/localization/picture_localizer.h"
 #include "tileflight/evaluation/registration/register_map.h"
 #include "tileflight/evaluation/scoring/flight_evidence.h"
-#include "tileflight/evaluation/scoring/path_warnings.h"
-#include "tileflight/evaluation/scoring/picture_finder.h"
-#include "tileflight/evaluation/scoring/up_from_imu.h"
 #include "tileflight/evaluation/scoring/warnings.h"
 #include "tileflight/tiles/mesh_files/mesh_source.h"
 #include "tileflight/world/scene/scene.h"
 
 namespace tileflight::scoring {
+
 namespace fs = std::filesystem;
 namespace {
 
+/// Localizes a flight's images in the textured place.
+class PictureFinder {
+ public:
+  /// `scene` must outlive it. `path`: T_map_camera with the images' times.
+  PictureFinder(const scene::Scene& scene, dataset::Dataset dataset, geometry::Trajectory path);
+  ~PictureFinder();
+  PictureFinder(const PictureFinder&) = delete;
+  PictureFinder& operator=(const PictureFinder&) = delete;
+
+  /// Localizes `pictures` images, evenly chosen along the path, each starting from its pose by the transform. Those
+  /// that are not found are tried again from where a neighbour in time was found, so that the drift or breaks of a path
+  /// show.
+  registration::LocatedPictures operator()(const geometry::Sim3& T_local_map, std::size_t pictures,
+                                           registration::PictureDetail detail) const;
+
+  /// Appearance of the scene; shared because it holds a copy of all textures.
+  std::shared_ptr<const render::Appearance> appearance() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+using geometry::SE3;
+using geometry::Sim3;
+
+constexpr int kCoarseWidth = 400;  // pixels: sufficient to recognize the place, at a sixth of the cost
+
+struct PictureFinder::Impl {
+  dataset::Dataset dataset;
+  geometry::Trajectory path;
+  std::vector<std::pair<std::size_t, std::size_t>> pairs;  ///< pose of the path, frame of the dataset
+  localization::PictureLocalizer fine, coarse;
+
+  Impl(const scene::Scene& scene, dataset::Dataset d, geometry::Trajectory p)
+      : dataset(std::move(d)),
+        path(std::move(p)),
+        fine(scene, dataset.calibration.camera),
+        coarse(scene, fine.appearance(), dataset.calibration.camera, {.width = kCoarseWidth}) {
+    geometry::Trajectory times;
+    for (const dataset::Frame& frame : dataset.frames) times.poses.push_back({frame.time_s, SE3()});
+    constexpr double kSameTime_s = 1e-3;
+    pairs = geometry::associate(path, times, kSameTime_s);
+  }
+
+  std::optional<registration::LocatedPicture> locate(std::size_t pair, const SE3& guess,
+                                                     registration::PictureDetail detail) const {
+    const auto [pose, frame] = pairs[pair];
+    const auto& localizer = detail == registration::PictureDetail::kFine ? fine : coarse;
+    const auto found = localizer.locate(imaging::read_rgb(dataset.frames[frame].image), guess);
+    if (!found) return std::nullopt;
+    return registration::LocatedPicture{
+        pose, {path.poses[pose].T_local_camera, found->T_local_camera, found->information}, found->correlation};
+  }
+
+  /// Predicts a pose from a localized neighbour and the path's own motion between them.
+  SE3 predict_pose(const registration::LocatedPicture& neighbor, std::size_t pose, double scale) const {
+    SE3 motion = neighbor.found.T_map_camera.inverse() * path.poses[pose].T_local_camera;
+    motion.translation *= scale;
+    return neighbor.found.T_local_camera * motion;
+  }
+};
+
+PictureFinder::PictureFinder(const scene::Scene& scene, dataset::Dataset dataset, geometry::Trajectory path)
+    : impl_(std::make_unique<Impl>(scene, std::move(dataset), std::move(path))) {}
+
+PictureFinder::~PictureFinder() = default;
+
+std::shared_ptr<const render::Appearance> PictureFinder::appearance() const { return impl_->fine.appearance(); }
+
+registration::LocatedPictures PictureFinder::operator()(const Sim3& T, std::size_t pictures,
+                                                        registration::PictureDetail detail) const {
+  const Impl& my = *impl_;
+  const std::size_t n = std::min(pictures, my.pairs.size());
+  std::vector<std::size_t> chosen;
+  for (std::size_t k = 0; k < n; ++k) chosen.push_back((2 * k + 1) * my.pairs.size() / (2 * n));
+  std::vector<std::optional<registration::LocatedPicture>> found(n);
+  for (std::size_t k = 0; k < n; ++k)
+    found[k] = my.locate(chosen[k], T * my.path.poses[my.pairs[chosen[k]].first].T_local_camera, detail);
+  const auto from_neighbor = [&](std::size_t k, std::size_t neighbor) {
+    if (found[k] || !found[neighbor]) return;
+    found[k] = my.locate(chosen[k], my.predict_pose(*found[neighbor], my.pairs[chosen[k]].first, T.scale), detail);
+  };
+  for (std::size_t k = 1; k < n; ++k) from_neighbor(k, k - 1);
+  for (std::size_t k = n; k-- > 1;) from_neighbor(k - 1, k);
+  registration::LocatedPictures result{.tried = n};
+  for (const auto& picture : found)
+    if (picture) result.found.push_back(*picture);
+  return result;
+}
+
 using alignment::AlignmentStart;
-using nlohmann::json;
 
 /// Whether a surface has colours to compare images with.
 bool is_textured(const std::vector<imaging::TexturedMesh>& meshes) {
@@ -151,54 +244,10 @@ registration::RayCast make_ray_cast(const scene::Scene& scene) {
       };
 }
 
-json to_json(const registration::PictureAgreement& p) {
-  return {{"tried", p.tried},
-          {"located", p.located},
-          {"agreeing", p.inliers},
-          {"correlation", p.correlation},
-          {"residual", p.inlier_rms_m},
-          {"path_error", p.path_error_m},
-          {"path_length", p.path_length_m},
-          {"worst", p.worst_m},
-          {"worst_time", p.worst_time_s}};
-}
-
-json to_json(const registration::RayAgreement& rays) {
-  return {{"rays", rays.rays},
-          {"score", rays.score},
-          {"agreeing", rays.agreeing_share},
-          {"blocked", rays.blocked_share},
-          {"floating", rays.floating_share}};
-}
-
-json to_json(const registration::RegistrationResult& r) {
-  alignment::IcpResult result;
-  result.T_target_source = r.T_local_map;
-  result.rmse_m = r.surface.rmse_m;
-  result.fitness = r.surface.fitness;
-  result.correspondences = r.surface.matched;
-  result.iterations = r.surface.iterations;
-  result.converged = r.surface.converged;
-  result.method = r.method;
-  result.points = r.surface.points;
-  result.constraint = r.surface.constraint;
-  json object = alignment::to_json(result);
-  object["uncertainty"] = {{"rms_motion_sigma", r.sigma_m}};
-  object["start"] = r.start;
-  object["starts_tried"] = r.starts_tried;
-  object["moved_from_start"] = r.moved_from_start_m;
-  object["rays"] = r.rays ? to_json(*r.rays) : json(nullptr);
-  object["pictures"] = r.pictures ? to_json(*r.pictures) : json(nullptr);
-  object["noise"] = r.surface.noise_factor;
-  object["agreeing"] = r.surface.inlier_share;
-  if (r.runner_up_distance_m) object["rival"] = {{"apart", *r.runner_up_distance_m}, {"score", r.runner_up_score}};
-  return object;
-}
-
 }  // namespace
 
-json register_flight(const MapInputs& map, const AlignTarget& target, const alignment::AlignMapOptions& options,
-                     const Progress& progress) {
+RegisteredFlight register_flight(const MapInputs& map, const AlignTarget& target,
+                                 const alignment::AlignMapOptions& options, const Progress& progress) {
   const geometry::PointCloud cloud = read_map(map.map);
   const TruthScene place(target);
   std::optional<dataset::Dataset> dataset;
@@ -224,21 +273,20 @@ json register_flight(const MapInputs& map, const AlignTarget& target, const alig
   registration.scale = options.icp.scale;
   registration.max_scale_change = options.icp.max_scale_change;
   registration.trajectory = options.trajectory;
-  const registration::RegistrationResult found =
+  registration::RegistrationResult found =
       registration::register_map(read_observed_points(map, cloud), evidence,
                                  {*target.index, target.mesh, target.regions}, services, registration, progress);
-  json result = to_json(found);
   Warnings warnings = odometry_warnings(map);
   if (found.method == "pictures" && !warnings.empty()) answer_path_warnings(map, *found.pictures, warnings);
   append_distinct(warnings, found.warnings);
-  result["warnings"] = to_json(warnings);
+  found.warnings = std::move(warnings);
   alignment::IcpOptions published = alignment::final_icp_options();
   published.scale = options.icp.scale;
   published.regions = options.icp.regions.empty() ? target.regions : options.icp.regions;
   published.scale_center = found.T_local_map.scale;
-  result["published"] = alignment::to_json(alignment::align_step(
-      alignment::subsample(cloud, options.max_points), found.T_local_map, target.to_alignment_target(), published));
-  return result;
+  alignment::IcpResult last_step = alignment::align_step(alignment::subsample(cloud, options.max_points),
+                                                         found.T_local_map, target.to_alignment_target(), published);
+  return {std::move(found), std::move(last_step)};
 }
 
 }  // namespace tileflight::scoring

@@ -9,8 +9,8 @@
 
 namespace tileflight::scoring {
 
-/// Evenly distributed samples of the true surface that the flight's camera saw; all samples if camera or poses are
-/// unknown.
+/// Returns evenly distributed samples of the true surface that the flight's camera saw; all samples if camera or poses
+/// are unknown.
 geometry::PointCloud sample_seen_surface(const MapInputs& map, TruthSurface& surface, const place::TruthRegion& region,
                                          const geometry::Sim3& T_local_map, double per_m2);
 

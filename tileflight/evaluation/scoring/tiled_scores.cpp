@@ -11,17 +11,17 @@
 
 #include "tileflight/core/alignment/normals.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/evaluation/metrics/local_entropy.h"
-#include "tileflight/evaluation/metrics/part_search.h"
-#include "tileflight/core/geometry/morton_order.h"
 #include "tileflight/core/geometry/nearest.h"
+#include "tileflight/core/geometry/point_order.h"
+#include "tileflight/evaluation/metrics/map_entropy.h"
+#include "tileflight/evaluation/metrics/part_search.h"
 
 namespace tileflight::scoring {
 namespace {
 
-using metrics::MapEntropyOptions;
 using geometry::Box3;
 using geometry::Vec3;
+using metrics::MapEntropyOptions;
 using Place = MapTiles::Place;
 
 constexpr double kFar = std::numeric_limits<double>::infinity();
@@ -176,23 +176,21 @@ MapNeighbors find_neighbors(const MapTiles& map, const std::vector<Vec3>& points
   asked.insert(asked.end(), at.begin(), at.end());
   std::vector<double> reach_m(asked.size(), kFar);
   std::vector<NearestSoFar> nearest_at(at.size());
-  metrics::search_parts(asked, map.bounds(), reach_m,
-                           [&](std::size_t part, const std::vector<std::uint32_t>& numbers) {
-                             const MapTiles::Points tile = map.read(part);
-                             const geometry::NearestIndex index(tile.positions);
-                             std::vector<std::uint32_t> for_distance, for_normal;
-                             for (const std::uint32_t i : numbers)
-                               (i < points.size() ? for_distance : for_normal).push_back(i);
-                             const auto nearest = [&](const Vec3& p, double within_m) -> std::optional<double> {
-                               const auto found = index.nearest(p, within_m);
-                               return found ? std::optional(found->distance_m) : std::nullopt;
-                             };
-                             metrics::lower_reach(asked, for_distance, nearest, reach_m);
-                             tbb::parallel_for(std::size_t{0}, for_normal.size(), [&](std::size_t i) {
-                               const std::uint32_t k = for_normal[i];
-                               reach_m[k] = nearest_at[k - points.size()].add(index, tile, asked[k], neighbors);
-                             });
-                           });
+  metrics::search_parts(asked, map.bounds(), reach_m, [&](std::size_t part, const std::vector<std::uint32_t>& numbers) {
+    const MapTiles::Points tile = map.read(part);
+    const geometry::NearestIndex index(tile.positions);
+    std::vector<std::uint32_t> for_distance, for_normal;
+    for (const std::uint32_t i : numbers) (i < points.size() ? for_distance : for_normal).push_back(i);
+    const auto nearest = [&](const Vec3& p, double within_m) -> std::optional<double> {
+      const auto found = index.nearest(p, within_m);
+      return found ? std::optional(found->distance_m) : std::nullopt;
+    };
+    metrics::lower_reach(asked, for_distance, nearest, reach_m);
+    tbb::parallel_for(std::size_t{0}, for_normal.size(), [&](std::size_t i) {
+      const std::uint32_t k = for_normal[i];
+      reach_m[k] = nearest_at[k - points.size()].add(index, tile, asked[k], neighbors);
+    });
+  });
   MapNeighbors result{{reach_m.begin(), reach_m.begin() + static_cast<std::ptrdiff_t>(points.size())},
                       std::vector<Eigen::Vector3f>(at.size())};
   tbb::parallel_for(std::size_t{0}, at.size(),

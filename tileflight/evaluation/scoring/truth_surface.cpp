@@ -9,10 +9,10 @@
 #include <utility>
 
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/geometry/point_order.h"
 #include "tileflight/evaluation/metrics/distances.h"
 #include "tileflight/evaluation/metrics/normal_consistency.h"
 #include "tileflight/evaluation/metrics/part_search.h"
-#include "tileflight/core/geometry/position_order.h"
 #include "tileflight/world/ground_truth/surface_samples.h"
 #include "tileflight/world/scene/scene.h"
 
@@ -143,28 +143,28 @@ SurfaceMatch TruthSurface::match(const PointCloud& map, const std::vector<std::u
   SurfaceMatch match{std::vector<double>(map.size(), kAnywhere), std::vector<Vec3>(chosen.size(), Vec3::Zero())};
   std::vector<NearestTriangle> nearest_triangles(chosen.size());
   metrics::search_parts(map.positions, bounds, match.distances_m,
-                           [&](std::size_t part, const std::vector<std::uint32_t>& asked) {
-                             const geometry::TriangleIndex& triangles = index(part);
-                             const auto nearest = [&](const Vec3& p, double limit_m) -> std::optional<double> {
-                               const auto found = triangles.nearest(p, limit_m);
-                               return found ? std::optional(found->distance_m) : std::nullopt;
-                             };
-                             metrics::lower_reach(map.positions, asked, nearest, match.distances_m);
-                             tbb::parallel_for(std::size_t{0}, asked.size(), [&](std::size_t i) {
-                               const std::uint32_t k = place[asked[i]];
-                               if (k == kNotChosen) return;
-                               const auto found = triangles.nearest(map.positions[asked[i]], within_m);
-                               if (!found) return;
-                               NearestTriangle& best = nearest_triangles[k];
-                               const std::uint64_t number = mesh_.numbers[found->triangle];
-                               // By squares, as within a part: roots of different ones may be equal.
-                               const double distance2 = (found->position - map.positions[asked[i]]).squaredNorm();
-                               if (distance2 > best.distance2 || (distance2 == best.distance2 && number > best.number))
-                                 return;
-                               best = {distance2, number};
-                               match.directions[k] = metrics::triangle_direction(mesh_.mesh, found->triangle);
-                             });
-                           });
+                        [&](std::size_t part, const std::vector<std::uint32_t>& asked) {
+                          const geometry::TriangleIndex& triangles = index(part);
+                          const auto nearest = [&](const Vec3& p, double limit_m) -> std::optional<double> {
+                            const auto found = triangles.nearest(p, limit_m);
+                            return found ? std::optional(found->distance_m) : std::nullopt;
+                          };
+                          metrics::lower_reach(map.positions, asked, nearest, match.distances_m);
+                          tbb::parallel_for(std::size_t{0}, asked.size(), [&](std::size_t i) {
+                            const std::uint32_t k = place[asked[i]];
+                            if (k == kNotChosen) return;
+                            const auto found = triangles.nearest(map.positions[asked[i]], within_m);
+                            if (!found) return;
+                            NearestTriangle& best = nearest_triangles[k];
+                            const std::uint64_t number = mesh_.numbers[found->triangle];
+                            // By squares, as within a part: roots of different ones may be equal.
+                            const double distance2 = (found->position - map.positions[asked[i]]).squaredNorm();
+                            if (distance2 > best.distance2 || (distance2 == best.distance2 && number > best.number))
+                              return;
+                            best = {distance2, number};
+                            match.directions[k] = metrics::triangle_direction(mesh_.mesh, found->triangle);
+                          });
+                        });
   return match;
 }
 

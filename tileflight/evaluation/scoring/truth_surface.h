@@ -8,10 +8,10 @@
 #include "tileflight/core/geometry/point_cloud.h"
 #include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/core/geometry/triangle_index.h"
+#include "tileflight/core/imaging/camera.h"
 #include "tileflight/world/ground_truth/center_index.h"
 #include "tileflight/world/ground_truth/truth_folder.h"
-#include "tileflight/core/imaging/camera.h"
-#include "tileflight/world/place/truth_region.h"
+#include "tileflight/world/place/extract_result.h"
 
 namespace tileflight::scoring {
 
@@ -21,8 +21,8 @@ class VoxelCenters {
   /// `truth` must outlive it.
   explicit VoxelCenters(const ground_truth::TruthFolder& truth) : truth_(truth) {}
 
-  /// Distance of each point to the nearest voxel centre, metres; the result does not depend on the parts. `what` names
-  /// the points. Throws InputError for points that are not finite, and if either side has none.
+  /// Returns the distance of each point to the nearest voxel centre, metres; the result does not depend on the parts.
+  /// `what` names the points. Throws InputError for points that are not finite, and if either side has none.
   std::vector<double> distances(const geometry::PointCloud& points, const char* what);
 
  private:
@@ -48,14 +48,15 @@ class TruthSurface {
   /// `truth` must outlive it.
   explicit TruthSurface(const ground_truth::TruthFolder& truth);
 
-  /// `chosen`: indices of the points whose nearest triangle is asked for, within `within_m`. Throws InputError.
+  /// Measures the distances of a map's points to the surface. `chosen`: indices of the points whose nearest triangle is
+  /// asked for, within `within_m`. Throws InputError.
   SurfaceMatch match(const geometry::PointCloud& map, const std::vector<std::uint32_t>& chosen, double within_m);
 
-  /// Evenly distributed samples of the surface inside the region.
+  /// Returns evenly distributed samples of the surface inside the region.
   geometry::PointCloud sample(const place::TruthRegion& region, double per_m2);
 
-  /// Those of them that a camera sees from at least one of the poses, of which there must be one. Memory grows with
-  /// what lies within the camera's range, not with the truth.
+  /// Returns the samples that a camera sees from at least one of the poses, of which there must be one. Memory grows
+  /// with the surface within the camera's range, not with the ground truth.
   geometry::PointCloud sample_seen(const place::TruthRegion& region, double per_m2, const geometry::Trajectory& poses,
                                    const imaging::Camera& camera);
 

@@ -1,18 +1,42 @@
 #include "tileflight/evaluation/scoring/warnings.h"
 
 #include <algorithm>
+#include <filesystem>
 #include <iomanip>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "tileflight/capture/recording/flight_faults.h"
 #include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/strict_section.h"
 #include "tileflight/core/base/warning.h"
 #include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/data/dataset/dataset.h"
 
 namespace tileflight::scoring {
+
+void answer_path_warnings(const MapInputs& map, const registration::PictureAgreement& pictures, Warnings& warnings) {
+  constexpr double kPathShare = 0.005;
+  constexpr std::size_t kFewest = 10;
+  const bool is_measured = pictures.tried >= kFewest && 10 * pictures.located >= 9 * pictures.tried;
+  if (!is_measured || !(pictures.path_error_m <= kPathShare * pictures.path_length_m)) return;
+  const std::filesystem::path file = map.map / "odometry.json";
+  if (std::error_code none; !std::filesystem::exists(file, none)) return;
+  const nlohmann::json about = nlohmann::json::parse(base::read_text(file), nullptr, false);
+  const nlohmann::json path =
+      about.is_object() ? about.value("path_warnings", nlohmann::json::array()) : nlohmann::json::array();
+  for (Warning& warning : warnings) {
+    if (warning.severity != Severity::kWarning ||
+        std::ranges::find(path, nlohmann::json(warning.message)) == path.end())
+      continue;
+    warning.severity = Severity::kNote;
+    warning.remedy = base::formatted(
+        "nothing, if the place is as it was: %zu of %zu images, located in it, differ by %.2g %% of the path's length",
+        pictures.located, pictures.tried, 100.0 * pictures.path_error_m / pictures.path_length_m);
+  }
+}
+
 namespace fs = std::filesystem;
 namespace {
 
@@ -74,16 +98,15 @@ Warnings odometry_warnings(const MapInputs& map) {
   return warnings;
 }
 
-Warnings truth_warnings(const json& about) {
+Warnings truth_warnings(const place::ExtractResult& extracted) {
   Warnings warnings;
-  if (!about.value("complete", true)) {
-    warnings.push_back({std::to_string(static_cast<long>(number_of(about, "tiles_failed", 0.0))) + " of " +
-                            std::to_string(static_cast<long>(number_of(about, "tiles_wanted", 0.0))) +
+  if (!extracted.complete) {
+    warnings.push_back({std::to_string(extracted.tiles_failed) + " of " + std::to_string(extracted.tiles_wanted) +
                             " tiles of the ground truth are missing",
                         kTruth, Severity::kError, "fetch the missing tiles and extract again"});
   }
   constexpr double kCoarse_m = 0.5;
-  const double error_m = number_of(about, "geometric_error_max", 0.0);
+  const double error_m = extracted.geometric_error_max_m.value_or(0.0);
   if (error_m > kCoarse_m) {
     std::string metres = std::to_string(error_m);
     metres.resize(metres.find('.') + 3);

@@ -1,17 +1,91 @@
 #include "tileflight/experiments/experiment/experiment_file.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <cctype>
 #include <cmath>
+#include <cstdlib>
 #include <limits>
+#include <sstream>
+#include <string_view>
 
+#include "tileflight/capture/render/image_formation.h"
 #include "tileflight/core/base/strict_section.h"
-#include "tileflight/core/base/text_fields.h"
-#include "tileflight/experiments/experiment/command_files.h"
+#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/experiments/experiment/stage_options.h"
-#include "tileflight/capture/render/image_formation_section.h"
 
 namespace tileflight::experiment {
+
+namespace fs = std::filesystem;
+namespace {
+
+constexpr std::string_view kWordSeparators = " \t\n;|&<>()";
+
+/// Splits a command into words like a shell and removes quotes (POSIX shell, "Quoting", "Token Recognition").
+std::vector<std::string> shell_words(const std::string& command) {
+  std::vector<std::string> words(1);
+  char quote = '\0';
+  for (std::size_t i = 0; i < command.size(); ++i) {
+    const char c = command[i];
+    if (c == '\\' && quote != '\'' && i + 1 < command.size()) {
+      words.back() += command[++i];
+    } else if (quote != '\0') {
+      if (c == quote) {
+        quote = '\0';
+      } else {
+        words.back() += c;
+      }
+    } else if (c == '\'' || c == '"') {
+      quote = c;
+    } else if (kWordSeparators.find(c) != std::string_view::npos) {
+      if (!words.back().empty()) words.emplace_back();
+    } else {
+      words.back() += c;
+    }
+  }
+  return words;
+}
+
+bool is_file(const fs::path& path) {
+  std::error_code error;
+  return fs::is_regular_file(path, error);
+}
+
+/// Empty if there is none.
+fs::path find_program(const std::string& name) {
+  const char* path = std::getenv("PATH");
+  if (path == nullptr || name.find('/') != std::string::npos) return {};
+  std::istringstream folders(path);
+  for (std::string folder; std::getline(folders, folder, ':');) {
+    const fs::path program = fs::path(folder.empty() ? "." : folder) / name;
+    if (is_file(program) && ::access(program.c_str(), X_OK) == 0) return program;
+  }
+  return {};
+}
+
+fs::path file_of(const std::string& word, const fs::path& folder) {
+  if (word.empty()) return {};
+  const char* home = std::getenv("HOME");
+  const fs::path named = word.starts_with("~/") && home != nullptr ? fs::path(home) / word.substr(2) : folder / word;
+  return is_file(named) ? named.lexically_normal() : find_program(word);
+}
+
+}  // namespace
+
+std::vector<fs::path> find_command_files(const std::string& command, const fs::path& folder) {
+  std::vector<fs::path> files;
+  const auto add = [&](const std::string& word) {
+    const fs::path file = file_of(word, folder);
+    if (!file.empty() && std::ranges::find(files, file) == files.end()) files.push_back(file);
+  };
+  for (const std::string& word : shell_words(command)) {
+    add(word);
+    if (const std::size_t mark = word.find('='); mark != std::string::npos) add(word.substr(mark + 1));
+  }
+  return files;
+}
+
 namespace fs = std::filesystem;
 namespace {
 
@@ -150,7 +224,7 @@ std::string meaning_without(const StrictSection& section, const std::vector<std:
   return text;
 }
 
-/// What of a flight's section affects its dataset: not the memory that rendering may take.
+/// Returns the text of the keys of a flight's section that affect its dataset: not the memory that rendering may take.
 std::string flight_text(StrictSection& root, const std::string& name) {
   std::optional<StrictSection> flight = root.section(name);
   const bool has_render = flight && flight->is_map("render");
@@ -263,7 +337,7 @@ std::string odometry_text(const StrictSection& section) {
   return meaning_without(section, {"runs", "later", "backwards"});
 }
 
-/// What of a variant is read as a section of the experiment.
+/// Keys of a variant that are read as a section of the experiment.
 const std::vector<std::string> kVariantSections{"name", "place", "voxel", "odometry", "seed"};
 
 /// A place of its own, or the experiment's with changes; the built-in place keeps its seed.
@@ -346,8 +420,8 @@ void read_degrade(StrictSection& section, recording::RenderedFlightConfig& fligh
   const std::optional<double> megabits = section.number("video_bitrate");
   if (crf && megabits) throw section.error("video_bitrate", "does not go together with 'video_crf'");
   if (megabits && *megabits <= 0.0) throw section.error("video_bitrate", "must be positive (Mbit/s)");
-  if (crf) flight.video = dataset::VideoCompression{.crf = *crf};
-  if (megabits) flight.video = dataset::VideoCompression{.megabits_per_s = *megabits};
+  if (crf) flight.video = video::VideoCompression{.crf = *crf};
+  if (megabits) flight.video = video::VideoCompression{.megabits_per_s = *megabits};
   flight.degrade = render::read_image_formation(section);
 }
 

@@ -7,20 +7,25 @@
 #include <string>
 #include <vector>
 
+#include "tileflight/capture/flight_path/smooth_path.h"
+#include "tileflight/capture/ingest/ingest_stage.h"
+#include "tileflight/capture/recording/render_stage.h"
+#include "tileflight/capture/render/image_formation.h"
 #include "tileflight/core/alignment/align_map.h"
 #include "tileflight/core/base/strict_section.h"
-#include "tileflight/data/dataset/video.h"
-#include "tileflight/capture/flight_path/smoothing.h"
 #include "tileflight/core/geometry/geodesy.h"
-#include "tileflight/slam/odometry/odometry.h"
-#include "tileflight/capture/render/image_formation.h"
+#include "tileflight/data/video/video.h"
 #include "tileflight/evaluation/scoring/evaluation_settings.h"
-#include "tileflight/capture/ingest/ingest_stage.h"
-#include "tileflight/capture/recording/flight_settings.h"
+#include "tileflight/slam/odometry/odometry.h"
 #include "tileflight/slam/odometry/track.h"
 #include "tileflight/tiles/fetch/open_source.h"
 
 namespace tileflight::experiment {
+
+/// Returns the files that the words of a shell command name, each once, in order: by their path, relative to `folder`
+/// (the command's working directory), or as programs in PATH. A name may follow a '=', as in `--config=slam.yaml`.
+/// Files named inside those files are not searched for.
+std::vector<std::filesystem::path> find_command_files(const std::string& command, const std::filesystem::path& folder);
 
 /// Section `place:`: the site of the flights. Keys: source, center | center_local, size, error, origin, view_margin,
 /// texture_scale, terms_accepted.
@@ -56,7 +61,7 @@ struct FlightConfig {
 struct OdometryConfig {
   odometry::OdometryOptions options;
   odometry::TrackOptions track_options;  ///< mask, rectify_fov, colmap
-  bool debug_pictures = false;         ///< debug_pictures: keyframe images in DIR/<flight>/keyframe_pictures
+  bool debug_pictures = false;           ///< debug_pictures: keyframe images in DIR/<flight>/keyframe_pictures
   /// A shell command with {dataset} and {out} substituted, executed in the experiment file's folder; it must write
   /// trajectory.txt and map.ply into {out}.
   std::string command;
@@ -69,7 +74,7 @@ struct OdometryConfig {
 /// degrade (replaces the flight's), texture_scale; place (a whole one if it has a source, else keys that replace those
 /// of the experiment's), voxel, odometry (replaces the experiment's), seed.
 struct Variant {
-  std::string name;                     ///< letters, digits, '-' and '_'; also the folder's name
+  std::string name;                        ///< letters, digits, '-' and '_'; also the folder's name
   recording::RenderedFlightConfig render;  ///< the simulated flight's settings with the changes
   std::optional<double> texture_scale;
   std::optional<SiteConfig> place{};  ///< with what it does not change
@@ -93,14 +98,14 @@ struct Experiment {
   OdometryConfig odometry;
   alignment::AlignMapOptions alignment;
   scoring::EvaluationSettings evaluation;
-  fetch::SourceOptions source_options;      ///< for network sources; set by the command line
+  fetch::SourceOptions source_options;          ///< for network sources; set by the command line
   std::map<std::string, std::string> sections;  ///< text of each top-level section, to detect changes
 };
 
 /// Reads the keys of `degrade:`, from an experiment's section or a separate file, into the flight. Throws InputError.
 void read_degrade(base::StrictSection& section, recording::RenderedFlightConfig& flight);
 
-/// The files named by `odometry.command` (command_files.h).
+/// Returns the files that `odometry.command` names (find_command_files()).
 std::vector<std::filesystem::path> command_input_files(const Experiment& experiment);
 
 /// Reads an experiment file. Throws InputError (file, line, key): unknown keys (naming the nearest known one), wrong

@@ -10,7 +10,7 @@
 #include <sstream>
 #include <system_error>
 
-#include "tileflight/core/base/canonical_yaml.h"
+#include "tileflight/core/base/document_value.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/output_folder.h"

@@ -21,7 +21,7 @@ class FileHashCache {
   std::string hash(const std::filesystem::path& file_or_folder,
                    const std::vector<std::filesystem::path>& left_out = {}) const;
 
-  /// Hash of a YAML file's content (core/base/canonical_yaml.h), or of another file's bytes. Throws InputError.
+  /// Hash of a YAML file's content (core/base/document_value.h), or of another file's bytes. Throws InputError.
   static std::string hash_yaml_content(const std::filesystem::path& file);
 
   /// Saves the hashes for the next run of the program. Write errors are ignored: the hashes are then computed again.

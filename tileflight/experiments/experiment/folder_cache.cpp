@@ -12,15 +12,32 @@
 #include <utility>
 
 #include "tileflight/core/base/files.h"
-#include "tileflight/core/base/folder_marker.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/make_folder.h"
 #include "tileflight/core/base/output_folder.h"
-#include "tileflight/experiments/experiment/link_files.h"
-#include "tileflight/world/place/extract.h"
 #include "tileflight/tiles/demo_place/stadium.h"
+#include "tileflight/world/place/extract.h"
 
 namespace tileflight::experiment {
+
+namespace fs = std::filesystem;
+
+void link_files(const fs::path& from, const fs::path& to) {
+  for (const fs::directory_entry& entry : fs::directory_iterator(from)) {
+    const fs::path target = to / entry.path().filename();
+    std::error_code fault;
+    if (entry.is_symlink()) {
+      fs::copy_symlink(entry.path(), target, fault);
+    } else if (entry.is_directory()) {
+      fs::create_directory(target, fault);
+      if (!fault) link_files(entry.path(), target);
+    } else {
+      fs::create_hard_link(entry.path(), target, fault);
+      if (fault) fs::copy_file(entry.path(), target, fault);
+    }
+    if (fault) throw InputError(target.string(), "cannot be written: " + fault.message());
+  }
+}
+
 namespace fs = std::filesystem;
 namespace {
 
@@ -74,17 +91,15 @@ bool is_whole(const fs::path& entry) {
 
 SharedKind shared_truths(const std::string& source) {
   const auto name_source = [source](const fs::path& truth) {
-    json about = place::read_extract_json(truth);
-    if (about.value("source", json()) == source) return;
-    about["source"] = source;
-    base::write_file(truth / "extract.json", about.dump(2) + "\n");
+    place::ExtractResult about = place::read_extract_json(truth);
+    if (about.source == source) return;
+    about.source = source;
+    place::write_extract_json(about, truth);
   };
   return {.command = "extract", .name = "truth", .adapt = name_source};
 }
 
-SharedKind shared_places() {
-  return {.command = "scene", .name = "built-in place", .legacy = demo_place::legacy_stadium_folder()};
-}
+SharedKind shared_places() { return {.command = "scene", .name = "built-in place"}; }
 
 FolderCache::FolderCache(fs::path folder, SharedKind kind, bool refresh, const Progress& progress)
     : folder_(std::move(folder)), kind_(std::move(kind)), refresh_(refresh), progress_(progress) {}
@@ -111,8 +126,7 @@ void FolderCache::make(const std::string& key, const fs::path& to, const Write& 
 
 /// False if the entry is removed meanwhile.
 bool FolderCache::link(const std::string& key, const fs::path& to) const {
-  const base::OutputFolder output{
-      .folder = to, .command = kind_.command, .replace = true, .inputs = {}, .legacy = kind_.legacy};
+  const base::OutputFolder output{.folder = to, .command = kind_.command, .replace = true};
   base::require_writable(output);
   try {
     base::write_folder(output, [&](const fs::path& temporary) {

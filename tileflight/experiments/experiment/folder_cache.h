@@ -9,18 +9,21 @@
 
 namespace tileflight::experiment {
 
+/// Fills an empty folder with hard links to the files of another (copies where the file system has none): writers
+/// replace files, so neither folder changes the other. Throws InputError.
+void link_files(const std::filesystem::path& from, const std::filesystem::path& to);
+
 /// A kind of folder that several runs share.
 struct SharedKind {
-  std::string command;                 ///< that writes it (base::OutputFolder)
-  std::string name;                    ///< "truth"
-  base::LegacyFolderPattern legacy{};  ///< of earlier ones
+  std::string command;  ///< that writes it (base::OutputFolder)
+  std::string name;     ///< "truth"
   /// Changes what a run's copy of an entry tells of its inputs, which may lie elsewhere; empty: nothing.
   std::function<void(const std::filesystem::path& folder)> adapt{};
 };
 
-/// Ground truths. `source`: of the runs, as extract.json names it.
+/// Returns the kind of ground truths. `source`: of the runs, as extract.json names it.
 SharedKind shared_truths(const std::string& source);
-/// Built-in places.
+/// Returns the kind of built-in places.
 SharedKind shared_places();
 
 /// Ground truths or built-in places that several runs share, each made once: FOLDER/KEY, where KEY is a hash of all
@@ -36,10 +39,10 @@ class FolderCache {
   /// `folder`: empty: nothing is shared. `refresh`: entries are made again once.
   FolderCache(std::filesystem::path folder, SharedKind kind, bool refresh, const Progress& progress);
 
-  /// Puts an entry in place, if there is one. Throws InputError.
+  /// Links the files of an entry into `to`, if there is one; returns whether there was. Throws InputError.
   bool take(const std::string& key, const std::filesystem::path& to) const;
 
-  /// Makes the entry, and puts it in place. Throws InputError.
+  /// Makes the entry, and links its files into `to`. Throws InputError.
   void make(const std::string& key, const std::filesystem::path& to, const Write& write) const;
 
  private:

@@ -28,7 +28,7 @@ class FolderCacheTest : public ::testing::Test {
   }
   FolderCache::Write extract() {
     return [this](const fs::path& to) {
-      const base::OutputFolder output{.folder = to, .command = "extract", .replace = true, .inputs = {}, .legacy = {}};
+      const base::OutputFolder output{.folder = to, .command = "extract", .replace = true};
       base::write_folder(output, [&](const fs::path& temporary) {
         fs::create_directories(temporary / "blocks/x0");
         base::write_file(temporary / "blocks/x0/surface.ply", "truth " + std::to_string(++made_));
@@ -114,7 +114,7 @@ TEST_F(FolderCacheTest, OthersWaitForTheOneThatMakesIt) {
 TEST_F(FolderCacheTest, ABuiltInPlaceIsSharedAsItIs) {
   const FolderCache places(folder_ / "cache", shared_places(), false, no_progress_);
   const auto write = [this](const fs::path& to) {
-    const base::OutputFolder output{.folder = to, .command = "scene", .replace = true, .inputs = {}, .legacy = {}};
+    const base::OutputFolder output{.folder = to, .command = "scene", .replace = true};
     base::write_folder(output, [&](const fs::path& temporary) {
       base::write_file(temporary / "tileset.json", "place " + std::to_string(++made_));
     });

@@ -3,16 +3,16 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "tileflight/capture/vehicle/flight_plan.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/output_folder.h"
-#include "tileflight/data/flight_logs/telemetry_file.h"
+#include "tileflight/core/base/program.h"
 #include "tileflight/core/imaging/camera.h"
-#include "tileflight/core/base/version.h"
+#include "tileflight/data/flight_logs/telemetry.h"
 #include "tileflight/tiles/demo_place/stadium.h"
 #include "tileflight/tiles/fetch/open_source.h"
 #include "tileflight/tiles/fetch/url_secrets.h"
-#include "tileflight/capture/vehicle/flight_plan.h"
 
 namespace tileflight::experiment {
 namespace fs = std::filesystem;
@@ -134,8 +134,7 @@ std::vector<std::string> Pipeline::odometry_products(const OdometryRun& run) con
 }
 
 void Pipeline::build_place(const fs::path& folder, const Progress& progress) const {
-  const base::OutputFolder output{
-      .folder = folder, .command = "scene", .replace = true, .inputs = {}, .legacy = demo_place::legacy_stadium_folder()};
+  const base::OutputFolder output{.folder = folder, .command = "scene", .replace = true, .inputs = {}};
   base::write_folder(output, [&](const fs::path& temporary) {
     demo_place::write_stadium(
         temporary, {.seed = experiment_.place.seed, .texture_scale = experiment_.place.texture_scale}, progress);
@@ -199,24 +198,23 @@ recording::RenderSettings Pipeline::render_settings(const FlightStages& flight) 
   }
   if (render.follows_real && render.degrade && render.degrade->light && !render.degrade->light->utc_s)
     render.degrade->light->utc_s = start_utc_s(experiment_.real);
-  const json truth = place::read_extract_json(folder_ / "truth");
-  const std::vector<double> center = truth.at("region").at("center");
-  const std::vector<double> size = truth.at("region").at("size");
+  const place::ExtractResult truth = place::read_extract_json(folder_ / "truth");
+  const geometry::Box3 scored = truth.scored_region().box;
+  const geometry::Vec3 middle = truth.region->center, size = truth.region->size;
   const double margin = 2 * experiment_.place.view_margin_m;
-  const geometry::Vec3 middle(center[0], center[1], center[2]), half(size[0] / 2, size[1] / 2, size[2] / 2);
   std::optional<std::uintmax_t> memory_bytes;
   if (render.memory_gb) memory_bytes = static_cast<std::uintmax_t>(*render.memory_gb * 1e9);
   return {.source = resolve_source(render.source.empty() ? experiment_.place.source : render.source),
           .load = {.center_local = middle,
                    .size = geometry::Vec3(size[0] + margin, size[1] + margin, size[2] + margin),
                    .error_m = experiment_.place.error_m,
-                   .origin = place::origin_from_json(truth),
+                   .origin = truth.origin,
                    .source = source_options()},
           .flight = render,
           .seed = experiment_.seed,
           .error_px = render.error_px,
           .max_memory_bytes = memory_bytes,
-          .scored = geometry::Box3(middle - half, middle + half),
+          .scored = scored,
           .resume = true,
           .asked = dataset_inputs(flight)};
 }

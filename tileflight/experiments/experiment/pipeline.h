@@ -5,12 +5,12 @@
 #include <string>
 #include <vector>
 
+#include "tileflight/capture/recording/render_stage.h"
+#include "tileflight/evaluation/scoring/map_inputs.h"
 #include "tileflight/experiments/experiment/experiment_file.h"
 #include "tileflight/experiments/experiment/stage_cache.h"
-#include "tileflight/world/place/extract.h"
-#include "tileflight/evaluation/scoring/map_inputs.h"
-#include "tileflight/capture/recording/render_stage.h"
 #include "tileflight/slam/odometry/track.h"
+#include "tileflight/world/place/extract.h"
 
 namespace tileflight::experiment {
 
@@ -38,14 +38,15 @@ class Pipeline {
   /// The flights in the order of execution.
   const std::vector<FlightStages>& flights() const { return flights_; }
   bool simulated_follows_real() const;
-  /// The experiment of a variant: the simulated flight alone, with the changes. What they leave as it is has the keys
-  /// of this experiment's.
+  /// Returns the experiment of a variant: the simulated flight alone, with the changes. Stages that these do not affect
+  /// have the keys of this experiment.
   Experiment make_variant(const Variant& variant) const;
 
   bool uses_built_in_place() const;
   /// Writes the built-in place into a folder that may exist.
   void build_place(const std::filesystem::path& folder, const Progress& progress) const;
-  /// The first run is in the flight's own folder, further ones in FLIGHT/runs/2, …, and FLIGHT/runs/1-backwards, ….
+  /// Returns the runs of a flight. The first one is in the flight's own folder, further ones in FLIGHT/runs/2, …, and
+  /// FLIGHT/runs/1-backwards, ….
   std::vector<OdometryRun> runs(const FlightStages& flight) const;
   std::vector<OdometryRun> find_runs(const std::string& flight) const;
   std::vector<std::string> odometry_products(const OdometryRun& run) const;
@@ -55,10 +56,11 @@ class Pipeline {
   recording::RenderSettings render_settings(const FlightStages& flight) const;
 
   nlohmann::json place_inputs() const;
-  /// Hash of what the built-in place comes from.
+  /// Returns the hash of all inputs of the built-in place.
   std::string place_key() const;
   nlohmann::json truth_inputs() const;
-  /// Hash of what the truth comes from, by content, wherever its tiles lie: equal truths have equal keys.
+  /// Returns the hash of the inputs of the ground truth by content, wherever its tiles lie: equal ground truths have
+  /// equal keys.
   std::string truth_key() const;
   nlohmann::json dataset_inputs(const FlightStages& flight) const;
   nlohmann::json followed_inputs() const;

@@ -1,14 +1,12 @@
 #include "tileflight/experiments/experiment/repetition.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
+#include <nlohmann/json.hpp>
 #include <set>
 #include <string>
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/json_file.h"
 #include "tileflight/evaluation/metrics/repeated_runs.h"
 #include "tileflight/experiments/experiment/run_folder.h"
 

@@ -4,8 +4,7 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/json_file.h"
-#include "tileflight/core/base/version.h"
+#include "tileflight/core/base/program.h"
 #include "tileflight/core/base/warning.h"
 #include "tileflight/data/dataset/dataset.h"
 #include "tileflight/evaluation/metrics/published_results.h"
@@ -91,8 +90,8 @@ std::vector<fs::path> input_files(const Experiment& experiment) {
 
 nlohmann::json collect_results(const Experiment& experiment, const Pipeline& pipeline, const StageCache& cache) {
   const fs::path& run = cache.run_folder();
-  const json truth = place::read_extract_json(run / "truth");
-  json results{{"name", experiment.name}, {"paper", metrics::published_table()}, {"truth", truth}};
+  const place::ExtractResult truth = place::read_extract_json(run / "truth");
+  json results{{"name", experiment.name}, {"paper", metrics::published_table()}, {"truth", to_json(truth)}};
   for (const FlightStages& f : pipeline.flights())
     results[f.name] = describe_flight(f.flight, f.folder, pipeline.runs(f), cache);
   results["comparison"] =
@@ -107,9 +106,9 @@ nlohmann::json collect_results(const Experiment& experiment, const Pipeline& pip
                            {"seed", experiment.seed},
                            {"command", "tileflight run " + experiment.file.string() + " --out " + run.string()},
                            {"inputs", describe_inputs(experiment, cache)},
-                           {"cut_sha256", truth.at("cut_sha256")},
-                           {"attribution", truth.at("attribution")},
-                           {"terms_accepted", truth.value("terms_accepted", false)},
+                           {"cut_sha256", truth.cut_sha256},
+                           {"attribution", truth.attribution},
+                           {"terms_accepted", truth.terms_accepted},
                            {"seconds", cache.seconds()}};
   return results;
 }

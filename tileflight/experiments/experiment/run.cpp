@@ -1,38 +1,124 @@
 #include "tileflight/experiments/experiment/run.h"
 
 #include <algorithm>
+#include <filesystem>
+#include <functional>
 #include <nlohmann/json.hpp>
+#include <nlohmann/json_fwd.hpp>
+#include <sstream>
+#include <vector>
 
+#include "tileflight/capture/ingest/ingest_stage.h"
+#include "tileflight/capture/recording/render_stage.h"
+#include "tileflight/capture/recording/reproduction.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/output_folder.h"
-#include "tileflight/experiments/experiment/ablation.h"
+#include "tileflight/core/base/program.h"
+#include "tileflight/evaluation/scoring/align_stage.h"
+#include "tileflight/evaluation/scoring/compare_maps.h"
+#include "tileflight/evaluation/scoring/evaluate.h"
+#include "tileflight/evaluation/scoring/failure_prediction.h"
+#include "tileflight/experiments/experiment/experiment_file.h"
 #include "tileflight/experiments/experiment/folder_cache.h"
 #include "tileflight/experiments/experiment/pipeline.h"
 #include "tileflight/experiments/experiment/repetition.h"
 #include "tileflight/experiments/experiment/results.h"
 #include "tileflight/experiments/experiment/run_folder.h"
 #include "tileflight/experiments/experiment/stage_cache.h"
-#include "tileflight/world/place/extract.h"
-#include "tileflight/core/base/version.h"
 #include "tileflight/experiments/report/report.h"
-#include "tileflight/evaluation/scoring/align_stage.h"
-#include "tileflight/evaluation/scoring/compare_maps.h"
-#include "tileflight/evaluation/scoring/evaluate.h"
-#include "tileflight/evaluation/scoring/failure_prediction.h"
-#include "tileflight/capture/ingest/ingest_stage.h"
-#include "tileflight/capture/ingest/ingest_stage.h"
-#include "tileflight/capture/recording/followed_flight.h"
-#include "tileflight/capture/recording/render_stage.h"
-#include "tileflight/capture/recording/reproduction.h"
 #include "tileflight/slam/odometry/track.h"
 #include "tileflight/tiles/fetch/url_secrets.h"
+#include "tileflight/world/place/extract.h"
 
 namespace tileflight::experiment {
+
 namespace fs = std::filesystem;
 using nlohmann::json;
 
 namespace {
+
+/// Runs the experiment of a variant into a folder and returns its results.json.
+using VariantRunner = std::function<nlohmann::json(const Variant& variant, const std::filesystem::path& folder)>;
+
+/// Columns and their JSON pointers in results.json.
+const std::vector<std::pair<const char*, json::json_pointer>>& columns() {
+  static const std::vector<std::pair<const char*, json::json_pointer>> kColumns{
+      {"frames", json::json_pointer("/simulated/frames")},
+      {"frames_tracked", json::json_pointer("/simulated/odometry/frames_tracked")},
+      {"keyframes", json::json_pointer("/simulated/odometry/keyframes")},
+      {"points", json::json_pointer("/simulated/map/points")},
+      {"correspondences", json::json_pointer("/simulated/map/correspondences")},
+      {"mean_m", json::json_pointer("/simulated/map/mean")},
+      {"std_m", json::json_pointer("/simulated/map/std")},
+      {"median_to_surface_m", json::json_pointer("/simulated/surface/median")},
+      {"ate_rmse_m", json::json_pointer("/simulated/trajectory/ate_rmse")}};
+  return kColumns;
+}
+
+json variant_row(const std::string& name, const json& results) {
+  json line{{"name", name}, {"failed", nullptr}};
+  for (const auto& [key, where] : columns()) line[key] = results.contains(where) ? results.at(where) : json(nullptr);
+  const json::json_pointer length("/simulated/trajectory/path_length");
+  line["ate_share"] = nullptr;
+  if (line["ate_rmse_m"].is_number() && results.contains(length) && results.at(length).get<double>() > 0)
+    line["ate_share"] = line["ate_rmse_m"].get<double>() / results.at(length).get<double>();
+  return line;
+}
+
+json failed_row(const std::string& name, const std::string& why) {
+  json line = variant_row(name, json::object());
+  line["failed"] = why;
+  return line;
+}
+
+std::string to_csv(const json& lines) {
+  std::ostringstream text;
+  text << "name";
+  for (const auto& column : columns()) text << ',' << column.first;
+  text << ",ate_share,failed\n";
+  const auto cell = [](const json& value) { return value.is_null() ? std::string() : value.dump(); };
+  for (const json& line : lines) {
+    text << line["name"].get<std::string>();
+    for (const auto& column : columns()) text << ',' << cell(line[column.first]);
+    text << ',' << cell(line["ate_share"]) << ',' << (line["failed"].is_null() ? "" : "yes") << "\n";
+  }
+  return text.str();
+}
+
+/// Removes the results of variants that are no longer requested.
+void remove_stale_variants(const std::vector<Variant>& variants, const fs::path& folder) {
+  if (!fs::is_directory(folder)) return;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
+    const std::string name = entry.path().filename().string();
+    if (std::ranges::none_of(variants, [&](const Variant& v) { return v.name == name; })) remove_results(entry.path());
+  }
+}
+
+/// Runs an ablation: flies each variant in RUN/variants/NAME. Returns a list that starts with the unchanged simulated
+/// flight (`results` of the run itself), then one entry per variant: name, frames, frames_tracked, keyframes, points,
+/// correspondences, mean_m, std_m (the paper's numbers), median_to_surface_m, ate_rmse_m, ate_share (of the path
+/// length), and `failed` (the cause; the others are null) if odometry found no map. Unknown values are null. Also
+/// writes RUN/ablation.csv. Variants of an earlier run that are no longer requested are removed.
+json run_variants(const std::vector<Variant>& variants, const json& results, const fs::path& run,
+                  const VariantRunner& fly) {
+  remove_stale_variants(variants, run / "variants");
+  json lines = json::array();
+  lines.push_back(variant_row("as it is", results));
+  for (const Variant& variant : variants) {
+    const fs::path folder = run / "variants" / variant.name;
+    fs::create_directories(folder.parent_path());
+    try {
+      lines.push_back(variant_row(variant.name, fly(variant, folder)));
+    } catch (const InputError& error) {
+      // A camera too poor for any map is a valid result; a failure before odometry is an error.
+      if (!fs::exists(folder / "stages/simulated-odometry.json")) throw;
+      lines.push_back(failed_row(variant.name, error.what()));
+    }
+  }
+  base::write_file(run / "ablation.csv", to_csv(lines));
+  return lines;
+}
 
 /// Runs odometry on a flight's dataset: the built-in one or the experiment's command.
 void run_odometry_stage(const Experiment& experiment, const fs::path& dataset, const OdometryRun& run,
@@ -43,7 +129,7 @@ void run_odometry_stage(const Experiment& experiment, const fs::path& dataset, c
   if (!settings.debug_pictures && fs::exists(pictures)) base::remove_output(pictures);
   if (!settings.command.empty()) {
     odometry::track_with_command(dataset, run.folder / "odometry", true, settings.command,
-                               fs::absolute(experiment.file).parent_path());
+                                 fs::absolute(experiment.file).parent_path());
     return;
   }
   odometry::TrackOptions extras = settings.track_options;

@@ -5,10 +5,10 @@
 #include <string>
 #include <vector>
 
+#include "tileflight/capture/recording/render_stage.h"
 #include "tileflight/core/base/progress.h"
 #include "tileflight/experiments/experiment/experiment_file.h"
 #include "tileflight/experiments/experiment/stage_cache.h"
-#include "tileflight/capture/recording/render_stage.h"
 
 namespace tileflight::experiment {
 

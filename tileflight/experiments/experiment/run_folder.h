@@ -4,7 +4,7 @@
 #include <optional>
 #include <string>
 
-#include "tileflight/core/jobs/folder_lock.h"
+#include "tileflight/core/jobs/build_folder.h"
 
 namespace tileflight::experiment {
 

@@ -5,11 +5,10 @@
 #include <nlohmann/json.hpp>
 
 #include "tileflight/core/base/files.h"
-#include "tileflight/core/base/folder_marker.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/output_folder.h"
-#include "tileflight/experiments/experiment/link_files.h"
 #include "tileflight/core/base/memory_budget.h"
+#include "tileflight/core/base/output_folder.h"
+#include "tileflight/experiments/experiment/folder_cache.h"
 
 namespace tileflight::experiment {
 namespace fs = std::filesystem;
@@ -62,11 +61,8 @@ bool StageCache::take_over(const std::string& name, const std::string& key, cons
   for (const std::string& product : products) {
     fs::create_directories((run_folder_ / product).parent_path());
     const auto marker = base::read_folder_marker(original_ / product);
-    const base::OutputFolder output{.folder = run_folder_ / product,
-                                    .command = marker ? marker->command : "run",
-                                    .replace = true,
-                                    .inputs = {},
-                                    .legacy = {}};
+    const base::OutputFolder output{
+        .folder = run_folder_ / product, .command = marker ? marker->command : "run", .replace = true, .inputs = {}};
     base::write_folder(output, [&](const fs::path& temporary) { link_files(original_ / product, temporary); });
   }
   done_[name] = record;

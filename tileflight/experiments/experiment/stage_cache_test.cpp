@@ -9,6 +9,7 @@
 #include "tests/temporary_folder.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/output_folder.h"
 
 namespace tileflight::experiment::stage_cache_test {
 namespace {

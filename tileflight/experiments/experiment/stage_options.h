@@ -2,8 +2,8 @@
 
 #include "tileflight/core/alignment/align_map.h"
 #include "tileflight/core/base/strict_section.h"
-#include "tileflight/slam/odometry/odometry.h"
 #include "tileflight/evaluation/scoring/evaluation_settings.h"
+#include "tileflight/slam/odometry/odometry.h"
 
 namespace tileflight::experiment {
 

@@ -3,9 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "tileflight/capture/render/image_formation.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/text_parsing.h"
-#include "tileflight/capture/render/image_formation_section.h"
 
 namespace tileflight::experiment::stage_options_test {
 namespace {

@@ -7,22 +7,29 @@
 #include "tileflight/core/drawing/number_format.h"
 
 namespace tileflight::report {
+using drawing::display_width;
+using drawing::format_count;
+using drawing::format_fixed;
+using drawing::kUnknown;
+using drawing::number_at;
+using drawing::text_at;
+
 namespace {
 
 using nlohmann::json;
 
 std::vector<std::string> row_of(const json& line) {
-  const std::string name = drawing::text_at(line, "/name").value_or(drawing::kUnknown);
-  const auto why = drawing::text_at(line, "/failed");
-  if (why) return {name, "no map", drawing::kUnknown, drawing::kUnknown, drawing::kUnknown, drawing::kUnknown, drawing::kUnknown};
-  const auto share = drawing::number_at(line, "/ate_share");
+  const std::string name = text_at(line, "/name").value_or(kUnknown);
+  const auto why = text_at(line, "/failed");
+  if (why) return {name, "no map", kUnknown, kUnknown, kUnknown, kUnknown, kUnknown};
+  const auto share = number_at(line, "/ate_share");
   return {name,
-          drawing::format_count(drawing::number_at(line, "/frames_tracked")),
-          drawing::format_count(drawing::number_at(line, "/points")),
-          drawing::format_fixed(drawing::number_at(line, "/mean_m"), 4),
-          drawing::format_fixed(drawing::number_at(line, "/median_to_surface_m"), 4),
-          drawing::format_fixed(drawing::number_at(line, "/ate_rmse_m"), 4),
-          share ? drawing::format_fixed(100.0 * *share, 3) : drawing::kUnknown};
+          format_count(number_at(line, "/frames_tracked")),
+          format_count(number_at(line, "/points")),
+          format_fixed(number_at(line, "/mean_m"), 4),
+          format_fixed(number_at(line, "/median_to_surface_m"), 4),
+          format_fixed(number_at(line, "/ate_rmse_m"), 4),
+          share ? format_fixed(100.0 * *share, 3) : kUnknown};
 }
 
 const std::vector<std::string>& head() {
@@ -52,12 +59,12 @@ std::string ablation_text(const json& results) {
   rows.insert(rows.begin(), head());
   std::vector<std::size_t> widths(head().size(), 0);
   for (const auto& row : rows)
-    for (std::size_t i = 0; i < row.size(); ++i) widths[i] = std::max(widths[i], drawing::display_width(row[i]));
+    for (std::size_t i = 0; i < row.size(); ++i) widths[i] = std::max(widths[i], display_width(row[i]));
   std::string text;
   for (const auto& row : rows) {
-    text += row[0] + std::string(widths[0] - drawing::display_width(row[0]), ' ');
+    text += row[0] + std::string(widths[0] - display_width(row[0]), ' ');
     for (std::size_t i = 1; i < row.size(); ++i)
-      text += "  " + std::string(widths[i] - drawing::display_width(row[i]), ' ') + row[i];
+      text += "  " + std::string(widths[i] - display_width(row[i]), ' ') + row[i];
     text += "\n";
   }
   return text;

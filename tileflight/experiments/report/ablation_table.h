@@ -9,7 +9,7 @@ namespace tileflight::report {
 
 /// Table of each variant's effect on the map and path, one row per variant; no rows if there are no variants.
 Table ablation_table(const nlohmann::json& results);
-/// The same table as plain text for a terminal; empty if there are no variants.
+/// Returns the table as plain text for a terminal; empty if there are no variants.
 std::string ablation_text(const nlohmann::json& results);
 
 }  // namespace tileflight::report

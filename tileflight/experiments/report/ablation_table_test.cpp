@@ -1,8 +1,8 @@
 #include "tileflight/experiments/report/ablation_table.h"
 
 #include <gmock/gmock.h>
-#include <nlohmann/json.hpp>
 
+#include <nlohmann/json.hpp>
 #include <sstream>
 
 namespace tileflight::report::ablation_table_test {
@@ -28,7 +28,7 @@ TEST(AblationTable, HasARowAVariant) {
 }
 
 TEST(AblationTable, LinesOfTextAreOfOneWidth) {
-  std::istringstream drawing::text(ablation_text(results_of_two()));
+  std::istringstream text(ablation_text(results_of_two()));
   std::vector<std::string> lines;
   for (std::string line; std::getline(text, line);) lines.push_back(line);
   ASSERT_EQ(lines.size(), 3U);

@@ -4,9 +4,11 @@
 
 namespace tileflight::report {
 
-drawing::Figure chart_figure(const std::string& id, const drawing::Chart& chart, const std::string& caption) {
+using drawing::Figure;
+
+Figure chart_figure(const std::string& id, const drawing::Chart& chart, const std::string& caption) {
   const drawing::Drawing drawing = drawing::to_drawing(chart);
-  drawing::Figure figure{id, "chart-figure", drawing::on_page(drawing), caption};
+  Figure figure{id, "chart-figure", drawing::on_page(drawing), caption};
   figure.files = {{id + ".svg", "image/svg+xml", drawing::svg_file(chart.title, {drawing})},
                   {id + ".csv", "text/csv", drawing::to_csv(chart)}};
   figure.series = nlohmann::json::array();

@@ -3,7 +3,7 @@
 #include <string>
 
 #include "tileflight/core/drawing/chart.h"
-#include "tileflight/core/drawing/figure.h"
+#include "tileflight/core/drawing/drawing.h"
 
 namespace tileflight::report {
 

@@ -1,14 +1,18 @@
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <cmath>
+#include <nlohmann/json.hpp>
 
+#include "tileflight/core/drawing/number_format.h"
 #include "tileflight/experiments/report/chart_figure.h"
 #include "tileflight/experiments/report/figures.h"
 #include "tileflight/experiments/report/map_errors.h"
-#include "tileflight/core/drawing/number_format.h"
 
 namespace tileflight::report {
+using drawing::Chart;
+using drawing::Figure;
+using drawing::format_fixed;
+using drawing::number_at;
+
 namespace {
 
 using nlohmann::json;
@@ -26,10 +30,10 @@ Bins bins_of(const json& values) {
   Bins bins;
   if (!histogram.is_object() || !histogram.contains("edges") || !histogram.contains("counts")) return bins;
   double total = 0;
-  for (std::size_t i = 0; drawing::number_at(histogram, "/edges/" + std::to_string(i)); ++i)
-    bins.edges.push_back(*drawing::number_at(histogram, "/edges/" + std::to_string(i)));
-  for (std::size_t i = 0; drawing::number_at(histogram, "/counts/" + std::to_string(i)); ++i) {
-    bins.shares.push_back(*drawing::number_at(histogram, "/counts/" + std::to_string(i)));
+  for (std::size_t i = 0; number_at(histogram, "/edges/" + std::to_string(i)); ++i)
+    bins.edges.push_back(*number_at(histogram, "/edges/" + std::to_string(i)));
+  for (std::size_t i = 0; number_at(histogram, "/counts/" + std::to_string(i)); ++i) {
+    bins.shares.push_back(*number_at(histogram, "/counts/" + std::to_string(i)));
     total += bins.shares.back();
   }
   for (double& share : bins.shares) share /= std::max(total, 1.0);
@@ -39,8 +43,8 @@ Bins bins_of(const json& values) {
 
 }  // namespace
 
-drawing::Figure histogram_figure(const RunFolder& run) {
-  drawing::Chart chart{"Histogram of map errors",
+Figure histogram_figure(const RunFolder& run) {
+  Chart chart{"Histogram of map errors",
               "",
               {"distance to the nearest voxel centre, m", 0, 1},
               {"share of correspondences, %", 0, 1},
@@ -53,14 +57,14 @@ drawing::Figure histogram_figure(const RunFolder& run) {
     for (double& share : bins.shares) highest = std::max(highest, share *= 100);
     chart.x.high = bins.edges.back();
     chart.lines.push_back({flight.label, flight.key, drawing::histogram_outline(bins.edges, bins.shares), true});
-    if (const auto mean = drawing::number_at(flight.values, "/map/mean")) {
-      chart.marks.push_back({flight.label + ", mean " + drawing::format_fixed(mean, 4) + " m", flight.key, *mean});
-      chart.description += flight.label + ": mean " + drawing::format_fixed(mean, 4) + " m, standard deviation " +
-                           drawing::format_fixed(drawing::number_at(flight.values, "/map/std"), 4) + " m. ";
+    if (const auto mean = number_at(flight.values, "/map/mean")) {
+      chart.marks.push_back({flight.label + ", mean " + format_fixed(mean, 4) + " m", flight.key, *mean});
+      chart.description += flight.label + ": mean " + format_fixed(mean, 4) + " m, standard deviation " +
+                           format_fixed(number_at(flight.values, "/map/std"), 4) + " m. ";
     }
-    const auto floor = drawing::number_at(flight.values, "/map/quantization_floor/mean");
+    const auto floor = number_at(flight.values, "/map/quantization_floor/mean");
     if (floor && chart.lines.size() == 1)
-      chart.marks.push_back({"Floor: mean of a perfect map, " + drawing::format_fixed(floor, 4) + " m", "floor", *floor});
+      chart.marks.push_back({"Floor: mean of a perfect map, " + format_fixed(floor, 4) + " m", "floor", *floor});
   }
   if (chart.lines.empty()) return {};
   chart.y.high = 1.08 * std::max(highest, 1e-9);
@@ -70,9 +74,9 @@ drawing::Figure histogram_figure(const RunFolder& run) {
       "map: it is not zero because surfaces do not pass through the centres of voxels.");
 }
 
-drawing::Figure cumulative_figure(const RunFolder& run) {
+Figure cumulative_figure(const RunFolder& run) {
   const ScoredRegion region(run.results);
-  drawing::Chart chart{"Cumulative map error",
+  Chart chart{"Cumulative map error",
               "",
               {"distance to the exact surface, m", 0, kCumulativeLimit_m},
               {"share of map points, %", 0, 100},
@@ -82,10 +86,11 @@ drawing::Figure cumulative_figure(const RunFolder& run) {
     const std::vector<float>* distances = best_distances(flight);
     if (!distances || distances->empty()) continue;
     const std::vector<double> over_region = distances_in_region(region, flight, *distances);
-    std::vector<geometry::Vec2> points = drawing::cumulative_points(over_region, over_region.size(), kCumulativeLimit_m);
+    std::vector<geometry::Vec2> points =
+        drawing::cumulative_points(over_region, over_region.size(), kCumulativeLimit_m);
     for (geometry::Vec2& p : points) p.y() *= 100;
     chart.description +=
-        flight.label + ": " + drawing::format_fixed(points[points.size() / 4].y(), 1) + " % of points within 0.5 m. ";
+        flight.label + ": " + format_fixed(points[points.size() / 4].y(), 1) + " % of points within 0.5 m. ";
     if (!find_scalar(flight, "surface_distance")) chart.x.label = "distance to the nearest voxel centre, m";
     chart.lines.push_back({flight.label, flight.key, std::move(points), false});
   }

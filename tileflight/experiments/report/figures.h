@@ -1,6 +1,6 @@
 #pragma once
 
-#include "tileflight/core/drawing/figure.h"
+#include "tileflight/core/drawing/drawing.h"
 #include "tileflight/experiments/report/run_folder.h"
 
 namespace tileflight::report {

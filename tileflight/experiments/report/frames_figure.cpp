@@ -1,39 +1,45 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tileflight/core/drawing/number_format.h"
+#include "tileflight/core/drawing/page_image.h"
 #include "tileflight/experiments/report/figures.h"
 #include "tileflight/experiments/report/frame_pairs.h"
-#include "tileflight/core/drawing/thumbnail.h"
-#include "tileflight/core/drawing/number_format.h"
 
 namespace tileflight::report {
+using drawing::element;
+using drawing::format_fixed;
+using drawing::Html;
+using drawing::text;
+
 namespace {
 
 constexpr std::size_t kPairs = 3;
 constexpr int kThumbnailPixels = 640;
 
-std::string seconds_text(double time_s) { return drawing::format_fixed(time_s, 2) + " s"; }
+std::string seconds_text(double time_s) { return format_fixed(time_s, 2) + " s"; }
 
 /// `camera`: of a rig's other than the first; else empty.
-drawing::Html frame_cell(const FlightRun& flight, const FrameFile& frame, const std::string& camera = "") {
+Html frame_cell(const FlightRun& flight, const FrameFile& frame, const std::string& camera = "") {
   const std::string by = camera.empty() ? "" : ", camera " + camera;
   const std::string alt = flight.label + " flight" + by + ", image at " + seconds_text(frame.time_s);
-  const drawing::Html image = drawing::empty_element("img", {{"src", drawing::thumbnail_uri(frame.image, kThumbnailPixels)}, {"alt", alt}});
-  return drawing::element("div", {{"class", "frame " + flight.key}},
-                 image + drawing::element("p", drawing::text(flight.label + by + ", " + seconds_text(frame.time_s))));
+  const Html image =
+      drawing::empty_element("img", {{"src", drawing::thumbnail_uri(frame.image, kThumbnailPixels)}, {"alt", alt}});
+  return element("div", {{"class", "frame " + flight.key}},
+                 image + element("p", text(flight.label + by + ", " + seconds_text(frame.time_s))));
 }
 
 std::string pair_note(const FramePair& pair) {
   if (!pair.distance_m) return "";
-  return "Cameras " + drawing::format_fixed(pair.distance_m, 1) + " m and " + drawing::format_fixed(pair.angle_deg, 0) + "\u00B0 apart.";
+  return "Cameras " + format_fixed(pair.distance_m, 1) + " m and " + format_fixed(pair.angle_deg, 0) + "\u00B0 apart.";
 }
 
-drawing::Html pairs_of(const FlightRun& first, const FlightRun& second, const std::vector<FramePair>& pairs) {
-  drawing::Html rows;
+Html pairs_of(const FlightRun& first, const FlightRun& second, const std::vector<FramePair>& pairs) {
+  Html rows;
   for (const FramePair& pair : pairs) {
-    rows += drawing::element("div", {{"class", "pair"}},
+    rows += element("div", {{"class", "pair"}},
                     frame_cell(first, pair.first) + frame_cell(second, pair.second) +
-                        drawing::element("p", {{"class", "note"}}, drawing::text(pair_note(pair))));
+                        element("p", {{"class", "note"}}, text(pair_note(pair))));
   }
   return rows;
 }
@@ -43,18 +49,18 @@ const FrameFile& nearest(const std::vector<FrameFile>& frames, double time_s) {
                                    [time_s](const FrameFile& frame) { return std::abs(frame.time_s - time_s); });
 }
 
-/// What the other cameras of a rig took when `shown` were taken, each camera to be unfolded.
-drawing::Html other_cameras_of(const FlightRun& flight, const std::vector<FrameFile>& shown) {
+/// Returns the images that the other cameras of a rig took at the times of `shown`, folded away for each camera.
+Html other_cameras_of(const FlightRun& flight, const std::vector<FrameFile>& shown) {
   constexpr std::size_t kMostCameras = 8;
-  drawing::Html all;
+  Html all;
   const std::size_t count = std::min(kMostCameras, flight.other_cameras.size());
   for (std::size_t c = 0; c < count; ++c) {
     const CameraFrames& camera = flight.other_cameras[c];
-    drawing::Html cells;
+    Html cells;
     for (const FrameFile& frame : shown) cells += frame_cell(flight, nearest(camera.frames, frame.time_s), camera.name);
-    all += drawing::element("details", {{"class", "camera"}},
-                   drawing::element("summary", drawing::text(flight.label + " flight, camera " + camera.name)) +
-                       drawing::element("div", {{"class", "pair"}}, cells));
+    all += element("details", {{"class", "camera"}},
+                   element("summary", text(flight.label + " flight, camera " + camera.name)) +
+                       element("div", {{"class", "pair"}}, cells));
   }
   return all;
 }
@@ -91,9 +97,9 @@ drawing::Figure frames_figure(const RunFolder& run) {
             "Images of both flights with the most similar views." + camera_note(flights)};
   }
   const std::vector<FrameFile> shown = pick_evenly(flights[0]->frames, 2 * kPairs);
-  drawing::Html cells;
+  Html cells;
   for (const FrameFile& frame : shown) cells += frame_cell(*flights[0], frame);
-  return {"frames", "frames", drawing::element("div", {{"class", "pair"}}, cells) + other_cameras_of(*flights[0], shown),
+  return {"frames", "frames", element("div", {{"class", "pair"}}, cells) + other_cameras_of(*flights[0], shown),
           "Images of the " + flights[0]->label + " flight." + camera_note(flights)};
 }
 

@@ -1,16 +1,23 @@
 #include "tileflight/experiments/report/map_comparison_tables.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <cmath>
+#include <nlohmann/json.hpp>
 #include <vector>
 
-#include "tileflight/core/base/text_fields.h"
-#include "tileflight/experiments/report/key_figures.h"
+#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/core/drawing/number_format.h"
+#include "tileflight/experiments/report/key_figures.h"
 
 namespace tileflight::report {
+using drawing::format_count;
+using drawing::format_fixed;
+using drawing::format_shortest;
+using drawing::format_signed;
+using drawing::kUnknown;
+using drawing::number_at;
+using drawing::text_at;
+
 namespace {
 
 using nlohmann::json;
@@ -45,7 +52,7 @@ struct MetricEntry {
   Wording wording;
   json values;
 
-  bool by_ratio() const { return drawing::text_at(values, "/margin_of").value_or("") == "ratio"; }
+  bool by_ratio() const { return text_at(values, "/margin_of").value_or("") == "ratio"; }
 };
 
 std::vector<MetricEntry> compared_in(const json& comparison) {
@@ -69,29 +76,29 @@ std::vector<MetricEntry> compared_in(const json& comparison) {
 }
 
 std::string value_text(const MetricEntry& c, const char* flight) {
-  const auto value = drawing::number_at(c.values, std::string("/") + flight);
-  return c.wording.is_share ? drawing::format_percent(value) : drawing::format_fixed(value, c.wording.decimals);
+  const auto value = number_at(c.values, std::string("/") + flight);
+  return c.wording.is_share ? drawing::format_percent(value) : format_fixed(value, c.wording.decimals);
 }
 
 /// The judged quantity: "1.43", "+8.3 points".
 std::string judged_text(const MetricEntry& c, const std::string& pointer) {
-  const auto value = drawing::number_at(c.values, pointer);
-  if (c.by_ratio()) return drawing::format_shortest(value ? std::optional(std::round(*value * 1000) / 1000) : std::nullopt);
-  if (!c.wording.is_share) return drawing::format_signed(value, c.wording.decimals);
-  return drawing::format_signed(value ? std::optional(100 * *value) : std::nullopt, 1);
+  const auto value = number_at(c.values, pointer);
+  if (c.by_ratio()) return format_shortest(value ? std::optional(std::round(*value * 1000) / 1000) : std::nullopt);
+  if (!c.wording.is_share) return format_signed(value, c.wording.decimals);
+  return format_signed(value ? std::optional(100 * *value) : std::nullopt, 1);
 }
 
 std::string interval_text(const MetricEntry& c) {
   const std::string key = c.by_ratio() ? "/ratio_ci95" : "/ci95";
-  if (!drawing::number_at(c.values, key + "/0") || !drawing::number_at(c.values, key + "/1")) return drawing::kUnknown;
+  if (!number_at(c.values, key + "/0") || !number_at(c.values, key + "/1")) return kUnknown;
   return judged_text(c, key + "/0") + " to " + judged_text(c, key + "/1");
 }
 
 /// "×1.25", "5 points", "×1.25 or 0.1 m".
 std::string margin_text(const MetricEntry& c) {
-  const auto margin = drawing::number_at(c.values, "/margin"), or_within = drawing::number_at(c.values, "/or_within");
-  if (!c.by_ratio()) return drawing::format_shortest(margin ? std::optional(100 * *margin) : std::nullopt) + " points";
-  return "\u00D7" + drawing::format_shortest(margin) + (or_within ? " or " + drawing::format_shortest(or_within) + "\u00A0m" : "");
+  const auto margin = number_at(c.values, "/margin"), or_within = number_at(c.values, "/or_within");
+  if (!c.by_ratio()) return format_shortest(margin ? std::optional(100 * *margin) : std::nullopt) + " points";
+  return "\u00D7" + format_shortest(margin) + (or_within ? " or " + format_shortest(or_within) + "\u00A0m" : "");
 }
 
 std::string judged_and_unit(const MetricEntry& c) {
@@ -100,25 +107,25 @@ std::string judged_and_unit(const MetricEntry& c) {
 }
 
 std::string verdict_cell(const MetricEntry& c) {
-  const std::string word = drawing::text_at(c.values, "/verdict").value_or(drawing::kUnknown);
+  const std::string word = text_at(c.values, "/verdict").value_or(kUnknown);
   const bool decides = !c.values.contains("decides") || c.values["decides"] != false;
   return decides ? word : word + " (not used for the verdict)";
 }
 
 /// "completeness at 0.2 m is 3.37 times the surrogate's (95 % interval 2.9 to 4.1; up to 1.02 counts as the same)".
 std::string phrase_of(const MetricEntry& c, const std::string& second) {
-  const auto value = drawing::number_at(c.values, c.by_ratio() ? "/ratio" : "/difference");
+  const auto value = number_at(c.values, c.by_ratio() ? "/ratio" : "/difference");
   std::string words = c.wording.phrase + " is ";
   if (!value) return words + "not known for both";
   if (c.by_ratio()) {
     words += judged_text(c, "/ratio") + " times the " + second + "'s";
   } else {
-    words += drawing::format_fixed(100 * std::abs(*value), 1) + " percentage points " + (*value < 0 ? "below" : "above") +
+    words += format_fixed(100 * std::abs(*value), 1) + " percentage points " + (*value < 0 ? "below" : "above") +
              " the " + second + "'s";
   }
   const std::string interval = interval_text(c);
   const std::string same = c.by_ratio() ? margin_text(c).substr(std::string("\u00D7").size()) : margin_text(c);
-  return words + " (" + (interval == drawing::kUnknown ? "no interval" : "95\u00A0% interval " + interval) +
+  return words + " (" + (interval == kUnknown ? "no interval" : "95\u00A0% interval " + interval) +
          "; equivalence margin " + same + ")";
 }
 
@@ -177,11 +184,11 @@ Table missing_parts_table(const json& results) {
       {"East, north, up, m", "Diameter, m", "Simulated points", second + " points", "Missing in"},
       {}};
   for (const json& part : comparison.at(place)) {
-    const auto at = [&](const char* axis) { return drawing::format_fixed(drawing::number_at(part, std::string("/center/") + axis), 0); };
-    table.rows.push_back({at("0") + ", " + at("1") + ", " + at("2"), drawing::format_shortest(drawing::number_at(part, "/edge")),
-                          drawing::format_count(drawing::number_at(part, "/points/simulated")),
-                          drawing::format_count(drawing::number_at(part, "/points/real")),
-                          drawing::text_at(part, "/lacks").value_or("") == "simulated" ? "simulated" : base::to_lower(second)});
+    const auto at = [&](const char* axis) { return format_fixed(number_at(part, std::string("/center/") + axis), 0); };
+    table.rows.push_back({at("0") + ", " + at("1") + ", " + at("2"), format_shortest(number_at(part, "/edge")),
+                          format_count(number_at(part, "/points/simulated")),
+                          format_count(number_at(part, "/points/real")),
+                          text_at(part, "/lacks").value_or("") == "simulated" ? "simulated" : base::to_lower(second)});
   }
   return table;
 }
@@ -211,7 +218,7 @@ std::string map_comparison_text(const json& results) {
 }
 
 std::string map_comparison_claim(const json& comparison, const std::string& second) {
-  const std::string word = drawing::text_at(comparison, "/verdict").value_or("");
+  const std::string word = text_at(comparison, "/verdict").value_or("");
   const std::string what = "the " + second + " flight's map: ";
   if (word == "equivalent")
     return "Simulation predicted " + what + joined(phrases_of(comparison, "verdict_on", second));

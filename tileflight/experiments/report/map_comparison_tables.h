@@ -10,11 +10,11 @@ namespace tileflight::report {
 // Tables and texts of the numbers that distinguish two maps (`comparison` of results.json: surface, completeness,
 // path).
 
-/// Whether the comparison has any of them; otherwise it holds only the published measure.
+/// Returns whether the comparison has any of these numbers; otherwise it holds only the published measure.
 bool has_map_comparison(const nlohmann::json& comparison);
 
-/// One row per number: both values, the compared quantity (ratio or difference) with its interval, the equivalence
-/// margin, and the result. `second`: name of the second flight. No rows without data.
+/// Returns a table with one row per number: both values, the compared quantity (ratio or difference) with its interval,
+/// the equivalence margin, and the result. It has no rows without data.
 Table map_comparison_table(const nlohmann::json& results);
 
 /// Areas that one map lacks and the other covers. No rows without data.
@@ -23,8 +23,9 @@ Table missing_parts_table(const nlohmann::json& results);
 /// map_comparison_table() for a terminal, preceded by the verdict; empty without data.
 std::string map_comparison_text(const nlohmann::json& results);
 
-/// "Simulation did not predict the surrogate flight's map: completeness at 0.2 m is 3.37 times the surrogate's (95 %
-/// interval 2.9 to 4.1; up to 1.02 counts as the same)".
+/// Returns a sentence such as "Simulation did not predict the surrogate flight's map: completeness at 0.2 m is 3.37
+/// times the surrogate's (95 % interval 2.9 to 4.1; up to 1.02 counts as the same)". `second`: name of the second
+/// flight.
 std::string map_comparison_claim(const nlohmann::json& comparison, const std::string& second);
 
 }  // namespace tileflight::report

@@ -1,8 +1,7 @@
 #include "tileflight/experiments/report/map_errors.h"
 
-#include <nlohmann/json.hpp>
-
 #include <cmath>
+#include <nlohmann/json.hpp>
 
 #include "tileflight/core/drawing/number_format.h"
 

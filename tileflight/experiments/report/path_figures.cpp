@@ -2,12 +2,19 @@
 #include <cmath>
 #include <sstream>
 
-#include "tileflight/experiments/report/chart_figure.h"
-#include "tileflight/experiments/report/figures.h"
 #include "tileflight/core/drawing/number_format.h"
 #include "tileflight/core/drawing/top_view.h"
+#include "tileflight/experiments/report/chart_figure.h"
+#include "tileflight/experiments/report/figures.h"
 
 namespace tileflight::report {
+using drawing::Chart;
+using drawing::ChartLine;
+using drawing::Figure;
+using drawing::fit_extent;
+using drawing::format_fixed;
+using drawing::TrackLayer;
+
 namespace {
 
 /// Approximate maximum number of points of a chart's line.
@@ -20,7 +27,7 @@ std::vector<geometry::Vec3> positions_of(const geometry::Trajectory& trajectory)
 }
 
 /// Adds a flight's lines and their names; the estimate is drawn on top.
-void add_tracks(const FlightRun& flight, std::vector<drawing::TrackLayer>& tracks, std::vector<drawing::LegendEntry>& entries) {
+void add_tracks(const FlightRun& flight, std::vector<TrackLayer>& tracks, std::vector<drawing::LegendEntry>& entries) {
   if (!flight.telemetry.empty()) {
     tracks.push_back({flight.key + " telemetry", flight.telemetry, true});
     entries.push_back({flight.label + ", receiver's positions", "dots-sample " + flight.key + " telemetry"});
@@ -39,13 +46,13 @@ void add_tracks(const FlightRun& flight, std::vector<drawing::TrackLayer>& track
 std::vector<std::vector<std::string>> poses_of(const RunFolder& run) {
   std::vector<std::vector<std::string>> lines{{"flight", "path", "time, s", "east, m", "north, m", "up, m"}};
   const auto add = [&](const FlightRun& flight, const char* path, const std::string& time, const geometry::Vec3& p) {
-    lines.push_back({flight.label, path, time, drawing::format_fixed(p.x(), 3), drawing::format_fixed(p.y(), 3), drawing::format_fixed(p.z(), 3)});
+    lines.push_back({flight.label, path, time, format_fixed(p.x(), 3), format_fixed(p.y(), 3), format_fixed(p.z(), 3)});
   };
   for (const FlightRun& flight : run.flights) {
     for (const auto& [name, path] : {std::pair("estimated", &flight.estimate), std::pair("true", &flight.truth)}) {
       if (!*path) continue;
       for (const geometry::StampedPose& pose : (*path)->poses)
-        add(flight, name, drawing::format_fixed(pose.time_s, 3), pose.T_local_camera.translation);
+        add(flight, name, format_fixed(pose.time_s, 3), pose.T_local_camera.translation);
     }
     for (const geometry::Vec3& p : flight.telemetry) add(flight, "receiver", "", p);
   }
@@ -78,8 +85,8 @@ std::vector<geometry::Vec2> subsample(const std::vector<geometry::Vec2>& points)
 }
 
 /// Extends the axes to the lines' largest values.
-void fit_axes(drawing::Chart& chart) {
-  for (const drawing::ChartLine& line : chart.lines) {
+void fit_axes(Chart& chart) {
+  for (const ChartLine& line : chart.lines) {
     for (const geometry::Vec2& p : line.points) {
       chart.x.high = std::max(chart.x.high, p.x());
       chart.y.high = std::max(chart.y.high, 1.05 * p.y());
@@ -89,31 +96,33 @@ void fit_axes(drawing::Chart& chart) {
 
 }  // namespace
 
-drawing::Figure paths_figure(const RunFolder& run) {
+Figure paths_figure(const RunFolder& run) {
   drawing::TopView view{"Paths from above", "Estimated, true and receiver's positions of each flight", {}, {}, {}};
   for (const FlightRun& flight : run.flights) add_tracks(flight, view.tracks, view.legend);
   if (view.tracks.empty()) return {};
-  view.extent = drawing::fit_extent(view.tracks.front().points, 0.08);
-  for (const drawing::TrackLayer& track : view.tracks) view.extent = drawing::merge_extents(view.extent, drawing::fit_extent(track.points, 0.08));
+  view.extent = fit_extent(view.tracks.front().points, 0.08);
+  for (const TrackLayer& track : view.tracks)
+    view.extent = drawing::merge_extents(view.extent, fit_extent(track.points, 0.08));
   view.extent = drawing::limit_aspect_ratio(view.extent);
-  if (run.voxel_centers) view.images.push_back({"backdrop", drawing::draw_voxels(view.extent, *run.voxel_centers, run.voxel_m)});
+  if (run.voxel_centers)
+    view.images.push_back({"backdrop", drawing::draw_voxels(view.extent, *run.voxel_centers, run.voxel_m)});
   const drawing::Drawing drawing = drawing::to_drawing(view);
-  drawing::Figure figure{"paths", "paths", drawing::on_page(drawing),
+  Figure figure{"paths", "paths", drawing::on_page(drawing),
                 "Flights from above, after the maps were aligned; a ring marks the start."};
   figure.files = {{"paths.svg", "image/svg+xml", drawing::svg_file(view.title, {drawing})},
                   {"paths.csv", "text/csv", drawing::to_csv(poses_of(run))}};
   return figure;
 }
 
-drawing::Figure path_error_figure(const RunFolder& run) {
-  drawing::Chart chart{
+Figure path_error_figure(const RunFolder& run) {
+  Chart chart{
       "Error along the path", "", {"distance flown, m", 0, 1}, {"distance from the true path, m", 0, 1e-3}, {}, {}};
   for (const FlightRun& flight : run.flights) {
     const std::vector<geometry::Vec2> points = error_along(flight);
     if (points.size() < 2) continue;
     double largest = 0;
     for (const geometry::Vec2& p : points) largest = std::max(largest, p.y());
-    chart.description += flight.label + ": at most " + drawing::format_fixed(largest, 3) + " m. ";
+    chart.description += flight.label + ": at most " + format_fixed(largest, 3) + " m. ";
     chart.lines.push_back({flight.label, flight.key, subsample(points), false});
   }
   if (chart.lines.empty()) return {};
@@ -123,13 +132,13 @@ drawing::Figure path_error_figure(const RunFolder& run) {
                       "table are after aligning the paths themselves.");
 }
 
-drawing::Figure overlap_figure(const RunFolder& run) {
-  drawing::Chart chart{"Similarity of both flights' views", "", {"time, s", 0, 1e-3}, {"from 0 to 1", 0, 1}, {}, {}};
+Figure overlap_figure(const RunFolder& run) {
+  Chart chart{"Similarity of both flights' views", "", {"time, s", 0, 1e-3}, {"from 0 to 1", 0, 1}, {}, {}};
   const std::vector<std::pair<std::string, std::string>> kinds{{"Overlap of views", "overlap"},
                                                                {"Correlation of images", "correlation"},
                                                                {"Structural similarity", "structure"}};
   for (std::size_t kind = 0; kind < kinds.size(); ++kind) {
-    drawing::ChartLine line{kinds[kind].first, kinds[kind].second, {}};
+    ChartLine line{kinds[kind].first, kinds[kind].second, {}};
     for (const ViewPair& pair : run.view_pairs) {
       const double value = std::array{pair.overlap, pair.ncc, pair.ssim}[kind];
       if (std::isfinite(value)) line.points.emplace_back(pair.time_s, std::max(0.0, value));

@@ -1,14 +1,20 @@
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <nlohmann/json.hpp>
 
-#include "tileflight/experiments/report/map_errors.h"
 #include "tileflight/core/drawing/number_format.h"
+#include "tileflight/experiments/report/map_errors.h"
 #include "tileflight/experiments/report/tables.h"
 
 namespace tileflight::report {
+using drawing::format_count;
+using drawing::format_percent;
+using drawing::format_shortest;
+using drawing::GroundExtent;
+using drawing::kUnknown;
+using drawing::number_at;
+
 namespace {
 
 using nlohmann::json;
@@ -18,7 +24,7 @@ constexpr double kRight_m = 0.5;
 
 std::string yes_or_no(const json& values, const std::string& pointer) {
   const json::json_pointer place(pointer);
-  if (!values.contains(place) || !values.at(place).is_boolean()) return drawing::kUnknown;
+  if (!values.contains(place) || !values.at(place).is_boolean()) return kUnknown;
   return values.at(place).get<bool>() ? "yes" : "no";
 }
 
@@ -27,12 +33,12 @@ struct Part {
   std::vector<double> errors_m;  ///< infinite if unknown
 
   std::vector<std::string> cells() {
-    if (errors_m.empty()) return {"0", drawing::kUnknown, drawing::kUnknown};
+    if (errors_m.empty()) return {"0", kUnknown, kUnknown};
     const auto right = std::count_if(errors_m.begin(), errors_m.end(), [](double e) { return e <= kRight_m; });
     const auto middle = errors_m.begin() + static_cast<std::ptrdiff_t>(errors_m.size() / 2);
     std::nth_element(errors_m.begin(), middle, errors_m.end());
-    return {drawing::format_count(static_cast<double>(errors_m.size())), drawing::format_fixed(*middle, 3),
-            drawing::format_percent(static_cast<double>(right) / static_cast<double>(errors_m.size()))};
+    return {format_count(static_cast<double>(errors_m.size())), drawing::format_fixed(*middle, 3),
+            format_percent(static_cast<double>(right) / static_cast<double>(errors_m.size()))};
   }
 };
 
@@ -42,7 +48,7 @@ std::size_t third(double value, double low, double high) {
 }
 
 /// Nine parts, row by row from the north-west.
-std::array<Part, 9> parts_of(const FlightRun& flight, const drawing::GroundExtent& ground) {
+std::array<Part, 9> parts_of(const FlightRun& flight, const GroundExtent& ground) {
   std::array<Part, 9> parts;
   const std::vector<float>& distances = *best_distances(flight);
   for (std::size_t i = 0; i < distances.size(); ++i) {
@@ -59,11 +65,11 @@ std::array<Part, 9> parts_of(const FlightRun& flight, const drawing::GroundExten
 }  // namespace
 
 Table place_table(const json& results) {
-  const auto whole = [&](const char* key) { return drawing::format_count(drawing::number_at(results, std::string("/truth/") + key)); };
+  const auto whole = [&](const char* key) { return format_count(number_at(results, std::string("/truth/") + key)); };
   const auto metres = [&](const char* key) {
-    return drawing::format_shortest(drawing::number_at(results, std::string("/truth/") + key));
+    return format_shortest(number_at(results, std::string("/truth/") + key));
   };
-  if (!drawing::number_at(results, "/truth/voxels_occupied") && !drawing::number_at(results, "/truth/tiles_loaded")) return {};
+  if (!number_at(results, "/truth/voxels_occupied") && !number_at(results, "/truth/tiles_loaded")) return {};
   return {"The place as ground truth",
           {"", "Value"},
           {{"Tiles needed", whole("tiles_wanted")},
@@ -82,8 +88,10 @@ Table coverage_table(const json& coverage) {
               {}};
   if (!coverage.is_object() || !coverage.contains("strategies") || !coverage["strategies"].is_object()) return table;
   for (const auto& [name, values] : coverage["strategies"].items()) {
-    const auto share = [&values = values](const char* key) { return drawing::format_percent(drawing::number_at(values, std::string("/") + key), 2); };
-    table.rows.push_back({name, drawing::format_count(drawing::number_at(values, "/tiles")), share("right"), share("coarser"),
+    const auto share = [&values = values](const char* key) {
+      return format_percent(number_at(values, std::string("/") + key), 2);
+    };
+    table.rows.push_back({name, format_count(number_at(values, "/tiles")), share("right"), share("coarser"),
                           share("missing"), share("missing_worst"), share("cells_share")});
   }
   return table;
@@ -91,10 +99,10 @@ Table coverage_table(const json& coverage) {
 
 Table parts_table(const RunFolder& run) {
   Table table{
-      "Parts of the place: points, their median error, and the share within " + drawing::format_shortest(kRight_m) + " m",
+      "Parts of the place: points, their median error, and the share within " + format_shortest(kRight_m) + " m",
       {"Part"},
       {}};
-  std::optional<drawing::GroundExtent> ground = ScoredRegion(run.results).extent;
+  std::optional<GroundExtent> ground = ScoredRegion(run.results).extent;
   if (!ground && run.voxel_centers && !run.voxel_centers->empty())
     ground = drawing::fit_extent(run.voxel_centers->positions, 0.0);
   if (!ground) return table;

@@ -1,4 +1,5 @@
 #include <gmock/gmock.h>
+
 #include <nlohmann/json.hpp>
 
 #include "tileflight/experiments/report/tables.h"

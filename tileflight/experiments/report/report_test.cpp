@@ -1,9 +1,9 @@
 #include "tileflight/experiments/report/report.h"
 
 #include <gmock/gmock.h>
-#include <nlohmann/json.hpp>
 
 #include <fstream>
+#include <nlohmann/json.hpp>
 
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"

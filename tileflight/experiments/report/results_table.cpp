@@ -1,18 +1,20 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "tileflight/experiments/report/key_figures.h"
 #include "tileflight/core/drawing/number_format.h"
+#include "tileflight/experiments/report/key_figures.h"
 #include "tileflight/experiments/report/report.h"
 
 namespace tileflight::report {
+using drawing::display_width;
+
 namespace {
 
 std::string padded_left(const std::string& text, std::size_t width) {
-  return std::string(width - std::min(width, drawing::display_width(text)), ' ') + text;
+  return std::string(width - std::min(width, display_width(text)), ' ') + text;
 }
 std::string padded_right(const std::string& text, std::size_t width) {
-  return text + std::string(width - std::min(width, drawing::display_width(text)), ' ');
+  return text + std::string(width - std::min(width, display_width(text)), ' ');
 }
 
 std::string without_trailing_spaces(std::string line) {
@@ -29,12 +31,12 @@ struct Widths {
 Widths widths_of(const KeyFigures& figures) {
   Widths widths;
   for (const FlightColumn& column : figures.columns)
-    widths.columns.push_back(std::max<std::size_t>(12, drawing::display_width(column.label)));
+    widths.columns.push_back(std::max<std::size_t>(12, display_width(column.label)));
   for (const auto* rows : {&figures.as_published, &figures.additional}) {
     for (const KeyFigureRow& row : *rows) {
-      widths.label = std::max(widths.label, drawing::display_width(row.label));
+      widths.label = std::max(widths.label, display_width(row.label));
       for (std::size_t i = 0; i < row.cells.size(); ++i)
-        widths.columns[i] = std::max(widths.columns[i], drawing::display_width(row.cells[i]));
+        widths.columns[i] = std::max(widths.columns[i], display_width(row.cells[i]));
     }
   }
   return widths;

@@ -7,14 +7,16 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/drawing/number_format.h"
 #include "tileflight/core/geometry/cloud_files.h"
 #include "tileflight/core/geometry/geodesy.h"
-#include "tileflight/world/ground_truth/truth_folder.h"
 #include "tileflight/core/imaging/calibration_files.h"
 #include "tileflight/experiments/report/key_figures.h"
-#include "tileflight/core/drawing/number_format.h"
+#include "tileflight/world/ground_truth/truth_folder.h"
 
 namespace tileflight::report {
+using drawing::number_at;
+
 namespace fs = std::filesystem;
 namespace {
 
@@ -70,8 +72,8 @@ geometry::Sim3 read_transform(const fs::path& file) {
   geometry::Mat4 matrix;
   for (int row = 0; row < 4; ++row) {
     for (int column = 0; column < 4; ++column) {
-      const auto nested = drawing::number_at(transform, "/matrix/" + std::to_string(row) + "/" + std::to_string(column));
-      const auto value = nested ? nested : drawing::number_at(transform, "/matrix/" + std::to_string(4 * row + column));
+      const auto nested = number_at(transform, "/matrix/" + std::to_string(row) + "/" + std::to_string(column));
+      const auto value = nested ? nested : number_at(transform, "/matrix/" + std::to_string(4 * row + column));
       if (!value) throw InputError(file.string(), "'matrix' must be 4 x 4 numbers, row by row");
       matrix(row, column) = *value;
     }
@@ -80,9 +82,9 @@ geometry::Sim3 read_transform(const fs::path& file) {
 }
 
 std::optional<geometry::LocalFrame> local_frame(const json& results) {
-  const auto latitude = drawing::number_at(results, "/truth/frame/origin_lat"),
-             longitude = drawing::number_at(results, "/truth/frame/origin_lon"),
-             height = drawing::number_at(results, "/truth/frame/origin_height");
+  const auto latitude = number_at(results, "/truth/frame/origin_lat"),
+             longitude = number_at(results, "/truth/frame/origin_lon"),
+             height = number_at(results, "/truth/frame/origin_height");
   if (!latitude || !longitude || !height) return std::nullopt;
   return geometry::LocalFrame({*latitude, *longitude, {*height}});
 }
@@ -189,7 +191,7 @@ RunFolder read_run_folder(const std::filesystem::path& folder) {
   }
   RunFolder run;
   run.results = read_object(folder / "results.json");
-  run.voxel_m = drawing::number_at(run.results, "/truth/voxel_size").value_or(1.0);
+  run.voxel_m = number_at(run.results, "/truth/voxel_size").value_or(1.0);
   const bool in_blocks = fs::exists(folder / "truth/index.json");
   read_part(folder, in_blocks ? "truth/index.json" : "truth/voxels.ply", "no ground truth under the maps", run.missing,
             [&](const fs::path&) {

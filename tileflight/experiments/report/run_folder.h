@@ -55,7 +55,7 @@ struct RunFolder {
   std::vector<std::string> missing;  ///< one line for each missing part that a page could show
 };
 
-/// Throws InputError: results.json missing or not JSON, or an existing part malformed.
+/// Reads a run folder. Throws InputError if results.json is missing or not JSON, or an existing part is malformed.
 RunFolder read_run_folder(const std::filesystem::path& folder);
 
 }  // namespace tileflight::report

@@ -1,23 +1,29 @@
 #include "tileflight/experiments/report/score_tables.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <functional>
+#include <nlohmann/json.hpp>
 
 #include "tileflight/core/drawing/number_format.h"
 
 namespace tileflight::report {
+using drawing::format_count;
+using drawing::format_fixed;
+using drawing::format_percent;
+using drawing::kUnknown;
+using drawing::number_at;
+using drawing::text_at;
+
 namespace {
 
 using nlohmann::json;
 using ScoreFormatter = std::function<std::string(const json&)>;
 
 ScoreFormatter number_cell(const std::string& pointer, int decimals) {
-  return [=](const json& values) { return drawing::format_fixed(drawing::number_at(values, pointer), decimals); };
+  return [=](const json& values) { return format_fixed(number_at(values, pointer), decimals); };
 }
 ScoreFormatter percent_cell(const std::string& pointer) {
-  return [=](const json& values) { return drawing::format_percent(drawing::number_at(values, pointer)); };
+  return [=](const json& values) { return format_percent(number_at(values, pointer)); };
 }
 
 json at(const json& values, const std::string& pointer) {
@@ -30,7 +36,7 @@ void add_row(Table& table, const std::string& label, const std::vector<FlightRun
              const ScoreFormatter& shown) {
   std::vector<std::string> cells{label};
   for (const FlightRun& flight : flights) cells.push_back(shown(flight.values));
-  const auto is_unknown = [](const std::string& cell) { return cell == drawing::kUnknown; };
+  const auto is_unknown = [](const std::string& cell) { return cell == kUnknown; };
   if (!std::all_of(cells.begin() + 1, cells.end(), is_unknown)) table.rows.push_back(std::move(cells));
 }
 
@@ -41,15 +47,15 @@ Table table_of(const std::string& caption, const std::vector<FlightRun>& flights
 }
 
 std::vector<std::string> statistics(const json& values) {
-  return {drawing::format_count(drawing::number_at(values, "/points")), drawing::format_fixed(drawing::number_at(values, "/mean"), 4),
-          drawing::format_fixed(drawing::number_at(values, "/median"), 4)};
+  return {format_count(number_at(values, "/points")), format_fixed(number_at(values, "/mean"), 4),
+          format_fixed(number_at(values, "/median"), 4)};
 }
 
 /// "Held out, at 12, −30, 4 m".
 std::string region_name(const json& region) {
-  std::string name = drawing::text_at(region, "/use").value_or("") == "held-out" ? "Held out, at " : "Aligned on, at ";
+  std::string name = text_at(region, "/use").value_or("") == "held-out" ? "Held out, at " : "Aligned on, at ";
   for (const char* axis : {"0", "1", "2"})
-    name += drawing::format_fixed(drawing::number_at(region, std::string("/center/") + axis), 0) + (axis[0] == '2' ? " m" : ", ");
+    name += format_fixed(number_at(region, std::string("/center/") + axis), 0) + (axis[0] == '2' ? " m" : ", ");
   return name;
 }
 
@@ -75,19 +81,19 @@ const json* longest_list(const std::vector<FlightRun>& flights, const std::strin
 }
 
 std::vector<std::string> run_row(const std::string& label, const json& run) {
-  std::string name = label + ", " + drawing::text_at(run, "/name").value_or(drawing::kUnknown);  // "Simulated, 2-backwards"
+  std::string name = label + ", " + text_at(run, "/name").value_or(kUnknown);  // "Simulated, 2-backwards"
   std::replace(name.begin(), name.end(), '-', ' ');
-  if (const auto why = drawing::text_at(run, "/failed")) return {name, "failed", *why, drawing::kUnknown, drawing::kUnknown};
-  return {name, drawing::format_count(drawing::number_at(run, "/points")), drawing::format_fixed(drawing::number_at(run, "/mean"), 4),
-          drawing::format_fixed(drawing::number_at(run, "/surface_median"), 4), drawing::format_fixed(drawing::number_at(run, "/ate_rmse"), 4)};
+  if (const auto why = text_at(run, "/failed")) return {name, "failed", *why, kUnknown, kUnknown};
+  return {name, format_count(number_at(run, "/points")), format_fixed(number_at(run, "/mean"), 4),
+          format_fixed(number_at(run, "/surface_median"), 4), format_fixed(number_at(run, "/ate_rmse"), 4)};
 }
 
 /// "0.4497 ± 0.0021 (0.4470 to 0.4524)".
 std::string spread_text(const json& spread) {
   std::string words =
-      drawing::format_fixed(drawing::number_at(spread, "/mean"), 4) + " \u00b1 " + drawing::format_fixed(drawing::number_at(spread, "/std"), 4);
-  const auto low = drawing::number_at(spread, "/ci95/0"), high = drawing::number_at(spread, "/ci95/1");
-  return low && high ? words + " (" + drawing::format_fixed(low, 4) + " to " + drawing::format_fixed(high, 4) + ")" : words;
+      format_fixed(number_at(spread, "/mean"), 4) + " \u00b1 " + format_fixed(number_at(spread, "/std"), 4);
+  const auto low = number_at(spread, "/ci95/0"), high = number_at(spread, "/ci95/1");
+  return low && high ? words + " (" + format_fixed(low, 4) + " to " + format_fixed(high, 4) + ")" : words;
 }
 
 }  // namespace
@@ -116,8 +122,8 @@ Table quality_table(const std::vector<FlightRun>& flights) {
   add_row(table, "Mean map entropy (lower is sharper)", flights, number_cell("/entropy/mean", 3));
   add_row(table, "Radius of the entropy, m", flights, number_cell("/entropy/radius", 2));
   add_row(table, "Drift, share of the distance", flights, [](const json& values) {
-    const auto drift = drawing::number_at(values, "/trajectory/drift/translation_percent");
-    return drift ? drawing::format_percent(*drift / 100, 3) : drawing::kUnknown;
+    const auto drift = number_at(values, "/trajectory/drift/translation_percent");
+    return drift ? format_percent(*drift / 100, 3) : kUnknown;
   });
   add_row(table, "Drift, \u00b0 a metre", flights, number_cell("/trajectory/drift/rotation_deg_per_m", 5));
   add_row(table, "Largest drift of the scale", flights, percent_cell("/trajectory/scale_drift/largest"));
@@ -127,7 +133,7 @@ Table quality_table(const std::vector<FlightRun>& flights) {
 Table moving_table(const std::vector<FlightRun>& flights) {
   Table table = table_of("Points on moving objects: left out of all other scores", flights);
   const auto of = [](const char* pointer) { return std::string("/moving_objects") + pointer; };
-  add_row(table, "Points", flights, [&](const json& values) { return drawing::format_count(drawing::number_at(values, of("/points"))); });
+  add_row(table, "Points", flights, [&](const json& values) { return format_count(number_at(values, of("/points"))); });
   add_row(table, "Share of the map", flights, percent_cell(of("/share")));
   add_row(table, "Mean distance to the surface, m", flights, number_cell(of("/surface/mean"), 4));
   add_row(table, "RMS distance of the map to the surface with them, m", flights,
@@ -147,9 +153,9 @@ Table budget_table(const std::vector<FlightRun>& flights) {
       {"odometry", "Odometry"}};
   for (const auto& [key, label] : parts) {
     add_row(table, label, flights, [&key = key](const json& values) -> std::string {
-      const auto metres = drawing::number_at(values, "/error_budget/" + key + "/metres");
-      return metres ? drawing::format_fixed(metres, 4) + ", " + drawing::text_at(values, "/error_budget/" + key + "/kind").value_or("")
-                    : drawing::kUnknown;
+      const auto metres = number_at(values, "/error_budget/" + key + "/metres");
+      return metres ? format_fixed(metres, 4) + ", " + text_at(values, "/error_budget/" + key + "/kind").value_or("")
+                    : kUnknown;
     });
   }
   add_row(table, "Together (RMS)", flights, number_cell("/error_budget/total", 4));
@@ -169,7 +175,7 @@ Table runs_table(const std::vector<FlightRun>& flights) {
       return spread_text(at(flight.values, std::string("/runs/spread/") + key));
     };
     table.rows.push_back({flight.label + ", all",
-                          drawing::format_count(drawing::number_at(flight.values, "/runs/spread/map/points/mean")), spread("map/mean"),
+                          format_count(number_at(flight.values, "/runs/spread/map/points/mean")), spread("map/mean"),
                           spread("surface/median"), spread("trajectory/ate_rmse")});
   }
   return table;
@@ -184,10 +190,10 @@ Table failure_table(const json& results) {
     if (!t.is_object()) return;
     std::vector<std::string> cells{label};
     for (const char* key : {"questions", "both", "only_simulated", "only_real", "neither"})
-      cells.push_back(drawing::format_count(drawing::number_at(t, std::string("/") + key)));
-    cells.push_back(drawing::format_fixed(drawing::number_at(t, "/phi"), 3));
+      cells.push_back(format_count(number_at(t, std::string("/") + key)));
+    cells.push_back(format_fixed(number_at(t, "/phi"), 3));
     for (const char* key : {"predicted", "false_alarms"})
-      cells.push_back(drawing::format_percent(drawing::number_at(t, std::string("/") + key)));
+      cells.push_back(format_percent(number_at(t, std::string("/") + key)));
     table.rows.push_back(std::move(cells));
   };
   add("Frames lost", "/failure/frames");

@@ -1,6 +1,7 @@
 #include "tileflight/experiments/report/score_tables.h"
 
 #include <gmock/gmock.h>
+
 #include <nlohmann/json.hpp>
 
 namespace tileflight::report::score_tables_test {

@@ -1,29 +1,38 @@
 #include "tileflight/experiments/report/tables.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <cmath>
 #include <functional>
 #include <map>
+#include <nlohmann/json.hpp>
 
 #include "tileflight/core/drawing/number_format.h"
 
 namespace tileflight::report {
+using drawing::element;
+using drawing::format_fixed;
+using drawing::format_shortest;
+using drawing::format_signed;
+using drawing::Html;
+using drawing::kUnknown;
+using drawing::number_at;
+using drawing::text;
+using drawing::text_at;
+
 namespace {
 
 using nlohmann::json;
 using CellFormatter = std::function<std::string(const json&)>;
 
-drawing::Html cell(const std::string& content) { return drawing::element("td", drawing::text(content)); }
-drawing::Html row_head(const std::string& content) { return drawing::element("th", {{"scope", "row"}}, drawing::text(content)); }
-drawing::Html column_head(const std::string& content) {
-  return content.empty() ? drawing::element("td", drawing::Html()) : drawing::element("th", {{"scope", "col"}}, drawing::text(content));
+Html cell(const std::string& content) { return element("td", text(content)); }
+Html row_head(const std::string& content) { return element("th", {{"scope", "row"}}, text(content)); }
+Html column_head(const std::string& content) {
+  return content.empty() ? element("td", Html()) : element("th", {{"scope", "col"}}, text(content));
 }
 
 /// Wide tables scroll in their own frame, which is reachable by keyboard.
-drawing::Html framed(const std::string& name, const drawing::Html& table) {
-  return drawing::element("section", {{"class", "table-frame"}, {"tabindex", "0"}, {"aria-label", name}}, table);
+Html framed(const std::string& name, const Html& table) {
+  return element("section", {{"class", "table-frame"}, {"tabindex", "0"}, {"aria-label", name}}, table);
 }
 
 std::vector<std::string> head_of(const std::string& first, const std::vector<FlightRun>& flights) {
@@ -40,25 +49,25 @@ std::vector<std::string> row(const std::string& label, const std::vector<FlightR
 }
 
 CellFormatter metres_cell(const std::string& pointer, int decimals = 3) {
-  return [=](const json& values) { return drawing::format_fixed(drawing::number_at(values, pointer), decimals); };
+  return [=](const json& values) { return format_fixed(number_at(values, pointer), decimals); };
 }
 CellFormatter integer_cell(const std::string& pointer) {
-  return [=](const json& values) { return drawing::format_count(drawing::number_at(values, pointer)); };
+  return [=](const json& values) { return drawing::format_count(number_at(values, pointer)); };
 }
 CellFormatter shortest_cell(const std::string& pointer) {
-  return [=](const json& values) { return drawing::format_shortest(drawing::number_at(values, pointer)); };
+  return [=](const json& values) { return format_shortest(number_at(values, pointer)); };
 }
 CellFormatter yes_no_cell(const std::string& pointer) {
   return [=](const json& values) -> std::string {
     const json::json_pointer place(pointer);
-    if (!values.contains(place) || !values.at(place).is_boolean()) return drawing::kUnknown;
+    if (!values.contains(place) || !values.at(place).is_boolean()) return kUnknown;
     return values.at(place).get<bool>() ? "yes" : "no";
   };
 }
 CellFormatter text_cell(const std::string& pointer) {
   return [=](const json& values) {
-    const std::string value = drawing::text_at(values, pointer).value_or("");
-    return value.empty() ? drawing::kUnknown : value;
+    const std::string value = text_at(values, pointer).value_or("");
+    return value.empty() ? kUnknown : value;
   };
 }
 
@@ -83,7 +92,7 @@ std::string escaped_token(const std::string& key) {
 
 std::string text_of(const json& value) {
   if (value.is_string()) return value.get<std::string>();
-  if (value.is_number_float()) return drawing::format_shortest(value.get<double>());
+  if (value.is_number_float()) return format_shortest(value.get<double>());
   return value.dump(-1, ' ', false, json::error_handler_t::replace);
 }
 
@@ -92,7 +101,7 @@ bool is_true(const json& values, const std::string& pointer) {
   return values.contains(place) && values.at(place).is_boolean() && values.at(place).get<bool>();
 }
 
-drawing::Html program_table(const json& provenance) {
+Html program_table(const json& provenance) {
   Table table{"Program", {"What", "Value"}, {}};
   for (const auto& [key, value] : provenance.items()) {
     if (key == "command" || key == "inputs" || key == "seconds" || key == "attribution" || value.is_null()) continue;
@@ -100,108 +109,108 @@ drawing::Html program_table(const json& provenance) {
     std::replace(name.begin(), name.end(), '_', ' ');
     table.rows.push_back({name, text_of(value)});
   }
-  return table.rows.empty() ? drawing::Html() : to_html(table);
+  return table.rows.empty() ? Html() : to_html(table);
 }
 
-drawing::Html inputs_table(const json& inputs) {
+Html inputs_table(const json& inputs) {
   Table table{"Inputs", {"File", "SHA-256"}, {}};
   if (inputs.is_array()) {
     for (const json& input : inputs) {
-      const std::string path = drawing::text_at(input, "/path").value_or(drawing::text_at(input, "/name").value_or(drawing::kUnknown));
-      table.rows.push_back({path, drawing::text_at(input, "/sha256").value_or(drawing::kUnknown)});
+      const std::string path = text_at(input, "/path").value_or(text_at(input, "/name").value_or(kUnknown));
+      table.rows.push_back({path, text_at(input, "/sha256").value_or(kUnknown)});
     }
   } else if (inputs.is_object()) {
     for (const auto& [path, hash] : inputs.items()) table.rows.push_back({path, text_of(hash)});
   }
-  return table.rows.empty() ? drawing::Html() : to_html(table);
+  return table.rows.empty() ? Html() : to_html(table);
 }
 
-drawing::Html seconds_table(const json& seconds) {
+Html seconds_table(const json& seconds) {
   if (!seconds.is_object() || seconds.empty()) return {};
   Table table{"Time taken", {"Stage", "Seconds"}, {}};
   for (const auto& [stage, value] : seconds.items()) {
-    table.rows.push_back({stage, value.is_number() ? drawing::format_fixed(value.get<double>(), 2) : text_of(value)});
+    table.rows.push_back({stage, value.is_number() ? format_fixed(value.get<double>(), 2) : text_of(value)});
   }
   return to_html(table);
 }
 
-drawing::Html attribution_list(const json& attribution) {
-  drawing::Html list;
+Html attribution_list(const json& attribution) {
+  Html list;
   if (attribution.is_array()) {
-    for (const json& line : attribution) list += drawing::element("li", drawing::text(text_of(line)));
+    for (const json& line : attribution) list += element("li", text(text_of(line)));
   } else if (attribution.is_string()) {
-    list += drawing::element("li", drawing::text(attribution.get<std::string>()));
+    list += element("li", text(attribution.get<std::string>()));
   }
-  return list.empty() ? drawing::Html() : drawing::element("h3", drawing::text("Attribution of the tiles")) + drawing::element("ul", list);
+  return list.empty() ? Html() : element("h3", text("Attribution of the tiles")) + element("ul", list);
 }
 
 /// The provider's terms under which the tiles were read, if any.
-drawing::Html terms_line(const json& results) {
-  const std::string provider = drawing::text_at(results, "/truth/terms/provider").value_or(""),
-                    url = drawing::text_at(results, "/truth/terms/url").value_or("");
+Html terms_line(const json& results) {
+  const std::string provider = text_at(results, "/truth/terms/provider").value_or(""),
+                    url = text_at(results, "/truth/terms/url").value_or("");
   if (url.empty()) return {};
   const bool accepted = is_true(results, "/truth/terms_accepted");
-  return drawing::element("p", drawing::text("Terms of use: " + provider + ", " + url + (accepted ? ", accepted." : ", not accepted.")));
+  return element("p", text("Terms of use: " + provider + ", " + url + (accepted ? ", accepted." : ", not accepted.")));
 }
 
-drawing::Html command_block(const json& provenance) {
-  const auto command = drawing::text_at(provenance, "/command");
+Html command_block(const json& provenance) {
+  const auto command = text_at(provenance, "/command");
   if (!command) return {};
-  return drawing::element("h3", drawing::text("Command to reproduce this run")) + drawing::element("pre", drawing::element("code", drawing::text(*command)));
+  return element("h3", text("Command to reproduce this run")) + element("pre", element("code", text(*command)));
 }
 
 json member(const json& object, const char* key) {
   return object.is_object() && object.contains(key) ? object[key] : json(nullptr);
 }
 
-drawing::Html figure_rows(const std::vector<KeyFigureRow>& rows, const std::vector<FlightColumn>& columns) {
-  drawing::Html result;
+Html figure_rows(const std::vector<KeyFigureRow>& rows, const std::vector<FlightColumn>& columns) {
+  Html result;
   for (const KeyFigureRow& figure : rows) {
-    drawing::Html cells = row_head(figure.label);
+    Html cells = row_head(figure.label);
     for (std::size_t i = 0; i < figure.cells.size(); ++i) {
-      cells += drawing::element("td", {{"class", columns[i].published ? "published" : columns[i].key}}, drawing::text(figure.cells[i]));
+      cells += element("td", {{"class", columns[i].published ? "published" : columns[i].key}}, text(figure.cells[i]));
     }
-    result += drawing::element("tr", cells);
+    result += element("tr", cells);
   }
   return result;
 }
 
 }  // namespace
 
-drawing::Html to_html(const Table& table) {
+Html to_html(const Table& table) {
   if (table.rows.empty()) return {};
-  drawing::Html head, groups, body;
+  Html head, groups, body;
   for (const std::string& name : table.header) head += column_head(name);
   for (const std::string& name : table.groups) {
     const std::string columns = std::to_string((table.header.size() - 1) / table.groups.size());
-    groups += drawing::element("th", {{"scope", "colgroup"}, {"colspan", columns}}, drawing::text(name));
+    groups += element("th", {{"scope", "colgroup"}, {"colspan", columns}}, text(name));
   }
   for (const std::vector<std::string>& cells : table.rows) {
-    drawing::Html content = row_head(cells.front());
+    Html content = row_head(cells.front());
     for (std::size_t i = 1; i < cells.size(); ++i) content += cell(cells[i]);
-    body += drawing::element("tr", content);
+    body += element("tr", content);
   }
-  if (!groups.empty()) groups = drawing::element("tr", drawing::element("td", drawing::Html()) + groups);
+  if (!groups.empty()) groups = element("tr", element("td", Html()) + groups);
   return framed(table.caption,
-                drawing::element("table", drawing::element("caption", drawing::text(table.caption)) +
-                                     drawing::element("thead", groups + drawing::element("tr", head)) + drawing::element("tbody", body)));
+                element("table", element("caption", text(table.caption)) +
+                                     element("thead", groups + element("tr", head)) + element("tbody", body)));
 }
 
-drawing::Html key_figures_table(const KeyFigures& figures) {
-  drawing::Html groups = drawing::element("td", drawing::Html()), labels = drawing::element("td", drawing::Html());
+Html key_figures_table(const KeyFigures& figures) {
+  Html groups = element("td", Html()), labels = element("td", Html());
   const auto published =
       std::count_if(figures.columns.begin(), figures.columns.end(), [](const FlightColumn& c) { return c.published; });
   const auto own = static_cast<std::ptrdiff_t>(figures.columns.size()) - published;
   if (published > 0)
-    groups += drawing::element("th", {{"scope", "colgroup"}, {"colspan", std::to_string(published)}}, drawing::text("Paper"));
-  if (own > 0) groups += drawing::element("th", {{"scope", "colgroup"}, {"colspan", std::to_string(own)}}, drawing::text("This run"));
+    groups += element("th", {{"scope", "colgroup"}, {"colspan", std::to_string(published)}}, text("Paper"));
+  if (own > 0) groups += element("th", {{"scope", "colgroup"}, {"colspan", std::to_string(own)}}, text("This run"));
   for (const FlightColumn& column : figures.columns) labels += column_head(column.label);
   const std::string caption = "Map error against voxel centres, as published and in this run";
-  const drawing::Html table = drawing::element("caption", drawing::text(caption)) +
-                     drawing::element("thead", drawing::element("tr", groups) + drawing::element("tr", labels)) +
-                     drawing::element("tbody", figure_rows(figures.as_published, figures.columns)) +
-                     drawing::element("tbody", {{"class", "beyond"}}, figure_rows(figures.additional, figures.columns));
-  return framed(caption, drawing::element("table", {{"class", "key-figures"}}, table));
+  const Html table = element("caption", text(caption)) +
+                     element("thead", element("tr", groups) + element("tr", labels)) +
+                     element("tbody", figure_rows(figures.as_published, figures.columns)) +
+                     element("tbody", {{"class", "beyond"}}, figure_rows(figures.additional, figures.columns));
+  return framed(caption, element("table", {{"class", "key-figures"}}, table));
 }
 
 Table percentiles_table(const std::vector<FlightRun>& flights) {
@@ -219,9 +228,9 @@ Table percentiles_table(const std::vector<FlightRun>& flights) {
     bool any = false;
     for (const FlightRun& flight : flights) {
       for (const char* part : {"/map", "/surface"}) {
-        const auto distance_m = drawing::number_at(flight.values, std::string(part) + "/percentiles/" + percent);
+        const auto distance_m = number_at(flight.values, std::string(part) + "/percentiles/" + percent);
         any = any || distance_m;
-        cells.push_back(drawing::format_fixed(distance_m, 4));
+        cells.push_back(format_fixed(distance_m, 4));
       }
     }
     if (any) table.rows.push_back(cells);
@@ -240,11 +249,11 @@ Table surface_table(const std::vector<FlightRun>& flights) {
     for (const char* name : {"accuracy", "compl.", "F-score"}) table.header.push_back(name);
   }
   for (const auto& [threshold_m, name] : thresholds_of(flights)) {
-    std::vector<std::string> cells{drawing::format_shortest(threshold_m) + " m"};
+    std::vector<std::string> cells{format_shortest(threshold_m) + " m"};
     for (const FlightRun& flight : flights) {
       for (const char* key : {"accuracy", "completeness", "f_score"}) {
-        cells.push_back(
-            drawing::format_percent(drawing::number_at(flight.values, "/surface/" + std::string(key) + "/" + escaped_token(name))));
+        cells.push_back(drawing::format_percent(
+            number_at(flight.values, "/surface/" + std::string(key) + "/" + escaped_token(name))));
       }
     }
     table.rows.push_back(cells);
@@ -272,7 +281,7 @@ Table tracking_table(const std::vector<FlightRun>& flights) {
 
 Table trajectory_table(const std::vector<FlightRun>& flights) {
   const bool any = std::any_of(flights.begin(), flights.end(), [](const FlightRun& f) {
-    return drawing::number_at(f.values, "/trajectory/ate_rmse").has_value();
+    return number_at(f.values, "/trajectory/ate_rmse").has_value();
   });
   if (!any) return {};
   Table table{"Error of the estimated path after alignment to the true positions",
@@ -284,10 +293,10 @@ Table trajectory_table(const std::vector<FlightRun>& flights) {
   for (std::size_t i = 0; i < 8; ++i) {
     const std::string rpe = "/trajectory/rpe/" + std::to_string(i);
     const auto delta = std::find_if(flights.begin(), flights.end(), [&](const FlightRun& f) {
-      return drawing::number_at(f.values, rpe + "/delta_m").has_value();
+      return number_at(f.values, rpe + "/delta_m").has_value();
     });
     if (delta == flights.end()) break;
-    const std::string label = "RPE over " + drawing::format_shortest(drawing::number_at(delta->values, rpe + "/delta_m")) + " m (RMS), m";
+    const std::string label = "RPE over " + format_shortest(number_at(delta->values, rpe + "/delta_m")) + " m (RMS), m";
     table.rows.push_back(row(label, flights, metres_cell(rpe + "/translation_rmse_m")));
   }
   return table;
@@ -296,20 +305,20 @@ Table trajectory_table(const std::vector<FlightRun>& flights) {
 Table comparison_table(const nlohmann::json& results) {
   const json c = member(results, "comparison");
   if (!c.is_object() || c.empty()) return {};
-  const auto low = drawing::number_at(c, "/mean_difference_ci95/0"), high = drawing::number_at(c, "/mean_difference_ci95/1");
-  const std::string by = drawing::text_at(c, "/unit").value_or("") == "runs" ? "between runs, Welch's t" : "block bootstrap";
-  const std::string interval = low && high ? drawing::format_signed(low, 4) + " to " + drawing::format_signed(high, 4) : drawing::kUnknown;
+  const auto low = number_at(c, "/mean_difference_ci95/0"), high = number_at(c, "/mean_difference_ci95/1");
+  const std::string by = text_at(c, "/unit").value_or("") == "runs" ? "between runs, Welch's t" : "block bootstrap";
+  const std::string interval = low && high ? format_signed(low, 4) + " to " + format_signed(high, 4) : kUnknown;
   return {"Published measure (distance to voxel centres): simulated minus second",
           {"", "Value"},
-          {{"Difference of mean errors, m", drawing::format_signed(drawing::number_at(c, "/mean_difference"), 4)},
+          {{"Difference of mean errors, m", format_signed(number_at(c, "/mean_difference"), 4)},
            {"95 % interval (" + by + "), m", interval},
-           {"Difference of standard deviations, m", drawing::format_signed(drawing::number_at(c, "/std_difference"), 4)},
-           {"Map points, simulated over second", drawing::format_fixed(drawing::number_at(c, "/points_ratio"), 3)},
-           {"Kolmogorov\u2013Smirnov statistic", drawing::format_fixed(drawing::number_at(c, "/ks_statistic"), 4)},
-           {"1-Wasserstein distance, m", drawing::format_fixed(drawing::number_at(c, "/wasserstein_m"), 4)},
-           {"Equivalent within, m", drawing::format_fixed(drawing::number_at(c, "/equivalent_within_m"), 4)},
+           {"Difference of standard deviations, m", format_signed(number_at(c, "/std_difference"), 4)},
+           {"Map points, simulated over second", format_fixed(number_at(c, "/points_ratio"), 3)},
+           {"Kolmogorov\u2013Smirnov statistic", format_fixed(number_at(c, "/ks_statistic"), 4)},
+           {"1-Wasserstein distance, m", format_fixed(number_at(c, "/wasserstein_m"), 4)},
+           {"Equivalent within, m", format_fixed(number_at(c, "/equivalent_within_m"), 4)},
            {"Verdict on this measure alone",
-            drawing::text_at(c, "/mean_difference_verdict").value_or(drawing::text_at(c, "/verdict").value_or(drawing::kUnknown))}}};
+            text_at(c, "/mean_difference_verdict").value_or(text_at(c, "/verdict").value_or(kUnknown))}}};
 }
 
 Table reproduction_table(const nlohmann::json& results) {
@@ -318,25 +327,25 @@ Table reproduction_table(const nlohmann::json& results) {
   const auto spread = [&](const std::string& label, const std::string& key, int digits) {
     std::vector<std::string> cells{label};
     for (const char* share : {"p10", "median", "p90"})
-      cells.push_back(drawing::format_fixed(drawing::number_at(r, "/" + key + "/" + share), digits));
+      cells.push_back(format_fixed(number_at(r, "/" + key + "/" + share), digits));
     return cells;
   };
-  const std::string poses = drawing::text_at(r, "/poses").value_or("") == "true"
+  const std::string poses = text_at(r, "/poses").value_or("") == "true"
                                 ? "true poses"
                                 : "estimated poses, which the simulated flight followed";
-  Table table{"The simulated flight follows the other one: " + drawing::format_fixed(drawing::number_at(r, "/pairs"), 0) +
+  Table table{"The simulated flight follows the other one: " + format_fixed(number_at(r, "/pairs"), 0) +
                   " pairs of images, " + poses,
               {"", "10 %", "Median", "90 %"},
               {spread("Overlap of views", "overlap", 3), spread("Correlation of images", "ncc", 3),
                spread("Structural similarity", "ssim", 3), spread("Distance between the cameras, m", "position_m", 3),
                spread("Angle between their axes, \u00b0", "rotation_deg", 3)}};
-  table.rows.push_back({"Best time offset, s", "", drawing::format_signed(drawing::number_at(r, "/time_offset_s"), 3), ""});
+  table.rows.push_back({"Best time offset, s", "", format_signed(number_at(r, "/time_offset_s"), 3), ""});
   return table;
 }
 
-drawing::Html provenance_tables(const nlohmann::json& results) {
+Html provenance_tables(const nlohmann::json& results) {
   const json provenance = member(results, "provenance");
-  if (!provenance.is_object()) return drawing::element("p", drawing::text("results.json has no provenance."));
+  if (!provenance.is_object()) return element("p", text("results.json has no provenance."));
   return command_block(provenance) + program_table(provenance) + inputs_table(member(provenance, "inputs")) +
          seconds_table(member(provenance, "seconds")) + attribution_list(member(provenance, "attribution")) +
          terms_line(results);

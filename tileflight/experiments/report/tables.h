@@ -17,7 +17,7 @@ struct Table {
   std::vector<std::vector<std::string>> rows;
   std::vector<std::string> groups{};  ///< headings over equal numbers of columns after the first; may be empty
 };
-/// Empty markup for a table without rows.
+/// Returns the markup of a table; empty for a table without rows.
 drawing::Html to_html(const Table& table);
 
 /// The paper's table beside that of this run.

@@ -5,17 +5,29 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/json_file.h"
-#include "tileflight/core/drawing/axis_ticks.h"
 #include "tileflight/core/drawing/number_format.h"
 #include "tileflight/core/drawing/top_view.h"
 #include "tileflight/experiments/report/chart_figure.h"
 #include "tileflight/experiments/report/report.h"
 #include "tileflight/experiments/report/tables.h"
-#include "tileflight/experiments/report/view_section.h"
+#include "tileflight/experiments/report/view_data.h"
 #include "tileflight/experiments/report/warnings_panel.h"
 
 namespace tileflight::report {
+using drawing::Chart;
+using drawing::element;
+using drawing::Figure;
+using drawing::format_count;
+using drawing::format_fixed;
+using drawing::GroundExtent;
+using drawing::Html;
+using drawing::number_at;
+using drawing::text;
+using drawing::text_at;
+using drawing::TopView;
+using drawing::TrackLayer;
+using drawing::write_figures;
+
 namespace {
 
 using geometry::Vec2;
@@ -74,7 +86,7 @@ std::string style_of_path(std::size_t index) {
 ComparedPath read_path(const json& object, std::size_t index, const std::string& file) {
   const std::size_t poses = object.is_object() ? object.value("time", json::array()).size() : 0;
   if (poses < 2) throw InputError(file, "'time' must be a list of at least 2 numbers");
-  ComparedPath path{.name = drawing::text_at(object, "/name").value_or("trajectory"), .style = style_of_path(index)};
+  ComparedPath path{.name = text_at(object, "/name").value_or("trajectory"), .style = style_of_path(index)};
   path.time_s = numbers_of(object, "time", poses, file);
   path.distance_m = numbers_of(object, "distance", poses, file);
   path.error_m = numbers_of(object, "error", poses, file);
@@ -89,12 +101,11 @@ ScoredPaths read_scored_paths(const std::filesystem::path& folder) {
   const std::filesystem::path file = folder / kErrorsFile;
   const json errors = base::read_json(file);
   ScoredPaths result;
-  result.metrics_file =
-      std::filesystem::path(drawing::text_at(errors, "/metrics").value_or("metrics.json")).filename().string();
+  result.metrics_file = std::filesystem::path(text_at(errors, "/metrics").value_or("metrics.json")).filename().string();
   result.metrics = base::read_json(folder / result.metrics_file);
   const json list = errors.is_object() ? errors.value("trajectories", json()) : json();
   if (!list.is_array() || list.empty()) throw InputError(file.string(), "'trajectories' must be a list");
-  result.alignment = drawing::text_at(errors, "/alignment").value_or("");
+  result.alignment = text_at(errors, "/alignment").value_or("");
   result.has_times = errors.value("has_times", json(true)) != json(false);
   for (const json& object : list) result.paths.push_back(read_path(object, result.paths.size(), file.string()));
   result.scores = result.metrics.contains("trajectory") ? json::array({result.metrics["trajectory"]})
@@ -112,9 +123,9 @@ Table absolute_errors_table(const ScoredPaths& scored) {
               {}};
   for (std::size_t i = 0; i < scored.paths.size(); ++i) {
     const json& m = scored.scores[i];
-    std::vector<std::string> row{scored.paths[i].name, drawing::format_count(drawing::number_at(m, "/poses"))};
+    std::vector<std::string> row{scored.paths[i].name, format_count(number_at(m, "/poses"))};
     for (const char* key : {"/ate_rmse", "/ate_mean", "/ate_median", "/ate_std", "/ate_min", "/ate_max"})
-      row.push_back(drawing::format_fixed(drawing::number_at(m, key), 4));
+      row.push_back(format_fixed(number_at(m, key), 4));
     table.rows.push_back(row);
   }
   return table;
@@ -127,15 +138,12 @@ Table drift_table(const ScoredPaths& scored) {
               {}};
   for (std::size_t i = 0; i < scored.paths.size(); ++i) {
     const json& m = scored.scores[i];
-    table.rows.push_back({scored.paths[i].name,
-                          drawing::format_fixed(drawing::number_at(m, "/drift/translation_percent"), 3),
-                          drawing::format_fixed(drawing::number_at(m, "/drift/rotation_deg_per_m"), 4),
-                          drawing::format_fixed(drawing::number_at(m, "/scale"), 4),
-                          drawing::format_fixed(drawing::number_at(m, "/scale_drift/rms"), 4),
-                          drawing::format_fixed(drawing::number_at(m, "/path_length"), 2),
-                          drawing::format_percent(drawing::number_at(m, "/time_covered")),
-                          drawing::format_count(drawing::number_at(m, "/poses_estimated")),
-                          drawing::format_count(drawing::number_at(m, "/poses_true"))});
+    table.rows.push_back({scored.paths[i].name, format_fixed(number_at(m, "/drift/translation_percent"), 3),
+                          format_fixed(number_at(m, "/drift/rotation_deg_per_m"), 4),
+                          format_fixed(number_at(m, "/scale"), 4), format_fixed(number_at(m, "/scale_drift/rms"), 4),
+                          format_fixed(number_at(m, "/path_length"), 2),
+                          drawing::format_percent(number_at(m, "/time_covered")),
+                          format_count(number_at(m, "/poses_estimated")), format_count(number_at(m, "/poses_true"))});
   }
   return table;
 }
@@ -143,11 +151,11 @@ Table drift_table(const ScoredPaths& scored) {
 void add_relative_rows(const std::string& name, const json& list, const char* delta, const std::string& unit,
                        Table& table) {
   for (const json& e : list) {
-    std::vector<std::string> row{name, drawing::format_shortest(drawing::number_at(e, delta)) + unit,
-                                 drawing::format_count(drawing::number_at(e, "/pairs"))};
+    std::vector<std::string> row{name, drawing::format_shortest(number_at(e, delta)) + unit,
+                                 format_count(number_at(e, "/pairs"))};
     for (const char* key : {"/translation_rmse_m", "/translation_m/mean", "/translation_m/median", "/translation_m/max",
                             "/rotation_rmse_deg", "/rotation_deg/mean", "/rotation_deg/median", "/rotation_deg/max"})
-      row.push_back(drawing::format_fixed(drawing::number_at(e, key), 4));
+      row.push_back(format_fixed(number_at(e, key), 4));
     table.rows.push_back(row);
   }
 }
@@ -202,8 +210,8 @@ std::vector<double> in_unit(std::vector<double> lengths_m, const LengthUnit& uni
 
 /// A chart with one line for each path. `x` and `y` give its values.
 template <typename X, typename Y>
-drawing::Figure error_chart(const ScoredPaths& scored, const std::string& id, drawing::Chart chart,
-                            const std::string& caption, X x, Y y) {
+Figure error_chart(const ScoredPaths& scored, const std::string& id, Chart chart, const std::string& caption, X x,
+                   Y y) {
   chart.x.high = chart.y.high = 1e-9;
   for (const ComparedPath& path : scored.paths) {
     drawing::ChartLine line{path.name, path.style, thinned(x(path), y(path)), false};
@@ -231,7 +239,7 @@ std::vector<double> rest_of(std::vector<double> values) {
   return values;
 }
 
-std::vector<drawing::Figure> error_figures(const ScoredPaths& scored) {
+std::vector<Figure> error_figures(const ScoredPaths& scored) {
   const std::string time = scored.has_times ? "time, s" : "pose";
   const auto by_time = [&](const ComparedPath& path) { return elapsed(scored, path); };
   const auto step_time = [&](const ComparedPath& path) { return rest_of(elapsed(scored, path)); };
@@ -240,7 +248,7 @@ std::vector<drawing::Figure> error_figures(const ScoredPaths& scored) {
   const auto error = [&](const ComparedPath& path) { return in_unit(path.error_m, unit); };
   const auto step_error = [&](const ComparedPath& path) { return in_unit(path.step_m, step_unit); };
   const auto chart = [](const std::string& title, const std::string& x, const std::string& y) {
-    return drawing::Chart{title, "", {x, 0, 1}, {y, 0, 1}, {}, {}};
+    return Chart{title, "", {x, 0, 1}, {y, 0, 1}, {}, {}};
   };
   const std::string distance = "distance from the true pose, " + unit.name;
   const std::string peaks = " Of more than 600 poses the largest of each group is drawn.";
@@ -258,9 +266,9 @@ std::vector<drawing::Figure> error_figures(const ScoredPaths& scored) {
 }
 
 /// Extent of the points with a margin, of any size: trajectories may be of a hand's breadth.
-drawing::GroundExtent extent_of(const std::vector<drawing::TrackLayer>& tracks) {
-  drawing::GroundExtent extent{1e300, -1e300, 1e300, -1e300};
-  for (const drawing::TrackLayer& track : tracks) {
+GroundExtent extent_of(const std::vector<TrackLayer>& tracks) {
+  GroundExtent extent{1e300, -1e300, 1e300, -1e300};
+  for (const TrackLayer& track : tracks) {
     for (const Vec3& p : track.points) extent = drawing::merge_extents(extent, {p.x(), p.x(), p.y(), p.y()});
   }
   const double border = std::max(1e-6, 0.06 * std::max(extent.width_m(), extent.height_m()));
@@ -279,8 +287,8 @@ std::vector<Vec3> flattened(const std::vector<Vec3>& positions, int across, int 
 }
 
 /// The paths seen along one axis. The longest of the compared parts of the truth is drawn.
-drawing::Figure paths_seen(const ScoredPaths& scored, const std::string& id, drawing::TopView view, int across, int up,
-                           const std::string& caption) {
+Figure paths_seen(const ScoredPaths& scored, const std::string& id, TopView view, int across, int up,
+                  const std::string& caption) {
   const ComparedPath& longest = *std::max_element(
       scored.paths.begin(), scored.paths.end(),
       [](const ComparedPath& a, const ComparedPath& b) { return a.distance_m.back() < b.distance_m.back(); });
@@ -292,16 +300,16 @@ drawing::Figure paths_seen(const ScoredPaths& scored, const std::string& id, dra
   }
   view.extent = extent_of(view.tracks);
   const drawing::Drawing drawing = drawing::to_drawing(view);
-  drawing::Figure figure{id, "paths", drawing::on_page(drawing), caption};
+  Figure figure{id, "paths", drawing::on_page(drawing), caption};
   figure.files = {{id + ".svg", "image/svg+xml", drawing::svg_file(view.title, {drawing})}};
   return figure;
 }
 
-std::vector<drawing::Figure> path_figures(const ScoredPaths& scored) {
-  drawing::TopView above{"Paths from above", "True path and aligned estimates along x and y", {}, {}, {}};
+std::vector<Figure> path_figures(const ScoredPaths& scored) {
+  TopView above{"Paths from above", "True path and aligned estimates along x and y", {}, {}, {}};
   above.x_label = "x, m";
   above.y_label = "y, m";
-  drawing::TopView side{"Paths from the side", "True path and aligned estimates along x and z", {}, {}, {}};
+  TopView side{"Paths from the side", "True path and aligned estimates along x and z", {}, {}, {}};
   side.x_label = "x, m";
   side.y_label = "z, m";
   return {paths_seen(scored, "paths-above", above, 0, 1,
@@ -311,15 +319,15 @@ std::vector<drawing::Figure> path_figures(const ScoredPaths& scored) {
 
 // ------------------------------------------------------------------------------------------------------------- page
 
-drawing::Html page_section(const std::string& id, const std::string& title, const drawing::Html& content) {
-  return drawing::element("section", {{"id", id}, {"aria-labelledby", id + "-title"}},
-                          drawing::element("h2", {{"id", id + "-title"}}, drawing::text(title)) + content);
+Html page_section(const std::string& id, const std::string& title, const Html& content) {
+  return element("section", {{"id", id}, {"aria-labelledby", id + "-title"}},
+                 element("h2", {{"id", id + "-title"}}, text(title)) + content);
 }
 
-drawing::Html side_by_side(const std::vector<drawing::Figure>& figures) {
-  drawing::Html content;
-  for (const drawing::Figure& figure : figures) content += to_html(figure);
-  return drawing::element("div", {{"class", "columns"}}, content);
+Html side_by_side(const std::vector<Figure>& figures) {
+  Html content;
+  for (const Figure& figure : figures) content += to_html(figure);
+  return element("div", {{"class", "columns"}}, content);
 }
 
 std::string words_for(const std::string& alignment) {
@@ -336,31 +344,27 @@ bool holds_trajectories_alone(const std::filesystem::path& folder) {
 
 void write_trajectory_report(const std::filesystem::path& folder) {
   const ScoredPaths scored = read_scored_paths(folder);
-  const std::vector<drawing::Figure> paths = path_figures(scored), errors = error_figures(scored);
+  const std::vector<Figure> paths = path_figures(scored), errors = error_figures(scored);
   const std::string name = scored.paths.size() == 1
                                ? "Trajectory " + scored.paths.front().name
                                : std::to_string(scored.paths.size()) + " trajectories against the truth";
   const std::string subtitle = "Compared with the true trajectory after alignment of " + words_for(scored.alignment) +
                                ". Numbers in full precision are in " + scored.metrics_file + ".";
-  const drawing::Html header =
-      drawing::element("header", drawing::element("h1", drawing::text(name)) +
-                                     drawing::element("p", {{"class", "subtitle"}}, drawing::text(subtitle)) +
-                                     warnings_panel(scored.metrics));
-  const drawing::Html main =
-      drawing::element("main", {{"id", "main"}},
-                       page_section("absolute", "Absolute error",
-                                    to_html(absolute_errors_table(scored)) + to_html(drift_table(scored))) +
-                           page_section("paths", "Paths", side_by_side(paths)) +
-                           page_section("errors", "Error along the path", side_by_side(errors)) +
-                           page_section("relative", "Relative error", to_html(relative_errors_table(scored))));
-  const drawing::Html skip =
-      drawing::element("a", {{"class", "skip"}, {"href", "#main"}}, drawing::text("Skip to the results"));
-  const drawing::Html footer = drawing::element("footer", drawing::text("Made by tileflight."));
-  const drawing::Html page = drawing::element(
-      "html", {{"lang", "en"}}, page_head(name) + drawing::element("body", skip + header + main + footer));
+  const Html header =
+      element("header", element("h1", text(name)) + element("p", {{"class", "subtitle"}}, text(subtitle)) +
+                            warnings_panel(scored.metrics));
+  const Html main = element("main", {{"id", "main"}},
+                            page_section("absolute", "Absolute error",
+                                         to_html(absolute_errors_table(scored)) + to_html(drift_table(scored))) +
+                                page_section("paths", "Paths", side_by_side(paths)) +
+                                page_section("errors", "Error along the path", side_by_side(errors)) +
+                                page_section("relative", "Relative error", to_html(relative_errors_table(scored))));
+  const Html skip = element("a", {{"class", "skip"}, {"href", "#main"}}, text("Skip to the results"));
+  const Html footer = element("footer", text("Made by tileflight."));
+  const Html page = element("html", {{"lang", "en"}}, page_head(name) + element("body", skip + header + main + footer));
   base::write_file(folder / "report.html", "<!DOCTYPE html>\n" + page.str() + "\n");
-  drawing::write_figures(folder / "figures", paths);
-  drawing::write_figures(folder / "figures", errors);
+  write_figures(folder / "figures", paths);
+  write_figures(folder / "figures", errors);
 }
 
 }  // namespace tileflight::report

@@ -1,25 +1,137 @@
 #include "tileflight/experiments/report/view_data.h"
 
+#include <zlib.h>
+
 #include <algorithm>
 #include <array>
+#include <bit>
+#include <cassert>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <set>
+#include <span>
+#include <string>
 
+#include "tileflight/core/base/files.h"
 #include "tileflight/core/base/raw_bytes.h"
+#include "tileflight/core/drawing/html.h"
+#include "tileflight/core/drawing/number_format.h"
+#include "tileflight/core/drawing/page_image.h"
+#include "tileflight/core/drawing/top_view.h"
 #include "tileflight/core/geometry/json_numbers.h"
 #include "tileflight/core/imaging/image_files.h"
-#include "tileflight/experiments/report/data_blocks.h"
 #include "tileflight/experiments/report/figures.h"
 #include "tileflight/experiments/report/frame_pairs.h"
-#include "tileflight/core/drawing/thumbnail.h"
-#include "tileflight/core/drawing/number_format.h"
-#include "tileflight/core/drawing/top_view.h"
+#include "tileflight/experiments/report/page_script.h"
 
 namespace tileflight::report {
+
+using base::base64;
+using drawing::downscale;
+using drawing::element;
+using drawing::empty_element;
+using drawing::Html;
+using drawing::number_at;
+using drawing::text;
+
 namespace {
+
+constexpr const char* kWithoutScript =
+    "The interactive view needs a browser with JavaScript and WebGL 2. The figures on this page show the same place, "
+    "maps and paths.";
+
+/// Content of the script element: a CDATA section for XML, whose markers are comments in the script.
+std::string script_text() { return "//<![CDATA[\n" + std::string(page_script()) + "\n//]]>"; }
+
+std::string bytes_of_hex(const std::string& hex) {
+  std::string bytes;
+  for (std::size_t i = 0; i + 1 < hex.size(); i += 2)
+    bytes += static_cast<char>(std::stoi(hex.substr(i, 2), nullptr, 16));
+  return bytes;
+}
+
+}  // namespace
+
+Html view_section(const RunFolder& run, const ViewBudget& budget) {
+  if (page_script().empty()) return {};
+  const std::string data = view_data(run, budget);
+  if (data.empty()) return {};
+  return element("p", {{"class", "note"}, {"id", "view-note"}, {"role", "status"}}, text(kWithoutScript)) +
+         element("div", {{"id", "view-host"}, {"data-state", "waiting"}}, Html()) +
+         element("script", {{"type", "application/octet-stream"}, {"id", "view-data"}}, text(base64(data)));
+}
+
+Html view_script() { return page_script().empty() ? Html() : element("script", Html::trusted(script_text())); }
+
+std::string content_policy() {
+  const std::string script =
+      page_script().empty() ? ""
+                            : "; script-src 'sha256-" + base64(bytes_of_hex(base::sha256_hex(script_text()))) + "'";
+  return "default-src 'none'; img-src data: blob:; style-src 'unsafe-inline'" + script;
+}
+
+Html page_head(const std::string& name) {
+  const std::string style = drawing::style_sheet() + std::string(view_style());
+  return element("head",
+                 empty_element("meta", {{"charset", "utf-8"}}) +
+                     empty_element("meta", {{"name", "viewport"}, {"content", "width=device-width, initial-scale=1"}}) +
+                     empty_element("meta", {{"http-equiv", "Content-Security-Policy"}, {"content", content_policy()}}) +
+                     element("title", text(name + " \u2013 tileflight")) + element("style", Html::trusted(style)));
+}
+
+namespace {
+
+/// Binary blocks of numbers with a header, for the page's view (read by web/src/data.ts): the header's length in bytes
+/// as 32 bits, the header as JSON (UTF-8), blanks up to a multiple of four, and the blocks, each aligned to a multiple
+/// of four from there. All numbers are little-endian.
+class DataBlocks {
+ public:
+  /// Appends a block. Returns its position for the header: {"at", "bytes"}.
+  template <class Number>
+  nlohmann::json add(std::span<const Number> numbers) {
+    return add_bytes({reinterpret_cast<const char*>(numbers.data()), numbers.size_bytes()});
+  }
+  nlohmann::json add_bytes(std::string_view bytes);
+
+  /// Header and blocks as one zlib stream (RFC 1950). Deterministic.
+  std::string compress(const nlohmann::json& header) const;
+
+ private:
+  std::string bytes_;
+};
+
+static_assert(std::endian::native == std::endian::little, "blocks are written as they lie in memory");
+
+void fill_up_to_four(std::string& bytes, char filling) { bytes.resize((bytes.size() + 3) / 4 * 4, filling); }
+
+nlohmann::json DataBlocks::add_bytes(std::string_view bytes) {
+  fill_up_to_four(bytes_, '\0');
+  const nlohmann::json place{{"at", bytes_.size()}, {"bytes", bytes.size()}};
+  bytes_ += bytes;
+  return place;
+}
+
+std::string DataBlocks::compress(const nlohmann::json& header) const {
+  // Names come from files: invalid UTF-8 is replaced.
+  const std::string words = header.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+  const auto length = static_cast<std::uint32_t>(words.size());
+  std::string plain(reinterpret_cast<const char*>(&length), sizeof(length));
+  plain += words;
+  fill_up_to_four(plain, ' ');
+  plain += bytes_;
+  uLongf size = compressBound(static_cast<uLong>(plain.size()));
+  std::string packed(size, '\0');
+  const int result = compress2(reinterpret_cast<Bytef*>(packed.data()), &size,
+                               reinterpret_cast<const Bytef*>(plain.data()), static_cast<uLong>(plain.size()), 6);
+  assert(result == Z_OK);
+  static_cast<void>(result);
+  packed.resize(size);
+  return packed;
+}
 
 using geometry::Box3;
 using geometry::Vec3;
@@ -56,13 +168,13 @@ std::string jpeg_within(imaging::RgbImage image, std::size_t most_bytes) {
       std::string jpeg = std::string(base::as_text(imaging::encode_jpeg(image, quality)));
       if (jpeg.size() <= most_bytes || image.width <= 16) return jpeg;
     }
-    image = drawing::downscale(image, image.width / 2);
+    image = downscale(image, image.width / 2);
   }
 }
 
 json place_layer(DataBlocks& blocks, const RunFolder& run, const ViewBudget& budget) {
   if (run.meshes.empty()) return nullptr;
-  const tile_writer::PlaceModel model = tile_writer::read_place_model(run.meshes, budget.place);
+  const simplification::PlaceModel model = simplification::read_place_model(run.meshes, budget.place);
   const imaging::TexturedMesh& mesh = model.mesh;
   std::vector<std::uint16_t> uv;
   for (const Eigen::Vector2f& at : mesh.uv) {
@@ -176,7 +288,7 @@ json path_layer(DataBlocks& blocks, const std::optional<geometry::Trajectory>& p
 
 std::vector<imaging::RgbImage> small_pictures(const std::vector<FrameFile>& files, int width_px) {
   std::vector<imaging::RgbImage> pictures;
-  for (const FrameFile& file : files) pictures.push_back(drawing::downscale(imaging::read_rgb(file.image), width_px));
+  for (const FrameFile& file : files) pictures.push_back(downscale(imaging::read_rgb(file.image), width_px));
   return pictures;
 }
 
@@ -235,10 +347,10 @@ double start_of(const FlightRun& flight) {
 
 /// Half the image's width and height at a distance of one metre.
 std::pair<double, double> half_image_extent(const json& flight) {
-  const double half_deg = std::min(kWidestHalf_deg, drawing::number_at(flight, "/fov_deg").value_or(70.0) / 2);
+  const double half_deg = std::min(kWidestHalf_deg, number_at(flight, "/fov_deg").value_or(70.0) / 2);
   const double half_width = std::tan(half_deg * std::numbers::pi / 180);
-  const double width = drawing::number_at(flight, "/resolution/0").value_or(16),
-               height = drawing::number_at(flight, "/resolution/1").value_or(9);
+  const double width = number_at(flight, "/resolution/0").value_or(16),
+               height = number_at(flight, "/resolution/1").value_or(9);
   return {half_width, half_width * height / std::max(width, 1.0)};
 }
 

@@ -14,7 +14,6 @@
 #include "tileflight/core/imaging/image_files.h"
 #include "tileflight/experiments/report/figures.h"
 #include "tileflight/experiments/report/page_script.h"
-#include "tileflight/experiments/report/view_section.h"
 
 namespace tileflight::report::view_data_test {
 namespace {

@@ -6,6 +6,11 @@
 #include "tileflight/core/drawing/number_format.h"
 
 namespace tileflight::report {
+using drawing::element;
+using drawing::Html;
+using drawing::text;
+using drawing::text_at;
+
 namespace {
 
 using nlohmann::json;
@@ -26,11 +31,10 @@ std::vector<WarningLine> warning_lines(const json& results) {
   std::vector<WarningLine> lines;
   if (!results.is_object() || !results.contains("warnings") || !results["warnings"].is_array()) return lines;
   for (const json& warning : results["warnings"]) {
-    const auto message = drawing::text_at(warning, "/message");
+    const auto message = text_at(warning, "/message");
     if (!message) continue;
-    lines.push_back({*message, drawing::text_at(warning, "/where").value_or(""),
-                     drawing::text_at(warning, "/severity").value_or("warning"),
-                     drawing::text_at(warning, "/remedy").value_or("")});
+    lines.push_back({*message, text_at(warning, "/where").value_or(""),
+                     text_at(warning, "/severity").value_or("warning"), text_at(warning, "/remedy").value_or("")});
   }
   std::ranges::stable_sort(lines, {}, rank);
   return lines;
@@ -48,21 +52,20 @@ std::string withheld_verdict_text(const json& results, const std::string& second
   return sentence;
 }
 
-drawing::Html warnings_panel(const json& results) {
+Html warnings_panel(const json& results) {
   const std::vector<WarningLine> lines = warning_lines(results);
   if (lines.empty()) return {};
-  drawing::Html items;
+  Html items;
   for (const WarningLine& warning : lines) {
     const std::string to_do = warning.remedy.empty() ? "" : " To do: " + warning.remedy + ".";
-    items += drawing::element(
+    items += element(
         "li", {{"class", warning.severity}},
-        drawing::element("strong", drawing::text(warning.severity)) +
+        element("strong", text(warning.severity)) +
             drawing::text_with_code(" \u00B7 " + place_of(warning.where) + ": " + warning.message + "." + to_do));
   }
-  return drawing::element(
+  return element(
       "section", {{"class", "warnings"}, {"aria-labelledby", "warnings-title"}},
-      drawing::element("h2", {{"id", "warnings-title"}}, drawing::text("Possible problems with these numbers")) +
-          drawing::element("ul", items));
+      element("h2", {{"id", "warnings-title"}}, text("Possible problems with these numbers")) + element("ul", items));
 }
 
 }  // namespace tileflight::report

@@ -16,14 +16,15 @@ struct WarningLine {
   bool forbids_verdict() const { return severity != "note"; }
 };
 
-/// The entries of `warnings`, more certain ones first, otherwise in their order; malformed entries are left out.
+/// Returns the entries of `warnings`: errors, then warnings, then notes, each in their order. Malformed entries are
+/// left out.
 std::vector<WarningLine> warning_lines(const nlohmann::json& results);
 
-/// "No verdict on whether simulation predicts the surrogate flight's map: …" with the first two warnings that prevent
-/// one; empty if none does. `second`: name of the second flight.
+/// Returns "No verdict on whether simulation predicts the surrogate flight's map: …" with the first two warnings that
+/// prevent one; empty if none does. `second`: name of the second flight.
 std::string withheld_verdict_text(const nlohmann::json& results, const std::string& second);
 
-/// The list of warnings for the top of the page; empty if there are none.
+/// Returns the list of warnings for the top of the page; empty if there are none.
 drawing::Html warnings_panel(const nlohmann::json& results);
 
 }  // namespace tileflight::report

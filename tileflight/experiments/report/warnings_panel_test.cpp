@@ -13,8 +13,8 @@ using nlohmann::json;
 using testing::HasSubstr;
 using testing::Not;
 
-json warning(const char* what, const char* where, const char* severity) {
-  return {{"message", what}, {"where", where}, {"severity", severity}, {"remedy", "look"}};
+json warning(const char* message, const char* where, const char* severity) {
+  return {{"message", message}, {"where", where}, {"severity", severity}, {"remedy", "look"}};
 }
 
 json two_flights(const char* verdict, json warnings) {
@@ -24,7 +24,7 @@ json two_flights(const char* verdict, json warnings) {
           {"warnings", std::move(warnings)}};
 }
 
-TEST(WarningsPanel, TheSurerFirst) {
+TEST(WarningsPanel, ErrorsBeforeWarningsBeforeNotes) {
   const auto lines = warning_lines(
       two_flights("equivalent", {warning("a", "truth", "note"), 7, json{{"message", 3}},
                                  warning("b", "real/odometry", "error"), warning("c", "real/alignment", "warning")}));
@@ -42,7 +42,7 @@ TEST(WarningsPanel, NoVerdictWhileOneForbidsIt) {
   EXPECT_THAT(verdict(failed), Not(HasSubstr("Simulation predicted")));
 }
 
-TEST(WarningsPanel, APossibleOneStandsBesideTheVerdict) {
+TEST(WarningsPanel, ANoteStandsBesideTheVerdict) {
   const std::string sentence = verdict(two_flights("equivalent", {warning("blurred", "real/dataset", "note")}));
   EXPECT_THAT(sentence, HasSubstr("Simulation predicted"));
   EXPECT_THAT(sentence, HasSubstr("There is one warning about it."));

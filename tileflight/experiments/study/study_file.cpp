@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cctype>
 
-#include "tileflight/core/base/known_keys.h"
+#include "tileflight/core/base/document_value.h"
 #include "tileflight/core/base/strict_section.h"
 #include "tileflight/data/dataset/dataset.h"
 #include "tileflight/experiments/experiment/experiment_file.h"

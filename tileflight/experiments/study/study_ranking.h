@@ -31,8 +31,8 @@ struct RankedSystem {
   std::size_t places = 0;
 };
 
-/// Best first; systems without a score last, by name. A system's mean covers only the flights on which it has a score;
-/// `flights` is their number.
+/// Ranks systems, best first; systems without a score last, by name. A system's mean covers only the flights on which
+/// it has a score; `flights` is their number.
 std::vector<RankedSystem> rank_systems(const std::vector<ScoredRun>& runs);
 
 /// Agreement of two rankings, in simulation and on the second flights, of the systems that have a score on both.
@@ -44,8 +44,8 @@ struct RankAgreement {
   std::map<std::string, std::array<int, 2>> ranks;  ///< by system: rank in simulation, on the second flights (from 1)
 };
 
-/// Only places with flights of both kinds count: another place may have another order. nullopt: fewer than two systems
-/// have a score on both.
+/// Compares the ranking in simulation with that on the second flights. Only places with flights of both kinds count,
+/// because another place may have another order. Returns nullopt if fewer than two systems have a score on both.
 std::optional<RankAgreement> compare_ranks(const std::vector<ScoredRun>& runs, std::uint64_t seed);
 
 nlohmann::json to_json(const std::vector<RankedSystem>& ranking);

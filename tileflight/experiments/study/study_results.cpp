@@ -6,9 +6,8 @@
 #include <nlohmann/json.hpp>
 
 #include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/json_file.h"
-#include "tileflight/core/base/number_text.h"
 #include "tileflight/experiments/study/study_page.h"
 #include "tileflight/experiments/study/study_ranking.h"
 #include "tileflight/experiments/study/study_tables.h"
@@ -37,7 +36,7 @@ std::string first_line(const fs::path& file) {
   return line;
 }
 
-/// What the system's own run says.
+/// Copies the results that the run of the system recorded itself.
 void add_system_results(const json& odometry, json& run) {
   const json& system = odometry.at("system");
   run["applicable"] = system.at("applicable");
@@ -52,7 +51,7 @@ void add_system_results(const json& odometry, json& run) {
     run[key] = at(system, ("/" + std::string(key)).c_str());
 }
 
-/// Whether it is likely that the map does not lie where it belongs.
+/// Whether an error or a warning says that the map may lie in a wrong place.
 bool has_uncertain_place(const json& warnings) {
   return std::ranges::any_of(warnings, [](const json& warning) {
     return warning.at("where") == "alignment" &&
@@ -192,7 +191,7 @@ std::map<std::string, std::pair<int, int>> count_uncertain_places(const json& ru
   return counts;
 }
 
-/// What makes the ranking less sure than it looks.
+/// Returns the warnings about the ranking.
 json ranking_warnings(const json& plan, const json& runs, const std::vector<RankedSystem>& ranking) {
   json warnings = json::array();
   const auto add = [&](const std::string& what, const std::string& remedy) {

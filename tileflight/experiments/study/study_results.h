@@ -5,7 +5,7 @@
 
 namespace tileflight::study {
 
-/// Whether `folder` is a study's (holds plan.json).
+/// Returns whether `folder` is that of a study (holds plan.json).
 bool is_study_folder(const std::filesystem::path& folder);
 
 /// Gathers the results of all runs of a study's folder into study.json (docs/formats.md), which is returned. Runs that

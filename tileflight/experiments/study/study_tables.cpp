@@ -6,19 +6,18 @@
 #include <set>
 
 #include "tileflight/core/base/files.h"
-#include "tileflight/core/base/make_folder.h"
 #include "tileflight/core/base/order_statistics.h"
-#include "tileflight/core/drawing/figure.h"
-#include "tileflight/experiments/report/key_figures_files.h"
+#include "tileflight/core/drawing/drawing.h"
 #include "tileflight/core/drawing/number_format.h"
+#include "tileflight/experiments/report/key_figures.h"
 
 namespace tileflight::study {
 namespace fs = std::filesystem;
 namespace {
 
-using nlohmann::json;
 using drawing::format_fixed;
 using drawing::number_at;
+using nlohmann::json;
 using report::Table;
 
 std::optional<double> median_of(const json& runs, const std::string& system, const char* key) {

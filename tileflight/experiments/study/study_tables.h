@@ -7,11 +7,11 @@
 
 namespace tileflight::study {
 
-/// The ranking: score with its interval, robustness, medians of error, time and memory of each system.
+/// Returns the ranking: score with its interval, robustness, medians of error, time and memory of each system.
 report::Table ranking_table(const nlohmann::json& study);
-/// Score of each system on each flight, mean over repetitions.
+/// Returns the score of each system on each flight, mean over repetitions.
 report::Table matrix_table(const nlohmann::json& study);
-/// Every run.
+/// Returns a table with one row per run.
 report::Table runs_table(const nlohmann::json& study);
 
 /// Writes ranking, matrix and runs as CSV (RFC 4180) and LaTeX (booktabs) into the folder. Throws InputError.

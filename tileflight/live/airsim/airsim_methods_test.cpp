@@ -2,7 +2,6 @@
 
 #include <gmock/gmock.h>
 
-#include "tileflight/live/airsim/extension_methods.h"
 #include "tileflight/live/airsim/test_null_simulator_caller.h"
 
 namespace tileflight::airsim::airsim_methods_test {

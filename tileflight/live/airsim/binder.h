@@ -6,8 +6,8 @@
 #include <tuple>
 #include <utility>
 
-#include "tileflight/live/rpc/method_table.h"
 #include "tileflight/live/airsim/levels.h"
+#include "tileflight/live/rpc/method_table.h"
 #include "tileflight/live/simulator/simulator.h"
 
 namespace tileflight::airsim {
@@ -19,6 +19,49 @@ struct ExternalFlag {
   std::string annotation_name;
 };
 
+/// Part, result and argument types of a method of the simulator or of one of its parts.
+template <class Method>
+struct Signature;
+template <class P, class R, class... A>
+struct Signature<R (P::*)(A...)> {
+  using Part = P;
+  using Result = R;
+  using Arguments = std::tuple<std::decay_t<A>...>;
+};
+template <class P, class R, class... A>
+struct Signature<R (P::*)(A...) const> : Signature<R (P::*)(A...)> {};
+
+/// The part of a simulator that has this type, or the simulator itself.
+template <class Part>
+Part& part_of(simulator::Simulator& world) {
+  if constexpr (std::is_same_v<Part, simulator::Simulator>) {
+    return world;
+  } else if constexpr (std::is_same_v<Part, simulator::Vehicles>) {
+    return world.vehicles();
+  } else if constexpr (std::is_same_v<Part, simulator::Flight>) {
+    return world.flight();
+  } else if constexpr (std::is_same_v<Part, simulator::Sensors>) {
+    return world.sensors();
+  } else if constexpr (std::is_same_v<Part, simulator::Cameras>) {
+    return world.cameras();
+  } else if constexpr (std::is_same_v<Part, simulator::Detections>) {
+    return world.detections();
+  } else if constexpr (std::is_same_v<Part, simulator::Objects>) {
+    return world.objects();
+  } else if constexpr (std::is_same_v<Part, simulator::Labels>) {
+    return world.labels();
+  } else if constexpr (std::is_same_v<Part, simulator::Place>) {
+    return world.place();
+  } else if constexpr (std::is_same_v<Part, simulator::Environment>) {
+    return world.environment();
+  } else if constexpr (std::is_same_v<Part, simulator::Recording>) {
+    return world.recording();
+  } else {
+    static_assert(std::is_same_v<Part, simulator::Clock>);
+    return world.clock();
+  }
+}
+
 /// Calls methods of the simulator that is served. Templates accept another class with the same interface instead.
 class SimulatorCaller {
  public:
@@ -27,7 +70,8 @@ class SimulatorCaller {
   template <auto Method, class Result, class... Arguments>
   Result call(Arguments&&... arguments) const {
     const std::shared_ptr<simulator::Simulator> simulator = levels_->current();
-    return (simulator.get()->*Method)(std::forward<Arguments>(arguments)...);
+    return (part_of<typename Signature<decltype(Method)>::Part>(*simulator).*
+            Method)(std::forward<Arguments>(arguments)...);
   }
 
   bool load_level(const std::string& name) const { return levels_->load(name); }
@@ -35,17 +79,6 @@ class SimulatorCaller {
  private:
   Levels* levels_;
 };
-
-/// Result and argument types of a simulator method.
-template <class Method>
-struct Signature;
-template <class R, class... A>
-struct Signature<R (simulator::Simulator::*)(A...)> {
-  using Result = R;
-  using Arguments = std::tuple<std::decay_t<A>...>;
-};
-template <class R, class... A>
-struct Signature<R (simulator::Simulator::*)(A...) const> : Signature<R (simulator::Simulator::*)(A...)> {};
 
 /// Registers simulator methods in a table; arguments and results are converted by their types.
 template <class Caller>
@@ -76,7 +109,7 @@ class MethodBinder {
     });
   }
 
-  /// The same with an answer, which tells that nothing has changed.
+  /// Registers a method that accepts any arguments and returns an answer that tells that nothing has changed.
   template <class Answer>
   void accept(const std::string& name, const Answer& answer) {
     table_.add_variadic(name,

@@ -5,11 +5,11 @@
 #include <thread>
 
 #include "tests/temporary_folder.h"
+#include "tileflight/live/airsim/method_table.h"
+#include "tileflight/live/airsim/session.h"
 #include "tileflight/live/autopilot/test_ardupilot_client.h"
 #include "tileflight/live/rpc/server.h"
 #include "tileflight/live/rpc/test_client.h"
-#include "tileflight/live/airsim/method_table.h"
-#include "tileflight/live/airsim/session_recorder.h"
 #include "tileflight/live/simulator/test_world.h"
 
 /// Clients that send commands as fast as they can, without waiting for what comes of them.
@@ -101,8 +101,8 @@ void fly_through_a_flood(SessionRecorder* recorder) {
   flooding = false;
   copter.join();
   EXPECT_NEAR(seen.time_s, frames / 400.0, 1e-9);
-  EXPECT_NEAR(levels.current()->tf_statistics().sim_seconds, seen.time_s, 0.0035);
-  EXPECT_TRUE(levels.current()->sim_get_vehicle_pose("Drone").position.x_val < 1e6F);  // a number
+  EXPECT_NEAR(levels.current()->statistics().sim_seconds, seen.time_s, 0.0035);
+  EXPECT_TRUE(levels.current()->vehicles().get_vehicle_pose("Drone").position.x_val < 1e6F);  // a number
   const rpc::ServerStatistics told = running.server().statistics();
   EXPECT_EQ(told.answers, 2U * kCommands);
   EXPECT_EQ(told.connections_cut, 0U);

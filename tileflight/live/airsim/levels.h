@@ -16,14 +16,15 @@ class Levels {
   /// Opens the world of a source. Throws InputError or std::runtime_error.
   using Open = std::function<std::unique_ptr<simulator::Simulator>(const std::string& source)>;
 
-  /// `sources`: of each level, by name. `open`, `log`: may be called from any thread.
+  /// `sources`: the source of each level, by name. `open` and `log` may be called from any thread.
   explicit Levels(std::shared_ptr<simulator::Simulator> first, std::map<std::string, std::string> sources = {},
                   Open open = {}, simulator::SimulatorLog log = {});
 
-  /// The world that is served; calls that run keep theirs alive.
+  /// Returns the world that is served; running calls keep theirs alive.
   std::shared_ptr<simulator::Simulator> current() const;
-  /// Replaces the world by that of a level, at its start; the old one's tasks are cancelled. Blocks until it is there.
-  /// False, and the old world stays: the level is unknown, cannot be opened, or stop() was called; the log says why.
+  /// Replaces the world by that of a level and cancels the old world's tasks. Blocks until the new world is open.
+  /// Returns false and keeps the old world if the level is unknown or cannot be opened, or stop() was called; the log
+  /// says why.
   bool load(const std::string& name);
   /// Stops the world that is served (Simulator::stop()) and any that is still being loaded.
   void stop();

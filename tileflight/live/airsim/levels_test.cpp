@@ -6,8 +6,8 @@
 #include <thread>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/live/rpc/method_table.h"
 #include "tileflight/live/airsim/method_table.h"
+#include "tileflight/live/rpc/method_table.h"
 #include "tileflight/live/simulator/test_world.h"
 
 namespace tileflight::airsim::levels_test {
@@ -31,7 +31,7 @@ std::unique_ptr<Simulator> open_box(const std::string& name) {
 
 class ServedLevels : public testing::Test {
  protected:
-  std::vector<std::string> objects() const { return levels_.current()->sim_list_scene_objects(".*"); }
+  std::vector<std::string> objects() const { return levels_.current()->objects().list_scene_objects(".*"); }
 
   std::vector<std::string> log_;
   Levels levels_{open_box("home"),
@@ -60,13 +60,13 @@ TEST_F(ServedLevels, ThatAreUnknownOrBrokenLeaveTheWorldAsItIs) {
 
 TEST_F(ServedLevels, EndTheTasksOfTheWorldBefore) {
   const std::shared_ptr<Simulator> old = levels_.current();
-  old->enable_api_control(true, "");
+  old->vehicles().enable_api_control(true, "");
   auto flight = std::async(std::launch::async,
-                           [&] { return old->move_by_velocity(0, 0, -1, 3000, 0, simulator::YawMode{}, ""); });
-  while (old->tf_statistics().tasks_running == 0) std::this_thread::yield();
+                           [&] { return old->flight().move_by_velocity(0, 0, -1, 3000, 0, simulator::YawMode{}, ""); });
+  while (old->statistics().tasks_running == 0) std::this_thread::yield();
   EXPECT_TRUE(levels_.load("Forest"));
   EXPECT_FALSE(flight.get());
-  EXPECT_FALSE(levels_.current()->is_api_control_enabled("")) << "as after a reset";
+  EXPECT_FALSE(levels_.current()->vehicles().is_api_control_enabled("")) << "as after a reset";
 }
 
 TEST_F(ServedLevels, AreNotLoadedAfterTheEnd) {

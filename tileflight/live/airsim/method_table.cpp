@@ -1,7 +1,6 @@
 #include "tileflight/live/airsim/method_table.h"
 
 #include "tileflight/live/airsim/airsim_methods.h"
-#include "tileflight/live/airsim/extension_methods.h"
 
 namespace tileflight::airsim {
 

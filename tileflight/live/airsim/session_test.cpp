@@ -1,3 +1,5 @@
+#include "tileflight/live/airsim/session.h"
+
 #include <gmock/gmock.h>
 
 #include <chrono>
@@ -5,15 +7,13 @@
 #include <thread>
 
 #include "tests/temporary_folder.h"
-#include "tileflight/live/autopilot/shared_ports.h"
-#include "tileflight/live/autopilot/test_ardupilot_client.h"
-#include "tileflight/live/autopilot/test_px4_client.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/live/rpc/test_client.h"
 #include "tileflight/live/airsim/method_table.h"
-#include "tileflight/live/airsim/session_recorder.h"
-#include "tileflight/live/airsim/session_replay.h"
+#include "tileflight/live/autopilot/ports.h"
+#include "tileflight/live/autopilot/test_ardupilot_client.h"
+#include "tileflight/live/autopilot/test_px4_client.h"
+#include "tileflight/live/rpc/test_client.h"
 #include "tileflight/live/simulator/test_world.h"
 
 /// Sessions that are recorded, and repeated in a new world.

@@ -11,11 +11,11 @@
 #include <numbers>
 
 #include "tests/refusal.h"
-#include "tileflight/live/autopilot/frame_lockstep.h"
-#include "tileflight/live/autopilot/limited_log.h"
-#include "tileflight/live/autopilot/test_ardupilot_client.h"
-#include "tileflight/live/autopilot/udp_port.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/live/autopilot/limited_log.h"
+#include "tileflight/live/autopilot/lockstep.h"
+#include "tileflight/live/autopilot/ports.h"
+#include "tileflight/live/autopilot/test_ardupilot_client.h"
 
 namespace tileflight::autopilot::ardupilot_packet_test {
 namespace {

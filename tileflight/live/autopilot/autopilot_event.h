@@ -20,12 +20,12 @@ struct AutopilotEvent {
   Kind kind = Kind::kRestart;
   std::string vehicle;
   std::int64_t tick = 0;        ///< steps that the clock had made
-  double time_s = 0.0;          ///< of the vehicle afterwards, simulation time
+  double time_s = 0.0;          ///< simulation time of the vehicle afterwards
   double step_s = 0.0;          ///< kStep
-  std::vector<double> outputs;  ///< kStep: of the motors, 0 to 1
-  std::uint64_t number = 0;     ///< kSensors: of the message
-  std::string bytes;            ///< kSensors: what was sent
-  /// Of the vehicle afterwards; not part of a session's file. Body x forward, y left, z up.
+  std::vector<double> outputs;  ///< kStep: commands of the motors, 0 to 1
+  std::uint64_t number = 0;     ///< kSensors: number of the message
+  std::string bytes;            ///< kSensors: the bytes sent
+  /// Pose of the vehicle afterwards, body x forward, y left, z up; not part of a session's file.
   geometry::SE3 T_local_body;
   bool touches = false;  ///< the vehicle touches a surface
 };

@@ -7,8 +7,8 @@
 
 namespace tileflight::autopilot {
 
-/// Passes on at most one line of each kind in `interval`; the next one says how many were left out. Memory grows with
-/// the number of kinds only.
+/// Passes on at most one line of each kind in `interval`. The next line says how many were left out. Memory grows only
+/// with the number of kinds.
 class LimitedLog {
  public:
   using Clock = std::chrono::steady_clock;
@@ -18,6 +18,7 @@ class LimitedLog {
                       std::function<Clock::time_point()> now = Clock::now)
       : sink_(std::move(sink)), interval_(interval), now_(std::move(now)) {}
 
+  /// Passes a line on, or counts it as left out.
   void line(const std::string& kind, const std::string& text) {
     Kind& one = kinds_[kind];
     const Clock::time_point now = now_();

@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include "tileflight/live/autopilot/hil_messages.h"
-
 namespace tileflight::autopilot {
 namespace {
 

@@ -7,11 +7,10 @@
 #include <vector>
 
 #include "tests/refusal.h"
-#include "tileflight/live/autopilot/control_gate.h"
-#include "tileflight/live/autopilot/hil_messages.h"
-#include "tileflight/live/autopilot/tcp_port.h"
-#include "tileflight/live/autopilot/test_px4_client.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/live/autopilot/lockstep.h"
+#include "tileflight/live/autopilot/ports.h"
+#include "tileflight/live/autopilot/test_px4_client.h"
 
 // That our bytes are MAVLink's is checked against another codec in tests/mavlink.
 namespace tileflight::autopilot::mavlink_test {

@@ -2,11 +2,11 @@
 
 #include <cmath>
 
-#include "tileflight/live/autopilot/ardupilot_packet.h"
-#include "tileflight/live/autopilot/frame_lockstep.h"
 #include "tileflight/capture/vehicle/multirotor.h"
-#include "tileflight/live/autopilot/test_ardupilot_client.h"
 #include "tileflight/capture/vehicle/test_obstacles.h"
+#include "tileflight/live/autopilot/ardupilot_packet.h"
+#include "tileflight/live/autopilot/lockstep.h"
+#include "tileflight/live/autopilot/test_ardupilot_client.h"
 
 /// The whole loop without sockets: servo packets in, lines of JSON out, a scripted autopilot between them.
 namespace tileflight::autopilot::scripted_flight_test {
@@ -15,6 +15,7 @@ namespace {
 using geometry::Vec3;
 using test_support::Observation;
 using test_support::ScriptedAutopilot;
+using vehicle::Multirotor;
 
 constexpr double kExpo = 0.65;
 
@@ -91,19 +92,23 @@ TEST(ScriptedFlight, QuadrotorFliesASquareAndLands) {
 TEST(ScriptedFlight, HexarotorFliesASquareInGusts) {
   const auto points = test_support::square(10.0, 4.0);
   const vehicle::WindOptions wind{.mean_m_s = Vec3(4, 3, 0), .turbulence = vehicle::Turbulence::kLight};
-  expect_flown(fly(vehicle::AirframeKind::kHexaX, vehicle::test_support::level_ground(0.0), wind, points), points.size());
+  expect_flown(fly(vehicle::AirframeKind::kHexaX, vehicle::test_support::level_ground(0.0), wind, points),
+               points.size());
 }
 
 TEST(ScriptedFlight, OtherRatesFlyTheSameSquare) {
   const auto points = test_support::square(10.0, 4.0);
   for (const int rate : {250, 1200})
-    expect_flown(fly(vehicle::AirframeKind::kQuadX, vehicle::test_support::level_ground(0.0), {}, points, rate), points.size());
+    expect_flown(fly(vehicle::AirframeKind::kQuadX, vehicle::test_support::level_ground(0.0), {}, points, rate),
+                 points.size());
 }
 
 TEST(ScriptedFlight, SamePacketsSameBytes) {
   const auto points = test_support::square(10.0, 4.0);
   const vehicle::WindOptions wind{.mean_m_s = Vec3(2, 0, 0), .turbulence = vehicle::Turbulence::kModerate, .seed = 5};
-  const auto once = [&] { return fly(vehicle::AirframeKind::kQuadX, vehicle::test_support::level_ground(0.0), wind, points); };
+  const auto once = [&] {
+    return fly(vehicle::AirframeKind::kQuadX, vehicle::test_support::level_ground(0.0), wind, points);
+  };
   const Flight first = once(), second = once();
   EXPECT_GT(first.bytes.size(), 100'000U);
   EXPECT_TRUE(first.bytes == second.bytes);
@@ -118,7 +123,8 @@ std::optional<vehicle::SurfaceHit> uneven(const Vec3& from, const Vec3& to) {
 }
 
 TEST(ScriptedFlight, ArmsOnUnevenGroundAndTakesOff) {
-  const Multirotor standing(vehicle::make_airframe(vehicle::AirframeKind::kQuadX), uneven, {}, Vec3(0, 0, 0.4), std::acos(-1.0) / 2.0);
+  const Multirotor standing(vehicle::make_airframe(vehicle::AirframeKind::kQuadX), uneven, {}, Vec3(0, 0, 0.4),
+                            std::acos(-1.0) / 2.0);
   const double tilt_deg = std::acos((standing.state().R_local_body * Vec3::UnitZ()).z()) * 180.0 / std::acos(-1.0);
   EXPECT_GT(tilt_deg, 5.0);
   const std::vector<Vec3> up{{0, 0, -4}};

@@ -15,7 +15,7 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/live/autopilot/hil_messages.h"
+#include "tileflight/live/autopilot/mavlink.h"
 #include "tileflight/live/autopilot/test_scripted_autopilot.h"
 
 namespace tileflight::autopilot::test_support {

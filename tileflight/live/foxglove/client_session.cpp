@@ -8,7 +8,7 @@
 namespace tileflight::foxglove {
 namespace {
 
-/// What a client that asks and does not read may have waiting, beyond what it is told at the start.
+/// Limit of the answers that wait for a client, without those at the start.
 constexpr std::size_t kMaxAnswerBytes = std::size_t{4} << 20U;
 constexpr std::size_t kShownCharacters = 100;  ///< of what a client names
 

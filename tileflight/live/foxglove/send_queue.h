@@ -8,16 +8,16 @@
 #include <optional>
 #include <string>
 
-#include "tileflight/live/foxglove/channel.h"
+#include "tileflight/live/foxglove/messages.h"
 
 namespace tileflight::foxglove {
 
-/// Limits of what waits for one client.
+/// Limits of the messages that wait for one client.
 struct QueueLimits {
-  std::size_t max_bytes = std::size_t{64} << 20U;  ///< of all channels, latched ones apart
-  std::size_t max_messages = 1000;                 ///< of one channel
-  /// Of one channel that has more than `always_kept` messages: large messages are soon out of date, small ones are
-  /// wanted one and all.
+  std::size_t max_bytes = std::size_t{64} << 20U;  ///< all channels together, without latched ones
+  std::size_t max_messages = 1000;                 ///< in one channel
+  /// Limit of one channel that has more than `always_kept` messages. It bounds large messages, which are soon out of
+  /// date, and keeps all small ones.
   std::size_t max_channel_bytes = std::size_t{1} << 20U;
   std::size_t always_kept = 4;
 };
@@ -29,19 +29,19 @@ struct QueuedMessage {
   std::shared_ptr<const std::string> bytes;
 };
 
-/// Messages that wait until a client reads, in the order of their arrival. What is too much is dropped, the oldest of a
-/// channel first, so that a slow client misses messages and the server's memory is bounded.
+/// Messages that wait until a client reads, in the order of their arrival. Beyond the limits the oldest message of a
+/// channel is dropped: a slow client misses messages, and the server's memory is bounded.
 class SendQueue {
  public:
   explicit SendQueue(const QueueLimits& limits = {}) : limits_(limits) {}
 
-  /// `max_bytes`: a lower limit than QueueLimits::max_bytes, if the client has to share. Beyond it the channel that
-  /// holds most drops its oldest message.
+  /// Adds a message. `max_bytes`: a limit below QueueLimits::max_bytes, if clients share memory. Beyond it the channel
+  /// that holds most drops its oldest message.
   void push(QueuedMessage message, std::size_t max_bytes);
-  /// Of a latched channel only the last message waits; it is not dropped for others.
+  /// Adds a message of a latched channel. It replaces the one that waits and is never dropped for others.
   void push_latched(QueuedMessage message);
   std::optional<QueuedMessage> pop();
-  /// Drops what waits of a channel.
+  /// Drops the messages of a channel.
   void forget(ChannelId channel);
 
   bool empty() const { return messages_.empty(); }

@@ -8,8 +8,7 @@
 #include <stop_token>
 #include <string>
 
-#include "tileflight/live/foxglove/channel.h"
-#include "tileflight/live/foxglove/parameter.h"
+#include "tileflight/live/foxglove/messages.h"
 #include "tileflight/live/foxglove/send_queue.h"
 
 namespace tileflight::foxglove {
@@ -53,7 +52,7 @@ class Server {
   ChannelId add_channel(Channel channel);
   void remove_channel(ChannelId channel);
 
-  /// Whether any client has subscribed to the channel: else its messages need not be made.
+  /// Returns whether any client has subscribed to the channel; otherwise its messages need not be made.
   bool is_subscribed(ChannelId channel) const;
   /// Counts subscriptions and ends of subscriptions since the start.
   std::uint64_t subscription_changes() const;

@@ -9,7 +9,7 @@
 
 #include "tests/refusal.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/live/foxglove/server_message.h"
+#include "tileflight/live/foxglove/messages.h"
 #include "tileflight/live/foxglove/test_web_socket.h"
 
 namespace tileflight::foxglove::server_test {

@@ -1,12 +1,41 @@
 #include "tileflight/live/publishing/dataset_player.h"
 
+#include <cmath>
 #include <utility>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/data/dataset/ros_messages.h"
+#include "tileflight/data/messages/ros_messages.h"
 #include "tileflight/live/publishing/viewer_channels.h"
 
 namespace tileflight::publishing {
+
+void PlaybackClock::set_time(std::int64_t time_ns, WallTime now) {
+  anchor_ns_ = time_ns;
+  anchor_ = now;
+}
+
+void PlaybackClock::set_rate(double rate, WallTime now) {
+  set_time(time_ns(now), now);
+  rate_ = rate;
+}
+
+void PlaybackClock::set_paused(bool is_paused, WallTime now) {
+  set_time(time_ns(now), now);
+  is_paused_ = is_paused;
+}
+
+std::int64_t PlaybackClock::time_ns(WallTime now) const {
+  if (is_paused_) return anchor_ns_;
+  const std::chrono::duration<double, std::nano> passed = now - anchor_;
+  return anchor_ns_ + std::llround(passed.count() * rate_);
+}
+
+std::optional<PlaybackClock::WallTime> PlaybackClock::due(std::int64_t time_ns) const {
+  if (is_paused_) return std::nullopt;
+  const double wall_ns = static_cast<double>(time_ns - anchor_ns_) / rate_;
+  return anchor_ + std::chrono::nanoseconds(std::llround(wall_ns));
+}
+
 namespace {
 
 using WallClock = std::chrono::steady_clock;
@@ -37,7 +66,7 @@ double rate_value(const foxglove::Parameter& wanted) {
 
 DatasetPlayer::DatasetPlayer(const dataset::Rig& rig, const PlayOptions& options)
     : dataset_(rig.cameras.front().dataset),
-      listed_(dataset::list_messages(
+      listed_(messages::list_messages(
           rig, {.depth = true, .odometry = true, .static_transforms = true, .cameras = options.cameras})),
       clock_(options.rate, options.is_paused),
       loop_(options.loop) {
@@ -70,7 +99,7 @@ void DatasetPlayer::set_parameter(const foxglove::Parameter& wanted) {
 }
 
 void DatasetPlayer::open(MessageSink& sink, const std::optional<PlaceGlb>& place) {
-  for (const dataset::MessageTopic& topic : listed_.topics) {
+  for (const messages::MessageTopic& topic : listed_.topics) {
     channels_.push_back(sink.add_channel(ros_channel(topic.name, topic.type, topic.is_latched)));
     topics_.push_back(topic.name);
   }
@@ -83,10 +112,10 @@ void DatasetPlayer::open(MessageSink& sink, const std::optional<PlaceGlb>& place
   };
   if (dataset_.groundtruth)
     send_once(ros_channel("/path", "nav_msgs/msg/Path", true),
-              dataset::ros::path({begin_ns, dataset::kMapFrame}, drawn_path(*dataset_.groundtruth)));
+              messages::ros::path({begin_ns, messages::kMapFrame}, drawn_path(*dataset_.groundtruth)));
   if (place)
-    send_once(scene_channel("/place"),
-              scene_update(place->bytes, dataset::kMapFrame, static_cast<std::uint64_t>(begin_ns), place->attribution));
+    send_once(scene_channel("/place"), scene_update(place->bytes, messages::kMapFrame,
+                                                    static_cast<std::uint64_t>(begin_ns), place->attribution));
 }
 
 std::vector<std::string> DatasetPlayer::topics() const { return topics_; }
@@ -107,11 +136,11 @@ std::uint64_t DatasetPlayer::play(MessageSink& sink, const std::stop_token& stop
 std::uint64_t DatasetPlayer::play_once(MessageSink& sink, const std::stop_token& stop) {
   restart_clock();
   std::uint64_t sent = 0;
-  for (const dataset::DatasetMessage& message : listed_.messages) {
+  for (const messages::DatasetMessage& message : listed_.messages) {
     if (!wait_until_due(message.time_ns, stop)) break;
     const auto time_ns = static_cast<std::uint64_t>(message.time_ns);
     sink.publish_time(time_ns);
-    if (sink.is_wanted(clock_channel_)) sink.publish(clock_channel_, time_ns, dataset::ros::clock(message.time_ns));
+    if (sink.is_wanted(clock_channel_)) sink.publish(clock_channel_, time_ns, messages::ros::clock(message.time_ns));
     const MessageSink::ChannelId channel = channels_[message.topic];
     const bool is_wanted = sink.is_wanted(channel);
     if (!is_wanted && !listed_.topics[message.topic].is_latched) continue;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <chrono>
 #include <condition_variable>
 #include <cstdint>
 #include <mutex>
@@ -8,19 +9,45 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/data/dataset/dataset_messages.h"
-#include "tileflight/live/foxglove/parameter.h"
+#include "tileflight/data/messages/dataset_messages.h"
+#include "tileflight/live/foxglove/messages.h"
 #include "tileflight/live/publishing/message_sink.h"
 #include "tileflight/live/publishing/place_glb.h"
-#include "tileflight/live/publishing/playback_clock.h"
 
 namespace tileflight::publishing {
+
+/// Computes when the messages of a recording are due: it relates recorded time to the wall clock, at a rate that may
+/// change, and with pauses. The wall clock's time is passed in. Not thread-safe.
+class PlaybackClock {
+ public:
+  using WallTime = std::chrono::steady_clock::time_point;
+
+  PlaybackClock(double rate, bool is_paused) : rate_(rate), is_paused_(is_paused) {}
+
+  /// Sets the recorded time at `now`.
+  void set_time(std::int64_t time_ns, WallTime now);
+  /// Sets the rate from `now` on: recorded seconds per second, above zero.
+  void set_rate(double rate, WallTime now);
+  void set_paused(bool is_paused, WallTime now);
+  double rate() const { return rate_; }
+  bool is_paused() const { return is_paused_; }
+
+  std::int64_t time_ns(WallTime now) const;
+  /// Returns the time of the wall clock at this recorded time; nullopt while paused.
+  std::optional<WallTime> due(std::int64_t time_ns) const;
+
+ private:
+  double rate_;
+  bool is_paused_;
+  std::int64_t anchor_ns_ = 0;  ///< recorded time at `anchor_`
+  WallTime anchor_{};
+};
 
 struct PlayOptions {
   double rate = 1.0;       ///< recorded seconds per second, above zero and at most kMaxPlayRate
   bool loop = false;       ///< begin again at the end
   bool is_paused = false;  ///< wait for a viewer to set the parameter `paused` to false
-  /// Of a rig: MessageSelection::cameras.
+  /// Names of the rig's cameras to play (MessageSelection::cameras).
   std::vector<std::string> cameras{};
 };
 inline constexpr double kMaxPlayRate = 1000.0;
@@ -54,7 +81,7 @@ class DatasetPlayer {
   std::uint64_t play_once(MessageSink& sink, const std::stop_token& stop);
 
   const dataset::Dataset& dataset_;  ///< the first camera's
-  dataset::DatasetMessages listed_;
+  messages::DatasetMessages listed_;
   std::vector<MessageSink::ChannelId> channels_;  ///< of each topic
   MessageSink::ChannelId clock_channel_ = 0;
   std::vector<std::string> topics_;  ///< all, with those that are sent once

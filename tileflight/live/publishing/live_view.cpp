@@ -3,20 +3,120 @@
 #include <algorithm>
 #include <chrono>
 #include <condition_variable>
+#include <cstdint>
+#include <limits>
 #include <optional>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/data/dataset/dataset_messages.h"
-#include "tileflight/live/publishing/live_messages.h"
+#include "tileflight/core/imaging/image.h"
+#include "tileflight/core/imaging/image_files.h"
+#include "tileflight/data/messages/dataset_messages.h"
 #include "tileflight/live/publishing/place_glb.h"
 #include "tileflight/live/publishing/viewer_channels.h"
+#include "tileflight/live/simulator/airsim_types.h"
+#include "tileflight/live/simulator/viewer.h"
 
 namespace tileflight::publishing {
 namespace {
 
+std::string frame_of(const std::string& vehicle, const std::string& part);
+std::string body_frame(const std::string& vehicle);
+std::string odometry_frame(const std::string& vehicle);
+std::string camera_frame(const std::string& vehicle, const std::string& camera);
+messages::ros::Header header(std::uint64_t time_ns, const std::string& frame);
+
+imaging::RgbImage rgb_of(const simulator::ImageResponse& image);
+std::string jpeg_of(const imaging::RgbImage& rgb, int quality);
+/// Infinite where there is no surface.
+imaging::FloatImage depth_of(const simulator::ImageResponse& image);
+std::vector<dataset::ScanPoint> points_of(const simulator::ObservedScan& scan);
+/// The sensors on their vehicles, and where odometry begins.
+std::vector<messages::ros::FrameTransform> static_transforms_of(const simulator::Observation& now);
+
+bool is_same(const messages::ros::FrameTransform& a, const messages::ros::FrameTransform& b);
+/// Whether time and all poses are the same: clients may also place vehicles while time stands still.
+bool is_same(const simulator::Observation& a, const simulator::Observation& b);
+
+/// AirSim's depth where there is no surface.
+constexpr float kNoSurface_m = 65504.0F;
+
+bool is_same(const geometry::SE3& a, const geometry::SE3& b) {
+  return a.translation == b.translation && a.rotation.coeffs() == b.rotation.coeffs();
+}
+
 using dataset::kMapFrame;
-using dataset::ros::Header;
+using messages::ros::Header;
+
+std::string frame_of(const std::string& vehicle, const std::string& part) { return vehicle + "/" + part; }
+std::string body_frame(const std::string& vehicle) { return frame_of(vehicle, "base_link"); }
+std::string odometry_frame(const std::string& vehicle) { return frame_of(vehicle, "odom"); }
+std::string camera_frame(const std::string& vehicle, const std::string& camera) {
+  return frame_of(vehicle, camera + "_optical");
+}
+
+Header header(std::uint64_t time_ns, const std::string& frame) { return {static_cast<std::int64_t>(time_ns), frame}; }
+
+imaging::RgbImage rgb_of(const simulator::ImageResponse& image) {
+  imaging::RgbImage rgb(image.width, image.height);
+  for (std::size_t i = 0; i < rgb.pixels.size(); ++i) {
+    const std::uint8_t* bgr = image.image_data_uint8.data() + 3 * i;
+    rgb.pixels[i] = {bgr[2], bgr[1], bgr[0]};
+  }
+  return rgb;
+}
+
+std::string jpeg_of(const imaging::RgbImage& rgb, int quality) {
+  const std::vector<std::byte> bytes = imaging::encode_jpeg(rgb, quality);
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
+
+imaging::FloatImage depth_of(const simulator::ImageResponse& image) {
+  imaging::FloatImage depth_m(image.width, image.height);
+  std::ranges::transform(image.image_data_float, depth_m.pixels.begin(), [](float metres) {
+    return metres >= kNoSurface_m ? std::numeric_limits<float>::infinity() : metres;
+  });
+  return depth_m;
+}
+
+std::vector<dataset::ScanPoint> points_of(const simulator::ObservedScan& scan) {
+  std::vector<dataset::ScanPoint> points(scan.points_m.size());
+  for (std::size_t i = 0; i < points.size(); ++i)
+    points[i] = {scan.points_m[i], scan.intensities[i], scan.times_s[i], scan.rings[i]};
+  return points;
+}
+
+std::vector<messages::ros::FrameTransform> static_transforms_of(const simulator::Observation& now) {
+  std::vector<messages::ros::FrameTransform> all;
+  for (const simulator::ObservedVehicle& vehicle : now.vehicles) {
+    const Header on_body = header(now.time_ns, body_frame(vehicle.name));
+    all.push_back({header(now.time_ns, kMapFrame), odometry_frame(vehicle.name), {}});
+    for (const simulator::ObservedCamera& camera : vehicle.cameras)
+      all.push_back({on_body, camera_frame(vehicle.name, camera.name), camera.T_body_camera});
+    for (const simulator::ObservedLidar& lidar : vehicle.lidars)
+      all.push_back({on_body, frame_of(vehicle.name, lidar.name), lidar.T_body_lidar});
+    for (const std::string& imu : vehicle.imus) all.push_back({on_body, frame_of(vehicle.name, imu), {}});
+  }
+  return all;
+}
+
+bool is_same(const messages::ros::FrameTransform& a, const messages::ros::FrameTransform& b) {
+  return a.child_frame_id == b.child_frame_id && is_same(a.T_frame_child, b.T_frame_child);
+}
+
+bool is_same(const simulator::Observation& a, const simulator::Observation& b) {
+  const auto same_camera = [](const simulator::ObservedCamera& x, const simulator::ObservedCamera& y) {
+    return is_same(x.T_body_camera, y.T_body_camera);
+  };
+  const auto same_vehicle = [&](const simulator::ObservedVehicle& x, const simulator::ObservedVehicle& y) {
+    return x.name == y.name && is_same(x.T_local_body, y.T_local_body) &&
+           std::ranges::equal(x.cameras, y.cameras, same_camera);
+  };
+  return a.time_ns == b.time_ns && std::ranges::equal(a.vehicles, b.vehicles, same_vehicle);
+}
+
 using Seconds = std::chrono::duration<double>;
 using WallTime = std::chrono::steady_clock::time_point;
 
@@ -61,7 +161,7 @@ void LiveView::start(MessageSink& sink) {
   clock_ = sink.add_channel(ros_channel("/clock", "rosgraph_msgs/msg/Clock"));
   place_ = sink.add_channel(scene_channel("/place"));
   shown_ = simulator_();
-  add_channels(simulator_()->observe());
+  add_channels(simulator_()->viewer().observe());
   thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
 }
 
@@ -73,7 +173,7 @@ void LiveView::stop() {
 foxglove::ParameterAccess LiveView::parameters() {
   foxglove::ParameterAccess access;
   access.read = [this] {
-    return std::vector<foxglove::Parameter>{{"paused", simulator_()->sim_is_paused()},
+    return std::vector<foxglove::Parameter>{{"paused", simulator_()->clock().is_paused()},
                                             {"image_rate_hz", image_rate_hz()}};
   };
   access.write = [this](const foxglove::Parameter& wanted) { set_parameter(wanted); };
@@ -88,7 +188,7 @@ void LiveView::set_parameter(const foxglove::Parameter& wanted) {
           "cannot be set: viewers may only watch, since clients need a token here or the session is recorded");
     const auto* value = std::get_if<bool>(&wanted.value);
     if (value == nullptr) throw InputError("paused", "must be true or false");
-    return simulator_()->sim_pause(*value);
+    return simulator_()->clock().pause(*value);
   }
   if (wanted.name != "image_rate_hz")
     throw InputError(wanted.name.substr(0, 100), "is no parameter here; there are paused and image_rate_hz");
@@ -114,7 +214,7 @@ void LiveView::run(const std::stop_token& stop) {
     const std::uint64_t changes = sink_->audience_changes();
     const bool is_other_audience = changes != std::exchange(last_changes, changes);
     follow_level();
-    const simulator::Observation now = simulator_()->observe();
+    const simulator::Observation now = simulator_()->viewer().observe();
     const Seconds image_period(1.0 / image_rate_hz());
     if (is_other_audience || !last || !is_same(now, *last)) {
       const Due due{is_other_audience || begin >= next_images, is_other_audience || begin >= next_paths};
@@ -147,7 +247,7 @@ void LiveView::publish(const simulator::Observation& now, const Due& due, const 
   add_channels(now);
   sink_->publish_time(now.time_ns);
   if (is_wanted(clock_))
-    sink_->publish(clock_, now.time_ns, dataset::ros::clock(static_cast<std::int64_t>(now.time_ns)));
+    sink_->publish(clock_, now.time_ns, messages::ros::clock(static_cast<std::int64_t>(now.time_ns)));
   publish_static_transforms(now);
   if (is_wanted(tf_)) publish_transforms(now);
   if (is_wanted(place_)) start_place();
@@ -156,7 +256,7 @@ void LiveView::publish(const simulator::Observation& now, const Due& due, const 
     publish_state(now.time_ns, vehicle, channels);
     add_to_path(channels.flown, {static_cast<double>(now.time_ns) * 1e-9, vehicle.T_local_body});
     if (due.paths && is_wanted(channels.path))
-      sink_->publish(channels.path, now.time_ns, dataset::ros::path(header(now.time_ns, kMapFrame), channels.flown));
+      sink_->publish(channels.path, now.time_ns, messages::ros::path(header(now.time_ns, kMapFrame), channels.flown));
     for (const auto& [imu, channel] : channels.imus) publish_imu(vehicle, imu, channel);
     if (!due.images) continue;
     for (const simulator::ObservedCamera& camera : vehicle.cameras) {
@@ -216,19 +316,19 @@ void LiveView::remove_channels(const VehicleChannels& channels) {
 }
 
 void LiveView::publish_transforms(const simulator::Observation& now) {
-  std::vector<dataset::ros::FrameTransform> moving;
+  std::vector<messages::ros::FrameTransform> moving;
   for (const simulator::ObservedVehicle& vehicle : now.vehicles)
     moving.push_back(
         {header(now.time_ns, odometry_frame(vehicle.name)), body_frame(vehicle.name), vehicle.T_local_body});
-  sink_->publish(tf_, now.time_ns, dataset::ros::transforms(moving));
+  sink_->publish(tf_, now.time_ns, messages::ros::transforms(moving));
 }
 
 /// Once, and when a client has placed a camera otherwise: who comes later gets the last message.
 void LiveView::publish_static_transforms(const simulator::Observation& now) {
-  std::vector<dataset::ros::FrameTransform> all = static_transforms_of(now);
+  std::vector<messages::ros::FrameTransform> all = static_transforms_of(now);
   const auto same = [](const auto& a, const auto& b) { return is_same(a, b); };
   if (std::ranges::equal(all, static_transforms_, same)) return;
-  sink_->publish(tf_static_, now.time_ns, dataset::ros::transforms(all));
+  sink_->publish(tf_static_, now.time_ns, messages::ros::transforms(all));
   static_transforms_ = std::move(all);
 }
 
@@ -237,33 +337,33 @@ void LiveView::publish_state(std::uint64_t time_ns, const simulator::ObservedVeh
   const Header origin = header(time_ns, odometry_frame(vehicle.name));
   if (is_wanted(channels.odometry))
     sink_->publish(channels.odometry, time_ns,
-                   dataset::ros::odometry(origin, body_frame(vehicle.name), vehicle.T_local_body,
-                                          {vehicle.velocity_m_s, vehicle.angular_velocity_rad_s}));
+                   messages::ros::odometry(origin, body_frame(vehicle.name), vehicle.T_local_body,
+                                           {vehicle.velocity_m_s, vehicle.angular_velocity_rad_s}));
   if (is_wanted(channels.motion))
     sink_->publish(channels.motion, time_ns,
                    motion_text({vehicle.T_local_body, vehicle.velocity_m_s, vehicle.angular_velocity_rad_s}));
   if (is_wanted(channels.gnss)) {
     const geometry::Geodetic position{vehicle.latitude_deg, vehicle.longitude_deg, {vehicle.height_m}};
     const dataset::GpsFix fix{static_cast<double>(time_ns) * 1e-9, position, 0.0, 0.0};
-    sink_->publish(channels.gnss, time_ns, dataset::ros::nav_sat_fix(header(time_ns, body_frame(vehicle.name)), fix));
+    sink_->publish(channels.gnss, time_ns, messages::ros::nav_sat_fix(header(time_ns, body_frame(vehicle.name)), fix));
   }
 }
 
 void LiveView::publish_picture(const Header& head, const imaging::RgbImage& picture, const CameraChannels& channels) {
   const auto time_ns = static_cast<std::uint64_t>(head.time_ns);
-  if (is_wanted(channels.image)) sink_->publish(channels.image, time_ns, dataset::ros::rgb_image(head, picture));
+  if (is_wanted(channels.image)) sink_->publish(channels.image, time_ns, messages::ros::rgb_image(head, picture));
   if (is_wanted(channels.compressed))
     sink_->publish(channels.compressed, time_ns,
-                   dataset::ros::compressed_image(head, "jpeg", jpeg_of(picture, options_.jpeg_quality)));
+                   messages::ros::compressed_image(head, "jpeg", jpeg_of(picture, options_.jpeg_quality)));
 }
 
 void LiveView::publish_imu(const simulator::ObservedVehicle& vehicle, const std::string& imu, ChannelId channel) {
   if (!is_wanted(channel)) return;
-  const simulator::ObservedMotion motion = simulator_()->view_imu(imu, vehicle.name);
+  const simulator::ObservedMotion motion = simulator_()->viewer().imu(imu, vehicle.name);
   const geometry::ImuSample reading{static_cast<double>(motion.time_ns) * 1e-9, motion.angular_rate_rad_s,
                                     motion.specific_force_m_s2};
   sink_->publish(channel, motion.time_ns,
-                 dataset::ros::imu(header(motion.time_ns, frame_of(vehicle.name, imu)), reading));
+                 messages::ros::imu(header(motion.time_ns, frame_of(vehicle.name, imu)), reading));
 }
 
 /// Picture and depth of one call are of the same moment.
@@ -277,29 +377,29 @@ void LiveView::publish_camera(const simulator::ObservedVehicle& vehicle, const s
   if (is_wanted(channels.depth))
     requests.push_back({camera.name, static_cast<int>(ImageType::kDepthPlanar), true, false});
   if (requests.empty() && !is_wanted(channels.info)) return;
-  std::uint64_t time_ns = simulator_()->observe().time_ns;
+  std::uint64_t time_ns = simulator_()->viewer().observe().time_ns;
   if (!requests.empty()) {
-    const std::vector<simulator::ImageResponse> images = simulator_()->view_images(requests, vehicle.name);
+    const std::vector<simulator::ImageResponse> images = simulator_()->viewer().images(requests, vehicle.name);
     time_ns = images.front().time_stamp;
     const Header head = header(time_ns, frame);
     for (const simulator::ImageResponse& image : images) {
       if (image.pixels_as_float) {
-        sink_->publish(channels.depth, time_ns, dataset::ros::depth_image(head, depth_of(image)));
+        sink_->publish(channels.depth, time_ns, messages::ros::depth_image(head, depth_of(image)));
       } else {
         publish_picture(head, rgb_of(image), channels);
       }
     }
   }
   if (is_wanted(channels.info))
-    sink_->publish(channels.info, time_ns, dataset::ros::camera_info(header(time_ns, frame), camera.scene_lens));
+    sink_->publish(channels.info, time_ns, messages::ros::camera_info(header(time_ns, frame), camera.scene_lens));
 }
 
 void LiveView::publish_scan(const simulator::ObservedVehicle& vehicle, const simulator::ObservedLidar& lidar,
                             ChannelId channel) {
   if (!is_wanted(channel)) return;
-  const simulator::ObservedScan scan = simulator_()->view_scan(lidar.name, vehicle.name);
+  const simulator::ObservedScan scan = simulator_()->viewer().scan(lidar.name, vehicle.name);
   const Header head = header(scan.time_ns, frame_of(vehicle.name, lidar.name));
-  sink_->publish(channel, scan.time_ns, dataset::ros::point_cloud(head, points_of(scan)));
+  sink_->publish(channel, scan.time_ns, messages::ros::point_cloud(head, points_of(scan)));
 }
 
 void LiveView::start_place() {
@@ -317,11 +417,11 @@ void LiveView::report(const std::string& failure) {
 
 void LiveView::publish_place() try {
   const std::shared_ptr<simulator::Simulator> simulator = simulator_();
-  const auto meshes = simulator->view_meshes(kMaxPlaceTriangles);
+  const auto meshes = simulator->viewer().meshes(kMaxPlaceTriangles);
   if (!meshes) return report("/place: more than 8 million triangles are in memory, which are too many to show");
-  const std::optional<PlaceGlb> glb = make_place_glb(*meshes, simulator->tf_statistics().attribution);
+  const std::optional<PlaceGlb> glb = make_place_glb(*meshes, simulator->statistics().attribution);
   if (!glb) return report("/place: there are no triangles in memory");
-  const std::uint64_t time_ns = simulator->observe().time_ns;
+  const std::uint64_t time_ns = simulator->viewer().observe().time_ns;
   sink_->publish(place_, time_ns, scene_update(glb->bytes, kMapFrame, time_ns, glb->attribution));
 } catch (const std::exception& error) {
   report(error.what());

@@ -12,17 +12,17 @@
 #include <thread>
 #include <vector>
 
-#include "tileflight/data/dataset/ros_messages.h"
-#include "tileflight/live/foxglove/parameter.h"
 #include "tileflight/core/geometry/trajectory.h"
-#include "tileflight/live/simulator/simulator.h"
+#include "tileflight/data/messages/ros_messages.h"
+#include "tileflight/live/foxglove/messages.h"
 #include "tileflight/live/publishing/message_sink.h"
+#include "tileflight/live/simulator/simulator.h"
 
 namespace tileflight::publishing {
 
 struct LiveOptions {
-  double image_rate_hz = 10.0;  ///< of pictures and scans at most, wall-clock time
-  double pose_rate_hz = 30.0;   ///< of all else at most; not below image_rate_hz
+  double image_rate_hz = 10.0;  ///< maximum rate of images and scans, wall-clock time
+  double pose_rate_hz = 30.0;   ///< maximum rate of all else; not below image_rate_hz
   int jpeg_quality = 85;
   bool may_pause = true;  ///< whether viewers may pause the simulation
 };
@@ -30,15 +30,14 @@ inline constexpr double kMaxImageRate_hz = 60.0;
 
 /// Shows a running simulator to viewers and nodes, at the simulation's times. For each vehicle V, camera C, lidar L and
 /// IMU I: /V/C/image, /V/C/image/compressed, /V/C/camera_info, /V/C/depth, /V/L/points, /V/I/data_raw, /V/odometry,
-/// /V/path, /V/gnss, /V/motion (numbers for plots); and /tf, /tf_static, /clock and /place (what is in memory when the
-/// first viewer subscribes to it, sent once). Frames (REP 103, 105): map, V/odom (the same: the pose is the true one),
+/// /V/path, /V/gnss, /V/motion (numbers for plots); and /tf, /tf_static, /clock and /place (the tiles in memory when
+/// the first viewer subscribes, sent once). Frames (REP 103, 105): map, V/odom (the same: the pose is the true one),
 /// V/base_link, V/C_optical, V/L, V/I.
-/// Only what a viewer has subscribed to is rendered; without subscribers nothing is done, and nothing that a client of
-/// the simulator reads depends on viewers.
+/// Only subscribed topics are rendered, and nothing that a client of the simulator reads depends on viewers.
 class LiveView {
  public:
   using Log = std::function<void(const std::string& line)>;
-  /// The simulator that is served at the moment, from any thread: a client may load another level.
+  /// Returns the simulator that is served at the moment, from any thread: a client may load another level.
   using CurrentSimulator = std::function<std::shared_ptr<simulator::Simulator>()>;
 
   LiveView(CurrentSimulator simulator, const LiveOptions& options, Log log = {});
@@ -46,7 +45,7 @@ class LiveView {
   LiveView(const LiveView&) = delete;
   LiveView& operator=(const LiveView&) = delete;
 
-  /// The parameters `paused`, of the simulation, and `image_rate_hz`, which viewers may set.
+  /// Returns the parameters that viewers may set: `paused`, of the simulation, and `image_rate_hz`.
   foxglove::ParameterAccess parameters();
 
   /// Adds the channels and begins to publish, in a thread of its own, until stop(). `sink` must live until then.
@@ -82,14 +81,14 @@ class LiveView {
   void publish_state(std::uint64_t time_ns, const simulator::ObservedVehicle& vehicle, const VehicleChannels& channels);
   void publish_camera(const simulator::ObservedVehicle& vehicle, const simulator::ObservedCamera& camera,
                       const CameraChannels& channels);
-  void publish_picture(const dataset::ros::Header& head, const imaging::RgbImage& picture,
+  void publish_picture(const messages::ros::Header& head, const imaging::RgbImage& picture,
                        const CameraChannels& channels);
   void publish_imu(const simulator::ObservedVehicle& vehicle, const std::string& imu, ChannelId channel);
   void publish_scan(const simulator::ObservedVehicle& vehicle, const simulator::ObservedLidar& lidar,
                     ChannelId channel);
   void start_place();
   void publish_place();
-  /// Logs a failure, each once, and shows it to viewers: a tile that cannot be read must not end the view.
+  /// Logs each failure once and shows it to viewers: a tile that cannot be read must not end the view.
   void report(const std::string& failure);
   void set_parameter(const foxglove::Parameter& wanted);
   double image_rate_hz() const;
@@ -105,8 +104,8 @@ class LiveView {
   MessageSink* sink_ = nullptr;
   std::map<std::string, VehicleChannels> vehicles_;
   ChannelId tf_ = 0, tf_static_ = 0, clock_ = 0, place_ = 0;
-  std::vector<dataset::ros::FrameTransform> static_transforms_;  ///< as they were sent
-  std::jthread place_thread_;                                    ///< simplifying a place takes seconds
+  std::vector<messages::ros::FrameTransform> static_transforms_;  ///< the ones sent last
+  std::jthread place_thread_;                                     ///< simplifying a place takes seconds
   std::jthread thread_;
 };
 

@@ -10,10 +10,10 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
-#include "tileflight/live/foxglove/test_web_socket.h"
 #include "tileflight/core/imaging/image_files.h"
+#include "tileflight/live/foxglove/test_web_socket.h"
+#include "tileflight/live/publishing/message_sink.h"
 #include "tileflight/live/simulator/test_world.h"
-#include "tileflight/live/publishing/foxglove_sink.h"
 
 namespace tileflight::publishing::live_view_test {
 namespace {
@@ -34,7 +34,7 @@ class LiveViewTest : public testing::Test {
  protected:
   void start(LiveOptions options = {}) {
     simulator_ = simulator::test_world::simulator(kSettings);
-    simulator_->sim_set_vehicle_pose(pose(10, 0, -5), true, "eye");
+    simulator_->vehicles().set_vehicle_pose(pose(10, 0, -5), true, "eye");
     view_ = std::make_unique<LiveView>([this] { return current(); }, options);
     server_ = std::make_unique<foxglove::Server>(foxglove::ServerOptions{}, view_->parameters());
     sink_ = std::make_unique<FoxgloveSink>(*server_);
@@ -99,10 +99,10 @@ TEST_F(LiveViewTest, NothingIsRenderedForNobody) {
   start();
   viewer_->send_text(R"({"op":"getParameters","parameterNames":[],"id":"x"})");
   viewer_->read_text_with("\"x\"");
-  EXPECT_EQ(simulator_->tf_statistics().images, 0U);
+  EXPECT_EQ(simulator_->statistics().images, 0U);
   subscribe("/eye/odometry");
   message("/eye/odometry");
-  EXPECT_EQ(simulator_->tf_statistics().images, 0U) << "a pose needs no picture";
+  EXPECT_EQ(simulator_->statistics().images, 0U) << "a pose needs no picture";
 }
 
 TEST_F(LiveViewTest, APictureShowsTheWall) {
@@ -139,7 +139,7 @@ TEST_F(LiveViewTest, ViewersSeeAVehicleThatIsPlacedWhileTimeStandsStill) {
   EXPECT_NEAR(before["position"]["y"], 10.0, 1e-5);
   EXPECT_NEAR(before["position"]["z"], 5.0, 1e-5);
   EXPECT_NEAR(before["attitude_deg"]["heading"], 0.0, 1e-3);
-  simulator_->sim_set_vehicle_pose(pose(10, 7, -5), true, "eye");
+  simulator_->vehicles().set_vehicle_pose(pose(10, 7, -5), true, "eye");
   json after = before;
   while (after["position"] == before["position"]) after = json::parse(message("/eye/motion"));
   EXPECT_NEAR(after["position"]["x"], 7.0, 1e-5);
@@ -189,7 +189,7 @@ TEST_F(LiveViewTest, ViewersSetParametersWithinLimits) {
   EXPECT_EQ(json::parse(viewer_->read_text_with("parameterValues"))["parameters"][0]["value"], 25);
   set("paused", true);
   viewer_->read_text_with("parameterValues");
-  EXPECT_TRUE(simulator_->sim_is_paused());
+  EXPECT_TRUE(simulator_->clock().is_paused());
   set("image_rate_hz", 1000);
   EXPECT_THAT(viewer_->read_text_with("status"), HasSubstr("from 0.1 to 60"));
   set("paused", "yes");
@@ -202,19 +202,19 @@ TEST_F(LiveViewTest, WhereClientsNeedATokenViewersOnlyWatch) {
   start({.may_pause = false});
   viewer_->send_text(R"({"op":"setParameters","parameters":[{"name":"paused","value":true}]})");
   EXPECT_THAT(viewer_->read_text_with("status"), HasSubstr("need a token"));
-  EXPECT_FALSE(simulator_->sim_is_paused());
+  EXPECT_FALSE(simulator_->clock().is_paused());
 }
 
 TEST_F(LiveViewTest, WhatAClientReadsDoesNotDependOnViewers) {
   const auto flow_after = [](simulator::Simulator& simulator) {
     const simulator::ImageRequest flow{"front_center", static_cast<int>(simulator::ImageType::kOpticalFlow), true,
                                        false};
-    simulator.sim_get_images({flow}, "eye", false);
-    simulator.sim_set_vehicle_pose(pose(10, 1, -5), true, "eye");
-    return [&simulator, flow] { return simulator.sim_get_images({flow}, "eye", false)[0].image_data_float; };
+    simulator.cameras().get_images({flow}, "eye", false);
+    simulator.vehicles().set_vehicle_pose(pose(10, 1, -5), true, "eye");
+    return [&simulator, flow] { return simulator.cameras().get_images({flow}, "eye", false)[0].image_data_float; };
   };
   const auto alone = simulator::test_world::simulator(kSettings);
-  alone->sim_set_vehicle_pose(pose(10, 0, -5), true, "eye");
+  alone->vehicles().set_vehicle_pose(pose(10, 0, -5), true, "eye");
   const std::vector<float> expected = flow_after(*alone)();
   start();
   const auto watched = flow_after(*simulator_);
@@ -227,8 +227,8 @@ TEST_F(LiveViewTest, AVehicleThatComesLaterIsAdvertised) {
   start();
   subscribe("/eye/odometry");
   message("/eye/odometry");
-  simulator_->sim_add_vehicle("second", "ComputerVision", pose(0, 0, -3), "");
-  simulator_->sim_set_vehicle_pose(pose(11, 0, -5), true, "eye");
+  simulator_->vehicles().add_vehicle("second", "ComputerVision", pose(0, 0, -3), "");
+  simulator_->vehicles().set_vehicle_pose(pose(11, 0, -5), true, "eye");
   EXPECT_THAT(viewer_->read_text_with("/second/odometry"), HasSubstr("advertise"));
 }
 

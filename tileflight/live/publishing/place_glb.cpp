@@ -5,10 +5,10 @@
 
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/text_parsing.h"
-#include "tileflight/world/ground_truth/truth_folder.h"
+#include "tileflight/core/imaging/glb_writer.h"
+#include "tileflight/tiles/simplification/place_model.h"
 #include "tileflight/tiles/tileset/load.h"
-#include "tileflight/tiles/tile_writer/glb_writer.h"
-#include "tileflight/tiles/tile_writer/place_model.h"
+#include "tileflight/world/ground_truth/truth_folder.h"
 
 namespace tileflight::publishing {
 namespace {
@@ -24,10 +24,10 @@ bool has_triangles(const std::vector<imaging::TexturedMesh>& meshes) {
   return std::ranges::any_of(meshes, [](const auto& one) { return !one.mesh.triangles.empty(); });
 }
 
-PlaceGlb packed(const tile_writer::PlaceModel& model, const std::vector<std::string>& attribution) {
+PlaceGlb packed(const simplification::PlaceModel& model, const std::vector<std::string>& attribution) {
   std::string line;
   for (const std::string& one : attribution) line += (line.empty() ? "" : "; ") + one;
-  return {tile_writer::write_glb({model.mesh}, {.copyright = line}), attribution};
+  return {imaging::write_glb({model.mesh}, {.copyright = line}), attribution};
 }
 
 bool is_truth_folder(const fs::path& place) {
@@ -41,7 +41,7 @@ PlaceGlb of_truth(const fs::path& folder) {
     if (truth.has_mesh(part)) files.push_back(truth.folder_of(part) / "mesh.glb");
   }
   if (files.empty()) throw InputError(folder.string(), "holds no triangles to show");
-  return packed(tile_writer::read_place_model(files), {});
+  return packed(simplification::read_place_model(files), {});
 }
 
 double metadata_number(const dataset::Dataset& dataset, const std::string& key) {
@@ -83,11 +83,11 @@ tileset::LoadOptions surroundings(const dataset::Dataset& dataset) {
 std::optional<PlaceGlb> make_place_glb(const std::vector<imaging::TexturedMesh>& meshes,
                                        const std::vector<std::string>& attribution) {
   if (!has_triangles(meshes)) return std::nullopt;
-  return packed(tile_writer::make_place_model(meshes), attribution);
+  return packed(simplification::make_place_model(meshes), attribution);
 }
 
-PlaceGlb read_place_glb(const std::string& place, const fetch::SourceOptions& source,
-                        const dataset::Dataset& dataset, const Progress& progress) {
+PlaceGlb read_place_glb(const std::string& place, const fetch::SourceOptions& source, const dataset::Dataset& dataset,
+                        const Progress& progress) {
   if (is_truth_folder(place)) return of_truth(place);
   tileset::LoadOptions load = surroundings(dataset);
   load.source = source;

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/data/dataset/dataset_messages.h"
+#include "tileflight/data/messages/dataset_messages.h"
 #include "tileflight/live/ros2/command_messages.h"
 
 namespace tileflight::publishing {
@@ -25,12 +25,12 @@ std::string answer_of(const Work& work) try {
 }
 
 std::string time_text(const simulator::Simulator& simulator) {
-  return "simulation time " + std::to_string(simulator.observe().time_ns) + " ns";
+  return "simulation time " + std::to_string(simulator.viewer().observe().time_ns) + " ns";
 }
 
 geometry::SE3 goal_pose(std::string_view cdr, const std::string& topic) {
   const ros2::PoseStamped goal = ros2::read_pose_stamped(cdr, topic);
-  if (goal.frame_id != dataset::kMapFrame)
+  if (goal.frame_id != messages::kMapFrame)
     throw InputError(topic, "a goal must be in the frame 'map', not '" + goal.frame_id.substr(0, 100) + "'");
   const auto& [x, y, z] = goal.position_m;
   const auto& q = goal.orientation_xyzw;
@@ -52,18 +52,18 @@ Ros2Control::Ros2Control(ros2::Participant& participant, CurrentSimulator simula
   };
   reset_ = std::make_unique<ros2::Service>(participant, "/tileflight/reset", "std_srvs/srv/Trigger",
                                            trigger([](simulator::Simulator& world) { world.reset(); }));
-  step_ =
-      std::make_unique<ros2::Service>(participant, "/tileflight/step", "std_srvs/srv/Trigger",
-                                      trigger([](simulator::Simulator& world) { world.sim_continue_for_frames(1); }));
+  step_ = std::make_unique<ros2::Service>(
+      participant, "/tileflight/step", "std_srvs/srv/Trigger",
+      trigger([](simulator::Simulator& world) { world.clock().continue_for_frames(1); }));
   pause_ = std::make_unique<ros2::Service>(participant, "/tileflight/pause", "std_srvs/srv/SetBool",
                                            [this](std::string_view request) {
                                              const bool is_paused = ros2::read_set_bool(request, "/tileflight/pause");
                                              return answer_of([&] {
-                                               simulator_()->sim_pause(is_paused);
+                                               simulator_()->clock().pause(is_paused);
                                                return std::string(is_paused ? "paused" : "running");
                                              });
                                            });
-  match_vehicles(simulator_()->observe());
+  match_vehicles(simulator_()->viewer().observe());
   thread_ = std::jthread([this](const std::stop_token& stop) { follow_vehicles(stop); });
 }
 
@@ -77,7 +77,7 @@ void Ros2Control::follow_vehicles(const std::stop_token& stop) {
   while (!stop.stop_requested()) {
     wake.wait_for(lock, stop, kLookForVehicles, [] { return false; });
     try {
-      match_vehicles(simulator_()->observe());
+      match_vehicles(simulator_()->viewer().observe());
     } catch (const std::exception& error) {
       participant_.report(error.what());
     }
@@ -102,13 +102,13 @@ Ros2Control::Inputs Ros2Control::inputs_of(const simulator::ObservedVehicle& veh
         [this, name = vehicle.name, topic = root + "/cmd_vel"](std::string_view cdr) {
           const ros2::Twist twist = ros2::read_twist(cdr, topic);
           const auto& [forward, left, up] = twist.linear_m_s;
-          simulator_()->start_velocity({forward, left, up}, twist.angular_rad_s[2], kVelocityHolds_s, name);
+          simulator_()->flight().start_velocity({forward, left, up}, twist.angular_rad_s[2], kVelocityHolds_s, name);
         });
   }
   inputs.goal = std::make_unique<ros2::Subscription>(
       participant_, root + "/goal_pose", "geometry_msgs/msg/PoseStamped", kCommands,
       [this, name = vehicle.name, topic = root + "/goal_pose"](std::string_view cdr) {
-        simulator_()->start_pose(goal_pose(cdr, topic), name);
+        simulator_()->flight().start_pose(goal_pose(cdr, topic), name);
       });
   return inputs;
 }

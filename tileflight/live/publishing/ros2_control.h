@@ -8,18 +8,19 @@
 
 #include "tileflight/live/ros2/participant.h"
 #include "tileflight/live/ros2/service.h"
-#include "tileflight/live/ros2/subscription.h"
+#include "tileflight/live/ros2/topics.h"
 #include "tileflight/live/simulator/simulator.h"
 
 namespace tileflight::publishing {
 
-/// Commands of ROS 2's nodes to a simulator. For each vehicle V: /V/cmd_vel (geometry_msgs/Twist: forward, left, up and
-/// the turn about the vertical; of vehicles that fly) holds for half a second of the simulation, and /V/goal_pose
-/// (geometry_msgs/PoseStamped in the frame `map`). Services: /tileflight/reset and /tileflight/step (std_srvs/Trigger;
-/// a step of the clock, after which it is paused), /tileflight/pause (std_srvs/SetBool).
+/// Takes commands of ROS 2's nodes to a simulator. For each vehicle V these are /V/cmd_vel (geometry_msgs/Twist:
+/// forward, left, up and the turn about the vertical; only for vehicles that fly), which holds for half a second of the
+/// simulation, and /V/goal_pose (geometry_msgs/PoseStamped in the frame `map`). Services: /tileflight/reset and
+/// /tileflight/step (std_srvs/Trigger; a step of the clock, after which it is paused), /tileflight/pause
+/// (std_srvs/SetBool).
 class Ros2Control {
  public:
-  /// The simulator that is served at the moment, from any thread.
+  /// Returns the simulator that is served at the moment, from any thread.
   using CurrentSimulator = std::function<std::shared_ptr<simulator::Simulator>()>;
 
   /// `participant` must outlive this. Throws InputError.

@@ -7,16 +7,16 @@
 #include <condition_variable>
 #include <mutex>
 
-#include "tileflight/data/dataset/cdr.h"
-#include "tileflight/live/ros2/publisher.h"
+#include "tileflight/data/messages/cdr.h"
+#include "tileflight/live/publishing/message_sink.h"
 #include "tileflight/live/ros2/test_domain.h"
+#include "tileflight/live/ros2/topics.h"
 #include "tileflight/live/simulator/test_world.h"
-#include "tileflight/live/publishing/ros2_sink.h"
 
 namespace tileflight::publishing::ros2_control_test {
 namespace {
 
-using dataset::CdrWriter;
+using messages::CdrWriter;
 using simulator::test_world::pose;
 using testing::Contains;
 using testing::HasSubstr;
@@ -44,7 +44,7 @@ class Ros2ControlTest : public testing::Test {
         CdrWriter().number(std::int32_t{0}).number(std::uint32_t{0}).text(frame).array(numbers).bytes();
     send(topic, "geometry_msgs/msg/PoseStamped", cdr);
   }
-  geometry::SE3 body() const { return world_->observe().vehicles.at(0).T_local_body; }
+  geometry::SE3 body() const { return world_->viewer().observe().vehicles.at(0).T_local_body; }
   std::vector<std::string> lines() {
     const std::lock_guard lock(mutex_);
     return lines_;
@@ -63,23 +63,23 @@ class Ros2ControlTest : public testing::Test {
 /// REP 103: x forward, y left, z up; a positive turn is to the left. The vehicle looks north.
 TEST_F(Ros2ControlTest, AVelocityIsOfTheBodyAndEndsByItself) {
   start(kFlying);
-  world_->sim_set_vehicle_pose(pose(0, 0, -10), true, "drone");
+  world_->vehicles().set_vehicle_pose(pose(0, 0, -10), true, "drone");
   const geometry::Vec3 before = body().translation;
   for (int i = 0; i < 10; ++i) {
     send_twist({2.0, 1.0, 0.5, 0.0, 0.0, 0.0});
-    world_->sim_continue_for_time(0.2);
+    world_->clock().continue_for_time(0.2);
   }
   const geometry::Vec3 way = body().translation - before;
   EXPECT_GT(way.y(), 1.5) << "forward is north";
   EXPECT_LT(way.x(), -0.7) << "left is west";
   EXPECT_GT(way.z(), 0.3);
-  world_->sim_continue_for_time(3.0);
+  world_->clock().continue_for_time(3.0);
   const geometry::Vec3 stopped = body().translation;
-  world_->sim_continue_for_time(2.0);
+  world_->clock().continue_for_time(2.0);
   EXPECT_LT((body().translation - stopped).norm(), 0.1) << "half a second after the last order it hovers";
   for (int i = 0; i < 10; ++i) {
     send_twist({0.0, 0.0, 0.0, 0.0, 0.0, 0.5});
-    world_->sim_continue_for_time(0.2);
+    world_->clock().continue_for_time(0.2);
   }
   const geometry::Vec3 forward = body().rotation * geometry::Vec3::UnitX();
   EXPECT_LT(forward.x(), -0.3) << "from north to the west";
@@ -87,10 +87,10 @@ TEST_F(Ros2ControlTest, AVelocityIsOfTheBodyAndEndsByItself) {
 
 TEST_F(Ros2ControlTest, AVehicleFliesToAGoal) {
   start(kFlying);
-  world_->sim_set_vehicle_pose(pose(0, 0, -10), true, "drone");
+  world_->vehicles().set_vehicle_pose(pose(0, 0, -10), true, "drone");
   const double half = std::sqrt(0.5);
   send_goal("/drone/goal_pose", "map", {4.0, 3.0, 12.0, 0.0, 0.0, half, -half});  // looks south
-  world_->sim_continue_for_time(15.0);
+  world_->clock().continue_for_time(15.0);
   EXPECT_LT((body().translation - geometry::Vec3(4, 3, 12)).norm(), 0.6);
   EXPECT_LT((body().rotation * geometry::Vec3::UnitX()).y(), -0.95);
 }
@@ -118,7 +118,7 @@ TEST_F(Ros2ControlTest, WhatCannotBeDoneIsSaidOnceAndChangesNothing) {
   for (const char* why : {"not finite", "more than 1000 m/s", "cut off", "'map', not 'base_link'", "quaternion",
                           "more than 1000 km away"})
     EXPECT_THAT(said, Contains(HasSubstr(why)));
-  world_->sim_continue_for_time(0.5);
+  world_->clock().continue_for_time(0.5);
   EXPECT_LT((body().translation - before).norm(), 0.01);
 }
 

@@ -4,8 +4,9 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 
-#include "tileflight/data/dataset/ros_messages.h"
+#include "tileflight/core/base/raw_bytes.h"
 #include "tileflight/core/drawing/html.h"
+#include "tileflight/data/messages/ros_messages.h"
 
 namespace tileflight::publishing {
 namespace {
@@ -61,7 +62,7 @@ double degrees_of(double radians) { return radians * 180.0 / std::numbers::pi; }
 }  // namespace
 
 foxglove::Channel ros_channel(const std::string& topic, const std::string& type, bool is_latched) {
-  const dataset::MessageSchema schema = dataset::ros::schema(type);
+  const messages::MessageSchema schema = messages::ros::schema(type);
   return {topic, "cdr", schema.name, schema.encoding, schema.text, is_latched};
 }
 
@@ -82,7 +83,7 @@ std::string scene_update(const std::string& glb, const std::string& frame_id, st
       {"override_color", false},
       {"url", ""},
       {"media_type", "model/gltf-binary"},
-      {"data", drawing::base64(glb)}};
+      {"data", base::base64(glb)}};
   const json entity = {{"timestamp", time_json(time_ns)},
                        {"frame_id", frame_id},
                        {"id", "place"},

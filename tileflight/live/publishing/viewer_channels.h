@@ -4,21 +4,22 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/live/foxglove/channel.h"
 #include "tileflight/core/geometry/transform.h"
+#include "tileflight/live/foxglove/messages.h"
 
 namespace tileflight::publishing {
 
-// Channels of a viewer, and the messages that are no ROS 2 messages.
+// The channels of viewers, and those of their messages that ROS 2 does not have.
 
-/// A channel of ROS 2 messages (data/dataset/ros_messages.h): "sensor_msgs/msg/Imu". Viewers decode them by the definition.
+/// A channel of ROS 2 messages (data/dataset/ros_messages.h): "sensor_msgs/msg/Imu". Viewers decode them by the
+/// definition.
 foxglove::Channel ros_channel(const std::string& topic, const std::string& type, bool is_latched = false);
 
-/// A channel of foxglove.SceneUpdate, as JSON: the place, which is sent once.
+/// Makes a channel of foxglove.SceneUpdate as JSON, for the place, which is sent once.
 foxglove::Channel scene_channel(const std::string& topic);
 
-/// A foxglove.SceneUpdate with one entity "place": a model, as a binary glTF (which viewers turn from y up to z up), at
-/// the origin of a frame. `attribution` is kept as the entity's metadata.
+/// Makes a foxglove.SceneUpdate with one entity "place": a model, as a binary glTF (which viewers turn from y up to z
+/// up), at the origin of a frame. `attribution` is kept as the entity's metadata.
 std::string scene_update(const std::string& glb, const std::string& frame_id, std::uint64_t time_ns,
                          const std::vector<std::string>& attribution);
 
@@ -28,9 +29,10 @@ struct Motion {
   geometry::Vec3 velocity_m_s = geometry::Vec3::Zero();            ///< body axes
   geometry::Vec3 angular_velocity_rad_s = geometry::Vec3::Zero();  ///< body axes
 };
-/// A channel of Motion as JSON of plain numbers.
+/// Makes a channel of Motion as JSON of plain numbers.
 foxglove::Channel motion_channel(const std::string& topic);
-/// Position, roll, pitch (nose up) and heading (clockwise from north) in degrees, velocities, speed.
+/// Writes a Motion as JSON: position, roll, pitch (nose up) and heading (clockwise from north) in degrees, velocities,
+/// speed.
 std::string motion_text(const Motion& motion);
 
 }  // namespace tileflight::publishing

@@ -5,8 +5,7 @@
 #include <cmath>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/data/dataset/cdr.h"
-#include "tileflight/data/dataset/cdr_reader.h"
+#include "tileflight/data/messages/cdr.h"
 
 namespace tileflight::ros2 {
 namespace {
@@ -15,7 +14,7 @@ constexpr std::size_t kMaxFrameId = 1000;
 constexpr double kUnitLength = 1e-3;
 
 template <std::size_t N>
-std::array<double, N> finite_numbers(dataset::CdrReader& reader, const std::string& what) {
+std::array<double, N> finite_numbers(messages::CdrReader& reader, const std::string& what) {
   std::array<double, N> numbers{};
   for (double& number : numbers) number = reader.number<double>();
   if (!std::ranges::all_of(numbers, [](double x) { return std::isfinite(x); }))
@@ -26,13 +25,13 @@ std::array<double, N> finite_numbers(dataset::CdrReader& reader, const std::stri
 }  // namespace
 
 Twist read_twist(std::string_view cdr, const std::string& what) {
-  dataset::CdrReader reader(cdr, what);
+  messages::CdrReader reader(cdr, what);
   const auto linear_m_s = finite_numbers<3>(reader, what);
   return {linear_m_s, finite_numbers<3>(reader, what)};
 }
 
 PoseStamped read_pose_stamped(std::string_view cdr, const std::string& what) {
-  dataset::CdrReader reader(cdr, what);
+  messages::CdrReader reader(cdr, what);
   PoseStamped pose;
   const auto seconds = reader.number<std::int32_t>();
   pose.time_ns = std::int64_t{seconds} * 1000000000 + reader.number<std::uint32_t>();
@@ -47,11 +46,11 @@ PoseStamped read_pose_stamped(std::string_view cdr, const std::string& what) {
 }
 
 bool read_set_bool(std::string_view cdr, const std::string& what) {
-  return dataset::CdrReader(cdr, what).number<std::uint8_t>() != 0;
+  return messages::CdrReader(cdr, what).number<std::uint8_t>() != 0;
 }
 
 std::string service_response(bool is_success, std::string_view message) {
-  return dataset::CdrWriter()
+  return messages::CdrWriter()
       .number(std::uint8_t{is_success ? std::uint8_t{1} : std::uint8_t{0}})
       .text(message)
       .bytes();

@@ -6,17 +6,16 @@
 #include <limits>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/data/dataset/cdr.h"
-#include "tileflight/data/dataset/cdr_reader.h"
+#include "tileflight/data/messages/cdr.h"
 #include "tileflight/live/ros2/command_messages.h"
-#include "tileflight/live/ros2/discovery_info.h"
-#include "tileflight/live/ros2/service_message.h"
+#include "tileflight/live/ros2/participant.h"
+#include "tileflight/live/ros2/service.h"
 
 namespace tileflight::ros2::messages_test {
 namespace {
 
-using dataset::CdrReader;
-using dataset::CdrWriter;
+using messages::CdrReader;
+using messages::CdrWriter;
 using testing::ElementsAre;
 using testing::HasSubstr;
 

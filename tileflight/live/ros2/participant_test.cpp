@@ -5,18 +5,15 @@
 #include <condition_variable>
 #include <mutex>
 
+#include "tests/refusal.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/data/dataset/cdr.h"
-#include "tileflight/data/dataset/cdr_reader.h"
+#include "tileflight/data/messages/cdr.h"
 #include "tileflight/live/ros2/command_messages.h"
 #include "tileflight/live/ros2/entities.h"
-#include "tileflight/live/ros2/names.h"
-#include "tileflight/live/ros2/publisher.h"
-#include "tileflight/live/ros2/received.h"
+#include "tileflight/live/ros2/raw_type.h"
 #include "tileflight/live/ros2/service.h"
-#include "tileflight/live/ros2/service_message.h"
-#include "tileflight/live/ros2/subscription.h"
 #include "tileflight/live/ros2/test_domain.h"
+#include "tileflight/live/ros2/topics.h"
 
 namespace tileflight::ros2::participant_test {
 namespace {
@@ -62,9 +59,9 @@ class ParticipantTest : public testing::Test {
   Participant participant_{options(), [this](const std::string& line) { lines_.add(line); }};
 };
 
-std::string message(const std::string& text) { return dataset::CdrWriter().text(text).bytes(); }
+std::string message(const std::string& text) { return messages::CdrWriter().text(text).bytes(); }
 
-std::string text_of(std::string_view cdr) { return dataset::CdrReader(cdr, "message").text(100'000'000); }
+std::string text_of(std::string_view cdr) { return messages::CdrReader(cdr, "message").text(100'000'000); }
 
 TEST_F(ParticipantTest, MessagesArriveWithTheirBytesAndInOrder) {
   Publisher publisher(participant_, "/a/b", "std_msgs/msg/String", {});
@@ -155,7 +152,7 @@ TEST_F(ParticipantTest, AServiceAnswersItsClientsWithTheirNumbers) {
   const Entity reader(participant_, Participant::Kind::kReader,
                       {dds_reply_topic("/echo"), dds_response_type("std_srvs/srv/SetBool"), {}, "clientid=1;"},
                       nullptr);
-  const std::string yes = dataset::CdrWriter().number(std::uint8_t{1}).bytes();
+  const std::string yes = messages::CdrWriter().number(std::uint8_t{1}).bytes();
   writer.write(std::string("\0\1\0\0\1", 5));  // without the numbers: rmw_fastrtps_cpp
   writer.write(write_service_message({77, 3, yes}));
   std::vector<ServiceMessage> replies;
@@ -168,7 +165,7 @@ TEST_F(ParticipantTest, AServiceAnswersItsClientsWithTheirNumbers) {
   ASSERT_EQ(replies.size(), 1U);
   EXPECT_EQ(replies[0].client, 77U);
   EXPECT_EQ(replies[0].sequence_number, 3);
-  dataset::CdrReader response(replies[0].body, "response");
+  messages::CdrReader response(replies[0].body, "response");
   EXPECT_EQ(response.number<std::uint8_t>(), 1);
   EXPECT_EQ(response.text(100), "answered");
   EXPECT_THAT(lines_.wait_for(1), Contains(HasSubstr("RMW_IMPLEMENTATION=rmw_cyclonedds_cpp")));
@@ -189,3 +186,35 @@ TEST_F(ParticipantTest, AnUnknownInterfaceIsNamed) {
 
 }  // namespace
 }  // namespace tileflight::ros2::participant_test
+
+namespace tileflight::ros2::configuration_test {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+
+TEST(Ros2Configuration, IsLoopbackUnlessToldOtherwise) {
+  EXPECT_THAT(configuration("", ""), HasSubstr("<NetworkInterface address=\"127.0.0.1\"/>"));
+  const std::string of_user = configuration("", "file:///etc/dds.xml");
+  EXPECT_THAT(of_user, HasSubstr(",file:///etc/dds.xml,"));
+  EXPECT_THAT(of_user, Not(HasSubstr("127.0.0.1")));
+  const std::string of_option = configuration("eth0", "file:///etc/dds.xml");
+  EXPECT_THAT(of_option, HasSubstr("<NetworkInterface name=\"eth0\"/>"));
+  EXPECT_THAT(of_option, Not(HasSubstr("dds.xml")));
+  EXPECT_THAT(configuration("192.168.1.7", ""), HasSubstr("address=\"192.168.1.7\""));
+}
+
+TEST(Ros2Configuration, LimitsAndNoSharedMemoryAlways) {
+  for (const std::string& one : {configuration("", ""), configuration("eth0", ""), configuration("", "<x/>")}) {
+    EXPECT_THAT(one, HasSubstr("<WhcHigh>1 GB</WhcHigh>"));
+    EXPECT_THAT(one, HasSubstr("<SharedMemory><Enable>false"));
+  }
+}
+
+TEST(Ros2Configuration, ANameIsNoXml) {
+  EXPECT_THAT(tests::refusal_of([] { configuration("lo\"/><Tracing>", ""); }), HasSubstr("is no name or address"));
+  EXPECT_THAT(tests::refusal_of([] { configuration(std::string(100, 'x'), ""); }), HasSubstr("is no name or address"));
+}
+
+}  // namespace
+}  // namespace tileflight::ros2::configuration_test

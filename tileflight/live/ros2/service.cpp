@@ -1,4 +1,3 @@
-// https://github.com/ros2/rmw_cyclonedds: how clients and services find each other and their messages.
 #include "tileflight/live/ros2/service.h"
 
 #include <dds/dds.h>
@@ -14,12 +13,37 @@
 #include <thread>
 #include <utility>
 
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/data/messages/cdr.h"
 #include "tileflight/live/ros2/entities.h"
-#include "tileflight/live/ros2/names.h"
-#include "tileflight/live/ros2/received.h"
-#include "tileflight/live/ros2/service_message.h"
+#include "tileflight/live/ros2/raw_type.h"
+
+// https://github.com/ros2/rmw_cyclonedds: how clients and services find each other and their messages.
 
 namespace tileflight::ros2 {
+namespace {
+
+constexpr std::size_t kHeader = 4, kIdentity = 16;
+
+}  // namespace
+
+ServiceMessage read_service_message(std::string_view cdr, const std::string& what) {
+  if (cdr.size() < kHeader + kIdentity)
+    throw InputError(what, "a request does not say whose it is; clients need RMW_IMPLEMENTATION=rmw_cyclonedds_cpp");
+  messages::CdrReader reader(cdr, what);
+  ServiceMessage message;
+  message.client = reader.number<std::uint64_t>();
+  message.sequence_number = reader.number<std::int64_t>();
+  message.body = std::string(cdr.substr(0, kHeader)).append(cdr.substr(kHeader + kIdentity));
+  return message;
+}
+
+std::string write_service_message(const ServiceMessage& message) {
+  messages::CdrWriter writer;
+  writer.number(message.client).number(message.sequence_number);
+  return writer.bytes() + message.body.substr(kHeader);
+}
+
 namespace {
 
 using Endpoint = std::unique_ptr<dds_builtintopic_endpoint_t, decltype(&dds_builtintopic_free_endpoint)>;
@@ -47,7 +71,7 @@ std::string service_id(const Participant& participant, const std::string& name) 
   return "serviceid=" + text + ";";
 }
 
-/// The "clientid" in an endpoint's user data ("clientid=…;typehash=…;"); empty: none.
+/// Returns the "clientid" in an endpoint's user data ("clientid=…;typehash=…;"); empty: none.
 std::string client_id(const dds_builtintopic_endpoint_t& endpoint) {
   void* data = nullptr;
   std::size_t size = 0;
@@ -60,8 +84,8 @@ std::string client_id(const dds_builtintopic_endpoint_t& endpoint) {
   return text.substr(begin + key.size(), text.find(';', begin) - begin - key.size());
 }
 
-/// Whether the reader of the client with that writer is known: it is discovered apart, perhaps later than the request.
-/// A client that does not name itself is taken for known.
+/// Returns whether the reader of the client with that writer has been discovered, which may happen after the request. A
+/// client that does not name itself counts as discovered.
 bool is_reader_known(const Entity& requests, const Entity& replies, std::uint64_t client) {
   const Endpoint sender(dds_get_matched_publication_data(requests.handle(), client), dds_builtintopic_free_endpoint);
   if (!sender) return true;  // gone

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <cstdlib>
 
-#include "tileflight/live/ros2/configuration.h"
+#include "tileflight/live/ros2/participant.h"
 
 namespace tileflight::ros2 {
 

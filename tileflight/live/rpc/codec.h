@@ -5,15 +5,51 @@
 #include <limits>
 #include <map>
 #include <msgpack.hpp>
+#include <span>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <tuple>
 #include <type_traits>
 #include <vector>
 
-#include "tileflight/live/rpc/encoder.h"
-
 namespace tileflight::rpc {
+
+/// Writes MessagePack for AirSim's clients: floats as float32, bytes as bin, strings never as str8 (unknown to clients
+/// older than the 2013 specification) and always valid UTF-8, for clients that decode strictly.
+class Encoder {
+ public:
+  void nil() { packer().pack_nil(); }
+  void boolean(bool value) { value ? packer().pack_true() : packer().pack_false(); }
+  void signed_integer(std::int64_t value) { packer().pack_int64(value); }
+  void unsigned_integer(std::uint64_t value) { packer().pack_uint64(value); }
+  /// Writes a float32 even for an integer value, which the msgpack library would write as an integer.
+  void float32(float value);
+  /// Writes a float64.
+  void float64(double value);
+  void array(std::size_t values) { packer().pack_array(count(values)); }
+  void map(std::size_t entries) { packer().pack_map(count(entries)); }
+  /// Writes a string in which bytes that are not valid UTF-8 become '?'.
+  void text(std::string_view value);
+  void binary(std::span<const std::uint8_t> bytes);
+  /// Writes an array of float32.
+  void float32_array(std::span<const float> values);
+
+  std::string take() { return std::move(buffer_.bytes); }
+
+ private:
+  struct Buffer {
+    std::string bytes;
+    void write(const char* data, std::size_t size) { bytes.append(data, size); }
+  };
+  msgpack::packer<Buffer> packer() { return msgpack::packer<Buffer>(buffer_); }
+  static std::uint32_t count(std::size_t values);
+
+  Buffer buffer_;
+};
+
+/// Replaces each byte that is not part of a valid UTF-8 character by '?'.
+std::string sanitize_utf8(std::string_view text);
 
 /// An argument of the wrong type. The message is a phrase that states the expected type, for use in an error line.
 class DecodeError : public std::runtime_error {
@@ -21,7 +57,7 @@ class DecodeError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// The type of a value in words, with its article.
+/// Returns the type of a value in words, with its article.
 const char* describe_type(const msgpack::object& value);
 
 /// Maps a structure to a message: a map keyed by field names. Specialisations, which TILEFLIGHT_RPC_FIELDS makes, have
@@ -100,7 +136,7 @@ void decode(const msgpack::object& value, float& result);
 void decode(const msgpack::object& value, double& result);
 void decode(const msgpack::object& value, std::string& result);
 void decode(const msgpack::object& value, std::vector<std::uint8_t>& result);
-/// Any integer, as 64 bits; `negative` tells whether it is below zero.
+/// Reads any integer as 64 bits; `negative` tells whether it is below zero.
 std::uint64_t decode_integer(const msgpack::object& value, bool& negative);
 template <class T>
 requires(std::is_integral_v<T> && !std::is_same_v<T, bool>) void decode(const msgpack::object& value, T& result);
@@ -192,10 +228,10 @@ void decode(const msgpack::object& value, std::vector<T>& result) {
   for (std::uint32_t i = 0; i < value.via.array.size; ++i) decode_element(value.via.array, i, result.emplace_back());
 }
 
-/// The value under `name`, nullptr if there is none; if the name occurs twice, the last value.
+/// Returns the value under `name`, the last one if the name occurs twice; nullptr if there is none.
 const msgpack::object* find_key(const msgpack::object_map& map, std::string_view name);
 
-/// Fields missing from the map keep the structure's default; unknown names are ignored.
+/// Reads a structure from a map. Missing fields keep their default; unknown names are ignored.
 template <Structure T>
 void decode(const msgpack::object& value, T& result) {
   if (value.type != msgpack::type::MAP) throw DecodeError(std::string("expected a map, got ") + describe_type(value));

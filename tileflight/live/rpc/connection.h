@@ -2,17 +2,59 @@
 
 #include <array>
 #include <asio.hpp>
+#include <atomic>
+#include <cstdint>
 #include <deque>
+#include <map>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
+#include <string_view>
 
 #include "tileflight/live/rpc/message_scanner.h"
 #include "tileflight/live/rpc/server.h"
-#include "tileflight/live/rpc/server_counters.h"
 #include "tileflight/live/rpc/worker_pool.h"
 
 namespace tileflight::rpc {
+
+/// Thread-safe counters of the server.
+class ServerCounters {
+ public:
+  std::atomic<std::uint64_t> connections{0}, accepted{0}, refused{0}, cut{0}, requests{0}, answers{0}, running{0},
+      held_bytes{0};
+
+  /// `method`: one of the table's names (arbitrary names chosen by clients would grow the map without bound).
+  void add_call(const std::string& method, bool failed, double seconds) {
+    const std::lock_guard lock(mutex_);
+    MethodStatistics& entry = methods_[method];
+    ++entry.calls;
+    entry.errors += failed ? 1 : 0;
+    entry.seconds += seconds;
+  }
+
+  ServerStatistics snapshot() const {
+    ServerStatistics result{.connections = connections,
+                            .connections_accepted = accepted,
+                            .connections_refused = refused,
+                            .connections_cut = cut,
+                            .requests = requests,
+                            .answers = answers,
+                            .running = running,
+                            .held_bytes = held_bytes};
+    const std::lock_guard lock(mutex_);
+    result.methods = methods_;
+    return result;
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  std::map<std::string, MethodStatistics> methods_;
+};
+
+/// Compares a client's token in a time that depends only on the length of `presented`, so that timing reveals nothing
+/// about partial matches.
+bool equal_in_constant_time(std::string_view presented, std::string_view right);
 
 /// State shared by all connections of a server.
 struct ServerContext {
@@ -31,7 +73,7 @@ struct ServerContext {
 /// (bytes) -> waiting_ (whole messages) -> a worker -> responses_ (bytes) -> the socket.
 class Connection : public std::enable_shared_from_this<Connection> {
  public:
-  /// `number`: of the connection, from 1.
+  /// `number`: number of the connection, from 1.
   Connection(asio::ip::tcp::socket socket, ServerContext& service, std::uint64_t number);
 
   void start();

@@ -7,9 +7,30 @@
 #include <string_view>
 #include <vector>
 
-#include "tileflight/live/rpc/server_limits.h"
-
 namespace tileflight::rpc {
+
+/// Limits of one message. A message that exceeds them is not read to its end: the connection is closed.
+struct MessageLimits {
+  std::size_t max_bytes = 64U << 20U;
+  std::uint64_t max_values = 1'000'000;  ///< numbers, strings, arrays, maps… of a message, nested ones included
+  std::size_t max_depth = 32;            ///< nesting of arrays and maps
+};
+
+/// Limits for all clients together and for each one.
+struct ServerLimits {
+  MessageLimits message;
+  MessageLimits message_before_authentication{.max_bytes = 64U << 10U, .max_values = 1000, .max_depth = 8};
+  std::size_t max_connections = 64;
+  std::size_t max_running_per_connection = 32;  ///< further requests wait
+  std::size_t max_pending_per_connection = 64;  ///< running, waiting and unread responses; beyond it, reading pauses
+  std::size_t max_workers = 256;
+  std::size_t max_queued_bytes = 256U << 20U;  ///< unread responses of one client; beyond it, the connection is closed
+  std::size_t max_held_bytes = 1024U << 20U;   ///< all messages and responses; beyond it, the largest holder is closed
+  double message_timeout_s = 60.0;             ///< from a message's first byte to its last
+  double write_timeout_s = 60.0;               ///< within which a client must have read some of its response
+  double authentication_timeout_s = 10.0;      ///< within which a client must have sent the token, if one is required
+  double worker_idle_timeout_s = 10.0;         ///< after which an idle thread ends
+};
 
 /// Bytes that are not a msgpack-rpc message, or a message beyond the limits. The stream cannot be resynchronised, so
 /// its connection is closed; the message states the reason.

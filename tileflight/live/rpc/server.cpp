@@ -8,7 +8,6 @@
 
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/live/rpc/connection.h"
-#include "tileflight/live/rpc/server_counters.h"
 #include "tileflight/live/rpc/worker_pool.h"
 
 namespace tileflight::rpc {

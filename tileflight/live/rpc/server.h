@@ -6,8 +6,8 @@
 #include <memory>
 #include <string>
 
+#include "tileflight/live/rpc/message_scanner.h"
 #include "tileflight/live/rpc/method_table.h"
-#include "tileflight/live/rpc/server_limits.h"
 
 namespace tileflight::rpc {
 
@@ -40,7 +40,8 @@ struct ServerStatistics {
   std::map<std::string, MethodStatistics> methods;
 };
 
-/// Whether a server at this address can be reached only from this machine. Throws InputError for an invalid address.
+/// Returns whether a server at this address can be reached only from this machine. Throws InputError for an invalid
+/// address.
 bool is_loopback(const std::string& address);
 
 /// Serves a method table by msgpack-rpc over TCP. Each request, even of the same connection, runs in its own thread, so
@@ -67,7 +68,7 @@ class Server {
   void run();
   /// May be called from any thread.
   void stop();
-  /// From now on SIGINT and SIGTERM stop the server instead of ending the process.
+  /// Lets SIGINT and SIGTERM stop the server from now on instead of ending the process.
   void stop_at_signals();
 
   ServerStatistics statistics() const;

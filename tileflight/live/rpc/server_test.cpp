@@ -10,8 +10,8 @@
 #include <thread>
 
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/live/rpc/connection.h"
 #include "tileflight/live/rpc/test_client.h"
-#include "tileflight/live/rpc/token.h"
 
 namespace tileflight::rpc::server_test {
 namespace {

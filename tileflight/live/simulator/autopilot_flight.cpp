@@ -10,12 +10,12 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/number_text.h"
-#include "tileflight/core/base/temporary_path.h"
-#include "tileflight/live/simulator/frames.h"
 #include "tileflight/capture/vehicle/vehicle_flight.h"
-#include "tileflight/core/jobs/started_command.h"
+#include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/jobs/process.h"
+#include "tileflight/live/simulator/frames.h"
 
 namespace tileflight::simulator {
 namespace {
@@ -29,7 +29,7 @@ constexpr double kTimeRounding_s = 1e-9;
 constexpr double kAirborne_m = 0.3;
 /// Motors that are given less stand; for so long, until the flight is over.
 constexpr double kStandingOutput = 0.02, kStanding_s = 0.5;
-/// So long a command that has ended may have others at work for it.
+/// Time that other processes of a command may take after the command has ended.
 constexpr double kAfterCommand_s = 2.0;
 constexpr std::size_t kMostLines = 50;
 constexpr std::chrono::milliseconds kLook{50};
@@ -54,7 +54,7 @@ class FlightRecord {
     changed_.notify_all();
   }
 
-  /// What the simulator says of the flight; before its first step it says that an autopilot is there.
+  /// The simulator's messages during the flight; before its first step there is one that an autopilot is there.
   void say(const std::string& line) {
     const std::lock_guard lock(mutex_);
     if (steps_ == 0 || !outcome_.empty()) return;
@@ -179,16 +179,19 @@ class FlightWatch {
  public:
   FlightWatch(const vehicle::AutopilotPlan& plan, const AutopilotEndpoint& at, FlightRecord& record)
       : plan_(plan), at_(at), record_(record) {
-    if (!plan.command.empty()) command_.emplace(command_line(plan, at), plan.folder, log_);
+    if (!plan.command.empty())
+      command_.emplace(jobs::Command{
+          .words = jobs::shell(command_line(plan, at)), .folder = plan.folder, .log = log_, .log_permissions = 0600});
   }
 
   void run(const Progress& progress) {
     while (!record_.wait()) {
       const double silent_s = record_.silent_s();
-      const auto end = command_ ? command_->end() : std::nullopt;
+      const auto end = command_ ? command_->exit_status() : std::nullopt;
       const bool begun = record_.steps() > 0;
       if (end && silent_s > kAfterCommand_s)
-        fail("`" + plan_.command + "` has ended (" + *end + ") " + (begun ? "before it had landed" : "without a step"));
+        fail("`" + plan_.command + "` has ended (" + jobs::describe_exit(*end) + ") " +
+             (begun ? "before it had landed" : "without a step"));
       if (!begun && since_start_s() > plan_.connect_timeout_s)
         fail("nobody has flown the vehicle " + text_of(plan_.connect_timeout_s) +
              " after the start (connect_timeout_s)");
@@ -200,7 +203,7 @@ class FlightWatch {
 
  private:
   [[noreturn]] void fail(const std::string& what) const {
-    const std::string printed = command_ ? command_->last_line() : "";
+    const std::string printed = command_ ? jobs::last_line(log_) : "";
     throw InputError("autopilot at " + at_.address + ":" + std::to_string(at_.port) + " (" + at_.protocol + ")",
                      what + ", " + base::rounded_text(record_.elapsed_s(), 1) + " s after its start" +
                          (printed.empty() ? "" : "; it printed last: " + printed));
@@ -214,7 +217,7 @@ class FlightWatch {
   std::filesystem::path log_ =
       base::make_temporary_path(std::filesystem::temp_directory_path() / "tileflight-autopilot.log");
   base::RemovedOnExit log_removal_{log_};
-  std::optional<jobs::StartedCommand> command_;
+  std::optional<jobs::Process> command_;
   WallClock::time_point started_ = WallClock::now();
 };
 
@@ -236,7 +239,8 @@ AutopilotFlight fly_autopilot(const vehicle::AutopilotPlan& plan, SimulatorOptio
   return flight;
 }
 
-recording::FlownPath render_autopilot_flight(const vehicle::FlightPlan& plan, const recording::RenderSettings& settings, const Progress& progress) {
+recording::FlownPath render_autopilot_flight(const vehicle::FlightPlan& plan, const recording::RenderSettings& settings,
+                                             const Progress& progress) {
   SimulatorOptions options;
   options.source = settings.source;
   options.load = settings.load;
@@ -246,13 +250,13 @@ recording::FlownPath render_autopilot_flight(const vehicle::FlightPlan& plan, co
   options.max_memory_bytes = settings.max_memory_bytes.value_or(options.max_memory_bytes);
   const AutopilotFlight flown = fly_autopilot(*plan.autopilot, std::move(options), progress);
   nlohmann::json report = {{"outcome", flown.outcome == "landed" ? "finished" : flown.outcome},
-                 {"duration_s", flown.path.end_s() - flown.path.start_s()},
-                 {"autopilot",
-                  {{"kind", plan.autopilot->is_px4 ? "px4" : "ardupilot"},
-                   {"steps", flown.steps},
-                   {"airborne_s", flown.airborne_s},
-                   {"home", {flown.home.latitude, flown.home.longitude, flown.home.altitude}},
-                   {"log", flown.lines}}}};
+                           {"duration_s", flown.path.end_s() - flown.path.start_s()},
+                           {"autopilot",
+                            {{"kind", plan.autopilot->is_px4 ? "px4" : "ardupilot"},
+                             {"steps", flown.steps},
+                             {"airborne_s", flown.airborne_s},
+                             {"home", {flown.home.latitude, flown.home.longitude, flown.home.altitude}},
+                             {"log", flown.lines}}}};
   return {flown.path, vehicle::sample_frames(flown.path, plan), std::move(report), nullptr};
 }
 

@@ -5,15 +5,15 @@
 #include <vector>
 
 #include "tileflight/capture/flight_path/path.h"
-#include "tileflight/live/simulator/simulator.h"
 #include "tileflight/capture/recording/flown_path.h"
 #include "tileflight/capture/vehicle/autopilot_plan.h"
+#include "tileflight/live/simulator/simulator.h"
 
 namespace tileflight::simulator {
 
 /// A flight by an autopilot; times are from its first step.
 struct AutopilotFlight {
-  flight_path::Path path;        ///< of the camera, from 0 s
+  flight_path::Path path;   ///< of the camera, from 0 s
   std::string outcome;      ///< "landed" or "time is over"
   double airborne_s = 0.0;  ///< time of take-off; 0: it stayed on the ground
   std::int64_t steps = 0;   ///< of the autopilot
@@ -30,6 +30,6 @@ AutopilotFlight fly_autopilot(const vehicle::AutopilotPlan& plan, SimulatorOptio
 /// Flies the autopilot of a flight plan among the tiles that the settings choose for images: the AutopilotFlyer of
 /// `render`. Throws InputError as fly_autopilot() does.
 recording::FlownPath render_autopilot_flight(const vehicle::FlightPlan& plan, const recording::RenderSettings& settings,
-                                          const Progress& progress);
+                                             const Progress& progress);
 
 }  // namespace tileflight::simulator

@@ -8,8 +8,8 @@
 #include <thread>
 
 #include "tests/refusal.h"
-#include "tileflight/live/autopilot/test_ardupilot_client.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/live/autopilot/test_ardupilot_client.h"
 #include "tileflight/live/simulator/settings.h"
 #include "tileflight/live/simulator/test_world.h"
 
@@ -74,7 +74,7 @@ TEST(AutopilotFlight, TakesOffFliesASquareAndLands) {
   EXPECT_TRUE(copter.autopilot().landed());
   EXPECT_EQ(copter.autopilot().points_reached(), points.size());
   EXPECT_LT(copter.seen().position_m.norm(), 0.8);
-  const MultirotorState state = simulator->get_multirotor_state("Copter");
+  const MultirotorState state = simulator->vehicles().get_multirotor_state("Copter");
   EXPECT_EQ(state.landed_state, 0);
   EXPECT_NEAR(state.kinematics_estimated.position.z_val, -0.2, 0.05);  // its feet on the ground
 }
@@ -97,17 +97,17 @@ TEST(AutopilotFlight, CamerasAndLidarAreServedWhileItFlies) {
   Copter copter(*simulator, {{0, 0, -30}});
   std::string line;
   while (copter.seen().time_s < 8.0) line = copter.frame();
-  const auto images = simulator->sim_get_images({{"bottom_center", 2, true, false}}, "Copter", false);
+  const auto images = simulator->cameras().get_images({{"bottom_center", 2, true, false}}, "Copter", false);
   ASSERT_EQ(images.size(), 1U);
   const auto& depth = images[0].image_data_float;
   ASSERT_FALSE(depth.empty());
   const double height_m = -copter.seen().position_m.z();
   EXPECT_GT(height_m, 6.0);
   EXPECT_NEAR(depth[depth.size() / 2 + 128], height_m, 0.3);
-  EXPECT_FALSE(simulator->get_lidar_data("Lidar", "Copter").point_cloud.empty());
+  EXPECT_FALSE(simulator->sensors().get_lidar_data("Lidar", "Copter").point_cloud.empty());
   EXPECT_NEAR(nlohmann::json::parse(line).at("rng_1").get<double>(), height_m + 0.2, 0.02);
   // The clock of all else follows in steps of 3 ms.
-  EXPECT_NEAR(simulator->tf_statistics().sim_seconds, copter.seen().time_s, 0.0035);
+  EXPECT_NEAR(simulator->statistics().sim_seconds, copter.seen().time_s, 0.0035);
 }
 
 /// Ground that rises by a quarter towards the east (14 degrees).
@@ -176,11 +176,11 @@ TEST(AutopilotFlight, APauseHoldsTheAnswerBack) {
   const auto simulator = world(kCopter);
   const UdpClient client(static_cast<std::uint16_t>(simulator->autopilots().at(0).port));
   client.ask(autopilot::test_support::servo_datagram(100, 0, {}));
-  simulator->sim_pause(true);
+  simulator->clock().pause(true);
   const UdpClient hasty(static_cast<std::uint16_t>(simulator->autopilots().at(0).port), 0.3);
   client.send(autopilot::test_support::servo_datagram(100, 1, {}));
   EXPECT_EQ(hasty.receive(), "");
-  simulator->sim_pause(false);
+  simulator->clock().pause(false);
   EXPECT_NEAR(autopilot::test_support::parse_state(client.receive()).time_s, 0.02, 1e-12);
 }
 
@@ -233,10 +233,10 @@ TEST(AutopilotFlight, TwoAutopilotsKeepInStepUntilOneDies) {
 
 TEST(AutopilotFlight, ClientsCommandsAreRefusedInWords) {
   const auto simulator = world(kCopter);
-  simulator->enable_api_control(true, "Copter");
-  simulator->arm_disarm(true, "Copter");
+  simulator->vehicles().enable_api_control(true, "Copter");
+  simulator->vehicles().arm_disarm(true, "Copter");
   try {
-    simulator->takeoff(1.0F, "Copter");
+    simulator->flight().takeoff(1.0F, "Copter");
     FAIL() << "not refused";
   } catch (const InputError& error) {
     EXPECT_THAT(error.what(), HasSubstr("flown by its autopilot"));
@@ -247,7 +247,7 @@ TEST(AutopilotFlight, AVehicleThatIsPlacedFliesOnFromThere) {
   const auto simulator = world(kCopter);
   Copter copter(*simulator, {{0, 0, -3}});
   copter.frame();
-  simulator->sim_set_vehicle_pose(test_world::pose(5, 0, -10), true, "Copter");
+  simulator->vehicles().set_vehicle_pose(test_world::pose(5, 0, -10), true, "Copter");
   copter.frame();
   EXPECT_NEAR(copter.seen().position_m.x(), 5.0, 0.01);
   for (int i = 0; i < 200; ++i) copter.frame();

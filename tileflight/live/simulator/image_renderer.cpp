@@ -127,7 +127,7 @@ std::vector<Out> transform_pixels(const imaging::Image<Pixel>& layer, const Func
   return out;
 }
 
-/// In grey, an id is its number as far as that goes; -1: hidden.
+/// Returns the grey value of an id, from 0 to 1: ids up to 255 are distinct, and -1 is black.
 double grey_share(int id) { return std::clamp(id, 0, 255) / 255.0; }
 
 /// The colour of each object in an image of labels.
@@ -244,8 +244,8 @@ std::shared_ptr<const render::CameraRenderer> ImageRenderer::camera_renderer(
 imaging::RgbImage ImageRenderer::render_colours(const render::CameraRenderer& renderer, const CameraView& shot,
                                                 double time_s, const render::SurfaceVisitor& visitor) {
   const auto& weather = renderer.options().weather;
-  if (!weather || !weather->has_precipitation()) return renderer.render(shot.T_local_camera, {}, visitor).rgb;
-  render::LightFrame frame = renderer.render_light({1, 1, {shot.T_local_camera}}, {}, visitor);
+  if (!weather || !weather->has_precipitation()) return renderer.render(shot.T_local_camera, visitor).rgb;
+  render::LightFrame frame = renderer.render_light({1, 1, {shot.T_local_camera}}, visitor);
   const auto pose_at = [&](double at_s) {
     const double later_s = at_s - time_s;
     const Vec3 turned = later_s * shot.angular_velocity_rad_s;
@@ -254,7 +254,7 @@ imaging::RgbImage ImageRenderer::render_colours(const render::CameraRenderer& re
     return SE3(turn * shot.T_local_camera.rotation, shot.T_local_camera.translation + later_s * shot.velocity_m_s);
   };
   const render::StreakRenderer streaks(renderer.options(), renderer.anchor().z());
-  streaks.draw(shot.lens, {pose_at, time_s, weather->streak_exposure_s, 0.0}, frame.depth_m, {}, frame.light);
+  streaks.draw(shot.lens, {pose_at, time_s, weather->streak_exposure_s, 0.0}, frame.depth_m, frame.light);
   imaging::RgbImage image(frame.light.width, frame.light.height);
   std::ranges::transform(frame.light.pixels, image.pixels.begin(),
                          [](const render::LinearRgb& light) { return render::SrgbTables::get().encode(light); });

@@ -6,10 +6,10 @@
 #include <optional>
 #include <vector>
 
+#include "tileflight/capture/render/camera_renderer.h"
 #include "tileflight/core/geometry/geodesy.h"
 #include "tileflight/core/imaging/camera.h"
-#include "tileflight/live/simulator/segmentation_ids.h"
-#include "tileflight/capture/render/camera_renderer.h"
+#include "tileflight/live/simulator/object_labels.h"
 #include "tileflight/live/simulator/resident_scene.h"
 
 namespace tileflight::simulator {
@@ -75,7 +75,7 @@ class ImageRenderer {
   /// `outlook`: light and weather of the colours; geometric layers do not depend on it.
   RenderLayers render(const std::shared_ptr<const ResidentScene>& place, const CameraView& shot,
                       const LayerSelection& selection, const Outlook& outlook = {});
-  /// The renderer for a lens, in any light; or in this one.
+  /// Returns a renderer for a lens, in any light or in that of `outlook`.
   std::shared_ptr<const render::CameraRenderer> camera_renderer(const std::shared_ptr<const ResidentScene>& place,
                                                                 const imaging::Camera& lens,
                                                                 const Outlook* outlook = nullptr);
@@ -103,7 +103,7 @@ class ImageRenderer {
 /// All parameters of a lens: equal lenses have equal keys.
 std::vector<double> lens_key(const imaging::Camera& lens);
 
-/// What an image shows the objects as, by the values of RenderLayers::objects; index 0 is "no object".
+/// The labels that an image shows, by the values of RenderLayers::objects; index 0 is "no object".
 struct ObjectLabels {
   std::vector<int> ids;                   ///< segmentation ids
   std::vector<imaging::Rgb8> annotation;  ///< of the annotation layer asked for; empty: none was

@@ -1,20 +1,217 @@
 #include "tileflight/live/simulator/lockstep_vehicle.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
+#include "tileflight/capture/sensors/barometer.h"
+#include "tileflight/core/base/random_numbers.h"
 #include "tileflight/live/simulator/frames.h"
-#include "tileflight/live/simulator/simulator_impl.h"
+#include "tileflight/live/simulator/world.h"
 
 namespace tileflight::simulator {
 namespace {
 
-using geometry::SE3;
 using geometry::Vec3;
 
-/// Of PX4's steps: magnetometer, barometer and distance sensors 50 times a second, receiver 10 times, heartbeat once.
-/// Optical flow 25 times, odometry 31 times.
+constexpr double kPascalPerHectopascal = 100.0, kCelsius_k = 273.15;
+constexpr std::uint8_t kSatellites = 10;
+
+/// Returns three standard normal numbers that depend only on the sensor, `which` and the time.
+Vec3 white_noise(const SensorContext& now, SensorNoises& noises, const std::string& name, std::uint64_t which) {
+  const auto normals =
+      base::normal_variates(base::stream_key(noise_of(noises, now.vehicle.name(), name).seed, which), now.time_ns);
+  return {normals[0], normals[1], normals[2]};
+}
+
+/// Returns settings and noise of the vehicle's first sensor of a kind.
+template <class Settings>
+std::pair<Settings, SensorNoiseState&> first_sensor(const SensorContext& now, SensorNoises& noises) {
+  Settings settings;
+  std::string name = "default " + std::to_string(SensorKind(Settings{}).index());
+  for (const SensorSettings& sensor : now.vehicle.settings().sensors) {
+    if (!std::holds_alternative<Settings>(sensor.kind)) continue;
+    settings = std::get<Settings>(sensor.kind);
+    name = sensor.name;
+    break;
+  }
+  return {settings, noise_of(noises, now.vehicle.name(), name)};
+}
+
+std::array<float, 3> floats(const Vector3r& v) { return {v.x_val, v.y_val, v.z_val}; }
+std::array<float, 3> floats(const Vec3& v) { return floats(to_airsim(v)); }
+
+/// Rounded, and kept within what the field can hold.
+template <class Integer>
+Integer whole(double value) {
+  using Limits = std::numeric_limits<Integer>;
+  return static_cast<Integer>(
+      std::clamp(std::round(value), static_cast<double>(Limits::min()), static_cast<double>(Limits::max())));
+}
+
+std::array<std::int16_t, 3> hundredths(const Vec3& v) {
+  return {whole<std::int16_t>(100.0 * v.x()), whole<std::int16_t>(100.0 * v.y()), whole<std::int16_t>(100.0 * v.z())};
+}
+
+/// The named orientation of an axis (forward, right, down), if it is within a degree of one.
+std::uint8_t orientation_of(const Vec3& axis) {
+  const double least_cosine = std::cos(radians(1.0));
+  if (axis.z() > least_cosine) return autopilot::kDown;
+  if (axis.z() < -least_cosine) return autopilot::kUp;
+  for (int eighth = 0; eighth < 8; ++eighth) {
+    const double turned_rad = radians(45.0 * eighth);
+    if (axis.dot(Vec3(std::cos(turned_rad), std::sin(turned_rad), 0.0)) > least_cosine)
+      return static_cast<std::uint8_t>(autopilot::kForward + eighth);
+  }
+  return autopilot::kByQuaternion;
+}
+
+}  // namespace
+
+autopilot::HilSensor hil_sensor(const SensorContext& now, SensorNoises& noises, std::uint64_t time_us, bool slow) {
+  using namespace autopilot;
+  const auto [imu_settings, imu_noise] = first_sensor<ImuSettings>(now, noises);
+  const auto [magnetometer_settings, magnetometer_noise] = first_sensor<MagnetometerSettings>(now, noises);
+  const auto [barometer_settings, barometer_noise] = first_sensor<BarometerSettings>(now, noises);
+  const ImuData imu = read_imu(imu_settings, now, imu_noise);
+  const BarometerData air = read_barometer(barometer_settings, now, barometer_noise);
+  HilSensor message;
+  message.time_us = time_us;
+  message.accelerometer_m_s2 = floats(imu.linear_acceleration);
+  message.gyro_rad_s = floats(imu.angular_velocity);
+  message.magnetometer_gauss =
+      floats(read_magnetometer(magnetometer_settings, now, magnetometer_noise).magnetic_field_body);
+  message.pressure_hpa = static_cast<float>(air.pressure / kPascalPerHectopascal);
+  message.pressure_altitude_m = air.altitude;
+  message.temperature_c =
+      static_cast<float>(sensors::Atmosphere{}.temperature_k(clamp_atmosphere_height_m(air.altitude)) - kCelsius_k);
+  message.updated = kAccelerometerUpdated | kGyroUpdated;
+  if (slow) message.updated |= kMagnetometerUpdated | kBarometerUpdated;
+  return message;
+}
+
+std::optional<autopilot::HilGps> hil_gps(const SensorContext& now, SensorNoises& noises, std::uint64_t time_us) {
+  const auto is_receiver = [](const SensorSettings& one) { return std::holds_alternative<GpsSettings>(one.kind); };
+  if (std::ranges::none_of(now.vehicle.settings().sensors, is_receiver)) return std::nullopt;
+  const auto [settings, noise] = first_sensor<GpsSettings>(now, noises);
+  const GpsData reading = read_gps(settings, now, noise);
+  if (!reading.is_valid) return std::nullopt;
+  const Vec3 velocity_m_s = to_vec3(reading.gnss.velocity);
+  const double course_deg = degrees(std::atan2(velocity_m_s.y(), velocity_m_s.x()));
+  autopilot::HilGps message;
+  message.time_us = time_us;
+  message.latitude_e7_deg = whole<std::int32_t>(1e7 * reading.gnss.geo_point.latitude);
+  message.longitude_e7_deg = whole<std::int32_t>(1e7 * reading.gnss.geo_point.longitude);
+  message.altitude_mm = whole<std::int32_t>(1e3 * reading.gnss.geo_point.altitude);
+  message.eph_cm = whole<std::uint16_t>(100.0 * reading.gnss.eph);
+  message.epv_cm = whole<std::uint16_t>(100.0 * reading.gnss.epv);
+  message.speed_cm_s = whole<std::uint16_t>(100.0 * velocity_m_s.head<2>().norm());
+  message.velocity_ned_cm_s = hundredths(velocity_m_s);
+  message.course_cdeg = whole<std::uint16_t>(100.0 * (course_deg < 0.0 ? course_deg + 360.0 : course_deg));
+  message.fix_type = static_cast<std::uint8_t>(reading.gnss.fix_type);
+  message.satellites = kSatellites;
+  return message;
+}
+
+autopilot::DistanceSensor hil_distance(const SensorContext& now, SensorNoises& noises, const SensorSettings& sensor,
+                                       double distance_m, std::uint8_t id, std::uint64_t time_us) {
+  const auto& settings = std::get<DistanceSensorSettings>(sensor.kind);
+  const DistanceSensorData reading =
+      read_distance(settings, now, distance_m, noise_of(noises, now.vehicle.name(), sensor.name));
+  const Eigen::Quaterniond& q = settings.T_body_sensor.rotation;
+  autopilot::DistanceSensor message;
+  message.time_ms = static_cast<std::uint32_t>(time_us / 1000);
+  message.min_cm = whole<std::uint16_t>(100.0 * settings.min_m);
+  message.max_cm = whole<std::uint16_t>(100.0 * settings.max_m);
+  message.distance_cm = whole<std::uint16_t>(100.0 * reading.distance);
+  message.id = id;
+  message.orientation = orientation_of(q * Vec3::UnitX());
+  if (message.orientation == autopilot::kByQuaternion)
+    message.attitude_wxyz = {static_cast<float>(q.w()), static_cast<float>(q.x()), static_cast<float>(q.y()),
+                             static_cast<float>(q.z())};
+  return message;
+}
+
+/// The flow in the middle of the image of a camera with axes forward, right, down that moves by v and turns by w, of a
+/// surface at distance d: w_x - v_y / d and w_y + v_x / d (Longuet-Higgins, Prazdny 1980).
+void FlowIntegral::add(const VehicleState& state, std::optional<double> distance_m, double step_s) {
+  const Vec3& turning = state.angular_velocity_rad_s;
+  const Vec3 velocity_m_s = state.T_ned_body.rotation.conjugate() * state.velocity_m_s;
+  const double per_m = distance_m ? 1.0 / *distance_m : 0.0;
+  flow_rad += step_s * Eigen::Vector2d(turning.x() - velocity_m_s.y() * per_m, turning.y() + velocity_m_s.x() * per_m);
+  gyro_rad += step_s * turning;
+  duration_s += step_s;
+  sees_surface = sees_surface && distance_m.has_value();
+}
+
+autopilot::HilOpticalFlow hil_flow(const SensorContext& now, SensorNoises& noises, const FlowIntegral& flow,
+                                   std::optional<double> distance_m, std::uint64_t time_us) {
+  constexpr double kSigma_rad_s = 0.02;
+  constexpr std::uint8_t kGood = 255;
+  const Vec3 noise = white_noise(now, noises, "optical flow", 0) * (kSigma_rad_s * flow.duration_s);
+  autopilot::HilOpticalFlow message;
+  message.time_us = time_us;
+  message.integration_us = whole<std::uint32_t>(1e6 * flow.duration_s);
+  message.flow_rad = {static_cast<float>(flow.flow_rad.x() + noise.x()),
+                      static_cast<float>(flow.flow_rad.y() + noise.y())};
+  message.gyro_rad = floats(flow.gyro_rad);
+  message.distance_m = distance_m ? static_cast<float>(*distance_m) : -1.0F;
+  message.quality = flow.sees_surface ? kGood : 0;
+  return message;
+}
+
+autopilot::Odometry hil_odometry(const SensorContext& now, SensorNoises& noises, std::uint64_t time_us) {
+  constexpr double kPosition_m = 0.05, kRotation_rad = 0.01, kVelocity_m_s = 0.05, kRate_rad_s = 0.01;
+  constexpr std::array<std::size_t, 6> kDiagonal{0, 6, 11, 15, 18, 20};
+  const VehicleState& state = now.vehicle.state();
+  const auto noise = [&](std::uint64_t which) { return white_noise(now, noises, "vision odometry", which); };
+  const Vec3 turned_rad = kRotation_rad * noise(1);
+  const Eigen::Quaterniond small(Eigen::AngleAxisd(turned_rad.norm(), turned_rad.normalized()));
+  const Eigen::Quaterniond q = state.T_ned_body.rotation * small;
+  const Vec3 velocity_m_s = state.T_ned_body.rotation.conjugate() * state.velocity_m_s;
+  autopilot::Odometry message;
+  message.time_us = time_us;
+  message.position_m = floats(state.T_ned_body.translation - now.vehicle.home().translation + kPosition_m * noise(0));
+  message.attitude_wxyz = {static_cast<float>(q.w()), static_cast<float>(q.x()), static_cast<float>(q.y()),
+                           static_cast<float>(q.z())};
+  message.velocity_m_s = floats(velocity_m_s + kVelocity_m_s * noise(2));
+  message.rates_rad_s = floats(state.angular_velocity_rad_s + kRate_rad_s * noise(3));
+  for (std::size_t i = 0; i < kDiagonal.size(); ++i) {
+    const double pose = i < 3 ? kPosition_m : kRotation_rad, motion = i < 3 ? kVelocity_m_s : kRate_rad_s;
+    message.pose_covariance[kDiagonal[i]] = static_cast<float>(pose * pose);
+    message.velocity_covariance[kDiagonal[i]] = static_cast<float>(motion * motion);
+  }
+  return message;
+}
+
+autopilot::HilStateQuaternion hil_state(const SensorContext& now, std::uint64_t time_us) {
+  const VehicleState& state = now.vehicle.state();
+  const Eigen::Quaterniond& q = state.T_ned_body.rotation;
+  const geometry::Geodetic place = now.geodetic_frame.to_geodetic(state.T_ned_body.translation);
+  const Vec3 through_air = state.velocity_m_s - now.vehicle.wind_ned_m_s();
+  const Vec3 force_g = q.conjugate() * (state.acceleration_m_s2 - Vec3(0, 0, vehicle::kStandardGravity_m_s2)) /
+                       vehicle::kStandardGravity_m_s2;
+  autopilot::HilStateQuaternion message;
+  message.time_us = time_us;
+  message.attitude_wxyz = {static_cast<float>(q.w()), static_cast<float>(q.x()), static_cast<float>(q.y()),
+                           static_cast<float>(q.z())};
+  message.rates_rad_s = floats(state.angular_velocity_rad_s);
+  message.latitude_e7_deg = whole<std::int32_t>(1e7 * place.latitude_deg);
+  message.longitude_e7_deg = whole<std::int32_t>(1e7 * place.longitude_deg);
+  message.altitude_mm = whole<std::int32_t>(1e3 * place.height.m);
+  message.velocity_ned_cm_s = hundredths(state.velocity_m_s);
+  message.indicated_airspeed_cm_s = message.true_airspeed_cm_s = whole<std::uint16_t>(100.0 * through_air.norm());
+  message.acceleration_mg = hundredths(10.0 * force_g);
+  return message;
+}
+
+namespace {
+
+using geometry::SE3;
+
+/// Intervals in steps of PX4. In a second they make 50 readings of magnetometer, barometer and distance sensors, 10 of
+/// the satellite receiver, 25 of the optical flow, 31 of the odometry, and 1 heartbeat.
 constexpr std::uint64_t kSlowSteps = 5, kGpsSteps = 25, kHeartbeatSteps = 250, kFlowSteps = 10, kOdometrySteps = 8;
 constexpr double kFlowRange_m = 100.0;
 
@@ -34,20 +231,20 @@ double LockstepTimes::least_s() const {
 
 /// An autopilot that comes, or comes back, takes part from the clock's present time on.
 void LockstepVehicle::join() {
-  if (simulator_.lockstep_times.contains(&slot_)) return;
-  time_s_ = std::max(time_s_, simulator_.clock.time_s());
-  simulator_.lockstep_times.set(&slot_, time_s_);
+  if (world_.lockstep_times.contains(&slot_)) return;
+  time_s_ = std::max(time_s_, world_.clock.time_s());
+  world_.lockstep_times.set(&slot_, time_s_);
 }
 
-/// For the journal of a recorded session.
+/// Completes an event and passes it to the journal of a recorded session.
 void LockstepVehicle::note(AutopilotEvent event) const {
-  if (!simulator_.options.journal || simulator_.clock.stopped()) return;
+  if (!world_.options.journal || world_.clock.stopped()) return;
   event.vehicle = slot_.vehicle->name();
-  event.tick = simulator_.clock.steps();
+  event.tick = world_.clock.steps();
   event.time_s = time_s_;
-  event.T_local_body = simulator_.T_local_ned * slot_.vehicle->state().T_ned_body * T_flu_frd();
+  event.T_local_body = world_.T_local_ned * slot_.vehicle->state().T_ned_body * T_flu_frd();
   event.touches = slot_.vehicle->landed();
-  simulator_.options.journal(event);
+  world_.options.journal(event);
 }
 
 void LockstepVehicle::put_at_start() {
@@ -60,8 +257,8 @@ void LockstepVehicle::put_at_start() {
 }
 
 void LockstepVehicle::restart() {
-  std::unique_lock lock(simulator_.state_mutex);
-  SimulationClock& clock = simulator_.clock;
+  std::unique_lock lock(world_.state_mutex);
+  SimulationClock& clock = world_.clock;
   clock.wait(lock, [&] { return clock.turn_is_free() && clock.settled(); });
   join();
   put_at_start();
@@ -77,14 +274,14 @@ void LockstepVehicle::move(std::span<const double> outputs, double step_s) {
 }
 
 std::optional<double> LockstepVehicle::distance_below_m() const {
-  const SE3 T = simulator_.T_local_ned * slot_.vehicle->state().T_ned_body;
-  const auto hit = simulator_.obstacle_query()(T.translation, T * Vec3(0.0, 0.0, kFlowRange_m));
+  const SE3 T = world_.T_local_ned * slot_.vehicle->state().T_ned_body;
+  const auto hit = world_.obstacle_query()(T.translation, T * Vec3(0.0, 0.0, kFlowRange_m));
   if (!hit) return std::nullopt;
   return std::max(1e-3, (hit->point - T.translation).norm());
 }
 
 std::string LockstepVehicle::apply(const AutopilotEvent& event) {
-  std::unique_lock lock(simulator_.state_mutex);
+  std::unique_lock lock(world_.state_mutex);
   time_s_ = event.time_s;
   if (event.kind == AutopilotEvent::Kind::kSensors) {
     std::string bytes = read_px4_sensors(event.number, repeated_sequence_);
@@ -105,9 +302,9 @@ std::string LockstepVehicle::apply(const AutopilotEvent& event) {
 }
 
 bool LockstepVehicle::step(std::span<const double> outputs, double step_s) {
-  std::unique_lock lock(simulator_.state_mutex);
-  SimulationClock& clock = simulator_.clock;
-  LockstepTimes& times = simulator_.lockstep_times;
+  std::unique_lock lock(world_.state_mutex);
+  SimulationClock& clock = world_.clock;
+  LockstepTimes& times = world_.lockstep_times;
   join();
   clock.wait(
       lock, [&] { return clock.advancing() && clock.settled() && clock.turn_is_free() && times.least_s() >= time_s_; });
@@ -124,20 +321,20 @@ bool LockstepVehicle::step(std::span<const double> outputs, double step_s) {
 }
 
 void LockstepVehicle::leave() {
-  const std::lock_guard lock(simulator_.state_mutex);
-  LockstepTimes& times = simulator_.lockstep_times;
+  const std::lock_guard lock(world_.state_mutex);
+  LockstepTimes& times = world_.lockstep_times;
   times.remove(&slot_);
-  if (std::isfinite(times.least_s())) simulator_.clock.allow_until(times.least_s());
-  simulator_.clock.wake();
+  if (std::isfinite(times.least_s())) world_.clock.allow_until(times.least_s());
+  world_.clock.wake();
 }
 
 std::vector<std::pair<const SensorSettings*, double>> LockstepVehicle::distances_m() const {
-  const vehicle::ObstacleQuery first_surface = simulator_.obstacle_query();
+  const vehicle::ObstacleQuery first_surface = world_.obstacle_query();
   std::vector<std::pair<const SensorSettings*, double>> distances_m;
   for (const SensorSettings& sensor : slot_.vehicle->settings().sensors) {
     const auto* settings = std::get_if<DistanceSensorSettings>(&sensor.kind);
     if (settings == nullptr) continue;
-    const SE3 T = simulator_.T_local_ned * slot_.vehicle->state().T_ned_body * settings->T_body_sensor;
+    const SE3 T = world_.T_local_ned * slot_.vehicle->state().T_ned_body * settings->T_body_sensor;
     const auto hit = first_surface(T.translation, T * Vec3(settings->max_m, 0.0, 0.0));
     const double distance_m = hit ? (hit->point - T.translation).norm() : settings->max_m;
     distances_m.emplace_back(&sensor, std::max(distance_m, settings->min_m));
@@ -146,7 +343,7 @@ std::vector<std::pair<const SensorSettings*, double>> LockstepVehicle::distances
 }
 
 autopilot::ArduPilotState LockstepVehicle::ardupilot_state() const {
-  const std::lock_guard lock(simulator_.state_mutex);
+  const std::lock_guard lock(world_.state_mutex);
   const SimVehicle& vehicle = *slot_.vehicle;
   const VehicleState& now = vehicle.state();
   const Eigen::Quaterniond R_body_ned = now.T_ned_body.rotation.conjugate();
@@ -166,17 +363,16 @@ autopilot::ArduPilotState LockstepVehicle::ardupilot_state() const {
   return state;
 }
 
-/// At the vehicle's own time, which may be a step before the clock's.
+/// Uses the vehicle's own time, which may be a step before the clock's.
 SensorContext LockstepVehicle::sensor_context() const {
   const std::uint64_t ahead_ns =
-      static_cast<std::uint64_t>(std::llround(std::max(0.0, time_s_ - simulator_.clock.time_s()) * 1e9));
-  return {
-      *slot_.vehicle, slot_.history, simulator_.geodetic_frame, time_s_, simulator_.clock.time_ns() + ahead_ns, true};
+      static_cast<std::uint64_t>(std::llround(std::max(0.0, time_s_ - world_.clock.time_s()) * 1e9));
+  return {*slot_.vehicle, slot_.history, world_.geodetic_frame, time_s_, world_.clock.time_ns() + ahead_ns, true};
 }
 
 std::string LockstepVehicle::px4_sensors(std::uint64_t step, std::uint8_t& sequence) {
-  std::unique_lock lock(simulator_.state_mutex);
-  SimulationClock& clock = simulator_.clock;
+  std::unique_lock lock(world_.state_mutex);
+  SimulationClock& clock = world_.clock;
   clock.wait(lock, [&] { return clock.turn_is_free() && clock.settled(); });
   std::string bytes = read_px4_sensors(step, sequence);
   note({.kind = AutopilotEvent::Kind::kSensors, .number = step, .bytes = bytes});
@@ -191,14 +387,14 @@ std::optional<PlannedImages> LockstepVehicle::exposure_at(std::uint64_t step) co
   ImageRequest picture;
   picture.camera_name = slot_.vision->camera();
   picture.image_type = static_cast<int>(ImageType::kScene);
-  return simulator_.plan_images({picture}, slot_.vehicle->name(), false);
+  return world_.plan_images({picture}, slot_.vehicle->name(), false);
 }
 
 void LockstepVehicle::look(const std::optional<PlannedImages>& exposure, std::uint64_t step) {
-  if (exposure) slot_.vision->add_picture(simulator_.render_colours(*exposure), step, px4_stamp_us(step));
+  if (exposure) slot_.vision->add_picture(world_.render_colours(*exposure), step, px4_stamp_us(step));
 }
 
-/// What is sent of vision at a step.
+/// Returns the message of the vision input that is sent at a step.
 std::optional<autopilot::Odometry> LockstepVehicle::vision_at(std::uint64_t step, const SensorContext& now) {
   if (slot_.vision) return slot_.vision->message_at(step);
   const bool is_due =
@@ -235,9 +431,7 @@ const std::string& LockstepVehicle::name() const { return slot_.vehicle->name();
 
 std::size_t LockstepVehicle::motors() const { return slot_.vehicle->rotors().size(); }
 
-GeoPoint LockstepVehicle::home() const {
-  return simulator_.geodetic_frame.to_geo_point(slot_.vehicle->home().translation);
-}
+GeoPoint LockstepVehicle::home() const { return world_.geodetic_frame.to_geo_point(slot_.vehicle->home().translation); }
 
 double LockstepVehicle::home_heading_deg() const {
   const double heading_deg = degrees(heading_rad(slot_.vehicle->home().rotation));

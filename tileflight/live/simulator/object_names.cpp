@@ -1,18 +1,55 @@
 #include "tileflight/live/simulator/object_names.h"
 
+#include <re2/re2.h>
+
 #include <algorithm>
 #include <string_view>
 
-#include "tileflight/core/base/sha256.h"
+#include "tileflight/core/base/hash.h"
+#include "tileflight/core/base/input_error.h"
 
 namespace tileflight::simulator {
+namespace {
+
+constexpr std::size_t kMaxPatternLength = 1000;
+constexpr std::int64_t kMaxMemory_bytes = 1 << 20;
+
+re2::RE2::Options make_re2_options(NamePattern::Case letters) {
+  re2::RE2::Options options;
+  options.set_log_errors(false);
+  options.set_case_sensitive(letters == NamePattern::Case::kHeeded);
+  options.set_max_mem(kMaxMemory_bytes);
+  options.set_encoding(re2::RE2::Options::EncodingLatin1);  // names are bytes: none is malformed
+  options.set_dot_nl(true);
+  return options;
+}
+
+}  // namespace
+
+struct NamePattern::Impl {
+  re2::RE2 expression;
+};
+
+NamePattern::NamePattern(const std::string& expression, Case letters) {
+  if (expression.size() > kMaxPatternLength) throw InputError("pattern", "longer than 1000 characters");
+  impl_.reset(new Impl{{expression, make_re2_options(letters)}});
+  if (!impl_->expression.ok()) {
+    throw InputError("pattern '" + expression.substr(0, 80) + "'",
+                     "is not a supported regular expression: " + impl_->expression.error());
+  }
+}
+
+NamePattern::~NamePattern() = default;
+
+bool NamePattern::matches(const std::string& name) const { return re2::RE2::FullMatch(name, impl_->expression); }
+
 namespace {
 
 bool is_letter_or_digit(char c) { return (c >= '0' && c <= '9') || (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z'); }
 
 bool is_word_character(char c) { return is_letter_or_digit(c) || c == '_'; }
 
-/// What stands for a separator of words: the number of `_` tells which it was. Empty: not a separator.
+/// Returns the replacement of a separator of words, whose number of `_` tells which it was; empty: not a separator.
 std::string_view joint_of(char c) {
   if (c == '-') return "_";
   if (c == '/') return "__";
@@ -20,7 +57,7 @@ std::string_view joint_of(char c) {
   return {};
 }
 
-/// Whether the name can be told from its words and joints: single separators between words of letters and digits.
+/// Returns whether the name consists of words of letters and digits, with single separators between them.
 bool is_words_and_joints(std::string_view name) {
   bool after_word = false;
   for (const char c : name) {

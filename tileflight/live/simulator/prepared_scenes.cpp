@@ -56,7 +56,7 @@ std::uint64_t PreparedScenes::pins() const {
   return pins_;
 }
 
-/// Whether it was made for these cells and the regions that are pinned now; requires the mutex.
+/// Returns whether a scene was made for these cells and the regions that are pinned now; requires the mutex.
 bool PreparedScenes::serves(const PreparedScene& one, const SensorCells& cells) const {
   return one.cells == cells && one.pins == pins_;
 }

@@ -17,7 +17,7 @@
 
 namespace tileflight::simulator {
 
-/// A scene, and what it was made for.
+/// A scene, with the cells and the limit for which it was made.
 struct PreparedScene {
   SensorCells cells;
   DetailLimit wanted;      ///< limit at which the search for one that fits began
@@ -27,56 +27,56 @@ struct PreparedScene {
   std::shared_ptr<const ResidentScene> scene;
 };
 
-/// The scenes at hand: the present one, those that the sensors left, and those made for cells that lie ahead; and which
-/// cells these are. Thread safe; no call but wait_…() takes longer than a moment.
+/// The scenes in memory: the present one, recent ones, and those made for cells that lie ahead of the sensors. It also
+/// keeps the list of these cells. Thread-safe; only the functions wait_…() block.
 class PreparedScenes {
  public:
   /// `detail`: the limit at which searches begin at first.
   explicit PreparedScenes(const DetailLimit& detail) : detail_(detail) {}
 
-  /// The scene that was entered last; null: none yet.
+  /// Returns the scene that was entered last; null: none yet.
   std::shared_ptr<const ResidentScene> current() const;
-  /// The limit of the present scene, at which the search for the next one begins.
+  /// Returns the limit of the present scene, at which the search for the next one begins.
   DetailLimit detail() const;
-  /// Memory of all tiles of all scenes.
+  /// Returns the memory of all tiles of all scenes.
   std::uintmax_t memory_bytes() const;
 
-  /// Scenes made for other pinned regions are of no use any more.
+  /// Counts a change of the pinned regions: scenes made before are not used any more.
   void count_pin_change();
   std::uint64_t pins() const;
 
-  /// A scene that was entered, and the limits before and since.
+  /// A scene that was entered, and the limits before and after.
   struct Entered {
     std::shared_ptr<const ResidentScene> scene;
     DetailLimit before, now;
     double worst_px = 0.0;
   };
-  /// Makes the scene for these cells the present one, if it is at hand; not one that lacks tiles if these are to be
-  /// read again (`retry_after` a failure).
+  /// Makes the scene for these cells the present one, if there is one. A scene that lacks tiles is skipped once the
+  /// last failure is older than `retry_after`, so that its tiles are read again.
   std::optional<Entered> enter(const SensorCells& cells, std::chrono::milliseconds retry_after);
-  /// Makes it the present one.
+  /// Makes a new scene the present one.
   Entered enter(PreparedScene next);
   /// Keeps a scene that was made ahead.
   void add(PreparedScene ahead);
-  /// Takes note that tiles could not be read.
+  /// Notes the time at which tiles could not be read.
   void note_failure();
 
-  /// Whether the scene for these cells is at hand.
+  /// Returns whether there is a scene for these cells.
   bool holds(const SensorCells& cells) const;
-  /// A complete scene of the same tiles; null: there is none.
+  /// Returns a complete scene of the same tiles; null: there is none.
   std::shared_ptr<const ResidentScene> find_same(const tileset::TileCut& cut) const;
-  /// Forgets scenes until all fit into memory, with the tiles of the scene in the making: first those that were not
-  /// used for longest, then those that lie ahead farthest. `ahead`: its cells, if it is made ahead: it has to fit
-  /// beside those that are needed before it; false if it does not.
+  /// Drops scenes until the rest fits into memory together with the tiles of the scene in the making: first the least
+  /// recently used ones, then those that lie farthest ahead. `ahead`: the cells of the scene in the making, if it is
+  /// made ahead. Returns false if such a scene does not fit beside the scenes that are needed before it.
   bool make_room(const SensorCells* ahead, std::span<const std::shared_ptr<const ResidentPart>> in_the_making,
                  std::uintmax_t max_memory_bytes);
 
-  /// Takes note of the sensors' ways: which cells lie ahead.
+  /// Predicts from the sensors' motion which cells lie ahead.
   void plan(std::span<const SensorViewpoint> viewpoints);
   bool is_ahead(const SensorCells& cells) const;
-  /// For the thread that makes scenes ahead: waits for a new plan; nullopt once it is to end.
+  /// Waits for a new plan, for the thread that makes scenes ahead; nullopt once the thread is to end.
   std::optional<std::vector<SensorCells>> wait_for_plan(const std::stop_token& stop);
-  /// Waits until that thread waits.
+  /// Waits until that thread has nothing to do.
   void wait_until_prepared();
 
  private:
@@ -95,7 +95,7 @@ class PreparedScenes {
   std::condition_variable_any wake_;
 };
 
-/// A content of a cut, as tiles are known by.
+/// Returns the key of a cut's content.
 std::optional<TileKey> key_of(const tileset::CutContent& content);
 
 }  // namespace tileflight::simulator

@@ -7,8 +7,8 @@
 #include <thread>
 
 #include "tests/refusal.h"
-#include "tileflight/live/autopilot/test_px4_client.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/live/autopilot/test_px4_client.h"
 #include "tileflight/live/simulator/settings.h"
 #include "tileflight/live/simulator/test_world.h"
 
@@ -47,7 +47,7 @@ TEST(Px4Flight, TakesOffFliesASquareAndLands) {
   EXPECT_TRUE(px4.autopilot().landed());
   EXPECT_EQ(px4.autopilot().points_reached(), points.size());
   EXPECT_LT(px4.observation().position_m.norm(), 1.0);
-  EXPECT_EQ(simulator->get_multirotor_state("PX4").landed_state, 0);
+  EXPECT_EQ(simulator->vehicles().get_multirotor_state("PX4").landed_state, 0);
 }
 
 TEST(Px4Flight, SamePacketsSameBytes) {
@@ -87,7 +87,7 @@ TEST(Px4Flight, SensorsAreThoseOfTheVehicle) {
   EXPECT_LT((force - geometry::Vec3(0, 0, -9.80665)).norm(), 0.1);
   EXPECT_NEAR(field.norm(), 0.5, 0.25);
   ASSERT_TRUE(ears.gps.has_value());
-  const GeoPoint home = simulator->get_home_geo_point("PX4");
+  const GeoPoint home = simulator->vehicles().get_home_geo_point("PX4");
   EXPECT_NEAR(1e-7 * ears.gps->latitude_e7_deg, home.latitude, 1e-5);
   EXPECT_NEAR(1e-7 * ears.gps->longitude_e7_deg, home.longitude, 1e-5);
   EXPECT_NEAR(1e-3 * ears.gps->altitude_mm, home.altitude, 1.0);
@@ -179,7 +179,8 @@ TEST(Px4Flight, HostileBytesAreOneLineEachAndTheSimulatorLives) {
     ears.client().send(frame_of(controls(now_us, NAN), 0));
   }
   ASSERT_TRUE(ears.hear());
-  EXPECT_NEAR(1e-3 * ears.state.altitude_mm, simulator->get_home_geo_point("PX4").altitude, 0.01);  // has not moved
+  EXPECT_NEAR(1e-3 * ears.state.altitude_mm, simulator->vehicles().get_home_geo_point("PX4").altitude,
+              0.01);  // has not moved
   for (const char* what : {"damaged", "stamped before", "stamped after", "not a number"})
     EXPECT_THAT(lines.count(what), testing::AllOf(testing::Ge(1U), testing::Le(3U))) << what;
 }
@@ -198,7 +199,7 @@ TEST(Px4Flight, AnAutopilotThatDiesLeavesItsVehicleAndTheNextFindsItAtTheStart) 
   EXPECT_EQ(lines.count("connection has ended"), 1U);
   second.fly(60.0);
   EXPECT_TRUE(second.autopilot().landed());
-  EXPECT_EQ(simulator->get_multirotor_state("PX4").landed_state, 0);
+  EXPECT_EQ(simulator->vehicles().get_multirotor_state("PX4").landed_state, 0);
 }
 
 TEST(Px4Flight, WithoutAnAnswerThereIsNoStep) {
@@ -211,9 +212,9 @@ TEST(Px4Flight, WithoutAnAnswerThereIsNoStep) {
   }
   const std::uint64_t asked_us = ears.sensor.time_us;
   ears.client().send(frame_of(controls(asked_us - 4000, 0.0F), 0));  // the last answer again
-  const double before_s = simulator->tf_statistics().sim_seconds;
+  const double before_s = simulator->statistics().sim_seconds;
   std::this_thread::sleep_for(std::chrono::milliseconds(100));
-  EXPECT_EQ(simulator->tf_statistics().sim_seconds, before_s);
+  EXPECT_EQ(simulator->statistics().sim_seconds, before_s);
   answer();
   ASSERT_TRUE(ears.hear());
   EXPECT_EQ(ears.sensor.time_us, asked_us + 4000);
@@ -239,11 +240,11 @@ TEST(Px4Flight, AfterAMissedAnswerTimeGoesByTheWallClockUntilItKeepsInStep) {
     ASSERT_TRUE(ears.hear());
   }
   std::this_thread::sleep_for(std::chrono::milliseconds(20));
-  while (simulator->tf_statistics().sim_seconds + 1.0 > 1e-6 * static_cast<double>(ears.sensor.time_us) + 0.0035)
+  while (simulator->statistics().sim_seconds + 1.0 > 1e-6 * static_cast<double>(ears.sensor.time_us) + 0.0035)
     ASSERT_TRUE(ears.hear());  // up to the sensors that are waited for
-  const double before_s = simulator->tf_statistics().sim_seconds;
+  const double before_s = simulator->statistics().sim_seconds;
   std::this_thread::sleep_for(std::chrono::milliseconds(100));
-  EXPECT_EQ(simulator->tf_statistics().sim_seconds, before_s);
+  EXPECT_EQ(simulator->statistics().sim_seconds, before_s);
 }
 
 TEST(Px4Flight, WithoutLockstepTimeGoesOn) {
@@ -253,7 +254,8 @@ TEST(Px4Flight, WithoutLockstepTimeGoesOn) {
   ASSERT_TRUE(ears.hear());
   ears.client().send(frame_of(controls(ears.sensor.time_us, 1.0F), 0));
   while (ears.sensor.time_us < 2'000'000) ASSERT_TRUE(ears.hear());
-  EXPECT_GT(1e-3 * ears.state.altitude_mm, simulator->get_home_geo_point("PX4").altitude + 1.0);  // full thrust
+  EXPECT_GT(1e-3 * ears.state.altitude_mm,
+            simulator->vehicles().get_home_geo_point("PX4").altitude + 1.0);  // full thrust
 }
 
 TEST(Px4Flight, BeforeItsFirstOutputsTimeGoesOnForPx4ToStart) {

@@ -5,7 +5,7 @@
 #include <set>
 
 #include "tileflight/live/simulator/object_names.h"
-#include "tileflight/world/place/require_surface.h"
+#include "tileflight/world/place/place_reader.h"
 
 namespace tileflight::simulator {
 namespace {

@@ -10,14 +10,14 @@
 
 #include "tileflight/capture/render/appearance.h"
 #include "tileflight/capture/render/scene_objects.h"
-#include "tileflight/world/scene/scene.h"
-#include "tileflight/live/simulator/extension_types.h"
+#include "tileflight/live/simulator/airsim_types.h"
 #include "tileflight/tiles/tileset/tileset_tree.h"
+#include "tileflight/world/scene/scene.h"
 
 namespace tileflight::simulator {
 
-/// Meshes of a tile, or of a whole region, prepared for pictures: tree for beams, appearance, bounds of objects. (The
-/// tree for rays is built by the first ray that meets them.) Immutable; shared by the scenes that hold it.
+/// The meshes of a tile or of a whole region, prepared for rendering: tree for beams, appearance, bounds of objects.
+/// The tree for rays is built by the first ray that meets the meshes. Immutable; shared by the scenes that hold it.
 class ResidentPart {
  public:
   /// Bounds of the triangles of each feature of a mesh, or of those without one (kNoFeature), local frame.
@@ -39,8 +39,8 @@ class ResidentPart {
   std::uintmax_t bytes_ = 0;
 };
 
-/// A content of the tree: tile, and index into its contents. (Its identity in a cut would not do: an external tileset
-/// that several tiles refer to, each with its own transform, has the same one in each.)
+/// Identifies a content of the tree by its tile and its index among the tile's contents. (The identity in a cut is not
+/// enough: an external tileset that several tiles refer to, each with its own transform, has the same one in each.)
 using TileKey = std::pair<tileset::NodeId, std::size_t>;
 
 /// A tile's content in a scene.
@@ -68,8 +68,8 @@ class ResidentScene {
   /// A scene of one part that holds the meshes of all tiles.
   ResidentScene(std::vector<ResidentTile> tiles, std::shared_ptr<const ResidentPart> whole, LoadedRegion loaded);
 
-  /// The tiles of `place`, which has no objects beside them, with these. Names and appearance are those of `same`, if
-  /// it has the same place and objects, in other poses.
+  /// Combines the tiles of `place`, which has no objects beside them, with objects. `same`: a scene of the same place
+  /// and objects in other poses, whose names and appearance are reused; may be null.
   ResidentScene(const ResidentScene& place, const std::vector<PlacedObject>& objects, const ResidentScene* same);
 
   const scene::Scene& scene() const { return scene_; }
@@ -79,7 +79,8 @@ class ResidentScene {
   const std::vector<std::string>& object_names() const { return labels_->names; }
   /// For each of objects().all(), the bounds of all its triangles, local frame.
   const std::vector<geometry::Box3>& object_bounds() const { return object_bounds_; }
-  /// The first of objects().all() that is beside the tiles: its index counts those of scene().placed() from there on.
+  /// Index of the first of objects().all() that is beside the tiles; from there on the order is that of
+  /// scene().placed().
   std::uint32_t first_placed_object() const { return first_placed_object_; }
   /// Object names without duplicates, sorted.
   const std::vector<std::string>& distinct_names() const { return labels_->distinct; }
@@ -90,7 +91,7 @@ class ResidentScene {
   const LoadedRegion& loaded() const { return loaded_; }
   bool has_surface() const { return has_surface_; }
 
-  /// The meshes of a tile; nullopt if the scene does not have it.
+  /// Copies the meshes of a tile; nullopt if the scene does not have it.
   std::optional<std::vector<imaging::TexturedMesh>> copy_meshes(const TileKey& key) const;
 
  private:
@@ -119,8 +120,8 @@ class ResidentScene {
   LoadedRegion loaded_;
 };
 
-/// Memory used by a tile's meshes in a scene: geometry, tree for beams, textures and their mipmaps, and a share for the
-/// trees for rays, which are built where rays go.
+/// Computes the memory of a tile's meshes in a scene: geometry, tree for beams, textures and their mipmaps, and a share
+/// for the trees for rays, which are built where rays go.
 std::uintmax_t resident_bytes(const std::vector<imaging::TexturedMesh>& meshes);
 
 }  // namespace tileflight::simulator

@@ -18,8 +18,8 @@ const double kCellRadius_m = 0.5 * std::sqrt(3.0) * SensorCell::kSize_m;
 
 constexpr double kErrorGrowth = 1.5;     ///< factor by which the allowed error is raised if memory is short
 constexpr double kCoarsest_px = 4096.0;  ///< upper limit of the allowed error
-/// Where far tiles begin if memory is short, at first and at last: beyond some 250 m a picture shows the lie of the
-/// land, nearer it shows what vehicles fly around.
+/// Distances at which tiles get coarser when memory is short: the first one tried and the last one. Within some 250 m
+/// an image shows the obstacles that vehicles fly around.
 constexpr double kFarAtFirst_m = 2048.0, kFarAtLast_m = 256.0;
 
 constexpr double kPredictionStep_m = 0.5;

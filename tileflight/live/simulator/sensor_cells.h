@@ -31,32 +31,33 @@ using SensorCells = std::vector<SensorCell>;
 /// The cells that contain the viewpoints, sorted, each once.
 SensorCells cells_around(std::span<const SensorViewpoint> viewpoints);
 
-/// The allowed error of a tile by its distance: `error_px` up to `full_detail_m`, beyond in proportion to distance.
+/// The allowed error of a tile by its distance: `error_px` up to `full_detail_m`, proportional to the distance beyond.
 struct DetailLimit {
   double error_px = 1.0;
   double full_detail_m = std::numeric_limits<double>::infinity();
 
   double allowed_px(double distance_m) const;
-  /// The next coarser one, if memory is short: first far tiles get coarser, then all. nullopt: there is none.
+  /// Returns the next coarser limit, for when memory is short: first far tiles get coarser, then all. nullopt: there is
+  /// none.
   std::optional<DetailLimit> coarser() const;
 
   bool operator==(const DetailLimit&) const = default;
 };
 
-/// Surfaces behind the Earth. The ellipsoid lowered by 500 m, below all dry land, is what hides them.
+/// Tells which surfaces the Earth hides. It stands for the ellipsoid lowered by 500 m, below all dry land.
 class Horizon {
  public:
   explicit Horizon(const geometry::LocalFrame& frame) : T_ecef_local_(frame.T_ecef_local()) {}
 
-  /// Whether nothing inside the box (local frame) can be seen from anywhere within `radius_m` of the position; never
-  /// falsely positive.
+  /// Returns true only if nothing inside the box (local frame) can be seen from anywhere within `radius_m` of the
+  /// position.
   bool hides(const geometry::Box3& box, const geometry::Vec3& position, double radius_m) const;
 
  private:
   geometry::SE3 T_ecef_local_;
 };
 
-/// What selects tiles for cells.
+/// The criterion that selects tiles for cells.
 struct SensorCriterion {
   geometry::SE3 T_local_tileset;
   DetailLimit detail;
@@ -64,17 +65,17 @@ struct SensorCriterion {
   double max_distance_m = std::numeric_limits<double>::infinity();  ///< tiles farther away are left out
   std::optional<Horizon> horizon;
 
-  /// Everything that sensors in the cells may see in any direction, at the detail allowed: that of the cell that needs
-  /// the finest. `worst_px`, if given, is raised to the largest error in pixels that was good enough, from anywhere in
-  /// the cells.
+  /// Selects everything that sensors in the cells may see in any direction, at the finest detail that any of the cells
+  /// needs. `worst_px`, if given, is raised to the largest error in pixels that was accepted, from anywhere in the
+  /// cells.
   tileset::RefinementCriterion for_cells(const SensorCells& cells, double* worst_px = nullptr) const;
 };
 
-/// Tells from the sensors' ways which cells they will be in next.
+/// Predicts from the sensors' motion which cells they will enter next.
 class SensorMotion {
  public:
-  /// Takes note of the sensors' positions. The next sets of cells if they move on as they did, in order, at most
-  /// `count` and none farther than 2.5 cells ahead; nullopt if they have hardly moved since the last answer.
+  /// Returns the next sets of cells if the sensors continue as since the last answer, in order, at most `count` and
+  /// none farther than 2.5 cells ahead; nullopt if the sensors have hardly moved.
   std::optional<std::vector<SensorCells>> predict(std::span<const SensorViewpoint> viewpoints, std::size_t count);
 
  private:

@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/random_numbers.h"
 #include "tileflight/capture/sensors/barometer.h"
 #include "tileflight/capture/sensors/gauss_markov.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/random_numbers.h"
 #include "tileflight/live/simulator/frames.h"
 #include "tileflight/live/simulator/simulation_clock.h"
 
@@ -93,6 +93,12 @@ std::uint64_t sensor_seed(const std::string& vehicle, const std::string& sensor)
   std::uint64_t seed = 1469598103934665603ULL;  // FNV-1a
   for (const char c : vehicle + "/" + sensor) seed = (seed ^ static_cast<unsigned char>(c)) * 1099511628211ULL;
   return seed;
+}
+
+SensorNoiseState& noise_of(SensorNoises& noises, const std::string& vehicle, const std::string& sensor) {
+  const auto [at, is_new] = noises.try_emplace(sensor);
+  if (is_new) at->second.seed = sensor_seed(vehicle, sensor);
+  return at->second;
 }
 
 double clamp_atmosphere_height_m(double height_m) { return std::clamp(height_m, -4999.0, 10999.0); }

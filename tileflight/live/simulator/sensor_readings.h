@@ -36,7 +36,7 @@ class StateHistory {
  public:
   void add(double time_s, const VehicleState& state, double keep_s);
   void clear() { states_.clear(); }
-  /// The latest state that is not after the time, else the oldest; nullptr if there are none.
+  /// Returns the latest state that is not after the time, else the oldest; nullptr if there are none.
   const VehicleState* at(double time_s) const;
 
  private:
@@ -50,8 +50,14 @@ struct SensorNoiseState {
   std::array<double, 6> biases{};  ///< first-order Gauss-Markov processes
 };
 
-/// A distinct seed for each sensor of each vehicle, the same in every run.
+/// Noise of a vehicle's sensors, by the sensor's name.
+using SensorNoises = std::map<std::string, SensorNoiseState>;
+
+/// Computes a distinct seed for each sensor of each vehicle, the same in every run.
 std::uint64_t sensor_seed(const std::string& vehicle, const std::string& sensor);
+
+/// Returns the noise state of a vehicle's sensor, which starts with the sensor's seed.
+SensorNoiseState& noise_of(SensorNoises& noises, const std::string& vehicle, const std::string& sensor);
 
 /// Context of a sensor reading.
 struct SensorContext {
@@ -63,7 +69,7 @@ struct SensorContext {
   bool moving = false;  ///< the clock is running and the vehicle flies: readings have the sensor's latency
 };
 
-/// Readings of the sensors at the context's time; they advance the noise state.
+/// Reads a sensor at the context's time and advances its noise state.
 ImuData read_imu(const ImuSettings& settings, const SensorContext& now, SensorNoiseState& noise);
 BarometerData read_barometer(const BarometerSettings& settings, const SensorContext& now, SensorNoiseState& noise);
 MagnetometerData read_magnetometer(const MagnetometerSettings& settings, const SensorContext& now,

@@ -5,8 +5,8 @@
 #include <utility>
 
 #include "tileflight/core/base/strict_section.h"
-#include "tileflight/live/simulator/camera_settings.h"
 #include "tileflight/live/simulator/frames.h"
+#include "tileflight/live/simulator/settings.h"
 
 namespace tileflight::simulator {
 namespace {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "tileflight/core/geometry/transform.h"
-#include "tileflight/live/simulator/extension_types.h"
+#include "tileflight/live/simulator/airsim_types.h"
 
 namespace tileflight::simulator {
 

@@ -9,14 +9,50 @@
 #include <string>
 #include <vector>
 
+#include "tileflight/capture/vehicle/airframe.h"
+#include "tileflight/core/base/strict_section.h"
 #include "tileflight/core/geometry/geodesy.h"
 #include "tileflight/core/imaging/camera.h"
-#include "tileflight/live/simulator/annotation_layers.h"
 #include "tileflight/live/simulator/airsim_types.h"
-#include "tileflight/live/simulator/autopilot_settings.h"
+#include "tileflight/live/simulator/object_labels.h"
 #include "tileflight/live/simulator/sensor_settings.h"
 
 namespace tileflight::simulator {
+
+/// The interfaces of autopilots that fly vehicles.
+enum class AutopilotKind {
+  kArduPilot,  ///< VehicleType ArduCopter: ArduPilot's JSON interface, UDP
+  kPx4,        ///< VehicleType PX4Multirotor: PX4's simulator interface, MAVLink over TCP
+};
+
+/// Source of an autopilot's vision input, the message ODOMETRY.
+enum class VisionSource {
+  kNone,
+  kTruth,     ///< the true pose and velocity with white noise
+  kPictures,  ///< the built-in odometry, on a camera's pictures and the inertial unit's readings
+};
+
+struct VisionSettings {
+  VisionSource source = VisionSource::kNone;
+  // The following hold for kPictures:
+  std::string camera = "bottom_center";  ///< name of the vehicle's camera
+  double rate_hz = 15.0;                 ///< rate of images; their interval is rounded to whole steps of the autopilot
+  double latency_s = 0.1;                ///< time from the exposure to the message
+};
+
+/// An autopilot that flies a vehicle: its interface, and properties of the vehicle.
+struct AutopilotSettings {
+  AutopilotKind kind = AutopilotKind::kArduPilot;
+  int port = 9002;       ///< ControlPort or TcpPort, on which the simulator listens; 0: any free port
+  bool lockstep = true;  ///< PX4 only: LockStep
+  vehicle::AirframeKind airframe = vehicle::AirframeKind::kQuadX;
+  bool optical_flow = false;  ///< PX4 only: own key OpticalFlow, sends HIL_OPTICAL_FLOW
+  VisionSettings vision;      ///< PX4 only: own keys VisionOdometry, VisionCamera, VisionRate, VisionLatency
+  double thrust_expo = 0.65;  ///< own key ThrustExpo of the motors; the default is that of the autopilot's parameters
+};
+
+/// Reads a vehicle's autopilot keys; nullopt for a VehicleType without an autopilot. Throws InputError.
+std::optional<AutopilotSettings> read_autopilot(const std::string& vehicle_type, base::StrictSection& vehicle);
 
 inline constexpr std::size_t kMaxVehicles = 64;
 
@@ -103,11 +139,11 @@ struct Settings {
 /// key, cause).
 Settings read_settings(const std::string& text, const std::string& name);
 
-/// Whether the text of a settings.json says nothing.
+/// Returns whether the text of a settings.json is blank.
 bool is_blank(const std::string& settings_text);
 
-/// The settings that hold where none are given, as a settings.json: clients (AirSim's ROS wrapper) read SimMode and
-/// Vehicles from it.
+/// Returns the default settings as a settings.json, from which clients (AirSim's ROS wrapper) read SimMode and
+/// Vehicles.
 std::string default_settings_text();
 
 /// The default cameras of every vehicle: front_center, front_right, front_left, bottom_center, back_center.
@@ -116,7 +152,31 @@ std::vector<CameraSettings> default_cameras(const CameraSettings& defaults);
 /// Resolves AirSim's camera aliases "0", "", "fpv" and so on; other names are returned unchanged.
 std::string resolve_camera_alias(const std::string& name);
 
-/// Settings of a vehicle of which only name and kind are given.
+/// Returns the settings of a vehicle for which only name and kind are given.
 VehicleSettings default_vehicle(const std::string& name, bool flies, const CameraSettings& camera_defaults);
+
+/// AirSim's default origin, for places without georeference if the settings give none.
+inline constexpr geometry::Geodetic kDefaultOrigin{47.641468, -122.140165, {122.0}};
+
+/// X, Y, Z of a section, metres; missing ones are taken from `fallback`. Throws InputError.
+geometry::Vec3 read_position(base::StrictSection& section, const geometry::Vec3& fallback = geometry::Vec3::Zero());
+
+/// Roll, Pitch, Yaw of a section, degrees; missing ones are 0. Throws InputError.
+Eigen::Quaterniond read_orientation(base::StrictSection& section);
+
+/// Reads a camera's entry of settings.json (or CameraDefaults): its pose and its capture settings per image type.
+/// Missing keys are taken from `defaults`. Throws InputError.
+CameraSettings read_camera(const std::string& name, base::StrictSection section, const CameraSettings& defaults);
+
+/// Returns `sensors` with the additions, replacements and removals (by name) of a `Sensors` or `DefaultSensors` object.
+/// `warnings`: gains a line for each sensor of a kind that is not simulated. Throws InputError.
+std::vector<SensorSettings> read_sensors(base::StrictSection& parent, const std::string& key, bool flies,
+                                         std::vector<SensorSettings> sensors, std::vector<std::string>& warnings);
+
+/// Default sensors of a vehicle without sensor settings: imu, magnetometer, gps and barometer if it flies, else none.
+std::vector<SensorSettings> default_sensors(bool flies);
+
+/// The lens of a capture: a pinhole by its field of view, or as given by "Lens". Throws InputError.
+imaging::Camera make_lens(const CaptureSettings& capture, const std::string& where);
 
 }  // namespace tileflight::simulator

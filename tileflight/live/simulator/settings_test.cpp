@@ -6,7 +6,6 @@
 
 #include "tests/refusal.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/live/simulator/camera_settings.h"
 
 namespace tileflight::simulator::settings_test {
 namespace {

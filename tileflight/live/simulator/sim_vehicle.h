@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <memory>
 #include <optional>
 #include <span>
@@ -7,11 +8,48 @@
 #include <vector>
 
 #include "tileflight/capture/vehicle/multirotor.h"
-#include "tileflight/live/simulator/settings.h"
-#include "tileflight/live/simulator/sim_camera.h"
 #include "tileflight/capture/vehicle/vehicle.h"
+#include "tileflight/core/imaging/camera.h"
+#include "tileflight/live/simulator/settings.h"
 
 namespace tileflight::simulator {
+
+/// A camera with the changes made by clients. Not thread-safe: part of the simulator's state.
+class SimCamera {
+ public:
+  explicit SimCamera(CameraSettings settings) : settings_(std::move(settings)) {}
+
+  const std::string& name() const { return settings_.name; }
+  /// Camera axes forward, right, down, relative to the vehicle's body; for external cameras to global NED.
+  const geometry::SE3& T_body_camera() const { return settings_.T_body_camera; }
+  void set_pose(const geometry::SE3& T_body_camera) { settings_.T_body_camera = T_body_camera; }
+
+  /// Sets the field of view of all image types, degrees; replaces another lens. Throws InputError outside 0.1 to 179.9.
+  void set_fov(double fov_deg);
+  double fov_deg() const { return settings_.captures[0].fov_deg; }
+  /// Sets one of Brown's coefficients K1, K2, K3, P1, P2 of pinhole lenses. Throws InputError for another name, or a
+  /// value that is not finite.
+  void set_distortion(const std::string& name, double value);
+  const std::array<double, 5>& distortion() const { return distortion_; }
+  /// Sets the lens of all image types. Throws InputError for an invalid lens.
+  void set_lens(const LensDescription& lens);
+
+  int width(int image_type) const { return capture(image_type).width; }
+  int height(int image_type) const { return capture(image_type).height; }
+  imaging::Camera lens(int image_type) const;
+  CameraInfo info(const geometry::SE3& T_ned_camera) const;
+  /// Returns the highest angular resolution of any of its images.
+  double pixels_per_rad() const;
+
+ private:
+  const CaptureSettings& capture(int image_type) const {
+    return settings_.captures[static_cast<std::size_t>(image_type)];
+  }
+
+  CameraSettings settings_;
+  std::array<double, 5> distortion_{};
+  mutable double pixels_per_rad_ = 0.0;  ///< 0: not computed yet
+};
 
 /// Pose and velocities of a vehicle, global NED.
 struct VehicleState {
@@ -64,28 +102,28 @@ class SimVehicle {
   std::shared_ptr<const vehicle::Task> command(const vehicle::Command& command);
   void cancel();
   bool busy() const { return task_ && task_->outcome == vehicle::Outcome::kRunning; }
-  /// On the ground with its rotors off.
+  /// Returns whether the vehicle is on the ground with its rotors off.
   bool landed() const;
-  /// Moved by physics; otherwise it stays where it was placed.
+  /// Returns whether physics moves the vehicle; otherwise it stays where it was placed.
   bool is_flying() const { return flight_ || multirotor_; }
   double yaw_local_rad() const;  ///< counter-clockwise from east
   geometry::Vec3 position_local() const { return T_local_ned_ * state_.T_ned_body.translation; }
   const vehicle::VehicleOptions& options() const { return options_; }
   std::vector<vehicle::Rotor> rotors() const;
-  /// By rotor; zero if it does not fly.
+  /// Returns the speed of each rotor; zero if the vehicle does not fly.
   std::vector<double> rotor_speeds_rad_s() const;
-  /// The air's velocity at the vehicle, global NED.
+  /// Returns the air's velocity at the vehicle, global NED.
   geometry::Vec3 wind_ned_m_s() const;
   /// Sets the mean wind, also in flight.
   void set_wind(const geometry::Vec3& wind_local_m_s);
 
-  /// One physics step; `time_s`: simulation time after it. Of a vehicle with an autopilot nothing moves.
+  /// Makes one physics step; `time_s`: simulation time after it. A vehicle with an autopilot does not move.
   void step(double time_s);
-  /// One physics step of a vehicle with an autopilot. `outputs`: of the motors, 0 to 1.
+  /// Makes one physics step of a vehicle with an autopilot. `outputs`: commands of the motors, 0 to 1.
   void step_motors(std::span<const double> outputs, double step_s, double time_s);
   /// Returns to the start pose, at rest.
   void return_to_start();
-  /// The same, without API control, armed as the settings say, with the settings' cameras.
+  /// Returns to the start pose, without API control, armed and with the cameras as in the settings.
   void reset();
 
   VehicleCollision& collision() { return collision_; }
@@ -108,9 +146,9 @@ class SimVehicle {
   vehicle::VehicleOptions options_;
   geometry::SE3 T_ned_home_;
   VehicleState state_;
-  std::unique_ptr<vehicle::Vehicle> flight_;           ///< null: it stays where it was placed
+  std::unique_ptr<vehicle::Vehicle> flight_;         ///< null: it stays where it was placed
   std::unique_ptr<vehicle::Multirotor> multirotor_;  ///< of a vehicle with an autopilot, once settled
-  double contact_seen_s_ = 0.0;                        ///< of the flight's clock
+  double contact_seen_s_ = 0.0;                      ///< of the flight's clock
   std::shared_ptr<const vehicle::Task> task_;
   VehicleCollision collision_;
   std::vector<SimCamera> cameras_;

@@ -156,7 +156,7 @@ void SimulationClock::wait_for_turn(std::unique_lock<std::mutex>& lock) {
   if (!may_step()) step_done_.notify_all();
 }
 
-/// Without it, this thread would reacquire the mutex before a thread that it has notified.
+/// Lets waiting threads run: otherwise this thread would reacquire the mutex before a thread that it has notified.
 void SimulationClock::yield_to_waiters() {
   if (++steps_without_rest_ < kMaxStepsWithoutYield) return;
   steps_without_rest_ = 0;

@@ -12,7 +12,7 @@
 
 namespace tileflight::simulator {
 
-/// Time stamp of a clock's start: the wall clock's, or with StepOnDemand and with autopilots a constant.
+/// Returns the time stamp of a clock's start: that of the wall clock, or a constant with StepOnDemand and autopilots.
 std::uint64_t default_start_ns(const ClockSettings& clock);
 
 /// The simulation's clock. It advances in steps of kStep_s, in step with the wall clock (times ClockSpeed), or on
@@ -32,7 +32,7 @@ class SimulationClock {
 
   /// `state`: the mutex that guards everything the hooks access, including the clock's own state.
   SimulationClock(std::mutex& state, const ClockSettings& clock, Hooks hooks);
-  /// Stops.
+  /// Stops the clock.
   ~SimulationClock();
   SimulationClock(const SimulationClock&) = delete;
   SimulationClock& operator=(const SimulationClock&) = delete;
@@ -47,11 +47,11 @@ class SimulationClock {
   bool paused() const { return paused_; }
   bool stopped() const { return stopping_; }
   void set_paused(bool paused);
-  /// Whether autopilots may advance: not paused.
+  /// Returns whether autopilots may advance: the clock is not paused.
   bool advancing() const { return !paused_ || run_until_.has_value(); }
-  /// With ClockSettings::by_autopilots: time may advance up to here.
+  /// Lets time advance up to `time_s`, with ClockSettings::by_autopilots.
   void allow_until(double time_s);
-  /// Whether all steps that may be made now have been made, with all that follows each of them.
+  /// Returns whether all steps that may be made now have been made, including their after_step.
   bool settled() const { return !in_step_ && !may_step(); }
   /// Notifies the clock of a change: a task has started or ended.
   void wake() {
@@ -67,16 +67,15 @@ class SimulationClock {
 
   // The turn orders what a recorded session does: while a thread has it, no step is made and no other thread gets it;
   // steps that are due and threads that wait alternate. Without a recording nobody takes it.
-  /// Waits for the turn. False, and without it: the clock is stopped.
+  /// Waits for the turn. Returns false without the turn if the clock is stopped.
   bool take_turn(std::unique_lock<std::mutex>& lock);
-  /// Ends this thread's turn; none: nothing.
+  /// Ends this thread's turn, if it has it.
   void end_turn();
   bool turn_is_free() const { return !turn_owner_; }
   /// Steps made so far.
   std::int64_t steps() const { return steps_; }
   std::uint64_t start_ns() const { return start_ns_; }
-  /// With ClockSettings::driven: makes steps up to this number; returns when they are made, with all that follows each
-  /// of them.
+  /// Makes steps up to this number, with ClockSettings::driven. Returns when they are made, including their after_step.
   void drive_to(std::unique_lock<std::mutex>& lock, std::int64_t step);
 
  private:

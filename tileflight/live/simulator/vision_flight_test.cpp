@@ -6,8 +6,8 @@
 #include <random>
 
 #include "tests/refusal.h"
+#include "tileflight/core/base/files.h"
 #include "tileflight/live/autopilot/test_vision_autopilot.h"
-#include "tileflight/core/base/temporary_path.h"
 #include "tileflight/live/simulator/test_world.h"
 #include "tileflight/live/simulator/vision_input.h"
 #include "tileflight/tiles/demo_place/stadium.h"
@@ -154,7 +154,8 @@ TEST(VisionFlight, SamePacketsSameBytesAndLostVisionIsToldOnceAndStops) {
     EXPECT_TRUE(first == px4.ears().heard());
     ASSERT_GE(px4.ears().odometries.size(), kMessages);
     EXPECT_EQ(lines.count("is metric"), 1U);
-    simulator->sim_set_camera_pose("bottom_center", {{}, {std::sqrt(0.5F), 0.0F, std::sqrt(0.5F), 0.0F}}, "PX4", false);
+    simulator->cameras().set_camera_pose("bottom_center", {{}, {std::sqrt(0.5F), 0.0F, std::sqrt(0.5F), 0.0F}}, "PX4",
+                                         false);
     while (px4.time_s() < compared_s + 0.5) ASSERT_TRUE(px4.round());
     const std::size_t seen = px4.ears().odometries.size();
     while (px4.time_s() < compared_s + 3.0) ASSERT_TRUE(px4.round());

@@ -4,12 +4,12 @@
 #include <cmath>
 #include <variant>
 
-#include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/number_text.h"
-#include "tileflight/live/simulator/camera_settings.h"
-#include "tileflight/live/simulator/frames.h"
-#include "tileflight/live/simulator/simulation_clock.h"
 #include "tileflight/capture/vehicle/vehicle.h"
+#include "tileflight/core/base/formatted_text.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/live/simulator/frames.h"
+#include "tileflight/live/simulator/settings.h"
+#include "tileflight/live/simulator/simulation_clock.h"
 
 namespace tileflight::simulator {
 namespace {
@@ -20,7 +20,7 @@ using geometry::Vec3;
 
 constexpr double kHourPerSecond = 1.0 / 3600.0;
 constexpr double kMicroGravity = 1e-6 * vehicle::kStandardGravity_m_s2;
-/// Of biases that are left after a calibration at rest.
+/// Standard deviations of the biases that are left after a calibration at rest.
 constexpr double kGyroscopeBias_rad_s = 0.005, kAccelerometerBias_m_s2 = 0.05;
 /// The settings' mounting is exact.
 constexpr double kMounting_rad = 0.001;
@@ -28,7 +28,7 @@ constexpr double kMounting_rad = 0.001;
 constexpr double kLeastDensity = 1e-6;
 constexpr std::uint8_t kLocalFrd = 20;  ///< MAV_FRAME_LOCAL_FRD
 
-/// From axes whose z points up, x forward, to x forward, y right, z down; its own inverse.
+/// Converts axes x forward, y left, z up to x forward, y right, z down; its own inverse.
 const Vec3 kDownwards(1.0, -1.0, -1.0);
 
 Mat3 turned(const Mat3& covariance) { return kDownwards.asDiagonal() * covariance * kDownwards.asDiagonal(); }

@@ -6,39 +6,40 @@
 #include <string>
 #include <utility>
 
-#include "tileflight/live/autopilot/hil_messages.h"
-#include "tileflight/slam/odometry/metric_odometry.h"
+#include "tileflight/live/autopilot/mavlink.h"
 #include "tileflight/live/simulator/settings.h"
-#include "tileflight/live/simulator/simulator.h"
+#include "tileflight/live/simulator/simulator_options.h"
+#include "tileflight/slam/odometry/metric_odometry.h"
 
 namespace tileflight::simulator {
 
-/// The model of a vehicle's inertial unit for an estimator: noise as its settings have it, read every `interval_s`;
-/// biases as known after a calibration at rest. `T_body_camera`: the camera's axes forward, right, down.
+/// Makes the model of a vehicle's inertial unit for an estimator: noise from its settings, read every `interval_s`,
+/// with biases as known after a calibration at rest. `T_body_camera`: camera axes forward, right, down.
 inertial::ImuModel imu_model(const ImuSettings& settings, double interval_s, const geometry::SE3& T_body_camera);
 
-/// ODOMETRY of an estimate: in a frame of its own, x where the vehicle headed at the first one, z down
-/// (MAV_FRAME_LOCAL_FRD), velocity and rates in body axes (MAV_FRAME_BODY_FRD). `time_us`: of the exposure.
-/// `sigma_rate_rad_s`: of the gyroscope's reading. Quality: percent of the keyframe's points that fit, at least 1.
+/// Converts an estimate to the message ODOMETRY. The pose is in a frame of its own, with x along the heading of the
+/// first estimate and z down (MAV_FRAME_LOCAL_FRD); velocity and rates are in body axes (MAV_FRAME_BODY_FRD).
+/// `time_us`: time of the exposure. `sigma_rate_rad_s`: noise of the gyroscope. The quality is the share of the
+/// keyframe's points that fit, in percent and at least 1.
 autopilot::Odometry vision_message(const odometry::MetricEstimate& estimate, std::uint64_t time_us, int resets,
                                    double sigma_rate_rad_s);
 
-/// Vision input of a vehicle's autopilot, from the pictures of one of its cameras and the readings of its inertial
-/// unit. It sees no truth. Times are those of the messages to the autopilot. For one thread at a time.
+/// Vision input of a vehicle's autopilot, from the images of one of its cameras and the readings of its inertial unit.
+/// It sees no ground truth. Times are those of the messages to the autopilot. For one thread at a time.
 class VisionInput {
  public:
-  /// The vehicle's first inertial unit, and the camera as the settings have it, which must be there. `step_s`: of the
-  /// autopilot; exposures and latency are whole numbers of it.
+  /// Uses the vehicle's first inertial unit and the camera that the settings name, which must exist. `step_s`: step of
+  /// the autopilot; exposure interval and latency are rounded to multiples of it.
   VisionInput(const VehicleSettings& vehicle, double step_s, SimulatorLog log);
 
   const std::string& camera() const { return settings_.camera; }
   /// Discards all state, for an autopilot that starts.
   void restart();
   void add_reading(const autopilot::HilSensor& reading);
-  /// Whether a picture is taken at this step.
+  /// Returns whether an image is taken at this step.
   bool is_exposure(std::uint64_t step) const { return step % exposure_steps_ == 0; }
   void add_picture(imaging::RgbImage picture, std::uint64_t step, std::uint64_t time_us);
-  /// The message whose latency is over at this step.
+  /// Returns the message whose latency is over at this step.
   std::optional<autopilot::Odometry> message_at(std::uint64_t step);
 
  private:

@@ -7,13 +7,13 @@
 #include <iterator>
 #include <limits>
 
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/string_lists.h"
-#include "tileflight/world/place/require_surface.h"
-#include "tileflight/live/simulator/camera_settings.h"
-#include "tileflight/tiles/tileset/cut_reader.h"
+#include "tileflight/live/simulator/settings.h"
 #include "tileflight/tiles/fetch/open_source.h"
 #include "tileflight/tiles/fetch/terms.h"
+#include "tileflight/tiles/tileset/cut_reader.h"
+#include "tileflight/world/place/place_reader.h"
 
 namespace tileflight::simulator {
 namespace {
@@ -141,14 +141,15 @@ SensorCriterion WorkingSet::sensor_criterion(const DetailLimit& detail) const {
   return wanted;
 }
 
-tileset::RefinementCriterion WorkingSet::refinement_criterion(const SensorCells& cells, const DetailLimit& detail) const {
+tileset::RefinementCriterion WorkingSet::refinement_criterion(const SensorCells& cells,
+                                                              const DetailLimit& detail) const {
   const geometry::SE3 T_local_tileset = placement_.T_local_tileset;
   tileset::RefinementCriterion all =
       follows_sensors_ ? sensor_criterion(detail).for_cells(cells)
                        : tileset::region_criterion(placement_.region, T_local_tileset, options_.load.error_m);
   for (const PinnedRegion& pinned : pinned_)
-    all =
-        tileset::union_criterion(std::move(all), tileset::region_criterion(pinned.region, T_local_tileset, pinned.error_m));
+    all = tileset::union_criterion(std::move(all),
+                                   tileset::region_criterion(pinned.region, T_local_tileset, pinned.error_m));
   return all;
 }
 
@@ -219,7 +220,7 @@ void WorkingSet::prefetch(const std::stop_token& stop) {
   }
 }
 
-/// Whether making the scene of these cells ahead must end: somebody waits, or they do not lie ahead any more.
+/// Returns whether making the scene of these cells ahead must end: a caller waits, or the cells no longer lie ahead.
 bool WorkingSet::is_interrupted(const SensorCells& cells) const { return waiting_ > 0 || !is_ahead(cells); }
 
 bool WorkingSet::is_ahead(const SensorCells& cells) const {
@@ -233,7 +234,7 @@ Vec3 WorkingSet::anchor() const {
 geometry::TriangleMesh WorkingSet::triangles_in(const Box3& box_local, double error_m) const {
   if (!tree_) return scene::merge_meshes(current()->scene().meshes());
   fetch::require_permitted(source_->terms(), fetch::Use::kExtract, options_.load.source.terms_accepted,
-                               fetch::redact_source(options_.source));
+                           fetch::redact_source(options_.source));
   return read_triangles(box_local, error_m, Broken::kRefused);
 }
 

@@ -16,11 +16,11 @@
 #include "tileflight/live/simulator/prepared_scenes.h"
 #include "tileflight/live/simulator/resident_scene.h"
 #include "tileflight/live/simulator/sensor_cells.h"
-#include "tileflight/live/simulator/simulator.h"
+#include "tileflight/live/simulator/simulator_options.h"
+#include "tileflight/tiles/fetch/tile_source.h"
 #include "tileflight/tiles/tileset/load.h"
 #include "tileflight/tiles/tileset/placement.h"
 #include "tileflight/tiles/tileset/selection.h"
-#include "tileflight/tiles/fetch/tile_source.h"
 
 namespace tileflight::simulator {
 
@@ -60,21 +60,21 @@ class WorkingSet {
   std::uint64_t tiles_read() const { return tiles_read_; }
   /// Number of calls of load_for() that had to wait for a scene.
   std::uint64_t waits() const { return waits_; }
-  /// Of all tiles in memory: of the current scene, and of others that are kept or made ahead.
+  /// Returns the memory of all tiles: those of the current scene, and of others that are kept or made ahead.
   std::uintmax_t memory_bytes() const { return scenes_.memory_bytes(); }
 
   /// Returns a scene with everything that the sensors need, loading it if necessary. Throws InputError if not even the
   /// coarsest tiles fit.
   std::shared_ptr<const ResidentScene> load_for(std::span<const SensorViewpoint> viewpoints);
-  /// The scene of the latest load_for().
+  /// Returns the scene of the latest load_for().
   std::shared_ptr<const ResidentScene> current() const { return scenes_.current(); }
   /// Also keeps this region in memory from now on, at this error; only the latest 32 regions are kept. Throws
   /// InputError.
   LoadedRegion add_region(const geometry::Box3& box_local, double error_m, std::span<const SensorViewpoint> viewpoints);
-  /// Every triangle near the box at the error given (0: the finest available), independent of the tiles in memory.
-  /// Throws InputError: unreadable tiles, too many triangles.
+  /// Returns every triangle near the box at the error given (0: the finest available), independent of the tiles in
+  /// memory. Throws InputError for unreadable tiles or too many triangles.
   geometry::TriangleMesh triangles_in(const geometry::Box3& box_local, double error_m) const;
-  /// Height of the highest surface at a horizontal position of the local frame, not above `below_z`.
+  /// Returns the height of the highest surface at a horizontal position of the local frame, not above `below_z`.
   std::optional<double> surface_z(double x, double y, double below_z) const;
   /// Waits until no scene is being made ahead, or about to be. For tests.
   void wait_until_prefetched() { scenes_.wait_until_prepared(); }
@@ -84,7 +84,7 @@ class WorkingSet {
     tileset::Region region;
     double error_m = 0.0;
   };
-  /// What is known of a tile's content.
+  /// Size and, while it is in memory, data of a tile's content.
   struct KnownTile {
     std::uintmax_t bytes = 0;  ///< in memory
     std::weak_ptr<const ResidentPart> part;
@@ -140,7 +140,8 @@ class WorkingSet {
   geometry::TriangleMesh read_triangles(const geometry::Box3& box_local, double error_m, Broken tiles) const;
   void log_line(const std::string& line) const;
   geometry::Vec3 anchor() const;
-  /// Of one scene. What follows the sensors shares most of its tiles with the next scene, which must fit beside it.
+  /// Returns the memory limit of one scene. A scene that follows the sensors shares most of its tiles with the next
+  /// one, which must fit beside it.
   std::uintmax_t scene_limit_bytes() const { return options_.max_memory_bytes / 6 * (follows_sensors_ ? 4 : 3); }
 
   SimulatorOptions options_;

@@ -5,12 +5,12 @@
 #include <exception>
 #include <map>
 
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/string_lists.h"
-#include "tileflight/world/place/require_surface.h"
 #include "tileflight/live/simulator/working_set.h"
-#include "tileflight/tiles/tileset/cut_reader.h"
 #include "tileflight/tiles/fetch/terms.h"
+#include "tileflight/tiles/tileset/cut_reader.h"
+#include "tileflight/world/place/place_reader.h"
 
 namespace tileflight::simulator {
 namespace {
@@ -68,7 +68,7 @@ struct WorkingSet::Attempt {
   PreparedScene prepared() && { return {std::move(cells), wanted, detail, pins, worst_px, std::move(scene)}; }
 };
 
-/// Whether it fits into memory.
+/// Returns whether the cut fits into memory.
 bool WorkingSet::load_whole_region(const Progress& progress) {
   Lock lock(loading_mutex_);
   Attempt attempt({}, scenes_.detail(), scenes_.detail());
@@ -168,7 +168,7 @@ bool WorkingSet::read_batch(Attempt& attempt, std::span<const std::size_t> batch
   // Its own count of the bytes differs a little from resident_bytes(), which decides.
   std::vector<tileset::LoadedContent> contents =
       tileset::read_cut(*source_, *tree_, part_of(attempt.cut, batch), placement_.T_local_tileset, true, progress,
-                      2 * scene_limit_bytes());
+                        2 * scene_limit_bytes());
   if (contents.size() < batch.size()) return false;
   for (std::size_t k = 0; k < batch.size(); ++k) {
     ResidentTile& tile = attempt.tiles[batch[k]];
@@ -272,7 +272,7 @@ DetailLimit WorkingSet::first_detail(const SensorCells& cells, const Progress& p
   }
 }
 
-/// As PreparedScenes::make_room(), beside what is being made.
+/// Calls PreparedScenes::make_room() with the tiles of the scene in the making.
 bool WorkingSet::make_room(const Attempt* ahead) {
   return scenes_.make_room(ahead == nullptr ? nullptr : &ahead->cells, preparing_, options_.max_memory_bytes);
 }

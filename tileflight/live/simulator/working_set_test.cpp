@@ -37,8 +37,8 @@ class FollowingTiles : public testing::Test {
     return options;
   }
   static std::vector<std::uint8_t> picture(Simulator& world, float north, float down) {
-    world.sim_set_vehicle_pose({{north, 0, down}, {}}, true, "");
-    return world.sim_get_images({{"3", 0, false, false}}, "", false).at(0).image_data_uint8;
+    world.vehicles().set_vehicle_pose({{north, 0, down}, {}}, true, "");
+    return world.cameras().get_images({{"3", 0, false, false}}, "", false).at(0).image_data_uint8;
   }
 
   tests::TemporaryFolder folder_;
@@ -99,14 +99,14 @@ TEST_F(FollowingTiles, TilesThatTheNextPlaceHasTooAreKept) {
 TEST_F(FollowingTiles, APictureIsThatOfTheWholeRegionWhateverTheWayThere) {
   const auto whole = std::make_unique<Simulator>(options(TileResidency::kRegion));
   const auto follow = std::make_unique<Simulator>(options(TileResidency::kFollow));
-  EXPECT_EQ(whole->tf_statistics().mode, "region");
-  EXPECT_EQ(follow->tf_statistics().mode, "follow");
+  EXPECT_EQ(whole->statistics().mode, "region");
+  EXPECT_EQ(follow->statistics().mode, "follow");
   const std::vector<std::uint8_t> wanted = picture(*whole, 3, -10);
   EXPECT_EQ(picture(*follow, 3, -10), wanted);
   picture(*follow, 0, -3000);
-  EXPECT_EQ(follow->tf_coverage("3", "", false).loaded.geometric_error_max, 4.0F);
+  EXPECT_EQ(follow->cameras().coverage("3", "", false).loaded.geometric_error_max, 4.0F);
   EXPECT_EQ(picture(*follow, 3, -10), wanted) << "never a coarser level";
-  const Coverage coverage = follow->tf_coverage("3", "", false);
+  const Coverage coverage = follow->cameras().coverage("3", "", false);
   EXPECT_TRUE(coverage.complete);
   EXPECT_LE(coverage.error_max, coverage.error_wanted);
   EXPECT_GT(coverage.surface_share, 0.99F);
@@ -114,8 +114,8 @@ TEST_F(FollowingTiles, APictureIsThatOfTheWholeRegionWhateverTheWayThere) {
 
 TEST_F(FollowingTiles, VehiclesStartOnTheSurface) {
   const auto world = std::make_unique<Simulator>(options(TileResidency::kAuto));
-  world->sim_set_vehicle_pose({{0, 0, -20}, {}}, true, "");
-  const ImageResponse above = world->sim_get_images({{"3", 1, true, false}}, "", false).at(0);
+  world->vehicles().set_vehicle_pose({{0, 0, -20}, {}}, true, "");
+  const ImageResponse above = world->cameras().get_images({{"3", 1, true, false}}, "", false).at(0);
   EXPECT_NEAR(above.image_data_float[128 + 256 * 72], 20.0, 0.1);
 }
 
@@ -374,22 +374,22 @@ TEST_F(FollowingTilesOfACity, ARegionThatIsPinnedWhileTilesAreReadAheadIsThere) 
 TEST_F(FollowingTiles, ABrokenTileIsToldWithThePicture) {
   TinyPlace::write_file(folder_ / "2.glb", "broken");
   const auto world = std::make_unique<Simulator>(options(TileResidency::kFollow));
-  const ImageResponse image = world->sim_get_images({{"3", 0, false, false}}, "", false).at(0);
+  const ImageResponse image = world->cameras().get_images({{"3", 0, false, false}}, "", false).at(0);
   EXPECT_THAT(image.message, testing::HasSubstr("1 tiles could not be read"));
-  EXPECT_FALSE(world->tf_coverage("3", "", false).complete);
+  EXPECT_FALSE(world->cameras().coverage("3", "", false).complete);
 }
 
 TEST_F(FollowingTiles, ARegionThatIsAskedForIsThereFromThenOn) {
   const auto world = std::make_unique<Simulator>(options(TileResidency::kFollow));
-  world->sim_set_vehicle_pose({{0, 0, -3000}, {}}, true, "");
-  world->sim_get_images({{"3", 0, false, false}}, "", false);
-  EXPECT_EQ(world->tf_coverage("3", "", false).loaded.tiles_loaded, 1);
-  const LoadedRegion loaded = world->tf_load_region({0, 0, 0}, {80, 80, 80}, 0.0F);
+  world->vehicles().set_vehicle_pose({{0, 0, -3000}, {}}, true, "");
+  world->cameras().get_images({{"3", 0, false, false}}, "", false);
+  EXPECT_EQ(world->cameras().coverage("3", "", false).loaded.tiles_loaded, 1);
+  const LoadedRegion loaded = world->place().load_region({0, 0, 0}, {80, 80, 80}, 0.0F);
   EXPECT_TRUE(loaded.complete);
   EXPECT_EQ(loaded.geometric_error_max, 0.0F);
   EXPECT_THAT(
       [&] {
-        world->tf_load_region({0, 0, 0}, {-1, 80, 80}, 0.0F);
+        world->place().load_region({0, 0, 0}, {-1, 80, 80}, 0.0F);
       },
       ThrowsMessage<std::runtime_error>(HasSubstr("tfLoadRegion: the region's edges must be above 0")));
 }
@@ -399,7 +399,7 @@ TEST_F(FollowingTiles, AGroundTruthOfARegionIsAFolderOfTheServers) {
   SimulatorOptions with_files = options(TileResidency::kAuto);
   with_files.output_root = out.path();
   const auto world = std::make_unique<Simulator>(with_files);
-  const GroundTruthReport report = world->tf_ground_truth({0, 0, 0}, {20, 20, 20}, 0.0F, 1.0F, "truth");
+  const GroundTruthReport report = world->place().ground_truth({0, 0, 0}, {20, 20, 20}, 0.0F, 1.0F, "truth");
   EXPECT_THAT(report.extract_json, testing::HasSubstr("\"complete\":true"));
   EXPECT_TRUE(std::filesystem::exists(out / "truth" / "voxels.binvox"));
 }

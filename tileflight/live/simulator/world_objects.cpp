@@ -2,11 +2,11 @@
 
 #include <algorithm>
 
-#include "tileflight/world/scene/models.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/text_fields.h"
+#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/live/simulator/frames.h"
 #include "tileflight/tiles/mesh_files/mesh_source.h"
+#include "tileflight/world/scene/models.h"
 
 namespace tileflight::simulator {
 namespace {

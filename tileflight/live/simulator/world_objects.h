@@ -33,11 +33,11 @@ class WorldObjects {
  public:
   static constexpr std::size_t kMaxObjects = 1000;
 
-  /// Reads the files (mesh_files::read_mesh_source). A glTF model's front (+Z) becomes the object's x. Throws InputError: a
-  /// file that cannot be read, a name that is empty or too long.
+  /// Reads the files (mesh_files::read_mesh_source). A glTF model's front (+Z) becomes the object's x. Throws
+  /// InputError: a file that cannot be read, a name that is empty or too long.
   explicit WorldObjects(const AssetFiles& files);
 
-  /// Names of the assets: AirSim's for shapes, own models, the user's files; sorted.
+  /// Returns the names of the assets, sorted: AirSim's for shapes, own models, the user's files.
   std::vector<std::string> assets() const;
   ObjectList now() const;
   std::optional<WorldObject> find(const std::string& name) const;
@@ -46,12 +46,12 @@ class WorldObjects {
   /// number. Returns its name. Throws InputError: an unknown asset, a wrong name or scale, too many objects.
   std::string spawn(const std::string& name, const std::string& asset, const geometry::SE3& T_ned_object,
                     const geometry::Vec3& scale, const std::vector<std::string>& of_tiles);
-  // False: there is no such object.
+  // These return false if there is no such object.
   bool destroy(const std::string& name);
   bool move(const std::string& name, const geometry::SE3& T_ned_object);
   bool rescale(const std::string& name, const geometry::Vec3& scale);  ///< throws InputError for a wrong scale
 
-  /// The place with the objects; the place itself if there are none. The latest is kept.
+  /// Returns the place with the objects, or the place itself if there are none. The latest result is cached.
   std::shared_ptr<const ResidentScene> populate(const std::shared_ptr<const ResidentScene>& place,
                                                 const ObjectList& objects, const geometry::SE3& T_local_ned);
 
@@ -70,7 +70,7 @@ class WorldObjects {
   Populated latest_;
 };
 
-/// p_local = pose * p_part for an object's part.
+/// Computes the pose of an object's part: p_local = pose * p_part.
 Eigen::Affine3d local_pose(const WorldObject& object, const geometry::SE3& T_local_ned);
 
 }  // namespace tileflight::simulator

@@ -4,17 +4,20 @@
 
 #include <algorithm>
 #include <array>
-#include <cstdio>
+#include <cctype>
 #include <cstdlib>
-#include <memory>
+#include <fstream>
+#include <map>
 #include <set>
 #include <sstream>
 #include <utility>
 
-#include "tileflight/core/base/known_keys.h"
-#include "tileflight/core/base/program_path.h"
+#include "tileflight/core/base/document_value.h"
+#include "tileflight/core/base/files.h"
+#include "tileflight/core/base/program.h"
 #include "tileflight/core/base/strict_section.h"
-#include "tileflight/data/dataset/export_dataset.h"
+#include "tileflight/core/jobs/process.h"
+#include "tileflight/data/exports/export_dataset.h"
 #include "tileflight/slam/external_systems/lens_support.h"
 
 namespace tileflight::external_systems {
@@ -66,7 +69,7 @@ std::vector<std::string> read_lenses(StrictSection& section) {
 void read_takes(StrictSection section, Adapter& adapter) {
   adapter.inputs = read_inputs(section);
   adapter.lenses = read_lenses(section);
-  std::vector<std::string> layouts = dataset::export_layouts();
+  std::vector<std::string> layouts = exports::export_layouts();
   layouts.emplace_back(kUnconverted);
   adapter.layout = section.choice("layout", layouts).value_or(kUnconverted);
   section.require_all_keys_used();
@@ -188,13 +191,17 @@ std::string why_not_installed(const Adapter& adapter) {
 
 std::string installed_version(const Adapter& adapter) {
   if (adapter.version_command.empty() || !why_not_installed(adapter).empty()) return "";
-  if (const fs::path program = base::program_path(); !program.empty()) setenv("TILEFLIGHT", program.c_str(), 0);
-  const std::unique_ptr<FILE, int (*)(FILE*)> pipe(
-      popen(("(" + adapter.version_command + ") 2>/dev/null </dev/null").c_str(), "r"), pclose);
-  if (!pipe) return "";
-  std::array<char, 256> line{};
-  if (std::fgets(line.data(), line.size(), pipe.get()) == nullptr) return "";
-  std::string version = line.data();
+  std::map<std::string, std::string> environment;
+  if (const fs::path program = base::program_path(); !program.empty() && std::getenv("TILEFLIGHT") == nullptr)
+    environment["TILEFLIGHT"] = program.string();
+  const fs::path log = base::make_temporary_path(fs::temp_directory_path() / "tileflight-version");
+  const base::RemovedOnExit removal(log);
+  jobs::run_guarded({.words = jobs::shell("(" + adapter.version_command + ") 2>/dev/null"),
+                     .log = log,
+                     .environment = std::move(environment)});
+  std::string version;
+  std::ifstream lines(log);
+  std::getline(lines, version);
   while (!version.empty() && std::isspace(static_cast<unsigned char>(version.back())) != 0) version.pop_back();
   return version;
 }

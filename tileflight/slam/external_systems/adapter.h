@@ -34,7 +34,7 @@ struct Adapter {
 
   std::vector<std::string> lenses;  ///< words of lens_name(); "any": all
   std::vector<Input> inputs;        ///< all of these are needed
-  std::string layout;               ///< "tileflight", or a word of dataset::export_layouts()
+  std::string layout;               ///< "tileflight", or a word of exports::export_layouts()
   bool needs_gpu = false;
 
   std::vector<std::string> programs;   ///< must be in PATH

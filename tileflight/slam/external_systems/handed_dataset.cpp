@@ -7,10 +7,10 @@
 #include <sstream>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/data/dataset/export_dataset.h"
-#include "tileflight/data/dataset/rig.h"
 #include "tileflight/core/imaging/image_files.h"
 #include "tileflight/core/imaging/rectify.h"
+#include "tileflight/data/dataset/rig.h"
+#include "tileflight/data/exports/export_dataset.h"
 #include "tileflight/slam/external_systems/lens_support.h"
 
 namespace tileflight::external_systems {
@@ -185,7 +185,7 @@ HandedDataset hand_over(const Adapter& adapter, const dataset::Dataset& dataset,
   // Several cameras are neither rectified nor rewritten (why_not_applicable), so that they are those of the folder.
   const dataset::Rig cameras =
       takes(adapter, Input::kStereo) ? dataset::read_rig(dataset.folder) : dataset::rig_of(source);
-  const dataset::ExportResult result = dataset::export_rig(cameras, adapter.layout, handed.folder, false, progress);
+  const exports::ExportResult result = exports::export_rig(cameras, adapter.layout, handed.folder, false, progress);
   handed.notes.insert(handed.notes.end(), result.notes.begin(), result.notes.end());
   if (adapter.layout == "kitti") handed.T_cam_lidar = read_lidar_pose(handed.folder / "calib.txt");
   return handed;

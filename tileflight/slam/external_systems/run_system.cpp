@@ -15,15 +15,14 @@
 #include <vector>
 
 #include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/number_text.h"
 #include "tileflight/core/base/output_folder.h"
-#include "tileflight/core/base/program_path.h"
+#include "tileflight/core/base/program.h"
 #include "tileflight/core/geometry/cloud_files.h"
 #include "tileflight/core/geometry/point_cloud.h"
 #include "tileflight/core/geometry/trajectory.h"
-#include "tileflight/core/geometry/trajectory_files.h"
-#include "tileflight/data/dataset/exports.h"
+#include "tileflight/data/exports/layout_writers.h"
 #include "tileflight/slam/external_systems/adapter.h"
 #include "tileflight/slam/external_systems/handed_dataset.h"
 #include "tileflight/slam/external_systems/lens_support.h"
@@ -174,7 +173,7 @@ std::map<std::string, std::string> make_environment(const Adapter& adapter, cons
       {"THREADS", std::to_string(threads)},
       {"OMP_NUM_THREADS", std::to_string(threads)},
       {"FRAMES", std::to_string(dataset.frames.size())},
-      {"FPS", base::fixed_text(dataset::exports::frame_rate_hz(dataset))},
+      {"FPS", base::fixed_text(exports::frame_rate_hz(dataset))},
       {"WIDTH", std::to_string(handed.calibration.camera.width())},
       {"HEIGHT", std::to_string(handed.calibration.camera.height())},
       {"LENS", lens_name(handed.calibration.camera)},
@@ -189,16 +188,6 @@ std::map<std::string, std::string> make_environment(const Adapter& adapter, cons
       },
       handed.calibration.camera.model());
   return environment;
-}
-
-std::string last_line(const fs::path& log) {
-  std::ifstream stream(log);
-  std::string last;
-  for (std::string line; std::getline(stream, line);) {
-    if (line.find_first_not_of(" \t\r") != std::string::npos) last = line;
-  }
-  constexpr std::size_t kLongest = 300;
-  return last.substr(0, kLongest);
 }
 
 /// Path and map that a system left, checked and written in this program's formats.
@@ -273,12 +262,15 @@ class SystemRun {
     const HandedDataset handed = hand_over(adapter_, dataset_, scratch, progress);
     imaging::write_kalibr(folder / "camera.yaml", handed.calibration);
     report_progress(progress, 0, 0, adapter_.title + " is running");
-    const ProcessReport report = run_measured(adapter_.command, adapter_.folder,
-                                              make_environment(adapter_, dataset_, handed, output, options_, threads),
-                                              folder / "system.log", options_.limits);
+    const jobs::ProcessReport report =
+        jobs::run_measured({.words = jobs::shell(adapter_.command),
+                            .folder = adapter_.folder,
+                            .log = folder / "system.log",
+                            .environment = make_environment(adapter_, dataset_, handed, output, options_, threads)},
+                           options_.limits);
     describe(handed, report);
     std::string reason = report.succeeded() ? "" : report.outcome();
-    if (report.exit_status != 0 && !report.was_stopped()) reason += ": " + last_line(folder / "system.log");
+    if (report.exit_status != 0 && !report.was_stopped()) reason += ": " + jobs::last_line(folder / "system.log");
     if (report.succeeded()) {
       try {
         take_over_results(adapter_, dataset_, handed, output, folder, about_);
@@ -292,7 +284,7 @@ class SystemRun {
     return reason;
   }
 
-  void describe(const HandedDataset& handed, const ProcessReport& report) {
+  void describe(const HandedDataset& handed, const jobs::ProcessReport& report) {
     json& system = about_["system"];
     system["handed_lens"] = lens_name(handed.calibration.camera);
     system["visible_share"] = handed.visible_share;
@@ -317,11 +309,8 @@ class SystemRun {
 json run_system(const Adapter& adapter, const fs::path& dataset_folder, const fs::path& out,
                 const SystemRunOptions& options, const Progress& progress) {
   const dataset::Dataset dataset = dataset::read_dataset(dataset_folder);
-  const base::OutputFolder output{.folder = out,
-                                  .command = "odometry",
-                                  .replace = options.replace,
-                                  .inputs = {dataset_folder, adapter.folder},
-                                  .legacy = {}};
+  const base::OutputFolder output{
+      .folder = out, .command = "odometry", .replace = options.replace, .inputs = {dataset_folder, adapter.folder}};
   json about;
   base::write_folder(output, [&](const fs::path& temporary) {
     about = SystemRun(adapter, dataset, options).run(temporary, progress);

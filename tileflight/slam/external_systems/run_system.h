@@ -5,8 +5,8 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "tileflight/core/base/progress.h"
+#include "tileflight/core/jobs/process.h"
 #include "tileflight/slam/external_systems/adapter.h"
-#include "tileflight/slam/external_systems/measured_process.h"
 
 namespace tileflight::external_systems {
 
@@ -14,7 +14,7 @@ namespace tileflight::external_systems {
 struct SystemRunOptions {
   std::uint64_t seed = 1;  ///< given to the adapter; some systems ignore it
   int threads = 0;         ///< number that the system may use; 0: one per core
-  ProcessLimits limits;
+  jobs::ProcessLimits limits;
   std::filesystem::path program;  ///< this program, for adapters that call it; empty: the running one
   bool replace = false;
 };

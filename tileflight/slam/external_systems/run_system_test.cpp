@@ -8,10 +8,10 @@
 
 #include "tests/run_program.h"
 #include "tests/temporary_folder.h"
-#include "tileflight/data/dataset/rig.h"
 #include "tileflight/core/geometry/cloud_files.h"
 #include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/core/imaging/calibration_files.h"
+#include "tileflight/data/dataset/rig.h"
 #include "tileflight/slam/external_systems/handed_dataset.h"
 #include "tileflight/slam/external_systems/lens_support.h"
 #include "tileflight/slam/external_systems/test_adapters.h"

@@ -12,8 +12,8 @@
 
 #include "tileflight/core/alignment/time_offset.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/geometry/angles.h"
 #include "tileflight/core/geometry/trajectory.h"
+#include "tileflight/core/geometry/transform.h"
 #include "tileflight/slam/inertial/imu_check.h"
 #include "tileflight/slam/inertial/imu_samples.h"
 #include "tileflight/slam/inertial/inertial_start.h"

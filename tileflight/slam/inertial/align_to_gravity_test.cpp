@@ -6,7 +6,7 @@
 #include <Eigen/Eigenvalues>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/geometry/angles.h"
+#include "tileflight/core/geometry/transform.h"
 #include "tileflight/slam/inertial/inertial_start.h"
 #include "tileflight/slam/inertial/test_smooth_motion.h"
 

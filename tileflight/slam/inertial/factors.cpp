@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "tileflight/core/geometry/so3_jacobians.h"
+#include "tileflight/core/geometry/transform.h"
 
 namespace tileflight::inertial {
 

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "tileflight/core/geometry/so3_jacobians.h"
+#include "tileflight/core/geometry/transform.h"
 
 namespace tileflight::inertial {
 namespace {

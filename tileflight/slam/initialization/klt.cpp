@@ -98,7 +98,7 @@ bool make_template(const keyframes::PyramidLevel& level, const Vector2f& center,
   if (!level.inside(center.x(), center.y(), kMargin_px)) return false;
   for (int k = 0; k < kPixels; ++k) {
     const keyframes::Texel t = level.sample(center.x() + static_cast<float>(k % kSide - kRadius),
-                                             center.y() + static_cast<float>(k / kSide - kRadius));
+                                            center.y() + static_cast<float>(k / kSide - kRadius));
     set_value(out.value, k, t[keyframes::kIntensity]);
     set_value(out.gradient_x, k, t[keyframes::kGradX]);
     set_value(out.gradient_y, k, t[keyframes::kGradY]);

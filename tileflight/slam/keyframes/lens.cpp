@@ -4,7 +4,7 @@
 #include <numbers>
 #include <variant>
 
-#include "tileflight/core/imaging/rational_distortion.h"
+#include "tileflight/core/imaging/lens_distortion.h"
 
 namespace tileflight::keyframes {
 namespace {

@@ -150,7 +150,7 @@ class StereoResiduals {
       if (!picture.pyramid) continue;
       const keyframes::RhoLinearization one =
           keyframes::evaluate_rho(window_.stereo_cameras[c].lens, picture.pyramid->levels[0], patch_, rho,
-                                   keyframes::stereo_transform(window_, host_, static_cast<int>(c)), options_.huber);
+                                  keyframes::stereo_transform(window_, host_, static_cast<int>(c)), options_.huber);
       if (one.state != keyframes::ResidualState::kGood) continue;
       const float threshold = std::max(host_.energy_threshold, picture.energy_threshold);
       sum.energy += options_.stereo_weight * std::min(one.energy, threshold);
@@ -277,15 +277,15 @@ std::vector<keyframes::PairTransform> pair_transforms_from(const keyframes::Wind
   for (int t = 0; t < window.size(); ++t) {
     if (t == host) continue;
     pairs[t] = keyframes::pair_transform(window.keyframes[t].T_camera_map() * T_map_host,
-                                          window.keyframes[host].brightness(), window.keyframes[t].brightness());
+                                         window.keyframes[host].brightness(), window.keyframes[t].brightness());
   }
   return pairs;
 }
 
 std::optional<keyframes::ActivePoint> try_activation(const keyframes::Window& window, const keyframes::Lens& lens,
-                                                      int host, const std::vector<keyframes::PairTransform>& pairs,
-                                                      const keyframes::ImmaturePoint& point,
-                                                      const keyframes::WindowOptions& options, int min_good) {
+                                                     int host, const std::vector<keyframes::PairTransform>& pairs,
+                                                     const keyframes::ImmaturePoint& point,
+                                                     const keyframes::WindowOptions& options, int min_good) {
   PointResiduals residuals(window, lens, host, pairs, point.patch, options);
   const auto [rho, at_rho] = minimize_over_rho(residuals, point.rho());
   if (!(rho > 0) || !(at_rho.H > 0)) return std::nullopt;
@@ -302,13 +302,13 @@ std::optional<keyframes::ActivePoint> try_activation(const keyframes::Window& wi
 }
 
 std::optional<keyframes::ActivePoint> try_activation(const keyframes::Window& window, const keyframes::Lens& lens,
-                                                      int host, const keyframes::ImmaturePoint& point,
-                                                      const keyframes::WindowOptions& options, int min_good) {
+                                                     int host, const keyframes::ImmaturePoint& point,
+                                                     const keyframes::WindowOptions& options, int min_good) {
   return try_activation(window, lens, host, pair_transforms_from(window, host), point, options, min_good);
 }
 
-int activate_points(keyframes::Window& window, const keyframes::Lens& lens,
-                    const keyframes::OdometryOptions& options, ActivationSpacing& spacing) {
+int activate_points(keyframes::Window& window, const keyframes::Lens& lens, const keyframes::OdometryOptions& options,
+                    ActivationSpacing& spacing) {
   const int newest = window.size() - 1;
   std::size_t have = 0;
   for (const keyframes::Keyframe& keyframe : window.keyframes) have += keyframe.points.size();

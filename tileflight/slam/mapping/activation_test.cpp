@@ -62,7 +62,7 @@ double energy_of(const keyframes::Window& window, int host, const keyframes::Pat
   for (int t = 0; t < kKeyframes; ++t) {
     if (t == host) continue;
     energy += std::min(keyframes::evaluate_rho(flight().lens.lenses[0], window.keyframes[t].pyramid->levels[0], patch,
-                                                rho, pairs[t], flight().options.window.huber)
+                                               rho, pairs[t], flight().options.window.huber)
                            .energy,
                        window.keyframes[t].energy_threshold);
   }

@@ -137,7 +137,7 @@ void add_intrinsics_unknowns(keyframes::Window& window, const IntrinsicsInformat
   assert(window.keyframes.empty());
   window.intrinsics.estimated = true;
   const keyframes::IntrinsicsDelta both = keyframes::IntrinsicsDelta(0.5, 0.5, 0.0, 0.0),
-                                    between = keyframes::IntrinsicsDelta(1.0, -1.0, 0.0, 0.0);
+                                   between = keyframes::IntrinsicsDelta(1.0, -1.0, 0.0, 0.0);
   const double principal_point = information.principal_point;
   window.H_prior =
       information.focal_length * both * both.transpose() + information.aspect * between * between.transpose();

@@ -8,10 +8,10 @@
 #include <random>
 
 #include "tileflight/core/base/order_statistics.h"
-#include "tileflight/slam/mapping/mapper.h"
-#include "tileflight/slam/mapping/normal_equations.h"
 #include "tileflight/slam/keyframes/pixel_selector.h"
 #include "tileflight/slam/keyframes/synthetic_scene.h"
+#include "tileflight/slam/mapping/mapper.h"
+#include "tileflight/slam/mapping/normal_equations.h"
 
 namespace tileflight::mapping::static_stereo_test {
 namespace {
@@ -57,10 +57,9 @@ struct Rig {
     keyframe.stereo.resize(1);
     keyframe.stereo[0].pyramid = other_picture;
     keyframe.stereo[0].brightness_information = {1e3, 1.0};
-    for (const keyframes::SelectedPixel& p :
-         keyframes::select_pixels(*picture, lens.rays[0], 600, options.selection)) {
+    for (const keyframes::SelectedPixel& p : keyframes::select_pixels(*picture, lens.rays[0], 600, options.selection)) {
       const auto patch = keyframes::make_patch(picture->levels[0], lens.lenses[0], Eigen::Vector2f(p.x, p.y),
-                                                options.window.gradient_weight);
+                                               options.window.gradient_weight);
       if (!patch || true_rho(patch->ray) <= 0.0) continue;
       keyframe.immature.emplace_back();
       keyframe.immature.back().patch = *patch;
@@ -243,7 +242,7 @@ TEST(StaticStereo, TheEnergysDerivativesAreTheNumericOnes) {
     window.keyframes[0].stereo_delta[0] = a;
     window.keyframes[0].stereo_delta[1] = b;
     return static_cast<double>(keyframes::evaluate_residual(rig.cameras[0].lens, level, patch, static_cast<float>(rho),
-                                                             make_stereo_pairs(window)[0], kNoHuber, nullptr)
+                                                            make_stereo_pairs(window)[0], kNoHuber, nullptr)
                                    .energy);
   };
   int checked = 0;
@@ -252,7 +251,7 @@ TEST(StaticStereo, TheEnergysDerivativesAreTheNumericOnes) {
     window.keyframes[0].stereo_delta.setZero();
     keyframes::Linearization lin;
     const auto value = keyframes::evaluate_residual(rig.cameras[0].lens, level, point.patch, static_cast<float>(rho),
-                                                     make_stereo_pairs(window)[0], kNoHuber, &lin);
+                                                    make_stereo_pairs(window)[0], kNoHuber, &lin);
     if (value.state != keyframes::ResidualState::kGood) continue;
     const Eigen::Vector3d half(lin.d_pixel_d_rho.dot(lin.sums.gr), lin.sums.Ar[0], lin.sums.Ar[1]);
     // What each derivative would be if all residuals of the pattern were of one sign (Cauchy and Schwarz): the Jacobian

@@ -110,8 +110,8 @@ keyframes::Window true_stereo_window() {
                                           .render((T_right_left * mono.T_camera_map()).inverse());
       keyframe.stereo.resize(1);
       keyframe.stereo[0].brightness_information = {1e3, 1.0};
-      keyframe.stereo[0].pyramid = std::make_shared<const keyframes::Pyramid>(
-          keyframes::build_pyramid(keyframes::luminance(image, nullptr), 1));
+      keyframe.stereo[0].pyramid =
+          std::make_shared<const keyframes::Pyramid>(keyframes::build_pyramid(keyframes::luminance(image, nullptr), 1));
       for (keyframes::ActivePoint& point : keyframe.points) point.stereo_observations.resize(1);
       add_keyframe(window, std::move(keyframe));
     }

@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/geometry/angles.h"
+#include "tileflight/core/geometry/transform.h"
 #include "tileflight/slam/odometry/test_inertial_flight.h"
 
 namespace tileflight::odometry::inertial_flight_test {

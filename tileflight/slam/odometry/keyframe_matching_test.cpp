@@ -51,7 +51,8 @@ TEST(KeyframeMatching, OtherGroundMatchesHardlyAnywhere) {
 TEST(KeyframeMatching, DistanceIsTheBruteForceOne) {
   std::mt19937_64 random(3);
   for (int i = 0; i < 20; ++i) {
-    const loop_closure::BinaryDescriptor a{random(), random(), random(), random()}, b{random(), random(), random(), random()};
+    const loop_closure::BinaryDescriptor a{random(), random(), random(), random()},
+        b{random(), random(), random(), random()};
     int bits = 0;
     for (int k = 0; k < 256; ++k) bits += (a[k / 64] >> (k % 64) & 1) != (b[k / 64] >> (k % 64) & 1);
     EXPECT_EQ(loop_closure::hamming(a, b), bits);

@@ -79,7 +79,8 @@ TEST(LoopAlignment, TheCovarianceIsAsLargeAsTheErrors) {
     const SE3 pose =
         keyframes::test_support::look_along(Vec3(0.5 * k - 1.0, 0.3 * k, 13.0 + 0.2 * k), Vec3(0.05 * k, 1, -1.4));
     const Side b(pose, 1.0);
-    const auto found = loop_closure::align_loop(maker().lens(), a.keyframe(), b.keyframe(), Sim3(kFirst.inverse() * pose));
+    const auto found =
+        loop_closure::align_loop(maker().lens(), a.keyframe(), b.keyframe(), Sim3(kFirst.inverse() * pose));
     ASSERT_TRUE(found) << k;
     const geometry::Vec6 off = (found->a_b.T_a_b.inverse() * (kFirst.inverse() * pose)).log();
     sum += off.dot(geometry::solve_symmetric(found->a_b.covariance, off));

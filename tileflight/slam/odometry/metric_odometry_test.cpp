@@ -8,7 +8,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "tileflight/core/geometry/angles.h"
+#include "tileflight/core/geometry/transform.h"
 #include "tileflight/slam/odometry/test_inertial_flight.h"
 
 namespace tileflight::odometry::metric_odometry_test {

@@ -180,7 +180,8 @@ void OdometryPipeline::initialize(InitializationState& state, InputFrame frame) 
   if (line_delay_) line_delay_->begin(log_.tracked, mapper_);
   for (std::size_t slot = 0; slot < map->keyframes.size(); ++slot)
     tracker().report_keyframe(state.frames[map->keyframes[slot]], static_cast<int>(slot));
-  track_backwards(state.frames, map->keyframes.front(), options_, preprocessor_, mapper_, input_.keyframe_observer, log_);
+  track_backwards(state.frames, map->keyframes.front(), options_, preprocessor_, mapper_, input_.keyframe_observer,
+                  log_);
   state_ = std::move(map->tracking);
 }
 

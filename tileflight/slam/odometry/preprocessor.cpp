@@ -28,17 +28,17 @@ std::shared_ptr<const keyframes::Pyramid> Preprocessor::make_pyramid(const Input
 }
 
 std::shared_ptr<const keyframes::Pyramid> Preprocessor::rectify(const keyframes::Pyramid& pyramid,
-                                                                 const keyframes::RowRectifier& rectifier) {
+                                                                const keyframes::RowRectifier& rectifier) {
   return pyramids_.make([&](imaging::FloatImage memory) { return rectifier(pyramid.levels[0], std::move(memory)); },
                         levels());
 }
 
 keyframes::RowRectifier Preprocessor::make_rectifier(const geometry::Vec6& twist,
-                                                      const tracking::ReferenceLevel& reference,
-                                                      const geometry::SE3& T_target_reference) const {
+                                                     const tracking::ReferenceLevel& reference,
+                                                     const geometry::SE3& T_target_reference) const {
   return {lens_.lenses[0], camera().width(), camera().height(), twist,
           keyframes::transform_depth_samples(lens_.lenses[0], T_target_reference, reference.ray, reference.rho,
-                                              reference.size())};
+                                             reference.size())};
 }
 
 bool Preprocessor::is_brightness_known(const InputFrame& frame) const { return photometric_ && frame.exposure_ms > 0; }

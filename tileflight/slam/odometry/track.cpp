@@ -9,8 +9,8 @@
 #include "tileflight/core/geometry/cloud_files.h"
 #include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/core/imaging/image_files.h"
-#include "tileflight/data/dataset/colmap.h"
 #include "tileflight/data/dataset/dataset.h"
+#include "tileflight/data/exports/colmap.h"
 #include "tileflight/slam/odometry/debug_image.h"
 #include "tileflight/slam/odometry/direction_check.h"
 #include "tileflight/slam/odometry/line_delay_record.h"
@@ -32,9 +32,9 @@ KeyframeObserver make_debug_observer(const fs::path& folder, const std::vector<d
 }
 
 /// Keyframes and map as a COLMAP model.
-dataset::ColmapModel colmap_model(const imaging::Camera& camera, const OdometryResult& result,
+exports::ColmapModel colmap_model(const imaging::Camera& camera, const OdometryResult& result,
                                   const std::vector<dataset::Frame>& frames) {
-  dataset::ColmapModel model;
+  exports::ColmapModel model;
   model.camera = camera;
   for (std::size_t k = 0; k < result.keyframe_frame_indices.size(); ++k) {
     const dataset::Frame& frame = frames[static_cast<std::size_t>(result.keyframe_frame_indices[k])];
@@ -110,11 +110,8 @@ void with_pictures_folder(const fs::path& pictures, const base::OutputFolder& ou
   if (pictures.empty()) return work({});
   const fs::path inside = base::resolve_folder(pictures).lexically_relative(base::resolve_folder(out.folder));
   if (!inside.empty() && *inside.begin() != "..") return work(temporary / inside);
-  const base::OutputFolder folder{.folder = pictures,
-                                  .command = "odometry",
-                                  .replace = out.replace,
-                                  .inputs = out.inputs,
-                                  .legacy = {.files = {"######.png"}}};
+  const base::OutputFolder folder{
+      .folder = pictures, .command = "odometry", .replace = out.replace, .inputs = out.inputs};
   base::write_folder(folder, work);
 }
 
@@ -300,7 +297,7 @@ TrackResult track(const fs::path& dataset_folder, const fs::path& out, bool repl
   const dataset::Dataset data =
       rig ? rig->reference : dataset::read_dataset(dataset_folder, {options.camera, options.camera_id});
   const TrackingCamera view = make_tracking_camera(data.calibration, options.rectify_fov_deg);
-  if (options.colmap) dataset::require_colmap_lens(view.calibration.camera);
+  if (options.colmap) exports::require_colmap_lens(view.calibration.camera);
   const base::OutputFolder output =
       odometry_output_folder(out, replace, {dataset_folder, options.camera, options.mask, options.init_from});
   std::vector<std::string> notes = add_rectification_note(data.warnings, data.calibration, view);
@@ -317,7 +314,7 @@ TrackResult track(const fs::path& dataset_folder, const fs::path& out, bool repl
     if (options.colmap) {
       fs::create_directory(temporary / "colmap");
       const imaging::Camera& camera = result.camera ? *result.camera : tracking.calibration().camera;
-      dataset::write_colmap(temporary / "colmap", colmap_model(camera, result, frames));
+      exports::write_colmap(temporary / "colmap", colmap_model(camera, result, frames));
     }
     found = describe(tracking, options, std::move(result), notes, disagreement);
     write_track_result(temporary, found, frames);

@@ -10,10 +10,13 @@
 
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/text_parsing.h"
+#include "tileflight/core/geometry/json_numbers.h"
 #include "tileflight/core/geometry/trajectory.h"
+#include "tileflight/core/geometry/transform.h"
 #include "tileflight/core/imaging/image_files.h"
-#include "tileflight/data/dataset/imu_files.h"
 #include "tileflight/data/dataset/rig.h"
+#include "tileflight/data/dataset/sensor_files.h"
 #include "tileflight/slam/inertial/imu_check.h"
 
 namespace tileflight::odometry {

@@ -7,12 +7,12 @@
 #include <variant>
 
 #include "tileflight/core/base/files.h"
-#include "tileflight/core/base/text_fields.h"
+#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/core/base/warning.h"
-#include "tileflight/core/geometry/angles.h"
 #include "tileflight/core/geometry/cloud_files.h"
 #include "tileflight/core/geometry/json_numbers.h"
 #include "tileflight/core/geometry/trajectory.h"
+#include "tileflight/core/geometry/transform.h"
 
 namespace tileflight::odometry {
 namespace fs = std::filesystem;

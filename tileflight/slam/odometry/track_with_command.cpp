@@ -1,17 +1,14 @@
 // Odometry by another program: its command, and the folder that it must have filled.
-#include <sys/wait.h>
-
-#include <cstdlib>
-#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/output_folder.h"
-#include "tileflight/core/base/shell_word.h"
-#include "tileflight/data/dataset/dataset.h"
 #include "tileflight/core/geometry/cloud_files.h"
 #include "tileflight/core/geometry/trajectory.h"
+#include "tileflight/core/jobs/process.h"
+#include "tileflight/data/dataset/dataset.h"
 #include "tileflight/slam/odometry/track.h"
 
 namespace tileflight::odometry {
@@ -30,18 +27,8 @@ std::string replace_placeholder(std::string command, const std::string& name, co
 }
 
 void run_command(const std::string& command, const fs::path& folder, const fs::path& log) {
-  const std::string whole =
-      "cd " + shell_path(folder) + " && ( " + command + "\n) > " + shell_path(log) + " 2>&1 < /dev/null";
-  const int status = std::system(whole.c_str());
-  if (status == 0) return;
-  const std::string how =
-      WIFEXITED(status) ? "exit status " + std::to_string(WEXITSTATUS(status)) : "killed by a signal";
-  std::string last_line;
-  std::ifstream lines(log);
-  for (std::string line; std::getline(lines, line);) {
-    if (!line.empty()) last_line = line;
-  }
-  throw InputError("odometry.command", how + ": " + last_line);
+  const int status = jobs::run_guarded({jobs::shell(command), folder, log});
+  if (status != 0) throw InputError("odometry.command", jobs::describe_exit(status) + ": " + jobs::last_line(log));
 }
 
 json describe_command_result(const fs::path& out, std::size_t frames) {
@@ -57,15 +44,7 @@ json describe_command_result(const fs::path& out, std::size_t frames) {
 }  // namespace
 
 base::OutputFolder odometry_output_folder(const fs::path& out, bool replace, std::vector<fs::path> inputs) {
-  return {
-      .folder = out,
-      .command = "odometry",
-      .replace = replace,
-      .inputs = std::move(inputs),
-      .legacy = {.key_file = "odometry.json",
-                 .key_text = "frames_tracked",
-                 .files = {"trajectory.txt", "keyframes.txt", "map.ply", "quality.csv", "camera.yaml", "odometry.json",
-                           "command.log", "colmap/cameras.txt", "colmap/images.txt", "colmap/points3D.txt"}}};
+  return {.folder = out, .command = "odometry", .replace = replace, .inputs = std::move(inputs)};
 }
 
 nlohmann::json track_with_command(const fs::path& dataset_folder, const fs::path& out, bool replace,

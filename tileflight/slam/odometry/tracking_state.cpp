@@ -23,8 +23,7 @@ Eigen::Vector2d brightness_information(BrightnessKnowledge knowledge) {
 
 }  // namespace
 
-ReferenceKeyframe make_reference_keyframe(const mapping::Mapper& mapper, const keyframes::LensPyramid& lens,
-                                          int slot) {
+ReferenceKeyframe make_reference_keyframe(const mapping::Mapper& mapper, const keyframes::LensPyramid& lens, int slot) {
   const keyframes::Keyframe& keyframe = mapper.window().keyframes[slot];
   return {keyframe.id, keyframe.T_camera_map(), keyframe.brightness(),
           tracking::make_tracking_reference(lens, *keyframe.pyramid, mapper.reference_points(slot)), 0.0};

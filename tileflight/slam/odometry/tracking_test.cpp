@@ -6,10 +6,10 @@
 #include <algorithm>
 
 #include "tileflight/slam/initialization/klt.h"
-#include "tileflight/slam/mapping/distance_map.h"
-#include "tileflight/slam/mapping/tracer.h"
 #include "tileflight/slam/keyframes/pixel_selector.h"
 #include "tileflight/slam/keyframes/synthetic_scene.h"
+#include "tileflight/slam/mapping/distance_map.h"
+#include "tileflight/slam/mapping/tracer.h"
 #include "tileflight/slam/tracking/tracker.h"
 
 namespace tileflight::odometry::tracking_test {

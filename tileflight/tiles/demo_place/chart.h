@@ -27,7 +27,7 @@ struct Chart {
   std::vector<double> s_m;     ///< s of the columns, increasing from 0
   std::vector<double> t_m;     ///< t of the rows, increasing from 0
   std::vector<Vec3> vertices;  ///< row by row: vertices[row * columns() + column]; site frame, metres
-  std::vector<Vec3> normals;   ///< as vertices, unit, for smooth shading; empty: flat cells
+  std::vector<Vec3> normals;   ///< unit, one for each vertex, for smooth shading; empty: flat cells
   std::vector<bool> hole;      ///< cells left out, row by row; empty: none
   Painter paint;
   double texel_m = 0.05;  ///< edge of a texel at texture scale 1
@@ -38,7 +38,7 @@ struct Chart {
   const Vec3& vertex(std::size_t column, std::size_t row) const { return vertices[row * columns() + column]; }
 };
 
-/// Flat or bent rectangle from `corner` along two edges, cut into cells of at most `cell_m`.
+/// Makes a rectangle from `corner` along two edges, cut into cells of at most `cell_m`.
 Chart make_panel(const Vec3& corner, const Vec3& along_s, const Vec3& along_t, Painter paint, double cell_m = 4.0);
 
 /// Sweeps a profile along a line: `profile` has points (out, up), metres from `start`; t runs along the profile, s
@@ -46,17 +46,18 @@ Chart make_panel(const Vec3& corner, const Vec3& along_s, const Vec3& along_t, P
 Chart make_sweep(const Vec3& start, const Vec3& sweep, const Vec3& out, const std::vector<Vec2>& profile, Painter paint,
                  double cell_m);
 
-/// An upright box without floor: four walls (s to the right, t up, seen from outside) and a roof (s, t along x, y).
+/// Makes an upright box without floor: four walls (s to the right, t up, seen from outside) and a roof (s, t along x,
+/// y).
 std::vector<Chart> make_box(const Vec3& low, const Vec3& high, const Painter& wall, const Painter& roof,
                             double cell_m = 4.0);
 
-/// A slender upright prism with `sides` faces as one chart, closed at the top.
+/// Makes a slender upright prism with `sides` faces as one chart, closed at the top.
 Chart make_post(const Vec3& foot, double height_m, double radius_m, int sides, Painter paint);
 
-/// Arc lengths of the points of a polyline, from 0.
+/// Returns the arc lengths of the points of a polyline, from 0.
 std::vector<double> arc_lengths(const std::vector<Vec3>& points);
 
-/// `count` + 1 evenly spaced positions from 0 to `length_m`.
+/// Returns `count` + 1 evenly spaced positions from 0 to `length_m`.
 std::vector<double> even_positions(double length_m, std::size_t count);
 
 }  // namespace tileflight::demo_place

@@ -6,7 +6,7 @@
 #include <memory>
 
 #include "tileflight/core/base/noise.h"
-#include "tileflight/tiles/tile_writer/simplify.h"
+#include "tileflight/tiles/simplification/simplify.h"
 #include "tileflight/tiles/tile_writer/texture_filter.h"
 
 namespace tileflight::demo_place {
@@ -36,7 +36,7 @@ std::shared_ptr<const RgbImage> blur_and_reduce(const RgbImage& image, int reduc
 
 std::vector<imaging::TexturedMesh> simulate_photogrammetry(const std::vector<imaging::TexturedMesh>& meshes,
                                                            const PhotogrammetryOptions& options) {
-  std::vector<imaging::TexturedMesh> out = tile_writer::simplify_meshes(meshes, options.simplification_m);
+  std::vector<imaging::TexturedMesh> out = simplification::simplify_meshes(meshes, options.simplification_m);
   tbb::parallel_for(std::size_t{0}, out.size(), [&](std::size_t i) {
     for (Vec3& vertex : out[i].mesh.vertices) vertex += surface_error(vertex, options);
     if (out[i].texture) out[i].texture = blur_and_reduce(*out[i].texture, options.texture_reduction);

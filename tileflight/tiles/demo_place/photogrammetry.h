@@ -7,6 +7,7 @@
 
 namespace tileflight::demo_place {
 
+/// Errors of a simulated reconstruction.
 struct PhotogrammetryOptions {
   double simplification_m = 0.085;  ///< size of detail that is lost
   double noise_m = 0.035;           ///< standard deviation of the surface's error along each axis

@@ -6,7 +6,7 @@
 #include <memory>
 
 #include "tileflight/core/base/noise.h"
-#include "tileflight/tiles/tile_writer/simplify.h"
+#include "tileflight/tiles/simplification/simplify.h"
 
 namespace tileflight::demo_place::photogrammetry_test {
 namespace {
@@ -66,7 +66,7 @@ TEST(Photogrammetry, WhatMetStillMeets) {
 TEST(Photogrammetry, StaysWithinCentimetresOfTheWorld) {
   const TexturedMesh sheet = rough_sheet(0);
   const TexturedMesh out = simulate_photogrammetry({sheet}, {}).front();
-  EXPECT_LT(tile_writer::hausdorff_distance_m(out.mesh, sheet.mesh), 0.6);
+  EXPECT_LT(simplification::hausdorff_distance_m(out.mesh, sheet.mesh), 0.6);
   EXPECT_EQ(out.texture->width, 32);
   EXPECT_EQ((*out.texture)(7, 9), (imaging::Rgb8{100, 120, 140}));
 }

@@ -8,10 +8,10 @@
 #include <mutex>
 #include <numbers>
 
-#include "tileflight/tiles/tile_writer/simplify.h"
 #include "tileflight/tiles/demo_place/bake_charts.h"
 #include "tileflight/tiles/demo_place/photogrammetry.h"
 #include "tileflight/tiles/demo_place/stadium_parts.h"
+#include "tileflight/tiles/simplification/simplify.h"
 #include "tileflight/tiles/tile_writer/tileset_writer.h"
 
 namespace tileflight::demo_place {
@@ -72,7 +72,7 @@ BakedStadium bake_stadium(const std::vector<Chart>& charts, double texture_scale
   tbb::parallel_for(std::size_t{0}, leaves.size(), [&](std::size_t i) {
     for (std::size_t layer = 0; layer < kLayers.size(); ++layer) {
       baked[i][layer] = bake_charts(leaves[i][layer], sun, texture_scale);
-      tile_writer::drop_unused_vertices(baked[i][layer]);
+      simplification::drop_unused_vertices(baked[i][layer]);
     }
     const std::lock_guard lock(mutex);
     report_progress(progress, ++done, std::ssize(leaves), "painting the stadium");
@@ -105,12 +105,6 @@ Progress named(const Progress& progress, const std::string& name) {
 
 }  // namespace
 
-base::LegacyFolderPattern legacy_stadium_folder() {
-  return {.key_file = "twin/tileset.json",
-          .key_text = "tileflight",
-          .files = {"twin/tileset.json", "twin/tiles/*.glb", "world/tileset.json", "world/tiles/*.glb"}};
-}
-
 void write_stadium(const std::filesystem::path& folder, const StadiumOptions& options, const Progress& progress) {
   const auto seed = static_cast<std::uint32_t>(options.seed ^ (options.seed >> 32));
   const SitePlan plan = make_site_plan(seed);
@@ -125,7 +119,7 @@ void write_stadium(const std::filesystem::path& folder, const StadiumOptions& op
   PhotogrammetryOptions photogrammetry;
   photogrammetry.seed = seed + 99U;
   tile_writer::write_tileset(folder / "twin", simulate_photogrammetry(place.solid, photogrammetry), tileset,
-                        named(progress, "twin"));
+                             named(progress, "twin"));
 }
 
 }  // namespace tileflight::demo_place

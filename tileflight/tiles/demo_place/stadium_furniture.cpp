@@ -1,7 +1,7 @@
 #include <cmath>
 
 #include "tileflight/core/base/noise.h"
-#include "tileflight/tiles/demo_place/lettering.h"
+#include "tileflight/tiles/demo_place/materials.h"
 #include "tileflight/tiles/demo_place/stadium_parts.h"
 
 namespace tileflight::demo_place {

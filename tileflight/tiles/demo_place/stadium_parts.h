@@ -4,7 +4,6 @@
 
 #include "tileflight/tiles/demo_place/chart.h"
 #include "tileflight/tiles/demo_place/site_plan.h"
-#include "tileflight/tiles/demo_place/terrain.h"
 
 namespace tileflight::demo_place {
 

@@ -11,9 +11,9 @@
 
 #include "tests/temporary_folder.h"
 #include "tileflight/core/geometry/triangle_index.h"
-#include "tileflight/tiles/tile_writer/simplify.h"
 #include "tileflight/tiles/demo_place/bake_charts.h"
 #include "tileflight/tiles/demo_place/stadium_parts.h"
+#include "tileflight/tiles/simplification/simplify.h"
 #include "tileflight/tiles/tileset/load.h"
 
 namespace tileflight::demo_place::stadium_test {
@@ -91,7 +91,7 @@ void expect_lies_where_the_paper_flew(const std::filesystem::path& place) {
     EXPECT_TRUE(loaded.complete);
     EXPECT_TRUE(loaded.warnings.empty()) << loaded.warnings.front();
     EXPECT_EQ(loaded.geometric_error_max_m, 0.0);
-    const geometry::TriangleIndex surface(tile_writer::merge_meshes(loaded.meshes));
+    const geometry::TriangleIndex surface(simplification::merge_meshes(loaded.meshes));
     EXPECT_NEAR(surface.nearest({0, 0, 0.25})->distance_m, 0.0,
                 model == "world" ? 0.02 : 0.2);  // midfield, on its crown
     // The stands rise on both sides of the field, whose long axis points 17 degrees east of north.
@@ -112,7 +112,7 @@ void expect_fine_world_and_lesser_twin(const std::filesystem::path& place) {
 
 void expect_twin_on_the_world(const std::filesystem::path& place) {
   const tileset::LoadedTiles world = load(place, "world", {600, 600, 200}), twin = load(place, "twin", {600, 600, 200});
-  const geometry::TriangleIndex surface(tile_writer::merge_meshes(world.meshes));
+  const geometry::TriangleIndex surface(simplification::merge_meshes(world.meshes));
   double sum = 0;
   std::size_t count = 0;
   for (const imaging::TexturedMesh& mesh : twin.meshes) {

@@ -6,13 +6,13 @@
 
 namespace tileflight::fetch {
 
-/// Headers of a response, names in lower case.
+/// Headers of a response by name. Names are in lower case.
 using HttpHeaders = std::map<std::string, std::string>;
 
-/// How a private cache may use a response (RFC 9111).
+/// States how a private cache may use a response (RFC 9111).
 struct Freshness {
   bool may_store = false;
-  std::int64_t fresh_until_s = 0;  ///< Unix time until which it may be used without contacting the server
+  std::int64_t fresh_until_s = 0;  ///< Unix time until which it is used without contacting the server
   bool must_revalidate = false;    ///< never used once stale, even if the server cannot be reached
   bool has_validator = false;      ///< a stale response can be revalidated (ETag, Last-Modified)
 };

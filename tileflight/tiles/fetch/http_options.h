@@ -6,9 +6,15 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/tiles/fetch/http_retry.h"
-
 namespace tileflight::fetch {
+
+/// States how often and when a request is retried.
+struct RetryOptions {
+  int max_tries = 5;
+  std::chrono::milliseconds initial_backoff{500};      ///< doubled with each further try
+  std::chrono::milliseconds max_backoff{20'000};       ///< limit of the doubling
+  std::chrono::milliseconds max_retry_after{120'000};  ///< fails if the server asks for more (Retry-After)
+};
 
 /// Limits of each request, and the number of parallel requests.
 struct HttpOptions {
@@ -27,6 +33,7 @@ struct HttpOptions {
   std::uint64_t jitter_seed = 1;
 };
 
+/// Options of a network source.
 struct HttpSourceOptions {
   HttpOptions http;
   std::vector<std::string> allowed_hosts;  ///< in addition to the tileset's own host (origin_policy.h)
@@ -34,14 +41,13 @@ struct HttpSourceOptions {
   std::uintmax_t max_prefetch_bytes = std::uintmax_t{256} << 20;
 };
 
-/// Where an S3-compatible object store is, and with which keys it is read: what the AWS tools take from the
-/// environment.
+/// Address of an S3-compatible object store and the keys to read it. The AWS tools take these from the environment.
 struct S3Options {
-  std::string endpoint_url;       ///< AWS_ENDPOINT_URL; empty: Amazon's of the region
+  std::string endpoint_url;       ///< AWS_ENDPOINT_URL; empty: Amazon's endpoint of the region
   std::string region;             ///< AWS_REGION or AWS_DEFAULT_REGION; empty, with an endpoint: us-east-1
   std::string access_key_id;      ///< AWS_ACCESS_KEY_ID
   std::string secret_access_key;  ///< AWS_SECRET_ACCESS_KEY
-  std::string session_token;      ///< AWS_SESSION_TOKEN; empty: the keys are not temporary ones
+  std::string session_token;      ///< AWS_SESSION_TOKEN; empty: the keys are permanent
 };
 
 }  // namespace tileflight::fetch

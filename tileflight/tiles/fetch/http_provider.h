@@ -10,7 +10,7 @@
 
 namespace tileflight::fetch {
 
-/// A network service that serves a tileset: knows the root URL and what requests must carry. URIs of the tileset are
+/// A network service that serves a tileset. It knows the root URL and what requests must carry. URIs of the tileset are
 /// kept without credentials; the provider adds them only to requests. Thread safe.
 class HttpProvider {
  public:
@@ -19,9 +19,9 @@ class HttpProvider {
   /// Determines the root URL of the tileset, without credentials. Called once, before any other method. Throws
   /// InputError.
   virtual std::string resolve_root_url(HttpClient& client) = 0;
-  /// The request for a URI of the tileset's own origin: URL with credentials, and headers.
+  /// Returns the request for a URI of the tileset's own origin: its URL with credentials, and its headers.
   virtual HttpRequest make_request(const std::string& uri) = 0;
-  /// Throws InputError for a URI of the tileset's own origin that is not to be asked for.
+  /// Throws InputError for a URI of the tileset's own origin that must not be requested.
   virtual void require_allowed(const std::string& /*uri*/) const {}
   /// Called with each response, before it is used.
   virtual void observe_response(const std::string& /*uri*/, std::span<const std::byte> /*body*/) {}
@@ -30,14 +30,15 @@ class HttpProvider {
   /// Called after a response with `status` to a request made with credentials of `generation`. Returns true if newer
   /// credentials are available and the request should be repeated. Throws InputError.
   virtual bool renew_credentials(HttpClient& /*client*/, long /*status*/, int /*generation*/) { return false; }
-  /// Number of times credentials were obtained so far.
+  /// Returns how many times credentials were obtained so far.
   virtual int credential_generation() const { return 0; }
-  /// What an error code of the service means for the user; empty: the code says it.
+  /// Explains an error code of the service to the user; empty if the code is clear by itself.
   virtual std::string explain(const std::string& /*code*/) const { return ""; }
-  /// Strings that must appear neither in messages nor on disk.
+  /// Returns the strings that must appear neither in messages nor on disk.
   virtual std::vector<std::string> secrets() const { return {}; }
+  /// Returns the terms of use of the service.
   virtual TermsOfUse terms() const = 0;
-  /// Rights holders to credit in addition to those named by the tiles.
+  /// Returns the rights holders to credit in addition to those named by the tiles.
   virtual std::vector<std::string> attribution() const { return {}; }
 };
 
@@ -51,7 +52,7 @@ class UrlProvider : public HttpProvider {
   std::string resolve_root_url(HttpClient& client) override;
   HttpRequest make_request(const std::string& uri) override;
   std::vector<std::string> secrets() const override;
-  /// Google's terms if the host is Google's; otherwise unknown.
+  /// Returns Google's terms if the host is Google's; otherwise unknown terms.
   TermsOfUse terms() const override;
 
  private:
@@ -59,7 +60,8 @@ class UrlProvider : public HttpProvider {
   std::vector<std::string> headers_;
 };
 
-/// The header as it is sent, "Name: value". Throws InputError if it is malformed or contains more than one header.
+/// Returns the header in the form in which it is sent, "Name: value". Throws InputError if it is malformed or contains
+/// more than one header.
 std::string validate_header(const std::string& header);
 
 }  // namespace tileflight::fetch

@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "tileflight/tiles/fetch/http_cache.h"
-#include "tileflight/tiles/fetch/http_cache_writer.h"
 #include "tileflight/tiles/fetch/http_client.h"
 #include "tileflight/tiles/fetch/http_options.h"
 #include "tileflight/tiles/fetch/http_provider.h"
@@ -26,8 +25,8 @@ namespace tileflight::fetch {
 /// is used with a warning, unless the server or the provider's terms forbid that.
 class HttpSource : public TileSource {
  public:
-  /// Throws InputError if the provider cannot be opened.
-  /// `cache`: may be nullptr; not used if the provider's terms forbid caching and `terms_accepted` is false.
+  /// Resolves the root URL. Throws InputError if the provider cannot be opened. `cache`: may be nullptr; it is not used
+  /// if the provider's terms forbid caching and `terms_accepted` is false.
   explicit HttpSource(std::unique_ptr<HttpProvider> provider, const HttpSourceOptions& options = {},
                       std::unique_ptr<HttpCache> cache = nullptr, bool terms_accepted = false);
   ~HttpSource() override;
@@ -46,7 +45,7 @@ class HttpSource : public TileSource {
   /// A completed request.
   struct FetchResult {
     HttpResult outcome;
-    int generation = 0;  ///< of the credentials used
+    int generation = 0;  ///< generation of the credentials that were used
   };
   /// A URI that is being or has been prefetched.
   struct Prefetch {
@@ -64,7 +63,7 @@ class HttpSource : public TileSource {
   void on_prefetch_done(const std::string& uri, HttpResult outcome);
   bool may_start_prefetch() const;
 
-  /// nullopt if there is no entry or no cache.
+  /// Finds the metadata of a cache entry; nullopt if there is no entry or no cache.
   std::optional<CachedResponse> find_cached(const std::string& key);
   bool is_fresh_in_cache(const std::string& uri);
   std::vector<std::byte> process_result(const std::string& uri, FetchResult asked);
@@ -76,7 +75,7 @@ class HttpSource : public TileSource {
 
   std::unique_ptr<HttpProvider> provider_;
   HttpSourceOptions options_;
-  std::unique_ptr<HttpCache> cache_;         ///< nullptr: none
+  std::unique_ptr<HttpCache> cache_;         ///< nullptr: nothing is cached
   std::unique_ptr<HttpCacheWriter> writer_;  ///< writes to cache_
   std::unique_ptr<HttpClient> client_;
   bool may_use_stale_ = true;

@@ -9,7 +9,6 @@
 #include "tileflight/tiles/fetch/provider_google.h"
 #include "tileflight/tiles/fetch/provider_ion.h"
 #include "tileflight/tiles/fetch/provider_s3.h"
-#include "tileflight/tiles/fetch/remote_archive.h"
 #include "tileflight/tiles/fetch/uri.h"
 #include "tileflight/tiles/fetch/url_secrets.h"
 

@@ -31,18 +31,18 @@ struct SourceOptions {
 };
 
 /// Opens the SOURCE given by a user: a tileset.json, its folder, a .3tz or a .3dtiles (recognised by their first
-/// bytes), an http or https URL of a tileset.json, of its folder (ending in a slash) or of a .3tz, the same in an
+/// bytes), an http or https URL of a tileset.json, of its folder (ending in a slash) or of a .3tz, one of these in an
 /// object store as s3://BUCKET/KEY, `google`, or `ion:ASSET`. Throws InputError if it is none of them.
 std::unique_ptr<TileSource> open_source(const std::string& source, const SourceOptions& options = {});
 
-/// Whether SOURCE is fetched over the network: a URL, `s3://…`, `google`, `ion:ASSET`.
+/// Returns whether SOURCE is fetched over the network: a URL, `s3://…`, `google`, `ion:ASSET`.
 bool is_network_source(const std::string& source);
 
-/// Local file or folder of a SOURCE: the archive, or the folder of a tileset.json, which holds all its files. Empty for
-/// a network source or if nothing is there.
+/// Returns the local file or folder of a SOURCE: the archive, or the folder of a tileset.json, which holds all its
+/// files. Empty for a network source or if nothing is there.
 std::filesystem::path local_path_of_source(const std::string& source);
 
-/// SOURCE for messages and results: keys and tokens in a URL are hidden.
+/// Returns SOURCE for messages and results, in which keys and tokens of a URL are hidden.
 std::string redact_source(const std::string& source);
 
 }  // namespace tileflight::fetch

@@ -7,7 +7,7 @@
 #include <memory>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/text_fields.h"
+#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/tiles/fetch/uri.h"
 
 namespace tileflight::fetch {

@@ -14,11 +14,11 @@ struct Origin {
   bool operator==(const Origin&) const = default;
 };
 
-/// Throws InputError: not a URL, another scheme, or a URL with a user name.
+/// Parses the origin of a URL. Throws InputError if it is not a URL, has another scheme or has a user name.
 Origin parse_origin(const std::string& url);
 
-/// Which URLs a network tileset may refer to: its own origin (also over https if it came over http), and hosts allowed
-/// by the user. Never from https to http, never to a file.
+/// Decides which URLs a network tileset may refer to: its own origin (also over https if it came over http), and hosts
+/// allowed by the user. It never allows http from https, nor a file.
 class OriginPolicy {
  public:
   /// `allowed_hosts`: "host", or "host:port" for that port only. Throws InputError if `root_url` is not a URL.
@@ -26,7 +26,8 @@ class OriginPolicy {
 
   /// Throws InputError, naming the URL and the violation, if the URL is not allowed.
   void check(const std::string& url) const;
-  /// Whether a URL is of the tileset's own origin: only that origin receives the user's headers and credentials.
+  /// Returns whether a URL is of the tileset's own origin: only that origin receives the user's headers and
+  /// credentials.
   bool is_same_origin(const std::string& url) const;
 
  private:

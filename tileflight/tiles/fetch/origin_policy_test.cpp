@@ -38,7 +38,8 @@ TEST(OriginPolicy, OnlyTheOwnOrigin) {
 
 TEST(OriginPolicy, NeverBackToPlainHttp) {
   const OriginPolicy policy("https://example.org/tileset.json", {"cdn.org"});
-  EXPECT_THAT(base::test_support::error_of([&] { policy.check("http://example.org/x"); }), HasSubstr("without encryption"));
+  EXPECT_THAT(base::test_support::error_of([&] { policy.check("http://example.org/x"); }),
+              HasSubstr("without encryption"));
   EXPECT_THAT(base::test_support::error_of([&] { policy.check("http://cdn.org/x"); }), HasSubstr("without encryption"));
   EXPECT_EQ(base::test_support::error_of([&] { policy.check("https://cdn.org/x"); }), "");
 }

@@ -10,8 +10,6 @@
 #include "tileflight/tiles/fetch/url_secrets.h"
 
 namespace tileflight::fetch {
-namespace {}  // namespace
-
 std::string find_session(std::span<const std::byte> tileset_json) {
   std::string session;
   // Checks every string of the document at any depth: only URIs carry the parameter. Nothing is kept in memory.

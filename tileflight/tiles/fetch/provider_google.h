@@ -10,6 +10,7 @@
 
 namespace tileflight::fetch {
 
+/// Access to Google's tiles, and the lifetime of a session.
 struct GoogleOptions {
   std::string root_url = "https://tile.googleapis.com/v1/3dtiles/root.json";  ///< may carry the key itself
   std::string key;
@@ -20,10 +21,10 @@ struct GoogleOptions {
   std::function<std::chrono::steady_clock::time_point()> now = &std::chrono::steady_clock::now;
 };
 
-/// Google Photorealistic 3D Tiles (Map Tiles API, "Work with your own 3D Tiles renderer"): the root is requested with
-/// the key; the URIs in its response carry a session, and every further request carries key and session. Root requests
-/// are billed, so only one is made per session. URIs are kept without key and session, so that they are the same in all
-/// sessions.
+/// Serves Google Photorealistic 3D Tiles (Map Tiles API, "Work with your own 3D Tiles renderer"). The root is requested
+/// with the key. The URIs in its response carry a session, and every further request carries key and session. Root
+/// requests are billed, so only one is made per session. URIs are kept without key and session, so that they are the
+/// same in all sessions.
 class GoogleProvider : public HttpProvider {
  public:
   /// Throws InputError if there is no key.
@@ -54,7 +55,7 @@ class GoogleProvider : public HttpProvider {
   std::chrono::steady_clock::time_point since_;
 };
 
-/// The first session parameter in a tileset's URIs; empty if there is none.
+/// Returns the first session parameter in a tileset's URIs; empty if there is none.
 std::string find_session(std::span<const std::byte> tileset_json);
 
 }  // namespace tileflight::fetch

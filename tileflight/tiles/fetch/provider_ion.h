@@ -11,21 +11,22 @@
 
 namespace tileflight::fetch {
 
+/// Access to an asset of Cesium ion.
 struct IonOptions {
   std::string api = "https://api.cesium.com";
-  std::string asset;  ///< its number
+  std::string asset;  ///< number of the asset
   std::string token;
   GoogleOptions google;  ///< for assets that are Google's tiles; its key and root come from ion
 };
 
-/// An asset of Cesium ion (REST API, "Assets: access tiles"): the user's token is exchanged for an endpoint, that is, a
+/// Serves an asset of Cesium ion (REST API, "Assets: access tiles"). The user's token is exchanged for an endpoint: a
 /// URL and an access token for the asset, which each request of that origin carries as a bearer token. The access token
 /// expires after an hour; a 401 response triggers a renewal, once per request. An external asset ("externalType": its
 /// tiles are hosted elsewhere) is requested at the URL that the endpoint names, with that URL's parameters; Google's
 /// tiles keep Google's protocol and terms.
 class IonProvider : public HttpProvider {
  public:
-  /// Throws InputError: no token, or no asset number.
+  /// Throws InputError if there is no token or no asset number.
   explicit IonProvider(const IonOptions& options);
 
   std::string resolve_root_url(HttpClient& client) override;
@@ -41,7 +42,7 @@ class IonProvider : public HttpProvider {
  private:
   struct Endpoint {
     std::string url;
-    std::string access_token;  ///< empty: external
+    std::string access_token;  ///< empty: the asset is external
     std::vector<std::string> attribution;
   };
 
@@ -56,7 +57,7 @@ class IonProvider : public HttpProvider {
   std::vector<std::string> access_tokens_;  ///< all so far; the last one is in use
 };
 
-/// The plain text of an attribution's HTML, or the title if it is an image.
+/// Returns the plain text of an attribution's HTML, or the title if it is an image.
 std::string html_to_text(const std::string& html);
 
 }  // namespace tileflight::fetch

@@ -24,7 +24,7 @@ void append_escaped(std::string& out, char c) {
   }
 }
 
-/// Of a key: percent signs are part of it.
+/// Escapes a key. Percent signs are part of it.
 std::string escaped_key(std::string_view key) {
   std::string out;
   for (const char c : key) append_escaped(out, c);
@@ -64,7 +64,7 @@ std::string url_of_bucket(const std::string& bucket, const S3Options& options) {
   return "https://" + bucket + "." + host + "/";
 }
 
-/// As they are signed: in the order of their names, "name" as "name=".
+/// Returns the query in the form that is signed: parameters in the order of their names, "name" as "name=".
 std::string signed_query(std::string_view query) {
   std::vector<std::string> parameters;
   while (!query.empty()) {

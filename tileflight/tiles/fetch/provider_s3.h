@@ -8,12 +8,12 @@
 
 namespace tileflight::fetch {
 
-/// An object store that is asked with requests signed by AWS Signature Version 4. Buckets are addressed by path
-/// (ENDPOINT/BUCKET/KEY) at a given endpoint, by host at Amazon's. Only objects of the bucket are asked for.
+/// Serves a bucket of an object store. Requests are signed by AWS Signature Version 4. Buckets are addressed by path
+/// (ENDPOINT/BUCKET/KEY) at a given endpoint, and by host at Amazon's. Only objects of the bucket are requested.
 class S3Provider : public HttpProvider {
  public:
-  /// `source`: "s3://BUCKET/KEY", the key as it is, not escaped; of a folder if it ends in a slash. Throws InputError:
-  /// not of this form, or a variable is missing.
+  /// `source`: "s3://BUCKET/KEY". The key is not escaped; it names a folder if it ends in a slash. Throws InputError if
+  /// `source` has another form or an environment variable is missing.
   S3Provider(const std::string& source, S3Options options);
 
   std::string resolve_root_url(HttpClient& client) override;
@@ -30,8 +30,8 @@ class S3Provider : public HttpProvider {
   std::string key_;
 };
 
-/// The path with every byte escaped but letters, digits, "-._~" and slashes, as AWS Signature Version 4 signs it; what
-/// is escaped already stays so.
+/// Escapes every byte of a path except letters, digits, "-._~" and slashes, as AWS Signature Version 4 signs it.
+/// Existing escapes are kept.
 std::string s3_escaped_path(std::string_view path);
 
 }  // namespace tileflight::fetch

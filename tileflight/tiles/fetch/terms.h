@@ -23,20 +23,20 @@ struct ForbiddenUse {
 /// Terms of a source. An empty list of forbidden uses is not a licence: only known terms are listed.
 struct TermsOfUse {
   std::string provider;  ///< "files", "example.org", "Google Photorealistic 3D Tiles", "Cesium ion"
-  std::string url;       ///< of the terms; empty: not known, ask the provider
+  std::string url;       ///< where the terms can be read; empty: they are not known, ask the provider
   std::vector<ForbiddenUse> forbidden;
 
-  /// nullptr: the use is not forbidden.
+  /// Finds the prohibition of a use; nullptr if the use is not forbidden.
   const ForbiddenUse* find_prohibition(Use use) const;
 };
 
-/// Terms of files and plain servers, which are not known.
+/// Returns the terms of files and plain servers, which are not known.
 TermsOfUse unknown_terms(const std::string& provider);
 
-/// Google Maps Platform, for Photorealistic 3D Tiles through the Map Tiles API.
+/// Returns the terms of Google Maps Platform for Photorealistic 3D Tiles through the Map Tiles API.
 TermsOfUse google_terms();
 
-/// Terms of the user's own assets on Cesium ion, and others that it streams.
+/// Returns the terms of Cesium ion for the user's own assets and others that it streams.
 TermsOfUse cesium_ion_terms();
 
 /// Throws InputError (one line: the use, the term, where to read it, what to do) if the terms forbid the use and

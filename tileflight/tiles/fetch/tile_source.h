@@ -19,34 +19,34 @@ class TileSource {
  public:
   virtual ~TileSource() = default;
 
-  /// URI of the root tileset.json.
+  /// Returns the URI of the root tileset.json.
   virtual std::string root_uri() const = 0;
-  /// The whole content of a URI. May be called from several threads at once. Throws InputError (uri, cause).
+  /// Reads the whole content of a URI. May be called from several threads at once. Throws InputError (uri, cause).
   virtual std::vector<std::byte> read(const std::string& uri) = 0;
-  /// Size in bytes, if known without reading; nullopt: not known, or missing.
+  /// Returns the size in bytes if it is known without reading; nullopt if it is not known or the file is missing.
   virtual std::optional<std::uintmax_t> size(const std::string& uri) = 0;
-  /// Whether `size` is known for every existing file.
+  /// Returns whether `size` is known for every existing file.
   virtual bool knows_sizes() const { return true; }
   /// Announces the next reads, in order, so that a source with latency can start fetching. Replaces the list announced
   /// before; an empty list cancels it. Returns false if the source does not prefetch.
   virtual bool prefetch(const std::vector<std::string>& /*uris*/) { return false; }
-  /// Rights holders that the provider requires to be credited, in addition to those named by the tiles.
+  /// Returns the rights holders that the provider requires to be credited, in addition to those named by the tiles.
   virtual std::vector<std::string> attribution() const { return {}; }
-  /// The provider's terms of use.
+  /// Returns the provider's terms of use.
   virtual TermsOfUse terms() const { return unknown_terms("files"); }
-  /// Problems of the source as a whole that do not prevent reading; distinct.
+  /// Returns the problems of the source as a whole that do not prevent reading, each once.
   virtual std::vector<std::string> warnings() const { return {}; }
 };
 
 /// Limits and permissions of a folder of files.
 struct FolderSourceOptions {
-  /// A tileset names its files itself and may be untrusted: without this permission no path may leave the folder of its
-  /// tileset.json ("../../secret", "/etc/passwd", "file:///…").
+  /// Permits paths that leave the folder of the tileset.json ("../../secret", "/etc/passwd", "file:///…"). A tileset
+  /// names its files itself and may be untrusted.
   bool allow_outside_folder = false;
   std::uintmax_t max_file_bytes = std::uintmax_t{2} << 30;
 };
 
-/// A source of files below the folder of a tileset.json.
+/// Source of the files in the folder of a tileset.json.
 class FolderSource : public TileSource {
  public:
   /// `tileset_json`: the root tileset. Throws InputError if it does not exist.
@@ -84,8 +84,9 @@ class CountingSource : public TileSource {
   TermsOfUse terms() const override { return inner_.terms(); }
   std::vector<std::string> warnings() const override { return inner_.warnings(); }
 
+  /// Returns the size of all files read.
   std::int64_t bytes() const;
-  /// The files that were read for the first time since the last call.
+  /// Returns the files that were read for the first time since the last call.
   std::vector<CountedFile> take_new_files();
   /// Counts a file that another process has read.
   void count(const CountedFile& file);
@@ -98,8 +99,8 @@ class CountingSource : public TileSource {
   std::int64_t bytes_ = 0;
 };
 
-/// The bytes of a URI: a "data:" URI is decoded, all others are read from the source. Gzip-compressed files (from plain
-/// servers and archives) are decompressed, up to 1 GiB.
+/// Reads the bytes of a URI: a "data:" URI is decoded, all others are read from the source. Gzip-compressed files (from
+/// plain servers and archives) are decompressed, up to 1 GiB.
 std::vector<std::byte> read_uri(TileSource& source, const std::string& uri);
 
 }  // namespace tileflight::fetch

@@ -43,12 +43,14 @@ TEST_F(FolderSourceTest, ReadsFilesByEscapedNames) {
 TEST_F(FolderSourceTest, NoPathLeavesTheFolder) {
   FolderSource source(folder_ / "place" / "tileset.json");
   for (const char* uri : {"../secret", "sub/../../secret", "%2e%2e/secret", "..%2fsecret", "/etc/passwd"}) {
-    EXPECT_THAT(base::test_support::error_of([&] { source.read(uri); }), HasSubstr("a file outside the tileset's folder"))
+    EXPECT_THAT(base::test_support::error_of([&] { source.read(uri); }),
+                HasSubstr("a file outside the tileset's folder"))
         << uri;
     EXPECT_EQ(source.size(uri), std::nullopt) << uri;
   }
   for (const char* uri : {"file:///etc/passwd", "http://host/a.glb", "c:/a.glb"}) {
-    EXPECT_THAT(base::test_support::error_of([&] { source.read(uri); }), HasSubstr("may refer only to files in it")) << uri;
+    EXPECT_THAT(base::test_support::error_of([&] { source.read(uri); }), HasSubstr("may refer only to files in it"))
+        << uri;
   }
   EXPECT_THAT(base::test_support::error_of([&] { source.read("//host/a.glb"); }), HasSubstr("not to another host"));
 }
@@ -61,7 +63,8 @@ TEST_F(FolderSourceTest, MayBeAllowedToLeave) {
 
 TEST_F(FolderSourceTest, NamesWhatIsMissingOrNoFileOrTooLarge) {
   FolderSource source(folder_ / "place" / "tileset.json", {.max_file_bytes = 3});
-  EXPECT_THAT(base::test_support::error_of([&] { source.read("sub/none.glb"); }), HasSubstr("sub/none.glb: is missing"));
+  EXPECT_THAT(base::test_support::error_of([&] { source.read("sub/none.glb"); }),
+              HasSubstr("sub/none.glb: is missing"));
   EXPECT_THAT(base::test_support::error_of([&] { source.read("sub"); }), HasSubstr("not a regular file"));
   EXPECT_THAT(base::test_support::error_of([&] { source.read("tileset.json"); }), HasSubstr("tileset.json"));
   mkfifo((folder_ / "place" / "pipe").c_str(), 0600);
@@ -72,7 +75,8 @@ TEST_F(FolderSourceTest, OpensFolderOrFile) {
   EXPECT_EQ(open_source((folder_ / "place").string())->root_uri(), "tileset.json");
   EXPECT_EQ(open_source((folder_ / "place" / "tileset.json").string())->root_uri(), "tileset.json");
   EXPECT_THAT(base::test_support::error_of([&] { open_source(folder_.string()); }), HasSubstr("no tileset.json"));
-  EXPECT_THAT(base::test_support::error_of([&] { open_source((folder_ / "none").string()); }), HasSubstr("no such file"));
+  EXPECT_THAT(base::test_support::error_of([&] { open_source((folder_ / "none").string()); }),
+              HasSubstr("no such file"));
   EXPECT_THAT(base::test_support::error_of([&] { open_source("https://host/place.3dtiles"); }),
               HasSubstr("is not read over HTTP: download it first"));
 }

@@ -6,7 +6,7 @@
 #include <optional>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/text_fields.h"
+#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/tiles/fetch/url_secrets.h"
 
 namespace tileflight::fetch {

@@ -12,21 +12,23 @@ namespace tileflight::fetch {
 /// Backslashes count as slashes, as in browsers.
 std::string resolve_uri(std::string_view base, std::string_view reference);
 
-/// "https" for "https://host/a", in lower case; empty if the URI is relative or a path.
+/// Returns the scheme in lower case: "https" for "https://host/a". Empty if the URI is relative or a path.
 std::string uri_scheme(std::string_view uri);
 
-/// The path of a relative URI without query and fragment, percent-decoded. Throws InputError (invalid escape, a zero
-/// byte).
+/// Returns the path of a relative URI without query and fragment, percent-decoded. Throws InputError for an invalid
+/// escape or a zero byte.
 std::string uri_path(std::string_view uri);
 
-/// "b3dm" for "a/b.B3DM?v=1": the lower-case extension of the last segment; empty if there is none.
+/// Returns the lower-case extension of the last segment: "b3dm" for "a/b.B3DM?v=1". Empty if there is none.
 std::string uri_extension(std::string_view uri);
 
+/// Returns whether a URI begins with "data:".
 bool is_data_uri(std::string_view uri);
 /// Decodes a "data:" URI, base64 or percent-encoded (RFC 2397). Throws InputError.
 std::vector<std::byte> decode_data_uri(std::string_view uri, const std::string& name);
 
-/// A URI for messages: keys and tokens are hidden (url_secrets.h); a "data:" URI or a very long one is shortened.
+/// Returns a URI for messages: keys and tokens are hidden (url_secrets.h); a "data:" URI or a very long one is
+/// shortened.
 std::string uri_for_message(std::string_view uri);
 
 }  // namespace tileflight::fetch

@@ -8,8 +8,8 @@
 #include <span>
 
 #include "tileflight/core/base/decompress.h"
+#include "tileflight/core/base/hash.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/md5.h"
 #include "tileflight/core/base/raw_bytes.h"
 
 namespace tileflight::fetch {

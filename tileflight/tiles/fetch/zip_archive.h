@@ -10,6 +10,7 @@
 
 namespace tileflight::fetch {
 
+/// Limits for an untrusted archive.
 struct ZipLimits {
   std::size_t max_entries = std::size_t{1} << 24;
   std::uint64_t max_directory_bytes = std::uint64_t{2} << 30;
@@ -27,11 +28,11 @@ class ZipArchive {
   /// Reads the directory. Throws InputError (name, cause).
   ZipArchive(ReadAt read_at, std::uint64_t size, const std::string& name, const ZipLimits& limits = {});
 
-  /// Reads a whole entry and verifies its checksum. Throws InputError: missing, malformed, too large.
+  /// Reads a whole entry and verifies its checksum. Throws InputError if it is missing, malformed or too large.
   std::vector<std::byte> read(const std::string& path) const;
-  /// Decompressed size; nullopt if there is no such entry.
+  /// Returns the decompressed size of an entry; nullopt if there is no such entry.
   std::optional<std::uint64_t> size(const std::string& path) const;
-  /// Differences between the .3tz index and the ZIP directory.
+  /// Returns the differences between the .3tz index and the ZIP directory.
   const std::vector<std::string>& warnings() const { return warnings_; }
 
  private:

@@ -12,9 +12,10 @@
 
 namespace tileflight::mesh_files {
 
+/// Index of an element that is not there.
 inline constexpr std::uint32_t kInvalidIndex = std::numeric_limits<std::uint32_t>::max();
 
-/// A corner of a face: zero-based indices of its position and texture coordinates (kInvalidIndex: none).
+/// A corner of a face: zero-based indices of its position and of its texture coordinates (kInvalidIndex: none).
 struct FaceCorner {
   std::uint32_t position = 0;
   std::uint32_t uv = kInvalidIndex;
@@ -30,21 +31,22 @@ struct FaceGroup {
 /// valid.
 struct IndexedFaces {
   std::vector<geometry::Vec3> positions;     ///< finite; in the file's units and axes
-  std::vector<std::array<float, 3>> colors;  ///< one a position, sRGB, 0..1; or empty
+  std::vector<std::array<float, 3>> colors;  ///< one for each position, sRGB, 0..1; or empty
   std::vector<Eigen::Vector2f> uv;           ///< finite; v points up
   std::vector<FaceGroup> groups;             ///< in order of first use
 };
 
-/// Takes the faces of an OBJ or PLY file in its order, so that a reader need not hold them.
+/// Receives the faces of an OBJ or PLY file in its order, so that the reader need not hold them.
 class FaceReceiver {
  public:
   virtual ~FaceReceiver() = default;
-  /// A finite position and its colour (as in the file: in OBJ files possibly out of 255).
+  /// Receives a finite position and its colour (as in the file: in OBJ files possibly out of 255).
   virtual void add_position(const geometry::Vec3& position, const std::optional<std::array<float, 3>>& color) = 0;
+  /// Receives texture coordinates, v up.
   virtual void add_uv(const Eigen::Vector2f& uv) = 0;
-  /// The faces that follow have this material.
+  /// Sets the material of the faces that follow.
   virtual void use_material(const std::string& material) = 0;
-  /// A face of at least three corners, whose indices are valid.
+  /// Receives a face of at least three corners, whose indices are valid.
   virtual void add_face(const std::vector<FaceCorner>& corners) = 0;
 };
 
@@ -56,8 +58,8 @@ class VertexDeduplicator {
   explicit VertexDeduplicator(const IndexedFaces& faces)
       : faces_(faces), newest_(faces.positions.size(), kInvalidIndex) {}
 
-  /// The triangles of a group whose corners all have texture coordinates (`with_uv`), or those where one lacks them;
-  /// the latter with vertex colours (linear) if the file has them, without texture. v still points up.
+  /// Returns the triangles of a group whose corners all have texture coordinates (`with_uv`), or those where one lacks
+  /// them. The latter have vertex colours (linear) if the file has them, and no texture. v still points up.
   imaging::TexturedMesh build_mesh(const FaceGroup& group, bool with_uv);
 
  private:
@@ -69,7 +71,7 @@ class VertexDeduplicator {
   std::vector<FaceCorner> vertices_;
 };
 
-/// Index of a material's group, which is added at its first use. `group_of`: the groups by material.
+/// Returns the index of a material's group, which is added at its first use. `group_of`: the groups by material.
 std::size_t find_or_add_group(const std::string& material, std::map<std::string, std::size_t>& group_of,
                               IndexedFaces& faces);
 

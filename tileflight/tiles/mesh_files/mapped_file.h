@@ -7,10 +7,11 @@
 
 namespace tileflight::mesh_files {
 
-/// A file whose bytes are read when they are touched, so that a large one can be parsed without being held.
+/// A file that is mapped into memory: its bytes are read when they are used, so that a large file can be parsed without
+/// being held.
 class MappedFile {
  public:
-  /// Throws InputError: the file cannot be opened, or is larger than `max_bytes`.
+  /// Throws InputError if the file cannot be opened or is larger than `max_bytes`.
   MappedFile(const std::filesystem::path& file, std::uintmax_t max_bytes);
   ~MappedFile();
   MappedFile(const MappedFile&) = delete;
@@ -19,7 +20,7 @@ class MappedFile {
   std::string_view text() const { return {data_, size_}; }
   std::span<const std::byte> bytes() const { return std::as_bytes(std::span(data_, size_)); }
 
-  /// Frees the memory of what was read; it is read again when it is touched again.
+  /// Frees the memory of what was read; it is read again when it is used again.
   void release() const;
 
  private:

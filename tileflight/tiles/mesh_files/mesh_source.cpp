@@ -8,16 +8,16 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/text_fields.h"
+#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/core/imaging/image_files.h"
 #include "tileflight/core/imaging/ktx2.h"
-#include "tileflight/tiles/tile_content/content.h"
-#include "tileflight/tiles/tile_content/gltf_meshes.h"
+#include "tileflight/tiles/fetch/uri.h"
 #include "tileflight/tiles/mesh_files/mapped_file.h"
 #include "tileflight/tiles/mesh_files/mesh_spill.h"
 #include "tileflight/tiles/mesh_files/obj_meshes.h"
 #include "tileflight/tiles/mesh_files/ply_meshes.h"
-#include "tileflight/tiles/fetch/uri.h"
+#include "tileflight/tiles/tile_content/content.h"
+#include "tileflight/tiles/tile_content/gltf_meshes.h"
 
 namespace tileflight::mesh_files {
 namespace {
@@ -42,9 +42,7 @@ bool is_mesh_file(const fs::path& file) {
 }
 
 /// A file named by a glTF.
-fs::path file_beside(const fs::path& gltf, const std::string& uri) {
-  return gltf.parent_path() / fetch::uri_path(uri);
-}
+fs::path file_beside(const fs::path& gltf, const std::string& uri) { return gltf.parent_path() / fetch::uri_path(uri); }
 
 /// Options for decoding a glTF, but for its images.
 tile_content::ContentOptions gltf_options(const fs::path& file, const MeshSourceOptions& options) {
@@ -65,8 +63,7 @@ MeshSource read_gltf(const fs::path& file, const MeshSourceOptions& options) {
     return std::make_shared<const imaging::RgbImage>(
         imaging::decode_texture(base::read_bytes(image), image.string(), content.limits.max_texture_pixels));
   };
-  tile_content::DecodedContent decoded =
-      tile_content::decode_gltf(base::read_bytes(file), file.string(), content, {});
+  tile_content::DecodedContent decoded = tile_content::decode_gltf(base::read_bytes(file), file.string(), content, {});
   if (decoded.meshes.empty() && !decoded.clouds.empty()) throw InputError(file.string(), kPointsOnly);
   return {std::move(decoded.meshes), std::move(decoded.copyrights), std::move(decoded.warnings)};
 }
@@ -102,7 +99,7 @@ class GltfSpiller {
  private:
   void take(const TexturedMesh& mesh) {
     has_mesh_ = true;
-    if (spill_.vertices.size() + mesh.mesh.vertices.size() >= mesh_files::kInvalidIndex)
+    if (spill_.vertices.size() + mesh.mesh.vertices.size() >= kInvalidIndex)
       throw InputError(file_.string(), "too many vertices: more than 4 billion in all");
     const auto first = static_cast<std::uint32_t>(spill_.vertices.size());
     const auto first_uv = static_cast<std::uint32_t>(spill_.uv.size());
@@ -120,7 +117,7 @@ class GltfSpiller {
       SpilledFace face{.material = material};
       for (std::size_t k = 0; k < 3; ++k) {
         face.position[k] = first + t[k];
-        face.uv[k] = is_textured ? first_uv + t[k] : mesh_files::kInvalidIndex;
+        face.uv[k] = is_textured ? first_uv + t[k] : kInvalidIndex;
       }
       spill_.faces.push_back(face);
     }

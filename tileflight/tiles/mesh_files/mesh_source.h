@@ -6,17 +6,18 @@
 #include <vector>
 
 #include "tileflight/core/imaging/textured_mesh.h"
-#include "tileflight/tiles/tileset/tileset.h"
+#include "tileflight/tiles/tile_content/content.h"
 
 namespace tileflight::mesh_files {
 
+/// Options for reading a mesh file.
 struct MeshSourceOptions {
   std::optional<tile_content::UpAxis> up;  ///< the file's up axis; default: z for OBJ and PLY, y for glTF
   double metres_per_unit = 1.0;
   bool textures = true;  ///< false: only material or vertex colours
 };
 
-/// A mesh file as textured triangles.
+/// Textured triangles of a mesh file.
 struct MeshSource {
   std::vector<imaging::TexturedMesh> meshes;  ///< z up, metres, relative to the file's origin; one or more per material
   std::vector<std::string> copyrights;        ///< stated in the file

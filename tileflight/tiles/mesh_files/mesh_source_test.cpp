@@ -12,9 +12,9 @@
 #include "tests/temporary_folder.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/imaging/glb_writer.h"
 #include "tileflight/core/imaging/image_files.h"
 #include "tileflight/core/imaging/ktx2.h"
-#include "tileflight/tiles/tile_writer/glb_writer.h"
 
 namespace tileflight::mesh_files::mesh_source_test {
 namespace {
@@ -225,7 +225,7 @@ TEST_F(MeshFile, GlbIsReadWithItsNodesAndAxis) {
   mesh.mesh.vertices = {{100, 200, 5}, {103, 200, 5}, {100, 204, 6}};
   mesh.mesh.triangles = {{0, 1, 2}};
   mesh.colors = {{10, 20, 30, 255}, {40, 50, 60, 255}, {70, 80, 90, 255}};
-  write("a.glb", tile_writer::write_glb({mesh}, {.copyright = "me"}));
+  write("a.glb", imaging::write_glb({mesh}, {.copyright = "me"}));
   const MeshSource source = read_mesh_source(folder_ / "a.glb", {});
   ASSERT_EQ(source.meshes.size(), 1U);
   for (std::size_t i = 0; i < 3; ++i)

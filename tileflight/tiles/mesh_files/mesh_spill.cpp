@@ -11,8 +11,6 @@ namespace tileflight::mesh_files {
 namespace {
 
 using geometry::Vec3;
-using mesh_files::FaceCorner;
-using mesh_files::kInvalidIndex;
 
 std::filesystem::path made(const std::filesystem::path& folder) {
   std::filesystem::create_directories(folder);

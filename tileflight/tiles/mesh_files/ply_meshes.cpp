@@ -11,7 +11,7 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/text_fields.h"
+#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/core/geometry/ply.h"
 #include "tileflight/core/imaging/image_files.h"
 #include "tileflight/tiles/mesh_files/indexed_faces.h"
@@ -56,7 +56,7 @@ std::vector<std::string> texture_files(std::string_view header) {
 class PlyReader {
  public:
   /// `between` is called from time to time.
-  PlyReader(std::string_view bytes, std::string file, bool textures, mesh_files::FaceReceiver& faces,
+  PlyReader(std::string_view bytes, std::string file, bool textures, FaceReceiver& faces,
             std::function<void()> between = {})
       : file_(std::move(file)),
         bytes_(bytes),
@@ -155,7 +155,7 @@ class PlyReader {
                                     std::to_string(static_cast<std::int64_t>(std::clamp(value, -1e15, 1e15))) + " of " +
                                     std::to_string(vertices_));
       const auto index = static_cast<std::uint32_t>(value);
-      corners_.push_back({index, vertex_uv_ ? index : mesh_files::kInvalidIndex});
+      corners_.push_back({index, vertex_uv_ ? index : kInvalidIndex});
     }
   }
 
@@ -184,21 +184,21 @@ class PlyReader {
   std::string file_;
   std::string_view bytes_;
   geometry::PlyHeader header_;
-  mesh_files::FaceReceiver& faces_;
+  FaceReceiver& faces_;
   std::function<void()> between_;
   std::vector<std::string> pictures_;
   std::uint64_t vertices_ = 0;
   std::uint32_t uvs_ = 0;
   bool vertex_uv_ = false;
-  std::vector<mesh_files::FaceCorner> corners_;  ///< of the face being read
-  std::vector<double> corner_uv_;                    ///< likewise
-  double picture_ = 0;                               ///< likewise
-  double used_picture_ = -1;                         ///< of the face before
+  std::vector<FaceCorner> corners_;  ///< corners of the face being read
+  std::vector<double> corner_uv_;    ///< texture coordinates of these corners
+  double picture_ = 0;               ///< image of the face being read
+  double used_picture_ = -1;         ///< image of the face before
 };
 
 /// Keeps a file's surface. Equal coordinates share an entry, so that triangles adjacent in the image also share
 /// vertices.
-class KeptPlyFaces : public mesh_files::FaceReceiver {
+class KeptPlyFaces : public FaceReceiver {
  public:
   void add_position(const geometry::Vec3& position, const std::optional<std::array<float, 3>>& color) override {
     faces_.positions.push_back(position);
@@ -211,25 +211,23 @@ class KeptPlyFaces : public mesh_files::FaceReceiver {
     if (is_new) faces_.uv.push_back(uv);
     entries_.push_back(at->second);
   }
-  void use_material(const std::string& material) override {
-    group_ = mesh_files::find_or_add_group(material, group_of_, faces_);
-  }
-  void add_face(const std::vector<mesh_files::FaceCorner>& corners) override {
+  void use_material(const std::string& material) override { group_ = find_or_add_group(material, group_of_, faces_); }
+  void add_face(const std::vector<FaceCorner>& corners) override {
     shared_ = corners;
-    for (mesh_files::FaceCorner& corner : shared_)
-      if (corner.uv != mesh_files::kInvalidIndex) corner.uv = entries_[corner.uv];
+    for (FaceCorner& corner : shared_)
+      if (corner.uv != kInvalidIndex) corner.uv = entries_[corner.uv];
     mesh_files::add_face(shared_, faces_.positions, faces_.groups[group_]);
   }
 
-  const mesh_files::IndexedFaces& faces() const { return faces_; }
+  const IndexedFaces& faces() const { return faces_; }
 
  private:
-  mesh_files::IndexedFaces faces_;
+  IndexedFaces faces_;
   std::unordered_map<std::uint64_t, std::uint32_t> entry_of_;  ///< by coordinates
-  std::vector<std::uint32_t> entries_;                         ///< of the file's coordinates
+  std::vector<std::uint32_t> entries_;                         ///< entry of each of the file's coordinates
   std::map<std::string, std::size_t> group_of_;
   std::size_t group_ = 0;
-  std::vector<mesh_files::FaceCorner> shared_;
+  std::vector<FaceCorner> shared_;
 };
 
 /// Path of an image of a PLY file.
@@ -261,9 +259,9 @@ MeshSource read_ply_meshes(const fs::path& file, bool textures) {
   const std::vector<std::string> pictures = reader.pictures();
   bytes = {};
   std::map<std::size_t, std::shared_ptr<const imaging::RgbImage>> images;
-  mesh_files::VertexDeduplicator joiner(kept.faces());
+  VertexDeduplicator joiner(kept.faces());
   MeshSource source;
-  for (const mesh_files::FaceGroup& group : kept.faces().groups)
+  for (const FaceGroup& group : kept.faces().groups)
     for (const bool with_uv : {true, false}) {
       imaging::TexturedMesh mesh = joiner.build_mesh(group, with_uv);
       if (mesh.mesh.triangles.empty()) continue;

@@ -13,10 +13,11 @@ namespace tileflight::mesh_files {
 /// also for points without faces.
 MeshSource read_ply_meshes(const std::filesystem::path& file, bool textures);
 
-/// The same for a mesh that does not fit into memory: surfaces and textures go into `spill`.
+/// Reads a PLY like read_ply_meshes(), but writes surfaces and textures into `spill`, for a mesh that does not fit into
+/// memory. Throws InputError.
 void spill_ply_meshes(const std::filesystem::path& file, bool textures, MeshSpill& spill);
 
-/// The image files that a PLY refers to, as far as they exist.
+/// Returns the image files that a PLY refers to and that exist.
 std::vector<std::filesystem::path> ply_image_files(const std::filesystem::path& file);
 
 }  // namespace tileflight::mesh_files

@@ -42,7 +42,7 @@ class ScratchFile {
     }
   }
 
-  /// The bytes must have been written. May be called from several threads.
+  /// Reads bytes that have been written. May be called from several threads.
   void read(std::uint64_t offset, void* bytes, std::size_t size) const {
     char* to = static_cast<char*>(bytes);
     while (size > 0) {

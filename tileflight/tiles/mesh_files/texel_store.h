@@ -1,16 +1,24 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <unordered_map>
 
 #include "tileflight/tiles/mesh_files/record_file.h"
-#include "tileflight/tiles/mesh_files/texel_window.h"
 
 namespace tileflight::mesh_files {
 
-/// Decoded images on disk, in square blocks: each image is decoded once, and what is read of it is bounded by what is
-/// drawn, however large it is and however its parts are spread over a place.
+/// Returns texel (x, y) of an image, which may be a stand-in that has a size but no pixels.
+using TexelFetcher = std::function<imaging::Rgb8(const imaging::RgbImage& image, int x, int y)>;
+
+/// Returns a fetcher for images in memory.
+inline TexelFetcher fetch_from_memory() {
+  return [](const imaging::RgbImage& image, int x, int y) { return image(x, y); };
+}
+
+/// Stores decoded images on disk, in square blocks. Each image is decoded once. What is read of it is bounded by what
+/// is drawn, however large it is and however its parts are spread over a place.
 class TexelStore {
  public:
   explicit TexelStore(const std::filesystem::path& file) : file_(file) {}
@@ -18,7 +26,8 @@ class TexelStore {
   /// Stores an image and returns a stand-in for it: its size without pixels, valid as long as the store.
   std::shared_ptr<const imaging::RgbImage> add(const imaging::RgbImage& image);
 
-  /// Reads texels of stand-ins with a cache of its own of some 13 MB: one for each thread. The store must outlive it.
+  /// Returns a reader for texels of stand-ins, which has a cache of some 13 MB; each thread needs its own. The store
+  /// must outlive it.
   TexelFetcher fetcher() const;
 
   std::uint64_t texels() const { return texels_; }

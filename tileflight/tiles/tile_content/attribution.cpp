@@ -7,7 +7,7 @@
 
 #include "tileflight/core/base/raw_bytes.h"
 #include "tileflight/tiles/tile_content/content.h"
-#include "tileflight/tiles/tile_content/tile_container.h"
+#include "tileflight/tiles/tile_content/tile_table.h"
 
 namespace tileflight::tile_content {
 

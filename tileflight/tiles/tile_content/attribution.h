@@ -13,15 +13,15 @@ class AttributionCollector {
  public:
   void add(const std::string& copyright);
 
-  /// Distinct holders, most frequent first; equally frequent ones in alphabetical order.
+  /// Returns the distinct holders, most frequent first; equally frequent ones are in alphabetical order.
   std::vector<std::string> sorted_holders() const;
 
  private:
   std::map<std::string, int> counts_;
 };
 
-/// asset.copyright of each glTF in a tile's content of any format: only embedded GLBs are located and read. Broken data
-/// gives none.
+/// Returns the asset.copyright of each glTF in a tile's content of any format. It locates and reads only embedded GLBs;
+/// broken data gives none.
 std::vector<std::string> find_copyrights(std::span<const std::byte> content);
 
 }  // namespace tileflight::tile_content

@@ -13,14 +13,14 @@ namespace {
 
 using base::test_support::error_of;
 using base::test_support::to_bytes;
-using geometry::Vec3;
-using imaging::TexturedMesh;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
 using fetch::test_support::b3dm;
 using fetch::test_support::GltfWriter;
 using fetch::test_support::Json;
 using fetch::test_support::triangle_glb;
+using geometry::Vec3;
+using imaging::TexturedMesh;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
 
 DecodedContent decode(const std::string& bytes, const ContentOptions& options = {}) {
   return decode_content(base::test_support::to_bytes(bytes), "tile", options);
@@ -48,9 +48,9 @@ TEST(DecodeContent, YUpBecomesZUp) {
 
 TEST(DecodeContent, RtcCentersAreAddedAfterTheTurn) {
   const std::string glb = fetch::test_support::triangle_glb({1, 2, 3, 4, 5, 6, 7, 8, 10});
-  EXPECT_EQ(mesh_of(fetch::test_support::b3dm(glb, {{"BATCH_LENGTH", 0}, {"RTC_CENTER", {1e6, 2e6, 3e6}}}))
-                .mesh.vertices[0],
-            Vec3(1e6 + 1, 2e6 - 3, 3e6 + 2));
+  EXPECT_EQ(
+      mesh_of(fetch::test_support::b3dm(glb, {{"BATCH_LENGTH", 0}, {"RTC_CENTER", {1e6, 2e6, 3e6}}})).mesh.vertices[0],
+      Vec3(1e6 + 1, 2e6 - 3, 3e6 + 2));
   GltfWriter writer;
   writer.add_primitive({{"attributes", {{"POSITION", writer.add_accessor<float>({1, 2, 3, 4, 5, 6, 7, 8, 10}, 3)}}}});
   writer.json()["extensions"]["CESIUM_RTC"]["center"] = {1e6, 2e6, 3e6};
@@ -358,8 +358,7 @@ TEST(DecodeContent, MeshoptSequencesAndTheExponentialFilter) {
 }
 
 TEST(DecodeContent, CutShortAtEveryLength) {
-  for (const std::string& whole :
-       {fetch::test_support::b3dm(textured_triangle().glb()), textured_triangle().glb()}) {
+  for (const std::string& whole : {fetch::test_support::b3dm(textured_triangle().glb()), textured_triangle().glb()}) {
     EXPECT_EQ(error(whole), "");
     for (std::size_t length = 0; length < whole.size(); ++length) {
       EXPECT_THAT(error(whole.substr(0, length)), ::testing::StartsWith("tile: ")) << length;

@@ -87,9 +87,8 @@ std::span<const std::byte> Buffers::buffer(std::size_t index) {
       if (!fetch::is_data_uri(*declared.uri) && !options_.read_resource) {
         throw InputError(where, "refers to another file, which is not available here");
       }
-      std::vector<std::byte> read = fetch::is_data_uri(*declared.uri)
-                                        ? fetch::decode_data_uri(*declared.uri, where)
-                                        : options_.read_resource(*declared.uri);
+      std::vector<std::byte> read = fetch::is_data_uri(*declared.uri) ? fetch::decode_data_uri(*declared.uri, where)
+                                                                      : options_.read_resource(*declared.uri);
       it = outside_buffers_.emplace(index, std::move(read)).first;
     }
     bytes = it->second;

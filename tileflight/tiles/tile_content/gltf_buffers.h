@@ -17,19 +17,19 @@ namespace tileflight::tile_content::gltf {
 /// buffers and compressed views are resolved on first use. Throws InputError (name, part, cause).
 class Buffers {
  public:
-  /// `binary_chunk`: of the GLB; empty for a .gltf. All arguments must outlive this object.
+  /// `binary_chunk`: the GLB's binary chunk; empty for a .gltf. All arguments must outlive this object.
   Buffers(const Document& document, std::span<const std::byte> binary_chunk, const ContentOptions& options,
           const std::string& name);
 
-  /// Content of a view, decompressed if necessary.
+  /// Returns the content of a view, decompressed if necessary.
   std::span<const std::byte> view(std::size_t index);
 
-  /// Values of an accessor, `components` per element, interleaved; normalised integers become 0..1 or -1..1 (glTF 2.0,
-  /// section 3.6.2.2), sparse values are applied. `components` must match the accessor.
+  /// Returns the values of an accessor, `components` per element, interleaved; normalised integers become 0..1 or -1..1
+  /// (glTF 2.0, section 3.6.2.2), sparse values are applied. `components` must match the accessor.
   std::vector<float> floats(std::size_t accessor, std::size_t components);
-  /// Values of a scalar accessor of unsigned integers; sparse values are applied.
+  /// Returns the values of a scalar accessor of unsigned integers; sparse values are applied.
   std::vector<std::uint32_t> indices(std::size_t accessor);
-  /// Non-negative integers of any component type; invalid values become kNoFeature.
+  /// Returns the non-negative integers of an accessor of any component type; invalid values become kNoFeature.
   std::vector<std::uint32_t> ids(std::size_t accessor);
 
  private:
@@ -55,7 +55,7 @@ class Buffers {
   std::size_t spent_bytes_ = 0;
 };
 
-/// Feature id stored as a float; kNoFeature if it is invalid.
+/// Converts a feature id that is stored as a float; kNoFeature if it is invalid.
 std::uint32_t id_from_float(float value);
 
 }  // namespace tileflight::tile_content::gltf

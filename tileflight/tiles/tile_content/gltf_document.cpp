@@ -1,16 +1,118 @@
 #include "tileflight/tiles/tile_content/gltf_document.h"
 
 #include <algorithm>
+#include <array>
+#include <cstddef>
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/tiles/tile_content/gltf_accessors.h"
 #include "tileflight/tiles/tile_content/json_reader.h"
+#include "tileflight/tiles/tile_content/metadata_schema.h"
 
 namespace tileflight::tile_content::gltf {
 namespace {
 
 using geometry::Mat4;
 using geometry::Vec3;
+
+ComponentType component_type(std::size_t code, const std::string& where) {
+  switch (code) {
+    case 5120:
+      return ComponentType::kInt8;
+    case 5121:
+      return ComponentType::kUint8;
+    case 5122:
+      return ComponentType::kInt16;
+    case 5123:
+      return ComponentType::kUint16;
+    case 5125:
+      return ComponentType::kUint32;
+    case 5126:
+      return ComponentType::kFloat;
+    default:
+      throw InputError(where, "componentType " + std::to_string(code) + " is not defined by glTF");
+  }
+}
+
+/// Reads an index into an array of `size` entries, all of which have been read.
+std::optional<std::size_t> find_reference(const Json& object, const char* key, std::size_t size,
+                                          const std::string& where) {
+  const auto index = find_index(object, key, where);
+  if (index && *index >= size) {
+    throw InputError(where, std::string(key) + " " + std::to_string(*index) + " does not exist; the file has " +
+                                std::to_string(size));
+  }
+  return index;
+}
+
+/// Returns an extension of an object, or nullptr if it has none of that name.
+const Json* find_extension(const Json& object, const char* name, const std::string& where) {
+  const Json* extensions = find_object(object, "extensions", where);
+  return extensions == nullptr ? nullptr : find_object(*extensions, name, where);
+}
+
+MeshoptView read_meshopt(const Json& json, const Document& document, const std::string& where) {
+  MeshoptView view;
+  view.buffer = require_value(find_reference(json, "buffer", document.buffers.size(), where), "buffer", where);
+  view.byte_offset = find_index(json, "byteOffset", where).value_or(0);
+  view.byte_length = require_value(find_index(json, "byteLength", where), "byteLength", where);
+  view.byte_stride = require_value(find_index(json, "byteStride", where, 256), "byteStride", where);
+  view.count = require_value(find_index(json, "count", where), "count", where);
+  view.mode = require_value(find_string(json, "mode", where), "mode", where);
+  view.filter = find_string(json, "filter", where).value_or("NONE");
+  return view;
+}
+
+SparseAccessor read_sparse(const Json& json, const Document& document, const std::string& where) {
+  const Json* indices = find_object(json, "indices", where);
+  const Json* values = find_object(json, "values", where);
+  if (indices == nullptr || values == nullptr) throw InputError(where, "indices or values are missing");
+  SparseAccessor sparse;
+  sparse.count = require_value(find_index(json, "count", where), "count", where);
+  sparse.indices_view =
+      require_value(find_reference(*indices, "bufferView", document.views.size(), where), "bufferView", where);
+  sparse.indices_offset = find_index(*indices, "byteOffset", where).value_or(0);
+  sparse.indices_type =
+      component_type(require_value(find_index(*indices, "componentType", where), "componentType", where), where);
+  sparse.values_view =
+      require_value(find_reference(*values, "bufferView", document.views.size(), where), "bufferView", where);
+  sparse.values_offset = find_index(*values, "byteOffset", where).value_or(0);
+  return sparse;
+}
+
+Buffer read_buffer(const Json& json, const std::string& where) {
+  return {find_string(json, "uri", where), require_value(find_index(json, "byteLength", where), "byteLength", where)};
+}
+
+/// Reads a view of a document whose buffers have been read.
+BufferView read_view(const Json& json, const Document& document, const std::string& where) {
+  BufferView view;
+  view.buffer = require_value(find_reference(json, "buffer", document.buffers.size(), where), "buffer", where);
+  view.byte_offset = find_index(json, "byteOffset", where).value_or(0);
+  view.byte_length = require_value(find_index(json, "byteLength", where), "byteLength", where);
+  view.byte_stride = find_index(json, "byteStride", where, 252).value_or(0);
+  if (const Json* ext = find_extension(json, "EXT_meshopt_compression", where))
+    view.meshopt = read_meshopt(*ext, document, where);
+  return view;
+}
+
+/// Reads an accessor of a document whose views have been read.
+Accessor read_accessor(const Json& json, const Document& document, const std::string& where) {
+  Accessor accessor;
+  accessor.view = find_reference(json, "bufferView", document.views.size(), where);
+  accessor.byte_offset = find_index(json, "byteOffset", where).value_or(0);
+  accessor.type =
+      component_type(require_value(find_index(json, "componentType", where), "componentType", where), where);
+  accessor.components = component_count(require_value(find_string(json, "type", where), "type", where), where);
+  accessor.count = require_value(find_index(json, "count", where), "count", where);
+  accessor.normalized = find_bool(json, "normalized", where).value_or(false);
+  if (const Json* s = find_object(json, "sparse", where))
+    accessor.sparse = read_sparse(*s, document, where + ": sparse");
+  return accessor;
+}
 
 imaging::Wrap wrap_mode(std::size_t code, const std::string& where) {
   switch (code) {
@@ -317,6 +419,25 @@ class DocumentParser {
   std::size_t node_count_ = 0;
 };
 
+/// Supported required extensions, including those that only affect lighting or metadata.
+constexpr std::array<std::string_view, 16> kSupportedExtensions = {
+    "KHR_draco_mesh_compression", "EXT_meshopt_compression",  "KHR_mesh_quantization",   "KHR_texture_transform",
+    "EXT_texture_webp",           "KHR_texture_basisu",       "EXT_mesh_gpu_instancing", "CESIUM_RTC",
+    "KHR_lights_punctual",        "CESIUM_primitive_outline", "EXT_mesh_features",       "EXT_instance_features",
+    "EXT_structural_metadata",    "EXT_feature_metadata",     "KHR_xmp_json_ld",         "KHR_xmp"};
+/// Relevant for images only.
+constexpr std::array<std::string_view, 2> kImageExtensions = {"MSFT_texture_dds", "EXT_texture_avif"};
+
+template <std::size_t N>
+bool contains(const std::array<std::string_view, N>& list, const std::string& value) {
+  return std::find(list.begin(), list.end(), value) != list.end();
+}
+
+bool is_supported(const std::string& extension, bool textures) {
+  return contains(kSupportedExtensions, extension) || extension.starts_with("KHR_materials_") ||
+         (!textures && contains(kImageExtensions, extension));
+}
+
 }  // namespace
 
 std::size_t component_size(ComponentType type) {
@@ -334,6 +455,13 @@ std::size_t component_size(ComponentType type) {
 
 Document parse_document(std::string_view json, const std::string& name) {
   return DocumentParser(parse_json(json, name, {.max_bytes = std::size_t{512} << 20, .max_depth = 256}), name).parse();
+}
+
+void require_supported(const Document& document, const std::string& name, bool textures) {
+  for (const std::string& extension : document.extensions_required) {
+    if (!is_supported(extension, textures))
+      throw InputError(name, "needs the glTF extension " + extension + ", which is not supported");
+  }
 }
 
 }  // namespace tileflight::tile_content::gltf

@@ -22,7 +22,7 @@ namespace gltf {
 
 enum class ComponentType { kInt8, kUint8, kInt16, kUint16, kUint32, kFloat };
 
-/// Bytes of one component.
+/// Returns the size of one component in bytes.
 std::size_t component_size(ComponentType type);
 
 struct Buffer {
@@ -76,7 +76,7 @@ struct DracoPrimitive {
 /// EXT_mesh_features or EXT_instance_features: assigns vertices or instances to features.
 struct FeatureIds {
   std::string attribute;                      ///< "_FEATURE_ID_0", "_BATCHID"; empty: the vertex or instance number
-  std::optional<std::size_t> property_table;  ///< of EXT_structural_metadata
+  std::optional<std::size_t> property_table;  ///< table of EXT_structural_metadata
   std::optional<std::uint32_t> null_id;       ///< id that means no feature
 };
 
@@ -165,6 +165,10 @@ struct Document {
 /// Parses the JSON of a glTF. `name` is used in messages. Throws InputError (name, part, cause): glTF 1.0, indices out
 /// of range, wrong types. Required extensions are not checked here.
 Document parse_document(std::string_view json, const std::string& name);
+
+/// Throws InputError (name, extension) if a document requires an extension that is not supported. Extensions that only
+/// affect images are allowed if `textures` is false.
+void require_supported(const Document& document, const std::string& name, bool textures);
 
 }  // namespace gltf
 }  // namespace tileflight::tile_content

@@ -13,7 +13,7 @@
 
 namespace tileflight::tile_content::gltf {
 
-/// A primitive's surface, in its mesh's own frame.
+/// Surface or points of a primitive in its mesh's own frame.
 struct Geometry {
   std::vector<float> positions;            ///< x y z, interleaved
   std::vector<float> tex_coords;           ///< u v, before any texture transform; empty: none (or not requested)
@@ -36,8 +36,9 @@ struct GeometryRequest {
   std::optional<std::size_t> feature_coord_set = {};  ///< n of the TEXCOORD_n of a feature texture
 };
 
-/// Whether the primitive consists of triangles (not points or lines).
+/// Returns whether the primitive consists of triangles (not points or lines).
 bool has_surface(const Primitive& primitive);
+/// Returns whether the primitive consists of points.
 bool has_points(const Primitive& primitive);
 
 /// Reads a primitive of points, triangles, strip or fan, uncompressed or Draco. All indices are valid. Throws
@@ -49,8 +50,8 @@ Geometry read_geometry(const Primitive& primitive, const Document& document, Buf
 Geometry decode_draco(std::span<const std::byte> bytes, const Primitive& primitive, const Document& document,
                       const GeometryRequest& request, const std::string& name);
 
-/// Triangles of a mode (4 list, 5 strip, 6 fan; glTF 2.0, section 3.7.2.1) over a list of vertex indices. Degenerate
-/// stitching triangles of strips and an incomplete last triangle of a list are dropped.
+/// Assembles the triangles of a mode (4 list, 5 strip, 6 fan; glTF 2.0, section 3.7.2.1) from a list of vertex indices.
+/// Degenerate stitching triangles of strips and an incomplete last triangle of a list are dropped.
 std::vector<geometry::Triangle> assemble_triangles(int mode, std::span<const std::uint32_t> corners);
 
 }  // namespace tileflight::tile_content::gltf

@@ -9,16 +9,14 @@
 
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/imaging/ktx2.h"
-#include "tileflight/tiles/tile_content/content_transform.h"
+#include "tileflight/tiles/fetch/uri.h"
+#include "tileflight/tiles/tile_content/content.h"
 #include "tileflight/tiles/tile_content/gltf_buffers.h"
 #include "tileflight/tiles/tile_content/gltf_document.h"
-#include "tileflight/tiles/tile_content/gltf_extensions.h"
-#include "tileflight/tiles/tile_content/gltf_feature_texture.h"
 #include "tileflight/tiles/tile_content/gltf_features.h"
 #include "tileflight/tiles/tile_content/gltf_geometry.h"
 #include "tileflight/tiles/tile_content/pnts.h"
 #include "tileflight/tiles/tile_content/tile_table.h"
-#include "tileflight/tiles/fetch/uri.h"
 
 namespace tileflight::tile_content {
 namespace {

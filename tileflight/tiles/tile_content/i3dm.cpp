@@ -3,11 +3,9 @@
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/raw_bytes.h"
 #include "tileflight/core/geometry/geodesy.h"
-#include "tileflight/tiles/tile_content/content_transform.h"
-#include "tileflight/tiles/tile_content/octahedral.h"
-#include "tileflight/tiles/tile_content/tile_container.h"
-#include "tileflight/tiles/tile_content/tile_table.h"
 #include "tileflight/tiles/fetch/uri.h"
+#include "tileflight/tiles/tile_content/content.h"
+#include "tileflight/tiles/tile_content/tile_table.h"
 
 namespace tileflight::tile_content {
 namespace {

@@ -22,27 +22,32 @@ struct JsonLimits {
 /// Parses a JSON text; a byte order mark is skipped. Throws InputError (name, cause, byte).
 Json parse_json(std::string_view text, const std::string& name, const JsonLimits& limits = {});
 
-/// Typed access with error locations: `where` is the file and the path inside it, "tileset.json: root". A null member
-/// counts as absent, as in existing files.
+/// Finds a member of an object; nullptr if it is absent. A null member counts as absent, because existing files contain
+/// such members. The functions below do the same with a type; their `where` is the file and the path inside it for
+/// messages, "tileset.json: root".
 const Json* find_member(const Json& object, const char* key);
-/// As find_member, but throws InputError if the member is not an object or not an array, respectively.
+/// Finds a member that is an object; throws InputError if it has another type.
 const Json* find_object(const Json& object, const char* key, const std::string& where);
+/// Finds a member that is an array; throws InputError if it has another type.
 const Json* find_array(const Json& object, const char* key, const std::string& where);
 
-/// A finite number.
+/// Finds a finite number; throws InputError if the member is something else.
 std::optional<double> find_number(const Json& object, const char* key, const std::string& where);
+/// Finds a text; throws InputError if the member is something else.
 std::optional<std::string> find_string(const Json& object, const char* key, const std::string& where);
+/// Finds a boolean; throws InputError if the member is something else.
 std::optional<bool> find_bool(const Json& object, const char* key, const std::string& where);
-/// An integer from 0 to `max`.
+/// Finds an integer from 0 to `max`; throws InputError if the member is something else.
 std::optional<std::size_t> find_index(const Json& object, const char* key, const std::string& where,
                                       std::size_t max = std::size_t{1} << 53);
-/// Exactly `count` finite numbers (any number of them if `count` is 0).
+/// Finds exactly `count` finite numbers, or any number of them if `count` is 0. Throws InputError if the member is
+/// something else.
 std::optional<std::vector<double>> find_numbers(const Json& object, const char* key, std::size_t count,
                                                 const std::string& where);
-/// Empty if the member is absent.
+/// Returns the texts of an array; empty if the member is absent. Throws InputError if the member is something else.
 std::vector<std::string> find_strings(const Json& object, const char* key, const std::string& where);
 
-/// The value; throws InputError if it is missing, naming `key`.
+/// Returns the value; throws InputError, which names `key`, if it is missing.
 template <class T>
 T require_value(std::optional<T> value, const char* key, const std::string& where) {
   if (!value) throw InputError(where, std::string(key) + " is missing");

@@ -8,8 +8,6 @@
 #include <optional>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/tiles/tile_content/octahedral.h"
-#include "tileflight/tiles/tile_content/tile_container.h"
 #include "tileflight/tiles/tile_content/tile_table.h"
 
 namespace tileflight::tile_content {

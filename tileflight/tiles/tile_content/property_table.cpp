@@ -7,7 +7,7 @@
 
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/raw_bytes.h"
-#include "tileflight/core/base/text_fields.h"
+#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/tiles/tile_content/json_reader.h"
 
 namespace tileflight::tile_content {

@@ -24,10 +24,10 @@ class PropertyTable {
   std::size_t rows() const { return rows_; }
   const std::vector<MetadataProperty>& columns() const { return properties_; }
 
-  /// All numbers of a value, with scale and offset applied; nullopt for strings, booleans and missing rows.
+  /// Returns all numbers of a value, with scale and offset applied; nullopt for strings, booleans and missing rows.
   std::optional<std::vector<double>> numbers(std::size_t column, std::size_t row) const;
-  /// A value as text: a string unchanged, an enum by its name, a number in the shortest form that round-trips, several
-  /// separated by spaces.
+  /// Returns a value as text: a string unchanged, an enum by its name, a number in the shortest form that round-trips,
+  /// several separated by spaces.
   std::string text(std::size_t column, std::size_t row) const;
 
  private:
@@ -39,7 +39,7 @@ class PropertyTable {
 
   Column read_column(const MetadataProperty& property, const Json& json, const View& view,
                      const std::string& where) const;
-  /// First element and number of elements of a row.
+  /// Returns the first element and the number of elements of a row.
   std::pair<std::size_t, std::size_t> elements(std::size_t column, std::size_t row) const;
 
   std::size_t rows_ = 0;

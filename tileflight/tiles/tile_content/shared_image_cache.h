@@ -13,13 +13,13 @@
 
 namespace tileflight::tile_content {
 
-/// Images shared by several contents: each is read and decoded once, by the first thread that requests it; others wait.
+/// Reads and decodes images that several contents share. The first thread that requests an image reads it; others wait.
 /// Thread safe.
 class SharedImageCache {
  public:
   explicit SharedImageCache(fetch::TileSource& source) : source_(source) {}
 
-  /// Throws InputError, the same one for every request of that URI.
+  /// Returns an image. Throws InputError, the same one for every request of that URI.
   std::shared_ptr<const imaging::RgbImage> read(const std::string& uri, std::int64_t max_pixels);
 
  private:

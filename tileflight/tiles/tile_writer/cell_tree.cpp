@@ -18,8 +18,8 @@ struct CellTree::Items {
   const std::vector<Vec3>& places;
   const std::vector<float>& weights;
   std::vector<std::uint32_t>& order;
-  std::size_t first_node;                            ///< of the cells to split into
-  std::vector<std::vector<std::uint32_t>>& members;  ///< of these cells
+  std::size_t first_node;                            ///< first node of the cells to split into
+  std::vector<std::vector<std::uint32_t>>& members;  ///< items of these cells
 };
 
 CellTree::CellTree(const std::vector<Vec3>& places, const std::vector<float>& weights, int depth) : CellTree(depth) {

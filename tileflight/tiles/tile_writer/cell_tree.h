@@ -7,15 +7,15 @@
 
 namespace tileflight::tile_writer {
 
-/// A balanced tree of cells over weighted points: each cell is split into halves of equal weight across its longest
-/// extent, and each half again, so that a cell has four children and all leaves have the same depth (a k-d tree;
-/// Bentley 1975). Cells of a level are numbered so that cell i has the children 4 i to 4 i + 3.
+/// A balanced tree of cells over weighted points (a k-d tree; Bentley 1975). Each cell is split into halves of equal
+/// weight across its longest extent, and each half again, so that a cell has four children and all leaves have the same
+/// depth. Cells of a level are numbered so that cell i has the children 4 i to 4 i + 3.
 class CellTree {
  public:
   /// `places` and `weights`: one per item; `depth`: levels below the root, at most 12. The result does not depend on
   /// the number of threads.
   CellTree(const std::vector<geometry::Vec3>& places, const std::vector<float>& weights, int depth);
-  /// A tree whose cells are split one after the other by split(), from the root down.
+  /// Makes a tree whose cells are split one after the other by split(), from the root down.
   explicit CellTree(int depth);
 
   /// Splits a cell of `level` into its descendants of `to_level` by the items in it. Returns the items of each of the
@@ -24,11 +24,13 @@ class CellTree {
                                                 const std::vector<geometry::Vec3>& places,
                                                 const std::vector<float>& weights);
 
-  /// Items of each leaf, ascending; 4^depth leaves, some possibly empty. None if the cells were split one by one.
+  /// Returns the items of each leaf, ascending: 4^depth leaves, of which some may be empty. Empty if the cells were
+  /// split one by one.
   const std::vector<std::vector<std::uint32_t>>& leaves() const { return leaves_; }
-  /// The cell of a level (0: root) that contains a point.
+  /// Returns the cell of a level (0: root) that contains a point.
   std::uint32_t cell_of(const geometry::Vec3& place, int level) const { return cell_of(place, level, 0, 0); }
-  /// The same among the descendants of cell `from` of `from_level`, which need not contain the point.
+  /// Returns the cell of a level that a point belongs to among the descendants of cell `from` of `from_level`, which
+  /// need not contain the point.
   std::uint32_t cell_of(const geometry::Vec3& place, int level, std::uint32_t from, int from_level) const;
 
  private:

@@ -8,16 +8,16 @@
 
 namespace tileflight::tile_writer {
 
-/// Contents of tiles on disk until the levels above them are made: positions in full, textures as they were before
-/// compression.
+/// Keeps contents of tiles on disk until the levels above them are made, with positions in full precision and textures
+/// as they were before compression.
 class ContentSpill {
  public:
-  /// Makes the folder.
+  /// Creates the folder.
   explicit ContentSpill(std::filesystem::path folder);
 
-  /// Meshes whose textures, if any, are one image.
+  /// Writes meshes, whose textures, if any, are one image.
   void write(int level, std::size_t cell, const std::vector<imaging::TexturedMesh>& content) const;
-  /// Empty if the cell has none. Without `textures`, meshes have none either.
+  /// Reads the content of a cell; empty if it has none. Without `textures`, the meshes have none.
   std::vector<imaging::TexturedMesh> read(int level, std::size_t cell, bool textures) const;
   void remove(int level, std::size_t cell) const;
 

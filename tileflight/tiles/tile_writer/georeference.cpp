@@ -8,8 +8,8 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/text_fields.h"
-#include "tileflight/core/geometry/projection.h"
+#include "tileflight/core/base/text_parsing.h"
+#include "tileflight/core/geometry/geodesy.h"
 
 namespace tileflight::tile_writer {
 namespace {

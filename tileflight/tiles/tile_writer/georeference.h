@@ -13,7 +13,7 @@ namespace tileflight::tile_writer {
 
 /// Map position of a mesh's coordinates: coordinate + offset is a position in the reference system.
 struct Georeference {
-  std::string crs;  ///< for PROJ ("EPSG:32717", "EPSG:32717+5773", WKT), or "ENU:LAT,LON": metres around there
+  std::string crs;  ///< PROJ's "EPSG:32717", "EPSG:32717+5773" or WKT, or "ENU:LAT,LON": metres around that place
   geometry::Vec3 offset = geometry::Vec3::Zero();  ///< in units of the reference system
   std::string stated_by;                           ///< source file or option, for messages
 };
@@ -26,17 +26,17 @@ std::optional<Georeference> find_georeference(const std::filesystem::path& mesh_
 
 /// A mesh's place on Earth.
 struct LocalPlacement {
-  geometry::LocalFrame frame;                                           ///< at the centre of its extent
-  std::function<geometry::Vec3(const geometry::Vec3&)> local_from_map;  ///< of its coordinates; for one thread
+  geometry::LocalFrame frame;                                           ///< frame at the centre of the mesh's extent
+  std::function<geometry::Vec3(const geometry::Vec3&)> local_from_map;  ///< converts its coordinates; for one thread
 };
 
-/// The frame of a mesh of this extent (map coordinates), and the way of its vertices there. Throws as
-/// reproject_to_local().
+/// Returns the local frame of a mesh of this extent (map coordinates), and the conversion of its vertices to it. Throws
+/// InputError like reproject_to_local().
 LocalPlacement place_locally(const Georeference& place, const geometry::Box3& extent);
 
 /// Transforms the meshes from map coordinates to an east-north-up frame at the centre of their extent, vertex by
 /// vertex, which corrects for the map's scale, grid convergence and the earth's curvature (PROJ). Heights of a system
-/// without vertical part are taken as ellipsoidal. Throws InputError: an unknown system, coordinates outside its
+/// without vertical part are taken as ellipsoidal. Throws InputError for an unknown system or coordinates outside its
 /// domain.
 geometry::LocalFrame reproject_to_local(const Georeference& place, std::vector<imaging::TexturedMesh>& meshes);
 

@@ -1,31 +1,144 @@
-// Notation: a bucket is a cell of bucket_level_, whose triangles are sorted into leaves together; a block is a cell
-// whose coarser levels are made together; a content is what a tile holds, kept on disk until the levels above are made.
 #include "tileflight/tiles/tile_writer/large_mesh_tileset.h"
 
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
 #include <cstring>
+#include <filesystem>
 #include <optional>
+#include <unordered_map>
+#include <vector>
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/random_numbers.h"
+#include "tileflight/core/imaging/textured_mesh.h"
+#include "tileflight/tiles/mesh_files/mesh_spill.h"
+#include "tileflight/tiles/mesh_files/record_file.h"
 #include "tileflight/tiles/tile_writer/coarse_levels.h"
 #include "tileflight/tiles/tile_writer/content_spill.h"
 #include "tileflight/tiles/tile_writer/leaf_content.h"
-#include "tileflight/tiles/tile_writer/triangle_buckets.h"
+
+// Notation: a bucket is a cell of bucket_level_, whose triangles are sorted into leaves together; a block is a cell
+// whose coarser levels are made together; a content is what a tile holds, kept on disk until the levels above are made.
 
 namespace tileflight::tile_writer {
 namespace {
+
+using imaging::TexturedMesh;
+
+/// Triangles sorted into buckets, on disk.
+class BucketFile {
+ public:
+  BucketFile(const std::filesystem::path& file, std::size_t buckets)
+      : file_(file),
+        part_(std::clamp<std::size_t>(kBufferBytes / buckets / sizeof(mesh_files::SourceTriangle), 16, 4096)),
+        buffers_(buckets),
+        parts_(buckets) {}
+
+  void add(std::size_t bucket, const mesh_files::SourceTriangle& triangle) {
+    buffers_[bucket].push_back(triangle);
+    if (buffers_[bucket].size() == part_) flush(bucket);
+  }
+
+  /// Reads the triangles of a bucket, in the order in which they were added.
+  std::vector<mesh_files::SourceTriangle> read(std::size_t bucket) {
+    std::vector<mesh_files::SourceTriangle> out(parts_[bucket].size() * part_);
+    for (std::size_t i = 0; i < parts_[bucket].size(); ++i)
+      file_.read(parts_[bucket][i], out.data() + i * part_, part_ * sizeof(mesh_files::SourceTriangle));
+    out.insert(out.end(), buffers_[bucket].begin(), buffers_[bucket].end());
+    return out;
+  }
+
+ private:
+  static constexpr std::size_t kBufferBytes = std::size_t{64} << 20;
+
+  void flush(std::size_t bucket) {
+    file_.write(end_, buffers_[bucket].data(), part_ * sizeof(mesh_files::SourceTriangle));
+    parts_[bucket].push_back(end_);
+    end_ += part_ * sizeof(mesh_files::SourceTriangle);
+    buffers_[bucket].clear();
+  }
+
+  mesh_files::ScratchFile file_;
+  std::size_t part_;  ///< triangles written together
+  std::uint64_t end_ = 0;
+  std::vector<std::vector<mesh_files::SourceTriangle>> buffers_;
+  std::vector<std::vector<std::uint64_t>> parts_;  ///< their offsets
+};
+
+/// Triangles of one material as a mesh: corners that are equal in all are one vertex.
+class MeshOfTriangles {
+ public:
+  explicit MeshOfTriangles(const mesh_files::SurfaceAppearance& look) : look_(look) {
+    mesh_.texture = look.texture;
+    mesh_.wrap_u = look.wrap_u;
+    mesh_.wrap_v = look.wrap_v;
+    mesh_.base_color = look.base_color;
+  }
+
+  void add(const mesh_files::SourceTriangle& triangle) {
+    geometry::Triangle t{};
+    for (std::size_t k = 0; k < 3; ++k) t[k] = vertex(triangle, k);
+    mesh_.mesh.triangles.push_back(t);
+  }
+
+  TexturedMesh take() { return std::move(mesh_); }
+
+ private:
+  using Key = std::array<std::uint64_t, 5>;  ///< the bits of position, texture coordinates and colour
+  struct Hash {
+    std::size_t operator()(const Key& key) const {
+      std::uint64_t hash = 0;
+      for (const std::uint64_t part : key) hash = base::splitmix64_hash(hash ^ part);
+      return static_cast<std::size_t>(hash);
+    }
+  };
+
+  std::uint32_t vertex(const mesh_files::SourceTriangle& triangle, std::size_t k) {
+    Key key{};
+    for (std::size_t axis = 0; axis < 3; ++axis) key[axis] = std::bit_cast<std::uint64_t>(triangle.position[k][axis]);
+    key[3] = std::bit_cast<std::uint64_t>(triangle.uv[k]);
+    key[4] = std::bit_cast<std::uint32_t>(triangle.color[k]);
+    const auto [at, is_new] = index_of_.try_emplace(key, static_cast<std::uint32_t>(mesh_.mesh.vertices.size()));
+    if (!is_new) return at->second;
+    mesh_.mesh.vertices.push_back(triangle.corner(k));
+    if (look_.texture) mesh_.uv.emplace_back(triangle.uv[k].data());
+    if (look_.has_colors) mesh_.colors.push_back(triangle.color[k]);
+    return at->second;
+  }
+
+  const mesh_files::SurfaceAppearance& look_;
+  TexturedMesh mesh_;
+  std::unordered_map<Key, std::uint32_t, Hash> index_of_;
+};
+
+/// Returns one mesh per material, with stand-ins for textures, in order of materials.
+std::vector<TexturedMesh> meshes_of(std::vector<mesh_files::SourceTriangle> triangles,
+                                    const std::vector<mesh_files::SurfaceAppearance>& materials) {
+  std::stable_sort(
+      triangles.begin(), triangles.end(),
+      [](const mesh_files::SourceTriangle& a, const mesh_files::SourceTriangle& b) { return a.material < b.material; });
+  std::vector<TexturedMesh> out;
+  for (std::size_t i = 0; i < triangles.size();) {
+    const std::uint32_t material = triangles[i].material;
+    MeshOfTriangles mesh(materials[material]);
+    for (; i < triangles.size() && triangles[i].material == material; ++i) mesh.add(triangles[i]);
+    out.push_back(mesh.take());
+  }
+  return out;
+}
 
 namespace fs = std::filesystem;
 using geometry::Box3;
 using geometry::TriangleMesh;
 using geometry::Vec3;
-using imaging::TexturedMesh;
 
 /// Memory that a triangle of a content and its simplification take.
 constexpr std::uint64_t kBytesPerTriangle = 450;
@@ -77,7 +190,7 @@ class LargeMeshTiler {
     std::vector<float> weights;
   };
 
-  /// What a cell's content takes in memory; 0: none.
+  /// Memory that a cell's content takes; 0: there is none.
   struct ContentSize {
     std::uint64_t bytes = 0;
   };
@@ -125,7 +238,7 @@ class LargeMeshTiler {
   double write_leaves_of(std::size_t bucket, std::vector<mesh_files::SourceTriangle> triangles) {
     const std::vector<TexturedMesh> meshes = meshes_of(std::move(triangles), mesh_.materials);
     const std::vector<std::vector<std::uint32_t>> leaves = split_bucket(bucket, meshes);
-    const TriangleNumbering numbers(meshes);
+    const simplification::TriangleNumbering numbers(meshes);
     std::vector<double> scales(leaves.size(), 1.0);
     tbb::parallel_for(std::size_t{0}, leaves.size(), [&](std::size_t i) {
       if (!leaves[i].empty()) {
@@ -216,8 +329,8 @@ class LargeMeshTiler {
 
   /// Writes the positions of a block's border vertices; returns their bounds.
   Box3 write_border(int level, std::size_t block, int from) const {
-    const TriangleMesh surface = tile_writer::weld_vertices(contents_of(level, block, from, false));
-    const std::vector<Vec3> positions = tile_writer::border_positions(surface);
+    const TriangleMesh surface = simplification::weld_vertices(contents_of(level, block, from, false));
+    const std::vector<Vec3> positions = simplification::border_positions(surface);
     base::write_file(border_file(block),
                      {reinterpret_cast<const char*>(positions.data()), positions.size() * sizeof(Vec3)});
     Box3 box;
@@ -233,11 +346,11 @@ class LargeMeshTiler {
   }
 
   /// Border vertices of a block where another block has one, too.
-  tile_writer::FixedVertices shared_vertices(std::size_t block, const std::vector<Box3>& borders) const {
+  simplification::FixedVertices shared_vertices(std::size_t block, const std::vector<Box3>& borders) const {
     if (borders.size() == 1 || borders[block].isEmpty()) return {};
     const double within_m = texel_m_ / 2;
     const Box3 reach(borders[block].min().array() - within_m, borders[block].max().array() + within_m);
-    return tile_writer::near_positions(read_border(block), within_m, [&](const auto& visit) {
+    return simplification::near_positions(read_border(block), within_m, [&](const auto& visit) {
       for (std::size_t other = 0; other < borders.size(); ++other) {
         if (other == block || !borders[other].intersects(reach)) continue;
         for (const Vec3& p : read_border(other)) visit(p);
@@ -249,8 +362,8 @@ class LargeMeshTiler {
     auto below =
         std::make_shared<const std::vector<TexturedMesh>>(contents_of(block.level, block.cell, block.from_level, true));
     if (below->empty()) return skip(block);
-    const TriangleMesh finest = tile_writer::weld_vertices(*below);
-    const tile_writer::FixedVertices fixed = shared_vertices(block.cell, borders);
+    const TriangleMesh finest = simplification::weld_vertices(*below);
+    const simplification::FixedVertices fixed = shared_vertices(block.cell, borders);
     std::vector<CellContent> made = write_coarse_levels(block, finest, fixed, std::move(below), *cells_, *tiles_);
     for (const CellContent& content : made)
       if (block.to_level > 0) keep(block.to_level, content.cell, {content.mesh});
@@ -276,7 +389,7 @@ class LargeMeshTiler {
   std::optional<CellTree> cells_;
   std::optional<TileLevels> tiles_;
   std::optional<ContentSpill> contents_;
-  std::vector<ContentSize> sizes_;  ///< of each cell of the level that was made last
+  std::vector<ContentSize> sizes_;  ///< one for each cell of the level that was made last
 };
 
 }  // namespace
@@ -290,8 +403,9 @@ void require_free_space(const fs::path& folder, std::uintmax_t bytes, const std:
                                         " GB");
 }
 
-MeshTilesetSummary write_large_mesh_tileset(const fs::path& folder, mesh_files::MeshSpill& mesh, const MeshTilesetOptions& options,
-                                            const LargeMeshLimits& limits, const Progress& progress) {
+MeshTilesetSummary write_large_mesh_tileset(const fs::path& folder, mesh_files::MeshSpill& mesh,
+                                            const MeshTilesetOptions& options, const LargeMeshLimits& limits,
+                                            const Progress& progress) {
   if (mesh.faces.size() == 0) throw InputError(folder.string(), "there is no triangle to write");
   MeshTilesetSummary out;
   const int most = tbb::this_task_arena::max_concurrency();

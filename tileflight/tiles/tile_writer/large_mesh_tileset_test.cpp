@@ -9,8 +9,8 @@
 #include "tests/temporary_folder.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/imaging/glb_writer.h"
 #include "tileflight/core/imaging/image_files.h"
-#include "tileflight/tiles/tile_writer/glb_writer.h"
 #include "tileflight/tiles/mesh_files/mesh_source.h"
 #include "tileflight/tiles/tile_writer/test_hills.h"
 
@@ -85,7 +85,7 @@ TEST_F(LargeMesh, LeavesHoldEachTriangleOnceWithItsTexels) {
   const tileset::LoadedTiles loaded = load(folder_ / "large", 0.0);
   EXPECT_TRUE(loaded.complete);
   EXPECT_EQ(loaded.attribution.front(), "a test, CC0");
-  EXPECT_EQ(places_of(tile_writer::merge_meshes(loaded.meshes)), places_of(tile_writer::merge_meshes(source_)));
+  EXPECT_EQ(places_of(simplification::merge_meshes(loaded.meshes)), places_of(simplification::merge_meshes(source_)));
   for (const TexturedMesh& mesh : loaded.meshes) EXPECT_LE(mesh.mesh.triangles.size(), 60U);
   EXPECT_EQ(summary_.texture_scale, 1.0);
   // JPEG changes small images more than large ones; the leaves made in memory look the same.
@@ -100,12 +100,12 @@ TEST_F(LargeMesh, LeavesHoldEachTriangleOnceWithItsTexels) {
 
 TEST_F(LargeMesh, LevelsAreLikeThoseMadeInMemory) {
   const MeshTilesetSummary whole = write_mesh_tileset(folder_ / "whole", source_, tiny_tiles());
-  const geometry::TriangleMesh source = tile_writer::merge_meshes(source_);
+  const geometry::TriangleMesh source = simplification::merge_meshes(source_);
   ASSERT_EQ(whole.levels.size(), summary_.levels.size());
   for (std::size_t i = 0; i < whole.levels.size(); ++i) {
     const TilesetLevel &level = summary_.levels[i], &other = whole.levels[i];
     const tileset::LoadedTiles loaded = load(folder_ / "large", level.geometric_error_m);
-    const geometry::TriangleMesh surface = tile_writer::merge_meshes(loaded.meshes);
+    const geometry::TriangleMesh surface = simplification::merge_meshes(loaded.meshes);
     EXPECT_EQ(loaded.triangles, level.triangles);
     EXPECT_LE(sampled_distance_m(surface, source), level.geometric_error_m + 1e-6);
     EXPECT_LE(sampled_distance_m(source, surface), level.geometric_error_m + 1e-6);
@@ -127,7 +127,7 @@ int cracks(const std::vector<TexturedMesh>& meshes, const TilesetLevel& level) {
   const double outline_m = kEdge_m * kSheets / 2 - level.geometric_error_m - 1e-6;
   const auto is_inside = [&](double x, double y) { return std::max(std::fabs(x), std::fabs(y)) < outline_m; };
   std::vector<std::array<Vec3, 2>> open;
-  for (const auto& [edge, uses] : edge_uses(tile_writer::merge_meshes(meshes)))
+  for (const auto& [edge, uses] : edge_uses(simplification::merge_meshes(meshes)))
     if (uses == 1 && (is_inside(edge[0], edge[1]) || is_inside(edge[3], edge[4])))
       open.push_back({Vec3(edge[0], edge[1], edge[2]), Vec3(edge[3], edge[4], edge[5])});
   int count = 0;
@@ -280,7 +280,8 @@ TEST_F(SpilledFiles, ObjFilesAreReadAsInMemory) {
   expect_same({folder_ / "a.obj"});
   expect_same({folder_ / "a.obj", folder_ / "b.obj"}, {.up = tile_content::UpAxis::kY, .metres_per_unit = 0.25});
   expect_same({folder_ / "a.obj"}, {.textures = false});
-  EXPECT_EQ(mesh_files::list_mesh_files({folder_.path()}), (std::vector<fs::path>{folder_ / "a.obj", folder_ / "b.obj"}));
+  EXPECT_EQ(mesh_files::list_mesh_files({folder_.path()}),
+            (std::vector<fs::path>{folder_ / "a.obj", folder_ / "b.obj"}));
   EXPECT_THAT(
       [&] {
         mesh_files::MeshSpill spill(folder_ / "s");
@@ -305,8 +306,8 @@ TEST_F(SpilledFiles, PlyFilesAreReadAsInMemory) {
 TEST_F(SpilledFiles, GltfFilesAreReadAsInMemory) {
   std::vector<TexturedMesh> meshes = make_place();
   meshes[0].base_color = {0.5F, 1, 1, 1};
-  base::write_file(folder_ / "a.glb", write_glb({meshes[0], meshes[2]}, {.copyright = "me"}));
-  base::write_file(folder_ / "b.glb", write_glb({meshes[2]}, {.copyright = "you", .meshopt = true}));
+  base::write_file(folder_ / "a.glb", imaging::write_glb({meshes[0], meshes[2]}, {.copyright = "me"}));
+  base::write_file(folder_ / "b.glb", imaging::write_glb({meshes[2]}, {.copyright = "you", .meshopt = true}));
   expect_same({folder_ / "a.glb", folder_ / "b.glb"});
   EXPECT_GT(mesh_files::estimated_memory_bytes({folder_ / "a.glb"}, true), fs::file_size(folder_ / "a.glb"));
 }

@@ -1,6 +1,7 @@
 #include "tileflight/tiles/tile_writer/leaf_content.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <memory>
 #include <numeric>
@@ -24,6 +25,106 @@ constexpr double kAtlasFill = 0.6;
 constexpr double kTexelsOfColors = 2.0;
 
 constexpr int kMaxDepth = 9;
+
+/// A rectangle of texels of an image; it may extend beyond the edges.
+struct TexelWindow {
+  std::int64_t x = 0, y = 0;           ///< top left texel
+  std::int64_t width = 0, height = 0;  ///< texels
+
+  std::int64_t area() const { return width * height; }
+};
+
+/// Windows, some of which were merged.
+struct MergedWindows {
+  std::vector<TexelWindow> windows;
+  std::vector<std::size_t> merged_index;  ///< for each input window, the index of the one that contains it
+};
+
+/// Returns the smallest window that contains both.
+TexelWindow bounding_window(const TexelWindow& a, const TexelWindow& b) {
+  TexelWindow out{std::min(a.x, b.x), std::min(a.y, b.y), 0, 0};
+  out.width = std::max(a.x + a.width, b.x + b.width) - out.x;
+  out.height = std::max(a.y + a.height, b.y + b.height) - out.y;
+  return out;
+}
+
+/// Merges windows whose bounding window is no larger than both together.
+MergedWindows merge_overlapping(const std::vector<TexelWindow>& windows) {
+  std::vector<std::size_t> order(windows.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::size_t a, std::size_t b) { return windows[a].x < windows[b].x; });
+  MergedWindows out;
+  out.merged_index.resize(windows.size());
+  // Windows are sorted from left to right; those that end before the next one begins cannot grow any more.
+  std::vector<std::size_t> open;
+  for (const std::size_t i : order) {
+    const TexelWindow& next = windows[i];
+    std::erase_if(open, [&](std::size_t w) { return out.windows[w].x + out.windows[w].width <= next.x; });
+    const auto joinable = std::find_if(open.begin(), open.end(), [&](std::size_t w) {
+      return bounding_window(out.windows[w], next).area() <= out.windows[w].area() + next.area();
+    });
+    if (joinable == open.end()) {
+      open.push_back(out.windows.size());
+      out.merged_index[i] = out.windows.size();
+      out.windows.push_back(next);
+    } else {
+      out.windows[*joinable] = bounding_window(out.windows[*joinable], next);
+      out.merged_index[i] = *joinable;
+    }
+  }
+  return out;
+}
+
+/// Texels of `from` sampled for pixel `i` of `to` along an axis: at most eight, evenly spread.
+struct Samples {
+  std::array<std::int64_t, 8> at{};
+  int count = 0;
+};
+
+Samples samples_of(std::int64_t i, std::int64_t to, std::int64_t from) {
+  const std::int64_t begin = i * from / to, end = std::max(begin + 1, (i + 1) * from / to);
+  Samples out;
+  out.count = static_cast<int>(std::min<std::int64_t>(8, end - begin));
+  for (int k = 0; k < out.count; ++k)
+    out.at[static_cast<std::size_t>(k)] = begin + (2 * k + 1) * (end - begin) / (2 * out.count);
+  return out;
+}
+
+imaging::Rgb8 fetch_wrapped(const imaging::TexturedMesh& mesh, const mesh_files::TexelFetcher& fetch, std::int64_t x,
+                            std::int64_t y) {
+  const imaging::RgbImage& image = *mesh.texture;
+  return fetch(image, static_cast<int>(imaging::wrapped_index(x, image.width, mesh.wrap_u)),
+               static_cast<int>(imaging::wrapped_index(y, image.height, mesh.wrap_v)));
+}
+
+imaging::Rgb8 mean(const imaging::TexturedMesh& mesh, const mesh_files::TexelFetcher& fetch, const TexelWindow& window,
+                   const Samples& across, const Samples& down) {
+  std::array<int, 3> sum{};
+  for (int j = 0; j < down.count; ++j)
+    for (int i = 0; i < across.count; ++i) {
+      const imaging::Rgb8 texel = fetch_wrapped(mesh, fetch, window.x + across.at[static_cast<std::size_t>(i)],
+                                                window.y + down.at[static_cast<std::size_t>(j)]);
+      for (std::size_t c = 0; c < 3; ++c) sum[c] += texel[c];
+    }
+  const int count = across.count * down.count;
+  imaging::Rgb8 out{};
+  for (std::size_t c = 0; c < 3; ++c) out[c] = static_cast<std::uint8_t>((sum[c] + count / 2) / count);
+  return out;
+}
+
+/// Draws a window of a mesh's texture into an atlas: a copy if `size` is the window's, otherwise area-averaged.
+void draw_window(const imaging::TexturedMesh& mesh, const mesh_files::TexelFetcher& fetch, const TexelWindow& window,
+                 imaging::PixelPosition at, imaging::PixelSize size, imaging::RgbImage& sheet) {
+  const bool as_it_is = size.width == window.width && size.height == window.height;
+  for (int y = 0; y < size.height; ++y) {
+    imaging::Rgb8* row = sheet.row(at.y + y) + at.x;
+    const Samples down = samples_of(y, size.height, window.height);
+    for (int x = 0; x < size.width; ++x)
+      row[x] = as_it_is ? fetch_wrapped(mesh, fetch, window.x + x, window.y + y)
+                        : mean(mesh, fetch, window, samples_of(x, size.width, window.width), down);
+  }
+}
 
 /// A mesh with a subset of its triangles and the vertices they use.
 TexturedMesh part_of(const TexturedMesh& mesh, const std::vector<std::size_t>& triangles) {
@@ -80,7 +181,7 @@ Eigen::Vector2d texel_place(const TexturedMesh& mesh, std::size_t vertex) {
 }
 
 /// The texels that bilinear filtering between these corners (texels) can reach, plus a margin.
-mesh_files::TexelWindow window_of(const Eigen::AlignedBox2d& box) {
+TexelWindow window_of(const Eigen::AlignedBox2d& box) {
   const auto first = [](double low) { return static_cast<std::int64_t>(std::floor(low - 0.5)) - kMargin_px; };
   const auto last = [](double high) { return static_cast<std::int64_t>(std::floor(high - 0.5)) + 1 + kMargin_px; };
   const std::int64_t x = first(box.min().x()), y = first(box.min().y());
@@ -89,7 +190,7 @@ mesh_files::TexelWindow window_of(const Eigen::AlignedBox2d& box) {
 
 /// The windows of one part in the atlas.
 struct PartWindows {
-  std::vector<mesh_files::TexelWindow> windows;
+  std::vector<TexelWindow> windows;
   std::vector<std::size_t> window_of_vertex;
 };
 
@@ -98,9 +199,9 @@ PartWindows windows_of(const TexturedMesh& part) {
   const std::vector<std::size_t> chart_of = find_charts(part.mesh, charts);
   std::vector<Eigen::AlignedBox2d> boxes(charts);
   for (std::size_t i = 0; i < chart_of.size(); ++i) boxes[chart_of[i]].extend(texel_place(part, i));
-  std::vector<mesh_files::TexelWindow> windows;
+  std::vector<TexelWindow> windows;
   for (const Eigen::AlignedBox2d& box : boxes) windows.push_back(window_of(box));
-  mesh_files::MergedWindows joined = mesh_files::merge_overlapping(windows);
+  MergedWindows joined = merge_overlapping(windows);
   PartWindows out{std::move(joined.windows), {}};
   for (const std::size_t chart : chart_of) out.window_of_vertex.push_back(joined.merged_index[chart]);
   return out;
@@ -113,22 +214,22 @@ struct AtlasPlan {
   imaging::RectanglePacking packing;
 };
 
-AtlasPlan plan_at(const std::vector<mesh_files::TexelWindow>& windows, double scale, int max_atlas_px) {
+AtlasPlan plan_at(const std::vector<TexelWindow>& windows, double scale, int max_atlas_px) {
   AtlasPlan plan{scale, {}, {}};
   const auto scaled = [&](std::int64_t length) {
     return static_cast<int>(
         std::clamp(std::ceil(static_cast<double>(length) * scale), 1.0, double{1.0 * max_atlas_px}));
   };
-  for (const mesh_files::TexelWindow& w : windows) plan.sizes.push_back({scaled(w.width), scaled(w.height)});
+  for (const TexelWindow& w : windows) plan.sizes.push_back({scaled(w.width), scaled(w.height)});
   plan.packing = imaging::pack_rectangles(plan.sizes);
   return plan;
 }
 
 /// The largest scale that fits the atlas, at most the source's. If the windows do not fit even at one texel each, the
 /// oversized plan is kept.
-AtlasPlan plan_atlas(const std::vector<mesh_files::TexelWindow>& windows, int max_atlas_px) {
+AtlasPlan plan_atlas(const std::vector<TexelWindow>& windows, int max_atlas_px) {
   double area = 0;
-  for (const mesh_files::TexelWindow& w : windows) area += static_cast<double>(w.width) * static_cast<double>(w.height);
+  for (const TexelWindow& w : windows) area += static_cast<double>(w.width) * static_cast<double>(w.height);
   AtlasPlan plan = plan_at(windows, std::min(1.0, max_atlas_px / std::sqrt(std::max(1.0, area))), max_atlas_px);
   for (int attempt = 0; attempt < 64; ++attempt) {
     if (std::max(plan.packing.size.width, plan.packing.size.height) <= max_atlas_px) break;
@@ -142,7 +243,7 @@ void move_uv(const PartWindows& windows, const AtlasPlan& plan, std::size_t firs
   const Eigen::Vector2d atlas(plan.packing.size.width, plan.packing.size.height);
   for (std::size_t i = 0; i < part.uv.size(); ++i) {
     const std::size_t own = windows.window_of_vertex[i], planned = first + own;
-    const mesh_files::TexelWindow& w = windows.windows[own];
+    const TexelWindow& w = windows.windows[own];
     const Eigen::Vector2d within =
         texel_place(part, i) - Eigen::Vector2d(static_cast<double>(w.x), static_cast<double>(w.y));
     const Eigen::Vector2d size(plan.sizes[planned].width, plan.sizes[planned].height);
@@ -156,7 +257,7 @@ void move_uv(const PartWindows& windows, const AtlasPlan& plan, std::size_t firs
 /// One texture for all textured parts.
 double pack_into_atlas(std::vector<TexturedMesh>& parts, int max_atlas_px, const mesh_files::TexelFetcher& fetch) {
   std::vector<PartWindows> windows(parts.size());
-  std::vector<mesh_files::TexelWindow> all;
+  std::vector<TexelWindow> all;
   for (std::size_t i = 0; i < parts.size(); ++i) {
     if (parts[i].texture) windows[i] = windows_of(parts[i]);
     all.insert(all.end(), windows[i].windows.begin(), windows[i].windows.end());
@@ -168,7 +269,7 @@ double pack_into_atlas(std::vector<TexturedMesh>& parts, int max_atlas_px, const
   for (std::size_t i = 0; i < parts.size(); ++i) {
     if (!parts[i].texture) continue;
     for (std::size_t w = 0; w < windows[i].windows.size(); ++w)
-      mesh_files::draw_window(parts[i], fetch, windows[i].windows[w], plan.packing.positions[first + w], plan.sizes[first + w],
+      draw_window(parts[i], fetch, windows[i].windows[w], plan.packing.positions[first + w], plan.sizes[first + w],
                   *atlas);
     move_uv(windows[i], plan, first, parts[i]);
     parts[i].texture = atlas;
@@ -206,24 +307,6 @@ std::vector<TexturedMesh> merged(std::vector<TexturedMesh> parts) {
 
 }  // namespace
 
-TriangleNumbering::TriangleNumbering(const std::vector<TexturedMesh>& meshes) {
-  first_.push_back(0);
-  for (const TexturedMesh& m : meshes)
-    first_.push_back(first_.back() + static_cast<std::uint32_t>(m.mesh.triangles.size()));
-}
-
-TriangleNumbering::TriangleNumbering(const std::vector<const TexturedMesh*>& meshes) {
-  first_.push_back(0);
-  for (const TexturedMesh* m : meshes)
-    first_.push_back(first_.back() + static_cast<std::uint32_t>(m->mesh.triangles.size()));
-}
-
-TriangleNumbering::TriangleRef TriangleNumbering::operator()(std::uint32_t number) const {
-  const auto next = std::upper_bound(first_.begin(), first_.end(), number);
-  const auto mesh = static_cast<std::size_t>(next - first_.begin()) - 1;
-  return {mesh, number - first_[mesh]};
-}
-
 LeafMeasures::LeafMeasures(int tile_triangles, int max_atlas_px)
     : tile_triangles_(tile_triangles), atlas_texels_(kAtlasFill * max_atlas_px * max_atlas_px) {}
 
@@ -252,7 +335,8 @@ double texels_between(const std::array<Eigen::Vector2f, 3>& uv, int width_px, in
   return area < 1e9 ? area : 1e9;
 }
 
-LeafContent build_leaf_content(const std::vector<TexturedMesh>& meshes, const TriangleNumbering& numbers,
+LeafContent build_leaf_content(const std::vector<TexturedMesh>& meshes,
+                               const simplification::TriangleNumbering& numbers,
                                const std::vector<std::uint32_t>& triangles, int max_atlas_px,
                                const mesh_files::TexelFetcher& fetch) {
   std::vector<TexturedMesh> parts;

@@ -6,41 +6,27 @@
 #include <vector>
 
 #include "tileflight/core/imaging/textured_mesh.h"
-#include "tileflight/tiles/mesh_files/texel_window.h"
+#include "tileflight/tiles/mesh_files/texel_store.h"
+#include "tileflight/tiles/simplification/painted_surface.h"
 
 namespace tileflight::tile_writer {
-
-/// Consecutive numbers for all triangles of several meshes: those of mesh 0 first, then those of mesh 1, ….
-class TriangleNumbering {
- public:
-  explicit TriangleNumbering(const std::vector<imaging::TexturedMesh>& meshes);
-  explicit TriangleNumbering(const std::vector<const imaging::TexturedMesh*>& meshes);
-
-  struct TriangleRef {
-    std::size_t mesh = 0, triangle = 0;
-  };
-
-  TriangleRef operator()(std::uint32_t number) const;
-
- private:
-  std::vector<std::uint32_t> first_;  ///< first number of each mesh, then the total count
-};
 
 /// Measurements of a source that determine the tree of its tiles.
 class LeafMeasures {
  public:
-  /// Limits of a tile; `max_atlas_px`: longest side of its texture.
+  /// Takes the limits of a tile. `max_atlas_px`: longest side of its texture.
   LeafMeasures(int tile_triangles, int max_atlas_px);
 
-  /// Adds a triangle; returns the share of a leaf that it fills. `texels`: area in its texture; nullopt: without one.
+  /// Adds a triangle. Returns the share of a leaf that it fills. `texels`: its area in its texture; nullopt: no
+  /// texture.
   float add(double area_m2, const std::optional<double>& texels);
 
   std::int64_t triangles() const { return triangles_; }
-  /// Texels of all triangles.
+  /// Returns the texels of all triangles.
   double texels() const { return texels_; }
-  /// Edge of a typical texel of the source.
+  /// Returns the edge of a typical texel of the source.
   double texel_m() const;
-  /// Levels below the root: those wanted, or as many as the leaves require, at most 9.
+  /// Returns the levels below the root: those requested, or as many as the leaves require, at most 9.
   int depth(const std::optional<int>& levels) const;
 
  private:
@@ -49,19 +35,20 @@ class LeafMeasures {
   double weight_ = 0.0, area_m2_ = 0.0, texels_ = 0.0;
 };
 
-/// Texels covered by a triangle with these texture coordinates on an image of this size.
+/// Returns the texels that a triangle with these texture coordinates covers on an image of this size.
 double texels_between(const std::array<Eigen::Vector2f, 3>& uv, int width_px, int height_px);
 
-/// Content of a leaf tile: unsimplified source geometry.
+/// Content of a leaf tile: source geometry that is not simplified.
 struct LeafContent {
-  std::vector<imaging::TexturedMesh> meshes;  ///< textured ones share one atlas
-  double texture_scale = 1.0;                 ///< relative to the source's texels, limited by the atlas size
+  std::vector<imaging::TexturedMesh> meshes;  ///< textured meshes share one atlas
+  double texture_scale = 1.0;                 ///< scale of the source's texels, limited by the atlas size
 };
 
 /// Extracts the triangles with these numbers (ascending), unchanged, and copies the parts of the textures that they use
 /// to a new atlas of at most `max_atlas_px` texels a side: triangles that share vertices stay together, in a window of
 /// texels copied from the source. `fetch` reads them.
-LeafContent build_leaf_content(const std::vector<imaging::TexturedMesh>& meshes, const TriangleNumbering& numbers,
+LeafContent build_leaf_content(const std::vector<imaging::TexturedMesh>& meshes,
+                               const simplification::TriangleNumbering& numbers,
                                const std::vector<std::uint32_t>& triangles, int max_atlas_px,
                                const mesh_files::TexelFetcher& fetch = mesh_files::fetch_from_memory());
 

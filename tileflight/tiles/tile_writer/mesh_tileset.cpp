@@ -30,7 +30,7 @@ std::optional<double> texels_of(const TexturedMesh& m, const Triangle& t) {
 struct MeasuredTriangles {
   LeafMeasures all;
   std::vector<Vec3> middles;   ///< centre of each triangle
-  std::vector<float> weights;  ///< in leaves: 1 fills one
+  std::vector<float> weights;  ///< share of a leaf that each triangle fills
 };
 
 MeasuredTriangles measure(const std::vector<TexturedMesh>& meshes, const MeshTilesetOptions& options) {
@@ -44,7 +44,7 @@ MeasuredTriangles measure(const std::vector<TexturedMesh>& meshes, const MeshTil
 }
 
 double write_leaves(const std::vector<TexturedMesh>& meshes, const CellTree& cells, TileLevels& tiles) {
-  const TriangleNumbering numbers(meshes);
+  const simplification::TriangleNumbering numbers(meshes);
   const auto& leaves = cells.leaves();
   std::vector<double> scales(leaves.size(), 1.0);
   tbb::parallel_for(std::size_t{0}, leaves.size(), [&](std::size_t i) {
@@ -77,7 +77,7 @@ MeshTilesetSummary write_mesh_tileset(const std::filesystem::path& folder, const
   if (depth > 0) {
     const LevelBlock whole{.from_level = depth, .texel_m = texel_m};
     const std::shared_ptr<const std::vector<TexturedMesh>> below(&meshes, [](const auto*) {});  // the caller's
-    write_coarse_levels(whole, tile_writer::weld_vertices(meshes), {}, below, cells, tiles);
+    write_coarse_levels(whole, simplification::weld_vertices(meshes), {}, below, cells, tiles);
   }
   return tiles.finish();
 }

@@ -11,10 +11,11 @@
 
 namespace tileflight::tile_writer {
 
+/// Options for writing a mesh as a tileset.
 struct MeshTilesetOptions {
   int tile_triangles = 20000;  ///< approximate maximum per tile
   int max_atlas_px = 4096;     ///< longest side of a tile's texture
-  std::optional<int> levels;   ///< of the tree including the root, 1 to 10; default: as many as the leaves require
+  std::optional<int> levels;   ///< levels including the root, 1 to 10; default: as many as the leaves require
   int jpeg_quality = 90;
   std::string copyright;                      ///< attribution, in every glb
   bool implicit = false;                      ///< an implicit quadtree with subtree files instead of an explicit tree
@@ -22,6 +23,7 @@ struct MeshTilesetOptions {
   std::optional<geometry::SE3> T_ecef_local;  ///< frame of the meshes; nullopt: the tileset is not georeferenced
 };
 
+/// Figures of a written tileset.
 struct MeshTilesetSummary {
   std::vector<TilesetLevel> levels;  ///< from the root to the leaves
   std::int64_t bytes = 0;

@@ -17,7 +17,7 @@
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/srgb.h"
 #include "tileflight/core/geometry/triangle_index.h"
-#include "tileflight/tiles/tile_writer/simplify.h"
+#include "tileflight/tiles/simplification/simplify.h"
 #include "tileflight/tiles/tile_writer/test_hills.h"
 
 namespace tileflight::tile_writer::mesh_tileset_test {
@@ -55,7 +55,7 @@ TEST_F(MeshTileset, LeavesHoldEachTriangleOnce) {
   EXPECT_EQ(loaded.geometric_error_max_m, 0.0);
   EXPECT_EQ(loaded.tiles_loaded, 16);
   EXPECT_EQ(loaded.attribution.front(), "a test, CC0");
-  EXPECT_EQ(places_of(tile_writer::merge_meshes(loaded.meshes)), places_of(tile_writer::merge_meshes(source_)));
+  EXPECT_EQ(places_of(simplification::merge_meshes(loaded.meshes)), places_of(simplification::merge_meshes(source_)));
   ASSERT_FALSE(loaded.meshes.empty());
   for (const TexturedMesh& mesh : loaded.meshes) EXPECT_LE(mesh.mesh.triangles.size(), 350U);
 }
@@ -69,13 +69,13 @@ TEST_F(MeshTileset, LeavesLookLikeTheSource) {
 
 TEST_F(MeshTileset, EachLevelIsWithinItsErrorAndLooksLikeTheSource) {
   ASSERT_EQ(summary_.levels.size(), 3U);
-  const geometry::TriangleMesh source = tile_writer::merge_meshes(source_);
+  const geometry::TriangleMesh source = simplification::merge_meshes(source_);
   double finer_m = 0.0;
   std::int64_t finer_triangles = summary_.levels.back().triangles;
   for (std::size_t i = 2; i-- > 0;) {
     const TilesetLevel& level = summary_.levels[i];
     const tileset::LoadedTiles loaded = load(folder_ / "place", level.geometric_error_m);
-    const geometry::TriangleMesh surface = tile_writer::merge_meshes(loaded.meshes);
+    const geometry::TriangleMesh surface = simplification::merge_meshes(loaded.meshes);
     EXPECT_EQ(loaded.triangles, level.triangles);
     EXPECT_EQ(loaded.tiles_loaded, level.tiles);
     EXPECT_LE(sampled_distance_m(surface, source), level.geometric_error_m);
@@ -95,7 +95,7 @@ TEST_F(MeshTileset, NoLevelHasCracksBetweenItsTiles) {
   ASSERT_EQ(summary_.levels.size(), 3U);
   for (const TilesetLevel& level : summary_.levels) {
     const double outline_m = kEdge_m * kSheets / 2 - level.geometric_error_m - 1e-6;
-    const auto uses = edge_uses(tile_writer::merge_meshes(load(folder_ / "place", level.geometric_error_m).meshes));
+    const auto uses = edge_uses(simplification::merge_meshes(load(folder_ / "place", level.geometric_error_m).meshes));
     ASSERT_FALSE(uses.empty());
     for (const auto& [edge, count] : uses) {
       EXPECT_LE(count, 2);

@@ -12,7 +12,7 @@
 #include "tileflight/core/base/srgb.h"
 #include "tileflight/core/geometry/triangle_index.h"
 #include "tileflight/core/imaging/textured_mesh.h"
-#include "tileflight/tiles/tile_writer/simplify.h"
+#include "tileflight/tiles/simplification/simplify.h"
 #include "tileflight/tiles/tileset/load.h"
 
 namespace tileflight::tile_writer::test_hills {

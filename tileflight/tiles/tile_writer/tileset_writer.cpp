@@ -3,14 +3,19 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <cmath>
 #include <map>
+#include <memory>
 #include <mutex>
+#include <vector>
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/tiles/tile_writer/simplify.h"
-#include "tileflight/tiles/tile_writer/glb_writer.h"
-#include "tileflight/tiles/tile_writer/texture_atlas.h"
+#include "tileflight/core/imaging/glb_writer.h"
+#include "tileflight/core/imaging/rectangle_packing.h"
+#include "tileflight/core/imaging/textured_mesh.h"
+#include "tileflight/tiles/simplification/simplify.h"
+#include "tileflight/tiles/tile_writer/texture_filter.h"
 #include "tileflight/tiles/tile_writer/tileset_json.h"
 
 namespace tileflight::tile_writer {
@@ -18,7 +23,73 @@ namespace {
 
 using geometry::Box3;
 using geometry::Vec3;
+using imaging::RgbImage;
 using imaging::TexturedMesh;
+
+constexpr int kGutter_px = 2;
+
+RgbImage small_image(const TexturedMesh& mesh, int halvings) {
+  if (!mesh.texture) {
+    const auto byte = [&](std::size_t c) {
+      return static_cast<std::uint8_t>(std::lround(255.0F * mesh.base_color[c]));
+    };
+    return RgbImage(2, 2, {byte(0), byte(1), byte(2)});
+  }
+  const auto scaled_length = [&](int length) { return std::max(1, (length + (1 << halvings) - 1) >> halvings); };
+  return resize_area(*mesh.texture, scaled_length(mesh.texture->width), scaled_length(mesh.texture->height));
+}
+
+/// Copies an image to (x, y) with its edge repeated around it.
+void place(const RgbImage& image, imaging::PixelPosition at, RgbImage& sheet) {
+  for (int row = -kGutter_px; row < image.height + kGutter_px; ++row) {
+    const imaging::Rgb8* from = image.row(std::clamp(row, 0, image.height - 1));
+    imaging::Rgb8* to = sheet.row(at.y + kGutter_px + row) + at.x;
+    std::fill_n(to, kGutter_px, from[0]);
+    std::copy_n(from, image.width, to + kGutter_px);
+    std::fill_n(to + kGutter_px + image.width, kGutter_px, from[image.width - 1]);
+  }
+}
+
+void add_mesh(const TexturedMesh& mesh, imaging::PixelPosition at, const RgbImage& image, const RgbImage& sheet,
+              TexturedMesh& out) {
+  const auto first = static_cast<std::uint32_t>(out.mesh.vertices.size());
+  out.mesh.vertices.insert(out.mesh.vertices.end(), mesh.mesh.vertices.begin(), mesh.mesh.vertices.end());
+  for (const geometry::Triangle& t : mesh.mesh.triangles)
+    out.mesh.triangles.push_back({first + t[0], first + t[1], first + t[2]});
+  const Eigen::Vector2f low(static_cast<float>(at.x + kGutter_px), static_cast<float>(at.y + kGutter_px));
+  const Eigen::Vector2f size(static_cast<float>(image.width), static_cast<float>(image.height));
+  const Eigen::Vector2f whole(static_cast<float>(sheet.width), static_cast<float>(sheet.height));
+  for (std::size_t i = 0; i < mesh.mesh.vertices.size(); ++i) {
+    const Eigen::Vector2f uv = mesh.uv.empty() ? Eigen::Vector2f(0.5F, 0.5F) : mesh.uv[i];
+    out.uv.emplace_back((low + uv.cwiseProduct(size)).cwiseQuotient(whole));
+  }
+}
+
+/// Merges the meshes into one with one texture: their images reduced by a factor of `2^halvings`, side by side with
+/// repeated edges. Texture coordinates must lie in 0..1. Meshes without texture take their base colour. The result is
+/// empty if no mesh has triangles.
+TexturedMesh merge_into_atlas(const std::vector<const TexturedMesh*>& meshes, int halvings) {
+  std::vector<const TexturedMesh*> used;
+  for (const TexturedMesh* mesh : meshes)
+    if (!mesh->mesh.triangles.empty()) used.push_back(mesh);
+  TexturedMesh out;
+  out.wrap_u = out.wrap_v = imaging::Wrap::kClampToEdge;
+  if (used.empty()) return out;
+  std::vector<RgbImage> images;
+  std::vector<imaging::PixelSize> sizes;
+  for (const TexturedMesh* mesh : used) {
+    images.push_back(small_image(*mesh, halvings));
+    sizes.push_back({images.back().width + 2 * kGutter_px, images.back().height + 2 * kGutter_px});
+  }
+  const imaging::RectanglePacking packing = imaging::pack_rectangles(sizes);
+  const auto sheet = std::make_shared<RgbImage>(packing.size.width, packing.size.height);
+  for (std::size_t i = 0; i < used.size(); ++i) {
+    place(images[i], packing.positions[i], *sheet);
+    add_mesh(*used[i], packing.positions[i], images[i], *sheet, out);
+  }
+  out.texture = sheet;
+  return out;
+}
 
 /// A cell of the quadtree: level 0 is the root; x, y count cells from the south-west.
 struct TileId {
@@ -68,7 +139,7 @@ Tree make_tree(const std::vector<TexturedMesh>& meshes, int depth) {
 
 /// The finest meshes, and the simplified meshes for each coarser level of the tree.
 struct Levels {
-  std::vector<std::vector<TexturedMesh>> coarse;  ///< from the root; without the finest level
+  std::vector<std::vector<TexturedMesh>> coarse;  ///< levels from the root, without the finest
   const std::vector<TexturedMesh>& finest;
 
   const std::vector<TexturedMesh>& at(int level) const {
@@ -80,19 +151,19 @@ struct Levels {
 Levels simplify_levels(const std::vector<TexturedMesh>& meshes, const TilesetOptions& options) {
   Levels levels{std::vector<std::vector<TexturedMesh>>(options.level_errors_m.size()), meshes};
   tbb::parallel_for(std::size_t{0}, levels.coarse.size(), [&](std::size_t i) {
-    levels.coarse[i] = tile_writer::simplify_meshes(meshes, options.level_errors_m[i]);
+    levels.coarse[i] = simplification::simplify_meshes(meshes, options.level_errors_m[i]);
   });
   return levels;
 }
 
 /// Measured errors, monotone: not smaller at a coarser level than at a finer one (3D Tiles 1.1, section 7.3).
 std::vector<double> measure_errors(const Levels& levels) {
-  const geometry::TriangleMesh finest = tile_writer::merge_meshes(levels.finest);
+  const geometry::TriangleMesh finest = simplification::merge_meshes(levels.finest);
   std::vector<double> errors_m(levels.coarse.size() + 1, 0.0);
   for (int level = levels.depth() - 1; level >= 0; --level) {
     const auto i = static_cast<std::size_t>(level);
     errors_m[i] = std::max(
-        errors_m[i + 1], tile_writer::hausdorff_distance_m(tile_writer::merge_meshes(levels.coarse[i]), finest));
+        errors_m[i + 1], simplification::hausdorff_distance_m(simplification::merge_meshes(levels.coarse[i]), finest));
   }
   return errors_m;
 }
@@ -116,7 +187,7 @@ struct Written {
 Written write_tile(const std::filesystem::path& folder, const TileId& id, Tile& tile, const Levels& levels,
                    const TilesetOptions& options) {
   const std::vector<TexturedMesh> content = tile_content(tile, id, levels);
-  const std::string glb = write_glb(content, {options.jpeg_quality, options.copyright});
+  const std::string glb = imaging::write_glb(content, {options.jpeg_quality, options.copyright});
   base::write_file(folder / id.uri(), glb);
   Written written{static_cast<std::int64_t>(glb.size()), 0, 0};
   for (const TexturedMesh& mesh : content) {
@@ -137,10 +208,6 @@ TileEntry entry_of(const TileId& id, const Tree& tree, const std::vector<double>
 }
 
 }  // namespace
-
-base::LegacyFolderPattern legacy_tileset_folder() {
-  return {.key_file = "tileset.json", .key_text = "tileflight", .files = {"tileset.json", "tiles/*.glb"}};
-}
 
 TilesetSummary write_tileset(const std::filesystem::path& folder, const std::vector<TexturedMesh>& meshes,
                              const TilesetOptions& options, const Progress& progress) {

@@ -5,12 +5,12 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/core/base/output_folder.h"
 #include "tileflight/core/base/progress.h"
 #include "tileflight/core/imaging/textured_mesh.h"
 
 namespace tileflight::tile_writer {
 
+/// Options for writing meshes that are tiles already.
 struct TilesetOptions {
   /// Allowed simplification error of each level above the finest, from the root down, metres; their number sets the
   /// depth of the tree.
@@ -20,6 +20,7 @@ struct TilesetOptions {
   std::optional<geometry::SE3> T_ecef_local;  ///< frame of the meshes; nullopt: the tileset is not georeferenced
 };
 
+/// Figures of one level.
 struct TilesetLevel {
   int tiles = 0;
   std::int64_t triangles = 0;
@@ -28,13 +29,11 @@ struct TilesetLevel {
   double texel_m = 0.0;            ///< typical texel size; 0: unknown, or no texture
 };
 
+/// Figures of a written tileset.
 struct TilesetSummary {
   std::vector<TilesetLevel> levels;  ///< from the root to the leaves
   std::int64_t bytes = 0;
 };
-
-/// Describes tileset folders of this stage that were written before markers existed.
-base::LegacyFolderPattern legacy_tileset_folder();
 
 /// Writes `folder`/tileset.json (3D Tiles 1.1, explicit tiling, REPLACE) and its glb tiles: a quadtree over the meshes'
 /// extent, z up. Meshes are never cut: each lies entirely in the leaf that contains the centre of its extent, so meshes

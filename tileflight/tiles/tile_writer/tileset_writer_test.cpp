@@ -18,7 +18,7 @@
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/noise.h"
 #include "tileflight/core/geometry/geodesy.h"
-#include "tileflight/tiles/tile_writer/simplify.h"
+#include "tileflight/tiles/simplification/simplify.h"
 #include "tileflight/tiles/tileset/load.h"
 
 namespace tileflight::tile_writer::tileset_writer_test {
@@ -99,15 +99,15 @@ TEST_F(Tileset, TheFinestLevelComesBackInItsPlaceOnEarth) {
   EXPECT_EQ(loaded.geometric_error_max_m, 0.0);
   ASSERT_FALSE(loaded.attribution.empty());
   EXPECT_EQ(loaded.attribution.front(), "a test, CC0");
-  const geometry::TriangleMesh before = tile_writer::merge_meshes(sheets_),
-                               after = tile_writer::merge_meshes(loaded.meshes);
+  const geometry::TriangleMesh before = simplification::merge_meshes(sheets_),
+                               after = simplification::merge_meshes(loaded.meshes);
   EXPECT_NEAR(surface_area_m2(after), surface_area_m2(before), 0.01);
-  EXPECT_LT(tile_writer::hausdorff_distance_m(after, before), 2e-3);
+  EXPECT_LT(simplification::hausdorff_distance_m(after, before), 2e-3);
 }
 
 TEST_F(Tileset, EachLevelIsWithinItsGeometricErrorBothWays) {
   ASSERT_EQ(summary_.levels.size(), 3U);
-  const geometry::TriangleMesh finest = tile_writer::merge_meshes(sheets_);
+  const geometry::TriangleMesh finest = simplification::merge_meshes(sheets_);
   double last_m = 1e9;
   std::int64_t last_triangles = 0;
   for (const TilesetLevel& level : summary_.levels) {
@@ -118,7 +118,7 @@ TEST_F(Tileset, EachLevelIsWithinItsGeometricErrorBothWays) {
     const tileset::LoadedTiles loaded = load(folder_ / "place", level.geometric_error_m);
     EXPECT_EQ(loaded.triangles, level.triangles);
     EXPECT_EQ(loaded.tiles_loaded, level.tiles);
-    EXPECT_LE(tile_writer::hausdorff_distance_m(tile_writer::merge_meshes(loaded.meshes), finest),
+    EXPECT_LE(simplification::hausdorff_distance_m(simplification::merge_meshes(loaded.meshes), finest),
               1.02 * level.geometric_error_m + 3e-3);
   }
   EXPECT_EQ(last_m, 0.0);
@@ -145,7 +145,7 @@ TEST_F(Tileset, NoLevelHasCracksBetweenTiles) {
   ASSERT_EQ(summary_.levels.size(), 3U);
   for (const TilesetLevel& level : summary_.levels) {
     const tileset::LoadedTiles loaded = load(folder_ / "place", level.geometric_error_m);
-    const auto uses = edge_uses(tile_writer::merge_meshes(loaded.meshes));
+    const auto uses = edge_uses(simplification::merge_meshes(loaded.meshes));
     ASSERT_FALSE(uses.empty());
     for (const auto& [edge, count] : uses) {
       if (count == 2) continue;

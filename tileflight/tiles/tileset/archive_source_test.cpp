@@ -11,10 +11,10 @@
 
 #include "tests/test_data.h"
 #include "tileflight/core/base/decompress.h"
-#include "tileflight/core/base/md5.h"
-#include "tileflight/tiles/tileset/load.h"
+#include "tileflight/core/base/hash.h"
 #include "tileflight/tiles/fetch/open_source.h"
 #include "tileflight/tiles/fetch/test_tilesets.h"
+#include "tileflight/tiles/tileset/load.h"
 
 namespace tileflight::tileset::archive_source_test {
 namespace {
@@ -23,10 +23,10 @@ namespace fs = std::filesystem;
 using base::test_support::error_of;
 using base::test_support::to_bytes;
 using base::test_support::to_text;
+using fetch::test_support::ZipEntry;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
-using fetch::test_support::ZipEntry;
 
 /// zlib's stream: -15 raw, 31 gzip.
 std::string deflated(const std::string& text, int window_bits) {
@@ -63,15 +63,16 @@ TEST(Unpack, GzipRoundTripAndBounds) {
     EXPECT_TRUE(base::is_gzip(packed));
     EXPECT_EQ(base::test_support::to_text(base::gunzip(packed, text.size(), "t")), text);
     if (!text.empty()) {
-      EXPECT_THAT(base::test_support::error_of([&] { base::gunzip(packed, text.size() - 1, "t"); }), HasSubstr("the limit"));
+      EXPECT_THAT(base::test_support::error_of([&] { base::gunzip(packed, text.size() - 1, "t"); }),
+                  HasSubstr("the limit"));
       EXPECT_THAT(
           base::test_support::error_of([&] { base::gunzip(std::span(packed).first(packed.size() / 2), 1 << 20, "t"); }),
           HasSubstr("truncated"));
     }
   }
-  EXPECT_EQ(
-      base::test_support::to_text(base::gunzip(base::test_support::to_bytes(deflated("ab", 31) + deflated("cd", 31)), 4, "t")),
-      "abcd");
+  EXPECT_EQ(base::test_support::to_text(
+                base::gunzip(base::test_support::to_bytes(deflated("ab", 31) + deflated("cd", 31)), 4, "t")),
+            "abcd");
 }
 
 /// Zeros, a thousand times the size of their gzip: rejected at the limit, not after.
@@ -80,8 +81,9 @@ TEST(Unpack, ABombStopsAtTheLimit) {
   EXPECT_LT(bomb.size(), 100000U);
   EXPECT_THAT(base::test_support::error_of([&] { base::gunzip(bomb, 1 << 20, "t"); }),
               HasSubstr("more than the limit of 1048576 bytes"));
-  EXPECT_THAT(base::test_support::error_of(
-                  [&] { base::decompress_zstd(base::test_support::to_bytes("(\xB5/\xFD"), std::size_t{1} << 40, "t"); }),
+  EXPECT_THAT(base::test_support::error_of([&] {
+                base::decompress_zstd(base::test_support::to_bytes("(\xB5/\xFD"), std::size_t{1} << 40, "t");
+              }),
               HasSubstr("declares"));
 }
 
@@ -299,9 +301,8 @@ TEST_F(ArchiveFiles, WhatIsNoArchiveIsNamed) {
             database("f.3dtiles", {"CREATE VIEW media AS SELECT 'tileset.json' AS key, 'x' AS content"}).string());
       }),
       HasSubstr("no table 'media'"));
-  EXPECT_THAT(base::test_support::error_of([&] {
-                fetch::open_source(write("g.3dtiles", "SQLite format 3" + std::string(900, '\7')).string());
-              }),
+  EXPECT_THAT(base::test_support::error_of(
+                  [&] { fetch::open_source(write("g.3dtiles", "SQLite format 3" + std::string(900, '\7')).string()); }),
               HasSubstr("g.3dtiles"));
 }
 

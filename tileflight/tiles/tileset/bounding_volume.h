@@ -15,6 +15,7 @@ struct OrientedBox {
   geometry::Mat3 half_axes = geometry::Mat3::Zero();  ///< one per column, metres
 };
 
+/// A sphere.
 struct BoundingSphere {
   geometry::Vec3 center = geometry::Vec3::Zero();
   double radius_m = 0.0;
@@ -45,16 +46,17 @@ using BoundingVolume = std::variant<OrientedBox, BoundingSphere, GeographicRegio
 /// earth-fixed volumes do not change.
 BoundingVolume transformed(const geometry::Mat4& T_a_b, const BoundingVolume& volume_b);
 
-/// Centre of the volume, in the tileset's frame (earth-centred for earth-fixed volumes).
+/// Returns the centre of the volume, in the tileset's frame (earth-centred for earth-fixed volumes).
 geometry::Vec3 center_of(const BoundingVolume& volume);
 
-/// Axis-aligned bounding box of the volume (given in the tileset's frame) in the local frame. Tight for oriented boxes
-/// and spheres; conservative for a geographic region or S2 cell, with an excess below the patch's own curvature (for an
-/// S2 cell, it bounds the box oriented like the cell).
+/// Returns the axis-aligned bounding box, in the local frame, of a volume in the tileset's frame. It is tight for
+/// oriented boxes and spheres, and conservative for a geographic region or S2 cell, with an excess below the patch's
+/// own curvature (for an S2 cell, it bounds the box oriented like the cell).
 geometry::Box3 local_bounding_box(const BoundingVolume& volume, const geometry::SE3& T_local_tileset);
 
-/// Whether the volume and an axis-aligned box of the local frame share a point; touching counts, with a tolerance of a
-/// micrometre. Exact for boxes (separating axes) and spheres; never falsely negative for earth-fixed volumes.
+/// Returns whether the volume and an axis-aligned box of the local frame share a point. Touching counts, with a
+/// tolerance of a micrometre. Exact for boxes (separating axes) and spheres; never falsely negative for earth-fixed
+/// volumes.
 bool intersects(const BoundingVolume& volume, const geometry::SE3& T_local_tileset, const geometry::Box3& box_local);
 
 }  // namespace tileflight::tileset

@@ -2,7 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "tileflight/core/base/string_lists.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/geometry/json_numbers.h"
 #include "tileflight/tiles/tile_content/attribution.h"
 
@@ -27,8 +27,8 @@ geometry::Vec3 corner_from_json(const json& v) {
 }
 
 /// Adds what the contents that were read say.
-void add_records(std::span<const std::optional<ContentRecord>> records,
-                 tile_content::AttributionCollector& attribution, LoadedTiles& to) {
+void add_records(std::span<const std::optional<ContentRecord>> records, tile_content::AttributionCollector& attribution,
+                 LoadedTiles& to) {
   for (const std::optional<ContentRecord>& record : records) {
     if (!record) continue;
     if (!record->failure.empty()) {

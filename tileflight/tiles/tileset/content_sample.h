@@ -18,27 +18,28 @@ struct ContentMeasures {
   double points = 0.0;
   double texels = 0.0;           ///< an image shared by meshes counts once
   double attribute_bytes = 0.0;  ///< texture coordinates, colours, feature numbers
-  double area_m2 = 0.0;          ///< of the surface
+  double area_m2 = 0.0;          ///< area of the surface
 };
 
 ContentMeasures operator+(const ContentMeasures& a, const ContentMeasures& b);
 ContentMeasures operator*(double factor, const ContentMeasures& a);
 
-/// Measures of a content. With `within`: its area, triangles and vertices are those of triangles whose centroid lies in
-/// that box (in the frame of the meshes).
+/// Measures a content. With `within`, only triangles whose centroid lies in that box (in the frame of the meshes) count
+/// for its area, triangles and vertices.
 ContentMeasures measure_content(const std::vector<imaging::TexturedMesh>& meshes,
                                 const std::vector<geometry::PointCloud>& clouds,
                                 const std::optional<geometry::Box3>& within = {});
 
-/// Indices of at most `wanted` of `count` things, distinct and evenly spread, as is every prefix: multiples of the golden
-/// ratio modulo one (Weyl's sequence), which keep step with no period that the things may have.
+/// Returns distinct indices of at most `wanted` of `count` things. They are evenly spread, and so is every prefix:
+/// multiples of the golden ratio modulo one (Weyl's sequence), which keep step with no period that the things may have.
 std::vector<std::size_t> spread_sample(std::size_t count, std::size_t wanted);
 
-/// The mean of a sample of `population` things and how far it may be off.
+/// Mean of a sample of a population, and its uncertainty.
 struct SampleMean {
   double mean = 0.0;
-  double standard_error = 0.0;  ///< without replacement: 0 if all were looked at; infinite for one of several
+  double standard_error = 0.0;  ///< without replacement: 0 if all were sampled; infinite for one of several
 };
+/// Returns the mean of values sampled from `population` things.
 SampleMean sample_mean(const std::vector<double>& values, double population);
 
 }  // namespace tileflight::tileset

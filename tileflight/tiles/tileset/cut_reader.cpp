@@ -9,10 +9,9 @@
 #include <utility>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/tiles/tile_content/content.h"
-#include "tileflight/tiles/tile_content/content_transform.h"
-#include "tileflight/tiles/tile_content/shared_image_cache.h"
 #include "tileflight/tiles/fetch/uri.h"
+#include "tileflight/tiles/tile_content/content.h"
+#include "tileflight/tiles/tile_content/shared_image_cache.h"
 
 namespace tileflight::tileset {
 namespace {

@@ -15,14 +15,14 @@ namespace tileflight::tileset {
 /// A content of a cut, loaded or failed.
 struct LoadedContent {
   std::vector<imaging::TexturedMesh> meshes;  ///< in the local frame
-  std::vector<geometry::PointCloud> clouds;   ///< likewise
+  std::vector<geometry::PointCloud> clouds;   ///< in the local frame
   std::vector<std::string> copyrights;
   std::vector<std::string> warnings;
-  std::string failure;     ///< empty: loaded
+  std::string failure;     ///< empty: the content was loaded
   std::int64_t bytes = 0;  ///< file size as fetched
 };
 
-/// Memory of a mesh and of the acceleration structures over it, without its texture.
+/// Returns the memory of a mesh and of the acceleration structures over it, without its texture.
 std::uintmax_t memory_bytes(const imaging::TexturedMesh& mesh);
 
 /// Reads the contents of a cut in parallel, each file once; the result is in the cut's order, independent of threads.

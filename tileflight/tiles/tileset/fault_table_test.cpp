@@ -6,12 +6,12 @@
 
 #include "tests/test_data.h"
 #include "tileflight/core/base/files.h"
+#include "tileflight/tiles/fetch/test_tilesets.h"
 #include "tileflight/tiles/tile_content/content.h"
 #include "tileflight/tiles/tile_content/json_reader.h"
 #include "tileflight/tiles/tileset/inspect.h"
 #include "tileflight/tiles/tileset/load.h"
 #include "tileflight/tiles/tileset/subtree.h"
-#include "tileflight/tiles/fetch/test_tilesets.h"
 
 /// Outcome for every available broken file: read, or one error line.
 namespace tileflight::tileset::fault_table_test {
@@ -62,7 +62,7 @@ std::string fate_of(const fs::path& file, Kind kind) {
     if (kind == Kind::kContent) return read_content(file);
     if (kind == Kind::kSchema) {
       tile_content::parse_metadata_schema(tile_content::parse_json(base::read_text(file), file.filename()),
-                                           file.filename());
+                                          file.filename());
       return;
     }
     inspect_tileset(file.string());

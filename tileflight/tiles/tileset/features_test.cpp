@@ -1,15 +1,15 @@
 #include <gmock/gmock.h>
-#include <nlohmann/json.hpp>
 
+#include <nlohmann/json.hpp>
 #include <set>
 #include <span>
 
 #include "tests/test_data.h"
 #include "tileflight/core/imaging/image_files.h"
+#include "tileflight/tiles/fetch/test_tilesets.h"
 #include "tileflight/tiles/tile_content/pnts.h"
 #include "tileflight/tiles/tile_content/property_table.h"
 #include "tileflight/tiles/tileset/load.h"
-#include "tileflight/tiles/fetch/test_tilesets.h"
 
 /// Assignment of triangles to buildings: batch tables, EXT_mesh_features, EXT_instance_features.
 namespace tileflight::tileset::features_test {
@@ -17,25 +17,25 @@ namespace {
 
 using base::test_support::error_of;
 using base::test_support::to_raw_bytes;
+using fetch::test_support::GltfWriter;
+using fetch::test_support::Json;
 using imaging::kNoFeature;
 using imaging::TexturedMesh;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
-using fetch::test_support::GltfWriter;
-using fetch::test_support::Json;
 
 tile_content::MetadataSchema schema(const Json& properties, const Json& enums = Json::object()) {
   return tile_content::parse_metadata_schema({{"classes", {{"c", {{"properties", properties}}}}}, {"enums", enums}},
-                                              "schema");
+                                             "schema");
 }
 
 /// A table over these columns, each a bufferView.
 tile_content::PropertyTable table(const Json& properties, std::size_t count, const Json& columns,
-                                   const std::vector<std::string>& views, const Json& enums = Json::object()) {
+                                  const std::vector<std::string>& views, const Json& enums = Json::object()) {
   const auto view = [&](std::size_t i) { return std::as_bytes(std::span(views.at(i))); };
   return tile_content::PropertyTable({{"class", "c"}, {"count", count}, {"properties", columns}},
-                                      schema(properties, enums), view, "t");
+                                     schema(properties, enums), view, "t");
 }
 
 TEST(PropertyTable, NumbersOfAnyType) {
@@ -128,13 +128,13 @@ tile_content::DecodedContent decode(const std::string& bytes) {
 TEST(Features, BatchTableOfAB3dm) {
   const std::string bytes =
       fetch::test_support::container("b3dm",
-                                    {{{"BATCH_LENGTH", 2}},
-                                     "",
-                                     {{"name", {"Kelvin Hall", "Mill"}},
-                                      {"height", {{"byteOffset", 0}, {"componentType", "DOUBLE"}, {"type", "SCALAR"}}},
-                                      {"tags", {{{"a", 1}}, nullptr}}},
-                                     base::test_support::to_raw_bytes<double>({20.5, 7})},
-                                    two_buildings("_BATCHID").glb());
+                                     {{{"BATCH_LENGTH", 2}},
+                                      "",
+                                      {{"name", {"Kelvin Hall", "Mill"}},
+                                       {"height", {{"byteOffset", 0}, {"componentType", "DOUBLE"}, {"type", "SCALAR"}}},
+                                       {"tags", {{{"a", 1}}, nullptr}}},
+                                      base::test_support::to_raw_bytes<double>({20.5, 7})},
+                                     two_buildings("_BATCHID").glb());
   const TexturedMesh mesh = decode(bytes).meshes.at(0);
   EXPECT_THAT(mesh.feature_ids, ElementsAre(1, 1, 1, 0, 0, 0));
   ASSERT_NE(mesh.features, nullptr);

@@ -6,11 +6,11 @@
 
 #include "tests/test_data.h"
 #include "tileflight/core/base/files.h"
+#include "tileflight/tiles/fetch/test_tilesets.h"
 #include "tileflight/tiles/tile_content/content.h"
 #include "tileflight/tiles/tileset/inspect.h"
 #include "tileflight/tiles/tileset/load.h"
 #include "tileflight/tiles/tileset/subtree.h"
-#include "tileflight/tiles/fetch/test_tilesets.h"
 
 /// Third-party files, valid and broken: each is read correctly or gives one clear error line.
 namespace tileflight::tileset::foreign_files_test {
@@ -116,15 +116,16 @@ TEST(ForeignFiles, ARealTileCutShortOrDamaged) {
   const std::vector<std::byte> whole = base::read_bytes(file);
   EXPECT_EQ(base::test_support::error_of([&] { tile_content::decode_content(whole, "tile"); }), "");
   for (std::size_t length = 0; length < whole.size(); length += 1 + length / 64) {
-    EXPECT_NE(base::test_support::error_of([&] { tile_content::decode_content(std::span(whole).first(length), "tile"); }),
-              "")
+    EXPECT_NE(
+        base::test_support::error_of([&] { tile_content::decode_content(std::span(whole).first(length), "tile"); }), "")
         << length;
   }
   std::mt19937 random(1);
   for (int i = 0; i < 100; ++i) {
     std::vector<std::byte> damaged = whole;
     for (int k = 0; k < 3; ++k) damaged[random() % damaged.size()] = static_cast<std::byte>(random());
-    EXPECT_THAT(base::test_support::error_of([&] { tile_content::decode_content(damaged, "tile"); }), Not(HasSubstr("\n")));
+    EXPECT_THAT(base::test_support::error_of([&] { tile_content::decode_content(damaged, "tile"); }),
+                Not(HasSubstr("\n")));
   }
 }
 

@@ -14,6 +14,10 @@ namespace {
 
 using base::test_support::error_of;
 using base::test_support::to_text;
+using fetch::test_support::MemorySource;
+using fetch::test_support::ServedConnection;
+using fetch::test_support::ServedRequest;
+using fetch::test_support::TestHttpServer;
 using std::chrono::milliseconds;
 using test_support::TestHttpTileset;
 using ::testing::AllOf;
@@ -21,10 +25,6 @@ using ::testing::Each;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::Not;
-using fetch::test_support::MemorySource;
-using fetch::test_support::ServedConnection;
-using fetch::test_support::ServedRequest;
-using fetch::test_support::TestHttpServer;
 
 class HttpSourceTest : public ::testing::Test {
  protected:
@@ -162,12 +162,10 @@ TEST_F(HttpSourceTest, EachFaultGivesTheBytesOrOneError) {
 }
 
 TEST_F(HttpSourceTest, ATilesetCannotSendItsReaderElsewhere) {
-  fetch::test_support::Json root =
-      fetch::test_support::tile(fetch::test_support::box_volume(0, 0, 0, 9, 9, 9), 5);
+  fetch::test_support::Json root = fetch::test_support::tile(fetch::test_support::box_volume(0, 0, 0, 9, 9, 9), 5);
   for (const std::string uri : {"file:///etc/passwd", "http://localhost:9/a.glb", "//127.0.0.2/a.glb", "ftp://h/a.glb",
                                 "https://127.0.0.1/a.glb"}) {
-    root["children"].push_back(
-        fetch::test_support::tile(fetch::test_support::box_volume(0, 0, 0, 2, 2, 2), 0, uri));
+    root["children"].push_back(fetch::test_support::tile(fetch::test_support::box_volume(0, 0, 0, 2, 2, 2), 0, uri));
   }
   place_.add("/place/tileset.json", fetch::test_support::tileset(root).dump());
   const LoadedTiles tiles = load();
@@ -276,12 +274,10 @@ class CachedHttpSource : public HttpSourceTest {
     });
   }
   fetch::HttpSource open_cached() {
-    return fetch::HttpSource(std::make_unique<fetch::UrlProvider>(place_.root() + "?key=SECRETSECRET"),
-                                 options_, std::make_unique<fetch::HttpCache>(folder_.path()));
+    return fetch::HttpSource(std::make_unique<fetch::UrlProvider>(place_.root() + "?key=SECRETSECRET"), options_,
+                             std::make_unique<fetch::HttpCache>(folder_.path()));
   }
-  std::string read(fetch::HttpSource& source) {
-    return base::test_support::to_text(source.read(place_.url("/a.glb")));
-  }
+  std::string read(fetch::HttpSource& source) { return base::test_support::to_text(source.read(place_.url("/a.glb"))); }
   int requests() { return place_.server().count("/a.glb"); }
 
   tests::TemporaryFolder folder_;
@@ -373,16 +369,14 @@ TEST_F(CachedHttpSource, BodiesThatCarrySecretsAreNotKept) {
 }
 
 TEST_F(HttpSourceTest, FilesThatTheTreeGoesOnInAreFetchedLevelByLevel) {
-  fetch::test_support::Json root =
-      fetch::test_support::tile(fetch::test_support::box_volume(0, 0, 0, 90, 9, 9), 5);
+  fetch::test_support::Json root = fetch::test_support::tile(fetch::test_support::box_volume(0, 0, 0, 90, 9, 9), 5);
   for (int i = 0; i < 8; ++i) {
     const std::string name = std::to_string(i);
     const auto box = fetch::test_support::box_volume(10 * i - 35, 0, 0, 4, 4, 4);
     root["children"].push_back(fetch::test_support::tile(box, 4, name + ".json"));
     place_.stage("/place/" + name + ".json", [box, name](const ServedRequest&, ServedConnection& c) {
       c.wait(milliseconds(30));
-      return c.answer(200,
-                      fetch::test_support::tileset(fetch::test_support::tile(box, 0, name + ".glb")).dump());
+      return c.answer(200, fetch::test_support::tileset(fetch::test_support::tile(box, 0, name + ".glb")).dump());
     });
     if (i != 5) place_.add("/place/" + name + ".glb", fetch::test_support::triangle_glb());
   }

@@ -1,22 +1,23 @@
 #include "tileflight/tiles/tile_content/i3dm.h"
 
 #include <gmock/gmock.h>
+
 #include <nlohmann/json.hpp>
 
 #include "tests/test_data.h"
 #include "tileflight/core/geometry/geodesy.h"
-#include "tileflight/tiles/tileset/load.h"
 #include "tileflight/tiles/fetch/test_tilesets.h"
+#include "tileflight/tiles/tileset/load.h"
 
 namespace tileflight::tileset::i3dm_test {
 namespace {
 
 using base::test_support::error_of;
 using base::test_support::to_raw_bytes;
+using fetch::test_support::Json;
 using geometry::Vec3;
 using ::testing::Each;
 using ::testing::HasSubstr;
-using fetch::test_support::Json;
 
 /// A triangle (0 0 0), (1 0 0), (0 1 0) in the tile's frame: the y-up model becomes horizontal when rotated to z-up.
 std::string flat_triangle() { return fetch::test_support::triangle_glb({0, 0, 0, 1, 0, 0, 0, 0, -1}); }
@@ -44,12 +45,12 @@ TEST(I3dm, PlacesScalesAndTurns) {
   const std::string right = base::test_support::to_raw_bytes<float>({1, 0, 0, 1, 0, 0});
   const std::string scale = base::test_support::to_raw_bytes<float>({1, 3});
   const tile_content::DecodedContent content = read(i3dm({{{"INSTANCES_LENGTH", 2},
-                                                            {"POSITION", {{"byteOffset", 0}}},
-                                                            {"NORMAL_UP", {{"byteOffset", 24}}},
-                                                            {"NORMAL_RIGHT", {{"byteOffset", 48}}},
-                                                            {"SCALE", {{"byteOffset", 72}}},
-                                                            {"RTC_CENTER", {0, 0, 100}}},
-                                                           positions + up + right + scale}));
+                                                           {"POSITION", {{"byteOffset", 0}}},
+                                                           {"NORMAL_UP", {{"byteOffset", 24}}},
+                                                           {"NORMAL_RIGHT", {{"byteOffset", 48}}},
+                                                           {"SCALE", {{"byteOffset", 72}}},
+                                                           {"RTC_CENTER", {0, 0, 100}}},
+                                                          positions + up + right + scale}));
   ASSERT_EQ(content.meshes.size(), 2U);
   expect_corners(content.meshes[0], {Vec3(10, 0, 100), Vec3(11, 0, 100), Vec3(10, 1, 100)});
   expect_corners(content.meshes[1], {Vec3(0, 20, 100), Vec3(3, 20, 100), Vec3(0, 20, 103)});
@@ -62,13 +63,13 @@ TEST(I3dm, QuantisedPlacesAndOctahedralDirections) {
   const std::string up = base::test_support::to_raw_bytes<std::uint16_t>({32768, 32768});
   const std::string right = base::test_support::to_raw_bytes<std::uint16_t>({65535, 32768});
   const tile_content::DecodedContent content = read(i3dm({{{"INSTANCES_LENGTH", 1},
-                                                            {"POSITION_QUANTIZED", {{"byteOffset", 0}}},
-                                                            {"QUANTIZED_VOLUME_OFFSET", {0, 5, 0}},
-                                                            {"QUANTIZED_VOLUME_SCALE", {10, 1, 1}},
-                                                            {"NORMAL_UP_OCT32P", {{"byteOffset", 8}}},
-                                                            {"NORMAL_RIGHT_OCT32P", {{"byteOffset", 12}}},
-                                                            {"SCALE_NON_UNIFORM", {2, 4, 1}}},
-                                                           positions + "  " + up + right}));
+                                                           {"POSITION_QUANTIZED", {{"byteOffset", 0}}},
+                                                           {"QUANTIZED_VOLUME_OFFSET", {0, 5, 0}},
+                                                           {"QUANTIZED_VOLUME_SCALE", {10, 1, 1}},
+                                                           {"NORMAL_UP_OCT32P", {{"byteOffset", 8}}},
+                                                           {"NORMAL_RIGHT_OCT32P", {{"byteOffset", 12}}},
+                                                           {"SCALE_NON_UNIFORM", {2, 4, 1}}},
+                                                          positions + "  " + up + right}));
   expect_corners(content.meshes.at(0), {Vec3(10, 5, 0), Vec3(12, 5, 0), Vec3(10, 5, 4)});
 }
 
@@ -76,10 +77,10 @@ TEST(I3dm, EastNorthUpOfItsPlace) {
   const geometry::LocalFrame frame({35.31, -80.74, {200}});
   const Vec3 place = frame.T_ecef_local().translation;
   const tile_content::DecodedContent content = read(i3dm({{{"INSTANCES_LENGTH", 1},
-                                                            {"POSITION", {0, 0, 0}},
-                                                            {"RTC_CENTER", {place.x(), place.y(), place.z()}},
-                                                            {"EAST_NORTH_UP", true}},
-                                                           ""}));
+                                                           {"POSITION", {0, 0, 0}},
+                                                           {"RTC_CENTER", {place.x(), place.y(), place.z()}},
+                                                           {"EAST_NORTH_UP", true}},
+                                                          ""}));
   expect_corners(content.meshes.at(0),
                  {place, frame.T_ecef_local() * Vec3(1, 0, 0), frame.T_ecef_local() * Vec3(0, 1, 0)});
 }
@@ -106,14 +107,16 @@ TEST(I3dm, AModelAtAUriAndItsOwnFiles) {
       "bufferViews":[{"buffer":0,"byteLength":36}],"buffers":[{"uri":"tree.bin","byteLength":36}]})");
   options.read_resource = [&](const std::string& uri) {
     asked.push_back(uri);
-    return base::test_support::to_bytes(
-        uri == "models/tree.gltf" ? gltf.dump() : base::test_support::to_raw_bytes<float>({0, 0, 0, 1, 0, 0, 0, 0, -1}));
+    return base::test_support::to_bytes(uri == "models/tree.gltf"
+                                            ? gltf.dump()
+                                            : base::test_support::to_raw_bytes<float>({0, 0, 0, 1, 0, 0, 0, 0, -1}));
   };
   const Json table = {{"INSTANCES_LENGTH", 1}, {"POSITION", {1, 2, 3}}};
   const tile_content::DecodedContent content = read(i3dm({table}, "models/tree.gltf   ", 0), options);
   expect_corners(content.meshes.at(0), {Vec3(1, 2, 3), Vec3(2, 2, 3), Vec3(1, 3, 3)});
   EXPECT_THAT(asked, ::testing::ElementsAre("models/tree.gltf", "models/tree.bin"));
-  EXPECT_THAT(base::test_support::error_of([&] { read(i3dm({table}, "models/tree.gltf", 0)); }), HasSubstr("another file"));
+  EXPECT_THAT(base::test_support::error_of([&] { read(i3dm({table}, "models/tree.gltf", 0)); }),
+              HasSubstr("another file"));
 }
 
 TEST(I3dm, FaultsAreNamed) {

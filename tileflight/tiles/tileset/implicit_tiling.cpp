@@ -1,8 +1,7 @@
 #include "tileflight/tiles/tileset/implicit_tiling.h"
 
-#include <nlohmann/json.hpp>
-
 #include <cmath>
+#include <nlohmann/json.hpp>
 #include <numbers>
 
 #include "tileflight/core/base/input_error.h"
@@ -74,7 +73,7 @@ S2Volume subdivide(const S2Volume& root, const TileCoordinates& tile, bool octre
 ImplicitTiling parse_implicit_tiling(const tile_content::Json& json, const std::string& where) {
   ImplicitTiling out;
   const std::string scheme = tile_content::require_value(tile_content::find_string(json, "subdivisionScheme", where),
-                                                          "subdivisionScheme", where);
+                                                         "subdivisionScheme", where);
   if (scheme != "QUADTREE" && scheme != "OCTREE") {
     throw InputError(where, "subdivisionScheme is '" + scheme + "'; expected QUADTREE or OCTREE");
   }

@@ -7,23 +7,23 @@
 #include <nlohmann/json.hpp>
 
 #include "tests/test_data.h"
+#include "tileflight/tiles/fetch/test_tilesets.h"
 #include "tileflight/tiles/tileset/inspect.h"
 #include "tileflight/tiles/tileset/load.h"
 #include "tileflight/tiles/tileset/selection.h"
 #include "tileflight/tiles/tileset/test_subtrees.h"
-#include "tileflight/tiles/fetch/test_tilesets.h"
 
 namespace tileflight::tileset::implicit_tiling_test {
 namespace {
 
 using base::test_support::error_of;
 using base::test_support::to_bytes;
-using geometry::Vec3;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
 using fetch::test_support::Bytes;
 using fetch::test_support::Json;
 using fetch::test_support::MemorySource;
+using geometry::Vec3;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
 using namespace test_support;
 
 TEST(ImplicitTiling, ABoxIsDividedIntoHalves) {
@@ -64,8 +64,7 @@ TEST(ImplicitTiling, Templates) {
 }
 
 Json implicit_tileset() {
-  Json root =
-      fetch::test_support::tile(fetch::test_support::box_volume(0, 0, 0, 8, 8, 4), 16, "a/{level}.{x}.{y}.glb");
+  Json root = fetch::test_support::tile(fetch::test_support::box_volume(0, 0, 0, 8, 8, 4), 16, "a/{level}.{x}.{y}.glb");
   root["refine"] = "REPLACE";
   root["implicitTiling"] = {{"subdivisionScheme", "QUADTREE"},
                             {"subtreeLevels", 2},
@@ -163,8 +162,8 @@ TEST(ImplicitTiling, WhatCannotBeDividedIsRefused) {
   };
   EXPECT_THAT(message([](Json& r) { r["boundingVolume"] = {{"sphere", {0, 0, 0, 1}}}; }), HasSubstr("is a sphere"));
   EXPECT_THAT(message([](Json& r) {
-                r["children"] = Json::array(
-                    {fetch::test_support::tile(fetch::test_support::box_volume(0, 0, 0, 1, 1, 1), 1)});
+                r["children"] =
+                    Json::array({fetch::test_support::tile(fetch::test_support::box_volume(0, 0, 0, 1, 1, 1), 1)});
               }),
               HasSubstr("both implicitTiling and children"));
   EXPECT_THAT(message([](Json& r) { r["implicitTiling"]["subdivisionScheme"] = "KD"; }), HasSubstr("'KD'"));
@@ -244,7 +243,7 @@ class FullTree : public MemorySource {
   static Json tileset_of(bool octree, int levels, int subtree_levels) {
     const std::string place = octree ? "{level}.{x}.{y}.{z}" : "{level}.{x}.{y}";
     Json root = fetch::test_support::tile(fetch::test_support::box_volume(0, 0, 0, 2048, 2048, 2048), 2048,
-                                              "a/" + place + ".glb");
+                                          "a/" + place + ".glb");
     root["refine"] = "REPLACE";
     root["implicitTiling"] = {{"subdivisionScheme", octree ? "OCTREE" : "QUADTREE"},
                               {"subtreeLevels", subtree_levels},

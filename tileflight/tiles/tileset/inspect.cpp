@@ -2,29 +2,59 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <functional>
+#include <map>
 #include <set>
+#include <string>
 #include <string_view>
 #include <unordered_map>
 #include <unordered_set>
+#include <vector>
 
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/string_lists.h"
+#include "tileflight/core/imaging/glb_document.h"
+#include "tileflight/tiles/fetch/uri.h"
 #include "tileflight/tiles/tile_content/attribution.h"
 #include "tileflight/tiles/tile_content/content.h"
 #include "tileflight/tiles/tile_content/shared_image_cache.h"
 #include "tileflight/tiles/tileset/placement.h"
 #include "tileflight/tiles/tileset/tileset_tree.h"
-#include "tileflight/tiles/tileset/tree_tally.h"
-#include "tileflight/tiles/fetch/uri.h"
 
 namespace tileflight::tileset {
 namespace {
 
+/// Numbers of a part of the tree. They are estimates, and not whole, if files were not opened.
+struct TreeTally {
+  double tiles = 0, with_content = 0, leaves = 0, replace = 0, add = 0, unsupported = 0, finest = 0;
+  std::map<std::string, double> contents;
+  std::vector<double> level_tiles;
+  double files = 0, files_missing = 0, file_bytes = 0, finest_bytes = 0;  ///< distinct files only
+
+  /// Adds another part that stands for `weight` like it; each of its files for `file_weight`.
+  void add_part(const TreeTally& part, double weight, double file_weight) {
+    tiles += weight * part.tiles;
+    with_content += weight * part.with_content;
+    leaves += weight * part.leaves;
+    replace += weight * part.replace;
+    add += weight * part.add;
+    unsupported += weight * part.unsupported;
+    finest += weight * part.finest;
+    for (const auto& [kind, count] : part.contents) contents[kind] += weight * count;
+    if (level_tiles.size() < part.level_tiles.size()) level_tiles.resize(part.level_tiles.size());
+    for (std::size_t i = 0; i < part.level_tiles.size(); ++i) level_tiles[i] += weight * part.level_tiles[i];
+    files += file_weight * part.files;
+    files_missing += file_weight * part.files_missing;
+    file_bytes += file_weight * part.file_bytes;
+    finest_bytes += file_weight * part.finest_bytes;
+  }
+};
+
 /// An external tileset or subtree that a file refers to.
 struct Reference {
   TilesetTree::NestedFile file;
-  std::size_t level = 0;               ///< of its root
+  std::size_t level = 0;               ///< level of its root
   double weight = 1.0;                 ///< how many such references it stands for
   double file_weight = 1.0;            ///< how many such files
   std::optional<std::size_t> group{};  ///< which of the references of the first generation that was sampled led to it

@@ -7,20 +7,20 @@
 #include <nlohmann/json.hpp>
 
 #include "tests/test_data.h"
-#include "tileflight/tiles/tile_content/attribution.h"
 #include "tileflight/tiles/fetch/test_tilesets.h"
+#include "tileflight/tiles/tile_content/attribution.h"
 
 namespace tileflight::tileset::inspect_test {
 namespace {
 
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
-using ::testing::Pair;
-using ::testing::UnorderedElementsAre;
 using fetch::test_support::box_volume;
 using fetch::test_support::Json;
 using fetch::test_support::MemorySource;
 using fetch::test_support::tile;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::Pair;
+using ::testing::UnorderedElementsAre;
 
 TEST(InspectTileset, CountsWhatIsThere) {
   Json root = fetch::test_support::tile(fetch::test_support::box_volume(0, 0, 0, 10, 20, 30), 8);
@@ -221,8 +221,8 @@ TEST(InspectTileset, OneTilesetNamedOftenIsOneFile) {
 /// 64 x 64 subtrees of 85 tiles below a root subtree, of which a few are opened.
 TEST(InspectTileset, OfManySubtreesSomeStandForAll) {
   MemorySource source;
-  Json root = fetch::test_support::tile(fetch::test_support::box_volume(0, 0, 0, 64, 64, 64), 64,
-                                            "{level}.{x}.{y}.glb");
+  Json root =
+      fetch::test_support::tile(fetch::test_support::box_volume(0, 0, 0, 64, 64, 64), 64, "{level}.{x}.{y}.glb");
   root["refine"] = "REPLACE";
   root["implicitTiling"] = {{"subdivisionScheme", "QUADTREE"},
                             {"subtreeLevels", 6},

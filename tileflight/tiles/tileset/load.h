@@ -13,9 +13,9 @@
 #include "tileflight/core/geometry/geodesy.h"
 #include "tileflight/core/geometry/point_cloud.h"
 #include "tileflight/core/imaging/textured_mesh.h"
+#include "tileflight/tiles/fetch/open_source.h"
 #include "tileflight/tiles/tileset/region.h"
 #include "tileflight/tiles/tileset/view_criteria.h"
-#include "tileflight/tiles/fetch/open_source.h"
 
 namespace tileflight::tileset {
 
@@ -59,18 +59,18 @@ struct LoadOptions {
   /// Memory limit for loaded contents, including acceleration structures (memory_bytes of cut_reader.h). Throws
   /// MemoryLimitExceeded before everything is read.
   std::uintmax_t max_memory_bytes = std::numeric_limits<std::uintmax_t>::max();
-  /// Whether to read textures (not needed for ground truth).
+  /// False: textures are not read. Ground truth does not need them.
   bool textures = true;
-  /// How `source` is opened, and whether its terms are accepted.
+  /// Options for opening the source; they state whether its terms are accepted.
   fetch::SourceOptions source;
-  /// Intended uses of the tiles: refused before any tile is read if the source's terms forbid one.
+  /// Intended uses of the tiles. If the source's terms forbid one, no tile is read.
   std::vector<fetch::Use> uses;
 };
 
 /// A cut of the tree as meshes in the local frame, and whether it is complete.
 struct LoadedTiles {
   std::vector<imaging::TexturedMesh> meshes;  ///< local frame, in the order of the cut
-  std::vector<geometry::PointCloud> clouds;   ///< points without surface, likewise
+  std::vector<geometry::PointCloud> clouds;   ///< points without surface, in the local frame
   std::optional<geometry::LocalFrame>
       local_frame;                ///< nullopt: not georeferenced; local is the tileset's own z-up frame
   Region region;                  ///< in the local frame
@@ -81,19 +81,19 @@ struct LoadedTiles {
   bool complete = false;
   double geometric_error_max_m = 0.0;  ///< largest geometric error in the cut
   std::int64_t triangles = 0;
-  std::int64_t points = 0;  ///< of all clouds
+  std::int64_t points = 0;  ///< points of all clouds
   std::int64_t bytes_read = 0;
   std::int64_t cut_size = 0;             ///< number of contents covered by cut_hash
   std::string cut_hash;                  ///< SHA-256 over the ordered tile identities; for a flight, of the whole cut
   std::vector<std::string> attribution;  ///< distinct, most frequent first
-  fetch::TermsOfUse terms;           ///< of the source
+  fetch::TermsOfUse terms;               ///< terms of the source
   std::vector<std::string> warnings;     ///< distinct
 };
 
 /// Selects and reads the cut that covers the region at the requested error. Only contents of the cut are read, not
-/// those of ancestors. `source`: as in open_source (open_source.h). Throws InputError.
+/// those of ancestors. `source`: a SOURCE of open_source(). Throws InputError.
 LoadedTiles load_region(const std::string& source, const LoadOptions& options, const Progress& progress = {});
-/// Overload for any byte source; `name` is used in messages.
+/// Loads a region like the function above, from any byte source. `name` is used in messages.
 LoadedTiles load_region(fetch::TileSource& source, const std::string& name, const LoadOptions& options,
                         const Progress& progress = {});
 

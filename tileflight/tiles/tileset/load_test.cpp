@@ -1,11 +1,11 @@
 #include "tileflight/tiles/tileset/load.h"
 
 #include <gmock/gmock.h>
-#include <nlohmann/json.hpp>
 #include <tbb/global_control.h>
 
 #include <algorithm>
 #include <cmath>
+#include <nlohmann/json.hpp>
 
 #include "tests/test_data.h"
 #include "tileflight/core/imaging/image_files.h"
@@ -16,10 +16,6 @@ namespace tileflight::tileset::load_test {
 namespace {
 
 using base::test_support::error_of;
-using geometry::Box3;
-using geometry::Vec3;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
 using fetch::test_support::b3dm;
 using fetch::test_support::box_volume;
 using fetch::test_support::GltfWriter;
@@ -27,6 +23,10 @@ using fetch::test_support::Json;
 using fetch::test_support::MemorySource;
 using fetch::test_support::tile;
 using fetch::test_support::triangle_glb;
+using geometry::Box3;
+using geometry::Vec3;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
 
 LoadedTiles load(MemorySource& source, const LoadOptions& options = {}) {
   return load_region(source, "place", options);
@@ -236,8 +236,8 @@ TEST(LoadRegionOnEarth, LocalFrameIsEastNorthUpAtTheCentre) {
 }
 
 TEST(LoadRegionOnEarth, ALargePlaceWantsACentre) {
-  MemorySource source(
-      fetch::test_support::tileset(fetch::test_support::tile({{"region", {0.1, 0.8, 0.11, 0.81, 0, 100}}}, 0, "a.glb")));
+  MemorySource source(fetch::test_support::tileset(
+      fetch::test_support::tile({{"region", {0.1, 0.8, 0.11, 0.81, 0, 100}}}, 0, "a.glb")));
   const std::string message = base::test_support::error_of([&] { load(source); });
   EXPECT_THAT(message, HasSubstr("more than 4 km²; give --center and --size"));
   EXPECT_THAT(message, HasSubstr("around latitude 46.1"));

@@ -1,18 +1,18 @@
 #include <gmock/gmock.h>
-#include <nlohmann/json.hpp>
 #include <signal.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <fstream>
+#include <nlohmann/json.hpp>
 #include <sstream>
 #include <thread>
 
 #include "tests/temporary_folder.h"
 #include "tests/test_data.h"
+#include "tileflight/tiles/fetch/http_source.h"
 #include "tileflight/tiles/tileset/load.h"
 #include "tileflight/tiles/tileset/test_http_tileset.h"
-#include "tileflight/tiles/fetch/http_source.h"
 
 /// End to end over the loopback device against a real nginx: HTTP/2 over TLS, gzip, validators. Skipped if nginx or
 /// openssl is not installed.

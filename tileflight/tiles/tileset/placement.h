@@ -18,24 +18,24 @@ struct Placement {
   std::vector<std::string> warnings;
 };
 
-/// Whether a tileset's frame is earth-centred: its root has a geographic region or an S2 cell, or its bounding volume
-/// contains the Earth or is centred within 100 km (plus its own radius) of the ellipsoid; unless the tileset itself
-/// states otherwise.
+/// Returns whether a tileset's frame is earth-centred: its root has a geographic region or an S2 cell, or its bounding
+/// volume contains the Earth or is centred within 100 km (plus its own radius) of the ellipsoid. What the tileset
+/// itself states takes precedence.
 bool is_georeferenced(const TilesetTree& tree);
 
-/// Transform from the tileset's frame to the local frame of a tileset that is not georeferenced. This is the identity,
-/// with one exception: Cesium ion places an unlocated model marked "movable" (asset.extras.ion) below an empty root, in
-/// a tile whose transform is an arbitrary placement, by default with its centre at 0. Survey coordinates (flights,
-/// control points) refer to the frame inside that tile, so its transform, if rigid, is undone.
+/// Returns the transform from the tileset's frame to the local frame of a tileset that is not georeferenced. This is
+/// the identity, with one exception: Cesium ion places an unlocated model marked "movable" (asset.extras.ion) below an
+/// empty root, in a tile whose transform is an arbitrary placement, by default with its centre at 0. Survey coordinates
+/// (flights, control points) refer to the frame inside that tile, so its transform, if rigid, is undone.
 geometry::SE3 T_own_tileset(const TilesetTree& tree);
 
-/// Text "x 0 … 600 m, y …, z …" for a box.
+/// Describes a box: "x 0 … 600 m, y …, z …".
 std::string describe_extent(const geometry::Box3& box);
-/// Extent of a tileset for messages: in its own frame, or geodetic.
+/// Describes the extent of a tileset for messages, in its own frame or in geodetic coordinates.
 std::string describe_extent(const TilesetTree& tree);
 
-/// Positions, in the local frame, of a flight and of the tileset that it does not see, their distance, and what to do:
-/// the end of a message.
+/// Returns the end of a message about a flight that does not see the tileset: the positions of both in the local frame,
+/// their distance, and what to do.
 std::string describe_separation(const geometry::Box3& flown, const geometry::Box3& tileset,
                                 const std::optional<geometry::LocalFrame>& frame);
 

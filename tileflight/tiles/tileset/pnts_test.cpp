@@ -1,23 +1,24 @@
 #include "tileflight/tiles/tile_content/pnts.h"
 
 #include <gmock/gmock.h>
+
 #include <nlohmann/json.hpp>
 
 #include "tests/test_data.h"
-#include "tileflight/tiles/tile_content/octahedral.h"
-#include "tileflight/tiles/tileset/load.h"
 #include "tileflight/tiles/fetch/test_tilesets.h"
+#include "tileflight/tiles/tile_content/tile_table.h"
+#include "tileflight/tiles/tileset/load.h"
 
 namespace tileflight::tileset::pnts_test {
 namespace {
 
 using base::test_support::error_of;
 using base::test_support::to_raw_bytes;
+using fetch::test_support::Json;
 using geometry::PointCloud;
 using geometry::Vec3;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-using fetch::test_support::Json;
 using Color = std::array<std::uint8_t, 3>;
 
 PointCloud read(const Json& table, const std::string& binary, const tile_content::ContentOptions& options = {}) {

@@ -1,30 +1,30 @@
 #include <gmock/gmock.h>
-#include <nlohmann/json.hpp>
 
 #include <fstream>
+#include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "tests/temporary_folder.h"
-#include "tileflight/tiles/tileset/load.h"
-#include "tileflight/tiles/tileset/test_http_tileset.h"
 #include "tileflight/tiles/fetch/http_source.h"
 #include "tileflight/tiles/fetch/provider_google.h"
 #include "tileflight/tiles/fetch/provider_ion.h"
 #include "tileflight/tiles/fetch/url_secrets.h"
+#include "tileflight/tiles/tileset/load.h"
+#include "tileflight/tiles/tileset/test_http_tileset.h"
 
 /// Each provider against a small server that speaks its protocol.
 namespace tileflight::tileset::providers_test {
 namespace {
 
 using base::test_support::error_of;
+using fetch::test_support::ServedConnection;
+using fetch::test_support::ServedRequest;
+using fetch::test_support::TestHttpServer;
 using std::chrono::hours;
 using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::Not;
-using fetch::test_support::ServedConnection;
-using fetch::test_support::ServedRequest;
-using fetch::test_support::TestHttpServer;
 
 std::string tile_with_copyright(const std::string& copyright) {
   fetch::test_support::GltfWriter writer;
@@ -61,7 +61,8 @@ class GoogleServer {
       auto outer = fetch::test_support::tile(box, 100);
       outer["children"].push_back(
           fetch::test_support::tile(box, 50, "/v1/3dtiles/datasets/CgA/files/outer.json?session=" + session()));
-      return connection.answer(200, fetch::test_support::tileset(outer).dump(), {"Cache-Control: private, max-age=100"});
+      return connection.answer(200, fetch::test_support::tileset(outer).dump(),
+                               {"Cache-Control: private, max-age=100"});
     }
     if (!session_ok_ || fetch::query_value(request.target, "session") != session()) {
       return connection.answer(400, R"({"error": {"message": "session )" +
@@ -71,7 +72,8 @@ class GoogleServer {
       auto inner = fetch::test_support::tile(box, 50);
       for (const char* name : {"a.glb", "b.glb", "c.glb"})
         inner["children"].push_back(fetch::test_support::tile(box, 0, name));
-      return connection.answer(200, fetch::test_support::tileset(inner).dump(), {"Cache-Control: private, max-age=100"});
+      return connection.answer(200, fetch::test_support::tileset(inner).dump(),
+                               {"Cache-Control: private, max-age=100"});
     }
     const bool is_a = request.path().ends_with("a.glb");
     return connection.answer(200, tile_with_copyright(is_a ? "Airbus; Survey" : "Survey"),
@@ -351,7 +353,8 @@ TEST_F(Ion, WhatCannotBeOpenedIsToldInOneLine) {
   EXPECT_THAT(base::test_support::error_of([&] { load("7", options); }),
               AllOf(HasSubstr("status 401: Invalid access token; see CESIUM_ION_TOKEN"), Not(HasSubstr("SECRET"))));
   options.ion_token = "";
-  EXPECT_THAT(base::test_support::error_of([&] { load("7", options); }), HasSubstr("environment variable CESIUM_ION_TOKEN"));
+  EXPECT_THAT(base::test_support::error_of([&] { load("7", options); }),
+              HasSubstr("environment variable CESIUM_ION_TOKEN"));
 }
 
 TEST(IonHtml, AttributionsBecomeText) {
@@ -363,9 +366,9 @@ TEST(IonHtml, AttributionsBecomeText) {
 }
 
 TEST(GoogleSession, IsFoundAtAnyDepth) {
-  EXPECT_EQ(
-      fetch::find_session(base::test_support::to_bytes(R"({"a": [{"uri": "/x.json?v=1&session=S1"}, "b?session=S2"]})")),
-      "S1");
+  EXPECT_EQ(fetch::find_session(
+                base::test_support::to_bytes(R"({"a": [{"uri": "/x.json?v=1&session=S1"}, "b?session=S2"]})")),
+            "S1");
   EXPECT_EQ(fetch::find_session(base::test_support::to_bytes(R"({"a": 1})")), "");
   EXPECT_EQ(fetch::find_session(base::test_support::to_bytes("no JSON")), "");
 }
@@ -376,13 +379,11 @@ TEST(TermsOf, PlainServersAreUnknownAndGooglesHostIsGoogles) {
                 .terms()
                 .find_prohibition(fetch::Use::kExtract),
             nullptr);
-  EXPECT_EQ(base::test_support::error_of([] {
-              fetch::require_permitted(fetch::google_terms(), fetch::Use::kExtract, true, "google");
-            }),
+  EXPECT_EQ(base::test_support::error_of(
+                [] { fetch::require_permitted(fetch::google_terms(), fetch::Use::kExtract, true, "google"); }),
             "");
-  EXPECT_THAT(base::test_support::error_of([] {
-                fetch::require_permitted(fetch::google_terms(), fetch::Use::kExtract, false, "google");
-              }),
+  EXPECT_THAT(base::test_support::error_of(
+                  [] { fetch::require_permitted(fetch::google_terms(), fetch::Use::kExtract, false, "google"); }),
               AllOf(HasSubstr("google: the terms of Google Photorealistic 3D Tiles forbid extraction of geometry"),
                     HasSubstr("https://developers.google.com"), HasSubstr("--terms-accepted")));
 }

@@ -27,12 +27,12 @@ struct Region {
   geometry::Box3 box() const { return {center - size / 2, center + size / 2}; }
 };
 
-/// Whether the volume may intersect the region: for a box, by the volume's own test; for polygons, if the volume meets
-/// a polygon's box and its projection on the ground plane meets the polygon. Never falsely negative.
+/// Returns whether the volume may intersect the region: for a box, by the volume's own test; for polygons, if the
+/// volume meets a polygon's box and its projection on the ground plane meets the polygon. Never falsely negative.
 bool intersects(const BoundingVolume& volume, const geometry::SE3& T_local_tileset, const Region& region);
 
-/// An area as a prism of the local frame. Its heights are converted to heights above the frame's plane at the area's
-/// centre; `box` provides those that it does not state.
+/// Converts an area to a prism of the local frame. Its heights are converted to heights above the frame's plane at the
+/// area's centre; `box` provides those that it does not state.
 geometry::Prism to_local_prism(const GeographicArea& area, const geometry::LocalFrame& frame,
                                const geometry::Box3& box);
 

@@ -9,8 +9,8 @@
 #include <utility>
 
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/tiles/tileset/bounding_volume.h"
 #include "tileflight/tiles/fetch/uri.h"
+#include "tileflight/tiles/tileset/bounding_volume.h"
 
 namespace tileflight::tileset {
 namespace {
@@ -40,8 +40,7 @@ std::string nothing_seen(const TilesetTree& tree, const Placement& placement, co
 }
 
 /// Extent of what a content holds.
-fetch::TileSource& require_terms(fetch::TileSource& source, const std::string& name,
-                                     const LoadOptions& options) {
+fetch::TileSource& require_terms(fetch::TileSource& source, const std::string& name, const LoadOptions& options) {
   for (const fetch::Use use : options.uses)
     fetch::require_permitted(source.terms(), use, options.source.terms_accepted, name);
   return source;

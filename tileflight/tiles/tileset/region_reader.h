@@ -7,61 +7,61 @@
 #include <vector>
 
 #include "tileflight/core/base/progress.h"
+#include "tileflight/tiles/fetch/tile_source.h"
 #include "tileflight/tiles/tileset/content_records.h"
 #include "tileflight/tiles/tileset/cut_reader.h"
 #include "tileflight/tiles/tileset/load.h"
 #include "tileflight/tiles/tileset/placement.h"
 #include "tileflight/tiles/tileset/selection.h"
 #include "tileflight/tiles/tileset/tileset_tree.h"
-#include "tileflight/tiles/fetch/tile_source.h"
 
 namespace tileflight::tileset {
 
-/// The criterion of a request: its region, or what its flight sees.
+/// Returns the criterion of a request: its region, or what its flight sees.
 RefinementCriterion request_criterion(const Placement& placement, const LoadOptions& options);
 
-/// Throws InputError, with the cause and what to do, if the cut of a request holds nothing.
+/// Throws InputError, with the cause and the remedy, if the cut of a request holds nothing.
 void require_contents(const TileCut& cut, const TilesetTree& tree, const Placement& placement,
                       const LoadOptions& options, const std::string& name);
 
-/// A region of a tileset whose cut is selected once and whose contents are read in parts: memory then depends on the
-/// part, not on the region. Not thread safe.
+/// Reads a region of a tileset in parts, so that memory depends on the part and not on the region. The cut is selected
+/// once. Not thread safe.
 class RegionReader {
  public:
   /// Opens the tileset, resolves the region and selects its cut. `source` must outlive the reader; `name` is used in
-  /// messages. Throws InputError as load_region().
-  RegionReader(fetch::TileSource& source, std::string name, const LoadOptions& options,
-               const Progress& progress = {});
+  /// messages. Throws InputError like load_region().
+  RegionReader(fetch::TileSource& source, std::string name, const LoadOptions& options, const Progress& progress = {});
   RegionReader(const RegionReader&) = delete;
   RegionReader& operator=(const RegionReader&) = delete;
 
   const Placement& placement() const { return placement_; }
   std::size_t content_count() const { return cut_.contents.size(); }
 
-  /// The contents, in the cut's order, that may reach into a box of the local frame: by their bounding volumes or, once
-  /// read, by what they hold.
+  /// Returns the contents, in the cut's order, that may reach into a box of the local frame: by their bounding volumes
+  /// or, once they are read, by what they hold.
   std::vector<std::size_t> contents_in(const geometry::Box3& box) const;
-  /// All contents of the cut.
+  /// Returns all contents of the cut.
   std::vector<std::size_t> all_contents() const;
-  /// Size of the cut's distinct files; nullopt if the source does not know it.
+  /// Returns the size of the cut's distinct files; nullopt if the source does not know it.
   std::optional<std::uintmax_t> file_bytes() const;
 
   /// Reads these contents, in this order; unreadable ones are left out. A content may be read again. Throws
   /// MemoryLimitExceeded, and InputError for the first unreadable content unless options.allow_incomplete.
   std::vector<LoadedContent> read(const std::vector<std::size_t>& contents, const Progress& progress = {});
 
-  /// What a content was found to hold; nullopt: it was not read.
+  /// Returns the record of a content; nullopt if it was not read.
   const std::optional<ContentRecord>& found(std::size_t content) const { return records_[content]; }
-  /// Takes over what another process, which reads other parts of the region, found in a content and which files it read.
+  /// Takes over the record of a content that another process has read.
   void learn(std::size_t content, const ContentRecord& record);
+  /// Counts a file that another process has read.
   void count_file(const fetch::CountedFile& file) { counted_.count(file); }
-  /// The files read for the first time since the last call.
+  /// Returns the files that were read for the first time since the last call.
   std::vector<fetch::CountedFile> take_new_files() { return counted_.take_new_files(); }
-  /// Name of the cut: equal cuts have equal names.
+  /// Returns the hash of the cut: equal cuts have equal hashes.
   const std::string& cut_hash() const { return cut_.hash; }
 
-  /// What load_region() says about its result, without meshes and clouds: of all contents read so far, each counted
-  /// once however often it was read.
+  /// Returns the result of load_region() without meshes and clouds, for all contents read so far. Each counts once,
+  /// however often it was read.
   LoadedTiles summary() const;
 
  private:
@@ -74,8 +74,8 @@ class RegionReader {
   TilesetTree tree_;
   Placement placement_;
   TileCut cut_;
-  std::vector<std::string> first_warnings_;  ///< of the source before any content was read
-  std::vector<geometry::Box3> bounds_;       ///< of each content, local frame
+  std::vector<std::string> first_warnings_;  ///< warnings of the source before any content was read
+  std::vector<geometry::Box3> bounds_;       ///< one for each content, local frame
   std::vector<std::optional<ContentRecord>> records_;
 };
 

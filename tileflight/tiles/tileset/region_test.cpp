@@ -1,25 +1,27 @@
 #include "tileflight/tiles/tileset/region.h"
 
 #include <gmock/gmock.h>
-#include <nlohmann/json.hpp>
 
 #include <cmath>
+#include <nlohmann/json.hpp>
 #include <numbers>
 #include <random>
 
 #include "tests/temporary_folder.h"
 #include "tileflight/core/base/files.h"
+#include "tileflight/tiles/fetch/test_tilesets.h"
 #include "tileflight/tiles/tileset/load.h"
 #include "tileflight/tiles/tileset/placement.h"
 #include "tileflight/tiles/tileset/region_file.h"
 #include "tileflight/tiles/tileset/selection.h"
-#include "tileflight/tiles/fetch/test_tilesets.h"
 
 namespace tileflight::tileset::region_test {
 namespace {
 
 using base::test_support::error_of;
 using Eigen::Vector2d;
+using fetch::test_support::Json;
+using fetch::test_support::MemorySource;
 using geometry::Box3;
 using geometry::Geodetic;
 using geometry::LocalFrame;
@@ -29,8 +31,6 @@ using geometry::Ring;
 using geometry::SE3;
 using geometry::Vec3;
 using ::testing::HasSubstr;
-using fetch::test_support::Json;
-using fetch::test_support::MemorySource;
 
 class Random {
  public:
@@ -214,7 +214,9 @@ TEST_F(RegionFile, AreasOnBothSidesOfTheAntimeridian) {
 }
 
 TEST_F(RegionFile, FaultsAreNamed) {
-  const auto fault = [&](const Json& json) { return base::test_support::error_of([&] { read_geojson_areas(file(json)); }); };
+  const auto fault = [&](const Json& json) {
+    return base::test_support::error_of([&] { read_geojson_areas(file(json)); });
+  };
   EXPECT_THAT(fault({{"type", "Point"}, {"coordinates", {1, 2}}}), HasSubstr("has no Polygon"));
   EXPECT_THAT(fault({{"type", "Polygon"}, {"coordinates", {{{0, 0}, {1, 0}, {1, 1}, {0, 1}}}}}),
               HasSubstr("not closed"));
@@ -234,7 +236,8 @@ TEST_F(RegionFile, TheRegionOfAPlaceThatIsNotOnTheEarth) {
   TilesetTree tree(source);
   LoadOptions load;
   set_region_from_geojson({file(polygon({rectangle(8, 47, 8.0002, 47.0002)}))}, load);
-  EXPECT_THAT(base::test_support::error_of([&] { resolve_placement(tree, load, "s"); }), HasSubstr("not georeferenced"));
+  EXPECT_THAT(base::test_support::error_of([&] { resolve_placement(tree, load, "s"); }),
+              HasSubstr("not georeferenced"));
   load.origin = Geodetic{47, 8, {300}};
   const Placement placed = resolve_placement(tree, load, "s");
   ASSERT_EQ(placed.region.parts.size(), 1U);

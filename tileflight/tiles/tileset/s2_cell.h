@@ -17,19 +17,20 @@ struct S2Cell {
   std::uint32_t j = 0;      ///< along v
 };
 
+/// Level of the smallest cells.
 inline constexpr std::uint32_t kMaxS2Level = 30;
 
-/// The cell of a 64-bit S2CellId; nullopt if the id is invalid.
+/// Returns the cell of a 64-bit S2CellId; nullopt if the id is invalid.
 std::optional<S2Cell> s2_cell_from_id(std::uint64_t id);
 
-/// The cell of a token: the id in hexadecimal without trailing zeros. nullopt if the token is invalid.
+/// Returns the cell of a token, which is the id in hexadecimal without trailing zeros; nullopt if the token is invalid.
 std::optional<S2Cell> s2_cell_from_token(std::string_view token);
 
-/// The descendant `levels` further down: `x` along u and `y` along v of the 2^levels by 2^levels descendants.
+/// Returns the descendant `levels` further down: `x` along u and `y` along v of the 2^levels by 2^levels descendants.
 S2Cell s2_descendant(const S2Cell& cell, std::uint32_t levels, std::uint32_t x, std::uint32_t y);
 
-/// Unit normal of the ellipsoid at a point of the cell, `s` and `t` from 0 to 1 along u and v. S2 is defined on a
-/// sphere: its latitude is taken as geodetic, the usual interpretation of 3DTILES_bounding_volume_S2.
+/// Returns the unit normal of the ellipsoid at a point of the cell, `s` and `t` from 0 to 1 along u and v. S2 is
+/// defined on a sphere: its latitude is taken as geodetic, the usual interpretation of 3DTILES_bounding_volume_S2.
 geometry::Vec3 s2_normal(const S2Cell& cell, double s, double t);
 
 }  // namespace tileflight::tileset

@@ -1,35 +1,35 @@
 #include "tileflight/tiles/tileset/s2_cell.h"
 
 #include <gmock/gmock.h>
-#include <nlohmann/json.hpp>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <nlohmann/json.hpp>
 #include <numbers>
 #include <random>
 
 #include "tests/test_data.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/geometry/geodesy.h"
+#include "tileflight/tiles/fetch/test_tilesets.h"
 #include "tileflight/tiles/tileset/bounding_volume.h"
 #include "tileflight/tiles/tileset/placement.h"
 #include "tileflight/tiles/tileset/selection.h"
-#include "tileflight/tiles/fetch/test_tilesets.h"
 
 namespace tileflight::tileset::s2_cell_test {
 namespace {
 
 using base::test_support::error_of;
+using fetch::test_support::Json;
+using fetch::test_support::MemorySource;
 using geometry::Box3;
 using geometry::Geodetic;
 using geometry::SE3;
 using geometry::Vec3;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-using fetch::test_support::Json;
-using fetch::test_support::MemorySource;
 
 Vec3 normal_at(double latitude_deg, double longitude_deg) {
   constexpr double kRad = std::numbers::pi / 180;

@@ -6,8 +6,8 @@
 #include <set>
 #include <utility>
 
+#include "tileflight/core/base/hash.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/sha256.h"
 #include "tileflight/tiles/fetch/uri.h"
 #include "tileflight/tiles/fetch/url_secrets.h"
 

@@ -13,17 +13,18 @@ namespace tileflight::tileset {
 /// Criterion for selecting tiles (a region, a flight's lenses or a single camera's view). Both functions depend only on
 /// a volume in the tileset's frame, so a cut depends only on the tree and the criterion.
 struct RefinementCriterion {
-  std::function<bool(const BoundingVolume&)> intersects;  ///< whether anything inside the volume is requested
-  /// Whether a tile of this geometric error (metres, as in the file) is fine enough there.
+  std::function<bool(const BoundingVolume&)> intersects;  ///< returns whether anything inside the volume is requested
+  /// Returns whether a tile of this geometric error (metres, as in the file) is fine enough there.
   std::function<bool(const BoundingVolume&, double geometric_error_m)> is_fine_enough;
-  /// Whether a viewer is inside a tile's viewerRequestVolume; empty: no viewer, and the volume is ignored.
+  /// Returns whether a viewer is inside a tile's viewerRequestVolume; empty: no viewer, and the volume is ignored.
   std::function<bool(const BoundingVolume&)> contains_viewer = {};
 };
 
-/// Everything that intersects the region, at a geometric error of at most `error_m` where the tree provides it.
+/// Requests everything that intersects the region, at a geometric error of at most `error_m` where the tree provides
+/// it.
 RefinementCriterion region_criterion(const Region& region, const geometry::SE3& T_local_tileset, double error_m);
 
-/// Union of two criteria, at the finer resolution of those that request a volume. The viewers are dropped.
+/// Returns the union of two criteria, at the finer resolution of those that request a volume. The viewers are dropped.
 RefinementCriterion union_criterion(RefinementCriterion a, RefinementCriterion b);
 
 /// A content selected by a cut.
@@ -35,10 +36,11 @@ struct CutContent {
   double geometric_error_m = 0.0;
 };
 
+/// A selection of contents that shows a place at one resolution.
 struct TileCut {
   std::vector<CutContent> contents;    ///< depth first, children in file order, ADD parents before their children
   std::vector<std::string> failures;   ///< parts of the tree that could not be followed, one line each
-  double geometric_error_max_m = 0.0;  ///< of the tiles where refinement stopped
+  double geometric_error_max_m = 0.0;  ///< largest error of the tiles where refinement stopped
   std::string hash;                    ///< SHA-256 over the identities in order, lower-case hexadecimal
 };
 

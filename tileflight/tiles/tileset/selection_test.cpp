@@ -1,6 +1,7 @@
 #include "tileflight/tiles/tileset/selection.h"
 
 #include <gmock/gmock.h>
+
 #include <nlohmann/json.hpp>
 
 #include "tileflight/tiles/fetch/test_tilesets.h"
@@ -9,14 +10,14 @@ namespace tileflight::tileset::selection_test {
 namespace {
 
 using base::test_support::error_of;
-using geometry::Vec3;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
-using ::testing::IsEmpty;
 using fetch::test_support::box_volume;
 using fetch::test_support::Json;
 using fetch::test_support::MemorySource;
 using fetch::test_support::tile;
+using geometry::Vec3;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
 
 constexpr double kWorld = 1000;
 
@@ -124,7 +125,7 @@ TEST(SelectCut, TransformsMoveVolumes) {
   Json root = fetch::test_support::tile(fetch::test_support::box_volume(0, 0, 0, 1, 1, 1), 10);
   root["transform"] = {0, 2, 0, 0, -2, 0, 0, 0, 0, 0, 2, 0, 100, 0, 0, 1};  // quarter turn, twice as large, then east
   root["children"] = Json::array({fetch::test_support::tile(fetch::test_support::box_volume(10, 0, 0, 1, 1, 1), 0,
-                                                           "a.glb")});  // at (100, 20, 0) +- 2
+                                                            "a.glb")});  // at (100, 20, 0) +- 2
   root["boundingVolume"] = fetch::test_support::box_volume(0, 0, 0, 20, 20, 20);
   MemorySource source(fetch::test_support::tileset(root));
   EXPECT_THAT(uris(cut_of(source, {Vec3(100, 21.9, 0), Vec3(1, 0.1, 1)})), ElementsAre("a.glb"));
@@ -160,9 +161,9 @@ TEST(SelectCut, ExternalTilesetsAreFollowedWhereTheyAreWanted) {
   root["children"][1]["boundingVolume"] = fetch::test_support::box_volume(0, 0, 0, 50, 100, 10);
   MemorySource source(fetch::test_support::tileset(root));
   Json east = fetch::test_support::tile(fetch::test_support::box_volume(0, 0, 0, 50, 100, 10), 10,
-                                       "a.glb");  // no refine: ADD from outside
-  east["children"] =
-      Json::array({fetch::test_support::tile(fetch::test_support::box_volume(25, 0, 0, 25, 100, 10), 0, "../b%20c.glb")});
+                                        "a.glb");  // no refine: ADD from outside
+  east["children"] = Json::array(
+      {fetch::test_support::tile(fetch::test_support::box_volume(25, 0, 0, 25, 100, 10), 0, "../b%20c.glb")});
   source.add("east/t.json?v=2", fetch::test_support::tileset(east).dump());
 
   EXPECT_THAT(uris(cut_of(source, {Vec3(90, 0, 0), Vec3(5, 5, 5)})), ElementsAre("east/a.glb", "b%20c.glb"));
@@ -191,9 +192,10 @@ TEST(SelectCut, CyclesAreNamed) {
                  fetch::test_support::tile(fetch::test_support::box_volume(0, 0, 0, 1, 1, 1), 1, "../tileset.json"))
                  .dump());
   EXPECT_THAT(cut_of(source).failures, ElementsAre(HasSubstr("form a cycle: tileset.json → a/b.json → tileset.json")));
-  source.add("a/b.json", fetch::test_support::tileset(
-                             fetch::test_support::tile(fetch::test_support::box_volume(0, 0, 0, 1, 1, 1), 1, "./b.json"))
-                             .dump());
+  source.add("a/b.json",
+             fetch::test_support::tileset(
+                 fetch::test_support::tile(fetch::test_support::box_volume(0, 0, 0, 1, 1, 1), 1, "./b.json"))
+                 .dump());
   EXPECT_THAT(cut_of(source).failures, ElementsAre(HasSubstr("form a cycle: a/b.json → a/b.json")));
 }
 

@@ -1,17 +1,176 @@
 #include "tileflight/tiles/tileset/subtree.h"
 
 #include <algorithm>
+#include <bit>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
 
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/raw_bytes.h"
 #include "tileflight/tiles/tile_content/json_reader.h"
 #include "tileflight/tiles/tile_content/property_table.h"
-#include "tileflight/tiles/tileset/subtree_availability.h"
 #include "tileflight/tiles/tileset/tile_semantics.h"
 
 namespace tileflight::tileset {
 namespace {
+
+using Bytes = std::span<const std::byte>;
+using tile_content::find_array;
+using tile_content::find_index;
+using tile_content::Json;
+using tile_content::require_value;
+
+/// Reads a file that a buffer refers to, by its URI as written.
+using ResourceReader = std::function<std::vector<std::byte>(const std::string& uri)>;
+
+/// The two parts of a subtree file (3D Tiles 1.1, section "Subtree JSON Format"); a JSON subtree has no binary part.
+struct SubtreeFile {
+  std::string_view json;
+  std::span<const std::byte> binary;
+};
+
+/// Splits a subtree file. Throws InputError (name, cause) for an unsupported version or impossible sizes.
+SubtreeFile split_subtree_file(Bytes bytes, const std::string& name) {
+  constexpr std::size_t kHeader = 24;
+  if (!base::as_text(bytes).starts_with("subt")) return {base::as_text(bytes), {}};
+  if (bytes.size() < kHeader) throw InputError(name, "truncated: the header of a subtree has 24 bytes");
+  const auto version = base::read_raw<std::uint32_t>(bytes, 4);
+  const auto json = base::read_raw<std::uint64_t>(bytes, 8), binary = base::read_raw<std::uint64_t>(bytes, 16);
+  if (version != 1) throw InputError(name, "subtree version " + std::to_string(version) + " is not supported, only 1");
+  const Bytes rest = bytes.subspan(kHeader);
+  if (json > rest.size() || binary > rest.size() - json) {
+    throw InputError(name, "truncated: " + std::to_string(bytes.size()) + " bytes, fewer than its header declares");
+  }
+  return {base::as_text(rest.first(json)), rest.subspan(json, binary)};
+}
+
+/// The buffers of a subtree and the views into them.
+class SubtreeBuffers {
+ public:
+  /// `outside`: takes the files that buffers refer to, which the views need. All must outlive this object.
+  SubtreeBuffers(const tile_content::Json& json, std::span<const std::byte> binary, const std::string& name,
+                 const ResourceReader& read_resource, std::map<std::size_t, std::vector<std::byte>>& outside)
+      : json_(json), binary_(binary), name_(name), read_resource_(read_resource), outside_(outside) {}
+
+  /// The bytes of a buffer view. Throws InputError (view, cause) if there is none, or it lies outside its buffer.
+  std::span<const std::byte> view(std::size_t index) {
+    const std::string where = name_ + ": bufferViews[" + std::to_string(index) + "]";
+    const Json* views = find_array(json_, "bufferViews", name_);
+    if (views == nullptr || index >= views->size()) throw InputError(where, "does not exist");
+    const Json& json = (*views)[index];
+    const Bytes bytes = buffer(require_value(find_index(json, "buffer", where), "buffer", where));
+    const std::size_t offset = find_index(json, "byteOffset", where).value_or(0);
+    const std::size_t length = require_value(find_index(json, "byteLength", where), "byteLength", where);
+    if (offset > bytes.size() || length > bytes.size() - offset) {
+      throw InputError(where, "lies outside its buffer of " + std::to_string(bytes.size()) + " bytes");
+    }
+    return bytes.subspan(offset, length);
+  }
+
+ private:
+  std::span<const std::byte> buffer(std::size_t index) {
+    const std::string where = name_ + ": buffers[" + std::to_string(index) + "]";
+    const Json* buffers = find_array(json_, "buffers", name_);
+    if (buffers == nullptr || index >= buffers->size()) throw InputError(where, "does not exist");
+    const std::optional<std::string> uri = tile_content::find_string((*buffers)[index], "uri", where);
+    const std::size_t length = require_value(find_index((*buffers)[index], "byteLength", where), "byteLength", where);
+    if (!uri) {
+      if (length > binary_.size()) throw InputError(where, "is longer than the file's binary part");
+      return binary_.first(length);
+    }
+    auto it = outside_.find(index);
+    if (it == outside_.end()) {
+      if (!read_resource_) throw InputError(where, "refers to another file, which is not available here");
+      it = outside_.emplace(index, read_resource_(*uri)).first;
+    }
+    if (it->second.size() < length) throw InputError(where, "is shorter than declared");
+    return Bytes(it->second).first(length);
+  }
+
+  const tile_content::Json& json_;
+  std::span<const std::byte> binary_;
+  std::string name_;
+  const ResourceReader& read_resource_;
+  std::map<std::size_t, std::vector<std::byte>>& outside_;
+};
+
+/// One bit for each possible tile, or one for all of them (3D Tiles 1.1, section "Availability"). A view into the
+/// subtree's buffers.
+class Availability {
+ public:
+  Availability() = default;
+  /// `bits`: number of bits. Throws InputError (where, cause) if they are not there.
+  Availability(const tile_content::Json& json, std::size_t bits, SubtreeBuffers& buffers, const std::string& where)
+      : bits_(bits) {
+    auto stream = tile_content::find_index(json, "bitstream", where);
+    if (!stream) stream = tile_content::find_index(json, "bufferView", where);  // before 1.1
+    const auto constant = tile_content::find_index(json, "constant", where, 1);
+    if (!stream && !constant) throw InputError(where, "has no bitstream and no constant");
+    if (stream && constant) throw InputError(where, "has both bitstream and constant");
+    constant_ = constant.value_or(0) == 1;
+    if (!stream) return;
+    stream_ = buffers.view(*stream);
+    if (stream_.size() < (bits + 7) / 8) {
+      throw InputError(where, "its bitstream has " + std::to_string(stream_.size()) + " bytes, expected " +
+                                  std::to_string((bits + 7) / 8));
+    }
+  }
+
+  bool at(std::size_t index) const {
+    if (stream_.empty()) return constant_;
+    return (std::to_integer<unsigned>(stream_[index / 8]) >> (index % 8) & 1U) != 0;
+  }
+  /// Number of set bits among the first `bits`.
+  std::size_t count(std::size_t bits) const {
+    if (stream_.empty()) return constant_ ? bits : 0;
+    std::size_t set = 0;
+    for (std::size_t i = 0; i < bits / 8; ++i)
+      set += static_cast<std::size_t>(std::popcount(std::to_integer<unsigned>(stream_[i])));
+    return set + count(bits / 8 * 8, bits);
+  }
+  std::size_t count() const { return count(bits_); }
+  /// Number of set bits from one index up to, not including, another.
+  std::size_t count(std::size_t from, std::size_t to) const {
+    std::size_t set = 0;
+    for (std::size_t i = from; i < to; ++i) set += at(i) ? 1 : 0;
+    return set;
+  }
+
+ private:
+  std::size_t bits_ = 0;
+  bool constant_ = false;
+  std::span<const std::byte> stream_;
+};
+
+/// Row of an available entry in its metadata: the number of available entries before it.
+class AvailabilityRank {
+ public:
+  AvailabilityRank() = default;
+  AvailabilityRank(const Availability& availability, std::size_t bits) {
+    before_.reserve(bits / kBlock + 1);
+    std::size_t set = 0;
+    for (std::size_t from = 0; from <= bits; from += kBlock) {
+      before_.push_back(static_cast<std::uint32_t>(set));
+      set += availability.count(from, std::min(from + kBlock, bits));
+    }
+  }
+
+  std::size_t of(const Availability& availability, std::size_t index) const {
+    return before_[index / kBlock] + availability.count(index / kBlock * kBlock, index);
+  }
+
+ private:
+  static constexpr std::size_t kBlock = 128;
+  std::vector<std::uint32_t> before_;  ///< available entries before each block
+};
 
 /// Limit of tiles per file, because a few bytes can declare many ("constant": 1 makes all tiles available).
 constexpr std::size_t kMaxTiles = std::size_t{1} << 20;
@@ -38,7 +197,7 @@ TileSemantics semantics_of(const tile_content::PropertyTable& table, std::size_t
 
 }  // namespace
 
-/// What a file holds. Availabilities and tables are views into its bytes.
+/// The parts of a subtree file. Availabilities and tables are views into its bytes.
 struct Subtree::Parts {
   std::shared_ptr<const ImplicitTiling> tiling;
   TileCoordinates root;
@@ -148,7 +307,7 @@ class SubtreeParser {
       const std::string where = name_ + ": propertyTables[" + std::to_string(index) + "]";
       if (index >= tables->size()) throw InputError(where, "does not exist");
       return tile_content::PropertyTable((*tables)[index], *tiling_.schema,
-                                          [&](std::size_t view) { return buffers_.view(view); }, where);
+                                         [&](std::size_t view) { return buffers_.view(view); }, where);
     };
     if (const auto index = tile_content::find_index(json_, "tileMetadata", name_)) {
       out_.tile_metadata = table(*index);

@@ -18,7 +18,7 @@ namespace tileflight::tileset {
 
 /// A content of an available tile.
 struct SubtreeContent {
-  std::size_t template_index = 0;  ///< which of the tiling's content templates
+  std::size_t template_index = 0;  ///< index into the tiling's content templates
   std::optional<std::string> uri;  ///< set if metadata names another file than the template
   std::optional<BoundingVolume> bounding_volume;
 };
@@ -32,7 +32,7 @@ struct SubtreeTile {
   std::vector<SubtreeContent> contents;
 };
 
-/// A parsed subtree file. It keeps the file's bits; tiles are made when they are asked for. A tile is named by its
+/// A parsed subtree file. It keeps the file's bits; tiles are made when they are requested. A tile is named by its
 /// index: levels from the root (0) down, in Morton order within a level; the level below the last holds the roots of
 /// child subtrees. Immutable; several threads may ask at once.
 class Subtree {
@@ -45,13 +45,14 @@ class Subtree {
   std::size_t tile_count() const;  ///< available tiles whose ancestors are available, too
   const std::vector<std::string>& warnings() const;
 
-  /// The available children of a tile, roots of child subtrees included, in Morton order.
+  /// Returns the available children of a tile, roots of child subtrees included, in Morton order.
   std::vector<std::uint32_t> children(std::uint32_t tile) const;
   bool is_child_subtree(std::uint32_t tile) const;
   TileCoordinates coordinates(std::uint32_t tile) const;
-  /// What metadata state of a tile's refinement; nullopt if they state nothing, or are broken.
+  /// Returns the refinement that metadata state for a tile; nullopt if they state none or are broken.
   std::optional<Refine> refine(std::uint32_t tile) const;
-  /// `tile`: available, and not a child subtree. Throws InputError (name, tile, cause) if its metadata are broken.
+  /// Returns a tile, which must be available and not a child subtree. Throws InputError (name, tile, cause) if its
+  /// metadata are broken.
   SubtreeTile tile(std::uint32_t tile) const;
 
  private:

@@ -6,18 +6,18 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
-#include "tileflight/tiles/tileset/test_subtrees.h"
 #include "tileflight/tiles/fetch/test_tilesets.h"
+#include "tileflight/tiles/tileset/test_subtrees.h"
 
 namespace tileflight::tileset::subtree_test {
 namespace {
 
 using base::test_support::error_of;
 using base::test_support::to_bytes;
+using fetch::test_support::Json;
 using geometry::Vec3;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-using fetch::test_support::Json;
 using namespace test_support;
 
 ImplicitSubtree place_of(const ImplicitTiling& tiling, const TileCoordinates& root = {}) {
@@ -113,8 +113,7 @@ TEST(Subtree, SeveralContents) {
   tiling.content_templates.push_back("b/{level}.{x}.{y}.glb");
   Json json = two_levels();
   json["contentAvailability"] = {{{"constant", 0}}, {{"bitstream", 0}}};
-  const std::vector<ExpandedTile> read =
-      expand(parse(fetch::test_support::subtree(json, two_levels_binary()), tiling));
+  const std::vector<ExpandedTile> read = expand(parse(fetch::test_support::subtree(json, two_levels_binary()), tiling));
   ASSERT_EQ(read.size(), 3U);
   for (const SubtreeTile& tile : read) {
     ASSERT_EQ(tile.contents.size(), 1U);

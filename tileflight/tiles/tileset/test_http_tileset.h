@@ -36,8 +36,9 @@ class TestHttpTileset {
     fetch::test_support::Json outer =
         fetch::test_support::tile(fetch::test_support::box_volume(0, 0, 0, 10, 2, 2), 5, "sub/inner.json");
     fetch::test_support::Json inner = fetch::test_support::tile(fetch::test_support::box_volume(0, 0, 0, 10, 2, 2), 5);
-    inner["children"] = {fetch::test_support::tile(fetch::test_support::box_volume(-5, 0, 0, 2, 2, 2), 0, "west.b3dm"),
-                         fetch::test_support::tile(fetch::test_support::box_volume(5, 0, 0, 2, 2, 2), 0, "../east.glb")};
+    inner["children"] = {
+        fetch::test_support::tile(fetch::test_support::box_volume(-5, 0, 0, 2, 2, 2), 0, "west.b3dm"),
+        fetch::test_support::tile(fetch::test_support::box_volume(5, 0, 0, 2, 2, 2), 0, "../east.glb")};
     fetch::test_support::Json json = fetch::test_support::tileset(outer);
     json["asset"]["copyright"] = "Survey; City";
     files_["/place/tileset.json"] = json.dump();

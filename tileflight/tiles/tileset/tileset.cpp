@@ -5,10 +5,9 @@
 #include <nlohmann/json.hpp>
 
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/tiles/fetch/uri.h"
 #include "tileflight/tiles/tile_content/json_reader.h"
 #include "tileflight/tiles/tileset/tile_semantics.h"
-#include "tileflight/tiles/tileset/volume_json.h"
-#include "tileflight/tiles/fetch/uri.h"
 
 namespace tileflight::tileset {
 namespace {
@@ -335,8 +334,7 @@ class TilesetParser {
             tile_content::parse_metadata_schema(inner != nullptr ? *inner : *own, where));
       } else if (const auto uri = find_string(*json_, "schemaUri", name_); uri && read_text_) {
         schema_ = std::make_shared<const tile_content::MetadataSchema>(tile_content::parse_metadata_schema(
-            tile_content::parse_json(read_text_(*uri), fetch::uri_for_message(*uri)),
-            fetch::uri_for_message(*uri)));
+            tile_content::parse_json(read_text_(*uri), fetch::uri_for_message(*uri)), fetch::uri_for_message(*uri)));
       }
     } catch (const InputError& error) {
       warn(std::string("metadata are ignored because their schema cannot be read: ") + error.what());

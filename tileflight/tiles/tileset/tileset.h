@@ -16,15 +16,17 @@
 
 namespace tileflight::tileset {
 
-/// Content of one tileset.json (OGC 3D Tiles 1.0, 18-053r2, and 1.1, 22-025r4), without the external tilesets it names.
+/// Relation of a tile's content to that of its children.
 
 enum class Refine { kReplace, kAdd };
 
+/// A content of a tile.
 struct Content {
   std::string uri;                                ///< as written, relative to the tileset.json
   std::optional<BoundingVolume> bounding_volume;  ///< in the tile's frame; tighter than the tile's own
 };
 
+/// A tile as stated in its file.
 struct Tile {
   BoundingVolume bounding_volume;                             ///< in the tile's frame
   geometry::Mat4 T_parent_tile = geometry::Mat4::Identity();  ///< affine; may carry scale
@@ -40,6 +42,7 @@ struct Tile {
   int level = 0;            ///< root: 0
 };
 
+/// One tileset.json (OGC 3D Tiles 1.0, 18-053r2, and 1.1, 22-025r4), without the external tilesets that it names.
 struct Tileset {
   std::string version;
   std::optional<double> geometric_error_m;  ///< error if the whole tileset is not rendered
@@ -71,7 +74,7 @@ using TextReader = std::function<std::string(const std::string& uri)>;
 Tileset parse_tileset_json(std::string_view text, const std::string& name, const TilesetLimits& limits = {},
                            const TextReader& read_text = {});
 
-/// Entries of `extensionsRequired` that this reader does not support.
+/// Returns the entries of `extensionsRequired` that this reader does not support.
 std::vector<std::string> unsupported_extensions(const Tileset& tileset);
 
 }  // namespace tileflight::tileset

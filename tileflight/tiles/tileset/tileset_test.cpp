@@ -1,6 +1,7 @@
 #include "tileflight/tiles/tileset/tileset.h"
 
 #include <gmock/gmock.h>
+
 #include <nlohmann/json.hpp>
 
 #include "tileflight/tiles/fetch/test_tilesets.h"
@@ -9,12 +10,12 @@ namespace tileflight::tileset::tileset_test {
 namespace {
 
 using base::test_support::error_of;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
-using ::testing::IsEmpty;
 using fetch::test_support::box_volume;
 using fetch::test_support::Json;
 using fetch::test_support::tile;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
 
 Tileset parse(const Json& json) { return parse_tileset_json(json.dump(), "t.json"); }
 

@@ -5,8 +5,8 @@
 #include <numeric>
 #include <string_view>
 
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/raw_bytes.h"
-#include "tileflight/core/base/string_lists.h"
 #include "tileflight/tiles/fetch/uri.h"
 
 namespace tileflight::tileset {
@@ -16,9 +16,9 @@ constexpr std::array<std::string_view, 12> kTileEndings = {"b3dm", "i3dm", "pnts
                                                            "vctr", "geom", "terrain", "subtree", "geojson", "bin"};
 
 TreeTooLarge too_large(const std::string& uri, std::size_t limit, const std::string& what) {
-  return {fetch::uri_for_message(uri), "the tree with its external tilesets has more than " +
-                                               std::to_string(limit) + " " + what +
-                                               " in what was asked for; ask for a smaller region or coarser tiles"};
+  return {fetch::uri_for_message(uri), "the tree with its external tilesets has more than " + std::to_string(limit) +
+                                           " " + what +
+                                           " in what was asked for; ask for a smaller region or coarser tiles"};
 }
 
 /// Whether it is JSON with a member "root", which glTF lacks: distinguishes the two without parsing.
@@ -231,14 +231,13 @@ std::string TilesetTree::subtree_uri(NodeId id) const {
   const std::shared_ptr<const Tile> tile = this->tile(id);
   const ImplicitSubtree& place = *tile->implicit_subtree;
   return fetch::resolve_uri(files_[node(id).file].uri,
-                                expand_template(place.tiling->subtree_template, *place.tiling, place.root, name(id)));
+                            expand_template(place.tiling->subtree_template, *place.tiling, place.root, name(id)));
 }
 
 Subtree TilesetTree::read_subtree(NodeId id) {
   const std::string uri = subtree_uri(id);
-  return parse_subtree(
-      fetch::read_uri(source_, uri), *tile(id)->implicit_subtree, fetch::uri_for_message(uri),
-      [&](const std::string& r) { return fetch::read_uri(source_, fetch::resolve_uri(uri, r)); });
+  return parse_subtree(fetch::read_uri(source_, uri), *tile(id)->implicit_subtree, fetch::uri_for_message(uri),
+                       [&](const std::string& r) { return fetch::read_uri(source_, fetch::resolve_uri(uri, r)); });
 }
 
 NodeId TilesetTree::add_file(File file) {

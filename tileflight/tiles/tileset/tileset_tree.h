@@ -11,12 +11,13 @@
 #include <vector>
 
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/tiles/fetch/tile_source.h"
 #include "tileflight/tiles/tileset/subtree.h"
 #include "tileflight/tiles/tileset/tileset.h"
-#include "tileflight/tiles/fetch/tile_source.h"
 
 namespace tileflight::tileset {
 
+/// Index of a tile in a tree.
 using NodeId = std::uint32_t;
 
 /// A tile in the tree: its file, and inherited values.
@@ -27,6 +28,7 @@ struct TreeNode {
   Refine refine = Refine::kReplace;
 };
 
+/// Limits of an untrusted tree.
 struct TreeLimits {
   TilesetLimits file = {};
   int max_external_chain = 32;                     ///< nesting depth of external tilesets
@@ -34,14 +36,14 @@ struct TreeLimits {
   std::size_t max_files = std::size_t{256} << 10;  ///< external tilesets and subtrees, once per reference
 };
 
-/// The part of the tree that was asked for exceeds the limits; going on elsewhere would not help.
+/// The requested part of the tree exceeds the limits; going on elsewhere would not help.
 class TreeTooLarge : public InputError {
  public:
   using InputError::InputError;
 };
 
-/// A tileset and the external tilesets and subtrees it names, which are read on first use. A tile has a node once its
-/// parent's children were asked for, so that memory depends on what is visited, not on the tree. Not thread safe,
+/// A tileset and the external tilesets and subtrees that it names, which are read on first use. A tile has a node once
+/// its parent's children were requested, so that memory depends on what is visited, not on the tree. Not thread safe,
 /// except that node(), tileset() and T_tileset_tile() may be called from several threads while no other function runs.
 class TilesetTree {
  public:
@@ -50,40 +52,44 @@ class TilesetTree {
 
   NodeId root() const { return 0; }
   const TreeNode& node(NodeId id) const { return nodes_[id].node; }
-  /// The tile as in its file. A tile of a subtree is created by the call. Throws InputError if its metadata are broken.
+  /// Returns the tile as stated in its file. The call creates a tile of a subtree. Throws InputError if its metadata
+  /// are broken.
   std::shared_ptr<const Tile> tile(NodeId id) const;
-  /// The file that states the tile's version, axes and extensions: for a tile of a subtree, that of its implicit root.
+  /// Returns the file that states the tile's version, axes and extensions: for a tile of a subtree, that of its
+  /// implicit root.
   const Tileset& tileset(NodeId id) const { return *files_[node(id).file].tileset; }
-  /// Transform from the tile's frame to the tileset's: that of the root tileset.json.
+  /// Returns the transform from the tile's frame to the tileset's, which is that of the root tileset.json.
   const geometry::Mat4& T_tileset_tile(NodeId id) const { return transforms_[nodes_[id].transform]; }
-  /// Number of tiles visited so far.
+  /// Returns the number of tiles visited so far.
   std::size_t node_count() const { return nodes_.size(); }
 
-  /// The tile's children in its own file, in file order. Throws TreeTooLarge.
+  /// Returns the tile's children in its own file, in file order. Throws TreeTooLarge.
   std::vector<NodeId> children(NodeId id);
-  /// The tile's bounding volume in the tileset's frame.
+  /// Returns the tile's bounding volume in the tileset's frame.
   BoundingVolume volume(NodeId id) const;
-  /// The tile's geometric error in metres. 3D Tiles 1.0 states it in metres whatever the transform ("does not apply to
-  /// geometricError", section "Tile transforms"); 1.1 scales it by the largest scaling factor of the transform.
+  /// Returns the tile's geometric error in metres. 3D Tiles 1.0 states it in metres whatever the transform ("does not
+  /// apply to geometricError", section "Tile transforms"); 1.1 scales it by the largest scaling factor of the
+  /// transform.
   double geometric_error_m(NodeId id) const;
-  /// A content's own bounding volume in the tileset's frame, if it has one.
+  /// Returns a content's own bounding volume in the tileset's frame, if it has one.
   std::optional<BoundingVolume> content_volume(NodeId id, std::size_t content) const;
-  /// The volume in which a viewer must be to see the tile, in the tileset's frame, if the tile has one.
+  /// Returns the volume in which a viewer must be to see the tile, in the tileset's frame, if the tile has one.
   std::optional<BoundingVolume> viewer_request_volume(NodeId id) const;
-  /// A content's URI, resolved against the file that names it.
+  /// Returns a content's URI, resolved against the file that names it.
   std::string content_uri(NodeId id, std::size_t content) const;
-  /// Text such as "tileset.json: tile root/0/3".
+  /// Returns the tile's name for messages, such as "tileset.json: tile root/0/3".
   std::string name(NodeId id) const;
 
-  /// Whether the content is an external tileset: by its URI's extension or, if that is inconclusive, by its first bytes
-  /// (then the file is read). Throws InputError if it cannot be read.
+  /// Returns whether the content is an external tileset, by its URI's extension or, if that is inconclusive, by its
+  /// first bytes (then the file is read). Throws InputError if it cannot be read.
   bool is_external_tileset(NodeId id, std::size_t content);
-  /// The root of the external tileset that a content names, read at the first call. A root without `refine` inherits it
-  /// from the referring tile. Throws InputError: unreadable, or a cycle (named); TreeTooLarge.
+  /// Returns the root of the external tileset that a content names, which is read at the first call. A root without
+  /// `refine` inherits it from the referring tile. Throws InputError if it is unreadable or part of a cycle, and
+  /// TreeTooLarge.
   NodeId external_root(NodeId id, std::size_t content);
 
-  /// The root of the implicit subtree at this tile (whose `implicit_subtree` is set). Its subtree file is read at the
-  /// first call. Throws InputError, TreeTooLarge.
+  /// Returns the root of the implicit subtree at this tile (whose `implicit_subtree` is set). Its subtree file is read
+  /// at the first call. Throws InputError, TreeTooLarge.
   NodeId implicit_root(NodeId id);
 
   /// A nested file of the tree: the external tileset that a content names, or (no content) the subtree of a tile.
@@ -91,31 +97,31 @@ class TilesetTree {
     NodeId node = 0;
     std::optional<std::size_t> content;
   };
-  /// Whether it has been read.
+  /// Returns whether a nested file has been read.
   bool is_read(const NestedFile& branch) const;
   /// Reads these files, in parallel if the source has latency. Errors are reported later by `external_root` and
   /// `implicit_root`.
   void read_nested_files(const std::vector<NestedFile>& branches);
-  /// Whether the source has latency, so that reading several files at once is worthwhile.
+  /// Returns whether the source has latency, so that reading several files at once is worthwhile.
   bool is_high_latency() { return source_.prefetch({}); }
 
-  /// The distinct tileset files read so far (without subtrees), in order of first reading: URI and content.
+  /// Returns the distinct tileset files read so far (without subtrees), in order of first reading: URI and content.
   const std::vector<std::pair<std::string, std::shared_ptr<const Tileset>>>& files_read() const { return files_read_; }
 
-  /// Distinct warnings of all files read so far, including subtrees.
+  /// Returns the distinct warnings of all files read so far, including subtrees.
   const std::vector<std::string>& warnings() const { return warnings_; }
 
  private:
   struct File {
     std::string uri;
-    std::shared_ptr<const Tileset> tileset;  ///< of a subtree: the one that names it
+    std::shared_ptr<const Tileset> tileset;  ///< for a subtree, the tileset that names it
     std::optional<Subtree> subtree;
-    std::string path;  ///< of a subtree: the path of the implicit root, which all its tiles' begin with
+    std::string path;  ///< for a subtree, the path of the implicit root, with which its tiles' paths begin
     std::optional<NodeId> referenced_by;  ///< the tile whose content this external tileset or subtree is
   };
   struct StoredNode {
     TreeNode node;
-    NodeId first_child = 0;  ///< 0: its children were not asked for
+    NodeId first_child = 0;  ///< 0: its children were not requested
     std::uint32_t transform = 0;
   };
 
@@ -138,7 +144,7 @@ class TilesetTree {
   std::map<NodeId, NodeId> implicit_roots_;
   std::vector<std::pair<std::string, std::shared_ptr<const Tileset>>> files_read_;
   std::unordered_map<std::string, std::size_t> file_of_uri_;  ///< index into files_read_
-  std::size_t tiles_read_ = 0;                                ///< in files_read_
+  std::size_t tiles_read_ = 0;                                ///< number of tiles in files_read_
   std::map<std::string, bool> sniffed_;
   std::vector<std::string> warnings_;
   mutable std::pair<NodeId, std::shared_ptr<const Tile>> latest_;  ///< the tile of a subtree that was made last

@@ -47,7 +47,7 @@ ViewConeTree::Group group_of(const std::vector<ViewCone>& cones, std::span<const
     group.around.pixels_per_rad = std::max(group.around.pixels_per_rad, cone.pixels_per_rad);
     is_finite = is_finite && cone.position.allFinite() && cone.axis.allFinite();
   }
-  // What cannot be bounded is tested one by one.
+  // Cones that cannot be bounded are tested one by one.
   if (!is_finite) group.radius_m = group.around.half_angle_rad = INFINITY;
   group.around.half_angle_rad = std::min(std::numbers::pi, group.around.half_angle_rad + kGroupSlack_rad);
   return group;

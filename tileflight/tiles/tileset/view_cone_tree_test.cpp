@@ -9,18 +9,18 @@
 #include <random>
 
 #include "tileflight/core/geometry/geodesy.h"
-#include "tileflight/tiles/tileset/selection.h"
 #include "tileflight/tiles/fetch/test_tilesets.h"
+#include "tileflight/tiles/tileset/selection.h"
 
 namespace tileflight::tileset::view_cone_tree_test {
 namespace {
 
-using geometry::Mat3;
-using geometry::SE3;
-using geometry::Vec3;
 using fetch::test_support::box_volume;
 using fetch::test_support::Json;
 using fetch::test_support::MemorySource;
+using geometry::Mat3;
+using geometry::SE3;
+using geometry::Vec3;
 
 class Chance {
  public:
@@ -134,7 +134,7 @@ TEST(ViewConeTree, AnswersAsEachViewConeDoes) {
 /// A random quadtree over 600 m: some quarters are missing, and some tiles are flat or high.
 Json random_squares(Chance& chance, int depth, double x, double y, double half, const std::string& name) {
   Json json = fetch::test_support::tile(box_volume(x, y, chance.within(-10, 10), half, half, chance.within(0, 20)),
-                                            depth == 0 ? 0.0 : half / 20.0, name + ".glb");
+                                        depth == 0 ? 0.0 : half / 20.0, name + ".glb");
   for (int child = 0; depth > 0 && child < 4; ++child) {
     if (chance.within(0, 1) < 0.1) continue;
     json["children"].push_back(random_squares(chance, depth - 1, x + (child % 2 == 0 ? -0.5 : 0.5) * half,

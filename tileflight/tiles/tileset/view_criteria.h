@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "tileflight/core/imaging/camera.h"
-#include "tileflight/core/imaging/pixel_region.h"
+#include "tileflight/core/imaging/image.h"
 #include "tileflight/tiles/tileset/selection.h"
 
 namespace tileflight::tileset {
@@ -21,18 +21,18 @@ struct ViewCone {
   double pixels_per_rad = 0.0;                       ///< maximum pixels per radian anywhere in the image
 };
 
-/// Cone and resolution of a lens, from its pixels' rays on a grid (exact on the grid, which includes the corners and
-/// the centre; lenses change slowly in between). Position and axis keep ViewCone's defaults.
+/// Returns the cone and resolution of a lens, from its pixels' rays on a grid (exact on the grid, which includes the
+/// corners and the centre; lenses change slowly in between). Position and axis keep ViewCone's defaults.
 ViewCone view_cone_of(const imaging::Camera& camera);
 
-/// A cone that contains the rays of a region's pixels, to their outer edges, in the camera's frame: position 0, and
-/// `axis` in its middle. Its resolution is not set. nullopt if no pixel of the region sees anything.
+/// Returns a cone that contains the rays of a region's pixels, to their outer edges, in the camera's frame: position 0,
+/// and `axis` in its middle. Its resolution is not set. nullopt if no pixel of the region sees anything.
 std::optional<ViewCone> view_cone_of_region(const imaging::Camera& camera, const imaging::PixelRegion& region);
 
-/// The lens's view cone at each pose (camera to local).
+/// Returns the lens's view cone at each pose (camera to local).
 std::vector<ViewCone> view_cones_along(const imaging::Camera& camera, const std::vector<geometry::SE3>& T_local_camera);
 
-/// The same positions, but viewing in all directions (a spinning lidar, or a drone that turns).
+/// Widens view cones to all directions, for a spinning lidar or a drone that turns.
 std::vector<ViewCone> widen_to_all_directions(std::vector<ViewCone> eyes);
 
 /// A range of a flight's view cones, by index: from `begin` up to, not including, `end`.
@@ -41,14 +41,14 @@ struct ViewConeRange {
   std::size_t end = std::numeric_limits<std::size_t>::max();
 };
 
-/// Everything that any of the view cones sees, such that a tile's geometric error, seen from the position nearest to
-/// the tile's volume, covers at most `error_px` pixels: error_m * pixels_per_rad <= error_px * distance_m. One cut
-/// serves the whole flight; it does not change during the flight.
-/// `part`: restricts the cut to the tiles that these view cones see, at the resolution required by all of them.
+/// Requests everything that any of the view cones sees, such that a tile's geometric error, seen from the position
+/// nearest to the tile's volume, covers at most `error_px` pixels: error_m * pixels_per_rad <= error_px * distance_m.
+/// One cut serves the whole flight; it does not change during the flight. `part`: restricts the cut to the tiles that
+/// these view cones see, at the resolution required by all of them.
 RefinementCriterion flight_criterion(std::vector<ViewCone> eyes, const geometry::SE3& T_local_tileset, double error_px,
                                      const ViewConeRange& part = {});
 
-/// The criterion `wanted`, but without refining tiles whose geometric error is at most `error_m`.
+/// Returns the criterion `wanted`, but does not refine tiles whose geometric error is at most `error_m`.
 RefinementCriterion limit_refinement(RefinementCriterion wanted, double error_m);
 
 /// The camera of an interactive viewer.
@@ -65,8 +65,8 @@ struct ViewerCamera {
 /// the maximum; volumes entirely outside one of the frustum's sides are culled).
 RefinementCriterion viewer_criterion(const ViewerCamera& camera, const geometry::SE3& T_local_tileset);
 
-/// Distance from a point of the local frame to the volume: 0 inside, never overestimated. Exact for spheres and
-/// right-angled boxes.
+/// Returns the distance from a point of the local frame to the volume: 0 inside, never overestimated. Exact for spheres
+/// and right-angled boxes.
 double distance_m(const BoundingVolume& volume, const geometry::SE3& T_local_tileset,
                   const geometry::Vec3& point_local);
 

@@ -12,15 +12,15 @@
 namespace tileflight::tileset::view_criteria_test {
 namespace {
 
+using fetch::test_support::box_volume;
+using fetch::test_support::Json;
+using fetch::test_support::MemorySource;
+using fetch::test_support::tile;
 using geometry::Mat3;
 using geometry::SE3;
 using geometry::Vec3;
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
-using fetch::test_support::box_volume;
-using fetch::test_support::Json;
-using fetch::test_support::MemorySource;
-using fetch::test_support::tile;
 
 constexpr double kPi = std::numbers::pi;
 
@@ -172,7 +172,7 @@ TEST(WantedFlight, NothingWithinTheConeIsLeftOut) {
 /// error halves at each level, and is 0 for leaves.
 Json squares(int depth, double x, double y, double half, const std::string& name, double error) {
   Json json = fetch::test_support::tile(fetch::test_support::box_volume(x, y, 0, half, half, 5),
-                                            depth == 0 ? 0.0 : error, name + ".glb");
+                                        depth == 0 ? 0.0 : error, name + ".glb");
   if (depth == 0) return json;
   for (int child = 0; child < 4; ++child) {
     json["children"].push_back(squares(depth - 1, x + (child % 2 == 0 ? -0.5 : 0.5) * half,
@@ -241,8 +241,8 @@ TEST(WantedFlight, AllAroundMissesNothingAndAStricterErrorIsFiner) {
 TEST(WantedView, RefinesAsTheScreenSpaceErrorSays) {
   // One tile of error 10 m with a child below it, 100 m under a camera that looks down: 10 * 960 / 100 = 96 px.
   Json root = fetch::test_support::tile(fetch::test_support::box_volume(0, 0, 0, 20, 20, 5), 10, "root.glb");
-  root["children"] = Json::array(
-      {fetch::test_support::tile(fetch::test_support::box_volume(0, 0, 0, 20, 20, 5), 0, "fine.glb")});
+  root["children"] =
+      Json::array({fetch::test_support::tile(fetch::test_support::box_volume(0, 0, 0, 20, 20, 5), 0, "fine.glb")});
   MemorySource source(fetch::test_support::tileset(root));
   TilesetTree tree(source);
   ViewerCamera camera{.T_local_camera = looking({0, 0, 105}, -Vec3::UnitZ())};

@@ -34,7 +34,7 @@ class BrickMap {
   /// Inserts all cells of another map.
   void merge(const BrickMap& other);
 
-  /// Whether the cell is in the set; accepts any indices.
+  /// Returns whether the cell is in the set; accepts any indices.
   bool contains(const geometry::Cell& cell) const {
     const Brick* brick = find(cell);
     return brick != nullptr && brick_contains(*brick, cell);
@@ -48,7 +48,7 @@ class BrickMap {
 
   std::size_t brick_count() const { return bricks_.size(); }
 
-  /// All cells, sorted by x, then y, then z. Runs in parallel.
+  /// Returns all cells, sorted by x, then y, then z. Runs in parallel.
   std::vector<geometry::Cell> sorted_cells() const;
 
  private:

@@ -20,7 +20,7 @@ class CellSets {
   /// Sets a set to the grid's occupied cells. Precondition: the dimensions are those of the sets before.
   void set(std::size_t number, const geometry::VoxelGrid& grid);
 
-  /// For each of `parts`: how many cells of the sets `whole` together are in its sets, too.
+  /// Returns for each of `parts` how many cells of the sets `whole` together are in its sets, too.
   std::vector<std::int64_t> count_covered(const Numbers& whole, std::span<const Numbers> parts) const;
 
   std::uintmax_t bytes() const { return bytes_; }
@@ -30,8 +30,8 @@ class CellSets {
   class Slab;
 
   std::array<std::int32_t, 3> dims_{};
-  /// Of each set: differences of its cells' numbers, (x * dims y + y) * dims z + z, seven bits a byte, lowest first,
-  /// the eighth bit set in all bytes but a number's last (LEB128).
+  /// Differences of each set's cell numbers, (x * dims y + y) * dims z + z, seven bits a byte, lowest first, the eighth
+  /// bit set in all bytes but a number's last (LEB128).
   std::vector<std::vector<std::uint8_t>> steps_;
   std::uintmax_t bytes_ = 0;
 };

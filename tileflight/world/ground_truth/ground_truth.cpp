@@ -7,12 +7,12 @@
 
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/geometry/cloud_files.h"
-#include "tileflight/core/geometry/position_order.h"
-#include "tileflight/world/ground_truth/center_distances.h"
+#include "tileflight/core/geometry/point_order.h"
+#include "tileflight/world/ground_truth/center_index.h"
 #include "tileflight/world/ground_truth/octree.h"
-#include "tileflight/world/ground_truth/point_cells.h"
 #include "tileflight/world/ground_truth/surface_samples.h"
 #include "tileflight/world/ground_truth/triangle_cells.h"
+#include "tileflight/world/ground_truth/voxelize.h"
 
 namespace tileflight::ground_truth {
 namespace {
@@ -67,7 +67,7 @@ PointCloud crop_points(const std::vector<Prism>& within, PointCloud cloud) {
   return cloud;
 }
 
-/// Which triangles are wanted.
+/// Selects the triangles that are wanted.
 using TriangleFilter = std::function<bool(const geometry::TriangleMesh&, const geometry::Triangle&)>;
 
 /// The wanted triangles of a mesh, with only the vertices they use. `numbers` receives their numbers in the whole.

@@ -6,22 +6,21 @@
 
 #include "tileflight/core/base/progress.h"
 #include "tileflight/core/geometry/prism.h"
-#include "tileflight/world/ground_truth/cell_range.h"
 #include "tileflight/world/ground_truth/mesh_glb.h"
 #include "tileflight/world/ground_truth/voxelize.h"
 #include "tileflight/world/scene/scene.h"
 
 namespace tileflight::ground_truth {
 
-/// A part of a region's ground truth. Cells, samples and points are of the block whose cells hold them, a triangle is
-/// of the block that holds the lowest corner of its bounds (nearest to it inside the region): the blocks of a region
-/// share nothing and are together exactly what the region has without blocks.
+/// A part of a region's ground truth. Cells, samples and points belong to the block whose cells hold them. A triangle
+/// belongs to the block that holds the lowest corner of its bounds (or the point of the region nearest to it). The
+/// blocks of a region share nothing and are together exactly what the region has without blocks.
 struct GroundTruthBlock {
   CellRange cells;  ///< of the grid of the whole region
   /// Number of cells around the block which the meshes and clouds given cover, too.
   std::int32_t border = 1;
-  /// Of each mesh given, its content and the number of its first triangle there (`triangles` is ignored): stored with
-  /// the block's triangles, so that they can be read in the order of the whole region. Empty: not stored.
+  /// Content of each mesh given, and the number of its first triangle there (`triangles` is ignored). They are stored
+  /// with the block's triangles, so that these can be read in the order of the whole region. Empty: not stored.
   std::vector<MeshOrigin> origins = {};
 };
 
@@ -48,8 +47,8 @@ struct GroundTruthSummary {
   /// Distance of each point in surface.ply to the nearest voxel centre, metres: the errors of a perfect map. Empty if
   /// no cell is occupied.
   std::vector<double> quantization_floor_m;
-  /// Of a block: a voxel beyond the border may be nearer to a sample than those inside, so the distances are not exact;
-  /// no file was written.
+  /// A voxel beyond the block's border may be nearer to a sample than those inside, so the distances are not exact; no
+  /// file was written.
   bool border_too_narrow = false;
 };
 
@@ -62,7 +61,7 @@ GroundTruthSummary write_ground_truth(std::vector<imaging::TexturedMesh> meshes,
                                       const Progress& progress = {},
                                       const std::vector<geometry::PointCloud>& clouds = {});
 
-/// Cells of a block's files: `voxels` on a grid of the block alone.
+/// Returns the cells of a block's files: `voxels` on a grid of the block alone.
 geometry::VoxelGrid grid_of_block(const geometry::VoxelGrid& voxels, const CellRange& block);
 
 }  // namespace tileflight::ground_truth

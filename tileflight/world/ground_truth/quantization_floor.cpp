@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <nlohmann/json.hpp>
 
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/raw_bytes.h"
@@ -98,12 +97,12 @@ void QuantizationFloor::add_bytes(std::string_view bytes, const std::string& nam
   }
 }
 
-nlohmann::json QuantizationFloor::to_json() const {
+std::optional<FloorStatistics> QuantizationFloor::statistics() const {
   std::vector<double> far = far_;
   std::sort(far.begin(), far.end());
   std::uint64_t count = far.size();
   for (const std::uint64_t n : counts_) count += n;
-  if (count == 0) return nullptr;
+  if (count == 0) return std::nullopt;
   // Calls visit(distance, number of samples) in ascending order.
   const auto for_each = [&](const auto& visit) {
     for (std::size_t i = 0; i < counts_.size(); ++i) {
@@ -123,12 +122,12 @@ nlohmann::json QuantizationFloor::to_json() const {
   const auto n = static_cast<double>(count);
   const double mean = sum / n;
   for_each([&](double d, std::uint64_t k) { deviations += (d - mean) * (d - mean) * static_cast<double>(k); });
-  return {{"count", count},
-          {"mean", mean},
-          {"std", count > 1 ? nlohmann::json(std::sqrt(deviations / (n - 1.0))) : nlohmann::json(nullptr)},
-          {"median", 0.5 * (lower + upper)},
-          {"rmse", std::sqrt(squares / n)},
-          {"max", largest_m_}};
+  return FloorStatistics{.count = count,
+                         .mean_m = mean,
+                         .std_m = count > 1 ? std::optional(std::sqrt(deviations / (n - 1.0))) : std::nullopt,
+                         .median_m = 0.5 * (lower + upper),
+                         .rmse_m = std::sqrt(squares / n),
+                         .max_m = largest_m_};
 }
 
 }  // namespace tileflight::ground_truth

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
 #include <random>
 #include <string>
 #include <vector>
@@ -28,7 +27,7 @@ TEST(QuantizationFloor, AgreesWithTheFormulasToTheStep) {
     std::vector<double> distances = random_distances(count);
     QuantizationFloor floor(0.5);
     floor.add(distances);
-    const nlohmann::json stated = floor.to_json();
+    const FloorStatistics stated = floor.statistics().value();
     const auto n = static_cast<double>(count);
     double sum = 0.0, squares = 0.0, deviations = 0.0;
     for (const double d : distances) {
@@ -38,15 +37,15 @@ TEST(QuantizationFloor, AgreesWithTheFormulasToTheStep) {
     for (const double d : distances) deviations += (d - sum / n) * (d - sum / n);
     std::sort(distances.begin(), distances.end());
     constexpr double kStep_m = 0.5 / 1048576;
-    EXPECT_EQ(stated["count"], count);
-    EXPECT_NEAR(stated["mean"].get<double>(), sum / n, kStep_m);
-    EXPECT_NEAR(stated["rmse"].get<double>(), std::sqrt(squares / n), kStep_m);
-    EXPECT_NEAR(stated["median"].get<double>(), 0.5 * (distances[(count - 1) / 2] + distances[count / 2]), kStep_m);
-    EXPECT_EQ(stated["max"].get<double>(), distances.back());
+    EXPECT_EQ(stated.count, count);
+    EXPECT_NEAR(stated.mean_m, sum / n, kStep_m);
+    EXPECT_NEAR(stated.rmse_m, std::sqrt(squares / n), kStep_m);
+    EXPECT_NEAR(stated.median_m, 0.5 * (distances[(count - 1) / 2] + distances[count / 2]), kStep_m);
+    EXPECT_EQ(stated.max_m, distances.back());
     if (count > 1) {
-      EXPECT_NEAR(stated["std"].get<double>(), std::sqrt(deviations / (n - 1.0)), kStep_m);
+      EXPECT_NEAR(stated.std_m.value(), std::sqrt(deviations / (n - 1.0)), kStep_m);
     } else {
-      EXPECT_TRUE(stated["std"].is_null());
+      EXPECT_FALSE(stated.std_m);
     }
   }
 }
@@ -57,15 +56,15 @@ TEST(QuantizationFloor, IsTheSameInPartsAndInAnyOrder) {
   whole.add(distances);
   std::shuffle(distances.begin(), distances.end(), std::mt19937(3));
   for (std::size_t i = 0; i < 4000; i += 1000) parts.add({distances.begin() + i, distances.begin() + i + 1000});
-  EXPECT_EQ(whole.to_json(), parts.to_json());
+  EXPECT_EQ(whole.statistics(), parts.statistics());
   QuantizationFloor kept(0.5);
   for (std::size_t i = 0; i < 4000; i += 2000) {
     QuantizationFloor half(0.5);
     half.add({distances.begin() + i, distances.begin() + i + 2000});
     kept.add_bytes(half.to_bytes(), "half");
   }
-  EXPECT_EQ(whole.to_json(), kept.to_json());
-  EXPECT_TRUE(QuantizationFloor(1.0).to_json().is_null());
+  EXPECT_EQ(whole.statistics(), kept.statistics());
+  EXPECT_FALSE(QuantizationFloor(1.0).statistics());
 }
 
 TEST(QuantizationFloor, RefusesBrokenBytes) {

@@ -12,8 +12,7 @@
 
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/random_numbers.h"
-#include "tileflight/core/geometry/morton_order.h"
-#include "tileflight/core/geometry/position_order.h"
+#include "tileflight/core/geometry/point_order.h"
 
 namespace tileflight::ground_truth {
 namespace {

@@ -17,10 +17,10 @@ namespace tileflight::ground_truth {
 geometry::PointCloud sample_surface(const geometry::TriangleMesh& mesh, const geometry::Box3& box, double per_m2,
                                     std::uint64_t seed = 1);
 
-/// Whether a sample is wanted.
+/// Tells whether a sample is wanted.
 using SampleFilter = std::function<bool(const geometry::Vec3&)>;
 
-/// The subset of sample_surface()'s points on triangles whose bounds intersect `part`, and that are wanted,
+/// Returns those of sample_surface()'s points that are wanted and lie on triangles whose bounds intersect `part`,
 /// bit-identical and in the same order: a camera often sees only a small part of a large place. `wanted` is called from
 /// several threads; empty: all.
 geometry::PointCloud sample_surface_near(const geometry::TriangleMesh& mesh, const geometry::Box3& box,
@@ -30,11 +30,11 @@ geometry::PointCloud sample_surface_near(const geometry::TriangleMesh& mesh, con
 /// Default maximum viewing range of cameras.
 inline constexpr double kDefaultViewRange_m = 500.0;
 
-/// A box that contains everything within that range of any of the poses.
+/// Returns a box that contains everything within that range of any of the poses.
 geometry::Box3 view_range_bounds(const geometry::Trajectory& poses, double max_range_m = kDefaultViewRange_m);
 
-/// For each point, whether at least one pose's camera sees it: inside the image and the lens's valid cone, in front,
-/// nearer than `max_range_m`, and not occluded (a ray to within `tolerance_m` of it).
+/// Returns for each point whether at least one pose's camera sees it: inside the image and the lens's valid cone, in
+/// front, nearer than `max_range_m`, and not occluded (a ray to within `tolerance_m` of it).
 std::vector<bool> compute_visibility(const scene::Scene& scene, const geometry::PointCloud& points,
                                      const geometry::Trajectory& poses, const imaging::Camera& camera,
                                      double max_range_m = kDefaultViewRange_m, double tolerance_m = 0.05);

@@ -21,7 +21,7 @@
 
 #include "tileflight/core/base/noise.h"
 #include "tileflight/core/geometry/mesh.h"
-#include "tileflight/world/ground_truth/cell_range.h"
+#include "tileflight/world/ground_truth/voxelize.h"
 
 namespace tileflight::ground_truth {
 
@@ -253,7 +253,7 @@ void visit_touched_cells(const CellTriangle& t, const std::array<std::int32_t, 3
   }
 }
 
-/// The same in the whole grid.
+/// Visits the cells in the whole grid.
 template <typename Run>
 void visit_touched_cells(const CellTriangle& t, const std::array<std::int32_t, 3>& dims, Run&& run) {
   visit_touched_cells(t, dims, whole_grid(dims), std::forward<Run>(run));

@@ -14,7 +14,7 @@
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/geometry/cloud_files.h"
-#include "tileflight/core/geometry/position_order.h"
+#include "tileflight/core/geometry/point_order.h"
 #include "tileflight/core/geometry/voxel_grid.h"
 
 namespace tileflight::ground_truth {

@@ -17,8 +17,8 @@ struct GroundTruth {
   double voxel_m = 1.0;
 };
 
-/// A folder written by `extract`, read in parts: its blocks, as index.json names them, or the whole of one without.
-/// What is merged from several parts is in the order that it has without blocks.
+/// Reads a folder written by `extract` in parts: its blocks, as index.json names them, or the whole if there are none.
+/// Data merged from several parts are in the order that they have without blocks.
 class TruthFolder {
  public:
   /// Reads index.json and the heads of the blocks' meshes. Throws InputError.
@@ -32,24 +32,24 @@ class TruthFolder {
   bool has_mesh(std::size_t part) const { return parts_[part].has_mesh; }
   bool has_mesh() const;
 
-  /// What a part's triangles lie within, which may reach beyond the block; empty: it has none. A truth without blocks
-  /// is taken to reach everywhere.
+  /// Returns the bounds of a part's triangles, which may reach beyond the block; empty: it has none. A ground truth
+  /// without blocks is taken to reach everywhere.
   const geometry::Box3& mesh_bounds(std::size_t part) const { return parts_[part].mesh_bounds; }
-  /// What its voxels lie within; likewise.
+  /// Returns the bounds of a part's voxels, likewise.
   const geometry::Box3& voxel_bounds(std::size_t part) const { return parts_[part].voxel_bounds; }
 
   /// Throw InputError.
   NumberedMesh read_mesh(std::size_t part) const;
   geometry::PointCloud read_voxel_centers(std::size_t part) const;
 
-  /// All triangles of these parts.
+  /// Reads all triangles of these parts.
   geometry::TriangleMesh read_meshes(const std::vector<std::size_t>& parts) const;
-  /// All voxel centres of these parts.
+  /// Reads all voxel centres of these parts.
   geometry::PointCloud read_voxel_centers(const std::vector<std::size_t>& parts) const;
-  /// surface.ply, by far the largest part, of all parts.
+  /// Reads surface.ply, by far the largest file, of all parts.
   geometry::PointCloud read_surface_samples() const;
 
-  /// The parts that may hold triangles or voxels in a box, ascending.
+  /// Returns the parts that may hold triangles or voxels in a box, ascending.
   std::vector<std::size_t> parts_in(const geometry::Box3& box) const;
   std::vector<std::size_t> all_parts() const;
 
@@ -66,13 +66,13 @@ class TruthFolder {
   std::vector<Part> parts_;
 };
 
-/// Triangles of parts of a mesh, given in any sequence, in the order of the whole.
+/// Merges parts of a mesh, given in any sequence; the triangles are in the order of the whole.
 geometry::TriangleMesh merge_in_order(const std::vector<NumberedMesh>& parts);
 
 /// Reads the ground truth of a folder, all blocks together. Throws InputError.
 GroundTruth read_ground_truth(const std::filesystem::path& folder);
 
-/// TruthFolder::read_surface_samples() of a folder.
+/// Reads the surface samples of a folder, as TruthFolder::read_surface_samples().
 geometry::PointCloud read_surface_samples(const std::filesystem::path& folder);
 
 }  // namespace tileflight::ground_truth

@@ -5,9 +5,12 @@
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_reduce.h>
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <mutex>
+#include <optional>
+#include <sstream>
 #include <string>
 
 #include "tileflight/core/base/input_error.h"
@@ -15,6 +18,7 @@
 #include "tileflight/world/ground_truth/triangle_cells.h"
 
 namespace tileflight::ground_truth {
+
 namespace {
 
 using geometry::Box3;
@@ -148,6 +152,88 @@ geometry::VoxelGrid voxelize(const TriangleMesh& mesh, const Box3& box, double e
     all.merge(set);
   }
   return {box.min(), edge_m, dims, all.sorted_cells()};
+}
+
+namespace {
+
+using geometry::Cell;
+using geometry::Vec3;
+using geometry::VoxelGrid;
+
+std::optional<Cell> cell_of(const Vec3& point, const VoxelGrid& grid) {
+  const Vec3 in_cells = (point - grid.origin) / grid.edge_m;
+  std::array<std::int32_t, 3> index{};
+  for (std::size_t i = 0; i < 3; ++i) {
+    const double at = in_cells[static_cast<Eigen::Index>(i)];
+    if (!(at >= 0 && at <= grid.dims[i])) return std::nullopt;
+    index[i] = std::min(static_cast<std::int32_t>(std::floor(at)), grid.dims[i] - 1);
+  }
+  return Cell{index[0], index[1], index[2]};
+}
+
+}  // namespace
+
+geometry::Cell nearest_cell(const geometry::Vec3& position, const VoxelGrid& grid) {
+  const Vec3 in_cells = (position - grid.origin) / grid.edge_m;
+  std::array<std::int32_t, 3> index{};
+  for (std::size_t i = 0; i < 3; ++i) {
+    const double at = std::floor(in_cells[static_cast<Eigen::Index>(i)]);
+    index[i] = static_cast<std::int32_t>(std::clamp(at, 0.0, grid.dims[i] - 1.0));
+  }
+  return {index[0], index[1], index[2]};
+}
+
+geometry::PointCloud points_in_box(const std::vector<geometry::PointCloud>& clouds, const geometry::Box3& box) {
+  geometry::PointCloud out;
+  for (const geometry::PointCloud& cloud : clouds) {
+    for (std::size_t i = 0; i < cloud.size(); ++i) {
+      if (!box.contains(cloud.positions[i])) continue;
+      out.positions.push_back(cloud.positions[i]);
+      out.normals.push_back(cloud.normals.empty() ? Eigen::Vector3f(0, 0, 0) : cloud.normals[i]);
+    }
+  }
+  return out;
+}
+
+void mark_occupied(const geometry::PointCloud& points, VoxelGrid& grid) {
+  for (const Vec3& point : points.positions) {
+    if (const std::optional<Cell> cell = cell_of(point, grid)) grid.occupied.push_back(*cell);
+  }
+  std::sort(grid.occupied.begin(), grid.occupied.end());
+  grid.occupied.erase(std::unique(grid.occupied.begin(), grid.occupied.end()), grid.occupied.end());
+}
+
+namespace {
+
+constexpr double kPublishedEdge_m = 1.0, kPublishedCells = 250.0;
+constexpr double kFewCells = 50.0;
+constexpr double kMinEdge_m = 0.001;
+
+std::string rounded(double metres) {
+  std::ostringstream text;
+  text.precision(metres < 1 ? 1 : metres < 10 ? 2 : metres < 100 ? 3 : 4);
+  text << metres;
+  return text.str();
+}
+
+}  // namespace
+
+double suggest_voxel_m(const geometry::Vec3& extent_m) {
+  const double target_m = std::clamp(extent_m.maxCoeff() / kPublishedCells, kMinEdge_m, kPublishedEdge_m);
+  const double power = std::pow(10.0, std::floor(std::log10(target_m)));
+  double nearest_m = power;
+  for (const double factor : {1.0, 2.0, 5.0, 10.0}) {
+    const auto off = [&](double edge_m) { return std::abs(std::log(edge_m / target_m)); };
+    if (off(factor * power) < off(nearest_m)) nearest_m = factor * power;
+  }
+  return std::min(nearest_m, kPublishedEdge_m);
+}
+
+std::optional<std::string> coarse_voxel_warning(const geometry::Vec3& extent_m, double voxel_m) {
+  if (!(extent_m.maxCoeff() > 0) || extent_m.maxCoeff() >= kFewCells * voxel_m) return std::nullopt;
+  return "voxels of " + rounded(voxel_m) + " m are coarse for a surface of " + rounded(extent_m.x()) + " x " +
+         rounded(extent_m.y()) + " x " + rounded(extent_m.z()) + " m: errors below half a voxel hardly show in the " +
+         "distance to their centres; use --voxel " + rounded(suggest_voxel_m(extent_m));
 }
 
 }  // namespace tileflight::ground_truth

@@ -302,3 +302,112 @@ TEST(Voxelize, NothingInTheBoxIsAnEmptyGrid) {
 
 }  // namespace
 }  // namespace tileflight::ground_truth::voxelize_test
+
+namespace tileflight::ground_truth::point_cells_test {
+namespace {
+
+using geometry::Cell;
+using geometry::PointCloud;
+using geometry::Vec3;
+using geometry::VoxelGrid;
+
+VoxelGrid grid() {
+  VoxelGrid out;
+  out.origin = Vec3(-2, 10, 0.5);
+  out.edge_m = 0.5;
+  out.dims = {4, 3, 2};
+  return out;
+}
+
+TEST(PointCells, APointLiesInTheCellWhoseIntervalHoldsIt) {
+  VoxelGrid g = grid();
+  g.occupied = {{0, 0, 0}};
+  PointCloud cloud;
+  cloud.positions = {Vec3(-2, 10, 0.5),      Vec3(-1.5, 10, 0.5),  // on a border: the upper cell
+                     Vec3(0, 11.5, 1.5),                           // the last corner: the last cell
+                     Vec3(0.01, 10, 0.5),    Vec3(-2, 9.99, 0.5),  // outside
+                     Vec3(-1.2, 10.7, 1.01), Vec3(-1.1, 10.8, 1.02)};
+  mark_occupied(cloud, g);
+  EXPECT_THAT(g.occupied, ::testing::ElementsAre(Cell{0, 0, 0}, Cell{1, 0, 0}, Cell{1, 1, 1}, Cell{3, 2, 1}));
+}
+
+/// Brute force: tests each cell's box.
+TEST(PointCells, SameAsAskingEveryCell) {
+  std::mt19937 random(4);
+  std::uniform_real_distribution<double> spread(-1, 2.5);
+  PointCloud cloud;
+  for (int i = 0; i < 600; ++i)
+    cloud.positions.push_back(grid().origin + Vec3(spread(random), spread(random), spread(random)));
+  VoxelGrid g = grid();
+  mark_occupied(cloud, g);
+  std::set<Cell> expected;
+  for (int x = 0; x < 4; ++x) {
+    for (int y = 0; y < 3; ++y) {
+      for (int z = 0; z < 2; ++z) {
+        const Vec3 corner = g.origin + 0.5 * Vec3(x, y, z);
+        for (const Vec3& p : cloud.positions) {
+          const bool inside = (p.array() >= corner.array()).all() && (p.array() < corner.array() + 0.5).all();
+          if (inside) expected.insert({x, y, z});
+        }
+      }
+    }
+  }
+  EXPECT_THAT(g.occupied, ::testing::ElementsAreArray(expected));
+  EXPECT_GT(expected.size(), 5U);
+}
+
+TEST(PointCells, OnlyWhatLiesInTheBox) {
+  PointCloud with_normals;
+  with_normals.positions = {Vec3(0, 0, 0), Vec3(5, 0, 0)};
+  with_normals.normals = {Eigen::Vector3f(1, 0, 0), Eigen::Vector3f(0, 1, 0)};
+  PointCloud without;
+  without.positions = {Vec3(1, 1, 1)};
+  const PointCloud points = points_in_box({with_normals, without}, geometry::Box3(Vec3(0, 0, 0), Vec3(1, 1, 1)));
+  EXPECT_THAT(points.positions, ::testing::ElementsAre(Vec3(0, 0, 0), Vec3(1, 1, 1)));
+  EXPECT_THAT(points.normals, ::testing::ElementsAre(Eigen::Vector3f(1, 0, 0), Eigen::Vector3f(0, 0, 0)));
+}
+
+}  // namespace
+}  // namespace tileflight::ground_truth::point_cells_test
+
+namespace tileflight::ground_truth::suggested_voxel_test {
+namespace {
+
+using geometry::Vec3;
+using testing::HasSubstr;
+
+TEST(SuggestedVoxel, IsThePublishedMetreForAPlaceOfThatSize) {
+  EXPECT_DOUBLE_EQ(suggest_voxel_m({250, 250, 60}), 1.0);
+  EXPECT_DOUBLE_EQ(suggest_voxel_m({5000, 3000, 60}), 1.0) << "a city too: the metre is what readers compare with";
+}
+
+TEST(SuggestedVoxel, IsFinerForSmallThings) {
+  EXPECT_DOUBLE_EQ(suggest_voxel_m({8, 6, 20}), 0.1);
+  EXPECT_DOUBLE_EQ(suggest_voxel_m({15, 12, 6}), 0.05);
+  EXPECT_DOUBLE_EQ(suggest_voxel_m({120, 90, 10}), 0.5);
+  EXPECT_DOUBLE_EQ(suggest_voxel_m({1, 1, 1}), 0.005);
+  EXPECT_DOUBLE_EQ(suggest_voxel_m({0, 0, 0}), 0.001);
+}
+
+TEST(SuggestedVoxel, IsOneTwoOrFiveTimesAPowerOfTen) {
+  for (double side_m = 0.3; side_m < 300; side_m *= 1.07) {
+    const double edge_m = suggest_voxel_m({side_m, 0.5 * side_m, 0.1 * side_m});
+    const double digit = edge_m / std::pow(10.0, std::floor(std::log10(edge_m) + 1e-9));
+    EXPECT_TRUE(std::abs(digit - 1) < 1e-9 || std::abs(digit - 2) < 1e-9 || std::abs(digit - 5) < 1e-9) << edge_m;
+    EXPECT_LT(std::abs(std::log(side_m / edge_m / 250)), std::log(1.6)) << side_m;
+    EXPECT_FALSE(coarse_voxel_warning({side_m, 0.5 * side_m, 0.1 * side_m}, edge_m)) << side_m;
+  }
+}
+
+TEST(SuggestedVoxel, AMetreOnAStatueIsSaidToBeCoarse) {
+  const auto line = coarse_voxel_warning({8, 6, 20.26}, 1.0);
+  ASSERT_TRUE(line);
+  EXPECT_THAT(*line, HasSubstr("voxels of 1 m are coarse for a surface of 8 x 6 x 20.3 m"));
+  EXPECT_THAT(*line, HasSubstr("use --voxel 0.1"));
+  EXPECT_FALSE(coarse_voxel_warning({8, 6, 20.26}, 0.1));
+  EXPECT_FALSE(coarse_voxel_warning({250, 250, 60}, 1.0));
+  EXPECT_FALSE(coarse_voxel_warning({0, 0, 0}, 1.0));
+}
+
+}  // namespace
+}  // namespace tileflight::ground_truth::suggested_voxel_test

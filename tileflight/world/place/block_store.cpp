@@ -9,8 +9,6 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/make_folder.h"
-#include "tileflight/core/base/temporary_path.h"
 
 namespace tileflight::place {
 namespace fs = std::filesystem;
@@ -92,7 +90,8 @@ void BlockStore::add(
   auto [record, floor] = make(temporary);
   record.has_files = !fs::is_empty(temporary);
   if (record.has_files) {
-    // What is there is equal, or of a process that died before it wrote the record. Killed here, this one leaves none.
+    // An existing folder is equal, or from a process that died before it wrote the record. A process that is killed
+    // here leaves no record either.
     fs::remove(record_of(block), error);
     fs::remove_all(target, error);
     fs::rename(temporary, target, error);

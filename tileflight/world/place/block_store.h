@@ -10,9 +10,9 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/world/ground_truth/quantization_floor.h"
-#include "tileflight/tiles/tileset/region_reader.h"
 #include "tileflight/core/jobs/build_folder.h"
+#include "tileflight/tiles/tileset/region_reader.h"
+#include "tileflight/world/ground_truth/quantization_floor.h"
 
 namespace tileflight::place {
 
@@ -36,7 +36,7 @@ class BlockStore {
  public:
   static std::filesystem::path folder_for(const std::filesystem::path& output);
   static bool exists(const std::filesystem::path& output);
-  /// As BuildFolder::prepare().
+  /// Prepares the store for a job, as BuildFolder::prepare() does.
   static std::string prepare(const std::filesystem::path& output, const nlohmann::json& inputs, jobs::Share share);
 
   /// Enters a prepared store under a name. Throws InputError.
@@ -49,7 +49,7 @@ class BlockStore {
   void add(const std::string& block,
            const std::function<std::pair<BlockRecord, ground_truth::QuantizationFloor>(const std::filesystem::path&)>&
                make) const;
-  /// nullopt: the block is not finished.
+  /// Reads the record of a block; nullopt if the block is not finished.
   std::optional<BlockRecord> read(const std::string& block) const;
   bool holds(const std::string& block) const;
   void add_floor(const std::string& block, ground_truth::QuantizationFloor& floor) const;

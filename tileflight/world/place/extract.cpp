@@ -7,18 +7,18 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "tileflight/core/base/elapsed_time.h"
 #include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/number_text.h"
-#include "tileflight/core/base/output_folder.h"
-#include "tileflight/world/ground_truth/suggested_voxel.h"
-#include "tileflight/world/place/extract_cost.h"
 #include "tileflight/core/base/memory_budget.h"
-#include "tileflight/world/place/truth_blocks.h"
-#include "tileflight/core/base/version.h"
-#include "tileflight/tiles/tileset/region_reader.h"
+#include "tileflight/core/base/output_folder.h"
+#include "tileflight/core/base/program.h"
+#include "tileflight/core/base/progress.h"
 #include "tileflight/tiles/fetch/open_source.h"
+#include "tileflight/tiles/tileset/region_reader.h"
+#include "tileflight/world/ground_truth/voxelize.h"
+#include "tileflight/world/place/extract_cost.h"
+#include "tileflight/world/place/truth_blocks.h"
 
 namespace tileflight::place {
 namespace {
@@ -35,33 +35,38 @@ std::vector<std::string> collect_warnings(const ExtractSettings& settings, const
   return warnings;
 }
 
-json describe(const ExtractSettings& settings, const tileset::LoadedTiles& loaded, const TruthCounts& truth) {
-  return {
-      {"source", fetch::redact_source(settings.source)},
-      {"tiles_wanted", loaded.tiles_wanted},
-      {"tiles_loaded", loaded.tiles_loaded},
-      {"tiles_failed", loaded.tiles_failed},
-      {"failures", loaded.failures},
-      {"complete", loaded.complete},
-      {"geometric_error_wanted", settings.load.error_m},
-      {"geometric_error_max", loaded.geometric_error_max_m},
-      {"triangles", truth.triangles},
-      {"triangles_loaded", loaded.triangles},
-      {"points", truth.cloud_points},
-      {"bytes_read", loaded.bytes_read},
-      {"cut_sha256", loaded.cut_hash},
-      {"voxel_size", settings.voxel_m},
-      {"voxel_dims", truth.voxel_dims},
-      {"voxels_occupied", truth.voxels_occupied},
-      {"surface_points", truth.surface_points},
-      {"region", region_json(loaded.region)},
-      {"frame", frame_json(loaded.local_frame)},
-      {"attribution", loaded.attribution},
-      {"terms", {{"provider", loaded.terms.provider}, {"url", loaded.terms.url}}},
-      {"terms_accepted", settings.load.source.terms_accepted},
-      {"warnings", collect_warnings(settings, loaded, truth)},
-      {"version", base::version()},
-  };
+ExtractResult describe(const ExtractSettings& settings, const tileset::LoadedTiles& loaded, const TruthCounts& truth,
+                       std::chrono::steady_clock::time_point start) {
+  const double error_m = loaded.geometric_error_max_m;
+  return {.source = fetch::redact_source(settings.source),
+          .tiles_wanted = loaded.tiles_wanted,
+          .tiles_loaded = loaded.tiles_loaded,
+          .tiles_failed = loaded.tiles_failed,
+          .failures = loaded.failures,
+          .complete = loaded.complete,
+          .geometric_error_wanted_m = settings.load.error_m,
+          .geometric_error_max_m = std::isfinite(error_m) ? std::optional(error_m) : std::nullopt,
+          .triangles = static_cast<std::int64_t>(truth.triangles),
+          .triangles_loaded = loaded.triangles,
+          .points = static_cast<std::int64_t>(truth.cloud_points),
+          .bytes_read = loaded.bytes_read,
+          .cut_sha256 = loaded.cut_hash,
+          .voxel_m = settings.voxel_m,
+          .voxel_dims = truth.voxel_dims,
+          .voxels_occupied = static_cast<std::int64_t>(truth.voxels_occupied),
+          .surface_points = static_cast<std::int64_t>(truth.surface_points),
+          .region = loaded.region,
+          .origin = loaded.local_frame ? std::optional(loaded.local_frame->origin()) : std::nullopt,
+          .attribution = loaded.attribution,
+          .terms_provider = loaded.terms.provider,
+          .terms_url = loaded.terms.url,
+          .terms_accepted = settings.load.source.terms_accepted,
+          .warnings = collect_warnings(settings, loaded, truth),
+          .version = base::version(),
+          .seconds = {.load_s = truth.load_seconds,
+                      .truth_s = base::seconds_since(start) - truth.load_seconds,
+                      .total_s = base::seconds_since(start)},
+          .quantization_floor = truth.floor.statistics()};
 }
 
 /// Contents of the region that are decoded for an estimate.
@@ -126,47 +131,26 @@ struct OpenRegion {
   tileset::RegionReader reader;
 };
 
-/// Writes extract.json, whose content is returned.
-json write_description(const ExtractSettings& settings, const OpenRegion& region, const TruthCounts& truth,
-                       std::chrono::steady_clock::time_point start, const std::filesystem::path& folder) {
-  json result = describe(settings, region.reader.summary(), truth);
-  // Errors of a perfect map, stored so that no evaluation needs to read the samples again.
-  result["quantization_floor"] = truth.floor.to_json();
-  result["seconds"] = {{"load", truth.load_seconds},
-                       {"truth", base::seconds_since(start) - truth.load_seconds},
-                       {"total", base::seconds_since(start)}};
-  base::write_file(folder / "extract.json", result.dump(2) + "\n");
-  return result;
-}
-
-json extract_in_blocks(const ExtractSettings& settings, const base::OutputFolder& output, jobs::Ranks& ranks,
-                       const Progress& progress) {
+Extraction extract_in_blocks(const ExtractSettings& settings, const base::OutputFolder& output,
+                             const Progress& progress) {
   const auto start = std::chrono::steady_clock::now();
-  std::optional<OpenRegion> region;
-  run_collectively(ranks, [&] {
-    if (ranks.rank() == 0 && !settings.part) base::require_writable(output);
-    region.emplace(settings, progress);
-    if (ranks.rank() == 0 && !settings.part) require_affordable(region->reader, settings, output.folder);
-  });
-  TruthBlocks blocks(region->reader, settings, output.folder, ranks, progress);
+  if (!settings.part) base::require_writable(output);
+  OpenRegion region(settings, progress);
+  if (!settings.part) require_affordable(region.reader, settings, output.folder);
+  TruthBlocks blocks(region.reader, settings, output.folder, progress);
   blocks.make();
-  json build = {{"ranks", ranks.count()}, {"blocks", blocks.count()}, {"blocks_reused", blocks.reused()}};
-  if (!blocks.note().empty()) build["note"] = blocks.note();
+  BlockBuild build{.blocks = blocks.count(), .blocks_reused = blocks.reused(), .note = blocks.note()};
   if (settings.part) {
-    build["part"] = {settings.part->number, settings.part->count};
-    build["blocks_made"] = blocks.made();
-    return {{"build", build}};
+    build.part = settings.part;
+    build.blocks_made = blocks.made();
+    return {std::nullopt, build};
   }
-  json result;
-  run_collectively(ranks, [&] {
-    if (ranks.rank() != 0) return;
-    const TruthCounts truth = blocks.join();
-    result = write_description(settings, *region, truth, start, blocks.truth_folder());
-    base::install_folder(blocks.truth_folder(), output);
-    blocks.remove();
-    result["build"] = build;
-  });
-  return result;
+  const TruthCounts truth = blocks.join();
+  const ExtractResult result = describe(settings, region.reader.summary(), truth, start);
+  write_extract_json(result, blocks.truth_folder());
+  base::install_folder(blocks.truth_folder(), output);
+  blocks.remove();
+  return {result, build};
 }
 
 }  // namespace
@@ -175,90 +159,62 @@ base::OutputFolder extract_output(const ExtractSettings& settings, const std::fi
   return {.folder = folder,
           .command = "extract",
           .replace = replace,
-          .inputs = {fetch::local_path_of_source(settings.source)},
-          .legacy = {.key_file = "extract.json",
-                     .key_text = "tiles_wanted",
-                     .files = {"mesh.glb", "surface.ply", "voxels.binvox", "voxels.ply", "octree.bt", "extract.json"}}};
+          .inputs = {fetch::local_path_of_source(settings.source)}};
 }
 
-nlohmann::json extract(const ExtractSettings& settings, const std::filesystem::path& folder, bool replace,
-                       const Progress& progress, jobs::Ranks* given_ranks) {
+Extraction extract(const ExtractSettings& settings, const std::filesystem::path& folder, bool replace,
+                   const Progress& progress) {
   const base::OutputFolder output = extract_output(settings, folder, replace);
-  if (settings.block_m) {
-    jobs::SingleRank alone;
-    jobs::Ranks& ranks = given_ranks == nullptr ? alone : *given_ranks;
-    return extract_in_blocks(settings, output, ranks, ranks.rank() == 0 ? progress : Progress());
-  }
+  if (settings.block_m) return extract_in_blocks(settings, output, progress);
   const auto start = std::chrono::steady_clock::now();
   base::require_writable(output);
   OpenRegion region(settings, progress);
   require_affordable(region.reader, settings, folder);
-  json result;
+  Extraction made;
   base::write_folder(output, [&](const std::filesystem::path& temporary) {
     const TruthCounts truth = write_whole_truth(region.reader, settings, temporary, progress);
-    result = write_description(settings, region, truth, start, temporary);
+    made.result = describe(settings, region.reader.summary(), truth, start);
+    write_extract_json(*made.result, temporary);
   });
-  return result;
+  return made;
 }
 
-nlohmann::json preview_extract(const ExtractSettings& settings, const std::filesystem::path& folder, bool replace,
+json to_json(const Extraction& extraction) {
+  json about = extraction.result ? to_json(*extraction.result) : json();
+  if (!extraction.build) return about;
+  const BlockBuild& build = *extraction.build;
+  json& out = about["build"];
+  out = {{"blocks", build.blocks}, {"blocks_reused", build.blocks_reused}};
+  if (!build.note.empty()) out["note"] = build.note;
+  if (build.part) {
+    out["part"] = {build.part->number, build.part->count};
+    out["blocks_made"] = build.blocks_made;
+  }
+  return about;
+}
+
+ExtractPreview preview_extract(const ExtractSettings& settings, const std::filesystem::path& folder, bool replace,
                                const Progress& progress) {
   base::require_writable(extract_output(settings, folder, replace));
   OpenRegion region(settings, progress);
   const ExtractCost cost = estimate_cost(region.reader, settings);
   require_affordable(cost, settings, folder);
+  return {.source = fetch::redact_source(settings.source),
+          .cost = cost,
+          .in_blocks = settings.block_m.has_value(),
+          .memory_limit_bytes = memory_limit(settings)};
+}
+
+json to_json(const ExtractPreview& preview) {
+  const ExtractCost& cost = preview.cost;
   return {{"dry_run", true},
-          {"source", fetch::redact_source(settings.source)},
+          {"source", preview.source},
           {"estimate", to_json(cost)},
           {"tiles_probed", cost.tiles_probed},
           {"spread", std::isfinite(cost.spread) ? json(cost.spread) : json()},
-          {"in_blocks", settings.block_m.has_value()},
-          {"memory_limit_bytes", memory_limit(settings)},
+          {"in_blocks", preview.in_blocks},
+          {"memory_limit_bytes", preview.memory_limit_bytes},
           {"text", cost_text(cost)}};
-}
-
-nlohmann::json read_extract_json(const std::filesystem::path& folder) {
-  const std::filesystem::path file = folder / "extract.json";
-  const json result = json::parse(base::read_text(file), nullptr, false);
-  if (!result.is_object())
-    throw InputError(file.string(), "not a JSON object; make the folder with `tileflight extract`");
-  return result;
-}
-
-json region_json(const tileset::Region& region) {
-  const auto corner = [](const geometry::Vec3& v) { return json{v.x(), v.y(), v.z()}; };
-  json out = {{"center", corner(region.center)}, {"size", corner(region.size)}};
-  for (const geometry::Prism& part : region.parts) {
-    json rings = json::array();
-    for (const geometry::Ring& ring : part.base.rings()) {
-      rings.push_back(json::array());
-      for (const Eigen::Vector2d& point : ring) rings.back().push_back({point.x(), point.y()});
-    }
-    out["polygons"].push_back({{"rings", rings}, {"bottom", part.bottom_m}, {"top", part.top_m}});
-  }
-  return out;
-}
-
-json frame_json(const std::optional<geometry::LocalFrame>& frame) {
-  if (!frame) return {{"origin_lat", nullptr}, {"origin_lon", nullptr}, {"origin_height", nullptr}};
-  const geometry::Geodetic& origin = frame->origin();
-  return {
-      {"origin_lat", origin.latitude_deg}, {"origin_lon", origin.longitude_deg}, {"origin_height", origin.height.m}};
-}
-
-std::optional<geometry::Geodetic> origin_from_json(const nlohmann::json& extract_json) {
-  const json frame = extract_json.value("frame", json::object());
-  if (!frame.is_object() || !frame.contains("origin_lat") || frame["origin_lat"].is_null()) return std::nullopt;
-  return geometry::Geodetic{frame.at("origin_lat").get<double>(), frame.at("origin_lon").get<double>(),
-                            geometry::EllipsoidalHeight{frame.at("origin_height").get<double>()}};
-}
-
-std::map<std::string, std::string> describe_frame(const std::optional<geometry::Geodetic>& origin) {
-  if (!origin) return {{"frame.kind", "tileset"}};
-  return {{"frame.kind", "east-north-up"},
-          {"frame.origin_lat", base::fixed_text(origin->latitude_deg)},
-          {"frame.origin_lon", base::fixed_text(origin->longitude_deg)},
-          {"frame.origin_height", base::fixed_text(origin->height.m)}};
 }
 
 }  // namespace tileflight::place

@@ -13,8 +13,8 @@ namespace {
 
 using tileset::ContentMeasures;
 
-// Memory and time of the whole command, fitted to measurements (docs/scale.md and world/place/extract_cost_test.cpp hold what
-// follows from them).
+// Memory and time of the whole command, fitted to measurements (docs/scale.md and world/place/extract_cost_test.cpp
+// hold what follows from them).
 constexpr double kProgramBytes = 40e6;
 constexpr double kBytesPerTriangle = 12.0, kBytesPerVertex = 24.0, kBytesPerTexel = 3.0;
 /// Copies of the geometry at the peak: as loaded, cropped, joined, and in the file's buffers.

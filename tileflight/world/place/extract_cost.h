@@ -20,22 +20,23 @@ struct ExtractCost {
   double disk_bytes = 0.0;    ///< of the files written
   double glb_bytes = 0.0;     ///< of mesh.glb among these, at least: without its textures
   double cpu_s = 0.0;         ///< processor time on one core of 2023
-  /// Two standard errors of the sample, relative: with the rest of the tiles like these, the truth lies within with a
+  /// Two standard errors of the sample, relative: if the other tiles are like these, the true cost lies within with a
   /// probability of 95 percent. Infinite if a single tile was probed.
   double spread = 0.0;
 
-  /// The same for a part or a multiple of the place.
+  /// Returns the cost of a part or a multiple of the place.
   ExtractCost scaled(double factor) const;
 };
 
-/// `probes`: measures of some of the `tiles` contents, spread evenly over them. `bytes_read`: of all their files; below
-/// 0: not known, estimated from the probes.
+/// Estimates the cost of an extraction. `probes`: measures of some of the `tiles` contents, spread evenly over them.
+/// `bytes_read`: size of all their files; below 0: not known, estimated from the probes.
 ExtractCost estimate_extract_cost(const std::vector<tileset::ContentMeasures>& probes, double tiles, double bytes_read,
                                   double samples_per_m2);
 
-/// {tiles, bytes, triangles, memory_bytes, disk_bytes, seconds}; numbers are rounded to three digits.
+/// Converts to {tiles, bytes, triangles, memory_bytes, disk_bytes, seconds}; numbers are rounded to three digits.
 nlohmann::json to_json(const ExtractCost& cost);
-/// "462 tiles (58 MB), 3.0 million triangles: 0.9 GB of memory, 0.4 GB on disk, 5 s of processor time (± 12 %)".
+/// Describes the cost: "462 tiles (58 MB), 3.0 million triangles: 0.9 GB of memory, 0.4 GB on disk, 5 s of processor
+/// time (± 12 %)".
 std::string cost_text(const ExtractCost& cost);
 
 /// Throws InputError, saying what to change, if the extraction certainly exceeds the memory (`memory_limit_bytes`), the
@@ -43,7 +44,7 @@ std::string cost_text(const ExtractCost& cost);
 void require_affordable(const ExtractCost& cost, std::uintmax_t memory_limit_bytes,
                         const std::filesystem::path& folder);
 
-/// Throws if the disk of `folder` certainly lacks the space alone: of an extraction in blocks.
+/// Throws InputError if the disk of `folder` certainly lacks the space. An extraction in blocks needs no other check.
 void require_disk_space(const ExtractCost& cost, const std::filesystem::path& folder);
 
 }  // namespace tileflight::place

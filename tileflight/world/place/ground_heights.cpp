@@ -7,7 +7,8 @@
 
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
-#include "tileflight/core/geometry/surface_heights.h"
+#include "tileflight/core/geometry/mesh.h"
+#include "tileflight/world/place/extract_result.h"
 #include "tileflight/world/place/place_reader.h"
 #include "tileflight/world/scene/scene.h"
 
@@ -161,13 +162,7 @@ json ground_heights(const GroundHeightsSettings& settings, const std::vector<Gro
     const Column column = columns.make_column(point);
     result["points"].push_back(columns.describe(point, column, sample_heights(place, column, result, progress)));
   }
-  const auto& frame = place.placement().local_frame;
-  result["frame"] = {{"origin_lat", nullptr}, {"origin_lon", nullptr}, {"origin_height", nullptr}};
-  if (frame) {
-    result["frame"] = {{"origin_lat", frame->origin().latitude_deg},
-                       {"origin_lon", frame->origin().longitude_deg},
-                       {"origin_height", frame->origin().height.m}};
-  }
+  result["frame"] = frame_json(place.placement().local_frame);
   result["attribution"] = place.attribution();
   result["warnings"] = place.warnings();
   return result;

@@ -24,7 +24,7 @@ GroundQuery parse_local_query(const std::string& text, const std::string& option
 
 /// Settings of ground_heights().
 struct GroundHeightsSettings {
-  std::string source;       ///< SOURCE of the contract
+  std::string source;         ///< folder, archive or address of the tileset, as fetch::open_source() takes it
   tileset::LoadOptions load;  ///< origin of the local frame (height: that of a region, if given)
 };
 

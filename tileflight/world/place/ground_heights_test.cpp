@@ -2,15 +2,15 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <nlohmann/json.hpp>
 
 #include <cmath>
+#include <nlohmann/json.hpp>
 
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 #include "tests/tiny_place.h"
-#include "tileflight/world/scene/scene.h"
 #include "tileflight/tiles/tileset/load.h"
+#include "tileflight/world/scene/scene.h"
 
 namespace tileflight::place::ground_heights_test {
 namespace {

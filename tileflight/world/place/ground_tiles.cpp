@@ -7,8 +7,8 @@
 
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/geometry/mesh.h"
-#include "tileflight/tiles/tileset/cut_reader.h"
 #include "tileflight/tiles/fetch/open_source.h"
+#include "tileflight/tiles/tileset/cut_reader.h"
 
 namespace tileflight::place {
 namespace {
@@ -85,7 +85,8 @@ const GroundTiles::Cell& GroundTiles::cell_at(const CellIndex& index) {
 }
 
 /// A few of the contents, or as many as fit into memory, from the `next` on.
-std::vector<tileset::LoadedContent> GroundTiles::read_some(const std::vector<std::size_t>& contents, std::size_t& next) {
+std::vector<tileset::LoadedContent> GroundTiles::read_some(const std::vector<std::size_t>& contents,
+                                                           std::size_t& next) {
   constexpr std::size_t kAtOnce = 4;
   const std::size_t count = std::min(kAtOnce, contents.size() - next);
   const auto read = [&](std::size_t so_many) {
@@ -104,7 +105,7 @@ std::vector<tileset::LoadedContent> GroundTiles::read_some(const std::vector<std
   }
 }
 
-/// Of the tiles, only the triangles above and below the cell remain.
+/// Keeps only those triangles of the tiles that are above or below the cell.
 GroundTiles::Cell GroundTiles::read(const CellIndex& index) {
   const Box3 column = column_of(index.first, index.second);
   const std::vector<std::size_t> contents = reader_->contents_in(column);

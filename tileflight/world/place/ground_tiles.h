@@ -9,11 +9,11 @@
 #include <vector>
 
 #include "tileflight/core/base/progress.h"
-#include "tileflight/world/scene/scene.h"
+#include "tileflight/tiles/fetch/tile_source.h"
 #include "tileflight/tiles/tileset/cut_reader.h"
 #include "tileflight/tiles/tileset/load.h"
 #include "tileflight/tiles/tileset/region_reader.h"
-#include "tileflight/tiles/fetch/tile_source.h"
+#include "tileflight/world/scene/scene.h"
 
 namespace tileflight::place {
 
@@ -30,11 +30,11 @@ class GroundTiles {
   GroundTiles(const std::string& source, const tileset::LoadOptions& load, Progress progress = {});
 
   /// Height of the uppermost surface at a position of the local frame, not above `below_z`; nullopt: there is none.
-  /// Throws InputError for an unreadable tile (unless load.allow_incomplete), tileset::MemoryLimitExceeded if one cell's
-  /// surface does not fit.
+  /// Throws InputError for an unreadable tile (unless load.allow_incomplete), tileset::MemoryLimitExceeded if one
+  /// cell's surface does not fit.
   std::optional<double> height(double x, double y, double below_z);
 
-  /// How often tiles were read.
+  /// Returns how often tiles were read.
   std::int64_t read_count() const { return read_count_; }
 
  private:

@@ -11,7 +11,7 @@
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 #include "tests/tiny_city.h"
-#include "tileflight/core/geometry/surface_heights.h"
+#include "tileflight/core/geometry/mesh.h"
 #include "tileflight/world/scene/scene.h"
 
 namespace tileflight::place::ground_tiles_test {

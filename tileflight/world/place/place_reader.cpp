@@ -4,12 +4,31 @@
 #include <filesystem>
 #include <set>
 
-#include "tileflight/core/base/string_lists.h"
+#include "tileflight/core/base/formatted_text.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/tiles/fetch/open_source.h"
 #include "tileflight/tiles/tileset/bounding_volume.h"
 #include "tileflight/tiles/tileset/cut_reader.h"
-#include "tileflight/tiles/fetch/open_source.h"
 
 namespace tileflight::place {
+
+void require_surface(const std::vector<imaging::TexturedMesh>& meshes, bool has_points, const std::string& source) {
+  const auto has_triangle = [](const imaging::TexturedMesh& mesh) { return !mesh.mesh.triangles.empty(); };
+  if (std::ranges::any_of(meshes, has_triangle)) return;
+  if (has_points)
+    throw InputError(source,
+                     "contains only points there, which cannot be rendered; `extract` can turn them into voxels");
+  throw InputError(source, "contains no triangle there; is the region empty?");
+}
+
+std::vector<imaging::TexturedMesh> with_placeholder(std::vector<imaging::TexturedMesh> meshes) {
+  if (!meshes.empty()) return meshes;
+  imaging::TexturedMesh nothing;
+  nothing.mesh.vertices.assign(3, geometry::Vec3::Zero());
+  nothing.mesh.triangles.push_back({0, 1, 2});
+  return {nothing};
+}
+
 namespace {
 
 std::uintmax_t memory_of(const PlacePart& part) {
@@ -25,9 +44,8 @@ std::uintmax_t memory_of(const PlacePart& part) {
 }
 
 /// Throws InputError, before anything is read, if the source's terms forbid the use.
-std::unique_ptr<fetch::TileSource> require_permitted_source(std::unique_ptr<fetch::TileSource> source,
-                                                                fetch::Use use, const tileset::LoadOptions& load,
-                                                                const std::string& name) {
+std::unique_ptr<fetch::TileSource> require_permitted_source(std::unique_ptr<fetch::TileSource> source, fetch::Use use,
+                                                            const tileset::LoadOptions& load, const std::string& name) {
   fetch::require_permitted(source->terms(), use, load.source.terms_accepted, name);
   return source;
 }
@@ -87,7 +105,7 @@ std::vector<std::string> PlaceReader::warnings() const {
 }
 
 tileset::RefinementCriterion restrict_to_box(tileset::RefinementCriterion criterion, const geometry::Box3& box,
-                                           const geometry::SE3& T_local_tileset) {
+                                             const geometry::SE3& T_local_tileset) {
   criterion.intersects = [inner = std::move(criterion.intersects), box,
                           T_local_tileset](const tileset::BoundingVolume& volume) {
     return tileset::intersects(volume, T_local_tileset, box) && inner(volume);

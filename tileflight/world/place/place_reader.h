@@ -17,13 +17,21 @@
 
 namespace tileflight::place {
 
+/// Throws InputError that names the source if there is no triangle to see; `has_points`: there are points instead (the
+/// message says so).
+void require_surface(const std::vector<imaging::TexturedMesh>& meshes, bool has_points, const std::string& source);
+
+/// If there are no meshes, returns a degenerate triangle, which no ray hits: ray casting needs a scene that is not
+/// empty.
+std::vector<imaging::TexturedMesh> with_placeholder(std::vector<imaging::TexturedMesh> meshes);
+
 /// A tile that could not be read, or a subtree that could not be followed.
 struct MissingTile {
   std::string failure;
   std::optional<geometry::Box3> bounds;  ///< local frame; nullopt: unknown
 };
 
-/// The content of a cut through the tile tree.
+/// Content of a cut through the tile tree.
 struct PlacePart {
   std::vector<imaging::TexturedMesh> meshes;  ///< local frame; empty if there are no triangles
   std::vector<geometry::PointCloud> clouds;
@@ -36,8 +44,8 @@ struct PlacePart {
 /// Reads a place part by part, each at the required resolution, instead of loading it whole.
 class PlaceReader {
  public:
-  /// `load`: the local frame and the region; no tile is read yet. Throws InputError, also if the source's terms forbid
-  /// `use`.
+  /// Opens the source; no tile is read yet. `load`: the local frame and the region. Throws InputError, also if the
+  /// source's terms forbid `use`.
   PlaceReader(const std::string& source, const tileset::LoadOptions& load, fetch::Use use);
 
   const std::string& name() const { return name_; }  ///< in the form in which it may be displayed
@@ -46,7 +54,9 @@ class PlaceReader {
   const tileset::TilesetTree& tree() const { return tree_; }
   fetch::TileSource& source() { return *source_; }
 
-  tileset::TileCut select_cut(const tileset::RefinementCriterion& criterion) { return tileset::select_cut(tree_, criterion); }
+  tileset::TileCut select_cut(const tileset::RefinementCriterion& criterion) {
+    return tileset::select_cut(tree_, criterion);
+  }
   /// Reads a cut; missing or broken tiles are reported in the result, not thrown. nullopt: it exceeds
   /// `max_memory_bytes`.
   std::optional<PlacePart> read(const tileset::TileCut& cut, bool textures, std::uintmax_t max_memory_bytes,
@@ -66,11 +76,11 @@ class PlaceReader {
   std::vector<std::string> warnings_;
 };
 
-/// The combination of both criteria.
+/// Returns the combination of the criterion and the box.
 tileset::RefinementCriterion restrict_to_box(tileset::RefinementCriterion criterion, const geometry::Box3& box,
-                                           const geometry::SE3& T_local_tileset);
+                                             const geometry::SE3& T_local_tileset);
 
-/// A source's name for titles: the last part of its path, or of the folder of its tileset.json.
+/// Returns a source's name for titles: the last part of its path, or of the folder of its tileset.json.
 std::string source_display_name(const std::string& source);
 
 }  // namespace tileflight::place

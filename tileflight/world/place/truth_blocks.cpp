@@ -4,19 +4,17 @@
 #include <chrono>
 #include <iterator>
 #include <nlohmann/json.hpp>
-#include <numeric>
 #include <optional>
 #include <string>
 #include <utility>
 
-#include "tileflight/core/base/elapsed_time.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/progress.h"
+#include "tileflight/core/jobs/balanced_ranges.h"
 #include "tileflight/world/ground_truth/ground_truth.h"
-#include "tileflight/world/place/block_grid.h"
 #include "tileflight/world/place/block_plan.h"
 #include "tileflight/world/place/block_store.h"
-#include "tileflight/core/jobs/balanced_ranges.h"
 
 namespace tileflight::place {
 namespace {
@@ -31,7 +29,7 @@ struct Surfaces {
   std::vector<geometry::PointCloud> clouds;
 };
 
-/// Where the meshes of a content stand in the order of the region.
+/// Place of a content's meshes in the order of the region.
 void add_origins(std::size_t number, const tileset::LoadedContent& content,
                  std::vector<ground_truth::MeshOrigin>& origins) {
   std::size_t first = 0;
@@ -43,7 +41,7 @@ void add_origins(std::size_t number, const tileset::LoadedContent& content,
 
 /// Reads contents; removes from the list the numbers of those that cannot be read.
 std::vector<tileset::LoadedContent> read_contents(tileset::RegionReader& reader, std::vector<std::size_t>& numbers,
-                                                const Progress& progress) {
+                                                  const Progress& progress) {
   std::vector<tileset::LoadedContent> loaded = reader.read(numbers, progress);
   if (loaded.size() < numbers.size())
     std::erase_if(numbers, [&](const std::size_t number) { return reader.read({number}).empty(); });
@@ -87,31 +85,7 @@ ground_truth::GroundTruthOptions truth_options(const tileset::RegionReader& read
           .prisms = reader.placement().region.parts};
 }
 
-std::vector<double> costs_of(const std::vector<std::size_t>& blocks, const std::vector<double>& costs) {
-  std::vector<double> some;
-  for (const std::size_t i : blocks) some.push_back(costs[i]);
-  return some;
-}
-
-/// `share` of `count` of these blocks, by cost.
-std::vector<std::size_t> share_of(const std::vector<std::size_t>& blocks, const std::vector<double>& costs,
-                                  std::size_t share, std::size_t count) {
-  const jobs::IndexRange own = jobs::balanced_ranges(costs_of(blocks, costs), count)[share];
-  return {blocks.begin() + static_cast<std::ptrdiff_t>(own.begin),
-          blocks.begin() + static_cast<std::ptrdiff_t>(own.end)};
-}
-
 std::string part_text(const JobPart& part) { return std::to_string(part.number) + "-of-" + std::to_string(part.count); }
-
-/// What `find` returns on the first rank, for all: they may know different contents by now.
-template <class Value, class Find>
-Value found_by_first_rank(jobs::Ranks& ranks, const Find& find) {
-  Value found;
-  run_collectively(ranks, [&] {
-    if (ranks.rank() == 0) found = find();
-  });
-  return json::parse(ranks.all_gather(json(found).dump()).front()).get<Value>();
-}
 
 }  // namespace
 
@@ -127,58 +101,39 @@ TruthCounts write_whole_truth(tileset::RegionReader& reader, const ExtractSettin
 
 struct TruthBlocks::Impl {
   Impl(tileset::RegionReader& reader, const ExtractSettings& settings, const std::filesystem::path& output,
-       jobs::Ranks& ranks, const Progress& progress)
+       const Progress& progress)
       : reader_(reader),
         settings_(settings),
-        ranks_(ranks),
         progress_(progress),
         options_(truth_options(reader, settings)),
-        keeps_(settings.resume || settings.part || ranks.count() > 1 || BlockStore::exists(output)),
-        grid_(prepare(output)) {
-    run_collectively(ranks_, [&] {
-      store_.emplace(output, settings.part ? part_text(*settings.part) : std::to_string(ranks_.rank()), share());
-    });
-    ranks_.set_termination_message([this] { return describe_state(); });
-  }
+        keeps_(settings.resume || settings.part || BlockStore::exists(output)),
+        grid_(prepare(output)),
+        store_(output, settings.part ? part_text(*settings.part) : "all", share()) {}
   ~Impl() {
-    ranks_.set_termination_message({});
-    if (store_ && !keeps_) store_->remove();
+    if (!keeps_) store_.remove();
   }
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
 
   jobs::Share share() const { return settings_.part ? jobs::Share::kPart : jobs::Share::kWhole; }
 
-  /// Prepares the store for blocks of one grid, the same for all ranks.
+  /// Prepares the store for blocks of one grid.
   BlockGrid prepare(const std::filesystem::path& output) {
-    std::int32_t edge = 0;
-    run_collectively(ranks_, [&] {
-      if (settings_.part && ranks_.count() > 1)
-        throw InputError("--part", "is the share of one process: start it without mpirun");
-      if (ranks_.rank() != 0) return;
-      json inputs = truth_inputs(reader_, settings_);
-      edge = choose_edge(reader_, settings_, inputs, BlockStore::folder_for(output));
-      const BlockGrid refuses_too_many(reader_.placement().region.box(), settings_.voxel_m, edge);
-      inputs["block"] = edge;
-      note_ = BlockStore::prepare(output, inputs, share());
-    });
-    edge = static_cast<std::int32_t>(std::stol(ranks_.all_gather(std::to_string(edge)).front()));
-    return {reader_.placement().region.box(), settings_.voxel_m, edge};
+    json inputs = truth_inputs(reader_, settings_);
+    const std::int32_t edge = choose_edge(reader_, settings_, inputs, BlockStore::folder_for(output));
+    BlockGrid grid(reader_.placement().region.box(), settings_.voxel_m, edge);
+    inputs["block"] = edge;
+    note_ = BlockStore::prepare(output, inputs, share());
+    return grid;
   }
 
   void make() {
-    using Indices = std::vector<std::size_t>;
-    const auto missing = found_by_first_rank<Indices>(ranks_, [this] { return find_missing(); });
-    const auto costs = found_by_first_rank<std::vector<double>>(ranks_, [this] { return block_costs(reader_, grid_); });
+    const std::vector<std::size_t> missing = find_missing();
+    const std::vector<double> costs = block_costs(reader_, grid_);
     reused_ = grid_.size() - missing.size();
-    run_collectively(ranks_, [&] { make(own_share(missing, costs)); });
-    if (settings_.part) return;
+    make(own_share(missing, costs));
     // A tile may hold more than its bounding volume says; now that all are read, it is known where.
-    const auto missed = found_by_first_rank<Indices>(ranks_, [this] { return find_missed(); });
-    run_collectively(ranks_, [&] {
-      if (!missed.empty() && ranks_.rank() != 0) learn_all();
-    });
-    run_collectively(ranks_, [&] { make(share_of(missed, costs, rank(), rank_count())); });
+    if (!settings_.part) make(find_missed());
   }
 
   TruthCounts join() {
@@ -186,18 +141,18 @@ struct TruthBlocks::Impl {
     json index = json::array();
     for (std::size_t i = 0; i < grid_.size(); ++i) {
       const std::string name = grid_.name(i);
-      const std::optional<BlockRecord> block = store_->read(name);
-      if (!block) throw InputError(store_->folder().path().string(), "lacks block " + name + ": run the command again");
+      const std::optional<BlockRecord> block = store_.read(name);
+      if (!block) throw InputError(store_.folder().path().string(), "lacks block " + name + ": run the command again");
       learn(*block);
       counts.triangles += block->triangles;
       counts.surface_points += block->surface_points;
       counts.cloud_points += block->cloud_points;
       counts.voxels_occupied += block->voxels_occupied;
-      store_->add_floor(name, counts.floor);
+      store_.add_floor(name, counts.floor);
       if (block->has_files) index.push_back(index_entry(i, *block));
     }
     if (counts.triangles == 0 && counts.cloud_points == 0) {
-      store_->remove();
+      store_.remove();
       throw InputError("region", "contains no triangle: check its centre, size and height");
     }
     for (std::size_t i = 0; i < reader_.content_count(); ++i) {
@@ -206,7 +161,7 @@ struct TruthBlocks::Impl {
     }
     counts.voxel_dims = grid_.dims();
     counts.load_seconds = reading_.load_seconds;
-    base::write_file(store_->truth_folder() / "index.json",
+    base::write_file(store_.truth_folder() / "index.json",
                      json{{"block", grid_.edge_m()}, {"blocks", index}}.dump(2) + "\n");
     return counts;
   }
@@ -221,23 +176,20 @@ struct TruthBlocks::Impl {
             {"voxels_occupied", block.voxels_occupied}};
   }
 
-  std::size_t rank() const { return static_cast<std::size_t>(ranks_.rank()); }
-  std::size_t rank_count() const { return static_cast<std::size_t>(ranks_.count()); }
-
+  /// Those of the missing blocks that this process makes.
   std::vector<std::size_t> own_share(const std::vector<std::size_t>& missing, const std::vector<double>& costs) const {
-    if (!settings_.part) return share_of(missing, costs, rank(), rank_count());
-    std::vector<std::size_t> all(grid_.size()), own;
-    std::iota(all.begin(), all.end(), std::size_t{0});
-    const std::vector<std::size_t> part = share_of(all, costs, static_cast<std::size_t>(settings_.part->number - 1),
-                                                   static_cast<std::size_t>(settings_.part->count));
-    std::ranges::set_intersection(part, missing, std::back_inserter(own));
+    if (!settings_.part) return missing;
+    const jobs::IndexRange part = jobs::balanced_ranges(
+        costs, static_cast<std::size_t>(settings_.part->count))[static_cast<std::size_t>(settings_.part->number - 1)];
+    std::vector<std::size_t> own;
+    std::ranges::copy_if(missing, std::back_inserter(own), [&](std::size_t block) { return part.contains(block); });
     return own;
   }
 
   std::vector<std::size_t> find_missing() const {
     std::vector<std::size_t> missing;
     for (std::size_t i = 0; i < grid_.size(); ++i) {
-      if (!store_->read(grid_.name(i))) missing.push_back(i);
+      if (!store_.read(grid_.name(i))) missing.push_back(i);
     }
     return missing;
   }
@@ -253,7 +205,7 @@ struct TruthBlocks::Impl {
   std::vector<BlockRecord> learn_all() {
     std::vector<BlockRecord> blocks;
     for (std::size_t i = 0; i < grid_.size(); ++i) {
-      blocks.push_back(store_->read(grid_.name(i)).value_or(BlockRecord()));
+      blocks.push_back(store_.read(grid_.name(i)).value_or(BlockRecord()));
       learn(blocks.back());
     }
     return blocks;
@@ -275,15 +227,15 @@ struct TruthBlocks::Impl {
     for (std::size_t k = 0; k < blocks.size(); ++k) {
       report_progress(progress_, static_cast<std::int64_t>(k), static_cast<std::int64_t>(blocks.size()), "blocks");
       const auto make_files = [&](const std::filesystem::path& folder) { return write(blocks[k], folder); };
-      store_->add(grid_.name(blocks[k]), make_files);
+      store_.add(grid_.name(blocks[k]), make_files);
       ++made_;
     }
   }
 
   std::pair<BlockRecord, ground_truth::QuantizationFloor> write(std::size_t block,
                                                                 const std::filesystem::path& folder) {
-    // What was read for it before counts as read: another reason may be gone by now.
-    BlockRecord record = store_->read(grid_.name(block)).value_or(BlockRecord());
+    // Contents that were read for this block before count as read.
+    BlockRecord record = store_.read(grid_.name(block)).value_or(BlockRecord());
     learn(record);
     ground_truth::GroundTruthSummary part;
     for (std::int32_t border = 1;; border *= 2) {
@@ -307,31 +259,21 @@ struct TruthBlocks::Impl {
     return {std::move(record), std::move(floor)};
   }
 
-  /// For a job that is stopped: which ranks have ended, and what is there.
-  std::string describe_state() const {
-    const std::string ended = store_->folder().describe_ended(ranks_.rank(), ranks_.count());
-    if (ended.empty()) return "";
-    return ended + "; " + std::to_string(grid_.size() - find_missing().size()) + " of " + std::to_string(grid_.size()) +
-           " blocks are kept in " + store_->folder().path().string() +
-           "; run the same command again to make the missing blocks";
-  }
-
   tileset::RegionReader& reader_;
   const ExtractSettings& settings_;
-  jobs::Ranks& ranks_;
   const Progress& progress_;
   ground_truth::GroundTruthOptions options_;
   bool keeps_;
   std::string note_;
   BlockGrid grid_;
-  std::optional<BlockStore> store_;
+  BlockStore store_;
   TruthCounts reading_{1.0};  ///< time spent reading
   std::size_t reused_ = 0, made_ = 0;
 };
 
 TruthBlocks::TruthBlocks(tileset::RegionReader& reader, const ExtractSettings& settings,
-                         const std::filesystem::path& output, jobs::Ranks& ranks, const Progress& progress)
-    : impl_(std::make_unique<Impl>(reader, settings, output, ranks, progress)) {}
+                         const std::filesystem::path& output, const Progress& progress)
+    : impl_(std::make_unique<Impl>(reader, settings, output, progress)) {}
 
 TruthBlocks::~TruthBlocks() = default;
 
@@ -339,9 +281,9 @@ void TruthBlocks::make() { impl_->make(); }
 
 TruthCounts TruthBlocks::join() { return impl_->join(); }
 
-std::filesystem::path TruthBlocks::truth_folder() const { return impl_->store_->truth_folder(); }
+std::filesystem::path TruthBlocks::truth_folder() const { return impl_->store_.truth_folder(); }
 
-void TruthBlocks::remove() { impl_->store_->remove(); }
+void TruthBlocks::remove() { impl_->store_.remove(); }
 
 std::size_t TruthBlocks::count() const { return impl_->grid_.size(); }
 std::size_t TruthBlocks::reused() const { return impl_->reused_; }

@@ -7,9 +7,9 @@
 #include <string>
 
 #include "tileflight/core/base/progress.h"
+#include "tileflight/tiles/tileset/region_reader.h"
 #include "tileflight/world/ground_truth/quantization_floor.h"
 #include "tileflight/world/place/extract.h"
-#include "tileflight/tiles/tileset/region_reader.h"
 
 namespace tileflight::place {
 
@@ -33,17 +33,16 @@ TruthCounts write_whole_truth(tileset::RegionReader& reader, const ExtractSettin
 /// height; a block that holds nothing has no folder.
 class TruthBlocks {
  public:
-  /// Prepares and enters the store; called by all ranks, whose `settings` are the same. Blocks of an earlier job with
-  /// the same inputs are kept. References must outlive it. Throws InputError (CollectiveError with several ranks).
+  /// Prepares and enters the store. Blocks of an earlier job with the same inputs are kept. References must outlive it.
+  /// Throws InputError.
   TruthBlocks(tileset::RegionReader& reader, const ExtractSettings& settings, const std::filesystem::path& output,
-              jobs::Ranks& ranks, const Progress& progress);
-  /// Unless blocks are to be kept for another job (`settings.resume`, a part, several ranks), removes what is
-  /// unfinished.
+              const Progress& progress);
+  /// Unless blocks are to be kept for another job (`settings.resume`, a part), removes what is unfinished.
   ~TruthBlocks();
   TruthBlocks(const TruthBlocks&) = delete;
   TruthBlocks& operator=(const TruthBlocks&) = delete;
 
-  /// Makes this process's share of the blocks that are not there, and with `settings.part` only that part of them.
+  /// Makes the blocks that are not there, with `settings.part` only those of that part.
   void make();
   /// Once all are there: writes index.json into truth_folder(). Throws InputError if the region holds nothing.
   TruthCounts join();
@@ -55,7 +54,7 @@ class TruthBlocks {
   std::size_t count() const;   ///< of blocks
   std::size_t reused() const;  ///< blocks that an earlier job had made
   std::size_t made() const;    ///< by this process
-  /// Why blocks of an earlier job were not reused; empty: they were, or there were none.
+  /// Says why blocks of an earlier job were not reused; empty: they were, or there were none.
   const std::string& note() const;
 
  private:

@@ -3,17 +3,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <mutex>
 #include <nlohmann/json.hpp>
 
 #include "tests/refusal.h"
 #include "tests/same_files.h"
 #include "tests/temporary_folder.h"
 #include "tests/tiny_place.h"
-#include "tileflight/world/place/block_grid.h"
 #include "tileflight/world/place/block_plan.h"
 #include "tileflight/world/place/block_store.h"
-#include "tileflight/core/jobs/test_ranks.h"
 
 namespace tileflight::place::truth_blocks_test {
 namespace {
@@ -73,9 +70,9 @@ class TruthInBlocks : public ::testing::Test {
     EXPECT_FALSE(BlockStore::exists(folder_ / other));
   }
   json without_seconds(const std::string& out) const {
-    json extract = read_extract_json(folder_ / out);
-    extract.erase("seconds");
-    return extract;
+    ExtractResult result = read_extract_json(folder_ / out);
+    result.seconds = {};
+    return to_json(result);
   }
   fs::path record_of(const std::string& out, const std::string& block) const {
     return BlockStore::folder_for(folder_ / out) / "done" / (block + ".json");
@@ -84,39 +81,25 @@ class TruthInBlocks : public ::testing::Test {
   tests::TemporaryFolder folder_;
 };
 
-TEST_F(TruthInBlocks, IsTheSameByRanks) {
+TEST_F(TruthInBlocks, IsTheSameAsInOnePiece) {
   extract(settings(), folder_ / "alone", false);
   ExtractSettings whole = settings();
   whole.block_m.reset();
   extract(whole, folder_ / "whole", false);
   EXPECT_EQ(without_seconds("whole"), without_seconds("alone"));
-  for (const int count : {2, 3, 4}) {
-    const std::string out = "by" + std::to_string(count);
-    jobs::test_support::ThreadRanks ranks(count);
-    std::mutex mutex;
-    int results = 0;
-    ranks.run([&](jobs::Ranks& rank) {
-      const json result = extract(settings(), folder_ / out, false, {}, &rank);
-      const std::lock_guard lock(mutex);
-      results += result.is_null() ? 0 : 1;
-      EXPECT_EQ(result.is_null(), rank.rank() != 0);
-    });
-    EXPECT_EQ(results, 1);
-    expect_same("alone", out);
-  }
 }
 
 TEST_F(TruthInBlocks, IsTheSameInPartsAndGoesOnFromThem) {
   extract(settings(), folder_ / "alone", false);
-  for (const int k : {3, 1, 2}) EXPECT_GE(extract(part(k, 3), folder_ / "out", false)["build"]["blocks_made"], 2);
-  EXPECT_EQ(extract(part(2, 3), folder_ / "out", false)["build"]["blocks_made"], 0);
+  for (const int k : {3, 1, 2}) EXPECT_GE(extract(part(k, 3), folder_ / "out", false).build->blocks_made, 2);
+  EXPECT_EQ(extract(part(2, 3), folder_ / "out", false).build->blocks_made, 0);
   EXPECT_FALSE(fs::exists(folder_ / "out"));
   // As after a crash: a block without its record, a record without the rest of it.
   fs::remove(record_of("out", "x00001_y00001"));
   TinyPlace::write_file(record_of("out", "x00002_y00002"), "{\"triangles\": 1");
-  const json result = extract(settings(), folder_ / "out", false);
-  EXPECT_EQ(result["build"]["blocks"], 9);
-  EXPECT_EQ(result["build"]["blocks_reused"], 7);
+  const Extraction made = extract(settings(), folder_ / "out", false);
+  EXPECT_EQ(made.build->blocks, 9);
+  EXPECT_EQ(made.build->blocks_reused, 7);
   expect_same("alone", "out");
 }
 
@@ -125,9 +108,9 @@ TEST_F(TruthInBlocks, OfOtherInputsIsNotReused) {
   ExtractSettings coarser = part(1, 2);
   coarser.load.error_m = 5.0;
   extract(part(1, 2), folder_ / "out", false);
-  EXPECT_THAT(extract(coarser, folder_ / "out", false)["build"]["note"],
+  EXPECT_THAT(extract(coarser, folder_ / "out", false).build->note,
               HasSubstr("blocks of an earlier extract are not reused, because these inputs differ: tiles"));
-  EXPECT_THAT(extract(settings(), folder_ / "out", false)["build"]["note"], HasSubstr("differ: tiles"));
+  EXPECT_THAT(extract(settings(), folder_ / "out", false).build->note, HasSubstr("differ: tiles"));
   expect_same("alone", "out");
 }
 
@@ -151,7 +134,7 @@ TEST_F(TruthInBlocks, IsMadeByOneJobAtATime) {
   const BlockStore other(folder_ / "out", "2-of-4", jobs::Share::kPart);
   EXPECT_THAT(refusal_of([&] { extract(settings(), folder_ / "out", false); }),
               HasSubstr("another process is working in it"));
-  EXPECT_EQ(extract(part(1, 4), folder_ / "out", false)["build"]["blocks_made"], 0);
+  EXPECT_EQ(extract(part(1, 4), folder_ / "out", false).build->blocks_made, 0);
 }
 
 TEST_F(TruthInBlocks, LeavesNothingWhereTheRegionIsEmpty) {

@@ -28,7 +28,6 @@
 #include "tileflight/core/base/simd.h"
 #include "tileflight/world/scene/beam_steps.h"
 #include "tileflight/world/scene/beam_tree.h"
-#include "tileflight/world/scene/beam_triangles.h"
 #include "tileflight/world/scene/part_motion.h"
 
 namespace tileflight::scene {

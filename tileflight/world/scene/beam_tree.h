@@ -43,7 +43,7 @@ BeamNode::Child build_beam_nodes(RTCBuildArguments arguments, std::span<RTCBuild
 
 class PartMotion;  // part_motion.h
 
-/// A tree within a larger one (part_tree.h): its meshes are numbered from `first_mesh` on.
+/// A tree within a larger one (part_queries.h): its meshes are numbered from `first_mesh` on.
 struct BeamBranch {
   BeamNode::Child root = 0;
   std::uint32_t first_mesh = 0;
@@ -52,15 +52,16 @@ struct BeamBranch {
 };
 
 /// Casts a beam through the tree below `root`, whose parts are `branches`. `reach_m`: largest absolute coordinate of a
-/// corner. As BeamTree::intersect, except that normals of hits on placed parts are in the part's frame.
+/// corner. Results are those of BeamTree::intersect(), except that normals of hits on placed parts are in the part's
+/// frame.
 bool intersect_beam(BeamNode::Child root, std::span<const BeamBranch> branches, float reach_m,
                     std::span<RayPacket8> beam);
 
-/// As many beams are cast at once by intersect_moving_beams().
+/// Largest number of beams that intersect_moving_beams() casts at once.
 inline constexpr std::size_t kMostMovingBeams = 4;
 
 /// Casts beams whose rays each have their own origin and time, all near each other, with one traversal
-/// (moving_beam.cpp). Each of `beams` has one to eight packets. Otherwise as intersect_beam().
+/// (moving_beam.cpp). Each of `beams` has one to eight packets. Otherwise it works as intersect_beam().
 bool intersect_moving_beams(BeamNode::Child root, std::span<const BeamBranch> branches, float reach_m,
                             std::span<const std::span<RayPacket8>> beams);
 
@@ -74,10 +75,10 @@ class BeamTree {
   /// Throws std::runtime_error if memory is insufficient. Keeps no reference to `meshes`, which have a triangle.
   BeamTree(const std::vector<imaging::TexturedMesh>& meshes, const geometry::Vec3& anchor, DeviceHandle device);
 
-  /// Scene::intersect for beams, which have one time. Returns false, without changing `beam`, if the rays diverge too
-  /// much (some 60 degrees from their mean): then cast them one by one.
+  /// Answers Scene::intersect() for beams, which have one time. Returns false, without changing `beam`, if the rays
+  /// diverge too much (some 60 degrees from their mean): then cast them one by one.
   bool intersect(std::span<RayPacket8> beam) const;
-  /// Scene::intersect_moving, with the same exception.
+  /// Answers Scene::intersect_moving(), with the same exception.
   bool intersect_moving(std::span<const std::span<RayPacket8>> beams) const;
 
   BeamNode::Child root() const { return root_; }

@@ -1,8 +1,73 @@
 #include "tileflight/world/scene/clearance.h"
 
-#include "tileflight/world/scene/surrounding_rays.h"
+#include <algorithm>
+#include <cmath>
+#include <numbers>
 
 namespace tileflight::scene {
+
+namespace {
+
+using geometry::Vec3;
+
+constexpr std::size_t kDirections = SurroundingRays::kDirections;
+using Side = SurroundingRays::Side;
+
+/// Evenly spread directions: successive points differ by the golden angle, heights in equal steps (Swinbank and Purser,
+/// Quarterly Journal of the Royal Meteorological Society 132, 2006).
+std::array<Vec3, kDirections> fibonacci_sphere() {
+  std::array<Vec3, kDirections> directions;
+  for (std::size_t i = 0; i < kDirections; ++i) {
+    const double z = 1.0 - (2.0 * static_cast<double>(i) + 1.0) / kDirections;
+    const double around = std::numbers::pi * (3.0 - std::sqrt(5.0)) * static_cast<double>(i);
+    const double across = std::sqrt(1.0 - z * z);
+    directions[i] = {across * std::cos(around), across * std::sin(around), z};
+  }
+  return directions;
+}
+
+const std::array<Vec3, kDirections>& directions() {
+  static const std::array<Vec3, kDirections> kAll = fibonacci_sphere();
+  return kAll;
+}
+
+}  // namespace
+
+void SurroundingRays::add(const SurroundingRays& other) {
+  clearance_m = std::min(clearance_m, other.clearance_m);
+  above_ground_m = std::min(above_ground_m, other.above_ground_m);
+  for (std::size_t i = 0; i < kDirections; ++i) {
+    if (other.side[i] == Side::kNone || (side[i] != Side::kNone && distance_m[i] <= other.distance_m[i])) continue;
+    distance_m[i] = other.distance_m[i];
+    side[i] = other.side[i];
+  }
+}
+
+Surroundings SurroundingRays::judge() const {
+  int fronts = 0, backs = 0, upwards = 0, backs_upwards = 0;
+  for (std::size_t i = 0; i < kDirections; ++i) {
+    fronts += side[i] == Side::kFront ? 1 : 0;
+    backs += side[i] == Side::kBack ? 1 : 0;
+    if (directions()[i].z() < 0.5) continue;  // within 60 degrees of vertical
+    ++upwards;
+    backs_upwards += side[i] == Side::kBack ? 1 : 0;
+  }
+  return {clearance_m, above_ground_m, backs > fronts && 2 * backs_upwards > upwards};
+}
+
+SurroundingRays look_around(const Scene& scene, const Vec3& point, double reach_m, double inside_reach_m) {
+  SurroundingRays around;
+  if (const auto nearest = scene.distance_to_surface_m(point, reach_m)) around.clearance_m = *nearest;
+  if (const auto below = scene.intersect({point, -Vec3::UnitZ()})) around.above_ground_m = below->distance_m;
+  for (std::size_t i = 0; i < kDirections; ++i) {
+    const Vec3& direction = directions()[i];
+    const auto hit = scene.intersect({point, direction}, inside_reach_m);
+    if (!hit) continue;
+    around.distance_m[i] = hit->distance_m;
+    around.side[i] = scene.normal(*hit).dot(direction) > 0 ? Side::kBack : Side::kFront;
+  }
+  return around;
+}
 
 using geometry::Vec3;
 

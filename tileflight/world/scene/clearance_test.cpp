@@ -5,7 +5,6 @@
 
 #include <cmath>
 
-#include "tileflight/world/scene/surrounding_rays.h"
 #include "tileflight/world/scene/test_shapes.h"
 
 namespace tileflight::scene::clearance_test {

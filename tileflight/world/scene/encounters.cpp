@@ -84,11 +84,10 @@ Encounters find_encounters(const Traffic& traffic, const geometry::Trajectory& f
 }
 
 ActorSurfaces::ActorSurfaces(std::shared_ptr<const Traffic> traffic) : traffic_(std::move(traffic)) {
-  std::map<const scene::ScenePart*, std::shared_ptr<const scene::Scene>> known;  // actors that look the same share it
-  for (const scene::PlacedPart& one : traffic_->placed(0.0, 0.0)) {
+  std::map<const ScenePart*, std::shared_ptr<const Scene>> known;  // actors that look the same share it
+  for (const PlacedPart& one : traffic_->placed(0.0, 0.0)) {
     auto& model = known[one.part.get()];
-    if (!model)
-      model = std::make_shared<const scene::Scene>(std::vector<std::shared_ptr<const scene::ScenePart>>{one.part});
+    if (!model) model = std::make_shared<const Scene>(std::vector<std::shared_ptr<const ScenePart>>{one.part});
     models_.push_back(model);
   }
   placed_.resize(models_.size());
@@ -101,7 +100,7 @@ void ActorSurfaces::set_time(double time_s) {
   for (std::size_t i = 0; i < placed_.size(); ++i) {
     const geometry::SE3 T_local_actor = traffic_->state(i, time_s).T_local_actor;
     const Box3 box = traffic_->own_box(i);
-    const Eigen::Affine3d pose = scene::placed_at(T_local_actor, Vec3::Constant(traffic_->plans()[i].scale));
+    const Eigen::Affine3d pose = placed_at(T_local_actor, Vec3::Constant(traffic_->plans()[i].scale));
     placed_[i] = {pose.inverse(), T_local_actor * box.center(), 0.5 * box.sizes().norm()};
   }
 }

@@ -7,25 +7,24 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/world/scene/traffic.h"
 #include "tileflight/core/geometry/trajectory.h"
+#include "tileflight/world/scene/traffic.h"
 
 namespace tileflight::scene {
+
 class Scene;
-}
 
-namespace tileflight::scene {
-
-/// Frames at which a camera meets actors, each actor by its box at that time; with the actors' names, of the first
-/// frame first.
+/// Frames at which a camera meets actors, and the names of these actors in the order of the frames. An actor is its box
+/// at that time.
 struct Encounters {
   std::vector<std::size_t> inside;   ///< the camera is in a box
   std::vector<std::size_t> through;  ///< on the way to the next frame it enters or crosses one, or one drives over it
   std::vector<std::string> inside_of, through_what;
 };
 
-/// `pose_at`: T_local_camera between the frames; empty: straight on. The way from a frame to the next is followed in
-/// eight steps in each actor's own axes, in which both movements are one.
+/// Finds the frames at which a camera meets actors. The camera's path from a frame to the next is followed in eight
+/// steps in each actor's own axes, in which both movements are one. `pose_at`: T_local_camera between the frames;
+/// empty: straight on.
 Encounters find_encounters(const Traffic& traffic, const geometry::Trajectory& frames,
                            const std::function<geometry::SE3(double time_s)>& pose_at);
 
@@ -36,14 +35,14 @@ struct ActorHit {
   geometry::Vec3 normal;    ///< unit length, local frame, of either sign
 };
 
-/// The surfaces of all actors at one time.
+/// Surfaces of all actors at one time, for rays.
 class ActorSurfaces {
  public:
   explicit ActorSurfaces(std::shared_ptr<const Traffic> traffic);
   ~ActorSurfaces();
 
   void set_time(double time_s);
-  /// The first surface on the segment; of equally near ones that of the first actor.
+  /// Returns the first surface on the segment; if several are equally near, that of the first actor.
   std::optional<ActorHit> first_hit(const geometry::Vec3& from, const geometry::Vec3& to) const;
 
  private:
@@ -53,7 +52,7 @@ class ActorSurfaces {
     double radius_m = 0.0;
   };
   std::shared_ptr<const Traffic> traffic_;
-  std::vector<std::shared_ptr<const scene::Scene>> models_;  ///< of each actor
+  std::vector<std::shared_ptr<const Scene>> models_;  ///< of each actor
   std::vector<Placed> placed_;
 };
 

@@ -70,14 +70,14 @@ TEST(ActorSurfaces, AreThoseOfASceneAtThatTime) {
   imaging::TexturedMesh far;
   far.mesh.vertices = {{900, 0, 900}, {901, 0, 900}, {900, 1, 900}};
   far.mesh.triangles = {{0, 1, 2}};
-  const auto place = std::make_shared<const scene::ScenePart>(std::vector<imaging::TexturedMesh>{far},
-                                                              scene::SceneFrame(Vec3::Zero()));
+  const auto place =
+      std::make_shared<const ScenePart>(std::vector<imaging::TexturedMesh>{far}, SceneFrame(Vec3::Zero()));
   std::mt19937 random(3);
   std::uniform_real_distribution<double> side(-4.0, 4.0), up(0.0, 3.0);
   int hits = 0;
   for (const double time_s : {0.0, 0.7, 3.1}) {
     surfaces.set_time(time_s);
-    const scene::Scene scene({place}, traffic->placed(time_s, time_s));
+    const Scene scene({place}, traffic->placed(time_s, time_s));
     const Vec3 middle = traffic->state(0, time_s).T_local_actor.translation;
     for (int i = 0; i < 500; ++i) {
       const Vec3 from = middle + Vec3(side(random), side(random), up(random)),

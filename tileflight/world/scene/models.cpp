@@ -1,14 +1,144 @@
 #include "tileflight/world/scene/models.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdint>
+#include <numbers>
 #include <utility>
+#include <vector>
 
-#include "tileflight/world/scene/model_builder.h"
 #include "tileflight/core/base/random_numbers.h"
+#include "tileflight/core/base/srgb.h"
+#include "tileflight/core/imaging/textured_mesh.h"
 
 namespace tileflight::scene {
+
 namespace {
+
+/// A ring of points in a plane x = constant, for lofted shapes; counter-clockwise seen from +x.
+using Ring = std::vector<geometry::Vec3>;
+
+/// Builds a mesh of flat, coloured faces whose fronts (counter-clockwise) face outwards. Colours are sRGB; they are
+/// stored linear, as TexturedMesh wants them, and shaded a little by the face's slope, as if under an even sky: tiles'
+/// textures hold their light, so that faces of one colour would look cut out of paper beside them.
+class ModelBuilder {
+ public:
+  void triangle(const geometry::Vec3& a, const geometry::Vec3& b, const geometry::Vec3& c, const imaging::Rgb8& colour);
+  void quad(const geometry::Vec3& a, const geometry::Vec3& b, const geometry::Vec3& c, const geometry::Vec3& d,
+            const imaging::Rgb8& colour);
+  /// Sides between two rings of as many points, in the same order; `from` is the one with the smaller coordinate along
+  /// the rings' axis.
+  void loft(const Ring& from, const Ring& to, const imaging::Rgb8& colour);
+  /// A convex ring as a face, seen as its points turn.
+  void face(const Ring& ring, const imaging::Rgb8& colour);
+  /// Frustum between two level rectangles: centres, and half sizes along x and y.
+  void frustum(const geometry::Vec3& bottom, const geometry::Vec2& bottom_half, const geometry::Vec3& top,
+               const geometry::Vec2& top_half, const imaging::Rgb8& colour);
+  /// Frustum of a cone with its axis from `from` to `to`; radius 0 makes a tip. With end faces.
+  void cone(const geometry::Vec3& from, double from_radius, const geometry::Vec3& to, double to_radius, int sides,
+            const imaging::Rgb8& colour);
+  void ellipsoid(const geometry::Vec3& center, const geometry::Vec3& radii, int segments, const imaging::Rgb8& colour);
+
+  /// The mesh so far, which is taken.
+  imaging::TexturedMesh take();
+
+ private:
+  imaging::TexturedMesh mesh_;
+};
+
+using geometry::Vec2;
+using geometry::Vec3;
+using imaging::Rgb8;
+
+/// Light of an even sky and a ground of half its brightness on a face: half of the sphere that it sees is sky for a
+/// wall, all for a roof.
+double even_light(const Vec3& normal) { return 0.75 + 0.25 * normal.z(); }
+
+std::array<std::uint8_t, 4> stored(const Rgb8& colour, double light) {
+  std::array<std::uint8_t, 4> linear{0, 0, 0, 255};
+  for (std::size_t c = 0; c < 3; ++c) {
+    const double value = light * base::linear_from_srgb(colour[c] / 255.0);
+    linear[c] = static_cast<std::uint8_t>(std::lround(255.0 * std::clamp(value, 0.0, 1.0)));
+  }
+  return linear;
+}
+
+Ring circle(const Vec3& center, const Vec3& x, const Vec3& y, double radius, int sides) {
+  Ring ring;
+  for (int i = 0; i < sides; ++i) {
+    const double angle = 2.0 * std::numbers::pi * i / sides;
+    ring.push_back(center + radius * (std::cos(angle) * x + std::sin(angle) * y));
+  }
+  return ring;
+}
+
+Ring rectangle(const Vec3& center, const Vec2& half) {
+  return {center + Vec3(-half.x(), -half.y(), 0), center + Vec3(half.x(), -half.y(), 0),
+          center + Vec3(half.x(), half.y(), 0), center + Vec3(-half.x(), half.y(), 0)};
+}
+
+Ring reversed(Ring ring) {
+  std::ranges::reverse(ring);
+  return ring;
+}
+
+void ModelBuilder::triangle(const Vec3& a, const Vec3& b, const Vec3& c, const Rgb8& colour) {
+  const Vec3 normal = (b - a).cross(c - a);
+  if (normal.norm() < 1e-12) return;  // the tip of a cone
+  const auto first = static_cast<std::uint32_t>(mesh_.mesh.vertices.size());
+  const auto linear = stored(colour, even_light(normal.normalized()));
+  for (const Vec3& corner : {a, b, c}) {
+    mesh_.mesh.vertices.push_back(corner);
+    mesh_.colors.push_back(linear);
+  }
+  mesh_.mesh.triangles.push_back({first, first + 1, first + 2});
+}
+
+void ModelBuilder::quad(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& d, const Rgb8& colour) {
+  triangle(a, b, c, colour);
+  triangle(a, c, d, colour);
+}
+
+void ModelBuilder::loft(const Ring& from, const Ring& to, const Rgb8& colour) {
+  for (std::size_t i = 0; i < from.size(); ++i) {
+    const std::size_t next = (i + 1) % from.size();
+    quad(from[i], from[next], to[next], to[i], colour);
+  }
+}
+
+void ModelBuilder::face(const Ring& ring, const Rgb8& colour) {
+  for (std::size_t i = 1; i + 1 < ring.size(); ++i) triangle(ring[0], ring[i], ring[i + 1], colour);
+}
+
+void ModelBuilder::frustum(const Vec3& bottom, const Vec2& bottom_half, const Vec3& top, const Vec2& top_half,
+                           const Rgb8& colour) {
+  const Ring low = rectangle(bottom, bottom_half), high = rectangle(top, top_half);
+  loft(low, high, colour);
+  face(high, colour);
+  face(reversed(low), colour);
+}
+
+void ModelBuilder::cone(const Vec3& from, double from_radius, const Vec3& to, double to_radius, int sides,
+                        const Rgb8& colour) {
+  const Vec3 axis = (to - from).normalized(), x = axis.unitOrthogonal(), y = axis.cross(x);
+  const Ring start = circle(from, x, y, from_radius, sides), end = circle(to, x, y, to_radius, sides);
+  loft(start, end, colour);
+  face(end, colour);
+  face(reversed(start), colour);
+}
+
+void ModelBuilder::ellipsoid(const Vec3& center, const Vec3& radii, int segments, const Rgb8& colour) {
+  const auto ring_at = [&](int k) {
+    const double polar = std::numbers::pi * (1.0 - static_cast<double>(k) / segments);
+    Ring ring = circle(Vec3(0, 0, std::cos(polar)), Vec3::UnitX(), Vec3::UnitY(), std::sin(polar), 2 * segments);
+    for (Vec3& point : ring) point = center + radii.cwiseProduct(point);
+    return ring;
+  };
+  for (int k = 0; k < segments; ++k) loft(ring_at(k), ring_at(k + 1), colour);
+}
+
+imaging::TexturedMesh ModelBuilder::take() { return std::exchange(mesh_, {}); }
 
 using geometry::Vec2;
 using geometry::Vec3;
@@ -166,7 +296,7 @@ void add_van(ModelBuilder& model, const Rgb8& colour) {
   }
 }
 
-/// Of 1.75 m, in the middle of a step.
+/// Builds a person of 1.75 m in the middle of a step.
 void add_person(ModelBuilder& model, std::uint64_t number, const std::optional<Rgb8>& clothes) {
   static constexpr std::array<Rgb8, 8> kShirts{{{200, 40, 40},
                                                 {40, 80, 160},

@@ -17,7 +17,7 @@ struct alignas(32) RayPacket8 {
   float origin_x[8], origin_y[8], origin_z[8];
   float near[8];  ///< smallest distance of a hit
   float direction_x[8], direction_y[8], direction_z[8];
-  float time[8];  ///< of the scene, 0 to 1, for placed parts that move (placed_part.h)
+  float time[8];  ///< of the scene, 0 to 1, for placed parts that move (scene_part.h)
   /// In: the largest distance of a hit (negative: the lane is disabled). Out: the distance of the hit, if any.
   float far[8];
   std::uint32_t mask[8], id[8], flags[8];  ///< set by reset()

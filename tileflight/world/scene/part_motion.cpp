@@ -31,7 +31,8 @@ void check_step(const Affine3d& from, const Affine3d& to, const std::string& nam
     throw InputError(name, "turns by a right angle or more from one pose to the next; give more poses");
 }
 
-/// Around the corners of the box in all poses. Points move on straight lines from pose to pose, so between these, too.
+/// Returns the bounds of the box's corners in all poses. Points move on straight lines from pose to pose, so the bounds
+/// hold between these, too.
 Box3 swept_box(const Box3& box, const std::vector<Affine3d>& poses) {
   Box3 around;
   if (box.isEmpty()) return around;

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "tileflight/world/scene/placed_part.h"
+#include "tileflight/world/scene/scene_part.h"
 
 namespace tileflight::scene {
 
@@ -15,17 +15,17 @@ struct PartTransform {
   Eigen::Vector3f point_to_part(const Eigen::Vector3f& scene) const { return part_scene * (scene - origin); }
 };
 
-/// How a placed part moves during a scene's time.
+/// Motion of a placed part during a scene's time.
 class PartMotion {
  public:
-  /// `anchor`: of the scene. Throws InputError (the part's name) for no pose, one that is not finite, or mirrors or
-  /// flattens, and for a turn by a right angle or more from one pose to the next.
+  /// Checks the poses. `anchor`: that of the scene. Throws InputError (the part's name) for no pose, one that is not
+  /// finite, or mirrors or flattens, and for a turn by a right angle or more from one pose to the next.
   PartMotion(const PlacedPart& placed, const geometry::Vec3& anchor);
 
-  /// `time`: 0 to 1; others are taken as the nearest of these.
+  /// Returns the pose at a time from 0 to 1; other times are taken as the nearest of these.
   Eigen::Affine3d pose(double time) const;
   PartTransform transform(float time) const;
-  /// Around the part at all times, local frame; empty if it has no triangle.
+  /// Returns the bounds of the part at all times, local frame; empty if it has no triangle.
   const geometry::Box3& bounds() const { return bounds_; }
 
  private:

@@ -1,22 +1,85 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <span>
 #include <vector>
 
 #include "tileflight/world/scene/beam_tree.h"
-#include "tileflight/world/scene/lazy_tree.h"
+#include "tileflight/world/scene/embree_tree.h"
 #include "tileflight/world/scene/packets.h"
 #include "tileflight/world/scene/part_motion.h"
-#include "tileflight/world/scene/part_tree.h"
 
 namespace tileflight::scene {
 
-/// A part of a scene.
+/// A bounding volume hierarchy over the boxes of a scene's parts. Its leaves are the parts' numbers.
+class PartTree {
+ public:
+  /// Builds the tree. `boxes`: box of each part, relative to the anchor; low > high for a part without triangles, which
+  /// is left out. At least one part has triangles. Throws std::runtime_error if memory is insufficient.
+  PartTree(std::span<const Eigen::AlignedBox3f> boxes, DeviceHandle device);
+
+  BeamNode::Child root() const { return root_; }
+
+  /// Calls `visit(part)` for parts from near to far, as defined by the query:
+  ///   query.distances(node, distance)   sets the distances of a node's eight boxes, infinity if one is missed
+  ///   query.reach()                     the distance beyond which nothing is wanted, which visits may reduce
+  /// Ends early when `visit` returns false.
+  template <class Query, class Visit>
+  void visit_parts(const Query& query, const Visit& visit) const;
+
+ private:
+  struct Entry {
+    float distance;
+    BeamNode::Child child;
+  };
+
+  template <class Query>
+  static std::size_t push_children(const BeamNode& node, const Query& query, Entry* stack, std::size_t size);
+
+  DeviceHandle device_;
+  BvhHandle memory_;  ///< holds the nodes
+  BeamNode::Child root_ = 0;
+};
+
+/// Pushes the children that are wanted, the nearest on top.
+template <class Query>
+std::size_t PartTree::push_children(const BeamNode& node, const Query& query, Entry* stack, std::size_t size) {
+  float distances[8];
+  query.distances(node, distances);
+  const std::size_t bottom = size;
+  for (int k = 0; k < 8; ++k) {
+    if (node.child[k] == 0 || !(distances[k] <= query.reach())) continue;
+    std::size_t at = size++;
+    for (; at > bottom && stack[at - 1].distance < distances[k]; --at) stack[at] = stack[at - 1];
+    stack[at] = {distances[k], node.child[k]};
+  }
+  return size;
+}
+
+template <class Query, class Visit>
+void PartTree::visit_parts(const Query& query, const Visit& visit) const {
+  constexpr std::size_t kStackSize = 32 * 7 + 1;  // Embree's builder makes at most 32 levels
+  std::array<Entry, kStackSize> stack;
+  std::size_t size = 0;
+  stack[size++] = {-std::numeric_limits<float>::infinity(), root_};
+  while (size > 0) {
+    const Entry entry = stack[--size];
+    if (!(entry.distance <= query.reach())) continue;
+    if ((entry.child & 2U) == 0) {
+      size = push_children(*reinterpret_cast<const BeamNode*>(entry.child), query, stack.data(), size);
+    } else if (!visit(static_cast<std::size_t>(entry.child >> 2U))) {
+      return;
+    }
+  }
+}
+
+/// A part of a scene, with its motion if it is placed.
 struct QueriedPart {
   std::shared_ptr<const ScenePart> part;
   std::shared_ptr<const PartMotion> motion;  ///< of a placed part; null: its frame is the scene's
@@ -28,14 +91,15 @@ struct QueriedPart {
 /// part.
 class PartQueries {
  public:
-  /// There is a triangle. `frame`: of the scene. Throws std::runtime_error if memory is insufficient.
+  /// Builds the tree over the parts, of which one has a triangle. `frame`: that of the scene. Throws std::runtime_error
+  /// if memory is insufficient.
   PartQueries(std::vector<QueriedPart> parts, const SceneFrame& frame);
 
-  /// As rtcIntersect1 and rtcOccluded1, with meshes as geometry numbers. Of equally near surfaces of several parts the
-  /// first part's counts. The ray's time is the scene's.
+  /// Answer queries of Embree's rtcIntersect1 and rtcOccluded1, with meshes as geometry numbers. If surfaces of several
+  /// parts are equally near, the first part's counts. The ray's time is the scene's.
   void intersect(RTCRayHit& query) const;
   void test_occlusion(RTCRay& ray) const;
-  /// As Scene's functions of the same names.
+  /// Answer the queries of Scene's functions of the same names.
   void intersect(RayPacket8& packet) const;
   void test_occlusion(RayPacket8& packet) const;
   bool intersect(std::span<RayPacket8> beam) const;
@@ -63,7 +127,7 @@ class PartQueries {
   mutable LazyTree<std::vector<BeamBranch>> branches_;
 };
 
-/// Boxes against a point.
+/// Distances of a point from boxes.
 template <class Radius>
 struct PointBoxes {
   const float (&point)[3];

@@ -13,7 +13,6 @@
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/world/scene/beam_tree.h"
 #include "tileflight/world/scene/embree_tree.h"
-#include "tileflight/world/scene/lazy_tree.h"
 #include "tileflight/world/scene/packets.h"
 #include "tileflight/world/scene/part_queries.h"
 
@@ -98,7 +97,7 @@ void search_part(const ScenePart& part, const geometry::Vec3& from, NearestSearc
   rtcPointQuery(part.ray_tree().scene.get(), &query, &context, look_at_triangle, &search);
 }
 
-/// The same for a placed part.
+/// Brings `result` up to date with a placed part's surfaces.
 void search_part(const QueriedPart& placed, NearestSearch search, NearestSearch& result) {
   const Eigen::Affine3d pose = placed.motion->pose(search.time);
   const geometry::Mat3 inverse = pose.linear().inverse();

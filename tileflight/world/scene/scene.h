@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "tileflight/core/imaging/textured_mesh.h"
-#include "tileflight/world/scene/placed_part.h"
+#include "tileflight/world/scene/scene_part.h"
 
 namespace tileflight::scene {
 
@@ -27,7 +27,7 @@ struct Hit {
 struct Ray {
   geometry::Vec3 origin;     ///< local frame, metres
   geometry::Vec3 direction;  ///< unit length
-  double time = 0.0;         ///< of the scene, 0 to 1, for placed parts that move (placed_part.h)
+  double time = 0.0;         ///< of the scene, 0 to 1, for placed parts that move (scene_part.h)
 };
 
 /// A static scene in a local frame: textured triangles, and acceleration structures for two kinds of queries. Single
@@ -42,7 +42,7 @@ struct Ray {
 /// that one more tile costs its own tree only: for the server, whose tiles come and go. Both give the same hits, to the
 /// last bit (except that of surfaces at exactly the same distance, rays and packets may name another).
 ///
-/// Parts may also be placed (placed_part.h): cars, people, what clients of the server set up. Another pose costs a new
+/// Parts may also be placed (scene_part.h): cars, people, what clients of the server set up. Another pose costs a new
 /// scene, which shares all parts' trees. They answer queries in their own coordinates, so hits agree with those on the
 /// same meshes moved to their place within float rounding.
 class Scene {
@@ -89,9 +89,9 @@ class Scene {
   /// vertex.
   /// `anchor`: origin of float coordinates; default: the centre of the bounds.
   explicit Scene(std::vector<imaging::TexturedMesh> meshes, const std::optional<geometry::Vec3>& anchor = {});
-  /// A scene of these parts, at least one, all of one SceneFrame. Throws InputError if there is no triangle.
+  /// Makes a scene of these parts, at least one, all of one SceneFrame. Throws InputError if there is no triangle.
   explicit Scene(std::vector<std::shared_ptr<const ScenePart>> parts);
-  /// With placed parts beside them, whose meshes follow. Throws InputError also for a wrong pose.
+  /// Makes a scene of parts and placed parts, whose meshes follow. Throws InputError also for a wrong pose.
   Scene(std::vector<std::shared_ptr<const ScenePart>> parts, std::vector<PlacedPart> placed);
   ~Scene();
   Scene(Scene&&) noexcept;
@@ -100,13 +100,14 @@ class Scene {
   Meshes meshes() const;
   const std::vector<std::shared_ptr<const ScenePart>>& parts() const;
   const std::vector<PlacedPart>& placed() const;
-  /// The number of meshes of parts() alone: those from here on are of placed parts, in the parts' own coordinates.
+  /// Returns the number of meshes of parts() alone. Later meshes are those of placed parts, in the parts' own
+  /// coordinates.
   std::uint32_t first_placed_mesh() const;
-  /// Index into placed(). Precondition: mesh >= first_placed_mesh().
+  /// Returns the index into placed(). Precondition: mesh >= first_placed_mesh().
   std::size_t placed_of_mesh(std::uint32_t mesh) const;
-  /// Its pose at a time of the scene: p_local = pose * p_part.
+  /// Returns the pose of a placed part at a time of the scene: p_local = pose * p_part.
   Eigen::Affine3d placed_pose(std::size_t placed, double time) const;
-  /// Around it at all times of the scene, local frame.
+  /// Returns the bounds of a placed part at all times of the scene, local frame.
   const geometry::Box3& placed_bounds(std::size_t placed) const;
   /// Ends a scene that was made of meshes, and returns them.
   std::vector<imaging::TexturedMesh> release_meshes() &&;
@@ -119,24 +120,24 @@ class Scene {
   void build_ray_tree() const;
   void build_beam_tree() const;
 
-  /// The nearest surface along the ray, front or back face.
+  /// Finds the nearest surface along the ray, front or back face.
   std::optional<Hit> intersect(const Ray& ray, double max_distance_m = 1e9) const;
-  /// Whether any surface lies within `max_distance_m` along the ray.
+  /// Tells whether any surface lies within `max_distance_m` along the ray.
   bool is_occluded(const Ray& ray, double max_distance_m) const;
-  /// Distance from a point to the nearest surface; nullopt if it exceeds `within_m`.
+  /// Returns the distance from a point to the nearest surface; nullopt if it exceeds `within_m`.
   std::optional<double> distance_to_surface_m(const geometry::Vec3& point, double within_m, double time = 0.0) const;
-  /// Nearest hits of eight rays at once, in floats relative to anchor(); see packets.h.
+  /// Finds the nearest hits of eight rays at once, in floats relative to anchor(); see packets.h.
   void intersect(RayPacket8& packet) const;
-  /// Nearest hits of a beam: one to eight packets of neighbouring rays with a common origin and time. Every lane,
-  /// enabled or not, needs a direction; near and far limits are not supported. Three times as fast as packets.
+  /// Finds the nearest hits of a beam: one to eight packets of neighbouring rays with a common origin and time. Every
+  /// lane, enabled or not, needs a direction; near and far limits are not supported. Three times as fast as packets.
   void intersect(std::span<RayPacket8> beam) const;
-  /// The same for beams of a camera that moves: each ray has its own origin and time, all rays of all beams near each
-  /// other. At most kMostMovingBeams (beam_tree.h) at once, which share one traversal: neighbouring rays at the moments
-  /// of an exposure. A ray's hit is that of a beam from its origin, within rounding; if all origins are equal (and so
-  /// are the times, or nothing is placed), a single beam's results are the same to the last bit.
+  /// Finds the nearest hits of beams of a camera that moves: each ray has its own origin and time, all rays of all
+  /// beams near each other. At most kMostMovingBeams (beam_tree.h) at once share one traversal: neighbouring rays at
+  /// the moments of an exposure. A ray's hit is that of a beam from its origin, within rounding; if all origins are
+  /// equal (and so are the times, or nothing is placed), a single beam's results are the same to the last bit.
   void intersect_moving(std::span<const std::span<RayPacket8>> beams) const;
-  /// Occlusion test of eight rays: sets `far` to -infinity in lanes where a surface lies between near and far; nothing
-  /// else of the packet changes. Disabled lanes stay disabled.
+  /// Tests eight rays for occlusion: sets `far` to -infinity in lanes where a surface lies between near and far;
+  /// nothing else of the packet changes. Disabled lanes stay disabled.
   void test_occlusion(RayPacket8& packet) const;
 
   geometry::Vec3 position(const Hit& hit) const;
@@ -147,7 +148,7 @@ class Scene {
   std::unique_ptr<Impl> impl_;
 };
 
-/// All triangles of all meshes as one mesh without appearance (vertices are not welded).
+/// Merges all triangles of all meshes into one mesh without appearance (vertices are not welded).
 geometry::TriangleMesh merge_meshes(const std::vector<imaging::TexturedMesh>& meshes);
 geometry::TriangleMesh merge_meshes(const Scene::Meshes& meshes);
 

@@ -8,7 +8,6 @@
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/world/scene/beam_tree.h"
 #include "tileflight/world/scene/embree_tree.h"
-#include "tileflight/world/scene/lazy_tree.h"
 
 namespace tileflight::scene {
 namespace {

@@ -1,19 +1,20 @@
 #pragma once
 
+struct RTCDeviceTy;
+
 #include <cstddef>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "tileflight/core/imaging/textured_mesh.h"
-
-struct RTCDeviceTy;
 
 namespace tileflight::scene {
 
 class BeamTree;
 struct EmbreeTree;
 
-/// What the parts of a scene have in common: the origin of their float coordinates, and Embree's state. Copies are the
+/// Frame that the parts of a scene share: the origin of their float coordinates, and Embree's state. Copies are the
 /// same frame.
 class SceneFrame {
  public:
@@ -40,9 +41,9 @@ class ScenePart {
   ScenePart& operator=(const ScenePart&) = delete;
 
   const std::vector<imaging::TexturedMesh>& meshes() const;
-  /// The meshes, after which the part can only be destroyed.
+  /// Returns the meshes, after which the part can only be destroyed.
   std::vector<imaging::TexturedMesh> release_meshes() &&;
-  /// Of all vertices of meshes with triangles, local frame.
+  /// Returns the bounds of all vertices of meshes with triangles, local frame.
   const geometry::Box3& bounds() const;
   const SceneFrame& frame() const;
   std::size_t triangle_count() const;
@@ -59,7 +60,20 @@ class ScenePart {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Bounds of all vertices of the meshes that have triangles.
+/// Returns the bounds of all vertices of the meshes that have triangles.
 geometry::Box3 bounds_of(const std::vector<imaging::TexturedMesh>& meshes);
+
+/// A part that stands or moves in a scene, such as a car: its meshes have coordinates of their own, and other places in
+/// scenes cost nothing but a pose (its trees are built once). Several may show the same part.
+struct PlacedPart {
+  std::string name;  ///< of the object
+  std::shared_ptr<const ScenePart> part;
+  /// p_local = pose * p_part, at even steps of the scene's time from 0 to 1 (Ray::time); between them each point moves
+  /// on a straight line. At least one, which stands still. Determinants are positive: no mirrors.
+  std::vector<Eigen::Affine3d> poses;
+};
+
+/// p_local = T_local_part * (scale * p_part), for each axis its scale, above 0.
+Eigen::Affine3d placed_at(const geometry::SE3& T_local_part, const geometry::Vec3& scale = geometry::Vec3::Ones());
 
 }  // namespace tileflight::scene

@@ -1,0 +1,60 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "tileflight/core/geometry/imu_sample.h"
+
+namespace tileflight::dataset {
+
+/// A CSV file of numbers with a header, for the other sensors' readings. Infinities are written as inf and -inf.
+struct NumberTable {
+  std::vector<std::string> columns;       ///< names with units: "pressure [Pa]"
+  std::vector<std::vector<double>> rows;  ///< one number per column
+};
+
+/// Read and write a table; numbers round-trip exactly. Reading throws InputError (file, line, cause): no header, a row
+/// of another length, a cell that is not a number.
+NumberTable read_number_table(const std::filesystem::path& file);
+void write_number_table(const std::filesystem::path& file, const NumberTable& table);
+
+/// Attitude of the camera at a time, as a gimbal or vehicle logged it; a line of attitude.csv.
+struct CameraAttitude {
+  double time_s = 0.0;
+  /// Rotation from camera axes (x right, y down, z forward) to east, north, up at the place; unit length.
+  Eigen::Quaterniond R_enu_camera = Eigen::Quaterniond::Identity();
+  double tilt_sigma_deg = 0.0;  ///< of pitch and roll
+  double yaw_sigma_deg = 0.0;   ///< of the heading
+};
+
+/// Read and write attitude.csv, with the columns `t,qx,qy,qz,qw,tilt_sigma_deg,yaw_sigma_deg` under that header and
+/// strictly increasing times. Reading throws InputError (file, line, cause): other columns, numbers that are not
+/// finite, a quaternion that does not have unit length, sigmas that are not positive, times that do not increase.
+std::vector<CameraAttitude> read_attitude_csv(const std::filesystem::path& file);
+void write_attitude_csv(const std::filesystem::path& file, const std::vector<CameraAttitude>& attitudes);
+
+/// IMU noise parameters for estimators, under Kalibr's names.
+struct ImuCalibration {
+  double update_rate_hz = 200.0;
+  double accelerometer_noise_density = 0.0;  ///< m/s^2/sqrt(Hz)
+  double accelerometer_random_walk = 0.0;    ///< m/s^3/sqrt(Hz)
+  double gyroscope_noise_density = 0.0;      ///< rad/s/sqrt(Hz)
+  double gyroscope_random_walk = 0.0;        ///< rad/s^2/sqrt(Hz)
+};
+
+/// Read and write imu.csv with the columns of EuRoC's imu0/data.csv: time in whole nanoseconds, angular rate, specific
+/// force. Reading accepts a first header without '#', as in VSLAM-LAB's imu_0.csv ("ts (ns),wx (rad s^-1), ..."); times
+/// are in seconds if it says so ("timestamp [s]"). Reading throws InputError (file, line, cause): malformed or
+/// non-finite numbers, times that do not increase.
+std::vector<geometry::ImuSample> read_imu_csv(const std::filesystem::path& file);
+void write_imu_csv(const std::filesystem::path& file, const std::vector<geometry::ImuSample>& readings);
+
+/// Reads the noise parameters from any file that states them: Kalibr's imu.yaml, EuRoC's imu0/sensor.yaml, or
+/// VSLAM-LAB's calibration.yaml in its forms. Throws InputError for missing or negative numbers.
+ImuCalibration read_imu_noise(const std::filesystem::path& file);
+/// Writes imu.yaml in Kalibr's format.
+void write_imu_yaml(const std::filesystem::path& file, const ImuCalibration& calibration);
+
+}  // namespace tileflight::dataset

@@ -1,0 +1,170 @@
+#include <gmock/gmock.h>
+
+#include <cmath>
+
+#include "tests/test_data.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/geometry/trajectory.h"
+#include "tileflight/data/flight_logs/telemetry.h"
+#include "tileflight/data/flight_logs/test_log.h"
+
+namespace tileflight::flight_logs::telemetry_test {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::ThrowsMessage;
+
+class TelemetryText : public LogTest {
+ protected:
+  TelemetryText() : LogTest("log.srt", read_dji_srt) {}
+};
+
+TEST_F(TelemetryText, BracketedKeysWithHeightsAndGimbal) {
+  const Telemetry log = read(
+      "1\r\n00:00:01,500 --> 00:00:01,533\r\n<font size=\"28\">FrameCnt: 1, DiffTime: 33ms\r\n2023-02-21 "
+      "10:14:03.000\r\n"
+      "[iso: 100] [latitude: -0.241013] [longitude: -78.518213] [rel_alt: 38.000 abs_alt: 2933.438] "
+      "[gb_yaw: 139.7 gb_pitch: -27.8 gb_roll: 0.5] </font>\r\n\r\n");
+  ASSERT_EQ(log.fixes.size(), 1u);
+  const TelemetryFix& fix = log.fixes[0];
+  EXPECT_DOUBLE_EQ(fix.time_s, 1.5);
+  EXPECT_DOUBLE_EQ(fix.latitude_deg, -0.241013);
+  EXPECT_DOUBLE_EQ(fix.longitude_deg, -78.518213);
+  EXPECT_EQ(fix.absolute_height_m, 2933.438);
+  EXPECT_EQ(fix.height_above_takeoff_m, 38.0);
+  EXPECT_EQ(fix.gimbal_yaw_deg, 139.7);
+  EXPECT_EQ(fix.gimbal_pitch_deg, -27.8);
+  EXPECT_EQ(fix.gimbal_roll_deg, 0.5);
+  EXPECT_EQ(log.height_datum, HeightDatum::kUnknown);
+  EXPECT_TRUE(log.warnings.empty());
+}
+
+TEST_F(TelemetryText, EntriesWithoutFixAreDroppedAndCounted) {
+  const Telemetry log = read(
+      "1\n00:00:00,000 --> 00:00:01,000\n[latitude: 0.000000] [longitude: 0.000000]\n\n"
+      "2\n00:00:01,000 --> 00:00:02,000\nGPS(N/A,N/A,3) BAROMETER:0.0\n\n"
+      "3\n00:00:02,000 --> 00:00:03,000\n[latitude: 95.0] [longitude: 10.0]\n\n"
+      "4\n00:00:03,000 --> 00:00:04,000\n[latitude: 45.0] [longitude: 10.0]\n\n"
+      "5\n00:00:03,000 --> 00:00:04,000\n[latitude: 45.1] [longitude: 10.0]\n\n"
+      "6\n[latitude: 45.2] [longitude: 10.0]\n");
+  ASSERT_EQ(log.fixes.size(), 1u);
+  EXPECT_DOUBLE_EQ(log.fixes[0].latitude_deg, 45.0);
+  EXPECT_THAT(log.warnings, ElementsAre("1 entries dropped: no time", "2 entries dropped: no position fix",
+                                        "1 entries dropped: latitude or longitude out of range",
+                                        "1 entries dropped: time does not increase"));
+}
+
+TEST_F(TelemetryText, UnusableFilesAreOneClearLine) {
+  EXPECT_THAT(fault(""), HasSubstr("log.srt: no subtitle entries"));
+  EXPECT_THAT(fault("hello\nworld\n"), HasSubstr("no subtitle entries"));
+  EXPECT_THAT(fault("1"), HasSubstr("none of the 1 entries has a time and a position"));
+  EXPECT_THAT(fault("1\n00:00:00,000 --> 00:00:01,000\n[iso: 100]\n"), HasSubstr("no position fix"));
+  EXPECT_THAT(fault("1\n00:00:00,000 --> 00:00:01,000\n[latitude: nan] [longitude: 5]\n"),
+              HasSubstr("no position fix"));
+  EXPECT_THAT([&] { read_dji_srt(folder_ / "absent.srt"); },
+              ThrowsMessage<InputError>(HasSubstr("absent.srt: cannot be opened")));
+}
+
+TEST_F(TelemetryText, DistinctFixesKeepTheFirstOfEachHeldPosition) {
+  std::string text;
+  for (int i = 0; i < 9; ++i) {
+    text += std::to_string(i + 1) + "\n00:00:0" + std::to_string(i) + ",000 --> 00:00:09,000\n[latitude: 1." +
+            std::to_string(i / 3) + "] [longitude: 2.0] [abs_alt: 7]\n\n";
+  }
+  const std::vector<TelemetryFix> fixes = distinct_fixes(read(text));
+  ASSERT_EQ(fixes.size(), 3u);
+  EXPECT_DOUBLE_EQ(fixes[0].time_s, 0.0);
+  EXPECT_DOUBLE_EQ(fixes[1].time_s, 3.0);
+  EXPECT_DOUBLE_EQ(fixes[2].time_s, 6.0);
+}
+
+/// Known values of each real log, determined by hand from the text: number of fixes, and the first one.
+struct KnownLog {
+  const char* name;
+  std::size_t fixes;
+  double time_s, latitude_deg, longitude_deg;
+  std::optional<double> absolute_height_m, height_above_takeoff_m, gimbal_pitch_deg;
+};
+
+void PrintTo(const KnownLog& known, std::ostream* out) { *out << known.name; }
+
+class RealLog : public testing::TestWithParam<KnownLog> {};
+
+TEST_P(RealLog, IsReadInItsOwnOrderAndUnits) {
+  const KnownLog& known = GetParam();
+  TILEFLIGHT_REQUIRE_TEST_DATA(file, std::string("logs/dji_srt/") + known.name);
+  const Telemetry log = read_dji_srt(file);
+  ASSERT_EQ(log.fixes.size(), known.fixes);
+  const TelemetryFix& first = log.fixes.front();
+  EXPECT_DOUBLE_EQ(first.time_s, known.time_s);
+  EXPECT_DOUBLE_EQ(first.latitude_deg, known.latitude_deg);
+  EXPECT_DOUBLE_EQ(first.longitude_deg, known.longitude_deg);
+  EXPECT_EQ(first.absolute_height_m, known.absolute_height_m);
+  EXPECT_EQ(first.height_above_takeoff_m, known.height_above_takeoff_m);
+  EXPECT_EQ(first.gimbal_pitch_deg, known.gimbal_pitch_deg);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Dialects, RealLog,
+    testing::Values(
+        KnownLog{"air2s.srt", 17, 0, 41.424724, 2.234156, 117.0, {}, {}},
+        KnownLog{"mavic_air2.srt", 25, 0, 41.420684, 2.162162, 27.3, {}, {}},
+        KnownLog{"mavic_2pro_new.SRT", 8952, 0, -35.080155, -60.286702, {}, {}, {}},
+        KnownLog{"mavic_2_style.SRT", 468 - 5, 0, -20.2533, 149.0251, {}, {}, {}},  // five seconds are written twice
+        KnownLog{"mavic_mini.SRT", 117, 0, 48.0771, -121.7458, {}, 200.7, {}},
+        KnownLog{"p4p_sample.SRT", 5, 0, 47.4692, 8.2090, {}, 45.6, {}},
+        KnownLog{"mavic_pro_buggy.SRT", 546 - 16, 1, 42.4668, -1.2218, {}, 0.0, {}},  // 16 entries say GPS(N/A,N/A,n)
+        KnownLog{"broken_incomplete.SRT", 19, 1, -34.7383, -58.4563, {}, 20.1, {}},   // the twentieth ends early
+        KnownLog{"matrice_300.srt", 381, 0, 36.6146, -6.1120, {}, 0.3, {}},
+        KnownLog{"mix_p4rtk_mavic2pro.srt", 12, 904.904, -34.650200, -59.409424, {}, 17.39, -27.3}),
+    [](const testing::TestParamInfo<KnownLog>& tested) {
+      const std::string name = tested.param.name;
+      return name.substr(0, name.find('.'));
+    });
+
+TEST(RealLogs, MixedRecordingTakesHeightsOfBothDialects) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(file, "logs/dji_srt/mix_p4rtk_mavic2pro.srt");
+  const Telemetry log = read_dji_srt(file);
+  EXPECT_EQ(log.fixes.back().absolute_height_m, 120.140999);
+  EXPECT_EQ(log.fixes.back().height_above_takeoff_m, std::nullopt);
+}
+
+TEST(RealLogs, DatesOfTheDialectWithoutStampsBecomeSeconds) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(file, "logs/dji_srt/mavic_2_style.SRT");
+  EXPECT_NEAR(read_dji_srt(file).fixes.back().time_s, 7 * 60 + 48, 1e-6);  // 14:11:51 to 14:19:39
+}
+
+TEST(RealLogs, WhatHoldsNoPositionIsAnError) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(folder, "logs/dji_srt");
+  const auto expect_refused = [&](const char* name, const char* message) {
+    EXPECT_THAT([&] { read_dji_srt(folder / name); }, ThrowsMessage<InputError>(HasSubstr(message))) << name;
+  };
+  expect_refused("broken_empty.SRT", "broken_empty.SRT: no subtitle entries");
+  expect_refused("broken_empty2.SRT", "none of the 1 entries has a time and a position");
+  expect_refused("mavic_air.SRT", "entries has a time and a position");
+}
+
+TEST(RealLogs, MachangaraPositionsAreHeldBetweenFixesAndFollowTheTruePath) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(folder, "flights/machangara-a");
+  const Telemetry log = read_dji_srt(folder / "telemetry.srt");
+  EXPECT_EQ(log.fixes.size(), 600u);
+  const std::vector<TelemetryFix> fixes = distinct_fixes(log);
+  EXPECT_EQ(fixes.size(), 200u);  // 20 s at 10 Hz
+  const geometry::LocalFrame frame({-0.24, -78.52, {0.0}});
+  const geometry::Trajectory truth = geometry::read_tum(folder / "groundtruth.txt");
+  int compared = 0;
+  for (const TelemetryFix& fix : fixes) {
+    const auto T_local_camera = geometry::interpolate(truth, fix.time_s);
+    if (!T_local_camera) continue;
+    ++compared;
+    const geometry::Vec3 position =
+        frame.local_from_geodetic({fix.latitude_deg, fix.longitude_deg, {*fix.absolute_height_m}});
+    EXPECT_LT((position - T_local_camera->translation).norm(), 6.0)
+        << fix.time_s;  // noise, a bias of metres, a lag at 10 m/s
+  }
+  EXPECT_GT(compared, 100);
+}
+
+}  // namespace
+}  // namespace tileflight::flight_logs::telemetry_test

@@ -1,0 +1,184 @@
+#include <algorithm>
+
+#include "tileflight/core/base/files.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/text_parsing.h"
+#include "tileflight/data/flight_logs/fix_filter.h"
+#include "tileflight/data/flight_logs/telemetry.h"
+#include "tileflight/data/flight_logs/xml_stream.h"
+
+namespace tileflight::flight_logs {
+
+namespace {
+
+/// One `gx:Track`: its `when` and `coord` elements correspond by order.
+struct Track {
+  std::vector<std::optional<double>> times_s;
+  std::vector<std::optional<TelemetryFix>> positions;
+  bool is_absolute = false;
+};
+
+/// `longitude latitude altitude`, degrees and metres; empty for "no position at this time".
+std::optional<TelemetryFix> parse_coord(std::string_view text) {
+  TelemetryFix fix;
+  const std::optional<double> longitude_deg = base::take_number(text);
+  const std::optional<double> latitude_deg = base::take_number(text);
+  if (!longitude_deg || !latitude_deg) return std::nullopt;
+  fix.longitude_deg = *longitude_deg;
+  fix.latitude_deg = *latitude_deg;
+  fix.absolute_height_m = base::take_number(text);
+  return fix;
+}
+
+class KmlReader {
+ public:
+  explicit KmlReader(std::string where) : where_(std::move(where)) {}
+
+  bool start(std::string_view name) {
+    if (++depth_ == 1 && name != "kml") {
+      throw InputError(where_, "is XML but not KML: its root element is <" + std::string(name.substr(0, 40)) + ">");
+    }
+    if (name == "Track" && !track_) track_.emplace();
+    return true;
+  }
+
+  bool end(std::string_view name, std::string_view text) {
+    --depth_;
+    if (!track_) return true;
+    if (name == "when") track_->times_s.push_back(base::parse_iso_time_s(text));
+    if (name == "coord") track_->positions.push_back(parse_coord(base::trim(text)));
+    if (name == "altitudeMode") track_->is_absolute = base::trim(text) == "absolute";
+    if (name == "Track") finish_track();
+    return true;
+  }
+
+  bool has_heights_above_ground() const { return above_ground_; }
+  FixFilter take() && { return std::move(filter_); }
+
+ private:
+  void finish_track() {
+    for (std::size_t i = 0; i < std::max(track_->times_s.size(), track_->positions.size()); ++i) {
+      if (i >= track_->times_s.size() || !track_->times_s[i]) {
+        filter_.drop_without_time();
+      } else if (i >= track_->positions.size() || !track_->positions[i]) {
+        filter_.drop_without_fix();
+      } else {
+        TelemetryFix fix = *track_->positions[i];
+        fix.time_s = *track_->times_s[i];
+        if (!track_->is_absolute) fix.absolute_height_m.reset();
+        filter_.add(fix);
+      }
+    }
+    above_ground_ = above_ground_ || !track_->is_absolute;
+    track_.reset();
+  }
+
+  std::string where_;
+  int depth_ = 0;
+  bool above_ground_ = false;
+  std::optional<Track> track_;
+  FixFilter filter_;
+};
+
+}  // namespace
+
+Telemetry read_kml(const std::filesystem::path& file) {
+  KmlReader reader(file.string());
+  const std::string bytes = base::read_text(file, base::kMaxLogBytes);
+  const std::string fault =
+      read_xml(bytes, file.string(),
+               {.start = [&](std::string_view name, const XmlEvents::Attributes&) { return reader.start(name); },
+                .end = [&](std::string_view name, std::string_view text) { return reader.end(name, text); }});
+  const bool above_ground = reader.has_heights_above_ground();
+  Telemetry telemetry = std::move(reader).take().finish(file.string(), "points of a gx:Track");
+  if (!fault.empty()) telemetry.warnings.push_back(early_end_warning(fault));
+  if (above_ground) {
+    telemetry.warnings.push_back(
+        "heights of tracks whose altitudeMode is not 'absolute' are above the ground and are not used");
+  }
+  finish_utc_log(telemetry);
+  return telemetry;
+}
+
+namespace {
+
+/// The point being read. Only direct children count: extensions may hold elements of the same names.
+struct Point {
+  int depth = 0;  ///< nesting depth of its element; 0: none is open
+  std::optional<double> latitude_deg, longitude_deg, elevation_m, time_s;
+};
+
+std::optional<double> number_attribute(const XmlEvents::Attributes& attributes, std::string_view name) {
+  const auto found = attributes.find(name);
+  return found == attributes.end() ? std::nullopt : base::parse_finite_number(found->second);
+}
+
+class GpxReader {
+ public:
+  explicit GpxReader(std::string where) : where_(std::move(where)) {}
+
+  bool start(std::string_view name, const XmlEvents::Attributes& attributes) {
+    if (++depth_ == 1 && name != "gpx") {
+      throw InputError(where_, "is XML but not GPX: its root element is <" + std::string(name.substr(0, 40)) + ">");
+    }
+    if (name == "trkpt" && point_.depth == 0) {
+      point_ = {.depth = depth_,
+                .latitude_deg = number_attribute(attributes, "lat"),
+                .longitude_deg = number_attribute(attributes, "lon"),
+                .elevation_m = {},
+                .time_s = {}};
+    }
+    return true;
+  }
+
+  bool end(std::string_view name, std::string_view text) {
+    if (point_.depth > 0 && depth_ == point_.depth + 1) {
+      if (name == "ele") point_.elevation_m = base::parse_finite_number(text);
+      if (name == "time") point_.time_s = base::parse_iso_time_s(text);
+    }
+    if (point_.depth > 0 && depth_ == point_.depth) finish_point();
+    --depth_;
+    return true;
+  }
+
+  FixFilter take() && { return std::move(filter_); }
+
+ private:
+  void finish_point() {
+    if (!point_.time_s) {
+      filter_.drop_without_time();
+    } else if (!point_.latitude_deg || !point_.longitude_deg) {
+      filter_.drop_without_fix();
+    } else {
+      TelemetryFix fix;
+      fix.time_s = *point_.time_s;
+      fix.latitude_deg = *point_.latitude_deg;
+      fix.longitude_deg = *point_.longitude_deg;
+      fix.absolute_height_m = point_.elevation_m;
+      filter_.add(fix);
+    }
+    point_ = {};
+  }
+
+  std::string where_;
+  int depth_ = 0;
+  Point point_;
+  FixFilter filter_;
+};
+
+}  // namespace
+
+Telemetry read_gpx(const std::filesystem::path& file) {
+  GpxReader reader(file.string());
+  const std::string bytes = base::read_text(file, base::kMaxLogBytes);
+  const std::string fault =
+      read_xml(bytes, file.string(),
+               {.start = [&](std::string_view name, const auto& attributes) { return reader.start(name, attributes); },
+                .end = [&](std::string_view name, std::string_view text) { return reader.end(name, text); }});
+  Telemetry telemetry = std::move(reader).take().finish(file.string(), "track points");
+  if (!fault.empty()) telemetry.warnings.push_back(early_end_warning(fault));
+  finish_utc_log(telemetry);
+  return telemetry;
+}
+
+}  // namespace tileflight::flight_logs

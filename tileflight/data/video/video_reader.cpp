@@ -1,0 +1,384 @@
+#include <libavutil/display.h>
+#include <tbb/global_control.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <string_view>
+
+extern "C" {
+#include <libavutil/display.h>
+}
+
+#include "tileflight/core/base/formatted_text.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/data/video/libav.h"
+#include "tileflight/data/video/video.h"
+
+extern "C" {}
+
+namespace tileflight::video {
+
+namespace {
+
+/// The video stream of a file, frame by frame in display order. All throw InputError (file, cause).
+class VideoDecoder {
+ public:
+  explicit VideoDecoder(const std::filesystem::path& file);
+  ~VideoDecoder();
+  VideoDecoder(const VideoDecoder&) = delete;
+  VideoDecoder& operator=(const VideoDecoder&) = delete;
+
+  /// Size after rotation, frame rate and duration, without decoding.
+  VideoInfo info() const;
+
+  /// The next frame; nullptr after the last. Valid until the next call. For a truncated or damaged file, returns the
+  /// frames before the fault, then throws.
+  const AVFrame* next();
+  /// Time of the frame returned by next(), seconds after the file's first frame.
+  double time_s() const { return time_s_; }
+  /// Whether parts of that frame could not be decoded. This also happens in sound files just after seek_before().
+  bool is_damaged() const;
+
+  /// Seeks to a frame at or before `time_s` if the file's index allows it, else to the first frame. Requires a previous
+  /// next().
+  void seek_before(double time_s);
+
+  /// Clockwise quarter turns for display (the container's display matrix), 0 to 3.
+  int quarter_turns() const { return quarter_turns_; }
+
+ private:
+  void open();
+  void open_decoder();
+  void read_rotation();
+  bool has_full_index() const;
+  void send_next_packet();
+  void note_end(int code);
+  bool is_incomplete() const;
+  void note_time(const AVPacket& packet);
+  std::string position_text() const;
+  void restart_at(std::int64_t timestamp);
+  double time_of(const AVFrame& frame);
+
+  std::filesystem::path file_;
+  AVFormatContext* format_ = nullptr;
+  AVStream* stream_ = nullptr;
+  libav::Owner<AVCodecContext> codec_;
+  libav::Owner<AVFrame> frame_;
+  libav::Owner<AVPacket> packet_;
+  int quarter_turns_ = 0;
+  std::optional<std::int64_t> first_timestamp_;
+  double time_s_ = -1.0;
+  bool has_seeked_ = false;                       ///< seek_before() has changed the position
+  std::int64_t frames_ = 0;                       ///< returned since the file's start or the last seek
+  std::int64_t packets_ = 0;                      ///< read since the last seek
+  std::int64_t last_timestamp_ = AV_NOPTS_VALUE;  ///< decoding time of the last complete packet
+  double end_s_ = 0.0;                            ///< end of the latest packet of any stream
+  bool drained_ = false;
+  std::string fault_;  ///< why reading stopped early; thrown after the frames before the fault were returned
+};
+
+using libav::error_text;
+
+/// Formats that libavformat opens as "video" although they are not.
+bool is_not_video(const AVFormatContext& format) {
+  const std::string_view name = format.iformat->name;
+  return name == "image2" || name == "tty" || name.ends_with("_pipe");
+}
+
+int thread_count() {
+  return static_cast<int>(tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism));
+}
+
+VideoDecoder::VideoDecoder(const std::filesystem::path& file)
+    : file_(file), frame_(av_frame_alloc()), packet_(av_packet_alloc()) {
+  libav::disable_logging();
+  try {
+    open();
+  } catch (...) {
+    avformat_close_input(&format_);
+    throw;
+  }
+}
+
+VideoDecoder::~VideoDecoder() { avformat_close_input(&format_); }
+
+void VideoDecoder::open() {
+  if (!std::filesystem::is_regular_file(file_)) throw InputError(file_.string(), "no such video file");
+  AVDictionary* options = nullptr;
+  av_dict_set(&options, "protocol_whitelist", "file", 0);  // a playlist must not reach the network
+  const int opened = avformat_open_input(&format_, libav::file_url(file_).c_str(), nullptr, &options);
+  av_dict_free(&options);
+  if (opened < 0)
+    throw InputError(file_.string(), "is not a readable video (truncated, or not a video): " + error_text(opened));
+  const int probed = avformat_find_stream_info(format_, nullptr);
+  if (probed < 0) throw InputError(file_.string(), "is not a readable video: " + error_text(probed));
+  open_decoder();
+  read_rotation();
+}
+
+void VideoDecoder::open_decoder() {
+  const AVCodec* decoder = nullptr;
+  const int stream = av_find_best_stream(format_, AVMEDIA_TYPE_VIDEO, -1, -1, &decoder, 0);
+  if (stream == AVERROR_DECODER_NOT_FOUND)
+    throw InputError(file_.string(), "its video codec is not supported: re-encode it as H.264");
+  if (stream < 0 || is_not_video(*format_)) throw InputError(file_.string(), "contains no video");
+  stream_ = format_->streams[stream];
+  for (unsigned i = 0; i < format_->nb_streams && has_full_index(); ++i)
+    if (static_cast<int>(i) != stream) format_->streams[i]->discard = AVDISCARD_ALL;
+  codec_.reset(avcodec_alloc_context3(decoder));
+  avcodec_parameters_to_context(codec_.get(), stream_->codecpar);
+  codec_->thread_count = thread_count();
+  codec_->pkt_timebase = stream_->time_base;
+  const int opened = avcodec_open2(codec_.get(), decoder, nullptr);
+  if (opened < 0) throw InputError(file_.string(), "its video cannot be decoded: " + error_text(opened));
+}
+
+void VideoDecoder::read_rotation() {
+  const auto* matrix =
+      reinterpret_cast<const std::int32_t*>(av_stream_get_side_data(stream_, AV_PKT_DATA_DISPLAYMATRIX, nullptr));
+  if (matrix == nullptr) return;
+  const double counter_clockwise_deg = av_display_rotation_get(matrix);
+  const double turns = -counter_clockwise_deg / 90.0;
+  if (!std::isfinite(turns) || std::abs(turns - std::round(turns)) > 1e-3)
+    throw InputError(file_.string(), "its rotation flag is not a multiple of 90 degrees");
+  quarter_turns_ = (static_cast<int>(std::lround(turns)) + 4) % 4;
+}
+
+VideoInfo VideoDecoder::info() const {
+  VideoInfo info;
+  info.width = stream_->codecpar->width;
+  info.height = stream_->codecpar->height;
+  if (quarter_turns_ % 2 == 1) std::swap(info.width, info.height);
+  const AVRational rate = stream_->avg_frame_rate.num > 0 ? stream_->avg_frame_rate : stream_->r_frame_rate;
+  if (rate.num > 0 && rate.den > 0) info.frames_per_second = av_q2d(rate);
+  if (stream_->duration != AV_NOPTS_VALUE)
+    info.duration_s = static_cast<double>(stream_->duration) * av_q2d(stream_->time_base);
+  else if (format_->duration != AV_NOPTS_VALUE)
+    info.duration_s = static_cast<double>(format_->duration) / AV_TIME_BASE;
+  info.declared_frames = stream_->nb_frames;
+  return info;
+}
+
+/// MP4 and MOV list every packet at the start; other containers' indices grow while reading or hold key frames only.
+bool VideoDecoder::has_full_index() const {
+  const std::string_view name = format_->iformat->name;
+  return name.find("mp4") != std::string_view::npos && stream_->nb_frames > 0 &&
+         avformat_index_get_entries_count(stream_) > 0;
+}
+
+/// Whether packets announced by the container are missing: by its index, else by its frame count or duration.
+bool VideoDecoder::is_incomplete() const {
+  if (has_full_index()) {
+    const AVIndexEntry* last = avformat_index_get_entry(stream_, avformat_index_get_entries_count(stream_) - 1);
+    return last_timestamp_ < last->timestamp;
+  }
+  if (packets_ < stream_->nb_frames) return true;
+  constexpr double kTolerance_s = 0.25;  // durations in headers are rounded, and the last frame's is often unknown
+  const bool guessed =
+      format_->duration == AV_NOPTS_VALUE || format_->duration_estimation_method == AVFMT_DURATION_FROM_BITRATE;
+  return !guessed && end_s_ < static_cast<double>(format_->duration) / AV_TIME_BASE - kTolerance_s;
+}
+
+/// Updates the end of the latest packet of any stream, seconds after the file's start.
+void VideoDecoder::note_time(const AVPacket& packet) {
+  if (packet.pts == AV_NOPTS_VALUE) return;
+  const double start_s =
+      format_->start_time == AV_NOPTS_VALUE ? 0.0 : static_cast<double>(format_->start_time) / AV_TIME_BASE;
+  const double end_s = static_cast<double>(packet.pts + packet.duration) * av_q2d(packet.time_base);
+  end_s_ = std::max(end_s_, end_s - start_s);
+}
+
+void VideoDecoder::note_end(int code) {
+  if (is_incomplete())
+    fault_ = "ends early";
+  else if (code != AVERROR_EOF)
+    fault_ = "cannot be read further (" + error_text(code) + ")";
+  avcodec_send_packet(codec_.get(), nullptr);
+}
+
+/// Sends the next packet to the decoder, or signals the end.
+void VideoDecoder::send_next_packet() {
+  for (;;) {
+    av_packet_unref(packet_.get());
+    const int read = av_read_frame(format_, packet_.get());
+    if (read < 0) return note_end(read);
+    packet_->time_base = format_->streams[packet_->stream_index]->time_base;
+    note_time(*packet_);
+    if (packet_->stream_index != stream_->index) continue;
+    if ((packet_->flags & AV_PKT_FLAG_CORRUPT) != 0) {  // the file is truncated within the packet
+      note_end(AVERROR_EOF);
+      fault_ = "ends early";
+      return;
+    }
+    ++packets_;
+    if (packet_->dts != AV_NOPTS_VALUE) last_timestamp_ = packet_->dts;
+    const int sent = avcodec_send_packet(codec_.get(), packet_.get());
+    if (sent < 0 && sent != AVERROR(EAGAIN)) {
+      fault_ = "is damaged (" + error_text(sent) + ")";
+      avcodec_send_packet(codec_.get(), nullptr);
+    }
+    return;
+  }
+}
+
+double VideoDecoder::time_of(const AVFrame& frame) {
+  if (frame.best_effort_timestamp == AV_NOPTS_VALUE) {  // a raw stream without times
+    const double rate = av_q2d(stream_->r_frame_rate);
+    return static_cast<double>(frames_) / (rate > 0.0 ? rate : 30.0);
+  }
+  if (!first_timestamp_) first_timestamp_ = frame.best_effort_timestamp;
+  return static_cast<double>(frame.best_effort_timestamp - *first_timestamp_) * av_q2d(stream_->time_base);
+}
+
+const AVFrame* VideoDecoder::next() {
+  while (!drained_) {
+    const int received = avcodec_receive_frame(codec_.get(), frame_.get());
+    if (received == AVERROR(EAGAIN)) {
+      send_next_packet();
+      continue;
+    }
+    if (received == AVERROR_EOF) {
+      drained_ = true;
+      break;
+    }
+    if (received < 0) throw InputError(file_.string(), "is damaged " + position_text() + ": " + error_text(received));
+    const double time = time_of(*frame_);
+    if (!(time > time_s_) && frames_ > 0)
+      throw InputError(file_.string(), "two frames have the same time " + position_text());
+    time_s_ = time;
+    ++frames_;
+    return frame_.get();
+  }
+  if (fault_.empty()) return nullptr;
+  throw InputError(file_.string(), fault_ + " " + position_text());
+}
+
+std::string VideoDecoder::position_text() const {
+  const std::string time = "after " + base::rounded_text(std::max(time_s_, 0.0), 2) + " s";
+  if (has_seeked_ || stream_->nb_frames == 0) return time;
+  return time + ", frame " + std::to_string(frames_) + " of " + std::to_string(stream_->nb_frames);
+}
+
+bool VideoDecoder::is_damaged() const {
+  constexpr int kFlags = FF_DECODE_ERROR_INVALID_BITSTREAM | FF_DECODE_ERROR_DECODE_SLICES;
+  return (frame_->flags & AV_FRAME_FLAG_CORRUPT) != 0 || (frame_->decode_error_flags & kFlags) != 0;
+}
+
+void VideoDecoder::restart_at(std::int64_t timestamp) {
+  const int found = av_seek_frame(format_, stream_->index, timestamp, AVSEEK_FLAG_BACKWARD);
+  if (found < 0) throw InputError(file_.string(), "cannot be searched: " + error_text(found));
+  avcodec_flush_buffers(codec_.get());
+  packets_ = frames_ = 0;
+  last_timestamp_ = AV_NOPTS_VALUE;
+  time_s_ = -1.0;
+  drained_ = false;
+  fault_.clear();
+}
+
+void VideoDecoder::seek_before(double time_s) {
+  if (!has_full_index() || !first_timestamp_) return;
+  constexpr double kMargin_s = 1.0;  // the index uses decoding times; frames are displayed later
+  const auto wanted = static_cast<std::int64_t>((time_s - kMargin_s) / av_q2d(stream_->time_base));
+  if (wanted <= 0) return;
+  has_seeked_ = true;
+  restart_at(*first_timestamp_ + wanted);
+}
+
+using imaging::RgbImage;
+
+void check_excerpt(const VideoExcerpt& excerpt, const std::string& file) {
+  if (!(excerpt.from_s >= 0.0)) throw InputError(file, "the excerpt must start at 0 s or later");
+  if (excerpt.to_s && !(*excerpt.to_s > excerpt.from_s)) throw InputError(file, "the excerpt must end after its start");
+  if (excerpt.every < 1) throw InputError(file, "the step of the excerpt must be 1 or more frames");
+}
+
+RgbImage rotate_quarter_clockwise(const RgbImage& image) {
+  RgbImage out(image.height, image.width);
+  for (int y = 0; y < image.height; ++y)
+    for (int x = 0; x < image.width; ++x) out(image.height - 1 - y, x) = image(x, y);
+  return out;
+}
+
+RgbImage rotate_clockwise(RgbImage image, int quarter_turns) {
+  for (int i = 0; i < quarter_turns; ++i) image = rotate_quarter_clockwise(image);
+  return image;
+}
+
+/// Converts YUV of any layout to RGB, by the frame's matrix and range (default: BT.601, limited).
+class RgbConverter {
+ public:
+  RgbImage convert(const AVFrame& frame, const std::string& file) {
+    const auto format = static_cast<AVPixelFormat>(frame.format);
+    if (scaler_ == nullptr || format != format_ || frame.width != width_ || frame.height != height_)
+      set_up(frame, file);
+    RgbImage image(frame.width, frame.height);
+    std::uint8_t* const planes[] = {image.pixels.data()->data()};
+    const int strides[] = {3 * frame.width};
+    sws_scale(scaler_.get(), frame.data, frame.linesize, 0, frame.height, planes, strides);
+    return image;
+  }
+
+ private:
+  void set_up(const AVFrame& frame, const std::string& file) {
+    if (scaler_ != nullptr && (frame.width != width_ || frame.height != height_))
+      throw InputError(file, "the size of the frames changes within the video");
+    format_ = static_cast<AVPixelFormat>(frame.format);
+    width_ = frame.width;
+    height_ = frame.height;
+    constexpr int kFlags = SWS_BILINEAR | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INT | SWS_BITEXACT;
+    scaler_.reset(
+        sws_getContext(width_, height_, format_, width_, height_, AV_PIX_FMT_RGB24, kFlags, nullptr, nullptr, nullptr));
+    if (scaler_ == nullptr) throw InputError(file, "its pixel format cannot be converted to RGB");
+    const int full_range = frame.color_range == AVCOL_RANGE_JPEG ? 1 : 0;
+    sws_setColorspaceDetails(scaler_.get(), sws_getCoefficients(frame.colorspace), full_range,
+                             sws_getCoefficients(SWS_CS_DEFAULT), 1, 0, 1 << 16, 1 << 16);
+  }
+
+  libav::Owner<SwsContext> scaler_;
+  AVPixelFormat format_ = AV_PIX_FMT_NONE;
+  int width_ = 0, height_ = 0;
+};
+
+/// The first frame of the excerpt; nullptr if the video ends before it.
+const AVFrame* first_frame(VideoDecoder& decoder, double from_s) {
+  constexpr double kWorthSearching_s = 3.0;
+  const AVFrame* frame = decoder.next();
+  if (frame != nullptr && from_s > kWorthSearching_s) {
+    decoder.seek_before(from_s);
+    frame = decoder.next();
+  }
+  constexpr double kRounding_s = 1e-9;
+  while (frame != nullptr && decoder.time_s() < from_s - kRounding_s) frame = decoder.next();
+  return frame;
+}
+
+}  // namespace
+
+VideoInfo probe_video(const std::filesystem::path& file) { return VideoDecoder(file).info(); }
+
+void read_video(const std::filesystem::path& file, const VideoExcerpt& excerpt,
+                const std::function<bool(std::int64_t, double, const RgbImage&)>& on_frame) {
+  check_excerpt(excerpt, file.string());
+  VideoDecoder decoder(file);
+  RgbConverter converter;
+  std::int64_t in_excerpt = 0;
+  const AVFrame* frame = first_frame(decoder, excerpt.from_s);
+  for (; frame != nullptr; frame = decoder.next(), ++in_excerpt) {
+    if (excerpt.to_s && decoder.time_s() >= *excerpt.to_s) break;
+    if (decoder.is_damaged())
+      throw InputError(file.string(), "is damaged at " + base::rounded_text(decoder.time_s(), 2) + " s");
+    if (in_excerpt % excerpt.every != 0) continue;
+    const RgbImage image = rotate_clockwise(converter.convert(*frame, file.string()), decoder.quarter_turns());
+    if (!on_frame(in_excerpt / excerpt.every, decoder.time_s(), image)) return;
+  }
+  if (in_excerpt > 0) return;
+  throw InputError(file.string(), "contains no frame from " + base::rounded_text(excerpt.from_s, 2) + " s" +
+                                      (excerpt.to_s ? " to " + base::rounded_text(*excerpt.to_s, 2) + " s" : "") +
+                                      "; it is " + base::rounded_text(decoder.info().duration_s, 2) + " s long");
+}
+
+}  // namespace tileflight::video

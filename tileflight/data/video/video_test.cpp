@@ -1,0 +1,434 @@
+#include "tileflight/data/video/video.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <malloc.h>
+#include <signal.h>
+#include <sys/resource.h>
+#include <tbb/global_control.h>
+
+#include "tests/moving_picture.h"
+#include "tests/temporary_folder.h"
+#include "tests/test_data.h"
+#include "tileflight/core/base/files.h"
+#include "tileflight/data/video/libav.h"
+
+namespace tileflight::video::video_test {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::AllOf;
+using testing::HasSubstr;
+using tests::moving_picture;
+using tests::psnr;
+using tests::refusal_of;
+using tileflight::tests::TemporaryFolder;
+
+constexpr int kWidth = 96;
+constexpr int kHeight = 64;
+
+void write_video(const fs::path& file, int frames, double rate = 30.0, int width = kWidth, int height = kHeight) {
+  VideoWriter writer(file, width, height, {rate, {12}});
+  for (int i = 0; i < frames; ++i) writer.add(moving_picture(width, height, i));
+  writer.finish();
+}
+
+struct Frames {
+  std::vector<std::int64_t> indices;
+  std::vector<double> times_s;
+  std::vector<imaging::RgbImage> images;
+};
+
+Frames read_all(const fs::path& file, const VideoExcerpt& excerpt = {}) {
+  Frames frames;
+  read_video(file, excerpt, [&](std::int64_t index, double time_s, const imaging::RgbImage& image) {
+    frames.indices.push_back(index);
+    frames.times_s.push_back(time_s);
+    frames.images.push_back(image);
+    return true;
+  });
+  return frames;
+}
+
+/// The number of the moving picture that an image shows best.
+int number_of(const imaging::RgbImage& image, int frames) {
+  int best = -1;
+  double best_psnr = 0.0;
+  for (int i = 0; i < frames; ++i)
+    if (const double value = psnr(image, moving_picture(image.width, image.height, i)); value > best_psnr) {
+      best = i;
+      best_psnr = value;
+    }
+  return best;
+}
+
+/// Remuxes packets into another container (by the file's extension) with other times.
+template <class NewTime>
+void remux(const fs::path& from, const fs::path& to, const char* movflags, const NewTime& new_time) {
+  AVFormatContext* in = nullptr;
+  ASSERT_EQ(avformat_open_input(&in, from.c_str(), nullptr, nullptr), 0);
+  ASSERT_GE(avformat_find_stream_info(in, nullptr), 0);
+  AVFormatContext* out = nullptr;
+  ASSERT_GE(avformat_alloc_output_context2(&out, nullptr, nullptr, to.c_str()), 0);
+  AVStream* stream = avformat_new_stream(out, nullptr);
+  avcodec_parameters_copy(stream->codecpar, in->streams[0]->codecpar);
+  stream->codecpar->codec_tag = 0;
+  stream->time_base = {1, 30000};
+  ASSERT_GE(avio_open(&out->pb, to.c_str(), AVIO_FLAG_WRITE), 0);
+  AVDictionary* options = nullptr;
+  if (movflags != nullptr) av_dict_set(&options, "movflags", movflags, 0);
+  ASSERT_GE(avformat_write_header(out, &options), 0);
+  av_dict_free(&options);
+  AVPacket* packet = av_packet_alloc();
+  while (av_read_frame(in, packet) >= 0) {
+    av_packet_rescale_ts(packet, in->streams[0]->time_base, {1, 30000});
+    packet->pts = new_time(packet->pts);
+    packet->dts = new_time(packet->dts);
+    packet->duration = 0;
+    av_packet_rescale_ts(packet, {1, 30000}, stream->time_base);
+    packet->stream_index = 0;
+    ASSERT_GE(av_interleaved_write_frame(out, packet), 0);
+  }
+  av_write_trailer(out);
+  av_packet_free(&packet);
+  avio_closep(&out->pb);
+  avformat_free_context(out);
+  avformat_close_input(&in);
+}
+
+void keep_times(const fs::path& from, const fs::path& to, const char* movflags = nullptr) {
+  remux(from, to, movflags, [](std::int64_t time) { return time; });
+}
+
+void truncate_copy(const fs::path& from, const fs::path& to, double share) {
+  const std::string whole = base::read_text(from);
+  base::write_file(to, whole.substr(0, static_cast<std::size_t>(share * static_cast<double>(whole.size()))));
+}
+
+TEST(Video, RoundTripKeepsFramesCountsAndTimes) {
+  TemporaryFolder folder;
+  write_video(folder / "a.mp4", 40, 25.0);
+  const Frames frames = read_all(folder / "a.mp4");
+  ASSERT_EQ(frames.images.size(), 40U);
+  for (int i = 0; i < 40; ++i) {
+    EXPECT_EQ(frames.indices[i], i);
+    EXPECT_NEAR(frames.times_s[i], i / 25.0, 1e-9);
+    EXPECT_GT(psnr(frames.images[i], moving_picture(kWidth, kHeight, i)), 33.0) << i;
+    EXPECT_EQ(number_of(frames.images[i], 40), i);
+  }
+  const VideoInfo info = probe_video(folder / "a.mp4");
+  EXPECT_EQ(info.width, kWidth);
+  EXPECT_EQ(info.height, kHeight);
+  EXPECT_NEAR(info.frames_per_second, 25.0, 1e-9);
+  EXPECT_NEAR(info.duration_s, 40 / 25.0, 1e-6);
+  EXPECT_EQ(info.declared_frames, 40);
+}
+
+TEST(Video, ColoursSurvive) {
+  TemporaryFolder folder;
+  const std::vector<imaging::Rgb8> colours{{255, 0, 0},     {0, 255, 0}, {0, 0, 255},
+                                           {255, 255, 255}, {0, 0, 0},   {128, 128, 128}};
+  VideoWriter writer(folder / "a.mp4", 32, 32, {30.0, {8}});
+  for (const imaging::Rgb8& colour : colours) writer.add(imaging::RgbImage(32, 32, colour));
+  writer.finish();
+  const Frames frames = read_all(folder / "a.mp4");
+  for (std::size_t i = 0; i < colours.size(); ++i)
+    for (int c = 0; c < 3; ++c) EXPECT_NEAR(frames.images[i](16, 16)[c], colours[i][c], 4) << i << " " << c;
+}
+
+/// Adds noise that no encoder can predict.
+imaging::RgbImage grainy_picture(int width, int height, int frame) {
+  imaging::RgbImage image = moving_picture(width, height, frame);
+  std::uint32_t state = 12345U + static_cast<std::uint32_t>(frame);
+  for (imaging::Rgb8& pixel : image.pixels) {
+    state = state * 1664525U + 1013904223U;
+    pixel[0] = static_cast<std::uint8_t>(pixel[0] + (state >> 27U));
+    pixel[1] = static_cast<std::uint8_t>(pixel[1] - (state >> 27U));
+  }
+  return image;
+}
+
+TEST(Video, ABitRateIsKeptOnAverage) {
+  const TemporaryFolder folder;
+  constexpr int kFrames = 60;
+  for (const double megabits_per_s : {0.5, 2.0}) {
+    const fs::path file = folder / "a.mp4";
+    VideoWriter writer(file, 192, 128, {30.0, {.megabits_per_s = megabits_per_s}});
+    for (int i = 0; i < kFrames; ++i) writer.add(grainy_picture(192, 128, i));
+    writer.finish();
+    const double wanted_bytes = 1e6 / 8 * megabits_per_s * kFrames / 30.0;
+    EXPECT_GT(static_cast<double>(fs::file_size(file)), 0.6 * wanted_bytes) << megabits_per_s;
+    EXPECT_LT(static_cast<double>(fs::file_size(file)), 1.5 * wanted_bytes) << megabits_per_s;
+    EXPECT_GT(psnr(read_all(file).images[40], grainy_picture(192, 128, 40)), 25.0) << megabits_per_s;
+  }
+  EXPECT_THAT(refusal_of([&] {
+                VideoWriter(folder / "b.mp4", 96, 64, {30.0, {.megabits_per_s = -1.0}});
+              }),
+              HasSubstr("bit rate"));
+}
+
+TEST(Video, SameFramesSameBytes) {
+  TemporaryFolder folder;
+  write_video(folder / "a.mp4", 12);
+  const tbb::global_control one_thread(tbb::global_control::max_allowed_parallelism, 1);
+  write_video(folder / "b.mp4", 12);
+  EXPECT_EQ(base::read_bytes(folder / "a.mp4"), base::read_bytes(folder / "b.mp4"));
+  EXPECT_EQ(read_all(folder / "a.mp4").images.back().pixels, read_all(folder / "b.mp4").images.back().pixels);
+}
+
+TEST(Video, SameBytesWhateverLayInTheMemory) {
+  const TemporaryFolder folder;
+  const auto bytes_on = [&](int filling) {
+    mallopt(M_PERTURB, filling);
+    VideoWriter writer(folder / "a.mp4", 320, 240, {8.0, {.megabits_per_s = 0.5}});
+    for (int i = 0; i < 11; ++i) writer.add(grainy_picture(320, 240, i));
+    writer.finish();
+    mallopt(M_PERTURB, 0);
+    return base::read_bytes(folder / "a.mp4");
+  };
+  const auto reference = bytes_on(0);
+  for (const int filling : {1, 85, 170}) EXPECT_TRUE(bytes_on(filling) == reference) << filling;
+}
+
+TEST(Video, ExcerptByTimeAndStep) {
+  TemporaryFolder folder;
+  write_video(folder / "a.mp4", 60);
+  const Frames frames = read_all(folder / "a.mp4", {0.5, 1.5, 7});
+  ASSERT_EQ(frames.images.size(), 5U);  // frames 15 to 44: 15 22 29 36 43
+  for (int i = 0; i < 5; ++i) {
+    EXPECT_EQ(frames.indices[i], i);
+    EXPECT_NEAR(frames.times_s[i], (15 + 7 * i) / 30.0, 1e-4);
+    EXPECT_EQ(number_of(frames.images[i], 60), 15 + 7 * i);
+  }
+}
+
+TEST(Video, ALateExcerptIsSearchedAndExact) {
+  TemporaryFolder folder;
+  write_video(folder / "a.mp4", 400);
+  const Frames all = read_all(folder / "a.mp4");
+  const Frames late = read_all(folder / "a.mp4", {9.0, {}, 1});
+  ASSERT_EQ(late.images.size(), 130U);
+  for (std::size_t i = 0; i < late.images.size(); i += 10) {
+    EXPECT_EQ(late.times_s[i], all.times_s[270 + i]);
+    EXPECT_EQ(late.images[i].pixels, all.images[270 + i].pixels);
+  }
+  keep_times(folder / "a.mp4", folder / "a.mkv");
+  EXPECT_EQ(read_all(folder / "a.mkv", {9.0, {}, 1}).images.size(), 130U);
+}
+
+TEST(Video, CallerStops) {
+  TemporaryFolder folder;
+  write_video(folder / "a.mp4", 20);
+  int calls = 0;
+  read_video(folder / "a.mp4", {}, [&](std::int64_t, double, const imaging::RgbImage&) { return ++calls < 3; });
+  EXPECT_EQ(calls, 3);
+}
+
+TEST(Video, VariableFrameRateComesFromTheFilesTimes) {
+  TemporaryFolder folder;
+  write_video(folder / "a.mp4", 30);
+  // Quadratic: each frame a little later than the one before.
+  const auto stretched = [](std::int64_t time) { return time < 0 ? time : time + time * time / 30000; };
+  remux(folder / "a.mp4", folder / "vfr.mp4", nullptr, stretched);
+  remux(folder / "a.mp4", folder / "vfr.mkv", nullptr, stretched);
+  for (const char* name : {"vfr.mp4", "vfr.mkv"}) {
+    const Frames frames = read_all(folder / name);
+    ASSERT_EQ(frames.images.size(), 30U);
+    for (int i = 0; i < 30; ++i) EXPECT_NEAR(frames.times_s[i], i / 30.0 + i * i / 900.0, 2e-3) << name << " " << i;
+    EXPECT_EQ(number_of(frames.images[29], 30), 29);
+  }
+}
+
+/// Sets the display matrix in an MP4's track header (ISO/IEC 14496-12, 8.3.2).
+void set_rotation(const fs::path& file, const std::array<std::int32_t, 4>& abcd) {
+  std::string bytes = base::read_text(file);
+  const std::size_t matrix = bytes.find("tkhd") + 4 + 40;
+  const auto put = [&](std::size_t at, std::int32_t value) {
+    for (int i = 0; i < 4; ++i)
+      bytes[matrix + at + i] = static_cast<char>(static_cast<std::uint32_t>(value) >> (24 - 8 * i));
+  };
+  put(0, abcd[0] * 65536);
+  put(4, abcd[1] * 65536);
+  put(12, abcd[2] * 65536);
+  put(16, abcd[3] * 65536);
+  base::write_file(file, bytes);
+}
+
+TEST(Video, RotationFlags) {
+  TemporaryFolder folder;
+  write_video(folder / "a.mp4", 3);
+  const imaging::RgbImage upright = read_all(folder / "a.mp4").images[1];
+
+  fs::copy_file(folder / "a.mp4", folder / "quarter.mp4");
+  set_rotation(folder / "quarter.mp4", {0, 1, -1, 0});  // a quarter clockwise: x' = -y, y' = x
+  EXPECT_EQ(probe_video(folder / "quarter.mp4").width, kHeight);
+  const imaging::RgbImage quarter = read_all(folder / "quarter.mp4").images[1];
+  ASSERT_EQ(quarter.width, kHeight);
+  EXPECT_EQ(quarter(kHeight - 1, 0), upright(0, 0));
+  EXPECT_EQ(quarter(kHeight - 1 - 10, 20), upright(20, 10));
+
+  fs::copy_file(folder / "a.mp4", folder / "half.mp4");
+  set_rotation(folder / "half.mp4", {-1, 0, 0, -1});
+  const imaging::RgbImage half = read_all(folder / "half.mp4").images[1];
+  EXPECT_EQ(half(kWidth - 1 - 20, kHeight - 1 - 10), upright(20, 10));
+
+  fs::copy_file(folder / "a.mp4", folder / "back.mp4");
+  set_rotation(folder / "back.mp4", {0, -1, 1, 0});
+  const imaging::RgbImage back = read_all(folder / "back.mp4").images[1];
+  EXPECT_EQ(back(10, kWidth - 1 - 20), upright(20, 10));
+}
+
+TEST(Video, ThatEndsEarlyIsAnErrorWithTheTime) {
+  TemporaryFolder folder;
+  write_video(folder / "a.mp4", 90);
+  keep_times(folder / "a.mp4", folder / "front.mp4", "faststart");  // the index lies in front of the frames
+  truncate_copy(folder / "front.mp4", folder / "cut.mp4", 0.6);
+  int frames = 0;
+  double last_s = 0.0;
+  const std::string message = refusal_of([&] {
+    read_video(folder / "cut.mp4", {}, [&](std::int64_t, double time_s, const imaging::RgbImage&) {
+      ++frames;
+      last_s = time_s;
+      return true;
+    });
+  });
+  EXPECT_THAT(message,
+              AllOf(HasSubstr("cut.mp4"), HasSubstr("ends early after"), HasSubstr(" s, frame "), HasSubstr("of 90")));
+  EXPECT_GT(frames, 30);
+  EXPECT_LT(frames, 80);
+  EXPECT_THAT(message, HasSubstr("frame " + std::to_string(frames) + " of 90"));
+  // The excerpt is complete.
+  EXPECT_EQ(read_all(folder / "cut.mp4", {0.0, 0.5, 1}).images.size(), 15U);
+  EXPECT_EQ(read_all(folder / "cut.mp4", {0.0, last_s, 1}).images.size(), static_cast<std::size_t>(frames - 1));
+}
+
+TEST(Video, CutOffsOfEachKindAreErrors) {
+  TemporaryFolder folder;
+  write_video(folder / "a.mp4", 150);
+  truncate_copy(folder / "a.mp4", folder / "no_index.mp4", 0.9);
+  EXPECT_THAT(refusal_of([&] { read_all(folder / "no_index.mp4"); }), HasSubstr("no_index.mp4"));
+  keep_times(folder / "a.mp4", folder / "front.mp4", "faststart");
+  truncate_copy(folder / "front.mp4", folder / "cut.mp4", 0.97);
+  EXPECT_THAT(refusal_of([&] { read_all(folder / "cut.mp4"); }), HasSubstr("ends early"));
+  EXPECT_THAT(refusal_of([&] { read_all(folder / "cut.mp4", {4.0, {}, 1}); }), HasSubstr("ends early"));
+  keep_times(folder / "a.mp4", folder / "a.mkv");
+  truncate_copy(folder / "a.mkv", folder / "cut.mkv", 0.6);
+  EXPECT_THAT(refusal_of([&] { read_all(folder / "cut.mkv"); }), HasSubstr("ends early"));
+}
+
+TEST(Video, DamageIsAnError) {
+  TemporaryFolder folder;
+  write_video(folder / "a.mp4", 60);
+  std::string bytes = base::read_text(folder / "a.mp4");
+  const std::size_t data = bytes.find("mdat");
+  for (std::size_t i = data + 600; i < data + 900 && i < bytes.size(); ++i) bytes[i] = static_cast<char>(i * 37);
+  base::write_file(folder / "bad.mp4", bytes);
+  EXPECT_THAT(refusal_of([&] { read_all(folder / "bad.mp4"); }), AllOf(HasSubstr("bad.mp4"), HasSubstr("damaged")));
+}
+
+TEST(Video, OtherFilesAreNotVideos) {
+  TemporaryFolder folder;
+  const auto error = [&](const std::string& name, const std::string& content) {
+    base::write_file(folder / name, content);
+    return refusal_of([&] { probe_video(folder / name); });
+  };
+  EXPECT_THAT(error("a.mp4", "this is no video at all"), HasSubstr("a.mp4"));
+  EXPECT_THAT(error("empty.mp4", ""), HasSubstr("empty.mp4"));
+  EXPECT_THAT(error("a.srt", "1\n00:00:00,000 --> 00:00:01,000\nhello\n"), HasSubstr("no video"));
+  EXPECT_THAT(error("a.txt", "plain text\nof two lines\n"), HasSubstr("a.txt"));
+  EXPECT_THAT(refusal_of([&] { probe_video(folder / "none.mp4"); }), HasSubstr("no such"));
+  EXPECT_THAT(refusal_of([&] { probe_video(folder.path()); }), HasSubstr("no such video"));
+  EXPECT_THAT(refusal_of([&] { probe_video("http://localhost/a.mp4"); }), HasSubstr("no such video"));
+}
+
+TEST(Video, ExcerptsThatHoldNothing) {
+  TemporaryFolder folder;
+  write_video(folder / "a.mp4", 30);
+  EXPECT_THAT(refusal_of([&] {
+                read_all(folder / "a.mp4", {5.0, {}, 1});
+              }),
+              AllOf(HasSubstr("5.00 s"), HasSubstr("1.00 s long")));
+  EXPECT_THAT(refusal_of([&] { read_all(folder / "a.mp4", {0.501, 0.502, 1}); }), HasSubstr("no frame"));
+  EXPECT_THAT(refusal_of([&] { read_all(folder / "a.mp4", {1.0, 0.5, 1}); }), HasSubstr("after its start"));
+  EXPECT_THAT(refusal_of([&] { read_all(folder / "a.mp4", {-1.0, {}, 1}); }), HasSubstr("0 s or later"));
+  EXPECT_THAT(refusal_of([&] { read_all(folder / "a.mp4", {0.0, {}, 0}); }), HasSubstr("step"));
+}
+
+TEST(VideoWriter, SizesAndRates) {
+  TemporaryFolder folder;
+  EXPECT_THAT(refusal_of([&] { VideoWriter(folder / "a.mp4", 95, 64, {}); }),
+              AllOf(HasSubstr("even"), HasSubstr("95x64")));
+  EXPECT_THAT(refusal_of([&] { VideoWriter(folder / "a.mp4", 96, 64, {0.0, {18}}); }), HasSubstr("frame rate"));
+  EXPECT_THAT(refusal_of([&] { VideoWriter(folder / "a.mp4", 96, 64, {30.0, {99}}); }), HasSubstr("crf"));
+  VideoWriter writer(folder / "a.mp4", 96, 64, {});
+  EXPECT_THAT(refusal_of([&] { writer.add(moving_picture(64, 96, 0)); }), HasSubstr("64x96"));
+  EXPECT_THAT(refusal_of([&] { writer.finish(); }), HasSubstr("no frames"));
+}
+
+TEST(VideoWriter, NtscRateIsExact) {
+  TemporaryFolder folder;
+  write_video(folder / "a.mp4", 10, 30000.0 / 1001.0);
+  EXPECT_NEAR(read_all(folder / "a.mp4").times_s[9], 9 * 1001.0 / 30000.0, 1e-12);
+}
+
+TEST(VideoWriter, NothingIsLeftWithoutFinish) {
+  TemporaryFolder folder;
+  {
+    VideoWriter writer(folder / "a.mp4", kWidth, kHeight, {});
+    for (int i = 0; i < 5; ++i) writer.add(moving_picture(kWidth, kHeight, i));
+    EXPECT_FALSE(fs::exists(folder / "a.mp4"));
+  }
+  EXPECT_TRUE(fs::is_empty(folder.path()));
+  EXPECT_THAT(refusal_of([&] { VideoWriter(folder / "none/a.mp4", kWidth, kHeight, {}); }),
+              HasSubstr("cannot be written"));
+}
+
+/// While alive, limits the size of files written by this process, to simulate a full disk.
+class SmallFilesOnly {
+ public:
+  explicit SmallFilesOnly(rlim_t bytes) : handler_(::signal(SIGXFSZ, SIG_IGN)) {
+    ::getrlimit(RLIMIT_FSIZE, &before_);
+    const rlimit small{bytes, before_.rlim_max};
+    ::setrlimit(RLIMIT_FSIZE, &small);
+  }
+  ~SmallFilesOnly() {
+    ::setrlimit(RLIMIT_FSIZE, &before_);
+    ::signal(SIGXFSZ, handler_);
+  }
+  SmallFilesOnly(const SmallFilesOnly&) = delete;
+  SmallFilesOnly& operator=(const SmallFilesOnly&) = delete;
+
+ private:
+  void (*handler_)(int);
+  rlimit before_{};
+};
+
+TEST(VideoWriter, NoSpaceLeft) {
+  TemporaryFolder folder;
+  const SmallFilesOnly limit(4096);
+  EXPECT_THAT(refusal_of([&] { write_video(folder / "a.mp4", 200); }), HasSubstr("cannot be written"));
+  EXPECT_TRUE(fs::is_empty(folder.path()));
+}
+
+TEST(Video, Machangara) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(file, "flights/machangara-a/video.mp4");
+  const VideoInfo info = probe_video(file);
+  EXPECT_EQ(info.width, 1008);
+  EXPECT_EQ(info.height, 566);
+  EXPECT_NEAR(info.frames_per_second, 30.0, 1e-6);
+  EXPECT_NEAR(info.duration_s, 20.0, 1e-3);
+  EXPECT_EQ(info.declared_frames, 600);
+  int frames = 0;
+  double last_s = -1.0;
+  read_video(file, {18.0, {}, 10}, [&](std::int64_t index, double time_s, const imaging::RgbImage& image) {
+    EXPECT_NEAR(time_s, 18.0 + static_cast<double>(index) / 3.0, 1e-4);
+    EXPECT_EQ(image.width, 1008);
+    last_s = time_s;
+    ++frames;
+    return true;
+  });
+  EXPECT_EQ(frames, 6);
+}
+
+}  // namespace
+}  // namespace tileflight::video::video_test
