@@ -2,8 +2,8 @@
 
 #include "tileflight/slam/odometry/odometry.h"
 
-// Before any other header: the public one brings no parser of files or messages along.
-#if defined(YAML_CPP_API) || defined(NLOHMANN_JSON_VERSION_MAJOR) || defined(MSGPACK_VERSION_MAJOR)
+// Before any other header: the public one brings no parser of files or messages along; json_fwd.hpp only declares.
+#if defined(YAML_CPP_API) || defined(INCLUDE_NLOHMANN_JSON_HPP_) || defined(MSGPACK_VERSION_MAJOR)
 #error "odometry.h includes yaml-cpp, nlohmann/json or msgpack"
 #endif
 
