@@ -24,7 +24,7 @@ struct Flown {
 
   double yaw_deg(double t) const { return turns ? 40 * std::sin(0.5 * t) + 15 * std::sin(1.3 * t + 1) : 30.0; }
   double pitch_deg(double t) const { return turns ? -30 + 5 * std::sin(0.9 * t) : -30.0; }
-  SE3 recording::camera(double t) const {
+  SE3 camera(double t) const {
     const Vec3 bend =
         turns ? Vec3(6 * std::sin(0.6 * t), 9 * std::cos(0.37 * t), 2 * std::sin(0.8 * t)) : Vec3(0, 0, 0);
     return {flight_path::camera_orientation(yaw_deg(t), pitch_deg(t), 0), Vec3(5 * t, 2 * t, 40) + bend};
