@@ -13,6 +13,7 @@
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/output_folder.h"
+#include "tileflight/data/dataset/frame_list.h"
 #include "tileflight/data/exports/layout_writers.h"
 
 namespace tileflight::events {

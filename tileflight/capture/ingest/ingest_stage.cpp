@@ -110,7 +110,7 @@ geometry::Trajectory estimate_camera_path(dataset::IngestOptions options, const 
   options.imu.clear();
   options.groundtruth.clear();
   dataset::ingest(options, folder / "dataset", progress);
-  odometry::track(folder / "dataset", folder / "odometry", false, {}, {}, progress);
+  odometry::track(folder / "dataset", folder / "odometry", false, {}, progress);
   return geometry::read_tum(folder / "odometry/trajectory.txt");
 }
 
