@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "command.h"
-#include "doubts_text.h"
 #include "input_options.h"
 #include "map_options.h"
 #include "number_text.h"

@@ -3,7 +3,6 @@
 #include <sstream>
 
 #include "command.h"
-#include "doubts_text.h"
 #include "input_options.h"
 #include "map_options.h"
 #include "number_text.h"

@@ -6,7 +6,6 @@
 #include <nlohmann/json.hpp>
 
 #include "command.h"
-#include "doubts_text.h"
 #include "input_options.h"
 #include "source_options.h"
 #include "tileflight/experiments/report/ablation_table.h"

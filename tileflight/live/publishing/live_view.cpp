@@ -47,7 +47,7 @@ bool is_same(const geometry::SE3& a, const geometry::SE3& b) {
   return a.translation == b.translation && a.rotation.coeffs() == b.rotation.coeffs();
 }
 
-using dataset::kMapFrame;
+using messages::kMapFrame;
 using messages::ros::Header;
 
 std::string frame_of(const std::string& vehicle, const std::string& part) { return vehicle + "/" + part; }
