@@ -6,7 +6,6 @@
 
 #include "command.h"
 #include "input_options.h"
-#include "map_options.h"
 #include "number_text.h"
 #include "tileflight/core/alignment/transform_file.h"
 #include "tileflight/core/base/input_error.h"

@@ -4,7 +4,6 @@
 
 #include "command.h"
 #include "input_options.h"
-#include "map_options.h"
 #include "number_text.h"
 #include "tileflight/core/base/output_folder.h"
 #include "tileflight/evaluation/scoring/evaluate_trajectories.h"

@@ -7,8 +7,6 @@
 #include "command.h"
 #include "input_options.h"
 #include "live_views.h"
-#include "ros2_view.h"
-#include "source_options.h"
 #include "stop_signals.h"
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"

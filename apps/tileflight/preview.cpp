@@ -5,8 +5,6 @@
 
 #include "command.h"
 #include "input_options.h"
-#include "region_options.h"
-#include "source_options.h"
 #include "tileflight/capture/preview/preview_json.h"
 #include "tileflight/experiments/experiment/experiment_file.h"
 

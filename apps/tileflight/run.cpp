@@ -7,7 +7,6 @@
 
 #include "command.h"
 #include "input_options.h"
-#include "source_options.h"
 #include "tileflight/experiments/report/ablation_table.h"
 #include "tileflight/experiments/report/map_comparison_tables.h"
 #include "tileflight/experiments/report/report.h"

@@ -17,13 +17,9 @@
 #endif
 
 #include "command.h"
-#include "foxglove_view.h"
 #include "input_options.h"
 #include "live_views.h"
-#include "region_options.h"
-#include "ros2_view.h"
 #include "serve_session.h"
-#include "source_options.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
