@@ -6,7 +6,6 @@
 namespace tileflight::drawing::plate::raster_figure_test {
 namespace {
 
-using imaging::Canvas;
 using testing::ElementsAre;
 
 TEST(RasterFigure, ScalesGoBothWays) {

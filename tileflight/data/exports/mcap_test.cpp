@@ -12,7 +12,6 @@
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/data/dataset/lidar_files.h"
 #include "tileflight/data/dataset/sensor_files.h"
-#include "tileflight/data/exports/mcap.h"
 #include "tileflight/data/messages/ros_messages.h"
 
 namespace tileflight::exports::mcap_export_test {

@@ -3,7 +3,6 @@
 #include <gmock/gmock.h>
 
 #include "tests/refusal.h"
-#include "tileflight/data/messages/cdr.h"
 
 namespace tileflight::messages::cdr_reader_test {
 namespace {

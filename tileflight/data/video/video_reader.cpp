@@ -9,9 +9,7 @@
 #include <string>
 #include <string_view>
 
-extern "C" {
-#include <libavutil/display.h>
-}
+extern "C" {}
 
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
