@@ -1,4 +1,3 @@
-#include <libavutil/display.h>
 #include <tbb/global_control.h>
 
 #include <algorithm>
@@ -9,14 +8,14 @@
 #include <string>
 #include <string_view>
 
-extern "C" {}
+extern "C" {
+#include <libavutil/display.h>
+}
 
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/data/video/libav.h"
 #include "tileflight/data/video/video.h"
-
-extern "C" {}
 
 namespace tileflight::video {
 
