@@ -97,7 +97,8 @@ TEST_F(OdometryInput, TruncatedPicturesInTheMiddleAreLeftOutAndCounted) {
   EXPECT_EQ(about["frames"], TinyFlight::kFrames - 3);
   EXPECT_GE(about["frames_tracked"].get<int>(), TinyFlight::kFrames - 5);
   ASSERT_EQ(about["warnings"].size(), 1U);
-  EXPECT_THAT(about["warnings"][0].get<std::string>(), AllOf(HasSubstr("3 images"), HasSubstr("000020.jpg")));
+  EXPECT_THAT(about["warnings"][0]["message"].get<std::string>(),
+              AllOf(HasSubstr("3 images"), HasSubstr("000020.jpg")));
 }
 
 TEST_F(OdometryInput, APictureOfAnotherSizeIsNamed) {
