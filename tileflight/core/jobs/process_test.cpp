@@ -60,7 +60,7 @@ TEST(Process, RunsOnWhenItIsLeft) {
   wait_until([&] { return fs::exists(folder / "done"); });
 }
 
-/// What a command has started goes with it, even what does not want to.
+/// The destructor also ends a child that ignores the request to terminate.
 TEST(Process, LeavesNothingBehind) {
   const tests::TemporaryFolder folder;
   pid_t stubborn = 0;

@@ -258,7 +258,7 @@ TEST(Synchronisation, TheLargestSkewOfMatchedPairsIsSaid) {
 }
 
 TEST(Synchronisation, AHundredMillisecondsAreNamedWhateverTheRate) {
-  // Of a rate at which they are half a period, a part of one, and whole frames.
+  // The delay is less than half a period at 4 images a second, and whole frames at 20 and 10.
   EXPECT_THAT(of_pair(times(40, 5.0, 0.25), times(40, 5.1, 0.25)).faults,
               ElementsAre("right is not synchronised with left: its pictures are 100 ms later (median), 0 of 40 are "
                           "within 1 ms; give the camchain a timeshift_cam_imu, or a larger tolerance"));

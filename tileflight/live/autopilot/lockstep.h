@@ -23,7 +23,7 @@ class FrameLockstep {
   std::optional<std::uint32_t> last_;
 };
 
-/// What a message with motor outputs means for lockstep.
+/// Classifies a message with motor outputs by its time stamp; ControlGate gives it.
 enum class ControlVerdict {
   kAnswer,      ///< it answers the sensors sent last: make the next step
   kLate,        ///< it answers earlier sensors: use the outputs, and wait on

@@ -43,7 +43,8 @@ struct Channel {
   bool is_latched = false;
 };
 
-// What the server sends (Foxglove WebSocket protocol v1): JSON texts, and binary messages of which these are the heads.
+// The server sends JSON texts and binary messages (Foxglove WebSocket protocol v1). These functions make the texts and
+// the heads of the binary messages.
 
 /// Makes a Server Info: `name`, the capabilities parameters, parametersSubscribe and time, and a session id by which a
 /// client tells a new server from a reconnection.
@@ -69,7 +70,7 @@ std::string message_data_head(std::uint32_t subscription, std::uint64_t time_ns)
 /// Makes a Time message: opcode 2, time in nanoseconds (uint64), little-endian.
 std::string time_message(std::uint64_t time_ns);
 
-// What clients send: JSON objects with a key "op" (Foxglove WebSocket protocol v1, "JSON messages").
+// Clients send JSON objects with a key "op" (Foxglove WebSocket protocol v1, "JSON messages").
 
 /// A client broke the protocol or exceeded a limit: its connection is closed. The message is one line.
 struct ProtocolError : std::runtime_error {

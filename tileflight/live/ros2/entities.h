@@ -12,8 +12,8 @@ struct ddsi_sertype;
 
 namespace tileflight::ros2 {
 
-// How ROS 2's middlewares name topics, services and types in DDS (design.ros2.org, "Topic and Service name mapping to
-// DDS"; rosidl's names of generated types).
+// These functions give the names of topics, services and types that ROS 2's middlewares use in DDS (design.ros2.org,
+// "Topic and Service name mapping to DDS"; rosidl's names of generated types).
 
 /// "/drone/imu" → "rt/drone/imu"
 std::string dds_topic(std::string_view topic);

@@ -152,7 +152,7 @@ void require_stereo_camera(const OtherCamera& camera) {
 keyframes::StereoPicture make_picture(bool known, double log_exposure_ratio) {
   keyframes::StereoPicture picture;
   picture.brightness_prior.a = picture.brightness_linear.a = log_exposure_ratio;
-  // As those of a keyframe's own brightness (tracking_state.cpp): nearly known, or free.
+  // The weights are those of a keyframe's own brightness (tracking_state.cpp): nearly known, or free.
   picture.brightness_information = known ? Eigen::Vector2d(1e10, 1e6) : Eigen::Vector2d(1e3, 1.0);
   return picture;
 }

@@ -73,7 +73,7 @@ class HttpTransfer {
   HttpTransfer(HttpRequest request, Done done, const HttpOptions& options)
       : request_(std::move(request)), done_(std::move(done)), options_(options), due_(Clock::time_point::min()) {}
 
-  /// What to do after a try has ended.
+  /// The step that follows a try.
   enum class NextStep { kFinished, kAgainAtOnce, kAgainLater };
 
   /// Prepares `easy` for the next try.
