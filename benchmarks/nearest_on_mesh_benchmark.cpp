@@ -62,7 +62,7 @@ void nearest_on_mesh(benchmark::State& state) {
   state.counters["mean_m"] = sum / kPoints;
 }
 
-/// As in `evaluate`: along a space-filling curve, each search bounded by the previous one.
+/// Searches as `evaluate` does: along a space-filling curve, each search bounded by the previous one.
 void nearest_on_mesh_walk(benchmark::State& state) {
   terrain();
   tileflight::geometry::PointCloud cloud;

@@ -81,7 +81,7 @@ const scene::Scene& shared_scene() {
   return scene;
 }
 
-/// The same triangles in a plain Embree scene.
+/// Holds the same triangles in a plain Embree scene.
 class PlainEmbree {
  public:
   explicit PlainEmbree(RTCSceneFlags flags) : device_(rtcNewDevice(nullptr)), scene_(rtcNewScene(device_)) {

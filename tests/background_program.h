@@ -37,7 +37,7 @@ class BackgroundProgram {
     if (process_ > 0 && ::waitpid(process_, &status_, WNOHANG) == process_) process_ = 0;
     return process_ > 0;
   }
-  /// As `kill -9` does.
+  /// Kills the program as `kill -9` does.
   void kill() {
     if (process_ <= 0) return;
     ::kill(process_, SIGKILL);

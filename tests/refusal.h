@@ -22,7 +22,7 @@ std::string refusal_of(const Call& call) {
   return "no error";
 }
 
-/// What any exception of `call` says; "no error" if there is none.
+/// Returns the message of any exception of `call`; "no error" if there is none.
 template <typename Call>
 std::string message_of(const Call& call) {
   try {

@@ -52,7 +52,7 @@ class SlurmCluster {
   /// place of every ten (its executors' sleep()).
   std::string environment() const { return "CI=true SLURM_CONF=" + shell_quoted((folder_ / "slurm.conf").string()); }
 
-  /// How the controller learns that a node is dead: by its silence, after half a minute, or from a monitor.
+  /// Selects how the controller learns that a node is dead: by half a minute of silence, or from a monitor.
   enum class Notice { kSilence, kMonitor };
 
   /// The node that runs a job loses its power: its daemon and all that it runs are killed. Returns the node's name;

@@ -145,7 +145,7 @@ class SyntheticPlace {
   std::vector<Wall> walls_;
 };
 
-/// How a map is made.
+/// Parameters of a synthetic map.
 struct MapKind {
   std::size_t points = 10000;  ///< those that fall into gaps and missing parts not yet taken away
   double noise_m = 0.05;       ///< along the ray, at 40 m; it grows with the distance
@@ -158,7 +158,7 @@ struct MapKind {
   double shared = 0.5;         ///< of the errors' variance: what all maps of a place have in common
 };
 
-/// What this kind of map lacks beyond its gaps.
+/// Decides which parts of the surface this kind of map lacks beyond its gaps.
 class MissingSurface {
  public:
   MissingSurface(const SyntheticPlace& place, const MapKind& kind, std::uint64_t seed)
@@ -182,14 +182,14 @@ class MissingSurface {
   }
 
  private:
-  /// Of the patch around a point: patches are missing in the order of their ranks.
+  /// Returns the rank of the patch around a point. Patches are missing in the order of their ranks.
   std::uint64_t rank_of(const geometry::Vec3& p) const {
     const geometry::Vec3 cube = (p / patch_m_).array().floor();
     const auto along = [&](int axis) { return static_cast<std::int64_t>(cube[axis]); };
     return hash_of(seed_, along(0), along(1), along(2));
   }
 
-  /// So many that the share of the samples is missing, to one patch.
+  /// Chooses so many patches that this share of the samples is missing, to within one patch.
   void choose_patches(const SyntheticPlace& place, double share) {
     std::map<std::uint64_t, std::size_t> samples_of_rank;
     for (const geometry::Vec3& p : place.samples()) ++samples_of_rank[rank_of(p)];

@@ -42,7 +42,7 @@ simulated:
     return text.substr(0, text.find("real:"));
   }
 
-  /// The same experiment with maps that are aligned as kOneFlight's are.
+  /// Returns the experiment with maps that are aligned as kOneFlight's are.
   static std::string aligned_by_points(std::string experiment) {
     const std::string start = "start: true-poses";
     return experiment.insert(experiment.find(start) + start.size(), ", method: point-to-mesh");
@@ -69,7 +69,7 @@ waypoints:
   static void write_two_flights(const std::filesystem::path& folder) {
     write(folder, flight(kFramesOfTwo), kTwoFlights);
   }
-  /// The same, and sensors.yaml.
+  /// Writes one flight and sensors.yaml.
   static void write_one_flight(const std::filesystem::path& folder) {
     write(folder, flight(kFramesOfOne, "sensors_file: sensors.yaml\n"), kOneFlight);
     TinyPlace::write_file(folder / "sensors.yaml", "barometer: {rate_hz: 10}\n");

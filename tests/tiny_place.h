@@ -27,7 +27,7 @@ class TinyPlace {
   resolution: [320, 240]
 )";
 
-  /// The same view in a quarter of the pixels.
+  /// Returns the camera with the same view in a quarter of the pixels.
   static std::string camera_of_quarter_size() {
     std::string camera = kCamera;
     for (const auto& [from, to] :

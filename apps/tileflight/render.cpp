@@ -51,7 +51,7 @@ std::string frame_range_fault(const std::string& text) {
   return frame_range(text) ? "" : "must be the first frame and the one after the last, as in 0:100, got " + text;
 }
 
-/// Of the width or the height of --resolution.
+/// Returns what is wrong with a width or a height of --resolution; empty: nothing.
 std::string pixel_count_fault(const std::string& text) {
   const bool is_count = !text.empty() && text.find_first_not_of("0123456789") == std::string::npos;
   return is_count ? "" : "must be W,H in pixels, as in 640,480, got " + text;
@@ -109,7 +109,7 @@ struct RenderArguments {
   std::optional<double> pixel_error, memory_gb;
 };
 
-/// What the flight takes of the command line and of the files that it names. With --pixel-error, tiles are those of the
+/// Completes the settings by the command line and the files that it names. With --pixel-error, tiles are those of the
 /// flight's views although a region is given.
 void complete_settings(RenderArguments& options, const CLI::App& command) {
   options.settings.asked = asked(command);

@@ -46,14 +46,14 @@ class AlignCommand : public ::testing::Test {
     geometry::write_cloud(folder_ / "quarter.ply", quarter);
   }
 
-  /// What was written last, as a file to begin from: none that is read is written over.
+  /// Copies the last transform to a start file, because a command never overwrites a file that it reads.
   std::string start_from_the_last() const {
     std::filesystem::copy_file(folder_ / "transform.json", folder_ / "start.json",
                                std::filesystem::copy_options::overwrite_existing);
     return path("start.json");
   }
 
-  /// How far a transform puts the map's points from their true places, at most of the corners.
+  /// Returns the largest distance of the map's corners, moved by a transform, from their true places.
   static double error_m(const json& transform) {
     geometry::Mat4 matrix;
     for (int r = 0; r < 4; ++r) {
@@ -85,7 +85,7 @@ TEST_F(AlignCommand, FindsTheMapsPlaceWithoutAStart) {
   EXPECT_LT(by_geometry.at("uncertainty").at("rms_motion_sigma").get<double>(), 0.05);
   EXPECT_EQ(by_geometry.at("uncertainty").at("covariance").size(), 7u);
 
-  // As it is, it is moved by ICP until that gives up, in time that grows with its points: a quarter of them is enough.
+  // ICP moves the map until it gives up, in time that grows with the number of points. A quarter of them is enough.
   write_quarter();
   const json by_itself = align_file("quarter.ply", {"--method", "point-to-mesh"});
   EXPECT_EQ(by_itself.at("start"), "geometry") << "as it is, a map a twelfth of the size fits anywhere";

@@ -36,7 +36,7 @@ class CityFaults : public testing::Test {
   std::vector<std::string> render(const std::vector<std::string>& more) const {
     return tests::render_words(folder_.path(), "out", more);
   }
-  /// Of nine blocks of 200 m, of which some are done before those that hold the broken tile.
+  /// Extracts nine blocks of 200 m; some of them are done before those that hold the broken tile.
   std::vector<std::string> extract(const std::vector<std::string>& more) const {
     std::vector<std::string> words{
         "extract", (folder_ / "place").string(), "--center-local", "0,-240,100", "--size", "600,590,60", "--voxel", "4",
@@ -49,7 +49,7 @@ class CityFaults : public testing::Test {
   fs::path tile_ = folder_ / "place/t120.glb";  ///< of the finest level, under the flight's first leg
 };
 
-/// What may be wrong with a GLB: its bytes end early, it is none, or what it says of itself is a lie.
+/// Returns ways to damage a GLB: its bytes end early, it is another file, or its header states wrong lengths.
 std::map<std::string, std::function<void(std::string&)>> ways_to_break() {
   return {{"truncated", [](std::string& bytes) { bytes.resize(bytes.size() / 2); }},
           {"empty", [](std::string& bytes) { bytes.clear(); }},

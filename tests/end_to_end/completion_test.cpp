@@ -36,7 +36,7 @@ class Completion : public testing::Test {
     std::ofstream(folder_ / "work/video one.mp4") << "";
   }
 
-  /// What bash offers for the last word, in a folder that holds flight.yaml and "video one.mp4".
+  /// Returns the words that bash offers for the last word, in a folder with flight.yaml and "video one.mp4".
   std::vector<std::string> bash_offers(const std::vector<std::string>& words) const {
     std::string array;
     for (const std::string& word : words) array += tests::shell_quoted(word) + " ";

@@ -1,4 +1,4 @@
-// What work will take is said before it is done, and too much is refused at once.
+// Commands state the cost of their work before they start, and refuse at once what is too large.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -132,7 +132,7 @@ TEST_F(Events, AreReadByPythonsUsersOfDsec) {
   EXPECT_THAT(read.out, testing::StartsWith(std::to_string(found.events.size()) + " 64 48 "));
 }
 
-/// What a pixel's events add up to is how its light changes from one picture to another, but for a threshold.
+/// The events of a pixel add up to the change of its light between two images, within one threshold.
 TEST_F(Events, AddUpToTheChangeBetweenPictures) {
   write_flight(
       "{positive_threshold: 0.05, negative_threshold: 0.05, threshold_sigma: 0, refractory_s: 0, leak_rate_hz: "

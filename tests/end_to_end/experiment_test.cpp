@@ -96,7 +96,7 @@ TEST_F(Experiment, GivesTheResultsOfTheContractAndDoesNoWorkTwice) {
   EXPECT_EQ(stage_times("out"), before) << "a stage was done again";
   EXPECT_EQ(second.out, first.out);
 
-  // As if it had been interrupted before the second flight was tracked: only what is missing is done.
+  // The run looks interrupted before the second flight was tracked. Only the missing stages run.
   fs::remove(folder_ / "out/stages/real-odometry.json");
   fs::remove_all(folder_ / "out/real/odometry");
   ASSERT_EQ(run("out").exit_code, 0);
@@ -351,7 +351,7 @@ TEST_F(Experiment, AnotherProgramCanDoTheOdometry) {
                                                          own + "/trajectory.txt " + own + "/map.ply {out}\n");
   const ProgramResult result = run("outside", {"--json"});
   ASSERT_EQ(result.exit_code, 0) << result.err;
-  // The same points and poses; only the keyframes that saw them are not known of another program's.
+  // Points and poses are the same. Only the keyframes that saw a point are unknown for another program.
   const json outside = json::parse(result.out)["simulated"]["map"],
              known = json::parse(file_text(folder_ / "out/simulated/metrics.json"))["map"];
   EXPECT_EQ(outside["points"], known["points"]);

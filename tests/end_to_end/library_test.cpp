@@ -52,7 +52,7 @@ TEST(Library, TheInstalledPackageDoesWhatTheProgramDoes) {
   EXPECT_THAT(run({(installed / "bin/tileflight").string(), "--version"}), HasSubstr("tileflight"));
   build_project(kSource / "examples/consumer", build, {"-DCMAKE_PREFIX_PATH=" + installed.string()});
 
-  // Of 4 x 4 x 4 cells the surface touches all but the inner 2 x 2 x 2.
+  // The surface touches all of 4 x 4 x 4 cells but the inner 2 x 2 x 2.
   ground_truth::write_mesh_glb(folder / "cube.glb", {make_cube()}, false);
   EXPECT_THAT(run({(build / "voxelize_mesh").string(), (folder / "cube.glb").string(), "0.5",
                    (folder / "cube.binvox").string()}),

@@ -1,4 +1,4 @@
-// What commands say while they work: on a terminal, and in a file.
+// Commands report progress: one rewritten line on a terminal, a line for each stage in a file.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <pty.h>
@@ -21,7 +21,7 @@ using tests::ProgramResult;
 using tests::run_tileflight;
 using tests::TinyPlace;
 
-/// What the program writes to its terminal.
+/// Returns the text that the program writes to its terminal.
 std::string on_terminal(const std::vector<std::string>& arguments) {
   int terminal = -1;
   winsize size{.ws_row = 24, .ws_col = 60, .ws_xpixel = 0, .ws_ypixel = 0};

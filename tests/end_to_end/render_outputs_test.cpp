@@ -1,4 +1,4 @@
-// What `render --outputs` leaves beside the pictures, over a small place.
+// `render --outputs` writes further outputs beside the images; the place is small.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -168,7 +168,7 @@ gamma: 1.8
     for (std::size_t p = 0; p < seen.pixels.size(); ++p) {
       const int value = seen.pixels[p][1], colour = true_colours.pixels[p][1];
       if (value < 2 || value > 253 || colour < 2 || colour > 253) continue;
-      // As far as both pictures are rounded.
+      // The tolerance is the rounding of both images.
       const auto light = [&](int v) {
         return calibration.inverse_response[static_cast<std::size_t>(v)] / 255.0 / calibration.vignette.pixels[p] /
                gain;

@@ -154,7 +154,7 @@ std::size_t notes_in(const fs::path& folder) {
 }
 
 TEST_F(RunCache, FramesThatAreThereAfterAKillAreTakenUp) {
-  // Of the stages only the first matters here: an odometry that is there already answers for the second.
+  // Only the first stage matters here: the second finds its odometry done.
   const std::string odometry = (folder_ / "out/simulated/odometry").string();
   write("experiment.yaml", R"(name: tiny
 place: {source: place/tileset.json, center_local: [0, 0, 100], size: [80, 80, 20]}
@@ -231,7 +231,7 @@ TEST_F(RunCache, RunsShareATruthByItsContent) {
   EXPECT_EQ(extracted("first"), 1U);
   EXPECT_EQ(extracted("second"), 0U);
   EXPECT_TRUE(fs::equivalent(folder_ / "first/truth/mesh.glb", folder_ / "second/truth/mesh.glb")) << "a hard link";
-  // The same tiles elsewhere, in a file written differently.
+  // The tiles are the same, in another folder and under another experiment file.
   fs::copy(folder_ / "place", folder_ / "elsewhere", fs::copy_options::recursive);
   const std::string text = TinyExperiments::kOneFlight;
   write("experiment.yaml", "truth: {voxel: 1}\n" + std::string(text).replace(text.find("place/tileset.json"), 18,

@@ -1,4 +1,4 @@
-// What commands write never costs what others wrote, nor what the command itself reads: every command in a loop.
+// No command overwrites files of others or files that it reads itself. Every command is tried in a loop.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -274,7 +274,7 @@ TEST_F(SafeOutput, FilesThatAreWrittenTakeNoInputsPlace) {
   }
   EXPECT_EQ(snapshot(*shared_ / "truth"), truth_before);
   EXPECT_EQ(snapshot(*shared_ / "dataset"), dataset_before);
-  // The same again, elsewhere or over its own result, is no fault.
+  // Running the same command again, elsewhere or over its own result, is no fault.
   must({"align", map, "--to", path("truth"), "--start", "as-it-is", "--out", transform});
   must({"evaluate", map, "--truth", path("truth"), "--transform", transform, "--out", metrics});
 }

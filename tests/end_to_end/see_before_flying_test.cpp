@@ -88,7 +88,7 @@ class BridgeAndHouse : public ::testing::Test {
     return json::parse(result.out, nullptr, false);
   }
 
-  /// The same waypoints for preview and render, as JSON of either.
+  /// Runs preview or render over the same waypoints and returns its JSON.
   json flown(const std::string& command, const std::string& flight, std::vector<std::string> more = {}) const {
     TinyPlace::write_file(folder_ / "flight.yaml", "camera: camera.yaml\nfps: 4\nspeed_m_s: 4\n" + flight);
     std::vector<std::string> call{command,    place(),

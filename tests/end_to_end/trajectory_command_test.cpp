@@ -167,7 +167,7 @@ TEST_F(TrajectoryCommand, InputsAreNotOverwritten) {
   EXPECT_EQ(tests::line_count(result.err), 1) << result.err;
 }
 
-// What evo's own tests compare: EuRoC's ground truth against a TUM file.
+// evo's own tests compare these files: EuRoC's ground truth against a TUM file.
 TEST_F(TrajectoryCommand, ReadsFilesOfEvo) {
   TILEFLIGHT_REQUIRE_TEST_DATA(evo, "trajectories/evo");
   const ProgramResult result = run_tileflight({"evaluate", "--trajectory", (evo / "V102.txt").string(),

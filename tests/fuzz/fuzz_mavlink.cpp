@@ -7,7 +7,7 @@ namespace {
 
 using namespace tileflight::autopilot;
 
-/// What is read is written and read again: the same fields.
+/// Writes the fields that were read, reads them again, and compares.
 void read_again(const MavlinkFrame& frame) {
   const auto first = encode_payload(decode_payload<HilActuatorControls>(frame.payload));
   MavlinkReader reader;

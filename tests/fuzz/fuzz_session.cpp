@@ -10,7 +10,7 @@ namespace {
 
 using namespace tileflight;
 
-/// What a repetition relies on.
+/// Checks the properties that a repetition relies on.
 void check(const airsim::SessionRecord& record) {
   if (const auto* call = std::get_if<airsim::RecordedCall>(&record)) {
     if (call->tick < 0 || call->tick > airsim::kMaxTick) std::abort();

@@ -100,7 +100,7 @@ double calibration(const std::vector<Outcome>& outcomes) {
   return n > 0.0 ? std::sqrt(sum / n) : std::numeric_limits<double>::quiet_NaN();
 }
 
-/// How many flights' sigmas are of the right size, and how far the others are off.
+/// Describes how many flights' sigmas have the right size, and how far the others are off.
 std::string path_sigma_line(const std::vector<Outcome>& outcomes, const std::string& what, double PathSigmas::*member) {
   std::vector<double> ratios;
   for (const Outcome& o : outcomes)

@@ -1,6 +1,6 @@
 #pragma once
 
-// How a flight over the proving ground ended, judged by the truth that the program under test never saw.
+// This file judges a flight over the proving ground by the true poses, which the program under test never saw.
 
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -15,7 +15,7 @@
 
 namespace tileflight::proving_ground {
 
-/// What the truth says of an odometry and a transform.
+/// Errors of an odometry and a transform against the true poses.
 struct TrueErrors {
   double ate_m = 0.0;     ///< after the best similarity of the positions
   double path_m = 0.0;    ///< length of the true path

@@ -1,4 +1,4 @@
-// How often a flight's place is found without telemetry, over the flights of a proving ground that are there: by the
+// Counts how often a flight's place is found without telemetry, over the existing flights of a proving ground: by the
 // looks alone (which candidate is the first right one), or with --align by the whole alignment.
 //   build/release/bin/place_recall out/proving-ground
 // Flights whose odometry is off by more than a hundredth of the path are left out.
@@ -67,7 +67,7 @@ struct Flight {
   bool is_tracked() const { return errors.ate_m <= 0.01 * errors.path_m; }
 };
 
-/// How far off a candidate is: near enough for the fit to the surface to go on from there?
+/// Distance of a candidate from the right place; it tells whether the fit to the surface can start there.
 struct Miss {
   double scale = 0.0, turn_deg = 0.0, offset = 0.0;  ///< offset: of the points, over their distance from the path
 

@@ -113,7 +113,7 @@ struct Field {
   Ground ground() const { return {*scene, *surface, scene->bounds()}; }
 };
 
-/// What a moderately bad camera does.
+/// Adds the degradations of a moderately bad camera.
 recording::RenderedFlightConfig degraded(recording::RenderedFlightConfig flight) {
   render::ImageFormation formation;
   formation.exposure_time_s = 0.004;
@@ -146,7 +146,7 @@ void render(const Field& field, const FlightDraw& draw, const fs::path& folder) 
   recording::render_dataset(settings, folder / "dataset", true);
 }
 
-/// What the draw lets the program know; the true poses are for this program alone.
+/// Returns the inputs that the draw gives to the program under test, which excludes the true poses.
 scoring::MapInputs known_inputs(const FlightDraw& draw, const fs::path& folder) {
   scoring::MapInputs map = scoring::find_map_inputs(folder / "odometry", folder / "dataset");
   map.truth_trajectory.clear();
@@ -219,7 +219,7 @@ std::string flight_name(int number, const Place& place, const FlightDraw& draw) 
          (draw.degraded ? "-degraded" : "");
 }
 
-/// What earlier calls found, of all folders together.
+/// Reads the outcomes that earlier calls wrote, of all folders together.
 std::vector<Outcome> read_outcomes(const std::vector<fs::path>& folders) {
   std::vector<fs::path> files;
   for (const fs::path& folder : folders)

@@ -272,7 +272,7 @@ double distance_m(const FlightDraw& draw) {
   return draw.height_m * std::min(kMost, 1.0 / std::max(1e-3, -std::sin(draw.pitch_deg * kRadians)));
 }
 
-/// How far the kind of flight turns; an orbit as far as it comes around what it looks at.
+/// Returns the angle by which a flight of this kind turns; for an orbit, the angle around its target.
 double turn_of(const FlightDraw& draw, Random& random) {
   const double length_m = draw.speed_m_s * (draw.frames - 1) / draw.fps;
   switch (draw.kind) {

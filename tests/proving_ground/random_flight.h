@@ -16,14 +16,14 @@ namespace tileflight::proving_ground {
 
 enum class FlightKind { kStraight, kArc, kOrbit, kLawnmower, kHoverAndTurn, kClimb };
 enum class View { kNadir, kOblique, kShallow };
-/// What is known of the flight beside its pictures.
+/// Data that the flight has beside its images.
 enum class Aids { kPositions, kAttitude, kNothing };  ///< kAttitude: positions and attitude
 
 std::string name_of(FlightKind kind);
 std::string name_of(View view);
 std::string name_of(Aids aids);
 
-/// What was drawn. Lengths in metres, angles in degrees.
+/// A drawn flight. Lengths are in metres, angles in degrees.
 struct FlightDraw {
   FlightKind kind = FlightKind::kStraight;
   View view = View::kNadir;

@@ -289,7 +289,7 @@ json read(Peer& peer, const Arguments& words) {
     }
     if (total != last_total || !are_alone) last_news = Clock::now();
     last_total = total;
-    // What came last before the writers went may not have been taken yet.
+    // The last samples before the writers ended may not have been taken yet.
     return has_wishes || Clock::now() - last_news > std::chrono::seconds(1);
   });
   json report;

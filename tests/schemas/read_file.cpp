@@ -284,7 +284,7 @@ json autopilot_defaults(const tf::vehicle::AutopilotPlan& plan) {
           {"silence_s", plan.silence_s}};
 }
 
-/// Of a flight with a mission of every command, in the order of the schema.
+/// Returns the defaults of a flight whose mission has every command, in the order of the schema.
 json mission_defaults(const tf::vehicle::FlightPlan& plan) {
   using namespace tf::vehicle;
   const auto& rises = command<TakeOff>(plan, 0);

@@ -125,7 +125,7 @@ TEST_P(ShutterKinds, ChecksOfTheViewAreThoseOfTheMiddleMoment) {
   EXPECT_NEAR(view.nearest_m, middle.nearest_m, 1e-4);
 }
 
-/// What visitors see: mesh, triangle and distance of each pixel; no value: no ray.
+/// The data that visitors get: mesh, triangle and distance of each pixel; without a value there is no ray.
 using Seen = imaging::Image<std::array<float, 3>>;
 
 SurfaceVisitor writer_to(Seen& seen) {

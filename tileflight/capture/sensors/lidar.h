@@ -62,7 +62,7 @@ std::vector<LidarBeam> generate_beams(const LidarPattern& pattern, std::uint64_t
 /// Throws InputError for patterns without beams, with reversed limits, or with more than ten million beams per scan.
 void check(const LidarPattern& pattern);
 
-/// How the lidar's own motion during a scan affects its points.
+/// Selects how the lidar's own motion during a scan affects its points.
 enum class ScanMotion {
   kDistorted,  ///< each beam starts from the lidar's pose at its time; points are in the lidar's frame at that time, as
                ///< a real lidar gives them

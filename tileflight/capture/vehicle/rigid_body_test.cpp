@@ -26,7 +26,7 @@ RigidBodyState tumbling() {
   return state;
 }
 
-/// Of translation and rotation.
+/// Returns the kinetic energy of translation and rotation.
 double kinetic_energy_j(const RigidBody& body, const RigidBodyState& state) {
   const Vec3& w = state.angular_velocity_rad_s;
   return 0.5 * body.mass_kg * state.velocity_m_s.squaredNorm() + 0.5 * w.dot(body.inertia_kg_m2 * w);

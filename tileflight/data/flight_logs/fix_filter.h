@@ -20,7 +20,7 @@ class FixFilter {
 
   /// Returns the kept fixes, with one warning per reason for dropping entries.
   Telemetry finish() &&;
-  /// As finish(), but throws InputError if no fix was kept. `where`: the file; `entries`: the name of its entries
+  /// Finishes as finish(), but throws InputError if no fix was kept. `where`: the file; `entries`: its entries' name
   /// ("rows").
   Telemetry finish(const std::string& where, const std::string& entries) &&;
 

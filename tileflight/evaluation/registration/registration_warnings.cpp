@@ -23,7 +23,7 @@ void add_warning(RegistrationResult& r, const char* where, Severity severity, st
 
 bool is_recognised(const RegistrationResult& r) { return r.method == "pictures"; }
 
-/// How far the aligned path is from the telemetry's positions, and their sigmas.
+/// Distance of the aligned trajectory from the telemetry's positions, with their standard deviations.
 struct TelemetryDistance {
   Vec3 apart_m = Vec3::Zero();  ///< median along each axis
   double horizontal_sigma_m = 0.0, vertical_sigma_m = 0.0;

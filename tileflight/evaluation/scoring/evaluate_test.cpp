@@ -132,7 +132,7 @@ class Valley {
   tests::TemporaryFolder folder_;
 };
 
-/// What evaluate() wrote.
+/// The files that evaluate() wrote.
 struct Scored {
   std::string metrics, errors, seen;
 };

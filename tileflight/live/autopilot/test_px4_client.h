@@ -45,7 +45,7 @@ class TcpClient {
   TcpClient& operator=(const TcpClient&) = delete;
 
   void send(const std::string& bytes) const { ::send(socket_, bytes.data(), bytes.size(), MSG_NOSIGNAL); }
-  /// What has come; empty if nothing comes in time, or the connection has ended.
+  /// Returns the received bytes; empty if nothing comes in time, or the connection has ended.
   std::string receive() const {
     std::string bytes(65536, '\0');
     const ssize_t got = ::recv(socket_, bytes.data(), bytes.size(), 0);

@@ -9,7 +9,7 @@
 
 namespace tileflight::autopilot::test_support {
 
-/// What the scripted autopilot sees: NED, body axes forward, right, down.
+/// State that the scripted autopilot observes: NED, body axes forward, right, down.
 struct Observation {
   double time_s = 0.0;
   geometry::Vec3 position_m = geometry::Vec3::Zero(), velocity_m_s = geometry::Vec3::Zero();

@@ -22,7 +22,7 @@ using testing::Contains;
 using testing::ElementsAre;
 using testing::HasSubstr;
 
-/// What came, to be waited for.
+/// Collects received messages, so that a test can wait for them.
 class Received {
  public:
   void add(std::string_view text) {
@@ -134,7 +134,7 @@ TEST_F(ParticipantTest, WhatAHandlerThrowsIsReportedAndEndsNothing) {
   EXPECT_THAT(lines_.wait_for(1), ElementsAre(HasSubstr("bad order"))) << "once";
 }
 
-/// What others can make it say is bounded.
+/// Other participants can cause only a bounded number of log lines.
 TEST_F(ParticipantTest, LinesAreAHundredAtMost) {
   for (int i = 0; i < 1000; ++i) participant_.report("line " + std::to_string(i));
   participant_.report(std::string(100'000, 'x'));

@@ -58,7 +58,7 @@ class ArduPilotPort {
   std::jthread thread_;
 };
 
-/// How fast a vehicle with PX4 flies.
+/// Pace of the simulation of a vehicle with PX4.
 struct Px4Pace {
   bool lockstep = true;              ///< each step waits for PX4's outputs; else it goes by the wall clock
   double speed = 1.0;                ///< simulated seconds in one of the wall clock

@@ -47,7 +47,7 @@ struct Observation {
   std::vector<ObservedVehicle> vehicles;
 };
 
-/// What an inertial unit measures, in body axes.
+/// Motion that an inertial unit measures, in body axes.
 struct ObservedMotion {
   std::uint64_t time_ns = 0;
   geometry::Vec3 angular_rate_rad_s = geometry::Vec3::Zero();

@@ -1,4 +1,4 @@
-// How a WorkingSet makes a scene: tiles selected, read and prepared, coarser where memory is short.
+// A WorkingSet makes a scene as follows: it selects, reads and prepares tiles, coarser ones where memory is short.
 #include <tbb/parallel_for.h>
 
 #include <algorithm>

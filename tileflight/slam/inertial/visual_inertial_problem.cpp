@@ -37,7 +37,7 @@ ImuNoise floored(const ImuNoise& noise) {
 
 Index column_of(std::size_t keyframe) { return VisualInertialProblem::kKeyframeSize * static_cast<Index>(keyframe); }
 
-// How long the readings at both ends go on, and how much of it a step may need at the first offset.
+// Time by which the readings extend beyond both ends, and the part of it that a step may need at the first offset.
 constexpr double kGoesOn_s = 0.25, kMayNeed_s = 0.02;
 // Half the time over which readings are averaged to move a pose along: the shortest is short against the motions of
 // hands, and it is doubled as long as the mean stays within this many sigmas of the means before (95 % of three axes).
@@ -239,7 +239,7 @@ void VisualInertialProblem::add_priors(const VisualInertialState& at, SparseLeas
     add(VectorXd::Zero(3), 1e3, column_of(k) + kVelocity, one);
     const VisualKeyframe& keyframe = keyframes_[k];
     if (keyframe.is_metric) {
-      // What is wrong with the rig's scale is wrong at all keyframes alike: together they say what one of them does.
+      // An error of the rig's scale is the same at all keyframes: together they tell no more than one of them.
       const double variance = keyframe.step_log_scale_variance + kLeastMetricLogScale * kLeastMetricLogScale;
       add(VectorXd::Constant(1, at.log_scale[k]), std::sqrt(variance * static_cast<double>(at.states.size())),
           column_of(k) + kStateSize, MatrixXd::Identity(1, 1));

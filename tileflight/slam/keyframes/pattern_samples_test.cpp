@@ -49,7 +49,7 @@ TEST(PatternSamples, HaveTheBitsOfSinglePixels) {
   }
 }
 
-/// Of a random motion; its linearisation point is a little off.
+/// Returns the precalculation of a random motion whose linearisation point is a little off.
 HostTargetPrecalc random_frame(std::mt19937& random) {
   std::uniform_real_distribution<double> unit(-1.0, 1.0);
   const auto twist = [&] {

@@ -116,7 +116,7 @@ inline Relief sine_hills(const SineHills& hills, double texel_m) {
 struct Descent {
   const Relief& relief;
   const Vec3 &origin, &ray;
-  // Of its height a ray loses this much in a metre, at least and at most.
+  // A ray loses at least and at most this much height in a metre.
   double slowest = -ray.z() - relief.steepest * std::hypot(ray.x(), ray.y());
   double fastest = -ray.z() + relief.steepest * std::hypot(ray.x(), ray.y());
 

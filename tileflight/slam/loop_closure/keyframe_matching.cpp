@@ -191,7 +191,7 @@ Nearest find_nearest(const Feature& feature, const std::vector<Feature>& others)
   for (std::size_t i = 0; i < others.size(); ++i) {
     const int distance = hamming(feature.descriptor, others[i].descriptor);
     if (distance < out.distance) {
-      // The same corner on another level is not a competitor.
+      // A match to the same corner on another level is no competitor.
       const bool same = out.index >= 0 && (others[out.index].pixel - others[i].pixel).norm() < 6.0F * others[i].size_px;
       out.second_distance = same ? out.second_distance : out.distance;
       out.distance = distance;

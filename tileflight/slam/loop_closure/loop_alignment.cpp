@@ -115,7 +115,8 @@ std::optional<LogScale> compare_distances(const keyframes::LensPyramid& lens, co
   if (logs.size() < kFewestPairs) return std::nullopt;
   LogScale out{.value = base::upper_median(logs)};
   for (double& value : logs) value = std::abs(value - out.value);
-  // Of a normal distribution with this median deviation; points side by side agree no better than the ground is flat.
+  // The sigma is that of a normal distribution with this median deviation. Neighbouring points agree only as far as the
+  // ground is flat.
   const double sigma = std::max(kLeastSigma, 1.4826 * base::upper_median(logs));
   // That of a median is pi / 2 times that of a mean.
   out.variance = kLogScaleInflation * kLogScaleInflation * 0.5 * std::numbers::pi * sigma * sigma /

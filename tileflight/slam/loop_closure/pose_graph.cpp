@@ -90,7 +90,7 @@ ceres::Solver::Options solver_options() {
 
 geometry::Mat7 root_information(const geometry::Mat6& pose_covariance, double log_scale_variance) {
   const geometry::SymmetricEigen eigen = geometry::symmetric_eigen(pose_covariance);
-  // Of the largest: what is less is rounding.
+  // Smaller shares of the largest eigenvalue are rounding.
   constexpr double kLeastShare = 1e-12;
   const Eigen::VectorXd values = eigen.values.array().max(kLeastShare * eigen.values.maxCoeff());
   geometry::Mat7 root = geometry::Mat7::Zero();

@@ -16,7 +16,7 @@ namespace {
 
 using Status = keyframes::ImmaturePoint::Status;
 
-// As in DSO's implementation.
+// DSO's implementation uses these limits.
 constexpr float kMaxInterval_px = 8.0F;
 constexpr int kMaxFailures = 2;
 /// Largest half interval of the inverse distance, relative to the inverse distance itself or to the window's median,

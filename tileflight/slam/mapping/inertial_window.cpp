@@ -20,7 +20,7 @@ using geometry::skew;
 using geometry::Vec3;
 using inertial::ImuState;
 
-// Of a unit without noise, as in the smoothing: its readings are linear between samples to these densities only.
+// Densities for a unit without noise, as in the smoothing: its readings are linear between samples only so far.
 constexpr double kLeastRateWalk = 1e-7, kLeastForceWalk = 1e-6;
 constexpr double kLeastRateDensity = 1e-5, kLeastForceDensity = 1e-4;
 
@@ -328,8 +328,8 @@ VectorXd InertialWindow::solve(const NormalEquations& photometric, const keyfram
   NormalEquations sum = equations(window);
   sum.H.topLeftCorner(n, n) += photometric.H;
   sum.b.head(n) += photometric.b;
-  // As solve_damped() of window_optimizer.cpp. Scale, tilt, velocities and biases are strongly tied to each other: what
-  // all of them together leave open is far below the damping, which is for the window's unknowns only.
+  // This solves as solve_damped() of window_optimizer.cpp does. Scale, tilt, velocities and biases are strongly tied to
+  // each other: what all of them together leave open is far below the damping, which is for the window's unknowns only.
   const VectorXd scale = (sum.H.diagonal().array().max(0.0) + 10.0).sqrt().inverse();
   MatrixXd H = scale.asDiagonal() * sum.H * scale.asDiagonal();
   H.diagonal().head(n).array() += lambda;

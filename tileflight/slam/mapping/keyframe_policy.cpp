@@ -64,7 +64,7 @@ bool is_well_observed(const keyframes::ActivePoint& point) {
 }  // namespace
 
 bool needs_keyframe(const TrackingChange& change, int width, int height, const keyframes::WindowOptions& options) {
-  // As in DSO's implementation.
+  // DSO's implementation uses this factor.
   constexpr double kRmseGrowth = 2.0;
   const double size = options.keyframe_flow_share * (width + height);
   // DSO, section 3.1, step 2; the weight 0.5 of the full flow is that of the authors' implementation.

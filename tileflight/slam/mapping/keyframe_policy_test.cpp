@@ -153,7 +153,7 @@ TEST(FlagForMarginalization, KeyframesOfAnotherBrightness) {
   EXPECT_TRUE(flagged(window, {.min_keyframes = 7}).empty());
 }
 
-/// What happens to one point of a random window of well observed points, after `change` of it or its host.
+/// Outcome for one point of a random window of well observed points, after `change` of it or its host.
 struct Fate {
   bool leaves = false;
   bool enters_prior = false;

@@ -34,7 +34,8 @@ keyframes::Window window_with_rays(const keyframes::Lens& lens, std::mt19937& ra
   return window;
 }
 
-/// How the delay moves a point of `host` in `target`, as a change of their relative pose: by a difference quotient.
+/// Returns how the delay moves a point of `host` in `target`, as a change of their relative pose: by a difference
+/// quotient.
 Vec6 relative_motion(const keyframes::Window& window, const keyframes::Lens& lens, const PointRef& ref, int target,
                      const std::vector<Vec6>& velocities) {
   const keyframes::Keyframe &host = window.keyframes[ref.host], &other = window.keyframes[target];

@@ -20,7 +20,7 @@ const test_support::KeyframeMaker& maker() {
   return kMaker;
 }
 
-/// What is known of a keyframe in a map that is `scale` times too large.
+/// Data of a keyframe in a map that is `scale` times too large.
 struct Side {
   loop_closure::KeyframeImage image;
   std::vector<mapping::MapPoint> points;

@@ -55,7 +55,7 @@ const InertialFlight& lively_flight() {
   return kFlight;
 }
 
-/// What an estimate should be: the unit's true motion, with the first estimate's place and heading as its frame.
+/// The right estimate: the unit's true motion in the frame of the first estimate's place and heading.
 struct Truth {
   explicit Truth(double first_s) {
     const SE3 first = T_local_imu(first_s);

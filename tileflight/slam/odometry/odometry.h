@@ -205,7 +205,7 @@ struct FrameResult {
 ///     }
 ///     const OdometryResult result = odometry.finish();
 ///
-/// What add() returns is the estimate of that moment; finish() knows more:
+/// add() returns the estimate of that moment. finish() knows more:
 /// - Images before the map (kInitializing) get their poses when initialization succeeds: those of its window, and those
 ///   before it by tracking backwards from the first keyframe, with keyframes of their own where the first map does not
 ///   reach. trajectory() has them from then on. They are kept until then, OdometryOptions::initialization.buffer_mb

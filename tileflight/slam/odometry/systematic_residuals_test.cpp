@@ -1,4 +1,4 @@
-// The same flight with its own lens and with slightly different ones.
+// One flight is tracked with its own lens and with slightly different ones.
 
 #include "tileflight/slam/mapping/systematic_residuals.h"
 

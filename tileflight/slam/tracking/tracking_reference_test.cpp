@@ -24,7 +24,7 @@ struct Sum {
   }
 };
 
-/// What a pixel of a level has, looked up in whole pictures: the definition, without any list of pixels.
+/// Looks up the values of a level's pixel in whole images: the definition, without any list of pixels.
 class WholePictures {
  public:
   WholePictures(const keyframes::Pyramid& picture, const std::vector<ReferencePoint>& points) : picture_(picture) {

@@ -206,7 +206,7 @@ TEST_F(Tileset, TheTreeIsValid) {
   check_tile(tileset["root"], nullptr);
 }
 
-/// Of each file below a folder, by its name there.
+/// Returns the hash of each file below a folder, by its name there.
 std::map<std::string, std::string> hashes_of(const std::filesystem::path& folder) {
   std::map<std::string, std::string> hashes;
   for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {

@@ -122,7 +122,7 @@ CroppedMeshes crop_meshes(const std::vector<TexturedMesh>& meshes, const Triangl
   return parts;
 }
 
-/// The same, releasing each whole mesh.
+/// Crops likewise, and releases each whole mesh.
 CroppedMeshes crop_and_release(std::vector<TexturedMesh>& meshes, const TriangleFilter& wanted) {
   CroppedMeshes parts;
   for (TexturedMesh& mesh : meshes) {

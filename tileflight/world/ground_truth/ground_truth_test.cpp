@@ -327,7 +327,7 @@ std::vector<Corners> sorted_triangles(const geometry::TriangleMesh& mesh) {
   return triangles;
 }
 
-/// What a region's folders hold, in an order that does not depend on blocks.
+/// Content of a region's folders, in an order that does not depend on blocks.
 struct Content {
   std::vector<Corners> triangles;
   geometry::PointCloud surface;

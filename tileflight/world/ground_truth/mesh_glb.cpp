@@ -349,7 +349,7 @@ geometry::Box3 read_mesh_glb_bounds(const std::filesystem::path& file) {
   const json glb = GlbFile(file).read_json();
   geometry::Box3 box;
   try {
-    // As write_mesh_glb() makes it: the root's rotation is undone, so that a mesh's node only moves it.
+    // write_mesh_glb() undoes the root's rotation, so that a mesh's node only moves it.
     for (const json& child : glb.at("nodes").at(0).at("children")) {
       const json& node = glb.at("nodes").at(child.get<std::size_t>());
       const std::vector<double> moved = node.at("translation");

@@ -57,7 +57,7 @@ std::vector<Vec3> corners(const TriangleMesh& mesh) {
   return all;
 }
 
-/// The same region in one piece and in columns of so many cells.
+/// A region that is written in one piece and in columns of so many cells.
 struct Written {
   tests::TemporaryFolder whole, blocks;
 
@@ -160,7 +160,7 @@ TEST(TruthFolder, BrokenFilesAreOneLine) {
     base::write_file(folder.path() / "mesh.glb", bytes);
     EXPECT_THAT([&] { read_mesh_glb_bounds(folder.path() / "mesh.glb"); }, refuses("mesh.glb"));
   }
-  // Of another program: no bounds, or other nodes.
+  // A file of another program has no bounds, or other nodes.
   std::string json = R"({"nodes": [{"children": [1]}, {"mesh": 7}], "meshes": [], "accessors": []} )";
   while (json.size() % 4 != 0) json += ' ';
   const auto word = [](std::size_t n) {

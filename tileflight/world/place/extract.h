@@ -39,7 +39,7 @@ struct ExtractSettings {
   std::optional<std::uintmax_t> max_memory_bytes;
 };
 
-/// How the blocks of a ground truth were made.
+/// Record of how the blocks of a ground truth were made.
 struct BlockBuild {
   std::size_t blocks = 0;
   std::size_t blocks_reused = 0;  ///< blocks that an earlier job had made
@@ -48,7 +48,7 @@ struct BlockBuild {
   std::size_t blocks_made = 0;    ///< by this process
 };
 
-/// What extract() did.
+/// Result of extract().
 struct Extraction {
   std::optional<ExtractResult> result;  ///< content of extract.json; nullopt: only a part was made
   std::optional<BlockBuild> build;      ///< with blocks

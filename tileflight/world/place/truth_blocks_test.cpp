@@ -94,7 +94,7 @@ TEST_F(TruthInBlocks, IsTheSameInPartsAndGoesOnFromThem) {
   for (const int k : {3, 1, 2}) EXPECT_GE(extract(part(k, 3), folder_ / "out", false).build->blocks_made, 2);
   EXPECT_EQ(extract(part(2, 3), folder_ / "out", false).build->blocks_made, 0);
   EXPECT_FALSE(fs::exists(folder_ / "out"));
-  // As after a crash: a block without its record, a record without the rest of it.
+  // A crash can leave a block without its record, or a record without the rest of it.
   fs::remove(record_of("out", "x00001_y00001"));
   TinyPlace::write_file(record_of("out", "x00002_y00002"), "{\"triangles\": 1");
   const Extraction made = extract(settings(), folder_ / "out", false);

@@ -241,7 +241,7 @@ TEST(BeamsAtEdges, NoneLeaksOutOfAClosedSurface) {
 }
 
 TEST(BeamsAtEdges, OfEqualSurfacesTheFirstIsMet) {
-  // The same ground five times, in two orders.
+  // The scenes hold the same ground five times, in two orders.
   const TexturedMesh field = ground(40, 50.0, Vec3::Zero());
   TexturedMesh twice = field;
   twice.mesh.triangles.insert(twice.mesh.triangles.end(), field.mesh.triangles.begin(), field.mesh.triangles.end());

@@ -38,7 +38,7 @@ class TriangleSource {
   std::vector<std::vector<Eigen::Vector3f>> corners_;  ///< of each mesh's vertices
 };
 
-/// What the tree is built over: one triangle, or two successive ones that share an edge, which halves the work. A box's
+/// A primitive of the tree: one triangle, or two successive ones that share an edge, which halves the work. A box's
 /// primID is the first triangle, with this bit if there is a second.
 constexpr std::uint32_t kPair = 0x80000000U;
 
@@ -174,8 +174,8 @@ BeamTree::BeamTree(const std::vector<imaging::TexturedMesh>& meshes, const geome
   reach_m_ = triangles.reach_m;
   RTCBuildArguments arguments = rtcDefaultBuildArguments();
   arguments.sahBlockSize = kMostGroups;
-  // What fits into a leaf is not divided, although its node has room for more children: a leaf costs the same however
-  // many triangles it has.
+  // Triangles that fit into a leaf are not divided, although its node has room for more children: a leaf costs the same
+  // however many triangles it has.
   arguments.minLeafSize = kMostGroups;
   arguments.maxLeafSize = kMostGroups;
   arguments.bvh = memory_.get();

@@ -65,7 +65,7 @@ struct MovingRays {
   }
 };
 
-/// How many answers differed: rays that graze an edge may, within rounding.
+/// Number of answers that differ; answers of rays that graze an edge may differ within rounding.
 struct Count {
   int hits = 0, placed = 0, different = 0;
 

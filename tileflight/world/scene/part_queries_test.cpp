@@ -27,7 +27,7 @@ using test_shapes::uniform_vector;
 
 using Tiles = std::vector<std::vector<TexturedMesh>>;
 
-/// The same meshes as one tree and as a tree of parts.
+/// Holds the same meshes as one tree and as a tree of parts.
 struct Both {
   Scene whole, parts;
 
