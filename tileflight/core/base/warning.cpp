@@ -9,6 +9,13 @@ namespace tileflight {
 
 using nlohmann::json;
 
+namespace {
+
+constexpr const char* kEarlierKey =
+    "is called 'warnings' now, a list of {severity, message, where, remedy}; make the file again";
+
+}  // namespace
+
 const char* to_string(Severity severity) {
   switch (severity) {
     case Severity::kNote:
@@ -41,10 +48,13 @@ Warnings make_notes(const std::vector<std::string>& messages, const std::string&
   return notes;
 }
 
+void refuse_earlier_key(const json& result, const std::filesystem::path& file) {
+  if (result.is_object() && result.contains("doubts"))
+    throw InputError(file.string(), std::string("'doubts' ") + kEarlierKey);
+}
+
 Warnings read_warnings(base::StrictSection& section) {
-  if (section.has("doubts"))
-    throw section.error(
-        "doubts", "this key is called 'warnings' now, with severity, message, where and remedy; make the file again");
+  if (section.has("doubts")) throw section.error("doubts", kEarlierKey);
   Warnings warnings;
   for (base::StrictSection& entry : section.sections("warnings")) {
     const std::string severity = entry.required_text("severity");

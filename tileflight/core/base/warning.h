@@ -1,5 +1,6 @@
 #pragma once
 
+#include <filesystem>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
@@ -42,8 +43,11 @@ nlohmann::json to_json(const Warnings& warnings);
 /// Returns notes with these messages that all concern `where`.
 Warnings make_notes(const std::vector<std::string>& messages, const std::string& where);
 
-/// Reads the key `warnings` of a section; empty if the key is absent. Throws InputError as StrictSection does, and for
-/// a file with the key `doubts` which is its earlier name.
+/// Throws InputError if a result has the key `doubts`, the earlier name of `warnings`. `file`: the file of the result.
+void refuse_earlier_key(const nlohmann::json& result, const std::filesystem::path& file);
+
+/// Reads the key `warnings` of a section; empty if the key is absent. Throws InputError as StrictSection does, and as
+/// refuse_earlier_key().
 Warnings read_warnings(base::StrictSection& section);
 
 }  // namespace tileflight

@@ -331,6 +331,12 @@ TEST_F(Report, BrokenPartsAreOneClearLine) {
   std::ofstream(run_ / "results.json") << "{\"name\": ";
   EXPECT_THAT(fault(), HasSubstr("results.json: not a JSON object"));
   make();
+  nlohmann::json earlier = results();
+  earlier["doubts"] = earlier["warnings"];
+  earlier.erase("warnings");
+  write_results(earlier);
+  EXPECT_THAT(fault(), HasSubstr("results.json: 'doubts' is called 'warnings' now"));
+  make();
   std::ofstream(run_ / "simulated/transform.json") << R"({"matrix": [[1, 0], [0, 1]]})";
   EXPECT_THAT(fault(), HasSubstr("transform.json: 'matrix' must be 4 x 4 numbers"));
   make();

@@ -7,6 +7,7 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/warning.h"
 #include "tileflight/core/drawing/number_format.h"
 #include "tileflight/core/geometry/cloud_files.h"
 #include "tileflight/core/geometry/geodesy.h"
@@ -191,6 +192,7 @@ RunFolder read_run_folder(const std::filesystem::path& folder) {
   }
   RunFolder run;
   run.results = read_object(folder / "results.json");
+  refuse_earlier_key(run.results, folder / "results.json");
   run.voxel_m = number_at(run.results, "/truth/voxel_size").value_or(1.0);
   const bool in_blocks = fs::exists(folder / "truth/index.json");
   read_part(folder, in_blocks ? "truth/index.json" : "truth/voxels.ply", "no ground truth under the maps", run.missing,

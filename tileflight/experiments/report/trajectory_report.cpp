@@ -5,6 +5,7 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/warning.h"
 #include "tileflight/core/drawing/number_format.h"
 #include "tileflight/core/drawing/top_view.h"
 #include "tileflight/experiments/report/chart_figure.h"
@@ -103,6 +104,7 @@ ScoredPaths read_scored_paths(const std::filesystem::path& folder) {
   ScoredPaths result;
   result.metrics_file = std::filesystem::path(text_at(errors, "/metrics").value_or("metrics.json")).filename().string();
   result.metrics = base::read_json(folder / result.metrics_file);
+  refuse_earlier_key(result.metrics, folder / result.metrics_file);
   const json list = errors.is_object() ? errors.value("trajectories", json()) : json();
   if (!list.is_array() || list.empty()) throw InputError(file.string(), "'trajectories' must be a list");
   result.alignment = text_at(errors, "/alignment").value_or("");

@@ -124,6 +124,11 @@ TEST_F(RunStudy, AMapInAWarningedPlaceShowsNoDistances) {
   for (const char* key : {"surface_median", "accuracy", "completeness"}) EXPECT_TRUE(after[key].is_null()) << key;
   EXPECT_EQ(after["f_score"], before["f_score"]);
   EXPECT_THAT(study["warnings"].dump(), HasSubstr("1 of 6 maps of good may lie in a wrong place"));
+  changed["doubts"] = changed["warnings"];
+  changed.erase("warnings");
+  test_support::write(metrics, changed.dump());
+  EXPECT_THAT(refusal_of([&] { collect_study(made_.folder / "out"); }),
+              HasSubstr("metrics.json: 'doubts' is called 'warnings' now"));
 }
 
 TEST_F(RunStudy, AnotherSystemLeavesWhatIsDone) {

@@ -8,6 +8,7 @@
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/warning.h"
 #include "tileflight/experiments/study/study_page.h"
 #include "tileflight/experiments/study/study_ranking.h"
 #include "tileflight/experiments/study/study_tables.h"
@@ -98,8 +99,11 @@ json describe_run(const fs::path& folder, const json& plan, const json& planned)
   const fs::path place = folder / planned.at("folder").get<std::string>();
   if (!fs::exists(place / "odometry/odometry.json")) return run;
   add_system_results(base::read_json(place / "odometry/odometry.json"), run);
-  if (fs::exists(place / "metrics.json"))
-    add_scores(base::read_json(place / "metrics.json"), plan.at("threshold_m"), run);
+  if (const fs::path file = place / "metrics.json"; fs::exists(file)) {
+    const json metrics = base::read_json(file);
+    refuse_earlier_key(metrics, file);
+    add_scores(metrics, plan.at("threshold_m"), run);
+  }
   const std::string fault = fs::exists(place / "scores.txt") ? first_line(place / "scores.txt") : kNotScoredYet;
   run["not_scored"] = fault;
   if (run["completed"] == true && !fault.empty()) run["reason"] = fault;
