@@ -27,6 +27,7 @@
 #include "tileflight/experiments/experiment/run_folder.h"
 #include "tileflight/experiments/experiment/stage_cache.h"
 #include "tileflight/experiments/report/report.h"
+#include "tileflight/slam/external_systems/run_system.h"
 #include "tileflight/slam/odometry/track.h"
 #include "tileflight/tiles/fetch/url_secrets.h"
 #include "tileflight/world/place/extract.h"
@@ -128,8 +129,12 @@ void run_odometry_stage(const Experiment& experiment, const fs::path& dataset, c
   const fs::path pictures = run.folder / "keyframe_pictures";
   if (!settings.debug_pictures && fs::exists(pictures)) base::remove_output(pictures);
   if (!settings.command.empty()) {
-    odometry::track_with_command(dataset, run.folder / "odometry", true, settings.command,
-                                 fs::absolute(experiment.file).parent_path());
+    const fs::path folder = fs::absolute(experiment.file).parent_path();
+    const json about =
+        external_systems::run_system(external_systems::command_adapter(settings.command, folder), dataset,
+                                     run.folder / "odometry", {.limits = {}, .program = {}, .replace = true}, progress);
+    if (!about["system"]["completed"])
+      throw InputError("odometry.command", about["system"]["reason"].get<std::string>());
     return;
   }
   odometry::TrackOptions extras = settings.track_options;

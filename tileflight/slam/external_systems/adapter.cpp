@@ -104,6 +104,11 @@ bool is_name(const std::string& text) {
          std::ranges::all_of(text, [](unsigned char c) { return std::isalnum(c) != 0 || c == '-' || c == '_'; });
 }
 
+void replace_all(std::string& text, const std::string& name, const std::string& value) {
+  for (std::size_t at = text.find(name); at != std::string::npos; at = text.find(name, at + value.size()))
+    text.replace(at, name.size(), value);
+}
+
 bool is_in_path(const std::string& program) {
   const char* path = std::getenv("PATH");
   for (const std::string& folder : separated(path == nullptr ? "" : path, ':')) {
@@ -134,6 +139,21 @@ Adapter read_adapter(const fs::path& folder) {
   adapter.command = root.text("command").value_or("./run");
   if (auto leaves = root.section("leaves")) read_leaves(*leaves, adapter);
   root.require_all_keys_used();
+  return adapter;
+}
+
+Adapter command_adapter(std::string command, const fs::path& folder) {
+  replace_all(command, "{dataset}", "\"$DATASET\"");
+  replace_all(command, "{out}", "\"$OUT\"");
+  Adapter adapter;
+  adapter.folder = folder;
+  adapter.name = "command";
+  adapter.title = "the command";
+  adapter.lenses = {"any"};
+  adapter.inputs = {Input::kImages};
+  adapter.layout = kUnconverted;
+  adapter.command = std::move(command);
+  adapter.map = "map.ply";
   return adapter;
 }
 

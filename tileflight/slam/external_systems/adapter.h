@@ -50,6 +50,11 @@ struct Adapter {
 /// Reads FOLDER/adapter.yaml. Throws InputError (file, line, key).
 Adapter read_adapter(const std::filesystem::path& folder);
 
+/// Returns the adapter of an experiment's `odometry.command`: a shell command, run in `folder`, in which {dataset} and
+/// {out} stand for the dataset and the folder where it leaves trajectory.txt (TUM, camera to world) and map.ply. It
+/// reads the dataset as it is, with any lens.
+Adapter command_adapter(std::string command, const std::filesystem::path& folder);
+
 /// Returns the folders that hold adapters, those of the user first: the environment's TILEFLIGHT_ADAPTERS (separated by
 /// ':'), `adapters` of the working directory, of the installed program and of its source tree.
 std::vector<std::filesystem::path> adapter_folders();

@@ -42,6 +42,29 @@ class RunSystem : public ::testing::Test {
   tests::TemporaryFolder folder_;
 };
 
+TEST_F(RunSystem, RunsTheCommandOfAnExperiment) {
+  fs::create_directories(folder_ / "a folder");
+  std::ofstream(folder_ / "a folder/map.xyz") << "0 0 1\n0 1 1\n";
+  const SystemRunOptions options{.limits = {}, .program = {}, .replace = true};
+  const std::string command = "cp {dataset}/groundtruth.txt {out}/trajectory.txt && cp map.xyz {out}/map.ply";
+  const json about =
+      run_system(command_adapter(command, folder_ / "a folder"), folder_ / "data", folder_ / "the output", options);
+  EXPECT_EQ(about["system"]["completed"], false);
+  EXPECT_THAT(about["system"]["reason"].get<std::string>(), HasSubstr("map.ply")) << "its content is no PLY";
+  geometry::PointCloud cloud;
+  cloud.positions = {{0, 0, 1}, {0, 1, 1}};
+  geometry::write_cloud(folder_ / "a folder/map.ply", cloud);
+  const json whole = run_system(
+      command_adapter("cp {dataset}/groundtruth.txt {out}/trajectory.txt; cp map.ply {out}", folder_ / "a folder"),
+      folder_ / "data", folder_ / "the output", options);
+  EXPECT_EQ(whole["system"]["reason"], "");
+  EXPECT_EQ(whole["frames_tracked"], 4);
+  EXPECT_EQ(geometry::read_cloud(folder_ / "the output/map.ply").size(), 2U);
+  const json none =
+      run_system(command_adapter("true", folder_.path()), folder_ / "data", folder_ / "the output", options);
+  EXPECT_EQ(none["system"]["reason"], "the command: left no trajectory.txt");
+}
+
 TEST_F(RunSystem, LeavesAnOdometryFolderWithItsMeasurements) {
   const json about =
       run("leaves: {map: map.xyz}\n",

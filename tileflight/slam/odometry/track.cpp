@@ -298,8 +298,10 @@ TrackResult track(const fs::path& dataset_folder, const fs::path& out, bool repl
       rig ? rig->reference : dataset::read_dataset(dataset_folder, {options.camera, options.camera_id});
   const TrackingCamera view = make_tracking_camera(data.calibration, options.rectify_fov_deg);
   if (options.colmap) exports::require_colmap_lens(view.calibration.camera);
-  const base::OutputFolder output =
-      odometry_output_folder(out, replace, {dataset_folder, options.camera, options.mask, options.init_from});
+  const base::OutputFolder output{.folder = out,
+                                  .command = "odometry",
+                                  .replace = replace,
+                                  .inputs = {dataset_folder, options.camera, options.mask, options.init_from}};
   std::vector<std::string> notes = add_rectification_note(data.warnings, data.calibration, view);
   notes.insert(notes.end(), rig_warnings.begin(), rig_warnings.end());
   std::optional<inertial::InertialInput> readings;

@@ -97,15 +97,4 @@ struct TrackResult {
 TrackResult track(const std::filesystem::path& dataset_folder, const std::filesystem::path& out, bool replace,
                   const TrackOptions& options = {}, const Progress& progress = {});
 
-/// Describes the output folder of any odometry program: the files by which such a folder is recognised, and the inputs
-/// that must not be overwritten.
-base::OutputFolder odometry_output_folder(const std::filesystem::path& out, bool replace,
-                                          std::vector<std::filesystem::path> inputs);
-
-/// Runs an external odometry program instead: a shell command with {dataset} and {out} substituted (each quoted for the
-/// shell), executed in `folder`. It must write trajectory.txt and map.ply into {out}; odometry.json is added if it
-/// writes none. Throws InputError if the command fails or writes no trajectory.txt or map.ply.
-nlohmann::json track_with_command(const std::filesystem::path& dataset_folder, const std::filesystem::path& out,
-                                  bool replace, const std::string& command, const std::filesystem::path& folder);
-
 }  // namespace tileflight::odometry
