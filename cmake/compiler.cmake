@@ -44,12 +44,10 @@ if(TILEFLIGHT_COVERAGE)
     USES_TERMINAL)
 endif()
 
-# Under the sanitizers, most tests take longer to compile than to run. Tests that compute little are not optimised. The
-# others must be: where a test and its library instantiate the same template, the linker may keep the test's code.
+# Most tests take longer to compile than to run. Tests that compute little are not optimised. The others must be: where a
+# test and its library instantiate the same template, the linker may keep the test's code.
 add_library(tileflight_plain_tests INTERFACE)
-if(TILEFLIGHT_SANITIZE)
-  target_compile_options(tileflight_plain_tests INTERFACE -O0)
-endif()
+target_compile_options(tileflight_plain_tests INTERFACE $<$<NOT:$<CONFIG:Release>>:-O0>)
 
 # Code that no user waits for is compiled quickly in a Release build: -O3 takes three times as long as -O1.
 add_library(tileflight_quickly_compiled INTERFACE)

@@ -17,15 +17,6 @@ struct PixelRegion {
   bool operator==(const PixelRegion&) const = default;
 };
 
-/// Copies a region's pixels to another image of the same size; does nothing for empty images.
-template <class ImageType>
-void copy_region(const PixelRegion& region, const ImageType& from, ImageType& to) {
-  if (from.empty()) return;
-  for (int y = region.y0; y < region.y1; ++y) {
-    for (int x = region.x0; x < region.x1; ++x) to(x, y) = from(x, y);
-  }
-}
-
 using Rgb8 = std::array<std::uint8_t, 3>;  ///< red, green, blue; encoded as in the file (sRGB-like)
 
 /// Pixels in rows from the top, no padding: pixel (x, y) is pixels[y * width + x]; its centre is at (x, y).

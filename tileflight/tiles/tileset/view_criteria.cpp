@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 
 #include "tileflight/tiles/tileset/view_cone_tree.h"
 
@@ -86,32 +87,6 @@ double pixels_per_rad(const imaging::Camera& camera, const Vec3& ray) {
   return Eigen::JacobiSVD<Eigen::Matrix2d>(d_pixel_d_angle).singularValues()(panorama ? 1 : 0);
 }
 
-/// Rays through a region's pixels on a grid that includes the outer edges of its border pixels.
-struct RegionRays {
-  std::vector<Vec3> valid;  ///< unit length, camera frame
-  bool some_are_invalid = false;
-  double largest_step_rad = 0.0;  ///< angle between neighbours in a row
-};
-
-RegionRays sample_rays(const imaging::Camera& camera, const imaging::PixelRegion& region, double step_px) {
-  const int columns = static_cast<int>(std::ceil(region.width() / step_px));
-  const int rows = static_cast<int>(std::ceil(region.height() / step_px));
-  RegionRays rays;
-  for (int j = 0; j <= rows; ++j) {
-    std::optional<Vec3> before;
-    for (int i = 0; i <= columns; ++i) {
-      const Vec2 pixel(region.x0 + region.width() * static_cast<double>(i) / columns - 0.5,
-                       region.y0 + region.height() * static_cast<double>(j) / rows - 0.5);
-      const std::optional<Vec3> ray = camera.unproject(pixel);
-      if (ray) rays.valid.push_back(*ray);
-      if (ray && before) rays.largest_step_rad = std::max(rays.largest_step_rad, angle_between_rad(*ray, *before));
-      rays.some_are_invalid = rays.some_are_invalid || !ray;
-      before = ray;
-    }
-  }
-  return rays;
-}
-
 /// Unit normals of the frustum's four sides, pointing inwards, local frame.
 std::array<Vec3, 4> frustum_sides(const ViewerCamera& camera) {
   const double tan_x = std::tan(camera.horizontal_fov_deg * std::numbers::pi / 360.0);
@@ -149,23 +124,6 @@ ViewCone view_cone_of(const imaging::Camera& camera) {
   if (!camera.unproject({-0.5, -0.5})) eye.half_angle_rad = std::max(eye.half_angle_rad, camera.max_theta_rad());
   eye.half_angle_rad = std::min(eye.half_angle_rad, std::numbers::pi);
   return eye;
-}
-
-std::optional<ViewCone> view_cone_of_region(const imaging::Camera& camera, const imaging::PixelRegion& region) {
-  constexpr double kStep_px = 8.0, kStepAtLimit_px = 0.5;
-  RegionRays rays = sample_rays(camera, region, kStep_px);
-  const bool meets_limit = rays.some_are_invalid;  // of the lens's valid cone, which then runs between the samples
-  if (meets_limit) rays = sample_rays(camera, region, kStepAtLimit_px);
-  if (rays.valid.empty()) return std::nullopt;
-  Vec3 sum = Vec3::Zero();
-  for (const Vec3& ray : rays.valid) sum += ray;
-  ViewCone cone{.axis = sum.norm() > 1e-6 ? sum.normalized() : Vec3::UnitZ(), .half_angle_rad = 0.0};
-  for (const Vec3& ray : rays.valid)
-    cone.half_angle_rad = std::max(cone.half_angle_rad, angle_between_rad(ray, cone.axis));
-  // Between samples, a ray may be farther from the axis by what the lens bends over a step.
-  const double margin_rad = (meets_limit ? 1.0 : 0.1) * rays.largest_step_rad;
-  cone.half_angle_rad = std::min(std::numbers::pi, cone.half_angle_rad + margin_rad);
-  return cone;
 }
 
 std::vector<ViewCone> view_cones_along(const imaging::Camera& camera, const std::vector<SE3>& T_local_camera) {

@@ -3,7 +3,6 @@
 #include <cstddef>
 #include <limits>
 #include <numbers>
-#include <optional>
 #include <vector>
 
 #include "tileflight/core/imaging/camera.h"
@@ -24,10 +23,6 @@ struct ViewCone {
 /// Returns the cone and resolution of a lens, from its pixels' rays on a grid (exact on the grid, which includes the
 /// corners and the centre; lenses change slowly in between). Position and axis keep ViewCone's defaults.
 ViewCone view_cone_of(const imaging::Camera& camera);
-
-/// Returns a cone that contains the rays of a region's pixels, to their outer edges, in the camera's frame: position 0,
-/// and `axis` in its middle. Its resolution is not set. nullopt if no pixel of the region sees anything.
-std::optional<ViewCone> view_cone_of_region(const imaging::Camera& camera, const imaging::PixelRegion& region);
 
 /// Returns the lens's view cone at each pose (camera to local).
 std::vector<ViewCone> view_cones_along(const imaging::Camera& camera, const std::vector<geometry::SE3>& T_local_camera);

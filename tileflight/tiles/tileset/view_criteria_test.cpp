@@ -110,45 +110,6 @@ TEST(EyeOf, APanoramaLooksEverywhereAsSharpAsItsColumns) {
   EXPECT_NEAR(eye.pixels_per_rad, 1000.0 / kPi, 1e-6 * eye.pixels_per_rad);  // not endless at the poles
 }
 
-TEST(EyeOf, ARegionsConeHoldsItsPixelsAndLittleMore) {
-  Chance chance(5);
-  const std::vector<imaging::Camera> cameras{
-      imaging::make_pinhole(640, 480, 95.0), imaging::make_fisheye(333, 181, 150.0, {-0.02, 0.001, 0, 0}),
-      imaging::make_fisheye(200, 200, 170.0, {-0.1, 0, 0, 0}), imaging::make_panorama(256, 128)};
-  int checked = 0, blind = 0;
-  for (int trial = 0; trial < 400; ++trial) {
-    const imaging::Camera& camera = cameras[static_cast<std::size_t>(trial) % cameras.size()];
-    imaging::PixelRegion region;
-    region.x0 = static_cast<int>(chance.within(0, camera.width() - 1));
-    region.y0 = static_cast<int>(chance.within(0, camera.height() - 1));
-    region.x1 = std::min(camera.width(), region.x0 + static_cast<int>(chance.within(1, 90)));
-    region.y1 = std::min(camera.height(), region.y0 + static_cast<int>(chance.within(1, 60)));
-    const std::optional<ViewCone> cone = view_cone_of_region(camera, region);
-    double widest_rad = 0.0;
-    bool sees = false;
-    for (int y = region.y0; y < region.y1; ++y) {
-      for (int x = region.x0; x < region.x1; ++x) {
-        const auto ray = camera.unproject({static_cast<double>(x), static_cast<double>(y)});
-        if (!ray) continue;
-        sees = true;
-        ASSERT_TRUE(cone) << x << " " << y;
-        const double angle_rad = std::acos(std::clamp(ray->normalized().dot(cone->axis), -1.0, 1.0));
-        EXPECT_LE(angle_rad, cone->half_angle_rad) << x << " " << y;
-        widest_rad = std::max(widest_rad, angle_rad);
-        ++checked;
-      }
-    }
-    if (!sees) {
-      ++blind;
-      continue;
-    }
-    const double pixel_rad = 0.1;  // of the coarsest lens at its limit, where a pixel covers most
-    EXPECT_LE(cone->half_angle_rad, 1.1 * widest_rad + pixel_rad);
-  }
-  EXPECT_GT(checked, 100000);
-  EXPECT_GT(blind, 0);
-}
-
 TEST(WantedFlight, NothingWithinTheConeIsLeftOut) {
   Chance chance(2);
   int culled = 0;

@@ -1,7 +1,8 @@
 #include "tileflight/world/scene/clearance.h"
 
-#include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstddef>
 #include <numbers>
 
 namespace tileflight::scene {
@@ -10,8 +11,7 @@ namespace {
 
 using geometry::Vec3;
 
-constexpr std::size_t kDirections = SurroundingRays::kDirections;
-using Side = SurroundingRays::Side;
+constexpr std::size_t kDirections = 128;
 
 /// Evenly spread directions: successive points differ by the golden angle, heights in equal steps (Swinbank and Purser,
 /// Quarterly Journal of the Royal Meteorological Society 132, 2006).
@@ -33,46 +33,22 @@ const std::array<Vec3, kDirections>& directions() {
 
 }  // namespace
 
-void SurroundingRays::add(const SurroundingRays& other) {
-  clearance_m = std::min(clearance_m, other.clearance_m);
-  above_ground_m = std::min(above_ground_m, other.above_ground_m);
-  for (std::size_t i = 0; i < kDirections; ++i) {
-    if (other.side[i] == Side::kNone || (side[i] != Side::kNone && distance_m[i] <= other.distance_m[i])) continue;
-    distance_m[i] = other.distance_m[i];
-    side[i] = other.side[i];
-  }
-}
-
-Surroundings SurroundingRays::judge() const {
-  int fronts = 0, backs = 0, upwards = 0, backs_upwards = 0;
-  for (std::size_t i = 0; i < kDirections; ++i) {
-    fronts += side[i] == Side::kFront ? 1 : 0;
-    backs += side[i] == Side::kBack ? 1 : 0;
-    if (directions()[i].z() < 0.5) continue;  // within 60 degrees of vertical
-    ++upwards;
-    backs_upwards += side[i] == Side::kBack ? 1 : 0;
-  }
-  return {clearance_m, above_ground_m, backs > fronts && 2 * backs_upwards > upwards};
-}
-
-SurroundingRays look_around(const Scene& scene, const Vec3& point, double reach_m, double inside_reach_m) {
-  SurroundingRays around;
+Surroundings find_surroundings(const Scene& scene, const Vec3& point, double reach_m, double inside_reach_m) {
+  Surroundings around;
   if (const auto nearest = scene.distance_to_surface_m(point, reach_m)) around.clearance_m = *nearest;
   if (const auto below = scene.intersect({point, -Vec3::UnitZ()})) around.above_ground_m = below->distance_m;
-  for (std::size_t i = 0; i < kDirections; ++i) {
-    const Vec3& direction = directions()[i];
+  int fronts = 0, backs = 0, upwards = 0, backs_upwards = 0;
+  for (const Vec3& direction : directions()) {
+    const bool is_upward = direction.z() >= 0.5;  // within 60 degrees of vertical
+    upwards += is_upward ? 1 : 0;
     const auto hit = scene.intersect({point, direction}, inside_reach_m);
     if (!hit) continue;
-    around.distance_m[i] = hit->distance_m;
-    around.side[i] = scene.normal(*hit).dot(direction) > 0 ? Side::kBack : Side::kFront;
+    const bool is_back = scene.normal(*hit).dot(direction) > 0;
+    (is_back ? backs : fronts) += 1;
+    backs_upwards += is_back && is_upward ? 1 : 0;
   }
+  around.inside = backs > fronts && 2 * backs_upwards > upwards;
   return around;
-}
-
-using geometry::Vec3;
-
-Surroundings find_surroundings(const Scene& scene, const Vec3& point, double reach_m, double inside_reach_m) {
-  return look_around(scene, point, reach_m, inside_reach_m).judge();
 }
 
 bool path_hits_surface(const Scene& scene, std::span<const Vec3> way) {

@@ -1,11 +1,8 @@
 #pragma once
 
-// Whether a camera can follow a flight path: distance to surfaces, whether it is inside a solid, whether it crosses a
-// surface.
+// Tells whether a camera can follow a flight path: its distance to surfaces, and whether it is inside a solid or
+// crosses a surface.
 
-#include <array>
-#include <cstddef>
-#include <cstdint>
 #include <limits>
 #include <span>
 
@@ -33,27 +30,5 @@ Surroundings find_surroundings(const Scene& scene, const geometry::Vec3& point, 
 
 /// Tells whether a surface intersects the polyline through these points.
 bool path_hits_surface(const Scene& scene, std::span<const geometry::Vec3> way);
-
-/// Hits of rays from a point, from which judge() finds its Surroundings. The hits in several scenes, each of which
-/// holds some of a place's surfaces, add up to those in the whole place (if surfaces are equally far to the last digit,
-/// the other one's side may count).
-struct SurroundingRays {
-  static constexpr std::size_t kDirections = 128;
-  /// Visible face of the first surface along a direction.
-  enum class Side : std::uint8_t { kNone, kFront, kBack };
-
-  double clearance_m = std::numeric_limits<double>::infinity();
-  double above_ground_m = std::numeric_limits<double>::infinity();
-  std::array<double, kDirections> distance_m{};  ///< to the first surface; of no meaning where there is none
-  std::array<Side, kDirections> side{};
-
-  /// Adds the hits of the same rays in another scene.
-  void add(const SurroundingRays& other);
-  Surroundings judge() const;
-};
-
-/// Casts the rays in a scene. The parameters are those of find_surroundings().
-SurroundingRays look_around(const Scene& scene, const geometry::Vec3& point, double reach_m,
-                            double inside_reach_m = 1e9);
 
 }  // namespace tileflight::scene

@@ -132,41 +132,6 @@ TEST(Clearance, UnderABridgeThatWasOnlySeenFromAbove) {
   EXPECT_FALSE(find_surroundings(place({deck}), {0, 0, 5}, kReach_m).inside);
 }
 
-/// Every triangle of these meshes is in one of three scenes, and what rays from a point meet in each is added.
-TEST(Clearance, RaysOfSeveralScenesAddUpToThoseOfOne) {
-  const TexturedMesh hills = height_field(30, 120.0, Vec3(50, -70, 300),
-                                          [](double x, double y) { return 8 * std::sin(x / 9) * std::cos(y / 7); });
-  const TexturedMesh house = box({40, -80, 295}, {52, -66, 312}, Open::kBottom);
-  const Vec3 anchor(50, -70, 300);
-  const Scene whole({hills, house}, anchor);
-  std::mt19937_64 random(7);
-  std::vector<TexturedMesh> thirds(3);
-  for (const TexturedMesh* mesh : {&hills, &house}) {
-    for (const geometry::Triangle& t : mesh->mesh.triangles) {
-      geometry::TriangleMesh& third = thirds[random() % 3].mesh;
-      const auto first = static_cast<std::uint32_t>(third.vertices.size());
-      for (const std::uint32_t corner : t) third.vertices.push_back(mesh->mesh.vertices[corner]);
-      third.triangles.push_back({first, first + 1, first + 2});
-    }
-  }
-  std::vector<Scene> scenes;
-  for (TexturedMesh& third : thirds) scenes.emplace_back(std::vector{std::move(third)}, anchor);
-  int inside = 0;
-  for (int i = 0; i < 100; ++i) {
-    const Vec3 point = anchor + test_shapes::uniform_vector(random, 15.0);
-    const SurroundingRays expected = look_around(whole, point, kReach_m, 64.0);
-    SurroundingRays sum;
-    for (const Scene& scene : scenes) sum.add(look_around(scene, point, kReach_m, 64.0));
-    EXPECT_EQ(sum.clearance_m, expected.clearance_m);
-    EXPECT_EQ(sum.above_ground_m, expected.above_ground_m);
-    EXPECT_EQ(sum.side, expected.side);
-    EXPECT_EQ(sum.judge().inside, find_surroundings(whole, point, kReach_m, 64.0).inside);
-    inside += sum.judge().inside ? 1 : 0;
-  }
-  EXPECT_GT(inside, 20);
-  EXPECT_LT(inside, 80);
-}
-
 TEST(Clearance, AScannedRoomIsToBeIn) {
   TexturedMesh room = box({-5, -5, 0}, {5, 5, 3});
   for (geometry::Triangle& t : room.mesh.triangles) std::swap(t[1], t[2]);
