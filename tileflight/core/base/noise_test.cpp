@@ -75,7 +75,8 @@ TEST(Noise, FractalHasMeanZeroAndTheDeviationThatPhotogrammetryCountsOn) {
   double sum = 0, squares = 0;
   constexpr int kCount = 40000;
   for (int i = 0; i < kCount; ++i) {
-    const double v = fractal_noise_3d(0.731 * (i % 200), 0.577 * (i / 200), 0.619 * (i % 37), 3, 3);
+    const int column = i % 200, row = i / 200;
+    const double v = fractal_noise_3d(0.731 * column, 0.577 * row, 0.619 * (i % 37), 3, 3);
     sum += v;
     squares += v * v;
   }

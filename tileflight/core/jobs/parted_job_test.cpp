@@ -62,7 +62,7 @@ class PartedJobs : public ::testing::Test {
     const std::string condition = "[ ! -e stop ]";
     program.replace(program.find(condition), condition.size(), "[ ! -e stop -o \"$2\" != 3 ]");
     std::ofstream(folder_ / "tileflight") << program;
-    std::ofstream(folder_ / "stop");
+    std::ofstream(folder_ / "stop") << "";
   }
   std::vector<std::string> calls() {
     std::vector<std::string> lines;
@@ -84,7 +84,7 @@ TEST_F(PartedJobs, MakePartsAndThenTheOutput) {
 }
 
 TEST_F(PartedJobs, GoOnWhereTheyStopped) {
-  std::ofstream(folder_ / "stop");
+  std::ofstream(folder_ / "stop") << "";
   EXPECT_THAT(refusal_of([&] { run(job()); }),
               ::testing::AllOf(HasSubstr("task part-1: failed: disk is full"), HasSubstr("the same command goes on")));
   calls();
@@ -101,7 +101,7 @@ TEST_F(PartedJobs, DoAgainWhatOtherInputsGaveOrWhatIsGone) {
   fs::remove(folder_ / "stop");
   EXPECT_EQ(run(job("another"))["parts"], 3);
   EXPECT_EQ(calls().size(), 4U) << "from other inputs";
-  std::ofstream(folder_ / "stop");
+  std::ofstream(folder_ / "stop") << "";
   EXPECT_THAT(refusal_of([&] { run(job()); }), HasSubstr("task part-3"));
   calls();
   fs::remove_all(folder_ / "build");

@@ -102,8 +102,8 @@ void run_with_snakemake(const std::vector<Task>& tasks, const fs::path& folder, 
         "--jobs",
         std::to_string(options.jobs),
         "--cluster",
-        "sbatch --parsable --requeue --cpus-per-task={threads} --mem={resources.mem_mb} --time={resources.runtime} "
-        "--output=logs/slurm-%j.txt",
+        ("sbatch --parsable --requeue --cpus-per-task={threads} --mem={resources.mem_mb} --time={resources.runtime} "
+         "--output=logs/slurm-%j.txt"),
         "--cluster-status",
         "./slurm-status",
         "--cluster-cancel",

@@ -44,7 +44,7 @@ void SendQueue::forget(ChannelId channel) {
   }
 }
 
-void SendQueue::remove(std::deque<Entry>::iterator at) {
+void SendQueue::remove(const std::deque<Entry>::iterator& at) {
   if (!at->is_latched) {
     const std::size_t size = at->message.bytes->size();
     ChannelLoad& load = loads_[at->message.channel];

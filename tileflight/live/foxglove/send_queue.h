@@ -59,7 +59,7 @@ class SendQueue {
   };
 
   bool is_over(const ChannelLoad& load) const;
-  void remove(std::deque<Entry>::iterator at);
+  void remove(const std::deque<Entry>::iterator& at);
   void drop_oldest_of(ChannelId channel);
   ChannelId heaviest_channel() const;
 

@@ -120,8 +120,9 @@ void Server::Impl::add(tcp::socket socket) {
 void Server::Impl::evict_finished_client() {
   const auto ended = std::ranges::find_if(connections, [](const auto& one) { return one->has_finished_sending(); });
   if (ended == connections.end()) return;
-  const std::shared_ptr<Connection> one = *ended;
-  one->close("idle, and another client needs its connection");
+  const std::shared_ptr<Connection> kept =
+      *ended;  // NOLINT(performance-unnecessary-copy-initialization): closing erases it
+  kept->close("idle, and another client needs its connection");
 }
 
 void Server::Impl::tick() {

@@ -50,7 +50,8 @@ class ServerTest : public testing::Test {
     table.add<bool>("ping", [] { return true; });
     table.add<float, float, float>("add", [](float a, float b) { return a + b; });
     table.add<std::string, std::string>("echo", [](std::string text) { return text; });
-    table.add<std::string, std::string, std::string>("echo", [](std::string a, std::string b) { return a + b; });
+    table.add<std::string, std::string, std::string>("echo",
+                                                     [](const std::string& a, const std::string& b) { return a + b; });
     table.add<std::vector<std::uint8_t>, std::uint32_t>(
         "blob", [](std::uint32_t n) { return std::vector<std::uint8_t>(n, 7); });
     table.add<void>("fail", []() { throw std::runtime_error("it is \xff raining\nagain"); });

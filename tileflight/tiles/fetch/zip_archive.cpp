@@ -114,7 +114,7 @@ void ZipArchive::read_directory(const Directory& directory) {
 void ZipArchive::check_index() {
   constexpr std::size_t kIndexEntry = 24;
   if (size(kIndexName) == std::nullopt) {
-    warnings_.push_back("the archive has no index; its directory is used");
+    warnings_.emplace_back("the archive has no index; its directory is used");
     return;
   }
   using Hash = std::pair<std::uint64_t, std::uint64_t>;
@@ -128,7 +128,7 @@ void ZipArchive::check_index() {
     last = hash;
     index[hash] = base::read_raw<std::uint64_t>(bytes, i + 16);
   }
-  if (!sorted) warnings_.push_back("the archive's index is not sorted; its directory is used");
+  if (!sorted) warnings_.emplace_back("the archive's index is not sorted; its directory is used");
   for (const auto& [path, entry] : entries_) {
     if (path == kIndexName || path.ends_with('/')) continue;
     const std::array<std::uint8_t, 16> digest = base::md5(path);
@@ -137,7 +137,7 @@ void ZipArchive::check_index() {
     std::memcpy(&hash.second, digest.data() + 8, 8);
     const auto it = index.find(hash);
     if (it != index.end() && it->second == entry.header_offset) continue;
-    warnings_.push_back("the archive's index does not point to '" + path + "'; its directory is used");
+    warnings_.emplace_back("the archive's index does not point to '" + path + "'; its directory is used");
     return;
   }
 }
