@@ -56,7 +56,7 @@ void add_foxglove_options(CLI::App& command, FoxgloveOptions& options) {
       ->check(CLI::Range(0, 65535))
       ->needs(wanted)
       ->capture_default_str();
-  command.add_option("--foxglove-rate", options.image_rate_hz, "pictures and scans per second for viewers, at most")
+  command.add_option("--foxglove-rate", options.image_rate_hz, "images and scans per second for viewers, at most")
       ->check(CLI::Range(0.1, publishing::kMaxImageRate_hz))
       ->needs(wanted)
       ->capture_default_str();
@@ -117,7 +117,7 @@ CLI::Option* add_ros2_options(CLI::App& command, Ros2Options& options) {
 }
 
 void add_ros2_rate_option(CLI::App& command, CLI::Option& wanted, Ros2Options& options) {
-  command.add_option("--ros2-rate", options.image_rate_hz, "pictures and scans per second for ROS 2, at most")
+  command.add_option("--ros2-rate", options.image_rate_hz, "images and scans per second for ROS 2, at most")
       ->check(CLI::Range(0.1, publishing::kMaxImageRate_hz))
       ->needs(&wanted)
       ->capture_default_str();

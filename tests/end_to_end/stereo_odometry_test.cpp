@@ -130,7 +130,7 @@ TEST_F(StereoOdometryCommand, BrokenPicturesOfTheOtherCameraAreCounted) {
 
 TEST_F(StereoOdometryCommand, WhatCannotBeIsRefusedInOneLine) {
   write_rig(dataset_, 0.005);
-  expect_refused({}, "camera right has no picture within 0.1 ms of one of camera left (the nearest: 5 ms)");
+  expect_refused({}, "camera right has no image within 0.1 ms of one of camera left (the nearest: 5 ms)");
   expect_refused({"--camera", "middle"}, "\"middle\" is none of the rig's cameras (left, right)");
   expect_refused({"--init-from", (dataset_ / "groundtruth.txt").string()},
                  "--init-from: and --mode stereo both decide on frame and scale");

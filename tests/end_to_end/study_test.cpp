@@ -249,7 +249,7 @@ TEST(StudyOfDatasets, TakesFoldersFromElsewhereAsTheyLie) {
   EXPECT_EQ(study["ranking"][0]["system"], "tileflight");
   EXPECT_TRUE(study["kendall_tau"].is_null()) << "nobody flew there in simulation";
   const std::string page = file_text(folder / "out/study.html");
-  EXPECT_THAT(page, HasSubstr("Picture of the flight"));
+  EXPECT_THAT(page, HasSubstr("Image of the flight"));
   for (const char* name : {"hills, euroc", "hills, vslamlab", "hills, own"}) EXPECT_THAT(page, HasSubstr(name));
   tests::expect_same_files(folder / "euroc", folder / "untouched");
 

@@ -117,7 +117,7 @@ std::vector<std::string> collect_warnings(const PreviewedFlight& flight, const F
   if (checked_coarser)
     warnings.emplace_back("the path was checked against coarser tiles because of the memory limit (--memory)");
   if (const std::size_t cameras = flight.mission.camera_count(); cameras > 1)
-    warnings.push_back("pictures, views and tiles are those of the first of " + std::to_string(cameras) + " cameras");
+    warnings.push_back("images, views and tiles are those of the first of " + std::to_string(cameras) + " cameras");
   append(coarser_picture_warnings(flight, pictures));
   append(missing_tile_warnings(missing));
   append(flight.place.warnings());

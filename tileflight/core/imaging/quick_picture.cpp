@@ -52,7 +52,7 @@ std::vector<std::byte> encode_quick_picture(const RgbImage& image) {
   const std::size_t most = ZSTD_compressBound(size);
   const auto compressed = std::make_unique_for_overwrite<std::byte[]>(most);
   const std::size_t written = ZSTD_compress(compressed.get(), most, differences.get(), size, kQuickLevel);
-  if (ZSTD_isError(written) != 0U) throw std::runtime_error("Zstandard: a picture was not compressed");
+  if (ZSTD_isError(written) != 0U) throw std::runtime_error("Zstandard: an image was not compressed");
   std::vector<std::byte> bytes(sizeof(header) + written);
   std::memcpy(bytes.data(), &header, sizeof(header));
   std::memcpy(bytes.data() + sizeof(header), compressed.get(), written);
@@ -62,11 +62,11 @@ std::vector<std::byte> encode_quick_picture(const RgbImage& image) {
 RgbImage decode_quick_picture(std::span<const std::byte> bytes, const std::string& name) {
   QuickHeader header;
   const std::uint64_t mark = header.mark;
-  if (bytes.size() < sizeof(header)) throw InputError(name, "is no kept picture");
+  if (bytes.size() < sizeof(header)) throw InputError(name, "is no kept image");
   std::memcpy(&header, bytes.data(), sizeof(header));
   const std::uint64_t pixels = std::uint64_t{header.width} * header.height;
   if (header.mark != mark || pixels == 0 || pixels > static_cast<std::uint64_t>(DecodeLimits().max_pixels))
-    throw InputError(name, "is no kept picture");
+    throw InputError(name, "is no kept image");
   const std::vector<std::byte> differences =
       base::decompress_zstd(bytes.subspan(sizeof(header)), kChannels * pixels, name);
   RgbImage image(static_cast<int>(header.width), static_cast<int>(header.height));

@@ -37,7 +37,7 @@ TEST(QuickPicture, RefusesWhatIsNotWhole) {
   };
   constexpr std::size_t kHeader = 16;  // mark and size
   for (std::size_t size = 0; size < whole.size(); ++size) {
-    const char* why = size < kHeader    ? "is no kept picture"
+    const char* why = size < kHeader    ? "is no kept image"
                       : size == kHeader ? "unpacks to fewer bytes than it should"
                                         : "its Zstandard data are malformed";
     EXPECT_EQ(refusal_of(std::span(whole).first(size)), std::string("kept: ") + why) << size;
@@ -45,12 +45,12 @@ TEST(QuickPicture, RefusesWhatIsNotWhole) {
   for (std::size_t byte = 0; byte < kHeader; ++byte) {
     std::vector<std::byte> damaged = whole;
     damaged[byte] ^= std::byte{0x40};
-    EXPECT_THAT(refusal_of(damaged), testing::AnyOf(HasSubstr("is no kept picture"), HasSubstr("declares more bytes"),
+    EXPECT_THAT(refusal_of(damaged), testing::AnyOf(HasSubstr("is no kept image"), HasSubstr("declares more bytes"),
                                                     HasSubstr("unpacks to fewer bytes"), HasSubstr("are malformed")))
         << byte;
   }
   EXPECT_THAT(tests::refusal_of([&] { decode_quick_picture(std::span(whole).first(8), "frames/000001.picture"); }),
-              HasSubstr("frames/000001.picture: is no kept picture"));
+              HasSubstr("frames/000001.picture: is no kept image"));
 }
 
 }  // namespace

@@ -70,11 +70,10 @@ CameraSynchronisation match(const CameraTimes& camera, const CameraTimes& first,
     result.largest_skew_s = std::max(result.largest_skew_s, std::abs(later_s));
   }
   if (offsets_s.empty())
-    throw InputError("camera " + camera.name, "takes no picture while " + first.name + " does (" +
-                                                  seconds_text(camera.times_s.front()) + " to " +
-                                                  seconds_text(camera.times_s.back()) + " against " +
-                                                  seconds_text(first.times_s.front()) + " to " +
-                                                  seconds_text(first.times_s.back()) + "): check their times");
+    throw InputError("camera " + camera.name,
+                     "takes no image while " + first.name + " does (" + seconds_text(camera.times_s.front()) + " to " +
+                         seconds_text(camera.times_s.back()) + " against " + seconds_text(first.times_s.front()) +
+                         " to " + seconds_text(first.times_s.back()) + "): check their times");
   result.pairs = offsets_s.size();
   result.offset_s = median_of(std::move(offsets_s));
   return result;
@@ -160,7 +159,7 @@ class Check {
     const std::string& first = cameras_.front().name;
     const std::string remedy = "; give the camchain a timeshift_cam_imu";
     if (!is_synchronised(camera)) {
-      add_fault(camera.name + " is not synchronised with " + first + ": its pictures are " +
+      add_fault(camera.name + " is not synchronised with " + first + ": its images are " +
                 milliseconds(std::abs(camera.offset_s)) + (camera.offset_s < 0 ? " earlier" : " later") +
                 " (median), " + std::to_string(camera.matched) + " of " + std::to_string(camera.pairs) +
                 " are within " + tolerance_text() + remedy + ", or a larger tolerance");
@@ -169,7 +168,7 @@ class Check {
     const double shift_s = shift_of_ends(cameras_[number], cameras_.front(), result_.tolerance_s);
     if (shift_s == 0.0) return true;
     add_fault(camera.name + " begins and ends " + milliseconds(std::abs(shift_s)) +
-              (shift_s < 0 ? " before " : " after ") + first + " with as many pictures, so its time stamps may be " +
+              (shift_s < 0 ? " before " : " after ") + first + " with as many images, so its time stamps may be " +
               (shift_s < 0 ? "early" : "late") + remedy);
     return false;
   }
@@ -182,7 +181,7 @@ class Check {
     result_.cameras[number].missing = missing.size();
     if (missing.empty()) return;
     add_fault(cameras_[number].name + ": " + std::to_string(missing.size()) +
-              (missing.size() == 1 ? " picture is" : " pictures are") + " missing, " +
+              (missing.size() == 1 ? " image is" : " images are") + " missing, " +
               (missing.size() == 1 ? "at " : "the first at ") + seconds_text(missing.front()));
   }
 
@@ -196,12 +195,12 @@ class Check {
     if (own.front() - all.first > most_s) {
       camera.starts_late_s = own.front() - all.first;
       add_fault(camera.name + " starts at " + seconds_text(own.front()) + ", " + seconds_text(camera.starts_late_s) +
-                " after the first picture of the rig");
+                " after the first image of the rig");
     }
     if (all.last - own.back() > most_s) {
       camera.stops_early_s = all.last - own.back();
       add_fault(camera.name + " stops at " + seconds_text(own.back()) + ", " + seconds_text(camera.stops_early_s) +
-                " before the last picture of the rig");
+                " before the last image of the rig");
     }
   }
 

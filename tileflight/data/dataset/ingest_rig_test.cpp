@@ -205,7 +205,7 @@ TEST_F(IngestRigTest, WhatIsWrongIsSaidInOneLineAndNothingRemains) {
   EXPECT_THAT(refusal(), HasSubstr("none: no such video file or image folder"));
   options_.common.groundtruth.clear();
   take(1, 0.0, {}, 100.0);
-  EXPECT_THAT(refusal(), HasSubstr("camera right: takes no picture while left does"));
+  EXPECT_THAT(refusal(), HasSubstr("camera right: takes no image while left does"));
   options_.cameras[1].calibration.camera = imaging::Camera(imaging::PinholeRadtan{50, 50, 31.5, 31.5, {}}, 64, 64);
   EXPECT_THAT(refusal(), HasSubstr("aspect ratio differs"));
   options_.cameras[1].name = "lidar";
@@ -260,13 +260,13 @@ TEST(Synchronisation, TheLargestSkewOfMatchedPairsIsSaid) {
 TEST(Synchronisation, AHundredMillisecondsAreNamedWhateverTheRate) {
   // The delay is less than half a period at 4 images a second, and whole frames at 20 and 10.
   EXPECT_THAT(of_pair(times(40, 5.0, 0.25), times(40, 5.1, 0.25)).faults,
-              ElementsAre("right is not synchronised with left: its pictures are 100 ms later (median), 0 of 40 are "
+              ElementsAre("right is not synchronised with left: its images are 100 ms later (median), 0 of 40 are "
                           "within 1 ms; give the camchain a timeshift_cam_imu, or a larger tolerance"));
   EXPECT_THAT(of_pair(times(40, 5.0, 0.25), times(40, 4.9, 0.25)).faults[0],
-              testing::HasSubstr("its pictures are 100 ms earlier (median)"));
+              testing::HasSubstr("its images are 100 ms earlier (median)"));
   EXPECT_THAT(
       of_pair(times(40, 5.0, 0.05), times(40, 5.1, 0.05)).faults,
-      ElementsAre("right begins and ends 100 ms after left with as many pictures, so its time stamps may be late; "
+      ElementsAre("right begins and ends 100 ms after left with as many images, so its time stamps may be late; "
                   "give the camchain a timeshift_cam_imu"));
   EXPECT_THAT(of_pair(times(40, 5.0, 0.1), times(40, 4.9, 0.1)).faults[0],
               testing::HasSubstr("right begins and ends 100 ms before left"));
@@ -289,12 +289,12 @@ TEST(Synchronisation, DroppedFramesAreCounted) {
 
 TEST(Synchronisation, ACameraThatStopsEarlyOrStartsLateIsNamed) {
   const Synchronisation found = of_pair(times(40, 5.0, 0.05), times(20, 5.0, 0.05));
-  EXPECT_THAT(found.faults, ElementsAre("right stops at 5.95 s, 1 s before the last picture of the rig"));
+  EXPECT_THAT(found.faults, ElementsAre("right stops at 5.95 s, 1 s before the last image of the rig"));
   EXPECT_NEAR(found.cameras[1].stops_early_s, 1.0, 1e-9);
   EXPECT_EQ(found.cameras[1].matched, 20U);
   EXPECT_EQ(found.cameras[1].missing, 0U);
   EXPECT_THAT(of_pair(times(40, 5.0, 0.05), times(36, 5.2, 0.05)).faults,
-              ElementsAre("right starts at 5.2 s, 0.2 s after the first picture of the rig"));
+              ElementsAre("right starts at 5.2 s, 0.2 s after the first image of the rig"));
 }
 
 TEST(Synchronisation, ASlowerCameraIsMatchedByItsOwnPictures) {
@@ -309,7 +309,7 @@ TEST(Synchronisation, ASlowerCameraIsMatchedByItsOwnPictures) {
 
 TEST(Synchronisation, CamerasThatNeverRunTogetherAreRefused) {
   EXPECT_EQ(tests::refusal_of([] { of_pair(times(10, 5.0, 0.05), times(10, 1.7e9, 0.05)); }),
-            "camera right: takes no picture while left does (1700000000 s to 1700000000.45 s against 5 s to 5.45 s): "
+            "camera right: takes no image while left does (1700000000 s to 1700000000.45 s against 5 s to 5.45 s): "
             "check their times");
 }
 

@@ -40,8 +40,8 @@ std::optional<std::vector<std::size_t>> frames_of_points(const MapInputs& map, c
     const double k = std::round(static_cast<double>(keyframe->second[i]));
     const auto found = k >= 0.0 && k < 1e9 ? frame_of.find(static_cast<std::size_t>(k)) : frame_of.end();
     if (found == frame_of.end()) {
-      throw InputError(keyframes_file(map).string(), "the keyframe of point " + std::to_string(i) +
-                                                         " is no picture of " + map.dataset.string() +
+      throw InputError(keyframes_file(map).string(), "the keyframe of point " + std::to_string(i) + " is no image of " +
+                                                         map.dataset.string() +
                                                          "; give the dataset from which the map was made");
     }
     result[i] = found->second;

@@ -316,7 +316,7 @@ Html frame_picture(const fs::path& folder) {
   const fs::path& file = frames[frames.size() / 2].image;
   const std::string type = file.extension() == ".png" ? "image/png" : "image/jpeg";
   return empty_element("img",
-                       {{"src", drawing::data_uri(type, base::read_text(file))}, {"alt", "Picture of the flight"}});
+                       {{"src", drawing::data_uri(type, base::read_text(file))}, {"alt", "Image of the flight"}});
 }
 
 /// Runs with a score, worst first, at most one of each system and flight.
@@ -374,7 +374,7 @@ Html notes_section(const json& study) {
     for (const json& note : run.at("notes")) {
       std::string line = run.at("folder").get<std::string>() + ": " + note.get<std::string>();
       if (const auto share = number_at(run, "/visible_share"); share && *share < 0.999)
-        line += " (" + drawing::format_percent(*share) + " of the native picture)";
+        line += " (" + drawing::format_percent(*share) + " of the native image)";
       lines.push_back(line);
     }
   }

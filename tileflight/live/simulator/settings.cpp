@@ -322,7 +322,7 @@ void check_vision(VehicleSettings& vehicle, StrictSection& section) {
   constexpr int kLeastSide_px = 64;
   const CaptureSettings& capture = named->captures[static_cast<std::size_t>(ImageType::kScene)];
   if (std::min(capture.width, capture.height) < kLeastSide_px)
-    throw section.error("VisionCamera", "its pictures are too small for odometry; at least 64 pixels a side");
+    throw section.error("VisionCamera", "its images are too small for odometry; at least 64 pixels a side");
 }
 
 VehicleSettings read_vehicle(const std::string& name, StrictSection section, Settings& settings,

@@ -185,7 +185,7 @@ TEST(VisionFlight, SettingsNameACameraOfTheVehicle) {
   refused(R"("VisionRate": 0)", "VisionRate' is 0, out of range: from 1 to 125");
   refused(R"("VisionLatency": 2)", "VisionLatency' is 2, out of range: from 0 to 1");
   refused(R"("VisionCamera": "a", "Cameras": {"a": {"CaptureSettings": [{"Width": 32}]}})",
-          "VisionCamera' its pictures are too small for odometry");
+          "VisionCamera' its images are too small for odometry");
   const auto read_ardupilot = [] {
     read_settings(R"({"Vehicles": {"A": {"VehicleType": "ArduCopter", "VisionOdometry": "FromPictures"}}})", "s");
   };

@@ -134,7 +134,7 @@ void report(const std::string& what, const std::string& remedy, const std::strin
   if (spans.empty()) return;
   check.warnings.push_back({what + " " + std::to_string(spans.size()) + " times, " + text(total_s(spans)) +
                                 " s in all, first at " + text(spans.front().from_s) +
-                                " s; the pictures alone bridge these parts",
+                                " s; the images alone bridge these parts",
                             where, Severity::kNote, remedy});
   check.unusable.insert(check.unusable.end(), spans.begin(), spans.end());
 }

@@ -87,7 +87,7 @@ GrayImage find_valid_region(const imaging::RgbImage& picture, const GrayImage& m
   if (mask.empty()) return erode(region, kReach_px);
   if (mask.width != picture.width || mask.height != picture.height) {
     throw InputError("mask", "is " + std::to_string(mask.width) + "x" + std::to_string(mask.height) +
-                                 ", the pictures are " + std::to_string(picture.width) + "x" +
+                                 ", the images are " + std::to_string(picture.width) + "x" +
                                  std::to_string(picture.height) + "; draw it at their size");
   }
   for (std::size_t i = 0; i < mask.pixels.size(); ++i) {

@@ -47,7 +47,7 @@ inline std::vector<keyframes::Observation> random_stereo_observations(int camera
   return observations;
 }
 
-/// Random window. `lens`: the intrinsics are unknowns too. `stereo_cameras`: each keyframe has pictures of so many.
+/// Random window. `lens`: the intrinsics are unknowns too. `stereo_cameras`: each keyframe has images of so many.
 inline keyframes::Window random_window(int keyframes, int points_each, std::uint32_t seed, bool lens = false,
                                        int stereo_cameras = 0) {
   std::mt19937 random(seed);

@@ -234,7 +234,7 @@ TEST(IncrementalOdometry, AWrongCallIsRefusedAndChangesNothing) {
 TEST(IncrementalOdometry, NothingGoesAfterTheEnd) {
   const auto refusal = ThrowsMessage<InputError>(HasSubstr("odometry: is finished"));
   Odometry odometry(hill_flight().calibration);
-  EXPECT_EQ(odometry.finish().lost_reason, "no pictures");
+  EXPECT_EQ(odometry.finish().lost_reason, "no images");
   EXPECT_THAT([&] { odometry.add(hill_flight().images[0], 0.0); }, refusal);
   EXPECT_THAT([&] { odometry.finish(); }, refusal);
   EXPECT_THAT([&] { odometry.map(); }, refusal);

@@ -122,7 +122,7 @@ MetricResult MetricOdometry::add(imaging::RgbImage image, double time_s) {
   if (placement_ && last_) {
     expected = predict(time_s);
     bridged_images_ = bridge(frame, *expected) ? bridged_images_ + 1 : 0;
-    if (bridged_images_ > options_.max_bridged_images) return lose("the pictures contradict the inertial unit");
+    if (bridged_images_ > options_.max_bridged_images) return lose("the images contradict the inertial unit");
   }
   std::string reason = "the map's scale is not known yet";
   const bool is_placed = (frame.quality.is_keyframe || images_.size() == 1) && place_map(frame, reason);

@@ -239,7 +239,7 @@ OdometryResult OdometryPipeline::result_in_map_frame() const {
     result.lost_reason =
         state != nullptr
             ? state->failures.reason
-            : (result.frames == 0 ? "no pictures" : std::get<InitializationState>(state_).initializer.failure_reason());
+            : (result.frames == 0 ? "no images" : std::get<InitializationState>(state_).initializer.failure_reason());
   if (!preprocessor_.stereo().empty()) result.stereo = stereo_result();
   result.quality = frame_qualities(log_, mapper_);
   if (state == nullptr) return result;

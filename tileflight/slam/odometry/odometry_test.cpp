@@ -174,7 +174,7 @@ TEST(Odometry, NoPicturesIsLostWithAReason) {
   sequence.calibration.camera = imaging::make_pinhole(320, 240, 80.0);
   const OdometryResult result = run_odometry(sequence.calibration, sequence.source(), {});
   EXPECT_TRUE(result.lost);
-  EXPECT_EQ(result.lost_reason, "no pictures");
+  EXPECT_EQ(result.lost_reason, "no images");
 }
 
 }  // namespace

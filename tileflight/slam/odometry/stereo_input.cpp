@@ -193,13 +193,13 @@ std::vector<keyframes::StereoCamera> StereoInput::stereo_cameras() const {
 void StereoInput::require_usable(const InputFrame& frame) const {
   const std::string where = "frame " + std::to_string(frame.index);
   if (frame.others.size() > cameras_.size())
-    throw InputError(where, "has pictures of " + std::to_string(frame.others.size()) + " other cameras, the rig has " +
+    throw InputError(where, "has images of " + std::to_string(frame.others.size()) + " other cameras, the rig has " +
                                 std::to_string(cameras_.size()));
   for (std::size_t c = 0; c < frame.others.size(); ++c) {
     const imaging::RgbImage& image = frame.others[c].image;
     const imaging::Camera& camera = cameras_[c].calibration.camera;
     if (image.empty() || (image.width == camera.width() && image.height == camera.height())) continue;
-    throw InputError(where, camera_text(cameras_[c]) + ": its picture is " + std::to_string(image.width) + "x" +
+    throw InputError(where, camera_text(cameras_[c]) + ": its image is " + std::to_string(image.width) + "x" +
                                 std::to_string(image.height) + ", its calibration is for " +
                                 std::to_string(camera.width()) + "x" + std::to_string(camera.height()));
   }

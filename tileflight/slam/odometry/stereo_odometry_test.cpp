@@ -228,8 +228,8 @@ TEST(StereoOdometry, RefusesImagesThatDoNotBelongToTheRigAndStaysUsable) {
   InputFrame small = flight().frame(0), many = flight().frame(0);
   small.others[0].image = imaging::RgbImage(100, 80);
   many.others.resize(2);
-  expect_error([&] { odometry.add(small); }, "camera right: its picture is 100x80, its calibration is for 320x240");
-  expect_error([&] { odometry.add(many); }, "has pictures of 2 other cameras, the rig has 1");
+  expect_error([&] { odometry.add(small); }, "camera right: its image is 100x80, its calibration is for 320x240");
+  expect_error([&] { odometry.add(many); }, "has images of 2 other cameras, the rig has 1");
   EXPECT_EQ(odometry.add(flight().frame(0)).status, FrameStatus::kTracked);
 }
 

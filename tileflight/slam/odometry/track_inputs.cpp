@@ -204,13 +204,13 @@ StereoRig read_stereo_rig(const std::filesystem::path& folder, const std::string
       continue;
     }
     const double offset_s = smallest_offset_s(rig.cameras[first], rig.cameras[c]);
-    nearest = "camera " + rig.cameras[c].name + " has no picture within " +
+    nearest = "camera " + rig.cameras[c].name + " has no image within " +
               base::formatted("%.1f", 1e3 * kSameInstant_s) + " ms of one of camera " + rig.cameras[first].name +
               " (the nearest: " + base::formatted("%.3g", 1e3 * offset_s) + " ms)";
     warnings.push_back(nearest + ": it is not used");
   }
   if (used.empty())
-    throw InputError(folder.string(), nearest + "; --mode stereo needs pictures of one instant: use --mode mono");
+    throw InputError(folder.string(), nearest + "; --mode stereo needs images of one instant: use --mode mono");
   for (const dataset::RigInstant& instant : instants) {
     if (!instant.frames[first]) continue;
     auto& frames = stereo.other_frames[rig.cameras[first].dataset.frames[*instant.frames[first]].time_s];
