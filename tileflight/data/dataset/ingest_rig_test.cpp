@@ -132,10 +132,10 @@ TEST_F(IngestRigTest, ADroppedFrameIsCountedAndEveryNthStaysPaired) {
   // Of the instants 0, 2, 4, 6, 8, 10 the second camera has no picture at 6.
   EXPECT_EQ(every.cameras[1].frames, std::size_t{kFrames} / 2 - 1);
   EXPECT_EQ(every.synchronisation.cameras[1].matched, 5U);
-  EXPECT_THAT(every.synchronisation.faults, ElementsAre("right: 1 picture is missing, at 1.3 s"));
+  EXPECT_THAT(every.synchronisation.faults, ElementsAre("right: 1 image is missing, at 1.3 s"));
   options_.common.excerpt.every = 1;
   options_.common.replace = true;
-  EXPECT_THAT(ingested().synchronisation.faults, ElementsAre("right: 2 pictures are missing, the first at 1.15 s"));
+  EXPECT_THAT(ingested().synchronisation.faults, ElementsAre("right: 2 images are missing, the first at 1.15 s"));
   EXPECT_EQ(rig().cameras[0].dataset.metadata.at("synchronisation.right.missing"), "2");
   const std::vector<RigInstant> instants = rig_instants(rig());
   ASSERT_EQ(instants.size(), std::size_t{kFrames});
@@ -159,7 +159,7 @@ TEST_F(IngestRigTest, TimesOfOneCameraAreWrong) {
   take(0);
   take(1, 0.0, {}, 0.1);
   EXPECT_THAT(ingested().synchronisation.faults,
-              ElementsAre(HasSubstr("right begins and ends 100 ms after left with as many pictures")));
+              ElementsAre(HasSubstr("right begins and ends 100 ms after left with as many images")));
   EXPECT_THAT(rig().cameras[0].dataset.metadata.at("synchronisation.faults"), HasSubstr("100 ms"));
 }
 
@@ -279,12 +279,12 @@ TEST(Synchronisation, DroppedFramesAreCounted) {
   EXPECT_EQ(found.cameras[1].missing, 3U);
   EXPECT_EQ(found.cameras[0].missing, 0U);
   EXPECT_EQ(found.cameras[1].matched, 37U);
-  EXPECT_THAT(found.faults, ElementsAre("right: 3 pictures are missing, the first at 5.15 s"));
-  EXPECT_THAT(of_pair(without(all, {9}), all).faults, ElementsAre("left: 1 picture is missing, at 5.45 s"));
+  EXPECT_THAT(found.faults, ElementsAre("right: 3 images are missing, the first at 5.15 s"));
+  EXPECT_THAT(of_pair(without(all, {9}), all).faults, ElementsAre("left: 1 image is missing, at 5.45 s"));
   // One that triggers when it likes has no gaps of its own.
   const std::vector<double> irregular{1.0, 1.4, 3.0, 3.1, 5.0, 5.5, 9.0};
   EXPECT_THAT(of_pair(irregular, irregular).faults, IsEmpty());
-  EXPECT_THAT(of_pair(irregular, without(irregular, {4})).faults, ElementsAre("right: 1 picture is missing, at 5 s"));
+  EXPECT_THAT(of_pair(irregular, without(irregular, {4})).faults, ElementsAre("right: 1 image is missing, at 5 s"));
 }
 
 TEST(Synchronisation, ACameraThatStopsEarlyOrStartsLateIsNamed) {
@@ -303,7 +303,7 @@ TEST(Synchronisation, ASlowerCameraIsMatchedByItsOwnPictures) {
   EXPECT_THAT(of_pair(down, times(40, 5.0, 0.05)).faults, IsEmpty());
   EXPECT_EQ(of_pair(down, times(40, 5.0, 0.05)).cameras[1].pairs, 10U);
   EXPECT_THAT(of_pair(times(40, 5.0, 0.05), without(down, {5})).faults,
-              ElementsAre("right: 1 picture is missing, at 6 s"));
+              ElementsAre("right: 1 image is missing, at 6 s"));
   EXPECT_THAT(of_pair(times(40, 5.0, 0.05), times(10, 5.02, 0.2)).faults[0], testing::HasSubstr("20 ms later"));
 }
 
