@@ -64,7 +64,8 @@ function(tileflight_room NAME)
     list(TRANSFORM ROOM_TESTS PREPEND "tileflight::")
     target_link_libraries(${NAME}_test PRIVATE tileflight::${NAME} ${ROOM_TESTS} ${ROOM_PRIVATE} tileflight_compiler
                           tileflight_source_folder GTest::gmock GTest::gtest_main)
-    set(PLAIN imaging drawing fetch tile_content tileset mesh_files video dataset messages exports report)
+    set(PLAIN drawing imaging jobs fetch tile_content tileset mesh_files video dataset messages exports flight_logs flight_path place
+              recording ingest preview external_systems report experiment study)
     if(NAME IN_LIST PLAIN)
       target_link_libraries(${NAME}_test PRIVATE tileflight_plain_tests)
     endif()
