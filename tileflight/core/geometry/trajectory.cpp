@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -19,16 +20,16 @@ namespace tileflight::geometry {
 
 namespace {
 
-constexpr std::string_view kCsvSeparators = ", \t";
+constexpr std::string_view kCommas = ", \t", kBlanks = " \t";
 
 /// Calls `take` with each line that is neither empty nor a comment, and its place (file and line).
-void for_each_row(const std::filesystem::path& file, const std::string& text,
+void for_each_row(const std::filesystem::path& file, std::string_view text,
                   const std::function<void(std::string_view line, const std::string& where)>& take) {
   std::size_t number = 0;
   for (std::string_view rest = text; const auto line = base::take_line(rest);) {
     ++number;
     std::string_view content = *line;
-    const std::string_view first = base::take_field(content, kCsvSeparators);
+    const std::string_view first = base::take_field(content, kCommas);
     if (first.empty() || first.starts_with('#')) continue;
     take(*line, file.string() + ", line " + std::to_string(number));
   }
@@ -40,65 +41,133 @@ double finite_number(std::string_view field, const std::string& where) {
   return *value;
 }
 
-/// The columns of an EuRoC file, as its header names them.
-struct EurocColumns {
-  bool has_w_last = false;
-  bool has_seconds = false;
+/// What the columns of a file of poses hold.
+struct PoseColumns {
+  /// Columns of the time, of x, y and z, and of the quaternion's x, y, z and w.
+  std::array<std::size_t, 8> of;
+  bool are_named = false;  ///< by a header
+  bool time_is_in_seconds = true;
+  std::string_view separators = kBlanks;  ///< of rows
+
+  std::size_t count() const { return *std::ranges::max_element(of) + 1; }
 };
 
-/// A header's name without its unit: "q_RS_w" of " q_RS_w []".
-std::string_view column_name(std::string_view column) {
-  while (column.starts_with(' ') || column.starts_with('#')) column.remove_prefix(1);
-  return column.substr(0, column.find_first_of(" [("));
+constexpr PoseColumns kTumColumns{.of = {0, 1, 2, 3, 4, 5, 6, 7}};
+constexpr PoseColumns kEurocColumns{.of = {0, 1, 2, 3, 5, 6, 7, 4}, .time_is_in_seconds = false, .separators = kCommas};
+
+/// Returns what a column holds by its heading, as an index of PoseColumns::of: "#timestamp [ns]" the time,
+/// "p_RS_R_x [m]" x, "q_RS_w []" the quaternion's w. nullopt for anything else.
+std::optional<std::size_t> meaning_of(std::string_view heading) {
+  while (heading.starts_with(' ') || heading.starts_with('#')) heading.remove_prefix(1);
+  const std::string name = base::to_lower(heading.substr(0, heading.find_first_of(" [(")));
+  if (name == "t" || name == "ts" || name == "stamp" || name.starts_with("time")) return 0;
+  if (name.empty()) return std::nullopt;
+  const std::size_t axis = std::string_view("xyzw").find(name.back());
+  if (axis == std::string_view::npos) return std::nullopt;
+  if (name.starts_with("q") || name.starts_with("rot") || name.starts_with("orient")) return 4 + axis;
+  if (axis == 3) return std::nullopt;
+  const bool is_position = name.size() == 1 || name.starts_with("p") || (name.size() == 2 && name.front() == 't') ||
+                           name.starts_with("t_") || name.starts_with("trans");
+  return is_position ? std::optional(1 + axis) : std::nullopt;
 }
 
-EurocColumns read_header(std::string_view line) {
-  const std::vector<std::string_view> columns = base::split_fields(line, ",");
-  if (columns.size() < 8) return {};
-  const std::string time = base::to_lower(columns[0]);
-  EurocColumns result{.has_seconds = time.find("[s]") != std::string::npos || time.find("(s)") != std::string::npos};
-  std::string order;  // the last letters of the quaternion's columns
-  for (std::size_t i = 4; i < 8; ++i) {
-    const std::string name = base::to_lower(column_name(columns[i]));
-    if (name.starts_with('q')) order += name.back();
+/// Returns the columns that a heading line names; nullopt if it does not name each of the eight once.
+std::optional<PoseColumns> columns_named_by(std::string_view line, const PoseColumns& usual) {
+  while (line.starts_with(' ') || line.starts_with('#')) line.remove_prefix(1);
+  const bool has_commas = line.find(',') != std::string_view::npos;
+  const std::vector<std::string_view> headings = base::split_fields(line, has_commas ? "," : kBlanks);
+  PoseColumns columns = usual;
+  columns.are_named = true;
+  std::array<int, 8> found{};
+  for (std::size_t i = 0; i < headings.size(); ++i) {
+    const std::optional<std::size_t> meaning = meaning_of(headings[i]);
+    if (!meaning) continue;
+    columns.of[*meaning] = i;
+    ++found[*meaning];
   }
-  result.has_w_last = order == "xyzw";
-  return result;
+  if (std::ranges::any_of(found, [](int times) { return times != 1; })) return std::nullopt;
+  const std::string time = base::to_lower(base::trim(headings[columns.of[0]]));
+  const auto states = [&](const char* in_brackets, const char* ending) {
+    return time.find(std::string("[") + in_brackets + "]") != std::string::npos ||
+           time.find(std::string("(") + in_brackets + ")") != std::string::npos || time.ends_with(ending);
+  };
+  if (states("s", "_s") || states("sec", "_sec")) columns.time_is_in_seconds = true;
+  if (states("ns", "_ns") || states("nsec", "_nsec")) columns.time_is_in_seconds = false;
+  return columns;
 }
 
-/// Whether the first line that is not empty is a header: a comment, or words.
-bool is_header(std::string_view line) {
-  std::string_view rest = line;
-  const std::string_view first = base::take_field(rest, kCsvSeparators);
-  return first.starts_with('#') || !base::parse_number<double>(first);
+/// Tells whether a line's first field is a word, as in a heading without '#'.
+bool begins_with_word(std::string_view line) {
+  const std::string_view first = base::take_field(line, kCommas);
+  return !first.empty() && !base::parse_number<double>(first);
 }
 
-std::string_view first_line(std::string_view text) {
+/// The columns of a file, and the line of words that names them, which is no row.
+struct FileColumns {
+  PoseColumns columns;
+  std::string_view heading;
+};
+
+/// Finds the columns of a file: those that the last heading before its numbers names, else `usual`.
+FileColumns find_columns(std::string_view text, const PoseColumns& usual) {
+  FileColumns found{usual, {}};
   while (const auto line = base::take_line(text)) {
-    if (line->find_first_not_of(" \t") != std::string_view::npos) return *line;
+    const std::string_view content = base::trim(*line);
+    const bool is_comment = content.starts_with('#');
+    if (content.empty()) continue;
+    if (!is_comment && !begins_with_word(content)) break;
+    const auto named = columns_named_by(content, usual);
+    if (named) found.columns = *named;
+    // A file with commas may have any line of words in front.
+    if (!is_comment && (named || !usual.time_is_in_seconds)) found.heading = *line;
+    if (!is_comment) break;
   }
-  return {};
+  return found;
 }
 
-double euroc_time_s(std::string_view field, bool has_seconds, const std::string& where) {
-  if (has_seconds) return finite_number(field, where);
+double pose_time_s(std::string_view field, bool is_in_seconds, const std::string& where) {
+  if (is_in_seconds) return finite_number(field, where);
   const auto time_ns = base::parse_number<std::int64_t>(field);
   if (!time_ns) throw InputError(where, "'" + std::string(field) + "' is not a time in whole nanoseconds");
   return to_seconds(*time_ns);
 }
 
-StampedPose parse_euroc_pose(std::string_view line, const EurocColumns& columns, const std::string& where) {
-  const std::vector<std::string_view> fields = base::split_fields(line, kCsvSeparators);
-  if (fields.size() < 8) {
-    throw InputError(where, "expected a time in nanoseconds and 7 numbers (x, y, z, qw, qx, qy, qz), found " +
-                                std::to_string(fields.size()) + " fields");
+/// Parses a row of poses; nullopt where the file says that it has no pose at this time (seven times "nan").
+std::optional<StampedPose> parse_pose(std::string_view line, const PoseColumns& columns, const std::string& where) {
+  const std::vector<std::string_view> fields = base::split_fields(line, columns.separators);
+  const bool is_tum = !columns.are_named && columns.time_is_in_seconds;
+  if (fields.size() < columns.count() || (is_tum && fields.size() != columns.of.size())) {
+    throw InputError(where,
+                     (is_tum              ? "expected 8 numbers (timestamp tx ty tz qx qy qz qw)"
+                      : columns.are_named ? "expected " + std::to_string(columns.count()) + " fields as in its heading"
+                                          : "expected a time in nanoseconds and 7 numbers (x, y, z, qw, qx, qy, qz)") +
+                         ", found " + std::to_string(fields.size()) + " fields");
   }
+  const auto is_nan = [&](std::size_t column) { return base::to_lower(fields[column]) == "nan"; };
+  if (std::all_of(columns.of.begin() + 1, columns.of.end(), is_nan)) return std::nullopt;
+  const double time_s = pose_time_s(fields[columns.of[0]], columns.time_is_in_seconds, where);
   std::array<double, 8> v{};
-  for (std::size_t i = 1; i < v.size(); ++i) v[i] = finite_number(fields[i], where);
-  const Eigen::Quaterniond rotation =
-      columns.has_w_last ? Eigen::Quaterniond(v[7], v[4], v[5], v[6]) : Eigen::Quaterniond(v[4], v[5], v[6], v[7]);
+  for (std::size_t i = 1; i < v.size(); ++i) v[i] = finite_number(fields[columns.of[i]], where);
+  const Eigen::Quaterniond rotation(v[7], v[4], v[5], v[6]);
   if (rotation.norm() < 1e-6) throw InputError(where, "the quaternion has length 0");
-  return {euroc_time_s(fields[0], columns.has_seconds, where), SE3(rotation, Vec3(v[1], v[2], v[3]))};
+  return StampedPose{time_s, SE3(rotation, Vec3(v[1], v[2], v[3]))};
+}
+
+/// Reads the rows of a file of poses with times. `usual`: the columns of a file without a heading.
+Trajectory read_poses(const std::filesystem::path& file, std::string_view text, const PoseColumns& usual) {
+  const FileColumns found = find_columns(text, usual);
+  Trajectory trajectory;
+  for_each_row(file, text, [&](std::string_view line, const std::string& where) {
+    if (line.data() == found.heading.data()) return;
+    const std::optional<StampedPose> pose = parse_pose(line, found.columns, where);
+    if (!pose) return;
+    if (!trajectory.empty() && pose->time_s <= trajectory.poses.back().time_s) {
+      if (pose->time_s == trajectory.poses.back().time_s) return;
+      throw InputError(where, "the time is before the previous one: sort the file by time");
+    }
+    trajectory.poses.push_back(*pose);
+  });
+  return trajectory;
 }
 
 StampedPose parse_kitti_pose(std::string_view line, std::size_t index, const std::string& where) {
@@ -117,7 +186,7 @@ StampedPose parse_kitti_pose(std::string_view line, std::size_t index, const std
   return {static_cast<double>(index), SE3(R, T.col(3))};
 }
 
-Trajectory read_kitti(const std::filesystem::path& file, const std::string& text) {
+Trajectory read_kitti(const std::filesystem::path& file, std::string_view text) {
   Trajectory trajectory;
   for_each_row(file, text, [&](std::string_view line, const std::string& where) {
     trajectory.poses.push_back(parse_kitti_pose(line, trajectory.size(), where));
@@ -125,25 +194,7 @@ Trajectory read_kitti(const std::filesystem::path& file, const std::string& text
   return trajectory;
 }
 
-Trajectory read_euroc(const std::filesystem::path& file, const std::string& text) {
-  const std::string_view first = first_line(text);
-  const bool has_header = is_header(first);
-  const EurocColumns columns = has_header ? read_header(first) : EurocColumns{};
-  bool is_first_row = has_header && !first.starts_with('#');  // a header of plain words is a row, too
-  Trajectory trajectory;
-  for_each_row(file, text, [&](std::string_view line, const std::string& where) {
-    if (std::exchange(is_first_row, false)) return;
-    const StampedPose pose = parse_euroc_pose(line, columns, where);
-    if (!trajectory.empty() && pose.time_s <= trajectory.poses.back().time_s) {
-      if (pose.time_s == trajectory.poses.back().time_s) return;
-      throw InputError(where, "the time is before the previous one: sort the file by time");
-    }
-    trajectory.poses.push_back(pose);
-  });
-  return trajectory;
-}
-
-/// From the first line of numbers.
+/// Tells the format by the first row: by its heading, by commas, or by the number of its fields.
 TrajectoryFormat format_of(const std::filesystem::path& file, const std::string& text) {
   std::string_view row;
   std::string place;
@@ -154,6 +205,7 @@ TrajectoryFormat format_of(const std::filesystem::path& file, const std::string&
   });
   if (row.empty()) throw InputError(file.string(), "holds no poses");
   if (row.find(',') != std::string_view::npos) return TrajectoryFormat::kEuroc;
+  if (find_columns(text, kTumColumns).columns.are_named) return TrajectoryFormat::kTum;
   const std::size_t fields = base::split_fields(row).size();
   if (fields == 12) return TrajectoryFormat::kKitti;
   if (fields == 8) return TrajectoryFormat::kTum;
@@ -161,26 +213,6 @@ TrajectoryFormat format_of(const std::filesystem::path& file, const std::string&
                    "is a trajectory of no known format: expected TUM (8 numbers), KITTI (12 numbers) or EuRoC "
                    "(8 and more, with commas), found " +
                        std::to_string(fields) + " fields");
-}
-
-/// Parses one line of TUM text, eight numbers. `where`: file and line.
-StampedPose parse_pose(std::string_view line, const std::string& where) {
-  const auto fields = base::split_fields(line);
-  if (fields.size() != 8) {
-    throw InputError(where, "expected 8 numbers (timestamp tx ty tz qx qy qz qw), found " +
-                                std::to_string(fields.size()) + " fields");
-  }
-  std::array<double, 8> v{};
-  for (std::size_t i = 0; i < v.size(); ++i) {
-    const auto value = base::parse_number<double>(fields[i]);
-    if (!value || !std::isfinite(*value)) {
-      throw InputError(where, "'" + std::string(fields[i]) + "' is not a finite number");
-    }
-    v[i] = *value;
-  }
-  const Eigen::Quaterniond rotation(v[7], v[4], v[5], v[6]);
-  if (rotation.norm() < 1e-6) throw InputError(where, "the quaternion has length 0");
-  return {v[0], SE3(rotation, Vec3(v[1], v[2], v[3]))};
 }
 
 /// The first pose that is not before that time.
@@ -203,37 +235,21 @@ std::size_t nearest_in_time(const Trajectory& trajectory, double time_s) {
 
 }  // namespace
 
-Trajectory read_euroc_poses(const std::filesystem::path& file) { return read_euroc(file, base::read_text(file)); }
+Trajectory read_euroc_poses(const std::filesystem::path& file) {
+  return read_poses(file, base::read_text(file), kEurocColumns);
+}
 
 TrajectoryFile read_trajectory(const std::filesystem::path& file) {
   const std::string text = base::read_text(file);
   const TrajectoryFormat format = format_of(file, text);
-  Trajectory trajectory = format == TrajectoryFormat::kTum     ? read_tum(file)
-                          : format == TrajectoryFormat::kEuroc ? read_euroc(file, text)
+  Trajectory trajectory = format == TrajectoryFormat::kTum     ? read_poses(file, text, kTumColumns)
+                          : format == TrajectoryFormat::kEuroc ? read_poses(file, text, kEurocColumns)
                                                                : read_kitti(file, text);
   if (trajectory.empty()) throw InputError(file.string(), "holds no poses");
   return {std::move(trajectory), format};
 }
 
-Trajectory read_tum(const std::filesystem::path& file) {
-  const std::string text = base::read_text(file);
-  Trajectory trajectory;
-  std::size_t line_number = 0;
-  for (std::string_view rest = text; const auto line = base::take_line(rest);) {
-    ++line_number;
-    std::string_view content = *line;
-    const std::string_view first = base::take_field(content);
-    if (first.empty() || first.starts_with('#')) continue;
-    const std::string where = file.string() + ", line " + std::to_string(line_number);
-    const StampedPose pose = parse_pose(*line, where);
-    if (!trajectory.empty() && pose.time_s <= trajectory.poses.back().time_s) {
-      if (pose.time_s == trajectory.poses.back().time_s) continue;
-      throw InputError(where, "the time is before the previous one: sort the file by time");
-    }
-    trajectory.poses.push_back(pose);
-  }
-  return trajectory;
-}
+Trajectory read_tum(const std::filesystem::path& file) { return read_poses(file, base::read_text(file), kTumColumns); }
 
 void write_tum(const std::filesystem::path& file, const Trajectory& trajectory) {
   std::string text = "# timestamp tx ty tz qx qy qz qw\n";

@@ -23,8 +23,10 @@ struct Trajectory {
   std::size_t size() const { return poses.size(); }
 };
 
-/// Reads and writes TUM text: `timestamp tx ty tz qx qy qz qw` a line, '#' comments. Reading throws InputError (file,
-/// line, cause) for malformed numbers, NaN, a zero quaternion, or decreasing times. Of poses with equal times (they
+/// Reads and writes TUM text: `timestamp tx ty tz qx qy qz qw` a line, '#' comments. A heading in front that names
+/// these eight columns (also as qw, qx, qy, qz, and beside others) tells their order and the unit of the time. A row of
+/// NaN in place of a pose (as where a motion capture saw nothing) is left out. Reading throws InputError (file, line,
+/// cause) for malformed numbers, single NaN, a zero quaternion, or decreasing times. Of poses with equal times (they
 /// occur in published ground truth with rounded clocks) the first is kept.
 Trajectory read_tum(const std::filesystem::path& file);
 void write_tum(const std::filesystem::path& file, const Trajectory& trajectory);
@@ -57,14 +59,14 @@ struct TrajectoryFile {
   bool has_times() const { return format != TrajectoryFormat::kKitti; }
 };
 
-/// Reads a trajectory in any of the formats, recognised by its first line of numbers: commas are EuRoC's, 8 numbers
-/// TUM's, 12 numbers KITTI's. Throws InputError (file, line, cause) as read_tum() does, for a matrix that is no
-/// rotation, and for a file of another format or without poses.
+/// Reads a trajectory in any of the formats, recognised by its first line of numbers: commas are EuRoC's, 8 numbers (or
+/// a heading that names the columns) TUM's, 12 numbers KITTI's. Throws InputError (file, line, cause) as read_tum()
+/// does, for a matrix that is no rotation, and for a file of another format or without poses.
 TrajectoryFile read_trajectory(const std::filesystem::path& file);
 
 /// Reads EuRoC's data.csv of poses (Burri et al., IJRR 2016): time, position and quaternion; columns after these 8 are
-/// ignored. The quaternion has w first, unless the header names its columns in the order x, y, z, w; times are whole
-/// nanoseconds, unless the header states seconds ("[s]" or "(s)"). Of poses with equal times the first is kept. Throws
+/// ignored. The quaternion has w first and times are whole nanoseconds, unless a header tells the order of the columns
+/// and the unit ("[s]" or "(s)"), as for read_tum(). Of poses with equal times the first is kept. Throws
 /// InputError (file, line, cause).
 Trajectory read_euroc_poses(const std::filesystem::path& file);
 

@@ -244,6 +244,34 @@ TEST_F(TrajectoryFiles, AHeaderTellsTheOrderAndTheUnit) {
   expect_pose(seconds.trajectory.poses[0].T_local_camera);
 }
 
+TEST_F(TrajectoryFiles, AHeadingNamesTheColumnsWhereverTheyStand) {
+  const Vec3& t = kPose.translation;
+  const Eigen::Quaterniond& q = kPose.rotation;
+  const std::string w_first = row({t.x(), t.y(), t.z(), q.w(), q.x(), q.y(), q.z()}, ' ');
+  const std::string w_last = row({t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w()}, ',');
+  for (const std::string& text :
+       {"# trajectory of my system\n# timestamp tx ty tz qw qx qy qz\n12.5 " + w_first + "\n",
+        "timestamp tx ty tz qw qx qy qz\n12.5 " + w_first + "\n",
+        "id time_ns x y z q_w q_x q_y q_z\n7 12500000000 " + w_first + "\n",
+        "num,time_s,x,y,z,qx,qy,qz,qw\n0,12.5," + w_last + "\n",
+        "#timestamp [s],p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m],q_RS_x [],q_RS_y [],q_RS_z [],q_RS_w [],v_x\n12.5," +
+            w_last + ",9\n"}) {
+    const TrajectoryFile read_back = read(text);
+    ASSERT_EQ(read_back.trajectory.size(), 1u) << text;
+    EXPECT_DOUBLE_EQ(read_back.trajectory.poses[0].time_s, 12.5) << text;
+    expect_pose(read_back.trajectory.poses[0].T_local_camera);
+  }
+  EXPECT_THAT(refusal("# time tx ty tz qw qx qy qz\n1 0 0 0 1\n"),
+              HasSubstr("line 2: expected 8 fields as in its heading"));
+}
+
+TEST_F(TrajectoryFiles, LeavesOutRowsThatSayThatThereIsNoPose) {
+  const TrajectoryFile truth = read("1 0 0 0 0 0 0 1\n2 NaN NaN NaN NaN NaN NaN NaN\n3 1 0 0 0 0 0 1\n");
+  ASSERT_EQ(truth.trajectory.size(), 2u);
+  EXPECT_EQ(truth.trajectory.poses[1].time_s, 3.0);
+  EXPECT_THAT(refusal("1 nan nan nan 0 0 0 1\n"), HasSubstr("'nan' is not a finite number"));
+}
+
 TEST_F(TrajectoryFiles, KeepsTheFirstOfPosesWithOneTime) {
   EXPECT_EQ(read("1,1,0,0,1,0,0,0\n1,2,0,0,1,0,0,0\n2,3,0,0,1,0,0,0\n").trajectory.size(), 2u);
 }

@@ -10,6 +10,7 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/order_statistics.h"
 #include "tileflight/core/base/warning.h"
 #include "tileflight/core/geometry/json_numbers.h"
 #include "tileflight/core/geometry/trajectory.h"
@@ -56,7 +57,37 @@ struct ScoredTrajectory {
   PairedTrajectories poses;
   TrajectoryMetrics metrics;
   std::optional<double> best_scale;  ///< of the Sim(3) alignment, where another one was asked for
+  std::string misread;               ///< "estimate" or "truth" if its quaternions seem to have w first
 };
+
+/// The poses as they are if the file, read as x, y, z, w, has w, x, y, z.
+geometry::Trajectory with_w_first(geometry::Trajectory trajectory) {
+  for (geometry::StampedPose& pose : trajectory.poses) {
+    const Eigen::Quaterniond& q = pose.T_local_camera.rotation;
+    pose.T_local_camera.rotation = Eigen::Quaterniond(q.x(), q.y(), q.z(), q.w());
+  }
+  return trajectory;
+}
+
+/// Returns which of the two files, "estimate" or "truth", has rotations that agree with the other's far better if its
+/// quaternions are read with w first; empty if none has. The files themselves cannot tell: both orders are in use.
+std::string find_misread_rotations(const geometry::Trajectory& estimate, const geometry::Trajectory& truth,
+                                   const PairedTrajectories& poses, const TrajectoryOptions& options) {
+  constexpr double kLarge_deg = 1.0, kFarBetter = 0.2;
+  const auto typical_deg = [](const PairedTrajectories& pairs) {
+    std::vector<double> errors = metrics::compute_step_errors(pairs).rotation_deg;
+    return base::upper_median(std::move(errors));
+  };
+  if (poses.truth.size() < 2) return "";
+  const double as_read_deg = typical_deg(poses);
+  if (as_read_deg < kLarge_deg) return "";
+  const auto agrees = [&](const geometry::Trajectory& a, const geometry::Trajectory& b) {
+    return typical_deg(metrics::pair_and_align(a, b, options)) < kFarBetter * as_read_deg;
+  };
+  if (agrees(with_w_first(estimate), truth)) return "estimate";
+  if (agrees(estimate, with_w_first(truth))) return "truth";
+  return "";
+}
 
 std::optional<double> scale_by_sim3(const TrajectoryFile& estimate, const TrajectoryFile& truth,
                                     TrajectoryOptions options) {
@@ -84,8 +115,10 @@ ScoredTrajectory score_file(const fs::path& file, const std::string& name, const
     ScoredTrajectory scored{.name = name,
                             .poses = metrics::pair_and_align(estimate.trajectory, truth.trajectory, options),
                             .metrics = {},
-                            .best_scale = scale_by_sim3(estimate, truth, options)};
+                            .best_scale = scale_by_sim3(estimate, truth, options),
+                            .misread = {}};
     scored.metrics = metrics::score_trajectory(scored.poses, options);
+    scored.misread = find_misread_rotations(estimate.trajectory, truth.trajectory, scored.poses, options);
     return scored;
   } catch (const InputError& error) {
     throw InputError(file.string(), error.what());
@@ -115,6 +148,13 @@ Warnings warnings_about(const ScoredTrajectory& scored) {
     warnings.push_back({"the scale that fits best is " + std::to_string(*scored.best_scale).substr(0, 5) +
                             ", and the alignment has none",
                         scored.name, Severity::kNote, "--alignment sim3 for a trajectory of unknown scale"});
+  }
+  if (!scored.misread.empty()) {
+    warnings.push_back(
+        {"the rotations agree far better if the quaternions of the " + scored.misread +
+             " are read as w, x, y, z: its file seems to have w first, and the rotation errors are wrong",
+         scored.name, Severity::kWarning,
+         "give the file a heading that names its columns: `# timestamp tx ty tz qw qx qy qz`"});
   }
   return warnings;
 }
