@@ -6,6 +6,7 @@
 
 #include "command.h"
 #include "tileflight/capture/ingest/ingest_stage.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/text_parsing.h"
 
 namespace tileflight::app {
@@ -107,6 +108,12 @@ Output ingest(const IngestOptions& options, bool force, const Progress& progress
   text << options.out << ": " << r["frames"] << " frames, " << r["positions"] << " positions";
   if (!options.imu.empty()) text << ", " << r["imu_readings"] << " readings of the inertial unit";
   text << "\n";
+  if (const nlohmann::json& flight = r["flight"]; !flight.is_null()) {
+    text << base::formatted("flight log: %.1f s, %.0f m, up to %.1f m/s, %.1f to %.1f m above the ellipsoid\n",
+                            flight["duration_s"].get<double>(), flight["length_m"].get<double>(),
+                            flight["largest_speed_m_s"].get<double>(), flight["lowest_m"].get<double>(),
+                            flight["highest_m"].get<double>());
+  }
   if (r.contains("synchronisation")) text << synchronisation_text(r["synchronisation"]);
   for (const auto& warning : r["warnings"]) text << "note: " << warning.get<std::string>() << "\n";
   return {r, text.str()};

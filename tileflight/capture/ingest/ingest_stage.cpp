@@ -35,6 +35,8 @@ void add_positions(const flight_logs::Telemetry& telemetry, IngestedFlightConfig
   options.gps = to_gps_fixes(telemetry, flight, warnings);
   options.attitudes = to_camera_attitudes(telemetry);
   options.gps_time_offset_s = flight.telemetry_offset_s.value_or(0.0);
+  options.description["flight_log.file"] = flight.telemetry.filename().string();
+  options.description["flight_log.heights"] = height_reference_name(telemetry, flight);
 }
 
 /// Capture times of a folder's photos, unless a frame rate is given; none if not all have one. `start_utc_s`: the
@@ -42,13 +44,13 @@ void add_positions(const flight_logs::Telemetry& telemetry, IngestedFlightConfig
 std::map<std::string, dataset::ImageTime> photo_times(const flight_logs::PhotoLog& photos,
                                                       std::optional<double>& start_utc_s,
                                                       std::vector<std::string>& warnings) {
+  base::add_distinct(photos.warnings, warnings);
   if (photos.times.size() < 2) return {};
   if (photos.times.size() < photos.photos) {
     warnings.push_back(std::to_string(photos.photos - photos.times.size()) + " of " + std::to_string(photos.photos) +
                        " photos have no capture time, so the times of all photos are ignored");
     return {};
   }
-  warnings.insert(warnings.end(), photos.warnings.begin(), photos.warnings.end());
   if (!start_utc_s) start_utc_s = photos.start_utc_s;
   std::map<std::string, dataset::ImageTime> times;
   for (const auto& [name, taken] : photos.times)
@@ -122,6 +124,15 @@ nlohmann::json describe(const TelemetryOffset& found) {
           {"source", found.source}};
 }
 
+/// `flight` of the result's JSON.
+nlohmann::json describe(const LoggedFlight& flight) {
+  return {{"duration_s", flight.duration_s},
+          {"length_m", flight.length_m},
+          {"largest_speed_m_s", flight.largest_speed_m_s},
+          {"lowest_m", flight.lowest_m},
+          {"highest_m", flight.highest_m}};
+}
+
 /// Converts the log's times to the video's clock by the motion recorded in both.
 TelemetryOffset synchronize_telemetry(const flight_logs::Telemetry& telemetry, const IngestedFlightConfig& flight,
                                       const std::filesystem::path& out, dataset::IngestOptions& options,
@@ -168,7 +179,7 @@ dataset::IngestOptions options_of(const IngestedFlightConfig& flight, const std:
                                  .replace = replace,
                                  .inputs = {flight.telemetry, truth},
                                  .description = {{"made_by", "tileflight ingest " + base::version()}}};
-  if (flight.fps) options.image_rate_hz = *flight.fps;
+  options.image_rate_hz = flight.fps;
   return options;
 }
 
@@ -209,6 +220,10 @@ IngestResult ingest_dataset(const IngestedFlightConfig& flight, const std::files
   if (!truth.empty()) options.description.merge(place::describe_frame(place::read_extract_json(truth).origin));
   std::optional<double> start_utc_s;
   add_photo_metadata(flight, truth, options, start_utc_s, result.warnings);
+  if (!options.gps.empty()) {
+    result.flight = describe_flight(options.gps);
+    base::add_distinct(find_implausible(*result.flight, options.gps), result.warnings);
+  }
   if (flight.estimates_telemetry_offset) {
     result.time_offset = synchronize_telemetry(telemetry, flight, out, options, progress);
     if (!cameras.empty()) options.gps_time_offset_s += cameras.front().timeshift_s;  // the body's clock
@@ -230,6 +245,7 @@ nlohmann::json to_json(const IngestResult& result) {
                       {"resolution", {dataset.width, dataset.height}},
                       {"positions", dataset.gps_fixes},
                       {"imu_readings", dataset.imu_readings},
+                      {"flight", result.flight ? describe(*result.flight) : nlohmann::json()},
                       {"time_offset", result.time_offset ? describe(*result.time_offset) : nlohmann::json()},
                       {"true_poses", dataset.groundtruth_poses},
                       {"warnings", result.warnings}};

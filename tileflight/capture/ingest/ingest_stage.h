@@ -42,9 +42,18 @@ struct IngestedFlightConfig {
   double sync_tolerance_s = 1e-3;  ///< of a rig: images that differ by no more are of one instant
 };
 
+/// The flight that a log's positions describe, by which a wrong unit, order or degree shows.
+struct LoggedFlight {
+  double duration_s = 0.0;
+  double length_m = 0.0;
+  double largest_speed_m_s = 0.0;          ///< mean over at least a second, so that a receiver's noise does not count
+  double lowest_m = 0.0, highest_m = 0.0;  ///< above the ellipsoid
+};
+
 /// Result of ingesting a flight.
 struct IngestResult {
   dataset::IngestResult dataset;                            ///< of the camera, or a rig's first one
+  std::optional<LoggedFlight> flight;                       ///< set if there are positions
   std::optional<TelemetryOffset> time_offset;               ///< set if it was estimated
   std::optional<dataset::Synchronisation> synchronisation;  ///< set for a rig
   std::vector<std::string> warnings;

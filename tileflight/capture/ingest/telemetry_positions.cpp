@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "tileflight/capture/flight_path/path.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/order_statistics.h"
 #include "tileflight/world/ground_truth/truth_folder.h"
@@ -130,6 +131,13 @@ std::vector<dataset::GpsFix> to_gps_fixes(const flight_logs::Telemetry& telemetr
                      .horizontal_sigma_m = kHorizontalSigma_m,
                      .vertical_sigma_m = kVerticalSigma_m});
   }
+  const bool has_no_heights = std::ranges::none_of(telemetry.fixes, [](const flight_logs::TelemetryFix& fix) {
+    return fix.absolute_height_m.has_value() || fix.height_above_takeoff_m.has_value();
+  });
+  if (has_no_heights)
+    throw InputError(flight.telemetry.string(),
+                     "has no heights at all, only latitudes and longitudes; its positions "
+                     "cannot be used");
   if (fixes.empty() && above == HeightReference::kTakeoff)
     throw InputError(flight.telemetry.string(), "has no heights above take-off");
   if (fixes.empty()) {
@@ -141,6 +149,59 @@ std::vector<dataset::GpsFix> to_gps_fixes(const flight_logs::Telemetry& telemetr
     warnings.push_back(std::to_string(without_height) +
                        " positions of the flight log left out: they have no height of that kind");
   return fixes;
+}
+
+std::string height_reference_name(const flight_logs::Telemetry& telemetry, const IngestedFlightConfig& flight) {
+  const HeightReference above = find_height_reference(telemetry, flight);
+  return above == HeightReference::kTakeoff     ? "takeoff"
+         : above == HeightReference::kEllipsoid ? "ellipsoid"
+                                                : "sea-level";
+}
+
+LoggedFlight describe_flight(const std::vector<dataset::GpsFix>& fixes) {
+  constexpr double kSpeedOver_s = 1.0;
+  const geometry::LocalFrame frame(fixes.front().position);
+  const std::vector<geometry::Vec3> positions = to_local_positions(fixes, frame);
+  LoggedFlight flight{.duration_s = fixes.back().time_s - fixes.front().time_s,
+                      .lowest_m = fixes.front().position.height.m,
+                      .highest_m = fixes.front().position.height.m};
+  for (std::size_t i = 1, from = 0; i < fixes.size(); ++i) {
+    flight.length_m += (positions[i] - positions[i - 1]).norm();
+    flight.lowest_m = std::min(flight.lowest_m, fixes[i].position.height.m);
+    flight.highest_m = std::max(flight.highest_m, fixes[i].position.height.m);
+    while (fixes[i].time_s - fixes[from + 1].time_s >= kSpeedOver_s) ++from;
+    const double seconds = fixes[i].time_s - fixes[from].time_s;
+    if (seconds < kSpeedOver_s) continue;
+    flight.largest_speed_m_s = std::max(flight.largest_speed_m_s, (positions[i] - positions[from]).norm() / seconds);
+  }
+  return flight;
+}
+
+std::vector<std::string> find_implausible(const LoggedFlight& flight, const std::vector<dataset::GpsFix>& fixes) {
+  constexpr double kFastest_m_s = 60.0, kLowest_m = -450.0, kHighest_m = 9000.0, kDay_s = 86400.0;
+  constexpr std::size_t kSeveral = 10;
+  std::vector<std::string> found;
+  if (flight.largest_speed_m_s > kFastest_m_s)
+    found.push_back(
+        base::formatted("the flight log moves at up to %.0f m/s, faster than drones fly: check its units, "
+                        "columns and order",
+                        flight.largest_speed_m_s));
+  if (flight.lowest_m < kLowest_m || flight.highest_m > kHighest_m)
+    found.push_back(
+        base::formatted("the flight log's heights reach from %.0f to %.0f m above the ellipsoid: check their "
+                        "unit and reference",
+                        flight.lowest_m, flight.highest_m));
+  if (flight.duration_s > kDay_s)
+    found.push_back(base::formatted("the flight log lasts for %.0f hours: check the unit of its times",
+                                    flight.duration_s / 3600.0));
+  const bool has_one_place = std::ranges::all_of(fixes, [&](const dataset::GpsFix& fix) {
+    return fix.position.latitude_deg == fixes.front().position.latitude_deg &&
+           fix.position.longitude_deg == fixes.front().position.longitude_deg;
+  });
+  if (has_one_place && fixes.size() >= kSeveral)
+    found.push_back("all " + std::to_string(fixes.size()) +
+                    " positions of the flight log have one latitude and longitude: check whether its numbers are cut");
+  return found;
 }
 
 std::vector<dataset::CameraAttitude> to_camera_attitudes(const flight_logs::Telemetry& telemetry) {

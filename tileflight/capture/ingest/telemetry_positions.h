@@ -28,6 +28,15 @@ geometry::EllipsoidalHeight estimate_takeoff_height(const flight_logs::Telemetry
 std::vector<dataset::GpsFix> to_gps_fixes(const flight_logs::Telemetry& telemetry, const IngestedFlightConfig& flight,
                                           std::vector<std::string>& warnings);
 
+/// Returns the reference of the heights that to_gps_fixes() takes: "ellipsoid", "sea-level" or "takeoff". Throws as it.
+std::string height_reference_name(const flight_logs::Telemetry& telemetry, const IngestedFlightConfig& flight);
+
+/// Describes the flight of at least one fix, in order of time.
+LoggedFlight describe_flight(const std::vector<dataset::GpsFix>& fixes);
+
+/// Returns what no drone's flight is like: speeds, heights and lengths that point at a wrong unit or column.
+std::vector<std::string> find_implausible(const LoggedFlight& flight, const std::vector<dataset::GpsFix>& fixes);
+
 /// The camera's attitude from its gimbal angles, if the log has yaw and pitch (a missing roll is 0: gimbals keep the
 /// camera level), with error sigmas typical of consumer drones' gimbals and compasses.
 std::vector<dataset::CameraAttitude> to_camera_attitudes(const flight_logs::Telemetry& telemetry);

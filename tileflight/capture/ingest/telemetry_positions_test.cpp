@@ -50,6 +50,41 @@ TEST_F(TelemetryPositions, TheDatumIsTheLogsUnlessItIsStated) {
   EXPECT_THAT(warnings_, IsEmpty());
 }
 
+TEST_F(TelemetryPositions, ALogWithoutAnyHeightsSaysSo) {
+  flight_logs::Telemetry log = log_of_two(flight_logs::HeightDatum::kMeanSeaLevel);
+  for (flight_logs::TelemetryFix& fix : log.fixes) fix.absolute_height_m = fix.height_above_takeoff_m = std::nullopt;
+  EXPECT_THAT(refusal(log), HasSubstr("has no heights at all"));
+}
+
+TEST(LoggedFlight, IsDescribedAndCheckedForWrongUnits) {
+  const auto flight_of = [](double metres_a_second, double height_m) {
+    std::vector<dataset::GpsFix> fixes;
+    for (int i = 0; i <= 100; ++i) {
+      const double north_deg = 0.1 * i * metres_a_second / 110574.0;  // at the equator
+      fixes.push_back({.time_s = 0.1 * i, .position = {north_deg, 10.0, {height_m + 0.05 * i}}});
+    }
+    return fixes;
+  };
+  const std::vector<dataset::GpsFix> usual = flight_of(8.0, 500.0);
+  const LoggedFlight flight = describe_flight(usual);
+  EXPECT_NEAR(flight.duration_s, 10.0, 1e-9);
+  EXPECT_NEAR(flight.length_m, 80.2, 0.5);
+  EXPECT_NEAR(flight.largest_speed_m_s, 8.02, 0.05);
+  EXPECT_DOUBLE_EQ(flight.lowest_m, 500.0);
+  EXPECT_DOUBLE_EQ(flight.highest_m, 505.0);
+  EXPECT_THAT(find_implausible(flight, usual), IsEmpty());
+
+  const auto faults_of = [](const std::vector<dataset::GpsFix>& fixes) {
+    return find_implausible(describe_flight(fixes), fixes);
+  };
+  EXPECT_THAT(faults_of(flight_of(800.0, 500.0)), ElementsAre(HasSubstr("faster than drones fly")));
+  EXPECT_THAT(faults_of(flight_of(8.0, 11914.0)), ElementsAre(HasSubstr("heights reach from 11914")));
+  EXPECT_THAT(faults_of(flight_of(0.0, 500.0)), ElementsAre(HasSubstr("one latitude and longitude")));
+  std::vector<dataset::GpsFix> slow = usual;
+  for (dataset::GpsFix& fix : slow) fix.time_s *= 1e9;
+  EXPECT_THAT(faults_of(slow), ElementsAre(HasSubstr("hours: check the unit of its times")));
+}
+
 TEST_F(TelemetryPositions, PositionsWithoutThatHeightAreLeftOutAndCounted) {
   flight_.telemetry_height = "takeoff";
   flight_.takeoff_height_m = 100;

@@ -144,6 +144,55 @@ std::optional<double> parse_finite_number(std::string_view text) {
   return value && trim(text).empty() ? value : std::nullopt;
 }
 
+std::optional<double> parse_decimal_number(std::string_view text) {
+  if (const std::optional<double> value = parse_finite_number(text)) return value;
+  std::string with_point(text);
+  const std::size_t comma = with_point.find(',');
+  if (comma == std::string::npos || with_point.find('.') != std::string::npos) return std::nullopt;
+  with_point[comma] = '.';
+  return parse_finite_number(with_point);
+}
+
+std::optional<double> parse_angle_deg(std::string_view text) {
+  if (const std::optional<double> value = parse_decimal_number(text)) return value;
+  text = trim(text);
+  char hemisphere = '\0';
+  if (!text.empty() && std::string_view("NSEWnsew").find(text.back()) != std::string_view::npos) {
+    hemisphere = to_lower(text.substr(text.size() - 1)).front();
+    text.remove_suffix(1);
+  }
+  // The whole part before the degree sign, then minutes and seconds.
+  std::size_t sign = text.find("deg");
+  std::size_t after = sign + 3;
+  if (sign == std::string_view::npos) {
+    sign = text.find("\xC2\xB0");
+    after = sign + 2;
+  }
+  std::optional<double> degrees = parse_decimal_number(text.substr(0, sign));
+  std::string_view rest = sign == std::string_view::npos ? "" : trim(text.substr(after));
+  if (!degrees || (hemisphere != '\0' && *degrees < 0.0)) return std::nullopt;
+  if (!rest.empty() && hemisphere == '\0') return std::nullopt;
+  double part = 60.0;
+  for (const char mark : {'\'', '"'}) {
+    if (const std::size_t end = rest.find(mark); end != std::string_view::npos) {
+      const std::optional<double> value = parse_decimal_number(rest.substr(0, end));
+      if (!value || *value < 0.0 || *value >= 60.0) return std::nullopt;
+      *degrees += *value / part;
+      rest = trim(rest.substr(end + 1));
+    }
+    part *= 60.0;
+  }
+  if (!rest.empty()) return std::nullopt;
+  return hemisphere == 's' || hemisphere == 'w' ? -*degrees : *degrees;
+}
+
+TimeUnit guess_time_unit(double first_time) {
+  if (first_time < 1e11) return {};
+  if (first_time < 1e14) return {1e-3, "milliseconds"};
+  if (first_time < 1e17) return {1e-6, "microseconds"};
+  return {1e-9, "nanoseconds"};
+}
+
 std::optional<int> take_digits(std::string_view& text) {
   std::size_t count = 0;
   while (count < text.size() && count < 9 && is_digit(text[count])) ++count;
@@ -162,9 +211,14 @@ std::optional<double> take_clock(std::string_view& text) {
     if (!part) return std::nullopt;
     parts[i] = *part;
   }
-  double milliseconds = 0;
-  if (take_prefix(text, ",") || take_prefix(text, ".")) milliseconds = take_digits(text).value_or(0);
-  return 3600.0 * parts[0] + 60.0 * parts[1] + parts[2] + milliseconds / 1000.0;
+  double fraction_s = 0;
+  if (take_prefix(text, ",") || take_prefix(text, ".")) {
+    const std::size_t before = text.size();
+    const int digits = take_digits(text).value_or(0);
+    // Up to three digits are milliseconds, as subtitles have them; more are a fraction.
+    fraction_s = digits * std::pow(10.0, -std::max<double>(3.0, static_cast<double>(before - text.size())));
+  }
+  return 3600.0 * parts[0] + 60.0 * parts[1] + parts[2] + fraction_s;
 }
 
 std::optional<double> take_day(std::string_view& text) {

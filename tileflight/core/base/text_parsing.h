@@ -80,6 +80,25 @@ std::optional<double> take_number(std::string_view& text);
 /// Parses the whole text, apart from surrounding blanks, as one finite number.
 std::optional<double> parse_finite_number(std::string_view text);
 
+/// Parses as parse_finite_number(), also with a decimal comma ("47,0001"). For fields of formats in which a comma
+/// cannot separate numbers.
+std::optional<double> parse_decimal_number(std::string_view text);
+
+/// Parses the whole text, apart from surrounding blanks, as an angle in degrees: a number as parse_decimal_number(),
+/// with or without a degree sign and a hemisphere ("8.46", "8.46 deg S", "8.46S"), or degrees, minutes and seconds with
+/// a hemisphere as ExifTool writes them (`8 deg 27' 55.22" S`). S and W are negative. nullopt for anything else.
+std::optional<double> parse_angle_deg(std::string_view text);
+
+/// The unit of times in a file that states none.
+struct TimeUnit {
+  double seconds = 1.0;
+  const char* name = "seconds";
+};
+
+/// Tells the unit by the first time of a file: seconds, unless it would then be a date after the year 5000; else a date
+/// of this century in milliseconds, microseconds or nanoseconds.
+TimeUnit guess_time_unit(double first_time);
+
 /// Takes the digits at the front (nine at most) as an integer, for dates and time stamps ("08" is 8).
 std::optional<int> take_digits(std::string_view& text);
 

@@ -47,6 +47,7 @@ struct PoseColumns {
   std::array<std::size_t, 8> of;
   bool are_named = false;  ///< by a header
   bool time_is_in_seconds = true;
+  bool time_unit_is_stated = false;
   std::string_view separators = kBlanks;  ///< of rows
 
   std::size_t count() const { return *std::ranges::max_element(of) + 1; }
@@ -91,8 +92,9 @@ std::optional<PoseColumns> columns_named_by(std::string_view line, const PoseCol
     return time.find(std::string("[") + in_brackets + "]") != std::string::npos ||
            time.find(std::string("(") + in_brackets + ")") != std::string::npos || time.ends_with(ending);
   };
-  if (states("s", "_s") || states("sec", "_sec")) columns.time_is_in_seconds = true;
-  if (states("ns", "_ns") || states("nsec", "_nsec")) columns.time_is_in_seconds = false;
+  const bool in_s = states("s", "_s") || states("sec", "_sec"), in_ns = states("ns", "_ns") || states("nsec", "_nsec");
+  columns.time_unit_is_stated = in_s || in_ns;
+  if (columns.time_unit_is_stated) columns.time_is_in_seconds = in_s;
   return columns;
 }
 
@@ -167,6 +169,11 @@ Trajectory read_poses(const std::filesystem::path& file, std::string_view text, 
     }
     trajectory.poses.push_back(*pose);
   });
+  if (!trajectory.empty() && found.columns.time_is_in_seconds && !found.columns.time_unit_is_stated) {
+    // ORB-SLAM3 writes TUM's columns with nanoseconds.
+    const double unit_s = base::guess_time_unit(trajectory.poses.front().time_s).seconds;
+    for (StampedPose& pose : trajectory.poses) pose.time_s *= unit_s;
+  }
   return trajectory;
 }
 

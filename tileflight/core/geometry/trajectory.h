@@ -24,10 +24,11 @@ struct Trajectory {
 };
 
 /// Reads and writes TUM text: `timestamp tx ty tz qx qy qz qw` a line, '#' comments. A heading in front that names
-/// these eight columns (also as qw, qx, qy, qz, and beside others) tells their order and the unit of the time. A row of
-/// NaN in place of a pose (as where a motion capture saw nothing) is left out. Reading throws InputError (file, line,
-/// cause) for malformed numbers, single NaN, a zero quaternion, or decreasing times. Of poses with equal times (they
-/// occur in published ground truth with rounded clocks) the first is kept.
+/// these eight columns (also as qw, qx, qy, qz, and beside others) tells their order and the unit of the time. Times
+/// that would be dates after the year 5000 are milliseconds, microseconds or nanoseconds (base::guess_time_unit). A row
+/// of NaN in place of a pose (as where a motion capture saw nothing) is left out. Reading throws InputError (file,
+/// line, cause) for malformed numbers, single NaN, a zero quaternion, or decreasing times. Of poses with equal times
+/// (they occur in published ground truth with rounded clocks) the first is kept.
 Trajectory read_tum(const std::filesystem::path& file);
 void write_tum(const std::filesystem::path& file, const Trajectory& trajectory);
 

@@ -265,6 +265,14 @@ TEST_F(TrajectoryFiles, AHeadingNamesTheColumnsWhereverTheyStand) {
               HasSubstr("line 2: expected 8 fields as in its heading"));
 }
 
+TEST_F(TrajectoryFiles, TellsNanosecondsFromSeconds) {
+  const TrajectoryFile orb = read("1403636579763555584 0 0 0 0 0 0 1\n1403636579813555456 1 0 0 0 0 0 1\n");
+  ASSERT_EQ(orb.trajectory.size(), 2u);
+  EXPECT_NEAR(orb.trajectory.poses[0].time_s, 1403636579.763555584, 1e-6);
+  EXPECT_NEAR(orb.trajectory.poses[1].time_s, 1403636579.813555456, 1e-6);
+  EXPECT_NEAR(read("1403636579763.5 0 0 0 0 0 0 1\n").trajectory.poses.at(0).time_s, 1403636579.7635, 1e-6);
+}
+
 TEST_F(TrajectoryFiles, LeavesOutRowsThatSayThatThereIsNoPose) {
   const TrajectoryFile truth = read("1 0 0 0 0 0 0 1\n2 NaN NaN NaN NaN NaN NaN NaN\n3 1 0 0 0 0 0 1\n");
   ASSERT_EQ(truth.trajectory.size(), 2u);

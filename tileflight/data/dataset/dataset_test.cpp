@@ -285,6 +285,16 @@ TEST(DsoLayout, BareSecondsAndImagesLeftOut) {
   EXPECT_THAT(dataset.warnings, ElementsAre(HasSubstr("1 images have no time")));
 }
 
+TEST(DsoLayout, TimesInOtherUnitsAreToldByTheirSize) {
+  TemporaryFolder folder;
+  const DsoFolder dso(folder / "set");
+  dso.times("a 1403636579763555584\nb 1403636579813555456\nc 1403636579863555584\n");
+  const Dataset dataset = read_dataset(dso.folder);
+  EXPECT_NEAR(dataset.frames[0].time_s, 1403636579.763555584, 1e-6);
+  EXPECT_NEAR(dataset.frames[1].time_s - dataset.frames[0].time_s, 0.05, 1e-6);
+  EXPECT_THAT(dataset.warnings, ElementsAre(HasSubstr("the times are taken as nanoseconds")));
+}
+
 TEST(DsoLayout, BadTimesAreOneClearLine) {
   TemporaryFolder folder;
   const DsoFolder dso(folder / "set");

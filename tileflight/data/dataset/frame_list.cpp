@@ -103,7 +103,12 @@ std::vector<fs::path> list_images(const fs::path& folder) {
 
 std::vector<Frame> read_timed_frames(const std::vector<fs::path>& images, const fs::path& times_file,
                                      std::vector<std::string>& warnings) {
-  const std::vector<TimesLine> lines = read_times(times_file);
+  std::vector<TimesLine> lines = read_times(times_file);
+  if (const base::TimeUnit unit = base::guess_time_unit(lines.front().time_s); unit.seconds != 1.0) {
+    for (TimesLine& line : lines) line.time_s *= unit.seconds;
+    warnings.push_back(times_file.string() + ": the times are taken as " + unit.name +
+                       ", as seconds they would be dates " + "after the year 5000");
+  }
   std::vector<Frame> frames = lines.front().id.empty() ? match_by_order(images, lines, times_file)
                                                        : match_by_name(images, lines, times_file, warnings);
   require_increasing_times(frames, times_file);

@@ -256,10 +256,13 @@ std::vector<Frame> image_frames(const IngestOptions& options, std::vector<std::s
        {folder / "times.txt", fs::absolute(folder).lexically_normal().parent_path() / "times.txt"})
     if (fs::is_regular_file(times)) return read_timed_frames(images, times, notes);
   if (!options.image_times.empty()) return timed_frames(images, options.image_times, notes);
-  if (!(options.image_rate_hz > 0.0)) throw InputError(given.string(), "the frame rate of the images must be above 0");
-  notes.push_back(given.string() + ": no times.txt; a frame rate of " + base::rounded_text(options.image_rate_hz, 3) +
-                  " frames per second is assumed");
-  return make_uniform_frames(images, 1.0 / options.image_rate_hz);
+  constexpr double kUsualRate_hz = 30.0;
+  const double rate_hz = options.image_rate_hz.value_or(kUsualRate_hz);
+  if (!(rate_hz > 0.0)) throw InputError(given.string(), "the frame rate of the images must be above 0");
+  if (!options.image_rate_hz)
+    notes.push_back(given.string() + ": no times.txt; a frame rate of " + base::rounded_text(rate_hz, 3) +
+                    " frames per second is assumed");
+  return make_uniform_frames(images, 1.0 / rate_hz);
 }
 
 std::vector<Frame> select_excerpt(const std::vector<Frame>& frames, const IngestOptions& options) {

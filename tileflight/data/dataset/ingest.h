@@ -34,7 +34,7 @@ struct IngestOptions {
   std::filesystem::path calibration;      ///< any format of imaging::read_calibration
   std::string camera_id;                  ///< camera to use of a calibration with several; empty: it has only one
   video::VideoExcerpt excerpt;            ///< on the video's clock (first frame at 0; images: times of times.txt)
-  double image_rate_hz = 30.0;            ///< frame rate of an image folder without times.txt
+  std::optional<double> image_rate_hz;    ///< frame rate of an image folder without times.txt; none: 30, with a note
   /// Capture times for a folder without times.txt, by file name; empty: unknown. Images that are not in the map are
   /// left out (with a note).
   std::map<std::string, ImageTime> image_times;

@@ -18,6 +18,7 @@ namespace fs = std::filesystem;
 using testing::AllOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
+using testing::IsEmpty;
 using tests::moving_picture;
 using tests::refusal_of;
 
@@ -280,8 +281,11 @@ TEST_F(IngestTest, ImagesWithoutTimes) {
   const IngestResult result = ingest(options, folder / "set");
   EXPECT_EQ(result.frames, 4U);
   EXPECT_DOUBLE_EQ(result.times_s.back(), 0.3);
-  EXPECT_THAT(result.notes, ElementsAre(HasSubstr("10.000 frames per second")));
+  EXPECT_THAT(result.notes, IsEmpty()) << "the rate was given";
   EXPECT_EQ(read_dataset(folder / "set").frames[2].image.filename(), "000002.png");
+  fs::remove_all(folder / "set");
+  options.image_rate_hz.reset();
+  EXPECT_THAT(ingest(options, folder / "set").notes, ElementsAre(HasSubstr("30.000 frames per second is assumed")));
   fs::remove_all(folder / "set");
 
   imaging::write_rgb(folder / "photos/p2.png", moving_picture(kWidth, kHeight / 2, 2));

@@ -3,10 +3,12 @@
 #include <cctype>
 #include <cmath>
 #include <cstddef>
+#include <functional>
 #include <numbers>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "tileflight/core/base/files.h"
@@ -52,10 +54,19 @@ class ColumnMap {
   /// suffix ("time_ms"). Throws InputError (`where`, column, unit) for an unknown unit.
   ColumnMap(const std::vector<std::string>& names, const std::string& where);
 
-  const std::optional<Column>& at(Quantity quantity) const { return columns_[static_cast<std::size_t>(quantity)]; }
+  /// Returns the quantity's column; nullopt if there is none.
+  std::optional<Column> at(Quantity quantity) const {
+    const std::vector<Column>& all = of(quantity);
+    return all.empty() ? std::nullopt : std::optional(all.front());
+  }
+
+  /// Leaves the first column of each quantity for which `can_be_read` holds, if it holds for any.
+  void choose(const std::function<bool(Quantity quantity, const Column& column)>& can_be_read);
 
  private:
-  std::array<std::optional<Column>, kQuantities> columns_;
+  const std::vector<Column>& of(Quantity quantity) const { return columns_[static_cast<std::size_t>(quantity)]; }
+
+  std::array<std::vector<Column>, kQuantities> columns_;  ///< the preferred one first
 };
 
 struct Alias {
@@ -232,14 +243,21 @@ ColumnMeaning meaning_of(const std::string& name, const std::string& where) {
 }
 
 ColumnMap::ColumnMap(const std::vector<std::string>& names, const std::string& where) {
-  std::array<const Alias*, kQuantities> chosen{};
+  std::vector<std::pair<const Alias*, Column>> found;
   for (std::size_t i = 0; i < names.size(); ++i) {
     const ColumnMeaning meaning = meaning_of(base::to_lower(names[i]), where);
-    if (meaning.alias == nullptr) continue;
-    const auto quantity = static_cast<std::size_t>(meaning.alias->quantity);
-    if (chosen[quantity] != nullptr && chosen[quantity] <= meaning.alias) continue;
-    chosen[quantity] = meaning.alias;
-    columns_[quantity] = Column{i, meaning.scale};
+    if (meaning.alias != nullptr) found.push_back({meaning.alias, {i, meaning.scale}});
+  }
+  std::ranges::stable_sort(found, {}, &std::pair<const Alias*, Column>::first);
+  for (const auto& [alias, column] : found) columns_[static_cast<std::size_t>(alias->quantity)].push_back(column);
+}
+
+void ColumnMap::choose(const std::function<bool(Quantity quantity, const Column& column)>& can_be_read) {
+  for (std::size_t i = 0; i < kQuantities; ++i) {
+    std::vector<Column>& all = columns_[i];
+    const auto chosen =
+        std::ranges::find_if(all, [&](const Column& c) { return can_be_read(static_cast<Quantity>(i), c); });
+    if (chosen != all.end()) all = {*chosen};
   }
 }
 
@@ -373,6 +391,21 @@ class Reader {
     choose_height(names);
   }
 
+  /// Of several columns for a quantity, chooses the first that can be read in any of these rows: a text such as
+  /// "0m 0.1s" may stand in front of the same time in seconds.
+  void choose_columns(const std::vector<Cells>& first_rows) {
+    columns_.choose([&](Quantity quantity, const Column& column) {
+      return std::ranges::any_of(first_rows, [&](const Cells& cells) {
+        if (column.index >= cells.size()) return false;
+        const std::string& text = cells[column.index];
+        if (quantity == Quantity::kDate) return !text.empty();
+        const bool is_date = (quantity == Quantity::kTime || quantity == Quantity::kDateTime) &&
+                             (base::parse_iso_time_s(text) || base::parse_iso_time_s("2000-01-01 " + text));
+        return is_date || parsed(text) || base::parse_angle_deg(text);
+      });
+    });
+  }
+
   /// The row's fix with its time as written; without a fix nullopt, counted by the filter.
   std::optional<TelemetryFix> fix(const Cells& cells, FixFilter& filter) {
     TelemetryFix fix;
@@ -422,7 +455,7 @@ class Reader {
 
   /// The cell's text; empty if the quantity has no column or the row is shorter.
   std::string cell(const Cells& cells, Quantity quantity) const {
-    const std::optional<Column>& column = columns_.at(quantity);
+    const std::optional<Column> column = columns_.at(quantity);
     return column && column->index < cells.size() ? cells[column->index] : "";
   }
 
@@ -437,29 +470,10 @@ class Reader {
     return *value * columns_.at(quantity)->scale.value_or(1.0);
   }
 
-  /// A number, or degrees, minutes and seconds as written by ExifTool: `8 deg 27' 55.22" S`.
+  /// A number, or an angle with a degree sign and a hemisphere.
   std::optional<double> angle(const Cells& cells, Quantity quantity) const {
     if (const std::optional<double> value = number(cells, quantity)) return value;
-    const std::string text = cell(cells, quantity);
-    std::string_view rest = text;
-    std::optional<double> degrees = base::take_number(rest);
-    if (!degrees) return std::nullopt;
-    rest = base::trim(rest);
-    if (!base::take_prefix(rest, "deg")) base::take_prefix(rest, "\xC2\xB0");
-    double part = 60.0;
-    for (const std::string_view mark : {"'", "\""}) {
-      std::string_view ahead = rest;
-      const std::optional<double> value = base::take_number(ahead);
-      ahead = base::trim(ahead);
-      if (value && base::take_prefix(ahead, mark)) {
-        *degrees += *value / part;
-        rest = ahead;
-      }
-      part *= 60.0;
-    }
-    rest = base::trim(rest);
-    if (rest == "S" || rest == "W") return -*degrees;
-    return rest == "N" || rest == "E" ? degrees : std::nullopt;
+    return base::parse_angle_deg(cell(cells, quantity));
   }
 
   std::optional<double> time(const Cells& cells) {
@@ -473,12 +487,9 @@ class Reader {
     return base::parse_iso_time_s(cell(cells, Quantity::kDateTime));
   }
 
-  /// Scale of times in a column without a unit: seconds, unless the first one would be a date after the year 5000; then
-  /// dates of this century in milliseconds, microseconds or nanoseconds.
+  /// Scale of times in a column without a unit, by the first one.
   double scale_of_bare_time(double value) {
-    if (!bare_time_scale_) {
-      bare_time_scale_ = value < 1e11 ? 1.0 : value < 1e14 ? 1e-3 : value < 1e17 ? 1e-6 : 1e-9;
-    }
+    if (!bare_time_scale_) bare_time_scale_ = base::guess_time_unit(value).seconds;
     return *bare_time_scale_;
   }
 
@@ -510,6 +521,10 @@ Telemetry read_csv_log(const std::filesystem::path& file) {
   Cells cells;
   if (!rows.next(cells)) throw InputError(file.string(), "is empty; expected a flight log");
   Reader reader(cells, separator, file.string());
+  constexpr std::size_t kFirstRows = 50;
+  std::vector<Cells> first_rows;
+  for (CsvReader ahead = rows; first_rows.size() < kFirstRows && ahead.next(cells);) first_rows.push_back(cells);
+  reader.choose_columns(first_rows);
   FixFilter filter;
   std::vector<TelemetryFix> fixes;
   while (rows.next(cells)) {

@@ -37,6 +37,16 @@ TEST_F(CsvLog, PlainColumns) {
   EXPECT_THAT(log.warnings, IsEmpty());
 }
 
+/// The header of decoded DJI flight records: the time as a text stands in front of the time in seconds.
+TEST_F(CsvLog, AColumnOfTextDoesNotHideTheNumbers) {
+  const Telemetry log = read(
+      "CUSTOM.date [local],CUSTOM.updateTime [local],OSD.flyTime,OSD.flyTime [s],OSD.latitude,OSD.longitude\n"
+      "1/2/2024,10:00:00,0m 0.1s,0.1,45.5,9.25\n1/2/2024,10:00:00,0m 0.2s,0.2,45.5,9.26\n");
+  ASSERT_EQ(log.fixes.size(), 2u);
+  EXPECT_EQ(log.fixes[1].time_s, 0.2);
+  EXPECT_THAT(log.warnings, IsEmpty());
+}
+
 TEST_F(CsvLog, AirDataWithFeetAndPreferredHeight) {
   const Telemetry log = read(
       "time(millisecond),datetime(utc),latitude,longitude,height_above_takeoff(feet),altitude_above_seaLevel(feet),"

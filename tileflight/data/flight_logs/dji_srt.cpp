@@ -12,6 +12,8 @@
 //       Phantom 4 RTK: gimbal's pitch, roll, yaw
 //   GPS(36.6146,-6.1120,0.0M) BAROMETER:0.3M
 //       Matrice 300: latitude, longitude, height with its unit
+//   GPS(E:149.0227, N:-35.2858, 0.46m)
+//       Autel: the axes by their letters
 //
 // The third number of the Mavic Pro is the satellite count, as its entries without a fix show: GPS(N/A,N/A,3). A third
 // number with a unit or a fraction is a height, and those firmwares write the latitude first. One file may hold several
@@ -79,37 +81,111 @@ std::optional<std::string_view> after_key(std::string_view line, std::string_vie
   return std::nullopt;
 }
 
-/// The number in `key: 1.5`, `key 1.5m`, `key(1.5)`.
-std::optional<double> value_of(std::string_view line, std::string_view key) {
-  std::optional<std::string_view> rest = after_key(line, key);
-  if (!rest) return std::nullopt;
+/// The text of the value in `key: 1.5`, `key 1.5m`, `key(1.5)`, up to the next blank or bracket; empty if there is
+/// none.
+std::string_view text_of(std::string_view line, std::string_view key) {
+  const std::optional<std::string_view> rest = after_key(line, key);
+  if (!rest) return {};
   std::string_view text = base::trim(*rest);
   if (!base::take_prefix(text, ":")) base::take_prefix(text, "(");
-  return base::take_number(text);
+  text = base::trim(text);
+  text = text.substr(0, text.find_first_of(" \t])"));
+  while (text.ends_with(',') || text.ends_with(';')) text.remove_suffix(1);
+  return text;
+}
+
+[[noreturn]] void refuse(std::string_view key, std::string_view text) {
+  throw InputError(std::string(key),
+                   "'" + std::string(text.substr(0, 60)) + "' is no number; correct the log, or export it anew");
+}
+
+/// The number in `key: 1.5`, `key 1.5m`, `key: 1,5`; nullopt where the key is missing or the value is no number at all
+/// ("N/A"). Throws InputError for a number that goes on otherwise ("1.5.2").
+std::optional<double> value_of(std::string_view line, std::string_view key) {
+  std::string_view text = text_of(line, key);
+  std::string_view number = text;
+  if (!base::take_number(number)) return std::nullopt;
+  const std::string_view unit_letters = "mM\xC2\xB0%";
+  while (!text.empty() && unit_letters.find(text.back()) != std::string_view::npos) text.remove_suffix(1);
+  const std::optional<double> value = base::parse_decimal_number(text);
+  if (!value) refuse(key, text_of(line, key));
+  return value;
+}
+
+/// The angle in `key: 47.5`, `key: 47,5`, `key: 47.5 N`, `key: 47° 30' 0" N`, in degrees. Throws as value_of().
+std::optional<double> angle_of(std::string_view line, std::string_view key) {
+  const std::optional<std::string_view> rest = after_key(line, key);
+  if (!rest) return std::nullopt;
+  std::string_view text = base::trim(*rest);
+  base::take_prefix(text, ":");
+  text = base::trim(text.substr(0, text.find_first_of("])")));
+  std::string_view number = text;
+  if (!base::take_number(number)) return std::nullopt;
+  if (const std::optional<double> angle = base::parse_angle_deg(text)) return angle;
+  // Other keys follow: the number, and a letter for its hemisphere.
+  const std::string_view alone = text_of(line, key);
+  std::string_view behind = base::trim(text.substr(alone.size()));
+  const std::string_view letter = behind.substr(0, behind.find(' '));
+  const bool has_letter = letter.size() == 1 && std::string_view("NSEW").find(letter) != std::string_view::npos;
+  if (const auto angle = base::parse_angle_deg(std::string(alone) + (has_letter ? std::string(letter) : "")))
+    return angle;
+  refuse(key, text);
 }
 
 /// A number with the text directly after it up to the comma or bracket ("0.0M").
 struct Item {
   std::optional<double> value;  ///< nullopt for "N/A"
   bool is_height = false;       ///< has a unit or a fraction
+  char axis = '\0';             ///< the letter in front: "E:149.02", "N:-35.28"
 };
 
-/// The comma-separated items of `key (a, b, c)`; empty if the key is missing.
+Item parse_item(std::string_view key, std::string_view text) {
+  Item item;
+  text = base::trim(text);
+  if (text.size() > 2 && text[1] == ':') {
+    item.axis = text[0];
+    text = base::trim(text.substr(2));
+  }
+  std::string_view number = text;
+  if (!base::take_number(number)) return item;
+  item.is_height = text.find('.') != std::string_view::npos || !base::trim(number).empty();
+  const std::string_view whole = text;
+  while (!text.empty() && std::string_view("mM\xC2\xB0").find(text.back()) != std::string_view::npos)
+    text.remove_suffix(1);
+  item.value = base::parse_decimal_number(text);
+  if (!item.value) refuse(key, whole);
+  return item;
+}
+
+/// The comma-separated items of `key (a, b, c)`; empty if the key is missing. Commas inside numbers are told from those
+/// between them by the blanks after the latter. Throws InputError where that is not certain.
 std::vector<Item> tuple_of(std::string_view line, std::string_view key) {
   const std::optional<std::string_view> rest = after_key(line, key);
   if (!rest) return {};
   std::string_view text = base::trim(*rest);
   if (!base::take_prefix(text, "(")) return {};
   text = text.substr(0, text.find(')'));
-  std::vector<Item> items;
-  while (!text.empty() && items.size() < 8) {
-    const std::size_t end = std::min(text.find(','), text.size());
-    const std::string_view item = text.substr(0, end);
-    std::string_view behind = item;
-    const std::optional<double> value = base::take_number(behind);
-    items.push_back({value, value && (item.find('.') != std::string_view::npos || !base::trim(behind).empty())});
-    text.remove_prefix(std::min(end + 1, text.size()));
+  const auto split = [&](std::string_view separator) {
+    std::vector<std::string_view> parts;
+    for (std::string_view left = text; parts.size() < 8;) {
+      const std::size_t end = left.find(separator);
+      parts.push_back(left.substr(0, end));
+      if (end == std::string_view::npos) break;
+      left.remove_prefix(end + separator.size());
+    }
+    return parts;
+  };
+  std::vector<std::string_view> parts = split(",");
+  constexpr std::size_t kUsual = 3;
+  if (parts.size() > kUsual && text.find('.') == std::string_view::npos) {
+    parts = split(", ");
+    if (parts.size() != kUsual) {
+      throw InputError(std::string(key), "'(" + std::string(text.substr(0, 60)) +
+                                             ")' has decimal commas that cannot be told from those between numbers");
+    }
   }
+  std::vector<Item> items;
+  for (const std::string_view part : parts) items.push_back(parse_item(key, part));
   return items;
 }
 
@@ -125,9 +201,9 @@ void fill(std::optional<double>& field, const std::optional<double>& value) {
 }
 
 void read_bracketed_position(std::string_view line, Reading& reading) {
-  const std::optional<double> latitude = value_of(line, "latitude");
-  std::optional<double> longitude = value_of(line, "longitude");
-  fill(longitude, value_of(line, "longtitude"));  // spelling of Mavic 2 firmware
+  const std::optional<double> latitude = angle_of(line, "latitude");
+  std::optional<double> longitude = angle_of(line, "longitude");
+  fill(longitude, angle_of(line, "longtitude"));  // spelling of Mavic 2 firmware
   if (!latitude || !longitude) return;
   reading.fix.latitude_deg = *latitude;
   reading.fix.longitude_deg = *longitude;
@@ -137,10 +213,15 @@ void read_bracketed_position(std::string_view line, Reading& reading) {
 void read_gps_tuple(std::string_view line, Reading& reading) {
   const std::vector<Item> items = tuple_of(line, "GPS");
   if (items.size() < 2 || !items[0].value || !items[1].value) return;
-  const bool latitude_first = items.size() > 2 && items[2].is_height;
+  const bool latitude_first =
+      items[0].axis != '\0' ? items[0].axis == 'N' || items[0].axis == 'S' : items.size() > 2 && items[2].is_height;
+  if (items.size() > 2 && items[2].is_height) reading.fix.absolute_height_m = items[2].value;
   reading.fix.latitude_deg = *items[latitude_first ? 0 : 1].value;
   reading.fix.longitude_deg = *items[latitude_first ? 1 : 0].value;
-  if (latitude_first) reading.fix.absolute_height_m = items[2].value;
+  for (std::size_t i = 0; i < 2; ++i) {
+    if (items[i].axis == 'S') reading.fix.latitude_deg = -reading.fix.latitude_deg;
+    if (items[i].axis == 'W') reading.fix.longitude_deg = -reading.fix.longitude_deg;
+  }
   reading.has_position = true;
 }
 
@@ -214,7 +295,13 @@ Telemetry read_dji_srt(const std::filesystem::path& file) {
   if (entries.empty()) throw InputError(file.string(), "no subtitle entries; is this a DJI .srt log?");
   std::vector<Reading> readings;
   readings.reserve(entries.size());
-  std::transform(entries.begin(), entries.end(), std::back_inserter(readings), read_entry);
+  for (const Entry& entry : entries) {
+    try {
+      readings.push_back(read_entry(entry));
+    } catch (const InputError& fault) {
+      throw InputError(file.string() + ", entry " + std::string(entry.number.substr(0, 12)), fault.what());
+    }
+  }
   Telemetry telemetry = collect(readings);
   if (telemetry.fixes.empty()) {
     const std::string cause = telemetry.warnings.empty() ? "" : " (" + telemetry.warnings.front() + ")";

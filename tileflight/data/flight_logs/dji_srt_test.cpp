@@ -55,6 +55,29 @@ TEST_F(TelemetryText, EntriesWithoutFixAreDroppedAndCounted) {
                                         "1 entries dropped: time does not increase"));
 }
 
+/// Programs and locales write numbers and axes in their own ways; none may become another place.
+TEST_F(TelemetryText, NumbersOfOtherLocalesAndMakersAreReadOrRefused) {
+  const auto entry = [](const std::string& text) { return "1\n00:00:01,000 --> 00:00:02,000\n" + text + "\n"; };
+  const auto expect_place = [&](const std::string& text, double latitude_deg, double longitude_deg,
+                                std::optional<double> height_m) {
+    const Telemetry log = read(entry(text));
+    ASSERT_EQ(log.fixes.size(), 1u) << text;
+    EXPECT_DOUBLE_EQ(log.fixes[0].latitude_deg, latitude_deg) << text;
+    EXPECT_DOUBLE_EQ(log.fixes[0].longitude_deg, longitude_deg) << text;
+    EXPECT_EQ(log.fixes[0].absolute_height_m, height_m) << text;
+  };
+  expect_place("[latitude: 47,000119] [longitude: -8,5] [rel_alt: 1,5 abs_alt: 511,9]", 47.000119, -8.5, 511.9);
+  expect_place("[latitude: 33.5 S] [longitude: 151.25 E] [altitude: 12.0]", -33.5, 151.25, 12.0);
+  expect_place("latitude: 33.5 S longitude: 151.25 E altitude: 12.0m", -33.5, 151.25, 12.0);
+  expect_place("[latitude: 47° 30' 0\" N] [longitude: 8° 15' 0\" W]", 47.5, -8.25, std::nullopt);
+  expect_place("GPS (8,2090, 47,4692, 18), D 49,21m, H 45,60m", 47.4692, 8.209, std::nullopt);
+  expect_place("GPS(E:149.022705, N:-35.285755, 600.46m)", -35.285755, 149.022705, 600.46);
+  expect_place("GPS(W:70.5, S:33.25, 600.5m)", -33.25, -70.5, 600.5);
+  for (const char* text : {"[latitude: 47.0.1] [longitude: 8.0]", "[latitude: 47° 30'] [longitude: 8.0]",
+                           "GPS(8,2090,47,4692,18)", "[latitude: 47.1] [longitude: 8.0] [abs_alt: 5x0.0]"})
+    EXPECT_THAT(fault(entry(text)), testing::StartsWith((folder_ / "log.srt, entry 1: ").string())) << text;
+}
+
 TEST_F(TelemetryText, UnusableFilesAreOneClearLine) {
   EXPECT_THAT(fault(""), HasSubstr("log.srt: no subtitle entries"));
   EXPECT_THAT(fault("hello\nworld\n"), HasSubstr("no subtitle entries"));

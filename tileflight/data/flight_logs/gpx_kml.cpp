@@ -26,8 +26,9 @@ std::optional<TelemetryFix> parse_coord(std::string_view text) {
   if (!longitude_deg || !latitude_deg) return std::nullopt;
   fix.longitude_deg = *longitude_deg;
   fix.latitude_deg = *latitude_deg;
+  if (base::trim(text).empty()) return fix;
   fix.absolute_height_m = base::take_number(text);
-  return fix;
+  return base::trim(text).empty() ? std::optional(fix) : std::nullopt;
 }
 
 class KmlReader {
@@ -110,7 +111,7 @@ struct Point {
 
 std::optional<double> number_attribute(const XmlEvents::Attributes& attributes, std::string_view name) {
   const auto found = attributes.find(name);
-  return found == attributes.end() ? std::nullopt : base::parse_finite_number(found->second);
+  return found == attributes.end() ? std::nullopt : base::parse_decimal_number(found->second);
 }
 
 class GpxReader {
@@ -133,7 +134,7 @@ class GpxReader {
 
   bool end(std::string_view name, std::string_view text) {
     if (point_.depth > 0 && depth_ == point_.depth + 1) {
-      if (name == "ele") point_.elevation_m = base::parse_finite_number(text);
+      if (name == "ele") point_.elevation_m = base::parse_decimal_number(text);
       if (name == "time") point_.time_s = base::parse_iso_time_s(text);
     }
     if (point_.depth > 0 && depth_ == point_.depth) finish_point();

@@ -254,6 +254,13 @@ PhotoLog read_photo_log(const fs::path& folder) {
   std::vector<Photo> photos = photos_of(folder);
   PhotoLog log;
   log.photos = photos.size();
+  const auto undated = std::ranges::count_if(photos, [](const Photo& photo) {
+    return !photo.tags.taken_at_s && photo.tags.latitude_deg && photo.tags.longitude_deg;
+  });
+  if (undated > 0) {
+    log.warnings.push_back(std::to_string(undated) +
+                           " photos have a position but no date (DateTimeOriginal); their positions are not used");
+  }
   std::erase_if(photos, [](const Photo& photo) { return !photo.tags.taken_at_s; });
   if (photos.empty()) return log;
   if (const std::size_t moved = spread(photos); moved > 0) {
