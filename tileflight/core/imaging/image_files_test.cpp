@@ -210,7 +210,7 @@ TEST(ImageFiles, HugeHeadersAreRefusedBeforeAllocation) {
 TEST(ImageFiles, OtherFilesAreNamed) {
   tests::TemporaryFolder folder;
   base::write_file(folder / "a.jpg", "this is text");
-  EXPECT_THAT(tests::refusal_of([&] { read_rgb(folder / "a.jpg"); }), HasSubstr("not a JPEG, PNG or WebP image"));
+  EXPECT_THAT(tests::refusal_of([&] { read_rgb(folder / "a.jpg"); }), HasSubstr("not a JPEG, PNG, WebP, TIFF"));
   base::write_file(folder / "b.jpg", "");
   EXPECT_THAT(tests::refusal_of([&] { read_rgb(folder / "b.jpg"); }), HasSubstr("empty"));
   EXPECT_THAT(tests::refusal_of([&] { read_rgb(folder / "none.jpg"); }), HasSubstr("none.jpg"));
