@@ -8,6 +8,7 @@
 #include "tileflight/capture/ingest/telemetry_offset.h"
 #include "tileflight/capture/ingest/telemetry_positions.h"
 #include "tileflight/capture/recording/flight_cameras.h"
+#include "tileflight/core/base/file_kind.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
@@ -15,6 +16,7 @@
 #include "tileflight/data/dataset/ingest_rig.h"
 #include "tileflight/data/flight_logs/photo_log.h"
 #include "tileflight/data/flight_logs/telemetry.h"
+#include "tileflight/data/video/video.h"
 #include "tileflight/slam/odometry/track.h"
 #include "tileflight/world/place/extract.h"
 
@@ -200,6 +202,18 @@ void ingest_cameras(const IngestedFlightConfig& flight, std::vector<dataset::Ing
 
 }  // namespace
 
+flight_logs::Telemetry read_flight_log(const std::filesystem::path& file) {
+  const auto kind = std::filesystem::is_directory(file) ? std::nullopt : base::recognize_file(base::read_head(file));
+  if (!kind || !kind->is_video) return flight_logs::read_telemetry(file);
+  const std::string subtitles = video::read_subtitles(file);
+  if (subtitles.empty())
+    throw InputError(file.string(),
+                     "is " + kind->name +
+                         " without a track of subtitles, so it is no flight log: give the .srt, CSV or GPX "
+                         "that was recorded beside it");
+  return flight_logs::parse_dji_srt(subtitles, file.string() + " (subtitles)");
+}
+
 IngestResult ingest_dataset(const IngestedFlightConfig& flight, const std::filesystem::path& truth,
                             const std::filesystem::path& out, bool replace, const Progress& progress) {
   dataset::IngestOptions options = options_of(flight, truth, replace);
@@ -212,7 +226,7 @@ IngestResult ingest_dataset(const IngestedFlightConfig& flight, const std::files
   IngestResult result;
   flight_logs::Telemetry telemetry;
   if (!flight.telemetry.empty()) {
-    telemetry = flight_logs::read_telemetry(flight.telemetry);
+    telemetry = read_flight_log(flight.telemetry);
     for (const flight_logs::RangeReading& range : flight_logs::read_ranges(flight.telemetry))
       options.ranges.push_back({range.time_s, range.range_m});
     add_positions(telemetry, flight, truth, options, result.warnings);

@@ -99,11 +99,11 @@ geometry::Trajectory read_groundtruth(const IngestOptions& options) {
   return trajectory;
 }
 
-Companions read_companions(const IngestOptions& options) {
+Companions read_companions(const IngestOptions& options, std::vector<std::string>& notes) {
   Companions given;
   given.groundtruth = read_groundtruth(options);
   if (options.imu.empty()) return given;
-  given.readings = read_imu_csv(options.imu);
+  given.readings = read_imu_csv(options.imu, notes);
   for (geometry::ImuSample& reading : given.readings) reading.time_s += options.imu_time_offset_s;
   if (!options.imu_noise.empty()) given.noise = read_imu_noise(options.imu_noise);
   return given;
@@ -193,6 +193,8 @@ ScaledCalibration fitted_calibration(const IngestOptions& options, IngestResult&
       options.lens ? scaled_calibration(options.calibration.string(), *options.lens, width, height, result.notes)
                    : read_scaled_calibration(options.calibration, options.camera_id, width, height, result.notes);
   result.calibration = fitted.calibration;
+  if (!options.imu.empty() && fitted.calibration.assumes_T_cam_imu)
+    result.notes.push_back(unstated_mount_text(options.calibration.string()));
   return fitted;
 }
 
@@ -245,6 +247,7 @@ std::vector<Frame> timed_frames(const std::vector<fs::path>& images, const std::
     notes.push_back(std::to_string(images.size() - frames.size()) + " images skipped: they have no capture time");
   std::stable_sort(frames.begin(), frames.end(), [](const Frame& a, const Frame& b) { return a.time_s < b.time_s; });
   for (std::size_t i = 0; i < frames.size(); ++i) frames[i].id = frame_id(i);
+  warn_of_order(frames, "capture times of the photos", notes);
   return frames;
 }
 
@@ -262,6 +265,7 @@ std::vector<Frame> image_frames(const IngestOptions& options, std::vector<std::s
   if (!options.image_rate_hz)
     notes.push_back(given.string() + ": no times.txt; a frame rate of " + base::rounded_text(rate_hz, 3) +
                     " frames per second is assumed");
+  note_order_by_numbers(images, notes);
   return make_uniform_frames(images, 1.0 / rate_hz);
 }
 
@@ -285,8 +289,8 @@ std::vector<Frame> select_excerpt(const std::vector<Frame>& frames, const Ingest
   return kept;
 }
 
-/// Copies a JPEG or PNG file (after decoding it once to detect damage and to get its size); other formats are
-/// re-encoded.
+/// Copies a JPEG or PNG file (after decoding it once to detect damage and to get its size); WebP is re-encoded as a
+/// video's frames are, other formats without loss.
 void add_image(DatasetWriter& writer, std::size_t index, const Frame& frame, int width, int height) {
   const std::vector<std::byte> bytes = base::read_bytes(frame.image);
   const imaging::RgbImage image = imaging::decode_rgb(bytes, frame.image.string());
@@ -297,7 +301,9 @@ void add_image(DatasetWriter& writer, std::size_t index, const Frame& frame, int
     return writer.add_encoded_frame(index, frame.time_s, frame.exposure_ms, bytes, ".jpg");
   if (bytes[0] == std::byte{0x89})
     return writer.add_encoded_frame(index, frame.time_s, frame.exposure_ms, bytes, ".png");
-  writer.add_frame(index, frame.time_s, frame.exposure_ms, image);
+  if (bytes[0] == std::byte{'R'}) return writer.add_frame(index, frame.time_s, frame.exposure_ms, image);
+  writer.add_encoded_frame(index, frame.time_s, frame.exposure_ms, imaging::recode_png(bytes, frame.image.string()),
+                           ".png");
 }
 
 void ingest_images(const IngestOptions& options, const fs::path& folder, const Companions& given,
@@ -325,8 +331,8 @@ IngestResult ingest(const IngestOptions& options, const fs::path& dataset_folder
   if (options.jpeg_quality < 1 || options.jpeg_quality > 100) throw InputError("jpeg_quality", "must be from 1 to 100");
   if (!fs::exists(options.video_or_images))
     throw InputError(options.video_or_images.string(), "no such video file or image folder");
-  const Companions given = read_companions(options);
   IngestResult result;
+  const Companions given = read_companions(options, result.notes);
   if (fs::is_directory(options.video_or_images))
     ingest_images(options, dataset_folder, given, progress, result);
   else

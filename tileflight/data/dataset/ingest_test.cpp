@@ -294,6 +294,21 @@ TEST_F(IngestTest, ImagesWithoutTimes) {
   EXPECT_THAT(error(), HasSubstr("p2.png"));
 }
 
+TEST_F(IngestTest, ImagesWithoutLossStayWithoutLoss) {
+  fs::create_directory(folder / "scans");
+  const std::string pixels(static_cast<std::size_t>(kWidth * kHeight), '\x12');
+  for (int i = 1; i <= 10; ++i)  // 16 bits: 0x1212 of 65535
+    base::write_file(folder / ("scans/s" + std::to_string(i) + ".pgm"),
+                     "P5\n" + std::to_string(kWidth) + " " + std::to_string(kHeight) + "\n65535\n" + pixels + pixels);
+  options.video_or_images = folder / "scans";
+  const IngestResult result = ingest(options, folder / "set");
+  EXPECT_THAT(result.notes, testing::Contains(HasSubstr("(s9.pgm before s10.pgm)")));
+  const Dataset dataset = read_dataset(folder / "set");
+  ASSERT_EQ(dataset.frames.size(), 10U);
+  EXPECT_EQ(dataset.frames[0].image.extension(), ".png");
+  EXPECT_EQ(imaging::read_gray16(dataset.frames[0].image)(3, 4), 0x1212);
+}
+
 TEST_F(IngestTest, ImagesThatSayWhenTheyWereTaken) {
   fs::create_directory(folder / "photos");
   for (int i = 0; i < 4; ++i)
@@ -301,7 +316,8 @@ TEST_F(IngestTest, ImagesThatSayWhenTheyWereTaken) {
   options.video_or_images = folder / "photos";
   options.image_times = {{"p0.jpg", {7.5, 4.0}}, {"p1.jpg", {0.0, 2.0}}, {"p3.jpg", {3.0, 0.0}}};
   const IngestResult result = ingest(options, folder / "set");
-  EXPECT_THAT(result.notes, ElementsAre(HasSubstr("1 images skipped")));
+  EXPECT_THAT(result.notes, ElementsAre(HasSubstr("1 images skipped"),
+                                        HasSubstr("(p3.jpg is earlier than p0.jpg); the times decide")));
   const Dataset dataset = read_dataset(folder / "set");
   ASSERT_EQ(dataset.frames.size(), 3U);
   const std::array<const char*, 3> photos{"p1.jpg", "p3.jpg", "p0.jpg"};

@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <string>
 
 #include "tileflight/core/imaging/image.h"
 
@@ -34,6 +35,10 @@ VideoInfo probe_video(const std::filesystem::path& file);
 /// the file's own (also variable rates), the first frame at 0. Frames are rotated by the rotation flag.
 void read_video(const std::filesystem::path& file, const VideoExcerpt& excerpt,
                 const std::function<bool(std::int64_t index, double time_s, const imaging::RgbImage& image)>& on_frame);
+
+/// Returns the first text track of a video (MP4's timed text, Matroska's SubRip) as the text of an .srt file, with
+/// times after the first frame; empty if there is none. Throws InputError (file, cause) for a file that is no video.
+std::string read_subtitles(const std::filesystem::path& file);
 
 /// Compression of a video.
 struct VideoCompression {

@@ -45,7 +45,7 @@ json flight_inputs(const fs::path& flight_file) {
 /// Start time of the filmed flight, if its log knows the date.
 std::optional<double> start_utc_s(const std::optional<FlightConfig>& real) {
   if (!real || !real->ingest || real->ingest->telemetry.empty()) return std::nullopt;
-  const flight_logs::Telemetry log = flight_logs::read_telemetry(real->ingest->telemetry);
+  const flight_logs::Telemetry log = ingest::read_flight_log(real->ingest->telemetry);
   if (!log.zero_utc_s || log.fixes.empty()) return std::nullopt;
   return *log.zero_utc_s + log.fixes.front().time_s;
 }

@@ -150,7 +150,7 @@ TEST_F(MeshFile, MissingLibrariesAndTexturesAreNamed) {
   }
   write("the wall.png", "no picture");
   EXPECT_THAT([&] { read("a.obj", kObj); },
-              ThrowsMessage<InputError>(HasSubstr("the wall.png: is not a JPEG, PNG or WebP image")));
+              ThrowsMessage<InputError>(HasSubstr("the wall.png: is not a JPEG, PNG, WebP, TIFF")));
   write("my place.mtl", "newmtl other\nKd 1 x 1\n");
   EXPECT_THAT([&] { read("a.obj", kObj); }, ThrowsMessage<InputError>(HasSubstr("Kd needs one or three numbers")));
 }
