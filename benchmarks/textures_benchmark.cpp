@@ -1,5 +1,5 @@
-// Textures of a place against what its images see of them: 1000 tiles of 30 m with a texture of 512 x 512 each, of which
-// charts cover three quarters.
+// Textures of a place against what its images see of them: 1000 tiles of 30 m with a texture of 512 x 512 each, of
+// which charts cover three quarters.
 //
 //   Pyramid      MipPyramid of one texture, with its coverage: seconds a texel
 //   Appearance   the shading data of the whole place, without images
@@ -63,9 +63,8 @@ void Pyramid(benchmark::State& state) {
     const render::MipPyramid pyramid(mesh.texture, [&] { return render::texture_coverage({&user, 1}); });
     benchmark::DoNotOptimize(pyramid.build());
   }
-  state.counters["s/texel"] =
-      benchmark::Counter(static_cast<double>(state.iterations()) * kTexture_px * kTexture_px,
-                         benchmark::Counter::kIsRate | benchmark::Counter::kInvert);
+  state.counters["s/texel"] = benchmark::Counter(static_cast<double>(state.iterations()) * kTexture_px * kTexture_px,
+                                                 benchmark::Counter::kIsRate | benchmark::Counter::kInvert);
 }
 BENCHMARK(Pyramid)->Unit(benchmark::kMillisecond);
 
