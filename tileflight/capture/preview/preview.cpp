@@ -92,10 +92,14 @@ std::vector<std::string> coarser_picture_warnings(const PreviewedFlight& flight,
                       names.c_str(), largest_px)};
 }
 
-/// Warns about a flight that stays beside the place; empty if it does not.
-std::vector<std::string> beside_place_warnings(const PreviewedFlight& flight) {
+/// Warns about a flight that stays beside the place and hardly sees it; empty if it does not. A flight around a tower
+/// stays beside it, too.
+std::vector<std::string> beside_place_warnings(const PreviewedFlight& flight, const FlightCheck& check) {
   const double away_m = distance_to_place_m(flight);
-  if (!(away_m > 0)) return {};
+  const auto sees_place = [&](const ViewCheck& view) {
+    return view.surface_share >= flight.settings.check.min_surface_share;
+  };
+  if (!(away_m > 0) || std::ranges::any_of(check.views, sees_place)) return {};
   return {base::formatted("the flight stays at least %.0f m away from the place: the place spans ", away_m) +
           tileset::describe_extent(place_bounds(flight.place)) +
           " in the local frame; check that --origin (or --center) belongs to the flight file"};
@@ -108,7 +112,7 @@ std::vector<std::string> collect_warnings(const PreviewedFlight& flight, const F
                                           const std::vector<render::FlightFault>& faults,
                                           const std::vector<SamplePicture>& pictures, bool checked_coarser,
                                           const std::vector<place::MissingTile>& missing) {
-  std::vector<std::string> warnings = beside_place_warnings(flight);
+  std::vector<std::string> warnings = beside_place_warnings(flight, check);
   const auto append = [&warnings](const std::vector<std::string>& lines) {
     warnings.insert(warnings.end(), lines.begin(), lines.end());
   };

@@ -19,6 +19,7 @@
 #include "tileflight/tiles/tile_content/attribution.h"
 #include "tileflight/tiles/tile_content/content.h"
 #include "tileflight/tiles/tile_content/shared_image_cache.h"
+#include "tileflight/tiles/tileset/content_records.h"
 #include "tileflight/tiles/tileset/placement.h"
 #include "tileflight/tiles/tileset/tileset_tree.h"
 
@@ -81,6 +82,7 @@ class TilesetInspector {
     describe_counts();
     describe_files();
     probe_contents();
+    if (const auto line = stray_.warning()) base::add_distinct({*line}, out_.warnings);
     return std::move(out_);
   }
 
@@ -374,6 +376,21 @@ class TilesetInspector {
     const geometry::Mat3 linear = tree_.T_tileset_tile(node->second).topLeftCorner<3, 3>();
     measures.area_m2 *= std::pow(std::abs(linear.determinant()), 2.0 / 3.0);
     out_.probes.push_back(measures);
+    compare_with_volume(uri, node->second, decoded);
+  }
+
+  /// In the frame at the volume's centre, where boxes along the axes are tight.
+  void compare_with_volume(const std::string& uri, NodeId node, const tile_content::DecodedContent& decoded) {
+    const BoundingVolume volume = tree_.volume(node);
+    geometry::SE3 T_local_tileset;
+    if (is_georeferenced(tree_))
+      T_local_tileset = geometry::LocalFrame(geometry::geodetic_from_ecef(center_of(volume))).T_local_ecef();
+    const geometry::Mat4 T_local_tile = T_local_tileset.matrix() * tree_.T_tileset_tile(node);
+    geometry::Box3 held;
+    const auto add = [&](const geometry::Vec3& p) { held.extend((T_local_tile * p.homogeneous()).head<3>()); };
+    for (const imaging::TexturedMesh& mesh : decoded.meshes) std::ranges::for_each(mesh.mesh.vertices, add);
+    for (const geometry::PointCloud& cloud : decoded.clouds) std::ranges::for_each(cloud.positions, add);
+    stray_.add(uri, local_bounding_box(volume, T_local_tileset), held);
   }
 
   fetch::TileSource& source_;
@@ -387,6 +404,7 @@ class TilesetInspector {
   /// each of these stands for.
   std::vector<double> finest_of_group_;
   double groups_stand_for_ = 1.0;
+  StrayContents stray_;
   std::unordered_set<std::string> content_uris_;
   std::vector<const std::string*> contents_in_order_;
   std::unordered_map<std::string_view, NodeId> finest_;  ///< contents of the finest cut, and a tile of each
