@@ -79,6 +79,32 @@ TEST_F(IngestTest, VideoBecomesADataset) {
   EXPECT_EQ(dataset.metadata.at("place"), "test");
 }
 
+TEST_F(IngestTest, PartsOfARecordingAreReadOneAfterTheOther) {
+  options.groundtruth.clear();
+  options.gps.clear();
+  for (int part = 0; part < 2; ++part) {
+    video::VideoWriter writer(folder / ("part" + std::to_string(part) + ".mp4"), kWidth, kHeight, {});
+    for (int i = 30 * part; i < 30 * (part + 1); ++i) writer.add(moving_picture(kWidth, kHeight, i));
+    writer.finish();
+  }
+  options.video_or_images = folder / "part0.mp4";
+  options.further_parts = {folder / "part1.mp4"};
+  options.excerpt = {.from_s = 0.5, .to_s = 1.6, .every = 2};
+  const IngestResult result = ingest(options, folder / "set");
+  ASSERT_EQ(result.frames, 17U);  // 15, 17, ... 47
+  const Dataset dataset = read_dataset(folder / "set");
+  for (std::size_t k = 0; k < 17; ++k) {
+    const int frame = 15 + 2 * static_cast<int>(k);
+    EXPECT_NEAR(dataset.frames[k].time_s, frame / 30.0, 1e-3);
+    EXPECT_GT(tests::psnr(imaging::read_rgb(dataset.frames[k].image), moving_picture(kWidth, kHeight, frame)), 28.0);
+  }
+  video::VideoWriter other(folder / "other.mp4", 2 * kWidth, kHeight, {});
+  other.add(moving_picture(2 * kWidth, kHeight, 0));
+  other.finish();
+  options.further_parts = {folder / "other.mp4"};
+  EXPECT_THAT(refusal_of([&] { ingest(options, folder / "set2"); }), HasSubstr("no parts of one recording"));
+}
+
 TEST_F(IngestTest, ExcerptKeepsTheVideosClock) {
   options.excerpt = {0.5, 1.5, 3};
   const IngestResult result = ingest(options, folder / "set");

@@ -326,6 +326,24 @@ TEST(Video, DamageIsAnError) {
   EXPECT_THAT(refusal_of([&] { read_all(folder / "bad.mp4"); }), AllOf(HasSubstr("bad.mp4"), HasSubstr("damaged")));
 }
 
+TEST(Video, DamageBeforeTheExcerptIsSkippedAndNoted) {
+  const TemporaryFolder folder;
+  write_video(folder / "a.mp4", 90);
+  std::string bytes = base::read_text(folder / "a.mp4");
+  const std::size_t data = bytes.find("mdat"), at = data + (bytes.size() - data) / 3;
+  for (std::size_t i = at; i < at + 300; ++i) bytes[i] = static_cast<char>(i * 37);
+  base::write_file(folder / "bad.mp4", bytes);
+  ASSERT_THAT(refusal_of([&] { read_all(folder / "bad.mp4"); }), AllOf(HasSubstr("damaged"), HasSubstr("ffmpeg")));
+  int frames = 0;
+  const std::vector<std::string> notes =
+      read_video(folder / "bad.mp4", {2.0, {}, 1}, [&](std::int64_t, double, const imaging::RgbImage&) {
+        ++frames;
+        return true;
+      });
+  EXPECT_EQ(frames, 30);
+  EXPECT_THAT(notes, testing::Each(HasSubstr("before the excerpt")));
+}
+
 TEST(Video, OtherFilesAreNotVideos) {
   TemporaryFolder folder;
   const auto error = [&](const std::string& name, const std::string& content) {
