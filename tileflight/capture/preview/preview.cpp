@@ -23,6 +23,7 @@
 #include "tileflight/core/base/output_folder.h"
 #include "tileflight/core/drawing/flight_profile.h"
 #include "tileflight/core/imaging/image_files.h"
+#include "tileflight/tiles/tileset/inspect.h"
 #include "tileflight/world/place/place_reader.h"
 #include "tileflight/world/scene/scene.h"
 
@@ -122,6 +123,7 @@ std::vector<std::string> collect_warnings(const PreviewedFlight& flight, const F
     warnings.emplace_back("the path was checked against coarser tiles because of the memory limit (--memory)");
   if (const std::size_t cameras = flight.mission.camera_count(); cameras > 1)
     warnings.push_back("images, views and tiles are those of the first of " + std::to_string(cameras) + " cameras");
+  if (std::ranges::none_of(pictures, &SamplePicture::has_textures)) warnings.emplace_back(tileset::kNoTextures);
   append(coarser_picture_warnings(flight, pictures));
   append(missing_tile_warnings(missing));
   append(flight.place.warnings());

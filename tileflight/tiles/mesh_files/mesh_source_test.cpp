@@ -210,6 +210,10 @@ TEST_F(MeshFile, PlyWithTextureCoordinatesOfCornersIsRead) {
 TEST_F(MeshFile, BrokenPlyIsRefused) {
   const std::string header =
       std::string(kPlyHeader) + "element face 1\nproperty list uchar int vertex_indices\nend_header\n" + kPlyVertices;
+  expect_refused("a.ply",
+                 std::string(kPlyHeader) + "element tristrips 1\nproperty list int int vertex_indices\nend_header\n" +
+                     kPlyVertices + "3 0 1 2\n",
+                 HasSubstr("triangle strips"));
   expect_refused("a.ply", std::string(kPlyHeader) + "end_header\n" + kPlyVertices, HasSubstr("points without faces"));
   expect_refused("a.ply", header + "3 0 1 4\n", HasSubstr("vertex 4 of 4"));
   expect_refused("a.ply", header + "3 0 1 -1\n", HasSubstr("vertex -1"));

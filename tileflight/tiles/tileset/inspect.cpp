@@ -83,6 +83,7 @@ class TilesetInspector {
     describe_files();
     probe_contents();
     if (const auto line = stray_.warning()) base::add_distinct({*line}, out_.warnings);
+    if (has_plain_ && !has_textured_) out_.warnings.emplace_back(kNoTextures);
     return std::move(out_);
   }
 
@@ -364,13 +365,17 @@ class TilesetInspector {
     tile_content::SharedImageCache images(source_);
     tile_content::ContentOptions options;
     options.read_resource = [&](const std::string& resource) {
-      return fetch::read_uri(source_, fetch::resolve_uri(uri, resource));
+      return fetch::read_uri(source_, fetch::resolve_reference(source_, uri, resource));
     };
     options.read_image = [&](const std::string& image) {
-      return images.read(fetch::resolve_uri(uri, image), options.limits.max_texture_pixels);
+      return images.read(fetch::resolve_reference(source_, uri, image), options.limits.max_texture_pixels);
     };
     const tile_content::DecodedContent decoded =
         tile_content::decode_content(bytes, fetch::uri_for_message(uri), options);
+    base::add_distinct(decoded.warnings, out_.warnings);
+    for (const imaging::TexturedMesh& mesh : decoded.meshes) {
+      (mesh.texture || !mesh.colors.empty() ? has_textured_ : has_plain_) = true;
+    }
     ContentMeasures measures = measure_content(decoded.meshes, decoded.clouds);
     measures.file_bytes = static_cast<double>(bytes.size());
     const geometry::Mat3 linear = tree_.T_tileset_tile(node->second).topLeftCorner<3, 3>();
@@ -400,6 +405,8 @@ class TilesetInspector {
   TilesetSummary out_;
   TreeTally all_;
   std::size_t tiles_walked_ = 0;
+  bool has_textured_ = false,
+       has_plain_ = false;  ///< whether a probed tile has surfaces with texture or colours, or not
   /// Contents of the finest cut below each reference of the first generation that was sampled, and how many references
   /// each of these stands for.
   std::vector<double> finest_of_group_;
