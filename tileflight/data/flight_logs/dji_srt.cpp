@@ -302,7 +302,7 @@ Telemetry parse_dji_srt(std::string_view text, const std::string& where) {
     try {
       readings.push_back(read_entry(entry));
     } catch (const InputError& fault) {
-      throw InputError(file.string() + ", entry " + std::string(entry.number.substr(0, 12)), fault.what());
+      throw InputError(where + ", entry " + std::string(entry.number.substr(0, 12)), fault.what());
     }
   }
   Telemetry telemetry = collect(readings);
