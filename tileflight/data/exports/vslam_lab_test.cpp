@@ -98,7 +98,9 @@ TEST_F(VslamLab, TheFormOf2025IsRead) {
   write("rgb.csv",
         "ts_rgb0 (s),path_rgb0,ts_depth0 (s),path_depth0\n1403636579.763556,rgb_0/0.png,1403636579.76,depth_0/0.png\n"
         "1403636579.813555,rgb_0/1.png,1403636579.81,depth_0/1.png\n");
-  write("imu.csv", "timestamp [s],w_RS_S_x [rad s^-1],b,c,d,e,f\n1403636579.758555392,1,2,3,4,5,6\n");
+  write("imu.csv",
+        "timestamp [s],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],a_RS_S_x [m s^-2],a_RS_S_y [m s^-2],"
+        "a_RS_S_z [m s^-2]\n1403636579.758555392,1,2,3,4,5,6\n");
   for (const std::string time : {"1403636579.763556", "1403636579763556000"}) {  // both occur under this name
     write("groundtruth.csv", "ts,tx,ty,tz,qx,qy,qz,qw\n" + time + ",1,2,3,0,0,0,1\n");
     const dataset::Dataset dataset = read();
