@@ -59,13 +59,20 @@ constexpr PoseColumns kEurocColumns{.of = {0, 1, 2, 3, 5, 6, 7, 4}, .time_is_in_
 /// Returns what a column holds by its heading, as an index of PoseColumns::of: "#timestamp [ns]" the time,
 /// "p_RS_R_x [m]" x, "q_RS_w []" the quaternion's w. nullopt for anything else.
 std::optional<std::size_t> meaning_of(std::string_view heading) {
-  while (heading.starts_with(' ') || heading.starts_with('#')) heading.remove_prefix(1);
-  const std::string name = base::to_lower(heading.substr(0, heading.find_first_of(" [(")));
+  while (!heading.empty() && std::string_view(" #%").find(heading.front()) != std::string_view::npos)
+    heading.remove_prefix(1);
+  std::string name = base::to_lower(heading.substr(0, heading.find_first_of(" [(")));
+  // "field.pose.orientation.x", as ROS writes: the names of the last two parts.
+  if (const std::size_t last = name.rfind('.'); last != std::string::npos && last > 0) {
+    const std::size_t before = name.rfind('.', last - 1);
+    name = name.substr(before == std::string::npos ? 0 : before + 1);
+    name.erase(std::remove(name.begin(), name.end(), '.'), name.end());
+  }
   if (name == "t" || name == "ts" || name == "stamp" || name.starts_with("time")) return 0;
   if (name.empty()) return std::nullopt;
   const std::size_t axis = std::string_view("xyzw").find(name.back());
   if (axis == std::string_view::npos) return std::nullopt;
-  if (name.starts_with("q") || name.starts_with("rot") || name.starts_with("orient")) return 4 + axis;
+  if (name.starts_with("q") || name.starts_with("rot") || name.starts_with("ori")) return 4 + axis;
   if (axis == 3) return std::nullopt;
   const bool is_position = name.size() == 1 || name.starts_with("p") || (name.size() == 2 && name.front() == 't') ||
                            name.starts_with("t_") || name.starts_with("trans");
@@ -108,6 +115,7 @@ bool begins_with_word(std::string_view line) {
 struct FileColumns {
   PoseColumns columns;
   std::string_view heading;
+  bool is_heading_unknown = false;
 };
 
 /// Finds the columns of a file: those that the last heading before its numbers names, else `usual`.
@@ -120,9 +128,10 @@ FileColumns find_columns(std::string_view text, const PoseColumns& usual) {
     if (!is_comment && !begins_with_word(content)) break;
     const auto named = columns_named_by(content, usual);
     if (named) found.columns = *named;
-    // A file with commas may have any line of words in front.
-    if (!is_comment && (named || !usual.time_is_in_seconds)) found.heading = *line;
-    if (!is_comment) break;
+    if (is_comment) continue;
+    found.heading = *line;
+    found.is_heading_unknown = !named;
+    break;
   }
   return found;
 }
@@ -151,7 +160,15 @@ std::optional<StampedPose> parse_pose(std::string_view line, const PoseColumns& 
   std::array<double, 8> v{};
   for (std::size_t i = 1; i < v.size(); ++i) v[i] = finite_number(fields[columns.of[i]], where);
   const Eigen::Quaterniond rotation(v[7], v[4], v[5], v[6]);
+  // Files have three digits and more; other numbers in its place are no rotation.
+  constexpr double kRounded = 0.02;
   if (rotation.norm() < 1e-6) throw InputError(where, "the quaternion has length 0");
+  if (std::abs(rotation.norm() - 1.0) > kRounded) {
+    throw InputError(where, "the quaternion (" + std::to_string(v[4]) + ", " + std::to_string(v[5]) + ", " +
+                                std::to_string(v[6]) + ", " + std::to_string(v[7]) + ") has length " +
+                                std::to_string(rotation.norm()) +
+                                ", not 1: these columns hold something else, e.g. angles or covariances");
+  }
   return StampedPose{time_s, SE3(rotation, Vec3(v[1], v[2], v[3]))};
 }
 
@@ -159,16 +176,28 @@ std::optional<StampedPose> parse_pose(std::string_view line, const PoseColumns& 
 Trajectory read_poses(const std::filesystem::path& file, std::string_view text, const PoseColumns& usual) {
   const FileColumns found = find_columns(text, usual);
   Trajectory trajectory;
+  std::size_t rows = 0;
   for_each_row(file, text, [&](std::string_view line, const std::string& where) {
     if (line.data() == found.heading.data()) return;
+    if (found.is_heading_unknown) {
+      throw InputError(file.string(), "its heading '" + std::string(base::trim(found.heading).substr(0, 200)) +
+                                          "' must name one column each for time, x, y, z, qx, qy, qz and qw");
+    }
     const std::optional<StampedPose> pose = parse_pose(line, found.columns, where);
     if (!pose) return;
+    ++rows;
     if (!trajectory.empty() && pose->time_s <= trajectory.poses.back().time_s) {
       if (pose->time_s == trajectory.poses.back().time_s) return;
       throw InputError(where, "the time is before the previous one: sort the file by time");
     }
     trajectory.poses.push_back(*pose);
   });
+  constexpr double kUsualShare = 0.1;
+  if (static_cast<double>(rows - trajectory.size()) > std::max(2.0, kUsualShare * static_cast<double>(rows))) {
+    throw InputError(file.string(), std::to_string(rows - trajectory.size()) + " of " + std::to_string(rows) +
+                                        " poses have the time of the one before: the times were written with too few "
+                                        "digits; export them with more");
+  }
   if (!trajectory.empty() && found.columns.time_is_in_seconds && !found.columns.time_unit_is_stated) {
     // ORB-SLAM3 writes TUM's columns with nanoseconds.
     const double unit_s = base::guess_time_unit(trajectory.poses.front().time_s).seconds;

@@ -51,7 +51,7 @@ TEST(Tum, RoundTripIsExact) {
 }
 
 TEST(Tum, AcceptsCommentsBlankLinesTabsAndWindowsEnds) {
-  const Trajectory read = read_lines("# c\r\n\r\n1 1 2 3 0 0 0 1\r\n  # d\n2\t1 2 3\t0 0 0 -2");
+  const Trajectory read = read_lines("# c\r\n\r\n1 1 2 3 0 0 0 1\r\n  # d\n2\t1 2 3\t0 0 0 -1.004");
   ASSERT_EQ(read.size(), 2U);
   EXPECT_EQ(read.poses[0].T_local_camera.translation, Vec3(1, 2, 3));
   EXPECT_DOUBLE_EQ(read.poses[1].T_local_camera.rotation.norm(), 1.0);
@@ -263,6 +263,24 @@ TEST_F(TrajectoryFiles, AHeadingNamesTheColumnsWhereverTheyStand) {
   }
   EXPECT_THAT(refusal("# time tx ty tz qw qx qy qz\n1 0 0 0 1\n"),
               HasSubstr("line 2: expected 8 fields as in its heading"));
+}
+
+TEST_F(TrajectoryFiles, NamesWhatIsNoTrajectoryOfKnownColumns) {
+  const Vec3& t = kPose.translation;
+  const Eigen::Quaterniond& q = kPose.rotation;
+  const std::string w_last = row({t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w()}, ',');
+  const TrajectoryFile ros = read(
+      "%time,field.position.x,field.position.y,field.position.z,field.orientation.x,field.orientation.y,"
+      "field.orientation.z,field.orientation.w\n12500000000," +
+      w_last + "\n");
+  EXPECT_DOUBLE_EQ(ros.trajectory.poses.at(0).time_s, 12.5);
+  expect_pose(ros.trajectory.poses[0].T_local_camera);
+  EXPECT_THAT(refusal("sec,nsec,x,y,z,qx,qy,qz,qw\n12,5," + w_last + "\n"),
+              HasSubstr("its heading 'sec,nsec,x,y,z,qx,qy,qz,qw' must name one column each for time"));
+  EXPECT_THAT(refusal("1 0 0 0 10 20 30 1\n"), HasSubstr("has length 37.4"));
+  std::string rounded;
+  for (int i = 0; i < 20; ++i) rounded += "1.403636579e+09 " + std::to_string(i) + " 0 0 0 0 0 1\n";
+  EXPECT_THAT(refusal(rounded), HasSubstr("19 of 20 poses have the time of the one before"));
 }
 
 TEST_F(TrajectoryFiles, TellsNanosecondsFromSeconds) {

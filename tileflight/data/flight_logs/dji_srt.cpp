@@ -127,8 +127,11 @@ std::optional<double> angle_of(std::string_view line, std::string_view key) {
   std::string_view behind = base::trim(text.substr(alone.size()));
   const std::string_view letter = behind.substr(0, behind.find(' '));
   const bool has_letter = letter.size() == 1 && std::string_view("NSEW").find(letter) != std::string_view::npos;
-  if (const auto angle = base::parse_angle_deg(std::string(alone) + (has_letter ? std::string(letter) : "")))
-    return angle;
+  const auto is_letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); };
+  if (behind.empty() || is_letter(behind.front())) {
+    if (const auto angle = base::parse_angle_deg(std::string(alone) + (has_letter ? std::string(letter) : "")))
+      return angle;
+  }
   refuse(key, text);
 }
 

@@ -57,20 +57,22 @@ struct ScoredTrajectory {
   PairedTrajectories poses;
   TrajectoryMetrics metrics;
   std::optional<double> best_scale;  ///< of the Sim(3) alignment, where another one was asked for
-  std::string misread;               ///< "estimate" or "truth" if its quaternions seem to have w first
+  std::string misread;               ///< of find_misread_rotations()
 };
 
-/// The poses as they are if the file, read as x, y, z, w, has w, x, y, z.
-geometry::Trajectory with_w_first(geometry::Trajectory trajectory) {
+/// The poses as they are if the file has the quaternion's w at the other end than where it was read.
+geometry::Trajectory with_other_order(geometry::Trajectory trajectory, bool has_w_first) {
   for (geometry::StampedPose& pose : trajectory.poses) {
-    const Eigen::Quaterniond& q = pose.T_local_camera.rotation;
-    pose.T_local_camera.rotation = Eigen::Quaterniond(q.x(), q.y(), q.z(), q.w());
+    const Eigen::Quaterniond q = pose.T_local_camera.rotation;
+    pose.T_local_camera.rotation = has_w_first ? Eigen::Quaterniond(q.x(), q.y(), q.z(), q.w())   // was read as x first
+                                               : Eigen::Quaterniond(q.z(), q.w(), q.x(), q.y());  // was read as w first
   }
   return trajectory;
 }
 
-/// Returns which of the two files, "estimate" or "truth", has rotations that agree with the other's far better if its
-/// quaternions are read with w first; empty if none has. The files themselves cannot tell: both orders are in use.
+/// Returns whose rotations agree far better with the other's if its quaternions are read in another order: "estimate
+/// with w first", "truth with w last" and so on; empty if none do. The files themselves cannot tell: both orders are in
+/// use.
 std::string find_misread_rotations(const geometry::Trajectory& estimate, const geometry::Trajectory& truth,
                                    const PairedTrajectories& poses, const TrajectoryOptions& options) {
   constexpr double kLarge_deg = 1.0, kFarBetter = 0.2;
@@ -84,8 +86,11 @@ std::string find_misread_rotations(const geometry::Trajectory& estimate, const g
   const auto agrees = [&](const geometry::Trajectory& a, const geometry::Trajectory& b) {
     return typical_deg(metrics::pair_and_align(a, b, options)) < kFarBetter * as_read_deg;
   };
-  if (agrees(with_w_first(estimate), truth)) return "estimate";
-  if (agrees(estimate, with_w_first(truth))) return "truth";
+  for (const bool has_w_first : {true, false}) {
+    const std::string order = has_w_first ? " with w first" : " with w last";
+    if (agrees(with_other_order(estimate, has_w_first), truth)) return "estimate" + order;
+    if (agrees(estimate, with_other_order(truth, has_w_first))) return "truth" + order;
+  }
   return "";
 }
 
@@ -150,11 +155,10 @@ Warnings warnings_about(const ScoredTrajectory& scored) {
                         scored.name, Severity::kNote, "--alignment sim3 for a trajectory of unknown scale"});
   }
   if (!scored.misread.empty()) {
-    warnings.push_back(
-        {"the rotations agree far better if the quaternions of the " + scored.misread +
-             " are read as w, x, y, z: its file seems to have w first, and the rotation errors are wrong",
-         scored.name, Severity::kWarning,
-         "give the file a heading that names its columns: `# timestamp tx ty tz qw qx qy qz`"});
+    warnings.push_back({"the rotations agree far better if the quaternions are read otherwise: the " + scored.misread +
+                            "; the rotation errors are likely wrong",
+                        scored.name, Severity::kWarning,
+                        "give the file a heading that names its columns: `# timestamp tx ty tz qw qx qy qz`"});
   }
   return warnings;
 }

@@ -49,8 +49,8 @@ TEST_F(TrajectoriesAlone, AQuaternionWithWFirstIsNamed) {
   const nlohmann::json estimate = evaluate("w-first.txt", "usual.txt")["warnings"];
   ASSERT_EQ(estimate.size(), 1U);
   EXPECT_EQ(estimate[0]["severity"], "warning");
-  EXPECT_THAT(estimate[0]["message"].get<std::string>(), HasSubstr("the quaternions of the estimate are read as w, x"));
-  EXPECT_THAT(evaluate("usual.txt", "w-first.txt")["warnings"].dump(), HasSubstr("the quaternions of the truth"));
+  EXPECT_THAT(estimate[0]["message"].get<std::string>(), HasSubstr("the estimate with w first"));
+  EXPECT_THAT(evaluate("usual.txt", "w-first.txt")["warnings"].dump(), HasSubstr("the truth with w first"));
   base::write_file(folder_ / "named.txt",
                    "# timestamp tx ty tz qw qx qy qz\n" + base::read_text(folder_ / "w-first.txt"));
   const nlohmann::json named = evaluate("named.txt", "usual.txt");

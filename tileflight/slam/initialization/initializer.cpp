@@ -214,7 +214,9 @@ std::string Initializer::failure_reason() const {
     if (max_rotation_rad_ > std::max(kTurns_rad, kMuchMore * max_parallax_))
       return "no parallax: the camera turns, by " +
              std::to_string(max_rotation_rad_ * 180.0 / std::numbers::pi).substr(0, 4) +
-             " degrees, but seems not to move from its place (" + moved + "); use a part in which it flies (--from)";
+             " degrees, but seems not to move from its place (" + moved + ")" +
+             (corners_were_lost_ ? "; from image to image the view changed so much that corners were lost" : "") +
+             "; use a part in which it flies (--from)";
     if (corners_were_lost_)
       return "no parallax: from image to image the view changed so much that corners were lost before (" + moved +
              "); images may be missing, blurred, too far apart or out of order";
