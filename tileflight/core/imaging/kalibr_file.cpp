@@ -193,11 +193,7 @@ geometry::SE3 pose_in_chain(const YAML::Node& camera, const YAML::Node& before, 
   return by_chain;
 }
 
-}  // namespace
-
-Calibration read_kalibr(const std::filesystem::path& file) { return read_kalibr_camera(file, "cam0"); }
-
-Calibration read_kalibr_camera(const std::filesystem::path& file, const std::string& camera_id) {
+Calibration read_camera_of_chain(const std::filesystem::path& file, const std::string& camera_id) {
   const YAML::Node root = load_calibration_yaml(file);
   if (!root.IsMap() || !root[camera_id] || !root[camera_id].IsMap())
     throw InputError(file.string(), "has no camera \"" + camera_id + "\"" +
@@ -216,6 +212,24 @@ Calibration read_kalibr_camera(const std::filesystem::path& file, const std::str
   return calibration;
 }
 
+}  // namespace
+
+Calibration read_kalibr(const std::filesystem::path& file) { return read_kalibr_camera(file, "cam0"); }
+
+Calibration read_kalibr_camera(const std::filesystem::path& file, const std::string& camera_id) {
+  Calibration calibration = read_camera_of_chain(file, camera_id);
+  const YAML::Node camera = load_calibration_yaml(file)[camera_id];
+  if (camera["T_cam_imu"] && !camera["T_body_cam"])
+    require_on_one_body(yaml_rigid_motion(camera["T_cam_imu"], "T_cam_imu", file.string()), "T_cam_imu", "the IMU",
+                        file.string());
+  if (const double shift_s = read_timeshift(camera, file.string()); shift_s != 0.0) {
+    calibration.notes.push_back(file.string() +
+                                ": timeshift_cam_imu is not applied to the readings of an inertial unit; " +
+                                "give --imu-time-offset " + format_number(-shift_s));
+  }
+  return calibration;
+}
+
 std::vector<ChainCamera> read_camchain(const std::filesystem::path& file) {
   const YAML::Node root = load_calibration_yaml(file);
   const std::size_t named = count_chain_cameras(root);
@@ -226,7 +240,7 @@ std::vector<ChainCamera> read_camchain(const std::filesystem::path& file) {
   while (cameras.size() < named) {
     const std::string id = "cam" + std::to_string(cameras.size());
     const std::string where = file.string() + ": " + id;
-    ChainCamera next{id, {}, read_kalibr_camera(file, id), {}, 0.0};
+    ChainCamera next{id, {}, read_camera_of_chain(file, id), {}, 0.0};
     const YAML::Node camera = root[id];
     require_probable(camera, cameras.empty(), where);
     if (!cameras.empty())
