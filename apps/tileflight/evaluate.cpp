@@ -180,8 +180,8 @@ void check_paths_usage(const GivenOptions& given, const EvaluateOptions& options
 
 void add_map_part(CLI::App& command, EvaluateOptions& options) {
   command.add_option("MAP", options.map, "odometry folder (map.ply with trajectory.txt), or a PLY, PCD or XYZ cloud");
-  command.add_option("--truth", options.truth, "folder written by `extract`");
-  command.add_option("--transform", options.transform, "transform.json of `align`");
+  command.add_option("--truth", options.truth, "folder written by `extract` (required with MAP)");
+  command.add_option("--transform", options.transform, "transform.json of `align` (required with MAP)");
   command.add_option("--dataset", options.dataset, "dataset folder of the flight: camera, positions, true poses");
   command.add_option("--cutoff", options.settings.cutoff_m, "maximum distance of a correspondence, metres (default 1)")
       ->check(CLI::PositiveNumber);
@@ -205,7 +205,8 @@ void add_trajectory_part(CLI::App& command, EvaluateOptions& options) {
   command.add_option("--trajectory", options.trajectories,
                      "estimated poses: with MAP those in the map's frame (TUM; default: the odometry folder's), "
                      "without MAP one or more files (TUM, EuRoC, KITTI)");
-  command.add_option("--truth-trajectory", options.truth_trajectory, "true poses: a file, or a dataset folder");
+  command.add_option("--truth-trajectory", options.truth_trajectory,
+                     "true poses: a file, or a dataset folder (required without MAP)");
   command.add_option("--alignment", options.alignment, "of each trajectory to the truth (default sim3)")
       ->check(CLI::IsMember({"sim3", "se3", "none"}));
   command

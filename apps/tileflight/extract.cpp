@@ -22,6 +22,7 @@ struct ExtractOptions {
   RegionOptions region;
   SourceArguments source_arguments;
   double voxel_m = 1.0;
+  double samples_per_m2 = 16.0;
   std::string block;
   std::string part;
   bool resume = false;
@@ -136,8 +137,10 @@ void add_block_options(CLI::App& command, ExtractOptions& options) {
 }
 
 Output extract(const ExtractOptions& options, const CommonOptions& shared, const Progress& progress) {
-  place::ExtractSettings settings{
-      .source = options.source, .load = load_options(options.region), .voxel_m = options.voxel_m};
+  place::ExtractSettings settings{.source = options.source,
+                                  .load = load_options(options.region),
+                                  .voxel_m = options.voxel_m,
+                                  .samples_per_m2 = options.samples_per_m2};
   if (!options.block.empty()) settings.block_m = block_edge_m(options.block);
   settings.load.source = source_options(options.source_arguments);
   if (options.memory_gb > 0.0) settings.max_memory_bytes = static_cast<std::uintmax_t>(options.memory_gb * 1e9);
@@ -168,10 +171,16 @@ void add_extract(CLI::App& app, CommonOptions& common, Selection& selection) {
   command->add_option("SOURCE", options->source, kSourceHelp)->required();
   add_region_options(*command, options->region);
   command->add_option("--voxel", options->voxel_m, "edge of a voxel, metres (default 1)")->check(CLI::PositiveNumber);
+  command
+      ->add_option("--samples", options->samples_per_m2,
+                   "surface points per square metre (default 16); fewer take less memory and disk")
+      ->check(CLI::PositiveNumber);
   add_block_options(*command, *options);
   command
-      ->add_option("--memory", options->memory_gb,
-                   "memory that the extraction may take, GB (default: what is available); more is refused at once")
+      ->add_option(
+          "--memory", options->memory_gb,
+          "memory that the extraction may take, GB (default: what is available); what takes more by its estimate is "
+          "refused, before it is read where that can be known")
       ->check(CLI::PositiveNumber);
   command->add_flag("--dry-run", options->dry_run, "print what it would take, and write nothing");
   command->add_option("--out", options->out, "folder to write")->required();

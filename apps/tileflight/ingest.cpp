@@ -64,7 +64,8 @@ struct IngestOptions {
 
 void add_log_options(CLI::App& command, IngestOptions& options) {
   command.add_option("--telemetry", options.telemetry,
-                     "flight log (DJI .srt, GPX, KML, CSV, PX4 .ulg, ArduPilot .bin) or folder of photos");
+                     "flight log (DJI .srt, or a video with such subtitles, GPX, KML, CSV, NMEA, PX4 .ulg, ArduPilot "
+                     ".bin, MAVLink .tlog) or folder of photos");
   command.add_option("--telemetry-height", options.flight.telemetry_height, "height reference (datum) of the log")
       ->check(CLI::IsMember({"ellipsoid", "sea-level", "takeoff"}));
   command.add_option("--takeoff-height", options.flight.takeoff_height_m,
@@ -77,8 +78,12 @@ void add_log_options(CLI::App& command, IngestOptions& options) {
 
 void add_imu_options(CLI::App& command, IngestOptions& options) {
   CLI::Option* imu = command.add_option("--imu", options.imu,
-                                        "readings of an inertial unit: EuRoC's imu0/data.csv or VSLAM-LAB's imu_0.csv");
-  command.add_option("--imu-noise", options.imu_noise, "its noise: Kalibr's imu.yaml or EuRoC's imu0/sensor.yaml")
+                                        "readings of an inertial unit: a table whose header names time, gyroscope and "
+                                        "accelerometer, as EuRoC's imu0/data.csv");
+  command
+      .add_option(
+          "--imu-noise", options.imu_noise,
+          "its noise: Kalibr's imu.yaml, EuRoC's imu0/sensor.yaml, ORB-SLAM3's settings or basalt's calibration")
       ->needs(imu);
   command
       .add_option("--imu-time-offset", options.flight.imu_time_offset_s,
@@ -135,9 +140,11 @@ void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection) {
           "NAME=PATH")
       ->required();
   command
-      ->add_option("--camera", options->camera,
-                   "calibration: Kalibr camchain, OpenCV YAML or XML, COLMAP cameras.txt, DSO camera.txt or VSLAM-LAB "
-                   "calibration.yaml; of a rig, its camchain or a file with `cameras`")
+      ->add_option(
+          "--camera", options->camera,
+          "calibration: Kalibr camchain, OpenCV YAML or XML, COLMAP cameras, DSO camera.txt, ORB-SLAM3, VSLAM-LAB, "
+          "VINS, basalt, OpenSfM, OpenDroneMap, nerfstudio or Agisoft (docs/formats.md); of a rig, its camchain or a "
+          "file with `cameras`")
       ->required();
   command->add_option("--camera-id", options->flight.camera_id,
                       "camera to use if the calibration holds several: cam1 (Kalibr), 2 (COLMAP's CAMERA_ID)");

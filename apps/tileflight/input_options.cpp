@@ -90,18 +90,23 @@ geometry::Vec3 vec3(const std::vector<double>& numbers) { return {numbers.at(0),
 }  // namespace
 
 void add_region_options(CLI::App& command, RegionOptions& options) {
-  auto* center = command
-                     .add_option("--center", options.center,
-                                 "LAT,LON[,HEIGHT] of the region's centre, degrees and metres above the ellipsoid")
-                     ->delimiter(',')
-                     ->expected(2, 3);
+  auto* center =
+      command
+          .add_option("--center", options.center,
+                      "LAT,LON[,HEIGHT] of the region's centre, degrees and metres above the ellipsoid (needs --size)")
+          ->delimiter(',')
+          ->expected(2, 3);
   auto* local = command
                     .add_option("--center-local", options.center_local,
-                                "X,Y,Z of the region's centre in the tileset's own frame, metres")
+                                "X,Y,Z of the region's centre in the tileset's own frame, metres (needs --size)")
                     ->delimiter(',')
                     ->expected(3)
                     ->excludes(center);
-  command.add_option("--size", options.size, "EAST,NORTH,UP of the region, metres")->delimiter(',')->expected(3);
+  command
+      .add_option("--size", options.size,
+                  "EAST,NORTH,UP of the region, metres (required with --center and --center-local)")
+      ->delimiter(',')
+      ->expected(3);
   command
       .add_option("--region", options.region_files,
                   "GeoJSON file whose polygons are the region (repeated: all of them together)")

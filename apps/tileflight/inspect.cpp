@@ -241,7 +241,9 @@ std::string inspect_summary(const tileset::TilesetSummary& s) {
   if (s.content_sizes_known) {
     text << ", " << static_cast<double>(s.content_bytes) / 1e6 << " MB, " << s.content_files_missing << " missing";
   }
-  text << "), " << s.external_tilesets << " external tilesets, " << s.subtrees << " subtrees\n";
+  text << "), " << s.external_tilesets << " external tilesets, " << s.subtrees << " subtrees";
+  if (!s.failures.empty()) text << ", " << s.failures.size() << " of these missing or broken (see below)";
+  text << "\n";
   const geometry::Vec3 size = s.bounds_local.sizes();
   text << "extent: " << size.x() << " x " << size.y() << " x " << size.z() << " m, ";
   if (s.center) {

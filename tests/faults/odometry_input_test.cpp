@@ -179,14 +179,14 @@ TEST_F(OdometryInput, NoParallaxIsNoMap) {
 TEST_F(OdometryInput, BlackPicturesAreNoMap) {
   for_images(
       [](imaging::RgbImage& picture) { std::fill(picture.pixels.begin(), picture.pixels.end(), imaging::Rgb8{}); });
-  expect_no_map(HasSubstr("no parallax"));
+  expect_no_map(HasSubstr("nearly black (largest value 0 of 255)"));
 }
 
 TEST_F(OdometryInput, SaturatedPicturesAreNoMap) {
   for_images([](imaging::RgbImage& picture) {
     std::fill(picture.pixels.begin(), picture.pixels.end(), imaging::Rgb8{255, 255, 255});
   });
-  expect_no_map(HasSubstr("no parallax"));
+  expect_no_map(HasSubstr("nearly white (smallest value 255 of 255)"));
 }
 
 TEST_F(OdometryInput, PartlySaturatedPicturesAreTracked) {

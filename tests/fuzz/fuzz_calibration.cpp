@@ -2,7 +2,7 @@
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/imaging/calibration_files.h"
 
-/// A camera's calibration of any bytes: Kalibr, OpenCV, ROS, COLMAP or DSO; and all cameras of a camchain.
+/// A camera's calibration of any bytes, in every form that is read; and all cameras of a camchain.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace tileflight;
   const fuzz::MemoryFile file(data, size);

@@ -2,7 +2,7 @@
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/data/flight_logs/telemetry.h"
 
-/// A flight log of any bytes: subtitles, CSV, GPX, KML, ULog or DataFlash.
+/// A flight log of any bytes: subtitles, CSV, GPX, KML, NMEA, ULog, DataFlash or a ground station's.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace tileflight;
   const fuzz::MemoryFile file(data, size);

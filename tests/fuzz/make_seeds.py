@@ -158,6 +158,26 @@ def write_ktx2(name, color_model, scheme, size, shared, level):
 
 
 
+def mcrf4xx(content):
+    """CRC-16/MCRF4XX, the checksum of MAVLink."""
+    crc = 0xFFFF
+    for byte in content:
+        crc ^= byte
+        for _ in range(8):
+            crc = crc >> 1 ^ 0x8408 if crc & 1 else crc >> 1
+    return crc
+
+
+def images():
+    write("image/gray.pgm", b"P5\n3 2\n255\nABCDEF")
+    write("image/text.ppm", b"P3 # text\n1 1\n15\n1 2 3\n")
+    write("image/small.bmp", b"BM" + struct.pack("<IIIIiiHHIIIIII", 70, 0, 54, 40, 2, 2, 1, 24, 0, 16, 0, 0, 0, 0) + bytes(range(16)))
+    entries = [(256, 3, 1, 3), (257, 3, 1, 2), (258, 3, 1, 8), (259, 3, 1, 1), (262, 3, 1, 1), (273, 4, 1, 8), (277, 3, 1, 1),
+               (278, 3, 1, 2), (279, 4, 1, 6)]
+    write("image/gray.tif", b"II*\0" + struct.pack("<I", 14) + b"ABCDEF" + struct.pack("<H", len(entries)) +
+          b"".join(struct.pack("<HHII", *entry) for entry in entries) + bytes(4))
+
+
 def logs():
     write("log/plain.csv", b"time,lat,lon,alt,yaw,pitch,roll\n1.5,-0.25,-78.5,2900.5,10,-2,3\n2,-0.26,-78.5,2901,,,\n")
     write("log/dji.srt", b"1\n00:00:01,500 --> 00:00:01,533\n<font size=\"28\">FrameCnt: 1\n2023-02-21 10:14:03.000\n"
@@ -169,6 +189,11 @@ def logs():
     write("log/track.kml", b"<kml xmlns='http://www.opengis.net/kml/2.2' xmlns:gx='http://www.google.com/kml/ext/2.2'>"
           b"<gx:Track><altitudeMode>absolute</altitudeMode><when>2024-01-01T00:00:00Z</when><when>2024-01-01T00:00:01.5Z</when>"
           b"<gx:coord>-78.5 -0.25 2900.5</gx:coord><gx:coord>-78.6 -0.26 2901</gx:coord></gx:Track></kml>")
+    write("log/receiver.nmea", b"$GNRMC,123519.00,A,4807.038,N,01131.500,W,022.4,084.4,230324,003.1,W*50\r\n"
+          b"$GPGGA,123519.00,4807.038,N,01131.500,W,1,08,0.9,545.4,M,46.9,M,,\r\n")
+    payload = struct.pack("<IiiiihhhH", 5000, 470000000, 80000000, 512250, 12250, 0, 0, 0, 9000)
+    write("log/flight.tlog", b"".join(struct.pack(">Q", 1700000000000000) + b"\xfe" + body + struct.pack("<H", mcrf4xx(body + bytes([extra])))
+          for body, extra in ((struct.pack("<5B", len(payload), 0, 1, 1, 33) + payload, 104),)))
     rows = [(b"B", bytes(40)),
             (b"F", b"vehicle_gps_position:uint64_t timestamp;part[2] parts;int32_t lat;int32_t lon;int32_t alt;"
                    b"int32_t alt_ellipsoid;uint8_t fix_type;uint8_t[3] _padding0;"),
@@ -239,6 +264,22 @@ def calibrations():
           b"Camera0.cx: 364.5\nCamera0.cy: 256.75\nCamera0.k1: 0.01\nCamera0.k2: 0\nCamera0.k3: 0\nCamera0.k4: 0\nCamera0.w: 752\n"
           b"Camera0.h: 480\nIMU.T_b_c1: !!opencv-matrix\n  rows: 4\n  cols: 4\n  dt: f\n"
           b"  data: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\nDepth0.factor: 1.0e+03\n")
+    write("calibration/cameras.json", json.dumps({"dji fc6310 5472 3648 brown 0.6666": {
+        "projection_type": "brown", "width": 5472, "height": 3648, "focal_x": 0.66, "focal_y": 0.66, "c_x": 0.001, "c_y": -0.002,
+        "k1": 0.01, "k2": -0.02, "p1": 0.0001, "p2": 0.0002, "k3": 0.01}}).encode())
+    write("calibration/basalt.json", json.dumps({"value0": {
+        "T_imu_cam": [{"px": 0.1, "py": 0, "pz": 0, "qx": 0, "qy": 0, "qz": 0, "qw": 1}],
+        "intrinsics": [{"camera_type": "ds", "intrinsics": {"fx": 158, "fy": 158, "cx": 319, "cy": 239, "xi": -0.17, "alpha": 0.59}}],
+        "resolution": [[640, 480]]}}).encode())
+    write("calibration/transforms.json", json.dumps({"camera_model": "OPENCV", "fl_x": 500, "fl_y": 500, "cx": 320, "cy": 240,
+        "w": 640, "h": 480, "k1": 0.01, "k2": -0.02, "p1": 0, "p2": 0, "frames": []}).encode())
+    write("calibration/agisoft.xml", b"<?xml version=\"1.0\"?><calibration><projection>frame</projection><width>4000</width>"
+          b"<height>2250</height><f>3000.5</f><cx>10.5</cx><cy>-5.5</cy><k1>-0.01</k1><p1>0.0001</p1></calibration>")
+    write("calibration/vins.yaml", b"%YAML:1.0\n---\nmodel_type: MEI\nimage_width: 640\nimage_height: 480\nmirror_parameters:\n   xi: 1.8\n"
+          b"distortion_parameters:\n   k1: 0\n   k2: 0\n   p1: 0\n   p2: 0\nprojection_parameters:\n   gamma1: 1339\n   gamma2: 1340\n"
+          b"   u0: 307\n   v0: 237\nbody_T_cam0: !!opencv-matrix\n   rows: 4\n   cols: 4\n   dt: d\n"
+          b"   data: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n")
+    write("calibration/cameras.bin", struct.pack("<QIiQQ8d", 1, 7, 4, 640, 480, 500, 501, 320, 240, 0.1, -0.2, 0, 0))
     write("calibration/camera.txt", b"FOV 0.5 0.66 0.49 0.5 0.92\n640 480\ncrop\n640 480\n")
 
 
@@ -335,6 +376,7 @@ if __name__ == "__main__":
     subtrees()
     archives()
     textures()
+    images()
     logs()
     photos()
     calibrations()

@@ -166,10 +166,7 @@ json degrade_defaults(const tf::render::ImageFormation& f) {
 }
 
 json site_defaults(const tf::experiment::SiteConfig& place) {
-  return {{"error", place.error_m},
-          {"view_margin", place.view_margin_m},
-          {"texture_scale", place.texture_scale},
-          {"terms_accepted", place.terms_accepted}};
+  return {{"error", place.error_m}, {"texture_scale", place.texture_scale}, {"terms_accepted", place.terms_accepted}};
 }
 
 json sensor_defaults(const tf::sensors::SensorSuite& s) {

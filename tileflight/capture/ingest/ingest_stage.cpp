@@ -1,5 +1,7 @@
 #include "tileflight/capture/ingest/ingest_stage.h"
 
+#include <string.h>  // strverscmp
+
 #include <algorithm>
 #include <iomanip>
 #include <nlohmann/json.hpp>
@@ -8,6 +10,7 @@
 #include "tileflight/capture/ingest/telemetry_offset.h"
 #include "tileflight/capture/ingest/telemetry_positions.h"
 #include "tileflight/capture/recording/flight_cameras.h"
+#include "tileflight/core/base/file_kind.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
@@ -15,6 +18,7 @@
 #include "tileflight/data/dataset/ingest_rig.h"
 #include "tileflight/data/flight_logs/photo_log.h"
 #include "tileflight/data/flight_logs/telemetry.h"
+#include "tileflight/data/video/video.h"
 #include "tileflight/slam/odometry/track.h"
 #include "tileflight/world/place/extract.h"
 
@@ -84,7 +88,7 @@ std::vector<dataset::IngestedCamera> rig_cameras(const IngestedFlightConfig& fli
   std::vector<std::string> names;
   for (const recording::MountedCamera& mount : mounts) names.push_back(mount.name);
   const std::string has = "has the cameras " + base::joined(names);
-  if (by_order && flight.videos.size() != mounts.size())
+  if (by_order && mounts.size() > 1 && flight.videos.size() != mounts.size())
     throw InputError(flight.camera.string(), has + ", but there are " + std::to_string(flight.videos.size()) +
                                                  " videos or folders; say which is which: NAME=PATH");
   for (const CameraVideo& one : flight.videos) {
@@ -100,6 +104,32 @@ std::vector<dataset::IngestedCamera> rig_cameras(const IngestedFlightConfig& fli
     cameras.push_back({mount.name, video->video, {}, mount.calibration, mount.T_body_camera, mount.timeshift_s});
   }
   return cameras;
+}
+
+/// Returns the files of a recording that its camera cut into parts: in the order of their numbers, which is also that
+/// of the times at which they say that they were made, else with a warning.
+std::vector<std::filesystem::path> ordered_parts(const IngestedFlightConfig& flight,
+                                                 std::vector<std::string>& warnings) {
+  std::vector<std::filesystem::path> parts;
+  for (const CameraVideo& one : flight.videos) parts.push_back(one.video);
+  std::ranges::stable_sort(parts, [](const std::filesystem::path& a, const std::filesystem::path& b) {
+    return strverscmp(a.filename().c_str(), b.filename().c_str()) < 0;
+  });
+  std::vector<std::string> names;
+  for (const std::filesystem::path& part : parts) names.push_back(part.filename().string());
+  warnings.push_back("the " + std::to_string(parts.size()) + " videos are read as parts of one recording, because " +
+                     flight.camera.filename().string() + " has one camera: " + base::joined(names));
+  std::string made_before;
+  for (const std::filesystem::path& part : parts) {
+    if (std::filesystem::is_directory(part) || !std::filesystem::exists(part)) continue;
+    const std::string made = video::probe_video(part).creation_time;
+    if (!made.empty() && made < made_before)
+      warnings.push_back(part.string() + ": says that it was made at " + made +
+                         ", before the part that its name follows (" + made_before +
+                         "); check the order, and rename the files if it is wrong");
+    if (!made.empty()) made_before = made;
+  }
+  return parts;
 }
 
 /// The camera's path estimated by odometry from the images alone.
@@ -200,19 +230,36 @@ void ingest_cameras(const IngestedFlightConfig& flight, std::vector<dataset::Ing
 
 }  // namespace
 
+flight_logs::Telemetry read_flight_log(const std::filesystem::path& file) {
+  const auto kind = std::filesystem::is_directory(file) ? std::nullopt : base::recognize_file(base::read_head(file));
+  if (!kind || !kind->is_video) return flight_logs::read_telemetry(file);
+  const std::string subtitles = video::read_subtitles(file);
+  if (subtitles.empty())
+    throw InputError(file.string(),
+                     "is " + kind->name +
+                         " without a track of subtitles, so it is no flight log: give the .srt, CSV or GPX "
+                         "that was recorded beside it");
+  return flight_logs::parse_dji_srt(subtitles, file.string() + " (subtitles)");
+}
+
 IngestResult ingest_dataset(const IngestedFlightConfig& flight, const std::filesystem::path& truth,
                             const std::filesystem::path& out, bool replace, const Progress& progress) {
   dataset::IngestOptions options = options_of(flight, truth, replace);
   std::vector<dataset::IngestedCamera> cameras;
-  if (!flight.videos.empty()) {
-    cameras = rig_cameras(flight);
+  IngestResult result;
+  if (!flight.videos.empty()) cameras = rig_cameras(flight);
+  if (cameras.size() == 1 && flight.videos.size() > 1) {
+    std::vector<std::filesystem::path> parts = ordered_parts(flight, result.warnings);
+    options.video_or_images = parts.front();
+    options.further_parts.assign(parts.begin() + 1, parts.end());
+    cameras.clear();
+  } else if (!cameras.empty()) {
     options.video_or_images = cameras.front().video_or_images;
     options.lens = cameras.front().calibration;
   }
-  IngestResult result;
   flight_logs::Telemetry telemetry;
   if (!flight.telemetry.empty()) {
-    telemetry = flight_logs::read_telemetry(flight.telemetry);
+    telemetry = read_flight_log(flight.telemetry);
     for (const flight_logs::RangeReading& range : flight_logs::read_ranges(flight.telemetry))
       options.ranges.push_back({range.time_s, range.range_m});
     add_positions(telemetry, flight, truth, options, result.warnings);

@@ -9,6 +9,7 @@
 #include "tileflight/capture/ingest/telemetry_offset.h"
 #include "tileflight/core/base/progress.h"
 #include "tileflight/data/dataset/ingest_rig.h"
+#include "tileflight/data/flight_logs/telemetry.h"
 
 namespace tileflight::ingest {
 
@@ -26,7 +27,7 @@ struct IngestedFlightConfig {
   std::filesystem::path camera;     ///< calibration; of a rig: what read_rig_cameras reads
   std::string
       camera_id;  ///< which of several cameras in the file: COLMAP's CAMERA_ID, Kalibr's cam0; empty: the only one
-  std::filesystem::path telemetry;           ///< flight_logs::read_telemetry; empty: none
+  std::filesystem::path telemetry;           ///< read_flight_log(); empty: none
   std::string telemetry_height;              ///< ellipsoid | sea-level | takeoff; height reference (datum) of the log
   std::optional<double> takeoff_height_m;    ///< of the take-off point above the ellipsoid, for heights above it
   std::optional<double> telemetry_offset_s;  ///< added to the log's times; none: estimated during alignment
@@ -61,6 +62,10 @@ struct IngestResult {
 
 /// The result as `tileflight ingest --json` prints it.
 nlohmann::json to_json(const IngestResult& result);
+
+/// Reads a flight log as flight_logs::read_telemetry() does, or the subtitles that a video holds as a track of its own.
+/// Throws InputError as that does, and for a video without subtitles.
+flight_logs::Telemetry read_flight_log(const std::filesystem::path& file);
 
 /// Converts a filmed flight to a dataset folder of the same layout, written atomically. Log positions become gps.csv
 /// (ellipsoidal heights). `truth`: a folder written by extract(), from whose surface the height of the take-off point

@@ -183,11 +183,18 @@ std::vector<render::FlightFault> find_faults(const FlightCheck& check, const Fli
   faults.push_back(
       {"view_nearly_empty", "less than " + percent(options.min_surface_share) + " of the image shows the place",
        frames_where(count, [&](std::size_t i) { return share(i) > 0.0 && share(i) < options.min_surface_share; })});
+  // A camera that looks at a building from the side has nothing below it either. Frames without a view of their own are
+  // like the last one that has one.
+  std::vector<bool> sees_place;
+  for (std::size_t i = 0; i < count; ++i) {
+    const bool is_unknown = std::isnan(share(i));
+    sees_place.push_back(is_unknown ? i > 0 && sees_place[i - 1] : share(i) >= options.min_surface_share);
+  }
   faults.push_back({"nothing_below",
                     "there is no surface below the camera: it has left the place, or the place has a hole",
                     frames_where(count, [&](std::size_t i) {
                       const scene::Surroundings& around = check.frames[i].surroundings;
-                      return std::isinf(around.above_ground_m) && !around.inside;
+                      return std::isinf(around.above_ground_m) && !around.inside && !sees_place[i];
                     })});
   faults.push_back(
       {"too_fast",

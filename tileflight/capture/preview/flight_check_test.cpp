@@ -119,6 +119,18 @@ TEST(FlightCheckTest, LeavingThePlaceIsSaid) {
   EXPECT_THAT(keys_of(check), testing::IsSupersetOf({"nothing_below", "no_surface_in_view", "view_nearly_empty"}));
 }
 
+TEST(FlightCheckTest, AFlightAroundATowerHasNotLeftThePlace) {
+  imaging::TexturedMesh wall;  // of a tower, 60 m wide and high
+  wall.mesh.vertices = {{-30, 20, 0}, {30, 20, 0}, {30, 20, 60}, {-30, 20, 60}};
+  wall.mesh.triangles = {{0, 1, 2}, {0, 2, 3}};
+  const scene::Scene scene({wall});
+  std::vector<SE3> poses;
+  for (int i = 0; i < 10; ++i) poses.push_back(north({0.3 * i, 0, 30}));
+  const FlightCheck check = checked(scene, mission_of(poses));
+  EXPECT_TRUE(std::isinf(check.frames[5].surroundings.above_ground_m));
+  EXPECT_THAT(keys_of(check), testing::Not(testing::Contains("nothing_below")));
+}
+
 TEST(FlightCheckTest, LongFlightsAreLookedAtHereAndThere) {
   const scene::Scene scene({level(500, 0)});
   std::vector<SE3> poses;

@@ -18,11 +18,14 @@ constexpr int kMinPart_px = 96;
 /// Maximum number of times the error is doubled until tiles fit.
 constexpr int kMaxDoublings = 24;
 
-/// Criterion for the part of the placement's region inside a box, at an error.
+/// Criterion for the part of the placement's region inside a box, at an error; whatever heights the tiles state.
 tileset::RefinementCriterion criterion_within(const place::PlaceReader& place, const Box3& box, double error_m) {
   const tileset::Placement& placement = place.placement();
-  return place::restrict_to_box(tileset::region_criterion(placement.region, placement.T_local_tileset, error_m), box,
-                                placement.T_local_tileset);
+  const Box3 column = tileset::column_of({box.center(), box.sizes()}).box();
+  return place::restrict_to_box(
+      tileset::region_criterion(tileset::column_of(placement.region), placement.T_local_tileset, error_m),
+      {Vec3(box.min().x(), box.min().y(), column.min().z()), Vec3(box.max().x(), box.max().y(), column.max().z())},
+      placement.T_local_tileset);
 }
 
 /// The grid's volume without its border, which has no rays: tiles that only touch the grid are not needed.
@@ -60,7 +63,12 @@ class Painter {
 
  private:
   std::optional<place::PlacePart> read(const GroundGrid& grid, double error_m) {
-    const tileset::TileCut cut = place_.select_cut(criterion_within(place_, grid_volume(place_, grid), error_m));
+    const bool is_whole = grid.width == view_.grid.width && grid.height == view_.grid.height;
+    const tileset::Placement& placement = place_.placement();
+    // The whole is what the region's tiles hold, also beside their volumes.
+    const tileset::TileCut cut = place_.select_cut(
+        is_whole ? tileset::region_criterion(tileset::column_of(placement.region), placement.T_local_tileset, error_m)
+                 : criterion_within(place_, grid_volume(place_, grid), error_m));
     return place_.read(cut, true, options_.max_memory_bytes, progress_);
   }
 
@@ -82,6 +90,8 @@ class Painter {
     view_.tiles += part.tiles;
     view_.missing.insert(view_.missing.end(), part.missing.begin(), part.missing.end());
     render::Orthophoto image(grid.width, grid.height);
+    for (const imaging::TexturedMesh& mesh : part.meshes)
+      view_.triangles += static_cast<std::int64_t>(mesh.mesh.triangles.size());
     if (!part.meshes.empty()) {
       const scene::Scene scene(std::move(part.meshes));
       image = render::render_orthophoto(scene, grid, options_.top_down);
@@ -126,11 +136,16 @@ Box3 bounds_of(const place::PlacePart& part) {
 /// Bounds, computed by quarters of the box if it takes too much memory; a single tile that does is represented by its
 /// bounding volume.
 Box3 bounds_within(place::PlaceReader& place, const Box3& box, double error_m, std::uintmax_t max_memory_bytes,
-                   int deepest, const Progress& progress) {
+                   int deepest, bool is_whole, const Progress& progress) {
   const tileset::TileCut cut = place.select_cut(criterion_within(place, box, error_m));
   if (cut.contents.empty()) return {};
   if (const auto part = place.read(cut, false, max_memory_bytes, progress)) {
-    return part->meshes.empty() && part->clouds.empty() ? Box3() : bounds_of(*part).intersection(box);
+    Box3 found = bounds_of(*part);
+    // What the whole region's tiles hold beyond their volumes belongs to the place, too.
+    if (found.isEmpty() || is_whole) return found;
+    found.min().head<2>() = found.min().head<2>().cwiseMax(box.min().head<2>());
+    found.max().head<2>() = found.max().head<2>().cwiseMin(box.max().head<2>());
+    return found;
   }
   if (deepest == 0) return box;
   Box3 all;
@@ -143,7 +158,7 @@ Box3 bounds_within(place::PlaceReader& place, const Box3& box, double error_m, s
       const bool is_upper = (quarter >> axis & 1) != 0;
       (is_upper ? part.min() : part.max())[axis] = middle[axis] + (is_upper ? apart_m : -apart_m);
     }
-    const Box3 found = bounds_within(place, part, error_m, max_memory_bytes, deepest - 1, progress);
+    const Box3 found = bounds_within(place, part, error_m, max_memory_bytes, deepest - 1, false, progress);
     if (!found.isEmpty()) all.extend(found);
   }
   return all;
@@ -165,7 +180,7 @@ GroundView render_ground_view(place::PlaceReader& place, const GroundGrid& grid,
 Box3 surface_bounds(place::PlaceReader& place, double error_m, std::uintmax_t max_memory_bytes,
                     const Progress& progress) {
   constexpr int kDeepest = 5;
-  return bounds_within(place, place.placement().region.box(), error_m, max_memory_bytes, kDeepest, progress);
+  return bounds_within(place, place.placement().region.box(), error_m, max_memory_bytes, kDeepest, true, progress);
 }
 
 GroundGrid fit_ground_grid(const Box3& box, int pixels) {

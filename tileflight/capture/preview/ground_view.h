@@ -17,9 +17,10 @@ struct GroundView {
   render::Orthophoto image;
   std::vector<place::MissingTile> missing;
   std::int64_t tiles = 0;
-  std::int64_t parts = 0;   ///< number of parts in which the image was rendered, one after the other
-  double error_m = 0.0;     ///< requested geometric error
-  bool is_coarser = false;  ///< somewhere coarser tiles were used for lack of memory
+  std::int64_t triangles = 0;  ///< of the tiles read, whether seen from above or not
+  std::int64_t parts = 0;      ///< number of parts in which the image was rendered, one after the other
+  double error_m = 0.0;        ///< requested geometric error
+  bool is_coarser = false;     ///< somewhere coarser tiles were used for lack of memory
 };
 
 /// Options of render_ground_view().

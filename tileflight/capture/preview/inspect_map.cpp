@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <optional>
+#include <set>
+#include <string>
 #include <vector>
 
 #include "tileflight/capture/preview/ground_view.h"
@@ -189,6 +192,23 @@ std::string format_metres(double value, double longest_m) {
   return base::formatted("%.*f", longest_m >= 100 ? 1 : longest_m >= 10 ? 2 : 3, value);
 }
 
+/// Explains why there is nothing to show in a region; nullopt: the whole place.
+std::string nothing_to_show(const place::PlaceReader& place, std::int64_t triangles,
+                            const std::optional<Box3>& region) {
+  const std::set<std::string>& failures = place.failures();
+  if (!failures.empty()) {
+    return "nothing could be read: " + std::to_string(failures.size()) +
+           (failures.size() == 1 ? " tile is" : " tiles are") + " missing or broken (" + *failures.begin() + ")";
+  }
+  if (triangles > 0) {
+    return "seen from above, its surface has no area: " + std::to_string(triangles) +
+           " triangles, all upright or without area; `extract` takes them, a map cannot show them";
+  }
+  if (!region) return "contains no surface and no points: there is nothing to show";
+  return "there is no surface in the region " + tileset::describe_extent(*region) + "; the tileset spans " +
+         tileset::describe_extent(place.tree());
+}
+
 /// The extent shown.
 Box3 choose_extent(place::PlaceReader& place, const InspectMapSettings& settings, std::uintmax_t memory,
                    const Progress& progress) {
@@ -201,7 +221,7 @@ Box3 choose_extent(place::PlaceReader& place, const InspectMapSettings& settings
   if (has_region(settings.load)) return region;
   const double error_m = settings.error_m.value_or(longer_m / kBoundsSteps);
   const Box3 surface = surface_bounds(place, error_m, memory, progress);
-  if (surface.isEmpty()) throw InputError(place.name(), "contains no surface and no points: there is nothing to show");
+  if (surface.isEmpty()) throw InputError(place.name(), nothing_to_show(place, 0, std::nullopt));
   return surface;
 }
 
@@ -308,8 +328,9 @@ json inspect_map(const InspectMapSettings& settings, const std::filesystem::path
   const SurfaceExtent found = find_surface(view);
   const auto proposed = propose_region(view.grid, view.image.height_m);
   if (!proposed) {
-    throw InputError(place.name(), "there is no surface in the region " + tileset::describe_extent(box) +
-                                       "; the tileset spans " + tileset::describe_extent(place.tree()));
+    const bool is_whole = !has_region(settings.load);
+    throw InputError(place.name(),
+                     nothing_to_show(place, view.triangles, is_whole ? std::nullopt : std::optional(box)));
   }
   const auto& frame = place.placement().local_frame;
   drawing::PlaceMap map{.title = place::source_display_name(settings.source),

@@ -23,6 +23,7 @@
 #include "tileflight/core/base/output_folder.h"
 #include "tileflight/core/drawing/flight_profile.h"
 #include "tileflight/core/imaging/image_files.h"
+#include "tileflight/tiles/tileset/inspect.h"
 #include "tileflight/world/place/place_reader.h"
 #include "tileflight/world/scene/scene.h"
 
@@ -92,10 +93,14 @@ std::vector<std::string> coarser_picture_warnings(const PreviewedFlight& flight,
                       names.c_str(), largest_px)};
 }
 
-/// Warns about a flight that stays beside the place; empty if it does not.
-std::vector<std::string> beside_place_warnings(const PreviewedFlight& flight) {
+/// Warns about a flight that stays beside the place and hardly sees it; empty if it does not. A flight around a tower
+/// stays beside it, too.
+std::vector<std::string> beside_place_warnings(const PreviewedFlight& flight, const FlightCheck& check) {
   const double away_m = distance_to_place_m(flight);
-  if (!(away_m > 0)) return {};
+  const auto sees_place = [&](const ViewCheck& view) {
+    return view.surface_share >= flight.settings.check.min_surface_share;
+  };
+  if (!(away_m > 0) || std::ranges::any_of(check.views, sees_place)) return {};
   return {base::formatted("the flight stays at least %.0f m away from the place: the place spans ", away_m) +
           tileset::describe_extent(place_bounds(flight.place)) +
           " in the local frame; check that --origin (or --center) belongs to the flight file"};
@@ -108,7 +113,7 @@ std::vector<std::string> collect_warnings(const PreviewedFlight& flight, const F
                                           const std::vector<render::FlightFault>& faults,
                                           const std::vector<SamplePicture>& pictures, bool checked_coarser,
                                           const std::vector<place::MissingTile>& missing) {
-  std::vector<std::string> warnings = beside_place_warnings(flight);
+  std::vector<std::string> warnings = beside_place_warnings(flight, check);
   const auto append = [&warnings](const std::vector<std::string>& lines) {
     warnings.insert(warnings.end(), lines.begin(), lines.end());
   };
@@ -118,6 +123,7 @@ std::vector<std::string> collect_warnings(const PreviewedFlight& flight, const F
     warnings.emplace_back("the path was checked against coarser tiles because of the memory limit (--memory)");
   if (const std::size_t cameras = flight.mission.camera_count(); cameras > 1)
     warnings.push_back("images, views and tiles are those of the first of " + std::to_string(cameras) + " cameras");
+  if (std::ranges::none_of(pictures, &SamplePicture::has_textures)) warnings.emplace_back(tileset::kNoTextures);
   append(coarser_picture_warnings(flight, pictures));
   append(missing_tile_warnings(missing));
   append(flight.place.warnings());

@@ -89,6 +89,9 @@ SamplePicture render_picture(PreviewedFlight& flight, const std::string& name, s
   picture.tiles = part.tiles;
   picture.file_bytes = part.file_bytes;
   picture.memory_bytes = part.memory_bytes;
+  picture.has_textures = part.meshes.empty() || std::ranges::any_of(part.meshes, [](const imaging::TexturedMesh& mesh) {
+                           return mesh.texture != nullptr || !mesh.colors.empty();
+                         });
   const geometry::Vec3& anchor = groups.anchors[groups.group_of_frame[frame]];
   const scene::Scene scene(place::with_placeholder(std::move(part.meshes)), anchor);
   scene.build_beam_tree();

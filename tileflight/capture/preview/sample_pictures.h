@@ -50,6 +50,7 @@ struct SamplePicture {
   std::size_t frame = 0;
   imaging::RgbImage thumbnail;
   double surface_share = 0.0;
+  bool has_textures = true;  ///< false: no surface of its tiles has a texture or vertex colours
   std::int64_t tiles = 0;
   std::uintmax_t file_bytes = 0, memory_bytes = 0;
   double load_s = 0.0, render_s = 0.0, encode_s = 0.0;

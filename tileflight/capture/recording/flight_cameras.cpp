@@ -109,6 +109,8 @@ void place_imu(std::vector<MountedCamera>& cameras) {
   const SE3 T_body_imu = cameras.front().T_body_camera * cameras.front().calibration.T_cam_imu;
   for (std::size_t i = 1; i < cameras.size(); ++i)
     cameras[i].calibration.T_cam_imu = cameras[i].T_body_camera.inverse() * T_body_imu;
+  for (MountedCamera& camera : cameras)
+    camera.calibration.assumes_T_cam_imu = cameras.front().calibration.assumes_T_cam_imu;
 }
 
 /// Checks a rig's cameras, which were read from `file`, and gives them the rig's one IMU.
@@ -146,6 +148,8 @@ std::vector<MountedCamera> read_flight_cameras(const RenderedFlightConfig& fligh
         imaging::read_calibration(flight.camera.empty() ? camera.value_or("") : flight.camera);
     cameras.front().events = events::read_event_options(file);
   }
+  // The simulated unit is mounted as the calibration says, the identity included.
+  for (MountedCamera& camera : cameras) camera.calibration.assumes_T_cam_imu = false;
   if (flight.width) {
     for (MountedCamera& camera : cameras)
       camera.calibration.camera = camera.calibration.camera.scaled_to(*flight.width, *flight.height);

@@ -85,7 +85,7 @@ void FlightRenderer::for_each_part(std::vector<std::size_t> images, Purpose purp
 FlightRenderer::Part FlightRenderer::make_part(FlightPart tiles, Purpose purpose) const {
   const std::size_t begin = loader_->images()[tiles.begin], end = loader_->images()[tiles.end - 1] + 1;
   if (tiles.end - tiles.begin == images().count())
-    place::require_surface(tiles.meshes, tiles_.summary().points > 0, tiles_.name());
+    place::require_surface(tiles.meshes, tiles_.summary().points > 0, tiles_.name(), tiles_.summary().failures);
   // All parts of a group have one anchor, so that surfaces are bit-identical in each.
   const geometry::Vec3& anchor = tiles_.groups().anchors[tiles_.groups().group_of_frame[begin]];
   Part part{scene::Scene(place::with_placeholder(std::move(tiles.meshes)), anchor), nullptr, begin, end};
@@ -240,7 +240,8 @@ void FlightRenderer::complete(RenderSummary& summary) {
   tiles_.read_rest();
   const std::int64_t largest = summary.tiles.triangles;
   summary.tiles = tiles_.summary();
-  if (summary.tiles.triangles == 0) place::require_surface({}, summary.tiles.points > 0, tiles_.name());
+  if (summary.tiles.triangles == 0)
+    place::require_surface({}, summary.tiles.points > 0, tiles_.name(), summary.tiles.failures);
   summary.tiles.triangles = largest;
 }
 

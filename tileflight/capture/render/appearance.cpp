@@ -6,6 +6,7 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <numeric>
 #include <unordered_map>
@@ -147,7 +148,7 @@ imaging::GrayImage texture_coverage(std::span<const TexturedMesh* const> meshes)
   for (const TexturedMesh* mesh : meshes) {
     for (const geometry::Triangle& t : mesh->mesh.triangles) mark_triangle(texel_corners(*mesh, t), coverage);
   }
-  const bool whole = std::ranges::all_of(coverage.pixels, [](std::uint8_t texel) { return texel != 0; });
+  const bool whole = std::memchr(coverage.pixels.data(), 0, coverage.pixels.size()) == nullptr;
   return whole ? imaging::GrayImage{} : coverage;
 }
 
@@ -236,8 +237,7 @@ std::vector<std::shared_ptr<const PartAppearance>> appearances_of(const scene::S
 PartAppearance::PartAppearance(std::shared_ptr<const scene::ScenePart> part)
     : part_(std::move(part)), meshes_(&part_->meshes()), triangles_(part_->triangle_count()) {
   group_meshes_by_texture();
-  tbb::parallel_for(std::size_t{0}, texture_groups_.size(),
-                    [&](std::size_t i) { texture_groups_[i].pyramid = build_pyramid(texture_groups_[i]); });
+  for (TextureGroup& skin : texture_groups_) skin.pyramid = make_pyramid(skin);
   build_materials();
   tbb::parallel_for(std::size_t{0}, texture_groups_.size(),
                     [&](std::size_t i) { compute_triangle_shading(texture_groups_[i]); });
@@ -253,10 +253,18 @@ void PartAppearance::group_meshes_by_texture() {
   }
 }
 
-std::shared_ptr<const MipPyramid> PartAppearance::build_pyramid(const TextureGroup& skin) const {
-  std::vector<const TexturedMesh*> users;
-  for (const std::uint32_t mesh : skin.meshes) users.push_back(&(*meshes_)[mesh]);
-  return std::make_shared<const MipPyramid>(users[0]->texture, texture_coverage(users));
+std::shared_ptr<const MipPyramid> PartAppearance::make_pyramid(const TextureGroup& skin) const {
+  const auto coverage = [meshes = meshes_, numbers = skin.meshes] {
+    std::vector<const TexturedMesh*> users;
+    for (const std::uint32_t mesh : numbers) users.push_back(&(*meshes)[mesh]);
+    return texture_coverage(users);
+  };
+  return std::make_shared<const MipPyramid>((*meshes_)[skin.meshes[0]].texture, coverage);
+}
+
+void PartAppearance::build_pyramids() const {
+  tbb::parallel_for(std::size_t{0}, texture_groups_.size(),
+                    [&](std::size_t i) { texture_groups_[i].pyramid->build(); });
 }
 
 void PartAppearance::build_materials() {

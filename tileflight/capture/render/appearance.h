@@ -70,6 +70,10 @@ class PartAppearance {
   /// Returns the materials, one for each mesh of the part.
   const std::vector<Material>& materials() const { return materials_; }
 
+  /// Computes all pyramids now, in parallel, for a scene whose first image must not wait. Otherwise each is computed
+  /// when a ray first meets its texture.
+  void build_pyramids() const;
+
  private:
   /// The meshes that use one texture.
   struct TextureGroup {
@@ -78,7 +82,7 @@ class PartAppearance {
   };
 
   void group_meshes_by_texture();
-  std::shared_ptr<const MipPyramid> build_pyramid(const TextureGroup& skin) const;
+  std::shared_ptr<const MipPyramid> make_pyramid(const TextureGroup& skin) const;
   void build_materials();
   void compute_triangle_shading(const TextureGroup& skin);
 

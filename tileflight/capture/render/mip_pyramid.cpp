@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cassert>
+#include <cstring>
 #include <utility>
 
 #include "tileflight/capture/render/linear_color.h"
+#include "tileflight/core/base/simd.h"
 
 namespace tileflight::render {
 namespace {
@@ -37,112 +39,154 @@ std::vector<Taps> box_taps(int fine, int coarse) {
   return taps;
 }
 
-struct CoverageAverage {
-  LinearRgb covered{};  // weighted sums of light over the covered part
-  float covered_share = 0.0F;
-  LinearRgb all{};
+/// The weights of the covered texels, or of all, and the light summed by them.
+struct LightSum {
+  base::Float4 light{};
+  float share = 0.0F;
 };
 
-CoverageAverage average(const MipLevel& fine, const imaging::GrayImage& coverage, const Taps& tx, const Taps& ty) {
-  const SrgbTables& srgb = SrgbTables::get();
-  CoverageAverage sum;
-  for (int j = 0; j < ty.count; ++j) {
-    const std::size_t row = static_cast<std::size_t>(ty.first + j) * fine.width;
-    for (int i = 0; i < tx.count; ++i) {
+/// `columns`, `rows`: the taps' counts, constants for the loops of the usual size.
+template <bool kCoveredOnly>
+TILEFLIGHT_LANE_INLINE LightSum sum_light(const SrgbTables& srgb, const MipLevel& fine, const std::uint8_t* coverage,
+                                          const Taps& tx, const Taps& ty, int columns, int rows) {
+  LightSum sum;
+  for (int j = 0; j < rows; ++j) {
+    const std::size_t row = static_cast<std::size_t>(ty.first + j) * static_cast<std::size_t>(fine.width);
+    for (int i = 0; i < columns; ++i) {
       const std::size_t index = row + static_cast<std::size_t>(tx.first + i);
-      const float weight = tx.weight[i] * ty.weight[j];
-      const float covered = coverage.empty() ? weight : weight * (coverage.pixels[index] * (1.0F / 255.0F));
-      sum.covered_share += covered;
-      for (std::size_t c = 0; c < 3; ++c) {
-        const float light = srgb.decode(fine.texels[index * kTexelBytes + c]);
-        sum.covered[c] += covered * light;
-        sum.all[c] += weight * light;
-      }
+      float weight = tx.weight[static_cast<std::size_t>(i)] * ty.weight[static_cast<std::size_t>(j)];
+      if constexpr (kCoveredOnly) weight *= static_cast<float>(coverage[index]) * (1.0F / 255.0F);
+      const std::uint8_t* texel = fine.texels + index * kTexelBytes;
+      sum.share += weight;
+      sum.light += weight * base::Float4{srgb.decode(texel[0]), srgb.decode(texel[1]), srgb.decode(texel[2]), 0.0F};
     }
   }
   return sum;
 }
 
-imaging::Rgb8 colour_of(const CoverageAverage& sum) {
-  if (sum.covered_share <= 0.0F) return SrgbTables::get().encode(sum.all);
-  const float scale = 1.0F / sum.covered_share;
-  return SrgbTables::get().encode(LinearRgb{sum.covered[0] * scale, sum.covered[1] * scale, sum.covered[2] * scale});
+template <bool kCoveredOnly>
+LightSum sum_light(const SrgbTables& srgb, const MipLevel& fine, const std::uint8_t* coverage, const Taps& tx,
+                   const Taps& ty) {
+  if (tx.count == 2 && ty.count == 2) return sum_light<kCoveredOnly>(srgb, fine, coverage, tx, ty, 2, 2);
+  return sum_light<kCoveredOnly>(srgb, fine, coverage, tx, ty, tx.count, ty.count);
 }
 
 /// Gives uncovered texels the mean colour of their covered neighbours, which bilinear reads at a chart's border reach.
-void dilate(imaging::RgbImage& colours, const imaging::GrayImage& coverage) {
-  const imaging::RgbImage before = colours;
-  for (int y = 0; y < colours.height; ++y) {
-    for (int x = 0; x < colours.width; ++x) {
-      if (coverage(x, y) != 0) continue;
+void dilate(std::uint8_t* texels, const imaging::GrayImage& coverage) {
+  const auto width = static_cast<std::size_t>(coverage.width);
+  const auto is_border = [&](const std::uint8_t* above, const std::uint8_t* row, const std::uint8_t* below,
+                             std::vector<std::uint8_t>& columns, std::vector<std::uint8_t>& border) {
+    for (std::size_t x = 0; x < width; ++x) columns[x + 1] = above[x] | row[x] | below[x];
+    for (std::size_t x = 0; x < width; ++x) {
+      const auto near = static_cast<std::uint8_t>(columns[x] | columns[x + 1] | columns[x + 2]);
+      border[x] = static_cast<std::uint8_t>(row[x] == 0 ? near != 0 : 0);
+    }
+  };
+  std::vector<std::uint8_t> columns(width + 2), border(width);
+  for (int y = 0; y < coverage.height; ++y) {
+    const std::uint8_t* row = coverage.row(y);
+    if (std::memchr(row, 0, width) == nullptr) continue;
+    const int top = std::max(0, y - 1), bottom = std::min(coverage.height - 1, y + 1);
+    is_border(coverage.row(top), row, coverage.row(bottom), columns, border);
+    for (std::size_t next = 0; next < width; ++next) {
+      const void* found = std::memchr(border.data() + next, 1, width - next);
+      if (found == nullptr) break;
+      next = static_cast<std::size_t>(static_cast<const std::uint8_t*>(found) - border.data());
+      const auto x = static_cast<int>(next);
       std::array<int, 3> sum{};
       int count = 0;
-      for (int j = std::max(0, y - 1); j <= std::min(colours.height - 1, y + 1); ++j) {
-        for (int i = std::max(0, x - 1); i <= std::min(colours.width - 1, x + 1); ++i) {
+      for (int j = top; j <= bottom; ++j) {
+        for (int i = std::max(0, x - 1); i <= std::min(coverage.width - 1, x + 1); ++i) {
           if (coverage(i, j) == 0) continue;
+          const std::uint8_t* texel = texels + (static_cast<std::size_t>(j) * width + static_cast<std::size_t>(i)) * 3;
           ++count;
-          for (std::size_t c = 0; c < 3; ++c) sum[c] += before(i, j)[c];
+          for (std::size_t c = 0; c < 3; ++c) sum[c] += texel[c];
         }
       }
-      for (std::size_t c = 0; c < 3 && count > 0; ++c) {
-        colours(x, y)[c] = static_cast<std::uint8_t>((sum[c] + count / 2) / count);
-      }
+      // Only covered texels are read, and only uncovered ones are written.
+      std::uint8_t* texel = texels + (static_cast<std::size_t>(y) * width + next) * kTexelBytes;
+      for (std::size_t c = 0; c < 3; ++c) texel[c] = static_cast<std::uint8_t>((sum[c] + count / 2) / count);
     }
   }
 }
 
-/// Computes the next coarser level; updates `coverage` to that level.
-imaging::RgbImage downsample(const MipLevel& fine, imaging::GrayImage& coverage) {
-  imaging::RgbImage coarse((fine.width + 1) / 2, (fine.height + 1) / 2);
+std::vector<std::uint8_t> padded_storage(int width, int height) {
+  return std::vector<std::uint8_t>(static_cast<std::size_t>(width) * static_cast<std::size_t>(height) * kTexelBytes +
+                                   kLoadBytes);
+}
+
+/// Computes the texels of the next coarser level; updates `coverage` to that level.
+std::vector<std::uint8_t> downsample(const MipLevel& fine, imaging::GrayImage& coverage) {
+  const int width = (fine.width + 1) / 2, height = (fine.height + 1) / 2;
+  std::vector<std::uint8_t> coarse = padded_storage(width, height);
   imaging::GrayImage coarse_coverage;
-  if (!coverage.empty()) coarse_coverage = imaging::GrayImage(coarse.width, coarse.height);
-  const std::vector<Taps> columns = box_taps(fine.width, coarse.width);
-  const std::vector<Taps> rows = box_taps(fine.height, coarse.height);
-  for (int y = 0; y < coarse.height; ++y) {
-    for (int x = 0; x < coarse.width; ++x) {
-      const CoverageAverage sum =
-          average(fine, coverage, columns[static_cast<std::size_t>(x)], rows[static_cast<std::size_t>(y)]);
-      coarse(x, y) = colour_of(sum);
-      if (coverage.empty() || sum.covered_share <= 0.0F) continue;
-      coarse_coverage(x, y) = static_cast<std::uint8_t>(std::clamp(sum.covered_share * 255.0F + 0.5F, 1.0F, 255.0F));
+  if (!coverage.empty()) coarse_coverage = imaging::GrayImage(width, height);
+  const std::vector<Taps> columns = box_taps(fine.width, width);
+  const std::vector<Taps> rows = box_taps(fine.height, height);
+  const SrgbTables& srgb = SrgbTables::get();
+  std::uint8_t* texel = coarse.data();
+  for (int y = 0; y < height; ++y) {
+    const Taps& ty = rows[static_cast<std::size_t>(y)];
+    for (int x = 0; x < width; ++x, texel += kTexelBytes) {
+      const Taps& tx = columns[static_cast<std::size_t>(x)];
+      LightSum sum;
+      if (!coverage.empty()) {
+        sum = sum_light<true>(srgb, fine, coverage.pixels.data(), tx, ty);
+        if (sum.share > 0.0F) {
+          coarse_coverage(x, y) = static_cast<std::uint8_t>(std::clamp(sum.share * 255.0F + 0.5F, 1.0F, 255.0F));
+        } else {
+          sum = {sum_light<false>(srgb, fine, nullptr, tx, ty).light, 1.0F};
+        }
+      } else {
+        sum = sum_light<false>(srgb, fine, nullptr, tx, ty);
+      }
+      const base::Float4 mean = sum.light * (1.0F / sum.share);
+      const imaging::Rgb8 colour = srgb.encode(LinearRgb{mean[0], mean[1], mean[2]});
+      std::memcpy(texel, colour.data(), kTexelBytes);
     }
   }
-  if (!coverage.empty()) dilate(coarse, coarse_coverage);
+  if (!coverage.empty()) dilate(coarse.data(), coarse_coverage);
   coverage = std::move(coarse_coverage);
   return coarse;
 }
 
-std::vector<std::uint8_t> padded_bytes(const imaging::RgbImage& image) {
-  std::vector<std::uint8_t> bytes;
-  bytes.reserve(image.pixels.size() * kTexelBytes + kLoadBytes);
-  for (const imaging::Rgb8& texel : image.pixels) bytes.insert(bytes.end(), texel.begin(), texel.end());
-  bytes.resize(bytes.size() + kLoadBytes);
-  return bytes;
-}
-
 }  // namespace
 
-MipPyramid::MipPyramid(std::shared_ptr<const imaging::RgbImage> image, imaging::GrayImage coverage)
-    : image_(std::move(image)) {
+MipPyramid::MipPyramid(std::shared_ptr<const imaging::RgbImage> image, std::function<imaging::GrayImage()> coverage)
+    : image_(std::move(image)), coverage_(std::move(coverage)) {
+  assert(image_ && !image_->empty());
+  for (int longest = std::max(image_->width, image_->height); longest > 1; longest = (longest + 1) / 2) ++level_count_;
+}
+
+// Without parallel loops inside: a thread that waits for them could take up a pixel that waits for this texture.
+const MipLevel* MipPyramid::build() const {
+  std::call_once(once_, [this] { compute_levels(); });
+  return first_level_.load(std::memory_order_acquire);
+}
+
+void MipPyramid::compute_levels() const {
   static_assert(sizeof(imaging::Rgb8) == kTexelBytes);
-  assert(image_ && !image_->empty() && (coverage.empty() || coverage.pixels.size() == image_->pixels.size()));
+  imaging::GrayImage coverage = coverage_ ? coverage_() : imaging::GrayImage();
+  assert(coverage.empty() || coverage.pixels.size() == image_->pixels.size());
   const bool long_enough = image_->pixels.size() * kTexelBytes >= kLoadBytes;
   if (coverage.empty() && long_enough) {
     add_level(image_->pixels.data()->data(), image_->width, image_->height);
   } else {
-    imaging::RgbImage finest = *image_;
-    if (!coverage.empty()) dilate(finest, coverage);
-    storage_.push_back(padded_bytes(finest));
-    add_level(storage_.back().data(), finest.width, finest.height);
+    storage_.push_back(padded_storage(image_->width, image_->height));
+    std::memcpy(storage_.back().data(), image_->pixels.data(), image_->pixels.size() * kTexelBytes);
+    if (!coverage.empty()) dilate(storage_.back().data(), coverage);
+    add_level(storage_.back().data(), image_->width, image_->height);
   }
   while (levels_.back().width > 1 || levels_.back().height > 1) {
-    const imaging::RgbImage coarse = downsample(levels_.back(), coverage);
-    storage_.push_back(padded_bytes(coarse));
-    add_level(storage_.back().data(), coarse.width, coarse.height);
+    const MipLevel& fine = levels_.back();
+    storage_.push_back(downsample(fine, coverage));
+    add_level(storage_.back().data(), (fine.width + 1) / 2, (fine.height + 1) / 2);
   }
+  assert(levels() == static_cast<int>(levels_.size()));
+  first_level_.store(levels_.data(), std::memory_order_release);
 }
 
-void MipPyramid::add_level(const std::uint8_t* texels, int width, int height) {
+void MipPyramid::add_level(const std::uint8_t* texels, int width, int height) const {
   const std::size_t bytes = static_cast<std::size_t>(width) * height * kTexelBytes;
   levels_.push_back({texels, texels + std::max(bytes, kLoadBytes) - kLoadBytes, width, height});
 }

@@ -62,7 +62,7 @@ TEST(MipPyramid, PaddingDoesNotBleedIntoWhatIsShown) {
   for (int y = 0; y < 64; ++y) {
     for (int x = 0; x < 64; ++x) coverage(x, y) = in_chart(x, y) ? 255 : 0;
   }
-  const MipPyramid covered(image, coverage);
+  const MipPyramid covered(image, [&] { return coverage; });
   const MipPyramid plain(image);
   for (int level = 1; level < covered.levels(); ++level) {
     const MipLevel& mip = covered.level(level);
@@ -74,6 +74,114 @@ TEST(MipPyramid, PaddingDoesNotBleedIntoWhatIsShown) {
     }
   }
   EXPECT_LT(plain.texel(plain.levels() - 1, 0, 0)[0], 120);
+}
+
+/// The levels by their definition, one texel after the other.
+struct Reference {
+  std::vector<imaging::RgbImage> levels;
+
+  Reference(const imaging::RgbImage& image, imaging::GrayImage coverage) {
+    levels.push_back(image);
+    if (!coverage.empty()) dilate(levels[0], coverage);
+    while (levels.back().width > 1 || levels.back().height > 1) halve(imaging::RgbImage(levels.back()), coverage);
+  }
+
+  static void dilate(imaging::RgbImage& image, const imaging::GrayImage& coverage) {
+    const imaging::RgbImage before = image;
+    for (int y = 0; y < image.height; ++y) {
+      for (int x = 0; x < image.width; ++x) {
+        int sum[3] = {}, count = 0;
+        for (int j = std::max(0, y - 1); j <= std::min(image.height - 1, y + 1); ++j) {
+          for (int i = std::max(0, x - 1); i <= std::min(image.width - 1, x + 1); ++i) {
+            if (coverage(i, j) == 0) continue;
+            ++count;
+            for (std::size_t c = 0; c < 3; ++c) sum[c] += before(i, j)[c];
+          }
+        }
+        for (std::size_t c = 0; c < 3 && count > 0 && coverage(x, y) == 0; ++c)
+          image(x, y)[c] = static_cast<std::uint8_t>((sum[c] + count / 2) / count);
+      }
+    }
+  }
+
+  void halve(const imaging::RgbImage& fine, imaging::GrayImage& coverage) {
+    imaging::RgbImage coarse((fine.width + 1) / 2, (fine.height + 1) / 2);
+    imaging::GrayImage covered =
+        coverage.empty() ? imaging::GrayImage() : imaging::GrayImage(coarse.width, coarse.height);
+    const double sx = static_cast<double>(fine.width) / coarse.width,
+                 sy = static_cast<double>(fine.height) / coarse.height;
+    const auto share = [](int i, int j, double scale) {
+      const double width = std::min<double>((i + 1) * scale, j + 1) - std::max<double>(i * scale, j);
+      return width > 1e-9 ? static_cast<float>(width / scale) : 0.0F;
+    };
+    for (int y = 0; y < coarse.height; ++y) {
+      for (int x = 0; x < coarse.width; ++x) {
+        LinearRgb all{}, some{};
+        float part = 0.0F;
+        for (int j = static_cast<int>(y * sy); j < std::min(fine.height, static_cast<int>(y * sy) + 3); ++j) {
+          for (int i = static_cast<int>(x * sx); i < std::min(fine.width, static_cast<int>(x * sx) + 3); ++i) {
+            const float weight = share(x, i, sx) * share(y, j, sy);
+            const float of_covered =
+                coverage.empty() ? weight : weight * (static_cast<float>(coverage(i, j)) * (1.0F / 255.0F));
+            part += of_covered;
+            for (std::size_t c = 0; c < 3; ++c) {
+              const float light = SrgbTables::get().decode(fine(i, j)[c]);
+              all[c] += weight * light;
+              some[c] += of_covered * light;
+            }
+          }
+        }
+        for (std::size_t c = 0; c < 3 && part > 0.0F; ++c) all[c] = some[c] * (1.0F / part);
+        coarse(x, y) = SrgbTables::get().encode(all);
+        if (!coverage.empty() && part > 0.0F)
+          covered(x, y) = static_cast<std::uint8_t>(std::clamp(part * 255.0F + 0.5F, 1.0F, 255.0F));
+      }
+    }
+    if (!coverage.empty()) dilate(coarse, covered);
+    coverage = std::move(covered);
+    levels.push_back(std::move(coarse));
+  }
+};
+
+TEST(MipPyramid, LevelsAreThoseOfTheDefinitionToTheByte) {
+  for (const auto& [width, height] : {std::pair{64, 32}, {61, 37}, {1, 9}, {2, 2}, {33, 64}}) {
+    const auto image = texture(width, height, [](int x, int y) {
+      return Rgb8{static_cast<std::uint8_t>(noise(x, y)), static_cast<std::uint8_t>(noise(y, x + 7)),
+                  static_cast<std::uint8_t>(noise(x + 3, y))};
+    });
+    for (const int period : {0, 2, 5, 1000}) {  // 0: no coverage; 1000: hardly any
+      imaging::GrayImage coverage;
+      if (period > 0) {
+        coverage = imaging::GrayImage(width, height);
+        for (int y = 0; y < height; ++y) {
+          for (int x = 0; x < width; ++x) coverage(x, y) = x % period == 0 && y % period < 3 ? 255 : 0;
+        }
+      }
+      const Reference expected(*image, coverage);
+      const MipPyramid pyramid(image, [&] { return coverage; });
+      ASSERT_EQ(pyramid.levels(), static_cast<int>(expected.levels.size()));
+      for (int level = 0; level < pyramid.levels(); ++level) {
+        const imaging::RgbImage& of_level = expected.levels[static_cast<std::size_t>(level)];
+        for (int y = 0; y < of_level.height; ++y) {
+          for (int x = 0; x < of_level.width; ++x)
+            ASSERT_EQ(pyramid.texel(level, x, y), of_level(x, y)) << width << " " << period << " " << level;
+        }
+      }
+    }
+  }
+}
+
+TEST(MipPyramid, IsComputedOnlyWhenALevelIsAskedFor) {
+  int asked = 0;
+  const MipPyramid pyramid(texture(16, 16, [](int, int) { return grey(80); }), [&] {
+    ++asked;
+    return imaging::GrayImage();
+  });
+  EXPECT_EQ(pyramid.levels(), 5);
+  EXPECT_EQ(asked, 0);
+  EXPECT_EQ(pyramid.texel(4, 0, 0), grey(80));
+  EXPECT_EQ(pyramid.texel(0, 3, 3), grey(80));
+  EXPECT_EQ(asked, 1);
 }
 
 }  // namespace

@@ -60,4 +60,14 @@ std::string sha256_hex(std::string_view bytes) {
   return hash.hex();
 }
 
+std::uint16_t crc16_mcrf4xx(std::string_view bytes, std::uint16_t crc) {
+  constexpr unsigned kPolynomial = 0x8408;  // x^16 + x^12 + x^5 + 1, lowest bit first
+  unsigned sum = crc;
+  for (const char c : bytes) {
+    sum ^= static_cast<unsigned char>(c);
+    for (int bit = 0; bit < 8; ++bit) sum = (sum & 1U) != 0 ? sum >> 1U ^ kPolynomial : sum >> 1U;
+  }
+  return static_cast<std::uint16_t>(sum);
+}
+
 }  // namespace tileflight::base

@@ -250,4 +250,48 @@ std::optional<double> parse_iso_time_s(std::string_view text) {
   return 86400.0 * *day + *clock_s - *offset_s;
 }
 
+namespace {
+
+/// Takes the digits at the front, any number of them.
+std::string_view take_digit_run(std::string_view& text) {
+  std::size_t count = 0;
+  while (count < text.size() && is_digit(text[count])) ++count;
+  const std::string_view run = text.substr(0, count);
+  text.remove_prefix(count);
+  return run;
+}
+
+/// Negative if the whole number `a` is less than `b`, positive if it is greater.
+int compare_whole(std::string_view a, std::string_view b) {
+  a.remove_prefix(std::min(a.find_first_not_of('0'), a.size()));
+  b.remove_prefix(std::min(b.find_first_not_of('0'), b.size()));
+  if (a.size() != b.size()) return a.size() < b.size() ? -1 : 1;
+  return a.compare(b);
+}
+
+}  // namespace
+
+bool natural_less(std::string_view a, std::string_view b) {
+  std::string_view left = a, right = b;
+  bool follows_number = false, in_fraction = false;
+  while (!left.empty() && !right.empty()) {
+    if (is_digit(left.front()) && is_digit(right.front())) {
+      const std::string_view x = take_digit_run(left), y = take_digit_run(right);
+      const int order = in_fraction ? x.compare(y) : compare_whole(x, y);
+      if (order != 0) return order < 0;
+      follows_number = !in_fraction;
+      in_fraction = false;
+      continue;
+    }
+    if (left.front() != right.front())
+      return static_cast<unsigned char>(left.front()) < static_cast<unsigned char>(right.front());
+    in_fraction = follows_number && left.front() == '.';
+    follows_number = false;
+    left.remove_prefix(1);
+    right.remove_prefix(1);
+  }
+  if (left.empty() != right.empty()) return left.empty();
+  return a < b;  // the same numbers, with other leading zeros
+}
+
 }  // namespace tileflight::base

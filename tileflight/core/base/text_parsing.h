@@ -114,4 +114,9 @@ std::optional<double> take_day(std::string_view& text);
 /// offset is taken as UTC. nullopt if the whole text is not such a time.
 std::optional<double> parse_iso_time_s(std::string_view text);
 
+/// Orders names as people do: numbers within them by value ("frame_2" before "frame_10"), digits behind a number's
+/// point as its fraction ("0.25" before "0.5"), everything else by bytes. A strict order: only equal names are
+/// equivalent.
+bool natural_less(std::string_view a, std::string_view b);
+
 }  // namespace tileflight::base

@@ -13,6 +13,7 @@
 #include "tileflight/core/base/decompress.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/geometry/ply.h"
 
 namespace tileflight::geometry::cloud_files_test {
 namespace {
@@ -132,6 +133,26 @@ TEST(Ply, BigEndianEqualsLittleEndian) {
   EXPECT_EQ(big.positions[0], Vec3(1.5, -2, 258));
   EXPECT_EQ(little.scalars.at("s")[0], static_cast<float>(0x01020304));
   EXPECT_EQ(big.scalars, little.scalars);
+}
+
+/// Line ends of CR alone (classic Mac OS), of CR LF, and blanks at the ends of lines.
+TEST(Ply, LineEndsAndBlanks) {
+  const std::string text =
+      "ply\nformat ascii 1.0\ncomment a b\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\n"
+      "end_header\n1 2 3\n4 5 6\n";
+  for (const std::string line_end : {"\r", "\r\n", " \n", " \r", "\t\r\n"}) {
+    std::string file;
+    for (const char c : text) file += c == '\n' ? line_end : std::string(1, c);
+    const PointCloud cloud = read_as("c.ply", file);
+    ASSERT_EQ(cloud.size(), 2U);
+    EXPECT_EQ(cloud.positions[1], Vec3(4, 5, 6));
+    EXPECT_EQ(parse_ply_header(file, "c.ply").comments, std::vector<std::string>{"a b"});
+  }
+  // The first byte of a binary body may be a line feed.
+  const std::string binary =
+      "ply\rformat binary_little_endian 1.0\relement vertex 1\rproperty uchar x\rproperty uchar y\r"
+      "property uchar z\rend_header\r\n\1\2";
+  EXPECT_EQ(read_as("c.ply", binary).positions.at(0), Vec3(10, 1, 2));
 }
 
 TEST(Ply, BadInputIsNamed) {

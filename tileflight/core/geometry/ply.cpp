@@ -184,10 +184,20 @@ std::uint64_t least_row_bytes(const PlyElement& element, PlyFormat format) {
   return ply_row_bytes(element);
 }
 
+/// base::take_line for files of either line end.
+std::optional<std::string_view> take_ply_line(std::string_view& text, char line_end) {
+  if (line_end == '\n' || text.empty()) return base::take_line(text);
+  const std::size_t end = std::min(text.find(line_end), text.size());
+  const std::string_view line = text.substr(0, end);
+  text.remove_prefix(std::min(end + 1, text.size()));
+  return line;
+}
+
 /// Reads the numbers of the body in order, in either encoding.
 class BodyReader {
  public:
-  BodyReader(std::string_view body, PlyFormat format) : rest_(body), format_(format) {}
+  BodyReader(std::string_view body, const PlyHeader& header)
+      : rest_(body), format_(header.format), line_end_(header.line_end) {}
 
   /// nullopt at the end of the body or (ascii) at the end of the row or if the field is not a number.
   std::optional<double> next(PlyType type) {
@@ -202,7 +212,7 @@ class BodyReader {
   void begin_row() {
     if (format_ != PlyFormat::kAscii) return;
     do {
-      row_ = base::take_line(rest_).value_or("");
+      row_ = take_ply_line(rest_, line_end_).value_or("");
     } while (row_.find_first_not_of(" \t") == std::string_view::npos && !rest_.empty());
   }
 
@@ -215,6 +225,7 @@ class BodyReader {
   std::string_view rest_;
   std::string_view row_;
   PlyFormat format_;
+  char line_end_;
 };
 
 /// Reads a property's numbers into `values`; false when they are missing or malformed.
@@ -367,15 +378,23 @@ const PlyElement* PlyHeader::find(std::string_view element) const {
 PlyHeader parse_ply_header(std::string_view bytes, const std::string& file) {
   PlyHeader header;
   std::string_view rest = bytes;
-  if (base::take_line(rest).value_or("") != "ply")
+  const std::size_t end = bytes.find_first_of("\r\n");
+  if (end != std::string_view::npos && bytes[end] == '\r' && !bytes.substr(end).starts_with("\r\n")) {
+    header.line_end = '\r';
+  }
+  if (base::trim(take_ply_line(rest, header.line_end).value_or("")) != "ply")
     throw InputError(file, "is not a PLY file: it does not start with 'ply'");
   bool format_known = false;
   for (int line_number = 2;; ++line_number) {
     const std::string where = file + ", line " + std::to_string(line_number);
-    const auto line = base::take_line(rest);
+    const auto line = take_ply_line(rest, header.line_end);
     if (!line) throw InputError(file, "the PLY header has no end_header: the file is truncated");
     const auto fields = base::split_fields(*line);
-    if (fields.empty() || fields[0] == "comment" || fields[0] == "obj_info") continue;
+    if (fields.empty() || fields[0] == "obj_info") continue;
+    if (fields[0] == "comment") {
+      header.comments.emplace_back(base::trim(base::trim(*line).substr(fields[0].size())));
+      continue;
+    }
     if (fields[0] == "end_header") break;
     if (fields[0] == "format") {
       header.format = parse_format(fields, where);
@@ -409,7 +428,7 @@ void visit_ply_element(std::string_view bytes, const PlyHeader& header, std::str
                        const std::string& file, const PlyVisitor& visit) {
   const std::string_view body = bytes.substr(header.size_bytes);
   check_ply_sizes(bytes, header, file);
-  BodyReader reader(body, header.format);
+  BodyReader reader(body, header);
   for (const PlyElement& e : header.elements) {
     const bool wanted = e.name == element;
     read_element(reader, e, file, wanted ? &visit : nullptr);

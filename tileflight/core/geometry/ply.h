@@ -36,7 +36,9 @@ enum class PlyFormat { kAscii, kLittleEndian, kBigEndian };
 struct PlyHeader {
   PlyFormat format = PlyFormat::kAscii;
   std::vector<PlyElement> elements;
-  std::size_t size_bytes = 0;  ///< up to and including the line "end_header"
+  std::vector<std::string> comments;  ///< the texts of the comment lines
+  char line_end = '\n';               ///< '\r' in files whose lines end with it alone
+  std::size_t size_bytes = 0;         ///< up to and including the line "end_header"
 
   /// nullptr if there is no such element.
   const PlyElement* find(std::string_view element) const;

@@ -63,6 +63,85 @@ geometry::SE3 checked_rigid_motion(std::span<const double> rows, const std::stri
   return {rotation, m.topRightCorner<3, 1>()};
 }
 
+geometry::SE3 yaml_rigid_motion(const YAML::Node& node, const std::string& key, const std::string& file) {
+  const YAML::Node rows = node.IsMap() ? node["data"] : node;
+  std::vector<double> values;
+  if (rows && rows.IsSequence() && rows.size() == 4) {
+    for (const YAML::Node& row : rows) {
+      const std::vector<double> part = yaml_numbers(row, key, file);
+      if (part.size() != 4) throw InputError(file, "\"" + key + "\" must have 4 rows of 4 numbers");
+      values.insert(values.end(), part.begin(), part.end());
+    }
+  } else if (rows) {
+    values = yaml_numbers(rows, key, file);
+  }
+  return checked_rigid_motion(values, key, file);
+}
+
+namespace {
+
+struct ExtrinsicsKey {
+  const char* name;
+  bool maps_to_camera;
+};
+constexpr std::array<ExtrinsicsKey, 7> kExtrinsicsKeys{{{"T_cam_imu", true},
+                                                        {"T_imu_cam", false},
+                                                        {"T_BS", false},
+                                                        {"T_SC", false},
+                                                        {"body_T_cam0", false},
+                                                        {"Tbc", false},
+                                                        {"IMU.T_b_c1", false}}};
+
+/// VINS-Mono's pose of the camera in the IMU's frame: two matrices.
+geometry::SE3 read_vins_extrinsics(const YAML::Node& camera, const std::string& file) {
+  const auto numbers = [&](const char* key, std::size_t count) {
+    const YAML::Node node = required_value(camera, key, file);
+    const std::vector<double> values = yaml_numbers(node.IsMap() ? node["data"] : node, key, file);
+    if (values.size() != count)
+      throw InputError(file, "\"" + std::string(key) + "\" must have " + std::to_string(count) + " numbers");
+    return values;
+  };
+  const std::vector<double> r = numbers("extrinsicRotation", 9), t = numbers("extrinsicTranslation", 3);
+  return checked_rigid_motion(
+      std::array{r[0], r[1], r[2], t[0], r[3], r[4], r[5], t[1], r[6], r[7], r[8], t[2], 0.0, 0.0, 0.0, 1.0},
+      "extrinsicRotation", file);
+}
+
+}  // namespace
+
+void read_extrinsics(const YAML::Node& camera, const std::string& file, Calibration& calibration) {
+  for (const auto& [name, maps_to_camera] : kExtrinsicsKeys) {
+    const YAML::Node node = camera[name];
+    if (!node) continue;
+    const geometry::SE3 T = yaml_rigid_motion(node, name, file);
+    calibration.T_cam_imu = maps_to_camera ? T : T.inverse();
+    return;
+  }
+  if (camera["extrinsicRotation"]) {
+    calibration.T_cam_imu = read_vins_extrinsics(camera, file).inverse();
+    return;
+  }
+  calibration.assumes_T_cam_imu = true;
+}
+
+bool states_extrinsics(const YAML::Node& camera) {
+  return camera["extrinsicRotation"] ||
+         std::ranges::any_of(kExtrinsicsKeys, [&](const ExtrinsicsKey& key) { return camera[key.name].IsDefined(); });
+}
+
+void note_unused_keys(const YAML::Node& camera, std::span<const std::string_view> known, const std::string& file,
+                      Calibration& calibration) {
+  std::string names;
+  for (const auto& entry : camera) {
+    if (!entry.first.IsScalar()) continue;
+    const std::string& key = entry.first.Scalar();
+    const bool is_extrinsics = std::ranges::any_of(kExtrinsicsKeys, [&](const auto& one) { return one.name == key; });
+    if (is_extrinsics || std::ranges::find(known, key) != known.end()) continue;
+    names += (names.empty() ? "" : ", ") + key.substr(0, 60);
+  }
+  if (!names.empty()) calibration.notes.push_back(file + ": keys that are not used: " + names);
+}
+
 namespace {
 
 void require_count(const std::string& file, const std::string& what, std::size_t wanted, std::size_t found) {

@@ -11,6 +11,7 @@
 #include <initializer_list>
 #include <span>
 #include <string>
+#include <string_view>
 #include <type_traits>
 #include <vector>
 
@@ -45,11 +46,29 @@ std::array<int, 2> checked_image_size(std::span<const double> sides, const std::
 /// Reads a rigid motion from a 4x4 matrix, row by row; rotations of few digits are accepted. `key` is for the message.
 geometry::SE3 checked_rigid_motion(std::span<const double> rows, const std::string& key, const std::string& file);
 
+/// Reads a rigid motion from a list of 16 numbers, from 4 lists of 4, or from OpenCV's matrix; as checked_rigid_motion.
+geometry::SE3 yaml_rigid_motion(const YAML::Node& node, const std::string& key, const std::string& file);
+
+/// Reads T_cam_imu under any of the names that programs give it: T_cam_imu (Kalibr); from camera to IMU T_imu_cam
+/// (OpenVINS), T_BS (EuRoC), T_SC (OKVIS), body_T_cam0 and extrinsicRotation with extrinsicTranslation (VINS), Tbc and
+/// IMU.T_b_c1 (ORB-SLAM3). If there is none, it is the identity, and `assumes_T_cam_imu` is set.
+void read_extrinsics(const YAML::Node& camera, const std::string& file, Calibration& calibration);
+
+/// Returns whether a camera states T_cam_imu under one of these names.
+bool states_extrinsics(const YAML::Node& camera);
+
+/// Adds a note about the keys of a camera that are not in `known`, if there are any.
+void note_unused_keys(const YAML::Node& camera, std::span<const std::string_view> known, const std::string& file,
+                      Calibration& calibration);
+
 /// Largest image side accepted in a calibration, pixels.
 inline constexpr int kMaxImageSide_px = 1 << 20;
 
 /// Largest calibration file that is read, bytes.
 inline constexpr std::uintmax_t kMaxCalibrationBytes = std::uintmax_t{1} << 20;
+
+/// Largest calibration in JSON that is read, bytes: it may hold the poses of many images.
+inline constexpr std::uintmax_t kMaxJsonBytes = std::uintmax_t{64} << 20;
 
 /// Lens parameters of a calibration file, as plain numbers.
 struct LensParameters {

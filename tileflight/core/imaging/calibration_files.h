@@ -12,14 +12,14 @@
 namespace tileflight::imaging {
 
 /// Calibration file formats supported by read_calibration.
-enum class CalibrationFormat { kKalibr, kOpenCv, kColmap, kDso, kVslamLab };
+enum class CalibrationFormat { kKalibr, kOpenCv, kColmap, kDso, kVslamLab, kVins, kAgisoft, kJson };
 
 /// Detects the format from the text; nullopt for an unknown format. A detected file may still be malformed.
 std::optional<CalibrationFormat> detect_calibration_format(std::string_view text);
 
 /// Returns the names of the cameras in a calibration file: cam0, cam1, ... of Kalibr's camchain, CAMERA_IDs of COLMAP's
-/// cameras.txt, rgb_0, rgb_1, ... of VSLAM-LAB, in file order; empty for formats that hold one unnamed camera. Throws
-/// InputError.
+/// cameras, rgb_0, rgb_1, ... of VSLAM-LAB and ORB-SLAM3, OpenSfM's names, in file order; empty for formats that hold
+/// one unnamed camera. Throws InputError.
 std::vector<std::string> camera_ids(const std::filesystem::path& file);
 
 /// Reads the camera of this name; an empty name selects the only camera of the file. Throws InputError (file, available
@@ -58,10 +58,39 @@ void write_camchain(const std::filesystem::path& file, const std::vector<ChainCa
 /// cause, cure).
 Calibration read_opencv(const std::filesystem::path& file);
 
-/// Reads COLMAP's cameras.txt: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV (k3 to k6 must be
-/// 0), OPENCV_FISHEYE, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE, FOV. COLMAP's pixel centres are at half-integers; they
-/// are converted to ours, at integers. Selects the camera with this CAMERA_ID, or the only one. Throws InputError
-/// (file, line, cause, cure): several cameras and none selected, no such camera, an unknown model.
+/// Returns whether an XML text is a calibration of Agisoft's Metashape.
+bool is_agisoft_calibration(std::string_view text);
+
+/// Reads a calibration of Agisoft's Metashape ("Agisoft XML"): projections frame and fisheye, f cx cy b1, k1 to k3 (of
+/// fisheye: to k4), p1 p2. Throws InputError (file, key, cause): b2, p3, p4, and k4 of a frame camera other than 0.
+Calibration read_agisoft(const std::filesystem::path& file);
+
+/// Reads a calibration of VINS-Mono or VINS-Fusion: model_type PINHOLE, MEI, KANNALA_BRANDT, in the file or in the one
+/// that its cam0_calib names; extrinsics where they are stated. Throws InputError (file, key, cause).
+Calibration read_vins(const std::filesystem::path& file);
+
+/// A camera with the name that its file gives it.
+struct NamedCalibration {
+  std::string name;  ///< empty: it has none
+  Calibration calibration;
+};
+
+/// Reads all cameras of a calibration in JSON: OpenSfM's camera_models.json and OpenDroneMap's cameras.json, basalt's
+/// calibration.json, nerfstudio's transforms.json. Throws InputError (file, key, cause) for other JSON, for models
+/// without a counterpart here, and for a lens profile of Gyroflow, with the way to convert it.
+std::vector<NamedCalibration> read_json_calibrations(const std::filesystem::path& file);
+
+/// Returns whether bytes are COLMAP's cameras.bin rather than text.
+bool is_colmap_binary(std::string_view bytes);
+
+/// Returns the text of cameras.txt; cameras.bin is converted to it. `file` is for messages. Throws InputError.
+std::string colmap_text(std::string bytes, const std::string& file);
+
+/// Reads COLMAP's cameras.txt or cameras.bin: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV (k3
+/// to k6 must be 0), OPENCV_FISHEYE, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE, FOV, THIN_PRISM_FISHEYE (p1 p2 sx1 sy1 must
+/// be 0). COLMAP's pixel centres are at half-integers; they are converted to ours, at integers. Selects the camera with
+/// this CAMERA_ID, or the only one. Throws InputError (file, line, cause, cure): several cameras and none selected, no
+/// such camera, an unknown model.
 Calibration read_colmap_cameras(const std::filesystem::path& file, std::optional<std::int64_t> camera_id = {});
 
 /// A camera of VSLAM-LAB's calibration.yaml.

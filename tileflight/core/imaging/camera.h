@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 #include <variant>
+#include <vector>
 
 #include "tileflight/core/geometry/transform.h"
 
@@ -121,6 +122,9 @@ struct Calibration {
   Camera camera;
   geometry::SE3 T_cam_imu;    ///< identity if the file has none
   double line_delay_s = 0.0;  ///< rolling shutter: time from one row to the next; 0: global shutter
+  /// Whether the file does not state T_cam_imu, so that the identity is an assumption; write_kalibr() leaves it out.
+  bool assumes_T_cam_imu = false;
+  std::vector<std::string> notes{};  ///< what the file states and is not used, and what is assumed; a sentence each
 };
 
 /// Reads a Kalibr camchain YAML (cam0; pinhole + radtan | equidistant | fov | none; omni + radtan | none; ds; eucm),
@@ -136,7 +140,7 @@ bool has_dso_model(const Camera& camera);
 /// Writes DSO's camera.txt. Throws InputError for a lens model that the format does not support.
 void write_dso_camera(const std::filesystem::path& file, const Calibration& calibration);
 
-/// Detects the format from the content: Kalibr, OpenCV, COLMAP or DSO (calibration_files.h). Throws InputError.
+/// Detects the format from the content (calibration_files.h) and reads the only camera of the file. Throws InputError.
 Calibration read_calibration(const std::filesystem::path& file);
 
 }  // namespace tileflight::imaging

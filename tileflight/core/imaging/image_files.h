@@ -34,11 +34,20 @@ struct DecodeLimits {
   std::int64_t max_pixels = 512LL * 1024 * 1024;
 };
 
-/// Decodes JPEG, PNG (8 and 16 bit, grey, palette, alpha dropped) or WebP, detected by the first bytes. `name` is used
-/// in messages. Throws InputError (name, cause) for truncated, malformed or too large images. A truncated JPEG is an
-/// error, not partly grey.
+/// Returns whether the file's ending is one of the images that are read: .jpg .jpeg .png .webp .tif .tiff .bmp .pgm
+/// .ppm .pnm, in any case.
+bool is_image_name(const std::filesystem::path& file);
+
+/// Decodes JPEG, PNG (8 and 16 bit, grey, palette, alpha dropped), WebP, TIFF, BMP, PGM or PPM, detected by the first
+/// bytes. `name` is used in messages. Throws InputError (name, cause) for truncated, malformed or too large images. A
+/// truncated JPEG is an error, not partly grey.
 RgbImage decode_rgb(std::span<const std::byte> bytes, const std::string& name, const DecodeLimits& limits = {});
 GrayImage decode_gray(std::span<const std::byte> bytes, const std::string& name, const DecodeLimits& limits = {});
+
+/// Re-encodes an image as PNG without loss: 8-bit RGB, 8-bit grey, or 16-bit grey of TIFF and PGM. 16-bit colours
+/// become 8 bits. Throws InputError as decode_rgb().
+std::vector<std::byte> recode_png(std::span<const std::byte> bytes, const std::string& name,
+                                  const DecodeLimits& limits = {});
 
 RgbImage read_rgb(const std::filesystem::path& file, const DecodeLimits& limits = {});
 /// Colour files are converted to luma; 16-bit values are scaled to 8 bits.

@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <tiffio.h>
 #include <webp/encode.h>
 
 #include <algorithm>
@@ -14,6 +15,7 @@
 #include "tests/temporary_folder.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/raw_bytes.h"
 
 namespace tileflight::imaging::image_files_test {
 namespace {
@@ -208,7 +210,7 @@ TEST(ImageFiles, HugeHeadersAreRefusedBeforeAllocation) {
 TEST(ImageFiles, OtherFilesAreNamed) {
   tests::TemporaryFolder folder;
   base::write_file(folder / "a.jpg", "this is text");
-  EXPECT_THAT(tests::refusal_of([&] { read_rgb(folder / "a.jpg"); }), HasSubstr("not a JPEG, PNG or WebP image"));
+  EXPECT_THAT(tests::refusal_of([&] { read_rgb(folder / "a.jpg"); }), HasSubstr("not a JPEG, PNG, WebP, TIFF"));
   base::write_file(folder / "b.jpg", "");
   EXPECT_THAT(tests::refusal_of([&] { read_rgb(folder / "b.jpg"); }), HasSubstr("empty"));
   EXPECT_THAT(tests::refusal_of([&] { read_rgb(folder / "none.jpg"); }), HasSubstr("none.jpg"));
@@ -261,6 +263,97 @@ TEST(Exr, TruncatedDamagedAndHuge) {
   huge.replace(window + 8, 8, std::string("\xFF\xFF\xFF\x3F\xFF\xFF\xFF\x3F"));
   base::write_file(folder / "huge.exr", huge);
   EXPECT_THAT(tests::refusal_of([&] { read_exr(folder / "huge.exr"); }), HasSubstr("1073741824x1073741824"));
+}
+
+/// A TIFF as libtiff writes it: LZW, strips of 5 rows.
+Bytes encode_tiff(const tests::TemporaryFolder& folder, const void* pixels, int width, int height, int bits,
+                  int samples, int format = SAMPLEFORMAT_UINT) {
+  const std::string file = folder / "made.tif";
+  TIFF* tiff = TIFFOpen(file.c_str(), "w");
+  TIFFSetField(tiff, TIFFTAG_IMAGEWIDTH, width);
+  TIFFSetField(tiff, TIFFTAG_IMAGELENGTH, height);
+  TIFFSetField(tiff, TIFFTAG_BITSPERSAMPLE, bits);
+  TIFFSetField(tiff, TIFFTAG_SAMPLESPERPIXEL, samples);
+  TIFFSetField(tiff, TIFFTAG_SAMPLEFORMAT, format);
+  TIFFSetField(tiff, TIFFTAG_PLANARCONFIG, PLANARCONFIG_CONTIG);
+  TIFFSetField(tiff, TIFFTAG_PHOTOMETRIC, samples == 1 ? PHOTOMETRIC_MINISBLACK : PHOTOMETRIC_RGB);
+  TIFFSetField(tiff, TIFFTAG_COMPRESSION, COMPRESSION_LZW);
+  TIFFSetField(tiff, TIFFTAG_ROWSPERSTRIP, 5);
+  const auto* bytes = static_cast<const std::uint8_t*>(pixels);
+  const std::size_t row_bytes = static_cast<std::size_t>(width) * static_cast<std::size_t>(samples * bits / 8);
+  std::vector<std::uint8_t> row(row_bytes);
+  for (int y = 0; y < height; ++y) {
+    std::copy_n(bytes + static_cast<std::size_t>(y) * row_bytes, row_bytes, row.begin());
+    TIFFWriteScanline(tiff, row.data(), static_cast<std::uint32_t>(y));
+  }
+  TIFFClose(tiff);
+  return base::read_bytes(file);
+}
+
+TEST(ImageFiles, TiffKeepsItsPixels) {
+  const tests::TemporaryFolder folder;
+  const RgbImage color = picture();
+  EXPECT_EQ(decode_rgb(encode_tiff(folder, color.pixels.data(), color.width, color.height, 8, 3), "t").pixels,
+            color.pixels);
+  const GrayImage gray = to_gray(color);
+  EXPECT_EQ(decode_gray(encode_tiff(folder, gray.pixels.data(), gray.width, gray.height, 8, 1), "t").pixels,
+            gray.pixels);
+  const Gray16Image wide = picture16();
+  const Bytes bytes = encode_tiff(folder, wide.pixels.data(), wide.width, wide.height, 16, 1);
+  EXPECT_EQ(read_gray16(folder / "made.tif").pixels, wide.pixels);
+  EXPECT_EQ(decode_gray(bytes, "t").pixels.back(), (wide.pixels.back() * 255U + 32767U) / 65535U);
+  base::write_file(folder / "again.png", base::as_text(recode_png(bytes, "t")));
+  EXPECT_EQ(read_gray16(folder / "again.png").pixels, wide.pixels);
+}
+
+TEST(ImageFiles, BadTiffsAreOneClearLine) {
+  const tests::TemporaryFolder folder;
+  const RgbImage color = picture();
+  Bytes bytes = encode_tiff(folder, color.pixels.data(), color.width, color.height, 8, 3);
+  EXPECT_THAT(tests::refusal_of([&] { decode_rgb(bytes, "t", {100}); }), HasSubstr("larger than the limit"));
+  bytes.resize(bytes.size() / 2);
+  EXPECT_THAT(tests::refusal_of([&] { decode_rgb(bytes, "t"); }), HasSubstr("t: "));
+  const std::vector<float> numbers(12, 1.0F);
+  EXPECT_THAT(tests::refusal_of(
+                  [&] { decode_rgb(encode_tiff(folder, numbers.data(), 4, 3, 32, 1, SAMPLEFORMAT_IEEEFP), "t"); }),
+              HasSubstr("is a TIFF of 32-bit numbers"));
+}
+
+/// A BMP of 3x2 pixels, rows from below, 24 bits: red, green, blue; white, black, grey.
+std::string small_bmp() {
+  using namespace std::string_literals;
+  return "BM\x4E\0\0\0\0\0\0\0\x36\0\0\0\x28\0\0\0\3\0\0\0\2\0\0\0\1\0\x18\0"s + std::string(24, '\0') +
+         "\xFF\xFF\xFF\0\0\0\x80\x80\x80\0\0\0"s + "\0\0\xFF\0\xFF\0\xFF\0\0\0\0\0"s;
+}
+
+Bytes bytes_of(const std::string& text) {
+  const auto* begin = reinterpret_cast<const std::byte*>(text.data());
+  return {begin, begin + text.size()};
+}
+
+TEST(ImageFiles, BmpRowsComeFromBelow) {
+  const RgbImage image = decode_rgb(bytes_of(small_bmp()), "b");
+  ASSERT_EQ(image.width, 3);
+  ASSERT_EQ(image.height, 2);
+  EXPECT_EQ(image(0, 0), (Rgb8{255, 0, 0}));
+  EXPECT_EQ(image(2, 0), (Rgb8{0, 0, 255}));
+  EXPECT_EQ(image(2, 1), (Rgb8{128, 128, 128}));
+  EXPECT_THAT(tests::refusal_of([] { decode_rgb(bytes_of(small_bmp().substr(0, 70)), "b"); }), HasSubstr("truncated"));
+  std::string packed = small_bmp();
+  packed[30] = 1;
+  EXPECT_THAT(tests::refusal_of([&] { decode_rgb(bytes_of(packed), "b"); }), HasSubstr("save it as PNG"));
+}
+
+TEST(ImageFiles, PnmOfEachKindIsRead) {
+  EXPECT_EQ(decode_gray(bytes_of("P2 # made by hand\n3 1\n15\n0 5 15\n"), "p").pixels,
+            (std::vector<std::uint8_t>{0, 85, 255}));
+  EXPECT_EQ(decode_gray(bytes_of("P5\n3 1\n255\nABC"), "p").pixels, (std::vector<std::uint8_t>{65, 66, 67}));
+  EXPECT_EQ(decode_rgb(bytes_of("P6 1 1 255\nABC"), "p").pixels, (std::vector<Rgb8>{{65, 66, 67}}));
+  EXPECT_EQ(decode_rgb(bytes_of("P3 1 1 255\n1 2 3"), "p").pixels, (std::vector<Rgb8>{{1, 2, 3}}));
+  EXPECT_THAT(tests::refusal_of([] { decode_gray(bytes_of("P5\n3 2\n255\nABC"), "p"); }), HasSubstr("truncated"));
+  EXPECT_THAT(tests::refusal_of([] { decode_gray(bytes_of("P2\n30000 20000\n255\n1"), "p"); }), HasSubstr("p: "));
+  EXPECT_THAT(tests::refusal_of([] { decode_gray(bytes_of("%PDF-1.4"), "p"); }),
+              HasSubstr("is a PDF, not a JPEG, PNG"));
 }
 
 }  // namespace

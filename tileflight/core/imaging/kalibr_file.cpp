@@ -2,6 +2,7 @@
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "tileflight/core/base/files.h"
@@ -15,17 +16,6 @@ namespace tileflight::imaging {
 
 namespace {
 
-geometry::SE3 read_transform(const YAML::Node& node, const std::string& key, const std::string& file) {
-  if (!node.IsSequence() || node.size() != 4) throw InputError(file, "\"" + key + "\" must have 4 rows of 4 numbers");
-  std::vector<double> rows;
-  for (const YAML::Node& row : node) {
-    const std::vector<double> values = yaml_numbers(row, key, file);
-    if (values.size() != 4) throw InputError(file, "\"" + key + "\" must have 4 rows of 4 numbers");
-    rows.insert(rows.end(), values.begin(), values.end());
-  }
-  return checked_rigid_motion(rows, key, file);
-}
-
 /// The preceding camera in the chain: "cam0" for "cam1"; empty: there is none.
 std::string camera_before(const std::string& camera_id) {
   const auto number =
@@ -34,15 +24,19 @@ std::string camera_before(const std::string& camera_id) {
 }
 
 /// T_cam_imu of the camera itself, or of the preceding camera combined with T_cn_cnm1 (from that camera to this one).
-geometry::SE3 T_cam_imu_of(const YAML::Node& root, const std::string& camera_id, const std::string& file) {
+void read_chain_extrinsics(const YAML::Node& root, const std::string& camera_id, const std::string& file,
+                           Calibration& calibration) {
   geometry::SE3 T_cam_that;
   for (std::string id = camera_id; !id.empty() && root[id]; id = camera_before(id)) {
     const YAML::Node camera = root[id];
-    if (camera["T_cam_imu"]) return T_cam_that * read_transform(camera["T_cam_imu"], "T_cam_imu", file);
+    calibration.assumes_T_cam_imu = false;
+    read_extrinsics(camera, file, calibration);
+    calibration.T_cam_imu = T_cam_that * calibration.T_cam_imu;
+    if (!calibration.assumes_T_cam_imu) return;
     if (!camera["T_cn_cnm1"]) break;
-    T_cam_that = T_cam_that * read_transform(camera["T_cn_cnm1"], "T_cn_cnm1", file);
+    T_cam_that = T_cam_that * yaml_rigid_motion(camera["T_cn_cnm1"], "T_cn_cnm1", file);
   }
-  return {};
+  calibration.T_cam_imu = {};
 }
 
 Camera read_lens(const YAML::Node& camera, const std::string& file) {
@@ -125,7 +119,7 @@ std::string camera_lines(const std::string& id, const Calibration& calibration) 
   std::string text = id + ":\n" + std::visit([](const auto& m) { return lens_lines(m); }, camera.model());
   text += "  resolution: [" + std::to_string(camera.width()) + ", " + std::to_string(camera.height()) + "]\n";
   text += "  rostopic: /" + id + "/image_raw\n";
-  text += transform_lines("T_cam_imu", calibration.T_cam_imu);
+  if (!calibration.assumes_T_cam_imu) text += transform_lines("T_cam_imu", calibration.T_cam_imu);
   if (calibration.line_delay_s != 0.0) text += "  line_delay: " + format_number(calibration.line_delay_s) + "\n";
   return text;
 }
@@ -180,21 +174,21 @@ void require_on_one_body(const geometry::SE3& T, const std::string& key, const s
 void require_probable(const YAML::Node& camera, bool is_first, const std::string& file) {
   if (camera["T_body_cam"]) return;  // written here: a flight may have whatever rig it asks for
   if (!is_first && camera["T_cn_cnm1"])
-    require_on_one_body(read_transform(camera["T_cn_cnm1"], "T_cn_cnm1", file), "T_cn_cnm1", "the one before", file);
+    require_on_one_body(yaml_rigid_motion(camera["T_cn_cnm1"], "T_cn_cnm1", file), "T_cn_cnm1", "the one before", file);
   if (camera["T_cam_imu"])
-    require_on_one_body(read_transform(camera["T_cam_imu"], "T_cam_imu", file), "T_cam_imu", "the IMU", file);
+    require_on_one_body(yaml_rigid_motion(camera["T_cam_imu"], "T_cam_imu", file), "T_cam_imu", "the IMU", file);
 }
 
 /// Pose of a camera in the frame of the one before it. `T_cam_imu`: of both.
 geometry::SE3 pose_in_chain(const YAML::Node& camera, const YAML::Node& before, const geometry::SE3& T_cam_imu,
                             const geometry::SE3& T_before_imu, const std::string& file) {
   const bool has_chain = camera["T_cn_cnm1"].IsDefined();
-  const bool has_imu = camera["T_cam_imu"].IsDefined() && before["T_cam_imu"].IsDefined();
+  const bool has_imu = states_extrinsics(camera) && states_extrinsics(before);
   if (!has_chain && !has_imu)
     throw InputError(file, "neither \"T_cn_cnm1\" nor \"T_cam_imu\" of both says where it is beside the one before");
   const geometry::SE3 by_imu = T_before_imu * T_cam_imu.inverse();
   if (!has_chain) return by_imu;
-  const geometry::SE3 by_chain = read_transform(camera["T_cn_cnm1"], "T_cn_cnm1", file).inverse();
+  const geometry::SE3 by_chain = yaml_rigid_motion(camera["T_cn_cnm1"], "T_cn_cnm1", file).inverse();
   if (has_imu) require_agreement(by_chain, by_imu, file);
   return by_chain;
 }
@@ -212,8 +206,13 @@ Calibration read_kalibr_camera(const std::filesystem::path& file, const std::str
   const std::string name = file.string() + (camera_id == "cam0" ? "" : ": " + camera_id);
   Calibration calibration;
   calibration.camera = read_lens(camera, name);
-  calibration.T_cam_imu = T_cam_imu_of(root, camera_id, name);
+  read_chain_extrinsics(root, camera_id, name, calibration);
   calibration.line_delay_s = read_line_delay(camera, name);
+  constexpr std::array<std::string_view, 13> kKnown{
+      "camera_model", "intrinsics", "distortion_model",  "distortion_coeffs", "resolution",
+      "rostopic",     "T_cn_cnm1",  "timeshift_cam_imu", "cam_overlaps",      "line_delay",
+      "name",         "folder",     "T_body_cam"};
+  note_unused_keys(camera, kKnown, name, calibration);
   return calibration;
 }
 
@@ -234,7 +233,7 @@ std::vector<ChainCamera> read_camchain(const std::filesystem::path& file) {
       T_first_cam = T_first_cam * pose_in_chain(camera, before, next.calibration.T_cam_imu,
                                                 cameras.back().calibration.T_cam_imu, where);
     before.reset(camera);
-    next.T_body_cam = camera["T_body_cam"] ? read_transform(camera["T_body_cam"], "T_body_cam", where) : T_first_cam;
+    next.T_body_cam = camera["T_body_cam"] ? yaml_rigid_motion(camera["T_body_cam"], "T_body_cam", where) : T_first_cam;
     next.timeshift_cam_imu_s = read_timeshift(camera, where);
     if (camera["name"]) next.name = yaml_scalar<std::string>(camera["name"], "name", where);
     if (camera["folder"]) next.folder = yaml_scalar<std::string>(camera["folder"], "folder", where);

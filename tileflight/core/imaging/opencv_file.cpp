@@ -1,6 +1,7 @@
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
+#include <array>
 #include <cctype>
 #include <initializer_list>
 #include <string>
@@ -136,8 +137,9 @@ class XmlEntries {
     const bool empty = tag.ends_with('/');
     if (empty) tag.remove_suffix(1);
     const std::string name(base::take_field(tag, kBlanks));
-    if (open_.empty() && name != "opencv_storage")
-      throw InputError(file_, "is XML with the root element <" + name + ">, not OpenCV's <opencv_storage>");
+    if (open_.empty() && name != "opencv_storage" && name != "calibration")
+      throw InputError(file_, "is XML with the root element <" + name +
+                                  ">, not OpenCV's <opencv_storage> or Agisoft's <calibration>");
     if (open_.size() == 1) entries_.push_back({name, {}, {}, {}});
     if (!empty) open_.push_back(name);
   }
@@ -276,16 +278,87 @@ NamedDistortion read_distortion(const OpenCvStorage& storage, const std::string&
   return parse_opencv_distortion(file + ": " + quoted(entry->key), d);
 }
 
+// Agisoft's Metashape, Appendix D of its manual: u = w/2 + cx + f x', with pixel centres at halves; p1 and p2 stand in
+// the other order than OpenCV's.
+
+double agisoft_number(const OpenCvStorage& storage, std::string_view key, const std::string& file) {
+  const StorageEntry* entry = storage.find({key});
+  if (entry == nullptr) return 0.0;
+  const std::vector<double> values = numbers_of(*entry, file);
+  if (values.size() != 1) throw InputError(file, quoted(entry->key) + " must be one number");
+  return values.front();
+}
+
+}  // namespace
+
+bool is_agisoft_calibration(std::string_view text) { return text.find("<calibration>") != std::string_view::npos; }
+
+Calibration read_agisoft(const std::filesystem::path& file) {
+  const std::string name = file.string();
+  const OpenCvStorage storage(base::read_text(file, kMaxCalibrationBytes), name);
+  const auto number = [&](std::string_view key) { return agisoft_number(storage, key, name); };
+  if (storage.find({"f"}) == nullptr)
+    throw InputError(name,
+                     "has no <f>: it is of an earlier program than Metashape, or not a calibration; open it in "
+                     "Metashape (Tools, Camera Calibration) and save it as Agisoft XML");
+  const ImageSize size = read_image_size(storage, name);
+  const StorageEntry* projection = storage.find({"projection"});
+  const std::string model = projection == nullptr || projection->values.empty() ? "frame" : projection->values.front();
+  const auto refuse_unless_zero = [&](std::initializer_list<std::string_view> keys) {
+    for (const std::string_view key : keys)
+      if (number(key) != 0.0)
+        throw InputError(name, "<" + std::string(key) + "> of the projection \"" + model +
+                                   "\" is not 0, which no lens model here has: optimise the cameras without it");
+  };
+  refuse_unless_zero({"b2", "p3", "p4", "skew"});
+  constexpr double kPixelCentre = 0.5;
+  const std::array<double, 4> intrinsics{number("f") + number("b1"), number("f"),
+                                         0.5 * size.width + number("cx") - kPixelCentre,
+                                         0.5 * size.height + number("cy") - kPixelCentre};
+  NamedDistortion distortion;
+  if (model == "frame") {
+    refuse_unless_zero({"k4"});
+    const std::array k{number("k1"), number("k2"), number("p2"), number("p1"), number("k3")};
+    distortion = parse_opencv_distortion(name + ": k1 to k3", k);
+  } else if (model == "fisheye") {
+    refuse_unless_zero({"p1", "p2"});
+    distortion = {"equidistant", {number("k1"), number("k2"), number("k3"), number("k4")}};
+  } else {
+    throw InputError(name, "projection \"" + model + "\" is not supported: use frame or fisheye");
+  }
+  Calibration calibration;
+  calibration.assumes_T_cam_imu = true;
+  calibration.camera =
+      make_camera(name, {distortion.name, intrinsics, distortion.coefficients, size.width, size.height});
+  return calibration;
+}
+
+namespace {
+
+/// Reads the extrinsics of a YAML file; XML has none.
+void read_opencv_extrinsics(const std::filesystem::path& file, const std::string& text, Calibration& calibration) {
+  calibration.assumes_T_cam_imu = true;
+  if (base::trim(base::strip_byte_order_mark(text)).starts_with('<')) return;
+  const YAML::Node root = load_calibration_yaml(file);
+  calibration.assumes_T_cam_imu = false;
+  if (root.IsMap())
+    read_extrinsics(root, file.string(), calibration);
+  else
+    calibration.assumes_T_cam_imu = true;
+}
+
 }  // namespace
 
 Calibration read_opencv(const std::filesystem::path& file) {
   const std::string name = file.string();
-  const OpenCvStorage storage(base::read_text(file, kMaxCalibrationBytes), name);
+  const std::string text = base::read_text(file, kMaxCalibrationBytes);
+  const OpenCvStorage storage(text, name);
   const std::vector<double> focal = read_matrix(storage, name);
   const ImageSize size = read_image_size(storage, name);
   const NamedDistortion distortion = read_distortion(storage, name);
   Calibration calibration;
   calibration.camera = make_camera(name, {distortion.name, focal, distortion.coefficients, size.width, size.height});
+  read_opencv_extrinsics(file, text, calibration);
   return calibration;
 }
 

@@ -15,25 +15,10 @@ namespace tileflight::imaging {
 
 namespace {
 
-/// A motion as a list of 16 numbers, as 4 lists of 4, or as OpenCV's matrix.
-geometry::SE3 listed_motion(const YAML::Node& node, const std::string& key, const std::string& file) {
-  const YAML::Node rows = node.IsMap() ? node["data"] : node;
-  std::vector<double> values;
-  if (rows && rows.IsSequence() && rows.size() == 4) {
-    for (const YAML::Node& row : rows) {
-      const std::vector<double> part = yaml_numbers(row, key, file);
-      values.insert(values.end(), part.begin(), part.end());
-    }
-  } else if (rows) {
-    values = yaml_numbers(rows, key, file);
-  }
-  return checked_rigid_motion(values, key, file);
-}
-
 /// A sensor's pose in the body, T_BS (OKVIS2's own files: T_SC, the IMU being the body); identity if there is none.
 geometry::SE3 pose_in_body(const YAML::Node& sensor, const std::string& file) {
   for (const char* key : {"T_BS", "T_SC"})
-    if (const YAML::Node node = sensor[key]) return listed_motion(node, key, file);
+    if (const YAML::Node node = sensor[key]) return yaml_rigid_motion(node, key, file);
   return {};
 }
 
@@ -105,6 +90,8 @@ VslamLabCamera listed_camera(const YAML::Node& root, const YAML::Node& camera, c
   result.T_body_cam = pose_in_body(camera, file);
   if (const YAML::Node imus = root["imus"]; imus && imus.IsSequence() && imus.size() > 0 && imus[0].IsMap())
     result.calibration.T_cam_imu = result.T_body_cam.inverse() * pose_in_body(imus[0], file + ": imus");
+  else
+    result.calibration.assumes_T_cam_imu = true;
   result.depth_units_per_m = positive_or_zero(camera["depth_factor"], "depth_factor", file);
   return result;
 }
@@ -115,9 +102,23 @@ std::string listed_name(const YAML::Node& camera, std::size_t index) {
   return name && name.IsScalar() ? name.as<std::string>() : "rgb_" + std::to_string(index);
 }
 
-/// Prefixes of the keys of the earlier forms, with the names of the cameras.
-constexpr std::array<std::pair<const char*, const char*>, 3> kPrefixes{
-    {{"Camera.", "rgb_0"}, {"Camera0.", "rgb_0"}, {"Camera1.", "rgb_1"}}};
+/// A camera of the earlier forms, whose keys begin with `prefix`.
+struct PrefixedCamera {
+  std::string prefix;
+  std::string name;
+};
+
+/// ORB-SLAM3 counts from Camera1, VSLAM-LAB of 2025 from Camera0.
+std::vector<PrefixedCamera> prefixed_cameras(const YAML::Node& root) {
+  const bool from_zero = static_cast<bool>(root["Camera0.fx"]);
+  std::vector<PrefixedCamera> cameras;
+  if (root["Camera.fx"] && !from_zero) cameras.push_back({"Camera.", "rgb_0"});
+  for (const char* number : {"0", "1", "2"}) {
+    const std::string prefix = "Camera" + std::string(number) + ".";
+    if (root[prefix + "fx"]) cameras.push_back({prefix, "rgb_" + std::to_string(cameras.size())});
+  }
+  return cameras;
+}
 
 /// The value of the first of these keys that is there.
 YAML::Node first_value(const YAML::Node& root, std::initializer_list<std::string> keys) {
@@ -127,9 +128,10 @@ YAML::Node first_value(const YAML::Node& root, std::initializer_list<std::string
 }
 
 NamedDistortion prefixed_distortion(const YAML::Node& root, const std::string& prefix, const std::string& file) {
-  const YAML::Node model_node = root[prefix + "model"];
+  // ORB-SLAM3 states the model of all cameras once, as Camera.type.
+  const YAML::Node model_node = first_value(root, {prefix + "model", prefix + "type", "Camera.model", "Camera.type"});
   const std::string model =
-      model_node ? base::to_lower(yaml_scalar<std::string>(model_node, prefix + "model", file)) : "opencv";
+      model_node ? base::to_lower(yaml_scalar<std::string>(model_node, "Camera.type", file)) : "opencv";
   if (model == "unknown") throw unknown_lens(file);
   const bool is_fisheye = model.find("fisheye") != std::string::npos || model.starts_with("kannalabrandt");
   using Keys = std::vector<std::string>;
@@ -150,13 +152,16 @@ VslamLabCamera prefixed_camera(const YAML::Node& root, const std::string& prefix
   };
   const std::array<double, 4> intrinsics{number("fx"), number("fy"), number("cx"), number("cy")};
   const NamedDistortion distortion = prefixed_distortion(root, prefix, file);
-  const bool is_short = static_cast<bool>(root[prefix + "w"]);
-  const std::array<double, 2> sides{number(is_short ? "w" : "width"), number(is_short ? "h" : "height")};
-  const auto [width, height] = checked_image_size(sides, prefix + "w, h", file);
+  const YAML::Node width_node = first_value(root, {prefix + "w", prefix + "width", "Camera.width"});
+  const YAML::Node height_node = first_value(root, {prefix + "h", prefix + "height", "Camera.height"});
+  if (!width_node || !height_node)
+    throw InputError(file, "has no image size: add the lines \"Camera.width\" and \"Camera.height\", pixels");
+  const std::array<double, 2> sides{yaml_scalar<double>(width_node, "Camera.width", file),
+                                    yaml_scalar<double>(height_node, "Camera.height", file)};
+  const auto [width, height] = checked_image_size(sides, "Camera.width, Camera.height", file);
   VslamLabCamera result;
   result.calibration.camera = make_camera(file, {distortion.name, intrinsics, distortion.coefficients, width, height});
-  if (const YAML::Node node = root["IMU.T_b_c1"])
-    result.calibration.T_cam_imu = listed_motion(node, "IMU.T_b_c1", file).inverse();
+  read_extrinsics(root, file, result.calibration);
   result.depth_units_per_m =
       positive_or_zero(first_value(root, {"Depth0.factor", "Depth.factor", "depth_factor"}), "depth factor", file);
   return result;
@@ -168,8 +173,8 @@ VslamLabCamera find_camera(const YAML::Node& root, const std::string& camera_id,
     for (std::size_t i = 0; cameras && cameras.IsSequence() && i < cameras.size(); ++i)
       if (cameras[i].IsMap() && listed_name(cameras[i], i) == camera_id)
         return listed_camera(root, cameras[i], file + ": " + camera_id);
-    for (const auto& [prefix, id] : kPrefixes)
-      if (id == camera_id && root[std::string(prefix) + "fx"]) return prefixed_camera(root, prefix, file);
+    for (const PrefixedCamera& camera : prefixed_cameras(root))
+      if (camera.name == camera_id) return prefixed_camera(root, camera.prefix, file);
   }
   throw InputError(file, "has no camera \"" + camera_id + "\" in VSLAM-LAB's form (`cameras`, or Camera.fx)");
 }
@@ -217,8 +222,7 @@ std::vector<std::string> vslam_lab_camera_ids(const std::filesystem::path& file)
   const YAML::Node cameras = root["cameras"];
   for (std::size_t i = 0; cameras && cameras.IsSequence() && i < cameras.size(); ++i)
     ids.push_back(listed_name(cameras[i], i));
-  for (const auto& [prefix, id] : kPrefixes)
-    if (root[std::string(prefix) + "fx"]) base::add_distinct({id}, ids);
+  for (const PrefixedCamera& camera : prefixed_cameras(root)) base::add_distinct({camera.name}, ids);
   return ids;
 }
 

@@ -274,6 +274,61 @@ TEST(DsoLayout, WithoutTimesFramesAreNumbered) {
   EXPECT_THAT(dataset.warnings, ElementsAre(HasSubstr("no times.txt")));
 }
 
+/// A folder of images that are named by numbers without leading zeros; image N shows the moving picture N.
+void write_numbered(const fs::path& images, int count) {
+  fs::create_directories(images);
+  for (int i = 1; i <= count; ++i)
+    imaging::write_rgb(images / ("frame_" + std::to_string(i) + ".png"), moving_picture(kWidth, kHeight, i));
+}
+
+TEST(DsoLayout, NamesAreOrderedByTheirNumbers) {
+  TemporaryFolder folder;
+  write_numbered(folder / "set/images", 12);
+  base::write_file(folder / "set/camera.txt", "Pinhole 50 50 32 24 0\n64 48\ncrop\n64 48\n");
+  const Dataset dataset = read_dataset(folder / "set");
+  ASSERT_EQ(dataset.frames.size(), 12U);
+  for (std::size_t i = 0; i < 12; ++i)
+    EXPECT_EQ(dataset.frames[i].image.filename(), "frame_" + std::to_string(i + 1) + ".png");
+  EXPECT_THAT(dataset.warnings,
+              ElementsAre(HasSubstr("in the order of the numbers in their names (frame_9.png before frame_10.png)"),
+                          HasSubstr("no times.txt")));
+}
+
+TEST(DsoLayout, TimesInAnotherOrderThanTheNamesAreNamed) {
+  TemporaryFolder folder;
+  write_numbered(folder / "set/images", 3);
+  base::write_file(folder / "set/camera.txt", "Pinhole 50 50 32 24 0\n64 48\ncrop\n64 48\n");
+  base::write_file(folder / "set/times.txt", "frame_1 1\nframe_3 2\nframe_2 3\n");
+  const Dataset dataset = read_dataset(folder / "set");
+  EXPECT_EQ(dataset.frames[1].image.filename(), "frame_3.png");
+  EXPECT_THAT(dataset.warnings, ElementsAre(HasSubstr("(frame_3.png is earlier than frame_2.png); the times decide")));
+}
+
+TEST(EurocLayout, WithoutACsvTheTimesAreTheNames) {
+  TemporaryFolder folder;
+  const fs::path camera = folder / "set/mav0/cam0";
+  fs::create_directories(camera / "data");
+  for (const char* time_ns : {"999900000", "1000000000", "1050000000"})
+    imaging::write_rgb(camera / "data" / (std::string(time_ns) + ".png"), moving_picture(kWidth, kHeight, 0));
+  base::write_file(
+      camera / "sensor.yaml",
+      "intrinsics: [50, 50, 32, 24]\ndistortion_model: radial-tangential\ndistortion_coefficients: [0, 0, 0, "
+      "0]\nresolution: [64, 48]\n");
+  const Dataset dataset = read_dataset(folder / "set");
+  ASSERT_EQ(dataset.frames.size(), 3U);
+  EXPECT_DOUBLE_EQ(dataset.frames[0].time_s, 0.9999);
+  EXPECT_DOUBLE_EQ(dataset.frames[1].time_s, 1.0);
+  EXPECT_THAT(dataset.warnings, ElementsAre(HasSubstr("no data.csv; the times are the names of the images")));
+}
+
+TEST(DsoLayout, AnImuWithoutAStatedMountIsNamed) {
+  TemporaryFolder folder;
+  const DsoFolder dso(folder / "set");
+  base::write_file(dso.folder / "imu.csv", "0,0,0,0,0,0,9.8\n");
+  EXPECT_THAT(read_dataset(dso.folder).warnings,
+              ElementsAre(HasSubstr("no calibration states where the camera is on the inertial unit")));
+}
+
 TEST(DsoLayout, BareSecondsAndImagesLeftOut) {
   TemporaryFolder folder;
   const DsoFolder dso(folder / "set");

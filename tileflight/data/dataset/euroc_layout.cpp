@@ -21,12 +21,31 @@ namespace fs = std::filesystem;
 
 fs::path camera_folder(const fs::path& folder, const std::string& name = "cam0") {
   for (const fs::path& sensors : {folder / "mav0", folder})
-    if (fs::is_regular_file(sensors / name / "data.csv")) return sensors / name;
+    if (fs::is_regular_file(sensors / name / "data.csv") ||
+        (fs::is_regular_file(sensors / name / "sensor.yaml") && fs::is_directory(sensors / name / "data")))
+      return sensors / name;
   return {};
+}
+
+/// The frames of a camera without data.csv: EuRoC names its images by their time in nanoseconds.
+std::vector<Frame> frames_by_name(const fs::path& camera, std::vector<std::string>& warnings) {
+  std::vector<Frame> frames;
+  for (const fs::path& image : list_images(camera / "data")) {
+    const std::string name = image.stem().string();
+    const auto time_ns = base::parse_number<std::int64_t>(name);
+    if (!time_ns)
+      throw InputError(image.string(),
+                       "its name is not a time in nanoseconds, and there is no data.csv that states one");
+    frames.push_back({name, image, geometry::to_seconds(*time_ns), 0.0});
+  }
+  warnings.push_back(camera.string() + ": no data.csv; the times are the names of the images, in nanoseconds");
+  require_increasing_times(frames, camera / "data");
+  return frames;
 }
 
 std::vector<Frame> read_frames(const fs::path& camera, std::vector<std::string>& warnings) {
   const fs::path file = camera / "data.csv";
+  if (!fs::is_regular_file(file)) return frames_by_name(camera, warnings);
   std::vector<Frame> frames;
   base::for_each_row(base::read_text(file), file.string(), ", \t", [&](const base::TextRow& row) {
     const auto time_ns = base::parse_number<std::int64_t>(row.fields.front());
@@ -44,16 +63,6 @@ std::string distortion_name(const std::string& name) {
   return name;  // rejected by name when the calibration is checked
 }
 
-geometry::SE3 read_T_cam_imu(const YAML::Node& T_BS, const fs::path& file) {
-  const auto values = T_BS["data"].as<std::vector<double>>();
-  if (values.size() != 16) throw InputError(file.string(), "T_BS must have 16 numbers");
-  const Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>> m(values.data());
-  const geometry::Mat3 rotation = m.topLeftCorner<3, 3>();
-  if (!m.allFinite() || !(rotation.transpose() * rotation).isIdentity(1e-3))
-    throw InputError(file.string(), "T_BS is not a rigid motion");
-  return geometry::SE3(rotation, m.topRightCorner<3, 1>()).inverse();  // T_BS maps camera to body
-}
-
 imaging::Calibration read_sensor(const fs::path& file) {
   std::string text = base::read_text(file);
   // "%YAML:1.0" is OpenCV's own first line; YAML requires "%YAML 1.0".
@@ -68,7 +77,7 @@ imaging::Calibration read_sensor(const fs::path& file) {
     calibration.camera =
         imaging::make_camera(file.string(), {distortion_name(node["distortion_model"].as<std::string>()), intrinsics,
                                              coefficients, resolution[0], resolution[1]});
-    if (node["T_BS"]) calibration.T_cam_imu = read_T_cam_imu(node["T_BS"], file);
+    imaging::read_extrinsics(node, file.string(), calibration);
     return calibration;
   } catch (const YAML::Exception& error) {
     throw InputError(file.string(),
@@ -83,7 +92,11 @@ imaging::Calibration read_chosen_calibration(const CameraChoice& camera, const f
                                              Dataset& dataset) {
   imaging::Calibration calibration = read_chosen_camera(camera, dataset);
   const bool says_nothing = calibration.T_cam_imu.matrix().isIdentity(0.0);
-  if (says_nothing && fs::is_regular_file(sensor_file)) calibration.T_cam_imu = read_sensor(sensor_file).T_cam_imu;
+  if (says_nothing && fs::is_regular_file(sensor_file)) {
+    const imaging::Calibration own = read_sensor(sensor_file);
+    calibration.T_cam_imu = own.T_cam_imu;
+    calibration.assumes_T_cam_imu = own.assumes_T_cam_imu && calibration.assumes_T_cam_imu;
+  }
   return calibration;
 }
 

@@ -9,6 +9,7 @@
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/text_parsing.h"
+#include "tileflight/core/imaging/image_files.h"
 
 namespace tileflight::dataset {
 
@@ -17,9 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 
 bool is_image(const fs::path& file) {
-  const std::string extension = base::to_lower(file.extension().string());
-  const bool known = extension == ".jpg" || extension == ".jpeg" || extension == ".png" || extension == ".webp";
-  return known && !file.filename().string().starts_with('.');
+  return imaging::is_image_name(file) && !file.filename().string().starts_with('.');
 }
 
 struct TimesLine {
@@ -54,11 +53,12 @@ std::vector<TimesLine> read_times(const fs::path& file) {
 
 /// Assigns bare seconds to the images in order.
 std::vector<Frame> match_by_order(const std::vector<fs::path>& images, const std::vector<TimesLine>& lines,
-                                  const fs::path& file) {
+                                  const fs::path& file, std::vector<std::string>& warnings) {
   if (images.size() != lines.size())
     throw InputError(file.string(), "has " + std::to_string(lines.size()) + " times for " +
                                         std::to_string(images.size()) +
                                         " images: without frame names, give one time for each image");
+  note_order_by_numbers(images, warnings);
   std::vector<Frame> frames;
   for (std::size_t i = 0; i < images.size(); ++i)
     frames.push_back({images[i].stem().string(), images[i], lines[i].time_s, lines[i].exposure_ms});
@@ -96,9 +96,28 @@ std::vector<fs::path> list_images(const fs::path& folder) {
   for (fs::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error))
     if (is_image(entry->path())) images.push_back(entry->path());
   if (error) throw InputError(folder.string(), "cannot be listed: " + error.message());
-  if (images.empty()) throw InputError(folder.string(), "has no images (.jpg, .png or .webp)");
-  std::sort(images.begin(), images.end());
+  if (images.empty()) throw InputError(folder.string(), "has no images (.jpg, .png, .webp, .tif, .bmp, .pgm or .ppm)");
+  std::ranges::sort(images, [](const fs::path& a, const fs::path& b) {
+    return base::natural_less(a.filename().string(), b.filename().string());
+  });
   return images;
+}
+
+void note_order_by_numbers(const std::vector<fs::path>& images, std::vector<std::string>& notes) {
+  const auto unsorted = std::ranges::is_sorted_until(images);
+  if (unsorted == images.end()) return;
+  notes.push_back(images.front().parent_path().string() +
+                  ": the images are taken in the order of the numbers in their names (" +
+                  (unsorted - 1)->filename().string() + " before " + unsorted->filename().string() + ")");
+}
+
+void warn_of_order(const std::vector<Frame>& frames, const std::string& where, std::vector<std::string>& warnings) {
+  const auto name_of = [](const Frame& frame) { return frame.image.filename().string(); };
+  std::size_t later = 0;
+  while (later + 1 < frames.size() && !base::natural_less(name_of(frames[later + 1]), name_of(frames[later]))) ++later;
+  if (later + 1 >= frames.size()) return;
+  warnings.push_back(where + ": the names of the images and their times are in different orders (" +
+                     name_of(frames[later]) + " is earlier than " + name_of(frames[later + 1]) + "); the times decide");
 }
 
 std::vector<Frame> read_timed_frames(const std::vector<fs::path>& images, const fs::path& times_file,
@@ -107,11 +126,12 @@ std::vector<Frame> read_timed_frames(const std::vector<fs::path>& images, const 
   if (const base::TimeUnit unit = base::guess_time_unit(lines.front().time_s); unit.seconds != 1.0) {
     for (TimesLine& line : lines) line.time_s *= unit.seconds;
     warnings.push_back(times_file.string() + ": the times are taken as " + unit.name +
-                       ", as seconds they would be dates " + "after the year 5000");
+                       ", as seconds they would be dates after the year 5000");
   }
-  std::vector<Frame> frames = lines.front().id.empty() ? match_by_order(images, lines, times_file)
+  std::vector<Frame> frames = lines.front().id.empty() ? match_by_order(images, lines, times_file, warnings)
                                                        : match_by_name(images, lines, times_file, warnings);
   require_increasing_times(frames, times_file);
+  warn_of_order(frames, times_file.string(), warnings);
   return frames;
 }
 

@@ -3,6 +3,8 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <cmath>
+#include <functional>
 #include <mutex>
 
 #include "tileflight/core/base/files.h"
@@ -99,11 +101,11 @@ geometry::Trajectory read_groundtruth(const IngestOptions& options) {
   return trajectory;
 }
 
-Companions read_companions(const IngestOptions& options) {
+Companions read_companions(const IngestOptions& options, std::vector<std::string>& notes) {
   Companions given;
   given.groundtruth = read_groundtruth(options);
   if (options.imu.empty()) return given;
-  given.readings = read_imu_csv(options.imu);
+  given.readings = read_imu_csv(options.imu, notes);
   for (geometry::ImuSample& reading : given.readings) reading.time_s += options.imu_time_offset_s;
   if (!options.imu_noise.empty()) given.noise = read_imu_noise(options.imu_noise);
   return given;
@@ -135,6 +137,8 @@ void add_groundtruth(DatasetWriter& writer, const geometry::Trajectory& all, con
 
 void describe(DatasetWriter& writer, const IngestOptions& options, const ScaledCalibration& fitted) {
   writer.describe("source", options.video_or_images.filename().string());
+  for (std::size_t i = 0; i < options.further_parts.size(); ++i)
+    writer.describe("source_part_" + std::to_string(i + 2), options.further_parts[i].filename().string());
   writer.describe("calibration.file", options.calibration.filename().string());
   if (!options.camera_id.empty()) writer.describe("calibration.camera", options.camera_id);
   if (!fitted.scaled_from.empty()) writer.describe("calibration.scaled_from", fitted.scaled_from);
@@ -178,6 +182,7 @@ DatasetWriter::Options writer_options(const IngestOptions& options) {
   out.replace = options.replace;
   out.command = "ingest";
   out.inputs = options.inputs;
+  out.inputs.insert(out.inputs.end(), options.further_parts.begin(), options.further_parts.end());
   for (const fs::path& input :
        {options.video_or_images, options.calibration, options.imu, options.imu_noise, options.groundtruth})
     out.inputs.push_back(input);
@@ -193,21 +198,93 @@ ScaledCalibration fitted_calibration(const IngestOptions& options, IngestResult&
       options.lens ? scaled_calibration(options.calibration.string(), *options.lens, width, height, result.notes)
                    : read_scaled_calibration(options.calibration, options.camera_id, width, height, result.notes);
   result.calibration = fitted.calibration;
+  if (!options.imu.empty() && fitted.calibration.assumes_T_cam_imu)
+    result.notes.push_back(unstated_mount_text(options.calibration.string()));
   return fitted;
 }
 
+/// A video, or several that a camera cut one recording into.
+class Recording {
+ public:
+  explicit Recording(const IngestOptions& options) {
+    parts_.push_back({options.video_or_images, video::probe_video(options.video_or_images), 0.0});
+    for (const fs::path& file : options.further_parts) {
+      const Part& before = parts_.back();
+      if (!(before.info.duration_s > 0.0))
+        throw InputError(before.file.string(),
+                         "does not say how long it is, so nothing can be read after it; join the "
+                         "parts first (ffmpeg -f concat)");
+      const Part next{file, video::probe_video(file), before.start_s + before.info.duration_s};
+      require_same(parts_.front(), next);
+      parts_.push_back(next);
+    }
+  }
+
+  const video::VideoInfo& info() const { return parts_.front().info; }
+  double duration_s() const {
+    return parts_.back().info.duration_s > 0.0 ? parts_.back().start_s + parts_.back().info.duration_s : 0.0;
+  }
+
+  /// Reads the excerpt as read_video() does, on the clock of the first part.
+  std::vector<std::string> read(const video::VideoExcerpt& excerpt,
+                                const std::function<bool(std::int64_t, double, const imaging::RgbImage&)>& on_frame) {
+    if (parts_.size() == 1) return video::read_video(parts_.front().file, excerpt, on_frame);
+    std::vector<std::string> notes;
+    std::int64_t in_excerpt = 0;
+    for (const Part& part : parts_) {
+      if (excerpt.to_s && part.start_s >= *excerpt.to_s) break;
+      if (part.start_s + part.info.duration_s <= excerpt.from_s + kRounding_s) continue;
+      video::VideoExcerpt own{.from_s = std::max(0.0, excerpt.from_s - part.start_s), .to_s = {}, .every = 1};
+      if (excerpt.to_s) own.to_s = *excerpt.to_s - part.start_s;
+      base::add_distinct(video::read_video(part.file, own,
+                                           [&](std::int64_t, double time_s, const imaging::RgbImage& image) {
+                                             const std::int64_t at = in_excerpt++;
+                                             return at % excerpt.every != 0 ||
+                                                    on_frame(at / excerpt.every, part.start_s + time_s, image);
+                                           }),
+                         notes);
+    }
+    return notes;
+  }
+
+ private:
+  struct Part {
+    fs::path file;
+    video::VideoInfo info;
+    double start_s = 0.0;  ///< on the clock of the first part
+  };
+
+  static void require_same(const Part& first, const Part& other) {
+    constexpr double kSameRate = 0.01;
+    const double rate = first.info.frames_per_second;
+    if (other.info.width == first.info.width && other.info.height == first.info.height &&
+        std::abs(other.info.frames_per_second - rate) <= kSameRate * rate)
+      return;
+    throw InputError(other.file.string(), "has " + size_text(other.info.width, other.info.height) + " pixels at " +
+                                              base::rounded_text(other.info.frames_per_second, 2) +
+                                              " frames per second, " + first.file.filename().string() + " " +
+                                              size_text(first.info.width, first.info.height) + " at " +
+                                              base::rounded_text(rate, 2) +
+                                              ": they are no parts of one recording; ingest each alone");
+  }
+
+  std::vector<Part> parts_;
+};
+
 void ingest_video(const IngestOptions& options, const fs::path& folder, const Companions& given,
                   const Progress& progress, IngestResult& result) {
-  const video::VideoInfo info = video::probe_video(options.video_or_images);
+  Recording recording(options);
+  const video::VideoInfo& info = recording.info();
+  const double duration_s = recording.duration_s();
   const double period_s = info.frames_per_second > 0.0 ? 1.0 / info.frames_per_second : kDefaultFramePeriod_s;
   const double shift_s = options.timeshift_s;
-  if (info.duration_s > 0.0) require_covers_excerpt(options, info.duration_s + shift_s, period_s);
+  if (duration_s > 0.0) require_covers_excerpt(options, duration_s + shift_s, period_s);
   result.width = info.width;
   result.height = info.height;
   const ScaledCalibration fitted = fitted_calibration(options, result);
   DatasetWriter writer(folder, fitted.calibration, writer_options(options));
 
-  const double end_s = options.excerpt.to_s.value_or(info.duration_s);
+  const double end_s = options.excerpt.to_s.value_or(duration_s);
   const auto expected =
       static_cast<std::int64_t>((end_s - options.excerpt.from_s) / (period_s * options.excerpt.every));
   EncodeQueue queue(writer);
@@ -224,7 +301,7 @@ void ingest_video(const IngestOptions& options, const fs::path& folder, const Co
   video::VideoExcerpt own_clock = options.excerpt;
   own_clock.from_s = std::max(0.0, own_clock.from_s - shift_s);
   if (own_clock.to_s) *own_clock.to_s -= shift_s;
-  video::read_video(options.video_or_images, own_clock, on_frame);
+  base::add_distinct(recording.read(own_clock, on_frame), result.notes);
   queue.finish();
   require_some(options, result.times_s.size());
   // The container's duration may be wrong, so the frames decide.
@@ -245,6 +322,7 @@ std::vector<Frame> timed_frames(const std::vector<fs::path>& images, const std::
     notes.push_back(std::to_string(images.size() - frames.size()) + " images skipped: they have no capture time");
   std::stable_sort(frames.begin(), frames.end(), [](const Frame& a, const Frame& b) { return a.time_s < b.time_s; });
   for (std::size_t i = 0; i < frames.size(); ++i) frames[i].id = frame_id(i);
+  warn_of_order(frames, "capture times of the photos", notes);
   return frames;
 }
 
@@ -262,6 +340,7 @@ std::vector<Frame> image_frames(const IngestOptions& options, std::vector<std::s
   if (!options.image_rate_hz)
     notes.push_back(given.string() + ": no times.txt; a frame rate of " + base::rounded_text(rate_hz, 3) +
                     " frames per second is assumed");
+  note_order_by_numbers(images, notes);
   return make_uniform_frames(images, 1.0 / rate_hz);
 }
 
@@ -285,8 +364,8 @@ std::vector<Frame> select_excerpt(const std::vector<Frame>& frames, const Ingest
   return kept;
 }
 
-/// Copies a JPEG or PNG file (after decoding it once to detect damage and to get its size); other formats are
-/// re-encoded.
+/// Copies a JPEG or PNG file (after decoding it once to detect damage and to get its size); WebP is re-encoded as a
+/// video's frames are, other formats without loss.
 void add_image(DatasetWriter& writer, std::size_t index, const Frame& frame, int width, int height) {
   const std::vector<std::byte> bytes = base::read_bytes(frame.image);
   const imaging::RgbImage image = imaging::decode_rgb(bytes, frame.image.string());
@@ -297,7 +376,9 @@ void add_image(DatasetWriter& writer, std::size_t index, const Frame& frame, int
     return writer.add_encoded_frame(index, frame.time_s, frame.exposure_ms, bytes, ".jpg");
   if (bytes[0] == std::byte{0x89})
     return writer.add_encoded_frame(index, frame.time_s, frame.exposure_ms, bytes, ".png");
-  writer.add_frame(index, frame.time_s, frame.exposure_ms, image);
+  if (bytes[0] == std::byte{'R'}) return writer.add_frame(index, frame.time_s, frame.exposure_ms, image);
+  writer.add_encoded_frame(index, frame.time_s, frame.exposure_ms, imaging::recode_png(bytes, frame.image.string()),
+                           ".png");
 }
 
 void ingest_images(const IngestOptions& options, const fs::path& folder, const Companions& given,
@@ -325,8 +406,12 @@ IngestResult ingest(const IngestOptions& options, const fs::path& dataset_folder
   if (options.jpeg_quality < 1 || options.jpeg_quality > 100) throw InputError("jpeg_quality", "must be from 1 to 100");
   if (!fs::exists(options.video_or_images))
     throw InputError(options.video_or_images.string(), "no such video file or image folder");
-  const Companions given = read_companions(options);
+  for (const fs::path& part : options.further_parts) {
+    if (fs::is_directory(part) || fs::is_directory(options.video_or_images))
+      throw InputError(part.string(), "folders of images are not joined; copy the images into one folder");
+  }
   IngestResult result;
+  const Companions given = read_companions(options, result.notes);
   if (fs::is_directory(options.video_or_images))
     ingest_images(options, dataset_folder, given, progress, result);
   else

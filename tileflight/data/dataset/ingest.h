@@ -31,10 +31,12 @@ struct RangeReading {
 struct IngestOptions {
   std::filesystem::path video_or_images;  ///< a video file, or a folder of images (with times.txt in it or beside it,
                                           ///< else `image_rate_hz`)
-  std::filesystem::path calibration;      ///< any format of imaging::read_calibration
-  std::string camera_id;                  ///< camera to use of a calibration with several; empty: it has only one
-  video::VideoExcerpt excerpt;            ///< on the video's clock (first frame at 0; images: times of times.txt)
-  std::optional<double> image_rate_hz;    ///< frame rate of an image folder without times.txt; none: 30, with a note
+  std::vector<std::filesystem::path> further_parts;  ///< videos that continue `video_or_images`, in order: the parts
+                                                     ///< into which a camera splits a recording
+  std::filesystem::path calibration;                 ///< any format of imaging::read_calibration
+  std::string camera_id;                ///< camera to use of a calibration with several; empty: it has only one
+  video::VideoExcerpt excerpt;          ///< on the video's clock (first frame at 0; images: times of times.txt)
+  std::optional<double> image_rate_hz;  ///< frame rate of an image folder without times.txt; none: 30, with a note
   /// Capture times for a folder without times.txt, by file name; empty: unknown. Images that are not in the map are
   /// left out (with a note).
   std::map<std::string, ImageTime> image_times;

@@ -79,6 +79,32 @@ TEST_F(IngestTest, VideoBecomesADataset) {
   EXPECT_EQ(dataset.metadata.at("place"), "test");
 }
 
+TEST_F(IngestTest, PartsOfARecordingAreReadOneAfterTheOther) {
+  options.groundtruth.clear();
+  options.gps.clear();
+  for (int part = 0; part < 2; ++part) {
+    video::VideoWriter writer(folder / ("part" + std::to_string(part) + ".mp4"), kWidth, kHeight, {});
+    for (int i = 30 * part; i < 30 * (part + 1); ++i) writer.add(moving_picture(kWidth, kHeight, i));
+    writer.finish();
+  }
+  options.video_or_images = folder / "part0.mp4";
+  options.further_parts = {folder / "part1.mp4"};
+  options.excerpt = {.from_s = 0.5, .to_s = 1.6, .every = 2};
+  const IngestResult result = ingest(options, folder / "set");
+  ASSERT_EQ(result.frames, 17U);  // 15, 17, ... 47
+  const Dataset dataset = read_dataset(folder / "set");
+  for (std::size_t k = 0; k < 17; ++k) {
+    const int frame = 15 + 2 * static_cast<int>(k);
+    EXPECT_NEAR(dataset.frames[k].time_s, frame / 30.0, 1e-3);
+    EXPECT_GT(tests::psnr(imaging::read_rgb(dataset.frames[k].image), moving_picture(kWidth, kHeight, frame)), 28.0);
+  }
+  video::VideoWriter other(folder / "other.mp4", 2 * kWidth, kHeight, {});
+  other.add(moving_picture(2 * kWidth, kHeight, 0));
+  other.finish();
+  options.further_parts = {folder / "other.mp4"};
+  EXPECT_THAT(refusal_of([&] { ingest(options, folder / "set2"); }), HasSubstr("no parts of one recording"));
+}
+
 TEST_F(IngestTest, ExcerptKeepsTheVideosClock) {
   options.excerpt = {0.5, 1.5, 3};
   const IngestResult result = ingest(options, folder / "set");
@@ -294,6 +320,21 @@ TEST_F(IngestTest, ImagesWithoutTimes) {
   EXPECT_THAT(error(), HasSubstr("p2.png"));
 }
 
+TEST_F(IngestTest, ImagesWithoutLossStayWithoutLoss) {
+  fs::create_directory(folder / "scans");
+  const std::string pixels(static_cast<std::size_t>(kWidth * kHeight), '\x12');
+  for (int i = 1; i <= 10; ++i)  // 16 bits: 0x1212 of 65535
+    base::write_file(folder / ("scans/s" + std::to_string(i) + ".pgm"),
+                     "P5\n" + std::to_string(kWidth) + " " + std::to_string(kHeight) + "\n65535\n" + pixels + pixels);
+  options.video_or_images = folder / "scans";
+  const IngestResult result = ingest(options, folder / "set");
+  EXPECT_THAT(result.notes, testing::Contains(HasSubstr("(s9.pgm before s10.pgm)")));
+  const Dataset dataset = read_dataset(folder / "set");
+  ASSERT_EQ(dataset.frames.size(), 10U);
+  EXPECT_EQ(dataset.frames[0].image.extension(), ".png");
+  EXPECT_EQ(imaging::read_gray16(dataset.frames[0].image)(3, 4), 0x1212);
+}
+
 TEST_F(IngestTest, ImagesThatSayWhenTheyWereTaken) {
   fs::create_directory(folder / "photos");
   for (int i = 0; i < 4; ++i)
@@ -301,7 +342,8 @@ TEST_F(IngestTest, ImagesThatSayWhenTheyWereTaken) {
   options.video_or_images = folder / "photos";
   options.image_times = {{"p0.jpg", {7.5, 4.0}}, {"p1.jpg", {0.0, 2.0}}, {"p3.jpg", {3.0, 0.0}}};
   const IngestResult result = ingest(options, folder / "set");
-  EXPECT_THAT(result.notes, ElementsAre(HasSubstr("1 images skipped")));
+  EXPECT_THAT(result.notes, ElementsAre(HasSubstr("1 images skipped"),
+                                        HasSubstr("(p3.jpg is earlier than p0.jpg); the times decide")));
   const Dataset dataset = read_dataset(folder / "set");
   ASSERT_EQ(dataset.frames.size(), 3U);
   const std::array<const char*, 3> photos{"p1.jpg", "p3.jpg", "p0.jpg"};

@@ -28,6 +28,9 @@ ScaledCalibration read_scaled_calibration(const std::filesystem::path& file, con
 ScaledCalibration scaled_calibration(const std::string& name, imaging::Calibration calibration, int width, int height,
                                      std::vector<std::string>& notes);
 
+/// The warning for readings of an inertial unit of which no calibration says how it is mounted.
+std::string unstated_mount_text(const std::string& where);
+
 }  // namespace tileflight::dataset
 
 /// One reader for each layout of a folder that read_dataset knows. All throw InputError (file, line, cause).

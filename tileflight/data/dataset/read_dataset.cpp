@@ -83,6 +83,7 @@ ScaledCalibration read_scaled_calibration(const std::filesystem::path& file, con
 ScaledCalibration scaled_calibration(const std::string& name, imaging::Calibration calibration, int width, int height,
                                      std::vector<std::string>& notes) {
   const imaging::Camera camera = calibration.camera;
+  notes.insert(notes.end(), calibration.notes.begin(), calibration.notes.end());
   if (camera.width() == width && camera.height() == height) return {calibration, {}};
   const std::string own_size = size_text(camera.width(), camera.height());
   const std::string sizes = "is for images of " + own_size + ", the frames have " + size_text(width, height);
@@ -95,6 +96,13 @@ ScaledCalibration scaled_calibration(const std::string& name, imaging::Calibrati
   }
   notes.push_back(name + ": " + sizes + "; the calibration is scaled to them");
   return {calibration, own_size};
+}
+
+std::string unstated_mount_text(const std::string& where) {
+  return where +
+         ": no calibration states where the camera is on the inertial unit; T_cam_imu is assumed to be the identity "
+         "(the "
+         "unit's x right, y down, z forward in the image, at the camera): add T_cam_imu to the camera's section";
 }
 
 namespace layouts {
@@ -127,12 +135,14 @@ Dataset read_images_folder(const fs::path& folder, const CameraChoice& camera) {
   Dataset dataset;
   dataset.folder = folder;
   if (camera.calibration.empty()) dataset.calibration = read_camera(folder);
+  dataset.warnings = dataset.calibration.notes;
   const std::vector<fs::path> images = list_images(folder / "images");
   const fs::path times = folder / "times.txt";
   if (fs::is_regular_file(times)) {
     dataset.frames = read_timed_frames(images, times, dataset.warnings);
   } else {
     dataset.frames = make_uniform_frames(images, kDefaultFramePeriod_s);
+    note_order_by_numbers(images, dataset.warnings);
     dataset.warnings.push_back(folder.string() + ": no times.txt; frames are assumed to be 1/30 s apart");
   }
   if (!camera.calibration.empty()) dataset.calibration = read_chosen_camera(camera, dataset);
@@ -178,6 +188,8 @@ Dataset read_dataset(const fs::path& folder_or_rig, const CameraChoice& choice) 
                      "(VSLAM-LAB) or rgb.txt (TUM RGB-D) in it");
   }
   check_image_size(dataset);
+  if (!dataset.imu.empty() && dataset.calibration.assumes_T_cam_imu)
+    dataset.warnings.push_back(unstated_mount_text(folder.string()));
   return dataset;
 }
 

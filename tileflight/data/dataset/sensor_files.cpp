@@ -1,11 +1,16 @@
 #include "tileflight/data/dataset/sensor_files.h"
 
+#include <algorithm>
 #include <array>
 #include <cassert>
 #include <cmath>
+#include <numbers>
+#include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 
+#include "tileflight/core/base/file_kind.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
@@ -108,12 +113,147 @@ constexpr std::string_view kHeader =
     "s^-2],a_RS_S_z [m s^-2]";
 constexpr std::size_t kValues = 6;
 
-/// Whether a first line holds names.
-bool is_imu_header(std::string_view line) { return line.starts_with("ts") || line.starts_with("timestamp"); }
+/// Where the numbers of a reading stand in a line.
+struct ImuColumns {
+  std::size_t time = 0;
+  std::array<std::size_t, kValues> values{1, 2, 3, 4, 5, 6};  ///< angular rate x, y, z, then specific force x, y, z
+  double rate_unit_rad_s = 1.0, force_unit_m_s2 = 1.0;
+  std::size_t count = kValues + 1;  ///< columns of a line
+  bool has_names = false;           ///< a header named them
+  bool in_seconds = false;
+};
 
-bool is_in_seconds(std::string_view header) {
-  const std::string_view time = header.substr(0, header.find(','));
-  return time.find("(s)") != std::string_view::npos || time.find("[s]") != std::string_view::npos;
+/// A name of a header: "gyro_x [deg/s]" is {"gyrox", "deg/s"}.
+struct ColumnName {
+  std::string plain;  ///< lower case, letters and digits
+  std::string unit;   ///< in brackets; empty: none is stated
+};
+
+ColumnName parse_column_name(std::string_view text) {
+  const std::size_t bracket = std::min(text.find_first_of("[("), text.size());
+  ColumnName name;
+  for (const char c : base::to_lower(text.substr(0, bracket)))
+    if (base::is_digit(c) || (c >= 'a' && c <= 'z')) name.plain += c;
+  if (bracket < text.size()) {
+    const std::string_view unit = text.substr(bracket + 1);
+    name.unit = base::trim(unit.substr(0, unit.find_first_of("])")));
+  }
+  return name;
+}
+
+bool is_time_name(const std::string& plain) {
+  constexpr std::array kNames{"t", "ts", "time", "timestamp", "timens", "timestampns", "times", "timestamps", "stamp"};
+  return std::ranges::find(kNames, plain) != kNames.end();
+}
+
+/// The place in ImuColumns::values of a name such as "w_RS_S_x", "ax", "gyro_y" or "linear_acceleration.z".
+std::optional<std::size_t> reading_of(const std::string& plain) {
+  if (plain.size() < 2 || plain.back() < 'x' || plain.back() > 'z') return std::nullopt;
+  const auto axis = static_cast<std::size_t>(plain.back() - 'x');
+  const std::string_view stem = std::string_view(plain).substr(0, plain.size() - 1);
+  const auto has = [stem](std::string_view part) { return stem.find(part) != std::string_view::npos; };
+  if (has("user")) return std::nullopt;  // a phone's acceleration without gravity
+  if (stem == "w" || stem == "wrss" || stem == "g" || has("gyr") || has("omega") || has("angular") ||
+      has("rotationrate"))
+    return axis;
+  if (stem == "a" || stem == "arss" || has("acc") || has("specificforce")) return 3 + axis;
+  return std::nullopt;
+}
+
+/// The factor of a unit to rad/s, or to m/s^2 for the accelerometer. An empty unit is 1.
+double imu_unit(const std::string& where, const std::string& unit, bool is_force) {
+  struct Unit {
+    std::string_view name;
+    double factor;
+  };
+  constexpr double kDegree = std::numbers::pi / 180.0, kGravity_m_s2 = 9.80665;
+  constexpr std::array<Unit, 12> kRates{{{"", 1},
+                                         {"rad s^-1", 1},
+                                         {"rad/s", 1},
+                                         {"rad/sec", 1},
+                                         {"rad s-1", 1},
+                                         {"rps", 1},
+                                         {"deg s^-1", kDegree},
+                                         {"deg/s", kDegree},
+                                         {"deg/sec", kDegree},
+                                         {"dps", kDegree},
+                                         {"\xC2\xB0/s", kDegree},
+                                         {"deg s-1", kDegree}}};
+  constexpr std::array<Unit, 8> kForces{{{"", 1},
+                                         {"m s^-2", 1},
+                                         {"m/s^2", 1},
+                                         {"m/s2", 1},
+                                         {"m s-2", 1},
+                                         {"m/s\xC2\xB2", 1},
+                                         {"g", kGravity_m_s2},
+                                         {"mg", 1e-3 * kGravity_m_s2}}};
+  const std::span<const Unit> units = is_force ? std::span<const Unit>(kForces) : std::span<const Unit>(kRates);
+  const std::string lower = base::to_lower(unit);
+  const auto found = std::ranges::find(units, lower, &Unit::name);
+  if (found != units.end()) return found->factor;
+  throw InputError(where, "the unit \"" + unit + "\" of its header is unknown: use " +
+                              (is_force ? "m/s^2, g or mg" : "rad/s or deg/s"));
+}
+
+/// The names of a first line; empty if it is a reading.
+std::vector<std::string_view> names_of(std::string_view line) {
+  if (line.starts_with('#')) line.remove_prefix(1);
+  const bool has_commas = line.find(',') != std::string_view::npos;
+  std::vector<std::string_view> names = base::split_fields(line, has_commas ? "," : ";\t ");
+  for (std::string_view& name : names) name = base::trim(name);
+  if (!names.empty() && base::parse_number<double>(names.front())) names.clear();
+  return names;
+}
+
+std::string name_list(const std::vector<std::string_view>& names) {
+  std::string text;
+  for (const std::string_view name : names) text += (text.empty() ? "" : ", ") + std::string(name.substr(0, 60));
+  return text;
+}
+
+/// Reads the header. A first line with '#' that names no reading is a comment: the columns are EuRoC's.
+ImuColumns read_imu_header(const std::string& where, std::string_view line, std::vector<std::string>& notes) {
+  const std::vector<std::string_view> names = names_of(line);
+  std::array<std::optional<std::size_t>, kValues> found;
+  std::optional<std::size_t> time;
+  ImuColumns columns;
+  std::vector<std::string_view> unused;
+  bool states_units = true;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const ColumnName name = parse_column_name(names[i]);
+    const std::optional<std::size_t> reading = reading_of(name.plain);
+    if (!reading && is_time_name(name.plain) && !time) {
+      time = i;
+      columns.in_seconds = name.unit == "s" || name.unit == "sec";
+      continue;
+    }
+    if (!reading) {
+      unused.push_back(names[i]);
+      continue;
+    }
+    if (found[*reading])
+      throw InputError(where, "its header names the same reading twice: " + std::string(names[*found[*reading]]) +
+                                  " and " + std::string(names[i]) + "; keep one column");
+    found[*reading] = i;
+    (*reading < 3 ? columns.rate_unit_rad_s : columns.force_unit_m_s2) = imu_unit(where, name.unit, *reading >= 3);
+    states_units = states_units && !name.unit.empty();
+  }
+  const auto readings = std::ranges::count_if(found, [](const auto& column) { return column.has_value(); });
+  if (readings == 0 && (names.empty() || line.starts_with('#'))) return {};
+  if (readings != kValues || !time)
+    throw InputError(
+        where,
+        "its header must name a time, three angular rates and three specific forces (t,gx,gy,gz,ax,ay,az), "
+        "but it names " +
+            name_list(names));
+  columns.time = *time;
+  for (std::size_t i = 0; i < kValues; ++i) columns.values[i] = *found[i];
+  columns.count = names.size();
+  columns.has_names = true;
+  if (!states_units)
+    notes.push_back(where + ": its header states no units; radians a second and metres a second squared are assumed");
+  if (!unused.empty()) notes.push_back(where + ": columns that are not used: " + name_list(unused));
+  return columns;
 }
 
 double parse_time_s(const std::string& where, std::string_view field, bool in_seconds) {
@@ -128,30 +268,64 @@ double parse_time_s(const std::string& where, std::string_view field, bool in_se
 }
 
 geometry::ImuSample parse_reading(const std::string& where, const std::vector<std::string_view>& fields,
-                                  bool in_seconds) {
-  if (fields.size() != kValues + 1)
-    throw InputError(where, "expected a time and 6 numbers, found " + std::to_string(fields.size()) + " fields");
-  const double time_s = parse_time_s(where, fields[0], in_seconds);
-  std::array<double, kValues> v{};
-  for (std::size_t i = 0; i < kValues; ++i) v[i] = base::require_finite(where, fields[i + 1]);
-  return {time_s, {v[0], v[1], v[2]}, {v[3], v[4], v[5]}};
+                                  const ImuColumns& columns) {
+  if (fields.size() != columns.count)
+    throw InputError(where, columns.has_names
+                                ? "has " + std::to_string(fields.size()) + " fields, but the header names " +
+                                      std::to_string(columns.count)
+                                : "expected a time and 6 numbers, found " + std::to_string(fields.size()) + " fields");
+  const double time_s = parse_time_s(where, fields[columns.time], columns.in_seconds);
+  geometry::Vec3 rate, force;
+  for (int i = 0; i < 3; ++i) {
+    rate[i] =
+        columns.rate_unit_rad_s * base::require_finite(where, fields[columns.values[static_cast<std::size_t>(i)]]);
+    force[i] =
+        columns.force_unit_m_s2 * base::require_finite(where, fields[columns.values[static_cast<std::size_t>(i) + 3]]);
+  }
+  return {time_s, rate, force};
+}
+
+/// Without names, an accelerometer in the first columns is known by gravity.
+void refuse_exchanged_columns(const std::string& where, const std::vector<geometry::ImuSample>& readings) {
+  if (readings.empty()) return;
+  double rate = 0.0, force = 0.0;
+  for (const geometry::ImuSample& reading : readings) {
+    rate += reading.angular_rate_rad_s.norm() / static_cast<double>(readings.size());
+    force += reading.specific_force_m_s2.norm() / static_cast<double>(readings.size());
+  }
+  constexpr double kLeastGravity_m_s2 = 8.0, kMostGravity_m_s2 = 12.0, kMostRate_rad_s = 4.0;
+  if (rate < kLeastGravity_m_s2 || rate > kMostGravity_m_s2 || force > kMostRate_rad_s) return;
+  throw InputError(where,
+                   "has no header, so its columns are read as time, gyroscope, accelerometer; but the first three "
+                   "numbers have the length of gravity (" +
+                       base::rounded_text(rate, 2) + " on average, the others " + base::rounded_text(force, 2) +
+                       "): name the columns in a first line, as t,ax,ay,az,gx,gy,gz");
 }
 
 }  // namespace
 
-std::vector<geometry::ImuSample> read_imu_csv(const std::filesystem::path& file) {
-  const std::string text = base::read_text(file);
+std::vector<geometry::ImuSample> read_imu_csv(const std::filesystem::path& file, std::vector<std::string>& notes) {
+  const std::string bytes = base::read_text(file);
+  const std::string_view text = base::strip_byte_order_mark(bytes);
+  if (const auto refusal =
+          base::refusal_of_kind(text.substr(0, base::kHeadBytes), "a table of an inertial unit's readings"))
+    throw InputError(file.string(), *refusal);
   std::string_view rest = text;
-  const std::string_view first = base::take_line(rest).value_or("");
-  const bool has_header = is_imu_header(first), in_seconds = has_header && is_in_seconds(first);
+  const ImuColumns columns = read_imu_header(file.string(), base::take_line(rest).value_or(""), notes);
   std::vector<geometry::ImuSample> readings;
-  base::for_each_row(text, file.string(), ", \t", [&](const base::TextRow& row) {
-    if (row.line == 1 && has_header) return;
-    readings.push_back(parse_reading(row.where, row.fields, in_seconds));
+  base::for_each_row(text, file.string(), ",; \t", [&](const base::TextRow& row) {
+    if (row.line == 1 && columns.has_names) return;
+    readings.push_back(parse_reading(row.where, row.fields, columns));
     if (readings.size() > 1 && !(readings.back().time_s > readings[readings.size() - 2].time_s))
       throw InputError(row.where, "the time is not after the one before it");
   });
+  if (!columns.has_names) refuse_exchanged_columns(file.string(), readings);
   return readings;
+}
+
+std::vector<geometry::ImuSample> read_imu_csv(const std::filesystem::path& file) {
+  std::vector<std::string> notes;
+  return read_imu_csv(file, notes);
 }
 
 void write_imu_csv(const std::filesystem::path& file, const std::vector<geometry::ImuSample>& readings) {
@@ -169,28 +343,56 @@ void write_imu_csv(const std::filesystem::path& file, const std::vector<geometry
   base::write_file(file, text);
 }
 
+namespace {
+
+/// The section with the noise: of VSLAM-LAB's first IMU, under "imu0" (Kalibr's results, OpenVINS), under basalt's
+/// "value0", else the file itself.
+YAML::Node noise_section(const YAML::Node& root) {
+  if (!root.IsMap()) return root;
+  if (const YAML::Node imus = root["imus"]; imus && imus.IsSequence() && imus.size() > 0) return imus[0];
+  for (const char* name : {"imu0", "value0"})
+    if (const YAML::Node section = root[name]; section && section.IsMap()) return section;
+  return root;
+}
+
+/// A number, or the largest of basalt's three by axis.
+double noise_number(const YAML::Node& node, const std::string& name, const std::string& file) {
+  const std::vector<double> axes = node.IsSequence() ? imaging::yaml_numbers(node, name, file)
+                                                     : std::vector{imaging::yaml_scalar<double>(node, name, file)};
+  const bool valid =
+      !axes.empty() && std::ranges::all_of(axes, [](double axis) { return std::isfinite(axis) && axis >= 0.0; });
+  if (!valid) throw InputError(file, "\"" + name + "\" must be 0 or more");
+  return std::ranges::max(axes);
+}
+
+}  // namespace
+
 ImuCalibration read_imu_noise(const std::filesystem::path& file) {
   const YAML::Node root = imaging::load_calibration_yaml(file);
-  const YAML::Node imus = root.IsMap() ? root["imus"] : YAML::Node();
-  const YAML::Node imu = imus && imus.IsSequence() && imus.size() > 0 ? imus[0] : root;
+  const YAML::Node imu = noise_section(root);
   if (!imu.IsMap()) throw InputError(file.string(), "does not describe an inertial unit");
+  if (imu["acc_n"] && !imu["accelerometer_noise_density"])
+    throw InputError(
+        file.string(),
+        "has VINS's \"acc_n\", \"gyr_n\", which are deviations of single readings: divide them by the root of "
+        "the readings a second, and name them accelerometer_noise_density, gyroscope_noise_density, "
+        "accelerometer_random_walk, gyroscope_random_walk beside update_rate (Kalibr's imu.yaml)");
   const auto value = [&](std::initializer_list<const char*> names) {
     for (const char* name : names) {
       const YAML::Node node = imu[name];
       if (!node) continue;
-      const auto number = imaging::yaml_scalar<double>(node, name, file.string());
-      if (!std::isfinite(number) || number < 0.0)
-        throw InputError(file.string(), "\"" + std::string(name) + "\" must be 0 or more");
-      return number;
+      return noise_number(node, name, file.string());
     }
     throw InputError(file.string(), "has no \"" + std::string(*names.begin()) + "\" of the inertial unit");
   };
-  // Names of Kalibr or EuRoC, of VSLAM-LAB, and of VSLAM-LAB before 2025-12 (ORB-SLAM3's).
-  return {.update_rate_hz = value({"update_rate", "rate_hz", "fps", "IMU.Frequency"}),
-          .accelerometer_noise_density = value({"accelerometer_noise_density", "sigma_a_c", "IMU.NoiseAcc"}),
-          .accelerometer_random_walk = value({"accelerometer_random_walk", "sigma_aw_c", "IMU.AccWalk"}),
-          .gyroscope_noise_density = value({"gyroscope_noise_density", "sigma_g_c", "IMU.NoiseGyro"}),
-          .gyroscope_random_walk = value({"gyroscope_random_walk", "sigma_gw_c", "IMU.GyroWalk"})};
+  // Names of Kalibr or EuRoC, of VSLAM-LAB, of VSLAM-LAB before 2025-12 (ORB-SLAM3's), and of basalt.
+  return {
+      .update_rate_hz = value({"update_rate", "rate_hz", "fps", "IMU.Frequency", "imu_update_rate"}),
+      .accelerometer_noise_density =
+          value({"accelerometer_noise_density", "sigma_a_c", "IMU.NoiseAcc", "accel_noise_std"}),
+      .accelerometer_random_walk = value({"accelerometer_random_walk", "sigma_aw_c", "IMU.AccWalk", "accel_bias_std"}),
+      .gyroscope_noise_density = value({"gyroscope_noise_density", "sigma_g_c", "IMU.NoiseGyro", "gyro_noise_std"}),
+      .gyroscope_random_walk = value({"gyroscope_random_walk", "sigma_gw_c", "IMU.GyroWalk", "gyro_bias_std"})};
 }
 
 void write_imu_yaml(const std::filesystem::path& file, const ImuCalibration& calibration) {
@@ -229,7 +431,11 @@ GpsFix parse_fix(const std::string& where, const std::vector<std::string_view>& 
 std::vector<GpsFix> read_gps_csv(const std::filesystem::path& file) {
   std::vector<GpsFix> fixes;
   base::for_each_row(base::read_text(file), file.string(), ", \t", [&](const base::TextRow& row) {
-    if (row.line == 1 && !base::parse_number<double>(row.fields.front())) return;  // the header
+    if (row.line == 1 && !base::parse_number<double>(row.fields.front())) {
+      if (row.fields != base::split_fields(kGpsHeader, ","))
+        throw InputError(row.where, "its header must name the columns " + std::string(kGpsHeader));
+      return;
+    }
     fixes.push_back(parse_fix(row.where, row.fields));
     if (fixes.size() > 1 && !(fixes.back().time_s > fixes[fixes.size() - 2].time_s))
       throw InputError(row.where, "the time is not after the one before it");

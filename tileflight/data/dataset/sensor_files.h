@@ -44,15 +44,21 @@ struct ImuCalibration {
   double gyroscope_random_walk = 0.0;        ///< rad/s^2/sqrt(Hz)
 };
 
-/// Read and write imu.csv with the columns of EuRoC's imu0/data.csv: time in whole nanoseconds, angular rate, specific
-/// force. Reading accepts a first header without '#', as in VSLAM-LAB's imu_0.csv ("ts (ns),wx (rad s^-1), ..."); times
-/// are in seconds if it says so ("timestamp [s]"). Reading throws InputError (file, line, cause): malformed or
-/// non-finite numbers, times that do not increase.
+/// Reads the readings of an inertial unit from a table. A header in the first line, with or without '#', decides which
+/// column is which ("ts (ns),ax [g],…,gyro_z [deg/s]"), their units, and whether times are in seconds ("timestamp
+/// [s]"); further columns are named in `notes`, as units that are assumed. Without a header the columns are those of
+/// EuRoC's imu0/data.csv: time in whole nanoseconds, angular rate, specific force. Throws InputError (file, line,
+/// cause): a header that lacks a reading or names an unknown unit, malformed or non-finite numbers, times that do not
+/// increase, columns without names whose first three have the length of gravity.
+std::vector<geometry::ImuSample> read_imu_csv(const std::filesystem::path& file, std::vector<std::string>& notes);
+/// Reads without the notes.
 std::vector<geometry::ImuSample> read_imu_csv(const std::filesystem::path& file);
+/// Writes imu.csv with the columns of EuRoC's imu0/data.csv.
 void write_imu_csv(const std::filesystem::path& file, const std::vector<geometry::ImuSample>& readings);
 
-/// Reads the noise parameters from any file that states them: Kalibr's imu.yaml, EuRoC's imu0/sensor.yaml, or
-/// VSLAM-LAB's calibration.yaml in its forms. Throws InputError for missing or negative numbers.
+/// Reads the noise parameters from any file that states them: Kalibr's imu.yaml, flat or under `imu0` as Kalibr and
+/// OpenVINS write it, EuRoC's imu0/sensor.yaml, VSLAM-LAB's calibration.yaml in its forms, ORB-SLAM3's settings, or
+/// basalt's calibration. Throws InputError for missing or negative numbers, and for VINS's, which are no densities.
 ImuCalibration read_imu_noise(const std::filesystem::path& file);
 /// Writes imu.yaml in Kalibr's format.
 void write_imu_yaml(const std::filesystem::path& file, const ImuCalibration& calibration);

@@ -53,6 +53,53 @@ TEST_F(ImuFiles, EurocsOwnLinesAreRead) {
   EXPECT_DOUBLE_EQ(read[0].specific_force_m_s2.x(), 9.0874956666666655);
 }
 
+// What a header says of columns and units, in the words of several programs.
+TEST_F(ImuFiles, TheHeaderDecidesWhichColumnIsWhich) {
+  const std::vector<std::string> files{
+      "#timestamp [ns],a_RS_S_x [m s^-2],a_RS_S_y [m s^-2],a_RS_S_z [m s^-2],w_RS_S_x [rad s^-1],w_RS_S_y [rad "
+      "s^-1],w_RS_S_z [rad s^-1]\n5000000,1,2,9.5,0.1,0.2,0.3\n",
+      "t,ax,ay,az,gx,gy,gz\n5000000,1,2,9.5,0.1,0.2,0.3\n",
+      "timestamp (s),gyro_z,gyro_y,gyro_x,accel_x,accel_y,accel_z\n0.005,0.3,0.2,0.1,1,2,9.5\n",
+      "time linear_acceleration.x linear_acceleration.y linear_acceleration.z temperature angular_velocity.x "
+      "angular_velocity.y angular_velocity.z\n5000000 1 2 9.5 21 0.1 0.2 0.3\n"};
+  for (const std::string& text : files) {
+    std::ofstream(folder_ / "imu.csv") << text;
+    const std::vector<geometry::ImuSample> read = read_imu_csv(folder_ / "imu.csv");
+    ASSERT_EQ(read.size(), 1U);
+    EXPECT_EQ(read[0].time_s, 0.005) << text;
+    EXPECT_EQ(read[0].angular_rate_rad_s, Vec3(0.1, 0.2, 0.3)) << text;
+    EXPECT_EQ(read[0].specific_force_m_s2, Vec3(1, 2, 9.5)) << text;
+  }
+}
+
+TEST_F(ImuFiles, UnitsOfTheHeaderAreConverted) {
+  std::ofstream(folder_ / "imu.csv")
+      << "t [s],gyro_x [deg/s],gyro_y [deg/s],gyro_z [deg/s],acc_x [g],acc_y [g],acc_z [g]\n0,180,0,0,0,0,1\n";
+  const std::vector<geometry::ImuSample> read = read_imu_csv(folder_ / "imu.csv");
+  EXPECT_NEAR(read.at(0).angular_rate_rad_s.x(), 3.14159265358979, 1e-12);
+  EXPECT_NEAR(read.at(0).specific_force_m_s2.z(), 9.80665, 1e-12);
+  EXPECT_THAT(fault("t,gyro_x [rpm],gyro_y,gyro_z,acc_x,acc_y,acc_z\n"), HasSubstr("the unit \"rpm\" of its header"));
+}
+
+TEST_F(ImuFiles, WhatAHeaderDoesNotSayIsNoted) {
+  std::ofstream(folder_ / "imu.csv") << "t,gx,gy,gz,ax,ay,az,temperature\n0,0,0,0,0,0,9.8,20\n";
+  std::vector<std::string> notes;
+  read_imu_csv(folder_ / "imu.csv", notes);
+  EXPECT_THAT(notes, testing::ElementsAre(HasSubstr("radians a second and metres a second squared are assumed"),
+                                          HasSubstr("columns that are not used: temperature")));
+}
+
+TEST_F(ImuFiles, AHeaderThatLacksAReadingIsRefused) {
+  EXPECT_THAT(fault("t,gx,gy,ax,ay,az\n0,0,0,0,0,0\n"), HasSubstr("must name a time, three angular rates"));
+  EXPECT_THAT(fault("t,ax,ay,az,accel_x,gx,gy,gz\n"), HasSubstr("names the same reading twice: ax and accel_x"));
+  EXPECT_THAT(fault("t,q1,q2,q3,q4,q5,q6\n0,0,0,0,0,0,0\n"), HasSubstr("but it names t, q1"));
+}
+
+TEST_F(ImuFiles, WithoutAHeaderGravityTellsTheAccelerometer) {
+  EXPECT_THAT(fault("0,0,0.2,9.8,0.01,0,0.02\n5,0,0.1,9.7,0.01,0,0\n"),
+              HasSubstr("the first three numbers have the length of gravity (9.75 on average"));
+}
+
 TEST_F(ImuFiles, DamageIsNamedWithItsLine) {
   EXPECT_THAT(fault("1,2,3\n"), HasSubstr("imu.csv: line 1: expected a time and 6 numbers"));
   EXPECT_THAT(fault("#h\n0,0,0,0,0,0,nan\n"), HasSubstr("line 2: \"nan\" is not a finite number"));
@@ -70,6 +117,29 @@ TEST_F(ImuFiles, TheCalibrationIsKalibrs) {
   std::ofstream(folder_ / "short.yaml") << "update_rate: 200\n";
   EXPECT_THAT(tests::refusal_of([&] { read_imu_noise(folder_ / "short.yaml"); }),
               HasSubstr("accelerometer_noise_density"));
+}
+
+TEST_F(ImuFiles, NoiseIsFoundWhereOtherProgramsWriteIt) {
+  const std::string values =
+      "accelerometer_noise_density: 0.01, accelerometer_random_walk: 0.0002, gyroscope_noise_density: 0.005, "
+      "gyroscope_random_walk: 4.0e-06, update_rate: 200.0, time_offset: 0.0";
+  base::write_file(folder_ / "kalibr.yaml",
+                   "imu0: {T_i_b: [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], " + values + "}\n");
+  base::write_file(folder_ / "basalt.json",
+                   R"({"value0": {"imu_update_rate": 200.0, "accel_noise_std": [0.01, 0.01, 0.009], "gyro_noise_std":
+                       [0.005, 0.004, 0.005], "accel_bias_std": [0.0002, 0.0002, 0.0002],
+                       "gyro_bias_std": [4e-06, 4e-06, 4e-06]}})");
+  for (const char* name : {"kalibr.yaml", "basalt.json"}) {
+    const ImuCalibration noise = read_imu_noise(folder_ / name);
+    EXPECT_EQ(noise.update_rate_hz, 200.0) << name;
+    EXPECT_EQ(noise.accelerometer_noise_density, 0.01) << name;
+    EXPECT_EQ(noise.gyroscope_noise_density, 0.005) << name;
+    EXPECT_EQ(noise.accelerometer_random_walk, 2e-4) << name;
+    EXPECT_EQ(noise.gyroscope_random_walk, 4e-6) << name;
+  }
+  base::write_file(folder_ / "vins.yaml", "acc_n: 0.08\ngyr_n: 0.004\nacc_w: 0.00004\ngyr_w: 2.0e-6\n");
+  EXPECT_THAT(tests::refusal_of([&] { read_imu_noise(folder_ / "vins.yaml"); }),
+              HasSubstr("VINS's \"acc_n\", \"gyr_n\", which are deviations of single readings"));
 }
 
 }  // namespace

@@ -192,8 +192,10 @@ Dataset read_vslam_lab(const fs::path& folder, const CameraChoice& camera) {
   dataset.calibration = own.calibration;
   if (!camera.calibration.empty()) {
     dataset.calibration = read_chosen_camera(camera, dataset);
-    if (dataset.calibration.T_cam_imu.matrix().isIdentity(0.0))
+    if (dataset.calibration.T_cam_imu.matrix().isIdentity(0.0)) {
       dataset.calibration.T_cam_imu = own.calibration.T_cam_imu;
+      dataset.calibration.assumes_T_cam_imu &= own.calibration.assumes_T_cam_imu;
+    }
   }
   if (own.depth_units_per_m > 0.0) dataset.depth_units_per_m = own.depth_units_per_m;
   dataset.groundtruth = listed_poses(folder / "groundtruth.csv", own.T_body_cam);

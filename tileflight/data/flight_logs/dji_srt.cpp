@@ -290,9 +290,12 @@ Telemetry collect(const std::vector<Reading>& readings) {
 }  // namespace
 
 Telemetry read_dji_srt(const std::filesystem::path& file) {
-  const std::string text = base::read_text(file, base::kMaxLogBytes);
+  return parse_dji_srt(base::read_text(file, base::kMaxLogBytes), file.string());
+}
+
+Telemetry parse_dji_srt(std::string_view text, const std::string& where) {
   const std::vector<Entry> entries = split_entries(base::strip_byte_order_mark(text));
-  if (entries.empty()) throw InputError(file.string(), "no subtitle entries; is this a DJI .srt log?");
+  if (entries.empty()) throw InputError(where, "no subtitle entries; is this a DJI .srt log?");
   std::vector<Reading> readings;
   readings.reserve(entries.size());
   for (const Entry& entry : entries) {
@@ -305,9 +308,8 @@ Telemetry read_dji_srt(const std::filesystem::path& file) {
   Telemetry telemetry = collect(readings);
   if (telemetry.fixes.empty()) {
     const std::string cause = telemetry.warnings.empty() ? "" : " (" + telemetry.warnings.front() + ")";
-    throw InputError(file.string(), "none of the " + std::to_string(entries.size()) +
-                                        " entries has a time and a position" + cause +
-                                        "; switch on captions with position in the camera's settings");
+    throw InputError(where, "none of the " + std::to_string(entries.size()) + " entries has a time and a position" +
+                                cause + "; switch on captions with position in the camera's settings");
   }
   drop_unrecorded_heights(telemetry);
   return telemetry;

@@ -40,12 +40,15 @@ class KmlReader {
       throw InputError(where_, "is XML but not KML: its root element is <" + std::string(name.substr(0, 40)) + ">");
     }
     if (name == "Track" && !track_) track_.emplace();
+    if (name == "Placemark") placemark_ = {};
+    if (name == "Point") placemark_.is_in_point = true;
+    if (name == "LineString") has_lines_ = true;
     return true;
   }
 
   bool end(std::string_view name, std::string_view text) {
     --depth_;
-    if (!track_) return true;
+    if (!track_) return end_of_placemark(name, text);
     if (name == "when") track_->times_s.push_back(base::parse_iso_time_s(text));
     if (name == "coord") track_->positions.push_back(parse_coord(base::trim(text)));
     if (name == "altitudeMode") track_->is_absolute = base::trim(text) == "absolute";
@@ -54,10 +57,38 @@ class KmlReader {
   }
 
   bool has_heights_above_ground() const { return above_ground_; }
+  /// Whether there are lines, but no point with a time.
+  bool has_only_lines() const { return has_lines_ && !has_points_; }
   FixFilter take() && { return std::move(filter_); }
 
  private:
+  /// A placemark with a time stamp and a point.
+  struct Placemark {
+    std::optional<double> time_s;
+    std::optional<TelemetryFix> position;
+    bool is_in_point = false, is_absolute = false;
+  };
+
+  bool end_of_placemark(std::string_view name, std::string_view text) {
+    if (name == "when") placemark_.time_s = base::parse_iso_time_s(text);
+    if (name == "altitudeMode") placemark_.is_absolute = base::trim(text) == "absolute";
+    if (name == "coordinates" && placemark_.is_in_point) {
+      std::string numbers(base::trim(text));  // "longitude,latitude,altitude"
+      std::ranges::replace(numbers, ',', ' ');
+      placemark_.position = parse_coord(numbers);
+    }
+    if (name == "Point") placemark_.is_in_point = false;
+    if (name != "Placemark" || !placemark_.time_s || !placemark_.position) return true;
+    has_points_ = true;
+    placemark_.position->time_s = *placemark_.time_s;
+    if (!placemark_.is_absolute) placemark_.position->absolute_height_m.reset();
+    above_ground_ = above_ground_ || !placemark_.is_absolute;
+    filter_.add(*placemark_.position);
+    return true;
+  }
+
   void finish_track() {
+    has_points_ = true;
     for (std::size_t i = 0; i < std::max(track_->times_s.size(), track_->positions.size()); ++i) {
       if (i >= track_->times_s.size() || !track_->times_s[i]) {
         filter_.drop_without_time();
@@ -76,8 +107,9 @@ class KmlReader {
 
   std::string where_;
   int depth_ = 0;
-  bool above_ground_ = false;
+  bool above_ground_ = false, has_lines_ = false, has_points_ = false;
   std::optional<Track> track_;
+  Placemark placemark_;
   FixFilter filter_;
 };
 
@@ -90,8 +122,14 @@ Telemetry read_kml(const std::filesystem::path& file) {
       read_xml(bytes, file.string(),
                {.start = [&](std::string_view name, const XmlEvents::Attributes&) { return reader.start(name); },
                 .end = [&](std::string_view name, std::string_view text) { return reader.end(name, text); }});
+  if (reader.has_only_lines())
+    throw InputError(
+        file.string(),
+        "has a LineString, whose positions have no times: export the flight as GPX, as a KML with gx:Track, or "
+        "as CSV with time, latitude and longitude");
   const bool above_ground = reader.has_heights_above_ground();
-  Telemetry telemetry = std::move(reader).take().finish(file.string(), "points of a gx:Track");
+  Telemetry telemetry = std::move(reader).take().finish(
+      file.string(), "points of a gx:Track, and no placemark with a TimeStamp and a Point");
   if (!fault.empty()) telemetry.warnings.push_back(early_end_warning(fault));
   if (above_ground) {
     telemetry.warnings.push_back(

@@ -171,6 +171,28 @@ TEST_F(Kml, TimesAndPlacesBelongTogetherByTheirOrder) {
   EXPECT_THAT(log.warnings, IsEmpty());
 }
 
+TEST_F(Kml, PlacemarksWithATimeAreRead) {
+  const auto placemark = [](const std::string& time, const std::string& place) {
+    return "<Placemark><TimeStamp><when>" + time + "</when></TimeStamp><Point><altitudeMode>absolute</altitudeMode>" +
+           "<coordinates>" + place + "</coordinates></Point></Placemark>";
+  };
+  const Telemetry log =
+      read(document("<Placemark><LineString><coordinates>-78.5,-0.25,2900</coordinates></LineString>"
+                    "</Placemark>" +
+                    placemark("2024-01-01T00:00:00Z", "-78.5,-0.25,2900.5") +
+                    placemark("2024-01-01T00:00:02Z", " -78.6,-0.26,2901 ")));
+  ASSERT_EQ(log.fixes.size(), 2u);
+  EXPECT_NEAR(log.fixes[1].time_s, 2.0, 1e-6);
+  EXPECT_EQ(log.fixes[1].longitude_deg, -78.6);
+  EXPECT_EQ(log.fixes[0].absolute_height_m, 2900.5);
+}
+
+TEST_F(Kml, ALineWithoutTimesIsNamedWithTheWayToConvertIt) {
+  EXPECT_THAT(fault(document("<Placemark><LineString><coordinates>-78.5,-0.25,2900 -78.6,-0.26,2901</coordinates>"
+                             "</LineString></Placemark>")),
+              HasSubstr("has a LineString, whose positions have no times: export the flight as GPX"));
+}
+
 TEST_F(Kml, HeightsAboveTheGroundAreNotRead) {
   const Telemetry log = read(document(track(kPoints, "relativeToGround")));
   ASSERT_EQ(log.fixes.size(), 2u);

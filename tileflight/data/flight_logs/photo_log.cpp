@@ -194,7 +194,7 @@ std::vector<Photo> photos_of(const fs::path& folder) {
     if (entry.is_regular_file() && is_jpeg(entry.path()))
       photos.push_back({entry.path().filename().string(), read_photo_tags(head_of(entry.path()))});
   }
-  std::sort(photos.begin(), photos.end(), [](const Photo& a, const Photo& b) { return a.name < b.name; });
+  std::ranges::sort(photos, [](const Photo& a, const Photo& b) { return base::natural_less(a.name, b.name); });
   return photos;
 }
 

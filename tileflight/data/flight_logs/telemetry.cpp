@@ -1,10 +1,9 @@
 #include "tileflight/data/flight_logs/telemetry.h"
 
 #include <algorithm>
-#include <array>
-#include <fstream>
 #include <string>
 
+#include "tileflight/core/base/file_kind.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/text_parsing.h"
 #include "tileflight/data/flight_logs/dataflash_messages.h"
@@ -14,14 +13,7 @@
 namespace tileflight::flight_logs {
 namespace {
 
-enum class Format { kDjiSubtitles, kGpx, kKml, kCsv, kUlog, kDataflash };
-
-std::string first_bytes(const std::filesystem::path& file) {
-  std::array<char, 4096> bytes{};
-  std::ifstream in(file, std::ios::binary);
-  in.read(bytes.data(), bytes.size());
-  return {bytes.data(), static_cast<std::size_t>(in.gcount())};
-}
+enum class Format { kDjiSubtitles, kGpx, kKml, kCsv, kUlog, kDataflash, kNmea, kMavlink };
 
 /// UTF-8 that starts with a tag, or UTF-16 (used only by the XML formats).
 bool is_xml(std::string_view head) {
@@ -56,11 +48,20 @@ bool has_subtitles_name(const std::filesystem::path& file) {
 }
 
 Format format_of(const std::filesystem::path& file) {
-  const std::string head = first_bytes(file);
+  const std::string head = base::read_head(file);
   if (head.starts_with("ULog")) return Format::kUlog;
   if (is_dataflash(head)) return Format::kDataflash;
+  if (is_mavlink_log(head)) return Format::kMavlink;
   if (is_xml(head)) return root_of(head) == "kml" ? Format::kKml : Format::kGpx;
-  return is_subtitles(head) || has_subtitles_name(file) ? Format::kDjiSubtitles : Format::kCsv;
+  if (is_nmea(head)) return Format::kNmea;
+  if (is_subtitles(head) || has_subtitles_name(file)) return Format::kDjiSubtitles;
+  if (const auto refusal = base::refusal_of_kind(head, "a flight log")) throw InputError(file.string(), *refusal);
+  if (const std::string_view text = base::trim(base::strip_byte_order_mark(head));
+      text.starts_with('{') || text.starts_with('['))
+    throw InputError(
+        file.string(),
+        "is JSON, which is not read as a flight log: write it as CSV with time, latitude, longitude and a height");
+  return Format::kCsv;
 }
 
 Telemetry read_photos(const std::filesystem::path& folder) {
@@ -87,6 +88,10 @@ Telemetry read_telemetry(const std::filesystem::path& file) {
       return read_ulog(file);
     case Format::kDataflash:
       return read_dataflash(file);
+    case Format::kNmea:
+      return read_nmea(file);
+    case Format::kMavlink:
+      return read_mavlink_log(file);
     case Format::kDjiSubtitles:
       break;
   }

@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "tileflight/core/geometry/geodesy.h"
@@ -67,6 +68,26 @@ std::vector<RangeReading> read_ranges(const std::filesystem::path& file);
 /// docs/formats.md lists the dialects; dji_srt.cpp describes how each is read. Throws InputError (file, entry, cause)
 /// if no entry is usable.
 Telemetry read_dji_srt(const std::filesystem::path& file);
+/// Reads the text of such subtitles, as a video's own track holds them. `where`: the file, for messages.
+Telemetry parse_dji_srt(std::string_view text, const std::string& where);
+
+/// Returns whether text has a sentence of NMEA 0183 in its first lines.
+bool is_nmea(std::string_view head);
+
+/// Reads a receiver's log of NMEA 0183: positions of the GGA sentences (else RMC, without heights), the date of RMC.
+/// Times are seconds from the first position; heights are above the ellipsoid if every sentence states the geoid's,
+/// else above sea level. Sentences with a wrong checksum are dropped, with a warning. Throws InputError (file, cause)
+/// if there is no position.
+Telemetry read_nmea(const std::filesystem::path& file);
+
+/// Returns whether bytes begin as the log of a ground station does: a time, then a MAVLink frame.
+bool is_mavlink_log(std::string_view head);
+
+/// Reads the log of a ground station (.tlog, MAVLink 1 and 2): GLOBAL_POSITION_INT and ATTITUDE of the first vehicle
+/// that sends a position, on its own clock, from the first position. Heights are above sea level and above take-off;
+/// UTC is the ground station's. Bytes between messages and messages with a wrong checksum are skipped, with a warning.
+/// Throws InputError (file, cause) if there is no position.
+Telemetry read_mavlink_log(const std::filesystem::path& file);
 
 /// Reads a table with a header row: cells separated by comma, semicolon or tab, any line end, quotes, an optional byte
 /// order mark. Columns are identified by their names and units (docs/formats.md, Telemetry: CSV); time, latitude and
@@ -75,11 +96,12 @@ Telemetry read_dji_srt(const std::filesystem::path& file);
 /// a position.
 Telemetry read_csv_log(const std::filesystem::path& file);
 
-/// Reads the points of all `gx:Track` elements of a KML file (OGC KML 2.3 `Track`, formerly Google's extension), in
-/// file order; times are seconds from the first point. Altitudes are above sea level if `altitudeMode` is "absolute";
-/// other modes are relative to the ground and give no heights and a warning. A truncated or malformed file is read up
-/// to the last complete track, with a warning. Throws InputError (file, cause) if the file is not KML, declares a
-/// document type, or holds no such point.
+/// Reads the points of all `gx:Track` elements of a KML file (OGC KML 2.3 `Track`, formerly Google's extension) and the
+/// placemarks that have a TimeStamp and a Point, in file order; times are seconds from the first point. Altitudes are
+/// above sea level if `altitudeMode` is "absolute"; other modes are relative to the ground and give no heights and a
+/// warning. A truncated or malformed file is read up to the last complete track, with a warning. Throws InputError
+/// (file, cause) if the file is not KML, declares a document type, or holds no such point; a LineString, which has no
+/// times, is named with the way to convert it.
 Telemetry read_kml(const std::filesystem::path& file);
 
 /// Reads the track points of a GPX 1.0 or 1.1 file (topografix.com/GPX/1/1), of all tracks and segments in file order;

@@ -3,10 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <span>
 #include <utility>
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/raw_bytes.h"
+#include "tileflight/core/imaging/image_files.h"
 #include "tileflight/data/dataset/frame_layers.h"
 #include "tileflight/data/dataset/frame_list.h"
 #include "tileflight/data/dataset/lidar_files.h"
@@ -99,8 +102,11 @@ class MessageLister {
       const double time_s = frame.time_s + listed.timeshift_s;
       add(time_s, infos, listed.frame_id, [camera](const ros::Header& head) { return ros::camera_info(head, camera); });
       add(time_s, images, listed.frame_id, [image = frame.image](const ros::Header& head) {
-        const char* format = image.extension() == ".png" ? "png" : "jpeg";
-        return ros::compressed_image(head, format, base::read_text(image));
+        const std::string bytes = base::read_text(image);
+        if (bytes.starts_with("\x89PNG")) return ros::compressed_image(head, "png", bytes);
+        if (bytes.starts_with("\xFF\xD8")) return ros::compressed_image(head, "jpeg", bytes);
+        const std::vector<std::byte> png = imaging::recode_png(std::as_bytes(std::span(bytes)), image.string());
+        return ros::compressed_image(head, "png", std::string(base::as_text(png)));
       });
     }
   }

@@ -5,6 +5,8 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <string>
+#include <vector>
 
 #include "tileflight/core/imaging/image.h"
 
@@ -16,6 +18,7 @@ struct VideoInfo {
   double frames_per_second = 0.0;  ///< average
   double duration_s = 0.0;
   std::int64_t declared_frames = 0;  ///< 0: not declared by the container
+  std::string creation_time;         ///< as the container has it (ISO 8601, UTC); empty: not declared
 };
 
 /// The part of a video to read.
@@ -31,9 +34,15 @@ VideoInfo probe_video(const std::filesystem::path& file);
 /// Decodes frames in display order (libav*) and calls `on_frame(index in the excerpt after stepping, time_s, image)`,
 /// which returns false to stop. Throws InputError (file, time, cause) if the file is unreadable, if it ends early
 /// (fewer frames than declared, or a truncated packet) before the excerpt's end, or if the excerpt is empty. Times are
-/// the file's own (also variable rates), the first frame at 0. Frames are rotated by the rotation flag.
-void read_video(const std::filesystem::path& file, const VideoExcerpt& excerpt,
-                const std::function<bool(std::int64_t index, double time_s, const imaging::RgbImage& image)>& on_frame);
+/// the file's own (also variable rates), the first frame at 0. Frames are rotated by the rotation flag. Damage before
+/// the excerpt is skipped; the result is a note if the excerpt's first frames are predicted from damaged ones.
+std::vector<std::string> read_video(
+    const std::filesystem::path& file, const VideoExcerpt& excerpt,
+    const std::function<bool(std::int64_t index, double time_s, const imaging::RgbImage& image)>& on_frame);
+
+/// Returns the first text track of a video (MP4's timed text, Matroska's SubRip) as the text of an .srt file, with
+/// times after the first frame; empty if there is none. Throws InputError (file, cause) for a file that is no video.
+std::string read_subtitles(const std::filesystem::path& file);
 
 /// Compression of a video.
 struct VideoCompression {

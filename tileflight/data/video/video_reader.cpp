@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
+#include <limits>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -40,6 +41,11 @@ class VideoDecoder {
   /// Whether parts of that frame could not be decoded. This also happens in sound files just after seek_before().
   bool is_damaged() const;
 
+  /// Skips what is damaged before `time_s`, of which the caller wants no frame.
+  void tolerate_damage_until(double time_s) { tolerates_until_s_ = time_s; }
+  /// Whether no key frame came since the last damage that was skipped: the frames are predicted from damaged ones.
+  bool depends_on_damage() const { return depends_on_damage_; }
+
   /// Seeks to a frame at or before `time_s` if the file's index allows it, else to the first frame. Requires a previous
   /// next().
   void seek_before(double time_s);
@@ -59,6 +65,7 @@ class VideoDecoder {
   std::string position_text() const;
   void restart_at(std::int64_t timestamp);
   double time_of(const AVFrame& frame);
+  bool is_before_excerpt() const { return std::max(time_s_, 0.0) < tolerates_until_s_; }
 
   std::filesystem::path file_;
   AVFormatContext* format_ = nullptr;
@@ -75,10 +82,16 @@ class VideoDecoder {
   std::int64_t last_timestamp_ = AV_NOPTS_VALUE;  ///< decoding time of the last complete packet
   double end_s_ = 0.0;                            ///< end of the latest packet of any stream
   bool drained_ = false;
+  double tolerates_until_s_ = 0.0;  ///< damage before this time is skipped: the caller wants no frame of it
+  bool depends_on_damage_ = false;  ///< no key frame has come since the last damage
   std::string fault_;  ///< why reading stopped early; thrown after the frames before the fault were returned
 };
 
 using libav::error_text;
+
+constexpr const char* kRepair =
+    "read the part before it (--to) or after it (--from), or repair the file: ffmpeg -err_detect ignore_err -i IN -c:v "
+    "libx264 -crf 16 OUT";
 
 /// Formats that libavformat opens as "video" although they are not.
 bool is_not_video(const AVFormatContext& format) {
@@ -157,6 +170,8 @@ VideoInfo VideoDecoder::info() const {
   else if (format_->duration != AV_NOPTS_VALUE)
     info.duration_s = static_cast<double>(format_->duration) / AV_TIME_BASE;
   info.declared_frames = stream_->nb_frames;
+  const AVDictionaryEntry* made = av_dict_get(format_->metadata, "creation_time", nullptr, 0);
+  if (made != nullptr) info.creation_time = made->value;
   return info;
 }
 
@@ -214,6 +229,10 @@ void VideoDecoder::send_next_packet() {
     ++packets_;
     if (packet_->dts != AV_NOPTS_VALUE) last_timestamp_ = packet_->dts;
     const int sent = avcodec_send_packet(codec_.get(), packet_.get());
+    if (sent < 0 && sent != AVERROR(EAGAIN) && is_before_excerpt()) {
+      depends_on_damage_ = true;
+      continue;
+    }
     if (sent < 0 && sent != AVERROR(EAGAIN)) {
       fault_ = "is damaged (" + error_text(sent) + ")";
       avcodec_send_packet(codec_.get(), nullptr);
@@ -242,16 +261,24 @@ const AVFrame* VideoDecoder::next() {
       drained_ = true;
       break;
     }
-    if (received < 0) throw InputError(file_.string(), "is damaged " + position_text() + ": " + error_text(received));
+    if (received < 0 && is_before_excerpt()) {
+      depends_on_damage_ = true;
+      continue;
+    }
+    if (received < 0)
+      throw InputError(file_.string(), "is damaged " + position_text() + ": " + error_text(received) + "; " + kRepair);
     const double time = time_of(*frame_);
     if (!(time > time_s_) && frames_ > 0)
       throw InputError(file_.string(), "two frames have the same time " + position_text());
     time_s_ = time;
     ++frames_;
+    if (frame_->key_frame != 0) depends_on_damage_ = false;
+    if (is_damaged() && is_before_excerpt()) depends_on_damage_ = true;
     return frame_.get();
   }
   if (fault_.empty()) return nullptr;
-  throw InputError(file_.string(), fault_ + " " + position_text());
+  throw InputError(file_.string(), fault_ + " " + position_text() +
+                                       (fault_.starts_with("is damaged") ? std::string("; ") + kRepair : ""));
 }
 
 std::string VideoDecoder::position_text() const {
@@ -342,6 +369,7 @@ class RgbConverter {
 
 /// The first frame of the excerpt; nullptr if the video ends before it.
 const AVFrame* first_frame(VideoDecoder& decoder, double from_s) {
+  decoder.tolerate_damage_until(from_s);
   constexpr double kWorthSearching_s = 3.0;
   const AVFrame* frame = decoder.next();
   if (frame != nullptr && from_s > kWorthSearching_s) {
@@ -353,26 +381,52 @@ const AVFrame* first_frame(VideoDecoder& decoder, double from_s) {
   return frame;
 }
 
+/// Says from when to when the video is damaged, from the present frame on, and where undamaged frames follow.
+std::string describe_damage(VideoDecoder& decoder) {
+  constexpr double kFarthest_s = 10.0;
+  const double from_s = decoder.time_s();
+  double to_s = from_s, after_s = from_s;
+  decoder.tolerate_damage_until(std::numeric_limits<double>::infinity());
+  while (decoder.next() != nullptr && decoder.time_s() < from_s + kFarthest_s) {
+    if (decoder.is_damaged())
+      to_s = decoder.time_s();
+    else if (after_s <= to_s)
+      after_s = decoder.time_s();
+  }
+  std::string text = "is damaged at " + base::rounded_text(from_s, 2) + " s";
+  if (to_s > from_s) text += ", and again until " + base::rounded_text(to_s, 2) + " s";
+  if (after_s > to_s) text += "; undamaged images follow from --from " + base::rounded_text(after_s + 0.005, 2) + " on";
+  return text + "; " + kRepair;
+}
+
 }  // namespace
 
 VideoInfo probe_video(const std::filesystem::path& file) { return VideoDecoder(file).info(); }
 
-void read_video(const std::filesystem::path& file, const VideoExcerpt& excerpt,
-                const std::function<bool(std::int64_t, double, const RgbImage&)>& on_frame) {
+std::vector<std::string> read_video(const std::filesystem::path& file, const VideoExcerpt& excerpt,
+                                    const std::function<bool(std::int64_t, double, const RgbImage&)>& on_frame) {
   check_excerpt(excerpt, file.string());
   VideoDecoder decoder(file);
   RgbConverter converter;
   std::int64_t in_excerpt = 0;
+  std::vector<std::string> notes;
   const AVFrame* frame = first_frame(decoder, excerpt.from_s);
+  if (frame != nullptr && decoder.depends_on_damage())
+    notes.push_back(file.string() +
+                    ": is damaged before the excerpt, and no key frame comes between: the images from " +
+                    base::rounded_text(decoder.time_s(), 2) + " s on may be smeared; begin later if they are (--from)");
   for (; frame != nullptr; frame = decoder.next(), ++in_excerpt) {
     if (excerpt.to_s && decoder.time_s() >= *excerpt.to_s) break;
-    if (decoder.is_damaged())
-      throw InputError(file.string(), "is damaged at " + base::rounded_text(decoder.time_s(), 2) + " s");
+    if (decoder.is_damaged()) throw InputError(file.string(), describe_damage(decoder));
     if (in_excerpt % excerpt.every != 0) continue;
     const RgbImage image = rotate_clockwise(converter.convert(*frame, file.string()), decoder.quarter_turns());
-    if (!on_frame(in_excerpt / excerpt.every, decoder.time_s(), image)) return;
+    if (!on_frame(in_excerpt / excerpt.every, decoder.time_s(), image)) return notes;
   }
-  if (in_excerpt > 0) return;
+  if (in_excerpt > 0) return notes;
+  if (decoder.depends_on_damage())
+    throw InputError(file.string(),
+                     "is damaged before the excerpt, and no key frame follows from which the rest could be "
+                     "decoded; read the part before the damage (--to), or record again");
   throw InputError(file.string(), "contains no frame from " + base::rounded_text(excerpt.from_s, 2) + " s" +
                                       (excerpt.to_s ? " to " + base::rounded_text(*excerpt.to_s, 2) + " s" : "") +
                                       "; it is " + base::rounded_text(decoder.info().duration_s, 2) + " s long");

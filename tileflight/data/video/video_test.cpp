@@ -326,6 +326,24 @@ TEST(Video, DamageIsAnError) {
   EXPECT_THAT(refusal_of([&] { read_all(folder / "bad.mp4"); }), AllOf(HasSubstr("bad.mp4"), HasSubstr("damaged")));
 }
 
+TEST(Video, DamageBeforeTheExcerptIsSkippedAndNoted) {
+  const TemporaryFolder folder;
+  write_video(folder / "a.mp4", 90);
+  std::string bytes = base::read_text(folder / "a.mp4");
+  const std::size_t data = bytes.find("mdat"), at = data + (bytes.size() - data) / 3;
+  for (std::size_t i = at; i < at + 300; ++i) bytes[i] = static_cast<char>(i * 37);
+  base::write_file(folder / "bad.mp4", bytes);
+  ASSERT_THAT(refusal_of([&] { read_all(folder / "bad.mp4"); }), AllOf(HasSubstr("damaged"), HasSubstr("ffmpeg")));
+  int frames = 0;
+  const std::vector<std::string> notes =
+      read_video(folder / "bad.mp4", {2.0, {}, 1}, [&](std::int64_t, double, const imaging::RgbImage&) {
+        ++frames;
+        return true;
+      });
+  EXPECT_EQ(frames, 30);
+  EXPECT_THAT(notes, testing::Each(HasSubstr("before the excerpt")));
+}
+
 TEST(Video, OtherFilesAreNotVideos) {
   TemporaryFolder folder;
   const auto error = [&](const std::string& name, const std::string& content) {
@@ -428,6 +446,50 @@ TEST(Video, Machangara) {
     return true;
   });
   EXPECT_EQ(frames, 6);
+}
+
+/// An MP4 that holds timed text alone, as cameras write it beside their video.
+void write_timed_text(const fs::path& file, const std::vector<std::string>& lines, double period_s) {
+  AVFormatContext* output = nullptr;
+  avformat_alloc_output_context2(&output, nullptr, "mp4", file.c_str());
+  AVStream* stream = avformat_new_stream(output, nullptr);
+  stream->codecpar->codec_type = AVMEDIA_TYPE_SUBTITLE;
+  stream->codecpar->codec_id = AV_CODEC_ID_MOV_TEXT;
+  stream->time_base = {1, 1000};
+  avio_open(&output->pb, file.c_str(), AVIO_FLAG_WRITE);
+  ASSERT_GE(avformat_write_header(output, nullptr), 0);
+  AVPacket* packet = av_packet_alloc();
+  for (std::size_t i = 0; i < lines.size(); ++i) {
+    const std::string sample{static_cast<char>(lines[i].size() >> 8U), static_cast<char>(lines[i].size() & 0xFFU)};
+    const std::string bytes = sample + lines[i];
+    av_new_packet(packet, static_cast<int>(bytes.size()));
+    std::copy(bytes.begin(), bytes.end(), packet->data);
+    packet->pts = packet->dts =
+        av_rescale_q(std::llround(1e3 * period_s * static_cast<double>(i)), {1, 1000}, stream->time_base);
+    packet->duration = av_rescale_q(std::llround(1e3 * period_s), {1, 1000}, stream->time_base);
+    ASSERT_GE(av_write_frame(output, packet), 0);
+    av_packet_unref(packet);
+  }
+  av_packet_free(&packet);
+  av_write_trailer(output);
+  avio_closep(&output->pb);
+  avformat_free_context(output);
+}
+
+TEST(Subtitles, ATrackOfTimedTextIsReadAsSrt) {
+  const TemporaryFolder folder;
+  write_timed_text(folder / "t.mp4", {"[latitude: 47.1] [longitude: 8.2]", "[latitude: 47.2] [longitude: 8.2]"}, 1.5);
+  EXPECT_EQ(read_subtitles(folder / "t.mp4"),
+            "1\n00:00:00,000 --> 00:00:01,500\n[latitude: 47.1] [longitude: 8.2]\n\n"
+            "2\n00:00:01,500 --> 00:00:03,000\n[latitude: 47.2] [longitude: 8.2]\n\n");
+}
+
+TEST(Subtitles, AVideoWithoutThemHasNone) {
+  const TemporaryFolder folder;
+  write_video(folder / "v.mp4", 3);
+  EXPECT_EQ(read_subtitles(folder / "v.mp4"), "");
+  base::write_file(folder / "text.mp4", "no video");
+  EXPECT_THAT(refusal_of([&] { read_subtitles(folder / "text.mp4"); }), HasSubstr("cannot be opened as a video"));
 }
 
 }  // namespace

@@ -121,8 +121,8 @@ void read_site_keys(StrictSection& section, SiteConfig& place) {
   if (const auto v = section.numbers("origin", 3, 3)) place.origin = geodetic(section, "origin", *v);
   place.error_m = section.number("error").value_or(place.error_m);
   place.terms_accepted = section.boolean("terms_accepted").value_or(place.terms_accepted);
-  place.view_margin_m = section.number("view_margin").value_or(place.view_margin_m);
-  if (place.view_margin_m < 0) throw section.error("view_margin", "must not be negative");
+  place.view_margin_m = section.number("view_margin");
+  if (place.view_margin_m && *place.view_margin_m < 0) throw section.error("view_margin", "must not be negative");
   place.texture_scale = section.positive_number("texture_scale").value_or(place.texture_scale);
   if (place.error_m < 0) throw section.error("error", "must not be negative");
   if (place.center && place.center_local) throw section.error("center_local", "does not go together with 'center'");

@@ -37,10 +37,12 @@ struct SiteConfig {
   double error_m = 0.0;                        ///< error: geometric error; 0: the finest available
   std::optional<geometry::Geodetic>
       origin;  ///< origin: [lat, lon, height] of the local frame, or of a tileset without georeference
-  double view_margin_m = 250.0;  ///< view_margin: visible margin of the place around the region
-  double texture_scale = 1.0;    ///< texture_scale: of the built-in place (smaller: faster, blurrier)
-  std::uint64_t seed = 1;        ///< of the built-in place: the experiment's, also in a variant with another
-  bool terms_accepted = false;   ///< terms_accepted: an agreement permits what the provider's terms forbid
+  /// view_margin: cameras see the finest tiles of the region and of so much around it; nullopt: the tiles in their
+  /// view.
+  std::optional<double> view_margin_m;
+  double texture_scale = 1.0;   ///< texture_scale: of the built-in place (smaller: faster, blurrier)
+  std::uint64_t seed = 1;       ///< of the built-in place: the experiment's, also in a variant with another
+  bool terms_accepted = false;  ///< terms_accepted: an agreement permits what the provider's terms forbid
 };
 
 /// Section `truth:`: resolution of the extracted ground truth. Keys: voxel, samples_per_m2, block (auto, or metres).

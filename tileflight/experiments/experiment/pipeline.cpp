@@ -45,7 +45,7 @@ json flight_inputs(const fs::path& flight_file) {
 /// Start time of the filmed flight, if its log knows the date.
 std::optional<double> start_utc_s(const std::optional<FlightConfig>& real) {
   if (!real || !real->ingest || real->ingest->telemetry.empty()) return std::nullopt;
-  const flight_logs::Telemetry log = flight_logs::read_telemetry(real->ingest->telemetry);
+  const flight_logs::Telemetry log = ingest::read_flight_log(real->ingest->telemetry);
   if (!log.zero_utc_s || log.fixes.empty()) return std::nullopt;
   return *log.zero_utc_s + log.fixes.front().time_s;
 }
@@ -188,7 +188,8 @@ place::ExtractSettings Pipeline::extract_settings() const {
           .block_m = experiment_.truth.block_m};
 }
 
-/// The cameras see more of the place than is scored: the region is grown on every side, in the truth's frame.
+/// The cameras see more of the place than is scored: the tiles in their view, at the resolution of their images, as
+/// `render` selects them; or, with a margin, the finest tiles of the region, grown on every side in the truth's frame.
 recording::RenderSettings Pipeline::render_settings(const FlightStages& flight) const {
   recording::RenderedFlightConfig render = *flight.flight.render;
   if (render.follows_real) {
@@ -201,7 +202,9 @@ recording::RenderSettings Pipeline::render_settings(const FlightStages& flight) 
   const place::ExtractResult truth = place::read_extract_json(folder_ / "truth");
   const geometry::Box3 scored = truth.scored_region().box;
   const geometry::Vec3 middle = truth.region->center, size = truth.region->size;
-  const double margin = 2 * experiment_.place.view_margin_m;
+  constexpr double kErrorInView_px = 1.0;
+  const double margin = 2 * experiment_.place.view_margin_m.value_or(0.0);
+  if (!render.error_px && !experiment_.place.view_margin_m) render.error_px = kErrorInView_px;
   std::optional<std::uintmax_t> memory_bytes;
   if (render.memory_gb) memory_bytes = static_cast<std::uintmax_t>(*render.memory_gb * 1e9);
   return {.source = resolve_source(render.source.empty() ? experiment_.place.source : render.source),

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "tileflight/core/base/hash.h"
+
 namespace tileflight::autopilot {
 namespace {
 
@@ -23,7 +25,7 @@ std::size_t frame_bytes(std::string_view header) {
 /// Over all but the start byte, and the message's seed.
 std::uint16_t checksum(std::string_view frame_without_checksum, std::uint8_t crc_extra) {
   const char extra = static_cast<char>(crc_extra);
-  return mavlink_crc({&extra, 1}, mavlink_crc(frame_without_checksum.substr(1)));
+  return base::crc16_mcrf4xx({&extra, 1}, base::crc16_mcrf4xx(frame_without_checksum.substr(1)));
 }
 
 bool is_intact(std::string_view frame, std::uint8_t crc_extra) {
@@ -32,16 +34,6 @@ bool is_intact(std::string_view frame, std::uint8_t crc_extra) {
 }
 
 }  // namespace
-
-std::uint16_t mavlink_crc(std::string_view bytes, std::uint16_t crc) {
-  constexpr unsigned kPolynomial = 0x8408;  // x^16 + x^12 + x^5 + 1, lowest bit first
-  unsigned sum = crc;
-  for (const char c : bytes) {
-    sum ^= static_cast<unsigned char>(c);
-    for (int bit = 0; bit < 8; ++bit) sum = (sum & 1U) != 0 ? sum >> 1U ^ kPolynomial : sum >> 1U;
-  }
-  return static_cast<std::uint16_t>(sum);
-}
 
 std::string encode_frame(const MavlinkMessage& message, const MavlinkFrame& frame) {
   std::string payload = frame.payload;

@@ -26,9 +26,6 @@ struct MavlinkMessage {
   std::size_t bytes;
 };
 
-/// Computes the checksum of MAVLink, CRC-16/MCRF4XX (X.25's polynomial), continued from `crc`.
-std::uint16_t mavlink_crc(std::string_view bytes, std::uint16_t crc = 0xFFFF);
-
 /// Encodes a frame without signature. Zero bytes at the payload's end are left out, except for the first byte.
 std::string encode_frame(const MavlinkMessage& message, const MavlinkFrame& frame);
 

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "tests/refusal.h"
+#include "tileflight/core/base/hash.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/live/autopilot/lockstep.h"
 #include "tileflight/live/autopilot/ports.h"
@@ -36,7 +37,7 @@ std::vector<MavlinkFrame> read_all(const std::string& bytes, MavlinkReader& read
 }
 
 /// The check value of CRC-16/MCRF4XX in the catalogue of parametrised CRC algorithms.
-TEST(Mavlink, ChecksumIsTheCataloguesOne) { EXPECT_EQ(mavlink_crc("123456789"), 0x6F91); }
+TEST(Mavlink, ChecksumIsTheCataloguesOne) { EXPECT_EQ(base::crc16_mcrf4xx("123456789"), 0x6F91); }
 
 TEST(Mavlink, PayloadsHaveTheLengthsOfTheMessageSet) {
   EXPECT_EQ(encode_payload(Heartbeat{}).size(), Heartbeat::kMessage.bytes);
@@ -101,7 +102,7 @@ TEST(Mavlink, PassesOverSignatures) {
   bytes[2] = 1;  // incompatibility flag: signed
   const std::string body = bytes.substr(1, bytes.size() - 3);
   const char extra = static_cast<char>(HilActuatorControls::kMessage.crc_extra);
-  const unsigned sum = mavlink_crc({&extra, 1}, mavlink_crc(body));
+  const unsigned sum = base::crc16_mcrf4xx({&extra, 1}, base::crc16_mcrf4xx(body));
   bytes[bytes.size() - 2] = static_cast<char>(sum & 0xFFU);
   bytes[bytes.size() - 1] = static_cast<char>(sum >> 8U);
   MavlinkReader reader;

@@ -76,6 +76,7 @@ ResidentPart::ResidentPart(std::vector<TexturedMesh> meshes, const scene::SceneF
     : scene_(std::make_shared<const scene::ScenePart>(std::move(meshes), frame)),
       appearance_(std::make_shared<const render::PartAppearance>(scene_)) {
   scene_->build_beam_tree();
+  appearance_->build_pyramids();
   for (const TexturedMesh& mesh : scene_->meshes()) bounds_.push_back(feature_bounds(mesh));
   bytes_ = resident_bytes(scene_->meshes());
 }

@@ -33,6 +33,7 @@ void Initializer::restart(std::shared_ptr<const keyframes::Pyramid> pyramid) {
     const auto ray = lens_.lenses[0].unproject(p.cast<double>());
     if (ray) corners_.push_back({p, *ray, {}});
   }
+  most_corners_ = std::max(most_corners_, static_cast<int>(corners_.size()));
   previous_ = std::move(pyramid);
 }
 
@@ -112,7 +113,9 @@ std::optional<InitializationResult> Initializer::add(std::shared_ptr<const keyfr
     return std::nullopt;
   }
   previous_ = std::move(pyramid);
-  parallax_.push_back(fit_rotation(ray_pairs_to(parallax_.size())).median_rad);
+  const RotationFit fit = fit_rotation(ray_pairs_to(parallax_.size()));
+  parallax_.push_back(fit.median_rad);
+  max_rotation_rad_ = std::max(max_rotation_rad_, fit.R_b_a.angularDistance(Eigen::Quaterniond::Identity()));
   max_parallax_ = std::max(max_parallax_, parallax_.back());
   constexpr std::size_t kMinPictures = 3;
   // Lower the threshold before the tracks are lost: over level ground seen from above, rotation absorbs most of the
@@ -201,9 +204,22 @@ InitializationResult Initializer::build_result(const InitializationBundle& bundl
 std::string Initializer::failure_reason() const {
   const double degrees = max_parallax_ * 180.0 / std::numbers::pi;
   const std::string seen = std::to_string(degrees).substr(0, 4) + " degrees";
-  if (max_parallax_ < options_.min_parallax_rad)
-    return "no parallax: rays moved by at most " + seen + " after removing the best rotation" +
-           (corners_were_lost_ ? "; from image to image the view changed so much that corners were lost before" : "");
+  if (max_parallax_ < options_.min_parallax_rad) {
+    constexpr double kTurns_rad = 0.05, kMuchMore = 4.0;  // rotation, and its ratio to the parallax. Chosen by hand
+    const std::string moved = "rays moved by at most " + seen + " after removing the best rotation";
+    if (frame_count_ < 3) return "no parallax: there are only " + std::to_string(frame_count_) + " images";
+    if (most_corners_ < options_.min_tracks)
+      return "no parallax: no image has more than " + std::to_string(most_corners_) + " corners to follow, of " +
+             std::to_string(options_.min_tracks) + " that are needed (a mask, fog, blur or bare ground)";
+    if (max_rotation_rad_ > std::max(kTurns_rad, kMuchMore * max_parallax_))
+      return "no parallax: the camera turns, by " +
+             std::to_string(max_rotation_rad_ * 180.0 / std::numbers::pi).substr(0, 4) +
+             " degrees, but seems not to move from its place (" + moved + "); use a part in which it flies (--from)";
+    if (corners_were_lost_)
+      return "no parallax: from image to image the view changed so much that corners were lost before (" + moved +
+             "); images may be missing, blurred, too far apart or out of order";
+    return "no parallax: the camera hardly moves (" + moved + "); use a part in which it flies (--from)";
+  }
   return "initialization failed: the parallax is " + seen + ", but no rigid motion fits the tracks (last residual " +
          std::to_string(last_fit_px_).substr(0, 4) + " px)";
 }

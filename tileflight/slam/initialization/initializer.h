@@ -39,7 +39,8 @@ class Initializer {
   /// Images before this one are no longer needed.
   std::size_t first_frame() const { return first_frame_; }
   double parallax_rad() const { return parallax_.empty() ? 0.0 : parallax_.back(); }
-  /// Why there is no initialization yet.
+  /// Why there is no initialization yet, by what was measured: too few corners, a camera that stands, turns, or moves
+  /// too fast to follow corners, or no rigid motion.
   std::string failure_reason() const;
 
  private:
@@ -69,9 +70,11 @@ class Initializer {
   std::size_t frame_count_ = 0;  ///< images added so far
   std::size_t first_frame_ = 0;
   int followed_at_first_ = 0;       ///< corners found again in the image after the first
+  int most_corners_ = 0;            ///< that an image had
   bool corners_were_lost_ = false;  ///< too few were left to wait for parallax any longer
   double last_try_parallax_ = 0.0;
   double max_parallax_ = 0.0;
+  double max_rotation_rad_ = 0.0;  ///< of the best rotations from the first image
   double last_fit_px_ = 0.0;
 };
 

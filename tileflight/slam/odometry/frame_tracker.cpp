@@ -136,12 +136,13 @@ std::optional<tracking::ImageAlignment> FrameTracker::recover(TrackingState& sta
 }
 
 void FrameTracker::fail(Failures& failures, const InputFrame& frame, const tracking::ImageAlignment& alignment) const {
-  ++failures.count;
+  if (failures.count++ == 0) failures.first = frame.index;
   const std::string rmse =
       std::isfinite(alignment.finest_rmse()) ? std::to_string(alignment.finest_rmse()).substr(0, 5) : "none";
-  failures.reason = "tracking lost at frame " + std::to_string(frame.index) + ": " + std::to_string(failures.count) +
-                    " consecutive frames do not align with the last keyframe (RMSE " + rmse + " grey values, " +
+  failures.detail = "(RMSE " + rmse + " grey values, " +
                     std::to_string(static_cast<int>(100 * alignment.inside_share)) + " % of its points in view)";
+  failures.reason = "tracking lost at frame " + std::to_string(frame.index) + ": " + std::to_string(failures.count) +
+                    " consecutive frames do not align with the last keyframe " + failures.detail;
 }
 
 /// A map that began at one instant has the distances of static stereo alone, which may be off by a tenth where the

@@ -176,7 +176,13 @@ struct OdometryResult {
   std::int64_t relocalizations = 0;       ///< how often tracking failed and was recovered on an older keyframe
   bool lost = false;                      ///< tracking ended before the last image, or never started
   std::string lost_reason;                ///< if lost: the frame and the reason
-  double wall_time_s = 0.0;               ///< wall time of the run, image decoding included
+  std::string lost_remedy;                ///< what to do about it; empty: nothing particular is known
+  std::string lost_detail;                ///< measures of the last image that did not align, in parentheses
+  std::optional<std::int64_t>
+      lost_since;            ///< InputFrame::index of the first image that did not align, if there is a map
+  bool backwards = false;    ///< the images were tracked from the last to the first; everything here is
+                             ///< in the order of the flight all the same (track())
+  double wall_time_s = 0.0;  ///< wall time of the run, image decoding included
   StageTimes cpu_time;
 };
 

@@ -240,6 +240,10 @@ OdometryResult OdometryPipeline::result_in_map_frame() const {
         state != nullptr
             ? state->failures.reason
             : (result.frames == 0 ? "no images" : std::get<InitializationState>(state_).initializer.failure_reason());
+  if (result.lost && state != nullptr) {
+    result.lost_since = state->failures.first;
+    result.lost_detail = state->failures.detail;
+  }
   if (!preprocessor_.stereo().empty()) result.stereo = stereo_result();
   result.quality = frame_qualities(log_, mapper_);
   if (state == nullptr) return result;

@@ -4,6 +4,7 @@
 #include <array>
 
 #include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/warning.h"
 #include "tileflight/core/geometry/cloud_files.h"
@@ -13,6 +14,7 @@
 #include "tileflight/data/exports/colmap.h"
 #include "tileflight/slam/odometry/debug_image.h"
 #include "tileflight/slam/odometry/direction_check.h"
+#include "tileflight/slam/odometry/image_examination.h"
 #include "tileflight/slam/odometry/line_delay_record.h"
 #include "tileflight/slam/odometry/track_inputs.h"
 #include "tileflight/slam/odometry/track_result.h"
@@ -76,11 +78,72 @@ void add_image_notes(const OdometryResult& result, const SkippedFrames& skipped,
                     "or are more than are kept");
 }
 
-/// Brings a run in reverse order into the order of the dataset.
-void restore_times(OdometryResult& result) {
+/// Brings a run over `images` images in reverse order into the order of the dataset: times, indices and the order of
+/// images, keyframes and loops.
+void put_in_flight_order(OdometryResult& result, std::size_t images) {
+  const std::int64_t last = static_cast<std::int64_t>(images) - 1;
+  const int last_keyframe = static_cast<int>(result.keyframes.size()) - 1;
   reverse_times(result.trajectory);
   reverse_times(result.keyframes);
+  std::ranges::reverse(result.quality);
+  for (FrameQuality& quality : result.quality) {
+    quality.frame = last - quality.frame;
+    quality.time_s = -quality.time_s;
+  }
+  std::ranges::reverse(result.keyframe_frame_indices);
+  for (std::int64_t& frame : result.keyframe_frame_indices) frame = last - frame;
+  for (std::vector<int>& keyframes : result.map_point_keyframes)
+    for (int& keyframe : keyframes) keyframe = last_keyframe - keyframe;
+  const auto first_frames = result.map.scalars.find("first_frame"), last_frames = result.map.scalars.find("last_frame");
+  if (first_frames != result.map.scalars.end() && last_frames != result.map.scalars.end()) {
+    std::swap(first_frames->second, last_frames->second);
+    for (std::vector<float>* frames : {&first_frames->second, &last_frames->second})
+      for (float& frame : *frames) frame = static_cast<float>(last) - frame;
+  }
+  for (LoopClosure& loop : result.loops) {
+    loop = {.from_frame = last - loop.to_frame,
+            .to_frame = last - loop.from_frame,
+            .scale_change = 1.0 / loop.scale_change,
+            .inliers = loop.inliers};
+  }
+  if (result.stereo) {
+    for (OtherCameraResult& camera : result.stereo->cameras)
+      if (camera.last_frame >= 0) camera.last_frame = last - camera.last_frame;
+  }
+  if (result.lost_since) result.lost_since = last - *result.lost_since;
+  if (result.coupled_since_s) result.coupled_since_s = -*result.coupled_since_s;
   if (result.inertial) result.inertial = inertial::reversed(std::move(*result.inertial));
+  result.backwards = true;
+}
+
+/// Says where tracking was lost, in the order of the flight and by the names of its images.
+void name_lost_images(const std::vector<dataset::Frame>& frames, OdometryResult& result) {
+  if (!result.lost_since) return;
+  const std::string& since = frames[static_cast<std::size_t>(*result.lost_since)].id;
+  result.lost_reason = result.backwards
+                           ? "the images at the beginning, frames " + frames.front().id + " to " + since +
+                                 ", do not align with the map of the later ones, from which it was tracked backwards "
+                           : "tracking lost at frame " + since +
+                                 ": it and the frames after it do not align with the "
+                                 "last keyframe ";
+  result.lost_reason += result.lost_detail;
+}
+
+/// Whether a run left so much out that the images are examined for the cause.
+bool is_incomplete(const OdometryResult& result, std::size_t images) {
+  const double least = WarningThresholds{}.min_tracked_share * static_cast<double>(images);
+  return result.lost || static_cast<double>(result.frames_tracked) < least;
+}
+
+/// Returns the grey image of a frame as it is tracked; nullopt if it cannot be decoded.
+std::optional<imaging::GrayImage> read_tracked_grey(const dataset::Frame& frame, const TrackingCamera& view) {
+  try {
+    imaging::RgbImage image = imaging::read_rgb(frame.image);
+    if (image.width != view.native.width() || image.height != view.native.height()) return std::nullopt;
+    return imaging::to_gray(view.rectifier ? (*view.rectifier)(image) : std::move(image));
+  } catch (const InputError&) {
+    return std::nullopt;
+  }
 }
 
 void require_one_scale(const TrackOptions& options) {
@@ -166,6 +229,51 @@ class DatasetTracker {
     return track_direction(reverse_, first_image_, options_.odometry, input_, pictures, skipped_, progress);
   }
 
+  /// Looks for what kept the images from being tracked, and tracks again without it: only the longest part between
+  /// cuts, without the pixels that stand still. Replaces `result` by a run that is better. Adds what was found to
+  /// `notes`.
+  void remedy_images(OdometryResult& result, const fs::path& pictures, const Progress& progress, Warnings& warnings) {
+    const std::size_t images = frames_[false].size();
+    if (!is_incomplete(result, images)) return;
+    images_ = summarize_images(images, reader());
+    if (const std::vector<std::size_t> cuts = find_cuts(images_); !cuts.empty()) {
+      use_longest_part(cuts, warnings);
+      remove_files(pictures);
+      result = run_first(pictures, progress);
+      if (!is_incomplete(result, frames_[false].size())) return;
+    }
+    const imaging::GrayImage still = find_static_pixels(frames_[false].size(), reader());
+    if (still.empty()) return;
+    const imaging::GrayImage given = input_.mask;
+    combine_mask(still);
+    const std::optional<FoundLineDelay> line_delay = line_delay_;
+    const double line_delay_s = calibration_.line_delay_s;
+    const auto before = result.frames_tracked;
+    OdometryResult masked = run_first({}, progress);
+    const auto share = static_cast<double>(std::ranges::count(still.pixels, std::uint8_t{0})) /
+                       static_cast<double>(still.pixels.size());
+    if (masked.frames_tracked <= before) {
+      input_.mask = given;
+      line_delay_ = line_delay;
+      calibration_.line_delay_s = line_delay_s;
+      return;
+    }
+    warnings.push_back({"edges in " + base::formatted("%.1f %%", 100.0 * share) +
+                            " of the image stand still while the rest moves (text, a logo, or the vehicle itself): "
+                            "these pixels were masked, and " +
+                            std::to_string(masked.frames_tracked) + " instead of " + std::to_string(before) +
+                            " frames have a pose",
+                        "odometry", Severity::kNote,
+                        "record without on-screen text, or draw a mask of it with all its surroundings (--mask)"});
+    remove_files(pictures);
+    result = pictures.empty() ? std::move(masked) : run_first(pictures, progress);
+  }
+
+  /// Returns what is wrong with the images' grey values or order, if remedy_images() examined them.
+  std::optional<ImageFault> image_fault() const {
+    return find_image_fault(images_, [&](std::size_t i) { return frames_[false][i].id; });
+  }
+
   /// Makes the first run, or all passes that it takes to find the line delay.
   OdometryResult run_first(const fs::path& pictures, const Progress& progress) {
     if (!options_.odometry.estimate_line_delay) return run(pictures, progress);
@@ -224,6 +332,44 @@ class DatasetTracker {
     if (readings_ && reverse_) input_.inertial->samples = inertial::reversed(readings_->samples);
   }
 
+  ImageReader reader() const {
+    return [this](std::size_t i) { return read_tracked_grey(frames_[false][i], view_); };
+  }
+
+  /// Drops all images but those of the longest part between `cuts`.
+  void use_longest_part(const std::vector<std::size_t>& cuts, Warnings& warnings) {
+    std::vector<dataset::Frame>& frames = frames_[false];
+    std::size_t begin = 0, end = 0, start = 0;
+    std::string named, parts;
+    for (std::size_t k = 0; k <= cuts.size(); ++k) {
+      const std::size_t stop = k < cuts.size() ? cuts[k] : frames.size();
+      if (stop - start > end - begin) begin = start, end = stop;
+      if (k < cuts.size()) named += (k == 0 ? "" : k + 1 < cuts.size() ? ", " : " and ") + frames[stop].id;
+      const std::size_t every = options_.frames.every, from = options_.frames.from;
+      parts += (k == 0 ? "" : ", ") + ("--from " + std::to_string(from + start * every)) + " --to " +
+               std::to_string(from + stop * every);
+      start = stop;
+    }
+    warnings.push_back({"the video is cut at frame" + std::string(cuts.size() > 1 ? "s " : " ") + named +
+                            ": these images show something else than those before; the longest part is used, frames " +
+                            frames[begin].id + " to " + frames[end - 1].id,
+                        "odometry", Severity::kError, "track the parts one by one: " + parts});
+    frames = std::vector<dataset::Frame>(frames.begin() + static_cast<std::ptrdiff_t>(begin),
+                                         frames.begin() + static_cast<std::ptrdiff_t>(end));
+    images_ = std::vector<ImageSummary>(images_.begin() + static_cast<std::ptrdiff_t>(begin),
+                                        images_.begin() + static_cast<std::ptrdiff_t>(end));
+    frames_[true].assign(frames.rbegin(), frames.rend());
+  }
+
+  void combine_mask(const imaging::GrayImage& still) {
+    if (input_.mask.empty()) {
+      input_.mask = still;
+      return;
+    }
+    for (std::size_t i = 0; i < still.pixels.size(); ++i)
+      input_.mask.pixels[i] = std::min(input_.mask.pixels[i], still.pixels[i]);
+  }
+
   /// Begins with the image `first_image` of that direction (InitializationOptions).
   OdometryResult track_direction(bool reverse, std::size_t first_image, OdometryOptions options, OdometryInput input,
                                  const fs::path& debug_pictures, SkippedFrames& skipped,
@@ -249,15 +395,16 @@ class DatasetTracker {
   std::size_t first_image_ = 0;                        ///< at which it begins
   std::optional<FoundLineDelay> line_delay_;
   std::optional<Dispersion> dispersion_;
+  std::vector<ImageSummary> images_;  ///< of the frames, forwards; empty: they were not examined
   SkippedFrames skipped_;
 };
 
-/// Describes the chosen run, in the dataset's order of images. `notes` concern the dataset; `disagreement`: with the
-/// run in the other direction.
+/// Describes the chosen run, which is in the dataset's order of images. `notes` concern the dataset; `disagreement`:
+/// with the run in the other direction.
 TrackResult describe(const DatasetTracker& tracking, const TrackOptions& options, OdometryResult odometry,
                      std::vector<std::string> notes, const std::optional<RunAgreement>& disagreement) {
   TrackResult result;
-  const std::vector<dataset::Frame>& frames = tracking.frames(tracking.reverse());
+  const std::vector<dataset::Frame>& frames = tracking.frames(false);
   const auto name_of = [&](std::int64_t frame) { return frames[static_cast<std::size_t>(frame)].id; };
   add_image_notes(odometry, tracking.skipped(), notes);
   for (const Warning& warning : find_path_warnings(odometry, name_of, disagreement))
@@ -275,7 +422,6 @@ TrackResult describe(const DatasetTracker& tracking, const TrackOptions& options
   result.line_delay = tracking.line_delay();
   result.dispersion = tracking.dispersion();
   result.loops_searched = options.odometry.loops.enabled;
-  if (result.backwards) restore_times(odometry);
   const auto add = [&](const Warnings& further) {
     result.warnings.insert(result.warnings.end(), further.begin(), further.end());
   };
@@ -310,15 +456,29 @@ TrackResult track(const fs::path& dataset_folder, const fs::path& out, bool repl
   TrackResult found;
   const auto write = [&](const fs::path& temporary, const fs::path& pictures) {
     OdometryResult result = tracking.run_first(pictures, progress);
-    const std::optional<RunAgreement> disagreement =
+    Warnings about_images;
+    tracking.remedy_images(result, pictures, progress, about_images);
+    std::optional<RunAgreement> disagreement =
         options.check_reversed ? tracking.compare_reversed(result, pictures, progress) : std::nullopt;
-    const std::vector<dataset::Frame>& frames = tracking.frames(tracking.reverse());
+    const std::vector<dataset::Frame>& frames = tracking.frames(false);
+    if (tracking.reverse()) {
+      put_in_flight_order(result, frames.size());
+      if (disagreement) disagreement->worst_time_s = -disagreement->worst_time_s;
+    }
+    name_lost_images(frames, result);
+    if (result.frames_tracked == 0) {
+      if (const std::optional<ImageFault> fault = tracking.image_fault()) {
+        result.lost_reason = fault->cause;
+        result.lost_remedy = fault->remedy;
+      }
+    }
     if (options.colmap) {
       fs::create_directory(temporary / "colmap");
       const imaging::Camera& camera = result.camera ? *result.camera : tracking.calibration().camera;
       exports::write_colmap(temporary / "colmap", colmap_model(camera, result, frames));
     }
     found = describe(tracking, options, std::move(result), notes, disagreement);
+    found.warnings.insert(found.warnings.begin(), about_images.begin(), about_images.end());
     write_track_result(temporary, found, frames);
   };
   base::write_folder(output, [&](const fs::path& temporary) {

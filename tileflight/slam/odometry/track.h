@@ -68,7 +68,7 @@ struct FoundLineDelay {
 
 /// Result of track().
 struct TrackResult {
-  OdometryResult odometry;  ///< of the chosen run; its times are those of the dataset
+  OdometryResult odometry;  ///< of the chosen run; times and order are those of the dataset
   OdometryMode mode = OdometryMode::kMono;
   std::vector<std::string> frame_ids;  ///< the dataset's names of the images, by InputFrame::index
   std::int64_t frames_skipped = 0;     ///< images that could not be decoded

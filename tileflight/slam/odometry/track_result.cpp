@@ -1,6 +1,5 @@
 #include "tileflight/slam/odometry/track_result.h"
 
-#include <algorithm>
 #include <iomanip>
 #include <nlohmann/json.hpp>
 #include <sstream>
@@ -97,8 +96,7 @@ std::string inertial_csv(const inertial::InertialAlignment& a, const geometry::T
 }
 
 /// Returns quality.csv: a line for each image, in time order.
-std::string quality_csv(std::vector<FrameQuality> quality, const std::vector<dataset::Frame>& frames, bool reverse) {
-  if (reverse) std::reverse(quality.begin(), quality.end());
+std::string quality_csv(const std::vector<FrameQuality>& quality, const std::vector<dataset::Frame>& frames) {
   std::ostringstream table;
   table << std::setprecision(6)
         << "frame,time_s,tracked,keyframe,rmse,inside_share,saturated_share,known_points,step,"
@@ -163,7 +161,7 @@ void write_track_result(const fs::path& folder, const TrackResult& result, const
   const OdometryResult& run = result.odometry;
   if (run.inertial && run.inertial->metric)
     base::write_file(folder / "inertial.csv", inertial_csv(*run.inertial, run.keyframes));
-  base::write_file(folder / "quality.csv", quality_csv(run.quality, frames, result.backwards));
+  base::write_file(folder / "quality.csv", quality_csv(run.quality, frames));
   geometry::write_tum(folder / "trajectory.txt", run.trajectory);
   geometry::write_tum(folder / "keyframes.txt", run.keyframes);
   geometry::write_cloud(folder / "map.ply", run.map);

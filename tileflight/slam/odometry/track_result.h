@@ -15,7 +15,7 @@ namespace tileflight::odometry {
 nlohmann::json to_json(const TrackResult& result);
 
 /// Writes quality.csv, trajectory.txt, keyframes.txt, map.ply, camera.yaml, odometry.json, and inertial.csv if the
-/// inertial unit showed the scale. `frames`: the images in the order in which they were tracked.
+/// inertial unit showed the scale. `frames`: the images in the order of the flight, which is that of the result.
 void write_track_result(const std::filesystem::path& folder, const TrackResult& result,
                         const std::vector<dataset::Frame>& frames);
 

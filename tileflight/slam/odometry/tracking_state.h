@@ -2,6 +2,7 @@
 
 // State that tracking carries from one image to the next.
 
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
@@ -35,6 +36,8 @@ struct LastFrame {
 /// The images since `LastFrame` that did not align; empty while tracking works.
 struct Failures {
   int count = 0;
+  std::int64_t first = 0;                              ///< InputFrame::index of the first one
+  std::string detail;                                  ///< measures of the last one, in parentheses
   std::string reason;                                  ///< of the last one
   std::vector<ReferenceKeyframe> recovery_references;  ///< the window's keyframes, newest first; empty before the first
                                                        ///< attempt to relocalize

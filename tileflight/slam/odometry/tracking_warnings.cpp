@@ -33,8 +33,12 @@ void check_completeness(const OdometryResult& result, std::int64_t frames, const
   const auto given = static_cast<double>(frames);
   const double missing = given - static_cast<double>(result.frames_tracked);
   if (result.lost) {
-    warnings.push_back({"the flight was not tracked to its end (" + share + "): " + result.lost_reason, kWhere,
-                        Severity::kError, "use the tracked part, or a flight that can be tracked throughout"});
+    const std::string end = result.frames_tracked == 0 ? "the flight was not tracked ("
+                            : result.backwards         ? "the flight was not tracked back to its beginning ("
+                                                       : "the flight was not tracked to its end (";
+    warnings.push_back({end + share + "): " + result.lost_reason, kWhere, Severity::kError,
+                        result.lost_remedy.empty() ? "use the tracked part, or a flight that can be tracked throughout"
+                                                   : result.lost_remedy});
   } else if (static_cast<double>(result.frames_tracked) < limits.min_tracked_share * given) {
     warnings.push_back({share, kWhere, missing > limits.few_missing_share * given ? Severity::kError : Severity::kNote,
                         "look up the frames without a pose in quality.csv; choose another part of the flight"});
@@ -96,7 +100,8 @@ void check_scale_drift(const OdometryResult& result, const FrameName& name_of, c
     return q.tracked && q.sigma_log_scale > limits.sigma_log_scale;
   };
   // The deviation grows away from the start, in both directions.
-  const auto start = result.quality.begin() + result.frames_before_start;
+  const auto start = result.backwards ? result.quality.end() - result.frames_before_start
+                                      : result.quality.begin() + result.frames_before_start;
   const auto first = std::find_if(start, result.quality.end(), beyond);
   const auto last = std::find_if(std::make_reverse_iterator(start), result.quality.rend(), beyond);
   std::string where;
@@ -214,11 +219,14 @@ void check_other_images(const OtherCameraResult& camera, const OdometryResult& r
   }
   const std::int64_t usual = camera.frames > 0 ? result.frames / camera.frames : 0;
   if (camera.frames_after_last > std::max(kFewFrames, 3 * usual)) {
+    const std::string side = result.backwards ? "first" : "last";
     const std::string last =
-        camera.last_frame < 0 ? "it has none" : "its last is at frame " + name_of(camera.last_frame);
-    warnings.push_back({what + " has no image in the last " + count_text(camera.frames_after_last) + " frames (" +
-                            last + "): there the map rests on the other cameras alone",
-                        kWhere, Severity::kError, "look for what stopped it; use the part before (--to)"});
+        camera.last_frame < 0 ? "it has none" : "its " + side + " is at frame " + name_of(camera.last_frame);
+    warnings.push_back({what + " has no image in the " + side + " " + count_text(camera.frames_after_last) +
+                            " frames (" + last + "): there the map rests on the other cameras alone",
+                        kWhere, Severity::kError,
+                        result.backwards ? "look for what it waited for; use the part after (--from)"
+                                         : "look for what stopped it; use the part before (--to)"});
   }
 }
 

@@ -53,6 +53,24 @@ TEST(TrackingWarnings, AGoodFlightHasNone) {
   EXPECT_TRUE(warnings_about(good_flight(), 60, RunAgreement{60, 0.002, 0.004, 1.0}).empty());
 }
 
+TEST(TrackingWarnings, AReversedRunIsDescribedInTheOrderOfTheFlight) {
+  OdometryResult result = good_flight();
+  result.backwards = true;
+  result.lost = true;
+  result.frames_tracked = 50;
+  result.lost_reason = "a wall";
+  result.lost_remedy = "fly around it";
+  const Warnings lost = warnings_about(result);
+  ASSERT_EQ(lost.size(), 1U);
+  EXPECT_EQ(lost[0].message, "the flight was not tracked back to its beginning (50 of 60 frames have a pose): a wall");
+  EXPECT_EQ(lost[0].remedy, "fly around it");
+  // The map began with the last images: the scale is the less certain, the earlier an image is.
+  OdometryResult drifted = good_flight();
+  drifted.backwards = true;
+  for (int i = 0; i < 60; ++i) drifted.quality[static_cast<std::size_t>(i)].sigma_log_scale = i < 20 ? 0.01 : 0.0;
+  expect_only(warnings_about(drifted), "scale", "odometry, up to frame f19");
+}
+
 TEST(TrackingWarnings, APatternInTheResidualsIsTheCalibration) {
   OdometryResult result = good_flight();
   result.systematic_displacement = mapping::SystematicDisplacement{.rms_px = 0.02, .sigmas = 5.0};

@@ -84,6 +84,7 @@ class HttpTransfer {
     easy_ = easy;
     outcome_.response = {};
     outcome_.response.url = request_.url;
+    outcome_.response.redirected = redirects_ > 0;
     outcome_.response.requested_at_s = std::time(nullptr);
     refusal_.clear();
     error_text_[0] = '\0';

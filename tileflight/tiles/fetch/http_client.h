@@ -48,7 +48,8 @@ struct HttpRequest {
 /// A response of any status.
 struct HttpResponse {
   long status = 0;
-  std::string url;                             ///< final URL, after redirects
+  std::string url;  ///< final URL, after redirects
+  bool redirected = false;
   std::map<std::string, std::string> headers;  ///< names in lower case; repeated headers are joined by ", "
   std::vector<std::byte> body;                 ///< decompressed
   int tries = 0;

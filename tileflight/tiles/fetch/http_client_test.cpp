@@ -354,6 +354,7 @@ TEST(HttpClient, RedirectsAreFollowedWhereThatIsAllowed) {
   const HttpResponse response = ask_for("/old");
   EXPECT_EQ(base::test_support::to_text(response.body), "/sub/new?v=2 second");
   EXPECT_EQ(response.url, server.url("/sub/new?v=2"));
+  EXPECT_TRUE(response.redirected);
   EXPECT_EQ(response.tries, 1);
   EXPECT_THAT(base::test_support::error_of([&] { ask_for("/loop"); }), HasSubstr("redirected more than 5 times"));
   EXPECT_EQ(server.count("/loop"), 6);

@@ -5,6 +5,7 @@
 
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/tiles/fetch/origin_policy.h"
+#include "tileflight/tiles/fetch/uri.h"
 #include "tileflight/tiles/fetch/url_secrets.h"
 
 namespace tileflight::fetch {
@@ -22,7 +23,7 @@ std::string validate_header(const std::string& header) {
 }
 
 UrlProvider::UrlProvider(const std::string& url, std::vector<std::string> headers)
-    : url_(url), headers_(std::move(headers)) {
+    : url_(resolve_uri("", url)), headers_(std::move(headers)) {
   for (const std::string& header : headers_) validate_header(header);
 }
 

@@ -13,6 +13,9 @@
 namespace tileflight::fetch {
 namespace {
 
+/// The header of a cache entry that says where the redirects of its request ended.
+constexpr const char* kFinalUrl = "tileflight-final-url";
+
 std::string describe_status(long status) {
   switch (status) {
     case 400:
@@ -88,7 +91,8 @@ std::vector<std::byte> HttpSource::read(const std::string& uri) {
   provider_->refresh_credentials(*client_);
   std::optional<FetchResult> asked = take_prefetched(uri);
   if (!asked && is_fresh_in_cache(uri)) {
-    if (auto body = cache_->body(remove_secrets(uri))) return *std::move(body);
+    const std::optional<CachedResponse> cached = find_cached(remove_secrets(uri));
+    if (auto body = cached ? cached_body(uri, *cached) : std::nullopt) return *std::move(body);
   }
   if (!asked) asked = fetch(uri);
   const long status = asked->outcome.response.status;
@@ -161,7 +165,7 @@ std::vector<std::byte> HttpSource::fall_back_to_stale(const std::string& uri, co
   const std::string key = remove_secrets(uri);
   const std::optional<CachedResponse> cached = may_use_stale_ ? find_cached(key) : std::nullopt;
   if (!cached || cached->must_revalidate) throw InputError(failure);
-  auto body = cache_->body(key);
+  auto body = cached_body(uri, *cached);
   if (!body) throw InputError(failure);
   const std::lock_guard lock(mutex_);
   ++used_stale_;
@@ -171,7 +175,7 @@ std::vector<std::byte> HttpSource::fall_back_to_stale(const std::string& uri, co
 std::vector<std::byte> HttpSource::process_not_modified(const std::string& uri, const HttpResponse& response) {
   const std::string key = remove_secrets(uri);
   const std::optional<CachedResponse> cached = find_cached(key);
-  auto body = cached ? cache_->body(key) : std::nullopt;
+  auto body = cached ? cached_body(uri, *cached) : std::nullopt;
   if (!body) {  // the entry has been evicted meanwhile, or the request was not conditional
     FetchResult again = fetch(uri, false);
     if (!again.outcome.failure && again.outcome.response.status == 304) throw_http_error(uri, again.outcome.response);
@@ -193,8 +197,36 @@ std::vector<std::byte> HttpSource::process_response(const std::string& uri, Http
     throw InputError(uri_for_message(uri), "the server sent a web page instead of the file");
   }
   provider_->observe_response(uri, response.body);
+  note_redirect(uri, response.redirected ? remove_secrets(response.url) : "");
   if (cache_) store_in_cache(uri, response);
   return std::move(response.body);
+}
+
+std::optional<std::vector<std::byte>> HttpSource::cached_body(const std::string& uri, const CachedResponse& cached) {
+  const auto final_url = cached.headers.find(kFinalUrl);
+  note_redirect(uri, final_url == cached.headers.end() ? "" : final_url->second);
+  return cache_->body(remove_secrets(uri));
+}
+
+void HttpSource::note_redirect(const std::string& uri, const std::string& final_url) {
+  const std::lock_guard lock(mutex_);
+  if (final_url.empty()) {
+    redirected_.erase(uri);
+  } else {
+    redirected_[uri] = final_url;
+  }
+}
+
+std::string HttpSource::base_uri(const std::string& uri) const {
+  std::string final_url;
+  {
+    const std::lock_guard lock(mutex_);
+    const auto it = redirected_.find(uri);
+    if (it == redirected_.end()) return uri;
+    final_url = it->second;
+  }
+  // Its parameters belong to the server that asked for them.
+  return parse_origin(final_url) == parse_origin(uri) ? inherit_query_parameters(final_url, uri) : final_url;
 }
 
 void HttpSource::store_in_cache(const std::string& uri, const HttpResponse& response) {
@@ -210,7 +242,10 @@ void HttpSource::store_in_cache(const std::string& uri, const HttpResponse& resp
     return !secret.empty() && text.find(secret) != std::string_view::npos;
   });
   if (freshness.may_store && !holds_secret) {
-    writer_->store({key, {response.headers, freshness.fresh_until_s, freshness.must_revalidate}, response.body});
+    HttpHeaders headers = response.headers;
+    headers.erase(kFinalUrl);
+    if (response.redirected) headers[kFinalUrl] = remove_secrets(response.url);
+    writer_->store({key, {headers, freshness.fresh_until_s, freshness.must_revalidate}, response.body});
   } else {
     writer_->wait_for(key);
     cache_->remove(key);

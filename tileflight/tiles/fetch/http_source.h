@@ -33,6 +33,7 @@ class HttpSource : public TileSource {
 
   std::string root_uri() const override { return root_uri_; }
   std::vector<std::byte> read(const std::string& uri) override;
+  std::string base_uri(const std::string& uri) const override;
   std::optional<std::uintmax_t> size(const std::string& /*uri*/) override { return std::nullopt; }
   bool knows_sizes() const override { return false; }
   bool prefetch(const std::vector<std::string>& uris) override;
@@ -70,6 +71,9 @@ class HttpSource : public TileSource {
   std::vector<std::byte> fall_back_to_stale(const std::string& uri, const InputError& failure);
   std::vector<std::byte> process_not_modified(const std::string& uri, const HttpResponse& response);
   std::vector<std::byte> process_response(const std::string& uri, HttpResponse response);
+  std::optional<std::vector<std::byte>> cached_body(const std::string& uri, const CachedResponse& cached);
+  /// Notes where the redirects of a request ended, without secrets; empty: there were none.
+  void note_redirect(const std::string& uri, const std::string& final_url);
   void store_in_cache(const std::string& uri, const HttpResponse& response);
   [[noreturn]] void throw_http_error(const std::string& uri, const HttpResponse& response) const;
 
@@ -89,6 +93,7 @@ class HttpSource : public TileSource {
   std::size_t under_way_ = 0;
   std::uintmax_t held_bytes_ = 0;
   std::uintmax_t largest_bytes_ = 0;
+  std::map<std::string, std::string> redirected_;  ///< URIs and where their redirects ended, without secrets
   std::int64_t used_stale_ = 0;  ///< number of stale cache entries used because the server did not answer
 };
 

@@ -112,7 +112,7 @@ S3Provider::S3Provider(const std::string& source, S3Options options) : options_(
   if (key_.empty() || key_.ends_with('/')) key_ += "tileset.json";
   require_variables(source, options_);
   if (options_.region.empty()) options_.region = "us-east-1";
-  bucket_url_ = url_of_bucket(bucket_, options_);
+  bucket_url_ = resolve_uri("", url_of_bucket(bucket_, options_));
 }
 
 std::string S3Provider::resolve_root_url(HttpClient& /*client*/) { return bucket_url_ + escaped_key(key_); }

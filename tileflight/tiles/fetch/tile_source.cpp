@@ -108,6 +108,10 @@ void CountingSource::count(const CountedFile& file) {
   if (read_.insert(file.uri).second) bytes_ += file.bytes;
 }
 
+std::string resolve_reference(const TileSource& source, const std::string& file_uri, std::string_view reference) {
+  return resolve_in_tileset(source.base_uri(file_uri), reference);
+}
+
 std::vector<std::byte> read_uri(TileSource& source, const std::string& uri) {
   constexpr std::size_t kMostUnpacked = std::size_t{1} << 30;
   std::vector<std::byte> bytes = is_data_uri(uri) ? decode_data_uri(uri, uri_for_message(uri)) : source.read(uri);

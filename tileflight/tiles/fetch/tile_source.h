@@ -6,6 +6,7 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <unordered_set>
 #include <vector>
 
@@ -14,7 +15,7 @@
 namespace tileflight::fetch {
 
 /// Source of a tileset's bytes: a folder, an archive or a network source. Injected, so that tests can simulate faults.
-/// URIs are those that resolve_uri makes of `root_uri` and the references in the files.
+/// URIs are those that resolve_reference makes of `root_uri` and the references in the files.
 class TileSource {
  public:
   virtual ~TileSource() = default;
@@ -23,6 +24,9 @@ class TileSource {
   virtual std::string root_uri() const = 0;
   /// Reads the whole content of a URI. May be called from several threads at once. Throws InputError (uri, cause).
   virtual std::vector<std::byte> read(const std::string& uri) = 0;
+  /// Returns the URI against which the references in a file that was read are resolved: its own, or the one at which
+  /// the server's redirects ended (RFC 3986, section 5.1.3).
+  virtual std::string base_uri(const std::string& uri) const { return uri; }
   /// Returns the size in bytes if it is known without reading; nullopt if it is not known or the file is missing.
   virtual std::optional<std::uintmax_t> size(const std::string& uri) = 0;
   /// Returns whether `size` is known for every existing file.
@@ -77,6 +81,7 @@ class CountingSource : public TileSource {
 
   std::string root_uri() const override { return inner_.root_uri(); }
   std::vector<std::byte> read(const std::string& uri) override;
+  std::string base_uri(const std::string& uri) const override { return inner_.base_uri(uri); }
   std::optional<std::uintmax_t> size(const std::string& uri) override { return inner_.size(uri); }
   bool knows_sizes() const override { return inner_.knows_sizes(); }
   bool prefetch(const std::vector<std::string>& uris) override { return inner_.prefetch(uris); }
@@ -102,5 +107,8 @@ class CountingSource : public TileSource {
 /// Reads the bytes of a URI: a "data:" URI is decoded, all others are read from the source. Gzip-compressed files (from
 /// plain servers and archives) are decompressed, up to 1 GiB.
 std::vector<std::byte> read_uri(TileSource& source, const std::string& uri);
+
+/// Resolves a reference that stands in a file of the source, which has been read (`resolve_in_tileset`).
+std::string resolve_reference(const TileSource& source, const std::string& file_uri, std::string_view reference);
 
 }  // namespace tileflight::fetch

@@ -45,6 +45,17 @@ void for_each_parameter(std::string_view url, const std::function<void(Parameter
   }
 }
 
+/// The URL's query without the parameters that `is_dropped` chooses by their name.
+std::string query_without(std::string_view url, const std::function<bool(std::string_view name)>& is_dropped) {
+  std::string out;
+  for_each_parameter(url, [&](const Parameter& parameter) {
+    if (is_dropped(parameter.name)) return;
+    out += (out.empty() ? '?' : '&') + std::string(parameter.name);
+    if (parameter.has_value) out += "=" + std::string(parameter.value);
+  });
+  return out;
+}
+
 /// The URL up to the query without "user:password@" (RFC 3986, section 3.2.1), which `mask` replaces.
 std::string without_user(std::string_view before_query, std::string_view mask) {
   const std::size_t slashes = before_query.find("//");
@@ -86,16 +97,13 @@ std::string redact_url(std::string_view url) {
 }
 
 std::string remove_secrets(std::string_view url) {
-  std::string out = without_user(url.substr(0, query_range(url).begin), "");
-  char mark = '?';
-  for_each_parameter(url, [&](const Parameter& parameter) {
-    if (is_secret_parameter(parameter.name)) return;
-    out += mark;
-    mark = '&';
-    out += parameter.name;
-    if (parameter.has_value) out += "=" + std::string(parameter.value);
-  });
-  return out;
+  return without_user(url.substr(0, query_range(url).begin), "") + query_without(url, is_secret_parameter);
+}
+
+std::string remove_version_parameters(std::string_view url) {
+  return std::string(url.substr(0, query_range(url).begin)) + query_without(url, [](std::string_view name) {
+           return name == "versionId" || name == "versionid" || name == "snapshot" || name == "generation";
+         });
 }
 
 std::string query_value(std::string_view url, std::string_view wanted) {

@@ -26,6 +26,9 @@ std::string add_query_parameter(const std::string& url, const std::string& param
 /// Returns the URL with the query parameters of `from` that it lacks.
 std::string inherit_query_parameters(const std::string& url, std::string_view from);
 
+/// Returns the URL without query parameters that name a version or a snapshot of one stored object.
+std::string remove_version_parameters(std::string_view url);
+
 /// Returns the values of the secret parameters of a URL.
 std::vector<std::string> find_secrets(std::string_view url);
 

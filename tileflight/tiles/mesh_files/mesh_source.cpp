@@ -42,7 +42,9 @@ bool is_mesh_file(const fs::path& file) {
 }
 
 /// A file named by a glTF.
-fs::path file_beside(const fs::path& gltf, const std::string& uri) { return gltf.parent_path() / fetch::uri_path(uri); }
+fs::path file_beside(const fs::path& gltf, const std::string& uri) {
+  return gltf.parent_path() / fetch::uri_path(fetch::resolve_uri("", uri));
+}
 
 /// Options for decoding a glTF, but for its images.
 tile_content::ContentOptions gltf_options(const fs::path& file, const MeshSourceOptions& options) {

@@ -150,7 +150,7 @@ TEST_F(MeshFile, MissingLibrariesAndTexturesAreNamed) {
   }
   write("the wall.png", "no picture");
   EXPECT_THAT([&] { read("a.obj", kObj); },
-              ThrowsMessage<InputError>(HasSubstr("the wall.png: is not a JPEG, PNG or WebP image")));
+              ThrowsMessage<InputError>(HasSubstr("the wall.png: is not a JPEG, PNG, WebP, TIFF")));
   write("my place.mtl", "newmtl other\nKd 1 x 1\n");
   EXPECT_THAT([&] { read("a.obj", kObj); }, ThrowsMessage<InputError>(HasSubstr("Kd needs one or three numbers")));
 }
@@ -210,6 +210,10 @@ TEST_F(MeshFile, PlyWithTextureCoordinatesOfCornersIsRead) {
 TEST_F(MeshFile, BrokenPlyIsRefused) {
   const std::string header =
       std::string(kPlyHeader) + "element face 1\nproperty list uchar int vertex_indices\nend_header\n" + kPlyVertices;
+  expect_refused("a.ply",
+                 std::string(kPlyHeader) + "element tristrips 1\nproperty list int int vertex_indices\nend_header\n" +
+                     kPlyVertices + "3 0 1 2\n",
+                 HasSubstr("triangle strips"));
   expect_refused("a.ply", std::string(kPlyHeader) + "end_header\n" + kPlyVertices, HasSubstr("points without faces"));
   expect_refused("a.ply", header + "3 0 1 4\n", HasSubstr("vertex 4 of 4"));
   expect_refused("a.ply", header + "3 0 1 -1\n", HasSubstr("vertex -1"));

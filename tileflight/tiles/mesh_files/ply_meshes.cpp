@@ -44,11 +44,11 @@ float color_range(PlyType type) {
 }
 
 /// Images named by "comment TextureFile NAME" lines of the header.
-std::vector<std::string> texture_files(std::string_view header) {
-  constexpr std::string_view kStart = "comment TextureFile ";
+std::vector<std::string> texture_files(const geometry::PlyHeader& header) {
+  constexpr std::string_view kStart = "TextureFile ";
   std::vector<std::string> names;
-  while (const auto line = base::take_line(header))
-    if (line->starts_with(kStart)) names.emplace_back(line->substr(kStart.size()));
+  for (const std::string& comment : header.comments)
+    if (comment.starts_with(kStart)) names.emplace_back(base::trim(std::string_view(comment).substr(kStart.size())));
   return names;
 }
 
@@ -64,13 +64,16 @@ class PlyReader {
         faces_(faces),
         between_(std::move(between)) {
     geometry::check_ply_sizes(bytes_, header_, file_);
-    if (textures) pictures_ = texture_files(bytes_.substr(0, header_.size_bytes));
+    if (textures) pictures_ = texture_files(header_);
   }
 
   void read() {
     const PlyElement& vertex = element("vertex");
     const PlyElement* face = header_.find("face");
-    if (face == nullptr || face->count == 0)
+    const bool no_faces = face == nullptr || face->count == 0;
+    if (no_faces && header_.find("tristrips") != nullptr)
+      throw InputError(file_, "contains triangle strips, which are not read; save it with faces (as MeshLab does)");
+    if (no_faces)
       throw InputError(file_, "contains points without faces; a mesh is needed (reconstruct a surface first)");
     read_vertices(vertex);
     read_faces(*face);
@@ -293,7 +296,7 @@ std::vector<fs::path> ply_image_files(const fs::path& file) {
   const MappedFile mapped(file, kMaxPlyBytes);
   const geometry::PlyHeader header = geometry::parse_ply_header(mapped.text(), file.string());
   std::vector<fs::path> out;
-  for (const std::string& name : texture_files(mapped.text().substr(0, header.size_bytes))) {
+  for (const std::string& name : texture_files(header)) {
     std::error_code ignored;
     if (fs::is_regular_file(file.parent_path() / name, ignored)) out.push_back(file.parent_path() / name);
   }

@@ -460,5 +460,118 @@ TEST(DecodeContent, LinesAreLeftOutWithAWarning) {
   EXPECT_THAT(content.warnings, ElementsAre(HasSubstr("lines have no surface")));
 }
 
+/// 2 x 1 texels, the left one with alpha 0, the right one opaque.
+constexpr const char* kHalfTransparent =
+    "data:image/png;base64,"
+    "iVBORw0KGgoAAAANSUhEUgAAAAIAAAABCAYAAAD0In+KAAAAEUlEQVR42mM4oaHBoHFC4z8ADJgDMENDLYAAAAAASUVORK5CYII=";
+/// The same with alpha 100.
+constexpr const char* kHalfDim =
+    "data:image/png;base64,"
+    "iVBORw0KGgoAAAANSUhEUgAAAAIAAAABCAYAAAD0In+KAAAAEUlEQVR42mM4oaGRonFC4z8ADowDlF+VhE8AAAAASUVORK5CYII=";
+
+/// A square of side 1 with a texture that is shown `repeats` times along x, and this material.
+DecodedContent square(const char* image, Json material, float repeats = 1.0F, bool textures = true) {
+  fetch::test_support::GltfWriter writer;
+  writer.json()["images"] = {{{"uri", image}}};
+  writer.json()["textures"] = {{{"source", 0}}};
+  material["pbrMetallicRoughness"]["baseColorTexture"] = {{"index", 0}};
+  writer.json()["materials"] = {material};
+  const std::vector<float> corners = {0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0};
+  const std::vector<float> uv = {0, 0, repeats, 0, repeats, 1, 0, 1};
+  writer.add_primitive(
+      {{"attributes", {{"POSITION", writer.add_accessor(corners, 3)}, {"TEXCOORD_0", writer.add_accessor(uv, 2)}}},
+       {"indices", writer.add_accessor(std::vector<std::uint16_t>{0, 1, 2, 0, 2, 3}, 1)},
+       {"material", 0}});
+  return decode_content(base::test_support::to_bytes(writer.glb()), "t.glb", {.textures = textures});
+}
+
+/// Area of all triangles, and the bounds of their vertices that triangles use.
+double area_of(const DecodedContent& content, geometry::Box3* bounds = nullptr) {
+  double area = 0.0;
+  for (const imaging::TexturedMesh& mesh : content.meshes) {
+    for (const geometry::Triangle& t : mesh.mesh.triangles) {
+      const Vec3 &a = mesh.mesh.vertices[t[0]], &b = mesh.mesh.vertices[t[1]], &c = mesh.mesh.vertices[t[2]];
+      area += (b - a).cross(c - a).norm() / 2;
+      for (const Vec3& corner : {a, b, c})
+        if (bounds != nullptr) bounds->extend(corner);
+    }
+  }
+  return area;
+}
+
+/// Pictures, depth and ground truth use the same triangles, so what is cut out here is nowhere.
+TEST(AlphaModes, MaskIsCutOutAlongTexels) {
+  for (const bool textures : {true, false}) {
+    geometry::Box3 bounds;
+    const DecodedContent cut = square(kHalfTransparent, {{"alphaMode", "MASK"}}, 1.0F, textures);
+    EXPECT_NEAR(area_of(cut, &bounds), 0.5, 1e-6);
+    EXPECT_NEAR(bounds.min().x(), 0.5, 1e-6);
+    EXPECT_NEAR(bounds.max().x(), 1.0, 1e-6);
+    EXPECT_EQ(cut.meshes.at(0).texture != nullptr, textures);
+  }
+  EXPECT_NEAR(area_of(square(kHalfTransparent, {{"alphaMode", "MASK"}}, 3.0F)), 0.5, 1e-6) << "repeated";
+  EXPECT_NEAR(area_of(square(kHalfTransparent, {{"alphaMode", "MASK"}}, 2.5F)), 0.4, 1e-6) << "the last one is cut off";
+  EXPECT_NEAR(area_of(square(kHalfDim, {{"alphaMode", "MASK"}})), 0.5, 1e-6) << "100 / 255 is below 0.5";
+  EXPECT_NEAR(area_of(square(kHalfDim, {{"alphaMode", "MASK"}, {"alphaCutoff", 0.3}})), 1.0, 1e-6);
+  const Json half = {{"alphaMode", "MASK"}, {"pbrMetallicRoughness", {{"baseColorFactor", {1, 1, 1, 0.4}}}}};
+  EXPECT_EQ(area_of(square(kHalfTransparent, half)), 0.0) << "0.4 x 1 is below 0.5";
+}
+
+TEST(AlphaModes, OpaqueSurfacesStayAsTheyAre) {
+  for (const Json& material : {Json::object(), Json{{"alphaMode", "OPAQUE"}}}) {
+    const DecodedContent content = square(kHalfTransparent, material);
+    EXPECT_EQ(content.meshes.at(0).mesh.triangles.size(), 2U);
+    EXPECT_EQ(content.meshes.at(0).mesh.vertices.size(), 4U);
+    EXPECT_TRUE(content.warnings.empty());
+  }
+}
+
+TEST(AlphaModes, BlendLeavesOutWhatIsWhollyTransparentAndNamesTheRest) {
+  const DecodedContent clear = square(kHalfTransparent, {{"alphaMode", "BLEND"}});
+  EXPECT_NEAR(area_of(clear), 0.5, 1e-6);
+  EXPECT_TRUE(clear.warnings.empty());
+  const DecodedContent dim = square(kHalfDim, {{"alphaMode", "BLEND"}});
+  EXPECT_NEAR(area_of(dim), 1.0, 1e-6);
+  EXPECT_THAT(dim.warnings, ElementsAre(HasSubstr("BLEND")));
+}
+
+/// Texture coordinates that repeat an image a million times must neither hang nor take much memory.
+TEST(AlphaModes, TheNumberOfPiecesIsBounded) {
+  const DecodedContent content = square(kHalfTransparent, {{"alphaMode", "MASK"}}, 1e6F);
+  EXPECT_LT(content.meshes.at(0).mesh.triangles.size(), 1'000'000U);
+  EXPECT_LT(area_of(square(kHalfTransparent, {{"alphaMode", "MASK"}}, 1e30F)), 1.1);
+}
+
+TEST(Materials, WhatIsNotShownIsNamed) {
+  const auto decode = [](const Json& material) {
+    fetch::test_support::GltfWriter made;
+    made.json()["materials"] = {material};
+    const std::vector<float> corners = {0, 0, 0, 1, 0, 0, 0, 1, 0};
+    made.add_primitive({{"attributes", {{"POSITION", made.add_accessor(corners, 3)}}}, {"material", 0}});
+    return decode_content(base::test_support::to_bytes(made.glb()), "t.glb");
+  };
+  const DecodedContent shining =
+      decode({{"emissiveFactor", {1, 0.5, 0}}, {"pbrMetallicRoughness", {{"baseColorFactor", {0, 0, 0, 1}}}}});
+  EXPECT_EQ(shining.meshes.at(0).base_color, (std::array<float, 4>{1, 0.5, 0, 1}));
+  EXPECT_THAT(shining.warnings, ElementsAre(HasSubstr("emissive")));
+  const DecodedContent unknown = decode({{"extensions", {{"KHR_techniques_webgl", Json::object()}}}});
+  EXPECT_THAT(unknown.warnings, ElementsAre(HasSubstr("KHR_techniques_webgl is ignored")));
+  EXPECT_TRUE(decode({{"extensions", {{"KHR_materials_unlit", Json::object()}}}}).warnings.empty());
+}
+
+TEST(Materials, IntegerColoursWithoutNormalizedAreRead) {
+  for (const bool normalized : {true, false}) {
+    fetch::test_support::GltfWriter writer;
+    const std::vector<float> corners = {0, 0, 0, 1, 0, 0, 0, 1, 0};
+    const std::vector<std::uint8_t> colors = {51, 102, 204, 255, 51, 102, 204, 255, 51, 102, 204, 255};
+    writer.add_primitive(
+        {{"attributes",
+          {{"POSITION", writer.add_accessor(corners, 3)}, {"COLOR_0", writer.add_accessor(colors, 4, normalized)}}}});
+    const DecodedContent content = decode_content(base::test_support::to_bytes(writer.glb()), "t.glb");
+    EXPECT_EQ(content.meshes.at(0).colors.at(1), (std::array<std::uint8_t, 4>{51, 102, 204, 255}));
+    EXPECT_EQ(content.warnings.size(), normalized ? 0U : 1U);
+  }
+}
+
 }  // namespace
 }  // namespace tileflight::tile_content::content_test

@@ -184,8 +184,8 @@ class DocumentParser {
   void parse_asset() {
     const std::string where = name_ + ": asset";
     const Json* asset = find_object(json_, "asset", name_);
-    const std::string version = asset == nullptr ? "1.0" : find_string(*asset, "version", where).value_or("");
-    if (!version.starts_with("2.")) {
+    const std::string version = asset == nullptr ? "1.0" : find_version(*asset, "version", where).value_or("");
+    if (version != "2" && !version.starts_with("2.")) {
       throw InputError(name_, "glTF version '" + version + "' is not supported, only 2.0: upgrade the tileset");
     }
     out_.copyright = find_string(*asset, "copyright", where).value_or("");
@@ -234,13 +234,66 @@ class DocumentParser {
   }
 
   Material material(const Json& json, const std::string& where) const {
+    Material out;
     if (const Json* pbr = find_object(json, "pbrMetallicRoughness", where)) {
-      return base_color(*pbr, "baseColorFactor", "baseColorTexture", where);
+      out = base_color(*pbr, "baseColorFactor", "baseColorTexture", where);
+    } else if (const Json* specular = find_extension(json, "KHR_materials_pbrSpecularGlossiness", where)) {
+      out = base_color(*specular, "diffuseFactor", "diffuseTexture", where);
     }
-    if (const Json* specular = find_extension(json, "KHR_materials_pbrSpecularGlossiness", where)) {
-      return base_color(*specular, "diffuseFactor", "diffuseTexture", where);
+    read_alpha(json, out, where);
+    read_emission(json, out, where);
+    name_ignored_extensions(json, out, where);
+    return out;
+  }
+
+  static void read_alpha(const Json& json, Material& out, const std::string& where) {
+    const std::string mode = find_string(json, "alphaMode", where).value_or("OPAQUE");
+    if (mode == "MASK") out.alpha_mode = AlphaMode::kMask;
+    if (mode == "BLEND") out.alpha_mode = AlphaMode::kBlend;
+    out.alpha_cutoff = find_number(json, "alphaCutoff", where).value_or(0.5);
+  }
+
+  /// A surface that only shines (black, or without a texture of its own) is shown by the light that it sends out.
+  void read_emission(const Json& json, Material& out, const std::string& where) const {
+    const auto factor = find_numbers(json, "emissiveFactor", 3, where);
+    const bool shines = factor && std::any_of(factor->begin(), factor->end(), [](double f) { return f > 0.0; });
+    if (!shines) return;
+    const Json* texture = find_object(json, "emissiveTexture", where);
+    const auto& color = out.base_color;
+    const bool is_black = color[0] == 0.0F && color[1] == 0.0F && color[2] == 0.0F;
+    const bool is_plain = texture != nullptr && !out.base_color_texture;
+    if (!is_black && !is_plain) {
+      out.warnings.emplace_back("the light that materials send out (emissive) is ignored; their own colour is shown");
+      return;
     }
-    return {};
+    for (std::size_t i = 0; i < 3; ++i) out.base_color[i] = static_cast<float>(std::clamp((*factor)[i], 0.0, 1.0));
+    out.base_color_texture.reset();
+    if (texture != nullptr) out.base_color_texture = texture_reference(*texture, where);
+    out.warnings.emplace_back("materials that only send out light (emissive) are shown in that light's colour");
+  }
+
+  /// Extensions that decide the colour or the transparency of a surface and are not read.
+  static void name_ignored_extensions(const Json& json, Material& out, const std::string& where) {
+    const Json* extensions = find_object(json, "extensions", where);
+    if (extensions == nullptr) return;
+    static constexpr std::array<std::string_view, 13> kHarmless = {
+        "KHR_materials_unlit",      "KHR_materials_pbrSpecularGlossiness",
+        "KHR_materials_specular",   "KHR_materials_ior",
+        "KHR_materials_clearcoat",  "KHR_materials_sheen",
+        "KHR_materials_anisotropy", "KHR_materials_iridescence",
+        "KHR_materials_dispersion", "KHR_materials_emissive_strength",
+        "KHR_materials_variants",   "EXT_structural_metadata",
+        "KHR_xmp_json_ld"};
+    for (const auto& [name, unused] : extensions->items()) {
+      if (std::find(kHarmless.begin(), kHarmless.end(), name) != kHarmless.end()) continue;
+      const bool is_clear = name == "KHR_materials_transmission" || name == "KHR_materials_volume" ||
+                            name == "KHR_materials_diffuse_transmission";
+      out.warnings.push_back("the material extension " + name + " is ignored; its surfaces are shown " +
+                             (is_clear ? "opaque"
+                              : out.base_color_texture
+                                  ? "by their base colour"
+                                  : "in one colour (white where the material states no base colour)"));
+    }
   }
 
   Material base_color(const Json& json, const char* factor, const char* texture, const std::string& where) const {

@@ -114,9 +114,15 @@ struct Mesh {
   std::vector<Primitive> primitives;
 };
 
+/// How alpha decides what of a surface is there: all, what exceeds the cutoff, or a share of light.
+enum class AlphaMode { kOpaque, kMask, kBlend };
+
 struct Material {
   std::array<float, 4> base_color{1, 1, 1, 1};
   std::optional<TextureReference> base_color_texture;
+  AlphaMode alpha_mode = AlphaMode::kOpaque;
+  double alpha_cutoff = 0.5;
+  std::vector<std::string> warnings;  ///< what of it is not shown
 };
 
 struct Texture {

@@ -63,6 +63,16 @@ void check_count(const std::vector<float>& values, std::size_t components, std::
                              std::to_string(vertex_count) + " vertices");
 }
 
+/// Integers stand for 0 to 1 only if the accessor says so (glTF 2.0, section 3.7.2.1); some writers forget it.
+void normalize_colors(const Accessor& accessor, Geometry& out) {
+  if (accessor.normalized || (accessor.type != ComponentType::kUint8 && accessor.type != ComponentType::kUint16))
+    return;
+  if (std::none_of(out.colors.begin(), out.colors.end(), [](float value) { return value > 1.0F; })) return;
+  const float range = accessor.type == ComponentType::kUint8 ? 255.0F : 65535.0F;
+  for (float& value : out.colors) value /= range;
+  out.warnings.emplace_back("integer vertex colours that are not declared as normalised are read as if they were");
+}
+
 /// Reads the attributes that the Draco mesh lacks, or all if there is no Draco mesh.
 void read_attributes(Geometry& out, const Primitive& primitive, const Document& document, Buffers& buffers,
                      const GeometryRequest& request) {
@@ -82,6 +92,7 @@ void read_attributes(Geometry& out, const Primitive& primitive, const Document& 
   if (const auto* accessor = find("COLOR_0"); accessor != nullptr && out.colors.empty()) {
     out.color_components = document.accessors[*accessor].components == 3 ? 3 : 4;
     out.colors = buffers.floats(*accessor, out.color_components);
+    normalize_colors(document.accessors[*accessor], out);
   }
   if (const auto* accessor = find(request.feature_attribute); accessor != nullptr && out.feature_ids.empty()) {
     out.feature_ids = buffers.ids(*accessor);
@@ -221,6 +232,8 @@ Geometry decode_draco(std::span<const std::byte> bytes, const Primitive& primiti
   }
   out.color_components = color_components(primitive, document);
   out.colors = read("COLOR_0", out.color_components);
+  if (const auto it = primitive.attributes.find("COLOR_0"); it != primitive.attributes.end())
+    normalize_colors(document.accessors[it->second], out);
   if (!request.feature_attribute.empty()) {
     const std::vector<float> ids = read(request.feature_attribute, 1);
     out.feature_ids.resize(ids.size());

@@ -8,8 +8,10 @@
 #include <optional>
 
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/imaging/image_alpha.h"
 #include "tileflight/core/imaging/ktx2.h"
 #include "tileflight/tiles/fetch/uri.h"
+#include "tileflight/tiles/tile_content/alpha_cutout.h"
 #include "tileflight/tiles/tile_content/content.h"
 #include "tileflight/tiles/tile_content/gltf_buffers.h"
 #include "tileflight/tiles/tile_content/gltf_document.h"
@@ -170,13 +172,19 @@ class MeshBuilder {
     const gltf::TextureReference* texture = options_.textures && material != nullptr && material->base_color_texture
                                                 ? &*material->base_color_texture
                                                 : nullptr;
-    const gltf::GeometryRequest request{.tex_coords = texture != nullptr,
-                                        .tex_coord_set = texture == nullptr ? 0 : texture->tex_coord,
+    const gltf::TextureReference* opacity = opacity_texture(material);
+    const gltf::TextureReference* sampled = texture != nullptr ? texture : opacity;
+    const gltf::GeometryRequest request{.tex_coords = sampled != nullptr,
+                                        .tex_coord_set = sampled == nullptr ? 0 : sampled->tex_coord,
                                         .feature_attribute = primitive.features ? primitive.features->attribute : "",
                                         .feature_coord_set = feature_coord_set(primitive)};
     gltf::Geometry geometry = gltf::read_geometry(primitive, document_, buffers_, request, where);
     for (const std::string& warning : geometry.warnings) warn(warning);
     if (!geometry.points.empty()) return add_points(geometry, material, places, where);
+    if (material != nullptr) {
+      for (const std::string& warning : material->warnings) warn(warning);
+      remove_transparent_parts(*material, opacity, geometry, where);
+    }
     if (geometry.triangles.empty()) return;
     if (primitive.texture_features) read_feature_texture(*primitive.texture_features, geometry, where);
     TexturedMesh appearance = appearance_of(geometry, texture, where);
@@ -194,6 +202,71 @@ class MeshBuilder {
       receiver_.take_mesh(out_.meshes.back());
       out_.meshes.pop_back();
     }
+  }
+
+  /// The texture whose alpha decides which parts of a surface are there; also without textures.
+  static const gltf::TextureReference* opacity_texture(const gltf::Material* material) {
+    const bool decides = material != nullptr && material->alpha_mode != gltf::AlphaMode::kOpaque;
+    return decides && material->base_color_texture ? &*material->base_color_texture : nullptr;
+  }
+
+  /// Removes what is not there: of MASK what lies below the cutoff, of BLEND what is wholly transparent.
+  void remove_transparent_parts(const gltf::Material& material, const gltf::TextureReference* texture,
+                                gltf::Geometry& geometry, const std::string& where) {
+    if (material.alpha_mode == gltf::AlphaMode::kOpaque) return;
+    const bool blends = material.alpha_mode == gltf::AlphaMode::kBlend;
+    const double factor = material.base_color[3];
+    // The least alpha of a texel that is surface, of 255; above 255: none is.
+    const double least =
+        blends ? (factor > 0.0 ? 1.0 : 256.0) : (factor > 0.0 ? 255.0 * material.alpha_cutoff / factor : 256.0);
+    if (least > 255.0 + 1e-6) {
+      warn("surfaces that are wholly transparent by their material are left out");
+      geometry.triangles.clear();
+      return;
+    }
+    const imaging::GrayImage* alpha = texture == nullptr ? nullptr : alpha_of(document_.textures[texture->texture]);
+    if (alpha != nullptr && !alpha->empty() && !geometry.tex_coords.empty()) {
+      const gltf::Texture& sampled = document_.textures[texture->texture];
+      const gltf::OpacityMask mask{*alpha, static_cast<std::uint8_t>(std::clamp(std::ceil(least - 1e-6), 0.0, 255.0)),
+                                   sampled.wrap_u, sampled.wrap_v};
+      const auto uv = texture_coordinates(geometry.tex_coords, texture->transform.value_or(gltf::TextureTransform{}));
+      const int cell = gltf::cut_out(mask, uv, geometry);
+      if (cell > 1)
+        warn("parts with a fine pattern of transparency are cut out by cells of several texels, not by texels");
+      if (cell < 0) warn("a texture with transparent parts is repeated too often; its surface is shown whole");
+      if (geometry.vertex_count() > options_.limits.max_vertices) spend(geometry, where);
+    }
+    if (blends) warn_of_blending(factor, alpha);
+  }
+
+  void warn_of_blending(double factor, const imaging::GrayImage* alpha) {
+    const auto is_partial = [](std::uint8_t a) { return a > 0 && a < 255; };
+    const bool in_texture = alpha != nullptr && std::any_of(alpha->pixels.begin(), alpha->pixels.end(), is_partial);
+    if (factor < 1.0 || in_texture) {
+      warn(
+          "partly transparent surfaces (alpha mode BLEND) are shown and measured as opaque; wholly transparent parts "
+          "are left out");
+    }
+  }
+
+  /// The opacity of a texture; nullptr if it is unknown (with a warning).
+  const imaging::GrayImage* alpha_of(const gltf::Texture& texture) {
+    if (!texture.image) return nullptr;
+    const auto known = alphas_.find(*texture.image);
+    if (known != alphas_.end()) return known->second ? &*known->second : nullptr;
+    const gltf::Image& image = document_.images[*texture.image];
+    const std::string where = name_ + ": images[" + std::to_string(*texture.image) + "]";
+    const imaging::DecodeLimits limits{.max_pixels = options_.limits.max_texture_pixels};
+    std::optional<imaging::GrayImage>& alpha = alphas_[*texture.image];
+    if (image.view) {
+      alpha = imaging::decode_alpha(buffers_.view(*image.view), where, limits);
+    } else if (fetch::is_data_uri(*image.uri)) {
+      alpha = imaging::decode_alpha(fetch::decode_data_uri(*image.uri, where), where, limits);
+    } else if (options_.read_resource) {
+      alpha = imaging::decode_alpha(options_.read_resource(*image.uri), where, limits);
+    }
+    if (!alpha) warn("the transparency of a texture is not read (KTX2); its surfaces are shown opaque");
+    return alpha ? &*alpha : nullptr;
   }
 
   /// Feature ids in textures are used only if textures are read.
@@ -351,6 +424,7 @@ class MeshBuilder {
   gltf::Buffers buffers_;
   gltf::PropertyTables property_tables_;
   std::map<std::size_t, std::shared_ptr<const imaging::RgbImage>> images_;
+  std::map<std::size_t, std::optional<imaging::GrayImage>> alphas_;
   std::size_t vertices_ = 0;
   std::size_t triangles_ = 0;
   std::size_t points_ = 0;

@@ -97,12 +97,12 @@ DecodedContent read_body(Bytes tile, Bytes body, const std::string& name, const 
   ContentOptions beside = options;
   if (options.read_resource) {
     beside.read_resource = [&](const std::string& reference) {
-      return options.read_resource(fetch::resolve_uri(uri, reference));
+      return options.read_resource(fetch::resolve_in_tileset(uri, reference));
     };
   }
   if (options.read_image) {
     beside.read_image = [&](const std::string& reference) {
-      return options.read_image(fetch::resolve_uri(uri, reference));
+      return options.read_image(fetch::resolve_in_tileset(uri, reference));
     };
   }
   const std::vector<std::byte> model =

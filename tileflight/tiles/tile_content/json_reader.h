@@ -19,7 +19,10 @@ struct JsonLimits {
   int max_depth = 512;  ///< nesting depth of arrays and objects
 };
 
-/// Parses a JSON text; a byte order mark is skipped. Throws InputError (name, cause, byte).
+/// Returns what is wrong with a JSON text that the parser refused, and where: "line 171, column 3: …".
+std::string describe_json_error(std::string_view text, const Json::parse_error& error);
+
+/// Parses a JSON text; a byte order mark is skipped. Throws InputError (name, line, column, cause).
 Json parse_json(std::string_view text, const std::string& name, const JsonLimits& limits = {});
 
 /// Finds a member of an object; nullptr if it is absent. A null member counts as absent, because existing files contain
@@ -44,6 +47,9 @@ std::optional<std::size_t> find_index(const Json& object, const char* key, const
 /// something else.
 std::optional<std::vector<double>> find_numbers(const Json& object, const char* key, std::size_t count,
                                                 const std::string& where);
+/// Finds a version, which some writers give as a number instead of a text: "1.0" for 1.0. Throws InputError if the
+/// member is something else.
+std::optional<std::string> find_version(const Json& object, const char* key, const std::string& where);
 /// Returns the texts of an array; empty if the member is absent. Throws InputError if the member is something else.
 std::vector<std::string> find_strings(const Json& object, const char* key, const std::string& where);
 

@@ -85,6 +85,7 @@ class PointReader {
     if (!draco_ && count_ > table_bytes)
       throw InputError(table_.where(), "the number of points differs from POINTS_LENGTH");
     PointCloud cloud;
+    if (count_ == 0) return cloud;
     cloud.positions = positions();
     cloud.colors = colors();
     cloud.normals = normals();
@@ -184,7 +185,8 @@ void append_pnts(Bytes bytes, const std::string& name, const ContentOptions& opt
   const TileTables tables = split_tables(tile, read_table_lengths(tile, kHeader), name);
   const TileTable table(tables.feature_json, tables.feature_binary, name + ": feature table");
   const std::size_t table_bytes = tables.feature_json.size() + tables.feature_binary.size();
-  out.clouds.push_back(PointReader(table, tables.feature_binary).read(options.limits.max_points, table_bytes));
+  PointCloud cloud = PointReader(table, tables.feature_binary).read(options.limits.max_points, table_bytes);
+  if (!cloud.positions.empty()) out.clouds.push_back(std::move(cloud));
 }
 
 }  // namespace tileflight::tile_content

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
 
 #include "tileflight/core/geometry/geodesy.h"
 
@@ -29,6 +30,24 @@ double longitude_width_rad(const GeographicRegion& region) {
   return width >= 0 ? width : width + 2 * std::numbers::pi;
 }
 
+/// Whether the region surrounds the earth: more than half of a circle of latitude, up to a cap at a pole.
+bool is_wide(const GeographicRegion& region) { return longitude_width_rad(region) > std::numbers::pi; }
+
+/// The largest cosine of the region's latitudes.
+double widest_parallel(const GeographicRegion& region) {
+  if (region.south_rad <= 0 && region.north_rad >= 0) return 1.0;
+  return std::cos(std::min(std::abs(region.south_rad), std::abs(region.north_rad)));
+}
+
+/// The latitude of the pole that a cap surrounds; nullopt if the region is none.
+std::optional<double> pole_of_cap(const GeographicRegion& region) {
+  constexpr double kTolerance_rad = 1e-6, kQuarter_rad = std::numbers::pi / 2;
+  if (longitude_width_rad(region) < 2 * std::numbers::pi - kTolerance_rad) return std::nullopt;
+  const bool north = region.north_rad > kQuarter_rad - kTolerance_rad;
+  const bool south = region.south_rad < kTolerance_rad - kQuarter_rad;
+  return north == south ? std::nullopt : std::optional(north ? kQuarter_rad : -kQuarter_rad);
+}
+
 Vec3 ecef(double latitude_rad, double longitude_rad, double height_m) {
   constexpr double kDegrees = 180.0 / std::numbers::pi;
   return geometry::ecef_from_geodetic({latitude_rad * kDegrees, longitude_rad * kDegrees, {height_m}});
@@ -41,10 +60,11 @@ Box3 bounds_of_region(const GeographicRegion& region, const SE3& T_local_tileset
   constexpr int kSteps = 8;
   constexpr double kLargestRadius_m = 6.5e6;
   const double latitude_step = (region.north_rad - region.south_rad) / kSteps;
-  const double longitude_step = longitude_width_rad(region) / kSteps;
+  const int longitude_steps = is_wide(region) ? 8 * kSteps : kSteps;
+  const double longitude_step = longitude_width_rad(region) / longitude_steps;
   Box3 box;
   for (int i = 0; i <= kSteps; ++i) {
-    for (int j = 0; j <= kSteps; ++j) {
+    for (int j = 0; j <= longitude_steps; ++j) {
       for (const double height_m : {region.min_height_m, region.max_height_m}) {
         box.extend(T_local_tileset *
                    ecef(region.south_rad + i * latitude_step, region.west_rad + j * longitude_step, height_m));
@@ -52,7 +72,9 @@ Box3 bounds_of_region(const GeographicRegion& region, const SE3& T_local_tileset
     }
   }
   const double radius_m = kLargestRadius_m + std::max(std::abs(region.min_height_m), std::abs(region.max_height_m));
-  const double bulge_m = radius_m * (latitude_step * latitude_step + longitude_step * longitude_step) / 8;
+  // A parallel's radius is smaller by the cosine of its latitude, which matters for caps at a pole.
+  const double parallel = is_wide(region) ? widest_parallel(region) : 1.0;
+  const double bulge_m = radius_m * (latitude_step * latitude_step + parallel * longitude_step * longitude_step) / 8;
   return {box.min() - Vec3::Constant(bulge_m), box.max() + Vec3::Constant(bulge_m)};
 }
 
@@ -147,6 +169,7 @@ Vec3 center_of(const BoundingVolume& volume) {
     return ecef(s2_normal(s2->cell, 0.5, 0.5), (s2->min_height_m + s2->max_height_m) / 2);
   }
   const auto& region = std::get<GeographicRegion>(volume);
+  if (const auto pole = pole_of_cap(region)) return ecef(*pole, 0.0, (region.min_height_m + region.max_height_m) / 2);
   return ecef((region.south_rad + region.north_rad) / 2, region.west_rad + longitude_width_rad(region) / 2,
               (region.min_height_m + region.max_height_m) / 2);
 }

@@ -153,5 +153,25 @@ TEST(BoundingVolume, GeographicRegionsHoldAllTheirPoints) {
   }
 }
 
+/// A cap at a pole: its middle is the pole, and its bounds are not those of half the earth.
+TEST(BoundingVolume, CapAtAPole) {
+  constexpr double kQuarter = std::numbers::pi / 2;
+  for (const double side : {1.0, -1.0}) {
+    GeographicRegion cap{};
+    cap.west_rad = -std::numbers::pi;
+    cap.east_rad = std::numbers::pi;
+    cap.south_rad = side > 0 ? 1.5 : -kQuarter;
+    cap.north_rad = side > 0 ? kQuarter : -1.5;
+    cap.max_height_m = 100.0;
+    const geometry::Geodetic middle = geometry::geodetic_from_ecef(center_of(cap));
+    EXPECT_NEAR(middle.latitude_deg, 90.0 * side, 1e-9);
+    EXPECT_NEAR(middle.height.m, 50.0, 1e-6);
+    const geometry::Box3 box = local_bounding_box(cap, geometry::LocalFrame(middle).T_local_ecef());
+    EXPECT_NEAR(box.sizes().x(), 906e3, 10e3);
+    EXPECT_GT(box.min().z(), -20e3) << "16 km below the tangent plane at its rim";
+    EXPECT_LT(box.max().z(), 5e3);
+  }
+}
+
 }  // namespace
 }  // namespace tileflight::tileset::bounding_volume_test

@@ -1,10 +1,13 @@
 #include "tileflight/tiles/tileset/content_records.h"
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/geometry/json_numbers.h"
+#include "tileflight/tiles/fetch/uri.h"
 #include "tileflight/tiles/tile_content/attribution.h"
+#include "tileflight/tiles/tileset/bounding_volume.h"
 
 namespace tileflight::tileset {
 namespace {
@@ -44,6 +47,30 @@ void add_records(std::span<const std::optional<ContentRecord>> records, tile_con
 }
 
 }  // namespace
+
+geometry::Box3 stated_bounds(const TilesetTree& tree, const CutContent& content, const geometry::SE3& T_local_tileset) {
+  const BoundingVolume volume = tree.content_volume(content.node, content.content).value_or(tree.volume(content.node));
+  return local_bounding_box(volume, T_local_tileset);
+}
+
+void StrayContents::add(const std::string& uri, const geometry::Box3& stated, const geometry::Box3& held) {
+  constexpr double kRounding_m = 1e-4, kRoundingShare = 1e-5;
+  if (stated.isEmpty() || held.isEmpty()) return;
+  const double out_m = std::max((stated.min() - held.min()).maxCoeff(), (held.max() - stated.max()).maxCoeff());
+  if (out_m < kRounding_m + kRoundingShare * stated.sizes().norm()) return;
+  uris_.insert(uri);
+  if (out_m <= worst_m_) return;
+  worst_m_ = out_m;
+  worst_uri_ = uri;
+}
+
+std::optional<std::string> StrayContents::warning() const {
+  if (uris_.empty()) return std::nullopt;
+  return base::formatted(
+      "%zu of the tiles read hold surface outside of the bounding volumes that the tileset states for them, by up to "
+      "%.3g m (%s): what was read counts where it lies, but images and coarse levels select tiles by these volumes",
+      uris_.size(), worst_m_, fetch::uri_for_message(worst_uri_).c_str());
+}
 
 ContentRecord make_record(const LoadedContent& content) {
   ContentRecord record;
@@ -94,6 +121,13 @@ LoadedTiles summarize(const Placement& placement, const TileCut& cut,
   tile_content::AttributionCollector attribution;
   add_records(records, attribution, out);
   out.tiles_failed = static_cast<std::int64_t>(out.failures.size());
+  StrayContents stray;
+  for (std::size_t i = 0; i < records.size(); ++i) {
+    if (records[i] && records[i]->failure.empty())
+      stray.add(cut.contents[i].uri, stated_bounds(tree, cut.contents[i], placement.T_local_tileset),
+                records[i]->bounds);
+  }
+  if (const auto line = stray.warning()) base::add_distinct({*line}, out.warnings);
   for (const auto& [uri, tileset] : tree.files_read()) attribution.add(tileset->copyright);
   base::add_distinct(tree.warnings(), out.warnings);
   base::add_distinct(source.warnings(), out.warnings);  // including warnings of the reads

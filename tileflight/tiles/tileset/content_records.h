@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
 #include <vector>
@@ -21,6 +22,23 @@ struct ContentRecord {
   geometry::Box3 bounds;  ///< local frame
   std::vector<std::string> copyrights, warnings;
   std::string failure;  ///< empty: the content was read
+};
+
+/// Returns the bounds that a content's volume, or else its tile's, states: local frame.
+geometry::Box3 stated_bounds(const TilesetTree& tree, const CutContent& content, const geometry::SE3& T_local_tileset);
+
+/// Counts contents that hold surface outside of the volumes that their tiles state.
+class StrayContents {
+ public:
+  /// Compares what a content holds with its volume, both in one frame. Each content counts once.
+  void add(const std::string& uri, const geometry::Box3& stated, const geometry::Box3& held);
+  /// Returns the warning that names them; nullopt if there is none.
+  std::optional<std::string> warning() const;
+
+ private:
+  std::set<std::string> uris_;
+  std::string worst_uri_;
+  double worst_m_ = 0.0;
 };
 
 /// Summarizes a content.

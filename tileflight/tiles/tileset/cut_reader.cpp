@@ -101,10 +101,10 @@ class CutReader {
     content_options.textures = textures_;
     content_options.up_axis = file.up_axis;
     content_options.read_resource = [&](const std::string& uri) {
-      return fetch::read_uri(source_, fetch::resolve_uri(file.uri, uri));
+      return fetch::read_uri(source_, fetch::resolve_reference(source_, file.uri, uri));
     };
     content_options.read_image = [&](const std::string& uri) {
-      return images_.read(fetch::resolve_uri(file.uri, uri), content_options.limits.max_texture_pixels);
+      return images_.read(fetch::resolve_reference(source_, file.uri, uri), content_options.limits.max_texture_pixels);
     };
     return tile_content::decode_content(bytes, fetch::uri_for_message(file.uri), content_options);
   }

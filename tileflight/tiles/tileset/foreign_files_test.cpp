@@ -59,7 +59,6 @@ TEST(ForeignFiles, EveryTilesetOfTheValidatorIsReadOrNamed) {
 TEST(ForeignFiles, FaultsOfTheValidatorAreNamed) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "invalid/validator_specs/tilesets");
   const std::pair<const char*, const char*> cases[] = {
-      {"assetVersionInvalidType.json", "asset: version is number, expected a string"},
       {"boundingVolumeBoxArrayInvalidElementType.json", "box is string, expected a number"},
       {"boundingVolumeRegionArrayElementsOutOfRange.json", "boundingVolume.region has an angle outside of its range"},
       {"boundingVolumeRegionInvalidArrayLength.json", "region has"},

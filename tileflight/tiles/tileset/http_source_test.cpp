@@ -74,6 +74,48 @@ TEST_F(HttpSourceTest, AFolderIsItsTilesetAndAnInspectionFetchesFewTilesForTheir
   EXPECT_EQ(place_.server().requests().size(), 4U) << "two tilesets, and both tiles for whose they are";
 }
 
+/// RFC 3986, section 5.1.3: the base is where the redirect ended; also if the file then comes from the cache.
+TEST_F(HttpSourceTest, ReferencesAreRelativeToWhereARedirectEnded) {
+  place_.stage("/short/tileset.json", [](const ServedRequest&, ServedConnection& c) {
+    return c.answer(302, "", {"Location: /place/tileset.json"});
+  });
+  const std::string tileset = place_.files().at("/place/tileset.json");
+  place_.stage("/place/tileset.json", [tileset](const ServedRequest&, ServedConnection& c) {
+    return c.answer(200, tileset, {"Cache-Control: max-age=1000"});
+  });
+  fetch::SourceOptions options;
+  options.http = options_;
+  const tests::TemporaryFolder folder;
+  options.cache_folder = folder / "cache";
+  for (int time = 0; time < 2; ++time) {
+    const std::unique_ptr<fetch::TileSource> source = fetch::open_source(place_.url("/short/tileset.json"), options);
+    EXPECT_EQ(load_region(*source, "place", {}).tiles_loaded, 2) << time;
+    EXPECT_EQ(source->base_uri(place_.url("/short/tileset.json")), place_.root());
+  }
+  EXPECT_EQ(place_.server().count("/short/tileset.json"), 1) << "the second time it is in the cache";
+}
+
+/// A blank is sent as %20; a session in an external tileset's URI goes to its contents, as with CesiumJS.
+TEST_F(HttpSourceTest, BlanksAreEncodedAndQueryParametersPassedOn) {
+  using fetch::test_support::box_volume;
+  place_.add("/q/my place.json", fetch::test_support::tileset(fetch::test_support::tile(box_volume(5, 0, 0, 2, 2, 2), 5,
+                                                                                        "sub/inner.json?session=S"))
+                                     .dump());
+  place_.add(
+      "/q/sub/inner.json",
+      fetch::test_support::tileset(fetch::test_support::tile(box_volume(5, 0, 0, 2, 2, 2), 0, "the east.glb")).dump());
+  const std::string tile = place_.files().at("/place/east.glb");
+  place_.stage("/q/sub/the%20east.glb", [tile](const ServedRequest& r, ServedConnection& c) {
+    const bool known = r.target.find("session=S") != std::string::npos && r.target.find("key=K") != std::string::npos;
+    return known ? c.answer(200, tile) : c.answer(403, "");
+  });
+  place_.add("/q/my%20place.json", place_.files().at("/q/my place.json"));
+  fetch::HttpSource source = open_at(place_.url("/q/my place.json?key=K"));
+  const LoadedTiles tiles = load_region(source, "place", {});
+  EXPECT_TRUE(tiles.complete);
+  EXPECT_EQ(tiles.tiles_loaded, 1);
+}
+
 TEST_F(HttpSourceTest, StatusesAreNamedWithTheReasonGiven) {
   place_.stage("/gone", [](const ServedRequest&, ServedConnection& c) {
     return c.answer(403, R"({"error": {"code": 403, "message": "key SECRETSECRET is not enabled"}})");

@@ -19,6 +19,7 @@
 #include "tileflight/tiles/tile_content/attribution.h"
 #include "tileflight/tiles/tile_content/content.h"
 #include "tileflight/tiles/tile_content/shared_image_cache.h"
+#include "tileflight/tiles/tileset/content_records.h"
 #include "tileflight/tiles/tileset/placement.h"
 #include "tileflight/tiles/tileset/tileset_tree.h"
 
@@ -81,6 +82,8 @@ class TilesetInspector {
     describe_counts();
     describe_files();
     probe_contents();
+    if (const auto line = stray_.warning()) base::add_distinct({*line}, out_.warnings);
+    if (has_plain_ && !has_textured_) out_.warnings.emplace_back(kNoTextures);
     return std::move(out_);
   }
 
@@ -362,18 +365,37 @@ class TilesetInspector {
     tile_content::SharedImageCache images(source_);
     tile_content::ContentOptions options;
     options.read_resource = [&](const std::string& resource) {
-      return fetch::read_uri(source_, fetch::resolve_uri(uri, resource));
+      return fetch::read_uri(source_, fetch::resolve_reference(source_, uri, resource));
     };
     options.read_image = [&](const std::string& image) {
-      return images.read(fetch::resolve_uri(uri, image), options.limits.max_texture_pixels);
+      return images.read(fetch::resolve_reference(source_, uri, image), options.limits.max_texture_pixels);
     };
     const tile_content::DecodedContent decoded =
         tile_content::decode_content(bytes, fetch::uri_for_message(uri), options);
+    base::add_distinct(decoded.warnings, out_.warnings);
+    for (const imaging::TexturedMesh& mesh : decoded.meshes) {
+      (mesh.texture || !mesh.colors.empty() ? has_textured_ : has_plain_) = true;
+    }
     ContentMeasures measures = measure_content(decoded.meshes, decoded.clouds);
     measures.file_bytes = static_cast<double>(bytes.size());
     const geometry::Mat3 linear = tree_.T_tileset_tile(node->second).topLeftCorner<3, 3>();
     measures.area_m2 *= std::pow(std::abs(linear.determinant()), 2.0 / 3.0);
     out_.probes.push_back(measures);
+    compare_with_volume(uri, node->second, decoded);
+  }
+
+  /// In the frame at the volume's centre, where boxes along the axes are tight.
+  void compare_with_volume(const std::string& uri, NodeId node, const tile_content::DecodedContent& decoded) {
+    const BoundingVolume volume = tree_.volume(node);
+    geometry::SE3 T_local_tileset;
+    if (is_georeferenced(tree_))
+      T_local_tileset = geometry::LocalFrame(geometry::geodetic_from_ecef(center_of(volume))).T_local_ecef();
+    const geometry::Mat4 T_local_tile = T_local_tileset.matrix() * tree_.T_tileset_tile(node);
+    geometry::Box3 held;
+    const auto add = [&](const geometry::Vec3& p) { held.extend((T_local_tile * p.homogeneous()).head<3>()); };
+    for (const imaging::TexturedMesh& mesh : decoded.meshes) std::ranges::for_each(mesh.mesh.vertices, add);
+    for (const geometry::PointCloud& cloud : decoded.clouds) std::ranges::for_each(cloud.positions, add);
+    stray_.add(uri, local_bounding_box(volume, T_local_tileset), held);
   }
 
   fetch::TileSource& source_;
@@ -383,10 +405,13 @@ class TilesetInspector {
   TilesetSummary out_;
   TreeTally all_;
   std::size_t tiles_walked_ = 0;
+  bool has_textured_ = false,
+       has_plain_ = false;  ///< whether a probed tile has surfaces with texture or colours, or not
   /// Contents of the finest cut below each reference of the first generation that was sampled, and how many references
   /// each of these stands for.
   std::vector<double> finest_of_group_;
   double groups_stand_for_ = 1.0;
+  StrayContents stray_;
   std::unordered_set<std::string> content_uris_;
   std::vector<const std::string*> contents_in_order_;
   std::unordered_map<std::string_view, NodeId> finest_;  ///< contents of the finest cut, and a tile of each

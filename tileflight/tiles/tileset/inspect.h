@@ -73,6 +73,11 @@ struct InspectLimits {
   std::size_t max_tiles = std::size_t{500} << 10;
 };
 
+/// The warning about a place whose surfaces have neither textures nor vertex colours.
+inline constexpr const char* kNoTextures =
+    "the place has no textures: each surface has one colour, and odometry finds nothing inside it; `light: {model: "
+    "sun-and-sky}` in the camera's file (or --degrade with it) shades surfaces by their direction";
+
 /// Summarizes a tileset. Throws InputError if the root cannot be read; faults further down are listed in `failures`.
 TilesetSummary inspect_tileset(fetch::TileSource& source, const InspectLimits& limits = {},
                                const Progress& progress = {});

@@ -22,6 +22,21 @@ using ::testing::HasSubstr;
 using ::testing::Pair;
 using ::testing::UnorderedElementsAre;
 
+TEST(InspectTileset, NamesAPlaceWithoutTextures) {
+  for (const bool colors : {false, true}) {
+    fetch::test_support::GltfWriter writer;
+    fetch::test_support::Json attributes = {
+        {"POSITION", writer.add_accessor(std::vector<float>{0, 0, 0, 1, 0, 0, 0, 1, 0}, 3)}};
+    if (colors) attributes["COLOR_0"] = writer.add_accessor(std::vector<std::uint8_t>(9, 100), 3, true);
+    writer.add_primitive({{"attributes", attributes}});
+    fetch::test_support::MemorySource source(fetch::test_support::tileset(
+        fetch::test_support::tile({{"box", {0, 0, 0, 2, 0, 0, 0, 2, 0, 0, 0, 2}}}, 0, "a.glb")));
+    source.add("a.glb", writer.glb());
+    const std::vector<std::string> warnings = inspect_tileset(source).warnings;
+    EXPECT_EQ(std::count(warnings.begin(), warnings.end(), kNoTextures), colors ? 0 : 1);
+  }
+}
+
 TEST(InspectTileset, CountsWhatIsThere) {
   Json root = fetch::test_support::tile(fetch::test_support::box_volume(0, 0, 0, 10, 20, 30), 8);
   root["children"] = {fetch::test_support::tile(fetch::test_support::box_volume(0, 0, 0, 1, 1, 1), 4, "a.glb"),

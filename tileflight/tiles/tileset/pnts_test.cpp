@@ -46,6 +46,17 @@ TEST(Pnts, FloatsWithColoursNormalsAndIds) {
   EXPECT_THAT(cloud.scalars.at(tile_content::kFeatureIdScalar), ElementsAre(7, 200));
 }
 
+/// A tile of 0 points needs no positions; it is empty, not broken.
+TEST(Pnts, NoPoints) {
+  for (const Json& table :
+       {Json{{"POINTS_LENGTH", 0}}, Json{{"POINTS_LENGTH", 0}, {"POSITION", {{"byteOffset", 0}}}}}) {
+    const tile_content::DecodedContent content = tile_content::decode_content(
+        base::test_support::to_bytes(fetch::test_support::container("pnts", {table, ""})), "p");
+    EXPECT_TRUE(content.clouds.empty());
+    EXPECT_TRUE(content.meshes.empty());
+  }
+}
+
 TEST(Pnts, QuantisedWith565AndOctahedralNormals) {
   const std::string positions = base::test_support::to_raw_bytes<std::uint16_t>({0, 65535, 13107, 65535, 0, 0});
   const std::string colors =

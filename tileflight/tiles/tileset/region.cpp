@@ -83,6 +83,16 @@ Ring local_ring(const Ring& lon_lat, const geometry::LocalFrame& frame) {
 
 }  // namespace
 
+Region column_of(Region region) {
+  constexpr double kFar_m = 20e3, kMargin_m = 0.5;
+  region.size += 2 * Vec3(kMargin_m, kMargin_m, kFar_m);
+  for (Prism& part : region.parts) {
+    part.bottom_m -= kFar_m;
+    part.top_m += kFar_m;
+  }
+  return region;
+}
+
 bool intersects(const BoundingVolume& volume, const SE3& T_local_tileset, const Region& region) {
   if (region.parts.empty()) return intersects(volume, T_local_tileset, region.box());
   return std::any_of(region.parts.begin(), region.parts.end(), [&](const Prism& part) {

@@ -27,6 +27,10 @@ struct Region {
   geometry::Box3 box() const { return {center - size / 2, center + size / 2}; }
 };
 
+/// Returns the region from far below to far above, and a little wider: the places where tiles may hold its surface
+/// although their bounding volumes state wrong heights or are too small.
+Region column_of(Region region);
+
 /// Returns whether the volume may intersect the region: for a box, by the volume's own test; for polygons, if the
 /// volume meets a polygon's box and its projection on the ground plane meets the polygon. Never falsely negative.
 bool intersects(const BoundingVolume& volume, const geometry::SE3& T_local_tileset, const Region& region);

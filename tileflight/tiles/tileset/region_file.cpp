@@ -8,6 +8,7 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/tiles/tile_content/json_reader.h"
 
 namespace tileflight::tileset {
 namespace {
@@ -32,6 +33,15 @@ Vector2d position_of(const json& position) {
   return out;
 }
 
+/// Whether the longitudes of a ring go once around the earth.
+bool surrounds_pole(const json& positions) {
+  double turned_deg = 0.0;
+  for (std::size_t i = 1; i < positions.size(); ++i) {
+    turned_deg += std::remainder(position_of(positions[i]).x() - position_of(positions[i - 1]).x(), 360.0);
+  }
+  return std::abs(turned_deg) > 180.0;
+}
+
 /// RFC 7946, section 3.1.6: four positions or more, the last equal to the first.
 Ring ring_of(const json& positions) {
   if (!positions.is_array() || positions.size() < 4) throw std::runtime_error("a ring has fewer than four positions");
@@ -39,7 +49,11 @@ Ring ring_of(const json& positions) {
   for (const json& position : positions) {
     ring.push_back(position_of(position));
     if (ring.size() > 1 && std::abs(ring.back().x() - ring[ring.size() - 2].x()) > 180) {
-      throw std::runtime_error("a polygon crosses the antimeridian: split it there (RFC 7946, section 3.1.9)");
+      const bool at_pole = std::any_of(positions.begin(), positions.end(),
+                                       [](const json& p) { return std::abs(position_of(p).y()) > 89.9; });
+      throw std::runtime_error(at_pole || surrounds_pole(positions)
+                                   ? "a polygon surrounds a pole, where longitudes meet: give --center and --size"
+                                   : "a polygon crosses the antimeridian: split it there (RFC 7946, section 3.1.9)");
     }
   }
   if (ring.front() != ring.back()) throw std::runtime_error("a ring is not closed: its last position is not its first");
@@ -130,7 +144,7 @@ std::optional<std::pair<double, double>> heights_of(const std::vector<Geographic
 std::vector<GeographicArea> read_geojson_areas(const std::filesystem::path& file) {
   std::vector<GeographicArea> areas;
   try {
-    add_object(json::parse(base::read_text(file, kLargestFileBytes)), 0, areas);
+    add_object(tile_content::parse_json(base::read_text(file, kLargestFileBytes), file.string()), 0, areas);
   } catch (const InputError&) {
     throw;
   } catch (const std::exception& fault) {

@@ -222,6 +222,14 @@ TEST_F(RegionFile, FaultsAreNamed) {
               HasSubstr("not closed"));
   EXPECT_THAT(fault({{"type", "Polygon"}, {"coordinates", {{{0, 0}, {1, 0}, {0, 0}}}}}), HasSubstr("fewer than four"));
   EXPECT_THAT(fault({{"type", "Polygon"}, {"coordinates", {{{0, 0}, {1, 99}, {1, 1}, {0, 0}}}}}), HasSubstr("degrees"));
+  EXPECT_THAT(fault({{"type", "Polygon"}, {"coordinates", {{{0, 85}, {90, 85}, {180, 85}, {-90, 85}, {0, 85}}}}}),
+              HasSubstr("surrounds a pole"));
+  EXPECT_THAT(
+      fault({{"type", "Polygon"}, {"coordinates", {{{-180, 80}, {180, 80}, {180, 90}, {-180, 90}, {-180, 80}}}}}),
+      HasSubstr("surrounds a pole"));
+  EXPECT_THAT(
+      fault({{"type", "Polygon"}, {"coordinates", {{{170, 10}, {-170, 10}, {-170, 11}, {170, 11}, {170, 10}}}}}),
+      HasSubstr("crosses the antimeridian"));
   EXPECT_THAT(fault({{"type", "Polygon"}, {"coordinates", 3}}), HasSubstr("not usable GeoJSON"));
   EXPECT_THAT(fault(feature(polygon({rectangle(0, 0, 1, 1)}), {{"min_height", 5}, {"max_height", 5}})),
               HasSubstr("min_height is not below"));

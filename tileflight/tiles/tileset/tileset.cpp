@@ -21,6 +21,7 @@ using tile_content::find_numbers;
 using tile_content::find_object;
 using tile_content::find_string;
 using tile_content::find_strings;
+using tile_content::find_version;
 using tile_content::Json;
 using tile_content::require_value;
 
@@ -85,10 +86,7 @@ class TilesetParser {
     const std::string where = name_ + ": asset";
     const Json* asset = find_object(json, "asset", name_);
     if (asset == nullptr) throw InputError(name_, "is not a tileset: asset is missing");
-    tileset_.version = require_value(find_string(*asset, "version", where), "version", where);
-    if (tileset_.version != "1.0" && tileset_.version != "1.1") {
-      throw InputError(where, "3D Tiles version '" + tileset_.version + "' is not supported; use 1.0 or 1.1");
-    }
+    parse_version(require_value(find_version(*asset, "version", where), "version", where), where);
     tileset_.copyright = find_string(*asset, "copyright", where).value_or("");
     tileset_.generator = find_string(*asset, "generator", where).value_or("");
     const std::string axis = upper(find_string(*asset, "gltfUpAxis", where).value_or("Y"));
@@ -106,6 +104,20 @@ class TilesetParser {
     };
     tileset_.georeferenced = flag("georeferenced");
     tileset_.movable = flag("movable").value_or(false);
+  }
+
+  /// Several writers (DJI Terra, FME) state a version below 1.0 for what is 1.0 in all else.
+  void parse_version(const std::string& written, const std::string& where) {
+    const bool newer = written == "1.1" || written.starts_with("1.1.");
+    const bool older = written == "1" || written == "1.0" || written.starts_with("1.0.") || written == "0" ||
+                       written.starts_with("0.");
+    if (!newer && !older) {
+      throw InputError(where, "3D Tiles version '" + written + "' is not supported; use 1.0 or 1.1");
+    }
+    tileset_.version = newer ? "1.1" : "1.0";
+    if (written != tileset_.version) {
+      warn("3D Tiles version '" + written + "' is read as " + tileset_.version);
+    }
   }
 
   void parse_tiles(const Json& root) {
@@ -231,7 +243,7 @@ class TilesetParser {
     if (!json.is_object()) throw InputError(where, "is not an object");
     std::optional<std::string> uri = find_string(json, "uri", where);
     if (!uri) uri = find_string(json, "url", where);  // before 1.0
-    if (!uri || uri->empty()) throw InputError(where, "uri is missing");
+    if (!uri || uri->empty()) return warn("a tile's content has no uri; it is read as a tile without content");
     tile.contents.push_back({*std::move(uri), content_volume(tile, json, where)});
   }
 

@@ -13,6 +13,7 @@ using base::test_support::error_of;
 using fetch::test_support::box_volume;
 using fetch::test_support::Json;
 using fetch::test_support::tile;
+using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
@@ -84,6 +85,42 @@ TEST(ParseTileset, ReadsWhatRealFilesMean) {
   EXPECT_EQ(parse_tileset_json("\xEF\xBB\xBF" + json.dump(), "t").tiles.size(), 2U);
 }
 
+/// DJI Terra and FME state 0.0 for what is 1.0; others write a number.
+TEST(ParseTileset, ReadsTheVersionsThatWritersState) {
+  struct Case {
+    Json written;
+    const char* read;
+    bool warns;
+  };
+  const Case cases[] = {{"1.0", "1.0", false},  {"1.1", "1.1", false}, {"0.0", "1.0", true},  {"0", "1.0", true},
+                        {"0.0.1", "1.0", true}, {"1", "1.0", true},    {1.0, "1.0", false},   {1, "1.0", true},
+                        {1.1, "1.1", false},    {0, "1.0", true},      {"1.1.0", "1.1", true}};
+  for (const auto& [written, read, warns] : cases) {
+    Json json = fetch::test_support::tileset(fetch::test_support::tile(kBox, 1));
+    json["asset"]["version"] = written;
+    const Tileset t = parse(json);
+    EXPECT_EQ(t.version, read) << written;
+    EXPECT_EQ(t.warnings.size(), warns ? 1U : 0U) << written;
+  }
+}
+
+/// CesiumJS reads such tiles as empty, too.
+TEST(ParseTileset, ReadsContentsWithoutUriAsNone) {
+  for (const Json& content : {Json::object(), Json{{"uri", ""}}, Json{{"url", ""}}, Json{{"uri", nullptr}}}) {
+    Json root = fetch::test_support::tile(kBox, 1);
+    root["content"] = content;
+    Json child = fetch::test_support::tile(kBox, 0, "a.glb");
+    child["contents"] = Json::array({content, {{"uri", "b.glb"}}});
+    child.erase("content");
+    root["children"] = Json::array({child});
+    const Tileset t = parse(fetch::test_support::tileset(root));
+    EXPECT_THAT(t.tiles[0].contents, IsEmpty()) << content;
+    ASSERT_EQ(t.tiles[1].contents.size(), 1U) << content;
+    EXPECT_EQ(t.tiles[1].contents[0].uri, "b.glb");
+    EXPECT_THAT(t.warnings, ElementsAre(HasSubstr("no uri")));
+  }
+}
+
 TEST(ParseTileset, NamesWhatItLacks) {
   const Json root = fetch::test_support::tile({{"extensions", {{"ACME_cone", {{"half_angle", 1}}}}}}, 1);
   EXPECT_EQ(parse(fetch::test_support::tileset(root)).tiles[0].unsupported, "the bounding volume ACME_cone");
@@ -101,8 +138,10 @@ TEST(ParseTileset, NamesEachFault) {
   };
   const Fault faults[] = {
       {"/asset", nullptr, "asset is missing"},
-      {"/asset/version", 1.0, "version is number, expected a string"},
-      {"/asset/version", "0.0", "version '0.0' is not supported"},
+      {"/asset/version", nullptr, "version is missing"},
+      {"/asset/version", true, "version is boolean, expected a string"},
+      {"/asset/version", "2.0", "version '2.0' is not supported"},
+      {"/asset/version", 1.5, "version '1.5' is not supported"},
       {"/asset/gltfUpAxis", "W", "gltfUpAxis"},
       {"/root", nullptr, "root is missing"},
       {"/root", Json::array(), "root is array, expected an object"},
@@ -121,8 +160,7 @@ TEST(ParseTileset, NamesEachFault) {
       {"/root/transform", {1, 2, 3}, "transform has 3 numbers, expected 16"},
       {"/root/transform", {1, 0, 0, 1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}, "not affine"},
       {"/root/content", 1, "content is number"},
-      {"/root/content", {{"uri", ""}}, "uri is missing"},
-      {"/root/content", Json::object(), "uri is missing"},
+      {"/root/content", {{"uri", 1}}, "uri is number"},
       {"/root/contents", {1}, "is not an object"},
       {"/root/children", 1, "children is number"},
       {"/root/children", {1}, "tile root/0: is not an object"},
@@ -143,13 +181,32 @@ TEST(ParseTileset, MalformedAndCutShort) {
   const std::string text = fetch::test_support::tileset(fetch::test_support::tile(kBox, 1, "a.glb")).dump();
   for (std::size_t length = 0; length < text.size(); ++length) {
     EXPECT_THAT(base::test_support::error_of([&] { parse_tileset_json(text.substr(0, length), "t.json"); }),
-                HasSubstr("not valid JSON at byte"));
+                AllOf(HasSubstr("not valid JSON at line 1, column "), HasSubstr("ends early")));
   }
   EXPECT_THAT(base::test_support::error_of([] { parse_tileset_json("<html></html>", "t.json"); }),
               HasSubstr("not valid JSON"));
   EXPECT_THAT(base::test_support::error_of([] { parse_tileset_json("[]", "t.json"); }), HasSubstr("is not a tileset"));
   EXPECT_THAT(base::test_support::error_of([] { parse_tileset_json("{\"geometricError\":1e999}", "t.json"); }),
               HasSubstr("t.json"));
+}
+
+/// Each fault of a text, and where and what the message says.
+TEST(ParseTileset, MessagesNameLineColumnAndCause) {
+  const std::pair<std::string, const char*> cases[] = {{"{\n \"a\": [1, 2\n \"b\": 3}", "line 3, column "},
+                                                       {"{\n \"a\": [1, 2}", "line 2, column 12: unexpected '}'"},
+                                                       {"{\"a\": NaN}", "line 1, column "},
+                                                       {"{\"a\": NaN}", "NaN is not a number in JSON"},
+                                                       {"{\"a\":\n -Infinity}", "-Infinity is not a number in JSON"},
+                                                       {std::string("\xFF\xFE{\0\"\0a\0", 8), "UTF-16"},
+                                                       {std::string("{\0\"\0a\0", 6), "UTF-16"},
+                                                       {"{\"ä\": 1, }", "line 1, column 10: unexpected '}'"},
+                                                       {"", "line 1, column 1: the text ends early"},
+                                                       {"{\"a\": \"b\nc\"}", "line 1, column "}};
+  for (const auto& [text, wanted] : cases) {
+    EXPECT_THAT(base::test_support::error_of([&, &text = text] { parse_tileset_json(text, "t.json"); }),
+                AllOf(HasSubstr("t.json: not valid JSON at line "), HasSubstr(wanted)))
+        << text;
+  }
 }
 
 TEST(ParseTileset, Limits) {

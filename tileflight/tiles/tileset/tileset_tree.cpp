@@ -126,7 +126,7 @@ std::optional<BoundingVolume> TilesetTree::viewer_request_volume(NodeId id) cons
 }
 
 std::string TilesetTree::content_uri(NodeId id, std::size_t content) const {
-  return fetch::resolve_uri(files_[node(id).file].uri, tile(id)->contents[content].uri);
+  return fetch::resolve_reference(source_, files_[node(id).file].uri, tile(id)->contents[content].uri);
 }
 
 std::string TilesetTree::name(NodeId id) const {
@@ -198,7 +198,7 @@ std::shared_ptr<const Tileset> TilesetTree::read_tileset(const std::string& uri)
   if (const auto known = file_of_uri_.find(uri); known != file_of_uri_.end()) return files_read_[known->second].second;
   const std::vector<std::byte> bytes = fetch::read_uri(source_, uri);
   const TextReader read_text = [&](const std::string& reference) {
-    return std::string(base::as_text(fetch::read_uri(source_, fetch::resolve_uri(uri, reference))));
+    return std::string(base::as_text(fetch::read_uri(source_, fetch::resolve_reference(source_, uri, reference))));
   };
   auto tileset = std::make_shared<const Tileset>(
       parse_tileset_json(base::as_text(bytes), fetch::uri_for_message(uri), limits_.file, read_text));
@@ -230,14 +230,15 @@ void TilesetTree::check_chain(const std::string& uri, NodeId named_by) const {
 std::string TilesetTree::subtree_uri(NodeId id) const {
   const std::shared_ptr<const Tile> tile = this->tile(id);
   const ImplicitSubtree& place = *tile->implicit_subtree;
-  return fetch::resolve_uri(files_[node(id).file].uri,
-                            expand_template(place.tiling->subtree_template, *place.tiling, place.root, name(id)));
+  return fetch::resolve_reference(source_, files_[node(id).file].uri,
+                                  expand_template(place.tiling->subtree_template, *place.tiling, place.root, name(id)));
 }
 
 Subtree TilesetTree::read_subtree(NodeId id) {
   const std::string uri = subtree_uri(id);
-  return parse_subtree(fetch::read_uri(source_, uri), *tile(id)->implicit_subtree, fetch::uri_for_message(uri),
-                       [&](const std::string& r) { return fetch::read_uri(source_, fetch::resolve_uri(uri, r)); });
+  return parse_subtree(
+      fetch::read_uri(source_, uri), *tile(id)->implicit_subtree, fetch::uri_for_message(uri),
+      [&](const std::string& r) { return fetch::read_uri(source_, fetch::resolve_reference(source_, uri, r)); });
 }
 
 NodeId TilesetTree::add_file(File file) {

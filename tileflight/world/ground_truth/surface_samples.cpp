@@ -214,26 +214,29 @@ class VisibilityTester {
 };
 
 /// Throws InputError if a mesh's part would get more samples than are supported.
-void require_few_samples(const TriangleMesh& mesh, const Box3& box, const Box3& part, double per_m2) {
+void require_few_samples(const TriangleMesh& mesh, const Box3& part, double per_m2) {
+  if (area_within(mesh, part) * per_m2 <= kMaxPoints) return;
+  throw InputError("samples per square metre " + std::to_string(per_m2),
+                   "would give more than 500 million points: choose fewer (--samples), or a smaller region");
+}
+
+}  // namespace
+
+double area_within(const TriangleMesh& mesh, const Box3& box) {
   double area_m2 = 0.0;
   for (const geometry::Triangle& t : mesh.triangles) {
     const Vec3 &a = mesh.vertices[t[0]], &b = mesh.vertices[t[1]], &c = mesh.vertices[t[2]];
     Box3 around(a);
     around.extend(b).extend(c);
-    if (!box.intersects(around) || !part.intersects(around)) continue;
+    if (!box.intersects(around)) continue;
     const Polygon polygon = box.contains(around) ? Polygon{{a, b, c}, 3} : clip_to_box(a, b, c, box);
     for (std::size_t i = 2; i < polygon.size; ++i) {
       const auto& p = polygon.corners;
       area_m2 += 0.5 * (p[i - 1] - p[0]).cross(p[i] - p[0]).norm();
     }
   }
-  if (area_m2 * per_m2 > kMaxPoints) {
-    throw InputError("samples per square metre " + std::to_string(per_m2),
-                     "would give more than 500 million points: choose fewer, or a smaller region");
-  }
+  return area_m2;
 }
-
-}  // namespace
 
 PointCloud sample_surface(const TriangleMesh& mesh, const Box3& box, double per_m2, std::uint64_t seed) {
   return sample_surface_near(mesh, box, box, per_m2, seed);
@@ -242,7 +245,7 @@ PointCloud sample_surface(const TriangleMesh& mesh, const Box3& box, double per_
 PointCloud sample_surface_near(const TriangleMesh& mesh, const Box3& box, const Box3& part, double per_m2,
                                std::uint64_t seed, const SampleFilter& wanted) {
   check_samples(mesh, box, per_m2);
-  require_few_samples(mesh, box, part, per_m2);
+  require_few_samples(mesh, box.intersection(part), per_m2);
   constexpr std::size_t kTogether = 8192;
   std::vector<PointCloud> runs((mesh.triangles.size() + kTogether - 1) / kTogether);
   tbb::parallel_for(std::size_t{0}, runs.size(), [&](std::size_t run) {

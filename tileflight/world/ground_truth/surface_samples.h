@@ -17,6 +17,9 @@ namespace tileflight::ground_truth {
 geometry::PointCloud sample_surface(const geometry::TriangleMesh& mesh, const geometry::Box3& box, double per_m2,
                                     std::uint64_t seed = 1);
 
+/// Returns the area of a mesh within a box, m².
+double area_within(const geometry::TriangleMesh& mesh, const geometry::Box3& box);
+
 /// Tells whether a sample is wanted.
 using SampleFilter = std::function<bool(const geometry::Vec3&)>;
 

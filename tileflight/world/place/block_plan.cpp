@@ -10,6 +10,8 @@
 #include "tileflight/core/base/memory_budget.h"
 #include "tileflight/core/base/program.h"
 #include "tileflight/tiles/fetch/open_source.h"
+#include "tileflight/tiles/tileset/content_sample.h"
+#include "tileflight/world/ground_truth/surface_samples.h"
 #include "tileflight/world/ground_truth/voxelize.h"
 #include "tileflight/world/place/block_store.h"
 
@@ -58,42 +60,93 @@ using nlohmann::json;
 
 namespace {
 
-/// Memory that the truth of a content takes while it is made, as a multiple of memory_bytes: copies of its triangles,
-/// samples, voxels and files.
-constexpr double kTruthMemory = 3.0;
+/// Contents of the region that are decoded for an estimate.
+constexpr std::size_t kCostProbes = 40;
 
-/// Share of the default memory limit that blocks chosen by memory may take on average: some hold more.
+/// Share of the memory limit that blocks chosen by memory may take by the estimate.
 constexpr double kMemoryShare = 0.5;
 
-/// Memory of a content once it is read, bytes: the mean of a few.
-double mean_content_bytes(tileset::RegionReader& reader) {
-  constexpr std::size_t kProbes = 8;
-  const std::size_t contents = reader.content_count(), probes = std::min(kProbes, contents);
-  double bytes = 0.0;
-  for (std::size_t k = 0; k < probes; ++k) {
-    for (const tileset::LoadedContent& content : reader.read({k * contents / probes})) {
-      for (const imaging::TexturedMesh& mesh : content.meshes) {
-        bytes += static_cast<double>(tileset::memory_bytes(mesh));
-        if (mesh.texture) bytes += static_cast<double>(mesh.texture->pixels.size() * sizeof(imaging::Rgb8));
-      }
-      for (const geometry::PointCloud& cloud : content.clouds)
-        bytes += static_cast<double>(cloud.size() * sizeof(Vec3));
-    }
-  }
-  return bytes / static_cast<double>(std::max<std::size_t>(1, probes));
-}
-
-/// A block's edge, metres, for which the average block takes that share of the memory, estimated from a few contents.
-double edge_by_memory(tileset::RegionReader& reader, const ExtractSettings& settings) {
-  const Vec3 size = reader.placement().region.box().sizes();
-  const double whole = mean_content_bytes(reader) * static_cast<double>(reader.content_count());
-  const double share = kMemoryShare *
-                       static_cast<double>(settings.max_memory_bytes.value_or(base::default_memory_bytes())) /
-                       (settings.processes * kTruthMemory * whole);
-  return std::min(std::max(size.x(), size.y()), std::sqrt(size.x() * size.y() * share));
+/// Bytes of the files of the region's contents; below 0: the source does not know them.
+double bytes_to_read(const tileset::RegionReader& reader) {
+  const std::optional<std::uintmax_t> bytes = reader.file_bytes();
+  return bytes ? static_cast<double>(*bytes) : -1.0;
 }
 
 }  // namespace
+
+tileset::ContentMeasures measure_within(const std::vector<imaging::TexturedMesh>& meshes,
+                                        const std::vector<geometry::PointCloud>& clouds, const Box3& box) {
+  tileset::ContentMeasures out = tileset::measure_content(meshes, clouds, box);
+  out.area_m2 = 0.0;  // of large triangles, only a part may lie in the box
+  for (const imaging::TexturedMesh& mesh : meshes) out.area_m2 += ground_truth::area_within(mesh.mesh, box);
+  return out;
+}
+
+MemoryPlan::MemoryPlan(tileset::RegionReader& reader, const ExtractSettings& settings)
+    : size_(reader.placement().region.box().sizes()), voxel_m_(settings.voxel_m) {
+  std::vector<tileset::ContentMeasures> measured;
+  const double program_bytes = extraction_memory_bytes({}, settings.samples_per_m2);
+  for (const std::size_t content : tileset::spread_sample(reader.content_count(), kCostProbes)) {
+    for (const tileset::LoadedContent& loaded : reader.read({content})) {
+      const Box3 region = reader.placement().region.box();
+      tileset::ContentMeasures measures = measure_within(loaded.meshes, loaded.clouds, region);
+      measures.file_bytes = static_cast<double>(loaded.bytes);
+      measured.push_back(measures);
+      Probe& probe = probes_.emplace_back();
+      probe.divided_bytes = extraction_memory_bytes(measures, settings.samples_per_m2) - program_bytes;
+      for (const imaging::TexturedMesh& mesh : loaded.meshes)
+        probe.fixed_bytes += static_cast<double>(imaging::vertex_bytes(mesh) +
+                                                 mesh.mesh.triangles.size() * sizeof(mesh.mesh.triangles[0]));
+      const Box3 held = reader.found(content)->bounds.intersection(region);
+      if (!held.isEmpty()) {
+        probe.east_m = held.sizes().x();
+        probe.north_m = held.sizes().y();
+      }
+    }
+  }
+  size_ = reader.placement().region.box().sizes();
+  whole_ = estimate_extract_cost(measured, static_cast<double>(reader.content_count()), bytes_to_read(reader),
+                                 settings.samples_per_m2);
+}
+
+/// The densest of the known contents, and the others as they are on average.
+double MemoryPlan::block_bytes(double edge_m) const {
+  const double wide_m = edge_m + 2 * voxel_m_;  // with the cells around it
+  const auto share = [&](double side_m) { return side_m > wide_m ? wide_m / side_m : 1.0; };
+  const double program_bytes = extraction_memory_bytes({}, 0.0);
+  const double all = whole_.memory_bytes - program_bytes, part = share(size_.x()) * share(size_.y());
+  double most = all * part;
+  for (const Probe& probe : probes_) {
+    const double inside = share(probe.east_m) * share(probe.north_m);
+    most = std::max(most,
+                    probe.fixed_bytes + probe.divided_bytes * inside + std::max(0.0, all - probe.divided_bytes) * part);
+  }
+  return program_bytes + most;
+}
+
+double MemoryPlan::edge_within(double bytes) const {
+  constexpr double kStep = 0.95;
+  double edge_m = std::max(size_.x(), size_.y());
+  while (edge_m > voxel_m_ && block_bytes(edge_m) > bytes) edge_m *= kStep;
+  return std::max(edge_m, voxel_m_);
+}
+
+std::uintmax_t memory_limit(const ExtractSettings& settings) {
+  return settings.max_memory_bytes.value_or(base::available_memory_bytes());
+}
+
+void require_memory(const std::vector<imaging::TexturedMesh>& meshes, const std::vector<geometry::PointCloud>& clouds,
+                    const Box3& box, double edge_m, const ExtractSettings& settings) {
+  const double bytes = extraction_memory_bytes(measure_within(meshes, clouds, box), settings.samples_per_m2);
+  const auto limit = static_cast<double>(memory_limit(settings));
+  if (bytes <= limit) return;
+  throw tileset::MemoryLimitExceeded(
+      fetch::redact_source(settings.source),
+      (edge_m > 0.0 ? "a block of " + base::trimmed_text(edge_m, 3) + " m" : std::string("the region")) +
+          base::formatted(" takes about %.3g GB of memory, more than %.3g GB: ", 1e-9 * bytes, 1e-9 * limit) +
+          (edge_m > 0.0 ? "choose smaller blocks (--block)" : "extract in blocks (--block auto)") +
+          " or fewer samples (--samples), or raise the limit (--memory)");
+}
 
 json truth_inputs(const tileset::RegionReader& reader, const ExtractSettings& settings) {
   return {{"program", base::program_fingerprint()},
@@ -116,7 +169,9 @@ std::int32_t choose_edge(tileset::RegionReader& reader, const ExtractSettings& s
     before.erase("block");
     if (before == inputs && edge > 0) return edge;
   }
-  return edge_in_cells(edge_by_memory(reader, settings), settings.voxel_m);
+  const auto limit = static_cast<double>(settings.max_memory_bytes.value_or(base::default_memory_bytes()));
+  const double edge_m = MemoryPlan(reader, settings).edge_within(kMemoryShare * limit / settings.processes);
+  return std::max(1, static_cast<std::int32_t>(std::floor(edge_m / settings.voxel_m + 1e-9)));
 }
 
 std::vector<double> block_costs(const tileset::RegionReader& reader, const BlockGrid& grid) {
@@ -132,14 +187,14 @@ BlockPlan plan_truth_blocks(const ExtractSettings& settings, const std::filesyst
   tileset::LoadOptions load = settings.load;
   load.uses = {fetch::Use::kExtract};
   tileset::RegionReader reader(*source, fetch::redact_source(settings.source), load);
+  reader.settle_region();
   json inputs = truth_inputs(reader, settings);
   const std::int32_t edge = choose_edge(reader, settings, inputs, BlockStore::folder_for(output));
   inputs["block"] = edge;
   const BlockGrid grid(reader.placement().region.box(), settings.voxel_m, edge);
-  const std::vector<double> costs = block_costs(reader, grid);
   return {.edge_m = grid.edge_m(),
           .parts = static_cast<int>(std::min(grid.size(), static_cast<std::size_t>(std::max(1, parts)))),
-          .memory_bytes = kTruthMemory * mean_content_bytes(reader) * std::ranges::max(costs),
+          .memory_bytes = MemoryPlan(reader, settings).block_bytes(grid.edge_m()),
           .inputs_sha256 = base::sha256_hex(inputs.dump())};
 }
 

@@ -43,6 +43,42 @@ class BlockGrid {
 /// Converts the length of a block's edge to whole cells, at least one.
 std::int32_t edge_in_cells(double edge_m, double voxel_m);
 
+/// Measures what a region's contents hold inside a box of the local frame.
+tileset::ContentMeasures measure_within(const std::vector<imaging::TexturedMesh>& meshes,
+                                        const std::vector<geometry::PointCloud>& clouds, const geometry::Box3& box);
+
+/// Memory of an extraction, whole and in blocks, estimated from some contents of the region, which are read.
+class MemoryPlan {
+ public:
+  MemoryPlan(tileset::RegionReader& reader, const ExtractSettings& settings);
+
+  /// Returns the cost of the region in one piece.
+  const ExtractCost& whole() const { return whole_; }
+  /// Returns the memory of the largest block of this edge, bytes.
+  double block_bytes(double edge_m) const;
+  /// Returns the largest edge whose blocks take at most so many bytes; at least that of a voxel.
+  double edge_within(double bytes) const;
+
+ private:
+  struct Probe {
+    double fixed_bytes = 0.0, divided_bytes = 0.0;  ///< of a content as read; of its part in a block
+    double east_m = 0.0, north_m = 0.0;             ///< its extent
+  };
+
+  geometry::Vec3 size_;
+  double voxel_m_;
+  ExtractCost whole_;
+  std::vector<Probe> probes_;
+};
+
+/// Returns the memory that an extraction may take, bytes.
+std::uintmax_t memory_limit(const ExtractSettings& settings);
+
+/// Throws MemoryLimitExceeded if what was read for an extraction, or for one of its blocks (within `box`), is estimated
+/// to take more memory than is allowed. `edge_m`: the block's; 0: there are no blocks.
+void require_memory(const std::vector<imaging::TexturedMesh>& meshes, const std::vector<geometry::PointCloud>& clouds,
+                    const geometry::Box3& box, double edge_m, const ExtractSettings& settings);
+
 /// Returns everything that determines the region's cells, triangles and samples, except the edge of the blocks.
 nlohmann::json truth_inputs(const tileset::RegionReader& reader, const ExtractSettings& settings);
 

@@ -17,6 +17,7 @@
 #include "tileflight/tiles/fetch/open_source.h"
 #include "tileflight/tiles/tileset/region_reader.h"
 #include "tileflight/world/ground_truth/voxelize.h"
+#include "tileflight/world/place/block_plan.h"
 #include "tileflight/world/place/extract_cost.h"
 #include "tileflight/world/place/truth_blocks.h"
 
@@ -69,51 +70,33 @@ ExtractResult describe(const ExtractSettings& settings, const tileset::LoadedTil
           .quantization_floor = truth.floor.statistics()};
 }
 
-/// Contents of the region that are decoded for an estimate.
-constexpr std::size_t kCostProbes = 40;
-
-/// Bytes of the files of the region's contents; below 0: the source does not know them.
-double bytes_to_read(const tileset::RegionReader& reader) {
-  const std::optional<std::uintmax_t> bytes = reader.file_bytes();
-  return bytes ? static_cast<double>(*bytes) : -1.0;
-}
-
-ExtractCost estimate_cost(tileset::RegionReader& reader, const ExtractSettings& settings) {
-  const std::vector<std::size_t> contents = tileset::spread_sample(reader.content_count(), kCostProbes);
-  std::vector<tileset::ContentMeasures> probes;
-  for (const std::size_t content : contents) {
-    for (const tileset::LoadedContent& loaded : reader.read({content})) {
-      probes.push_back(tileset::measure_content(loaded.meshes, loaded.clouds, reader.placement().region.box()));
-      probes.back().file_bytes = static_cast<double>(loaded.bytes);
-    }
-  }
-  return estimate_extract_cost(probes, static_cast<double>(reader.content_count()), bytes_to_read(reader),
-                               settings.samples_per_m2);
-}
-
-std::uintmax_t memory_limit(const ExtractSettings& settings) {
-  return settings.max_memory_bytes.value_or(base::available_memory_bytes());
-}
-
 void require_affordable(const ExtractCost& cost, const ExtractSettings& settings, const std::filesystem::path& folder) {
   if (settings.block_m) return require_disk_space(cost, folder);
   require_affordable(cost, memory_limit(settings), folder);
 }
 
-/// Whether the files are so small that memory suffices whatever they hold, or so few from a server that they are not
-/// worth fetching twice: then nothing is probed.
-bool is_surely_affordable(const tileset::RegionReader& reader, const ExtractSettings& settings) {
-  constexpr double kLargestRatio = 1000.0;  // of memory to file size
-  constexpr double kSmall_bytes = 4e6;      // mesh.glb and the disk suffice, too
-  const double bytes = bytes_to_read(reader);
-  if (bytes < 0.0) return reader.content_count() < 10 * kCostProbes;
-  return bytes < kSmall_bytes && kLargestRatio * bytes < static_cast<double>(memory_limit(settings));
+/// Throws InputError if blocks of the edge that was asked for are estimated to take too much memory.
+void require_blocks_fit(const MemoryPlan& plan, const ExtractSettings& settings) {
+  const double edge_m = *settings.block_m, bytes = plan.block_bytes(edge_m);
+  const auto limit = static_cast<double>(memory_limit(settings));
+  const double spread = plan.whole().spread;
+  if (std::max(0.0, 1.0 - spread) * bytes <= limit) return;
+  throw InputError(
+      "--block " + base::trimmed_text(edge_m, 3),
+      base::formatted("would take about %.3g GB of memory, more than %.3g GB: choose at most %.0f m, or raise "
+                      "the limit (--memory)",
+                      1e-9 * bytes, 1e-9 * limit, std::floor(plan.edge_within(limit))));
 }
 
-/// Throws InputError if memory, disk or the largest size of a GLB certainly do not suffice.
+/// Throws InputError if memory, disk or the largest size of a GLB certainly do not suffice. Few tiles from a server are
+/// not worth fetching twice; what they take is checked once they are read.
 void require_affordable(tileset::RegionReader& reader, const ExtractSettings& settings,
                         const std::filesystem::path& folder) {
-  if (!is_surely_affordable(reader, settings)) require_affordable(estimate_cost(reader, settings), settings, folder);
+  constexpr std::size_t kFew = 400;
+  if (!reader.file_bytes() && reader.content_count() < kFew) return;
+  const MemoryPlan plan(reader, settings);
+  require_affordable(plan.whole(), settings, folder);
+  if (settings.block_m && *settings.block_m > 0.0) require_blocks_fit(plan, settings);
 }
 
 /// A source with its region.
@@ -131,14 +114,31 @@ struct OpenRegion {
   tileset::RegionReader reader;
 };
 
-Extraction extract_in_blocks(const ExtractSettings& settings, const base::OutputFolder& output,
-                             const Progress& progress) {
+/// Makes the blocks; those whose edge is chosen by memory are made smaller if one takes more than estimated.
+std::unique_ptr<TruthBlocks> make_blocks(tileset::RegionReader& reader, ExtractSettings& settings,
+                                         const base::OutputFolder& output, const Progress& progress) {
+  const bool may_divide = *settings.block_m == 0.0 && !settings.part;
+  while (true) {
+    auto blocks = std::make_unique<TruthBlocks>(reader, settings, output.folder, progress);
+    const double edge_m = blocks->edge_m();
+    try {
+      blocks->make();
+      return blocks;
+    } catch (const tileset::MemoryLimitExceeded&) {
+      if (!may_divide || edge_m <= settings.voxel_m) throw;
+      settings.block_m = edge_m / 2;
+    }
+  }
+}
+
+Extraction extract_in_blocks(ExtractSettings settings, const base::OutputFolder& output, const Progress& progress) {
   const auto start = std::chrono::steady_clock::now();
   if (!settings.part) base::require_writable(output);
   OpenRegion region(settings, progress);
+  region.reader.settle_region(progress);
   if (!settings.part) require_affordable(region.reader, settings, output.folder);
-  TruthBlocks blocks(region.reader, settings, output.folder, progress);
-  blocks.make();
+  const std::unique_ptr<TruthBlocks> made = make_blocks(region.reader, settings, output, progress);
+  TruthBlocks& blocks = *made;
   BlockBuild build{.blocks = blocks.count(), .blocks_reused = blocks.reused(), .note = blocks.note()};
   if (settings.part) {
     build.part = settings.part;
@@ -197,7 +197,7 @@ ExtractPreview preview_extract(const ExtractSettings& settings, const std::files
                                const Progress& progress) {
   base::require_writable(extract_output(settings, folder, replace));
   OpenRegion region(settings, progress);
-  const ExtractCost cost = estimate_cost(region.reader, settings);
+  const ExtractCost cost = MemoryPlan(region.reader, settings).whole();
   require_affordable(cost, settings, folder);
   return {.source = fetch::redact_source(settings.source),
           .cost = cost,

@@ -95,6 +95,10 @@ ExtractCost estimate_extract_cost(const std::vector<ContentMeasures>& probes, do
   return cost;
 }
 
+double extraction_memory_bytes(const ContentMeasures& measures, double samples_per_m2) {
+  return kProgramBytes + memory_bytes(measures, samples_per_m2);
+}
+
 nlohmann::json to_json(const ExtractCost& cost) {
   return {{"tiles", std::round(cost.tiles)},
           {"bytes", rounded_to_digits(cost.bytes_read)},

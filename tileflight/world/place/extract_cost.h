@@ -33,6 +33,9 @@ struct ExtractCost {
 ExtractCost estimate_extract_cost(const std::vector<tileset::ContentMeasures>& probes, double tiles, double bytes_read,
                                   double samples_per_m2);
 
+/// Returns the memory that an extraction takes whose tiles have these sizes together.
+double extraction_memory_bytes(const tileset::ContentMeasures& measures, double samples_per_m2);
+
 /// Converts to {tiles, bytes, triangles, memory_bytes, disk_bytes, seconds}; numbers are rounded to three digits.
 nlohmann::json to_json(const ExtractCost& cost);
 /// Describes the cost: "462 tiles (58 MB), 3.0 million triangles: 0.9 GB of memory, 0.4 GB on disk, 5 s of processor

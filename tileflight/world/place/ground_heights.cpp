@@ -104,12 +104,17 @@ class ColumnSampler {
 };
 
 /// Heights of the surfaces on the line, from the meshes of the finest tiles that it crosses.
-std::vector<double> sample_heights(PlaceReader& place, const Column& column, json& totals, const Progress& progress) {
+/// Tiles that are missing are added to `missing` if they are allowed to be.
+std::vector<double> sample_heights(PlaceReader& place, const Column& column, bool allow_incomplete, json& totals,
+                                   std::vector<std::string>& missing, const Progress& progress) {
   const Vec3 middle(column.position.x(), column.position.y(), 0.0);
   const tileset::Region region{middle, Vec3(2 * kLineRadius_m, 2 * kLineRadius_m, 2 * kMaxHeight_m)};
   const tileset::TileCut cut = place.select_cut(tileset::region_criterion(region, column.T_column_tileset, 0.0));
   const auto part = place.read(cut, false, std::numeric_limits<std::uintmax_t>::max(), progress);
-  if (!part->missing.empty()) throw InputError(part->missing.front().failure, "it may contain the requested surface");
+  if (!part->missing.empty() && !allow_incomplete)
+    throw InputError(part->missing.front().failure,
+                     "it may contain the requested surface (--allow-incomplete continues without this tile)");
+  for (const MissingTile& tile : part->missing) missing.push_back(tile.failure);
   totals["tiles"] = totals["tiles"].get<std::int64_t>() + part->tiles;
   totals["bytes_read"] = totals["bytes_read"].get<std::uintmax_t>() + part->file_bytes;
   geometry::TriangleMesh mesh = scene::merge_meshes(part->meshes);
@@ -158,13 +163,21 @@ json ground_heights(const GroundHeightsSettings& settings, const std::vector<Gro
   PlaceReader place(settings.source, load, fetch::Use::kExtract);
   const ColumnSampler columns(place);
   json result{{"points", json::array()}, {"tiles", 0}, {"bytes_read", 0}};
+  std::vector<std::string> missing;
   for (const GroundQuery& point : points) {
     const Column column = columns.make_column(point);
-    result["points"].push_back(columns.describe(point, column, sample_heights(place, column, result, progress)));
+    std::vector<std::string> missing_here;
+    json found = columns.describe(point, column,
+                                  sample_heights(place, column, load.allow_incomplete, result, missing_here, progress));
+    found["tiles_missing"] = missing_here.size();
+    result["points"].push_back(std::move(found));
+    base::add_distinct(missing_here, missing);
   }
   result["frame"] = frame_json(place.placement().local_frame);
   result["attribution"] = place.attribution();
-  result["warnings"] = place.warnings();
+  std::vector<std::string> warnings = place.warnings();
+  for (const std::string& failure : missing) warnings.push_back("missing or broken, left out: " + failure);
+  result["warnings"] = std::move(warnings);
   return result;
 }
 
@@ -174,13 +187,14 @@ std::string ground_heights_text(const json& found) {
     text += point["asked"].get<std::string>() + ": ";
     const json& surfaces = point["surfaces"];
     if (surfaces.empty()) {
-      text += "no surface\n";
+      text += point["tiles_missing"] > 0 ? "no surface in the tiles that could be read\n" : "no surface\n";
       continue;
     }
     text += format_surface(surfaces.front());
     if (surfaces.size() > 1) {
       text += "; lowest of " + std::to_string(surfaces.size()) + " surfaces: " + format_surface(surfaces.back());
     }
+    if (point["tiles_missing"] > 0) text += "; there may be others: tiles are missing here";
     text += "\n";
   }
   for (const auto& warning : found["warnings"]) text += "note: " + warning.get<std::string>() + "\n";

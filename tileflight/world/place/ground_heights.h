@@ -33,9 +33,10 @@ struct GroundHeightsSettings {
 /// lowest and highest are equal; if there are several (a bridge, a tree over the ground), all are in `surfaces`.
 ///
 /// Per point: `lat`, `lon` (null if the place is not georeferenced), `local` [east, north], `surfaces` from the highest
-/// down, `highest`, `lowest` (null: no surface). Per surface: `local_z`, `height` (above the ellipsoid) and
-/// `height_above_sea_level` (EGM96), null if unknown. Throws InputError: an invalid point, a broken tile (it may hold
-/// the surface), LAT,LON for a place that is not georeferenced.
+/// down, `highest`, `lowest` (null: no surface), `tiles_missing` (tiles on the line that could not be read). Per
+/// surface: `local_z`, `height` (above the ellipsoid) and `height_above_sea_level` (EGM96), null if unknown. Throws
+/// InputError: an invalid point, a broken tile (it may hold the surface) unless `load.allow_incomplete`, LAT,LON for a
+/// place that is not georeferenced.
 nlohmann::json ground_heights(const GroundHeightsSettings& settings, const std::vector<GroundQuery>& points,
                               const Progress& progress = {});
 

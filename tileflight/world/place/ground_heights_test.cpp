@@ -61,6 +61,20 @@ TEST_F(GroundHeightsTest, ReadOnlyTheTilesThatTheLineGoesThrough) {
   EXPECT_THAT(refusal_of([&] { ask({parse_local_query("-20,20")}); }), HasSubstr("2.glb"));
 }
 
+/// As the other commands do, with what was found marked as perhaps not all.
+TEST_F(GroundHeightsTest, ContinueWithoutMissingTilesIfThatIsAllowed) {
+  std::filesystem::remove(folder_ / "2.glb");
+  EXPECT_THAT(refusal_of([&] { ask({parse_local_query("-20,20")}); }), HasSubstr("--allow-incomplete"));
+  tileset::LoadOptions load;
+  load.allow_incomplete = true;
+  const json found = ground_heights({folder_.path().string(), load}, {parse_local_query("-20,20")});
+  EXPECT_EQ(found["points"][0]["tiles_missing"], 1);
+  EXPECT_THAT(found["warnings"].dump(), HasSubstr("2.glb"));
+  EXPECT_THAT(ground_heights_text(found), HasSubstr("tiles are missing"));
+  const json whole = ground_heights({folder_.path().string(), load}, {parse_local_query("20,20")});
+  EXPECT_EQ(whole["points"][0]["tiles_missing"], 0);
+}
+
 TEST_F(GroundHeightsTest, BesideThePlaceThereIsNoSurface) {
   const json found = ask({parse_local_query("41,0"), parse_local_query("-1e6,3")});
   ASSERT_EQ(found["points"].size(), 2U);

@@ -12,12 +12,17 @@
 
 namespace tileflight::place {
 
-void require_surface(const std::vector<imaging::TexturedMesh>& meshes, bool has_points, const std::string& source) {
+void require_surface(const std::vector<imaging::TexturedMesh>& meshes, bool has_points, const std::string& source,
+                     const std::vector<std::string>& failures) {
   const auto has_triangle = [](const imaging::TexturedMesh& mesh) { return !mesh.mesh.triangles.empty(); };
   if (std::ranges::any_of(meshes, has_triangle)) return;
   if (has_points)
     throw InputError(source,
                      "contains only points there, which cannot be rendered; `extract` can turn them into voxels");
+  if (!failures.empty()) {
+    throw InputError(failures.front(), "nothing else is there to see: " + std::to_string(failures.size()) +
+                                           " of the tiles of " + source + " could not be read");
+  }
   throw InputError(source, "contains no triangle there; is the region empty?");
 }
 
@@ -68,15 +73,20 @@ std::optional<PlacePart> PlaceReader::read(const tileset::TileCut& cut, bool tex
   if (contents.size() < cut.contents.size()) return std::nullopt;
   PlacePart part;
   for (const std::string& failure : cut.failures) part.missing.push_back({failure, std::nullopt});
+  failures_.insert(cut.failures.begin(), cut.failures.end());
   for (std::size_t i = 0; i < contents.size(); ++i) {
     tileset::LoadedContent& content = contents[i];
     if (!content.failure.empty()) {
+      failures_.insert(content.failure);
       const tileset::BoundingVolume volume = tree_.volume(cut.contents[i].node);
       part.missing.push_back({content.failure, tileset::local_bounding_box(volume, placement_.T_local_tileset)});
       continue;
     }
     ++part.tiles;
     part.file_bytes += static_cast<std::uintmax_t>(content.bytes);
+    const tileset::ContentRecord record = tileset::make_record(content);
+    stray_.add(cut.contents[i].uri, tileset::stated_bounds(tree_, cut.contents[i], placement_.T_local_tileset),
+               record.bounds);
     for (imaging::TexturedMesh& mesh : content.meshes) {
       if (!mesh.mesh.triangles.empty()) part.meshes.push_back(std::move(mesh));
     }
@@ -101,6 +111,7 @@ std::vector<std::string> PlaceReader::warnings() const {
   base::add_distinct(source_->warnings(), all);
   base::add_distinct(tree_.warnings(), all);
   base::add_distinct(warnings_, all);
+  if (const auto line = stray_.warning()) base::add_distinct({*line}, all);
   return all;
 }
 

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -10,6 +11,7 @@
 #include "tileflight/core/geometry/point_cloud.h"
 #include "tileflight/core/imaging/textured_mesh.h"
 #include "tileflight/tiles/tile_content/attribution.h"
+#include "tileflight/tiles/tileset/content_records.h"
 #include "tileflight/tiles/tileset/load.h"
 #include "tileflight/tiles/tileset/placement.h"
 #include "tileflight/tiles/tileset/selection.h"
@@ -18,8 +20,9 @@
 namespace tileflight::place {
 
 /// Throws InputError that names the source if there is no triangle to see; `has_points`: there are points instead (the
-/// message says so).
-void require_surface(const std::vector<imaging::TexturedMesh>& meshes, bool has_points, const std::string& source);
+/// message says so); `failures`: the tiles that could not be read, if any, which are then the cause.
+void require_surface(const std::vector<imaging::TexturedMesh>& meshes, bool has_points, const std::string& source,
+                     const std::vector<std::string>& failures = {});
 
 /// If there are no meshes, returns a degenerate triangle, which no ray hits: ray casting needs a scene that is not
 /// empty.
@@ -65,6 +68,8 @@ class PlaceReader {
   /// Attribution of everything read so far.
   std::vector<std::string> attribution() const;
   std::vector<std::string> warnings() const;
+  /// Returns why tiles could not be read so far, each once, in alphabetic order.
+  const std::set<std::string>& failures() const { return failures_; }
 
  private:
   std::string name_;
@@ -74,6 +79,8 @@ class PlaceReader {
   bool is_georeferenced_;
   tile_content::AttributionCollector copyrights_;
   std::vector<std::string> warnings_;
+  std::set<std::string> failures_;
+  tileset::StrayContents stray_;
 };
 
 /// Returns the combination of the criterion and the box.

@@ -39,12 +39,11 @@ void add_origins(std::size_t number, const tileset::LoadedContent& content,
   }
 }
 
-/// Reads contents; removes from the list the numbers of those that cannot be read.
+/// Reads contents; removes from the list the numbers of those that are left out.
 std::vector<tileset::LoadedContent> read_contents(tileset::RegionReader& reader, std::vector<std::size_t>& numbers,
                                                   const Progress& progress) {
   std::vector<tileset::LoadedContent> loaded = reader.read(numbers, progress);
-  if (loaded.size() < numbers.size())
-    std::erase_if(numbers, [&](const std::size_t number) { return reader.read({number}).empty(); });
+  std::erase_if(numbers, [&](const std::size_t number) { return reader.is_left_out(number); });
   return loaded;
 }
 
@@ -85,6 +84,22 @@ ground_truth::GroundTruthOptions truth_options(const tileset::RegionReader& read
           .prisms = reader.placement().region.parts};
 }
 
+/// Throws InputError, with the cause, if nothing that was read reaches into the region.
+void require_surface_in_region(const tileset::RegionReader& reader, const TruthCounts& counts) {
+  const Box3 region = reader.placement().region.box();
+  if (!counts.extent.isEmpty() && counts.extent.intersects(region)) return;
+  const tileset::LoadedTiles read = reader.summary();
+  if (!read.failures.empty()) {
+    throw InputError(read.failures.front(), "nothing else is in the region: " + std::to_string(read.tiles_failed) +
+                                                " of its " + std::to_string(read.tiles_wanted) +
+                                                " tiles could not be read");
+  }
+  if (counts.extent.isEmpty()) throw InputError("region", "its tiles hold neither triangles nor points");
+  throw InputError("region", "contains no triangle: it spans " + tileset::describe_extent(region) +
+                                 ", and its tiles hold surface within " + tileset::describe_extent(counts.extent) +
+                                 "; check its centre, size and height");
+}
+
 std::string part_text(const JobPart& part) { return std::to_string(part.number) + "-of-" + std::to_string(part.count); }
 
 }  // namespace
@@ -93,6 +108,8 @@ TruthCounts write_whole_truth(tileset::RegionReader& reader, const ExtractSettin
                               const std::filesystem::path& folder, const Progress& progress) {
   TruthCounts counts(settings.voxel_m);
   Surfaces surfaces = read_surfaces(reader, reader.all_contents(), counts, progress);
+  require_surface_in_region(reader, counts);
+  require_memory(surfaces.meshes, surfaces.clouds, reader.placement().region.box(), 0.0, settings);
   add(ground_truth::write_ground_truth(std::move(surfaces.meshes), reader.placement().region.box(),
                                        truth_options(reader, settings), folder, progress, surfaces.clouds),
       counts);
@@ -153,6 +170,7 @@ struct TruthBlocks::Impl {
     }
     if (counts.triangles == 0 && counts.cloud_points == 0) {
       store_.remove();
+      require_surface_in_region(reader_, reading_);
       throw InputError("region", "contains no triangle: check its centre, size and height");
     }
     for (std::size_t i = 0; i < reader_.content_count(); ++i) {
@@ -241,6 +259,7 @@ struct TruthBlocks::Impl {
     for (std::int32_t border = 1;; border *= 2) {
       const std::vector<std::size_t> contents = reader_.contents_in(grid_.reach(block, border));
       Surfaces surfaces = read_surfaces(reader_, contents, reading_, {});
+      require_memory(surfaces.meshes, surfaces.clouds, grid_.reach(block, border), grid_.edge_m(), settings_);
       options_.block = {grid_.cells(block), border, std::move(surfaces.origins)};
       part = write_ground_truth(std::move(surfaces.meshes), reader_.placement().region.box(), options_, folder, {},
                                 surfaces.clouds);
@@ -285,6 +304,7 @@ std::filesystem::path TruthBlocks::truth_folder() const { return impl_->store_.t
 
 void TruthBlocks::remove() { impl_->store_.remove(); }
 
+double TruthBlocks::edge_m() const { return impl_->grid_.edge_m(); }
 std::size_t TruthBlocks::count() const { return impl_->grid_.size(); }
 std::size_t TruthBlocks::reused() const { return impl_->reused_; }
 std::size_t TruthBlocks::made() const { return impl_->made_; }

@@ -42,7 +42,8 @@ class TruthBlocks {
   TruthBlocks(const TruthBlocks&) = delete;
   TruthBlocks& operator=(const TruthBlocks&) = delete;
 
-  /// Makes the blocks that are not there, with `settings.part` only those of that part.
+  /// Makes the blocks that are not there, with `settings.part` only those of that part. Throws MemoryLimitExceeded if
+  /// one takes more memory than is allowed.
   void make();
   /// Once all are there: writes index.json into truth_folder(). Throws InputError if the region holds nothing.
   TruthCounts join();
@@ -51,6 +52,7 @@ class TruthBlocks {
   /// Removes the store, whose truth folder is elsewhere by now.
   void remove();
 
+  double edge_m() const;       ///< of a block
   std::size_t count() const;   ///< of blocks
   std::size_t reused() const;  ///< blocks that an earlier job had made
   std::size_t made() const;    ///< by this process
