@@ -99,6 +99,12 @@ std::string StrictSection::place() const {
   return file_.string() + value_.line() + (where_.empty() ? "" : ": " + where_);
 }
 
+void StrictSection::warn(const std::string& key, const std::string& what) const {
+  const InputError fault = error(key, what);
+  if (warnings_ == nullptr) throw fault;
+  warnings_->emplace_back(fault.what());
+}
+
 InputError StrictSection::error(const std::string& key, const std::string& what) const {
   const DocumentValue value = value_.member(key);
   return {file_.string() + (value.is_absent() ? value_.line() : value.line()), "'" + dotted(key) + "' " + what};
@@ -227,6 +233,22 @@ double StrictSection::number(const std::string& key, double fallback, double min
 
 int StrictSection::integer(const std::string& key, int fallback, int min, int max) {
   const double value = number(key, fallback, min, max);
+  if (value != std::floor(value)) throw error(key, "must be a whole number");
+  return static_cast<int>(value);
+}
+
+double StrictSection::clamped_number(const std::string& key, double fallback, double min, double max) {
+  const double value = number(key).value_or(fallback);
+  const double clamped = std::clamp(value, min, max);
+  if (clamped == value || !has(key)) return value;
+  if (warnings_ == nullptr || (value < 0.0 && min >= 0.0)) return number(key, fallback, min, max);
+  warn(key, "is " + number_text(value) + ", out of range: from " + number_text(min) + " to " + number_text(max) +
+                "; taken as " + number_text(clamped));
+  return clamped;
+}
+
+int StrictSection::clamped_integer(const std::string& key, int fallback, int min, int max) {
+  const double value = clamped_number(key, fallback, min, max);
   if (value != std::floor(value)) throw error(key, "must be a whole number");
   return static_cast<int>(value);
 }

@@ -61,6 +61,11 @@ class StrictSection {
   double number(const std::string& key, double fallback, double min, double max);
   int integer(const std::string& key, int fallback, int min, int max);
 
+  /// As number(), for a file whose author wrote it for another program: a value beyond the range is clamped with a
+  /// warning if the section was made with `warnings`, except a negative one where the range has none.
+  double clamped_number(const std::string& key, double fallback, double min, double max);
+  int clamped_integer(const std::string& key, int fallback, int min, int max);
+
   // Values of keys that must be there.
 
   /// NaN for a key without a value.
@@ -85,6 +90,9 @@ class StrictSection {
   /// was made with `warnings`.
   void require_all_keys_used() const;
 
+  /// Adds a warning that names file, line and a key of this section; throws it as InputError if the section was made
+  /// without `warnings`.
+  void warn(const std::string& key, const std::string& what) const;
   /// An InputError that names file, line and a key of this section.
   InputError error(const std::string& key, const std::string& what) const;
   /// Place of this section for messages: file, line and key path.

@@ -8,7 +8,9 @@
 
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/strict_section.h"
+#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/live/simulator/frames.h"
+#include "tileflight/live/simulator/simulation_clock.h"
 
 namespace tileflight::simulator {
 namespace {
@@ -258,7 +260,7 @@ RecordingSettings read_recording(StrictSection section) {
   RecordingSettings recording;
   recording.enabled = section.boolean("Enabled").value_or(false);
   recording.on_move = section.boolean("RecordOnMove").value_or(false);
-  recording.interval_s = section.number("RecordInterval", 0.05, 0.003, 3600.0);
+  recording.interval_s = section.clamped_number("RecordInterval", 0.05, SimulationClock::kStep_s, 3600.0);
   recording.folder = section.text("Folder").value_or("");
   recording.dataset = section.boolean("Dataset").value_or(false);
   std::vector<RecordingCamera> cameras;
@@ -325,16 +327,19 @@ void check_vision(VehicleSettings& vehicle, StrictSection& section) {
     throw section.error("VisionCamera", "its images are too small for odometry; at least 64 pixels a side");
 }
 
+/// Whether a vehicle of AirSim or Cosys-AirSim is one on wheels.
+bool is_car(StrictSection& vehicle) {
+  static const std::vector<std::string> kCars{"physxcar", "boxcar", "ardurover", "cphusky", "pioneer"};
+  return std::ranges::find(kCars, base::to_lower(vehicle.text("VehicleType").value_or(""))) != kCars.end();
+}
+
 VehicleSettings read_vehicle(const std::string& name, StrictSection section, Settings& settings,
                              const std::vector<SensorSettings>& default_sensors) {
   VehicleSettings vehicle = default_vehicle(name, !settings.computer_vision, settings.camera_defaults);
   const std::string type = section
                                .choice_in_any_case("VehicleType", {"SimpleFlight", "ComputerVision", "ExternalPhysics",
-                                                                   "PX4Multirotor", "ArduCopter", "PhysXCar"})
+                                                                   "PX4Multirotor", "ArduCopter"})
                                .value_or(settings.computer_vision ? "ComputerVision" : "SimpleFlight");
-  if (type == "PhysXCar")
-    throw section.error("VehicleType",
-                        "cars are not simulated; use SimpleFlight, ArduCopter, PX4Multirotor or ComputerVision");
   vehicle.autopilot = read_autopilot(type, section);
   if (vehicle.autopilot && settings.computer_vision)
     throw section.error("VehicleType", "an autopilot flies in the mode Multirotor and with its physics only");
@@ -366,8 +371,17 @@ void read_vehicles(StrictSection& root, Settings& settings) {
   auto entries = root.named_sections("Vehicles");
   if (entries.size() > kMaxVehicles)
     throw root.error("Vehicles", "more than " + std::to_string(kMaxVehicles) + " vehicles");
-  for (auto& [name, entry] : entries)
-    settings.vehicles.push_back(read_vehicle(name, std::move(entry), settings, sensors));
+  constexpr const char* kNoCars =
+      "cars are not simulated; use SimpleFlight, ArduCopter, PX4Multirotor or ComputerVision";
+  for (auto& [name, entry] : entries) {
+    if (!is_car(entry)) {
+      settings.vehicles.push_back(read_vehicle(name, std::move(entry), settings, sensors));
+    } else if (std::ranges::all_of(entries, [](auto& one) { return is_car(one.second); })) {
+      throw entry.error("VehicleType", kNoCars);
+    } else {
+      entry.warn("VehicleType", std::string(kNoCars) + "; the vehicle is left out");
+    }
+  }
   settings.clock.by_autopilots =
       std::ranges::any_of(settings.vehicles, [](const VehicleSettings& one) { return one.autopilot.has_value(); });
   if (!settings.vehicles.empty()) return;
@@ -377,9 +391,10 @@ void read_vehicles(StrictSection& root, Settings& settings) {
 }
 
 void read_mode(StrictSection& root, Settings& settings) {
-  const std::string mode =
-      root.choice_in_any_case("SimMode", {"Multirotor", "ComputerVision", "Car", ""}).value_or("Multirotor");
-  if (mode == "Car") throw root.error("SimMode", "cars are not simulated; use Multirotor or ComputerVision");
+  std::string mode = base::to_lower(root.text("SimMode").value_or(""));
+  if (mode == "car" || mode == "skidvehicle")
+    throw root.error("SimMode", "cars are not simulated; use Multirotor or ComputerVision");
+  if (!mode.empty()) mode = *root.choice_in_any_case("SimMode", {"Multirotor", "ComputerVision"});
   settings.computer_vision = mode == "ComputerVision";
   const std::string physics =
       root.choice_in_any_case("PhysicsEngineName", {"", "FastPhysicsEngine", "ExternalPhysicsEngine", "PhysX"})

@@ -125,6 +125,39 @@ TEST(Settings, WrongValuesAreRefusedInOneLineThatNamesThePlace) {
     EXPECT_EQ(refusal_of(text).find('\n'), std::string::npos);
 }
 
+TEST(Settings, WhatIsUnusualIsClampedOrLeftOutWithAWarning) {
+  const Settings settings = read_settings(R"({"Recording": {"RecordInterval": 0.001}, "Vehicles": {
+    "Car": {"VehicleType": "PhysXCar", "RC": {}},
+    "A": {"VehicleType": "SimpleFlight", "Sensors": {
+      "down": {"SensorType": 6, "Enabled": true, "VerticalFOVUpper": -80, "VerticalFOVLower": -100},
+      "fast": {"SensorType": 6, "Enabled": true, "VerticalFOVUpper": 0, "VerticalFOVLower": 360,
+               "RotationsPerSecond": 100000, "NumberOfChannels": 5000, "HorizontalFOVEnd": 400}}}}})",
+                                          "settings.json");
+  EXPECT_THAT(settings.warnings, testing::UnorderedElementsAre(
+                                     HasSubstr("'Recording.RecordInterval' is 0.001"),
+                                     HasSubstr("'Vehicles.Car.VehicleType' cars are not simulated"),
+                                     HasSubstr("fast.RotationsPerSecond' is"), HasSubstr("fast.NumberOfChannels'"),
+                                     HasSubstr("fast.HorizontalFOVEnd' is 400")));
+  EXPECT_EQ(settings.recording.interval_s, 0.003);
+  ASSERT_EQ(settings.vehicles.size(), 1U);
+  const std::vector<SensorSettings>& sensors = settings.vehicles[0].sensors;
+  EXPECT_EQ(std::get<LidarSettings>(sensors[4].kind).lower_deg, -100.0);
+  EXPECT_EQ(std::get<LidarSettings>(sensors[5].kind).lower_deg, 360.0);
+  EXPECT_EQ(std::get<LidarSettings>(sensors[5].kind).rotations_per_second, 1000.0);
+  EXPECT_EQ(std::get<LidarSettings>(sensors[5].kind).channels, 1024);
+}
+
+TEST(Settings, WhatCannotMeanAnythingIsRefused) {
+  const auto lidar = [](const std::string& keys) {
+    return refusal_of(R"({"Vehicles": {"A": {"Sensors": {"L": {"SensorType": 6, )" + keys + "}}}}}");
+  };
+  EXPECT_THAT(lidar(R"("RotationsPerSecond": 0)"), HasSubstr("must be more than 0"));
+  EXPECT_THAT(lidar(R"("Range": -1)"), HasSubstr("'Vehicles.A.Sensors.L.Range' is -1, out of range"));
+  EXPECT_THAT(refusal_of(R"({"Recording": {"RecordInterval": -1}})"), HasSubstr("out of range"));
+  EXPECT_THAT(refusal_of(R"({"Vehicles": {"A": {"VehicleType": "PhysXCar"}}})"), HasSubstr("cars are not simulated"));
+  EXPECT_THAT(refusal_of(R"({"SimMode": "Drone"})"), testing::EndsWith("one of: Multirotor, ComputerVision"));
+}
+
 TEST(Settings, CosysSensorsAreReadAndThoseOfOtherKindsAreLeftOutWithAWarning) {
   const Settings settings = read_settings(R"({"SettingsVersion": 2.0, "Vehicles": {"A": {"Sensors": {
     "echo": {"SensorType": 7, "Enabled": true, "NumberOfTraces": -90, "SensorLowerAzimuthLimit": -45, "SenseActive": true,
