@@ -51,6 +51,8 @@ template <class Caller>
 void add_camera_methods(MethodBinder<Caller>& bind) {
   bind.template add_camera_method<&Cameras::get_images>("simGetImages");
   bind.template add_camera_method<&Cameras::get_camera_info>("simGetCameraInfo");
+  bind.template add_camera_method<&Cameras::get_focal_length>("simGetFocalLength");
+  bind.template add_camera_method<&Cameras::get_current_field_of_view>("simGetCurrentFieldOfView");
   bind.template add_camera_method<&Cameras::set_camera_pose>("simSetCameraPose");
   bind.template add_camera_method<&Cameras::set_camera_fov>("simSetCameraFov");
   bind.template add_camera_method<&Cameras::get_distortion_params>("simGetDistortionParams");
@@ -149,7 +151,6 @@ void add_ignored_and_unsupported_methods(MethodBinder<Caller>& bind) {
                            "simSetPresetFilmbackSettings",
                            "simGetFilmbackSettings",
                            "simSetFilmbackSettings",
-                           "simGetFocalLength",
                            "simSetFocalLength",
                            "simEnableManualFocus",
                            "simGetFocusDistance",
@@ -157,7 +158,6 @@ void add_ignored_and_unsupported_methods(MethodBinder<Caller>& bind) {
                            "simGetFocusAperture",
                            "simSetFocusAperture",
                            "simEnableFocusPlane",
-                           "simGetCurrentFieldOfView",
                            "moveByRC",
                            "moveByManual",
                            "moveByMotorPWMs",
