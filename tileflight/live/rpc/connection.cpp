@@ -30,14 +30,6 @@ std::string seconds_text(double seconds) {
   return text.substr(0, text.find('.') + 2) + " s";
 }
 
-Response refuse_to_wait(const Request& request, std::size_t max_waiting) {
-  Response refusal{.failed = true};
-  refusal.error = "tileflight: " + request.method() + " is refused: " + std::to_string(max_waiting) +
-                  " calls wait already; wait for some of them, or end them (cancelLastTask)";
-  refusal.bytes = encode_error(request.id(), refusal.error);
-  return refusal;
-}
-
 /// Detects a silently lost client in two minutes, not in the usual two hours.
 void enable_keepalive(asio::ip::tcp::socket& socket) {
   using Seconds = asio::detail::socket_option::integer<IPPROTO_TCP, TCP_KEEPIDLE>;
@@ -243,11 +235,8 @@ void Connection::execute_in_worker(std::string message) {
   ++service_.counters.running;
   try {
     const Request request(std::move(message));
-    const bool waits = service_.methods.is_waiting(request.method());
-    is_parked = waits && service_.workers.begin_waiting();
-    Response result = is_parked ? call_that_waits(request)
-                      : waits   ? refuse_to_wait(request, service_.options.limits.max_waiting_calls)
-                                : call(request);
+    is_parked = service_.methods.is_waiting(request.method()) && service_.workers.begin_waiting();
+    Response result = is_parked ? call_that_waits(request) : call(request);
     if (service_.methods.contains(request.method())) {
       service_.counters.add_call(request.method(), result.failed, result.seconds);
     }

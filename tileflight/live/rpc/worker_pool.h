@@ -25,7 +25,8 @@ class WorkerPool {
   /// `work` must not throw. Work starts in the order of submission.
   void submit(std::function<void()> work);
 
-  /// Called by work that will wait for long. Returns false if `max_waiting` others wait already.
+  /// Called by work that will wait for long. Returns false if `max_waiting` others wait already: it is
+  /// counted as other work.
   bool begin_waiting();
   /// Called by the same work once it has waited.
   void end_waiting();
