@@ -302,6 +302,16 @@ void StrictSection::ignore(const std::vector<std::string>& keys) {
   known_.insert(known_.end(), keys.begin(), keys.end());
 }
 
+void StrictSection::ignore_with_warning(const std::vector<std::string>& keys, const std::string& why) {
+  for (const std::string& key : keys) {
+    const DocumentValue value = take(key);
+    const bool is_off = value.is_absent() || value.is_null() || value.boolean() == std::optional(false) ||
+                        value.number() == std::optional(0.0) || (value.is_map() && value.keys().empty()) ||
+                        (value.is_list() && value.entries().empty());
+    if (!is_off) warn(key, "has no effect here: " + why);
+  }
+}
+
 void StrictSection::require_all_keys_used() const {
   for (const std::string& key : keys()) {
     if (std::find(known_.begin(), known_.end(), key) != known_.end()) continue;
@@ -309,7 +319,9 @@ void StrictSection::require_all_keys_used() const {
     std::sort(known.begin(), known.end());
     known.erase(std::unique(known.begin(), known.end()), known.end());
     const std::string meant = did_you_mean(key, known_);
-    const InputError fault = error(key, "is not a key here" + (meant.empty() ? "; there are " + joined(known) : meant));
+    // Another program's files have many keys, of which a list of all would only hide the one that is meant.
+    const std::string others = warnings_ == nullptr ? "; there are " + joined(known) : "";
+    const InputError fault = error(key, "is not a key here" + (meant.empty() ? others : meant));
     if (warnings_ == nullptr) throw fault;
     warnings_->push_back(std::string(fault.what()) + " (ignored)");
   }

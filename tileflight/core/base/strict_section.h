@@ -86,6 +86,9 @@ class StrictSection {
 
   /// Marks keys that have no effect here as known.
   void ignore(const std::vector<std::string>& keys);
+  /// Marks keys as known that another program heeds, and warns (warn()) of each that is there with a value other than
+  /// false, 0, null or nothing: it has no effect here. `why` ends the sentence, with what to do instead.
+  void ignore_with_warning(const std::vector<std::string>& keys, const std::string& why);
   /// Throws InputError for a key that was never requested, naming the most similar known one; only warns if the section
   /// was made with `warnings`.
   void require_all_keys_used() const;

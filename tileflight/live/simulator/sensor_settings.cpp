@@ -42,7 +42,10 @@ ImuSettings read_imu(StrictSection& s) {
       s.clamped_number("VelocityRandomWalk", i.velocity_random_walk_m_s_sqrt_h, 0.0, 1e4);
   i.accel_bias_stability_ug = s.clamped_number("AccelBiasStability", i.accel_bias_stability_ug, 0.0, 1e6);
   i.accel_bias_tau_s = s.clamped_number("AccelBiasStabilityTau", i.accel_bias_tau_s, 1e-3, kMaxNumber);
-  s.ignore({"GenerateNoise"});
+  if (!s.boolean("GenerateNoise").value_or(true))
+    s.warn("GenerateNoise",
+           "has no effect here: for no noise, set AngularRandomWalk, GyroBiasStability, "
+           "VelocityRandomWalk and AccelBiasStability to 0");
   return i;
 }
 
@@ -128,7 +131,14 @@ LidarSettings read_lidar(StrictSection& s, bool flies, LidarSettings l) {
     s.warn("PointsPerSecond", "is more than four million points per revolution; taken as four million");
   }
   s.ignore({"DrawDebugPoints", "ExternalController", "DrawSensor", "DrawMode", "Resolution", "GroundTruth",
-            "InstanceSegmentation", "IgnoreMarked", "GenerateIntensity"});
+            "InstanceSegmentation", "GenerateIntensity", "GenerateGroundtruth", "UpdateFrequency", "LimitPoints",
+            "ExternalLocal", "MinNoiseStandardDeviation", "NoiseDistanceScale"});
+  s.ignore_with_warning({"GenerateNoise"}, "readings of a lidar have no noise; add it to them");
+  s.ignore_with_warning({"IgnoreMarked"}, "a lidar sees every object");
+  s.ignore_with_warning({"External"}, "a lidar is on its vehicle");
+  s.ignore_with_warning(
+      {"MaterialListFile", "RangeMaxLambertianPercentage", "RainMaxIntensity", "RainConstantA", "RainConstantB"},
+      "the intensity is albedo times cosine, without rain and materials");
   return l;
 }
 
@@ -147,7 +157,10 @@ EchoSettings read_echo(StrictSection& s, bool flies) {
   e.max_reflections = s.clamped_integer("ReflectionLimit", e.max_reflections, 1, 100);
   e.max_reflection_distance_m = s.clamped_number("ReflectionDistanceLimit", e.max_reflection_distance_m, 0.0, 1e4);
   e.T_body_sensor = SE3(read_orientation(s), read_position(s, default_place(flies)));
-  s.ignore({"SenseActive", "MeasurementFrequency", "SensorDiameter", "RunParallel", "runParallel", "IgnoreMarked",
+  s.ignore_with_warning({"SensePassive"}, "passive beacons are not simulated");
+  s.ignore_with_warning({"IgnoreMarked"}, "an echo sensor meets every object");
+  s.ignore_with_warning({"External"}, "an echo sensor is on its vehicle");
+  s.ignore({"SenseActive", "MeasurementFrequency", "SensorDiameter", "RunParallel", "runParallel", "ExternalLocal",
             "DrawReflectedPoints", "DrawReflectedLines", "DrawReflectedPaths", "DrawInitialPoints",
             "DrawExternalPoints", "DrawBounceLines", "DrawPassiveSources", "DrawPassiveLines", "DrawSensor"});
   return e;

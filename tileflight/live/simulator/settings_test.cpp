@@ -2,9 +2,12 @@
 
 #include <gmock/gmock.h>
 
+#include <fstream>
 #include <numbers>
+#include <regex>
 
 #include "tests/refusal.h"
+#include "tests/source_folder.h"
 #include "tileflight/core/base/input_error.h"
 
 namespace tileflight::simulator::settings_test {
@@ -145,6 +148,56 @@ TEST(Settings, WhatIsUnusualIsClampedOrLeftOutWithAWarning) {
   EXPECT_EQ(std::get<LidarSettings>(sensors[5].kind).lower_deg, 360.0);
   EXPECT_EQ(std::get<LidarSettings>(sensors[5].kind).rotations_per_second, 1000.0);
   EXPECT_EQ(std::get<LidarSettings>(sensors[5].kind).channels, 1024);
+}
+
+/// A settings file with the example of a row of the table in docs/server.md.
+std::string example_file(const std::string& where, const std::string& keys) {
+  if (where == "top level") return "{" + keys + "}";
+  if (where == "segmentation") return R"({"SegmentationSettings": {)" + keys + "}}";
+  if (where == "vehicle") return R"({"Vehicles": {"A": {)" + keys + "}}}";
+  if (where == "PX4") return R"({"Vehicles": {"A": {"VehicleType": "PX4Multirotor", )" + keys + "}}}";
+  if (where == "camera") return R"({"CameraDefaults": {)" + keys + "}}";
+  if (where == "image") return R"({"CameraDefaults": {"CaptureSettings": [{)" + keys + "}]}}";
+  return R"({"Vehicles": {"A": {"Sensors": {"S": {"Enabled": true, "SensorType": )" + where.substr(7) + ", " + keys +
+         "}}}}}";
+}
+
+TEST(Settings, KeysOfAirSimDoWhatTheTableSays) {
+  std::ifstream page(tests::source_folder() / "docs/server.md");
+  const std::regex row(R"(\| ([a-zA-Z0-9 ]+) \| `(".*)` \| (silent|warned|refused) \| (.*) ?\|)");
+  std::size_t rows = 0;
+  for (std::string line; std::getline(page, line);) {
+    std::smatch cells;
+    if (!std::regex_match(line, cells, row)) continue;
+    ++rows;
+    const std::string file = example_file(cells[1], cells[2]), kind = cells[3];
+    std::string said = cells[4];
+    said.erase(said.find_last_not_of(' ') + 1);
+    if (kind == "refused") {
+      EXPECT_THAT(refusal_of(file), HasSubstr(said)) << file;
+    } else {
+      const std::vector<std::string> warnings = read_settings(file, "settings.json").warnings;
+      if (kind == "silent") {
+        EXPECT_THAT(warnings, IsEmpty()) << file;
+      } else {
+        EXPECT_THAT(warnings, ElementsAre(HasSubstr("has no effect here: " + said))) << file;
+      }
+    }
+  }
+  EXPECT_GT(rows, 30U);
+}
+
+TEST(Settings, KeysWithoutEffectForTheSameReasonAreOneWarning) {
+  const std::string image =
+      R"({"AutoExposureSpeed": 100, "AutoExposureBias": 1, "MotionBlurAmount": 0, "TargetGamma": 1})";
+  const std::string file = R"({"CameraDefaults": {"CaptureSettings": [)" + image + "," + image + "," + image + "]}}";
+  EXPECT_THAT(
+      read_settings(file, "s.json").warnings,
+      ElementsAre("s.json: 'CameraDefaults.CaptureSettings[0].AutoExposureSpeed' has no effect here: images have "
+                  "the colours of the tiles' textures (also: 'CameraDefaults.CaptureSettings[0].AutoExposureBias', "
+                  "'CameraDefaults.CaptureSettings[1].AutoExposureSpeed', "
+                  "'CameraDefaults.CaptureSettings[1].AutoExposureBias', "
+                  "'CameraDefaults.CaptureSettings[2].AutoExposureSpeed' and 1 more)"));
 }
 
 TEST(Settings, WhatCannotMeanAnythingIsRefused) {
