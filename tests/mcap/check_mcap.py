@@ -60,6 +60,7 @@ def check(read):
     counts = {topic: entry["count"] for topic, entry in topics.items()}
     assert counts == {
         "/camera/image/compressed": FRAMES, "/camera/camera_info": FRAMES, "/tf": 3 * FRAMES, "/lidar": FRAMES,
+        "/odometry": FRAMES,
         "/imu": 2, "/gnss": 1, "/barometer": 1, "/magnetometer": 1, "/range": 1,
     }, counts
     assert read["profile"] == "ros2" and read["messages"] == sum(counts.values()) and read["chunks"] == 1

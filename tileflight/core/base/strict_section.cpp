@@ -99,6 +99,12 @@ std::string StrictSection::place() const {
   return file_.string() + value_.line() + (where_.empty() ? "" : ": " + where_);
 }
 
+void StrictSection::warn(const std::string& key, const std::string& what) const {
+  const InputError fault = error(key, what);
+  if (warnings_ == nullptr) throw fault;
+  warnings_->emplace_back(fault.what());
+}
+
 InputError StrictSection::error(const std::string& key, const std::string& what) const {
   const DocumentValue value = value_.member(key);
   return {file_.string() + (value.is_absent() ? value_.line() : value.line()), "'" + dotted(key) + "' " + what};
@@ -231,6 +237,22 @@ int StrictSection::integer(const std::string& key, int fallback, int min, int ma
   return static_cast<int>(value);
 }
 
+double StrictSection::clamped_number(const std::string& key, double fallback, double min, double max) {
+  const double value = number(key).value_or(fallback);
+  const double clamped = std::clamp(value, min, max);
+  if (clamped == value || !has(key)) return value;
+  if (warnings_ == nullptr || (value < 0.0 && min >= 0.0)) return number(key, fallback, min, max);
+  warn(key, "is " + number_text(value) + ", out of range: from " + number_text(min) + " to " + number_text(max) +
+                "; taken as " + number_text(clamped));
+  return clamped;
+}
+
+int StrictSection::clamped_integer(const std::string& key, int fallback, int min, int max) {
+  const double value = clamped_number(key, fallback, min, max);
+  if (value != std::floor(value)) throw error(key, "must be a whole number");
+  return static_cast<int>(value);
+}
+
 void StrictSection::require(const std::string& key) const {
   if (!has(key)) throw error(key, "is missing");
 }
@@ -280,6 +302,16 @@ void StrictSection::ignore(const std::vector<std::string>& keys) {
   known_.insert(known_.end(), keys.begin(), keys.end());
 }
 
+void StrictSection::ignore_with_warning(const std::vector<std::string>& keys, const std::string& why) {
+  for (const std::string& key : keys) {
+    const DocumentValue value = take(key);
+    const bool is_off = value.is_absent() || value.is_null() || value.boolean() == std::optional(false) ||
+                        value.number() == std::optional(0.0) || (value.is_map() && value.keys().empty()) ||
+                        (value.is_list() && value.entries().empty());
+    if (!is_off) warn(key, "has no effect here: " + why);
+  }
+}
+
 void StrictSection::require_all_keys_used() const {
   for (const std::string& key : keys()) {
     if (std::find(known_.begin(), known_.end(), key) != known_.end()) continue;
@@ -287,7 +319,9 @@ void StrictSection::require_all_keys_used() const {
     std::sort(known.begin(), known.end());
     known.erase(std::unique(known.begin(), known.end()), known.end());
     const std::string meant = did_you_mean(key, known_);
-    const InputError fault = error(key, "is not a key here" + (meant.empty() ? "; there are " + joined(known) : meant));
+    // Another program's files have many keys, of which a list of all would only hide the one that is meant.
+    const std::string others = warnings_ == nullptr ? "; there are " + joined(known) : "";
+    const InputError fault = error(key, "is not a key here" + (meant.empty() ? others : meant));
     if (warnings_ == nullptr) throw fault;
     warnings_->push_back(std::string(fault.what()) + " (ignored)");
   }

@@ -61,6 +61,11 @@ class StrictSection {
   double number(const std::string& key, double fallback, double min, double max);
   int integer(const std::string& key, int fallback, int min, int max);
 
+  /// As number(), for a file whose author wrote it for another program: a value beyond the range is clamped with a
+  /// warning if the section was made with `warnings`, except a negative one where the range has none.
+  double clamped_number(const std::string& key, double fallback, double min, double max);
+  int clamped_integer(const std::string& key, int fallback, int min, int max);
+
   // Values of keys that must be there.
 
   /// NaN for a key without a value.
@@ -81,10 +86,16 @@ class StrictSection {
 
   /// Marks keys that have no effect here as known.
   void ignore(const std::vector<std::string>& keys);
+  /// Marks keys as known that another program heeds, and warns (warn()) of each that is there with a value other than
+  /// false, 0, null or nothing: it has no effect here. `why` ends the sentence, with what to do instead.
+  void ignore_with_warning(const std::vector<std::string>& keys, const std::string& why);
   /// Throws InputError for a key that was never requested, naming the most similar known one; only warns if the section
   /// was made with `warnings`.
   void require_all_keys_used() const;
 
+  /// Adds a warning that names file, line and a key of this section; throws it as InputError if the section was made
+  /// without `warnings`.
+  void warn(const std::string& key, const std::string& what) const;
   /// An InputError that names file, line and a key of this section.
   InputError error(const std::string& key, const std::string& what) const;
   /// Place of this section for messages: file, line and key path.

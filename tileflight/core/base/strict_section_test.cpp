@@ -181,6 +181,25 @@ TEST(JsonSection, UnknownKeysAreWarningsWhereTheyAreCollected) {
   EXPECT_THAT(warnings, ElementsAre("a.json: 'part.widht' is not a key here; did you mean 'width'? (ignored)"));
 }
 
+TEST(JsonSection, OtherProgramsValuesAreClampedAndTheirKeysIgnoredWithAWarning) {
+  const nlohmann::json json = nlohmann::json::parse(
+      R"({"rate": 2000, "count": 0, "length": -1, "noise": true, "blur": 0, "gain": false, "none": null, "map": {}})");
+  std::vector<std::string> warnings;
+  StrictSection section(json, "a.json", "", &warnings);
+  EXPECT_EQ(section.clamped_number("rate", 1.0, 0.01, 1000.0), 1000.0);
+  EXPECT_EQ(section.clamped_integer("count", 5, 1, 8), 1);
+  EXPECT_EQ(section.clamped_integer("absent", 0, 1, 8), 0) << "a default may be out of the range";
+  EXPECT_EQ(tests::refusal_of([&] { section.clamped_number("length", 1.0, 0.0, 9.0); }),
+            "a.json: 'length' is -1, out of range: from 0 to 9");
+  section.ignore_with_warning({"noise", "blur", "gain", "none", "map", "absent"}, "images have none");
+  section.require_all_keys_used();
+  EXPECT_THAT(warnings, ElementsAre("a.json: 'rate' is 2000, out of range: from 0.01 to 1000; taken as 1000",
+                                    "a.json: 'count' is 0, out of range: from 1 to 8; taken as 1",
+                                    "a.json: 'noise' has no effect here: images have none"));
+  StrictSection strict(json, "a.json");
+  EXPECT_NE(tests::refusal_of([&] { strict.clamped_number("rate", 1.0, 0.01, 1000.0); }), "no error");
+}
+
 TEST(ExpandVariables, AsInAShell) {
   setenv("TILEFLIGHT_YAML_TEST", "deep", 1);
   EXPECT_EQ(expand_variables("a/${TILEFLIGHT_YAML_TEST}/${TILEFLIGHT_UNSET:-b}", "f"), "a/deep/b");

@@ -43,14 +43,15 @@ void write_tum_mono(const dataset::Rig& rig, const fs::path& folder, std::vector
 struct Layout {
   std::string name;
   LayoutWriter write;
+  std::vector<std::string> held;  ///< what it holds besides images, calibration and poses, for note_data_left_out()
 };
 
 const std::vector<Layout>& known_layouts() {
-  static const std::vector<Layout> kLayouts{{"tum-mono", write_tum_mono},
-                                            {"euroc", write_euroc},
-                                            {"kitti", write_kitti},
-                                            {"colmap", write_colmap_folder},
-                                            {"vslamlab", write_vslam_lab}};
+  static const std::vector<Layout> kLayouts{{"tum-mono", write_tum_mono, {}},
+                                            {"euroc", write_euroc, {"imu.csv", "imu_bias.csv"}},
+                                            {"kitti", write_kitti, {"lidar"}},
+                                            {"colmap", write_colmap_folder, {}},
+                                            {"vslamlab", write_vslam_lab, {"imu.csv", "depth"}}};
   return kLayouts;
 }
 
@@ -77,6 +78,7 @@ ExportResult export_rig(const dataset::Rig& rig, const std::string& layout, cons
     if (known.name != layout) continue;
     ExportResult result{rig.cameras.front().dataset.frames.size(), {}};
     for (const dataset::RigCamera& camera : rig.cameras) base::add_distinct(camera.dataset.warnings, result.notes);
+    note_data_left_out(rig, known.held, result.notes);
     // Other tools write the same layouts: only the marker identifies ours.
     const base::OutputFolder output{
         .folder = folder, .command = "export", .replace = replace, .inputs = std::move(inputs)};

@@ -2,6 +2,7 @@
 
 #include <tbb/parallel_for.h>
 
+#include <algorithm>
 #include <cmath>
 #include <mutex>
 
@@ -45,6 +46,26 @@ void note_cameras_left_out(const dataset::Rig& rig, std::size_t held, std::vecto
   for (std::size_t c = held; c < rig.cameras.size(); ++c)
     notes.push_back("camera " + rig.cameras[c].name + " has no place in this layout; export it alone (--camera " +
                     rig.cameras[c].name + ")");
+}
+
+void note_data_left_out(const dataset::Rig& rig, const std::vector<std::string>& held,
+                        std::vector<std::string>& notes) {
+  const auto is_there = [&](const std::string& name) {
+    return std::ranges::any_of(rig.cameras, [&](const dataset::RigCamera& camera) {
+      const dataset::Dataset& dataset = camera.dataset;
+      if (fs::exists(dataset.folder / name)) return true;
+      if (name == "depth")
+        return std::ranges::any_of(dataset.frames, [](const auto& one) { return !one.depth.empty(); });
+      return (name == "imu.csv" && !dataset.imu.empty()) || (name == "gps.csv" && !dataset.gps.empty());
+    });
+  };
+  std::vector<std::string> left_out;
+  for (const char* name :
+       {"depth", "range", "normals", "segmentation", "infrared", "flow", "visibility", "boxes", "events", "lidar",
+        "imu.csv", "imu_bias.csv", "gps.csv", "attitude.csv", "barometer.csv", "magnetometer.csv", "range.csv"}) {
+    if (std::ranges::find(held, name) == held.end() && is_there(name)) left_out.emplace_back(name);
+  }
+  if (!left_out.empty()) notes.push_back("left out, as this layout has no place for it: " + base::joined(left_out));
 }
 
 std::vector<std::array<std::size_t, 2>> stereo_pairs(const dataset::Rig& rig) {

@@ -30,6 +30,10 @@ void write_colmap_folder(const dataset::Rig& rig, const std::filesystem::path& f
 /// Adds a note for each camera beyond the first `held`, which the layout has no place for.
 void note_cameras_left_out(const dataset::Rig& rig, std::size_t held, std::vector<std::string>& notes);
 
+/// Adds one note that names the dataset's files and folders besides images, calibration and true poses that are not in
+/// `held`: "depth", "lidar", "imu.csv", … (docs/formats.md, A dataset).
+void note_data_left_out(const dataset::Rig& rig, const std::vector<std::string>& held, std::vector<std::string>& notes);
+
 /// Returns the frames of the first two cameras at each instant at which both took one. Precondition: there are two.
 std::vector<std::array<std::size_t, 2>> stereo_pairs(const dataset::Rig& rig);
 

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -45,11 +46,13 @@ class McapWriter {
 struct McapResult {
   std::size_t messages = 0;
   std::vector<std::string> topics;
+  std::vector<std::string> notes;  ///< data that is left out, and times that are not the dataset's
 };
 
-/// Writes the messages of a rig (list_messages) as one MCAP file in time order. Throws InputError (file, cause), also
-/// for an existing file unless `replace`.
+/// Writes the messages of a rig (list_messages with depth and odometry) as one MCAP file in time order. Throws
+/// InputError (file, cause), also for an existing file unless `replace`. `epoch_s`: seconds from 1970 to the dataset's
+/// time 0; nullopt: 0, or whole seconds such that no message has the time 0, which ROS takes for none (noted).
 McapResult export_mcap(const dataset::Rig& rig, const std::filesystem::path& file, bool replace,
-                       const Progress& progress = {});
+                       const Progress& progress = {}, std::optional<double> epoch_s = {});
 
 }  // namespace tileflight::exports

@@ -193,21 +193,36 @@ TEST(McapExport, ADatasetBecomesOneFileInTheOrderOfTime) {
     dataset::write_scan_ply(raw / "lidar" / name, {{{1, 2, 3}, 0.5F, 0.01F, 7}});
   writer.finish();
 
+  fs::create_directories(folder / "data/segmentation");
   const McapResult result = export_mcap(dataset::read_rig(folder / "data"), folder / "flight.mcap", false);
+  EXPECT_THAT(result.notes, testing::ElementsAre(HasSubstr("times are 1 s later"),
+                                                 testing::EndsWith("no place for it: segmentation")));
   const std::string file = base::read_text(folder / "flight.mcap");
   const std::vector<Message> messages = messages_of(file);
   EXPECT_EQ(messages.size(), result.messages);
-  EXPECT_EQ(result.messages, 3U + 3U + 9U + 1U + 2U + 1U + 3U);
+  EXPECT_EQ(result.messages, 3U + 3U + 3U + 9U + 1U + 2U + 1U + 3U) << "with /odometry";
   std::map<std::string, int> counts;
   for (std::size_t i = 0; i < messages.size(); ++i) {
     ++counts[messages[i].topic];
     EXPECT_GE(messages[i].time_ns, messages[i > 0 ? i - 1 : 0].time_ns);
   }
+  EXPECT_EQ(messages.front().time_ns, 1'000'000'000) << "0 is no time to ROS";
   EXPECT_EQ(counts["/tf"], 9);
   EXPECT_EQ(counts["/lidar"], 3);
   const auto image = std::find_if(messages.begin(), messages.end(),
                                   [](const Message& m) { return m.topic == "/camera/image/compressed"; });
   EXPECT_THAT(std::string(image->bytes), HasSubstr(base::read_text(folder / "data/images/000000.jpg")));
+
+  const auto with_epoch = [&](double epoch_s) {
+    return export_mcap(dataset::read_rig(folder / "data"), folder / "epoch.mcap", true, {}, epoch_s);
+  };
+  EXPECT_THAT(with_epoch(1.7e9).notes, testing::ElementsAre(HasSubstr("segmentation")));
+  const std::string later = base::read_text(folder / "epoch.mcap");
+  EXPECT_EQ(messages_of(later).front().time_ns, 1'700'000'000'000'000'000);
+  with_epoch(0.0);
+  const std::string unchanged = base::read_text(folder / "epoch.mcap");
+  EXPECT_EQ(messages_of(unchanged).front().time_ns, 0) << "as was asked for";
+  EXPECT_THROW(with_epoch(1e12), InputError);
 }
 
 }  // namespace

@@ -60,7 +60,8 @@ class MessageLister {
       : cameras_(std::move(cameras)),
         dataset_(*cameras_.front().dataset),
         first_frame_(cameras_.front().frame_id),
-        shift_s_(cameras_.front().timeshift_s) {
+        shift_s_(cameras_.front().timeshift_s),
+        epoch_ns_(selection.epoch_ns) {
     const auto is_shown = [&wanted = selection.cameras](const ListedCamera& camera) {
       return wanted.empty() || std::ranges::find(wanted, camera.frame_id) != wanted.end();
     };
@@ -90,7 +91,7 @@ class MessageLister {
   /// `make` receives the message's time and frame.
   template <class Make>
   void add(double time_s, std::size_t topic, const std::string& frame_id, const Make& make) {
-    const std::int64_t time_ns = std::llround(1e9 * time_s);
+    const std::int64_t time_ns = std::llround(1e9 * time_s) + epoch_ns_;
     listed_.messages.push_back({time_ns, topic, [=] { return make(ros::Header{time_ns, frame_id}); }});
   }
 
@@ -229,6 +230,7 @@ class MessageLister {
   const dataset::Dataset& dataset_;  ///< the first camera's
   std::string first_frame_;
   double shift_s_;
+  std::int64_t epoch_ns_;
   DatasetMessages listed_;
 };
 

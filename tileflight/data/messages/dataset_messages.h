@@ -41,6 +41,7 @@ struct MessageSelection {
   bool odometry = false;  ///< /odometry: the true poses of the camera with their velocities
   /// /tf_static: camera to IMU once, at the begin, instead of at each pose in /tf
   bool static_transforms = false;
+  std::int64_t epoch_ns = 0;  ///< added to all times
   /// Names of the cameras of a rig whose images are listed; empty: all. Nothing else depends on it.
   std::vector<std::string> cameras{};
 };

@@ -34,8 +34,8 @@ void add_general_methods(MethodBinder<Caller>& bind) {
   bind.template add<&Vehicles::arm_disarm>("armDisarm");
   bind.template add<&Clock::pause>("simPause");
   bind.template add<&Clock::is_paused>("simIsPaused");
-  bind.template add<&Clock::continue_for_time>("simContinueForTime");
-  bind.template add<&Clock::continue_for_frames>("simContinueForFrames");
+  bind.template add_waiting<&Clock::continue_for_time>("simContinueForTime");
+  bind.template add_waiting<&Clock::continue_for_frames>("simContinueForFrames");
   bind.template add<&Vehicles::get_home_geo_point>("getHomeGeoPoint");
   bind.template add<&Vehicles::list_vehicles>("listVehicles");
   bind.template add<&Simulator::get_settings_string>("getSettingsString");
@@ -51,6 +51,8 @@ template <class Caller>
 void add_camera_methods(MethodBinder<Caller>& bind) {
   bind.template add_camera_method<&Cameras::get_images>("simGetImages");
   bind.template add_camera_method<&Cameras::get_camera_info>("simGetCameraInfo");
+  bind.template add_camera_method<&Cameras::get_focal_length>("simGetFocalLength");
+  bind.template add_camera_method<&Cameras::get_current_field_of_view>("simGetCurrentFieldOfView");
   bind.template add_camera_method<&Cameras::set_camera_pose>("simSetCameraPose");
   bind.template add_camera_method<&Cameras::set_camera_fov>("simSetCameraFov");
   bind.template add_camera_method<&Cameras::get_distortion_params>("simGetDistortionParams");
@@ -107,26 +109,26 @@ void add_scene_methods(MethodBinder<Caller>& bind) {
 template <class Caller>
 void add_flight_methods(MethodBinder<Caller>& bind) {
   bind.template add<&Flight::cancel_last_task>("cancelLastTask");
-  bind.template add<&Flight::takeoff>("takeoff");
-  bind.template add<&Flight::land>("land");
-  bind.template add<&Flight::go_home>("goHome");
-  bind.template add<&Flight::hover>("hover");
-  bind.template add<&Flight::move_to_position>("moveToPosition");
-  bind.template add<&Flight::move_on_path>("moveOnPath");
-  bind.template add<&Flight::move_by_velocity>("moveByVelocity");
-  bind.template add<&Flight::move_by_velocity_z>("moveByVelocityZ");
-  bind.template add<&Flight::move_by_velocity_body_frame>("moveByVelocityBodyFrame");
-  bind.template add<&Flight::move_by_velocity_z_body_frame>("moveByVelocityZBodyFrame");
-  bind.template add<&Flight::move_to_z>("moveToZ");
-  bind.template add<&Flight::move_to_gps>("moveToGPS");
-  bind.template add<&Flight::move_by_roll_pitch_yaw_z>("moveByRollPitchYawZ");
-  bind.template add<&Flight::move_by_roll_pitch_yaw_throttle>("moveByRollPitchYawThrottle");
-  bind.template add<&Flight::move_by_roll_pitch_yawrate_z>("moveByRollPitchYawrateZ");
-  bind.template add<&Flight::move_by_roll_pitch_yawrate_throttle>("moveByRollPitchYawrateThrottle");
-  bind.template add<&Flight::move_by_angle_rates_z>("moveByAngleRatesZ");
-  bind.template add<&Flight::move_by_angle_rates_throttle>("moveByAngleRatesThrottle");
-  bind.template add<&Flight::rotate_to_yaw>("rotateToYaw");
-  bind.template add<&Flight::rotate_by_yaw_rate>("rotateByYawRate");
+  bind.template add_waiting<&Flight::takeoff>("takeoff");
+  bind.template add_waiting<&Flight::land>("land");
+  bind.template add_waiting<&Flight::go_home>("goHome");
+  bind.template add_waiting<&Flight::hover>("hover");
+  bind.template add_waiting<&Flight::move_to_position>("moveToPosition");
+  bind.template add_waiting<&Flight::move_on_path>("moveOnPath");
+  bind.template add_waiting<&Flight::move_by_velocity>("moveByVelocity");
+  bind.template add_waiting<&Flight::move_by_velocity_z>("moveByVelocityZ");
+  bind.template add_waiting<&Flight::move_by_velocity_body_frame>("moveByVelocityBodyFrame");
+  bind.template add_waiting<&Flight::move_by_velocity_z_body_frame>("moveByVelocityZBodyFrame");
+  bind.template add_waiting<&Flight::move_to_z>("moveToZ");
+  bind.template add_waiting<&Flight::move_to_gps>("moveToGPS");
+  bind.template add_waiting<&Flight::move_by_roll_pitch_yaw_z>("moveByRollPitchYawZ");
+  bind.template add_waiting<&Flight::move_by_roll_pitch_yaw_throttle>("moveByRollPitchYawThrottle");
+  bind.template add_waiting<&Flight::move_by_roll_pitch_yawrate_z>("moveByRollPitchYawrateZ");
+  bind.template add_waiting<&Flight::move_by_roll_pitch_yawrate_throttle>("moveByRollPitchYawrateThrottle");
+  bind.template add_waiting<&Flight::move_by_angle_rates_z>("moveByAngleRatesZ");
+  bind.template add_waiting<&Flight::move_by_angle_rates_throttle>("moveByAngleRatesThrottle");
+  bind.template add_waiting<&Flight::rotate_to_yaw>("rotateToYaw");
+  bind.template add_waiting<&Flight::rotate_by_yaw_rate>("rotateByYawRate");
 }
 
 /// Adds the calls that are accepted without effect, and those that are refused.
@@ -149,7 +151,6 @@ void add_ignored_and_unsupported_methods(MethodBinder<Caller>& bind) {
                            "simSetPresetFilmbackSettings",
                            "simGetFilmbackSettings",
                            "simSetFilmbackSettings",
-                           "simGetFocalLength",
                            "simSetFocalLength",
                            "simEnableManualFocus",
                            "simGetFocusDistance",
@@ -157,7 +158,6 @@ void add_ignored_and_unsupported_methods(MethodBinder<Caller>& bind) {
                            "simGetFocusAperture",
                            "simSetFocusAperture",
                            "simEnableFocusPlane",
-                           "simGetCurrentFieldOfView",
                            "moveByRC",
                            "moveByManual",
                            "moveByMotorPWMs",

@@ -93,6 +93,13 @@ class MethodBinder {
     add<Method, Types>(name, std::make_index_sequence<std::tuple_size_v<typename Types::Arguments>>{});
   }
 
+  /// Registers a method whose calls wait for the vehicle or the clock.
+  template <auto Method>
+  void add_waiting(const std::string& name) {
+    add<Method>(name);
+    table_.mark_waiting(name);
+  }
+
   /// Registers a method whose last argument states whether the camera is external; clients may omit it.
   template <auto Method>
   void add_camera_method(const std::string& name) {

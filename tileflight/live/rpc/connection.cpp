@@ -149,7 +149,7 @@ void Connection::take_messages() {
 void Connection::continue_reading() {
   const bool paused = pending() >= service_.options.limits.max_pending_per_connection;
   if (buffer_.empty() || paused || finished_sending_) message_begun_s_.reset();
-  if (finished_sending_ && pending() == 0) return close();
+  if (finished_sending_ && pending() + parked_ == 0) return close();
   if (!buffer_.empty() && !paused && !finished_sending_ && !message_begun_s_) message_begun_s_ = steady_seconds();
   read();
 }
@@ -205,15 +205,38 @@ void Connection::start_queued_requests() {
   }
 }
 
+Response Connection::call(const Request& request) {
+  return service_.caller ? service_.caller(service_.methods, number_, request) : service_.methods.call(request);
+}
+
+/// Its place among the running calls is free while it waits.
+Response Connection::call_that_waits(const Request& request) {
+  asio::post(service_.network, [self = shared_from_this()] { self->park_call(); });
+  struct EndWaiting {
+    WorkerPool& workers;
+    ~EndWaiting() { workers.end_waiting(); }
+  } const end_waiting{service_.workers};
+  return call(request);
+}
+
+void Connection::park_call() {
+  --running_;
+  ++parked_;
+  if (!open_) return;
+  start_queued_requests();
+  take_messages();
+}
+
 void Connection::execute_in_worker(std::string message) {
   const std::size_t message_bytes = message.size();
   std::string answer;
   std::string fault_of_message;
+  bool is_parked = false;
   ++service_.counters.running;
   try {
     const Request request(std::move(message));
-    Response result =
-        service_.caller ? service_.caller(service_.methods, number_, request) : service_.methods.call(request);
+    is_parked = service_.methods.is_waiting(request.method()) && service_.workers.begin_waiting();
+    Response result = is_parked ? call_that_waits(request) : call(request);
     if (service_.methods.contains(request.method())) {
       service_.counters.add_call(request.method(), result.failed, result.seconds);
     }
@@ -224,15 +247,15 @@ void Connection::execute_in_worker(std::string message) {
   }
   --service_.counters.running;
   asio::post(service_.network, [self = shared_from_this(), message_bytes, answer = std::move(answer),
-                                fault_of_message = std::move(fault_of_message)]() mutable {
+                                fault_of_message = std::move(fault_of_message), is_parked]() mutable {
     if (!self->open_) return;
     if (!fault_of_message.empty()) return self->close(fault_of_message);
-    self->finish_call(message_bytes, std::move(answer));
+    self->finish_call(message_bytes, std::move(answer), is_parked);
   });
 }
 
-void Connection::finish_call(std::size_t message_bytes, std::string answer) {
-  --running_;
+void Connection::finish_call(std::size_t message_bytes, std::string answer, bool was_parked) {
+  --(was_parked ? parked_ : running_);
   release(message_bytes);
   if (!answer.empty()) {
     ++service_.counters.answers;

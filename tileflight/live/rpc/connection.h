@@ -69,8 +69,8 @@ struct ServerContext {
   std::function<void(class Connection*)> on_closed;  ///< called when a connection is closed
 };
 
-/// One client connection. Everything except execute_in_worker() runs in the network thread. Path of a request: buffer_
-/// (bytes) -> waiting_ (whole messages) -> a worker -> responses_ (bytes) -> the socket.
+/// One client connection. Everything except execute_in_worker() and what it calls runs in the network thread. Path of a
+/// request: buffer_ (bytes) -> waiting_ (whole messages) -> a worker -> responses_ (bytes) -> the socket.
 class Connection : public std::enable_shared_from_this<Connection> {
  public:
   /// `number`: number of the connection, from 1.
@@ -95,11 +95,15 @@ class Connection : public std::enable_shared_from_this<Connection> {
   bool authenticate(const std::string& message);
   void start_queued_requests();
   void execute_in_worker(std::string message);
+  Response call(const Request& request);
+  Response call_that_waits(const Request& request);
+  void park_call();
   void queue_response(std::string bytes);
-  void finish_call(std::size_t message_bytes, std::string answer);
+  void finish_call(std::size_t message_bytes, std::string answer, bool was_parked);
   void write();
   void hold(std::size_t bytes);
   void release(std::size_t bytes);
+  /// Requests that count against the limits: calls that only wait do not.
   std::size_t pending() const { return waiting_.size() + running_ + responses_.size(); }
   const MessageLimits& message_limits() const;
 
@@ -117,6 +121,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
   MessageScanner scanner_;
   std::deque<std::string> waiting_;
   std::size_t running_ = 0;
+  std::size_t parked_ = 0;             ///< calls that only wait; not in running_
   std::deque<std::string> responses_;  ///< the first one is being written
   std::size_t queued_bytes_ = 0;       ///< of responses_
   std::size_t written_ = 0;            ///< of the first response

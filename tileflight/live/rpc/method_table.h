@@ -5,6 +5,7 @@
 #include <functional>
 #include <map>
 #include <msgpack.hpp>
+#include <set>
 #include <span>
 #include <string>
 #include <utility>
@@ -65,6 +66,10 @@ class MethodTable {
   /// AirSim's clients. May be called by several threads at once.
   Response call(const Request& request) const;
 
+  /// Marks a method whose calls wait for long (for a flight, for the clock) rather than compute.
+  void mark_waiting(const std::string& name) { waiting_.insert(name); }
+  bool is_waiting(const std::string& name) const { return waiting_.contains(name); }
+
   bool contains(const std::string& name) const { return methods_.contains(name); }
   std::vector<std::string> names() const;
 
@@ -72,6 +77,7 @@ class MethodTable {
   static constexpr std::size_t kVariadic = ~std::size_t{0};
 
   std::map<std::string, std::vector<std::pair<std::size_t, Handler>>> methods_;  ///< (number of arguments, handler)
+  std::set<std::string> waiting_;
 };
 
 /// Seconds of a steady clock with an arbitrary origin.

@@ -56,7 +56,7 @@ struct Server::Impl {
         options(server_options),
         acceptor(open_acceptor(network, options)),
         timer(network),
-        workers(options.limits.max_workers, options.limits.worker_idle_timeout_s),
+        workers(options.limits.max_workers, options.limits.max_waiting_calls, options.limits.worker_idle_timeout_s),
         context{network,
                 methods,
                 options,

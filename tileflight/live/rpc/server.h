@@ -45,7 +45,8 @@ struct ServerStatistics {
 bool is_loopback(const std::string& address);
 
 /// Serves a method table by msgpack-rpc over TCP. Each request, even of the same connection, runs in its own thread, so
-/// a long call blocks no other and responses come in any order. All network input is bounded by ServerOptions::limits:
+/// a long call blocks no other and responses come in any order; calls that only wait (MethodTable::mark_waiting()) take
+/// no other call's place, up to ServerLimits::max_waiting_calls. All network input is bounded by ServerOptions::limits:
 /// a client that exceeds them is disconnected; others are not affected.
 class Server {
  public:

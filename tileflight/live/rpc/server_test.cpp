@@ -56,6 +56,8 @@ class ServerTest : public testing::Test {
         "blob", [](std::uint32_t n) { return std::vector<std::uint8_t>(n, 7); });
     table.add<void>("fail", []() { throw std::runtime_error("it is \xff raining\nagain"); });
     table.add<bool>("wait", [this] { return wait(); });
+    table.add<bool>("fly", [this] { return wait(); });
+    table.mark_waiting("fly");
     table.add<void>("release", [this] { release(); });
     table.add<int, std::vector<std::vector<float>>>(
         "count", [](const std::vector<std::vector<float>>& lists) { return static_cast<int>(lists.size()); });
@@ -278,6 +280,25 @@ TEST_F(ServerTest, MoreRequestsThanMayBePendingWaitInTheNetwork) {
   EXPECT_EQ(server_->statistics().requests, 4U);
   release();
   for (int i = 0; i < 20; ++i) ASSERT_TRUE(one.receive().has_value()) << i;
+}
+
+TEST_F(ServerTest, CallsThatWaitTakeNoOthersPlace) {
+  start({.limits = {.max_running_per_connection = 2,
+                    .max_pending_per_connection = 4,
+                    .max_workers = 2,
+                    .max_waiting_calls = 50}});
+  TestClient one = client();
+  for (std::uint32_t i = 0; i < 50; ++i) ASSERT_TRUE(one.send(request_bytes(i, "fly")));
+  EXPECT_TRUE(soon([this] { return waiting_ == 50; })) << waiting_ << " of 50 fly";
+  EXPECT_EQ(decode_response(one.ask(request_bytes(100, "ping")).value_or(request_bytes(0, ""))).id, 100U);
+  EXPECT_TRUE(serves()) << "another client";
+  ASSERT_TRUE(one.send(request_bytes(101, "fly")));
+  EXPECT_TRUE(soon([this] { return waiting_ == 51; })) << "beyond the limit it is a call as any other";
+  ASSERT_TRUE(one.send(request_bytes(102, "release")));
+  for (int i = 0; i < 52; ++i) ASSERT_TRUE(one.receive().has_value()) << i;
+  one.end_sending();
+  EXPECT_TRUE(one.is_closed());
+  EXPECT_TRUE(soon([this] { return server_->statistics().held_bytes == 0; }));
 }
 
 TEST_F(ServerTest, ClientsBeyondTheNumberAreRefused) {

@@ -23,13 +23,29 @@ void WorkerPool::submit(std::function<void()> work) {
     if (stopping_) return;
     join_ended();
     waiting_.push_back(std::move(work));
-    const std::size_t free = workers_.size() - running_;
-    if (waiting_.size() > free && workers_.size() < max_workers_) {
-      const auto self = workers_.emplace(workers_.end());
-      *self = std::thread([this, self] { work_until_idle(self); });
-    }
+    add_worker_if_needed();
   }
   wake_.notify_one();
+}
+
+bool WorkerPool::begin_waiting() {
+  const std::lock_guard lock(mutex_);
+  if (parked_ >= max_waiting_) return false;
+  ++parked_;
+  if (!stopping_) add_worker_if_needed();
+  return true;
+}
+
+void WorkerPool::end_waiting() {
+  const std::lock_guard lock(mutex_);
+  --parked_;
+}
+
+void WorkerPool::add_worker_if_needed() {
+  const std::size_t free = workers_.size() - running_;
+  if (waiting_.size() <= free || workers_.size() >= max_workers_ + parked_) return;
+  const auto self = workers_.emplace(workers_.end());
+  *self = std::thread([this, self] { work_until_idle(self); });
 }
 
 std::size_t WorkerPool::workers() const {

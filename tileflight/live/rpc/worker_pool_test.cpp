@@ -17,7 +17,7 @@ bool soon(const std::function<bool()>& condition) {
 }
 
 TEST(WorkerPool, GrowsWithWhatIsRunning) {
-  WorkerPool pool(8, 10.0);
+  WorkerPool pool(8, 8, 10.0);
   std::latch all_run(8);
   std::atomic<int> done{0};
   for (int i = 0; i < 8; ++i) {
@@ -31,7 +31,7 @@ TEST(WorkerPool, GrowsWithWhatIsRunning) {
 }
 
 TEST(WorkerPool, IsBounded) {
-  WorkerPool pool(2, 10.0);
+  WorkerPool pool(2, 2, 10.0);
   std::atomic<int> running{0};
   std::atomic<int> most{0};
   std::atomic<int> done{0};
@@ -51,7 +51,7 @@ TEST(WorkerPool, IsBounded) {
 }
 
 TEST(WorkerPool, ShrinksWhenThereIsNothingToDo) {
-  WorkerPool pool(8, 0.01);
+  WorkerPool pool(8, 8, 0.01);
   std::latch all_run(4);
   for (int i = 0; i < 4; ++i) pool.submit([&] { all_run.arrive_and_wait(); });
   EXPECT_TRUE(soon([&] { return pool.workers() == 0; }));
@@ -64,7 +64,7 @@ TEST(WorkerPool, TheEndWaitsForWhatRunsAndDropsTheRest) {
   std::atomic<int> done{0};
   std::latch begun(1);
   {
-    WorkerPool pool(1, 10.0);
+    WorkerPool pool(1, 1, 10.0);
     pool.submit([&] {
       begun.count_down();
       std::this_thread::sleep_for(milliseconds(20));

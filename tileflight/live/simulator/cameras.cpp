@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <set>
+#include <sstream>
 #include <utility>
 
 #include "tileflight/core/base/input_error.h"
@@ -205,6 +206,23 @@ CameraInfo Cameras::get_camera_info(const std::string& camera, const std::string
   SE3 T = world_.T_ned_camera(chosen, vehicle, external);
   T.translation -= world_.ned_origin(vehicle, external);
   return chosen.info(T);
+}
+
+float Cameras::get_focal_length(const std::string& camera, const std::string& vehicle, bool external) const {
+  const std::lock_guard lock(world_.state_mutex);
+  constexpr double kFilm_mm = 36.0;
+  const SimCamera& chosen = world_.camera(camera, vehicle, external);
+  return static_cast<float>(chosen.focal_px() * kFilm_mm / chosen.width(0));
+}
+
+std::string Cameras::get_current_field_of_view(const std::string& camera, const std::string& vehicle,
+                                               bool external) const {
+  const std::lock_guard lock(world_.state_mutex);
+  const SimCamera& chosen = world_.camera(camera, vehicle, external);
+  std::ostringstream text;  // AirSim's words, which clients take apart
+  text << "Current Field Of View:\n\tHorizontal Field Of View: " << chosen.lens(0).horizontal_fov_deg()
+       << ";\n\t Vertical Field Of View: " << chosen.vertical_fov_deg();
+  return text.str();
 }
 
 void Cameras::set_camera_pose(const std::string& camera, const Pose& pose, const std::string& vehicle, bool external) {

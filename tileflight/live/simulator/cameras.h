@@ -23,6 +23,10 @@ class Cameras {
   std::vector<std::uint8_t> get_image(const std::string& camera, int image_type, const std::string& vehicle,
                                       bool external, const std::string& annotation_name = "");
   CameraInfo get_camera_info(const std::string& camera, const std::string& vehicle, bool external) const;
+  /// Returns the focal length of the Scene image, in millimetres on a film that is 36 mm wide.
+  float get_focal_length(const std::string& camera, const std::string& vehicle, bool external) const;
+  /// Returns the field of view of the Scene image across and down its middle, degrees, in AirSim's words.
+  std::string get_current_field_of_view(const std::string& camera, const std::string& vehicle, bool external) const;
   /// Places a camera on its vehicle; an external camera in global NED. Components that are NaN keep their value.
   void set_camera_pose(const std::string& camera, const Pose& pose, const std::string& vehicle, bool external);
   /// Sets the horizontal field of view of all image types; replaces another lens by a pinhole.

@@ -214,6 +214,20 @@ TEST(ApiImages, FieldOfViewChangesAtOnceAndCameraInfoTellsIt) {
   EXPECT_FLOAT_EQ(world->cameras().get_camera_info("0", "", false).fov, 60.0F);
 }
 
+TEST(ApiImages, FocalLengthAndFieldOfViewAreThoseOfTheLens) {
+  const auto world = simulator(kComputerVision);
+  EXPECT_NEAR(world->cameras().get_focal_length("0", "", false), 18.0, 1e-3) << "36 mm across 90 degrees";
+  EXPECT_THAT(world->cameras().get_current_field_of_view("0", "", false),
+              testing::MatchesRegex("Current Field Of View:\n\tHorizontal Field Of View: 90;\n\t Vertical Field Of "
+                                    "View: 58[.]71.*"));
+  world->cameras().set_camera_fov("0", 60.0F, "", false);
+  EXPECT_NEAR(world->cameras().get_focal_length("0", "", false), 18.0 / std::tan(pi / 6), 1e-3);
+  world->cameras().set_lens("0", {.model = "fisheye", .fov_degrees = 190.0F}, "", false);
+  EXPECT_NEAR(world->cameras().get_camera_info("0", "", false).fov, 190.0, 0.01);
+  EXPECT_THAT(world->cameras().get_current_field_of_view("0", "", false),
+              testing::HasSubstr("Horizontal Field Of View: 190"));
+}
+
 TEST(ApiImages, CameraPosesAreRelativeToTheBody) {
   const auto world = simulator(kComputerVision);
   world->vehicles().set_vehicle_pose(pose(0, 0, -10, pi / 2), true, "");

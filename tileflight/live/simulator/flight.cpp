@@ -38,9 +38,8 @@ double check_speed(float velocity, const char* call) {
   return velocity;
 }
 
-Drivetrain to_drivetrain(int drivetrain, const YawMode& yaw, const char* call) {
+Drivetrain to_drivetrain(int drivetrain, const char* call) {
   base::require(drivetrain == 0 || drivetrain == 1, call, "the drivetrain is 0 (any direction) or 1 (forward only)");
-  base::require(!(drivetrain == 1 && yaw.is_rate), call, "a yaw rate is not possible with the drivetrain forward only");
   return drivetrain == 1 ? Drivetrain::kForwardOnly : Drivetrain::kMaxDegreeOfFreedom;
 }
 
@@ -69,7 +68,10 @@ vehicle::FollowPath make_follow_path(const PathCall& call, std::vector<Vec3> poi
   vehicle::FollowPath path;
   path.points = std::move(points_local);
   path.speed_m_s = check_speed(call.velocity, call.name);
-  path.drivetrain = to_drivetrain(call.drivetrain, call.yaw_mode, call.name);
+  path.drivetrain = to_drivetrain(call.drivetrain, call.name);
+  base::require(path.drivetrain != Drivetrain::kForwardOnly || !call.yaw_mode.is_rate, call.name,
+                "a yaw rate is not possible with the drivetrain forward only: give YawMode(is_rate=False, "
+                "yaw_or_rate=0), an angle from the direction of flight");
   path.yaw = to_yaw_mode(call.yaw_mode, path.drivetrain, call.name);
   base::require(call.lookahead != 0.0F && !std::isnan(call.lookahead), call.name,
                 "the lookahead must not be 0; -1 chooses it automatically");
@@ -79,12 +81,14 @@ vehicle::FollowPath make_follow_path(const PathCall& call, std::vector<Vec3> poi
   return path;
 }
 
+/// A yaw rate overrides the drivetrain forward only, as in AirSim, which refuses both together only along a path.
 vehicle::FlyVelocity make_fly_velocity(const char* call, const Vec3& velocity, float duration_s, int drivetrain,
                                        const YawMode& yaw_mode) {
   base::require(velocity.allFinite() && velocity.norm() <= kMaxSpeed_m_s, call, "the velocity is out of range");
   vehicle::FlyVelocity command;
   command.duration_s = clamp_duration_s(duration_s, call);
-  command.drivetrain = to_drivetrain(drivetrain, yaw_mode, call);
+  command.drivetrain = to_drivetrain(drivetrain, call);
+  if (yaw_mode.is_rate) command.drivetrain = Drivetrain::kMaxDegreeOfFreedom;
   command.yaw = to_yaw_mode(yaw_mode, command.drivetrain, call);
   return command;
 }
@@ -179,20 +183,31 @@ void begin_command(World& world, SimVehicle& sim_vehicle, const vehicle::Command
 bool World::run_command(const std::string& name, const char* call,
                         const std::function<vehicle::Command(SimVehicle&)>& command) {
   std::unique_lock lock(state_mutex);
+  const std::shared_ptr<const vehicle::Task> task = begin_task(name, call, command);
+  if (!task) return false;
+  clock.wait(lock, [&] { return task->outcome != vehicle::Outcome::kRunning; });
+  return task->outcome == vehicle::Outcome::kFinished;
+}
+
+/// Returns nullptr where the command is ignored. Logs what it throws, because AirSim's clients do not show an error of
+/// an asynchronous call. The state must be locked.
+std::shared_ptr<const vehicle::Task> World::begin_task(
+    const std::string& name, const char* call, const std::function<vehicle::Command(SimVehicle&)>& command) try {
   SimVehicle& sim_vehicle = require_multirotor(name, call);
-  if (clock.stopped()) return false;
+  if (clock.stopped()) return nullptr;
   const vehicle::Command requested = command(sim_vehicle);
   if (!sim_vehicle.api_control && !sim_vehicle.settings().allow_api_always) {
     log_line(std::string(call) + ": ignored, '" + sim_vehicle.name() + "' is not under API control (enableApiControl)");
-    return false;
+    return nullptr;
   }
   if (!sim_vehicle.armed) {
     log_line(std::string(call) + ": ignored, '" + sim_vehicle.name() + "' is not armed (armDisarm)");
-    return false;
+    return nullptr;
   }
-  const std::shared_ptr<const vehicle::Task> task = sim_vehicle.command(requested);
-  clock.wait(lock, [&] { return task->outcome != vehicle::Outcome::kRunning; });
-  return task->outcome == vehicle::Outcome::kFinished;
+  return sim_vehicle.command(requested);
+} catch (const std::exception& fault) {
+  log_line(std::string(call) + " is refused: " + fault.what());
+  throw;
 }
 
 void Flight::cancel_last_task(const std::string& vehicle) {

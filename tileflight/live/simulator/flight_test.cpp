@@ -17,8 +17,8 @@ using testing::HasSubstr;
 constexpr float kAlways_s = 3e38F;
 const YawMode kKeep{true, 0.0F};
 
-std::unique_ptr<Simulator> ready(const std::string& settings = kMultirotor) {
-  auto world = simulator(settings);
+std::unique_ptr<Simulator> ready(const std::string& settings = kMultirotor, LoggedLines* lines = nullptr) {
+  auto world = simulator(settings, {}, lines != nullptr ? lines->log() : SimulatorLog());
   world->vehicles().enable_api_control(true, "");
   world->vehicles().arm_disarm(true, "");
   return world;
@@ -279,6 +279,26 @@ TEST(ApiFlight, CommandsThatCannotBeFlownAreRefused) {
   const auto still = simulator(kComputerVision);
   EXPECT_THAT(tests::message_of([&] { still->flight().takeoff(20, ""); }),
               testing::StartsWith("Vehicle API for 'ComputerVision'"));
+}
+
+/// As scripts for AirSim call it: its default yaw mode is a rate of 0.
+TEST(ApiFlight, AYawRateOverridesForwardOnlyExceptAlongPaths) {
+  LoggedLines lines;
+  const auto world = ready(kMultirotor, &lines);
+  const YawMode rate_of_zero{true, 0.0F}, turning{true, 30.0F};
+  EXPECT_TRUE(world->flight().move_by_velocity_z(0, 3, -5, 3, 1, rate_of_zero, ""));
+  EXPECT_GT(position(*world).y_val, 3.0);
+  EXPECT_NEAR(world->vehicles().get_vehicle_pose("").orientation.z_val, 0.0, 0.1) << "it still looks north";
+  EXPECT_TRUE(world->flight().move_by_velocity(3, 0, 0, 1, 1, rate_of_zero, ""));
+  EXPECT_TRUE(world->flight().move_by_velocity_body_frame(3, 0, 0, 1, 1, rate_of_zero, ""));
+  EXPECT_TRUE(world->flight().move_by_velocity_z_body_frame(3, 0, -5, 3, 1, turning, ""));
+  EXPECT_GT(world->vehicles().get_vehicle_pose("").orientation.z_val, 0.4) << "clockwise by about 90 degrees";
+  EXPECT_EQ(lines.count("is refused"), 0U);
+  EXPECT_THAT(tests::message_of([&] {
+                world->flight().move_on_path({{9, 0, -5}}, 3, 10, 1, rate_of_zero, -1, 1, "");
+              }),
+              HasSubstr("forward only"));
+  EXPECT_EQ(lines.count("moveOnPath is refused"), 1U) << "join() hides the error from the script";
 }
 
 TEST(ApiFlight, SeveralVehiclesHaveTheirOwnOrigins) {

@@ -6,9 +6,12 @@
 #include <utility>
 #include <vector>
 
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/strict_section.h"
+#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/live/simulator/frames.h"
+#include "tileflight/live/simulator/simulation_clock.h"
 
 namespace tileflight::simulator {
 namespace {
@@ -42,14 +45,19 @@ void read_capture(StrictSection& section, CaptureSettings& capture) {
   capture.height = section.integer("Height", capture.height, 1, kMaxSide_px);
   capture.fov_deg = section.number("FOV_Degrees", capture.fov_deg, 0.1, 179.9);
   if (auto lens = section.section("Lens")) capture.lens = read_lens(std::move(*lens), capture);
-  if (section.text("ProjectionMode").value_or("perspective") == "orthographic")
+  if (base::to_lower(section.text("ProjectionMode").value_or("")) == "orthographic")
     throw section.error("ProjectionMode", "orthographic images are not supported: use perspective");
   make_lens(capture, section.place());
-  section.ignore({"ImageType", "AutoExposureSpeed", "AutoExposureBias", "AutoExposureMaxBrightness",
-                  "AutoExposureMinBrightness", "AutoExposureLowPercent", "AutoExposureHighPercent",
-                  "AutoExposureHistogramLogMin", "AutoExposureHistogramLogMax", "AutoExposureMethod",
-                  "MotionBlurAmount", "MotionBlurMax", "TargetGamma", "OrthoWidth", "LumenGIEnable",
-                  "LumenReflectionEnable", "ChromaticAberrationScale"});
+  section.ignore({"ImageType", "OrthoWidth", "LumenGIEnable", "LumenReflectionEnable", "LumenFinalQuality",
+                  "LumenSceneDetail", "LumenSceneLightningDetail"});
+  section.ignore_with_warning({"AutoExposureSpeed", "AutoExposureBias", "AutoExposureMaxBrightness",
+                               "AutoExposureMinBrightness", "AutoExposureLowPercent", "AutoExposureHighPercent",
+                               "AutoExposureHistogramLogMin", "AutoExposureHistogramLogMax", "AutoExposureMethod"},
+                              "images have the colours of the tiles' textures");
+  if (section.number("TargetGamma").value_or(1.0) != 1.0)
+    section.warn("TargetGamma", "has no effect here: images have the colours of the tiles' textures");
+  section.ignore_with_warning({"MotionBlurAmount", "MotionBlurMax", "ChromaticAberrationScale"},
+                              "images are sharp; for blur, use `tileflight render`");
   section.require_all_keys_used();
 }
 
@@ -135,7 +143,15 @@ CameraSettings read_camera(const std::string& name, StrictSection section, const
     CaptureSettings unused;
     read_capture(entry, type >= 0 && type < kImageTypeCount ? camera.captures[static_cast<std::size_t>(type)] : unused);
   }
-  section.ignore({"NoiseSettings", "Gimbal", "UnrealEngine"});
+  const bool lists_noise = section.is_list("NoiseSettings");
+  for (StrictSection& noise : lists_noise ? section.sections("NoiseSettings") : std::vector<StrictSection>{}) {
+    if (noise.boolean("Enabled").value_or(false))
+      noise.warn("Enabled", "has no effect here: images have no noise; add it to them, or use `tileflight render`");
+  }
+  if (section.is_map("Gimbal"))
+    section.section("Gimbal")->ignore_with_warning(
+        {"Stabilization"}, "the camera turns with its vehicle; set its pose with simSetCameraPose");
+  section.ignore({"UnrealEngine", "NoiseSettings", "Gimbal"});
   section.require_all_keys_used();
   return camera;
 }
@@ -209,6 +225,7 @@ AutopilotSettings read_px4(base::StrictSection& vehicle) {
   settings.optical_flow = vehicle.boolean("OpticalFlow").value_or(false);
   settings.vision = read_vision(vehicle);
   vehicle.ignore(kIgnoredOfPx4);
+  vehicle.ignore_with_warning({"Parameters"}, "AirSim sends these to PX4; here set them in PX4 (param set)");
   return settings;
 }
 
@@ -240,11 +257,10 @@ using nlohmann::json;
 
 /// AirSim's keys for features that do not exist here: a window, a graphics card, a game.
 const std::vector<std::string> kIgnoredKeys{
-    "SettingsVersion", "SeeDocsAt",   "ViewMode",          "ClockType",        "LogMessagesVisible",
-    "RpcEnabled",      "EnableRpc",   "SubWindows",        "PawnPaths",        "TimeOfDay",
-    "CameraDirector",  "RC",          "Material",          "InitialViewMode",  "SpeedUnitFactor",
-    "SpeedUnitLabel",  "EngineSound", "ShowLosDebugLines", "MotionBlurAmount", "ForegroundColor",
-    "MoveWorldOrigin"};
+    "SettingsVersion", "SeeDocsAt",   "ViewMode",          "ClockType",       "LogMessagesVisible",
+    "RecordUIVisible", "RpcEnabled",  "EnableRpc",         "SubWindows",      "PawnPaths",
+    "CameraDirector",  "RC",          "Material",          "InitialViewMode", "SpeedUnitFactor",
+    "SpeedUnitLabel",  "EngineSound", "ShowLosDebugLines", "ForegroundColor", "MoveWorldOrigin"};
 
 geometry::Geodetic read_origin(StrictSection section) {
   const geometry::Geodetic origin{section.number("Latitude", kDefaultOrigin.latitude_deg, -90.0, 90.0),
@@ -258,7 +274,7 @@ RecordingSettings read_recording(StrictSection section) {
   RecordingSettings recording;
   recording.enabled = section.boolean("Enabled").value_or(false);
   recording.on_move = section.boolean("RecordOnMove").value_or(false);
-  recording.interval_s = section.number("RecordInterval", 0.05, 0.003, 3600.0);
+  recording.interval_s = section.clamped_number("RecordInterval", 0.05, SimulationClock::kStep_s, 3600.0);
   recording.folder = section.text("Folder").value_or("");
   recording.dataset = section.boolean("Dataset").value_or(false);
   std::vector<RecordingCamera> cameras;
@@ -325,16 +341,19 @@ void check_vision(VehicleSettings& vehicle, StrictSection& section) {
     throw section.error("VisionCamera", "its images are too small for odometry; at least 64 pixels a side");
 }
 
+/// Whether a vehicle of AirSim or Cosys-AirSim is one on wheels.
+bool is_car(StrictSection& vehicle) {
+  static const std::vector<std::string> kCars{"physxcar", "boxcar", "ardurover", "cphusky", "pioneer"};
+  return std::ranges::find(kCars, base::to_lower(vehicle.text("VehicleType").value_or(""))) != kCars.end();
+}
+
 VehicleSettings read_vehicle(const std::string& name, StrictSection section, Settings& settings,
                              const std::vector<SensorSettings>& default_sensors) {
   VehicleSettings vehicle = default_vehicle(name, !settings.computer_vision, settings.camera_defaults);
   const std::string type = section
                                .choice_in_any_case("VehicleType", {"SimpleFlight", "ComputerVision", "ExternalPhysics",
-                                                                   "PX4Multirotor", "ArduCopter", "PhysXCar"})
+                                                                   "PX4Multirotor", "ArduCopter"})
                                .value_or(settings.computer_vision ? "ComputerVision" : "SimpleFlight");
-  if (type == "PhysXCar")
-    throw section.error("VehicleType",
-                        "cars are not simulated; use SimpleFlight, ArduCopter, PX4Multirotor or ComputerVision");
   vehicle.autopilot = read_autopilot(type, section);
   if (vehicle.autopilot && settings.computer_vision)
     throw section.error("VehicleType", "an autopilot flies in the mode Multirotor and with its physics only");
@@ -353,8 +372,11 @@ VehicleSettings read_vehicle(const std::string& name, StrictSection section, Set
   put_cameras(std::move(cameras), vehicle.cameras);
   check_vision(vehicle, section);
   vehicle.sensors = read_sensors(section, "Sensors", vehicle.flies, default_sensors, settings.warnings);
-  section.ignore({"AutoCreate", "PawnPath", "IsFpvVehicle", "EnableTrace", "DebugSymbolScale", "RC", "FollowDistance",
-                  "UseSerial", "Model"});
+  if (!section.boolean("AutoCreate").value_or(true))
+    section.warn("AutoCreate", "has no effect here: the vehicle is created at the start; take it out of Vehicles");
+  if (!vehicle.autopilot) section.ignore_with_warning({"Parameters"}, "they are for PX4Multirotor, and set in PX4");
+  section.ignore(
+      {"PawnPath", "IsFpvVehicle", "EnableTrace", "DebugSymbolScale", "RC", "FollowDistance", "UseSerial", "Model"});
   section.require_all_keys_used();
   return vehicle;
 }
@@ -366,8 +388,17 @@ void read_vehicles(StrictSection& root, Settings& settings) {
   auto entries = root.named_sections("Vehicles");
   if (entries.size() > kMaxVehicles)
     throw root.error("Vehicles", "more than " + std::to_string(kMaxVehicles) + " vehicles");
-  for (auto& [name, entry] : entries)
-    settings.vehicles.push_back(read_vehicle(name, std::move(entry), settings, sensors));
+  constexpr const char* kNoCars =
+      "cars are not simulated; use SimpleFlight, ArduCopter, PX4Multirotor or ComputerVision";
+  for (auto& [name, entry] : entries) {
+    if (!is_car(entry)) {
+      settings.vehicles.push_back(read_vehicle(name, std::move(entry), settings, sensors));
+    } else if (std::ranges::all_of(entries, [](auto& one) { return is_car(one.second); })) {
+      throw entry.error("VehicleType", kNoCars);
+    } else {
+      entry.warn("VehicleType", std::string(kNoCars) + "; the vehicle is left out");
+    }
+  }
   settings.clock.by_autopilots =
       std::ranges::any_of(settings.vehicles, [](const VehicleSettings& one) { return one.autopilot.has_value(); });
   if (!settings.vehicles.empty()) return;
@@ -377,9 +408,10 @@ void read_vehicles(StrictSection& root, Settings& settings) {
 }
 
 void read_mode(StrictSection& root, Settings& settings) {
-  const std::string mode =
-      root.choice_in_any_case("SimMode", {"Multirotor", "ComputerVision", "Car", ""}).value_or("Multirotor");
-  if (mode == "Car") throw root.error("SimMode", "cars are not simulated; use Multirotor or ComputerVision");
+  std::string mode = base::to_lower(root.text("SimMode").value_or(""));
+  if (mode == "car" || mode == "skidvehicle")
+    throw root.error("SimMode", "cars are not simulated; use Multirotor or ComputerVision");
+  if (!mode.empty()) mode = *root.choice_in_any_case("SimMode", {"Multirotor", "ComputerVision"});
   settings.computer_vision = mode == "ComputerVision";
   const std::string physics =
       root.choice_in_any_case("PhysicsEngineName", {"", "FastPhysicsEngine", "ExternalPhysicsEngine", "PhysX"})
@@ -389,6 +421,33 @@ void read_mode(StrictSection& root, Settings& settings) {
   settings.clock.on_demand = root.boolean("StepOnDemand").value_or(false);
   if (root.has("ApiServerPort")) settings.port = root.integer("ApiServerPort", 41451, 0, 65535);
   if (root.has("LocalHostIp")) settings.address = root.text("LocalHostIp").value_or("");
+}
+
+/// Joins the warnings of keys that have no effect for the same reason, as of each kind of image, into the first of
+/// them.
+std::vector<std::string> folded(const std::vector<std::string>& warnings) {
+  constexpr std::size_t kNamed = 4;
+  std::vector<std::string> all;
+  std::vector<std::pair<std::string, std::vector<std::string>>> others;  // reason, keys; by place in `all`
+  for (const std::string& warning : warnings) {
+    const std::size_t reason = warning.find(" has no effect here: "), key = warning.find('\'');
+    const std::string why = reason == std::string::npos ? "" : warning.substr(reason);
+    const auto same = std::ranges::find(others, why, [](const auto& one) { return one.first; });
+    if (!why.empty() && same != others.end()) {
+      same->second.push_back(warning.substr(key, reason - key));
+      continue;
+    }
+    all.push_back(warning);
+    others.emplace_back(why, std::vector<std::string>{});
+  }
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    std::vector<std::string>& keys = others[i].second;
+    if (keys.empty()) continue;
+    const std::size_t more = keys.size() > kNamed ? keys.size() - kNamed : 0;
+    keys.resize(keys.size() - more);
+    all[i] += " (also: " + base::joined(keys) + (more > 0 ? " and " + std::to_string(more) + " more" : "") + ")";
+  }
+  return all;
 }
 
 json parse_settings_json(const std::string& text, const std::string& name) {
@@ -470,7 +529,16 @@ Settings read_settings(const std::string& text, const std::string& name) {
   for (auto& [camera, entry] : root.named_sections("ExternalCameras"))
     settings.external_cameras.push_back(read_camera(camera, std::move(entry), settings.camera_defaults));
   root.ignore(kIgnoredKeys);
+  root.ignore_with_warning({"MotionBlurAmount"}, "images are sharp; for blur, use `tileflight render`");
+  root.ignore({"TimeOfDay"});
+  if (root.is_map("TimeOfDay"))
+    root.section("TimeOfDay")->ignore_with_warning({"Enabled"}, "the sun moves by the call simSetTimeOfDay");
+  root.ignore_with_warning({"CaptureSettings"},
+                           "it is a key of AirSim before 1.2; put it into CameraDefaults, as CaptureSettings there");
+  root.ignore_with_warning({"DefaultVehicleConfig", "SimpleFlight", "PX4", "AdditionalCameras", "UsageScenario"},
+                           "it is a key of AirSim before 1.2; describe vehicles and cameras in Vehicles");
   root.require_all_keys_used();
+  settings.warnings = folded(settings.warnings);
   return settings;
 }
 

@@ -2,9 +2,12 @@
 
 #include <gmock/gmock.h>
 
+#include <fstream>
 #include <numbers>
+#include <regex>
 
 #include "tests/refusal.h"
+#include "tests/source_folder.h"
 #include "tileflight/core/base/input_error.h"
 
 namespace tileflight::simulator::settings_test {
@@ -123,6 +126,89 @@ TEST(Settings, WrongValuesAreRefusedInOneLineThatNamesThePlace) {
   EXPECT_THAT(refusal_of(R"({"Vehicles": {"A": {"Sensors": {"L": {"SensorType": 12}}}}})"), HasSubstr("Sensors.L"));
   for (const char* text : {"{", R"({"ClockSpeed": "fast"})", R"({"Vehicles": 3})"})
     EXPECT_EQ(refusal_of(text).find('\n'), std::string::npos);
+}
+
+TEST(Settings, WhatIsUnusualIsClampedOrLeftOutWithAWarning) {
+  const Settings settings = read_settings(R"({"Recording": {"RecordInterval": 0.001}, "Vehicles": {
+    "Car": {"VehicleType": "PhysXCar", "RC": {}},
+    "A": {"VehicleType": "SimpleFlight", "Sensors": {
+      "down": {"SensorType": 6, "Enabled": true, "VerticalFOVUpper": -80, "VerticalFOVLower": -100},
+      "fast": {"SensorType": 6, "Enabled": true, "VerticalFOVUpper": 0, "VerticalFOVLower": 360,
+               "RotationsPerSecond": 100000, "NumberOfChannels": 5000, "HorizontalFOVEnd": 400}}}}})",
+                                          "settings.json");
+  EXPECT_THAT(settings.warnings, testing::UnorderedElementsAre(
+                                     HasSubstr("'Recording.RecordInterval' is 0.001"),
+                                     HasSubstr("'Vehicles.Car.VehicleType' cars are not simulated"),
+                                     HasSubstr("fast.RotationsPerSecond' is"), HasSubstr("fast.NumberOfChannels'"),
+                                     HasSubstr("fast.HorizontalFOVEnd' is 400")));
+  EXPECT_EQ(settings.recording.interval_s, 0.003);
+  ASSERT_EQ(settings.vehicles.size(), 1U);
+  const std::vector<SensorSettings>& sensors = settings.vehicles[0].sensors;
+  EXPECT_EQ(std::get<LidarSettings>(sensors[4].kind).lower_deg, -100.0);
+  EXPECT_EQ(std::get<LidarSettings>(sensors[5].kind).lower_deg, 360.0);
+  EXPECT_EQ(std::get<LidarSettings>(sensors[5].kind).rotations_per_second, 1000.0);
+  EXPECT_EQ(std::get<LidarSettings>(sensors[5].kind).channels, 1024);
+}
+
+/// A settings file with the example of a row of the table in docs/server.md.
+std::string example_file(const std::string& where, const std::string& keys) {
+  if (where == "top level") return "{" + keys + "}";
+  if (where == "segmentation") return R"({"SegmentationSettings": {)" + keys + "}}";
+  if (where == "vehicle") return R"({"Vehicles": {"A": {)" + keys + "}}}";
+  if (where == "PX4") return R"({"Vehicles": {"A": {"VehicleType": "PX4Multirotor", )" + keys + "}}}";
+  if (where == "camera") return R"({"CameraDefaults": {)" + keys + "}}";
+  if (where == "image") return R"({"CameraDefaults": {"CaptureSettings": [{)" + keys + "}]}}";
+  return R"({"Vehicles": {"A": {"Sensors": {"S": {"Enabled": true, "SensorType": )" + where.substr(7) + ", " + keys +
+         "}}}}}";
+}
+
+TEST(Settings, KeysOfAirSimDoWhatTheTableSays) {
+  std::ifstream page(tests::source_folder() / "docs/server.md");
+  const std::regex row(R"(\| ([a-zA-Z0-9 ]+) \| `(".*)` \| (silent|warned|refused) \| (.*) ?\|)");
+  std::size_t rows = 0;
+  for (std::string line; std::getline(page, line);) {
+    std::smatch cells;
+    if (!std::regex_match(line, cells, row)) continue;
+    ++rows;
+    const std::string file = example_file(cells[1], cells[2]), kind = cells[3];
+    std::string said = cells[4];
+    said.erase(said.find_last_not_of(' ') + 1);
+    if (kind == "refused") {
+      EXPECT_THAT(refusal_of(file), HasSubstr(said)) << file;
+    } else {
+      const std::vector<std::string> warnings = read_settings(file, "settings.json").warnings;
+      if (kind == "silent") {
+        EXPECT_THAT(warnings, IsEmpty()) << file;
+      } else {
+        EXPECT_THAT(warnings, ElementsAre(HasSubstr("has no effect here: " + said))) << file;
+      }
+    }
+  }
+  EXPECT_GT(rows, 30U);
+}
+
+TEST(Settings, KeysWithoutEffectForTheSameReasonAreOneWarning) {
+  const std::string image =
+      R"({"AutoExposureSpeed": 100, "AutoExposureBias": 1, "MotionBlurAmount": 0, "TargetGamma": 1})";
+  const std::string file = R"({"CameraDefaults": {"CaptureSettings": [)" + image + "," + image + "," + image + "]}}";
+  EXPECT_THAT(
+      read_settings(file, "s.json").warnings,
+      ElementsAre("s.json: 'CameraDefaults.CaptureSettings[0].AutoExposureSpeed' has no effect here: images have "
+                  "the colours of the tiles' textures (also: 'CameraDefaults.CaptureSettings[0].AutoExposureBias', "
+                  "'CameraDefaults.CaptureSettings[1].AutoExposureSpeed', "
+                  "'CameraDefaults.CaptureSettings[1].AutoExposureBias', "
+                  "'CameraDefaults.CaptureSettings[2].AutoExposureSpeed' and 1 more)"));
+}
+
+TEST(Settings, WhatCannotMeanAnythingIsRefused) {
+  const auto lidar = [](const std::string& keys) {
+    return refusal_of(R"({"Vehicles": {"A": {"Sensors": {"L": {"SensorType": 6, )" + keys + "}}}}}");
+  };
+  EXPECT_THAT(lidar(R"("RotationsPerSecond": 0)"), HasSubstr("must be more than 0"));
+  EXPECT_THAT(lidar(R"("Range": -1)"), HasSubstr("'Vehicles.A.Sensors.L.Range' is -1, out of range"));
+  EXPECT_THAT(refusal_of(R"({"Recording": {"RecordInterval": -1}})"), HasSubstr("out of range"));
+  EXPECT_THAT(refusal_of(R"({"Vehicles": {"A": {"VehicleType": "PhysXCar"}}})"), HasSubstr("cars are not simulated"));
+  EXPECT_THAT(refusal_of(R"({"SimMode": "Drone"})"), testing::EndsWith("one of: Multirotor, ComputerVision"));
 }
 
 TEST(Settings, CosysSensorsAreReadAndThoseOfOtherKindsAreLeftOutWithAWarning) {

@@ -71,13 +71,32 @@ Camera SimCamera::lens(int image_type) const {
   return with_distortion(make_lens(capture(image_type), "camera '" + name() + "'"), distortion_);
 }
 
+double SimCamera::focal_px() const {
+  constexpr double kSmall = 1e-4;
+  const Camera camera = lens(0);
+  const auto a = camera.project({-kSmall, 0.0, 1.0}), b = camera.project({kSmall, 0.0, 1.0});
+  if (!a || !b) throw InputError("camera '" + name() + "'", "its lens does not see straight ahead: no focal length");
+  return (b->x() - a->x()) / (2.0 * kSmall);
+}
+
+double SimCamera::vertical_fov_deg() const {
+  const Camera camera = lens(0);
+  const double column = 0.5 * (camera.width() - 1);
+  const auto angle_at = [&](double row, double beyond) {
+    const auto ray = camera.unproject({column, row});
+    return ray ? std::atan2(ray->y(), ray->z()) : beyond;
+  };
+  const double widest = camera.max_theta_rad();
+  return degrees(angle_at(camera.height() - 0.5, widest) - angle_at(-0.5, -widest));
+}
+
 /// AirSim's projection matrix: Unreal's perspective with reversed depth and no far plane, after a change of axes that
 /// negates the forward axis, so that clip coordinates have w = -x (for x forward, y right, z down, 1). Both axes have
 /// the scale of the longer side.
 CameraInfo SimCamera::info(const geometry::SE3& T_ned_camera) const {
   CameraInfo info;
   info.pose = to_airsim(T_ned_camera);
-  info.fov = static_cast<float>(fov_deg());
+  info.fov = static_cast<float>(capture(0).lens ? lens(0).horizontal_fov_deg() : fov_deg());
   const double scale = 1.0 / std::tan(0.5 * radians(fov_deg()));
   const double longer = std::max(width(0), height(0));
   auto& m = info.proj_mat.matrix;

@@ -37,6 +37,10 @@ class SimCamera {
   int width(int image_type) const { return capture(image_type).width; }
   int height(int image_type) const { return capture(image_type).height; }
   imaging::Camera lens(int image_type) const;
+  /// Returns the focal length of the Scene image at its middle, pixels.
+  double focal_px() const;
+  /// Returns the vertical field of view of the Scene image along its middle column, degrees.
+  double vertical_fov_deg() const;
   CameraInfo info(const geometry::SE3& T_ned_camera) const;
   /// Returns the highest angular resolution of any of its images.
   double pixels_per_rad() const;

@@ -51,7 +51,8 @@ std::string unsupported_reason(const std::string& call) {
   if (const auto at = kReasons.find(call); at != kReasons.end()) return at->second;
   if (call.find("Car") != std::string::npos)
     return "cars are not simulated; set SimMode to Multirotor or ComputerVision in the settings";
-  return "cameras have no focus, aperture or film; set their lenses with simSetCameraFov and tfSetLens";
+  return "cameras have no focus, aperture or film; simGetFocalLength and simGetCurrentFieldOfView tell their lenses, "
+         "simSetCameraFov and tfSetLens set them";
 }
 
 }  // namespace

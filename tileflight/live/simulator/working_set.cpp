@@ -124,8 +124,9 @@ bool WorkingSet::is_default_origin_elsewhere(const std::string& name) const {
   if (std::abs(origin.latitude_deg - kDefaultOrigin.latitude_deg) < 1e-6 &&
       std::abs(origin.longitude_deg - kDefaultOrigin.longitude_deg) < 1e-6)
     return true;
-  throw InputError(
-      name, "the origin (OriginGeopoint) lies outside the tileset, which spans " + tileset::describe_extent(*tree_));
+  throw InputError(name, "the origin (OriginGeopoint) lies outside the tileset, which spans " +
+                             tileset::describe_extent(*tree_) +
+                             "; remove OriginGeopoint from the settings, or give a point inside");
 }
 
 std::vector<std::string> WorkingSet::attribution() const {

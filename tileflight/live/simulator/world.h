@@ -205,6 +205,8 @@ struct World {
   // Flight (flight.cpp).
   bool run_command(const std::string& vehicle, const char* call,
                    const std::function<vehicle::Command(SimVehicle&)>& command);
+  std::shared_ptr<const vehicle::Task> begin_task(const std::string& vehicle, const char* call,
+                                                  const std::function<vehicle::Command(SimVehicle&)>& command);
 
   // Recording (recording.cpp).
   void begin_recording();
