@@ -36,8 +36,7 @@ std::optional<std::vector<T>> list_of(const DocumentValue& value, const Convert&
   return result;
 }
 
-/// Throws InputError for a key that a map has twice, which YAML forbids and yaml-cpp accepts: one of the two would be
-/// ignored. `seen`: positions of the maps and lists that were looked through, as aliases repeat them.
+/// As the public function. `seen`: positions of the maps and lists that were looked through, as aliases repeat them.
 void require_unique_keys(const YAML::Node& node, const std::filesystem::path& file, std::set<int>& seen) {
   if ((!node.IsMap() && !node.IsSequence()) || !seen.insert(node.Mark().pos).second) return;
   if (node.IsSequence()) {
@@ -66,6 +65,11 @@ std::string number_text(double value) {
 
 }  // namespace
 
+void require_unique_keys(const YAML::Node& node, const std::filesystem::path& file) {
+  std::set<int> seen;
+  require_unique_keys(node, file, seen);
+}
+
 StrictSection::StrictSection(DocumentValue value, std::filesystem::path file, std::string where)
     : value_(std::move(value)), file_(std::move(file)), where_(std::move(where)) {
   if (!value_.is_absent() && !value_.is_map()) {
@@ -84,8 +88,7 @@ StrictSection StrictSection::load(const std::filesystem::path& file) {
   const std::string text = read_text(file, kLargestFileBytes);
   try {
     const YAML::Node root = YAML::Load(text);
-    std::set<int> seen;
-    require_unique_keys(root, file, seen);
+    require_unique_keys(root, file);
     if (root.IsMap()) return {DocumentValue(root), file, ""};
   } catch (const YAML::Exception& fault) {
     throw InputError(file.string() + ":" + std::to_string(fault.mark.line + 1), "not valid YAML: " + fault.msg);

@@ -12,6 +12,10 @@
 
 namespace tileflight::base {
 
+/// Throws InputError (file, line) for a key that a map of a YAML file has twice, which YAML forbids and yaml-cpp
+/// accepts: one of the two would be ignored.
+void require_unique_keys(const YAML::Node& node, const std::filesystem::path& file);
+
 /// A map of a YAML or JSON file, read key by key. It records which keys were requested, so that unknown keys are
 /// reported as mistakes of the file's author. Values of a wrong type and out of range throw InputError; errors name
 /// file, line (of YAML) and key.

@@ -7,6 +7,7 @@
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/strict_section.h"
 #include "tileflight/core/base/text_parsing.h"
 
 namespace tileflight::imaging {
@@ -16,7 +17,9 @@ YAML::Node load_calibration_yaml(const std::filesystem::path& file) {
   // The line stays, empty, so that messages count lines as the file does.
   if (text.starts_with("%YAML:")) text.erase(0, std::min(text.find('\n'), text.size()));
   try {
-    return YAML::Load(text);
+    YAML::Node root = YAML::Load(text);
+    base::require_unique_keys(root, file);
+    return root;
   } catch (const YAML::Exception& error) {
     throw InputError(file.string(), "line " + std::to_string(error.mark.line + 1) + ": not valid YAML: " + error.msg);
   }

@@ -122,6 +122,22 @@ cam1:
   EXPECT_NEAR(calibration.T_cam_imu.translation.y(), -0.064676986768, 1e-15);
   EXPECT_NEAR(calibration.T_cam_imu.rotation.toRotationMatrix()(0, 1), -0.999880929698, 1e-9);
   EXPECT_EQ(calibration.line_delay_s, 0.0);
+  EXPECT_THAT(calibration.notes, testing::ElementsAre(testing::HasSubstr("give --imu-time-offset -0.001")));
+}
+
+TEST(Kalibr, AKeyThatIsThereTwiceAndAnImuFarAwayAreRefused) {
+  tests::TemporaryFolder folder;
+  const std::string lens =
+      "cam0:\n  camera_model: pinhole\n  intrinsics: [500, 500, 320, 240]\n  resolution: [640, 480]\n"
+      "  distortion_model: none\n";
+  const auto refusal = [&](const std::string& more) {
+    base::write_file(folder / "camera.yaml", lens + more);
+    return tests::refusal_of([&] { read_kalibr(folder / "camera.yaml"); });
+  };
+  EXPECT_THAT(refusal("  intrinsics: [300, 300, 320, 240]\n"),
+              testing::HasSubstr("camera.yaml:6: 'intrinsics' is there twice, first in line 3"));
+  EXPECT_THAT(refusal("  T_cam_imu: [[1, 0, 0, 100], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n"),
+              testing::HasSubstr("100.0 m from the IMU, too far for one body"));
 }
 
 TEST(Kalibr, NoDistortion) {
