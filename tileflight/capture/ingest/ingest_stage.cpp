@@ -228,17 +228,22 @@ void ingest_cameras(const IngestedFlightConfig& flight, std::vector<dataset::Ing
   result.synchronisation = std::move(rig.synchronisation);
 }
 
+/// Tells a video, by its content, from a flight log or a folder of photos.
+bool is_video(const std::filesystem::path& file) {
+  if (std::filesystem::is_directory(file)) return false;
+  const auto kind = base::recognize_file(base::read_head(file));
+  return kind && kind->is_video;
+}
+
 }  // namespace
 
 flight_logs::Telemetry read_flight_log(const std::filesystem::path& file) {
-  const auto kind = std::filesystem::is_directory(file) ? std::nullopt : base::recognize_file(base::read_head(file));
-  if (!kind || !kind->is_video) return flight_logs::read_telemetry(file);
+  if (!is_video(file)) return flight_logs::read_telemetry(file);
   const std::string subtitles = video::read_subtitles(file);
   if (subtitles.empty())
     throw InputError(file.string(),
-                     "is " + kind->name +
-                         " without a track of subtitles, so it is no flight log: give the .srt, CSV or GPX "
-                         "that was recorded beside it");
+                     "is a video without a track of subtitles, so it is no flight log: give the .srt, CSV or GPX "
+                     "that was recorded beside it");
   return flight_logs::parse_dji_srt(subtitles, file.string() + " (subtitles)");
 }
 
@@ -260,8 +265,10 @@ IngestResult ingest_dataset(const IngestedFlightConfig& flight, const std::files
   flight_logs::Telemetry telemetry;
   if (!flight.telemetry.empty()) {
     telemetry = read_flight_log(flight.telemetry);
-    for (const flight_logs::RangeReading& range : flight_logs::read_ranges(flight.telemetry))
-      options.ranges.push_back({range.time_s, range.range_m});
+    if (!is_video(flight.telemetry)) {
+      for (const flight_logs::RangeReading& range : flight_logs::read_ranges(flight.telemetry))
+        options.ranges.push_back({range.time_s, range.range_m});
+    }
     add_positions(telemetry, flight, truth, options, result.warnings);
   }
   if (!truth.empty()) options.description.merge(place::describe_frame(place::read_extract_json(truth).origin));

@@ -252,21 +252,29 @@ class DatasetTracker {
     OdometryResult masked = run_first({}, progress);
     const auto share = static_cast<double>(std::ranges::count(still.pixels, std::uint8_t{0})) /
                        static_cast<double>(still.pixels.size());
-    if (masked.frames_tracked <= before) {
+    if (masked.frames_tracked <= before && before > 0) {
       input_.mask = given;
       line_delay_ = line_delay;
       calibration_.line_delay_s = line_delay_s;
       return;
     }
-    warnings.push_back({"edges in " + base::formatted("%.1f %%", 100.0 * share) +
-                            " of the image stand still while the rest moves (text, a logo, or the vehicle itself): "
-                            "these pixels were masked, and " +
-                            std::to_string(masked.frames_tracked) + " instead of " + std::to_string(before) +
-                            " frames have a pose",
-                        "odometry", Severity::kNote,
-                        "record without on-screen text, or draw a mask of it with all its surroundings (--mask)"});
+    // Where no image had a pose, nothing is lost by the mask: later starts and the other direction are tried with it.
+    masked_share_ = share;
+    frames_without_mask_ = before;
     remove_files(pictures);
     result = pictures.empty() ? std::move(masked) : run_first(pictures, progress);
+  }
+
+  /// Adds what remedy_images() has masked to `notes`, if that gave the result poses.
+  void note_masked_edges(const OdometryResult& result, Warnings& notes) const {
+    if (!masked_share_ || result.frames_tracked <= frames_without_mask_) return;
+    notes.push_back({"edges in " + base::formatted("%.1f %%", 100.0 * *masked_share_) +
+                         " of the image stand still while the rest moves (text, a logo, or the vehicle itself): these "
+                         "pixels were masked, and " +
+                         std::to_string(result.frames_tracked) + " instead of " + std::to_string(frames_without_mask_) +
+                         " frames have a pose",
+                     "odometry", Severity::kNote,
+                     "record without on-screen text, or draw a mask of it with all its surroundings (--mask)"});
   }
 
   /// Returns what is wrong with the images' grey values or order, if remedy_images() examined them.
@@ -395,7 +403,9 @@ class DatasetTracker {
   std::size_t first_image_ = 0;                        ///< at which it begins
   std::optional<FoundLineDelay> line_delay_;
   std::optional<Dispersion> dispersion_;
-  std::vector<ImageSummary> images_;  ///< of the frames, forwards; empty: they were not examined
+  std::vector<ImageSummary> images_;    ///< of the frames, forwards; empty: they were not examined
+  std::optional<double> masked_share_;  ///< of the image, by remedy_images()
+  std::int64_t frames_without_mask_ = 0;
   SkippedFrames skipped_;
 };
 
@@ -460,6 +470,7 @@ TrackResult track(const fs::path& dataset_folder, const fs::path& out, bool repl
     tracking.remedy_images(result, pictures, progress, about_images);
     std::optional<RunAgreement> disagreement =
         options.check_reversed ? tracking.compare_reversed(result, pictures, progress) : std::nullopt;
+    tracking.note_masked_edges(result, about_images);
     const std::vector<dataset::Frame>& frames = tracking.frames(false);
     if (tracking.reverse()) {
       put_in_flight_order(result, frames.size());
