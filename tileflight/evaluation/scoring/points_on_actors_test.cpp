@@ -132,7 +132,7 @@ TEST_F(Crossing, WithoutBoxesNothingIsKnown) {
 TEST_F(Crossing, BrokenFilesAreNamed) {
   const auto refusal = [&] { return refusal_of([&] { find_points_on_actors(map_, cloud_, T_local_map_); }); };
   cloud_.scalars["keyframe"][17] = 99.0f;
-  EXPECT_THAT(refusal(), HasSubstr("keyframes.txt: the keyframe of point 17 is no picture of"));
+  EXPECT_THAT(refusal(), HasSubstr("keyframes.txt: the keyframe of point 17 is no image of"));
   cloud_.scalars["keyframe"][17] = std::numeric_limits<float>::quiet_NaN();
   EXPECT_THAT(refusal(), HasSubstr("point 17"));
   cloud_.scalars["keyframe"][17] = 0.0f;

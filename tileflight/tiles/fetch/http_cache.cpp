@@ -128,7 +128,8 @@ std::uint64_t inode_of(const fs::path& file) {
 
 std::string text_of(const HttpHeaders& headers) {
   std::string text;
-  for (const char* name : {"cache-control", "etag", "last-modified", "date", "expires", "age", "content-type"}) {
+  for (const char* name : {"cache-control", "etag", "last-modified", "date", "expires", "age", "content-type",
+                           "tileflight-final-url"}) {  // the last one is HttpSource's own
     if (const auto it = headers.find(name); it != headers.end()) text += std::string(name) + ": " + it->second + "\n";
   }
   return text;

@@ -70,7 +70,7 @@ TEST_F(GroundHeightsTest, ContinueWithoutMissingTilesIfThatIsAllowed) {
   const json found = ground_heights({folder_.path().string(), load}, {parse_local_query("-20,20")});
   EXPECT_EQ(found["points"][0]["tiles_missing"], 1);
   EXPECT_THAT(found["warnings"].dump(), HasSubstr("2.glb"));
-  EXPECT_THAT(ground_heights_text(found), HasSubstr("tiles are missing"));
+  EXPECT_THAT(ground_heights_text(found), HasSubstr("no surface in the tiles that could be read"));
   const json whole = ground_heights({folder_.path().string(), load}, {parse_local_query("20,20")});
   EXPECT_EQ(whole["points"][0]["tiles_missing"], 0);
 }
