@@ -105,6 +105,7 @@ TEST_F(TelemetryPositions, WhatIsNotKnownIsRefused) {
   EXPECT_THAT(refusal(log), HasSubstr("no heights above take-off"));
   flight_.telemetry_height = "ellipsoid";
   log.fixes[0].absolute_height_m.reset();
+  log.fixes[0].height_above_takeoff_m = 3;
   EXPECT_THAT(refusal(log), HasSubstr("no absolute heights"));
 }
 

@@ -130,6 +130,7 @@ TEST_F(FlightCameras, OfAKalibrChainTheFirstIsTheBody) {
   chain[0].calibration = chain[1].calibration = imaging::read_calibration(folder_ / "camera.yaml");
   const SE3 T_cam_imu(geometry::so3_exp(Vec3(0.1, 0.2, 0.3)), Vec3(0.01, 0.02, 0.03));
   chain[0].calibration.T_cam_imu = T_cam_imu;
+  chain[0].calibration.assumes_T_cam_imu = chain[1].calibration.assumes_T_cam_imu = false;
   chain[1].T_body_cam = SE3(geometry::so3_exp(Vec3(0, 0.05, 0)), Vec3(0.11, 0, 0.01));
   chain[1].calibration.T_cam_imu = chain[1].T_body_cam.inverse() * T_cam_imu;
   chain[0].timeshift_cam_imu_s = chain[1].timeshift_cam_imu_s = 0.02;
