@@ -65,7 +65,7 @@ class Painter {
   std::optional<place::PlacePart> read(const GroundGrid& grid, double error_m) {
     const bool is_whole = grid.width == view_.grid.width && grid.height == view_.grid.height;
     const tileset::Placement& placement = place_.placement();
-    // The whole is what the region's tiles hold, also beside their volumes.
+    // The whole map shows what the region's tiles hold, also beside their volumes.
     const tileset::TileCut cut = place_.select_cut(
         is_whole ? tileset::region_criterion(tileset::column_of(placement.region), placement.T_local_tileset, error_m)
                  : criterion_within(place_, grid_volume(place_, grid), error_m));
@@ -141,7 +141,7 @@ Box3 bounds_within(place::PlaceReader& place, const Box3& box, double error_m, s
   if (cut.contents.empty()) return {};
   if (const auto part = place.read(cut, false, max_memory_bytes, progress)) {
     Box3 found = bounds_of(*part);
-    // What the whole region's tiles hold beyond their volumes belongs to the place, too.
+    // Surface that tiles of the whole region hold outside of their volumes belongs to the place, too.
     if (found.isEmpty() || is_whole) return found;
     found.min().head<2>() = found.min().head<2>().cwiseMax(box.min().head<2>());
     found.max().head<2>() = found.max().head<2>().cwiseMin(box.max().head<2>());

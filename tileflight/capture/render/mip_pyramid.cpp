@@ -158,7 +158,7 @@ MipPyramid::MipPyramid(std::shared_ptr<const imaging::RgbImage> image, std::func
   for (int longest = std::max(image_->width, image_->height); longest > 1; longest = (longest + 1) / 2) ++level_count_;
 }
 
-// Without parallel loops inside: a thread that waits for them could take up a pixel that waits for this texture.
+// It has no parallel loops: a thread that waits for them could take up a pixel that waits for this texture.
 const MipLevel* MipPyramid::build() const {
   std::call_once(once_, [this] { compute_levels(); });
   return first_level_.load(std::memory_order_acquire);

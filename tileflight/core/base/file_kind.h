@@ -8,7 +8,7 @@
 
 namespace tileflight::base {
 
-/// What a file is, found by its content, for messages about files that a reader does not take.
+/// Names the kind of a file that a reader does not take, for its message; recognize_file() finds it by the content.
 struct FileKind {
   std::string name;    ///< with its article: "a ROS 1 bag"
   std::string remedy;  ///< what to do to get what it holds, as a command where there is one: "extract …"

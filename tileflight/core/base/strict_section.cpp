@@ -36,7 +36,8 @@ std::optional<std::vector<T>> list_of(const DocumentValue& value, const Convert&
   return result;
 }
 
-/// As the public function. `seen`: positions of the maps and lists that were looked through, as aliases repeat them.
+/// Does the work of the public function. `seen`: positions of the maps and lists that were looked through, because
+/// aliases repeat them.
 void require_unique_keys(const YAML::Node& node, const std::filesystem::path& file, std::set<int>& seen) {
   if ((!node.IsMap() && !node.IsSequence()) || !seen.insert(node.Mark().pos).second) return;
   if (node.IsSequence()) {

@@ -65,8 +65,8 @@ class StrictSection {
   double number(const std::string& key, double fallback, double min, double max);
   int integer(const std::string& key, int fallback, int min, int max);
 
-  /// As number(), for a file whose author wrote it for another program: a value beyond the range is clamped with a
-  /// warning if the section was made with `warnings`, except a negative one where the range has none.
+  /// Returns what number() returns, but clamps a value beyond the range, with a warning, if the section was made with
+  /// `warnings`: other programs' files may have such values. A negative one is refused where the range has none.
   double clamped_number(const std::string& key, double fallback, double min, double max);
   int clamped_integer(const std::string& key, int fallback, int min, int max);
 

@@ -41,7 +41,7 @@ double finite_number(std::string_view field, const std::string& where) {
   return *value;
 }
 
-/// What the columns of a file of poses hold.
+/// Tells where a file of poses has its numbers.
 struct PoseColumns {
   /// Columns of the time, of x, y and z, and of the quaternion's x, y, z and w.
   std::array<std::size_t, 8> of;

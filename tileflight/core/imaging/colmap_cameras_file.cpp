@@ -27,7 +27,7 @@ struct ColmapLens {
   std::size_t coefficients = 0;
 };
 
-/// In the order of COLMAP's model ids (https://colmap.github.io/format.html#cameras-txt).
+/// The lenses stand in the order of COLMAP's model ids (https://colmap.github.io/format.html#cameras-txt).
 constexpr std::array<ColmapLens, 11> kLenses{{{"SIMPLE_PINHOLE", true, "none", 0},
                                               {"PINHOLE", false, "none", 0},
                                               {"SIMPLE_RADIAL", true, "radtan", 1},

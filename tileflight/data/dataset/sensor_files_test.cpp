@@ -53,7 +53,7 @@ TEST_F(ImuFiles, EurocsOwnLinesAreRead) {
   EXPECT_DOUBLE_EQ(read[0].specific_force_m_s2.x(), 9.0874956666666655);
 }
 
-// What a header says of columns and units, in the words of several programs.
+// Several programs name the same columns and units in their own words.
 TEST_F(ImuFiles, TheHeaderDecidesWhichColumnIsWhich) {
   const std::vector<std::string> files{
       "#timestamp [ns],a_RS_S_x [m s^-2],a_RS_S_y [m s^-2],a_RS_S_z [m s^-2],w_RS_S_x [rad s^-1],w_RS_S_y [rad "

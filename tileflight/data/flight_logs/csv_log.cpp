@@ -391,7 +391,7 @@ class Reader {
     choose_height(names);
   }
 
-  /// Of several columns for a quantity, chooses the first that can be read in any of these rows: a text such as
+  /// Chooses, where several columns hold a quantity, the first that can be read in any of these rows: a text such as
   /// "0m 0.1s" may stand in front of the same time in seconds.
   void choose_columns(const std::vector<Cells>& first_rows) {
     columns_.choose([&](Quantity quantity, const Column& column) {

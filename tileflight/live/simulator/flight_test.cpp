@@ -281,7 +281,7 @@ TEST(ApiFlight, CommandsThatCannotBeFlownAreRefused) {
               testing::StartsWith("Vehicle API for 'ComputerVision'"));
 }
 
-/// As scripts for AirSim call it: its default yaw mode is a rate of 0.
+/// Scripts for AirSim pass its default yaw mode, which is a rate of 0.
 TEST(ApiFlight, AYawRateOverridesForwardOnlyExceptAlongPaths) {
   LoggedLines lines;
   const auto world = ready(kMultirotor, &lines);

@@ -16,7 +16,7 @@ namespace tileflight::odometry {
 /// Reads the image at a position of the flight; nullopt if it cannot be decoded. Called from several threads.
 using ImageReader = std::function<std::optional<imaging::GrayImage>(std::size_t index)>;
 
-/// What the examination keeps of an image.
+/// Holds what the examination keeps of an image.
 struct ImageSummary {
   bool readable = false;
   int smallest = 0, largest = 0;  ///< grey values without the extreme thousandth of the pixels

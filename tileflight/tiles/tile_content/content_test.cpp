@@ -464,7 +464,7 @@ TEST(DecodeContent, LinesAreLeftOutWithAWarning) {
 constexpr const char* kHalfTransparent =
     "data:image/png;base64,"
     "iVBORw0KGgoAAAANSUhEUgAAAAIAAAABCAYAAAD0In+KAAAAEUlEQVR42mM4oaHBoHFC4z8ADJgDMENDLYAAAAAASUVORK5CYII=";
-/// The same with alpha 100.
+/// This image is the one above with alpha 100.
 constexpr const char* kHalfDim =
     "data:image/png;base64,"
     "iVBORw0KGgoAAAANSUhEUgAAAAIAAAABCAYAAAD0In+KAAAAEUlEQVR42mM4oaGRonFC4z8ADowDlF+VhE8AAAAASUVORK5CYII=";

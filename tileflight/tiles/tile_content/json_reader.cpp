@@ -28,7 +28,7 @@ int bracket_depth(std::string_view text) {
   return deepest;
 }
 
-/// What is wrong at a byte that the parser refused, by what stands there and by the parser's own words.
+/// Says what is wrong at a byte that the parser refused, by what stands there and by the parser's own words.
 std::string cause_of(std::string_view text, std::size_t at, std::string_view parser_words) {
   if (text.starts_with("\xFF\xFE") || text.starts_with("\xFE\xFF") ||
       (text.size() > 1 && (text[0] == '\0' || text[1] == '\0'))) {

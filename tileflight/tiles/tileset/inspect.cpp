@@ -384,7 +384,7 @@ class TilesetInspector {
     compare_with_volume(uri, node->second, decoded);
   }
 
-  /// In the frame at the volume's centre, where boxes along the axes are tight.
+  /// Compares in the frame at the volume's centre, where boxes along the axes are tight.
   void compare_with_volume(const std::string& uri, NodeId node, const tile_content::DecodedContent& decoded) {
     const BoundingVolume volume = tree_.volume(node);
     geometry::SE3 T_local_tileset;

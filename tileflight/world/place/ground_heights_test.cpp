@@ -61,7 +61,7 @@ TEST_F(GroundHeightsTest, ReadOnlyTheTilesThatTheLineGoesThrough) {
   EXPECT_THAT(refusal_of([&] { ask({parse_local_query("-20,20")}); }), HasSubstr("2.glb"));
 }
 
-/// As the other commands do, with what was found marked as perhaps not all.
+/// Marks what was found as perhaps not all.
 TEST_F(GroundHeightsTest, ContinueWithoutMissingTilesIfThatIsAllowed) {
   std::filesystem::remove(folder_ / "2.glb");
   EXPECT_THAT(refusal_of([&] { ask({parse_local_query("-20,20")}); }), HasSubstr("--allow-incomplete"));
