@@ -216,7 +216,7 @@ std::optional<double> take_clock(std::string_view& text) {
     const std::size_t before = text.size();
     const int digits = take_digits(text).value_or(0);
     // Up to three digits are milliseconds, as subtitles have them; more are a fraction.
-    fraction_s = digits * std::pow(10.0, -std::max<double>(3.0, static_cast<double>(before - text.size())));
+    fraction_s = digits / std::pow(10.0, std::max<double>(3.0, static_cast<double>(before - text.size())));
   }
   return 3600.0 * parts[0] + 60.0 * parts[1] + parts[2] + fraction_s;
 }

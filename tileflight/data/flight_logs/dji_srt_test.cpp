@@ -78,6 +78,15 @@ TEST_F(TelemetryText, NumbersOfOtherLocalesAndMakersAreReadOrRefused) {
     EXPECT_THAT(fault(entry(text)), testing::StartsWith((folder_ / "log.srt, entry 1: ").string())) << text;
 }
 
+TEST_F(TelemetryText, TimesAreTheNearestNumbersToWhatIsWritten) {
+  const auto time_s = [&](const std::string& stamp) {
+    return read("1\n" + stamp + " --> 00:00:09,000\n[latitude: 45.0] [longitude: 10.0]\n").fixes.at(0).time_s;
+  };
+  EXPECT_EQ(time_s("00:00:00,700"), 0.7);
+  EXPECT_EQ(time_s("00:00:01,700"), 1.7);
+  EXPECT_EQ(time_s("00:00:01.250000"), 1.25);
+}
+
 TEST_F(TelemetryText, UnusableFilesAreOneClearLine) {
   EXPECT_THAT(fault(""), HasSubstr("log.srt: no subtitle entries"));
   EXPECT_THAT(fault("hello\nworld\n"), HasSubstr("no subtitle entries"));
