@@ -194,7 +194,8 @@ TEST_F(BridgeAndHouse, APreviewHasItsFilesAndNothingAgainstAGoodFlight) {
        {"map.png", "profile.png", "profile.csv", "first.jpg", "middle.jpg", "last.jpg", "preview.json"})
     EXPECT_TRUE(fs::file_size(folder_ / "preview" / file) > 100) << file;
   EXPECT_EQ(json::parse(file_text(folder_ / "preview/preview.json")), found);
-  EXPECT_TRUE(found["warnings"].empty()) << found["warnings"];
+  ASSERT_EQ(found["warnings"].size(), 1U) << found["warnings"];
+  EXPECT_THAT(found["warnings"][0].get<std::string>(), HasSubstr("the place has no textures"));
   EXPECT_EQ(found["frames"], tests::line_count(file_text(folder_ / "preview/profile.csv")) - 1);
   EXPECT_NEAR(found["path_length"].get<double>(), 80, 1);
   EXPECT_NEAR(found["height_above_ground"]["max"].get<double>(), 30, 0.01);

@@ -42,7 +42,7 @@ TEST(ValidRegion, ADarkPictureSaysNothing) {
 
 TEST(ValidRegion, MaskOfAnotherSizeIsRefused) {
   EXPECT_THAT([&] { keyframes::find_valid_region(RgbImage(50, 40), GrayImage(40, 50)); },
-              ThrowsMessage<InputError>(HasSubstr("mask: is 40x50, the pictures are 50x40")));
+              ThrowsMessage<InputError>(HasSubstr("mask: is 40x50, the images are 50x40")));
 }
 
 TEST(ValidRegion, TakesRaysAtEveryLevel) {

@@ -67,7 +67,8 @@ void StrayContents::add(const std::string& uri, const geometry::Box3& stated, co
 std::optional<std::string> StrayContents::warning() const {
   if (uris_.empty()) return std::nullopt;
   return base::formatted(
-      "%zu of the tiles read hold surface outside of the bounding volumes that the tileset states for them, by up to "
+      "tiles that hold surface outside of the bounding volumes that the tileset states for them: %zu of those read, by "
+      "up to "
       "%.3g m (%s): what was read counts where it lies, but images and coarse levels select tiles by these volumes",
       uris_.size(), worst_m_, fetch::uri_for_message(worst_uri_).c_str());
 }

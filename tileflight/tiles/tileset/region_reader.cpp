@@ -119,6 +119,22 @@ bool RegionReader::reaches_in(std::size_t content) const {
   return record && record->failure.empty() && record->bounds.intersects(placement_.region.box());
 }
 
+double RegionReader::estimated_count() const {
+  std::size_t inside = 0, outside = 0, read = 0, held = 0;  // the last two are of those outside
+  for (std::size_t i = 0; i < content_count(); ++i) {
+    if (!is_outside_[i]) {
+      ++inside;
+      continue;
+    }
+    ++outside;
+    if (!records_[i]) continue;
+    ++read;
+    if (reaches_in(i)) ++held;
+  }
+  const double share = read == 0 ? 0.0 : static_cast<double>(held) / static_cast<double>(read);
+  return static_cast<double>(inside) + share * static_cast<double>(outside);
+}
+
 /// Throws InputError if all volumes lie outside of the region, and so does what some of the contents hold.
 void RegionReader::require_some_surface() {
   constexpr std::size_t kMost = 64, kAtOnce = 8;

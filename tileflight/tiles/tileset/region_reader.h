@@ -37,6 +37,10 @@ class RegionReader {
   const Placement& placement() const { return placement_; }
   std::size_t content_count() const { return cut_.contents.size(); }
 
+  /// Estimates how many of the contents count: those whose volume reaches into the region, and of those above and below
+  /// the share that was found to hold something in it.
+  double estimated_count() const;
+
   /// Returns the contents, in the cut's order, that may reach into a box of the local frame: by their bounding volumes
   /// or, once they are read, by what they hold. Volumes often state wrong heights, so all contents above or below the
   /// region belong to the cut; those that turn out to hold nothing in the region are not counted (summary()).

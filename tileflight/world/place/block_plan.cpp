@@ -105,8 +105,7 @@ MemoryPlan::MemoryPlan(tileset::RegionReader& reader, const ExtractSettings& set
     }
   }
   size_ = reader.placement().region.box().sizes();
-  whole_ = estimate_extract_cost(measured, static_cast<double>(reader.content_count()), bytes_to_read(reader),
-                                 settings.samples_per_m2);
+  whole_ = estimate_extract_cost(measured, reader.estimated_count(), bytes_to_read(reader), settings.samples_per_m2);
 }
 
 /// The densest of the known contents, and the others as they are on average.

@@ -93,6 +93,7 @@ void require_blocks_fit(const MemoryPlan& plan, const ExtractSettings& settings)
 void require_affordable(tileset::RegionReader& reader, const ExtractSettings& settings,
                         const std::filesystem::path& folder) {
   constexpr std::size_t kFew = 400;
+  require_program_memory(memory_limit(settings), folder);
   if (!reader.file_bytes() && reader.content_count() < kFew) return;
   const MemoryPlan plan(reader, settings);
   require_affordable(plan.whole(), settings, folder);

@@ -130,6 +130,14 @@ void require_disk_space(const ExtractCost& cost, const std::filesystem::path& fo
                                         "(--error)");
 }
 
+void require_program_memory(std::uintmax_t memory_limit_bytes, const std::filesystem::path& folder) {
+  if (static_cast<double>(memory_limit_bytes) >= kProgramBytes) return;
+  throw InputError(folder.string(),
+                   base::formatted("an extraction takes at least %.3g GB of memory, and %.3g GB are allowed: "
+                                   "raise the limit (--memory)",
+                                   1e-9 * kProgramBytes, 1e-9 * static_cast<double>(memory_limit_bytes)));
+}
+
 void require_affordable(const ExtractCost& cost, std::uintmax_t memory_limit_bytes,
                         const std::filesystem::path& folder) {
   constexpr const char* kRemedy =

@@ -42,6 +42,9 @@ nlohmann::json to_json(const ExtractCost& cost);
 /// time (± 12 %)".
 std::string cost_text(const ExtractCost& cost);
 
+/// Throws InputError if the program alone takes more memory than is allowed, however small the blocks are.
+void require_program_memory(std::uintmax_t memory_limit_bytes, const std::filesystem::path& folder);
+
 /// Throws InputError, saying what to change, if the extraction certainly exceeds the memory (`memory_limit_bytes`), the
 /// disk of `folder`, or the size that a GLB file can have; if it is only likely, nothing is thrown.
 void require_affordable(const ExtractCost& cost, std::uintmax_t memory_limit_bytes,

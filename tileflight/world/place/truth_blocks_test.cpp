@@ -106,7 +106,10 @@ TEST_F(SurfaceBesideItsVolume, IsFoundWhereItIsAndNamed) {
   const ExtractResult whole = extracted(settings());
   EXPECT_EQ(whole.triangles, 12);
   ASSERT_FALSE(whole.warnings.empty());
-  EXPECT_THAT(whole.warnings[0], HasSubstr("1 of the tiles read hold surface outside of the bounding volumes"));
+  EXPECT_THAT(
+      whole.warnings[0],
+      HasSubstr(
+          "tiles that hold surface outside of the bounding volumes that the tileset states for them: 1 of those read"));
   EXPECT_THAT(whole.warnings[0], HasSubstr("410 m (house.glb)"));
   ExtractSettings around = settings();
   around.load.center_local = geometry::Vec3(0, 0, 5);
