@@ -76,6 +76,7 @@ def stadium(options):
 
 BENCHMARKS = {
     "render": google("render_benchmark", {"FloorWatertight|Beams|RgbAndDepth": "Floor", "Light/.*_.*|Light/[rb].*": "Light/global"}),
+    "textures": google("textures_benchmark", {"Pyramid": "Floor"}),
     "voxelize": google("voxelize_benchmark", {r"voxelize/(.*)": r"voxelize_straightforward/\1"}, ["cells"]),
     "nearest_on_mesh": google("nearest_on_mesh_benchmark", {"nearest_on_mesh(_walk)?": "nearest_on_mesh_embree"}),
     "distance": google("distance_benchmark", {}, ["difference_m"]),

@@ -2,12 +2,14 @@
 // which charts cover three quarters.
 //
 //   Pyramid      MipPyramid of one texture, with its coverage: seconds a texel
+//   Floor        the bytes that a pyramid moves at least: the texture read, and its levels written
 //   Appearance   the shading data of the whole place, without images
 //   FirstImage   the same, and an image of 640 x 360 from 60 m, which sees a few of the tiles
 //
 // To compare on an idle machine: textures_benchmark --benchmark_min_time=3
 #include <benchmark/benchmark.h>
 
+#include <algorithm>
 #include <memory>
 #include <vector>
 
@@ -67,6 +69,19 @@ void Pyramid(benchmark::State& state) {
                                                  benchmark::Counter::kIsRate | benchmark::Counter::kInvert);
 }
 BENCHMARK(Pyramid)->Unit(benchmark::kMillisecond);
+
+void Floor(benchmark::State& state) {
+  const auto texture = noisy_texture(0);
+  std::vector<imaging::Rgb8> levels(texture->pixels.size());
+  for (auto _ : state) {
+    std::ranges::copy(texture->pixels, levels.begin());
+    std::copy_n(texture->pixels.begin(), texture->pixels.size() / 3, levels.begin());
+    benchmark::ClobberMemory();
+  }
+  state.counters["s/texel"] = benchmark::Counter(static_cast<double>(state.iterations()) * kTexture_px * kTexture_px,
+                                                 benchmark::Counter::kIsRate | benchmark::Counter::kInvert);
+}
+BENCHMARK(Floor)->Unit(benchmark::kMillisecond);
 
 void Appearance(benchmark::State& state) {
   for (auto _ : state) benchmark::DoNotOptimize(std::make_unique<render::Appearance>(place()));

@@ -475,7 +475,7 @@ DecodedContent square(const char* image, Json material, float repeats = 1.0F, bo
   writer.json()["images"] = {{{"uri", image}}};
   writer.json()["textures"] = {{{"source", 0}}};
   material["pbrMetallicRoughness"]["baseColorTexture"] = {{"index", 0}};
-  writer.json()["materials"] = {material};
+  writer.json()["materials"] = Json::array({material});
   const std::vector<float> corners = {0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0};
   const std::vector<float> uv = {0, 0, repeats, 0, repeats, 1, 0, 1};
   writer.add_primitive(
@@ -545,7 +545,7 @@ TEST(AlphaModes, TheNumberOfPiecesIsBounded) {
 TEST(Materials, WhatIsNotShownIsNamed) {
   const auto decode = [](const Json& material) {
     fetch::test_support::GltfWriter made;
-    made.json()["materials"] = {material};
+    made.json()["materials"] = Json::array({material});
     const std::vector<float> corners = {0, 0, 0, 1, 0, 0, 0, 1, 0};
     made.add_primitive({{"attributes", {{"POSITION", made.add_accessor(corners, 3)}}}, {"material", 0}});
     return decode_content(base::test_support::to_bytes(made.glb()), "t.glb");
