@@ -2,6 +2,7 @@
 #include <sstream>
 
 #include "command.h"
+#include "input_options.h"
 #include "tileflight/capture/events/dsec_file.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/output_folder.h"
@@ -64,10 +65,7 @@ void add_export(CLI::App& app, CommonOptions& common, Selection& selection) {
                       "one of a rig's cameras, by its name (default: all); or a calibration instead of the "
                       "dataset's: Kalibr, OpenCV, COLMAP, DSO or VSLAM-LAB");
   command->add_option("--camera-id", options->camera.camera_id, "camera to use if the calibration holds several");
-  command->add_option(
-      "--epoch", options->epoch_s,
-      "mcap: seconds from 1970 to the dataset's time 0 (default: 0, or whole seconds so that no message "
-      "has the time 0, which ROS takes for none)");
+  command->add_option("--epoch", options->epoch_s, std::string("mcap: ") + kEpochHelp);
   add_common_options(*command, common);
   command->callback([options, &selection] {
     selection.run = [options](const CommonOptions& shared, const Progress& progress) -> Output {

@@ -126,6 +126,7 @@ void announce_player(const CommonOptions& common, const PlayCommandOptions& opti
     nlohmann::json line = {{"topics", player.topics()},
                            {"frames", frames.count},
                            {"seconds", player.duration_s()},
+                           {"notes", player.notes()},
                            {"warnings", frames.warnings}};
     if (port) line["address"] = options.server.address;
     if (port) line["port"] = *port;
@@ -133,6 +134,7 @@ void announce_player(const CommonOptions& common, const PlayCommandOptions& opti
     std::cout << line.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) << std::endl;
   } else if (!common.quiet) {
     for (const std::string& warning : frames.warnings) std::cerr << "tileflight: " << warning << "\n";
+    for (const std::string& note : player.notes()) std::cerr << "note: " << note << "\n";
     if (port) std::cout << "listening at ws://" << options.server.address << ":" << *port << ", ";
     if (network) std::cout << ros2_text(options.ros2, *network) << ", ";
     std::cout << player.topics().size() << " topics of " << player.duration_s()
@@ -183,6 +185,7 @@ void add_player_options(CLI::App& command, PlayCommandOptions& options) {
   command.add_flag("--loop", options.play.loop, "begin again at the end");
   command.add_flag("--paused", options.play.is_paused, "begin when a viewer sets the parameter `paused` to false")
       ->needs("--foxglove");
+  command.add_option("--epoch", options.play.epoch_s, kEpochHelp);
   command.add_option("--place", options.place,
                      "show this place, too: a truth folder, or a tileset (any SOURCE), read around the path");
   command

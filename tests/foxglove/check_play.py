@@ -84,7 +84,7 @@ def check_place(seen):
 
 
 def check_whole(tileflight, work, flight, tileset, protocol):
-    arguments = ["play", flight, "--foxglove", "--port", 0, "--paused", "--rate", 4, "--place", tileset]
+    arguments = ["play", flight, "--foxglove", "--port", 0, "--paused", "--rate", 4, "--epoch", 0, "--place", tileset]
     with programs.Program(tileflight, *arguments) as player:
         wish = {"set": [{"name": "paused", "value": False}], "save": str(work)}
         seen = programs.watch(work, player.said["port"], wish, protocol)
@@ -107,7 +107,7 @@ RIG = {"left": "", "right": "cameras/right", "down": "cameras/down"}  # name: fo
 
 def check_rig(tileflight, work, rig):
     """All cameras at once: of each its pictures, lens and depth, in a frame of its name."""
-    with programs.Program(tileflight, "play", rig, "--foxglove", "--port", 0, "--rate", 4, "--paused") as player:
+    with programs.Program(tileflight, "play", rig, "--foxglove", "--port", 0, "--rate", 4, "--epoch", 0, "--paused") as player:
         wish = {"set": [{"name": "paused", "value": False}], "save": str(work)}
         seen = programs.watch(work, player.said["port"], wish, "foxglove.sdk.v1")
         assert player.end() == (0, [])

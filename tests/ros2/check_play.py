@@ -99,7 +99,7 @@ def check_transforms(read, exported):
 
 def check_whole(tileflight, work, peer, flight):
     """Readers of both kinds; best effort may lose some, so only the reliable ones are compared whole."""
-    subprocess.run([tileflight, "export", flight, "--layout", "mcap", "--epoch", "0", "--out", work / "flight.mcap", "--force", "--quiet"], check=True)
+    subprocess.run([tileflight, "export", flight, "--layout", "mcap", "--out", work / "flight.mcap", "--force", "--quiet"], check=True)
     exported = mcap_messages(work / "flight.mcap")
     read = work / "read"
     shutil.rmtree(read, ignore_errors=True)

@@ -198,7 +198,9 @@ std::optional<std::string> StrictSection::choice_in_any_case(const std::string& 
   for (const std::string& word : words) {
     if (to_lower(word) == to_lower(*value)) return word;
   }
-  throw error(key, "is '" + *value + "'; it must be one of: " + joined(words));
+  std::vector<std::string> shown = words;
+  std::erase(shown, "");
+  throw error(key, "is '" + *value + "'; it must be one of: " + joined(shown));
 }
 
 std::optional<StrictSection> StrictSection::section(const std::string& key) {

@@ -244,37 +244,12 @@ void McapWriter::finish() {
   impl_->finished = true;
 }
 
-namespace {
-
-constexpr std::int64_t kSecond_ns = 1'000'000'000;
-
-/// ROS's stamps have seconds of 32 bits; a day is left for the flight.
-std::int64_t epoch_in_ns(double epoch_s) {
-  constexpr double kLast_s = 2147483647.0 - 86400.0;
-  if (!(epoch_s >= 0.0 && epoch_s <= kLast_s))
-    throw InputError("--epoch", "must be seconds since 1970, from 0 to 2147397247, the last that ROS can store");
-  return std::llround(1e9 * epoch_s);
-}
-
-/// The shift by which a time that is not after 0 comes to lie between 1 and 2 s.
-std::int64_t whole_seconds_after_0(std::int64_t time_ns) {
-  return (1 - time_ns / kSecond_ns + (time_ns % kSecond_ns != 0)) * kSecond_ns;
-}
-
-}  // namespace
-
 McapResult export_mcap(const dataset::Rig& rig, const std::filesystem::path& file, bool replace,
                        const Progress& progress, std::optional<double> epoch_s) {
-  messages::MessageSelection selection{.depth = true, .odometry = true};
-  if (epoch_s) selection.epoch_ns = epoch_in_ns(*epoch_s);
-  messages::DatasetMessages recording = messages::list_messages(rig, selection);
+  const messages::DatasetMessages recording =
+      messages::list_messages(rig, {.depth = true, .odometry = true, .epoch_s = epoch_s});
   McapResult result;
-  if (!epoch_s && !recording.messages.empty() && recording.messages.front().time_ns <= 0) {
-    selection.epoch_ns = whole_seconds_after_0(recording.messages.front().time_ns);
-    recording = messages::list_messages(rig, selection);
-    result.notes.push_back("times are " + std::to_string(selection.epoch_ns / kSecond_ns) +
-                           " s later than the dataset's: ROS takes the time 0 for none (--epoch sets another shift)");
-  }
+  result.notes = recording.notes;
   note_data_left_out(rig, {"depth", "lidar", "imu.csv", "gps.csv", "barometer.csv", "magnetometer.csv", "range.csv"},
                      result.notes);
   McapWriter writer(file, "ros2", replace);

@@ -56,12 +56,13 @@ std::vector<ListedCamera> cameras_of(const dataset::Rig& rig) {
 /// Lists the messages. Sensors and poses are those of the first camera's dataset.
 class MessageLister {
  public:
-  MessageLister(std::vector<ListedCamera> cameras, const MessageSelection& selection)
+  MessageLister(std::vector<ListedCamera> cameras, const MessageSelection& selection, std::int64_t epoch_ns)
       : cameras_(std::move(cameras)),
         dataset_(*cameras_.front().dataset),
         first_frame_(cameras_.front().frame_id),
         shift_s_(cameras_.front().timeshift_s),
-        epoch_ns_(selection.epoch_ns) {
+        epoch_ns_(epoch_ns) {
+    listed_.epoch_ns = epoch_ns;
     const auto is_shown = [&wanted = selection.cameras](const ListedCamera& camera) {
       return wanted.empty() || std::ranges::find(wanted, camera.frame_id) != wanted.end();
     };
@@ -234,10 +235,31 @@ class MessageLister {
   DatasetMessages listed_;
 };
 
+constexpr std::int64_t kSecond_ns = 1'000'000'000;
+
+/// ROS's stamps have seconds of 32 bits; a day is left for the flight.
+std::int64_t epoch_in_ns(double epoch_s) {
+  constexpr double kLast_s = 2147483647.0 - 86400.0;
+  if (!(epoch_s >= 0.0 && epoch_s <= kLast_s))
+    throw InputError("--epoch", "must be seconds since 1970, from 0 to 2147397247, the last that ROS can store");
+  return std::llround(1e9 * epoch_s);
+}
+
+/// The shift by which a time that is not after 0 comes to lie between 1 and 2 s.
+std::int64_t whole_seconds_after_0(std::int64_t time_ns) {
+  return (1 - time_ns / kSecond_ns + (time_ns % kSecond_ns != 0)) * kSecond_ns;
+}
+
 }  // namespace
 
 DatasetMessages list_messages(const dataset::Rig& rig, const MessageSelection& selection) {
-  return MessageLister(cameras_of(rig), selection).take();
+  const auto list = [&](std::int64_t epoch_ns) { return MessageLister(cameras_of(rig), selection, epoch_ns).take(); };
+  DatasetMessages listed = list(epoch_in_ns(selection.epoch_s.value_or(0.0)));
+  if (selection.epoch_s || listed.messages.empty() || listed.messages.front().time_ns > 0) return listed;
+  listed = list(whole_seconds_after_0(listed.messages.front().time_ns));
+  listed.notes.push_back("times are " + std::to_string(listed.epoch_ns / kSecond_ns) +
+                         " s later than the dataset's: ROS takes the time 0 for none (--epoch sets another shift)");
+  return listed;
 }
 
 }  // namespace tileflight::messages

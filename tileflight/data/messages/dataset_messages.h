@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -33,6 +34,8 @@ struct DatasetMessage {
 struct DatasetMessages {
   std::vector<MessageTopic> topics;
   std::vector<DatasetMessage> messages;
+  std::int64_t epoch_ns = 0;       ///< added to all times of the dataset
+  std::vector<std::string> notes;  ///< what was chosen for the user
 };
 
 /// Selects what is listed besides the images, their calibration, the transforms and the sensors' readings.
@@ -41,7 +44,9 @@ struct MessageSelection {
   bool odometry = false;  ///< /odometry: the true poses of the camera with their velocities
   /// /tf_static: camera to IMU once, at the begin, instead of at each pose in /tf
   bool static_transforms = false;
-  std::int64_t epoch_ns = 0;  ///< added to all times
+  /// Seconds from 1970 to the dataset's time 0, from 0. nullopt: 0; or if a message's time would be 0 or before, whole
+  /// seconds after which the first message lies between 1 and 2 s, because ROS takes the time 0 for none (a note).
+  std::optional<double> epoch_s = 0.0;
   /// Names of the cameras of a rig whose images are listed; empty: all. Nothing else depends on it.
   std::vector<std::string> cameras{};
 };

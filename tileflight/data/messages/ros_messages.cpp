@@ -216,11 +216,11 @@ std::string odometry(const Header& head, const std::string& child_frame_id, cons
   return put(writer, velocity.angular_rad_s).array(kUnknownCovariance6).bytes();
 }
 
-std::string path(const Header& head, const std::vector<geometry::StampedPose>& poses) {
+std::string path(const Header& head, const std::vector<geometry::StampedPose>& poses, std::int64_t epoch_ns) {
   CdrWriter writer = begin_message(head);
   writer.number(static_cast<std::uint32_t>(poses.size()));
   for (const geometry::StampedPose& pose : poses) {
-    put(writer, Header{std::llround(1e9 * pose.time_s), head.frame_id});
+    put(writer, Header{std::llround(1e9 * pose.time_s) + epoch_ns, head.frame_id});
     put(writer, pose.T_local_camera);
   }
   return writer.bytes();

@@ -50,8 +50,8 @@ struct Velocity {
 /// nav_msgs/msg/Odometry, covariances unknown (zero).
 std::string odometry(const Header& head, const std::string& child_frame_id, const geometry::SE3& T_frame_child,
                      const Velocity& velocity);
-/// nav_msgs/msg/Path: poses in the header's frame.
-std::string path(const Header& head, const std::vector<geometry::StampedPose>& poses);
+/// nav_msgs/msg/Path: poses in the header's frame. `epoch_ns` is added to their times.
+std::string path(const Header& head, const std::vector<geometry::StampedPose>& poses, std::int64_t epoch_ns = 0);
 /// rosgraph_msgs/msg/Clock
 std::string clock(std::int64_t time_ns);
 

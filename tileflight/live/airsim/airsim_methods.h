@@ -52,6 +52,7 @@ void add_camera_methods(MethodBinder<Caller>& bind) {
   bind.template add_camera_method<&Cameras::get_images>("simGetImages");
   bind.template add_camera_method<&Cameras::get_camera_info>("simGetCameraInfo");
   bind.template add_camera_method<&Cameras::get_focal_length>("simGetFocalLength");
+  bind.template add_camera_method<&Cameras::get_filmback_settings>("simGetFilmbackSettings");
   bind.template add_camera_method<&Cameras::get_current_field_of_view>("simGetCurrentFieldOfView");
   bind.template add_camera_method<&Cameras::set_camera_pose>("simSetCameraPose");
   bind.template add_camera_method<&Cameras::set_camera_fov>("simSetCameraFov");
@@ -74,6 +75,7 @@ void add_state_methods(MethodBinder<Caller>& bind) {
   bind.template add<&Vehicles::get_multirotor_state>("getMultirotorState");
   bind.template add<&Vehicles::get_rotor_states>("getRotorStates");
   bind.template add<&Sensors::get_lidar_data>("getLidarData");
+  bind.template add<&Sensors::get_lidar_segmentation>("simGetLidarSegmentation");
   bind.template add<&Sensors::get_imu_data>("getImuData");
   bind.template add<&Sensors::get_barometer_data>("getBarometerData");
   bind.template add<&Sensors::get_magnetometer_data>("getMagnetometerData");
@@ -149,7 +151,6 @@ void add_ignored_and_unsupported_methods(MethodBinder<Caller>& bind) {
                            "simSetPresetLensSettings",
                            "simGetPresetFilmbackSettings",
                            "simSetPresetFilmbackSettings",
-                           "simGetFilmbackSettings",
                            "simSetFilmbackSettings",
                            "simSetFocalLength",
                            "simEnableManualFocus",
@@ -161,12 +162,16 @@ void add_ignored_and_unsupported_methods(MethodBinder<Caller>& bind) {
                            "moveByRC",
                            "moveByManual",
                            "moveByMotorPWMs",
+                           "moveByAngleZ",
+                           "moveByAngleThrottle",
                            "setSafety",
                            "setCarControls",
                            "getCarControls",
                            "getCarState"}) {
     bind.refuse(name);
   }
+  for (const char* name : {"moveByManual", "moveByMotorPWMs", "moveByAngleZ", "moveByAngleThrottle"})
+    bind.table().mark_waiting(name);  // for the log
 }
 
 /// Adds simGetImage, whose last argument is the flag for external cameras or the layer of an annotation image.
@@ -220,6 +225,35 @@ void add_cosys_methods(MethodBinder<Caller>& bind) {
   for (const char* name :
        {"simSetPhysicsRawKinematics", "getUWBData", "getUWBSensorData", "getWifiData", "getWifiSensorData"})
     bind.refuse(name);
+}
+
+/// Marks the methods that render, cast rays through the place, or read tiles or meshes.
+inline void mark_slow_methods(rpc::MethodTable& table) {
+  for (const char* name : {"simGetImages",
+                           "simGetImage",
+                           "simGetDetections",
+                           "getLidarData",
+                           "simGetLidarSegmentation",
+                           "getGPULidarData",
+                           "getEchoData",
+                           "getDistanceSensorData",
+                           "simSpawnObject",
+                           "simGetMeshPositionVertexBuffers",
+                           "simListSceneObjects",
+                           "simListInstanceSegmentationObjects",
+                           "simListInstanceSegmentationPoses",
+                           "simListAnnotationObjects",
+                           "simListAnnotationPoses",
+                           "simCreateVoxelGrid",
+                           "simTestLineOfSightToPoint",
+                           "simTestLineOfSightBetweenPoints",
+                           "simLoadLevel",
+                           "tfLoadRegion",
+                           "tfGroundTruth",
+                           "tfCreateVoxelGrid",
+                           "tfLidarScan",
+                           "tfCoverage"})
+    table.mark_slow(name);
 }
 
 template <class Caller>

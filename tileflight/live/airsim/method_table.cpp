@@ -9,6 +9,7 @@ rpc::MethodTable make_method_table(Levels& levels, const std::function<rpc::Serv
   MethodBinder<SimulatorCaller> bind(table, SimulatorCaller(levels));
   add_airsim_methods(bind);
   add_extension_methods(bind, statistics);
+  mark_slow_methods(table);
   return table;
 }
 

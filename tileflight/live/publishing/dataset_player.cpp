@@ -66,8 +66,11 @@ double rate_value(const foxglove::Parameter& wanted) {
 
 DatasetPlayer::DatasetPlayer(const dataset::Rig& rig, const PlayOptions& options)
     : dataset_(rig.cameras.front().dataset),
-      listed_(messages::list_messages(
-          rig, {.depth = true, .odometry = true, .static_transforms = true, .cameras = options.cameras})),
+      listed_(messages::list_messages(rig, {.depth = true,
+                                            .odometry = true,
+                                            .static_transforms = true,
+                                            .epoch_s = options.epoch_s,
+                                            .cameras = options.cameras})),
       clock_(options.rate, options.is_paused),
       loop_(options.loop) {
   if (listed_.messages.empty()) throw InputError(dataset_.folder.string(), "holds nothing to play");
@@ -111,8 +114,9 @@ void DatasetPlayer::open(MessageSink& sink, const std::optional<PlaceGlb>& place
     sink.publish(sink.add_channel(std::move(channel)), static_cast<std::uint64_t>(begin_ns), std::move(bytes));
   };
   if (dataset_.groundtruth)
-    send_once(ros_channel("/path", "nav_msgs/msg/Path", true),
-              messages::ros::path({begin_ns, messages::kMapFrame}, drawn_path(*dataset_.groundtruth)));
+    send_once(
+        ros_channel("/path", "nav_msgs/msg/Path", true),
+        messages::ros::path({begin_ns, messages::kMapFrame}, drawn_path(*dataset_.groundtruth), listed_.epoch_ns));
   if (place)
     send_once(scene_channel("/place"), scene_update(place->bytes, messages::kMapFrame,
                                                     static_cast<std::uint64_t>(begin_ns), place->attribution));

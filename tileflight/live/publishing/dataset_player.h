@@ -49,12 +49,13 @@ struct PlayOptions {
   bool is_paused = false;  ///< wait for a viewer to set the parameter `paused` to false
   /// Names of the rig's cameras to play (MessageSelection::cameras).
   std::vector<std::string> cameras{};
+  std::optional<double> epoch_s{};  ///< MessageSelection::epoch_s
 };
 inline constexpr double kMaxPlayRate = 1000.0;
 
 /// Plays a dataset, of one camera or a rig, to viewers and nodes: the messages of list_messages() with depth, odometry
 /// and /tf_static, /clock, the whole true path (of a rig: the first camera's) as /path and the place as /place (both
-/// sent once to each viewer), at the dataset's times. Only what a viewer has subscribed to is read.
+/// sent once to each viewer), at the dataset's times, moved by `epoch_s`. Only what a viewer has subscribed to is read.
 class DatasetPlayer {
  public:
   /// `rig` must outlive the player. Throws InputError: files that cannot be read, no messages.
@@ -67,6 +68,8 @@ class DatasetPlayer {
   void open(MessageSink& sink, const std::optional<PlaceGlb>& place);
   std::vector<std::string> topics() const;
   double duration_s() const;
+  /// What was chosen for the user, DatasetMessages::notes.
+  const std::vector<std::string>& notes() const { return listed_.notes; }
 
   /// Waits for the first subscription, then plays until the end (with `loop`: for ever) or until `stop`. Returns the
   /// number of messages sent. Throws InputError for a file that cannot be read.

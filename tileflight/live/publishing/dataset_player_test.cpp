@@ -10,6 +10,7 @@
 #include "tests/temporary_folder.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/data/dataset/dataset.h"
+#include "tileflight/data/messages/ros_messages.h"
 #include "tileflight/live/foxglove/messages.h"
 #include "tileflight/live/foxglove/test_web_socket.h"
 #include "tileflight/live/publishing/message_sink.h"
@@ -74,6 +75,33 @@ TEST_F(DatasetPlayerTest, PlaysAfterTheFirstSubscriptionUntilTheEnd) {
     const auto time_ns = static_cast<std::uint64_t>(std::llround((10.0 + 0.1 * i) * 1e9));
     EXPECT_EQ(viewer.read_data()->substr(0, 13), foxglove::message_data_head(1, time_ns));
   }
+}
+
+/// A dataset whose times begin at 0 is played from 1 s on, or after the epoch that is asked for.
+TEST_F(DatasetPlayerTest, NoMessageHasTheTime0UnlessThatIsAskedFor) {
+  dataset::DatasetWriter writer(folder_ / "early", {imaging::make_pinhole(8, 6, 90.0), {}, 0.0}, {.png = true});
+  writer.add_frame(0, 0.0, 0.0, imaging::RgbImage(8, 6, {1, 1, 2}));
+  geometry::Trajectory truth;
+  truth.poses.push_back({0.0, {}});
+  writer.set_groundtruth(truth);
+  writer.finish();
+  const dataset::Rig early = dataset::read_rig(folder_ / "early");
+  const auto path_of = [&](std::optional<double> epoch_s, std::int64_t time_ns) {
+    DatasetPlayer player(early, {.rate = 100.0, .epoch_s = epoch_s});
+    foxglove::Server server({}, player.parameters());
+    FoxgloveSink sink(server);
+    player.open(sink, std::nullopt);
+    TestWebSocket viewer(server.port());
+    subscribe(viewer, "/path");
+    const std::string seen = *viewer.read_data();
+    EXPECT_EQ(seen, foxglove::message_data_head(1, static_cast<std::uint64_t>(time_ns)) +
+                        messages::ros::path({time_ns, "map"}, {{1e-9 * static_cast<double>(time_ns), {}}}));
+    return player.notes();
+  };
+  EXPECT_THAT(path_of({}, 1'000'000'000), testing::ElementsAre(HasSubstr("times are 1 s later")));
+  EXPECT_THAT(path_of(5.0, 5'000'000'000), testing::IsEmpty());
+  EXPECT_THAT(path_of(0.0, 0), testing::IsEmpty());
+  EXPECT_THAT(tests::refusal_of([&] { path_of(-1.0, 0); }), HasSubstr("--epoch"));
 }
 
 TEST_F(DatasetPlayerTest, AViewerStartsItChangesItsRateAndSeesBoth) {

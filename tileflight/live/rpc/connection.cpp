@@ -49,6 +49,8 @@ Connection::Connection(asio::ip::tcp::socket socket, ServerContext& service, std
       client_(endpoint_text(socket_)),
       authenticated_(service.options.token.empty()),
       scanner_(message_limits()),
+      quick_{service.workers, {}, 0},
+      slow_{service.slow_workers, {}, 0},
       begun_s_(steady_seconds()) {
   asio::error_code ignored;
   socket_.set_option(asio::ip::tcp::no_delay(true), ignored);
@@ -71,7 +73,8 @@ void Connection::close(const std::string& reason) {
   const auto self = shared_from_this();  // keeps this object alive after it is removed from the server
   release(held_bytes_);
   buffer_ = {};
-  waiting_.clear();
+  quick_.waiting.clear();
+  slow_.waiting.clear();
   service_.on_closed(this);
   asio::error_code ignored;
   socket_.close(ignored);  // last, so that a client that sees the close finds the statistics up to date
@@ -100,9 +103,17 @@ void Connection::release(std::size_t bytes) {
   service_.counters.held_bytes -= bytes;
 }
 
+/// Calls that only wait do not count.
+bool Connection::is_full() const {
+  const ServerLimits& limits = service_.options.limits;
+  return quick_.pending() + responses_.size() >= limits.max_pending_per_connection ||
+         slow_.pending() >= limits.max_slow_pending_per_connection;
+}
+
+bool Connection::has_requests() const { return quick_.pending() + slow_.pending() + parked_ + responses_.size() > 0; }
+
 void Connection::read() {
-  if (!open_ || reading_ || finished_sending_ || pending() >= service_.options.limits.max_pending_per_connection)
-    return;
+  if (!open_ || reading_ || finished_sending_ || is_full()) return;
   reading_ = true;
   socket_.async_read_some(asio::buffer(chunk_), [self = shared_from_this()](asio::error_code fault, std::size_t bytes) {
     self->reading_ = false;
@@ -127,7 +138,7 @@ void Connection::finish_reading() {
 void Connection::take_messages() {
   std::size_t taken = 0;
   try {
-    while (open_ && taken < buffer_.size() && pending() < service_.options.limits.max_pending_per_connection) {
+    while (open_ && taken < buffer_.size() && !is_full()) {
       const std::string_view rest = std::string_view(buffer_).substr(taken);
       const std::optional<std::size_t> bytes = scanner_.find_message_end(rest);
       if (!bytes) break;
@@ -147,9 +158,9 @@ void Connection::take_messages() {
 
 /// Called after all complete messages that may be taken now have been taken.
 void Connection::continue_reading() {
-  const bool paused = pending() >= service_.options.limits.max_pending_per_connection;
+  const bool paused = is_full();
   if (buffer_.empty() || paused || finished_sending_) message_begun_s_.reset();
-  if (finished_sending_ && pending() + parked_ == 0) return close();
+  if (finished_sending_ && !has_requests()) return close();
   if (!buffer_.empty() && !paused && !finished_sending_ && !message_begun_s_) message_begun_s_ = steady_seconds();
   read();
 }
@@ -163,7 +174,8 @@ void Connection::take_message(std::string message) {
     return;
   }
   ++service_.counters.requests;
-  waiting_.push_back(std::move(message));
+  Lane& lane = service_.methods.is_slow(method_of(message)) ? slow_ : quick_;
+  lane.waiting.push_back(std::move(message));
   start_queued_requests();
 }
 
@@ -196,12 +208,17 @@ bool Connection::authenticate(const std::string& message) {
 }
 
 void Connection::start_queued_requests() {
-  while (!waiting_.empty() && running_ < service_.options.limits.max_running_per_connection) {
-    ++running_;
-    service_.workers.submit([self = shared_from_this(), message = std::move(waiting_.front())]() mutable {
-      self->execute_in_worker(std::move(message));
+  start_queued_requests(quick_);
+  start_queued_requests(slow_);
+}
+
+void Connection::start_queued_requests(Lane& lane) {
+  while (!lane.waiting.empty() && lane.running < service_.options.limits.max_running_per_connection) {
+    ++lane.running;
+    lane.workers.submit([self = shared_from_this(), &lane, message = std::move(lane.waiting.front())]() mutable {
+      self->execute_in_worker(lane, std::move(message));
     });
-    waiting_.pop_front();
+    lane.waiting.pop_front();
   }
 }
 
@@ -220,14 +237,22 @@ Response Connection::call_that_waits(const Request& request) {
 }
 
 void Connection::park_call() {
-  --running_;
+  --quick_.running;
   ++parked_;
   if (!open_) return;
   start_queued_requests();
   take_messages();
 }
 
-void Connection::execute_in_worker(std::string message) {
+/// Logs an error that the client may not see. The log of one client is bounded.
+void Connection::log_error(const std::string& error) {
+  constexpr int kMost = 100;
+  const int number = ++errors_logged_;
+  if (!service_.log || number > kMost) return;
+  service_.log(client_ + ": " + error + (number == kMost ? " (further errors of this client are not logged)" : ""));
+}
+
+void Connection::execute_in_worker(Lane& lane, std::string message) {
   const std::size_t message_bytes = message.size();
   std::string answer;
   std::string fault_of_message;
@@ -235,27 +260,29 @@ void Connection::execute_in_worker(std::string message) {
   ++service_.counters.running;
   try {
     const Request request(std::move(message));
-    is_parked = service_.methods.is_waiting(request.method()) && service_.workers.begin_waiting();
+    const bool waits = service_.methods.is_waiting(request.method());
+    is_parked = waits && service_.workers.begin_waiting();
     Response result = is_parked ? call_that_waits(request) : call(request);
-    if (service_.methods.contains(request.method())) {
-      service_.counters.add_call(request.method(), result.failed, result.seconds);
-    }
+    const bool is_known = service_.methods.contains(request.method());
+    if (is_known) service_.counters.add_call(request.method(), result.failed, result.seconds);
     if (request.expects_response()) answer = std::move(result.bytes);
-    if (!request.expects_response() && result.failed && service_.log) service_.log(client_ + ": " + result.error);
+    if (result.failed && (waits || !is_known || !request.expects_response())) log_error(result.error);
   } catch (const std::exception& fault) {
     fault_of_message = fault.what();
   }
   --service_.counters.running;
-  asio::post(service_.network, [self = shared_from_this(), message_bytes, answer = std::move(answer),
-                                fault_of_message = std::move(fault_of_message), is_parked]() mutable {
+  std::size_t& place = is_parked ? parked_ : lane.running;
+  asio::post(service_.network, [self = shared_from_this(), &place, message_bytes, answer = std::move(answer),
+                                fault_of_message = std::move(fault_of_message)]() mutable {
     if (!self->open_) return;
     if (!fault_of_message.empty()) return self->close(fault_of_message);
-    self->finish_call(message_bytes, std::move(answer), is_parked);
+    self->finish_call(place, message_bytes, std::move(answer));
   });
 }
 
-void Connection::finish_call(std::size_t message_bytes, std::string answer, bool was_parked) {
-  --(was_parked ? parked_ : running_);
+/// `place`: the count in which the call was.
+void Connection::finish_call(std::size_t& place, std::size_t message_bytes, std::string answer) {
+  --place;
   release(message_bytes);
   if (!answer.empty()) {
     ++service_.counters.answers;

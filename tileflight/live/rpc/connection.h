@@ -62,6 +62,7 @@ struct ServerContext {
   const MethodTable& methods;
   const ServerOptions& options;
   WorkerPool& workers;
+  WorkerPool& slow_workers;
   ServerCounters& counters;
   Server::Log log;
   Server::Caller caller;
@@ -70,7 +71,7 @@ struct ServerContext {
 };
 
 /// One client connection. Everything except execute_in_worker() and what it calls runs in the network thread. Path of a
-/// request: buffer_ (bytes) -> waiting_ (whole messages) -> a worker -> responses_ (bytes) -> the socket.
+/// request: buffer_ (bytes) -> a lane (whole messages) -> a worker -> responses_ (bytes) -> the socket.
 class Connection : public std::enable_shared_from_this<Connection> {
  public:
   /// `number`: number of the connection, from 1.
@@ -93,18 +94,21 @@ class Connection : public std::enable_shared_from_this<Connection> {
   void continue_reading();
   void take_message(std::string message);
   bool authenticate(const std::string& message);
+  struct Lane;
   void start_queued_requests();
-  void execute_in_worker(std::string message);
+  void start_queued_requests(Lane& lane);
+  void log_error(const std::string& error);
+  void execute_in_worker(Lane& lane, std::string message);
   Response call(const Request& request);
   Response call_that_waits(const Request& request);
   void park_call();
   void queue_response(std::string bytes);
-  void finish_call(std::size_t message_bytes, std::string answer, bool was_parked);
+  void finish_call(std::size_t& place, std::size_t message_bytes, std::string answer);
   void write();
   void hold(std::size_t bytes);
   void release(std::size_t bytes);
-  /// Requests that count against the limits: calls that only wait do not.
-  std::size_t pending() const { return waiting_.size() + running_ + responses_.size(); }
+  bool is_full() const;
+  bool has_requests() const;
   const MessageLimits& message_limits() const;
 
   asio::ip::tcp::socket socket_;
@@ -119,13 +123,22 @@ class Connection : public std::enable_shared_from_this<Connection> {
   std::array<char, 64 * 1024> chunk_;
   std::string buffer_;
   MessageScanner scanner_;
-  std::deque<std::string> waiting_;
-  std::size_t running_ = 0;
-  std::size_t parked_ = 0;             ///< calls that only wait; not in running_
+  /// Requests that wait for each other.
+  struct Lane {
+    WorkerPool& workers;
+    std::deque<std::string> waiting;
+    std::size_t running = 0;
+    std::size_t pending() const { return waiting.size() + running; }
+  };
+  Lane quick_;
+  Lane slow_;                          ///< they compute for long, and keep no quick one waiting
+  std::size_t parked_ = 0;             ///< calls that only wait; not in a lane
   std::deque<std::string> responses_;  ///< the first one is being written
   std::size_t queued_bytes_ = 0;       ///< of responses_
   std::size_t written_ = 0;            ///< of the first response
   std::size_t held_bytes_ = 0;
+
+  std::atomic<int> errors_logged_{0};
 
   double begun_s_;                         ///< when the client connected
   std::optional<double> message_begun_s_;  ///< of the message whose first bytes are in buffer_

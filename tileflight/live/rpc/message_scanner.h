@@ -21,9 +21,13 @@ struct ServerLimits {
   MessageLimits message;
   MessageLimits message_before_authentication{.max_bytes = 64U << 10U, .max_values = 1000, .max_depth = 8};
   std::size_t max_connections = 64;
-  std::size_t max_running_per_connection = 32;  ///< further requests wait; those that only wait are not counted
-  std::size_t max_pending_per_connection = 64;  ///< running, waiting and unread responses; beyond it, reading pauses
-  std::size_t max_workers = 256;
+  /// Further requests wait; those that only wait are not counted, and slow ones (MethodTable::mark_slow()) by
+  /// themselves.
+  std::size_t max_running_per_connection = 32;
+  /// Running, waiting and unread responses, without slow requests; beyond it, reading pauses.
+  std::size_t max_pending_per_connection = 64;
+  std::size_t max_slow_pending_per_connection = 1024;  ///< slow requests that run or wait; beyond it, reading pauses
+  std::size_t max_workers = 256;                       ///< and as many for slow requests
   std::size_t max_waiting_calls = 256;  ///< of all clients (MethodTable::mark_waiting()); further ones count as others
   std::size_t max_queued_bytes = 256U << 20U;  ///< unread responses of one client; beyond it, the connection is closed
   std::size_t max_held_bytes = 1024U << 20U;   ///< all messages and responses; beyond it, the largest holder is closed

@@ -35,7 +35,28 @@ msgpack::object_handle unpack_message(const std::string& message) {
   }
 }
 
+/// Bytes that declare an array. MessagePack specification, "array format family".
+std::size_t array_header_bytes(char first) {
+  constexpr std::uint8_t kArray16 = 0xdc, kArray32 = 0xdd;
+  const auto byte = static_cast<std::uint8_t>(first);
+  return byte == kArray16 ? 3 : byte == kArray32 ? 5 : 1;
+}
+
 }  // namespace
+
+std::string method_of(const std::string& message) {
+  constexpr int kNamePosition = 2;  // at most: after kind and id
+  try {
+    std::size_t offset = message.empty() ? 0 : array_header_bytes(message.front());
+    for (int i = 0; i <= kNamePosition && offset < message.size(); ++i) {
+      const msgpack::object_handle value = msgpack::unpack(message.data(), message.size(), offset, keep_in_message);
+      if (value->type != msgpack::type::POSITIVE_INTEGER) return text(value.get());
+    }
+  } catch (const msgpack::unpack_error&) {
+  } catch (const ProtocolError&) {  // Request names the fault
+  }
+  return {};
+}
 
 Request::Request(std::string message) : message_(std::move(message)), handle_(unpack_message(message_)) {
   const msgpack::object& root = handle_.get();

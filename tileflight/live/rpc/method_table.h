@@ -66,9 +66,14 @@ class MethodTable {
   /// AirSim's clients. May be called by several threads at once.
   Response call(const Request& request) const;
 
-  /// Marks a method whose calls wait for long (for a flight, for the clock) rather than compute.
+  /// Marks a method whose calls wait for long (for a flight, for the clock) rather than compute. The server logs its
+  /// errors, because AirSim's clients do not show them.
   void mark_waiting(const std::string& name) { waiting_.insert(name); }
   bool is_waiting(const std::string& name) const { return waiting_.contains(name); }
+
+  /// Marks a method whose calls compute for long (render, cast rays, read tiles).
+  void mark_slow(const std::string& name) { slow_.insert(name); }
+  bool is_slow(const std::string& name) const { return slow_.contains(name); }
 
   bool contains(const std::string& name) const { return methods_.contains(name); }
   std::vector<std::string> names() const;
@@ -78,7 +83,11 @@ class MethodTable {
 
   std::map<std::string, std::vector<std::pair<std::size_t, Handler>>> methods_;  ///< (number of arguments, handler)
   std::set<std::string> waiting_;
+  std::set<std::string> slow_;
 };
+
+/// Returns the name of the method that a whole message calls, without decoding its arguments; empty: it is no call.
+std::string method_of(const std::string& message);
 
 /// Seconds of a steady clock with an arbitrary origin.
 double steady_seconds();

@@ -57,10 +57,12 @@ struct Server::Impl {
         acceptor(open_acceptor(network, options)),
         timer(network),
         workers(options.limits.max_workers, options.limits.max_waiting_calls, options.limits.worker_idle_timeout_s),
+        slow_workers(options.limits.max_workers, 0, options.limits.worker_idle_timeout_s),
         context{network,
                 methods,
                 options,
                 workers,
+                slow_workers,
                 counters,
                 std::move(log),
                 std::move(caller),
@@ -84,6 +86,7 @@ struct Server::Impl {
   ServerCounters counters;
   std::set<std::shared_ptr<Connection>> connections;
   WorkerPool workers;  ///< declared after the members that its work uses, so that it is destroyed first
+  WorkerPool slow_workers;
   ServerContext context;
   bool accepting = false;
   bool stopping = false;
@@ -191,7 +194,7 @@ void Server::stop_at_signals() {
 
 ServerStatistics Server::statistics() const {
   ServerStatistics result = impl_->counters.snapshot();
-  result.workers = impl_->workers.workers();
+  result.workers = impl_->workers.workers() + impl_->slow_workers.workers();
   return result;
 }
 

@@ -46,12 +46,13 @@ bool is_loopback(const std::string& address);
 
 /// Serves a method table by msgpack-rpc over TCP. Each request, even of the same connection, runs in its own thread, so
 /// a long call blocks no other and responses come in any order; calls that only wait (MethodTable::mark_waiting()) take
-/// no other call's place, up to ServerLimits::max_waiting_calls. All network input is bounded by ServerOptions::limits:
-/// a client that exceeds them is disconnected; others are not affected.
+/// no other call's place, up to ServerLimits::max_waiting_calls. Calls that compute for long (MethodTable::mark_slow())
+/// have threads of their own and keep no other call waiting, whatever their number. All network input is bounded by
+/// ServerOptions::limits: a client that exceeds them is disconnected; others are not affected.
 class Server {
  public:
-  /// Receives one line for each connection that is closed or refused, with the reason. Called by the thread in run() or
-  /// by a worker.
+  /// Receives one line for each connection that is closed or refused, with the reason, and for each error that its
+  /// client may not see. Called by the thread in run() or by a worker.
   using Log = std::function<void(const std::string& line)>;
   /// Makes a call in place of MethodTable::call(), from any thread. `client`: number of the connection, from 1.
   using Caller = std::function<Response(const MethodTable& methods, std::uint64_t client, const Request& request)>;

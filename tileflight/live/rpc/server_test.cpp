@@ -58,6 +58,10 @@ class ServerTest : public testing::Test {
     table.add<bool>("wait", [this] { return wait(); });
     table.add<bool>("fly", [this] { return wait(); });
     table.mark_waiting("fly");
+    table.add<void>("crash", [] { throw std::runtime_error("there is a wall"); });
+    table.mark_waiting("crash");
+    table.add<bool>("render", [this] { return wait(); });
+    table.mark_slow("render");
     table.add<void>("release", [this] { release(); });
     table.add<int, std::vector<std::vector<float>>>(
         "count", [](const std::vector<std::vector<float>>& lists) { return static_cast<int>(lists.size()); });
@@ -299,6 +303,52 @@ TEST_F(ServerTest, CallsThatWaitTakeNoOthersPlace) {
   one.end_sending();
   EXPECT_TRUE(one.is_closed());
   EXPECT_TRUE(soon([this] { return server_->statistics().held_bytes == 0; }));
+}
+
+TEST_F(ServerTest, CallsThatComputeForLongKeepNoOtherWaiting) {
+  start({.limits = {.max_running_per_connection = 2,
+                    .max_pending_per_connection = 4,
+                    .max_slow_pending_per_connection = 200,
+                    .max_workers = 2}});
+  TestClient one = client();
+  for (std::uint32_t i = 0; i < 100; ++i) ASSERT_TRUE(one.send(request_bytes(i, "render")));
+  EXPECT_TRUE(soon([this] { return waiting_ == 2; }));
+  EXPECT_EQ(decode_response(one.ask(request_bytes(1000, "ping")).value_or(request_bytes(0, ""))).id, 1000U);
+  EXPECT_TRUE(serves()) << "another client";
+  for (std::uint32_t i = 100; i < 300; ++i) ASSERT_TRUE(one.send(request_bytes(i, "render")));
+  EXPECT_TRUE(soon([this] { return server_->statistics().requests == 202; })) << "then reading pauses";
+  std::this_thread::sleep_for(milliseconds(20));
+  EXPECT_EQ(server_->statistics().requests, 202U);
+  EXPECT_EQ(waiting_, 2);
+  release();
+  for (int i = 0; i < 300; ++i) ASSERT_TRUE(one.receive().has_value()) << i;
+  one.end_sending();
+  EXPECT_TRUE(one.is_closed());
+  EXPECT_TRUE(soon([this] { return server_->statistics().held_bytes == 0; }));
+}
+
+TEST_F(ServerTest, ErrorsThatAClientMayNotSeeAreLogged) {
+  start();
+  EXPECT_THAT(error_of(request_bytes(1, "crash")), HasSubstr("there is a wall"));
+  EXPECT_THAT(error_of(request_bytes(1, "crash", 5)), HasSubstr("invalid number of arguments"));
+  EXPECT_THAT(error_of(request_bytes(1, "fly_on")), HasSubstr("could not find"));
+  EXPECT_THAT(error_of(request_bytes(1, "fail")), HasSubstr("raining"));
+  EXPECT_THAT(log(), testing::UnorderedElementsAre(HasSubstr("there is a wall"), HasSubstr("Expected: 0, got: 1"),
+                                                   HasSubstr("could not find function 'fly_on'")));
+  TestClient one = client();
+  for (std::uint32_t i = 0; i < 300; ++i) ASSERT_TRUE(one.ask(request_bytes(i, "crash")).has_value());
+  EXPECT_EQ(log().size(), 103U) << "a hundred of each client";
+  EXPECT_THAT(log().back(), HasSubstr("further errors of this client are not logged"));
+}
+
+TEST(MethodOf, ReadsTheNameWithoutTheArguments) {
+  EXPECT_EQ(method_of(request_bytes(70'000, "simGetImages", 1, "a")), "simGetImages");
+  EXPECT_EQ(method_of(std::string("\x93\x02\xa4ping\x90", 8)), "ping") << "a notification";
+  EXPECT_EQ(method_of(std::string("\xdc\x00\x04\x00\x01\xc4\x04ping\x90", 12)), "ping") << "other lengths of the same";
+  for (const std::string& bytes :
+       {std::string(), std::string("\x90"), std::string("\x94\x00\x00", 3), std::string("\xdd"),
+        std::string("\x94\x00\x00\x00\x90", 5), std::string("\x94\x00\x00\xa9ping", 8)})
+    EXPECT_EQ(method_of(bytes), "");
 }
 
 TEST_F(ServerTest, ClientsBeyondTheNumberAreRefused) {

@@ -21,6 +21,7 @@ using geometry::Vec3;
 
 constexpr std::size_t kMaxRequests = 256;
 constexpr double kMaxPixels = 64e6;  // per call
+constexpr double kFilm_mm = 36.0;    // width of every camera's film
 
 ImageType to_image_type(int image_type) {
   if (image_type < 0 || image_type >= kImageTypeCount)
@@ -210,9 +211,18 @@ CameraInfo Cameras::get_camera_info(const std::string& camera, const std::string
 
 float Cameras::get_focal_length(const std::string& camera, const std::string& vehicle, bool external) const {
   const std::lock_guard lock(world_.state_mutex);
-  constexpr double kFilm_mm = 36.0;
   const SimCamera& chosen = world_.camera(camera, vehicle, external);
   return static_cast<float>(chosen.focal_px() * kFilm_mm / chosen.width(0));
+}
+
+std::string Cameras::get_filmback_settings(const std::string& camera, const std::string& vehicle, bool external) const {
+  const std::lock_guard lock(world_.state_mutex);
+  const imaging::Camera lens = world_.camera(camera, vehicle, external).lens(0);
+  const double aspect = static_cast<double>(lens.width()) / lens.height();
+  std::ostringstream text;  // AirSim's words, which clients take apart
+  text << "Name: Custom;\n\t Sensor Width: " << kFilm_mm << "; \t Sensor Height: " << kFilm_mm / aspect
+       << "\n\t Sensor Aspect Ratio: " << aspect;
+  return text.str();
 }
 
 std::string Cameras::get_current_field_of_view(const std::string& camera, const std::string& vehicle,

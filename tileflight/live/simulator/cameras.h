@@ -25,6 +25,8 @@ class Cameras {
   CameraInfo get_camera_info(const std::string& camera, const std::string& vehicle, bool external) const;
   /// Returns the focal length of the Scene image, in millimetres on a film that is 36 mm wide.
   float get_focal_length(const std::string& camera, const std::string& vehicle, bool external) const;
+  /// Returns width (36 mm), height and aspect of the Scene image's film, in AirSim's words.
+  std::string get_filmback_settings(const std::string& camera, const std::string& vehicle, bool external) const;
   /// Returns the field of view of the Scene image across and down its middle, degrees, in AirSim's words.
   std::string get_current_field_of_view(const std::string& camera, const std::string& vehicle, bool external) const;
   /// Places a camera on its vehicle; an external camera in global NED. Components that are NaN keep their value.

@@ -220,6 +220,8 @@ TEST(ApiImages, FocalLengthAndFieldOfViewAreThoseOfTheLens) {
   EXPECT_THAT(world->cameras().get_current_field_of_view("0", "", false),
               testing::MatchesRegex("Current Field Of View:\n\tHorizontal Field Of View: 90;\n\t Vertical Field Of "
                                     "View: 58[.]71.*"));
+  EXPECT_EQ(world->cameras().get_filmback_settings("0", "", false),
+            "Name: Custom;\n\t Sensor Width: 36; \t Sensor Height: 20.25\n\t Sensor Aspect Ratio: 1.77778");
   world->cameras().set_camera_fov("0", 60.0F, "", false);
   EXPECT_NEAR(world->cameras().get_focal_length("0", "", false), 18.0 / std::tan(pi / 6), 1e-3);
   world->cameras().set_lens("0", {.model = "fisheye", .fov_degrees = 190.0F}, "", false);

@@ -28,6 +28,10 @@ void Clock::continue_for_frames(std::uint32_t frames) {
   constexpr std::uint32_t kMost = 1'200'000;
   if (frames > kMost) throw InputError("simContinueForFrames", "more than 1200000 steps");
   std::unique_lock lock(world_.state_mutex);
+  if (world_.clock.steps_awaited() >= kMaxContinuingCalls)
+    throw InputError("simContinueForTime", std::to_string(kMaxContinuingCalls) +
+                                               " calls wait for the clock already; wait for some of them, or end them "
+                                               "with simPause");
   world_.clock.run_steps(lock, frames);
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 
 namespace tileflight::simulator {
@@ -10,6 +11,9 @@ struct World;
 class Clock {
  public:
   explicit Clock(World& world) : world_(world) {}
+
+  /// Calls that may wait for the clock at once; further ones throw InputError.
+  static constexpr std::size_t kMaxContinuingCalls = 128;
 
   void pause(bool is_paused);
   bool is_paused() const;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/strict_section.h"
 #include "tileflight/live/simulator/frames.h"
@@ -32,27 +33,74 @@ double clamp_timeout_s(float seconds, const char* call) {
   return std::max(clamp_duration_s(seconds, call), SimulationClock::kStep_s);
 }
 
-double check_speed(float velocity, const char* call) {
-  base::require(velocity > 0.0F && velocity <= kMaxSpeed_m_s, call,
-                "the velocity must be above 0 and at most 1000 m/s");
-  return velocity;
-}
+/// Arguments of a call, checked as AirSim does: what it accepts is accepted, and clamped with a line in the log where
+/// it cannot be flown. The functions throw InputError for numbers that are not finite.
+class Arguments {
+ public:
+  Arguments(const World& world, const char* call) : world_(world), call_(call) {}
 
-Drivetrain to_drivetrain(int drivetrain, const char* call) {
-  base::require(drivetrain == 0 || drivetrain == 1, call, "the drivetrain is 0 (any direction) or 1 (forward only)");
-  return drivetrain == 1 ? Drivetrain::kForwardOnly : Drivetrain::kMaxDegreeOfFreedom;
-}
+  const char* call() const { return call_; }
+
+  double clamped(float value, double min, double max, const char* what) const {
+    base::require(std::isfinite(value), call_, std::string(what) + " is not finite");
+    const double taken = std::clamp(static_cast<double>(value), min, max);
+    if (taken != value)
+      log(std::string(what) + " of " + base::formatted("%g", static_cast<double>(value)), base::formatted("%g", taken));
+    return taken;
+  }
+
+  /// A velocity of 0 reaches no goal: in AirSim, too, the vehicle stays until the timeout.
+  double speed_m_s(float velocity) const {
+    base::require(!(velocity < 0.0F), call_, "the velocity must not be negative");
+    return clamped(velocity, kMinSpeed_m_s, kMaxSpeed_m_s, "the velocity");
+  }
+
+  Vec3 velocity_m_s(const Vec3& velocity) const {
+    base::require(velocity.allFinite(), call_, "the velocity is not finite");
+    if (velocity.norm() <= kMaxSpeed_m_s) return velocity;
+    log("a velocity of " + base::formatted("%g", velocity.norm()) + " m/s",
+        base::formatted("%g", kMaxSpeed_m_s) + " m/s");
+    return velocity.normalized() * kMaxSpeed_m_s;
+  }
+
+  Drivetrain drivetrain(int drivetrain) const {
+    if (drivetrain != 0 && drivetrain != 1)
+      log("the drivetrain " + std::to_string(drivetrain), "0, any direction (1: forward only)");
+    return drivetrain == 1 ? Drivetrain::kForwardOnly : Drivetrain::kMaxDegreeOfFreedom;
+  }
+
+  double angle_rad(float radians) const { return clamped(radians, -1000.0, 1000.0, "an angle"); }
+  double rate_rad_s(float radians_s) const { return clamped(radians_s, -1000.0, 1000.0, "a rate"); }
+  double yaw_deg(float degrees) const {
+    base::require(std::isfinite(degrees), call_, "the yaw is not finite");
+    return std::abs(degrees) <= kMaxYaw_deg ? degrees : std::remainder(degrees, 360.0);
+  }
+
+ private:
+  static constexpr double kMinSpeed_m_s = 0.001;
+  static constexpr double kMaxYaw_deg = 1e6;  // beyond it, a float has no whole turns
+
+  void log(const std::string& given, const std::string& taken) const {
+    world_.log_line(std::string(call_) + ": " + given + " is taken as " + taken);
+  }
+
+  const World& world_;
+  const char* call_;
+};
 
 /// NED turns clockwise from north, the local frame counter-clockwise from east.
 double heading_to_local_yaw_rad(double heading_deg) { return vehicle::heading_to_yaw_rad(heading_deg); }
 
-vehicle::YawMode to_yaw_mode(const YawMode& yaw, Drivetrain drivetrain, const char* call) {
+vehicle::YawMode to_yaw_mode(const YawMode& yaw, Drivetrain drivetrain, const Arguments& arguments) {
   using Kind = vehicle::YawMode::Kind;
-  base::require(std::isfinite(yaw.yaw_or_rate) && std::abs(yaw.yaw_or_rate) <= 1e6F, call, "the yaw is out of range");
-  if (yaw.is_rate)
-    return yaw.yaw_or_rate == 0.0F ? vehicle::YawMode{} : vehicle::YawMode{Kind::kRate, -radians(yaw.yaw_or_rate)};
-  if (drivetrain == Drivetrain::kForwardOnly) return {Kind::kAngle, -radians(yaw.yaw_or_rate)};
-  return {Kind::kAngle, heading_to_local_yaw_rad(yaw.yaw_or_rate)};
+  constexpr double kMaxRate_deg_s = 1e6;
+  if (yaw.is_rate) {
+    const double rate_deg_s = arguments.clamped(yaw.yaw_or_rate, -kMaxRate_deg_s, kMaxRate_deg_s, "the yaw rate");
+    return rate_deg_s == 0.0 ? vehicle::YawMode{} : vehicle::YawMode{Kind::kRate, -radians(rate_deg_s)};
+  }
+  const double yaw_deg = arguments.yaw_deg(yaw.yaw_or_rate);
+  if (drivetrain == Drivetrain::kForwardOnly) return {Kind::kAngle, -radians(yaw_deg)};
+  return {Kind::kAngle, heading_to_local_yaw_rad(yaw_deg)};
 }
 
 /// Arguments of a path call other than the path.
@@ -64,17 +112,18 @@ struct PathCall {
   float lookahead, adaptive_lookahead;
 };
 
-vehicle::FollowPath make_follow_path(const PathCall& call, std::vector<Vec3> points_local) {
+vehicle::FollowPath make_follow_path(const World& world, const PathCall& call, std::vector<Vec3> points_local) {
   vehicle::FollowPath path;
+  if (points_local.empty()) return path;  // AirSim checks nothing then
+  const Arguments arguments(world, call.name);
   path.points = std::move(points_local);
-  path.speed_m_s = check_speed(call.velocity, call.name);
-  path.drivetrain = to_drivetrain(call.drivetrain, call.name);
+  path.speed_m_s = arguments.speed_m_s(call.velocity);
+  path.drivetrain = arguments.drivetrain(call.drivetrain);
   base::require(path.drivetrain != Drivetrain::kForwardOnly || !call.yaw_mode.is_rate, call.name,
                 "a yaw rate is not possible with the drivetrain forward only: give YawMode(is_rate=False, "
                 "yaw_or_rate=0), an angle from the direction of flight");
-  path.yaw = to_yaw_mode(call.yaw_mode, path.drivetrain, call.name);
-  base::require(call.lookahead != 0.0F && !std::isnan(call.lookahead), call.name,
-                "the lookahead must not be 0; -1 chooses it automatically");
+  path.yaw = to_yaw_mode(call.yaw_mode, path.drivetrain, arguments);
+  base::require(call.lookahead != 0.0F, call.name, "the lookahead must not be 0; -1 chooses it automatically");
   if (call.lookahead > 0.0F) path.lookahead_m = std::min(static_cast<double>(call.lookahead), 1e6);
   path.adaptive_lookahead = call.adaptive_lookahead > 0.0F;
   path.timeout_s = clamp_timeout_s(call.timeout_s, call.name);
@@ -82,14 +131,15 @@ vehicle::FollowPath make_follow_path(const PathCall& call, std::vector<Vec3> poi
 }
 
 /// A yaw rate overrides the drivetrain forward only, as in AirSim, which refuses both together only along a path.
-vehicle::FlyVelocity make_fly_velocity(const char* call, const Vec3& velocity, float duration_s, int drivetrain,
-                                       const YawMode& yaw_mode) {
-  base::require(velocity.allFinite() && velocity.norm() <= kMaxSpeed_m_s, call, "the velocity is out of range");
+/// `velocity`: in the axes of the call, which the caller turns.
+vehicle::FlyVelocity make_fly_velocity(const Arguments& arguments, const Vec3& velocity, float duration_s,
+                                       int drivetrain, const YawMode& yaw_mode) {
   vehicle::FlyVelocity command;
-  command.duration_s = clamp_duration_s(duration_s, call);
-  command.drivetrain = to_drivetrain(drivetrain, call);
+  command.velocity_m_s = arguments.velocity_m_s(velocity);
+  command.duration_s = clamp_duration_s(duration_s, arguments.call());
+  command.drivetrain = arguments.drivetrain(drivetrain);
   if (yaw_mode.is_rate) command.drivetrain = Drivetrain::kMaxDegreeOfFreedom;
-  command.yaw = to_yaw_mode(yaw_mode, command.drivetrain, call);
+  command.yaw = to_yaw_mode(yaw_mode, command.drivetrain, arguments);
   return command;
 }
 
@@ -99,14 +149,6 @@ Vec3 to_local(const SimVehicle& sim_vehicle, const geometry::SE3& T_local_ned, c
   return T_local_ned * (checked_position(position, call) + sim_vehicle.start_ned());
 }
 
-double check_range(float value, float max, const char* call, const char* what) {
-  if (!(std::abs(value) <= max)) throw InputError(call, std::string(what) + " is out of range");
-  return value;
-}
-
-double check_angle(float radians, const char* call) { return check_range(radians, 1000.0F, call, "an angle"); }
-double check_rate(float radians_s, const char* call) { return check_range(radians_s, 1000.0F, call, "a rate"); }
-
 /// Vertical control during the command.
 struct VerticalCommand {
   std::optional<float> z;
@@ -115,45 +157,43 @@ struct VerticalCommand {
 
 template <class Command>
 void apply_vertical_command(const VerticalCommand& lift, const SimVehicle& sim_vehicle,
-                            const geometry::SE3& T_local_ned, const char* call, Command& command) {
-  if (lift.throttle) command.throttle = *lift.throttle;
+                            const geometry::SE3& T_local_ned, const Arguments& arguments, Command& command) {
+  if (lift.throttle) command.throttle = arguments.clamped(*lift.throttle, 0.0, 1.0, "the throttle");
   if (!lift.z) return;
-  const Vec3 place_ned = checked_position({0.0F, 0.0F, *lift.z}, call) + sim_vehicle.start_ned();
+  const Vec3 place_ned = checked_position({0.0F, 0.0F, *lift.z}, arguments.call()) + sim_vehicle.start_ned();
   command.height_m = (T_local_ned * place_ned).z();
 }
 
-bool command_attitude(World& world, const char* call, float roll, float pitch, const vehicle::YawMode& yaw,
+bool command_attitude(World& world, const Arguments& arguments, float roll, float pitch, const vehicle::YawMode& yaw,
                       const VerticalCommand& lift, float duration_s, const std::string& vehicle) {
-  return world.run_command(vehicle, call, [&](SimVehicle& sim_vehicle) -> vehicle::Command {
+  return world.run_command(vehicle, arguments.call(), [&](SimVehicle& sim_vehicle) -> vehicle::Command {
     vehicle::FlyAttitude command{
-        .roll_rad = check_angle(roll, call), .pitch_rad = check_angle(pitch, call), .yaw = yaw};
-    command.duration_s = clamp_duration_s(duration_s, call);
-    apply_vertical_command(lift, sim_vehicle, world.T_local_ned, call, command);
+        .roll_rad = arguments.angle_rad(roll), .pitch_rad = arguments.angle_rad(pitch), .yaw = yaw};
+    command.duration_s = clamp_duration_s(duration_s, arguments.call());
+    apply_vertical_command(lift, sim_vehicle, world.T_local_ned, arguments, command);
     return command;
   });
 }
 
-bool command_rates(World& world, const char* call, const Vec3& rates_frd_rad_s, const VerticalCommand& lift,
-                   float duration_s, const std::string& vehicle) {
+bool command_rates(World& world, const char* call, float roll_rate, float pitch_rate, float yaw_rate,
+                   const VerticalCommand& lift, float duration_s, const std::string& vehicle) {
   return world.run_command(vehicle, call, [&](SimVehicle& sim_vehicle) -> vehicle::Command {
+    const Arguments arguments(world, call);
     vehicle::FlyRates command;
-    command.rates_rad_s = frd_from_flu(rates_frd_rad_s);
+    command.rates_rad_s = frd_from_flu(
+        {arguments.rate_rad_s(roll_rate), arguments.rate_rad_s(pitch_rate), arguments.rate_rad_s(yaw_rate)});
     command.duration_s = clamp_duration_s(duration_s, call);
-    apply_vertical_command(lift, sim_vehicle, world.T_local_ned, call, command);
+    apply_vertical_command(lift, sim_vehicle, world.T_local_ned, arguments, command);
     return command;
   });
 }
 
-vehicle::YawMode absolute_yaw(float yaw, const char* call) {
-  return {vehicle::YawMode::Kind::kAngle, vehicle::heading_to_yaw_rad(degrees(check_angle(yaw, call)))};
+vehicle::YawMode absolute_yaw(float yaw, const Arguments& arguments) {
+  return {vehicle::YawMode::Kind::kAngle, vehicle::heading_to_yaw_rad(degrees(arguments.angle_rad(yaw)))};
 }
 
-vehicle::YawMode yaw_rate_mode(float yaw_rate, const char* call) {
-  return {vehicle::YawMode::Kind::kRate, -check_rate(yaw_rate, call)};
-}
-
-Vec3 check_rates(float roll, float pitch, float yaw, const char* call) {
-  return {check_rate(roll, call), check_rate(pitch, call), check_rate(yaw, call)};
+vehicle::YawMode yaw_rate_mode(float yaw_rate, const Arguments& arguments) {
+  return {vehicle::YawMode::Kind::kRate, -arguments.rate_rad_s(yaw_rate)};
 }
 
 constexpr double kMaxNodeSpeed_m_s = 1000.0, kMaxTurn_rad_s = 100.0, kGoalSpeed_m_s = 5.0;
@@ -189,10 +229,9 @@ bool World::run_command(const std::string& name, const char* call,
   return task->outcome == vehicle::Outcome::kFinished;
 }
 
-/// Returns nullptr where the command is ignored. Logs what it throws, because AirSim's clients do not show an error of
-/// an asynchronous call. The state must be locked.
-std::shared_ptr<const vehicle::Task> World::begin_task(
-    const std::string& name, const char* call, const std::function<vehicle::Command(SimVehicle&)>& command) try {
+/// Returns nullptr where the command is ignored. The state must be locked.
+std::shared_ptr<const vehicle::Task> World::begin_task(const std::string& name, const char* call,
+                                                       const std::function<vehicle::Command(SimVehicle&)>& command) {
   SimVehicle& sim_vehicle = require_multirotor(name, call);
   if (clock.stopped()) return nullptr;
   const vehicle::Command requested = command(sim_vehicle);
@@ -205,9 +244,6 @@ std::shared_ptr<const vehicle::Task> World::begin_task(
     return nullptr;
   }
   return sim_vehicle.command(requested);
-} catch (const std::exception& fault) {
-  log_line(std::string(call) + " is refused: " + fault.what());
-  throw;
 }
 
 void Flight::cancel_last_task(const std::string& vehicle) {
@@ -248,7 +284,7 @@ bool Flight::move_to_position(float x, float y, float z, float velocity, float t
                               const std::string& vehicle) {
   const PathCall call{"moveToPosition", velocity, timeout_s, drivetrain, yaw_mode, lookahead, adaptive_lookahead};
   return world_.run_command(vehicle, call.name, [&](SimVehicle& sim_vehicle) -> vehicle::Command {
-    return make_follow_path(call, {to_local(sim_vehicle, world_.T_local_ned, {x, y, z}, call.name)});
+    return make_follow_path(world_, call, {to_local(sim_vehicle, world_.T_local_ned, {x, y, z}, call.name)});
   });
 }
 
@@ -260,7 +296,7 @@ bool Flight::move_on_path(const std::vector<Vector3r>& path, float velocity, flo
   return world_.run_command(vehicle, call.name, [&](SimVehicle& sim_vehicle) -> vehicle::Command {
     std::vector<Vec3> points;
     for (const Vector3r& point : path) points.push_back(to_local(sim_vehicle, world_.T_local_ned, point, call.name));
-    return make_follow_path(call, std::move(points));
+    return make_follow_path(world_, call, std::move(points));
   });
 }
 
@@ -270,7 +306,7 @@ bool Flight::move_to_z(float z, float velocity, float timeout_s, const YawMode& 
   return world_.run_command(vehicle, call.name, [&](SimVehicle& sim_vehicle) -> vehicle::Command {
     Vec3 goal = sim_vehicle.position_local();
     goal.z() = to_local(sim_vehicle, world_.T_local_ned, {0.0F, 0.0F, z}, call.name).z();
-    return make_follow_path(call, {goal});
+    return make_follow_path(world_, call, {goal});
   });
 }
 
@@ -280,37 +316,37 @@ bool Flight::move_to_gps(float latitude, float longitude, float altitude, float 
   const PathCall call{"moveToGPS", velocity, timeout_s, drivetrain, yaw_mode, lookahead, adaptive_lookahead};
   const Vec3 goal = world_.T_local_ned * world_.geodetic_frame.to_ned({latitude, longitude, altitude});
   return world_.run_command(vehicle, call.name,
-                            [&](SimVehicle&) -> vehicle::Command { return make_follow_path(call, {goal}); });
+                            [&](SimVehicle&) -> vehicle::Command { return make_follow_path(world_, call, {goal}); });
 }
 
 bool Flight::move_by_velocity(float vx, float vy, float vz, float duration_s, int drivetrain, const YawMode& yaw_mode,
                               const std::string& vehicle) {
-  const char* call = "moveByVelocity";
-  return world_.run_command(vehicle, call, [&](SimVehicle&) -> vehicle::Command {
-    vehicle::FlyVelocity command = make_fly_velocity(call, {vx, vy, vz}, duration_s, drivetrain, yaw_mode);
-    command.velocity_m_s = enu_from_ned({vx, vy, vz});
+  const Arguments arguments(world_, "moveByVelocity");
+  return world_.run_command(vehicle, arguments.call(), [&](SimVehicle&) -> vehicle::Command {
+    vehicle::FlyVelocity command = make_fly_velocity(arguments, {vx, vy, vz}, duration_s, drivetrain, yaw_mode);
+    command.velocity_m_s = enu_from_ned(command.velocity_m_s);
     return command;
   });
 }
 
 bool Flight::move_by_velocity_z(float vx, float vy, float z, float duration_s, int drivetrain, const YawMode& yaw_mode,
                                 const std::string& vehicle) {
-  const char* call = "moveByVelocityZ";
+  const Arguments arguments(world_, "moveByVelocityZ");
   if (duration_s <= 0.0F) return false;
-  return world_.run_command(vehicle, call, [&](SimVehicle& sim_vehicle) -> vehicle::Command {
-    vehicle::FlyVelocity command = make_fly_velocity(call, {vx, vy, 0.0}, duration_s, drivetrain, yaw_mode);
-    command.velocity_m_s = enu_from_ned({vx, vy, 0.0});
-    command.height_m = to_local(sim_vehicle, world_.T_local_ned, {0.0F, 0.0F, z}, call).z();
+  return world_.run_command(vehicle, arguments.call(), [&](SimVehicle& sim_vehicle) -> vehicle::Command {
+    vehicle::FlyVelocity command = make_fly_velocity(arguments, {vx, vy, 0.0}, duration_s, drivetrain, yaw_mode);
+    command.velocity_m_s = enu_from_ned(command.velocity_m_s);
+    command.height_m = to_local(sim_vehicle, world_.T_local_ned, {0.0F, 0.0F, z}, arguments.call()).z();
     return command;
   });
 }
 
 bool Flight::move_by_velocity_body_frame(float vx, float vy, float vz, float duration_s, int drivetrain,
                                          const YawMode& yaw_mode, const std::string& vehicle) {
-  const char* call = "moveByVelocityBodyFrame";
-  return world_.run_command(vehicle, call, [&](SimVehicle&) -> vehicle::Command {
-    vehicle::FlyVelocity command = make_fly_velocity(call, {vx, vy, vz}, duration_s, drivetrain, yaw_mode);
-    command.velocity_m_s = frd_from_flu({vx, vy, vz});
+  const Arguments arguments(world_, "moveByVelocityBodyFrame");
+  return world_.run_command(vehicle, arguments.call(), [&](SimVehicle&) -> vehicle::Command {
+    vehicle::FlyVelocity command = make_fly_velocity(arguments, {vx, vy, vz}, duration_s, drivetrain, yaw_mode);
+    command.velocity_m_s = frd_from_flu(command.velocity_m_s);
     command.frame = vehicle::VelocityFrame::kHeading;
     return command;
   });
@@ -318,72 +354,72 @@ bool Flight::move_by_velocity_body_frame(float vx, float vy, float vz, float dur
 
 bool Flight::move_by_velocity_z_body_frame(float vx, float vy, float z, float duration_s, int drivetrain,
                                            const YawMode& yaw_mode, const std::string& vehicle) {
-  const char* call = "moveByVelocityZBodyFrame";
-  return world_.run_command(vehicle, call, [&](SimVehicle& sim_vehicle) -> vehicle::Command {
-    vehicle::FlyVelocity command = make_fly_velocity(call, {vx, vy, 0.0}, duration_s, drivetrain, yaw_mode);
-    command.velocity_m_s = frd_from_flu({vx, vy, 0.0});
+  const Arguments arguments(world_, "moveByVelocityZBodyFrame");
+  return world_.run_command(vehicle, arguments.call(), [&](SimVehicle& sim_vehicle) -> vehicle::Command {
+    vehicle::FlyVelocity command = make_fly_velocity(arguments, {vx, vy, 0.0}, duration_s, drivetrain, yaw_mode);
+    command.velocity_m_s = frd_from_flu(command.velocity_m_s);
     command.frame = vehicle::VelocityFrame::kHeading;
-    command.height_m = to_local(sim_vehicle, world_.T_local_ned, {0.0F, 0.0F, z}, call).z();
+    command.height_m = to_local(sim_vehicle, world_.T_local_ned, {0.0F, 0.0F, z}, arguments.call()).z();
     return command;
   });
 }
 
 bool Flight::rotate_to_yaw(float yaw_degrees, float timeout_s, float margin_degrees, const std::string& vehicle) {
-  return world_.run_command(vehicle, "rotateToYaw", [&](SimVehicle&) -> vehicle::Command {
-    base::require(std::isfinite(yaw_degrees) && std::abs(yaw_degrees) <= 1e6F, "rotateToYaw",
-                  "the yaw is out of range");
-    base::require(margin_degrees > 0.0F && margin_degrees <= 180.0F, "rotateToYaw",
-                  "the margin must be above 0 degrees");
-    return vehicle::TurnToYaw{heading_to_local_yaw_rad(yaw_degrees), radians(margin_degrees),
-                              clamp_timeout_s(timeout_s, "rotateToYaw")};
+  const Arguments arguments(world_, "rotateToYaw");
+  return world_.run_command(vehicle, arguments.call(), [&](SimVehicle&) -> vehicle::Command {
+    if (timeout_s <= 0.0F) return vehicle::TurnAtRate{0.0, 0.0};  // no time: done, as in AirSim
+    constexpr double kMinMargin_deg = 0.01;
+    const double margin_deg = arguments.clamped(margin_degrees, kMinMargin_deg, 180.0, "the margin");
+    return vehicle::TurnToYaw{heading_to_local_yaw_rad(arguments.yaw_deg(yaw_degrees)), radians(margin_deg),
+                              clamp_timeout_s(timeout_s, arguments.call())};
   });
 }
 
 bool Flight::rotate_by_yaw_rate(float yaw_rate_degrees_s, float duration_s, const std::string& vehicle) {
-  return world_.run_command(vehicle, "rotateByYawRate", [&](SimVehicle&) -> vehicle::Command {
-    base::require(std::isfinite(yaw_rate_degrees_s) && std::abs(yaw_rate_degrees_s) <= 1e5F, "rotateByYawRate",
-                  "the rate is out of range");
-    return vehicle::TurnAtRate{-radians(yaw_rate_degrees_s), clamp_duration_s(duration_s, "rotateByYawRate")};
+  const Arguments arguments(world_, "rotateByYawRate");
+  return world_.run_command(vehicle, arguments.call(), [&](SimVehicle&) -> vehicle::Command {
+    const double rate_deg_s = arguments.clamped(yaw_rate_degrees_s, -1e5, 1e5, "the rate");
+    return vehicle::TurnAtRate{-radians(rate_deg_s), clamp_duration_s(duration_s, arguments.call())};
   });
 }
 
 bool Flight::move_by_roll_pitch_yaw_z(float roll, float pitch, float yaw, float z, float duration_s,
                                       const std::string& vehicle) {
-  const char* call = "moveByRollPitchYawZ";
-  return command_attitude(world_, call, roll, pitch, absolute_yaw(yaw, call), {.z = z}, duration_s, vehicle);
+  const Arguments arguments(world_, "moveByRollPitchYawZ");
+  return command_attitude(world_, arguments, roll, pitch, absolute_yaw(yaw, arguments), {.z = z}, duration_s, vehicle);
 }
 
 bool Flight::move_by_roll_pitch_yaw_throttle(float roll, float pitch, float yaw, float throttle, float duration_s,
                                              const std::string& vehicle) {
-  const char* call = "moveByRollPitchYawThrottle";
-  return command_attitude(world_, call, roll, pitch, absolute_yaw(yaw, call), {.throttle = throttle}, duration_s,
-                          vehicle);
+  const Arguments arguments(world_, "moveByRollPitchYawThrottle");
+  return command_attitude(world_, arguments, roll, pitch, absolute_yaw(yaw, arguments), {.throttle = throttle},
+                          duration_s, vehicle);
 }
 
 bool Flight::move_by_roll_pitch_yawrate_z(float roll, float pitch, float yaw_rate, float z, float duration_s,
                                           const std::string& vehicle) {
-  const char* call = "moveByRollPitchYawrateZ";
-  return command_attitude(world_, call, roll, pitch, yaw_rate_mode(yaw_rate, call), {.z = z}, duration_s, vehicle);
+  const Arguments arguments(world_, "moveByRollPitchYawrateZ");
+  return command_attitude(world_, arguments, roll, pitch, yaw_rate_mode(yaw_rate, arguments), {.z = z}, duration_s,
+                          vehicle);
 }
 
 bool Flight::move_by_roll_pitch_yawrate_throttle(float roll, float pitch, float yaw_rate, float throttle,
                                                  float duration_s, const std::string& vehicle) {
-  const char* call = "moveByRollPitchYawrateThrottle";
-  return command_attitude(world_, call, roll, pitch, yaw_rate_mode(yaw_rate, call), {.throttle = throttle}, duration_s,
-                          vehicle);
+  const Arguments arguments(world_, "moveByRollPitchYawrateThrottle");
+  return command_attitude(world_, arguments, roll, pitch, yaw_rate_mode(yaw_rate, arguments), {.throttle = throttle},
+                          duration_s, vehicle);
 }
 
 bool Flight::move_by_angle_rates_z(float roll_rate, float pitch_rate, float yaw_rate, float z, float duration_s,
                                    const std::string& vehicle) {
   const char* call = "moveByAngleRatesZ";
-  return command_rates(world_, call, check_rates(roll_rate, pitch_rate, yaw_rate, call), {.z = z}, duration_s, vehicle);
+  return command_rates(world_, call, roll_rate, pitch_rate, yaw_rate, {.z = z}, duration_s, vehicle);
 }
 
 bool Flight::move_by_angle_rates_throttle(float roll_rate, float pitch_rate, float yaw_rate, float throttle,
                                           float duration_s, const std::string& vehicle) {
   const char* call = "moveByAngleRatesThrottle";
-  return command_rates(world_, call, check_rates(roll_rate, pitch_rate, yaw_rate, call), {.throttle = throttle},
-                       duration_s, vehicle);
+  return command_rates(world_, call, roll_rate, pitch_rate, yaw_rate, {.throttle = throttle}, duration_s, vehicle);
 }
 
 void Flight::start_velocity(const geometry::Vec3& velocity_m_s, double yaw_rate_rad_s, double duration_s,

@@ -83,7 +83,8 @@ DistanceSensorSettings read_distance(StrictSection& s, bool flies) {
   d.max_m = s.number("MaxDistance", d.max_m, d.min_m, 1e5);
   d.noise_sigma_m = s.clamped_number("NoiseSigma", d.noise_sigma_m, 0.0, 1e3);
   d.T_body_sensor = SE3(read_orientation(s), read_position(s, default_place(flies)));
-  s.ignore({"DrawDebugPoints", "ExternalController"});
+  s.ignore({"DrawDebugPoints", "ExternalController", "DrawSensor", "ExternalLocal"});
+  s.ignore_with_warning({"External"}, "a distance sensor is on its vehicle");
   return d;
 }
 
@@ -122,7 +123,8 @@ LidarSettings read_lidar(StrictSection& s, bool flies, LidarSettings l) {
   l.horizontal_to_deg = s.clamped_number("HorizontalFOVEnd", l.horizontal_to_deg, -360.0, 360.0);
   l.upper_deg = s.clamped_number("VerticalFOVUpper", l.upper_deg, -360.0, 360.0);
   l.lower_deg = s.clamped_number("VerticalFOVLower", l.lower_deg, -360.0, 360.0);
-  if (const auto frame = s.choice_in_any_case("DataFrame", {"VehicleInertialFrame", "SensorLocalFrame"}))
+  if (const auto frame = s.choice_in_any_case("DataFrame", {"VehicleInertialFrame", "SensorLocalFrame", ""});
+      frame && !frame->empty())
     l.in_sensor_frame = *frame == "SensorLocalFrame";
   l.T_body_sensor = SE3(read_orientation(s), read_position(s, default_place(flies)));
   constexpr double kMaxPointsPerRevolution = 4e6;
@@ -136,8 +138,10 @@ LidarSettings read_lidar(StrictSection& s, bool flies, LidarSettings l) {
   s.ignore_with_warning({"GenerateNoise"}, "readings of a lidar have no noise; add it to them");
   s.ignore_with_warning({"IgnoreMarked"}, "a lidar sees every object");
   s.ignore_with_warning({"External"}, "a lidar is on its vehicle");
+  s.ignore_with_warning({"Annotation"}, "the colours are those of the segmentation");
   s.ignore_with_warning(
-      {"MaterialListFile", "RangeMaxLambertianPercentage", "RainMaxIntensity", "RainConstantA", "RainConstantB"},
+      {"MaterialListFile", "RangeMaxLambertianPercentage", "RainMaxIntensity", "RainConstantA", "RainConstantB",
+       "rangeMaxLambertianPercentage", "rainMaxIntensity", "rainConstantA", "rainConstantB"},
       "the intensity is albedo times cosine, without rain and materials");
   return l;
 }
@@ -158,10 +162,11 @@ EchoSettings read_echo(StrictSection& s, bool flies) {
   e.max_reflection_distance_m = s.clamped_number("ReflectionDistanceLimit", e.max_reflection_distance_m, 0.0, 1e4);
   e.T_body_sensor = SE3(read_orientation(s), read_position(s, default_place(flies)));
   s.ignore_with_warning({"SensePassive"}, "passive beacons are not simulated");
+  s.ignore_with_warning({"PauseAfterMeasurement"}, "time goes on; stop it with simPause");
   s.ignore_with_warning({"IgnoreMarked"}, "an echo sensor meets every object");
   s.ignore_with_warning({"External"}, "an echo sensor is on its vehicle");
-  s.ignore({"SenseActive", "MeasurementFrequency", "SensorDiameter", "RunParallel", "runParallel", "ExternalLocal",
-            "DrawReflectedPoints", "DrawReflectedLines", "DrawReflectedPaths", "DrawInitialPoints",
+  s.ignore({"PassiveRadius", "SenseActive", "MeasurementFrequency", "SensorDiameter", "RunParallel", "runParallel",
+            "ExternalLocal", "DrawReflectedPoints", "DrawReflectedLines", "DrawReflectedPaths", "DrawInitialPoints",
             "DrawExternalPoints", "DrawBounceLines", "DrawPassiveSources", "DrawPassiveLines", "DrawSensor"});
   return e;
 }

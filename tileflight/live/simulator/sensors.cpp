@@ -84,6 +84,10 @@ LidarData Sensors::get_lidar_data(const std::string& lidar, const std::string& v
   return data;
 }
 
+std::vector<int> Sensors::get_lidar_segmentation(const std::string& lidar, const std::string& vehicle) {
+  return get_lidar_data(lidar, vehicle).segmentation;
+}
+
 GPULidarData Sensors::get_gpu_lidar_data(const std::string& lidar, const std::string& vehicle) {
   const LidarCapture taken = capture_scan(world_, lidar, vehicle);
   GPULidarData data;

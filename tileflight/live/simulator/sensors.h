@@ -15,6 +15,8 @@ class Sensors {
 
   /// Scans a full rotation from the present pose, without noise.
   LidarData get_lidar_data(const std::string& lidar, const std::string& vehicle);
+  /// Returns LidarData::segmentation of a scan of its own.
+  std::vector<int> get_lidar_segmentation(const std::string& lidar, const std::string& vehicle);
   ImuData get_imu_data(const std::string& imu, const std::string& vehicle);
   BarometerData get_barometer_data(const std::string& barometer, const std::string& vehicle);
   MagnetometerData get_magnetometer_data(const std::string& magnetometer, const std::string& vehicle);

@@ -1,6 +1,7 @@
 #include "tileflight/live/simulator/settings.h"
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <utility>
@@ -48,8 +49,10 @@ void read_capture(StrictSection& section, CaptureSettings& capture) {
   if (base::to_lower(section.text("ProjectionMode").value_or("")) == "orthographic")
     throw section.error("ProjectionMode", "orthographic images are not supported: use perspective");
   make_lens(capture, section.place());
-  section.ignore({"ImageType", "OrthoWidth", "LumenGIEnable", "LumenReflectionEnable", "LumenFinalQuality",
-                  "LumenSceneDetail", "LumenSceneLightningDetail"});
+  section.ignore_with_warning({"DepthOfFieldFstop", "DepthOfFieldFocalDistance", "DepthOfFieldFocalRegion"},
+                              "everything is in focus");
+  section.ignore({"ImageType", "OrthoWidth", "PublishToRos", "LumenGIEnable", "LumenReflectionEnable",
+                  "LumenFinalQuality", "LumenSceneDetail", "LumenSceneLightningDetail", "ForceUpdate"});
   section.ignore_with_warning({"AutoExposureSpeed", "AutoExposureBias", "AutoExposureMaxBrightness",
                                "AutoExposureMinBrightness", "AutoExposureLowPercent", "AutoExposureHighPercent",
                                "AutoExposureHistogramLogMin", "AutoExposureHistogramLogMax", "AutoExposureMethod"},
@@ -58,6 +61,7 @@ void read_capture(StrictSection& section, CaptureSettings& capture) {
     section.warn("TargetGamma", "has no effect here: images have the colours of the tiles' textures");
   section.ignore_with_warning({"MotionBlurAmount", "MotionBlurMax", "ChromaticAberrationScale"},
                               "images are sharp; for blur, use `tileflight render`");
+  section.ignore_with_warning({"IgnoreMarked"}, "images show every object");
   section.require_all_keys_used();
 }
 
@@ -151,7 +155,8 @@ CameraSettings read_camera(const std::string& name, StrictSection section, const
   if (section.is_map("Gimbal"))
     section.section("Gimbal")->ignore_with_warning(
         {"Stabilization"}, "the camera turns with its vehicle; set its pose with simSetCameraPose");
-  section.ignore({"UnrealEngine", "NoiseSettings", "Gimbal"});
+  section.ignore_with_warning({"External"}, "the camera is on its vehicle; put it into ExternalCameras");
+  section.ignore({"UnrealEngine", "NoiseSettings", "Gimbal", "DrawSensor", "ExternalLocal"});
   section.require_all_keys_used();
   return camera;
 }
@@ -187,16 +192,17 @@ constexpr double kArduPilotExpo = 0.65, kPx4Expo = 0.0;  // MOT_THST_EXPO, THR_M
 
 /// AirSim's keys of PX4 for what is not here: a serial port, its offboard control, its ground station and log viewer.
 const std::vector<std::string> kIgnoredOfPx4{
-    "ControlIp",      "ControlPort",     "ControlPortLocal", "ControlPortRemote",
-    "LocalHostIp",    "UdpIp",           "UdpPort",          "QgcHostIp",
-    "QgcPort",        "SitlIp",          "SitlPort",         "SerialPort",
-    "SerialBaudRate", "LogViewerHostIp", "LogViewerPort",    "LogViewerSendPort",
-    "SimSysID",       "SimCompID",       "AirControlSysID",  "AirControlCompID",
-    "OffboardSysID",  "OffboardCompID",  "ExternalSimSysID", "ExternalSimPort"};
+    "ControlIp",        "ControlPort",     "ControlPortLocal", "ControlPortRemote",
+    "LocalHostIp",      "UdpIp",           "UdpPort",          "QgcHostIp",
+    "QgcPort",          "SitlIp",          "SitlPort",         "SerialPort",
+    "SerialBaudRate",   "LogViewerHostIp", "LogViewerPort",    "LogViewerSendPort",
+    "SimSysID",         "SimCompID",       "AirControlSysID",  "AirControlCompID",
+    "VehicleSysID",     "VehicleCompID",   "OffboardSysID",    "OffboardCompID",
+    "ExternalSimSysID", "ExternalSimPort"};
 
 vehicle::AirframeKind read_airframe(base::StrictSection& vehicle) {
   const std::string model =
-      vehicle.choice_in_any_case("Model", {"Generic", "Quadcopter", "Hexacopter"}).value_or("Generic");
+      vehicle.choice_in_any_case("Model", {"Generic", "Quadcopter", "Hexacopter", ""}).value_or("Generic");
   return model == "Hexacopter" ? vehicle::AirframeKind::kHexaX : vehicle::AirframeKind::kQuadX;
 }
 
@@ -220,12 +226,14 @@ AutopilotSettings read_px4(base::StrictSection& vehicle) {
   if (!vehicle.boolean("UseTcp").value_or(true))
     throw vehicle.error("UseTcp", "PX4 is served over TCP; set it to true");
   settings.port = vehicle.integer("TcpPort", 4560, 0, 65535);
-  settings.lockstep = vehicle.boolean("LockStep").value_or(true);
+  // AirSim reads the first, its documentation has the second.
+  settings.lockstep = vehicle.boolean("LockStep").value_or(vehicle.boolean("Lockstep").value_or(true));
   settings.thrust_expo = vehicle.number("ThrustExpo", kPx4Expo, 0.0, 1.0);
   settings.optical_flow = vehicle.boolean("OpticalFlow").value_or(false);
   settings.vision = read_vision(vehicle);
   vehicle.ignore(kIgnoredOfPx4);
-  vehicle.ignore_with_warning({"Parameters"}, "AirSim sends these to PX4; here set them in PX4 (param set)");
+  vehicle.ignore_with_warning({"Parameters", "params"}, "AirSim sends these to PX4; here set them in PX4 (param set)");
+  vehicle.ignore_with_warning({"Logs"}, "messages of PX4 are not logged; PX4 writes a log of its own");
   return settings;
 }
 
@@ -291,8 +299,8 @@ RecordingSettings read_recording(StrictSection section) {
 
 void read_segmentation(StrictSection section, Settings& settings) {
   const std::string method =
-      section.choice_in_any_case("InitMethod", {"None", "CommonObjectsRandomIDs"}).value_or("CommonObjectsRandomIDs");
-  settings.random_ids = method == "CommonObjectsRandomIDs";
+      section.choice_in_any_case("InitMethod", {"None", "CommonObjectsRandomIDs", ""}).value_or("");
+  settings.random_ids = method != "None";
   section.ignore({"MeshNamingMethod", "OverrideExisting"});
   section.require_all_keys_used();
 }
@@ -350,10 +358,11 @@ bool is_car(StrictSection& vehicle) {
 VehicleSettings read_vehicle(const std::string& name, StrictSection section, Settings& settings,
                              const std::vector<SensorSettings>& default_sensors) {
   VehicleSettings vehicle = default_vehicle(name, !settings.computer_vision, settings.camera_defaults);
-  const std::string type = section
-                               .choice_in_any_case("VehicleType", {"SimpleFlight", "ComputerVision", "ExternalPhysics",
-                                                                   "PX4Multirotor", "ArduCopter"})
-                               .value_or(settings.computer_vision ? "ComputerVision" : "SimpleFlight");
+  std::string type = section
+                         .choice_in_any_case("VehicleType", {"SimpleFlight", "ComputerVision", "ExternalPhysics",
+                                                             "PX4Multirotor", "ArduCopter", ""})
+                         .value_or("");
+  if (type.empty()) type = settings.computer_vision ? "ComputerVision" : "SimpleFlight";
   vehicle.autopilot = read_autopilot(type, section);
   if (vehicle.autopilot && settings.computer_vision)
     throw section.error("VehicleType", "an autopilot flies in the mode Multirotor and with its physics only");
@@ -364,7 +373,8 @@ VehicleSettings read_vehicle(const std::string& name, StrictSection section, Set
       section.choice_in_any_case("DefaultVehicleState", {"Armed", "Disarmed", "Inactive", ""}).value_or("");
   vehicle.armed = state.empty() || state == "Armed";
   vehicle.allow_api_always = section.boolean("AllowAPIAlways").value_or(false);
-  const bool passes = section.boolean("EnableCollisionPassthrogh").value_or(false);
+  bool passes = section.boolean("EnableCollisionPassthrogh").value_or(false);  // AirSim's spelling; Cosys-AirSim's:
+  passes = section.boolean("EnableCollisionPassthrough").value_or(passes);
   vehicle.enable_collisions = section.boolean("EnableCollisions").value_or(true) && !passes;
   std::vector<CameraSettings> cameras;
   for (auto& [camera, entry] : section.named_sections("Cameras"))
@@ -374,7 +384,8 @@ VehicleSettings read_vehicle(const std::string& name, StrictSection section, Set
   vehicle.sensors = read_sensors(section, "Sensors", vehicle.flies, default_sensors, settings.warnings);
   if (!section.boolean("AutoCreate").value_or(true))
     section.warn("AutoCreate", "has no effect here: the vehicle is created at the start; take it out of Vehicles");
-  if (!vehicle.autopilot) section.ignore_with_warning({"Parameters"}, "they are for PX4Multirotor, and set in PX4");
+  if (!vehicle.autopilot)
+    section.ignore_with_warning({"Parameters", "params"}, "they are for PX4Multirotor, and set in PX4");
   section.ignore(
       {"PawnPath", "IsFpvVehicle", "EnableTrace", "DebugSymbolScale", "RC", "FollowDistance", "UseSerial", "Model"});
   section.require_all_keys_used();
@@ -450,10 +461,32 @@ std::vector<std::string> folded(const std::vector<std::string>& warnings) {
   return all;
 }
 
+/// Replaces the numbers NaN, which AirSim's documentation has for "not given" and Python writes, by null.
+std::string without_nan(std::string text) {
+  const auto continues = [&text](std::size_t at) {
+    return at < text.size() && (std::isalnum(static_cast<unsigned char>(text[at])) != 0 || text[at] == '_');
+  };
+  bool in_string = false;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    if (in_string && text[i] == '\\') {
+      ++i;
+    } else if (text[i] == '"') {
+      in_string = !in_string;
+    } else if (!in_string && (text.compare(i, 2, "//") == 0 || text.compare(i, 2, "/*") == 0)) {
+      const std::size_t end = text.find(text[i + 1] == '/' ? "\n" : "*/", i + 2);
+      if (end == std::string::npos) break;
+      i = end;
+    } else if (!in_string && text.compare(i, 3, "NaN") == 0 && !continues(i + 3) && (i == 0 || !continues(i - 1))) {
+      text.replace(i, 3, "null");
+    }
+  }
+  return text;
+}
+
 json parse_settings_json(const std::string& text, const std::string& name) {
   if (is_blank(text)) return json::object();
   try {
-    return json::parse(text, nullptr, true, true);
+    return json::parse(text.find("NaN") == std::string::npos ? text : without_nan(text), nullptr, true, true);
   } catch (const json::exception& error) {
     throw InputError(name, "is not JSON: " + std::string(error.what()));
   }
@@ -521,6 +554,7 @@ Settings read_settings(const std::string& text, const std::string& name) {
   if (auto assets = root.section("Assets")) settings.assets = read_assets(std::move(*assets));
   if (auto recording = root.section("Recording")) settings.recording = read_recording(std::move(*recording));
   if (auto segmentation = root.section("SegmentationSettings")) read_segmentation(std::move(*segmentation), settings);
+  if (!root.boolean("InitialInstanceSegmentation").value_or(true)) settings.random_ids = false;  // Cosys-AirSim's
   settings.annotation_layers = read_annotation_layers(root);
   if (auto defaults = root.section("CameraDefaults")) {
     settings.camera_defaults = read_camera("", std::move(*defaults), {});
@@ -529,6 +563,7 @@ Settings read_settings(const std::string& text, const std::string& name) {
   for (auto& [camera, entry] : root.named_sections("ExternalCameras"))
     settings.external_cameras.push_back(read_camera(camera, std::move(entry), settings.camera_defaults));
   root.ignore(kIgnoredKeys);
+  root.ignore_with_warning({"PassiveEchoBeacons"}, "passive beacons are not simulated");
   root.ignore_with_warning({"MotionBlurAmount"}, "images are sharp; for blur, use `tileflight render`");
   root.ignore({"TimeOfDay"});
   if (root.is_map("TimeOfDay"))

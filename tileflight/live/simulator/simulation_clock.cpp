@@ -79,7 +79,9 @@ void SimulationClock::run_steps(std::unique_lock<std::mutex>& lock, std::int64_t
   run_until_ = std::max(until, run_until_.value_or(until));
   end_turn();
   wake();
+  ++steps_awaited_;
   step_done_.wait(lock, [&] { return stopping_ || steps_ >= until || !run_until_; });
+  --steps_awaited_;
 }
 
 bool SimulationClock::take_turn(std::unique_lock<std::mutex>& lock) {

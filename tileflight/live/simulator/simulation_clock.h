@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <condition_variable>
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <mutex>
@@ -64,6 +65,8 @@ class SimulationClock {
   /// Runs this number of steps, then pauses. Returns when they are done, or the clock is stopped or paused by another
   /// thread. A thread that has the turn gives it up.
   void run_steps(std::unique_lock<std::mutex>& lock, std::int64_t steps);
+  /// Threads that are in run_steps().
+  std::size_t steps_awaited() const { return steps_awaited_; }
 
   // The turn orders what a recorded session does: while a thread has it, no step is made and no other thread gets it;
   // steps that are due and threads that wait alternate. Without a recording nobody takes it.
@@ -97,7 +100,8 @@ class SimulationClock {
   std::uint64_t start_ns_ = 0;
   bool paused_ = false;
   std::optional<std::int64_t> run_until_;  ///< step number at which to pause
-  double limit_s_ = 0.0;                   ///< up to which autopilots have advanced
+  std::size_t steps_awaited_ = 0;
+  double limit_s_ = 0.0;  ///< up to which autopilots have advanced
   bool in_step_ = false;
   bool stopping_ = false;
   std::optional<std::thread::id> turn_owner_;

@@ -46,13 +46,15 @@ std::string unsupported_reason(const std::string& call) {
       {"moveByRC", kNoManualControl},
       {"moveByManual", kNoManualControl},
       {"moveByMotorPWMs", kNoManualControl},
+      {"moveByAngleZ", "AirSim has replaced it; use moveByRollPitchYawZ"},
+      {"moveByAngleThrottle", "AirSim has replaced it; use moveByRollPitchYawrateThrottle"},
       {"setSafety", "there is no safety evaluation; find obstacles with tfGroundTruth and getDistanceSensorData"},
   };
   if (const auto at = kReasons.find(call); at != kReasons.end()) return at->second;
   if (call.find("Car") != std::string::npos)
     return "cars are not simulated; set SimMode to Multirotor or ComputerVision in the settings";
-  return "cameras have no focus, aperture or film; simGetFocalLength and simGetCurrentFieldOfView tell their lenses, "
-         "simSetCameraFov and tfSetLens set them";
+  return "everything is in focus, and lenses and film have no presets; simGetFocalLength, simGetFilmbackSettings and "
+         "simGetCurrentFieldOfView tell them, simSetCameraFov and tfSetLens set them";
 }
 
 }  // namespace
