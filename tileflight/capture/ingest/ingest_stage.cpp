@@ -18,12 +18,25 @@
 #include "tileflight/data/dataset/ingest_rig.h"
 #include "tileflight/data/flight_logs/photo_log.h"
 #include "tileflight/data/flight_logs/telemetry.h"
+#include "tileflight/data/flight_logs/zoom.h"
 #include "tileflight/data/video/video.h"
 #include "tileflight/slam/odometry/track.h"
 #include "tileflight/world/place/extract.h"
 
 namespace tileflight::ingest {
 namespace {
+
+/// Adds what the log says of a zoom within the part of the video that is used.
+void add_zoom_warnings(const std::vector<flight_logs::ZoomReading>& log, const IngestedFlightConfig& flight,
+                       std::vector<std::string>& warnings) {
+  const double offset_s = flight.telemetry_offset_s.value_or(0.0);
+  std::vector<flight_logs::ZoomReading> used;
+  for (const flight_logs::ZoomReading& reading : log) {
+    const double time_s = reading.time_s + offset_s;
+    if (time_s >= flight.from_s && (!flight.to_s || time_s <= *flight.to_s)) used.push_back(reading);
+  }
+  base::add_distinct(flight_logs::find_zoom_warnings(used, "the subtitles"), warnings);
+}
 
 void add_positions(const flight_logs::Telemetry& telemetry, IngestedFlightConfig flight,
                    const std::filesystem::path& truth, dataset::IngestOptions& options,
@@ -72,8 +85,9 @@ flight_logs::PhotoLog read_photos(const std::filesystem::path& video) {
 void add_photo_metadata(const IngestedFlightConfig& flight, const std::filesystem::path& truth,
                         dataset::IngestOptions& options, std::optional<double>& start_utc_s,
                         std::vector<std::string>& warnings) {
-  if (flight.fps) return;
   const flight_logs::PhotoLog photos = read_photos(options.video_or_images);
+  base::add_distinct(flight_logs::find_zoom_warnings(photos.zooms, "the photos' tags"), warnings);
+  if (flight.fps) return;
   options.image_times = photo_times(photos, start_utc_s, warnings);
   if (options.image_times.empty() || !flight.telemetry.empty() || photos.telemetry.fixes.empty()) return;
   IngestedFlightConfig own = flight;
@@ -270,6 +284,7 @@ IngestResult ingest_dataset(const IngestedFlightConfig& flight, const std::files
         options.ranges.push_back({range.time_s, range.range_m});
     }
     add_positions(telemetry, flight, truth, options, result.warnings);
+    add_zoom_warnings(telemetry.zooms, flight, result.warnings);
   }
   if (!truth.empty()) options.description.merge(place::describe_frame(place::read_extract_json(truth).origin));
   std::optional<double> start_utc_s;

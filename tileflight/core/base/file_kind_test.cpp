@@ -30,7 +30,7 @@ TEST(FileKind, FilesAreRecognizedByTheirContent) {
       {"version https://git-lfs.github.com/spec/v1\n", "git lfs pull"},
       {"\xFF\xFE"
        "t\0i\0"s,
-       "is text in UTF-16, not a flight log: save it as UTF-8"},
+       "is text in UTF-16, not a flight log: convert it: iconv -f UTF-16 -t UTF-8 FILE > NEW, or save it as UTF-8"},
       {"\1\2\3\4\0\0\0"s, "is a binary file of an unknown kind"}};
   for (const auto& [head, message] : files)
     EXPECT_THAT(refusal_of_kind(head, "a flight log").value_or("nothing"), HasSubstr(message)) << head;

@@ -19,6 +19,7 @@
 
 #include "tileflight/core/base/hash.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/text_parsing.h"
 
 namespace tileflight::base {
 namespace fs = std::filesystem;
@@ -199,7 +200,30 @@ nlohmann::json read_json(const std::filesystem::path& file) {
   return value;
 }
 
+namespace {
+
+/// By its byte order mark, or by the zeros beside its first two characters.
+bool is_utf16(std::string_view bytes) {
+  if (bytes.starts_with("\xFF\xFE") || bytes.starts_with("\xFE\xFF")) return true;
+  const auto is_ascii = [](char c) { return (c >= ' ' && c <= '~') || c == '\n' || c == '\r' || c == '\t'; };
+  const auto has_zeros = [&](std::size_t first) {
+    return bytes[first] == '\0' && bytes[first + 2] == '\0' && is_ascii(bytes[1 - first]) && is_ascii(bytes[3 - first]);
+  };
+  return bytes.size() >= 4 && (has_zeros(0) || has_zeros(1));
+}
+
+}  // namespace
+
 std::string read_text(const fs::path& file, std::uintmax_t max_bytes) {
+  std::string text = read_raw(file, max_bytes);
+  if (is_utf16(text))
+    throw InputError(file.string(),
+                     "is text in UTF-16; convert it: iconv -f UTF-16 -t UTF-8 FILE > NEW, or save it as UTF-8");
+  text.erase(0, text.size() - strip_byte_order_mark(text).size());
+  return text;
+}
+
+std::string read_raw(const fs::path& file, std::uintmax_t max_bytes) {
   return read_whole<std::string>(file, max_bytes);
 }
 

@@ -58,8 +58,11 @@ inline void make_folder(const std::filesystem::path& folder) {
 /// Reads a JSON file. Throws InputError (file) if it cannot be read or is not valid JSON.
 nlohmann::json read_json(const std::filesystem::path& file);
 
-/// Reads the whole file; throws InputError if it cannot be opened or read, or is larger than `max_bytes`.
+/// Reads the whole file as text in UTF-8 or ASCII, without the byte order mark that editors and spreadsheets put in
+/// front. Throws InputError if it cannot be opened or read, is larger than `max_bytes` or is UTF-16.
 std::string read_text(const std::filesystem::path& file, std::uintmax_t max_bytes = std::uintmax_t{1} << 32);
+/// Reads the whole file as it is; throws InputError if it cannot be opened or read, or is larger than `max_bytes`.
+std::string read_raw(const std::filesystem::path& file, std::uintmax_t max_bytes = std::uintmax_t{1} << 32);
 std::vector<std::byte> read_bytes(const std::filesystem::path& file,
                                   std::uintmax_t max_bytes = std::uintmax_t{1} << 32);
 

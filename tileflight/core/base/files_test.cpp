@@ -23,6 +23,26 @@ std::size_t entries_in(const fs::path& folder) {
   return static_cast<std::size_t>(std::distance(fs::directory_iterator(folder), fs::directory_iterator()));
 }
 
+TEST(ReadText, IsWithoutAByteOrderMarkAndNeverUtf16) {
+  using std::string_literals::operator""s;
+  const tests::TemporaryFolder folder;
+  write_file(folder / "f",
+             "\xEF\xBB\xBF"
+             "a,b");
+  EXPECT_EQ(read_text(folder / "f"), "a,b");
+  EXPECT_EQ(read_raw(folder / "f"),
+            "\xEF\xBB\xBF"
+            "a,b");
+  for (const std::string& bytes : {"\xFF\xFE"
+                                   "a\0"s,
+                                   "\xFE\xFF\0a"s, "a\0,\0b\0"s, "\0a\0,\0b"s}) {
+    write_file(folder / "f", bytes);
+    EXPECT_THAT([&] { read_text(folder / "f"); },
+                ThrowsMessage<InputError>(HasSubstr("f: is text in UTF-16; convert it: iconv")));
+    EXPECT_EQ(read_raw(folder / "f"), bytes);
+  }
+}
+
 TEST(WriteFile, IsReadBackAndLeavesNothingElse) {
   const tests::TemporaryFolder folder;
   const std::string bytes("a\0b\n", 4);

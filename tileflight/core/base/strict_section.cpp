@@ -49,6 +49,9 @@ void require_unique_keys(const YAML::Node& node, const std::filesystem::path& fi
     const YAML::Node& key = entry.first;
     const int line = key.Mark().line + 1;
     if (key.IsScalar()) {
+      if (key.Scalar() == "<<")
+        throw InputError(file.string() + ":" + std::to_string(line),
+                         "'<<' (YAML's merge key) is not read: write out the keys that it stands for");
       const auto [first, is_new] = line_of.emplace(key.Scalar(), line);
       if (!is_new)
         throw InputError(file.string() + ":" + std::to_string(line),

@@ -233,16 +233,33 @@ std::optional<double> take_day(std::string_view& text) {
   }
   const std::chrono::year_month_day day{std::chrono::year{date[0]}, std::chrono::month(static_cast<unsigned>(date[1])),
                                         std::chrono::day(static_cast<unsigned>(date[2]))};
-  if (date[0] > 9999 || date[1] > 12 || date[2] > 31 || !day.ok()) return std::nullopt;
+  constexpr int kFirstYear = 1000;  // "05-06-24" is no date of the year 5
+  if (date[0] < kFirstYear || date[0] > 9999 || date[1] > 12 || date[2] > 31 || !day.ok()) return std::nullopt;
   return static_cast<double>(std::chrono::sys_days(day).time_since_epoch().count());
 }
+
+namespace {
+
+/// Takes AM or PM from the front, if there is one, and returns the time of the day; nullopt: no such hour.
+std::optional<double> take_half_of_day(std::string_view& text, double clock_s) {
+  constexpr double kHalf_s = 43200.0, kHour_s = 3600.0;
+  const bool is_am = take_prefix(text, "AM") || take_prefix(text, "am");
+  if (!is_am && !take_prefix(text, "PM") && !take_prefix(text, "pm")) return clock_s;
+  if (clock_s < kHour_s || clock_s >= kHalf_s + kHour_s) return std::nullopt;
+  return std::fmod(clock_s, kHalf_s) + (is_am ? 0.0 : kHalf_s);  // 12 AM is the first hour
+}
+
+}  // namespace
 
 std::optional<double> parse_iso_time_s(std::string_view text) {
   text = trim(text);
   const std::optional<double> day = take_day(text);
   if (!day || (!take_prefix(text, "T") && !take_prefix(text, "t") && !take_prefix(text, " "))) return std::nullopt;
   text = trim(text);
-  const std::optional<double> clock_s = take_iso_clock(text);
+  const std::optional<double> written_s = take_iso_clock(text);
+  if (!written_s) return std::nullopt;
+  text = trim(text);
+  const std::optional<double> clock_s = take_half_of_day(text, *written_s);
   if (!clock_s) return std::nullopt;
   text = trim(text);
   const std::optional<double> offset_s = take_offset(text);

@@ -110,8 +110,8 @@ std::optional<double> take_clock(std::string_view& text);
 std::optional<double> take_day(std::string_view& text);
 
 /// Parses an ISO 8601 date and time (`2024-05-06T07:08:09.25Z`; an offset such as `+02:00` or `-0530`; a blank instead
-/// of the T; dates in any form of take_day): seconds since 1970 in UTC, leap seconds not counted. A time without an
-/// offset is taken as UTC. nullopt if the whole text is not such a time.
+/// of the T; dates in any form of take_day; `7:08:09 PM`): seconds since 1970 in UTC, leap seconds not counted. A time
+/// without an offset is taken as UTC. nullopt if the whole text is not such a time.
 std::optional<double> parse_iso_time_s(std::string_view text);
 
 /// Orders names as people do: numbers within them by value ("frame_2" before "frame_10"), digits behind a number's

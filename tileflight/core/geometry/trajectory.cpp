@@ -45,12 +45,14 @@ double finite_number(std::string_view field, const std::string& where) {
 struct PoseColumns {
   /// Columns of the time, of x, y and z, and of the quaternion's x, y, z and w.
   std::array<std::size_t, 8> of;
-  bool are_named = false;  ///< by a header
+  bool are_named = false;                       ///< by a header
+  std::optional<std::size_t> nanoseconds = {};  ///< column of the time's nanoseconds beside whole seconds, as ROS has
   bool time_is_in_seconds = true;
+  double time_unit_s = 1.0;  ///< if times are in seconds, or in a unit that the heading states
   bool time_unit_is_stated = false;
   std::string_view separators = kBlanks;  ///< of rows
 
-  std::size_t count() const { return *std::ranges::max_element(of) + 1; }
+  std::size_t count() const { return std::max(*std::ranges::max_element(of), nanoseconds.value_or(0)) + 1; }
 };
 
 constexpr PoseColumns kTumColumns{.of = {0, 1, 2, 3, 4, 5, 6, 7}};
@@ -79,29 +81,73 @@ std::optional<std::size_t> meaning_of(std::string_view heading) {
   return is_position ? std::optional(1 + axis) : std::nullopt;
 }
 
+/// Returns "sec" or "nsec" for the parts of ROS's times ("header.stamp.sec", "stamp_nanosec", "secs"); else nothing.
+std::string part_of_time(std::string_view heading) {
+  while (!heading.empty() && std::string_view(" #%").find(heading.front()) != std::string_view::npos)
+    heading.remove_prefix(1);
+  const std::string name = base::to_lower(base::trim(heading));
+  const std::string last = name.substr(name.find_last_of("._") + 1);  // npos + 1: the whole
+  if (last == "sec" || last == "secs") return name == last || name.find("stamp") != std::string::npos ? "sec" : "";
+  return last == "nsec" || last == "nsecs" || last == "nanosec" || last == "nanosecs" ? "nsec" : "";
+}
+
 /// Returns the columns that a heading line names; nullopt if it does not name each of the eight once.
 std::optional<PoseColumns> columns_named_by(std::string_view line, const PoseColumns& usual) {
   while (line.starts_with(' ') || line.starts_with('#')) line.remove_prefix(1);
   const bool has_commas = line.find(',') != std::string_view::npos;
-  const std::vector<std::string_view> headings = base::split_fields(line, has_commas ? "," : kBlanks);
+  std::vector<std::string> headings;
+  for (const std::string_view field : base::split_fields(line, has_commas ? "," : kBlanks)) {
+    const bool is_unit = !has_commas && !headings.empty() && (field.starts_with('[') || field.starts_with('('));
+    if (is_unit) {
+      headings.back() += field;
+    } else {
+      headings.emplace_back(field);
+    }
+  }
   PoseColumns columns = usual;
   columns.are_named = true;
   std::array<int, 8> found{};
+  std::optional<std::size_t> seconds;
   for (std::size_t i = 0; i < headings.size(); ++i) {
+    const std::string part = part_of_time(headings[i]);
+    if (part == "sec") seconds = i;
+    if (part == "nsec") columns.nanoseconds = i;
+    if (!part.empty()) continue;
     const std::optional<std::size_t> meaning = meaning_of(headings[i]);
     if (!meaning) continue;
     columns.of[*meaning] = i;
     ++found[*meaning];
   }
+  if (const auto whole = seconds ? seconds : columns.nanoseconds; whole && found[0] == 0) {
+    columns.of[0] = *whole;
+    ++found[0];
+  }
   if (std::ranges::any_of(found, [](int times) { return times != 1; })) return std::nullopt;
+  if (!seconds || columns.of[0] != *seconds) columns.nanoseconds.reset();
+  if (columns.of[0] == seconds) {
+    columns.time_unit_is_stated = columns.time_is_in_seconds = true;
+    return columns;
+  }
   const std::string time = base::to_lower(base::trim(headings[columns.of[0]]));
   const auto states = [&](const char* in_brackets, const char* ending) {
     return time.find(std::string("[") + in_brackets + "]") != std::string::npos ||
            time.find(std::string("(") + in_brackets + ")") != std::string::npos || time.ends_with(ending);
   };
-  const bool in_s = states("s", "_s") || states("sec", "_sec"), in_ns = states("ns", "_ns") || states("nsec", "_nsec");
-  columns.time_unit_is_stated = in_s || in_ns;
-  if (columns.time_unit_is_stated) columns.time_is_in_seconds = in_s;
+  if (states("ns", "_ns") || states("nsec", "_nsec") || states("nanosec", "_nanosec")) {
+    columns.time_unit_is_stated = true;
+    columns.time_is_in_seconds = false;
+    return columns;
+  }
+  const auto in_unit = [&](double unit_s, std::initializer_list<const char*> names) {
+    for (const char* const name : names) {
+      if (!states(name, (std::string("_") + name).c_str())) continue;
+      columns.time_unit_is_stated = columns.time_is_in_seconds = true;
+      columns.time_unit_s = unit_s;
+    }
+  };
+  in_unit(1.0, {"s", "sec", "seconds"});
+  in_unit(1e-3, {"ms", "msec", "milliseconds"});
+  in_unit(1e-6, {"us", "usec", "microseconds", "\xC2\xB5s"});
   return columns;
 }
 
@@ -156,7 +202,8 @@ std::optional<StampedPose> parse_pose(std::string_view line, const PoseColumns& 
   }
   const auto is_nan = [&](std::size_t column) { return base::to_lower(fields[column]) == "nan"; };
   if (std::all_of(columns.of.begin() + 1, columns.of.end(), is_nan)) return std::nullopt;
-  const double time_s = pose_time_s(fields[columns.of[0]], columns.time_is_in_seconds, where);
+  double time_s = pose_time_s(fields[columns.of[0]], columns.time_is_in_seconds, where) * columns.time_unit_s;
+  if (columns.nanoseconds) time_s += 1e-9 * finite_number(fields[*columns.nanoseconds], where);
   std::array<double, 8> v{};
   for (std::size_t i = 1; i < v.size(); ++i) v[i] = finite_number(fields[columns.of[i]], where);
   const Eigen::Quaterniond rotation(v[7], v[4], v[5], v[6]);
@@ -251,6 +298,37 @@ TrajectoryFormat format_of(const std::filesystem::path& file, const std::string&
                        std::to_string(fields) + " fields");
 }
 
+/// Tells whether the numbers of a row are separated by blanks and have decimal commas: "1,5 0,25 -3".
+bool has_decimal_commas(std::string_view row) {
+  if (row.find('.') != std::string_view::npos || row.find(',') == std::string_view::npos) return false;
+  const std::vector<std::string_view> fields = base::split_fields(row);
+  return fields.size() >= 8 && std::ranges::all_of(fields, [](std::string_view field) {
+           return !field.ends_with(',') && base::parse_decimal_number(field).has_value();
+         });
+}
+
+/// Returns the text with commas between the fields and points in the numbers, where its first row has semicolons
+/// between them, and with points where it has decimal commas; else as it is.
+std::string with_usual_separators(std::string text) {
+  std::string_view row;
+  for (std::string_view rest = text; const auto line = base::take_line(rest);) {
+    if (line->starts_with('#') || base::trim(*line).empty() || begins_with_word(*line)) continue;
+    row = *line;
+    break;
+  }
+  if (row.find(';') != std::string_view::npos) {
+    std::ranges::replace(text, ',', '.');
+    std::ranges::replace(text, ';', ',');
+  } else if (has_decimal_commas(row)) {
+    std::ranges::replace(text, ',', '.');
+  }
+  return text;
+}
+
+std::string read_trajectory_text(const std::filesystem::path& file) {
+  return with_usual_separators(base::read_text(file));
+}
+
 /// The first pose that is not before that time.
 auto pose_from(const std::vector<StampedPose>& poses, double time_s) {
   return std::lower_bound(poses.begin(), poses.end(), time_s,
@@ -272,11 +350,11 @@ std::size_t nearest_in_time(const Trajectory& trajectory, double time_s) {
 }  // namespace
 
 Trajectory read_euroc_poses(const std::filesystem::path& file) {
-  return read_poses(file, base::read_text(file), kEurocColumns);
+  return read_poses(file, read_trajectory_text(file), kEurocColumns);
 }
 
 TrajectoryFile read_trajectory(const std::filesystem::path& file) {
-  const std::string text = base::read_text(file);
+  const std::string text = read_trajectory_text(file);
   const TrajectoryFormat format = format_of(file, text);
   Trajectory trajectory = format == TrajectoryFormat::kTum     ? read_poses(file, text, kTumColumns)
                           : format == TrajectoryFormat::kEuroc ? read_poses(file, text, kEurocColumns)
@@ -285,7 +363,9 @@ TrajectoryFile read_trajectory(const std::filesystem::path& file) {
   return {std::move(trajectory), format};
 }
 
-Trajectory read_tum(const std::filesystem::path& file) { return read_poses(file, base::read_text(file), kTumColumns); }
+Trajectory read_tum(const std::filesystem::path& file) {
+  return read_poses(file, read_trajectory_text(file), kTumColumns);
+}
 
 void write_tum(const std::filesystem::path& file, const Trajectory& trajectory) {
   std::string text = "# timestamp tx ty tz qx qy qz qw\n";

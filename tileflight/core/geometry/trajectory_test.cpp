@@ -275,12 +275,41 @@ TEST_F(TrajectoryFiles, NamesWhatIsNoTrajectoryOfKnownColumns) {
       w_last + "\n");
   EXPECT_DOUBLE_EQ(ros.trajectory.poses.at(0).time_s, 12.5);
   expect_pose(ros.trajectory.poses[0].T_local_camera);
-  EXPECT_THAT(refusal("sec,nsec,x,y,z,qx,qy,qz,qw\n12,5," + w_last + "\n"),
-              HasSubstr("its heading 'sec,nsec,x,y,z,qx,qy,qz,qw' must name one column each for time"));
+  EXPECT_THAT(refusal("day,x,y,z,qx,qy,qz,qw\n12," + w_last + "\n"),
+              HasSubstr("its heading 'day,x,y,z,qx,qy,qz,qw' must name one column each for time"));
   EXPECT_THAT(refusal("1 0 0 0 10 20 30 1\n"), HasSubstr("has length 37.4"));
   std::string rounded;
   for (int i = 0; i < 20; ++i) rounded += "1.403636579e+09 " + std::to_string(i) + " 0 0 0 0 0 1\n";
   EXPECT_THAT(refusal(rounded), HasSubstr("19 of 20 poses have the time of the one before"));
+}
+
+TEST_F(TrajectoryFiles, ReadsTimesInTwoColumnsAndInEveryUnit) {
+  const Vec3& t = kPose.translation;
+  const Eigen::Quaterniond& q = kPose.rotation;
+  const auto pose = [&](char separator) { return row({t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w()}, separator); };
+  const std::string names = ",x,y,z,qx,qy,qz,qw\n";
+  for (const std::string& text :
+       {"timestamp_nsec" + names + "12500000000," + pose(','), "sec,nsec" + names + "12,500000000," + pose(','),
+        "header.stamp.secs,header.stamp.nsecs" + names + "12,500000000," + pose(','),
+        "stamp_sec,stamp_nanosec" + names + "12,500000000," + pose(','), "timestamp_ms" + names + "12500," + pose(','),
+        "time [us]" + names + "12500000," + pose(','), "# timestamp [us] x y z qx qy qz qw\n12500000 " + pose(' '),
+        "t_us x y z qx qy qz qw\n12500000 " + pose(' ')}) {
+    const TrajectoryFile read_back = read(text + "\n");
+    ASSERT_EQ(read_back.trajectory.size(), 1u) << text;
+    EXPECT_DOUBLE_EQ(read_back.trajectory.poses[0].time_s, 12.5) << text;
+    expect_pose(read_back.trajectory.poses[0].T_local_camera);
+  }
+}
+
+TEST_F(TrajectoryFiles, ReadsSemicolonsAndDecimalCommas) {
+  const TrajectoryFile semicolons = read("time;x;y;z;qx;qy;qz;qw\n12,5;1,25;-2;3,5;0;0;0;1\n13;1;2;3;0;0;0;1,0\n");
+  ASSERT_EQ(semicolons.trajectory.size(), 2u);
+  EXPECT_EQ(semicolons.trajectory.poses[0].time_s, 12.5);
+  EXPECT_EQ(semicolons.trajectory.poses[0].T_local_camera.translation, Vec3(1.25, -2, 3.5));
+  EXPECT_EQ(read("time;x;y;z;qx;qy;qz;qw\n12.5;1;2;3;0;0;0;1\n").trajectory.poses.at(0).time_s, 12.5);
+  const TrajectoryFile tum = read("# timestamp tx ty tz qx qy qz qw\n12,5 1,25 -2 3,5 0 0 0 1\n");
+  EXPECT_EQ(tum.format, TrajectoryFormat::kTum);
+  EXPECT_EQ(tum.trajectory.poses.at(0).T_local_camera.translation, Vec3(1.25, -2, 3.5));
 }
 
 TEST_F(TrajectoryFiles, TellsNanosecondsFromSeconds) {

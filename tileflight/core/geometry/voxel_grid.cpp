@@ -192,7 +192,7 @@ void write_binvox(const std::filesystem::path& file, const VoxelGrid& grid) {
 }
 
 VoxelGrid read_binvox(const std::filesystem::path& file) {
-  const std::string bytes = base::read_text(file);
+  const std::string bytes = base::read_raw(file);
   const BinvoxHeader header = parse_binvox_header(bytes, file.string());
   VoxelGrid grid = frame_of(header);
   grid.occupied = parse_runs(bytes, header, file.string());
@@ -200,7 +200,7 @@ VoxelGrid read_binvox(const std::filesystem::path& file) {
 }
 
 VoxelGrid read_binvox_header(const std::filesystem::path& file) {
-  return frame_of(parse_binvox_header(base::read_text(file), file.string()));
+  return frame_of(parse_binvox_header(base::read_raw(file), file.string()));
 }
 
 }  // namespace tileflight::geometry

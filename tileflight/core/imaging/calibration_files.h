@@ -12,7 +12,7 @@
 namespace tileflight::imaging {
 
 /// Calibration file formats supported by read_calibration.
-enum class CalibrationFormat { kKalibr, kOpenCv, kColmap, kDso, kVslamLab, kVins, kAgisoft, kJson };
+enum class CalibrationFormat { kKalibr, kOpenCv, kColmap, kDso, kVslamLab, kVins, kAgisoft, kJson, kEuroc };
 
 /// Detects the format from the text; nullopt for an unknown format. A detected file may still be malformed.
 std::optional<CalibrationFormat> detect_calibration_format(std::string_view text);
@@ -54,9 +54,14 @@ void write_camchain(const std::filesystem::path& file, const std::vector<ChainCa
 /// distortion_coefficients (distCoeffs, D), image_width and image_height (width and height, image_size), and
 /// distortion_model (plumb_bob, rational_polynomial, equidistant, fisheye) or fisheye_model (0 or 1). Four coefficients
 /// are k1 k2 p1 p2 or, of the fisheye module, k1 k2 k3 k4: a file with four must state the model. Longer lists are
-/// accepted if all beyond k1 k2 p1 p2 are 0. Pixel centres are at integers, as here. Throws InputError (file, key,
-/// cause, cure).
+/// accepted if all beyond k1 k2 p1 p2 are 0. A camera_info whose images are a part of the sensor's (roi) or have joined
+/// pixels (binning_x, binning_y) gives the camera of these images. Pixel centres are at integers, as here. Throws
+/// InputError (file, key, cause, cure).
 Calibration read_opencv(const std::filesystem::path& file);
+
+/// Reads a camera's sensor.yaml of EuRoC's layout: intrinsics, distortion_model (radial-tangential or equidistant),
+/// distortion_coefficients, resolution, T_BS. Throws InputError (file, cause).
+Calibration read_euroc_sensor(const std::filesystem::path& file);
 
 /// Returns whether an XML text is a calibration of Agisoft's Metashape.
 bool is_agisoft_calibration(std::string_view text);

@@ -38,6 +38,8 @@ class OpenCvStorage {
   /// The first of these keys that exists; nullptr if none does. Keys are given in lower case without "_": image_Width,
   /// imageWidth and image_width are equivalent. Throws InputError if a key occurs twice.
   const StorageEntry* find(std::initializer_list<std::string_view> keys) const;
+  /// The first key, as written, that begins so and is not `but`; empty if there is none.
+  std::string key_that_begins(std::string_view begin, std::string_view but) const;
 
  private:
   std::string file_;
@@ -191,6 +193,12 @@ const StorageEntry* OpenCvStorage::find(std::initializer_list<std::string_view> 
   return nullptr;
 }
 
+std::string OpenCvStorage::key_that_begins(std::string_view begin, std::string_view but) const {
+  for (const StorageEntry& entry : entries_)
+    if (plain_key(entry.key).starts_with(begin) && plain_key(entry.key) != but) return entry.key;
+  return "";
+}
+
 std::string quoted(const std::string& text) { return "\"" + text + "\""; }
 
 std::vector<double> numbers_of(const StorageEntry& entry, const std::string& file) {
@@ -265,12 +273,23 @@ Family read_family(const OpenCvStorage& storage, const std::string& file) {
 
 NamedDistortion read_distortion(const OpenCvStorage& storage, const std::string& file) {
   const StorageEntry* entry =
-      storage.find({"distortioncoefficients", "distcoeffs", "distortioncoeffs", "distcoef", "d"});
+      storage.find({"distortioncoefficients", "distortioncoefficient", "distcoeffs", "distcoeff", "distortioncoeffs",
+                    "distortioncoeff", "distcoef", "distcoefs", "d"});
+  if (entry == nullptr) {
+    if (const std::string other = storage.key_that_begins("dist", "distortionmodel"); !other.empty())
+      throw InputError(file, "has no \"distortion_coefficients\", but \"" + other +
+                                 "\": give its numbers that name, if they are OpenCV's");
+  }
   if (entry == nullptr)
     throw InputError(file, "has no \"distortion_coefficients\": add them, five zeros for a lens without distortion");
   const std::vector<double> d = numbers_of(*entry, file);
   const Family family = read_family(storage, file);
-  if (family == Family::kFisheye) return {"equidistant", d};
+  if (family == Family::kFisheye) {
+    constexpr std::size_t kFisheyeNumbers = 4;  // programs write more, all 0
+    std::vector<double> k = d;
+    while (k.size() > kFisheyeNumbers && k.back() == 0.0) k.pop_back();
+    return {"equidistant", k};
+  }
   if (family == Family::kNotSaid && d.size() == 4)
     throw InputError(file, quoted(entry->key) +
                                " has 4 numbers, either k1 k2 p1 p2 or the fisheye module's k1 k2 k3 k4: specify which "
@@ -338,7 +357,7 @@ namespace {
 /// Reads the extrinsics of a YAML file; XML has none.
 void read_opencv_extrinsics(const std::filesystem::path& file, const std::string& text, Calibration& calibration) {
   calibration.assumes_T_cam_imu = true;
-  if (base::trim(base::strip_byte_order_mark(text)).starts_with('<')) return;
+  if (base::trim(text).starts_with('<')) return;
   const YAML::Node root = load_calibration_yaml(file);
   calibration.assumes_T_cam_imu = false;
   if (root.IsMap())
@@ -347,17 +366,58 @@ void read_opencv_extrinsics(const std::filesystem::path& file, const std::string
     calibration.assumes_T_cam_imu = true;
 }
 
+/// Focal lengths, principal point and size of an image that is a part of the calibrated one, its pixels joined.
+struct ImagePart {
+  std::vector<double> focal;  ///< fx fy cx cy
+  ImageSize size;
+};
+
+/// sensor_msgs/CameraInfo: "image_width", "image_height" and K are those of the whole sensor; the images are the region
+/// `roi` of it, of which `binning_x` times `binning_y` pixels are joined into one. 0 stands for the whole and for 1.
+ImagePart read_image_part(const YAML::Node& root, const std::string& file, ImagePart whole) {
+  const auto number = [&](const YAML::Node& map, const char* key) {
+    const YAML::Node node = map.IsMap() ? map[key] : YAML::Node();
+    if (!node) return 0;
+    const auto value = node.IsScalar() ? base::parse_number<int>(node.Scalar()) : std::nullopt;
+    if (!value || *value < 0 || *value > kMaxImageSide_px)
+      throw InputError(file, quoted(key) + " must be whole pixels, 0 or more");
+    return *value;
+  };
+  const YAML::Node roi = root["roi"] ? root["roi"] : YAML::Node(YAML::NodeType::Map);
+  const int x = number(roi, "x_offset"), y = number(roi, "y_offset");
+  const int width = number(roi, "width"), height = number(roi, "height");
+  if ((width == 0) != (height == 0) || (width == 0 && (x > 0 || y > 0)) || x + width > whole.size.width ||
+      y + height > whole.size.height)
+    throw InputError(file, "its roi is no part of the image of " + std::to_string(whole.size.width) + "x" +
+                               std::to_string(whole.size.height) + ": correct it, or remove it");
+  const int joined_x = std::max(1, number(root, "binning_x")), joined_y = std::max(1, number(root, "binning_y"));
+  ImagePart part = whole;
+  if (width > 0) part.size = {width, height};
+  part.size = {part.size.width / joined_x, part.size.height / joined_y};
+  if (part.size.width < 1 || part.size.height < 1)
+    throw InputError(file, "its binning leaves no pixel of the image: correct it");
+  part.focal[0] /= joined_x;
+  part.focal[1] /= joined_y;
+  part.focal[2] = (whole.focal[2] - x + 0.5) / joined_x - 0.5;  // pixel centres are at integers
+  part.focal[3] = (whole.focal[3] - y + 0.5) / joined_y - 0.5;
+  return part;
+}
+
 }  // namespace
 
 Calibration read_opencv(const std::filesystem::path& file) {
   const std::string name = file.string();
   const std::string text = base::read_text(file, kMaxCalibrationBytes);
   const OpenCvStorage storage(text, name);
-  const std::vector<double> focal = read_matrix(storage, name);
-  const ImageSize size = read_image_size(storage, name);
+  ImagePart images{read_matrix(storage, name), read_image_size(storage, name)};
   const NamedDistortion distortion = read_distortion(storage, name);
+  if (!base::trim(text).starts_with('<')) {
+    if (const YAML::Node root = load_calibration_yaml(file); root.IsMap())
+      images = read_image_part(root, name, std::move(images));
+  }
   Calibration calibration;
-  calibration.camera = make_camera(name, {distortion.name, focal, distortion.coefficients, size.width, size.height});
+  calibration.camera = make_camera(
+      name, {distortion.name, images.focal, distortion.coefficients, images.size.width, images.size.height});
   read_opencv_extrinsics(file, text, calibration);
   return calibration;
 }

@@ -124,7 +124,54 @@ TEST(OpenCv, CameraInfoOfRos) {
   expect_fisheye(read(file("equidistant", "0.021, -0.013, 0.0042, -0.0009")));
   expect_fisheye(read(file("fisheye", "0.021, -0.013, 0.0042, -0.0009")));
   EXPECT_THAT(error(file("ftheta", kFive)), AllOf(HasSubstr("\"ftheta\""), HasSubstr("use plumb_bob")));
-  EXPECT_THAT(error(file("equidistant", kFive)), HasSubstr("4 numbers, not 5"));
+  expect_fisheye(read(file("equidistant", "0.021, -0.013, 0.0042, -0.0009, 0")));
+  EXPECT_THAT(error(file("equidistant", "0.021, -0.013, 0.0042, -0.0009, 0.1")), HasSubstr("4 numbers, not 5"));
+}
+
+// sensor_msgs/CameraInfo: K is that of the whole sensor, of which the images are a region with joined pixels.
+TEST(OpenCv, CameraInfoOfARegionOfTheSensor) {
+  const auto camera = [](const std::string& more) {
+    return read("width: 640\nheight: 480\nK: " + kMatrixData + "\nD: [0, 0, 0, 0, 0]\n" + more);
+  };
+  const auto pixel = [](const Camera& c) { return *c.project(Vec3(0.1, -0.2, 1.0)); };
+  const geometry::Vec2 whole = pixel(camera(""));
+  const Camera none = camera("binning_x: 1\nroi: {x_offset: 0, y_offset: 0, height: 0, width: 0, do_rectify: false}\n");
+  EXPECT_EQ(pixel(none), whole);
+  EXPECT_EQ(none.width(), 640);
+  const Camera part = camera("roi:\n  x_offset: 100\n  y_offset: 40\n  height: 200\n  width: 320\n  do_rectify: 0\n");
+  EXPECT_EQ(part.width(), 320);
+  EXPECT_EQ(part.height(), 200);
+  EXPECT_LT((pixel(part) - (whole - geometry::Vec2(100, 40))).norm(), 1e-9);
+  const Camera joined =
+      camera("binning_x: 2\nbinning_y: 2\nroi: {x_offset: 100, y_offset: 40, height: 200, width: 320}\n");
+  EXPECT_EQ(joined.width(), 160);
+  const geometry::Vec2 half(0.5, 0.5);  // from the pixel's corner, which halves, to its centre
+  EXPECT_LT((pixel(joined) + half - 0.5 * (whole - geometry::Vec2(100, 40) + half)).norm(), 1e-9);
+  EXPECT_THAT(error("width: 640\nheight: 480\nK: " + kMatrixData +
+                    "\nD: [0, 0, 0, 0, 0]\nroi: {x_offset: 400, y_offset: 0, height: 480, width: 320}\n"),
+              HasSubstr("its roi is no part of the image of 640x480"));
+}
+
+TEST(OpenCv, OtherKeysAreReadOrNamed) {
+  const std::string rest = kSizeLines + "camera_matrix: " + kMatrixData + "\n";
+  expect_radtan(read(rest + "dist_coeff: [" + kFive + "]\n"));
+  EXPECT_THAT(error(rest + "dist_params: [" + kFive + "]\n"),
+              HasSubstr("has no \"distortion_coefficients\", but \"dist_params\""));
+  EXPECT_THAT(error("lens: &lens {D: [0, 0, 0, 0, 0]}\n<<: *lens\n" + rest + "D: [0, 0, 0, 0, 0]\n"),
+              HasSubstr("'<<' (YAML's merge key) is not read"));
+}
+
+TEST(OpenCv, FilesBesideItAreReadOrNamed) {
+  expect_radtan(
+      read("#General sensor definitions.\nsensor_type: camera\ncomment: VI-Sensor cam0\nT_BS:\n  cols: 4\n  rows: 4\n"
+           "  data: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\nrate_hz: 20\nresolution: [640, 480]\n"
+           "camera_model: pinhole\nintrinsics: [538.5, 540.25, 319.75, 241.125]\n"
+           "distortion_model: radial-tangential\n"
+           "distortion_coefficients: [-0.21, 0.05, 0.0011, -0.0007]\n"));
+  EXPECT_THAT(
+      error("# oST version 5.0 parameters\n\n[image]\n\nwidth\n640\n\nheight\n480\n\n[narrow_stereo]\n\ncamera matrix\n"
+            "538.5 0 319.75\n0 540.25 241.125\n0 0 1\n"),
+      HasSubstr("is ROS's ost.ini: give the ost.yaml"));
 }
 
 TEST(OpenCv, MessageOfRosAsText) {

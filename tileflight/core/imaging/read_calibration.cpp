@@ -132,6 +132,7 @@ std::optional<CalibrationFormat> detect_calibration_format(std::string_view text
     if (has_kalibr_camera(text)) return CalibrationFormat::kKalibr;
     if (has_line_that_begins(text, "model_type:") || has_line_that_begins(text, "cam0_calib:"))
       return CalibrationFormat::kVins;
+    if (has_line_that_begins(text, "sensor_type:")) return CalibrationFormat::kEuroc;
     return has_vslam_lab_camera(text) ? CalibrationFormat::kVslamLab : CalibrationFormat::kOpenCv;
   }
   const std::vector<std::string_view> fields = base::split_fields(first);
@@ -156,6 +157,8 @@ InputError several_cameras(const std::filesystem::path& file, const std::vector<
 Calibration read_calibration(const std::filesystem::path& file) {
   const std::string text = calibration_text(file);
   const std::optional<CalibrationFormat> form = detect_calibration_format(text);
+  if (!form && has_line_that_begins(text, "[image]") && has_line_that_begins(text, "camera matrix"))
+    throw InputError(file.string(), "is ROS's ost.ini: give the ost.yaml that camera_calibration writes beside it");
   if (!form)
     throw InputError(file.string(),
                      "unknown calibration format (expected a Kalibr camchain with \"cam0\", OpenCV's YAML or XML, "
@@ -174,6 +177,8 @@ Calibration read_calibration(const std::filesystem::path& file) {
     }
     case CalibrationFormat::kVins:
       return read_vins(file);
+    case CalibrationFormat::kEuroc:
+      return read_euroc_sensor(file);
     case CalibrationFormat::kAgisoft:
       return read_agisoft(file);
     case CalibrationFormat::kJson: {

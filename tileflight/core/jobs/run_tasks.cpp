@@ -130,7 +130,7 @@ void run_with_snakemake(const std::vector<Task>& tasks, const fs::path& folder, 
 
 void write_if_changed(const fs::path& file, const std::string& text) {
   std::error_code missing;
-  if (fs::file_size(file, missing) == text.size() && !missing && base::read_text(file) == text) return;
+  if (fs::file_size(file, missing) == text.size() && !missing && base::read_raw(file) == text) return;
   base::write_file(file, text);
 }
 

@@ -432,6 +432,28 @@ TEST(KittiLayout, CalibTimesAndPoses) {
   EXPECT_THAT(refusal_of([&] { read_dataset(folder.path()); }), HasSubstr("expected 12 numbers"));
 }
 
+TEST(KittiLayout, ColourImagesAloneAreReadWithTheirOwnMatrix) {
+  TemporaryFolder folder;
+  for (const char* const camera : {"image_2", "image_3"}) {
+    fs::create_directories(folder / camera);
+    for (int i = 0; i < 2; ++i)
+      imaging::write_rgb(folder / camera / ("00000" + std::to_string(i) + ".png"), moving_picture(kWidth, kHeight, i));
+  }
+  base::write_file(folder / "calib.txt",
+                   "P0: 90 0 1 0 0 90 2 0 0 0 1 0\nP1: 90 0 1 -9 0 90 2 0 0 0 1 0\nP2: 50 0 31 3 0 51 23 0 0 0 1 0\n"
+                   "P3: 50 0 31 -25 0 51 23 0 0 0 1 0\n");
+  base::write_file(folder / "times.txt", "0.0\n1.04e-01\n");
+  base::write_file(folder / "poses.txt", "1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 5 0 1 0 6 0 0 1 7\n");
+  const Dataset left = read_dataset(folder.path());
+  EXPECT_EQ(left.frames.size(), 2U);
+  EXPECT_EQ(*left.calibration.camera.project({1, 1, 1}), geometry::Vec2(81, 74));
+  EXPECT_LT((left.groundtruth->poses[1].T_local_camera.translation - geometry::Vec3(5 - 0.06, 6, 7)).norm(), 1e-12);
+  const Dataset right = read_dataset(folder.path(), {.name = "image_3"});
+  EXPECT_LT((right.groundtruth->poses[0].T_local_camera.translation - geometry::Vec3(0.5, 0, 0)).norm(), 1e-12);
+  base::write_file(folder / "calib.txt", "P0: 90 0 1 0 0 90 2 0 0 0 1 0\n");
+  EXPECT_THAT(refusal_of([&] { read_dataset(folder.path()); }), HasSubstr("has no P2, for image_2"));
+}
+
 TEST(RealSequences, SevenScenes) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "sequences/seven_scenes_500");
   const Dataset dataset = read_dataset(folder);

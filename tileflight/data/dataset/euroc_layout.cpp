@@ -1,5 +1,4 @@
 // EuRoC's ASL layout (Burri et al., IJRR 2016): cam0/data.csv "time_ns,file", cam0/data/, cam0/sensor.yaml.
-#include <yaml-cpp/yaml.h>
 
 #include <cmath>
 #include <cstdint>
@@ -10,6 +9,7 @@
 #include "tileflight/core/geometry/nanoseconds.h"
 #include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/core/imaging/calibration_checks.h"
+#include "tileflight/core/imaging/calibration_files.h"
 #include "tileflight/data/dataset/frame_list.h"
 #include "tileflight/data/dataset/layouts.h"
 
@@ -56,44 +56,13 @@ std::vector<Frame> read_frames(const fs::path& camera, std::vector<std::string>&
   return existing_frames(std::move(frames), file, warnings);
 }
 
-/// Converts EuRoC's name of a lens model to Kalibr's.
-std::string distortion_name(const std::string& name) {
-  if (name == "radial-tangential" || name == "radtan") return "radtan";
-  if (name == "equidistant") return "equidistant";
-  return name;  // rejected by name when the calibration is checked
-}
-
-imaging::Calibration read_sensor(const fs::path& file) {
-  std::string text = base::read_text(file);
-  // "%YAML:1.0" is OpenCV's own first line; YAML requires "%YAML 1.0".
-  if (text.starts_with("%YAML:")) text.replace(0, std::min(text.find('\n'), text.size()), "");
-  try {
-    const YAML::Node node = YAML::Load(text);
-    const auto intrinsics = node["intrinsics"].as<std::vector<double>>();
-    const auto coefficients = node["distortion_coefficients"].as<std::vector<double>>();
-    const auto resolution = node["resolution"].as<std::vector<int>>();
-    if (resolution.size() != 2) throw InputError(file.string(), "resolution must be width and height");
-    imaging::Calibration calibration;
-    calibration.camera =
-        imaging::make_camera(file.string(), {distortion_name(node["distortion_model"].as<std::string>()), intrinsics,
-                                             coefficients, resolution[0], resolution[1]});
-    imaging::read_extrinsics(node, file.string(), calibration);
-    return calibration;
-  } catch (const YAML::Exception& error) {
-    throw InputError(file.string(),
-                     "is not EuRoC's sensor.yaml with intrinsics, distortion_model, "
-                     "distortion_coefficients and resolution: " +
-                         error.msg);
-  }
-}
-
 /// Reads the chosen camera. If its file has no IMU extrinsics, the layout's T_BS is used if present.
 imaging::Calibration read_chosen_calibration(const CameraChoice& camera, const fs::path& sensor_file,
                                              Dataset& dataset) {
   imaging::Calibration calibration = read_chosen_camera(camera, dataset);
   const bool says_nothing = calibration.T_cam_imu.matrix().isIdentity(0.0);
   if (says_nothing && fs::is_regular_file(sensor_file)) {
-    const imaging::Calibration own = read_sensor(sensor_file);
+    const imaging::Calibration own = imaging::read_euroc_sensor(sensor_file);
     calibration.T_cam_imu = own.T_cam_imu;
     calibration.assumes_T_cam_imu = own.assumes_T_cam_imu && calibration.assumes_T_cam_imu;
   }
@@ -126,7 +95,7 @@ Dataset read_euroc(const fs::path& folder, const CameraChoice& camera_choice) {
   const fs::path camera = camera_folder(folder, camera_choice.name.empty() ? "cam0" : camera_choice.name);
   dataset.frames = read_frames(camera, dataset.warnings);
   dataset.calibration = camera_choice.calibration.empty()
-                            ? read_sensor(camera / "sensor.yaml")
+                            ? imaging::read_euroc_sensor(camera / "sensor.yaml")
                             : read_chosen_calibration(camera_choice, camera / "sensor.yaml", dataset);
   const fs::path sensors = camera.parent_path();
   for (const char* truth : {"state_groundtruth_estimate0", "mocap0"}) {  // the latter: TUM VI

@@ -83,7 +83,7 @@ std::string to_bytes(const RunLengthFrame& frame) {
 /// Reads the output of to_bytes; a truncated file is an InputError.
 class FrameReader {
  public:
-  explicit FrameReader(const fs::path& file) : file_(file), bytes_(base::read_text(file)) {}
+  explicit FrameReader(const fs::path& file) : file_(file), bytes_(base::read_raw(file)) {}
 
   RunLengthFrame read() {
     RunLengthFrame frame = read_head();

@@ -305,10 +305,9 @@ void refuse_exchanged_columns(const std::string& where, const std::vector<geomet
 }  // namespace
 
 std::vector<geometry::ImuSample> read_imu_csv(const std::filesystem::path& file, std::vector<std::string>& notes) {
-  const std::string bytes = base::read_text(file);
-  const std::string_view text = base::strip_byte_order_mark(bytes);
-  if (const auto refusal =
-          base::refusal_of_kind(text.substr(0, base::kHeadBytes), "a table of an inertial unit's readings"))
+  const std::string text = base::read_text(file);
+  if (const auto refusal = base::refusal_of_kind(std::string_view(text).substr(0, base::kHeadBytes),
+                                                 "a table of an inertial unit's readings"))
     throw InputError(file.string(), *refusal);
   std::string_view rest = text;
   const ImuColumns columns = read_imu_header(file.string(), base::take_line(rest).value_or(""), notes);

@@ -32,8 +32,8 @@ void write_tum_mono(const dataset::Rig& rig, const fs::path& folder, std::vector
         dataset::frame_id(i) + " " + base::fixed_text(frame.time_s) + " " + base::fixed_text(frame.exposure_ms) + "\n";
   }
   base::write_file(folder / "times.txt", times);
-  if (!dataset.pcalib.empty()) base::write_file(folder / "pcalib.txt", base::read_text(dataset.pcalib));
-  if (!dataset.vignette.empty()) base::write_file(folder / "vignette.png", base::read_text(dataset.vignette));
+  if (!dataset.pcalib.empty()) base::write_file(folder / "pcalib.txt", base::read_raw(dataset.pcalib));
+  if (!dataset.vignette.empty()) base::write_file(folder / "vignette.png", base::read_raw(dataset.vignette));
   if (dataset.groundtruth) geometry::write_tum(folder / "groundtruthSync.txt", *dataset.groundtruth);
   if (dataset.calibration.line_delay_s != 0.0)
     notes.push_back("DSO's camera.txt cannot store the rolling shutter; it is left out");

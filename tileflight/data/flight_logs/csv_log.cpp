@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/text_parsing.h"
 #include "tileflight/data/flight_logs/fix_filter.h"
@@ -51,7 +52,7 @@ struct Column {
 class ColumnMap {
  public:
   /// Parses the column names. Case, blanks and punctuation are ignored; a unit is in brackets ("altitude(feet)") or a
-  /// suffix ("time_ms"). Throws InputError (`where`, column, unit) for an unknown unit.
+  /// suffix ("time_ms", "gimbalPitchRad"). Throws InputError (`where`, column, unit) for an unknown unit.
   ColumnMap(const std::vector<std::string>& names, const std::string& where);
 
   /// Returns the quantity's column; nullopt if there is none.
@@ -123,6 +124,7 @@ constexpr Alias kAliases[] = {
     {"absalt", Quantity::kHeightUnknown},
     {"absolutealtitude", Quantity::kHeightUnknown},
     {"gpsaltitude", Quantity::kHeightUnknown},
+    {"gpsalt", Quantity::kHeightUnknown},
     {"altitude", Quantity::kHeightUnknown},
     {"alt", Quantity::kHeightUnknown},
     {"height", Quantity::kHeightUnknown},
@@ -173,6 +175,7 @@ constexpr Unit kAngleUnits[] = {{"deg", 1},
                                 {"dege7", 1e-7},
                                 {"e7", 1e-7},
                                 {"rad", 180 / std::numbers::pi},
+                                {"rads", 180 / std::numbers::pi},
                                 {"radian", 180 / std::numbers::pi},
                                 {"radians", 180 / std::numbers::pi}};
 
@@ -234,12 +237,18 @@ ColumnMeaning meaning_of(const std::string& name, const std::string& where) {
   const std::size_t bracket = name.find_first_of("([");
   if (bracket != std::string::npos && bracket > 0) return meaning_in_brackets(name, bracket, where);
   if (const Alias* alias = alias_of(name)) return {alias, std::nullopt};
-  const std::size_t last = name.find_last_of("_. ");
-  if (last == std::string::npos) return {};
-  const Alias* alias = alias_of(std::string_view(name).substr(0, last));
-  const std::optional<double> scale =
-      alias == nullptr ? std::nullopt : scale_of(alias->quantity, std::string_view(name).substr(last + 1));
-  return scale ? ColumnMeaning{alias, scale} : ColumnMeaning{};
+  if (const std::size_t last = name.find_last_of("_. "); last != std::string::npos) {
+    if (const Alias* alias = alias_of(std::string_view(name).substr(0, last))) {
+      if (const auto scale = scale_of(alias->quantity, std::string_view(name).substr(last + 1))) return {alias, scale};
+    }
+  }
+  const std::string bare = letters_and_digits(name);  // "gimbalPitchRad"
+  for (std::size_t length = 1; length < bare.size(); ++length) {
+    const Alias* alias = alias_of(std::string_view(bare).substr(0, length));
+    if (alias == nullptr || alias->quantity == Quantity::kDateTime || alias->quantity == Quantity::kDate) continue;
+    if (const auto scale = scale_of(alias->quantity, std::string_view(bare).substr(length))) return {alias, scale};
+  }
+  return {};
 }
 
 ColumnMap::ColumnMap(const std::vector<std::string>& names, const std::string& where) {
@@ -350,7 +359,6 @@ std::string_view without_first_line(std::string_view text) {
 
 /// Skips everything before the header: blank lines, Excel's `sep=;`, and the `#` of EuRoC's header.
 std::string_view from_header(std::string_view text) {
-  text = base::strip_byte_order_mark(text);
   while (!text.empty()) {
     const std::string_view line = base::trim(text.substr(0, text.find('\n')));
     if (!line.empty() && !line.starts_with("sep=")) break;
@@ -382,6 +390,62 @@ void require_columns(const ColumnMap& columns, const Cells& names, const std::st
                               "; docs/formats.md lists the known names");
 }
 
+/// A date whose year comes last, as written: `17.05.2021`, `5/17/2021`.
+struct YearLast {
+  int first = 0, second = 0, year = 0;
+  char separator = '/';
+  std::string_view behind;  ///< the text after it
+};
+
+std::optional<YearLast> take_year_last(std::string_view text) {
+  YearLast date;
+  text = base::trim(text);
+  const auto first = base::take_digits(text);
+  if (!first || text.empty() || std::string_view("./-").find(text.front()) == std::string_view::npos) return {};
+  date.separator = text.front();
+  text.remove_prefix(1);
+  const auto second = base::take_digits(text);
+  if (!second || !base::take_prefix(text, std::string_view(&date.separator, 1))) return {};
+  const auto year = base::take_digits(text);
+  if (!year || *year < 1000 || *year > 9999) return {};
+  date.first = *first, date.second = *second, date.year = *year;
+  date.behind = text;
+  return date;
+}
+
+/// Tells whether the day or the month comes first in a table's dates whose year comes last: by a number above 12, or by
+/// dots, which countries use that write the day first. Throws InputError where different dates leave it open; if there
+/// is one date only, it does not matter, since times count from the first row.
+class DateOrder {
+ public:
+  void add(std::string_view text) {
+    const auto date = take_year_last(text);
+    if (!date) return;
+    day_first_ = day_first_ || date->first > 12 || date->separator == '.';
+    month_first_ = month_first_ || date->second > 12;
+    const std::string written(base::trim(text.substr(0, text.size() - date->behind.size())));
+    differs_ = differs_ || (!one_.empty() && one_ != written);
+    one_ = written;
+  }
+  void require_known(const std::string& where) const {
+    if (day_first_ == month_first_ && differs_)
+      throw InputError(where, "its dates may have the day or the month first ('" + one_.substr(0, 20) +
+                                  "'); write them as year-month-day");
+  }
+  /// The date and what follows it, with the year first; any other text as it is.
+  std::string year_first(const std::string& text) const {
+    const auto date = take_year_last(text);
+    if (!date) return text;
+    return base::formatted("%04d-%02d-%02d", date->year, day_first_ ? date->second : date->first,
+                           day_first_ ? date->first : date->second) +
+           std::string(date->behind);
+  }
+
+ private:
+  bool day_first_ = false, month_first_ = false, differs_ = false;
+  std::string one_;
+};
+
 /// Reads one table: its columns, and the meaning of its cells.
 class Reader {
  public:
@@ -389,6 +453,14 @@ class Reader {
       : columns_(names, where), decimal_comma_(separator != ',') {
     require_columns(columns_, names, where);
     choose_height(names);
+  }
+
+  /// Learns from all rows in which order dates are written. Throws InputError (`where`) if that stays open.
+  void learn_dates(CsvReader rows, const std::string& where) {
+    for (Cells cells; rows.next(cells);)
+      for (const Quantity quantity : {Quantity::kTime, Quantity::kDateTime, Quantity::kDate})
+        dates_.add(cell(cells, quantity));
+    dates_.require_known(where);
   }
 
   /// Chooses, where several columns hold a quantity, the first that can be read in any of these rows: a text such as
@@ -399,8 +471,9 @@ class Reader {
         if (column.index >= cells.size()) return false;
         const std::string& text = cells[column.index];
         if (quantity == Quantity::kDate) return !text.empty();
-        const bool is_date = (quantity == Quantity::kTime || quantity == Quantity::kDateTime) &&
-                             (base::parse_iso_time_s(text) || base::parse_iso_time_s("2000-01-01 " + text));
+        const bool is_date =
+            (quantity == Quantity::kTime || quantity == Quantity::kDateTime) &&
+            (base::parse_iso_time_s(dates_.year_first(text)) || base::parse_iso_time_s("2000-01-01 " + text));
         return is_date || parsed(text) || base::parse_angle_deg(text);
       });
     });
@@ -480,11 +553,12 @@ class Reader {
     if (const std::optional<double> value = parsed(cell(cells, Quantity::kTime))) {
       return *value * columns_.at(Quantity::kTime)->scale.value_or(scale_of_bare_time(*value));
     }
-    const std::string text = cell(cells, Quantity::kTime), date = cell(cells, Quantity::kDate);
+    const std::string text = dates_.year_first(cell(cells, Quantity::kTime)),
+                      date = dates_.year_first(cell(cells, Quantity::kDate));
     if (const std::optional<double> date_s = base::parse_iso_time_s(date + " " + text); !date.empty() && date_s)
       return date_s;
     if (const std::optional<double> date_s = base::parse_iso_time_s(text)) return date_s;
-    return base::parse_iso_time_s(cell(cells, Quantity::kDateTime));
+    return base::parse_iso_time_s(dates_.year_first(cell(cells, Quantity::kDateTime)));
   }
 
   /// Scale of times in a column without a unit, by the first one.
@@ -495,6 +569,7 @@ class Reader {
 
   ColumnMap columns_;
   bool decimal_comma_;
+  DateOrder dates_;
   std::optional<Quantity> height_;
   HeightDatum datum_ = HeightDatum::kUnknown;
   std::optional<double> bare_time_scale_;
@@ -524,6 +599,7 @@ Telemetry read_csv_log(const std::filesystem::path& file) {
   constexpr std::size_t kFirstRows = 50;
   std::vector<Cells> first_rows;
   for (CsvReader ahead = rows; first_rows.size() < kFirstRows && ahead.next(cells);) first_rows.push_back(cells);
+  reader.learn_dates(rows, file.string());
   reader.choose_columns(first_rows);
   FixFilter filter;
   std::vector<TelemetryFix> fixes;

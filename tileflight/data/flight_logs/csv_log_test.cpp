@@ -90,6 +90,35 @@ TEST_F(CsvLog, TimesInEveryUnitAndNotation) {
   EXPECT_NEAR(last_s("date,time", "2024/12/31,23:59:59", "2025/01/01,00:00:01.5"), 2.5, 1e-6);
 }
 
+TEST_F(CsvLog, DatesWithTheYearLastAreReadWhereTheirOrderIsCertain) {
+  const auto table = [](const std::string& first, const std::string& second) {
+    return "date,time,lat,lon,gpsAlt\n" + first + ",11:59:59 PM,1,2,3\n" + second + ",12:00:01 AM,1,2,4\n";
+  };
+  for (const auto& [first, second] : {std::pair("30/04/2024", "01/05/2024"), std::pair("4/30/2024", "5/1/2024"),
+                                      std::pair("03.04.2024", "04.04.2024")}) {
+    const Telemetry log = read(table(first, second));
+    ASSERT_EQ(log.fixes.size(), 2u) << first;
+    EXPECT_EQ(log.fixes[1].time_s, 2.0) << first;
+    EXPECT_EQ(log.fixes[1].absolute_height_m, 4.0);
+  }
+  EXPECT_THAT([&] { read(table("03/04/2024", "04/04/2024")); },
+              ThrowsMessage<InputError>(HasSubstr("may have the day or the month first ('04/04/2024')")));
+  const Telemetry log = read("date,time,lat,lon\n03/04/2024,11:00:00 AM,1,2\n03/04/2024,12:30:00 PM,1,2\n");
+  ASSERT_EQ(log.fixes.size(), 2u) << "one day: its month does not matter";
+  EXPECT_EQ(log.fixes[1].time_s, 5400.0);
+}
+
+TEST_F(CsvLog, UnitsMayEndANameWithoutABreak) {
+  const Telemetry log =
+      read("timeMs,latitude,longitude,heightFt,gimbalPitchRad,yaw_rad,roll [rad]\n1500,1,2,100,-1.5,0.5,0.1\n");
+  ASSERT_EQ(log.fixes.size(), 1u);
+  EXPECT_EQ(log.fixes[0].time_s, 1.5);
+  EXPECT_NEAR(log.fixes[0].absolute_height_m.value(), 30.48, 1e-9);
+  EXPECT_NEAR(log.fixes[0].gimbal_pitch_deg.value(), -85.9437, 1e-3);
+  EXPECT_NEAR(log.fixes[0].body_yaw_deg.value(), 28.6479, 1e-3);
+  EXPECT_NEAR(log.fixes[0].body_roll_deg.value(), 5.72958, 1e-3);
+}
+
 TEST_F(CsvLog, TheDatasetsOwnPositionsKeepTheirDatum) {
   const Telemetry log = read("t,lat,lon,height,horizontal_sigma,vertical_sigma\n0,-0.24,-78.52,2885.25,0.25,0.4\n");
   EXPECT_EQ(log.fixes.at(0).absolute_height_m, 2885.25);

@@ -19,9 +19,13 @@
 // number with a unit or a fraction is a height, and those firmwares write the latitude first. One file may hold several
 // dialects (joined recordings).
 #include <algorithm>
+#include <array>
+#include <numbers>
+#include <span>
 #include <string_view>
 
 #include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/text_parsing.h"
 #include "tileflight/data/flight_logs/fix_filter.h"
@@ -99,17 +103,49 @@ std::string_view text_of(std::string_view line, std::string_view key) {
                    "'" + std::string(text.substr(0, 60)) + "' is no number; correct the log, or export it anew");
 }
 
-/// The number in `key: 1.5`, `key 1.5m`, `key: 1,5`; nullopt where the key is missing or the value is no number at all
-/// ("N/A"). Throws InputError for a number that goes on otherwise ("1.5.2").
-std::optional<double> value_of(std::string_view line, std::string_view key) {
-  std::string_view text = text_of(line, key);
-  std::string_view number = text;
-  if (!base::take_number(number)) return std::nullopt;
-  const std::string_view unit_letters = "mM\xC2\xB0%";
-  while (!text.empty() && unit_letters.find(text.back()) != std::string_view::npos) text.remove_suffix(1);
-  const std::optional<double> value = base::parse_decimal_number(text);
-  if (!value) refuse(key, text_of(line, key));
+/// A unit as it stands behind a number, lower case, and its size in metres or degrees.
+struct MarkedUnit {
+  std::string_view name;
+  double size;
+};
+constexpr double kFoot_m = 0.3048, kRadian_deg = 180.0 / std::numbers::pi;
+constexpr std::array<MarkedUnit, 6> kMarkedHeights{
+    {{"m", 1}, {"ft", kFoot_m}, {"feet", kFoot_m}, {"foot", kFoot_m}, {"'", kFoot_m}, {"meters", 1}}};
+constexpr std::array<MarkedUnit, 4> kMarkedAngles{
+    {{"\xC2\xB0", 1}, {"deg", 1}, {"rad", kRadian_deg}, {"rads", kRadian_deg}}};
+
+/// The size of a unit; nullopt: not one of these.
+std::optional<double> size_of(std::span<const MarkedUnit> units, std::string_view name) {
+  const auto found = std::ranges::find(units, base::to_lower(name), &MarkedUnit::name);
+  return found == units.end() ? std::nullopt : std::optional(found->size);
+}
+
+/// Takes the number at the front of a value, with a point or a comma, and leaves what stands behind it.
+std::optional<double> take_value(std::string_view& text) {
+  const std::size_t end = std::min(text.find_first_not_of("+-0123456789.,eE"), text.size());
+  std::string_view number = text.substr(0, end);
+  while (number.ends_with(',')) number.remove_suffix(1);
+  const std::optional<double> value = base::parse_decimal_number(number);
+  if (value) text.remove_prefix(number.size());
   return value;
+}
+
+/// The number in `key: 1.5`, `key 1.5m`, `key: 1,5`, `key: 4.9 ft`, in metres or degrees; nullopt where the key is
+/// missing or the value is no number at all ("N/A"). Throws InputError for a number that goes on otherwise ("1.5.2").
+std::optional<double> value_of(std::string_view line, std::string_view key, std::span<const MarkedUnit> units) {
+  const std::string_view whole = text_of(line, key);
+  std::string_view number = whole, unit = whole;
+  if (!base::take_number(number)) return std::nullopt;
+  const std::optional<double> value = take_value(unit);
+  if (!value) refuse(key, whole);
+  if (unit.empty()) {  // it may be the next word
+    std::string_view next = base::trim(line.substr(static_cast<std::size_t>(whole.end() - line.begin())));
+    next = next.substr(0, next.find_first_of(" \t],;)"));
+    return *value * size_of(units, next).value_or(1.0);
+  }
+  const std::optional<double> size = size_of(units, unit);
+  if (!size) refuse(key, whole);
+  return *value * *size;
 }
 
 /// The angle in `key: 47.5`, `key: 47,5`, `key: 47.5 N`, `key: 47° 30' 0" N`, in degrees. Throws as value_of().
@@ -153,10 +189,12 @@ Item parse_item(std::string_view key, std::string_view text) {
   if (!base::take_number(number)) return item;
   item.is_height = text.find('.') != std::string_view::npos || !base::trim(number).empty();
   const std::string_view whole = text;
-  while (!text.empty() && std::string_view("mM\xC2\xB0").find(text.back()) != std::string_view::npos)
-    text.remove_suffix(1);
-  item.value = base::parse_decimal_number(text);
-  if (!item.value) refuse(key, whole);
+  item.value = take_value(text);
+  text = base::trim(text);
+  auto size = text.empty() ? std::optional(1.0) : size_of(kMarkedHeights, text);
+  if (!size) size = size_of(kMarkedAngles, text);
+  if (!item.value || !size) refuse(key, whole);
+  *item.value *= *size;
   return item;
 }
 
@@ -196,6 +234,7 @@ std::vector<Item> tuple_of(std::string_view line, std::string_view key) {
 struct Reading {
   std::optional<double> stamp_s, date_s;
   TelemetryFix fix;
+  ZoomReading zoom;
   bool has_position = false;
 };
 
@@ -229,22 +268,37 @@ void read_gps_tuple(std::string_view line, Reading& reading) {
 }
 
 void read_heights(std::string_view line, Reading& reading) {
-  fill(reading.fix.absolute_height_m, value_of(line, "abs_alt"));
-  fill(reading.fix.absolute_height_m, value_of(line, "altitude"));
-  fill(reading.fix.height_above_takeoff_m, value_of(line, "rel_alt"));
-  fill(reading.fix.height_above_takeoff_m, value_of(line, "BAROMETER"));
-  fill(reading.fix.height_above_takeoff_m, value_of(line, "H"));
+  fill(reading.fix.absolute_height_m, value_of(line, "abs_alt", kMarkedHeights));
+  fill(reading.fix.absolute_height_m, value_of(line, "altitude", kMarkedHeights));
+  fill(reading.fix.height_above_takeoff_m, value_of(line, "rel_alt", kMarkedHeights));
+  fill(reading.fix.height_above_takeoff_m, value_of(line, "BAROMETER", kMarkedHeights));
+  fill(reading.fix.height_above_takeoff_m, value_of(line, "H", kMarkedHeights));
 }
 
 void read_gimbal(std::string_view line, Reading& reading) {
-  fill(reading.fix.gimbal_yaw_deg, value_of(line, "gb_yaw"));
-  fill(reading.fix.gimbal_pitch_deg, value_of(line, "gb_pitch"));
-  fill(reading.fix.gimbal_roll_deg, value_of(line, "gb_roll"));
+  fill(reading.fix.gimbal_yaw_deg, value_of(line, "gb_yaw", kMarkedAngles));
+  fill(reading.fix.gimbal_pitch_deg, value_of(line, "gb_pitch", kMarkedAngles));
+  fill(reading.fix.gimbal_roll_deg, value_of(line, "gb_roll", kMarkedAngles));
   const std::vector<Item> pitch_roll_yaw = tuple_of(line, "G.PRY");
   if (pitch_roll_yaw.size() != 3) return;
   fill(reading.fix.gimbal_pitch_deg, pitch_roll_yaw[0].value);
   fill(reading.fix.gimbal_roll_deg, pitch_roll_yaw[1].value);
   fill(reading.fix.gimbal_yaw_deg, pitch_roll_yaw[2].value);
+}
+
+/// Reads `[focal_len : 240] [dzoom_ratio: 10000, delta:0]` (tenths of a millimetre, ten-thousandths) and
+/// `[focal_len: 24.00] [dzoom_ratio: 1.00]`. What is no number there does not matter for positions.
+void read_zoom(std::string_view line, ZoomReading& zoom) {
+  constexpr double kLargestZoom = 1000.0, kTenThousandths = 1e-4;
+  const auto number_of = [&](std::string_view key) {
+    std::string_view text = text_of(line, key);
+    while (!text.empty() && std::string_view("xXmM").find(text.back()) != std::string_view::npos) text.remove_suffix(1);
+    return base::parse_decimal_number(text);
+  };
+  fill(zoom.focal_length, number_of("focal_len"));
+  for (const std::string_view key : {"dzoom_ratio", "dzoom", "digital_zoom", "zoom_ratio"})
+    fill(zoom.digital_zoom, number_of(key));
+  if (zoom.digital_zoom && *zoom.digital_zoom > kLargestZoom) *zoom.digital_zoom *= kTenThousandths;
 }
 
 Reading read_entry(const Entry& entry) {
@@ -256,6 +310,7 @@ Reading read_entry(const Entry& entry) {
     if (!reading.has_position) read_gps_tuple(line, reading);
     read_heights(line, reading);
     read_gimbal(line, reading);
+    read_zoom(line, reading.zoom);
   }
   return reading;
 }
@@ -272,11 +327,17 @@ Telemetry collect(const std::vector<Reading>& readings) {
   const bool by_stamp =
       std::any_of(readings.begin(), readings.end(), [](const Reading& r) { return r.stamp_s.has_value(); });
   FixFilter filter;
+  std::vector<ZoomReading> zooms;
   std::optional<double> first_date_s;
   for (const Reading& reading : readings) {
     fill(first_date_s, reading.date_s);
     std::optional<double> time_s = reading.stamp_s;
     if (!by_stamp && reading.date_s) time_s = *reading.date_s - *first_date_s;
+    if (time_s && (reading.zoom.focal_length || reading.zoom.digital_zoom)) {
+      zooms.push_back(reading.zoom);
+      zooms.back().time_s = *time_s;
+      zooms.back().where = base::formatted("%.2f s", *time_s);
+    }
     if (!time_s) {
       filter.drop_without_time();
     } else if (!reading.has_position) {
@@ -287,7 +348,9 @@ Telemetry collect(const std::vector<Reading>& readings) {
       filter.add(fix);
     }
   }
-  return std::move(filter).finish();
+  Telemetry telemetry = std::move(filter).finish();
+  telemetry.zooms = std::move(zooms);
+  return telemetry;
 }
 
 }  // namespace

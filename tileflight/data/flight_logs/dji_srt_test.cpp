@@ -7,6 +7,7 @@
 #include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/data/flight_logs/telemetry.h"
 #include "tileflight/data/flight_logs/test_log.h"
+#include "tileflight/data/flight_logs/zoom.h"
 
 namespace tileflight::flight_logs::telemetry_test {
 namespace {
@@ -53,6 +54,41 @@ TEST_F(TelemetryText, EntriesWithoutFixAreDroppedAndCounted) {
   EXPECT_THAT(log.warnings, ElementsAre("1 entries dropped: no time", "2 entries dropped: no position fix",
                                         "1 entries dropped: latitude or longitude out of range",
                                         "1 entries dropped: time does not increase"));
+}
+
+TEST_F(TelemetryText, FeetAndRadiansAreReadByTheirUnits) {
+  const auto entry = [](const std::string& text) { return "1\n00:00:01,000 --> 00:00:02,000\n" + text + "\n"; };
+  for (const char* const text : {"GPS (8.2, 47.4, 18), D 49.21ft, H 100ft", "GPS (8.2, 47.4, 18), H 100 ft",
+                                 "[latitude: 47.4] [longitude: 8.2] [rel_alt: 100.0ft abs_alt: 1000 ft]"}) {
+    const Telemetry log = read(entry(text));
+    EXPECT_NEAR(log.fixes[0].height_above_takeoff_m.value(), 30.48, 1e-9) << text;
+    EXPECT_NEAR(log.fixes[0].absolute_height_m.value_or(304.8), 304.8, 1e-9) << text;
+  }
+  const Telemetry turned = read(entry("[latitude: 47.4] [longitude: 8.2] [gb_yaw: 0.5rad gb_pitch: -1.5 rad]"));
+  EXPECT_NEAR(turned.fixes[0].gimbal_yaw_deg.value(), 28.6479, 1e-3);
+  EXPECT_NEAR(turned.fixes[0].gimbal_pitch_deg.value(), -85.9437, 1e-3);
+  EXPECT_THAT([&] { read(entry("GPS (8.2, 47.4, 18), H 100yd")); },
+              ThrowsMessage<InputError>(HasSubstr("'100yd' is no number")));
+}
+
+TEST_F(TelemetryText, ZoomIsReadAndNamedWhereItChanges) {
+  const auto warnings = [&](const std::vector<std::string>& entries) {
+    std::string text;
+    for (std::size_t i = 0; i < entries.size(); ++i)
+      text += std::to_string(i + 1) + "\n00:00:0" + std::to_string(i) +
+              ",500 --> 00:00:09,000\n[latitude: 47.4] [longitude: 8.2] " + entries[i] + "\n\n";
+    return find_zoom_warnings(read(text).zooms, "the subtitles");
+  };
+  EXPECT_THAT(
+      warnings({"[focal_len : 240] [dzoom_ratio: 10000, delta:0]", "[focal_len : 240] [dzoom_ratio: 10000, delta:0]"}),
+      testing::IsEmpty());
+  EXPECT_THAT(warnings({"[focal_len: 24.00]", "[focal_len: 24.00]", "[focal_len: 30.00]", "[focal_len: 48.00]",
+                        "[focal_len: 48.00]"}),
+              ElementsAre(HasSubstr("the focal length changes by a factor of 2 (24 to 48) between 1.50 s and 3.50 s")));
+  EXPECT_THAT(warnings({"[focal_len: 24.00] [dzoom_ratio: 1.00]", "[focal_len: 24.00] [dzoom_ratio: 2.00]"}),
+              ElementsAre(HasSubstr("the digital zoom changes by a factor of 2 (1 to 2) between 0.50 s and 1.50 s")));
+  EXPECT_THAT(warnings({"[focal_len: 24.00] [dzoom_ratio: 20000, delta:0]"}),
+              ElementsAre(HasSubstr("a digital zoom of 2 was set")));
 }
 
 /// Programs and locales write numbers and axes in their own ways; none may become another place.

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <functional>
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
@@ -10,6 +11,41 @@
 namespace tileflight::flight_logs {
 
 namespace {
+
+/// The points of a file whose parts (tracks, segments) may stand in any order: programs write the newest first.
+class UtcFixes {
+ public:
+  FixFilter filter;  ///< counts what is no fix
+
+  void add(const TelemetryFix& fix) { part_.push_back(fix); }
+  /// Ends a part: later points belong to another one.
+  void end_part() {
+    if (part_.empty()) return;
+    const bool is_reversed = part_.front().time_s > part_.back().time_s &&
+                             std::ranges::is_sorted(part_, std::ranges::greater{}, &TelemetryFix::time_s);
+    if (is_reversed) std::ranges::reverse(part_);
+    was_sorted_ = was_sorted_ || is_reversed;
+    parts_.push_back(std::move(part_));
+    part_.clear();
+  }
+  /// Puts the parts in the order of their first times and returns the fixes as FixFilter::finish() does.
+  Telemetry finish(const std::string& where, const std::string& entries) && {
+    end_part();
+    const auto begins_earlier = [](const auto& a, const auto& b) { return a.front().time_s < b.front().time_s; };
+    was_sorted_ = was_sorted_ || !std::ranges::is_sorted(parts_, begins_earlier);
+    std::ranges::stable_sort(parts_, begins_earlier);
+    for (const std::vector<TelemetryFix>& part : parts_)
+      for (const TelemetryFix& fix : part) filter.add(fix);
+    Telemetry telemetry = std::move(filter).finish(where, entries);
+    if (was_sorted_) telemetry.warnings.push_back("the tracks were not in order of time and have been sorted");
+    return telemetry;
+  }
+
+ private:
+  std::vector<std::vector<TelemetryFix>> parts_;
+  std::vector<TelemetryFix> part_;
+  bool was_sorted_ = false;
+};
 
 /// One `gx:Track`: its `when` and `coord` elements correspond by order.
 struct Track {
@@ -39,8 +75,10 @@ class KmlReader {
     if (++depth_ == 1 && name != "kml") {
       throw InputError(where_, "is XML but not KML: its root element is <" + std::string(name.substr(0, 40)) + ">");
     }
-    if (name == "Track" && !track_) track_.emplace();
+    if (name == "MultiTrack") multi_track_is_absolute_ = false;
+    if (name == "Track" && !track_) track_.emplace().is_absolute = multi_track_is_absolute_;
     if (name == "Placemark") placemark_ = {};
+    if (name == "Placemark") multi_track_is_absolute_ = false;
     if (name == "Point") placemark_.is_in_point = true;
     if (name == "LineString") has_lines_ = true;
     return true;
@@ -48,6 +86,7 @@ class KmlReader {
 
   bool end(std::string_view name, std::string_view text) {
     --depth_;
+    if (name == "MultiTrack") multi_track_is_absolute_ = false;
     if (!track_) return end_of_placemark(name, text);
     if (name == "when") track_->times_s.push_back(base::parse_iso_time_s(text));
     if (name == "coord") track_->positions.push_back(parse_coord(base::trim(text)));
@@ -59,7 +98,7 @@ class KmlReader {
   bool has_heights_above_ground() const { return above_ground_; }
   /// Whether there are lines, but no point with a time.
   bool has_only_lines() const { return has_lines_ && !has_points_; }
-  FixFilter take() && { return std::move(filter_); }
+  UtcFixes take() && { return std::move(fixes_); }
 
  private:
   /// A placemark with a time stamp and a point.
@@ -71,7 +110,8 @@ class KmlReader {
 
   bool end_of_placemark(std::string_view name, std::string_view text) {
     if (name == "when") placemark_.time_s = base::parse_iso_time_s(text);
-    if (name == "altitudeMode") placemark_.is_absolute = base::trim(text) == "absolute";
+    // That of a MultiTrack stands beside its tracks, and is theirs unless they have their own.
+    if (name == "altitudeMode") placemark_.is_absolute = multi_track_is_absolute_ = base::trim(text) == "absolute";
     if (name == "coordinates" && placemark_.is_in_point) {
       std::string numbers(base::trim(text));  // "longitude,latitude,altitude"
       std::ranges::replace(numbers, ',', ' ');
@@ -83,7 +123,7 @@ class KmlReader {
     placemark_.position->time_s = *placemark_.time_s;
     if (!placemark_.is_absolute) placemark_.position->absolute_height_m.reset();
     above_ground_ = above_ground_ || !placemark_.is_absolute;
-    filter_.add(*placemark_.position);
+    fixes_.add(*placemark_.position);
     return true;
   }
 
@@ -91,33 +131,35 @@ class KmlReader {
     has_points_ = true;
     for (std::size_t i = 0; i < std::max(track_->times_s.size(), track_->positions.size()); ++i) {
       if (i >= track_->times_s.size() || !track_->times_s[i]) {
-        filter_.drop_without_time();
+        fixes_.filter.drop_without_time();
       } else if (i >= track_->positions.size() || !track_->positions[i]) {
-        filter_.drop_without_fix();
+        fixes_.filter.drop_without_fix();
       } else {
         TelemetryFix fix = *track_->positions[i];
         fix.time_s = *track_->times_s[i];
         if (!track_->is_absolute) fix.absolute_height_m.reset();
-        filter_.add(fix);
+        fixes_.add(fix);
       }
     }
+    fixes_.end_part();
     above_ground_ = above_ground_ || !track_->is_absolute;
     track_.reset();
   }
 
   std::string where_;
   int depth_ = 0;
+  bool multi_track_is_absolute_ = false;
   bool above_ground_ = false, has_lines_ = false, has_points_ = false;
   std::optional<Track> track_;
   Placemark placemark_;
-  FixFilter filter_;
+  UtcFixes fixes_;
 };
 
 }  // namespace
 
 Telemetry read_kml(const std::filesystem::path& file) {
   KmlReader reader(file.string());
-  const std::string bytes = base::read_text(file, base::kMaxLogBytes);
+  const std::string bytes = base::read_raw(file, base::kMaxLogBytes);
   const std::string fault =
       read_xml(bytes, file.string(),
                {.start = [&](std::string_view name, const XmlEvents::Attributes&) { return reader.start(name); },
@@ -176,25 +218,26 @@ class GpxReader {
       if (name == "time") point_.time_s = base::parse_iso_time_s(text);
     }
     if (point_.depth > 0 && depth_ == point_.depth) finish_point();
+    if (name == "trkseg" || name == "trk") fixes_.end_part();
     --depth_;
     return true;
   }
 
-  FixFilter take() && { return std::move(filter_); }
+  UtcFixes take() && { return std::move(fixes_); }
 
  private:
   void finish_point() {
     if (!point_.time_s) {
-      filter_.drop_without_time();
+      fixes_.filter.drop_without_time();
     } else if (!point_.latitude_deg || !point_.longitude_deg) {
-      filter_.drop_without_fix();
+      fixes_.filter.drop_without_fix();
     } else {
       TelemetryFix fix;
       fix.time_s = *point_.time_s;
       fix.latitude_deg = *point_.latitude_deg;
       fix.longitude_deg = *point_.longitude_deg;
       fix.absolute_height_m = point_.elevation_m;
-      filter_.add(fix);
+      fixes_.add(fix);
     }
     point_ = {};
   }
@@ -202,14 +245,14 @@ class GpxReader {
   std::string where_;
   int depth_ = 0;
   Point point_;
-  FixFilter filter_;
+  UtcFixes fixes_;
 };
 
 }  // namespace
 
 Telemetry read_gpx(const std::filesystem::path& file) {
   GpxReader reader(file.string());
-  const std::string bytes = base::read_text(file, base::kMaxLogBytes);
+  const std::string bytes = base::read_raw(file, base::kMaxLogBytes);
   const std::string fault =
       read_xml(bytes, file.string(),
                {.start = [&](std::string_view name, const auto& attributes) { return reader.start(name, attributes); },

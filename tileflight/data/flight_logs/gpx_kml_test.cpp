@@ -47,6 +47,15 @@ TEST_F(Gpx, PointsOfAllSegmentsWithTimesOfAnyOffset) {
   EXPECT_THAT(log.warnings, IsEmpty());
 }
 
+TEST_F(Gpx, TracksWithTheNewestFirstAreSorted) {
+  const Telemetry log = read(track(point("45.3", "2024-01-01T00:00:03Z") + point("45.4", "2024-01-01T00:00:04Z") +
+                                   "</trkseg></trk><trk><trkseg>" + point("45.2", "2024-01-01T00:00:02Z") +
+                                   point("45.1", "2024-01-01T00:00:01Z")));
+  ASSERT_EQ(log.fixes.size(), 4u);
+  for (std::size_t i = 0; i < 4; ++i) EXPECT_NEAR(log.fixes[i].latitude_deg, 45.1 + 0.1 * static_cast<double>(i), 1e-9);
+  EXPECT_THAT(log.warnings, ElementsAre("the tracks were not in order of time and have been sorted"));
+}
+
 TEST_F(Gpx, OlderVersionWithPrefixAndSpaces) {
   const Telemetry log = read(
       "\xEF\xBB\xBF<x:gpx version='1.0' xmlns:x='http://www.topografix.com/GPX/1/0'>\r\n<x:trk><x:trkseg>"
@@ -158,6 +167,17 @@ class Kml : public LogTest {
  protected:
   Kml() : LogTest("log.kml", read_telemetry) {}
 };
+
+// OGC 12-007r2, 9.12: the altitudeMode of a MultiTrack is that of its tracks.
+TEST_F(Kml, TheAltitudeModeOfAMultiTrackIsThatOfItsTracks) {
+  const std::string bare = "<gx:Track>" + std::string(kPoints) + "</gx:Track>";
+  const Telemetry log =
+      read(document("<gx:MultiTrack><altitudeMode>absolute</altitudeMode>" + bare + "</gx:MultiTrack>"));
+  ASSERT_EQ(log.fixes.size(), 2u);
+  EXPECT_EQ(log.fixes[0].absolute_height_m, 2900.5);
+  EXPECT_THAT(log.warnings, IsEmpty());
+  EXPECT_EQ(read(document(bare)).fixes.front().absolute_height_m, std::nullopt);
+}
 
 TEST_F(Kml, TimesAndPlacesBelongTogetherByTheirOrder) {
   const Telemetry log = read(document(track(kPoints)));

@@ -191,7 +191,7 @@ bool is_mavlink_log(std::string_view head) {
 }
 
 Telemetry read_mavlink_log(const std::filesystem::path& file) {
-  const std::string bytes = base::read_text(file, base::kMaxLogBytes);
+  const std::string bytes = base::read_raw(file, base::kMaxLogBytes);
   TlogReader reader;
   reader.read(bytes);
   return std::move(reader).finish(file.string());

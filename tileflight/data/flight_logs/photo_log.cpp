@@ -105,6 +105,14 @@ void read_exif(std::string_view segment, PhotoTags& tags) {
   if (const auto exposure = fractions_of<1>(exif, EXIF_IFD_EXIF, EXIF_TAG_EXPOSURE_TIME);
       exposure && (*exposure)[0] > 0)
     tags.exposure_s = (*exposure)[0];
+  const auto positive = [&](int tag) -> std::optional<double> {
+    const auto value = fractions_of<1>(exif, EXIF_IFD_EXIF, tag);
+    return value && (*value)[0] > 0 ? std::optional((*value)[0]) : std::nullopt;
+  };
+  tags.focal_length_mm = positive(EXIF_TAG_FOCAL_LENGTH);
+  tags.digital_zoom = positive(EXIF_TAG_DIGITAL_ZOOM_RATIO);  // 0: not used
+  if (const auto film_mm = whole_of(exif, EXIF_IFD_EXIF, EXIF_TAG_FOCAL_LENGTH_IN_35MM_FILM); film_mm && *film_mm > 0)
+    tags.focal_length_35mm = *film_mm;
   tags.orientation = whole_of(exif, EXIF_IFD_0, EXIF_TAG_ORIENTATION).value_or(1);
   tags.latitude_deg = angle_of(exif, EXIF_TAG_GPS_LATITUDE, EXIF_TAG_GPS_LATITUDE_REF, "NS");
   tags.longitude_deg = angle_of(exif, EXIF_TAG_GPS_LONGITUDE, EXIF_TAG_GPS_LONGITUDE_REF, "EW");
@@ -254,6 +262,14 @@ PhotoLog read_photo_log(const fs::path& folder) {
   std::vector<Photo> photos = photos_of(folder);
   PhotoLog log;
   log.photos = photos.size();
+  for (const Photo& photo : photos) {
+    const PhotoTags& tags = photo.tags;
+    if (tags.focal_length_mm || tags.focal_length_35mm || tags.digital_zoom)
+      log.zooms.push_back({.where = photo.name,
+                           .focal_length = tags.focal_length_mm,
+                           .focal_length_35mm = tags.focal_length_35mm,
+                           .digital_zoom = tags.digital_zoom});
+  }
   const auto undated = std::ranges::count_if(photos, [](const Photo& photo) {
     return !photo.tags.taken_at_s && photo.tags.latitude_deg && photo.tags.longitude_deg;
   });

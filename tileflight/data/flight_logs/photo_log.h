@@ -23,6 +23,7 @@ struct PhotoTags {
   std::optional<double> height_above_takeoff_m;
   std::optional<double> gimbal_yaw_deg, gimbal_pitch_deg, gimbal_roll_deg;
   std::optional<double> body_yaw_deg, body_pitch_deg, body_roll_deg;
+  std::optional<double> focal_length_mm, focal_length_35mm, digital_zoom;
 };
 
 /// Reads the tags of a JPEG; the bytes before the image data suffice. Missing or invalid values are left empty; a file
@@ -39,6 +40,7 @@ struct PhotoTime {
 struct PhotoLog {
   double start_utc_s = 0.0;                ///< of the first photo with a time, since 1970, by the camera's clock
   std::map<std::string, PhotoTime> times;  ///< by file name; all photos with a capture time
+  std::vector<ZoomReading> zooms;          ///< of all photos that state any, in order of their names
   Telemetry telemetry;                     ///< photos that also have a position; may have no fixes
   std::size_t photos = 0;                  ///< JPEG files in the folder
   std::vector<std::string> warnings;       ///< about `times`, one line each

@@ -8,6 +8,7 @@
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/test_bytes.h"
 #include "tileflight/data/flight_logs/telemetry.h"
+#include "tileflight/data/flight_logs/zoom.h"
 
 namespace tileflight::flight_logs::photo_log_test {
 namespace {
@@ -74,7 +75,8 @@ std::string segment(const std::string& content) {
 
 /// EXIF of a photo taken on 2024-05-06 at `clock`, 45 deg 30' N, 9 deg 15' W, 120.5 m high.
 std::string exif(const std::string& clock, const std::string& digits = "", const std::string& offset = "",
-                 std::uint8_t height_reference = 0) {
+                 std::uint8_t height_reference = 0,
+                 const std::vector<std::pair<std::uint16_t, std::uint32_t>>& lens = {}) {
   Directory gps, shot, first;
   gps.text(1, "N");
   gps.fractions(2, {{45, 1}, {30, 1}, {0, 1}});
@@ -86,6 +88,13 @@ std::string exif(const std::string& clock, const std::string& digits = "", const
   shot.text(0x9003, "2024:05:06 " + clock);
   if (!offset.empty()) shot.text(0x9011, offset);
   if (!digits.empty()) shot.text(0x9291, digits);
+  for (const auto& [tag, value] : lens) {
+    if (tag == 0xA405) {
+      shot.word(tag, static_cast<std::uint16_t>(value));
+    } else {
+      shot.fractions(tag, {{value, 100}});
+    }
+  }
   first.word(0x112, 6);
   Directory sized = first;  // as long as it will be
   sized.offset(0x8769, 0);
@@ -185,6 +194,23 @@ TEST_F(Photos, OfOneSecondAreSpreadOverIt) {
   EXPECT_EQ(log.telemetry.fixes[1].time_s, 0.5);
   EXPECT_EQ(log.telemetry.height_datum, HeightDatum::kMeanSeaLevel);
   EXPECT_EQ(read_telemetry(folder_.path()).fixes.size(), 3U);
+}
+
+// FocalLength, DigitalZoomRatio and FocalLengthIn35mmFilm: CIPA DC-008, 4.6.5. The ratio 0 means that none was used.
+TEST_F(Photos, SayHowTheyWereZoomed) {
+  constexpr std::uint16_t kFocal = 0x920A, kDigital = 0xA404, kFilm = 0xA405;
+  const auto warnings = [&](const std::string& name, std::uint32_t focal, std::uint32_t digital, std::uint32_t film) {
+    add(name,
+        jpeg({exif("07:08:1" + name.substr(0, 1), "", "", 0, {{kFocal, focal}, {kDigital, digital}, {kFilm, film}})}));
+    return find_zoom_warnings(read_photo_log(folder_.path()).zooms, "the photos' tags");
+  };
+  EXPECT_THAT(warnings("1.jpg", 880, 0, 24), IsEmpty());
+  EXPECT_THAT(warnings("2.jpg", 880, 0, 25), IsEmpty()) << "rounded";
+  EXPECT_THAT(
+      warnings("3.jpg", 880, 0, 48),
+      ElementsAre(HasSubstr("focal length in 35 mm film changes by a factor of 2 (24 to 48) between 1.jpg and 3.jpg")));
+  EXPECT_THAT(warnings("4.jpg", 1320, 200, 72),
+              ElementsAre(HasSubstr("focal length changes by a factor of 1.5 (8.8 to 13.2) between 3.jpg and 4.jpg")));
 }
 
 TEST_F(Photos, WithoutTagsAreNoLog) {

@@ -15,12 +15,6 @@ namespace {
 
 enum class Format { kDjiSubtitles, kGpx, kKml, kCsv, kUlog, kDataflash, kNmea, kMavlink };
 
-/// UTF-8 that starts with a tag, or UTF-16 (used only by the XML formats).
-bool is_xml(std::string_view head) {
-  return base::trim(base::strip_byte_order_mark(head)).starts_with('<') || head.starts_with("\xFF\xFE") ||
-         head.starts_with("\xFE\xFF");
-}
-
 /// Name of the root element if the text starts with XML; otherwise empty.
 std::string root_of(std::string_view head) {
   std::string root;
@@ -45,6 +39,12 @@ bool is_subtitles(std::string_view head) {
 bool has_subtitles_name(const std::filesystem::path& file) {
   const std::string extension = file.extension().string();
   return extension == ".srt" || extension == ".SRT";
+}
+
+/// UTF-8 that starts with a tag, or UTF-16 that is XML.
+bool is_xml(std::string_view head) {
+  if (base::trim(base::strip_byte_order_mark(head)).starts_with('<')) return true;
+  return (head.starts_with("\xFF\xFE") || head.starts_with("\xFE\xFF")) && !root_of(head).empty();
 }
 
 Format format_of(const std::filesystem::path& file) {

@@ -30,6 +30,15 @@ struct BodyRate {
   geometry::Vec3 rate_rad_s = geometry::Vec3::Zero();  ///< about the vehicle's axes: forward, right, down
 };
 
+/// What a camera says of its focal length at one moment.
+struct ZoomReading {
+  double time_s = 0.0;                      ///< on the clock of the fixes
+  std::string where;                        ///< for messages: the moment, or the photo's name
+  std::optional<double> focal_length;       ///< in the unit of the log, which differs: only ratios count
+  std::optional<double> focal_length_35mm;  ///< that of a 35 mm film with the same field of view, whole millimetres
+  std::optional<double> digital_zoom;       ///< 1: none
+};
+
 /// Reference of a log's absolute heights.
 enum class HeightDatum { kUnknown, kEllipsoid, kMeanSeaLevel };
 
@@ -38,6 +47,7 @@ struct Telemetry {
   std::vector<TelemetryFix> fixes;  ///< strictly increasing time; repeated positions (held between fixes) are kept
   HeightDatum height_datum = HeightDatum::kUnknown;
   std::vector<BodyRate> body_rates;   ///< strictly increasing time; empty if the log has no gyroscope data
+  std::vector<ZoomReading> zooms;     ///< of all entries that have any, in their order
   std::optional<double> zero_utc_s;   ///< Unix time (UTC) of time 0, if the log states it
   std::vector<std::string> warnings;  ///< e.g. entries dropped, one line each
 };

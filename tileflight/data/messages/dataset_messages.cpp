@@ -104,7 +104,7 @@ class MessageLister {
       const double time_s = frame.time_s + listed.timeshift_s;
       add(time_s, infos, listed.frame_id, [camera](const ros::Header& head) { return ros::camera_info(head, camera); });
       add(time_s, images, listed.frame_id, [image = frame.image](const ros::Header& head) {
-        const std::string bytes = base::read_text(image);
+        const std::string bytes = base::read_raw(image);
         if (bytes.starts_with("\x89PNG")) return ros::compressed_image(head, "png", bytes);
         if (bytes.starts_with("\xFF\xD8")) return ros::compressed_image(head, "jpeg", bytes);
         const std::vector<std::byte> png = imaging::recode_png(std::as_bytes(std::span(bytes)), image.string());

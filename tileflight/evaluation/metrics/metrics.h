@@ -134,7 +134,7 @@ struct TrajectoryMetrics {
   std::size_t poses = 0;                                           ///< compared, each with a true one
   std::size_t estimated_poses = 0, true_poses = 0;                 ///< given; 0 in older files
   double time_covered = std::numeric_limits<double>::quiet_NaN();  ///< share of the truth's time between the first and
-                                                                   ///< the last pair
+                                                                   ///< the last pair, without gaps
 };
 
 struct MapMetricsOptions {
@@ -179,6 +179,15 @@ TrajectoryMetrics score_trajectory(const PairedTrajectories& poses, const Trajec
 /// Pairs, aligns and scores a trajectory: pair_and_align(), then score_trajectory().
 TrajectoryMetrics evaluate_trajectory(const geometry::Trajectory& estimate, const geometry::Trajectory& truth,
                                       const TrajectoryOptions& options = {});
+
+/// A time without poses in the middle of a trajectory.
+struct TimeGap {
+  double from_s = 0.0, to_s = 0.0;
+};
+
+/// Finds the gaps of a trajectory: intervals between poses that are far longer than usual, and longer than a share of
+/// `duration_s`. Keyframes, which are made as the view changes, are not so far apart.
+std::vector<TimeGap> find_time_gaps(const geometry::Trajectory& trajectory, double duration_s);
 
 /// Error of the motion from each pose to the next (the first pose has none), as the RPE over one frame.
 struct StepErrors {

@@ -198,13 +198,32 @@ PairedTrajectories pair_and_align(const Trajectory& estimate, const Trajectory& 
   return poses;
 }
 
+std::vector<TimeGap> find_time_gaps(const Trajectory& trajectory, double duration_s) {
+  // Chosen by hand.
+  constexpr double kTimesUsual = 5.0, kShare = 0.05;
+  std::vector<double> intervals_s;
+  for (std::size_t i = 1; i < trajectory.size(); ++i)
+    intervals_s.push_back(trajectory.poses[i].time_s - trajectory.poses[i - 1].time_s);
+  if (intervals_s.empty()) return {};
+  const double least_s = std::max(kTimesUsual * base::median(intervals_s), kShare * duration_s);
+  std::vector<TimeGap> gaps;
+  for (std::size_t i = 1; i < trajectory.size(); ++i) {
+    if (intervals_s[i - 1] > least_s) gaps.push_back({trajectory.poses[i - 1].time_s, trajectory.poses[i].time_s});
+  }
+  return gaps;
+}
+
 TrajectoryMetrics score_trajectory(const PairedTrajectories& poses, const TrajectoryOptions& options) {
   TrajectoryMetrics result;
   result.alignment = options.alignment;
   result.poses = poses.truth.size();
   result.estimated_poses = poses.estimated_poses;
   result.true_poses = poses.true_poses;
-  if (poses.true_duration_s > 0.0) result.time_covered = duration_s(poses.truth) / poses.true_duration_s;
+  if (poses.true_duration_s > 0.0) {
+    double covered_s = duration_s(poses.truth);
+    for (const TimeGap& gap : find_time_gaps(poses.truth, poses.true_duration_s)) covered_s -= gap.to_s - gap.from_s;
+    result.time_covered = covered_s / poses.true_duration_s;
+  }
   result.scale = poses.T_truth_estimate.scale;
   result.path_length_m = geometry::path_length_m(poses.truth);
   add_absolute_error(poses, result);

@@ -185,6 +185,20 @@ TEST(TrajectoryMetrics, SaysHowMuchWasCompared) {
               ThrowsMessage<InputError>(HasSubstr("share a time with the truth (30 ms)")));
 }
 
+TEST(TrajectoryMetrics, AGapInTheMiddleIsNotCovered) {
+  Trajectory with_gap = noisy_winding();
+  with_gap.poses.erase(with_gap.poses.begin() + 100, with_gap.poses.begin() + 260);
+  const auto m = evaluate_trajectory(with_gap, winding());
+  EXPECT_NEAR(m.time_covered, (39.9 - 16.1) / 39.9, 1e-12);
+  const std::vector<TimeGap> gaps = find_time_gaps(with_gap, 39.9);
+  ASSERT_EQ(gaps.size(), 1u);
+  EXPECT_NEAR(gaps[0].to_s - gaps[0].from_s, 16.1, 1e-9);
+  EXPECT_TRUE(find_time_gaps(winding(), 39.9).empty());
+  Trajectory keyframes;  // irregular, but nowhere a gap
+  for (const double time_s : {0.0, 0.3, 0.5, 1.4, 1.7, 2.0, 3.1, 3.3}) keyframes.poses.push_back({time_s, {}});
+  EXPECT_TRUE(find_time_gaps(keyframes, 3.3).empty());
+}
+
 TEST(TrajectoryMetrics, RefusesBadInput) {
   Trajectory later = winding();
   for (auto& pose : later.poses) pose.time_s += 1000.0;

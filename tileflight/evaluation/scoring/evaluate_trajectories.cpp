@@ -15,6 +15,7 @@
 #include "tileflight/core/geometry/json_numbers.h"
 #include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/evaluation/scoring/map_inputs.h"
+#include "tileflight/evaluation/scoring/warnings.h"
 
 namespace tileflight::scoring {
 namespace fs = std::filesystem;
@@ -149,6 +150,8 @@ Warnings warnings_about(const ScoredTrajectory& scored) {
          scored.name, Severity::kNote,
          "compare with systems that covered as much, unless the truth was recorded for longer than the images"});
   }
+  for (Warning& warning : gap_warnings(scored.poses.truth, scored.poses.true_duration_s, scored.name))
+    warnings.push_back(std::move(warning));
   if (scored.best_scale && std::abs(*scored.best_scale - 1.0) > kScaleOff) {
     warnings.push_back({"the scale that fits best is " + std::to_string(*scored.best_scale).substr(0, 5) +
                             ", and the alignment has none",

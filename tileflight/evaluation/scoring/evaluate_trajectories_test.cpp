@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "tests/temporary_folder.h"
 #include "tileflight/core/base/files.h"
@@ -56,6 +57,24 @@ TEST_F(TrajectoriesAlone, AQuaternionWithWFirstIsNamed) {
   const nlohmann::json named = evaluate("named.txt", "usual.txt");
   EXPECT_TRUE(named["warnings"].empty());
   EXPECT_LT(named["trajectory"]["rpe_frames"][0]["rotation_rmse_deg"], 1e-6);
+}
+
+TEST_F(TrajectoriesAlone, AGapInTheMiddleIsNamed) {
+  write("truth.txt", false);
+  std::string part;
+  std::istringstream lines(base::read_text(folder_ / "truth.txt"));
+  std::string line;
+  for (int i = 0; std::getline(lines, line); ++i)
+    if (i < 20 || i >= 52) part += line + "\n";
+  base::write_file(folder_ / "gap.txt", part);
+  const nlohmann::json result = evaluate("gap.txt", "truth.txt");
+  EXPECT_NEAR(result["trajectory"]["time_covered"], (7.9 - 3.3) / 7.9, 1e-9);
+  ASSERT_EQ(result["warnings"].size(), 2U);
+  EXPECT_THAT(result["warnings"][0]["message"].get<std::string>(),
+              HasSubstr("the estimate covers 58 % of the truth's time"));
+  EXPECT_THAT(result["warnings"][1]["message"].get<std::string>(),
+              HasSubstr("no poses from 1.90 to 5.20 s: 42 % of the"));
+  EXPECT_EQ(result["warnings"][1]["severity"], "warning");
 }
 
 }  // namespace

@@ -13,6 +13,7 @@
 #include "tileflight/core/base/warning.h"
 #include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/data/dataset/dataset.h"
+#include "tileflight/evaluation/metrics/metrics.h"
 
 namespace tileflight::scoring {
 
@@ -65,6 +66,13 @@ void check_tracking_gaps(double frames, double tracked, Warnings& warnings) {
                       "look up the frames without a pose; choose another part of the flight"});
 }
 
+Warnings trajectory_gaps(const MapInputs& map) {
+  if (map.trajectory.empty()) return {};
+  const geometry::Trajectory trajectory = geometry::read_tum(map.trajectory);
+  if (trajectory.empty()) return {};
+  return gap_warnings(trajectory, trajectory.poses.back().time_s - trajectory.poses.front().time_s, kOdometry);
+}
+
 }  // namespace
 
 Warnings read_warnings(const fs::path& json_file) {
@@ -90,12 +98,29 @@ Warnings odometry_warnings(const MapInputs& map) {
     }
     if (about.is_object())
       check_tracking_gaps(number_of(about, "frames", 0.0), number_of(about, "frames_tracked", 0.0), warnings);
+    append_distinct(warnings, trajectory_gaps(map));
     return warnings;
   }
+  append_distinct(warnings, trajectory_gaps(map));
   if (map.dataset.empty() || map.trajectory.empty()) return warnings;
   check_tracking_gaps(static_cast<double>(dataset::read_dataset(map.dataset).frames.size()),
                       static_cast<double>(geometry::read_tum(map.trajectory).size()), warnings);
   return warnings;
+}
+
+Warnings gap_warnings(const geometry::Trajectory& trajectory, double duration_s, const std::string& where) {
+  const std::vector<metrics::TimeGap> gaps = metrics::find_time_gaps(trajectory, duration_s);
+  if (gaps.empty()) return {};
+  const auto length_s = [](const metrics::TimeGap& gap) { return gap.to_s - gap.from_s; };
+  const metrics::TimeGap& longest = *std::ranges::max_element(gaps, {}, length_s);
+  double missing_s = 0.0;
+  for (const metrics::TimeGap& gap : gaps) missing_s += length_s(gap);
+  const std::string others = gaps.size() > 1 ? ", the longest of " + std::to_string(gaps.size()) + " gaps" : "";
+  return {{base::formatted("no poses from %.2f to %.2f s", longest.from_s, longest.to_s) + others +
+               base::formatted(": %.0f %% of the flight's time is missing in between, and its errors are in no number",
+                               100.0 * missing_s / duration_s),
+           where, Severity::kWarning,
+           "look up what went wrong there; score the parts before and after it on their own"}};
 }
 
 Warnings truth_warnings(const place::ExtractResult& extracted) {

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "tileflight/core/base/warning.h"
+#include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/evaluation/metrics/moving_points.h"
 #include "tileflight/evaluation/registration/register_map.h"
 #include "tileflight/evaluation/scoring/map_inputs.h"
@@ -24,6 +25,10 @@ Warnings read_warnings(const std::filesystem::path& json_file);
 /// Returns the warnings about a map before scoring: those of its odometry.json (its own warnings; tracking lost, frames
 /// without a pose), and for external programs without odometry.json the completeness of the path.
 Warnings odometry_warnings(const MapInputs& map);
+
+/// Returns a warning about the times within a trajectory at which it has no poses (metrics::find_time_gaps()).
+/// `duration_s`: of the flight.
+Warnings gap_warnings(const geometry::Trajectory& trajectory, double duration_s, const std::string& where);
 
 /// Warnings about the ground truth: missing or coarse tiles (extract.json).
 Warnings truth_warnings(const place::ExtractResult& extracted);

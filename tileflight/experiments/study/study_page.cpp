@@ -315,8 +315,7 @@ Html frame_picture(const fs::path& folder) {
   if (frames.empty()) return {};
   const fs::path& file = frames[frames.size() / 2].image;
   const std::string type = file.extension() == ".png" ? "image/png" : "image/jpeg";
-  return empty_element("img",
-                       {{"src", drawing::data_uri(type, base::read_text(file))}, {"alt", "Image of the flight"}});
+  return empty_element("img", {{"src", drawing::data_uri(type, base::read_raw(file))}, {"alt", "Image of the flight"}});
 }
 
 /// Runs with a score, worst first, at most one of each system and flight.

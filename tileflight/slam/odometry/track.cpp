@@ -63,6 +63,13 @@ std::vector<std::string> add_rectification_note(std::vector<std::string> notes, 
 
 /// Adds what the dataset's images lack: skipped ones, and those before the start without a pose.
 void add_image_notes(const OdometryResult& result, const SkippedFrames& skipped, std::vector<std::string>& notes) {
+  constexpr double kMany = 0.02;  // of the images
+  if (static_cast<double>(skipped.repeated.frames) > kMany * static_cast<double>(result.frames)) {
+    notes.push_back(std::to_string(skipped.repeated.frames) + " of " + std::to_string(result.frames) +
+                    " images repeat the one before (for example " + skipped.repeated.first_reason +
+                    "): the camera stands still, or the video was filled up to a higher frame rate; these images add "
+                    "nothing to the map");
+  }
   if (skipped.frames > 0) {
     notes.push_back(std::to_string(skipped.frames) +
                     " images could not be decoded and were left out; the first: " + skipped.first_reason);

@@ -3,10 +3,12 @@
 #include <tbb/task_group.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <exception>
 #include <limits>
 #include <memory>
 #include <utility>
+#include <vector>
 
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
@@ -141,6 +143,7 @@ class ReadAhead {
       auto image = read_or_skip(frame, skipped_);
       if (!image) continue;
       require_size(frame.image, image->width, image->height, view_.native);
+      count_repeated(frame, *image);
       return odometry::InputFrame{.index = static_cast<std::int64_t>(at_++),
                                   .time_s = reverse_ ? -frame.time_s : frame.time_s,
                                   .exposure_ms = frame.exposure_ms,
@@ -150,6 +153,22 @@ class ReadAhead {
     return std::nullopt;
   }
 
+  /// Counts an image that shows the same as the one before, but for what a video's compression changes.
+  void count_repeated(const dataset::Frame& frame, const imaging::RgbImage& image) {
+    constexpr std::size_t kStride = 31;
+    constexpr double kSame = 0.3;  // mean difference, grey values; the noise of a camera that stands still is larger
+    const std::vector<std::uint8_t> before = std::exchange(sample_, {});
+    std::int64_t difference = 0;
+    for (std::size_t i = 0; i < image.pixels.size(); i += kStride) {
+      sample_.push_back(image.pixels[i][1]);
+      if (sample_.size() <= before.size()) difference += std::abs(sample_.back() - before[sample_.size() - 1]);
+    }
+    if (before.size() != sample_.size() ||
+        static_cast<double>(difference) >= kSame * static_cast<double>(sample_.size()))
+      return;
+    if (skipped_.repeated.frames++ == 0) skipped_.repeated.first_reason = frame.id;
+  }
+
   const std::vector<dataset::Frame>& frames_;
   bool reverse_;
   const TrackingCamera& view_;
@@ -157,6 +176,7 @@ class ReadAhead {
   bool has_begun_ = false;
   std::size_t at_ = 0;  ///< this and what follows: the task's, while it runs
   SkippedFrames skipped_;
+  std::vector<std::uint8_t> sample_;  ///< of the image before
   std::optional<odometry::InputFrame> frame_;
   std::exception_ptr failure_;
   tbb::task_group task_;

@@ -64,6 +64,7 @@ struct SkippedImages {
 
 struct SkippedFrames : SkippedImages {
   SkippedImages of_others;  ///< of a rig's other cameras
+  SkippedImages repeated;   ///< not left out, but equal to the image before; first_reason: the first one's id
 };
 
 /// Reads the chosen images one by one, each while the one before it is tracked. Times are negated in reverse order;

@@ -255,7 +255,7 @@ SurfaceAppearance ply_look(bool with_uv, bool has_colors,
 }  // namespace
 
 MeshSource read_ply_meshes(const fs::path& file, bool textures) {
-  std::string bytes = base::read_text(file, kMaxPlyBytes);
+  std::string bytes = base::read_raw(file, kMaxPlyBytes);
   KeptPlyFaces kept;
   PlyReader reader(bytes, file.string(), textures, kept);
   reader.read();

@@ -113,7 +113,7 @@ std::optional<BlockRecord> BlockStore::read(const std::string& block) const {
 bool BlockStore::holds(const std::string& block) const { return fs::is_regular_file(record_of(block)); }
 
 void BlockStore::add_floor(const std::string& block, ground_truth::QuantizationFloor& floor) const {
-  floor.add_bytes(base::read_text(floor_of(block)), floor_of(block).string());
+  floor.add_bytes(base::read_raw(floor_of(block)), floor_of(block).string());
 }
 
 }  // namespace tileflight::place
