@@ -207,13 +207,27 @@ TEST_F(MeshFile, PlyWithTextureCoordinatesOfCornersIsRead) {
                                           static_cast<float>(1 - mesh.mesh.vertices[i].y())));
 }
 
+TEST_F(MeshFile, PlyTriangleStripsTurnEveryOtherTriangleAndEndAtMinusOne) {
+  const MeshSource source = read(
+      "a.ply", std::string(kPlyHeader) + "element tristrips 1\nproperty list int int vertex_indices\nend_header\n" +
+                   kPlyVertices + "12 0 1 3 2 -1 1 2 0 -1 2 2 3\n");
+  ASSERT_EQ(source.meshes.size(), 1U);
+  const geometry::TriangleMesh& mesh = source.meshes[0].mesh;
+  ASSERT_EQ(mesh.triangles.size(), 3U) << "2 2 3 has no area";
+  for (const geometry::Triangle& t : mesh.triangles) {
+    const geometry::Vec3 up =
+        (mesh.vertices[t[1]] - mesh.vertices[t[0]]).cross(mesh.vertices[t[2]] - mesh.vertices[t[0]]);
+    EXPECT_GT(up.z(), 0);
+  }
+}
+
 TEST_F(MeshFile, BrokenPlyIsRefused) {
   const std::string header =
       std::string(kPlyHeader) + "element face 1\nproperty list uchar int vertex_indices\nend_header\n" + kPlyVertices;
   expect_refused("a.ply",
                  std::string(kPlyHeader) + "element tristrips 1\nproperty list int int vertex_indices\nend_header\n" +
-                     kPlyVertices + "3 0 1 2\n",
-                 HasSubstr("triangle strips"));
+                     kPlyVertices + "3 0 1 4\n",
+                 HasSubstr("strip 0 refers to vertex 4 of 4"));
   expect_refused("a.ply", std::string(kPlyHeader) + "end_header\n" + kPlyVertices, HasSubstr("points without faces"));
   expect_refused("a.ply", header + "3 0 1 4\n", HasSubstr("vertex 4 of 4"));
   expect_refused("a.ply", header + "3 0 1 -1\n", HasSubstr("vertex -1"));
