@@ -91,6 +91,23 @@ TEST_F(MeshFile, ObjWithMaterialsIsRead) {
   EXPECT_EQ(plain.base_color[2], 1.0F);
 }
 
+TEST_F(MeshFile, LibrariesMayBeginWithAByteOrderMarkAndOpacityIsNamed) {
+  write_picture("p.png");
+  const std::string square =
+      "v 0 0 0\nv 2 0 0\nv 2 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl m\n"
+      "f 1/1 2/2 3/3 4/4\n";
+  for (const auto& [library, named] :
+       {std::pair("newmtl m\nmap_Kd p.png\n", false), std::pair("newmtl m\nmap_Kd p.png\nd 1\nTr 0\n", false),
+        std::pair("newmtl m\nmap_Kd p.png\nd 0.3\n", true), std::pair("newmtl m\nmap_Kd p.png\nTr 0.7\n", true),
+        std::pair("newmtl m\nmap_Kd p.png\nd -halo 0.5\n", true)}) {
+    write("a.mtl", std::string("\xEF\xBB\xBF") + library);
+    const MeshSource source = read("a.obj", "\xEF\xBB\xBFmtllib a.mtl\n" + square);
+    ASSERT_EQ(source.meshes.size(), 1U);
+    EXPECT_TRUE(source.meshes[0].texture) << library;
+    EXPECT_EQ(source.warnings.size(), named ? 1U : 0U) << library;
+  }
+}
+
 TEST_F(MeshFile, ObjWithoutTexturesNeedsNoLibrary) {
   const MeshSource source = read("a.obj", kObj, {.textures = false});
   EXPECT_EQ(source.meshes.size(), 2U);
