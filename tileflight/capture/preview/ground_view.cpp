@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tileflight/capture/render/daylight.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/world/scene/scene.h"
 
@@ -48,7 +49,10 @@ void paste(const render::Orthophoto& part, int x0, int y0, render::Orthophoto& w
 class Painter {
  public:
   Painter(place::PlaceReader& place, const GroundViewOptions& options, const Progress& progress, GroundView& view)
-      : place_(place), options_(options), progress_(progress), view_(view) {}
+      : place_(place), options_(options), progress_(progress), view_(view) {
+    if (place_.lacks_textures(whole_cut(options_.error_m).contents))
+      options_.top_down.daylight = render::make_daylight(render::relief_light(), std::nullopt);
+  }
 
   void paint(int x, int y, int width, int height) {
     const GroundGrid grid = view_.grid.crop(x, y, width, height);
@@ -62,13 +66,17 @@ class Painter {
   }
 
  private:
+  tileset::TileCut whole_cut(double error_m) {
+    const tileset::Placement& placement = place_.placement();
+    return place_.select_cut(
+        tileset::region_criterion(tileset::column_of(placement.region), placement.T_local_tileset, error_m));
+  }
+
   std::optional<place::PlacePart> read(const GroundGrid& grid, double error_m) {
     const bool is_whole = grid.width == view_.grid.width && grid.height == view_.grid.height;
-    const tileset::Placement& placement = place_.placement();
     // The whole map shows what the region's tiles hold, also beside their volumes.
-    const tileset::TileCut cut = place_.select_cut(
-        is_whole ? tileset::region_criterion(tileset::column_of(placement.region), placement.T_local_tileset, error_m)
-                 : criterion_within(place_, grid_volume(place_, grid), error_m));
+    const tileset::TileCut cut =
+        is_whole ? whole_cut(error_m) : place_.select_cut(criterion_within(place_, grid_volume(place_, grid), error_m));
     return place_.read(cut, true, options_.max_memory_bytes, progress_);
   }
 
@@ -104,7 +112,7 @@ class Painter {
   }
 
   place::PlaceReader& place_;
-  const GroundViewOptions& options_;
+  GroundViewOptions options_;
   const Progress& progress_;
   GroundView& view_;
   std::int64_t done_ = 0;

@@ -123,7 +123,7 @@ std::vector<std::string> collect_warnings(const PreviewedFlight& flight, const F
     warnings.emplace_back("the path was checked against coarser tiles because of the memory limit (--memory)");
   if (const std::size_t cameras = flight.mission.camera_count(); cameras > 1)
     warnings.push_back("images, views and tiles are those of the first of " + std::to_string(cameras) + " cameras");
-  if (std::ranges::none_of(pictures, &SamplePicture::has_textures)) warnings.emplace_back(tileset::kNoTextures);
+  if (flight.lacks_textures) warnings.emplace_back(tileset::kNoTextures);
   append(coarser_picture_warnings(flight, pictures));
   append(missing_tile_warnings(missing));
   append(flight.place.warnings());
@@ -288,6 +288,7 @@ json preview_flight(const PreviewSettings& settings, const fs::path& out, bool r
       settings.render.max_memory_bytes.value_or(base::default_memory_bytes()), 0};
   if (flight.frames().empty()) throw InputError(settings.render.flight.flight.string(), "has no frames");
   std::vector<place::MissingTile> missing;
+  look_at_place(flight);
   SurroundingTiles around = read_surroundings(flight, progress);
   flight.checks_bytes = around.part.memory_bytes;
   std::move(around.part.missing.begin(), around.part.missing.end(), std::back_inserter(missing));

@@ -35,6 +35,22 @@ struct DetailLevel {
 
 }  // namespace
 
+void look_at_place(PreviewedFlight& flight) {
+  const recording::FrameGroups groups = recording::group_flight_frames(flight.mission, flight.settings.render);
+  const auto contents = [&] {
+    std::vector<tileset::CutContent> all;
+    for (const std::vector<std::size_t>& group : groups.frames) {
+      const tileset::TileCut cut =
+          flight.place.select_cut(criterion_of(flight, group, flight.settings.render.error_px, {}));
+      all.insert(all.end(), cut.contents.begin(), cut.contents.end());
+    }
+    return all;
+  };
+  std::vector<tileset::CutContent> shown = contents();
+  if (flight.place.widen_to_contents(shown)) shown = contents();
+  flight.lacks_textures = flight.place.lacks_textures(shown);
+}
+
 SurroundingTiles read_surroundings(PreviewedFlight& flight, const Progress& progress) {
   constexpr std::array<DetailLevel, 5> kDetails{{{0.005, 20e3}, {0.01, 5e3}, {0.02, 2e3}, {0.05, 1e3}, {0.1, 300}}};
   const geometry::SE3& T_local_tileset = flight.place.placement().T_local_tileset;
@@ -89,9 +105,6 @@ SamplePicture render_picture(PreviewedFlight& flight, const std::string& name, s
   picture.tiles = part.tiles;
   picture.file_bytes = part.file_bytes;
   picture.memory_bytes = part.memory_bytes;
-  picture.has_textures = part.meshes.empty() || std::ranges::any_of(part.meshes, [](const imaging::TexturedMesh& mesh) {
-                           return mesh.texture != nullptr || !mesh.colors.empty();
-                         });
   const geometry::Vec3& anchor = groups.anchors[groups.group_of_frame[frame]];
   const scene::Scene scene(place::with_placeholder(std::move(part.meshes)), anchor);
   scene.build_beam_tree();
@@ -99,6 +112,7 @@ SamplePicture render_picture(PreviewedFlight& flight, const std::string& name, s
   options.first_frame = frame;
   options.end_frame = frame + 1;
   options.outputs = {};
+  render::light_by_relief(flight.lacks_textures, options.formation);
   if (const auto& local = flight.place.placement().local_frame) options.origin = local->origin();
   options.frame_filter = [&](std::size_t) {  // called when the renderer is ready to cast its first ray
     if (picture.load_s == 0.0) {

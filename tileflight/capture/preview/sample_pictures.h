@@ -28,11 +28,16 @@ struct PreviewedFlight {
   place::PlaceReader place;
   std::uintmax_t memory;            ///< limit for tiles
   std::uintmax_t checks_bytes = 0;  ///< of it, taken by the tiles along the path; at most half
+  bool lacks_textures = false;      ///< whether its images are shaded by relief_light(); set by look_at_place()
 
   const geometry::Trajectory& frames() const { return mission.frames; }
   std::uintmax_t memory_left() const { return memory - checks_bytes; }
   const geometry::SE3& pose(std::size_t i) const { return mission.frames.poses[i].T_local_camera; }
 };
+
+/// Finds out, from some of the tiles that `render` would show, whether they have textures and lie inside of their
+/// volumes, which the other functions then take into account.
+void look_at_place(PreviewedFlight& flight);
 
 /// Tiles along a flight's path, against which it is checked.
 struct SurroundingTiles {
@@ -50,7 +55,6 @@ struct SamplePicture {
   std::size_t frame = 0;
   imaging::RgbImage thumbnail;
   double surface_share = 0.0;
-  bool has_textures = true;  ///< false: no surface of its tiles has a texture or vertex colours
   std::int64_t tiles = 0;
   std::uintmax_t file_bytes = 0, memory_bytes = 0;
   double load_s = 0.0, render_s = 0.0, encode_s = 0.0;

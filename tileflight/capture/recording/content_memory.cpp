@@ -15,8 +15,9 @@ namespace tileflight::recording {
 std::vector<const imaging::RgbImage*> textures_of(const std::vector<imaging::TexturedMesh>& meshes) {
   std::vector<const imaging::RgbImage*> textures;
   for (const imaging::TexturedMesh& mesh : meshes) {
-    if (mesh.texture && std::ranges::find(textures, mesh.texture.get()) == textures.end())
-      textures.push_back(mesh.texture.get());
+    for (const auto& image : {mesh.texture, mesh.opacity}) {
+      if (image && std::ranges::find(textures, image.get()) == textures.end()) textures.push_back(image.get());
+    }
   }
   return textures;
 }

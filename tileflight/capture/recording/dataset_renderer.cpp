@@ -125,8 +125,13 @@ void write_camera_metadata(dataset::DatasetWriter& writer, const PlannedFlight& 
   const auto faults = render::find_flight_faults(frame_checks(frames), 0, camera.options.clearance_m);
   for (const auto& [key, value] : faults_to_metadata(faults)) writer.describe(key, value);
   for (const auto& [key, value] : faults_to_metadata(find_actor_faults(mission, number))) writer.describe(key, value);
-  if (const auto& light = camera.options.formation.light)
-    writer.describe("light", describe_sun_position(make_daylight(*light, summary.tiles.local_frame->origin())->sun()));
+  render::ImageFormation formation = camera.options.formation;
+  render::light_by_relief(summary.lacks_textures, formation);
+  if (formation.light) {
+    const auto daylight = make_daylight(*formation.light, frame ? std::optional(frame->origin()) : std::nullopt);
+    writer.describe("light", describe_sun_position(daylight->sun()) +
+                                 (daylight->casts_shadows() ? "" : ", without shadows: the place has no textures"));
+  }
   if (const auto& weather = camera.options.render.weather) writer.describe("weather", describe_weather(*weather));
   const std::vector<std::string> names = camera_names(mission);
   if (names.empty()) return;

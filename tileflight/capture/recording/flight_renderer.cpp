@@ -144,6 +144,7 @@ render::FlightRenderOptions FlightRenderer::options_for(const Part& part, std::s
   render::FlightRenderOptions options = mission_.camera(camera).options;
   const std::optional<geometry::LocalFrame>& local_frame = tiles_.placement().local_frame;
   if (local_frame) options.origin = local_frame->origin();
+  render::light_by_relief(tiles_.lacks_textures(), options.formation);
   options.inside_reach_m = kInsideReach_m;
   options.scored_region = visibility_region_test(settings_, tiles_.placement().region);
   if (!gains_.empty()) options.exposure_gains = gains_[camera];
@@ -243,6 +244,7 @@ void FlightRenderer::complete(RenderSummary& summary) {
   if (summary.tiles.triangles == 0)
     place::require_surface({}, summary.tiles.points > 0, tiles_.name(), summary.tiles.failures);
   summary.tiles.triangles = largest;
+  summary.lacks_textures = tiles_.lacks_textures();
 }
 
 /// Keeps what was read before any frame that shows it.

@@ -26,6 +26,7 @@ struct RenderSummary {
   std::int64_t parts = 0;       ///< scenes that were built
   std::int64_t tiles_read = 0;  ///< repeated readings included
   std::uint64_t events = 0;     ///< number of events of all event cameras; known once they are finished
+  bool lacks_textures = false;  ///< FlightTiles::lacks_textures()
 };
 
 /// Consumes a finished frame of one of the flight's cameras; as render::FrameSink.

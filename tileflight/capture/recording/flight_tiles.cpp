@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "tileflight/capture/render/frame_renderer.h"
@@ -10,6 +11,7 @@
 #include "tileflight/tiles/fetch/open_source.h"
 #include "tileflight/tiles/fetch/uri.h"
 #include "tileflight/tiles/tileset/cut_reader.h"
+#include "tileflight/tiles/tileset/inspect.h"
 #include "tileflight/tiles/tileset/region_reader.h"
 
 namespace tileflight::recording {
@@ -89,16 +91,48 @@ FlightTiles::FlightTiles(const PlannedFlight& mission, const RenderSettings& set
   report_progress(progress, 0, 0, "reading the tileset");
   tileset::require_supported_extensions(tree_.tileset(tree_.root()), name_);
   placement_ = tileset::resolve_placement(tree_, load_, name_);
+  select_groups(progress);
+  if (tileset::widen_to_contents(*source_, tree_, contents_to_try(), placement_.T_local_tileset))
+    select_groups(progress);
+  tileset::require_contents(cut_, tree_, placement_, load_, name_);
+  lacks_textures_ = tileset::lacks_textures(*source_, tree_, cut_.contents, placement_.T_local_tileset);
+  first_warnings_ = source_->warnings();
+  if (lacks_textures_) first_warnings_.emplace_back(tileset::kNoTextures);
+  if (!load_.allow_incomplete && !cut_.failures.empty()) throw tileset::incomplete_region(cut_.failures.front());
+  records_.resize(content_count());
+}
+
+void FlightTiles::select_groups(const Progress& progress) {
+  cut_ = {};
+  spheres_.clear();
+  contents_of_group_.clear();
+  numbers_.clear();
   for (std::size_t group = 0; group < groups_.count(); ++group) {
     report_progress(progress, static_cast<std::int64_t>(group), static_cast<std::int64_t>(groups_.count()),
                     "selecting tiles");
     add_group(group);
   }
   if (groups_.count() > 1) cut_.hash = base::sha256_hex(cut_.hash);
-  tileset::require_contents(cut_, tree_, placement_, load_, name_);
-  first_warnings_ = source_->warnings();
-  if (!load_.allow_incomplete && !cut_.failures.empty()) throw tileset::incomplete_region(cut_.failures.front());
-  records_.resize(content_count());
+}
+
+/// Returns the contents whose volumes are checked: those selected, or, if nothing is, the coarsest below and above the
+/// flight, whose volumes may state wrong heights.
+std::vector<tileset::CutContent> FlightTiles::contents_to_try() {
+  constexpr double kAround_m = 500.0, kAnyError = std::numeric_limits<double>::infinity();
+  if (!cut_.contents.empty() || !error_px_) return cut_.contents;
+  geometry::Box3 flown;
+  for (const std::vector<tileset::ViewCone>& cones : cones_) {
+    for (const tileset::ViewCone& cone : cones) flown.extend(cone.position);
+  }
+  const Vec3 size = flown.sizes() + Vec3::Constant(2 * kAround_m);
+  try {
+    return tileset::select_cut(tree_,
+                               tileset::region_criterion(tileset::column_of({.center = flown.center(), .size = size}),
+                                                         placement_.T_local_tileset, kAnyError))
+        .contents;
+  } catch (const tileset::TreeTooLarge&) {
+    return {};
+  }
 }
 
 tileset::TileCut FlightTiles::select_group(std::size_t group, double error_px) {

@@ -50,6 +50,9 @@ class FlightTiles {
   /// Returns the size of a content's file, if the source knows it.
   std::optional<std::uintmax_t> file_bytes(const tileset::CutContent& content) const;
 
+  /// Tells whether surfaces have neither textures nor vertex colours (tileset::lacks_textures).
+  bool lacks_textures() const { return lacks_textures_; }
+
   /// Returns the contents of a group's cut, in its order.
   const std::vector<std::size_t>& contents_of_group(std::size_t group) const { return contents_of_group_[group]; }
   /// Returns the contents that a frame needs, as ascending indices into contents_of_group(): those that it may show,
@@ -81,6 +84,8 @@ class FlightTiles {
   tileset::LoadedTiles summary() const;
 
  private:
+  void select_groups(const Progress& progress);
+  std::vector<tileset::CutContent> contents_to_try();
   tileset::TileCut select_group(std::size_t group, double error_px);
   void add_group(std::size_t group);
   std::size_t number_of(const tileset::CutContent& content);
@@ -103,6 +108,7 @@ class FlightTiles {
   std::vector<tileset::BoundingSphere> spheres_;  ///< of each content, local frame
   std::vector<std::vector<std::size_t>> contents_of_group_;
   std::map<std::pair<tileset::NodeId, std::size_t>, std::size_t> numbers_;
+  bool lacks_textures_ = false;
   std::vector<std::string> first_warnings_;  ///< of the source before any content was read
   std::vector<std::optional<tileset::ContentRecord>> records_;
   std::vector<std::size_t> new_records_;

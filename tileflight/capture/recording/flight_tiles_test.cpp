@@ -6,16 +6,19 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <set>
 
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 #include "tests/tiny_city.h"
+#include "tests/tiny_place.h"
 #include "tileflight/capture/flight_path/path.h"
 #include "tileflight/capture/recording/content_memory.h"
 #include "tileflight/capture/recording/part_loader.h"
 #include "tileflight/capture/render/appearance.h"
+#include "tileflight/core/base/files.h"
 
 namespace tileflight::recording::flight_tiles_test {
 namespace {
@@ -239,6 +242,41 @@ TEST_F(FlightTilesTest, LightNeedsTilesInAllDirections) {
   EXPECT_THAT(tests::refusal_of([&] { require_frames_fit(tiles, all_frames(), limit(20), {}); }),
               HasSubstr("the tiles of frame "));
   require_frames_fit(tiles, all_frames(), limit(64), {});
+}
+
+/// Stated volumes are hints: what tiles hold beside them is found by the sample that is read first.
+TEST_F(FlightTilesTest, TilesThatLieOutsideOfTheirVolumesAreShown) {
+  const auto state_heights = [&](double middle_m) {
+    nlohmann::json tileset = nlohmann::json::parse(base::read_text(folder_ / "place/tileset.json"));
+    const std::function<void(nlohmann::json&)> move = [&](nlohmann::json& tile) {
+      tile["boundingVolume"]["box"][2] = middle_m;
+      if (tile.contains("children"))
+        for (nlohmann::json& child : tile["children"]) move(child);
+    };
+    move(tileset["root"]);
+    tests::TinyPlace::write_file(folder_ / "place/tileset.json", tileset.dump());
+  };
+  mission_.calibration.camera = imaging::make_pinhole(320, 240, 40.0);
+  const FlightTiles right = open();
+  std::set<std::string> wanted;
+  for (const std::size_t frame : {std::size_t{0}, std::size_t{12}}) {
+    const std::vector<std::size_t>& all = right.contents_of_group(right.groups().group_of_frame[frame]);
+    for (const std::size_t place : right.places_for_frame(frame)) wanted.insert(right.content(all[place]).uri);
+  }
+  for (const double wrong_m : {400.0, -500.0}) {
+    state_heights(wrong_m);
+    const FlightTiles found = open();
+    std::set<std::string> shown;
+    for (const std::size_t frame : {std::size_t{0}, std::size_t{12}}) {
+      const std::vector<std::size_t>& all = found.contents_of_group(found.groups().group_of_frame[frame]);
+      for (const std::size_t place : found.places_for_frame(frame)) shown.insert(found.content(all[place]).uri);
+    }
+    for (const std::string& uri : wanted) {
+      // Finer tiles may stand for it.
+      const std::string name = uri.substr(0, uri.size() - 4);
+      EXPECT_TRUE(std::ranges::any_of(shown, [&](const std::string& one) { return one.starts_with(name); })) << uri;
+    }
+  }
 }
 
 TEST(MemorySum, CountsATextureOfAFileOnce) {

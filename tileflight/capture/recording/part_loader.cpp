@@ -198,15 +198,19 @@ void PartLoader::read(const Contents& batch) {
 /// Replaces textures by those of the same file that are in memory already.
 void PartLoader::share_textures(std::size_t file, std::vector<TexturedMesh>& meshes) {
   const std::vector<const imaging::RgbImage*> own = textures_of(meshes);
-  for (TexturedMesh& mesh : meshes) {
-    if (!mesh.texture) continue;
-    const auto number = static_cast<std::size_t>(std::ranges::find(own, mesh.texture.get()) - own.begin());
+  const auto share = [&](std::shared_ptr<const imaging::RgbImage>& image) {
+    if (!image) return;
+    const auto number = static_cast<std::size_t>(std::ranges::find(own, image.get()) - own.begin());
     std::weak_ptr<const imaging::RgbImage>& known = textures_[{file, number}];
     if (auto texture = known.lock()) {
-      mesh.texture = std::move(texture);
+      image = std::move(texture);
     } else {
-      known = mesh.texture;
+      known = image;
     }
+  };
+  for (TexturedMesh& mesh : meshes) {
+    share(mesh.texture);
+    share(mesh.opacity);
   }
 }
 

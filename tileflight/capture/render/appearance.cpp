@@ -205,11 +205,14 @@ bool is_plain(const TexturedMesh& mesh) {
          mesh.base_color[2] == 1.0F;
 }
 
-Material material_of(const TexturedMesh& mesh, const MipPyramid* pyramid) {
+Material material_of(const TexturedMesh& mesh, const MipPyramid* pyramid, const MipPyramid* opacity) {
   Material material;
   material.texture_only = is_plain(mesh);
   material.factor = {mesh.base_color[0], mesh.base_color[1], mesh.base_color[2]};
   if (!mesh.colors.empty()) material.vertex_colors = mesh.colors.data();
+  material.blends = mesh.blends;
+  material.opacity = std::clamp(mesh.base_color[3], 0.0F, 1.0F);
+  if (mesh.opacity) material.opacity_texture = opacity;
   if (pyramid != nullptr) {
     const bool inside = within_image(mesh);
     material.texture = {pyramid, inside ? imaging::Wrap::kClampToEdge : mesh.wrap_u,
@@ -237,7 +240,10 @@ std::vector<std::shared_ptr<const PartAppearance>> appearances_of(const scene::S
 PartAppearance::PartAppearance(std::shared_ptr<const scene::ScenePart> part)
     : part_(std::move(part)), meshes_(&part_->meshes()), triangles_(part_->triangle_count()) {
   group_meshes_by_texture();
-  for (TextureGroup& skin : texture_groups_) skin.pyramid = make_pyramid(skin);
+  for (TextureGroup& skin : texture_groups_) {
+    skin.pyramid = make_pyramid(skin, (*meshes_)[skin.meshes[0]].texture);
+    if (skin.opacity_image) skin.opacity = make_pyramid(skin, skin.opacity_image);
+  }
   build_materials();
   tbb::parallel_for(std::size_t{0}, texture_groups_.size(),
                     [&](std::size_t i) { compute_triangle_shading(texture_groups_[i]); });
@@ -250,29 +256,33 @@ void PartAppearance::group_meshes_by_texture() {
     const std::size_t index = group_of_texture_.emplace(mesh.texture.get(), texture_groups_.size()).first->second;
     if (index == texture_groups_.size()) texture_groups_.emplace_back();
     texture_groups_[index].meshes.push_back(static_cast<std::uint32_t>(i));
+    if (mesh.opacity) texture_groups_[index].opacity_image = mesh.opacity;
   }
 }
 
-std::shared_ptr<const MipPyramid> PartAppearance::make_pyramid(const TextureGroup& skin) const {
+std::shared_ptr<const MipPyramid> PartAppearance::make_pyramid(const TextureGroup& skin,
+                                                               std::shared_ptr<const imaging::RgbImage> image) const {
   const auto coverage = [meshes = meshes_, numbers = skin.meshes] {
     std::vector<const TexturedMesh*> users;
     for (const std::uint32_t mesh : numbers) users.push_back(&(*meshes)[mesh]);
     return texture_coverage(users);
   };
-  return std::make_shared<const MipPyramid>((*meshes_)[skin.meshes[0]].texture, coverage);
+  return std::make_shared<const MipPyramid>(std::move(image), coverage);
 }
 
 void PartAppearance::build_pyramids() const {
-  tbb::parallel_for(std::size_t{0}, texture_groups_.size(),
-                    [&](std::size_t i) { texture_groups_[i].pyramid->build(); });
+  tbb::parallel_for(std::size_t{0}, texture_groups_.size(), [&](std::size_t i) {
+    texture_groups_[i].pyramid->build();
+    if (texture_groups_[i].opacity) texture_groups_[i].opacity->build();
+  });
 }
 
 void PartAppearance::build_materials() {
   std::size_t first = 0;
   for (const TexturedMesh& mesh : *meshes_) {
-    const MipPyramid* pyramid =
-        has_texture(mesh) ? texture_groups_[group_of_texture_.at(mesh.texture.get())].pyramid.get() : nullptr;
-    materials_.push_back(material_of(mesh, pyramid));
+    const TextureGroup* skin = has_texture(mesh) ? &texture_groups_[group_of_texture_.at(mesh.texture.get())] : nullptr;
+    materials_.push_back(skin != nullptr ? material_of(mesh, skin->pyramid.get(), skin->opacity.get())
+                                         : material_of(mesh, nullptr, nullptr));
     materials_.back().triangles = triangles_.data() + first;
     first_triangle_.push_back(first);
     first += mesh.mesh.triangles.size();
@@ -294,6 +304,7 @@ void PartAppearance::compute_triangle_shading(const TextureGroup& skin) {
 Appearance::Appearance(std::vector<std::shared_ptr<const PartAppearance>> parts) : parts_(std::move(parts)) {
   for (const auto& part : parts_)
     materials_.insert(materials_.end(), part->materials().begin(), part->materials().end());
+  has_blending_ = std::ranges::any_of(materials_, &Material::blends);
 }
 
 Appearance::Appearance(const scene::Scene& scene) : Appearance(appearances_of(scene)) {}

@@ -17,6 +17,9 @@
 
 namespace tileflight::render {
 
+/// Most surfaces along a ray that are blended; the last of them is shown opaque.
+inline constexpr int kMostBlendedSurfaces = 16;
+
 /// Returns the memory of a mesh's arrays, without its texture.
 std::uintmax_t decoded_bytes(const imaging::TexturedMesh& mesh);
 
@@ -58,6 +61,9 @@ struct Material {
   LinearRgb factor{1, 1, 1};                                   ///< linear base colour
   const std::array<std::uint8_t, 4>* vertex_colors = nullptr;  ///< one per vertex, linear, or null
   const TriangleShading* triangles = nullptr;                  ///< one per triangle
+  bool blends = false;                                         ///< what lies behind the surface shows through
+  float opacity = 1.0F;                                        ///< of the whole surface, if it blends
+  const MipPyramid* opacity_texture = nullptr;                 ///< opacity as linear light, or null
 };
 
 /// Mip pyramids (one per texture, shared by all its meshes) and per-triangle texture gradients of a part of a scene.
@@ -78,11 +84,14 @@ class PartAppearance {
   /// The meshes that use one texture.
   struct TextureGroup {
     std::shared_ptr<const MipPyramid> pyramid;
+    std::shared_ptr<const imaging::RgbImage> opacity_image{};  ///< null: opaque
+    std::shared_ptr<const MipPyramid> opacity{};               ///< of that image
     std::vector<std::uint32_t> meshes;
   };
 
   void group_meshes_by_texture();
-  std::shared_ptr<const MipPyramid> make_pyramid(const TextureGroup& skin) const;
+  std::shared_ptr<const MipPyramid> make_pyramid(const TextureGroup& skin,
+                                                 std::shared_ptr<const imaging::RgbImage> image) const;
   void build_materials();
   void compute_triangle_shading(const TextureGroup& skin);
 
@@ -104,6 +113,7 @@ class Appearance {
   explicit Appearance(std::vector<std::shared_ptr<const PartAppearance>> parts);
 
   const Material& material(std::uint32_t mesh) const { return materials_[mesh]; }
+  bool has_blending() const { return has_blending_; }  ///< whether there is any surface that blends
   static const TriangleShading& triangle_shading(const Material& material, std::uint32_t triangle) {
     return material.triangles[triangle];
   }
@@ -111,6 +121,7 @@ class Appearance {
  private:
   std::vector<std::shared_ptr<const PartAppearance>> parts_;
   std::vector<Material> materials_;
+  bool has_blending_ = false;
 };
 
 }  // namespace tileflight::render

@@ -134,14 +134,17 @@ TILEFLIGHT_LANE_INLINE void prefetch_hits(const RayPacket8& packet, const Appear
   }
 }
 
-/// glTF vertex colours at the hit: linear, interpolated over the triangle.
-LinearRgb vertex_colour(const imaging::TexturedMesh& mesh, std::uint32_t triangle, float u, float v) {
+/// A channel of glTF's vertex colours at the hit: linear, interpolated over the triangle.
+float interpolate_colors(const imaging::TexturedMesh& mesh, std::uint32_t triangle, float u, float v,
+                         std::size_t channel) {
   const geometry::Triangle& t = mesh.mesh.triangles[triangle];
+  const auto value = [&](int corner) { return static_cast<float>(mesh.colors[t[corner]][channel]) * (1.0F / 255.0F); };
+  return (1.0F - u - v) * value(0) + u * value(1) + v * value(2);
+}
+
+LinearRgb vertex_colour(const imaging::TexturedMesh& mesh, std::uint32_t triangle, float u, float v) {
   LinearRgb light;
-  for (std::size_t c = 0; c < 3; ++c) {
-    const auto value = [&](int corner) { return static_cast<float>(mesh.colors[t[corner]][c]) * (1.0F / 255.0F); };
-    light[c] = (1.0F - u - v) * value(0) + u * value(1) + v * value(2);
-  }
+  for (std::size_t c = 0; c < 3; ++c) light[c] = interpolate_colors(mesh, triangle, u, v, c);
   return light;
 }
 
@@ -280,6 +283,61 @@ TILEFLIGHT_WIDE_VECTORS void BlockTracer::compute_texture_reads(std::span<Traced
       if (!is_known) prefetch_block(hits, beam.reads[k]);
     }
   }
+}
+
+std::uint8_t BlockTracer::blending_lanes(std::uint8_t valid, const BlockTextureReads& reads) const {
+  if (!appearance_.has_blending()) return 0;
+  std::uint8_t lanes = 0;
+  for (unsigned i = 0; i < RayPacket8::kLanes; ++i) {
+    const Material* material = (valid >> i & 1U) != 0 ? reads.material[i] : nullptr;
+    if (material != nullptr && material->blends) lanes = static_cast<std::uint8_t>(lanes | 1U << i);
+  }
+  return lanes;
+}
+
+TILEFLIGHT_WIDE_VECTORS float BlockTracer::opacity(const RayPacket8& packet, const BlockTextureReads& reads,
+                                                   int lane) const {
+  const auto i = static_cast<std::size_t>(lane);
+  const Material* material = reads.material[i];
+  if (material == nullptr || !material->blends) return 1.0F;
+  float opacity = material->opacity;
+  if (material->opacity_texture != nullptr) {
+    Texture texture = material->texture;
+    texture.pyramid = material->opacity_texture;
+    TextureRead read = reads.read[i];
+    read.lod = std::min(read.lod, static_cast<float>(texture.pyramid->levels() - 1));
+    opacity *= SrgbTables::get().decode(std::sqrt(sample_squares(texture, read)[0]));
+  }
+  if (material->vertex_colors != nullptr) {
+    const imaging::TexturedMesh& mesh = scene_.meshes()[packet.mesh[lane]];
+    opacity *= interpolate_colors(mesh, packet.triangle[lane], packet.u[lane], packet.v[lane], 3);
+  }
+  return opacity;
+}
+
+void BlockTracer::cast_behind(std::uint8_t lanes, RayPacket8& packet, BlockTextureReads& reads) const {
+  constexpr float kLeast_m = 1e-3F, kSteps = 32.0F * 1.2e-7F;  // more than the error of a hit
+  std::array<float, RayPacket8::kLanes> near{}, time{};
+  for (std::size_t i = 0; i < near.size(); ++i) {
+    const float origin_m = std::abs(packet.origin_x[i]) + std::abs(packet.origin_y[i]) + std::abs(packet.origin_z[i]);
+    near[i] = packet.far[i] + kLeast_m + kSteps * (origin_m + packet.far[i]);
+    time[i] = packet.time[i];
+  }
+  packet.reset();
+  for (int i = 0; i < RayPacket8::kLanes; ++i) {
+    packet.time[i] = time[static_cast<std::size_t>(i)];
+    if ((lanes >> i & 1) != 0) {
+      packet.near[i] = near[static_cast<std::size_t>(i)];
+    } else {
+      packet.disable_lane(i);
+    }
+  }
+  scene_.intersect(packet);
+  HitTextures hits;
+  find_textures(packet, appearance_, hits.textures);
+  gather_gradients(hits.textures, hits.gradients);
+  if (!scene_.placed().empty()) turn_gradients(scene_, packet, hits.textures, hits.gradients);
+  write_reads(packet, hits, reads);
 }
 
 TILEFLIGHT_WIDE_VECTORS void BlockTracer::shade(std::uint8_t valid, const RayPacket8& packet,

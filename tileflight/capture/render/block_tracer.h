@@ -154,8 +154,11 @@ class BlockTracer {
   /// Largest number of moments that cast_moments() takes.
   static constexpr std::size_t kMostMoments = 4;
 
-  /// Builds the scene's acceleration structure in advance, while all cores are available.
-  void prepare() const { scene_.build_beam_tree(); }
+  /// Builds the scene's acceleration structures in advance, while all cores are available.
+  void prepare() const {
+    scene_.build_beam_tree();
+    if (appearance_.has_blending()) scene_.build_ray_tree();
+  }
   /// Intersects the samples from (x, y) of the table on; both are multiples of the beam's size.
   void cast(const RayTable& table, int x, int y, const RowPoses& poses, TracedBeam& beam) const;
   /// Intersects samples at several moments of an exposure, with one traversal for all; one beam a moment.
@@ -169,6 +172,14 @@ class BlockTracer {
   /// Computes the colours of a packet's samples.
   void shade(std::uint8_t valid, const scene::RayPacket8& packet, const BlockTextureReads& reads,
              SquaredColors8& squares) const;
+
+  /// Returns the valid lanes whose surfaces blend with what lies behind them, one bit each.
+  std::uint8_t blending_lanes(std::uint8_t valid, const BlockTextureReads& reads) const;
+  /// Returns the opacity of a sample's surface, 0 to 1; 1 without a hit.
+  float opacity(const scene::RayPacket8& packet, const BlockTextureReads& reads, int lane) const;
+  /// Replaces the hits of these lanes by the next ones behind them, with their reads. Surfaces within a millimetre of
+  /// each other along the ray count as one. The other lanes are disabled.
+  void cast_behind(std::uint8_t lanes, scene::RayPacket8& packet, BlockTextureReads& reads) const;
 
  private:
   Float4 apply_material_color(const Material& material, const scene::RayPacket8& packet, int lane,

@@ -101,6 +101,8 @@ struct CameraRenderer::Impl {
                  imaging::RgbImage& rgb) const;
   std::array<LinearRgb, 8> light_through_air(std::uint8_t valid, const scene::RayPacket8& packet,
                                              SquaredColors8& squares) const;
+  std::array<LinearRgb, 8> blend_layers(std::uint8_t lanes, const scene::RayPacket8& nearest,
+                                        const BlockTextureReads& nearest_reads) const;
   void add_light(const PixelRegion& tile, const LightMoments& moments, const CentralRays& wanted, TileLight& sum,
                  ViewStatistics& view) const;
   void add_light(const TracedBeam& beam, int samples_along_axis, TileLight& sum) const;
@@ -166,10 +168,18 @@ TILEFLIGHT_WIDE_VECTORS void CameraRenderer::Impl::write_colors(const TracedBeam
     if (atmosphere) {
       atmosphere->wet_surfaces(block.valid, packet, squares);
       write_air(block, packet, squares, rgb);
-      continue;
+    } else {
+      for_each_lane(block, [&](int i, int column, int row) {
+        rgb(column, row) = encode_squared(squares[static_cast<std::size_t>(i)]);
+      });
     }
-    for_each_lane(block, [&](int i, int column, int row) {
-      rgb(column, row) = encode_squared(squares[static_cast<std::size_t>(i)]);
+    const BlockTextureReads& reads = beam.reads[static_cast<std::size_t>(k)];
+    const std::uint8_t blending = tracer.blending_lanes(block.valid, reads);
+    if (blending == 0) [[likely]]
+      continue;
+    const std::array<LinearRgb, 8> lanes = blend_layers(blending, packet, reads);
+    for_each_lane({block.column, block.row, blending}, [&](int i, int column, int row) {
+      rgb(column, row) = SrgbTables::get().encode(lanes[static_cast<std::size_t>(i)]);
     });
   }
 }
@@ -211,6 +221,33 @@ std::array<LinearRgb, 8> CameraRenderer::Impl::light_through_air(std::uint8_t va
   return lanes;
 }
 
+/// Light of the lanes whose nearest surface is partly transparent: each surface along the ray adds the share of its
+/// light that the ones before it let through. With the air in between, this is exact: light of a surface behind has
+/// crossed the air before the one in front of it, too. `nearest`: the nearest surfaces.
+std::array<LinearRgb, 8> CameraRenderer::Impl::blend_layers(std::uint8_t lanes, const scene::RayPacket8& nearest,
+                                                            const BlockTextureReads& nearest_reads) const {
+  scene::RayPacket8 packet = nearest;
+  BlockTextureReads reads = nearest_reads;
+  std::array<LinearRgb, 8> sum{};
+  std::array<float, 8> share{1, 1, 1, 1, 1, 1, 1, 1};
+  SquaredColors8 squares;
+  for (int layer = 1; lanes != 0; ++layer) {
+    tracer.shade(lanes, packet, reads, squares);
+    const std::array<LinearRgb, 8> light = light_through_air(lanes, packet, squares);
+    std::uint8_t behind = 0;
+    for (unsigned i = 0; i < sum.size(); ++i) {
+      if ((lanes >> i & 1U) == 0) continue;
+      const float opacity = layer < kMostBlendedSurfaces ? tracer.opacity(packet, reads, static_cast<int>(i)) : 1.0F;
+      for (std::size_t c = 0; c < 3; ++c) sum[i][c] += share[i] * opacity * light[i][c];
+      share[i] *= 1.0F - opacity;
+      if (share[i] > 0.0F) behind = static_cast<std::uint8_t>(behind | 1U << i);
+    }
+    if (behind != 0) tracer.cast_behind(behind, packet, reads);
+    lanes = behind;
+  }
+  return sum;
+}
+
 /// A beam that was cast, with its texture reads.
 TILEFLIGHT_WIDE_VECTORS void CameraRenderer::Impl::add_light(const TracedBeam& beam, int samples_along_axis,
                                                              TileLight& sum) const {
@@ -221,8 +258,10 @@ TILEFLIGHT_WIDE_VECTORS void CameraRenderer::Impl::add_light(const TracedBeam& b
   for (int k = 0; k < beam.size; ++k) {
     const TracedBeam::Block& block = beam.blocks[static_cast<std::size_t>(k)];
     const scene::RayPacket8& packet = beam.packets[static_cast<std::size_t>(k)];
-    tracer.shade(block.valid, packet, beam.reads[static_cast<std::size_t>(k)], squares);
-    if (is_plain) {
+    const BlockTextureReads& reads = beam.reads[static_cast<std::size_t>(k)];
+    tracer.shade(block.valid, packet, reads, squares);
+    const std::uint8_t blending = tracer.blending_lanes(block.valid, reads);
+    if (is_plain && blending == 0) {
       for_each_lane(block, [&](int i, int x, int y) {
         Float4 light;
         decode_squared(srgb, squares[static_cast<std::size_t>(i)], light);
@@ -230,7 +269,13 @@ TILEFLIGHT_WIDE_VECTORS void CameraRenderer::Impl::add_light(const TracedBeam& b
       });
       continue;
     }
-    const std::array<LinearRgb, 8> lanes = light_through_air(block.valid, packet, squares);
+    std::array<LinearRgb, 8> lanes = light_through_air(block.valid, packet, squares);
+    if (blending != 0) {
+      const std::array<LinearRgb, 8> blended = blend_layers(blending, packet, reads);
+      for (std::size_t i = 0; i < lanes.size(); ++i) {
+        if ((blending >> i & 1U) != 0) lanes[i] = blended[i];
+      }
+    }
     for_each_lane(block, [&](int i, int x, int y) {
       const LinearRgb& light = lanes[static_cast<std::size_t>(i)];
       sum.at(x / n, y / n) += Float4{light[0], light[1], light[2], 0.0F};

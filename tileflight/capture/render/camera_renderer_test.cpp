@@ -257,6 +257,93 @@ TEST(CameraRenderer, ColoursMultiplyInLinearLight) {
   EXPECT_NEAR(centre_of(both)[0], srgb_encode(0.5 * srgb_decode(150)), 1.0);
 }
 
+/// Closed form: light = a1 c1 + (1 - a1) (a2 c2 + (1 - a2) (…)), over the background where nothing is opaque.
+TEST(Blending, SurfacesOverEachOtherBlendBackToFront) {
+  const Vec3 up = Vec3::UnitZ();
+  const imaging::TexturedMesh floor = colored_ground(kGround, 100.0, {0.5F, 0.1F, 0.9F, 1.0F}),
+                              red = pane(kGround + 2.0 * up, 100.0, {0.8F, 0.0F, 0.0F, 0.3F}),
+                              green = pane(kGround + 4.0 * up, 100.0, {0.1F, 0.6F, 0.2F, 0.6F});
+  const SE3 T = looking_down(kGround + 10.0 * up);
+  const auto render = [&](std::vector<imaging::TexturedMesh> meshes, const RenderOptions& options = {}) {
+    const Scene scene(std::move(meshes));
+    return CameraRenderer(scene, imaging::make_pinhole(9, 9, 40.0), options).render(T);
+  };
+  const RenderOptions plain;
+  for (const int samples : {1, 4}) {
+    RenderOptions options;
+    options.samples_per_pixel = samples;
+    const RenderedFrame two = render({floor, green}, options), three = render({red, floor, green}, options),
+                        sky = render({green, red}, options);
+    for (std::size_t c = 0; c < 3; ++c) {
+      const double f = floor.base_color[c], r = red.base_color[c], g = green.base_color[c],
+                   b = srgb_decode(plain.background[c]);
+      EXPECT_NEAR(two.rgb(4, 4)[c], srgb_encode(0.6 * g + 0.4 * f), 0.6);
+      EXPECT_NEAR(three.rgb(4, 4)[c], srgb_encode(0.6 * g + 0.4 * (0.3 * r + 0.7 * f)), 0.6);
+      EXPECT_NEAR(sky.rgb(4, 4)[c], srgb_encode(0.6 * g + 0.4 * (0.3 * r + 0.7 * b)), 0.6);
+    }
+    EXPECT_NEAR(three.depth_m(4, 4), 6.0, 1e-4) << "depth is that of the first surface";
+  }
+  // What does not blend is not changed by its opacity.
+  imaging::TexturedMesh solid = green;
+  solid.blends = false;
+  EXPECT_NEAR(render({floor, solid}).rgb(4, 4)[1], srgb_encode(0.6), 0.6);
+}
+
+/// Air between camera and surfaces: light = T a c1 + … with T = exp(-haze distance), plus (1 - T) of the air's colour.
+TEST(Blending, AirLiesBetweenTheLayersToo) {
+  const Vec3 up = Vec3::UnitZ();
+  const Scene scene({colored_ground(kGround, 100.0, {0.5F, 0.5F, 0.5F, 1.0F}),
+                     pane(kGround + 5.0 * up, 100.0, {0.9F, 0.9F, 0.9F, 0.25F})});
+  RenderOptions options;
+  options.haze_per_m = 0.05;
+  options.haze_color = Rgb8{60, 60, 60};
+  const CameraRenderer renderer(scene, imaging::make_pinhole(9, 9, 40.0), options);
+  const double air = srgb_decode(60), near = std::exp(-0.05 * 5.0), between = near;
+  const double floor_at_pane = between * 0.5 + (1 - between) * air;
+  const double expected = near * (0.25 * 0.9 + 0.75 * floor_at_pane) + (1 - near) * air;
+  EXPECT_NEAR(renderer.render(looking_down(kGround + 10.0 * up)).rgb(4, 4)[1], srgb_encode(expected), 0.6);
+}
+
+TEST(Blending, OpacityComesFromTexelsAndVertexColours) {
+  const Vec3 up = Vec3::UnitZ();
+  imaging::TexturedMesh glass = ground(kGround + 2.0 * up, 64.0, texture(8, 8, [](int, int) { return grey(255); }));
+  glass.blends = true;
+  const auto half = static_cast<int>(std::lround(srgb_encode(0.4)));
+  glass.opacity = texture(8, 8, [&](int x, int) { return grey(x < 4 ? half : 0); });
+  glass.colors.assign(4, {255, 255, 255, 128});
+  const Scene scene({colored_ground(kGround, 200.0, {0.2F, 0.2F, 0.2F, 1.0F}), glass});
+  const CameraRenderer renderer(scene, imaging::make_pinhole(9, 9, 90.0), {});
+  const RenderedFrame frame = renderer.render(looking_down(kGround + 12.0 * up));
+  const double opacity = 0.4 * 128 / 255;
+  EXPECT_NEAR(frame.rgb(0, 4)[1], srgb_encode(opacity * 1.0 + (1 - opacity) * 0.2), 1.0);
+  EXPECT_NEAR(frame.rgb(8, 4)[1], srgb_encode(0.2), 1.0);
+}
+
+/// Many layers are bounded, and layers of placed parts count with those of the place.
+TEST(Blending, LayersAreBoundedAndPlacedPartsBlend) {
+  const Vec3 up = Vec3::UnitZ();
+  std::vector<imaging::TexturedMesh> many;
+  for (int i = 0; i < 200; ++i) many.push_back(pane(kGround + 0.01 * i * up, 50.0, {1.0F, 1.0F, 1.0F, 0.01F}));
+  const Scene deep(std::move(many));
+  const CameraRenderer bounded(deep, imaging::make_pinhole(9, 9, 40.0), {});
+  EXPECT_EQ(bounded.render(looking_down(kGround + 10.0 * up)).rgb(4, 4)[1], 255) << "the 16th is shown opaque";
+
+  const scene::SceneFrame frame(kGround);
+  const auto part = [&](std::vector<imaging::TexturedMesh> meshes) {
+    return std::make_shared<const scene::ScenePart>(std::move(meshes), frame);
+  };
+  const scene::PlacedPart window{
+      "window", part({pane(Vec3::Zero(), 4.0, {0.0F, 1.0F, 0.0F, 0.5F})}), {scene::placed_at(SE3(), Vec3::Ones())}};
+  std::vector<scene::PlacedPart> placed(2, window);
+  placed[0].poses = {scene::placed_at(SE3(geometry::Mat3::Identity(), kGround + 3.0 * up), Vec3(2, 2, 2))};
+  placed[1].poses = {scene::placed_at(SE3(geometry::Mat3::Identity(), kGround + 5.0 * up), Vec3(3, 3, 3))};
+  const Scene scene({part({colored_ground(kGround, 100.0, {0.8F, 0.0F, 0.8F, 1.0F})})}, placed);
+  const CameraRenderer renderer(scene, imaging::make_pinhole(9, 9, 20.0), {});
+  const Rgb8 seen = renderer.render(looking_down(kGround + 10.0 * up)).rgb(4, 4);
+  EXPECT_NEAR(seen[0], srgb_encode(0.25 * 0.8), 0.6);
+  EXPECT_NEAR(seen[1], srgb_encode(0.75), 0.6);
+}
+
 TEST(CameraRenderer, TextureCoordinatesOutsideTheImageFollowTheSampler) {
   // Columns of 4 texels: black, dark, light, white; coordinates 0..4 over the ground, a texel is 1 m wide.
   const auto image = texture(4, 1, [](int x, int) {

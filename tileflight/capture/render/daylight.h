@@ -29,7 +29,14 @@ struct DaylightOptions {
   /// With the sun below the horizon: the sky of a sun on the horizon, dimmed as twilight is (twilight_dimming).
   /// Default: that is an error.
   bool allows_night = false;
+  bool casts_shadows = true;                  ///< false: light depends on a surface's direction alone
+  std::optional<geometry::Geodetic> place{};  ///< where the sun is seen from; default: the origin of the local frame
 };
+
+/// Returns the light by which a place without textures is shown: the same everywhere, a sun 45 degrees high in the
+/// north-west as in shaded relief maps. It depends on the direction of surfaces alone, so that no tile outside of the
+/// image matters.
+DaylightOptions relief_light();
 
 /// Returns the light of the sky with the sun below the horizon, relative to that with the sun on it: the polynomials of
 /// the "Explanatory Supplement to the Astronomical Almanac" (Seidelmann 1992, section 9.32), but at least 1/64, as a
@@ -48,6 +55,7 @@ class Daylight {
   Daylight(const DaylightOptions& settings, const geometry::Geodetic& origin);
 
   const SunPosition& sun() const { return sun_; }
+  bool casts_shadows() const { return casts_shadows_; }
   /// Unit vector towards the sun.
   const std::array<float, 3>& toward_sun() const { return toward_sun_; }
   /// Returns the light reflected by a white surface perpendicular to the sun's rays.
@@ -71,6 +79,7 @@ class Daylight {
   LinearRgb to_picture_units(const PhotometricRgb& light) const;
 
   SunPosition sun_;
+  bool casts_shadows_ = true;
   std::array<float, 3> toward_sun_{};
   Sky sky_;
   PhotometricRgb picture_per_klx_{};  ///< converts klx on a white surface to image units
@@ -79,7 +88,7 @@ class Daylight {
   std::vector<LinearRgb> horizon_;  ///< evenly spaced in azimuth, the first repeated at the end
 };
 
-/// Throws InputError if the geodetic origin is unknown.
+/// Throws InputError if neither the settings nor the local frame's origin tell where the sun is seen from.
 std::shared_ptr<const Daylight> make_daylight(const DaylightOptions& settings,
                                               const std::optional<geometry::Geodetic>& origin);
 

@@ -41,6 +41,14 @@ float shadow_offset_m(const RayPacket8& packet, int i) {
   return kLeast_m + kSteps * (far_m + 2.0F * packet.far[i]);
 }
 
+/// Bits of the lanes whose surfaces face the sun.
+std::uint8_t sun_facing_lanes(std::uint8_t hits, const ShadingNormals8& facets) {
+  for (unsigned i = 0; i < facets.sun_cosine.size(); ++i) {
+    if (!(facets.sun_cosine[i] > 0.0F)) hits = static_cast<std::uint8_t>(hits & ~(1U << i));
+  }
+  return hits;
+}
+
 /// Bits of the lanes whose surfaces are sunlit.
 std::uint8_t sunlit_lanes(const scene::Scene& scene, std::uint8_t hits, const RayPacket8& packet,
                           const ShadingNormals8& facets, const std::array<float, 3>& toward_sun) {
@@ -89,8 +97,11 @@ std::array<LinearRgb, 8> DaylightShader::shade(std::uint8_t valid, const scene::
   const SrgbTables& srgb = SrgbTables::get();
   const ShadingNormals8 facets = compute_shading_normals(packet, daylight_->toward_sun());
   const std::uint8_t hits = hit_lanes(valid, packet);
-  const std::uint8_t lit =
-      direct_share_ > 0.0F ? sunlit_lanes(scene_, hits, packet, facets, daylight_->toward_sun()) : std::uint8_t{0};
+  std::uint8_t lit = 0;
+  if (direct_share_ > 0.0F) {
+    lit = daylight_->casts_shadows() ? sunlit_lanes(scene_, hits, packet, facets, daylight_->toward_sun())
+                                     : sun_facing_lanes(hits, facets);
+  }
   const float scattered = (1.0F - direct_share_) * std::max(0.0F, daylight_->toward_sun()[2]);
   std::array<LinearRgb, 8> result{};
   for (std::size_t i = 0; i < result.size(); ++i) {

@@ -6,6 +6,7 @@
 #include <numbers>
 #include <random>
 
+#include "tileflight/capture/render/image_formation.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/text_parsing.h"
 
@@ -69,6 +70,34 @@ TEST(Daylight, LevelWhiteIsWhiteInFullLight) {
     for (std::size_t c = 0; c < 3; ++c)
       EXPECT_NEAR(level[c] + light.toward_sun()[2] * light.sunlight()[c], 1.0F, 2e-5F) << time;
   }
+}
+
+/// The light of a place without textures comes from the north-west, as in relief maps, whatever the place's origin.
+TEST(Daylight, ReliefLightIsTheSameEverywhere) {
+  const auto light = make_daylight(relief_light(), kPlace);
+  EXPECT_NEAR(light->sun().elevation_rad * 180.0 / kPi, 45.0, 0.5);
+  EXPECT_NEAR(light->toward_sun()[0], -0.5, 0.01);
+  EXPECT_NEAR(light->toward_sun()[1], 0.5, 0.01);
+  EXPECT_EQ(light->toward_sun(), make_daylight(relief_light(), std::nullopt)->toward_sun());
+  EXPECT_FALSE(light->casts_shadows());
+  EXPECT_NEAR(light->diffuse({0, 0, 1})[1] + light->toward_sun()[2] * light->sunlight()[1], std::exp2(-0.7), 1e-4);
+}
+
+TEST(Daylight, PlacesWithoutTexturesAreLitUnlessALightWasChosen) {
+  ImageFormation formation;
+  light_by_relief(false, formation);
+  EXPECT_FALSE(formation.light);
+  light_by_relief(true, formation);
+  ASSERT_TRUE(formation.light);
+  EXPECT_FALSE(formation.light->casts_shadows);
+  ImageFormation baked;
+  baked.light_is_chosen = true;
+  light_by_relief(true, baked);
+  EXPECT_FALSE(baked.light);
+  ImageFormation sunny;
+  sunny.light = at_time("2024-06-20T17:00:00Z");
+  light_by_relief(true, sunny);
+  EXPECT_TRUE(sunny.light->casts_shadows);
 }
 
 TEST(Daylight, ExposureIsInStopsAndFixedBalanceKeepsTheSunsColour) {

@@ -74,7 +74,10 @@ ImageFormation read_image_formation(base::StrictSection& section, const ImageFor
   const auto number = [&section](const std::string& key, double& value) {
     value = section.number(key).value_or(value);
   };
-  if (auto light = section.section("light")) f.light = read_light(*light);
+  if (auto light = section.section("light")) {
+    f.light = read_light(*light);
+    f.light_is_chosen = true;
+  }
   number("haze_visibility", f.haze_visibility_m);
   if (const auto color = read_color(section, "haze_color")) f.haze_color = color;
   number("chromatic_red", f.chromatic_red);
@@ -339,6 +342,10 @@ bool is_ideal(const ImageFormation& f) {
          f.exposure_steps.empty() && f.white_electrons == 0.0 && f.gamma == 0.0 && f.chromatic_red == 0.0 &&
          f.chromatic_blue == 0.0 && f.auto_exposure.target == 0.0 && f.sharpening == 0.0 &&
          f.haze_visibility_m == 0.0 && !f.light;
+}
+
+void light_by_relief(bool lacks_textures, ImageFormation& formation) {
+  if (lacks_textures && !formation.light && !formation.light_is_chosen) formation.light = relief_light();
 }
 
 double haze_per_m(const ImageFormation& formation) {

@@ -44,6 +44,7 @@ struct ImageFormation {
   std::uint64_t seed = 1;  ///< of the noise; deterministic
 
   std::optional<DaylightOptions> light{};  ///< instead of the light baked into the textures; constant during a flight
+  bool light_is_chosen = false;            ///< the settings name a light, or that of the textures
 
   /// Distance at which contrast has fallen to 2 %, metres: light that reaches the camera is L T + A (1 - T), T =
   /// exp(-3.912 d / haze_visibility_m) (Koschmieder 1924), where A is the colour of the haze. 0: clear air.
@@ -86,6 +87,9 @@ void validate_image_formation(const ImageFormation& formation);
 
 /// Tells whether every effect is off, so that frames are the textures' own colours.
 bool is_ideal(const ImageFormation& formation);
+
+/// Sets the light by which a place without textures is shown (relief_light()), unless a light was chosen.
+void light_by_relief(bool lacks_textures, ImageFormation& formation);
 
 /// Returns the extinction coefficient of the haze, 1/m.
 double haze_per_m(const ImageFormation& formation);

@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "tileflight/capture/render/appearance.h"
+#include "tileflight/capture/render/daylight.h"
 #include "tileflight/capture/render/linear_color.h"
 #include "tileflight/capture/render/surface_color.h"
 #include "tileflight/core/base/input_error.h"
@@ -27,6 +28,9 @@ LinearRgb shade_untextured(const scene::Scene& scene, const scene::Hit& hit, con
       static_cast<float>(kUntexturedAlbedo * (kAmbient + (1 - kAmbient) * std::max(0.0, normal.dot(towards_light))));
   return {shade * color[0], shade * color[1], shade * color[2]};
 }
+
+/// A surface that lies less far below one that blends counts as the same.
+constexpr double kLayerGap_m = 1e-3;
 
 /// The rays of one image.
 class Rays {
@@ -53,7 +57,7 @@ class Rays {
       if (!hit) continue;
       ++hits;
       highest_m = std::max(highest_m, from_m_ - hit->distance_m);
-      const LinearRgb light = color_of(*hit);
+      const LinearRgb light = color_along(origin, *hit);
       for (std::size_t c = 0; c < 3; ++c) sum[c] += light[c];
     }
     if (hits == 0) return;
@@ -63,9 +67,53 @@ class Rays {
   }
 
  private:
+  /// Color of the surfaces below `origin`, of which `first` is the highest: those that blend show what lies below.
+  LinearRgb color_along(const Vec3& origin, const scene::Hit& first) const {
+    LinearRgb sum = color_of(first);
+    float share = 1.0F - opacity_of(first);
+    if (share <= 0.0F) return sum;
+    for (float& channel : sum) channel *= 1.0F - share;
+    double depth_m = first.distance_m;
+    for (int layer = 1; share > 0.0F && layer < kMostBlendedSurfaces; ++layer) {
+      depth_m += kLayerGap_m;
+      const Vec3 from = origin - depth_m * Vec3::UnitZ();
+      const auto hit =
+          length_m_ > depth_m ? scene_.intersect({from, -Vec3::UnitZ()}, length_m_ - depth_m) : std::nullopt;
+      if (!hit) break;
+      depth_m += hit->distance_m;
+      const LinearRgb light = color_of(*hit);
+      const float opacity = layer + 1 < kMostBlendedSurfaces ? opacity_of(*hit) : 1.0F;
+      for (std::size_t c = 0; c < 3; ++c) sum[c] += share * opacity * light[c];
+      share *= 1.0F - opacity;
+    }
+    // Without anything below, the surfaces that are there give the color.
+    if (share < 1.0F) {
+      for (float& channel : sum) channel /= 1.0F - share;
+    }
+    return sum;
+  }
+
+  /// Light that the surface reflects upwards.
+  LinearRgb lit(const scene::Hit& hit, const LinearRgb& albedo) const {
+    Vec3 normal = scene_.normal(hit);
+    if (normal.z() < 0) normal = -normal;
+    const std::array<float, 3> n{static_cast<float>(normal.x()), static_cast<float>(normal.y()),
+                                 static_cast<float>(normal.z())};
+    const std::array<float, 3>& s = options_.daylight->toward_sun();
+    const float sun = std::max(0.0F, n[0] * s[0] + n[1] * s[1] + n[2] * s[2]);
+    LinearRgb light = options_.daylight->diffuse(n);
+    for (std::size_t c = 0; c < 3; ++c) light[c] = albedo[c] * (light[c] + sun * options_.daylight->sunlight()[c]);
+    return light;
+  }
+
+  float opacity_of(const scene::Hit& hit) const {
+    return surface_opacity(scene_, appearance_, hit, grid_.pixel_m / options_.samples_along_axis);
+  }
+
   LinearRgb color_of(const scene::Hit& hit) const {
     const LinearRgb light = surface_color(scene_, appearance_, hit, grid_.pixel_m / options_.samples_along_axis);
     const Material& material = appearance_.material(hit.mesh);
+    if (options_.daylight) return lit(hit, light);
     const bool has_colors = material.texture.pyramid != nullptr || material.vertex_colors != nullptr;
     return has_colors ? light : shade_untextured(scene_, hit, light);
   }

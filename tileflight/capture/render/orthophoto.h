@@ -1,6 +1,7 @@
 #pragma once
 
 #include <limits>
+#include <memory>
 #include <vector>
 
 #include "tileflight/core/geometry/point_cloud.h"
@@ -8,6 +9,8 @@
 #include "tileflight/world/scene/scene.h"
 
 namespace tileflight::render {
+
+class Daylight;  // daylight.h
 
 /// A grid of square pixels on the ground, north up, in metres of the local frame.
 struct GroundGrid {
@@ -41,11 +44,15 @@ struct OrthophotoOptions {
   int samples_along_axis = 2;                              ///< n x n rays per pixel
   double top_m = std::numeric_limits<double>::infinity();  ///< surfaces above are ignored, such as roofs over interiors
   double bottom_m = -std::numeric_limits<double>::infinity();
+  /// Shades surfaces, without shadows, for a place without textures (relief_light()). Null: textures and colours are
+  /// shown as they are.
+  std::shared_ptr<const Daylight> daylight{};
 };
 
 /// Renders an orthographic image with parallel rays straight down. A pixel's colour is the mean, in linear light, over
 /// its rays that hit a surface: textures and colours unlit; surfaces with neither are shaded by a light from the
-/// north-west. The result does not depend on the number of threads. Throws InputError for a grid without pixels.
+/// north-west. Surfaces that blend show what lies below them. The result does not depend on the number of threads.
+/// Throws InputError for a grid without pixels.
 Orthophoto render_orthophoto(const scene::Scene& scene, const GroundGrid& grid, const OrthophotoOptions& options = {});
 
 /// Draws points that lie higher than the existing surface, each as a dot large enough to close the gaps between evenly

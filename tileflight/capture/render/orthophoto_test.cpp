@@ -7,6 +7,8 @@
 #include <cmath>
 
 #include "tests/refusal.h"
+#include "tileflight/capture/render/camera_renderer.h"
+#include "tileflight/capture/render/daylight.h"
 #include "tileflight/capture/render/linear_color.h"
 #include "tileflight/capture/render/test_scenes.h"
 
@@ -47,6 +49,46 @@ TEST(Orthophoto, MeansAreOfLinearLight) {
   const Orthophoto seen = render_orthophoto(scene, grid_about(kMiddle, 8.0, 8));
   for (int y = 1; y < 7; ++y) {
     for (int x = 1; x < 7; ++x) EXPECT_NEAR(seen.rgb(x, y)[1], srgb_encode(0.5), 4);
+  }
+}
+
+TEST(Orthophoto, PartlyTransparentSurfacesShowWhatLiesBelow) {
+  const Vec3 up = Vec3::UnitZ();
+  const imaging::TexturedMesh high = test_scenes::pane(kMiddle + 4 * up, 16.0, {0.9F, 0.9F, 0.9F, 0.25F}),
+                              low = test_scenes::pane(kMiddle + 2 * up, 16.0, {0.1F, 0.1F, 0.1F, 0.5F});
+  const auto paint = texture(1, 1, [](int, int) { return grey(200); });
+  const GroundGrid grid = grid_about(kMiddle, 1.0, 8);
+  const auto middle = [&](std::vector<imaging::TexturedMesh> meshes) {
+    const Orthophoto seen = render_orthophoto(Scene(std::move(meshes)), grid, {});
+    EXPECT_NEAR(seen.height_m(4, 4), kMiddle.z() + 4, 1e-3);
+    return srgb_decode(seen.rgb(4, 4)[1]);
+  };
+  const double above = middle({high});
+  const double floor = srgb_decode(200);
+  // Shaded panes: their own light is that of a pane alone, by its linear colour.
+  EXPECT_NEAR(middle({high, low, ground(kMiddle, 16.0, paint)}), 0.25 * above + 0.75 * (0.5 * above / 9 + 0.5 * floor),
+              0.01);
+}
+
+/// By the surface's direction: albedo (sky(n) + sun max(0, n . s)), the frames' light without shadows.
+TEST(Orthophoto, PlacesWithoutTexturesAreLitAsFramesAre) {
+  const auto light = make_daylight(relief_light(), std::nullopt);
+  const GroundGrid grid = grid_about(kMiddle, 1.0, 20);
+  for (const double slope : {-0.8, 0.0, 0.8}) {
+    imaging::TexturedMesh roof = test_scenes::colored_ground(kMiddle, 40.0, {0.8F, 0.8F, 0.8F, 1.0F});
+    for (Vec3& v : roof.mesh.vertices) v.z() += slope * (v.x() - kMiddle.x());
+    const Scene scene({roof});
+    const imaging::Rgb8 seen = render_orthophoto(scene, grid, {.daylight = light}).rgb(10, 10);
+    const CameraRenderer camera(scene, imaging::make_pinhole(9, 9, 1.0), {.daylight = light});
+    const imaging::Rgb8 frame = camera.render(test_scenes::looking_down(kMiddle + 40 * Vec3::UnitZ())).rgb(4, 4);
+    const Vec3 n = Vec3(-slope, 0, 1).normalized();
+    const std::array<float, 3>& s = light->toward_sun();
+    const LinearRgb sky = light->diffuse({static_cast<float>(n.x()), 0.0F, static_cast<float>(n.z())});
+    for (std::size_t c = 0; c < 3; ++c) {
+      const double sun = std::max(0.0, n.x() * s[0] + n.z() * s[2]) * light->sunlight()[c];
+      EXPECT_NEAR(seen[c], srgb_encode(0.8 * (sky[c] + sun)), 1.0) << slope;
+      EXPECT_NEAR(frame[c], seen[c], 1.0) << slope;
+    }
   }
 }
 

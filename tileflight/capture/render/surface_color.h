@@ -26,4 +26,9 @@ class Reflectance {
 LinearRgb surface_color(const scene::Scene& scene, const Appearance& appearance, const scene::Hit& hit,
                         double footprint_m);
 
+/// Returns the opacity of the surface at a hit, 0 to 1, averaged over a spot of width `footprint_m`: 1 for all surfaces
+/// but those that blend. `appearance` must be that of `scene`.
+float surface_opacity(const scene::Scene& scene, const Appearance& appearance, const scene::Hit& hit,
+                      double footprint_m);
+
 }  // namespace tileflight::render

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cmath>
 #include <functional>
 #include <memory>
@@ -45,6 +46,22 @@ inline imaging::TexturedMesh ground(const geometry::Vec3& center, double size_m,
   mesh.mesh.triangles = {{0, 1, 2}, {0, 2, 3}};
   mesh.uv = {{0, repeats}, {repeats, repeats}, {repeats, 0}, {0, 0}};
   mesh.texture = std::move(image);
+  return mesh;
+}
+
+/// Level square of one linear colour without texture.
+inline imaging::TexturedMesh colored_ground(const geometry::Vec3& center, double size_m,
+                                            const std::array<float, 4>& color) {
+  imaging::TexturedMesh mesh = ground(center, size_m, nullptr);
+  mesh.uv.clear();
+  mesh.base_color = color;
+  return mesh;
+}
+
+/// Level square that blends, with its opacity in `color`.
+inline imaging::TexturedMesh pane(const geometry::Vec3& center, double size_m, const std::array<float, 4>& color) {
+  imaging::TexturedMesh mesh = colored_ground(center, size_m, color);
+  mesh.blends = true;
   return mesh;
 }
 

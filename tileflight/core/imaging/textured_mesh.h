@@ -58,7 +58,13 @@ struct TexturedMesh {
   Wrap wrap_u = Wrap::kRepeat;
   Wrap wrap_v = Wrap::kRepeat;
   std::array<float, 4> base_color{1.0F, 1.0F, 1.0F, 1.0F};  ///< glTF's linear factor on texture and colours
-  std::vector<std::uint32_t> feature_ids;                   ///< one a vertex (kNoFeature: none), or empty
+  /// Whether images blend the surface with what lies behind it, by the fourth numbers of base_color and colors and by
+  /// `opacity`. Depth and ground truth take it as solid, as they do all surfaces.
+  bool blends = false;
+  /// Opacity of the texels of `texture`: grey, with linear light as the opacity, so that it is filtered as colours are.
+  /// Null: opaque.
+  std::shared_ptr<const RgbImage> opacity{};
+  std::vector<std::uint32_t> feature_ids;        ///< one a vertex (kNoFeature: none), or empty
   std::shared_ptr<const FeatureTable> features;  ///< of feature_ids; shared between meshes of a tile; may be null
   std::string name;                              ///< tile or object of origin, for messages and labels
 };

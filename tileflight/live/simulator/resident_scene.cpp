@@ -175,8 +175,10 @@ std::uintmax_t resident_bytes(const std::vector<TexturedMesh>& meshes) {
   for (const TexturedMesh& mesh : meshes) {
     bytes += imaging::vertex_bytes(mesh);
     bytes += mesh.mesh.triangles.size() * (sizeof(geometry::Triangle) + kBeamTreeBytes + kRayTreeBytes + kShadeBytes);
-    if (mesh.texture && textures.insert(mesh.texture.get()).second)
-      bytes += mesh.texture->pixels.size() * sizeof(imaging::Rgb8) * 7 / 3;  // including its mipmaps
+    for (const auto& image : {mesh.texture, mesh.opacity}) {
+      if (image && textures.insert(image.get()).second)
+        bytes += image->pixels.size() * sizeof(imaging::Rgb8) * 7 / 3;  // including its mipmaps
+    }
   }
   return bytes;
 }

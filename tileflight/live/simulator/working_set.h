@@ -148,6 +148,7 @@ class WorkingSet {
   SimulatorLog log_;
   std::unique_ptr<fetch::TileSource> source_;
   std::unique_ptr<tileset::TilesetTree> tree_;
+  bool volumes_are_checked_ = false;
   tileset::Placement placement_;
   std::optional<scene::SceneFrame> frame_;
   bool follows_sensors_ = false;

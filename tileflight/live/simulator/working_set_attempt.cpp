@@ -9,6 +9,7 @@
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/live/simulator/working_set.h"
 #include "tileflight/tiles/fetch/terms.h"
+#include "tileflight/tiles/tileset/content_records.h"
 #include "tileflight/tiles/tileset/cut_reader.h"
 #include "tileflight/world/place/place_reader.h"
 
@@ -111,6 +112,11 @@ WorkingSet::Outcome WorkingSet::make(Attempt& attempt, Lock& lock, const Progres
   attempt.number = ++attempts_;
   attempt.pins = scenes_.pins();
   attempt.cut = tileset::select_cut(*tree_, refinement_criterion(attempt.cells, attempt.detail));
+  if (!volumes_are_checked_ && !attempt.cut.contents.empty()) {
+    volumes_are_checked_ = true;
+    if (tileset::widen_to_contents(*source_, *tree_, attempt.cut.contents, placement_.T_local_tileset))
+      attempt.cut = tileset::select_cut(*tree_, refinement_criterion(attempt.cells, attempt.detail));
+  }
   if (follows_sensors_) attempt.worst_px = largest_error_px(attempt.cut, attempt.cells);
   attempt.scene = scenes_.find_same(attempt.cut);
   if (attempt.scene) return Outcome::kMade;

@@ -50,6 +50,7 @@ fs::path file_beside(const fs::path& gltf, const std::string& uri) {
 tile_content::ContentOptions gltf_options(const fs::path& file, const MeshSourceOptions& options) {
   tile_content::ContentOptions content;
   content.textures = options.textures;
+  content.opacities = false;
   content.up_axis = options.up.value_or(UpAxis::kY);
   content.read_resource = [file](const std::string& uri) { return base::read_bytes(file_beside(file, uri)); };
   content.limits.max_texture_pixels = imaging::DecodeLimits{}.max_pixels;

@@ -91,6 +91,23 @@ TEST_F(MeshFile, ObjWithMaterialsIsRead) {
   EXPECT_EQ(plain.base_color[2], 1.0F);
 }
 
+TEST_F(MeshFile, LibrariesMayBeginWithAByteOrderMarkAndOpacityIsNamed) {
+  write_picture("p.png");
+  const std::string square =
+      "v 0 0 0\nv 2 0 0\nv 2 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl m\n"
+      "f 1/1 2/2 3/3 4/4\n";
+  for (const auto& [library, named] :
+       {std::pair("newmtl m\nmap_Kd p.png\n", false), std::pair("newmtl m\nmap_Kd p.png\nd 1\nTr 0\n", false),
+        std::pair("newmtl m\nmap_Kd p.png\nd 0.3\n", true), std::pair("newmtl m\nmap_Kd p.png\nTr 0.7\n", true),
+        std::pair("newmtl m\nmap_Kd p.png\nd -halo 0.5\n", true)}) {
+    write("a.mtl", std::string("\xEF\xBB\xBF") + library);
+    const MeshSource source = read("a.obj", "\xEF\xBB\xBFmtllib a.mtl\n" + square);
+    ASSERT_EQ(source.meshes.size(), 1U);
+    EXPECT_TRUE(source.meshes[0].texture) << library;
+    EXPECT_EQ(source.warnings.size(), named ? 1U : 0U) << library;
+  }
+}
+
 TEST_F(MeshFile, ObjWithoutTexturesNeedsNoLibrary) {
   const MeshSource source = read("a.obj", kObj, {.textures = false});
   EXPECT_EQ(source.meshes.size(), 2U);
@@ -207,13 +224,27 @@ TEST_F(MeshFile, PlyWithTextureCoordinatesOfCornersIsRead) {
                                           static_cast<float>(1 - mesh.mesh.vertices[i].y())));
 }
 
+TEST_F(MeshFile, PlyTriangleStripsTurnEveryOtherTriangleAndEndAtMinusOne) {
+  const MeshSource source = read(
+      "a.ply", std::string(kPlyHeader) + "element tristrips 1\nproperty list int int vertex_indices\nend_header\n" +
+                   kPlyVertices + "12 0 1 3 2 -1 1 2 0 -1 2 2 3\n");
+  ASSERT_EQ(source.meshes.size(), 1U);
+  const geometry::TriangleMesh& mesh = source.meshes[0].mesh;
+  ASSERT_EQ(mesh.triangles.size(), 3U) << "2 2 3 has no area";
+  for (const geometry::Triangle& t : mesh.triangles) {
+    const geometry::Vec3 up =
+        (mesh.vertices[t[1]] - mesh.vertices[t[0]]).cross(mesh.vertices[t[2]] - mesh.vertices[t[0]]);
+    EXPECT_GT(up.z(), 0);
+  }
+}
+
 TEST_F(MeshFile, BrokenPlyIsRefused) {
   const std::string header =
       std::string(kPlyHeader) + "element face 1\nproperty list uchar int vertex_indices\nend_header\n" + kPlyVertices;
   expect_refused("a.ply",
                  std::string(kPlyHeader) + "element tristrips 1\nproperty list int int vertex_indices\nend_header\n" +
-                     kPlyVertices + "3 0 1 2\n",
-                 HasSubstr("triangle strips"));
+                     kPlyVertices + "3 0 1 4\n",
+                 HasSubstr("strip 0 refers to vertex 4 of 4"));
   expect_refused("a.ply", std::string(kPlyHeader) + "end_header\n" + kPlyVertices, HasSubstr("points without faces"));
   expect_refused("a.ply", header + "3 0 1 4\n", HasSubstr("vertex 4 of 4"));
   expect_refused("a.ply", header + "3 0 1 -1\n", HasSubstr("vertex -1"));

@@ -24,6 +24,8 @@ namespace fs = std::filesystem;
 using geometry::Vec3;
 using imaging::TexturedMesh;
 
+constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
+
 /// Takes a number from the front of `line`.
 bool take_number(std::string_view& line, float& value) {
   std::string_view rest = line;
@@ -69,6 +71,13 @@ void read_map(std::string_view line, MtlMaterial& material) {
   material.texture = std::string(line);
 }
 
+/// `d` is the opacity. `Tr` is one minus it, but of some programs the opacity: what is neither 0 nor 1 is partial.
+void read_opacity(std::string_view key, std::string_view line, MtlMaterial& material) {
+  if (base::trim(line).starts_with("-halo")) base::take_field(line);
+  float value = 1.0F;
+  if (take_number(line, value) && value < 1.0F && (key == "d" || value > 0.0F)) material.is_transparent = true;
+}
+
 /// `r g b`, or one number for a grey.
 void read_color(std::string_view line, const std::string& where, MtlMaterial& material) {
   auto& [r, g, b] = material.color;
@@ -87,6 +96,7 @@ std::map<std::string, MtlMaterial> parse_mtl(std::string_view text, const std::s
   std::map<std::string, MtlMaterial> out;
   MtlMaterial* material = nullptr;
   std::int64_t line_number = 0;
+  if (text.starts_with(kByteOrderMark)) text.remove_prefix(kByteOrderMark.size());
   while (auto line = base::take_line(text)) {
     const std::string where = name + ", line " + std::to_string(++line_number);
     const std::string_view key = base::take_field(*line);
@@ -95,6 +105,7 @@ std::map<std::string, MtlMaterial> parse_mtl(std::string_view text, const std::s
     if (key == "Kd" && !base::trim(*line).starts_with("spectral") && !base::trim(*line).starts_with("xyz"))
       read_color(*line, where, *material);
     if (key == "map_Kd" || key == "map_kd") read_map(*line, *material);
+    if (key == "d" || key == "Tr") read_opacity(key, *line, *material);
   }
   return out;
 }
@@ -116,7 +127,7 @@ class ObjParser {
       : text_(text), name_(name), faces_(faces), between_(between) {}
 
   ObjNotes parse() {
-    if (text_.starts_with("\xEF\xBB\xBF")) text_.remove_prefix(3);  // a byte order mark
+    if (text_.starts_with(kByteOrderMark)) text_.remove_prefix(kByteOrderMark.size());
     while (const auto line = next_line()) {
       read_line(*line);
       if (between_ && line_number_ % kLinesAtOnce == 0) between_();
@@ -389,6 +400,8 @@ class ObjLooks {
     SurfaceAppearance out;
     out.has_colors = has_colors;
     out.v_up = true;
+    if (material.is_transparent)
+      warnings_.insert("the material '" + name + "' is partly transparent (d, Tr); its surfaces become opaque");
     if (!material.texture.empty() && with_uv) {
       out.texture = texture(*entry, name);
       out.wrap_u = out.wrap_v = material.clamp ? imaging::Wrap::kClampToEdge : imaging::Wrap::kRepeat;

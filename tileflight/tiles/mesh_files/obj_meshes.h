@@ -22,10 +22,11 @@ struct MtlMaterial {
   bool clamp = false;                            ///< clamp to the texture's edge; otherwise it repeats
   std::array<float, 2> scale{1.0F, 1.0F};        ///< texture coordinates become offset + scale * uv
   std::array<float, 2> offset{0.0F, 0.0F};
+  bool is_transparent = false;  ///< d or Tr states an opacity below 1, which is not shown
 };
 
-/// Parses a Wavefront MTL: newmtl, Kd, map_Kd with -clamp, -s, -o; everything else is ignored. File names may contain
-/// blanks. `name` is used in messages. Throws InputError (name, line, cause).
+/// Parses a Wavefront MTL: newmtl, Kd, d, Tr, map_Kd with -clamp, -s, -o; everything else is ignored. File names may
+/// contain blanks. `name` is used in messages. Throws InputError (name, line, cause).
 std::map<std::string, MtlMaterial> parse_mtl(std::string_view text, const std::string& name);
 
 /// Contents of an OBJ file besides its surface.

@@ -70,13 +70,13 @@ class PlyReader {
   void read() {
     const PlyElement& vertex = element("vertex");
     const PlyElement* face = header_.find("face");
-    const bool no_faces = face == nullptr || face->count == 0;
-    if (no_faces && header_.find("tristrips") != nullptr)
-      throw InputError(file_, "contains triangle strips, which are not read; save it with faces (as MeshLab does)");
-    if (no_faces)
+    const PlyElement* strips = header_.find("tristrips");
+    const bool has_faces = face != nullptr && face->count > 0, has_strips = strips != nullptr && strips->count > 0;
+    if (!has_faces && !has_strips)
       throw InputError(file_, "contains points without faces; a mesh is needed (reconstruct a surface first)");
     read_vertices(vertex);
-    read_faces(*face);
+    if (has_faces) read_faces(*face);
+    if (has_strips) read_strips(*strips);
   }
 
   const std::vector<std::string>& pictures() const { return pictures_; }
@@ -152,13 +152,48 @@ class PlyReader {
   }
 
   void read_corners(std::uint64_t row, const std::vector<double>& values) {
-    for (const double value : values) {
-      if (!(value >= 0 && value < static_cast<double>(vertices_)))
-        throw InputError(file_, "face " + std::to_string(row) + " refers to vertex " +
-                                    std::to_string(static_cast<std::int64_t>(std::clamp(value, -1e15, 1e15))) + " of " +
-                                    std::to_string(vertices_));
-      const auto index = static_cast<std::uint32_t>(value);
-      corners_.push_back({index, vertex_uv_ ? index : kInvalidIndex});
+    for (const double value : values) corners_.push_back(corner(value, "face", row));
+  }
+
+  FaceCorner corner(double value, const char* what, std::uint64_t row) const {
+    if (!(value >= 0 && value < static_cast<double>(vertices_)))
+      throw InputError(file_, what + (" " + std::to_string(row)) + " refers to vertex " +
+                                  std::to_string(static_cast<std::int64_t>(std::clamp(value, -1e15, 1e15))) + " of " +
+                                  std::to_string(vertices_));
+    const auto index = static_cast<std::uint32_t>(value);
+    return {index, vertex_uv_ ? index : kInvalidIndex};
+  }
+
+  /// Strips of the Stanford scans: each vertex makes a triangle with the two before it, every other one turned round;
+  /// -1 begins another strip.
+  void read_strips(const PlyElement& strips) {
+    const auto indices = find(strips, {"vertex_indices", "vertex_index"});
+    if (!indices || !strips.properties[*indices].is_list)
+      throw InputError(file_, "its tristrips have no list vertex_indices");
+    if (used_picture_ != 0) faces_.use_material("0");
+    geometry::visit_ply_element(bytes_, header_, "tristrips", file_,
+                                [&](std::uint64_t row, std::size_t property, const std::vector<double>& values) {
+                                  if (property == *indices) read_strip(row, values);
+                                });
+  }
+
+  void read_strip(std::uint64_t row, const std::vector<double>& values) {
+    std::vector<FaceCorner> strip, triangle(3);
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      if (between_ && i % kRowsAtOnce == 0) between_();
+      if (values[i] == -1) {
+        strip.clear();
+        continue;
+      }
+      strip.push_back(corner(values[i], "strip", row));
+      const std::size_t n = strip.size();
+      if (n < 3) continue;
+      const bool is_turned = n % 2 == 0;
+      triangle = {strip[n - 3], strip[n - (is_turned ? 1 : 2)], strip[n - (is_turned ? 2 : 1)]};
+      const bool is_stitch = triangle[0].position == triangle[1].position ||
+                             triangle[1].position == triangle[2].position ||
+                             triangle[2].position == triangle[0].position;
+      if (!is_stitch) faces_.add_face(triangle);
     }
   }
 

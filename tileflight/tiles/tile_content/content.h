@@ -36,7 +36,8 @@ enum class UpAxis { kX, kY, kZ };
 /// Options for decoding a content. The readers receive URIs as written in the content, relative to it. External
 /// resources are rejected if a reader is empty.
 struct ContentOptions {
-  bool textures = true;  ///< false: no images, no texture coordinates
+  bool textures = true;   ///< false: no images, no texture coordinates
+  bool opacities = true;  ///< false: surfaces that blend become opaque (TexturedMesh::blends)
   UpAxis up_axis = UpAxis::kY;
   std::function<std::vector<std::byte>(const std::string& uri)> read_resource = {};
   std::function<std::shared_ptr<const imaging::RgbImage>(const std::string& uri)> read_image = {};

@@ -3,8 +3,11 @@
 #include <gmock/gmock.h>
 #include <meshoptimizer.h>
 
+#include <cmath>
 #include <numbers>
+#include <set>
 
+#include "tileflight/core/base/srgb.h"
 #include "tileflight/core/imaging/image_files.h"
 #include "tileflight/tiles/fetch/test_tilesets.h"
 
@@ -530,9 +533,28 @@ TEST(AlphaModes, BlendLeavesOutWhatIsWhollyTransparentAndNamesTheRest) {
   const DecodedContent clear = square(kHalfTransparent, {{"alphaMode", "BLEND"}});
   EXPECT_NEAR(area_of(clear), 0.5, 1e-6);
   EXPECT_TRUE(clear.warnings.empty());
+  EXPECT_FALSE(clear.meshes.at(0).blends) << "what is left is opaque";
   const DecodedContent dim = square(kHalfDim, {{"alphaMode", "BLEND"}});
   EXPECT_NEAR(area_of(dim), 1.0, 1e-6);
   EXPECT_THAT(dim.warnings, ElementsAre(HasSubstr("BLEND")));
+}
+
+/// The image that images blend by: its linear light is the opacity of the texels.
+TEST(AlphaModes, BlendKeepsTheOpacityForImages) {
+  const DecodedContent dim = square(kHalfDim, {{"alphaMode", "BLEND"}});
+  EXPECT_TRUE(dim.meshes.at(0).blends);
+  ASSERT_NE(dim.meshes.at(0).opacity, nullptr);
+  const imaging::RgbImage& opacity = *dim.meshes.at(0).opacity;
+  EXPECT_EQ(opacity.width, dim.meshes.at(0).texture->width);
+  std::set<int> found;
+  for (const imaging::Rgb8& texel : opacity.pixels)
+    found.insert(static_cast<int>(std::lround(255.0 * base::linear_from_srgb(texel[0] / 255.0))));
+  EXPECT_THAT(found, ElementsAre(100, 255));
+  const Json factor = {{"alphaMode", "BLEND"}, {"pbrMetallicRoughness", {{"baseColorFactor", {1, 1, 1, 0.4}}}}};
+  const DecodedContent plain = square(kHalfDim, factor, 1.0F, false);
+  EXPECT_FALSE(plain.meshes.at(0).blends) << "geometry alone";
+  EXPECT_FALSE(square(kHalfDim, {{"alphaMode", "MASK"}}).meshes.at(0).blends);
+  EXPECT_FALSE(square(kHalfDim, Json::object()).meshes.at(0).blends);
 }
 
 /// Texture coordinates that repeat an image a million times must neither hang nor take much memory.

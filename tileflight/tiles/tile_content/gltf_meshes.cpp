@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/srgb.h"
 #include "tileflight/core/imaging/image_alpha.h"
 #include "tileflight/core/imaging/ktx2.h"
 #include "tileflight/tiles/fetch/uri.h"
@@ -188,7 +189,11 @@ class MeshBuilder {
     if (geometry.triangles.empty()) return;
     if (primitive.texture_features) read_feature_texture(*primitive.texture_features, geometry, where);
     TexturedMesh appearance = appearance_of(geometry, texture, where);
-    if (material != nullptr) appearance.base_color = material->base_color;
+    if (material != nullptr) {
+      appearance.base_color = material->base_color;
+      if (options_.textures && options_.opacities && material->alpha_mode == gltf::AlphaMode::kBlend)
+        add_opacity(*material, appearance);
+    }
     add_features(primitive, geometry, appearance);
     for (std::size_t i = 0; i < places.T_tile_mesh.size(); ++i) {
       spend(geometry, where);
@@ -236,17 +241,49 @@ class MeshBuilder {
       if (cell < 0) warn("a texture with transparent parts is repeated too often; its surface is shown whole");
       if (geometry.vertex_count() > options_.limits.max_vertices) spend(geometry, where);
     }
-    if (blends) warn_of_blending(factor, alpha);
+    if (blends && is_partly_transparent(material, alpha, geometry)) {
+      warn(options_.opacities
+               ? "partly transparent surfaces (alpha mode BLEND) are blended in images and solid in depth and ground "
+                 "truth; wholly transparent parts are left out"
+               : "partly transparent surfaces (alpha mode BLEND) become opaque; wholly transparent parts are left out");
+    }
   }
 
-  void warn_of_blending(double factor, const imaging::GrayImage* alpha) {
-    const auto is_partial = [](std::uint8_t a) { return a > 0 && a < 255; };
-    const bool in_texture = alpha != nullptr && std::any_of(alpha->pixels.begin(), alpha->pixels.end(), is_partial);
-    if (factor < 1.0 || in_texture) {
-      warn(
-          "partly transparent surfaces (alpha mode BLEND) are shown and measured as opaque; wholly transparent parts "
-          "are left out");
+  static bool is_partial(std::uint8_t alpha) { return alpha > 0 && alpha < 255; }
+
+  static bool is_partly_transparent(const gltf::Material& material, const imaging::GrayImage* alpha,
+                                    const gltf::Geometry& geometry) {
+    if (material.base_color[3] < 1.0F) return true;
+    if (alpha != nullptr && std::ranges::any_of(alpha->pixels, is_partial)) return true;
+    if (geometry.color_components != 4) return false;
+    for (std::size_t i = 3; i < geometry.colors.size(); i += 4) {
+      if (geometry.colors[i] < 1.0F) return true;
     }
+    return false;
+  }
+
+  /// Marks a surface that blends, if any of it is partly transparent.
+  void add_opacity(const gltf::Material& material, TexturedMesh& mesh) {
+    const gltf::TextureReference* texture = opacity_texture(&material);
+    const bool is_sampled = texture != nullptr && mesh.texture && !mesh.uv.empty();
+    const imaging::GrayImage* alpha = is_sampled ? alpha_of(document_.textures[texture->texture]) : nullptr;
+    if (alpha != nullptr && std::ranges::any_of(alpha->pixels, is_partial)) {
+      std::shared_ptr<const imaging::RgbImage>& image = opacities_[*document_.textures[texture->texture].image];
+      if (!image) image = encoded_opacity(*alpha);
+      mesh.opacity = image;
+    }
+    const bool in_colors = std::ranges::any_of(mesh.colors, [](const auto& color) { return color[3] < 255; });
+    mesh.blends = mesh.opacity != nullptr || in_colors || mesh.base_color[3] < 1.0F;
+  }
+
+  /// An image whose linear light is the opacity.
+  static std::shared_ptr<const imaging::RgbImage> encoded_opacity(const imaging::GrayImage& alpha) {
+    imaging::RgbImage image(alpha.width, alpha.height);
+    std::ranges::transform(alpha.pixels, image.pixels.begin(), [](std::uint8_t a) {
+      const auto value = static_cast<std::uint8_t>(std::lround(255.0 * base::srgb_from_linear(a / 255.0)));
+      return imaging::Rgb8{value, value, value};
+    });
+    return std::make_shared<const imaging::RgbImage>(std::move(image));
   }
 
   /// The opacity of a texture; nullptr if it is unknown (with a warning).
@@ -425,6 +462,7 @@ class MeshBuilder {
   gltf::PropertyTables property_tables_;
   std::map<std::size_t, std::shared_ptr<const imaging::RgbImage>> images_;
   std::map<std::size_t, std::optional<imaging::GrayImage>> alphas_;
+  std::map<std::size_t, std::shared_ptr<const imaging::RgbImage>> opacities_;  ///< encoded_opacity() of alphas_
   std::size_t vertices_ = 0;
   std::size_t triangles_ = 0;
   std::size_t points_ = 0;

@@ -162,6 +162,60 @@ BoundingVolume transformed(const Mat4& T_a_b, const BoundingVolume& volume_b) {
   return volume_b;  // earth-fixed
 }
 
+namespace {
+
+/// Each pair of sides moves outwards by at least the margin; sides of a sheared box by more.
+OrientedBox widened_box(OrientedBox box, double margin_m) {
+  const Eigen::JacobiSVD<Mat3> svd(box.half_axes, Eigen::ComputeFullU);
+  const double longest_m = svd.singularValues()[0];
+  const bool is_flat = !(svd.singularValues()[2] > 1e-9 * longest_m) || !(longest_m > 0.0);
+  // A box without volume becomes the box along its principal axes.
+  if (is_flat) box.half_axes = svd.matrixU() * (std::sqrt(3.0) * svd.singularValues()).asDiagonal();
+  const Mat3 normals = is_flat ? Mat3(svd.matrixU()) : Mat3(box.half_axes.inverse().transpose());
+  for (int axis = 0; axis < 3; ++axis) {
+    const Vec3 normal = normals.col(axis).normalized();
+    const double half_m = box.half_axes.col(axis).dot(normal);  // from the centre to the side
+    if (half_m > 0.0) {
+      box.half_axes.col(axis) *= (half_m + margin_m) / half_m;
+    } else {
+      box.half_axes.col(axis) = margin_m * normal;
+    }
+  }
+  return box;
+}
+
+GeographicRegion widened_region(GeographicRegion region, double margin_m) {
+  constexpr double kSmallestRadius_m = 6.33e6, kQuarter_rad = std::numbers::pi / 2;
+  const double angle_rad = margin_m / kSmallestRadius_m;
+  region.min_height_m -= margin_m;
+  region.max_height_m += margin_m;
+  region.south_rad = std::max(-kQuarter_rad, region.south_rad - angle_rad);
+  region.north_rad = std::min(kQuarter_rad, region.north_rad + angle_rad);
+  const double narrowest = std::cos(std::max(std::abs(region.south_rad), std::abs(region.north_rad)));
+  const double across_rad = angle_rad / std::max(narrowest, 1e-6);
+  if (longitude_width_rad(region) + 2 * across_rad >= 2 * std::numbers::pi) {
+    region.west_rad = -std::numbers::pi;
+    region.east_rad = std::numbers::pi;
+    return region;
+  }
+  region.west_rad = std::remainder(region.west_rad - across_rad, 2 * std::numbers::pi);
+  region.east_rad = std::remainder(region.east_rad + across_rad, 2 * std::numbers::pi);
+  return region;
+}
+
+}  // namespace
+
+BoundingVolume widened(const BoundingVolume& volume, double margin_m) {
+  if (const auto* box = std::get_if<OrientedBox>(&volume)) return widened_box(*box, margin_m);
+  if (const auto* region = std::get_if<GeographicRegion>(&volume)) return widened_region(*region, margin_m);
+  if (const auto* sphere = std::get_if<BoundingSphere>(&volume))
+    return BoundingSphere{sphere->center, sphere->radius_m + margin_m};
+  S2Volume cell = std::get<S2Volume>(volume);
+  cell.min_height_m -= margin_m;
+  cell.max_height_m += margin_m;
+  return cell;
+}
+
 Vec3 center_of(const BoundingVolume& volume) {
   if (const auto* box = std::get_if<OrientedBox>(&volume)) return box->center;
   if (const auto* sphere = std::get_if<BoundingSphere>(&volume)) return sphere->center;

@@ -46,6 +46,9 @@ using BoundingVolume = std::variant<OrientedBox, BoundingSphere, GeographicRegio
 /// earth-fixed volumes do not change.
 BoundingVolume transformed(const geometry::Mat4& T_a_b, const BoundingVolume& volume_b);
 
+/// Returns a volume that contains all points within `margin_m` of this one (of an S2 cell: those above and below).
+BoundingVolume widened(const BoundingVolume& volume, double margin_m);
+
 /// Returns the centre of the volume, in the tileset's frame (earth-centred for earth-fixed volumes).
 geometry::Vec3 center_of(const BoundingVolume& volume);
 

@@ -173,5 +173,38 @@ TEST(BoundingVolume, CapAtAPole) {
   }
 }
 
+constexpr double kDegree = std::numbers::pi / 180.0;
+
+/// All points within the margin of a volume's points lie in the widened one, and none far beyond.
+TEST(Widened, HoldsAllPointsWithinTheMargin) {
+  Random random;
+  const Vec3 somewhere = geometry::ecef_from_geodetic({47.0, 8.0, {400.0}});
+  const auto inside = [](const BoundingVolume& volume, const Vec3& p) { return intersects(volume, SE3(), Box3(p, p)); };
+  for (int i = 0; i < 300; ++i) {
+    const double margin_m = random.in(0.1, 50.0);
+    OrientedBox box;
+    box.center = random.vector(100);
+    for (int axis = 0; axis < 3; ++axis) box.half_axes.col(axis) = random.vector(20);
+    if (i % 3 == 1) box.half_axes.col(i % 2).setZero();
+    if (i % 30 == 2) box.half_axes.setZero();
+    const Vec3 own = box.center + box.half_axes * random.vector(1.0);
+    const Vec3 near = own + random.vector(1.0).normalized() * margin_m * 0.999;
+    EXPECT_TRUE(inside(widened(box, margin_m), near)) << i;
+    const BoundingSphere sphere{random.vector(100), random.in(0, 30)};
+    const auto larger = std::get<BoundingSphere>(widened(sphere, margin_m));
+    EXPECT_EQ(larger.center, sphere.center);
+    EXPECT_EQ(larger.radius_m, sphere.radius_m + margin_m);
+    const GeographicRegion region{8 * kDegree, 47 * kDegree, 8.001 * kDegree, 47.001 * kDegree, 390, 410};
+    EXPECT_TRUE(inside(widened(region, margin_m), somewhere + random.vector(1.0).normalized() * margin_m * 0.999));
+  }
+  OrientedBox cube;
+  cube.half_axes = 3.0 * Mat3::Identity();
+  EXPECT_TRUE(std::get<OrientedBox>(widened(cube, 2.0)).half_axes.isApprox(5.0 * Mat3::Identity()));
+  const auto across = std::get<GeographicRegion>(
+      widened(GeographicRegion{179.9999 * kDegree, 0, 179.99999 * kDegree, 0.001 * kDegree, 0, 1}, 100.0));
+  EXPECT_GT(across.west_rad, 0);
+  EXPECT_LT(across.east_rad, 0) << "over the antimeridian";
+}
+
 }  // namespace
 }  // namespace tileflight::tileset::bounding_volume_test

@@ -8,6 +8,7 @@
 #include "tileflight/tiles/fetch/uri.h"
 #include "tileflight/tiles/tile_content/attribution.h"
 #include "tileflight/tiles/tileset/bounding_volume.h"
+#include "tileflight/tiles/tileset/content_sample.h"
 
 namespace tileflight::tileset {
 namespace {
@@ -49,15 +50,41 @@ void add_records(std::span<const std::optional<ContentRecord>> records, tile_con
 }  // namespace
 
 geometry::Box3 stated_bounds(const TilesetTree& tree, const CutContent& content, const geometry::SE3& T_local_tileset) {
-  const BoundingVolume volume = tree.content_volume(content.node, content.content).value_or(tree.volume(content.node));
-  return local_bounding_box(volume, T_local_tileset);
+  return local_bounding_box(tree.stated_volume(content.node, content.content), T_local_tileset);
+}
+
+double overreach_m(const geometry::Box3& stated, const geometry::Box3& held) {
+  constexpr double kRounding_m = 1e-4, kRoundingShare = 1e-5;
+  if (stated.isEmpty() || held.isEmpty()) return 0.0;
+  const double out_m = std::max((stated.min() - held.min()).maxCoeff(), (held.max() - stated.max()).maxCoeff());
+  return out_m < kRounding_m + kRoundingShare * stated.sizes().norm() ? 0.0 : out_m;
+}
+
+bool widen_to_contents(fetch::TileSource& source, TilesetTree& tree, const std::vector<CutContent>& contents,
+                       const geometry::SE3& T_local_tileset) {
+  constexpr std::size_t kMostRead = 32, kAtOnce = 8;
+  constexpr double kMost_m = 1000.0;
+  const std::vector<std::size_t> sample = spread_sample(contents.size(), kMostRead);
+  double margin_m = 0.0;
+  for (std::size_t first = 0; first < sample.size(); first += kAtOnce) {
+    TileCut some;
+    for (std::size_t k = first; k < std::min(sample.size(), first + kAtOnce); ++k)
+      some.contents.push_back(contents[sample[k]]);
+    const std::vector<LoadedContent> loaded = read_cut(source, tree, some, T_local_tileset, false);
+    for (std::size_t k = 0; k < loaded.size(); ++k) {
+      const geometry::Box3 stated = stated_bounds(tree, some.contents[k], T_local_tileset);
+      margin_m = std::max(margin_m, overreach_m(stated, bounds_of(loaded[k])));
+    }
+  }
+  margin_m = std::min(margin_m, kMost_m);
+  if (margin_m <= tree.volume_margin_m()) return false;
+  tree.set_volume_margin(margin_m);
+  return true;
 }
 
 void StrayContents::add(const std::string& uri, const geometry::Box3& stated, const geometry::Box3& held) {
-  constexpr double kRounding_m = 1e-4, kRoundingShare = 1e-5;
-  if (stated.isEmpty() || held.isEmpty()) return;
-  const double out_m = std::max((stated.min() - held.min()).maxCoeff(), (held.max() - stated.max()).maxCoeff());
-  if (out_m < kRounding_m + kRoundingShare * stated.sizes().norm()) return;
+  const double out_m = overreach_m(stated, held);
+  if (out_m == 0.0) return;
   uris_.insert(uri);
   if (out_m <= worst_m_) return;
   worst_m_ = out_m;
@@ -69,7 +96,8 @@ std::optional<std::string> StrayContents::warning() const {
   return base::formatted(
       "tiles that hold surface outside of the bounding volumes that the tileset states for them: %zu of those read, by "
       "up to "
-      "%.3g m (%s): what was read counts where it lies, but images and coarse levels select tiles by these volumes",
+      "%.3g m (%s): what was read counts where it lies, and images select tiles by volumes that are widened by what a "
+      "sample of them holds",
       uris_.size(), worst_m_, fetch::uri_for_message(worst_uri_).c_str());
 }
 

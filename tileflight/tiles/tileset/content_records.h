@@ -27,6 +27,17 @@ struct ContentRecord {
 /// Returns the bounds that a content's volume, or else its tile's, states: local frame.
 geometry::Box3 stated_bounds(const TilesetTree& tree, const CutContent& content, const geometry::SE3& T_local_tileset);
 
+/// Returns by how much a content reaches out of its stated volume, both as boxes of one frame; 0 if no more than
+/// rounding explains.
+double overreach_m(const geometry::Box3& stated, const geometry::Box3& held);
+
+/// Widens the tree's volumes (TilesetTree::volume_margin_m) by as much as the contents reach out of theirs, up to a
+/// kilometre: by a sample that is spread over these contents, so that the result depends on the tileset and on what is
+/// asked of it, but not on what else was read. Returns whether that changed them. Stated volumes are hints: selections
+/// by views would miss what lies outside.
+bool widen_to_contents(fetch::TileSource& source, TilesetTree& tree, const std::vector<CutContent>& contents,
+                       const geometry::SE3& T_local_tileset);
+
 /// Counts contents that hold surface outside of the volumes that their tiles state.
 class StrayContents {
  public:

@@ -12,6 +12,7 @@
 #include "tileflight/tiles/fetch/uri.h"
 #include "tileflight/tiles/tile_content/content.h"
 #include "tileflight/tiles/tile_content/shared_image_cache.h"
+#include "tileflight/tiles/tileset/content_sample.h"
 
 namespace tileflight::tileset {
 namespace {
@@ -155,6 +156,23 @@ std::vector<LoadedContent> read_cut(fetch::TileSource& source, const TilesetTree
                                     const geometry::SE3& T_local_tileset, bool textures, const Progress& progress,
                                     std::uintmax_t max_memory_bytes) {
   return CutReader(source, tree, cut, T_local_tileset, textures, progress, max_memory_bytes).run();
+}
+
+bool lacks_textures(fetch::TileSource& source, const TilesetTree& tree, const std::vector<CutContent>& contents,
+                    const geometry::SE3& T_local_tileset) {
+  constexpr std::size_t kMostRead = 24;
+  bool has_surface = false;
+  for (const std::size_t index : spread_sample(contents.size(), kMostRead)) {
+    TileCut one;
+    one.contents = {contents[index]};
+    for (const LoadedContent& loaded : read_cut(source, tree, one, T_local_tileset, true)) {
+      for (const imaging::TexturedMesh& mesh : loaded.meshes) {
+        if (mesh.texture || !mesh.colors.empty()) return false;
+        has_surface = has_surface || !mesh.mesh.triangles.empty();
+      }
+    }
+  }
+  return has_surface;
 }
 
 }  // namespace tileflight::tileset

@@ -32,4 +32,9 @@ std::vector<LoadedContent> read_cut(fetch::TileSource& source, const TilesetTree
                                     const geometry::SE3& T_local_tileset, bool textures, const Progress& progress = {},
                                     std::uintmax_t max_memory_bytes = std::numeric_limits<std::uintmax_t>::max());
 
+/// Tells whether surfaces have neither textures nor vertex colours, from a sample of a cut's contents that is spread
+/// over it. False if none of them has a surface. A place with textures costs the reading of one content.
+bool lacks_textures(fetch::TileSource& source, const TilesetTree& tree, const std::vector<CutContent>& contents,
+                    const geometry::SE3& T_local_tileset);
+
 }  // namespace tileflight::tileset

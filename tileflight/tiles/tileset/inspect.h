@@ -75,8 +75,9 @@ struct InspectLimits {
 
 /// The warning about a place whose surfaces have neither textures nor vertex colours.
 inline constexpr const char* kNoTextures =
-    "the place has no textures: each surface has one colour, and odometry finds nothing inside it; `light: {model: "
-    "sun-and-sky}` in the camera's file (or --degrade with it) shades surfaces by their direction";
+    "the place has no textures: images shade each surface by its direction to sun and sky, and odometry finds edges "
+    "alone, nothing inside a surface, so that it may lose track; `light` in the camera's file (or --degrade with it) "
+    "sets another light, {model: baked} none";
 
 /// Summarizes a tileset. Throws InputError if the root cannot be read; faults further down are listed in `failures`.
 TilesetSummary inspect_tileset(fetch::TileSource& source, const InspectLimits& limits = {},

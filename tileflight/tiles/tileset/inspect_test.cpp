@@ -9,6 +9,7 @@
 #include "tests/test_data.h"
 #include "tileflight/tiles/fetch/test_tilesets.h"
 #include "tileflight/tiles/tile_content/attribution.h"
+#include "tileflight/tiles/tileset/cut_reader.h"
 
 namespace tileflight::tileset::inspect_test {
 namespace {
@@ -34,6 +35,10 @@ TEST(InspectTileset, NamesAPlaceWithoutTextures) {
     source.add("a.glb", writer.glb());
     const std::vector<std::string> warnings = inspect_tileset(source).warnings;
     EXPECT_EQ(std::count(warnings.begin(), warnings.end(), kNoTextures), colors ? 0 : 1);
+    TilesetTree tree(source);
+    const TileCut cut = select_cut(tree, region_criterion({{0, 0, 0}, {4, 4, 4}}, geometry::SE3(), 0.0));
+    EXPECT_EQ(lacks_textures(source, tree, cut.contents, geometry::SE3()), !colors);
+    EXPECT_FALSE(lacks_textures(source, tree, {}, geometry::SE3()));
   }
 }
 

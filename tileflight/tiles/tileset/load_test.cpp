@@ -11,6 +11,7 @@
 #include "tileflight/core/imaging/image_files.h"
 #include "tileflight/tiles/fetch/test_tilesets.h"
 #include "tileflight/tiles/fetch/tile_source.h"
+#include "tileflight/tiles/tileset/content_records.h"
 
 namespace tileflight::tileset::load_test {
 namespace {
@@ -54,6 +55,32 @@ class LoadRegion : public ::testing::Test {
   }
   MemorySource source_;
 };
+
+TEST(FlatTileset, HasARegion) {
+  MemorySource source(fetch::test_support::tileset(tile(box_volume(0, 0, 0, 5, 5, 0), 0, "a.glb")));
+  source.add("a.glb", triangle_glb({-1, 0, 0, 1, 0, 0, 0, 0, -1}));
+  const LoadedTiles tiles = load(source);
+  EXPECT_EQ(tiles.triangles, 1);
+  EXPECT_GT(tiles.region.size.minCoeff(), 0.0);
+}
+
+/// The volumes that selections by views use are as large as what the contents hold.
+TEST(WidenedVolumes, HoldWhatContentsHold) {
+  for (const double out_m : {0.0, 7.0, 5000.0}) {
+    MemorySource source(fetch::test_support::tileset(tile(box_volume(0, 0, 0, 2, 2, 2), 0, "a.glb")));
+    source.add("a.glb", triangle_at(static_cast<float>(out_m)));
+    TilesetTree tree(source);
+    const TileCut cut = select_cut(tree, region_criterion({{0, 0, 0}, {9, 9, 9}}, geometry::SE3(), 0.0));
+    const BoundingVolume stated = tree.volume(tree.root());
+    EXPECT_EQ(widen_to_contents(source, tree, cut.contents, geometry::SE3()), out_m > 0.0);
+    const double margin_m = out_m == 0.0 ? 0.0 : std::min(out_m + 1.0 - 2.0, 1000.0);
+    EXPECT_NEAR(tree.volume_margin_m(), margin_m, 1e-3);
+    const Box3 box = local_bounding_box(tree.volume(tree.root()), geometry::SE3());
+    EXPECT_NEAR(box.max().x(), 2.0 + margin_m, 1e-3);
+    EXPECT_NEAR(local_bounding_box(tree.stated_volume(cut.contents[0].node, 0), geometry::SE3()).max().x(), 2.0, 1e-9);
+    EXPECT_FALSE(widen_to_contents(source, tree, cut.contents, geometry::SE3())) << "once";
+  }
+}
 
 TEST_F(LoadRegion, WholeTilesetInOrder) {
   const LoadedTiles tiles = load(source_);

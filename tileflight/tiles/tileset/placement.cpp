@@ -218,10 +218,25 @@ std::string describe_separation(const Box3& flown, const Box3& tileset, const st
          "flight's height";
 }
 
+namespace {
+
+/// A flat volume, as of a level floor, holds its surface, but a region needs an extent on each axis.
+Box3 with_thickness(Box3 box) {
+  constexpr double kThin_m = 1e-3;
+  for (int axis = 0; axis < 3; ++axis) {
+    if (box.sizes()[axis] > 0.0) continue;
+    box.min()[axis] -= kThin_m;
+    box.max()[axis] += kThin_m;
+  }
+  return box;
+}
+
+}  // namespace
+
 Placement resolve_placement(const TilesetTree& tree, const LoadOptions& options, const std::string& source) {
   check_options(options, source);
   Placement placement = frame_of(tree, options, source);
-  const Box3 tileset = root_bounds(tree, placement.T_local_tileset);
+  const Box3 tileset = with_thickness(root_bounds(tree, placement.T_local_tileset));
   const bool has_center = options.center || options.center_local;
   if (options.flight && !has_center) {
     placement.region = {tileset.center(), tileset.sizes()};

@@ -104,7 +104,13 @@ std::vector<NodeId> TilesetTree::children(NodeId id) {
 }
 
 BoundingVolume TilesetTree::volume(NodeId id) const {
-  return transformed(T_tileset_tile(id), tile(id)->bounding_volume);
+  const BoundingVolume stated = transformed(T_tileset_tile(id), tile(id)->bounding_volume);
+  return volume_margin_m_ > 0.0 ? widened(stated, volume_margin_m_) : stated;
+}
+
+BoundingVolume TilesetTree::stated_volume(NodeId id, std::size_t content) const {
+  const std::shared_ptr<const Tile> tile = this->tile(id);
+  return transformed(T_tileset_tile(id), tile->contents[content].bounding_volume.value_or(tile->bounding_volume));
 }
 
 double TilesetTree::geometric_error_m(NodeId id) const {
@@ -116,7 +122,9 @@ double TilesetTree::geometric_error_m(NodeId id) const {
 std::optional<BoundingVolume> TilesetTree::content_volume(NodeId id, std::size_t content) const {
   const std::shared_ptr<const Tile> tile = this->tile(id);
   const std::optional<BoundingVolume>& own = tile->contents[content].bounding_volume;
-  return own ? std::optional(transformed(T_tileset_tile(id), *own)) : std::nullopt;
+  if (!own) return std::nullopt;
+  const BoundingVolume stated = transformed(T_tileset_tile(id), *own);
+  return volume_margin_m_ > 0.0 ? widened(stated, volume_margin_m_) : stated;
 }
 
 std::optional<BoundingVolume> TilesetTree::viewer_request_volume(NodeId id) const {

@@ -65,8 +65,14 @@ class TilesetTree {
 
   /// Returns the tile's children in its own file, in file order. Throws TreeTooLarge.
   std::vector<NodeId> children(NodeId id);
-  /// Returns the tile's bounding volume in the tileset's frame.
+  /// Returns the tile's bounding volume in the tileset's frame, widened by volume_margin_m().
   BoundingVolume volume(NodeId id) const;
+  /// Returns the volume that the file states for a content, or else for its tile: in the tileset's frame, not widened.
+  BoundingVolume stated_volume(NodeId id, std::size_t content) const;
+  /// How far volume() and content_volume() reach beyond what the files state: 0 unless contents turned out to lie
+  /// outside of their volumes (widen_to_contents()).
+  double volume_margin_m() const { return volume_margin_m_; }
+  void set_volume_margin(double margin_m) { volume_margin_m_ = margin_m; }
   /// Returns the tile's geometric error in metres. 3D Tiles 1.0 states it in metres whatever the transform ("does not
   /// apply to geometricError", section "Tile transforms"); 1.1 scales it by the largest scaling factor of the
   /// transform.
@@ -144,7 +150,8 @@ class TilesetTree {
   std::map<NodeId, NodeId> implicit_roots_;
   std::vector<std::pair<std::string, std::shared_ptr<const Tileset>>> files_read_;
   std::unordered_map<std::string, std::size_t> file_of_uri_;  ///< index into files_read_
-  std::size_t tiles_read_ = 0;                                ///< number of tiles in files_read_
+  double volume_margin_m_ = 0.0;
+  std::size_t tiles_read_ = 0;  ///< number of tiles in files_read_
   std::map<std::string, bool> sniffed_;
   std::vector<std::string> warnings_;
   mutable std::pair<NodeId, std::shared_ptr<const Tile>> latest_;  ///< the tile of a subtree that was made last

@@ -76,6 +76,8 @@ TexturedMesh crop_mesh(const TexturedMesh& whole, const TriangleFilter& wanted, 
                     .wrap_u = whole.wrap_u,
                     .wrap_v = whole.wrap_v,
                     .base_color = whole.base_color,
+                    .blends = whole.blends,
+                    .opacity = whole.opacity,
                     .features = whole.features,
                     .name = whole.name};
   std::vector<std::uint32_t> new_index(whole.mesh.vertices.size(), kUnused);

@@ -98,6 +98,14 @@ std::optional<PlacePart> PlaceReader::read(const tileset::TileCut& cut, bool tex
   return part;
 }
 
+bool PlaceReader::widen_to_contents(const std::vector<tileset::CutContent>& contents) {
+  return tileset::widen_to_contents(*source_, tree_, contents, placement_.T_local_tileset);
+}
+
+bool PlaceReader::lacks_textures(const std::vector<tileset::CutContent>& contents) {
+  return tileset::lacks_textures(*source_, tree_, contents, placement_.T_local_tileset);
+}
+
 std::vector<std::string> PlaceReader::attribution() const {
   tile_content::AttributionCollector all = copyrights_;
   for (const auto& [uri, tileset] : tree_.files_read()) all.add(tileset->copyright);

@@ -65,6 +65,12 @@ class PlaceReader {
   std::optional<PlacePart> read(const tileset::TileCut& cut, bool textures, std::uintmax_t max_memory_bytes,
                                 const Progress& progress);
 
+  /// Widens the volumes by which tiles are selected to what these contents hold (tileset::widen_to_contents); tells
+  /// whether that changed them.
+  bool widen_to_contents(const std::vector<tileset::CutContent>& contents);
+  /// Tells whether the surfaces of a cut's contents lack textures (tileset::lacks_textures).
+  bool lacks_textures(const std::vector<tileset::CutContent>& contents);
+
   /// Attribution of everything read so far.
   std::vector<std::string> attribution() const;
   std::vector<std::string> warnings() const;
