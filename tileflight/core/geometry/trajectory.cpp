@@ -70,7 +70,8 @@ std::optional<std::size_t> meaning_of(std::string_view heading) {
     name = name.substr(before == std::string::npos ? 0 : before + 1);
     name.erase(std::remove(name.begin(), name.end(), '.'), name.end());
   }
-  if (name == "t" || name == "ts" || name == "stamp" || name.starts_with("time")) return 0;
+  const bool is_t_with_unit = name == "t_s" || name == "t_ms" || name == "t_us" || name == "t_ns";
+  if (name == "t" || name == "ts" || name == "stamp" || name.starts_with("time") || is_t_with_unit) return 0;
   if (name.empty()) return std::nullopt;
   const std::size_t axis = std::string_view("xyzw").find(name.back());
   if (axis == std::string_view::npos) return std::nullopt;
@@ -219,9 +220,23 @@ std::optional<StampedPose> parse_pose(std::string_view line, const PoseColumns& 
   return StampedPose{time_s, SE3(rotation, Vec3(v[1], v[2], v[3]))};
 }
 
+/// Whether times are in seconds although EuRoC's columns are usual: the heading states no unit, and a time has a point.
+bool has_fractional_times(const std::filesystem::path& file, std::string_view text, const FileColumns& found) {
+  if (!found.columns.are_named || found.columns.time_unit_is_stated) return false;
+  bool has_point = false;
+  for_each_row(file, text, [&](std::string_view line, const std::string&) {
+    if (has_point || line.data() == found.heading.data()) return;
+    const std::vector<std::string_view> fields = base::split_fields(line, found.columns.separators);
+    const std::size_t time = found.columns.of[0];
+    has_point = time < fields.size() && fields[time].find('.') != std::string_view::npos;
+  });
+  return has_point;
+}
+
 /// Reads the rows of a file of poses with times. `usual`: the columns of a file without a heading.
 Trajectory read_poses(const std::filesystem::path& file, std::string_view text, const PoseColumns& usual) {
-  const FileColumns found = find_columns(text, usual);
+  FileColumns found = find_columns(text, usual);
+  if (has_fractional_times(file, text, found)) found.columns.time_is_in_seconds = true;
   Trajectory trajectory;
   std::size_t rows = 0;
   for_each_row(file, text, [&](std::string_view line, const std::string& where) {
@@ -312,7 +327,8 @@ bool has_decimal_commas(std::string_view row) {
 std::string with_usual_separators(std::string text) {
   std::string_view row;
   for (std::string_view rest = text; const auto line = base::take_line(rest);) {
-    if (line->starts_with('#') || base::trim(*line).empty() || begins_with_word(*line)) continue;
+    const std::string_view first = line->substr(0, line->find(';'));
+    if (line->starts_with('#') || base::trim(*line).empty() || begins_with_word(first)) continue;
     row = *line;
     break;
   }

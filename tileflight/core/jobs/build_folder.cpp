@@ -47,7 +47,7 @@ std::string read_command_line(const std::string& process) {
 
 /// "process 4711 (tileflight run a.yaml --out out)", as stored in the lock file.
 std::string read_owner(const fs::path& lock) {
-  std::istringstream text(base::read_text(lock, kMaxLockBytes));
+  std::istringstream text(base::read_raw(lock, kMaxLockBytes));
   std::string process, host;
   if (!(text >> process >> host)) return "another process";
   if (host != host_name()) return "process " + process + " of " + host;
@@ -63,7 +63,7 @@ void write_owner(int lock) {
 
 /// Whether the owner of a lock was killed, so that only what it had started still holds the lock.
 bool is_owner_gone(const fs::path& lock) {
-  std::istringstream text(base::read_text(lock, kMaxLockBytes));
+  std::istringstream text(base::read_raw(lock, kMaxLockBytes));
   pid_t process = 0;
   std::string host;
   return (text >> process >> host) && host == host_name() && ::kill(process, 0) != 0 && errno == ESRCH;
@@ -192,7 +192,7 @@ fs::path BuildFolder::path_beside(const fs::path& output, const std::string& kin
 
 json BuildFolder::read_inputs(const fs::path& folder) {
   try {
-    return json::parse(base::read_text(folder / kInputs, kMaxInputsBytes));
+    return json::parse(base::read_raw(folder / kInputs, kMaxInputsBytes));
   } catch (const std::exception&) {
     return nullptr;
   }

@@ -74,7 +74,7 @@ nlohmann::json run_parted_job(const PartedJob& job, const TaskOptions& options, 
     const std::vector<Task> tasks = tasks_of(job, folder);
     write_tasks(tasks, folder, "tileflight " + job.command);
     run_tasks(tasks, folder, options, progress);
-    result = nlohmann::json::parse(base::read_text(folder / kResult), nullptr, false);
+    result = nlohmann::json::parse(base::read_raw(folder / kResult), nullptr, false);
     if (result.is_discarded()) throw InputError((folder / kResult).string(), "is broken; run the command again");
   }
   std::error_code ignored_too;

@@ -242,6 +242,8 @@ ColumnMeaning meaning_of(const std::string& name, const std::string& where) {
       if (const auto scale = scale_of(alias->quantity, std::string_view(name).substr(last + 1))) return {alias, scale};
     }
   }
+  constexpr std::size_t kLongestName = 64;
+  if (name.size() > kLongestName) return {};
   const std::string bare = letters_and_digits(name);  // "gimbalPitchRad"
   for (std::size_t length = 1; length < bare.size(); ++length) {
     const Alias* alias = alias_of(std::string_view(bare).substr(0, length));

@@ -205,7 +205,8 @@ std::vector<TimeGap> find_time_gaps(const Trajectory& trajectory, double duratio
   for (std::size_t i = 1; i < trajectory.size(); ++i)
     intervals_s.push_back(trajectory.poses[i].time_s - trajectory.poses[i - 1].time_s);
   if (intervals_s.empty()) return {};
-  const double least_s = std::max(kTimesUsual * base::median(intervals_s), kShare * duration_s);
+  std::vector<double> sorted = intervals_s;
+  const double least_s = std::max(kTimesUsual * base::median(sorted), kShare * duration_s);
   std::vector<TimeGap> gaps;
   for (std::size_t i = 1; i < trajectory.size(); ++i) {
     if (intervals_s[i - 1] > least_s) gaps.push_back({trajectory.poses[i - 1].time_s, trajectory.poses[i].time_s});

@@ -126,6 +126,15 @@ void check_pictures(bool by_images_alone, RegistrationResult& r) {
             *r.repetition_distance_m),
         "fly over ground with relief, or compare with telemetry by hand");
   }
+  if (p.textures_differ()) {
+    add_warning(
+        r, kAlignment, Severity::kNote,
+        base::formatted("the images look different from the place (correlation %.2f): its textures have changed, "
+                        "which makes the images' positions less accurate (the stated uncertainty allows for "
+                        "that), or it is another place",
+                        p.correlation),
+        "register against tiles of the same season and light where there are any");
+  }
   check_path(r);
 }
 
@@ -220,7 +229,9 @@ void check_sigma(RegistrationResult& r) {
                 "fly farther, or at a higher frame rate");
     return;
   }
-  const double path_error_m = is_recognised(r) && r.pictures ? r.pictures->path_error_m : 0.0;
+  // Where textures have changed, the images' distances from the path are their own errors.
+  const bool tells_path_errors = is_recognised(r) && r.pictures && !r.pictures->textures_differ();
+  const double path_error_m = tells_path_errors ? r.pictures->path_error_m : 0.0;
   const bool may_be_wrong = kSigmas * r.sigma_m > std::max(kScored_m, kPathErrors * path_error_m);
   if (!may_be_wrong && r.sigma_m <= kScored_m) return;
   add_warning(

@@ -19,8 +19,12 @@ std::optional<Severity> warning_of_sigma(double sigma_m, double path_error_m) {
   RegistrationResult r;
   r.sigma_m = sigma_m;
   r.method = "pictures";
-  r.pictures = PictureAgreement{
-      .tried = 20, .located = 20, .inliers = 20, .path_error_m = path_error_m, .path_length_m = 1000.0};
+  r.pictures = PictureAgreement{.tried = 20,
+                                .located = 20,
+                                .inliers = 20,
+                                .correlation = 0.98,
+                                .path_error_m = path_error_m,
+                                .path_length_m = 1000.0};
   add_registration_warnings({}, {}, r);
   for (const Warning& warning : r.warnings)
     if (warning.message.find("uncertain") != std::string::npos) return warning.severity;
@@ -68,6 +72,30 @@ TEST(RegistrationWarnings, ImagesThatLookTheSameOutweighTheRaysOverClutter) {
   EXPECT_EQ(warning_of_rays(0.20, 0.96, 20), Severity::kError);
   EXPECT_EQ(warning_of_rays(0.20, 0.98, 20), Severity::kNote);
   EXPECT_EQ(warning_of_rays(0.20, 0.98, 18), Severity::kError) << "some images do not agree";
+}
+
+/// Where textures have changed, images are off the path by their own errors, which do not excuse a large uncertainty.
+TEST(RegistrationWarnings, ChangedTexturesAreNamedAndTheirUncertaintyCounts) {
+  const auto warnings = [](double correlation) {
+    RegistrationResult r;
+    r.method = "pictures";
+    r.sigma_m = 0.065;
+    r.surface.points = 1000;
+    r.surface.inlier_share = 0.9;
+    r.pictures = PictureAgreement{.tried = 20,
+                                  .located = 20,
+                                  .inliers = 20,
+                                  .correlation = correlation,
+                                  .path_error_m = 0.09,
+                                  .path_length_m = 94.0};
+    add_registration_warnings({}, {}, r);
+    std::string found;
+    for (const Warning& warning : r.warnings) found += warning.message + "; ";
+    return found;
+  };
+  EXPECT_EQ(warnings(0.97), "");
+  EXPECT_THAT(warnings(0.65), HasSubstr("look different from the place (correlation 0.65)"));
+  EXPECT_THAT(warnings(0.65), HasSubstr("the transform's uncertainty is 0.07 m"));
 }
 
 /// The warnings about a receiver's positions that are off by `off`, beside a path on a quarter circle that is right. By

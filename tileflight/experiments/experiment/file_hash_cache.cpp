@@ -120,7 +120,7 @@ std::string FileHashCache::hash_yaml_content(const fs::path& file) {
 // One line per file: SHA-256, bytes, inode, mtime and ctime in nanoseconds, path.
 void FileHashCache::read_cache() {
   if (cache_file_.empty() || !fs::is_regular_file(cache_file_)) return;
-  std::istringstream lines(base::read_text(cache_file_));
+  std::istringstream lines(base::read_raw(cache_file_));
   for (std::string line; std::getline(lines, line);) {
     std::istringstream fields(line);
     Entry known;

@@ -83,7 +83,7 @@ json stamps_of(const fs::path& entry) {
 bool is_whole(const fs::path& entry) {
   const fs::path manifest = manifest_of(entry);
   if (!fs::is_directory(entry) || !fs::is_regular_file(manifest)) return false;
-  const json written = json::parse(base::read_text(manifest), nullptr, false);
+  const json written = json::parse(base::read_raw(manifest), nullptr, false);
   return written.is_object() && !written.empty() && written == stamps_of(entry);
 }
 

@@ -28,7 +28,7 @@ fs::path record_path(const fs::path& run_folder, const std::string& name) {
 /// An unreadable record counts as missing: the stage runs again.
 nlohmann::json record_in(const fs::path& file) {
   if (!fs::exists(file)) return nullptr;
-  return nlohmann::json::parse(base::read_text(file), nullptr, false);
+  return nlohmann::json::parse(base::read_raw(file), nullptr, false);
 }
 
 bool is_record_of(const nlohmann::json& record, const std::string& key) {

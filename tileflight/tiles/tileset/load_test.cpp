@@ -71,7 +71,6 @@ TEST(WidenedVolumes, HoldWhatContentsHold) {
     source.add("a.glb", triangle_at(static_cast<float>(out_m)));
     TilesetTree tree(source);
     const TileCut cut = select_cut(tree, region_criterion({{0, 0, 0}, {9, 9, 9}}, geometry::SE3(), 0.0));
-    const BoundingVolume stated = tree.volume(tree.root());
     EXPECT_EQ(widen_to_contents(source, tree, cut.contents, geometry::SE3()), out_m > 0.0);
     const double margin_m = out_m == 0.0 ? 0.0 : std::min(out_m + 1.0 - 2.0, 1000.0);
     EXPECT_NEAR(tree.volume_margin_m(), margin_m, 1e-3);
