@@ -19,7 +19,7 @@ namespace tileflight::app {
 inline constexpr const char* kSourceHelp =
     "tileset.json, its folder, a .3tz or a .3dtiles, an http(s) URL, s3://BUCKET/KEY, `google`, or `ion:ASSET`";
 
-/// What --epoch does where a dataset becomes ROS 2 messages.
+/// Describes --epoch for commands that turn a dataset into ROS 2 messages.
 inline constexpr const char* kEpochHelp =
     "seconds from 1970 to the dataset's time 0 (default: 0, or whole seconds so that no message has the time 0, which "
     "ROS takes for none)";

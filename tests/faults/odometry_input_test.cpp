@@ -16,6 +16,7 @@ namespace fs = std::filesystem;
 using nlohmann::json;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
+using ::testing::Not;
 using tests::ProgramResult;
 using tests::run_tileflight;
 using tests::TinyFlight;
@@ -144,6 +145,16 @@ TEST_F(OdometryInput, SixteenBitAndColourPicturesAreTracked) {
   }
   const json about = expect_done();
   EXPECT_GE(about["frames_tracked"].get<int>(), TinyFlight::kFrames - 2);
+}
+
+TEST_F(OdometryInput, RepeatedImagesAreCountedAndBlackOnesAreNot) {
+  const auto warnings = [&] { return expect_done({"--force"})["warnings"].dump(); };
+  EXPECT_THAT(warnings(), Not(HasSubstr("repeat the one before")));
+  for (const int i : {10, 15, 20}) fs::copy_file(image(i), image(i + 1), fs::copy_options::overwrite_existing);
+  EXPECT_THAT(warnings(), HasSubstr("3 of " + std::to_string(TinyFlight::kFrames) + " images repeat the one before"));
+  const imaging::RgbImage seen = imaging::read_rgb(image(0));
+  for (const int i : {0, 1, 2}) imaging::write_rgb(image(i), imaging::RgbImage(seen.width, seen.height));
+  EXPECT_THAT(warnings(), HasSubstr("3 of " + std::to_string(TinyFlight::kFrames) + " images repeat the one before"));
 }
 
 TEST_F(OdometryInput, CalibrationForAnotherSizeIsNamed) {

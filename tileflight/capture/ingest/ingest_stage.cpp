@@ -18,7 +18,6 @@
 #include "tileflight/data/dataset/ingest_rig.h"
 #include "tileflight/data/flight_logs/photo_log.h"
 #include "tileflight/data/flight_logs/telemetry.h"
-#include "tileflight/data/flight_logs/zoom.h"
 #include "tileflight/data/video/video.h"
 #include "tileflight/slam/odometry/track.h"
 #include "tileflight/world/place/extract.h"

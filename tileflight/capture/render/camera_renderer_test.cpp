@@ -283,7 +283,7 @@ TEST(Blending, SurfacesOverEachOtherBlendBackToFront) {
     }
     EXPECT_NEAR(three.depth_m(4, 4), 6.0, 1e-4) << "depth is that of the first surface";
   }
-  // What does not blend is not changed by its opacity.
+  // An opacity changes nothing of a surface that does not blend.
   imaging::TexturedMesh solid = green;
   solid.blends = false;
   EXPECT_NEAR(render({floor, solid}).rgb(4, 4)[1], srgb_encode(0.6), 0.6);

@@ -70,7 +70,7 @@ TEST(Orthophoto, PartlyTransparentSurfacesShowWhatLiesBelow) {
               0.01);
 }
 
-/// By the surface's direction: albedo (sky(n) + sun max(0, n . s)), the frames' light without shadows.
+/// The light depends on the surface's direction alone: albedo (sky(n) + sun max(0, n . s)), as in frames.
 TEST(Orthophoto, PlacesWithoutTexturesAreLitAsFramesAre) {
   const auto light = make_daylight(relief_light(), std::nullopt);
   const GroundGrid grid = grid_about(kMiddle, 1.0, 20);

@@ -202,7 +202,7 @@ nlohmann::json read_json(const std::filesystem::path& file) {
 
 namespace {
 
-/// By its byte order mark, or by the zeros beside its first two characters.
+/// Tells UTF-16 by its byte order mark, or by the zeros beside its first two characters.
 bool is_utf16(std::string_view bytes) {
   if (bytes.starts_with("\xFF\xFE") || bytes.starts_with("\xFE\xFF")) return true;
   const auto is_ascii = [](char c) { return (c >= ' ' && c <= '~') || c == '\n' || c == '\r' || c == '\t'; };

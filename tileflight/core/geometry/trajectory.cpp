@@ -220,7 +220,8 @@ std::optional<StampedPose> parse_pose(std::string_view line, const PoseColumns& 
   return StampedPose{time_s, SE3(rotation, Vec3(v[1], v[2], v[3]))};
 }
 
-/// Whether times are in seconds although EuRoC's columns are usual: the heading states no unit, and a time has a point.
+/// Tells whether times are in seconds although EuRoC's columns are usual: the heading states no unit, and a time has
+/// a point.
 bool has_fractional_times(const std::filesystem::path& file, std::string_view text, const FileColumns& found) {
   if (!found.columns.are_named || found.columns.time_unit_is_stated) return false;
   bool has_point = false;

@@ -7,7 +7,6 @@
 #include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/data/flight_logs/telemetry.h"
 #include "tileflight/data/flight_logs/test_log.h"
-#include "tileflight/data/flight_logs/zoom.h"
 
 namespace tileflight::flight_logs::telemetry_test {
 namespace {

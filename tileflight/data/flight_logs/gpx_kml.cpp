@@ -110,7 +110,7 @@ class KmlReader {
 
   bool end_of_placemark(std::string_view name, std::string_view text) {
     if (name == "when") placemark_.time_s = base::parse_iso_time_s(text);
-    // That of a MultiTrack stands beside its tracks, and is theirs unless they have their own.
+    // A MultiTrack states one beside its tracks, for those that have none of their own.
     if (name == "altitudeMode") placemark_.is_absolute = multi_track_is_absolute_ = base::trim(text) == "absolute";
     if (name == "coordinates" && placemark_.is_in_point) {
       std::string numbers(base::trim(text));  // "longitude,latitude,altitude"

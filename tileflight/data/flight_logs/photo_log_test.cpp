@@ -8,7 +8,6 @@
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/test_bytes.h"
 #include "tileflight/data/flight_logs/telemetry.h"
-#include "tileflight/data/flight_logs/zoom.h"
 
 namespace tileflight::flight_logs::photo_log_test {
 namespace {

@@ -30,7 +30,7 @@ struct BodyRate {
   geometry::Vec3 rate_rad_s = geometry::Vec3::Zero();  ///< about the vehicle's axes: forward, right, down
 };
 
-/// What a camera says of its focal length at one moment.
+/// The focal length and digital zoom that a camera states for one moment.
 struct ZoomReading {
   double time_s = 0.0;                      ///< on the clock of the fixes
   std::string where;                        ///< for messages: the moment, or the photo's name
@@ -38,6 +38,11 @@ struct ZoomReading {
   std::optional<double> focal_length_35mm;  ///< that of a 35 mm film with the same field of view, whole millimetres
   std::optional<double> digital_zoom;       ///< 1: none
 };
+
+/// Describes what the readings say against the use of one calibration: a focal length or digital zoom that changes
+/// between them, with where and by how much, and a digital zoom other than 1 that does not change. Empty: nothing.
+/// `source`: what the readings come from ("the subtitles").
+std::vector<std::string> find_zoom_warnings(const std::vector<ZoomReading>& readings, const std::string& source);
 
 /// Reference of a log's absolute heights.
 enum class HeightDatum { kUnknown, kEllipsoid, kMeanSeaLevel };

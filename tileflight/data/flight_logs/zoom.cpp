@@ -1,8 +1,7 @@
-#include "tileflight/data/flight_logs/zoom.h"
-
 #include <cmath>
 
 #include "tileflight/core/base/formatted_text.h"
+#include "tileflight/data/flight_logs/telemetry.h"
 
 namespace tileflight::flight_logs {
 namespace {

@@ -74,7 +74,7 @@ struct PictureAgreement {
   double worst_time_s = 0.0;   ///< time of worst_m
   double path_length_m = 0.0;  ///< length of the located part of the path
 
-  /// Whether the images look so different from the place that its textures must have changed. By the proving ground,
+  /// Tells whether the images look so different that the place's textures must have changed. By the proving ground,
   /// images of unchanged textures correlate by 0.9 and more, those of another season by 0.63 to 0.76.
   bool textures_differ() const { return correlation < 0.85; }
 };

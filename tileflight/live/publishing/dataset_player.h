@@ -68,7 +68,7 @@ class DatasetPlayer {
   void open(MessageSink& sink, const std::optional<PlaceGlb>& place);
   std::vector<std::string> topics() const;
   double duration_s() const;
-  /// What was chosen for the user, DatasetMessages::notes.
+  /// Returns one line for each choice that was made for the user (DatasetMessages::notes).
   const std::vector<std::string>& notes() const { return listed_.notes; }
 
   /// Waits for the first subscription, then plays until the end (with `loop`: for ever) or until `stop`. Returns the

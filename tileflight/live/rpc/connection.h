@@ -123,7 +123,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
   std::array<char, 64 * 1024> chunk_;
   std::string buffer_;
   MessageScanner scanner_;
-  /// Requests that wait for each other.
+  /// Queues requests that share a number of places.
   struct Lane {
     WorkerPool& workers;
     std::deque<std::string> waiting;

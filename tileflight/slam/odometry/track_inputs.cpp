@@ -20,6 +20,7 @@
 #include "tileflight/data/dataset/rig.h"
 #include "tileflight/data/dataset/sensor_files.h"
 #include "tileflight/slam/inertial/imu_check.h"
+#include "tileflight/slam/keyframes/valid_region.h"
 
 namespace tileflight::odometry {
 namespace fs = std::filesystem;
@@ -153,7 +154,8 @@ class ReadAhead {
     return std::nullopt;
   }
 
-  /// Counts an image that shows the same as the one before, but for what a video's compression changes.
+  /// Counts an image that shows the same as the one before, but for what a video's compression changes, and shows
+  /// something: black images have causes of their own.
   void count_repeated(const dataset::Frame& frame, const imaging::RgbImage& image) {
     constexpr std::size_t kStride = 31;
     constexpr double kSame = 0.3;  // mean difference, grey values; the noise of a camera that stands still is larger
@@ -164,7 +166,7 @@ class ReadAhead {
       if (sample_.size() <= before.size()) difference += std::abs(sample_.back() - before[sample_.size() - 1]);
     }
     if (before.size() != sample_.size() ||
-        static_cast<double>(difference) >= kSame * static_cast<double>(sample_.size()))
+        static_cast<double>(difference) >= kSame * static_cast<double>(sample_.size()) || keyframes::is_dark(image))
       return;
     if (skipped_.repeated.frames++ == 0) skipped_.repeated.first_reason = frame.id;
   }

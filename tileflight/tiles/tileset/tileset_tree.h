@@ -69,8 +69,8 @@ class TilesetTree {
   BoundingVolume volume(NodeId id) const;
   /// Returns the volume that the file states for a content, or else for its tile: in the tileset's frame, not widened.
   BoundingVolume stated_volume(NodeId id, std::size_t content) const;
-  /// How far volume() and content_volume() reach beyond what the files state: 0 unless contents turned out to lie
-  /// outside of their volumes (widen_to_contents()).
+  /// Returns how far volume() and content_volume() reach beyond the volumes that the files state, metres: 0 unless
+  /// contents turned out to lie outside of these (widen_to_contents()).
   double volume_margin_m() const { return volume_margin_m_; }
   void set_volume_margin(double margin_m) { volume_margin_m_ = margin_m; }
   /// Returns the tile's geometric error in metres. 3D Tiles 1.0 states it in metres whatever the transform ("does not
