@@ -171,7 +171,7 @@ TEST(Orthophoto, PointsLieWhereTheyAreAndTheHighestIsSeen) {
 TEST(Orthophoto, EvenPointsLeaveNoGaps) {
   geometry::PointCloud cloud;
   for (int j = 0; j < 10; ++j) {
-    for (int i = 0; i < 10; ++i) cloud.positions.push_back(kMiddle + Vec3(3.0 * i - 13.5, 3.0 * j - 13.5, 0));
+    for (int i = 0; i < 10; ++i) cloud.positions.emplace_back(kMiddle + Vec3(3.0 * i - 13.5, 3.0 * j - 13.5, 0));
   }
   Orthophoto image(26, 26);
   splat_points(cloud, grid_about(kMiddle, 1.0, 26), {}, image);

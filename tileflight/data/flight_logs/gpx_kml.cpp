@@ -37,7 +37,7 @@ class UtcFixes {
     for (const std::vector<TelemetryFix>& part : parts_)
       for (const TelemetryFix& fix : part) filter.add(fix);
     Telemetry telemetry = std::move(filter).finish(where, entries);
-    if (was_sorted_) telemetry.warnings.push_back("the tracks were not in order of time and have been sorted");
+    if (was_sorted_) telemetry.warnings.emplace_back("the tracks were not in order of time and have been sorted");
     return telemetry;
   }
 
@@ -174,7 +174,7 @@ Telemetry read_kml(const std::filesystem::path& file) {
       file.string(), "points of a gx:Track, and no placemark with a TimeStamp and a Point");
   if (!fault.empty()) telemetry.warnings.push_back(early_end_warning(fault));
   if (above_ground) {
-    telemetry.warnings.push_back(
+    telemetry.warnings.emplace_back(
         "heights of tracks whose altitudeMode is not 'absolute' are above the ground and are not used");
   }
   finish_utc_log(telemetry);

@@ -22,7 +22,8 @@ struct InitializationBundle {
   std::vector<double> rho;                    ///< inverse distance of each track from the first camera
   double cost = 0.0;                          ///< mean Huber cost, square pixels
   double median_residual_px = 0.0;
-  double behind_share = 0.0;  ///< share of tracks with a negative inverse distance
+  double behind_share = 0.0;             ///< share of tracks with a negative inverse distance
+  std::vector<double> log_focal_change;  ///< of each later image; empty: the focal length does not change
 };
 
 /// Pose T_camera_first of one later image from tracks with known inverse distances, by robust Gauss-Newton from
@@ -35,5 +36,17 @@ geometry::SE3 resect(const keyframes::Lens& lens, const std::vector<CornerTrack>
 /// median inverse distance 1.
 InitializationBundle bundle_adjust(const keyframes::Lens& lens, const std::vector<CornerTrack>& tracks,
                                    std::size_t pictures, const geometry::SE3& T_last_first, int iterations);
+
+/// Change of the focal length since the first image, of each later image, by the tracks alone.
+struct FocalChangeFit {
+  std::vector<double> log_change;  ///< natural logarithm of the focal length over that of the first image
+  std::vector<double> sigma;       ///< its standard deviation, if the errors of all pixels are independent
+  double median_residual_px = 0.0;
+};
+
+/// Refines `bundle` with one more unknown for each later image, its focal length. A zoom and a motion along the view
+/// differ by the parallax only: where the tracks show none, sigma is large. nullopt if the equations are singular.
+std::optional<FocalChangeFit> fit_focal_change(const keyframes::Lens& lens, const std::vector<CornerTrack>& tracks,
+                                               InitializationBundle bundle, int iterations);
 
 }  // namespace tileflight::initialization

@@ -67,8 +67,11 @@ struct StageTimes {
   double tracing = 0.0;         ///< depth search for immature points
   double keyframes = 0.0;       ///< selection, activation, window optimisation, marginalisation
   double loops = 0.0;           ///< keyframe features, loop detection and closure
+  double focal_changes = 0.0;   ///< the check whether the focal length changes
 
-  double total() const { return initialization + preprocessing + tracking + tracing + keyframes + loops; }
+  double total() const {
+    return initialization + preprocessing + tracking + tracing + keyframes + loops + focal_changes;
+  }
 };
 
 /// A keyframe with its points, for a debug image.
@@ -119,6 +122,27 @@ struct LoopClosure {
   int inliers = 0;            ///< feature matches consistent with the loop
 };
 
+/// Focal lengths over one segment of the flight.
+struct FocalSegment {
+  /// An image of the segment, with its focal length relative to that of the segment's first image.
+  struct Image {
+    std::int64_t frame = 0;  ///< InputFrame::index
+    double time_s = 0.0;
+    double log_change = 0.0;  ///< natural logarithm of the ratio; 0 for the first image
+    double sigma = 0.0;       ///< standard deviation of `log_change`, if the errors of all pixels are independent
+  };
+  std::vector<Image> images;         ///< the first image and a few of the others, in order of time
+  double one_focal_length_px = 0.0;  ///< median residual with one focal length
+  double residual_px = 0.0;          ///< median residual with a focal length for each image
+
+  /// Returns the image whose focal length differs most from the first one's.
+  const Image& most_changed() const;
+  /// Returns whether the focal length changes beyond doubt: the images fit much better if it may, and the change is
+  /// large. A constant rate of change over the whole segment often fits as well with one focal length and another
+  /// motion; then its beginning or end shows it.
+  bool shows_change() const;
+};
+
 /// Agreement of corners, seen by two cameras of a rig at one instant, with its calibration.
 struct RigFit {
   int matches = 0;            ///< corners that fit
@@ -163,7 +187,8 @@ struct OdometryResult {
   std::int64_t frames_tracked_backwards = 0;  ///< of those: with a pose, by tracking backwards from the first map
   std::vector<FrameQuality> quality;          ///< of every image read, in order
   std::optional<mapping::SystematicDisplacement>
-      systematic_displacement;  ///< from the residuals of all keyframes; none if there are too few
+      systematic_displacement;               ///< from the residuals of all keyframes; none if there are too few
+  std::vector<FocalSegment> focal_segments;  ///< focal lengths over short segments, in order of time
   std::optional<mapping::LineDelayEstimate> line_delay;  ///< with OdometryOptions::estimate_line_delay, unless there
                                                          ///< are too few keyframes
   std::vector<LoopClosure> loops;                        ///< loops that were found and measured

@@ -252,6 +252,7 @@ OdometryResult OdometryPipeline::result_in_map_frame() const {
   set_path_and_map(log_, mapper_, preprocessor_.lens(), options_, input_.inertial, result);
   if (guide_) result.coupled_since_s = guide_->coupled_since_s();
   result.systematic_displacement = mapper_.systematic_residuals().estimate();
+  result.focal_segments = log_.focal_changes.segments();
   if (line_delay_) result.line_delay = line_delay_->estimate(mapper_);
   result.camera = keyframes::apply_delta(preprocessor_.camera(), mapper_.intrinsics_delta());
   return result;

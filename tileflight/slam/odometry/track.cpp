@@ -107,6 +107,8 @@ void put_in_flight_order(OdometryResult& result, std::size_t images) {
     for (std::vector<float>* frames : {&first_frames->second, &last_frames->second})
       for (float& frame : *frames) frame = static_cast<float>(last) - frame;
   }
+  for (FocalSegment& segment : result.focal_segments) segment = reversed(segment, last);
+  std::ranges::reverse(result.focal_segments);
   for (LoopClosure& loop : result.loops) {
     loop = {.from_frame = last - loop.to_frame,
             .to_frame = last - loop.from_frame,

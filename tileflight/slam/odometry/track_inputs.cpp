@@ -28,7 +28,7 @@ namespace {
 
 inertial::ImuNoise read_noise(const dataset::Dataset& data, std::vector<std::string>& warnings) {
   if (data.imu_noise.empty()) {
-    warnings.push_back("the inertial unit's noise is not stated (imu.yaml); that of an ADIS16448 is assumed");
+    warnings.emplace_back("the inertial unit's noise is not stated (imu.yaml); that of an ADIS16448 is assumed");
     return {};
   }
   const dataset::ImuCalibration noise = dataset::read_imu_noise(data.imu_noise);

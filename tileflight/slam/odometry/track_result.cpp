@@ -2,6 +2,7 @@
 
 #include <iomanip>
 #include <nlohmann/json.hpp>
+#include <ranges>
 #include <sstream>
 #include <variant>
 
@@ -111,6 +112,22 @@ std::string quality_csv(const std::vector<FrameQuality>& quality, const std::vec
   return table.str();
 }
 
+std::string focal_length_csv(const std::vector<FocalSegment>& segments, const std::vector<dataset::Frame>& frames) {
+  std::ostringstream table;
+  table << "frame,time_s,since_frame,factor,sigma,residual_px,one_focal_length_px\n";
+  for (const FocalSegment& segment : segments) {
+    const std::string& since = frames[static_cast<std::size_t>(segment.images.front().frame)].id;
+    for (const FocalSegment::Image& image : segment.images | std::views::drop(1)) {
+      const dataset::Frame& frame = frames[static_cast<std::size_t>(image.frame)];
+      const double factor = std::exp(image.log_change);
+      table << frame.id << ',' << std::setprecision(17) << frame.time_s << std::setprecision(6) << ',' << since << ','
+            << factor << ',' << factor * image.sigma << ',' << segment.residual_px << ',' << segment.one_focal_length_px
+            << '\n';
+    }
+  }
+  return table.str();
+}
+
 json dispersion_json(const std::optional<Dispersion>& dispersion) {
   if (!dispersion) return nullptr;
   return {{"pictures", dispersion->pictures}, {"position", dispersion->position}, {"rotation", dispersion->rotation}};
@@ -162,6 +179,7 @@ void write_track_result(const fs::path& folder, const TrackResult& result, const
   if (run.inertial && run.inertial->metric)
     base::write_file(folder / "inertial.csv", inertial_csv(*run.inertial, run.keyframes));
   base::write_file(folder / "quality.csv", quality_csv(run.quality, frames));
+  base::write_file(folder / "focal_length.csv", focal_length_csv(run.focal_segments, frames));
   geometry::write_tum(folder / "trajectory.txt", run.trajectory);
   geometry::write_tum(folder / "keyframes.txt", run.keyframes);
   geometry::write_cloud(folder / "map.ply", run.map);

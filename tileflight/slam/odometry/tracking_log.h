@@ -7,6 +7,7 @@
 
 #include "tileflight/slam/loop_closure/loop_correction.h"
 #include "tileflight/slam/mapping/mapper.h"
+#include "tileflight/slam/odometry/focal_change.h"
 #include "tileflight/slam/odometry/odometry.h"
 #include "tileflight/slam/tracking/tracker.h"
 
@@ -51,6 +52,7 @@ struct TrackingLog {
   std::vector<FrameStamp> read;       ///< every image, in order
   std::vector<TrackedFrame> tracked;  ///< those with a pose, in order of time
   EarlierMap earlier;                 ///< set once, with the first map
+  FocalChangeRecord focal_changes;    ///< from the first map on
   std::int64_t relocalizations = 0;
   std::vector<loop_closure::LoopKeyframe>
       loop_keyframes;                         ///< all keyframes in order of id; filled for loop closure only

@@ -167,6 +167,29 @@ void check_calibration(const OdometryResult& result, const WarningThresholds& li
        "calibrate the camera with the settings of the flight (focus, resolution, crop, rolling shutter)"});
 }
 
+/// Reports a focal length that changes in flight.
+void check_focal_length(const OdometryResult& result, const FrameName& name_of, Warnings& warnings) {
+  const auto shows_change = [](const FocalSegment& segment) { return segment.shows_change(); };
+  const auto count = std::ranges::count_if(result.focal_segments, shows_change);
+  if (count == 0) return;
+  const auto change = [&](const FocalSegment& segment) {
+    return shows_change(segment) ? std::abs(segment.most_changed().log_change) : 0.0;
+  };
+  const FocalSegment& most = *std::ranges::max_element(result.focal_segments, {}, change);
+  const FocalSegment::Image& image = most.most_changed();
+  constexpr double kKnown = 0.005;  // a factor with a larger sigma is not stated; chosen by hand
+  const std::string factor =
+      image.sigma < kKnown ? ", by a factor of " + base::formatted("%.3f", std::exp(image.log_change)) : "";
+  warnings.push_back(
+      {"the focal length changes in flight" + factor + " from frame " + name_of(most.images.front().frame) + " to " +
+           name_of(image.frame) +
+           " (a zoom, or stabilization that scales): with a focal length for each image the residuals there are " +
+           base::formatted("%.2g", most.residual_px) + " instead of " +
+           base::formatted("%.2g", most.one_focal_length_px) + " pixels; " + count_text(count) + " of " +
+           count_text(std::ssize(result.focal_segments)) + " segments of the flight show a change",
+       kWhere, Severity::kWarning, "use a part of the flight with one focal length (--from, --to; focal_length.csv)"});
+}
+
 void check_second_run(const OdometryResult& result, const std::optional<RunAgreement>& second, const FrameName& name_of,
                       const WarningThresholds& limits, Warnings& warnings) {
   if (!second || second->rms_share <= limits.disagreement) return;
@@ -262,6 +285,7 @@ Warnings find_warnings(const OdometryResult& result, std::int64_t frames, const 
   check_residuals(result, name_of, limits, warnings);
   check_jumps(result, name_of, limits, warnings);
   check_calibration(result, limits, warnings);
+  check_focal_length(result, name_of, warnings);
   return warnings;
 }
 
