@@ -2,7 +2,6 @@
 
 #include <iomanip>
 #include <nlohmann/json.hpp>
-#include <ranges>
 #include <sstream>
 #include <variant>
 
@@ -117,7 +116,8 @@ std::string focal_length_csv(const std::vector<FocalSegment>& segments, const st
   table << "frame,time_s,since_frame,factor,sigma,residual_px,one_focal_length_px\n";
   for (const FocalSegment& segment : segments) {
     const std::string& since = frames[static_cast<std::size_t>(segment.images.front().frame)].id;
-    for (const FocalSegment::Image& image : segment.images | std::views::drop(1)) {
+    for (std::size_t i = 1; i < segment.images.size(); ++i) {
+      const FocalSegment::Image& image = segment.images[i];
       const dataset::Frame& frame = frames[static_cast<std::size_t>(image.frame)];
       const double factor = std::exp(image.log_change);
       table << frame.id << ',' << std::setprecision(17) << frame.time_s << std::setprecision(6) << ',' << since << ','
