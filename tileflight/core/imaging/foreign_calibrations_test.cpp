@@ -121,7 +121,7 @@ TEST_F(ForeignCalibrations, NerfstudiosPixelCentresAreAtHalves) {
     return Vec2(500 * (x * radial + 0.002 * x * y + 0.002 * (r2 + 2 * x * x)) + 319.5,
                 501 * (y * radial + 0.004 * x * y + 0.001 * (r2 + 2 * y * y)) + 239.5);
   });
-  EXPECT_THAT(fault(R"({"w": 4, "h": 4, "frames": [{"fl_x": 5}], "fl_x": 5})"),
+  EXPECT_THAT(fault(R"({"w": 4, "h": 4, "frames": [{"fl_x": 6}], "fl_x": 5})"),
               HasSubstr("states the lens for each image"));
 }
 
@@ -146,7 +146,7 @@ TEST_F(ForeignCalibrations, AgisoftsTangentialCoefficientsStandInItsOwnOrder) {
   });
   const std::string skewed = std::string(text).replace(text.find("<b1>2.5</b1>"), 12, "<b2>2.5</b2>");
   EXPECT_THAT(fault(skewed), HasSubstr("<b2> of the projection \"frame\" is not 0"));
-  EXPECT_THAT(fault("<document><chunk/></document>"), HasSubstr("Agisoft's <calibration>"));
+  EXPECT_THAT(fault("<project><chunk/></project>"), HasSubstr("Agisoft's <calibration>"));
 }
 
 TEST_F(ForeignCalibrations, VinssCamerasAreRead) {
