@@ -222,7 +222,8 @@ std::string text_of_binary(std::string_view bytes, const std::string& file) {
 }  // namespace
 
 std::string colmap_text(std::string bytes, const std::string& file) {
-  return is_colmap_binary(bytes) ? text_of_binary(bytes, file) : bytes;
+  if (is_colmap_binary(bytes)) return text_of_binary(bytes, file);
+  return bytes;
 }
 
 bool is_colmap_binary(std::string_view bytes) {
