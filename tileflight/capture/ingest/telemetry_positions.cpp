@@ -151,7 +151,8 @@ std::vector<dataset::GpsFix> to_gps_fixes(const flight_logs::Telemetry& telemetr
   if (has_no_heights)
     throw InputError(flight.telemetry.string(),
                      "has no heights at all, only latitudes and longitudes; its positions "
-                     "cannot be used");
+                     "cannot be used" +
+                         (telemetry.warnings.empty() ? "" : " (" + base::joined(telemetry.warnings) + ")"));
   if (fixes.empty() && above == HeightReference::kTakeoff)
     throw InputError(flight.telemetry.string(), "has no heights above take-off");
   if (fixes.empty()) {

@@ -66,6 +66,8 @@ TEST_F(TelemetryPositions, ALogWithoutAnyHeightsSaysSo) {
   flight_logs::Telemetry log = log_of_two(flight_logs::HeightDatum::kMeanSeaLevel);
   for (flight_logs::TelemetryFix& fix : log.fixes) fix.absolute_height_m = fix.height_above_takeoff_m = std::nullopt;
   EXPECT_THAT(refusal(log), HasSubstr("has no heights at all"));
+  log.warnings = {"the absolute height is 0 in every entry"};
+  EXPECT_THAT(refusal(log), HasSubstr("cannot be used (the absolute height is 0 in every entry)"));
 }
 
 TEST(LoggedFlight, IsDescribedAndCheckedForWrongUnits) {
