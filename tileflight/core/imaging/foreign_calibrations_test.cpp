@@ -214,6 +214,18 @@ TEST_F(ForeignCalibrations, OrbSlam3sSettingsAreRead) {
               HasSubstr("has no image size: add the lines \"Camera.width\""));
 }
 
+/// ORB-SLAM3's Examples_old/Stereo/EuRoC.yaml: OpenCV accepts keys without a blank behind the colon.
+TEST_F(ForeignCalibrations, OrbSlamsStereoSettingsAreOfRectifiedImages) {
+  const Calibration calibration = read(
+      "%YAML:1.0\n\nCamera.type: \"PinHole\"\nCamera.fx: 435.2\nCamera.fy: 435.3\nCamera.cx: 367.4\nCamera.cy: 252.2\n"
+      "Camera.k1: 0.0\nCamera.k2: 0.0\nCamera.p1: 0.0\nCamera.p2: 0.0\nCamera.width: 752\nCamera.height: 480\n"
+      "LEFT.K: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   data:[458.6, 0.0, 367.2, 0.0, 457.2, 248.3, 0.0, "
+      "0.0, "
+      "1.0]\nViewer.PointSize:2\n");
+  EXPECT_EQ(std::get<PinholeRadtan>(calibration.camera.model()).fx, 435.2);
+  EXPECT_THAT(calibration.notes, testing::ElementsAre(HasSubstr("Camera.fx to cy are those of images rectified")));
+}
+
 std::string binary_camera(std::int32_t model, const std::vector<double>& parameters) {
   std::string bytes;
   base::append_raw(bytes, std::uint64_t{1});

@@ -79,10 +79,9 @@ StorageEntry entry_of(const std::string& key, const YAML::Node& value) {
   return entry;
 }
 
-std::vector<StorageEntry> yaml_entries(std::string text, const std::string& file) {
-  if (text.starts_with('%')) text[0] = '#';  // "%YAML:1.0" is not a valid YAML directive
+std::vector<StorageEntry> yaml_entries(const std::string& text, const std::string& file) {
   try {
-    const YAML::Node root = YAML::Load(text);
+    const YAML::Node root = YAML::Load(plain_yaml(text));
     std::vector<StorageEntry> entries;
     if (!root.IsMap()) return entries;
     for (const auto& item : root)
