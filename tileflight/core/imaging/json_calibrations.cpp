@@ -150,7 +150,7 @@ Calibration read_opensfm_camera(const JsonCamera& camera) {
   require_own_numbers(camera, *lens);
   const double focal_x = camera.has("focal_x") ? camera.number("focal_x") : camera.number("focal");
   const double focal_y = camera.has("focal_y") ? camera.number("focal_y") : focal_x;
-  // OpenSfM's features.py: (pixel + 0.5 - width / 2) / larger side, with pixel centres at integers.
+  // OpenSfM's coordinates are (pixel + 0.5 - width / 2) / larger side, with pixel centres at integers.
   const std::array<double, 4> intrinsics{focal_x * larger, focal_y * larger,
                                          0.5 * (width - 1) + camera.number_or("c_x", 0.0) * larger,
                                          0.5 * (height - 1) + camera.number_or("c_y", 0.0) * larger};
@@ -274,7 +274,7 @@ void note_other_angle(const JsonCamera& camera, double focal_x, int width, Calib
                               " pixels, camera_angle_x gives " + base::rounded_text(by_angle, 1) + "; fl_x is used");
 }
 
-/// k1 k2 k3 k4 p1 p2. A list "distortion_params" has precedence (nerfstudio's nerfstudio_dataparser.py).
+/// k1 k2 k3 k4 p1 p2. A list "distortion_params" has precedence in nerfstudio.
 std::array<double, 6> nerf_coefficients(const Json& root, const JsonCamera& camera) {
   std::array<double, 6> values{};
   const auto list = root.find("distortion_params");
@@ -329,7 +329,7 @@ std::vector<NamedCalibration> read_nerfstudio(const Json& root, const std::strin
   constexpr double kPixelCentre = 0.5;
   const double cx = camera.number_or("cx", 0.5 * width) - kPixelCentre;
   const double cy = camera.number_or("cy", 0.5 * height) - kPixelCentre;
-  if (model == "EQUIRECTANGULAR") {  // nerfstudio's cameras.py: longitude = pi (x - cx) / fl_x, latitude likewise
+  if (model == "EQUIRECTANGULAR") {  // nerfstudio's Cameras: longitude = pi (x - cx) / fl_x, latitude likewise
     const double fx = camera.number_or("fl_x", 0.5 * width), fy = camera.number_or("fl_y", height);
     calibration.camera = panorama_part(file, {fx / std::numbers::pi, fy / std::numbers::pi, cx, cy}, width, height);
     return {{"", calibration}};

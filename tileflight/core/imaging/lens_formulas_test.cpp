@@ -1,6 +1,6 @@
 // Every lens model of every calibration format, against pixels that were computed apart from this program from the
-// format's published formula: COLMAP's src/colmap/sensor/models.h, OpenSfM's src/geometry and features.py, Metashape's
-// manual (appendix "Camera models"), basalt-headers' camera/, nerfstudio's cameras.py, camodocal's camera_models/
+// format's published formula: COLMAP's src/colmap/sensor/models.h, OpenSfM's src/geometry, Metashape's
+// manual (appendix "Camera models"), basalt-headers' camera/, nerfstudio's Cameras, camodocal's camera_models/
 // (VINS), Kalibr's wiki (supported models), OpenCV's calib3d, fisheye and omnidir, ROS's sensor_msgs/CameraInfo.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
