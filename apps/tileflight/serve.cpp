@@ -3,7 +3,6 @@
 #include <chrono>
 #include <cmath>
 #include <condition_variable>
-#include <fstream>
 #include <iostream>
 #include <map>
 #include <mutex>
@@ -47,15 +46,8 @@ struct ServeOptions {
   bool port_given = false;
 };
 
-std::string file_text(const std::string& file, const char* what) {
-  std::ifstream stream(file, std::ios::binary);
-  std::ostringstream text;
-  if (!stream || !(text << stream.rdbuf())) throw InputError(file, std::string("cannot be read as ") + what);
-  return text.str();
-}
-
 std::string token_of(const std::string& file) {
-  std::string token = file_text(file, "a token");
+  std::string token = base::read_text(file);
   while (!token.empty() && (token.back() == '\n' || token.back() == '\r')) token.pop_back();
   if (token.empty())
     throw InputError(file, "contains no token; write one line, e.g. the output of `openssl rand -hex 32`");
@@ -82,7 +74,7 @@ simulator::SimulatorOptions simulator_options(const ServeOptions& options) {
   result.load = load_options(options.region);
   result.load.source = source_options(options.source_arguments);
   if (!options.settings.empty()) {
-    result.settings = file_text(options.settings, "settings");
+    result.settings = base::read_text(options.settings);
     result.settings_name = options.settings;
   }
   result.residency = options.follow == "auto"     ? TileResidency::kAuto

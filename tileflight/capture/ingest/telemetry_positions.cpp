@@ -95,6 +95,19 @@ HeightReference find_height_reference(const flight_logs::Telemetry& telemetry, c
                    "ellipsoid, sea-level or takeoff");
 }
 
+/// Notes a --telemetry-height that contradicts the reference which the log states.
+void note_other_reference(const flight_logs::Telemetry& telemetry, HeightReference above,
+                          std::vector<std::string>& warnings) {
+  using flight_logs::HeightDatum;
+  const bool by_ellipsoid = telemetry.height_datum == HeightDatum::kEllipsoid && above == HeightReference::kSeaLevel;
+  const bool by_sea = telemetry.height_datum == HeightDatum::kMeanSeaLevel && above == HeightReference::kEllipsoid;
+  if (!by_ellipsoid && !by_sea) return;
+  warnings.push_back(
+      "the flight log states heights above " + std::string(by_sea ? "sea level" : "the ellipsoid") +
+      ", but --telemetry-height " + (by_sea ? "ellipsoid" : "sea-level") +
+      " is used, which moves the flight by the height of the geoid: leave it out unless the log is wrong");
+}
+
 /// nullopt if the fix has no height of that kind.
 std::optional<geometry::EllipsoidalHeight> ellipsoidal_height(const flight_logs::TelemetryFix& fix,
                                                               HeightReference above,
@@ -118,6 +131,7 @@ std::vector<dataset::GpsFix> to_gps_fixes(const flight_logs::Telemetry& telemetr
                      "heights above take-off need --takeoff-height (takeoff_height), the height of the take-off point "
                      "above the ellipsoid in metres, or a ground truth to take it from (--truth)");
   }
+  note_other_reference(telemetry, above, warnings);
   std::vector<dataset::GpsFix> fixes;
   std::size_t without_height = 0;
   for (const flight_logs::TelemetryFix& fix : flight_logs::distinct_fixes(telemetry)) {
@@ -137,7 +151,8 @@ std::vector<dataset::GpsFix> to_gps_fixes(const flight_logs::Telemetry& telemetr
   if (has_no_heights)
     throw InputError(flight.telemetry.string(),
                      "has no heights at all, only latitudes and longitudes; its positions "
-                     "cannot be used");
+                     "cannot be used" +
+                         (telemetry.warnings.empty() ? "" : " (" + base::joined(telemetry.warnings) + ")"));
   if (fixes.empty() && above == HeightReference::kTakeoff)
     throw InputError(flight.telemetry.string(), "has no heights above take-off");
   if (fixes.empty()) {
@@ -165,13 +180,14 @@ LoggedFlight describe_flight(const std::vector<dataset::GpsFix>& fixes) {
   LoggedFlight flight{.duration_s = fixes.back().time_s - fixes.front().time_s,
                       .lowest_m = fixes.front().position.height.m,
                       .highest_m = fixes.front().position.height.m};
+  const double speed_over_s = std::min(kSpeedOver_s, flight.duration_s);  // a shorter flight has one speed
   for (std::size_t i = 1, from = 0; i < fixes.size(); ++i) {
     flight.length_m += (positions[i] - positions[i - 1]).norm();
     flight.lowest_m = std::min(flight.lowest_m, fixes[i].position.height.m);
     flight.highest_m = std::max(flight.highest_m, fixes[i].position.height.m);
-    while (fixes[i].time_s - fixes[from + 1].time_s >= kSpeedOver_s) ++from;
+    while (from + 1 < i && fixes[i].time_s - fixes[from + 1].time_s >= speed_over_s) ++from;
     const double seconds = fixes[i].time_s - fixes[from].time_s;
-    if (seconds < kSpeedOver_s) continue;
+    if (seconds < speed_over_s || !(seconds > 0.0)) continue;
     flight.largest_speed_m_s = std::max(flight.largest_speed_m_s, (positions[i] - positions[from]).norm() / seconds);
   }
   return flight;

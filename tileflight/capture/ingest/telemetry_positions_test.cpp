@@ -45,8 +45,20 @@ TEST_F(TelemetryPositions, TheDatumIsTheLogsUnlessItIsStated) {
   EXPECT_EQ(fixes(flight_logs::HeightDatum::kEllipsoid).front().position.height.m, 120);
   const double sea_level_m = fixes(flight_logs::HeightDatum::kMeanSeaLevel).front().position.height.m;
   EXPECT_NEAR(sea_level_m, 120 + 28.7068, 0.1) << "EGM96 as GeographicLib's manual of GeoidEval has it there";
+  EXPECT_THAT(warnings_, IsEmpty());
   flight_.telemetry_height = "ellipsoid";
   EXPECT_EQ(fixes(flight_logs::HeightDatum::kMeanSeaLevel).front().position.height.m, 120);
+  EXPECT_THAT(warnings_, ElementsAre(HasSubstr("states heights above sea level, but --telemetry-height ellipsoid")));
+}
+
+/// NMEA's heights with the geoid's height beside them are those above the ellipsoid.
+TEST_F(TelemetryPositions, AGeoidThatWouldBeAddedTwiceIsNamed) {
+  flight_.telemetry_height = "sea-level";
+  EXPECT_NEAR(fixes(flight_logs::HeightDatum::kEllipsoid).front().position.height.m, 120 + 28.7068, 0.1);
+  EXPECT_THAT(warnings_,
+              ElementsAre(HasSubstr("states heights above the ellipsoid, but --telemetry-height sea-level")));
+  warnings_.clear();
+  EXPECT_EQ(fixes(flight_logs::HeightDatum::kUnknown).size(), 2U);
   EXPECT_THAT(warnings_, IsEmpty());
 }
 
@@ -54,6 +66,8 @@ TEST_F(TelemetryPositions, ALogWithoutAnyHeightsSaysSo) {
   flight_logs::Telemetry log = log_of_two(flight_logs::HeightDatum::kMeanSeaLevel);
   for (flight_logs::TelemetryFix& fix : log.fixes) fix.absolute_height_m = fix.height_above_takeoff_m = std::nullopt;
   EXPECT_THAT(refusal(log), HasSubstr("has no heights at all"));
+  log.warnings = {"the absolute height is 0 in every entry"};
+  EXPECT_THAT(refusal(log), HasSubstr("cannot be used (the absolute height is 0 in every entry)"));
 }
 
 TEST(LoggedFlight, IsDescribedAndCheckedForWrongUnits) {
@@ -80,6 +94,9 @@ TEST(LoggedFlight, IsDescribedAndCheckedForWrongUnits) {
   EXPECT_THAT(faults_of(flight_of(800.0, 500.0)), ElementsAre(HasSubstr("faster than drones fly")));
   EXPECT_THAT(faults_of(flight_of(8.0, 11914.0)), ElementsAre(HasSubstr("heights reach from 11914")));
   EXPECT_THAT(faults_of(flight_of(0.0, 500.0)), ElementsAre(HasSubstr("one latitude and longitude")));
+  std::vector<dataset::GpsFix> fast = usual;
+  for (dataset::GpsFix& fix : fast) fix.time_s *= 1e-3;  // shorter than the second over which speeds are measured
+  EXPECT_THAT(faults_of(fast), ElementsAre(HasSubstr("faster than drones fly")));
   std::vector<dataset::GpsFix> slow = usual;
   for (dataset::GpsFix& fix : slow) fix.time_s *= 1e9;
   EXPECT_THAT(faults_of(slow), ElementsAre(HasSubstr("hours: check the unit of its times")));

@@ -102,10 +102,11 @@ PointCloud read_cloud(const std::filesystem::path& file) {
   if (!std::filesystem::exists(file, error))
     throw InputError(file.string(), "cannot be opened: No such file or directory");
   if (ending != ".ply" && ending != ".pcd" && ending != ".xyz") throw unknown_ending(file);
-  const std::string bytes = base::read_raw(file, kMaxBytes);
+  const std::string whole = base::read_raw(file, kMaxBytes);
+  const std::string_view bytes = base::strip_byte_order_mark(whole);
   if (ending == ".ply") return parse_ply_cloud(bytes, file.string());
   if (ending == ".pcd") return parse_pcd(bytes, file.string());
-  return parse_xyz(base::strip_byte_order_mark(bytes), file.string());
+  return parse_xyz(bytes, file.string());
 }
 
 void write_cloud(const std::filesystem::path& file, const PointCloud& cloud, CloudEncoding encoding) {

@@ -56,6 +56,15 @@ void expect_refused(const std::string& name, const std::string& bytes, const std
   EXPECT_THAT([&] { read_as(name, bytes); }, ThrowsMessage<InputError>(HasSubstr(message))) << bytes.substr(0, 400);
 }
 
+TEST(CloudFiles, AByteOrderMarkInFrontOfTextChangesNothing) {
+  const tests::TemporaryFolder folder;
+  const PointCloud cloud = sample_cloud(3);
+  for (const std::string name : {"cloud.ply", "cloud.pcd", "cloud.xyz"}) {
+    write_cloud(folder / name, cloud, CloudEncoding::kAscii);
+    EXPECT_EQ(read_as(name, "\xEF\xBB\xBF" + base::read_raw(folder / name)).size(), 3U) << name;
+  }
+}
+
 TEST(CloudFiles, RoundTripOfEveryFormat) {
   const tests::TemporaryFolder folder;
   const PointCloud cloud = sample_cloud(500);

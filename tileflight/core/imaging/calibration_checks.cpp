@@ -1,6 +1,7 @@
 #include "tileflight/core/imaging/calibration_checks.h"
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <numbers>
 
@@ -12,10 +13,33 @@
 
 namespace tileflight::imaging {
 
+namespace {
+
+/// The line with a blank behind the colon of its key.
+std::string with_blank_behind_key(std::string_view line) {
+  const std::size_t begin = line.find_first_not_of(" \t");
+  if (begin == std::string_view::npos) return std::string(line);
+  const auto ends_key = [](char c) { return std::isalnum(static_cast<unsigned char>(c)) == 0 && c != '_' && c != '.'; };
+  const auto colon = std::find_if(line.begin() + static_cast<std::ptrdiff_t>(begin), line.end(), ends_key);
+  const auto behind = static_cast<std::size_t>(colon - line.begin()) + 1;
+  const bool has_key = colon != line.end() && *colon == ':' && behind > begin + 1 && behind < line.size();
+  if (!has_key || std::string_view(" \t\r").find(line[behind]) != std::string_view::npos) return std::string(line);
+  return std::string(line.substr(0, behind)) + " " + std::string(line.substr(behind));
+}
+
+}  // namespace
+
+std::string plain_yaml(const std::string& text) {
+  if (!text.starts_with('%')) return text;
+  std::string_view rest = text;
+  base::take_line(rest);
+  std::string yaml = "\n";
+  while (const auto line = base::take_line(rest)) yaml += with_blank_behind_key(*line) + "\n";
+  return yaml;
+}
+
 YAML::Node load_calibration_yaml(const std::filesystem::path& file) {
-  std::string text = base::read_text(file, kMaxCalibrationBytes);
-  // The line stays, empty, so that messages count lines as the file does.
-  if (text.starts_with("%YAML:")) text.erase(0, std::min(text.find('\n'), text.size()));
+  const std::string text = plain_yaml(base::read_text(file, kMaxCalibrationBytes));
   try {
     YAML::Node root = YAML::Load(text);
     base::require_unique_keys(root, file);

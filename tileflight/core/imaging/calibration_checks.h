@@ -21,7 +21,12 @@
 
 namespace tileflight::imaging {
 
-/// Parses a YAML file. OpenCV's own first line, "%YAML:1.0", is left out: YAML requires "%YAML 1.0".
+/// Returns the text of OpenCV's own YAML, which begins with "%YAML:1.0", as YAML; text without such a line as it is.
+/// The first line becomes empty, since YAML requires "%YAML 1.0". A blank is put behind the colon of a key where the
+/// file has none ("data:[1, 2]"), which OpenCV accepts. Lines stay where they are.
+std::string plain_yaml(const std::string& text);
+
+/// Parses a YAML file, OpenCV's own included.
 YAML::Node load_calibration_yaml(const std::filesystem::path& file);
 
 /// Returns the value of a key that a camera must have.

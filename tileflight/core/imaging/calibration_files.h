@@ -53,10 +53,10 @@ void write_camchain(const std::filesystem::path& file, const std::vector<ChainCa
 /// Reads OpenCV's FileStorage as YAML or XML, and ROS's camera_info YAML: camera_matrix (cameraMatrix, K),
 /// distortion_coefficients (distCoeffs, D), image_width and image_height (width and height, image_size), and
 /// distortion_model (plumb_bob, rational_polynomial, equidistant, fisheye) or fisheye_model (0 or 1). Four coefficients
-/// are k1 k2 p1 p2 or, of the fisheye module, k1 k2 k3 k4: a file with four must state the model. Longer lists are
-/// accepted if all beyond k1 k2 p1 p2 are 0. A camera_info whose images are a part of the sensor's (roi) or have joined
-/// pixels (binning_x, binning_y) gives the camera of these images. Pixel centres are at integers, as here. Throws
-/// InputError (file, key, cause, cure).
+/// are k1 k2 p1 p2 or, of the fisheye module, k1 k2 k3 k4: a file with four must state the model. With xi the lens is
+/// that of the omnidir module. A camera_info whose images are a part of the sensor's (roi) or have joined pixels
+/// (binning_x, binning_y) gives the camera of these images. Pixel centres are at integers, as here. Throws InputError
+/// (file, key, cause, cure).
 Calibration read_opencv(const std::filesystem::path& file);
 
 /// Reads a camera's sensor.yaml of EuRoC's layout: intrinsics, distortion_model (radial-tangential or equidistant),
@@ -66,12 +66,12 @@ Calibration read_euroc_sensor(const std::filesystem::path& file);
 /// Returns whether an XML text is a calibration of Agisoft's Metashape.
 bool is_agisoft_calibration(std::string_view text);
 
-/// Reads a calibration of Agisoft's Metashape ("Agisoft XML"): projections frame and fisheye, f cx cy b1, k1 to k3 (of
-/// fisheye: to k4), p1 p2. Throws InputError (file, key, cause): b2, p3, p4, and k4 of a frame camera other than 0.
+/// Reads a calibration of Agisoft's Metashape ("Agisoft XML"): projections frame, fisheye and spherical, f cx cy b1, k1
+/// to k3 (of fisheye: to k4), p1 p2. Throws InputError (file, key, cause): b2, p3, p4, k4 of a frame camera, unless 0.
 Calibration read_agisoft(const std::filesystem::path& file);
 
-/// Reads a calibration of VINS-Mono or VINS-Fusion: model_type PINHOLE, MEI, KANNALA_BRANDT, in the file or in the one
-/// that its cam0_calib names; extrinsics where they are stated. Throws InputError (file, key, cause).
+/// Reads a calibration of VINS-Mono or VINS-Fusion: model_type PINHOLE, PINHOLE_FULL, MEI, KANNALA_BRANDT, in the file
+/// or in the one that its cam0_calib names; extrinsics where they are stated. Throws InputError (file, key, cause).
 Calibration read_vins(const std::filesystem::path& file);
 
 /// A camera with the name that its file gives it.
@@ -91,11 +91,11 @@ bool is_colmap_binary(std::string_view bytes);
 /// Returns the text of cameras.txt; cameras.bin is converted to it. `file` is for messages. Throws InputError.
 std::string colmap_text(std::string bytes, const std::string& file);
 
-/// Reads COLMAP's cameras.txt or cameras.bin: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV (k3
-/// to k6 must be 0), OPENCV_FISHEYE, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE, FOV, THIN_PRISM_FISHEYE (p1 p2 sx1 sy1 must
-/// be 0). COLMAP's pixel centres are at half-integers; they are converted to ours, at integers. Selects the camera with
-/// this CAMERA_ID, or the only one. Throws InputError (file, line, cause, cure): several cameras and none selected, no
-/// such camera, an unknown model.
+/// Reads COLMAP's cameras.txt or cameras.bin, all lens models: of THIN_PRISM_FISHEYE, RAD_TAN_THIN_PRISM_FISHEYE,
+/// SIMPLE_DIVISION and DIVISION only those without the numbers that no lens model here has. COLMAP's pixel centres are
+/// at half-integers; they are converted to ours, at integers.
+/// Selects the camera with this CAMERA_ID, or the only one. Throws InputError (file, line, cause, cure): several
+/// cameras and none selected, no such camera, an unknown model.
 Calibration read_colmap_cameras(const std::filesystem::path& file, std::optional<std::int64_t> camera_id = {});
 
 /// A camera of VSLAM-LAB's calibration.yaml.

@@ -4,6 +4,7 @@
 #include <array>
 #include <bit>
 #include <cstring>
+#include <numbers>
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
@@ -18,27 +19,39 @@ namespace {
 constexpr double kPixelCentre = 0.5;       ///< centre of the first pixel in COLMAP; 0 here
 constexpr std::size_t kLeadingFields = 4;  ///< CAMERA_ID MODEL WIDTH HEIGHT
 
-constexpr std::string_view kThinPrism = "THIN_PRISM_FISHEYE";
+constexpr std::string_view kThinPrism = "THIN_PRISM_FISHEYE", kRadTanThinPrism = "RAD_TAN_THIN_PRISM_FISHEYE";
+
+/// The leading parameters of a lens: fx fy cx cy, f cx cy, or none of them.
+enum class Focal { kTwo, kOne, kNone };
 
 struct ColmapLens {
   std::string_view name;
-  bool one_focal = false;       ///< f cx cy instead of fx fy cx cy
-  std::string_view distortion;  ///< Kalibr's name; missing coefficients are 0
+  Focal focal;
+  std::string_view distortion;  ///< Kalibr's name, "division" or "eucm"; missing coefficients are 0
   std::size_t coefficients = 0;
+
+  std::size_t parameters() const { return coefficients + (focal == Focal::kNone ? 0 : focal == Focal::kOne ? 3 : 4); }
 };
 
-/// The lenses stand in the order of COLMAP's model ids (https://colmap.github.io/format.html#cameras-txt).
-constexpr std::array<ColmapLens, 11> kLenses{{{"SIMPLE_PINHOLE", true, "none", 0},
-                                              {"PINHOLE", false, "none", 0},
-                                              {"SIMPLE_RADIAL", true, "radtan", 1},
-                                              {"RADIAL", true, "radtan", 2},
-                                              {"OPENCV", false, "radtan", 4},
-                                              {"OPENCV_FISHEYE", false, "equidistant", 4},
-                                              {"FULL_OPENCV", false, "radtan", 8},
-                                              {"FOV", false, "fov", 1},
-                                              {"SIMPLE_RADIAL_FISHEYE", true, "equidistant", 1},
-                                              {"RADIAL_FISHEYE", true, "equidistant", 2},
-                                              {kThinPrism, false, "equidistant", 8}}};
+/// The lenses stand in the order of COLMAP's model ids (src/colmap/sensor/models.h).
+constexpr std::array<ColmapLens, 18> kLenses{{{"SIMPLE_PINHOLE", Focal::kOne, "none", 0},
+                                              {"PINHOLE", Focal::kTwo, "none", 0},
+                                              {"SIMPLE_RADIAL", Focal::kOne, "radtan", 1},
+                                              {"RADIAL", Focal::kOne, "radtan", 2},
+                                              {"OPENCV", Focal::kTwo, "radtan", 4},
+                                              {"OPENCV_FISHEYE", Focal::kTwo, "equidistant", 4},
+                                              {"FULL_OPENCV", Focal::kTwo, "radtan", 8},
+                                              {"FOV", Focal::kTwo, "fov", 1},
+                                              {"SIMPLE_RADIAL_FISHEYE", Focal::kOne, "equidistant", 1},
+                                              {"RADIAL_FISHEYE", Focal::kOne, "equidistant", 2},
+                                              {kThinPrism, Focal::kTwo, "equidistant", 8},
+                                              {kRadTanThinPrism, Focal::kTwo, "equidistant", 12},
+                                              {"SIMPLE_DIVISION", Focal::kOne, "division", 1},
+                                              {"DIVISION", Focal::kTwo, "division", 1},
+                                              {"SIMPLE_FISHEYE", Focal::kOne, "equidistant", 0},
+                                              {"FISHEYE", Focal::kTwo, "equidistant", 0},
+                                              {"EUCM", Focal::kTwo, "eucm", 2},
+                                              {"EQUIRECTANGULAR", Focal::kNone, "equirectangular", 2}}};
 
 struct Row : base::TextRow {
   std::int64_t camera_id;
@@ -97,9 +110,9 @@ int side_of(const Row& row, std::size_t field, const char* name) {
                                   "\"");
 }
 
-/// PARAMS with fx and fy.
+/// PARAMS, with fx and fy where they are one.
 std::vector<double> parameters_of(const Row& row, const ColmapLens& lens) {
-  const std::size_t wanted = (lens.one_focal ? 3 : 4) + lens.coefficients;
+  const std::size_t wanted = lens.parameters();
   const std::size_t found = row.fields.size() - kLeadingFields;
   if (wanted != found)
     throw InputError(row.where, std::string(lens.name) + " must have " + std::to_string(wanted) + " parameters, not " +
@@ -110,25 +123,54 @@ std::vector<double> parameters_of(const Row& row, const ColmapLens& lens) {
     if (!value) throw InputError(row.where, "\"" + std::string(row.fields[i]) + "\" is not a number");
     values.push_back(*value);
   }
-  if (lens.one_focal) values.insert(values.begin(), values.front());
+  if (lens.focal == Focal::kOne) values.insert(values.begin(), values.front());
   return values;
 }
 
-/// k1 k2 p1 p2 k3 k4 sx1 sy1; without p and s the lens is OpenCV's fisheye.
-NamedDistortion thin_prism_distortion(const Row& row, std::span<const double> k) {
-  if (k[2] == 0.0 && k[3] == 0.0 && k[6] == 0.0 && k[7] == 0.0) return {"equidistant", {k[0], k[1], k[4], k[5]}};
-  throw InputError(row.where,
-                   std::string(kThinPrism) +
-                       " with p1, p2, sx1 or sy1 other than 0 is not supported: undistort the images (colmap "
-                       "image_undistorter), or let COLMAP refine the camera as OPENCV_FISHEYE");
+/// The four coefficients of OpenCV's fisheye, where all others are 0.
+NamedDistortion plain_fisheye(const Row& row, std::span<const double> k, const std::array<std::size_t, 4>& places,
+                              const std::string& others) {
+  for (std::size_t i = 0; i < k.size(); ++i)
+    if (k[i] != 0.0 && std::ranges::find(places, i) == places.end())
+      throw InputError(row.where, std::string(row.fields[1]) + " with " + others +
+                                      " other than 0 is not supported: undistort the images (colmap "
+                                      "image_undistorter), or let COLMAP refine the camera as OPENCV_FISHEYE");
+  return {"equidistant", {k[places[0]], k[places[1]], k[places[2]], k[places[3]]}};
 }
 
 NamedDistortion distortion_of(const Row& row, const ColmapLens& lens, std::span<const double> values) {
   NamedDistortion out{std::string(lens.distortion), {values.begin(), values.end()}};
-  if (lens.name == kThinPrism) return thin_prism_distortion(row, values);
+  if (lens.name == kThinPrism) return plain_fisheye(row, values, {0, 1, 4, 5}, "p1, p2, sx1 or sy1");
+  if (lens.name == kRadTanThinPrism) return plain_fisheye(row, values, {0, 1, 2, 3}, "k4, k5, p0, p1 or s0 to s3");
+  if (lens.distortion == "division") {
+    if (values[0] == 0.0) return {"none", {}};
+    throw InputError(row.where, std::string(lens.name) +
+                                    " is not supported: undistort the images (colmap image_undistorter), or let "
+                                    "COLMAP refine the camera as RADIAL");
+  }
   if (lens.distortion == "none" || lens.distortion == "fov") return out;
   if (out.coefficients.size() < 4) out.coefficients.resize(4, 0.0);
   return lens.distortion == "equidistant" ? out : parse_opencv_distortion(row.where, out.coefficients);
+}
+
+/// theta / (2 pi) and phi / pi are shares of the panorama's width and height, from its centre.
+Camera panorama_of(const Row& row, std::span<const double> sides, int width, int height) {
+  const std::array<double, 4> intrinsics{sides[0] / (2.0 * std::numbers::pi), sides[1] / std::numbers::pi,
+                                         0.5 * sides[0] - kPixelCentre, 0.5 * sides[1] - kPixelCentre};
+  return make_camera(row.where, {"none", intrinsics, {}, width, height, "equirectangular"});
+}
+
+Camera camera_of(const Row& row) {
+  const ColmapLens& lens = lens_of(row);
+  const std::vector<double> all = parameters_of(row, lens);
+  const int width = side_of(row, 2, "WIDTH"), height = side_of(row, 3, "HEIGHT");
+  if (lens.focal == Focal::kNone) return panorama_of(row, all, width, height);
+  const std::array<double, 4> focal{all[0], all[1], all[2] - kPixelCentre, all[3] - kPixelCentre};
+  const std::span<const double> coefficients = std::span(all).subspan(4);
+  if (lens.distortion == "eucm")
+    return make_camera(row.where, {"none", focal, {}, width, height, "eucm", coefficients});
+  const NamedDistortion distortion = distortion_of(row, lens, coefficients);
+  return make_camera(row.where, {distortion.name, focal, distortion.coefficients, width, height});
 }
 
 }  // namespace
@@ -168,7 +210,7 @@ std::string text_of_binary(std::string_view bytes, const std::string& file) {
     const ColmapLens& lens = kLenses[static_cast<std::size_t>(model)];
     text += std::to_string(id) + " " + std::string(lens.name);
     for (int side = 0; side < 2; ++side) text += " " + std::to_string(cameras.take<std::uint64_t>());
-    for (std::size_t k = 0; k < (lens.one_focal ? 3 : 4) + lens.coefficients; ++k) {
+    for (std::size_t k = 0; k < lens.parameters(); ++k) {
       text += ' ';
       base::append_number(text, cameras.take<double>());
     }
@@ -180,7 +222,8 @@ std::string text_of_binary(std::string_view bytes, const std::string& file) {
 }  // namespace
 
 std::string colmap_text(std::string bytes, const std::string& file) {
-  return is_colmap_binary(bytes) ? text_of_binary(bytes, file) : bytes;
+  if (is_colmap_binary(bytes)) return text_of_binary(bytes, file);
+  return bytes;
 }
 
 bool is_colmap_binary(std::string_view bytes) {
@@ -201,15 +244,9 @@ Calibration read_colmap_cameras(const std::filesystem::path& file, std::optional
   const std::string name = file.string();
   const std::string text = colmap_text(base::read_text(file, kMaxCalibrationBytes), name);
   const std::vector<Row> rows = rows_of(text, name);
-  const Row& row = chosen(rows, camera_id, name);
-  const ColmapLens& lens = lens_of(row);
-  const std::vector<double> all = parameters_of(row, lens);
-  const std::array<double, 4> focal{all[0], all[1], all[2] - kPixelCentre, all[3] - kPixelCentre};
-  const NamedDistortion distortion = distortion_of(row, lens, std::span(all).subspan(4));
   Calibration calibration;
   calibration.assumes_T_cam_imu = true;
-  calibration.camera = make_camera(row.where, {distortion.name, focal, distortion.coefficients,
-                                               side_of(row, 2, "WIDTH"), side_of(row, 3, "HEIGHT")});
+  calibration.camera = camera_of(chosen(rows, camera_id, name));
   return calibration;
 }
 

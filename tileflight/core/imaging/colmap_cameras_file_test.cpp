@@ -103,8 +103,8 @@ TEST(ColmapCameras, OneOfSeveralMustBeNamed) {
 }
 
 TEST(ColmapCameras, BadFilesAreOneClearLine) {
-  EXPECT_THAT(error("1 RAD_TAN_THIN_PRISM_FISHEYE 640 480 500 500 320 240 0 0 0 0 0 0 0 0\n"),
-              AllOf(HasSubstr("line 1"), HasSubstr("\"RAD_TAN_THIN_PRISM_FISHEYE\""), HasSubstr("OPENCV_FISHEYE")));
+  EXPECT_THAT(error("1 NO_SUCH_FISHEYE 640 480 500 500 320 240 0 0 0 0 0 0 0 0\n"),
+              AllOf(HasSubstr("line 1"), HasSubstr("\"NO_SUCH_FISHEYE\""), HasSubstr("OPENCV_FISHEYE")));
   EXPECT_THAT(error("\n1 FULL_OPENCV 640 480 500 500 320 240 0 0 0 0 0 nan 0 0\n"),
               AllOf(HasSubstr("line 2"), HasSubstr("finite")));
   EXPECT_THAT(error("1 PINHOLE 640 480 500 320 240\n"), HasSubstr("PINHOLE must have 4 parameters, not 3"));

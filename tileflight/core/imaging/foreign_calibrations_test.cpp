@@ -121,7 +121,7 @@ TEST_F(ForeignCalibrations, NerfstudiosPixelCentresAreAtHalves) {
     return Vec2(500 * (x * radial + 0.002 * x * y + 0.002 * (r2 + 2 * x * x)) + 319.5,
                 501 * (y * radial + 0.004 * x * y + 0.001 * (r2 + 2 * y * y)) + 239.5);
   });
-  EXPECT_THAT(fault(R"({"w": 4, "h": 4, "frames": [{"fl_x": 5}], "fl_x": 5})"),
+  EXPECT_THAT(fault(R"({"w": 4, "h": 4, "frames": [{"fl_x": 6}], "fl_x": 5})"),
               HasSubstr("states the lens for each image"));
 }
 
@@ -146,7 +146,7 @@ TEST_F(ForeignCalibrations, AgisoftsTangentialCoefficientsStandInItsOwnOrder) {
   });
   const std::string skewed = std::string(text).replace(text.find("<b1>2.5</b1>"), 12, "<b2>2.5</b2>");
   EXPECT_THAT(fault(skewed), HasSubstr("<b2> of the projection \"frame\" is not 0"));
-  EXPECT_THAT(fault("<document><chunk/></document>"), HasSubstr("Agisoft's <calibration>"));
+  EXPECT_THAT(fault("<project><chunk/></project>"), HasSubstr("Agisoft's <calibration>"));
 }
 
 TEST_F(ForeignCalibrations, VinssCamerasAreRead) {
@@ -212,6 +212,18 @@ TEST_F(ForeignCalibrations, OrbSlam3sSettingsAreRead) {
   EXPECT_EQ(std::get<KannalaBrandt>(right.camera.model()).fx, 191);
   EXPECT_THAT(fault(head + "Camera1.fx: 1\nCamera1.fy: 1\nCamera1.cx: 1\nCamera1.cy: 1\n"),
               HasSubstr("has no image size: add the lines \"Camera.width\""));
+}
+
+/// ORB-SLAM3's Examples_old/Stereo/EuRoC.yaml: OpenCV accepts keys without a blank behind the colon.
+TEST_F(ForeignCalibrations, OrbSlamsStereoSettingsAreOfRectifiedImages) {
+  const Calibration calibration = read(
+      "%YAML:1.0\n\nCamera.type: \"PinHole\"\nCamera.fx: 435.2\nCamera.fy: 435.3\nCamera.cx: 367.4\nCamera.cy: 252.2\n"
+      "Camera.k1: 0.0\nCamera.k2: 0.0\nCamera.p1: 0.0\nCamera.p2: 0.0\nCamera.width: 752\nCamera.height: 480\n"
+      "LEFT.K: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   data:[458.6, 0.0, 367.2, 0.0, 457.2, 248.3, 0.0, "
+      "0.0, "
+      "1.0]\nViewer.PointSize:2\n");
+  EXPECT_EQ(std::get<PinholeRadtan>(calibration.camera.model()).fx, 435.2);
+  EXPECT_THAT(calibration.notes, testing::ElementsAre(HasSubstr("Camera.fx to cy are those of images rectified")));
 }
 
 std::string binary_camera(std::int32_t model, const std::vector<double>& parameters) {

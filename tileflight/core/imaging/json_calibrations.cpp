@@ -9,8 +9,10 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <numbers>
+#include <optional>
 
 #include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/imaging/calibration_checks.h"
 #include "tileflight/core/imaging/calibration_files.h"
@@ -46,6 +48,12 @@ class JsonCamera {
     return object_.at(key).get<std::string>();
   }
 
+  bool truth_or(const char* key, bool other) const {
+    if (!has(key)) return other;
+    if (!object_.at(key).is_boolean()) throw InputError(where_, "\"" + std::string(key) + "\" must be true or false");
+    return object_.at(key).get<bool>();
+  }
+
   std::vector<double> numbers_or_zero(std::initializer_list<const char*> keys) const {
     std::vector<double> values;
     for (const char* key : keys) values.push_back(number_or(key, 0.0));
@@ -79,7 +87,47 @@ NamedDistortion fisheye(const JsonCamera& camera) {
   return {"equidistant", camera.numbers_or_zero({"k1", "k2", "k3", "k4"})};
 }
 
+/// A panorama whose pixels have these sizes, pixels per radian.
+Camera panorama_part(const std::string& where, const std::array<double, 4>& intrinsics, int width, int height) {
+  return make_camera(where, {"none", intrinsics, {}, width, height, "equirectangular"});
+}
+
 // ---- OpenSfM ----
+
+/// A projection type of OpenSfM and its coefficients; its program reads no others of that type (opensfm/io.py).
+struct OpenSfmLens {
+  const char* type;
+  bool is_fisheye;
+  std::vector<std::string> coefficients;
+  bool has_centre = true;  ///< c_x and c_y; otherwise the image's centre
+};
+
+const OpenSfmLens* find_opensfm_lens(const std::string& type) {
+  static const std::vector<OpenSfmLens> kLenses{
+      {"perspective", false, {"k1", "k2"}, false},
+      {"simple_radial", false, {"k1"}},
+      {"radial", false, {"k1", "k2"}},
+      {"brown", false, {"k1", "k2", "k3", "p1", "p2"}},
+      {"fisheye", true, {"k1", "k2"}, false},
+      {"fisheye_opencv", true, {"k1", "k2", "k3", "k4"}},
+      {"fisheye62", true, {"k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2"}},
+      {"fisheye624", true, {"k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2", "s0", "s1", "s2", "s3"}}};
+  const auto lens = std::ranges::find_if(kLenses, [&](const OpenSfmLens& known) { return known.type == type; });
+  return lens == kLenses.end() ? nullptr : &*lens;
+}
+
+/// Throws InputError if a camera states a number that its projection type does not have.
+void require_own_numbers(const JsonCamera& camera, const OpenSfmLens& lens) {
+  constexpr std::array<const char*, 14> kAll{"k1", "k2", "k3", "k4", "k5", "k6",  "p1",
+                                             "p2", "s0", "s1", "s2", "s3", "c_x", "c_y"};
+  for (const std::string key : kAll) {
+    const bool is_centre = key.starts_with("c_");
+    const bool is_known = is_centre ? lens.has_centre : std::ranges::count(lens.coefficients, key) > 0;
+    if (!is_known && camera.number_or(key.c_str(), 0.0) != 0.0)
+      throw InputError(camera.where(), "\"" + key + "\" is not 0, but OpenSfM's projection_type \"" + lens.type +
+                                           "\" has no such number: give the type that the numbers are of");
+  }
+}
 
 Calibration read_opensfm_camera(const JsonCamera& camera) {
   const std::string type = camera.word("projection_type");
@@ -88,29 +136,26 @@ Calibration read_opensfm_camera(const JsonCamera& camera) {
   Calibration calibration;
   calibration.assumes_T_cam_imu = true;
   if (type == "spherical" || type == "equirectangular") {
-    calibration.camera = make_panorama(width, height);
+    const double pixels_per_rad = larger / (2.0 * std::numbers::pi);
+    calibration.camera = panorama_part(
+        camera.where(), {pixels_per_rad, pixels_per_rad, 0.5 * (width - 1), 0.5 * (height - 1)}, width, height);
     return calibration;
   }
-  const double focal_x = camera.has("focal_x") ? camera.number("focal_x") : camera.number("focal");
-  const double focal_y = camera.has("focal_y") ? camera.number("focal_y") : focal_x;
-  const std::array<double, 4> intrinsics{focal_x * larger, focal_y * larger,
-                                         0.5 * (width - 1) + camera.number_or("c_x", 0.0) * larger,
-                                         0.5 * (height - 1) + camera.number_or("c_y", 0.0) * larger};
-  NamedDistortion distortion;
-  if (type == "perspective" || type == "brown" || type == "radial" || type == "simple_radial") {
-    camera.require_zero({"k4", "k5", "k6"}, type);
-    distortion = brown(camera);
-  } else if (type == "fisheye" || type == "fisheye_opencv") {
-    distortion = fisheye(camera);
-  } else if (type == "fisheye62" || type == "fisheye624") {
-    camera.require_zero({"k5", "k6", "p1", "p2", "s0", "s1", "s2", "s3"}, type);
-    distortion = fisheye(camera);
-  } else {
+  const OpenSfmLens* lens = find_opensfm_lens(type);
+  if (lens == nullptr)
     throw InputError(camera.where(),
                      "projection_type \"" + type +
                          "\" is not supported: use perspective, brown, simple_radial, radial, fisheye, fisheye_opencv "
                          "or spherical");
-  }
+  require_own_numbers(camera, *lens);
+  const double focal_x = camera.has("focal_x") ? camera.number("focal_x") : camera.number("focal");
+  const double focal_y = camera.has("focal_y") ? camera.number("focal_y") : focal_x;
+  // OpenSfM's coordinates are (pixel + 0.5 - width / 2) / larger side, with pixel centres at integers.
+  const std::array<double, 4> intrinsics{focal_x * larger, focal_y * larger,
+                                         0.5 * (width - 1) + camera.number_or("c_x", 0.0) * larger,
+                                         0.5 * (height - 1) + camera.number_or("c_y", 0.0) * larger};
+  if (lens->is_fisheye) camera.require_zero({"k5", "k6", "p1", "p2", "s0", "s1", "s2", "s3"}, type);
+  const NamedDistortion distortion = lens->is_fisheye ? fisheye(camera) : brown(camera);
   calibration.camera =
       make_camera(camera.where(), {distortion.name, intrinsics, distortion.coefficients, width, height});
   return calibration;
@@ -160,6 +205,17 @@ const Json& list_entry(const Json& root, const char* key, std::size_t index, con
   return found->at(index);
 }
 
+/// basalt adds cam_time_offset_ns to the times of the images, which puts them on the IMU's clock.
+void note_basalt_time_offset(const Json& rig, const std::string& file, Calibration& calibration) {
+  constexpr double kSecondsPerNs = 1e-9;
+  const double shift_s = JsonCamera(rig, file).number_or("cam_time_offset_ns", 0.0) * kSecondsPerNs;
+  if (shift_s != 0.0)
+    calibration.notes.push_back(file +
+                                ": cam_time_offset_ns is not applied to the readings of an inertial unit; "
+                                "give --imu-time-offset " +
+                                format_number(-shift_s));
+}
+
 std::vector<NamedCalibration> read_basalt(const Json& root, const std::string& file) {
   const Json& rig = root.at("value0");
   std::vector<NamedCalibration> cameras;
@@ -178,6 +234,7 @@ std::vector<NamedCalibration> read_basalt(const Json& root, const std::string& f
     next.calibration.camera = read_basalt_lens(camera, JsonCamera(entry.at("intrinsics"), where), width, height);
     next.calibration.T_cam_imu =
         read_basalt_pose(JsonCamera(list_entry(rig, "T_imu_cam", i, file), where + ": T_imu_cam")).inverse();
+    note_basalt_time_offset(rig, file, next.calibration);
     cameras.push_back(std::move(next));
   }
   if (cameras.empty()) throw InputError(file, "has no camera in \"intrinsics\"");
@@ -188,49 +245,106 @@ std::vector<NamedCalibration> read_basalt(const Json& root, const std::string& f
 
 /// Throws InputError if images have lenses of their own.
 void require_one_lens(const Json& root, const std::string& file) {
+  constexpr std::array<const char*, 16> kLensKeys{
+      "camera_model", "fl_x", "fl_y", "camera_angle_x", "camera_angle_y", "cx", "cy", "w", "h", "k1", "k2", "k3",
+      "k4",           "p1",   "p2",   "is_fisheye"};
   const auto frames = root.find("frames");
   if (frames == root.end() || !frames->is_array()) return;
   for (const Json& frame : *frames)
-    if (frame.is_object() && (frame.contains("fl_x") || frame.contains("camera_model")))
-      throw InputError(file,
-                       "states the lens for each image (\"frames\"): keep one for all at the top level (fl_x, fl_y, "
-                       "cx, cy, w, h)");
+    for (const std::string key : kLensKeys)
+      if (frame.is_object() && frame.contains(key) && (!root.contains(key) || root[key] != frame[key]))
+        throw InputError(file, "states the lens for each image (\"" + key +
+                                   "\" in \"frames\"): keep one for all at the top level (fl_x, fl_y, cx, cy, w, h)");
+}
+
+/// Focal length along a side of `pixels`: its own key, or the angle of view; nullopt if neither is stated.
+std::optional<double> nerf_focal(const JsonCamera& camera, const char* key, const char* angle_key, int pixels) {
+  if (camera.has(key)) return camera.number(key);
+  if (camera.has(angle_key)) return 0.5 * pixels / std::tan(0.5 * camera.number(angle_key));
+  return std::nullopt;
+}
+
+/// A file that was edited or resized may state both, and fl_x decides.
+void note_other_angle(const JsonCamera& camera, double focal_x, int width, Calibration& calibration) {
+  constexpr double kRounding = 0.01;
+  if (!camera.has("fl_x") || !camera.has("camera_angle_x")) return;
+  const double by_angle = 0.5 * width / std::tan(0.5 * camera.number("camera_angle_x"));
+  if (std::abs(by_angle / focal_x - 1.0) <= kRounding) return;
+  calibration.notes.push_back(camera.where() + ": fl_x is " + format_number(focal_x) +
+                              " pixels, camera_angle_x gives " + base::rounded_text(by_angle, 1) + "; fl_x is used");
+}
+
+/// k1 k2 k3 k4 p1 p2. A list "distortion_params" has precedence in nerfstudio.
+std::array<double, 6> nerf_coefficients(const Json& root, const JsonCamera& camera) {
+  std::array<double, 6> values{};
+  const auto list = root.find("distortion_params");
+  if (list == root.end()) {
+    std::ranges::copy(camera.numbers_or_zero({"k1", "k2", "k3", "k4", "p1", "p2"}), values.begin());
+    return values;
+  }
+  if (!list->is_array() || list->size() != values.size() ||
+      !std::ranges::all_of(*list, [](const Json& value) { return value.is_number(); }))
+    throw InputError(camera.where(), "\"distortion_params\" must be the six numbers k1 k2 k3 k4 p1 p2");
+  std::ranges::transform(*list, values.begin(), [](const Json& value) { return value.get<double>(); });
+  return values;
+}
+
+/// nerfstudio's model; instant-ngp has none, but a word for a fisheye.
+std::string nerf_model(const JsonCamera& camera) {
+  for (const char* key : {"ftheta_p0", "latlong", "halflatlong", "equirectangular"})
+    if (camera.has(key))
+      throw InputError(camera.where(), "instant-ngp's lens of \"" + std::string(key) +
+                                           "\" is not supported: use its fisheye (\"is_fisheye\") or pinhole");
+  const bool is_fisheye = camera.truth_or("is_fisheye", false);
+  const std::string model =
+      camera.has("camera_model") ? camera.word("camera_model") : std::string(is_fisheye ? "OPENCV_FISHEYE" : "OPENCV");
+  if (is_fisheye && model != "OPENCV_FISHEYE")
+    throw InputError(camera.where(), "\"is_fisheye\" is true, but camera_model is \"" + model + "\": remove one");
+  return model;
+}
+
+NamedDistortion nerf_distortion(const std::string& model, const std::array<double, 6>& k, const std::string& file) {
+  const auto refuse_unless_zero = [&](double value, const char* name) {
+    if (value != 0.0)
+      throw InputError(file, "\"" + std::string(name) + "\" of the model \"" + model +
+                                 "\" is not 0, which no lens model here has: undistort the images, or calibrate "
+                                 "without it");
+  };
+  if (model == "OPENCV_FISHEYE") {
+    refuse_unless_zero(k[4], "p1");
+    refuse_unless_zero(k[5], "p2");
+    return {"equidistant", {k[0], k[1], k[2], k[3]}};
+  }
+  refuse_unless_zero(k[3], "k4");  // of r^8; OpenCV's k4 is one of a denominator
+  return parse_opencv_distortion(file + ": k1 to p2", std::array{k[0], k[1], k[4], k[5], k[2]});
 }
 
 std::vector<NamedCalibration> read_nerfstudio(const Json& root, const std::string& file) {
   require_one_lens(root, file);
   const JsonCamera camera(root, file);
-  const std::string model = camera.has("camera_model") ? camera.word("camera_model") : "OPENCV";
+  const std::string model = nerf_model(camera);
   const auto [width, height] = camera.size("w", "h");
   Calibration calibration;
   calibration.assumes_T_cam_imu = true;
-  if (model == "EQUIRECTANGULAR") {
-    calibration.camera = make_panorama(width, height);
+  constexpr double kPixelCentre = 0.5;
+  const double cx = camera.number_or("cx", 0.5 * width) - kPixelCentre;
+  const double cy = camera.number_or("cy", 0.5 * height) - kPixelCentre;
+  if (model == "EQUIRECTANGULAR") {  // nerfstudio's Cameras: longitude = pi (x - cx) / fl_x, latitude likewise
+    const double fx = camera.number_or("fl_x", 0.5 * width), fy = camera.number_or("fl_y", height);
+    calibration.camera = panorama_part(file, {fx / std::numbers::pi, fy / std::numbers::pi, cx, cy}, width, height);
     return {{"", calibration}};
   }
-  constexpr double kPixelCentre = 0.5;
-  double focal_x = 0.0;
-  if (camera.has("fl_x")) {
-    focal_x = camera.number("fl_x");
-  } else if (camera.has("camera_angle_x")) {
-    focal_x = 0.5 * width / std::tan(0.5 * camera.number("camera_angle_x"));
-  } else {
-    throw InputError(file, "the camera has no key \"fl_x\"");
-  }
-  const std::array<double, 4> intrinsics{focal_x, camera.number_or("fl_y", focal_x),
-                                         camera.number_or("cx", 0.5 * width) - kPixelCentre,
-                                         camera.number_or("cy", 0.5 * height) - kPixelCentre};
-  NamedDistortion distortion;
-  if (model == "OPENCV_FISHEYE") {
-    distortion = fisheye(camera);
-  } else if (model == "OPENCV" || model == "PINHOLE" || model == "SIMPLE_PINHOLE" || model == "SIMPLE_RADIAL" ||
-             model == "RADIAL") {
-    camera.require_zero({"k4"}, model);
-    distortion = brown(camera);
-  } else {
+  constexpr std::array<std::string_view, 6> kModels{"OPENCV",         "OPENCV_FISHEYE", "PINHOLE",
+                                                    "SIMPLE_PINHOLE", "SIMPLE_RADIAL",  "RADIAL"};
+  if (std::ranges::find(kModels, model) == kModels.end())
     throw InputError(file, "camera_model \"" + model +
                                "\" is not supported: use OPENCV, OPENCV_FISHEYE, PINHOLE or EQUIRECTANGULAR");
-  }
+  const std::optional<double> x = nerf_focal(camera, "fl_x", "camera_angle_x", width);
+  const std::optional<double> y = nerf_focal(camera, "fl_y", "camera_angle_y", height);
+  if (!x && !y) throw InputError(file, "the camera has no key \"fl_x\"");
+  const std::array<double, 4> intrinsics{x ? *x : *y, y ? *y : *x, cx, cy};
+  note_other_angle(camera, intrinsics[0], width, calibration);
+  const NamedDistortion distortion = nerf_distortion(model, nerf_coefficients(root, camera), file);
   calibration.camera = make_camera(file, {distortion.name, intrinsics, distortion.coefficients, width, height});
   return {{"", calibration}};
 }

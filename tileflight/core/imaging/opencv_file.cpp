@@ -79,10 +79,9 @@ StorageEntry entry_of(const std::string& key, const YAML::Node& value) {
   return entry;
 }
 
-std::vector<StorageEntry> yaml_entries(std::string text, const std::string& file) {
-  if (text.starts_with('%')) text[0] = '#';  // "%YAML:1.0" is not a valid YAML directive
+std::vector<StorageEntry> yaml_entries(const std::string& text, const std::string& file) {
   try {
-    const YAML::Node root = YAML::Load(text);
+    const YAML::Node root = YAML::Load(plain_yaml(text));
     std::vector<StorageEntry> entries;
     if (!root.IsMap()) return entries;
     for (const auto& item : root)
@@ -139,6 +138,10 @@ class XmlEntries {
     const bool empty = tag.ends_with('/');
     if (empty) tag.remove_suffix(1);
     const std::string name(base::take_field(tag, kBlanks));
+    if (open_.empty() && name == "document")
+      throw InputError(file_,
+                       "is XML with the root element <document>, such as Metashape's list of cameras: save the lens as "
+                       "Agisoft XML (Metashape: Tools, Camera Calibration, Adjusted, Save)");
     if (open_.empty() && name != "opencv_storage" && name != "calibration")
       throw InputError(file_, "is XML with the root element <" + name +
                                   ">, not OpenCV's <opencv_storage> or Agisoft's <calibration>");
@@ -271,6 +274,21 @@ Family read_family(const OpenCvStorage& storage, const std::string& file) {
   throw InputError(file, quoted(flag->key) + " must be 0 or 1, not " + quoted(value));
 }
 
+std::vector<double> one_number(const StorageEntry& entry, const std::string& file) {
+  std::vector<double> values = numbers_of(entry, file);
+  if (values.size() != 1) throw InputError(file, quoted(entry.key) + " must be one number");
+  return values;
+}
+
+/// The distortion of OpenCV's omnidir module, behind a mirror's sphere: k1 k2 p1 p2.
+NamedDistortion omnidirectional_distortion(const StorageEntry& entry, std::vector<double> d, const std::string& file) {
+  constexpr std::size_t kNumbers = 4;
+  while (d.size() > kNumbers && d.back() == 0.0) d.pop_back();
+  if (d.size() != kNumbers)
+    throw InputError(file, quoted(entry.key) + " must be k1 k2 p1 p2 beside xi, which is that of OpenCV's omnidir");
+  return {"radtan", d};
+}
+
 NamedDistortion read_distortion(const OpenCvStorage& storage, const std::string& file) {
   const StorageEntry* entry =
       storage.find({"distortioncoefficients", "distortioncoefficient", "distcoeffs", "distcoeff", "distortioncoeffs",
@@ -283,6 +301,7 @@ NamedDistortion read_distortion(const OpenCvStorage& storage, const std::string&
   if (entry == nullptr)
     throw InputError(file, "has no \"distortion_coefficients\": add them, five zeros for a lens without distortion");
   const std::vector<double> d = numbers_of(*entry, file);
+  if (storage.find({"xi"}) != nullptr) return omnidirectional_distortion(*entry, d, file);
   const Family family = read_family(storage, file);
   if (family == Family::kFisheye) {
     constexpr std::size_t kFisheyeNumbers = 4;  // programs write more, all 0
@@ -302,10 +321,7 @@ NamedDistortion read_distortion(const OpenCvStorage& storage, const std::string&
 
 double agisoft_number(const OpenCvStorage& storage, std::string_view key, const std::string& file) {
   const StorageEntry* entry = storage.find({key});
-  if (entry == nullptr) return 0.0;
-  const std::vector<double> values = numbers_of(*entry, file);
-  if (values.size() != 1) throw InputError(file, quoted(entry->key) + " must be one number");
-  return values.front();
+  return entry == nullptr ? 0.0 : one_number(*entry, file).front();
 }
 
 }  // namespace
@@ -316,13 +332,19 @@ Calibration read_agisoft(const std::filesystem::path& file) {
   const std::string name = file.string();
   const OpenCvStorage storage(base::read_text(file, kMaxCalibrationBytes), name);
   const auto number = [&](std::string_view key) { return agisoft_number(storage, key, name); };
+  const ImageSize size = read_image_size(storage, name);
+  const StorageEntry* projection = storage.find({"projection"});
+  const std::string model = projection == nullptr || projection->values.empty() ? "frame" : projection->values.front();
+  Calibration calibration;
+  calibration.assumes_T_cam_imu = true;
+  if (model == "spherical") {
+    calibration.camera = make_panorama(size.width, size.height);
+    return calibration;
+  }
   if (storage.find({"f"}) == nullptr)
     throw InputError(name,
                      "has no <f>: it is of an earlier program than Metashape, or not a calibration; open it in "
                      "Metashape (Tools, Camera Calibration) and save it as Agisoft XML");
-  const ImageSize size = read_image_size(storage, name);
-  const StorageEntry* projection = storage.find({"projection"});
-  const std::string model = projection == nullptr || projection->values.empty() ? "frame" : projection->values.front();
   const auto refuse_unless_zero = [&](std::initializer_list<std::string_view> keys) {
     for (const std::string_view key : keys)
       if (number(key) != 0.0)
@@ -343,10 +365,8 @@ Calibration read_agisoft(const std::filesystem::path& file) {
     refuse_unless_zero({"p1", "p2"});
     distortion = {"equidistant", {number("k1"), number("k2"), number("k3"), number("k4")}};
   } else {
-    throw InputError(name, "projection \"" + model + "\" is not supported: use frame or fisheye");
+    throw InputError(name, "projection \"" + model + "\" is not supported: use frame, fisheye or spherical");
   }
-  Calibration calibration;
-  calibration.assumes_T_cam_imu = true;
   calibration.camera =
       make_camera(name, {distortion.name, intrinsics, distortion.coefficients, size.width, size.height});
   return calibration;
@@ -398,7 +418,9 @@ ImagePart read_image_part(const YAML::Node& root, const std::string& file, Image
     throw InputError(file, "its binning leaves no pixel of the image: correct it");
   part.focal[0] /= joined_x;
   part.focal[1] /= joined_y;
-  part.focal[2] = (whole.focal[2] - x + 0.5) / joined_x - 0.5;  // pixel centres are at integers
+  // Pixel centres are at integers, so a joined pixel's is at the mean of those that it joins. ROS's image_geometry
+  // divides cx and cy alone, which is up to half a pixel less exact.
+  part.focal[2] = (whole.focal[2] - x + 0.5) / joined_x - 0.5;
   part.focal[3] = (whole.focal[3] - y + 0.5) / joined_y - 0.5;
   return part;
 }
@@ -415,9 +437,15 @@ Calibration read_opencv(const std::filesystem::path& file) {
     if (const YAML::Node root = load_calibration_yaml(file); root.IsMap())
       images = read_image_part(root, name, std::move(images));
   }
+  LensParameters lens{distortion.name, images.focal, distortion.coefficients, images.size.width, images.size.height};
+  std::vector<double> xi;
+  if (const StorageEntry* sphere = storage.find({"xi"}); sphere != nullptr) {
+    xi = one_number(*sphere, name);
+    lens.model = "omni";
+    lens.sphere_parameters = xi;
+  }
   Calibration calibration;
-  calibration.camera = make_camera(
-      name, {distortion.name, images.focal, distortion.coefficients, images.size.width, images.size.height});
+  calibration.camera = make_camera(name, lens);
   read_opencv_extrinsics(file, text, calibration);
   return calibration;
 }

@@ -31,6 +31,12 @@ Camera read_vins_lens(const YAML::Node& root, const std::string& file) {
     const auto k = section_numbers(root, distortion, {"k1", "k2", "p1", "p2"}, file);
     return make_camera(file, {"radtan", f, k, width, height});
   }
+  if (model == "PINHOLE_FULL") {  // of VINS-Fusion: OpenCV's rational model
+    const auto f = section_numbers(root, projection, {"fx", "fy", "cx", "cy"}, file);
+    const auto k = section_numbers(root, distortion, {"k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"}, file);
+    const NamedDistortion lens = parse_opencv_distortion(file + ": " + distortion, k);
+    return make_camera(file, {lens.name, f, lens.coefficients, width, height});
+  }
   if (model == "MEI") {
     const auto f = section_numbers(root, projection, {"gamma1", "gamma2", "u0", "v0"}, file);
     const auto k = section_numbers(root, distortion, {"k1", "k2", "p1", "p2"}, file);
@@ -42,7 +48,8 @@ Camera read_vins_lens(const YAML::Node& root, const std::string& file) {
     const auto k = section_numbers(root, projection, {"k2", "k3", "k4", "k5"}, file);
     return make_camera(file, {"equidistant", f, k, width, height});
   }
-  throw InputError(file, "model_type \"" + model + "\" is not supported: use PINHOLE, MEI or KANNALA_BRANDT");
+  throw InputError(file,
+                   "model_type \"" + model + "\" is not supported: use PINHOLE, PINHOLE_FULL, MEI or KANNALA_BRANDT");
 }
 
 }  // namespace

@@ -162,6 +162,11 @@ VslamLabCamera prefixed_camera(const YAML::Node& root, const std::string& prefix
   VslamLabCamera result;
   result.calibration.camera = make_camera(file, {distortion.name, intrinsics, distortion.coefficients, width, height});
   read_extrinsics(root, file, result.calibration);
+  if (root["LEFT.K"])  // ORB-SLAM2's and ORB-SLAM3's older settings of a stereo camera
+    result.calibration.notes.push_back(
+        file + ": " + prefix +
+        "fx to cy are those of images rectified by LEFT.R; for images as recorded, give a file with LEFT.K as "
+        "camera_matrix and LEFT.D as distortion_coefficients");
   result.depth_units_per_m =
       positive_or_zero(first_value(root, {"Depth0.factor", "Depth.factor", "depth_factor"}), "depth factor", file);
   return result;

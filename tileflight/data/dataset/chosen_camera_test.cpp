@@ -64,6 +64,12 @@ TEST_F(ChosenCamera, IsScaledRefusedOrNamed) {
                 read_dataset(folder_ / "set", {folder_ / "cameras.txt", "2"});
               }),
               HasSubstr("the aspect ratio differs"));
+  base::write_file(folder_ / "turned.txt",
+                   "1 PINHOLE " + std::to_string(kHeight) + " " + std::to_string(kWidth) + " 50 50 9 9\n");
+  EXPECT_THAT(refusal_of([&] {
+                read_dataset(folder_ / "set", {folder_ / "turned.txt", ""});
+              }),
+              HasSubstr("if its width and height are exchanged"));
   EXPECT_THAT(refusal_of([&] {
                 read_dataset(folder_ / "set", {folder_ / "cameras.txt", ""});
               }),

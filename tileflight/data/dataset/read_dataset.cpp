@@ -92,7 +92,10 @@ ScaledCalibration scaled_calibration(const std::string& name, imaging::Calibrati
     calibration.line_delay_s *= static_cast<double>(camera.height()) / height;
     calibration.camera = camera.scaled_to(width, height);
   } catch (const InputError&) {
-    throw InputError(name, sizes + ": the aspect ratio differs, so calibrate at the video's size");
+    const bool is_turned = camera.width() == height && camera.height() == width;
+    throw InputError(name,
+                     sizes + ": the aspect ratio differs, so calibrate at the video's size" +
+                         (is_turned ? ", or correct the calibration, if its width and height are exchanged" : ""));
   }
   notes.push_back(name + ": " + sizes + "; the calibration is scaled to them");
   return {calibration, own_size};

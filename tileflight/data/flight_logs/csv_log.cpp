@@ -52,7 +52,8 @@ struct Column {
 class ColumnMap {
  public:
   /// Parses the column names. Case, blanks and punctuation are ignored; a unit is in brackets ("altitude(feet)") or a
-  /// suffix ("time_ms", "gimbalPitchRad"). Throws InputError (`where`, column, unit) for an unknown unit.
+  /// suffix ("time_ms", "gimbalPitchRad"). Throws InputError (`where`, column, unit) for an unknown unit, if no other
+  /// column holds that quantity.
   ColumnMap(const std::vector<std::string>& names, const std::string& where);
 
   /// Returns the quantity's column; nullopt if there is none.
@@ -112,6 +113,7 @@ constexpr Alias kAliases[] = {
     {"altitudeabovesealevel", Quantity::kHeightSeaLevel},
     {"heightabovesealevel", Quantity::kHeightSeaLevel},
     {"heightsealevel", Quantity::kHeightSeaLevel},
+    {"hmsl", Quantity::kHeightSeaLevel},
     {"altitudemsl", Quantity::kHeightSeaLevel},
     {"altmsl", Quantity::kHeightSeaLevel},
     {"heightmsl", Quantity::kHeightSeaLevel},
@@ -219,23 +221,22 @@ const Alias* alias_of(std::string_view name) {
 struct ColumnMeaning {
   const Alias* alias = nullptr;
   std::optional<double> scale;
+  bool has_unknown_unit = false;
 };
 
 /// Parses "name(unit)" or "name [unit]"; the name itself may still end in a unit.
-ColumnMeaning meaning_in_brackets(std::string_view name, std::size_t bracket, const std::string& where) {
+ColumnMeaning meaning_in_brackets(std::string_view name, std::size_t bracket) {
   const Alias* alias = alias_of(name.substr(0, bracket));
   if (alias == nullptr) return {};
   const std::string_view inner = name.substr(bracket + 1);
   const std::string unit(inner.substr(0, inner.find_first_of(")]")));
   const std::optional<double> scale = scale_of(alias->quantity, unit);
-  if (scale) return {alias, scale};
-  throw InputError(where, "the unit of column '" + std::string(name.substr(0, 80)) +
-                              "' is unknown; use s, ms, us, ns, m, ft, deg or rad");
+  return {alias, scale, !scale};
 }
 
-ColumnMeaning meaning_of(const std::string& name, const std::string& where) {
+ColumnMeaning meaning_of(const std::string& name) {
   const std::size_t bracket = name.find_first_of("([");
-  if (bracket != std::string::npos && bracket > 0) return meaning_in_brackets(name, bracket, where);
+  if (bracket != std::string::npos && bracket > 0) return meaning_in_brackets(name, bracket);
   if (const Alias* alias = alias_of(name)) return {alias, std::nullopt};
   if (const std::size_t last = name.find_last_of("_. "); last != std::string::npos) {
     if (const Alias* alias = alias_of(std::string_view(name).substr(0, last))) {
@@ -255,12 +256,19 @@ ColumnMeaning meaning_of(const std::string& name, const std::string& where) {
 
 ColumnMap::ColumnMap(const std::vector<std::string>& names, const std::string& where) {
   std::vector<std::pair<const Alias*, Column>> found;
+  std::vector<std::pair<Quantity, std::string>> unknown;
   for (std::size_t i = 0; i < names.size(); ++i) {
-    const ColumnMeaning meaning = meaning_of(base::to_lower(names[i]), where);
-    if (meaning.alias != nullptr) found.push_back({meaning.alias, {i, meaning.scale}});
+    const std::string name = base::to_lower(names[i]);
+    const ColumnMeaning meaning = meaning_of(name);
+    if (meaning.has_unknown_unit) unknown.emplace_back(meaning.alias->quantity, name);
+    if (meaning.alias != nullptr && !meaning.has_unknown_unit) found.push_back({meaning.alias, {i, meaning.scale}});
   }
   std::ranges::stable_sort(found, {}, &std::pair<const Alias*, Column>::first);
   for (const auto& [alias, column] : found) columns_[static_cast<std::size_t>(alias->quantity)].push_back(column);
+  for (const auto& [quantity, name] : unknown)
+    if (of(quantity).empty())
+      throw InputError(
+          where, "the unit of column '" + name.substr(0, 80) + "' is unknown; use s, ms, us, ns, m, ft, deg or rad");
 }
 
 void ColumnMap::choose(const std::function<bool(Quantity quantity, const Column& column)>& can_be_read) {
@@ -368,6 +376,21 @@ std::string_view from_header(std::string_view text) {
   }
   if (text.starts_with('#')) text.remove_prefix(1);
   return text;
+}
+
+/// The table of positions in the file of a FlySight 2, whose lines begin with the table's name: $COL states the columns
+/// of a table, $GNSS is a row of positions (https://flysight.ca/docs). Other text as it is. Throws InputError.
+std::string flysight_positions(std::string text, const std::string& where) {
+  if (!text.starts_with("$FLYS")) return text;
+  constexpr std::string_view kColumns = "$COL,GNSS,", kRow = "$GNSS,";
+  std::string table;
+  std::string_view rest = text;
+  while (const auto line = base::take_line(rest)) {
+    std::string_view row = *line;
+    if (base::take_prefix(row, table.empty() ? kColumns : kRow)) table += std::string(row) + "\n";
+  }
+  if (table.empty()) throw InputError(where, "is a FlySight's file without positions: give its TRACK.CSV");
+  return table;
 }
 
 /// Column names for a one-line error message: printable, and limited in number.
@@ -591,7 +614,7 @@ bool sorted_by_date(std::vector<TelemetryFix>& fixes) {
 }  // namespace
 
 Telemetry read_csv_log(const std::filesystem::path& file) {
-  const std::string bytes = base::read_text(file, base::kMaxLogBytes);
+  const std::string bytes = flysight_positions(base::read_text(file, base::kMaxLogBytes), file.string());
   const std::string_view text = from_header(bytes);
   const char separator = detect_separator(text.substr(0, text.find('\n')));
   CsvReader rows(text, separator);

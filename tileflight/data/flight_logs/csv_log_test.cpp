@@ -47,6 +47,38 @@ TEST_F(CsvLog, AColumnOfTextDoesNotHideTheNumbers) {
   EXPECT_THAT(log.warnings, IsEmpty());
 }
 
+TEST_F(CsvLog, AColumnOfAnUnknownUnitDoesNotHideTheOneBesideIt) {
+  const Telemetry log = read(
+      "CUSTOM.date [local],OSD.flyTime [formatted],OSD.flyTime [s],OSD.latitude,OSD.longitude,OSD.height [ft]\n"
+      "8/29/2017,0m 2.8s,2.8,39.5,-106.25,10\n8/29/2017,0m 3.2s,3.2,39.5,-106.26,20\n");
+  ASSERT_EQ(log.fixes.size(), 2u);
+  EXPECT_EQ(log.fixes[1].time_s, 3.2);
+  EXPECT_DOUBLE_EQ(*log.fixes[1].height_above_takeoff_m, 6.096);
+}
+
+/// FlySight's first generation: the second row states the units.
+TEST_F(CsvLog, FlySightsHeightsAreAboveSeaLevel) {
+  const Telemetry log = read(
+      "time,lat,lon,hMSL,velN,gpsFix\n,(deg),(deg),(m),(m/s),\n2021-04-20T12:34:20.00Z,33.5,-117.75,15.5,-0.63,3\n"
+      "2021-04-20T12:34:20.20Z,33.5,-117.76,16.5,-0.63,3\n");
+  ASSERT_EQ(log.fixes.size(), 2u);
+  EXPECT_EQ(log.fixes[1].absolute_height_m, 16.5);
+  EXPECT_EQ(log.height_datum, HeightDatum::kMeanSeaLevel);
+}
+
+TEST_F(CsvLog, FlySight2sTablesAreToldApart) {
+  const std::string head = "$FLYS,1\n$VAR,FIRMWARE_VER,v2024\n";
+  const Telemetry log =
+      read(head +
+           "$COL,BARO,time,pressure\n$COL,GNSS,time,lat,lon,hMSL\n$UNIT,GNSS,s,deg,deg,m\n$DATA\n$BARO,1.5,99000\n"
+           "$GNSS,2024-04-20T04:20:00.000Z,33.5,-117.75,630.5\n$GNSS,2024-04-20T04:20:00.200Z,33.5,-117.76,631.5\n");
+  ASSERT_EQ(log.fixes.size(), 2u);
+  EXPECT_NEAR(log.fixes[1].time_s - log.fixes[0].time_s, 0.2, 1e-6);
+  EXPECT_EQ(log.fixes[1].absolute_height_m, 631.5);
+  EXPECT_THAT([&] { read(head + "$COL,BARO,time,pressure\n$DATA\n$BARO,1.5,99000\n"); },
+              ThrowsMessage<InputError>(HasSubstr("is a FlySight's file without positions: give its TRACK.CSV")));
+}
+
 TEST_F(CsvLog, AirDataWithFeetAndPreferredHeight) {
   const Telemetry log = read(
       "time(millisecond),datetime(utc),latitude,longitude,height_above_takeoff(feet),altitude_above_seaLevel(feet),"

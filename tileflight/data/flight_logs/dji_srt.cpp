@@ -315,14 +315,6 @@ Reading read_entry(const Entry& entry) {
   return reading;
 }
 
-/// A Matrice 300 without RTK writes 0.0M throughout: a height that is always exactly 0 was not recorded.
-void drop_unrecorded_heights(Telemetry& telemetry) {
-  const auto is_zero = [](const TelemetryFix& fix) { return fix.absolute_height_m == 0.0; };
-  if (!std::all_of(telemetry.fixes.begin(), telemetry.fixes.end(), is_zero)) return;
-  for (TelemetryFix& fix : telemetry.fixes) fix.absolute_height_m.reset();
-  telemetry.warnings.push_back("the absolute height is 0 in every entry and is treated as not recorded");
-}
-
 Telemetry collect(const std::vector<Reading>& readings) {
   const bool by_stamp =
       std::any_of(readings.begin(), readings.end(), [](const Reading& r) { return r.stamp_s.has_value(); });

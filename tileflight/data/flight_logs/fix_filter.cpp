@@ -43,8 +43,12 @@ Telemetry FixFilter::finish() && {
 }
 
 Telemetry FixFilter::finish(const std::string& where, const std::string& entries) && {
-  const std::size_t count = entries_ + without_time_ + without_fix_;
+  constexpr std::size_t kSeveral = 3;
+  const std::size_t count = entries_ + without_time_ + without_fix_, not_later = out_of_order_;
   Telemetry telemetry = std::move(*this).finish();
+  if (telemetry.fixes.size() == 1 && not_later >= kSeveral)
+    throw InputError(where, "none of its " + std::to_string(count) + " " + entries +
+                                " is later than the first: export the log with the time of each");
   if (!telemetry.fixes.empty()) return telemetry;
   if (count == 0) throw InputError(where, "contains no " + entries);
   throw InputError(where, "none of its " + std::to_string(count) + " " + entries + " has a time and a position (" +
@@ -64,7 +68,16 @@ void rebase_unix_times(Telemetry& telemetry) {
   if (!telemetry.fixes.empty() && is_unix_time(telemetry.fixes.front().time_s)) rebase_to_first_fix(telemetry);
 }
 
+void drop_unrecorded_heights(Telemetry& telemetry) {
+  constexpr std::size_t kSeveral = 2;
+  const auto is_zero = [](const TelemetryFix& fix) { return fix.absolute_height_m == 0.0; };
+  if (telemetry.fixes.size() < kSeveral || !std::ranges::all_of(telemetry.fixes, is_zero)) return;
+  for (TelemetryFix& fix : telemetry.fixes) fix.absolute_height_m.reset();
+  telemetry.warnings.push_back("the absolute height is 0 in every entry and is treated as not recorded");
+}
+
 void drop_fixes_without_height(Telemetry& telemetry) {
+  drop_unrecorded_heights(telemetry);
   const auto has_none = [](const TelemetryFix& fix) { return !fix.absolute_height_m && !fix.height_above_takeoff_m; };
   if (std::all_of(telemetry.fixes.begin(), telemetry.fixes.end(), has_none)) return;
   const std::size_t before = telemetry.fixes.size();

@@ -20,7 +20,8 @@ class FixFilter {
 
   /// Returns the kept fixes, with one warning per reason for dropping entries.
   Telemetry finish() &&;
-  /// Finishes as finish(), but throws InputError if no fix was kept. `where`: the file; `entries`: its entries' name
+  /// Finishes as finish(), but throws InputError if no fix was kept, or only the first because no other is later.
+  /// `where`: the file; `entries`: its entries' name
   /// ("rows").
   Telemetry finish(const std::string& where, const std::string& entries) &&;
 
@@ -39,7 +40,10 @@ bool is_unix_time(double time_s);
 /// Makes Unix times seconds from the first fix; other times are unchanged.
 void rebase_unix_times(Telemetry& telemetry);
 
-/// If only some fixes have a height, drops those without any, with a warning.
+/// Resets the absolute heights, with a warning, if all are exactly 0: then none was recorded.
+void drop_unrecorded_heights(Telemetry& telemetry);
+
+/// If only some fixes have a height, drops those without any, with a warning; as drop_unrecorded_heights() before.
 void drop_fixes_without_height(Telemetry& telemetry);
 
 /// The last steps for a log of UTC times and heights above sea level (GPX, KML).

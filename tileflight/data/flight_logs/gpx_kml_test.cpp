@@ -47,6 +47,25 @@ TEST_F(Gpx, PointsOfAllSegmentsWithTimesOfAnyOffset) {
   EXPECT_THAT(log.warnings, IsEmpty());
 }
 
+/// Converters that do not know the heights write 0 for each point.
+TEST_F(Gpx, HeightsThatAreAllZeroWereNotRecorded) {
+  const auto at_zero = [](const std::string& latitude, const std::string& time) {
+    return "<trkpt lat=\"" + latitude + "\" lon=\"14.5\"><ele>0</ele><time>" + time + "</time></trkpt>\n";
+  };
+  const Telemetry log = read(track(at_zero("45.1", "2024-01-01T00:00:01Z") + at_zero("45.2", "2024-01-01T00:00:02Z")));
+  ASSERT_EQ(log.fixes.size(), 2u);
+  EXPECT_EQ(log.fixes[1].absolute_height_m, std::nullopt);
+  EXPECT_THAT(log.warnings, ElementsAre("the absolute height is 0 in every entry and is treated as not recorded"));
+}
+
+/// Programs that have lost the times write one and the same for each point.
+TEST_F(Gpx, PointsOfOneTimeAreRefused) {
+  std::string points;
+  for (int i = 0; i < 5; ++i) points += point("45." + std::to_string(i), "1901-12-13T20:45:52Z");
+  EXPECT_THAT([&] { read(track(points)); },
+              ThrowsMessage<InputError>(HasSubstr("none of its 5 track points is later than the first")));
+}
+
 TEST_F(Gpx, TracksWithTheNewestFirstAreSorted) {
   const Telemetry log = read(track(point("45.3", "2024-01-01T00:00:03Z") + point("45.4", "2024-01-01T00:00:04Z") +
                                    "</trkseg></trk><trk><trkseg>" + point("45.2", "2024-01-01T00:00:02Z") +

@@ -226,7 +226,7 @@ void check_sigma(RegistrationResult& r) {
   if (std::isnan(r.sigma_m)) {
     add_warning(r, kAlignment, Severity::kNote,
                 "there are too few keyframes or images to estimate the uncertainty of the transform",
-                "fly farther, or at a higher frame rate");
+                "fly a longer path, or at a higher frame rate");
     return;
   }
   // Where textures have changed, the images' distances from the path are their own errors.

@@ -67,8 +67,9 @@ void check_tracking_gaps(double frames, double tracked, Warnings& warnings) {
 }
 
 Warnings trajectory_gaps(const MapInputs& map) {
-  if (map.trajectory.empty()) return {};
-  const geometry::Trajectory trajectory = geometry::read_tum(map.trajectory);
+  const fs::path file = map.trajectory.empty() ? map.map / "trajectory.txt" : map.trajectory;
+  if (map.trajectory.empty() && !fs::exists(file)) return {};
+  const geometry::Trajectory trajectory = geometry::read_tum(file);
   if (trajectory.empty()) return {};
   return gap_warnings(trajectory, trajectory.poses.back().time_s - trajectory.poses.front().time_s, kOdometry);
 }
@@ -89,8 +90,9 @@ Warnings odometry_warnings(const MapInputs& map) {
   if (fs::is_directory(map.map) && fs::exists(file)) {
     const json about = json::parse(base::read_text(file), nullptr, false);
     append_distinct(warnings, read_warnings(file));
+    append_distinct(warnings, trajectory_gaps(map));  // of any odometry: none lists them itself
     if (about.is_object() && about.contains("warnings"))
-      return warnings;  // the built-in odometry lists its own warnings
+      return warnings;  // the built-in odometry lists the others itself
     if (about.is_object() && about.value("lost", false)) {
       const std::string why = text_of(about, "lost_reason");
       warnings.push_back({"the flight was not tracked to its end" + (why.empty() ? "" : ": " + why), kOdometry,
@@ -98,7 +100,6 @@ Warnings odometry_warnings(const MapInputs& map) {
     }
     if (about.is_object())
       check_tracking_gaps(number_of(about, "frames", 0.0), number_of(about, "frames_tracked", 0.0), warnings);
-    append_distinct(warnings, trajectory_gaps(map));
     return warnings;
   }
   append_distinct(warnings, trajectory_gaps(map));

@@ -7,6 +7,7 @@
 
 #include "tests/temporary_folder.h"
 #include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
 
 namespace tileflight::scoring::warnings_test {
@@ -38,6 +39,19 @@ TEST_F(WarningsOfAFlight, AnOdometrysOwnListIsAll) {
   const Warnings warnings = odometry_warnings({.map = folder_.path()});
   ASSERT_EQ(warnings.size(), 1u);
   EXPECT_EQ(warnings[0].message, "the scale may have drifted");
+}
+
+TEST_F(WarningsOfAFlight, AGapOfTheTrajectoryIsNamedForAnyOdometry) {
+  std::string trajectory;
+  for (int i = 0; i < 80; ++i)
+    if (i < 20 || i >= 53) trajectory += base::formatted("%.1f %d 0 0 0 0 0 1\n", 0.1 * i, i);
+  write("trajectory.txt", trajectory);
+  for (const std::string list : {R"(, "warnings": [])", ""}) {
+    write("odometry.json", R"({"frames": 47, "frames_tracked": 47)" + list + "}");
+    const Warnings warnings = odometry_warnings({.map = folder_.path()});
+    ASSERT_EQ(warnings.size(), 1u) << list;
+    EXPECT_THAT(warnings[0].message, HasSubstr("no poses from 1.90 to 5.30 s: 43 % of the flight's time")) << list;
+  }
 }
 
 TEST_F(WarningsOfAFlight, AWholeOneHasNone) {

@@ -1,7 +1,6 @@
 #include "tileflight/experiments/study/study_results.h"
 
 #include <algorithm>
-#include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
 
@@ -31,10 +30,8 @@ json at(const json& object, const char* pointer) {
 std::string threshold_key(double threshold_m) { return base::fixed_text(threshold_m); }
 
 std::string first_line(const fs::path& file) {
-  std::ifstream stream(file);
-  std::string line;
-  std::getline(stream, line);
-  return line;
+  const std::string text = base::read_text(file);
+  return text.substr(0, text.find('\n'));
 }
 
 /// Copies the results that the run of the system recorded itself.

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <fstream>
 #include <sstream>
 
+#include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/imaging/image_files.h"
 #include "tileflight/core/imaging/rectify.h"
@@ -121,7 +121,8 @@ void write_own_layout(const dataset::Dataset& dataset, const imaging::Camera* pi
 
 /// "Tr: 12 numbers" of KITTI's calib.txt: from the lidar to the camera.
 std::optional<geometry::SE3> read_lidar_pose(const fs::path& calib_txt) {
-  std::ifstream file(calib_txt);
+  if (!fs::exists(calib_txt)) return std::nullopt;
+  std::istringstream file(base::read_text(calib_txt));
   for (std::string line; std::getline(file, line);) {
     std::istringstream fields(line);
     std::string name;

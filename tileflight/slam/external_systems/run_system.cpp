@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <fstream>
 #include <limits>
 #include <map>
 #include <new>
@@ -51,8 +50,7 @@ double frame_time_s(const fs::path& file, const dataset::Dataset& dataset, doubl
 Trajectory read_colmap_images(const fs::path& file, const dataset::Dataset& dataset) {
   std::map<std::string, double> times_s;
   for (const dataset::Frame& frame : dataset.frames) times_s[frame.image.stem().string()] = frame.time_s;
-  std::ifstream stream(file);
-  if (!stream) throw InputError(file.string(), "cannot be read");
+  std::istringstream stream(base::read_text(file));
   std::map<double, SE3> poses;
   std::string line;
   for (int number = 1; std::getline(stream, line); ++number) {

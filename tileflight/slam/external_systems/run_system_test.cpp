@@ -168,10 +168,11 @@ TEST_F(RunSystem, ConventionsOfPathsAreUndone) {
        " > \"$OUT/trajectory.txt\"");
   same("leaves: {trajectory: {file: poses.txt}}\n",  // KITTI's format has no times
        "for k in 0 1 2 3; do echo 0 -1 0 $k 1 0 0 0 0 0 1 0; done > \"$OUT/poses.txt\"");
-  same("leaves: {trajectory: {file: images.txt, format: colmap, pose: world-to-camera}}\n",
-       "echo '# COLMAP' > \"$OUT/images.txt\"; for k in 0 1 2 3; do echo $k 0.70710678118654757 0 0 "
-       "-0.70710678118654757 "
-       "0 $k 0 1 00000$k.png; echo; done >> \"$OUT/images.txt\"");
+  same(
+      "leaves: {trajectory: {file: images.txt, format: colmap, pose: world-to-camera}}\n",
+      "printf '\\357\\273\\277# COLMAP\\n' > \"$OUT/images.txt\"; for k in 0 1 2 3; do echo $k 0.70710678118654757 0 0 "
+      "-0.70710678118654757 "
+      "0 $k 0 1 00000$k.png; echo; done >> \"$OUT/images.txt\"");
 }
 
 TEST_F(RunSystem, AnIndexBeyondTheFramesIsAFault) {

@@ -37,8 +37,10 @@ void check_completeness(const OdometryResult& result, std::int64_t frames, const
                             : result.backwards         ? "the flight was not tracked back to its beginning ("
                                                        : "the flight was not tracked to its end (";
     warnings.push_back({end + share + "): " + result.lost_reason, kWhere, Severity::kError,
-                        result.lost_remedy.empty() ? "use the tracked part, or a flight that can be tracked throughout"
-                                                   : result.lost_remedy});
+                        !result.lost_remedy.empty()                 ? result.lost_remedy
+                        : result.frames_tracked < limits.min_frames ? "use a flight that can be tracked throughout"
+                                                                    : "use the tracked part, or a flight that can be "
+                                                                      "tracked throughout"});
   } else if (static_cast<double>(result.frames_tracked) < limits.min_tracked_share * given) {
     warnings.push_back({share, kWhere, missing > limits.few_missing_share * given ? Severity::kError : Severity::kNote,
                         "look up the frames without a pose in quality.csv; choose another part of the flight"});
@@ -49,7 +51,8 @@ void check_length(const OdometryResult& result, const WarningThresholds& limits,
   if (result.frames_tracked >= limits.min_frames) return;
   warnings.push_back(
       {"only " + count_text(result.frames_tracked) + " frames have a pose: too few to judge the tracking quality",
-       kWhere, Severity::kWarning, "use a longer part of the flight"});
+       kWhere, Severity::kWarning,
+       result.lost ? "use a flight of which a longer part can be tracked" : "use a longer part of the flight"});
 }
 
 /// Reports the images with a large share of saturated residuals, from the first to the last. A few that still align by

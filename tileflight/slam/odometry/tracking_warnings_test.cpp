@@ -95,6 +95,17 @@ TEST(TrackingWarnings, AFlightThatWasLostIsSaidWithItsReason) {
   EXPECT_EQ(warnings[0].severity, Severity::kError);
 }
 
+TEST(TrackingWarnings, ATrackedPartThatIsTooShortIsNotRecommended) {
+  OdometryResult result = good_flight();
+  result.lost = true;
+  result.lost_reason = "a wall";
+  result.frames_tracked = 5;
+  const Warnings warnings = warnings_about(result);
+  ASSERT_EQ(warnings.size(), 2U);
+  EXPECT_EQ(warnings[0].remedy, "use a flight that can be tracked throughout");
+  EXPECT_EQ(warnings[1].remedy, "use a flight of which a longer part can be tracked");
+}
+
 TEST(TrackingWarnings, NoStartIsOneWarning) {
   OdometryResult result;
   result.frames = 60;

@@ -292,7 +292,7 @@ SurfaceAppearance ply_look(bool with_uv, bool has_colors,
 MeshSource read_ply_meshes(const fs::path& file, bool textures) {
   std::string bytes = base::read_raw(file, kMaxPlyBytes);
   KeptPlyFaces kept;
-  PlyReader reader(bytes, file.string(), textures, kept);
+  PlyReader reader(base::strip_byte_order_mark(bytes), file.string(), textures, kept);
   reader.read();
   const std::vector<std::string> pictures = reader.pictures();
   bytes = {};
