@@ -7,6 +7,7 @@
 #include <numbers>
 #include <set>
 
+#include "tileflight/core/base/raw_bytes.h"
 #include "tileflight/core/base/srgb.h"
 #include "tileflight/core/imaging/image_files.h"
 #include "tileflight/tiles/fetch/test_tilesets.h"
@@ -555,6 +556,36 @@ TEST(AlphaModes, BlendKeepsTheOpacityForImages) {
   EXPECT_FALSE(plain.meshes.at(0).blends) << "geometry alone";
   EXPECT_FALSE(square(kHalfDim, {{"alphaMode", "MASK"}}).meshes.at(0).blends);
   EXPECT_FALSE(square(kHalfDim, Json::object()).meshes.at(0).blends);
+}
+
+/// The images above as KTX2 (Vulkan's format R8G8B8A8 with sRGB), as KHR_texture_basisu has them.
+std::string ktx2_uri(int left_alpha) {
+  const std::string pixels = {10, 20, 30, static_cast<char>(left_alpha), 40, 50, 60, '\xFF'};
+  constexpr std::uint32_t kDescriptorAt = 80 + 24;
+  constexpr std::uint32_t kDescriptorBytes = 28;
+  const std::string file =
+      std::string("\xABKTX 20\xBB\r\n\x1A\n", 12) +
+      base::test_support::to_raw_bytes<std::uint32_t>(
+          {43, 1, 2, 1, 0, 0, 1, 1, 0, kDescriptorAt, kDescriptorBytes, 0, 0}) +
+      base::test_support::to_raw_bytes<std::uint64_t>({0, 0, kDescriptorAt + kDescriptorBytes, pixels.size(), 0}) +
+      std::string(kDescriptorBytes, '\0') + pixels;
+  return "data:image/ktx2;base64," + base::base64(file);
+}
+
+TEST(AlphaModes, OfTexturesInKtx2) {
+  const std::string clear = ktx2_uri(0);
+  const std::string dim = ktx2_uri(100);
+  for (const bool textures : {true, false}) {
+    const DecodedContent cut = square(clear.c_str(), {{"alphaMode", "MASK"}}, 1.0F, textures);
+    EXPECT_NEAR(area_of(cut), 0.5, 1e-6);
+    EXPECT_TRUE(cut.warnings.empty());
+  }
+  EXPECT_NEAR(area_of(square(dim.c_str(), {{"alphaMode", "MASK"}, {"alphaCutoff", 0.3}})), 1.0, 1e-6);
+  EXPECT_NEAR(area_of(square(clear.c_str(), {{"alphaMode", "BLEND"}})), 0.5, 1e-6);
+  const DecodedContent blended = square(dim.c_str(), {{"alphaMode", "BLEND"}});
+  EXPECT_TRUE(blended.meshes.at(0).blends);
+  EXPECT_NE(blended.meshes.at(0).opacity, nullptr);
+  EXPECT_NEAR(area_of(square(clear.c_str(), Json::object())), 1.0, 1e-6);
 }
 
 /// Texture coordinates that repeat an image a million times must neither hang nor take much memory.
