@@ -11,6 +11,7 @@
 #include "tileflight/core/base/srgb.h"
 #include "tileflight/core/imaging/image_files.h"
 #include "tileflight/tiles/fetch/test_tilesets.h"
+#include "tileflight/tiles/tile_content/alpha_cutout.h"
 
 namespace tileflight::tile_content::content_test {
 namespace {
@@ -593,6 +594,33 @@ TEST(AlphaModes, TheNumberOfPiecesIsBounded) {
   const DecodedContent content = square(kHalfTransparent, {{"alphaMode", "MASK"}}, 1e6F);
   EXPECT_LT(content.meshes.at(0).mesh.triangles.size(), 1'000'000U);
   EXPECT_LT(area_of(square(kHalfTransparent, {{"alphaMode", "MASK"}}, 1e30F)), 1.1);
+}
+
+/// A surface of many triangles under a fine pattern: its pieces grow by a number that does not depend on the triangles,
+/// since each costs memory and time in all that follows.
+TEST(AlphaModes, PiecesOfManyTrianglesAreBounded) {
+  constexpr int kTexels = 2048;
+  constexpr std::uint32_t kSide = 200;
+  imaging::GrayImage checkered(kTexels, kTexels);
+  for (int y = 0; y < kTexels; ++y) {
+    for (int x = 0; x < kTexels; ++x) checkered(x, y) = (x / 6 + y / 6) % 2 == 0 ? 255 : 0;
+  }
+  gltf::Geometry geometry;
+  std::vector<Eigen::Vector2f> uv;
+  for (std::uint32_t y = 0; y <= kSide; ++y) {
+    for (std::uint32_t x = 0; x <= kSide; ++x) {
+      uv.emplace_back(static_cast<float>(x) / kSide, static_cast<float>(y) / kSide);
+      geometry.positions.insert(geometry.positions.end(), {uv.back().x(), uv.back().y(), 0.0F});
+      geometry.tex_coords.insert(geometry.tex_coords.end(), {uv.back().x(), uv.back().y()});
+      if (x == kSide || y == kSide) continue;
+      const std::uint32_t corner = y * (kSide + 1) + x;
+      geometry.triangles.push_back({corner, corner + 1, corner + kSide + 2});
+      geometry.triangles.push_back({corner, corner + kSide + 2, corner + kSide + 1});
+    }
+  }
+  const std::size_t triangles = geometry.triangles.size();
+  EXPECT_GT(gltf::cut_out({.alpha = checkered}, uv, geometry), 1);
+  EXPECT_LT(geometry.triangles.size(), triangles + 1'000'000);
 }
 
 TEST(Materials, WhatIsNotShownIsNamed) {
