@@ -314,7 +314,7 @@ void check(const InspectMapSettings& settings, const std::filesystem::path& pict
 std::uintmax_t memory_for_tiles(const render::GroundGrid& grid, std::uintmax_t memory) {
   // Colours and heights, of the part in work, too; and, once the tiles are gone, of the figure that is drawn from them.
   constexpr std::uintmax_t kPixelWithTiles_bytes = 14;
-  constexpr std::uintmax_t kPixelOfFigure_bytes = 44;
+  constexpr std::uintmax_t kPixelOfFigure_bytes = 60;
   const std::uintmax_t pixels = static_cast<std::uintmax_t>(grid.width) * static_cast<std::uintmax_t>(grid.height);
   if (pixels * kPixelOfFigure_bytes > memory) {
     throw InputError("--pixels",
