@@ -184,13 +184,17 @@ TiledMesh tile_out_of_core(const fs::path& folder, const std::vector<fs::path>& 
   mesh_files::spill_mesh_source(files, source_of(options), mesh, progress);
   out.place = place_on_earth(options, files.front(),
                              [&](const tile_writer::Georeference& place) { return move_to_local(place, mesh); });
-  constexpr std::uintmax_t kApartFromThreads = 1'200'000'000, kPerThread = 150'000'000;
+  constexpr std::uintmax_t kApartFromThreads = 1'200'000'000, kPerThread = 150'000'000, kFewestThreads = 2;
   tile_writer::LargeMeshLimits limits;
-  limits.threads = static_cast<int>(
-      std::clamp<std::uintmax_t>((std::max(memory_bytes, kApartFromThreads) - kApartFromThreads) / kPerThread, 2, 256));
+  limits.threads = static_cast<int>(std::clamp<std::uintmax_t>(
+      (std::max(memory_bytes, kApartFromThreads) - kApartFromThreads) / kPerThread, kFewestThreads, 256));
   out.summary = tile_writer::write_large_mesh_tileset(folder, mesh, settings_of(options, out.place, mesh.copyrights),
                                                       limits, progress);
   out.warnings = mesh.warnings;
+  constexpr std::uintmax_t kLeast = kApartFromThreads + kFewestThreads * kPerThread;
+  if (memory_bytes < kLeast)
+    out.warnings.push_back("a large mesh takes up to about " + rounded(static_cast<double>(kLeast) / 1e9, 1) +
+                           " GB out of core, whatever the limit (--memory)");
   return out;
 }
 

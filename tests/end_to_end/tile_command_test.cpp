@@ -104,6 +104,7 @@ TEST(TileCommand, AFolderOfMeshesIsOneTilesetInMemoryAndOutOfCore) {
   EXPECT_FALSE(whole["out_of_core"].get<bool>());
   for (const json& result : {large, packed}) {
     EXPECT_TRUE(result["out_of_core"].get<bool>());
+    EXPECT_THAT(result["warnings"].dump(), HasSubstr("whatever the limit (--memory)"));
     EXPECT_EQ(result["levels"].back()["triangles"], 3200);
     EXPECT_EQ(result["levels"].size(), whole["levels"].size());
   }

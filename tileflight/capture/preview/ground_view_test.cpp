@@ -16,6 +16,7 @@ namespace {
 
 using geometry::Box3;
 using geometry::Vec3;
+using testing::AllOf;
 using testing::HasSubstr;
 using testing::ThrowsMessage;
 using tests::TinyPlace;
@@ -159,6 +160,9 @@ TEST_F(GroundViewTest, RegionsThatHoldNothingAndOtherEndingsAreRefused) {
   settings.load = {};
   settings.longer_side_px = 5;
   EXPECT_THAT(refusal("map.png"), HasSubstr("--pixels"));
+  settings.longer_side_px = 1000;
+  settings.max_memory_bytes = 10'000'000;
+  EXPECT_THAT(refusal("map.png"), AllOf(HasSubstr("a map of 1000 x 1000 pixels"), HasSubstr("--memory")));
   EXPECT_FALSE(std::filesystem::exists(folder_ / "map.png"));
 }
 

@@ -310,6 +310,22 @@ void check(const InspectMapSettings& settings, const std::filesystem::path& pict
     throw InputError("--pixels", "must be from 64 to 8000 pixels");
 }
 
+/// What the image leaves of the memory limit for tiles. Throws InputError if the image alone exceeds the limit.
+std::uintmax_t memory_for_tiles(const render::GroundGrid& grid, std::uintmax_t memory) {
+  // Colours and heights, of the part in work, too; and, once the tiles are gone, of the figure that is drawn from them.
+  constexpr std::uintmax_t kPixelWithTiles_bytes = 14;
+  constexpr std::uintmax_t kPixelOfFigure_bytes = 60;
+  const std::uintmax_t pixels = static_cast<std::uintmax_t>(grid.width) * static_cast<std::uintmax_t>(grid.height);
+  if (pixels * kPixelOfFigure_bytes > memory) {
+    throw InputError("--pixels",
+                     base::formatted("a map of %d x %d pixels takes about %.2g GB, more than %.2g GB of "
+                                     "memory: fewer pixels, or a higher limit (--memory)",
+                                     grid.width, grid.height, static_cast<double>(pixels * kPixelOfFigure_bytes) / 1e9,
+                                     static_cast<double>(memory) / 1e9));
+  }
+  return memory - pixels * kPixelWithTiles_bytes;
+}
+
 }  // namespace
 
 json inspect_map(const InspectMapSettings& settings, const std::filesystem::path& picture, const Progress& progress) {
@@ -320,10 +336,11 @@ json inspect_map(const InspectMapSettings& settings, const std::filesystem::path
   const std::uintmax_t memory = settings.max_memory_bytes.value_or(base::default_memory_bytes());
   const Box3 box = choose_extent(place, settings, memory, progress);
   const render::GroundGrid grid = fit_ground_grid(box, settings.longer_side_px);
+  const std::uintmax_t tile_memory = memory_for_tiles(grid, memory);
   const GroundView view = render_ground_view(place, grid,
                                              {.error_m = settings.error_m.value_or(grid.pixel_m),
                                               .top_down = top_down_options(settings, box),
-                                              .max_memory_bytes = memory},
+                                              .max_memory_bytes = tile_memory},
                                              progress);
   const SurfaceExtent found = find_surface(view);
   const auto proposed = propose_region(view.grid, view.image.height_m);

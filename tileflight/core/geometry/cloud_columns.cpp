@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/text_parsing.h"
 
 namespace tileflight::geometry {
 namespace {
@@ -28,10 +29,22 @@ double scale_of(ColorRange range) {
   return 1.0;
 }
 
+/// PDAL names the axes X, Y and Z in PCD files.
+void name_axes_in_lower_case(std::vector<CloudColumn>& columns) {
+  const auto has = [&](const char* name) {
+    return std::ranges::any_of(columns, [&](const CloudColumn& column) { return column.name == name; });
+  };
+  if (has("x") || has("y") || has("z") || !has("X") || !has("Y") || !has("Z")) return;
+  for (CloudColumn& column : columns) {
+    if (column.name == "X" || column.name == "Y" || column.name == "Z") column.name = base::to_lower(column.name);
+  }
+}
+
 }  // namespace
 
-CloudColumns::CloudColumns(const std::vector<CloudColumn>& columns, std::size_t points, std::string where)
+CloudColumns::CloudColumns(std::vector<CloudColumn> columns, std::size_t points, std::string where)
     : where_(std::move(where)) {
+  name_axes_in_lower_case(columns);
   std::set<std::string> names;
   for (const CloudColumn& column : columns) {
     if (!names.insert(column.name).second) throw InputError(where_, "the property '" + column.name + "' occurs twice");

@@ -17,13 +17,13 @@ struct CloudColumn {
   ColorRange color_range = ColorRange::kByte;  ///< by the file's number type: bytes, 16-bit numbers, or floats 0 to 1
 };
 
-/// Assigns the columns of a point file to the arrays of a cloud by the names used in PLY and PCD files: x y z, nx ny nz
-/// or normal_x normal_y normal_z, red green blue (also r g b, diffuse_red …), rgb and rgba (packed 0xAARRGGBB); all
-/// others become scalars.
+/// Assigns the columns of a point file to the arrays of a cloud by the names used in PLY and PCD files: x y z (or X Y
+/// Z), nx ny nz or normal_x normal_y normal_z, red green blue (also r g b, diffuse_red …), rgb and rgba (packed
+/// 0xAARRGGBB); all others become scalars.
 class CloudColumns {
  public:
   /// Throws InputError if x, y or z is missing or a name occurs twice. `where` prefixes error messages.
-  CloudColumns(const std::vector<CloudColumn>& columns, std::size_t points, std::string where);
+  CloudColumns(std::vector<CloudColumn> columns, std::size_t points, std::string where);
 
   void set(std::size_t column, std::size_t point, double value) {
     const Target& target = targets_[column];

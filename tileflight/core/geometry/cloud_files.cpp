@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
+#include <fstream>
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
@@ -18,6 +19,17 @@ constexpr std::uintmax_t kMaxBytes = std::uintmax_t{1} << 36;
 
 InputError unknown_ending(const std::filesystem::path& file) {
   return {file.string(), "unknown point-cloud format (.ply, .pcd or .xyz expected)"};
+}
+
+/// The refusal of a file in a known format that is not read, with the way to convert it; else unknown_ending().
+InputError unread_format(const std::filesystem::path& file, const std::string& ending) {
+  std::string head(8, '\0');
+  std::ifstream(file, std::ios::binary).read(head.data(), static_cast<std::streamsize>(head.size()));
+  const bool is_las = head.starts_with("LASF") || ending == ".las" || ending == ".laz";
+  if (!is_las && !head.starts_with("ASTM-E57") && ending != ".e57") return unknown_ending(file);
+  return {file.string(), std::string(is_las ? "a LAS or LAZ cloud" : "an E57 scan") +
+                             ", which is not read: convert it first, for example with `pdal translate " +
+                             file.filename().string() + " cloud.ply` or in CloudCompare (.ply, .pcd or .xyz expected)"};
 }
 
 /// Names of the columns of XYZ text: those of a comment "# x y z …" on the first line, otherwise x y z column_4
@@ -101,7 +113,7 @@ PointCloud read_cloud(const std::filesystem::path& file) {
   std::error_code error;
   if (!std::filesystem::exists(file, error))
     throw InputError(file.string(), "cannot be opened: No such file or directory");
-  if (ending != ".ply" && ending != ".pcd" && ending != ".xyz") throw unknown_ending(file);
+  if (ending != ".ply" && ending != ".pcd" && ending != ".xyz") throw unread_format(file, ending);
   const std::string whole = base::read_raw(file, kMaxBytes);
   const std::string_view bytes = base::strip_byte_order_mark(whole);
   if (ending == ".ply") return parse_ply_cloud(bytes, file.string());

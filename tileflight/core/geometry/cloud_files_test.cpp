@@ -18,6 +18,7 @@
 namespace tileflight::geometry::cloud_files_test {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::ThrowsMessage;
 
@@ -105,6 +106,21 @@ TEST(CloudFiles, UnknownEndingMissingFileAndFullDisk) {
   std::filesystem::create_symlink("/dev/full", folder / "full.ply");
   EXPECT_THAT([&] { write_cloud(folder / "full.ply", sample_cloud(5)); },
               ThrowsMessage<InputError>(HasSubstr("No space left on device")));
+}
+
+TEST(CloudFiles, FormatsOfLaserScansAreNamedWithTheWayToConvertThem) {
+  const tests::TemporaryFolder folder;
+  const auto expect_named = [&](const char* name, const std::string& bytes, const char* message) {
+    base::write_file(folder / name, bytes);
+    EXPECT_THAT([&] { read_cloud(folder / name); },
+                ThrowsMessage<InputError>(AllOf(HasSubstr(message), HasSubstr("pdal translate"))))
+        << name;
+  };
+  expect_named("a.las", "LASF and more", "LAS or LAZ");
+  expect_named("a.LAZ", "LASF", "LAS or LAZ");
+  expect_named("renamed.dat", "LASF and more", "LAS or LAZ");
+  expect_named("a.e57", "ASTM-E57 and more", "E57 scan");
+  expect_named("empty.e57", "", "E57 scan");
 }
 
 const std::string kPlyHead =
@@ -258,6 +274,22 @@ TEST(Pcd, InvalidPointsOfAnOrganisedCloudAreLeftOut) {
   expect_refused("c.pcd", text, "the position of point 1 is not finite");
   text.replace(text.find("WIDTH 2\nHEIGHT 1"), 16, "WIDTH 1\nHEIGHT 2");
   EXPECT_EQ(read_as("c.pcd", text).size(), 1U);
+}
+
+/// PDAL writes such files.
+TEST(Pcd, AxesInUpperCase) {
+  const PointCloud cloud = read_as(
+      "c.pcd",
+      "VERSION 0.7\nFIELDS X Y Z Intensity\nSIZE 8 8 8 2\nTYPE F F F U\nCOUNT 1 1 1 1\nWIDTH 1\nHEIGHT 1\nPOINTS 1\n"
+      "DATA ascii\n1 2 3 7\n");
+  ASSERT_EQ(cloud.size(), 1U);
+  EXPECT_EQ(cloud.positions[0], Vec3(1, 2, 3));
+  EXPECT_EQ(cloud.scalars.at("Intensity")[0], 7.0F);
+  EXPECT_FALSE(cloud.scalars.contains("X"));
+  expect_refused("c.pcd",
+                 "VERSION 0.7\nFIELDS X Y\nSIZE 8 8\nTYPE F F\nCOUNT 1 1\nWIDTH 1\nHEIGHT 1\nPOINTS 1\n"
+                 "DATA ascii\n1 2\n",
+                 "no property 'x'");
 }
 
 TEST(Pcd, BadInputIsNamed) {

@@ -55,14 +55,13 @@ GrayImage webp_alpha(std::span<const std::byte> bytes, const WebPBitstreamFeatur
 
 }  // namespace
 
-std::optional<GrayImage> decode_alpha(std::span<const std::byte> bytes, const std::string& name,
-                                      const DecodeLimits& limits) {
-  if (is_ktx2(bytes)) return std::nullopt;
+GrayImage decode_alpha(std::span<const std::byte> bytes, const std::string& name, const DecodeLimits& limits) {
+  if (is_ktx2(bytes)) return decode_ktx2_alpha(bytes, name, limits.max_pixels);
   const auto* data = reinterpret_cast<const std::uint8_t*>(bytes.data());
   if (bytes.size() >= 8 && png_sig_cmp(data, 0, 8) == 0) return png_alpha(bytes, name, limits);
   WebPBitstreamFeatures features;
   if (WebPGetFeatures(data, bytes.size(), &features) == VP8_STATUS_OK) return webp_alpha(bytes, features, name, limits);
-  return GrayImage();
+  return {};
 }
 
 }  // namespace tileflight::imaging

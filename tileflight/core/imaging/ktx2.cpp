@@ -24,6 +24,11 @@ constexpr std::uint32_t kZstandard = 2;
 constexpr unsigned kEtc1s = 163;
 constexpr unsigned kUastc = 166;
 constexpr unsigned kSrgbTransfer = 2;
+// Khronos Data Format Specification 1.3, section 5: samples follow the total size and a header of 24 bytes.
+constexpr std::size_t kSamplesAt = 28;
+constexpr std::size_t kSampleBytes = 16;
+constexpr unsigned kEtc1sGreen = 4;  // KHR_DF_CHANNEL_ETC1S_GGG
+constexpr unsigned kUastcRgba = 3;   // KHR_DF_CHANNEL_UASTC_RGBA
 
 Bytes part(Bytes bytes, std::uint64_t offset, std::uint64_t length, const char* what, const std::string& name) {
   if (offset > bytes.size() || length > bytes.size() - offset) {
@@ -40,6 +45,9 @@ struct Ktx2 {
   std::uint32_t levels = 1;
   std::uint32_t scheme = 0;
   unsigned color_model = 0;
+  std::size_t channels = 0;    ///< that the descriptor lists
+  unsigned first_channel = 0;  ///< its identifier, whose meaning depends on the colour model
+  unsigned last_channel = 0;
   bool srgb = false;
   std::uint32_t level = 0;  ///< requested level; width and height are those of the level
   Bytes level_data;
@@ -74,6 +82,12 @@ Ktx2 parse(Bytes bytes, const std::string& name, std::int64_t max_pixels, std::u
   if (descriptor.size() < 16) throw InputError(name, "the data format descriptor of the KTX2 is truncated");
   out.color_model = std::to_integer<unsigned>(descriptor[12]);
   out.srgb = std::to_integer<unsigned>(descriptor[14]) == kSrgbTransfer;
+  if (descriptor.size() > kSamplesAt) out.channels = (descriptor.size() - kSamplesAt) / kSampleBytes;
+  const auto channel = [&](std::size_t i) {
+    return std::to_integer<unsigned>(descriptor[kSamplesAt + kSampleBytes * i + 3]) & 15U;
+  };
+  if (out.channels > 0) out.first_channel = channel(0);
+  if (out.channels > 0) out.last_channel = channel(out.channels - 1);
   out.global_data = part(bytes, base::read_raw<std::uint64_t>(bytes, 64), base::read_raw<std::uint64_t>(bytes, 72),
                          "global data", name);
   const Bytes index = part(bytes, kHeaderBytes + kLevelBytes * level, kLevelBytes, "level index", name);
@@ -82,8 +96,11 @@ Ktx2 parse(Bytes bytes, const std::string& name, std::int64_t max_pixels, std::u
   return out;
 }
 
-/// Appendix "BasisLZ Global Data": counts and lengths, a description of each level, the codebooks.
-RgbImage decode_basis_lz(const Ktx2& file, const std::string& name) {
+enum class Slice { kColor, kAlpha };
+
+/// Appendix "BasisLZ Global Data": counts and lengths, a description of each level, the codebooks. Returns an empty
+/// image if there is no such slice.
+RgbImage decode_basis_lz(const Ktx2& file, Slice which, const std::string& name) {
   constexpr std::size_t kHeader = 20;
   constexpr std::size_t kDescription = 20;
   const Bytes data = file.global_data;
@@ -99,8 +116,11 @@ RgbImage decode_basis_lz(const Ktx2& file, const std::string& name) {
   const Bytes described = data.subspan(kHeader + kDescription * file.level, kDescription);
   if ((base::read_raw<std::uint32_t>(described, 0) & kPredictedFrame) != 0)
     throw InputError(name, "the KTX2 is a video, which is not supported");
-  const Bytes slice = part(file.level_data, base::read_raw<std::uint32_t>(described, 4),
-                           base::read_raw<std::uint32_t>(described, 8), "colour slice", name);
+  const std::size_t at = which == Slice::kColor ? 4 : 12;
+  const Bytes slice = part(file.level_data, base::read_raw<std::uint32_t>(described, at),
+                           base::read_raw<std::uint32_t>(described, at + 4),
+                           which == Slice::kColor ? "colour slice" : "alpha slice", name);
+  if (which == Slice::kAlpha && slice.empty()) return {};
   const Etc1sCodebooks books(base::read_raw<std::uint16_t>(data, 0), endpoints, base::read_raw<std::uint16_t>(data, 2),
                              selectors, tables, name);
   return books.decode_slice(slice, file.width, file.height, name);
@@ -127,6 +147,20 @@ std::size_t plain_pixel_bytes(std::uint32_t vk_format) {
   return 0;
 }
 
+GrayImage decode_uastc_level_alpha(const Ktx2& file, const std::string& name) {
+  if (file.channels > 0 && file.first_channel != kUastcRgba) return {};
+  std::vector<std::byte> unpacked;
+  const Bytes bytes = decompress_level(file, uastc_bytes(file.width, file.height), unpacked, name);
+  return decode_uastc_alpha(bytes, file.width, file.height, name);
+}
+
+/// One channel of a slice, in which all three are equal.
+GrayImage green_of(const RgbImage& slice) {
+  GrayImage out(slice.width, slice.height);
+  std::ranges::transform(slice.pixels, out.pixels.begin(), [](const Rgb8& pixel) { return pixel[1]; });
+  return out;
+}
+
 RgbImage decode_plain(const Ktx2& file, std::size_t pixel_bytes, const std::string& name) {
   RgbImage image(file.width, file.height);
   std::vector<std::byte> unpacked;
@@ -139,6 +173,28 @@ RgbImage decode_plain(const Ktx2& file, std::size_t pixel_bytes, const std::stri
   return image;
 }
 
+GrayImage decode_plain_alpha(const Ktx2& file, const std::string& name) {
+  GrayImage alpha(file.width, file.height);
+  std::vector<std::byte> unpacked;
+  const Bytes bytes = decompress_level(file, 4 * alpha.pixels.size(), unpacked, name);
+  for (std::size_t i = 0; i < alpha.pixels.size(); ++i)
+    alpha.pixels[i] = std::to_integer<std::uint8_t>(bytes[4 * i + 3]);
+  return alpha;
+}
+
+/// How the pixels of a level are stored.
+enum class Storage { kBasisLz, kUastc, kPlain };
+
+Storage storage_of(const Ktx2& file, const std::string& name) {
+  if (file.vk_format == 0 && file.color_model == kEtc1s && file.scheme == kBasisLz) return Storage::kBasisLz;
+  const bool whole_levels = file.scheme == 0 || file.scheme == kZstandard;
+  if (file.vk_format == 0 && file.color_model == kUastc && whole_levels) return Storage::kUastc;
+  if (plain_pixel_bytes(file.vk_format) > 0 && whole_levels) return Storage::kPlain;
+  throw InputError(name, "the KTX2 has Vulkan format " + std::to_string(file.vk_format) + ", colour model " +
+                             std::to_string(file.color_model) + " and scheme " + std::to_string(file.scheme) +
+                             ", which are not supported; ETC1S, UASTC and plain RGB are");
+}
+
 }  // namespace
 
 bool is_ktx2(Bytes bytes) {
@@ -149,14 +205,20 @@ bool is_ktx2(Bytes bytes) {
 
 RgbImage decode_ktx2(Bytes bytes, const std::string& name, std::int64_t max_pixels, std::uint32_t level) {
   const Ktx2 file = parse(bytes, name, max_pixels, level);
-  if (file.vk_format == 0 && file.color_model == kEtc1s && file.scheme == kBasisLz) return decode_basis_lz(file, name);
-  const std::size_t pixel_bytes = plain_pixel_bytes(file.vk_format);
-  const bool whole_levels = file.scheme == 0 || file.scheme == kZstandard;
-  if (file.vk_format == 0 && file.color_model == kUastc && whole_levels) return decode_uastc_level(file, name);
-  if (pixel_bytes > 0 && whole_levels) return decode_plain(file, pixel_bytes, name);
-  throw InputError(name, "the KTX2 has Vulkan format " + std::to_string(file.vk_format) + ", colour model " +
-                             std::to_string(file.color_model) + " and scheme " + std::to_string(file.scheme) +
-                             ", which are not supported; ETC1S, UASTC and plain RGB are");
+  const Storage storage = storage_of(file, name);
+  if (storage == Storage::kBasisLz) return decode_basis_lz(file, Slice::kColor, name);
+  if (storage == Storage::kUastc) return decode_uastc_level(file, name);
+  return decode_plain(file, plain_pixel_bytes(file.vk_format), name);
+}
+
+GrayImage decode_ktx2_alpha(Bytes bytes, const std::string& name, std::int64_t max_pixels) {
+  const Ktx2 file = parse(bytes, name, max_pixels, 0);
+  const Storage storage = storage_of(file, name);
+  if (storage == Storage::kUastc) return decode_uastc_level_alpha(file, name);
+  if (storage == Storage::kPlain)
+    return plain_pixel_bytes(file.vk_format) == 4 ? decode_plain_alpha(file, name) : GrayImage();
+  if (file.channels > 1 && file.last_channel == kEtc1sGreen) return {};
+  return green_of(decode_basis_lz(file, Slice::kAlpha, name));
 }
 
 RgbImage decode_texture(Bytes bytes, const std::string& name, std::int64_t max_pixels) {

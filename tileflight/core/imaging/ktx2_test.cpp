@@ -28,10 +28,13 @@ using ::testing::Not;
 
 constexpr std::int64_t kPixels = 1 << 20;
 
+/// `channels`: identifiers of the samples that the descriptor lists.
 std::string header(std::uint32_t vk_format, std::uint32_t width, std::uint32_t height, std::uint32_t scheme,
-                   unsigned color_model, const std::string& global_data, const std::string& level) {
-  std::string descriptor(28, '\0');
+                   unsigned color_model, const std::string& global_data, const std::string& level,
+                   const std::vector<unsigned>& channels = {}) {
+  std::string descriptor(28 + 16 * channels.size(), '\0');
   descriptor[12] = static_cast<char>(color_model);
+  for (std::size_t i = 0; i < channels.size(); ++i) descriptor[28 + 16 * i + 3] = static_cast<char>(channels[i]);
   const std::uint32_t descriptor_at = 80 + 24;
   const std::uint64_t global_at = descriptor_at + descriptor.size();
   return std::string("\xABKTX 20\xBB\r\n\x1A\n", 12) +
@@ -45,8 +48,8 @@ std::string header(std::uint32_t vk_format, std::uint32_t width, std::uint32_t h
 
 /// Two by two blocks: the first with endpoint 1 and selector 0, the second like its left neighbour with selector 1; in
 /// the lower row the first takes the endpoint from above, the second the one two further on; both use the selector of
-/// the history's front.
-std::string small_etc1s() {
+/// the history's front. With channels, the same slice is also that of the second one.
+std::string small_etc1s(const std::vector<unsigned>& channels = {}) {
   BitWriter endpoints;  // differences to (16, 16, 16), modulo 32
   for (int i = 0; i < 3; ++i) endpoints.flat_table(32, 5);
   endpoints.flat_table(8, 3);
@@ -78,12 +81,12 @@ std::string small_etc1s() {
   slice.code(2 + 3, 3);  // selector 1
   const std::string global =
       base::test_support::to_raw_bytes<std::uint16_t>({3, 2}) +
-      base::test_support::to_raw_bytes<std::uint32_t>({static_cast<std::uint32_t>(endpoints.bytes().size()),
-                                                       static_cast<std::uint32_t>(selectors.bytes().size()),
-                                                       static_cast<std::uint32_t>(tables.bytes().size()), 0, 0, 0,
-                                                       static_cast<std::uint32_t>(slice.bytes().size()), 0, 0}) +
+      base::test_support::to_raw_bytes<std::uint32_t>(
+          {static_cast<std::uint32_t>(endpoints.bytes().size()), static_cast<std::uint32_t>(selectors.bytes().size()),
+           static_cast<std::uint32_t>(tables.bytes().size()), 0, 0, 0, static_cast<std::uint32_t>(slice.bytes().size()),
+           0, static_cast<std::uint32_t>(channels.empty() ? 0 : slice.bytes().size())}) +
       endpoints.bytes() + selectors.bytes() + tables.bytes();
-  return header(0, 7, 8, 1, 163, global, slice.bytes());
+  return header(0, 7, 8, 1, 163, global, slice.bytes(), channels);
 }
 
 Rgb8 texel(const std::array<int, 3>& five_bits, int modifier) {
@@ -133,6 +136,49 @@ TEST(Ktx2, UastcPlainAndInZstandard) {
   packed.resize(ZSTD_compress(packed.data(), packed.size(), block.data(), block.size(), 3));
   EXPECT_EQ(decode_ktx2(base::test_support::to_bytes(header(0, 3, 2, 2, 166, "", packed)), "k", kPixels).pixels,
             expected);
+}
+
+std::vector<std::uint8_t> alpha_of(const std::string& file) {
+  return decode_ktx2_alpha(to_bytes(file), "k", kPixels).pixels;
+}
+
+constexpr unsigned kEtc1sRgb = 0;
+constexpr unsigned kEtc1sGgg = 4;
+constexpr unsigned kEtc1sAaa = 15;
+
+TEST(Ktx2, AlphaOfEtc1sIsASliceOfItsOwn) {
+  const std::string file = small_etc1s({kEtc1sRgb, kEtc1sAaa});
+  const RgbImage image = decode_ktx2(to_bytes(file), "k", kPixels);
+  const GrayImage alpha = decode_ktx2_alpha(to_bytes(file), "k", kPixels);
+  ASSERT_EQ(alpha.width, 7);
+  ASSERT_EQ(alpha.height, 8);
+  for (std::size_t i = 0; i < image.pixels.size(); ++i) EXPECT_EQ(alpha.pixels[i], image.pixels[i][1]);
+  EXPECT_THAT(alpha_of(small_etc1s()), IsEmpty());
+  EXPECT_THAT(alpha_of(small_etc1s({3, kEtc1sGgg})), IsEmpty()) << "the second channel of a normal map";
+}
+
+TEST(Ktx2, AlphaOfPlainPixels) {
+  EXPECT_EQ(alpha_of(header(43, 2, 1, 0, 1, "", {1, 2, 3, 4, 5, 6, 7, 8})), (std::vector<std::uint8_t>{4, 8}));
+  EXPECT_THAT(alpha_of(header(23, 1, 2, 0, 1, "", {1, 2, 3, 4, 5, 6})), IsEmpty());
+}
+
+TEST(Ktx2, AlphaOfUastc) {
+  std::string block(16, '\0');  // mode 8: the code 10111, then the colour (0x12, 0x34, 0x56, 0x78)
+  const std::uint64_t bits = 0b10111U | 0x12ULL << 5U | 0x34ULL << 13U | 0x56ULL << 21U | 0x78ULL << 29U;
+  for (std::size_t i = 0; i < 8; ++i) block[i] = static_cast<char>(bits >> (8 * i));
+  const std::vector<std::uint8_t> expected(6, 0x78);
+  EXPECT_EQ(alpha_of(header(0, 3, 2, 0, 166, "", block)), expected);
+  EXPECT_EQ(alpha_of(header(0, 3, 2, 0, 166, "", block, {3})), expected);
+  EXPECT_THAT(alpha_of(header(0, 3, 2, 0, 166, "", block, {0})), IsEmpty()) << "RGB";
+  EXPECT_THAT(alpha_of(header(0, 3, 2, 0, 166, "", block, {5})), IsEmpty()) << "RRRG, of a normal map";
+}
+
+TEST(Ktx2, FaultsOfAlphaAreNamed) {
+  const std::string good = small_etc1s({kEtc1sRgb, kEtc1sAaa});
+  EXPECT_THAT(error_of([&] { decode_ktx2_alpha(to_bytes(good), "k", 10); }), HasSubstr("more than the limit of 10"));
+  for (std::size_t length = 12; length < good.size(); ++length)
+    EXPECT_NE(error_of([&] { alpha_of(good.substr(0, length)); }), "") << length;
+  EXPECT_THAT(error_of([&] { alpha_of(header(0, 4, 4, 0, 166, "", "")); }), HasSubstr("fewer pixels"));
 }
 
 TEST(Ktx2, FaultsAreNamed) {

@@ -84,8 +84,8 @@ constexpr std::uint8_t subset_of(std::uint32_t seed, std::uint32_t subsets, std:
     height[i] = (across * 2 * x + down * 2 * y + (random >> (14 - 4 * i))) & 63U;
   }
   std::uint8_t best = 0;
-  for (std::uint8_t i = 1; i < subsets; ++i) {
-    if (height[i] > height[best]) best = i;
+  for (std::uint32_t i = 1; i < subsets; ++i) {
+    if (height[i] > height[best]) best = static_cast<std::uint8_t>(i);
   }
   return best;
 }
@@ -228,10 +228,11 @@ std::uint8_t interpolate(unsigned low, unsigned high, unsigned weight, bool srgb
   return static_cast<std::uint8_t>((low16 * (64 - weight) + high16 * weight + 32) >> 14U);
 }
 
-using Block = std::array<Rgb8, kTexels>;
+using Rgba8 = std::array<std::uint8_t, 4>;
+using Block = std::array<Rgba8, kTexels>;
 
 Block solid_block(BlockBits& bits) {
-  Rgb8 color;
+  Rgba8 color;
   for (std::uint8_t& channel : color) channel = static_cast<std::uint8_t>(bits.take(8));
   Block out;
   out.fill(color);
@@ -245,7 +246,7 @@ Block decode_block(std::span<const std::byte, kBlockBytes> block, bool srgb, con
   bits.take(mode.code_bits);
   if (mode_index == kSolid) return solid_block(bits);
   bits.take(mode.hint_bits);
-  // With luminance and alpha, the second plane holds alpha, which is dropped.
+  // With luminance and alpha, the second plane holds alpha.
   const std::size_t second_plane = mode.planes == 2 && mode.channels > 2 ? bits.take(2) : 3;
   const Pattern& pattern = read_pattern(bits, mode_index, name);
   const Endpoints endpoints = read_endpoints(bits, mode);
@@ -257,14 +258,27 @@ Block decode_block(std::span<const std::byte, kBlockBytes> block, bool srgb, con
       const std::size_t from = mode.channels == 2 ? 0 : 2 * c;
       out[t][c] = interpolate(ends[from], ends[from + 1], weights[t][c == second_plane ? 1 : 0], srgb);
     }
+    const unsigned* alpha = ends + 2 * (mode.channels - 1);
+    out[t][3] =
+        mode.channels == 3 ? 255 : interpolate(alpha[0], alpha[1], weights[t][second_plane == 3 ? 1 : 0], false);
   }
   return out;
 }
 
-void draw(const Block& block, int left, int top, RgbImage& image) {
-  for (int y = 0; y < std::min(kBlockSide, image.height - top); ++y) {
-    for (int x = 0; x < std::min(kBlockSide, image.width - left); ++x) {
-      image(left + x, top + y) = block[static_cast<std::size_t>(kBlockSide * y + x)];
+/// Calls `take` with column, row and colour of each texel of the image.
+template <typename Take>
+void for_each_texel(std::span<const std::byte> bytes, int width, int height, bool srgb, const std::string& name,
+                    const Take& take) {
+  if (bytes.size() < uastc_bytes(width, height)) throw InputError(name, "the UASTC texture is truncated");
+  std::size_t at = 0;
+  for (int top = 0; top < height; top += kBlockSide) {
+    for (int left = 0; left < width; left += kBlockSide, at += kBlockBytes) {
+      const Block block = decode_block(bytes.subspan(at).first<kBlockBytes>(), srgb, name);
+      for (int y = 0; y < std::min(kBlockSide, height - top); ++y) {
+        for (int x = 0; x < std::min(kBlockSide, width - left); ++x)
+          take(left + x, top + y,
+               block[static_cast<std::size_t>(kBlockSide) * static_cast<std::size_t>(y) + static_cast<std::size_t>(x)]);
+      }
     }
   }
 }
@@ -277,15 +291,18 @@ std::size_t uastc_bytes(int width, int height) {
 }
 
 RgbImage decode_uastc(std::span<const std::byte> bytes, int width, int height, bool srgb, const std::string& name) {
-  if (bytes.size() < uastc_bytes(width, height)) throw InputError(name, "the UASTC texture is truncated");
   RgbImage image(width, height);
-  std::size_t at = 0;
-  for (int top = 0; top < height; top += kBlockSide) {
-    for (int left = 0; left < width; left += kBlockSide, at += kBlockBytes) {
-      draw(decode_block(bytes.subspan(at).first<kBlockBytes>(), srgb, name), left, top, image);
-    }
-  }
+  for_each_texel(bytes, width, height, srgb, name, [&](int x, int y, const Rgba8& texel) {
+    image(x, y) = {texel[0], texel[1], texel[2]};
+  });
   return image;
+}
+
+GrayImage decode_uastc_alpha(std::span<const std::byte> bytes, int width, int height, const std::string& name) {
+  GrayImage alpha(width, height);
+  // The colour's transfer function does not concern alpha.
+  for_each_texel(bytes, width, height, false, name, [&](int x, int y, const Rgba8& texel) { alpha(x, y) = texel[3]; });
+  return alpha;
 }
 
 }  // namespace tileflight::imaging

@@ -169,11 +169,13 @@ Block write(const Layout& layout, const Fields& fields, unsigned noise) {
   return block;
 }
 
-/// Exact (real) grey value of a texel's channel.
+/// Exact (real) grey value of a texel's channel; 3: alpha.
 double meant(const Layout& layout, const Fields& fields, std::size_t texel, std::size_t channel) {
+  if (channel == 3 && layout.channels == 3) return 255.0;
   const std::size_t subset = subsets_of(layout, fields.pattern)[texel];
-  const std::size_t first = subset * 2 * layout.channels + (layout.channels == 2 ? 0 : 2 * channel);
-  const bool second = layout.planes == 2 && layout.channels > 2 && fields.selector == channel;
+  const std::size_t stored = layout.channels == 2 ? channel / 3 : channel;  // luminance stands for the colours
+  const std::size_t first = subset * 2 * layout.channels + 2 * stored;
+  const bool second = layout.planes == 2 && (layout.channels == 2 ? 3 : fields.selector) == channel;
   const double weight = fields.weights[texel][second ? 1 : 0] / ((1U << layout.weight_bits) - 1.0);
   const double low = endpoint_value(layout, fields.bits[first], fields.digits[first]);
   const double high = endpoint_value(layout, fields.bits[first + 1], fields.digits[first + 1]);
@@ -189,10 +191,12 @@ TEST(Uastc, RandomBlocksOfEveryModeHaveTheColoursThatTheirFieldsMean) {
       const Fields fields = random_fields(layout, random);
       const Block block = write(layout, fields, static_cast<unsigned>(random()));
       const RgbImage image = decode_uastc(block.bytes, 4, 4, i % 2 == 0, "u");
+      const GrayImage alpha = decode_uastc_alpha(block.bytes, 4, 4, "u");
       for (std::size_t t = 0; t < 16; ++t) {
         for (std::size_t c = 0; c < 3; ++c) {
           ASSERT_NEAR(image.pixels[t][c], meant(layout, fields, t, c), 5) << "mode " << layout.mode << " texel " << t;
         }
+        ASSERT_NEAR(alpha.pixels[t], meant(layout, fields, t, 3), 5) << "mode " << layout.mode << " texel " << t;
       }
     }
   }

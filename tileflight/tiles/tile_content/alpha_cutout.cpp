@@ -9,9 +9,10 @@
 namespace tileflight::tile_content::gltf {
 namespace {
 
-/// Maximum number of pieces: this many, or this many for each triangle.
-constexpr std::size_t kMostPieces = 200'000;
+/// Maximum number of pieces beyond one for each triangle: this many for each, but at least and at most these for all.
 constexpr std::size_t kMostPiecesEach = 32;
+constexpr std::size_t kFewestPieces = 200'000;
+constexpr std::size_t kMostPieces = 1'000'000;
 constexpr int kCoarsestCell = 1 << 20;
 /// Texture coordinates beyond this number of texels are not cut.
 constexpr double kMostTexels = 1e9;
@@ -119,7 +120,8 @@ class Cutter {
 
   /// False: there are too many pieces.
   bool cut() {
-    const std::size_t most = std::max(kMostPieces, kMostPiecesEach * from_.triangles.size());
+    const std::size_t triangles = from_.triangles.size();
+    const std::size_t most = triangles + std::clamp(kMostPiecesEach * triangles, kFewestPieces, kMostPieces);
     for (const geometry::Triangle& triangle : from_.triangles) {
       if (!cut(triangle, most)) return false;
     }
@@ -149,7 +151,7 @@ class Cutter {
     while (!pending.empty()) {
       const Piece piece = std::move(pending.back());
       pending.pop_back();
-      if (++steps_ > 8 * most || out_.triangles.size() + pieces_.size() > most) return false;
+      if (++steps_ > 4 * most || out_.triangles.size() + pieces_.size() > most) return false;
       const std::optional<bool> opaque = is_opaque(piece);
       if (opaque) {
         all_kept = all_kept && *opaque;

@@ -7,9 +7,11 @@
 #include <numbers>
 #include <set>
 
+#include "tileflight/core/base/raw_bytes.h"
 #include "tileflight/core/base/srgb.h"
 #include "tileflight/core/imaging/image_files.h"
 #include "tileflight/tiles/fetch/test_tilesets.h"
+#include "tileflight/tiles/tile_content/alpha_cutout.h"
 
 namespace tileflight::tile_content::content_test {
 namespace {
@@ -557,11 +559,68 @@ TEST(AlphaModes, BlendKeepsTheOpacityForImages) {
   EXPECT_FALSE(square(kHalfDim, Json::object()).meshes.at(0).blends);
 }
 
+/// The images above as KTX2 (Vulkan's format R8G8B8A8 with sRGB), as KHR_texture_basisu has them.
+std::string ktx2_uri(int left_alpha) {
+  const std::string pixels = {10, 20, 30, static_cast<char>(left_alpha), 40, 50, 60, '\xFF'};
+  constexpr std::uint32_t kDescriptorAt = 80 + 24;
+  constexpr std::uint32_t kDescriptorBytes = 28;
+  const std::string file =
+      std::string("\xABKTX 20\xBB\r\n\x1A\n", 12) +
+      base::test_support::to_raw_bytes<std::uint32_t>(
+          {43, 1, 2, 1, 0, 0, 1, 1, 0, kDescriptorAt, kDescriptorBytes, 0, 0}) +
+      base::test_support::to_raw_bytes<std::uint64_t>({0, 0, kDescriptorAt + kDescriptorBytes, pixels.size(), 0}) +
+      std::string(kDescriptorBytes, '\0') + pixels;
+  return "data:image/ktx2;base64," + base::base64(file);
+}
+
+TEST(AlphaModes, OfTexturesInKtx2) {
+  const std::string clear = ktx2_uri(0);
+  const std::string dim = ktx2_uri(100);
+  for (const bool textures : {true, false}) {
+    const DecodedContent cut = square(clear.c_str(), {{"alphaMode", "MASK"}}, 1.0F, textures);
+    EXPECT_NEAR(area_of(cut), 0.5, 1e-6);
+    EXPECT_TRUE(cut.warnings.empty());
+  }
+  EXPECT_NEAR(area_of(square(dim.c_str(), {{"alphaMode", "MASK"}, {"alphaCutoff", 0.3}})), 1.0, 1e-6);
+  EXPECT_NEAR(area_of(square(clear.c_str(), {{"alphaMode", "BLEND"}})), 0.5, 1e-6);
+  const DecodedContent blended = square(dim.c_str(), {{"alphaMode", "BLEND"}});
+  EXPECT_TRUE(blended.meshes.at(0).blends);
+  EXPECT_NE(blended.meshes.at(0).opacity, nullptr);
+  EXPECT_NEAR(area_of(square(clear.c_str(), Json::object())), 1.0, 1e-6);
+}
+
 /// Texture coordinates that repeat an image a million times must neither hang nor take much memory.
 TEST(AlphaModes, TheNumberOfPiecesIsBounded) {
   const DecodedContent content = square(kHalfTransparent, {{"alphaMode", "MASK"}}, 1e6F);
   EXPECT_LT(content.meshes.at(0).mesh.triangles.size(), 1'000'000U);
   EXPECT_LT(area_of(square(kHalfTransparent, {{"alphaMode", "MASK"}}, 1e30F)), 1.1);
+}
+
+/// A surface of many triangles under a fine pattern: its pieces grow by a number that does not depend on the triangles,
+/// since each costs memory and time in all that follows.
+TEST(AlphaModes, PiecesOfManyTrianglesAreBounded) {
+  constexpr int kTexels = 2048;
+  constexpr std::uint32_t kSide = 200;
+  imaging::GrayImage checkered(kTexels, kTexels);
+  for (int y = 0; y < kTexels; ++y) {
+    for (int x = 0; x < kTexels; ++x) checkered(x, y) = (x / 6 + y / 6) % 2 == 0 ? 255 : 0;
+  }
+  gltf::Geometry geometry;
+  std::vector<Eigen::Vector2f> uv;
+  for (std::uint32_t y = 0; y <= kSide; ++y) {
+    for (std::uint32_t x = 0; x <= kSide; ++x) {
+      uv.emplace_back(static_cast<float>(x) / kSide, static_cast<float>(y) / kSide);
+      geometry.positions.insert(geometry.positions.end(), {uv.back().x(), uv.back().y(), 0.0F});
+      geometry.tex_coords.insert(geometry.tex_coords.end(), {uv.back().x(), uv.back().y()});
+      if (x == kSide || y == kSide) continue;
+      const std::uint32_t corner = y * (kSide + 1) + x;
+      geometry.triangles.push_back({corner, corner + 1, corner + kSide + 2});
+      geometry.triangles.push_back({corner, corner + kSide + 2, corner + kSide + 1});
+    }
+  }
+  const std::size_t triangles = geometry.triangles.size();
+  EXPECT_GT(gltf::cut_out({.alpha = checkered}, uv, geometry), 1);
+  EXPECT_LT(geometry.triangles.size(), triangles + 1'000'000);
 }
 
 TEST(Materials, WhatIsNotShownIsNamed) {

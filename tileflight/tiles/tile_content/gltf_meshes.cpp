@@ -286,7 +286,7 @@ class MeshBuilder {
     return std::make_shared<const imaging::RgbImage>(std::move(image));
   }
 
-  /// The opacity of a texture; nullptr if it is unknown (with a warning).
+  /// The opacity of a texture; nullptr if its image cannot be read here (with a warning).
   const imaging::GrayImage* alpha_of(const gltf::Texture& texture) {
     if (!texture.image) return nullptr;
     const auto known = alphas_.find(*texture.image);
@@ -302,7 +302,7 @@ class MeshBuilder {
     } else if (options_.read_resource) {
       alpha = imaging::decode_alpha(options_.read_resource(*image.uri), where, limits);
     }
-    if (!alpha) warn("the transparency of a texture is not read (KTX2); its surfaces are shown opaque");
+    if (!alpha) warn("the transparency of a texture cannot be read; its surfaces are shown opaque");
     return alpha ? &*alpha : nullptr;
   }
 

@@ -285,6 +285,13 @@ class TilesetInspector {
     out_.tiles_add = whole(all_.add);
     out_.tiles_unsupported = whole(all_.unsupported);
     for (const auto& [kind, count] : all_.contents) out_.contents[kind] = whole(count);
+    for (const char* kind : {"vctr", "geom", "terrain", "geojson"}) {
+      const auto found = out_.contents.find(kind);
+      if (found == out_.contents.end() || found->second == 0) continue;
+      base::add_distinct(std::vector{std::to_string(found->second) + " contents are of the kind " + kind +
+                                     ", which is not read: their tiles show nothing"},
+                         out_.warnings);
+    }
     for (std::size_t i = 0; i < all_.level_tiles.size(); ++i) out_.levels[i].tiles = whole(all_.level_tiles[i]);
     out_.content_files = whole(all_.files);
     if (out_.content_sizes_known) {

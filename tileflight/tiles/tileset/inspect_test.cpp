@@ -42,6 +42,17 @@ TEST(InspectTileset, NamesAPlaceWithoutTextures) {
   }
 }
 
+TEST(InspectTileset, NamesContentsOfAKindThatIsNotRead) {
+  Json root = tile(box_volume(0, 0, 0, 2, 2, 2), 8, "a.vctr");
+  root["children"] = {tile(box_volume(0, 0, 0, 1, 1, 1), 0, "b.vctr"), tile(box_volume(0, 0, 0, 1, 1, 1), 0, "c.glb")};
+  MemorySource source(fetch::test_support::tileset(root));
+  for (const char* name : {"a.vctr", "b.vctr"}) source.add(name, "vctr");
+  source.add("c.glb", fetch::test_support::triangle_glb({0, 0, 0, 1, 0, 0, 0, 1, 0}));
+  const std::vector<std::string> warnings = inspect_tileset(source).warnings;
+  EXPECT_THAT(warnings, ::testing::Contains(HasSubstr("2 contents are of the kind vctr, which is not read")));
+  EXPECT_THAT(warnings, ::testing::Not(::testing::Contains(HasSubstr("kind glb"))));
+}
+
 TEST(InspectTileset, CountsWhatIsThere) {
   Json root = fetch::test_support::tile(fetch::test_support::box_volume(0, 0, 0, 10, 20, 30), 8);
   root["children"] = {fetch::test_support::tile(fetch::test_support::box_volume(0, 0, 0, 1, 1, 1), 4, "a.glb"),
