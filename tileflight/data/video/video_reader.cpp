@@ -1,4 +1,3 @@
-#include <tbb/global_control.h>
 
 #include <algorithm>
 #include <cmath>
@@ -99,10 +98,6 @@ bool is_not_video(const AVFormatContext& format) {
   return name == "image2" || name == "tty" || name.ends_with("_pipe");
 }
 
-int thread_count() {
-  return static_cast<int>(tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism));
-}
-
 VideoDecoder::VideoDecoder(const std::filesystem::path& file)
     : file_(file), frame_(av_frame_alloc()), packet_(av_packet_alloc()) {
   libav::disable_logging();
@@ -141,7 +136,8 @@ void VideoDecoder::open_decoder() {
     if (static_cast<int>(i) != stream) format_->streams[i]->discard = AVDISCARD_ALL;
   codec_.reset(avcodec_alloc_context3(decoder));
   avcodec_parameters_to_context(codec_.get(), stream_->codecpar);
-  codec_->thread_count = thread_count();
+  // Of a damaged video, what several threads conceal depends on their order.
+  codec_->thread_count = 1;
   codec_->pkt_timebase = stream_->time_base;
   const int opened = avcodec_open2(codec_.get(), decoder, nullptr);
   if (opened < 0) throw InputError(file_.string(), "its video cannot be decoded: " + error_text(opened));

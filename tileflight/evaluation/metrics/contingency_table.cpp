@@ -1,6 +1,7 @@
 #include "tileflight/evaluation/metrics/contingency_table.h"
 
 #include <algorithm>
+#include <boost/math/special_functions/erf.hpp>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <numbers>
@@ -26,7 +27,7 @@ ContingencyTable& operator+=(ContingencyTable& sum, const ContingencyTable& part
 /// section 3.3).
 double expanded_tail(std::size_t blocks) {
   const auto n = static_cast<double>(blocks);
-  return 0.5 * std::erfc(std::sqrt(n / (n - 1.0)) * student_t_quantile(0.975, n - 1.0) / std::numbers::sqrt2);
+  return 0.5 * boost::math::erfc(std::sqrt(n / (n - 1.0)) * student_t_quantile(0.975, n - 1.0) / std::numbers::sqrt2);
 }
 
 nlohmann::json share(std::size_t part, std::size_t whole) {

@@ -43,8 +43,10 @@ std::array<std::int32_t, 3> grid_dims(const Box3& box, double edge_m) {
   }
   std::array<std::int32_t, 3> dims{};
   for (std::size_t axis = 0; axis < 3; ++axis) {
-    // Rounded, since 9 / 0.3 must give 30 cells and truncation gives 29.
-    const double cells = std::max(1.0, std::round(box.sizes()[static_cast<int>(axis)] / edge_m));
+    // Cells cover the whole box: a place's own box may end with a roof a millimetre above its last whole metre. 9 / 0.3
+    // must give 30 cells all the same.
+    constexpr double kRounding = 1e-6;
+    const double cells = std::max(1.0, std::ceil(box.sizes()[static_cast<int>(axis)] / edge_m - kRounding));
     if (cells > BrickMap::kMaxCellsPerAxis) {
       throw InputError("voxel edge " + std::to_string(edge_m) + " m",
                        "gives " + std::to_string(static_cast<std::int64_t>(cells)) +

@@ -96,6 +96,18 @@ TriangleMesh random_triangles(int count, unsigned seed, double size_m, const Box
   return mesh;
 }
 
+TEST(GridDims, CoverTheWholeBox) {
+  const auto dims = [](double size_m, double edge_m) {
+    return grid_dims({geometry::Vec3::Zero(), geometry::Vec3::Constant(size_m)}, edge_m)[2];
+  };
+  EXPECT_EQ(dims(10.0, 1.0), 10);
+  EXPECT_EQ(dims(9.0, 0.3), 30);
+  EXPECT_EQ(dims(250.0 + 1e-10, 1.0), 250);
+  EXPECT_EQ(dims(10.0014, 1.0), 11);
+  EXPECT_EQ(dims(10.4, 1.0), 11);
+  EXPECT_EQ(dims(0.2, 1.0), 1);
+}
+
 TEST(Voxelize, EqualsBruteForceOnTrianglesOfEverySize) {
   for (const double size_m : {0.02, 0.3, 1.0, 4.0, 50.0}) {
     for (unsigned seed = 0; seed < 40; ++seed) {

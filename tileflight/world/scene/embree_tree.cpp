@@ -2,6 +2,7 @@
 
 #include <tbb/parallel_for.h>
 
+#include <cstdlib>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -44,7 +45,8 @@ GeometryHandle new_geometry(RTCDevice device, const geometry::TriangleMesh& mesh
 }  // namespace
 
 DeviceHandle new_device() {
-  const RTCDevice device = rtcNewDevice(nullptr);
+  // Tests choose the instruction set by TILEFLIGHT_EMBREE (isa=sse2): results must not depend on it.
+  auto* const device = rtcNewDevice(std::getenv("TILEFLIGHT_EMBREE"));
   if (device == nullptr) throw_embree("no device", nullptr);
   return {device, [](RTCDevice released) { rtcReleaseDevice(released); }};
 }
