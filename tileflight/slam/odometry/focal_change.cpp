@@ -24,7 +24,7 @@ const FocalSegment::Image& FocalSegment::most_changed() const {
 }
 
 bool FocalSegment::shows_change() const {
-  // Of 52 segments of a hand-held recording (7-Scenes), a drone's video and rendered flights with one focal length,
+  // Of 62 segments of a hand-held recording (7-Scenes), a drone's video and rendered flights with one focal length,
   // none fits better than 1.25 times with several. A zoom by 1.25 in 5 s has a segment that fits 2.3 to 5.9 times
   // better, in flights that look down, ahead, aside and obliquely.
   constexpr double kFitsBetter = 1.6;
