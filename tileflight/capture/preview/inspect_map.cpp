@@ -310,7 +310,8 @@ void check(const InspectMapSettings& settings, const std::filesystem::path& pict
     throw InputError("--pixels", "must be from 64 to 8000 pixels");
 }
 
-/// What the image leaves of the memory limit for tiles. Throws InputError if the image alone exceeds the limit.
+/// Returns the part of the memory limit that the image leaves for tiles. Throws InputError if the image alone exceeds
+/// the limit.
 std::uintmax_t memory_for_tiles(const render::GroundGrid& grid, std::uintmax_t memory) {
   // Colours and heights, of the part in work, too; and, once the tiles are gone, of the figure that is drawn from them.
   constexpr std::uintmax_t kPixelWithTiles_bytes = 14;

@@ -3,7 +3,7 @@
 // glibc chooses variants of its functions by the processor, with and without fused operations. Their last bits differ,
 // as they differ between releases and architectures. The functions here add, multiply, divide and take square roots
 // only, which IEEE 754 defines to the last bit. They have the C library's names, so that each call in this program is a
-// call of them, and those of the shared libraries that it loads as well. Errors are below 0.501 units in the last
+// call of them, and those of the shared libraries that it loads as well. Errors are below 0.51 units in the last
 // place: in 40 000 random arguments of each function nearly every result is the correctly rounded one, as compilers
 // compute it for constant arguments.
 //

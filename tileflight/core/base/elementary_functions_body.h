@@ -266,7 +266,7 @@ Pair small_log(const Pair& r) {
   return r * total;
 }
 
-/// The same with a relative error of 2^-65.
+/// Returns log(1 + r) of |r| < 2^-6 with a relative error of 2^-65.
 Pair fast_small_log(const Pair& r) {
   const double x = r.hi;
   const double tail =

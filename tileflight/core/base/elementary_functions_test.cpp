@@ -153,7 +153,7 @@ INSTANTIATE_TEST_SUITE_P(All, ElementaryFunctionsOfTwo,
                                                     {Range{1e-300, 1e300, true}, Range{1e-300, 1e300, true}}}}),
                          [](const auto& info) { return std::string(info.param.name); });
 
-/// The same call in glibc, whose special cases are those of the C standard.
+/// Returns the function of this name in glibc, whose special cases are those of the C standard.
 template <class F>
 F in_c_library(const char* name) {
   static void* const library = dlopen("libm.so.6", RTLD_NOW);

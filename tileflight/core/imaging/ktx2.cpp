@@ -182,7 +182,7 @@ GrayImage decode_plain_alpha(const Ktx2& file, const std::string& name) {
   return alpha;
 }
 
-/// How the pixels of a level are stored.
+/// Tells how the pixels of a level are stored.
 enum class Storage { kBasisLz, kUastc, kPlain };
 
 Storage storage_of(const Ktx2& file, const std::string& name) {

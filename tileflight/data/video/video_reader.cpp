@@ -136,7 +136,7 @@ void VideoDecoder::open_decoder() {
     if (static_cast<int>(i) != stream) format_->streams[i]->discard = AVDISCARD_ALL;
   codec_.reset(avcodec_alloc_context3(decoder));
   avcodec_parameters_to_context(codec_.get(), stream_->codecpar);
-  // Of a damaged video, what several threads conceal depends on their order.
+  // Several threads would conceal the damage of a video differently from run to run.
   codec_->thread_count = 1;
   codec_->pkt_timebase = stream_->time_base;
   const int opened = avcodec_open2(codec_.get(), decoder, nullptr);
