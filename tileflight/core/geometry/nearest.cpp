@@ -50,6 +50,8 @@ double search_bound(double distance2) { return distance2 * (1.0 + 1e-9) + std::n
 /// nanoflann result set: the best candidate.
 class NearestResultSet {
  public:
+  using DistanceType = double;
+
   NearestResultSet(const PointsAdaptor& points, double radius2) : points_(points), best_(radius2, kNone) {}
   bool full() const { return true; }
   void sort() {}
@@ -69,6 +71,8 @@ class NearestResultSet {
 /// nanoflann result set: the `count` best candidates, as a heap with the worst on top.
 class KnnResultSet {
  public:
+  using DistanceType = double;
+
   KnnResultSet(const PointsAdaptor& points, std::size_t count) : points_(points), count_(count) {
     heap_.reserve(count + 1);
   }
@@ -102,6 +106,8 @@ class KnnResultSet {
 template <class Visit>
 class RadiusVisitor {
  public:
+  using DistanceType = double;
+
   RadiusVisitor(double radius2, const Visit& visit) : radius2_(radius2), visit_(visit) {}
   bool full() const { return true; }
   void sort() {}

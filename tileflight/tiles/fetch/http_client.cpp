@@ -28,8 +28,8 @@ namespace {
 
 /// Returns the system's file of trusted certificates where it lies elsewhere than libcurl was built to look, as it does
 /// when the library comes from another distribution; otherwise empty.
-const std::string& system_certificates() {
-  static const std::string kFile = []() -> std::string {
+const std::filesystem::path& system_certificates() {
+  static const std::filesystem::path kFile = []() -> std::filesystem::path {
     const char* const usual = curl_version_info(CURLVERSION_NOW)->cainfo;
     if (usual != nullptr && std::filesystem::exists(usual)) return {};
     // Debian and Arch; Fedora and Red Hat; openSUSE; Alpine.
@@ -120,7 +120,7 @@ class HttpTransfer {
     set(CURLOPT_ACCEPT_ENCODING, "");  // all encodings that libcurl supports: gzip, br, zstd, deflate
     set(CURLOPT_USERAGENT, "tileflight");
     set(CURLOPT_CONNECTTIMEOUT_MS, static_cast<long>(options_.connect_timeout.count()));
-    if (const std::string& certificates = options_.ca_file.empty() ? system_certificates() : options_.ca_file;
+    if (const std::filesystem::path& certificates = options_.ca_file.empty() ? system_certificates() : options_.ca_file;
         !certificates.empty())
       set(CURLOPT_CAINFO, certificates.c_str());
     if (is_loopback(request_.url)) set(CURLOPT_PROXY, "");
