@@ -142,7 +142,7 @@ void intersect_frame(benchmark::State& state, RTCSceneFlags flags) {
       for (int column = 0; column < rays.block_columns(); ++column) {
         RTCRayHit8 packet;
         fill_rays(rays.block(column, row), r, origin, packet);
-        scene::find_nearest(tree.get(), packet);
+        scene::find_nearest(tree.get(), &packet);
         benchmark::DoNotOptimize(packet.ray.tfar[0]);
       }
     });

@@ -59,15 +59,15 @@ inline void find_any(RTCScene scene, RTCRay& query) {
 alignas(32) inline constexpr int kAllLanes[8] = {-1, -1, -1, -1, -1, -1, -1, -1};
 
 /// Finds the nearest hits of eight similar rays; a negative far limit disables a ray.
-inline void find_nearest(RTCScene scene, RTCRayHit8& query) {
+inline void find_nearest(RTCScene scene, RTCRayHit8* query) {
   auto arguments = query_arguments<NearestArguments>(kCoherentRays);
-  rtcIntersect8(kAllLanes, scene, &query, &arguments);
+  rtcIntersect8(kAllLanes, scene, query, &arguments);
 }
 
 /// Sets the far limits of those of eight similar rays to minus infinity that meet anything.
-inline void find_any(RTCScene scene, RTCRay8& query) {
+inline void find_any(RTCScene scene, RTCRay8* query) {
   auto arguments = query_arguments<AnyArguments>(kCoherentRays);
-  rtcOccluded8(kAllLanes, scene, &query, &arguments);
+  rtcOccluded8(kAllLanes, scene, query, &arguments);
 }
 
 }  // namespace tileflight::scene

@@ -276,7 +276,7 @@ void PartQueries::intersect(RayPacket8& packet) const {
     std::fill_n(found.mesh, RayPacket8::kLanes, RayPacket8::kMiss);
     PacketTransforms transforms(parts_[part].motion.get());
     transforms.to_part(found);
-    find_nearest(tree_of(part), reinterpret_cast<RTCRayHit8&>(found));
+    find_nearest(tree_of(part), reinterpret_cast<RTCRayHit8*>(&found));
     for (int i = 0; i < slabs.count; ++i) {
       const int lane = slabs.lanes[i];
       if (found.mesh[lane] == RayPacket8::kMiss) continue;
@@ -295,7 +295,7 @@ void PartQueries::test_occlusion(RayPacket8& packet) const {
   tree_.visit_parts(slabs, [&](std::size_t part) {
     RayPacket8 own = packet;
     PacketTransforms(parts_[part].motion.get()).to_part(own);
-    find_any(tree_of(part), reinterpret_cast<RTCRay8&>(own));
+    find_any(tree_of(part), reinterpret_cast<RTCRay8*>(&own));
     std::copy_n(own.far, RayPacket8::kLanes, packet.far);
     slabs.update(packet);
     return true;

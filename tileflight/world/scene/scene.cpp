@@ -285,7 +285,7 @@ std::optional<double> Scene::distance_to_surface_m(const geometry::Vec3& point, 
 
 void Scene::intersect(RayPacket8& packet) const {
   if (impl_->is_whole()) {
-    find_nearest(impl_->rays(), reinterpret_cast<RTCRayHit8&>(packet));
+    find_nearest(impl_->rays(), reinterpret_cast<RTCRayHit8*>(&packet));
   } else {
     impl_->queries().intersect(packet);
   }
@@ -310,7 +310,7 @@ void Scene::intersect_moving(std::span<const std::span<RayPacket8>> beams) const
 
 void Scene::test_occlusion(RayPacket8& packet) const {
   if (!impl_->is_whole()) return impl_->queries().test_occlusion(packet);
-  find_any(impl_->rays(), reinterpret_cast<RTCRay8&>(packet));
+  find_any(impl_->rays(), reinterpret_cast<RTCRay8*>(&packet));
 }
 
 geometry::Vec3 Scene::position(const Hit& hit) const {
