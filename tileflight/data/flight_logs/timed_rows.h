@@ -12,7 +12,7 @@ namespace tileflight::flight_logs {
 using LogRows = std::vector<std::vector<double>>;
 
 /// Rows by the name of their message or topic; none if it is absent.
-const LogRows& find_rows(const std::map<std::string, LogRows>& rows, const std::string& name);
+const LogRows& find_rows(const std::map<std::string, LogRows>& rows, std::string_view name);
 
 /// Sorts by the first number, the time, so that it strictly increases; rows without a time are dropped.
 LogRows sort_by_time(LogRows rows);
