@@ -52,12 +52,20 @@ def oldest_glibc(file: pathlib.Path) -> tuple[int, int]:
     return max(((int(major), int(minor)) for major, minor in needed), default=(2, 0))
 
 
-def package_of(file: pathlib.Path) -> str:
-    """The Debian package of a file; the loader names files by /lib, dpkg some of them by /usr/lib."""
-    for place in (file, file.resolve(), pathlib.Path("/usr" + str(file)), pathlib.Path(str(file.resolve()).removeprefix("/usr"))):
-        done = subprocess.run(["dpkg-query", "-S", place], capture_output=True, text=True)
-        if done.returncode == 0:
-            return done.stdout.split(": ")[0].split(",")[0]
+def packages_of_files() -> dict[str, str]:
+    """The Debian package of each installed file."""
+    owners = {}
+    for listing in pathlib.Path("/var/lib/dpkg/info").glob("*.list"):
+        owners.update(dict.fromkeys(listing.read_text().splitlines(), listing.stem))
+    return owners
+
+
+def package_of(file: pathlib.Path, owners: dict[str, str]) -> str:
+    """The loader names files by /lib, dpkg some of them by /usr/lib, and the other way round."""
+    for place in (str(file), str(file.resolve())):
+        for name in (place, "/usr" + place, place.removeprefix("/usr")):
+            if name in owners:
+                return owners[name]
     sys.exit(f"bundle.py: no Debian package has the file {file}")
 
 
@@ -99,12 +107,13 @@ def main() -> None:
     programs = [file for file in folder.rglob("*") if file.is_file() and not file.is_symlink() and is_elf(file)]
     if not programs:
         sys.exit(f"bundle.py: {folder} holds no program")
+    owners = packages_of_files()
     taken: dict[str, list[pathlib.Path]] = {}
 
     def take(source: pathlib.Path, target: pathlib.Path) -> None:
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(source.resolve(), target)
-        taken.setdefault(package_of(source), []).append(target)
+        taken.setdefault(package_of(source, owners), []).append(target)
 
     needed = {name: place for program in programs for name, place in libraries_of(program).items()}
     for name, place in needed.items():
