@@ -312,8 +312,9 @@ class MeshBuilder {
       return warn("feature ids in a texture's fourth channel are ignored");
     }
     const gltf::Texture& sampled = document_.textures[features.texture.texture];
-    const gltf::FeatureTexture texture{image_of(sampled, where), sampled.wrap_u, sampled.wrap_v, features.channels};
+    gltf::FeatureTexture texture{image_of(sampled, where), sampled.wrap_u, sampled.wrap_v, features.channels};
     if (!texture.image) return;
+    if (texture.image->empty()) texture.image = read_image(document_.images[*sampled.image], *sampled.image, true);
     const auto transform = features.texture.transform.value_or(gltf::TextureTransform{});
     gltf::assign_features_from_texture(texture, texture_coordinates(geometry.feature_coords, transform), geometry);
   }
@@ -405,10 +406,12 @@ class MeshBuilder {
     return images_[*texture.image] = read_image(document_.images[*texture.image], *texture.image);
   }
 
-  std::shared_ptr<const imaging::RgbImage> read_image(const gltf::Image& image, std::size_t index) {
+  /// `with_pixels`: no stand-in of the receiver's.
+  std::shared_ptr<const imaging::RgbImage> read_image(const gltf::Image& image, std::size_t index,
+                                                      bool with_pixels = false) {
     const std::string where = name_ + ": images[" + std::to_string(index) + "]";
     const auto decode = [&](std::span<const std::byte> bytes) {
-      if (receiver_.decode_image) return receiver_.decode_image(bytes, where);
+      if (receiver_.decode_image && !with_pixels) return receiver_.decode_image(bytes, where);
       return std::make_shared<const imaging::RgbImage>(
           imaging::decode_texture(bytes, where, options_.limits.max_texture_pixels));
     };
