@@ -286,6 +286,9 @@ RegisteredFlight register_flight(const MapInputs& map, const AlignTarget& target
   published.scale = options.icp.scale;
   published.regions = options.icp.regions.empty() ? target.regions : options.icp.regions;
   published.scale_center = found.T_local_map.scale;
+  constexpr double kHopelessFitness = 0.1;  // of the map's points; without surface near them, ICP wanders
+  constexpr int kFewIterations = 100;
+  if (found.surface.fitness < kHopelessFitness) published.max_iterations = kFewIterations;
   alignment::IcpResult last_step = alignment::align_step(alignment::subsample(cloud, options.max_points),
                                                          found.T_local_map, target.to_alignment_target(), published);
   return {std::move(found), std::move(last_step)};
