@@ -534,11 +534,25 @@ TEST(AlphaModes, OpaqueSurfacesStayAsTheyAre) {
 TEST(AlphaModes, BlendLeavesOutWhatIsWhollyTransparentAndNamesTheRest) {
   const DecodedContent clear = square(kHalfTransparent, {{"alphaMode", "BLEND"}});
   EXPECT_NEAR(area_of(clear), 0.5, 1e-6);
-  EXPECT_TRUE(clear.warnings.empty());
+  EXPECT_THAT(clear.warnings, ElementsAre(HasSubstr("BLEND")));
   EXPECT_FALSE(clear.meshes.at(0).blends) << "what is left is opaque";
   const DecodedContent dim = square(kHalfDim, {{"alphaMode", "BLEND"}});
   EXPECT_NEAR(area_of(dim), 1.0, 1e-6);
   EXPECT_THAT(dim.warnings, ElementsAre(HasSubstr("BLEND")));
+}
+
+/// Also where no texel tells that the mode has an effect, and where textures are not read, as for the ground truth.
+TEST(AlphaModes, BlendIsNamedWhateverDecidesTheOpacity) {
+  for (const bool textures : {true, false}) {
+    for (const char* image : {kHalfTransparent, kHalfDim}) {
+      const DecodedContent blended = square(image, {{"alphaMode", "BLEND"}}, 1.0F, textures);
+      EXPECT_THAT(blended.warnings, ElementsAre(HasSubstr("solid in depth, lidar and ground truth")));
+    }
+    const Json clear = {{"alphaMode", "BLEND"}, {"pbrMetallicRoughness", {{"baseColorFactor", {1, 1, 1, 0}}}}};
+    const DecodedContent none = square(kHalfDim, clear, 1.0F, textures);
+    EXPECT_TRUE(none.meshes.empty());
+    EXPECT_THAT(none.warnings, ElementsAre(HasSubstr("BLEND"), HasSubstr("wholly transparent by their material")));
+  }
 }
 
 /// The image that images blend by: its linear light is the opacity of the texels.
