@@ -338,7 +338,11 @@ std::size_t add_meshopt(GltfWriter& writer, const std::vector<unsigned char>& pa
 TEST(DecodeContent, MeshoptSequencesAndTheExponentialFilter) {
   const std::vector<float> positions = {0, 0, 0, 1.5F, 0, 0, 0, -2.25F, 0, 1000, 0.125F, 3};
   std::vector<unsigned char> filtered(positions.size() * 4);
+#if MESHOPTIMIZER_VERSION >= 190
+  meshopt_encodeFilterExp(filtered.data(), 4, 12, 20, positions.data(), meshopt_EncodeExpSharedVector);
+#else
   meshopt_encodeFilterExp(filtered.data(), 4, 12, 20, positions.data());
+#endif
   std::vector<unsigned char> packed(meshopt_encodeVertexBufferBound(4, 12));
   packed.resize(meshopt_encodeVertexBuffer(packed.data(), packed.size(), filtered.data(), 4, 12));
   const std::vector<unsigned int> corners = {2, 1, 0, 3, 1, 2, 0};
