@@ -1,7 +1,6 @@
 // Distances from 2 million points to a terrain of 800 000 triangles, including construction of the tree. Peer: Embree's
 // point query on the same triangles (floats). Both use both cores.
 #include <benchmark/benchmark.h>
-#include <embree3/rtcore.h>
 #include <tbb/parallel_for.h>
 
 #include <cmath>
@@ -12,6 +11,7 @@
 #include "tests/height_field.h"
 #include "tileflight/core/geometry/triangle_index.h"
 #include "tileflight/evaluation/metrics/distances.h"
+#include "tileflight/world/scene/embree.h"
 
 namespace {
 

@@ -12,7 +12,6 @@
 //
 // To compare on an idle machine: render_benchmark --benchmark_min_time=3
 #include <benchmark/benchmark.h>
-#include <embree3/rtcore.h>
 #include <tbb/parallel_for.h>
 
 #include <cmath>
@@ -22,6 +21,7 @@
 #include "tileflight/capture/render/camera_renderer.h"
 #include "tileflight/capture/render/image_formation.h"
 #include "tileflight/capture/render/ray_table.h"
+#include "tileflight/world/scene/embree.h"
 #include "tileflight/world/scene/packets.h"
 #include "tileflight/world/scene/scene.h"
 
@@ -139,14 +139,10 @@ void intersect_frame(benchmark::State& state, RTCSceneFlags flags) {
   const Eigen::Vector3f origin = pose().translation.cast<float>();
   for (auto _ : state) {
     tbb::parallel_for(0, rays.block_rows(), [&](int row) {
-      alignas(32) static constexpr int kValid[8] = {-1, -1, -1, -1, -1, -1, -1, -1};
-      RTCIntersectContext context;
-      rtcInitIntersectContext(&context);
-      context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
       for (int column = 0; column < rays.block_columns(); ++column) {
         RTCRayHit8 packet;
         fill_rays(rays.block(column, row), r, origin, packet);
-        rtcIntersect8(kValid, tree.get(), &context, &packet);
+        scene::find_nearest(tree.get(), &packet);
         benchmark::DoNotOptimize(packet.ray.tfar[0]);
       }
     });

@@ -32,6 +32,10 @@ if(TILEFLIGHT_PYTHON)
           FILES_MATCHING PATTERN "*.py" PATTERN "*.pyi" PATTERN py.typed PATTERN __pycache__ EXCLUDE)
 endif()
 
+# Packages of the same version for several Debians differ by what they were built on: 0.1.0+deb12.
+cmake_host_system_information(RESULT DEBIAN QUERY DISTRIB_VERSION_ID)
+set(PACKAGE_VERSION ${PROJECT_VERSION}+deb${DEBIAN})
+
 # Each package's copyright and changelog (Debian Policy 12.5 and 12.7), dated like the commit that it is built from.
 execute_process(COMMAND git log -1 --format=%aD WORKING_DIRECTORY ${PROJECT_SOURCE_DIR} OUTPUT_VARIABLE DATE
                 OUTPUT_STRIP_TRAILING_WHITESPACE ERROR_QUIET)
@@ -39,7 +43,7 @@ if(NOT DATE)
   string(TIMESTAMP DATE "%a, %d %b %Y %H:%M:%S +0000" UTC)
 endif()
 file(CONFIGURE OUTPUT ${MADE}/changelog CONTENT [[
-tileflight (@PROJECT_VERSION@) unstable; urgency=medium
+tileflight (@PACKAGE_VERSION@) unstable; urgency=medium
 
   * Version @PROJECT_VERSION@; what changed is in CHANGELOG.md of the sources.
 
@@ -78,6 +82,7 @@ list(JOIN LIBRARIES ", " LIBRARIES)
 
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME tileflight)
+set(CPACK_PACKAGE_VERSION ${PACKAGE_VERSION})
 set(CPACK_PACKAGE_CONTACT "${TILEFLIGHT_MAINTAINER}")
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_STRIP_FILES ON)
@@ -100,9 +105,10 @@ set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS "${LIBRARIES}")
 set(CPACK_COMPONENT_DEVELOPMENT_DESCRIPTION "C++ library of tileflight: headers and static libraries
 Tile selection, exact voxels, rendering through lens models, direct sparse
 odometry, registration and evaluation of maps, one CMake component each.")
+math(EXPR NEXT_PYTHON "${Python3_VERSION_MINOR} + 1")
 set(CPACK_DEBIAN_PYTHON3_PACKAGE_SECTION python)
 set(CPACK_DEBIAN_PYTHON3_PACKAGE_SHLIBDEPS ON)
-set(CPACK_DEBIAN_PYTHON3_PACKAGE_DEPENDS "tileflight (= ${PROJECT_VERSION}), python3 (>= 3.11), python3 (<< 3.12), python3-numpy")
+set(CPACK_DEBIAN_PYTHON3_PACKAGE_DEPENDS "tileflight (= ${PACKAGE_VERSION}), python3 (>= 3.${Python3_VERSION_MINOR}), python3 (<< 3.${NEXT_PYTHON}), python3-numpy")
 set(CPACK_DEBIAN_PYTHON3_PACKAGE_CONTROL_EXTRA "${PROJECT_SOURCE_DIR}/packaging/python3/postinst;${PROJECT_SOURCE_DIR}/packaging/python3/prerm")
 set(CPACK_COMPONENT_PYTHON3_DESCRIPTION "Python module of tileflight
 Scenes of 3D Tiles, images, depth, lidar, odometry, registration, scores and

@@ -32,7 +32,8 @@ struct TileOptions {
   bool no_textures = false;
   double scale = 1.0;
   int levels = 0;
-  double memory_gb = 0.0;  ///< 0: half of the machine's
+  double memory_gb = 0.0;    ///< 0: half of the machine's
+  bool out_of_core = false;  ///< also where the mesh would fit
   std::string texture_format = "jpeg", compression = "none";
   tile_writer::MeshTilesetOptions tileset;
 };
@@ -172,6 +173,26 @@ geometry::LocalFrame move_to_local(const tile_writer::Georeference& place, mesh_
   return placement.frame;
 }
 
+// What tiling out of core takes, whatever the mesh: its blocks have a fixed size (LargeMeshLimits).
+constexpr std::uintmax_t kApartFromThreads_bytes = 1'200'000'000, kPerThread_bytes = 150'000'000, kFewestThreads = 2;
+constexpr std::uintmax_t kMostOutOfCore_bytes = kApartFromThreads_bytes + kFewestThreads * kPerThread_bytes;
+
+/// Memory that tiling out of core takes at most, bytes. A mesh that fits into the blocks takes no more than in memory.
+std::uintmax_t out_of_core_bytes(std::uintmax_t in_memory_bytes) {
+  return std::min(kMostOutOfCore_bytes, in_memory_bytes);
+}
+
+std::string gigabytes_text(std::uintmax_t bytes) { return rounded(static_cast<double>(bytes) / 1e9, 2) + " GB"; }
+
+/// Throws InputError if the limit that was asked for is too small for either way.
+void require_memory(const TileOptions& options, std::uintmax_t in_memory_bytes, std::uintmax_t memory_bytes) {
+  const std::uintmax_t least = out_of_core_bytes(in_memory_bytes);
+  if (!(options.memory_gb > 0.0) || least <= memory_bytes) return;
+  throw InputError("--memory " + rounded(options.memory_gb, 3),
+                   "is too little: this mesh would take about " + gigabytes_text(in_memory_bytes) +
+                       " in memory and up to " + gigabytes_text(least) + " out of core; allow at least that");
+}
+
 TiledMesh tile_out_of_core(const fs::path& folder, const std::vector<fs::path>& files, const TileOptions& options,
                            std::uintmax_t memory_bytes, const Progress& progress) {
   // A triangle takes less space than in text; JPEG takes up to an eighth of the space of its pixels.
@@ -184,17 +205,13 @@ TiledMesh tile_out_of_core(const fs::path& folder, const std::vector<fs::path>& 
   mesh_files::spill_mesh_source(files, source_of(options), mesh, progress);
   out.place = place_on_earth(options, files.front(),
                              [&](const tile_writer::Georeference& place) { return move_to_local(place, mesh); });
-  constexpr std::uintmax_t kApartFromThreads = 1'200'000'000, kPerThread = 150'000'000, kFewestThreads = 2;
   tile_writer::LargeMeshLimits limits;
   limits.threads = static_cast<int>(std::clamp<std::uintmax_t>(
-      (std::max(memory_bytes, kApartFromThreads) - kApartFromThreads) / kPerThread, kFewestThreads, 256));
+      (std::max(memory_bytes, kApartFromThreads_bytes) - kApartFromThreads_bytes) / kPerThread_bytes, kFewestThreads,
+      256));
   out.summary = tile_writer::write_large_mesh_tileset(folder, mesh, settings_of(options, out.place, mesh.copyrights),
                                                       limits, progress);
   out.warnings = mesh.warnings;
-  constexpr std::uintmax_t kLeast = kApartFromThreads + kFewestThreads * kPerThread;
-  if (memory_bytes < kLeast)
-    out.warnings.push_back("a large mesh takes up to about " + rounded(static_cast<double>(kLeast) / 1e9, 1) +
-                           " GB out of core, whatever the limit (--memory)");
   return out;
 }
 
@@ -202,9 +219,16 @@ TiledMesh tile_files(const fs::path& folder, const TileOptions& options, const P
   const std::vector<fs::path> files = mesh_files::list_mesh_files({options.meshes.begin(), options.meshes.end()});
   const std::uintmax_t memory_bytes =
       options.memory_gb > 0 ? static_cast<std::uintmax_t>(1e9 * options.memory_gb) : base::default_memory_bytes();
-  const bool fits = mesh_files::estimated_memory_bytes(files, !options.no_textures) <= memory_bytes;
-  TiledMesh out = fits ? tile_in_memory(folder, files, options, progress)
-                       : tile_out_of_core(folder, files, options, memory_bytes, progress);
+  constexpr std::uintmax_t kProgram_bytes = 40'000'000;
+  const std::uintmax_t in_memory_bytes =
+      kProgram_bytes + mesh_files::estimated_memory_bytes(files, !options.no_textures);
+  require_memory(options, in_memory_bytes, memory_bytes);
+  TiledMesh out = !options.out_of_core && in_memory_bytes <= memory_bytes
+                      ? tile_in_memory(folder, files, options, progress)
+                      : tile_out_of_core(folder, files, options, memory_bytes, progress);
+  if (out.out_of_core && out_of_core_bytes(in_memory_bytes) > memory_bytes)
+    out.warnings.push_back("tiling out of core takes up to " + gigabytes_text(out_of_core_bytes(in_memory_bytes)) +
+                           ", more than half of this machine's memory");
   if (out.summary.texture_scale < 1.0)
     out.warnings.push_back("textures that did not fit into a tile's texture were scaled down, to " +
                            rounded(out.summary.texture_scale, 3) +
@@ -274,8 +298,10 @@ void add_options(CLI::App& command, TileOptions& options) {
   command
       .add_option("--memory", options.memory_gb,
                   "memory limit, GB (default: half of the machine's); a mesh that needs more is tiled out of core, in "
-                  "about 2 GB whatever its size, with temporary files beside the output")
+                  "about 2 GB whatever its size, with temporary files beside the output; a limit below what that takes "
+                  "(up to 1.5 GB) is refused")
       ->check(CLI::PositiveNumber);
+  command.add_flag("--out-of-core", options.out_of_core, "tile out of core, also a mesh that fits into memory");
   command.add_flag("--implicit", options.tileset.implicit,
                    "implicit tiling: subtree files instead of a list of all tiles in tileset.json");
   command

@@ -12,6 +12,15 @@ along z, with x right and y down; `T_a_b` is the 4x4 matrix that maps coordinate
 depend on the number of threads. What cannot be used raises `InputError`, a `ValueError` of one line.
 """
 
+import importlib.machinery as _machinery
+import pathlib as _pathlib
+import sys as _sys
+
+if not any((_pathlib.Path(__file__).parent / ("_core" + suffix)).exists() for suffix in _machinery.EXTENSION_SUFFIXES):
+    _built_for = sorted(f"3.{file.name[15:].split('-')[0]}" for file in _pathlib.Path(__file__).parent.glob("_core.cpython-3*.so"))
+    raise ImportError(f"tileflight: this package is for Python {' and '.join(_built_for) or 'no version, its module is missing'}; "
+                      f"this is Python {_sys.version_info.major}.{_sys.version_info.minor}")
+
 from . import _core, commands
 from ._core import (
     Camera,

@@ -156,6 +156,22 @@ TEST_F(AlignCommand, BadOptionsAreOneLine) {
   EXPECT_FALSE(std::filesystem::exists(path("t.json")));
 }
 
+TEST_F(AlignCommand, AStartWhoseMapIsElsewhereOrInOtherUnitsIsRefusedAtOnce) {
+  const PointCloud placed = geometry::transformed(tests::kTrueOfRollingGround, geometry::read_cloud(path("map.ply")));
+  const auto refusal = [&](const Sim3& T) {
+    geometry::write_cloud(folder_ / "far.ply", geometry::transformed(T, placed));
+    const ProgramResult result = run_tileflight(
+        {"align", path("far.ply"), "--to", path("truth"), "--start", "as-it-is", "--out", path("far.json")});
+    EXPECT_EQ(result.exit_code, 1);
+    EXPECT_EQ(tests::line_count(result.err), 1) << result.err;
+    return result.err;
+  };
+  const Eigen::Quaterniond same = Eigen::Quaterniond::Identity();
+  EXPECT_THAT(refusal({1.0, same, {5000.0, 0.0, 0.0}}), HasSubstr("map: 0 of its "));
+  EXPECT_THAT(refusal({1000.0, same, {0.0, 0.0, 0.0}}), HasSubstr("its coordinates or units are others"));
+  EXPECT_THAT(refusal({0.001, same, {0.0, 0.0, 0.0}}), HasSubstr("less than the distance of a correspondence (1 m"));
+}
+
 TEST_F(AlignCommand, TakesATruthInBlocksThatIsTheSame) {
   for (const std::string edge : {"33.3", "auto", "20"}) {
     json whole = read_json(folder_ / "truth/extract.json");

@@ -1,16 +1,38 @@
-// An experiment from tiles to scores gives the same bytes whatever a processor has. Variants of libraries that can be
+// All stages from tiles to scores give the same bytes whatever a processor has. Variants of libraries that can be
 // forced on one machine stand for other processors.
 
 #include <gtest/gtest.h>
 
+#include <cstdlib>
 #include <string>
 
+#include "tests/all_stages.h"
 #include "tests/same_files.h"
 #include "tests/temporary_folder.h"
-#include "tests/tiny_experiments.h"
 
-namespace tileflight::tests {
+namespace tileflight::processors_test {
 namespace {
+
+/// Files with times or the machine in them; what they state of the flight stands in the others.
+bool holds_times(const std::string& file) {
+  for (const char* name :
+       {"report.html", "report.json", "results.json", "dataset.yaml", "odometry.json", "extract.json", ".file-hashes"})
+    if (file.ends_with(name)) return true;
+  return file.starts_with("run/stages/");
+}
+
+void expect_the_usual_bytes(const std::string& program) {
+  const std::filesystem::path expected = tests::AllStages::usual().made();
+  const tests::TemporaryFolder folder;
+  tests::AllStages::run(folder.path(), program);
+  int compared = 0;
+  for (const std::string& file : tests::files_of(folder.path())) {
+    if (holds_times(file)) continue;
+    EXPECT_TRUE(tests::file_text(folder / file) == tests::file_text(expected / file)) << file;
+    ++compared;
+  }
+  EXPECT_GT(compared, 400);
+}
 
 struct Variant {
   const char* name;
@@ -19,29 +41,8 @@ struct Variant {
 
 class Processors : public testing::TestWithParam<Variant> {};
 
-/// Files with times or the machine in them; what they state of the flight stands in the others.
-bool holds_times(const std::string& file) {
-  for (const char* name :
-       {"report.html", "report.json", "results.json", "dataset.yaml", "odometry.json", "extract.json", ".file-hashes"})
-    if (file.ends_with(name)) return true;
-  return file.starts_with("stages/");
-}
-
 TEST_P(Processors, GiveTheSameBytes) {
-  const std::filesystem::path usual = TinyExperiments::two_flights().made();
-  const TemporaryFolder folder;
-  TinyExperiments::write_two_flights(folder.path());
-  const ProgramResult run =
-      run_tileflight({"run", (folder / "experiment.yaml").string(), "--out", (folder / "out").string(), "--quiet"},
-                     GetParam().environment);
-  ASSERT_EQ(run.exit_code, 0) << run.err;
-  int compared = 0;
-  for (const std::string& file : files_of(folder / "out")) {
-    if (holds_times(file)) continue;
-    EXPECT_TRUE(file_text(folder / "out" / file) == file_text(usual / "out" / file)) << file;
-    ++compared;
-  }
-  EXPECT_GT(compared, 100);
+  expect_the_usual_bytes(std::string(GetParam().environment) + " " + tests::shell_quoted(TILEFLIGHT_BINARY));
 }
 
 INSTANTIATE_TEST_SUITE_P(
@@ -50,9 +51,16 @@ INSTANTIATE_TEST_SUITE_P(
         // Both spellings of the C library's features: of releases before 2.33 and after.
         Variant{"CLibraryWithoutFusedOperations",
                 "GLIBC_TUNABLES=glibc.cpu.hwcaps=-AVX512F,-AVX2,-FMA,-FMA4,-AVX2_Usable,-FMA_Usable"},
-        Variant{"EmbreeWithSse2", "TILEFLIGHT_EMBREE=isa=sse2"}, Variant{"JpegWithoutVectors", "JSIMD_FORCENONE=1"},
+        Variant{"JpegWithoutVectors", "JSIMD_FORCENONE=1"}, Variant{"FfmpegWithoutVectors", "TILEFLIGHT_FFMPEG=0"},
         Variant{"BlasOfAnOldProcessor", "OPENBLAS_CORETYPE=Prescott OPENBLAS_NUM_THREADS=1"}),
     [](const auto& info) { return std::string(info.param.name); });
 
+/// Another build: for another architecture or system, started as TILEFLIGHT_OTHER_PROGRAM says (.ci/arm64).
+TEST(OtherPrograms, GiveTheSameBytes) {
+  const char* const program = std::getenv("TILEFLIGHT_OTHER_PROGRAM");
+  if (program == nullptr) GTEST_SKIP() << "TILEFLIGHT_OTHER_PROGRAM names no program";
+  expect_the_usual_bytes(program);
+}
+
 }  // namespace
-}  // namespace tileflight::tests
+}  // namespace tileflight::processors_test

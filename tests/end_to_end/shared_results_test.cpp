@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "tests/all_stages.h"
 #include "tests/rolling_ground.h"
 #include "tests/shared_stadium.h"
 #include "tests/tiny_experiments.h"
@@ -24,7 +25,7 @@ void make_anew(const std::vector<tests::SharedResult>& results) {
 
 TEST(SharedResults, AreMade) {
   make_anew({tests::TinyExperiments::two_flights(), tests::TinyExperiments::one_flight(),
-             tests::TinyFlight::shared_dataset(), tests::rolling_ground()});
+             tests::TinyFlight::shared_dataset(), tests::rolling_ground(), tests::AllStages::usual()});
 }
 
 TEST(SharedResults, StadiumIsWritten) { make_anew({tests::shared_stadium()}); }

@@ -99,12 +99,12 @@ TEST(TileCommand, AFolderOfMeshesIsOneTilesetInMemoryAndOutOfCore) {
     more.insert(more.begin(), {"tile", meshes, "--out", (folder / out).string(), "--tile-triangles", "100"});
     return run_to_json(more);
   };
-  const json whole = tile("whole", {}), large = tile("large", {"--memory", "0.0001"});
-  const json packed = tile("packed", {"--memory", "0.0001", "--implicit", "--compression", "meshopt"});
+  const json whole = tile("whole", {}), large = tile("large", {"--out-of-core"});
+  const json packed = tile("packed", {"--out-of-core", "--implicit", "--compression", "meshopt"});
   EXPECT_FALSE(whole["out_of_core"].get<bool>());
   for (const json& result : {large, packed}) {
     EXPECT_TRUE(result["out_of_core"].get<bool>());
-    EXPECT_THAT(result["warnings"].dump(), HasSubstr("whatever the limit (--memory)"));
+    EXPECT_TRUE(result["warnings"].empty()) << result["warnings"].dump();
     EXPECT_EQ(result["levels"].back()["triangles"], 3200);
     EXPECT_EQ(result["levels"].size(), whole["levels"].size());
   }
@@ -136,8 +136,7 @@ TEST(TileCommand, AKilledRunLeavesNothingHalfAndIsDoneAgain) {
                                       write_hills(folder / "meshes", 200).string(),
                                       "--out",
                                       (folder / "out").string(),
-                                      "--memory",
-                                      "0.0001",
+                                      "--out-of-core",
                                       "--tile-triangles",
                                       "500"};
   bool was_at_work = false;
@@ -164,7 +163,7 @@ TEST(TileCommand, AFullDiskIsOneLineAndLeavesNothing) {
   const std::string meshes = write_hills(folder / "meshes", 100).string();
   for (const char* kilobytes : {"1", "100", "1000"}) {
     const std::string command = "trap '' XFSZ; ulimit -f " + std::string(kilobytes) + "; exec " + TILEFLIGHT_BINARY +
-                                " tile " + meshes + " --out " + (folder / "out").string() + " --memory 0.0001";
+                                " tile " + meshes + " --out " + (folder / "out").string() + " --out-of-core";
     const ProgramResult result = tests::run_command({"bash", "-c", command});
     EXPECT_EQ(result.exit_code, 1) << kilobytes;
     EXPECT_EQ(tests::line_count(result.err), 1) << result.err;
@@ -220,9 +219,12 @@ TEST_F(TileFiles, BadMeshesAreOneLine) {
   expect_fails("good.obj", HasSubstr("EPSG:1"), {"--crs", "EPSG:1"});
   expect_fails("good.obj", HasSubstr("latitude"), {"--georeference", "95,0,0"});
   expect_fails("good.obj", AllOf(HasSubstr("ktx2"), HasSubstr("jpeg")), {"--texture-format", "ktx2"});
-  expect_fails("index.obj", AllOf(HasSubstr("index.obj, line 4"), HasSubstr("vertex 7")), {"--memory", "1e-6"});
-  expect_fails("flat.obj", HasSubstr("area"), {"--memory", "1e-6"});
-  expect_fails("texture.obj", AllOf(HasSubstr("gone.jpg"), HasSubstr("--no-textures")), {"--memory", "1e-6"});
+  expect_fails("index.obj", AllOf(HasSubstr("index.obj, line 4"), HasSubstr("vertex 7")), {"--out-of-core"});
+  expect_fails("flat.obj", HasSubstr("area"), {"--out-of-core"});
+  expect_fails("texture.obj", AllOf(HasSubstr("gone.jpg"), HasSubstr("--no-textures")), {"--out-of-core"});
+  expect_fails("good.obj",
+               AllOf(HasSubstr("--memory 0.01: is too little"), HasSubstr("out of core; allow at least that")),
+               {"--memory", "0.01"});
   fs::create_directory(folder_ / "empty");
   expect_fails("empty", HasSubstr("contains no mesh file"));
 }
@@ -241,7 +243,7 @@ TEST_F(TileFiles, AMeshIsPutOnEarth) {
   EXPECT_TRUE(run_to_json({"tile", mesh, "--out", out, "--force"})["frame"].is_null());
   write("odm_georeferencing_model_geo.txt", "WGS84 UTM 33N\n500000 5594000\n");
   const json found = run_to_json({"tile", mesh, "--out", out, "--force"});
-  const json large = run_to_json({"tile", mesh, "--out", out, "--force", "--memory", "1e-8"});
+  const json large = run_to_json({"tile", mesh, "--out", out, "--force", "--out-of-core"});
   EXPECT_TRUE(large["out_of_core"].get<bool>());
   EXPECT_EQ(large["frame"], found["frame"]);
   EXPECT_NEAR(found["frame"]["origin_lon"].get<double>(), 15.0, 1e-3);

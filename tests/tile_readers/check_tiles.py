@@ -20,8 +20,8 @@ VARIANTS = {
     "compressed": ["--compression", "meshopt"],
     "implicit-compressed": ["--implicit", "--compression", "meshopt"],
     "untextured": ["--no-textures"],
-    "out-of-core": ["--memory", "0.01"],
-    "out-of-core-implicit": ["--memory", "0.01", "--implicit", "--compression", "meshopt"],
+    "out-of-core": ["--out-of-core"],
+    "out-of-core-implicit": ["--out-of-core", "--implicit", "--compression", "meshopt"],
 }
 
 

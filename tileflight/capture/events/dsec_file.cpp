@@ -198,6 +198,7 @@ exports::ExportResult export_dsec(const dataset::Rig& rig, const fs::path& folde
   std::vector<const RigCamera*> cameras = event_cameras(rig);
   for (const RigCamera& camera : rig.cameras) inputs.push_back(camera.dataset.folder);
   exports::ExportResult result{cameras.front()->dataset.frames.size(), {}};
+  exports::note_reading_warnings(rig, result.notes);
   if (rig.cameras.size() > std::min<std::size_t>(2, cameras.size()))
     result.notes.emplace_back("DSEC's sequences have two event cameras at most: the first two with events are written");
   cameras.resize(std::min<std::size_t>(2, cameras.size()));

@@ -158,6 +158,14 @@ TEST(DsecExport, HoldsEventsPicturesAndMaps) {
   EXPECT_THAT(result.notes, testing::ElementsAre(testing::HasSubstr("true poses")));
 }
 
+TEST(DsecExport, KeepsTheWarningsOfTheDataset) {
+  const tests::TemporaryFolder folder;
+  fs::remove(dataset_with_events(folder / "dataset") / "times.txt");
+  const dataset::Rig rig = dataset::read_rig(folder / "dataset");
+  EXPECT_THAT(export_dsec(rig, folder / "dsec", false).notes,
+              testing::ElementsAre(testing::HasSubstr("no times.txt"), testing::HasSubstr("true poses")));
+}
+
 TEST(DsecExport, NeedsEvents) {
   const tests::TemporaryFolder folder;
   fs::remove(dataset_with_events(folder / "dataset") / "events.h5");

@@ -8,6 +8,7 @@
 
 #include "tileflight/capture/render/linear_color.h"
 #include "tileflight/core/base/simd.h"
+#include "tileflight/core/imaging/deferred_texture.h"
 
 namespace tileflight::render {
 namespace {
@@ -154,7 +155,7 @@ std::vector<std::uint8_t> downsample(const MipLevel& fine, imaging::GrayImage& c
 
 MipPyramid::MipPyramid(std::shared_ptr<const imaging::RgbImage> image, std::function<imaging::GrayImage()> coverage)
     : image_(std::move(image)), coverage_(std::move(coverage)) {
-  assert(image_ && !image_->empty());
+  assert(image_ && (!image_->empty() || imaging::is_deferred(image_)));
   for (int longest = std::max(image_->width, image_->height); longest > 1; longest = (longest + 1) / 2) ++level_count_;
 }
 
@@ -167,13 +168,16 @@ const MipLevel* MipPyramid::build() const {
 void MipPyramid::compute_levels() const {
   static_assert(sizeof(imaging::Rgb8) == kTexelBytes);
   imaging::GrayImage coverage = coverage_ ? coverage_() : imaging::GrayImage();
-  assert(coverage.empty() || coverage.pixels.size() == image_->pixels.size());
-  const bool long_enough = image_->pixels.size() * kTexelBytes >= kLoadBytes;
-  if (coverage.empty() && long_enough) {
-    add_level(image_->pixels.data()->data(), image_->width, image_->height);
+  std::shared_ptr<const imaging::RgbImage> image = imaging::with_pixels(image_);  // a deferred one is decoded here
+  const bool is_held = image == image_;
+  assert(coverage.empty() || coverage.pixels.size() == image->pixels.size());
+  const bool long_enough = image->pixels.size() * kTexelBytes >= kLoadBytes;
+  if (coverage.empty() && long_enough && is_held) {
+    add_level(image->pixels.data()->data(), image->width, image->height);
   } else {
-    storage_.push_back(padded_storage(image_->width, image_->height));
-    std::memcpy(storage_.back().data(), image_->pixels.data(), image_->pixels.size() * kTexelBytes);
+    storage_.push_back(padded_storage(image->width, image->height));
+    std::memcpy(storage_.back().data(), image->pixels.data(), image->pixels.size() * kTexelBytes);
+    image.reset();
     if (!coverage.empty()) dilate(storage_.back().data(), coverage);
     add_level(storage_.back().data(), image_->width, image_->height);
   }

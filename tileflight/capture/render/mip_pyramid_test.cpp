@@ -2,8 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <functional>
+
 #include "tileflight/capture/render/linear_color.h"
 #include "tileflight/capture/render/test_scenes.h"
+#include "tileflight/core/imaging/deferred_texture.h"
 
 namespace tileflight::render::mip_pyramid_test {
 namespace {
@@ -29,6 +32,27 @@ TEST(MipPyramid, TheFinestLevelIsTheImageItself) {
   const MipPyramid pyramid(image);
   EXPECT_EQ(static_cast<const void*>(pyramid.level(0).texels), static_cast<const void*>(image->pixels.data()));
   EXPECT_EQ(pyramid.texel(0, 3, 8), (*image)(3, 8));
+}
+
+TEST(MipPyramid, ADeferredTextureIsDecodedOnceAndLooksTheSame) {
+  const auto image = texture(61, 37, [](int x, int y) { return grey(noise(x, y)); });
+  const auto coverage = [] {
+    imaging::GrayImage covered(61, 37, 255);
+    for (int x = 0; x < 61; ++x) covered(x, 20) = 0;
+    return covered;
+  };
+  for (const bool padded : {false, true}) {
+    int decoded = 0;
+    const auto deferred = imaging::make_deferred_texture(61, 37, [&] { return ++decoded, *image; });
+    const MipPyramid pyramid(deferred, padded ? coverage : std::function<imaging::GrayImage()>());
+    const MipPyramid whole(image, padded ? coverage : std::function<imaging::GrayImage()>());
+    EXPECT_EQ(pyramid.levels(), whole.levels());
+    EXPECT_EQ(decoded, 0) << "no texel was asked for";
+    for (int i = 0; i < whole.levels(); ++i)
+      for (int y = 0; y < whole.level(i).height; ++y)
+        for (int x = 0; x < whole.level(i).width; ++x) EXPECT_EQ(pyramid.texel(i, x, y), whole.texel(i, x, y));
+    EXPECT_EQ(decoded, 1);
+  }
 }
 
 TEST(MipPyramid, AveragesAreOfLinearLightOverTheTexelsArea) {

@@ -184,6 +184,10 @@ MapAlignment align_map(const PointCloud& map, const Sim3& T_local_map_start, con
   alignment.steps = std::move(coarse.steps);
   alignment.scale_seed = coarse.best_scale_seed;
   report_progress(progress, 1, 2, "aligning the map");
+  constexpr double kHopelessFitness = 0.1;  // of the map's points; without surface near them, ICP wanders
+  constexpr int kFewIterations = 100;
+  if (!alignment.steps.empty() && alignment.steps.back().fitness < kHopelessFitness)
+    centered.icp.max_iterations = std::min(centered.icp.max_iterations, kFewIterations);
   alignment.result = align_step(map, coarse.T_local_map, target, centered.icp);
   add_note(alignment.result.note, coarse.note);
   report_progress(progress, 2, 2, "aligning the map");

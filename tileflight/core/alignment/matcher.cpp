@@ -44,9 +44,10 @@ class TwoNearest {
     }
     return true;
   }
-  double worstDist() const { return second_; }
+  /// Slightly more, so that of equally distant points the one of the lowest index is met in every tree.
+  double worstDist() const { return second_ * (1.0 + 1e-9) + std::numeric_limits<double>::min(); }
   bool full() const { return true; }
-  std::size_t size() const { return 2; }
+  void sort() {}
 
   std::uint32_t index() const { return index_; }
   double second() const { return second_; }
@@ -90,7 +91,7 @@ void CloudMatcher::search(const Vec3& position, CachedMatch& memory) const {
   // again.
   const double reach = 1.5 * radius_m_;
   TwoNearest nearest(reach * reach);
-  tree_->index.findNeighbors(nearest, position.data(), nanoflann::SearchParams());
+  tree_->index.findNeighbors(nearest, position.data(), {});
   memory.position = position;
   memory.nearest = nearest.index();
   memory.others_m = std::sqrt(nearest.second());

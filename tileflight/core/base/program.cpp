@@ -24,6 +24,11 @@ std::filesystem::path program_path() {
 
 void set_program_path(std::filesystem::path program) { named_program() = std::move(program); }
 
+std::filesystem::path data_folder() {
+  const std::filesystem::path program = program_path();
+  return program.empty() ? program : program.parent_path().parent_path() / "share/tileflight";
+}
+
 std::string version() { return TILEFLIGHT_VERSION; }
 
 std::string commit() { return TILEFLIGHT_COMMIT; }

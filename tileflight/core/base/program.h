@@ -13,6 +13,10 @@ std::filesystem::path program_path();
 /// other threads use the library.
 void set_program_path(std::filesystem::path program);
 
+/// Returns the folder of files that the program needs: `share/tileflight` beside the folder of the program, as in an
+/// installation, an unpacked archive or the Python package. It need not exist. Empty if program_path() is.
+std::filesystem::path data_folder();
+
 /// Returns the version of the program, e.g. "0.1.0".
 std::string version();
 

@@ -1,10 +1,14 @@
 #include "tileflight/core/drawing/canvas.h"
 
 #include <cairo.h>
+#include <fontconfig/fontconfig.h>
 
 #include <cstdint>
 #include <cstring>
+#include <filesystem>
 #include <stdexcept>
+
+#include "tileflight/core/base/program.h"
 
 namespace tileflight::drawing {
 namespace {
@@ -52,8 +56,22 @@ void trace_path(cairo_t* context, const std::vector<Vec2>& points) {
   for (const Vec2& p : points) cairo_line_to(context, p.x(), p.y());
 }
 
+/// Adds the fonts that lie beside the program, as in the archive and the Python package: a system may have none, and
+/// no settings for fontconfig either.
+void use_bundled_fonts() {
+  const std::filesystem::path fonts = base::data_folder() / "fonts";
+  if (!std::filesystem::is_directory(fonts)) return;
+  if (!std::filesystem::exists("/etc/fonts/fonts.conf")) {
+    FcConfig* const own = FcConfigCreate();
+    FcConfigSetCurrent(own);  // keeps a reference
+    FcConfigDestroy(own);
+  }
+  FcConfigAppFontAddDir(FcConfigGetCurrent(), reinterpret_cast<const FcChar8*>(fonts.c_str()));
+}
+
 /// Sets font options explicitly, so that text does not depend on the user's font settings.
 void set_font(cairo_t* context, const TextStyle& lettering) {
+  [[maybe_unused]] static const bool kHasFonts = (use_bundled_fonts(), true);
   cairo_select_font_face(context, "DejaVu Sans", CAIRO_FONT_SLANT_NORMAL,
                          lettering.bold ? CAIRO_FONT_WEIGHT_BOLD : CAIRO_FONT_WEIGHT_NORMAL);
   cairo_set_font_size(context, lettering.size_px);

@@ -50,8 +50,11 @@ double search_bound(double distance2) { return distance2 * (1.0 + 1e-9) + std::n
 /// nanoflann result set: the best candidate.
 class NearestResultSet {
  public:
+  using DistanceType = double;
+
   NearestResultSet(const PointsAdaptor& points, double radius2) : points_(points), best_(radius2, kNone) {}
   bool full() const { return true; }
+  void sort() {}
   double worstDist() const { return search_bound(best_.first); }
   bool addPoint(double distance2, std::uint32_t place) {
     if (distance2 <= best_.first) best_ = std::min(best_, Candidate(distance2, points_.numbers(place).front()));
@@ -68,10 +71,13 @@ class NearestResultSet {
 /// nanoflann result set: the `count` best candidates, as a heap with the worst on top.
 class KnnResultSet {
  public:
+  using DistanceType = double;
+
   KnnResultSet(const PointsAdaptor& points, std::size_t count) : points_(points), count_(count) {
     heap_.reserve(count + 1);
   }
   bool full() const { return heap_.size() == count_; }
+  void sort() {}
   double worstDist() const {
     return full() ? search_bound(heap_.front().first) : std::numeric_limits<double>::infinity();
   }
@@ -100,8 +106,11 @@ class KnnResultSet {
 template <class Visit>
 class RadiusVisitor {
  public:
+  using DistanceType = double;
+
   RadiusVisitor(double radius2, const Visit& visit) : radius2_(radius2), visit_(visit) {}
   bool full() const { return true; }
+  void sort() {}
   double worstDist() const { return search_bound(radius2_); }
   bool addPoint(double distance2, std::uint32_t place) {
     if (distance2 <= radius2_) visit_(distance2, place);
@@ -152,7 +161,7 @@ struct NearestIndex::Tree {
   void visit_within(const Vec3& query, double radius_m, const Visit& visit) const {
     if (points.points.empty() || !query.allFinite() || !(radius_m >= 0.0)) return;
     RadiusVisitor visitor(radius_m * radius_m, visit);
-    index.findNeighbors(visitor, query.data(), nanoflann::SearchParams());
+    index.findNeighbors(visitor, query.data(), {});
   }
 
   static constexpr std::size_t kLeafSize = 10;
@@ -170,7 +179,7 @@ std::size_t NearestIndex::size() const { return tree_->points.number.size(); }
 std::optional<Neighbor> NearestIndex::nearest(const Vec3& query, double radius_m) const {
   if (size() == 0 || !query.allFinite() || !(radius_m >= 0.0)) return std::nullopt;
   NearestResultSet best(tree_->points, radius_m * radius_m);
-  tree_->index.findNeighbors(best, query.data(), nanoflann::SearchParams());
+  tree_->index.findNeighbors(best, query.data(), {});
   if (!best.found()) return std::nullopt;
   return Neighbor{best.best().second, std::sqrt(best.best().first)};
 }
@@ -179,7 +188,7 @@ std::vector<Neighbor> NearestIndex::nearest_k(const Vec3& query, std::size_t cou
   count = std::min(count, size());
   if (count == 0 || !query.allFinite()) return {};
   KnnResultSet best(tree_->points, count);
-  tree_->index.findNeighbors(best, query.data(), nanoflann::SearchParams());
+  tree_->index.findNeighbors(best, query.data(), {});
   return sorted_neighbors(best.candidates());
 }
 

@@ -4,6 +4,7 @@
 #include <cctype>
 #include <cmath>
 #include <numbers>
+#include <optional>
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/formatted_text.h"
@@ -38,8 +39,60 @@ std::string plain_yaml(const std::string& text) {
   return yaml;
 }
 
+namespace {
+
+bool is_document_end(std::string_view line) {
+  line = base::trim(line);
+  return line == "---" || line == "...";
+}
+
+/// A document and the line that it begins with.
+struct YamlDocument {
+  std::string text, content;  ///< content: without comments and ROS's `header`
+  int line = 0;
+};
+
+/// Takes the next document with content from the front of a text; nullopt at its end.
+std::optional<YamlDocument> take_document(std::string_view& rest, int& line_number) {
+  YamlDocument document{.line = line_number + 1};
+  bool in_header = false;
+  while (const auto line = base::take_line(rest)) {
+    ++line_number;
+    if (is_document_end(*line) && !document.content.empty()) return document;
+    document.text += std::string(*line) + "\n";
+    const std::string_view plain = base::trim(*line);
+    if (plain.empty() || plain.starts_with('#') || plain.starts_with('%') || is_document_end(plain)) continue;
+    in_header = line->starts_with("header:") || (in_header && (line->starts_with(' ') || line->starts_with('\t')));
+    if (!in_header) document.content += std::string(plain) + "\n";
+  }
+  return document.content.empty() ? std::nullopt : std::optional(document);
+}
+
+}  // namespace
+
+CalibrationText read_calibration_text(const std::filesystem::path& file) {
+  std::string text = base::read_text(file, kMaxJsonBytes);
+  CalibrationText result;
+  if (!base::trim(text).starts_with('<')) {
+    std::string_view rest = text;
+    int line = 0;
+    const std::optional<YamlDocument> first = take_document(rest, line);
+    while (const auto next = take_document(rest, line)) {
+      if (next->content != first->content)
+        throw InputError(file.string(), "line " + std::to_string(next->line) +
+                                            ": a second calibration begins, which differs from the first: keep one");
+      ++result.documents;
+    }
+    if (result.documents > 1) text = first->text;
+  }
+  if (text.size() > kMaxCalibrationBytes)
+    throw InputError(file.string(), "is larger than the limit of " + std::to_string(kMaxCalibrationBytes) + " bytes");
+  result.text = std::move(text);
+  return result;
+}
+
 YAML::Node load_calibration_yaml(const std::filesystem::path& file) {
-  const std::string text = plain_yaml(base::read_text(file, kMaxCalibrationBytes));
+  const std::string text = plain_yaml(read_calibration_text(file).text);
   try {
     YAML::Node root = YAML::Load(text);
     base::require_unique_keys(root, file);

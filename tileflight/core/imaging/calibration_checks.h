@@ -89,6 +89,16 @@ struct LensParameters {
 /// name.
 std::size_t sphere_parameter_count(const std::string& file, const std::string& model);
 
+/// A calibration's text, up to the first `---` behind something.
+struct CalibrationText {
+  std::string text;
+  std::size_t documents = 1;  ///< messages of a topic (`rostopic echo`), which state the same camera
+};
+
+/// Reads the text of a calibration. Of several YAML documents it gives the first, if the others differ from it by
+/// ROS's `header` only. Throws InputError: documents that differ, or one of more than kMaxCalibrationBytes.
+CalibrationText read_calibration_text(const std::filesystem::path& file);
+
 /// Builds the camera after checking counts, finiteness and signs. Throws InputError(file, cause).
 Camera make_camera(const std::string& file, const LensParameters& numbers);
 

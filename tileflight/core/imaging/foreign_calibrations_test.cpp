@@ -214,6 +214,23 @@ TEST_F(ForeignCalibrations, OrbSlam3sSettingsAreRead) {
               HasSubstr("has no image size: add the lines \"Camera.width\""));
 }
 
+/// ORB-SLAM3's Examples/Stereo/EuRoC.yaml: fx to cy are of 752x480, and ORB-SLAM3 scales them with the images.
+TEST_F(ForeignCalibrations, OrbSlam3sNewSizeIsNamedAndNotUsed) {
+  const std::string text =
+      "%YAML:1.0\nFile.version: \"1.0\"\nCamera.type: \"PinHole\"\nCamera1.fx: 458.7\nCamera1.fy: 457.3\n"
+      "Camera1.cx: 367.2\nCamera1.cy: 248.4\nCamera1.k1: 0\nCamera1.k2: 0\nCamera1.p1: 0\nCamera1.p2: 0\n"
+      "Camera.width: 752\nCamera.height: 480\n";
+  const Calibration resized = read(text + "Camera.newWidth: 600\nCamera.newHeight: 350\n");
+  EXPECT_EQ(resized.camera.width(), 752);
+  EXPECT_EQ(resized.camera.height(), 480);
+  EXPECT_EQ(std::get<PinholeRadtan>(resized.camera.model()).fx, 458.7);
+  EXPECT_THAT(resized.notes, testing::ElementsAre(HasSubstr(
+                                 "Camera.newHeight (600x350) are not used: Camera1.fx to cy are of images as recorded, "
+                                 "Camera.width x Camera.height (752x480)")));
+  EXPECT_THAT(read(text + "Camera.newWidth: 752\nCamera.newHeight: 480\n").notes, testing::IsEmpty());
+  EXPECT_THAT(read(text).notes, testing::IsEmpty());
+}
+
 /// ORB-SLAM3's Examples_old/Stereo/EuRoC.yaml: OpenCV accepts keys without a blank behind the colon.
 TEST_F(ForeignCalibrations, OrbSlamsStereoSettingsAreOfRectifiedImages) {
   const Calibration calibration = read(

@@ -11,6 +11,7 @@
 
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/imaging/codecs.h"
+#include "tileflight/core/imaging/deferred_texture.h"
 
 namespace tileflight::imaging::codecs {
 
@@ -192,3 +193,13 @@ std::vector<std::byte> encode_jpeg(const std::uint8_t* pixels, int width, int he
 }
 
 }  // namespace tileflight::imaging::codecs
+
+namespace tileflight::imaging {
+
+std::optional<std::array<int, 2>> jpeg_size(std::span<const std::byte> bytes) {
+  codecs::Decompressor jpeg(bytes);
+  if (!jpeg.read_header()) return std::nullopt;
+  return std::array{static_cast<int>(jpeg.info().image_width), static_cast<int>(jpeg.info().image_height)};
+}
+
+}  // namespace tileflight::imaging

@@ -429,7 +429,7 @@ ImagePart read_image_part(const YAML::Node& root, const std::string& file, Image
 
 Calibration read_opencv(const std::filesystem::path& file) {
   const std::string name = file.string();
-  const std::string text = base::read_text(file, kMaxCalibrationBytes);
+  const auto [text, documents] = read_calibration_text(file);
   const OpenCvStorage storage(text, name);
   ImagePart images{read_matrix(storage, name), read_image_size(storage, name)};
   const NamedDistortion distortion = read_distortion(storage, name);
@@ -447,6 +447,9 @@ Calibration read_opencv(const std::filesystem::path& file) {
   Calibration calibration;
   calibration.camera = make_camera(name, lens);
   read_opencv_extrinsics(file, text, calibration);
+  if (documents > 1)
+    calibration.notes.push_back(name + ": the first of its " + std::to_string(documents) +
+                                " YAML documents is used; the others state the same camera");
   return calibration;
 }
 

@@ -9,6 +9,7 @@
 #include "tests/temporary_folder.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/imaging/calibration_checks.h"
 #include "tileflight/core/imaging/calibration_files.h"
 
 namespace tileflight::imaging::opencv_file_test {
@@ -179,6 +180,26 @@ TEST(OpenCv, MessageOfRosAsText) {
       read("header:\n  seq: 1\n  frame_id: \"cam\"\nheight: 480\nwidth: 640\ndistortion_model: \"plumb_bob\"\n"
            "D: [" +
            kFive + "]\nK: " + kMatrixData + "\nR: [1, 0, 0, 0, 1, 0, 0, 0, 1]\nbinning_x: 0\n---\n"));
+}
+
+/// `rostopic echo /camera_info > camera.yaml`, for as long as a flight: the messages differ by their headers.
+TEST(OpenCv, ManyMessagesOfRosAreOneCalibration) {
+  const auto message = [](int number, const std::string& width) {
+    return "header: \n  seq: " + std::to_string(number) + "\n  stamp: \n    secs: " + std::to_string(1000 + number) +
+           "\n  frame_id: \"cam\"\nheight: 480\nwidth: " + width + "\ndistortion_model: \"plumb_bob\"\nD: [" + kFive +
+           "]\nK: " + kMatrixData + "\nR: [1, 0, 0, 0, 1, 0, 0, 0, 1]\nbinning_x: 0\n---\n";
+  };
+  std::string many;
+  int count = 0;
+  while (many.size() <= kMaxCalibrationBytes) many += message(count++, "640");
+  const tests::TemporaryFolder folder;
+  base::write_file(folder / "camera.yaml", many + message(count++, "640"));
+  const Calibration calibration = read_calibration(folder / "camera.yaml");
+  expect_radtan(calibration.camera);
+  EXPECT_THAT(calibration.notes,
+              testing::ElementsAre(HasSubstr("the first of its " + std::to_string(count) + " YAML documents is used")));
+  EXPECT_THAT(error(message(0, "640") + message(1, "640") + message(2, "320")),
+              HasSubstr("line 29: a second calibration begins, which differs from the first: keep one"));
 }
 
 TEST(OpenCv, OtherNamesAndCounts) {

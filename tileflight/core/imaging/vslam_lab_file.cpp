@@ -146,6 +146,22 @@ NamedDistortion prefixed_distortion(const YAML::Node& root, const std::string& p
   return parse_opencv_distortion(file + ": " + prefix + "k1 to k6", coefficients);
 }
 
+/// ORB-SLAM3 resizes images of Camera.width x Camera.height to another size, and scales fx to cy with them
+/// (its Settings::readImageInfo). So what the file states is for images before that.
+void note_resizing(const YAML::Node& root, const std::string& prefix, const std::array<int, 2>& size,
+                   const std::string& file, std::vector<std::string>& notes) {
+  const auto side = [&](const char* key, int unchanged) {
+    const YAML::Node node = root[key];
+    return node ? yaml_scalar<double>(node, key, file) : unchanged;
+  };
+  const double width = side("Camera.newWidth", size[0]), height = side("Camera.newHeight", size[1]);
+  if (width == size[0] && height == size[1]) return;
+  notes.push_back(file + ": Camera.newWidth and Camera.newHeight (" + base::trimmed_text(width, 3) + "x" +
+                  base::trimmed_text(height, 3) + ") are not used: " + prefix +
+                  "fx to cy are of images as recorded, Camera.width x Camera.height (" + std::to_string(size[0]) + "x" +
+                  std::to_string(size[1]) + "), which ORB-SLAM3 itself resizes");
+}
+
 VslamLabCamera prefixed_camera(const YAML::Node& root, const std::string& prefix, const std::string& file) {
   const auto number = [&](const std::string& key) {
     return yaml_scalar<double>(required_value(root, prefix + key, file), prefix + key, file);
@@ -162,6 +178,7 @@ VslamLabCamera prefixed_camera(const YAML::Node& root, const std::string& prefix
   VslamLabCamera result;
   result.calibration.camera = make_camera(file, {distortion.name, intrinsics, distortion.coefficients, width, height});
   read_extrinsics(root, file, result.calibration);
+  note_resizing(root, prefix, {width, height}, file, result.calibration.notes);
   if (root["LEFT.K"])  // ORB-SLAM2's and ORB-SLAM3's older settings of a stereo camera
     result.calibration.notes.push_back(
         file + ": " + prefix +

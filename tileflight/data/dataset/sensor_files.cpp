@@ -120,6 +120,7 @@ struct ImuColumns {
   double rate_unit_rad_s = 1.0, force_unit_m_s2 = 1.0;
   std::size_t count = kValues + 1;  ///< columns of a line
   bool has_names = false;           ///< a header named them
+  bool has_commas = false;          ///< the header has; then a field may be empty, as `rostopic echo -p` writes
   bool in_seconds = false;
 };
 
@@ -250,6 +251,7 @@ ImuColumns read_imu_header(const std::string& where, std::string_view line, std:
   for (std::size_t i = 0; i < kValues; ++i) columns.values[i] = *found[i];
   columns.count = names.size();
   columns.has_names = true;
+  columns.has_commas = line.find(',') != std::string_view::npos;
   if (!states_units)
     notes.push_back(where + ": its header states no units; radians a second and metres a second squared are assumed");
   if (!unused.empty()) notes.push_back(where + ": columns that are not used: " + name_list(unused));
@@ -285,6 +287,17 @@ geometry::ImuSample parse_reading(const std::string& where, const std::vector<st
   return {time_s, rate, force};
 }
 
+/// The fields between commas, also those without text.
+std::vector<std::string_view> comma_fields(std::string_view line) {
+  std::vector<std::string_view> fields;
+  for (std::size_t comma = line.find(','); comma != std::string_view::npos; comma = line.find(',')) {
+    fields.push_back(base::trim(line.substr(0, comma)));
+    line.remove_prefix(comma + 1);
+  }
+  fields.push_back(base::trim(line));
+  return fields;
+}
+
 /// Without names, an accelerometer in the first columns is known by gravity.
 void refuse_exchanged_columns(const std::string& where, const std::vector<geometry::ImuSample>& readings) {
   if (readings.empty()) return;
@@ -312,12 +325,16 @@ std::vector<geometry::ImuSample> read_imu_csv(const std::filesystem::path& file,
   std::string_view rest = text;
   const ImuColumns columns = read_imu_header(file.string(), base::take_line(rest).value_or(""), notes);
   std::vector<geometry::ImuSample> readings;
-  base::for_each_row(text, file.string(), ",; \t", [&](const base::TextRow& row) {
-    if (row.line == 1 && columns.has_names) return;
-    readings.push_back(parse_reading(row.where, row.fields, columns));
+  rest = text;
+  for (int number = 1; const auto line = base::take_line(rest); ++number) {
+    const std::vector<std::string_view> all = base::split_fields(*line, ",; \t");
+    if (all.empty() || all.front().starts_with('#') || (number == 1 && columns.has_names)) continue;
+    const std::string where = file.string() + ": line " + std::to_string(number);
+    const bool has_empty_fields = columns.has_commas && all.size() != columns.count;
+    readings.push_back(parse_reading(where, has_empty_fields ? comma_fields(*line) : all, columns));
     if (readings.size() > 1 && !(readings.back().time_s > readings[readings.size() - 2].time_s))
-      throw InputError(row.where, "the time is not after the one before it");
-  });
+      throw InputError(where, "the time is not after the one before it");
+  }
   if (!columns.has_names) refuse_exchanged_columns(file.string(), readings);
   return readings;
 }

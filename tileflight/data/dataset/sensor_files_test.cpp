@@ -72,6 +72,21 @@ TEST_F(ImuFiles, TheHeaderDecidesWhichColumnIsWhich) {
   }
 }
 
+/// `rostopic echo -p` of sensor_msgs/Imu, whose frame may have no name.
+TEST_F(ImuFiles, RosTablesMayHaveEmptyFields) {
+  std::ofstream(folder_ / "imu.csv")
+      << "%time,field.header.seq,field.header.stamp,field.header.frame_id,field.orientation.x,"
+         "field.angular_velocity.x,field.angular_velocity.y,field.angular_velocity.z,"
+         "field.angular_velocity_covariance0,field.linear_acceleration.x,field.linear_acceleration.y,"
+         "field.linear_acceleration.z,field.linear_acceleration_covariance0\n"
+         "5000000,1,4000000,,0,0.1,0.2,0.3,-1,1,2,9.5,-1\n";
+  const std::vector<geometry::ImuSample> read = read_imu_csv(folder_ / "imu.csv");
+  ASSERT_EQ(read.size(), 1U);
+  EXPECT_EQ(read[0].time_s, 0.005);
+  EXPECT_EQ(read[0].angular_rate_rad_s, Vec3(0.1, 0.2, 0.3));
+  EXPECT_EQ(read[0].specific_force_m_s2, Vec3(1, 2, 9.5));
+}
+
 TEST_F(ImuFiles, UnitsOfTheHeaderAreConverted) {
   std::ofstream(folder_ / "imu.csv")
       << "t [s],gyro_x [deg/s],gyro_y [deg/s],gyro_z [deg/s],acc_x [g],acc_y [g],acc_z [g]\n0,180,0,0,0,0,1\n";

@@ -77,7 +77,7 @@ ExportResult export_rig(const dataset::Rig& rig, const std::string& layout, cons
   for (const Layout& known : known_layouts()) {
     if (known.name != layout) continue;
     ExportResult result{rig.cameras.front().dataset.frames.size(), {}};
-    for (const dataset::RigCamera& camera : rig.cameras) base::add_distinct(camera.dataset.warnings, result.notes);
+    note_reading_warnings(rig, result.notes);
     note_data_left_out(rig, known.held, result.notes);
     // Other tools write the same layouts: only the marker identifies ours.
     const base::OutputFolder output{

@@ -17,7 +17,7 @@ const std::vector<std::string>& export_layouts();
 /// Result of export_rig().
 struct ExportResult {
   std::size_t frames = 0;
-  std::vector<std::string> notes;  ///< data that the layout cannot store
+  std::vector<std::string> notes;  ///< warnings of the dataset that was read, and data that the layout cannot store
 };
 
 /// Writes a dataset's cameras in another layout, atomically:

@@ -14,6 +14,7 @@
 #include "tileflight/core/imaging/image_files.h"
 #include "tileflight/data/dataset/lidar_files.h"
 #include "tileflight/data/dataset/sensor_files.h"
+#include "tileflight/data/exports/mcap.h"
 
 namespace tileflight::exports::export_dataset_test {
 namespace {
@@ -90,6 +91,15 @@ TEST_F(Export, EurocIsReadBack) {
   EXPECT_THAT(imu, HasSubstr("rate_hz: 250\n"));
   EXPECT_THAT(imu, HasSubstr("gyroscope_noise_density: 0.003\n"));
   EXPECT_THAT(base::read_text(folder_ / "euroc/mav0/cam0/sensor.yaml"), HasSubstr("rate_hz: 20\n"));
+}
+
+TEST_F(Export, EveryLayoutKeepsTheWarningsOfTheDataset) {
+  dataset::Rig rig = dataset::rig_of(written(pinhole()));
+  rig.cameras.front().dataset.warnings.emplace_back("1 of 5 frames have no image");
+  const auto names_it = testing::Contains("1 of 5 frames have no image");
+  for (const std::string& layout : export_layouts())
+    EXPECT_THAT(export_rig(rig, layout, folder_ / layout, false).notes, names_it) << layout;
+  EXPECT_THAT(export_mcap(rig, folder_ / "flight.mcap", false).notes, names_it);
 }
 
 /// A dataset of `frames` frames with this truth and these files beside it.

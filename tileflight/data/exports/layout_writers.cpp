@@ -42,6 +42,10 @@ void copy_bytes(const fs::path& from, const fs::path& to) {
 
 }  // namespace
 
+void note_reading_warnings(const dataset::Rig& rig, std::vector<std::string>& notes) {
+  for (const dataset::RigCamera& camera : rig.cameras) base::add_distinct(camera.dataset.warnings, notes);
+}
+
 void note_cameras_left_out(const dataset::Rig& rig, std::size_t held, std::vector<std::string>& notes) {
   for (std::size_t c = held; c < rig.cameras.size(); ++c)
     notes.push_back("camera " + rig.cameras[c].name + " has no place in this layout; export it alone (--camera " +

@@ -27,6 +27,9 @@ void write_vslam_lab(const dataset::Rig& rig, const std::filesystem::path& folde
 void write_colmap_folder(const dataset::Rig& rig, const std::filesystem::path& folder, std::vector<std::string>& notes,
                          const Progress& progress);
 
+/// Adds the warnings that reading the rig's cameras gave. Every layout begins its notes with them.
+void note_reading_warnings(const dataset::Rig& rig, std::vector<std::string>& notes);
+
 /// Adds a note for each camera beyond the first `held`, which the layout has no place for.
 void note_cameras_left_out(const dataset::Rig& rig, std::size_t held, std::vector<std::string>& notes);
 

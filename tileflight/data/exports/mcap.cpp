@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/data/exports/layout_writers.h"
 #include "tileflight/data/messages/dataset_messages.h"
@@ -249,7 +250,8 @@ McapResult export_mcap(const dataset::Rig& rig, const std::filesystem::path& fil
   const messages::DatasetMessages recording =
       messages::list_messages(rig, {.depth = true, .odometry = true, .epoch_s = epoch_s});
   McapResult result;
-  result.notes = recording.notes;
+  note_reading_warnings(rig, result.notes);
+  base::add_distinct(recording.notes, result.notes);
   note_data_left_out(rig, {"depth", "lidar", "imu.csv", "gps.csv", "barometer.csv", "magnetometer.csv", "range.csv"},
                      result.notes);
   McapWriter writer(file, "ros2", replace);

@@ -46,7 +46,7 @@ class McapWriter {
 struct McapResult {
   std::size_t messages = 0;
   std::vector<std::string> topics;
-  std::vector<std::string> notes;  ///< data that is left out, and times that are not the dataset's
+  std::vector<std::string> notes;  ///< warnings of the dataset, data that is left out, times that are not the dataset's
 };
 
 /// Writes the messages of a rig (list_messages with depth and odometry) as one MCAP file in time order. Throws

@@ -78,6 +78,7 @@ struct Alias {
 
 /// If two columns have the same meaning, the alias listed first wins. docs/formats.md has the list.
 constexpr Alias kAliases[] = {
+    {"fieldheaderstamp", Quantity::kTime},  // ROS: field.header.stamp, the time of the measurement
     {"time", Quantity::kTime},
     {"timestamp", Quantity::kTime},
     {"t", Quantity::kTime},
@@ -97,6 +98,7 @@ constexpr Alias kAliases[] = {
     {"gpslatitude", Quantity::kLatitude},
     {"gpslat", Quantity::kLatitude},
     {"osdlatitude", Quantity::kLatitude},
+    {"fieldlatitude", Quantity::kLatitude},
     {"longitude", Quantity::kLongitude},
     {"lon", Quantity::kLongitude},
     {"lng", Quantity::kLongitude},
@@ -104,6 +106,8 @@ constexpr Alias kAliases[] = {
     {"gpslongitude", Quantity::kLongitude},
     {"gpslon", Quantity::kLongitude},
     {"osdlongitude", Quantity::kLongitude},
+    {"fieldlongitude", Quantity::kLongitude},
+    {"fieldaltitude", Quantity::kHeightEllipsoid},  // sensor_msgs/NavSatFix: above the WGS 84 ellipsoid
     {"heightellipsoid", Quantity::kHeightEllipsoid},
     {"ellipsoidheight", Quantity::kHeightEllipsoid},
     {"ellipsoidalheight", Quantity::kHeightEllipsoid},
@@ -411,6 +415,12 @@ void require_columns(const ColumnMap& columns, const Cells& names, const std::st
   if (!columns.at(Quantity::kLatitude)) missing += missing.empty() ? "latitude" : ", latitude";
   if (!columns.at(Quantity::kLongitude)) missing += missing.empty() ? "longitude" : ", longitude";
   if (missing.empty()) return;
+  const auto is_number = [](const std::string& name) { return base::parse_finite_number(name).has_value(); };
+  constexpr std::ptrdiff_t kSeveral = 3;
+  if (std::ranges::count_if(names, is_number) >= kSeveral)
+    throw InputError(where, "has no header, as `ros2 topic echo --csv` writes it: its first line holds numbers (" +
+                                listed(names) +
+                                "); add a line that names the columns, as time,latitude,longitude,height");
   throw InputError(where, "no column for " + missing + " in its first line, which has: " + listed(names) +
                               "; docs/formats.md lists the known names");
 }

@@ -56,6 +56,37 @@ TEST_F(CsvLog, AColumnOfAnUnknownUnitDoesNotHideTheOneBesideIt) {
   EXPECT_DOUBLE_EQ(*log.fixes[1].height_above_takeoff_m, 6.096);
 }
 
+/// `rostopic echo -p` of sensor_msgs/NavSatFix, whose altitude is above the ellipsoid.
+TEST_F(CsvLog, RosTablesAreReadByTheTimeOfMeasurement) {
+  const std::string header =
+      "%time,field.header.seq,field.header.stamp,field.header.frame_id,field.status.status,field.status.service,"
+      "field.latitude,field.longitude,field.altitude,field.position_covariance0\n";
+  const Telemetry log = read(header +
+                             "1700000000200000000,1,1700000000000000000,,0,1,47.5,8.25,512.5,1\n"
+                             "1700000001300000000,2,1700000001000000000,,0,1,47.6,8.25,513.5,1\n");
+  ASSERT_EQ(log.fixes.size(), 2u);
+  EXPECT_NEAR(log.fixes[1].time_s, 1.0, 1e-6);
+  EXPECT_EQ(log.fixes[1].latitude_deg, 47.6);
+  EXPECT_EQ(log.fixes[1].longitude_deg, 8.25);
+  EXPECT_EQ(log.fixes[1].absolute_height_m, 513.5);
+  EXPECT_EQ(log.height_datum, HeightDatum::kEllipsoid);
+  EXPECT_THAT(log.warnings, IsEmpty());
+}
+
+TEST_F(CsvLog, RosMessagesInOtherFormsAreNamed) {
+  EXPECT_THAT(fault("1700000000,5000,gps,0,1,47.5,8.25,512.5\n1700000001,5000,gps,0,1,47.5,8.25,512.5\n"),
+              HasSubstr("has no header, as `ros2 topic echo --csv` writes it: its first line holds numbers "
+                        "(1700000000, 5000, gps, 0, 1, 47.5, 8.25, 512.5); add a line that names the columns"));
+  std::string text;
+  while (text.size() < (std::size_t{1} << 21U))
+    text += "header: \n  seq: 1\n  stamp: \n    secs: 1\nlatitude: 47.5\nlongitude: 8.25\naltitude: 512.5\n---\n";
+  for (const std::string& start : {text, "---\n" + text}) {
+    base::write_file(folder_ / "fix.yaml", start);
+    EXPECT_THAT(tests::refusal_of([&] { read_telemetry(folder_ / "fix.yaml"); }),
+                HasSubstr("is a ROS message as text: write the topic as a table, rostopic echo -p TOPIC > FILE.csv"));
+  }
+}
+
 /// FlySight's first generation: the second row states the units.
 TEST_F(CsvLog, FlySightsHeightsAreAboveSeaLevel) {
   const Telemetry log = read(

@@ -302,7 +302,7 @@ Flight flight_of(const std::filesystem::path& file) {
       filter.drop_without_fix();
     }
   }
-  Flight flight{std::move(filter).finish(file.string(), "position messages"), {}};
+  Flight flight{std::move(filter).finish(file.string(), "position messages", log.warnings), {}};
   Telemetry& telemetry = flight.telemetry;
   telemetry.warnings.insert(telemetry.warnings.end(), log.warnings.begin(), log.warnings.end());
   telemetry.body_rates = to_body_rates(timed(find_rows(log.rows, "IMU"), 1, 3, 2), 1.0);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
 
 namespace tileflight::flight_logs {
@@ -42,7 +43,8 @@ Telemetry FixFilter::finish() && {
   return std::move(telemetry_);
 }
 
-Telemetry FixFilter::finish(const std::string& where, const std::string& entries) && {
+Telemetry FixFilter::finish(const std::string& where, const std::string& entries,
+                            const std::vector<std::string>& damage) && {
   constexpr std::size_t kSeveral = 3;
   const std::size_t count = entries_ + without_time_ + without_fix_, not_later = out_of_order_;
   Telemetry telemetry = std::move(*this).finish();
@@ -50,9 +52,14 @@ Telemetry FixFilter::finish(const std::string& where, const std::string& entries
     throw InputError(where, "none of its " + std::to_string(count) + " " + entries +
                                 " is later than the first: export the log with the time of each");
   if (!telemetry.fixes.empty()) return telemetry;
-  if (count == 0) throw InputError(where, "contains no " + entries);
+  if (count == 0 && damage.empty()) throw InputError(where, "contains no " + entries);
+  if (count == 0) {
+    throw InputError(where, "contains no " + entries + " that can be read (" + base::joined(damage, "; ") +
+                                "); copy or export the log again");
+  }
+  base::add_distinct(damage, telemetry.warnings);
   throw InputError(where, "none of its " + std::to_string(count) + " " + entries + " has a time and a position (" +
-                              telemetry.warnings.front() + "); export the log with both");
+                              base::joined(telemetry.warnings, "; ") + "); export the log with both");
 }
 
 void rebase_to_first_fix(Telemetry& telemetry) {

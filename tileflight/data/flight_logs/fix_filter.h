@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <string>
+#include <vector>
 
 #include "tileflight/data/flight_logs/telemetry.h"
 
@@ -21,9 +22,10 @@ class FixFilter {
   /// Returns the kept fixes, with one warning per reason for dropping entries.
   Telemetry finish() &&;
   /// Finishes as finish(), but throws InputError if no fix was kept, or only the first because no other is later.
-  /// `where`: the file; `entries`: its entries' name
-  /// ("rows").
-  Telemetry finish(const std::string& where, const std::string& entries) &&;
+  /// `where`: the file; `entries`: its entries' name ("rows"); `damage`: what the reader could not read of the file,
+  /// which the error names as the cause.
+  Telemetry finish(const std::string& where, const std::string& entries,
+                   const std::vector<std::string>& damage = {}) &&;
 
  private:
   Telemetry telemetry_;

@@ -29,14 +29,17 @@ class UtcFixes {
     part_.clear();
   }
   /// Puts the parts in the order of their first times and returns the fixes as FixFilter::finish() does.
-  Telemetry finish(const std::string& where, const std::string& entries) && {
+  /// `fault`: where the file is damaged, or nothing.
+  Telemetry finish(const std::string& where, const std::string& entries, const std::string& fault) && {
     end_part();
     const auto begins_earlier = [](const auto& a, const auto& b) { return a.front().time_s < b.front().time_s; };
     was_sorted_ = was_sorted_ || !std::ranges::is_sorted(parts_, begins_earlier);
     std::ranges::stable_sort(parts_, begins_earlier);
+    const std::vector<std::string> damage =
+        fault.empty() ? std::vector<std::string>{} : std::vector{"the file is damaged at " + fault};
     for (const std::vector<TelemetryFix>& part : parts_)
       for (const TelemetryFix& fix : part) filter.add(fix);
-    Telemetry telemetry = std::move(filter).finish(where, entries);
+    Telemetry telemetry = std::move(filter).finish(where, entries, damage);
     if (was_sorted_) telemetry.warnings.emplace_back("the tracks were not in order of time and have been sorted");
     return telemetry;
   }
@@ -171,7 +174,7 @@ Telemetry read_kml(const std::filesystem::path& file) {
         "as CSV with time, latitude and longitude");
   const bool above_ground = reader.has_heights_above_ground();
   Telemetry telemetry = std::move(reader).take().finish(
-      file.string(), "points of a gx:Track, and no placemark with a TimeStamp and a Point");
+      file.string(), "points of a gx:Track, and no placemark with a TimeStamp and a Point", fault);
   if (!fault.empty()) telemetry.warnings.push_back(early_end_warning(fault));
   if (above_ground) {
     telemetry.warnings.emplace_back(
@@ -257,7 +260,7 @@ Telemetry read_gpx(const std::filesystem::path& file) {
       read_xml(bytes, file.string(),
                {.start = [&](std::string_view name, const auto& attributes) { return reader.start(name, attributes); },
                 .end = [&](std::string_view name, std::string_view text) { return reader.end(name, text); }});
-  Telemetry telemetry = std::move(reader).take().finish(file.string(), "track points");
+  Telemetry telemetry = std::move(reader).take().finish(file.string(), "track points", fault);
   if (!fault.empty()) telemetry.warnings.push_back(early_end_warning(fault));
   finish_utc_log(telemetry);
   return telemetry;

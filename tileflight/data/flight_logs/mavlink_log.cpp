@@ -6,8 +6,10 @@
 #include <cstring>
 #include <numbers>
 #include <string_view>
+#include <vector>
 
 #include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/hash.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/data/flight_logs/fix_filter.h"
@@ -122,18 +124,21 @@ class TlogReader {
       }
       filter.add(fix);
     }
-    Telemetry telemetry = std::move(filter).finish(where, "messages GLOBAL_POSITION_INT");
+    std::vector<std::string> damage;
+    const auto name = [&damage](std::uint64_t count, const std::string& what) {
+      if (count > 0) damage.push_back(std::to_string(count) + " " + what);
+    };
+    name(skipped_bytes_, "bytes of the file are no part of a message and are skipped");
+    name(wrong_checksums_, "messages dropped: their checksum is wrong");
+    Telemetry telemetry = std::move(filter).finish(where, "messages GLOBAL_POSITION_INT", damage);
     telemetry.body_rates = to_body_rates(rates_, 1.0);
     telemetry.zero_utc_s = utc_of_boot_s_ + telemetry.fixes.front().time_s;
     rebase_to_first_fix(telemetry);
     telemetry.height_datum = HeightDatum::kMeanSeaLevel;
-    const auto warn = [&telemetry](std::uint64_t count, const std::string& what) {
-      if (count > 0) telemetry.warnings.push_back(std::to_string(count) + " " + what);
-    };
-    warn(skipped_bytes_, "bytes of the file are no part of a message and are skipped");
-    warn(wrong_checksums_, "messages dropped: their checksum is wrong");
-    warn(other_systems_,
-         "positions of other vehicles are not used; those of system " + std::to_string(*system_) + " are");
+    if (other_systems_ > 0)
+      name(other_systems_,
+           "positions of other vehicles are not used; those of system " + std::to_string(*system_) + " are");
+    base::add_distinct(damage, telemetry.warnings);
     return telemetry;
   }
 

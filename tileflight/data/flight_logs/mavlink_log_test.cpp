@@ -93,5 +93,13 @@ TEST_F(MavlinkLog, ALogWithoutPositionsIsOneClearLine) {
               HasSubstr("contains no messages GLOBAL_POSITION_INT"));
 }
 
+TEST_F(MavlinkLog, WrongChecksumsAreNamedWhereTheyLeaveNoPosition) {
+  std::string wrong = position(2, 5100, 470'000'000);
+  wrong[14] ^= 1;
+  EXPECT_THAT(fault(stamped(kStart_us, wrong) + stamped(kStart_us, wrong)),
+              HasSubstr("contains no messages GLOBAL_POSITION_INT that can be read (2 messages dropped: their checksum "
+                        "is wrong); copy or export the log again"));
+}
+
 }  // namespace
 }  // namespace tileflight::flight_logs::mavlink_log_test

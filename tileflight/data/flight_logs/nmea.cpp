@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/text_parsing.h"
 #include "tileflight/data/flight_logs/fix_filter.h"
@@ -115,9 +116,10 @@ class NmeaReader {
         filter.add(entry.fix);
       }
     }
-    Telemetry telemetry = std::move(filter).finish(where, "GGA and RMC sentences");
-    if (damaged_ > 0)
-      telemetry.warnings.push_back(std::to_string(damaged_) + " sentences dropped: their checksum is wrong");
+    std::vector<std::string> damage;
+    if (damaged_ > 0) damage.push_back(std::to_string(damaged_) + " sentences dropped: their checksum is wrong");
+    Telemetry telemetry = std::move(filter).finish(where, "GGA and RMC sentences", damage);
+    base::add_distinct(damage, telemetry.warnings);
     if (first_day_s_)
       telemetry.zero_utc_s = telemetry.fixes.front().time_s;
     else

@@ -73,5 +73,11 @@ TEST_F(Nmea, SentencesWithoutAPositionAreOneClearLine) {
               HasSubstr("contains no GGA and RMC sentences"));
 }
 
+TEST_F(Nmea, WrongChecksumsAreNamedWhereTheyLeaveNoPosition) {
+  std::string wrong = gga("123519");
+  wrong[10] ^= 1;
+  EXPECT_THAT(fault(wrong + wrong), HasSubstr("that can be read (2 sentences dropped: their checksum is wrong)"));
+}
+
 }  // namespace
 }  // namespace tileflight::flight_logs::nmea_test

@@ -47,6 +47,13 @@ bool is_xml(std::string_view head) {
   return (head.starts_with("\xFF\xFE") || head.starts_with("\xFE\xFF")) && !root_of(head).empty();
 }
 
+/// What `rostopic echo` and `ros2 topic echo` print begins with the message's header.
+bool is_ros_message(std::string_view head) {
+  std::string_view text = base::trim(base::strip_byte_order_mark(head));
+  if (text.starts_with("---")) text = base::trim(text.substr(3));
+  return text.starts_with("header:");
+}
+
 Format format_of(const std::filesystem::path& file) {
   const std::string head = base::read_head(file);
   if (head.starts_with("ULog")) return Format::kUlog;
@@ -61,6 +68,9 @@ Format format_of(const std::filesystem::path& file) {
     throw InputError(
         file.string(),
         "is JSON, which is not read as a flight log: write it as CSV with time, latitude, longitude and a height");
+  if (is_ros_message(head))
+    throw InputError(file.string(),
+                     "is a ROS message as text: write the topic as a table, rostopic echo -p TOPIC > FILE.csv");
   return Format::kCsv;
 }
 

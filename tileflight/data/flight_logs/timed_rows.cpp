@@ -5,9 +5,9 @@
 
 namespace tileflight::flight_logs {
 
-const LogRows& find_rows(const std::map<std::string, LogRows>& rows, const std::string& name) {
+const LogRows& find_rows(const std::map<std::string, LogRows>& rows, std::string_view name) {
   static const LogRows kNone;
-  const auto found = rows.find(name);
+  const auto found = rows.find(std::string(name));
   return found == rows.end() ? kNone : found->second;
 }
 

@@ -2,6 +2,7 @@
 
 #include <map>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "tileflight/data/flight_logs/telemetry.h"
@@ -12,7 +13,7 @@ namespace tileflight::flight_logs {
 using LogRows = std::vector<std::vector<double>>;
 
 /// Rows by the name of their message or topic; none if it is absent.
-const LogRows& find_rows(const std::map<std::string, LogRows>& rows, const std::string& name);
+const LogRows& find_rows(const std::map<std::string, LogRows>& rows, std::string_view name);
 
 /// Sorts by the first number, the time, so that it strictly increases; rows without a time are dropped.
 LogRows sort_by_time(LogRows rows);

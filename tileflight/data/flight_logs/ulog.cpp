@@ -424,7 +424,7 @@ Telemetry read_ulog(const std::filesystem::path& file) {
   const std::vector<ULogPosition> positions = ulog_positions(topics);
   const bool ellipsoidal = has_ellipsoidal_heights(positions);
   Telemetry telemetry = filtered(positions, ellipsoidal, sort_by_time(find_rows(topics.rows, "vehicle_attitude")))
-                            .finish(file.string(), "position messages");
+                            .finish(file.string(), "position messages", topics.warnings);
   telemetry.warnings.insert(telemetry.warnings.end(), topics.warnings.begin(), topics.warnings.end());
   telemetry.body_rates = body_rates(topics);
   rebase_to_first_fix(telemetry);

@@ -3,6 +3,7 @@
 #include <expat.h>
 
 #include <algorithm>
+#include <cstdint>
 #include <exception>
 #include <memory>
 
@@ -91,6 +92,14 @@ bool parse(XML_Parser parser, std::string_view text) {
   }
 }
 
+std::uint64_t line_number(XML_Parser parser) {
+#if XML_MAJOR_VERSION > 2 || XML_MINOR_VERSION >= 9
+  return XML_GetCurrentLineNumber64(parser);
+#else
+  return XML_GetCurrentLineNumber(parser);
+#endif
+}
+
 }  // namespace
 
 std::string read_xml(std::string_view text, const std::string& where, const XmlEvents& events) {
@@ -103,7 +112,7 @@ std::string read_xml(std::string_view text, const std::string& where, const XmlE
   XML_SetCharacterDataHandler(parser.get(), on_text);
   XML_SetStartDoctypeDeclHandler(parser.get(), on_type);
   const bool whole = parse(parser.get(), text);
-  const std::string line = "line " + std::to_string(XML_GetCurrentLineNumber(parser.get()));
+  const std::string line = "line " + std::to_string(line_number(parser.get()));
   if (state.fault) std::rethrow_exception(state.fault);
   if (state.has_type) {
     throw InputError(where, line + ": document types are not supported; remove the <!DOCTYPE ...> part");

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstdint>
+#include <cstdlib>
 #include <filesystem>
 #include <memory>
 #include <string>
@@ -7,6 +9,7 @@
 extern "C" {
 #include <libavcodec/avcodec.h>
 #include <libavformat/avformat.h>
+#include <libavutil/cpu.h>
 #include <libswscale/swscale.h>
 }
 
@@ -23,6 +26,26 @@ struct Deleter {
 template <class T>
 using Owner = std::unique_ptr<T, Deleter>;
 
+/// The rotation that a stream states, FFmpeg's nine numbers; null if it states none. FFmpeg 6 and later keep it
+/// elsewhere.
+inline const std::int32_t* display_matrix(const AVStream& stream) {
+#if LIBAVCODEC_VERSION_INT >= AV_VERSION_INT(60, 29, 100)
+  const AVPacketSideData* const found = av_packet_side_data_get(
+      stream.codecpar->coded_side_data, stream.codecpar->nb_coded_side_data, AV_PKT_DATA_DISPLAYMATRIX);
+  return found == nullptr ? nullptr : reinterpret_cast<const std::int32_t*>(found->data);
+#else
+  return reinterpret_cast<const std::int32_t*>(av_stream_get_side_data(&stream, AV_PKT_DATA_DISPLAYMATRIX, nullptr));
+#endif
+}
+
+inline bool is_key_frame(const AVFrame& frame) {
+#ifdef AV_FRAME_FLAG_KEY
+  return (frame.flags & AV_FRAME_FLAG_KEY) != 0;
+#else
+  return frame.key_frame != 0;
+#endif
+}
+
 /// The text of an AVERROR code, e.g. "End of file".
 inline std::string error_text(int code) {
   char text[AV_ERROR_MAX_STRING_SIZE] = "";
@@ -33,7 +56,18 @@ inline std::string error_text(int code) {
 /// A local file's name as a libav* URL, so that names such as "http:x" or "concat:a" are treated as files.
 inline std::string file_url(const std::filesystem::path& file) { return "file:" + file.string(); }
 
-/// Disables libav*'s own logging to stderr, which is a process-wide setting; errors are returned anyway.
-inline void disable_logging() { av_log_set_level(AV_LOG_QUIET); }
+/// Sets what is the same for the whole process: no logging to stderr, since errors are returned anyway; and the
+/// features of the processor that TILEFLIGHT_FFMPEG names (`sse2`, as FFmpeg's -cpuflags), by which tests show that
+/// results do not depend on them.
+inline void set_process_wide() {
+  av_log_set_level(AV_LOG_QUIET);
+  [[maybe_unused]] static const bool kForced = [] {
+    const char* const names = std::getenv("TILEFLIGHT_FFMPEG");
+    unsigned features = 0;
+    if (names == nullptr || av_parse_cpu_caps(&features, names) < 0) return false;
+    av_force_cpu_flags(static_cast<int>(features));
+    return true;
+  }();
+}
 
 }  // namespace tileflight::video::libav

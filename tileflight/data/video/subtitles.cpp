@@ -19,7 +19,7 @@ struct CloseInput {
 using OpenInput = std::unique_ptr<AVFormatContext, CloseInput>;
 
 OpenInput open_input(const std::filesystem::path& file) {
-  libav::disable_logging();
+  libav::set_process_wide();
   AVFormatContext* context = nullptr;
   const int opened = avformat_open_input(&context, libav::file_url(file).c_str(), nullptr, nullptr);
   if (opened < 0) throw InputError(file.string(), "cannot be opened as a video: " + libav::error_text(opened));

@@ -100,7 +100,7 @@ bool is_not_video(const AVFormatContext& format) {
 
 VideoDecoder::VideoDecoder(const std::filesystem::path& file)
     : file_(file), frame_(av_frame_alloc()), packet_(av_packet_alloc()) {
-  libav::disable_logging();
+  libav::set_process_wide();
   try {
     open();
   } catch (...) {
@@ -144,8 +144,7 @@ void VideoDecoder::open_decoder() {
 }
 
 void VideoDecoder::read_rotation() {
-  const auto* matrix =
-      reinterpret_cast<const std::int32_t*>(av_stream_get_side_data(stream_, AV_PKT_DATA_DISPLAYMATRIX, nullptr));
+  const std::int32_t* const matrix = libav::display_matrix(*stream_);
   if (matrix == nullptr) return;
   const double counter_clockwise_deg = av_display_rotation_get(matrix);
   const double turns = -counter_clockwise_deg / 90.0;
@@ -268,7 +267,7 @@ const AVFrame* VideoDecoder::next() {
       throw InputError(file_.string(), "two frames have the same time " + position_text());
     time_s_ = time;
     ++frames_;
-    if (frame_->key_frame != 0) depends_on_damage_ = false;
+    if (libav::is_key_frame(*frame_)) depends_on_damage_ = false;
     if (is_damaged() && is_before_excerpt()) depends_on_damage_ = true;
     return frame_.get();
   }

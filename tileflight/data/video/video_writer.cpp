@@ -137,7 +137,7 @@ void VideoWriter::Impl::encode(const AVFrame* image) {
 
 VideoWriter::VideoWriter(const fs::path& file, int width, int height, const VideoOptions& options)
     : impl_(std::make_unique<Impl>()) {
-  libav::disable_logging();
+  libav::set_process_wide();
   impl_->file = file;
   if (width <= 0 || height <= 0 || width % 2 != 0 || height % 2 != 0)
     throw InputError(file.string(), "a video's width and height must be even, not " + std::to_string(width) + "x" +

@@ -203,6 +203,10 @@ AlignResult align(const MapInputs& map, const fs::path& target_path, const align
   const geometry::PointCloud cloud = alignment::subsample(read_map(map.map), options.max_points);
   const AlignTarget target = read_align_target(
       target_path, [&](const auto& origin) { return reach_of_map(map, cloud, options, origin); }, progress);
+  if (options.start == alignment::AlignmentStart::kAsItIs || options.start == alignment::AlignmentStart::kGiven) {
+    const bool is_given = options.start == alignment::AlignmentStart::kGiven;
+    require_overlap(cloud, is_given ? options.given_start : geometry::Sim3(), target, options);
+  }
   alignment::AlignMapOptions chosen = options;
   if (chosen.icp.regions.empty()) chosen.icp.regions = target.regions;
   const bool metric = options.start != alignment::AlignmentStart::kGiven && is_metric(map);

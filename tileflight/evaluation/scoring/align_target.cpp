@@ -1,10 +1,13 @@
 #include "tileflight/evaluation/scoring/align_target.h"
 
 #include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <string>
 
 #include "tileflight/capture/ingest/telemetry_positions.h"
+#include "tileflight/core/base/formatted_text.h"
+#include "tileflight/core/base/input_error.h"
 #include "tileflight/core/geometry/cloud_files.h"
 #include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/data/dataset/dataset.h"
@@ -115,6 +118,34 @@ std::optional<geometry::Box3> reach_of_map(const MapInputs& map, const geometry:
        by_receiver ? read_receiver_positions(map.gps, *origin) : read_true_positions(map.truth_trajectory))
     flown.extend(fix.position);
   return in_view(flown);
+}
+
+void require_overlap(const geometry::PointCloud& cloud, const geometry::Sim3& T_local_map, const AlignTarget& target,
+                     const alignment::AlignMapOptions& options) {
+  constexpr double kLeastShare = 0.01;  // of the points; chosen by hand
+  const std::vector<geometry::Vec3> points = geometry::transformed(T_local_map, cloud).positions;
+  geometry::Box3 held;
+  for (const geometry::Vec3& p : target.index ? target.mesh.vertices : target.cloud.positions) held.extend(p);
+  if (points.empty() || held.isEmpty()) return;
+  double reach_m = options.icp.radius_m;
+  for (const double radius_m : options.coarse_radii_m) reach_m = std::max(reach_m, radius_m);
+  const geometry::Vec3 margin = geometry::Vec3::Constant(reach_m);
+  const geometry::Box3 near(held.min() - margin, held.max() + margin), map = bounds_without_outliers(points);
+  const auto inside = std::ranges::count_if(points, [&](const geometry::Vec3& p) { return near.contains(p); });
+  const std::string remedy =
+      ": its coordinates or units are others; search with --start geometry, or give a transform.json";
+  if (static_cast<double>(inside) < kLeastShare * static_cast<double>(points.size()))
+    throw InputError("map",
+                     base::formatted("%td of its %zu points lie within %.3g m of the ground truth: they extend "
+                                     "over %.3g m around a place %.3g m away from it, which extends over %.3g m",
+                                     inside, points.size(), reach_m, map.sizes().norm(),
+                                     std::sqrt(held.squaredExteriorDistance(map.center())), held.sizes().norm()) +
+                         remedy);
+  if (map.sizes().norm() < options.icp.radius_m)
+    throw InputError("map", base::formatted("it extends over %.3g m, less than the distance of a correspondence (%.3g "
+                                            "m, --radius)",
+                                            map.sizes().norm(), options.icp.radius_m) +
+                                remedy);
 }
 
 std::vector<alignment::PositionFix> read_receiver_positions(const fs::path& gps_csv, const geometry::Geodetic& origin) {

@@ -43,6 +43,12 @@ std::optional<geometry::Box3> reach_of_map(const MapInputs& map, const geometry:
                                            const alignment::AlignMapOptions& options,
                                            const std::optional<geometry::Geodetic>& origin);
 
+/// Throws InputError if a map cannot be aligned from a start that is taken as it is: next to none of its points is near
+/// the target, or all of it is smaller than the largest distance of a correspondence. Its coordinates or units are
+/// others.
+void require_overlap(const geometry::PointCloud& cloud, const geometry::Sim3& T_local_map, const AlignTarget& target,
+                     const alignment::AlignMapOptions& options);
+
 /// Reads gps.csv as positions in the local frame. Throws InputError.
 std::vector<alignment::PositionFix> read_receiver_positions(const std::filesystem::path& gps_csv,
                                                             const geometry::Geodetic& origin);

@@ -128,15 +128,16 @@ bool is_textured(const std::vector<imaging::TexturedMesh>& meshes) {
   return std::ranges::any_of(meshes, [](const auto& mesh) { return mesh.texture || !mesh.colors.empty(); });
 }
 
-/// The truth as a scene for ray casting, with its appearance.
+/// The truth as a scene for ray casting. A texture is decoded when a ray of an image first meets it.
 struct TruthScene {
   std::unique_ptr<scene::Scene> scene;
   bool textured = false;
 
-  explicit TruthScene(const AlignTarget& target) {
+  TruthScene(const AlignTarget& target, bool with_textures) {
     std::vector<imaging::TexturedMesh> meshes;
+    const mesh_files::MeshSourceOptions options{.textures = with_textures, .defer_textures = true};
     for (const fs::path& file : target.mesh_files) {
-      auto part = mesh_files::read_mesh_source(file, {}).meshes;
+      auto part = mesh_files::read_mesh_source(file, options).meshes;
       std::move(part.begin(), part.end(), std::back_inserter(meshes));
     }
     textured = is_textured(meshes);
@@ -249,14 +250,15 @@ registration::RayCast make_ray_cast(const scene::Scene& scene) {
 RegisteredFlight register_flight(const MapInputs& map, const AlignTarget& target,
                                  const alignment::AlignMapOptions& options, const Progress& progress) {
   const geometry::PointCloud cloud = read_map(map.map);
-  const TruthScene place(target);
   std::optional<dataset::Dataset> dataset;
   if (!map.dataset.empty() && !map.trajectory.empty()) dataset = dataset::read_dataset(map.dataset);
   const registration::RegistrationEvidence evidence = gather_evidence(map, dataset, target, options);
+  const bool has_images = dataset && !evidence.path.empty();
+  const TruthScene place(target, has_images);
   registration::RegistrationServices services;
   services.cast_ray = make_ray_cast(*place.scene);
   std::unique_ptr<PictureFinder> finder;
-  if (place.textured && dataset && !evidence.path.empty()) {
+  if (place.textured && has_images) {
     finder = std::make_unique<PictureFinder>(*place.scene, *dataset, evidence.path);
     services.locate_pictures = [&finder](const geometry::Sim3& T, std::size_t pictures,
                                          registration::PictureDetail detail) { return (*finder)(T, pictures, detail); };
@@ -284,6 +286,9 @@ RegisteredFlight register_flight(const MapInputs& map, const AlignTarget& target
   published.scale = options.icp.scale;
   published.regions = options.icp.regions.empty() ? target.regions : options.icp.regions;
   published.scale_center = found.T_local_map.scale;
+  constexpr double kHopelessFitness = 0.1;  // of the map's points; without surface near them, ICP wanders
+  constexpr int kFewIterations = 100;
+  if (found.surface.fitness < kHopelessFitness) published.max_iterations = kFewIterations;
   alignment::IcpResult last_step = alignment::align_step(alignment::subsample(cloud, options.max_points),
                                                          found.T_local_map, target.to_alignment_target(), published);
   return {std::move(found), std::move(last_step)};

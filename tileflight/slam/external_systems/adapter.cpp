@@ -163,7 +163,7 @@ std::vector<fs::path> adapter_folders() {
   for (const std::string& folder : separated(own == nullptr ? "" : own, ':')) folders.emplace_back(folder);
   folders.emplace_back("adapters");
   if (const fs::path program = base::program_path().parent_path(); !program.empty()) {
-    folders.push_back(program.parent_path() / "share/tileflight/adapters");             // PREFIX/bin
+    folders.push_back(base::data_folder() / "adapters");                                // PREFIX/bin
     folders.push_back(program.parent_path().parent_path().parent_path() / "adapters");  // build/PRESET/bin
   }
   return folders;

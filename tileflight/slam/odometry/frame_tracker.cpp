@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/slam/odometry/stage_timer.h"
 #include "tileflight/slam/tracking/relocalization.h"
 #include "tileflight/slam/tracking/tracker.h"
@@ -139,12 +140,25 @@ std::optional<tracking::ImageAlignment> FrameTracker::recover(TrackingState& sta
   return found->alignment;
 }
 
-void FrameTracker::fail(Failures& failures, const InputFrame& frame, const tracking::ImageAlignment& alignment) const {
-  if (failures.count++ == 0) failures.first = frame.index;
+namespace {
+
+/// Says by which measure an image does not align. One without contrast fits everything with a gain near zero, so its
+/// residuals say nothing.
+std::string failure_detail(const tracking::ImageAlignment& alignment, double max_log_gain) {
+  if (std::abs(alignment.state.a) >= max_log_gain)
+    return base::formatted("(their contrast is %.2g of the keyframe's, which leaves nothing to align)",
+                           std::exp(alignment.state.a));
   const std::string rmse =
       std::isfinite(alignment.finest_rmse()) ? std::to_string(alignment.finest_rmse()).substr(0, 5) : "none";
-  failures.detail = "(RMSE " + rmse + " grey values, " +
-                    std::to_string(static_cast<int>(100 * alignment.inside_share)) + " % of its points in view)";
+  return "(RMSE " + rmse + " grey values, " + std::to_string(static_cast<int>(100 * alignment.inside_share)) +
+         " % of its points in view)";
+}
+
+}  // namespace
+
+void FrameTracker::fail(Failures& failures, const InputFrame& frame, const tracking::ImageAlignment& alignment) const {
+  if (failures.count++ == 0) failures.first = frame.index;
+  failures.detail = failure_detail(alignment, options_.tracking.max_log_gain);
   failures.reason = "tracking lost at frame " + std::to_string(frame.index) + ": " + std::to_string(failures.count) +
                     " consecutive frames do not align with the last keyframe " + failures.detail;
 }

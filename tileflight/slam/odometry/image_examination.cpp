@@ -61,6 +61,22 @@ double correlation(const ImageSummary& a, const ImageSummary& b, int dx, int dy)
   return scale > 1e-6 ? (sab - sa * sb / n) / scale : 0.0;
 }
 
+// Grey values, chosen by hand.
+constexpr int kNearlyBlack = 30, kNearlyWhite = 225, kFlat = 12;
+
+enum class Look { kTextured, kBlack, kWhite, kFlat };
+
+Look look_of(const ImageSummary& image) {
+  if (!image.readable) return Look::kTextured;
+  if (image.largest < kNearlyBlack) return Look::kBlack;
+  if (image.smallest > kNearlyWhite) return Look::kWhite;
+  return image.largest - image.smallest < kFlat ? Look::kFlat : Look::kTextured;
+}
+
+const char* text_of(Look look) {
+  return look == Look::kBlack ? "nearly black" : look == Look::kWhite ? "nearly white" : "without contrast";
+}
+
 /// Images with too little contrast to be compared.
 bool is_blank(const ImageSummary& image) {
   constexpr double kDeviation = 3.0;  // grey values; chosen by hand
@@ -179,11 +195,23 @@ std::vector<std::size_t> find_cuts(const std::vector<ImageSummary>& images) {
   return cuts;
 }
 
+std::vector<BlankImages> find_blank_images(const std::vector<ImageSummary>& images) {
+  std::vector<BlankImages> runs;
+  Look before = Look::kTextured;
+  for (std::size_t i = 0; i < images.size(); ++i) {
+    const Look look = look_of(images[i]);
+    if (look != Look::kTextured && look == before)
+      runs.back().last = i;
+    else if (look != Look::kTextured)
+      runs.push_back({i, i, text_of(look)});
+    before = look;
+  }
+  return runs;
+}
+
 std::optional<ImageFault> find_image_fault(const std::vector<ImageSummary>& images,
                                            const std::function<std::string(std::size_t)>& name_of) {
-  // Grey values, and the share of the images from which on a fault explains that there is no map. Chosen by hand.
-  constexpr int kNearlyBlack = 30, kNearlyWhite = 225, kFlat = 12;
-  constexpr double kMost = 0.5;
+  constexpr double kMost = 0.5;  // share of the images from which on a fault explains that there is no map; by hand
   int largest = 0, smallest = 255;
   std::size_t readable = 0, black = 0, white = 0, flat = 0;
   for (const ImageSummary& image : images) {
@@ -191,12 +219,10 @@ std::optional<ImageFault> find_image_fault(const std::vector<ImageSummary>& imag
     ++readable;
     largest = std::max(largest, image.largest);
     smallest = std::min(smallest, image.smallest);
-    if (image.largest < kNearlyBlack)
-      ++black;
-    else if (image.smallest > kNearlyWhite)
-      ++white;
-    else if (image.largest - image.smallest < kFlat)
-      ++flat;
+    const Look look = look_of(image);
+    black += look == Look::kBlack ? 1 : 0;
+    white += look == Look::kWhite ? 1 : 0;
+    flat += look == Look::kFlat ? 1 : 0;
   }
   if (readable == 0) return std::nullopt;
   const auto concerns_most = [&](std::size_t n) {
@@ -231,7 +257,7 @@ std::optional<ImageFault> find_image_fault(const std::vector<ImageSummary>& imag
   return std::nullopt;
 }
 
-imaging::GrayImage find_static_pixels(std::size_t count, const ImageReader& read) {
+imaging::GrayImage find_static_pixels(std::size_t count, const ImageReader& read, const imaging::GrayImage& known) {
   constexpr std::size_t kSamples = 16, kLeast = 8;
   constexpr int kStill = 14, kChanges = 20;  // spread over time, grey values: of what stands still, and of a quarter of
                                              // the pixels
@@ -264,10 +290,12 @@ imaging::GrayImage find_static_pixels(std::size_t count, const ImageReader& read
   const std::size_t quarter = 3 * sorted.size() / 4;
   std::ranges::nth_element(sorted, sorted.begin() + static_cast<std::ptrdiff_t>(quarter));
   if (sorted[quarter] < kChanges) return {};  // the camera hardly moved
+  const auto is_known = [&](int x, int y) { return !known.empty() && known(x, y) == 0; };
+  if (!known.empty() && (known.width != width || known.height != height)) return {};
   imaging::GrayImage mask(width, height, 255);
   for (int y = 1; y + 1 < height; ++y) {
     for (int x = 1; x + 1 < width; ++x) {
-      if (spread(x, y) > kStill) continue;
+      if (spread(x, y) > kStill || is_known(x, y)) continue;
       const int across = std::abs(middle(x + 1, y) - middle(x - 1, y)),
                 down = std::abs(middle(x, y + 1) - middle(x, y - 1));
       if (std::max(across, down) >= kEdge) mask(x, y) = 0;
@@ -275,7 +303,11 @@ imaging::GrayImage find_static_pixels(std::size_t count, const ImageReader& read
   }
   if (share_of_zeros(mask) < kLeastShare) return {};
   mask = grown(mask, std::max(3, width / 100));
-  return share_of_zeros(mask) > kMostShare ? imaging::GrayImage() : mask;
+  if (share_of_zeros(mask) > kMostShare) return {};
+  for (int y = 0; y < height; ++y)
+    for (int x = 0; x < width; ++x)
+      if (is_known(x, y)) mask(x, y) = 255;
+  return mask;
 }
 
 }  // namespace tileflight::odometry

@@ -31,6 +31,15 @@ std::vector<ImageSummary> summarize_images(std::size_t count, const ImageReader&
 /// around change little, and it does not come back within a second. Blank images are no cuts.
 std::vector<std::size_t> find_cuts(const std::vector<ImageSummary>& images);
 
+/// Consecutive images in which nothing can be tracked.
+struct BlankImages {
+  std::size_t first = 0, last = 0;
+  std::string look;  ///< "nearly black", "nearly white" or "without contrast"
+};
+
+/// Returns them in the order of the images.
+std::vector<BlankImages> find_blank_images(const std::vector<ImageSummary>& images);
+
 /// A cause and its remedy, one sentence each.
 struct ImageFault {
   std::string cause;
@@ -43,7 +52,8 @@ std::optional<ImageFault> find_image_fault(const std::vector<ImageSummary>& imag
                                            const std::function<std::string(std::size_t)>& name_of);
 
 /// Returns a mask with 0 where edges stand still throughout the flight while the rest of the image changes (text,
-/// logos, the vehicle), with a margin; empty if there are none, or if most of the image stands still.
-imaging::GrayImage find_static_pixels(std::size_t count, const ImageReader& read);
+/// logos, the vehicle), with a margin; empty if there are none, or if most of the image stands still. Edges where
+/// `known` is 0 do not count, and keep 255; empty: all count.
+imaging::GrayImage find_static_pixels(std::size_t count, const ImageReader& read, const imaging::GrayImage& known = {});
 
 }  // namespace tileflight::odometry

@@ -97,6 +97,36 @@ TEST(ImageExamination, NamesWithoutPaddingAreAWrongOrder) {
   EXPECT_THAT(fault_of(images), HasSubstr("not in the order"));
 }
 
+TEST(ImageExamination, BlankImagesAreNamedByTheirPlace) {
+  std::vector<GrayImage> images = flight(60);
+  for (std::size_t i = 0; i < 12; ++i) images[i] = GrayImage(kWidth, kHeight, 2);
+  images[30] = GrayImage(kWidth, kHeight, 250);
+  images[31] = GrayImage(kWidth, kHeight, 100);
+  std::vector<std::string> found;
+  for (const BlankImages& run : find_blank_images(summaries(images)))
+    found.push_back(std::to_string(run.first) + "-" + std::to_string(run.last) + " " + run.look);
+  EXPECT_THAT(found, ElementsAre("0-11 nearly black", "30-30 nearly white", "31-31 without contrast"));
+  EXPECT_TRUE(find_blank_images(summaries(flight(20))).empty());
+}
+
+TEST(ImageExamination, TextOutsideOfAGivenMaskIsFoundAlone) {
+  std::vector<GrayImage> images = flight(40, 5.0);
+  const auto write_text = [](GrayImage& image, int left, int top) {
+    for (int y = top; y < top + 10; ++y)
+      for (int x = left; x < left + 30; ++x) image(x, y) = (x / 3) % 2 == 0 ? 255 : 0;
+  };
+  GrayImage given(kWidth, kHeight, 255);
+  for (int y = 10; y < 30; ++y)
+    for (int x = 30; x < 80; ++x) given(x, y) = 0;
+  for (GrayImage& image : images) write_text(image, 40, 15);
+  EXPECT_TRUE(find_static_pixels(images.size(), reader_of(images), given).empty()) << "all of it is masked already";
+  for (GrayImage& image : images) write_text(image, 110, 60);
+  const GrayImage mask = find_static_pixels(images.size(), reader_of(images), given);
+  ASSERT_EQ(mask.width, kWidth);
+  EXPECT_EQ(mask(120, 65), 0);
+  EXPECT_EQ(mask(60, 20), 255) << "known";
+}
+
 TEST(ImageExamination, TextOnTheImagesIsMasked) {
   std::vector<GrayImage> images = flight(40, 5.0);
   for (GrayImage& image : images)

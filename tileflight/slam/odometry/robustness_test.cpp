@@ -1,13 +1,17 @@
 // Disturbances of real flights, applied to rendered images: exposure changes, blur, gaps, an occluded lens, rotation in
 // place, slow or fast starts, and loss of tracking.
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 
+#include "tests/temporary_folder.h"
+#include "tileflight/data/dataset/dataset.h"
 #include "tileflight/slam/keyframes/options.h"
 #include "tileflight/slam/odometry/odometry.h"
 #include "tileflight/slam/odometry/synthetic_flight.h"
+#include "tileflight/slam/odometry/track.h"
 
 namespace tileflight::odometry::robustness_test {
 namespace {
@@ -18,6 +22,7 @@ using imaging::RgbImage;
 using test_support::relative_ate;
 using test_support::Sequence;
 using test_support::small_options;
+using testing::HasSubstr;
 
 /// Expects tracking to the end, at least `least_tracked` images, and an ATE below a share of the path length.
 void expect_followed(const Sequence& sequence, std::size_t least_tracked, double most_ate_share = 0.01) {
@@ -179,6 +184,38 @@ TEST(Robustness, AJumpBackAfterBlackPicturesIsFollowed) {
   Sequence sequence = picked(level_flight(), order);
   for (const int i : {46, 47, 48}) blacken(sequence.images[i]);
   expect_followed(sequence, order.size() - 6);
+}
+
+// An image without contrast fits every pose with a gain near zero: its small residuals are no sign of a fit.
+TEST(Robustness, BlackImagesAtTheEndAreLostForTheirContrast) {
+  Sequence sequence = level_flight();
+  for (int i = 40; i < 50; ++i) blacken(sequence.images[i]);
+  const OdometryResult result = run_odometry(sequence.calibration, sequence.source(), small_options());
+  ASSERT_TRUE(result.lost);
+  EXPECT_EQ(result.lost_since, 40);
+  EXPECT_THAT(result.lost_detail, HasSubstr("their contrast is"));
+  EXPECT_THAT(result.lost_detail, testing::Not(HasSubstr("RMSE")));
+}
+
+TEST(Robustness, BlackImagesAtTheBeginningAreNamedInTheOrderOfTheFlight) {
+  const tests::TemporaryFolder folder;
+  const Sequence& sequence = level_flight();
+  dataset::DatasetWriter writer(folder / "data", {sequence.calibration.camera, {}, 0.0}, {});
+  for (std::size_t i = 0; i < sequence.images.size(); ++i) {
+    RgbImage image = sequence.images[i];
+    if (i < 12) blacken(image);
+    writer.add_frame(i, static_cast<double>(i) / 30.0, 0.0, image);
+  }
+  writer.finish();
+  TrackOptions options;
+  options.odometry = small_options();
+  const TrackResult result = track(folder / "data", folder / "out", false, options);
+  std::string all;
+  for (const Warning& warning : result.warnings) all += warning.message + " (" + warning.remedy + ")\n";
+  EXPECT_THAT(all, HasSubstr("12 of 50 images are nearly black: frames 000000 to 000011"));
+  EXPECT_THAT(all, HasSubstr("leave them out (--from 12)"));
+  EXPECT_THAT(all, testing::Not(HasSubstr("RMSE 0.0")));
+  EXPECT_GE(result.odometry.frames_tracked, 36);
 }
 
 }  // namespace

@@ -251,16 +251,14 @@ class DatasetTracker {
       result = run_first(pictures, progress);
       if (!is_incomplete(result, frames_[false].size())) return;
     }
-    const imaging::GrayImage still = find_static_pixels(frames_[false].size(), reader());
-    if (still.empty()) return;
     const imaging::GrayImage given = input_.mask;
+    const imaging::GrayImage still = find_static_pixels(frames_[false].size(), reader(), given);
+    if (still.empty()) return;
     combine_mask(still);
     const std::optional<FoundLineDelay> line_delay = line_delay_;
     const double line_delay_s = calibration_.line_delay_s;
     const auto before = result.frames_tracked;
     OdometryResult masked = run_first({}, progress);
-    const auto share = static_cast<double>(std::ranges::count(still.pixels, std::uint8_t{0})) /
-                       static_cast<double>(still.pixels.size());
     if (masked.frames_tracked <= before && before > 0) {
       input_.mask = given;
       line_delay_ = line_delay;
@@ -268,7 +266,8 @@ class DatasetTracker {
       return;
     }
     // Where no image had a pose, nothing is lost by the mask: later starts and the other direction are tried with it.
-    masked_share_ = share;
+    masked_ = still;
+    given_mask_share_ = masked_share(given);
     frames_without_mask_ = before;
     remove_files(pictures);
     result = pictures.empty() ? std::move(masked) : run_first(pictures, progress);
@@ -276,14 +275,44 @@ class DatasetTracker {
 
   /// Adds what remedy_images() has masked to `notes`, if that gave the result poses.
   void note_masked_edges(const OdometryResult& result, Warnings& notes) const {
-    if (!masked_share_ || result.frames_tracked <= frames_without_mask_) return;
-    notes.push_back({"edges in " + base::formatted("%.1f %%", 100.0 * *masked_share_) +
-                         " of the image stand still while the rest moves (text, a logo, or the vehicle itself): these "
+    if (masked_.empty() || result.frames_tracked <= frames_without_mask_) return;
+    const bool has_mask = given_mask_share_ > 0.0;
+    const std::string beside =
+        has_mask ? base::formatted(" outside of the mask, which covers %.1f %%,", 100.0 * given_mask_share_) : "";
+    const std::string remedy = has_mask
+                                   ? "enlarge the mask (--mask) by " + masked_extent() + ", where these edges are"
+                                   : "record without on-screen text, or draw a mask of it with all its surroundings "
+                                     "(--mask): these edges are in " +
+                                         masked_extent();
+    notes.push_back({"edges in " + base::formatted("%.1f %%", 100.0 * masked_share(masked_)) + " of the image" +
+                         beside +
+                         " stand still while the rest moves (text, a logo, or the vehicle itself): these "
                          "pixels were masked, and " +
                          std::to_string(result.frames_tracked) + " instead of " + std::to_string(frames_without_mask_) +
                          " frames have a pose",
-                     "odometry", Severity::kNote,
-                     "record without on-screen text, or draw a mask of it with all its surroundings (--mask)"});
+                     "odometry", Severity::kNote, remedy});
+  }
+
+  /// Adds a warning that names the images in which nothing can be tracked, if remedy_images() examined them; where they
+  /// are what was lost, `result` says so.
+  void note_blank_images(OdometryResult& result, Warnings& warnings) const {
+    const std::vector<BlankImages> runs = find_blank_images(images_);
+    std::size_t blank = 0, lost = 0;
+    const std::size_t count = images_.size();
+    const auto since = static_cast<std::size_t>(result.lost_since.value_or(0));
+    const std::size_t lost_first = result.backwards ? 0 : since, lost_last = result.backwards ? since : count - 1;
+    for (const BlankImages& run : runs) {
+      blank += run.last - run.first + 1;
+      const std::size_t first = std::max(run.first, lost_first), last = std::min(run.last, lost_last);
+      if (first <= last) lost += last - first + 1;
+    }
+    if (blank == 0 || blank == count) return;
+    if (result.lost_since && 2 * lost > lost_last - lost_first + 1) {
+      const std::string all = std::to_string(lost_last - lost_first + 1);
+      result.lost_detail = "(" + (std::to_string(lost) == all ? "all " : std::to_string(lost) + " of these ") + all +
+                           " images are " + runs.front().look + ")";
+    }
+    warnings.push_back({blank_text(runs, blank), "odometry", Severity::kWarning, blank_remedy(runs)});
   }
 
   /// Returns what is wrong with the images' grey values or order, if remedy_images() examined them.
@@ -353,6 +382,52 @@ class DatasetTracker {
     return [this](std::size_t i) { return read_tracked_grey(frames_[false][i], view_); };
   }
 
+  /// The share of an image that a mask covers.
+  static double masked_share(const imaging::GrayImage& mask) {
+    return static_cast<double>(std::ranges::count(mask.pixels, std::uint8_t{0})) /
+           static_cast<double>(std::max<std::size_t>(1, mask.pixels.size()));
+  }
+
+  /// The columns and rows of what remedy_images() has masked.
+  std::string masked_extent() const {
+    int left = masked_.width, right = 0, top = masked_.height, bottom = 0;
+    for (int y = 0; y < masked_.height; ++y) {
+      for (int x = 0; x < masked_.width; ++x) {
+        if (masked_(x, y) != 0) continue;
+        left = std::min(left, x), right = std::max(right, x), top = std::min(top, y), bottom = std::max(bottom, y);
+      }
+    }
+    return "columns " + std::to_string(left) + " to " + std::to_string(right) + ", rows " + std::to_string(top) +
+           " to " + std::to_string(bottom);
+  }
+
+  /// "30 of 150 images are nearly black: frames 000000 to 000029".
+  std::string blank_text(const std::vector<BlankImages>& runs, std::size_t blank) const {
+    constexpr std::size_t kMost = 5;
+    std::string text = std::to_string(blank) + " of " + std::to_string(images_.size()) + " images ";
+    for (std::size_t i = 0; i < std::min(runs.size(), kMost); ++i) {
+      const BlankImages& run = runs[i];
+      const std::string &first = frames_[false][run.first].id, &last = frames_[false][run.last].id;
+      const bool is_other = i == 0 || run.look != runs[i - 1].look;
+      text += (i == 0 ? "are " : ", ") + (is_other ? run.look + ": " : "") +
+              (first == last ? "frame " + first : "frames " + first + " to " + last);
+    }
+    if (runs.size() > kMost) text += " and " + std::to_string(runs.size() - kMost) + " more parts";
+    return text + "; nothing can be tracked in them";
+  }
+
+  /// How to leave blank images out, where they begin or end the flight.
+  std::string blank_remedy(const std::vector<BlankImages>& runs) const {
+    const std::size_t from = options_.frames.from, every = options_.frames.every;
+    std::string range;
+    if (runs.front().first == 0) range = "--from " + std::to_string(from + (runs.front().last + 1) * every);
+    if (runs.back().last + 1 == images_.size())
+      range += (range.empty() ? "--to " : " --to ") + std::to_string(from + runs.back().first * every);
+    return range.empty() ? "expose these images otherwise, or track the parts before and after them one by one "
+                           "(--from, --to)"
+                         : "leave them out (" + range + ")";
+  }
+
   /// Drops all images but those of the longest part between `cuts`.
   void use_longest_part(const std::vector<std::size_t>& cuts, Warnings& warnings) {
     std::vector<dataset::Frame>& frames = frames_[false];
@@ -412,8 +487,9 @@ class DatasetTracker {
   std::size_t first_image_ = 0;                        ///< at which it begins
   std::optional<FoundLineDelay> line_delay_;
   std::optional<Dispersion> dispersion_;
-  std::vector<ImageSummary> images_;    ///< of the frames, forwards; empty: they were not examined
-  std::optional<double> masked_share_;  ///< of the image, by remedy_images()
+  std::vector<ImageSummary> images_;  ///< of the frames, forwards; empty: they were not examined
+  imaging::GrayImage masked_;         ///< 0 where remedy_images() has masked; empty: nowhere
+  double given_mask_share_ = 0.0;     ///< of the image, by --mask
   std::int64_t frames_without_mask_ = 0;
   SkippedFrames skipped_;
 };
@@ -485,6 +561,7 @@ TrackResult track(const fs::path& dataset_folder, const fs::path& out, bool repl
       put_in_flight_order(result, frames.size());
       if (disagreement) disagreement->worst_time_s = -disagreement->worst_time_s;
     }
+    tracking.note_blank_images(result, about_images);
     name_lost_images(frames, result);
     if (result.frames_tracked == 0) {
       if (const std::optional<ImageFault> fault = tracking.image_fault()) {

@@ -8,6 +8,7 @@
 #include <chrono>
 #include <ctime>
 #include <deque>
+#include <filesystem>
 #include <future>
 #include <list>
 #include <memory>
@@ -24,6 +25,21 @@
 
 namespace tileflight::fetch {
 namespace {
+
+/// Returns the system's file of trusted certificates where it lies elsewhere than libcurl was built to look, as it does
+/// when the library comes from another distribution; otherwise empty.
+const std::filesystem::path& system_certificates() {
+  static const std::filesystem::path kFile = []() -> std::filesystem::path {
+    const char* const usual = curl_version_info(CURLVERSION_NOW)->cainfo;
+    if (usual != nullptr && std::filesystem::exists(usual)) return {};
+    // Debian and Arch; Fedora and Red Hat; openSUSE; Alpine.
+    for (const char* file : {"/etc/ssl/certs/ca-certificates.crt", "/etc/pki/tls/certs/ca-bundle.crt",
+                             "/etc/ssl/ca-bundle.pem", "/etc/ssl/cert.pem"})
+      if (std::filesystem::exists(file)) return file;
+    return {};
+  }();
+  return kFile;
+}
 
 using std::chrono::milliseconds;
 
@@ -104,7 +120,9 @@ class HttpTransfer {
     set(CURLOPT_ACCEPT_ENCODING, "");  // all encodings that libcurl supports: gzip, br, zstd, deflate
     set(CURLOPT_USERAGENT, "tileflight");
     set(CURLOPT_CONNECTTIMEOUT_MS, static_cast<long>(options_.connect_timeout.count()));
-    if (!options_.ca_file.empty()) set(CURLOPT_CAINFO, options_.ca_file.c_str());
+    if (const std::filesystem::path& certificates = options_.ca_file.empty() ? system_certificates() : options_.ca_file;
+        !certificates.empty())
+      set(CURLOPT_CAINFO, certificates.c_str());
     if (is_loopback(request_.url)) set(CURLOPT_PROXY, "");
     curl_slist* list = nullptr;
     for (const std::string& header : request_.headers) list = curl_slist_append(list, header.c_str());

@@ -1,6 +1,8 @@
 #include "tileflight/tiles/mesh_files/mesh_source.h"
 
 #include <algorithm>
+#include <array>
+#include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -9,6 +11,7 @@
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/text_parsing.h"
+#include "tileflight/core/imaging/deferred_texture.h"
 #include "tileflight/core/imaging/image_files.h"
 #include "tileflight/core/imaging/ktx2.h"
 #include "tileflight/tiles/fetch/uri.h"
@@ -59,6 +62,41 @@ tile_content::ContentOptions gltf_options(const fs::path& file, const MeshSource
 
 constexpr const char* kPointsOnly = "contains points without a surface; a mesh is needed";
 
+/// Bytes of a file from a place on. Throws InputError.
+std::vector<std::byte> read_bytes_at(const fs::path& file, std::size_t begin, std::size_t count) {
+  std::vector<std::byte> bytes(count);
+  std::ifstream in(file, std::ios::binary);
+  in.seekg(static_cast<std::streamoff>(begin));
+  in.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(count));
+  if (!in) throw InputError(file.string(), "cannot be read any more: it was changed or removed while it was used");
+  return bytes;
+}
+
+/// A JPEG within a mapped file stays there, as a deferred texture; other images are decoded.
+std::shared_ptr<const imaging::RgbImage> defer_texture(const fs::path& file, const MappedFile& mapped,
+                                                       std::span<const std::byte> bytes, const std::string& name,
+                                                       std::int64_t max_pixels) {
+  const std::byte* first = mapped.bytes().data();
+  const bool is_of_file = bytes.data() >= first && bytes.data() + bytes.size() <= first + mapped.bytes().size();
+  const std::optional<std::array<int, 2>> size = is_of_file ? imaging::jpeg_size(bytes) : std::nullopt;
+  if (!size || std::int64_t{(*size)[0]} * (*size)[1] > max_pixels)
+    return std::make_shared<const imaging::RgbImage>(imaging::decode_texture(bytes, name, max_pixels));
+  const auto begin = static_cast<std::size_t>(bytes.data() - first);
+  return imaging::make_deferred_texture((*size)[0], (*size)[1], [file, begin, count = bytes.size(), name, max_pixels] {
+    return imaging::decode_texture(read_bytes_at(file, begin, count), name, max_pixels);
+  });
+}
+
+tile_content::DecodedContent decode_with_deferred_textures(const fs::path& file,
+                                                           const tile_content::ContentOptions& content) {
+  const MappedFile mapped(file, kMaxGltfBytes);
+  tile_content::GltfReceiver receiver;
+  receiver.decode_image = [&](std::span<const std::byte> bytes, const std::string& name) {
+    return defer_texture(file, mapped, bytes, name, content.limits.max_texture_pixels);
+  };
+  return tile_content::decode_gltf(mapped.bytes(), file.string(), content, receiver);
+}
+
 MeshSource read_gltf(const fs::path& file, const MeshSourceOptions& options) {
   tile_content::ContentOptions content = gltf_options(file, options);
   content.read_image = [&](const std::string& uri) {
@@ -66,7 +104,10 @@ MeshSource read_gltf(const fs::path& file, const MeshSourceOptions& options) {
     return std::make_shared<const imaging::RgbImage>(
         imaging::decode_texture(base::read_bytes(image), image.string(), content.limits.max_texture_pixels));
   };
-  tile_content::DecodedContent decoded = tile_content::decode_gltf(base::read_bytes(file), file.string(), content, {});
+  tile_content::DecodedContent decoded =
+      options.textures && options.defer_textures
+          ? decode_with_deferred_textures(file, content)
+          : tile_content::decode_gltf(base::read_bytes(file), file.string(), content, {});
   if (decoded.meshes.empty() && !decoded.clouds.empty()) throw InputError(file.string(), kPointsOnly);
   return {std::move(decoded.meshes), std::move(decoded.copyrights), std::move(decoded.warnings)};
 }

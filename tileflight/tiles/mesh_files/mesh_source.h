@@ -15,6 +15,9 @@ struct MeshSourceOptions {
   std::optional<tile_content::UpAxis> up;  ///< the file's up axis; default: z for OBJ and PLY, y for glTF
   double metres_per_unit = 1.0;
   bool textures = true;  ///< false: only material or vertex colours
+  /// Leaves the JPEG textures of a .glb in the file, which must stay as it is (imaging::with_pixels decodes them): for
+  /// a place of which few textures are used at a time.
+  bool defer_textures = false;
 };
 
 /// Textured triangles of a mesh file.

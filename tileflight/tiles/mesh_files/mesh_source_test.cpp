@@ -12,6 +12,7 @@
 #include "tests/temporary_folder.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/imaging/deferred_texture.h"
 #include "tileflight/core/imaging/glb_writer.h"
 #include "tileflight/core/imaging/image_files.h"
 #include "tileflight/core/imaging/ktx2.h"
@@ -253,6 +254,35 @@ TEST_F(MeshFile, BrokenPlyIsRefused) {
                  "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nelement face 1\nproperty list uchar int "
                  "vertex_indices\nend_header\n0\n0\n0\n3 0 1 2\n",
                  HasSubstr("x, y or z"));
+}
+
+TEST_F(MeshFile, TexturesOfAGlbMayStayInTheFile) {
+  std::vector<TexturedMesh> meshes(3);
+  for (int k = 0; k < 3; ++k) {
+    const auto image = std::make_shared<imaging::RgbImage>(40 + k, 24);
+    for (std::size_t i = 0; i < image->pixels.size(); ++i)
+      image->pixels[i] = {static_cast<std::uint8_t>(i), static_cast<std::uint8_t>(50 * k), 7};
+    TexturedMesh& mesh = meshes[static_cast<std::size_t>(k)];
+    mesh.mesh.vertices = {{10.0 * k, 0, 0}, {10.0 * k + 4, 0, 0}, {10.0 * k, 4, 1}};
+    mesh.mesh.triangles = {{0, 1, 2}};
+    mesh.uv = {{0, 0}, {1, 0}, {0, 1}};
+    mesh.texture = k == 2 ? meshes[1].texture : image;
+  }
+  const auto file = write("a.glb", imaging::write_glb(meshes, {}));
+  const MeshSource whole = read_mesh_source(file, {}), deferred = read_mesh_source(file, {.defer_textures = true});
+  ASSERT_EQ(deferred.meshes.size(), 3U);
+  EXPECT_EQ(deferred.meshes[1].texture, deferred.meshes[2].texture);
+  for (std::size_t k = 0; k < 3; ++k) {
+    const auto& texture = deferred.meshes[k].texture;
+    EXPECT_TRUE(texture->pixels.empty());
+    EXPECT_EQ(texture->width, whole.meshes[k].texture->width);
+    EXPECT_EQ(texture->height, 24);
+    EXPECT_EQ(imaging::with_pixels(texture)->pixels, whole.meshes[k].texture->pixels);
+    EXPECT_EQ(deferred.meshes[k].uv, whole.meshes[k].uv);
+  }
+  std::filesystem::remove(file);
+  EXPECT_THAT(tests::refusal_of([&] { imaging::with_pixels(deferred.meshes[0].texture); }),
+              HasSubstr("a.glb: cannot be read any more"));
 }
 
 TEST_F(MeshFile, GlbIsReadWithItsNodesAndAxis) {

@@ -5,12 +5,15 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <memory>
 #include <numeric>
 #include <unordered_map>
+#include <vector>
 
 #include "tileflight/core/base/srgb.h"
+#include "tileflight/core/imaging/deferred_texture.h"
 #include "tileflight/core/imaging/rectangle_packing.h"
 
 // Notation: a chart is a connected set of triangles of one facing; (s, t) are metres on its plane; a slot is its
@@ -45,19 +48,18 @@ std::array<double, 3> weights_at(const Vec3& p, const Vec3& a, const Vec3& b, co
 
 using TextureColor = std::array<double, 3>;  ///< sRGB, 0..255
 
-imaging::Rgb8 wrapped_texel(const TexturedMesh& mesh, std::int64_t x, std::int64_t y) {
-  const imaging::RgbImage& image = *mesh.texture;
+imaging::Rgb8 wrapped_texel(const TexturedMesh& mesh, const imaging::RgbImage& image, std::int64_t x, std::int64_t y) {
   return image(static_cast<int>(imaging::wrapped_index(x, image.width, mesh.wrap_u)),
                static_cast<int>(imaging::wrapped_index(y, image.height, mesh.wrap_v)));
 }
 
 /// Bilinear interpolation at (x, y) in texels.
-TextureColor bilinear(const TexturedMesh& mesh, double x, double y) {
+TextureColor bilinear(const TexturedMesh& mesh, const imaging::RgbImage& image, double x, double y) {
   const double left = std::floor(x - 0.5), top = std::floor(y - 0.5);
   const double across = x - 0.5 - left, down = y - 0.5 - top;
   const auto column = static_cast<std::int64_t>(left), row = static_cast<std::int64_t>(top);
-  const std::array texels{wrapped_texel(mesh, column, row), wrapped_texel(mesh, column + 1, row),
-                          wrapped_texel(mesh, column, row + 1), wrapped_texel(mesh, column + 1, row + 1)};
+  const std::array texels{wrapped_texel(mesh, image, column, row), wrapped_texel(mesh, image, column + 1, row),
+                          wrapped_texel(mesh, image, column, row + 1), wrapped_texel(mesh, image, column + 1, row + 1)};
   const std::array weights{(1 - across) * (1 - down), across * (1 - down), (1 - across) * down, across * down};
   TextureColor out{};
   for (std::size_t k = 0; k < 4; ++k)
@@ -66,16 +68,17 @@ TextureColor bilinear(const TexturedMesh& mesh, double x, double y) {
 }
 
 /// The texture at half resolution: a mean over two texels across and down.
-TextureColor texture_color(const TexturedMesh& mesh, const Triangle& t, const std::array<double, 3>& weights) {
+TextureColor texture_color(const TexturedMesh& mesh, const imaging::RgbImage& image, const Triangle& t,
+                           const std::array<double, 3>& weights) {
   Eigen::Vector2d uv = Eigen::Vector2d::Zero();
   for (std::size_t k = 0; k < 3; ++k) uv += weights[k] * mesh.uv[t[k]].cast<double>();
   constexpr double kFar = 1e8;
-  const double x = std::clamp(uv.x() * mesh.texture->width, -kFar, kFar);
-  const double y = std::clamp(uv.y() * mesh.texture->height, -kFar, kFar);
+  const double x = std::clamp(uv.x() * image.width, -kFar, kFar);
+  const double y = std::clamp(uv.y() * image.height, -kFar, kFar);
   TextureColor out{};
   for (const double dx : {-0.5, 0.5})
     for (const double dy : {-0.5, 0.5}) {
-      const TextureColor tap = bilinear(mesh, x + dx, y + dy);
+      const TextureColor tap = bilinear(mesh, image, x + dx, y + dy);
       for (std::size_t c = 0; c < 3; ++c) out[c] += tap[c] / 4;
     }
   return out;
@@ -126,28 +129,37 @@ double SurfaceColors::distance_m(std::uint32_t number, const Vec3& place) const 
   return (place - geometry::closest_point_on_triangle(place, v[t[0]], v[t[1]], v[t[2]])).norm();
 }
 
-imaging::Rgb8 SurfaceColors::color(std::uint32_t number, const Vec3& on_surface) const {
-  const TriangleNumbering::TriangleRef at = numbering_(number);
+const std::shared_ptr<const imaging::RgbImage>& SurfaceColors::texture(std::uint32_t triangle) const {
+  return meshes_[numbering_(triangle).mesh]->texture;
+}
+
+bool SurfaceColors::has_deferred_textures() const {
+  return std::ranges::any_of(meshes_, [](const TexturedMesh* mesh) { return imaging::is_deferred(mesh->texture); });
+}
+
+imaging::Rgb8 SurfaceColors::color(std::uint32_t triangle, const Vec3& on_surface,
+                                   const imaging::RgbImage* texture) const {
+  const TriangleNumbering::TriangleRef at = numbering_(triangle);
   const TexturedMesh& mesh = *meshes_[at.mesh];
   const Triangle& t = mesh.mesh.triangles[at.triangle];
   const auto& v = mesh.mesh.vertices;
   const std::array<double, 3> weights = weights_at(on_surface, v[t[0]], v[t[1]], v[t[2]]);
   TextureColor color{255, 255, 255};
-  if (mesh.texture && !mesh.uv.empty()) color = texture_color(mesh, t, weights);
+  if (texture != nullptr && !mesh.uv.empty()) color = texture_color(mesh, *texture, t, weights);
   tint(mesh, t, weights, color);
   imaging::Rgb8 out{};
   for (std::size_t c = 0; c < 3; ++c) out[c] = static_cast<std::uint8_t>(std::clamp(color[c] + 0.5, 0.0, 255.0));
   return out;
 }
 
-imaging::Rgb8 SurfaceColors::CoherentSampler::at(const Vec3& place) {
+geometry::SurfacePoint SurfaceColors::CoherentSampler::nearest(const Vec3& place) {
   // Slightly more than the distance to some triangle: the nearest one is always within it.
   const double radius_m =
       has_last_ ? colors_.distance_m(last_, place) * (1 + 1e-6) + 1e-9 : std::numeric_limits<double>::infinity();
   const geometry::SurfacePoint nearest = *colors_.index_.nearest(place, radius_m);
   has_last_ = true;
   last_ = static_cast<std::uint32_t>(nearest.triangle);
-  return colors_.color(last_, nearest.position);
+  return nearest;
 }
 
 namespace {
@@ -274,31 +286,83 @@ struct TexelOwner {
   Vec3 place = Vec3::Zero();  ///< the triangle's point nearest to the pixel
 };
 
+/// A texel of the sheet whose colour is still to be read.
+struct UnpaintedTexel {
+  static constexpr std::uint32_t kNoPixel = std::numeric_limits<std::uint32_t>::max();
+
+  Vec3 place = Vec3::Zero();       ///< on the colours' surface
+  std::uint32_t triangle = 0;      ///< of that surface
+  std::uint32_t pixel = kNoPixel;  ///< in the sheet
+};
+
+/// Paints texture by texture: each is decoded once, and each thread holds one at a time.
+void paint_by_texture(const SurfaceColors& colors, const std::vector<UnpaintedTexel>& texels,
+                      imaging::RgbImage& sheet) {
+  std::unordered_map<const imaging::RgbImage*, std::vector<std::uint32_t>> texels_of;
+  for (std::uint32_t i = 0; i < texels.size(); ++i) texels_of[colors.texture(texels[i].triangle).get()].push_back(i);
+  std::vector<const std::vector<std::uint32_t>*> groups;
+  for (const auto& [texture, group] : texels_of) groups.push_back(&group);
+  tbb::parallel_for(std::size_t{0}, groups.size(), [&](std::size_t k) {
+    const std::shared_ptr<const imaging::RgbImage>& texture = colors.texture(texels[groups[k]->front()].triangle);
+    const std::shared_ptr<const imaging::RgbImage> decoded = texture ? imaging::with_pixels(texture) : nullptr;
+    for (const std::uint32_t i : *groups[k])
+      sheet.pixels[texels[i].pixel] = colors.color(texels[i].triangle, texels[i].place, decoded.get());
+  });
+}
+
 class SlotPainter {
  public:
   SlotPainter(const TriangleMesh& mesh, const ChartLayout& plan, const FlatChart& chart, std::size_t number)
       : mesh_(mesh), plan_(plan), chart_(chart), number_(number) {}
 
-  void paint(const SurfaceColors& colors, imaging::RgbImage& sheet, imaging::GrayImage& is_painted) {
+  /// `deferred`: takes the texels instead of painting them; null: paints them.
+  void paint(const SurfaceColors& colors, imaging::RgbImage& sheet, imaging::GrayImage& is_painted,
+             std::vector<UnpaintedTexel>* deferred) {
     const int rows = static_cast<int>(std::max<std::int64_t>(1, kBandPixels / size().width));
     for (first_row_ = 0; first_row_ < size().height; first_row_ = end_row_) {
       end_row_ = std::min(size().height, first_row_ + rows);
       owners_.assign(static_cast<std::size_t>(size().width) * static_cast<std::size_t>(end_row_ - first_row_), {});
       for (const std::uint32_t triangle : chart_.triangles) claim(mesh_.triangles[triangle]);
-      paint_band(colors, sheet, is_painted);
+      if (deferred != nullptr)
+        defer_band(colors, sheet, is_painted, *deferred);
+      else
+        paint_band(colors, sheet, is_painted);
     }
   }
 
  private:
   void paint_band(const SurfaceColors& colors, imaging::RgbImage& sheet, imaging::GrayImage& is_painted) const {
     const imaging::PixelPosition at = plan_.packing.positions[number_];
+    for_each_texel(colors, [&](int x, int y, std::uint32_t triangle, const Vec3& place) {
+      sheet(at.x + x, at.y + y) = colors.color(triangle, place, colors.texture(triangle).get());
+      is_painted(at.x + x, at.y + y) = 1;
+    });
+  }
+
+  void defer_band(const SurfaceColors& colors, const imaging::RgbImage& sheet, imaging::GrayImage& is_painted,
+                  std::vector<UnpaintedTexel>& deferred) const {
+    const imaging::PixelPosition at = plan_.packing.positions[number_];
+    std::vector<UnpaintedTexel> band(owners_.size());
+    for_each_texel(colors, [&](int x, int y, std::uint32_t triangle, const Vec3& place) {
+      const auto pixel = static_cast<std::uint32_t>((at.y + y) * sheet.width + at.x + x);
+      band[index(x, y)] = {place, triangle, pixel};
+      is_painted(at.x + x, at.y + y) = 1;
+    });
+    std::ranges::copy_if(band, std::back_inserter(deferred),
+                         [](const UnpaintedTexel& texel) { return texel.pixel != UnpaintedTexel::kNoPixel; });
+  }
+
+  /// Calls `take(x, y, triangle, place)` with the nearest point of the colours' surface, for each pixel of the band
+  /// that shows a triangle, in parallel.
+  template <class Take>
+  void for_each_texel(const SurfaceColors& colors, const Take& take) const {
     tbb::parallel_for(first_row_, end_row_, [&](int y) {
       SurfaceColors::CoherentSampler walk(colors);
       for (int x = 0; x < size().width; ++x) {
         const TexelOwner& owner = owners_[index(x, y)];
         if (owner.distance_px > kPaintGutter_px) continue;
-        sheet(at.x + x, at.y + y) = walk.at(owner.place);
-        is_painted(at.x + x, at.y + y) = 1;
+        const geometry::SurfacePoint nearest = walk.nearest(owner.place);
+        take(x, y, static_cast<std::uint32_t>(nearest.triangle), nearest.position);
       }
     });
   }
@@ -394,10 +458,13 @@ TexturedSurface transfer_colors(const TriangleMesh& surface, const SurfaceColors
   imaging::GrayImage is_painted(plan.packing.size.width, plan.packing.size.height);
   TexturedSurface out;
   out.texel_m = plan.texel_m;
+  const bool defers = colors.has_deferred_textures();
+  std::vector<UnpaintedTexel> deferred;
   for (std::size_t i = 0; i < charts.size(); ++i) {
-    SlotPainter(surface, plan, charts[i], i).paint(colors, *sheet, is_painted);
+    SlotPainter(surface, plan, charts[i], i).paint(colors, *sheet, is_painted, defers ? &deferred : nullptr);
     add_chart(surface, plan, charts[i], i, out.mesh);
   }
+  paint_by_texture(colors, deferred, *sheet);
   fill_unused(is_painted, *sheet);
   out.mesh.texture = sheet;
   out.mesh.wrap_u = out.mesh.wrap_v = imaging::Wrap::kClampToEdge;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "tileflight/core/geometry/triangle_index.h"
@@ -36,7 +37,8 @@ class SurfaceColors {
   class CoherentSampler {
    public:
     explicit CoherentSampler(const SurfaceColors& colors) : colors_(colors) {}
-    imaging::Rgb8 at(const geometry::Vec3& place);
+    /// The nearest point of the surface, whose triangle has the number that color() takes.
+    geometry::SurfacePoint nearest(const geometry::Vec3& place);
 
    private:
     const SurfaceColors& colors_;
@@ -44,9 +46,15 @@ class SurfaceColors {
     std::uint32_t last_ = 0;
   };
 
+  /// Whether some textures are deferred (imaging::with_pixels).
+  bool has_deferred_textures() const;
+  /// The texture at a triangle; null: it has none.
+  const std::shared_ptr<const imaging::RgbImage>& texture(std::uint32_t triangle) const;
+  /// The colour at a point of a triangle. `texture`: the triangle's, with its pixels.
+  imaging::Rgb8 color(std::uint32_t triangle, const geometry::Vec3& on_surface, const imaging::RgbImage* texture) const;
+
  private:
   double distance_m(std::uint32_t number, const geometry::Vec3& place) const;
-  imaging::Rgb8 color(std::uint32_t number, const geometry::Vec3& on_surface) const;
 
   std::vector<const imaging::TexturedMesh*> meshes_;
   TriangleNumbering numbering_;  ///< the numbers that the index uses

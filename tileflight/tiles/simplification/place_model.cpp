@@ -41,7 +41,7 @@ PlaceModel make_place_model(const std::vector<imaging::TexturedMesh>& source, co
 PlaceModel read_place_model(const std::vector<std::filesystem::path>& mesh_glbs, const PlaceModelOptions& options) {
   std::vector<imaging::TexturedMesh> source;
   for (const std::filesystem::path& file : mesh_glbs)
-    std::ranges::move(mesh_files::read_mesh_source(file, {}).meshes, std::back_inserter(source));
+    std::ranges::move(mesh_files::read_mesh_source(file, {.defer_textures = true}).meshes, std::back_inserter(source));
   return make_place_model(source, options);
 }
 

@@ -338,7 +338,11 @@ std::size_t add_meshopt(GltfWriter& writer, const std::vector<unsigned char>& pa
 TEST(DecodeContent, MeshoptSequencesAndTheExponentialFilter) {
   const std::vector<float> positions = {0, 0, 0, 1.5F, 0, 0, 0, -2.25F, 0, 1000, 0.125F, 3};
   std::vector<unsigned char> filtered(positions.size() * 4);
+#if MESHOPTIMIZER_VERSION >= 190
+  meshopt_encodeFilterExp(filtered.data(), 4, 12, 20, positions.data(), meshopt_EncodeExpSharedVector);
+#else
   meshopt_encodeFilterExp(filtered.data(), 4, 12, 20, positions.data());
+#endif
   std::vector<unsigned char> packed(meshopt_encodeVertexBufferBound(4, 12));
   packed.resize(meshopt_encodeVertexBuffer(packed.data(), packed.size(), filtered.data(), 4, 12));
   const std::vector<unsigned int> corners = {2, 1, 0, 3, 1, 2, 0};
@@ -534,11 +538,25 @@ TEST(AlphaModes, OpaqueSurfacesStayAsTheyAre) {
 TEST(AlphaModes, BlendLeavesOutWhatIsWhollyTransparentAndNamesTheRest) {
   const DecodedContent clear = square(kHalfTransparent, {{"alphaMode", "BLEND"}});
   EXPECT_NEAR(area_of(clear), 0.5, 1e-6);
-  EXPECT_TRUE(clear.warnings.empty());
+  EXPECT_THAT(clear.warnings, ElementsAre(HasSubstr("BLEND")));
   EXPECT_FALSE(clear.meshes.at(0).blends) << "what is left is opaque";
   const DecodedContent dim = square(kHalfDim, {{"alphaMode", "BLEND"}});
   EXPECT_NEAR(area_of(dim), 1.0, 1e-6);
   EXPECT_THAT(dim.warnings, ElementsAre(HasSubstr("BLEND")));
+}
+
+/// Also where no texel tells that the mode has an effect, and where textures are not read, as for the ground truth.
+TEST(AlphaModes, BlendIsNamedWhateverDecidesTheOpacity) {
+  for (const bool textures : {true, false}) {
+    for (const char* image : {kHalfTransparent, kHalfDim}) {
+      const DecodedContent blended = square(image, {{"alphaMode", "BLEND"}}, 1.0F, textures);
+      EXPECT_THAT(blended.warnings, ElementsAre(HasSubstr("solid in depth, lidar and ground truth")));
+    }
+    const Json clear = {{"alphaMode", "BLEND"}, {"pbrMetallicRoughness", {{"baseColorFactor", {1, 1, 1, 0}}}}};
+    const DecodedContent none = square(kHalfDim, clear, 1.0F, textures);
+    EXPECT_TRUE(none.meshes.empty());
+    EXPECT_THAT(none.warnings, ElementsAre(HasSubstr("BLEND"), HasSubstr("wholly transparent by their material")));
+  }
 }
 
 /// The image that images blend by: its linear light is the opacity of the texels.

@@ -224,6 +224,7 @@ class MeshBuilder {
     // The least alpha of a texel that is surface, of 255; above 255: none is.
     const double least =
         blends ? (factor > 0.0 ? 1.0 : 256.0) : (factor > 0.0 ? 255.0 * material.alpha_cutoff / factor : 256.0);
+    if (blends) warn_of_blending();
     if (least > 255.0 + 1e-6) {
       warn("surfaces that are wholly transparent by their material are left out");
       geometry.triangles.clear();
@@ -241,26 +242,18 @@ class MeshBuilder {
       if (cell < 0) warn("a texture with transparent parts is repeated too often; its surface is shown whole");
       if (geometry.vertex_count() > options_.limits.max_vertices) spend(geometry, where);
     }
-    if (blends && is_partly_transparent(material, alpha, geometry)) {
-      warn(options_.opacities
-               ? "partly transparent surfaces (alpha mode BLEND) are blended in images and solid in depth and ground "
-                 "truth; wholly transparent parts are left out"
-               : "partly transparent surfaces (alpha mode BLEND) become opaque; wholly transparent parts are left out");
-    }
+  }
+
+  /// Says what becomes of BLEND: images alone can show a surface in part.
+  void warn_of_blending() {
+    warn(
+        options_.opacities
+            ? "surfaces of alpha mode BLEND are blended in images and count as solid in depth, lidar and ground truth; "
+              "their wholly transparent parts are left out"
+            : "surfaces of alpha mode BLEND become opaque; their wholly transparent parts are left out");
   }
 
   static bool is_partial(std::uint8_t alpha) { return alpha > 0 && alpha < 255; }
-
-  static bool is_partly_transparent(const gltf::Material& material, const imaging::GrayImage* alpha,
-                                    const gltf::Geometry& geometry) {
-    if (material.base_color[3] < 1.0F) return true;
-    if (alpha != nullptr && std::ranges::any_of(alpha->pixels, is_partial)) return true;
-    if (geometry.color_components != 4) return false;
-    for (std::size_t i = 3; i < geometry.colors.size(); i += 4) {
-      if (geometry.colors[i] < 1.0F) return true;
-    }
-    return false;
-  }
 
   /// Marks a surface that blends, if any of it is partly transparent.
   void add_opacity(const gltf::Material& material, TexturedMesh& mesh) {
@@ -319,8 +312,9 @@ class MeshBuilder {
       return warn("feature ids in a texture's fourth channel are ignored");
     }
     const gltf::Texture& sampled = document_.textures[features.texture.texture];
-    const gltf::FeatureTexture texture{image_of(sampled, where), sampled.wrap_u, sampled.wrap_v, features.channels};
+    gltf::FeatureTexture texture{image_of(sampled, where), sampled.wrap_u, sampled.wrap_v, features.channels};
     if (!texture.image) return;
+    if (texture.image->empty()) texture.image = read_image(document_.images[*sampled.image], *sampled.image, true);
     const auto transform = features.texture.transform.value_or(gltf::TextureTransform{});
     gltf::assign_features_from_texture(texture, texture_coordinates(geometry.feature_coords, transform), geometry);
   }
@@ -412,10 +406,12 @@ class MeshBuilder {
     return images_[*texture.image] = read_image(document_.images[*texture.image], *texture.image);
   }
 
-  std::shared_ptr<const imaging::RgbImage> read_image(const gltf::Image& image, std::size_t index) {
+  /// `with_pixels`: no stand-in of the receiver's.
+  std::shared_ptr<const imaging::RgbImage> read_image(const gltf::Image& image, std::size_t index,
+                                                      bool with_pixels = false) {
     const std::string where = name_ + ": images[" + std::to_string(index) + "]";
     const auto decode = [&](std::span<const std::byte> bytes) {
-      if (receiver_.decode_image) return receiver_.decode_image(bytes, where);
+      if (receiver_.decode_image && !with_pixels) return receiver_.decode_image(bytes, where);
       return std::make_shared<const imaging::RgbImage>(
           imaging::decode_texture(bytes, where, options_.limits.max_texture_pixels));
     };

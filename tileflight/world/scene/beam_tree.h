@@ -1,7 +1,5 @@
 #pragma once
 
-#include <embree3/rtcore.h>
-
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -10,6 +8,7 @@
 #include <vector>
 
 #include "tileflight/core/imaging/textured_mesh.h"
+#include "tileflight/world/scene/embree.h"
 #include "tileflight/world/scene/embree_tree.h"
 #include "tileflight/world/scene/packets.h"
 

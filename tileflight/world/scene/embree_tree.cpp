@@ -2,7 +2,6 @@
 
 #include <tbb/parallel_for.h>
 
-#include <cstdlib>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -45,8 +44,14 @@ GeometryHandle new_geometry(RTCDevice device, const geometry::TriangleMesh& mesh
 }  // namespace
 
 DeviceHandle new_device() {
-  // Tests choose the instruction set by TILEFLIGHT_EMBREE (isa=sse2): results must not depend on it.
-  auto* const device = rtcNewDevice(std::getenv("TILEFLIGHT_EMBREE"));
+  // By default Embree takes the widest vectors of the processor, of which some have fused operations: last bits would
+  // depend on the processor. Rays take no longer with those that every processor has.
+#ifdef __x86_64__
+  constexpr const char* kSettings = "isa=sse2";
+#else
+  constexpr const char* kSettings = nullptr;
+#endif
+  auto* const device = rtcNewDevice(kSettings);
   if (device == nullptr) throw_embree("no device", nullptr);
   return {device, [](RTCDevice released) { rtcReleaseDevice(released); }};
 }

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <embree3/rtcore.h>
 #include <tbb/task_arena.h>
 
 #include <memory>
@@ -10,6 +9,7 @@
 #include <vector>
 
 #include "tileflight/core/imaging/textured_mesh.h"
+#include "tileflight/world/scene/embree.h"
 
 namespace tileflight::scene {
 

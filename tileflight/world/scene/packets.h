@@ -7,7 +7,7 @@ namespace tileflight::scene {
 
 /// Eight rays and their hits, one per lane, for renderers: the caller fills the rays, Scene::intersect fills the hits.
 /// Everything is relative to Scene::anchor(). Neighbouring rays should be in neighbouring lanes. The layout is that of
-/// Embree's RTCRayHit8, with `nearness` after it, so that no copy is needed.
+/// Embree's RTCRayHit8, with `nearness` after it, so that no copy is needed; `instance_primitive` is Embree 4's.
 struct alignas(32) RayPacket8 {
   static constexpr int kLanes = 8;
   static constexpr std::uint32_t kMiss = 0xFFFFFFFFU;
@@ -27,7 +27,7 @@ struct alignas(32) RayPacket8 {
   float u[8], v[8];                             ///< barycentric weights of corners 1 and 2
   std::uint32_t triangle[8];
   std::uint32_t mesh[8];  ///< kMiss: no hit
-  std::uint32_t instance[8];
+  std::uint32_t instance[8], instance_primitive[8];
   /// Larger for a nearer hit of the same ray, also one in another scene with the same anchor; of equal ones, that of
   /// the lower mesh counts as the nearer. Set for hits only; finer than `far`, which is rounded from it.
   float nearness[8];
@@ -49,6 +49,7 @@ struct alignas(32) RayPacket8 {
     fill(triangle, 0U);
     fill(mesh, kMiss);
     fill(instance, kMiss);
+    fill(instance_primitive, kMiss);
     fill(nearness, 0.0F);
   }
   /// Disables lane `i` for the next query; it will report a miss.

@@ -43,9 +43,6 @@ constexpr float kSlabSlack = 4e-6F;
 /// Surfaces at distances that differ by less than this share of them may be told in another order than their boxes.
 constexpr float kReachSlack = 1e-5F;
 
-constexpr RTCIntersectContextFlags kCoherent = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
-alignas(32) constexpr int kAllPacketLanes[8] = {-1, -1, -1, -1, -1, -1, -1, -1};  // disabled by far limits
-
 std::vector<Eigen::AlignedBox3f> float_boxes(const std::vector<QueriedPart>& parts, const geometry::Vec3& anchor) {
   std::vector<Eigen::AlignedBox3f> boxes(parts.size());
   for (std::size_t i = 0; i < parts.size(); ++i) {
@@ -222,13 +219,6 @@ class PacketTransforms {
   PartTransform transform_;
 };
 
-RTCIntersectContext context_of(RTCIntersectContextFlags flags) {
-  RTCIntersectContext context;
-  rtcInitIntersectContext(&context);
-  context.flags = flags;
-  return context;
-}
-
 }  // namespace
 
 PartQueries::PartQueries(std::vector<QueriedPart> parts, const SceneFrame& frame)
@@ -253,12 +243,11 @@ float PartQueries::slack_at(float x, float y, float z) const {
 
 void PartQueries::intersect(RTCRayHit& query) const {
   RaySlabs slabs = ray_slabs(query.ray, slack_at(query.ray.org_x, query.ray.org_y, query.ray.org_z));
-  RTCIntersectContext context = context_of(RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT);
   tree_.visit_parts(slabs, [&](std::size_t part) {
     RTCRayHit found = query;
     found.hit.geomID = RTC_INVALID_GEOMETRY_ID;
     if (parts_[part].motion) to_part(parts_[part].motion->transform(query.ray.time), found.ray);
-    rtcIntersect1(tree_of(part), &context, &found);
+    find_nearest(tree_of(part), found);
     if (found.hit.geomID == RTC_INVALID_GEOMETRY_ID) return true;
     found.hit.geomID += first_mesh_[part];
     if (!is_better(found.ray.tfar, found.hit.geomID, query.ray.tfar, query.hit.geomID)) return true;
@@ -271,11 +260,10 @@ void PartQueries::intersect(RTCRayHit& query) const {
 
 void PartQueries::test_occlusion(RTCRay& ray) const {
   const RaySlabs slabs = ray_slabs(ray, slack_at(ray.org_x, ray.org_y, ray.org_z));
-  RTCIntersectContext context = context_of(RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT);
   tree_.visit_parts(slabs, [&](std::size_t part) {
     RTCRay own = ray;
     if (parts_[part].motion) to_part(parts_[part].motion->transform(ray.time), own);
-    rtcOccluded1(tree_of(part), &context, &own);
+    find_any(tree_of(part), own);
     ray.tfar = own.tfar;
     return ray.tfar >= 0.0F;
   });
@@ -283,13 +271,12 @@ void PartQueries::test_occlusion(RTCRay& ray) const {
 
 void PartQueries::intersect(RayPacket8& packet) const {
   PacketSlabs slabs = packet_slabs(packet, [this](float x, float y, float z) { return slack_at(x, y, z); });
-  RTCIntersectContext context = context_of(kCoherent);
   tree_.visit_parts(slabs, [&](std::size_t part) {
     RayPacket8 found = packet;
     std::fill_n(found.mesh, RayPacket8::kLanes, RayPacket8::kMiss);
     PacketTransforms transforms(parts_[part].motion.get());
     transforms.to_part(found);
-    rtcIntersect8(kAllPacketLanes, tree_of(part), &context, reinterpret_cast<RTCRayHit8*>(&found));
+    find_nearest(tree_of(part), reinterpret_cast<RTCRayHit8*>(&found));
     for (int i = 0; i < slabs.count; ++i) {
       const int lane = slabs.lanes[i];
       if (found.mesh[lane] == RayPacket8::kMiss) continue;
@@ -305,11 +292,10 @@ void PartQueries::intersect(RayPacket8& packet) const {
 
 void PartQueries::test_occlusion(RayPacket8& packet) const {
   PacketSlabs slabs = packet_slabs(packet, [this](float x, float y, float z) { return slack_at(x, y, z); });
-  RTCIntersectContext context = context_of(kCoherent);
   tree_.visit_parts(slabs, [&](std::size_t part) {
     RayPacket8 own = packet;
     PacketTransforms(parts_[part].motion.get()).to_part(own);
-    rtcOccluded8(kAllPacketLanes, tree_of(part), &context, reinterpret_cast<RTCRay8*>(&own));
+    find_any(tree_of(part), reinterpret_cast<RTCRay8*>(&own));
     std::copy_n(own.far, RayPacket8::kLanes, packet.far);
     slabs.update(packet);
     return true;

@@ -19,7 +19,7 @@
 namespace tileflight::scene {
 
 // RayPacket8 is passed to Embree without conversion.
-static_assert(offsetof(RayPacket8, nearness) == sizeof(RTCRayHit8) && alignof(RayPacket8) == alignof(RTCRayHit8));
+static_assert(offsetof(RayPacket8, nearness) >= sizeof(RTCRayHit8) && alignof(RayPacket8) == alignof(RTCRayHit8));
 static_assert(offsetof(RayPacket8, near) == offsetof(RTCRayHit8, ray.tnear));
 static_assert(offsetof(RayPacket8, direction_x) == offsetof(RTCRayHit8, ray.dir_x));
 static_assert(offsetof(RayPacket8, far) == offsetof(RTCRayHit8, ray.tfar));
@@ -32,8 +32,6 @@ static_assert(RayPacket8::kMiss == RTC_INVALID_GEOMETRY_ID);
 static_assert(offsetof(RTCRayHit8, ray) == 0 && alignof(RTCRay8) <= alignof(RayPacket8));
 
 namespace {
-
-alignas(32) constexpr int kAllLanes[8] = {-1, -1, -1, -1, -1, -1, -1, -1};  // disabled by far limits
 
 RTCRay embree_ray(const Ray& ray, const geometry::Vec3& anchor, double max_distance_m) {
   const geometry::Vec3 origin = ray.origin - anchor;
@@ -242,13 +240,11 @@ void Scene::build_beam_tree() const {
 }
 
 std::optional<Hit> Scene::intersect(const Ray& ray, double max_distance_m) const {
-  RTCIntersectContext context;
-  rtcInitIntersectContext(&context);
   RTCRayHit query{};
   query.ray = embree_ray(ray, impl_->anchor, max_distance_m);
   query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
   if (impl_->is_whole()) {
-    rtcIntersect1(impl_->rays(), &context, &query);
+    find_nearest(impl_->rays(), query);
   } else {
     impl_->queries().intersect(query);
   }
@@ -259,11 +255,9 @@ std::optional<Hit> Scene::intersect(const Ray& ray, double max_distance_m) const
 }
 
 bool Scene::is_occluded(const Ray& ray, double max_distance_m) const {
-  RTCIntersectContext context;
-  rtcInitIntersectContext(&context);
   RTCRay query = embree_ray(ray, impl_->anchor, max_distance_m);
   if (impl_->is_whole()) {
-    rtcOccluded1(impl_->rays(), &context, &query);
+    find_any(impl_->rays(), query);
   } else {
     impl_->queries().test_occlusion(query);
   }
@@ -291,10 +285,7 @@ std::optional<double> Scene::distance_to_surface_m(const geometry::Vec3& point, 
 
 void Scene::intersect(RayPacket8& packet) const {
   if (impl_->is_whole()) {
-    RTCIntersectContext context;
-    rtcInitIntersectContext(&context);
-    context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
-    rtcIntersect8(kAllLanes, impl_->rays(), &context, reinterpret_cast<RTCRayHit8*>(&packet));
+    find_nearest(impl_->rays(), reinterpret_cast<RTCRayHit8*>(&packet));
   } else {
     impl_->queries().intersect(packet);
   }
@@ -319,10 +310,7 @@ void Scene::intersect_moving(std::span<const std::span<RayPacket8>> beams) const
 
 void Scene::test_occlusion(RayPacket8& packet) const {
   if (!impl_->is_whole()) return impl_->queries().test_occlusion(packet);
-  RTCIntersectContext context;
-  rtcInitIntersectContext(&context);
-  context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
-  rtcOccluded8(kAllLanes, impl_->rays(), &context, reinterpret_cast<RTCRay8*>(&packet));
+  find_any(impl_->rays(), reinterpret_cast<RTCRay8*>(&packet));
 }
 
 geometry::Vec3 Scene::position(const Hit& hit) const {

@@ -47,8 +47,12 @@ struct Ray {
 /// same meshes moved to their place within float rounding.
 class Scene {
  public:
-  /// A view of the meshes of all parts, in their order.
+  /// A view of the meshes of all parts, in their order. References to meshes outlive it, which GCC 14 needs to be told.
+#if __has_cpp_attribute(gnu::no_dangling)
+  class [[gnu::no_dangling]] Meshes {
+#else
   class Meshes {
+#endif
    public:
     class Iterator {
      public:

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/imaging/deferred_texture.h"
 #include "tileflight/world/scene/beam_tree.h"
 #include "tileflight/world/scene/embree_tree.h"
 
@@ -29,7 +30,8 @@ void check_attributes(const imaging::TexturedMesh& mesh, const std::string& wher
   const auto finite = [](const Eigen::Vector2f& uv) { return uv.allFinite(); };
   if (!std::ranges::all_of(mesh.uv, finite))
     throw InputError(where, "a texture coordinate is not finite; repair the mesh");
-  if (mesh.texture && mesh.texture->empty()) throw InputError(where, "its texture has no pixels; leave it out");
+  if (mesh.texture && mesh.texture->empty() && !imaging::is_deferred(mesh.texture))
+    throw InputError(where, "its texture has no pixels; leave it out");
 }
 
 void check_mesh(const imaging::TexturedMesh& mesh, std::size_t index) {
