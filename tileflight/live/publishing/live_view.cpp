@@ -299,7 +299,7 @@ LiveView::VehicleChannels LiveView::channels_of(const simulator::ObservedVehicle
   for (const std::string& imu : vehicle.imus)
     channels.imus[imu] = add(root + "/" + imu + "/data_raw", "sensor_msgs/msg/Imu");
   channels.odometry = add(root + "/odometry", "nav_msgs/msg/Odometry");
-  channels.path = add(root + "/path", "nav_msgs/msg/Path");
+  channels.path = sink_->add_channel(ros_channel(root + "/path", "nav_msgs/msg/Path", true));
   channels.gnss = add(root + "/gnss", "sensor_msgs/msg/NavSatFix");
   channels.motion = sink_->add_channel(motion_channel(root + "/motion"));
   return channels;

@@ -103,6 +103,8 @@ TEST_F(Ros2SinkTest, ALiveViewIsSeen) {
   const std::string fixed = messages_.first("/tf_static");
   EXPECT_THAT(fixed, HasSubstr("eye/odom"));
   EXPECT_THAT(fixed, HasSubstr("eye/bottom_center_optical"));
+  subscribe("/eye/path", "nav_msgs/msg/Path", {.is_latched = true});
+  EXPECT_THAT(messages_.first("/eye/path"), HasSubstr("map")) << "a volatile writer is none for this reader";
   view.stop();
 }
 
