@@ -12,6 +12,7 @@
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/hash.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/data/flight_logs/fix_filter.h"
 #include "tileflight/data/flight_logs/telemetry.h"
 #include "tileflight/data/flight_logs/timed_rows.h"
