@@ -38,7 +38,7 @@ class AllStages {
     }
   }
 
-  /// As this build's program gives it.
+  /// Returns the results of this build's program, to which others are compared.
   static SharedResult usual() {
     return {"all-stages", [](const std::filesystem::path& folder) { run(folder, shell_quoted(TILEFLIGHT_BINARY)); }};
   }

@@ -173,7 +173,7 @@ geometry::LocalFrame move_to_local(const tile_writer::Georeference& place, mesh_
   return placement.frame;
 }
 
-// What tiling out of core takes, whatever the mesh: its blocks have a fixed size (LargeMeshLimits).
+// Tiling out of core takes this much of any mesh: its blocks have a fixed size (LargeMeshLimits).
 constexpr std::uintmax_t kApartFromThreads_bytes = 1'200'000'000, kPerThread_bytes = 150'000'000, kFewestThreads = 2;
 constexpr std::uintmax_t kMostOutOfCore_bytes = kApartFromThreads_bytes + kFewestThreads * kPerThread_bytes;
 

@@ -47,7 +47,7 @@ bool is_xml(std::string_view head) {
   return (head.starts_with("\xFF\xFE") || head.starts_with("\xFE\xFF")) && !root_of(head).empty();
 }
 
-/// What `rostopic echo` and `ros2 topic echo` print begins with the message's header.
+/// `rostopic echo` and `ros2 topic echo` print a message's header first.
 bool is_ros_message(std::string_view head) {
   std::string_view text = base::trim(base::strip_byte_order_mark(head));
   if (text.starts_with("---")) text = base::trim(text.substr(3));

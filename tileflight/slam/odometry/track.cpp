@@ -416,7 +416,7 @@ class DatasetTracker {
     return text + "; nothing can be tracked in them";
   }
 
-  /// How to leave blank images out, where they begin or end the flight.
+  /// Returns the options that leave blank images out where they begin or end the flight.
   std::string blank_remedy(const std::vector<BlankImages>& runs) const {
     const std::size_t from = options_.frames.from, every = options_.frames.every;
     std::string range;
