@@ -156,12 +156,12 @@ imaging::GrayImage grown(const imaging::GrayImage& mask, int reach) {
   return out;
 }
 
-double share_of_zeros(const imaging::GrayImage& mask) {
+}  // namespace
+
+double masked_share(const imaging::GrayImage& mask) {
   return static_cast<double>(std::ranges::count(mask.pixels, std::uint8_t{0})) /
          static_cast<double>(std::max<std::size_t>(1, mask.pixels.size()));
 }
-
-}  // namespace
 
 std::vector<ImageSummary> summarize_images(std::size_t count, const ImageReader& read) {
   std::vector<ImageSummary> images(count);
@@ -301,9 +301,9 @@ imaging::GrayImage find_static_pixels(std::size_t count, const ImageReader& read
       if (std::max(across, down) >= kEdge) mask(x, y) = 0;
     }
   }
-  if (share_of_zeros(mask) < kLeastShare) return {};
+  if (masked_share(mask) < kLeastShare) return {};
   mask = grown(mask, std::max(3, width / 100));
-  if (share_of_zeros(mask) > kMostShare) return {};
+  if (masked_share(mask) > kMostShare) return {};
   for (int y = 0; y < height; ++y)
     for (int x = 0; x < width; ++x)
       if (is_known(x, y)) mask(x, y) = 255;

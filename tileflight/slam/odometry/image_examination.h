@@ -51,6 +51,9 @@ struct ImageFault {
 std::optional<ImageFault> find_image_fault(const std::vector<ImageSummary>& images,
                                            const std::function<std::string(std::size_t)>& name_of);
 
+/// Returns the share of an image that a mask covers: of its pixels with 0, 0 to 1.
+double masked_share(const imaging::GrayImage& mask);
+
 /// Returns a mask with 0 where edges stand still throughout the flight while the rest of the image changes (text,
 /// logos, the vehicle), with a margin; empty if there are none, or if most of the image stands still. Edges where
 /// `known` is 0 do not count, and keep 255; empty: all count.

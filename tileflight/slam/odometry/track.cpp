@@ -382,12 +382,6 @@ class DatasetTracker {
     return [this](std::size_t i) { return read_tracked_grey(frames_[false][i], view_); };
   }
 
-  /// The share of an image that a mask covers.
-  static double masked_share(const imaging::GrayImage& mask) {
-    return static_cast<double>(std::ranges::count(mask.pixels, std::uint8_t{0})) /
-           static_cast<double>(std::max<std::size_t>(1, mask.pixels.size()));
-  }
-
   /// The columns and rows of what remedy_images() has masked.
   std::string masked_extent() const {
     int left = masked_.width, right = 0, top = masked_.height, bottom = 0;
