@@ -44,10 +44,11 @@ class AllStages {
   }
 
  private:
-  /// A stereo pair with an inertial unit and every other sensor, in rain and fog.
+  /// A stereo pair with an inertial unit and every other sensor, under sun and sky, in rain and fog.
   static constexpr const char* kRig = R"(cameras:
   - {name: left, camera: camera.yaml}
   - {name: right, camera: camera.yaml, position: [0.4, 0, 0]}
+light: {model: sun-and-sky, time: 2024-06-21T18:00:00Z}
 weather: {rain_mm_per_h: 5, fog_visibility_m: 400}
 sensors:
   imu: {rate_hz: 200}

@@ -53,7 +53,7 @@ INSTANTIATE_TEST_SUITE_P(
         Variant{"CLibraryWithoutFusedOperations",
                 "GLIBC_TUNABLES=glibc.cpu.hwcaps=-AVX512F,-AVX2,-FMA,-FMA4,-AVX2_Usable,-FMA_Usable"},
         Variant{"JpegWithoutVectors", "JSIMD_FORCENONE=1"}, Variant{"FfmpegWithoutVectors", "TILEFLIGHT_FFMPEG=0"},
-        Variant{"BlasOfAnOldProcessor", "OPENBLAS_CORETYPE=Prescott OPENBLAS_NUM_THREADS=1"}),
+        Variant{"OneProcessorAndBlasOfAnOldOne", "OPENBLAS_CORETYPE=Prescott OPENBLAS_NUM_THREADS=1 taskset -c 0"}),
     [](const auto& info) { return std::string(info.param.name); });
 
 /// Another build: for another architecture or system, started as TILEFLIGHT_OTHER_PROGRAM says (docs/trust.md).

@@ -56,13 +56,16 @@ inline std::string error_text(int code) {
 /// A local file's name as a libav* URL, so that names such as "http:x" or "concat:a" are treated as files.
 inline std::string file_url(const std::filesystem::path& file) { return "file:" + file.string(); }
 
+/// Returns the features of the processor that TILEFLIGHT_FFMPEG names (`sse2`, as FFmpeg's -cpuflags; 0: none), by
+/// which tests show that results do not depend on them; nullptr: all that there are.
+inline const char* forced_features() { return std::getenv("TILEFLIGHT_FFMPEG"); }
+
 /// Sets what is the same for the whole process: no logging to stderr, since errors are returned anyway; and the
-/// features of the processor that TILEFLIGHT_FFMPEG names (`sse2`, as FFmpeg's -cpuflags), by which tests show that
-/// results do not depend on them.
+/// processor's features that may be used.
 inline void set_process_wide() {
   av_log_set_level(AV_LOG_QUIET);
   [[maybe_unused]] static const bool kForced = [] {
-    const char* const names = std::getenv("TILEFLIGHT_FFMPEG");
+    const char* const names = forced_features();
     unsigned features = 0;
     if (names == nullptr || av_parse_cpu_caps(&features, names) < 0) return false;
     av_force_cpu_flags(static_cast<int>(features));

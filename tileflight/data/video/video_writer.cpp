@@ -1,5 +1,6 @@
 #include <cmath>
 #include <stdexcept>
+#include <string>
 
 extern "C" {
 #include <libavutil/opt.h>
@@ -83,7 +84,9 @@ void VideoWriter::Impl::set_compression(AVCodecID id, const VideoCompression& ra
     av_opt_set(codec->priv_data, "preset", "veryfast", 0);
     // Otherwise x264 uses different code on different processors, and its AVX-512 code (of macroblock-tree rate
     // control) depends on uninitialized memory.
-    av_opt_set(codec->priv_data, "x264-params", "cpu-independent=1", 0);
+    const char* const features = libav::forced_features();
+    av_opt_set(codec->priv_data, "x264-params",
+               ("cpu-independent=1" + (features == nullptr ? "" : std::string(":asm=") + features)).c_str(), 0);
   }
   if (rate.megabits_per_s > 0.0) {
     codec->bit_rate = std::llround(1e6 * rate.megabits_per_s);
