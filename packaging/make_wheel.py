@@ -3,8 +3,9 @@
 
     make_wheel.py PACKAGE VERSION OUT
 
-PACKAGE is the folder `tileflight` with everything in it (bundle.py); its modules `_core.cpython-311-….so` and so on decide the
-tags. Prints the wheel's name. The same files give the same bytes.
+PACKAGE is the folder `tileflight` with everything in it (bundle.py); its modules `_core.cpython-311-….so` and so on decide which
+Python versions it requires. The file's name allows every Python 3, so that pip names the versions to those who have another one.
+Prints the wheel's name. The same files give the same bytes.
 """
 
 import base64
@@ -20,12 +21,12 @@ PLATFORM = "manylinux_2_36_x86_64"
 def main() -> None:
     package, version, out = pathlib.Path(sys.argv[1]), sys.argv[2], pathlib.Path(sys.argv[3])
     checkout = pathlib.Path(__file__).parents[1]
-    pythons = sorted(re.search(r"cpython-(\d+)", file.name)[1] for file in package.glob("_core.cpython-*.so"))
-    if not pythons:
+    minors = sorted(int(re.search(r"cpython-3(\d+)", file.name)[1]) for file in package.glob("_core.cpython-3*.so"))
+    if not minors:
         sys.exit(f"make_wheel.py: {package} holds no module")
-    named = [f"3.{python[1:]}" for python in pythons]
+    required = [f">=3.{minors[0]}", f"<3.{minors[-1] + 1}"] + [f"!=3.{minor}.*" for minor in range(minors[0], minors[-1]) if minor not in minors]
     setup = (checkout / "setup.py").read_text()
-    tag = ".".join(f"cp{python}" for python in pythons)
+    tag = f"py3-none-{PLATFORM}"
     information = f"tileflight-{version}.dist-info"
     files = {f"tileflight/{file.relative_to(package)}": file for file in sorted(package.rglob("*"))
              if file.is_file() and "__pycache__" not in file.parts}
@@ -33,17 +34,17 @@ def main() -> None:
         f"{information}/METADATA":
             f"Metadata-Version: 2.1\nName: tileflight\nVersion: {version}\nLicense: Apache-2.0\n"
             f"Summary: {re.search('description=.(.*).,', setup)[1]}\n"
-            + "".join(f"Classifier: Programming Language :: Python :: {name}\n" for name in named)
-            + f"Requires-Python: >={named[0]}\nRequires-Dist: numpy\nDescription-Content-Type: text/markdown\n\n"
+            + "".join(f"Classifier: Programming Language :: Python :: 3.{minor}\n" for minor in minors)
+            + f"Requires-Python: {','.join(required)}\nRequires-Dist: numpy\nDescription-Content-Type: text/markdown\n\n"
             + (checkout / "README.md").read_text(),
         f"{information}/WHEEL":
             "Wheel-Version: 1.0\nGenerator: tileflight packaging/make_wheel.py\nRoot-Is-Purelib: false\n"
-            + "".join(f"Tag: cp{python}-cp{python}-{PLATFORM}\n" for python in pythons),
+            f"Tag: {tag}\n",
         f"{information}/entry_points.txt": "[console_scripts]\ntileflight = tileflight.__main__:main\n",
         f"{information}/LICENSE": (checkout / "LICENSE").read_text(),
     }
     record = ""
-    wheel = out / f"tileflight-{version}-{tag}-{tag}-{PLATFORM}.whl"
+    wheel = out / f"tileflight-{version}-{tag}.whl"
     with zipfile.ZipFile(wheel, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
         for name, source in [*files.items(), *made.items()]:
             data = source.encode() if isinstance(source, str) else source.read_bytes()
