@@ -1,3 +1,4 @@
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <sstream>
@@ -5,7 +6,9 @@
 #include "command.h"
 #include "input_options.h"
 #include "number_text.h"
+#include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/output_folder.h"
+#include "tileflight/core/base/text_parsing.h"
 #include "tileflight/evaluation/scoring/evaluate_trajectories.h"
 #include "tileflight/experiments/experiment/stage_options.h"
 #include "tileflight/experiments/report/report.h"
@@ -23,7 +26,8 @@ struct EvaluateOptions {
   std::string settings_file;  ///< replaces `settings`; empty: none
   std::string alignment = "sim3";
   metrics::TrajectoryOptions trajectory;
-  double time_offset_s = 0.0;
+  std::string time_offset = "0";
+  std::vector<double> lever_arm{0.0, 0.0, 0.0};
   bool report = false;
 };
 
@@ -126,8 +130,17 @@ std::string trajectories_text(const EvaluateOptions& options, const json& metric
 }
 
 Output evaluate_paths(const EvaluateOptions& options) {
-  scoring::TrajectoryScoring scoring{
-      .truth = options.truth_trajectory, .options = options.trajectory, .time_offset_s = options.time_offset_s};
+  scoring::TrajectoryScoring scoring{.estimates = {},
+                                     .truth = options.truth_trajectory,
+                                     .options = options.trajectory,
+                                     .time_offset_s = std::nullopt,
+                                     .lever_arm_m = Eigen::Map<const geometry::Vec3>(options.lever_arm.data())};
+  if (options.time_offset != "auto") {
+    const std::optional<double> offset_s = base::parse_number<double>(options.time_offset);
+    if (!offset_s || !std::isfinite(*offset_s))
+      throw InputError("--time-offset", "is a number of seconds, or auto, not " + options.time_offset);
+    scoring.time_offset_s = *offset_s;
+  }
   for (const std::string& file : options.trajectories) scoring.estimates.emplace_back(file);
   using Alignment = metrics::TrajectoryAlignment;
   scoring.options.alignment = options.alignment == "sim3"  ? Alignment::kSim3
@@ -165,8 +178,8 @@ void check_map_usage(const GivenOptions& given, const EvaluateOptions& options) 
     if (!given(name)) throw CLI::ValidationError(name, "is required with MAP");
   if (options.trajectories.size() > 1)
     throw CLI::ValidationError("--trajectory", "a map has one; several are scored without MAP");
-  if (const auto name = given.first_of(
-          {"--alignment", "--max-time-difference", "--time-offset", "--rpe-metres", "--rpe-frames", "--report"}))
+  if (const auto name = given.first_of({"--alignment", "--max-time-difference", "--time-offset", "--lever-arm",
+                                        "--rpe-metres", "--rpe-frames", "--report"}))
     throw CLI::ValidationError(*name, "is for trajectories alone, without MAP");
 }
 
@@ -206,14 +219,21 @@ void add_trajectory_part(CLI::App& command, EvaluateOptions& options) {
                      "estimated poses: with MAP those in the map's frame (TUM; default: the odometry folder's), "
                      "without MAP one or more files (TUM, EuRoC, KITTI)");
   command.add_option("--truth-trajectory", options.truth_trajectory,
-                     "true poses: a file, or a dataset folder (required without MAP)");
+                     "true poses: a file, or a dataset folder (required without MAP); for a trajectory alone also a "
+                     "receiver's positions: a flight log, a video with telemetry, a folder of photos, a dataset");
   command.add_option("--alignment", options.alignment, "of each trajectory to the truth (default sim3)")
       ->check(CLI::IsMember({"sim3", "se3", "none"}));
   command
       .add_option("--max-time-difference", options.trajectory.max_time_difference_s,
                   "between an estimated and a true pose that are compared, seconds (default 0.01)")
       ->check(CLI::PositiveNumber);
-  command.add_option("--time-offset", options.time_offset_s, "added to the times of the estimates, seconds");
+  command.add_option("--time-offset", options.time_offset,
+                     "added to the times of the estimates, seconds; auto: estimated, for a receiver's positions");
+  command
+      .add_option("--lever-arm", options.lever_arm,
+                  "of the receiver's antenna in the camera, metres right,down,forward (default 0,0,0)")
+      ->delimiter(',')
+      ->expected(3);
   command.add_option("--rpe-metres", options.trajectory.rpe_deltas_m, "path lengths of the RPE (default 1,10,50)")
       ->delimiter(',')
       ->check(CLI::PositiveNumber);

@@ -59,6 +59,7 @@ struct ScoredTrajectory {
   TrajectoryMetrics metrics;
   std::optional<double> best_scale;  ///< of the Sim(3) alignment, where another one was asked for
   std::string misread;               ///< of find_misread_rotations()
+  std::optional<ReceiverScore> receiver;
 };
 
 /// The poses as they are if the file has the quaternion's w at the other end than where it was read.
@@ -110,19 +111,22 @@ ScoredTrajectory score_file(const fs::path& file, const std::string& name, const
                             const TrajectoryScoring& scoring) {
   TrajectoryFile estimate = geometry::read_trajectory(file);
   TrajectoryOptions options = scoring.options;
+  if (!scoring.time_offset_s)
+    throw InputError("--time-offset", "auto needs a receiver's positions as truth; give the offset in seconds");
   if (!estimate.has_times() || !truth.has_times()) {
     options.pairing = metrics::TrajectoryPairing::kByIndex;
     if (scoring.time_offset_s != 0.0)
       throw InputError((truth.has_times() ? file : scoring.truth).string(),
                        "KITTI poses have no times, so there is no time offset");
   }
-  estimate = shifted(std::move(estimate), scoring.time_offset_s);
+  estimate = shifted(std::move(estimate), *scoring.time_offset_s);
   try {
     ScoredTrajectory scored{.name = name,
                             .poses = metrics::pair_and_align(estimate.trajectory, truth.trajectory, options),
                             .metrics = {},
                             .best_scale = scale_by_sim3(estimate, truth, options),
-                            .misread = {}};
+                            .misread = {},
+                            .receiver = {}};
     scored.metrics = metrics::score_trajectory(scored.poses, options);
     scored.misread = find_misread_rotations(estimate.trajectory, truth.trajectory, scored.poses, options);
     return scored;
@@ -131,15 +135,41 @@ ScoredTrajectory score_file(const fs::path& file, const std::string& name, const
   }
 }
 
+ScoredTrajectory score_by_positions(const fs::path& file, const std::string& name, const ReceiverTruth& truth,
+                                    const TrajectoryScoring& scoring) {
+  const TrajectoryFile estimate = geometry::read_trajectory(file);
+  if (!estimate.has_times())
+    throw InputError(file.string(), "KITTI poses have no times, by which a receiver's positions are compared");
+  const ReceiverScoring by{.time_offset_s = scoring.time_offset_s, .lever_arm_m = scoring.lever_arm_m};
+  ReceiverScore score = score_by_receiver(estimate.trajectory, truth, scoring.options.alignment, by, name);
+  PairedTrajectories poses = score.poses;
+  TrajectoryMetrics metrics = metrics::score_trajectory(poses, scoring.options);
+  return {.name = name,
+          .poses = std::move(poses),
+          .metrics = std::move(metrics),
+          .best_scale = std::nullopt,
+          .misread = {},
+          .receiver = std::move(score)};
+}
+
+/// A receiver measures no rotations: their errors are null.
+void remove_rotations(json& metrics) {
+  for (const char* list : {"rpe", "rpe_frames"}) {
+    for (json& one : metrics[list])
+      for (const char* key : {"rotation_rmse_deg", "rotation_deg"}) one[key] = nullptr;
+  }
+  metrics["drift"]["rotation_deg_per_m"] = nullptr;
+}
+
 std::string percent(double share) { return std::to_string(static_cast<int>(std::floor(100.0 * share))) + " %"; }
 
 /// Returns the warnings about the scores of a trajectory.
 Warnings warnings_about(const ScoredTrajectory& scored) {
   constexpr double kFewPaired = 0.5, kPartOfTime = 0.9, kScaleOff = 0.1;
   const TrajectoryMetrics& m = scored.metrics;
-  Warnings warnings;
+  Warnings warnings = scored.receiver ? scored.receiver->warnings : Warnings();
   const double paired = static_cast<double>(m.poses) / static_cast<double>(std::min(m.estimated_poses, m.true_poses));
-  if (paired < kFewPaired) {
+  if (paired < kFewPaired && !scored.receiver) {
     warnings.push_back({std::to_string(m.poses) + " pairs of " + std::to_string(m.estimated_poses) + " estimated and " +
                             std::to_string(m.true_poses) + " true poses: most have none of the other at their time",
                         scored.name, Severity::kWarning, "check the clocks (--time-offset, --max-time-difference)"});
@@ -188,15 +218,18 @@ json series_of(const ScoredTrajectory& scored) {
           {"estimate", estimate},
           {"error", error},
           {"step_translation", steps.translation_m},
-          {"step_rotation_deg", steps.rotation_deg}};
+          {"step_rotation_deg", scored.receiver ? json::array() : json(steps.rotation_deg)}};
 }
 
-json metrics_json(const std::vector<ScoredTrajectory>& all) {
-  Warnings warnings;
+json metrics_json(const std::vector<ScoredTrajectory>& all, const TrajectoryScoring& scoring, Warnings warnings) {
   json list = json::array();
   for (const ScoredTrajectory& scored : all) {
     json one = metrics::to_json(scored.metrics);
     one["name"] = scored.name;
+    if (scored.receiver) {
+      remove_rotations(one);
+      one["receiver"] = to_json(*scored.receiver, {scoring.time_offset_s, scoring.lever_arm_m});
+    }
     list.push_back(std::move(one));
     for (Warning& warning : warnings_about(scored)) warnings.push_back(std::move(warning));
   }
@@ -219,11 +252,21 @@ fs::path trajectory_errors_file(const fs::path& metrics_json) {
 
 json evaluate_trajectories(const TrajectoryScoring& scoring, const fs::path& out) {
   const std::vector<std::string> names = names_of(scoring.estimates);
-  const TrajectoryFile truth = read_true_trajectory(scoring.truth);
+  const std::optional<ReceiverTruth> receiver = read_receiver_truth(scoring.truth);
+  const TrajectoryFile truth = receiver ? TrajectoryFile() : read_true_trajectory(scoring.truth);
+  if (!receiver && !scoring.lever_arm_m.isZero())
+    throw InputError("--lever-arm", "is for a receiver's positions; true poses are those of the camera");
   std::vector<ScoredTrajectory> all;
-  for (std::size_t i = 0; i < names.size(); ++i)
-    all.push_back(score_file(scoring.estimates[i], names[i], truth, scoring));
-  const json metrics = metrics_json(all);
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    all.push_back(receiver ? score_by_positions(scoring.estimates[i], names[i], *receiver, scoring)
+                           : score_file(scoring.estimates[i], names[i], truth, scoring));
+  }
+  Warnings of_truth;
+  if (receiver) {
+    for (const std::string& text : receiver->warnings)
+      of_truth.push_back({text, scoring.truth.filename().string(), Severity::kNote, ""});
+  }
+  const json metrics = metrics_json(all, scoring, std::move(of_truth));
   json series = json::array();
   for (const ScoredTrajectory& scored : all) series.push_back(series_of(scored));
   const json errors = {{"alignment", metrics::name_of(scoring.options.alignment)},

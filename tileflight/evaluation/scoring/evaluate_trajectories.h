@@ -2,18 +2,22 @@
 
 #include <filesystem>
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <vector>
 
 #include "tileflight/evaluation/metrics/metrics.h"
+#include "tileflight/evaluation/scoring/receiver_truth.h"
 
 namespace tileflight::scoring {
 
 /// Estimated trajectories, without any map, and how they are compared with the true one.
 struct TrajectoryScoring {
   std::vector<std::filesystem::path> estimates;  ///< TUM, EuRoC or KITTI files (geometry::read_trajectory)
-  std::filesystem::path truth;                   ///< likewise, or a dataset folder with true poses
+  std::filesystem::path truth;                   ///< likewise, a dataset folder, or what read_receiver_truth() reads
   metrics::TrajectoryOptions options;            ///< the pairing is set from the files
-  double time_offset_s = 0.0;                    ///< added to the times of the estimates
+  /// Added to the times of the estimates; nullopt: estimated, which needs a receiver's positions as truth.
+  std::optional<double> time_offset_s = 0.0;
+  geometry::Vec3 lever_arm_m = geometry::Vec3::Zero();  ///< of the receiver's antenna in the camera
 };
 
 /// The file in which evaluate_trajectories() stores the aligned poses with their errors, for the report.

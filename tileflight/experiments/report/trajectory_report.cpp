@@ -92,7 +92,8 @@ ComparedPath read_path(const json& object, std::size_t index, const std::string&
   path.distance_m = numbers_of(object, "distance", poses, file);
   path.error_m = numbers_of(object, "error", poses, file);
   path.step_m = numbers_of(object, "step_translation", poses - 1, file);
-  path.step_deg = numbers_of(object, "step_rotation_deg", poses - 1, file);
+  const bool has_rotations = !object.value("step_rotation_deg", json()).empty();  // a receiver measures none
+  path.step_deg = numbers_of(object, "step_rotation_deg", has_rotations ? poses - 1 : 0, file);
   path.truth = positions_of_key(object, "truth", poses, file);
   path.estimate = positions_of_key(object, "estimate", poses, file);
   return path;
@@ -254,17 +255,22 @@ std::vector<Figure> error_figures(const ScoredPaths& scored) {
   };
   const std::string distance = "distance from the true pose, " + unit.name;
   const std::string peaks = " Of more than 600 poses the largest of each group is drawn.";
-  return {error_chart(scored, "error-over-time", chart("Error over time", time, distance),
-                      "Distance of each aligned pose from the true one (ATE) over time." + peaks, by_time, error),
-          error_chart(scored, "error-over-distance",
-                      chart("Error over distance", "distance along the true path, m", distance),
-                      "The same over the distance travelled along the true path.", flown, error),
-          error_chart(scored, "relative-translation",
-                      chart("Relative error, translation", time, "error of one step, " + step_unit.name),
-                      "Error of the motion from each pose to the next (RPE over one frame), translation." + peaks,
-                      step_time, step_error),
-          error_chart(scored, "relative-rotation", chart("Relative error, rotation", time, "error of one step, °"),
-                      "The same, rotation.", step_time, [](const ComparedPath& path) { return path.step_deg; })};
+  std::vector<Figure> figures{
+      error_chart(scored, "error-over-time", chart("Error over time", time, distance),
+                  "Distance of each aligned pose from the true one (ATE) over time." + peaks, by_time, error),
+      error_chart(scored, "error-over-distance",
+                  chart("Error over distance", "distance along the true path, m", distance),
+                  "The same over the distance travelled along the true path.", flown, error),
+      error_chart(scored, "relative-translation",
+                  chart("Relative error, translation", time, "error of one step, " + step_unit.name),
+                  "Error of the motion from each pose to the next (RPE over one frame), translation." + peaks,
+                  step_time, step_error)};
+  if (std::ranges::none_of(scored.paths, [](const ComparedPath& path) { return path.step_deg.empty(); })) {
+    figures.push_back(
+        error_chart(scored, "relative-rotation", chart("Relative error, rotation", time, "error of one step, °"),
+                    "The same, rotation.", step_time, [](const ComparedPath& path) { return path.step_deg; }));
+  }
+  return figures;
 }
 
 /// Extent of the points with a margin, of any size: trajectories may be of a hand's breadth.

@@ -49,14 +49,14 @@ FocalSegment reversed(const FocalSegment& segment, std::int64_t last) {
   return result;
 }
 
-void FocalChangeRecord::follow(std::int64_t frame, double time_s,
+bool FocalChangeRecord::follow(std::int64_t frame, double time_s,
                                const std::shared_ptr<const keyframes::Pyramid>& pyramid,
                                const geometry::SE3& T_camera_map, const keyframes::Lens& lens,
                                const keyframes::RayTable& rays) {
   const Image image{frame, time_s, T_camera_map};
   if (images_.empty()) {
     begin(image, pyramid, lens, rays);
-    return;
+    return true;
   }
   const auto found = find_corners_in(*pyramid);
   const auto left = static_cast<std::size_t>(std::ranges::count_if(found, [](const auto& p) { return p.has_value(); }));
@@ -68,9 +68,23 @@ void FocalChangeRecord::follow(std::int64_t frame, double time_s,
   }
   const bool goes_on = joins && static_cast<double>(left) >= kShareLeft * static_cast<double>(corners_.size()) &&
                        images_.size() < kMostImages;
-  if (goes_on) return;
+  if (goes_on) return false;
   end();
   begin(image, pyramid, lens, rays);
+  return true;
+}
+
+std::vector<Eigen::Vector2f> FocalChangeRecord::first_corners() const {
+  std::vector<Eigen::Vector2f> pixels;
+  for (const Corner& corner : corners_) pixels.push_back(*corner.pixels.front());
+  return pixels;
+}
+
+std::vector<std::vector<RigTurnFit>> FocalChangeRecord::rig_turns() const {
+  if (views_.empty()) return rig_turns_;
+  FocalChangeRecord ended = *this;
+  ended.end();
+  return ended.rig_turns_;
 }
 
 void FocalChangeRecord::begin(const Image& image, const std::shared_ptr<const keyframes::Pyramid>& pyramid,
@@ -78,6 +92,7 @@ void FocalChangeRecord::begin(const Image& image, const std::shared_ptr<const ke
   images_ = {image};
   lens_ = lens;
   corners_.clear();
+  views_.clear();
   for (const Eigen::Vector2f& pixel : initialization::find_corners(*pyramid, rays, kCorners)) {
     const auto ray = lens.unproject(pixel.cast<double>());
     if (ray) corners_.push_back({*ray, {pixel}});
@@ -105,8 +120,11 @@ void FocalChangeRecord::end() {
   std::vector<std::size_t> chosen;
   for (std::size_t i = 1; i <= count; ++i) chosen.push_back(i * last / count);
   std::vector<initialization::CornerTrack> tracks;
-  for (const Corner& corner : corners_) {
+  std::vector<std::size_t> tracked;  // corner of each track
+  for (std::size_t i = 0; i < corners_.size(); ++i) {
+    const Corner& corner = corners_[i];
     if (!corner.pixels.back()) continue;
+    tracked.push_back(i);
     initialization::CornerTrack track{corner.ray, {}};
     for (const std::size_t k : chosen) track.pixels.emplace_back(corner.pixels[k]->cast<double>());
     tracks.push_back(std::move(track));
@@ -116,6 +134,7 @@ void FocalChangeRecord::end() {
   if (tracks.size() < kFewestTracks || !(baseline > 0.0)) return;
   T_last_first.translation /= baseline;
   const auto bundle = initialization::bundle_adjust(lens_, tracks, chosen.size(), T_last_first, kIterations);
+  fit_turns(tracked, bundle.rho, baseline);
   const auto fit = initialization::fit_focal_change(lens_, tracks, bundle, kIterations);
   if (!fit) return;
   FocalSegment segment{.images = {{images_.front().frame, images_.front().time_s, 0.0, 0.0}},
@@ -124,6 +143,26 @@ void FocalChangeRecord::end() {
   for (std::size_t k = 0; k < chosen.size(); ++k)
     segment.images.push_back({images_[chosen[k]].frame, images_[chosen[k]].time_s, fit->log_change[k], fit->sigma[k]});
   segments_.push_back(std::move(segment));
+}
+
+/// `corners`: of each inverse distance; `motion_m`: between the first image and the last.
+void FocalChangeRecord::fit_turns(const std::vector<std::size_t>& corners, const std::vector<double>& rho,
+                                  double motion_m) {
+  // Distances by a motion that is not longer than the rig are hardly better than the rig's, and their errors would look
+  // like a turn.
+  constexpr double kLeastMotion = 2.0;
+  const double pixel_rad = 1.0 / lens_.focal_px();
+  rig_turns_.resize(std::max(rig_turns_.size(), views_.size()));
+  for (std::size_t camera = 0; camera < views_.size(); ++camera) {
+    const OtherView& view = views_[camera];
+    if (view.rays.empty() || motion_m < kLeastMotion * view.centre.norm()) continue;
+    std::vector<RigCorner> seen;
+    for (std::size_t k = 0; k < corners.size(); ++k) {
+      const auto& other = view.rays[corners[k]];
+      if (other && rho[k] > 0.0) seen.push_back({corners_[corners[k]].ray, rho[k], *other});
+    }
+    if (const auto fit = fit_rig_turn(seen, view.centre, pixel_rad)) rig_turns_[camera].push_back(*fit);
+  }
 }
 
 }  // namespace tileflight::odometry

@@ -107,8 +107,11 @@ void FrameTracker::follow(TrackingState& state, const InputFrame& frame,
     if (is_keyframe) global = InputFrame{frame.index, frame.time_s, frame.exposure_ms, rectify(frame.image)};
   }
   time_stage(log_.cpu_time.focal_changes, [&] {
-    log_.focal_changes.follow(frame.index, frame.time_s, pyramid, state.last.T_camera_map,
-                              preprocessor_.lens().lenses[0], preprocessor_.lens().rays[0]);
+    const bool begins = log_.focal_changes.follow(frame.index, frame.time_s, pyramid, state.last.T_camera_map,
+                                                  preprocessor_.lens().lenses[0], preprocessor_.lens().rays[0]);
+    if (begins && !preprocessor_.stereo().empty())
+      log_.focal_changes.set_other_views(
+          preprocessor_.other_views(frame, *pyramid, log_.focal_changes.first_corners()));
   });
   if (is_keyframe) {
     make_keyframe(state, global ? *global : frame, std::move(pyramid), brightness, alignment);

@@ -150,6 +150,20 @@ struct RigFit {
   double behind_share = 0.0;  ///< of the corners with parallax: how many would be behind the cameras
 };
 
+/// How another camera of a rig is turned against its calibration, by corners whose distances the motion shows.
+struct RigTurn {
+  int segments = 0;                                  ///< of the flight, each with its own scale
+  geometry::Vec3 turn_rad = geometry::Vec3::Zero();  ///< of the camera's rays, in the reference camera's axes
+  geometry::Mat3 covariance_rad2 = geometry::Mat3::Zero();
+  geometry::Vec3 parallax_axis = geometry::Vec3::UnitY();  ///< a turn about it moves corners as another distance does
+  double parallax_rad = 0.0;  ///< median of the angles by which the rig's baseline moves the corners
+
+  double along_parallax_rad() const { return turn_rad.dot(parallax_axis); }
+  double along_parallax_sigma_rad() const;
+  /// Share by which the rig makes distances of the median too large; below 0: too small.
+  double distance_error() const { return along_parallax_rad() / parallax_rad; }
+};
+
 /// Statistics of the images of another camera of the rig.
 struct OtherCameraResult {
   std::string name;
@@ -162,6 +176,7 @@ struct OtherCameraResult {
   std::int64_t frames_after_last = 0;  ///< all frames after that one
   std::optional<RigFit> fit;  ///< the one with the median rotation of up to three instants; none if too few corners are
                               ///< seen by both cameras
+  std::optional<RigTurn> turn;  ///< none where no segment of the flight shows distances by motion
 };
 
 /// Result of static stereo.

@@ -208,6 +208,7 @@ StereoResult OdometryPipeline::stereo_result() const {
     std::ranges::sort(fits, {}, &RigFit::rotation_rad);
     return fits.empty() ? std::nullopt : std::optional(fits[fits.size() / 2]);
   };
+  const std::vector<std::vector<RigTurnFit>> turns = log_.focal_changes.rig_turns();
   for (std::size_t c = 0; c < cameras.size(); ++c) {
     const mapping::StereoRecord& record = mapper_.stereo_records()[c];
     result.cameras.push_back(
@@ -220,7 +221,8 @@ StereoResult OdometryPipeline::stereo_result() const {
              record.searched > 0 ? static_cast<double>(record.found) / static_cast<double>(record.searched) : 0.0,
          .last_frame = log_.other_images[c].last,
          .frames_after_last = log_.other_images[c].since_last,
-         .fit = median_fit(log_.other_images[c].fits)});
+         .fit = median_fit(log_.other_images[c].fits),
+         .turn = c < turns.size() ? join_rig_turns(turns[c]) : std::nullopt});
   }
   return result;
 }

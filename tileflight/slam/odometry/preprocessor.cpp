@@ -47,4 +47,18 @@ keyframes::AffineBrightness Preprocessor::brightness_prior(const InputFrame& fra
   return {is_brightness_known(frame) ? std::log(frame.exposure_ms) : 0.0, 0.0};
 }
 
+std::vector<OtherView> Preprocessor::other_views(const InputFrame& frame, const keyframes::Pyramid& own,
+                                                 const std::vector<Eigen::Vector2f>& corners) {
+  const std::vector<keyframes::StereoPicture> pictures = stereo_pictures(frame);
+  const std::vector<keyframes::StereoCamera> cameras = stereo_.stereo_cameras();
+  std::vector<OtherView> views(cameras.size());
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    const geometry::SE3& T = cameras[c].T_stereo_reference;
+    views[c].centre = T.rotation.conjugate() * T.translation;
+    if (c < pictures.size() && pictures[c].pyramid)
+      views[c].rays = find_in_other_camera(lens_, own, cameras[c], pictures[c].pyramid->levels[0], corners);
+  }
+  return views;
+}
+
 }  // namespace tileflight::odometry

@@ -10,6 +10,7 @@
 #include "tileflight/slam/keyframes/pyramid.h"
 #include "tileflight/slam/keyframes/rolling_shutter.h"
 #include "tileflight/slam/odometry/odometry.h"
+#include "tileflight/slam/odometry/rig_turn.h"
 #include "tileflight/slam/odometry/stereo_input.h"
 #include "tileflight/slam/tracking/tracker.h"
 
@@ -39,6 +40,9 @@ class Preprocessor {
   std::vector<keyframes::StereoPicture> stereo_pictures(const InputFrame& frame) {
     return stereo_.pictures(frame, photometric_.has_value());
   }
+  /// Where the rig's other cameras see corners of the reference camera's image, by camera.
+  std::vector<OtherView> other_views(const InputFrame& frame, const keyframes::Pyramid& own,
+                                     const std::vector<Eigen::Vector2f>& corners);
   const StereoInput& stereo() const { return stereo_; }
   /// Pyramid of the image rectified to a global shutter.
   std::shared_ptr<const keyframes::Pyramid> rectify(const keyframes::Pyramid& pyramid,

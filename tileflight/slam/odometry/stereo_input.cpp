@@ -42,21 +42,6 @@ keyframes::Pyramid turned_picture(const keyframes::LensPyramid& lens, const keyf
   return keyframes::build_pyramid(std::move(image), static_cast<int>(own.levels.size()));
 }
 
-std::vector<RayMatch> match_corners(const keyframes::LensPyramid& lens, const keyframes::Pyramid& own,
-                                    const keyframes::Pyramid& turned) {
-  constexpr int kCorners = 400;
-  const std::vector<Eigen::Vector2f> corners = initialization::find_corners(own, lens.rays[0], kCorners);
-  const auto found = initialization::track_corners(own, turned, corners);
-  std::vector<RayMatch> matches;
-  for (std::size_t i = 0; i < corners.size(); ++i) {
-    if (!found[i]) continue;
-    const auto a = lens.lenses[0].unproject(corners[i].cast<double>());
-    const auto b = lens.lenses[0].unproject(found[i]->cast<double>());
-    if (a && b) matches.push_back({*a, *b});
-  }
-  return matches;
-}
-
 /// Distance of a turned ray from its epipolar plane, radians; 0 along the baseline, where there is no plane.
 double plane_distance(const RayMatch& match, const Vec3& turned, const Vec3& baseline, Vec3& normal) {
   normal = match.own.cross(baseline);
@@ -92,11 +77,29 @@ Vec3 fit_rotation_to_planes(const std::vector<RayMatch>& matches, const Vec3& ba
 
 }  // namespace
 
+std::vector<std::optional<Vec3>> find_in_other_camera(const keyframes::LensPyramid& lens, const keyframes::Pyramid& own,
+                                                      const keyframes::StereoCamera& camera,
+                                                      const keyframes::PyramidLevel& other,
+                                                      const std::vector<Eigen::Vector2f>& corners) {
+  const auto found = initialization::track_corners(own, turned_picture(lens, own, camera, other), corners);
+  std::vector<std::optional<Vec3>> rays(corners.size());
+  for (std::size_t i = 0; i < corners.size(); ++i)
+    if (found[i]) rays[i] = lens.lenses[0].unproject(found[i]->cast<double>());
+  return rays;
+}
+
 std::optional<RigFit> check_rig(const keyframes::LensPyramid& lens, const keyframes::Pyramid& own,
                                 const keyframes::StereoCamera& camera, const keyframes::PyramidLevel& other) {
   constexpr std::size_t kFewest = 40;
   constexpr double kFits_px = 1.5, kLeastShare = 0.5, kClearParallax_px = 1.5, kVisible_px = 0.6;
-  const std::vector<RayMatch> matches = match_corners(lens, own, turned_picture(lens, own, camera, other));
+  constexpr int kCorners = 400;
+  const std::vector<Eigen::Vector2f> corners = initialization::find_corners(own, lens.rays[0], kCorners);
+  const auto found = find_in_other_camera(lens, own, camera, other, corners);
+  std::vector<RayMatch> matches;
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    const auto ray = lens.lenses[0].unproject(corners[i].cast<double>());
+    if (ray && found[i]) matches.push_back({*ray, *found[i]});
+  }
   if (matches.size() < kFewest) return std::nullopt;
   const double pixel_rad = 1.0 / lens.lenses[0].focal_px();
   // X = a + rho c is the direction of a point from the other camera, in the reference camera's axes.

@@ -20,6 +20,15 @@ namespace tileflight::odometry {
 std::optional<RigFit> check_rig(const keyframes::LensPyramid& lens, const keyframes::Pyramid& own,
                                 const keyframes::StereoCamera& camera, const keyframes::PyramidLevel& other);
 
+/// Follows corners of the reference camera's image into another camera's image of the same instant, freely in the
+/// image. Returns their unit rays there, in the reference camera's axes by the calibration; nullopt: not found. `own`:
+/// all levels; `other`: level 0.
+std::vector<std::optional<geometry::Vec3>> find_in_other_camera(const keyframes::LensPyramid& lens,
+                                                                const keyframes::Pyramid& own,
+                                                                const keyframes::StereoCamera& camera,
+                                                                const keyframes::PyramidLevel& other,
+                                                                const std::vector<Eigen::Vector2f>& corners);
+
 /// Returns whether an image shows nothing that could be matched: it is black, covered or without any texture. At most
 /// one pixel in a thousand differs visibly from its neighbours.
 bool is_blind(const imaging::RgbImage& picture);

@@ -195,6 +195,26 @@ TEST(StereoOdometry, SaysThatATurnedCameraContradictsItsCalibration) {
   }
 }
 
+TEST(StereoOdometry, ATurnAboutTheVerticalIsNamedWithWhatItDoesToDistances) {
+  const OdometryResult straight = track(flight());
+  ASSERT_TRUE(straight.stereo->cameras[0].turn);
+  EXPECT_LT(std::abs(straight.stereo->cameras[0].turn->along_parallax_rad()), 0.0005);
+  for (const double degrees : {-0.3, 0.2, 0.5}) {
+    SCOPED_TRACE(degrees);
+    const double turned_rad = degrees * std::numbers::pi / 180.0;
+    StereoFlight turned = flight();
+    turned.others[0].T_other_reference = T_right_left(turned_rad * Vec3::UnitY());
+    const OdometryResult result = track(turned);
+    ASSERT_TRUE(result.stereo->metric);
+    ASSERT_TRUE(result.stereo->cameras[0].turn);
+    const RigTurn& turn = *result.stereo->cameras[0].turn;
+    EXPECT_NEAR(std::abs(turn.along_parallax_rad()), std::abs(turned_rad), 0.15 * std::abs(turned_rad) + 0.0002);
+    EXPECT_GT(std::abs(scale_error(result)), 0.01);
+    EXPECT_NEAR(turn.distance_error(), -scale_error(result), 0.5 * std::abs(scale_error(result)));
+    EXPECT_TRUE(warnings(result, "so that the rig's distances, and with them the scale of the map, are too"));
+  }
+}
+
 void expect_error(const std::function<void()>& call, const std::string& words) {
   try {
     call();

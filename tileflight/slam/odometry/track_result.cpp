@@ -54,6 +54,15 @@ json stereo_json(const StereoResult& stereo) {
       fit = {{"matches", camera.fit->matches},
              {"rotation_deg", camera.fit->rotation_rad / geometry::kRadiansPerDegree},
              {"behind_share", camera.fit->behind_share}};
+    json& turn = cameras.back()["turn"];
+    if (camera.turn) {
+      const RigTurn& t = *camera.turn;
+      turn = {{"segments", t.segments},
+              {"rotation_deg", geometry::json_numbers(t.turn_rad / geometry::kRadiansPerDegree)},
+              {"along_parallax_deg", t.along_parallax_rad() / geometry::kRadiansPerDegree},
+              {"along_parallax_sigma_deg", t.along_parallax_sigma_rad() / geometry::kRadiansPerDegree},
+              {"distance_error", t.distance_error()}};
+    }
   }
   return {{"metric", stereo.metric}, {"cameras", cameras}};
 }

@@ -208,6 +208,24 @@ void check_second_run(const OdometryResult& result, const std::optional<RunAgree
        Severity::kWarning, "track parts of the flight separately (--from, --to) and compare them"});
 }
 
+/// Reports a turn that one instant does not show, since it moves corners as another distance does.
+void check_rig_turn(const OtherCameraResult& camera, Warnings& warnings) {
+  constexpr double kDegrees = 180.0 / std::numbers::pi;
+  // Chosen by hand: calibrations are rarely better than the first.
+  constexpr double kLeast_rad = 0.02 / kDegrees, kSigmas = 5.0, kLeastError = 0.005;
+  if (!camera.turn) return;
+  const double turn_rad = camera.turn->along_parallax_rad(), sigma_rad = camera.turn->along_parallax_sigma_rad();
+  const double error = camera.turn->distance_error();
+  if (std::abs(turn_rad) < std::max(kLeast_rad, kSigmas * sigma_rad) || std::abs(error) < kLeastError) return;
+  warnings.push_back({"camera " + camera.name + " is turned by " +
+                          base::formatted("%.3f ± %.3f", kDegrees * std::abs(turn_rad), kDegrees * sigma_rad) +
+                          " degrees against its calibration, so that the rig's distances, and with them the scale of "
+                          "the map, are too " +
+                          (error > 0.0 ? "large" : "small") + " by about " + percent_text(std::abs(error)),
+                      kWhere, Severity::kWarning,
+                      "calibrate the rig again (T_cn_cnm1, T_body_cam), or align the map with its scale estimated"});
+}
+
 /// Reports what contradicts the calibration of a rig's camera.
 void check_rig_fit(const OtherCameraResult& camera, const WarningThresholds& limits, Warnings& warnings) {
   if (!camera.fit) return;
@@ -269,6 +287,7 @@ void check_stereo(const OdometryResult& result, const FrameName& name_of, const 
   }
   for (const OtherCameraResult& camera : result.stereo->cameras) {
     check_rig_fit(camera, limits, warnings);
+    check_rig_turn(camera, warnings);
     check_other_images(camera, result, name_of, limits, warnings);
   }
 }
