@@ -25,7 +25,8 @@ class AllStages {
     const std::vector<std::vector<std::string>> stages{
         {"run", in("experiment.yaml"), "--out", in("run")},
         {"render", in("place"), "--flight", in("rig.yaml"), "--out", in("rig"), "--outputs",
-         "depth,range,normals,segmentation,infrared,flow,visibility"},
+         "depth,range,normals,segmentation,infrared,flow,visibility", "--degrade", in("light.yaml"), "--origin",
+         "35.3,-80.7,190"},
         {"render", in("place"), "--flight", in("events.yaml"), "--out", in("events")},
         {"odometry", in("rig"), "--mode", "stereo", "--out", in("stereo")},
         {"odometry", in("rig"), "--mode", "inertial", "--out", in("inertial")},
@@ -48,7 +49,6 @@ class AllStages {
   static constexpr const char* kRig = R"(cameras:
   - {name: left, camera: camera.yaml}
   - {name: right, camera: camera.yaml, position: [0.4, 0, 0]}
-light: {model: sun-and-sky, time: 2024-06-21T18:00:00Z}
 weather: {rain_mm_per_h: 5, fog_visibility_m: 400}
 sensors:
   imu: {rate_hz: 200}
@@ -88,6 +88,7 @@ real:
     TinyPlace::write_file(folder / "flight.yaml", TinyExperiments::flight(TinyExperiments::kFramesOfTwo));
     TinyPlace::write_file(folder / "rig.yaml", std::string(kRig) + kPath + "max_frames: 30\n");
     TinyPlace::write_file(folder / "events.yaml", std::string(kEvents) + kPath + "max_frames: 4\n");
+    TinyPlace::write_file(folder / "light.yaml", "light: {model: sun-and-sky, time: 2024-06-21T18:00:00Z}\n");
     TinyPlace::write_file(folder / "experiment.yaml", kExperiment);
   }
 };
