@@ -157,6 +157,7 @@ struct RigTurn {
   geometry::Mat3 covariance_rad2 = geometry::Mat3::Zero();
   geometry::Vec3 parallax_axis = geometry::Vec3::UnitY();  ///< a turn about it moves corners as another distance does
   double parallax_rad = 0.0;  ///< median of the angles by which the rig's baseline moves the corners
+  double pixel_rad = 0.0;     ///< angle of a pixel of the reference camera
 
   double along_parallax_rad() const { return turn_rad.dot(parallax_axis); }
   double along_parallax_sigma_rad() const;

@@ -83,7 +83,7 @@ std::optional<RigTurnFit> fit_rig_turn(const std::vector<RigCorner>& corners, co
     log_scale += step[3];
     if (step.norm() < 1e-9) break;
   }
-  RigTurnFit fit{.turn_rad = geometry::so3_log(turn), .scale = std::exp(log_scale)};
+  RigTurnFit fit{.turn_rad = geometry::so3_log(turn), .scale = std::exp(log_scale), .pixel_rad = pixel_rad};
   std::vector<double> parallax_rad;
   std::size_t fitting = 0;
   for (const RigCorner& corner : corners) {
@@ -116,6 +116,7 @@ std::optional<RigTurn> join_rig_turns(const std::vector<RigTurnFit>& fits) {
   RigTurn joined{.segments = static_cast<int>(fits.size()), .parallax_axis = axis.normalized()};
   joined.turn_rad = information.ldlt().solve(weighted);
   joined.parallax_rad = base::median(parallax_rad);
+  joined.pixel_rad = fits.front().pixel_rad;
   double chi_squared = 0.0;
   for (const RigTurnFit& fit : fits) {
     const Vec3 difference = fit.turn_rad - joined.turn_rad;

@@ -32,6 +32,7 @@ struct RigTurnFit {
   double scale = 1.0;                                     ///< by which `rho` is multiplied to be in units of the rig
   geometry::Vec3 parallax_axis = geometry::Vec3::Zero();  ///< as RigTurn's
   double parallax_rad = 0.0;
+  double pixel_rad = 0.0;
 };
 
 /// Fits turn and scale to the corners by their rays (Gauss-Newton, Cauchy). `centre`: T_other_reference's translation

@@ -208,38 +208,42 @@ void check_second_run(const OdometryResult& result, const std::optional<RunAgree
        Severity::kWarning, "track parts of the flight separately (--from, --to) and compare them"});
 }
 
-/// Reports a turn that one instant does not show, since it moves corners as another distance does.
-void check_rig_turn(const OtherCameraResult& camera, Warnings& warnings) {
+/// Returns what a turn against the calibration does, as the end of a sentence; nullopt: nothing that matters.
+std::optional<std::string> effect_of(const RigTurn& turn) {
   constexpr double kDegrees = 180.0 / std::numbers::pi;
-  // Chosen by hand: calibrations are rarely better than the first.
-  constexpr double kLeast_rad = 0.02 / kDegrees, kSigmas = 5.0, kLeastError = 0.005;
-  if (!camera.turn) return;
-  const double turn_rad = camera.turn->along_parallax_rad(), sigma_rad = camera.turn->along_parallax_sigma_rad();
-  const double error = camera.turn->distance_error();
-  if (std::abs(turn_rad) < std::max(kLeast_rad, kSigmas * sigma_rad) || std::abs(error) < kLeastError) return;
-  warnings.push_back({"camera " + camera.name + " is turned by " +
-                          base::formatted("%.3f ± %.3f", kDegrees * std::abs(turn_rad), kDegrees * sigma_rad) +
-                          " degrees against its calibration, so that the rig's distances, and with them the scale of "
-                          "the map, are too " +
-                          (error > 0.0 ? "large" : "small") + " by about " + percent_text(std::abs(error)),
-                      kWhere, Severity::kWarning,
-                      "calibrate the rig again (T_cn_cnm1, T_body_cam), or align the map with its scale estimated"});
+  constexpr double kSigmas = 5.0, kLeastError = 0.01, kVisible_px = 0.5, kHalf = 0.5;  // chosen by hand
+  const double along_rad = turn.along_parallax_rad(), sigma_rad = turn.along_parallax_sigma_rad();
+  const double error = turn.distance_error();
+  const bool changes_distances = std::abs(along_rad) > kSigmas * sigma_rad && std::abs(error) > kLeastError;
+  const double largest_sigma_rad = std::sqrt(turn.covariance_rad2.diagonal().maxCoeff());
+  const bool moves_corners = turn.turn_rad.norm() > std::max(kVisible_px * turn.pixel_rad, kSigmas * largest_sigma_rad);
+  if (!changes_distances && !moves_corners) return std::nullopt;
+  const geometry::Vec3 degrees = kDegrees * turn.turn_rad;
+  std::string text = base::formatted(" (%.3f, %.3f and %.3f about the axes right, down and forward, each to %.3f)",
+                                     degrees.x(), degrees.y(), degrees.z(), kDegrees * largest_sigma_rad);
+  if (changes_distances)
+    text += std::string(", so that the rig's distances, and with them the scale of the map, are too ") +
+            (error > 0.0 ? "large" : "small") +
+            (std::abs(error) < kHalf ? " by about " + percent_text(std::abs(error)) : " by more than half");
+  return text;
 }
 
 /// Reports what contradicts the calibration of a rig's camera.
 void check_rig_fit(const OtherCameraResult& camera, const WarningThresholds& limits, Warnings& warnings) {
-  if (!camera.fit) return;
   constexpr double kDegrees = 180.0 / std::numbers::pi;
-  if (camera.fit->behind_share > 0.5) {
+  const std::optional<std::string> effect = camera.turn ? effect_of(*camera.turn) : std::nullopt;
+  if (camera.fit && camera.fit->behind_share > 0.5) {
     warnings.push_back({"camera " + camera.name +
                             " is on the other side of the reference camera than its calibration says: " +
                             percent_text(camera.fit->behind_share) +
                             " of what both see would be behind them (cameras or their poses exchanged)",
                         kWhere, Severity::kWarning, "exchange the two cameras, or correct T_cn_cnm1 (T_body_cam)"});
-  } else if (camera.fit->rotation_rad > limits.rig_rotation_rad) {
+  } else if (effect || (camera.fit && camera.fit->rotation_rad > limits.rig_rotation_rad)) {
+    const double turned_rad = effect ? camera.turn->turn_rad.norm() : camera.fit->rotation_rad;
     warnings.push_back({"camera " + camera.name + " is not where its calibration says: it is turned by about " +
-                            base::formatted("%.2g", kDegrees * camera.fit->rotation_rad) + " degrees against it",
-                        kWhere, Severity::kWarning, "calibrate the rig"});
+                            base::formatted("%.2g", kDegrees * turned_rad) + " degrees against it" +
+                            effect.value_or(""),
+                        kWhere, Severity::kWarning, "calibrate the rig again (T_cn_cnm1, T_body_cam)"});
   }
 }
 
@@ -287,7 +291,6 @@ void check_stereo(const OdometryResult& result, const FrameName& name_of, const 
   }
   for (const OtherCameraResult& camera : result.stereo->cameras) {
     check_rig_fit(camera, limits, warnings);
-    check_rig_turn(camera, warnings);
     check_other_images(camera, result, name_of, limits, warnings);
   }
 }
