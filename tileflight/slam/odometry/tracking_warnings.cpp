@@ -222,9 +222,9 @@ std::optional<std::string> effect_of(const RigTurn& turn) {
   std::string text = base::formatted(" (%.3f, %.3f and %.3f about the axes right, down and forward, each to %.3f)",
                                      degrees.x(), degrees.y(), degrees.z(), kDegrees * largest_sigma_rad);
   if (changes_distances)
-    text += std::string(", so that the rig's distances, and with them the scale of the map, are too ") +
+    text += std::string(", so that the scale of the map is wrong: by the rig, half of the distances are too ") +
             (error > 0.0 ? "large" : "small") +
-            (std::abs(error) < kHalf ? " by about " + percent_text(std::abs(error)) : " by more than half");
+            (std::abs(error) < kHalf ? " by more than " + percent_text(std::abs(error)) : " by more than half");
   return text;
 }
 
