@@ -338,9 +338,9 @@ Outcome run(const Sequence& sequence, const Order& order, const odometry::Odomet
 }
 
 void print_header() {
-  std::printf("%-30s %9s %5s %5s %8s %8s | %6s %6s | %6s %6s %6s %6s %6s | %6s %5s %6s\n", "sequence", "tracked",
+  std::printf("%-30s %9s %5s %5s %8s %8s | %6s %6s | %6s %6s %6s %6s %6s %6s | %6s %5s %6s\n", "sequence", "tracked",
               "begin", "first", "ATE m", "% path", "CPU ms", "decode", "start", "pict", "track", "trace", "keyfr",
-              "fps", "keyf", "MB");
+              "focal", "fps", "keyf", "MB");
 }
 
 void print_intrinsics(const imaging::Camera& camera) {
@@ -374,12 +374,13 @@ void print(const std::string& name, const Outcome& outcome, const odometry::Odom
   const auto& poses = r.trajectory.poses;
   const long first = poses.empty() ? -1 : std::lround(poses.front().time_s);
   std::printf(
-      "%-30s %4lld/%-4lld %5zu %5ld %8.4f %8.4f | %6.2f %6.2f | %6.2f %6.2f %6.2f %6.2f %6.2f | %6.1f %5zu %6.0f%s%s\n",
+      "%-30s %4lld/%-4lld %5zu %5ld %8.4f %8.4f | %6.2f %6.2f | %6.2f %6.2f %6.2f %6.2f %6.2f %6.2f | %6.1f %5zu "
+      "%6.0f%s%s\n",
       name.c_str(), static_cast<long long>(r.frames_tracked), static_cast<long long>(r.frames), outcome.begin, first,
       outcome.ate_m, outcome.path_m > 0 ? 100.0 * outcome.ate_m / outcome.path_m : 0.0, ms(outcome.processor_s),
       ms(outcome.decoding_s), ms(cpu.initialization), ms(cpu.preprocessing), ms(cpu.tracking), ms(cpu.tracing),
-      ms(cpu.keyframes), frames / r.wall_time_s, r.keyframes.size(), outcome.memory_mb, r.lost ? "  " : "",
-      r.lost ? r.lost_reason.c_str() : "");
+      ms(cpu.keyframes), ms(cpu.focal_changes), frames / r.wall_time_s, r.keyframes.size(), outcome.memory_mb,
+      r.lost ? "  " : "", r.lost ? r.lost_reason.c_str() : "");
   if (options.window.refine_intrinsics && r.camera) print_intrinsics(*r.camera);
   std::fflush(stdout);
 }
