@@ -41,7 +41,7 @@ const CellIndex& place() {
   return made;
 }
 
-const ComparedMetric& number(const MapComparison& c, const std::string& name) {
+const ComparedMetric& number(const MapComparison& c, const char* name) {
   const auto found = std::ranges::find(c.metrics, name, &ComparedMetric::name);
   if (found == c.metrics.end()) throw InputError(name, "is not compared");
   return *found;
