@@ -8,6 +8,8 @@
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <string>
+#include <string_view>
 
 #include "tests/refusal.h"
 #include "tests/synthetic_maps.h"
@@ -41,9 +43,9 @@ const CellIndex& place() {
   return made;
 }
 
-const ComparedMetric& number(const MapComparison& c, const char* name) {
+const ComparedMetric& number(const MapComparison& c, std::string_view name) {
   const auto found = std::ranges::find(c.metrics, name, &ComparedMetric::name);
-  if (found == c.metrics.end()) throw InputError(name, "is not compared");
+  if (found == c.metrics.end()) throw InputError(std::string(name), "is not compared");
   return *found;
 }
 

@@ -6,6 +6,7 @@
 #include <numbers>
 #include <regex>
 #include <sstream>
+#include <string_view>
 
 #include "tests/refusal.h"
 #include "tests/source_folder.h"
@@ -27,7 +28,7 @@ std::string refusal_of(const std::string& text) {
   return {};
 }
 
-const CameraSettings& camera_named(const VehicleSettings& vehicle, const std::string& name) {
+const CameraSettings& camera_named(const VehicleSettings& vehicle, std::string_view name) {
   return *std::ranges::find(vehicle.cameras, name, &CameraSettings::name);
 }
 
