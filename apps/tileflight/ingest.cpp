@@ -64,8 +64,8 @@ struct IngestOptions {
 
 void add_log_options(CLI::App& command, IngestOptions& options) {
   command.add_option("--telemetry", options.telemetry,
-                     "flight log (DJI .srt, or a video with such subtitles, GPX, KML, CSV, NMEA, PX4 .ulg, ArduPilot "
-                     ".bin, MAVLink .tlog) or folder of photos");
+                     "flight log (DJI .srt, a video with such subtitles or GoPro's or DJI's metadata, GPX, KML, CSV, "
+                     "NMEA, PX4 .ulg, ArduPilot .bin, MAVLink .tlog) or folder of photos; default: what VIDEO holds");
   command.add_option("--telemetry-height", options.flight.telemetry_height, "height reference (datum) of the log")
       ->check(CLI::IsMember({"ellipsoid", "sea-level", "takeoff"}));
   command.add_option("--takeoff-height", options.flight.takeoff_height_m,
@@ -77,18 +77,14 @@ void add_log_options(CLI::App& command, IngestOptions& options) {
 }
 
 void add_imu_options(CLI::App& command, IngestOptions& options) {
-  CLI::Option* imu = command.add_option("--imu", options.imu,
-                                        "readings of an inertial unit: a table whose header names time, gyroscope and "
-                                        "accelerometer, as EuRoC's imu0/data.csv");
-  command
-      .add_option(
-          "--imu-noise", options.imu_noise,
-          "its noise: Kalibr's imu.yaml, EuRoC's imu0/sensor.yaml, ORB-SLAM3's settings or basalt's calibration")
-      ->needs(imu);
-  command
-      .add_option("--imu-time-offset", options.flight.imu_time_offset_s,
-                  "seconds to add to its times to get the video's; odometry finds what is left of it")
-      ->needs(imu);
+  command.add_option("--imu", options.imu,
+                     "readings of an inertial unit: a table whose header names time, gyroscope and accelerometer, as "
+                     "EuRoC's imu0/data.csv; default: what VIDEO holds");
+  command.add_option(
+      "--imu-noise", options.imu_noise,
+      "its noise: Kalibr's imu.yaml, EuRoC's imu0/sensor.yaml, ORB-SLAM3's settings or basalt's calibration");
+  command.add_option("--imu-time-offset", options.flight.imu_time_offset_s,
+                     "seconds to add to its times to get the video's; odometry finds what is left of it");
 }
 
 /// Sets the values of the flight that are not read directly into it.
@@ -111,8 +107,9 @@ Output ingest(const IngestOptions& options, bool force, const Progress& progress
       ingest::to_json(ingest::ingest_dataset(options.flight, options.truth, options.out, force, progress));
   std::ostringstream text;
   text << options.out << ": " << r["frames"] << " frames, " << r["positions"] << " positions";
-  if (!options.imu.empty()) text << ", " << r["imu_readings"] << " readings of the inertial unit";
+  if (r["imu_readings"] > 0) text << ", " << r["imu_readings"] << " readings of the inertial unit";
   text << "\n";
+  if (!r["embedded"].is_null()) text << "found " << r["embedded"].get<std::string>() << "\n";
   if (const nlohmann::json& flight = r["flight"]; !flight.is_null()) {
     text << base::formatted("flight log: %.1f s, %.0f m, up to %.1f m/s, %.1f to %.1f m above the ellipsoid\n",
                             flight["duration_s"].get<double>(), flight["length_m"].get<double>(),

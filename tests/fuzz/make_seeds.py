@@ -215,6 +215,65 @@ def logs():
           b"\xa3\x95\x0a" + struct.pack("<QBBiiiH", 1500000, 0, 3, -2500000, -785000000, 290050, 2000))
 
 
+def metadata():
+    """Tracks of GoPro's and DJI's metadata, as fuzz_metadata.cpp takes them."""
+    def track(kind, samples):
+        return bytes([kind]) + b"".join(struct.pack(">H", len(sample)) + sample for sample in samples)
+
+    def element(key, kind, size, count, value):
+        return key + kind + struct.pack(">BH", size, count) + padded(value, b"\0", 4)
+
+    def nest(key, *elements):
+        return element(key, b"\0", 1, sum(map(len, elements)), b"".join(elements))
+
+    def unit(key, scale, rows):
+        return nest(b"STRM", element(b"STMP", b"J", 8, 1, struct.pack(">Q", 90000)), element(b"ORIN", b"c", 1, 3, b"YxZ"),
+                    element(b"ORIO", b"c", 1, 3, b"ZXY"), element(b"MTRX", b"f", 36, 1, struct.pack(">9f", 0, 0, 1, 0, -1, 0, 1, 0, 0)),
+                    element(b"SCAL", b"s", 2, 1, struct.pack(">h", scale)),
+                    element(key, b"s", 6, len(rows), b"".join(struct.pack(">3h", *row) for row in rows)))
+
+    gps5 = nest(b"STRM", element(b"GPSF", b"L", 4, 1, struct.pack(">I", 3)), element(b"GPSU", b"U", 16, 1, b"191118234514.000"),
+                element(b"GPSP", b"S", 2, 1, struct.pack(">H", 154)), element(b"GPSA", b"F", 4, 1, b"MSLV"),
+                element(b"SCAL", b"l", 4, 5, struct.pack(">5i", 10000000, 10000000, 1000, 1000, 100)),
+                element(b"GPS5", b"l", 20, 2, struct.pack(">10i", 471000000, 82000000, 500000, 0, 0, 471000100, 82000000, 500000, 0, 0)))
+    gps9 = nest(b"STRM", element(b"TYPE", b"c", 1, 9, b"lllllllSS"),
+                element(b"SCAL", b"l", 4, 9, struct.pack(">9i", 10000000, 10000000, 1000, 1000, 100, 1, 1000, 100, 1)),
+                element(b"GPS9", b"?", 32, 1, struct.pack(">7i2H", 471000000, 82000000, 500000, 0, 0, 9000, 1000, 120, 3)))
+    karma = nest(b"DEVC", nest(b"STRM", element(b"TYPE", b"c", 1, 9, b"LllllsssS"), element(b"GLPI", b"?", 28, 2, b"".join(
+        struct.pack(">I4i3hH", 100 + i, 47 + i, 8, 500, 2, 0, 0, 0, 0) for i in range(2)))), nest(b"STRM", element(
+            b"TYPE", b"c", 1, 8, b"Lf[6]B"), element(b"ATTD", b"?", 29, 1, struct.pack(">I6fB", 100, 0, 0, 1, 0, 0, 0, 0))))
+    rest = [(0, 0, 4100)] * 50
+    frames = nest(b"STRM", element(b"SCAL", b"s", 2, 1, struct.pack(">h", 32767)),
+                  element(b"CORI", b"s", 8, 30, struct.pack(">4h", 32767, 0, 0, 0) * 30))
+    shutter = nest(b"STRM", element(b"SHUT", b"f", 4, 30, struct.pack(">f", 0.004) * 30))
+    camera = nest(b"DEVC", element(b"DVID", b"L", 4, 1, struct.pack(">I", 1)), element(b"DVNM", b"c", 1, 5, b"HERO8"),
+                  unit(b"ACCL", 418, rest), unit(b"GYRO", 939, rest), gps5, frames, shutter)
+    write("metadata/gopro", track(0, [camera] * 4))
+    write("metadata/gps9", track(0, [nest(b"DEVC", gps9), nest(b"DEVC", gps9)]))
+    write("metadata/karma", track(0, [karma] * 3))
+
+    def varint(value):
+        return bytes([value]) if value < 128 else bytes([value % 128 + 128]) + varint(value // 128)
+
+    def number(field, value):
+        return varint(8 * field) + varint(value % 2**64)
+
+    def message(field, *content):
+        content = b"".join(content)
+        return varint(8 * field + 2) + varint(len(content)) + content
+
+    def real(field, value):
+        return varint(8 * field + 1) + struct.pack("<d", value)
+
+    position = message(4, message(1, number(1, 1), real(2, 47.1), real(3, 8.2)), number(2, -500), number(4, 1), number(5, 1),
+                       message(6, message(1, b"2025-06-01 12-30-15")))
+    height = message(5, varint(8 + 5) + struct.pack("<f", 2500))
+    lens = message(2, message(10, message(1, varint(1), varint(500))), message(7, varint(8 + 5) + struct.pack("<f", 100)))
+    frame = message(3, lens, message(3, message(3, number(1, -12), number(3, 900)), position, height), message(4, message(3, number(1, -900))))
+    for proto in (b"Mini4_Pro", b"Air3s", b"Mavic4"):
+        write("metadata/" + proto.decode(), track(1, [message(1, message(1, message(1, b"dvtm_" + proto + b".proto"))) + frame, frame]))
+
+
 def photos():
     """EXIF of two directories beside the first, and XMP."""
     def directory(at, entries):
@@ -378,6 +437,7 @@ if __name__ == "__main__":
     textures()
     images()
     logs()
+    metadata()
     photos()
     calibrations()
     meshes()

@@ -7,10 +7,10 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "tileflight/capture/ingest/embedded_telemetry.h"
 #include "tileflight/capture/ingest/telemetry_offset.h"
 #include "tileflight/capture/ingest/telemetry_positions.h"
 #include "tileflight/capture/recording/flight_cameras.h"
-#include "tileflight/core/base/file_kind.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
@@ -25,16 +25,16 @@
 namespace tileflight::ingest {
 namespace {
 
-/// Adds what the log says of a zoom within the part of the video that is used.
-void add_zoom_warnings(const std::vector<flight_logs::ZoomReading>& log, const IngestedFlightConfig& flight,
-                       std::vector<std::string>& warnings) {
+/// Adds what the log says of a zoom within the part of the video that is used. `source`: the log's name in messages.
+void add_zoom_warnings(const std::vector<flight_logs::ZoomReading>& log, const std::string& source,
+                       const IngestedFlightConfig& flight, std::vector<std::string>& warnings) {
   const double offset_s = flight.telemetry_offset_s.value_or(0.0);
   std::vector<flight_logs::ZoomReading> used;
   for (const flight_logs::ZoomReading& reading : log) {
     const double time_s = reading.time_s + offset_s;
     if (time_s >= flight.from_s && (!flight.to_s || time_s <= *flight.to_s)) used.push_back(reading);
   }
-  base::add_distinct(flight_logs::find_zoom_warnings(used, "the subtitles"), warnings);
+  base::add_distinct(flight_logs::find_zoom_warnings(used, source), warnings);
 }
 
 void add_positions(const flight_logs::Telemetry& telemetry, IngestedFlightConfig flight,
@@ -241,23 +241,99 @@ void ingest_cameras(const IngestedFlightConfig& flight, std::vector<dataset::Ing
   result.synchronisation = std::move(rig.synchronisation);
 }
 
-/// Tells a video, by its content, from a flight log or a folder of photos.
-bool is_video(const std::filesystem::path& file) {
-  if (std::filesystem::is_directory(file)) return false;
-  const auto kind = base::recognize_file(base::read_head(file));
-  return kind && kind->is_video;
+/// Reads what the recording holds itself. Faults in it are warnings, since nobody asked for it.
+std::optional<EmbeddedTelemetry> read_own_telemetry(const IngestedFlightConfig& flight,
+                                                    const dataset::IngestOptions& options, IngestResult& result) {
+  std::vector<std::filesystem::path> parts{options.video_or_images};
+  parts.insert(parts.end(), options.further_parts.begin(), options.further_parts.end());
+  if (!std::filesystem::exists(parts.front())) return std::nullopt;  // ingest() reports it
+  try {
+    std::optional<EmbeddedTelemetry> own = read_embedded_telemetry(parts);
+    if (own) result.embedded = describe(*own, parts.front());
+    return own;
+  } catch (const InputError& fault) {
+    if (flight.telemetry.empty())
+      result.warnings.push_back(std::string("the video's own telemetry is not used: ") + fault.what());
+    return std::nullopt;
+  }
+}
+
+/// Takes the positions that the video holds, which nobody asked for: what would be an error of a given log is a warning
+/// here, unless settings ask for them.
+void add_own_positions(const EmbeddedTelemetry& own, const IngestedFlightConfig& flight,
+                       const std::filesystem::path& truth, dataset::IngestOptions& options, IngestResult& result) {
+  if (own.telemetry.fixes.empty()) {
+    base::add_distinct(own.telemetry.warnings, result.warnings);
+    return;
+  }
+  IngestedFlightConfig as_log = flight;
+  as_log.telemetry = options.video_or_images;  // for messages
+  try {
+    add_positions(own.telemetry, as_log, truth, options, result.warnings);
+    options.has_own_positions = true;
+  } catch (const InputError& fault) {
+    if (!flight.telemetry_height.empty()) throw;
+    result.warnings.push_back(std::string("the positions in the video are left out: ") + fault.what());
+  }
+  add_zoom_warnings(own.telemetry.zooms, own.kind == "subtitles" ? "the subtitles" : "the video's metadata", flight,
+                    result.warnings);
+}
+
+/// The exposure times of the part of the video that is used; none, with a note, if the sensor's gain changes within it
+/// or is not known, since they alone do not state the brightness then.
+std::vector<dataset::ImageTime> constant_gain_exposures(const std::vector<flight_logs::ExposureReading>& readings,
+                                                        const IngestedFlightConfig& flight,
+                                                        std::vector<std::string>& warnings) {
+  constexpr double kSame = 1.02;
+  std::vector<dataset::ImageTime> exposures;
+  double lowest = 0.0, highest = 0.0;
+  for (const flight_logs::ExposureReading& reading : readings) {
+    if (reading.time_s < flight.from_s || (flight.to_s && reading.time_s > *flight.to_s)) continue;
+    const double gain = reading.gain.value_or(0.0);
+    lowest = exposures.empty() ? gain : std::min(lowest, gain);
+    highest = std::max(highest, gain);
+    exposures.push_back({reading.time_s, 1e3 * reading.exposure_s});
+  }
+  if (exposures.empty() || (lowest > 0.0 && highest <= kSame * lowest)) return exposures;
+  warnings.push_back(
+      lowest > 0.0
+          ? base::formatted("the exposure times in the video are left out, since the sensor's gain changes by a "
+                            "factor of %.2f: they alone do not state the brightness",
+                            highest / lowest)
+          : "the exposure times in the video are left out, since the sensor's gain is not recorded with them: "
+            "they alone do not state the brightness");
+  return {};
+}
+
+/// Adds the readings of the camera's own inertial unit, unless others are given, and its exposures.
+void add_camera_readings(const flight_logs::Telemetry& telemetry, const IngestedFlightConfig& flight,
+                         bool is_one_camera, dataset::IngestOptions& options, std::vector<std::string>& warnings) {
+  if (!is_one_camera) {
+    if (!telemetry.inertial.empty() && flight.imu.empty())
+      warnings.emplace_back(
+          "the readings of the inertial unit in the first camera are left out: a rig's are in the axes of its body; "
+          "give them with --imu");
+    return;
+  }
+  if (flight.imu.empty()) options.camera_imu = telemetry.inertial;
+  options.exposures = constant_gain_exposures(telemetry.exposures, flight, warnings);
 }
 
 }  // namespace
 
 flight_logs::Telemetry read_flight_log(const std::filesystem::path& file) {
   if (!is_video(file)) return flight_logs::read_telemetry(file);
-  const std::string subtitles = video::read_subtitles(file);
-  if (subtitles.empty())
+  std::optional<EmbeddedTelemetry> own = read_embedded_telemetry({file});
+  if (!own)
     throw InputError(file.string(),
-                     "is a video without a track of subtitles, so it is no flight log: give the .srt, CSV or GPX "
-                     "that was recorded beside it");
-  return flight_logs::parse_dji_srt(subtitles, file.string() + " (subtitles)");
+                     "is a video without a track of subtitles or of GoPro's or DJI's metadata, so it is no flight log: "
+                     "give the .srt, CSV or GPX that was recorded beside it");
+  if (own->telemetry.fixes.empty())
+    throw InputError(
+        file.string(),
+        "holds no positions in its " + own->kind +
+            (own->telemetry.warnings.empty() ? "" : " (" + base::joined(own->telemetry.warnings, "; ") + ")"));
+  return std::move(own->telemetry);
 }
 
 IngestResult ingest_dataset(const IngestedFlightConfig& flight, const std::filesystem::path& truth,
@@ -270,11 +346,13 @@ IngestResult ingest_dataset(const IngestedFlightConfig& flight, const std::files
     std::vector<std::filesystem::path> parts = ordered_parts(flight, result.warnings);
     options.video_or_images = parts.front();
     options.further_parts.assign(parts.begin() + 1, parts.end());
+    check_chapters(parts);
     cameras.clear();
   } else if (!cameras.empty()) {
     options.video_or_images = cameras.front().video_or_images;
     options.lens = cameras.front().calibration;
   }
+  const std::optional<EmbeddedTelemetry> own = read_own_telemetry(flight, options, result);
   flight_logs::Telemetry telemetry;
   if (!flight.telemetry.empty()) {
     telemetry = read_flight_log(flight.telemetry);
@@ -283,7 +361,19 @@ IngestResult ingest_dataset(const IngestedFlightConfig& flight, const std::files
         options.ranges.push_back({range.time_s, range.range_m});
     }
     add_positions(telemetry, flight, truth, options, result.warnings);
-    add_zoom_warnings(telemetry.zooms, flight, result.warnings);
+    add_zoom_warnings(telemetry.zooms, is_video(flight.telemetry) ? "the video's metadata" : "the subtitles", flight,
+                      result.warnings);
+    if (own && own->kind != "subtitles") base::add_distinct(own->telemetry.warnings, result.warnings);
+  } else if (own) {
+    add_own_positions(*own, flight, truth, options, result);
+    if (!cameras.empty()) options.gps_time_offset_s += cameras.front().timeshift_s;  // the body's clock
+    telemetry = own->telemetry;
+  }
+  if (own) {
+    add_camera_readings(own->telemetry, flight, cameras.empty(), options, result.warnings);
+  } else if (!telemetry.inertial.empty() && flight.imu.empty()) {
+    result.warnings.push_back("the readings of the inertial unit in " + flight.telemetry.filename().string() +
+                              " are not used, since it is another video");
   }
   if (!truth.empty()) options.description.merge(place::describe_frame(place::read_extract_json(truth).origin));
   std::optional<double> start_utc_s;
@@ -313,6 +403,7 @@ nlohmann::json to_json(const IngestResult& result) {
                       {"resolution", {dataset.width, dataset.height}},
                       {"positions", dataset.gps_fixes},
                       {"imu_readings", dataset.imu_readings},
+                      {"embedded", result.embedded.empty() ? nlohmann::json() : nlohmann::json(result.embedded)},
                       {"flight", result.flight ? describe(*result.flight) : nlohmann::json()},
                       {"time_offset", result.time_offset ? describe(*result.time_offset) : nlohmann::json()},
                       {"true_poses", dataset.groundtruth_poses},

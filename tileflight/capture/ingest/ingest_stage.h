@@ -53,6 +53,7 @@ struct LoggedFlight {
 
 /// Result of ingesting a flight.
 struct IngestResult {
+  std::string embedded;                                     ///< describe(EmbeddedTelemetry) of the video; empty: none
   dataset::IngestResult dataset;                            ///< of the camera, or a rig's first one
   std::optional<LoggedFlight> flight;                       ///< set if there are positions
   std::optional<TelemetryOffset> time_offset;               ///< set if it was estimated
@@ -63,12 +64,13 @@ struct IngestResult {
 /// The result as `tileflight ingest --json` prints it.
 nlohmann::json to_json(const IngestResult& result);
 
-/// Reads a flight log as flight_logs::read_telemetry() does, or the subtitles that a video holds as a track of its own.
-/// Throws InputError as that does, and for a video without subtitles.
+/// Reads a flight log as flight_logs::read_telemetry() does, or the positions that a video holds
+/// (read_embedded_telemetry). Throws InputError as these do, and for a video without positions.
 flight_logs::Telemetry read_flight_log(const std::filesystem::path& file);
 
 /// Converts a filmed flight to a dataset folder of the same layout, written atomically. Log positions become gps.csv
-/// (ellipsoidal heights). `truth`: a folder written by extract(), from whose surface the height of the take-off point
+/// (ellipsoidal heights); without a log those that the video holds itself, as its inertial readings without `imu`, and
+/// its exposures. `truth`: a folder written by extract(), from whose surface the height of the take-off point
 /// is determined if it is needed and not given; empty: none. With `videos`, it writes the dataset of a rig; a camera
 /// whose images do not match the others' causes a warning. Throws InputError.
 IngestResult ingest_dataset(const IngestedFlightConfig& flight, const std::filesystem::path& truth,

@@ -55,11 +55,25 @@ void require_overlap(const std::string& what, const TimeSpan& things, const Time
                              ": the two do not overlap in time; check the time offset");
 }
 
+/// Returns whether what a video holds itself overlaps the frames; a note says if not.
+bool overlaps(const std::string& what, const TimeSpan& things, const TimeSpan& frames, IngestResult& result) {
+  if (things.first <= frames.last && things.last >= frames.first) return true;
+  result.notes.push_back("the video's own " + what + " (" + format_seconds(things.first) + " to " +
+                         format_seconds(things.last) + ") lies outside the frames (" + format_seconds(frames.first) +
+                         " to " + format_seconds(frames.last) + ") and is left out");
+  return false;
+}
+
 void add_gps(DatasetWriter& writer, const IngestOptions& options, const TimeSpan& frames, IngestResult& result) {
   if (options.gps.empty()) return;
   std::vector<GpsFix> fixes = options.gps;
   for (GpsFix& fix : fixes) fix.time_s += options.gps_time_offset_s;
-  require_overlap("telemetry", {fixes.front().time_s, fixes.back().time_s}, frames);
+  const TimeSpan covered{fixes.front().time_s, fixes.back().time_s};
+  if (options.has_own_positions) {
+    if (!overlaps("telemetry", covered, frames, result)) return;
+  } else {
+    require_overlap("telemetry", covered, frames);
+  }
   fixes = crop_to_span(fixes, frames, [](const GpsFix& fix) { return fix.time_s; });
   result.gps_fixes = fixes.size();
   writer.set_gps(std::move(fixes));
@@ -104,8 +118,14 @@ geometry::Trajectory read_groundtruth(const IngestOptions& options) {
 Companions read_companions(const IngestOptions& options, std::vector<std::string>& notes) {
   Companions given;
   given.groundtruth = read_groundtruth(options);
-  if (options.imu.empty()) return given;
-  given.readings = read_imu_csv(options.imu, notes);
+  given.readings = options.imu.empty() ? options.camera_imu : read_imu_csv(options.imu, notes);
+  if (given.readings.empty()) {
+    if (!options.imu_noise.empty() || options.imu_time_offset_s != 0.0)
+      throw InputError(options.video_or_images.string(),
+                       "has no readings of an inertial unit, but their noise or time offset is given; give the "
+                       "readings: --imu (imu in an experiment)");
+    return given;
+  }
   for (geometry::ImuSample& reading : given.readings) reading.time_s += options.imu_time_offset_s;
   if (!options.imu_noise.empty()) given.noise = read_imu_noise(options.imu_noise);
   return given;
@@ -116,7 +136,12 @@ void add_imu(DatasetWriter& writer, const Companions& given, const IngestOptions
              IngestResult& result) {
   constexpr double kBeyond_s = 1.0;
   if (given.readings.empty()) return;
-  require_overlap(options.imu.string(), {given.readings.front().time_s, given.readings.back().time_s}, frames);
+  const TimeSpan covered{given.readings.front().time_s, given.readings.back().time_s};
+  if (!options.imu.empty()) {
+    require_overlap(options.imu.string(), covered, frames);
+  } else if (!overlaps("record of its inertial unit", covered, frames, result)) {
+    return;
+  }
   const std::vector<geometry::ImuSample> readings =
       crop_to_span(given.readings, {frames.first - kBeyond_s, frames.last + kBeyond_s},
                    [](const geometry::ImuSample& reading) { return reading.time_s; });
@@ -146,7 +171,8 @@ void describe(DatasetWriter& writer, const IngestOptions& options, const ScaledC
   if (options.excerpt.to_s) writer.describe("excerpt.to_s", base::fixed_text(*options.excerpt.to_s));
   writer.describe("excerpt.every", std::to_string(options.excerpt.every));
   if (!options.gps.empty()) writer.describe("gps_time_offset_s", base::fixed_text(options.gps_time_offset_s));
-  if (!options.imu.empty()) writer.describe("imu_time_offset_s", base::fixed_text(options.imu_time_offset_s));
+  if (!options.imu.empty() || !options.camera_imu.empty())
+    writer.describe("imu_time_offset_s", base::fixed_text(options.imu_time_offset_s));
   for (const auto& [key, value] : options.description) writer.describe(key, value);
 }
 
@@ -203,21 +229,60 @@ ScaledCalibration fitted_calibration(const IngestOptions& options, IngestResult&
   return fitted;
 }
 
+/// Mounts a camera's own inertial unit, whose readings are in the camera's axes: as the calibration says if it says
+/// that it is hardly turned, else at the camera's centre. Leaves the readings out where the calibration contradicts.
+void mount_camera_imu(const IngestOptions& options, imaging::Calibration& calibration, Companions& given,
+                      IngestResult& result) {
+  constexpr double kHardly_rad = 10.0 * geometry::kRadiansPerDegree;
+  if (!options.imu.empty() || given.readings.empty()) return;
+  if (calibration.assumes_T_cam_imu) {
+    calibration.T_cam_imu = geometry::SE3();
+    calibration.assumes_T_cam_imu = false;
+    result.notes.emplace_back(
+        "where the inertial unit is in the camera is not recorded: it is taken to be at the camera's centre");
+    return;
+  }
+  const double turned_rad = geometry::so3_log(calibration.T_cam_imu.rotation).norm();
+  if (turned_rad <= kHardly_rad) return;
+  given.readings.clear();
+  given.noise.reset();
+  result.notes.push_back(base::formatted(
+      "the readings of the camera's inertial unit are left out: they are in the camera's axes, but T_cam_imu of %s is "
+      "turned by %.0f degrees; leave it out of the file, or give the readings that it is for (--imu)",
+      options.calibration.filename().c_str(), turned_rad / geometry::kRadiansPerDegree));
+}
+
 /// A video, or several that a camera cut one recording into.
 class Recording {
  public:
   explicit Recording(const IngestOptions& options) {
-    parts_.push_back({options.video_or_images, video::probe_video(options.video_or_images), 0.0});
-    for (const fs::path& file : options.further_parts) {
-      const Part& before = parts_.back();
-      if (!(before.info.duration_s > 0.0))
-        throw InputError(before.file.string(),
-                         "does not say how long it is, so nothing can be read after it; join the "
-                         "parts first (ffmpeg -f concat)");
-      const Part next{file, video::probe_video(file), before.start_s + before.info.duration_s};
-      require_same(parts_.front(), next);
-      parts_.push_back(next);
+    std::vector<fs::path> files{options.video_or_images};
+    files.insert(files.end(), options.further_parts.begin(), options.further_parts.end());
+    parts_ = open_parts(files);
+    for (const Part& part : parts_) require_same(parts_.front(), part);
+  }
+
+  struct Part {
+    fs::path file;
+    video::VideoInfo info;
+    double start_s = 0.0;  ///< on the clock of the first part
+  };
+
+  static std::vector<Part> open_parts(const std::vector<fs::path>& files) {
+    std::vector<Part> parts;
+    for (const fs::path& file : files) {
+      double start_s = 0.0;
+      if (!parts.empty()) {
+        const Part& before = parts.back();
+        if (!(before.info.duration_s > 0.0))
+          throw InputError(before.file.string(),
+                           "does not say how long it is, so nothing can be read after it; join the "
+                           "parts first (ffmpeg -f concat)");
+        start_s = before.start_s + before.info.duration_s;
+      }
+      parts.push_back({file, video::probe_video(file), start_s});
     }
+    return parts;
   }
 
   const video::VideoInfo& info() const { return parts_.front().info; }
@@ -248,12 +313,6 @@ class Recording {
   }
 
  private:
-  struct Part {
-    fs::path file;
-    video::VideoInfo info;
-    double start_s = 0.0;  ///< on the clock of the first part
-  };
-
   static void require_same(const Part& first, const Part& other) {
     constexpr double kSameRate = 0.01;
     const double rate = first.info.frames_per_second;
@@ -271,8 +330,18 @@ class Recording {
   std::vector<Part> parts_;
 };
 
-void ingest_video(const IngestOptions& options, const fs::path& folder, const Companions& given,
-                  const Progress& progress, IngestResult& result) {
+/// The exposure nearest in time to a frame, at most half a period away; 0 without one. `exposures` increase in time.
+double exposure_ms_at(const std::vector<ImageTime>& exposures, double time_s, double period_s) {
+  auto later = std::ranges::lower_bound(exposures, time_s, {}, &ImageTime::time_s);
+  if (later != exposures.begin() &&
+      (later == exposures.end() || time_s - std::prev(later)->time_s < later->time_s - time_s))
+    --later;
+  const bool is_near = later != exposures.end() && std::abs(later->time_s - time_s) <= 0.5 * period_s;
+  return is_near ? later->exposure_ms : 0.0;
+}
+
+void ingest_video(const IngestOptions& options, const fs::path& folder, Companions given, const Progress& progress,
+                  IngestResult& result) {
   Recording recording(options);
   const video::VideoInfo& info = recording.info();
   const double duration_s = recording.duration_s();
@@ -281,7 +350,9 @@ void ingest_video(const IngestOptions& options, const fs::path& folder, const Co
   if (duration_s > 0.0) require_covers_excerpt(options, duration_s + shift_s, period_s);
   result.width = info.width;
   result.height = info.height;
-  const ScaledCalibration fitted = fitted_calibration(options, result);
+  ScaledCalibration fitted = fitted_calibration(options, result);
+  mount_camera_imu(options, fitted.calibration, given, result);
+  result.calibration = fitted.calibration;
   DatasetWriter writer(folder, fitted.calibration, writer_options(options));
 
   const double end_s = options.excerpt.to_s.value_or(duration_s);
@@ -292,7 +363,7 @@ void ingest_video(const IngestOptions& options, const fs::path& folder, const Co
   const auto on_frame = [&](std::int64_t index, double time_s, const imaging::RgbImage& image) {
     last_time_s = time_s;
     if (!options.is_wanted || options.is_wanted(time_s, period_s)) {
-      queue.add(result.times_s.size(), time_s, 0.0, image);
+      queue.add(result.times_s.size(), time_s, exposure_ms_at(options.exposures, time_s, period_s), image);
       result.times_s.push_back(time_s);
     }
     report_progress(progress, index + 1, std::max(expected, index + 1), "decoding video");
@@ -402,6 +473,12 @@ void ingest_images(const IngestOptions& options, const fs::path& folder, const C
 
 }  // namespace
 
+std::vector<double> part_starts_s(const std::vector<fs::path>& parts) {
+  std::vector<double> starts_s;
+  for (const Recording::Part& part : Recording::open_parts(parts)) starts_s.push_back(part.start_s);
+  return starts_s;
+}
+
 IngestResult ingest(const IngestOptions& options, const fs::path& dataset_folder, const Progress& progress) {
   if (options.jpeg_quality < 1 || options.jpeg_quality > 100) throw InputError("jpeg_quality", "must be from 1 to 100");
   if (!fs::exists(options.video_or_images))
@@ -411,11 +488,11 @@ IngestResult ingest(const IngestOptions& options, const fs::path& dataset_folder
       throw InputError(part.string(), "folders of images are not joined; copy the images into one folder");
   }
   IngestResult result;
-  const Companions given = read_companions(options, result.notes);
+  Companions given = read_companions(options, result.notes);
   if (fs::is_directory(options.video_or_images))
     ingest_images(options, dataset_folder, given, progress, result);
   else
-    ingest_video(options, dataset_folder, given, progress, result);
+    ingest_video(options, dataset_folder, std::move(given), progress, result);
   result.frames = result.times_s.size();
   return result;
 }

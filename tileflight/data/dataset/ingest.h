@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "tileflight/core/base/progress.h"
+#include "tileflight/core/geometry/imu_sample.h"
 #include "tileflight/data/dataset/dataset.h"
 #include "tileflight/data/dataset/sensor_files.h"
 #include "tileflight/data/video/video.h"
@@ -40,16 +41,23 @@ struct IngestOptions {
   /// Capture times for a folder without times.txt, by file name; empty: unknown. Images that are not in the map are
   /// left out (with a note).
   std::map<std::string, ImageTime> image_times;
-  std::vector<GpsFix> gps;                      ///< from the flight's log, on the log's clock
-  std::vector<CameraAttitude> attitudes;        ///< camera attitudes of the same log
-  std::vector<RangeReading> ranges;             ///< range finder of the same log
-  double gps_time_offset_s = 0.0;               ///< video time = log time + this
-  std::filesystem::path imu;                    ///< readings, for read_imu_csv(); may be empty
-  std::filesystem::path imu_noise;              ///< of the unit, for read_imu_noise(); may be empty
-  double imu_time_offset_s = 0.0;               ///< video time = the unit's time + this
-  std::filesystem::path groundtruth;            ///< TUM poses on the video's clock; may be empty
-  int jpeg_quality = 95;                        ///< for a video's frames; image files are copied
-  bool replace = false;                         ///< replaces an existing dataset folder
+  std::vector<GpsFix> gps;                ///< from the flight's log, on the log's clock
+  std::vector<CameraAttitude> attitudes;  ///< camera attitudes of the same log
+  std::vector<RangeReading> ranges;       ///< range finder of the same log
+  double gps_time_offset_s = 0.0;         ///< video time = log time + this
+  std::filesystem::path imu;              ///< readings, for read_imu_csv(); may be empty
+  std::filesystem::path imu_noise;        ///< of the unit, for read_imu_noise(); may be empty
+  double imu_time_offset_s = 0.0;         ///< video time = the unit's time + this
+  /// Readings in the axes of the camera as its frames are shown, in place of those of `imu`; may be empty. They are
+  /// left out, with a note, if they lie outside the excerpt or the calibration states that the unit is turned against
+  /// the camera.
+  std::vector<geometry::ImuSample> camera_imu;
+  std::vector<ImageTime> exposures;   ///< of a video's frames, on its clock, increasing; may be empty
+  bool has_own_positions = false;     ///< `gps` is what the video holds itself: if it lies outside the excerpt, a note
+                                      ///< says so
+  std::filesystem::path groundtruth;  ///< TUM poses on the video's clock; may be empty
+  int jpeg_quality = 95;              ///< for a video's frames; image files are copied
+  bool replace = false;               ///< replaces an existing dataset folder
   std::vector<std::filesystem::path> inputs{};  ///< files the caller has read besides those named here
   std::optional<imaging::Calibration> lens{};   ///< in place of the one in the file `calibration`
   double timeshift_s = 0.0;  ///< of a rig's camera (rig.h): the excerpt and the log are on the body's clock
@@ -62,6 +70,10 @@ struct IngestOptions {
   std::filesystem::path part_folder{};
   std::map<std::string, std::string> description;  ///< additional keys of dataset.yaml, "a.b" nests
 };
+
+/// Returns the times at which the parts of one recording begin, on the clock of the first. Throws InputError (file,
+/// cause) for a part that is no video, and for one before the last that does not say how long it is.
+std::vector<double> part_starts_s(const std::vector<std::filesystem::path>& parts);
 
 /// Result of ingest().
 struct IngestResult {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "tileflight/core/geometry/geodesy.h"
+#include "tileflight/core/geometry/imu_sample.h"
 #include "tileflight/core/geometry/transform.h"
 
 namespace tileflight::flight_logs {
@@ -39,6 +40,13 @@ struct ZoomReading {
   std::optional<double> digital_zoom;       ///< 1: none
 };
 
+/// The exposure of one frame of a video.
+struct ExposureReading {
+  double time_s = 0.0;  ///< of the frame, on the clock of the fixes
+  double exposure_s = 0.0;
+  std::optional<double> gain;  ///< of the sensor, in the unit of the log, which differs: only ratios count
+};
+
 /// Describes what the readings say against the use of one calibration: a focal length or digital zoom that changes
 /// between them, with where and by how much, and a digital zoom other than 1 that does not change. Empty: nothing.
 /// `source`: what the readings come from ("the subtitles").
@@ -51,10 +59,15 @@ enum class HeightDatum { kUnknown, kEllipsoid, kMeanSeaLevel };
 struct Telemetry {
   std::vector<TelemetryFix> fixes;  ///< strictly increasing time; repeated positions (held between fixes) are kept
   HeightDatum height_datum = HeightDatum::kUnknown;
-  std::vector<BodyRate> body_rates;   ///< strictly increasing time; empty if the log has no gyroscope data
-  std::vector<ZoomReading> zooms;     ///< of all entries that have any, in their order
-  std::optional<double> zero_utc_s;   ///< Unix time (UTC) of time 0, if the log states it
-  std::vector<std::string> warnings;  ///< e.g. entries dropped, one line each
+  std::vector<BodyRate> body_rates;  ///< strictly increasing time; empty if the log has no gyroscope data
+  std::vector<ZoomReading> zooms;    ///< of all entries that have any, in their order
+  /// Readings of an inertial unit in the camera, strictly increasing time; its axes are the camera's (x right, y down,
+  /// z forward) as frames are shown.
+  std::vector<geometry::ImuSample> inertial;
+  std::vector<ExposureReading> exposures;  ///< strictly increasing time
+  std::string device;                      ///< name of the camera or vehicle, if the log states it
+  std::optional<double> zero_utc_s;        ///< Unix time (UTC) of time 0, if the log states it
+  std::vector<std::string> warnings;       ///< e.g. entries dropped, one line each
 };
 
 /// Converts GPS time (whole weeks since 6 January 1980 and seconds of the week) to UTC as Unix time, seconds since 1970

@@ -17,6 +17,7 @@ struct VideoInfo {
   int width = 0, height = 0;       ///< after rotation flags
   double frames_per_second = 0.0;  ///< average
   double duration_s = 0.0;
+  int quarter_turns = 0;             ///< clockwise, 0 to 3: by which the rotation flags turn the stored images
   std::int64_t declared_frames = 0;  ///< 0: not declared by the container
   std::string creation_time;         ///< as the container has it (ISO 8601, UTC); empty: not declared
 };

@@ -158,6 +158,7 @@ VideoInfo VideoDecoder::info() const {
   info.width = stream_->codecpar->width;
   info.height = stream_->codecpar->height;
   if (quarter_turns_ % 2 == 1) std::swap(info.width, info.height);
+  info.quarter_turns = quarter_turns_;
   const AVRational rate = stream_->avg_frame_rate.num > 0 ? stream_->avg_frame_rate : stream_->r_frame_rate;
   if (rate.num > 0 && rate.den > 0) info.frames_per_second = av_q2d(rate);
   if (stream_->duration != AV_NOPTS_VALUE)

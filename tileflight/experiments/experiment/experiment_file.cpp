@@ -255,8 +255,6 @@ ingest::IngestedFlightConfig read_ingest(StrictSection section) {
   ingest.imu = optional_path(section, "imu");
   ingest.imu_noise = optional_path(section, "imu_noise");
   ingest.imu_time_offset_s = section.number("imu_time_offset").value_or(0.0);
-  if (ingest.imu.empty() && (!ingest.imu_noise.empty() || ingest.imu_time_offset_s != 0.0))
-    throw section.error("imu", "is missing, but 'imu_noise' or 'imu_time_offset' are there; give its readings");
   ingest.groundtruth = optional_path(section, "groundtruth");
   ingest.telemetry_height = section.choice("telemetry_height", {"ellipsoid", "sea-level", "takeoff"}).value_or("");
   ingest.takeoff_height_m = section.number("takeoff_height");

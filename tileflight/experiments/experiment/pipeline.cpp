@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "tileflight/capture/ingest/embedded_telemetry.h"
 #include "tileflight/capture/vehicle/flight_plan.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
@@ -44,8 +45,17 @@ json flight_inputs(const fs::path& flight_file) {
 
 /// Start time of the filmed flight, if its log knows the date.
 std::optional<double> start_utc_s(const std::optional<FlightConfig>& real) {
-  if (!real || !real->ingest || real->ingest->telemetry.empty()) return std::nullopt;
-  const flight_logs::Telemetry log = ingest::read_flight_log(real->ingest->telemetry);
+  if (!real || !real->ingest) return std::nullopt;
+  const ingest::IngestedFlightConfig& ingest = *real->ingest;
+  flight_logs::Telemetry log;
+  if (!ingest.telemetry.empty()) {
+    log = ingest::read_flight_log(ingest.telemetry);
+  } else if (!ingest.video.empty() && fs::exists(ingest.video)) {
+    try {
+      if (auto own = ingest::read_embedded_telemetry({ingest.video})) log = std::move(own->telemetry);
+    } catch (const InputError&) {  // `ingest` warns of it
+    }
+  }
   if (!log.zero_utc_s || log.fixes.empty()) return std::nullopt;
   return *log.zero_utc_s + log.fixes.front().time_s;
 }
