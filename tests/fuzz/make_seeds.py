@@ -240,6 +240,13 @@ def photos():
     xmp = (b"http://ns.adobe.com/xap/1.0/\0<x:xmpmeta xmlns:x='adobe:ns:meta/'><rdf:RDF "
            b"xmlns:rdf='http://www.w3.org/1999/02/22-rdf-syntax-ns#'><rdf:Description "
            b"xmlns:drone-dji='http://www.dji.com/drone-dji/1.0/' drone-dji:RelativeAltitude='+40.00'/></rdf:RDF></x:xmpmeta>")
+    survey = xmp.replace(b"/></rdf", b" drone-dji:AbsoluteAltitude='+349.58' drone-dji:RtkFlag='50' drone-dji:RtkStdLat='0.0138' "
+                         b"drone-dji:RtkStdLon='0.0105' drone-dji:RtkStdHgt='0.0205' drone-dji:AltitudeType='RtkAlt' "
+                         b"drone-dji:CalibratedFocalLength='1913.3' drone-dji:CalibratedOpticalCenterX='800' "
+                         b"drone-dji:DewarpData='2022-03-02;1973.1,1955.7,-19.0,-11.4,-0.42,0.37,0.004,0.004,-0.26' "
+                         b"drone-dji:DewarpFlag='0'/></rdf")
+    frame = b"\xff\xc0\0\x0b\x08\x05\x14\x06\x40\x01\x01\x11\0"
+    write("photo/survey.jpg", b"\xff\xd8" + segment(exif) + segment(survey) + frame + b"\xff\xda\0\2\xff\xd9")
     write("photo/dji.jpg", b"\xff\xd8" + segment(exif) + segment(xmp) + b"\xff\xda\0\2\xff\xd9")
 
 
