@@ -147,7 +147,7 @@ void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection) {
   command->add_option(
       "--camera", options->camera,
       "calibration: Kalibr camchain, OpenCV YAML or XML, COLMAP cameras, DSO camera.txt, ORB-SLAM3, VSLAM-LAB, VINS, "
-      "basalt, OpenSfM, OpenDroneMap, nerfstudio or Agisoft (docs/formats.md); of a rig, "
+      "basalt, OpenSfM, OpenDroneMap, nerfstudio, Agisoft or a lens profile of Gyroflow (docs/formats.md); of a rig, "
       "its "
       "camchain or a file with `cameras`; of photos, by default what their tags state");
   command->add_option("--camera-id", options->flight.camera_id,

@@ -280,6 +280,13 @@ def calibrations():
         "resolution": [[640, 480]]}}).encode())
     write("calibration/transforms.json", json.dumps({"camera_model": "OPENCV", "fl_x": 500, "fl_y": 500, "cx": 320, "cy": 240,
         "w": 640, "h": 480, "k1": 0.01, "k2": -0.02, "p1": 0, "p2": 0, "frames": []}).encode())
+    write("calibration/gyroflow.json", json.dumps({
+        "name": "n", "camera_brand": "b", "camera_model": "m", "note": "EIS", "calib_dimension": {"w": 3277, "h": 1520},
+        "frame_readout_time": -15.5, "input_horizontal_stretch": 1.212, "input_vertical_stretch": 1.0, "fps": 50.0,
+        "fisheye_params": {"RMS_error": 0.7, "camera_matrix": [[1339, 0, 1585], [0, 1284, 762], [0, 0, 1]],
+                           "distortion_coeffs": [0.25, -0.08, 0.22, -0.11]}, "frame_readout_direction": "TopToBottom",
+        "compatible_settings": [{"width": 1280, "height": 720, "fps": 30, "frame_readout_time": 8, "identifier": "i"}],
+        "distortion_model": None, "digital_lens": None, "interpolations": {}, "global_shutter": False}).encode())
     write("calibration/agisoft.xml", b"<?xml version=\"1.0\"?><calibration><projection>frame</projection><width>4000</width>"
           b"<height>2250</height><f>3000.5</f><cx>10.5</cx><cy>-5.5</cy><k1>-0.01</k1><p1>0.0001</p1></calibration>")
     write("calibration/vins.yaml", b"%YAML:1.0\n---\nmodel_type: MEI\nimage_width: 640\nimage_height: 480\nmirror_parameters:\n   xi: 1.8\n"
