@@ -13,22 +13,6 @@ namespace tileflight::video {
 
 namespace {
 
-struct CloseInput {
-  void operator()(AVFormatContext* context) const { avformat_close_input(&context); }
-};
-using OpenInput = std::unique_ptr<AVFormatContext, CloseInput>;
-
-OpenInput open_input(const std::filesystem::path& file) {
-  libav::set_process_wide();
-  AVFormatContext* context = nullptr;
-  const int opened = avformat_open_input(&context, libav::file_url(file).c_str(), nullptr, nullptr);
-  if (opened < 0) throw InputError(file.string(), "cannot be opened as a video: " + libav::error_text(opened));
-  OpenInput input(context);
-  const int found = avformat_find_stream_info(context, nullptr);
-  if (found < 0) throw InputError(file.string(), "cannot be read as a video: " + libav::error_text(found));
-  return input;
-}
-
 bool is_text(const AVStream& stream) {
   const AVCodecID codec = stream.codecpar->codec_id;
   return stream.codecpar->codec_type == AVMEDIA_TYPE_SUBTITLE &&
@@ -65,7 +49,7 @@ double video_start_s(const AVFormatContext& input) {
 }  // namespace
 
 std::string read_subtitles(const std::filesystem::path& file) {
-  const OpenInput input = open_input(file);
+  const libav::OpenInput input = libav::open_input(file);
   const AVStream* chosen = nullptr;
   for (unsigned i = 0; i < input->nb_streams && chosen == nullptr; ++i)
     if (is_text(*input->streams[i])) chosen = input->streams[i];
