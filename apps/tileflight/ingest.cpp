@@ -90,6 +90,11 @@ void add_imu_options(CLI::App& command, IngestOptions& options) {
 /// Sets the values of the flight that are not read directly into it.
 void complete_flight(IngestOptions& options) {
   set_videos(options.videos, options.flight);
+  // Photos may state their lens.
+  if (options.camera.empty() && !(options.videos.size() == 1 && std::filesystem::is_directory(options.videos.front())))
+    throw CLI::RequiredError("--camera");
+  if (options.camera.empty() && !options.flight.camera_id.empty())
+    throw CLI::ValidationError("--camera-id", "selects a camera of a calibration; give it with --camera");
   if (!options.flight.videos.empty() && !options.flight.camera_id.empty())
     throw CLI::ValidationError("--camera-id", "is of a single camera; name a rig's by NAME=PATH");
   options.flight.camera = options.camera;
@@ -136,13 +141,12 @@ void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection) {
           "video file or folder of images; of a rig, one of each camera, in the order of the calibration or as "
           "NAME=PATH")
       ->required();
-  command
-      ->add_option(
-          "--camera", options->camera,
-          "calibration: Kalibr camchain, OpenCV YAML or XML, COLMAP cameras, DSO camera.txt, ORB-SLAM3, VSLAM-LAB, "
-          "VINS, basalt, OpenSfM, OpenDroneMap, nerfstudio or Agisoft (docs/formats.md); of a rig, its camchain or a "
-          "file with `cameras`")
-      ->required();
+  command->add_option(
+      "--camera", options->camera,
+      "calibration: Kalibr camchain, OpenCV YAML or XML, COLMAP cameras, DSO camera.txt, ORB-SLAM3, VSLAM-LAB, VINS, "
+      "basalt, OpenSfM, OpenDroneMap, nerfstudio, Agisoft or a lens profile of Gyroflow (docs/formats.md); of a rig, "
+      "its "
+      "camchain or a file with `cameras`; of photos, by default what their tags state");
   command->add_option("--camera-id", options->flight.camera_id,
                       "camera to use if the calibration holds several: cam1 (Kalibr), 2 (COLMAP's CAMERA_ID)");
   add_log_options(*command, *options);

@@ -15,8 +15,9 @@ using tests::ProgramResult;
 using tests::run_tileflight;
 
 const std::vector<std::vector<std::string>> kCommands{
-    {"scene", "stadium"}, {"tile"},  {"inspect"},  {"extract"}, {"preview"}, {"render"}, {"ingest"}, {"export"},
-    {"odometry"},         {"align"}, {"evaluate"}, {"compare"}, {"run"},     {"report"}, {"serve"},  {"play"}};
+    {"scene", "stadium"}, {"tile"},   {"inspect"},  {"extract"}, {"preview"},  {"render"},  {"lens"},
+    {"ingest"},           {"export"}, {"odometry"}, {"align"},   {"evaluate"}, {"compare"}, {"run"},
+    {"report"},           {"serve"},  {"play"}};
 
 TEST(CommandLine, EveryCommandHasHelpWithAnExample) {
   for (std::vector<std::string> command : kCommands) {
@@ -79,6 +80,7 @@ TEST(CommandLine, WorkThatFailsIsOneLineAndExitCodeOne) {
       {"preview", "/nonexistent/tileset.json", "--flight", "/nonexistent/flight.yaml", "--out", out},
       {"extract", "/nonexistent/tileset.json", "--out", out},
       {"render", "/nonexistent/tileset.json", "--flight", "/nonexistent/flight.yaml", "--out", out},
+      {"lens", "/nonexistent.mp4", "--profiles", "/nonexistent", "--out", out},
       {"ingest", "/nonexistent.mp4", "--camera", "/nonexistent.yaml", "--out", out},
       {"export", "/nonexistent", "--layout", "euroc", "--out", out},
       {"odometry", "/nonexistent", "--out", out},

@@ -299,6 +299,13 @@ def photos():
     xmp = (b"http://ns.adobe.com/xap/1.0/\0<x:xmpmeta xmlns:x='adobe:ns:meta/'><rdf:RDF "
            b"xmlns:rdf='http://www.w3.org/1999/02/22-rdf-syntax-ns#'><rdf:Description "
            b"xmlns:drone-dji='http://www.dji.com/drone-dji/1.0/' drone-dji:RelativeAltitude='+40.00'/></rdf:RDF></x:xmpmeta>")
+    survey = xmp.replace(b"/></rdf", b" drone-dji:AbsoluteAltitude='+349.58' drone-dji:RtkFlag='50' drone-dji:RtkStdLat='0.0138' "
+                         b"drone-dji:RtkStdLon='0.0105' drone-dji:RtkStdHgt='0.0205' drone-dji:AltitudeType='RtkAlt' "
+                         b"drone-dji:CalibratedFocalLength='1913.3' drone-dji:CalibratedOpticalCenterX='800' "
+                         b"drone-dji:DewarpData='2022-03-02;1973.1,1955.7,-19.0,-11.4,-0.42,0.37,0.004,0.004,-0.26' "
+                         b"drone-dji:DewarpFlag='0'/></rdf")
+    frame = b"\xff\xc0\0\x0b\x08\x05\x14\x06\x40\x01\x01\x11\0"
+    write("photo/survey.jpg", b"\xff\xd8" + segment(exif) + segment(survey) + frame + b"\xff\xda\0\2\xff\xd9")
     write("photo/dji.jpg", b"\xff\xd8" + segment(exif) + segment(xmp) + b"\xff\xda\0\2\xff\xd9")
 
 
@@ -332,6 +339,13 @@ def calibrations():
         "resolution": [[640, 480]]}}).encode())
     write("calibration/transforms.json", json.dumps({"camera_model": "OPENCV", "fl_x": 500, "fl_y": 500, "cx": 320, "cy": 240,
         "w": 640, "h": 480, "k1": 0.01, "k2": -0.02, "p1": 0, "p2": 0, "frames": []}).encode())
+    write("calibration/gyroflow.json", json.dumps({
+        "name": "n", "camera_brand": "b", "camera_model": "m", "note": "EIS", "calib_dimension": {"w": 3277, "h": 1520},
+        "frame_readout_time": -15.5, "input_horizontal_stretch": 1.212, "input_vertical_stretch": 1.0, "fps": 50.0,
+        "fisheye_params": {"RMS_error": 0.7, "camera_matrix": [[1339, 0, 1585], [0, 1284, 762], [0, 0, 1]],
+                           "distortion_coeffs": [0.25, -0.08, 0.22, -0.11]}, "frame_readout_direction": "TopToBottom",
+        "compatible_settings": [{"width": 1280, "height": 720, "fps": 30, "frame_readout_time": 8, "identifier": "i"}],
+        "distortion_model": None, "digital_lens": None, "interpolations": {}, "global_shutter": False}).encode())
     write("calibration/agisoft.xml", b"<?xml version=\"1.0\"?><calibration><projection>frame</projection><width>4000</width>"
           b"<height>2250</height><f>3000.5</f><cx>10.5</cx><cy>-5.5</cy><k1>-0.01</k1><p1>0.0001</p1></calibration>")
     write("calibration/vins.yaml", b"%YAML:1.0\n---\nmodel_type: MEI\nimage_width: 640\nimage_height: 480\nmirror_parameters:\n   xi: 1.8\n"

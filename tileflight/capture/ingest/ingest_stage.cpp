@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "tileflight/capture/ingest/embedded_telemetry.h"
+#include "tileflight/capture/ingest/photo_lens.h"
 #include "tileflight/capture/ingest/telemetry_offset.h"
 #include "tileflight/capture/ingest/telemetry_positions.h"
 #include "tileflight/capture/recording/flight_cameras.h"
@@ -15,6 +16,7 @@
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/program.h"
+#include "tileflight/core/imaging/calibration_files.h"
 #include "tileflight/data/dataset/ingest_rig.h"
 #include "tileflight/data/flight_logs/photo_log.h"
 #include "tileflight/data/flight_logs/telemetry.h"
@@ -80,11 +82,31 @@ flight_logs::PhotoLog read_photos(const std::filesystem::path& video) {
   return flight_logs::read_photo_log(in_folder ? video / "images" : video);
 }
 
+/// Takes the lens from the photos' tags if no calibration is given, else compares the two.
+void choose_lens(const IngestedFlightConfig& flight, const flight_logs::PhotoLog& photos,
+                 dataset::IngestOptions& options, std::vector<std::string>& warnings) {
+  if (!flight.camera.empty()) {
+    if (photos.lenses.empty()) return;
+    base::add_distinct(find_lens_warnings(photos, imaging::read_calibration(flight.camera, flight.camera_id)),
+                       warnings);
+    return;
+  }
+  if (!std::filesystem::is_directory(flight.video))
+    throw InputError(flight.video.string(), std::filesystem::exists(flight.video)
+                                                ? "is a video, which does not state its lens: give its calibration, "
+                                                  "--camera (camera in an experiment)"
+                                                : "no such video file or image folder");
+  PhotoLens lens = lens_of_photos(photos, flight.video);
+  base::add_distinct(lens.warnings, warnings);
+  options.lens = std::move(lens.calibration);
+  options.calibration = lens.photo;
+  options.description["calibration.tag"] = lens.source;
+}
+
 /// Adds the photos' metadata: capture times unless a frame rate is given, and positions unless a log is given.
-void add_photo_metadata(const IngestedFlightConfig& flight, const std::filesystem::path& truth,
-                        dataset::IngestOptions& options, std::optional<double>& start_utc_s,
-                        std::vector<std::string>& warnings) {
-  const flight_logs::PhotoLog photos = read_photos(options.video_or_images);
+void add_photo_metadata(const IngestedFlightConfig& flight, const flight_logs::PhotoLog& photos,
+                        const std::filesystem::path& truth, dataset::IngestOptions& options,
+                        std::optional<double>& start_utc_s, std::vector<std::string>& warnings) {
   base::add_distinct(flight_logs::find_zoom_warnings(photos.zooms, "the photos' tags"), warnings);
   if (flight.fps) return;
   options.image_times = photo_times(photos, start_utc_s, warnings);
@@ -341,6 +363,9 @@ IngestResult ingest_dataset(const IngestedFlightConfig& flight, const std::files
   dataset::IngestOptions options = options_of(flight, truth, replace);
   std::vector<dataset::IngestedCamera> cameras;
   IngestResult result;
+  if (!flight.videos.empty() && flight.camera.empty())
+    throw InputError(flight.videos.front().video.string(),
+                     "is one of several videos, whose cameras are not known: give their calibration, --camera");
   if (!flight.videos.empty()) cameras = rig_cameras(flight);
   if (cameras.size() == 1 && flight.videos.size() > 1) {
     std::vector<std::filesystem::path> parts = ordered_parts(flight, result.warnings);
@@ -353,6 +378,8 @@ IngestResult ingest_dataset(const IngestedFlightConfig& flight, const std::files
     options.lens = cameras.front().calibration;
   }
   const std::optional<EmbeddedTelemetry> own = read_own_telemetry(flight, options, result);
+  const flight_logs::PhotoLog photos = read_photos(options.video_or_images);
+  if (flight.videos.empty()) choose_lens(flight, photos, options, result.warnings);
   flight_logs::Telemetry telemetry;
   if (!flight.telemetry.empty()) {
     telemetry = read_flight_log(flight.telemetry);
@@ -377,7 +404,7 @@ IngestResult ingest_dataset(const IngestedFlightConfig& flight, const std::files
   }
   if (!truth.empty()) options.description.merge(place::describe_frame(place::read_extract_json(truth).origin));
   std::optional<double> start_utc_s;
-  add_photo_metadata(flight, truth, options, start_utc_s, result.warnings);
+  add_photo_metadata(flight, photos, truth, options, start_utc_s, result.warnings);
   if (!options.gps.empty()) {
     result.flight = describe_flight(options.gps);
     base::add_distinct(find_implausible(*result.flight, options.gps), result.warnings);

@@ -24,7 +24,7 @@ struct CameraVideo {
 struct IngestedFlightConfig {
   std::filesystem::path video;      ///< video file or folder of images; empty if there are `videos`
   std::vector<CameraVideo> videos;  ///< video: {NAME: PATH, ...}, of a rig's cameras
-  std::filesystem::path camera;     ///< calibration; of a rig: what read_rig_cameras reads
+  std::filesystem::path camera;     ///< calibration; of a rig: what read_rig_cameras reads; empty: the photos' own
   std::string
       camera_id;  ///< which of several cameras in the file: COLMAP's CAMERA_ID, Kalibr's cam0; empty: the only one
   std::filesystem::path telemetry;           ///< read_flight_log(); empty: none

@@ -1,6 +1,7 @@
 #include "tileflight/capture/ingest/telemetry_positions.h"
 
 #include <algorithm>
+#include <cmath>
 #include <optional>
 #include <vector>
 
@@ -78,9 +79,11 @@ geometry::EllipsoidalHeight estimate_takeoff_height(const flight_logs::Telemetry
 
 namespace {
 
-/// Typical accuracy of consumer drones' receivers under open sky; logs do not state it.
+/// Typical accuracy of consumer drones' receivers under open sky, for logs that do not state it.
 constexpr double kHorizontalSigma_m = 1.0;
 constexpr double kVerticalSigma_m = 2.0;
+/// Accuracy of EGM96's heights of the geoid (NIMA TR8350.2, section 6: 0.5 to 1 m).
+constexpr double kGeoidSigma_m = 0.5;
 
 enum class HeightReference { kEllipsoid, kSeaLevel, kTakeoff };
 
@@ -99,6 +102,7 @@ HeightReference find_height_reference(const flight_logs::Telemetry& telemetry, c
 void note_other_reference(const flight_logs::Telemetry& telemetry, HeightReference above,
                           std::vector<std::string>& warnings) {
   using flight_logs::HeightDatum;
+  if (!telemetry.height_datum_note.empty()) return;  // the log does not state one
   const bool by_ellipsoid = telemetry.height_datum == HeightDatum::kEllipsoid && above == HeightReference::kSeaLevel;
   const bool by_sea = telemetry.height_datum == HeightDatum::kMeanSeaLevel && above == HeightReference::kEllipsoid;
   if (!by_ellipsoid && !by_sea) return;
@@ -121,6 +125,12 @@ std::optional<geometry::EllipsoidalHeight> ellipsoidal_height(const flight_logs:
   return geometry::ellipsoidal_from_orthometric(fix.latitude_deg, fix.longitude_deg, {*fix.absolute_height_m});
 }
 
+/// Standard deviation of ellipsoidal_height(): what the log states is of its absolute height.
+double height_sigma_m(const flight_logs::TelemetryFix& fix, HeightReference above) {
+  if (!fix.vertical_sigma_m || above == HeightReference::kTakeoff) return kVerticalSigma_m;
+  return above == HeightReference::kSeaLevel ? std::hypot(*fix.vertical_sigma_m, kGeoidSigma_m) : *fix.vertical_sigma_m;
+}
+
 }  // namespace
 
 std::vector<dataset::GpsFix> to_gps_fixes(const flight_logs::Telemetry& telemetry, const IngestedFlightConfig& flight,
@@ -132,6 +142,8 @@ std::vector<dataset::GpsFix> to_gps_fixes(const flight_logs::Telemetry& telemetr
                      "above the ellipsoid in metres, or a ground truth to take it from (--truth)");
   }
   note_other_reference(telemetry, above, warnings);
+  if (flight.telemetry_height.empty() && !telemetry.height_datum_note.empty())
+    warnings.push_back(telemetry.height_datum_note);
   std::vector<dataset::GpsFix> fixes;
   std::size_t without_height = 0;
   for (const flight_logs::TelemetryFix& fix : flight_logs::distinct_fixes(telemetry)) {
@@ -142,8 +154,8 @@ std::vector<dataset::GpsFix> to_gps_fixes(const flight_logs::Telemetry& telemetr
     }
     fixes.push_back({.time_s = fix.time_s,
                      .position = {fix.latitude_deg, fix.longitude_deg, *height},
-                     .horizontal_sigma_m = kHorizontalSigma_m,
-                     .vertical_sigma_m = kVerticalSigma_m});
+                     .horizontal_sigma_m = fix.horizontal_sigma_m.value_or(kHorizontalSigma_m),
+                     .vertical_sigma_m = height_sigma_m(fix, above)});
   }
   const bool has_no_heights = std::ranges::none_of(telemetry.fixes, [](const flight_logs::TelemetryFix& fix) {
     return fix.absolute_height_m.has_value() || fix.height_above_takeoff_m.has_value();

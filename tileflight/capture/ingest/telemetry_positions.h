@@ -22,9 +22,10 @@ geometry::EllipsoidalHeight estimate_takeoff_height(const flight_logs::Telemetry
                                                     const std::filesystem::path& truth);
 
 /// Converts a flight log's positions to those of gps.csv: heights above the ellipsoid, converted from the log's height
-/// reference (`telemetry_height`; without it the log must state it), times on the log's clock. Positions without such a
-/// height are dropped and counted in `warnings`. Throws InputError if the height reference is unknown (references are
-/// never mixed silently) or no position has such a height.
+/// reference (`telemetry_height`; without it the log must state it), times on the log's clock, standard deviations as
+/// the log states them, else 1 m and 2 m. Positions without such a height are dropped and counted in `warnings`. Throws
+/// InputError if the height reference is unknown (references are never mixed silently) or no position has such a
+/// height.
 std::vector<dataset::GpsFix> to_gps_fixes(const flight_logs::Telemetry& telemetry, const IngestedFlightConfig& flight,
                                           std::vector<std::string>& warnings);
 

@@ -62,6 +62,33 @@ TEST_F(TelemetryPositions, AGeoidThatWouldBeAddedTwiceIsNamed) {
   EXPECT_THAT(warnings_, IsEmpty());
 }
 
+TEST_F(TelemetryPositions, HaveTheStandardDeviationsThatTheLogStates) {
+  flight_logs::Telemetry log = log_of_two(flight_logs::HeightDatum::kEllipsoid);
+  log.fixes[1].horizontal_sigma_m = 0.012;
+  log.fixes[1].vertical_sigma_m = 0.021;
+  const auto fixes = to_gps_fixes(log, flight_, warnings_);
+  EXPECT_EQ(fixes[0].horizontal_sigma_m, 1.0) << "the usual one, since the log does not state it";
+  EXPECT_EQ(fixes[0].vertical_sigma_m, 2.0);
+  EXPECT_EQ(fixes[1].horizontal_sigma_m, 0.012);
+  EXPECT_EQ(fixes[1].vertical_sigma_m, 0.021);
+  log.height_datum = flight_logs::HeightDatum::kMeanSeaLevel;
+  EXPECT_NEAR(to_gps_fixes(log, flight_, warnings_)[1].vertical_sigma_m, 0.5004, 1e-4) << "the geoid's half metre";
+  flight_.telemetry_height = "takeoff";
+  flight_.takeoff_height_m = 100;
+  EXPECT_EQ(to_gps_fixes(log, flight_, warnings_).at(0).vertical_sigma_m, 2.0) << "the barometer's height";
+}
+
+TEST_F(TelemetryPositions, AConcludedDatumIsNamedUnlessItIsGiven) {
+  flight_logs::Telemetry log = log_of_two(flight_logs::HeightDatum::kEllipsoid);
+  log.height_datum_note = "by RtkFlag";
+  to_gps_fixes(log, flight_, warnings_);
+  EXPECT_THAT(warnings_, ElementsAre("by RtkFlag"));
+  warnings_.clear();
+  flight_.telemetry_height = "sea-level";
+  to_gps_fixes(log, flight_, warnings_);
+  EXPECT_THAT(warnings_, IsEmpty());
+}
+
 TEST_F(TelemetryPositions, ALogWithoutAnyHeightsSaysSo) {
   flight_logs::Telemetry log = log_of_two(flight_logs::HeightDatum::kMeanSeaLevel);
   for (flight_logs::TelemetryFix& fix : log.fixes) fix.absolute_height_m = fix.height_above_takeoff_m = std::nullopt;

@@ -81,8 +81,8 @@ struct NamedCalibration {
 };
 
 /// Reads all cameras of a calibration in JSON: OpenSfM's camera_models.json and OpenDroneMap's cameras.json, basalt's
-/// calibration.json, nerfstudio's transforms.json. Throws InputError (file, key, cause) for other JSON, for models
-/// without a counterpart here, and for a lens profile of Gyroflow, with the way to convert it.
+/// calibration.json, nerfstudio's transforms.json, Gyroflow's lens profiles (lens_profile.h). Throws InputError (file,
+/// key, cause) for other JSON, and for models without a counterpart here.
 std::vector<NamedCalibration> read_json_calibrations(const std::filesystem::path& file);
 
 /// Returns whether bytes are COLMAP's cameras.bin rather than text.

@@ -125,12 +125,6 @@ TEST_F(ForeignCalibrations, NerfstudiosPixelCentresAreAtHalves) {
               HasSubstr("states the lens for each image"));
 }
 
-TEST_F(ForeignCalibrations, AProfileOfGyroflowIsNamedWithTheWayToConvertIt) {
-  EXPECT_THAT(fault(R"({"name": "x", "calib_dimension": {"w": 4, "h": 4}, "fisheye_params": {}})"),
-              HasSubstr("is a lens profile of Gyroflow, which is not read: write its camera_matrix"));
-}
-
-/// Metashape's manual, appendix D: x' = x (1 + K1 r2 + ...) + P1 (r2 + 2 x x) + 2 P2 x y; u = w/2 + cx + x' f + x' B1.
 TEST_F(ForeignCalibrations, AgisoftsTangentialCoefficientsStandInItsOwnOrder) {
   const std::string text =
       "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<calibration>\n  <projection>frame</projection>\n"

@@ -3,7 +3,8 @@
 //     numbers are shares of the larger side of the image, and the principal point is relative to the image's centre;
 //   basalt, calibration.json: https://gitlab.com/VladyslavUsenko/basalt/-/blob/master/doc/Calibration.md;
 //   nerfstudio and instant-ngp, transforms.json: https://docs.nerf.studio/quickstart/data_conventions.html; pixel
-//     centres are at halves.
+//     centres are at halves;
+//   Gyroflow, lens profiles: lens_profile.h.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -16,6 +17,7 @@
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/imaging/calibration_checks.h"
 #include "tileflight/core/imaging/calibration_files.h"
+#include "tileflight/core/imaging/lens_profile.h"
 
 namespace tileflight::imaging {
 
@@ -374,14 +376,10 @@ std::vector<NamedCalibration> read_json_calibrations(const std::filesystem::path
   }
   if (is_opensfm(root)) return read_opensfm(root, name);
   if (root.is_object() && root.contains("fisheye_params"))
-    throw InputError(
-        name,
-        "is a lens profile of Gyroflow, which is not read: write its camera_matrix and distortion_coeffs into "
-        "a file as OpenCV's, with distortion_model: equidistant, and calib_dimension as image_width and "
-        "image_height (docs/formats.md, Calibration files)");
+    return {{"", calibration_of(parse_lens_profile(bytes, name))}};
   throw InputError(name,
                    "is JSON, but no calibration that is known: expected OpenSfM's or OpenDroneMap's cameras.json, "
-                   "basalt's calibration.json or nerfstudio's transforms.json");
+                   "basalt's calibration.json, nerfstudio's transforms.json or a lens profile of Gyroflow");
 }
 
 }  // namespace tileflight::imaging

@@ -160,10 +160,11 @@ Calibration read_calibration(const std::filesystem::path& file) {
   if (!form && has_line_that_begins(text, "[image]") && has_line_that_begins(text, "camera matrix"))
     throw InputError(file.string(), "is ROS's ost.ini: give the ost.yaml that camera_calibration writes beside it");
   if (!form)
-    throw InputError(file.string(),
-                     "unknown calibration format (expected a Kalibr camchain with \"cam0\", OpenCV's YAML or XML, "
-                     "COLMAP's cameras.txt or cameras.bin, DSO's camera.txt, the calibration of VSLAM-LAB, ORB-SLAM3, "
-                     "VINS, basalt, OpenSfM, OpenDroneMap or nerfstudio, or Agisoft's XML)");
+    throw InputError(
+        file.string(),
+        "unknown calibration format (expected a Kalibr camchain with \"cam0\", OpenCV's YAML or XML, "
+        "COLMAP's cameras.txt or cameras.bin, DSO's camera.txt, the calibration of VSLAM-LAB, ORB-SLAM3, "
+        "VINS, basalt, OpenSfM, OpenDroneMap or nerfstudio, Agisoft's XML, or a lens profile of Gyroflow)");
   switch (*form) {
     case CalibrationFormat::kKalibr:
       return read_kalibr(file);

@@ -76,6 +76,30 @@ TEST_F(ChosenCamera, IsScaledRefusedOrNamed) {
               HasSubstr("holds 2 cameras (1, 2)"));
 }
 
+/// A lens profile of Gyroflow lists the sizes of images with the same lens, and the readout time of each.
+TEST_F(ChosenCamera, OfALensProfileIsThatOfTheModeOfThisSize) {
+  pictures(folder_ / "set/images");
+  base::write_file(folder_ / "set/times.txt", "0\n1\n2\n");
+  const auto profile = [&](const std::string& size, const std::string& modes) {
+    base::write_file(folder_ / "p.json",
+                     "{\"camera_model\": \"M\", \"calib_dimension\": " + size +
+                         ", \"frame_readout_time\": 20, \"fps\": 30, \"fisheye_params\": {\"camera_matrix\": "
+                         "[[100, 0, 64], [0, 102, 48], [0, 0, 1]], \"distortion_coeffs\": [0, 0, 0, 0]}, "
+                         "\"compatible_settings\": [" +
+                         modes + "]}");
+    return read_dataset(folder_ / "set", {folder_ / "p.json", ""});
+  };
+  const std::string size = "{\"w\": 128, \"h\": 96}";
+  const Dataset listed = profile(size, "{\"width\": 64, \"height\": 48, \"fps\": 60, \"frame_readout_time\": 12}");
+  EXPECT_EQ(std::get<imaging::KannalaBrandt>(listed.calibration.camera.model()).fx, 50.0);
+  EXPECT_DOUBLE_EQ(listed.calibration.line_delay_s, 0.012 / 48);
+  EXPECT_THAT(listed.warnings, ElementsAre(HasSubstr("is a lens profile of M for 64x48 at 60 frames per second")));
+  const Dataset scaled = profile(size, "");
+  EXPECT_DOUBLE_EQ(scaled.calibration.line_delay_s, 0.020 / 48);
+  EXPECT_THAT(scaled.warnings, ElementsAre(HasSubstr("for 128x96 at 30"), HasSubstr("does not list that size")));
+  EXPECT_THAT(refusal_of([&] { profile("{\"w\": 128, \"h\": 72}", ""); }), HasSubstr("the aspect ratio differs"));
+}
+
 TEST_F(ChosenCamera, LeavesWhereTheBodyIsToTheLayout) {
   pictures(folder_ / "set/mav0/cam0/data");
   base::write_file(folder_ / "set/mav0/cam0/data.csv", "0,000000.png\n1000000000,000001.png\n2000000000,000002.png\n");

@@ -6,6 +6,7 @@
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/imaging/calibration_files.h"
 #include "tileflight/core/imaging/image_files.h"
+#include "tileflight/core/imaging/lens_profile.h"
 #include "tileflight/data/dataset/dataset_metadata.h"
 #include "tileflight/data/dataset/frame_list.h"
 #include "tileflight/data/dataset/layouts.h"
@@ -77,6 +78,15 @@ std::string size_text(int width, int height) { return std::to_string(width) + "x
 
 ScaledCalibration read_scaled_calibration(const std::filesystem::path& file, const std::string& camera_id, int width,
                                           int height, std::vector<std::string>& notes) {
+  if (camera_id.empty()) {
+    if (const auto profile = imaging::read_if_lens_profile(file)) {
+      const imaging::Camera& own = profile->camera;
+      const bool is_own_size = own.width() == width && own.height() == height;
+      const imaging::Calibration calibration = imaging::calibration_for_size(*profile, width, height);
+      notes.insert(notes.end(), calibration.notes.begin(), calibration.notes.end());
+      return {calibration, is_own_size ? "" : size_text(own.width(), own.height())};
+    }
+  }
   return scaled_calibration(file.string(), imaging::read_calibration(file, camera_id), width, height, notes);
 }
 

@@ -2,7 +2,12 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+
 #include "tests/refusal.h"
+#include "tests/run_program.h"
 #include "tests/temporary_folder.h"
 #include "tests/test_data.h"
 #include "tileflight/core/base/files.h"
@@ -15,6 +20,7 @@ namespace {
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
+using testing::SizeIs;
 
 /// A little-endian TIFF directory as EXIF has it (TIFF 6.0, section 2): values longer than four bytes follow it.
 class Directory {
@@ -126,13 +132,13 @@ TEST(PhotoTags, OfExif) {
   EXPECT_DOUBLE_EQ(tags.latitude_deg.value(), 45.5);
   EXPECT_DOUBLE_EQ(tags.longitude_deg.value(), -(9 + 14.75 / 60 + 15.0 / 3600));
   EXPECT_DOUBLE_EQ(tags.absolute_height_m.value(), 120.5);
-  EXPECT_FALSE(tags.height_is_ellipsoidal);
+  EXPECT_EQ(tags.height_datum, HeightDatum::kMeanSeaLevel);
   EXPECT_DOUBLE_EQ(tags.exposure_s.value(), 0.004);
   EXPECT_EQ(tags.orientation, 6);
   EXPECT_DOUBLE_EQ(tags.taken_at_s.value(), 1714972089.25);  // date -u -d '2024-05-06T05:08:09' +%s
   EXPECT_DOUBLE_EQ(tags_of(jpeg({exif("07:08:09")})).taken_at_s.value(), 1714972089 + 7200) << "taken as UTC";
   EXPECT_DOUBLE_EQ(tags_of(jpeg({exif("07:08:09", "", "", 1)})).absolute_height_m.value(), -120.5);
-  EXPECT_TRUE(tags_of(jpeg({exif("07:08:09", "", "", 2)})).height_is_ellipsoidal);
+  EXPECT_EQ(tags_of(jpeg({exif("07:08:09", "", "", 2)})).height_datum, HeightDatum::kEllipsoid);
 }
 
 TEST(PhotoTags, OfDjisXmpAsAttributesOrElements) {
@@ -143,7 +149,7 @@ TEST(PhotoTags, OfDjisXmpAsAttributesOrElements) {
                                           "drone-dji:FlightPitchDegree='-1.90' drone-dji:FlightRollDegree='+2.30' "
                                           "drone-dji:AltitudeType='RtkAlt'")}));
   EXPECT_EQ(tags.absolute_height_m, 198.51);
-  EXPECT_TRUE(tags.height_is_ellipsoidal);
+  EXPECT_EQ(tags.height_datum, HeightDatum::kEllipsoid);
   EXPECT_EQ(tags.height_above_takeoff_m, 40.0);
   EXPECT_EQ(tags.gimbal_yaw_deg, -45.3);
   EXPECT_EQ(tags.gimbal_pitch_deg, -90.0);
@@ -157,8 +163,87 @@ TEST(PhotoTags, OfDjisXmpAsAttributesOrElements) {
   EXPECT_EQ(tags_of(jpeg({elements})).height_above_takeoff_m, 12.5);
 }
 
+std::string dji(const std::string& attributes) { return jpeg({exif("07:08:09"), xmp(attributes)}); }
+
+TEST(PhotoTags, OfAnRtkReceiver) {
+  const std::string sigmas =
+      "drone-dji:RtkStdLon='0.01053' drone-dji:RtkStdLat='0.01380' drone-dji:RtkStdHgt='0.0205' ";
+  const PhotoTags fixed = tags_of(dji(sigmas + "drone-dji:RtkFlag='50'"));
+  EXPECT_EQ(fixed.rtk_solution, RtkSolution::kFixed);
+  EXPECT_EQ(fixed.longitude_sigma_m, 0.01053);
+  EXPECT_EQ(fixed.latitude_sigma_m, 0.0138);
+  EXPECT_EQ(fixed.height_sigma_m, 0.0205);
+  EXPECT_EQ(tags_of(dji("drone-dji:RtkFlag='34'")).rtk_solution, RtkSolution::kFloat);
+  EXPECT_EQ(tags_of(dji("drone-dji:RtkFlag='48'")).rtk_solution, RtkSolution::kFloat);
+  EXPECT_EQ(tags_of(dji("drone-dji:RtkFlag='16'")).rtk_solution, RtkSolution::kSingle);
+  const PhotoTags none = tags_of(dji(sigmas + "drone-dji:RtkFlag='0'"));
+  EXPECT_EQ(none.rtk_solution, RtkSolution::kNone);
+  EXPECT_EQ(none.latitude_sigma_m, std::nullopt) << "of an earlier solution";
+  const PhotoTags wrong =
+      tags_of(dji("drone-dji:RtkFlag='50' drone-dji:RtkStdLon='0' drone-dji:RtkStdLat='-1' drone-dji:RtkStdHgt='nan'"));
+  EXPECT_EQ(wrong.longitude_sigma_m, std::nullopt);
+  EXPECT_EQ(wrong.latitude_sigma_m, std::nullopt);
+  EXPECT_EQ(wrong.height_sigma_m, std::nullopt);
+  EXPECT_EQ(tags_of(dji(sigmas)).latitude_sigma_m, std::nullopt) << "no RtkFlag says that there was a solution";
+}
+
+/// EXIF says "sea level" in all of them, as DJI's cameras do.
+TEST(PhotoTags, WhatDjisHeightsAreAbove) {
+  const auto datum = [](const std::string& attributes) {
+    const PhotoTags tags = tags_of(dji("drone-dji:AbsoluteAltitude='+349.58' " + attributes));
+    return std::pair(tags.height_datum, tags.states_height_datum);
+  };
+  EXPECT_EQ(datum("drone-dji:RtkFlag='50'"), std::pair(HeightDatum::kEllipsoid, false));
+  EXPECT_EQ(datum("drone-dji:RtkFlag='16'"), std::pair(HeightDatum::kEllipsoid, false));
+  EXPECT_EQ(datum("drone-dji:AltitudeType='RtkAlt' drone-dji:RtkFlag='50'"), std::pair(HeightDatum::kEllipsoid, true));
+  EXPECT_EQ(datum("drone-dji:AltitudeType='RtkAlt'"), std::pair(HeightDatum::kEllipsoid, false));
+  EXPECT_EQ(datum("drone-dji:AltitudeType='GpsFusionAlt'"), std::pair(HeightDatum::kEllipsoid, false));
+  EXPECT_EQ(datum("drone-dji:AltitudeType='PressAlt' drone-dji:RtkFlag='50'").first, HeightDatum::kUnknown);
+  EXPECT_EQ(datum("drone-dji:RtkFlag='0'").first, HeightDatum::kUnknown);
+  EXPECT_EQ(datum("").first, HeightDatum::kUnknown);
+}
+
+/// senseFly's cameras state both heights; the geoid lies 33 m below the ellipsoid in Ohio.
+TEST(PhotoTags, OfSenseFlysHeights) {
+  std::string elements = xmp("a='b'");
+  elements.replace(elements.find("/></rdf:RDF>"), 2,
+                   "><sensefly:AltitudeAMSL xmlns:sensefly='x'>313.98</sensefly:AltitudeAMSL><sensefly:AltitudeWGS84 "
+                   "xmlns:sensefly='x'>281.69</sensefly:AltitudeWGS84></rdf:Description>");
+  const PhotoTags tags = tags_of(jpeg({exif("07:08:09"), elements}));
+  EXPECT_EQ(tags.absolute_height_m, 281.69);
+  EXPECT_EQ(tags.height_datum, HeightDatum::kEllipsoid);
+  EXPECT_TRUE(tags.states_height_datum);
+}
+
+TEST(PhotoTags, OfTheLens) {
+  const PhotoLensTags lens =
+      tags_of(dji("drone-dji:DewarpData='2022-03-02;1973.09,1955.65,-19.04,-11.42,-0.42,0.37,0.0041,0.0042,-0.26' "
+                  "drone-dji:DewarpFlag='0' drone-dji:CalibratedFocalLength='1913.333374' "
+                  "drone-dji:CalibratedOpticalCenterX='800.0' drone-dji:CalibratedOpticalCenterY='650.0'"))
+          .lens;
+  EXPECT_THAT(lens.dewarp, ElementsAre(1973.09, 1955.65, -19.04, -11.42, -0.42, 0.37, 0.0041, 0.0042, -0.26));
+  EXPECT_EQ(lens.dewarp_date, "2022-03-02");
+  EXPECT_FALSE(lens.is_dewarped);
+  EXPECT_EQ(lens.design_focal_px, 1913.333374);
+  EXPECT_EQ(lens.design_centre_x_px, 800.0);
+  EXPECT_EQ(lens.design_centre_y_px, 650.0);
+  EXPECT_TRUE(tags_of(dji("drone-dji:DewarpFlag='1'")).lens.is_dewarped);
+  EXPECT_THAT(tags_of(dji("drone-dji:DewarpData='1,2,3,4,5,6,7,8,9'")).lens.dewarp, SizeIs(9)) << "without a date";
+  EXPECT_THAT(tags_of(dji("drone-dji:DewarpDataK6='d;1,2,3,4,5,6,7,8,9,10,11,12'")).lens.dewarp, SizeIs(12));
+  for (const char* bad : {"", "d;", "d;1,2,3,4,5,6,7,8", "d;1,2,3,4,5,6,7,8,x", "1,2,3,4,5,6,7,8,9,10"})
+    EXPECT_THAT(tags_of(dji("drone-dji:DewarpData='" + std::string(bad) + "'")).lens.dewarp, IsEmpty()) << bad;
+  // A baseline frame header: length 11, 8 bits, 1300 rows, 1600 columns, one component (ITU-T T.81, B.2.2).
+  const std::string frame("\xFF\xC0\x00\x0B\x08\x05\x14\x06\x40\x01\x01\x11\x00", 13);
+  std::string bytes = jpeg({exif("07:08:09")});
+  bytes.insert(bytes.rfind("\xFF\xDA"), frame);
+  EXPECT_EQ(tags_of(bytes).lens.width, 1600);
+  EXPECT_EQ(tags_of(bytes).lens.height, 1300);
+}
+
 TEST(PhotoTags, CutOrChangedAnywhereTheyAreReadOrLeftOut) {
-  const std::string whole = jpeg({exif("07:08:09", "25"), xmp("drone-dji:RelativeAltitude='+40.00'")});
+  const std::string whole =
+      jpeg({exif("07:08:09", "25"), xmp("drone-dji:RelativeAltitude='+40.00' drone-dji:RtkFlag='50' "
+                                        "drone-dji:DewarpData='2022;1,2,3,4,5,6,7,8,9'")});
   for (std::size_t i = 0; i < whole.size(); ++i) {
     tags_of(whole.substr(0, i));
     std::string changed = whole;
@@ -193,6 +278,40 @@ TEST_F(Photos, OfOneSecondAreSpreadOverIt) {
   EXPECT_EQ(log.telemetry.fixes[1].time_s, 0.5);
   EXPECT_EQ(log.telemetry.height_datum, HeightDatum::kMeanSeaLevel);
   EXPECT_EQ(read_telemetry(folder_.path()).fixes.size(), 3U);
+}
+
+TEST_F(Photos, OfAnRtkReceiverHaveItsStandardDeviations) {
+  const std::string rtk = "drone-dji:AbsoluteAltitude='+349.58' drone-dji:RtkStdLon='0.03' drone-dji:RtkStdLat='0.04' ";
+  add("a.jpg", jpeg({exif("07:08:09"), xmp(rtk + "drone-dji:RtkStdHgt='0.06' drone-dji:RtkFlag='50'")}));
+  add("b.jpg", jpeg({exif("07:08:12"), xmp(rtk + "drone-dji:RtkStdHgt='0.06' drone-dji:RtkFlag='50'")}));
+  const Telemetry fixed = read_telemetry(folder_.path());
+  ASSERT_EQ(fixed.fixes.size(), 2U);
+  EXPECT_DOUBLE_EQ(fixed.fixes[0].horizontal_sigma_m.value(), 0.05 / std::sqrt(2.0));
+  EXPECT_EQ(fixed.fixes[0].vertical_sigma_m, 0.06);
+  EXPECT_EQ(fixed.height_datum, HeightDatum::kEllipsoid);
+  EXPECT_THAT(fixed.height_datum_note, HasSubstr("as above the ellipsoid, because of DJI's tags"));
+  EXPECT_THAT(fixed.warnings, IsEmpty());
+
+  add("c.jpg", jpeg({exif("07:08:15"), xmp(rtk + "drone-dji:RtkFlag='34'")}));
+  add("d.jpg", jpeg({exif("07:08:18"), xmp(rtk + "drone-dji:RelativeAltitude='+40.00' drone-dji:RtkFlag='0'")}));
+  const Telemetry mixed = read_telemetry(folder_.path());
+  ASSERT_EQ(mixed.fixes.size(), 4U);
+  EXPECT_EQ(mixed.fixes[2].vertical_sigma_m, std::nullopt);
+  EXPECT_EQ(mixed.fixes[3].absolute_height_m, std::nullopt) << "it is not known what it is above";
+  EXPECT_EQ(mixed.fixes[3].horizontal_sigma_m, std::nullopt);
+  EXPECT_THAT(mixed.warnings, ElementsAre(HasSubstr("1 of 4 photos state no height above the ellipsoid"),
+                                          HasSubstr("2 of 4 photos have no fixed RTK solution (RtkFlag: 1 float, 0 "
+                                                    "single, 1 none)"),
+                                          HasSubstr("1 of 4 photos have an RTK solution but no standard deviations")));
+}
+
+TEST_F(Photos, OfDronesThatDoNotSayWhatTheirHeightIsAbove) {
+  add("a.jpg", jpeg({exif("07:08:09"), xmp("drone-dji:AbsoluteAltitude='+198.51'")}));
+  const Telemetry log = read_telemetry(folder_.path());
+  EXPECT_EQ(log.height_datum, HeightDatum::kMeanSeaLevel);
+  EXPECT_THAT(log.height_datum_note, HasSubstr("do not state what their heights are above"));
+  base::write_file(folder_ / "a.jpg", jpeg({exif("07:08:09")}));
+  EXPECT_EQ(read_telemetry(folder_.path()).height_datum_note, "") << "EXIF alone states sea level";
 }
 
 // FocalLength, DigitalZoomRatio and FocalLengthIn35mmFilm: CIPA DC-008, 4.6.5. The ratio 0 means that none was used.
@@ -240,6 +359,53 @@ TEST(PhotosRealData, AreRead) {
     EXPECT_GE(gap_s, 4);
     EXPECT_LE(gap_s, 12);
   }
+}
+
+/// 32 photos of a survey drone with RTK, whose XMP another program reads by its text alone.
+TEST(PhotosRealData, OfAnRtkSurveyAgreeWithAnotherReader) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(folder, "real/mirafiori");
+  const PhotoLog log = read_photo_log(folder);
+  ASSERT_EQ(log.telemetry.fixes.size(), 32U);
+  EXPECT_EQ(log.telemetry.height_datum, HeightDatum::kEllipsoid);
+  EXPECT_THAT(log.telemetry.warnings, IsEmpty());
+  const tests::ProgramResult other = tests::run_command(
+      {"python3", "-c",
+       "import re, sys, pathlib\n"
+       "for file in sorted(pathlib.Path(sys.argv[1]).glob('*.JPG')):\n"
+       "    tags = dict(re.findall(rb'drone-dji:(\\w+)=\"([^\"]*)\"', file.read_bytes()))\n"
+       "    names = [b'RtkFlag', b'GpsLatitude', b'GpsLongitude', b'AbsoluteAltitude', b'RtkStdLat', b'RtkStdLon',\n"
+       "             b'RtkStdHgt', b'CalibratedFocalLength']\n"
+       "    dewarp = tags[b'DewarpData'].split(b';')[1].replace(b',', b' ')\n"
+       "    print(file.name, *[float(tags[name]) for name in names], dewarp.decode())\n",
+       folder.string()});
+  ASSERT_EQ(other.exit_code, 0) << other.err;
+  std::istringstream lines(other.out);
+  std::string name;
+  std::size_t photos = 0;
+  while (lines >> name) {
+    double flag = 0, latitude_deg = 0, longitude_deg = 0, height_m = 0, north_m = 0, east_m = 0, up_m = 0,
+           design_px = 0;
+    lines >> flag >> latitude_deg >> longitude_deg >> height_m >> north_m >> east_m >> up_m >> design_px;
+    std::vector<double> dewarp(9);
+    for (double& number : dewarp) lines >> number;
+    EXPECT_EQ(flag, 50);
+    const auto fix = std::ranges::find_if(
+        log.telemetry.fixes, [&](const TelemetryFix& one) { return one.time_s == log.times.at(name).time_s; });
+    ASSERT_NE(fix, log.telemetry.fixes.end()) << name;
+    EXPECT_NEAR(fix->latitude_deg, latitude_deg, 4e-8) << name;
+    EXPECT_NEAR(fix->longitude_deg, longitude_deg, 4e-8);
+    EXPECT_EQ(fix->absolute_height_m, height_m);
+    EXPECT_NEAR(fix->horizontal_sigma_m.value(), std::sqrt((north_m * north_m + east_m * east_m) / 2), 1e-12);
+    EXPECT_LT(fix->horizontal_sigma_m.value(), 0.02);
+    EXPECT_EQ(fix->vertical_sigma_m, up_m);
+    const PhotoLensTags& lens = log.lenses.at(photos++).second;
+    EXPECT_EQ(lens.dewarp, dewarp);
+    EXPECT_EQ(lens.design_focal_px, design_px);
+    EXPECT_EQ(lens.width, 1600);
+    EXPECT_EQ(lens.taken_height, 1300);
+    EXPECT_EQ(lens.model, "FC6360");
+  }
+  EXPECT_EQ(photos, 32U);
 }
 
 }  // namespace

@@ -23,6 +23,8 @@ struct TelemetryFix {
   std::optional<double> gimbal_yaw_deg, gimbal_pitch_deg, gimbal_roll_deg;
   /// The vehicle's own attitude: yaw clockwise from north, then pitch (nose up), then roll (right side down).
   std::optional<double> body_yaw_deg, body_pitch_deg, body_roll_deg;
+  /// Standard deviations that the log states: of each horizontal axis, and of the absolute height.
+  std::optional<double> horizontal_sigma_m, vertical_sigma_m;
 };
 
 /// A gyroscope sample, on the clock of the fixes.
@@ -59,6 +61,7 @@ enum class HeightDatum { kUnknown, kEllipsoid, kMeanSeaLevel };
 struct Telemetry {
   std::vector<TelemetryFix> fixes;  ///< strictly increasing time; repeated positions (held between fixes) are kept
   HeightDatum height_datum = HeightDatum::kUnknown;
+  std::string height_datum_note;     ///< what `height_datum` is concluded from, if the log does not state it; a line
   std::vector<BodyRate> body_rates;  ///< strictly increasing time; empty if the log has no gyroscope data
   std::vector<ZoomReading> zooms;    ///< of all entries that have any, in their order
   /// Readings of an inertial unit in the camera, strictly increasing time; its axes are the camera's (x right, y down,

@@ -13,6 +13,8 @@ extern "C" {
 #include <libswscale/swscale.h>
 }
 
+#include "tileflight/core/base/input_error.h"
+
 /// Shared by the video reader and writer: owners of libav* objects, and error texts.
 namespace tileflight::video::libav {
 
@@ -71,6 +73,26 @@ inline void set_process_wide() {
     av_force_cpu_flags(static_cast<int>(features));
     return true;
   }();
+}
+
+struct CloseInput {
+  void operator()(AVFormatContext* context) const { avformat_close_input(&context); }
+};
+using OpenInput = std::unique_ptr<AVFormatContext, CloseInput>;
+
+/// Opens a video and reads what it says of its streams. Throws InputError.
+inline OpenInput open_input(const std::filesystem::path& file) {
+  set_process_wide();
+  AVFormatContext* context = nullptr;
+  AVDictionary* options = nullptr;
+  av_dict_set(&options, "protocol_whitelist", "file", 0);  // a playlist must not reach the network
+  const int opened = avformat_open_input(&context, file_url(file).c_str(), nullptr, &options);
+  av_dict_free(&options);
+  if (opened < 0) throw InputError(file.string(), "cannot be opened as a video: " + error_text(opened));
+  OpenInput input(context);
+  const int found = avformat_find_stream_info(context, nullptr);
+  if (found < 0) throw InputError(file.string(), "cannot be read as a video: " + error_text(found));
+  return input;
 }
 
 }  // namespace tileflight::video::libav

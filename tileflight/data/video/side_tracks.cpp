@@ -18,25 +18,6 @@ namespace tileflight::video {
 
 namespace {
 
-struct CloseInput {
-  void operator()(AVFormatContext* context) const { avformat_close_input(&context); }
-};
-using OpenInput = std::unique_ptr<AVFormatContext, CloseInput>;
-
-OpenInput open_input(const std::filesystem::path& file) {
-  libav::set_process_wide();
-  AVFormatContext* context = nullptr;
-  AVDictionary* options = nullptr;
-  av_dict_set(&options, "protocol_whitelist", "file", 0);  // a playlist must not reach the network
-  const int opened = avformat_open_input(&context, libav::file_url(file).c_str(), nullptr, &options);
-  av_dict_free(&options);
-  if (opened < 0) throw InputError(file.string(), "cannot be opened as a video: " + libav::error_text(opened));
-  OpenInput input(context);
-  const int found = avformat_find_stream_info(context, nullptr);
-  if (found < 0) throw InputError(file.string(), "cannot be read as a video: " + libav::error_text(found));
-  return input;
-}
-
 bool is_text(const AVStream& stream) {
   const AVCodecID codec = stream.codecpar->codec_id;
   return stream.codecpar->codec_type == AVMEDIA_TYPE_SUBTITLE &&
@@ -132,7 +113,7 @@ std::optional<BoxRange> find_box(std::istream& file, BoxRange range, std::string
 }  // namespace
 
 std::string read_subtitles(const std::filesystem::path& file) {
-  const OpenInput input = open_input(file);
+  const libav::OpenInput input = libav::open_input(file);
   const AVStream* chosen = nullptr;
   for (unsigned i = 0; i < input->nb_streams && chosen == nullptr; ++i)
     if (is_text(*input->streams[i])) chosen = input->streams[i];
@@ -155,7 +136,7 @@ std::string read_subtitles(const std::filesystem::path& file) {
 }
 
 std::optional<DataTrack> read_data_track(const std::filesystem::path& file, std::span<const std::string_view> kinds) {
-  const OpenInput input = open_input(file);
+  const libav::OpenInput input = libav::open_input(file);
   const AVStream* const chosen = find_data_stream(*input, kinds);
   if (chosen == nullptr) return std::nullopt;
   discard_others(*input, *chosen);
@@ -196,6 +177,19 @@ std::vector<std::byte> read_user_data(const std::filesystem::path& file, std::st
   stream.seekg(static_cast<std::streamoff>(range->begin));
   if (!stream.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()))) return {};
   return bytes;
+}
+
+std::map<std::string, std::string> read_video_tags(const std::filesystem::path& file) {
+  const libav::OpenInput input = libav::open_input(file);
+  const int track = av_find_best_stream(input.get(), AVMEDIA_TYPE_VIDEO, -1, -1, nullptr, 0);
+  if (track < 0) throw InputError(file.string(), "has no video track");
+  std::map<std::string, std::string> tags;
+  for (const AVDictionary* metadata : {input->streams[track]->metadata, input->metadata}) {
+    const AVDictionaryEntry* tag = nullptr;
+    while ((tag = av_dict_get(metadata, "", tag, AV_DICT_IGNORE_SUFFIX)) != nullptr)
+      tags.insert_or_assign(tag->key, tag->value);
+  }
+  return tags;
 }
 
 }  // namespace tileflight::video

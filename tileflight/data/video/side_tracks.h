@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <span>
 #include <string>
@@ -27,5 +28,10 @@ std::optional<DataTrack> read_data_track(const std::filesystem::path& file, std:
 /// Reads the box `moov/udta/NAME` of an MP4 or MOV file, in which cameras keep what holds for a whole recording; empty
 /// if there is none, or more than 16 MiB.
 std::vector<std::byte> read_user_data(const std::filesystem::path& file, std::string_view name);
+
+/// Returns what a video's container and first video track say of themselves, as libavformat names it: make, model,
+/// encoder, firmware, com.apple.quicktime.model and others. Throws InputError (file, cause) for a file that is no
+/// video.
+std::map<std::string, std::string> read_video_tags(const std::filesystem::path& file);
 
 }  // namespace tileflight::video

@@ -45,10 +45,11 @@ TelemetryDistance distance_to_telemetry(const RegistrationEvidence& evidence, co
 bool is_place_by_images_alone(const RegistrationEvidence& evidence, const RegistrationResult& r) {
   if (r.start != kSearchedStart) return false;
   if (!r.telemetry) return true;
-  constexpr double kSigmas = 3.0;
+  // Georeferences of places are off by decimetres, which counts where a receiver is better (RTK).
+  constexpr double kSigmas = 3.0, kPlace_m = 1.0;
   const TelemetryDistance to = distance_to_telemetry(evidence, r);
-  return to.apart_m.head<2>().norm() > kSigmas * to.horizontal_sigma_m ||
-         std::abs(to.apart_m.z()) > kSigmas * to.vertical_sigma_m;
+  return to.apart_m.head<2>().norm() > std::max(kPlace_m, kSigmas * to.horizontal_sigma_m) ||
+         std::abs(to.apart_m.z()) > std::max(kPlace_m, kSigmas * to.vertical_sigma_m);
 }
 
 // ---- images ----

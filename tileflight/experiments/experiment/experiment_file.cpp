@@ -249,7 +249,9 @@ void read_videos(StrictSection& section, ingest::IngestedFlightConfig& ingest) {
 ingest::IngestedFlightConfig read_ingest(StrictSection section) {
   ingest::IngestedFlightConfig ingest;
   read_videos(section, ingest);
-  ingest.camera = required_path(section, "camera");
+  ingest.camera = optional_path(section, "camera");
+  if (ingest.camera.empty() && !(ingest.videos.empty() && fs::is_directory(ingest.video)))
+    throw section.error("camera", "is missing; only photos may state their lens (docs/formats.md, Photos)");
   ingest.camera_id = section.text("camera_id").value_or("");
   ingest.telemetry = optional_path(section, "telemetry");
   ingest.imu = optional_path(section, "imu");

@@ -284,7 +284,7 @@ json Pipeline::dataset_inputs(const FlightStages& f) const {
       if (!file.empty()) inputs["imu"].push_back(cache_.content_hash(file));
     }
     for (const ingest::CameraVideo& one : ingest.videos) inputs["files"].push_back(cache_.content_hash(one.video));
-    inputs["camera"] = FileHashCache::hash_yaml_content(ingest.camera);
+    if (!ingest.camera.empty()) inputs["camera"] = FileHashCache::hash_yaml_content(ingest.camera);
     if (ingest.videos.empty()) return inputs;
     for (const fs::path& file : vehicle::referenced_files(ingest.camera))
       inputs["rig"].push_back(FileHashCache::hash_yaml_content(file));
