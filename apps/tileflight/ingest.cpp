@@ -77,9 +77,10 @@ void add_log_options(CLI::App& command, IngestOptions& options) {
 }
 
 void add_imu_options(CLI::App& command, IngestOptions& options) {
-  CLI::Option* imu = command.add_option("--imu", options.imu,
-                                        "readings of an inertial unit: a table whose header names time, gyroscope and "
-                                        "accelerometer, as EuRoC's imu0/data.csv");
+  CLI::Option* imu =
+      command.add_option("--imu", options.imu,
+                         "readings of an inertial unit: a table whose header names time, gyroscope and "
+                         "accelerometer, as EuRoC's imu0/data.csv; Gyroflow's .gcsv or a Betaflight blackbox log");
   command
       .add_option(
           "--imu-noise", options.imu_noise,

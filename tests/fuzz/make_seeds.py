@@ -215,6 +215,20 @@ def logs():
           b"\xa3\x95\x0a" + struct.pack("<QBBiiiH", 1500000, 0, 3, -2500000, -785000000, 290050, 2000))
 
 
+def inertial_logs():
+    write("log/camera.gcsv", b"GYROFLOW IMU LOG\nversion,1.3\nid,a\norientation,YxZ\ntscale,0.001\ngscale,0.00122\nascale,0.000488\n"
+          b"t,gx,gy,gz,ax,ay,az\n0,39,86,183,-1137,-15689,-2986\n1,56,100,202,-1179,-15694,-2887\n")
+    fields = b"loopIteration,time,gyroADC[0],gyroADC[1],gyroADC[2],accSmooth[0],accSmooth[1],accSmooth[2],rcCommand[0],debug[0]"
+    write("log/flight.bbl", b"H Product:Blackbox flight data recorder by Nicholas Sherlock\nH Data version:2\nH I interval:32\n"
+          b"H P interval:1/1\nH Field I name:" + fields + b"\nH Field I predictor:0,0,0,0,0,0,0,0,8,0\n"
+          b"H Field I encoding:1,1,0,0,0,7,7,7,0,6\nH Field P predictor:6,2,3,3,3,1,1,1,1,1\n"
+          b"H Field P encoding:9,0,10,10,10,7,7,7,6,6\nH Field S name:flags\nH Field S predictor:0\nH Field S encoding:1\n"
+          b"H gyro_scale:0x3f800000\nH acc_1G:2048\n" + b"I\x00\x64\x02\x04\x06\xc4\x01\x02\x00\x08\x00\x02"
+          b"P\x0a\x15\x1b\x01\x02" + b"S\x01" + b"P\x00\x41\x23\x80\x01\x02\x00" + b"E\xffEnd of log\x00")
+    write("log/flight.csv", b"loopIteration, time (us), gyroADC[0], gyroADC[1], gyroADC[2], accSmooth[0], accSmooth[1], accSmooth[2]\n"
+          b"0, 1000, 5, 6, 7, 0, 0, 2048\n1, 1500, 5, 6, 7, 1, 2, 2048\n")
+
+
 def photos():
     """EXIF of two directories beside the first, and XMP."""
     def directory(at, entries):
@@ -378,6 +392,7 @@ if __name__ == "__main__":
     textures()
     images()
     logs()
+    inertial_logs()
     photos()
     calibrations()
     meshes()

@@ -7,6 +7,7 @@
 #include <functional>
 #include <mutex>
 
+#include "tileflight/core/base/file_kind.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
@@ -15,6 +16,7 @@
 #include "tileflight/data/dataset/frame_list.h"
 #include "tileflight/data/dataset/layouts.h"
 #include "tileflight/data/dataset/sensor_files.h"
+#include "tileflight/data/flight_logs/inertial_logs.h"
 
 namespace tileflight::dataset {
 
@@ -101,11 +103,19 @@ geometry::Trajectory read_groundtruth(const IngestOptions& options) {
   return trajectory;
 }
 
+/// Reads a table, or a log of Gyroflow or Betaflight.
+std::vector<geometry::ImuSample> read_imu(const std::filesystem::path& file, std::vector<std::string>& notes) {
+  if (!flight_logs::is_inertial_log(base::read_head(file))) return read_imu_csv(file, notes);
+  flight_logs::InertialLog log = flight_logs::read_inertial_log(file);
+  notes.insert(notes.end(), log.notes.begin(), log.notes.end());
+  return std::move(log.readings);
+}
+
 Companions read_companions(const IngestOptions& options, std::vector<std::string>& notes) {
   Companions given;
   given.groundtruth = read_groundtruth(options);
   if (options.imu.empty()) return given;
-  given.readings = read_imu_csv(options.imu, notes);
+  given.readings = read_imu(options.imu, notes);
   for (geometry::ImuSample& reading : given.readings) reading.time_s += options.imu_time_offset_s;
   if (!options.imu_noise.empty()) given.noise = read_imu_noise(options.imu_noise);
   return given;
