@@ -54,7 +54,7 @@ function(tileflight_room NAME)
   endif()
 
   # Rooms that parse untrusted bytes report to the fuzzer which branches they took.
-  set(FUZZED base geometry imaging rpc foxglove ros2 autopilot fetch tile_content tileset mesh_files simplification tile_writer flight_logs)
+  set(FUZZED base geometry imaging rpc foxglove ros2 autopilot fetch tile_content tileset mesh_files simplification tile_writer flight_logs missions)
   if(TILEFLIGHT_FUZZ AND NAME IN_LIST FUZZED)
     target_compile_options(${TARGET} PRIVATE -fsanitize=fuzzer-no-link)
   endif()
@@ -64,7 +64,7 @@ function(tileflight_room NAME)
     list(TRANSFORM ROOM_TESTS PREPEND "tileflight::")
     target_link_libraries(${NAME}_test PRIVATE tileflight::${NAME} ${ROOM_TESTS} ${ROOM_PRIVATE} tileflight_compiler
                           tileflight_source_folder GTest::gmock GTest::gtest_main)
-    set(PLAIN drawing imaging jobs fetch tile_content tileset mesh_files video dataset messages exports flight_logs flight_path place
+    set(PLAIN drawing imaging jobs fetch tile_content tileset mesh_files video dataset messages exports flight_logs flight_path missions place
               recording ingest preview external_systems report experiment study)
     if(NAME IN_LIST PLAIN)
       target_link_libraries(${NAME}_test PRIVATE tileflight_plain_tests)

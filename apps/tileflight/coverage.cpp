@@ -45,7 +45,10 @@ void add_coverage(CLI::App& app, CommonOptions& common, Selection& selection) {
       "Example:\n  tileflight coverage tiles/tileset.json --flight examples/machangara-flight-simulated.yaml --out "
       "coverage");
   command->add_option("SOURCE", settings.source, kSourceHelp)->required();
-  command->add_option("--flight", options->flight, "flight file (YAML): camera, trajectory or waypoints, fps")
+  command
+      ->add_option(
+          "--flight", options->flight,
+          "flight file (YAML): camera, trajectory or waypoints, fps; or a mission (QGroundControl, DJI, Litchi, KML)")
       ->required();
   command->add_option("--out", options->out, "folder to write")->required();
   command->add_option("--pixel-error", settings.error_px, "screen-space error that still counts as correct, pixels")

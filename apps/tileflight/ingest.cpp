@@ -79,7 +79,7 @@ void add_log_options(CLI::App& command, IngestOptions& options) {
 void add_imu_options(CLI::App& command, IngestOptions& options) {
   command.add_option("--imu", options.imu,
                      "readings of an inertial unit: a table whose header names time, gyroscope and accelerometer, as "
-                     "EuRoC's imu0/data.csv; default: what VIDEO holds");
+                     "EuRoC's imu0/data.csv; Gyroflow's .gcsv or a Betaflight blackbox log; default: what VIDEO holds");
   command.add_option(
       "--imu-noise", options.imu_noise,
       "its noise: Kalibr's imu.yaml, EuRoC's imu0/sensor.yaml, ORB-SLAM3's settings or basalt's calibration");

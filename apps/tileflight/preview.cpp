@@ -47,7 +47,10 @@ void add_preview(CLI::App& app, CommonOptions& common, Selection& selection) {
       "preview/map.png, "
       "preview/profile.png, preview/first.jpg, middle.jpg and last.jpg.");
   command->add_option("SOURCE", render.source, kSourceHelp)->required();
-  command->add_option("--flight", options->flight, "flight file (YAML): camera, trajectory or waypoints, fps")
+  command
+      ->add_option(
+          "--flight", options->flight,
+          "flight file (YAML): camera, trajectory or waypoints, fps; or a mission (QGroundControl, DJI, Litchi, KML)")
       ->required();
   command->add_option("--out", options->out, "folder to write")->required();
   command

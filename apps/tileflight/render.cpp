@@ -209,7 +209,10 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
       "dataset\nSeveral processes share the frames:\n  tileflight render ... --jobs 4\n  tileflight render ... --slurm "
       "--jobs 40");
   command->add_option("SOURCE", options->settings.source, kSourceHelp)->required();
-  command->add_option("--flight", options->flight, "flight file (YAML): camera, trajectory or waypoints, fps")
+  command
+      ->add_option(
+          "--flight", options->flight,
+          "flight file (YAML): camera, trajectory or waypoints, fps; or a mission (QGroundControl, DJI, Litchi, KML)")
       ->required();
   command->add_option("--out", options->out, "dataset folder to write")->required();
   add_image_options(*command, *options);

@@ -274,6 +274,54 @@ def metadata():
         write("metadata/" + proto.decode(), track(1, [message(1, message(1, message(1, b"dvtm_" + proto + b".proto"))) + frame, frame]))
 
 
+def inertial_logs():
+    write("log/camera.gcsv", b"GYROFLOW IMU LOG\nversion,1.3\nid,a\norientation,YxZ\ntscale,0.001\ngscale,0.00122\nascale,0.000488\n"
+          b"t,gx,gy,gz,ax,ay,az\n0,39,86,183,-1137,-15689,-2986\n1,56,100,202,-1179,-15694,-2887\n")
+    fields = b"loopIteration,time,gyroADC[0],gyroADC[1],gyroADC[2],accSmooth[0],accSmooth[1],accSmooth[2],rcCommand[0],debug[0]"
+    write("log/flight.bbl", b"H Product:Blackbox flight data recorder by Nicholas Sherlock\nH Data version:2\nH I interval:32\n"
+          b"H P interval:1/1\nH Field I name:" + fields + b"\nH Field I predictor:0,0,0,0,0,0,0,0,8,0\n"
+          b"H Field I encoding:1,1,0,0,0,7,7,7,0,6\nH Field P predictor:6,2,3,3,3,1,1,1,1,1\n"
+          b"H Field P encoding:9,0,10,10,10,7,7,7,6,6\nH Field S name:flags\nH Field S predictor:0\nH Field S encoding:1\n"
+          b"H gyro_scale:0x3f800000\nH acc_1G:2048\n" + b"I\x00\x64\x02\x04\x06\xc4\x01\x02\x00\x08\x00\x02"
+          b"P\x0a\x15\x1b\x01\x02" + b"S\x01" + b"P\x00\x41\x23\x80\x01\x02\x00" + b"E\xffEnd of log\x00")
+    write("log/flight.csv", b"loopIteration, time (us), gyroADC[0], gyroADC[1], gyroADC[2], accSmooth[0], accSmooth[1], accSmooth[2]\n"
+          b"0, 1000, 5, 6, 7, 0, 0, 2048\n1, 1500, 5, 6, 7, 1, 2, 2048\n")
+
+
+def missions():
+    def item(command, frame, *params):
+        return {"type": "SimpleItem", "command": command, "frame": frame, "doJumpId": 1, "params": list(params)}
+    camera = {"FocalLength": 16, "ImageHeight": 3632, "ImageWidth": 5456, "SensorHeight": 15.4, "SensorWidth": 23.2}
+    survey = {"type": "ComplexItem", "complexItemType": "survey", "TransectStyleComplexItem": {"CameraCalc": camera, "Items": [
+        item(16, 3, 0, 0, 0, None, 35.311, -80.7402, 50), item(206, 2, 25, 0, 1, 0, 0, 0, 0), item(16, 10, 0, 0, 0, None, 35.311, -80.739, 50)]}}
+    plan = {"fileType": "Plan", "mission": {"firmwareType": 12, "hoverSpeed": 5, "plannedHomePosition": [35.3103, -80.7402, 221.5], "items": [
+        item(22, 3, 0, 0, 0, None, 35.3103, -80.7402, 35), item(178, 2, 1, 7, -1, 0, 0, 0, 0), item(195, 3, 0, 0, 0, 0, 35.3105, -80.74, 2),
+        item(16, 0, 2, 0, 0, 90, 35.311, -80.7402, 255), item(205, 2, -45, 0, 0, 0, 0, 0, 2), survey, item(177, 2, 1, 2, 0, 0, 0, 0, 0), item(20, 2, *[0] * 7)]}}
+    write("mission/survey.plan", json.dumps(plan).encode())
+    write("mission/list.waypoints", b"QGC WPL 110\r\n0\t1\t0\t16\t0\t0\t0\t0\t35.3103\t-80.7402\t221.5\t1\r\n"
+          b"1\t0\t3\t22\t0\t0\t0\t0\t0\t0\t35\t1\r\n2\t0\t3\t16\t2\t0\t0\t0\t35.311\t-80.7402\t35\t1\r\n")
+    write("mission/litchi.csv", b"latitude,longitude,altitude(m),heading(deg),curvesize(m),rotationdir,gimbalmode,gimbalpitchangle,"
+          b"actiontype1,actionparam1,altitudemode,speed(m/s),poi_latitude,poi_longitude,poi_altitude(m),poi_altitudemode\n"
+          b"35.311,-80.7402,35,350,5,0,2,-30,0,1500,0,6,0,0,0,0\n35.311,-80.739,40,10,0.2,0,1,-50,-1,0,1,0,35.3103,-80.74,3,1\n")
+    wpml = (b"<kml xmlns='http://www.opengis.net/kml/2.2' xmlns:wpml='http://www.dji.com/wpmz/1.0.2'><Document><wpml:missionConfig>"
+            b"<wpml:takeOffRefPoint>35.3103,-80.7402,0</wpml:takeOffRefPoint></wpml:missionConfig><Folder><wpml:executeHeightMode>"
+            b"relativeToStartPoint</wpml:executeHeightMode><wpml:autoFlightSpeed>7</wpml:autoFlightSpeed><Placemark><Point><coordinates>"
+            b"-80.7402,35.311</coordinates></Point><wpml:executeHeight>35</wpml:executeHeight><wpml:waypointHeadingParam>"
+            b"<wpml:waypointHeadingMode>smoothTransition</wpml:waypointHeadingMode><wpml:waypointHeadingAngle>45</wpml:waypointHeadingAngle>"
+            b"</wpml:waypointHeadingParam><wpml:actionGroup><wpml:action><wpml:actionActuatorFunc>gimbalRotate</wpml:actionActuatorFunc>"
+            b"<wpml:actionActuatorFuncParam><wpml:gimbalPitchRotateEnable>1</wpml:gimbalPitchRotateEnable><wpml:gimbalPitchRotateAngle>-60"
+            b"</wpml:gimbalPitchRotateAngle></wpml:actionActuatorFuncParam></wpml:action></wpml:actionGroup></Placemark><Placemark><Point>"
+            b"<coordinates>-80.739,35.311</coordinates></Point><wpml:executeHeight>40</wpml:executeHeight></Placemark></Folder></Document></kml>")
+    write("mission/waylines.wpml", wpml)
+    write("mission/route.kml", b"<kml><Document><Placemark><LineString><altitudeMode>relativeToGround</altitudeMode><coordinates>"
+          b"-80.7402,35.311,35 -80.739,35.311,40 -80.739,35.3096,40</coordinates></LineString></Placemark></Document></kml>")
+    memory = io.BytesIO()
+    with zipfile.ZipFile(memory, "w", zipfile.ZIP_STORED) as archive:
+        for path, content in (("wpmz/template.kml", b"<kml/>"), ("wpmz/waylines.wpml", wpml)):
+            archive.writestr(zipfile.ZipInfo(path), content)
+    write("mission/mission.kmz", memory.getvalue())
+
+
 def photos():
     """EXIF of two directories beside the first, and XMP."""
     def directory(at, entries):
@@ -452,6 +500,8 @@ if __name__ == "__main__":
     images()
     logs()
     metadata()
+    inertial_logs()
+    missions()
     photos()
     calibrations()
     meshes()

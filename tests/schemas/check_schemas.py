@@ -49,6 +49,7 @@ BASES = {
         {"camera": "camera.yaml", "fps": 2, "waypoints": [{"position": [0, 0, 9]}, {"position": [9, 0, 9]}]},
         {"camera": "camera.yaml", "fps": 2, "waypoints": [{"position": [0, 0, 9]}, {"position": [9, 0, 9]}],
          "actors": [{"path": [{"at": [0, 0]}, {"at": [9, 0]}]}, {"model": "person", "position": [1, 2]}], "weather": {}, "events": {}},
+        {"camera": "camera.yaml", "fps": 2, "mission_file": {"file": "route.kml"}},
         {"camera": "camera.yaml", "trajectory": "path.txt"},
         {"camera": "camera.yaml", "fps": 2, "autopilot": {"kind": "px4", "vision": {}}},
         {"cameras": [{"name": "left", "camera": "camera.yaml"}, {"name": "right", "camera": "camera.yaml", "degrade": DEGRADE, "events": {}}], "trajectory": "path.txt"},
@@ -74,7 +75,7 @@ NOT_PROBED = {
     "thresholds": "must hold threshold of a study", "backwards": "excludes command", "mode": "excludes command", "tight": "needs mode: inertial", "position": "of a waypoint", "version": "a command",
     "telemetry_offset": "needs telemetry", "pattern": "has a file of its own here", "kind": "of a rendered flight is never video", "max_frames": "checked by its own numbers below", "resolution": "of two keys",
     "azimuth_range_deg": "in order", "points": "multiples of three", "look_at": "excludes angles", "direction": "not zero", "wind_m_s": "limited in length",
-    "camera_id": "names a camera of a file", "T_body_camera": "must be a rigid motion",
+    "camera_id": "names a camera of a file", "mission_file": "names a file", "takeoff": "a place on the earth", "T_body_camera": "must be a rigid motion",
 }
 # Numbers that the program limits by another key, or by the size of things, which a schema does not say.
 LIMITED_BY_OTHERS = {"max_range_m", "min_gain", "max_gain", "max_keyframes", "columns", "rows", "points_per_second", "lidar.rate_hz"}
@@ -151,6 +152,7 @@ class Reader:
         self.write("system/adapter.yaml", {"name": "own", "takes": {"inputs": ["images"], "lenses": ["any"]}})
         (folder / "log.csv").write_text("t,lat,lon,height\n")
         (folder / "imu.csv").write_text("#timestamp [ns],w_x,w_y,w_z,a_x,a_y,a_z\n")
+        (folder / "route.kml").write_text("<kml><LineString><coordinates>8,47 8,47.001</coordinates></LineString></kml>\n")
         (folder / "path.txt").write_text("0 0 0 9 0 0 0 1\n1 9 0 9 0 0 0 1\n")
         self.process = subprocess.Popen([program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 

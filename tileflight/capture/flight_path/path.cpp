@@ -77,6 +77,10 @@ void check(const std::vector<Waypoint>& waypoints) {
     const double sum = w.position.sum() + w.yaw_deg + w.pitch_deg + w.roll_deg + (w.look_at ? w.look_at->sum() : 0.0);
     if (!std::isfinite(sum)) throw InputError(name_of(i), "a number is not finite");
     if (w.look_at) check_look_at(*w.look_at - w.position, name_of(i));
+    if (w.speed_m_s && !(std::isfinite(*w.speed_m_s) && *w.speed_m_s > 0.0))
+      throw InputError(name_of(i), "speed_m_s must be more than 0");
+    if (w.hold_s && !(std::isfinite(*w.hold_s) && *w.hold_s >= 0.0))
+      throw InputError(name_of(i), "hold_s must be 0 or more");
     if (i > 0 && (w.position - waypoints[i - 1].position).norm() < kMinDistance_m) {
       throw InputError(name_of(i), "is at the same place as " + name_of(i - 1) + "; leave one of them out");
     }
@@ -154,7 +158,7 @@ void check_targets(const Curve& curve, const std::vector<double>& grid) {
 }
 
 CurveBounds bounds_of(const Curve& curve, const std::vector<double>& grid) {
-  CurveBounds bounds{grid, {}, {}, {}};
+  CurveBounds bounds{grid, {}, {}, {}, {}, {}};
   for (std::size_t k = 0; k + 1 < grid.size(); ++k) {
     const double a = grid[k], b = grid[k + 1], middle = (a + b) / 2;
     const auto speed = [&](double u) { return curve.position.first_derivative(u).norm(); };
@@ -167,6 +171,15 @@ CurveBounds bounds_of(const Curve& curve, const std::vector<double>& grid) {
     bounds.rotation_rad.push_back(kSamplingMargin * std::max(turn(a, middle), turn(middle, b)));
   }
   return bounds;
+}
+
+/// Adds what the waypoints say of speed and rest.
+void add_waypoint_limits(const std::vector<Waypoint>& waypoints, double speed_m_s, CurveBounds& bounds) {
+  for (std::size_t i = 0; i < waypoints.size(); ++i) {
+    if (waypoints[i].hold_s) bounds.rests.push_back({i * kCellsPerSegment, *waypoints[i].hold_s});
+    if (i + 1 < waypoints.size())
+      bounds.speed_m_s.insert(bounds.speed_m_s.end(), kCellsPerSegment, waypoints[i].speed_m_s.value_or(speed_m_s));
+  }
 }
 
 }  // namespace
@@ -264,8 +277,9 @@ Path path_through_waypoints(const std::vector<Waypoint>& waypoints, const SpeedL
   Curve curve = curve_through(waypoints);
   const std::vector<double> grid = grid_over(curve.position.knots());
   check_targets(curve, grid);
-  const SpeedPlan plan(bounds_of(curve, grid),
-                       {limits.speed_m_s, limits.acceleration_m_s2, limits.yaw_rate_deg_s * kRadiansPerDegree});
+  CurveBounds bounds = bounds_of(curve, grid);
+  add_waypoint_limits(waypoints, limits.speed_m_s, bounds);
+  const SpeedPlan plan(bounds, {limits.speed_m_s, limits.acceleration_m_s2, limits.yaw_rate_deg_s * kRadiansPerDegree});
   return Path(std::make_shared<const Path::Motion>(Path::Motion{CurveMotion{std::move(curve), plan}}));
 }
 

@@ -19,6 +19,8 @@ struct Waypoint {
   double yaw_deg = 0.0;                   ///< heading clockwise from north
   double pitch_deg = 0.0;                 ///< of the optical axis, positive up; -90 is straight down
   double roll_deg = 0.0;
+  std::optional<double> speed_m_s{};  ///< limit from here to the next waypoint; nullopt: that of SpeedLimits
+  std::optional<double> hold_s{};     ///< comes to rest here for so long; nullopt: flies through
 };
 
 /// Limits of a flight through waypoints.
@@ -62,10 +64,11 @@ class Path {
 
 /// Returns a path through all waypoints in order, at rest at the first and the last, starting at time 0. Positions are
 /// a cubic spline (knot spacing: square root of the distance; Lee, Computer-Aided Design 21(6), 1989), flown as fast as
-/// the limits allow (SpeedPlan); yaw_rate_deg_s limits the camera's total angular rate. If every waypoint has a
-/// look_at, the camera looks exactly at a target that moves smoothly between them; otherwise orientations are blended
-/// and are exact at the waypoints. Throws InputError: fewer than two waypoints, two consecutive ones at one position,
-/// non-finite numbers, limits that are not positive, a look_at straight above or below the camera.
+/// the limits allow (SpeedPlan), with rests where waypoints have a hold_s; yaw_rate_deg_s limits the camera's total
+/// angular rate. If every waypoint has a look_at, the camera looks exactly at a target that moves smoothly between
+/// them; otherwise orientations are blended and are exact at the waypoints. Throws InputError: fewer than two
+/// waypoints, two consecutive ones at one position, non-finite numbers, limits and speeds that are not positive, a
+/// hold_s below 0, a look_at straight above or below the camera.
 Path path_through_waypoints(const std::vector<Waypoint>& waypoints, const SpeedLimits& limits);
 
 /// Returns a path through all poses at their times (at least two). Positions are a cubic spline in time, and so are the

@@ -29,8 +29,9 @@ std::vector<double> sliding_window_max(const std::vector<double>& u, const std::
 }
 
 /// Largest squared rate in a cell.
-double squared_rate_limit(double first_m, double second_m, double rotation_rad, const MotionLimits& limits) {
-  const double by_speed = std::pow(limits.speed_m_s / first_m, 2);
+double squared_rate_limit(double first_m, double second_m, double rotation_rad, double speed_m_s,
+                          const MotionLimits& limits) {
+  const double by_speed = std::pow(speed_m_s / first_m, 2);
   const double by_bend = second_m > 0 ? kBendShare * limits.acceleration_m_s2 / second_m : by_speed;
   const double by_turn = rotation_rad > 0 ? std::pow(limits.rotation_rad_s / rotation_rad, 2) : by_speed;
   return std::min({by_speed, by_bend, by_turn});
@@ -42,13 +43,15 @@ std::vector<double> plan_squared_rates(const CurveBounds& bounds, const MotionLi
   std::vector<double> squared(cells + 1, std::numeric_limits<double>::infinity());
   std::vector<double> gain(cells);  // largest change of the squared rate over the cell: d(rate^2) = 2 u_tt du
   for (std::size_t k = 0; k < cells; ++k) {
-    const double limit = squared_rate_limit(bounds.first_m[k], bounds.second_m[k], bounds.rotation_rad[k], limits);
+    const double limit =
+        squared_rate_limit(bounds.first_m[k], bounds.second_m[k], bounds.rotation_rad[k], bounds.speed_m_s[k], limits);
     squared[k] = std::min(squared[k], limit);
     squared[k + 1] = std::min(squared[k + 1], limit);
     gain[k] = 2.0 * (bounds.u[k + 1] - bounds.u[k]) * (limits.acceleration_m_s2 - bounds.second_m[k] * limit) /
               bounds.first_m[k];
   }
   squared.front() = squared.back() = 0.0;
+  for (const Rest& rest : bounds.rests) squared[rest.node] = 0.0;
   for (std::size_t k = 0; k < cells; ++k) squared[k + 1] = std::min(squared[k + 1], squared[k] + gain[k]);
   for (std::size_t k = cells; k-- > 0;) squared[k] = std::min(squared[k], squared[k + 1] + gain[k]);
   return squared;
@@ -61,10 +64,27 @@ CurveBounds clamp_first_derivative(CurveBounds bounds) {
   return bounds;
 }
 
+/// For each cell the smallest value among the cells within `reach` of u.
+std::vector<double> sliding_window_min(const std::vector<double>& u, std::vector<double> values, double reach) {
+  for (double& value : values) value = -value;
+  values = sliding_window_max(u, values, reach);
+  for (double& value : values) value = -value;
+  return values;
+}
+
 CurveBounds dilate_bounds(const CurveBounds& bounds, double reach) {
-  return {bounds.u, sliding_window_max(bounds.u, bounds.first_m, reach),
+  return {bounds.u,
+          sliding_window_max(bounds.u, bounds.first_m, reach),
           sliding_window_max(bounds.u, bounds.second_m, reach),
-          sliding_window_max(bounds.u, bounds.rotation_rad, reach)};
+          sliding_window_max(bounds.u, bounds.rotation_rad, reach),
+          sliding_window_min(bounds.u, bounds.speed_m_s, reach),
+          bounds.rests};
+}
+
+/// States a speed for each cell where the bounds state none.
+CurveBounds with_speeds(CurveBounds bounds, double speed_m_s) {
+  if (bounds.speed_m_s.empty()) bounds.speed_m_s.assign(bounds.first_m.size(), speed_m_s);
+  return bounds;
 }
 
 }  // namespace
@@ -72,11 +92,22 @@ CurveBounds dilate_bounds(const CurveBounds& bounds, double reach) {
 SpeedPlan::SpeedPlan(const CurveBounds& bounds, const MotionLimits& limits, double smoothing_s)
     : smoothing_s_(smoothing_s) {
   assert(bounds.u.size() >= 2 && bounds.first_m.size() + 1 == bounds.u.size());
-  const CurveBounds floored = clamp_first_derivative(bounds);
+  const CurveBounds floored = clamp_first_derivative(with_speeds(bounds, limits.speed_m_s));
   const std::vector<double> unaveraged = plan_squared_rates(floored, limits);
   const double reach = smoothing_s * std::sqrt(*std::max_element(unaveraged.begin(), unaveraged.end()));
   const std::vector<double> squared = plan_squared_rates(dilate_bounds(floored, reach), limits);
   nodes_.push_back({0.0, bounds.u[0], 0.0, 0.0});
+  auto rest = bounds.rests.begin();
+  // The average over the window is at rest for as long as asked if the plan rests longer by the window.
+  const auto wait_at = [&](std::size_t k) {
+    for (; rest != bounds.rests.end() && rest->node == k; ++rest) {
+      const double wait_s = rest->seconds + smoothing_s;
+      if (!(wait_s > 0.0)) continue;
+      const Node& last = nodes_.back();
+      nodes_.push_back({last.time_s + wait_s, last.u, 0.0, last.integral + wait_s * last.u});
+    }
+  };
+  wait_at(0);
   for (std::size_t k = 1; k < squared.size(); ++k) {
     const Node& last = nodes_.back();
     const double rate = std::sqrt(squared[k]);
@@ -84,6 +115,7 @@ SpeedPlan::SpeedPlan(const CurveBounds& bounds, const MotionLimits& limits, doub
     const double acceleration = (rate - last.rate) / step_s;
     const double area = step_s * (last.u + step_s * (last.rate / 2.0 + step_s * acceleration / 6.0));
     nodes_.push_back({last.time_s + step_s, bounds.u[k], rate, last.integral + area});
+    wait_at(k);
   }
 }
 

@@ -1,8 +1,15 @@
 #pragma once
 
+#include <cstddef>
 #include <vector>
 
 namespace tileflight::flight_path {
+
+/// A stop of a motion at a point of its curve.
+struct Rest {
+  std::size_t node = 0;  ///< index in CurveBounds::u
+  double seconds = 0.0;
+};
 
 /// Bounds of a curve r(u) with an orientation R(u) on a grid over u: the largest |r'|, |r''| and |R'| (radians per unit
 /// of u) in each cell from u[k] to u[k+1].
@@ -11,6 +18,8 @@ struct CurveBounds {
   std::vector<double> first_m;       ///< |dr/du|; one entry fewer than u, as the next two
   std::vector<double> second_m;      ///< |d2r/du2|
   std::vector<double> rotation_rad;  ///< |dR/du|
+  std::vector<double> speed_m_s{};   ///< limit of the speed in each cell; empty: MotionLimits::speed_m_s everywhere
+  std::vector<Rest> rests{};         ///< in the order of their nodes
 };
 
 /// Limits of a motion along a curve.
@@ -27,9 +36,9 @@ struct Progression {
   double acceleration = 0.0;  ///< d2u/dt2
 };
 
-/// A motion u(t) along a curve from rest to rest, as fast as the limits allow up to a margin: velocity r' u_t,
-/// acceleration r'' u_t^2 + r' u_tt and angular rate |R'| u_t stay within the limits at all times. u(t) is twice
-/// continuously differentiable.
+/// A motion u(t) along a curve from rest to rest, with rests between, as fast as the limits allow up to a margin:
+/// velocity r' u_t, acceleration r'' u_t^2 + r' u_tt and angular rate |R'| u_t stay within the limits at all times.
+/// u(t) is twice continuously differentiable.
 ///
 /// The rate is planned in the phase plane (Bobrow, Dubowsky and Gibson, Int. J. Robotics Research 4(3), 1985): limits
 /// on u_t everywhere, then a forward pass that limits acceleration and a backward pass that limits braking. This leaves

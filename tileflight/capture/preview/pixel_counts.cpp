@@ -7,13 +7,15 @@
 #include <tuple>
 
 #include "tileflight/capture/recording/flight_cameras.h"
+#include "tileflight/capture/recording/flown_path.h"
 #include "tileflight/capture/vehicle/flight_plan.h"
 #include "tileflight/core/base/input_error.h"
 
 namespace tileflight::preview {
 
 FrameSampling sample_frames(const CoverageSettings& settings) {
-  const vehicle::FlightPlan plan = vehicle::read_flight_plan(settings.flight);
+  vehicle::FlightPlan plan = vehicle::read_flight_plan(settings.flight);
+  recording::place_mission(plan, settings.source, settings.load, {});
   recording::RenderedFlightConfig flight;
   flight.flight = settings.flight;
   const recording::MountedCamera camera = recording::read_flight_cameras(flight).front();  // of a rig, the first

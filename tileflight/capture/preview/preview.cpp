@@ -124,6 +124,7 @@ std::vector<std::string> collect_warnings(const PreviewedFlight& flight, const F
   if (const std::size_t cameras = flight.mission.camera_count(); cameras > 1)
     warnings.push_back("images, views and tiles are those of the first of " + std::to_string(cameras) + " cameras");
   if (flight.lacks_textures) warnings.emplace_back(tileset::kNoTextures);
+  append(flight.mission.notes);
   append(coarser_picture_warnings(flight, pictures));
   append(missing_tile_warnings(missing));
   append(flight.place.warnings());

@@ -3,7 +3,9 @@
 #include <cmath>
 
 #include "tileflight/capture/flight_path/path.h"
+#include "tileflight/capture/missions/mission.h"
 #include "tileflight/capture/render/image_formation.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/strict_section.h"
 #include "tileflight/core/imaging/calibration_files.h"
@@ -131,7 +133,31 @@ std::vector<MountedCamera> read_rig_cameras(const std::filesystem::path& file) {
                                  : read_rig_chain(root.path("cameras").value_or(""));
 }
 
-std::vector<MountedCamera> read_flight_cameras(const RenderedFlightConfig& flight) {
+namespace {
+
+/// The camera of a mission that is flown without a FLIGHT file: that for which it was planned, else a usual one.
+MountedCamera mission_camera(const std::filesystem::path& mission_file) {
+  constexpr int kWidth = 1280, kHeight = 720;
+  constexpr double kFov_deg = 70.0;
+  const auto planned = missions::read_mission(mission_file).camera;
+  MountedCamera mounted;
+  if (planned) {
+    mounted.calibration.camera = imaging::make_pinhole(planned->width, planned->height, planned->fov_deg);
+    mounted.calibration.notes = {
+        base::formatted("the camera is the one that the survey was planned for: %d x %d pixels, %.1f degrees across, "
+                        "without distortion",
+                        planned->width, planned->height, planned->fov_deg)};
+  } else {
+    mounted.calibration.camera = imaging::make_pinhole(kWidth, kHeight, kFov_deg);
+    mounted.calibration.notes = {base::formatted(
+        "the mission names no camera: one of %d x %d pixels and %g degrees across is used (a flight file "
+        "with camera and mission_file names yours)",
+        kWidth, kHeight, kFov_deg)};
+  }
+  return mounted;
+}
+
+std::vector<MountedCamera> read_own_cameras(const RenderedFlightConfig& flight) {
   StrictSection file = StrictSection::load(flight.flight);
   std::vector<MountedCamera> cameras;
   const bool is_list = file.is_list("cameras");
@@ -148,6 +174,21 @@ std::vector<MountedCamera> read_flight_cameras(const RenderedFlightConfig& fligh
         imaging::read_calibration(flight.camera.empty() ? camera.value_or("") : flight.camera);
     cameras.front().events = events::read_event_options(file);
   }
+  return cameras;
+}
+
+std::vector<MountedCamera> read_mission_camera(const RenderedFlightConfig& flight) {
+  std::vector<MountedCamera> cameras(1);
+  if (flight.camera.empty()) return {mission_camera(flight.flight)};
+  cameras.front().calibration = imaging::read_calibration(flight.camera);
+  return cameras;
+}
+
+}  // namespace
+
+std::vector<MountedCamera> read_flight_cameras(const RenderedFlightConfig& flight) {
+  std::vector<MountedCamera> cameras =
+      missions::is_mission_file(flight.flight) ? read_mission_camera(flight) : read_own_cameras(flight);
   // The simulated unit is mounted as the calibration says, the identity included.
   for (MountedCamera& camera : cameras) camera.calibration.assumes_T_cam_imu = false;
   if (flight.width) {

@@ -28,9 +28,10 @@ struct MountedCamera {
 
 /// Reads the cameras of a FLIGHT file: that of `camera`, or those of `cameras` (docs/rigs.md), which is a Kalibr
 /// camchain or a list whose entries have the keys name, camera, camera_id, resolution, T_body_camera | position with
-/// yaw_deg, pitch_deg and roll_deg, fps, offset_s, degrade, events (for `camera`, a key beside it). The settings'
-/// camera replaces that of `camera`, their image size that of each. T_cam_imu of the cameras after the first follow
-/// from the first one's. Throws InputError (file, line, key).
+/// yaw_deg, pitch_deg and roll_deg, fps, offset_s, degrade, events (for `camera`, a key beside it). A mission file
+/// in place of it has the camera that its survey was planned for, else a pinhole of 1280 x 720 pixels and 70 degrees;
+/// the calibration's notes say which. The settings' camera replaces that of `camera`, their image size that of each.
+/// T_cam_imu of the cameras after the first follow from the first one's. Throws InputError (file, line, key).
 std::vector<MountedCamera> read_flight_cameras(const RenderedFlightConfig& flight);
 
 /// Reads the cameras of a rig that was flown: those of a Kalibr camchain, or of `cameras` of a FLIGHT file (whose other

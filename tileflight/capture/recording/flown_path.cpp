@@ -7,7 +7,9 @@
 #include "tileflight/core/base/memory_budget.h"
 #include "tileflight/core/geometry/json_numbers.h"
 #include "tileflight/tiles/fetch/open_source.h"
+#include "tileflight/world/place/ground_heights.h"
 #include "tileflight/world/place/ground_tiles.h"
+#include "tileflight/world/place/place_reader.h"
 #include "tileflight/world/scene/encounters.h"
 
 namespace tileflight::recording {
@@ -97,6 +99,35 @@ tileset::LoadOptions options_around(const RenderSettings& settings, const imagin
 
 }  // namespace
 
+void place_mission(vehicle::FlightPlan& plan, const std::string& source, const tileset::LoadOptions& load,
+                   const Progress& progress) {
+  if (!plan.mission_file) return;
+  place::GroundHeightsSettings settings{source, load, fetch::Use::kAnalyse};
+  settings.load.flight.reset();
+  settings.load.textures = false;
+  settings.load.allow_large_area = true;
+  const place::PlaceReader reader(source, settings.load, settings.use);
+  const std::optional<geometry::LocalFrame>& frame = reader.placement().local_frame;
+  if (!frame) {
+    throw InputError(plan.mission_file->file.string(),
+                     "has geographic positions, and the place is not georeferenced: give the origin of its frame "
+                     "(--origin LAT,LON,HEIGHT)");
+  }
+  const auto ground = [&](const std::vector<missions::GroundPoint>& points) {
+    std::vector<place::GroundQuery> queries;
+    for (const missions::GroundPoint& point : points)
+      queries.push_back({geometry::Geodetic{point.latitude_deg, point.longitude_deg, {0.0}}, std::nullopt});
+    const json found = place::ground_heights(settings, queries, progress);
+    std::vector<std::optional<double>> heights;
+    for (const json& point : found["points"]) {
+      const json& highest = point["highest"];
+      heights.push_back(highest.is_null() ? std::nullopt : std::optional(highest["height"].get<double>()));
+    }
+    return heights;
+  };
+  vehicle::place_mission(plan, {*frame, ground});
+}
+
 std::shared_ptr<const scene::Scene> load_surroundings(const RenderSettings& settings, const imaging::Camera& camera,
                                                       const std::vector<geometry::SE3>& poses,
                                                       const Progress& progress) {
@@ -109,6 +140,7 @@ std::shared_ptr<const scene::Scene> load_surroundings(const RenderSettings& sett
 
 std::shared_ptr<const scene::Traffic> plan_traffic(const RenderSettings& settings, const imaging::Camera& camera,
                                                    std::vector<geometry::SE3> poses, const Progress& progress) {
+  if (missions::is_mission_file(settings.flight.flight)) return nullptr;
   std::vector<scene::ActorPlan> plans = scene::read_actors(settings.flight.flight);
   if (plans.empty()) return nullptr;
   const bool needs_ground =

@@ -33,6 +33,12 @@ std::shared_ptr<const scene::Scene> load_surroundings(const RenderSettings& sett
 std::shared_ptr<const scene::Traffic> plan_traffic(const RenderSettings& settings, const imaging::Camera& camera,
                                                    std::vector<geometry::SE3> poses, const Progress& progress);
 
+/// Puts the plan's mission file, if it has one, into the place: its frame is that of a render with these settings, and
+/// heights above ground and take-off are those of the finest tiles. Throws InputError, also if the place is not
+/// georeferenced.
+void place_mission(vehicle::FlightPlan& plan, const std::string& source, const tileset::LoadOptions& load,
+                   const Progress& progress);
+
 /// Returns the plan's own path, or the one that its vehicle flies. If collisions are enabled, the tiles around that
 /// path (as planned without obstacles), or of the settings' region, are loaded first and used as obstacles, and actors
 /// are obstacles where they are at each time of the path. Throws InputError, also if a flight ends before its first

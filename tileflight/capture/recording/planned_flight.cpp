@@ -112,6 +112,7 @@ void require_few_images(const std::vector<MountedCamera>& cameras, const geometr
 
 /// The flight file's weather, the same for all cameras; null if it names none.
 std::shared_ptr<const render::WeatherOptions> read_seeded_weather(const RenderSettings& settings) {
+  if (missions::is_mission_file(settings.flight.flight)) return nullptr;
   auto weather = render::read_weather(settings.flight.flight);
   if (!weather) return nullptr;
   weather->seed = settings.seed;
@@ -170,10 +171,15 @@ bool PlannedFlight::has_events() const {
 
 PlannedFlight plan_flight(const RenderSettings& settings, const Progress& progress) {
   const RenderedFlightConfig& flight = settings.flight;
-  const vehicle::FlightPlan plan = vehicle::read_flight_plan(flight.flight);
+  const bool is_mission = missions::is_mission_file(flight.flight);
+  vehicle::FlightPlan plan = vehicle::read_flight_plan(flight.flight);
+  place_mission(plan, settings.source, settings.load, progress);
   const std::vector<MountedCamera> cameras = read_flight_cameras(flight);
   PlannedFlight mission;
   const MountedCamera& first = cameras.front();
+  mission.notes = plan.notes;
+  if (is_mission)
+    mission.notes.insert(mission.notes.end(), first.calibration.notes.begin(), first.calibration.notes.end());
   FlownPath flown = fly_plan(plan, settings, first.calibration.camera, progress);
   mission.body = std::move(flown.frames);
   mission.vehicle = std::move(flown.vehicle);
@@ -185,8 +191,9 @@ PlannedFlight plan_flight(const RenderSettings& settings, const Progress& progre
   for (std::size_t i = 1; i < cameras.size(); ++i)
     mission.others.push_back(plan_camera(cameras[i], i, flown.path, mission.body, settings));
   const geometry::SE3 T_body_imu = composed(first.T_body_camera, first.calibration.T_cam_imu);
-  mission.sensor_recorder = std::make_shared<SensorRecorder>(
-      sensors::read_sensor_suite(flight.flight, settings.seed, T_body_imu), flown.path, mission.body);
+  const sensors::SensorSuite suite =
+      is_mission ? sensors::SensorSuite{} : sensors::read_sensor_suite(flight.flight, settings.seed, T_body_imu);
+  mission.sensor_recorder = std::make_shared<SensorRecorder>(suite, flown.path, mission.body);
   std::vector<geometry::SE3> flown_poses;
   for (const geometry::StampedPose& pose : mission.frames.poses) flown_poses.push_back(pose.T_local_camera);
   mission.traffic =

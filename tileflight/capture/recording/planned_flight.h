@@ -39,6 +39,7 @@ struct PlannedFlight : PlannedCamera {
   std::shared_ptr<SensorRecorder> sensor_recorder;  ///< sensors besides the cameras
   std::shared_ptr<const scene::Traffic> traffic;    ///< cars and people; null without any
   nlohmann::json vehicle;                           ///< flight record of the vehicle; null without one
+  std::vector<std::string> notes;                   ///< what was assumed where a mission file leaves it open
 
   std::size_t camera_count() const { return 1 + others.size(); }
   const PlannedCamera& camera(std::size_t i) const { return i == 0 ? *this : others[i - 1]; }

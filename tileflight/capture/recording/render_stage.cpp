@@ -144,7 +144,9 @@ std::vector<std::string> path_warnings(const PlannedFlight& mission, const std::
 }
 
 std::vector<std::string> collect_warnings(const PlannedFlight& mission, const RenderedFrames& rendered) {
-  std::vector<std::string> warnings = path_warnings(mission, rendered.frames);
+  std::vector<std::string> warnings = mission.notes;
+  const std::vector<std::string> of_path = path_warnings(mission, rendered.frames);
+  warnings.insert(warnings.end(), of_path.begin(), of_path.end());
   const bool sees_nothing = std::all_of(rendered.frames.begin(), rendered.frames.end(),
                                         [](const FrameRecord& frame) { return frame.check.view.surfaces == 0; });
   if (sees_nothing) {

@@ -39,6 +39,72 @@ waypoints:
   - {position: [120, 60, 60], yaw_deg: 10}
 )";
 
+constexpr const char* kRoute =
+    "<kml><Document><Placemark><LineString><altitudeMode>relativeToGround</"
+    "altitudeMode><coordinates>-80.7402,35.3103,35 "
+    "-80.7402,35.3110,35</coordinates></LineString></Placemark></Document></kml>";
+
+missions::MissionPlace level_place() {
+  return {geometry::LocalFrame({35.3103, -80.7402, {190.0}}), [](const std::vector<missions::GroundPoint>& points) {
+            return std::vector<std::optional<double>>(points.size(), 190.0);
+          }};
+}
+
+TEST_F(FlightPlanFile, MissionFiles) {
+  write("route.kml", kRoute);
+  FlightPlan plan =
+      read("camera: camera.yaml\nfps: 4\nspeed_m_s: 6\nmission_file: {file: route.kml, pitch_deg: -40}\n");
+  ASSERT_TRUE(plan.mission_file);
+  EXPECT_EQ(plan.mission_file->options.pitch_deg, -40);
+  EXPECT_THAT([&] { frame_poses(plan); }, ThrowsMessage<InputError>(HasSubstr("is flown at a place")));
+  place_mission(plan, level_place());
+  const geometry::Trajectory frames = frame_poses(plan);
+  EXPECT_LT((frames.poses.front().T_local_camera.translation - geometry::Vec3(0, 0, 35)).norm(), 1e-6);
+  // The latitude's 0.0007 degrees by the closed form of geodetic coordinates.
+  EXPECT_LT((frames.poses.back().T_local_camera.translation - geometry::Vec3(0, 77.665141, 34.999526)).norm(), 0.5);
+  EXPECT_LT((frames.poses[20].T_local_camera.rotation * geometry::Vec3::UnitZ() -
+             geometry::Vec3(0, std::cos(0.698131701), -std::sin(0.698131701)))
+                .norm(),
+            1e-6);
+  EXPECT_EQ(plan.limits.speed_m_s, 6);
+  EXPECT_THAT(referenced_files(folder_ / "flight.yaml"), testing::Contains(folder_ / "route.kml"));
+  EXPECT_TRUE(read("camera: c.yaml\nfps: 4\nmission_file: route.kml\nvehicle: {}\n").vehicle);
+  EXPECT_THAT(fault("camera: c.yaml\nmission_file: route.kml\n"), HasSubstr("fps"));
+  EXPECT_THAT(fault("camera: c.yaml\nfps: 4\nmission_file: {pitch_deg: 3}\n"), HasSubstr("name the mission file"));
+  EXPECT_THAT(fault("camera: c.yaml\nfps: 4\nmission_file: {file: route.kml, pich_deg: 3}\n"), HasSubstr("pitch_deg"));
+  EXPECT_THAT(fault("camera: c.yaml\nfps: 4\nmission_file: route.kml\nwaypoints: [{position: [0, 0, 9]}]\n"),
+              HasSubstr("a path of its own"));
+}
+
+TEST_F(FlightPlanFile, AMissionInPlaceOfAFlightFile) {
+  FlightPlan plan = read_flight_plan(write("route.kml", kRoute));
+  EXPECT_TRUE(plan.camera.empty());
+  EXPECT_EQ(plan.fps, kMissionFps);
+  place_mission(plan, level_place());
+  EXPECT_GT(frame_poses(plan).size(), 40u);
+  EXPECT_THAT(plan.notes, testing::Contains(HasSubstr("without a flight file")));
+  EXPECT_THAT(referenced_files(folder_ / "route.kml"), testing::ElementsAre(folder_ / "route.kml"));
+}
+
+TEST_F(FlightPlanFile, WaypointsWithSpeedsAndRests) {
+  const FlightPlan plan = read(
+      "camera: c.yaml\nfps: 10\nspeed_m_s: 8\nwaypoints:\n- {position: [0, 0, 9], speed_m_s: 3}\n"
+      "- {position: [60, 0, 9], hold_s: 4}\n- {position: [120, 0, 9]}\n");
+  EXPECT_EQ(plan.waypoints[0].speed_m_s, 3);
+  EXPECT_EQ(plan.waypoints[1].hold_s, 4);
+  const flight_path::Path path = build_path(plan);
+  double resting_s = 0.0, first_m_s = 0.0, second_m_s = 0.0;
+  for (double t = 0.0; t < path.end_s(); t += 0.01) {
+    const double x = path.pose(t).translation.x(), speed_m_s = path.velocity(t).norm();
+    if (std::abs(x - 60) < 1e-6 && speed_m_s < 1e-6) resting_s += 0.01;
+    (x < 60 ? first_m_s : second_m_s) = std::max(x < 60 ? first_m_s : second_m_s, speed_m_s);
+  }
+  EXPECT_NEAR(resting_s, 4.0, 0.05);
+  EXPECT_NEAR(first_m_s, 3.0, 0.05);
+  EXPECT_NEAR(second_m_s, 8.0, 0.1);
+  EXPECT_THAT(fault("camera: c.yaml\nfps: 10\nwaypoints:\n- {position: [0, 0, 9], hold_s: -1}\n"), HasSubstr("hold_s"));
+}
+
 TEST_F(FlightPlanFile, Waypoints) {
   const FlightPlan plan = read(kMission);
   EXPECT_EQ(plan.camera, folder_ / "lens/camera.yaml");

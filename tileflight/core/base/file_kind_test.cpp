@@ -24,7 +24,7 @@ TEST(FileKind, FilesAreRecognizedByTheirContent) {
       {"PK\3\4....", "is a ZIP archive, not a flight log: unpack it first (a .kmz holds doc.kml)"},
       {"PK\3\4\x14\0\6\0\10\0\0\0!\0\0\0\0\0\0\0\0\0\0\0\0\0\x13\0\0\0[Content_Types].xml"s, "is a spreadsheet"},
       {"\x0E\x10\xD9\x07\0\0\0\0.FIT"s, "gpsbabel -i garmin_fit"},
-      {"H Product:Blackbox flight data recorder\nH Data version:2\n", "blackbox_decode"},
+      {"H Product:Blackbox flight data recorder\nH Data version:2\n", "--imu"},
       {"AXXX001\r\nHFDTE160701\r\n", "gpsbabel -i igc"},
       {"<!DOCTYPE html><html>", "is a web page"},
       {"version https://git-lfs.github.com/spec/v1\n", "git lfs pull"},

@@ -7,6 +7,7 @@
 #include <functional>
 #include <mutex>
 
+#include "tileflight/core/base/file_kind.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
@@ -15,6 +16,7 @@
 #include "tileflight/data/dataset/frame_list.h"
 #include "tileflight/data/dataset/layouts.h"
 #include "tileflight/data/dataset/sensor_files.h"
+#include "tileflight/data/flight_logs/inertial_logs.h"
 
 namespace tileflight::dataset {
 
@@ -115,10 +117,18 @@ geometry::Trajectory read_groundtruth(const IngestOptions& options) {
   return trajectory;
 }
 
+/// Reads a table, or a log of Gyroflow or Betaflight.
+std::vector<geometry::ImuSample> read_imu(const std::filesystem::path& file, std::vector<std::string>& notes) {
+  if (!flight_logs::is_inertial_log(base::read_head(file))) return read_imu_csv(file, notes);
+  flight_logs::InertialLog log = flight_logs::read_inertial_log(file);
+  notes.insert(notes.end(), log.notes.begin(), log.notes.end());
+  return std::move(log.readings);
+}
+
 Companions read_companions(const IngestOptions& options, std::vector<std::string>& notes) {
   Companions given;
   given.groundtruth = read_groundtruth(options);
-  given.readings = options.imu.empty() ? options.camera_imu : read_imu_csv(options.imu, notes);
+  given.readings = options.imu.empty() ? options.camera_imu : read_imu(options.imu, notes);
   if (given.readings.empty()) {
     if (!options.imu_noise.empty() || options.imu_time_offset_s != 0.0)
       throw InputError(options.video_or_images.string(),

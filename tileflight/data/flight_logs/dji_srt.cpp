@@ -8,8 +8,10 @@
 //       Mavic Pro: longitude, latitude, number of satellites
 //   GPS (8.2090, 47.4692, 18), D 49.21m, H 45.60m
 //       Phantom 4 Pro, Mavic Mini: the same order, H is above take-off
-//   GPS (..), HOME (..), H 17.39m, G.PRY (-27.3°, 0.0°, -76.0°)
-//       Phantom 4 RTK: gimbal's pitch, roll, yaw
+//   GPS (..), HOME (..), H 17.39m, F.PRY (-5.3°, 2.1°, 28.3°), G.PRY (-27.3°, 0.0°, -76.0°)
+//       Phantom 4 RTK: the vehicle's and the gimbal's pitch, roll, yaw; RTK (..) in place of GPS (..) with corrections
+//   [latitude: ..] [longtitude: ..] [altitude: 28.7] [Drone: Yaw:-146.0, Pitch:-0.6, Roll:1.3]
+//       Mavic 2 Enterprise: the vehicle's attitude; [Gimbal: Yaw:.., Pitch:.., Roll:..] beside it
 //   GPS(36.6146,-6.1120,0.0M) BAROMETER:0.3M
 //       Matrice 300: latitude, longitude, height with its unit
 //   GPS(E:149.0227, N:-35.2858, 0.46m)
@@ -252,8 +254,8 @@ void read_bracketed_position(std::string_view line, Reading& reading) {
   reading.has_position = true;
 }
 
-void read_gps_tuple(std::string_view line, Reading& reading) {
-  const std::vector<Item> items = tuple_of(line, "GPS");
+void read_gps_tuple(std::string_view line, std::string_view key, Reading& reading) {
+  const std::vector<Item> items = tuple_of(line, key);
   if (items.size() < 2 || !items[0].value || !items[1].value) return;
   const bool latitude_first =
       items[0].axis != '\0' ? items[0].axis == 'N' || items[0].axis == 'S' : items.size() > 2 && items[2].is_height;
@@ -275,15 +277,51 @@ void read_heights(std::string_view line, Reading& reading) {
   fill(reading.fix.height_above_takeoff_m, value_of(line, "H", kMarkedHeights));
 }
 
-void read_gimbal(std::string_view line, Reading& reading) {
-  fill(reading.fix.gimbal_yaw_deg, value_of(line, "gb_yaw", kMarkedAngles));
-  fill(reading.fix.gimbal_pitch_deg, value_of(line, "gb_pitch", kMarkedAngles));
-  fill(reading.fix.gimbal_roll_deg, value_of(line, "gb_roll", kMarkedAngles));
-  const std::vector<Item> pitch_roll_yaw = tuple_of(line, "G.PRY");
-  if (pitch_roll_yaw.size() != 3) return;
-  fill(reading.fix.gimbal_pitch_deg, pitch_roll_yaw[0].value);
-  fill(reading.fix.gimbal_roll_deg, pitch_roll_yaw[1].value);
-  fill(reading.fix.gimbal_yaw_deg, pitch_roll_yaw[2].value);
+/// The fields of a fix that hold one attitude.
+struct AttitudeFields {
+  std::optional<double>& yaw_deg;
+  std::optional<double>& pitch_deg;
+  std::optional<double>& roll_deg;
+};
+
+/// Reads `F.PRY (pitch, roll, yaw)`.
+void read_pitch_roll_yaw(std::string_view line, std::string_view key, const AttitudeFields& attitude) {
+  const std::vector<Item> items = tuple_of(line, key);
+  if (items.size() != 3) return;
+  fill(attitude.pitch_deg, items[0].value);
+  fill(attitude.roll_deg, items[1].value);
+  fill(attitude.yaw_deg, items[2].value);
+}
+
+/// Reads `[Drone: Yaw:-146.0, Pitch:-0.6, Roll:1.3]`.
+void read_attitude_group(std::string_view line, std::string_view key, const AttitudeFields& attitude) {
+  const std::optional<std::string_view> rest = after_key(line, key);
+  if (!rest || !rest->starts_with(":")) return;
+  std::string_view group = rest->substr(1);
+  group = group.substr(0, group.find(']'));
+  while (!group.empty()) {
+    const std::size_t end = std::min(group.find(','), group.size());
+    const std::string_view part = group.substr(0, end);
+    fill(attitude.yaw_deg, value_of(part, "Yaw", kMarkedAngles));
+    fill(attitude.pitch_deg, value_of(part, "Pitch", kMarkedAngles));
+    fill(attitude.roll_deg, value_of(part, "Roll", kMarkedAngles));
+    group.remove_prefix(std::min(end + 1, group.size()));
+  }
+}
+
+void read_attitudes(std::string_view line, TelemetryFix& fix) {
+  const AttitudeFields gimbal{fix.gimbal_yaw_deg, fix.gimbal_pitch_deg, fix.gimbal_roll_deg};
+  const AttitudeFields body{fix.body_yaw_deg, fix.body_pitch_deg, fix.body_roll_deg};
+  for (const std::string_view prefix : {"gb_", "gimbal_"}) {
+    const std::string start(prefix);
+    fill(gimbal.yaw_deg, value_of(line, start + "yaw", kMarkedAngles));
+    fill(gimbal.pitch_deg, value_of(line, start + "pitch", kMarkedAngles));
+    fill(gimbal.roll_deg, value_of(line, start + "roll", kMarkedAngles));
+  }
+  read_pitch_roll_yaw(line, "G.PRY", gimbal);
+  read_pitch_roll_yaw(line, "F.PRY", body);
+  read_attitude_group(line, "Gimbal", gimbal);
+  read_attitude_group(line, "Drone", body);
 }
 
 /// Reads `[focal_len : 240] [dzoom_ratio: 10000, delta:0]` (tenths of a millimetre, ten-thousandths) and
@@ -307,9 +345,10 @@ Reading read_entry(const Entry& entry) {
     fill(reading.stamp_s, stamp_s(line));
     fill(reading.date_s, date_s(line));
     if (!reading.has_position) read_bracketed_position(line, reading);
-    if (!reading.has_position) read_gps_tuple(line, reading);
+    for (const std::string_view key : {"GPS", "RTK"})
+      if (!reading.has_position) read_gps_tuple(line, key, reading);
     read_heights(line, reading);
-    read_gimbal(line, reading);
+    read_attitudes(line, reading.fix);
     read_zoom(line, reading.zoom);
   }
   return reading;

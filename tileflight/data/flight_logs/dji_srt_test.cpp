@@ -55,6 +55,59 @@ TEST_F(TelemetryText, EntriesWithoutFixAreDroppedAndCounted) {
                                         "1 entries dropped: time does not increase"));
 }
 
+/// Entries as published of drones whose files are not among the test data.
+TEST_F(TelemetryText, AttitudesAndCorrectedPositions) {
+  const auto entry = [](const std::string& text) { return "1\n00:00:35,000 --> 00:00:36,000\n" + text + "\n"; };
+  const TelemetryFix rtk =
+      read(entry("F/6.3, SS 60, ISO 100, EV 0, RTK (120.083799, 30.213635, 28), HOME (120.084146, 30.214243, 103.55m), "
+                 "D 75.36m, H 76.19m, H.S 0.30m/s, V.S 0.00m/s, F.PRY (-5.3\u00B0, 2.1\u00B0, 28.3\u00B0), G.PRY "
+                 "(-40.0\u00B0, 0.0\u00B0, 28.2\u00B0)"))
+          .fixes.at(0);
+  EXPECT_DOUBLE_EQ(rtk.longitude_deg, 120.083799);
+  EXPECT_DOUBLE_EQ(rtk.latitude_deg, 30.213635);
+  EXPECT_EQ(rtk.absolute_height_m, std::nullopt) << "28 satellites";
+  EXPECT_EQ(rtk.height_above_takeoff_m, 76.19);
+  EXPECT_EQ(rtk.body_pitch_deg, -5.3);
+  EXPECT_EQ(rtk.body_roll_deg, 2.1);
+  EXPECT_EQ(rtk.body_yaw_deg, 28.3);
+  EXPECT_EQ(rtk.gimbal_pitch_deg, -40.0);
+  EXPECT_EQ(rtk.gimbal_yaw_deg, 28.2);
+  const TelemetryFix enterprise =
+      read(
+          entry("<font size=\"36\">FrameCnt : 4, DiffTime : 114ms\n2022-09-08 06:26:55,549,370\n[color_md : default] "
+                "[latitude: -36.885326] [longtitude: 174.697242] [altitude: 28.736000] [Drone: Yaw:-146.0, Pitch:-0.6, "
+                "Roll:1.3] </font>"))
+          .fixes.at(0);
+  EXPECT_DOUBLE_EQ(enterprise.longitude_deg, 174.697242);
+  EXPECT_EQ(enterprise.absolute_height_m, 28.736);
+  EXPECT_EQ(enterprise.body_yaw_deg, -146.0);
+  EXPECT_EQ(enterprise.body_pitch_deg, -0.6);
+  EXPECT_EQ(enterprise.body_roll_deg, 1.3);
+  EXPECT_EQ(enterprise.gimbal_yaw_deg, std::nullopt);
+  const TelemetryFix both =
+      read(
+          entry("[latitude: 41.3] [longitude: -81.3] [rel_alt: 50.6 abs_alt: 300] [Drone: Yaw:1.9,Pitch:-3.1,Roll:1.5] "
+                "[Gimbal: Yaw:10.0, Pitch:-45.0, Roll:0.0]"))
+          .fixes.at(0);
+  EXPECT_EQ(both.body_pitch_deg, -3.1);
+  EXPECT_EQ(both.gimbal_yaw_deg, 10.0);
+  EXPECT_EQ(both.gimbal_pitch_deg, -45.0);
+  const TelemetryFix avata = read(entry("GPS(39.906217,116.391305,69.800) BAROMETER(91.2)")).fixes.at(0);
+  EXPECT_DOUBLE_EQ(avata.latitude_deg, 39.906217);
+  EXPECT_EQ(avata.absolute_height_m, 69.8);
+  EXPECT_EQ(avata.height_above_takeoff_m, 91.2);
+  const TelemetryFix spaced = read(entry("[latitude : 40.7128] [longitude : -74.0060] [altitude: 150.0]\n[gb_yaw : "
+                                         "45.2] [gb_pitch : -15.3] [gb_roll : 0.1]</font>"))
+                                  .fixes.at(0);
+  EXPECT_EQ(spaced.gimbal_yaw_deg, 45.2);
+  EXPECT_EQ(spaced.gimbal_roll_deg, 0.1);
+  const TelemetryFix autel = read(entry("HOME(W: 109.3, N: 40.7) 2025-08-27 13:21:35\nGPS(W: 109.339287, N: 40.768574, "
+                                        "2371.76m)"))
+                                 .fixes.at(0);
+  EXPECT_DOUBLE_EQ(autel.longitude_deg, -109.339287);
+  EXPECT_EQ(autel.absolute_height_m, 2371.76);
+}
+
 TEST_F(TelemetryText, FeetAndRadiansAreReadByTheirUnits) {
   const auto entry = [](const std::string& text) { return "1\n00:00:01,000 --> 00:00:02,000\n" + text + "\n"; };
   for (const char* const text : {"GPS (8.2, 47.4, 18), D 49.21ft, H 100ft", "GPS (8.2, 47.4, 18), H 100 ft",

@@ -13,7 +13,6 @@ namespace tileflight::flight_logs {
 namespace {
 
 constexpr int kDeepest = 64;
-constexpr std::size_t kLongestText = 4096;
 /// Expat counts in int and rescans an unfinished tag with each piece, so pieces are large.
 constexpr std::size_t kPieceBytes = std::size_t{1} << 26;
 
@@ -71,7 +70,7 @@ void XMLCALL on_end(void* data, const char* name) {
 void XMLCALL on_text(void* data, const char* text, int length) {
   State& state = *static_cast<State*>(data);
   guarded(state, [&] {
-    const std::size_t room = kLongestText - std::min(kLongestText, state.text.size());
+    const std::size_t room = state.events.longest_text - std::min(state.events.longest_text, state.text.size());
     state.text.append(text, std::min(room, static_cast<std::size_t>(length)));
     return true;
   });

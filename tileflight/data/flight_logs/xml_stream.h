@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <functional>
 #include <map>
 #include <string>
@@ -13,8 +14,9 @@ struct XmlEvents {
   using Attributes = std::map<std::string, std::string, std::less<>>;
   std::function<bool(std::string_view name, const Attributes& attributes)> start;
   /// `text`: the characters since the last tag, which is the whole content of an element without children; at most
-  /// 4096.
+  /// `longest_text` bytes.
   std::function<bool(std::string_view name, std::string_view text)> end;
+  std::size_t longest_text = 4096;
 };
 
 /// Reads XML of unknown origin as far as it is well-formed (Expat). Documents that declare a type (`<!DOCTYPE`) are

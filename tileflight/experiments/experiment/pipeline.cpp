@@ -28,7 +28,9 @@ bool is_stadium(const std::string& source) { return source.starts_with(kStadiumP
 /// Content of a flight file and of the files that it names: lens, sensors, poses.
 json flight_inputs(const fs::path& flight_file) {
   const vehicle::FlightPlan plan = vehicle::read_flight_plan(flight_file);
+  if (missions::is_mission_file(flight_file)) return {{"mission", base::sha256_hex_of_file(flight_file)}};
   json inputs{{"plan", FileHashCache::hash_yaml_content(flight_file)}};
+  if (plan.mission_file) inputs["mission"] = base::sha256_hex_of_file(plan.mission_file->file);
   if (!plan.camera.empty()) inputs["camera"] = FileHashCache::hash_yaml_content(plan.camera);
   for (const fs::path& camera : plan.cameras) inputs["cameras"].push_back(FileHashCache::hash_yaml_content(camera));
   if (!plan.sensors_file.empty()) inputs["sensors"] = FileHashCache::hash_yaml_content(plan.sensors_file);

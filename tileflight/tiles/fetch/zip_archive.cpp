@@ -147,6 +147,12 @@ std::optional<std::uint64_t> ZipArchive::size(const std::string& path) const {
   return it == entries_.end() ? std::nullopt : std::optional(it->second.unpacked);
 }
 
+std::vector<std::string> ZipArchive::paths() const {
+  std::vector<std::string> paths;
+  for (const auto& [path, entry] : entries_) paths.push_back(path);
+  return paths;
+}
+
 std::vector<std::byte> ZipArchive::packed_bytes(const std::string& path, const Entry& entry) const {
   constexpr std::size_t kHeaderBytes = 30;
   const std::string what = "the entry '" + path + "'";

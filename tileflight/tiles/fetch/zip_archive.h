@@ -32,6 +32,8 @@ class ZipArchive {
   std::vector<std::byte> read(const std::string& path) const;
   /// Returns the decompressed size of an entry; nullopt if there is no such entry.
   std::optional<std::uint64_t> size(const std::string& path) const;
+  /// Returns the paths of all entries, in alphabetic order.
+  std::vector<std::string> paths() const;
   /// Returns the differences between the .3tz index and the ZIP directory.
   const std::vector<std::string>& warnings() const { return warnings_; }
 

@@ -160,7 +160,7 @@ json ground_heights(const GroundHeightsSettings& settings, const std::vector<Gro
                     const Progress& progress) {
   tileset::LoadOptions load = settings.load;
   load.allow_large_area = true;
-  PlaceReader place(settings.source, load, fetch::Use::kExtract);
+  PlaceReader place(settings.source, load, settings.use);
   const ColumnSampler columns(place);
   json result{{"points", json::array()}, {"tiles", 0}, {"bytes_read", 0}};
   std::vector<std::string> missing;

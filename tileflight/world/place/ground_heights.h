@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "tileflight/core/base/progress.h"
+#include "tileflight/tiles/fetch/terms.h"
 #include "tileflight/tiles/tileset/load.h"
 
 namespace tileflight::place {
@@ -26,6 +27,7 @@ GroundQuery parse_local_query(const std::string& text, const std::string& option
 struct GroundHeightsSettings {
   std::string source;         ///< folder, archive or address of the tileset, as fetch::open_source() takes it
   tileset::LoadOptions load;  ///< origin of the local frame (height: that of a region, if given)
+  fetch::Use use = fetch::Use::kExtract;
 };
 
 /// Finds the surfaces above and below each point by intersecting the vertical line through it (on the earth: the
