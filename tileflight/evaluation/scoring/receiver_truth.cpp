@@ -59,8 +59,11 @@ ingest::IngestedFlightConfig heights_as_they_are(const flight_logs::Telemetry& t
 }
 
 ReceiverTruth read_log(const fs::path& file) {
-  ReceiverTruth truth{.fixes = {}, .telemetry = ingest::read_flight_log(file), .warnings = {}};
+  ReceiverTruth truth;
+  truth.telemetry = ingest::read_flight_log(file);
   truth.warnings = truth.telemetry.warnings;
+  truth.has_own_sigmas =
+      std::ranges::any_of(truth.telemetry.fixes, [](const auto& fix) { return fix.horizontal_sigma_m.has_value(); });
   ingest::IngestedFlightConfig flight = heights_as_they_are(truth.telemetry);
   flight.telemetry = file;
   truth.fixes = local_fixes(ingest::to_gps_fixes(truth.telemetry, flight, truth.warnings));
@@ -139,12 +142,14 @@ void add_errors(const std::vector<alignment::PositionFix>& fixes, ReceiverScore&
   if (beyond > 0.0) score.beyond_receiver_m = std::sqrt(beyond);
 }
 
-void add_warnings(const std::vector<alignment::PositionFix>& fixes, const alignment::TrajectoryAlignment& aligned,
-                  const ReceiverScoring& scoring, const std::string& name, ReceiverScore& score) {
+void add_warnings(const std::vector<alignment::PositionFix>& fixes, bool has_own_sigmas,
+                  const alignment::TrajectoryAlignment& aligned, const ReceiverScoring& scoring,
+                  const std::string& name, ReceiverScore& score) {
   const std::string own = base::formatted(
-      "a receiver's positions with standard deviations of %.3g m (level) and %.3g m "
-      "(height) give a perfect trajectory an error of %.3g m; ",
-      score.horizontal_sigma_m, score.vertical_sigma_m, score.expected_rmse_m);
+      "a receiver's positions with standard deviations of %.3g m (level) and %.3g m (height%s) give a "
+      "perfect trajectory an error of %.3g m; ",
+      score.horizontal_sigma_m, score.vertical_sigma_m, has_own_sigmas ? "" : "; assumed, the log states none",
+      score.expected_rmse_m);
   const std::string rest =
       score.beyond_receiver_m
           ? base::formatted("of this trajectory's, %.3g m are beyond that", *score.beyond_receiver_m)
@@ -226,7 +231,7 @@ ReceiverScore score_by_receiver(const Trajectory& estimate, const ReceiverTruth&
   score.poses.true_duration_s = truth.fixes.back().time_s - truth.fixes.front().time_s;
   score.poses.T_truth_estimate = aligned.T_local_map;
   add_errors(fixes, score);
-  add_warnings(fixes, aligned, scoring, name, score);
+  add_warnings(fixes, truth.has_own_sigmas, aligned, scoring, name, score);
   return score;
 }
 

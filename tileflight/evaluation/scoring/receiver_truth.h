@@ -17,6 +17,7 @@ namespace tileflight::scoring {
 struct ReceiverTruth {
   std::vector<alignment::PositionFix> fixes;  ///< east, north, up of the first one, metres; on the receiver's clock
   flight_logs::Telemetry telemetry;           ///< the log; empty for a dataset's gps.csv
+  bool has_own_sigmas = true;                 ///< false: the standard deviations are assumed, the log states none
   std::vector<std::string> warnings;          ///< of the log's reader
 };
 

@@ -107,6 +107,7 @@ TEST_F(AgainstAReceiver, TheReceiversOwnErrorIsToldApart) {
   const nlohmann::json worse = evaluate();
   EXPECT_NEAR(worse["trajectory"]["receiver"]["beyond_receiver_m"], std::sqrt(8.0 * 6.0), 0.7);
   EXPECT_THAT(worse["warnings"].dump(), HasSubstr("m are beyond that"));
+  EXPECT_THAT(worse["warnings"].dump(), HasSubstr("2 m (height; assumed, the log states none)"));
 }
 
 TEST_F(AgainstAReceiver, ADatasetsPositionsServeWhereItHasNoTruePoses) {
