@@ -496,11 +496,11 @@ struct DroppedFixes {
 
 /// GoPro: "under 500 is good", of hundredths.
 constexpr double kWorstDilution = 5.0;
-constexpr double kThreeDimensionalFix = 3.0;
+constexpr double kFixInThreeDimensions = 3.0;
 
 /// Whether a fix counts; counts those that do not.
 bool is_good_fix(std::optional<double> fix, std::optional<double> dilution, DroppedFixes& dropped) {
-  if (fix && !(*fix >= kThreeDimensionalFix)) {
+  if (fix && !(*fix >= kFixInThreeDimensions)) {
     ++dropped.without_fix;
     return false;
   }
@@ -580,11 +580,11 @@ void add_camera_positions(const Stream& stream, std::optional<double> zero_s, Fi
   std::vector<std::pair<double, double>> utc_and_time_s;
   for (std::size_t row = 0; row < stream.rows() && has_own_fix; ++row) {
     const double utc_s = kYear2000_s + kDay_s * stream.at(row, kDays) + stream.at(row, kSeconds);
-    if (stream.at(row, kFix) >= kThreeDimensionalFix && std::isfinite(utc_s))
+    if (stream.at(row, kFix) >= kFixInThreeDimensions && std::isfinite(utc_s))
       utc_and_time_s.emplace_back(utc_s, times_s[row]);
   }
   for (const Piece& piece : stream.pieces) {
-    if (!has_own_fix && piece.utc_s && piece.fix.value_or(0.0) >= kThreeDimensionalFix)
+    if (!has_own_fix && piece.utc_s && piece.fix.value_or(0.0) >= kFixInThreeDimensions)
       utc_and_time_s.emplace_back(*piece.utc_s, times_s[piece.first]);
   }
   for (const Piece& piece : stream.pieces) {
@@ -623,7 +623,7 @@ bool has_receiver_fix(const Stream* receiver, double begin_s) {
   for (const Piece& piece : receiver->pieces) {
     if (piece.begin_s != begin_s) continue;
     for (std::size_t row = piece.first; row < piece.first + piece.rows; ++row) {
-      if (!(receiver->at(row, kFix) >= kThreeDimensionalFix)) return false;
+      if (!(receiver->at(row, kFix) >= kFixInThreeDimensions)) return false;
     }
   }
   return true;
