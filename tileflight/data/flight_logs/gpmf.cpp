@@ -105,9 +105,9 @@ double number_at(Bytes bytes, std::size_t offset, char type) {
   };
   switch (type) {
     case 'b':
-      return as(std::int8_t{});
+      return static_cast<double>(base::read_raw<std::int8_t>(bytes, offset));
     case 'B':
-      return as(std::uint8_t{});
+      return static_cast<double>(base::read_raw<std::uint8_t>(bytes, offset));
     case 's':
       return as(std::int16_t{});
     case 'S':
