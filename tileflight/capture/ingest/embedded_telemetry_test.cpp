@@ -203,14 +203,12 @@ TEST_F(EmbeddedTelemetryTest, ExposuresWithoutAConstantGainAreLeftOut) {
 
 /// Without a fix in the excerpt, the rest is used.
 TEST_F(EmbeddedTelemetryTest, PositionsOutsideTheExcerptAreANote) {
-  const fs::path file = make_video("a.mp4");
-  tests::add_metadata_track(file, "gpmd", {gopro_second(0)}, 1000);
-  flight_.video = file;
+  flight_.video = make_gopro("a.mp4");
   flight_.from_s = 1.6;
   const IngestResult result = ingest_flight();
   EXPECT_EQ(result.dataset.gps_fixes, 0U);
   EXPECT_THAT(result.warnings,
-              Contains(HasSubstr("the video's own telemetry (0.00 s to 0.50 s) lies outside the frames")));
+              Contains(HasSubstr("the video's own telemetry (0.00 s to 1.50 s) lies outside the frames")));
 }
 
 /// DJI's barometric heights have no stated reference: nobody asked for them, so they are left out with the way to use

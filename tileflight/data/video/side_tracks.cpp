@@ -166,12 +166,15 @@ std::vector<std::byte> read_user_data(const std::filesystem::path& file, std::st
   constexpr std::uint64_t kMostBytes = std::uint64_t{16} << 20U;
   std::ifstream stream(file, std::ios::binary | std::ios::ate);
   if (!stream) return {};
-  std::optional<BoxRange> range(BoxRange{0, static_cast<std::uint64_t>(stream.tellg())});
-  for (const std::string_view box : {std::string_view("moov"), std::string_view("udta"), name}) {
-    range = find_box(stream, *range, box);
-    if (!range) return {};
+  const BoxRange all{0, static_cast<std::uint64_t>(stream.tellg())};
+  const std::optional<BoxRange> movie = find_box(stream, all, "moov");
+  // Programs that write into a camera's file add a box `udta` of their own.
+  std::optional<BoxRange> range, user_data = movie ? find_box(stream, *movie, "udta") : std::nullopt;
+  while (user_data && !range) {
+    range = find_box(stream, *user_data, name);
+    user_data = find_box(stream, {user_data->end, movie->end}, "udta");
   }
-  if (range->end - range->begin > kMostBytes) return {};
+  if (!range || range->end - range->begin > kMostBytes) return {};
   std::vector<std::byte> bytes(range->end - range->begin);
   stream.clear();
   stream.seekg(static_cast<std::streamoff>(range->begin));
