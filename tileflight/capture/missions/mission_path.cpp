@@ -264,7 +264,7 @@ class HeightResolver {
  public:
   HeightResolver(const Mission& mission, const MissionOptions& options, const MissionPlace& place,
                  const std::string& where, std::vector<std::string>& notes)
-      : mission_(mission), options_(options), place_(place), where_(where), notes_(notes) {
+      : mission_(mission), options_(options), where_(where), notes_(notes) {
     for (const MissionWaypoint& waypoint : mission.waypoints) {
       ask_for(with_height(waypoint.position));
       if (waypoint.target) ask_for(*waypoint.target);
@@ -373,7 +373,6 @@ class HeightResolver {
 
   const Mission& mission_;
   const MissionOptions& options_;
-  const MissionPlace& place_;
   const std::string& where_;
   std::vector<std::string>& notes_;
   bool needs_takeoff_ = false, uses_ground_ = false;
