@@ -63,7 +63,7 @@ void append(const Telemetry& part, double start_s, const std::filesystem::path& 
     telemetry.warnings.push_back(file.filename().string() + ": " + warning);
 }
 
-/// What the name of a part says.
+/// Holds what the name of a part says.
 struct Chapter {
   std::string family;     ///< letters, which are the same for all parts but the first of the older names
   std::string recording;  ///< four digits

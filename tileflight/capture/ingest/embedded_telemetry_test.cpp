@@ -111,7 +111,7 @@ TEST_F(EmbeddedTelemetryTest, ATrackIsReadWithItsTimes) {
   EXPECT_FALSE(read_embedded_telemetry({folder_ / "b.mp4"}));
 }
 
-/// What a camera collected in the last part of a second is written as a whole one.
+/// A camera writes what it collected in the last part of a second as a whole second.
 TEST_F(EmbeddedTelemetryTest, ALastSampleEndsWithTheImages) {
   const fs::path file = make_video("a.mp4");
   tests::add_metadata_track(file, "gpmd", {gopro_second(0), gopro_second(1)}, 1500);

@@ -12,7 +12,7 @@
 
 namespace tileflight::ingest {
 
-/// What a recording says of its camera and mode.
+/// Holds what a recording says of its camera and mode.
 struct RecordingIdentity {
   std::string camera;        ///< make and model, "GoPro HERO5 Black"; empty: it does not say
   std::string stated_by;     ///< the tag that names the camera: "firmware HD5.02.02.00.00"
@@ -25,7 +25,7 @@ struct RecordingIdentity {
 /// read_photo_log.
 RecordingIdentity identify_recording(const std::filesystem::path& video);
 
-/// How a profile's mode is for images of a recording's size.
+/// States how a profile's mode suits images of a recording's size.
 enum class SizeMatch { kSame, kScaled };
 
 /// A lens profile that may be a recording's.
@@ -54,7 +54,7 @@ struct LensSearchResult {
   std::size_t of_other_lens = 0;     ///< of the camera, without the word
   std::vector<std::string> skipped;  ///< files that are no profiles or not supported, with the cause
   std::vector<std::string> similar;  ///< cameras whose name contains the recording's or is contained in it
-  /// What makes the choice doubtful, a line each: profiles that fit as well and are of other lenses.
+  /// These make the choice doubtful, a line each: profiles that fit as well and are of other lenses.
   std::vector<std::string> warnings;
   bool is_ambiguous = false;  ///< the best ones fit equally well, and their focal lengths differ by more than 5 %
 };

@@ -32,7 +32,7 @@ struct LensTag {
 
 std::string size_text(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
 
-/// Whether DJI's optical centre, which is the image's centre by design, can be that of an image of this size.
+/// Returns whether DJI's optical centre, by design the image's centre, can be that of an image of this size.
 bool is_middle(const PhotoLensTags& tags, int width, int height) {
   constexpr double kOff = 0.05;
   const auto is_near = [](const std::optional<double>& centre_px, int side) {
@@ -98,7 +98,7 @@ constexpr LensTag kTags[] = {
     {"CalibratedFocalLength", read_design, kSameCalibration},
     {"FocalLengthIn35mmFilm", read_film, kSameRounded}};
 
-/// Why numbers cannot be a lens of images of this size; empty: they can.
+/// Returns why numbers cannot be a lens of images of this size; empty: they can.
 std::string fault_of(const StatedLens& lens) {
   constexpr double kShortest = 0.1, kLongest = 50.0;  // of the width: fields of view of 157 degrees and of 1 degree
   if (lens.width <= 0 || lens.height <= 0) return "the size of the images that it is for is not known";

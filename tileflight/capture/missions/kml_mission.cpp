@@ -83,7 +83,7 @@ MissionPosition parse_coordinates(std::string_view tuple, const std::string& whe
   return {*numbers[1], *numbers[0], numbers[2], HeightAbove::kGround};
 }
 
-/// What a wayline says for all its waypoints.
+/// Holds what a wayline says for all its waypoints.
 struct Wayline {
   const Element& folder;
   HeightAbove above = HeightAbove::kTakeoff;

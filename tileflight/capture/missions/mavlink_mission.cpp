@@ -66,7 +66,7 @@ struct Item {
   bool has_place() const { return param_or(5, 0.0) != 0.0 || param_or(6, 0.0) != 0.0; }
 };
 
-/// What the two files state beside their items.
+/// Holds what the two files state beside their items.
 struct Settings {
   bool uses_waypoint_yaw = false;  ///< PX4 turns to a waypoint's fourth parameter, ArduPilot ignores it
   std::optional<double> speed_m_s;

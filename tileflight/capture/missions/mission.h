@@ -19,7 +19,7 @@ struct MissionPosition {
   HeightAbove above = HeightAbove::kTakeoff;
 };
 
-/// How a vehicle passes a waypoint.
+/// Selects how a vehicle passes a waypoint.
 struct Passing {
   enum class Kind {
     kRounded,  ///< cuts the corner between two straight legs from `distance_m` before to `distance_m` behind it
@@ -66,7 +66,7 @@ struct MissionWaypoint {
   std::optional<MissionPosition> target;  ///< of heading and pitch; a height that is not stated is on the ground
 };
 
-/// Where the mission expects the vehicle to take off.
+/// The place where the mission expects the vehicle to take off.
 struct Takeoff {
   double latitude_deg = 0.0;
   double longitude_deg = 0.0;

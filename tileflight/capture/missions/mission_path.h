@@ -12,7 +12,7 @@
 
 namespace tileflight::missions {
 
-/// What the user states about a mission beside its file.
+/// Holds what the user states about a mission beside its file.
 struct MissionOptions {
   std::optional<double> takeoff_height_m;       ///< of the take-off place above the ellipsoid
   std::optional<Takeoff> takeoff;               ///< in place of the file's

@@ -50,7 +50,7 @@ enum Predictor : int {
   kMinMotor = 11,
 };
 
-/// What a frame cannot be decoded by; the decoder goes on behind it.
+/// Signals that a frame cannot be decoded; the decoder goes on behind it.
 struct Damage {};
 
 std::int32_t sign_extended(std::uint32_t value, int bits) {

@@ -169,7 +169,7 @@ std::span<const std::uint64_t> path_of(const LayoutPath& path) {
   return {path.begin(), static_cast<std::size_t>(end - path.begin())};
 }
 
-/// Where a model has what.
+/// Holds the numbers of the fields in which a model stores its values.
 struct DjiLayout {
   std::string_view proto;  ///< the definition's name without "dvtm_" and ".proto"
   std::string_view model;
@@ -371,7 +371,7 @@ class FrameCollector {
   }
 
  private:
-  /// Whether a message or the message of the frame in it cannot be read to its end.
+  /// Returns whether a message or the message of the frame in it cannot be read to its end.
   static bool is_damaged(Bytes message) {
     constexpr std::uint64_t kFrame = 3;
     WireReader fields(message);

@@ -498,7 +498,7 @@ struct DroppedFixes {
 constexpr double kWorstDilution = 5.0;
 constexpr double kFixInThreeDimensions = 3.0;
 
-/// Whether a fix counts; counts those that do not.
+/// Returns whether a fix counts; counts those that do not.
 bool is_good_fix(std::optional<double> fix, std::optional<double> dilution, DroppedFixes& dropped) {
   if (fix && !(*fix >= kFixInThreeDimensions)) {
     ++dropped.without_fix;
@@ -615,7 +615,7 @@ void add_attitudes(const Stream* attitudes, double offset_s, std::vector<Telemet
   }
 }
 
-/// Whether the Karma's receiver (GPRI) states a three-dimensional fix in all rows of the track's sample that begins
+/// Returns whether the Karma's receiver (GPRI) states a 3D fix in all rows of the track's sample that begins
 /// then; true without any.
 bool has_receiver_fix(const Stream* receiver, double begin_s) {
   constexpr std::size_t kFix = 8;
@@ -921,7 +921,7 @@ std::vector<ExposureReading> exposures_of(const StreamCollector& streams, std::o
   return readings;
 }
 
-/// What the box moov/udta/GPMF says of the whole recording.
+/// Holds what the box moov/udta/GPMF says of the whole recording.
 struct Settings {
   std::string model;           ///< MINF
   bool is_stabilised = false;  ///< EISE

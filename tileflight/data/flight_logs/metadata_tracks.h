@@ -9,7 +9,7 @@
 
 namespace tileflight::flight_logs {
 
-/// What a video says about its metadata track.
+/// Holds what a video says about its metadata track.
 struct MetadataSource {
   std::string where;                      ///< the file, for messages
   std::span<const std::byte> settings{};  ///< GoPro: the box moov/udta/GPMF, which holds for the whole recording

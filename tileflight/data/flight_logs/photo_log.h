@@ -13,7 +13,7 @@
 
 namespace tileflight::flight_logs {
 
-/// What a photo's tags say of its lens. The numbers are as the tags hold them; none is checked.
+/// Holds what a photo's tags say of its lens. The numbers are as the tags hold them; none is checked.
 struct PhotoLensTags {
   std::string make, model;                ///< of the camera, EXIF Make and Model
   int width = 0, height = 0;              ///< pixels, of the JPEG as it is stored; 0: unknown
@@ -28,8 +28,8 @@ struct PhotoLensTags {
   bool is_dewarped = false;  ///< DJI's DewarpFlag: the camera has removed the distortion from the image
 };
 
-/// How well a receiver knew its position at a photo: DJI's RtkFlag. DJI's manuals (Zenmuse P1, Mavic 3M, Matrice 4)
-/// define 0, 16, 32 to 49, and 50; between them it counts as NovAtel's types of positions, which it has its values
+/// States how well a receiver knew its position at a photo: DJI's RtkFlag. DJI's manuals (Zenmuse P1, Mavic 3M, Matrice
+/// 4) define 0, 16, 32 to 49, and 50; between them it counts as NovAtel's types of positions, which it has its values
 /// from.
 enum class RtkSolution { kNone, kSingle, kFloat, kFixed };
 

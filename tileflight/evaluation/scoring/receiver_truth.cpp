@@ -196,6 +196,9 @@ ReceiverScore score_by_receiver(const Trajectory& estimate, const ReceiverTruth&
   if (alignment == metrics::TrajectoryAlignment::kNone)
     throw InputError("--alignment", "none: a receiver's positions are in no frame of the estimate; use sim3 or se3");
   if (estimate.size() < 3) throw InputError(name, "has fewer than three poses");
+  if (truth.fixes.size() < 3)
+    throw InputError(name, "is compared with " + std::to_string(truth.fixes.size()) +
+                               " positions of a receiver; give a log with at least three");
   alignment::AlignTrajectoryOptions options;
   options.scale = alignment == metrics::TrajectoryAlignment::kSim3 ? alignment::ScaleMode::kEstimated
                                                                    : alignment::ScaleMode::kFixed;

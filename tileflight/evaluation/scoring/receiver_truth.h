@@ -25,7 +25,7 @@ struct ReceiverTruth {
 /// true poses. nullopt for a file of poses and a dataset with true poses. Throws InputError as the readers do.
 std::optional<ReceiverTruth> read_receiver_truth(const std::filesystem::path& file);
 
-/// How a trajectory is compared with a receiver's positions.
+/// Selects how a trajectory is compared with a receiver's positions.
 struct ReceiverScoring {
   std::optional<double> time_offset_s;  ///< added to the estimate's times to get the receiver's; nullopt: estimated
   geometry::Vec3 lever_arm_m = geometry::Vec3::Zero();  ///< of the antenna in the camera: right, down, forward

@@ -128,6 +128,9 @@ TEST_F(AgainstAReceiver, WhatCannotBeComparedIsRefused) {
   };
   EXPECT_THAT(score("kitti.txt", "log.csv", metrics::TrajectoryAlignment::kSim3), HasSubstr("have no times"));
   EXPECT_THAT(score("estimate.txt", "log.csv", metrics::TrajectoryAlignment::kNone), HasSubstr("use sim3 or se3"));
+  base::write_file(folder_ / "short.csv", "time,latitude,longitude,altitude\n1,47,8,500\n2,47.0001,8,500\n");
+  EXPECT_THAT(score("estimate.txt", "short.csv", metrics::TrajectoryAlignment::kSim3),
+              HasSubstr("is compared with 2 positions of a receiver"));
   EXPECT_THAT(tests::refusal_of([&] {
                 (void)evaluate_trajectories({.estimates = {folder_ / "estimate.txt"},
                                              .truth = folder_ / "estimate.txt",

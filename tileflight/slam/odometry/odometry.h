@@ -150,7 +150,7 @@ struct RigFit {
   double behind_share = 0.0;  ///< of the corners with parallax: how many would be behind the cameras
 };
 
-/// How another camera of a rig is turned against its calibration, by corners whose distances the motion shows.
+/// States how a rig's camera is turned against its calibration, by corners whose distances the motion shows.
 struct RigTurn {
   int segments = 0;                                  ///< of the flight, each with its own scale
   geometry::Vec3 turn_rad = geometry::Vec3::Zero();  ///< of the camera's rays, in the reference camera's axes

@@ -40,7 +40,7 @@ class Preprocessor {
   std::vector<keyframes::StereoPicture> stereo_pictures(const InputFrame& frame) {
     return stereo_.pictures(frame, photometric_.has_value());
   }
-  /// Where the rig's other cameras see corners of the reference camera's image, by camera.
+  /// Returns where the rig's other cameras see corners of the reference camera's image, by camera.
   std::vector<OtherView> other_views(const InputFrame& frame, const keyframes::Pyramid& own,
                                      const std::vector<Eigen::Vector2f>& corners);
   const StereoInput& stereo() const { return stereo_; }

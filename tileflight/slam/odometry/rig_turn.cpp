@@ -97,7 +97,7 @@ std::optional<RigTurnFit> fit_rig_turn(const std::vector<RigCorner>& corners, co
   if (static_cast<double>(fitting) < kLeastShare * static_cast<double>(corners.size())) return std::nullopt;
   fit.parallax_axis.normalize();
   fit.parallax_rad = base::median(parallax_rad);
-  // What is left of the turn's information when the scale is unknown.
+  // This is left of the turn's information when the scale is unknown.
   fit.information = H.topLeftCorner<3, 3>() - H.topRightCorner<3, 1>() * H.bottomLeftCorner<1, 3>() / H(3, 3);
   return fit;
 }

@@ -19,7 +19,7 @@ struct RigCorner {
   geometry::Vec3 other;  ///< unit ray in the other camera, in the reference camera's axes by the calibration
 };
 
-/// Where another camera of the rig sees corners of the reference camera (find_in_other_camera()).
+/// Holds where another camera of the rig sees corners of the reference camera (find_in_other_camera()).
 struct OtherView {
   geometry::Vec3 centre;  ///< of fit_rig_turn()
   std::vector<std::optional<geometry::Vec3>> rays;

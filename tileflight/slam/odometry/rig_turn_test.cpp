@@ -25,7 +25,7 @@ std::vector<RigCorner> corners(const Vec3& turn_rad, int seed) {
     const double rho = inverse(random);
     const Vec3 true_ray = (own + rho * kCentre).normalized();
     const Vec3 noise(error(random), error(random), 0.0);
-    // What the calibration makes of the ray lacks the turn.
+    // The calibration's ray lacks the turn.
     all.push_back({own, 3.0 * rho, (geometry::so3_exp(-turn_rad) * true_ray + noise).normalized()});
   }
   return all;
