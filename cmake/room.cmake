@@ -65,7 +65,7 @@ function(tileflight_room NAME)
     target_link_libraries(${NAME}_test PRIVATE tileflight::${NAME} ${ROOM_TESTS} ${ROOM_PRIVATE} tileflight_compiler
                           tileflight_source_folder GTest::gmock GTest::gtest_main)
     set(PLAIN drawing imaging jobs fetch tile_content tileset mesh_files video dataset messages exports flight_logs flight_path missions place
-              recording ingest preview external_systems report experiment study)
+              recording ingest preview external_systems report experiment project study)
     if(NAME IN_LIST PLAIN)
       target_link_libraries(${NAME}_test PRIVATE tileflight_plain_tests)
     endif()

@@ -4,9 +4,12 @@
 #include <malloc.h>
 #endif
 #include <nlohmann/json.hpp>
+#include <tuple>
 
 #include "command.h"
 #include "input_options.h"
+#include "project_options.h"
+#include "tileflight/core/base/input_error.h"
 #include "tileflight/experiments/report/ablation_table.h"
 #include "tileflight/experiments/report/map_comparison_tables.h"
 #include "tileflight/experiments/report/report.h"
@@ -33,6 +36,34 @@ void give_large_blocks_own_pages() {
 #endif
 }
 
+/// A recording given in place of an experiment.
+bool is_recording(const std::filesystem::path& file) {
+  const std::string ending = file.extension().string();
+  return std::filesystem::is_directory(file) ||
+         (ending != ".yaml" && ending != ".yml" && std::filesystem::exists(file));
+}
+
+/// Makes the project of a recording in OUT/project, unless it is there, where the user may have changed it. Returns its
+/// experiment and what to say of it.
+std::pair<std::filesystem::path, std::string> project_of(const std::filesystem::path& video,
+                                                         const std::filesystem::path& out,
+                                                         const ProjectArguments& arguments,
+                                                         const SourceArguments& source, bool replace,
+                                                         const Progress& progress) {
+  const std::filesystem::path folder = out / "project", experiment = folder / "experiment.yaml";
+  if (std::filesystem::exists(experiment) && !replace)
+    return {experiment, "project: " + experiment.string() + " as it is (--force makes it again)\n\n"};
+  const project::ProjectOptions options = project_options(arguments, {video}, source);
+  try {
+    const project::Project made = project::make_project(options, folder, replace, progress);
+    return {made.experiment, project_text(made) + "\n"};
+  } catch (const InputError&) {
+    std::error_code ignored;
+    std::filesystem::remove(out, ignored);  // only if it is empty
+    throw;
+  }
+}
+
 }  // namespace
 
 void add_run(CLI::App& app, CommonOptions& common, Selection& selection) {
@@ -42,33 +73,57 @@ void add_run(CLI::App& app, CommonOptions& common, Selection& selection) {
     SourceArguments source_arguments;
     std::string until;
     std::vector<std::string> flights;
-    std::filesystem::path camera;
     std::string truth_cache;
+    ProjectArguments project;
   };
   auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("run", "run an experiment, from tiles to report");
-  command->footer("Example:\n  tileflight run examples/stadium.yaml --out out/stadium");
-  command->add_option("EXPERIMENT", options->experiment, "experiment file (YAML)")->required();
-  command->add_option("--out", options->out, "folder for results.json, report.html and all intermediate results")
+  command->footer(
+      "Example:\n  tileflight run examples/stadium.yaml --out out/stadium\n"
+      "  tileflight run DJI_0042.MP4 --place tiles --out results");
+  command
+      ->add_option("EXPERIMENT", options->experiment,
+                   "experiment file (YAML); or a video or a folder of photos, whose project is made in OUT/project "
+                   "first, as `new` does")
       ->required();
+  command->add_option("--out", options->out,
+                      "folder for results.json, report.html and all intermediate results (default for a video: its "
+                      "name in this folder)");
   command->add_option("--until", options->until, "datasets: stop when the truth and the flights' datasets are there")
       ->check(CLI::IsMember({"datasets"}));
   command->add_option("--flight", options->flights, "with --until: only this flight (repeated: these)")
       ->check(CLI::IsMember({"simulated", "real"}))
       ->needs(command->get_option("--until"));
-  command->add_option("--camera", options->camera, "calibration for the rendered flights instead of their own")
-      ->check(CLI::ExistingFile);
   command->add_option("--truth-cache", options->truth_cache,
                       "folder of truths and built-in places that runs share: each is made once for the same tiles and "
                       "settings, found by content. It may be removed at any time");
+  add_project_options(*command, options->project);
+  command->get_option("--camera")
+      ->description(
+          "calibration: of a video its own; of an experiment that of the rendered flights, instead of their own")
+      ->check(CLI::ExistingFile);
   add_source_options(*command, options->source_arguments);
   add_common_options(*command, common);
-  command->callback([options, &selection] {
-    selection.run = [options](const CommonOptions& shared, const Progress& progress) -> Output {
+  command->callback([options, command, &selection] {
+    const bool makes_project = is_recording(options->experiment);
+    if (!makes_project) {
+      if (options->out.empty()) throw CLI::RequiredError("--out");
+      for (const char* name : {"--place", "--origin", "--profiles", "--fov", "--telemetry", "--imu"})
+        if (command->count(name) > 0)
+          throw CLI::ValidationError(name, "is for a video or photos; an experiment file has it as a key");
+    } else if (options->out.empty()) {
+      options->out = std::filesystem::path(options->experiment).lexically_normal().stem().string() + "-results";
+    }
+    selection.run = [options, makes_project](const CommonOptions& shared, const Progress& progress) -> Output {
       give_large_blocks_own_pages();
-      experiment::Experiment experiment = experiment::read_experiment(options->experiment);
+      std::string made;
+      std::filesystem::path file = options->experiment;
+      if (makes_project)
+        std::tie(file, made) =
+            project_of(file, options->out, options->project, options->source_arguments, shared.force, progress);
+      experiment::Experiment experiment = experiment::read_experiment(file);
       experiment.source_options = source_options(options->source_arguments);
-      replace_cameras(experiment, options->camera);
+      if (!makes_project) replace_cameras(experiment, options->project.camera);
       const nlohmann::json results = experiment::run(experiment, options->out, progress,
                                                      {.rerun_all = shared.force,
                                                       .listener = shared.stages,
@@ -78,7 +133,7 @@ void add_run(CLI::App& app, CommonOptions& common, Selection& selection) {
                                                       .fly_autopilot = autopilot_flyer()});
       if (results.is_null()) return {{{"out", options->out}}, options->out + ": truth and datasets are there\n"};
       const std::string report = (std::filesystem::absolute(options->out) / "report.html").lexically_normal().string();
-      std::string text = report::results_table(results);
+      std::string text = made + report::results_table(results);
       for (const std::string& part : {report::map_comparison_text(results), report::ablation_text(results)}) {
         if (!part.empty()) text += "\n" + part;
       }

@@ -14,10 +14,24 @@ using ::testing::HasSubstr;
 using tests::ProgramResult;
 using tests::run_tileflight;
 
-const std::vector<std::vector<std::string>> kCommands{
-    {"scene", "stadium"}, {"tile"},   {"inspect"},  {"extract"}, {"preview"},  {"render"},  {"lens"},
-    {"ingest"},           {"export"}, {"odometry"}, {"align"},   {"evaluate"}, {"compare"}, {"run"},
-    {"report"},           {"serve"},  {"play"}};
+const std::vector<std::vector<std::string>> kCommands{{"scene", "stadium"},
+                                                      {"tile"},
+                                                      {"inspect"},
+                                                      {"extract"},
+                                                      {"preview"},
+                                                      {"render"},
+                                                      {"lens"},
+                                                      {"ingest"},
+                                                      {"export"},
+                                                      {"odometry"},
+                                                      {"align"},
+                                                      {"evaluate"},
+                                                      {"compare"},
+                                                      {"new"},
+                                                      {"run"},
+                                                      {"report"},
+                                                      {"serve"},
+                                                      {"play"}};
 
 TEST(CommandLine, EveryCommandHasHelpWithAnExample) {
   for (std::vector<std::string> command : kCommands) {
@@ -82,6 +96,7 @@ TEST(CommandLine, WorkThatFailsIsOneLineAndExitCodeOne) {
       {"render", "/nonexistent/tileset.json", "--flight", "/nonexistent/flight.yaml", "--out", out},
       {"lens", "/nonexistent.mp4", "--profiles", "/nonexistent", "--out", out},
       {"ingest", "/nonexistent.mp4", "--camera", "/nonexistent.yaml", "--out", out},
+      {"new", out, "--video", "/nonexistent.mp4"},
       {"export", "/nonexistent", "--layout", "euroc", "--out", out},
       {"odometry", "/nonexistent", "--out", out},
       {"align", "/nonexistent", "--to", "/nonexistent", "--out", out},

@@ -283,4 +283,26 @@ json evaluate_trajectories(const TrajectoryScoring& scoring, const fs::path& out
   return metrics;
 }
 
+void score_flight_without_place(const fs::path& odometry, const fs::path& dataset, const fs::path& out) {
+  json metrics{{"trajectory", nullptr}};
+  Warnings warnings = odometry_warnings(find_map_inputs(odometry, dataset));
+  append_distinct(warnings, dataset_warnings(dataset));
+  const bool has_truth = fs::exists(dataset / "groundtruth.txt") || fs::exists(dataset / "gps.csv");
+  if (!has_truth) {
+    warnings.push_back({"the flight has no recorded positions, so the error and the scale of its path are not known",
+                        "trajectory", Severity::kNote, "give its flight log (telemetry)"});
+  } else {
+    try {
+      metrics =
+          evaluate_trajectories({.estimates = {odometry / "trajectory.txt"}, .truth = dataset, .options = {}}, out);
+      append_distinct(warnings, read_warnings(out));
+    } catch (const InputError& fault) {
+      warnings.push_back({std::string("the path is not compared with the recorded positions: ") + fault.what(),
+                          "trajectory", Severity::kWarning, ""});
+    }
+  }
+  metrics["warnings"] = to_json(warnings);
+  base::write_file(out, metrics.dump(2, ' ', false, json::error_handler_t::replace) + "\n");
+}
+
 }  // namespace tileflight::scoring

@@ -28,4 +28,10 @@ std::filesystem::path trajectory_errors_file(const std::filesystem::path& metric
 /// are those of the files, or, where two are equal, the paths as given. Throws InputError.
 nlohmann::json evaluate_trajectories(const TrajectoryScoring& scoring, const std::filesystem::path& out);
 
+/// Scores what can be scored of a flight without its place: the path, against the dataset's true poses or recorded
+/// positions, after a Sim(3). Writes metrics.json to `out`; `trajectory` is null where the dataset has neither or they
+/// cannot be compared, with a warning that says why. The warnings include the odometry's.
+void score_flight_without_place(const std::filesystem::path& odometry, const std::filesystem::path& dataset,
+                                const std::filesystem::path& out);
+
 }  // namespace tileflight::scoring

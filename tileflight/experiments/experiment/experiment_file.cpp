@@ -233,10 +233,19 @@ std::string flight_text(StrictSection& root, const std::string& name) {
   return meaning_without(*flight, {"render"}) + "render:\n" + meaning_without(*render, {"memory"});
 }
 
-/// `video: PATH`, or of a rig `video: {NAME: PATH, ...}`.
+/// `video: PATH`, of the parts of one recording `video: [PATH, ...]`, or of a rig `video: {NAME: PATH, ...}`.
 void read_videos(StrictSection& section, ingest::IngestedFlightConfig& ingest) {
   constexpr double kLongest_s = 10.0, kShortest_s = 1e-9;
   ingest.sync_tolerance_s = section.number("sync_tolerance", ingest.sync_tolerance_s, kShortest_s, kLongest_s);
+  if (section.is_list("video")) {
+    for (const std::string& part : section.required_texts("video")) {
+      ingest.videos.push_back({"", (section.file().parent_path() / part).lexically_normal()});
+      if (!fs::exists(ingest.videos.back().video))
+        throw section.error("video", "names " + ingest.videos.back().video.string() + ", which does not exist");
+    }
+    if (ingest.videos.empty()) throw section.error("video", "names no part of the recording");
+    return;
+  }
   if (!section.is_map("video")) {
     ingest.video = required_path(section, "video");
     return;
@@ -436,10 +445,7 @@ Experiment read_experiment(const fs::path& file) {
   experiment.name = root.text("name").value_or(file.stem().string());
   experiment.seed = static_cast<std::uint64_t>(root.integer("seed").value_or(1));
 
-  auto place = root.section("place");
-  if (!place)
-    throw root.error("place", "is missing: the place to fly over, e.g. `place: {source: tiles/tileset.json}`");
-  experiment.place = read_place(*place);
+  if (auto place = root.section("place")) experiment.place = read_place(*place);
   experiment.place.seed = experiment.seed;
   if (auto truth = root.section("truth")) experiment.truth = read_truth(*truth);
   if (auto flight = root.section("simulated")) experiment.simulated = read_flight(*flight, "simulated");
@@ -461,6 +467,8 @@ Experiment read_experiment(const fs::path& file) {
   if (follows && !experiment.real) throw root.error("simulated", "follows the flight 'real', which is missing");
   if (!experiment.simulated && !experiment.real)
     throw root.error("simulated", "or 'real' is required: give at least one flight");
+  if (!experiment.has_place() && (experiment.simulated || experiment.real->render))
+    throw root.error("place", "is missing: the place to fly over, e.g. `place: {source: tiles/tileset.json}`");
   return experiment;
 }
 

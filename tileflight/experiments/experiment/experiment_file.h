@@ -92,7 +92,7 @@ struct Experiment {
   std::filesystem::path file;
   std::string name;
   std::uint64_t seed = 1;
-  SiteConfig place;
+  SiteConfig place;  ///< without a source: none, which suffices for a filmed flight alone
   TruthConfig truth;
   std::optional<FlightConfig> simulated;
   std::optional<FlightConfig> real;
@@ -102,6 +102,8 @@ struct Experiment {
   scoring::EvaluationSettings evaluation;
   fetch::SourceOptions source_options;          ///< for network sources; set by the command line
   std::map<std::string, std::string> sections;  ///< text of each top-level section, to detect changes
+
+  bool has_place() const { return !place.source.empty(); }
 };
 
 /// Reads the keys of `degrade:`, from an experiment's section or a separate file, into the flight. Throws InputError.

@@ -269,7 +269,8 @@ std::string Pipeline::truth_key() const {
 }
 
 json Pipeline::dataset_inputs(const FlightStages& f) const {
-  json inputs{{"settings", section_hash(f.name)}, {"seed", experiment_.seed}, {"truth", cache_.key("truth")}};
+  json inputs{{"settings", section_hash(f.name)}, {"seed", experiment_.seed}};
+  if (experiment_.has_place()) inputs["truth"] = cache_.key("truth");
   if (f.flight.render) {
     const std::string& own = f.flight.render->source;
     inputs["tiles"] = source_fingerprint(own.empty() ? experiment_.place.source : own);
@@ -344,6 +345,7 @@ std::vector<scoring::MapInputs> Pipeline::other_flights_maps(const FlightStages&
 }
 
 json Pipeline::evaluation_inputs(const OdometryRun& run) const {
+  if (!experiment_.has_place()) return {{"odometry", cache_.key(run.name + "/odometry")}};
   return {{"alignment", cache_.key(run.name + "/alignment")}, {"evaluation", section_hash("evaluation")}};
 }
 

@@ -1,6 +1,7 @@
 #include "tileflight/experiments/experiment/results.h"
 
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
@@ -32,12 +33,12 @@ json describe_dataset(const fs::path& folder) {
 }
 
 json describe_flight(const FlightConfig& flight, const fs::path& folder, const std::vector<OdometryRun>& runs,
-                     const StageCache& cache) {
+                     bool has_place, const StageCache& cache) {
   json result = base::read_json(folder / "metrics.json");
   result.update(describe_dataset(folder / "dataset"));
   result["kind"] = flight.kind;
   result["odometry"] = base::read_json(folder / "odometry/odometry.json");
-  result["alignment"] = base::read_json(folder / "transform.json");
+  result["alignment"] = has_place ? base::read_json(folder / "transform.json") : json(nullptr);
   result["runs"] = describe_runs(runs, cache);
   return result;
 }
@@ -50,11 +51,20 @@ json describe_inputs(const Experiment& experiment, const StageCache& cache) {
   return inputs;
 }
 
-/// Warnings of all flights' scores, each under its flight's name; those about the truth once.
-Warnings all_warnings(const Pipeline& pipeline, const fs::path& run) {
-  Warnings warnings = scoring::truth_warnings(place::read_extract_json(run / "truth"));
+/// Warnings of all flights' scores, each under its flight's name; those about the ground truth once.
+Warnings all_warnings(const Pipeline& pipeline, const std::optional<place::ExtractResult>& truth) {
+  Warnings warnings;
+  if (truth)
+    warnings = scoring::truth_warnings(*truth);
+  else
+    warnings.push_back({"no place is given, so the error of the map cannot be known", "place", Severity::kWarning,
+                        "give the tileset of the place: `place: {source: ...}`, or --place for a video"});
   for (const FlightStages& f : pipeline.flights()) {
     Warnings own = scoring::read_warnings(f.folder / "metrics.json");
+    if (f.flight.ingest) {
+      const json ingested = base::read_json(f.folder / "ingest.json");
+      scoring::append_distinct(own, make_notes(ingested["warnings"].get<std::vector<std::string>>(), "dataset"));
+    }
     std::erase_if(own, [](const Warning& warning) { return warning.where == "truth"; });
     scoring::append_distinct(warnings, scoring::prefix_with_flight(std::move(own), f.name));
   }
@@ -90,25 +100,28 @@ std::vector<fs::path> input_files(const Experiment& experiment) {
 
 nlohmann::json collect_results(const Experiment& experiment, const Pipeline& pipeline, const StageCache& cache) {
   const fs::path& run = cache.run_folder();
-  const place::ExtractResult truth = place::read_extract_json(run / "truth");
-  json results{{"name", experiment.name}, {"paper", metrics::published_table()}, {"truth", to_json(truth)}};
+  std::optional<place::ExtractResult> truth;
+  if (experiment.has_place()) truth = place::read_extract_json(run / "truth");
+  json results{{"name", experiment.name},
+               {"paper", metrics::published_table()},
+               {"truth", truth ? to_json(*truth) : json(nullptr)}};
   for (const FlightStages& f : pipeline.flights())
-    results[f.name] = describe_flight(f.flight, f.folder, pipeline.runs(f), cache);
+    results[f.name] = describe_flight(f.flight, f.folder, pipeline.runs(f), experiment.has_place(), cache);
   results["comparison"] =
       experiment.simulated && experiment.real ? base::read_json(run / "comparison.json") : json(nullptr);
   results["failure"] = experiment.simulated && experiment.real ? base::read_json(run / "failure.json") : json(nullptr);
   const bool follows =
       experiment.simulated && experiment.simulated->render && experiment.simulated->render->follows_real;
   results["reproduction"] = follows ? base::read_json(run / "reproduction.json") : json(nullptr);
-  results["warnings"] = to_json(all_warnings(pipeline, run));
+  results["warnings"] = to_json(all_warnings(pipeline, truth));
   results["provenance"] = {{"version", base::version()},
                            {"commit", base::commit()},
                            {"seed", experiment.seed},
                            {"command", "tileflight run " + experiment.file.string() + " --out " + run.string()},
                            {"inputs", describe_inputs(experiment, cache)},
-                           {"cut_sha256", truth.cut_sha256},
-                           {"attribution", truth.attribution},
-                           {"terms_accepted", truth.terms_accepted},
+                           {"cut_sha256", truth ? json(truth->cut_sha256) : json(nullptr)},
+                           {"attribution", truth ? json(truth->attribution) : json::array()},
+                           {"terms_accepted", truth && truth->terms_accepted},
                            {"seconds", cache.seconds()}};
   return results;
 }

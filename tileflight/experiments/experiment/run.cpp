@@ -18,6 +18,7 @@
 #include "tileflight/evaluation/scoring/align_stage.h"
 #include "tileflight/evaluation/scoring/compare_maps.h"
 #include "tileflight/evaluation/scoring/evaluate.h"
+#include "tileflight/evaluation/scoring/evaluate_trajectories.h"
 #include "tileflight/evaluation/scoring/failure_prediction.h"
 #include "tileflight/experiments/experiment/experiment_file.h"
 #include "tileflight/experiments/experiment/folder_cache.h"
@@ -163,14 +164,20 @@ class FlightStageRunner {
         recording::write_followed_flight(folder_ / "real", f.flight.render->smoothing, f.folder / "flight");
       });
     }
-    cache_.run_stage(f.name + "/dataset", pipeline_.dataset_inputs(f), {f.name + "/dataset"}, [&] {
+    std::vector<std::string> products{f.name + "/dataset"};
+    if (f.flight.ingest) products.push_back(f.name + "/ingest.json");
+    cache_.run_stage(f.name + "/dataset", pipeline_.dataset_inputs(f), products, [&] {
       if (f.flight.render) {
         recording::RenderSettings settings = pipeline_.render_settings(f);
         settings.fly_autopilot = options_.fly_autopilot;
         recording::render_dataset(settings, f.folder / "dataset", true, progress_);
       }
-      if (f.flight.ingest)
-        ingest::ingest_dataset(*f.flight.ingest, folder_ / "truth", f.folder / "dataset", true, progress_);
+      if (f.flight.ingest) {
+        const fs::path truth = experiment_.has_place() ? folder_ / "truth" : fs::path();
+        const ingest::IngestResult ingested =
+            ingest::ingest_dataset(*f.flight.ingest, truth, f.folder / "dataset", true, progress_);
+        base::write_file(f.folder / "ingest.json", to_json(ingested).dump(2) + "\n");
+      }
     });
   }
 
@@ -190,6 +197,7 @@ class FlightStageRunner {
       if (!cache_.is_done(r.name + "/odometry")) continue;  // a repeated run that failed
       run_repetition(r, [&] {
         require_tracked_frames(r, f.folder / "dataset");
+        if (!experiment_.has_place()) return score_path(f, r);
         scoring::MapInputs map = scoring::find_map_inputs(r.folder / "odometry", f.folder / "dataset");
         map.others = pipeline_.other_flights_maps(f);
         const fs::path transform = r.folder / "transform.json";
@@ -204,6 +212,13 @@ class FlightStageRunner {
   }
 
  private:
+  /// Compares the path with the recorded positions, which is all that can be scored without a place.
+  void score_path(const FlightStages& f, const OdometryRun& r) const {
+    cache_.run_stage(r.name + "/evaluation", pipeline_.evaluation_inputs(r), {r.name + "/metrics.json"}, [&] {
+      scoring::score_flight_without_place(r.folder / "odometry", f.folder / "dataset", r.folder / "metrics.json");
+    });
+  }
+
   const Experiment& experiment_;
   const Pipeline& pipeline_;
   StageCache& cache_;
@@ -255,7 +270,7 @@ nlohmann::json run(const Experiment& e, const fs::path& folder, const Progress& 
   const Pipeline p(e, folder, cache);
 
   if (p.uses_built_in_place()) make_place(p, cache, options, progress);
-  make_truth(p, cache, options, progress);
+  if (e.has_place()) make_truth(p, cache, options, progress);
 
   const FlightStageRunner flight(e, p, cache, options, progress);
   const bool follows = p.simulated_follows_real();

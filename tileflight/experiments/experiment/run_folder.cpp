@@ -16,12 +16,32 @@ namespace {
 
 /// Files written by runs besides folders with their own marker; a prefix "FOLDER/" restricts them to folders of that
 /// name.
-constexpr std::array kRunFiles{".lock",           ".file-hashes",      ".tileflight",       "stages/*.json",
-                               "results.json",    "report.html",       "report.json",       "figures/*.svg",
-                               "figures/*.csv",   "tables/*.csv",      "tables/*.tex",      "transform.json",
-                               "metrics.json",    "errors.ply",        "seen.ply",          "failed.txt",
-                               "comparison.json", "failure.json",      "reproduction.json", "reproduction.csv",
-                               "lost-frames.csv", "missed-places.csv", "ablation.csv",      "moving.ply"};
+constexpr std::array kRunFiles{".lock",
+                               ".file-hashes",
+                               ".tileflight",
+                               "stages/*.json",
+                               "results.json",
+                               "report.html",
+                               "report.json",
+                               "figures/*.svg",
+                               "figures/*.csv",
+                               "tables/*.csv",
+                               "tables/*.tex",
+                               "transform.json",
+                               "metrics.json",
+                               "errors.ply",
+                               "seen.ply",
+                               "failed.txt",
+                               "comparison.json",
+                               "failure.json",
+                               "reproduction.json",
+                               "reproduction.csv",
+                               "lost-frames.csv",
+                               "missed-places.csv",
+                               "ablation.csv",
+                               "moving.ply",
+                               "ingest.json",
+                               "trajectory-errors.json"};
 
 /// Runs of earlier versions have no marker.
 bool has_stage_records(const fs::path& folder) {
@@ -36,9 +56,14 @@ bool is_run(const fs::path& folder) {
   return marker ? marker->command == "run" : has_stage_records(folder);
 }
 
+/// Whether the folder holds nothing but the project that `run VIDEO` makes in it.
 bool is_unused(const fs::path& folder) {
-  return std::all_of(fs::directory_iterator(folder), fs::directory_iterator(), [](const fs::directory_entry& entry) {
-    return entry.path().filename() == jobs::FolderLock::kFile;
+  const auto is_project = [](const fs::path& path) {
+    const auto marker = base::read_folder_marker(path);
+    return marker && marker->command == "new";
+  };
+  return std::all_of(fs::directory_iterator(folder), fs::directory_iterator(), [&](const fs::directory_entry& entry) {
+    return entry.path().filename() == jobs::FolderLock::kFile || is_project(entry.path());
   });
 }
 

@@ -217,10 +217,13 @@ Html floor_note(const std::string& remark) {
 }
 
 Html header(const RunFolder& run, const ReportContents& contents, const std::vector<Section>& sections) {
+  const bool has_place = run.results.contains("truth") && !run.results["truth"].is_null();
   const std::string subtitle =
-      "A simulated and a second flight over the same place, mapped by visual odometry and scored against ground truth "
-      "from 3D Tiles." +
-      second_flight_note(run.results);
+      has_place
+          ? "A simulated and a second flight over the same place, mapped by visual odometry and scored against "
+            "ground truth from 3D Tiles." +
+                second_flight_note(run.results)
+          : "A flight without its place, mapped by visual odometry; its path is compared with recorded positions.";
   return element("header", element("h1", text(contents.name)) + element("p", {{"class", "subtitle"}}, text(subtitle)) +
                                element("p", {{"class", "verdict"}}, text(contents.verdict)) +
                                warnings_panel(run.results) + navigation(sections));

@@ -1,0 +1,81 @@
+#include "tileflight/experiments/project/excerpt.h"
+
+#include <gmock/gmock.h>
+
+#include <algorithm>
+
+namespace tileflight::project {
+namespace {
+
+using ::testing::HasSubstr;
+
+/// A flight by its heights, one a second: `on_ground_s` on the ground, then up to `height_m` at 2 m/s, `cruise_s`
+/// there, and down again.
+std::vector<TrackSample> flight(int on_ground_s, double height_m, int cruise_s) {
+  const int climb_s = static_cast<int>(height_m / 2);
+  std::vector<TrackSample> track;
+  const int all_s = 2 * (on_ground_s + climb_s) + cruise_s;
+  for (int t = 0; t <= all_s; ++t) {
+    const double up_m = 2.0 * (t - on_ground_s), down_m = 2.0 * (all_s - on_ground_s - t);
+    track.push_back({static_cast<double>(t), std::clamp(std::min(up_m, down_m), 0.0, height_m), true});
+  }
+  return track;
+}
+
+TEST(Excerpt, LeavesOutTakeOffAndLanding) {
+  const std::vector<TrackSample> track = flight(10, 40.0, 60);  // up at 10 s to 30 s, down at 90 s to 110 s
+  const Excerpt excerpt = choose_excerpt(track, true, 120.0);
+  EXPECT_DOUBLE_EQ(excerpt.from_s, 24.0);  // 28 m are reached there
+  EXPECT_DOUBLE_EQ(excerpt.to_s.value(), 96.0);
+  EXPECT_THAT(excerpt.choices.at(0).reason, HasSubstr("it flies 40 m above the ground"));
+}
+
+TEST(Excerpt, KeepsAllOfAFlightThatNeitherTakesOffNorLands) {
+  std::vector<TrackSample> track;
+  for (int t = 0; t <= 30; ++t) track.push_back({static_cast<double>(t), 50.0 + (t % 7), true});
+  const Excerpt excerpt = choose_excerpt(track, true, 30.0);
+  EXPECT_EQ(excerpt.from_s, 0.0);
+  EXPECT_FALSE(excerpt.to_s.has_value());
+  EXPECT_EQ(excerpt.choices.at(0).value, "");
+}
+
+TEST(Excerpt, IgnoresWhatIsOutsideTheVideoOrThePlace) {
+  std::vector<TrackSample> track;
+  for (int t = -20; t <= 100; ++t) track.push_back({static_cast<double>(t), 30.0, t <= 15 || (t > 20 && t < 70)});
+  const Excerpt excerpt = choose_excerpt(track, true, 90.0);
+  EXPECT_DOUBLE_EQ(excerpt.from_s, 21.0);
+  EXPECT_DOUBLE_EQ(excerpt.to_s.value(), 69.0);
+  EXPECT_THAT(excerpt.choices.at(0).reason, HasSubstr("not over the place"));
+}
+
+TEST(Excerpt, SaysThatNothingIsThere) {
+  const std::vector<TrackSample> outside{{0.0, 20.0, false}, {1.0, 20.0, false}};
+  const Excerpt excerpt = choose_excerpt(outside, true, 10.0);
+  EXPECT_EQ(excerpt.choices.at(0).certainty, Certainty::kGuess);
+  EXPECT_THAT(excerpt.choices.at(0).reason, HasSubstr("no position"));
+}
+
+TEST(Excerpt, LeavesOutStillImagesWithoutPositions) {
+  std::vector<MotionSample> motion;
+  for (int i = 0; i <= 20; ++i) motion.push_back({1.0 * i, i < 4 || i > 17 ? 0.0001 : 0.2});
+  const Excerpt excerpt = choose_excerpt_by_motion(motion, 20.5);
+  EXPECT_DOUBLE_EQ(excerpt.from_s, 4.0);
+  EXPECT_DOUBLE_EQ(excerpt.to_s.value(), 17.0);
+  for (MotionSample& sample : motion) sample.share_per_s.reset();  // not known: nothing is left out
+  EXPECT_EQ(choose_excerpt_by_motion(motion, 20.5).from_s, 0.0);
+}
+
+TEST(FrameStep, KeepsTheMotionBelowOnePercent) {
+  std::vector<MotionSample> motion(10, {0.0, 0.15});
+  EXPECT_EQ(choose_frame_step(motion, 30.0), 2);   // 0.5 % a frame
+  EXPECT_EQ(choose_frame_step(motion, 120.0), 8);  // 0.125 % a frame
+  motion.assign(10, {0.0, 1.5});
+  EXPECT_EQ(choose_frame_step(motion, 30.0), 1);  // 5 % a frame: too fast even so
+  motion.assign(10, {0.0, 0.001});
+  EXPECT_EQ(choose_frame_step(motion, 30.0), 3);  // ten a second are left
+  motion.assign(10, {0.0, std::nullopt});
+  EXPECT_FALSE(choose_frame_step(motion, 30.0).has_value());
+}
+
+}  // namespace
+}  // namespace tileflight::project

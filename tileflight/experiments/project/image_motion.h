@@ -1,0 +1,34 @@
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "tileflight/core/base/progress.h"
+#include "tileflight/core/imaging/image.h"
+#include "tileflight/experiments/project/recording.h"
+
+namespace tileflight::project {
+
+/// The motion of a recording's image at one moment.
+struct MotionSample {
+  double time_s = 0.0;
+  /// Median displacement of corners between two frames, as a share of the image's width for each second; nullopt: too
+  /// few corners could be followed.
+  std::optional<double> share_per_s;
+};
+
+/// What some frames of a recording, spread evenly over it, show.
+struct ImageFindings {
+  std::vector<MotionSample> motion;  ///< in order of time
+  imaging::GrayImage mask;           ///< of find_static_pixels(), full size; empty: nothing stands still
+};
+
+/// Decodes at most 32 pairs of consecutive frames and measures motion and what stands still. Throws
+/// InputError as video::read_video if the first frames cannot be decoded.
+ImageFindings examine_images(const Recording& recording, const Progress& progress = {});
+
+/// Returns the largest step between frames, at least 1, at which fast parts of the flight (the 90th percentile) move by
+/// at most 1 % of the width from frame to frame, and at least 10 frames a second are left. nullopt: no motion is known.
+std::optional<int> choose_frame_step(const std::vector<MotionSample>& motion, double frames_per_second);
+
+}  // namespace tileflight::project

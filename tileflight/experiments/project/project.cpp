@@ -1,0 +1,259 @@
+#include "tileflight/experiments/project/project.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
+#include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/output_folder.h"
+#include "tileflight/core/base/program.h"
+#include "tileflight/core/imaging/image_files.h"
+#include "tileflight/experiments/project/excerpt.h"
+#include "tileflight/experiments/project/image_motion.h"
+#include "tileflight/experiments/project/site.h"
+#include "tileflight/slam/odometry/image_examination.h"
+#include "tileflight/tiles/fetch/open_source.h"
+
+namespace tileflight::project {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A text as YAML reads it back, whatever characters it holds.
+std::string quoted(const std::string& text) { return nlohmann::json(text).dump(); }
+
+/// A file as the experiment names it: relative to the project if both are in one folder, else absolute.
+std::string path_text(const fs::path& file, const fs::path& project) {
+  const fs::path absolute = fs::absolute(file).lexically_normal();
+  const fs::path base = fs::absolute(project).lexically_normal();
+  const fs::path relative = absolute.lexically_relative(base);
+  const auto ups = std::ranges::count(relative, fs::path(".."));
+  return quoted(!relative.empty() && ups <= 1 ? relative.string() : absolute.string());
+}
+
+std::string source_text(const std::string& source, const fs::path& project) {
+  if (fetch::is_network_source(source)) return quoted(fetch::redact_source(source));
+  return path_text(source, project);
+}
+
+std::string video_text(const std::vector<fs::path>& parts, const fs::path& project) {
+  if (parts.size() == 1) return path_text(parts.front(), project);
+  std::vector<std::string> texts;
+  for (const fs::path& part : parts) texts.push_back(path_text(part, project));
+  return "[" + base::joined(texts) + "]";
+}
+
+void choose_step(const Recording& recording, const ImageFindings& images, Project& project) {
+  const std::optional<int> step = choose_frame_step(images.motion, recording.frames_per_second);
+  const double rate = recording.frames_per_second / step.value_or(1);
+  project.choices.push_back(
+      {"real.ingest", "every", std::to_string(step.value_or(1)),
+       step ? base::formatted("%.3g frames a second: the image moves by at most 1 %% of its width from one to the next",
+                              rate)
+            : "corners cannot be followed from one image to the next, so every one is used",
+       step ? Certainty::kLikely : Certainty::kGuess});
+  if (recording.is_folder() && recording.photos.times.size() < recording.images.size())
+    project.choices.push_back({"real.ingest", "fps", base::trimmed_text(recording.frames_per_second, 3),
+                               "the images state no times; a wrong rate only makes the speeds wrong",
+                               Certainty::kGuess});
+}
+
+void choose_mask(const ImageFindings& images, const fs::path& folder, Project& project) {
+  if (images.mask.empty()) {
+    project.choices.push_back({"odometry", "mask", "", "nothing stands still in the images", Certainty::kLikely});
+    return;
+  }
+  imaging::write_gray(folder / "mask.png", images.mask);
+  project.choices.push_back(
+      {"odometry", "mask", quoted("mask.png"),
+       base::formatted("%.1f %% of the image stands still while the rest moves: on-screen text or parts of the vehicle",
+                       100 * odometry::masked_share(images.mask)),
+       Certainty::kLikely});
+}
+
+void choose_shutter(const Recording& recording, const imaging::Calibration& calibration, Project& project) {
+  if (calibration.line_delay_s != 0.0) {
+    project.choices.push_back({"odometry", "estimate_line_delay", "false",
+                               base::formatted("the calibration has the rolling shutter's: %.1f ms from the first row "
+                                               "to the last",
+                                               1e3 * calibration.line_delay_s * recording.height)});
+    return;
+  }
+  const bool is_video = !recording.is_folder();
+  project.choices.push_back({"odometry", "estimate_line_delay", is_video ? "true" : "false",
+                             is_video ? "the readout of the rolling shutter is not known"
+                                      : "images of a folder may have any shutter; far apart, they do not show it",
+                             Certainty::kLikely});
+}
+
+void choose_mode(const Recording& recording, Project& project) {
+  const bool has_imu = std::ranges::any_of(recording.choices, [](const Choice& c) { return c.key == "imu"; });
+  project.choices.push_back(
+      {"odometry", "mode", "mono",
+       has_imu ? "the positions give the scale; `inertial` uses the inertial unit as well" : "there is one camera",
+       Certainty::kLikely});
+}
+
+/// The heights above take-off that a log on the video's clock states; empty if it does not state them throughout.
+std::vector<TrackSample> track_above_takeoff(const Recording& recording) {
+  std::vector<TrackSample> track;
+  if (!recording.has_video_clock) return track;
+  for (const flight_logs::TelemetryFix& fix : recording.telemetry.fixes) {
+    if (!fix.height_above_takeoff_m) return {};
+    track.push_back({fix.time_s, *fix.height_above_takeoff_m, true});
+  }
+  return track;
+}
+
+/// Adds the part of the recording and what depends on the place.
+void choose_place(const ProjectOptions& options, const Recording& recording, const ImageFindings& images,
+                  const imaging::Camera& camera, const fs::path& folder, const fs::path& final_folder, Project& project,
+                  const Progress& progress) {
+  const auto append = [&](const std::vector<Choice>& choices) {
+    project.choices.insert(project.choices.end(), choices.begin(), choices.end());
+  };
+  if (options.place.empty()) {
+    if (recording.has_positions()) append(choose_height_reference(recording));
+    const std::vector<TrackSample> track = track_above_takeoff(recording);
+    append((track.empty() ? choose_excerpt_by_motion(images.motion, recording.duration_s)
+                          : choose_excerpt(track, false, recording.duration_s))
+               .choices);
+    project.warnings.emplace_back(
+        "no place is given (--place): the map's error cannot be known, and the path is compared with the recorded "
+        "positions only, if there are any");
+    return;
+  }
+  project.choices.insert(project.choices.begin(),
+                         {"place", "source", source_text(options.place, final_folder), "it was given"});
+  Site site = choose_site(
+      {.source = options.place,
+       .origin = options.origin,
+       .source_options = options.source_options,
+       .choose_excerpt = [&](const std::vector<TrackSample>& track,
+                             bool above_ground) { return choose_excerpt(track, above_ground, recording.duration_s); }},
+      recording, camera, progress);
+  append(site.choices);
+  append(site.excerpt ? site.excerpt->choices : choose_excerpt_by_motion(images.motion, recording.duration_s).choices);
+  base::add_distinct(site.warnings, project.warnings);
+  imaging::write_rgb(folder / "map.png", site.map);
+  project.choices.push_back({"simulated.render", "follow", "real",
+                             "the simulated flight follows the path that was found, with the same lens"});
+}
+
+/// Writes one section and those in it, "real.ingest" below "real".
+class ExperimentText {
+ public:
+  void add(const Choice& choice) {
+    const std::size_t dot = choice.section.find('.');
+    const std::string outer = choice.section.substr(0, dot);
+    Section& section = find(outer);
+    section.inner = dot == std::string::npos ? "" : choice.section.substr(dot + 1);
+    section.choices.push_back(&choice);
+  }
+
+  std::string text() const {
+    std::ostringstream out;
+    for (const Section& section : sections_) {
+      out << "\n" << section.name << ":\n";
+      if (!section.inner.empty()) out << "  " << section.inner << ":\n";
+      const std::string indent(section.inner.empty() ? 2 : 4, ' ');
+      for (const Choice* choice : section.choices) {
+        const std::string why = choice->reason + " (" + to_string(choice->certainty) + ")";
+        if (choice->value.empty()) {
+          out << indent << "# " << choice->key << ": " << why << "\n";
+        } else {
+          out << indent << "# " << why << "\n" << indent << choice->key << ": " << choice->value << "\n";
+        }
+      }
+    }
+    return out.str();
+  }
+
+ private:
+  struct Section {
+    std::string name, inner;
+    std::vector<const Choice*> choices;
+  };
+
+  Section& find(const std::string& name) {
+    const auto found = std::ranges::find(sections_, name, &Section::name);
+    if (found != sections_.end()) return *found;
+    sections_.push_back({name, "", {}});
+    return sections_.back();
+  }
+
+  std::vector<Section> sections_;
+};
+
+std::string experiment_text(const Project& project, const std::string& name) {
+  ExperimentText sections;
+  for (const char* order : {"place", "truth", "real", "simulated", "odometry"})
+    for (const Choice& choice : project.choices)
+      if (choice.section == order || choice.section.starts_with(std::string(order) + ".")) sections.add(choice);
+  std::string head =
+      "# Made by `tileflight new` (" + base::version() +
+      ") from what the recording says. Each line has its reason, and how sure it is. Change\n# what is wrong, then:\n"
+      "#   tileflight run experiment.yaml --out results\n";
+  for (const std::string& warning : project.warnings) head += "# Warning: " + warning + "\n";
+  return head + "name: " + quoted(name) + "\nseed: 1\n" + sections.text();
+}
+
+void write_camera(const fs::path& file, const imaging::Calibration& calibration, const Choice& choice) {
+  imaging::write_kalibr(file, calibration);
+  base::write_file(file, "# " + choice.reason + " (" + to_string(choice.certainty) + ")\n" + base::read_text(file));
+}
+
+}  // namespace
+
+Project make_project(const ProjectOptions& options, const fs::path& folder, bool replace, const Progress& progress) {
+  base::OutputFolder output{.folder = folder, .command = "new", .replace = replace, .inputs = options.files.videos};
+  if (!options.place.empty() && !fetch::is_network_source(options.place)) output.inputs.push_back(options.place);
+  base::require_writable(output);
+  if (options.place.starts_with("stadium:"))
+    throw InputError(options.place,
+                     "is built in and not written yet: `tileflight scene stadium DIR` writes it; give DIR/twin or "
+                     "DIR/world");
+  Project project;
+  Recording recording = examine_files(options.files);
+  base::add_distinct(recording.warnings, project.warnings);
+  base::add_distinct(recording.telemetry.warnings, project.warnings);
+  for (Choice& choice : recording.choices) {
+    if (choice.key == "video") choice.value = video_text(recording.parts, folder);
+    if ((choice.key == "telemetry" || choice.key == "imu") && !choice.value.empty())
+      choice.value = path_text(choice.value, folder);
+  }
+  project.choices = recording.choices;
+  LensChoice lens = choose_lens(recording, options.lens, progress);
+  const ImageFindings images = examine_images(recording, progress);
+  base::write_folder(output, [&](const fs::path& temporary) {
+    choose_mask(images, temporary, project);
+    if (lens.guess)
+      estimate_from_images(recording, images.mask.empty() ? fs::path() : temporary / "mask.png", lens, progress);
+    base::add_distinct(lens.warnings, project.warnings);
+    lens.choice.value = quoted("camera.yaml");
+    project.choices.push_back(lens.choice);
+    choose_step(recording, images, project);
+    choose_shutter(recording, lens.calibration, project);
+    choose_mode(recording, project);
+    choose_place(options, recording, images, lens.calibration.camera, temporary, folder, project, progress);
+    write_camera(temporary / "camera.yaml", lens.calibration, lens.choice);
+    base::write_file(temporary / "experiment.yaml", experiment_text(project, recording.parts.front().stem().string()));
+  });
+  project.experiment = folder / "experiment.yaml";
+  return project;
+}
+
+nlohmann::json to_json(const Project& project) {
+  nlohmann::json choices = nlohmann::json::array();
+  for (const Choice& choice : project.choices)
+    choices.push_back({{"section", choice.section},
+                       {"key", choice.key},
+                       {"value", choice.value},
+                       {"reason", choice.reason},
+                       {"certainty", to_string(choice.certainty)}});
+  return {{"experiment", project.experiment.string()}, {"choices", choices}, {"warnings", project.warnings}};
+}
+
+}  // namespace tileflight::project

@@ -1,0 +1,179 @@
+#include "tileflight/experiments/project/project.h"
+
+#include <gmock/gmock.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "tests/refusal.h"
+#include "tests/temporary_folder.h"
+#include "tests/tiny_place.h"
+#include "tileflight/core/base/files.h"
+#include "tileflight/core/base/formatted_text.h"
+#include "tileflight/data/video/video.h"
+#include "tileflight/experiments/experiment/experiment_file.h"
+
+namespace tileflight::project {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+
+/// A video of 8 s at 15 frames a second over TinyPlace, whose origin is at 47, 8 and 400 m: 1 s on the ground, up to 20
+/// m above it in 2 s, 4 s at 3 m/s to the east, down in 1 s. Its images move by 1 of 160 pixels from frame to frame.
+class ANewProject : public ::testing::Test {
+ protected:
+  static constexpr double kSeconds = 8.0, kGround_m = 100.0;
+
+  ANewProject() {
+    tests::TinyPlace::write(folder_ / "place");
+    fs::create_directories(folder_ / "card");
+    tests::TinyPlace::write_file(folder_ / "camera.yaml", tests::TinyPlace::camera_of_quarter_size());
+    video::VideoWriter video(folder_ / "card/flight.mp4", 160, 120, {.frames_per_second = 15.0, .compression = {}});
+    for (int i = 0; i < 15 * 8; ++i) video.add(picture(i));
+    video.finish();
+    write_subtitles(400.0 + kGround_m, true);
+  }
+
+  /// Blocks of 4 x 4 pixels in grey values of their own, moved by a pixel a frame.
+  static imaging::RgbImage picture(int frame) {
+    imaging::RgbImage image(160, 120);
+    for (int y = 0; y < 120; ++y)
+      for (int x = 0; x < 160; ++x) {
+        const std::uint32_t block =
+            static_cast<std::uint32_t>((x + frame) / 4) * 2654435761U ^ static_cast<std::uint32_t>(y / 4) * 2246822519U;
+        const auto grey = static_cast<std::uint8_t>((block ^ block >> 15) * 2654435761U >> 24);
+        image(x, y) = {grey, grey, grey};
+      }
+    return image;
+  }
+
+  /// DJI's subtitles, four a second, with absolute heights above the ground plus `base_m`, and those above take-off if
+  /// `has_relative`.
+  void write_subtitles(double base_m, bool has_relative) const {
+    std::string text;
+    for (int i = 0; i < 4 * 8; ++i) {
+      const double t = i / 4.0, up_m = std::clamp(std::min(10.0 * (t - 1.0), 20.0 * (kSeconds - t)), 0.0, 20.0);
+      const double east_m = std::clamp(3.0 * (t - 3.0), 0.0, 12.0);
+      const double longitude_deg = 8.0 + east_m / (111320.0 * std::cos(47.0 * M_PI / 180.0));
+      text += base::formatted("%d\n00:00:%02d,%03d --> 00:00:%02d,%03d\n", i + 1, static_cast<int>(t),
+                              static_cast<int>(1000 * t) % 1000, static_cast<int>(t + 0.2),
+                              static_cast<int>(1000 * (t + 0.2)) % 1000);
+      text += base::formatted("[latitude: 47.0000000] [longitude: %.9f] ", longitude_deg);
+      text += has_relative ? base::formatted("[rel_alt: %.3f abs_alt: %.3f]\n\n", up_m, base_m + up_m)
+                           : base::formatted("[altitude: %.3f]\n\n", base_m + up_m);
+    }
+    base::write_file(folder_ / "card/flight.srt", text);
+  }
+
+  ProjectOptions options() const {
+    return {.files = {{folder_ / "card/flight.mp4"}, {}, {}},
+            .place = (folder_ / "place").string(),
+            .origin = geometry::Geodetic{47.0, 8.0, {400.0}},
+            .lens = {.camera = folder_ / "camera.yaml"},
+            .source_options = {}};
+  }
+
+  static const Choice& choice(const Project& project, const std::string& key) {
+    const auto found = std::ranges::find(project.choices, key, &Choice::key);
+    if (found == project.choices.end()) throw std::runtime_error("no choice of " + key);
+    return *found;
+  }
+
+  tests::TemporaryFolder folder_;
+};
+
+TEST_F(ANewProject, ChoosesWhatTheRecordingSays) {
+  const Project project = make_project(options(), folder_ / "project", false);
+  EXPECT_THAT(choice(project, "telemetry").value, HasSubstr("flight.srt"));
+  EXPECT_EQ(choice(project, "every").value, "1");  // 0.6 % of the width a frame
+  EXPECT_EQ(choice(project, "telemetry_height").value, "takeoff");
+  EXPECT_NEAR(std::stod(choice(project, "takeoff_height").value), 400.0 + tests::TinyPlace::height(0, 0), 0.5);
+  const double from_s = std::stod(choice(project, "from").value), to_s = std::stod(choice(project, "to").value);
+  EXPECT_NEAR(from_s, 2.4, 0.3);  // 14 of 20 m
+  EXPECT_NEAR(to_s, 7.3, 0.3);
+  EXPECT_EQ(choice(project, "mask").value, "");
+  EXPECT_EQ(choice(project, "estimate_line_delay").value, "true");
+}
+
+TEST_F(ANewProject, IsAnExperimentThatRunReads) {
+  make_project(options(), folder_ / "project", false);
+  const experiment::Experiment experiment = experiment::read_experiment(folder_ / "project/experiment.yaml");
+  ASSERT_TRUE(experiment.real && experiment.real->ingest && experiment.simulated);
+  EXPECT_TRUE(experiment.simulated->render->follows_real);
+  EXPECT_EQ(experiment.real->kind, "video");
+  EXPECT_EQ(experiment.real->ingest->every, 1);
+  ASSERT_TRUE(experiment.place.center_local && experiment.place.size);
+  // The flight is in the region, and the region is in the place.
+  const geometry::Vec3 low = *experiment.place.center_local - *experiment.place.size / 2,
+                       high = *experiment.place.center_local + *experiment.place.size / 2;
+  EXPECT_LT(low.x(), -10.0);
+  EXPECT_GT(high.x(), 22.0);
+  EXPECT_LT(low.z(), 97.5);
+  EXPECT_GT(high.z(), 102.5);
+  EXPECT_GE(low.x(), -41.0);
+  EXPECT_LE(high.x(), 41.0);
+  for (const char* file : {"camera.yaml", "map.png"}) EXPECT_TRUE(fs::exists(folder_ / "project" / file)) << file;
+}
+
+TEST_F(ANewProject, FindsWhatHeightsAreAboveByTheGroundOfTheTakeOff) {
+  write_subtitles(400.0 + kGround_m, false);
+  EXPECT_EQ(choice(make_project(options(), folder_ / "a", false), "telemetry_height").value, "ellipsoid");
+  const double geoid_m = geometry::ellipsoidal_from_orthometric(47.0, 8.0, {0.0}).m;
+  write_subtitles(400.0 + kGround_m - geoid_m, false);
+  const Project project = make_project(options(), folder_ / "b", false);
+  EXPECT_EQ(choice(project, "telemetry_height").value, "sea-level");
+  EXPECT_THAT(choice(project, "telemetry_height").reason, HasSubstr("begins on the ground"));
+}
+
+TEST_F(ANewProject, WithoutAPlaceStillTracks) {
+  ProjectOptions without = options();
+  without.place.clear();
+  const Project project = make_project(without, folder_ / "project", false);
+  EXPECT_THAT(project.warnings, ::testing::Contains(HasSubstr("no place is given")));
+  const experiment::Experiment experiment = experiment::read_experiment(folder_ / "project/experiment.yaml");
+  EXPECT_FALSE(experiment.has_place());
+  EXPECT_TRUE(experiment.real && !experiment.simulated);
+}
+
+TEST_F(ANewProject, SaysThatThePlaceHasNoGeoreference) {
+  ProjectOptions without = options();
+  without.origin.reset();
+  const Project project = make_project(without, folder_ / "project", false);
+  EXPECT_THAT(project.warnings, ::testing::Contains(HasSubstr("no georeference")));
+  EXPECT_EQ(choice(project, "center_local").certainty, Certainty::kGuess);
+}
+
+TEST_F(ANewProject, RefusesAFlightElsewhere) {
+  ProjectOptions elsewhere = options();
+  elsewhere.origin = geometry::Geodetic{46.0, 8.0, {400.0}};
+  EXPECT_THAT(tests::refusal_of([&] { make_project(elsewhere, folder_ / "project", false); }),
+              HasSubstr("111129 m away"));
+  EXPECT_FALSE(fs::exists(folder_ / "project"));
+}
+
+TEST_F(ANewProject, MasksWhatStandsStill) {
+  video::VideoWriter video(folder_ / "card/flight.mp4", 160, 120, {.frames_per_second = 15.0, .compression = {}});
+  for (int i = 0; i < 15 * 8; ++i) {
+    imaging::RgbImage image = picture(i);
+    for (int y = 90; y < 115; ++y)
+      for (int x = 20; x < 80; ++x)
+        image(x, y) = ((x / 8 + y / 8) % 2 == 0) ? imaging::Rgb8{255, 255, 255} : imaging::Rgb8{};
+    video.add(image);
+  }
+  video.finish();
+  const Project project = make_project(options(), folder_ / "project", false);
+  EXPECT_EQ(choice(project, "mask").value, "\"mask.png\"");
+  EXPECT_TRUE(fs::exists(folder_ / "project/mask.png"));
+}
+
+TEST_F(ANewProject, TakesTheLensThatLiesBesideTheVideo) {
+  fs::copy(folder_ / "camera.yaml", folder_ / "card/camera.yaml");
+  ProjectOptions without = options();
+  without.lens = {};
+  const Project project = make_project(without, folder_ / "project", false);
+  EXPECT_THAT(choice(project, "camera").reason, HasSubstr("camera.yaml beside the video"));
+}
+
+}  // namespace
+}  // namespace tileflight::project
