@@ -1,12 +1,14 @@
 #include <algorithm>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <sstream>
 
 #include "command.h"
 #include "tileflight/capture/ingest/lens_search.h"
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/slam/self_calibration/self_calibration.h"
 
 namespace tileflight::app {
 
@@ -15,6 +17,10 @@ namespace {
 struct LensOptions {
   std::string video, profiles, model, lens, out;
   std::size_t top = 10;
+  bool estimate = false;
+  std::string camera, projection;
+  std::optional<double> fov_deg;
+  self_calibration::LensEstimateOptions images;
 };
 
 std::string recording_text(const nlohmann::json& recording) {
@@ -66,10 +72,14 @@ InputError no_match(const LensOptions& options, const ingest::LensSearch& search
   return {options.profiles, why + others + ": give the camera by --model, or calibrate it"};
 }
 
+void require_absent(const std::string& file, bool force) {
+  if (std::filesystem::exists(file) && !force) throw InputError(file, "exists; --force replaces it");
+}
+
 void write_camera(const LensOptions& options, const ingest::RecordingIdentity& recording,
                   const ingest::LensSearchResult& found, bool force, std::vector<std::string>& notes) {
   if (found.is_ambiguous) throw InputError(options.out, "is not written: " + found.warnings.front());
-  if (std::filesystem::exists(options.out) && !force) throw InputError(options.out, "exists; --force replaces it");
+  require_absent(options.out, force);
   const imaging::Calibration calibration = ingest::calibration_of(found.matches.front(), recording);
   imaging::write_kalibr(options.out, calibration);
   base::add_distinct(calibration.notes, notes);
@@ -89,17 +99,79 @@ Output find_lens(const LensOptions& options, bool force, const Progress& progres
   return {result, result_text(result)};
 }
 
+self_calibration::LensGuess make_guess(const LensOptions& options) {
+  self_calibration::LensGuess guess;
+  if (!options.camera.empty()) guess.calibration = imaging::read_calibration(options.camera);
+  guess.horizontal_fov_deg = options.fov_deg;
+  if (options.projection == "pinhole") guess.model = self_calibration::LensModel::kPinhole;
+  if (options.projection == "fisheye") guess.model = self_calibration::LensModel::kFisheye;
+  return guess;
+}
+
+std::string estimate_text(const nlohmann::json& result) {
+  std::ostringstream text;
+  text << (result["estimated"].get<bool>() ? "estimated a " : "no estimate of a ") << result["model"].get<std::string>()
+       << " from " << result["images"] << " images in " << result["segments"] << " parts of the flight, "
+       << result["tracks"] << " corners, " << base::formatted("%.2f", result["rms_px"].get<double>())
+       << " px (RMS); the camera turned by " << base::formatted("%.0f", result["turn_deg"].get<double>())
+       << " degrees\n";
+  for (const nlohmann::json& p : result["parameters"])
+    text << base::formatted("  %-10s %12.6g +- %-9.2g", p["name"].get<std::string>().c_str(), p["value"].get<double>(),
+                            p["sigma"].get<double>())
+         << (p["held"].get<bool>() ? "  held at the guess" : "") << "\n";
+  for (const nlohmann::json& warning : result["warnings"]) {
+    text << warning["severity"].get<std::string>() << ": " << warning["message"].get<std::string>();
+    if (const auto& remedy = warning["remedy"]; !remedy.get<std::string>().empty())
+      text << "; " << remedy.get<std::string>();
+    text << "\n";
+  }
+  if (!result["written"].is_null()) text << "wrote " << result["written"].get<std::string>() << "\n";
+  return text.str();
+}
+
+Output estimate_lens(const LensOptions& options, bool force, const Progress& progress) {
+  if (!options.out.empty()) require_absent(options.out, force);
+  const self_calibration::LensEstimate estimate =
+      self_calibration::estimate_lens(options.video, make_guess(options), options.images, progress);
+  if (!options.out.empty()) imaging::write_kalibr(options.out, estimate.calibration);
+  nlohmann::json result = to_json(estimate);
+  result["written"] = options.out.empty() ? nlohmann::json() : nlohmann::json(options.out);
+  return {result, estimate_text(result)};
+}
+
+void add_estimate_options(CLI::App& command, LensOptions& options) {
+  CLI::Option* estimate = command.add_flag("--estimate", options.estimate,
+                                           "estimate the lens from the images themselves, with standard deviations");
+  const auto add = [&](CLI::Option* option) { return option->needs(estimate)->group("Estimate"); };
+  add(command.add_option("--camera", options.camera, "guess: a calibration or a lens profile"))
+      ->check(CLI::ExistingFile);
+  add(command.add_option("--fov", options.fov_deg, "guess: horizontal field of view, degrees (default: 50 to 155)"))
+      ->check(CLI::Range(5.0, 240.0))
+      ->excludes("--camera");
+  add(command.add_option("--projection", options.projection,
+                         "pinhole (radtan) or fisheye (equidistant); default: the guess's, else the better one"))
+      ->check(CLI::IsMember({"pinhole", "fisheye"}));
+  add(command.add_option("--from", options.images.images.from_s, "seconds after the first image"));
+  add(command.add_option("--to", options.images.images.to_s, "seconds after the first image"));
+  add(command.add_option("--every", options.images.images.every, "use each n-th image"))->check(CLI::Range(1, 10000));
+  add(command.add_option("--mask", options.images.images.mask,
+                         "image of the images' size; black pixels are ignored (on-screen text, the drone's body)"))
+      ->check(CLI::ExistingFile);
+}
+
 }  // namespace
 
 void add_lens(CLI::App& app, CommonOptions& common, Selection& selection) {
   auto options = std::make_shared<LensOptions>();
-  CLI::App* command = app.add_subcommand("lens", "the lens profiles that fit a recording");
+  CLI::App* command = app.add_subcommand("lens", "the lens of a recording: profiles that fit, or an estimate");
   command->footer(
-      "Example:\n  tileflight lens flight.mp4 --profiles lens_profiles --out camera.yaml\n"
+      "Examples:\n  tileflight lens flight.mp4 --profiles lens_profiles --out camera.yaml\n"
+      "  tileflight lens flight.mp4 --estimate --fov 80 --out camera.yaml\n"
       "Profiles are Gyroflow's (github.com/gyroflow/lens_profiles). One of them can be given to `ingest --camera`.");
-  command->add_option("VIDEO", options->video, "video file, or folder of photos")->required();
-  command->add_option("--profiles", options->profiles, "folder of lens profiles, searched with the folders in it")
+  command->add_option("VIDEO", options->video, "video file, or folder of photos; to estimate also a dataset")
       ->required();
+  command->add_option("--profiles", options->profiles, "folder of lens profiles, searched with the folders in it");
+  add_estimate_options(*command, *options);
   command->add_option("--model", options->model,
                       "maker and model of the camera (\"GoPro HERO10 Black\"), where the recording does not say");
   command->add_option("--lens", options->lens,
@@ -109,7 +181,10 @@ void add_lens(CLI::App& app, CommonOptions& common, Selection& selection) {
   add_common_options(*command, common);
   command->callback([options, &selection] {
     selection.run = [options](const CommonOptions& shared, const Progress& progress) {
-      return find_lens(*options, shared.force, progress);
+      if (options->estimate == options->profiles.empty())
+        return options->estimate ? estimate_lens(*options, shared.force, progress)
+                                 : find_lens(*options, shared.force, progress);
+      throw InputError("lens", "needs either --profiles FOLDER or --estimate");
     };
   });
 }

@@ -1,5 +1,7 @@
 #include "tileflight/slam/self_calibration/corner_segments.h"
 
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -89,7 +91,25 @@ bool SegmentFollower::is_keyframe_due() const {
   return base::upper_median(std::move(motions)) > options_.keyframe_motion * region_.width;
 }
 
+/// Moves the corners to where their patches are. Corners whose patches are not found are lost.
+void SegmentFollower::align_patches(const keyframes::PyramidLevel& image) {
+  tbb::parallel_for(std::size_t{0}, corners_.size(), [&](std::size_t i) {
+    Corner& corner = corners_[i];
+    if (!corner.pixel) return;
+    const auto warp = corner.patch.align(image, {corner.warp.shape, corner.pixel->cast<double>()});
+    if (!warp) {
+      corner.pixel.reset();
+      return;
+    }
+    const Eigen::Vector2f pixel = warp->pixel.cast<float>();
+    if (corner.before) *corner.before += pixel - *corner.pixel;
+    corner.pixel = pixel;
+    corner.warp = *warp;
+  });
+}
+
 void SegmentFollower::add_keyframe(double time_s, const keyframes::Pyramid& pyramid) {
+  align_patches(pyramid.levels.front());
   const std::size_t index = keyframes_.size();
   keyframes_.push_back({time_s, previous_ ? previous_s_ : time_s, time_s});
   for (Corner& corner : corners_) {
@@ -111,7 +131,8 @@ void SegmentFollower::find_new_corners(const keyframes::Pyramid& pyramid) {
   std::vector<Eigen::Vector2f> found = initialization::find_corners(pyramid, free, options_.corners);
   if (static_cast<int>(found.size()) > missing) found.resize(missing);
   for (const Eigen::Vector2f& pixel : found) {
-    Corner corner{.points = {}, .pixel = pixel, .before = {}};
+    const Patch patch(pyramid.levels.front(), static_cast<int>(pixel.x()), static_cast<int>(pixel.y()));
+    Corner corner{.points = {}, .pixel = pixel, .before = {}, .patch = patch, .warp = {}};
     corner.points.resize(keyframes_.size() - 1);
     corner.points.push_back(TrackPoint{pixel.cast<double>(), {}, {}});
     corners_.push_back(std::move(corner));

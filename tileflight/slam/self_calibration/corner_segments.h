@@ -10,16 +10,17 @@
 
 #include "tileflight/core/geometry/transform.h"
 #include "tileflight/slam/keyframes/pyramid.h"
+#include "tileflight/slam/self_calibration/patch_alignment.h"
 
 namespace tileflight::self_calibration {
 
 /// Which images of a flight are used, and how many corners of them. Chosen by hand.
 struct SegmentOptions {
   std::size_t segments = 8;       ///< spread over the flight
-  std::size_t keyframes = 14;     ///< of a segment, at most
-  std::size_t images = 240;       ///< through which a segment is followed, at most
-  int corners = 350;              ///< followed at a time
-  double keyframe_motion = 0.04;  ///< median motion of corners from one keyframe to the next, as a share of the width
+  std::size_t keyframes = 20;     ///< of a segment, at most
+  std::size_t images = 300;       ///< through which a segment is followed, at most
+  int corners = 600;              ///< followed at a time
+  double keyframe_motion = 0.03;  ///< median motion of corners from one keyframe to the next, as a share of the width
   int width_px = 1400;            ///< images are halved until they are not wider
 };
 
@@ -72,10 +73,13 @@ class SegmentFollower {
     std::vector<std::optional<TrackPoint>> points;  ///< by keyframe
     std::optional<Eigen::Vector2f> pixel;           ///< in the last image; none: lost
     std::optional<Eigen::Vector2f> before;          ///< in the image before it
+    Patch patch;                                    ///< in the keyframe where it was found
+    PatchWarp warp;                                 ///< of the patch in the last keyframe
   };
 
   void follow(const keyframes::Pyramid& pyramid);
   void note_after(double time_s);
+  void align_patches(const keyframes::PyramidLevel& image);
   bool is_keyframe_due() const;
   void add_keyframe(double time_s, const keyframes::Pyramid& pyramid);
   void find_new_corners(const keyframes::Pyramid& pyramid);

@@ -91,8 +91,7 @@ ImageSource frames_source(const std::vector<dataset::Frame>& all, bool has_times
 
 ImageSource open_source(const fs::path& source, const FlightImages& images) {
   if (!fs::is_directory(source)) return video_source(source, images);
-  if (fs::is_directory(source / "images") || dataset::has_foreign_layout(source))
-    return frames_source(dataset::read_dataset(source).frames, true, images);
+  if (is_dataset(source)) return frames_source(dataset::read_dataset(source).frames, true, images);
   const double period_s = images.image_rate_hz ? 1.0 / *images.image_rate_hz : dataset::kDefaultFramePeriod_s;
   return frames_source(dataset::make_uniform_frames(dataset::list_images(source), period_s),
                        images.image_rate_hz.has_value(), images);
@@ -120,6 +119,10 @@ std::shared_ptr<const keyframes::Pyramid> halved_pyramid(const imaging::RgbImage
 }
 
 }  // namespace
+
+bool is_dataset(const fs::path& source) {
+  return fs::is_directory(source) && (fs::is_directory(source / "images") || dataset::has_foreign_layout(source));
+}
 
 FollowedFlight follow_flight(const fs::path& path, const FlightImages& images, const SegmentOptions& options,
                              const Progress& progress) {

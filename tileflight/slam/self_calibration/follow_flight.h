@@ -19,6 +19,9 @@ struct FlightImages {
   std::filesystem::path mask;           ///< image of the images' size; dark pixels are ignored
 };
 
+/// Returns whether a folder is a dataset of any layout, rather than a folder of images.
+bool is_dataset(const std::filesystem::path& source);
+
 /// Follows corners through the segments of a video, of a dataset folder, or of a folder of images in the order of their
 /// names. Segments begin at even distances; one that is longer makes the next one begin later. Throws InputError as
 /// estimate_lens().

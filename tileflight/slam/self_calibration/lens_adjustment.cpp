@@ -24,8 +24,8 @@ using geometry::Vec3;
 using LensMatrix = Eigen::Matrix<double, kLensUnknowns, kLensUnknowns>;
 
 // Chosen by hand.
-constexpr double kHuberSigmas = 2.0;
-constexpr double kLeastHuber_px = 0.3;
+constexpr double kHuberSigmas = 1.5;
+constexpr double kLeastHuber_px = 0.05;
 constexpr double kOutside_px = 20.0;  ///< error assigned to a point outside the lens's domain
 
 struct Reprojection {
@@ -349,6 +349,28 @@ FlightStructure step(const std::vector<Segment>& segments, const LensPrior& prio
   return next;
 }
 
+/// Contributions of parts of the images to the lens's equations. They would all be zero without errors.
+struct Spread {
+  LensMatrix squares = LensMatrix::Zero();
+  std::size_t parts = 0;
+
+  void add(const LensVector& contribution) {
+    squares += contribution * contribution.transpose();
+    ++parts;
+  }
+  /// Variances of the unknowns by the inverse of their equations; zero for too few parts.
+  LensVector variance(const LensMatrix& inverse) const {
+    constexpr std::size_t kFewestParts = 4;
+    if (parts < kFewestParts) return LensVector::Zero();
+    return (inverse * squares * inverse).diagonal() * static_cast<double>(parts) / static_cast<double>(parts - 1);
+  }
+};
+
+std::size_t first_keyframe(const SegmentTrack& track) {
+  return static_cast<std::size_t>(
+      std::ranges::find_if(track.points, [](const auto& point) { return point.has_value(); }) - track.points.begin());
+}
+
 /// Whether a lens may be projected with: a focal length between a tenth of the width and a hundred times it.
 bool is_sane(const LensParameters& lens) {
   const double share = lens.values[kLogFocal] - std::log(static_cast<double>(lens.width));
@@ -430,20 +452,22 @@ LensUncertainty lens_uncertainty(const std::vector<Segment>& segments, const Len
   const std::vector<ReducedSegment> reduced = reduce_all(segments, huber_of(quality), 0.0, flight);
   const PriorTerm term = prior_term(prior, noise_px, flight.lens.values);
   LensMatrix H = term.precision.asDiagonal();
-  LensMatrix by_track = LensMatrix::Zero(), by_segment = LensMatrix::Zero();
-  std::size_t count = 0;
-  for (const ReducedSegment& segment : reduced) {
-    if (segment.tracks.empty()) continue;
-    ++count;
-    H += segment.lens_H;
-    by_segment += segment.lens_b * segment.lens_b.transpose();
-    for (const ReducedTrack& track : segment.tracks) {
+  Spread by_group, by_segment;
+  for (std::size_t s = 0; s < segments.size(); ++s) {
+    if (!flight.segments[s]) continue;
+    H += reduced[s].lens_H;
+    by_segment.add(reduced[s].lens_b);
+    std::vector<LensVector> groups(segments[s].keyframes.size(), LensVector::Zero());
+    for (std::size_t i = 0; i < segments[s].tracks.size(); ++i) {
+      const ReducedTrack& track = reduced[s].tracks[i];
       if (track.rows.empty()) continue;
       LensVector own = track.b.head<kLensUnknowns>();
       for (std::size_t r = kLensUnknowns; r < track.rows.size(); ++r)
-        own -= segment.lens_by_poses.col(track.rows[r] - kLensUnknowns) * track.b[static_cast<Eigen::Index>(r)];
-      by_track += own * own.transpose();
+        own -= reduced[s].lens_by_poses.col(track.rows[r] - kLensUnknowns) * track.b[static_cast<Eigen::Index>(r)];
+      groups[first_keyframe(segments[s].tracks[i])] += own;
     }
+    for (const LensVector& group : groups)
+      if (!group.isZero(0.0)) by_group.add(group);
   }
   LensVector unused = LensVector::Zero();
   hold(prior, H, unused);
@@ -452,15 +476,13 @@ LensUncertainty lens_uncertainty(const std::vector<Segment>& segments, const Len
   const double coordinates = 2.0 * static_cast<double>(quality.pixels);
   const double freedom = std::max(1.0, coordinates - 3.0 * static_cast<double>(quality.points));
   const double variance = quality.rms_px * quality.rms_px * static_cast<double>(quality.pixels) / freedom;
-  const LensMatrix tracks = inverse * by_track * inverse, parts = inverse * by_segment * inverse;
+  const LensVector group_variance = by_group.variance(inverse), segment_variance = by_segment.variance(inverse);
   LensUncertainty result;
-  constexpr std::size_t kFewestSegments = 4;
   for (int i = 0; i < kLensUnknowns; ++i) {
     if (!prior.is_free[i]) continue;
     result.independent_sigma[i] = std::sqrt(std::max(0.0, inverse(i, i) * variance));
-    if (count >= kFewestSegments)
-      result.segment_sigma[i] = std::sqrt(parts(i, i) * static_cast<double>(count) / static_cast<double>(count - 1));
-    result.sigma[i] = std::max({result.independent_sigma[i], std::sqrt(tracks(i, i)), result.segment_sigma[i]});
+    result.segment_sigma[i] = std::sqrt(segment_variance[i]);
+    result.sigma[i] = std::max({result.independent_sigma[i], std::sqrt(group_variance[i]), result.segment_sigma[i]});
   }
   return result;
 }

@@ -50,10 +50,10 @@ FitQuality select_corners(const std::vector<Segment>& segments, double sigmas, d
 /// differ. Pixels of tracks without structure have the limit.
 double truncated_cost_px2(const std::vector<Segment>& segments, double limit_px, const FlightStructure& flight);
 
-/// Covariance of the lens's unknowns; zero in rows and columns of those that are not free. The largest of three
-/// estimates of each variance counts: by independent errors of the pixels, scaled by their variance; by the spread of
-/// the tracks' own contributions, since errors along a track are correlated; and by the spread of the segments'
-/// (Liang and Zeger, Biometrika 73(1), 1986).
+/// Standard deviations of the lens's unknowns; zero of those that are not free. The largest of three estimates counts:
+/// by independent errors of the pixels, scaled by their variance; by the spread of the contributions of groups of
+/// corners that begin in one keyframe, since errors along a track and of tracks side by side are correlated; and by the
+/// spread of the segments' (Liang and Zeger, Biometrika 73(1), 1986).
 struct LensUncertainty {
   LensVector sigma = LensVector::Zero();
   LensVector independent_sigma = LensVector::Zero();  ///< the first estimate alone

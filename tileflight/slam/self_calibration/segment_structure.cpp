@@ -21,6 +21,7 @@ constexpr std::size_t kFewestCorners = 30;
 constexpr double kShareInCommon = 0.4;  // of the first keyframe's corners, in the last one of the start
 constexpr double kInlier_px = 3.0;
 constexpr int kIterations = 12;
+constexpr double kLeastParallax_px = 2.0;
 constexpr double kMostBehind = 0.25;
 constexpr std::size_t kFewestKeyframes = 4;
 constexpr std::uint32_t kSeed = 1;
@@ -67,6 +68,8 @@ std::optional<initialization::InitializationBundle> best_start(const keyframes::
   std::vector<RayPair> pairs;
   for (const CornerTrack& track : start.tracks)
     if (const auto ray = lens.unproject(*track.pixels[last - 1])) pairs.push_back({track.ray, *ray});
+  // Without parallax any lens fits.
+  if (initialization::fit_rotation(pairs).median_rad * lens.focal_px() < kLeastParallax_px) return std::nullopt;
   std::optional<initialization::InitializationBundle> best;
   for (const SE3& pose : initialization::relative_pose_candidates(pairs, kInlier_px / lens.focal_px(), kSeed)) {
     auto bundle = initialization::bundle_adjust(lens, start.tracks, last, pose, kIterations);

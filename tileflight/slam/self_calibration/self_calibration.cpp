@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "tileflight/core/base/formatted_text.h"
-#include "tileflight/core/base/input_error.h"
+#include "tileflight/data/dataset/dataset.h"
 #include "tileflight/slam/self_calibration/lens_adjustment.h"
 
 namespace tileflight::self_calibration {
@@ -18,9 +18,10 @@ namespace {
 // Chosen by hand.
 constexpr double kFirstNoise_px = 0.5;
 constexpr double kDetermined = 0.7;  // the motion shows an unknown if its sigma is below this share of the prior's
+constexpr double kFitSigmas = 3.5, kLeastLimit_px = 0.1;  // a corner's largest error
 constexpr double kUnknownFocalSigma = 1.0;
 constexpr double kUsualFov_deg = 70.0;
-constexpr std::size_t kSegmentsOfTrial = 4;
+constexpr std::size_t kSegmentsOfTrial = 3, kTracksOfTrial = 150;
 constexpr double kTrialLimit_px = 3.0, kFinalLimit_px = 2.0;
 
 /// Where an adjustment begins, and the prior that belongs to it.
@@ -79,14 +80,13 @@ const auto kNone = free_unknowns({});
 const auto kFocalAndBend = free_unknowns({kLogFocal, kFirstDistortion});
 const auto kAllButReadout = free_unknowns({0, 1, 2, 3, 4, 5, 6, 7});
 
-/// Returns a structure of every `stride`-th segment for a lens.
-FlightStructure make_structure(const FollowedFlight& flight, const LensParameters& lens, std::size_t stride) {
+/// Returns a structure of each segment for a lens.
+FlightStructure make_structure(const FollowedFlight& flight, const LensParameters& lens) {
   FlightStructure structure{lens, {}};
   structure.segments.resize(flight.segments.size());
   const imaging::Camera camera = lens.camera();
-  tbb::parallel_for(std::size_t{0}, flight.segments.size(), [&](std::size_t s) {
-    if (s % stride == 0) structure.segments[s] = start_structure(camera, flight.segments[s]);
-  });
+  tbb::parallel_for(std::size_t{0}, flight.segments.size(),
+                    [&](std::size_t s) { structure.segments[s] = start_structure(camera, flight.segments[s]); });
   return structure;
 }
 
@@ -111,15 +111,30 @@ struct Trial {
   double cost_px2 = 0.0;
 };
 
-/// Returns the start whose lens explains a few segments best.
-Trial best_trial(const FollowedFlight& flight, const std::vector<Start>& starts, const Progress& progress) {
+/// Returns some of the segments and some of their tracks, evenly chosen.
+FollowedFlight thinned(const FollowedFlight& flight) {
+  FollowedFlight result = flight;
+  result.segments.clear();
   const std::size_t stride = (flight.segments.size() + kSegmentsOfTrial - 1) / kSegmentsOfTrial;
+  for (std::size_t s = 0; s < flight.segments.size(); s += stride) {
+    Segment segment{flight.segments[s].keyframes, {}};
+    const std::vector<SegmentTrack>& tracks = flight.segments[s].tracks;
+    const std::size_t step = (tracks.size() + kTracksOfTrial - 1) / kTracksOfTrial;
+    for (std::size_t i = 0; i < tracks.size(); i += step) segment.tracks.push_back(tracks[i]);
+    result.segments.push_back(std::move(segment));
+  }
+  return result;
+}
+
+/// Returns the start whose lens explains a part of the flight best.
+Trial best_trial(const FollowedFlight& flight, const std::vector<Start>& starts, const Progress& progress) {
+  const FollowedFlight part = thinned(flight);
   std::optional<Trial> best;
   for (std::size_t i = 0; i < starts.size(); ++i) {
     report_progress(progress, static_cast<std::int64_t>(i), static_cast<std::int64_t>(starts.size()), "trying lenses");
-    FlightStructure structure = make_structure(flight, starts[i].lens, stride);
-    adjust_by_steps(flight, starts[i].prior, false, structure);
-    const double cost_px2 = truncated_cost_px2(flight.segments, kTrialLimit_px, structure);
+    FlightStructure structure = make_structure(part, starts[i].lens);
+    adjust_by_steps(part, starts[i].prior, false, structure);
+    const double cost_px2 = truncated_cost_px2(part.segments, kTrialLimit_px, structure);
     if (!best || cost_px2 < best->cost_px2) best = Trial{starts[i], structure.lens, cost_px2};
   }
   return *best;
@@ -136,7 +151,7 @@ ModelFit fit_model(const FollowedFlight& flight, const Trial& trial) {
   ModelFit fit{.prior = trial.start.prior, .structure = {trial.lens, {}}, .cost_px2 = 0.0};
   constexpr int kRounds = 2;  // the second begins with the lens that the first found
   for (int round = 0; round < kRounds; ++round) {
-    fit.structure = make_structure(flight, fit.structure.lens, 1);
+    fit.structure = make_structure(flight, fit.structure.lens);
     adjust_by_steps(flight, fit.prior, true, fit.structure);
   }
   fit.cost_px2 = truncated_cost_px2(flight.segments, kFinalLimit_px, fit.structure);
@@ -146,7 +161,7 @@ ModelFit fit_model(const FollowedFlight& flight, const Trial& trial) {
 /// Leaves out corners that do not fit, and returns the noise of those that do.
 double noise_px(const FollowedFlight& flight, FlightStructure& structure) {
   constexpr double kLeast_px = 0.05;
-  return std::max(kLeast_px, select_corners(flight.segments, 4.0, 0.6, structure).noise_px);
+  return std::max(kLeast_px, select_corners(flight.segments, kFitSigmas, kLeastLimit_px, structure).noise_px);
 }
 
 /// Adjusts with the velocities of the keyframes known, by which rows have poses of their own.
@@ -325,7 +340,7 @@ LensEstimate estimate_lens(const FollowedFlight& flight, const LensGuess& guess,
   }
   adjust_readout(flight, estimate_line_delay && flight.has_times, fit);
   const LensUncertainty uncertainty = hold_undetermined(flight, fit);
-  const FitQuality quality = select_corners(flight.segments, 4.0, 0.6, fit.structure);
+  const FitQuality quality = select_corners(flight.segments, kFitSigmas, kLeastLimit_px, fit.structure);
   result.parameters = parameters_of(flight, fit, uncertainty);
   result.focal_sigma = uncertainty.sigma[kLogFocal];
   result.rms_px = quality.rms_px * factor;
@@ -351,7 +366,10 @@ LensEstimate estimate_lens(const FollowedFlight& flight, const LensGuess& guess,
 
 LensEstimate estimate_lens(const std::filesystem::path& images, const LensGuess& guess,
                            const LensEstimateOptions& options, const Progress& progress) {
-  return estimate_lens(follow_flight(images, options.images, options.segments, progress), guess,
+  LensGuess complete = guess;
+  if (!guess.calibration && !guess.horizontal_fov_deg && is_dataset(images))
+    complete.calibration = dataset::read_dataset(images).calibration;
+  return estimate_lens(follow_flight(images, options.images, options.segments, progress), complete,
                        options.estimate_line_delay, progress);
 }
 

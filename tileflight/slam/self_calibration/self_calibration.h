@@ -65,10 +65,10 @@ struct LensEstimate {
   Warnings warnings;
 };
 
-/// Estimates the lens of a video, of a dataset folder (whose own calibration is not used, so that it may be a guess) or
-/// of a folder of images in the order of their names. Images are read once; a video only where a segment is. The result
-/// does not depend on the number of threads. Throws InputError as read_video, read_dataset and the readers of images
-/// do; for a guess of another aspect ratio; and for a flight of fewer than three images.
+/// Estimates the lens of a video, of a dataset folder, or of a folder of images in the order of their names. A
+/// dataset's own calibration is the guess if there is no other. Of a video only the parts where segments are are read.
+/// The result does not depend on the number of threads. Throws InputError as read_video, read_dataset and the readers
+/// of images do, and for a guess of another aspect ratio.
 LensEstimate estimate_lens(const std::filesystem::path& images, const LensGuess& guess,
                            const LensEstimateOptions& options = {}, const Progress& progress = {});
 
