@@ -67,12 +67,13 @@ TEST(Excerpt, LeavesOutStillImagesWithoutPositions) {
 
 TEST(FrameStep, KeepsTheMotionBelowOnePercent) {
   std::vector<MotionSample> motion(10, {0.0, 0.15});
-  EXPECT_EQ(choose_frame_step(motion, 30.0), 2);   // 0.5 % a frame
-  EXPECT_EQ(choose_frame_step(motion, 120.0), 8);  // 0.125 % a frame
+  EXPECT_EQ(choose_frame_step(motion, 30.0).value().every, 2);   // 0.5 % a frame
+  EXPECT_EQ(choose_frame_step(motion, 120.0).value().every, 8);  // 0.125 % a frame
+  EXPECT_DOUBLE_EQ(choose_frame_step(motion, 30.0).value().share, 0.01);
   motion.assign(10, {0.0, 1.5});
-  EXPECT_EQ(choose_frame_step(motion, 30.0), 1);  // 5 % a frame: too fast even so
+  EXPECT_EQ(choose_frame_step(motion, 30.0).value().every, 1);  // 5 % a frame: too fast even so
   motion.assign(10, {0.0, 0.001});
-  EXPECT_EQ(choose_frame_step(motion, 30.0), 3);  // ten a second are left
+  EXPECT_EQ(choose_frame_step(motion, 30.0).value().every, 3);  // ten a second are left
   motion.assign(10, {0.0, std::nullopt});
   EXPECT_FALSE(choose_frame_step(motion, 30.0).has_value());
 }

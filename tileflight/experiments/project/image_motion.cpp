@@ -151,7 +151,7 @@ ImageFindings examine_images(const Recording& recording, const Progress& progres
   return findings.finish();
 }
 
-std::optional<int> choose_frame_step(const std::vector<MotionSample>& motion, double frames_per_second) {
+std::optional<FrameStep> choose_frame_step(const std::vector<MotionSample>& motion, double frames_per_second) {
   constexpr double kFast = 0.9, kMostShare = 0.01, kFewestPerSecond = 10.0;  // chosen by hand
   std::vector<double> shares;
   for (const MotionSample& sample : motion)
@@ -160,7 +160,8 @@ std::optional<int> choose_frame_step(const std::vector<MotionSample>& motion, do
   const double share_per_frame = base::lower_quantile(shares, kFast) / frames_per_second;
   const double most = std::max(1.0, frames_per_second / kFewestPerSecond);
   const double step = share_per_frame > 0.0 ? std::min(most, kMostShare / share_per_frame) : most;
-  return std::max(1, static_cast<int>(step));
+  const int every = std::max(1, static_cast<int>(step));
+  return FrameStep{every, every * share_per_frame};
 }
 
 }  // namespace tileflight::project

@@ -27,8 +27,14 @@ struct ImageFindings {
 /// InputError as video::read_video if the first frames cannot be decoded.
 ImageFindings examine_images(const Recording& recording, const Progress& progress = {});
 
+/// A step between the frames that are used.
+struct FrameStep {
+  int every = 1;
+  double share = 0.0;  ///< of the width, by which fast parts move from one frame that is used to the next
+};
+
 /// Returns the largest step between frames, at least 1, at which fast parts of the flight (the 90th percentile) move by
 /// at most 1 % of the width from frame to frame, and at least 10 frames a second are left. nullopt: no motion is known.
-std::optional<int> choose_frame_step(const std::vector<MotionSample>& motion, double frames_per_second);
+std::optional<FrameStep> choose_frame_step(const std::vector<MotionSample>& motion, double frames_per_second);
 
 }  // namespace tileflight::project

@@ -46,13 +46,15 @@ std::string video_text(const std::vector<fs::path>& parts, const fs::path& proje
 }
 
 void choose_step(const Recording& recording, const ImageFindings& images, Project& project) {
-  const std::optional<int> step = choose_frame_step(images.motion, recording.frames_per_second);
-  const double rate = recording.frames_per_second / step.value_or(1);
+  const std::optional<FrameStep> step = choose_frame_step(images.motion, recording.frames_per_second);
+  const int every = step ? step->every : 1;
   project.choices.push_back(
-      {"real.ingest", "every", std::to_string(step.value_or(1)),
-       step ? base::formatted("%.3g frames a second: the image moves by at most 1 %% of its width from one to the next",
-                              rate)
-            : "corners cannot be followed from one image to the next, so every one is used",
+      {"real.ingest", "every", std::to_string(every),
+       step
+           ? base::formatted("%.3g frames a second: where it is fast, the image moves by %.2g %% of its width from one "
+                             "to the next",
+                             recording.frames_per_second / every, 100 * step->share)
+           : "corners cannot be followed from one image to the next, so every one is used",
        step ? Certainty::kLikely : Certainty::kGuess});
   if (recording.is_folder() && recording.photos.times.size() < recording.images.size())
     project.choices.push_back({"real.ingest", "fps", base::trimmed_text(recording.frames_per_second, 3),
