@@ -168,13 +168,13 @@ Vector2f to_level0(const Vector2f& p, int level) {
 }
 
 std::optional<Vector2f> track_corner(const keyframes::Pyramid& from, const keyframes::Pyramid& to,
-                                     const Vector2f& point, const Vector2f& guess) {
+                                     const Vector2f& point, const Vector2f& guess, int coarsest) {
   // Chosen by hand.
   constexpr float kMinCorrelation = 0.85F;
   Vector2f position = guess;
   float correlation = 0;
   bool aligned = false;
-  for (int l = static_cast<int>(from.levels.size()) - 1; l >= 0; --l) {
+  for (int l = std::min(coarsest, static_cast<int>(from.levels.size()) - 1); l >= 0; --l) {
     Template patch;
     aligned = false;
     if (!make_template(from.levels[l], to_level(point, l), patch)) continue;
@@ -188,6 +188,24 @@ std::optional<Vector2f> track_corner(const keyframes::Pyramid& from, const keyfr
   }
   if (!aligned || correlation < kMinCorrelation) return std::nullopt;
   return position;
+}
+
+/// Follows each point from its guess, and back from there.
+std::vector<std::optional<Vector2f>> track_corners_between(const keyframes::Pyramid& from, const keyframes::Pyramid& to,
+                                                           const std::vector<Vector2f>& points,
+                                                           const std::vector<Vector2f>& guesses, int coarsest) {
+  // Largest forward-backward error. Chosen by hand.
+  constexpr float kMaxReturn_px = 0.5F;
+  std::vector<std::optional<Vector2f>> tracked(points.size());
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, points.size(), 16), [&](const auto& range) {
+    for (std::size_t i = range.begin(); i < range.end(); ++i) {
+      const auto there = track_corner(from, to, points[i], guesses[i], coarsest);
+      if (!there) continue;
+      const auto back = track_corner(to, from, *there, points[i], coarsest);
+      if (back && (*back - points[i]).norm() < kMaxReturn_px) tracked[i] = there;
+    }
+  });
+  return tracked;
 }
 
 }  // namespace
@@ -213,18 +231,14 @@ std::vector<Vector2f> find_corners(const keyframes::Pyramid& pyramid, const keyf
 
 std::vector<std::optional<Vector2f>> track_corners(const keyframes::Pyramid& from, const keyframes::Pyramid& to,
                                                    const std::vector<Vector2f>& points) {
-  // Largest forward-backward error. Chosen by hand.
-  constexpr float kMaxReturn_px = 0.5F;
-  std::vector<std::optional<Vector2f>> tracked(points.size());
-  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, points.size(), 16), [&](const auto& range) {
-    for (std::size_t i = range.begin(); i < range.end(); ++i) {
-      const auto there = track_corner(from, to, points[i], points[i]);
-      if (!there) continue;
-      const auto back = track_corner(to, from, *there, points[i]);
-      if (back && (*back - points[i]).norm() < kMaxReturn_px) tracked[i] = there;
-    }
-  });
-  return tracked;
+  return track_corners_between(from, to, points, points, static_cast<int>(from.levels.size()));
+}
+
+std::vector<std::optional<Vector2f>> track_corners_from(const keyframes::Pyramid& from, const keyframes::Pyramid& to,
+                                                        const std::vector<Vector2f>& points,
+                                                        const std::vector<Vector2f>& guesses) {
+  constexpr int kCoarsest = 3;  // 8 pixels a pixel; chosen by hand
+  return track_corners_between(from, to, points, guesses, kCoarsest);
 }
 
 }  // namespace tileflight::initialization

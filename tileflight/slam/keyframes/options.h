@@ -53,14 +53,15 @@ struct TrackingOptions {
 struct TracingOptions {
   double max_search_share = 0.027;          ///< longest search in pixels, as a share of width + height
   double stereo_search_share = 0.1;         ///< the same in a stereo camera's picture, where nothing is known before
+  int max_steps = 128;                      ///< of a search, each about a pixel while it is not longer
   double slack_px = 2.0;                    ///< search interval below which a point is not traced any more
   float min_quality = 3.0F;                 ///< second-best over best match, for activation
   float outlier_energy_per_pixel = 144.0F;  ///< squared grey values
 };
 
 /// The sliding window (slam/mapping/mapper.h); DSO, sections 2.3, 3.1 and 3.2. Window size, active points, `huber`,
-/// `gradient_weight`, `keyframe_log_brightness`, `marginal_weight` (0.5^2) and `min_visible_share` have the values of
-/// DSO's implementation; the others are chosen by hand.
+/// `gradient_weight`, `keyframe_log_brightness`, `marginal_weight` (0.5^2), `min_residuals`, `min_observations` and
+/// `min_visible_share` have the values of DSO's implementation; the others are chosen by hand.
 struct WindowOptions {
   int min_keyframes = 5;
   int max_keyframes = 7;
@@ -71,6 +72,8 @@ struct WindowOptions {
   double keyframe_flow_share = 0.025;    ///< optical flow, as a share of width + height, at which a keyframe is made
   double keyframe_log_brightness = 0.5;  ///< change of log brightness at which a keyframe is made
   double marginal_weight = 0.25;    ///< factor on the information of marginalised points (their errors are correlated)
+  int min_residuals = 3;            ///< that a point has when it leaves, and
+  int min_observations = 4;         ///< good ones in all, for it to be marginalised rather than dropped
   double min_visible_share = 0.05;  ///< a keyframe with a smaller share of its points visible in the newest one is
                                     ///< marginalised
   bool refine_intrinsics = true;    ///< also estimate focal lengths and principal point, starting from the given ones

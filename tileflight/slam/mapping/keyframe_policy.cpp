@@ -51,13 +51,11 @@ bool is_out_of_view(const keyframes::ActivePoint& point) {
 }
 
 /// Whether a point has enough good residuals to be marginalised into the prior.
-bool is_well_observed(const keyframes::ActivePoint& point) {
-  // The three values of DSO's implementation.
+bool is_well_observed(const keyframes::ActivePoint& point, const keyframes::WindowOptions& options) {
+  // The value of DSO's implementation.
   constexpr float kMinInformation = 50.0F;
-  constexpr int kMinResiduals = 3;
-  constexpr int kMinObservations = 4;
   const std::size_t residuals = point.observations.size() + point.stereo_observations.size();
-  return static_cast<int>(residuals) >= kMinResiduals && point.good_observations >= kMinObservations &&
+  return static_cast<int>(residuals) >= options.min_residuals && point.good_observations >= options.min_observations &&
          point.information > kMinInformation;
 }
 
@@ -113,7 +111,7 @@ void retire_points(keyframes::Window& window, const keyframes::WindowOptions& op
       const bool lost = point.observations.empty() || point.rho < 0;
       if (!lost && !host.to_marginalize && !is_out_of_view(point)) continue;
       leaves[h][i] = true;
-      if (!lost && is_well_observed(point)) to_prior.push_back({h, i});
+      if (!lost && is_well_observed(point, options)) to_prior.push_back({h, i});
     }
   }
   marginalize_points(window, make_host_target_pairs(window), to_prior, options.marginal_weight);

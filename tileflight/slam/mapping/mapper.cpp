@@ -10,6 +10,7 @@
 #include "tileflight/slam/keyframes/options.h"
 #include "tileflight/slam/keyframes/pixel_selector.h"
 #include "tileflight/slam/mapping/activation.h"
+#include "tileflight/slam/mapping/depth_bounds.h"
 #include "tileflight/slam/mapping/normal_equations.h"
 #include "tileflight/slam/mapping/residual_states.h"
 #include "tileflight/slam/mapping/static_stereo.h"
@@ -169,6 +170,7 @@ keyframes::Keyframe Mapper::make_keyframe(const KeyframeCandidate& source) {
     if (source.image != nullptr) point.color = (*source.image)(pixel.x, pixel.y);
     keyframe.immature.push_back(point);
   }
+  bound_by_neighbours(source.known, keyframe.immature);
   if (window_.has_stereo()) trace_stereo_pictures(source, keyframe);
   return keyframe;
 }

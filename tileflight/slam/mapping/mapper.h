@@ -31,6 +31,8 @@ struct KeyframeCandidate {
   std::vector<keyframes::StereoPicture> stereo;  ///< by stereo camera, its brightness that of the prior; empty: none
   std::optional<inertial::Preintegration> readings = {};  ///< since the newest keyframe; without them a window that is
                                                           ///< coupled to an inertial unit is so no more
+  std::vector<tracking::ReferencePoint> known = {};  ///< pixels with known inverse distances, by which those of the
+                                                     ///< keyframe's points are bounded; empty: they may be anywhere
 };
 
 /// Counts how the keyframes' stereo pictures of one camera matched.

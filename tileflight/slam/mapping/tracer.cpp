@@ -15,7 +15,7 @@ using Eigen::Vector2f;
 using Eigen::Vector3f;
 using Status = keyframes::ImmaturePoint::Status;
 
-constexpr int kMaxSteps = 128;
+constexpr int kMaxSteps = 1024;
 
 /// Great circle of a point in the target.
 class EpipolarCurve {
@@ -134,9 +134,9 @@ struct Match {
 /// Discrete search in steps of about a pixel (DSO, section 3.2). The second-best match is taken at least 2 px from the
 /// best; in DSO's implementation more than 2 of its steps of 1 px.
 TILEFLIGHT_WIDE_VECTORS
-Match search_discrete(const EpipolarSearch& search, const Interval& interval) {
+Match search_discrete(const EpipolarSearch& search, const Interval& interval, int max_steps) {
   constexpr float kSecondBestDistance_px = 2.0F;
-  const int steps = std::min(kMaxSteps, 2 + static_cast<int>(interval.length_px));
+  const int steps = std::min({kMaxSteps, max_steps, 2 + static_cast<int>(interval.length_px)});
   const float step = (interval.phi_max - interval.phi_min) / static_cast<float>(steps - 1);
   std::array<float, kMaxSteps> energies;
   int best = -1;
@@ -260,7 +260,7 @@ void trace_point(const keyframes::Lens& lens, const keyframes::PyramidLevel& tar
   const float error_px = match_error_px(search, direction);
   if (speed <= 0 || (point.has_depth() && 2.0F * error_px > interval.length_px)) return finish(Status::kBadCondition);
 
-  Match match = search_discrete(search, interval);
+  Match match = search_discrete(search, interval, options.max_steps);
   if (!match.found) return finish(Status::kOutside);
   if (match.quality > 0 && (interval.length_px > 10.0F || match.quality < point.quality)) point.quality = match.quality;
   refine(search, match);

@@ -60,7 +60,7 @@ void prepend_reversed(std::vector<Record>& backwards, std::vector<Record>& recor
 
 void track_backwards(const std::deque<InputFrame>& frames, std::size_t count, const OdometryOptions& options,
                      const Preprocessor& preprocessor, const mapping::Mapper& mapper, const KeyframeObserver& observer,
-                     TrackingLog& log) {
+                     bool far_apart, TrackingLog& log) {
   if (count == 0) return;
   Preprocessor backwards = preprocessor;  // its lens is refined with the map
   mapping::Mapper map(mapper, backwards.lens());
@@ -69,6 +69,7 @@ void track_backwards(const std::deque<InputFrame>& frames, std::size_t count, co
   FrameTracker tracker(options, backwards, map, found, observer);
   TrackingState state =
       state_at_first_keyframe(map, backwards.lens(), log.tracked.at(0), log.tracked.at(log.tracked.size() > 1 ? 1 : 0));
+  state.far_apart = far_apart;
   for (std::size_t i = count; i-- > 0 && !tracker.lost(state);) tracker.track(state, frames[i]);
 
   const auto next = static_cast<int>(mapper.step_uncertainties().size());

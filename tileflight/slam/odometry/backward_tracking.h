@@ -16,9 +16,10 @@ namespace tileflight::odometry {
 /// Tracks the first `count` of `frames` (in order of time; the image after them is the first keyframe) from the last to
 /// the first, until too many in a row do not align. `mapper` holds the first map and nothing else, and `log` the images
 /// of the initialization; those tracked are put before them, and their keyframes and points into `log.earlier`.
-/// `observer` (may be empty) sees the keyframes in the order in which they are made.
+/// `far_apart`: the images are (TrackingState). `observer` (may be empty) sees the keyframes in the order in which they
+/// are made.
 void track_backwards(const std::deque<InputFrame>& frames, std::size_t count, const OdometryOptions& options,
                      const Preprocessor& preprocessor, const mapping::Mapper& mapper, const KeyframeObserver& observer,
-                     TrackingLog& log);
+                     bool far_apart, TrackingLog& log);
 
 }  // namespace tileflight::odometry

@@ -72,17 +72,16 @@ tracking::ImageAlignment FrameTracker::best_alignment(const TrackingState& state
 void FrameTracker::track(TrackingState& state, const InputFrame& frame) {
   auto pyramid = time_stage(log_.cpu_time.preprocessing, [&] { return preprocessor_.make_pyramid(frame); });
   keyframes::RollingShutter shutter = predict_rolling_shutter(state, frame);
-  tracking::ImageAlignment alignment =
-      time_stage(log_.cpu_time.tracking, [&] { return best_alignment(state, *pyramid, frame.time_s, shutter); });
-  if (!alignment.converged) {
-    const auto found = time_stage(log_.cpu_time.tracking, [&] { return recover(state, *pyramid); });
-    if (!found) {
-      fail(state.failures, frame, alignment);
-      return;
-    }
-    alignment = *found;
-    shutter = {};  // no velocity is known after relocalization
-  }
+  const tracking::ImageAlignment alignment = time_stage(log_.cpu_time.tracking, [&] {
+    tracking::ImageAlignment direct;
+    if (!state.far_apart) direct = best_alignment(state, *pyramid, frame.time_s, shutter);
+    if (direct.converged) return direct;
+    std::optional<tracking::ImageAlignment> found = search_wide(state, *pyramid);
+    if (!found) found = recover(state, *pyramid);
+    if (found) shutter = {};  // no velocity is known
+    return found.value_or(direct);
+  });
+  if (!alignment.converged) return fail(state, frame, alignment);
   follow(state, frame, std::move(pyramid), shutter, alignment);
 }
 
@@ -123,9 +122,60 @@ void FrameTracker::follow(TrackingState& state, const InputFrame& frame,
   }
 }
 
+/// Largest RMSE of an image that was searched for in a wide range, grey values.
+double FrameTracker::accepted_rmse(const TrackingState& state) const {
+  constexpr double kLargest = 2.0;  // relative to the last image's; chosen by hand
+  const double lost = options_.tracking.lost_rmse;
+  return state.last.rmse > 0.0 ? std::min(lost, kLargest * state.last.rmse) : lost;
+}
+
+/// Searches the image by features: in the reference, then in the other keyframes of the window, the newest first. The
+/// one that it aligns to becomes the reference.
+std::optional<tracking::ImageAlignment> FrameTracker::search_wide(TrackingState& state,
+                                                                  const keyframes::Pyramid& pyramid) {
+  WideSearch search(preprocessor_.lens(), pyramid);
+  if (!search.shows_anything()) return std::nullopt;
+  if (auto found = align_found(state, state.reference, pyramid, search)) return found;
+  state.failures.motion_px = search.motion_px();
+  for (int slot = mapper_.window().size() - 1; slot >= 0; --slot) {
+    if (mapper_.window().keyframes[slot].id == state.reference.keyframe) continue;
+    ReferenceKeyframe other = make_reference_keyframe(mapper_, preprocessor_.lens(), slot);
+    const auto found = align_found(state, other, pyramid, search);
+    if (!found) continue;
+    state.reference = std::move(other);
+    return found;
+  }
+  return std::nullopt;
+}
+
+/// Aligns the image to a keyframe from where its features are, if it stays there.
+std::optional<tracking::ImageAlignment> FrameTracker::align_found(TrackingState& state,
+                                                                  const ReferenceKeyframe& reference,
+                                                                  const keyframes::Pyramid& pyramid,
+                                                                  WideSearch& search) {
+  const auto& window = mapper_.window().keyframes;
+  const auto keyframe = std::ranges::find(window, reference.keyframe, &keyframes::Keyframe::id);
+  if (keyframe == window.end()) return std::nullopt;
+  const std::optional<WidePose> pose = search.find(*keyframe->pyramid, reference.pixels);
+  if (!pose) return std::nullopt;
+  const bool is_same = reference.keyframe == state.reference.keyframe;
+  const tracking::ImageAlignmentState start{pose->T_target_reference, is_same ? state.last.a : 0.0,
+                                            is_same ? state.last.b : 0.0};
+  const tracking::ImageAlignment found =
+      tracking::align_image(preprocessor_.lens(), reference.pixels, pyramid, start, options_.tracking);
+  // Textures repeat (lines of a field, roofs): a wrong place has matches, too, but not the keyframe's grey values.
+  const double accepted = std::max<double>(accepted_rmse(state), options_.tracking.huber);
+  if (!found.converged || found.finest_rmse() > accepted || !search.supports(found.state.T_target_reference) ||
+      tracking::correlation(preprocessor_.lens(), reference.pixels, pyramid, found.state.T_target_reference) <
+          tracking::kMinCorrelation)
+    return std::nullopt;
+  const imaging::Camera& camera = preprocessor_.camera();
+  state.far_apart = pose->motion_px > options_.window.keyframe_flow_share * (camera.width() + camera.height());
+  return found;
+}
+
 /// Relocalizes on any keyframe of the window, which then becomes the reference.
 std::optional<tracking::ImageAlignment> FrameTracker::recover(TrackingState& state, const keyframes::Pyramid& pyramid) {
-  constexpr double kAcceptedRmse = 2.0;            // relative to the last image's RMSE; chosen by hand
   if (state.failures.none()) return std::nullopt;  // a single bad image is often followed by a good one
   std::vector<ReferenceKeyframe>& references = state.failures.recovery_references;
   if (references.empty()) {
@@ -134,9 +184,8 @@ std::optional<tracking::ImageAlignment> FrameTracker::recover(TrackingState& sta
   }
   std::vector<tracking::TrackingReference> pixels;
   for (const ReferenceKeyframe& reference : references) pixels.push_back(reference.pixels);
-  const double accepted = std::min(options_.tracking.lost_rmse, kAcceptedRmse * state.last.rmse);
   const std::optional<tracking::Relocalization> found =
-      tracking::relocalize(preprocessor_.lens(), pixels, pyramid, accepted, options_.tracking);
+      tracking::relocalize(preprocessor_.lens(), pixels, pyramid, accepted_rmse(state), options_.tracking);
   if (!found) return std::nullopt;
   ++log_.relocalizations;
   state.reference = references[found->keyframe];
@@ -157,11 +206,22 @@ std::string failure_detail(const tracking::ImageAlignment& alignment, double max
          " % of its points in view)";
 }
 
+/// The same for images far apart, whose features move by `motion_px`; 0: hardly any is found again.
+std::string far_apart_detail(double motion_px) {
+  return "(the images are too far apart: " +
+         (motion_px > 0.0 ? "what is found again moves by " + base::formatted("%.0f", motion_px) + " pixels"
+                          : std::string("hardly anything is found again")) +
+         "; use images that overlap by 70 %, or --system colmap)";
+}
+
 }  // namespace
 
-void FrameTracker::fail(Failures& failures, const InputFrame& frame, const tracking::ImageAlignment& alignment) const {
+void FrameTracker::fail(TrackingState& state, const InputFrame& frame,
+                        const tracking::ImageAlignment& alignment) const {
+  Failures& failures = state.failures;
   if (failures.count++ == 0) failures.first = frame.index;
-  failures.detail = failure_detail(alignment, options_.tracking.max_log_gain);
+  failures.detail = state.far_apart ? far_apart_detail(failures.motion_px)
+                                    : failure_detail(alignment, options_.tracking.max_log_gain);
   failures.reason = "tracking lost at frame " + std::to_string(frame.index) + ": " + std::to_string(failures.count) +
                     " consecutive frames do not align with the last keyframe " + failures.detail;
 }
@@ -193,6 +253,9 @@ void FrameTracker::make_keyframe(TrackingState& state, const InputFrame& frame,
       preprocessor_.is_brightness_known(frame) ? BrightnessKnowledge::kKnown : BrightnessKnowledge::kFree;
   mapping::KeyframeCandidate candidate = make_keyframe_candidate(
       frame, std::move(pyramid), state.last.T_camera_map, brightness, preprocessor_.brightness_prior(frame), knowledge);
+  if (state.far_apart)
+    candidate.known = known_pixels(preprocessor_.lens().lenses[0], state.reference.pixels.levels[0],
+                                   alignment.state.T_target_reference);
   if (mapper_.window().has_stereo()) candidate.stereo = preprocessor_.stereo_pictures(frame);
   if (mapper_.inertial() != nullptr)
     candidate.readings = guide_->between(mapper_.window().keyframes.back().time_s, frame.time_s, mapper_);
@@ -223,7 +286,7 @@ void FrameTracker::report_keyframe(const InputFrame& frame, int slot) {
   log_.loop_keyframes.push_back({.id = keyframe.id,
                                  .frame_index = keyframe.frame_index,
                                  .T_map_camera = {},
-                                 .features = loop_closure::find_features(*keyframe.pyramid, preprocessor_.lens(), {}),
+                                 .features = keyframes::find_features(*keyframe.pyramid, preprocessor_.lens(), {}),
                                  .image = loop_closure::keep_image(*keyframe.pyramid)});
 }
 

@@ -1,7 +1,8 @@
 #pragma once
 
 // Tracking from a map on: each image is aligned to the reference keyframe, some become keyframes; images that do not
-// align are compared with all keyframes of the window. The order of the images is that of their times or the opposite
+// align are searched by features, then compared with all keyframes of the window. Images far apart are searched by
+// features first (wide_search.h). The order of the images is that of their times or the opposite
 // one: nothing here depends on its direction.
 
 #include <memory>
@@ -14,6 +15,7 @@
 #include "tileflight/slam/odometry/preprocessor.h"
 #include "tileflight/slam/odometry/tracking_log.h"
 #include "tileflight/slam/odometry/tracking_state.h"
+#include "tileflight/slam/odometry/wide_search.h"
 
 namespace tileflight::odometry {
 
@@ -44,8 +46,12 @@ class FrameTracker {
   std::vector<geometry::SE3> hypotheses(const TrackingState& state, double time_s) const;
   tracking::ImageAlignment best_alignment(const TrackingState& state, const keyframes::Pyramid& pyramid, double time_s,
                                           const keyframes::RollingShutter& shutter) const;
+  double accepted_rmse(const TrackingState& state) const;
+  std::optional<tracking::ImageAlignment> search_wide(TrackingState& state, const keyframes::Pyramid& pyramid);
+  std::optional<tracking::ImageAlignment> align_found(TrackingState& state, const ReferenceKeyframe& reference,
+                                                      const keyframes::Pyramid& pyramid, WideSearch& search);
   std::optional<tracking::ImageAlignment> recover(TrackingState& state, const keyframes::Pyramid& pyramid);
-  void fail(Failures& failures, const InputFrame& frame, const tracking::ImageAlignment& alignment) const;
+  void fail(TrackingState& state, const InputFrame& frame, const tracking::ImageAlignment& alignment) const;
   void follow(TrackingState& state, const InputFrame& frame, std::shared_ptr<const keyframes::Pyramid> pyramid,
               const keyframes::RollingShutter& shutter, const tracking::ImageAlignment& alignment);
   bool needs_keyframe(const TrackingState& state, const tracking::ImageAlignment& alignment) const;

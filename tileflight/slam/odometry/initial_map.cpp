@@ -42,10 +42,12 @@ class InitialMapBuilder {
     set_last_frame();
     for (const std::size_t pick : picks_) map_.keyframes.push_back(offset_ + pick);
     map_.tracking.initialization_end_s = frames_[map_.keyframes.back()].time_s;
+    map_.tracking.far_apart = start_.far_apart;
     return std::move(map_);
   }
 
  private:
+  tracking::ReferenceLevel corners() const;
   void rectify_frames();
   std::vector<keyframes::Keyframe> make_keyframes();
   void align_frames();
@@ -70,16 +72,22 @@ class InitialMapBuilder {
   InitialMap map_;
 };
 
-/// Rectifies the images of the initialization window to a global shutter; from then on they are used as global-shutter
-/// images.
-void InitialMapBuilder::rectify_frames() {
-  if (preprocessor_.readout_s() == 0.0) return;
-  const std::size_t last = start_.T_camera_first.size() - 1;
+/// The corners of the first image with their inverse distances.
+tracking::ReferenceLevel InitialMapBuilder::corners() const {
   tracking::ReferenceLevel corners;
   for (std::size_t i = 0; i < start_.rho.size(); ++i) {
     const auto ray = preprocessor_.lens().lenses[0].unproject(start_.pixels[i].cast<double>());
     if (ray) corners.add(start_.pixels[i], ray->cast<float>(), start_.rho[i], 0.0F);
   }
+  return corners;
+}
+
+/// Rectifies the images of the initialization window to a global shutter; from then on they are used as global-shutter
+/// images.
+void InitialMapBuilder::rectify_frames() {
+  if (preprocessor_.readout_s() == 0.0) return;
+  const std::size_t last = start_.T_camera_first.size() - 1;
+  const tracking::ReferenceLevel corners = this->corners();
   for (std::size_t k = 0; k <= last; ++k) {
     const std::size_t before = k > 0 ? k - 1 : 0, after = std::min(k + 1, last);
     const double interval_s = frame(after).time_s - frame(before).time_s;
@@ -120,8 +128,10 @@ std::vector<keyframes::Keyframe> InitialMapBuilder::make_keyframes() {
     }
     if (std::find(picks_.begin(), picks_.end(), k) == picks_.end()) continue;
     const auto knowledge = keyframes.empty() ? BrightnessKnowledge::kFixed : BrightnessKnowledge::kFree;
-    keyframes.push_back(mapper_.make_keyframe(
-        make_keyframe_candidate(frame(k), pyramid, start_.T_camera_first[k], brightness, prior, knowledge)));
+    mapping::KeyframeCandidate candidate =
+        make_keyframe_candidate(frame(k), pyramid, start_.T_camera_first[k], brightness, prior, knowledge);
+    if (start_.far_apart) candidate.known = known_pixels(lens.lenses[0], this->corners(), start_.T_camera_first[k]);
+    keyframes.push_back(mapper_.make_keyframe(candidate));
   }
   return keyframes;
 }

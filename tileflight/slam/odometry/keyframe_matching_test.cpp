@@ -32,9 +32,9 @@ const SE3 kSecond = keyframes::test_support::look_along(Vec3(1.0, 0.6, 15), Vec3
 TEST(KeyframeMatching, FindsCornersAgainUnderAnotherRollAndAWideLens) {
   const auto first = maker().features(kFirst), second = maker().features(kSecond);
   ASSERT_GT(first.size(), 200U);
-  const auto matches = loop_closure::match_features(first, second);
+  const auto matches = keyframes::match_features(first, second);
   int right = 0;
-  for (const loop_closure::FeatureMatch& match : matches) {
+  for (const keyframes::FeatureMatch& match : matches) {
     const Vec3 point = kFirst * (first[match.a].ray.cast<double>() / first[match.a].rho);
     const auto pixel = maker().camera().project(kSecond.inverse() * point);
     right += pixel && (pixel->cast<float>() - second[match.b].pixel).norm() < 3.0F * second[match.b].size_px;
@@ -45,18 +45,18 @@ TEST(KeyframeMatching, FindsCornersAgainUnderAnotherRollAndAWideLens) {
 
 TEST(KeyframeMatching, OtherGroundMatchesHardlyAnywhere) {
   const SE3 far(kFirst.rotation, kFirst.translation + Vec3(400, 300, 0));
-  EXPECT_LT(loop_closure::match_features(maker().features(kFirst), maker().features(far)).size(), 15U);
+  EXPECT_LT(keyframes::match_features(maker().features(kFirst), maker().features(far)).size(), 15U);
 }
 
 TEST(KeyframeMatching, DistanceIsTheBruteForceOne) {
   std::mt19937_64 random(3);
   for (int i = 0; i < 20; ++i) {
-    const loop_closure::BinaryDescriptor a{random(), random(), random(), random()},
+    const keyframes::BinaryDescriptor a{random(), random(), random(), random()},
         b{random(), random(), random(), random()};
     int bits = 0;
     for (int k = 0; k < 256; ++k) bits += (a[k / 64] >> (k % 64) & 1) != (b[k / 64] >> (k % 64) & 1);
-    EXPECT_EQ(loop_closure::hamming(a, b), bits);
-    EXPECT_EQ(loop_closure::hamming(a, a), 0);
+    EXPECT_EQ(keyframes::hamming(a, b), bits);
+    EXPECT_EQ(keyframes::hamming(a, a), 0);
   }
 }
 
@@ -76,9 +76,9 @@ TEST(KeyframeSimilarity, IsTheTrueOneWithItsScale) {
   std::mt19937 random(5);
   std::normal_distribution<float> noise(0.0F, 0.03F);
   auto first = maker().features(kFirst), second = maker().features(kSecond);
-  for (loop_closure::Feature& feature : first) feature.rho *= 1.0F + noise(random);
-  for (loop_closure::Feature& feature : second) feature.rho *= (1.0F + noise(random)) / static_cast<float>(kScale);
-  const auto found = loop_closure::find_similarity(first, second, loop_closure::match_features(first, second), {});
+  for (keyframes::Feature& feature : first) feature.rho *= 1.0F + noise(random);
+  for (keyframes::Feature& feature : second) feature.rho *= (1.0F + noise(random)) / static_cast<float>(kScale);
+  const auto found = loop_closure::find_similarity(first, second, keyframes::match_features(first, second), {});
   ASSERT_TRUE(found);
   const SE3 truth = kFirst.inverse() * kSecond;
   EXPECT_GT(found->inliers.size(), 60U);
@@ -90,8 +90,8 @@ TEST(KeyframeSimilarity, IsTheTrueOneWithItsScale) {
 
 TEST(KeyframeSimilarity, NeedsDistancesInBoth) {
   auto first = maker().features(kFirst), second = maker().features(kSecond);
-  for (loop_closure::Feature& feature : second) feature.rho = 0.0F;
-  EXPECT_FALSE(loop_closure::find_similarity(first, second, loop_closure::match_features(first, second), {}));
+  for (keyframes::Feature& feature : second) feature.rho = 0.0F;
+  EXPECT_FALSE(loop_closure::find_similarity(first, second, keyframes::match_features(first, second), {}));
 }
 
 }  // namespace

@@ -181,8 +181,10 @@ void OdometryPipeline::initialize(InitializationState& state, InputFrame frame) 
   for (std::size_t slot = 0; slot < map->keyframes.size(); ++slot)
     tracker().report_keyframe(state.frames[map->keyframes[slot]], static_cast<int>(slot));
   track_backwards(state.frames, map->keyframes.front(), options_, preprocessor_, mapper_, input_.keyframe_observer,
-                  log_);
-  state_ = std::move(map->tracking);
+                  map->tracking.far_apart, log_);
+  const std::deque<InputFrame> frames = std::move(state.frames);
+  TrackingState& tracking = state_.emplace<TrackingState>(std::move(map->tracking));
+  for (std::size_t i = map->keyframes.back() + 1; i < frames.size(); ++i) tracker().track(tracking, frames[i]);
 }
 
 std::optional<InitialMap> OdometryPipeline::find_initial_map(InitializationState& state) {
@@ -195,7 +197,8 @@ std::optional<InitialMap> OdometryPipeline::find_initial_map(InitializationState
   const std::optional<initialization::InitializationResult> start =
       state.initializer.add(pyramid, prior_pose(state.frames.back()));
   if (!start) return std::nullopt;
-  mapper_.use_no_stereo();  // the map has a scale of its own
+  mapper_.use_no_stereo();                                                  // the map has a scale of its own
+  if (start->far_apart) options_ = options_for_images_far_apart(options_);  // all stages refer to them
   return make_initial_map(*start, state, preprocessor_, mapper_, options_);
 }
 

@@ -5,8 +5,8 @@
 
 #include <vector>
 
+#include "tileflight/slam/keyframes/features.h"
 #include "tileflight/slam/loop_closure/keyframe_image.h"
-#include "tileflight/slam/loop_closure/keyframe_matching.h"
 #include "tileflight/slam/mapping/map.h"
 #include "tileflight/slam/odometry/synthetic_flight.h"
 
@@ -27,9 +27,9 @@ class KeyframeMaker {
   const imaging::Camera& camera() const { return scene_.camera(); }
   const keyframes::LensPyramid& lens() const { return lens_; }
 
-  std::vector<loop_closure::Feature> features(const geometry::SE3& T_local_camera) const {
-    std::vector<loop_closure::Feature> features = loop_closure::find_features(pyramid(T_local_camera), lens_, {});
-    for (loop_closure::Feature& feature : features) feature.rho = rho(T_local_camera, feature.ray);
+  std::vector<keyframes::Feature> features(const geometry::SE3& T_local_camera) const {
+    std::vector<keyframes::Feature> features = keyframes::find_features(pyramid(T_local_camera), lens_, {});
+    for (keyframes::Feature& feature : features) feature.rho = rho(T_local_camera, feature.ray);
     return features;
   }
   loop_closure::KeyframeImage image(const geometry::SE3& T_local_camera) const {

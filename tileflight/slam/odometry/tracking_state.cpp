@@ -29,6 +29,20 @@ ReferenceKeyframe make_reference_keyframe(const mapping::Mapper& mapper, const k
           tracking::make_tracking_reference(lens, *keyframe.pyramid, mapper.reference_points(slot)), 0.0};
 }
 
+std::vector<tracking::ReferencePoint> known_pixels(const keyframes::Lens& lens,
+                                                   const tracking::ReferenceLevel& reference,
+                                                   const geometry::SE3& T_target_reference) {
+  const Eigen::Matrix3f R = T_target_reference.rotation.toRotationMatrix().cast<float>();
+  const Eigen::Vector3f t = T_target_reference.translation.cast<float>();
+  std::vector<tracking::ReferencePoint> known;
+  for (std::size_t i = 0; i < reference.size(); ++i) {
+    const Eigen::Vector3f X = R * reference.ray_of(i) + reference.rho[i] * t;
+    Eigen::Vector2f pixel;
+    if (lens.project<float>(X, pixel)) known.push_back({pixel, reference.rho[i] / X.norm()});
+  }
+  return known;
+}
+
 mapping::KeyframeCandidate make_keyframe_candidate(const InputFrame& frame,
                                                    std::shared_ptr<const keyframes::Pyramid> pyramid,
                                                    const geometry::SE3& T_camera_map,

@@ -39,6 +39,7 @@ struct Failures {
   std::int64_t first = 0;                              ///< InputFrame::index of the first one
   std::string detail;                                  ///< measures of the last one, in parentheses
   std::string reason;                                  ///< of the last one
+  double motion_px = 0.0;                              ///< of features matched with the reference; 0: hardly any match
   std::vector<ReferenceKeyframe> recovery_references;  ///< the window's keyframes, newest first; empty before the first
                                                        ///< attempt to relocalize
 
@@ -52,6 +53,7 @@ struct TrackingState {
   ReferenceKeyframe reference;
   LastFrame last;
   Failures failures;
+  bool far_apart = false;  ///< the last image was found by matched features (wide_search.h), and so the next one may be
 };
 
 /// Keyframe `slot` of the mapper's window as a reference.
@@ -63,6 +65,11 @@ enum class BrightnessKnowledge {
   kKnown,  ///< by photometric calibration and exposure time
   kFree
 };
+
+/// The pixels of a reference in another image, with their inverse distances there.
+std::vector<tracking::ReferencePoint> known_pixels(const keyframes::Lens& lens,
+                                                   const tracking::ReferenceLevel& reference,
+                                                   const geometry::SE3& T_target_reference);
 
 /// The image as a keyframe for the mapper. `frame` must outlive the candidate.
 mapping::KeyframeCandidate make_keyframe_candidate(const InputFrame& frame,

@@ -43,10 +43,6 @@ using geometry::Vec3;
 
 // Chosen by hand.
 constexpr double kMinInsideShare = 0.3;
-/// Least correlation of grey values seen and expected. An alignment to another place lowers the gain and lets what does
-/// not fit saturate, so that its RMSE may pass: one did with a correlation of 0.17 (docs/trust.md). Right ones have
-/// 0.93 to 0.999.
-constexpr double kMinCorrelation = 0.6;
 
 /// Rotations around a keyframe's orientation, spaced so that the coarsest level converges from the nearest one: about
 /// the image axes, and farther about the optical axis, about which a vehicle's turn rotates a camera that looks down

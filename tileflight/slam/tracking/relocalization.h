@@ -19,6 +19,11 @@ namespace tileflight::tracking {
 double correlation(const keyframes::LensPyramid& lens, const TrackingReference& reference,
                    const keyframes::Pyramid& target, const geometry::SE3& T_target_reference);
 
+/// Least correlation of grey values seen and expected, by correlation(). An alignment to another place lowers the gain
+/// and lets what does not fit saturate, so that its RMSE may pass: one did with a correlation of 0.17 (docs/trust.md).
+/// Right ones have 0.93 to 0.999.
+inline constexpr double kMinCorrelation = 0.6;
+
 struct Relocalization {
   std::size_t keyframe = 0;  ///< index of the reference it aligned to
   ImageAlignment alignment;  ///< to that reference
