@@ -144,7 +144,9 @@ ReducedTrack reduce(const SegmentTrack& track, const StructurePoint& point, cons
   out.coupling = MatrixXd::Zero(size, 3);
   Mat3 own = Mat3::Zero();
   Eigen::Index at = kLensUnknowns;
-  for (const auto& [k, r] : views) {
+  for (const auto& view : views) {
+    const std::size_t k = view.first;
+    const Reprojection& r = view.second;
     const double weight = r.length < huber_px ? 1.0 : huber_px / r.length;
     const auto add = [&](Eigen::Index row, const auto& by) {
       const auto n = by.cols();
@@ -191,8 +193,9 @@ ReducedSegment reduce(const Segment& segment, const Projector& projector, const 
   out.b = VectorXd::Zero(size);
   out.tracks.resize(segment.tracks.size());
   for (std::size_t i = 0; i < segment.tracks.size(); ++i) {
-    if (!structure.points[i].fits) continue;
+    if (!structure.points[i].is_known) continue;
     out.tracks[i] = reduce(segment.tracks[i], structure.points[i], projector, structure, huber_px, damping);
+    if (!structure.points[i].fits) continue;  // it has no say in the poses
     const ReducedTrack& track = out.tracks[i];
     for (Eigen::Index c = 0; c < track.H.cols(); ++c) {
       for (Eigen::Index r = 0; r < track.H.rows(); ++r) out.H(track.rows[r], track.rows[c]) += track.H(r, c);
@@ -271,15 +274,16 @@ LensMatrix scaled_inverse(const LensMatrix& H) {
   return scale.asDiagonal() * inverse * scale.asDiagonal();
 }
 
-/// Errors of the corners that fit, by segment and all together.
-std::vector<double> errors_px(const std::vector<Segment>& segments, const FlightStructure& flight) {
+/// Errors of the corners that a member of StructurePoint names.
+std::vector<double> errors_px(const std::vector<Segment>& segments, bool StructurePoint::*counts,
+                              const FlightStructure& flight) {
   const Projector projector(flight.lens);
   std::vector<double> errors;
   for (std::size_t s = 0; s < segments.size(); ++s) {
     if (!flight.segments[s]) continue;
     const SegmentStructure& structure = *flight.segments[s];
     for (std::size_t i = 0; i < segments[s].tracks.size(); ++i) {
-      if (!structure.points[i].fits) continue;
+      if (!(structure.points[i].*counts)) continue;
       for_each_view(segments[s].tracks[i], structure, [&](std::size_t k, const Vec2& seen) {
         errors.push_back(
             projector.error_px(structure.T_camera_segment[k], structure.velocities[k], structure.points[i], seen));
@@ -289,8 +293,14 @@ std::vector<double> errors_px(const std::vector<Segment>& segments, const Flight
   return errors;
 }
 
+/// Standard deviation of a coordinate by the lengths of errors; zero for none.
+double noise_of(const std::vector<double>& errors_px) {
+  constexpr double kMedianOfRayleigh = 1.1774;  // of the length of a 2D normal deviate with unit sigma
+  return errors_px.empty() ? 0.0 : base::upper_median(errors_px) / kMedianOfRayleigh;
+}
+
 FitQuality quality_of(const std::vector<Segment>& segments, const FlightStructure& flight) {
-  const std::vector<double> errors = errors_px(segments, flight);
+  const std::vector<double> errors = errors_px(segments, &StructurePoint::fits, flight);
   FitQuality quality{.points = 0, .pixels = errors.size(), .rms_px = 0.0, .noise_px = 0.0};
   for (const auto& structure : flight.segments)
     if (structure)
@@ -298,8 +308,7 @@ FitQuality quality_of(const std::vector<Segment>& segments, const FlightStructur
   if (errors.empty()) return quality;
   for (const double e : errors) quality.rms_px += e * e;
   quality.rms_px = std::sqrt(quality.rms_px / static_cast<double>(errors.size()));
-  constexpr double kMedianOfRayleigh = 1.1774;  // of the length of a 2D normal deviate with unit sigma
-  quality.noise_px = base::upper_median(errors) / kMedianOfRayleigh;
+  quality.noise_px = noise_of(errors);
   return quality;
 }
 
@@ -403,13 +412,14 @@ FitQuality adjust(const std::vector<Segment>& segments, const LensPrior& prior, 
 
 FitQuality select_corners(const std::vector<Segment>& segments, double sigmas, double least_px,
                           FlightStructure& flight) {
-  const double limit_px = std::max(least_px, sigmas * quality_of(segments, flight).noise_px);
+  const double limit_px = std::max(least_px, sigmas * noise_of(errors_px(segments, &StructurePoint::is_known, flight)));
   const Projector projector(flight.lens);
   for (std::size_t s = 0; s < segments.size(); ++s) {
     if (!flight.segments[s]) continue;
     SegmentStructure& structure = *flight.segments[s];
     for (std::size_t i = 0; i < segments[s].tracks.size(); ++i) {
       StructurePoint& point = structure.points[i];
+      if (!point.is_known) continue;
       double largest = point.direction.allFinite() && std::isfinite(point.rho) ? 0.0 : kOutside_px;
       std::size_t views = 0;
       for_each_view(segments[s].tracks[i], structure, [&](std::size_t k, const Vec2& seen) {
@@ -460,7 +470,7 @@ LensUncertainty lens_uncertainty(const std::vector<Segment>& segments, const Len
     std::vector<LensVector> groups(segments[s].keyframes.size(), LensVector::Zero());
     for (std::size_t i = 0; i < segments[s].tracks.size(); ++i) {
       const ReducedTrack& track = reduced[s].tracks[i];
-      if (track.rows.empty()) continue;
+      if (!flight.segments[s]->points[i].fits) continue;
       LensVector own = track.b.head<kLensUnknowns>();
       for (std::size_t r = kLensUnknowns; r < track.rows.size(); ++r)
         own -= reduced[s].lens_by_poses.col(track.rows[r] - kLensUnknowns) * track.b[static_cast<Eigen::Index>(r)];

@@ -41,8 +41,8 @@ FitQuality adjust(const std::vector<Segment>& segments, const LensPrior& prior, 
                   FlightStructure& flight);
 
 /// Decides which corners fit: those whose largest reprojection error is at most a limit, which is `sigmas` times the
-/// noise that the median error shows, at least `least_px`. Corners that fitted before and those that did not are judged
-/// alike.
+/// noise that the median error of all known corners shows, at least `least_px`. Corners that fitted before and those
+/// that did not are judged alike.
 FitQuality select_corners(const std::vector<Segment>& segments, double sigmas, double least_px,
                           FlightStructure& flight);
 

@@ -116,7 +116,7 @@ void add_points(const keyframes::Lens& lens, const Segment& segment, std::size_t
     const double rho = std::max(0.0, initialization::triangulate_inverse_distance(T_last_host, {*ray, *other}));
     const Vec3 direction = T_segment_host.rotation * *ray + rho * T_segment_host.translation;
     const double length = direction.norm();
-    point = {direction / length, rho / length, true};
+    point = {direction / length, rho / length, true, true};
   }
 }
 
@@ -137,7 +137,7 @@ std::optional<SegmentStructure> start_structure(const imaging::Camera& camera, c
   structure.T_camera_segment.insert(structure.T_camera_segment.end(), bundle->T_camera_first.begin(),
                                     bundle->T_camera_first.end());
   for (std::size_t i = 0; i < start.tracks.size(); ++i)
-    structure.points[start.track_of_segment[i]] = {start.tracks[i].ray, bundle->rho[i], true};
+    structure.points[start.track_of_segment[i]] = {start.tracks[i].ray, bundle->rho[i], true, true};
   for (std::size_t k = 2; k <= last; ++k) add_points(lens, segment, k, structure);
   for (std::size_t k = last + 1; k < segment.keyframes.size(); ++k) {
     const auto [tracks, rho] =

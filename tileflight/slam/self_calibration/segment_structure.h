@@ -19,7 +19,8 @@ namespace tileflight::self_calibration {
 struct StructurePoint {
   geometry::Vec3 direction = geometry::Vec3::UnitZ();  ///< unit
   double rho = 0.0;
-  bool fits = false;  ///< whether it is known and its reprojections are small
+  bool is_known = false;
+  bool fits = false;  ///< whether it is known and its reprojections are small; else it follows the poses
 };
 
 /// Structure and motion of a segment.

@@ -145,6 +145,8 @@ struct ModelFit {
   LensPrior prior;
   FlightStructure structure;
   double cost_px2 = 0.0;
+  LensVector held_sigma = LensVector::Zero();   ///< of unknowns that are held at the guess
+  std::array<bool, kLensUnknowns> is_unseen{};  ///< of these, the ones that the motion does not show
 };
 
 ModelFit fit_model(const FollowedFlight& flight, const Trial& trial) {
@@ -169,6 +171,7 @@ void adjust_readout(const FollowedFlight& flight, bool estimate, ModelFit& fit) 
   constexpr int kRounds = 3;
   fit.prior.is_free = kAllButReadout;
   fit.prior.is_free[kReadout] = estimate;
+  if (!estimate) fit.held_sigma[kReadout] = fit.prior.sigma[kReadout];
   for (int round = 0; round < kRounds; ++round) {
     const imaging::Camera camera = fit.structure.lens.camera();
     tbb::parallel_for(std::size_t{0}, flight.segments.size(), [&](std::size_t s) {
@@ -180,31 +183,49 @@ void adjust_readout(const FollowedFlight& flight, bool estimate, ModelFit& fit) 
   }
 }
 
-/// Whether an unknown stays at the guess: the motion hardly shows it, or it is a readout that is hardly any.
-bool is_undetermined(int unknown, const ModelFit& fit, const LensUncertainty& uncertainty) {
-  constexpr double kReadoutSigmas = 4.0;
-  const double sigma = uncertainty.sigma[unknown];
-  if (unknown == kReadout &&
-      std::abs(fit.structure.lens.values[kReadout] - fit.prior.mean[kReadout]) < kReadoutSigmas * sigma)
-    return true;
-  return !(sigma < kDetermined * fit.prior.sigma[unknown]);
+/// Holds an unknown at the guess.
+void hold(int unknown, double sigma, ModelFit& fit) {
+  fit.prior.is_free[unknown] = false;
+  fit.structure.lens.values[unknown] = fit.prior.mean[unknown];
+  fit.held_sigma[unknown] = sigma;
 }
 
-/// Holds the unknowns that the motion does not show at the guess, and returns the standard deviations of the others.
-LensUncertainty hold_undetermined(const FollowedFlight& flight, ModelFit& fit) {
+/// Holds unknowns that the motion does not show; if there are none, one that does not differ from the guess. Returns
+/// whether there was one.
+bool hold_some(const LensUncertainty& uncertainty, ModelFit& fit) {
+  bool has_held = false;
+  for (int i = kLogFocal + 1; i < kLensUnknowns; ++i) {
+    if (!fit.prior.is_free[i] || uncertainty.sigma[i] < kDetermined * fit.prior.sigma[i]) continue;
+    fit.is_unseen[i] = has_held = true;
+    hold(i, fit.prior.sigma[i], fit);
+  }
+  if (has_held) return true;
+  // The least important ones first: each one that is free blurs the others. Pixels are square and lenses centred, so
+  // that a difference must be clear; a distortion is left out only if it may as well be none.
+  constexpr double kClear = 3.0, kFaint = 1.5;  // sigmas
+  const double tangential = fit.structure.lens.model == LensModel::kPinhole ? kClear : kFaint;
+  for (const auto& [i, sigmas] : {std::pair<int, double>{kReadout, kClear},
+                                  {kFirstDistortion + 3, tangential},
+                                  {kFirstDistortion + 2, tangential},
+                                  {kFirstDistortion + 1, kFaint},
+                                  {kLogAspect, kClear}}) {
+    if (!fit.prior.is_free[i]) continue;
+    const double difference = std::abs(fit.structure.lens.values[i] - fit.prior.mean[i]);
+    if (difference > sigmas * uncertainty.sigma[i]) continue;
+    hold(i, uncertainty.sigma[i], fit);
+    return true;
+  }
+  return false;
+}
+
+/// Adjusts with fewer and fewer unknowns of the lens free, and returns their standard deviations.
+LensUncertainty adjust_what_is_shown(const FollowedFlight& flight, ModelFit& fit) {
   LensUncertainty uncertainty;
-  for (bool has_held = true; has_held;) {
-    has_held = false;
+  do {
     const double noise = noise_px(flight, fit.structure);
     adjust(flight.segments, fit.prior, noise, 15, fit.structure);
     uncertainty = lens_uncertainty(flight.segments, fit.prior, noise, fit.structure);
-    for (int i = kLogFocal + 1; i < kLensUnknowns; ++i) {
-      if (!fit.prior.is_free[i] || !is_undetermined(i, fit, uncertainty)) continue;
-      fit.prior.is_free[i] = false;
-      fit.structure.lens.values[i] = fit.prior.mean[i];
-      has_held = true;
-    }
-  }
+  } while (hold_some(uncertainty, fit));
   return uncertainty;
 }
 
@@ -240,7 +261,7 @@ std::vector<ParameterEstimate> parameters_of(const FollowedFlight& flight, const
   const LensVector value = full(fit.structure.lens.values), guess = full(fit.prior.mean);
   LensVector sigma = uncertainty.sigma;
   for (int i = 0; i < kLensUnknowns; ++i)
-    if (!fit.prior.is_free[i]) sigma[i] = fit.prior.sigma[i];
+    if (!fit.prior.is_free[i]) sigma[i] = fit.held_sigma[i];
   sigma[kLogAspect] = value[kLogAspect] * std::hypot(sigma[kLogFocal], sigma[kLogAspect]);
   sigma[kLogFocal] *= value[kLogFocal];
   sigma[kCenterX] *= factor;
@@ -298,8 +319,8 @@ void warn_of_weak_motion(const FollowedFlight& flight, const ModelFit& fit, cons
                                    " degrees in a part of the flight)",
                                "lens", Severity::kWarning, kRemedy});
   std::vector<std::string> held;
-  for (const ParameterEstimate& p : result.parameters)
-    if (p.is_held && p.name != "line_delay") held.push_back(p.name == "fy" ? "fy / fx" : p.name);
+  for (int i = kLogAspect; i < kReadout; ++i)
+    if (fit.is_unseen[i]) held.push_back(i == kLogAspect ? "fy / fx" : result.parameters[i].name);
   if (!held.empty())
     result.warnings.push_back(
         {"the motion does not show " + base::joined(held) + ": held at the guess", "lens", Severity::kNote, ""});
@@ -339,7 +360,7 @@ LensEstimate estimate_lens(const FollowedFlight& flight, const LensGuess& guess,
     return result;
   }
   adjust_readout(flight, estimate_line_delay && flight.has_times, fit);
-  const LensUncertainty uncertainty = hold_undetermined(flight, fit);
+  const LensUncertainty uncertainty = adjust_what_is_shown(flight, fit);
   const FitQuality quality = select_corners(flight.segments, kFitSigmas, kLeastLimit_px, fit.structure);
   result.parameters = parameters_of(flight, fit, uncertainty);
   result.focal_sigma = uncertainty.sigma[kLogFocal];

@@ -44,7 +44,9 @@ struct ParameterEstimate {
   double value = 0.0;  ///< pixels; seconds for line_delay
   double sigma = 0.0;  ///< standard deviation; of a held one that of the guess
   double guess = 0.0;
-  bool is_held = false;  ///< at the guess, because the motion does not show it
+  /// Whether it is left at the guess: the motion does not show it (a note names it), or it hardly differs from the
+  /// guess: by less than three standard deviations (line_delay, fy, p1, p2) or one and a half (k2, k3, k4).
+  bool is_held = false;
 };
 
 /// Result of estimate_lens().
