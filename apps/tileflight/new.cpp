@@ -44,7 +44,7 @@ std::string project_text(const project::Project& made) {
   for (const project::Choice& choice : made.choices)
     text << "  " << choice.key << (choice.value.empty() ? "" : " " + choice.value) << "\n    " << choice.reason << " ("
          << to_string(choice.certainty) << ")\n";
-  for (const std::string& warning : made.warnings) text << "warning: " << warning << "\n";
+  for (const std::string& warning : made.warnings) text << "note: " << warning << "\n";
   return text.str();
 }
 

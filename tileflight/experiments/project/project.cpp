@@ -64,7 +64,8 @@ void choose_step(const Recording& recording, const ImageFindings& images, Projec
 
 void choose_mask(const ImageFindings& images, const fs::path& folder, Project& project) {
   if (images.mask.empty()) {
-    project.choices.push_back({"odometry", "mask", "", "nothing stands still in the images", Certainty::kLikely});
+    project.choices.push_back(
+        {"odometry", "mask", "", "no edges were found that stand still while the rest moves", Certainty::kLikely});
     return;
   }
   imaging::write_gray(folder / "mask.png", images.mask);
@@ -75,12 +76,14 @@ void choose_mask(const ImageFindings& images, const fs::path& folder, Project& p
        Certainty::kLikely});
 }
 
-void choose_shutter(const Recording& recording, const imaging::Calibration& calibration, Project& project) {
-  if (calibration.line_delay_s != 0.0) {
+void choose_shutter(const Recording& recording, const LensChoice& lens, Project& project) {
+  const double line_delay_s = lens.calibration.line_delay_s;
+  if (line_delay_s != 0.0) {
     project.choices.push_back({"odometry", "estimate_line_delay", "false",
-                               base::formatted("the calibration has the rolling shutter's: %.1f ms from the first row "
-                                               "to the last",
-                                               1e3 * calibration.line_delay_s * recording.height)});
+                               base::formatted("camera.yaml has the rolling shutter's: %.1f ms from the first row to "
+                                               "the last",
+                                               1e3 * line_delay_s * recording.height),
+                               lens.choice.certainty});
     return;
   }
   const bool is_video = !recording.is_folder();
@@ -198,7 +201,7 @@ std::string experiment_text(const Project& project, const std::string& name) {
       "# Made by `tileflight new` (" + base::version() +
       ") from what the recording says. Each line has its reason, and how sure it is. Change\n# what is wrong, then:\n"
       "#   tileflight run experiment.yaml --out results\n";
-  for (const std::string& warning : project.warnings) head += "# Warning: " + warning + "\n";
+  for (const std::string& warning : project.warnings) head += "# Note: " + warning + "\n";
   return head + "name: " + quoted(name) + "\nseed: 1\n" + sections.text();
 }
 
@@ -237,7 +240,7 @@ Project make_project(const ProjectOptions& options, const fs::path& folder, bool
     lens.choice.value = quoted("camera.yaml");
     project.choices.push_back(lens.choice);
     choose_step(recording, images, project);
-    choose_shutter(recording, lens.calibration, project);
+    choose_shutter(recording, lens, project);
     choose_mode(recording, project);
     choose_place(options, recording, images, lens.calibration.camera, temporary, folder, project, progress);
     write_camera(temporary / "camera.yaml", lens.calibration, lens.choice);

@@ -126,6 +126,15 @@ TEST_F(ANewProject, FindsWhatHeightsAreAboveByTheGroundOfTheTakeOff) {
   EXPECT_THAT(choice(project, "telemetry_height").reason, HasSubstr("begins on the ground"));
 }
 
+TEST_F(ANewProject, FliesOverAHoleInThePlace) {
+  // Six metres without surface in the east, where the flight takes off.
+  tests::TinyPlace::write_file(folder_ / "place/1.glb", tests::TinyPlace::glb(6.0, -40.0, 34.0, 40));
+  tests::TinyPlace::write_file(folder_ / "place/3.glb", tests::TinyPlace::glb(6.0, 0.0, 34.0, 40));
+  const Project project = make_project(options(), folder_ / "project", false);
+  EXPECT_NEAR(std::stod(choice(project, "from").value), 2.4, 0.3);
+  EXPECT_EQ(choice(project, "telemetry_height").value, "takeoff");
+}
+
 TEST_F(ANewProject, WithoutAPlaceStillTracks) {
   ProjectOptions without = options();
   without.place.clear();

@@ -56,12 +56,25 @@ std::optional<Reference> reference_of(const Recording& recording, const std::str
   }
 }
 
-/// The ground below a position, by the view from above; NaN outside.
-double ground_below_m(const preview::GroundView& view, const Vec3& position) {
+/// The median height of the surface in a square about a position, by the view from above; NaN if there is none.
+double ground_around_m(const preview::GroundView& view, const Vec3& position, double radius_m) {
   const geometry::Vec2 pixel = view.grid.pixel_at(position);
-  const int x = static_cast<int>(std::lround(pixel.x())), y = static_cast<int>(std::lround(pixel.y()));
-  if (x < 0 || y < 0 || x >= view.grid.width || y >= view.grid.height) return std::numeric_limits<double>::quiet_NaN();
-  return view.image.height_m(x, y);
+  const int radius = static_cast<int>(radius_m / view.grid.pixel_m);
+  const int middle_x = static_cast<int>(std::lround(pixel.x())), middle_y = static_cast<int>(std::lround(pixel.y()));
+  std::vector<double> heights_m;
+  for (int y = std::max(0, middle_y - radius); y <= std::min(view.grid.height - 1, middle_y + radius); ++y)
+    for (int x = std::max(0, middle_x - radius); x <= std::min(view.grid.width - 1, middle_x + radius); ++x)
+      if (std::isfinite(view.image.height_m(x, y))) heights_m.push_back(view.image.height_m(x, y));
+  return heights_m.empty() ? std::numeric_limits<double>::quiet_NaN() : base::median(heights_m);
+}
+
+/// The ground below a position; at a hole in the surface, the ground nearby. NaN where the place has no surface.
+double ground_below_m(const preview::GroundView& view, const Vec3& position) {
+  for (const double radius_m : {0.0, 2.0, 5.0, 10.0, 20.0}) {
+    const double height_m = ground_around_m(view, position, radius_m);
+    if (std::isfinite(height_m)) return height_m;
+  }
+  return std::numeric_limits<double>::quiet_NaN();
 }
 
 void measure_heights(const preview::GroundView& view, const geometry::LocalFrame& frame, Reference& reference) {
@@ -126,8 +139,7 @@ ChosenReference choose_among(const std::vector<Reference>& all, const flight_log
   if (const auto stated = stated_reference(telemetry)) {
     if (const Reference* reference = find(*stated)) {
       const bool is_concluded = !telemetry.height_datum_note.empty();
-      return {reference, is_concluded ? telemetry.height_datum_note : "the log states it",
-              is_concluded ? Certainty::kLikely : Certainty::kCertain};
+      return {reference, is_concluded ? telemetry.height_datum_note : "the log or its format states it"};
     }
   }
   if (const Reference* takeoff = find("takeoff"))
@@ -394,8 +406,7 @@ std::vector<Choice> choose_height_reference(const Recording& recording) {
   if (const std::optional<std::string> stated = stated_reference(telemetry)) {
     const bool is_concluded = !telemetry.height_datum_note.empty();
     return {{"real.ingest", "telemetry_height", *stated,
-             is_concluded ? telemetry.height_datum_note : "the log states it",
-             is_concluded ? Certainty::kLikely : Certainty::kCertain}};
+             is_concluded ? telemetry.height_datum_note : "the log or its format states it", Certainty::kLikely}};
   }
   if (reference_of(recording, "sea-level"))
     return {{"real.ingest", "telemetry_height", "sea-level",
