@@ -36,7 +36,7 @@ void give_large_blocks_own_pages() {
 #endif
 }
 
-/// A recording given in place of an experiment.
+/// Tells whether a recording is given in place of an experiment.
 bool is_recording(const std::filesystem::path& file) {
   const std::string ending = file.extension().string();
   return std::filesystem::is_directory(file) ||

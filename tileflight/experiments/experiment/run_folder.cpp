@@ -56,7 +56,7 @@ bool is_run(const fs::path& folder) {
   return marker ? marker->command == "run" : has_stage_records(folder);
 }
 
-/// Whether the folder holds nothing but the project that `run VIDEO` makes in it.
+/// Tells whether the folder holds nothing but the project that `run VIDEO` makes in it.
 bool is_unused(const fs::path& folder) {
   const auto is_project = [](const fs::path& path) {
     const auto marker = base::read_folder_marker(path);

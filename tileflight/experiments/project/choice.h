@@ -16,7 +16,7 @@ inline const char* to_string(Certainty certainty) {
   return certainty == Certainty::kCertain ? "certain" : certainty == Certainty::kLikely ? "likely" : "a guess";
 }
 
-/// A setting of an experiment that was chosen from what a recording says.
+/// Holds a setting of an experiment that was chosen from what a recording says.
 struct Choice {
   std::string section;  ///< of the experiment, "place" or "real.ingest"
   std::string key;      ///< "every"

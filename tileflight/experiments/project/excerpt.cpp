@@ -10,12 +10,12 @@ namespace {
 
 constexpr double kShortest_s = 2.0;  // an excerpt is not cut below this length
 
-/// Indices of the first and last sample of a part.
+/// Holds the indices of the first and last sample of a part.
 struct Part {
   std::size_t first = 0, last = 0;
 };
 
-/// The longest run of samples inside the place; nullopt if there is none.
+/// Returns the longest run of samples inside the place; nullopt if there is none.
 std::optional<Part> longest_inside(const std::vector<TrackSample>& track) {
   std::optional<Part> longest;
   const auto length_s = [&](const Part& part) { return track[part.last].time_s - track[part.first].time_s; };
@@ -29,7 +29,7 @@ std::optional<Part> longest_inside(const std::vector<TrackSample>& track) {
   return longest;
 }
 
-/// The height that the flight usually has; nullopt if it stays on the ground.
+/// Returns the height that the flight usually has; nullopt if it stays on the ground.
 std::optional<double> usual_height_m(const std::vector<TrackSample>& track, const Part& part) {
   constexpr double kOnGround_m = 3.0;
   std::vector<double> heights_m;

@@ -8,14 +8,14 @@
 
 namespace tileflight::project {
 
-/// A logged position by what decides whether the flight is worth tracking there.
+/// Holds of a logged position what decides whether the flight is worth tracking there.
 struct TrackSample {
   double time_s = 0.0;    ///< on the video's clock
   double height_m = 0.0;  ///< above the ground, or above the take-off point
   bool is_inside = true;  ///< whether the place has a surface below
 };
 
-/// The part of a recording to use.
+/// States which part of a recording to use.
 struct Excerpt {
   double from_s = 0.0;
   std::optional<double> to_s;   ///< nullopt: to the end

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/order_statistics.h"
 #include "tileflight/core/imaging/image_files.h"
@@ -17,9 +18,10 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::size_t kPairs = 32;
-constexpr std::size_t kStills = 16;  // as many as find_static_pixels() looks at
+constexpr std::size_t kFewestPairs = 3;  // from which anything is concluded
+constexpr std::size_t kStills = 16;      // as many as find_static_pixels() looks at
 
-/// Two consecutive frames of a video.
+/// Holds two consecutive frames of a video.
 struct FramePair {
   double time_s = 0.0, period_s = 0.0;
   imaging::RgbImage first, second;
@@ -97,13 +99,37 @@ class Findings {
     ++count_;
   }
 
+  bool is_empty() const { return count_ == 0; }
+  void add_fault(const InputError& fault) { base::add_distinct({fault.what()}, result_.warnings); }
+
   ImageFindings finish() {
+    warn_of_blank_images();
+    warn_of_still_images();
     result_.mask =
         odometry::find_static_pixels(stills_.size(), [&](std::size_t i) { return std::optional(stills_[i]); });
     return std::move(result_);
   }
 
  private:
+  void warn_of_blank_images() {
+    const auto images =
+        odometry::summarize_images(stills_.size(), [&](std::size_t i) { return std::optional(stills_[i]); });
+    for (const odometry::BlankImages& blank : odometry::find_blank_images(images))
+      result_.warnings.push_back(
+          base::formatted("%zu of %zu images that were looked at are %s one after the other: "
+                          "nothing can be tracked in them",
+                          blank.last - blank.first + 1, images.size(), blank.look.c_str()));
+  }
+
+  void warn_of_still_images() {
+    constexpr double kStill = 0.002;  // share of the width a second: a tenth of what a slow flight shows
+    const auto is_still = [](const MotionSample& sample) { return sample.share_per_s && *sample.share_per_s < kStill; };
+    if (result_.motion.size() < kFewestPairs || !std::ranges::all_of(result_.motion, is_still)) return;
+    result_.warnings.emplace_back(
+        "the image hardly moves from frame to frame wherever it was looked at: a flight that stands still gives no "
+        "map");
+  }
+
   std::size_t pairs_, count_ = 0;
   const Progress& progress_;
   ImageFindings result_;
@@ -137,15 +163,21 @@ ImageFindings examine_images(const Recording& recording, const Progress& progres
   Findings findings(pairs, progress);
   const double frames = recording.duration_s * recording.frames_per_second;
   if (!recording.is_folder() && recording.parts.size() == 1 && frames < kMostInOnePass) {
-    examine_in_one_pass(recording.parts.front(), static_cast<std::size_t>(frames), findings);
+    try {
+      examine_in_one_pass(recording.parts.front(), static_cast<std::size_t>(frames), findings);
+    } catch (const InputError& fault) {
+      if (findings.is_empty()) throw;
+      findings.add_fault(fault);
+    }
     return findings.finish();
   }
   for (std::size_t i = 0; i < pairs; ++i) {
     try {
       const double share = static_cast<double>(i) / static_cast<double>(std::max<std::size_t>(1, pairs - 1));
       if (const std::optional<FramePair> pair = read_pair(recording, share)) findings.add(*pair);
-    } catch (const InputError&) {
-      if (i == 0) throw;  // damage elsewhere is named by the stages that use the frames
+    } catch (const InputError& fault) {
+      if (findings.is_empty()) throw;
+      findings.add_fault(fault);
     }
   }
   return findings.finish();
@@ -156,7 +188,7 @@ std::optional<FrameStep> choose_frame_step(const std::vector<MotionSample>& moti
   std::vector<double> shares;
   for (const MotionSample& sample : motion)
     if (sample.share_per_s) shares.push_back(*sample.share_per_s);
-  if (shares.size() < 3 || !(frames_per_second > 0.0)) return std::nullopt;
+  if (shares.size() < kFewestPairs || !(frames_per_second > 0.0)) return std::nullopt;
   const double share_per_frame = base::lower_quantile(shares, kFast) / frames_per_second;
   const double most = std::max(1.0, frames_per_second / kFewestPerSecond);
   const double step = share_per_frame > 0.0 ? std::min(most, kMostShare / share_per_frame) : most;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "tileflight/core/base/progress.h"
@@ -9,7 +10,7 @@
 
 namespace tileflight::project {
 
-/// The motion of a recording's image at one moment.
+/// States how a recording's image moves at one moment.
 struct MotionSample {
   double time_s = 0.0;
   /// Median displacement of corners between two frames, as a share of the image's width for each second; nullopt: too
@@ -17,17 +18,18 @@ struct MotionSample {
   std::optional<double> share_per_s;
 };
 
-/// What some frames of a recording, spread evenly over it, show.
+/// Holds what some frames of a recording show, spread evenly over it.
 struct ImageFindings {
-  std::vector<MotionSample> motion;  ///< in order of time
-  imaging::GrayImage mask;           ///< of find_static_pixels(), full size; empty: nothing stands still
+  std::vector<MotionSample> motion;   ///< in order of time
+  imaging::GrayImage mask;            ///< of find_static_pixels(), full size; empty: nothing stands still
+  std::vector<std::string> warnings;  ///< images that show nothing or stand still, damage; a sentence each
 };
 
-/// Decodes at most 32 pairs of consecutive frames and measures motion and what stands still. Throws
-/// InputError as video::read_video if the first frames cannot be decoded.
+/// Decodes some 32 pairs of consecutive frames and measures motion and what stands still. Damage
+/// behind the first pair is a warning. Throws InputError as video::read_video if the first pair cannot be decoded.
 ImageFindings examine_images(const Recording& recording, const Progress& progress = {});
 
-/// A step between the frames that are used.
+/// States which frames are used, and how the image moves between them.
 struct FrameStep {
   int every = 1;
   double share = 0.0;  ///< of the width, by which fast parts move from one frame that is used to the next

@@ -90,8 +90,8 @@ imaging::Camera lens_of_fov(const Recording& recording, double fov_deg) {
                                     : imaging::make_pinhole(recording.width, recording.height, fov_deg);
 }
 
-/// The field of view of a 35 mm film camera with a focal length, for images of another shape by their diagonal (CIPA
-/// DCG-001).
+/// Returns the field of view of a 35 mm film camera with a focal length, for images of another shape by their diagonal
+/// (CIPA DCG-001).
 double fov_of_35mm_deg(const Recording& recording, double focal_mm) {
   constexpr double kDiagonal_mm = 43.27;
   const double diagonal_px = std::hypot(recording.width, recording.height);
@@ -126,8 +126,13 @@ void estimate_from_images(const Recording& recording, const fs::path& mask, Lens
                           const Progress& progress) {
   self_calibration::LensEstimateOptions options;
   options.images.mask = mask;
-  const self_calibration::LensEstimate estimate =
-      self_calibration::estimate_lens(recording.parts.front(), *lens.guess, options, progress);
+  self_calibration::LensEstimate estimate;
+  try {
+    estimate = self_calibration::estimate_lens(recording.parts.front(), *lens.guess, options, progress);
+  } catch (const InputError& fault) {  // damage, which the stages that use the frames name, too
+    lens.warnings.push_back(std::string("the lens is not estimated from the images: ") + fault.what());
+    return;
+  }
   if (estimate.is_estimated) lens.warnings.clear();  // they are about the guess
   for (const Warning& warning : estimate.warnings) base::add_distinct({warning.message}, lens.warnings);
   if (!estimate.is_estimated) return;

@@ -13,18 +13,18 @@
 
 namespace tileflight::project {
 
-/// What a user says of the lens; all of it may be missing.
+/// Holds what a user says of the lens; all of it may be missing.
 struct LensHints {
   std::filesystem::path camera;    ///< calibration or lens profile
   std::filesystem::path profiles;  ///< folder of lens profiles
   std::optional<double> fov_deg;   ///< horizontal field of view
 };
 
-/// A recording's lens.
+/// Holds the lens that was chosen for a recording.
 struct LensChoice {
   imaging::Calibration calibration;  ///< for images of the recording's size
   Choice choice;                     ///< real.ingest.camera; its value is set by the caller
-  /// What estimate_from_images() begins with, if the lens is a guess.
+  /// Estimation from the images begins with this, if the lens is a guess (estimate_from_images()).
   std::optional<self_calibration::LensGuess> guess;
   std::vector<std::string> warnings;
 };

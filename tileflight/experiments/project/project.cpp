@@ -21,10 +21,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// A text as YAML reads it back, whatever characters it holds.
+/// Returns a text as YAML reads it back, whatever characters it holds.
 std::string quoted(const std::string& text) { return nlohmann::json(text).dump(); }
 
-/// A file as the experiment names it: relative to the project if both are in one folder, else absolute.
+/// Returns a file as the experiment names it: relative to the project if both are in one folder, else absolute.
 std::string path_text(const fs::path& file, const fs::path& project) {
   const fs::path absolute = fs::absolute(file).lexically_normal();
   const fs::path base = fs::absolute(project).lexically_normal();
@@ -101,7 +101,8 @@ void choose_mode(const Recording& recording, Project& project) {
        Certainty::kLikely});
 }
 
-/// The heights above take-off that a log on the video's clock states; empty if it does not state them throughout.
+/// Returns the heights above take-off that a log on the video's clock states; empty if it does not state them
+/// throughout.
 std::vector<TrackSample> track_above_takeoff(const Recording& recording) {
   std::vector<TrackSample> track;
   if (!recording.has_video_clock) return track;
@@ -232,6 +233,7 @@ Project make_project(const ProjectOptions& options, const fs::path& folder, bool
   project.choices = recording.choices;
   LensChoice lens = choose_lens(recording, options.lens, progress);
   const ImageFindings images = examine_images(recording, progress);
+  base::add_distinct(images.warnings, project.warnings);
   base::write_folder(output, [&](const fs::path& temporary) {
     choose_mask(images, temporary, project);
     if (lens.guess)

@@ -15,7 +15,7 @@
 
 namespace tileflight::project {
 
-/// Input of make_project().
+/// Holds the input of make_project().
 struct ProjectOptions {
   RecordingFiles files;
   std::string place;                         ///< SOURCE of the contract; empty: the flight is tracked without a place
@@ -24,7 +24,7 @@ struct ProjectOptions {
   fetch::SourceOptions source_options;
 };
 
-/// A project folder.
+/// Describes a project folder.
 struct Project {
   std::filesystem::path experiment;   ///< experiment.yaml
   std::vector<Choice> choices;        ///< in the order of the file
@@ -37,7 +37,7 @@ struct Project {
 Project make_project(const ProjectOptions& options, const std::filesystem::path& folder, bool replace,
                      const Progress& progress = {});
 
-/// {experiment, choices: [{section, key, value, reason, certainty}], warnings}.
+/// Returns {experiment, choices: [{section, key, value, reason, certainty}], warnings}.
 nlohmann::json to_json(const Project& project);
 
 }  // namespace tileflight::project

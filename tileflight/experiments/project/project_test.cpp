@@ -135,6 +135,42 @@ TEST_F(ANewProject, FliesOverAHoleInThePlace) {
   EXPECT_EQ(choice(project, "telemetry_height").value, "takeoff");
 }
 
+TEST_F(ANewProject, NamesALogWithoutHeights) {
+  std::string text = base::read_text(folder_ / "card/flight.srt");
+  for (std::size_t at = text.find("[rel_alt"); at != std::string::npos; at = text.find("[rel_alt"))
+    text.erase(at, text.find(']', at) - at + 1);
+  base::write_file(folder_ / "card/flight.srt", text);
+  const Project project = make_project(options(), folder_ / "project", false);
+  EXPECT_THAT(project.warnings, ::testing::Contains(HasSubstr("its positions have no heights")));
+  EXPECT_EQ(choice(project, "telemetry").value, "");
+  EXPECT_FALSE(experiment::read_experiment(folder_ / "project/experiment.yaml").real->ingest->telemetry_offset_s);
+}
+
+TEST_F(ANewProject, SaysThatTheImageStandsStill) {
+  video::VideoWriter video(folder_ / "card/flight.mp4", 160, 120, {.frames_per_second = 15.0, .compression = {}});
+  for (int i = 0; i < 15 * 8; ++i) video.add(picture(0));
+  video.finish();
+  const Project project = make_project(options(), folder_ / "project", false);
+  EXPECT_THAT(project.warnings, ::testing::Contains(HasSubstr("the image hardly moves")));
+}
+
+TEST_F(ANewProject, NamesImagesThatShowNothing) {
+  video::VideoWriter video(folder_ / "card/flight.mp4", 160, 120, {.frames_per_second = 15.0, .compression = {}});
+  for (int i = 0; i < 15 * 8; ++i) video.add(i < 60 ? imaging::RgbImage(160, 120) : picture(i));
+  video.finish();
+  const Project project = make_project(options(), folder_ / "project", false);
+  EXPECT_THAT(project.warnings, ::testing::Contains(HasSubstr("nearly black")));
+}
+
+TEST_F(ANewProject, GoesOnBehindDamageInTheVideo) {
+  const std::string whole = base::read_text(folder_ / "card/flight.mp4");
+  std::string damaged = whole;  // bytes of the images in the second half, between the boxes of the file
+  for (std::size_t i = damaged.size() / 2; i < damaged.size() / 2 + 3000; ++i) damaged[i] = '\x55';
+  base::write_file(folder_ / "card/flight.mp4", damaged);
+  const Project project = make_project(options(), folder_ / "project", false);
+  EXPECT_THAT(project.warnings, ::testing::Contains(HasSubstr("damaged")));
+}
+
 TEST_F(ANewProject, WithoutAPlaceStillTracks) {
   ProjectOptions without = options();
   without.place.clear();

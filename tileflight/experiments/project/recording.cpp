@@ -1,5 +1,7 @@
 #include "tileflight/experiments/project/recording.h"
 
+#include <string.h>  // strverscmp
+
 #include <algorithm>
 #include <functional>
 
@@ -32,7 +34,9 @@ bool may_be_video(const fs::path& file) {
 
 void examine_videos(const std::vector<fs::path>& videos, Recording& recording) {
   recording.parts = videos;
-  std::ranges::stable_sort(recording.parts, {}, [](const fs::path& file) { return file.filename().string(); });
+  std::ranges::stable_sort(recording.parts, [](const fs::path& a, const fs::path& b) {
+    return strverscmp(a.filename().c_str(), b.filename().c_str()) < 0;
+  });
   ingest::check_chapters(recording.parts);
   const video::VideoInfo first = video::probe_video(recording.parts.front());
   for (const fs::path& part : recording.parts) {
@@ -85,10 +89,24 @@ fs::path first_readable(const std::vector<fs::path>& files, const std::function<
   return {};
 }
 
-/// A clause that says why a file beside the video is taken.
+/// Returns a clause that says why a file beside the video is taken.
 std::string why_beside(const fs::path& file, const fs::path& video) {
   return file.stem() == video.stem() ? "it lies beside the video and has its name"
                                      : "it lies beside the video, the only one in its folder";
+}
+
+/// Positions need a height to place anything: without one, the log is not used, with a warning.
+void leave_out_positions_without_heights(Recording& recording) {
+  const auto has_height = [](const flight_logs::TelemetryFix& fix) {
+    return fix.absolute_height_m.has_value() || fix.height_above_takeoff_m.has_value();
+  };
+  if (!recording.has_positions() || std::ranges::any_of(recording.telemetry.fixes, has_height)) return;
+  recording.warnings.push_back(recording.telemetry_source.string() +
+                               ": its positions have no heights, so they are not used; give a log that has them "
+                               "(--telemetry)");
+  recording.telemetry.fixes.clear();
+  recording.telemetry_source.clear();
+  recording.choices.back() = {"real.ingest", "telemetry", "", "the positions that were found have no heights"};
 }
 
 void choose_telemetry(const RecordingFiles& files, Recording& recording) {
@@ -119,6 +137,7 @@ void choose_telemetry(const RecordingFiles& files, Recording& recording) {
     recording.choices.push_back(
         {"real.ingest", "telemetry", "", "no positions were found in the recording or beside it", Certainty::kLikely});
   }
+  leave_out_positions_without_heights(recording);
   const bool has_own_file = !recording.telemetry_source.empty() && recording.telemetry_source != video;
   // Subtitles state times of their video; other logs run by a clock of their own.
   recording.has_video_clock = !has_own_file || lower_ending(recording.telemetry_source) == ".srt";

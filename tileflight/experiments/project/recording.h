@@ -12,14 +12,14 @@
 
 namespace tileflight::project {
 
-/// The files of one flight. Empty paths are searched for beside the videos.
+/// Names the files of one flight. Empty paths are searched for beside the videos.
 struct RecordingFiles {
   std::vector<std::filesystem::path> videos;  ///< the parts of one recording, or one folder of photos
   std::filesystem::path telemetry;            ///< flight log
   std::filesystem::path imu;                  ///< readings of an inertial unit
 };
 
-/// What a flight's files say before any image is decoded.
+/// Holds what a flight's files say before any image is decoded.
 struct Recording {
   std::vector<std::filesystem::path> parts;   ///< in the order of the flight
   std::vector<std::filesystem::path> images;  ///< of a folder, in the order of their names; empty for videos

@@ -27,7 +27,7 @@ constexpr double kFarthestView_m = 150.0;  // what is farther away shows little 
 constexpr double kNearestView_m = 25.0;
 constexpr double kBelowGround_m = -3.0;  // lower than a receiver's errors explain
 
-/// A height reference of the log, with the positions that it gives.
+/// Holds a height reference of the log with the positions that it gives.
 struct Reference {
   std::string word;  ///< "ellipsoid", "sea-level" or "takeoff"
   std::vector<dataset::GpsFix> fixes;
@@ -41,7 +41,7 @@ std::optional<std::string> stated_reference(const flight_logs::Telemetry& teleme
   return std::nullopt;
 }
 
-/// nullopt if the log has no such heights.
+/// Returns the positions by a height reference; nullopt if the log has no such heights.
 std::optional<Reference> reference_of(const Recording& recording, const std::string& word,
                                       std::optional<double> takeoff_height_m = {}) {
   ingest::IngestedFlightConfig flight;
@@ -56,7 +56,7 @@ std::optional<Reference> reference_of(const Recording& recording, const std::str
   }
 }
 
-/// The median height of the surface in a square about a position, by the view from above; NaN if there is none.
+/// Returns the median height of the surface in a square about a position, by the view from above; NaN if there is none.
 double ground_around_m(const preview::GroundView& view, const Vec3& position, double radius_m) {
   const geometry::Vec2 pixel = view.grid.pixel_at(position);
   const int radius = static_cast<int>(radius_m / view.grid.pixel_m);
@@ -68,7 +68,8 @@ double ground_around_m(const preview::GroundView& view, const Vec3& position, do
   return heights_m.empty() ? std::numeric_limits<double>::quiet_NaN() : base::median(heights_m);
 }
 
-/// The ground below a position; at a hole in the surface, the ground nearby. NaN where the place has no surface.
+/// Returns the height of the ground below a position; at a hole in the surface, the ground nearby. NaN where the place
+/// has no surface.
 double ground_below_m(const preview::GroundView& view, const Vec3& position) {
   for (const double radius_m : {0.0, 2.0, 5.0, 10.0, 20.0}) {
     const double height_m = ground_around_m(view, position, radius_m);
@@ -88,8 +89,8 @@ std::vector<double> known(const std::vector<double>& values) {
   return result;
 }
 
-/// The ground's height above the ellipsoid at the first position that is on the ground by the log's own heights above
-/// take-off.
+/// Returns the ground's height above the ellipsoid at the first position that is on the ground by the log's own heights
+/// above take-off.
 std::optional<double> takeoff_ground_m(const Recording& recording, const preview::GroundView& view,
                                        const geometry::LocalFrame& frame) {
   constexpr double kOnGround_m = 2.0;
@@ -110,7 +111,7 @@ std::string heights_text(const Reference& reference) {
   return base::formatted("%.1f to %.1f m above the surface", *low, *high);
 }
 
-/// Whether the flight, by this reference, begins on the ground and rises from it.
+/// Tells whether the flight, by this reference, begins on the ground and rises from it.
 bool rises_from_ground(const Reference& reference) {
   constexpr double kOnGround_m = 5.0, kRises_m = 8.0;
   const std::vector<double> heights_m = known(reference.above_ground_m);
@@ -123,7 +124,7 @@ bool stays_above_ground(const Reference& reference) {
   return !heights_m.empty() && *std::ranges::min_element(heights_m) > kBelowGround_m;
 }
 
-/// A reference with why it was chosen.
+/// Holds a reference and says why it was chosen.
 struct ChosenReference {
   const Reference* reference = nullptr;
   std::string why;
@@ -153,7 +154,7 @@ ChosenReference choose_among(const std::vector<Reference>& all, const flight_log
           Certainty::kGuess};
 }
 
-/// All references that the log allows, with heights above the ground.
+/// Returns all references that the log allows, with heights above the ground.
 std::vector<Reference> possible_references(const Recording& recording, const preview::GroundView& view,
                                            const geometry::LocalFrame& frame) {
   std::vector<Reference> all;
@@ -199,8 +200,8 @@ std::vector<TrackSample> track_of(const Reference& reference) {
   return track;
 }
 
-/// How far beside a position the camera sees the ground usefully: to the side of its image, tilted by a gimbal's usual
-/// angles, at most four heights.
+/// Returns how far beside a position the camera sees the ground usefully: to the side of its image, tilted by a
+/// gimbal's usual angles, at most four heights.
 double view_reach_m(const imaging::Camera& camera, double height_m) {
   constexpr double kUsualTilt_rad = 0.6, kMostHeights = 4.0;
   const double angle_rad = std::min(1.3, 0.5 * camera.horizontal_fov_deg() * M_PI / 180.0 + kUsualTilt_rad);
@@ -276,7 +277,7 @@ preview::GroundView view_box(place::PlaceReader& place, const Box3& box, const P
   return preview::render_ground_view(place, grid, options, progress);
 }
 
-/// The region that `inspect --map` proposes for the whole place.
+/// Chooses the region that `inspect --map` proposes for the whole place.
 void choose_whole_place(const SiteOptions& options, const std::string& why, Certainty certainty, Site& site,
                         const Progress& progress) {
   tileset::LoadOptions load{.allow_large_area = true, .origin = options.origin, .source = options.source_options};

@@ -16,7 +16,7 @@
 
 namespace tileflight::project {
 
-/// The place of a flight, and what is known of the flight there.
+/// Names the place of a flight, and says how the part of the recording is chosen.
 struct SiteOptions {
   std::string source;                        ///< SOURCE of the contract
   std::optional<geometry::Geodetic> origin;  ///< of a tileset that is not georeferenced
@@ -25,7 +25,7 @@ struct SiteOptions {
   std::function<Excerpt(const std::vector<TrackSample>& track, bool above_ground)> choose_excerpt;
 };
 
-/// What was chosen for the sections `place` and `truth` and for the heights of the log.
+/// Holds the choices for the sections `place` and `truth` and for the heights of the log.
 struct Site {
   std::vector<Choice> choices;
   std::vector<std::string> warnings;

@@ -45,8 +45,8 @@ double true_parallax_rad(const InitializationBundle& bundle, const std::vector<C
   return base::upper_median(std::move(angles));
 }
 
-/// Whether what is lower in the first image is nearer, as the ground is below an upright camera. The mirror solution of
-/// a plane takes it for a wall that leans over.
+/// Tells whether what is lower in the first image is nearer, as the ground is below an upright camera. The mirror
+/// solution of a plane takes it for a wall that leans over.
 bool is_nearer_below(const InitializationBundle& bundle, const std::vector<CornerTrack>& tracks) {
   double rho = 0.0, y = 0.0, product = 0.0;
   for (std::size_t i = 0; i < tracks.size(); ++i) {
@@ -134,8 +134,8 @@ std::vector<std::optional<Eigen::Vector2f>> Initializer::find_again(const keyfra
   return far;
 }
 
-/// Where points of the previous image are in the next one, by the features matched around them; empty if hardly any
-/// match.
+/// Returns where points of the previous image are in the next one, by the features matched around them; empty if hardly
+/// any match.
 std::vector<Eigen::Vector2f> Initializer::guesses_by_features(const keyframes::Pyramid& pyramid,
                                                               const std::vector<Eigen::Vector2f>& from) {
   constexpr std::size_t kMany = 200, kFewestMatches = 30;

@@ -20,8 +20,8 @@ std::vector<Eigen::Vector2f> find_corners(const keyframes::Pyramid& pyramid, con
 std::vector<std::optional<Eigen::Vector2f>> track_corners(const keyframes::Pyramid& from, const keyframes::Pyramid& to,
                                                           const std::vector<Eigen::Vector2f>& points);
 
-/// The same for images far apart: begins at `guesses`, one for each point, and leaves out levels that are so coarse
-/// that guesses a few pixels off need none of them.
+/// Tracks corners between images far apart: begins at `guesses`, one for each point, and leaves out levels that are so
+/// coarse that guesses a few pixels off need none of them.
 std::vector<std::optional<Eigen::Vector2f>> track_corners_from(const keyframes::Pyramid& from,
                                                                const keyframes::Pyramid& to,
                                                                const std::vector<Eigen::Vector2f>& points,

@@ -36,7 +36,7 @@ struct FeatureOptions {
   int max_area_px = 600000;  ///< the first one is the finest level not larger than this
 };
 
-/// For images far apart, which have little in common.
+/// Suits images far apart, which have little in common.
 inline constexpr FeatureOptions kManyFeatures{.features = 2500, .levels = 3, .max_area_px = 2500000};
 
 /// Finds corners spread evenly over the image, local maxima of the corner score, with descriptors.

@@ -206,7 +206,7 @@ std::string failure_detail(const tracking::ImageAlignment& alignment, double max
          " % of its points in view)";
 }
 
-/// The same for images far apart, whose features move by `motion_px`; 0: hardly any is found again.
+/// Returns the message for images far apart, whose features move by `motion_px`; 0: hardly any is found again.
 std::string far_apart_detail(double motion_px) {
   return "(the images are too far apart: " +
          (motion_px > 0.0 ? "what is found again moves by " + base::formatted("%.0f", motion_px) + " pixels"

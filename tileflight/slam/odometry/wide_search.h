@@ -16,7 +16,7 @@ namespace tileflight::odometry {
 /// Returns the settings for images far apart: searches as long as their motion, and points that few images see.
 keyframes::OdometryOptions options_for_images_far_apart(keyframes::OdometryOptions options);
 
-/// The pose of an image by matched features.
+/// Holds the pose of an image by matched features.
 struct WidePose {
   geometry::SE3 T_target_reference;
   int matches = 0;         ///< that fit it

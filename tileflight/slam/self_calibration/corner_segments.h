@@ -14,7 +14,7 @@
 
 namespace tileflight::self_calibration {
 
-/// Which images of a flight are used, and how many corners of them. Chosen by hand.
+/// Selects which images of a flight are used, and how many corners of them. Chosen by hand.
 struct SegmentOptions {
   std::size_t segments = 8;       ///< spread over the flight
   std::size_t keyframes = 20;     ///< of a segment, at most
@@ -24,30 +24,30 @@ struct SegmentOptions {
   int width_px = 1400;            ///< images are halved until they are not wider
 };
 
-/// Where a corner is in a keyframe, and in the images next to it.
+/// States where a corner is in a keyframe, and in the images next to it.
 struct TrackPoint {
   geometry::Vec2 pixel;
   std::optional<geometry::Vec2> before, after;  ///< none: lost, or there is no such image
 };
 
-/// A corner by keyframe of its segment.
+/// Holds a corner by keyframe of its segment.
 struct SegmentTrack {
   std::vector<std::optional<TrackPoint>> points;
 };
 
-/// A keyframe's time and those of the images next to it, seconds; equal where there is none.
+/// Holds a keyframe's time and those of the images next to it, seconds; equal where there is none.
 struct SegmentKeyframe {
   double time_s = 0.0, before_s = 0.0, after_s = 0.0;
 };
 
-/// Keyframes of a part of the flight and corners in them.
+/// Holds keyframes of a part of the flight and corners in them.
 struct Segment {
   std::vector<SegmentKeyframe> keyframes;
   std::vector<SegmentTrack> tracks;
 };
 
-/// The segments of a flight. Pixels are those of images of the size `width` x `height`, which are smaller than the
-/// flight's by whole powers of two.
+/// Holds the segments of a flight. Pixels are those of images of the size `width` x `height`, which are smaller than
+/// the flight's by whole powers of two.
 struct FollowedFlight {
   int full_width = 0, full_height = 0;
   int width = 0, height = 0;

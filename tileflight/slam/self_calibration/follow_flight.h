@@ -10,7 +10,7 @@
 
 namespace tileflight::self_calibration {
 
-/// Which images of a flight are read, and how.
+/// Selects which images of a flight are read, and how.
 struct FlightImages {
   double from_s = 0.0;                  ///< after the first image; of images without times, 1/30 s apart
   std::optional<double> to_s;           ///< exclusive

@@ -239,7 +239,7 @@ void go_back(const ReducedSegment& reduced, const LensVector& lens_step, Segment
   }
 }
 
-/// What the prior adds: precision and gradient, in square pixels.
+/// Holds what the prior adds: precision and gradient, in square pixels.
 struct PriorTerm {
   LensVector precision = LensVector::Zero();
   LensVector gradient = LensVector::Zero();
@@ -380,7 +380,7 @@ std::size_t first_keyframe(const SegmentTrack& track) {
       std::ranges::find_if(track.points, [](const auto& point) { return point.has_value(); }) - track.points.begin());
 }
 
-/// Whether a lens may be projected with: a focal length between a tenth of the width and a hundred times it.
+/// Tells whether a lens may be projected with: a focal length between a tenth of the width and a hundred times it.
 bool is_sane(const LensParameters& lens) {
   const double share = lens.values[kLogFocal] - std::log(static_cast<double>(lens.width));
   return lens.values.allFinite() && share > std::log(0.1) && share < std::log(100.0);

@@ -14,20 +14,20 @@
 
 namespace tileflight::self_calibration {
 
-/// The lens and the structure of each segment; nullopt: it has none.
+/// Holds the lens and the structure of each segment; nullopt: it has none.
 struct FlightStructure {
   LensParameters lens;
   std::vector<std::optional<SegmentStructure>> segments;
 };
 
-/// Unknowns of the lens that are adjusted, and what is known of them beforehand.
+/// Selects the unknowns of the lens that are adjusted, and what is known of them beforehand.
 struct LensPrior {
   LensVector mean = LensVector::Zero();
   LensVector sigma = LensVector::Ones();
   std::array<bool, kLensUnknowns> is_free{};
 };
 
-/// Errors of the corners that fit.
+/// Holds errors of the corners that fit.
 struct FitQuality {
   std::size_t points = 0;  ///< corners
   std::size_t pixels = 0;
@@ -46,14 +46,14 @@ FitQuality adjust(const std::vector<Segment>& segments, const LensPrior& prior, 
 FitQuality select_corners(const std::vector<Segment>& segments, double sigmas, double least_px,
                           FlightStructure& flight);
 
-/// Mean over all pixels of the tracks of the squared error, truncated at `limit_px`: compares lenses whose structures
-/// differ. Pixels of tracks without structure have the limit.
+/// Returns the mean over all pixels of the tracks of the squared error, truncated at `limit_px`: compares lenses whose
+/// structures differ. Pixels of tracks without structure have the limit.
 double truncated_cost_px2(const std::vector<Segment>& segments, double limit_px, const FlightStructure& flight);
 
-/// Standard deviations of the lens's unknowns; zero of those that are not free. The largest of three estimates counts:
-/// by independent errors of the pixels, scaled by their variance; by the spread of the contributions of groups of
-/// corners that begin in one keyframe, since errors along a track and of tracks side by side are correlated; and by the
-/// spread of the segments' (Liang and Zeger, Biometrika 73(1), 1986).
+/// Returns standard deviations of the lens's unknowns; zero of those that are not free. The largest of three estimates
+/// counts: by independent errors of the pixels, scaled by their variance; by the spread of the contributions of groups
+/// of corners that begin in one keyframe, since errors along a track and of tracks side by side are correlated; and by
+/// the spread of the segments' (Liang and Zeger, Biometrika 73(1), 1986).
 struct LensUncertainty {
   LensVector sigma = LensVector::Zero();
   LensVector independent_sigma = LensVector::Zero();  ///< the first estimate alone

@@ -9,7 +9,7 @@
 
 namespace tileflight::self_calibration {
 
-/// Lens models that can be estimated.
+/// Names the lens models that can be estimated.
 enum class LensModel {
   kPinhole,  ///< imaging::PinholeRadtan: k1 k2 p1 p2
   kFisheye   ///< imaging::KannalaBrandt: k1 k2 k3 k4
@@ -18,13 +18,13 @@ enum class LensModel {
 /// "pinhole" or "fisheye".
 std::string to_string(LensModel model);
 
-/// Number of unknowns of a lens: ln fx, ln (fy / fx), cx, cy, four of the distortion, readout. Principal point in
-/// pixels; readout: seconds from the first row to the last.
+/// States the number of unknowns of a lens: ln fx, ln (fy / fx), cx, cy, four of the distortion, readout. Principal
+/// point in pixels; readout: seconds from the first row to the last.
 inline constexpr int kLensUnknowns = 9;
 using LensVector = Eigen::Matrix<double, kLensUnknowns, 1>;
 enum LensUnknown { kLogFocal = 0, kLogAspect = 1, kCenterX = 2, kCenterY = 3, kFirstDistortion = 4, kReadout = 8 };
 
-/// A lens for images of a size.
+/// Holds a lens for images of a size.
 struct LensParameters {
   LensModel model = LensModel::kPinhole;
   int width = 0, height = 0;
@@ -46,12 +46,13 @@ LensParameters lens_of(const imaging::Calibration& calibration, LensModel model,
 /// Returns the model of a calibration: that of its own lens, or for other lenses the fisheye beyond 110 degrees.
 LensModel model_of(const imaging::Camera& camera);
 
-/// Derivative of a pixel by the unknowns; zero by the readout. `point`: in the camera frame; `pixel`: its projection.
+/// Returns the derivative of a pixel by the unknowns; zero by the readout. `point`: in the camera frame; `pixel`: its
+/// projection.
 Eigen::Matrix<double, 2, kLensUnknowns> pixel_by_lens(const LensParameters& lens, const geometry::Vec3& point,
                                                       const geometry::Vec2& pixel);
 
-/// Standard deviations of the unknowns before any image is seen, for lenses of cameras that fly. Chosen by hand, wide:
-/// squares of 0.3 %, a centre within 1.5 % of the width.
+/// Returns the standard deviations of the unknowns before any image is seen, for lenses of cameras that fly. Chosen by
+/// hand, wide: squares of 0.3 %, a centre within 1.5 % of the width.
 LensVector usual_spread(LensModel model, int width, double focal_sigma);
 
 }  // namespace tileflight::self_calibration

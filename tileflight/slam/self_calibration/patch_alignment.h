@@ -11,13 +11,13 @@
 
 namespace tileflight::self_calibration {
 
-/// How a patch appears in another image: the offset d from its middle is at `pixel` + `shape` d.
+/// States how a patch appears in another image: the offset d from its middle is at `pixel` + `shape` d.
 struct PatchWarp {
   Eigen::Matrix2d shape = Eigen::Matrix2d::Identity();
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
 };
 
-/// Grey values around a corner, row by row.
+/// Holds grey values around a corner, row by row.
 class Patch {
  public:
   static constexpr int kRadius = 7;

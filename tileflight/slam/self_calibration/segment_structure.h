@@ -15,7 +15,7 @@
 
 namespace tileflight::self_calibration {
 
-/// A corner of a segment.
+/// Holds a corner of a segment.
 struct StructurePoint {
   geometry::Vec3 direction = geometry::Vec3::UnitZ();  ///< unit
   double rho = 0.0;
@@ -23,7 +23,7 @@ struct StructurePoint {
   bool fits = false;  ///< whether it is known and its reprojections are small; else it follows the poses
 };
 
-/// Structure and motion of a segment.
+/// Holds structure and motion of a segment.
 struct SegmentStructure {
   std::vector<geometry::SE3> T_camera_segment;  ///< of the keyframes, from the first as far as they could be found
   /// Velocity of each keyframe, as a left increment of T_camera_segment in a second; for the rolling shutter.

@@ -24,7 +24,7 @@ constexpr double kUsualFov_deg = 70.0;
 constexpr std::size_t kSegmentsOfTrial = 3, kTracksOfTrial = 150;
 constexpr double kTrialLimit_px = 3.0, kFinalLimit_px = 2.0;
 
-/// Where an adjustment begins, and the prior that belongs to it.
+/// States where an adjustment begins, and the prior that belongs to it.
 struct Start {
   LensParameters lens;
   LensPrior prior;

@@ -20,7 +20,8 @@
 
 namespace tileflight::self_calibration {
 
-/// What is known of a lens beforehand. All of it may be left out: then fields of view from 50 to 155 degrees are tried.
+/// Holds what is known of a lens beforehand. All of it may be left out: then fields of view from 50 to 155 degrees are
+/// tried.
 struct LensGuess {
   /// For images of any size and the same aspect ratio. Its distortion, principal point and line delay are where the
   /// estimate begins, and what it keeps where the motion does not show them. A lens of another model than LensModel
@@ -31,14 +32,14 @@ struct LensGuess {
   double focal_sigma = 0.3;                  ///< relative standard deviation of the focal length: 0.02 for a profile
 };
 
-/// Settings of estimate_lens().
+/// Holds the settings of estimate_lens().
 struct LensEstimateOptions {
   FlightImages images;
   SegmentOptions segments;
   bool estimate_line_delay = true;
 };
 
-/// A parameter of the lens, for images of full size.
+/// Describes a parameter of the lens, for images of full size.
 struct ParameterEstimate {
   std::string name;    ///< fx, fy, cx, cy, k1 k2 p1 p2 (pinhole) or k1 k2 k3 k4 (fisheye), line_delay
   double value = 0.0;  ///< pixels; seconds for line_delay
@@ -49,7 +50,7 @@ struct ParameterEstimate {
   bool is_held = false;
 };
 
-/// Result of estimate_lens().
+/// Holds the result of estimate_lens().
 struct LensEstimate {
   imaging::Calibration calibration;  ///< for images of full size; the guess if not `is_estimated`
   LensModel model = LensModel::kPinhole;
@@ -74,11 +75,11 @@ struct LensEstimate {
 LensEstimate estimate_lens(const std::filesystem::path& images, const LensGuess& guess,
                            const LensEstimateOptions& options = {}, const Progress& progress = {});
 
-/// The same from corners that were followed in images of the given full size.
+/// Estimates the lens from corners that were followed in images of the given full size.
 LensEstimate estimate_lens(const FollowedFlight& flight, const LensGuess& guess, bool estimate_line_delay = true,
                            const Progress& progress = {});
 
-/// The result as `tileflight lens --estimate --json` prints it.
+/// Returns the result as `tileflight lens --estimate --json` prints it.
 nlohmann::json to_json(const LensEstimate& estimate);
 
 }  // namespace tileflight::self_calibration

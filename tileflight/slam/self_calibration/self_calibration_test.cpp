@@ -22,7 +22,7 @@ using PoseAt = std::function<SE3(double time_s)>;  ///< T_local_camera
 
 constexpr int kWidth = 640, kHeight = 400;
 
-/// How corners are seen: the oracle, in which everything is known.
+/// States how corners are seen: the oracle, in which everything is known.
 struct Oracle {
   imaging::Camera camera;
   double readout_s = 0.0;
@@ -31,7 +31,7 @@ struct Oracle {
   std::size_t segments = 4, keyframes = 8, points = 280;
 };
 
-/// Where the rows of a rolling shutter see a point; nullopt outside the image.
+/// Returns where the rows of a rolling shutter see a point; nullopt outside the image.
 std::optional<Vec2> seen_at(const Oracle& oracle, const PoseAt& pose, double time_s, const Vec3& point) {
   double row = 0.5 * (kHeight - 1);
   std::optional<Vec2> pixel;
