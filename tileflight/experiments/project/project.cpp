@@ -21,8 +21,23 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Returns a text as YAML reads it back, whatever characters it holds.
-std::string quoted(const std::string& text) { return nlohmann::json(text).dump(); }
+/// Returns a text as YAML reads it back, whatever characters it holds. Throws InputError for one that is not UTF-8, as
+/// YAML is.
+std::string quoted(const std::string& text) {
+  try {
+    return nlohmann::json(text).dump();
+  } catch (const nlohmann::json::type_error&) {
+    const std::string shown = nlohmann::json(text).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+    throw InputError(shown, "has a name that is not UTF-8, which an experiment cannot name: rename it");
+  }
+}
+
+/// Returns a comment of one line; names of files may hold line breaks.
+std::string comment(std::string text) {
+  std::ranges::replace_if(
+      text, [](char c) { return static_cast<unsigned char>(c) < ' '; }, ' ');
+  return "# " + text + "\n";
+}
 
 /// Returns a file as the experiment names it: relative to the project if both are in one folder, else absolute.
 std::string path_text(const fs::path& file, const fs::path& project) {
@@ -115,7 +130,7 @@ std::vector<TrackSample> track_above_takeoff(const Recording& recording) {
 
 /// Adds the part of the recording and what depends on the place.
 void choose_place(const ProjectOptions& options, const Recording& recording, const ImageFindings& images,
-                  const imaging::Camera& camera, const fs::path& folder, const fs::path& final_folder, Project& project,
+                  const imaging::Camera& camera, const fs::path& temporary, const fs::path& folder, Project& project,
                   const Progress& progress) {
   const auto append = [&](const std::vector<Choice>& choices) {
     project.choices.insert(project.choices.end(), choices.begin(), choices.end());
@@ -132,7 +147,7 @@ void choose_place(const ProjectOptions& options, const Recording& recording, con
     return;
   }
   project.choices.insert(project.choices.begin(),
-                         {"place", "source", source_text(options.place, final_folder), "it was given"});
+                         {"place", "source", source_text(options.place, folder), "it was given"});
   Site site = choose_site(
       {.source = options.place,
        .origin = options.origin,
@@ -143,7 +158,7 @@ void choose_place(const ProjectOptions& options, const Recording& recording, con
   append(site.choices);
   append(site.excerpt ? site.excerpt->choices : choose_excerpt_by_motion(images.motion, recording.duration_s).choices);
   base::add_distinct(site.warnings, project.warnings);
-  imaging::write_rgb(folder / "map.png", site.map);
+  imaging::write_rgb(temporary / "map.png", site.map);
   project.choices.push_back({"simulated.render", "follow", "real",
                              "the simulated flight follows the path that was found, with the same lens"});
 }
@@ -168,9 +183,9 @@ class ExperimentText {
       for (const Choice* choice : section.choices) {
         const std::string why = choice->reason + " (" + to_string(choice->certainty) + ")";
         if (choice->value.empty()) {
-          out << indent << "# " << choice->key << ": " << why << "\n";
+          out << indent << comment(choice->key + ": " + why);
         } else {
-          out << indent << "# " << why << "\n" << indent << choice->key << ": " << choice->value << "\n";
+          out << indent << comment(why) << indent << choice->key << ": " << choice->value << "\n";
         }
       }
     }
@@ -202,13 +217,13 @@ std::string experiment_text(const Project& project, const std::string& name) {
       "# Made by `tileflight new` (" + base::version() +
       ") from what the recording says. Each line has its reason, and how sure it is. Change\n# what is wrong, then:\n"
       "#   tileflight run experiment.yaml --out results\n";
-  for (const std::string& warning : project.warnings) head += "# Note: " + warning + "\n";
+  for (const std::string& warning : project.warnings) head += comment("Note: " + warning);
   return head + "name: " + quoted(name) + "\nseed: 1\n" + sections.text();
 }
 
 void write_camera(const fs::path& file, const imaging::Calibration& calibration, const Choice& choice) {
   imaging::write_kalibr(file, calibration);
-  base::write_file(file, "# " + choice.reason + " (" + to_string(choice.certainty) + ")\n" + base::read_text(file));
+  base::write_file(file, comment(choice.reason + " (" + to_string(choice.certainty) + ")") + base::read_text(file));
 }
 
 }  // namespace

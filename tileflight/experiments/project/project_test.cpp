@@ -171,6 +171,23 @@ TEST_F(ANewProject, GoesOnBehindDamageInTheVideo) {
   EXPECT_THAT(project.warnings, ::testing::Contains(HasSubstr("damaged")));
 }
 
+TEST_F(ANewProject, KeepsNamesWithLineBreaksOutOfTheSettings) {
+  fs::rename(folder_ / "card", folder_ / "card\nseed: 99\n#");
+  ProjectOptions odd = options();
+  odd.files.videos = {folder_ / "card\nseed: 99\n#/flight.mp4"};
+  make_project(odd, folder_ / "project", false);
+  const experiment::Experiment experiment = experiment::read_experiment(folder_ / "project/experiment.yaml");
+  EXPECT_EQ(experiment.seed, 1U);
+  EXPECT_EQ(experiment.real->ingest->video, odd.files.videos.front());
+}
+
+TEST_F(ANewProject, RefusesANameThatYamlCannotHold) {
+  fs::rename(folder_ / "card", folder_ / "card\xff");
+  ProjectOptions odd = options();
+  odd.files.videos = {folder_ / "card\xff/flight.mp4"};
+  EXPECT_THAT(tests::refusal_of([&] { make_project(odd, folder_ / "project", false); }), HasSubstr("not UTF-8"));
+}
+
 TEST_F(ANewProject, WithoutAPlaceStillTracks) {
   ProjectOptions without = options();
   without.place.clear();

@@ -261,7 +261,7 @@ imaging::RgbImage draw_map(const std::string& source, const place::PlaceReader& 
                         .frame = place.placement().local_frame,
                         .outlines = preview::missing_outlines(view),
                         .flight = std::nullopt};
-  const Vec3 low = region.min(), high = region.max();
+  const Vec3 &low = region.min(), &high = region.max();
   map.outlines.push_back({drawing::MapOutline::Kind::kProposedRegion,
                           {{low.x(), low.y()}, {high.x(), low.y()}, {high.x(), high.y()}, {low.x(), high.y()}}});
   if (!flight.empty())

@@ -115,7 +115,7 @@ void SegmentFollower::add_keyframe(double time_s, const keyframes::Pyramid& pyra
   for (Corner& corner : corners_) {
     if (!corner.pixel) continue;
     corner.points.resize(index);
-    corner.points.push_back(TrackPoint{corner.pixel->cast<double>(), {}, {}});
+    corner.points.emplace_back(TrackPoint{corner.pixel->cast<double>(), {}, {}});
     if (corner.before) corner.points.back()->before = corner.before->cast<double>();
   }
   find_new_corners(pyramid);
@@ -134,7 +134,7 @@ void SegmentFollower::find_new_corners(const keyframes::Pyramid& pyramid) {
     const Patch patch(pyramid.levels.front(), static_cast<int>(pixel.x()), static_cast<int>(pixel.y()));
     Corner corner{.points = {}, .pixel = pixel, .before = {}, .patch = patch, .warp = {}};
     corner.points.resize(keyframes_.size() - 1);
-    corner.points.push_back(TrackPoint{pixel.cast<double>(), {}, {}});
+    corner.points.emplace_back(TrackPoint{pixel.cast<double>(), {}, {}});
     corners_.push_back(std::move(corner));
   }
 }
