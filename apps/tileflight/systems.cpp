@@ -61,7 +61,8 @@ std::string adapter_text(const json& about) {
 
 void add_systems(CLI::App& app, CommonOptions& common, Selection& selection) {
   auto folder = std::make_shared<std::string>();
-  CLI::App* command = app.add_subcommand("systems", "SLAM systems that `odometry --system` and `study` can run");
+  CLI::App* command =
+      app.add_subcommand("systems", "SLAM systems that `odometry --system`, experiments and `study` can run");
   command->footer(
       "Example:\n  tileflight systems --dataset out/stadium/simulated/dataset\n"
       "Adapters are read from the folders in TILEFLIGHT_ADAPTERS, ./adapters, and the program's own "

@@ -11,6 +11,7 @@
 #include <string_view>
 
 #include "tileflight/capture/render/image_formation.h"
+#include "tileflight/core/base/output_folder.h"
 #include "tileflight/core/base/strict_section.h"
 #include "tileflight/core/base/text_parsing.h"
 #include "tileflight/experiments/experiment/stage_options.h"
@@ -304,17 +305,12 @@ void read_repetition(StrictSection& section, OdometryConfig& odometry) {
   odometry.start_offset_frames = section.integer("later").value_or(odometry.start_offset_frames);
   if (odometry.start_offset_frames < 0) throw section.error("later", "must not be negative");
   odometry.backwards = section.boolean("backwards").value_or(odometry.backwards);
-  if (odometry.backwards && !odometry.command.empty())
-    throw section.error("backwards",
-                        "applies to the built-in odometry only; an external command chooses its own frame order");
 }
 
 void read_mode(StrictSection& section, OdometryConfig& odometry) {
   odometry::TrackOptions& options = odometry.track_options;
   const auto mode = section.choice("mode", {"mono", "inertial", "stereo", "stereo-inertial"});
   if (mode) options.mode = odometry::parse_odometry_mode("odometry.mode", *mode);
-  if (mode && !odometry.command.empty())
-    throw section.error("mode", "applies to the built-in odometry only; an external command reads what it wants");
   bool& inertial_in_window = odometry.options.inertial_in_window;
   inertial_in_window = section.boolean("tight").value_or(inertial_in_window);
   if (inertial_in_window && !odometry::uses_inertial_unit(options.mode))
@@ -325,9 +321,32 @@ void read_mode(StrictSection& section, OdometryConfig& odometry) {
     throw section.error("gravity", "must lie between 9.7 and 9.9 m/s^2");
 }
 
+/// `system: NAME`, or the folder of an adapter, relative to the file.
+std::optional<external_systems::Adapter> read_system(StrictSection& section) {
+  const std::optional<std::string> system = section.text("system");
+  if (!system) return std::nullopt;
+  if (section.has("command")) throw section.error("system", "does not go together with 'command'");
+  try {
+    return external_systems::find_adapter(*system, fs::absolute(section.file()).parent_path());
+  } catch (const InputError& fault) {
+    throw section.error("system", std::string("cannot be used: ") + fault.what());
+  }
+}
+
+/// Throws InputError for a key that another program does not take. Unknown keys were refused before.
+void refuse_built_in_keys(const StrictSection& section, const OdometryConfig& odometry) {
+  if (odometry.is_built_in()) return;
+  const std::string program = odometry.system ? odometry.system->title : "an external command";
+  for (const std::string& key : section.keys()) {
+    if (key != "command" && key != "system" && key != "runs" && key != "seed")
+      throw section.error(key, "applies to the built-in odometry only; " + program + " has settings of its own");
+  }
+}
+
 OdometryConfig read_odometry(StrictSection section) {
   OdometryConfig odometry;
   odometry.command = section.text("command").value_or("");
+  odometry.system = read_system(section);
   odometry.options = read_odometry_options(section);
   read_mode(section, odometry);
   odometry.track_options.mask = optional_path(section, "mask");
@@ -338,6 +357,7 @@ OdometryConfig read_odometry(StrictSection section) {
   odometry.debug_pictures = section.boolean("debug_pictures").value_or(false);
   read_repetition(section, odometry);
   section.require_all_keys_used();
+  refuse_built_in_keys(section, odometry);
   return odometry;
 }
 
@@ -434,8 +454,19 @@ void read_degrade(StrictSection& section, recording::RenderedFlightConfig& fligh
   flight.degrade = render::read_image_formation(section);
 }
 
-std::vector<fs::path> command_input_files(const Experiment& experiment) {
-  return find_command_files(experiment.odometry.command, fs::absolute(experiment.file).parent_path());
+std::vector<fs::path> odometry_program_files(const Experiment& experiment) {
+  const std::optional<external_systems::Adapter>& system = experiment.odometry.system;
+  if (!system) return find_command_files(experiment.odometry.command, fs::absolute(experiment.file).parent_path());
+  std::vector<fs::path> files;
+  const auto is_made_by_runs = [](const fs::path& part) {
+    return part.string().starts_with('.') || part == "__pycache__";
+  };
+  for (const fs::path file : base::list_files_recursive(system->folder))
+    if (std::ranges::none_of(file, is_made_by_runs) && is_file(system->folder / file))
+      files.push_back(system->folder / file);
+  for (const std::string& name : system->programs)
+    if (const fs::path program = find_program(name); !program.empty()) files.push_back(program);
+  return files;
 }
 
 Experiment read_experiment(const fs::path& file) {

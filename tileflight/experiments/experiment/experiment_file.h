@@ -16,6 +16,7 @@
 #include "tileflight/core/geometry/geodesy.h"
 #include "tileflight/data/video/video.h"
 #include "tileflight/evaluation/scoring/evaluation_settings.h"
+#include "tileflight/slam/external_systems/adapter.h"
 #include "tileflight/slam/odometry/odometry.h"
 #include "tileflight/slam/odometry/track.h"
 #include "tileflight/tiles/fetch/open_source.h"
@@ -59,7 +60,7 @@ struct FlightConfig {
   std::optional<ingest::IngestedFlightConfig> ingest;
 };
 
-/// Section `odometry:`: settings of the built-in odometry, or an external program.
+/// Section `odometry:`: settings of the built-in odometry, or an external program, which takes `runs` and `seed` alone.
 struct OdometryConfig {
   odometry::OdometryOptions options;
   odometry::TrackOptions track_options;  ///< mask, rectify_fov, colmap
@@ -67,9 +68,13 @@ struct OdometryConfig {
   /// A shell command with {dataset} and {out} substituted, executed in the experiment file's folder; it must write
   /// trajectory.txt and map.ply into {out}.
   std::string command;
+  /// system: another SLAM system by its adapter (docs/systems.md); not together with `command`.
+  std::optional<external_systems::Adapter> system;
   int runs = 1;                 ///< runs: number of times each flight is tracked, each with the next seed
   int start_offset_frames = 0;  ///< number of frames by which each run starts later than the one before
   bool backwards = false;       ///< backwards: each run is repeated with the frames in reverse order
+
+  bool is_built_in() const { return command.empty() && !system; }
 };
 
 /// Section `variants:`: the simulated flight with changes. Keys: name, flight, camera, resolution, samples_per_pixel,
@@ -109,8 +114,10 @@ struct Experiment {
 /// Reads the keys of `degrade:`, from an experiment's section or a separate file, into the flight. Throws InputError.
 void read_degrade(base::StrictSection& section, recording::RenderedFlightConfig& flight);
 
-/// Returns the files that `odometry.command` names (find_command_files()).
-std::vector<std::filesystem::path> command_input_files(const Experiment& experiment);
+/// Returns the files of an outside odometry: those that `odometry.command` names (find_command_files()), or those in
+/// the folder of the adapter of `odometry.system`, except hidden ones and Python's caches, and the programs that it
+/// needs.
+std::vector<std::filesystem::path> odometry_program_files(const Experiment& experiment);
 
 /// Reads an experiment file. Throws InputError (file, line, key): unknown keys (naming the nearest known one), wrong
 /// types, missing files, unset variables.

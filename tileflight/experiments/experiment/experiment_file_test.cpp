@@ -72,6 +72,61 @@ TEST_F(ExperimentFile, ReadingsInTheWindowNeedAnInertialUnit) {
   EXPECT_THAT(tests::refusal_of([&] { odometry("tight: true"); }), HasSubstr("needs 'mode: inertial'"));
 }
 
+/// An experiment with this section `odometry`, beside an adapter in the folder `slam`.
+class OdometrySection : public ExperimentFile {
+ protected:
+  OdometrySection() {
+    std::filesystem::create_directories(folder_ / "slam");
+    base::write_file(folder_ / "slam/adapter.yaml",
+                     "name: mine\ntitle: My SLAM\ntakes: {inputs: [images], lenses: [any]}\nneeds: {programs: [sh]}\n");
+    base::write_file(folder_ / "slam/run", "true");
+  }
+  Experiment with(const std::string& keys) const {
+    base::write_file(folder_ / "o.yaml",
+                     "odometry: {" + keys + "}\nreal: {ingest: {video: film.mp4, camera: camera.yaml}}\n");
+    return read_experiment(folder_ / "o.yaml");
+  }
+  std::string refused(const std::string& keys) const {
+    return tests::refusal_of([&] { with(keys); });
+  }
+};
+
+TEST_F(OdometrySection, ASystemIsNamedAsTileflightSystemsDoesOrByItsAdaptersFolder) {
+  EXPECT_FALSE(with("seed: 2").odometry.system);
+  EXPECT_TRUE(with("seed: 2").odometry.is_built_in());
+  const Experiment named = with("system: colmap");
+  ASSERT_TRUE(named.odometry.system);
+  EXPECT_EQ(named.odometry.system->title, "COLMAP");
+  EXPECT_FALSE(named.odometry.is_built_in());
+  const Experiment own = with("system: slam, runs: 2, seed: 4");
+  ASSERT_TRUE(own.odometry.system);
+  EXPECT_EQ(own.odometry.system->folder, std::filesystem::absolute(folder_ / "slam"));
+  EXPECT_EQ(own.odometry.runs, 2);
+  EXPECT_THAT(refused("system: colmpa"), testing::AllOf(HasSubstr("o.yaml:1"), HasSubstr("did you mean 'colmap'?")));
+  EXPECT_THAT(refused("sytem: colmap"), HasSubstr("did you mean 'system'?"));
+}
+
+TEST_F(OdometrySection, OptionsOfTheBuiltInOdometryAreRefusedBesideAnotherProgram) {
+  for (const char* key : {"mask: film.mp4", "mode: mono", "backwards: true", "later: 3", "loop_closure: true",
+                          "points_per_keyframe: 900", "colmap: true", "estimate_line_delay: false"}) {
+    EXPECT_THAT(refused(std::string("system: slam, ") + key),
+                testing::AllOf(HasSubstr("applies to the built-in odometry only"), HasSubstr("My SLAM")))
+        << key;
+    EXPECT_THAT(refused(std::string("command: run, ") + key), HasSubstr("applies to the built-in odometry only"))
+        << key;
+  }
+  EXPECT_THAT(refused("system: slam, command: run"), HasSubstr("does not go together with 'command'"));
+}
+
+TEST_F(OdometrySection, TheFilesOfASystemsAdapterAreInputs) {
+  std::filesystem::create_directories(folder_ / "slam/__pycache__");
+  base::write_file(folder_ / "slam/__pycache__/helper.pyc", "made by a run");
+  const std::vector<std::filesystem::path> files = odometry_program_files(with("system: slam"));
+  EXPECT_THAT(files, testing::IsSupersetOf({folder_ / "slam/adapter.yaml", folder_ / "slam/run"}));
+  EXPECT_THAT(files, testing::Contains(testing::ResultOf([](const auto& file) { return file.filename(); }, "sh")));
+  EXPECT_EQ(files.size(), 3U);
+}
+
 TEST_F(ExperimentFile, AFilmedRigHasAVideoForEachCamera) {
   std::filesystem::create_directories(folder_ / "r/images");
   base::write_file(

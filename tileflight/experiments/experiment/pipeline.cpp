@@ -315,7 +315,8 @@ json Pipeline::odometry_inputs(const FlightStages& f, const OdometryRun& run) co
   }
   if (const fs::path& mask = experiment_.odometry.track_options.mask; !mask.empty())
     inputs["mask"] = cache_.content_hash(mask);
-  for (const fs::path& file : command_input_files(experiment_)) inputs["command"].push_back(cache_.content_hash(file));
+  for (const fs::path& file : odometry_program_files(experiment_))
+    inputs["program"].push_back(cache_.content_hash(file));
   return inputs;
 }
 

@@ -281,6 +281,16 @@ truth:)");
     EXPECT_EQ(own[name], (Names{"truth", "simulated/dataset", "simulated/odometry"})) << name;
 }
 
+TEST_F(PipelineTest, AnotherSystemIsDoneAgainWhenItsAdapterChanges) {
+  fs::create_directories(folder_ / "slam");
+  write("slam/adapter.yaml", "name: mine\ntakes: {inputs: [images], lenses: [any]}\n");
+  write("slam/run", "true");
+  edit("experiment.yaml", "{mask: mask.png}", "{system: slam}");
+  EXPECT_THAT(redone_after([&] { write("slam/run", "true"); }), IsEmpty());
+  EXPECT_EQ(redone_after([&] { write("slam/run", "false"); }), from_stage("odometry", {"simulated", "real"}));
+  EXPECT_EQ(redone_after([&] { write("slam/helper.py", ""); }), from_stage("odometry", {"simulated", "real"}));
+}
+
 TEST_F(PipelineTest, FilesThatAreGoneAreNamed) {
   const StageCache cache(folder_ / "run", "program");
   const Experiment e = experiment();

@@ -80,7 +80,7 @@ std::vector<fs::path> input_files(const Experiment& experiment) {
   };
   add(experiment.place.source);
   add(experiment.odometry.track_options.mask);
-  for (const fs::path& file : command_input_files(experiment)) add(file);
+  for (const fs::path& file : odometry_program_files(experiment)) add(file);
   for (const auto* flight : {&experiment.simulated, &experiment.real}) {
     if (!flight->has_value()) continue;
     if ((*flight)->render) {

@@ -122,22 +122,31 @@ json run_variants(const std::vector<Variant>& variants, const json& results, con
   return lines;
 }
 
-/// Runs odometry on a flight's dataset: the built-in one or the experiment's command.
+/// Runs another program on a flight's dataset. Throws InputError with the reason if it fails.
+void run_other_odometry(const Experiment& experiment, const fs::path& dataset, const OdometryRun& run,
+                        const Progress& progress) {
+  const OdometryConfig& settings = experiment.odometry;
+  if (settings.system) external_systems::require_installed(*settings.system);
+  const external_systems::Adapter adapter =
+      settings.system
+          ? *settings.system
+          : external_systems::command_adapter(settings.command, fs::absolute(experiment.file).parent_path());
+  const json about = external_systems::run_system(
+      adapter, dataset, run.folder / "odometry",
+      {.seed = run.options.initialization.seed, .limits = {}, .program = {}, .replace = true}, progress);
+  if (!about["system"]["completed"])
+    throw InputError(settings.system ? "odometry.system " + adapter.name : "odometry.command",
+                     about["system"]["reason"].get<std::string>());
+}
+
+/// Runs odometry on a flight's dataset: the built-in one, the experiment's system or its command.
 void run_odometry_stage(const Experiment& experiment, const fs::path& dataset, const OdometryRun& run,
                         const Progress& progress) {
   const OdometryConfig& settings = experiment.odometry;
   fs::create_directories(run.folder);
   const fs::path pictures = run.folder / "keyframe_pictures";
   if (!settings.debug_pictures && fs::exists(pictures)) base::remove_output(pictures);
-  if (!settings.command.empty()) {
-    const fs::path folder = fs::absolute(experiment.file).parent_path();
-    const json about =
-        external_systems::run_system(external_systems::command_adapter(settings.command, folder), dataset,
-                                     run.folder / "odometry", {.limits = {}, .program = {}, .replace = true}, progress);
-    if (!about["system"]["completed"])
-      throw InputError("odometry.command", about["system"]["reason"].get<std::string>());
-    return;
-  }
+  if (!settings.is_built_in()) return run_other_odometry(experiment, dataset, run, progress);
   odometry::TrackOptions extras = settings.track_options;
   if (settings.debug_pictures) extras.debug_pictures = pictures;
   if (run.is_repeat) extras.check_reversed = false;  // a repeated run already has a fixed direction
@@ -251,6 +260,17 @@ void make_truth(const Pipeline& pipeline, StageCache& cache, const RunOptions& o
       [&] { return shared.take(key, truth); });
 }
 
+/// Refuses a system that is not installed before the work that its odometry needs; what an earlier run left needs none.
+void require_installed_systems(const Experiment& e, const fs::path& folder) {
+  const auto require = [](const OdometryConfig& odometry, const fs::path& result) {
+    if (odometry.system && !fs::exists(result)) external_systems::require_installed(*odometry.system);
+  };
+  if (e.simulated) require(e.odometry, folder / "simulated/odometry");
+  if (e.real) require(e.odometry, folder / "real/odometry");
+  for (const Variant& variant : e.variants)
+    if (variant.odometry) require(*variant.odometry, folder / "variants" / variant.name / "simulated/odometry");
+}
+
 /// Prefixes a variant's stages with its name.
 StageListener prefix_listener(const Variant& variant, const StageListener& listener) {
   if (!listener) return {};
@@ -264,6 +284,7 @@ StageListener prefix_listener(const Variant& variant, const StageListener& liste
 
 // The pipeline. A stage is skipped if its inputs (settings, file contents, keys of earlier stages) are unchanged.
 nlohmann::json run(const Experiment& e, const fs::path& folder, const Progress& progress, const RunOptions& options) {
+  if (!options.until_datasets) require_installed_systems(e, folder);
   const RunFolder own(folder);
   if (options.rerun_all) invalidate_stages(folder);
   StageCache cache(folder, base::program_fingerprint(), own.hash_cache_file(), options.listener, options.original);

@@ -184,8 +184,8 @@ std::vector<Adapter> list_adapters() {
   return adapters;
 }
 
-Adapter find_adapter(const std::string& name_or_folder) {
-  if (fs::exists(fs::path(name_or_folder) / kManifest)) return read_adapter(name_or_folder);
+Adapter find_adapter(const std::string& name_or_folder, const fs::path& base) {
+  if (const fs::path folder = base / name_or_folder; fs::exists(folder / kManifest)) return read_adapter(folder);
   std::vector<std::string> names;
   for (Adapter& adapter : list_adapters()) {
     if (adapter.name == name_or_folder) return adapter;
@@ -207,6 +207,12 @@ std::string why_not_installed(const Adapter& adapter) {
   }
   if (adapter.needs_gpu && !fs::exists("/dev/nvidiactl")) return "this machine has no NVIDIA graphics processor";
   return "";
+}
+
+void require_installed(const Adapter& adapter) {
+  const std::string missing = why_not_installed(adapter);
+  if (!missing.empty())
+    throw InputError(adapter.title, "is not installed: " + missing + "; `tileflight systems` says which systems are");
 }
 
 std::string installed_version(const Adapter& adapter) {

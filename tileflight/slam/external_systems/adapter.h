@@ -63,13 +63,16 @@ std::vector<std::filesystem::path> adapter_folders();
 /// manifest.
 std::vector<Adapter> list_adapters();
 
-/// Finds the adapter of a name, or of a folder that holds adapter.yaml. Throws InputError that names the nearest known
-/// one.
-Adapter find_adapter(const std::string& name_or_folder);
+/// Finds the adapter of a folder that holds adapter.yaml, relative to `base` (empty: the working directory), or else of
+/// a name. Throws InputError that names the nearest known one.
+Adapter find_adapter(const std::string& name_or_folder, const std::filesystem::path& base = {});
 
 /// Returns why the system cannot run on this machine: "the program 'colmap' is not in PATH (apt-get install colmap)";
 /// empty if nothing is missing.
 std::string why_not_installed(const Adapter& adapter);
+
+/// Throws InputError with the reason of why_not_installed(), if there is one.
+void require_installed(const Adapter& adapter);
 
 /// Returns the first line that version_command prints; empty if there is none or it fails.
 std::string installed_version(const Adapter& adapter);

@@ -106,6 +106,11 @@ TEST_F(AdapterFile, WhatIsMissingIsSaid) {
   EXPECT_EQ(installed_version(adapter), "1.2.3");
   adapter.programs = {"no-such-program"};
   EXPECT_EQ(why_not_installed(adapter), "the program 'no-such-program' is not in PATH");
+  EXPECT_THAT(refusal_of([&] { require_installed(adapter); }),
+              ::testing::AllOf(HasSubstr("My SLAM: is not installed: the program 'no-such-program' is not in PATH"),
+                               HasSubstr("tileflight systems")));
+  adapter.programs.clear();
+  require_installed(adapter);
   unsetenv("MY_SLAM_TEST");
 }
 
@@ -116,6 +121,7 @@ TEST_F(AdapterFile, OnesOwnComesBeforeTheProgramsOwnOfThatName) {
   setenv("TILEFLIGHT_ADAPTERS", (folder_ / "own").c_str(), 1);
   EXPECT_EQ(find_adapter("colmap").title, "Own");
   EXPECT_THAT(refusal_of([] { find_adapter("colmpa"); }), HasSubstr("did you mean 'colmap'?"));
+  EXPECT_EQ(find_adapter("own/colmap", folder_.path()).folder, folder_ / "own/colmap") << "relative to a folder";
   unsetenv("TILEFLIGHT_ADAPTERS");
 }
 

@@ -393,8 +393,8 @@ std::string Initializer::far_apart_reason() const {
   return reason + " (" + std::to_string(fewest_matches_) + " matched features at worst), and fewer than " +
          std::to_string(options_.min_tracks) +
          " corners are seen by three images in a row; use images that overlap by 70 %, the frames in between "
-         "(--every), "
-         "or --system colmap (tileflight systems tells whether it is installed)";
+         "(--every; every in an experiment), or --system colmap (odometry: {system: colmap} in an experiment), if "
+         "`tileflight systems` says that it is installed";
 }
 
 }  // namespace tileflight::initialization

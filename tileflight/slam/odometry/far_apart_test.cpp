@@ -90,8 +90,9 @@ TEST(FarApart, ImagesThatHardlyOverlapAreNamed) {
   Sequence sequence;
   const OdometryResult result = track_survey(imaging::make_pinhole(480, 360, 70.0), 0.35, 0.0, sequence);
   EXPECT_TRUE(result.lost);
-  EXPECT_THAT(result.lost_reason, AllOf(HasSubstr("too far apart"), HasSubstr("pixels"), HasSubstr("--system colmap"),
-                                        Not(HasSubstr("turns"))));
+  EXPECT_THAT(result.lost_reason,
+              AllOf(HasSubstr("too far apart"), HasSubstr("pixels"), HasSubstr("--system colmap"),
+                    HasSubstr("odometry: {system: colmap} in an experiment"), Not(HasSubstr("turns"))));
 }
 
 /// A rotation absorbs most of the motion that a narrow lens sees over level ground.

@@ -211,7 +211,7 @@ std::string far_apart_detail(double motion_px) {
   return "(the images are too far apart: " +
          (motion_px > 0.0 ? "what is found again moves by " + base::formatted("%.0f", motion_px) + " pixels"
                           : std::string("hardly anything is found again")) +
-         "; use images that overlap by 70 %, or --system colmap)";
+         "; use images that overlap by 70 %, or --system colmap (in an experiment: odometry: {system: colmap}))";
 }
 
 }  // namespace
