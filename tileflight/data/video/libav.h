@@ -48,6 +48,14 @@ inline bool is_key_frame(const AVFrame& frame) {
 #endif
 }
 
+inline bool is_interlaced(const AVFrame& frame) {
+#ifdef AV_FRAME_FLAG_INTERLACED
+  return (frame.flags & AV_FRAME_FLAG_INTERLACED) != 0;
+#else
+  return frame.interlaced_frame != 0;
+#endif
+}
+
 /// The text of an AVERROR code, e.g. "End of file".
 inline std::string error_text(int code) {
   char text[AV_ERROR_MAX_STRING_SIZE] = "";
@@ -93,6 +101,23 @@ inline OpenInput open_input(const std::filesystem::path& file) {
   const int found = avformat_find_stream_info(context, nullptr);
   if (found < 0) throw InputError(file.string(), "cannot be read as a video: " + error_text(found));
   return input;
+}
+
+/// Tells whether a stream holds a moving image: not a cover or a preview, which are single images.
+inline bool is_moving_image(const AVStream& stream) {
+  constexpr int kPicture = AV_DISPOSITION_ATTACHED_PIC | AV_DISPOSITION_TIMED_THUMBNAILS;
+  return stream.codecpar->codec_type == AVMEDIA_TYPE_VIDEO && (stream.disposition & kPicture) == 0 &&
+         stream.nb_frames != 1;
+}
+
+/// Returns the index of the stream whose images are the recording: of the moving images that which libavformat prefers,
+/// else the first of them, else whatever it takes for a video; below 0: an AVERROR.
+inline int find_video_stream(AVFormatContext& input) {
+  const int preferred = av_find_best_stream(&input, AVMEDIA_TYPE_VIDEO, -1, -1, nullptr, 0);
+  if (preferred >= 0 && is_moving_image(*input.streams[preferred])) return preferred;
+  for (unsigned i = 0; i < input.nb_streams; ++i)
+    if (is_moving_image(*input.streams[i])) return static_cast<int>(i);
+  return preferred;
 }
 
 }  // namespace tileflight::video::libav

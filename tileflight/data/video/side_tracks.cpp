@@ -47,16 +47,14 @@ struct ImageSpan {
   std::optional<double> end_s;
 };
 
-ImageSpan image_span(const AVFormatContext& input) {
-  for (unsigned i = 0; i < input.nb_streams; ++i) {
-    const AVStream& stream = *input.streams[i];
-    if (stream.codecpar->codec_type != AVMEDIA_TYPE_VIDEO || stream.start_time == AV_NOPTS_VALUE) continue;
-    ImageSpan span{static_cast<double>(stream.start_time) * av_q2d(stream.time_base), {}};
-    if (stream.duration != AV_NOPTS_VALUE && stream.duration > 0)
-      span.end_s = span.start_s + static_cast<double>(stream.duration) * av_q2d(stream.time_base);
-    return span;
-  }
-  return {};
+ImageSpan image_span(AVFormatContext& input) {
+  const int images = libav::find_video_stream(input);
+  if (images < 0 || input.streams[images]->start_time == AV_NOPTS_VALUE) return {};
+  const AVStream& stream = *input.streams[images];
+  ImageSpan span{static_cast<double>(stream.start_time) * av_q2d(stream.time_base), {}};
+  if (stream.duration != AV_NOPTS_VALUE && stream.duration > 0)
+    span.end_s = span.start_s + static_cast<double>(stream.duration) * av_q2d(stream.time_base);
+  return span;
 }
 
 /// Skips the packets of all other streams, which are most of the file.
@@ -184,7 +182,7 @@ std::vector<std::byte> read_user_data(const std::filesystem::path& file, std::st
 
 std::map<std::string, std::string> read_video_tags(const std::filesystem::path& file) {
   const libav::OpenInput input = libav::open_input(file);
-  const int track = av_find_best_stream(input.get(), AVMEDIA_TYPE_VIDEO, -1, -1, nullptr, 0);
+  const int track = libav::find_video_stream(*input);
   if (track < 0) throw InputError(file.string(), "has no video track");
   std::map<std::string, std::string> tags;
   for (const AVDictionary* metadata : {input->streams[track]->metadata, input->metadata}) {

@@ -20,6 +20,10 @@ struct VideoInfo {
   int quarter_turns = 0;             ///< clockwise, 0 to 3: by which the rotation flags turn the stored images
   std::int64_t declared_frames = 0;  ///< 0: not declared by the container
   std::string creation_time;         ///< as the container has it (ISO 8601, UTC); empty: not declared
+  double pixel_aspect = 1.0;         ///< width of a pixel as it is meant to be shown, divided by its height
+  /// What makes its images other than plain ones, and what that means for a calibration and for odometry: a rotation
+  /// flag, pixels that are not square, high dynamic range, interlacing, several videos in the file. A line each.
+  std::vector<std::string> notes;
 };
 
 /// The part of a video to read.
@@ -32,14 +36,24 @@ struct VideoExcerpt {
 /// Size, frame rate and duration as declared by the container, without decoding. Throws InputError (file, cause).
 VideoInfo probe_video(const std::filesystem::path& file);
 
+/// Returns how a video's images come to have their size, in a clause, where a calibration may be for another one:
+/// turned by a flag, or of pixels that are not square. Empty: they are as they are stored and shown.
+std::string describe_size(const VideoInfo& info);
+
 /// Decodes frames in display order (libav*) and calls `on_frame(index in the excerpt after stepping, time_s, image)`,
 /// which returns false to stop. Throws InputError (file, time, cause) if the file is unreadable, if it ends early
-/// (fewer frames than declared, or a truncated packet) before the excerpt's end, or if the excerpt is empty. Times are
-/// the file's own (also variable rates), the first frame at 0. Frames are rotated by the rotation flag. Damage before
-/// the excerpt is skipped; the result is a note if the excerpt's first frames are predicted from damaged ones.
+/// (fewer frames than declared, or a truncated packet) before the excerpt's end, if the frames' size changes or their
+/// times go back within it, or if the excerpt is empty. Times are the file's own (also variable rates), the first frame
+/// at 0. Frames are rotated by the rotation flag; those of high dynamic range are mapped to sRGB. Damage before the
+/// excerpt is skipped. The result is notes, a line each: if the excerpt's first frames are predicted from damaged ones,
+/// if there are gaps in the times, if frames turn out to be interlaced.
 std::vector<std::string> read_video(
     const std::filesystem::path& file, const VideoExcerpt& excerpt,
     const std::function<bool(std::int64_t index, double time_s, const imaging::RgbImage& image)>& on_frame);
+
+/// Returns the positions of the images that follow a gap in the times, which increase: half a second or more, and ten
+/// times as long as is usual.
+std::vector<std::size_t> find_gaps(const std::vector<double>& times_s);
 
 /// Returns the first text track of a video (MP4's timed text, Matroska's SubRip) as the text of an .srt file, with
 /// times after the first frame; empty if there is none. Throws InputError (file, cause) for a file that is no video.

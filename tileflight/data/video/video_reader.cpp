@@ -7,14 +7,18 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 extern "C" {
 #include <libavutil/display.h>
+#include <libavutil/pixdesc.h>
 }
 
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/data/video/high_dynamic_range.h"
 #include "tileflight/data/video/libav.h"
+#include "tileflight/data/video/unusual_images.h"
 #include "tileflight/data/video/video.h"
 
 namespace tileflight::video {
@@ -51,6 +55,10 @@ class VideoDecoder {
 
   /// Clockwise quarter turns for display (the container's display matrix), 0 to 3.
   int quarter_turns() const { return quarter_turns_; }
+  /// Throws InputError unless the frame returned by next() has the size that info() states.
+  void require_stated_size() const;
+  /// Whether the frame returned by next() says that it is interlaced although the container does not.
+  bool is_unstated_interlaced() const;
 
  private:
   void open();
@@ -62,6 +70,7 @@ class VideoDecoder {
   bool is_incomplete() const;
   void note_time(const AVPacket& packet);
   std::string position_text() const;
+  void require_later(double time_s) const;
   void restart_at(std::int64_t timestamp);
   double time_of(const AVFrame& frame);
   bool is_before_excerpt() const { return std::max(time_s_, 0.0) < tolerates_until_s_; }
@@ -73,6 +82,7 @@ class VideoDecoder {
   libav::Owner<AVFrame> frame_;
   libav::Owner<AVPacket> packet_;
   int quarter_turns_ = 0;
+  int stored_width_ = 0, stored_height_ = 0;  ///< of the images, as the container states them
   std::optional<std::int64_t> first_timestamp_;
   double time_s_ = -1.0;
   bool has_seeked_ = false;                       ///< seek_before() has changed the position
@@ -126,12 +136,13 @@ void VideoDecoder::open() {
 }
 
 void VideoDecoder::open_decoder() {
-  const AVCodec* decoder = nullptr;
-  const int stream = av_find_best_stream(format_, AVMEDIA_TYPE_VIDEO, -1, -1, &decoder, 0);
-  if (stream == AVERROR_DECODER_NOT_FOUND)
-    throw InputError(file_.string(), "its video codec is not supported: re-encode it as H.264");
+  const int stream = libav::find_video_stream(*format_);
   if (stream < 0 || is_not_video(*format_)) throw InputError(file_.string(), "contains no video");
   stream_ = format_->streams[stream];
+  const AVCodec* const decoder = avcodec_find_decoder(stream_->codecpar->codec_id);
+  if (decoder == nullptr) throw InputError(file_.string(), "its video codec is not supported: re-encode it as H.264");
+  stored_width_ = stream_->codecpar->width;
+  stored_height_ = stream_->codecpar->height;
   for (unsigned i = 0; i < format_->nb_streams && has_full_index(); ++i)
     if (static_cast<int>(i) != stream) format_->streams[i]->discard = AVDISCARD_ALL;
   codec_.reset(avcodec_alloc_context3(decoder));
@@ -150,15 +161,28 @@ void VideoDecoder::read_rotation() {
   const double turns = -counter_clockwise_deg / 90.0;
   if (!std::isfinite(turns) || std::abs(turns - std::round(turns)) > 1e-3)
     throw InputError(file_.string(), "its rotation flag is not a multiple of 90 degrees");
+  const double determinant = static_cast<double>(matrix[0]) * matrix[4] - static_cast<double>(matrix[1]) * matrix[3];
+  if (determinant < 0.0)
+    throw InputError(
+        file_.string(),
+        "its rotation flag mirrors the images, and a mirrored place is another one: remove the flag if the "
+        "stored images are as the camera saw them (ffmpeg -noautorotate -i IN -c:v libx264 -crf 16 OUT), "
+        "else mirror them (ffmpeg -i IN -c:v libx264 -crf 16 OUT)");
   quarter_turns_ = (static_cast<int>(std::lround(turns)) + 4) % 4;
 }
 
 VideoInfo VideoDecoder::info() const {
   VideoInfo info;
-  info.width = stream_->codecpar->width;
-  info.height = stream_->codecpar->height;
-  if (quarter_turns_ % 2 == 1) std::swap(info.width, info.height);
+  info.width = stored_width_;
+  info.height = stored_height_;
+  info.pixel_aspect = pixel_aspect_of(*format_, *stream_);
+  if (quarter_turns_ % 2 == 1) {
+    std::swap(info.width, info.height);
+    info.pixel_aspect = 1.0 / info.pixel_aspect;
+  }
   info.quarter_turns = quarter_turns_;
+  for (const std::string& note : describe_unusual_images(*format_, *stream_, quarter_turns_))
+    info.notes.push_back(file_.string() + ": " + note);
   const AVRational rate = stream_->avg_frame_rate.num > 0 ? stream_->avg_frame_rate : stream_->r_frame_rate;
   if (rate.num > 0 && rate.den > 0) info.frames_per_second = av_q2d(rate);
   if (stream_->duration != AV_NOPTS_VALUE)
@@ -217,10 +241,15 @@ void VideoDecoder::send_next_packet() {
     packet_->time_base = format_->streams[packet_->stream_index]->time_base;
     note_time(*packet_);
     if (packet_->stream_index != stream_->index) continue;
-    if ((packet_->flags & AV_PKT_FLAG_CORRUPT) != 0) {  // the file is truncated within the packet
-      note_end(AVERROR_EOF);
-      fault_ = "ends early";
-      return;
+    if ((packet_->flags & AV_PKT_FLAG_CORRUPT) != 0) {
+      const bool goes_on = avio_feof(format_->pb) == 0;
+      if (goes_on && is_before_excerpt()) {
+        depends_on_damage_ = true;
+      } else {  // the file is truncated within the packet, or, of a transport stream, packets are missing
+        note_end(AVERROR_EOF);
+        fault_ = goes_on ? "is damaged, or joined from files that do not go on from each other," : "ends early";
+        return;
+      }
     }
     ++packets_;
     if (packet_->dts != AV_NOPTS_VALUE) last_timestamp_ = packet_->dts;
@@ -264,8 +293,7 @@ const AVFrame* VideoDecoder::next() {
     if (received < 0)
       throw InputError(file_.string(), "is damaged " + position_text() + ": " + error_text(received) + "; " + kRepair);
     const double time = time_of(*frame_);
-    if (!(time > time_s_) && frames_ > 0)
-      throw InputError(file_.string(), "two frames have the same time " + position_text());
+    if (frames_ > 0) require_later(time);
     time_s_ = time;
     ++frames_;
     if (libav::is_key_frame(*frame_)) depends_on_damage_ = false;
@@ -275,6 +303,31 @@ const AVFrame* VideoDecoder::next() {
   if (fault_.empty()) return nullptr;
   throw InputError(file_.string(), fault_ + " " + position_text() +
                                        (fault_.starts_with("is damaged") ? std::string("; ") + kRepair : ""));
+}
+
+void VideoDecoder::require_later(double time_s) const {
+  if (time_s > time_s_) return;
+  const std::string remedy =
+      ": give the frames new times (ffmpeg -i IN -c copy OUT.mp4), or read the part before (--to)";
+  if (time_s == time_s_) throw InputError(file_.string(), "two frames have the same time " + position_text() + remedy);
+  throw InputError(file_.string(), "the times of its frames go back by " + base::rounded_text(time_s_ - time_s, 2) +
+                                       " s " + position_text() + remedy);
+}
+
+void VideoDecoder::require_stated_size() const {
+  if (frame_->width == stored_width_ && frame_->height == stored_height_) return;
+  const auto size = [](int width, int height) { return std::to_string(width) + "x" + std::to_string(height); };
+  const std::string time = base::rounded_text(std::max(time_s_, 0.0), 2);
+  throw InputError(file_.string(),
+                   "the size of its images changes: " + size(frame_->width, frame_->height) + " at " + time + " s, " +
+                       size(stored_width_, stored_height_) +
+                       " stated for all; a calibration is for one size: read the part before the change (--to), or cut "
+                       "the file there (ffmpeg -ss " +
+                       time + " -i IN -c copy OUT)");
+}
+
+bool VideoDecoder::is_unstated_interlaced() const {
+  return libav::is_interlaced(*frame_) && stream_->codecpar->field_order <= AV_FIELD_PROGRESSIVE;
 }
 
 std::string VideoDecoder::position_text() const {
@@ -328,39 +381,82 @@ RgbImage rotate_clockwise(RgbImage image, int quarter_turns) {
   return image;
 }
 
-/// Converts YUV of any layout to RGB, by the frame's matrix and range (default: BT.601, limited).
+/// Converts YUV of any layout to RGB, by the frame's matrix and range (default: BT.601, and the range that its layout
+/// usually has: full for grey and for JPEG's YUV).
 class RgbConverter {
  public:
   RgbImage convert(const AVFrame& frame, const std::string& file) {
-    const auto format = static_cast<AVPixelFormat>(frame.format);
-    if (scaler_ == nullptr || format != format_ || frame.width != width_ || frame.height != height_)
-      set_up(frame, file);
+    const Format format = format_of(frame);
+    if (scaler_ == nullptr || !(format == format_)) set_up(format, frame, file);
     RgbImage image(frame.width, frame.height);
-    std::uint8_t* const planes[] = {image.pixels.data()->data()};
-    const int strides[] = {3 * frame.width};
-    sws_scale(scaler_.get(), frame.data, frame.linesize, 0, frame.height, planes, strides);
+    if (hdr_) {
+      std::vector<std::uint16_t> deep(3 * image.pixels.size());
+      scale(frame, reinterpret_cast<std::uint8_t*>(deep.data()), 6 * frame.width);
+      hdr_->map(deep, image.pixels);
+    } else {
+      scale(frame, image.pixels.data()->data(), 3 * frame.width);
+      if (is_limited_grey(frame)) stretch(image);
+    }
     return image;
   }
 
  private:
-  void set_up(const AVFrame& frame, const std::string& file) {
-    if (scaler_ != nullptr && (frame.width != width_ || frame.height != height_))
-      throw InputError(file, "the size of the frames changes within the video");
-    format_ = static_cast<AVPixelFormat>(frame.format);
-    width_ = frame.width;
-    height_ = frame.height;
+  /// What decides how a frame is converted.
+  struct Format {
+    int width = 0, height = 0;
+    int layout = AV_PIX_FMT_NONE, matrix = 0, range = 0, transfer = 0, primaries = 0;
+    bool operator==(const Format&) const = default;
+  };
+
+  static Format format_of(const AVFrame& frame) {
+    return {frame.width,       frame.height,    frame.format,         frame.colorspace,
+            frame.color_range, frame.color_trc, frame.color_primaries};
+  }
+
+  static bool is_grey(const AVFrame& frame) {
+    const AVPixFmtDescriptor* const layout = av_pix_fmt_desc_get(static_cast<AVPixelFormat>(frame.format));
+    return layout != nullptr && layout->nb_components <= 2 && (layout->flags & AV_PIX_FMT_FLAG_RGB) == 0;
+  }
+  static bool is_limited_grey(const AVFrame& frame) { return frame.color_range == AVCOL_RANGE_MPEG && is_grey(frame); }
+
+  /// Maps limited range to full range, which libswscale does not do for grey.
+  static void stretch(RgbImage& image) {
+    for (imaging::Rgb8& pixel : image.pixels)
+      for (std::uint8_t& value : pixel)
+        value = static_cast<std::uint8_t>(std::clamp(((value - 16) * 255 + 109) / 219, 0, 255));
+  }
+
+  void scale(const AVFrame& frame, std::uint8_t* pixels, int stride) {
+    std::uint8_t* const planes[] = {pixels};
+    const int strides[] = {stride};
+    sws_scale(scaler_.get(), frame.data, frame.linesize, 0, frame.height, planes, strides);
+  }
+
+  void set_up(const Format& format, const AVFrame& frame, const std::string& file) {
+    format_ = format;
+    hdr_.reset();
+    if (HighDynamicRange::has(frame.color_trc)) hdr_.emplace(frame.color_trc, frame.color_primaries);
     constexpr int kFlags = SWS_BILINEAR | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INT | SWS_BITEXACT;
-    scaler_.reset(
-        sws_getContext(width_, height_, format_, width_, height_, AV_PIX_FMT_RGB24, kFlags, nullptr, nullptr, nullptr));
+    scaler_.reset(sws_getContext(frame.width, frame.height, static_cast<AVPixelFormat>(frame.format), frame.width,
+                                 frame.height, hdr_ ? AV_PIX_FMT_RGB48 : AV_PIX_FMT_RGB24, kFlags, nullptr, nullptr,
+                                 nullptr));
     if (scaler_ == nullptr) throw InputError(file, "its pixel format cannot be converted to RGB");
-    const int full_range = frame.color_range == AVCOL_RANGE_JPEG ? 1 : 0;
+    int *inverse = nullptr, *forward = nullptr;  // not used
+    int full_range = 0, shown_range = 0, brightness = 0, contrast = 0, saturation = 0;
+    sws_getColorspaceDetails(scaler_.get(), &inverse, &full_range, &forward, &shown_range, &brightness, &contrast,
+                             &saturation);
+    if (is_grey(frame)) {
+      full_range = 1;
+    } else if (frame.color_range != AVCOL_RANGE_UNSPECIFIED) {
+      full_range = frame.color_range == AVCOL_RANGE_JPEG ? 1 : 0;
+    }
     sws_setColorspaceDetails(scaler_.get(), sws_getCoefficients(frame.colorspace), full_range,
                              sws_getCoefficients(SWS_CS_DEFAULT), 1, 0, 1 << 16, 1 << 16);
   }
 
   libav::Owner<SwsContext> scaler_;
-  AVPixelFormat format_ = AV_PIX_FMT_NONE;
-  int width_ = 0, height_ = 0;
+  Format format_;
+  std::optional<HighDynamicRange> hdr_;
 };
 
 /// The first frame of the excerpt; nullptr if the video ends before it.
@@ -406,19 +502,27 @@ std::vector<std::string> read_video(const std::filesystem::path& file, const Vid
   RgbConverter converter;
   std::int64_t in_excerpt = 0;
   std::vector<std::string> notes;
+  std::vector<double> times_s;
+  const auto finished = [&] {
+    if (const std::string gaps = describe_gaps(times_s); !gaps.empty()) notes.push_back(file.string() + ": " + gaps);
+    return notes;
+  };
   const AVFrame* frame = first_frame(decoder, excerpt.from_s);
   if (frame != nullptr && decoder.depends_on_damage())
     notes.push_back(file.string() +
                     ": is damaged before the excerpt, and no key frame comes between: the images from " +
                     base::rounded_text(decoder.time_s(), 2) + " s on may be smeared; begin later if they are (--from)");
+  if (frame != nullptr && decoder.is_unstated_interlaced()) notes.push_back(file.string() + ": " + interlaced_text());
   for (; frame != nullptr; frame = decoder.next(), ++in_excerpt) {
     if (excerpt.to_s && decoder.time_s() >= *excerpt.to_s) break;
     if (decoder.is_damaged()) throw InputError(file.string(), describe_damage(decoder));
+    decoder.require_stated_size();
+    times_s.push_back(decoder.time_s());
     if (in_excerpt % excerpt.every != 0) continue;
     const RgbImage image = rotate_clockwise(converter.convert(*frame, file.string()), decoder.quarter_turns());
-    if (!on_frame(in_excerpt / excerpt.every, decoder.time_s(), image)) return notes;
+    if (!on_frame(in_excerpt / excerpt.every, decoder.time_s(), image)) return finished();
   }
-  if (in_excerpt > 0) return notes;
+  if (in_excerpt > 0) return finished();
   if (decoder.depends_on_damage())
     throw InputError(file.string(),
                      "is damaged before the excerpt, and no key frame follows from which the rest could be "

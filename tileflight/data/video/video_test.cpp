@@ -10,6 +10,7 @@
 #include "tests/moving_picture.h"
 #include "tests/temporary_folder.h"
 #include "tests/test_data.h"
+#include "tests/track_matrix.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/data/video/libav.h"
 
@@ -22,6 +23,7 @@ using testing::HasSubstr;
 using tests::moving_picture;
 using tests::psnr;
 using tests::refusal_of;
+using tests::set_track_matrix;
 using tileflight::tests::TemporaryFolder;
 
 constexpr int kWidth = 96;
@@ -62,9 +64,11 @@ int number_of(const imaging::RgbImage& image, int frames) {
   return best;
 }
 
-/// Remuxes packets into another container (by the file's extension) with other times.
+/// Remuxes packets into another container (by the file's extension) with other times. Images of the first second are
+/// shown later by `shown_later`, in units of 1/30000 s.
 template <class NewTime>
-void remux(const fs::path& from, const fs::path& to, const char* movflags, const NewTime& new_time) {
+void remux(const fs::path& from, const fs::path& to, const char* movflags, const NewTime& new_time,
+           std::int64_t shown_later = 0) {
   AVFormatContext* in = nullptr;
   ASSERT_EQ(avformat_open_input(&in, from.c_str(), nullptr, nullptr), 0);
   ASSERT_GE(avformat_find_stream_info(in, nullptr), 0);
@@ -82,7 +86,7 @@ void remux(const fs::path& from, const fs::path& to, const char* movflags, const
   AVPacket* packet = av_packet_alloc();
   while (av_read_frame(in, packet) >= 0) {
     av_packet_rescale_ts(packet, in->streams[0]->time_base, {1, 30000});
-    packet->pts = new_time(packet->pts);
+    packet->pts = new_time(packet->pts) + (packet->pts < 30000 ? shown_later : 0);
     packet->dts = new_time(packet->dts);
     packet->duration = 0;
     av_packet_rescale_ts(packet, {1, 30000}, stream->time_base);
@@ -239,28 +243,13 @@ TEST(Video, VariableFrameRateComesFromTheFilesTimes) {
   }
 }
 
-/// Sets the display matrix in an MP4's track header (ISO/IEC 14496-12, 8.3.2).
-void set_rotation(const fs::path& file, const std::array<std::int32_t, 4>& abcd) {
-  std::string bytes = base::read_text(file);
-  const std::size_t matrix = bytes.find("tkhd") + 4 + 40;
-  const auto put = [&](std::size_t at, std::int32_t value) {
-    for (int i = 0; i < 4; ++i)
-      bytes[matrix + at + i] = static_cast<char>(static_cast<std::uint32_t>(value) >> (24 - 8 * i));
-  };
-  put(0, abcd[0] * 65536);
-  put(4, abcd[1] * 65536);
-  put(12, abcd[2] * 65536);
-  put(16, abcd[3] * 65536);
-  base::write_file(file, bytes);
-}
-
 TEST(Video, RotationFlags) {
   TemporaryFolder folder;
   write_video(folder / "a.mp4", 3);
   const imaging::RgbImage upright = read_all(folder / "a.mp4").images[1];
 
   fs::copy_file(folder / "a.mp4", folder / "quarter.mp4");
-  set_rotation(folder / "quarter.mp4", {0, 1, -1, 0});  // a quarter clockwise: x' = -y, y' = x
+  set_track_matrix(folder / "quarter.mp4", {0, 1, -1, 0});  // a quarter clockwise: x' = -y, y' = x
   EXPECT_EQ(probe_video(folder / "quarter.mp4").width, kHeight);
   const imaging::RgbImage quarter = read_all(folder / "quarter.mp4").images[1];
   ASSERT_EQ(quarter.width, kHeight);
@@ -268,14 +257,312 @@ TEST(Video, RotationFlags) {
   EXPECT_EQ(quarter(kHeight - 1 - 10, 20), upright(20, 10));
 
   fs::copy_file(folder / "a.mp4", folder / "half.mp4");
-  set_rotation(folder / "half.mp4", {-1, 0, 0, -1});
+  set_track_matrix(folder / "half.mp4", {-1, 0, 0, -1});
   const imaging::RgbImage half = read_all(folder / "half.mp4").images[1];
   EXPECT_EQ(half(kWidth - 1 - 20, kHeight - 1 - 10), upright(20, 10));
 
   fs::copy_file(folder / "a.mp4", folder / "back.mp4");
-  set_rotation(folder / "back.mp4", {0, -1, 1, 0});
+  set_track_matrix(folder / "back.mp4", {0, -1, 1, 0});
   const imaging::RgbImage back = read_all(folder / "back.mp4").images[1];
   EXPECT_EQ(back(10, kWidth - 1 - 20), upright(20, 10));
+
+  EXPECT_THAT(probe_video(folder / "a.mp4").notes, testing::IsEmpty());
+  for (const auto& [name, degrees] : {std::pair{"quarter.mp4", "90"}, {"half.mp4", "180"}, {"back.mp4", "270"}})
+    EXPECT_THAT(probe_video(folder / name).notes,
+                testing::ElementsAre(
+                    AllOf(HasSubstr(name), HasSubstr(std::string("turned by ") + degrees), HasSubstr("calibration"))));
+}
+
+/// How the images of write_lossless() are stored.
+struct LosslessFormat {
+  AVPixelFormat layout = AV_PIX_FMT_YUV420P;
+  AVColorRange range = AVCOL_RANGE_UNSPECIFIED;
+  AVColorTransferCharacteristic transfer = AVCOL_TRC_UNSPECIFIED;
+  AVColorPrimaries primaries = AVCOL_PRI_UNSPECIFIED;
+  AVColorSpace matrix = AVCOL_SPC_UNSPECIFIED;
+  AVFieldOrder fields = AV_FIELD_UNKNOWN;
+  AVRational pixel_aspect{0, 1};
+};
+
+/// Writes FFV1 in Matroska, 32x16: images without colour, each of one value of brightness as it is stored.
+void write_lossless(const fs::path& file, const LosslessFormat& format, const std::vector<int>& values) {
+  const libav::Owner<AVCodecContext> codec(avcodec_alloc_context3(avcodec_find_encoder(AV_CODEC_ID_FFV1)));
+  codec->width = 32;
+  codec->height = 16;
+  codec->pix_fmt = format.layout;
+  codec->time_base = {1, 25};
+  codec->color_range = format.range;
+  codec->color_trc = format.transfer;
+  codec->color_primaries = format.primaries;
+  codec->colorspace = format.matrix;
+  codec->sample_aspect_ratio = format.pixel_aspect;
+  codec->strict_std_compliance = FF_COMPLIANCE_EXPERIMENTAL;
+  ASSERT_GE(avcodec_open2(codec.get(), nullptr, nullptr), 0);
+  AVFormatContext* out = nullptr;
+  ASSERT_GE(avformat_alloc_output_context2(&out, nullptr, "matroska", file.c_str()), 0);
+  AVStream* const stream = avformat_new_stream(out, nullptr);
+  avcodec_parameters_from_context(stream->codecpar, codec.get());
+  stream->codecpar->field_order = format.fields;
+  stream->sample_aspect_ratio = format.pixel_aspect;
+  stream->time_base = codec->time_base;
+  ASSERT_GE(avio_open(&out->pb, file.c_str(), AVIO_FLAG_WRITE), 0);
+  ASSERT_GE(avformat_write_header(out, nullptr), 0);
+  const libav::Owner<AVPacket> packet(av_packet_alloc());
+  const bool is_deep = format.layout == AV_PIX_FMT_YUV420P10;
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const libav::Owner<AVFrame> frame(av_frame_alloc());
+    frame->width = codec->width;
+    frame->height = codec->height;
+    frame->format = codec->pix_fmt;
+    frame->pts = static_cast<std::int64_t>(i);
+    ASSERT_GE(av_frame_get_buffer(frame.get(), 0), 0);
+    for (int plane = 0; plane < 3 && frame->data[plane] != nullptr; ++plane) {
+      const int value = plane == 0 ? values[i] : is_deep ? 512 : 128;
+      const int rows = plane == 0 ? 16 : 8;
+      if (is_deep) {
+        auto* const samples = reinterpret_cast<std::uint16_t*>(frame->data[plane]);
+        std::fill(samples, samples + rows * frame->linesize[plane] / 2, static_cast<std::uint16_t>(value));
+      } else {
+        std::fill(frame->data[plane], frame->data[plane] + rows * frame->linesize[plane],
+                  static_cast<std::uint8_t>(value));
+      }
+    }
+    ASSERT_GE(avcodec_send_frame(codec.get(), frame.get()), 0);
+    ASSERT_GE(avcodec_receive_packet(codec.get(), packet.get()), 0);
+    av_packet_rescale_ts(packet.get(), codec->time_base, stream->time_base);
+    ASSERT_GE(av_interleaved_write_frame(out, packet.get()), 0);
+  }
+  av_write_trailer(out);
+  avio_closep(&out->pb);
+  avformat_free_context(out);
+}
+
+/// The red, green and blue of each image, which are to be equal.
+std::vector<int> greys_of(const fs::path& file) {
+  std::vector<int> greys;
+  for (const imaging::RgbImage& image : read_all(file).images) {
+    const imaging::Rgb8 pixel = image(16, 8);
+    EXPECT_NEAR(pixel[0], pixel[1], 1);
+    EXPECT_NEAR(pixel[2], pixel[1], 1);
+    greys.push_back(pixel[1]);
+  }
+  return greys;
+}
+
+TEST(Video, TenBitsBecomeEight) {
+  const TemporaryFolder folder;
+  std::vector<int> values;
+  for (int value = 64; value <= 940; value += 12) values.push_back(value);
+  write_lossless(folder / "a.mkv", {.layout = AV_PIX_FMT_YUV420P10, .range = AVCOL_RANGE_MPEG}, values);
+  const std::vector<int> greys = greys_of(folder / "a.mkv");
+  ASSERT_EQ(greys.size(), values.size());
+  for (std::size_t i = 0; i < greys.size(); ++i) EXPECT_NEAR(greys[i], (values[i] - 64) * 255.0 / 876, 1.0) << i;
+  EXPECT_THAT(probe_video(folder / "a.mkv").notes, testing::IsEmpty());
+}
+
+TEST(Video, TheRangeIsThatOfTheFile) {
+  const TemporaryFolder folder;
+  const std::vector<int> values{0, 16, 100, 235, 255};
+  const auto expect = [&](const char* what, const LosslessFormat& format, const std::vector<int>& expected) {
+    write_lossless(folder / "a.mkv", format, values);
+    const std::vector<int> greys = greys_of(folder / "a.mkv");
+    ASSERT_EQ(greys.size(), values.size());
+    for (std::size_t i = 0; i < greys.size(); ++i) EXPECT_NEAR(greys[i], expected[i], 1) << what << " " << i;
+  };
+  const std::vector<int> stretched{0, 0, 98, 255, 255};
+  expect("full", {.range = AVCOL_RANGE_JPEG}, values);
+  expect("limited", {.range = AVCOL_RANGE_MPEG}, stretched);
+  expect("not stated", {}, stretched);
+  // Thermal cameras: all values of grey are used, unless the file says otherwise.
+  expect("grey", {.layout = AV_PIX_FMT_GRAY8}, values);
+  expect("limited grey", {.layout = AV_PIX_FMT_GRAY8, .range = AVCOL_RANGE_MPEG}, stretched);
+}
+
+/// SMPTE ST 2084, section 5.3: the value of 10 bits, limited range, for light in cd/m2.
+int pq_value(double light_cd_m2) {
+  const double y = std::pow(light_cd_m2 / 10000.0, 0.1593017578125);
+  const double value = std::pow((0.8359375 + 18.8515625 * y) / (1.0 + 18.6875 * y), 78.84375);
+  return static_cast<int>(std::lround(64 + 876 * value));
+}
+
+LosslessFormat high_dynamic_range(AVColorTransferCharacteristic transfer) {
+  return {.layout = AV_PIX_FMT_YUV420P10,
+          .range = AVCOL_RANGE_MPEG,
+          .transfer = transfer,
+          .primaries = AVCOL_PRI_BT2020,
+          .matrix = AVCOL_SPC_BT2020_NCL};
+}
+
+TEST(Video, HighDynamicRangeBecomesSrgb) {
+  const TemporaryFolder folder;
+  constexpr double kWhite = 203.0;  // cd/m2, Report ITU-R BT.2408
+  write_lossless(folder / "pq.mkv", high_dynamic_range(AVCOL_TRC_SMPTE2084),
+                 {pq_value(0.0), pq_value(0.02 * kWhite), pq_value(0.18 * kWhite), pq_value(0.5 * kWhite),
+                  pq_value(kWhite), pq_value(2 * kWhite), pq_value(1000.0)});
+  const std::vector<int> greys = greys_of(folder / "pq.mkv");
+  ASSERT_EQ(greys.size(), 7U);
+  EXPECT_EQ(greys[0], 0);
+  EXPECT_NEAR(greys[1], 39, 1);   // sRGB of 0.02, by IEC 61966-2-1
+  EXPECT_NEAR(greys[2], 118, 1);  // of 0.18
+  EXPECT_NEAR(greys[3], 188, 1);  // of 0.5
+  EXPECT_GT(greys[4], 240);
+  EXPECT_LT(greys[4], greys[5]);
+  EXPECT_LE(greys[5], greys[6]);
+  EXPECT_THAT(probe_video(folder / "pq.mkv").notes,
+              testing::ElementsAre(AllOf(HasSubstr("pq.mkv"), HasSubstr("high dynamic range (PQ)"))));
+}
+
+/// Report ITU-R BT.2408, table 1, has the same levels in both: a grey card at 38 % of PQ and of HLG, a white one at 58
+/// % and 75 %.
+TEST(Video, BothKindsOfHighDynamicRangeAgree) {
+  const TemporaryFolder folder;
+  const auto percent = [](int share) { return 64 + 876 * share / 100; };
+  write_lossless(folder / "pq.mkv", high_dynamic_range(AVCOL_TRC_SMPTE2084), {percent(38), percent(58)});
+  write_lossless(folder / "hlg.mkv", high_dynamic_range(AVCOL_TRC_ARIB_STD_B67), {percent(38), percent(75)});
+  const std::vector<int> pq = greys_of(folder / "pq.mkv"), hlg = greys_of(folder / "hlg.mkv");
+  ASSERT_EQ(pq.size(), 2U);
+  ASSERT_EQ(hlg.size(), 2U);
+  EXPECT_NEAR(pq[0], hlg[0], 3);
+  EXPECT_NEAR(pq[1], hlg[1], 3);
+  EXPECT_NEAR(pq[0], 101, 3);  // 26 of 203 cd/m2
+}
+
+TEST(Video, InterlacedImagesAreNamed) {
+  const TemporaryFolder folder;
+  write_lossless(folder / "a.mkv", {.fields = AV_FIELD_TT}, {100, 110});
+  EXPECT_THAT(probe_video(folder / "a.mkv").notes,
+              testing::ElementsAre(AllOf(HasSubstr("a.mkv"), HasSubstr("interlaced"), HasSubstr("combs"))));
+  write_lossless(folder / "b.mkv", {.fields = AV_FIELD_PROGRESSIVE}, {100, 110});
+  EXPECT_THAT(probe_video(folder / "b.mkv").notes, testing::IsEmpty());
+}
+
+TEST(Video, PixelsThatAreNotSquareAreNamed) {
+  const TemporaryFolder folder;
+  write_lossless(folder / "a.mkv", {.pixel_aspect = {4, 3}}, {100, 110});
+  const VideoInfo info = probe_video(folder / "a.mkv");
+  EXPECT_EQ(info.width, 32);
+  EXPECT_NEAR(info.pixel_aspect, 4.0 / 3, 0.02);
+  EXPECT_THAT(info.notes, testing::ElementsAre(AllOf(HasSubstr("not square"), HasSubstr("calibration"))));
+  EXPECT_EQ(read_all(folder / "a.mkv").images.at(0).width, 32);
+  write_lossless(folder / "b.mkv", {.pixel_aspect = {1, 1}}, {100, 110});
+  EXPECT_EQ(probe_video(folder / "b.mkv").pixel_aspect, 1.0);
+  EXPECT_THAT(probe_video(folder / "b.mkv").notes, testing::IsEmpty());
+}
+
+TEST(Video, AFlagThatMirrorsIsRefused) {
+  const TemporaryFolder folder;
+  write_video(folder / "a.mp4", 3);
+  set_track_matrix(folder / "a.mp4", {-1, 0, 0, 1});
+  EXPECT_THAT(refusal_of([&] { probe_video(folder / "a.mp4"); }), HasSubstr("mirror"));
+}
+
+/// Appends a file to another; an MPEG transport stream goes on then.
+void append_file(const fs::path& to, const fs::path& from) {
+  const std::string joined = base::read_raw(to) + base::read_raw(from);
+  fs::remove(to);
+  base::write_file(to, joined);
+}
+
+TEST(Video, TimesThatGoBackAreRefused) {
+  const TemporaryFolder folder;
+  write_video(folder / "a.mp4", 60);
+  remux(
+      folder / "a.mp4", folder / "back.mkv", nullptr, [](std::int64_t time) { return time; }, 90000);
+  EXPECT_THAT(refusal_of([&] { read_all(folder / "back.mkv"); }),
+              AllOf(HasSubstr("back.mkv"), HasSubstr("go back by 2.9"), HasSubstr("ffmpeg")));
+  EXPECT_EQ(read_all(folder / "back.mkv", {0.0, 0.9, 1}).images.size(), 27U);
+}
+
+TEST(Video, AStreamThatDoesNotGoOnIsRefused) {
+  const TemporaryFolder folder;
+  write_video(folder / "a.mp4", 60);
+  keep_times(folder / "a.mp4", folder / "a.ts");
+  keep_times(folder / "a.mp4", folder / "b.ts");
+  append_file(folder / "a.ts", folder / "b.ts");
+  EXPECT_THAT(refusal_of([&] { read_all(folder / "a.ts"); }),
+              AllOf(HasSubstr("a.ts"), HasSubstr("joined from files"), HasSubstr("--to")));
+  EXPECT_GE(read_all(folder / "a.ts", {0.0, 1.5, 1}).images.size(), 44U);
+}
+
+TEST(Video, AGapInTheTimesIsNoted) {
+  const TemporaryFolder folder;
+  write_video(folder / "a.mp4", 60);
+  remux(folder / "a.mp4", folder / "gap.mp4", nullptr,
+        [](std::int64_t time) { return time < 30000 ? time : time + 90000; });
+  const auto count = [](std::int64_t, double, const imaging::RgbImage&) { return true; };
+  EXPECT_THAT(read_video(folder / "gap.mp4", {}, count),
+              testing::ElementsAre(AllOf(HasSubstr("gap.mp4"), HasSubstr("no image for 3.0"))));
+  EXPECT_THAT(read_video(folder / "gap.mp4", {0.0, 0.8, 1}, count), testing::IsEmpty());
+  EXPECT_THAT(read_video(folder / "a.mp4", {}, count), testing::IsEmpty());
+}
+
+TEST(Video, AnotherSizeWithinTheVideoIsRefused) {
+  const TemporaryFolder folder;
+  write_video(folder / "a.mp4", 60);
+  write_video(folder / "b.mp4", 60, 30.0, 128, 96);
+  const bool is_h264 = libav::open_input(folder / "a.mp4")->streams[0]->codecpar->codec_id == AV_CODEC_ID_H264;
+  const fs::path both = folder / (is_h264 ? "a.h264" : "a.m4v"), more = folder / (is_h264 ? "b.h264" : "b.m4v");
+  keep_times(folder / "a.mp4", both);
+  keep_times(folder / "b.mp4", more);
+  append_file(both, more);
+  const auto message =
+      AllOf(HasSubstr(both.filename()), HasSubstr("128x96 at"), HasSubstr("96x64 stated"), HasSubstr("--to"));
+  EXPECT_THAT(refusal_of([&] { read_all(both); }), message);
+  EXPECT_THAT(refusal_of([&] { read_all(both, {3.0, {}, 1}); }), message);
+  EXPECT_EQ(read_all(both, {0.0, 1.0, 1}).images.at(0).width, kWidth);
+}
+
+/// Puts the first video stream of each file into one, in that order; of the first only one image if `one_image`.
+void join_streams(const std::vector<fs::path>& files, const fs::path& to, bool one_image) {
+  AVFormatContext* out = nullptr;
+  ASSERT_GE(avformat_alloc_output_context2(&out, nullptr, nullptr, to.c_str()), 0);
+  std::vector<libav::OpenInput> inputs;
+  for (const fs::path& file : files) {
+    inputs.push_back(libav::open_input(file));
+    AVStream* const stream = avformat_new_stream(out, nullptr);
+    avcodec_parameters_copy(stream->codecpar, inputs.back()->streams[0]->codecpar);
+    stream->codecpar->codec_tag = 0;
+    stream->time_base = inputs.back()->streams[0]->time_base;
+  }
+  ASSERT_GE(avio_open(&out->pb, to.c_str(), AVIO_FLAG_WRITE), 0);
+  ASSERT_GE(avformat_write_header(out, nullptr), 0);
+  const libav::Owner<AVPacket> packet(av_packet_alloc());
+  for (std::size_t i = 0; i < inputs.size(); ++i) {
+    for (int count = 0; av_read_frame(inputs[i].get(), packet.get()) >= 0; ++count) {
+      if (i == 0 && one_image && count > 0) break;
+      av_packet_rescale_ts(packet.get(), inputs[i]->streams[0]->time_base, out->streams[i]->time_base);
+      packet->stream_index = static_cast<int>(i);
+      ASSERT_GE(av_interleaved_write_frame(out, packet.get()), 0);
+    }
+  }
+  av_write_trailer(out);
+  avio_closep(&out->pb);
+  avformat_free_context(out);
+}
+
+TEST(Video, APictureBeforeTheVideoIsNotTheVideo) {
+  const TemporaryFolder folder;
+  write_video(folder / "cover.mp4", 1, 30.0, 256, 192);
+  write_video(folder / "a.mp4", 20);
+  join_streams({folder / "cover.mp4", folder / "a.mp4"}, folder / "both.mp4", true);
+  const VideoInfo info = probe_video(folder / "both.mp4");
+  EXPECT_EQ(info.width, kWidth);
+  EXPECT_THAT(info.notes, testing::IsEmpty());
+  EXPECT_EQ(read_all(folder / "both.mp4").images.size(), 20U);
+}
+
+TEST(Video, OneOfSeveralVideosInAFileIsNamed) {
+  const TemporaryFolder folder;
+  write_video(folder / "a.mp4", 20);
+  write_video(folder / "b.mp4", 20, 30.0, 64, 48);
+  join_streams({folder / "a.mp4", folder / "b.mp4"}, folder / "both.mp4", false);
+  const VideoInfo info = probe_video(folder / "both.mp4");
+  const std::string number = info.width == kWidth ? "number 1" : "number 2";
+  EXPECT_THAT(info.notes,
+              testing::ElementsAre(AllOf(HasSubstr("2 videos (96x64, 64x48)"), HasSubstr(number + " is used"))));
+  const Frames frames = read_all(folder / "both.mp4");
+  EXPECT_EQ(frames.images.at(0).width, info.width);
+  EXPECT_EQ(frames.images.size(), 20U);
 }
 
 TEST(Video, ThatEndsEarlyIsAnErrorWithTheTime) {
