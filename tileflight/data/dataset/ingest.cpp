@@ -239,6 +239,17 @@ ScaledCalibration fitted_calibration(const IngestOptions& options, IngestResult&
   return fitted;
 }
 
+/// As fitted_calibration(). A refusal names a rotation flag and pixels that are not square, which change the size.
+ScaledCalibration fitted_calibration(const IngestOptions& options, const video::VideoInfo& info, IngestResult& result) {
+  const std::string size = video::describe_size(info);
+  if (size.empty()) return fitted_calibration(options, result);
+  try {
+    return fitted_calibration(options, result);
+  } catch (const InputError& fault) {
+    throw InputError(options.video_or_images.string(), size + "; " + fault.what());
+  }
+}
+
 /// Mounts a camera's own inertial unit, whose readings are in the camera's axes: as the calibration says if it says
 /// that it is hardly turned, else at the camera's centre. Leaves the readings out where the calibration contradicts.
 void mount_camera_imu(const IngestOptions& options, imaging::Calibration& calibration, Companions& given,
@@ -296,6 +307,10 @@ class Recording {
   }
 
   const video::VideoInfo& info() const { return parts_.front().info; }
+  /// Adds what is unusual about the images of the parts.
+  void add_notes(std::vector<std::string>& notes) const {
+    for (const Part& part : parts_) base::add_distinct(part.info.notes, notes);
+  }
   double duration_s() const {
     return parts_.back().info.duration_s > 0.0 ? parts_.back().start_s + parts_.back().info.duration_s : 0.0;
   }
@@ -360,7 +375,8 @@ void ingest_video(const IngestOptions& options, const fs::path& folder, Companio
   if (duration_s > 0.0) require_covers_excerpt(options, duration_s + shift_s, period_s);
   result.width = info.width;
   result.height = info.height;
-  ScaledCalibration fitted = fitted_calibration(options, result);
+  recording.add_notes(result.notes);
+  ScaledCalibration fitted = fitted_calibration(options, info, result);
   mount_camera_imu(options, fitted.calibration, given, result);
   result.calibration = fitted.calibration;
   DatasetWriter writer(folder, fitted.calibration, writer_options(options));

@@ -7,6 +7,7 @@
 #include "tests/moving_picture.h"
 #include "tests/temporary_folder.h"
 #include "tests/test_data.h"
+#include "tests/track_matrix.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/imaging/image_files.h"
 #include "tileflight/data/dataset/sensor_files.h"
@@ -153,6 +154,32 @@ TEST_F(IngestTest, CalibrationOfAnotherSize) {
   calibration.camera = imaging::make_fisheye(kWidth, kWidth, 155.0);
   imaging::write_kalibr(options.calibration, calibration);
   EXPECT_THAT(error(), AllOf(HasSubstr("96x96"), HasSubstr("96x64"), HasSubstr("camera.yaml")));
+}
+
+TEST_F(IngestTest, ARotationFlagIsNamedWhereTheCalibrationDoesNotFit) {
+  tests::set_track_matrix(folder / "flight.mp4", {0, 1, -1, 0});
+  EXPECT_THAT(error(), AllOf(HasSubstr("rotation flag turns them to 64x96"), HasSubstr("is for images of 96x64")));
+  imaging::Calibration turned;
+  turned.camera = imaging::make_fisheye(kHeight, kWidth, 120.0);
+  imaging::write_kalibr(folder / "camera.yaml", turned);
+  const IngestResult result = ingest(options, folder / "set");
+  EXPECT_EQ(result.width, kHeight);
+  EXPECT_THAT(result.notes, ElementsAre(HasSubstr("turned by 90 degrees")));
+  EXPECT_EQ(imaging::read_rgb(read_dataset(folder / "set").frames[0].image).width, kHeight);
+}
+
+TEST_F(IngestTest, PixelsThatAreNotSquareAreNamedWhereTheCalibrationDoesNotFit) {
+  tests::set_track_matrix(folder / "flight.mp4", {2, 0, 0, 1});
+  EXPECT_THAT(ingest(options, folder / "stored").notes, ElementsAre(HasSubstr("not square")));
+  imaging::Calibration shown;
+  shown.camera = imaging::make_fisheye(2 * kWidth, kHeight, 155.0);
+  imaging::write_kalibr(folder / "camera.yaml", shown);
+  EXPECT_THAT(error(), AllOf(HasSubstr("shown as 192x64"), HasSubstr("multiply fx and cx by 0.5")));
+}
+
+TEST_F(IngestTest, ImagesTurnedUpsideDownAreNamed) {
+  tests::set_track_matrix(folder / "flight.mp4", {-1, 0, 0, -1});
+  EXPECT_THAT(ingest(options, folder / "set").notes, ElementsAre(HasSubstr("turned by 180 degrees")));
 }
 
 TEST_F(IngestTest, CalibrationsOfOtherFormsAreScaledOrRefusedToo) {
