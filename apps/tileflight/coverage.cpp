@@ -22,9 +22,11 @@ std::string table(const nlohmann::json& result, const std::string& out) {
                             percent(s["coarser"]).c_str(), percent(s["missing"]).c_str(),
                             percent(s["missing_worst"]).c_str(), percent(s["cells_share"]).c_str());
   }
-  return text + out + ": " + std::to_string(result["frames_looked_at"].get<int>()) + " of " +
-         std::to_string(result["frames"].get<int>()) + " frames checked; figure.png shows frame " +
-         std::to_string(result["picture_frame"].get<int>()) + "\n";
+  text += out + ": " + std::to_string(result["frames_looked_at"].get<int>()) + " of " +
+          std::to_string(result["frames"].get<int>()) + " frames checked; figure.png shows frame " +
+          std::to_string(result["picture_frame"].get<int>()) + "\n";
+  for (const auto& warning : result["warnings"]) text += "warning: " + warning.get<std::string>() + "\n";
+  return text;
 }
 
 }  // namespace

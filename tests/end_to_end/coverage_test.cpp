@@ -93,6 +93,32 @@ TEST_F(Coverage, AViewFromHighAboveHasCoarseTilesOnly) {
   EXPECT_GT(coarse["strategies"]["view-high"]["coarser"].get<double>(), 0.9);
 }
 
+TEST_F(Coverage, SaysWhatIsAssumedOfAMissionAsAPreviewDoes) {
+  TinyPlace::write_file(folder_ / "x.waypoints",
+                        "QGC WPL 110\n0\t1\t0\t16\t0\t0\t0\t0\t47.0001\t8.0001\t500\t1\n"
+                        "1\t0\t3\t16\t1\t0\t0\t0\t47.0001\t8.0001\t30\t1\n"
+                        "2\t0\t10\t16\t1\t0\t0\t0\t46.9999\t7.9998\t20\t1\n");
+  const auto call = [&](const std::string& command, const std::vector<std::string>& more) {
+    std::vector<std::string> words{
+        command, (folder_ / "place").string(), "--flight", (folder_ / "x.waypoints").string(), "--origin", "47,8,400",
+        "--out", (folder_ / command).string()};
+    words.insert(words.end(), more.begin(), more.end());
+    const ProgramResult result = run_tileflight(words);
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    return result.out;
+  };
+  const json preview = json::parse(call("preview", {"--json"}));
+  const std::string printed = call("coverage", {"--frames", "3"});
+  const json notes = json::parse(file_text(folder_ / "coverage/coverage.json"))["warnings"];
+  EXPECT_THAT(notes, ::testing::Contains(::testing::ResultOf([](const json& note) { return note.get<std::string>(); },
+                                                             ::testing::HasSubstr("take-off"))));
+  for (const json& note : notes) {
+    EXPECT_THAT(preview["warnings"], ::testing::Contains(note)) << note;
+    EXPECT_THAT(printed, ::testing::HasSubstr("warning: " + note.get<std::string>()));
+  }
+  EXPECT_EQ(json::parse(run("out").out)["warnings"], json::array()) << "a FLIGHT file leaves nothing open";
+}
+
 TEST_F(Coverage, ThreadsChangeNothing) {
   ASSERT_EQ(run("one", {"--threads", "1"}).exit_code, 0);
   ASSERT_EQ(run("two", {"--threads", "2"}).exit_code, 0);

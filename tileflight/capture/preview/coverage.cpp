@@ -111,6 +111,7 @@ json result_json(const CoverageSettings& settings, const FrameSampling& watch, c
               {"tiles_seen", truth.size()},
               {"voxel_size", settings.voxel_m},
               {"voxels_occupied", cells.occupied()},
+              {"warnings", watch.notes},
               {"version", base::version()}};
   for (const StrategyResult& strategy_result : all)
     result["strategies"][strategy_result.strategy.name] = describe(strategy_result, watch, contents);

@@ -45,9 +45,9 @@ struct CoverageSettings {
 /// region's occupied cells that the strategy's tiles touch, at the frame where that share is largest (an extraction at
 /// the best moment).
 ///
-/// Writes coverage.json (returned), frames.csv, and for the frame where view-follow misses most an image with each
-/// strategy's tiles (holes are black) and figure.png (view-follow beside flight) into `out`, atomically. Throws
-/// InputError.
+/// Writes coverage.json (returned; `warnings`: what was assumed of a mission), frames.csv, and for the frame where
+/// view-follow misses most an image with each strategy's tiles (holes are black) and figure.png (view-follow beside
+/// flight) into `out`, atomically. Throws InputError.
 nlohmann::json measure_coverage(const CoverageSettings& settings, const std::filesystem::path& out, bool replace,
                                 const Progress& progress = {});
 

@@ -9,6 +9,7 @@
 #include "tileflight/capture/recording/flight_cameras.h"
 #include "tileflight/capture/recording/flown_path.h"
 #include "tileflight/capture/vehicle/flight_plan.h"
+#include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
 
 namespace tileflight::preview {
@@ -19,7 +20,8 @@ FrameSampling sample_frames(const CoverageSettings& settings) {
   recording::RenderedFlightConfig flight;
   flight.flight = settings.flight;
   const recording::MountedCamera camera = recording::read_flight_cameras(flight).front();  // of a rig, the first
-  FrameSampling watch{camera.calibration.camera, vehicle::frame_poses(plan), {}};
+  FrameSampling watch{camera.calibration.camera, vehicle::frame_poses(plan), {}, plan.notes};
+  if (missions::is_mission_file(settings.flight)) base::add_distinct(camera.calibration.notes, watch.notes);
   for (geometry::StampedPose& pose : watch.trajectory.poses)
     pose.T_local_camera = pose.T_local_camera * camera.T_body_camera;
   const std::size_t all = watch.trajectory.size();

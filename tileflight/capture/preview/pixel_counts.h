@@ -19,6 +19,7 @@ struct FrameSampling {
   imaging::Camera camera;
   geometry::Trajectory trajectory;
   std::vector<std::size_t> frames;  ///< indices into trajectory
+  std::vector<std::string> notes;   ///< what was assumed of the flight; a sentence each
 
   const geometry::SE3& pose(std::size_t i) const { return trajectory.poses[frames[i]].T_local_camera; }
 };
