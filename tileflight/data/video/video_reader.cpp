@@ -99,8 +99,8 @@ class VideoDecoder {
 using libav::error_text;
 
 constexpr const char* kRepair =
-    "read the part before it (--to) or after it (--from), or repair the file: ffmpeg -err_detect ignore_err -i IN -c:v "
-    "libx264 -crf 16 OUT";
+    "use the part before or after it (--from and --to, in an experiment from and to of its ingest), or repair the "
+    "file: ffmpeg -err_detect ignore_err -i IN -c:v libx264 -crf 16 OUT";
 
 /// Formats that libavformat opens as "video" although they are not.
 bool is_not_video(const AVFormatContext& format) {
@@ -487,7 +487,7 @@ std::string describe_damage(VideoDecoder& decoder) {
   }
   std::string text = "is damaged at " + base::rounded_text(from_s, 2) + " s";
   if (to_s > from_s) text += ", and again until " + base::rounded_text(to_s, 2) + " s";
-  if (after_s > to_s) text += "; undamaged images follow from --from " + base::rounded_text(after_s + 0.005, 2) + " on";
+  if (after_s > to_s) text += "; undamaged images follow from " + base::rounded_text(after_s + 0.005, 2) + " s on";
   return text + "; " + kRepair;
 }
 
@@ -511,7 +511,8 @@ std::vector<std::string> read_video(const std::filesystem::path& file, const Vid
   if (frame != nullptr && decoder.depends_on_damage())
     notes.push_back(file.string() +
                     ": is damaged before the excerpt, and no key frame comes between: the images from " +
-                    base::rounded_text(decoder.time_s(), 2) + " s on may be smeared; begin later if they are (--from)");
+                    base::rounded_text(decoder.time_s(), 2) +
+                    " s on may be smeared; begin later if they are (--from, in an experiment from)");
   if (frame != nullptr && decoder.is_unstated_interlaced()) notes.push_back(file.string() + ": " + interlaced_text());
   for (; frame != nullptr; frame = decoder.next(), ++in_excerpt) {
     if (excerpt.to_s && decoder.time_s() >= *excerpt.to_s) break;
@@ -526,7 +527,7 @@ std::vector<std::string> read_video(const std::filesystem::path& file, const Vid
   if (decoder.depends_on_damage())
     throw InputError(file.string(),
                      "is damaged before the excerpt, and no key frame follows from which the rest could be "
-                     "decoded; read the part before the damage (--to), or record again");
+                     "decoded; use the part before the damage (--to, in an experiment to), or record again");
   throw InputError(file.string(), "contains no frame from " + base::rounded_text(excerpt.from_s, 2) + " s" +
                                       (excerpt.to_s ? " to " + base::rounded_text(*excerpt.to_s, 2) + " s" : "") +
                                       "; it is " + base::rounded_text(decoder.info().duration_s, 2) + " s long");
