@@ -193,6 +193,32 @@ std::optional<PhotoLens> lens_by(const LensTag& tag, const flight_logs::PhotoLog
   return result;
 }
 
+/// Tells whether two lenses of one shape project alike, within a hundredth of a pixel where the second one sees.
+bool project_alike(const imaging::Camera& a, const imaging::Camera& b) {
+  constexpr double kAlike_px = 0.01;
+  constexpr int kSteps = 8;
+  for (int row = 0; row <= kSteps; ++row) {
+    for (int column = 0; column <= kSteps; ++column) {
+      const geometry::Vec2 pixel(column * (b.width() - 1.0) / kSteps, row * (b.height() - 1.0) / kSteps);
+      const std::optional<geometry::Vec3> ray = b.unproject(pixel);
+      if (!ray) continue;
+      const std::optional<geometry::Vec2> projected = a.project(*ray);
+      if (!projected || (*projected - pixel).norm() > kAlike_px) return false;
+    }
+  }
+  return true;
+}
+
+/// Tells whether a calibration is the one that the photos' tags state, as `new` writes it.
+bool is_lens_of_photos(const flight_logs::PhotoLog& photos, const imaging::Camera& camera) {
+  try {
+    const imaging::Camera own = lens_of_photos(photos, {}).calibration.camera;
+    return project_alike(camera.scaled_to(own.width(), own.height()), own);
+  } catch (const InputError&) {  // the photos state no lens, or one of another shape
+    return false;
+  }
+}
+
 }  // namespace
 
 PhotoLens lens_of_photos(const flight_logs::PhotoLog& photos, const std::filesystem::path& folder) {
@@ -213,7 +239,7 @@ std::vector<std::string> find_lens_warnings(const flight_logs::PhotoLog& photos,
   if (photos.lenses.empty()) return {};
   const auto& [name, tags] = photos.lenses.front();
   std::vector<std::string> found;
-  if (!tags.dewarp.empty())
+  if (!tags.dewarp.empty() && !is_lens_of_photos(photos, calibration.camera))
     found.push_back("the given calibration is used; the photos' own (DewarpData of " + name + ") is not");
   const auto* radtan = std::get_if<imaging::PinholeRadtan>(&calibration.camera.model());
   const bool has_distortion =

@@ -153,6 +153,21 @@ TEST(PhotoLens, IsComparedWithAGivenCalibration) {
   EXPECT_THAT(find_lens_warnings({}, given), IsEmpty());
 }
 
+TEST(PhotoLens, SaysNothingAgainstACalibrationThatIsThePhotosOwn) {
+  PhotoLog log;
+  log.lenses.emplace_back("a.jpg", survey_tags());
+  const tests::TemporaryFolder folder;
+  imaging::Calibration own = lens_of_photos(log, {}).calibration;
+  imaging::write_kalibr(folder / "camera.yaml", own);
+  EXPECT_THAT(find_lens_warnings(log, imaging::read_kalibr(folder / "camera.yaml")), IsEmpty());
+  own.camera = own.camera.scaled_to(own.camera.width() / 2, own.camera.height() / 2);
+  EXPECT_THAT(find_lens_warnings(log, own), IsEmpty()) << "of smaller images";
+  PhotoLensTags other = survey_tags();
+  other.dewarp[0] += 2.0;  // pixels of focal length
+  log.lenses.front().second = other;
+  EXPECT_THAT(find_lens_warnings(log, own), ElementsAre(HasSubstr("is not")));
+}
+
 /// A survey with RTK and no calibration file: lens, times and positions come from the photos' tags.
 TEST(PhotoLensRealData, ASurveyIsIngestedByItsPhotosAlone) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "real/mirafiori");
