@@ -27,6 +27,7 @@ std::string recording_text(const nlohmann::json& recording) {
   std::ostringstream text;
   text << recording["camera"].get<std::string>() << " (by " << recording["stated_by"].get<std::string>() << "), "
        << recording["resolution"][0] << "x" << recording["resolution"][1];
+  if (const auto lens = recording["lens"].get<std::string>(); !lens.empty()) text << ", lens mode " << lens;
   if (const auto& rate = recording["frames_per_second"]; !rate.is_null())
     text << " at " << base::trimmed_text(rate.get<double>(), 2) << " frames per second";
   return text.str();

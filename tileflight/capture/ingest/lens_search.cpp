@@ -16,6 +16,7 @@
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/text_parsing.h"
 #include "tileflight/core/imaging/calibration_checks.h"
+#include "tileflight/data/flight_logs/metadata_tracks.h"
 #include "tileflight/data/flight_logs/photo_log.h"
 #include "tileflight/data/video/side_tracks.h"
 #include "tileflight/data/video/video.h"
@@ -204,13 +205,32 @@ bool has_word(const LensProfile& profile, const std::string& word) {
                              [&](const std::string& text) { return squeezed(text).find(wanted) != std::string::npos; });
 }
 
+/// Keeps the profiles that name the recording's lens mode; if there are none, those that name no mode.
+void keep_lens_mode(const std::string& mode, LensSearchResult& result) {
+  if (mode.empty() || result.matches.empty()) return;
+  static const std::vector<std::string> kModes{"Wide", "SuperView", "Linear", "HyperView", "Narrow"};
+  const auto names_it = [&](const LensMatch& match) { return has_word(match.profile, mode); };
+  const auto names_none = [](const LensMatch& match) {
+    return std::ranges::none_of(kModes, [&](const std::string& word) { return has_word(match.profile, word); });
+  };
+  const auto keep = [&](const auto& is_kept, const std::string& reason) {
+    result.of_other_lens += std::erase_if(result.matches, [&](const LensMatch& match) { return !is_kept(match); });
+    for (LensMatch& match : result.matches) match.reasons.insert(match.reasons.begin(), reason);
+  };
+  if (std::ranges::any_of(result.matches, names_it)) return keep(names_it, "the recording's lens mode, " + mode);
+  if (std::ranges::any_of(result.matches, names_none)) return keep(names_none, "names no lens mode");
+  result.warnings.push_back("the recording was made in the lens mode " + mode +
+                            ", and no profile of its camera and shape is for that mode");
+}
+
 /// Horizontal focal length in pixels of images of the recording's width.
 double focal_px(const LensMatch& match, const LensMode& recording) {
   const double own_px = std::visit([](const auto& model) { return model.fx; }, match.profile.camera.model());
   return own_px * recording.width / match.profile.camera.width();
 }
 
-void judge(const LensMode& recording, LensSearchResult& result) {
+/// `lens_mode`: as the recording states it; may be empty.
+void judge(const LensMode& recording, const std::string& lens_mode, LensSearchResult& result) {
   if (result.matches.empty()) return;
   constexpr double kSameLens = 1.05;
   const LensMatch& best = result.matches.front();
@@ -228,8 +248,9 @@ void judge(const LensMode& recording, LensSearchResult& result) {
   result.is_ambiguous = most_px > kSameLens * least_px;
   if (result.is_ambiguous)
     result.warnings.push_back(base::formatted("%zu profiles fit as well, with focal lengths from %.0f to %.0f pixels: "
-                                              "the recording does not say which lens or field of view it has",
-                                              equal, least_px, most_px) +
+                                              "the recording does not say which %s it has",
+                                              equal, least_px, most_px,
+                                              lens_mode.empty() ? "lens or field of view" : "of them") +
                               (lenses.empty() ? "" : " (" + base::joined({lenses.begin(), lenses.end()}) + ")") +
                               "; choose by --lens WORD, or give one of the files to --camera");
   if (best.size == SizeMatch::kScaled)
@@ -252,6 +273,7 @@ RecordingIdentity identify_recording(const fs::path& video) {
   identity.mode.width = info.width;
   identity.mode.height = info.height;
   identity.mode.frames_per_second = info.frames_per_second;
+  identity.lens = flight_logs::gopro_lens_mode(video::read_user_data(video, "GPMF"));
   name_camera(video::read_video_tags(video), identity);
   return identity;
 }
@@ -292,11 +314,12 @@ LensSearchResult find_lenses(const LensSearch& search, const Progress& progress)
       ++result.of_other_size;
   }
   result.similar.assign(similar.begin(), similar.end());
+  if (search.lens.empty()) keep_lens_mode(recording.lens, result);
   std::ranges::stable_sort(result.matches, [](const LensMatch& a, const LensMatch& b) {
     if (rank_of(a) != rank_of(b)) return rank_of(a) > rank_of(b);
     return a.profile.reprojection_error_px < b.profile.reprojection_error_px;
   });
-  judge(recording.mode, result);
+  judge(recording.mode, recording.lens, result);
   return result;
 }
 
@@ -333,6 +356,7 @@ nlohmann::json to_json(const RecordingIdentity& recording, const LensSearchResul
   return {{"recording",
            {{"camera", recording.camera},
             {"stated_by", recording.stated_by},
+            {"lens", recording.lens},
             {"resolution", {recording.mode.width, recording.mode.height}},
             {"frames_per_second", rate(recording.mode.frames_per_second)}}},
           {"profiles", result.profiles},

@@ -17,12 +17,13 @@ struct RecordingIdentity {
   std::string camera;        ///< make and model, "GoPro HERO5 Black"; empty: it does not say
   std::string stated_by;     ///< the tag that names the camera: "firmware HD5.02.02.00.00"
   imaging::LensMode mode{};  ///< size and frame rate; readout unknown
+  std::string lens{};        ///< lens mode, "Wide", "SuperView" or "Linear"; empty: it does not say
 };
 
 /// Reads size, frame rate and camera of a video, or of a folder of photos. The camera is that of the tags
 /// com.apple.quicktime.make and .model, make and model, or DJI's encoder; GoPro's by the model's number in the version
-/// of the firmware (KonradIT/gopro-firmware-archive lists them). Throws InputError as video::probe_video and
-/// read_photo_log.
+/// of the firmware (KonradIT/gopro-firmware-archive lists them), which also writes the lens mode. Throws InputError as
+/// video::probe_video and read_photo_log.
 RecordingIdentity identify_recording(const std::filesystem::path& video);
 
 /// States how a profile's mode suits images of a recording's size.
@@ -43,7 +44,7 @@ struct LensMatch {
 struct LensSearch {
   RecordingIdentity recording;
   std::filesystem::path folder;  ///< of profiles, searched with the folders in it
-  std::string lens;              ///< word that lens, setting or note must have ("Linear"); empty: any
+  std::string lens;              ///< word that lens, setting or note must have ("Linear"); empty: that of the recording
 };
 
 /// The profiles that fit, best first.
@@ -59,10 +60,11 @@ struct LensSearchResult {
   bool is_ambiguous = false;  ///< the best ones fit equally well, and their focal lengths differ by more than 5 %
 };
 
-/// Finds the profiles of a recording's camera for images of its size. They are ordered by size (its own, or another of
-/// the same aspect ratio), frame rate, whether the images are stabilised (EIS), Gyroflow's mark `official`, and the
-/// reprojection error. Files are read in parallel; the result does not depend on the number of threads. Throws
-/// InputError: no such folder, a recording that does not name its camera, no profile in the folder.
+/// Finds the profiles of a recording's camera for images of its size. If the recording states its lens mode, these are
+/// the profiles that name it, else those that name none, else all, with a warning. They are ordered by size (its own,
+/// or another of the same aspect ratio), frame rate, whether the images are stabilised (EIS), Gyroflow's mark
+/// `official`, and the reprojection error. Files are read in parallel; the result does not depend on the number of
+/// threads. Throws InputError: no such folder, a recording that does not name its camera, no profile in the folder.
 LensSearchResult find_lenses(const LensSearch& search, const Progress& progress = {});
 
 /// Returns the calibration of a match for images of the recording's size, with notes that name camera and mode.

@@ -4,10 +4,12 @@
 
 #include <nlohmann/json.hpp>
 
+#include "tests/metadata_track.h"
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 #include "tests/test_data.h"
 #include "tileflight/core/base/files.h"
+#include "tileflight/data/video/video.h"
 
 namespace tileflight::ingest::lens_search_test {
 namespace {
@@ -149,6 +151,36 @@ TEST_F(LensSearchTest, WhatIsNotThereIsNamed) {
 }
 
 /// A drone's clip of a GoPro HERO5 Black, whose firmware tells the model, and real profiles.
+TEST_F(LensSearchTest, TheLensModeThatTheRecordingStatesDecides) {
+  add("wide.json", {.is_official = true});
+  add("linear.json", {.lens = "Linear", .focal_px = 1200});
+  add("unnamed.json", {.lens = "", .focal_px = 1000});
+  recording_.lens = "Linear";
+  const LensSearchResult linear = search();
+  EXPECT_THAT(names(linear), ElementsAre("linear.json"));
+  EXPECT_FALSE(linear.is_ambiguous);
+  EXPECT_EQ(linear.of_other_lens, 2U);
+  EXPECT_EQ(linear.matches[0].reasons.front(), "the recording's lens mode, Linear");
+  EXPECT_THAT(names(search(1920, 1080, 29.97, "Wide")), ElementsAre("wide.json")) << "what the user says comes first";
+  recording_.lens = "SuperView";
+  EXPECT_THAT(names(search()), ElementsAre("unnamed.json")) << "those that name another mode are not for it";
+  std::filesystem::remove(folder_ / "profiles/unnamed.json");
+  const LensSearchResult other = search();
+  EXPECT_EQ(other.matches.size(), 2U);
+  EXPECT_THAT(other.warnings, Contains(HasSubstr("made in the lens mode SuperView, and no profile")));
+}
+
+TEST_F(LensSearchTest, AGoProsVideoStatesItsLensMode) {
+  const std::filesystem::path file = folder_ / "a.mp4";
+  video::VideoWriter writer(file, 96, 64, {});
+  for (int i = 0; i < 3; ++i) writer.add(imaging::RgbImage(96, 64));
+  writer.finish();
+  EXPECT_EQ(identify_recording(file).lens, "");
+  const std::string settings("DEVC\0\1\0\x0cVFOVc\1\0\1L\0\0\0", 20);
+  tests::add_metadata_track(file, "gpmd", {"DEVC"}, 1000, tests::mp4_box("GPMF", settings));
+  EXPECT_EQ(identify_recording(file).lens, "Linear");
+}
+
 TEST(LensSearchRealData, OfAGoPro) {
   TILEFLIGHT_REQUIRE_TEST_DATA(video, "real/karma/karma.mp4");
   TILEFLIGHT_REQUIRE_TEST_DATA(profiles, "real/lens_profiles");

@@ -925,6 +925,7 @@ std::vector<ExposureReading> exposures_of(const StreamCollector& streams, std::o
 struct Settings {
   std::string model;           ///< MINF
   bool is_stabilised = false;  ///< EISE
+  std::string field_of_view;   ///< VFOV, a letter; newer models state it in a device of its own
   bool has_zoom = false;       ///< DZOM, where the camera has a digital zoom that is on
 };
 
@@ -937,6 +938,7 @@ Settings settings_of(Bytes bytes) {
     while (const auto element = elements.next()) {
       if (element->key == "MINF") settings.model = text_of(*element);
       if (element->key == "EISE") settings.is_stabilised = text_of(*element) == "Y";
+      if (element->key == "VFOV") settings.field_of_view = text_of(*element);
       if (element->key == "DZOM") settings.has_zoom = text_of(*element) == "Y";
     }
   }
@@ -952,6 +954,12 @@ std::string device_of(const Settings& settings, std::vector<std::string> names) 
 }
 
 }  // namespace
+
+/// The letters are those that ExifTool documents (lib/Image/ExifTool/GoPro.pm).
+std::string gopro_lens_mode(std::span<const std::byte> settings) {
+  const std::string letter = settings_of(settings).field_of_view;
+  return letter == "W" ? "Wide" : letter == "S" ? "SuperView" : letter == "L" ? "Linear" : "";
+}
 
 Telemetry read_gpmf(std::span<const base::TimedBytes> samples, const MetadataSource& source) {
   StreamCollector streams(source.where);

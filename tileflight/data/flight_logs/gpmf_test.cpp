@@ -411,5 +411,17 @@ TEST(Gpmf, HostileElementsAreNotBelieved) {
   EXPECT_THAT(fault({stream(numbers<float>("GPS5", 'f', 5, {nan, nan, nan, nan, nan}))}), HasSubstr("no position fix"));
 }
 
+TEST(Gpmf, SettingsStateTheLensMode) {
+  const auto mode = [](const std::string& settings) {
+    return gopro_lens_mode({reinterpret_cast<const std::byte*>(settings.data()), settings.size()});
+  };
+  EXPECT_EQ(mode(nest("DEVC", text("MINF", "HERO6 Black") + text("VFOV", "L"))), "Linear");
+  EXPECT_EQ(mode(nest("DEVC", text("MINF", "HERO11 Black")) + nest("DEVC", text("VFOV", "W"))), "Wide");
+  EXPECT_EQ(mode(nest("DEVC", text("VFOV", "S"))), "SuperView");
+  EXPECT_EQ(mode(nest("DEVC", text("VFOV", "?"))), "") << "a letter that nobody documents";
+  EXPECT_EQ(mode(nest("DEVC", text("MINF", "HERO9 Black"))), "");
+  EXPECT_EQ(mode("DEVC"), "");
+}
+
 }  // namespace
 }  // namespace tileflight::flight_logs::gpmf_test

@@ -24,6 +24,10 @@ struct MetadataSource {
 /// against the camera. The result may have no positions. Throws InputError (file, cause) if nothing can be read.
 Telemetry read_gpmf(std::span<const base::TimedBytes> samples, const MetadataSource& source);
 
+/// Returns the lens mode that GoPro's settings (MetadataSource) state by VFOV: "Wide", "SuperView" or "Linear"; empty:
+/// none of these.
+std::string gopro_lens_mode(std::span<const std::byte> settings);
+
 /// Reads the samples of DJI's metadata track (`djmd`), one for each frame, by the layouts of the models that
 /// docs/formats.md lists: positions, heights, attitude of vehicle and gimbal, exposures, focal length and zoom. Times
 /// are the video's. Frames whose receiver states no fix are dropped and counted. Heights are above the ellipsoid if
