@@ -24,15 +24,26 @@ void add_project_options(CLI::App& command, ProjectArguments& arguments) {
   command.add_option("--telemetry", arguments.telemetry,
                      "flight log; default: what the recording holds, or a log beside it");
   command.add_option("--imu", arguments.imu, "readings of an inertial unit; default: likewise");
+  command
+      .add_option("--from", arguments.from_s,
+                  "start of the part to use, seconds of the recording; default: after the take-off")
+      ->check(CLI::NonNegativeNumber);
+  command.add_option("--to", arguments.to_s, "end of the part to use, seconds; default: before the landing")
+      ->check(CLI::PositiveNumber);
+  command.add_option("--system", arguments.system,
+                     "another SLAM system instead of the built-in odometry: a name of `tileflight systems`, or the "
+                     "folder of an adapter");
 }
 
 project::ProjectOptions project_options(const ProjectArguments& arguments, std::vector<std::filesystem::path> videos,
                                         const SourceArguments& source) {
-  project::ProjectOptions options{.files = {std::move(videos), arguments.telemetry, arguments.imu},
-                                  .place = arguments.place,
-                                  .origin = std::nullopt,
-                                  .lens = {arguments.camera, arguments.profiles, arguments.fov_deg},
-                                  .source_options = source_options(source)};
+  project::ProjectOptions options{
+      .files = {std::move(videos), arguments.telemetry, arguments.imu, arguments.from_s, arguments.to_s},
+      .place = arguments.place,
+      .origin = std::nullopt,
+      .lens = {arguments.camera, arguments.profiles, arguments.fov_deg},
+      .system = arguments.system,
+      .source_options = source_options(source)};
   if (arguments.origin.size() == 3)
     options.origin = geometry::Geodetic{arguments.origin[0], arguments.origin[1], {arguments.origin[2]}};
   return options;

@@ -13,9 +13,9 @@ namespace tileflight::app {
 
 /// Command-line options of a project besides its recording, for `new` and for `run VIDEO`.
 struct ProjectArguments {
-  std::string place, camera, profiles, telemetry, imu;
+  std::string place, camera, profiles, telemetry, imu, system;
   std::vector<double> origin;
-  std::optional<double> fov_deg;
+  std::optional<double> fov_deg, from_s, to_s;
 };
 
 void add_project_options(CLI::App& command, ProjectArguments& arguments);

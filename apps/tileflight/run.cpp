@@ -3,6 +3,7 @@
 #ifdef __linux__
 #include <malloc.h>
 #endif
+#include <algorithm>
 #include <nlohmann/json.hpp>
 #include <tuple>
 
@@ -13,6 +14,7 @@
 #include "tileflight/experiments/report/ablation_table.h"
 #include "tileflight/experiments/report/map_comparison_tables.h"
 #include "tileflight/experiments/report/report.h"
+#include "tileflight/slam/external_systems/adapter.h"
 #include "warnings_text.h"
 
 namespace tileflight::app {
@@ -43,17 +45,32 @@ bool is_recording(const std::filesystem::path& file) {
          (ending != ".yaml" && ending != ".yml" && std::filesystem::exists(file));
 }
 
+/// Throws InputError if an experiment uses another system than the one that was given.
+void require_system(const std::filesystem::path& file, const std::optional<external_systems::Adapter>& given) {
+  if (!given) return;
+  const std::optional<external_systems::Adapter> own = experiment::read_experiment(file).odometry.system;
+  if (!own || own->folder != given->folder)
+    throw InputError(file.string(), "was made without `--system " + given->name + "`: write `system: " + given->name +
+                                        "` in its section odometry, in place of the keys there, or make it again by "
+                                        "--force");
+}
+
 /// Makes the project of a recording in OUT/project, unless it is there, where the user may have changed it. Returns its
 /// experiment and what to say of it.
-std::pair<std::filesystem::path, std::string> project_of(const std::filesystem::path& video,
+std::pair<std::filesystem::path, std::string> project_of(const std::vector<std::filesystem::path>& parts,
                                                          const std::filesystem::path& out,
                                                          const ProjectArguments& arguments,
                                                          const SourceArguments& source, bool replace,
                                                          const Progress& progress) {
   const std::filesystem::path folder = out / "project", experiment = folder / "experiment.yaml";
-  if (std::filesystem::exists(experiment) && !replace)
+  std::optional<external_systems::Adapter> system;
+  if (!arguments.system.empty()) system = external_systems::find_adapter(arguments.system);
+  if (system) external_systems::require_installed(*system);
+  if (std::filesystem::exists(experiment) && !replace) {
+    require_system(experiment, system);
     return {experiment, "project: " + experiment.string() + " as it is (--force makes it again)\n\n"};
-  const project::ProjectOptions options = project_options(arguments, {video}, source);
+  }
+  const project::ProjectOptions options = project_options(arguments, parts, source);
   try {
     const project::Project made = project::make_project(options, folder, replace, progress);
     return {made.experiment, project_text(made) + "\n"};
@@ -68,7 +85,7 @@ std::pair<std::filesystem::path, std::string> project_of(const std::filesystem::
 
 void add_run(CLI::App& app, CommonOptions& common, Selection& selection) {
   struct Options {
-    std::string experiment;
+    std::vector<std::filesystem::path> files;
     std::string out;
     SourceArguments source_arguments;
     std::string until;
@@ -80,11 +97,12 @@ void add_run(CLI::App& app, CommonOptions& common, Selection& selection) {
   CLI::App* command = app.add_subcommand("run", "run an experiment, from tiles to report");
   command->footer(
       "Example:\n  tileflight run examples/stadium.yaml --out out/stadium\n"
-      "  tileflight run DJI_0042.MP4 --place tiles --out results");
+      "  tileflight run DJI_0042.MP4 --place tiles --out results\n"
+      "  tileflight run GH010042.MP4 GH020042.MP4 --place tiles --from 20 --to 90 --out results");
   command
-      ->add_option("EXPERIMENT", options->experiment,
-                   "experiment file (YAML); or a video or a folder of photos, whose project is made in OUT/project "
-                   "first, as `new` does")
+      ->add_option("EXPERIMENT", options->files,
+                   "experiment file (YAML); or a video, the parts of one recording or a folder of photos, whose "
+                   "project is made in OUT/project first, as `new` does")
       ->required();
   command->add_option("--out", options->out,
                       "folder for results.json, report.html and all intermediate results (default for a video: its "
@@ -105,22 +123,27 @@ void add_run(CLI::App& app, CommonOptions& common, Selection& selection) {
   add_source_options(*command, options->source_arguments);
   add_common_options(*command, common);
   command->callback([options, command, &selection] {
-    const bool makes_project = is_recording(options->experiment);
+    const std::filesystem::path& first = options->files.front();
+    const bool makes_project = std::ranges::all_of(options->files, is_recording);
+    if (!makes_project && options->files.size() > 1)
+      throw CLI::ValidationError(std::ranges::find_if_not(options->files, is_recording)->string(),
+                                 "is no video: give the parts of one recording, or one experiment file");
     if (!makes_project) {
       if (options->out.empty()) throw CLI::RequiredError("--out");
-      for (const char* name : {"--place", "--origin", "--profiles", "--fov", "--telemetry", "--imu"})
+      for (const char* name :
+           {"--place", "--origin", "--profiles", "--fov", "--telemetry", "--imu", "--from", "--to", "--system"})
         if (command->count(name) > 0)
           throw CLI::ValidationError(name, "is for a video or photos; an experiment file has it as a key");
     } else if (options->out.empty()) {
-      options->out = std::filesystem::path(options->experiment).lexically_normal().stem().string() + "-results";
+      options->out = first.lexically_normal().stem().string() + "-results";
     }
     selection.run = [options, makes_project](const CommonOptions& shared, const Progress& progress) -> Output {
       give_large_blocks_own_pages();
       std::string made;
-      std::filesystem::path file = options->experiment;
+      std::filesystem::path file = options->files.front();
       if (makes_project)
-        std::tie(file, made) =
-            project_of(file, options->out, options->project, options->source_arguments, shared.force, progress);
+        std::tie(file, made) = project_of(options->files, options->out, options->project, options->source_arguments,
+                                          shared.force, progress);
       experiment::Experiment experiment = experiment::read_experiment(file);
       experiment.source_options = source_options(options->source_arguments);
       if (!makes_project) replace_cameras(experiment, options->project.camera);

@@ -364,6 +364,38 @@ TEST_F(Experiment, AnotherProgramCanDoTheOdometry) {
   EXPECT_THAT(failed.err, ::testing::HasSubstr("cannot start"));
 }
 
+TEST_F(Experiment, AnotherSystemCanDoTheOdometry) {
+  fs::copy(folder_ / "out", folder_ / "other", fs::copy_options::recursive);
+  fs::create_directories(folder_ / "slam");
+  const std::string own = (folder_ / "out/simulated/odometry").string();
+  const std::string manifest =
+      "name: mine\ntitle: My SLAM\ntakes: {inputs: [images], lenses: [any]}\nleaves: {map: map.ply}\n";
+  TinyPlace::write_file(folder_ / "slam/adapter.yaml", manifest);
+  TinyPlace::write_file(folder_ / "slam/run",
+                        "#!/bin/sh\ntest $SEED = 7 && cp " + own + "/trajectory.txt " + own + "/map.ply \"$OUT\"\n");
+  fs::permissions(folder_ / "slam/run", fs::perms::owner_all);
+  const std::string simulated = TinyExperiments::aligned_by_points(TinyExperiments::without_real());
+  TinyPlace::write_file(folder_ / "experiment.yaml", simulated + "odometry: {system: slam, seed: 7}\n");
+  const ProgramResult result = run("other", {"--json"});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const json results = json::parse(result.out);
+  EXPECT_EQ(results["simulated"]["odometry"]["system"]["title"], "My SLAM");
+  EXPECT_EQ(results["simulated"]["map"]["points"],
+            json::parse(file_text(folder_ / "out/simulated/metrics.json"))["map"]["points"]);
+  EXPECT_THAT(results["provenance"]["inputs"].dump(), ::testing::HasSubstr("slam/run"));
+  const auto before = stage_times("other");
+  ASSERT_EQ(run("other").exit_code, 0);
+  EXPECT_EQ(stage_times("other"), before);
+
+  TinyPlace::write_file(folder_ / "slam/adapter.yaml", manifest + "needs: {programs: [no-such-slam]}\n");
+  const ProgramResult missing = run("missing");
+  EXPECT_EQ(missing.exit_code, 1);
+  EXPECT_EQ(tests::line_count(missing.err), 1) << missing.err;
+  EXPECT_THAT(missing.err,
+              ::testing::HasSubstr("My SLAM: is not installed: the program 'no-such-slam' is not in PATH"));
+  EXPECT_FALSE(fs::exists(folder_ / "missing")) << "nothing is rendered first";
+}
+
 /// A rig, rendered and then ingested from its own pictures: both are datasets of all cameras, which the report shows.
 TEST_F(Experiment, ARigHasAllItsCamerasInTheReport) {
   const std::string own = (folder_ / "out/simulated/odometry").string();

@@ -104,6 +104,39 @@ TEST_F(ARecording, WithoutAPlaceHasAPath) {
   EXPECT_TRUE(fs::exists(folder_ / "out/report.html"));
 }
 
+TEST_F(ARecording, InPartsGoesThroughAnotherSystem) {
+  fs::copy(folder_ / "card/DJI_0001.MP4", folder_ / "card/DJI_0002.MP4");
+  fs::create_directories(folder_ / "slam");
+  TinyPlace::write_file(folder_ / "slam/adapter.yaml",
+                        "name: mine\ntitle: My SLAM\ntakes: {inputs: [images], lenses: [any]}\n");
+  TinyPlace::write_file(folder_ / "slam/run",
+                        "#!/bin/sh\nwhile read -r name time rest; do echo $time $time 0 0 0 0 0 1; done < "
+                        "\"$DATASET/times.txt\" > \"$OUT/trajectory.txt\"\n");
+  fs::permissions(folder_ / "slam/run", fs::perms::owner_all);
+  const auto call = [&](const std::vector<std::string>& more) {
+    std::vector<std::string> words{"run",      path("card/DJI_0001.MP4"), path("card/DJI_0002.MP4"),
+                                   "--camera", path("camera.yaml"),       "--out",
+                                   path("out")};
+    words.insert(words.end(), more.begin(), more.end());
+    return run_tileflight(words);
+  };
+  const ProgramResult result = call({"--from", "4", "--to", "6.05", "--system", path("slam"), "--json"});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const json odometry = json::parse(result.out)["real"]["odometry"];
+  EXPECT_EQ(odometry["system"]["title"], "My SLAM");
+  EXPECT_EQ(odometry["frames_tracked"], 21) << "on both sides of the 5 s at which the second part begins";
+  const std::string experiment = base::read_text(folder_ / "out/project/experiment.yaml");
+  EXPECT_THAT(experiment, HasSubstr("/slam\""));
+  EXPECT_THAT(experiment, HasSubstr("DJI_0002.MP4"));
+  const ProgramResult other = call({"--system", "tileflight"});
+  EXPECT_EQ(other.exit_code, 1);
+  EXPECT_THAT(other.err, HasSubstr("was made without `--system tileflight`"));
+  const ProgramResult mixed =
+      run_tileflight({"run", path("card/DJI_0001.MP4"), path("flight.yaml"), "--out", path("x")});
+  EXPECT_EQ(mixed.exit_code, 2);
+  EXPECT_THAT(mixed.err, HasSubstr("flight.yaml"));
+}
+
 TEST_F(ARecording, IsRefusedWithTheOptionsOfAnExperiment) {
   const ProgramResult result =
       run_tileflight({"run", path("flight.yaml"), "--place", path("place"), "--out", path("out")});

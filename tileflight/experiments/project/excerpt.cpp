@@ -118,4 +118,28 @@ Excerpt choose_excerpt_by_motion(const std::vector<MotionSample>& motion, double
   return excerpt;
 }
 
+Excerpt with_given_ends(Excerpt chosen, std::optional<double> from_s, std::optional<double> to_s) {
+  constexpr int kDecimals = 6;
+  const auto drop = [&](const std::string& key) {
+    std::erase_if(chosen.choices, [&](const Choice& choice) { return choice.key == key; });
+  };
+  const auto given = [](const char* key, double time_s) {
+    return Choice{"real.ingest", key, base::trimmed_text(time_s, kDecimals), "it was given", Certainty::kCertain};
+  };
+  const bool no_end_is_left = from_s && chosen.to_s && *chosen.to_s <= *from_s;
+  const bool no_begin_is_left = to_s && chosen.from_s >= *to_s;
+  const bool is_whole = chosen.from_s == 0.0 && !chosen.to_s;
+  if (from_s || no_begin_is_left || (is_whole && to_s)) {
+    drop("from");
+    chosen.from_s = from_s.value_or(0.0);
+  }
+  if (to_s || no_end_is_left) {
+    drop("to");
+    chosen.to_s = to_s;
+  }
+  if (from_s) chosen.choices.insert(chosen.choices.begin(), given("from", *from_s));
+  if (to_s) chosen.choices.push_back(given("to", *to_s));
+  return chosen;
+}
+
 }  // namespace tileflight::project

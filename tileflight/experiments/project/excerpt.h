@@ -31,4 +31,8 @@ Excerpt choose_excerpt(const std::vector<TrackSample>& track, bool above_ground,
 /// second), for a recording without heights.
 Excerpt choose_excerpt_by_motion(const std::vector<MotionSample>& motion, double duration_s);
 
+/// Replaces the ends of an excerpt by those that were given. An end that was chosen stays, unless nothing would be
+/// left.
+Excerpt with_given_ends(Excerpt chosen, std::optional<double> from_s, std::optional<double> to_s);
+
 }  // namespace tileflight::project

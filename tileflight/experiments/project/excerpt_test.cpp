@@ -48,6 +48,25 @@ TEST(Excerpt, IgnoresWhatIsOutsideTheVideoOrThePlace) {
   EXPECT_THAT(excerpt.choices.at(0).reason, HasSubstr("not over the place"));
 }
 
+TEST(Excerpt, EndsThatAreGivenReplaceTheChosenOnes) {
+  const Excerpt chosen = choose_excerpt(flight(10, 40.0, 60), true, 120.0);  // 24 s to 96 s
+  const Excerpt both = with_given_ends(chosen, 30.25, 50.0);
+  EXPECT_EQ(both.from_s, 30.25);
+  EXPECT_EQ(both.to_s, 50.0);
+  ASSERT_EQ(both.choices.size(), 2U);
+  EXPECT_EQ(both.choices[0].value, "30.25");
+  EXPECT_EQ(both.choices[1].key, "to");
+  EXPECT_EQ(both.choices[1].certainty, Certainty::kCertain);
+  const Excerpt later = with_given_ends(chosen, 40.0, std::nullopt);
+  EXPECT_EQ(later.from_s, 40.0);
+  EXPECT_EQ(later.to_s, 96.0) << "the other end stays as it was chosen";
+  EXPECT_EQ(with_given_ends(chosen, 100.0, std::nullopt).to_s, std::nullopt) << "nothing would be left";
+  EXPECT_EQ(with_given_ends(chosen, std::nullopt, 20.0).from_s, 0.0);
+  const Excerpt whole = with_given_ends(choose_excerpt({}, true, 10.0), std::nullopt, 5.0);
+  ASSERT_EQ(whole.choices.size(), 1U);
+  EXPECT_EQ(whole.choices[0].key, "to");
+}
+
 TEST(Excerpt, SaysThatNothingIsThere) {
   const std::vector<TrackSample> outside{{0.0, 20.0, false}, {1.0, 20.0, false}};
   const Excerpt excerpt = choose_excerpt(outside, true, 10.0);

@@ -51,11 +51,14 @@ std::optional<FramePair> read_pair_of_video(const Recording& recording, double t
 /// Reads the pair at a share, 0 to 1, of the recording.
 std::optional<FramePair> read_pair(const Recording& recording, double share) {
   if (!recording.is_folder()) {
-    const double last_s = std::max(0.0, recording.duration_s - 2.0 / recording.frames_per_second);
-    return read_pair_of_video(recording, share * last_s);
+    const double last_s = std::max(recording.from_s, recording.to_s - 2.0 / recording.frames_per_second);
+    return read_pair_of_video(recording, recording.from_s + share * (last_s - recording.from_s));
   }
   if (recording.images.size() < 2) return std::nullopt;
-  const auto index = static_cast<std::size_t>(share * static_cast<double>(recording.images.size() - 2));
+  const double last = static_cast<double>(recording.images.size() - 2);
+  const double begin = std::min(last, recording.from_s * recording.frames_per_second);
+  const double end = std::clamp(recording.to_s * recording.frames_per_second - 2.0, begin, last);
+  const auto index = static_cast<std::size_t>(begin + share * (end - begin));
   const double period_s = 1.0 / recording.frames_per_second;
   FramePair pair{static_cast<double>(index) * period_s, period_s, imaging::read_rgb(recording.images[index]),
                  imaging::read_rgb(recording.images[index + 1])};
@@ -125,6 +128,7 @@ class Findings {
     constexpr double kStill = 0.002;  // share of the width a second: a tenth of what a slow flight shows
     const auto is_still = [](const MotionSample& sample) { return sample.share_per_s && *sample.share_per_s < kStill; };
     if (result_.motion.size() < kFewestPairs || !std::ranges::all_of(result_.motion, is_still)) return;
+    result_.stands_still = true;
     result_.warnings.emplace_back(
         "the image hardly moves from frame to frame wherever it was looked at: a flight that stands still gives no "
         "map");
@@ -138,21 +142,24 @@ class Findings {
 
 /// Reads a short video once from its beginning, which takes less time than to seek: a seek decodes all frames from the
 /// last one that is stored whole.
-void examine_in_one_pass(const fs::path& video, std::size_t frames, Findings& findings) {
+void examine_in_one_pass(const Recording& recording, std::size_t frames, Findings& findings) {
   const std::size_t step = std::max<std::size_t>(2, frames / kPairs);
   FramePair pair;
-  video::read_video(video, {}, [&](std::int64_t index, double time_s, const imaging::RgbImage& image) {
-    const std::size_t in_step = static_cast<std::size_t>(index) % step;
-    if (in_step == 0) {
-      pair.time_s = time_s;
-      pair.first = image;
-    } else if (in_step == 1) {
-      pair.period_s = time_s - pair.time_s;
-      pair.second = image;
-      findings.add(pair);
-    }
-    return true;
-  });
+  video::VideoExcerpt part{.from_s = recording.from_s};
+  if (recording.to_s < recording.duration_s) part.to_s = recording.to_s;
+  video::read_video(recording.parts.front(), part,
+                    [&](std::int64_t index, double time_s, const imaging::RgbImage& image) {
+                      const std::size_t in_step = static_cast<std::size_t>(index) % step;
+                      if (in_step == 0) {
+                        pair.time_s = time_s;
+                        pair.first = image;
+                      } else if (in_step == 1) {
+                        pair.period_s = time_s - pair.time_s;
+                        pair.second = image;
+                        findings.add(pair);
+                      }
+                      return true;
+                    });
 }
 
 }  // namespace
@@ -161,10 +168,10 @@ ImageFindings examine_images(const Recording& recording, const Progress& progres
   constexpr double kMostInOnePass = 4000.0;  // frames
   const std::size_t pairs = recording.is_folder() ? std::min(kPairs, recording.images.size()) : kPairs;
   Findings findings(pairs, progress);
-  const double frames = recording.duration_s * recording.frames_per_second;
+  const double frames = (recording.to_s - recording.from_s) * recording.frames_per_second;
   if (!recording.is_folder() && recording.parts.size() == 1 && frames < kMostInOnePass) {
     try {
-      examine_in_one_pass(recording.parts.front(), static_cast<std::size_t>(frames), findings);
+      examine_in_one_pass(recording, static_cast<std::size_t>(frames), findings);
     } catch (const InputError& fault) {
       if (findings.is_empty()) throw;
       findings.add_fault(fault);

@@ -22,6 +22,7 @@ struct MotionSample {
 struct ImageFindings {
   std::vector<MotionSample> motion;   ///< in order of time
   imaging::GrayImage mask;            ///< of find_static_pixels(), full size; empty: nothing stands still
+  bool stands_still = false;          ///< the image hardly moves wherever it was looked at
   std::vector<std::string> warnings;  ///< images that show nothing or stand still, damage; a sentence each
 };
 

@@ -10,6 +10,7 @@
 #include "tileflight/core/base/text_parsing.h"
 #include "tileflight/core/imaging/calibration_files.h"
 #include "tileflight/core/imaging/lens_profile.h"
+#include "tileflight/data/dataset/frame_list.h"
 
 namespace tileflight::project {
 namespace {
@@ -126,9 +127,16 @@ void estimate_from_images(const Recording& recording, const fs::path& mask, Lens
                           const Progress& progress) {
   self_calibration::LensEstimateOptions options;
   options.images.mask = mask;
+  const auto after = std::ranges::upper_bound(recording.part_starts_s, recording.from_s);
+  const std::size_t part = static_cast<std::size_t>(after - recording.part_starts_s.begin()) - 1;
+  // Images of a folder are taken to be at the default rate there.
+  const double clock = recording.is_folder() ? recording.frames_per_second * dataset::kDefaultFramePeriod_s : 1.0;
+  options.images.from_s = clock * (recording.from_s - recording.part_starts_s[part]);
+  if (recording.to_s < recording.duration_s)
+    options.images.to_s = clock * (recording.to_s - recording.part_starts_s[part]);
   self_calibration::LensEstimate estimate;
   try {
-    estimate = self_calibration::estimate_lens(recording.parts.front(), *lens.guess, options, progress);
+    estimate = self_calibration::estimate_lens(recording.parts[part], *lens.guess, options, progress);
   } catch (const InputError& fault) {  // damage, which the stages that use the frames name, too
     lens.warnings.push_back(std::string("the lens is not estimated from the images: ") + fault.what());
     return;

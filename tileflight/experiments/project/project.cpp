@@ -13,6 +13,7 @@
 #include "tileflight/experiments/project/excerpt.h"
 #include "tileflight/experiments/project/image_motion.h"
 #include "tileflight/experiments/project/site.h"
+#include "tileflight/slam/external_systems/adapter.h"
 #include "tileflight/slam/odometry/image_examination.h"
 #include "tileflight/tiles/fetch/open_source.h"
 
@@ -77,18 +78,33 @@ void choose_step(const Recording& recording, const ImageFindings& images, Projec
                                Certainty::kGuess});
 }
 
-void choose_mask(const ImageFindings& images, const fs::path& folder, Project& project) {
+/// The offset of a log's clock is found from motion, which images that stand still do not show.
+void fix_offset_of_still_images(const ImageFindings& images, Project& project) {
+  const auto offset = std::ranges::find(project.choices, "telemetry_offset", &Choice::key);
+  if (!images.stands_still || offset == project.choices.end() || offset->value != "auto") return;
+  *offset = {"real.ingest", "telemetry_offset", "0",
+             "the log has a clock of its own, and its offset cannot be found from images that stand still: the log is "
+             "taken to begin with the video",
+             Certainty::kGuess};
+}
+
+/// `other_system`: title of the system that replaces the built-in odometry; empty: none.
+void choose_mask(const ImageFindings& images, const fs::path& folder, const std::string& other_system,
+                 Project& project) {
   if (images.mask.empty()) {
     project.choices.push_back(
         {"odometry", "mask", "", "no edges were found that stand still while the rest moves", Certainty::kLikely});
     return;
   }
   imaging::write_gray(folder / "mask.png", images.mask);
-  project.choices.push_back(
-      {"odometry", "mask", quoted("mask.png"),
-       base::formatted("%.1f %% of the image stands still while the rest moves: on-screen text or parts of the vehicle",
-                       100 * odometry::masked_share(images.mask)),
-       Certainty::kLikely});
+  const std::string reason =
+      base::formatted("%.1f %% of the image stands still while the rest moves: on-screen text or parts of the vehicle",
+                      100 * odometry::masked_share(images.mask));
+  if (other_system.empty())
+    project.choices.push_back({"odometry", "mask", quoted("mask.png"), reason, Certainty::kLikely});
+  else
+    project.choices.push_back(
+        {"odometry", "mask", "", reason + "; " + other_system + " takes no mask", Certainty::kLikely});
 }
 
 void choose_shutter(const Recording& recording, const LensChoice& lens, Project& project) {
@@ -116,6 +132,21 @@ void choose_mode(const Recording& recording, Project& project) {
        Certainty::kLikely});
 }
 
+/// Chooses the settings of the built-in odometry, or another system in its place, which has settings of its own.
+void choose_odometry(const ProjectOptions& options, const std::optional<external_systems::Adapter>& system,
+                     const fs::path& folder, const Recording& recording, const LensChoice& lens, Project& project) {
+  if (!system) {
+    choose_shutter(recording, lens, project);
+    choose_mode(recording, project);
+    return;
+  }
+  const bool is_folder = fs::exists(fs::path(options.system) / "adapter.yaml");
+  project.choices.push_back(
+      {"odometry", "system", is_folder ? path_text(system->folder, folder) : quoted(options.system), "it was given"});
+  if (const std::string missing = external_systems::why_not_installed(*system); !missing.empty())
+    project.warnings.push_back(system->title + " is not installed here: " + missing);
+}
+
 /// Returns the heights above take-off that a log on the video's clock states; empty if it does not state them
 /// throughout.
 std::vector<TrackSample> track_above_takeoff(const Recording& recording) {
@@ -132,14 +163,17 @@ std::vector<TrackSample> track_above_takeoff(const Recording& recording) {
 void choose_place(const ProjectOptions& options, const Recording& recording, const ImageFindings& images,
                   const imaging::Camera& camera, const fs::path& temporary, const fs::path& folder, Project& project,
                   const Progress& progress) {
+  const auto with_given = [&](Excerpt chosen) {
+    return with_given_ends(std::move(chosen), options.files.from_s, options.files.to_s);
+  };
   const auto append = [&](const std::vector<Choice>& choices) {
     project.choices.insert(project.choices.end(), choices.begin(), choices.end());
   };
   if (options.place.empty()) {
     if (recording.has_positions()) append(choose_height_reference(recording));
     const std::vector<TrackSample> track = track_above_takeoff(recording);
-    append((track.empty() ? choose_excerpt_by_motion(images.motion, recording.duration_s)
-                          : choose_excerpt(track, false, recording.duration_s))
+    append(with_given(track.empty() ? choose_excerpt_by_motion(images.motion, recording.duration_s)
+                                    : choose_excerpt(track, false, recording.duration_s))
                .choices);
     project.warnings.emplace_back(
         "no place is given (--place): the map's error cannot be known, and the path is compared with the recorded "
@@ -148,15 +182,17 @@ void choose_place(const ProjectOptions& options, const Recording& recording, con
   }
   project.choices.insert(project.choices.begin(),
                          {"place", "source", source_text(options.place, folder), "it was given"});
-  Site site = choose_site(
-      {.source = options.place,
-       .origin = options.origin,
-       .source_options = options.source_options,
-       .choose_excerpt = [&](const std::vector<TrackSample>& track,
-                             bool above_ground) { return choose_excerpt(track, above_ground, recording.duration_s); }},
-      recording, camera, progress);
+  Site site = choose_site({.source = options.place,
+                           .origin = options.origin,
+                           .source_options = options.source_options,
+                           .choose_excerpt =
+                               [&](const std::vector<TrackSample>& track, bool above_ground) {
+                                 return with_given(choose_excerpt(track, above_ground, recording.duration_s));
+                               }},
+                          recording, camera, progress);
   append(site.choices);
-  append(site.excerpt ? site.excerpt->choices : choose_excerpt_by_motion(images.motion, recording.duration_s).choices);
+  append(site.excerpt ? site.excerpt->choices
+                      : with_given(choose_excerpt_by_motion(images.motion, recording.duration_s)).choices);
   base::add_distinct(site.warnings, project.warnings);
   imaging::write_rgb(temporary / "map.png", site.map);
   project.choices.push_back({"simulated.render", "follow", "real",
@@ -230,12 +266,14 @@ void write_camera(const fs::path& file, const imaging::Calibration& calibration,
 
 Project make_project(const ProjectOptions& options, const fs::path& folder, bool replace, const Progress& progress) {
   base::OutputFolder output{.folder = folder, .command = "new", .replace = replace, .inputs = options.files.videos};
-  if (!options.place.empty() && !fetch::is_network_source(options.place)) output.inputs.push_back(options.place);
+  if (!options.place.empty() && !fetch::is_network_source(options.place)) output.inputs.emplace_back(options.place);
   base::require_writable(output);
   if (options.place.starts_with("stadium:"))
     throw InputError(options.place,
                      "is built in and not written yet: `tileflight scene stadium DIR` writes it; give DIR/twin or "
                      "DIR/world");
+  std::optional<external_systems::Adapter> system;
+  if (!options.system.empty()) system = external_systems::find_adapter(options.system);
   Project project;
   Recording recording = examine_files(options.files);
   base::add_distinct(recording.warnings, project.warnings);
@@ -249,16 +287,16 @@ Project make_project(const ProjectOptions& options, const fs::path& folder, bool
   LensChoice lens = choose_lens(recording, options.lens, progress);
   const ImageFindings images = examine_images(recording, progress);
   base::add_distinct(images.warnings, project.warnings);
+  fix_offset_of_still_images(images, project);
   base::write_folder(output, [&](const fs::path& temporary) {
-    choose_mask(images, temporary, project);
+    choose_mask(images, temporary, system ? system->title : "", project);
     if (lens.guess)
       estimate_from_images(recording, images.mask.empty() ? fs::path() : temporary / "mask.png", lens, progress);
     base::add_distinct(lens.warnings, project.warnings);
     lens.choice.value = quoted("camera.yaml");
     project.choices.push_back(lens.choice);
     choose_step(recording, images, project);
-    choose_shutter(recording, lens, project);
-    choose_mode(recording, project);
+    choose_odometry(options, system, folder, recording, lens, project);
     choose_place(options, recording, images, lens.calibration.camera, temporary, folder, project, progress);
     write_camera(temporary / "camera.yaml", lens.calibration, lens.choice);
     base::write_file(temporary / "experiment.yaml", experiment_text(project, recording.parts.front().stem().string()));

@@ -21,6 +21,8 @@ struct ProjectOptions {
   std::string place;                         ///< SOURCE of the contract; empty: the flight is tracked without a place
   std::optional<geometry::Geodetic> origin;  ///< of a tileset that is not georeferenced
   LensHints lens;
+  /// Another SLAM system: a name of `tileflight systems` or the folder of an adapter; empty: the built-in odometry.
+  std::string system;
   fetch::SourceOptions source_options;
 };
 
@@ -33,7 +35,7 @@ struct Project {
 
 /// Writes a project folder for a filmed flight, atomically: experiment.yaml, in which each choice has its reason and
 /// how sure it is, camera.yaml, mask.png if something stands still in the image, and map.png, the flight over the
-/// place. Throws InputError as examine_files, choose_lens, examine_images and choose_site do.
+/// place. Throws InputError as examine_files, choose_lens, examine_images, choose_site and find_adapter do.
 Project make_project(const ProjectOptions& options, const std::filesystem::path& folder, bool replace,
                      const Progress& progress = {});
 

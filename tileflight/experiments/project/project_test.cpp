@@ -154,6 +154,21 @@ TEST_F(ANewProject, SaysThatTheImageStandsStill) {
   EXPECT_THAT(project.warnings, ::testing::Contains(HasSubstr("the image hardly moves")));
 }
 
+TEST_F(ANewProject, DoesNotLookForTheOffsetOfALogInImagesThatStandStill) {
+  fs::remove(folder_ / "card/flight.srt");
+  std::string log = "time_s,latitude,longitude,altitude\n";
+  for (int t = 0; t <= 8; ++t) log += base::formatted("%d,47.0,%.7f,520.0\n", t, 8.0 + 1e-5 * t);
+  base::write_file(folder_ / "card/flight.csv", log);
+  EXPECT_EQ(choice(make_project(options(), folder_ / "moves", false), "telemetry_offset").value, "auto");
+  video::VideoWriter video(folder_ / "card/flight.mp4", 160, 120, {.frames_per_second = 15.0, .compression = {}});
+  for (int i = 0; i < 15 * 8; ++i) video.add(picture(0));
+  video.finish();
+  const Choice offset = choice(make_project(options(), folder_ / "still", false), "telemetry_offset");
+  EXPECT_EQ(offset.value, "0");
+  EXPECT_EQ(offset.certainty, Certainty::kGuess);
+  EXPECT_THAT(offset.reason, HasSubstr("images that stand still"));
+}
+
 TEST_F(ANewProject, NamesImagesThatShowNothing) {
   video::VideoWriter video(folder_ / "card/flight.mp4", 160, 120, {.frames_per_second = 15.0, .compression = {}});
   for (int i = 0; i < 15 * 8; ++i) video.add(i < 60 ? imaging::RgbImage(160, 120) : picture(i));
@@ -196,6 +211,48 @@ TEST_F(ANewProject, WithoutAPlaceStillTracks) {
   const experiment::Experiment experiment = experiment::read_experiment(folder_ / "project/experiment.yaml");
   EXPECT_FALSE(experiment.has_place());
   EXPECT_TRUE(experiment.real && !experiment.simulated);
+}
+
+TEST_F(ANewProject, UsesThePartThatIsGiven) {
+  // What is not used may be black, and nothing is said of it.
+  video::VideoWriter video(folder_ / "card/flight.mp4", 160, 120, {.frames_per_second = 15.0, .compression = {}});
+  for (int i = 0; i < 15 * 8; ++i) video.add(i < 50 ? imaging::RgbImage(160, 120) : picture(i));
+  video.finish();
+  ProjectOptions part = options();
+  part.files.from_s = 3.5;
+  part.files.to_s = 6.25;
+  const Project project = make_project(part, folder_ / "project", false);
+  EXPECT_EQ(choice(project, "from").value, "3.5");
+  EXPECT_EQ(choice(project, "to").value, "6.25");
+  EXPECT_EQ(choice(project, "to").certainty, Certainty::kCertain);
+  EXPECT_THAT(project.warnings, ::testing::Not(::testing::Contains(HasSubstr("nearly black"))));
+  const experiment::Experiment experiment = experiment::read_experiment(folder_ / "project/experiment.yaml");
+  EXPECT_EQ(experiment.real->ingest->from_s, 3.5);
+  EXPECT_EQ(experiment.real->ingest->to_s, 6.25);
+  part.files.from_s = 9.0;
+  EXPECT_THAT(tests::refusal_of([&] { make_project(part, folder_ / "none", false); }),
+              HasSubstr("--from: 9 s is not within the recording, which lasts 8 s"));
+}
+
+TEST_F(ANewProject, NamesAnotherSystemInstead) {
+  fs::create_directories(folder_ / "slam");
+  base::write_file(
+      folder_ / "slam/adapter.yaml",
+      "name: mine\ntitle: My SLAM\ntakes: {inputs: [images], lenses: [any]}\nneeds: {programs: [no-such]}\n");
+  ProjectOptions with = options();
+  with.system = (folder_ / "slam").string();
+  const Project project = make_project(with, folder_ / "project", false);
+  EXPECT_EQ(choice(project, "system").value, "\"../slam\"");
+  EXPECT_THAT(project.warnings,
+              ::testing::Contains(HasSubstr("My SLAM is not installed here: the program 'no-such' is not in PATH")));
+  const experiment::Experiment experiment = experiment::read_experiment(folder_ / "project/experiment.yaml");
+  ASSERT_TRUE(experiment.odometry.system);
+  EXPECT_EQ(experiment.odometry.system->name, "mine");
+  with.system = "colmap";
+  EXPECT_EQ(choice(make_project(with, folder_ / "named", false), "system").value, "\"colmap\"");
+  EXPECT_EQ(experiment::read_experiment(folder_ / "named/experiment.yaml").odometry.system->title, "COLMAP");
+  with.system = "colmpa";
+  EXPECT_THAT(tests::refusal_of([&] { make_project(with, folder_ / "none", false); }), HasSubstr("did you mean"));
 }
 
 TEST_F(ANewProject, SaysThatThePlaceHasNoGeoreference) {

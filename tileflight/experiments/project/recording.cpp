@@ -78,6 +78,15 @@ void examine_folder(const fs::path& folder, Recording& recording) {
                                         : static_cast<double>(recording.images.size()) / recording.frames_per_second;
 }
 
+void set_part(const RecordingFiles& files, Recording& recording) {
+  recording.from_s = files.from_s.value_or(0.0);
+  recording.to_s = std::min(files.to_s.value_or(recording.duration_s), recording.duration_s);
+  if (recording.from_s >= recording.duration_s)
+    throw InputError("--from", base::formatted("%.4g s is not within the recording, which lasts %.4g s",
+                                               recording.from_s, recording.duration_s));
+  if (files.to_s && *files.to_s <= recording.from_s) throw InputError("--to", "must be later than --from");
+}
+
 /// Returns the first of the files that `read` takes without an error.
 fs::path first_readable(const std::vector<fs::path>& files, const std::function<bool(const fs::path&)>& read) {
   for (const fs::path& file : files) {
@@ -208,6 +217,7 @@ Recording examine_files(const RecordingFiles& files) {
   recording.choices.push_back(
       {"real.ingest", "video", recording.parts.size() == 1 ? names : "[" + names + "]",
        (recording.is_folder() ? std::to_string(recording.images.size()) + " images of " : "images of ") + size});
+  set_part(files, recording);
   choose_telemetry(files, recording);
   choose_imu(files, recording);
   return recording;

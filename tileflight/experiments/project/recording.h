@@ -17,6 +17,7 @@ struct RecordingFiles {
   std::vector<std::filesystem::path> videos;  ///< the parts of one recording, or one folder of photos
   std::filesystem::path telemetry;            ///< flight log
   std::filesystem::path imu;                  ///< readings of an inertial unit
+  std::optional<double> from_s, to_s;         ///< the part to use, seconds of the recording; else it is chosen
 };
 
 /// Holds what a flight's files say before any image is decoded.
@@ -26,6 +27,7 @@ struct Recording {
   int width = 0, height = 0;                  ///< of the images as they are shown
   double frames_per_second = 0.0;             ///< of images without times: as `ingest` assumes, 30
   double duration_s = 0.0;
+  double from_s = 0.0, to_s = 0.0;    ///< the part that was given, else the whole: only its images are looked at
   std::vector<double> part_starts_s;  ///< on the clock of the first part
   std::optional<ingest::EmbeddedTelemetry> own;
   flight_logs::PhotoLog photos;
@@ -44,7 +46,7 @@ struct Recording {
 /// Reads what the files state: size, rate and length, embedded telemetry, photos' tags; and takes the flight log and
 /// the inertial readings that lie beside the video: of its name, or the only ones in a folder with one video. Throws
 /// InputError (file, cause): no video and no photos, several folders, parts of different size or rate, a log that was
-/// given and cannot be read.
+/// given and cannot be read, a part that is not in the recording.
 Recording examine_files(const RecordingFiles& files);
 
 /// Returns the files beside a video that may belong to it: those of its name first, then, if the folder has no other
