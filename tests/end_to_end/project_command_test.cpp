@@ -79,6 +79,10 @@ TEST_F(ARecording, BecomesAScoredMapByOneCommand) {
   EXPECT_LT(results["real"]["surface"]["median"].get<double>(), 0.5);
   EXPECT_LT(results["simulated"]["surface"]["median"].get<double>(), 0.5);
   EXPECT_TRUE(fs::exists(folder_ / "out/report.html"));
+  // The path is compared with the recorded positions; an error that may be the receiver's decides no prediction.
+  EXPECT_LT(results["real"]["trajectory"]["ate_rmse"].get<double>(), 0.5);
+  EXPECT_NEAR(results["real"]["trajectory"]["receiver"]["expected_rmse_m"].get<double>(), std::sqrt(6.0), 1e-6);
+  EXPECT_THAT(results["comparison"].dump(), Not(HasSubstr("ate_rmse")));
   // A changed project is not made again.
   const fs::path experiment = folder_ / "out/project/experiment.yaml";
   std::string text = base::read_text(experiment);

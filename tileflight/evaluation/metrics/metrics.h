@@ -119,6 +119,18 @@ enum class TrajectoryAlignment { kSim3, kSE3, kNone };
 /// Returns "sim3", "se3" or "none", as in files and options.
 const char* name_of(TrajectoryAlignment alignment);
 
+/// What of a trajectory's error is that of the receiver whose positions are the truth.
+struct ReceiverError {
+  double horizontal_sigma_m = 0.0;  ///< RMS of the positions' standard deviations, each horizontal axis
+  double vertical_sigma_m = 0.0;
+  double expected_rmse_m = 0.0;             ///< error of a perfect trajectory, by these standard deviations
+  std::optional<double> beyond_receiver_m;  ///< RMS of the error that the receiver does not explain; nullopt: none
+  double normalized_error_squared = 0.0;  ///< mean of the squared errors over their variances, each axis; 1: as stated
+  double time_offset_s = 0.0;             ///< added to the estimate's times to get the receiver's
+  double time_offset_sigma_s = 0.0;       ///< 0: not estimated
+  geometry::Vec3 lever_arm_m = geometry::Vec3::Zero();  ///< of the antenna in the camera: right, down, forward
+};
+
 struct TrajectoryMetrics {
   double ate_rmse_m = 0, ate_mean_m = 0, ate_max_m = 0;
   double ate_median_m = std::numeric_limits<double>::quiet_NaN();  ///< NaN in older files, as the next two
@@ -135,6 +147,8 @@ struct TrajectoryMetrics {
   std::size_t estimated_poses = 0, true_poses = 0;                 ///< given; 0 in older files
   double time_covered = std::numeric_limits<double>::quiet_NaN();  ///< share of the truth's time between the first and
                                                                    ///< the last pair, without gaps
+  /// Present if the truth is a receiver's positions. Receivers measure no rotations: their errors are written as null.
+  std::optional<ReceiverError> receiver;
 };
 
 struct MapMetricsOptions {
@@ -156,11 +170,24 @@ struct TrajectoryOptions {
   double max_time_difference_s = 0.01;  ///< between the two poses of a pair
 };
 
+/// A time without poses in the middle of a trajectory.
+struct TimeGap {
+  double from_s = 0.0, to_s = 0.0;
+  double missing_s = 0.0;  ///< of it, without what was not recorded at all
+};
+
+/// Finds the gaps of a trajectory: intervals between poses that are far longer than usual, and longer than a share of
+/// `duration_s`. Keyframes, which are made as the view changes, are not so far apart. Times in `unrecorded`, the gaps
+/// of the images or of the true poses, do not count.
+std::vector<TimeGap> find_time_gaps(const geometry::Trajectory& trajectory, double duration_s,
+                                    const std::vector<TimeGap>& unrecorded = {});
+
 /// Estimated and true poses that correspond by index.
 struct PairedTrajectories {
   geometry::Trajectory estimate, truth;
   std::size_t estimated_poses = 0, true_poses = 0;  ///< before pairing
   double true_duration_s = 0;                       ///< of all true poses
+  std::vector<TimeGap> unrecorded;                  ///< gaps of the true poses
   geometry::Sim3 T_truth_estimate;                  ///< applied to the estimate already
 };
 
@@ -179,15 +206,6 @@ TrajectoryMetrics score_trajectory(const PairedTrajectories& poses, const Trajec
 /// Pairs, aligns and scores a trajectory: pair_and_align(), then score_trajectory().
 TrajectoryMetrics evaluate_trajectory(const geometry::Trajectory& estimate, const geometry::Trajectory& truth,
                                       const TrajectoryOptions& options = {});
-
-/// A time without poses in the middle of a trajectory.
-struct TimeGap {
-  double from_s = 0.0, to_s = 0.0;
-};
-
-/// Finds the gaps of a trajectory: intervals between poses that are far longer than usual, and longer than a share of
-/// `duration_s`. Keyframes, which are made as the view changes, are not so far apart.
-std::vector<TimeGap> find_time_gaps(const geometry::Trajectory& trajectory, double duration_s);
 
 /// Error of the motion from each pose to the next (the first pose has none), as the RPE over one frame.
 struct StepErrors {

@@ -10,6 +10,7 @@
 #include "tileflight/core/base/strict_section.h"
 #include "tileflight/core/base/warning.h"
 #include "tileflight/core/geometry/cloud_files.h"
+#include "tileflight/core/geometry/json_numbers.h"
 #include "tileflight/evaluation/metrics/distances.h"
 #include "tileflight/evaluation/metrics/metrics.h"
 
@@ -132,24 +133,49 @@ json to_json(const std::vector<RelativePoseError>& errors) {
   return list;
 }
 
+json to_json(const ReceiverError& r) {
+  return {{"horizontal_sigma_m", r.horizontal_sigma_m},
+          {"vertical_sigma_m", r.vertical_sigma_m},
+          {"expected_rmse_m", r.expected_rmse_m},
+          {"beyond_receiver_m", r.beyond_receiver_m ? json(*r.beyond_receiver_m) : json(nullptr)},
+          {"normalized_error_squared", r.normalized_error_squared},
+          {"time_offset_s", r.time_offset_s},
+          {"time_offset_sigma_s", r.time_offset_sigma_s},
+          {"lever_arm_m", geometry::json_numbers(r.lever_arm_m)}};
+}
+
+/// Sets the errors of rotations to null.
+void remove_rotations(json& trajectory) {
+  for (const char* list : {"rpe", "rpe_frames"}) {
+    for (json& one : trajectory[list])
+      for (const char* key : {"rotation_rmse_deg", "rotation_deg"}) one[key] = nullptr;
+  }
+  trajectory["drift"]["rotation_deg_per_m"] = nullptr;
+}
+
 json to_json(const TrajectoryMetrics& m) {
-  return {{"ate_rmse", m.ate_rmse_m},
-          {"ate_mean", m.ate_mean_m},
-          {"ate_median", m.ate_median_m},
-          {"ate_std", m.ate_std_m},
-          {"ate_min", m.ate_min_m},
-          {"ate_max", m.ate_max_m},
-          {"rpe", to_json(m.rpe)},
-          {"rpe_frames", to_json(m.rpe_frames)},
-          {"drift", to_json(m.drift)},
-          {"scale_drift", to_json(m.scale_drift)},
-          {"path_length", m.path_length_m},
-          {"scale", m.scale},
-          {"alignment", m.alignment ? json(name_of(*m.alignment)) : json(nullptr)},
-          {"poses", m.poses},
-          {"poses_estimated", m.estimated_poses},
-          {"poses_true", m.true_poses},
-          {"time_covered", m.time_covered}};
+  json object{{"ate_rmse", m.ate_rmse_m},
+              {"ate_mean", m.ate_mean_m},
+              {"ate_median", m.ate_median_m},
+              {"ate_std", m.ate_std_m},
+              {"ate_min", m.ate_min_m},
+              {"ate_max", m.ate_max_m},
+              {"rpe", to_json(m.rpe)},
+              {"rpe_frames", to_json(m.rpe_frames)},
+              {"drift", to_json(m.drift)},
+              {"scale_drift", to_json(m.scale_drift)},
+              {"path_length", m.path_length_m},
+              {"scale", m.scale},
+              {"alignment", m.alignment ? json(name_of(*m.alignment)) : json(nullptr)},
+              {"poses", m.poses},
+              {"poses_estimated", m.estimated_poses},
+              {"poses_true", m.true_poses},
+              {"time_covered", m.time_covered}};
+  if (m.receiver) {
+    object["receiver"] = to_json(*m.receiver);
+    remove_rotations(object);
+  }
+  return object;
 }
 
 json to_json(const MeanDifference& d) {
@@ -300,7 +326,8 @@ RelativePoseError read_relative_error(StrictSection reader, bool by_frames) {
   e.translation_rmse_m = reader.required_number("translation_rmse_m");
   e.rotation_rmse_deg = reader.required_number("rotation_rmse_deg");
   if (reader.has("translation_m")) e.translation_m = read_spread(reader.required_section("translation_m"));
-  if (reader.has("rotation_deg")) e.rotation_deg = read_spread(reader.required_section("rotation_deg"));
+  if (reader.is_map("rotation_deg")) e.rotation_deg = read_spread(reader.required_section("rotation_deg"));
+  reader.ignore({"rotation_deg"});  // null: by a receiver's positions
   reader.require_all_keys_used();
   return e;
 }
@@ -354,6 +381,22 @@ void read_newer_keys(StrictSection& reader, TrajectoryMetrics& m) {
     m.rpe_frames.push_back(read_relative_error(entry, true));
 }
 
+ReceiverError read_receiver_error(StrictSection reader) {
+  ReceiverError r;
+  r.horizontal_sigma_m = reader.required_number("horizontal_sigma_m");
+  r.vertical_sigma_m = reader.required_number("vertical_sigma_m");
+  r.expected_rmse_m = reader.required_number("expected_rmse_m");
+  reader.require("beyond_receiver_m");
+  r.beyond_receiver_m = reader.number("beyond_receiver_m");
+  r.normalized_error_squared = reader.required_number("normalized_error_squared");
+  r.time_offset_s = reader.required_number("time_offset_s");
+  r.time_offset_sigma_s = reader.required_number("time_offset_sigma_s");
+  if (const auto lever_arm = reader.numbers("lever_arm_m", 3, 3))
+    r.lever_arm_m = geometry::Vec3((*lever_arm)[0], (*lever_arm)[1], (*lever_arm)[2]);
+  reader.require_all_keys_used();
+  return r;
+}
+
 TrajectoryMetrics read_trajectory(StrictSection reader) {
   TrajectoryMetrics m;
   m.ate_rmse_m = reader.required_number("ate_rmse");
@@ -365,6 +408,7 @@ TrajectoryMetrics read_trajectory(StrictSection reader) {
   reader.require("rpe");
   for (const StrictSection& entry : reader.sections("rpe")) m.rpe.push_back(read_relative_error(entry, false));
   read_newer_keys(reader, m);
+  if (reader.has("receiver")) m.receiver = read_receiver_error(reader.required_section("receiver"));
   reader.require_all_keys_used();
   return m;
 }

@@ -105,6 +105,24 @@ TEST_F(MetricsFiles, RoundTrip) {
   EXPECT_EQ(back.voxel.positions.size(), back.voxel.distances.size());
 }
 
+TEST_F(MetricsFiles, AReceiversPartIsKeptAndItMeasuresNoRotations) {
+  score_.metrics.trajectory->receiver = ReceiverError{.horizontal_sigma_m = 1.0,
+                                                      .vertical_sigma_m = 2.0,
+                                                      .expected_rmse_m = std::sqrt(6.0),
+                                                      .beyond_receiver_m = 0.3,
+                                                      .normalized_error_squared = 1.1,
+                                                      .time_offset_s = 31.3,
+                                                      .time_offset_sigma_s = 0.02,
+                                                      .lever_arm_m = Vec3(0.5, -1.5, 0.8)};
+  write_metrics(file_, score_.metrics, score_.errors);
+  const json trajectory = written().at("trajectory");
+  EXPECT_TRUE(trajectory.at("rpe").at(0).at("rotation_rmse_deg").is_null());
+  EXPECT_TRUE(trajectory.at("drift").at("rotation_deg_per_m").is_null());
+  const MetricsFile back = read_metrics(file_);
+  EXPECT_EQ(to_json(back.metrics).dump(), to_json(score_.metrics).dump());
+  EXPECT_EQ(back.metrics.trajectory->receiver->lever_arm_m, Vec3(0.5, -1.5, 0.8));
+}
+
 TEST_F(MetricsFiles, ErrorsLieBesideAsScalars) {
   write_metrics(file_, score_.metrics, score_.errors);
   const PointCloud errors = geometry::read_cloud(folder_ / "errors.ply");

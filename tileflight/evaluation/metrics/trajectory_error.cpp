@@ -163,6 +163,23 @@ double duration_s(const Trajectory& trajectory) {
   return trajectory.empty() ? 0.0 : trajectory.poses.back().time_s - trajectory.poses.front().time_s;
 }
 
+/// Returns how much of the gaps lies within a time.
+double seconds_within(const std::vector<TimeGap>& gaps, double from_s, double to_s) {
+  double within_s = 0.0;
+  for (const TimeGap& gap : gaps) within_s += std::max(0.0, std::min(to_s, gap.to_s) - std::max(from_s, gap.from_s));
+  return within_s;
+}
+
+double share_of_time_covered(const PairedTrajectories& poses) {
+  const double from_s = poses.truth.poses.front().time_s, to_s = poses.truth.poses.back().time_s;
+  double covered_s = to_s - from_s - seconds_within(poses.unrecorded, from_s, to_s);
+  for (const TimeGap& gap : find_time_gaps(poses.truth, poses.true_duration_s, poses.unrecorded))
+    covered_s -= gap.missing_s;
+  double recorded_s = poses.true_duration_s;
+  for (const TimeGap& gap : poses.unrecorded) recorded_s -= gap.to_s - gap.from_s;
+  return covered_s / recorded_s;
+}
+
 void add_absolute_error(const PairedTrajectories& poses, TrajectoryMetrics& result) {
   std::vector<double> errors_m;
   for (std::size_t i = 0; i < poses.truth.size(); ++i)
@@ -193,25 +210,27 @@ PairedTrajectories pair_and_align(const Trajectory& estimate, const Trajectory& 
   poses.estimated_poses = estimate.size();
   poses.true_poses = truth.size();
   poses.true_duration_s = duration_s(truth);
+  poses.unrecorded = find_time_gaps(truth, poses.true_duration_s);
   poses.T_truth_estimate = align_umeyama(poses, options.alignment);
   poses.estimate = geometry::transformed(poses.T_truth_estimate, poses.estimate);
   return poses;
 }
 
-std::vector<TimeGap> find_time_gaps(const Trajectory& trajectory, double duration_s) {
+std::vector<TimeGap> find_time_gaps(const Trajectory& trajectory, double duration_s,
+                                    const std::vector<TimeGap>& unrecorded) {
   // Chosen by hand.
   constexpr double kTimesUsual = 5.0, kShare = 0.05;
-  std::vector<double> intervals_s;
-  for (std::size_t i = 1; i < trajectory.size(); ++i)
-    intervals_s.push_back(trajectory.poses[i].time_s - trajectory.poses[i - 1].time_s);
-  if (intervals_s.empty()) return {};
-  std::vector<double> sorted = intervals_s;
-  const double least_s = std::max(kTimesUsual * base::median(sorted), kShare * duration_s);
-  std::vector<TimeGap> gaps;
+  std::vector<TimeGap> intervals;
+  std::vector<double> lengths_s;
   for (std::size_t i = 1; i < trajectory.size(); ++i) {
-    if (intervals_s[i - 1] > least_s) gaps.push_back({trajectory.poses[i - 1].time_s, trajectory.poses[i].time_s});
+    const double from_s = trajectory.poses[i - 1].time_s, to_s = trajectory.poses[i].time_s;
+    intervals.push_back({from_s, to_s, to_s - from_s - seconds_within(unrecorded, from_s, to_s)});
+    lengths_s.push_back(to_s - from_s);
   }
-  return gaps;
+  if (intervals.empty()) return {};
+  const double least_s = std::max(kTimesUsual * base::median(lengths_s), kShare * duration_s);
+  std::erase_if(intervals, [&](const TimeGap& interval) { return interval.missing_s <= least_s; });
+  return intervals;
 }
 
 TrajectoryMetrics score_trajectory(const PairedTrajectories& poses, const TrajectoryOptions& options) {
@@ -220,11 +239,7 @@ TrajectoryMetrics score_trajectory(const PairedTrajectories& poses, const Trajec
   result.poses = poses.truth.size();
   result.estimated_poses = poses.estimated_poses;
   result.true_poses = poses.true_poses;
-  if (poses.true_duration_s > 0.0) {
-    double covered_s = duration_s(poses.truth);
-    for (const TimeGap& gap : find_time_gaps(poses.truth, poses.true_duration_s)) covered_s -= gap.to_s - gap.from_s;
-    result.time_covered = covered_s / poses.true_duration_s;
-  }
+  if (poses.true_duration_s > 0.0) result.time_covered = share_of_time_covered(poses);
   result.scale = poses.T_truth_estimate.scale;
   result.path_length_m = geometry::path_length_m(poses.truth);
   add_absolute_error(poses, result);

@@ -194,6 +194,7 @@ TEST(TrajectoryMetrics, AGapInTheMiddleIsNotCovered) {
   ASSERT_EQ(gaps.size(), 1u);
   EXPECT_NEAR(gaps[0].to_s - gaps[0].from_s, 16.1, 1e-9);
   EXPECT_TRUE(find_time_gaps(winding(), 39.9).empty());
+  EXPECT_TRUE(find_time_gaps(with_gap, 39.9, gaps).empty()) << "nothing was recorded there";
   Trajectory keyframes;  // irregular, but nowhere a gap
   for (const double time_s : {0.0, 0.3, 0.5, 1.4, 1.7, 2.0, 3.1, 3.3}) keyframes.poses.push_back({time_s, {}});
   EXPECT_TRUE(find_time_gaps(keyframes, 3.3).empty());

@@ -200,7 +200,9 @@ std::optional<metrics::ScoredMap> scored_map(const fs::path& metrics_json, metri
   if (!metrics.surface) return std::nullopt;
   metrics::ScoredMap map{.surface = std::move(*metrics.surface)};
   if (const fs::path seen = seen_surface_file(metrics_json); fs::exists(seen)) map.seen = read_seen_surface(seen);
-  if (metrics.metrics.trajectory) map.ate_rmse_m = metrics.metrics.trajectory->ate_rmse_m;
+  // A receiver's error is no property of the flight: it says nothing about what the simulation predicted.
+  const auto& path = metrics.metrics.trajectory;
+  if (path && !path->receiver) map.ate_rmse_m = path->ate_rmse_m;
   return map;
 }
 

@@ -23,6 +23,7 @@
 #include "tileflight/evaluation/scoring/map_points.h"
 #include "tileflight/evaluation/scoring/map_tiles.h"
 #include "tileflight/evaluation/scoring/points_on_actors.h"
+#include "tileflight/evaluation/scoring/receiver_truth.h"
 #include "tileflight/evaluation/scoring/seen_surface.h"
 #include "tileflight/evaluation/scoring/tiled_scores.h"
 #include "tileflight/evaluation/scoring/truth_surface.h"
@@ -233,7 +234,11 @@ std::vector<double> score_without_surface(const Task& task, const MapTiles& tile
   metrics.map =
       metrics::score_map(voxel_m, quantization_floor(task.truth, settings.cutoff_m), {.cutoff_m = settings.cutoff_m});
   report_progress(progress, 3, 4, "trajectory");
-  if (task.poses.has_both()) metrics.trajectory = metrics::evaluate_trajectory(task.poses.estimate, task.poses.truth);
+  if (task.poses.has_both()) {
+    metrics.trajectory = metrics::evaluate_trajectory(task.poses.estimate, task.poses.truth);
+  } else if (!task.poses.estimate.empty() && !task.map.gps.empty()) {
+    metrics.trajectory = score_by_recorded_positions(task.poses.estimate, task.map.dataset, metrics.warnings);
+  }
   metrics.entropy = map_entropy(tiles, {.radius_m = settings.entropy_radius_m});
   report_progress(progress, 4, 4, "scored");
   return voxel_m;
@@ -315,6 +320,7 @@ SurfaceDistances score_against_surface(const Task& task, std::optional<MapTiles>
 Warnings score_warnings(const MapInputs& map, const place::ExtractResult& extracted, const ScoringTransform& transform,
                         const EvaluationSettings& settings, const metrics::Metrics& metrics) {
   Warnings warnings = transform.warnings;
+  append_distinct(warnings, metrics.warnings);
   append_distinct(warnings, odometry_warnings(map));
   append_distinct(warnings, truth_warnings(extracted));
   append_distinct(warnings, dataset_warnings(map.dataset));

@@ -59,7 +59,7 @@ struct ScoredTrajectory {
   TrajectoryMetrics metrics;
   std::optional<double> best_scale;  ///< of the Sim(3) alignment, where another one was asked for
   std::string misread;               ///< of find_misread_rotations()
-  std::optional<ReceiverScore> receiver;
+  Warnings warnings;                 ///< of score_by_receiver()
 };
 
 /// The poses as they are if the file has the quaternion's w at the other end than where it was read.
@@ -126,7 +126,7 @@ ScoredTrajectory score_file(const fs::path& file, const std::string& name, const
                             .metrics = {},
                             .best_scale = scale_by_sim3(estimate, truth, options),
                             .misread = {},
-                            .receiver = {}};
+                            .warnings = {}};
     scored.metrics = metrics::score_trajectory(scored.poses, options);
     scored.misread = find_misread_rotations(estimate.trajectory, truth.trajectory, scored.poses, options);
     return scored;
@@ -142,23 +142,12 @@ ScoredTrajectory score_by_positions(const fs::path& file, const std::string& nam
     throw InputError(file.string(), "KITTI poses have no times, by which a receiver's positions are compared");
   const ReceiverScoring by{.time_offset_s = scoring.time_offset_s, .lever_arm_m = scoring.lever_arm_m};
   ReceiverScore score = score_by_receiver(estimate.trajectory, truth, scoring.options.alignment, by, name);
-  PairedTrajectories poses = score.poses;
-  TrajectoryMetrics metrics = metrics::score_trajectory(poses, scoring.options);
   return {.name = name,
-          .poses = std::move(poses),
-          .metrics = std::move(metrics),
+          .poses = score.poses,
+          .metrics = score_trajectory(score, scoring.options),
           .best_scale = std::nullopt,
           .misread = {},
-          .receiver = std::move(score)};
-}
-
-/// A receiver measures no rotations: their errors are null.
-void remove_rotations(json& metrics) {
-  for (const char* list : {"rpe", "rpe_frames"}) {
-    for (json& one : metrics[list])
-      for (const char* key : {"rotation_rmse_deg", "rotation_deg"}) one[key] = nullptr;
-  }
-  metrics["drift"]["rotation_deg_per_m"] = nullptr;
+          .warnings = std::move(score.warnings)};
 }
 
 std::string percent(double share) { return std::to_string(static_cast<int>(std::floor(100.0 * share))) + " %"; }
@@ -167,9 +156,9 @@ std::string percent(double share) { return std::to_string(static_cast<int>(std::
 Warnings warnings_about(const ScoredTrajectory& scored) {
   constexpr double kFewPaired = 0.5, kPartOfTime = 0.9, kScaleOff = 0.1;
   const TrajectoryMetrics& m = scored.metrics;
-  Warnings warnings = scored.receiver ? scored.receiver->warnings : Warnings();
+  Warnings warnings = scored.warnings;
   const double paired = static_cast<double>(m.poses) / static_cast<double>(std::min(m.estimated_poses, m.true_poses));
-  if (paired < kFewPaired && !scored.receiver) {
+  if (paired < kFewPaired && !m.receiver) {
     warnings.push_back({std::to_string(m.poses) + " pairs of " + std::to_string(m.estimated_poses) + " estimated and " +
                             std::to_string(m.true_poses) + " true poses: most have none of the other at their time",
                         scored.name, Severity::kWarning, "check the clocks (--time-offset, --max-time-difference)"});
@@ -180,7 +169,8 @@ Warnings warnings_about(const ScoredTrajectory& scored) {
          scored.name, Severity::kNote,
          "compare with systems that covered as much, unless the truth was recorded for longer than the images"});
   }
-  for (Warning& warning : gap_warnings(scored.poses.truth, scored.poses.true_duration_s, scored.name))
+  for (Warning& warning :
+       gap_warnings(scored.poses.truth, scored.poses.true_duration_s, scored.poses.unrecorded, scored.name))
     warnings.push_back(std::move(warning));
   if (scored.best_scale && std::abs(*scored.best_scale - 1.0) > kScaleOff) {
     warnings.push_back({"the scale that fits best is " + std::to_string(*scored.best_scale).substr(0, 5) +
@@ -218,18 +208,14 @@ json series_of(const ScoredTrajectory& scored) {
           {"estimate", estimate},
           {"error", error},
           {"step_translation", steps.translation_m},
-          {"step_rotation_deg", scored.receiver ? json::array() : json(steps.rotation_deg)}};
+          {"step_rotation_deg", scored.metrics.receiver ? json::array() : json(steps.rotation_deg)}};
 }
 
-json metrics_json(const std::vector<ScoredTrajectory>& all, const TrajectoryScoring& scoring, Warnings warnings) {
+json metrics_json(const std::vector<ScoredTrajectory>& all, Warnings warnings) {
   json list = json::array();
   for (const ScoredTrajectory& scored : all) {
     json one = metrics::to_json(scored.metrics);
     one["name"] = scored.name;
-    if (scored.receiver) {
-      remove_rotations(one);
-      one["receiver"] = to_json(*scored.receiver, {scoring.time_offset_s, scoring.lever_arm_m});
-    }
     list.push_back(std::move(one));
     for (Warning& warning : warnings_about(scored)) warnings.push_back(std::move(warning));
   }
@@ -266,7 +252,7 @@ json evaluate_trajectories(const TrajectoryScoring& scoring, const fs::path& out
     for (const std::string& text : receiver->warnings)
       of_truth.push_back({text, scoring.truth.filename().string(), Severity::kNote, ""});
   }
-  const json metrics = metrics_json(all, scoring, std::move(of_truth));
+  const json metrics = metrics_json(all, std::move(of_truth));
   json series = json::array();
   for (const ScoredTrajectory& scored : all) series.push_back(series_of(scored));
   const json errors = {{"alignment", metrics::name_of(scoring.options.alignment)},

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
 #include <string_view>
 
 #include "tileflight/capture/ingest/ingest_stage.h"
@@ -11,9 +10,9 @@
 #include "tileflight/core/base/file_kind.h"
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/order_statistics.h"
 #include "tileflight/core/base/text_parsing.h"
 #include "tileflight/core/geometry/geodesy.h"
-#include "tileflight/core/geometry/json_numbers.h"
 #include "tileflight/data/dataset/dataset.h"
 #include "tileflight/data/flight_logs/photo_log.h"
 
@@ -82,21 +81,59 @@ Trajectory shifted(Trajectory trajectory, double offset_s) {
   return trajectory;
 }
 
-/// Fixes between the estimate's poses, none of them in a gap, repeated positions once.
-std::vector<alignment::PositionFix> usable_fixes(const std::vector<alignment::PositionFix>& fixes,
-                                                 const Trajectory& estimate) {
-  const double duration_s = estimate.poses.back().time_s - estimate.poses.front().time_s;
-  const std::vector<metrics::TimeGap> gaps = metrics::find_time_gaps(estimate, duration_s);
+/// A path is taken as straight between poses that are no farther apart: the acceleration of a drone, up to 5 m/s^2,
+/// bends it by 0.16 m in this time.
+constexpr double kStraight_s = 0.5;
+
+/// Returns the time between the poses from which the estimate's position at a time is interpolated; 0 at a pose.
+/// nullopt outside its times.
+std::optional<double> interpolated_over_s(const Trajectory& estimate, double time_s) {
+  constexpr double kSameTime_s = 0.005;
+  const auto after = std::ranges::lower_bound(estimate.poses, time_s, {}, &geometry::StampedPose::time_s);
+  if (after == estimate.poses.end() || (after == estimate.poses.begin() && after->time_s > time_s)) return std::nullopt;
+  if (after->time_s - time_s < kSameTime_s) return 0.0;
+  const auto before = std::prev(after);
+  return time_s - before->time_s < kSameTime_s ? 0.0 : after->time_s - before->time_s;
+}
+
+/// Returns the fixes for which the estimate is interpolated over no longer a time, repeated positions once.
+std::vector<alignment::PositionFix> fixes_within(const std::vector<alignment::PositionFix>& fixes,
+                                                 const Trajectory& estimate, double most_s) {
   std::vector<alignment::PositionFix> usable;
   const alignment::PositionFix* before = nullptr;
   for (const alignment::PositionFix& fix : fixes) {
     const bool is_held = before != nullptr && fix.position == before->position;
     before = &fix;
-    const bool in_gap = std::ranges::any_of(
-        gaps, [&](const metrics::TimeGap& gap) { return fix.time_s > gap.from_s && fix.time_s < gap.to_s; });
-    if (!is_held && !in_gap && geometry::interpolate(estimate, fix.time_s)) usable.push_back(fix);
+    const std::optional<double> over_s = interpolated_over_s(estimate, fix.time_s);
+    if (!is_held && over_s && *over_s <= most_s) usable.push_back(fix);
   }
   return usable;
+}
+
+/// Returns the fixes at poses or between close ones; only where there are none of these, those between poses at their
+/// usual distance in time.
+std::vector<alignment::PositionFix> usable_fixes(const std::vector<alignment::PositionFix>& fixes,
+                                                 const Trajectory& estimate) {
+  constexpr double kTimesUsual = 1.5;
+  std::vector<alignment::PositionFix> usable = fixes_within(fixes, estimate, kStraight_s);
+  if (usable.size() >= 3) return usable;
+  std::vector<double> intervals_s;
+  for (std::size_t i = 1; i < estimate.size(); ++i)
+    intervals_s.push_back(estimate.poses[i].time_s - estimate.poses[i - 1].time_s);
+  return fixes_within(fixes, estimate, kTimesUsual * base::median(intervals_s));
+}
+
+/// Returns a warning if the estimate was interpolated over a time in which its path may have bent.
+Warnings interpolation_warnings(const std::vector<alignment::PositionFix>& fixes, const Trajectory& estimate,
+                                const std::string& name) {
+  double longest_s = 0.0;
+  for (const alignment::PositionFix& fix : fixes)
+    longest_s = std::max(longest_s, interpolated_over_s(estimate, fix.time_s).value_or(0.0));
+  if (longest_s <= kStraight_s) return {};
+  return {{base::formatted("the receiver's positions lie between poses up to %.1f s apart, between which the path is "
+                           "taken as straight: its bends are in the error",
+                           longest_s),
+           name, Severity::kWarning, "give positions at the times of the images"}};
 }
 
 alignment::TrajectoryAlignment align(const Trajectory& estimate, const std::vector<alignment::PositionFix>& fixes,
@@ -134,12 +171,12 @@ void add_errors(const std::vector<alignment::PositionFix>& fixes, ReceiverScore&
     normalized += error.head<2>().squaredNorm() / (h * h) + error.z() * error.z() / (v * v);
     axes += 3;
   }
-  score.horizontal_sigma_m = std::sqrt(horizontal);
-  score.vertical_sigma_m = std::sqrt(vertical);
-  score.expected_rmse_m = std::sqrt(2.0 * horizontal + vertical);
-  if (axes > 0) score.normalized_error_squared = normalized / static_cast<double>(axes);
+  score.receiver.horizontal_sigma_m = std::sqrt(horizontal);
+  score.receiver.vertical_sigma_m = std::sqrt(vertical);
+  score.receiver.expected_rmse_m = std::sqrt(2.0 * horizontal + vertical);
+  if (axes > 0) score.receiver.normalized_error_squared = normalized / static_cast<double>(axes);
   const double beyond = squared - 2.0 * horizontal - vertical;
-  if (beyond > 0.0) score.beyond_receiver_m = std::sqrt(beyond);
+  if (beyond > 0.0) score.receiver.beyond_receiver_m = std::sqrt(beyond);
 }
 
 void add_warnings(const std::vector<alignment::PositionFix>& fixes, bool has_own_sigmas,
@@ -148,13 +185,13 @@ void add_warnings(const std::vector<alignment::PositionFix>& fixes, bool has_own
   const std::string own = base::formatted(
       "a receiver's positions with standard deviations of %.3g m (level) and %.3g m (height%s) give a "
       "perfect trajectory an error of %.3g m; ",
-      score.horizontal_sigma_m, score.vertical_sigma_m, has_own_sigmas ? "" : "; assumed, the log states none",
-      score.expected_rmse_m);
+      score.receiver.horizontal_sigma_m, score.receiver.vertical_sigma_m,
+      has_own_sigmas ? "" : "; assumed, the log states none", score.receiver.expected_rmse_m);
   const std::string rest =
-      score.beyond_receiver_m
-          ? base::formatted("of this trajectory's, %.3g m are beyond that", *score.beyond_receiver_m)
+      score.receiver.beyond_receiver_m
+          ? base::formatted("of this trajectory's, %.3g m are beyond that", *score.receiver.beyond_receiver_m)
           : "this trajectory's is not larger, so that nothing of it is shown to be the trajectory's";
-  if (score.expected_rmse_m > 0.0)
+  if (score.receiver.expected_rmse_m > 0.0)
     score.warnings.push_back({own + rest, name, Severity::kNote,
                               "slow errors of the receiver are taken up by the alignment and in no number"});
   if (!aligned.note.empty())
@@ -174,7 +211,9 @@ void add_warnings(const std::vector<alignment::PositionFix>& fixes, bool has_own
           {base::formatted("the positions fit better (%.3g m instead of %.3g m) if the receiver's clock is %.2f s off",
                            moved.rmse_m, aligned.rmse_m, moved.time_offset_s),
            name, Severity::kWarning,
-           base::formatted("--time-offset %.2f, or --time-offset auto", score.time_offset_s - moved.time_offset_s)});
+           base::formatted("give the offset of the clocks: `telemetry_offset` of the flight, or `evaluate "
+                           "--time-offset %.2f`",
+                           score.receiver.time_offset_s - moved.time_offset_s)});
   } catch (const InputError&) {  // too short a flight to tell
   }
 }
@@ -204,8 +243,9 @@ ReceiverScore score_by_receiver(const Trajectory& estimate, const ReceiverTruth&
                                                                    : alignment::ScaleMode::kFixed;
   options.estimate_time_offset = !scoring.time_offset_s;
   ReceiverScore score;
-  score.time_offset_s = scoring.time_offset_s ? *scoring.time_offset_s : coarse_offset_s(estimate, truth);
-  Trajectory on_clock = shifted(estimate, score.time_offset_s);
+  score.receiver.lever_arm_m = scoring.lever_arm_m;
+  score.receiver.time_offset_s = scoring.time_offset_s ? *scoring.time_offset_s : coarse_offset_s(estimate, truth);
+  Trajectory on_clock = shifted(estimate, score.receiver.time_offset_s);
   std::vector<alignment::PositionFix> fixes = usable_fixes(truth.fixes, on_clock);
   if (fixes.size() < 3)
     throw InputError(
@@ -215,9 +255,9 @@ ReceiverScore score_by_receiver(const Trajectory& estimate, const ReceiverTruth&
                               on_clock.poses.back().time_s, truth.fixes.front().time_s, truth.fixes.back().time_s));
   alignment::TrajectoryAlignment aligned = align(on_clock, fixes, scoring, options);
   if (options.estimate_time_offset) {
-    score.time_offset_s -= aligned.time_offset_s;
-    score.time_offset_sigma_s = aligned.time_offset_sigma_s;
-    on_clock = shifted(estimate, score.time_offset_s);
+    score.receiver.time_offset_s -= aligned.time_offset_s;
+    score.receiver.time_offset_sigma_s = aligned.time_offset_sigma_s;
+    on_clock = shifted(estimate, score.receiver.time_offset_s);
     fixes = usable_fixes(truth.fixes, on_clock);
     options.estimate_time_offset = false;
     aligned = align(on_clock, fixes, scoring, options);
@@ -232,21 +272,38 @@ ReceiverScore score_by_receiver(const Trajectory& estimate, const ReceiverTruth&
   score.poses.estimated_poses = estimate.size();
   score.poses.true_poses = truth.fixes.size();
   score.poses.true_duration_s = truth.fixes.back().time_s - truth.fixes.front().time_s;
+  Trajectory recorded;
+  for (const alignment::PositionFix& fix : truth.fixes) recorded.poses.push_back({fix.time_s, {}});
+  score.poses.unrecorded = metrics::find_time_gaps(recorded, score.poses.true_duration_s);
   score.poses.T_truth_estimate = aligned.T_local_map;
+  score.warnings = interpolation_warnings(fixes, on_clock, name);
   add_errors(fixes, score);
   add_warnings(fixes, truth.has_own_sigmas, aligned, scoring, name, score);
   return score;
 }
 
-nlohmann::json to_json(const ReceiverScore& score, const ReceiverScoring& scoring) {
-  return {{"horizontal_sigma_m", score.horizontal_sigma_m},
-          {"vertical_sigma_m", score.vertical_sigma_m},
-          {"expected_rmse_m", score.expected_rmse_m},
-          {"beyond_receiver_m", score.beyond_receiver_m ? nlohmann::json(*score.beyond_receiver_m) : nlohmann::json()},
-          {"normalized_error_squared", score.normalized_error_squared},
-          {"time_offset_s", score.time_offset_s},
-          {"time_offset_sigma_s", score.time_offset_sigma_s},
-          {"lever_arm_m", geometry::json_numbers(scoring.lever_arm_m)}};
+metrics::TrajectoryMetrics score_trajectory(const ReceiverScore& score, const metrics::TrajectoryOptions& options) {
+  metrics::TrajectoryMetrics metrics = metrics::score_trajectory(score.poses, options);
+  metrics.receiver = score.receiver;
+  return metrics;
+}
+
+std::optional<metrics::TrajectoryMetrics> score_by_recorded_positions(const Trajectory& estimate,
+                                                                      const fs::path& dataset, Warnings& warnings) {
+  const std::string where = "trajectory";
+  try {
+    const std::optional<ReceiverTruth> truth = read_receiver_truth(dataset);
+    if (!truth) return std::nullopt;
+    const metrics::TrajectoryOptions options;
+    ReceiverScore score = score_by_receiver(estimate, *truth, options.alignment,
+                                            {.time_offset_s = 0.0, .lever_arm_m = Vec3::Zero()}, where);
+    warnings.insert(warnings.end(), score.warnings.begin(), score.warnings.end());
+    return score_trajectory(score, options);
+  } catch (const InputError& fault) {
+    warnings.push_back({std::string("the path is not compared with the recorded positions: ") + fault.what(), where,
+                        Severity::kWarning, ""});
+    return std::nullopt;
+  }
 }
 
 }  // namespace tileflight::scoring

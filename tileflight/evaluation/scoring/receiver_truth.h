@@ -1,7 +1,6 @@
 #pragma once
 
 #include <filesystem>
-#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -36,24 +35,24 @@ struct ReceiverScore {
   /// The antenna's positions by the estimate at the times of the fixes, and the fixes. Receivers measure no rotations:
   /// both have the estimate's.
   metrics::PairedTrajectories poses;
-  double time_offset_s = 0.0;        ///< added to the estimate's times
-  double time_offset_sigma_s = 0.0;  ///< 0: not estimated
-  double horizontal_sigma_m = 0.0;   ///< RMS of the fixes' standard deviations, each horizontal axis
-  double vertical_sigma_m = 0.0;
-  double expected_rmse_m = 0.0;           ///< error of a perfect trajectory, by these standard deviations
-  double normalized_error_squared = 0.0;  ///< mean of the squared errors over their variances, each axis; 1: as stated
-  std::optional<double> beyond_receiver_m;  ///< RMS of the error that the receiver does not explain; nullopt: none
+  metrics::ReceiverError receiver;
   Warnings warnings;
 };
 
-/// Aligns a trajectory to the fixes robustly (alignment::align_trajectory), with a Sim(3) or SE(3). Fixes in gaps of
-/// the estimate are left out, held ones count once. Throws InputError (cause) for an alignment of kNone, fewer than
-/// three fixes within the estimate's time, and a clock offset that the motion does not determine.
+/// Aligns a trajectory to the fixes robustly (alignment::align_trajectory), with a Sim(3) or SE(3). Fixes between poses
+/// that are too far apart to interpolate are left out, held ones count once. Throws InputError (cause) for an alignment
+/// of kNone, fewer than three fixes within the estimate's time, and a clock offset that the motion does not determine.
 ReceiverScore score_by_receiver(const geometry::Trajectory& estimate, const ReceiverTruth& truth,
                                 metrics::TrajectoryAlignment alignment, const ReceiverScoring& scoring,
                                 const std::string& name);
 
-/// The section `receiver` of metrics.json (docs/formats.md).
-nlohmann::json to_json(const ReceiverScore& score, const ReceiverScoring& scoring);
+/// Returns the metrics of a trajectory that was compared with a receiver's positions, `receiver` among them.
+metrics::TrajectoryMetrics score_trajectory(const ReceiverScore& score, const metrics::TrajectoryOptions& options);
+
+/// Scores the path of a flight by the positions in its dataset. Returns nullopt, and says why, if they cannot be
+/// compared.
+std::optional<metrics::TrajectoryMetrics> score_by_recorded_positions(const geometry::Trajectory& estimate,
+                                                                      const std::filesystem::path& dataset,
+                                                                      Warnings& warnings);
 
 }  // namespace tileflight::scoring

@@ -20,6 +20,7 @@ namespace {
 
 using geometry::Vec3;
 using testing::HasSubstr;
+using testing::Not;
 
 /// A flight of 60 s whose camera turns; its estimate is in another frame, 0.4 times as large.
 class AgainstAReceiver : public testing::Test {
@@ -75,6 +76,30 @@ TEST_F(AgainstAReceiver, ExactPositionsLeaveNoError) {
   EXPECT_TRUE(m["rpe_frames"][0]["rotation_rmse_deg"].is_null());
   EXPECT_NEAR(m["receiver"]["expected_rmse_m"], std::sqrt(6.0), 1e-9);  // a log that states none: 1 m, 1 m and 2 m
   EXPECT_TRUE(m["receiver"]["beyond_receiver_m"].is_null());
+}
+
+/// Straight lines over the missing poses would be off by metres.
+TEST_F(AgainstAReceiver, PositionsBetweenDistantPosesAreLeftOut) {
+  write_log(Vec3::Zero(), 0.0);
+  geometry::Trajectory every_2_s, whole = geometry::read_tum(folder_ / "estimate.txt");
+  for (std::size_t i = 0; i < whole.size(); i += 20) {
+    if (i % 100 != 40) every_2_s.poses.push_back(whole.poses[i]);
+  }
+  geometry::write_tum(folder_ / "estimate.txt", every_2_s);
+  const nlohmann::json m = evaluate();
+  EXPECT_EQ(m["trajectory"]["poses"], 23);
+  EXPECT_LT(m["trajectory"]["ate_rmse"], 0.001);
+  EXPECT_THAT(m["warnings"].dump(), Not(HasSubstr("taken as straight")));
+}
+
+TEST_F(AgainstAReceiver, ItIsSaidThatBendsBetweenDistantPosesAreInTheError) {
+  write_log(Vec3::Zero(), 0.0);
+  geometry::Trajectory every_2_s, whole = geometry::read_tum(folder_ / "estimate.txt");
+  for (std::size_t i = 1; i < whole.size(); i += 20) every_2_s.poses.push_back(whole.poses[i]);
+  geometry::write_tum(folder_ / "estimate.txt", every_2_s);
+  const nlohmann::json m = evaluate();
+  EXPECT_GT(m["trajectory"]["ate_rmse"], 0.1);
+  EXPECT_THAT(m["warnings"].dump(), HasSubstr("poses up to 2.0 s apart"));
 }
 
 TEST_F(AgainstAReceiver, TheAntennaIsNotTheCamera) {

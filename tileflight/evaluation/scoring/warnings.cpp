@@ -9,6 +9,7 @@
 #include "tileflight/capture/recording/flight_faults.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/formatted_text.h"
+#include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/strict_section.h"
 #include "tileflight/core/base/warning.h"
 #include "tileflight/core/geometry/trajectory.h"
@@ -66,12 +67,26 @@ void check_tracking_gaps(double frames, double tracked, Warnings& warnings) {
                       "look up the frames without a pose; choose another part of the flight"});
 }
 
+/// Returns the times at which a flight has no images; none for an unknown flight.
+std::vector<metrics::TimeGap> gaps_of_images(const fs::path& dataset, double duration_s) {
+  if (dataset.empty()) return {};
+  geometry::Trajectory images;
+  try {
+    for (const dataset::Frame& frame : dataset::read_dataset(dataset).frames)
+      images.poses.push_back({frame.time_s, {}});
+  } catch (const InputError&) {  // positions or a calibration alone
+    return {};
+  }
+  return metrics::find_time_gaps(images, duration_s);
+}
+
 Warnings trajectory_gaps(const MapInputs& map) {
   const fs::path file = map.trajectory.empty() ? map.map / "trajectory.txt" : map.trajectory;
   if (map.trajectory.empty() && !fs::exists(file)) return {};
   const geometry::Trajectory trajectory = geometry::read_tum(file);
   if (trajectory.empty()) return {};
-  return gap_warnings(trajectory, trajectory.poses.back().time_s - trajectory.poses.front().time_s, kOdometry);
+  const double duration_s = trajectory.poses.back().time_s - trajectory.poses.front().time_s;
+  return gap_warnings(trajectory, duration_s, gaps_of_images(map.dataset, duration_s), kOdometry);
 }
 
 }  // namespace
@@ -109,13 +124,13 @@ Warnings odometry_warnings(const MapInputs& map) {
   return warnings;
 }
 
-Warnings gap_warnings(const geometry::Trajectory& trajectory, double duration_s, const std::string& where) {
-  const std::vector<metrics::TimeGap> gaps = metrics::find_time_gaps(trajectory, duration_s);
+Warnings gap_warnings(const geometry::Trajectory& trajectory, double duration_s,
+                      const std::vector<metrics::TimeGap>& unrecorded, const std::string& where) {
+  const std::vector<metrics::TimeGap> gaps = metrics::find_time_gaps(trajectory, duration_s, unrecorded);
   if (gaps.empty()) return {};
-  const auto length_s = [](const metrics::TimeGap& gap) { return gap.to_s - gap.from_s; };
-  const metrics::TimeGap& longest = *std::ranges::max_element(gaps, {}, length_s);
+  const metrics::TimeGap& longest = *std::ranges::max_element(gaps, {}, &metrics::TimeGap::missing_s);
   double missing_s = 0.0;
-  for (const metrics::TimeGap& gap : gaps) missing_s += length_s(gap);
+  for (const metrics::TimeGap& gap : gaps) missing_s += gap.missing_s;
   const std::string others = gaps.size() > 1 ? ", the longest of " + std::to_string(gaps.size()) + " gaps" : "";
   return {{base::formatted("no poses from %.2f to %.2f s", longest.from_s, longest.to_s) + others +
                base::formatted(": %.0f %% of the flight's time is missing in between, and its errors are in no number",

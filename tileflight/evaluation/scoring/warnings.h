@@ -27,8 +27,9 @@ Warnings read_warnings(const std::filesystem::path& json_file);
 Warnings odometry_warnings(const MapInputs& map);
 
 /// Returns a warning about the times within a trajectory at which it has no poses (metrics::find_time_gaps()).
-/// `duration_s`: of the flight.
-Warnings gap_warnings(const geometry::Trajectory& trajectory, double duration_s, const std::string& where);
+/// `duration_s`: of the flight; `unrecorded`: the gaps of its images or true poses.
+Warnings gap_warnings(const geometry::Trajectory& trajectory, double duration_s,
+                      const std::vector<metrics::TimeGap>& unrecorded, const std::string& where);
 
 /// Warnings about the ground truth: missing or coarse tiles (extract.json).
 Warnings truth_warnings(const place::ExtractResult& extracted);

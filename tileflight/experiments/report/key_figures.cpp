@@ -125,9 +125,12 @@ namespace {
 using nlohmann::json;
 using KeyFigureFormatter = std::function<std::string(const FlightColumn&)>;
 
+/// Tells whether the run had no place, so that its maps have no errors.
+bool is_without_place(const json& results) { return results.contains("truth") && results["truth"].is_null(); }
+
 std::vector<FlightColumn> columns_of(const json& results) {
   std::vector<FlightColumn> columns;
-  const json paper = results.value("paper", json::object());
+  const json paper = is_without_place(results) ? json::object() : results.value("paper", json::object());
   for (const char* key : {"simulated", "real"}) {
     if (paper.contains(key))
       columns.push_back({key, key == std::string("real") ? "Real" : "Simulated", true, paper[key]});
@@ -204,6 +207,15 @@ std::vector<KeyFigureRow> published_rows(const std::vector<FlightColumn>& column
           row("Frames", columns, [](const FlightColumn& c) { return format_count(number_at(c.values, "/frames")); })};
 }
 
+constexpr const char* kReceiversError = "of which the receiver's own, m";
+
+/// Removes the rows in which all cells are unknown.
+void remove_empty(std::vector<KeyFigureRow>& rows, const std::function<bool(const KeyFigureRow&)>& may_go) {
+  std::erase_if(rows, [&](const KeyFigureRow& row) {
+    return may_go(row) && std::ranges::all_of(row.cells, [](const std::string& cell) { return cell == kUnknown; });
+  });
+}
+
 std::vector<KeyFigureRow> further_rows(const std::vector<FlightColumn>& columns) {
   return {
       row("Floor: mean of a perfect map, m", columns,
@@ -214,6 +226,10 @@ std::vector<KeyFigureRow> further_rows(const std::vector<FlightColumn>& columns)
       row("F-score at 0.5 m", columns,
           [](const FlightColumn& c) { return format_percent(at_threshold(c.values, "f_score", 0.5)); }),
       row("Path error (ATE), m", columns, [](const FlightColumn& c) { return format_fixed(path_error_m(c), 3); }),
+      row(kReceiversError, columns,
+          [](const FlightColumn& c) {
+            return format_fixed(number_at(c.values, "/trajectory/receiver/expected_rmse_m"), 3);
+          }),
       row("Path error, share of the path", columns, [](const FlightColumn& c) {
         return format_percent(ratio(path_error_m(c), number_at(c.values, "/trajectory/path_length")), 2);
       })};
@@ -297,6 +313,11 @@ KeyFigures key_figures(const nlohmann::json& results) {
   figures.columns = columns_of(results);
   figures.as_published = published_rows(figures.columns);
   figures.additional = further_rows(figures.columns);
+  const auto any = [](const KeyFigureRow&) { return true; };
+  remove_empty(figures.additional, [](const KeyFigureRow& row) { return row.label == kReceiversError; });
+  if (!is_without_place(results)) return figures;
+  remove_empty(figures.as_published, any);
+  remove_empty(figures.additional, any);
   return figures;
 }
 
@@ -322,6 +343,11 @@ std::string verdict(const nlohmann::json& results) {
   const bool has_second = number_at(results, "/real/map/mean").has_value();
   const std::string second = has_second ? base::to_lower(flight_label("real", results["real"])) : "";
   std::string sentence = "This run has no scored map.";
+  if (is_without_place(results)) {
+    sentence = "No place was given, so the error of the map is not known.";
+    if (const auto path = number_at(results, "/real/trajectory/ate_rmse"))
+      sentence += " The path differs from the recorded positions by " + format_fixed(path, 3) + " m (RMS).";
+  }
   if (has_simulated && has_second) {
     sentence = verdict_of_two(results, second);
   } else if (has_simulated || has_second) {

@@ -77,6 +77,19 @@ TEST(KeyFiguresFiles, CsvReadsBackAsTheTable) {
   EXPECT_EQ(rows[3][3], "") << "no deviation is known";
 }
 
+TEST(KeyFigures, WithoutAPlaceThereIsNothingToComparePublishedNumbersWith) {
+  const nlohmann::json flight{{"resolution", {854, 480}},
+                              {"kind", "video"},
+                              {"trajectory", {{"ate_rmse", 0.5}, {"receiver", {{"expected_rmse_m", 2.449}}}}}};
+  const nlohmann::json results{{"paper", metrics::published_table()}, {"truth", nullptr}, {"real", flight}};
+  EXPECT_EQ(expected_rows(key_figures(results)), (Rows{{"Resolution, px", "854\u00D7480"},
+                                                       {"Path error (ATE), m", "0.500"},
+                                                       {"of which the receiver's own, m", "2.449"}}));
+  EXPECT_EQ(verdict(results),
+            "No place was given, so the error of the map is not known. The path differs from the recorded positions "
+            "by 0.500 m (RMS).");
+}
+
 TEST(KeyFiguresFiles, CsvQuotesWhatNeedsIt) {
   KeyFigures figures;
   figures.columns = {{"simulated", "He said \"two\"", false, {}}};

@@ -279,6 +279,8 @@ Table tracking_table(const std::vector<FlightRun>& flights) {
            row("Remark", flights, text_cell("/alignment/note"))}};
 }
 
+const json::json_pointer kReceiver("/trajectory/receiver");
+
 Table trajectory_table(const std::vector<FlightRun>& flights) {
   const bool any = std::any_of(flights.begin(), flights.end(), [](const FlightRun& f) {
     return number_at(f.values, "/trajectory/ate_rmse").has_value();
@@ -290,6 +292,12 @@ Table trajectory_table(const std::vector<FlightRun>& flights) {
                row("ATE (RMS), m", flights, metres_cell("/trajectory/ate_rmse")),
                row("ATE (mean), m", flights, metres_cell("/trajectory/ate_mean")),
                row("ATE (largest), m", flights, metres_cell("/trajectory/ate_max"))}};
+  if (std::ranges::any_of(flights, [](const FlightRun& f) { return f.values.contains(kReceiver); })) {
+    table.rows.push_back(row("ATE of a perfect path, by the receiver's sigmas, m", flights,
+                             metres_cell("/trajectory/receiver/expected_rmse_m")));
+    table.rows.push_back(row("ATE that the receiver does not explain, m", flights,
+                             metres_cell("/trajectory/receiver/beyond_receiver_m")));
+  }
   for (std::size_t i = 0; i < 8; ++i) {
     const std::string rpe = "/trajectory/rpe/" + std::to_string(i);
     const auto delta = std::find_if(flights.begin(), flights.end(), [&](const FlightRun& f) {
