@@ -26,6 +26,10 @@ struct ImuModel {
   double mounting_sigma_rad = 0.005;      ///< of the given rotation, about each axis
 };
 
+/// Raises the densities of white noise to what the readings scatter by from one to the next, vibration included. Motion
+/// adds next to nothing to it at the rates of inertial units.
+ImuNoise at_least_scatter(ImuNoise noise, const std::vector<geometry::ImuSample>& samples);
+
 /// Returns the samples of the same motion played backwards: times and angular rates change their signs, specific forces
 /// do not (an acceleration is a second derivative). The gyroscope's biases change their signs, too.
 std::vector<geometry::ImuSample> reversed(const std::vector<geometry::ImuSample>& samples);

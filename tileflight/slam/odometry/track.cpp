@@ -514,6 +514,8 @@ TrackResult describe(const DatasetTracker& tracking, const TrackOptions& options
   const auto add = [&](const Warnings& further) {
     result.warnings.insert(result.warnings.end(), further.begin(), further.end());
   };
+  if (result.intrinsics_estimated)
+    add(focal_warnings(tracking.calibration().camera, *odometry.camera, options.odometry.window.focal_sigma));
   if (odometry.inertial) add(odometry.inertial->warnings);
   add(make_notes(notes, "dataset"));
   result.odometry = std::move(odometry);

@@ -26,10 +26,15 @@ namespace tileflight::odometry {
 namespace fs = std::filesystem;
 namespace {
 
-inertial::ImuNoise read_noise(const dataset::Dataset& data, std::vector<std::string>& warnings) {
+inertial::ImuNoise read_noise(const dataset::Dataset& data, const std::vector<geometry::ImuSample>& samples,
+                              std::vector<std::string>& warnings) {
   if (data.imu_noise.empty()) {
-    warnings.emplace_back("the inertial unit's noise is not stated (imu.yaml); that of an ADIS16448 is assumed");
-    return {};
+    const inertial::ImuNoise noise = inertial::at_least_scatter({}, samples);
+    warnings.push_back(
+        base::formatted("the inertial unit's noise is not stated (imu.yaml); that of an ADIS16448 is assumed, and at "
+                        "least what its readings scatter by: %.2g m/s^2/sqrt(Hz) and %.2g rad/s/sqrt(Hz)",
+                        noise.accelerometer_noise_density, noise.gyroscope_noise_density));
+    return noise;
   }
   const dataset::ImuCalibration noise = dataset::read_imu_noise(data.imu_noise);
   return {.accelerometer_noise_density = noise.accelerometer_noise_density,
@@ -252,7 +257,7 @@ inertial::InertialInput read_inertial_input(const dataset::Dataset& data, double
   inertial::InertialInput input;
   input.where = data.imu.string();
   input.samples = dataset::read_imu_csv(data.imu);
-  input.model.noise = read_noise(data, warnings);
+  input.model.noise = read_noise(data, input.samples, warnings);
   input.model.T_imu_camera = data.calibration.T_cam_imu.inverse();
   input.model.gravity_m_s2 = gravity_m_s2;
   inertial::check_readings(input.samples, input.model.noise, input.where);

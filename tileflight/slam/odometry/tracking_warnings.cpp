@@ -343,6 +343,20 @@ bool is_better(const OdometryResult& a, const OdometryResult& b, double residual
 
 }  // namespace
 
+Warnings focal_warnings(const imaging::Camera& given, const imaging::Camera& estimated, double focal_sigma) {
+  constexpr double kSigmas = 1.5;
+  const auto focal_px = [](const imaging::Camera& camera) {
+    return std::visit([](const auto& model) { return model.fx; }, camera.model());
+  };
+  const double from = focal_px(given), to = focal_px(estimated), change = std::abs(to / from - 1.0);
+  if (!(change > kSigmas * focal_sigma)) return {};
+  return {{base::formatted("the focal length was estimated as %.0f pixels, %.1f %% from the calibration's %.0f; images "
+                           "straight down over level ground hardly show it, and the heights of the map change with it",
+                           to, 100.0 * change, from),
+           kWhere, Severity::kWarning,
+           "calibrate the lens, or keep a calibration that is right (`fixed_intrinsics`, --fixed-intrinsics)"}};
+}
+
 bool has_own_warnings(const OdometryResult& result, const WarningThresholds& limits) {
   const auto no_name = [](std::int64_t) { return std::string(); };
   return !find_warnings(result, result.frames, no_name, {}, limits).empty();

@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "tileflight/core/base/warning.h"
+#include "tileflight/core/imaging/camera.h"
 #include "tileflight/slam/odometry/odometry.h"
 #include "tileflight/slam/odometry/run_comparison.h"
 
@@ -43,6 +44,10 @@ Warnings find_warnings(const OdometryResult& result, std::int64_t frames,
 /// may have drifted. An independent measurement of the trajectory answers them.
 Warnings find_path_warnings(const OdometryResult& result, const std::function<std::string(std::int64_t)>& name_of,
                             const std::optional<RunAgreement>& second = {}, const WarningThresholds& limits = {});
+
+/// Returns a warning if the odometry changed the focal length by more than its standard deviation explains. Images
+/// straight down over level ground hardly show it, and heights change with it.
+Warnings focal_warnings(const imaging::Camera& given, const imaging::Camera& estimated, double focal_sigma);
 
 /// Returns whether find_warnings() finds any in a run alone, without a second one.
 bool has_own_warnings(const OdometryResult& result, const WarningThresholds& limits = {});

@@ -331,6 +331,17 @@ TEST(TrackingWarnings, ARigWithoutScaleIsSaidAndWhereTheScaleIsFromThen) {
   EXPECT_NE(warnings_about(result)[0].message.find("the inertial unit did"), std::string::npos);
 }
 
+TEST(TrackingWarnings, AFocalLengthThatMovedFurtherThanItsSigmaIsNamed) {
+  const auto lens = [](double focal_px) {
+    return imaging::Camera(imaging::PinholeRadtan{.fx = focal_px, .fy = focal_px, .cx = 800, .cy = 600}, 1600, 1200);
+  };
+  EXPECT_TRUE(focal_warnings(lens(1000.0), lens(1029.0), 0.02).empty());
+  EXPECT_TRUE(focal_warnings(lens(1000.0), lens(971.0), 0.02).empty());
+  const Warnings warnings = focal_warnings(lens(1000.0), lens(956.0), 0.02);
+  ASSERT_EQ(warnings.size(), 1U);
+  EXPECT_NE(warnings[0].message.find("as 956 pixels, 4.4 % from the calibration's 1000"), std::string::npos);
+}
+
 TEST(SecondOpinion, OnlyPicturesThatBothHaveCount) {
   const geometry::Trajectory path = good_flight().trajectory;
   geometry::Trajectory part = path;
