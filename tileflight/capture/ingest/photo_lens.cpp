@@ -78,16 +78,29 @@ std::optional<StatedLens> read_design(const PhotoLensTags& tags) {
   return lens;
 }
 
-std::optional<StatedLens> read_film(const PhotoLensTags& tags) {
-  constexpr double kFilmDiagonal_mm = 43.2666;  // of 36 mm x 24 mm
-  if (!tags.focal_length_35mm) return std::nullopt;
+/// A lens without distortion, its centre that of an image of the size at which the photo was taken.
+StatedLens centred_lens(const PhotoLensTags& tags) {
   StatedLens lens;
   const bool is_stated = tags.taken_width > 0 && tags.taken_height > 0;
   lens.width = is_stated ? tags.taken_width : tags.width;
   lens.height = is_stated ? tags.taken_height : tags.height;
-  lens.fx = lens.fy = *tags.focal_length_35mm * std::hypot(lens.width, lens.height) / kFilmDiagonal_mm;
   lens.cx = 0.5 * (lens.width - 1);
   lens.cy = 0.5 * (lens.height - 1);
+  return lens;
+}
+
+std::optional<StatedLens> read_film(const PhotoLensTags& tags) {
+  constexpr double kFilmDiagonal_mm = 43.2666;  // of 36 mm x 24 mm
+  if (!tags.focal_length_35mm) return std::nullopt;
+  StatedLens lens = centred_lens(tags);
+  lens.fx = lens.fy = *tags.focal_length_35mm * std::hypot(lens.width, lens.height) / kFilmDiagonal_mm;
+  return lens;
+}
+
+std::optional<StatedLens> read_focal_plane(const PhotoLensTags& tags) {
+  if (!tags.focal_plane_px || tags.taken_width <= 0 || tags.taken_height <= 0) return std::nullopt;
+  StatedLens lens = centred_lens(tags);
+  lens.fx = lens.fy = *tags.focal_plane_px;
   return lens;
 }
 
@@ -96,7 +109,8 @@ constexpr LensTag kTags[] = {
     {"DewarpData", [](const PhotoLensTags& tags) { return read_dewarp(tags, 9); }, kSameCalibration},
     {"DewarpDataK6", [](const PhotoLensTags& tags) { return read_dewarp(tags, 12); }, kSameCalibration},
     {"CalibratedFocalLength", read_design, kSameCalibration},
-    {"FocalLengthIn35mmFilm", read_film, kSameRounded}};
+    {"FocalLengthIn35mmFilm", read_film, kSameRounded},
+    {"FocalPlaneXResolution", read_focal_plane, kSameRounded}};
 
 /// Returns why numbers cannot be a lens of images of this size; empty: they can.
 std::string fault_of(const StatedLens& lens) {
@@ -125,6 +139,8 @@ std::string numbers_text(const StatedLens& lens) {
          size_text(lens.width, lens.height);
 }
 
+bool is_guess(const std::string& tag) { return tag == "FocalLengthIn35mmFilm" || tag == "FocalPlaneXResolution"; }
+
 /// The line that says which tag was taken.
 std::string choice_text(const std::string& tag, const std::string& photo, const PhotoLensTags& tags,
                         const StatedLens& lens) {
@@ -132,9 +148,10 @@ std::string choice_text(const std::string& tag, const std::string& photo, const 
   if (tag == "CalibratedFocalLength")
     return "the lens is DJI's design" + of_photo + "): " + numbers_text(lens) +
            "; it has no distortion and not this camera's own numbers: calibrate the camera and give --camera";
-  if (tag == "FocalLengthIn35mmFilm")
+  if (is_guess(tag))
     return "the lens is a guess by EXIF's focal length" + of_photo +
-           base::formatted(", %.4g mm): ", *tags.focal_length_35mm) + numbers_text(lens) +
+           (tag == "FocalPlaneXResolution" ? "" : base::formatted(", %.4g mm", *tags.focal_length_35mm)) +
+           "): " + numbers_text(lens) +
            ", no distortion; it may be wrong by 5 %: calibrate the camera and give --camera";
   const std::string date = tags.dewarp_date.empty() ? "" : ", of " + tags.dewarp_date;
   return "the lens is DJI's calibration of this camera" + of_photo + date + "): " + numbers_text(lens);
@@ -169,7 +186,11 @@ std::optional<PhotoLens> lens_by(const LensTag& tag, const flight_logs::PhotoLog
     }
   }
   if (first_tags == nullptr) return std::nullopt;
-  PhotoLens result{.calibration = {}, .photo = folder / first_name, .source = tag.name, .warnings = warnings};
+  PhotoLens result{.calibration = {},
+                   .photo = folder / first_name,
+                   .source = tag.name,
+                   .is_guess = is_guess(tag.name),
+                   .warnings = warnings};
   const std::array<double, 4> intrinsics{first.fx, first.fy, first.cx, first.cy};
   const imaging::NamedDistortion distortion = imaging::parse_opencv_distortion(result.photo.string(), first.distortion);
   result.calibration.camera = imaging::make_camera(
@@ -230,7 +251,7 @@ PhotoLens lens_of_photos(const flight_logs::PhotoLog& photos, const std::filesys
     if (std::optional<PhotoLens> lens = lens_by(tag, photos, folder, warnings)) return *std::move(lens);
   throw InputError(folder.string(),
                    "its photos do not state their lens (DewarpData, CalibratedFocalLength, "
-                   "FocalLengthIn35mmFilm" +
+                   "FocalLengthIn35mmFilm, FocalPlaneXResolution" +
                        std::string(warnings.empty() ? "" : "; " + base::joined(warnings, "; ")) + ")" + kRemedy);
 }
 

@@ -103,6 +103,19 @@ TEST(PhotoLens, IsTheDesignThenAGuess) {
   EXPECT_NEAR(guess.calibration.camera.project({1, 0, 1}).value().x() - 799.5, 1913.33, 0.005 * 1913.33);
 }
 
+TEST(PhotoLens, IsAGuessByTheSensorsPixelsWhereNothingElseIsStated) {
+  PhotoLensTags tags;
+  tags.width = 3600;  // the photo was made smaller afterwards
+  tags.height = 2700;
+  tags.taken_width = 4000;
+  tags.taken_height = 3000;
+  tags.focal_plane_px = 2775.3;
+  const PhotoLens lens = lens_of({tags});
+  EXPECT_TRUE(lens.is_guess);
+  EXPECT_THAT(lens.warnings, ElementsAre(HasSubstr("EXIF's focal length (FocalPlaneXResolution of 0.jpg): fx 2775.3")));
+  EXPECT_EQ(lens.calibration.camera.width(), 4000);
+}
+
 TEST(PhotoLens, NumbersThatCannotBeTrueArePassedOver) {
   PhotoLensTags tags = survey_tags();
   tags.dewarp = {0, 0, 0, 0, 0, 0, 0, 0, 0};

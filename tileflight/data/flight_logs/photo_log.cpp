@@ -114,6 +114,14 @@ std::optional<double> time_of(const Exif& exif) {
   return time_s ? time_s : base::parse_iso_time_s(text);
 }
 
+/// Returns the unit of FocalPlaneXResolution: 2 inch, 3 centimetre (CIPA DC-008, 4.6.5); 4 and 5, millimetre and
+/// micrometre, are in use.
+double focal_plane_unit_mm(int unit) {
+  if (unit == 3) return 10.0;
+  if (unit == 4) return 1.0;
+  return unit == 5 ? 1e-3 : 25.4;
+}
+
 void read_exif(std::string_view segment, PhotoTags& tags) {
   const Exif exif(exif_data_new_from_data(reinterpret_cast<const unsigned char*>(segment.data()),
                                           static_cast<unsigned>(segment.size())),
@@ -131,6 +139,10 @@ void read_exif(std::string_view segment, PhotoTags& tags) {
   tags.digital_zoom = positive(EXIF_TAG_DIGITAL_ZOOM_RATIO);  // 0: not used
   if (const auto film_mm = whole_of(exif, EXIF_IFD_EXIF, EXIF_TAG_FOCAL_LENGTH_IN_35MM_FILM); film_mm && *film_mm > 0)
     tags.lens.focal_length_35mm = *film_mm;
+  if (const auto pixels_per_unit = positive(EXIF_TAG_FOCAL_PLANE_X_RESOLUTION); pixels_per_unit && tags.focal_length_mm)
+    tags.lens.focal_plane_px =
+        *tags.focal_length_mm * *pixels_per_unit /
+        focal_plane_unit_mm(whole_of(exif, EXIF_IFD_EXIF, EXIF_TAG_FOCAL_PLANE_RESOLUTION_UNIT).value_or(2));
   tags.lens.make = text_of(exif, EXIF_IFD_0, EXIF_TAG_MAKE);
   tags.lens.model = text_of(exif, EXIF_IFD_0, EXIF_TAG_MODEL);
   tags.lens.taken_width = std::max(0, whole_of(exif, EXIF_IFD_EXIF, EXIF_TAG_PIXEL_X_DIMENSION).value_or(0));

@@ -19,6 +19,8 @@ struct PhotoLensTags {
   int width = 0, height = 0;              ///< pixels, of the JPEG as it is stored; 0: unknown
   int taken_width = 0, taken_height = 0;  ///< as it was taken, EXIF PixelXDimension and PixelYDimension; 0: not stated
   std::optional<double> focal_length_35mm;  ///< of a 35 mm film with the same field of view
+  /// Focal length in pixels of the size at which the photo was taken, by EXIF's FocalLength and FocalPlaneXResolution.
+  std::optional<double> focal_plane_px;
   /// DJI's CalibratedFocalLength and CalibratedOpticalCenterX, Y: the lens as it was designed, in pixels.
   std::optional<double> design_focal_px, design_centre_x_px, design_centre_y_px;
   /// DJI's DewarpData, fx fy cx cy k1 k2 p1 p2 k3, or DewarpDataK6, which adds k4 k5 k6; empty: neither. fx to cy are

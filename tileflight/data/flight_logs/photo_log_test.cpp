@@ -331,6 +331,14 @@ TEST_F(Photos, SayHowTheyWereZoomed) {
               ElementsAre(HasSubstr("focal length changes by a factor of 1.5 (8.8 to 13.2) between 3.jpg and 4.jpg")));
 }
 
+// A Canon ELPH 300: 4.3 mm, 16393.44 pixels per inch of its sensor.
+TEST_F(Photos, StateTheDensityOfTheSensorsPixels) {
+  constexpr std::uint16_t kFocal = 0x920A, kPlane = 0xA20E;
+  const PhotoTags tags = tags_of(jpeg({exif("07:08:09", "", "", 0, {{kFocal, 430}, {kPlane, 1639344}})}));
+  EXPECT_NEAR(tags.lens.focal_plane_px.value(), 4.3 * 16393.44 / 25.4, 1e-6);
+  EXPECT_FALSE(tags_of(jpeg({exif("07:08:09", "", "", 0, {{kFocal, 430}})})).lens.focal_plane_px);
+}
+
 TEST_F(Photos, WithoutTagsAreNoLog) {
   add("a.jpg", jpeg({}));
   EXPECT_THAT(read_photo_log(folder_.path()).times, IsEmpty());

@@ -35,10 +35,22 @@ struct Reference {
   std::vector<double> above_ground_m;  ///< NaN where the place has no surface
 };
 
-std::optional<std::string> stated_reference(const flight_logs::Telemetry& telemetry) {
-  if (telemetry.height_datum == flight_logs::HeightDatum::kEllipsoid) return "ellipsoid";
-  if (telemetry.height_datum == flight_logs::HeightDatum::kMeanSeaLevel) return "sea-level";
-  return std::nullopt;
+/// Holds the height reference that a log states or suggests.
+struct StatedReference {
+  std::string word;
+  std::string why;
+  Certainty certainty = Certainty::kLikely;
+};
+
+/// Returns nullopt if the log says nothing about it. Heights above the ellipsoid are concluded from tags; those above
+/// sea level are assumed where there are no tags.
+std::optional<StatedReference> stated_reference(const flight_logs::Telemetry& telemetry) {
+  if (telemetry.height_datum == flight_logs::HeightDatum::kUnknown) return std::nullopt;
+  const bool is_ellipsoid = telemetry.height_datum == flight_logs::HeightDatum::kEllipsoid;
+  const std::string& note = telemetry.height_datum_note;
+  return StatedReference{is_ellipsoid ? "ellipsoid" : "sea-level",
+                         note.empty() ? "the log or its format states it" : note,
+                         note.empty() || is_ellipsoid ? Certainty::kLikely : Certainty::kGuess};
 }
 
 /// Returns the positions by a height reference; nullopt if the log has no such heights.
@@ -138,10 +150,7 @@ ChosenReference choose_among(const std::vector<Reference>& all, const flight_log
     return found == all.end() ? nullptr : &*found;
   };
   if (const auto stated = stated_reference(telemetry)) {
-    if (const Reference* reference = find(*stated)) {
-      const bool is_concluded = !telemetry.height_datum_note.empty();
-      return {reference, is_concluded ? telemetry.height_datum_note : "the log or its format states it"};
-    }
+    if (const Reference* reference = find(stated->word)) return {reference, stated->why, stated->certainty};
   }
   if (const Reference* takeoff = find("takeoff"))
     return {takeoff, "the log has heights above the take-off point, which lies on the place's ground"};
@@ -404,11 +413,8 @@ Site choose_site(const SiteOptions& options, const Recording& recording, const i
 
 std::vector<Choice> choose_height_reference(const Recording& recording) {
   const flight_logs::Telemetry& telemetry = recording.telemetry;
-  if (const std::optional<std::string> stated = stated_reference(telemetry)) {
-    const bool is_concluded = !telemetry.height_datum_note.empty();
-    return {{"real.ingest", "telemetry_height", *stated,
-             is_concluded ? telemetry.height_datum_note : "the log or its format states it", Certainty::kLikely}};
-  }
+  if (const std::optional<StatedReference> stated = stated_reference(telemetry))
+    return {{"real.ingest", "telemetry_height", stated->word, stated->why, stated->certainty}};
   if (reference_of(recording, "sea-level"))
     return {{"real.ingest", "telemetry_height", "sea-level",
              "the log does not state what its heights are above; a wrong one only moves the whole path up or down",
