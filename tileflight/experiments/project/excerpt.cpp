@@ -142,4 +142,37 @@ Excerpt with_given_ends(Excerpt chosen, std::optional<double> from_s, std::optio
   return chosen;
 }
 
+Excerpt leave_out_breaks(Excerpt excerpt, const std::vector<Break>& breaks, double duration_s) {
+  constexpr double kMargin_s = 0.002;  // less than half the time between two images
+  const double end_s = excerpt.to_s.value_or(duration_s);
+  struct Unbroken {
+    double from_s = 0.0, to_s = 0.0;
+    const Break *before = nullptr, *after = nullptr;
+  };
+  Unbroken longest, part{excerpt.from_s, end_s, nullptr, nullptr};
+  const auto take_if_longer = [&] {
+    if (part.to_s - part.from_s > longest.to_s - longest.from_s) longest = part;
+  };
+  bool goes_on = true;
+  for (const Break& one : breaks) {
+    if (one.last_s < excerpt.from_s || one.last_s >= end_s) continue;
+    part.to_s = one.last_s + kMargin_s;
+    part.after = &one;
+    take_if_longer();
+    goes_on = one.next_s.has_value();
+    if (!goes_on) break;
+    part = {std::max(excerpt.from_s, *one.next_s - kMargin_s), end_s, &one, nullptr};
+  }
+  if (goes_on) take_if_longer();
+  if (longest.to_s - longest.from_s < kShortest_s) return excerpt;
+  const auto replace = [&](const char* key, double time_s, const std::string& reason) {
+    std::erase_if(excerpt.choices, [&](const Choice& choice) { return choice.key == key || choice.value.empty(); });
+    excerpt.choices.push_back({"real.ingest", key, base::trimmed_text(time_s, 3),
+                               reason + "; this is the longest part that goes on", Certainty::kLikely});
+  };
+  if (longest.before != nullptr) replace("from", excerpt.from_s = longest.from_s, longest.before->what);
+  if (longest.after != nullptr) replace("to", *(excerpt.to_s = longest.to_s), longest.after->what);
+  return excerpt;
+}
+
 }  // namespace tileflight::project

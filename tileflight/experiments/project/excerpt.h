@@ -35,4 +35,7 @@ Excerpt choose_excerpt_by_motion(const std::vector<MotionSample>& motion, double
 /// left.
 Excerpt with_given_ends(Excerpt chosen, std::optional<double> from_s, std::optional<double> to_s);
 
+/// Leaves of an excerpt only the longest part without a break, if it lasts two seconds or more.
+Excerpt leave_out_breaks(Excerpt excerpt, const std::vector<Break>& breaks, double duration_s);
+
 }  // namespace tileflight::project

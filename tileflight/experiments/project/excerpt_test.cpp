@@ -84,6 +84,46 @@ TEST(Excerpt, LeavesOutStillImagesWithoutPositions) {
   EXPECT_EQ(choose_excerpt_by_motion(motion, 20.5).from_s, 0.0);
 }
 
+TEST(Excerpt, IsTheLongestPartWithoutABreak) {
+  const std::vector<Break> breaks{{4.0, 4.04, "the video is cut at 4.04 s"}, {19.0, 25.0, "no image was recorded"}};
+  const Excerpt excerpt = leave_out_breaks({}, breaks, 30.0);
+  EXPECT_GT(excerpt.from_s, 4.0);
+  EXPECT_LT(excerpt.from_s, 4.04);
+  EXPECT_GT(excerpt.to_s.value(), 19.0);
+  EXPECT_LT(excerpt.to_s.value(), 19.01);
+  ASSERT_EQ(excerpt.choices.size(), 2U);
+  EXPECT_THAT(excerpt.choices.at(0).reason, HasSubstr("is cut at 4.04 s"));
+  EXPECT_THAT(excerpt.choices.at(1).reason, HasSubstr("no image was recorded"));
+}
+
+TEST(Excerpt, BreaksOutsideOfItDoNotCount) {
+  Excerpt flight = choose_excerpt(tileflight::project::flight(10, 40.0, 60), true, 120.0);  // 24 s to 96 s
+  const Excerpt same = leave_out_breaks(flight, {{5.0, 5.1, "a"}, {100.0, 101.0, "b"}}, 120.0);
+  EXPECT_DOUBLE_EQ(same.from_s, 24.0);
+  EXPECT_DOUBLE_EQ(same.to_s.value(), 96.0);
+  const Excerpt cut = leave_out_breaks(flight, {{50.0, 50.1, "the video is cut"}}, 120.0);
+  EXPECT_NEAR(cut.from_s, 50.1, 0.01);
+  EXPECT_DOUBLE_EQ(cut.to_s.value(), 96.0);
+  EXPECT_EQ(cut.choices.size(), 2U);
+  EXPECT_THAT(cut.choices.at(1).reason, HasSubstr("the video is cut"));
+}
+
+TEST(Excerpt, EndsWhereTheRestCannotBeRead) {
+  const Excerpt excerpt = leave_out_breaks({}, {{8.0, std::nullopt, "images cannot be read after 8.00 s"}}, 30.0);
+  EXPECT_EQ(excerpt.from_s, 0.0);
+  EXPECT_NEAR(excerpt.to_s.value(), 8.0, 0.01);
+  // Parts of less than two seconds are no flight.
+  EXPECT_FALSE(leave_out_breaks({}, {{1.0, std::nullopt, "a"}}, 30.0).to_s.has_value());
+}
+
+TEST(FrameStep, TakesImagesThatAreStoredTwiceOnce) {
+  std::vector<MotionSample> motion(10, {0.0, 0.2});
+  EXPECT_EQ(choose_frame_step(motion, 60.0, 1).value().every, 3);
+  EXPECT_EQ(choose_frame_step(motion, 60.0, 2).value().every, 2);
+  motion.assign(10, {0.0, 1.5});
+  EXPECT_EQ(choose_frame_step(motion, 60.0, 2).value().every, 2);
+}
+
 TEST(FrameStep, KeepsTheMotionBelowOnePercent) {
   std::vector<MotionSample> motion(10, {0.0, 0.15});
   EXPECT_EQ(choose_frame_step(motion, 30.0).value().every, 2);   // 0.5 % a frame

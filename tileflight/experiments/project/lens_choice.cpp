@@ -29,13 +29,17 @@ LensChoice choice_of(imaging::Calibration calibration, std::string reason, Certa
   return lens;
 }
 
-/// Reads a calibration for images of the recording's size.
-imaging::Calibration read_for(const Recording& recording, const fs::path& file) {
+/// Reads a calibration for images of the recording's size. A refusal names a rotation flag and pixels that are not
+/// square.
+imaging::Calibration read_for(const Recording& recording, const fs::path& file) try {
   if (const auto profile = imaging::read_if_lens_profile(file))
     return imaging::calibration_for_size(*profile, recording.width, recording.height);
   imaging::Calibration calibration = imaging::read_calibration(file);
   calibration.camera = calibration.camera.scaled_to(recording.width, recording.height);
   return calibration;
+} catch (const InputError& fault) {
+  if (recording.size_reason.empty()) throw;
+  throw InputError(recording.parts.front().string(), recording.size_reason + "; " + fault.what());
 }
 
 std::optional<LensChoice> by_photos(const Recording& recording) {
@@ -47,10 +51,9 @@ std::optional<LensChoice> by_photos(const Recording& recording) {
   } catch (const InputError&) {
     return std::nullopt;
   }
-  const bool is_guess = lens.source == "FocalLengthIn35mmFilm";
   LensChoice chosen = choice_of(std::move(lens.calibration), "by the photos' tag " + lens.source,
-                                is_guess ? Certainty::kGuess : Certainty::kLikely);
-  if (is_guess) chosen.guess = {.calibration = chosen.calibration};
+                                lens.is_guess ? Certainty::kGuess : Certainty::kLikely);
+  if (lens.is_guess) chosen.guess = {.calibration = chosen.calibration};
   base::add_distinct(lens.warnings, chosen.warnings);
   return chosen;
 }
@@ -86,9 +89,21 @@ std::optional<LensChoice> by_file_beside(const Recording& recording) {
   return std::nullopt;
 }
 
+/// Returns a lens by its horizontal field of view, whose pixels are as wide as the recording says.
 imaging::Camera lens_of_fov(const Recording& recording, double fov_deg) {
-  return fov_deg >= kFisheyeFov_deg ? imaging::make_fisheye(recording.width, recording.height, fov_deg)
-                                    : imaging::make_pinhole(recording.width, recording.height, fov_deg);
+  const auto shown_width = static_cast<int>(std::lround(recording.width * recording.pixel_aspect));
+  const imaging::Camera shown = fov_deg >= kFisheyeFov_deg
+                                    ? imaging::make_fisheye(shown_width, recording.height, fov_deg)
+                                    : imaging::make_pinhole(shown_width, recording.height, fov_deg);
+  const double scale = static_cast<double>(recording.width) / shown_width;
+  imaging::CameraModel model = shown.model();
+  std::visit(
+      [&](auto& m) {
+        m.fx *= scale;
+        m.cx = (m.cx + 0.5) * scale - 0.5;
+      },
+      model);
+  return {model, recording.width, recording.height};
 }
 
 /// Returns the field of view of a 35 mm film camera with a focal length, for images of another shape by their diagonal
@@ -118,22 +133,22 @@ LensChoice by_guess(const Recording& recording, const LensHints& hints) {
   LensChoice lens = choice_of({.camera = lens_of_fov(recording, fov_deg)}, reason, Certainty::kGuess);
   lens.guess = self_calibration::LensGuess{};
   if (is_stated) lens.guess->horizontal_fov_deg = fov_deg;
+  if (recording.pixel_aspect != 1.0) lens.guess->calibration = lens.calibration;
   return lens;
 }
 
 }  // namespace
 
-void estimate_from_images(const Recording& recording, const fs::path& mask, LensChoice& lens,
+void estimate_from_images(const Recording& recording, const Excerpt& excerpt, const fs::path& mask, LensChoice& lens,
                           const Progress& progress) {
   self_calibration::LensEstimateOptions options;
   options.images.mask = mask;
-  const auto after = std::ranges::upper_bound(recording.part_starts_s, recording.from_s);
+  const auto after = std::ranges::upper_bound(recording.part_starts_s, excerpt.from_s);
   const std::size_t part = static_cast<std::size_t>(after - recording.part_starts_s.begin()) - 1;
   // Images of a folder are taken to be at the default rate there.
   const double clock = recording.is_folder() ? recording.frames_per_second * dataset::kDefaultFramePeriod_s : 1.0;
-  options.images.from_s = clock * (recording.from_s - recording.part_starts_s[part]);
-  if (recording.to_s < recording.duration_s)
-    options.images.to_s = clock * (recording.to_s - recording.part_starts_s[part]);
+  options.images.from_s = clock * (excerpt.from_s - recording.part_starts_s[part]);
+  if (excerpt.to_s) options.images.to_s = clock * (*excerpt.to_s - recording.part_starts_s[part]);
   self_calibration::LensEstimate estimate;
   try {
     estimate = self_calibration::estimate_lens(recording.parts[part], *lens.guess, options, progress);

@@ -8,6 +8,7 @@
 #include "tileflight/core/base/progress.h"
 #include "tileflight/core/imaging/camera.h"
 #include "tileflight/experiments/project/choice.h"
+#include "tileflight/experiments/project/excerpt.h"
 #include "tileflight/experiments/project/recording.h"
 #include "tileflight/slam/self_calibration/self_calibration.h"
 
@@ -31,9 +32,9 @@ struct LensChoice {
 
 /// Estimates a lens that is a guess from the images (self_calibration::estimate_lens). If they show it, it replaces the
 /// guess, with a reason that names focal length and standard deviation; else a warning says why the guess stays.
-/// `mask`: a file; empty: none.
-void estimate_from_images(const Recording& recording, const std::filesystem::path& mask, LensChoice& lens,
-                          const Progress& progress = {});
+/// `excerpt`: the part of the recording whose images are taken. `mask`: a file; empty: none.
+void estimate_from_images(const Recording& recording, const Excerpt& excerpt, const std::filesystem::path& mask,
+                          LensChoice& lens, const Progress& progress = {});
 
 /// Chooses the lens by the first of these that there is: the calibration that was given, the photos' tags, a lens
 /// profile of the camera that the recording names, a calibration beside the video (camera.yaml, calibration.json and

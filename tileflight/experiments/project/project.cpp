@@ -62,14 +62,15 @@ std::string video_text(const std::vector<fs::path>& parts, const fs::path& proje
 }
 
 void choose_step(const Recording& recording, const ImageFindings& images, Project& project) {
-  const std::optional<FrameStep> step = choose_frame_step(images.motion, recording.frames_per_second);
+  const std::optional<FrameStep> step = choose_frame_step(images.motion, recording.frames_per_second, images.repeats);
   const int every = step ? step->every : 1;
   project.choices.push_back(
       {"real.ingest", "every", std::to_string(every),
        step
            ? base::formatted("%.3g frames a second: where it is fast, the image moves by %.2g %% of its width from one "
                              "to the next",
-                             recording.frames_per_second / every, 100 * step->share)
+                             recording.frames_per_second / every, 100 * step->share) +
+                 (images.repeats > 1 ? base::formatted("; each image is stored %d times", images.repeats) : "")
            : "corners cannot be followed from one image to the next, so every one is used",
        step ? Certainty::kLikely : Certainty::kGuess});
   if (recording.is_folder() && recording.photos.times.size() < recording.images.size())
@@ -159,11 +160,20 @@ std::vector<TrackSample> track_above_takeoff(const Recording& recording) {
   return track;
 }
 
+/// Returns the part of the recording in which a lens can be followed from image to image.
+Excerpt unbroken_part(const Recording& recording, const ImageFindings& images) {
+  Excerpt whole{.from_s = recording.from_s, .to_s = {}, .choices = {}};
+  if (recording.to_s < recording.duration_s) whole.to_s = recording.to_s;
+  return leave_out_breaks(std::move(whole), images.breaks, recording.duration_s);
+}
+
 /// Adds the part of the recording and what depends on the place.
 void choose_place(const ProjectOptions& options, const Recording& recording, const ImageFindings& images,
                   const imaging::Camera& camera, const fs::path& temporary, const fs::path& folder, Project& project,
                   const Progress& progress) {
   const auto with_given = [&](Excerpt chosen) {
+    chosen = with_given_ends(std::move(chosen), options.files.from_s, options.files.to_s);
+    chosen = leave_out_breaks(std::move(chosen), images.breaks, recording.duration_s);
     return with_given_ends(std::move(chosen), options.files.from_s, options.files.to_s);
   };
   const auto append = [&](const std::vector<Choice>& choices) {
@@ -291,7 +301,8 @@ Project make_project(const ProjectOptions& options, const fs::path& folder, bool
   base::write_folder(output, [&](const fs::path& temporary) {
     choose_mask(images, temporary, system ? system->title : "", project);
     if (lens.guess)
-      estimate_from_images(recording, images.mask.empty() ? fs::path() : temporary / "mask.png", lens, progress);
+      estimate_from_images(recording, unbroken_part(recording, images),
+                           images.mask.empty() ? fs::path() : temporary / "mask.png", lens, progress);
     base::add_distinct(lens.warnings, project.warnings);
     lens.choice.value = quoted("camera.yaml");
     project.choices.push_back(lens.choice);

@@ -8,8 +8,10 @@
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 #include "tests/tiny_place.h"
+#include "tests/track_matrix.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/formatted_text.h"
+#include "tileflight/core/imaging/image_files.h"
 #include "tileflight/data/video/video.h"
 #include "tileflight/experiments/experiment/experiment_file.h"
 
@@ -35,17 +37,26 @@ class ANewProject : public ::testing::Test {
     write_subtitles(400.0 + kGround_m, true);
   }
 
-  /// Blocks of 4 x 4 pixels in grey values of their own, moved by a pixel a frame.
-  static imaging::RgbImage picture(int frame) {
+  /// Blocks of 4 x 4 pixels, or of another size, in grey values of their own, moved by a pixel a frame.
+  static imaging::RgbImage picture(int frame, int block_px = 4) {
     imaging::RgbImage image(160, 120);
     for (int y = 0; y < 120; ++y)
       for (int x = 0; x < 160; ++x) {
-        const std::uint32_t block =
-            static_cast<std::uint32_t>((x + frame) / 4) * 2654435761U ^ static_cast<std::uint32_t>(y / 4) * 2246822519U;
+        const std::uint32_t block = static_cast<std::uint32_t>((x + frame) / block_px) * 2654435761U ^
+                                    static_cast<std::uint32_t>(y / block_px) * 2246822519U;
         const auto grey = static_cast<std::uint8_t>((block ^ block >> 15) * 2654435761U >> 24);
         image(x, y) = {grey, grey, grey};
       }
     return image;
+  }
+
+  /// Writes a video of 8 s anew, of pictures by the number of the frame, and removes the subtitles.
+  template <class Picture>
+  void write_video_alone(double rate, const Picture& picture_of) const {
+    video::VideoWriter video(folder_ / "card/flight.mp4", 160, 120, {.frames_per_second = rate, .compression = {}});
+    for (int i = 0; i < static_cast<int>(8 * rate); ++i) video.add(picture_of(i));
+    video.finish();
+    fs::remove(folder_ / "card/flight.srt");
   }
 
   /// DJI's subtitles, four a second, with absolute heights above the ground plus `base_m`, and those above take-off if
@@ -186,6 +197,69 @@ TEST_F(ANewProject, GoesOnBehindDamageInTheVideo) {
   EXPECT_THAT(project.warnings, ::testing::Contains(HasSubstr("damaged")));
 }
 
+TEST_F(ANewProject, ChoosesTheLongerPartOfAVideoThatIsCut) {
+  write_video_alone(15.0, [](int i) { return picture(i < 45 ? i : 1000 + i, 20); });
+  const Project project = make_project(options(), folder_ / "project", false);
+  EXPECT_THAT(project.warnings, ::testing::Contains(HasSubstr("is cut at 3.00 s")));
+  EXPECT_NEAR(std::stod(choice(project, "from").value), 3.0, 0.01);
+  EXPECT_THAT(choice(project, "from").reason, HasSubstr("cut"));
+}
+
+TEST_F(ANewProject, TakesRepeatedImagesOnce) {
+  // Compression changes an image that is stored again.
+  write_video_alone(30.0, [](int i) {
+    imaging::RgbImage image = picture(i / 2);
+    if (i % 2 == 1)
+      for (imaging::Rgb8& pixel : image.pixels)
+        for (std::uint8_t& value : pixel) value = static_cast<std::uint8_t>(std::min(255, value + 8));
+    return image;
+  });
+  const Project project = make_project(options(), folder_ / "project", false);
+  EXPECT_THAT(project.warnings, ::testing::Contains(HasSubstr("each is stored 2 times")));
+  EXPECT_EQ(choice(project, "every").value, "2");
+  write_video_alone(30.0, [](int i) { return picture(i); });
+  EXPECT_THAT(make_project(options(), folder_ / "plain", false).warnings,
+              ::testing::Not(::testing::Contains(HasSubstr("repeat"))));
+}
+
+TEST_F(ANewProject, LeavesOutWhatCannotBeRead) {
+  write_video_alone(15.0, [](int i) { return picture(i); });
+  const std::string whole = base::read_raw(folder_ / "card/flight.mp4");
+  std::string damaged = whole;
+  for (std::size_t i = damaged.size() / 2; i < damaged.size() / 2 + 3000; ++i) damaged[i] = '\x55';
+  fs::remove(folder_ / "card/flight.mp4");
+  base::write_file(folder_ / "card/flight.mp4", damaged);
+  make_project(options(), folder_ / "project", false);
+  const auto experiment = experiment::read_experiment(folder_ / "project/experiment.yaml");
+  const video::VideoExcerpt part{.from_s = experiment.real->ingest->from_s, .to_s = experiment.real->ingest->to_s};
+  int frames = 0;
+  video::read_video(folder_ / "card/flight.mp4", part, [&](std::int64_t, double, const imaging::RgbImage&) {
+    ++frames;
+    return true;
+  });
+  EXPECT_GT(frames, 40);
+}
+
+TEST_F(ANewProject, NamesARotationFlagWhereTheLensDoesNotFit) {
+  tests::set_track_matrix(folder_ / "card/flight.mp4", {0, 1, -1, 0});
+  EXPECT_THAT(tests::refusal_of([&] { make_project(options(), folder_ / "project", false); }),
+              HasSubstr("rotation flag turns them to 120x160"));
+}
+
+TEST_F(ANewProject, GuessesALensForPixelsThatAreNotSquare) {
+  tests::set_track_matrix(folder_ / "card/flight.mp4", {2, 0, 0, 1});
+  const Recording recording = examine_files(options().files);
+  EXPECT_THAT(recording.warnings, ::testing::Contains(HasSubstr("not square")));
+  const LensChoice lens = choose_lens(recording, {.camera = {}, .profiles = {}, .fov_deg = 80.0});
+  EXPECT_NEAR(lens.calibration.camera.horizontal_fov_deg(), 80.0, 0.1);
+  // 20 columns beside the centre are as far as 40 rows below it.
+  const auto angle_rad = [&](double x, double y) {
+    const auto ray = lens.calibration.camera.unproject({x, y});
+    return ray ? std::atan2(std::hypot(ray->x(), ray->y()), ray->z()) : -1.0;
+  };
+  EXPECT_NEAR(angle_rad(79.5 + 20, 59.5), angle_rad(79.5, 59.5 + 40), 1e-6);
+}
+
 TEST_F(ANewProject, KeepsNamesWithLineBreaksOutOfTheSettings) {
   fs::rename(folder_ / "card", folder_ / "card\nseed: 99\n#");
   ProjectOptions odd = options();
@@ -292,6 +366,17 @@ TEST_F(ANewProject, TakesTheLensThatLiesBesideTheVideo) {
   without.lens = {};
   const Project project = make_project(without, folder_ / "project", false);
   EXPECT_THAT(choice(project, "camera").reason, HasSubstr("camera.yaml beside the video"));
+}
+
+TEST_F(ANewProject, PhotosOfSeveralSizesAreRefused) {
+  fs::create_directories(folder_ / "photos");
+  for (int i = 0; i < 4; ++i)
+    imaging::write_rgb(folder_ / ("photos/" + std::to_string(i) + ".jpg"),
+                       i == 0 ? imaging::RgbImage(144, 108) : imaging::RgbImage(160, 120));
+  ProjectOptions of_photos = options();
+  of_photos.files.videos = {folder_ / "photos"};
+  EXPECT_THAT(tests::refusal_of([&] { make_project(of_photos, folder_ / "project", false); }),
+              HasSubstr("several sizes: 144x108 (1, 0.jpg), 160x120 (3, 1.jpg among them); put those of one size"));
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <functional>
+#include <map>
 
 #include "tileflight/capture/ingest/ingest_stage.h"
 #include "tileflight/core/base/formatted_text.h"
@@ -46,9 +47,12 @@ void examine_videos(const std::vector<fs::path>& videos, Recording& recording) {
                                                       "the parts of one recording",
                                                       info.width, info.height, first.width, first.height));
     recording.duration_s += info.duration_s;
+    base::add_distinct(info.notes, recording.warnings);
   }
   recording.width = first.width;
   recording.height = first.height;
+  recording.pixel_aspect = first.pixel_aspect;
+  recording.size_reason = video::describe_size(first);
   recording.frames_per_second = first.frames_per_second;
   recording.part_starts_s = dataset::part_starts_s(recording.parts);
   try {
@@ -56,6 +60,20 @@ void examine_videos(const std::vector<fs::path>& videos, Recording& recording) {
   } catch (const InputError& fault) {
     recording.warnings.push_back(std::string("the video's own telemetry is not used: ") + fault.what());
   }
+}
+
+/// Throws InputError if photos have several sizes: they are not all by one lens and mode.
+void require_one_size(const fs::path& folder, const flight_logs::PhotoLog& photos) {
+  std::map<std::string, std::vector<std::string>> names;
+  for (const auto& [name, tags] : photos.lenses)
+    if (tags.width > 0) names[std::to_string(tags.width) + "x" + std::to_string(tags.height)].push_back(name);
+  if (names.size() < 2) return;
+  std::vector<std::string> groups;
+  for (const auto& [size, of_size] : names)
+    groups.push_back(size + " (" + std::to_string(of_size.size()) + ", " + of_size.front() +
+                     (of_size.size() > 1 ? " among them)" : ")"));
+  throw InputError(folder.string(),
+                   "its photos have several sizes: " + base::joined(groups) + "; put those of one size into a folder");
 }
 
 void examine_folder(const fs::path& folder, Recording& recording) {
@@ -67,6 +85,7 @@ void examine_folder(const fs::path& folder, Recording& recording) {
   recording.width = first.width;
   recording.height = first.height;
   recording.photos = flight_logs::read_photo_log(inside);
+  require_one_size(inside, recording.photos);
   recording.frames_per_second = 1.0 / dataset::kDefaultFramePeriod_s;
   std::vector<double> times_s, periods_s;
   for (const auto& [name, time] : recording.photos.times) times_s.push_back(time.time_s);

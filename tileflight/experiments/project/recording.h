@@ -24,7 +24,9 @@ struct RecordingFiles {
 struct Recording {
   std::vector<std::filesystem::path> parts;   ///< in the order of the flight
   std::vector<std::filesystem::path> images;  ///< of a folder, in the order of their names; empty for videos
-  int width = 0, height = 0;                  ///< of the images as they are shown
+  int width = 0, height = 0;                  ///< of the images, turned as a rotation flag says
+  double pixel_aspect = 1.0;                  ///< width of a pixel as it is shown, divided by its height
+  std::string size_reason;                    ///< video::describe_size(); empty for photos
   double frames_per_second = 0.0;             ///< of images without times: as `ingest` assumes, 30
   double duration_s = 0.0;
   double from_s = 0.0, to_s = 0.0;    ///< the part that was given, else the whole: only its images are looked at
