@@ -67,13 +67,13 @@ void HighDynamicRange::map(std::span<const std::uint16_t> encoded, std::span<ima
     std::array<float, 3> light{light_[encoded[3 * i]], light_[encoded[3 * i + 1]], light_[encoded[3 * i + 2]]};
     if (!system_gain_.empty()) {
       const float luminance = 0.2627F * light[0] + 0.6780F * light[1] + 0.0593F * light[2];
-      const float gain = system_gain_[static_cast<std::size_t>(std::min(luminance, 1.0F) * kLast + 0.5F)];
+      const float gain = system_gain_[static_cast<std::size_t>(std::min(luminance, 1.0F) * kLast)];
       for (float& channel : light) channel *= gain;
     }
     for (std::size_t c = 0; c < 3; ++c) {
       const float narrow =
           is_wide ? kTo709[c][0] * light[0] + kTo709[c][1] * light[1] + kTo709[c][2] * light[2] : light[c];
-      shown[i][c] = level_[static_cast<std::size_t>(compressed(narrow) * kLast + 0.5F)];
+      shown[i][c] = level_[static_cast<std::size_t>(compressed(narrow) * kLast)];
     }
   }
 }
