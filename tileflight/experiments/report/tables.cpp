@@ -205,7 +205,8 @@ Html key_figures_table(const KeyFigures& figures) {
     groups += element("th", {{"scope", "colgroup"}, {"colspan", std::to_string(published)}}, text("Paper"));
   if (own > 0) groups += element("th", {{"scope", "colgroup"}, {"colspan", std::to_string(own)}}, text("This run"));
   for (const FlightColumn& column : figures.columns) labels += column_head(column.label);
-  const std::string caption = "Map error against voxel centres, as published and in this run";
+  const std::string caption =
+      published > 0 ? "Map error against voxel centres, as published and in this run" : "The flight and its path";
   const Html table = element("caption", text(caption)) +
                      element("thead", element("tr", groups) + element("tr", labels)) +
                      element("tbody", figure_rows(figures.as_published, figures.columns)) +
