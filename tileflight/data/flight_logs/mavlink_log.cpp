@@ -2,9 +2,12 @@
 // eight bytes, the highest first
 // (https://ardupilot.org/copter/docs/common-downloading-and-analyzing-data-logs-in-mission-planner.html). Frames:
 // https://mavlink.io/en/guide/serialization.html; messages: https://mavlink.io/en/messages/common.html.
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstring>
 #include <numbers>
+#include <optional>
 #include <string_view>
 #include <vector>
 
@@ -96,6 +99,15 @@ class TlogPayload {
   std::string bytes_;
 };
 
+/// A position on the clock of the vehicle's first start.
+struct TlogPosition {
+  TelemetryFix fix;
+  std::size_t start = 0;  ///< how often the vehicle had restarted
+
+  /// Returns the height of the vehicle's home above sea level.
+  double home_m() const { return *fix.absolute_height_m - *fix.height_above_takeoff_m; }
+};
+
 class TlogReader {
  public:
   void read(std::string_view bytes) {
@@ -113,10 +125,12 @@ class TlogReader {
   }
 
   Telemetry finish(const std::string& where) && {
+    const bool had_no_home = remove_heights_without_home();
     const LogRows attitudes = sort_by_time(attitudes_);
     constexpr double kFarthestAttitude_s = 0.2;
     FixFilter filter;
-    for (TelemetryFix fix : positions_) {
+    for (const TlogPosition& position : positions_) {
+      TelemetryFix fix = position.fix;
       if (const auto* row = nearest_in_time(attitudes, fix.time_s, kFarthestAttitude_s)) {
         constexpr double kDegrees = 180.0 / std::numbers::pi;
         fix.body_roll_deg = kDegrees * (*row)[1];
@@ -132,6 +146,15 @@ class TlogReader {
     name(skipped_bytes_, "bytes of the file are no part of a message and are skipped");
     name(wrong_checksums_, "messages dropped: their checksum is wrong");
     Telemetry telemetry = std::move(filter).finish(where, "messages GLOBAL_POSITION_INT", damage);
+    if (had_no_home) {
+      telemetry.warnings.push_back("heights before the vehicle knew its home are not above sea level and are not used");
+      drop_fixes_without_height(telemetry);
+    }
+    if (restarts_ > 0) {
+      telemetry.warnings.push_back("the vehicle restarted " + std::to_string(restarts_) +
+                                   (restarts_ == 1 ? " time" : " times") +
+                                   ": its clock is continued by the ground station's");
+    }
     telemetry.body_rates = to_body_rates(rates_, 1.0);
     telemetry.zero_utc_s = utc_of_boot_s_ + telemetry.fixes.front().time_s;
     rebase_to_first_fix(telemetry);
@@ -154,17 +177,18 @@ class TlogReader {
       const TlogPayload payload(frame.payload, std::max(message.bytes, frame.payload.size()));
       const double boot_s = 1e-3 * payload.at<std::uint32_t>(0);
       if (message.number == kAttitude.number) {
-        take_attitude(frame.system, boot_s, payload);
+        take_attitude(frame.system, stamp_s, boot_s, payload);
       } else {
         take_position(frame.system, stamp_s, boot_s, payload);
       }
     }
   }
 
-  void take_attitude(std::uint8_t system, double boot_s, const TlogPayload& payload) {
-    if (system_ && *system_ != system) return;
-    attitudes_.push_back({boot_s, payload.at<float>(4), payload.at<float>(8), payload.at<float>(12)});
-    rates_.push_back({boot_s, payload.at<float>(16), payload.at<float>(20), payload.at<float>(24)});
+  void take_attitude(std::uint8_t system, double stamp_s, double boot_s, const TlogPayload& payload) {
+    if (system_ != system) return;
+    const double time_s = continued_clock_s(stamp_s, boot_s);
+    attitudes_.push_back({time_s, payload.at<float>(4), payload.at<float>(8), payload.at<float>(12)});
+    rates_.push_back({time_s, payload.at<float>(16), payload.at<float>(20), payload.at<float>(24)});
   }
 
   void take_position(std::uint8_t system, double stamp_s, double boot_s, const TlogPayload& payload) {
@@ -175,18 +199,58 @@ class TlogReader {
     if (!system_) utc_of_boot_s_ = stamp_s - boot_s;
     system_ = system;
     TelemetryFix fix;
-    fix.time_s = boot_s;
+    fix.time_s = continued_clock_s(stamp_s, boot_s);
     fix.latitude_deg = 1e-7 * payload.at<std::int32_t>(4);
     fix.longitude_deg = 1e-7 * payload.at<std::int32_t>(8);
     fix.absolute_height_m = 1e-3 * payload.at<std::int32_t>(12);
     fix.height_above_takeoff_m = 1e-3 * payload.at<std::int32_t>(16);
-    positions_.push_back(fix);
+    positions_.push_back({fix, restarts_});
   }
 
-  std::vector<TelemetryFix> positions_;  ///< on the vehicle's clock since it booted
+  /// Returns the time of a message on the clock of the vehicle's first start. The vehicle's clock begins again when it
+  /// restarts; the ground station's says for how long it was off.
+  double continued_clock_s(double stamp_s, double boot_s) {
+    constexpr double kLate_s = 2.0;  // messages arrive out of order by less
+    const bool restarted = boot_s < latest_boot_s_ - kLate_s && boot_s < stamp_s - latest_stamp_s_ + kLate_s;
+    if (restarted) {
+      ++restarts_;
+      restart_s_ = stamp_s - boot_s - utc_of_boot_s_;
+    }
+    if (restarted || boot_s >= latest_boot_s_) {
+      latest_boot_s_ = boot_s;
+      latest_stamp_s_ = stamp_s;
+    }
+    return restart_s_ + boot_s;
+  }
+
+  /// Removes the heights of positions that ArduPilot sent before it knew its home, and returns whether there are any:
+  /// both heights are then equal and count from the place where the vehicle was switched on.
+  bool remove_heights_without_home() {
+    constexpr double kEqual_m = 0.02, kHome_m = 5.0;  // rounded apart; a home that is nearer to sea level may be one
+    bool removed = false;
+    for (auto start = positions_.begin(); start != positions_.end();) {
+      const auto end =
+          std::find_if(start, positions_.end(), [&](const TlogPosition& p) { return p.start != start->start; });
+      const auto home = std::find_if(start, end, [](const TlogPosition& p) { return std::abs(p.home_m()) > kEqual_m; });
+      if (home != end && std::abs(home->home_m()) > kHome_m) {
+        removed = removed || home != start;
+        std::for_each(start, home, [](TlogPosition& position) {
+          position.fix.absolute_height_m.reset();
+          position.fix.height_above_takeoff_m.reset();
+        });
+      }
+      start = end;
+    }
+    return removed;
+  }
+
+  std::vector<TlogPosition> positions_;
   LogRows attitudes_, rates_;
   std::optional<std::uint8_t> system_;  ///< the vehicle: the first system that sends a position
-  double utc_of_boot_s_ = 0.0;
+  double utc_of_boot_s_ = 0.0;          ///< of the first start
+  std::size_t restarts_ = 0;
+  double restart_s_ = 0.0;                             ///< of the latest start, on the clock of the first
+  double latest_boot_s_ = 0.0, latest_stamp_s_ = 0.0;  ///< of the message with the latest time since that start
   std::uint64_t skipped_bytes_ = 0, wrong_checksums_ = 0, other_systems_ = 0;
 };
 

@@ -33,13 +33,14 @@ std::string frame(int version, unsigned char number, unsigned char extra, std::s
   return (version == 2 ? '\xFD' : '\xFE') + bytes;
 }
 
-std::string position(int version, std::uint32_t boot_ms, std::int32_t lat_e7, char system = 1) {
+std::string position(int version, std::uint32_t boot_ms, std::int32_t lat_e7, char system = 1,
+                     std::int32_t height_mm = 512'250, std::int32_t above_home_mm = 12'250) {
   std::string payload;
   base::append_raw(payload, boot_ms);
   base::append_raw(payload, lat_e7);
   base::append_raw(payload, std::int32_t{80'000'000});
-  base::append_raw(payload, std::int32_t{512'250});
-  base::append_raw(payload, std::int32_t{12'250});
+  base::append_raw(payload, height_mm);
+  base::append_raw(payload, above_home_mm);
   payload += std::string(8, '\0');
   return frame(version, 33, 104, payload, system);
 }
@@ -86,6 +87,56 @@ TEST_F(MavlinkLog, DamageAndOtherVehiclesAreCounted) {
   EXPECT_THAT(log.warnings,
               ElementsAre(HasSubstr("8 bytes of the file"), HasSubstr("1 messages dropped: their checksum"),
                           HasSubstr("1 positions of other vehicles are not used; those of system 1")));
+}
+
+TEST_F(MavlinkLog, ARestartOfTheVehicleContinuesItsClock) {
+  const Telemetry log =
+      read(stamped(kStart_us, position(2, 100'000, 470'000'000)) +
+           stamped(kStart_us + 200'000'000, position(2, 300'000, 470'001'000)) +
+           stamped(kStart_us + 219'000'000, position(2, 18'900, 470'002'000)) +  // switched on 0.1 s after the last one
+           stamped(kStart_us + 300'000'000, attitude(99'990, 0.5F, -1.0F)) +
+           stamped(kStart_us + 300'010'000, position(2, 100'000, 470'003'000)));
+  ASSERT_EQ(log.fixes.size(), 4U);
+  EXPECT_NEAR(log.fixes[1].time_s, 200.0, 1e-6);
+  EXPECT_NEAR(log.fixes[2].time_s, 219.0, 1e-6);
+  EXPECT_NEAR(log.fixes[3].time_s, 300.1, 1e-6);
+  EXPECT_FALSE(log.fixes[0].body_roll_deg) << "an attitude of the second flight at the same time since the start";
+  EXPECT_TRUE(log.fixes[3].body_roll_deg);
+  ASSERT_EQ(log.body_rates.size(), 1U);
+  EXPECT_NEAR(log.body_rates[0].time_s, 300.09, 1e-6);
+  EXPECT_NEAR(log.zero_utc_s.value_or(0), 1.7e9, 1e-5);
+  EXPECT_THAT(log.warnings, ElementsAre(HasSubstr("the vehicle restarted 1 time")));
+}
+
+TEST_F(MavlinkLog, AMessageThatArrivesLateIsNoRestart) {
+  const Telemetry log = read(stamped(kStart_us, position(2, 100'000, 470'000'000)) +
+                             stamped(kStart_us + 5'000'000, position(2, 105'000, 470'001'000)) +
+                             stamped(kStart_us + 5'100'000, position(2, 101'000, 470'000'500)) +
+                             stamped(kStart_us + 6'000'000, position(2, 106'000, 470'002'000)));
+  ASSERT_EQ(log.fixes.size(), 3U);
+  EXPECT_NEAR(log.fixes[2].time_s, 6.0, 1e-6);
+  EXPECT_THAT(log.warnings, ElementsAre(HasSubstr("1 entries dropped: time does not increase")));
+}
+
+TEST_F(MavlinkLog, HeightsBeforeTheVehicleKnowsItsHomeAreNotAboveSeaLevel) {
+  // ArduPilot then sends the height above the place where it was switched on as both heights.
+  const Telemetry log = read(stamped(kStart_us, position(2, 5000, 470'000'000, 1, 990, 990)) +
+                             stamped(kStart_us + 1'000'000, position(2, 6000, 470'000'100, 1, 1250, 1250)) +
+                             stamped(kStart_us + 2'000'000, position(2, 7000, 470'000'200, 1, 589'750, 10)) +
+                             stamped(kStart_us + 3'000'000, position(2, 8000, 470'000'300, 1, 589'950, 210)));
+  ASSERT_EQ(log.fixes.size(), 2U);
+  EXPECT_NEAR(*log.fixes[0].absolute_height_m, 589.75, 1e-9);
+  EXPECT_NEAR(log.fixes[1].time_s, 1.0, 1e-6);
+  EXPECT_NEAR(log.zero_utc_s.value_or(0), 1.7e9 + 2, 1e-5);
+  EXPECT_THAT(log.warnings,
+              ElementsAre(HasSubstr("before the vehicle knew its home"), HasSubstr("2 entries dropped: no height")));
+}
+
+TEST_F(MavlinkLog, AHomeAtSeaLevelKeepsItsHeights) {
+  const Telemetry log = read(stamped(kStart_us, position(2, 5000, 470'000'000, 1, 20, 20)) +
+                             stamped(kStart_us + 1'000'000, position(2, 6000, 470'000'100, 1, 40, 28)));
+  EXPECT_EQ(log.fixes.size(), 2U);
+  EXPECT_THAT(log.warnings, testing::IsEmpty());
 }
 
 TEST_F(MavlinkLog, ALogWithoutPositionsIsOneClearLine) {
