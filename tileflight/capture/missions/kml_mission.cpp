@@ -131,6 +131,7 @@ class WpmlReader {
                                : base::parse_finite_number(text.substr(first + 1, second - first - 1));
     if (!latitude || !longitude)
       throw InputError(where_, "'" + std::string(text.substr(0, 60)) + "' in takeOffRefPoint is no latitude,longitude");
+    if (*latitude == 0.0 && *longitude == 0.0) return;  // what DJI Pilot 2 writes for a place that is not set
     require_on_earth(*latitude, *longitude, where_ + ", takeOffRefPoint");
     mission_.takeoff = Takeoff{*latitude, *longitude, std::nullopt};
   }

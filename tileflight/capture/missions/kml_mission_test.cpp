@@ -95,6 +95,15 @@ TEST(Wpml, WaylinesAreFlown) {
   EXPECT_THAT(mission.notes, Contains(HasSubstr("takePhoto (1 time)")));
 }
 
+TEST(Wpml, ATakeoffPlaceOfZerosIsNotSet) {
+  std::string text = wpml_mission();
+  const std::string place = "35.310300,-80.740200,0.000000";
+  text.replace(text.find(place), place.size(), "0.000000,0.000000,0.000000");
+  const Mission mission = read_kml_mission(text, "x.kmz");
+  EXPECT_FALSE(mission.takeoff);
+  EXPECT_EQ(mission.waypoints.size(), 4u);
+}
+
 TEST(Wpml, TurnsSmoothlyThroughWaypointsWithoutAnAngle) {
   const auto heading = [](const std::string& angle, const std::string& enable) {
     return element("waypointHeadingParam", element("waypointHeadingMode", "smoothTransition") +
