@@ -495,6 +495,13 @@ class SessionDecoder {
   MainFrames frames_;
 };
 
+/// Throws InputError if all lengths of the accelerometer's readings are 0.
+void require_accelerometer(const std::vector<double>& lengths, const std::string& where) {
+  if (std::ranges::all_of(lengths, [](double length) { return length == 0.0; }))
+    throw InputError(where,
+                     "its accelerometer was off: all readings are 0; switch it on (acc_hardware) and record again");
+}
+
 /// The accelerometer's reading of one g, told by the length of its readings: units report a power of two. Throws
 /// InputError if none fits.
 double guess_one_g(std::vector<double> lengths, const std::string& where) {
@@ -575,10 +582,11 @@ InertialLog parse_blackbox(std::string_view bytes, const std::string& where) {
     if (const auto found = longest_header->values.find(key); found != longest_header->values.end())
       scale = found->second;
   const double rate_scale = kDegree_rad * gyro_scale(scale, where);
+  std::vector<double> lengths;
+  for (const auto& values : longest.values) lengths.push_back(Vec3(values[3], values[4], values[5]).norm());
+  require_accelerometer(lengths, where);
   double one_g = longest_header->number("acc_1G", 0);
   if (!(one_g > 0.0)) {
-    std::vector<double> lengths;
-    for (const auto& values : longest.values) lengths.push_back(Vec3(values[3], values[4], values[5]).norm());
     one_g = guess_one_g(std::move(lengths), where);
     log.notes.push_back(where + base::formatted(": states no acc_1G; %g is assumed, by the readings' length", one_g));
   }
@@ -677,6 +685,7 @@ InertialLog parse_blackbox_csv(std::string_view text, const std::string& where) 
     lengths.push_back(log.readings.back().specific_force_m_s2.norm());
   }
   if (log.readings.size() < 2) throw InputError(where, "holds fewer than two readings");
+  require_accelerometer(lengths, where);
   double force_scale = 1.0;
   if (columns[3].unit == "(g)") {
     force_scale = kOneG_m_s2;

@@ -332,6 +332,10 @@ TEST(Blackbox, Refusals) {
   std::string bytes = written(flight(40));
   const std::size_t scale = bytes.find("0x3f800000");
   EXPECT_THAT(fault(std::string(bytes).replace(scale, 10, "0x7f800000")), HasSubstr("gyro_scale"));
+  auto still = flight(40);
+  for (auto& values : still)
+    for (std::size_t i = 0; i < 3; ++i) values[14 + i] = 0;
+  EXPECT_THAT(fault(written(still)), HasSubstr("its accelerometer was off: all readings are 0"));
   std::mt19937 random(5);
   for (int i = 0; i < 200; ++i) {
     std::string changed = bytes;
@@ -381,6 +385,7 @@ TEST(BlackboxCsv, Refusals) {
   EXPECT_THAT(fault("loopIteration, time (us), motor[0]\n0,0,1\n"), HasSubstr("lacks the time, gyroADC or accSmooth"));
   EXPECT_THAT(fault(names + "0,0,1,1,1,0,0,700\n1,500,1,1,1,0,0,700\n"), HasSubstr("--unit-acceleration g"));
   EXPECT_THAT(fault(names + "0,0,1,1,1,0,0,2048\n1,500,1,1\n"), HasSubstr("x.csv:3"));
+  EXPECT_THAT(fault(names + "0,0,1,1,1,0,0,0\n1,500,1,1,1,0,0,0\n"), HasSubstr("its accelerometer was off"));
 }
 
 TEST(InertialLogs, AreKnownByTheirFirstBytes) {
