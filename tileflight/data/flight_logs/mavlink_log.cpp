@@ -224,24 +224,24 @@ class TlogReader {
   }
 
   /// Removes the heights of positions that ArduPilot sent before it knew its home, and returns whether there are any:
-  /// both heights are then equal and count from the place where the vehicle was switched on.
+  /// both heights are then equal and count from the place where the vehicle was switched on. Positions whose home is
+  /// not far from sea level keep theirs.
   bool remove_heights_without_home() {
-    constexpr double kEqual_m = 0.02, kHome_m = 5.0;  // rounded apart; a home that is nearer to sea level may be one
-    bool removed = false;
-    for (auto start = positions_.begin(); start != positions_.end();) {
-      const auto end =
-          std::find_if(start, positions_.end(), [&](const TlogPosition& p) { return p.start != start->start; });
-      const auto home = std::find_if(start, end, [](const TlogPosition& p) { return std::abs(p.home_m()) > kEqual_m; });
-      if (home != end && std::abs(home->home_m()) > kHome_m) {
-        removed = removed || home != start;
-        std::for_each(start, home, [](TlogPosition& position) {
-          position.fix.absolute_height_m.reset();
-          position.fix.height_above_takeoff_m.reset();
-        });
-      }
-      start = end;
+    constexpr double kEqual_m = 0.02, kNearSeaLevel_m = 5.0;  // heights are rounded apart
+    if (std::ranges::all_of(positions_, [](const TlogPosition& p) { return std::abs(p.home_m()) <= kNearSeaLevel_m; }))
+      return false;
+    std::vector<TlogPosition*> without_home;
+    std::optional<std::size_t> start_with_home;
+    for (TlogPosition& position : positions_) {
+      if (std::abs(position.home_m()) > kEqual_m) start_with_home = position.start;
+      const bool has_place = position.fix.latitude_deg != 0.0 || position.fix.longitude_deg != 0.0;
+      if (has_place && start_with_home != position.start) without_home.push_back(&position);
     }
-    return removed;
+    for (TlogPosition* position : without_home) {
+      position->fix.absolute_height_m.reset();
+      position->fix.height_above_takeoff_m.reset();
+    }
+    return !without_home.empty();
   }
 
   std::vector<TlogPosition> positions_;

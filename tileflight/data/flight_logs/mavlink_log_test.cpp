@@ -120,7 +120,8 @@ TEST_F(MavlinkLog, AMessageThatArrivesLateIsNoRestart) {
 
 TEST_F(MavlinkLog, HeightsBeforeTheVehicleKnowsItsHomeAreNotAboveSeaLevel) {
   // ArduPilot then sends the height above the place where it was switched on as both heights.
-  const Telemetry log = read(stamped(kStart_us, position(2, 5000, 470'000'000, 1, 990, 990)) +
+  const Telemetry log = read(stamped(kStart_us - 60'000'000, position(2, 9000, 469'999'900, 1, 0, 0)) +  // a start
+                             stamped(kStart_us, position(2, 5000, 470'000'000, 1, 990, 990)) +
                              stamped(kStart_us + 1'000'000, position(2, 6000, 470'000'100, 1, 1250, 1250)) +
                              stamped(kStart_us + 2'000'000, position(2, 7000, 470'000'200, 1, 589'750, 10)) +
                              stamped(kStart_us + 3'000'000, position(2, 8000, 470'000'300, 1, 589'950, 210)));
@@ -129,7 +130,8 @@ TEST_F(MavlinkLog, HeightsBeforeTheVehicleKnowsItsHomeAreNotAboveSeaLevel) {
   EXPECT_NEAR(log.fixes[1].time_s, 1.0, 1e-6);
   EXPECT_NEAR(log.zero_utc_s.value_or(0), 1.7e9 + 2, 1e-5);
   EXPECT_THAT(log.warnings,
-              ElementsAre(HasSubstr("before the vehicle knew its home"), HasSubstr("2 entries dropped: no height")));
+              ElementsAre(HasSubstr("before the vehicle knew its home"), HasSubstr("3 entries dropped: no height"),
+                          HasSubstr("the vehicle restarted 1 time")));
 }
 
 TEST_F(MavlinkLog, AHomeAtSeaLevelKeepsItsHeights) {
