@@ -115,10 +115,9 @@ Telemetry read_nmea(const std::filesystem::path& file);
 bool is_mavlink_log(std::string_view head);
 
 /// Reads the log of a ground station (.tlog, MAVLink 1 and 2): GLOBAL_POSITION_INT and ATTITUDE of the first vehicle
-/// that sends a position, on its own clock, from the first position; if it restarts, the ground station's clock
-/// continues it. Heights are above sea level and above take-off; those that ArduPilot sends before it knows its home
-/// are left out. UTC is the ground station's. Bytes between messages and messages with a wrong checksum are skipped,
-/// with a warning. Throws InputError (file, cause) if there is no position.
+/// that sends a position, on its own clock, which the ground station's continues after a restart. Heights are above sea
+/// level and above take-off, without those from before a home is set. Damaged messages are skipped, with a warning.
+/// Throws InputError (file, cause) if there is no position.
 Telemetry read_mavlink_log(const std::filesystem::path& file);
 
 /// Reads a table with a header row: cells separated by comma, semicolon or tab, any line end, quotes, an optional byte
