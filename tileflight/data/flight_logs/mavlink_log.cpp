@@ -147,7 +147,8 @@ class TlogReader {
     name(wrong_checksums_, "messages dropped: their checksum is wrong");
     Telemetry telemetry = std::move(filter).finish(where, "messages GLOBAL_POSITION_INT", damage);
     if (had_no_home) {
-      telemetry.warnings.push_back("heights before the vehicle knew its home are not above sea level and are not used");
+      telemetry.warnings.emplace_back(
+          "heights before the vehicle knew its home are not above sea level and are not used");
       drop_fixes_without_height(telemetry);
     }
     if (restarts_ > 0) {
