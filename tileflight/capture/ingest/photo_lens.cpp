@@ -78,7 +78,7 @@ std::optional<StatedLens> read_design(const PhotoLensTags& tags) {
   return lens;
 }
 
-/// A lens without distortion, its centre that of an image of the size at which the photo was taken.
+/// Returns a lens without distortion whose centre is that of an image of the size at which the photo was taken.
 StatedLens centred_lens(const PhotoLensTags& tags) {
   StatedLens lens;
   const bool is_stated = tags.taken_width > 0 && tags.taken_height > 0;

@@ -239,7 +239,7 @@ ScaledCalibration fitted_calibration(const IngestOptions& options, IngestResult&
   return fitted;
 }
 
-/// As fitted_calibration(). A refusal names a rotation flag and pixels that are not square, which change the size.
+/// Does the same for a video: a refusal names its rotation flag, or that its pixels are not square.
 ScaledCalibration fitted_calibration(const IngestOptions& options, const video::VideoInfo& info, IngestResult& result) {
   const std::string size = video::describe_size(info);
   if (size.empty()) return fitted_calibration(options, result);

@@ -21,8 +21,8 @@ struct VideoInfo {
   std::int64_t declared_frames = 0;  ///< 0: not declared by the container
   std::string creation_time;         ///< as the container has it (ISO 8601, UTC); empty: not declared
   double pixel_aspect = 1.0;         ///< width of a pixel as it is meant to be shown, divided by its height
-  /// What makes its images other than plain ones, and what that means for a calibration and for odometry: a rotation
-  /// flag, pixels that are not square, high dynamic range, interlacing, several videos in the file. A line each.
+  /// Lines that say why its images are not plain, and what that means for a calibration and for odometry: they name a
+  /// rotation flag, pixels that are not square, high dynamic range, interlacing, several videos in the file.
   std::vector<std::string> notes;
 };
 

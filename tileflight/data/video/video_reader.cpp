@@ -57,7 +57,7 @@ class VideoDecoder {
   int quarter_turns() const { return quarter_turns_; }
   /// Throws InputError unless the frame returned by next() has the size that info() states.
   void require_stated_size() const;
-  /// Whether the frame returned by next() says that it is interlaced although the container does not.
+  /// Tells whether the frame returned by next() says that it is interlaced although the container does not.
   bool is_unstated_interlaced() const;
 
  private:
@@ -401,7 +401,7 @@ class RgbConverter {
   }
 
  private:
-  /// What decides how a frame is converted.
+  /// Holds the properties that decide how a frame is converted.
   struct Format {
     int width = 0, height = 0;
     int layout = AV_PIX_FMT_NONE, matrix = 0, range = 0, transfer = 0, primaries = 0;

@@ -273,7 +273,7 @@ TEST(Video, RotationFlags) {
                     AllOf(HasSubstr(name), HasSubstr(std::string("turned by ") + degrees), HasSubstr("calibration"))));
 }
 
-/// How the images of write_lossless() are stored.
+/// States how write_lossless() stores its images.
 struct LosslessFormat {
   AVPixelFormat layout = AV_PIX_FMT_YUV420P;
   AVColorRange range = AVCOL_RANGE_UNSPECIFIED;

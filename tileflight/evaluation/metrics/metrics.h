@@ -119,7 +119,7 @@ enum class TrajectoryAlignment { kSim3, kSE3, kNone };
 /// Returns "sim3", "se3" or "none", as in files and options.
 const char* name_of(TrajectoryAlignment alignment);
 
-/// What of a trajectory's error is that of the receiver whose positions are the truth.
+/// States how much of a trajectory's error is that of the receiver whose positions are the truth.
 struct ReceiverError {
   double horizontal_sigma_m = 0.0;  ///< RMS of the positions' standard deviations, each horizontal axis
   double vertical_sigma_m = 0.0;
@@ -170,7 +170,7 @@ struct TrajectoryOptions {
   double max_time_difference_s = 0.01;  ///< between the two poses of a pair
 };
 
-/// A time without poses in the middle of a trajectory.
+/// Holds a time without poses in the middle of a trajectory.
 struct TimeGap {
   double from_s = 0.0, to_s = 0.0;
   double missing_s = 0.0;  ///< of it, without what was not recorded at all

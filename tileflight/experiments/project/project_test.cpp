@@ -288,7 +288,7 @@ TEST_F(ANewProject, WithoutAPlaceStillTracks) {
 }
 
 TEST_F(ANewProject, UsesThePartThatIsGiven) {
-  // What is not used may be black, and nothing is said of it.
+  // Images that are not used may be black, and nothing is said of them.
   video::VideoWriter video(folder_ / "card/flight.mp4", 160, 120, {.frames_per_second = 15.0, .compression = {}});
   for (int i = 0; i < 15 * 8; ++i) video.add(i < 50 ? imaging::RgbImage(160, 120) : picture(i));
   video.finish();
