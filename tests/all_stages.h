@@ -13,7 +13,8 @@
 namespace tileflight::tests {
 
 /// Every stage on the tiny place: an experiment of two flights, the second through everything that makes pictures worse
-/// and a video; a rig with all sensors and kinds of images in bad weather; an event camera; odometry in its four modes.
+/// and a video; a rig with all sensors and kinds of images in bad weather; an event camera; localization; odometry in
+/// its four modes.
 class AllStages {
  public:
   /// Runs them in `folder` by `program`, a command line that may begin with variables of the environment. Throws
@@ -28,6 +29,8 @@ class AllStages {
          "depth,range,normals,segmentation,infrared,flow,visibility", "--degrade", in("light.yaml"), "--origin",
          "35.3,-80.7,190"},
         {"render", in("place"), "--flight", in("events.yaml"), "--out", in("events")},
+        {"localize", in("run/real/dataset"), "--to", in("run/truth"), "--odometry", in("run/real/odometry"), "--out",
+         in("localized")},
         {"odometry", in("rig"), "--mode", "stereo", "--out", in("stereo")},
         {"odometry", in("rig"), "--mode", "inertial", "--out", in("inertial")},
         {"odometry", in("rig"), "--mode", "stereo-inertial", "--out", in("stereo-inertial")},

@@ -25,13 +25,13 @@ void add_absent_command(CLI::App& app, CommonOptions& common, Selection& selecti
 // One function per command, each in the file of its name: adds the subcommand and binds it to the selection.
 using AddCommand = void(CLI::App& app, CommonOptions& common, Selection& selection);
 AddCommand add_scene, add_tile, add_inspect, add_extract, add_coverage, add_preview, add_render, add_lens, add_ingest,
-    add_export, add_odometry, add_systems, add_align, add_evaluate, add_compare, add_new, add_run, add_study,
-    add_report, add_play, add_serve, add_completion;
+    add_export, add_odometry, add_systems, add_align, add_evaluate, add_compare, add_localize, add_new, add_run,
+    add_study, add_report, add_play, add_serve, add_completion;
 
 void add_commands(CLI::App& app, CommonOptions& common, Selection& selection) {
-  for (AddCommand* add : {add_scene, add_tile, add_inspect, add_extract, add_coverage, add_preview, add_render,
-                          add_lens, add_ingest, add_export, add_odometry, add_systems, add_align, add_evaluate,
-                          add_compare, add_new, add_run, add_study, add_report})
+  for (AddCommand* add : {add_scene,   add_tile,     add_inspect, add_extract,  add_coverage, add_preview, add_render,
+                          add_lens,    add_ingest,   add_export,  add_odometry, add_systems,  add_align,   add_evaluate,
+                          add_compare, add_localize, add_new,     add_run,      add_study,    add_report})
     add(app, common, selection);
 #ifdef TILEFLIGHT_LIVE
   add_play(app, common, selection);

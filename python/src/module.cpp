@@ -12,7 +12,8 @@ namespace tileflight::python {
 
 // One function per group of the module's classes and functions, each in the file of its name.
 using Bind = void(pybind11::module_& module);
-Bind bind_camera, bind_commands, bind_odometry, bind_render, bind_scene, bind_scoring, bind_sensors, bind_simulator;
+Bind bind_camera, bind_commands, bind_localizer, bind_odometry, bind_render, bind_scene, bind_scoring, bind_sensors,
+    bind_simulator;
 
 namespace {
 
@@ -69,6 +70,7 @@ PYBIND11_MODULE(_core, module) {
   tp::bind_render(module);
   tp::bind_sensors(module);
   tp::bind_odometry(module);
+  tp::bind_localizer(module);
   tp::bind_scoring(module);
 #ifdef TILEFLIGHT_LIVE
   tp::bind_simulator(module);

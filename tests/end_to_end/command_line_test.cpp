@@ -14,24 +14,10 @@ using ::testing::HasSubstr;
 using tests::ProgramResult;
 using tests::run_tileflight;
 
-const std::vector<std::vector<std::string>> kCommands{{"scene", "stadium"},
-                                                      {"tile"},
-                                                      {"inspect"},
-                                                      {"extract"},
-                                                      {"preview"},
-                                                      {"render"},
-                                                      {"lens"},
-                                                      {"ingest"},
-                                                      {"export"},
-                                                      {"odometry"},
-                                                      {"align"},
-                                                      {"evaluate"},
-                                                      {"compare"},
-                                                      {"new"},
-                                                      {"run"},
-                                                      {"report"},
-                                                      {"serve"},
-                                                      {"play"}};
+const std::vector<std::vector<std::string>> kCommands{
+    {"scene", "stadium"}, {"tile"},     {"inspect"}, {"extract"},  {"preview"}, {"render"},   {"lens"}, {"ingest"},
+    {"export"},           {"odometry"}, {"align"},   {"evaluate"}, {"compare"}, {"localize"}, {"new"},  {"run"},
+    {"report"},           {"serve"},    {"play"}};
 
 TEST(CommandLine, EveryCommandHasHelpWithAnExample) {
   for (std::vector<std::string> command : kCommands) {
@@ -102,6 +88,7 @@ TEST(CommandLine, WorkThatFailsIsOneLineAndExitCodeOne) {
       {"align", "/nonexistent", "--to", "/nonexistent", "--out", out},
       {"evaluate", "/nonexistent", "--truth", "/nonexistent", "--transform", "/nonexistent", "--out", out},
       {"compare", "/nonexistent/a.json", "/nonexistent/b.json"},
+      {"localize", "/nonexistent", "--to", "/nonexistent", "--out", out},
       {"run", "/nonexistent.yaml", "--out", out},
       {"report", "/nonexistent"},
       {"serve", "/nonexistent/tileset.json", "--port", "0"},

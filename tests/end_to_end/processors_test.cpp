@@ -15,8 +15,8 @@ namespace {
 
 /// Files with times or the machine in them; what they state of the flight stands in the others.
 bool holds_times(const std::string& file) {
-  for (const char* name :
-       {"report.html", "report.json", "results.json", "dataset.yaml", "odometry.json", "extract.json", ".file-hashes"})
+  for (const char* name : {"report.html", "report.json", "results.json", "dataset.yaml", "odometry.json",
+                           "extract.json", "localize.json", ".file-hashes"})
     if (file.ends_with(name)) return true;
   return file.starts_with("run/stages/");
 }

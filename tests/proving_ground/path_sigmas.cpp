@@ -6,40 +6,12 @@
 
 #include "tileflight/core/alignment/umeyama.h"
 #include "tileflight/core/base/files.h"
-#include "tileflight/core/base/input_error.h"
-#include "tileflight/core/base/text_parsing.h"
+#include "tileflight/slam/odometry/track_result.h"
 
 namespace tileflight::proving_ground {
 namespace {
 
 namespace fs = std::filesystem;
-
-/// A line of quality.csv.
-struct PictureQuality {
-  double time_s = 0.0, sigma_position = 0.0, sigma_rotation_rad = 0.0;
-  bool tracked = false, keyframe = false;
-};
-
-std::vector<PictureQuality> read_quality(const fs::path& file) {
-  const std::string all = base::read_text(file);
-  std::string_view rest = all;
-  const std::vector<std::string_view> head = base::split_fields(base::take_line(rest).value_or(""), ",");
-  const auto column = [&](std::string_view name) {
-    const auto at = std::ranges::find(head, name);
-    if (at == head.end()) throw InputError(file.string(), "has no column " + std::string(name));
-    return static_cast<std::size_t>(at - head.begin());
-  };
-  const std::size_t time = column("time_s"), tracked = column("tracked"), keyframe = column("keyframe"),
-                    position = column("sigma_position"), rotation = column("sigma_rotation_rad");
-  std::vector<PictureQuality> lines;
-  while (const auto line = base::take_line(rest)) {
-    const std::vector<std::string_view> fields = base::split_fields(*line, ",");
-    if (fields.size() != head.size()) throw InputError(file.string(), "a line has another number of columns");
-    const auto number = [&](std::size_t k) { return base::parse_number<double>(fields[k]).value_or(0.0); };
-    lines.push_back({number(time), number(position), number(rotation), number(tracked) > 0.0, number(keyframe) > 0.0});
-  }
-  return lines;
-}
 
 /// A picture's pose and its true one.
 struct PosePair {
@@ -73,10 +45,10 @@ struct SquaredSigmas {
   int counted = 0;
 
   /// Each picture rests on the keyframe before it in `pictures`.
-  void add(const std::vector<PictureQuality>& pictures) {
+  void add(const std::vector<tracking::FrameQuality>& pictures) {
     constexpr double kSameTime_s = 1e-5;
     const PosePair* reference = nullptr;
-    for (const PictureQuality& picture : pictures) {
+    for (const tracking::FrameQuality& picture : pictures) {
       const auto pair = std::ranges::find_if(
           pairs, [&](const PosePair& p) { return std::abs(p.time_s - picture.time_s) < kSameTime_s; });
       if (!picture.tracked || pair == pairs.end()) continue;
@@ -89,7 +61,7 @@ struct SquaredSigmas {
         rotation += turned * turned;
         ++counted;
       }
-      if (picture.keyframe) reference = &*pair;
+      if (picture.is_keyframe) reference = &*pair;
     }
   }
 };
@@ -100,7 +72,7 @@ std::optional<PathSigmas> path_sigmas(const fs::path& odometry, const geometry::
   constexpr int kFewest = 10;
   const std::vector<PosePair> pairs = pose_pairs(geometry::read_tum(odometry / "trajectory.txt"), truth);
   if (pairs.size() < 3) return std::nullopt;
-  std::vector<PictureQuality> pictures = read_quality(odometry / "quality.csv");
+  std::vector<tracking::FrameQuality> pictures = odometry::read_quality_csv(odometry / "quality.csv");
   const auto state = nlohmann::json::parse(base::read_text(odometry / "odometry.json"));
   if (!state.contains("dispersion") || state["dispersion"].is_null()) return std::nullopt;
   // A flight that was tracked backwards has its keyframes after the pictures that rest on them.
@@ -108,8 +80,9 @@ std::optional<PathSigmas> path_sigmas(const fs::path& odometry, const geometry::
   // Those before the start rest on the keyframe after them.
   const auto start =
       pictures.begin() + std::min<std::ptrdiff_t>(std::ssize(pictures), state.value("frames_before_start", 0));
-  const auto from_start = std::find_if(start, pictures.end(), [](const PictureQuality& p) { return p.keyframe; });
-  std::vector<PictureQuality> before(std::make_reverse_iterator(start), pictures.rend());
+  const auto from_start =
+      std::find_if(start, pictures.end(), [](const tracking::FrameQuality& p) { return p.is_keyframe; });
+  std::vector<tracking::FrameQuality> before(std::make_reverse_iterator(start), pictures.rend());
   if (from_start != pictures.end()) before.insert(before.begin(), *from_start);
   SquaredSigmas sum(pairs);
   sum.add(before);

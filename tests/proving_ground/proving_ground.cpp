@@ -41,6 +41,8 @@ using nlohmann::json;
 /// One of places.yaml.
 struct Place {
   std::string name, source;
+  std::string
+      filmed;  ///< tileset that the camera sees, such as the same place with other textures; the truth is `source`
   std::optional<geometry::Geodetic> origin;
   std::optional<geometry::Vec3> center_local, size;
 };
@@ -63,6 +65,7 @@ std::vector<Place> read_places(const fs::path& file, const fs::path& out) {
     Place place;
     place.name = section.text("name").value_or("");
     place.source = section.text("source").value_or("");
+    place.filmed = section.text("filmed").value_or("");
     if (const auto v = section.numbers("origin", 3, 3))
       place.origin = geometry::Geodetic{(*v)[0], (*v)[1], geometry::EllipsoidalHeight{(*v)[2]}};
     if (const auto v = section.numbers("center_local", 3, 3))
@@ -77,8 +80,10 @@ std::vector<Place> read_places(const fs::path& file, const fs::path& out) {
       }
       place.source = (built_in / "twin/tileset.json").string();
     }
-    if (!fs::exists(place.source)) {
-      std::cerr << place.name << ": skipped, " << place.source << " is not there\n";
+    if (place.filmed.empty()) place.filmed = place.source;
+    if (!fs::exists(place.source) || !fs::exists(place.filmed)) {
+      std::cerr << place.name << ": skipped, " << (fs::exists(place.source) ? place.filmed : place.source)
+                << " is not there\n";
       continue;
     }
     places.push_back(place);
@@ -137,7 +142,7 @@ void write_flight(const FlightDraw& draw, const geometry::Trajectory& poses, con
 }
 
 void render(const Field& field, const FlightDraw& draw, const fs::path& folder) {
-  recording::RenderSettings settings{.source = field.place.source, .load = {}, .flight = {}};
+  recording::RenderSettings settings{.source = field.place.filmed, .load = {}, .flight = {}};
   settings.load.origin = field.place.origin;
   settings.flight.flight = folder / "flight.yaml";
   if (draw.degraded) settings.flight = degraded(settings.flight);

@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "tileflight/capture/render/appearance.h"
@@ -93,11 +94,16 @@ struct PictureLocalizer::Impl {
     lens = keyframes::build_lens_pyramid(camera, keyframes::pyramid_levels(camera.width(), camera.height(), pyramid));
   }
 
-  keyframes::Pyramid make_pyramid(const RgbImage& image) const {
-    const int reach = std::max(4, static_cast<int>(0.5 * options.contrast_window * camera.width()));
-    const FloatImage luma = imaging::downsample(keyframes::luminance(image, nullptr), camera.width(), camera.height());
+  FloatImage make_luma(const RgbImage& image) const {
+    return imaging::downsample(keyframes::luminance(image, nullptr), camera.width(), camera.height());
+  }
+  keyframes::Pyramid make_pyramid(const FloatImage& luma, double window) const {
+    const int reach = std::max(4, static_cast<int>(0.5 * window * camera.width()));
     return keyframes::build_pyramid(normalize_local_contrast(luma, reach), static_cast<int>(lens.lenses.size()));
   }
+  std::shared_ptr<const RenderedView> render_view(const SE3& T_local_camera, double window) const;
+  /// Repeats rendering and alignment until the pose stays, at most `rounds` times.
+  std::optional<LocalizationResult> approach(const FloatImage& seen, const SE3& guess, double window, int rounds) const;
 
   /// High-gradient pixels of the rendered image, with their inverse distances.
   std::vector<tracking::ReferencePoint> select_points(const keyframes::Pyramid& pyramid,
@@ -114,6 +120,15 @@ struct PictureLocalizer::Impl {
           {Eigen::Vector2f(static_cast<float>(pixel.x), static_cast<float>(pixel.y)), 1.0F / range_m, 1.0F});
     }
     return points;
+  }
+
+  /// Reads an image. Throws InputError if it differs in size from the camera.
+  FloatImage read(const RgbImage& picture) const;
+  /// Aligns an image with a view, whatever the quality of the result; nullopt: the alignment did not converge.
+  std::optional<LocalizationResult> align(const keyframes::Pyramid& seen, const RenderedView& view,
+                                          const SE3& guess) const;
+  bool matches(const LocalizationResult& located) const {
+    return located.share_in_view >= options.min_share_in_view && located.correlation >= options.min_correlation;
   }
 
   /// Correlation of the reference's grey values with those of the image, at points inside the image.
@@ -161,38 +176,151 @@ Mat6 pose_information(const tracking::ImageAlignment& alignment) {
   return pose / variance;
 }
 
+/// Covariance of the pose by the sandwich of sums over clusters of pixels (Liang, Zeger, Biometrika 73, 1986):
+/// residuals are independent between the cells of a grid over the image, and of any correlation within one.
+Mat6 cluster_covariance(const keyframes::Lens& lens, const tracking::ReferenceLevel& reference,
+                        const keyframes::PyramidLevel& picture, const tracking::ImageAlignment& alignment,
+                        const keyframes::TrackingOptions& tracking) {
+  using Vec8 = Eigen::Matrix<double, 8, 1>;
+  using Mat8 = Eigen::Matrix<double, 8, 8>;
+  constexpr int kColumns = 6, kRows = 4, kFewest = 12;  // cells; at least four more than unknowns
+  std::array<Vec8, kColumns * kRows> sums;
+  sums.fill(Vec8::Zero());
+  std::array<bool, kColumns * kRows> used{};
+  Mat8 normal = Mat8::Zero();
+  const SE3& T = alignment.state.T_target_reference;
+  const Eigen::Matrix3d R = T.rotation.toRotationMatrix();
+  const double gain = std::exp(alignment.state.a);
+  for (std::size_t i = 0; i < reference.size(); ++i) {
+    const geometry::Vec3 X = R * reference.ray_of(i).cast<double>() + reference.rho[i] * T.translation;
+    geometry::Vec2 pixel;
+    Eigen::Matrix<double, 2, 3> by_X;
+    if (!lens.project<double>(X, pixel, by_X)) continue;
+    if (!picture.inside(static_cast<float>(pixel.x()), static_cast<float>(pixel.y()), 2.0F)) continue;
+    const keyframes::Texel texel = picture.sample(static_cast<float>(pixel.x()), static_cast<float>(pixel.y()));
+    const double predicted = gain * reference.intensity[i];
+    const double residual = texel[keyframes::kIntensity] - predicted - alignment.state.b, size = std::abs(residual);
+    if (size > tracking.cutoff) continue;
+    const double weight = size > tracking.huber ? tracking.huber / size : 1.0;
+    const geometry::Vec3 gradient =
+        by_X.transpose() * geometry::Vec2(texel[keyframes::kGradX], texel[keyframes::kGradY]);
+    Vec8 row;
+    row << reference.rho[i] * gradient, X.cross(gradient), -predicted, -1.0;
+    normal += weight * row * row.transpose();
+    const int column = std::min(kColumns - 1, static_cast<int>(kColumns * pixel.x() / picture.width));
+    const int line = std::min(kRows - 1, static_cast<int>(kRows * pixel.y() / picture.height));
+    const auto cell = static_cast<std::size_t>(line) * kColumns + static_cast<std::size_t>(column);
+    sums[cell] += weight * residual * row;
+    used[cell] = true;
+  }
+  const auto cells = static_cast<double>(std::ranges::count(used, true));
+  Mat8 scatter = Mat8::Zero();
+  for (const Vec8& sum : sums) scatter += sum * sum.transpose();
+  const Vec8 scale = (normal.diagonal().array() + 1e-30).sqrt().inverse();
+  Mat8 scaled = scale.asDiagonal() * normal * scale.asDiagonal();
+  scaled.diagonal().array() += 1e-9;
+  const Mat8 inverse = scale.asDiagonal() * scaled.inverse() * scale.asDiagonal();
+  constexpr double kUnknowns = 8.0;
+  // Few cells fit their own errors; fewer than kFewest tell nothing, and the covariance becomes large.
+  const double correction = cells >= kFewest ? cells / (cells - kUnknowns) : 100.0;
+  return (correction * inverse * scatter * inverse).topLeftCorner<6, 6>();
+}
+
+/// Covariance of what image and rendering differ in by their sampling alone, which parts of the image share.
+Mat6 sampling_covariance(const keyframes::Lens& lens, const tracking::ReferenceLevel& reference) {
+  constexpr double kShift_px = 0.03;
+  double rho = 0.0;
+  for (std::size_t i = 0; i < reference.size(); ++i) rho += reference.rho[i] / static_cast<double>(reference.size());
+  const double sigma_rad = kShift_px / lens.focal_px(), sigma_m = sigma_rad / std::max(1e-6, rho);
+  geometry::Vec6 variances;
+  variances << geometry::Vec3::Constant(sigma_m * sigma_m), geometry::Vec3::Constant(sigma_rad * sigma_rad);
+  return variances.asDiagonal();
+}
+
 }  // namespace
 
-std::optional<LocalizationResult> PictureLocalizer::locate(const RgbImage& picture, const SE3& guess) const {
-  const Impl& my = *impl_;
-  if (picture.width != my.full_width || picture.height != my.full_height)
-    throw InputError("image", "is " + std::to_string(picture.width) + "x" + std::to_string(picture.height) +
-                                  ", the calibration is for " + std::to_string(my.full_width) + "x" +
-                                  std::to_string(my.full_height));
-  const keyframes::Pyramid seen = my.make_pyramid(picture);
-  LocalizationResult located{.T_local_camera = guess};
-  for (int round = 0; round < my.options.max_rounds; ++round) {
-    const render::RenderedFrame predicted = my.renderer.render(located.T_local_camera);
-    const keyframes::Pyramid expected = my.make_pyramid(predicted.rgb);
-    const std::vector<tracking::ReferencePoint> points = my.select_points(expected, predicted.depth_m);
-    constexpr std::size_t kFewest = 50;
-    if (points.size() < kFewest) return std::nullopt;
-    const tracking::TrackingReference reference = tracking::make_tracking_reference(my.lens, expected, points);
-    const tracking::ImageAlignment alignment = tracking::align_image(my.lens, reference, seen, {}, my.tracking);
-    if (!alignment.converged) return std::nullopt;
-    const SE3& T_picture_reference = alignment.state.T_target_reference;
-    located.correlation = my.correlation(reference.levels[0], seen.levels[0], T_picture_reference);
-    located.T_local_camera = located.T_local_camera * T_picture_reference.inverse();
-    located.information = pose_information(alignment);
-    located.share_in_view = alignment.inside_share;
-    located.rmse = alignment.finest_rmse();
-    constexpr double kStill_px = 0.05;
-    const auto flow = tracking::optical_flow(my.lens, reference, T_picture_reference);
-    if (flow.full_px < kStill_px) break;
-  }
-  if (located.share_in_view < my.options.min_share_in_view || located.correlation < my.options.min_correlation)
-    return std::nullopt;
+std::shared_ptr<const RenderedView> PictureLocalizer::Impl::render_view(const SE3& T_local_camera,
+                                                                        double window) const {
+  const render::RenderedFrame predicted = renderer.render(T_local_camera);
+  const keyframes::Pyramid expected = make_pyramid(make_luma(predicted.rgb), window);
+  const std::vector<tracking::ReferencePoint> points = select_points(expected, predicted.depth_m);
+  constexpr std::size_t kFewest = 50;
+  if (points.size() < kFewest) return nullptr;
+  return std::make_shared<RenderedView>(
+      RenderedView{T_local_camera, tracking::make_tracking_reference(lens, expected, points), window});
+}
+
+std::shared_ptr<const RenderedView> PictureLocalizer::render_view(const SE3& T_local_camera, double window) const {
+  return impl_->render_view(T_local_camera, window);
+}
+
+const LocalizerOptions& PictureLocalizer::options() const { return impl_->options; }
+
+double PictureLocalizer::image_motion(const RenderedView& view, const SE3& T_local_from, const SE3& T_local_to) const {
+  // The points' distances from the view are nearly those from a pose near it.
+  const SE3 T_to_from = T_local_to.inverse() * T_local_from;
+  return tracking::optical_flow(impl_->lens, view.reference, T_to_from).full_px / impl_->camera.width();
+}
+
+std::optional<LocalizationResult> PictureLocalizer::Impl::align(const keyframes::Pyramid& seen,
+                                                                const RenderedView& view, const SE3& guess) const {
+  const tracking::ImageAlignmentState start{.T_target_reference = guess.inverse() * view.T_local_camera};
+  const tracking::ImageAlignment alignment = tracking::align_image(lens, view.reference, seen, start, tracking);
+  if (!alignment.converged) return std::nullopt;
+  const SE3& T_picture_view = alignment.state.T_target_reference;
+  const tracking::ReferenceLevel& finest = view.reference.levels[0];
+  LocalizationResult located{.T_local_camera = view.T_local_camera * T_picture_view.inverse(),
+                             .information = pose_information(alignment),
+                             .correlation = correlation(finest, seen.levels[0], T_picture_view),
+                             .share_in_view = alignment.inside_share,
+                             .rmse = alignment.finest_rmse()};
+  located.covariance = cluster_covariance(lens.lenses[0], finest, seen.levels[0], alignment, tracking) +
+                       sampling_covariance(lens.lenses[0], finest);
   return located;
+}
+
+FloatImage PictureLocalizer::Impl::read(const RgbImage& picture) const {
+  if (picture.width != full_width || picture.height != full_height)
+    throw InputError("image", "is " + std::to_string(picture.width) + "x" + std::to_string(picture.height) +
+                                  ", the calibration is for " + std::to_string(full_width) + "x" +
+                                  std::to_string(full_height));
+  return make_luma(picture);
+}
+
+std::optional<LocalizationResult> PictureLocalizer::Impl::approach(const FloatImage& seen, const SE3& guess,
+                                                                   double window, int rounds) const {
+  const keyframes::Pyramid pyramid = make_pyramid(seen, window);
+  LocalizationResult located{.T_local_camera = guess};
+  for (int round = 0; round < rounds; ++round) {
+    const auto view = render_view(located.T_local_camera, window);
+    if (!view) return std::nullopt;
+    const auto next = align(pyramid, *view, located.T_local_camera);
+    if (!next) return std::nullopt;
+    located = *next;
+    constexpr double kStill_px = 0.05;
+    const SE3 T_picture_view = located.T_local_camera.inverse() * view->T_local_camera;
+    if (tracking::optical_flow(lens, view->reference, T_picture_view).full_px < kStill_px) break;
+  }
+  return matches(located) ? std::optional(located) : std::nullopt;
+}
+
+std::optional<LocalizationResult> PictureLocalizer::align(const RgbImage& picture, const RenderedView& view,
+                                                          const SE3& guess) const {
+  const keyframes::Pyramid seen = impl_->make_pyramid(impl_->read(picture), view.window);
+  const auto located = impl_->align(seen, view, guess);
+  return located && impl_->matches(*located) ? located : std::nullopt;
+}
+
+std::optional<LocalizationResult> PictureLocalizer::locate(const RgbImage& picture, const SE3& guess) const {
+  const FloatImage seen = impl_->read(picture);
+  const LocalizerOptions& options = impl_->options;
+  const auto found = impl_->approach(seen, guess, options.wide_window, options.max_rounds);
+  if (!found || options.narrow_window >= options.wide_window) return found;
+  constexpr int kNarrowRounds = 2;
+  auto refined = impl_->approach(seen, found->T_local_camera, options.narrow_window, kNarrowRounds);
+  if (!refined) return found;
+  refined->correlation = found->correlation;
+  return refined;
 }
 
 }  // namespace tileflight::localization

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <iterator>
 #include <memory>
 #include <numbers>
 #include <optional>
@@ -21,8 +20,8 @@
 #include "tileflight/evaluation/localization/picture_localizer.h"
 #include "tileflight/evaluation/registration/register_map.h"
 #include "tileflight/evaluation/scoring/flight_evidence.h"
+#include "tileflight/evaluation/scoring/textured_place.h"
 #include "tileflight/evaluation/scoring/warnings.h"
-#include "tileflight/tiles/mesh_files/mesh_source.h"
 #include "tileflight/world/scene/scene.h"
 
 namespace tileflight::scoring {
@@ -56,6 +55,8 @@ class PictureFinder {
 using geometry::SE3;
 using geometry::Sim3;
 
+// The narrow window's errors are smaller, but the registration's warnings are calibrated on the wide one.
+constexpr double kWideWindow = localization::LocalizerOptions{}.wide_window;
 constexpr int kCoarseWidth = 400;  // pixels: sufficient to recognize the place, at a sixth of the cost
 
 struct PictureFinder::Impl {
@@ -67,8 +68,9 @@ struct PictureFinder::Impl {
   Impl(const scene::Scene& scene, dataset::Dataset d, geometry::Trajectory p)
       : dataset(std::move(d)),
         path(std::move(p)),
-        fine(scene, dataset.calibration.camera),
-        coarse(scene, fine.appearance(), dataset.calibration.camera, {.width = kCoarseWidth}) {
+        fine(scene, dataset.calibration.camera, {.narrow_window = kWideWindow}),
+        coarse(scene, fine.appearance(), dataset.calibration.camera,
+               {.width = kCoarseWidth, .narrow_window = kWideWindow}) {
     geometry::Trajectory times;
     for (const dataset::Frame& frame : dataset.frames) times.poses.push_back({frame.time_s, SE3()});
     constexpr double kSameTime_s = 1e-3;
@@ -122,29 +124,6 @@ registration::LocatedPictures PictureFinder::operator()(const Sim3& T, std::size
 }
 
 using alignment::AlignmentStart;
-
-/// Whether a surface has colours to compare images with.
-bool is_textured(const std::vector<imaging::TexturedMesh>& meshes) {
-  return std::ranges::any_of(meshes, [](const auto& mesh) { return mesh.texture || !mesh.colors.empty(); });
-}
-
-/// The truth as a scene for ray casting. A texture is decoded when a ray of an image first meets it.
-struct TruthScene {
-  std::unique_ptr<scene::Scene> scene;
-  bool textured = false;
-
-  TruthScene(const AlignTarget& target, bool with_textures) {
-    std::vector<imaging::TexturedMesh> meshes;
-    const mesh_files::MeshSourceOptions options{.textures = with_textures, .defer_textures = true};
-    for (const fs::path& file : target.mesh_files) {
-      auto part = mesh_files::read_mesh_source(file, options).meshes;
-      std::move(part.begin(), part.end(), std::back_inserter(meshes));
-    }
-    textured = is_textured(meshes);
-    scene = std::make_unique<scene::Scene>(std::move(meshes));
-    scene->build_ray_tree();
-  }
-};
 
 registration::ObservedPoints read_observed_points(const MapInputs& map, const geometry::PointCloud& cloud) {
   geometry::Trajectory keyframes;
@@ -254,7 +233,7 @@ RegisteredFlight register_flight(const MapInputs& map, const AlignTarget& target
   if (!map.dataset.empty() && !map.trajectory.empty()) dataset = dataset::read_dataset(map.dataset);
   const registration::RegistrationEvidence evidence = gather_evidence(map, dataset, target, options);
   const bool has_images = dataset && !evidence.path.empty();
-  const TruthScene place(target, has_images);
+  const TexturedPlace place = read_textured_place(target.mesh_files, has_images);
   registration::RegistrationServices services;
   services.cast_ray = make_ray_cast(*place.scene);
   std::unique_ptr<PictureFinder> finder;

@@ -1,11 +1,13 @@
 #include "tileflight/slam/odometry/track_result.h"
 
+#include <algorithm>
 #include <iomanip>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <variant>
 
 #include "tileflight/core/base/files.h"
+#include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/text_parsing.h"
 #include "tileflight/core/base/warning.h"
 #include "tileflight/core/geometry/cloud_files.h"
@@ -194,6 +196,37 @@ void write_track_result(const fs::path& folder, const TrackResult& result, const
   geometry::write_cloud(folder / "map.ply", run.map);
   imaging::write_kalibr(folder / "camera.yaml", result.calibration);
   base::write_file(folder / "odometry.json", to_json(result).dump(2) + "\n");
+}
+
+std::vector<FrameQuality> read_quality_csv(const fs::path& file) {
+  const std::string text = base::read_text(file);
+  std::string_view rest = text;
+  const std::vector<std::string_view> head = base::split_fields(base::take_line(rest).value_or(""), ",");
+  std::vector<FrameQuality> qualities;
+  while (const auto line = base::take_line(rest)) {
+    const std::string where = file.string() + ", line " + std::to_string(qualities.size() + 2);
+    const std::vector<std::string_view> fields = base::split_fields(*line, ",");
+    if (fields.size() != head.size()) throw InputError(where, "has another number of columns than the heading");
+    const auto number = [&](std::string_view name) {
+      const auto at = static_cast<std::size_t>(std::ranges::find(head, name) - head.begin());
+      const auto value = at < fields.size() ? base::parse_number<double>(fields[at]) : std::nullopt;
+      if (!value) throw InputError(where, "has no number in the column " + std::string(name));
+      return *value;
+    };
+    qualities.push_back({.frame = static_cast<std::int64_t>(qualities.size()),
+                         .time_s = number("time_s"),
+                         .tracked = number("tracked") > 0.0,
+                         .is_keyframe = number("keyframe") > 0.0,
+                         .rmse = number("rmse"),
+                         .inside_share = number("inside_share"),
+                         .saturated_share = number("saturated_share"),
+                         .known_points = static_cast<int>(number("known_points")),
+                         .distance_to_keyframe = number("step"),
+                         .sigma_position = number("sigma_position"),
+                         .sigma_rotation_rad = number("sigma_rotation_rad"),
+                         .sigma_log_scale = number("sigma_log_scale")});
+  }
+  return qualities;
 }
 
 }  // namespace tileflight::odometry

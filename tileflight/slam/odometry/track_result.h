@@ -19,4 +19,8 @@ nlohmann::json to_json(const TrackResult& result);
 void write_track_result(const std::filesystem::path& folder, const TrackResult& result,
                         const std::vector<dataset::Frame>& frames);
 
+/// Reads quality.csv: an entry for each image in order of time. FrameQuality::frame is the number of its line, from 0;
+/// `keyframe` is not stored. Throws InputError (file, line, cause).
+std::vector<FrameQuality> read_quality_csv(const std::filesystem::path& file);
+
 }  // namespace tileflight::odometry
