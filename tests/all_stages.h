@@ -29,8 +29,6 @@ class AllStages {
          "depth,range,normals,segmentation,infrared,flow,visibility", "--degrade", in("light.yaml"), "--origin",
          "35.3,-80.7,190"},
         {"render", in("place"), "--flight", in("events.yaml"), "--out", in("events")},
-        {"localize", in("run/real/dataset"), "--to", in("run/truth"), "--odometry", in("run/real/odometry"), "--out",
-         in("localized")},
         {"odometry", in("rig"), "--mode", "stereo", "--out", in("stereo")},
         {"odometry", in("rig"), "--mode", "inertial", "--out", in("inertial")},
         {"odometry", in("rig"), "--mode", "stereo-inertial", "--out", in("stereo-inertial")},
@@ -79,6 +77,7 @@ simulated:
   render: {flight: flight.yaml, outputs: "visibility, photometric"}
 real:
   kind: surrogate
+  reference: tiles
   render:
     flight: flight.yaml
     degrade: {exposure_time: 0.01, exposure_samples: 3, line_delay: 0.00003, vignetting: 0.4, read_noise_electrons: 5,

@@ -26,13 +26,12 @@ namespace tileflight::recording {
 namespace fs = std::filesystem;
 
 void write_followed_flight(const fs::path& real, const std::optional<flight_path::SmoothingOptions>& smoothing,
-                           const fs::path& out) {
-  const geometry::Trajectory estimate = geometry::read_tum(real / "odometry/trajectory.txt");
-  if (estimate.size() < 2)
-    throw InputError((real / "odometry/trajectory.txt").string(),
-                     "has fewer than two poses; there is no path to follow");
-  const geometry::Trajectory local =
-      geometry::transformed(alignment::read_transform(real / "transform.json").T_target_source, estimate);
+                           const fs::path& out, const fs::path& located) {
+  const fs::path source = located.empty() ? real / "odometry/trajectory.txt" : located;
+  geometry::Trajectory local = geometry::read_tum(source);
+  if (local.size() < 2) throw InputError(source.string(), "has fewer than two poses; there is no path to follow");
+  if (located.empty())
+    local = geometry::transformed(alignment::read_transform(real / "transform.json").T_target_source, local);
   const bool is_smoothed = local.size() >= flight_path::kMinPosesToSmooth;
   const base::OutputFolder output{
       .folder = out, .command = "run", .replace = true, .inputs = {real / "odometry", real / "dataset"}};
@@ -71,12 +70,10 @@ struct FramePair {
   double position_m = kNaN, rotation_deg = kNaN;
 };
 
-FlightView real_view(const fs::path& folder, bool& is_true) {
-  FlightView view{dataset::read_dataset(folder / "dataset"), {}};
+FlightView real_view(const fs::path& run, bool& is_true) {
+  FlightView view{dataset::read_dataset(run / "real/dataset"), {}};
   is_true = view.dataset.groundtruth.has_value();
-  view.poses = is_true ? *view.dataset.groundtruth
-                       : geometry::transformed(alignment::read_transform(folder / "transform.json").T_target_source,
-                                               geometry::read_tum(folder / "odometry/trajectory.txt"));
+  view.poses = is_true ? *view.dataset.groundtruth : geometry::read_tum(run / "simulated/flight/poses.txt");
   return view;
 }
 
@@ -251,7 +248,7 @@ scene::Scene load_truth_scene(const fs::path& truth) {
 
 json measure_reproduction(const fs::path& run, const Progress& progress) {
   bool is_true = false;
-  const FlightView real = real_view(run / "real", is_true), simulated = simulated_view(run / "simulated");
+  const FlightView real = real_view(run, is_true), simulated = simulated_view(run / "simulated");
   std::vector<FramePair> pairs = pair_frames(real, simulated, run);
   const scene::Scene scene = load_truth_scene(run / "truth");
   const render::ViewOverlap overlap(scene, real.dataset.calibration.camera, simulated.dataset.calibration.camera);

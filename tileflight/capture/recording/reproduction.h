@@ -10,12 +10,13 @@
 namespace tileflight::recording {
 
 /// Writes the FLIGHT file that repeats a scored flight. `real` holds its dataset, odometry and transform.json; the
-/// poses are the estimates of all tracked images, transformed to the local frame, at the images' times; the lens is the
-/// dataset's. `smoothing`: smoothing of the path along the poses; too few poses to smooth are interpolated.
-/// `out` becomes a folder with flight.yaml, camera.yaml and poses.txt. Throws InputError.
+/// poses are the estimates of all tracked images, transformed to the local frame, at the images' times, or those of
+/// `located` (TUM, local frame) unless it is empty; the lens is the dataset's. `smoothing`: smoothing of the path along
+/// the poses; too few poses to smooth are interpolated. `out` becomes a folder with flight.yaml, camera.yaml and
+/// poses.txt. Throws InputError.
 void write_followed_flight(const std::filesystem::path& real,
                            const std::optional<flight_path::SmoothingOptions>& smoothing,
-                           const std::filesystem::path& out);
+                           const std::filesystem::path& out, const std::filesystem::path& located = {});
 
 /// Measures how well a run's simulated flight reproduces the flight that it follows. Images are paired by time (within
 /// half of the followed flight's frame interval); at most 200 evenly chosen pairs are evaluated. Per pair:

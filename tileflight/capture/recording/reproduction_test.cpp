@@ -101,6 +101,17 @@ TEST_F(FollowedFlight, SmoothedIsNearerToTheTruthThanThePosesAre) {
   EXPECT_THAT(plan_text(), HasSubstr("smooth: 0.75\n"));
 }
 
+TEST_F(FollowedFlight, LocatedPosesAreFlownInPlaceOfTheEstimate) {
+  followed(measured(60), std::nullopt);
+  geometry::Trajectory exact;
+  for (int i = 0; i < 60; ++i) exact.poses.push_back({0.1 * i, true_pose(0.1 * i)});
+  std::filesystem::create_directories(folder_ / "located");
+  geometry::write_tum(folder_ / "located/trajectory.txt", exact);
+  write_followed_flight(folder_ / "real", std::nullopt, folder_ / "flight", folder_ / "located/trajectory.txt");
+  const flight_path::Path path = vehicle::build_path(vehicle::read_flight_plan(folder_ / "flight/flight.yaml"));
+  EXPECT_LT(rms_from_truth_m(path, 60), 1e-6);
+}
+
 TEST_F(FollowedFlight, TooFewPosesAreFlownThroughOrRefused) {
   const geometry::Trajectory poses = measured(5);
   const flight_path::Path path = followed(poses, flight_path::SmoothingOptions{});

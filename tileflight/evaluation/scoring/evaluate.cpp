@@ -234,7 +234,9 @@ std::vector<double> score_without_surface(const Task& task, const MapTiles& tile
   metrics.map =
       metrics::score_map(voxel_m, quantization_floor(task.truth, settings.cutoff_m), {.cutoff_m = settings.cutoff_m});
   report_progress(progress, 3, 4, "trajectory");
-  if (task.poses.has_both()) {
+  if (!task.poses.estimate.empty() && !task.map.reference.empty()) {
+    metrics.trajectory = score_by_recorded_positions(task.poses.estimate, task.map.reference, metrics.warnings);
+  } else if (task.poses.has_both()) {
     metrics.trajectory = metrics::evaluate_trajectory(task.poses.estimate, task.poses.truth);
   } else if (!task.poses.estimate.empty() && !task.map.gps.empty()) {
     metrics.trajectory = score_by_recorded_positions(task.poses.estimate, task.map.dataset, metrics.warnings);

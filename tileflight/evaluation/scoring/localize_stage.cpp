@@ -257,23 +257,37 @@ Warnings flight_warnings(const LocalizeResult& result) {
   return warnings;
 }
 
-/// Whether the images, each located on its own, confirm where the flight was registered and how the odometry went.
-bool confirms(const LocalizeResult& result, const AlignResult& aligned) {
-  constexpr double kMost = 0.8, kFew = 0.1;
-  const auto* registered = std::get_if<RegisteredFlight>(&aligned.found);
-  if (registered == nullptr) return false;
-  const registration::RegistrationResult& r = registered->registration;
-  const bool is_ambiguous = r.repetition_distance_m || r.similar_place_distance_m;
-  const auto images = static_cast<double>(result.times_s.size());
-  const auto contradicting = std::ranges::count_if(result.flight.images, &LocatedImage::contradicts);
-  return !is_ambiguous && static_cast<double>(result.count(PoseSource::kPlace)) >= kMost * images &&
-         static_cast<double>(contradicting) <= kFew * images;
+/// Where the flight is before its images are located.
+struct FlightStart {
+  geometry::Sim3 T_local_map;
+  Warnings warnings;          ///< of odometry and registration
+  bool is_ambiguous = false;  ///< the images fit elsewhere, too
+};
+
+FlightStart register_flight_start(const LocalizeSettings& settings, const MapInputs& map, const fs::path& truth,
+                                  const fs::path& folder, const Progress& progress) {
+  if (!settings.transform.empty()) {
+    const ScoringTransform given = read_scoring_transform(settings.transform);
+    return {given.T_surface_map, given.warnings};
+  }
+  const AlignResult aligned = align(map, truth, settings.align, folder / "transform.json", progress);
+  FlightStart start{aligned.T_local_map(), aligned.warnings};
+  if (const auto* registered = std::get_if<RegisteredFlight>(&aligned.found)) {
+    const registration::RegistrationResult& r = registered->registration;
+    start.is_ambiguous = r.repetition_distance_m || r.similar_place_distance_m;
+  }
+  return start;
 }
 
-/// The warnings of the odometry and of its registration; notes where the located images confirm both.
-Warnings start_warnings(const LocalizeResult& result, const AlignResult& aligned) {
-  Warnings warnings = aligned.warnings;
-  if (!confirms(result, aligned)) return warnings;
+/// The warnings of the odometry and of its registration; notes where the images, each located on its own, confirm both.
+Warnings start_warnings(const LocalizeResult& result, const FlightStart& start) {
+  constexpr double kMost = 0.8, kFew = 0.1;
+  const auto images = static_cast<double>(result.times_s.size());
+  const auto contradicting = std::ranges::count_if(result.flight.images, &LocatedImage::contradicts);
+  Warnings warnings = start.warnings;
+  if (start.is_ambiguous || static_cast<double>(result.count(PoseSource::kPlace)) < kMost * images ||
+      static_cast<double>(contradicting) > kFew * images)
+    return warnings;
   for (Warning& warning : warnings) warning.severity = Severity::kNote;
   return warnings;
 }
@@ -351,8 +365,8 @@ LocalizeResult localize(const LocalizeSettings& settings, const fs::path& out, b
     }
     const MapInputs map = find_map_inputs(odometry, settings.dataset);
     if (map.trajectory.empty()) throw InputError(odometry.string(), "has no trajectory.txt");
-    const AlignResult aligned = align(map, truth, settings.align, folder / "transform.json", progress);
-    result.T_local_map = aligned.T_local_map();
+    const FlightStart flight_start = register_flight_start(settings, map, truth, folder, progress);
+    result.T_local_map = flight_start.T_local_map;
 
     const AlignTarget target = read_align_target(truth);
     result.origin = target.origin;
@@ -370,7 +384,7 @@ LocalizeResult localize(const LocalizeSettings& settings, const fs::path& out, b
     }
     result.lost = lost_parts(result);
     result.receiver = compare_with_receiver(result, dataset);
-    result.warnings = start_warnings(result, aligned);
+    result.warnings = start_warnings(result, flight_start);
     append_distinct(result.warnings, flight_warnings(result));
     geometry::write_tum(folder / "trajectory.txt", located_path(result));
     base::write_file(folder / "quality.csv", quality_csv(result));
@@ -378,6 +392,34 @@ LocalizeResult localize(const LocalizeSettings& settings, const fs::path& out, b
     base::write_file(folder / "localize.json", to_json(result).dump(2) + "\n");
   });
   return result;
+}
+
+std::vector<alignment::PositionFix> read_located_positions(const fs::path& folder) {
+  const fs::path file = folder / "quality.csv";
+  const geometry::Trajectory path = geometry::read_tum(folder / "trajectory.txt");
+  const std::string text = base::read_text(file);
+  std::string_view rest = text;
+  const std::vector<std::string_view> head = base::split_fields(base::take_line(rest).value_or(""), ",");
+  std::vector<alignment::PositionFix> fixes;
+  for (std::size_t line_number = 2; const auto line = base::take_line(rest); ++line_number) {
+    const std::vector<std::string_view> fields = base::split_fields(*line, ",");
+    const auto number = [&](std::string_view name) {
+      const auto at = static_cast<std::size_t>(std::ranges::find(head, name) - head.begin());
+      const auto value = at < fields.size() ? base::parse_number<double>(fields[at]) : std::nullopt;
+      if (!value)
+        throw InputError(file.string() + ", line " + std::to_string(line_number),
+                         "has no number in the column " + std::string(name));
+      return *value;
+    };
+    const double time_s = number("time_s");
+    constexpr double kSameTime_s = 1e-4;
+    const auto pose = std::ranges::lower_bound(path.poses, time_s - kSameTime_s, {}, &geometry::StampedPose::time_s);
+    if (pose == path.poses.end() || pose->time_s > time_s + kSameTime_s) continue;  // lost
+    fixes.push_back({time_s, pose->T_local_camera.translation,
+                     std::sqrt(0.5) * std::hypot(number("sigma_east_m"), number("sigma_north_m")),
+                     number("sigma_up_m")});
+  }
+  return fixes;
 }
 
 }  // namespace tileflight::scoring

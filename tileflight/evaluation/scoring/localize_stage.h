@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "tileflight/core/alignment/align_map.h"
+#include "tileflight/core/alignment/align_trajectory.h"
 #include "tileflight/core/base/progress.h"
 #include "tileflight/core/base/warning.h"
 #include "tileflight/evaluation/localization/flight_localizer.h"
@@ -23,6 +24,7 @@ struct LocalizeSettings {
   tileset::LoadOptions load;         ///< of a tileset: region, geometric error, origin
   std::filesystem::path odometry;    ///< folder of an odometry of these images; empty: the built-in one tracks them
   odometry::TrackOptions track;      ///< of the built-in odometry
+  std::filesystem::path transform;   ///< that align() wrote for this odometry; empty: its map is registered here
   alignment::AlignMapOptions align;  ///< registration of the odometry's map, from which the images are located
   int width = 640;                   ///< images are compared with the place at this width at most, pixels
 };
@@ -60,10 +62,14 @@ struct LocalizeResult {
 nlohmann::json to_json(const LocalizeResult& result);
 
 /// Locates every image of a dataset in a place, and atomically writes a folder with trajectory.txt (local frame),
-/// quality.csv (a line for each image), localize.json and transform.json; unless they are given, also odometry/ and
+/// quality.csv (a line for each image) and localize.json; unless they are given, also odometry/, transform.json and
 /// place/ (the ground truth of the region). Without a region, the place is the surroundings of the receiver's
 /// positions, or the whole tileset without them. Throws InputError, also if no image was found in the place.
 LocalizeResult localize(const LocalizeSettings& settings, const std::filesystem::path& out, bool replace,
                         const Progress& progress = {});
+
+/// Reads the positions of the images from a folder that localize() wrote, with their standard deviations. Throws
+/// InputError.
+std::vector<alignment::PositionFix> read_located_positions(const std::filesystem::path& folder);
 
 }  // namespace tileflight::scoring

@@ -18,6 +18,7 @@ struct MapInputs {
   std::filesystem::path gps;               ///< gps.csv; empty: none
   std::filesystem::path attitude;          ///< attitude.csv; empty: none
   std::filesystem::path dataset;           ///< folder of the flight's images; empty: none
+  std::filesystem::path reference{};       ///< folder that localize() wrote, to which the path is compared; empty: none
   std::filesystem::path camera;     ///< for read_flight_camera(), for the visible part of the surface; empty: none
   std::vector<MapInputs> others{};  ///< other flights, whose maps must have points in the regions used
 };

@@ -15,6 +15,7 @@
 #include "tileflight/core/geometry/geodesy.h"
 #include "tileflight/data/dataset/dataset.h"
 #include "tileflight/data/flight_logs/photo_log.h"
+#include "tileflight/evaluation/scoring/localize_stage.h"
 
 namespace tileflight::scoring {
 namespace fs = std::filesystem;
@@ -179,21 +180,21 @@ void add_errors(const std::vector<alignment::PositionFix>& fixes, ReceiverScore&
   if (beyond > 0.0) score.receiver.beyond_receiver_m = std::sqrt(beyond);
 }
 
-void add_warnings(const std::vector<alignment::PositionFix>& fixes, bool has_own_sigmas,
+void add_warnings(const std::vector<alignment::PositionFix>& fixes, const ReceiverTruth& truth,
                   const alignment::TrajectoryAlignment& aligned, const ReceiverScoring& scoring,
                   const std::string& name, ReceiverScore& score) {
   const std::string own = base::formatted(
-      "a receiver's positions with standard deviations of %.3g m (level) and %.3g m (height%s) give a "
-      "perfect trajectory an error of %.3g m; ",
-      score.receiver.horizontal_sigma_m, score.receiver.vertical_sigma_m,
-      has_own_sigmas ? "" : "; assumed, the log states none", score.receiver.expected_rmse_m);
+      "%s with standard deviations of %.3g m (level) and %.3g m (height%s) give a perfect trajectory an error of "
+      "%.3g m; ",
+      truth.what.c_str(), score.receiver.horizontal_sigma_m, score.receiver.vertical_sigma_m,
+      truth.has_own_sigmas ? "" : "; assumed, the log states none", score.receiver.expected_rmse_m);
   const std::string rest =
       score.receiver.beyond_receiver_m
           ? base::formatted("of this trajectory's, %.3g m are beyond that", *score.receiver.beyond_receiver_m)
           : "this trajectory's is not larger, so that nothing of it is shown to be the trajectory's";
   if (score.receiver.expected_rmse_m > 0.0)
     score.warnings.push_back({own + rest, name, Severity::kNote,
-                              "slow errors of the receiver are taken up by the alignment and in no number"});
+                              "slow errors of these positions are taken up by the alignment and in no number"});
   if (!aligned.note.empty())
     score.warnings.push_back({aligned.note, name, Severity::kWarning, "check the log and the trajectory's times"});
   if (aligned.inliers < aligned.pairs)
@@ -222,6 +223,8 @@ void add_warnings(const std::vector<alignment::PositionFix>& fixes, bool has_own
 
 std::optional<ReceiverTruth> read_receiver_truth(const fs::path& file) {
   if (!fs::is_directory(file)) return is_flight_log(file) ? std::optional(read_log(file)) : std::nullopt;
+  if (fs::exists(file / "localize.json"))
+    return ReceiverTruth{.what = "positions located in the tiles", .fixes = read_located_positions(file)};
   if (!flight_logs::read_photo_log(file).telemetry.fixes.empty()) return read_log(file);
   const dataset::Dataset dataset = dataset::read_dataset(file);
   if (dataset.groundtruth) return std::nullopt;
@@ -278,7 +281,7 @@ ReceiverScore score_by_receiver(const Trajectory& estimate, const ReceiverTruth&
   score.poses.T_truth_estimate = aligned.T_local_map;
   score.warnings = interpolation_warnings(fixes, on_clock, name);
   add_errors(fixes, score);
-  add_warnings(fixes, truth.has_own_sigmas, aligned, scoring, name, score);
+  add_warnings(fixes, truth, aligned, scoring, name, score);
   return score;
 }
 

@@ -12,16 +12,19 @@
 
 namespace tileflight::scoring {
 
-/// Positions that a receiver recorded during a flight, as the truth of a trajectory's positions.
+/// Positions that a receiver recorded during a flight, or that its images were located at, as the reference of a
+/// trajectory's positions.
 struct ReceiverTruth {
-  std::vector<alignment::PositionFix> fixes;  ///< east, north, up of the first one, metres; on the receiver's clock
+  std::string what = "a receiver's positions";
+  std::vector<alignment::PositionFix> fixes;  ///< east, north, up, metres; on the receiver's clock
   flight_logs::Telemetry telemetry;           ///< the log; empty for a dataset's gps.csv
   bool has_own_sigmas = true;                 ///< false: the standard deviations are assumed, the log states none
   std::vector<std::string> warnings;          ///< of the log's reader
 };
 
-/// Reads the positions of a flight log, a video with telemetry, a folder of photos with positions, or a dataset without
-/// true poses. nullopt for a file of poses and a dataset with true poses. Throws InputError as the readers do.
+/// Reads the positions of a flight log, a video with telemetry, a folder of photos with positions, a folder that
+/// localize() wrote, or a dataset without true poses. nullopt for a file of poses and a dataset with true poses. Throws
+/// InputError as the readers do.
 std::optional<ReceiverTruth> read_receiver_truth(const std::filesystem::path& file);
 
 /// Selects how a trajectory is compared with a receiver's positions.

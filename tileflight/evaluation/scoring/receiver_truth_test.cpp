@@ -166,5 +166,36 @@ TEST_F(AgainstAReceiver, WhatCannotBeComparedIsRefused) {
               HasSubstr("auto needs a receiver's positions"));
 }
 
+TEST_F(AgainstAReceiver, PositionsLocatedInTheTilesAreAReferenceWithTheirOwnSigmas) {
+  geometry::Trajectory located;
+  std::string quality = "frame,time_s,source,sigma_east_m,sigma_north_m,sigma_up_m\n";
+  std::mt19937_64 random(3);
+  std::normal_distribution<double> normal;
+  for (int i = 0; i <= 300; ++i) {
+    geometry::SE3 pose = camera_at(0.2 * i);
+    pose.translation += Vec3(0.05 * normal(random), 0.05 * normal(random), 0.1 * normal(random));
+    quality += base::formatted("%06d,%.3f,%s,0.05,0.05,0.1\n", i, 0.2 * i, i == 7 ? "lost" : "place");
+    if (i != 7) located.poses.push_back({0.2 * i, pose});
+  }
+  std::filesystem::create_directories(folder_ / "located");
+  geometry::write_tum(folder_ / "located/trajectory.txt", located);
+  base::write_file(folder_ / "located/quality.csv", quality);
+  base::write_file(folder_ / "located/localize.json", "{}");
+  const nlohmann::json metrics = evaluate_trajectories({.estimates = {folder_ / "estimate.txt"},
+                                                        .truth = folder_ / "located",
+                                                        .options = {},
+                                                        .time_offset_s = 0.0,
+                                                        .lever_arm_m = Vec3::Zero()},
+                                                       folder_ / "located.json");
+  const nlohmann::json& trajectory = metrics.at("trajectory");
+  EXPECT_EQ(trajectory.at("poses"), 300);
+  EXPECT_NEAR(trajectory.at("ate_rmse"), std::sqrt(2 * 0.05 * 0.05 + 0.1 * 0.1), 0.01);
+  EXPECT_NEAR(trajectory.at("receiver").at("normalized_error_squared"), 1.0, 0.15);
+  EXPECT_THAT(metrics.at("warnings").dump(), HasSubstr("positions located in the tiles with standard deviations"));
+  base::write_file(folder_ / "located/quality.csv", "frame,time_s\n000000,x\n");
+  EXPECT_THAT(tests::refusal_of([&] { read_receiver_truth(folder_ / "located"); }),
+              HasSubstr("quality.csv, line 2: has no number in the column time_s"));
+}
+
 }  // namespace
 }  // namespace tileflight::scoring::receiver_truth_test

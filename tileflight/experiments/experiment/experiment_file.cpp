@@ -289,6 +289,7 @@ FlightConfig read_flight(StrictSection section, const std::string& default_kind)
   flight.kind = section.choice("kind", {"simulated", "video", "surrogate"}).value_or(default_kind);
   if (auto render = section.section("render")) flight.render = read_render(*render);
   if (auto ingest = section.section("ingest")) flight.ingest = read_ingest(*ingest);
+  flight.reference_tiles = section.choice("reference", {"tiles"}).has_value();
   section.require_all_keys_used();
   if (flight.render.has_value() == flight.ingest.has_value()) {
     throw section.error("", "needs either 'render' or 'ingest'");
@@ -491,6 +492,10 @@ Experiment read_experiment(const fs::path& file) {
   if (const auto odometry = root.section("odometry")) experiment.sections["odometry"] = odometry_text(*odometry);
   experiment.variants = read_variants(root, experiment);
   root.require_all_keys_used();
+  for (const auto& [name, flight] : {std::pair{"simulated", &experiment.simulated}, {"real", &experiment.real}}) {
+    if (*flight && (*flight)->reference_tiles && !experiment.has_place())
+      throw root.error(name, "has 'reference: tiles', but the experiment has no place");
+  }
   if (experiment.real && experiment.real->render && experiment.real->render->follows_real)
     throw root.error("real", "cannot follow itself; 'follow: real' is for 'simulated'");
   const bool follows =

@@ -58,6 +58,7 @@ struct FlightConfig {
   std::string kind;  ///< "simulated", "video" or "surrogate"
   std::optional<recording::RenderedFlightConfig> render;
   std::optional<ingest::IngestedFlightConfig> ingest;
+  bool reference_tiles = false;  ///< reference: tiles; the path is compared with where its images are in the place
 };
 
 /// Section `odometry:`: settings of the built-in odometry, or an external program, which takes `runs` and `seed` alone.

@@ -50,6 +50,19 @@ TEST_F(ExperimentFile, TheLogsOffsetIsGivenFoundOrLeftToTheAlignment) {
   EXPECT_THAT(fault("", ", telemetry: log.srt, telemetry_offset: automatic"), HasSubstr("must be a number"));
 }
 
+TEST_F(ExperimentFile, AFilmedFlightMayBeComparedWithTheTiles) {
+  const auto read_with = [&](const std::string& place, const std::string& reference) {
+    base::write_file(folder_ / "r.yaml",
+                     place + "real:\n  " + reference + "\n  ingest: {video: film.mp4, camera: camera.yaml}\n");
+    return read_experiment(folder_ / "r.yaml");
+  };
+  EXPECT_TRUE(read_with("place: {source: tileset.json}\n", "reference: tiles").real->reference_tiles);
+  EXPECT_FALSE(read_with("place: {source: tileset.json}\n", "kind: video").real->reference_tiles);
+  EXPECT_THAT(tests::refusal_of([&] { read_with("place: {source: tileset.json}\n", "reference: true"); }),
+              HasSubstr("tiles"));
+  EXPECT_THAT(tests::refusal_of([&] { read_with("", "reference: tiles"); }), HasSubstr("the experiment has no place"));
+}
+
 TEST_F(ExperimentFile, AFilmedFlightMayHaveAnInertialUnit) {
   base::write_file(folder_ / "imu.csv", "");
   const ingest::IngestedFlightConfig with = ingest(", imu: imu.csv, imu_time_offset: 2.5");

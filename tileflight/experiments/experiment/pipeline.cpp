@@ -296,9 +296,11 @@ json Pipeline::dataset_inputs(const FlightStages& f) const {
 }
 
 json Pipeline::followed_inputs() const {
-  return {{"dataset", cache_.key("real/dataset")},
-          {"alignment", cache_.key("real/alignment")},
-          {"smooth", flight_path::smoothing_text(experiment_.simulated->render->smoothing)}};
+  json inputs{{"dataset", cache_.key("real/dataset")},
+              {"alignment", cache_.key("real/alignment")},
+              {"smooth", flight_path::smoothing_text(experiment_.simulated->render->smoothing)}};
+  if (experiment_.real->reference_tiles) inputs["localization"] = cache_.key("real/localization");
+  return inputs;
 }
 
 json Pipeline::reproduction_inputs() const {
@@ -345,9 +347,15 @@ std::vector<scoring::MapInputs> Pipeline::other_flights_maps(const FlightStages&
   return others;
 }
 
-json Pipeline::evaluation_inputs(const OdometryRun& run) const {
+json Pipeline::localization_inputs(const OdometryRun& run) const {
+  return {{"alignment", cache_.key(run.name + "/alignment")}};
+}
+
+json Pipeline::evaluation_inputs(const FlightStages& flight, const OdometryRun& run) const {
   if (!experiment_.has_place()) return {{"odometry", cache_.key(run.name + "/odometry")}};
-  return {{"alignment", cache_.key(run.name + "/alignment")}, {"evaluation", section_hash("evaluation")}};
+  json inputs{{"alignment", cache_.key(run.name + "/alignment")}, {"evaluation", section_hash("evaluation")}};
+  if (flight.flight.reference_tiles) inputs["localization"] = cache_.key(run.name + "/localization");
+  return inputs;
 }
 
 json Pipeline::comparison_inputs() const {

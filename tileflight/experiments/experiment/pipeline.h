@@ -69,7 +69,8 @@ class Pipeline {
   nlohmann::json alignment_inputs(const FlightStages& flight, const OdometryRun& run) const;
   /// The first runs of the other flights whose odometry is done.
   std::vector<scoring::MapInputs> other_flights_maps(const FlightStages& flight) const;
-  nlohmann::json evaluation_inputs(const OdometryRun& run) const;
+  nlohmann::json localization_inputs(const OdometryRun& run) const;
+  nlohmann::json evaluation_inputs(const FlightStages& flight, const OdometryRun& run) const;
   nlohmann::json comparison_inputs() const;
   nlohmann::json failure_inputs() const;
 

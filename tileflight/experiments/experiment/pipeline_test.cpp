@@ -84,7 +84,8 @@ class PipelineTest : public testing::Test {
     for (const FlightStages& f : p.flights()) {
       for (const OdometryRun& r : p.runs(f)) {
         pass(r.name + "/alignment", p.alignment_inputs(f, r));
-        pass(r.name + "/evaluation", p.evaluation_inputs(r));
+        if (f.flight.reference_tiles) pass(r.name + "/localization", p.localization_inputs(r));
+        pass(r.name + "/evaluation", p.evaluation_inputs(f, r));
       }
     }
     if (!experiment.simulated || !experiment.real) return keys;  // a variant

@@ -20,6 +20,7 @@
 #include "tileflight/evaluation/scoring/evaluate.h"
 #include "tileflight/evaluation/scoring/evaluate_trajectories.h"
 #include "tileflight/evaluation/scoring/failure_prediction.h"
+#include "tileflight/evaluation/scoring/localize_stage.h"
 #include "tileflight/experiments/experiment/experiment_file.h"
 #include "tileflight/experiments/experiment/folder_cache.h"
 #include "tileflight/experiments/experiment/pipeline.h"
@@ -170,7 +171,8 @@ class FlightStageRunner {
   void make_dataset(const FlightStages& f) const {
     if (f.flight.render && f.flight.render->follows_real) {
       cache_.run_stage(f.name + "/flight", pipeline_.followed_inputs(), {f.name + "/flight"}, [&] {
-        recording::write_followed_flight(folder_ / "real", f.flight.render->smoothing, f.folder / "flight");
+        const fs::path located = experiment_.real->reference_tiles ? folder_ / "real/localized/trajectory.txt" : "";
+        recording::write_followed_flight(folder_ / "real", f.flight.render->smoothing, f.folder / "flight", located);
       });
     }
     std::vector<std::string> products{f.name + "/dataset"};
@@ -212,7 +214,21 @@ class FlightStageRunner {
         const fs::path transform = r.folder / "transform.json";
         cache_.run_stage(r.name + "/alignment", pipeline_.alignment_inputs(f, r), {r.name + "/transform.json"},
                          [&] { scoring::align(map, folder_ / "truth", experiment_.alignment, transform, progress_); });
-        cache_.run_stage(r.name + "/evaluation", pipeline_.evaluation_inputs(r), pipeline_.evaluation_products(r), [&] {
+        if (f.flight.reference_tiles) {
+          map.reference = r.folder / "localized";
+          cache_.run_stage(r.name + "/localization", pipeline_.localization_inputs(r), {r.name + "/localized"}, [&] {
+            scoring::localize({.dataset = f.folder / "dataset",
+                               .place = (folder_ / "truth").string(),
+                               .load = {},
+                               .odometry = r.folder / "odometry",
+                               .track = {},
+                               .transform = transform,
+                               .align = {}},
+                              map.reference, true, progress_);
+          });
+        }
+        const json inputs = pipeline_.evaluation_inputs(f, r);
+        cache_.run_stage(r.name + "/evaluation", inputs, pipeline_.evaluation_products(r), [&] {
           scoring::evaluate(map, folder_ / "truth", transform, experiment_.evaluation, r.folder / "metrics.json",
                             progress_);
         });
@@ -223,7 +239,7 @@ class FlightStageRunner {
  private:
   /// Compares the path with the recorded positions, which is all that can be scored without a place.
   void score_path(const FlightStages& f, const OdometryRun& r) const {
-    cache_.run_stage(r.name + "/evaluation", pipeline_.evaluation_inputs(r), {r.name + "/metrics.json"}, [&] {
+    cache_.run_stage(r.name + "/evaluation", pipeline_.evaluation_inputs(f, r), {r.name + "/metrics.json"}, [&] {
       scoring::score_flight_without_place(r.folder / "odometry", f.folder / "dataset", r.folder / "metrics.json");
     });
   }

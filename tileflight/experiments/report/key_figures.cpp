@@ -207,7 +207,7 @@ std::vector<KeyFigureRow> published_rows(const std::vector<FlightColumn>& column
           row("Frames", columns, [](const FlightColumn& c) { return format_count(number_at(c.values, "/frames")); })};
 }
 
-constexpr const char* kReceiversError = "ATE of a perfect path, by the receiver, m";
+constexpr const char* kReceiversError = "ATE of a perfect path, by the reference, m";
 
 /// Removes the rows in which all cells are unknown.
 void remove_empty(std::vector<KeyFigureRow>& rows, const std::function<bool(const KeyFigureRow&)>& may_go) {

@@ -84,7 +84,7 @@ TEST(KeyFigures, WithoutAPlaceThereIsNothingToComparePublishedNumbersWith) {
   const nlohmann::json results{{"paper", metrics::published_table()}, {"truth", nullptr}, {"real", flight}};
   EXPECT_EQ(expected_rows(key_figures(results)), (Rows{{"Resolution, px", "854\u00D7480"},
                                                        {"Path error (ATE), m", "0.500"},
-                                                       {"ATE of a perfect path, by the receiver, m", "2.449"}}));
+                                                       {"ATE of a perfect path, by the reference, m", "2.449"}}));
   EXPECT_EQ(verdict(results),
             "No place was given, so the error of the map is not known. The path differs from the recorded positions "
             "by 0.500 m (RMS).");

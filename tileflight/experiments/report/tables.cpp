@@ -294,9 +294,9 @@ Table trajectory_table(const std::vector<FlightRun>& flights) {
                row("ATE (mean), m", flights, metres_cell("/trajectory/ate_mean")),
                row("ATE (largest), m", flights, metres_cell("/trajectory/ate_max"))}};
   if (std::ranges::any_of(flights, [](const FlightRun& f) { return f.values.contains(kReceiver); })) {
-    table.rows.push_back(row("ATE of a perfect path, by the receiver's sigmas, m", flights,
+    table.rows.push_back(row("ATE of a perfect path, by the reference's sigmas, m", flights,
                              metres_cell("/trajectory/receiver/expected_rmse_m")));
-    table.rows.push_back(row("ATE that the receiver does not explain, m", flights,
+    table.rows.push_back(row("ATE that the reference does not explain, m", flights,
                              metres_cell("/trajectory/receiver/beyond_receiver_m")));
   }
   for (std::size_t i = 0; i < 8; ++i) {
