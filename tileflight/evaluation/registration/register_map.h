@@ -44,6 +44,8 @@ struct LocatedPicture {
 struct LocatedPictures {
   std::size_t tried = 0;
   std::vector<LocatedPicture> found;
+  double shared_sigma_m = 0.0;  ///< standard deviation of what the images see by the errors that all of them may share;
+                                ///< 0: unknown
 };
 
 /// Accuracy of image localization.

@@ -143,6 +143,7 @@ std::optional<PictureAgreement> StartRefiner::check_pictures(Sim3& T, std::size_
           10 * inliers.size() >= 9 * located.tried ? PathCoverage::kWhole : PathCoverage::kParts;
       *sigma_m = similarity_sigma_m(inliers, alignment::compute_spread(coarse_points_.positions), coverage);
       if (agreement->textures_differ()) *sigma_m *= kSharedByChangedTextures;
+      *sigma_m = std::max(*sigma_m, located.shared_sigma_m);
     }
     if (agreement->located == agreement->tried) break;
   }

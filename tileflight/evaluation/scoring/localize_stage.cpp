@@ -31,7 +31,6 @@ namespace fs = std::filesystem;
 namespace {
 
 using geometry::SE3;
-using geometry::Sim3;
 using geometry::Vec3;
 using localization::LocatedImage;
 using localization::PoseSource;

@@ -1,6 +1,8 @@
 #include "tileflight/evaluation/scoring/register_flight.h"
 
+#include <Eigen/LU>
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <memory>
 #include <numbers>
@@ -13,10 +15,12 @@
 #include "tileflight/core/alignment/global_registration.h"
 #include "tileflight/core/alignment/transform_file.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/base/order_statistics.h"
 #include "tileflight/core/base/warning.h"
 #include "tileflight/core/imaging/image_files.h"
 #include "tileflight/data/dataset/dataset.h"
 #include "tileflight/data/dataset/sensor_files.h"
+#include "tileflight/evaluation/localization/flight_localizer.h"
 #include "tileflight/evaluation/localization/picture_localizer.h"
 #include "tileflight/evaluation/registration/register_map.h"
 #include "tileflight/evaluation/scoring/flight_evidence.h"
@@ -29,99 +33,145 @@ namespace tileflight::scoring {
 namespace fs = std::filesystem;
 namespace {
 
+using geometry::SE3;
+using geometry::Sim3;
+
 /// Localizes a flight's images in the textured place.
 class PictureFinder {
  public:
   /// `scene` must outlive it. `path`: T_map_camera with the images' times.
-  PictureFinder(const scene::Scene& scene, dataset::Dataset dataset, geometry::Trajectory path);
-  ~PictureFinder();
-  PictureFinder(const PictureFinder&) = delete;
-  PictureFinder& operator=(const PictureFinder&) = delete;
+  PictureFinder(const scene::Scene& scene, dataset::Dataset dataset, geometry::Trajectory path)
+      : scene_(scene),
+        dataset_(std::move(dataset)),
+        path_(std::move(path)),
+        fine_(scene, dataset_.calibration.camera, {.narrow_window = kWideWindow}),
+        coarse_(scene, fine_.appearance(), dataset_.calibration.camera,
+                {.width = kCoarseWidth, .narrow_window = kWideWindow}),
+        together_(scene, fine_.appearance(), dataset_.calibration.camera, {.width = kWidthTogether}) {
+    geometry::Trajectory times;
+    for (const dataset::Frame& frame : dataset_.frames) times.poses.push_back({frame.time_s, SE3()});
+    constexpr double kSameTime_s = 1e-3;
+    pairs_ = geometry::associate(path_, times, kSameTime_s);
+  }
 
   /// Localizes `pictures` images, evenly chosen along the path, each starting from its pose by the transform. Those
   /// that are not found are tried again from where a neighbour in time was found, so that the drift or breaks of a path
-  /// show.
-  registration::LocatedPictures operator()(const geometry::Sim3& T_local_map, std::size_t pictures,
-                                           registration::PictureDetail detail) const;
+  /// show. kFine, where the images look different from the place: by several images for each, fused with the path
+  /// between them.
+  registration::LocatedPictures operator()(const Sim3& T_local_map, std::size_t pictures,
+                                           registration::PictureDetail detail) const {
+    if (detail == registration::PictureDetail::kCoarse) return locate_each(coarse_, T_local_map, pictures);
+    registration::LocatedPictures each = locate_each(fine_, T_local_map, pictures);
+    if (!look_different(each)) return each;
+    registration::LocatedPictures together = locate_together(T_local_map, pictures);
+    return together.found.size() >= each.found.size() ? together : each;
+  }
 
   /// Appearance of the scene; shared because it holds a copy of all textures.
-  std::shared_ptr<const render::Appearance> appearance() const;
+  std::shared_ptr<const render::Appearance> appearance() const { return fine_.appearance(); }
 
  private:
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  static constexpr int kCoarseWidth = 400;  // pixels: sufficient to recognize the place, at a sixth of the cost
+  static constexpr int kWidthTogether = 640;
+  static constexpr double kWideWindow = localization::LocalizerOptions{}.wide_window;
+
+  /// Tells whether the place's textures have changed, or many images are not found for it.
+  static bool look_different(const registration::LocatedPictures& located) {
+    constexpr double kUnchanged = 0.85, kMost = 0.67;  // as PictureAgreement::textures_differ()
+    double sum = 0.0;
+    for (const registration::LocatedPicture& picture : located.found) sum += picture.correlation;
+    const auto found = static_cast<double>(located.found.size());
+    return sum < kUnchanged * found || found < kMost * static_cast<double>(located.tried);
+  }
+
+  /// Indices into pairs_, evenly spread.
+  std::vector<std::size_t> choose(std::size_t count) const {
+    const std::size_t n = std::min(count, pairs_.size());
+    std::vector<std::size_t> chosen;
+    for (std::size_t k = 0; k < n; ++k) chosen.push_back((2 * k + 1) * pairs_.size() / (2 * n));
+    return chosen;
+  }
+  const SE3& path_pose(std::size_t pair) const { return path_.poses[pairs_[pair].first].T_local_camera; }
+  imaging::RgbImage image(std::size_t pair) const {
+    return imaging::read_rgb(dataset_.frames[pairs_[pair].second].image);
+  }
+
+  registration::LocatedPictures locate_each(const localization::PictureLocalizer& localizer, const Sim3& T,
+                                            std::size_t pictures) const {
+    const std::vector<std::size_t> chosen = choose(pictures);
+    const std::size_t n = chosen.size();
+    std::vector<std::optional<registration::LocatedPicture>> found(n);
+    const auto locate = [&](std::size_t k, const SE3& guess) {
+      const auto located = localizer.locate(image(chosen[k]), guess);
+      if (!located) return;
+      found[k] = registration::LocatedPicture{pairs_[chosen[k]].first,
+                                              {path_pose(chosen[k]), located->T_local_camera, located->information},
+                                              located->correlation};
+    };
+    for (std::size_t k = 0; k < n; ++k) locate(k, T * path_pose(chosen[k]));
+    const auto from_neighbor = [&](std::size_t k, std::size_t neighbor) {
+      if (found[k] || !found[neighbor]) return;
+      SE3 motion = found[neighbor]->found.T_map_camera.inverse() * path_pose(chosen[k]);
+      motion.translation *= T.scale;
+      locate(k, found[neighbor]->found.T_local_camera * motion);
+    };
+    for (std::size_t k = 1; k < n; ++k) from_neighbor(k, k - 1);
+    for (std::size_t k = n; k-- > 1;) from_neighbor(k - 1, k);
+    registration::LocatedPictures result{.tried = n};
+    for (const auto& picture : found)
+      if (picture) result.found.push_back(*picture);
+    return result;
+  }
+
+  registration::LocatedPictures locate_together(const Sim3& T, std::size_t pictures) const {
+    constexpr std::size_t kImagesEach = 5;
+    constexpr double kShareOfStep = 0.01, kRotation_rad = 0.05 * geometry::kRadiansPerDegree;  // an odometry's errors
+    const std::vector<std::size_t> chosen = choose(kImagesEach * pictures);
+    localization::FlightImages flight;
+    for (std::size_t k = 0; k < chosen.size(); ++k) {
+      const SE3& pose = path_pose(chosen[k]);
+      const double step = k > 0 ? (pose.translation - path_pose(chosen[k - 1]).translation).norm() : 0.0;
+      flight.images.push_back({pose, kShareOfStep * step, kRotation_rad});
+    }
+    flight.read = [&](std::size_t k) { return image(chosen[k]); };
+    registration::LocatedPictures result{.tried = std::min(pictures, chosen.size())};
+    localization::LocatedFlight located;
+    try {
+      located = localization::locate_flight(together_, flight, T);
+    } catch (const InputError&) {  // none was found
+      return result;
+    }
+    std::vector<double> squares;
+    for (std::size_t k = 0; k < result.tried; ++k) {
+      const std::size_t i = (2 * k + 1) * chosen.size() / (2 * result.tried);
+      const localization::LocatedImage& image = located.images[i];
+      if (image.source != localization::PoseSource::kPlace) continue;
+      result.found.push_back({pairs_[chosen[i]].first,
+                              {path_pose(chosen[i]), image.pose.T_local_camera, image.pose.covariance.inverse()},
+                              image.correlation});
+      if (const auto squared = squared_error_of_view(image.pose)) squares.push_back(*squared);
+    }
+    if (!squares.empty()) result.shared_sigma_m = std::sqrt(base::upper_median(std::move(squares)));
+    return result;
+  }
+
+  /// Squared error of the place that the image's middle shows, by the error of its pose; nullopt where it shows none.
+  std::optional<double> squared_error_of_view(const localization::FusedPose& pose) const {
+    constexpr double kReach_m = 500.0;
+    const SE3& T = pose.T_local_camera;
+    const auto hit = scene_.intersect({T.translation, T.rotation * geometry::Vec3::UnitZ()}, kReach_m);
+    if (!hit) return std::nullopt;
+    Eigen::Matrix<double, 3, 6> by_motion;
+    by_motion << geometry::Mat3::Identity(), -geometry::skew(geometry::Vec3(0.0, 0.0, hit->distance_m));
+    return (by_motion * pose.covariance * by_motion.transpose()).trace();
+  }
+
+  const scene::Scene& scene_;
+  dataset::Dataset dataset_;
+  geometry::Trajectory path_;
+  std::vector<std::pair<std::size_t, std::size_t>> pairs_;  ///< pose of the path, frame of the dataset
+  localization::PictureLocalizer fine_, coarse_, together_;
 };
-
-using geometry::SE3;
-using geometry::Sim3;
-
-// The narrow window's errors are smaller, but the registration's warnings are calibrated on the wide one.
-constexpr double kWideWindow = localization::LocalizerOptions{}.wide_window;
-constexpr int kCoarseWidth = 400;  // pixels: sufficient to recognize the place, at a sixth of the cost
-
-struct PictureFinder::Impl {
-  dataset::Dataset dataset;
-  geometry::Trajectory path;
-  std::vector<std::pair<std::size_t, std::size_t>> pairs;  ///< pose of the path, frame of the dataset
-  localization::PictureLocalizer fine, coarse;
-
-  Impl(const scene::Scene& scene, dataset::Dataset d, geometry::Trajectory p)
-      : dataset(std::move(d)),
-        path(std::move(p)),
-        fine(scene, dataset.calibration.camera, {.narrow_window = kWideWindow}),
-        coarse(scene, fine.appearance(), dataset.calibration.camera,
-               {.width = kCoarseWidth, .narrow_window = kWideWindow}) {
-    geometry::Trajectory times;
-    for (const dataset::Frame& frame : dataset.frames) times.poses.push_back({frame.time_s, SE3()});
-    constexpr double kSameTime_s = 1e-3;
-    pairs = geometry::associate(path, times, kSameTime_s);
-  }
-
-  std::optional<registration::LocatedPicture> locate(std::size_t pair, const SE3& guess,
-                                                     registration::PictureDetail detail) const {
-    const auto [pose, frame] = pairs[pair];
-    const auto& localizer = detail == registration::PictureDetail::kFine ? fine : coarse;
-    const auto found = localizer.locate(imaging::read_rgb(dataset.frames[frame].image), guess);
-    if (!found) return std::nullopt;
-    return registration::LocatedPicture{
-        pose, {path.poses[pose].T_local_camera, found->T_local_camera, found->information}, found->correlation};
-  }
-
-  /// Predicts a pose from a localized neighbour and the path's own motion between them.
-  SE3 predict_pose(const registration::LocatedPicture& neighbor, std::size_t pose, double scale) const {
-    SE3 motion = neighbor.found.T_map_camera.inverse() * path.poses[pose].T_local_camera;
-    motion.translation *= scale;
-    return neighbor.found.T_local_camera * motion;
-  }
-};
-
-PictureFinder::PictureFinder(const scene::Scene& scene, dataset::Dataset dataset, geometry::Trajectory path)
-    : impl_(std::make_unique<Impl>(scene, std::move(dataset), std::move(path))) {}
-
-PictureFinder::~PictureFinder() = default;
-
-std::shared_ptr<const render::Appearance> PictureFinder::appearance() const { return impl_->fine.appearance(); }
-
-registration::LocatedPictures PictureFinder::operator()(const Sim3& T, std::size_t pictures,
-                                                        registration::PictureDetail detail) const {
-  const Impl& my = *impl_;
-  const std::size_t n = std::min(pictures, my.pairs.size());
-  std::vector<std::size_t> chosen;
-  for (std::size_t k = 0; k < n; ++k) chosen.push_back((2 * k + 1) * my.pairs.size() / (2 * n));
-  std::vector<std::optional<registration::LocatedPicture>> found(n);
-  for (std::size_t k = 0; k < n; ++k)
-    found[k] = my.locate(chosen[k], T * my.path.poses[my.pairs[chosen[k]].first].T_local_camera, detail);
-  const auto from_neighbor = [&](std::size_t k, std::size_t neighbor) {
-    if (found[k] || !found[neighbor]) return;
-    found[k] = my.locate(chosen[k], my.predict_pose(*found[neighbor], my.pairs[chosen[k]].first, T.scale), detail);
-  };
-  for (std::size_t k = 1; k < n; ++k) from_neighbor(k, k - 1);
-  for (std::size_t k = n; k-- > 1;) from_neighbor(k - 1, k);
-  registration::LocatedPictures result{.tried = n};
-  for (const auto& picture : found)
-    if (picture) result.found.push_back(*picture);
-  return result;
-}
 
 using alignment::AlignmentStart;
 
