@@ -203,6 +203,37 @@ std::vector<SE3> first_poses(const ImageSearch& search) {
   return poses;
 }
 
+double position_sigma_m(const PoseMeasurement& located) {
+  return std::sqrt(std::max(0.0, located.covariance.topLeftCorner<3, 3>().trace()));
+}
+
+/// Tells whether the motion between two located images is another than the odometry's step, by far more than both err.
+bool contradicts_step(const PathStep& step, const PoseMeasurement& from, const PoseMeasurement& to, double scale) {
+  constexpr double kSigmas = 4.0, kShareOfStep = 0.05, kLeast_m = 0.02;
+  const SE3 motion = from.T_local_camera.inverse() * to.T_local_camera;
+  const double apart_m = (motion.translation - scale * step.T_this_next.translation).norm();
+  const double sigma_m = std::hypot(scale * step.sigma_translation, position_sigma_m(from), position_sigma_m(to));
+  return apart_m > kSigmas * sigma_m + kShareOfStep * motion.translation.norm() + kLeast_m;
+}
+
+/// Forgets the odometry's steps where it went wrong: three and more, one after the other, that contradict the located
+/// images. One image that was located elsewhere contradicts the two steps beside it, and several of them, in a part of
+/// the place that looks the same, one at each end: these steps stay.
+void drop_wrong_steps(const std::vector<std::optional<PoseMeasurement>>& located, double scale,
+                      std::vector<std::optional<PathStep>>& steps) {
+  constexpr std::size_t kFewest = 3;
+  const auto is_wrong = [&](std::size_t i) {
+    return steps[i] && located[i] && located[i + 1] && contradicts_step(*steps[i], *located[i], *located[i + 1], scale);
+  };
+  for (std::size_t begin = 0; begin < steps.size();) {
+    std::size_t end = begin;
+    while (end < steps.size() && is_wrong(end)) ++end;
+    if (end - begin >= kFewest)
+      for (std::size_t i = begin; i < end; ++i) steps[i].reset();
+    begin = std::max(end, begin + 1);
+  }
+}
+
 double largest_position_sigma(const FusedPose& pose) {
   return std::sqrt(std::max(0.0, pose.covariance.topLeftCorner<3, 3>().diagonal().maxCoeff()));
 }
@@ -226,7 +257,9 @@ LocatedFlight locate_flight(const PictureLocalizer& localizer, const FlightImage
   }
   FusionOptions fusion{.scale = T_local_map.scale};
   if (flight.has_scale) fusion.sigma_log_scale = 0.01;
-  const FusedPath path = fuse_path(first_poses(search), path_steps(flight), measurements, fusion);
+  std::vector<std::optional<PathStep>> steps = path_steps(flight);
+  drop_wrong_steps(measurements, T_local_map.scale, steps);
+  const FusedPath path = fuse_path(first_poses(search), steps, measurements, fusion);
 
   LocatedFlight located{
       .images = std::vector<LocatedImage>(found.size()), .noise = path.noise, .renderings = search.renderings()};

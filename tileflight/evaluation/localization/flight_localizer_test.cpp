@@ -82,6 +82,23 @@ TEST(FlightLocalizer, ImagesThatTheOdometryLostAreFoundFromTheirNeighbours) {
   EXPECT_TRUE(located.images[4].source == PoseSource::kLost || flight.error_m(located, 4) < 0.03);
 }
 
+TEST(FlightLocalizer, AnOdometryThatGoesWrongIsNotBelieved) {
+  DriftingFlight flight;
+  // From the fourth image on the odometry moves by two thirds of the way, and is sure of it.
+  std::vector<SE3> right;
+  for (FlightImage& image : flight.images.images) {
+    right.push_back(*image.T_map_camera);
+    image.sigma_position = image.sigma_rotation_rad = 1e-5;
+  }
+  for (std::size_t i = 4; i < right.size(); ++i) {
+    SE3 step = right[i - 1].inverse() * right[i];
+    step.translation *= 0.67;
+    flight.images.images[i].T_map_camera = *flight.images.images[i - 1].T_map_camera * step;
+  }
+  const LocatedFlight located = flight.locate(flight.place);
+  for (std::size_t i = 0; i < located.images.size(); ++i) EXPECT_LT(flight.error_m(located, i), 0.1) << i;
+}
+
 TEST(FlightLocalizer, AnotherPlaceIsRefused) {
   const DriftingFlight flight;
   EXPECT_THROW(flight.locate(test_places::Hills(11)), InputError);
